@@ -1,0 +1,1 @@
+//! Wavelength grids, spectra with units, excitation-emission matrices and fluorophores.
