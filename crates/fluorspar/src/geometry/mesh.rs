@@ -24,7 +24,9 @@ pub enum MeshError {
     #[error("the mesh has no triangles")]
     Empty,
     /// A triangle names a vertex that does not exist.
-    #[error("triangle {triangle} uses vertex {vertex}, but the mesh has only {count} vertices (numbered from 0)")]
+    #[error(
+        "triangle {triangle} uses vertex {vertex}, but the mesh has only {count} vertices (numbered from 0)"
+    )]
     VertexOutOfRange {
         /// Triangle number, from 0.
         triangle: usize,
@@ -102,7 +104,8 @@ impl TriangleMesh {
     /// Appends another mesh. Attributes that only one of the two has are dropped.
     pub fn append(&mut self, other: &Self) {
         let offset = self.positions.len() as u32;
-        let keep_normals = (self.positions.is_empty() || !self.normals.is_empty()) && !other.normals.is_empty();
+        let keep_normals =
+            (self.positions.is_empty() || !self.normals.is_empty()) && !other.normals.is_empty();
         let keep_uvs = (self.positions.is_empty() || !self.uvs.is_empty()) && !other.uvs.is_empty();
         self.positions.extend_from_slice(&other.positions);
         if keep_normals {

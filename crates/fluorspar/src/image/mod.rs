@@ -1,1 +1,9 @@
-//! To be written.
+//! Images with a wavelength axis, component images, raw mosaics and developed channel images.
+
+mod component_image;
+mod sensor_image;
+mod spectral_image;
+
+pub use component_image::{Component, ComponentImage, FeatureMaps, Light};
+pub use sensor_image::{ChannelImage, Mosaic, SensorImage};
+pub use spectral_image::{ImageShapeError, SpectralImage};

@@ -1,1 +1,26 @@
-//! Wavelength grids, spectra with units, excitation-emission matrices and fluorophores.
+//! Wavelength grids, spectra that know their quantity, excitation-emission matrices, fluorophores and colour.
+//!
+//! | type | what it is |
+//! |---|---|
+//! | [`WavelengthGrid`] | bins with explicit edges; every image and every band vector uses one |
+//! | [`Curve`] | a function of wavelength, piecewise linear on its own (fine) samples |
+//! | [`CurveModel`] | an analytic spectrum with named parameters, evaluated into a [`Curve`] |
+//! | [`Spectrum`] | bin averages of one [`Quantity`] on a grid |
+//! | [`PhotonEem`], [`EnergyEem`] | excitation-emission (Donaldson) matrices, never mixed silently |
+//! | [`Fluorophore`] | a named photon yield density with source, range and scale |
+
+mod curve;
+mod curve_model;
+mod hemoglobin;
+mod quantity;
+mod spectrum;
+mod wavelength_grid;
+
+pub use curve::{Curve, CurveError, FINE_STEP_NM};
+pub use curve_model::*;
+pub use quantity::{
+    Dimensionless, Irradiance, Quantity, QuantumEfficiency, Radiance, RadiantPower, Reflectance,
+    Transmittance,
+};
+pub use spectrum::{GridMismatch, Spectrum};
+pub use wavelength_grid::{GridError, MAX_BINS, MAX_WAVELENGTH_NM, MIN_WAVELENGTH_NM, WavelengthGrid};

@@ -1,0 +1,132 @@
+//! What a render produces: radiance kept apart by light group and by fluorescence event.
+
+use std::ops::Range;
+
+use serde::{Deserialize, Serialize};
+
+use super::SpectralImage;
+use crate::spectral::{Radiance, WavelengthGrid};
+
+/// What kind of light a component holds.
+#[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Light {
+    /// Light that never fluoresced (R).
+    Reflected,
+    /// Light whose one fluorescence event was in the named fluorophore.
+    Fluorescence(String),
+    /// Light that fluoresced more than once.
+    MultipleFluorescence,
+}
+
+/// Label of one component: which light group excited it and what happened to it.
+#[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+pub struct Component {
+    /// Name of the light group.
+    pub light_group: String,
+    /// What happened to the light.
+    pub light: Light,
+}
+
+impl Component {
+    /// `group.reflected`, `group.fluorescence.NAME` or `group.multiple`: used for file layers and tables.
+    pub fn label(&self) -> String {
+        match &self.light {
+            Light::Reflected => format!("{}.reflected", self.light_group),
+            Light::Fluorescence(name) => format!("{}.fluorescence.{name}", self.light_group),
+            Light::MultipleFluorescence => format!("{}.multiple", self.light_group),
+        }
+    }
+}
+
+/// Geometry seen by each pixel's centre, `[row, col]`.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct FeatureMaps {
+    /// Distance along the camera ray, m; infinite where nothing is seen.
+    pub depth_m: Vec<f32>,
+    /// Shading normal in world coordinates; zero where nothing is seen.
+    pub normal: Vec<[f32; 3]>,
+    /// Index into `part_names` plus one; 0 where nothing is seen.
+    pub part: Vec<u16>,
+    /// Texture coordinates; zero where there are none.
+    pub uv: Vec<[f32; 2]>,
+    /// Names of the scene's objects.
+    pub part_names: Vec<String>,
+    /// Name of the material of each object, same order as `part_names`.
+    pub material_names: Vec<String>,
+}
+
+/// Radiance images kept apart by component, `[component, row, col, band]`, W/(sr m² nm), at the rendered powers
+/// and concentrations. Their plain sum is the radiance that a camera would see with all light groups on.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ComponentImage {
+    /// The wavelength grid.
+    pub grid: WavelengthGrid,
+    /// Columns.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// Label of each component.
+    pub components: Vec<Component>,
+    /// `[component, row, col, band]`.
+    pub data: Vec<f32>,
+    /// Paths averaged per pixel.
+    pub samples_per_pixel: u32,
+    /// Geometry behind each pixel.
+    pub features: FeatureMaps,
+}
+
+impl ComponentImage {
+    /// A black image.
+    pub fn zeros(grid: WavelengthGrid, width: usize, height: usize, components: Vec<Component>) -> Self {
+        let data = vec![0.0; components.len() * width * height * grid.len()];
+        Self { grid, width, height, components, data, samples_per_pixel: 0, features: FeatureMaps::default() }
+    }
+
+    fn range(&self, component: usize) -> Range<usize> {
+        let len = self.width * self.height * self.grid.len();
+        component * len..(component + 1) * len
+    }
+
+    /// Values of one component, `[row, col, band]`.
+    pub fn component(&self, component: usize) -> &[f32] {
+        &self.data[self.range(component)]
+    }
+
+    /// Number of the component with this label.
+    pub fn find(&self, label: &Component) -> Option<usize> {
+        self.components.iter().position(|c| c == label)
+    }
+
+    /// Names of all light groups, in order of first use.
+    pub fn light_groups(&self) -> Vec<String> {
+        let mut names: Vec<String> = Vec::new();
+        for component in &self.components {
+            if !names.contains(&component.light_group) {
+                names.push(component.light_group.clone());
+            }
+        }
+        names
+    }
+
+    /// `sum weight(component) * component`: any change of drive current or (to first order) concentration.
+    /// A component whose weight is zero is skipped.
+    pub fn recombine(&self, weight: impl Fn(&Component) -> f64) -> SpectralImage<Radiance> {
+        let mut image = SpectralImage::zeros(self.grid.clone(), self.width, self.height);
+        for (index, component) in self.components.iter().enumerate() {
+            let factor = weight(component) as f32;
+            if factor == 0.0 {
+                continue;
+            }
+            for (sum, value) in image.data_mut().iter_mut().zip(self.component(index)) {
+                *sum += factor * value;
+            }
+        }
+        image
+    }
+
+    /// Everything that one light group excites.
+    pub fn light_group(&self, name: &str) -> SpectralImage<Radiance> {
+        self.recombine(|component| if component.light_group == name { 1.0 } else { 0.0 })
+    }
+}

@@ -1,0 +1,127 @@
+//! Raw sensor images and the linear channel images developed from them.
+
+use serde::{Deserialize, Serialize};
+
+/// A colour filter array: which channel each pixel of a repeating cell sees.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Mosaic {
+    /// Rows of the repeating cell.
+    pub rows: usize,
+    /// Columns of the repeating cell.
+    pub cols: usize,
+    /// Channel number of each pixel of the cell, row by row.
+    pub pattern: Vec<u8>,
+    /// Channel names, for instance `["R", "G", "B"]`.
+    pub channels: Vec<String>,
+}
+
+impl Mosaic {
+    /// A two by two Bayer array such as `"rggb"`, `"grbg"`, `"gbrg"`, `"bggr"`; `None` for any other letters.
+    pub fn bayer(order: &str) -> Option<Self> {
+        let pattern: Vec<u8> = order
+            .bytes()
+            .map(|letter| match letter.to_ascii_lowercase() {
+                b'r' => Some(0),
+                b'g' => Some(1),
+                b'b' => Some(2),
+                _ => None,
+            })
+            .collect::<Option<_>>()?;
+        let count = |channel| pattern.iter().filter(|&&c| c == channel).count();
+        let greens_touch_corners = pattern.len() == 4 && (pattern[0] == 1) == (pattern[3] == 1);
+        (pattern.len() == 4 && count(0) == 1 && count(1) == 2 && greens_touch_corners).then(|| Self {
+            rows: 2,
+            cols: 2,
+            pattern,
+            channels: ["R", "G", "B"].map(String::from).to_vec(),
+        })
+    }
+
+    /// One channel on every pixel.
+    pub fn monochrome() -> Self {
+        Self { rows: 1, cols: 1, pattern: vec![0], channels: vec!["mono".into()] }
+    }
+
+    /// Channel number of a pixel.
+    pub fn channel(&self, row: usize, col: usize) -> usize {
+        usize::from(self.pattern[(row % self.rows) * self.cols + col % self.cols])
+    }
+}
+
+/// One raw frame: digital numbers on a mosaic, `[row, col]`, rows from the top.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SensorImage {
+    /// Columns.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// Digital numbers.
+    pub data: Vec<u16>,
+    /// Colour filter array.
+    pub mosaic: Mosaic,
+    /// Digital number of no light.
+    pub black_level: f64,
+    /// Digital number at and above which a pixel is saturated.
+    pub white_level: u16,
+    /// Bits of the converter.
+    pub bit_depth: u8,
+    /// Exposure time, s.
+    pub exposure_s: f64,
+    /// Analog gain, 1 = base.
+    pub gain: f64,
+    /// Digital numbers per electron at this gain.
+    pub dn_per_electron: f64,
+    /// Temporal read noise, digital numbers rms, quantisation excluded.
+    pub read_noise_dn: f64,
+    /// Seed of the temporal noise.
+    pub seed: u64,
+    /// Name of the frame in the capture sequence, for instance "blue".
+    pub label: String,
+}
+
+/// A developed frame: linear, black-subtracted digital numbers, `[row, col, channel]`, not clipped below zero.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ChannelImage {
+    /// Columns.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// Channel names.
+    pub channels: Vec<String>,
+    /// Values, `[row, col, channel]`.
+    pub data: Vec<f32>,
+    /// Pixels for which any raw value that entered was saturated, `[row, col]`.
+    pub saturated: Vec<bool>,
+    /// Standard deviation of the dark noise of one value (read noise and quantisation), digital numbers.
+    pub noise_floor_dn: f64,
+    /// Digital numbers between black and saturation.
+    pub full_scale_dn: f64,
+    /// Name of the frame.
+    pub label: String,
+}
+
+impl ChannelImage {
+    /// The channels of one pixel.
+    pub fn pixel(&self, row: usize, col: usize) -> &[f32] {
+        let n = self.channels.len();
+        let start = (row * self.width + col) * n;
+        &self.data[start..start + n]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bayer_orders_are_read_and_nonsense_is_not() {
+        let grbg = Mosaic::bayer("GRBG").unwrap();
+        assert_eq!(
+            [grbg.channel(0, 0), grbg.channel(0, 1), grbg.channel(1, 0), grbg.channel(5, 7)],
+            [1, 0, 2, 1]
+        );
+        for wrong in ["rgb", "rgbg5", "rrbb", "rgxb", "rbgg", ""] {
+            assert!(Mosaic::bayer(wrong).is_none(), "{wrong}");
+        }
+    }
+}

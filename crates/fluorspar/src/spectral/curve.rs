@@ -1,0 +1,277 @@
+//! Functions of wavelength on their own, fine samples.
+
+use thiserror::Error;
+
+use super::{CurveModel, Quantity, Spectrum, WavelengthGrid};
+
+/// Step, nm, at which analytic models and products are sampled before they are averaged over bins.
+pub const FINE_STEP_NM: f64 = 0.5;
+
+/// A function of wavelength: linear between its samples, zero outside them.
+///
+/// Sources, filters and excitation spectra are kept in this form, so that products which matter are formed
+/// before any averaging over bins.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Curve {
+    wavelength_nm: Vec<f64>,
+    value: Vec<f64>,
+}
+
+/// Why samples are no curve.
+#[derive(Clone, Debug, Error, PartialEq)]
+#[non_exhaustive]
+pub enum CurveError {
+    /// Columns of different length.
+    #[error("{wavelengths} wavelengths but {values} values; give one value per wavelength")]
+    LengthMismatch {
+        /// Number of wavelengths.
+        wavelengths: usize,
+        /// Number of values.
+        values: usize,
+    },
+    /// Not enough samples.
+    #[error("a spectrum needs at least two samples; got {0}")]
+    TooFew(usize),
+    /// Wavelengths that do not increase.
+    #[error(
+        "wavelengths must increase: sample {index} is at {value} nm after {previous} nm. Sort the file by wavelength"
+    )]
+    NotIncreasing {
+        /// Number of the sample, from 0.
+        index: usize,
+        /// Its wavelength, nm.
+        value: f64,
+        /// The wavelength before it, nm.
+        previous: f64,
+    },
+    /// NaN or infinite.
+    #[error("sample {index} (at {wavelength_nm} nm) is {value}; every value must be a finite number")]
+    NotFinite {
+        /// Number of the sample, from 0.
+        index: usize,
+        /// Its wavelength, nm.
+        wavelength_nm: f64,
+        /// Its value.
+        value: f64,
+    },
+    /// A wavelength far from the optical range.
+    #[error(
+        "wavelengths run from {first} to {last}; they must lie between 100 and 20000 nm. Are they in micrometres or metres? Give nanometres"
+    )]
+    NotNanometres {
+        /// First wavelength.
+        first: f64,
+        /// Last wavelength.
+        last: f64,
+    },
+}
+
+impl Curve {
+    /// A piecewise linear function through samples; zero outside them.
+    ///
+    /// # Errors
+    /// Columns of different length, fewer than two samples, wavelengths that do not increase or are not in nm,
+    /// values that are not finite.
+    pub fn new(wavelength_nm: Vec<f64>, value: Vec<f64>) -> Result<Self, CurveError> {
+        if wavelength_nm.len() != value.len() {
+            return Err(CurveError::LengthMismatch { wavelengths: wavelength_nm.len(), values: value.len() });
+        }
+        if value.len() < 2 {
+            return Err(CurveError::TooFew(value.len()));
+        }
+        for (index, (&at, &v)) in wavelength_nm.iter().zip(&value).enumerate() {
+            if !at.is_finite() || !v.is_finite() {
+                return Err(CurveError::NotFinite { index, wavelength_nm: at, value: v });
+            }
+            if index > 0 && at <= wavelength_nm[index - 1] {
+                return Err(CurveError::NotIncreasing {
+                    index,
+                    value: at,
+                    previous: wavelength_nm[index - 1],
+                });
+            }
+        }
+        let (first, last) = (wavelength_nm[0], wavelength_nm[wavelength_nm.len() - 1]);
+        if first < 100.0 || last > 20_000.0 {
+            return Err(CurveError::NotNanometres { first, last });
+        }
+        Ok(Self { wavelength_nm, value })
+    }
+
+    /// Samples a function every [`FINE_STEP_NM`] over a range, ends included.
+    pub fn from_fn(start_nm: f64, end_nm: f64, f: impl Fn(f64) -> f64) -> Self {
+        let intervals = ((end_nm - start_nm) / FINE_STEP_NM).ceil().max(1.0) as usize;
+        let step = (end_nm - start_nm) / intervals as f64;
+        let wavelength_nm: Vec<f64> = (0..=intervals).map(|i| start_nm + i as f64 * step).collect();
+        let value = wavelength_nm.iter().map(|&nm| f(nm)).collect();
+        Self { wavelength_nm, value }
+    }
+
+    /// Samples an analytic model over 200 to 1200 nm. A `table` keeps its own samples and range.
+    pub fn from_model(model: &CurveModel) -> Self {
+        if let CurveModel::Table { wavelength_nm, value } = model {
+            if let Ok(curve) = Self::new(wavelength_nm.clone(), value.clone()) {
+                return curve;
+            }
+        }
+        Self::from_fn(200.0, 1200.0, |nm| model.eval(nm))
+    }
+
+    /// The same value everywhere between 200 and 1200 nm.
+    pub fn constant(value: f64) -> Self {
+        Self { wavelength_nm: vec![200.0, 1200.0], value: vec![value, value] }
+    }
+
+    /// Value at a wavelength; zero outside the samples.
+    pub fn at(&self, wavelength_nm: f64) -> f64 {
+        let (first, last) = self.range_nm();
+        if !(first..=last).contains(&wavelength_nm) {
+            return 0.0;
+        }
+        let right = self.wavelength_nm.partition_point(|&nm| nm < wavelength_nm).max(1);
+        let (x0, x1) = (self.wavelength_nm[right - 1], self.wavelength_nm[right]);
+        let (y0, y1) = (self.value[right - 1], self.value[right]);
+        y0 + (y1 - y0) * (wavelength_nm - x0) / (x1 - x0)
+    }
+
+    /// First and last sampled wavelength, nm.
+    pub fn range_nm(&self) -> (f64, f64) {
+        (self.wavelength_nm[0], self.wavelength_nm[self.wavelength_nm.len() - 1])
+    }
+
+    /// Sampled wavelengths, nm.
+    pub fn wavelengths_nm(&self) -> &[f64] {
+        &self.wavelength_nm
+    }
+
+    /// Values at the samples.
+    pub fn values(&self) -> &[f64] {
+        &self.value
+    }
+
+    /// Largest value at a sample.
+    pub fn max(&self) -> f64 {
+        self.value.iter().copied().fold(f64::NEG_INFINITY, f64::max)
+    }
+
+    /// Wavelength of the largest sample, nm.
+    pub fn peak_nm(&self) -> f64 {
+        let best =
+            (0..self.value.len()).fold(0, |best, i| if self.value[i] > self.value[best] { i } else { best });
+        self.wavelength_nm[best]
+    }
+
+    /// Every value times a factor.
+    #[must_use]
+    pub fn scaled(&self, factor: f64) -> Self {
+        Self {
+            wavelength_nm: self.wavelength_nm.clone(),
+            value: self.value.iter().map(|v| v * factor).collect(),
+        }
+    }
+
+    /// Exact integral of the piecewise linear function between two wavelengths, value × nm.
+    pub fn integral(&self, from_nm: f64, to_nm: f64) -> f64 {
+        let (first, last) = self.range_nm();
+        let (a, b) = (from_nm.max(first), to_nm.min(last));
+        if b <= a {
+            return 0.0;
+        }
+        let mut sum = 0.0;
+        let mut left = a;
+        let mut left_value = self.at(a);
+        let mut next = self.wavelength_nm.partition_point(|&nm| nm <= a);
+        loop {
+            let right = if next < self.wavelength_nm.len() { self.wavelength_nm[next].min(b) } else { b };
+            let right_value = self.at(right);
+            sum += 0.5 * (left_value + right_value) * (right - left);
+            if right >= b {
+                return sum;
+            }
+            (left, left_value, next) = (right, right_value, next + 1);
+        }
+    }
+
+    /// Integral over all samples, value × nm.
+    pub fn total(&self) -> f64 {
+        let (first, last) = self.range_nm();
+        self.integral(first, last)
+    }
+
+    /// Bin averages on a grid: `(1/width) * integral over the bin`. The integral over the grid is kept exactly.
+    pub fn on_grid<Q: Quantity>(&self, grid: &WavelengthGrid) -> Spectrum<Q> {
+        let values = grid
+            .edges_nm()
+            .windows(2)
+            .map(|edge| self.integral(edge[0], edge[1]) / (edge[1] - edge[0]))
+            .collect();
+        Spectrum::from_parts(grid.clone(), values)
+    }
+
+    /// Pointwise product on the union of both samplings, refined to at most [`FINE_STEP_NM`]; zero where either is.
+    #[must_use]
+    pub fn times(&self, other: &Self) -> Self {
+        let (a, b) = (self.range_nm(), other.range_nm());
+        let (start, end) = (a.0.max(b.0), a.1.min(b.1));
+        if end <= start {
+            return Self { wavelength_nm: vec![a.0, a.1], value: vec![0.0, 0.0] };
+        }
+        let mut nodes: Vec<f64> = self
+            .wavelength_nm
+            .iter()
+            .chain(&other.wavelength_nm)
+            .copied()
+            .filter(|nm| (start..=end).contains(nm))
+            .collect();
+        let steps = ((end - start) / FINE_STEP_NM).ceil() as usize;
+        nodes.extend((0..=steps).map(|i| start + (end - start) * i as f64 / steps as f64));
+        nodes.sort_by(f64::total_cmp);
+        nodes.dedup_by(|next, kept| (*next - *kept).abs() < 1e-9);
+        let value = nodes.iter().map(|&nm| self.at(nm) * other.at(nm)).collect();
+        Self { wavelength_nm: nodes, value }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::spectral::Dimensionless;
+
+    #[test]
+    fn resampling_keeps_the_integral() {
+        let curve = Curve::new(vec![380.0, 383.0, 391.0, 420.0], vec![0.0, 5.0, 1.0, 0.2]).unwrap();
+        for step in [1.0, 2.0, 5.0, 10.0] {
+            let grid = WavelengthGrid::uniform(350.0, 450.0, step).unwrap();
+            let spectrum: Spectrum<Dimensionless> = curve.on_grid(&grid);
+            assert!((spectrum.integral() - curve.total()).abs() < 1e-12 * curve.total());
+        }
+    }
+
+    #[test]
+    fn values_are_linear_inside_and_zero_outside() {
+        let curve = Curve::new(vec![400.0, 410.0], vec![1.0, 3.0]).unwrap();
+        assert_eq!((curve.at(400.0), curve.at(405.0), curve.at(410.0)), (1.0, 2.0, 3.0));
+        assert_eq!((curve.at(399.9), curve.at(410.1)), (0.0, 0.0));
+    }
+
+    #[test]
+    fn a_product_is_formed_finely() {
+        let ramp = Curve::new(vec![400.0, 500.0], vec![0.0, 1.0]).unwrap();
+        let square = ramp.times(&ramp);
+        assert!((square.total() - 100.0 / 3.0).abs() < 1e-3);
+    }
+
+    #[test]
+    fn bad_samples_are_refused() {
+        assert!(matches!(Curve::new(vec![0.4, 0.5], vec![1.0, 1.0]), Err(CurveError::NotNanometres { .. })));
+        assert!(matches!(
+            Curve::new(vec![400.0, 400.0], vec![1.0, 1.0]),
+            Err(CurveError::NotIncreasing { index: 1, .. })
+        ));
+        assert!(matches!(
+            Curve::new(vec![400.0, 500.0], vec![1.0, f64::NAN]),
+            Err(CurveError::NotFinite { .. })
+        ));
+        assert_eq!(Curve::new(vec![400.0], vec![1.0]), Err(CurveError::TooFew(1)));
+    }
+}

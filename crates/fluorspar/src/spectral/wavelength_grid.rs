@@ -1,0 +1,230 @@
+//! Wavelength bins with explicit edges.
+
+use std::sync::Arc;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+/// Most bins a grid may have: 1 nm over the whole supported range and then some.
+pub const MAX_BINS: usize = 2048;
+/// Shortest wavelength supported, nm.
+pub const MIN_WAVELENGTH_NM: f64 = 200.0;
+/// Longest wavelength supported, nm.
+pub const MAX_WAVELENGTH_NM: f64 = 1200.0;
+
+/// Contiguous wavelength bins, in nm, of any widths.
+///
+/// A spectral value on a grid is a density (per nm) averaged over its bin; integrals are `sum f * width`.
+/// Cloning is cheap: the edges are shared.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(try_from = "Vec<f64>", into = "Vec<f64>")]
+#[schemars(with = "Vec<f64>")]
+pub struct WavelengthGrid {
+    edges_nm: Arc<[f64]>,
+}
+
+/// Why a wavelength grid can't be made.
+#[derive(Clone, Debug, Error, PartialEq)]
+#[non_exhaustive]
+pub enum GridError {
+    /// Fewer than two edges.
+    #[error("a wavelength grid needs at least one bin, that is two edges; got {0} edge(s)")]
+    TooFew(usize),
+    /// More bins than supported.
+    #[error("a wavelength grid may have at most {MAX_BINS} bins; this one has {0}. Use a larger step")]
+    TooMany(usize),
+    /// Edges are not strictly increasing or not finite.
+    #[error("wavelength edges must increase: edge {index} is {value} nm after {previous} nm")]
+    NotIncreasing {
+        /// Number of the edge, from 0.
+        index: usize,
+        /// Its value, nm.
+        value: f64,
+        /// The edge before it, nm.
+        previous: f64,
+    },
+    /// Outside the supported range.
+    #[error(
+        "wavelength {0} nm is outside the supported {MIN_WAVELENGTH_NM} to {MAX_WAVELENGTH_NM} nm. \
+         Is it in micrometres or metres? Wavelengths are given in nanometres"
+    )]
+    OutOfRange(f64),
+    /// A step that is not positive.
+    #[error("the wavelength step must be a positive number of nanometres; got {0}")]
+    BadStep(f64),
+}
+
+impl WavelengthGrid {
+    /// Bins between consecutive edges, nm.
+    ///
+    /// # Errors
+    /// Fewer than two edges, edges that do not increase, or edges outside 200 to 1200 nm.
+    pub fn from_edges(edges_nm: &[f64]) -> Result<Self, GridError> {
+        if edges_nm.len() < 2 {
+            return Err(GridError::TooFew(edges_nm.len()));
+        }
+        if edges_nm.len() - 1 > MAX_BINS {
+            return Err(GridError::TooMany(edges_nm.len() - 1));
+        }
+        for &edge in edges_nm {
+            if !(MIN_WAVELENGTH_NM..=MAX_WAVELENGTH_NM).contains(&edge) {
+                return Err(GridError::OutOfRange(edge));
+            }
+        }
+        for (index, pair) in edges_nm.windows(2).enumerate() {
+            if pair[1] <= pair[0] {
+                return Err(GridError::NotIncreasing { index: index + 1, value: pair[1], previous: pair[0] });
+            }
+        }
+        Ok(Self { edges_nm: edges_nm.into() })
+    }
+
+    /// Bins of one width centred on `first_nm`, `first_nm + step_nm`, ... up to `last_nm` (inclusive).
+    ///
+    /// # Errors
+    /// A step that is not positive or a range outside 200 to 1200 nm.
+    pub fn uniform(first_nm: f64, last_nm: f64, step_nm: f64) -> Result<Self, GridError> {
+        if !(step_nm > 0.0 && step_nm.is_finite()) {
+            return Err(GridError::BadStep(step_nm));
+        }
+        for value in [first_nm, last_nm] {
+            if !(MIN_WAVELENGTH_NM..=MAX_WAVELENGTH_NM).contains(&value) {
+                return Err(GridError::OutOfRange(value));
+            }
+        }
+        if last_nm < first_nm {
+            return Err(GridError::NotIncreasing { index: 1, value: last_nm, previous: first_nm });
+        }
+        let bins = ((last_nm - first_nm) / step_nm + 1e-9).floor() + 1.0;
+        if bins > MAX_BINS as f64 {
+            return Err(GridError::TooMany(bins as usize));
+        }
+        let edges: Vec<f64> = (0..=bins as usize).map(|i| first_nm + (i as f64 - 0.5) * step_nm).collect();
+        Self::from_edges(&edges)
+    }
+
+    /// Bins whose centres are the given wavelengths: edges lie half-way between neighbours.
+    ///
+    /// # Errors
+    /// As [`WavelengthGrid::from_edges`]; one wavelength alone has no width.
+    pub fn from_centers(centers_nm: &[f64]) -> Result<Self, GridError> {
+        if centers_nm.len() < 2 {
+            return Err(GridError::TooFew(centers_nm.len()));
+        }
+        let n = centers_nm.len();
+        let mut edges = Vec::with_capacity(n + 1);
+        edges.push(1.5 * centers_nm[0] - 0.5 * centers_nm[1]);
+        edges.extend(centers_nm.windows(2).map(|pair| 0.5 * (pair[0] + pair[1])));
+        edges.push(1.5 * centers_nm[n - 1] - 0.5 * centers_nm[n - 2]);
+        Self::from_edges(&edges)
+    }
+
+    /// How many bins there are.
+    pub fn len(&self) -> usize {
+        self.edges_nm.len() - 1
+    }
+
+    /// Never true: a grid has at least one bin.
+    pub fn is_empty(&self) -> bool {
+        false
+    }
+
+    /// All edges, nm; one more than there are bins.
+    pub fn edges_nm(&self) -> &[f64] {
+        &self.edges_nm
+    }
+
+    /// Centre of a bin, nm.
+    pub fn center_nm(&self, bin: usize) -> f64 {
+        0.5 * (self.edges_nm[bin] + self.edges_nm[bin + 1])
+    }
+
+    /// Centres of all bins, nm.
+    pub fn centers_nm(&self) -> Vec<f64> {
+        (0..self.len()).map(|bin| self.center_nm(bin)).collect()
+    }
+
+    /// Width of a bin, nm.
+    pub fn width_nm(&self, bin: usize) -> f64 {
+        self.edges_nm[bin + 1] - self.edges_nm[bin]
+    }
+
+    /// Widths of all bins, nm.
+    pub fn widths_nm(&self) -> Vec<f64> {
+        (0..self.len()).map(|bin| self.width_nm(bin)).collect()
+    }
+
+    /// First edge, nm.
+    pub fn start_nm(&self) -> f64 {
+        self.edges_nm[0]
+    }
+
+    /// Last edge, nm.
+    pub fn end_nm(&self) -> f64 {
+        self.edges_nm[self.edges_nm.len() - 1]
+    }
+
+    /// The bin that a wavelength falls into.
+    pub fn bin_of(&self, wavelength_nm: f64) -> Option<usize> {
+        if !(self.start_nm()..self.end_nm()).contains(&wavelength_nm) {
+            return None;
+        }
+        Some(self.edges_nm.partition_point(|&edge| edge <= wavelength_nm) - 1)
+    }
+}
+
+impl Default for WavelengthGrid {
+    /// 350 to 750 nm by 5 nm: 81 bins centred on the round numbers.
+    fn default() -> Self {
+        let edges: Vec<f64> = (0..=81).map(|i| 347.5 + 5.0 * f64::from(i)).collect();
+        Self { edges_nm: edges.into() }
+    }
+}
+
+impl TryFrom<Vec<f64>> for WavelengthGrid {
+    type Error = GridError;
+    fn try_from(edges_nm: Vec<f64>) -> Result<Self, GridError> {
+        Self::from_edges(&edges_nm)
+    }
+}
+
+impl From<WavelengthGrid> for Vec<f64> {
+    fn from(grid: WavelengthGrid) -> Self {
+        grid.edges_nm.to_vec()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_default_has_81_bins_on_round_numbers() {
+        let grid = WavelengthGrid::default();
+        assert_eq!(grid.len(), 81);
+        assert_eq!((grid.center_nm(0), grid.center_nm(80)), (350.0, 750.0));
+        assert_eq!(grid, WavelengthGrid::uniform(350.0, 750.0, 5.0).unwrap());
+        assert_eq!(grid.bin_of(385.0), Some(7));
+        assert_eq!(grid.bin_of(752.5), None);
+    }
+
+    #[test]
+    fn bins_may_differ_in_width() {
+        let grid = WavelengthGrid::from_edges(&[350.0, 352.5, 355.0, 360.0]).unwrap();
+        assert_eq!(grid.widths_nm(), [2.5, 2.5, 5.0]);
+        assert_eq!(grid.bin_of(352.5), Some(1));
+    }
+
+    #[test]
+    fn mistakes_are_explained() {
+        assert_eq!(WavelengthGrid::uniform(0.35, 0.75, 0.005), Err(GridError::OutOfRange(0.35)));
+        assert_eq!(WavelengthGrid::uniform(350.0, 750.0, 0.0), Err(GridError::BadStep(0.0)));
+        assert!(matches!(WavelengthGrid::uniform(350.0, 750.0, 0.01), Err(GridError::TooMany(_))));
+        assert!(matches!(
+            WavelengthGrid::from_edges(&[400.0, 390.0]),
+            Err(GridError::NotIncreasing { index: 1, .. })
+        ));
+        assert!(WavelengthGrid::from_edges(&[400.0, f64::NAN]).is_err());
+    }
+}
