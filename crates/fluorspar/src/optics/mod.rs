@@ -1,1 +1,5 @@
-//! To be written.
+//! Cameras that make rays and lenses that form images.
+
+mod perspective;
+
+pub use perspective::PerspectiveCamera;

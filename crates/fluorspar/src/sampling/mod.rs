@@ -1,1 +1,6 @@
-//! To be written.
+//! Low-discrepancy samples, counter-based random numbers and warps to directions and surfaces.
+
+mod sobol;
+pub mod warp;
+
+pub use sobol::{SampleStream, hash_u64};

@@ -49,9 +49,9 @@ pub enum CurveModel {
     Led {
         /// Wavelength of the peak in nm.
         peak_nm: f64,
-        /// Twice the half width at half maximum on the short-wavelength side, nm.
+        /// Twice the half width at half maximum of the core on the short-wavelength side, nm.
         fwhm_short_nm: f64,
-        /// Twice the half width at half maximum on the long-wavelength side, nm.
+        /// Twice the half width at half maximum of the core on the long-wavelength side, nm.
         fwhm_long_nm: f64,
         /// Exponent of the core: 2 is a Gaussian, less is more pointed, more is flatter. 1 to 10.
         #[serde(default = "gaussian_exponent")]

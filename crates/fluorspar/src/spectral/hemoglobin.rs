@@ -7,7 +7,7 @@
 //! from 350 to 750 nm (values under 1500 /(cm M): within 30 /(cm M)).
 
 /// Molar mass of the haemoglobin tetramer to which the extinctions refer, in g/mol.
-pub const MOLAR_MASS_G_PER_MOL: f64 = 64_500.0;
+pub(crate) const MOLAR_MASS_G_PER_MOL: f64 = 64_500.0;
 
 /// Rows of wavelength in nm, extinction of HbO2 and extinction of Hb, both in 1/(cm M), base 10.
 #[rustfmt::skip]
@@ -49,7 +49,7 @@ const MOLAR_EXTINCTION: [[f64; 3]; 91] = [
 ///
 /// Outside 350 to 750 nm the value at the nearer end is returned: the caller states its own range of validity.
 #[must_use]
-pub fn molar_extinction(wavelength_nm: f64) -> (f64, f64) {
+pub(crate) fn molar_extinction(wavelength_nm: f64) -> (f64, f64) {
     let after = MOLAR_EXTINCTION.partition_point(|row| row[0] <= wavelength_nm);
     let low = &MOLAR_EXTINCTION[after.saturating_sub(1)];
     let high = &MOLAR_EXTINCTION[after.min(MOLAR_EXTINCTION.len() - 1)];
@@ -62,7 +62,7 @@ pub fn molar_extinction(wavelength_nm: f64) -> (f64, f64) {
 /// oxygen saturation `saturation` (0 to 1):
 /// `mua = ln(10) * (grams_per_litre / 64500) * [S eps_HbO2 + (1 - S) eps_Hb]`.
 #[must_use]
-pub fn absorption_per_cm(wavelength_nm: f64, grams_per_litre: f64, saturation: f64) -> f64 {
+pub(crate) fn absorption_per_cm(wavelength_nm: f64, grams_per_litre: f64, saturation: f64) -> f64 {
     let (oxy, deoxy) = molar_extinction(wavelength_nm);
     std::f64::consts::LN_10 * grams_per_litre / MOLAR_MASS_G_PER_MOL
         * (saturation * oxy + (1.0 - saturation) * deoxy)

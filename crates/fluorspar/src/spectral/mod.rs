@@ -11,6 +11,9 @@
 
 mod curve;
 mod curve_model;
+mod eem;
+mod eem_toolbox;
+mod fluorophore;
 mod hemoglobin;
 mod quantity;
 mod spectrum;
@@ -18,6 +21,9 @@ mod wavelength_grid;
 
 pub use curve::{Curve, CurveError, FINE_STEP_NM};
 pub use curve_model::*;
+pub use eem::{EemError, EemTable, EnergyEem, PhotonEem, SeparableTerm, Stokes, YieldDensity};
+pub use eem_toolbox::{TOOLBOX_SAMPLES, TOOLBOX_START_NM, TOOLBOX_STEP_NM, ToolboxEem};
+pub use fluorophore::{BandTerm, Fluorophore, LogNormalBand};
 pub use quantity::{
     Dimensionless, Irradiance, Quantity, QuantumEfficiency, Radiance, RadiantPower, Reflectance,
     Transmittance,

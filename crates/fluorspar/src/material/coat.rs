@@ -1,0 +1,240 @@
+//! A rough dielectric coat over a diffuse base.
+
+use std::f32::consts::PI;
+
+use glam::Vec3;
+
+use super::ScalarTexture;
+use crate::sampling::warp;
+
+/// A thin, clear, rough dielectric layer: saliva on mucosa, gloss of enamel.
+///
+/// Microfacet reflection with the GGX distribution, height-correlated Smith shadowing and unpolarised Fresnel
+/// reflectance. Light that the coat does not reflect reaches the base, so no energy is lost.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Coat {
+    /// Refractive index of the layer against air, 1 to 3.
+    pub refractive_index: f32,
+    /// GGX roughness alpha, 0.01 (mirror-like) to 1.
+    pub roughness: ScalarTexture,
+}
+
+/// A direction drawn from the coat's lobe, in the local frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CoatSample {
+    /// Direction of the arriving light, away from the surface.
+    pub incident: Vec3,
+}
+
+/// Smallest roughness that is evaluated; smoother coats are clamped to it.
+pub const MIN_ROUGHNESS: f32 = 0.01;
+
+/// Unpolarised Fresnel reflectance of a smooth dielectric seen from outside; `cos` is that of the angle of incidence.
+pub fn fresnel(cos: f32, refractive_index: f32) -> f32 {
+    let cos = cos.clamp(0.0, 1.0);
+    let sin2_t = (1.0 - cos * cos) / (refractive_index * refractive_index);
+    let cos_t = (1.0 - sin2_t).max(0.0).sqrt();
+    let parallel = (refractive_index * cos - cos_t) / (refractive_index * cos + cos_t);
+    let perpendicular = (cos - refractive_index * cos_t) / (cos + refractive_index * cos_t);
+    0.5 * (parallel * parallel + perpendicular * perpendicular)
+}
+
+fn distribution(half: Vec3, alpha: f32) -> f32 {
+    let a2 = alpha * alpha;
+    let cos2 = half.z * half.z;
+    let t = cos2 * (a2 - 1.0) + 1.0;
+    a2 / (PI * t * t)
+}
+
+fn lambda(direction: Vec3, alpha: f32) -> f32 {
+    let cos2 = direction.z * direction.z;
+    let tan2 = (1.0 - cos2).max(0.0) / cos2;
+    0.5 * ((1.0 + alpha * alpha * tan2).sqrt() - 1.0)
+}
+
+/// BRDF of the coat times the cosine of the incident angle, 1/sr. Directions are local and point away.
+pub fn eval_times_cos(outgoing: Vec3, incident: Vec3, alpha: f32, refractive_index: f32) -> f32 {
+    if outgoing.z <= 0.0 || incident.z <= 0.0 {
+        return 0.0;
+    }
+    let half = (outgoing + incident).normalize_or_zero();
+    if half.z <= 0.0 {
+        return 0.0;
+    }
+    let masking = 1.0 / (1.0 + lambda(outgoing, alpha) + lambda(incident, alpha));
+    fresnel(outgoing.dot(half), refractive_index) * distribution(half, alpha) * masking / (4.0 * outgoing.z)
+}
+
+/// Draws an incident direction by the visible normals of the GGX distribution (Heitz, JCGT 7(4), 2018).
+/// `None` when the mirrored direction points into the surface: that light is absorbed by no one, it belongs to
+/// the base, whose share is computed from [`CoatAlbedo`].
+pub fn sample(outgoing: Vec3, alpha: f32, u: [f32; 2]) -> Option<CoatSample> {
+    let stretched = Vec3::new(alpha * outgoing.x, alpha * outgoing.y, outgoing.z).normalize();
+    let lensq = stretched.x * stretched.x + stretched.y * stretched.y;
+    let t1 = if lensq > 0.0 { Vec3::new(-stretched.y, stretched.x, 0.0) / lensq.sqrt() } else { Vec3::X };
+    let t2 = stretched.cross(t1);
+    let disc = warp::concentric_disc(u);
+    let s = 0.5 * (1.0 + stretched.z);
+    let y = (1.0 - s) * (1.0 - disc.x * disc.x).max(0.0).sqrt() + s * disc.y;
+    let z = (1.0 - disc.x * disc.x - y * y).max(0.0).sqrt();
+    let normal = t1 * disc.x + t2 * y + stretched * z;
+    let half = Vec3::new(alpha * normal.x, alpha * normal.y, normal.z.max(0.0)).normalize_or_zero();
+    let incident = 2.0 * outgoing.dot(half) * half - outgoing;
+    (incident.z > 0.0).then_some(CoatSample { incident })
+}
+
+/// Density of [`sample`], 1/sr: `G1(o) D(h) / (4 cos o)`.
+pub fn pdf(outgoing: Vec3, incident: Vec3, alpha: f32) -> f32 {
+    if outgoing.z <= 0.0 || incident.z <= 0.0 {
+        return 0.0;
+    }
+    let half = (outgoing + incident).normalize_or_zero();
+    if half.z <= 0.0 {
+        return 0.0;
+    }
+    distribution(half, alpha) / ((1.0 + lambda(outgoing, alpha)) * 4.0 * outgoing.z)
+}
+
+const COSINES: usize = 48;
+const ROUGHNESSES: usize = 24;
+
+/// Directional albedo of the coat, tabulated over cosine and roughness for one refractive index.
+///
+/// The base below receives `1 - E(cos)` of the light and sends it out with the same factor, normalised so that a
+/// white base below any coat reflects everything (Kelemen and Szirmay-Kalos 2001):
+/// `f_base = R (1 - E(i)) (1 - E(o)) / (pi (1 - E_mean))`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CoatAlbedo {
+    refractive_index: f32,
+    /// `[roughness][cosine]`.
+    table: Vec<f32>,
+    /// Cosine-weighted mean for each roughness.
+    mean: Vec<f32>,
+}
+
+impl CoatAlbedo {
+    /// Integrates the coat's reflection numerically; deterministic.
+    pub fn new(refractive_index: f32) -> Self {
+        let mut table = Vec::with_capacity(COSINES * ROUGHNESSES);
+        let mut mean = Vec::with_capacity(ROUGHNESSES);
+        for row in 0..ROUGHNESSES {
+            let alpha = roughness_node(row);
+            let albedos: Vec<f64> = (0..COSINES)
+                .map(|col| directional_albedo(cosine_node(col), alpha, refractive_index))
+                .collect();
+            // Mean with weight 2 cos dcos, trapezoidal over the nodes.
+            let weighted = |col: usize| 2.0 * f64::from(cosine_node(col)) * albedos[col];
+            let integral: f64 = (1..COSINES)
+                .map(|col| {
+                    0.5 * (weighted(col) + weighted(col - 1))
+                        * f64::from(cosine_node(col) - cosine_node(col - 1))
+                })
+                .sum();
+            mean.push(integral as f32);
+            table.extend(albedos.iter().map(|&e| e as f32));
+        }
+        Self { refractive_index, table, mean }
+    }
+
+    /// The refractive index of the table.
+    pub fn refractive_index(&self) -> f32 {
+        self.refractive_index
+    }
+
+    /// Directional albedo `E(cos)` and its cosine-weighted mean for a roughness.
+    pub fn at(&self, cos: f32, alpha: f32) -> (f32, f32) {
+        let y = roughness_coordinate(alpha);
+        let x = cosine_coordinate(cos);
+        let (row, fy) = split(y, ROUGHNESSES);
+        let (col, fx) = split(x, COSINES);
+        let value =
+            |r: usize| self.table[r * COSINES + col] * (1.0 - fx) + self.table[r * COSINES + col + 1] * fx;
+        let albedo = value(row) * (1.0 - fy) + value(row + 1) * fy;
+        (albedo, self.mean[row] * (1.0 - fy) + self.mean[row + 1] * fy)
+    }
+}
+
+fn split(x: f32, n: usize) -> (usize, f32) {
+    let cell = (x as usize).min(n - 2);
+    (cell, x - cell as f32)
+}
+
+/// Nodes crowd towards grazing angles, where the albedo changes fastest.
+fn cosine_node(col: usize) -> f32 {
+    let x = col as f32 / (COSINES - 1) as f32;
+    (x * x).max(1e-4)
+}
+
+fn cosine_coordinate(cos: f32) -> f32 {
+    cos.clamp(0.0, 1.0).sqrt() * (COSINES - 1) as f32
+}
+
+fn roughness_node(row: usize) -> f32 {
+    let x = row as f32 / (ROUGHNESSES - 1) as f32;
+    MIN_ROUGHNESS + (1.0 - MIN_ROUGHNESS) * x * x
+}
+
+fn roughness_coordinate(alpha: f32) -> f32 {
+    let x = ((alpha - MIN_ROUGHNESS) / (1.0 - MIN_ROUGHNESS)).clamp(0.0, 1.0);
+    x.sqrt() * (ROUGHNESSES - 1) as f32
+}
+
+/// `integral f cos domega`: mean of `f cos / pdf` over visible-normal samples on a regular lattice.
+fn directional_albedo(cos: f32, alpha: f32, refractive_index: f32) -> f64 {
+    const SIDE: usize = 48;
+    let outgoing = Vec3::new((1.0 - cos * cos).max(0.0).sqrt(), 0.0, cos);
+    let mut sum = 0.0;
+    for i in 0..SIDE {
+        for j in 0..SIDE {
+            let u = [(i as f32 + 0.5) / SIDE as f32, (j as f32 + 0.5) / SIDE as f32];
+            if let Some(CoatSample { incident }) = sample(outgoing, alpha, u) {
+                // f cos / pdf = F G2 / G1.
+                let half = (outgoing + incident).normalize_or_zero();
+                let g2_over_g1 = (1.0 + lambda(outgoing, alpha))
+                    / (1.0 + lambda(outgoing, alpha) + lambda(incident, alpha));
+                sum += f64::from(fresnel(outgoing.dot(half), refractive_index) * g2_over_g1);
+            }
+        }
+    }
+    sum / (SIDE * SIDE) as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn fresnel_matches_textbook_values() {
+        assert!((fresnel(1.0, 1.5) - 0.04).abs() < 1e-6);
+        assert!((fresnel(1.0, 1.40) - 0.027_78).abs() < 1e-5);
+        assert!((fresnel(0.0, 1.5) - 1.0).abs() < 1e-6);
+        // Brewster's angle: only one polarisation is reflected.
+        let brewster = 1.5_f32.atan();
+        let reflected = 0.5 * (2.0 * brewster - std::f32::consts::FRAC_PI_2).sin().powi(2);
+        assert!((fresnel(brewster.cos(), 1.5) - reflected).abs() < 1e-5);
+    }
+
+    #[test]
+    fn a_smooth_coat_has_the_fresnel_albedo() {
+        let albedo = CoatAlbedo::new(1.4);
+        for cos in [1.0, 0.8, 0.5] {
+            let (e, _) = albedo.at(cos, MIN_ROUGHNESS);
+            assert!((e - fresnel(cos, 1.4)).abs() < 2e-3, "{cos}: {e}");
+        }
+        // Diffuse mean of the external Fresnel reflectance at n = 1.40 is 0.07681.
+        assert!(
+            (albedo.at(1.0, MIN_ROUGHNESS).1 - 0.0768).abs() < 2e-3,
+            "{}",
+            albedo.at(1.0, MIN_ROUGHNESS).1
+        );
+    }
+
+    #[test]
+    fn the_brdf_is_reciprocal() {
+        let o = Vec3::new(0.3, 0.1, 0.8).normalize();
+        let i = Vec3::new(-0.5, 0.4, 0.3).normalize();
+        let forward = eval_times_cos(o, i, 0.3, 1.4) / i.z;
+        let backward = eval_times_cos(i, o, 0.3, 1.4) / o.z;
+        assert!((forward / backward - 1.0).abs() < 1e-4);
+    }
+}

@@ -1,0 +1,246 @@
+//! Scalar fields over texture coordinates: images and procedural maps.
+
+use std::sync::Arc;
+
+use glam::Vec2;
+use thiserror::Error;
+
+/// A scalar that may vary over a surface. Texture coordinates outside `[0, 1]` repeat.
+#[derive(Clone, Debug, PartialEq)]
+pub enum ScalarTexture {
+    /// The same everywhere.
+    Constant(f32),
+    /// An image, bilinear between pixel centres, with black mapped to `low` and white to `high`.
+    Image {
+        /// The pixels.
+        image: Arc<ImageTexture>,
+        /// Value of black.
+        low: f32,
+        /// Value of white.
+        high: f32,
+    },
+    /// A checkerboard with `columns` by `rows` fields.
+    Checker {
+        /// Fields along u.
+        columns: u32,
+        /// Fields along v.
+        rows: u32,
+        /// Value of the field at the origin and every second one.
+        low: f32,
+        /// Value of the others.
+        high: f32,
+    },
+    /// Smooth noise: fractal sum of four octaves of value noise.
+    Noise {
+        /// Lattice cells along u and v of the coarsest octave.
+        cells: [f32; 2],
+        /// Which noise.
+        seed: u32,
+        /// Value where the noise is lowest.
+        low: f32,
+        /// Value where the noise is highest.
+        high: f32,
+    },
+    /// Porphyrin on the dorsal tongue: a mid-posterior maximum along the midline, none at the sides, broken into
+    /// patches by noise. With `u` across (0.5 = midline) and `v` from tip (0) to base (1):
+    /// `peak * exp(-(u-0.5)^2 / (2 sigma^2)) * ramp(v) * patches(u, v)`.
+    DorsalTongue {
+        /// Largest concentration.
+        peak: f32,
+        /// Standard deviation across, as a fraction of the tongue's width.
+        sigma: f32,
+        /// Fraction of the length at which the ramp from the tip is complete.
+        full_at: f32,
+        /// 0 = smooth, 1 = fully broken into patches.
+        patchiness: f32,
+        /// Which patches.
+        seed: u32,
+    },
+    /// Product of two textures.
+    Product(Box<ScalarTexture>, Box<ScalarTexture>),
+}
+
+/// Grey image, rows from the top, values 0 to 1 linear.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ImageTexture {
+    width: usize,
+    height: usize,
+    data: Vec<f32>,
+}
+
+/// Why pixels are no texture.
+#[derive(Clone, Debug, Error, PartialEq)]
+#[error("a texture of {width} x {height} pixels needs {} values from 0 up; got {values}, first bad one: {bad:?}", width * height)]
+pub struct TextureError {
+    /// Columns.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// Values given.
+    pub values: usize,
+    /// Number of the first value that is negative or not finite.
+    pub bad: Option<usize>,
+}
+
+impl ImageTexture {
+    /// A texture from its pixels, rows from the top.
+    ///
+    /// # Errors
+    /// When the number of values is wrong, or one is negative or not finite.
+    pub fn new(width: usize, height: usize, data: Vec<f32>) -> Result<Self, TextureError> {
+        let bad = data.iter().position(|v| !(v.is_finite() && *v >= 0.0));
+        if width == 0 || height == 0 || data.len() != width * height || bad.is_some() {
+            return Err(TextureError { width, height, values: data.len(), bad });
+        }
+        Ok(Self { width, height, data })
+    }
+
+    /// Columns and rows.
+    pub fn size(&self) -> (usize, usize) {
+        (self.width, self.height)
+    }
+
+    /// Bilinear value; v = 0 is the bottom row.
+    pub fn at(&self, uv: Vec2) -> f32 {
+        let x = uv.x * self.width as f32 - 0.5;
+        let y = (1.0 - uv.y) * self.height as f32 - 0.5;
+        let (x0, y0) = (x.floor(), y.floor());
+        let (fx, fy) = (x - x0, y - y0);
+        let wrap = |i: f32, n: usize| (i as i64).rem_euclid(n as i64) as usize;
+        let pixel =
+            |dx: f32, dy: f32| self.data[wrap(y0 + dy, self.height) * self.width + wrap(x0 + dx, self.width)];
+        let top = pixel(0.0, 0.0) * (1.0 - fx) + pixel(1.0, 0.0) * fx;
+        let bottom = pixel(0.0, 1.0) * (1.0 - fx) + pixel(1.0, 1.0) * fx;
+        top * (1.0 - fy) + bottom * fy
+    }
+
+    /// Largest value.
+    pub fn max(&self) -> f32 {
+        self.data.iter().copied().fold(0.0, f32::max)
+    }
+}
+
+impl ScalarTexture {
+    /// Value at texture coordinates.
+    pub fn at(&self, uv: Vec2) -> f32 {
+        match self {
+            Self::Constant(value) => *value,
+            Self::Image { image, low, high } => low + (high - low) * image.at(uv),
+            Self::Checker { columns, rows, low, high } => {
+                let field = |x: f32, n: u32| ((x - x.floor()) * n as f32) as u32;
+                if (field(uv.x, *columns) + field(uv.y, *rows)).is_multiple_of(2) { *low } else { *high }
+            }
+            Self::Noise { cells, seed, low, high } => {
+                low + (high - low) * fractal_noise(uv * Vec2::from_array(*cells), *seed)
+            }
+            Self::DorsalTongue { peak, sigma, full_at, patchiness, seed } => {
+                let across = (uv.x - 0.5) / sigma;
+                let ramp = smoothstep(uv.y / full_at) * (1.0 - 0.6 * smoothstep((uv.y - 0.9) / 0.1));
+                let noise = fractal_noise(uv * Vec2::new(9.0, 14.0), *seed);
+                let patches = smoothstep((noise - 0.38) / 0.3);
+                peak * (-0.5 * across * across).exp() * ramp * (1.0 - patchiness + patchiness * patches)
+            }
+            Self::Product(a, b) => a.at(uv) * b.at(uv),
+        }
+    }
+
+    /// An upper bound of the value anywhere.
+    pub fn max(&self) -> f32 {
+        match self {
+            Self::Constant(value) => *value,
+            Self::Image { image, low, high } => {
+                let white = low + (high - low) * image.max();
+                white.max(*low)
+            }
+            Self::Checker { low, high, .. } | Self::Noise { low, high, .. } => low.max(*high),
+            Self::DorsalTongue { peak, .. } => *peak,
+            Self::Product(a, b) => a.max() * b.max(),
+        }
+    }
+
+    /// The value, when it is the same everywhere.
+    pub fn constant(&self) -> Option<f32> {
+        match self {
+            Self::Constant(value) => Some(*value),
+            _ => None,
+        }
+    }
+}
+
+fn smoothstep(x: f32) -> f32 {
+    let x = x.clamp(0.0, 1.0);
+    x * x * (3.0 - 2.0 * x)
+}
+
+/// Four octaves of value noise, 0 to 1.
+fn fractal_noise(p: Vec2, seed: u32) -> f32 {
+    let mut sum = 0.0;
+    let mut weight = 0.5;
+    let mut total = 0.0;
+    let mut q = p;
+    for octave in 0..4 {
+        sum += weight * value_noise(q, seed.wrapping_add(octave));
+        total += weight;
+        weight *= 0.5;
+        q = q * 2.0 + Vec2::new(17.0, 31.0);
+    }
+    sum / total
+}
+
+/// Lattice values from a hash, blended by a smooth step.
+fn value_noise(p: Vec2, seed: u32) -> f32 {
+    let cell = p.floor();
+    let f = p - cell;
+    let corner = |dx: f32, dy: f32| {
+        let (x, y) = ((cell.x + dx) as i64 as u64, (cell.y + dy) as i64 as u64);
+        let mixed = crate::sampling::hash_u64(
+            x.wrapping_mul(0x8DA6_B343)
+                ^ y.wrapping_mul(0xD816_3841).rotate_left(32)
+                ^ (u64::from(seed) << 48),
+        );
+        (mixed >> 40) as f32 / (1_u64 << 24) as f32
+    };
+    let (sx, sy) = (smoothstep(f.x), smoothstep(f.y));
+    let low = corner(0.0, 0.0) * (1.0 - sx) + corner(1.0, 0.0) * sx;
+    let high = corner(0.0, 1.0) * (1.0 - sx) + corner(1.0, 1.0) * sx;
+    low * (1.0 - sy) + high * sy
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_image_is_exact_at_pixel_centres_with_v_up() {
+        let image = ImageTexture::new(2, 2, vec![0.1, 0.2, 0.3, 0.4]).unwrap();
+        assert_eq!(image.at(Vec2::new(0.25, 0.75)), 0.1);
+        assert_eq!(image.at(Vec2::new(0.75, 0.25)), 0.4);
+        assert!(ImageTexture::new(2, 2, vec![0.0; 3]).is_err());
+        assert_eq!(ImageTexture::new(1, 1, vec![f32::NAN]).unwrap_err().bad, Some(0));
+    }
+
+    #[test]
+    fn procedural_maps_stay_within_their_bounds() {
+        let maps = [
+            ScalarTexture::Noise { cells: [5.0, 5.0], seed: 1, low: 0.2, high: 0.8 },
+            ScalarTexture::DorsalTongue { peak: 3.0, sigma: 0.25, full_at: 0.6, patchiness: 0.8, seed: 2 },
+            ScalarTexture::Checker { columns: 4, rows: 4, low: 0.0, high: 1.0 },
+        ];
+        for map in maps {
+            for i in 0..2000 {
+                let uv = Vec2::new(i as f32 * 0.017 - 3.0, i as f32 * 0.0031);
+                let value = map.at(uv);
+                assert!((0.0..=map.max()).contains(&value), "{map:?} at {uv}: {value}");
+            }
+        }
+    }
+
+    #[test]
+    fn porphyrin_avoids_tip_and_sides() {
+        let map =
+            ScalarTexture::DorsalTongue { peak: 1.0, sigma: 0.2, full_at: 0.6, patchiness: 0.0, seed: 0 };
+        assert_eq!(map.at(Vec2::new(0.5, 0.0)), 0.0);
+        assert!(map.at(Vec2::new(0.0, 0.7)) < 0.05);
+        assert!(map.at(Vec2::new(0.5, 0.7)) > 0.99);
+    }
+}
