@@ -1,5 +1,7 @@
 //! Traversal against brute force in double precision, watertightness, agreement of kernels, and errors.
 
+#![allow(clippy::unwrap_used, reason = "a panic is how a test fails")]
+
 mod common;
 
 use common::{Mesh, Random, closed_surface, grid, ray, soup};
