@@ -121,7 +121,7 @@ fn agrees_with_brute_force_in_double_precision() {
             let (u, v) = (f64::from(hit.u), f64::from(hit.v));
             let on_triangle = (1.0 - u - v) * corners[0] + u * corners[1] + v * corners[2];
             let on_ray = ray.origin.as_dvec3() + f64::from(hit.t) * ray.direction.as_dvec3();
-            // Both points carry a few roundings of coordinates up to 3, 2e-7 each; tenfold for directions that are unit only to 1e-7.
+            // Both points carry a few roundings, of 1e-7 each, of distances up to 4.
             assert!(on_triangle.distance(on_ray) < 2e-6, "{name}: {hit:?}: {on_triangle} but {on_ray}");
             assert!(u >= 0.0 && v >= 0.0 && u + v <= 1.0 + 1e-6, "{name}: {hit:?}");
             assert!(f64::from(hit.t) <= sure + 1e-4 * (1.0 + sure), "{name}: {hit:?}, nearest at {sure}");
@@ -337,7 +337,7 @@ fn awkward_shapes_build_and_are_found() {
         let x = number as f32;
         strip.add([Vec3::X * x, Vec3::X * (x + 1.0), Vec3::new(x, 1.0, 0.0)]);
     }
-    for power in -60..60 {
+    for power in -120..59 {
         let size = 2_f32.powi(power);
         nested.add([Vec3::ZERO, Vec3::X * size, Vec3::Y * size]);
     }
@@ -352,10 +352,10 @@ fn awkward_shapes_build_and_are_found() {
         }
     }
     for bvh in build_each(&nested) {
-        for power in -60..60 {
+        for power in -120..59 {
             let size = 2_f32.powi(power);
             let hit = bvh.closest(&ray(Vec3::new(0.3, 0.3, 1.0) * size, Vec3::NEG_Z)).unwrap();
-            assert_eq!(hit.triangle, (power + 60) as u32, "the smallest triangle that reaches so far");
+            assert_eq!(hit.triangle, (power + 120) as u32, "the smallest triangle that reaches so far");
         }
     }
 }

@@ -1,8 +1,8 @@
 //! Traversal: one algorithm, and the code that tests eight boxes or four triangles at once for each instruction set.
 //!
-//! A kernel only decides which boxes and triangles deserve a closer look; hits are computed by
-//! [`RayFrame::intersect`](crate::ray::RayFrame::intersect) alone. Box distances steer the order of traversal, so kernels compute them by the
-//! same operations and visit the same nodes.
+//! A kernel only decides which boxes and triangles deserve a closer look; hits are computed by [`RayFrame::intersect`]
+//! alone. Box distances steer the order of traversal, so kernels compute them by the same operations and visit the same
+//! nodes.
 // The only place in the workspace where unsafe code is allowed: vector instructions that the processor must have, and
 // reads without bounds checks whose bounds the builder establishes.
 #![allow(unsafe_code)]
