@@ -156,7 +156,8 @@ fn closed_surfaces_are_watertight() {
         ("bumpy", Vec3::ZERO, closed_surface(Vec3::ZERO, 40, bumpy)),
         ("far from the origin", far_away, closed_surface(far_away, 32, |_| 1.0)),
         ("small", Vec3::ZERO, closed_surface(Vec3::ZERO, 32, |_| 1e-6)),
-        ("huge", Vec3::ZERO, closed_surface(Vec3::ZERO, 32, |_| 1e9)),
+        ("tiny", Vec3::ZERO, closed_surface(Vec3::ZERO, 32, |_| 1e-15)),
+        ("huge", Vec3::ZERO, closed_surface(Vec3::ZERO, 32, |_| 1e17)),
     ] {
         let size = mesh.positions[0].distance(centre);
         for bvh in build_each(&mesh) {
