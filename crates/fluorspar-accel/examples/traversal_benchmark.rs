@@ -1,9 +1,11 @@
-//! Rays per second, for each kernel that this machine runs: `cargo run --release -p fluorspar-accel --example traversal_benchmark`.
+//! Rays per second, for each kernel that this machine runs.
 //!
-//! The scene is a bumpy closed cavity seen from inside, with 24 bumpy blobs in it: 190 thousand triangles. Kinds of rays:
-//! from a pinhole camera (primary), cosine-distributed from what those hit (bounce 1) and again from there (bounce 2), and
-//! from both generations of points to a small light around the camera (shadow 1 and 2). One thread; medians of
-//! several repetitions, in which kernels take turns. Arguments: triangles in units of 190 thousand, repetitions.
+//! `cargo run --release -p fluorspar-accel --example traversal_benchmark -- [SCALE [REPETITIONS]]`
+//!
+//! The scene is a bumpy closed cavity seen from inside, with 24 bumpy blobs in it: 190 thousand triangles times SCALE.
+//! Kinds of rays: from a pinhole camera (primary), cosine-distributed from what those hit (bounce1) and again from there
+//! (bounce2), and from both generations of points to a small light around the camera (shadow1, shadow2). One thread;
+//! medians over the repetitions, in which kernels take turns.
 
 #![allow(clippy::print_stdout, reason = "printing is what a benchmark is for")]
 

@@ -15,7 +15,7 @@
 //! - **Ties have an order.** Of triangles hit at the same `t`, the one with the lowest number wins.
 //! - Triangles without area are never hit.
 //!
-//! Lengths are in the unit of the mesh (metres throughout Fluorspar); `t` has that unit because directions have unit length.
+//! Lengths are in the unit of the mesh (metres throughout Fluorspar), `t` too because directions have unit length.
 //!
 //! Out of scope: instances, motion, curves, and updating a tree after its mesh has moved.
 //!

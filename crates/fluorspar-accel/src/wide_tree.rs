@@ -66,7 +66,7 @@ impl WideNode {
 }
 
 impl TrianglePack {
-    const UNUSED: Self = Self { corners: [[[f32::NAN; PACK]; 3]; 3], numbers: [u32::MAX; PACK] };
+    pub(crate) const UNUSED: Self = Self { corners: [[[f32::NAN; PACK]; 3]; 3], numbers: [u32::MAX; PACK] };
 
     /// Puts one triangle into a column.
     pub(crate) fn set(&mut self, column: usize, corners: [Vec3; 3], number: u32) {

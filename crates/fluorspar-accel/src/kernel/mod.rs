@@ -1,8 +1,8 @@
 //! Traversal: one algorithm, and the code that tests eight boxes or four triangles at once for each instruction set.
 //!
-//! A kernel only decides which boxes and triangles deserve a closer look; hits are computed by
-//! [`RayFrame::intersect`](crate::ray::RayFrame::intersect) alone. Box distances steer the order of traversal, so kernels compute them by the
-//! same operations and visit the same nodes.
+//! A kernel only decides which boxes and triangles deserve a closer look; hits are computed by [`RayFrame::intersect`]
+//! alone. Box distances steer the order of traversal, so kernels compute them by the same operations and visit the same
+//! nodes.
 // The only place in the workspace where unsafe code is allowed: vector instructions that the processor must have, and
 // reads without bounds checks whose bounds the builder establishes.
 #![allow(unsafe_code)]
@@ -228,20 +228,32 @@ fn closest<L: Lanes>(lanes: L, tree: &WideTree, ray: &Ray) -> Option<Hit> {
             let node = tree.node(current);
             let (mut met, distances) = lanes.boxes(node, &prepared, limit);
             if met != 0 {
-                let entry = |column: usize| Entry::new(distances.0[column & 7], node.children[column & 7]);
-                let first = entry(met.trailing_zeros() as usize);
+                let entry = |met: u32| {
+                    let column = met.trailing_zeros() as usize & (WIDTH - 1);
+                    Entry::new(distances.0[column], node.children[column])
+                };
+                let first = entry(met);
                 met &= met - 1;
                 if met == 0 {
                     current = first.reference();
                     continue;
                 }
+                let second = entry(met);
+                met &= met - 1;
+                let (near, far) = if first < second { (first, second) } else { (second, first) };
                 let base = stack.len;
-                // SAFETY: with all columns of this node on it, the stack holds at most `stack_need` entries, which the
-                // builder has checked.
-                unsafe { stack.push(first) };
+                // SAFETY, here and below: with all columns of this node on it, the stack holds at most `stack_need`
+                // entries, and the builder has checked that those fit.
+                unsafe { stack.push(far) };
+                if met == 0 {
+                    current = near.reference();
+                    continue;
+                }
+                // SAFETY: as above.
+                unsafe { stack.push(near) };
                 while met != 0 {
                     // SAFETY: as above; base was the length before this node.
-                    unsafe { stack.insert(base, entry(met.trailing_zeros() as usize)) };
+                    unsafe { stack.insert(base, entry(met)) };
                     met &= met - 1;
                 }
             }
