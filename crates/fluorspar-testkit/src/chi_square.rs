@@ -65,11 +65,12 @@ pub fn chi_square(observed: &[f64], expected: &[f64]) -> ChiSquare {
 /// Tests directions on the unit sphere against a density per steradian.
 ///
 /// The sphere is divided into `rows` bands of equal cosine by `columns` sectors; the density is integrated in each cell
-/// by a 16 x 16 midpoint rule. Draws that return `None` must be matched by missing density.
+/// by a midpoint rule of `points` x `points`; densities with sharp edges need many. Draws that return `None` must be matched by missing density.
 pub fn chi_square_over_sphere(
     samples: usize,
     rows: usize,
     columns: usize,
+    points: usize,
     mut draw: impl FnMut(usize) -> Option<[f64; 3]>,
     density: impl Fn([f64; 3]) -> f64,
 ) -> ChiSquare {
@@ -85,23 +86,22 @@ pub fn chi_square_over_sphere(
         };
         observed[cell] += 1.0;
     }
-    const POINTS: usize = 16;
     let mut expected = vec![0.0; rows * columns + 1];
     let solid_angle = 4.0 * PI / (rows * columns) as f64;
     let mut total = 0.0;
     for row in 0..rows {
         for column in 0..columns {
             let mut sum = 0.0;
-            for i in 0..POINTS {
-                for j in 0..POINTS {
-                    let z = -1.0 + 2.0 * (row as f64 + (i as f64 + 0.5) / POINTS as f64) / rows as f64;
+            for i in 0..points {
+                for j in 0..points {
+                    let z = -1.0 + 2.0 * (row as f64 + (i as f64 + 0.5) / points as f64) / rows as f64;
                     let phi =
-                        -PI + 2.0 * PI * (column as f64 + (j as f64 + 0.5) / POINTS as f64) / columns as f64;
+                        -PI + 2.0 * PI * (column as f64 + (j as f64 + 0.5) / points as f64) / columns as f64;
                     let r = (1.0 - z * z).sqrt();
                     sum += density([r * phi.cos(), r * phi.sin(), z]);
                 }
             }
-            let probability = sum / (POINTS * POINTS) as f64 * solid_angle;
+            let probability = sum / (points * points) as f64 * solid_angle;
             total += probability;
             expected[row * columns + column] = probability * samples as f64;
         }
@@ -131,7 +131,7 @@ mod tests {
             let (r, phi) = ((1.0 - z * z).sqrt(), i as f64 * 2.399_963_229_728_653);
             Some([r * phi.cos(), r * phi.sin(), z])
         };
-        assert!(chi_square_over_sphere(20_000, 8, 8, spiral, |_| 0.25 / PI).p_value > 0.01);
-        assert!(chi_square_over_sphere(20_000, 8, 8, spiral, |d| d[2].max(0.0) / PI).p_value < 1e-9);
+        assert!(chi_square_over_sphere(20_000, 8, 8, 16, spiral, |_| 0.25 / PI).p_value > 0.01);
+        assert!(chi_square_over_sphere(20_000, 8, 8, 16, spiral, |d| d[2].max(0.0) / PI).p_value < 1e-9);
     }
 }

@@ -345,3 +345,106 @@ fn lobe_radiance(cos: f32, exponent: f32, area: f32) -> f32 {
     let shape = if exponent == 1.0 { 1.0 } else { cos.powf(exponent - 1.0) };
     (exponent + 1.0) / (2.0 * PI * area) * shape
 }
+
+#[cfg(test)]
+mod tests {
+    use fluorspar_testkit::{chi_square_over_sphere, sidak};
+    use glam::Vec2;
+
+    use super::*;
+    use crate::geometry::TriangleMesh;
+    use crate::light::{Emitter, Light, LightGroup};
+    use crate::material::Material;
+    use crate::optics::PerspectiveCamera;
+    use crate::sampling::hash_u64;
+    use crate::scene::{Object, Scene, Shape, SurfaceEmission};
+    use crate::spectral::{Curve, WavelengthGrid};
+
+    fn scene(lights: Vec<Emitter>, objects: Vec<Shape>) -> Scene {
+        let emission = Some(SurfaceEmission { group: 0, radiance: Curve::constant(1.0) });
+        Scene {
+            grid: WavelengthGrid::uniform(500.0, 510.0, 5.0).unwrap(),
+            objects: objects
+                .into_iter()
+                .map(|shape| Object { name: "o".into(), shape, material: 0, emission: emission.clone() })
+                .collect(),
+            materials: vec![Material::lambertian("m", Curve::constant(0.5))],
+            fluorophores: Vec::new(),
+            light_groups: vec![LightGroup { name: "g".into() }],
+            lights: lights
+                .into_iter()
+                .map(|emitter| Light { name: "l".into(), group: 0, spectrum: Curve::constant(1.0), emitter })
+                .collect(),
+            camera: PerspectiveCamera::look_at(Vec3::Z, Vec3::ZERO, Vec3::Y, 50.0, 4, 4).unwrap(),
+        }
+    }
+
+    /// Draws directions towards the lights and compares them with the density that rays report on meeting them:
+    /// the two must be the same function for multiple importance sampling to be unbiased.
+    fn check(scene: &Scene, position: Vec3, normal: Vec3, tests: usize) {
+        let compiled = CompiledScene::new(scene).unwrap();
+        chi_square_over_sphere(
+            20_000,
+            20,
+            20,
+            48,
+            |i| {
+                let (a, b) = (hash_u64(i as u64), hash_u64(i as u64 ^ 0xBEEF_0000_0000));
+                let u = [a >> 40, a & 0xFF_FFFF, b >> 40].map(|bits| bits as f32 / 16_777_216.0);
+                compiled
+                    .sample_light(0, position, normal, u)
+                    .map(|s| s.direction.as_dvec3().normalize().to_array())
+            },
+            |d| {
+                let direction = Vec3::new(d[0] as f32, d[1] as f32, d[2] as f32);
+                let Some(hit) = compiled.closest(position, direction) else { return 0.0 };
+                compiled
+                    .emission_along(position, normal, direction, hit.t, hit.target)
+                    .map_or(0.0, |(_, _, pdf)| f64::from(pdf))
+            },
+        )
+        .assert_accepted(sidak(0.01, tests));
+    }
+
+    #[test]
+    fn every_light_is_sampled_by_the_density_that_it_reports() {
+        let disc = |center: Vec3, exponent| Emitter::Disc {
+            center,
+            normal: -center.normalize(),
+            radius_m: 1.5,
+            exponent,
+        };
+        let quad = TriangleMesh {
+            positions: vec![
+                Vec3::new(-2.0, -1.0, -2.0),
+                Vec3::new(2.0, -1.5, -2.0),
+                Vec3::new(2.0, 2.0, -2.5),
+                Vec3::new(-2.0, 2.0, -2.0),
+            ],
+            uvs: vec![Vec2::ZERO; 4],
+            triangles: vec![[0, 1, 2], [0, 2, 3]],
+            ..TriangleMesh::default()
+        };
+        let cases = vec![
+            scene(vec![disc(Vec3::new(0.0, 0.0, 2.0), 1.0)], vec![]),
+            scene(vec![disc(Vec3::new(0.5, 1.0, 2.0), 6.0)], vec![]),
+            scene(
+                vec![Emitter::Rectangle {
+                    corner: Vec3::new(-1.0, -1.0, 1.0),
+                    edge_u: Vec3::new(0.0, 3.0, 0.0),
+                    edge_v: Vec3::new(3.0, 0.0, 0.0),
+                    exponent: 2.0,
+                }],
+                vec![],
+            ),
+            scene(vec![Emitter::Sphere { center: Vec3::new(0.0, 1.5, 0.5), radius_m: 1.0 }], vec![]),
+            scene(vec![], vec![Shape::Sphere { center: Vec3::ZERO, radius_m: 1.7 }]),
+            scene(vec![], vec![Shape::Disc { center: Vec3::Y, normal: Vec3::Y, radius_m: 1.2 }]),
+            scene(vec![], vec![Shape::Mesh(std::sync::Arc::new(quad))]),
+            scene(vec![disc(Vec3::new(0.0, 0.0, 2.0), 1.0), disc(Vec3::new(3.0, 0.0, 0.5), 2.0)], vec![]),
+        ];
+        for case in &cases {
+            check(case, Vec3::new(0.1, -0.2, 0.05), Vec3::new(0.2, 0.3, 1.0).normalize(), cases.len());
+        }
+    }
+}
