@@ -1,1 +1,3 @@
-//! To be written.
+//! Random numbers as functions of what they are for.
+
+pub mod random;
