@@ -1,1 +1,5 @@
-//! To be written.
+//! What turns scene radiance into irradiance on the sensor.
+
+mod ideal_lens;
+
+pub use ideal_lens::{IdealLens, LensProblem, Vignetting};
