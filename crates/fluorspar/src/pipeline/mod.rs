@@ -1,0 +1,5 @@
+//! Whole chains: a flat sample in numbers, an experiment from scene to analysis.
+
+mod predict;
+
+pub use predict::{ChannelPrediction, Chromaticity, FlatSample, FluorescenceModel, Prediction, RadianceSplit, predict};
