@@ -2,4 +2,7 @@
 
 mod predict;
 
-pub use predict::{ChannelPrediction, Chromaticity, FlatSample, FluorescenceModel, Prediction, RadianceSplit, predict};
+pub use predict::{
+    ChannelPrediction, Chromaticity, FlatSample, FluorescenceModel, PredictError, Prediction, RadianceSplit,
+    predict,
+};

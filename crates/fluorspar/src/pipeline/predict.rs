@@ -190,7 +190,11 @@ pub fn predict(sample: &FlatSample) -> Result<Prediction, PredictError> {
             .map(|(name, e)| ((*name).clone(), chromaticity(e)))
             .collect(),
         leak_ratio: (fluorescent_total > 0.0).then(|| reflected_e.iter().sum::<f64>() / fluorescent_total),
-        radiance: RadianceSplit { reflected: parts.reflected, fluorescence: parts.fluorescence.into_iter().collect(), total },
+        radiance: RadianceSplit {
+            reflected: parts.reflected,
+            fluorescence: parts.fluorescence.into_iter().collect(),
+            total,
+        },
     })
 }
 
