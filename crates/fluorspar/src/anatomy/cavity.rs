@@ -118,7 +118,7 @@ pub(super) fn cavity_parts(parameters: &MouthParameters) -> Vec<Part> {
     let sheet = Sheet::new(parameters);
     let detail = parameters.detail;
     // An even number of columns per quarter, so that the corners are columns.
-    let quarter = count(44, detail);
+    let quarter = count(38, detail);
     let columns = 4 * quarter;
     let knots: Vec<Vec<DVec3>> = (0..columns)
         .map(|column| {

@@ -65,7 +65,7 @@ fn profile(arch: &Arch, arc: f64) -> Vec<DVec3> {
     let end = end_of_gums(arch);
     let closing = smoothstep(end - 6.5, end, arc.abs());
     if closing > 0.0 {
-        let heart = points[points.len() - 1];
+        let heart = at(0.5, length + 6.5);
         let shrink = 1.0 - (1.0 - (1.0 - closing * closing).max(0.0).sqrt()) * 0.995;
         for point in &mut points {
             *point = heart + (*point - heart) * shrink;

@@ -60,8 +60,8 @@ fn hard_palate_point(parameters: &MouthParameters, arch: &Arch, arc: f64, across
 pub(super) fn hard_palate_mesh(parameters: &MouthParameters, arch: &Arch, pose: &JawPose) -> TriangleMesh {
     let detail = parameters.detail;
     let end = end_of_border(arch);
-    let v_values = linspace(0.0, 1.0, count(80, detail));
-    let u_values = linspace(0.0, 1.0, count(70, detail));
+    let v_values = linspace(0.0, 1.0, count(64, detail));
+    let u_values = linspace(0.0, 1.0, count(60, detail));
     grid_mesh(&v_values, &u_values, pose.mirrored, |v, u| {
         let arc = end * v;
         (pose.point(hard_palate_point(parameters, arch, arc, 2.0 * u - 1.0)), DVec2::new(u, v))
@@ -73,7 +73,7 @@ pub(super) fn hard_palate_mesh(parameters: &MouthParameters, arch: &Arch, pose: 
 pub(super) fn soft_palate_mesh(parameters: &MouthParameters, arch: &Arch, pose: &JawPose) -> TriangleMesh {
     let detail = parameters.detail;
     let end = end_of_border(arch);
-    let u_values = linspace(0.0, 1.0, count(80, detail));
+    let u_values = linspace(0.0, 1.0, count(64, detail));
     let front = linspace(0.0, 1.0, count(36, detail));
     let mut v_values = front.clone();
     v_values.extend(linspace(1.0, 1.5, count(8, detail)).into_iter().skip(1));

@@ -33,7 +33,7 @@ fn extremes() -> Vec<MouthParameters> {
             papilla_scale: 2.0,
             ..coarse()
         },
-        MouthParameters { tooth_irregularity: 3.0, missing_teeth: vec![11, 36], detail: 0.25, ..coarse() },
+        MouthParameters { tooth_irregularity: 3.0, missing_teeth: vec![11, 36], detail: 0.4, ..coarse() },
         MouthParameters { arch_exponent: 0.6, palate_height_mm: 26.0, ..coarse() },
     ]
 }

@@ -65,11 +65,11 @@ impl<'a> Tongue<'a> {
         let knots = [
             (0.0, tip_height),
             (9.0, lerp(tip_height, 5.0, 0.75)),
-            (18.0, 6.3 * flatten),
-            (32.0, 7.2 * flatten),
-            (46.0, 5.6 * flatten),
-            (57.0, 1.5),
-            (65.0, -4.5),
+            (18.0, 5.6 * flatten),
+            (32.0, 6.2 * flatten),
+            (46.0, 4.2 * flatten),
+            (57.0, 0.3),
+            (65.0, -5.0),
             (71.0, -12.0),
             (75.0, -21.0),
         ]
@@ -228,10 +228,10 @@ impl<'a> Tongue<'a> {
         height -= 0.6 * bell(from_sulcus / 0.008);
         // Papillae finer than the mesh are left out.
         let resolved = smoothstep(0.2, 0.8, self.parameters.detail);
-        let filiform = resolved * bumps(seed ^ 0x13, across / 0.72, along / 0.8, 0.62, 1.0) * 0.24;
+        let filiform = resolved * bumps(seed ^ 0x13, across / 0.95, along / 0.95, 0.62, 1.0) * 0.24;
         let rarity =
             lerp(0.72, 0.08, smoothstep(0.0, 0.45, v + 0.012 * (18.0 - across.abs()).max(0.0) * 0.3));
-        let fungiform = resolved.sqrt() * bumps(seed ^ 0x14, across / 1.6, along / 1.6, 0.32, rarity) * 0.42;
+        let fungiform = resolved.sqrt() * bumps(seed ^ 0x14, across / 1.9, along / 1.9, 0.34, rarity) * 0.5;
         let tonsil = bumps(seed ^ 0x15, across / 4.2, along / 4.2, 0.68, 0.95) * 1.1;
         height += scale * (front * filiform.max(fungiform) + (1.0 - front) * tonsil);
         // Vallate papillae stand in front of the sulcus, each in its moat.
@@ -267,7 +267,7 @@ impl<'a> Tongue<'a> {
                 0.03 * x * x
             })
             .collect();
-        v_values.extend(linspace(0.03, 1.0, count(220, detail)).into_iter().skip(1));
+        v_values.extend(linspace(0.03, 1.0, count(250, detail)).into_iter().skip(1));
         let u_values = linspace(0.0, 1.0, columns);
         grid_mesh(&v_values, &u_values, side > 0.0, |v, u| (self.point(v, u, side), DVec2::new(u, v)))
     }
@@ -275,7 +275,7 @@ impl<'a> Tongue<'a> {
     /// The back of the tongue: u from the patient's right border (0) over the midline to the left (1), v from the tip
     /// (0) to the base (1).
     pub(super) fn dorsum_mesh(&self) -> TriangleMesh {
-        self.mesh(1.0, count(180, self.parameters.detail))
+        self.mesh(1.0, count(230, self.parameters.detail))
     }
 
     /// The underside, with the same texture coordinates on the shared border.
