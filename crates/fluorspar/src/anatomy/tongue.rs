@@ -65,11 +65,11 @@ impl<'a> Tongue<'a> {
         let knots = [
             (0.0, tip_height),
             (9.0, lerp(tip_height, 5.0, 0.75)),
-            (18.0, 5.6 * flatten),
-            (32.0, 6.2 * flatten),
-            (46.0, 4.2 * flatten),
-            (57.0, 0.3),
-            (65.0, -5.0),
+            (18.0, 5.3 * flatten),
+            (32.0, 5.4 * flatten),
+            (46.0, 3.0 * flatten),
+            (57.0, -0.8),
+            (65.0, -5.5),
             (71.0, -12.0),
             (75.0, -21.0),
         ]
@@ -275,11 +275,11 @@ impl<'a> Tongue<'a> {
     /// The back of the tongue: u from the patient's right border (0) over the midline to the left (1), v from the tip
     /// (0) to the base (1).
     pub(super) fn dorsum_mesh(&self) -> TriangleMesh {
-        self.mesh(1.0, count(230, self.parameters.detail))
+        self.mesh(1.0, 2 * count(115, self.parameters.detail))
     }
 
     /// The underside, with the same texture coordinates on the shared border.
     pub(super) fn ventral_mesh(&self) -> TriangleMesh {
-        self.mesh(-1.0, count(60, self.parameters.detail))
+        self.mesh(-1.0, 2 * count(30, self.parameters.detail))
     }
 }
