@@ -28,7 +28,7 @@ fn profile(arch: &Arch, arc: f64) -> Vec<DVec3> {
     let across = station.across.abs();
     // 0 at the middle of a tooth, 1 at its contacts: papillae are pointed, the margin between them is round.
     let papilla = pow(across, 2.4);
-    let contact = length * lerp(0.4, 0.55, smoothstep(10.0, 22.0, arc.abs()));
+    let contact = length * lerp(0.35, 0.53, smoothstep(10.0, 22.0, arc.abs()));
     let margin = lerp(length - 0.7, contact, papilla);
     let inner_margin = lerp(length - 0.9, contact - 0.3, papilla);
     // A gap is healed over by a rounded ridge.
