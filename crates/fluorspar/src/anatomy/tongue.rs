@@ -57,7 +57,10 @@ impl<'a> Tongue<'a> {
 
     fn shape_midline(&mut self, tip_z: f64, stretch: f64) {
         let p = self.parameters;
-        let mouth_tip = DVec3::new(0.0, -0.5 * p.jaw_opening_mm + 2.6, tip_z);
+        // Over the lower lip where this covers the teeth, and hanging down when far out.
+        let over_lip = (1.5 - p.lip_retraction_mm).max(0.0);
+        let hanging = 0.3 * (p.tongue_protrusion_mm - 8.0).max(0.0);
+        let mouth_tip = DVec3::new(0.0, -0.5 * p.jaw_opening_mm + 2.6 + over_lip - hanging, tip_z);
         let tip = self.pose.inverse_point(mouth_tip);
         let (tip_height, tip_z) = (-tip.y, tip.z);
         let flatten = lerp(0.55, 1.0, smoothstep(20.0, 45.0, p.jaw_opening_mm));
@@ -65,11 +68,11 @@ impl<'a> Tongue<'a> {
         let knots = [
             (0.0, tip_height),
             (9.0, lerp(tip_height, 5.0, 0.75)),
-            (18.0, 5.6 * flatten),
-            (32.0, 6.2 * flatten),
-            (46.0, 4.2 * flatten),
-            (57.0, 0.3),
-            (65.0, -5.0),
+            (18.0, 5.3 * flatten),
+            (32.0, 5.4 * flatten),
+            (46.0, 3.0 * flatten),
+            (57.0, -0.8),
+            (65.0, -5.5),
             (71.0, -12.0),
             (75.0, -21.0),
         ]
@@ -151,7 +154,7 @@ impl<'a> Tongue<'a> {
         const BACK: &[(f64, f64)] =
             &[(0.0, 0.15), (0.1, 0.22), (0.3, 0.38), (0.55, 0.47), (0.75, 0.45), (1.0, 0.4)];
         const UNDER: &[(f64, f64)] =
-            &[(0.0, 0.13), (0.12, 0.17), (0.25, 0.24), (0.45, 0.5), (0.7, 0.55), (1.0, 0.5)];
+            &[(0.0, 0.13), (0.12, 0.17), (0.22, 0.24), (0.42, 0.62), (0.58, 0.95), (0.75, 0.85), (1.0, 0.6)];
         let thickness = self.parameters.tongue_thickness_mm;
         let tip = Self::tip(v, 0.14, 2.0);
         (thickness * curve(BACK, v) * tip, thickness * curve(UNDER, v) * tip)
@@ -275,11 +278,11 @@ impl<'a> Tongue<'a> {
     /// The back of the tongue: u from the patient's right border (0) over the midline to the left (1), v from the tip
     /// (0) to the base (1).
     pub(super) fn dorsum_mesh(&self) -> TriangleMesh {
-        self.mesh(1.0, count(230, self.parameters.detail))
+        self.mesh(1.0, 2 * count(115, self.parameters.detail))
     }
 
     /// The underside, with the same texture coordinates on the shared border.
     pub(super) fn ventral_mesh(&self) -> TriangleMesh {
-        self.mesh(-1.0, count(60, self.parameters.detail))
+        self.mesh(-1.0, 2 * count(30, self.parameters.detail))
     }
 }
