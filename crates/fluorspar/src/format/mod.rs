@@ -7,13 +7,24 @@ mod csv_fluorophore;
 mod csv_spectrum;
 mod csv_table;
 mod error;
+mod exr;
 mod file;
+mod npy;
+mod png;
 mod provenance;
+mod raw;
 
 pub use csv_eem::{AntiStokes, CsvEemOptions, EemTable, EemUnit, read_eem_csv};
 pub use csv_fluorophore::{CsvFluorophore, read_fluorophore_csv};
 pub use csv_spectrum::{CsvColumns, CsvSpectrumOptions, NamedCurve, read_spectrum_csv};
 pub use csv_table::Negative;
 pub use error::FormatError;
+pub use exr::{
+    ExrCompression, ExrOptions, read_component_exr, read_spectral_exr, write_component_exr,
+    write_spectral_exr,
+};
 pub use file::write_atomically;
+pub use npy::{read_component_npy, read_spectral_npy, write_component_npy, write_spectral_npy};
+pub use png::{TextureImage, Transfer, read_texture_png, write_rgb_png};
 pub use provenance::{Loaded, Provenance};
+pub use raw::{read_sensor_image, write_sensor_png, write_sensor_tiff};
