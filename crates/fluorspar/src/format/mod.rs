@@ -9,7 +9,10 @@ mod csv_table;
 mod error;
 mod exr;
 mod file;
+mod mat;
 mod npy;
+mod obj;
+mod ply;
 mod png;
 mod provenance;
 mod raw;
@@ -24,7 +27,10 @@ pub use exr::{
     write_spectral_exr,
 };
 pub use file::write_atomically;
+pub use mat::{IsetFluorophore, MatSpectra, read_iset_fluorophore, read_mat_spectra};
 pub use npy::{read_component_npy, read_spectral_npy, write_component_npy, write_spectral_npy};
+pub use obj::read_obj;
+pub use ply::{read_ply, write_ply};
 pub use png::{TextureImage, Transfer, read_texture_png, write_rgb_png};
 pub use provenance::{Loaded, Provenance};
 pub use raw::{read_sensor_image, write_sensor_png, write_sensor_tiff};
