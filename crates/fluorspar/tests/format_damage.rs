@@ -113,7 +113,7 @@ fn openexr() {
     let path = folder.join("i.exr");
     let image =
         SpectralImage::<Radiance>::from_data(grid(), 4, 20, (0..160).map(|i| i as f32).collect()).unwrap();
-    let provenance = Provenance::new("a = 1", 1, 1);
+    let provenance = Provenance::new("a = 1", "a = 1", 1, 1);
     for compression in [ExrCompression::Uncompressed, ExrCompression::Zip] {
         let options = ExrOptions { compression, provenance: Some(&provenance), ..Default::default() };
         write_spectral_exr(&path, &image, &options).unwrap();

@@ -19,7 +19,7 @@ fn grid() -> WavelengthGrid {
 }
 
 fn provenance() -> Provenance {
-    Provenance::new("[camera]\nname = \"µ-camera\"\n", 7, 16)
+    Provenance::new("camera.name = 1", "[camera]\nname = \"µ-camera\"\n", 7, 16)
 }
 
 fn spectral<Q: Quantity>() -> SpectralImage<Q> {
@@ -160,6 +160,55 @@ fn openexr_mistakes_are_explained() {
             .contains("do not fill")
     );
     assert!(!target.exists());
+}
+
+#[test]
+fn absurd_sizes_are_refused_before_memory_is_taken() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("i.exr");
+    write_spectral_exr(&path, &spectral::<Radiance>(), &ExrOptions::default()).unwrap();
+    let mut bytes = fs::read(&path).unwrap();
+    let name = b"dataWindow\0box2i\0";
+    let at = bytes.windows(name.len()).position(|window| window == name).unwrap() + name.len() + 12;
+    for (last, expected) in [
+        (
+            99_999_i32,
+            "i.exr: the image claims 100000 rows and 100000 columns of 16 bytes; at most 8589934592 bytes is read. The file is damaged or meant for something else",
+        ),
+        (
+            199_999,
+            "i.exr: the image claims 200000 rows and 200000 columns; at most 100000 a side is read. The file is damaged or meant for something else",
+        ),
+    ] {
+        bytes[at..at + 4].copy_from_slice(&last.to_le_bytes());
+        bytes[at + 4..at + 8].copy_from_slice(&last.to_le_bytes());
+        fs::write(&path, &bytes).unwrap();
+        assert_eq!(said(folder.path(), read_spectral_exr::<Radiance>(&path)), expected);
+    }
+
+    let path = folder.path().join("f.tiff");
+    write_sensor_tiff(&path, &frame(), None).unwrap();
+    let mut bytes = fs::read(&path).unwrap();
+    // Entries of 12 bytes follow their number; tag 256 is the width, its value the last four bytes.
+    let directory = u32::from_le_bytes([bytes[4], bytes[5], bytes[6], bytes[7]]) as usize;
+    let at = (directory + 2..).step_by(12).find(|&at| bytes[at..at + 2] == [0, 1]).unwrap() + 8;
+    bytes[at..at + 4].copy_from_slice(&3_000_000_u32.to_le_bytes());
+    fs::write(&path, &bytes).unwrap();
+    assert_eq!(
+        said(folder.path(), read_sensor_image(&path)),
+        "f.tiff: the image claims 4 rows and 3000000 columns; at most 100000 a side is read. \
+         The file is damaged or meant for something else"
+    );
+
+    let path = folder.path().join("t.png");
+    let mut encoder = png::Encoder::new(fs::File::create(&path).unwrap(), 100_001, 1);
+    encoder.set_color(png::ColorType::Grayscale);
+    encoder.write_header().unwrap().write_image_data(&[0; 100_001]).unwrap();
+    assert_eq!(
+        said(folder.path(), read_texture_png(&path, Transfer::Linear)),
+        "t.png: the image claims 1 rows and 100001 columns; at most 100000 a side is read. \
+         The file is damaged or meant for something else"
+    );
 }
 
 #[test]

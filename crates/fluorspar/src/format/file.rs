@@ -7,6 +7,8 @@ use std::path::{Path, PathBuf};
 use std::process;
 use std::sync::atomic::{AtomicU64, Ordering};
 
+use sha2::{Digest, Sha256};
+
 use super::FormatError;
 
 /// Most bytes an image may take in memory.
@@ -30,13 +32,12 @@ pub fn write_atomically(
     write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>,
 ) -> Result<(), FormatError> {
     static NEXT: AtomicU64 = AtomicU64::new(0);
-    let Some(name) = path.file_name() else {
+    if path.file_name().is_none() {
         return Err(FormatError::unwritable(path, "the path names no file", "Add a file name"));
-    };
-    let mut partial = std::ffi::OsString::from(".");
-    partial.push(name);
-    partial.push(format!(".{}-{}.partial", process::id(), NEXT.fetch_add(1, Ordering::Relaxed)));
-    let partial = RemovedOnDrop(path.with_file_name(partial));
+    }
+    let number = NEXT.fetch_add(1, Ordering::Relaxed);
+    let partial = path.with_file_name(format!(".fluorspar-{}-{number}.partial", process::id()));
+    let partial = RemovedOnDrop(partial);
 
     let file = OpenOptions::new()
         .read(true)
@@ -128,6 +129,15 @@ pub(super) fn check_image_size(
         ));
     }
     Ok(())
+}
+
+/// SHA-256 of blocks of bytes, lower-case hexadecimal.
+pub(super) fn sha256_hex(blocks: impl IntoIterator<Item = impl AsRef<[u8]>>) -> String {
+    let mut hash = Sha256::new();
+    for block in blocks {
+        hash.update(block);
+    }
+    hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 /// Turns a panic of a third-party decoder, which only damaged files provoke, into an error.

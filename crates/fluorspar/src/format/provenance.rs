@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::file::sha256_hex;
+
 /// Program, version and complete configuration behind a result.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Provenance {
@@ -24,11 +26,18 @@ pub struct Provenance {
 
 impl Provenance {
     /// Provenance of this version of the program, without a time of creation.
-    pub fn new(resolved_experiment_toml: impl Into<String>, seed: u64, samples_per_pixel: u32) -> Self {
+    ///
+    /// `experiment` is the text that the user wrote, `resolved_experiment_toml` the same with every default filled in.
+    pub fn new(
+        experiment: &str,
+        resolved_experiment_toml: impl Into<String>,
+        seed: u64,
+        samples_per_pixel: u32,
+    ) -> Self {
         Self {
             program: "fluorspar".into(),
             version: env!("CARGO_PKG_VERSION").into(),
-            experiment_sha256: String::new(),
+            experiment_sha256: sha256_hex([experiment]),
             resolved_experiment_toml: resolved_experiment_toml.into(),
             seed,
             samples_per_pixel,
@@ -44,4 +53,23 @@ pub struct Loaded<T> {
     pub image: T,
     /// Where they come from.
     pub provenance: Option<Provenance>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_experiment_is_known_by_its_sha256() {
+        let provenance = Provenance::new("abc", "", 1, 2);
+        // FIPS 180-2, appendix B.1.
+        let expected = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad";
+        assert_eq!(provenance.experiment_sha256, expected);
+    }
+
+    #[test]
+    fn equal_runs_have_equal_provenance() {
+        let json = serde_json::to_string(&Provenance::new("a", "b", 1, 2)).unwrap();
+        assert!(!json.contains("created_utc"), "{json}");
+    }
 }

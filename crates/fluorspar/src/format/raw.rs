@@ -1,17 +1,17 @@
 //! Raw sensor frames as 16-bit grey TIFF or PNG with a JSON description beside them.
 
 use std::fs::File;
-use std::io::{self, BufReader, Read, Seek, Write};
+use std::io::{self, BufReader, Read, Seek};
 use std::path::Path;
 
 use png::{BitDepth, ColorType};
 use serde::{Deserialize, Serialize};
-use sha2::{Digest, Sha256};
 use tiff::decoder::{Decoder, DecodingResult, Limits};
 use tiff::encoder::{TiffEncoder, colortype::Gray16};
 
 use super::file::{
-    MAX_IMAGE_BYTES, check_image_size, guarded, read_sidecar, sidecar_path, write_atomically, write_sidecar,
+    MAX_IMAGE_BYTES, check_image_size, guarded, read_sidecar, sha256_hex, sidecar_path, write_atomically,
+    write_sidecar,
 };
 use super::png::{read_png, write_png};
 use super::{FormatError, Loaded, Provenance};
@@ -201,16 +201,9 @@ fn contradiction(image: &SensorImage) -> Option<String> {
 }
 
 fn pixels_sha256(data: &[u16]) -> String {
-    let mut hash = Sha256::new();
-    for block in data.chunks(1 << 15) {
-        let bytes: Vec<u8> = block.iter().flat_map(|value| value.to_le_bytes()).collect();
-        hash.update(&bytes);
-    }
-    let mut text = Vec::new();
-    for byte in hash.finalize() {
-        let _ = write!(text, "{byte:02x}");
-    }
-    String::from_utf8_lossy(&text).into_owned()
+    sha256_hex(
+        data.chunks(1 << 15).map(|block| -> Vec<u8> { block.iter().flat_map(|v| v.to_le_bytes()).collect() }),
+    )
 }
 
 fn read_grey_png(path: &Path) -> Result<(usize, usize, Vec<u16>), FormatError> {

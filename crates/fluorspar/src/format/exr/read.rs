@@ -91,7 +91,7 @@ fn read_component_parts(path: &Path) -> Result<Loaded<ComponentImage>, FormatErr
             "Read it as a spectral image, or render the components",
         ));
     };
-    let bytes_per_pixel = (4 * grid.len() * components.len()) as u64;
+    let bytes_per_pixel = (4 * (grid.len() * components.len() + FEATURE_CHANNELS.len())) as u64;
     check_image_size(path, width as u64, height as u64, bytes_per_pixel)?;
     let pixels = width * height;
     let mut buffers = [vec![0.0; components.len() * pixels * grid.len()], Vec::new()];
