@@ -6,7 +6,7 @@ use crate::{Axis, Dash, Figure, Ink, Panel, Scale, Series, Shape};
 /// Decades shown on a logarithmic radiance axis.
 const RADIANCE_DECADES: i32 = 6;
 
-/// Mean spectral radiance of a region: the sum (black), reflected light (grey, dashed) and each fluorophore.
+/// Mean spectral radiance of a region: the sum (black), reflected light (pink, dashed) and each fluorophore.
 pub fn radiance_by_component(
     total: Option<&NamedCurve>,
     reflected: Option<&NamedCurve>,

@@ -141,6 +141,14 @@ pub struct MixtureFit {
     pub clamped: bool,
 }
 
+impl LineEstimate {
+    /// Whether the pixel lies farther beside the line than noise explains: more than three standard errors, as 0.3 % do by
+    /// chance. Something else is in its light then, for instance a highlight, and its fraction means little.
+    pub fn is_off_line(&self) -> bool {
+        self.distance.abs() > 3.0 * self.distance_standard_error
+    }
+}
+
 impl MixtureLine {
     /// The line between two responses, R, G, B per unit amount.
     ///
