@@ -262,6 +262,10 @@ fn draw_axes(panel: &Panel, frame: Frame, covered: bool, marks: &mut Vec<Mark>) 
     marks.push(Mark::Strokes { lines: outward, width: 1.0, ink: Ink::Muted });
 }
 
+fn is_finite(point: &[f64; 2]) -> bool {
+    point[0].is_finite() && point[1].is_finite()
+}
+
 fn draw_series(
     series: &Series,
     panel: &Panel,
@@ -270,7 +274,6 @@ fn draw_series(
     marks: &mut Vec<Mark>,
 ) {
     let ink = series.ink;
-    let is_finite = |point: &[f64; 2]| point[0].is_finite() && point[1].is_finite();
     match &series.shape {
         Shape::Line { points, width, dash } => {
             let lines = points
@@ -322,7 +325,7 @@ fn draw_labels(panel: &Panel, frame: Frame, to_px: &dyn Fn([f64; 2]) -> [f64; 2]
                 crowd.extend(points.iter().step_by(step).map(|&point| to_px(point)));
             }
             Shape::Line { points, .. } => {
-                let px: Vec<[f64; 2]> = points.iter().map(|&point| to_px(point)).collect();
+                let px: Vec<[f64; 2]> = points.iter().copied().filter(is_finite).map(to_px).collect();
                 // Strokes of 4 px: their ends are points every 4 px along the line.
                 lines.extend(
                     dashed(&px, &[4.0, 0.1]).into_iter().filter_map(|stroke| stroke.first().copied()),

@@ -347,6 +347,12 @@ impl PorphyrinMap {
     pub fn fractions(&self) -> Vec<Option<f32>> {
         self.estimates.iter().map(|e| e.map(|estimate| estimate.fraction as f32)).collect()
     }
+
+    /// The same without pixels off the line, whose fraction is an artefact: rims of highlights, for instance.
+    pub fn fractions_on_line(&self) -> Vec<Option<f32>> {
+        let on_line = |e: &Option<LineEstimate>| e.filter(|e| !e.is_off_line()).map(|e| e.fraction as f32);
+        self.estimates.iter().map(on_line).collect()
+    }
 }
 
 pub(super) fn pixel_rgb(image: &ChannelImage, channels: [usize; 3], pixel: usize) -> [f64; 3] {
