@@ -147,7 +147,7 @@ fn capture() -> ChannelImage {
             let (x, y) = ((col as f64 - 160.0) / 95.0, (row as f64 - 140.0) / 90.0);
             let inside = (1.0 - edge(x.hypot(y), 1.0, 0.03)) * (1.0 - 0.35 * x.hypot(y).min(1.0));
             let patch = 0.5 + 0.5 * (7.0 * x + 2.0 * (5.0 * y).sin()).sin() * (6.0 * y).cos();
-            let porphyrin = 0.22 * (1.0 - edge(y, -0.1, 0.2)) * patch * bell(x, 0.0, 0.5) + 0.004;
+            let porphyrin = 0.6 * (1.0 - edge(y, -0.1, 0.2)) * patch * bell(x, 0.0, 0.5) + 0.004;
             let rgb = line.as_ref().map_or([0.0; 3], |line| line.rgb(1.0 - porphyrin, porphyrin));
             let highlight = 9e3 * bell(x, 0.3, 0.02) * bell(y, 0.45, 0.02);
             let scale = 260.0 * inside;
@@ -195,11 +195,13 @@ fn report(
         .show(picture("Region of interest", preview(image), Some([100.0, 70.0, 120.0, 130.0])), "The white box is the region.");
     if let Some(porphyrin) = porphyrin {
         let grey: Vec<u8> = preview(image).pixels.iter().map(|pixel| pixel[1]).collect();
-        let figure = porphyrin_map(WIDTH, HEIGHT, &porphyrin.fractions(), Some(&grey), 0.2);
+        let figure = porphyrin_map(WIDTH, HEIGHT, &porphyrin.fractions_on_line(), Some(&grey), 0.5);
         if let Some(figure) = figure {
             tongue = tongue.show(figure, "Porphyrin sits in patches towards the back.");
         }
     }
+    let region = analysis.mixture.as_ref().and_then(|mixture| mixture.region);
+    let fraction = region.map_or_else(String::new, |region| format!("{:.3}", region.estimate.fraction));
     ReportData {
         title: "Sample report: a tongue under 385 nm".into(),
         lead: vec![
@@ -208,7 +210,7 @@ fn report(
                 .into(),
         ],
         headline: vec![
-            Number::computed("Porphyrin fraction", "0.026 ± 0.001", "", "of the region, 95 % interval from sensor noise"),
+            Number::computed("Porphyrin fraction", fraction, "", "of the region, from its mean colour"),
             Number::computed("Pixels used", analysis.counts.valid.to_string(), "", "bright enough and not saturated"),
             Number::computed("Exposure", "30", "ms", "under the blue light"),
         ],

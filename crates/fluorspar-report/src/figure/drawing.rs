@@ -62,7 +62,8 @@ pub(super) struct Drawing {
     pub(super) marks: Vec<Mark>,
 }
 
-/// Cuts a line into the strokes of a dash pattern (stroke, gap, stroke, ... px); no pattern leaves it whole.
+/// Cuts a line into the strokes of a dash pattern (stroke, gap, stroke, ... px); no pattern leaves it whole. All points must
+/// be finite.
 pub(super) fn dashed(points: &[[f64; 2]], pattern: &[f64]) -> Vec<Vec<[f64; 2]>> {
     if pattern.is_empty() || points.len() < 2 {
         return vec![points.to_vec()];

@@ -81,12 +81,21 @@ fn text_mark(at: [f64; 2], text: &str, size: u32, anchor: Anchor, ink: Ink) -> M
     Mark::Text { at, text: text.to_owned(), size, anchor, ink }
 }
 
+/// As many ticks as have room for their texts.
 fn x_ticks(panel: &Panel) -> Vec<Tick> {
-    panel.x.ticks((panel.size[0] / 62.0) as usize)
+    let mut most = (panel.size[0] / 44.0) as usize;
+    loop {
+        let ticks = panel.x.ticks(most);
+        let labelled = ticks.iter().filter(|tick| tick.text.is_some()).count().max(2) - 1;
+        if most <= 2 || panel.size[0] / labelled as f64 >= widest(&ticks) + 16.0 {
+            return ticks;
+        }
+        most -= 1;
+    }
 }
 
 fn y_ticks(axis: &Axis, height: f64) -> Vec<Tick> {
-    axis.ticks((height / 36.0) as usize)
+    axis.ticks((height / 44.0) as usize)
 }
 
 fn widest(ticks: &[Tick]) -> f64 {
@@ -112,7 +121,7 @@ fn margins(panel: &Panel) -> Margins {
         left: if panel.y.is_hidden() { 0.0 } else { widest(&y_ticks(&panel.y, panel.size[1])) + 10.0 },
         right: 20.0 + bar,
         top: if panel.title.is_empty() { 4.0 } else { 22.0 }
-            + if panel.y.is_hidden() && panel.color_bar.is_none() { 0.0 } else { 21.0 },
+            + if panel.y.is_hidden() && panel.color_bar.is_none() { 0.0 } else { 25.0 },
         bottom: if panel.x.is_hidden() { 10.0 } else { 48.0 },
     }
 }
@@ -179,7 +188,7 @@ fn draw_panel(panel: &Panel, frame: Frame, left_margin: f64, marks: &mut Vec<Mar
         [frame.left + panel.x.position(x) * frame.width, frame.bottom() - panel.y.position(y) * frame.height]
     };
     let heading_left = frame.left - left_margin;
-    let mut heading = frame.top - 9.0;
+    let mut heading = frame.top - 13.0;
     if !panel.y.is_hidden() {
         marks.push(text_mark(
             [heading_left, heading],
@@ -253,6 +262,10 @@ fn draw_axes(panel: &Panel, frame: Frame, covered: bool, marks: &mut Vec<Mark>) 
     marks.push(Mark::Strokes { lines: outward, width: 1.0, ink: Ink::Muted });
 }
 
+fn is_finite(point: &[f64; 2]) -> bool {
+    point[0].is_finite() && point[1].is_finite()
+}
+
 fn draw_series(
     series: &Series,
     panel: &Panel,
@@ -261,7 +274,6 @@ fn draw_series(
     marks: &mut Vec<Mark>,
 ) {
     let ink = series.ink;
-    let is_finite = |point: &[f64; 2]| point[0].is_finite() && point[1].is_finite();
     match &series.shape {
         Shape::Line { points, width, dash } => {
             let lines = points
@@ -304,7 +316,7 @@ fn draw_series(
 
 fn draw_labels(panel: &Panel, frame: Frame, to_px: &dyn Fn([f64; 2]) -> [f64; 2], marks: &mut Vec<Mark>) {
     let mut found: Vec<(&Label, [f64; 2])> = Vec::new();
-    let mut crowd = Vec::new();
+    let (mut crowd, mut lines) = (Vec::new(), Vec::new());
     for series in &panel.series {
         match &series.shape {
             Shape::Labels(labels) => found.extend(labels.iter().map(|label| (label, to_px(label.at)))),
@@ -312,11 +324,18 @@ fn draw_labels(panel: &Panel, frame: Frame, to_px: &dyn Fn([f64; 2]) -> [f64; 2]
                 let step = (points.len() / 2000).max(1);
                 crowd.extend(points.iter().step_by(step).map(|&point| to_px(point)));
             }
+            Shape::Line { points, .. } => {
+                let px: Vec<[f64; 2]> = points.iter().copied().filter(is_finite).map(to_px).collect();
+                // Strokes of 4 px: their ends are points every 4 px along the line.
+                lines.extend(
+                    dashed(&px, &[4.0, 0.1]).into_iter().filter_map(|stroke| stroke.first().copied()),
+                );
+            }
             _ => {}
         }
     }
     found.retain(|(_, at)| frame.contains(*at));
-    labels::place(&found, &crowd, frame, Ink::Text, marks);
+    labels::place(&found, &crowd, &lines, frame, marks);
 }
 
 fn draw_color_bar(bar: &ColorBar, frame: Frame, marks: &mut Vec<Mark>) {
@@ -334,7 +353,7 @@ fn draw_color_bar(bar: &ColorBar, frame: Frame, marks: &mut Vec<Mark>) {
         }
     }
     marks.push(Mark::Strokes { lines: outward, width: 1.0, ink: Ink::Muted });
-    let at = [bar_frame.left, frame.top - 9.0];
+    let at = [bar_frame.left, frame.top - 13.0];
     marks.push(text_mark(at, &bar.axis.title(), LABEL_SIZE, Anchor::Start, Ink::Muted));
 }
 

@@ -155,9 +155,10 @@ impl Dash {
     fn lengths(self) -> &'static [f64] {
         match self {
             Self::Solid => &[],
-            Self::Dashed => &[8.0, 5.0],
-            Self::Dotted => &[2.0, 4.0],
-            Self::DashDotted => &[9.0, 4.0, 2.0, 4.0],
+            // Round ends add the line's width to each stroke and take it from each gap.
+            Self::Dashed => &[7.0, 6.0],
+            Self::Dotted => &[0.5, 5.0],
+            Self::DashDotted => &[8.0, 5.5, 0.5, 5.5],
         }
     }
 }

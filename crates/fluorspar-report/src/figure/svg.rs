@@ -93,7 +93,8 @@ fn write_mark(svg: &mut String, mark: &Mark) {
             let paint = paint("stroke", *ink);
             writeln!(
                 svg,
-                "<path d=\"{path}\" fill=\"none\"{paint} stroke-width=\"{width}\" stroke-linejoin=\"round\"/>"
+                "<path d=\"{path}\" fill=\"none\"{paint} stroke-width=\"{width}\" stroke-linejoin=\"round\" \
+                 stroke-linecap=\"round\"/>"
             )
         }
         Mark::Polygon { corners, opacity, ink } => {

@@ -13,7 +13,7 @@ pub struct ChromaticityPlot {
     pub fluorophores: Vec<(String, [f64; 2])>,
     /// `(r, g)` of bulk and of porphyrin: the ends of the line on which mixtures lie.
     pub mixture_line: Option<[[f64; 2]; 2]>,
-    /// Outline of an ellipse around the pixels.
+    /// Outline of an ellipse that shows how the pixels spread; empty for none.
     pub ellipse: Vec<[f64; 2]>,
 }
 
@@ -25,11 +25,13 @@ pub fn chromaticity(plot: &ChromaticityPlot) -> Figure {
         .sized(500.0, 500.0)
         .with(Series::unnamed(Ink::Muted, Shape::Area { outline: impossible, opacity: 0.16 }));
     if !plot.pixels.is_empty() {
+        // A few dots must show one by one, many must not become one black patch.
+        let opacity = (1500.0 / plot.pixels.len() as f64).clamp(0.15, 0.6);
         let drawn = if plot.pixels.len() > Shape::MOST_DOTS { ", about 20 000 shown" } else { "" };
         panel = panel.with(Series {
             name: Some(format!("pixels of {} ({}{drawn})", plot.region, plot.pixels.len())),
             ink: Ink::Text,
-            shape: Shape::Dots { points: plot.pixels.clone(), radius: 1.1, opacity: 0.25 },
+            shape: Shape::Dots { points: plot.pixels.clone(), radius: 1.1, opacity },
         });
     }
     if let Some([bulk, porphyrin]) = plot.mixture_line {
@@ -40,7 +42,7 @@ pub fn chromaticity(plot: &ChromaticityPlot) -> Figure {
     if plot.ellipse.len() > 2 {
         let points = plot.ellipse.iter().chain(plot.ellipse.first()).copied().collect();
         panel = panel.with(Series {
-            name: Some("ellipse for 95 % of the pixels".into()),
+            name: Some("spread of the pixels".into()),
             ink: Ink::Rgb(204, 121, 167),
             shape: Shape::Line { points, width: 1.5, dash: Dash::Solid },
         });
@@ -57,7 +59,7 @@ pub fn chromaticity(plot: &ChromaticityPlot) -> Figure {
     let labels = plot.fluorophores.iter().map(label).collect();
     panel = panel.with(Series::unnamed(Ink::Text, Shape::Labels(labels)));
     Figure::new("Sensor chromaticity", panel).explained(
-        "Each black dot is one pixel. Its place shows which share of its signal is red (r) and which is green (g); how bright the \
+        "Each small dot is one pixel. Its place shows which share of its signal is red (r) and which is green (g); how bright the \
          pixel is does not matter. Coloured points show where each fluorophore alone would lie. Any mixture of two lies on the \
          straight line between them, so pixels that stretch towards the porphyrin point contain more porphyrin. No pixel can \
          lie in the grey corner, where r + g would exceed 1.",

@@ -24,6 +24,13 @@ impl EemMap {
     }
 }
 
+/// Where a matrix is zero because emission would need more energy than the excitation brought.
+const FORBIDDEN: [u8; 3] = [198, 202, 207];
+
+fn at_center([first, last]: [f64; 2], bin: usize, bins: usize) -> f64 {
+    first + (last - first) * (bin as f64 + 0.5) / bins as f64
+}
+
 /// Heat maps of all matrices, excitation along x and emission along y, each relative to its own largest value.
 pub fn eem_maps(maps: &[EemMap], light_peak_nm: Option<f64>) -> Figure {
     let color_bar = ColorBar { axis: Axis::linear("relative", "", [0.0, 1.0]), map: ColorMap::Viridis };
@@ -36,7 +43,12 @@ pub fn eem_maps(maps: &[EemMap], light_peak_nm: Option<f64>) -> Figure {
         }
         let peak = map.values.iter().copied().filter(|value| value.is_finite()).fold(0.0, f64::max);
         let raster = Raster::from_fn(map.columns, rows, |row, col| {
-            let value = map.values[(rows - 1 - row) * map.columns + col];
+            let row = rows - 1 - row;
+            let value = map.values[row * map.columns + col];
+            let excitation = at_center(map.excitation_nm, col, map.columns);
+            if value == 0.0 && at_center(map.emission_nm, row, rows) <= excitation {
+                return FORBIDDEN;
+            }
             ColorMap::Viridis.color(if peak > 0.0 { value / peak } else { 0.0 })
         });
         let mut panel = Panel::new(
@@ -54,7 +66,7 @@ pub fn eem_maps(maps: &[EemMap], light_peak_nm: Option<f64>) -> Figure {
             let shape = Shape::Line { points, width: 1.5, dash: Dash::Dashed };
             panel = panel.with(Series::unnamed(Ink::Rgb(255, 255, 255), shape));
         }
-        if index + 1 == maps.len() || (index + 1) % columns == 0 {
+        if (index + 1) % columns == 0 {
             panel.color_bar = Some(color_bar.clone());
         }
         panels.push(panel);
@@ -64,7 +76,7 @@ pub fn eem_maps(maps: &[EemMap], light_peak_nm: Option<f64>) -> Figure {
         .unwrap_or_default();
     Figure::grid("Excitation-emission matrices", panels, columns).explained(format!(
         "Each fluorophore takes in light at one wavelength (horizontal) and gives off light at a longer one (vertical). Brightness \
-         is the strength relative to that fluorophore's own maximum, so colours cannot be compared between the maps. The dark \
+         is the strength relative to that fluorophore's own maximum, so colours cannot be compared between the maps. The grey \
          triangle is where the emission would need more energy than the excitation brought.{line}"
     ))
 }

@@ -12,8 +12,8 @@ pub fn filters(filters: &[NamedCurve]) -> Figure {
     // A transmittance of exactly zero has no density; the line leaves through the top instead.
     let density = |transmittance: f64| -transmittance.max(1e-30).log10();
     let floors = filters.iter().flat_map(|filter| &filter.value).filter(|value| **value > 0.0);
-    let highest = floors.map(|&value| density(value)).fold(LEAST_DENSITY, f64::max).min(8.0).ceil();
-    let mut linear = Panel::new(Axis::wavelength(limits), Axis::linear("transmittance", "", [0.0, 1.0]))
+    let highest = floors.map(|&value| density(value)).fold(LEAST_DENSITY, f64::max).min(8.0).ceil() + 0.2;
+    let mut linear = Panel::new(Axis::wavelength(limits), Axis::linear("transmittance", "", [0.0, 1.04]))
         .sized(340.0, 280.0);
     let mut blocking =
         Panel::new(Axis::wavelength(limits), Axis::linear("optical density", "", [0.0, highest]))

@@ -10,7 +10,7 @@ pub const LIGHT_DECADES: i32 = 5;
 /// Spectral power of each light relative to its peak, with filter transmittances over it. Powers are energy, not photons.
 pub fn lights(lights: &[NamedCurve], filters: &[NamedCurve]) -> Figure {
     let x = Axis::wavelength(wavelength_limits(lights));
-    let y = Axis::log10("relative spectral power; transmittance", "", [10f64.powi(-LIGHT_DECADES), 1.0]);
+    let y = Axis::log10("relative spectral power; transmittance", "", [10f64.powi(-LIGHT_DECADES), 1.5]);
     let mut panel = Panel::new(x, y);
     for (index, light) in lights.iter().enumerate() {
         let peak = light.peak();

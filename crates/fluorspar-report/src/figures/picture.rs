@@ -57,7 +57,7 @@ pub fn porphyrin_map(
     Some(Figure::new("Porphyrin fraction", panel).explained(
         "Coloured pixels lie in the region and have a porphyrin fraction: the amount of porphyrin over the amount of porphyrin and \
          bulk together, in the relative units of the fluorophore models. Grey pixels are outside the region, saturated, \
-         or too dark to say.",
+         too dark, or hold other light.",
     ))
 }
 

@@ -6,7 +6,7 @@ use crate::{Axis, Dash, Figure, Ink, Panel, Scale, Series, Shape};
 /// Decades shown on a logarithmic radiance axis.
 const RADIANCE_DECADES: i32 = 6;
 
-/// Mean spectral radiance of a region: the sum (black), reflected light (grey, dashed) and each fluorophore.
+/// Mean spectral radiance of a region: the sum (black), reflected light (pink, dashed) and each fluorophore.
 pub fn radiance_by_component(
     total: Option<&NamedCurve>,
     reflected: Option<&NamedCurve>,
@@ -27,8 +27,12 @@ pub fn radiance_by_component(
         panel = panel.with(Series { name: Some(total.name.clone()), ink: Ink::Text, shape });
     }
     if let Some(reflected) = reflected {
-        panel =
-            panel.with(Series::dashed(reflected.name.clone(), Ink::Muted, reflected.points(), Dash::Dashed));
+        panel = panel.with(Series::dashed(
+            reflected.name.clone(),
+            Ink::PALETTE[3],
+            reflected.points(),
+            Dash::Dashed,
+        ));
     }
     for (index, curve) in fluorophores.iter().enumerate() {
         let ink = Ink::of_fluorophore(&curve.name, index);

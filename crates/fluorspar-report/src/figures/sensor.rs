@@ -15,8 +15,7 @@ pub fn sensor_response(bare: &[NamedCurve], filtered: &[NamedCurve]) -> Figure {
         panel = panel.with(Series::dashed(name, ink, channel.points(), Dash::Dotted));
     }
     for (index, channel) in filtered.iter().enumerate() {
-        let (name, ink) =
-            (format!("{}, behind filters", channel.name), Ink::of_channel(&channel.name, index));
+        let (name, ink) = (format!("{}, filtered", channel.name), Ink::of_channel(&channel.name, index));
         panel = panel.with(Series::line(name, ink, channel.points()));
     }
     Figure::new("Sensor response", panel).explained(

@@ -136,6 +136,12 @@ fn mixture_rows(mixture: &MixtureSummary, valid: usize) -> Vec<Number> {
              reflected light, or another bulk than assumed.",
         ));
     }
+    rows.push(Number::computed(
+        "Off the line",
+        format!("{} of {valid}", mixture.off_line),
+        "pixels",
+        "Pixels farther beside the line than three standard errors. By chance, 3 in 1000 are.",
+    ));
     if let Some(angle) = mixture.angle_to_line_deg {
         rows.push(Number::computed(
             "Angle to the line",
@@ -148,7 +154,7 @@ fn mixture_rows(mixture: &MixtureSummary, valid: usize) -> Vec<Number> {
         "Beyond an end",
         format!("{} of {valid}", mixture.clamped),
         "pixels",
-        "Pixels past the bulk or the porphyrin point; they count as lying at that end.",
+        "Pixels past the bulk or the porphyrin point; they count as lying at that end. Without porphyrin, noise puts half of them there.",
     ));
     rows.push(Number::computed(
         "Length of the line",

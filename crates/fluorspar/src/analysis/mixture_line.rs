@@ -141,6 +141,14 @@ pub struct MixtureFit {
     pub clamped: bool,
 }
 
+impl LineEstimate {
+    /// Whether the pixel lies farther beside the line than noise explains: more than three standard errors, as 0.3 % do by
+    /// chance. Something else is in its light then, for instance a highlight, and its fraction means little.
+    pub fn is_off_line(&self) -> bool {
+        self.distance.abs() > 3.0 * self.distance_standard_error
+    }
+}
+
 impl MixtureLine {
     /// The line between two responses, R, G, B per unit amount.
     ///
@@ -338,6 +346,12 @@ impl PorphyrinMap {
     /// Fractions, `[row, col]`, for a picture.
     pub fn fractions(&self) -> Vec<Option<f32>> {
         self.estimates.iter().map(|e| e.map(|estimate| estimate.fraction as f32)).collect()
+    }
+
+    /// The same without pixels off the line, whose fraction is an artefact: rims of highlights, for instance.
+    pub fn fractions_on_line(&self) -> Vec<Option<f32>> {
+        let on_line = |e: &Option<LineEstimate>| e.filter(|e| !e.is_off_line()).map(|e| e.fraction as f32);
+        self.estimates.iter().map(on_line).collect()
     }
 }
 

@@ -93,6 +93,8 @@ pub struct MixtureSummary {
     pub distance: Option<Statistics>,
     /// Pixels beyond an end of the line, counted as lying at that end.
     pub clamped: usize,
+    /// Pixels farther beside the line than three standard errors.
+    pub off_line: usize,
     /// Angle between the long axis of the pixel cloud and the line, degrees, 0 to 90.
     pub angle_to_line_deg: Option<f64>,
 }
@@ -193,11 +195,11 @@ pub fn analyse(
         let estimates = PorphyrinMap::new(image, valid, &selection, line, &settings.noise, reflected)?;
         let mean = mean_pixel(image, &map, &selection, &settings.noise, reflected)?;
         let summary = summarise(line, &estimates, mean, statistics.ellipse.as_ref());
-        if summary.clamped * 10 > statistics.counts.valid {
+        if summary.off_line * 20 > statistics.counts.valid {
             warnings.push(format!(
-                "{} of {} valid pixels lie beyond an end of the bulk-porphyrin line. A few do by noise; many point to \
-                 reflected light, or to tissue with another bulk than assumed.",
-                summary.clamped, statistics.counts.valid
+                "{} of {} valid pixels lie beside the bulk-porphyrin line by more than noise explains. Their light holds \
+                 something else: reflected light, or another bulk than assumed. Their porphyrin fractions are biased.",
+                summary.off_line, statistics.counts.valid
             ));
         }
         mixture = Some(summary);
@@ -305,6 +307,7 @@ fn summarise(
         fraction_standard_error: statistics(|e| e.fraction_standard_error),
         distance: statistics(|e| e.distance),
         clamped: estimates.iter().filter(|estimate| estimate.clamped).count(),
+        off_line: estimates.iter().filter(|estimate| estimate.is_off_line()).count(),
         angle_to_line_deg: ellipse.map(angle),
     }
 }
