@@ -1,5 +1,6 @@
 //! Low-discrepancy samples, counter-based random numbers and warps to directions and surfaces.
 
+pub mod random;
 mod sobol;
 pub mod warp;
 

@@ -1,0 +1,213 @@
+//! Several frames of one scene under different lights.
+
+use std::collections::BTreeMap;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::{AutoExposure, ElectronRate, Exposure, Sensor, SensorProblem};
+use crate::image::SensorImage;
+
+/// One frame of a capture sequence.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CaptureFrame {
+    /// Name of the frame, unique in its sequence, for instance "blue".
+    pub label: String,
+    /// Light groups that are on, with their drive relative to the power in the scene. Others are off.
+    #[serde(default)]
+    pub lights: BTreeMap<String, f64>,
+    /// Exposure time, ms; or give `auto_exposure`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub exposure_ms: Option<f64>,
+    /// Rule that finds the exposure time; or give `exposure_ms`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub auto_exposure: Option<AutoExposure>,
+    /// Gain on top of the sensor's analog gain.
+    #[serde(default = "unit_gain")]
+    pub gain: f64,
+}
+
+fn unit_gain() -> f64 {
+    1.0
+}
+
+impl CaptureFrame {
+    /// A frame of fixed exposure at gain 1.
+    pub fn fixed<N: Into<String>>(
+        label: &str,
+        lights: impl IntoIterator<Item = (N, f64)>,
+        exposure_ms: f64,
+    ) -> Self {
+        Self {
+            label: label.into(),
+            lights: lights.into_iter().map(|(name, drive)| (name.into(), drive)).collect(),
+            exposure_ms: Some(exposure_ms),
+            auto_exposure: None,
+            gain: 1.0,
+        }
+    }
+
+    /// Drive of a light group in this frame; 0 where it is off.
+    pub fn drive(&self, light_group: &str) -> f64 {
+        self.lights.get(light_group).copied().unwrap_or(0.0)
+    }
+}
+
+/// Frames that are taken one after the other.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CaptureSequence {
+    /// The frames, in order.
+    pub frames: Vec<CaptureFrame>,
+}
+
+impl CaptureSequence {
+    /// The three frames of Lyu et al. 2021, of one exposure: "ambient" with all lights of the device off, "white",
+    /// and "blue" for the excitation light, with light groups of these names. `ambient_lights` stay on throughout.
+    pub fn ambient_white_blue(exposure_ms: f64, ambient_lights: &[&str]) -> Self {
+        let frame = |label: &str| {
+            let device = (label != "ambient").then_some(label);
+            let lights = ambient_lights.iter().copied().chain(device).map(|name| (name, 1.0));
+            CaptureFrame::fixed(label, lights, exposure_ms)
+        };
+        Self { frames: ["ambient", "white", "blue"].map(frame).to_vec() }
+    }
+
+    /// The frame of a label.
+    pub fn find(&self, label: &str) -> Option<&CaptureFrame> {
+        self.frames.iter().find(|frame| frame.label == label)
+    }
+
+    /// Checks every frame.
+    ///
+    /// # Errors
+    /// The first parameter that can't be used, with the way to mend it.
+    pub fn validate(&self) -> Result<(), SensorProblem> {
+        for (index, frame) in self.frames.iter().enumerate() {
+            let field = |name: &str| format!("frames[{index}].{name}");
+            if self.frames[..index].iter().any(|other| other.label == frame.label) {
+                let message = format!("\"{}\" is the label of an earlier frame; choose another", frame.label);
+                return Err(SensorProblem::new(field("label"), message));
+            }
+            if let Some((name, drive)) = frame.lights.iter().find(|(_, d)| !(**d >= 0.0 && d.is_finite())) {
+                let message = format!("{drive} is no drive; give 0 or more, 1 for the power in the scene");
+                return Err(SensorProblem::new(field(&format!("lights.{name}")), message));
+            }
+            match (frame.exposure_ms, &frame.auto_exposure) {
+                (Some(ms), None) if ms >= 0.0 && ms.is_finite() => {}
+                (Some(ms), None) => {
+                    let message = format!("{ms} is not a time; give milliseconds, 0 or more");
+                    return Err(SensorProblem::new(field("exposure_ms"), message));
+                }
+                (None, Some(rule)) => rule.validate()?,
+                (None, None) => {
+                    let message = "no exposure; give exposure_ms, or auto_exposure = {} for a rule";
+                    return Err(SensorProblem::new(field("exposure_ms"), message));
+                }
+                (Some(_), Some(_)) => {
+                    let message = "given together with exposure_ms; keep one of the two";
+                    return Err(SensorProblem::new(field("auto_exposure"), message));
+                }
+            }
+            if !(frame.gain > 0.0 && frame.gain.is_finite()) {
+                let message = format!("{} is not above zero; give 1 for the base gain", frame.gain);
+                return Err(SensorProblem::new(field("gain"), message));
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Sensor {
+    /// Time and gain of a frame, the time found by its rule if it has one.
+    ///
+    /// # Errors
+    /// Parameters that can't be used.
+    pub fn frame_exposure(
+        &self,
+        frame: &CaptureFrame,
+        rate: &ElectronRate,
+        seed: u64,
+    ) -> Result<Exposure, SensorProblem> {
+        let rule = frame.auto_exposure.unwrap_or_default();
+        let time_s = match frame.exposure_ms {
+            Some(ms) => ms * 1e-3,
+            None => self.auto_exposure_s(rate, frame.gain, &rule)?,
+        };
+        Ok(Exposure { time_s, gain: frame.gain, seed, frame: 0, label: frame.label.clone() })
+    }
+
+    /// Takes all frames of a sequence. The function returns the electron rates under a frame's lights (from
+    /// [`Sensor::electron_rate`]); it is called once per frame, in order, so only one frame's light is in memory.
+    ///
+    /// # Errors
+    /// A sequence that can't be used, or what the function reports.
+    pub fn expose_sequence<E: From<SensorProblem>>(
+        &self,
+        sequence: &CaptureSequence,
+        seed: u64,
+        mut rate_of: impl FnMut(&CaptureFrame) -> Result<ElectronRate, E>,
+    ) -> Result<Vec<SensorImage>, E> {
+        sequence.validate()?;
+        let mut images = Vec::with_capacity(sequence.frames.len());
+        for frame in &sequence.frames {
+            let rate = rate_of(frame)?;
+            images.push(self.expose_rate(&rate, &self.frame_exposure(frame, &rate, seed)?)?);
+        }
+        Ok(images)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sensor::{SensorModel, SpectralQe, develop_with_ambient};
+    use crate::spectral::Curve;
+
+    #[test]
+    fn a_sequence_is_exposed_frame_by_frame() {
+        let model = SensorModel {
+            columns: 64,
+            rows: 64,
+            mosaic: vec![vec!["mono".into()]],
+            ..SensorModel::default()
+        };
+        let qe = SpectralQe::from_curves([("mono", Curve::constant(0.6))]).unwrap();
+        let sensor = Sensor::new(model, qe).unwrap();
+        let mut sequence = CaptureSequence::ambient_white_blue(30.0, &["room"]);
+        sequence.frames[1].exposure_ms = None;
+        sequence.frames[1].auto_exposure = Some(AutoExposure::default());
+        let rate_of = |frame: &CaptureFrame| -> Result<ElectronRate, SensorProblem> {
+            let light = 2e4 * frame.drive("room") + 1e6 * frame.drive("white") + 3e4 * frame.drive("blue");
+            Ok(ElectronRate { columns: 64, rows: 64, data: vec![light as f32; 64 * 64] })
+        };
+        let images = sensor.expose_sequence(&sequence, 9, rate_of).unwrap();
+        assert_eq!(images.iter().map(|i| i.label.as_str()).collect::<Vec<_>>(), ["ambient", "white", "blue"]);
+        assert!(images[1].exposure_s < 0.01 && images[1].exposure_s > 0.001);
+        let blue = develop_with_ambient(&images[2], &images[0]).unwrap();
+        let mean = blue.data.iter().map(|&v| f64::from(v)).sum::<f64>() / 4096.0;
+        // 900 e-; temporal noise of both frames, PRNU of their difference: 51.7 e- over 64, five standard errors.
+        let expected = 900.0 * images[2].dn_per_electron;
+        assert!(
+            (mean - expected).abs() < 5.0 * 51.7 / 64.0 * images[2].dn_per_electron,
+            "{mean}, {expected}"
+        );
+    }
+
+    #[test]
+    fn files_are_checked() {
+        let text = r#"{"frames": [{"label": "blue", "lights": {"blue": 0.5}, "exposure_ms": 30}]}"#;
+        let sequence: CaptureSequence = serde_json::from_str(text).unwrap();
+        assert!(sequence.validate().is_ok());
+        let frame = sequence.find("blue").unwrap().clone();
+        assert_eq!((frame.drive("blue"), frame.drive("white"), frame.gain), (0.5, 0.0, 1.0));
+        let field = |frames: Vec<CaptureFrame>| CaptureSequence { frames }.validate().unwrap_err().field;
+        assert_eq!(field(vec![frame.clone(), frame.clone()]), "frames[1].label");
+        assert_eq!(field(vec![CaptureFrame { exposure_ms: None, ..frame.clone() }]), "frames[0].exposure_ms");
+        let both = CaptureFrame { auto_exposure: Some(AutoExposure::default()), ..frame.clone() };
+        assert_eq!(field(vec![both]), "frames[0].auto_exposure");
+        let negative = CaptureFrame::fixed("a", [("blue", -1.0)], 1.0);
+        assert_eq!(field(vec![negative]), "frames[0].lights.blue");
+    }
+}

@@ -1,0 +1,191 @@
+//! Bilinear interpolation of mosaics.
+
+use rayon::prelude::*;
+
+use crate::image::Mosaic;
+
+/// A pixel that enters an interpolated value: offset in rows and columns, and weight.
+type Tap = (isize, isize, f32);
+
+/// Bilinear interpolation on any repeating cell.
+///
+/// A pixel of the channel itself keeps its value. Elsewhere the pixels of the channel under a tent as wide as two cells
+/// are averaged by their weights (normalised convolution). On a Bayer array that is ISETCam's `ieBilinear` exactly:
+/// `[0 1 0; 1 4 1; 0 1 0] / 4` for green, `[1 2 1]' [1 2 1] / 4` for red and blue. At the border the image is
+/// mirrored without repeating its edge where the cell has at most two rows (columns), which keeps the colours in
+/// place; longer cells leave out what lies outside.
+pub(super) struct Demosaic<'a> {
+    mosaic: &'a Mosaic,
+    /// Taps by `[row of cell, column of cell, channel]`, weights not normalised.
+    taps: Vec<Vec<Tap>>,
+}
+
+impl<'a> Demosaic<'a> {
+    pub(super) fn new(mosaic: &'a Mosaic) -> Self {
+        let mut taps = Vec::new();
+        for row in 0..mosaic.rows {
+            for col in 0..mosaic.cols {
+                for channel in 0..mosaic.channels.len() {
+                    taps.push(taps_of(mosaic, row, col, channel));
+                }
+            }
+        }
+        Self { mosaic, taps }
+    }
+
+    /// Interpolates every channel at every pixel, `[row, col, channel]`, and marks the pixels that a marked one enters.
+    pub(super) fn interpolate(
+        &self,
+        values: &[f32],
+        marked: &[bool],
+        width: usize,
+        height: usize,
+    ) -> (Vec<f32>, Vec<bool>) {
+        let channels = self.mosaic.channels.len();
+        let mut data = vec![0.0; width * height * channels];
+        let mut mask = vec![false; width * height];
+        if values.is_empty() {
+            return (data, mask);
+        }
+        let rows = data.par_chunks_exact_mut(width * channels).zip(mask.par_chunks_exact_mut(width));
+        rows.enumerate().for_each(|(row, (data, mask))| {
+            for (col, (out, mask)) in data.chunks_exact_mut(channels).zip(mask).enumerate() {
+                let cell = (row % self.mosaic.rows) * self.mosaic.cols + col % self.mosaic.cols;
+                for (channel, out) in out.iter_mut().enumerate() {
+                    let (mut sum, mut total) = (0.0, 0.0);
+                    for &(down, right, weight) in &self.taps[cell * channels + channel] {
+                        let row = inside(row, down, height, self.mosaic.rows <= 2);
+                        let col = inside(col, right, width, self.mosaic.cols <= 2);
+                        if let (Some(row), Some(col)) = (row, col) {
+                            sum += weight * values[row * width + col];
+                            total += weight;
+                            *mask |= marked[row * width + col];
+                        }
+                    }
+                    *out = if total > 0.0 { sum / total } else { 0.0 };
+                }
+            }
+        });
+        (data, mask)
+    }
+}
+
+fn taps_of(mosaic: &Mosaic, row: usize, col: usize, channel: usize) -> Vec<Tap> {
+    if mosaic.channel(row, col) == channel {
+        return vec![(0, 0, 1.0)];
+    }
+    let (rows, cols) = (mosaic.rows as isize, mosaic.cols as isize);
+    let mut taps = Vec::new();
+    for down in 1 - rows..rows {
+        for right in 1 - cols..cols {
+            let at = |start: usize, offset: isize, period: isize| (start as isize + offset + period) as usize;
+            if mosaic.channel(at(row, down, rows), at(col, right, cols)) == channel {
+                taps.push((down, right, ((rows - down.abs()) * (cols - right.abs())) as f32));
+            }
+        }
+    }
+    taps
+}
+
+/// The line `offset` away from `line`; mirrored at the edges, or nothing where it lies outside.
+#[inline]
+fn inside(line: usize, offset: isize, lines: usize, mirror: bool) -> Option<usize> {
+    let at = line as isize + offset;
+    let last = lines as isize - 1;
+    if (0..=last).contains(&at) {
+        Some(at as usize)
+    } else if mirror {
+        let mirrored = if at < 0 { -at } else { 2 * last - at };
+        (0..=last).contains(&mirrored).then_some(mirrored as usize)
+    } else {
+        None
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// `ieBilinear` as it is written: zero-filled planes, mirrored, convolved.
+    fn ie_bilinear(values: &[f32], mosaic: &Mosaic, width: usize, height: usize) -> Vec<f32> {
+        let mut out = Vec::new();
+        for row in 0..height as isize {
+            for col in 0..width as isize {
+                for channel in 0..3 {
+                    let mut sum = 0.0;
+                    for down in -1..=1isize {
+                        for right in -1..=1isize {
+                            let mirror = |x: isize, n: usize| {
+                                let x = x.abs();
+                                if x >= n as isize { 2 * (n as isize - 1) - x } else { x }
+                            } as usize;
+                            let (r, c) = (mirror(row + down, height), mirror(col + right, width));
+                            let far = down.abs() + right.abs();
+                            let weight = match (channel, far) {
+                                (1, 0) => 1.0,
+                                (1, 1) => 0.25,
+                                (1, _) => 0.0,
+                                (_, far) => [1.0, 0.5, 0.25][far as usize],
+                            };
+                            if mosaic.channel(r, c) == channel {
+                                sum += weight * values[r * width + c];
+                            }
+                        }
+                    }
+                    out.push(sum);
+                }
+            }
+        }
+        out
+    }
+
+    #[test]
+    fn every_bayer_order_follows_ie_bilinear_borders_included() {
+        for (width, height) in [(6, 4), (7, 5), (2, 2), (3, 2)] {
+            let values: Vec<f32> = (0..width * height).map(|i| ((i * 37 + 11) % 101) as f32).collect();
+            for order in ["rggb", "grbg", "gbrg", "bggr"] {
+                let mosaic = Mosaic::bayer(order).unwrap();
+                let marked = vec![false; values.len()];
+                let (data, _) = Demosaic::new(&mosaic).interpolate(&values, &marked, width, height);
+                let expected = ie_bilinear(&values, &mosaic, width, height);
+                // Sums of four integers over powers of two are exact.
+                assert_eq!(data, expected, "{order} {width} x {height}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_mark_reaches_what_it_enters() {
+        let mosaic = Mosaic::bayer("rggb").unwrap();
+        let mut marked = vec![false; 36];
+        marked[2 * 6 + 2] = true; // a red pixel
+        let (_, mask) = Demosaic::new(&mosaic).interpolate(&[1.0; 36], &marked, 6, 6);
+        let reached: Vec<usize> = (0..36).filter(|&i| mask[i]).collect();
+        assert_eq!(reached, [7, 8, 9, 13, 14, 15, 19, 20, 21]);
+        let mut marked = vec![false; 36];
+        marked[2 * 6 + 3] = true; // a green pixel: not its green neighbours on the diagonals
+        let (_, mask) = Demosaic::new(&mosaic).interpolate(&[1.0; 36], &marked, 6, 6);
+        let reached: Vec<usize> = (0..36).filter(|&i| mask[i]).collect();
+        assert_eq!(reached, [9, 14, 15, 16, 21]);
+    }
+
+    #[test]
+    fn any_cell_reproduces_flat_channels() {
+        let mosaic = Mosaic {
+            rows: 3,
+            cols: 4,
+            pattern: vec![0, 1, 2, 1, 3, 4, 0, 1, 2, 1, 3, 0],
+            channels: ["a", "b", "c", "d", "e"].map(String::from).to_vec(),
+        };
+        let (width, height) = (11, 7);
+        let values: Vec<f32> =
+            (0..width * height).map(|i| 10.0 * mosaic.channel(i / width, i % width) as f32).collect();
+        let (data, _) =
+            Demosaic::new(&mosaic).interpolate(&values, &vec![false; values.len()], width, height);
+        for pixel in data.chunks_exact(5) {
+            for (channel, value) in pixel.iter().enumerate() {
+                assert!((value - 10.0 * channel as f32).abs() < 1e-4, "{pixel:?}");
+            }
+        }
+    }
+}

@@ -1,0 +1,461 @@
+//! A sensor with its quantum efficiency, and the exposure of one frame.
+
+use rayon::prelude::*;
+
+use super::isetcam::IsetcamChain;
+use super::noise::PhysicalChain;
+use super::pixel_integration::{AxisWeights, FilmExtent, channels_in_row, dot};
+use super::{SensorMode, SensorModel, SensorProblem, SpectralQe};
+use crate::image::{Mosaic, SensorImage, SpectralImage};
+use crate::spectral::{Irradiance, WavelengthGrid};
+
+/// How one frame is taken.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Exposure {
+    /// Exposure time, s.
+    pub time_s: f64,
+    /// Gain on top of the model's analog gain.
+    pub gain: f64,
+    /// Seed of the temporal noise.
+    pub seed: u64,
+    /// Number of the frame: repeats of one exposure differ in it.
+    pub frame: u64,
+    /// Name of the frame, for instance "blue". Frames of different names have independent noise.
+    pub label: String,
+}
+
+impl Default for Exposure {
+    /// 30 ms at gain 1.
+    fn default() -> Self {
+        Self { time_s: 0.03, gain: 1.0, seed: 0, frame: 0, label: String::new() }
+    }
+}
+
+impl Exposure {
+    /// Checks time and gain.
+    ///
+    /// # Errors
+    /// A time below zero or a gain that is not positive.
+    pub fn validate(&self) -> Result<(), SensorProblem> {
+        if !(self.time_s >= 0.0 && self.time_s.is_finite()) {
+            let message = format!("{} is not a time; give seconds, 0 or more", self.time_s);
+            return Err(SensorProblem::new("exposure.time_s", message));
+        }
+        if !(self.gain > 0.0 && self.gain.is_finite()) {
+            let message = format!("{} is not above zero; give 1 for the base gain", self.gain);
+            return Err(SensorProblem::new("exposure.gain", message));
+        }
+        Ok(())
+    }
+}
+
+/// Electrons per second that light frees in each pixel, before any noise: `[row, col]`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ElectronRate {
+    /// Columns.
+    pub columns: usize,
+    /// Rows.
+    pub rows: usize,
+    /// Rates, e-/s.
+    pub data: Vec<f32>,
+}
+
+/// The chain of equations that the model's mode selects.
+pub(super) enum Chain {
+    Physical(PhysicalChain),
+    Isetcam(IsetcamChain),
+}
+
+impl Chain {
+    pub(super) fn new(model: &SensorModel, exposure: &Exposure) -> Self {
+        IsetcamChain::of(model, exposure)
+            .map_or_else(|| Self::Physical(PhysicalChain::new(model, exposure)), Self::Isetcam)
+    }
+
+    pub(super) fn full_scale_e(&self) -> f64 {
+        match self {
+            Self::Physical(chain) => chain.full_scale_e(),
+            Self::Isetcam(chain) => chain.full_scale_e(),
+        }
+    }
+
+    fn expose_row(&self, row: usize, rates: &[f32], out: &mut [u16]) {
+        match self {
+            Self::Physical(chain) => chain.expose_row(row, rates, out),
+            Self::Isetcam(chain) => chain.expose_row(row, rates, out),
+        }
+    }
+
+    /// A raw image of these properties, filled by a function of row number and pixels.
+    fn image(
+        &self,
+        sensor: &Sensor,
+        exposure: &Exposure,
+        fill: impl Fn(usize, &mut [u16]) + Sync,
+    ) -> SensorImage {
+        let (black_level, white_level, dn_per_electron, read_noise_dn) = match self {
+            Self::Physical(c) => (c.black_dn, c.white_level(), c.dn_per_electron, c.read_noise_dn()),
+            Self::Isetcam(c) => (c.black_dn(), c.white_level(), c.dn_per_electron(), c.read_noise_dn()),
+        };
+        let model = &sensor.model;
+        let mut data = vec![0; model.columns * model.rows];
+        data.par_chunks_exact_mut(model.columns).enumerate().for_each(|(row, out)| fill(row, out));
+        SensorImage {
+            width: model.columns,
+            height: model.rows,
+            data,
+            mosaic: sensor.mosaic.clone(),
+            black_level,
+            white_level,
+            bit_depth: model.bit_depth,
+            exposure_s: exposure.time_s,
+            gain: model.analog_gain * exposure.gain,
+            dn_per_electron,
+            read_noise_dn,
+            seed: exposure.seed,
+            label: exposure.label.clone(),
+        }
+    }
+}
+
+/// A sensor: its data sheet and the quantum efficiency of its channels, checked.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sensor {
+    model: SensorModel,
+    qe: SpectralQe,
+    mosaic: Mosaic,
+}
+
+impl Sensor {
+    /// Joins a model and its quantum efficiency.
+    ///
+    /// # Errors
+    /// A parameter that can't be used, or a mosaic and a quantum efficiency that don't name the same channels.
+    pub fn new(model: SensorModel, qe: SpectralQe) -> Result<Self, SensorProblem> {
+        model.validate()?;
+        let names: Vec<String> = qe.channels().iter().map(|channel| channel.name.clone()).collect();
+        let mut pattern = Vec::new();
+        for name in model.mosaic.iter().flatten() {
+            let Some(channel) = qe.find(name).and_then(|channel| u8::try_from(channel).ok()) else {
+                let message = format!(
+                    "no quantum efficiency for channel \"{name}\"; there is one for {}",
+                    names.join(", ")
+                );
+                return Err(SensorProblem::new("mosaic", message));
+            };
+            pattern.push(channel);
+        }
+        if let Some(unused) = (0..names.len()).find(|&channel| !pattern.contains(&(channel as u8))) {
+            let message =
+                "no pixel of the mosaic has this channel; leave the curve out or add it to the mosaic";
+            return Err(SensorProblem::new(format!("quantum_efficiency.{}", names[unused]), message));
+        }
+        let (rows, cols) = (model.mosaic.len(), model.mosaic[0].len());
+        Ok(Self { mosaic: Mosaic { rows, cols, pattern, channels: names }, model, qe })
+    }
+
+    /// The data sheet.
+    pub fn model(&self) -> &SensorModel {
+        &self.model
+    }
+
+    /// The quantum efficiency.
+    pub fn qe(&self) -> &SpectralQe {
+        &self.qe
+    }
+
+    /// The colour filter array; channels are in the order of the quantum efficiency.
+    pub fn mosaic(&self) -> &Mosaic {
+        &self.mosaic
+    }
+
+    /// The extent of film that covers the sensor exactly.
+    pub fn film_extent(&self) -> FilmExtent {
+        FilmExtent { width_mm: self.model.width_mm(), height_mm: self.model.height_mm() }
+    }
+
+    /// Electrons per second per unit of irradiance in each bin, by channel, e-/s per W/(m² nm).
+    pub fn electron_weights(&self, grid: &WavelengthGrid) -> Vec<Vec<f64>> {
+        let area_m2 = self.model.collecting_area_m2();
+        let isetcam = matches!(self.model.mode, SensorMode::Isetcam { .. });
+        let weights = |channel| {
+            if isetcam {
+                self.qe.isetcam_electron_weights(channel, grid, area_m2)
+            } else {
+                self.qe.electron_weights(channel, grid, area_m2)
+            }
+        };
+        (0..self.qe.channels().len()).map(weights).collect()
+    }
+
+    /// Noise-free electron rates under an irradiance image that covers the sensor exactly.
+    pub fn electron_rate(&self, irradiance: &SpectralImage<Irradiance>) -> ElectronRate {
+        self.electron_rate_on_film(irradiance, self.film_extent())
+    }
+
+    /// Noise-free electron rates under an irradiance image of a given extent, centred on the sensor. Pixels
+    /// integrate over their full pitch (the fill factor scales the result), light is conserved at any ratio of
+    /// sample to pixel, and pixels beyond the film are dark.
+    pub fn electron_rate_on_film(
+        &self,
+        irradiance: &SpectralImage<Irradiance>,
+        film: FilmExtent,
+    ) -> ElectronRate {
+        let (columns, rows) = (self.model.columns, self.model.rows);
+        let source = RateSource::new(self, irradiance, film);
+        let mut data = vec![0.0; columns * rows];
+        data.par_chunks_exact_mut(columns).enumerate().for_each(|(row, out)| source.fill_row(row, out));
+        ElectronRate { columns, rows, data }
+    }
+
+    /// Takes a frame of an irradiance image that covers the sensor exactly.
+    ///
+    /// # Errors
+    /// A time or gain that can't be used.
+    pub fn expose(
+        &self,
+        irradiance: &SpectralImage<Irradiance>,
+        exposure: &Exposure,
+    ) -> Result<SensorImage, SensorProblem> {
+        self.expose_film(irradiance, self.film_extent(), exposure)
+    }
+
+    /// Takes a frame of an irradiance image of a given extent, centred on the sensor.
+    ///
+    /// # Errors
+    /// A time or gain that can't be used.
+    pub fn expose_film(
+        &self,
+        irradiance: &SpectralImage<Irradiance>,
+        film: FilmExtent,
+        exposure: &Exposure,
+    ) -> Result<SensorImage, SensorProblem> {
+        exposure.validate()?;
+        let source = RateSource::new(self, irradiance, film);
+        let chain = Chain::new(&self.model, exposure);
+        Ok(chain.image(self, exposure, |row, out| {
+            let mut rates = vec![0.0; out.len()];
+            source.fill_row(row, &mut rates);
+            chain.expose_row(row, &rates, out);
+        }))
+    }
+
+    /// Takes a frame of known electron rates.
+    ///
+    /// # Errors
+    /// A time or gain that can't be used, or rates of another sensor's size.
+    pub fn expose_rate(
+        &self,
+        rate: &ElectronRate,
+        exposure: &Exposure,
+    ) -> Result<SensorImage, SensorProblem> {
+        exposure.validate()?;
+        let (columns, rows) = (self.model.columns, self.model.rows);
+        if rate.columns != columns || rate.rows != rows || rate.data.len() != columns * rows {
+            let message = format!(
+                "rates of {} by {} pixels on a sensor of {columns} by {rows}; compute them with this sensor",
+                rate.columns, rate.rows
+            );
+            return Err(SensorProblem::new("electron rate", message));
+        }
+        let chain = Chain::new(&self.model, exposure);
+        Ok(chain.image(self, exposure, |row, out| {
+            chain.expose_row(row, &rate.data[row * columns..][..columns], out);
+        }))
+    }
+}
+
+/// Where the electron rates of a row come from.
+enum RateSource<'a> {
+    /// Samples are pixels: each pixel's spectrum is weighted once, for its own channel.
+    Direct { irradiance: &'a SpectralImage<Irradiance>, mosaic: &'a Mosaic, weights: Vec<Vec<f32>> },
+    /// Every sample is weighted for every channel, then integrated over pixels.
+    Resampled { planes: Vec<f32>, samples: usize, mosaic: &'a Mosaic, across: AxisWeights, down: AxisWeights },
+}
+
+impl<'a> RateSource<'a> {
+    fn new(sensor: &'a Sensor, irradiance: &'a SpectralImage<Irradiance>, film: FilmExtent) -> Self {
+        let single = |weights: Vec<f64>| weights.into_iter().map(|weight| weight as f32).collect();
+        let weights: Vec<Vec<f32>> =
+            sensor.electron_weights(irradiance.grid()).into_iter().map(single).collect();
+        let (model, mosaic) = (&sensor.model, &sensor.mosaic);
+        let (width, height, bands) = (irradiance.width(), irradiance.height(), irradiance.bands());
+        let is_same = |a: f64, b: f64| (a - b).abs() < 1e-9 * b;
+        if (width, height) == (model.columns, model.rows)
+            && is_same(film.width_mm, model.width_mm())
+            && is_same(film.height_mm, model.height_mm())
+        {
+            return Self::Direct { irradiance, mosaic, weights };
+        }
+        let channels = weights.len();
+        let mut planes = vec![0.0; width * height * channels];
+        if width * height > 0 {
+            let rows = planes.par_chunks_exact_mut(width * channels);
+            rows.zip(irradiance.data().par_chunks_exact(width * bands)).for_each(|(planes, spectra)| {
+                for (col, spectrum) in spectra.chunks_exact(bands).enumerate() {
+                    for (plane, weights) in planes.chunks_exact_mut(width).zip(&weights) {
+                        plane[col] = dot(spectrum, weights) as f32;
+                    }
+                }
+            });
+        }
+        let pitch_mm = model.pixel_size_um * 1e-3;
+        let across = AxisWeights::new(model.columns, pitch_mm, width, film.width_mm);
+        let down = AxisWeights::new(model.rows, pitch_mm, height, film.height_mm);
+        Self::Resampled { planes, samples: width, mosaic, across, down }
+    }
+
+    fn fill_row(&self, row: usize, out: &mut [f32]) {
+        match self {
+            Self::Direct { irradiance, mosaic, weights } => {
+                for (col, out) in out.iter_mut().enumerate() {
+                    *out = dot(irradiance.pixel(row, col), &weights[mosaic.channel(row, col)]) as f32;
+                }
+            }
+            Self::Resampled { planes, samples, mosaic, across, down } => {
+                let channels = mosaic.channels.len();
+                let (lines, line_weights) = down.of(row);
+                let mut line = vec![0.0f32; *samples];
+                for channel in channels_in_row(mosaic, row) {
+                    line.fill(0.0);
+                    for (sample_row, weight) in lines.clone().zip(line_weights) {
+                        let plane = &planes[(sample_row * channels + channel) * samples..][..*samples];
+                        for (sum, value) in line.iter_mut().zip(plane) {
+                            *sum += weight * value;
+                        }
+                    }
+                    for (col, out) in out.iter_mut().enumerate() {
+                        if mosaic.channel(row, col) == channel {
+                            let (range, weights) = across.of(col);
+                            *out = line[range]
+                                .iter()
+                                .zip(weights)
+                                .fold(0.0, |sum, (value, weight)| sum + value * weight);
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::spectral::Curve;
+    use crate::units::{ISETCAM_PLANCK_J_S, LIGHT_SPEED_M_PER_S, photons_per_joule};
+
+    fn rgb() -> SpectralQe {
+        let curve =
+            |peak_nm: f64| Curve::from_fn(350.0, 750.0, |nm| 0.5 * (-((nm - peak_nm) / 60.0).powi(2)).exp());
+        SpectralQe::from_curves([("R", curve(610.0)), ("G", curve(540.0)), ("B", curve(460.0))]).unwrap()
+    }
+
+    fn small(columns: usize, rows: usize) -> SensorModel {
+        SensorModel { columns, rows, ..SensorModel::default() }
+    }
+
+    fn pattern(width: usize, height: usize) -> SpectralImage<Irradiance> {
+        let mut image = SpectralImage::zeros(WavelengthGrid::default(), width, height);
+        for (index, value) in image.data_mut().iter_mut().enumerate() {
+            *value = 1e-4 * (1.0 + (index * 7919 % 613) as f32);
+        }
+        image
+    }
+
+    #[test]
+    fn isetcam_electrons_follow_the_closed_form() {
+        // e = T A FF sum E QE lambda / (hc) step, with ISETCam's constant.
+        let mode = SensorMode::Isetcam { noise_flag: -1 };
+        let sensor = Sensor::new(SensorModel { mode, ..small(4, 2) }, rgb()).unwrap();
+        let light = pattern(4, 2);
+        let rate = sensor.electron_rate(&light);
+        let channels = [[1, 0, 1, 0], [2, 1, 2, 1]]; // GRBG in the order R, G, B
+        for (row, channels) in channels.iter().enumerate() {
+            for (col, &channel) in channels.iter().enumerate() {
+                let curve = &sensor.qe().channels()[channel].curve;
+                let expected: f64 = light
+                    .pixel(row, col)
+                    .iter()
+                    .zip(light.grid().centers_nm())
+                    .map(|(&e, nm)| {
+                        let photons = nm * 1e-9 / (ISETCAM_PLANCK_J_S * LIGHT_SPEED_M_PER_S);
+                        f64::from(e) * curve.at(nm) * photons * 5.0 * 6.1875e-12
+                    })
+                    .sum();
+                let actual = f64::from(rate.data[row * 4 + col]);
+                assert!((actual / expected - 1.0).abs() < 1e-6, "{actual} e-/s, expected {expected}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_laser_line_is_counted_in_photons() {
+        // 1 uW/m2 in one bin of 5 nm at 500 nm on a flat efficiency of 0.5, exact constants.
+        let qe = SpectralQe::from_curves([("mono", Curve::constant(0.5))]).unwrap();
+        let sensor =
+            Sensor::new(SensorModel { mosaic: vec![vec!["mono".into()]], ..small(1, 1) }, qe).unwrap();
+        let mut light = SpectralImage::zeros(WavelengthGrid::default(), 1, 1);
+        light.data_mut()[30] = 1e-6 / 5.0;
+        let expected = 1e-6 * 6.1875e-12 * photons_per_joule(500.0) * 0.5;
+        let actual = f64::from(sensor.electron_rate(&light).data[0]);
+        assert!((actual / expected - 1.0).abs() < 3e-7, "{actual} e-/s, expected {expected}");
+    }
+
+    #[test]
+    fn resampling_keeps_pixels_and_light() {
+        let (fine, coarse) = (Sensor::new(small(12, 8), rgb()).unwrap(), pattern(6, 4));
+        let rate = fine.electron_rate(&coarse);
+        // Each coarse sample lies over two by two pixels, the whole mosaic cell.
+        for (row, col) in [(0, 0), (3, 5), (7, 11)] {
+            let mut one = SpectralImage::zeros(WavelengthGrid::default(), 12, 8);
+            one.pixel_mut(row, col).copy_from_slice(coarse.pixel(row / 2, col / 2));
+            assert_eq!(fine.electron_rate(&one).data[row * 12 + col], rate.data[row * 12 + col]);
+        }
+        // A film twice as wide as the sensor: only its middle is seen.
+        let film = FilmExtent::of_width(2.0 * fine.film_extent().width_mm, 24, 16);
+        let wide = pattern(24, 16);
+        let mut middle = SpectralImage::zeros(WavelengthGrid::default(), 12, 8);
+        for row in 0..8 {
+            for col in 0..12 {
+                middle.pixel_mut(row, col).copy_from_slice(wide.pixel(row + 4, col + 6));
+            }
+        }
+        assert_eq!(fine.electron_rate_on_film(&wide, film), fine.electron_rate(&middle));
+        // A film half as wide: dark around, the same light as on a film of that size with finer samples.
+        let film = FilmExtent { width_mm: 0.5 * film.width_mm * 0.5, height_mm: 0.5 * film.height_mm * 0.5 };
+        let rate = fine.electron_rate_on_film(&coarse, film);
+        assert_eq!(rate.data[0], 0.0);
+        assert!(rate.data[4 * 12 + 6] > 0.0);
+    }
+
+    #[test]
+    fn exposing_light_or_its_rate_gives_the_same_frame() {
+        let sensor = Sensor::new(small(12, 8), rgb()).unwrap();
+        let (light, exposure) = (pattern(12, 8), Exposure { time_s: 0.5, ..Exposure::default() });
+        let frame = sensor.expose(&light, &exposure).unwrap();
+        assert_eq!(frame, sensor.expose_rate(&sensor.electron_rate(&light), &exposure).unwrap());
+        assert_eq!(frame.mosaic, Mosaic::bayer("grbg").unwrap());
+    }
+
+    #[test]
+    fn mosaic_and_efficiency_must_name_the_same_channels() {
+        let mono = SpectralQe::from_curves([("mono", Curve::constant(0.5))]).unwrap();
+        let error = Sensor::new(small(4, 4), mono).unwrap_err();
+        assert!(error.to_string().contains("\"G\"; there is one for mono"), "{error}");
+        let one_colour = SensorModel { mosaic: vec![vec!["G".into()]], ..small(4, 4) };
+        assert_eq!(Sensor::new(one_colour, rgb()).unwrap_err().field, "quantum_efficiency.R");
+    }
+
+    #[test]
+    fn bad_exposures_are_refused() {
+        let sensor = Sensor::new(small(4, 4), rgb()).unwrap();
+        let light = pattern(4, 4);
+        for (exposure, field) in [
+            (Exposure { time_s: -1.0, ..Exposure::default() }, "exposure.time_s"),
+            (Exposure { gain: 0.0, ..Exposure::default() }, "exposure.gain"),
+        ] {
+            assert_eq!(sensor.expose(&light, &exposure).unwrap_err().field, field);
+        }
+    }
+}

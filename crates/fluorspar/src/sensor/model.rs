@@ -1,0 +1,475 @@
+//! The data sheet of a sensor.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+/// Table 1 of Lyu et al. 2021 (doi:10.1364/BOE.424310), where a value may be given in more than one unit.
+mod table_1 {
+    pub(super) const READ_NOISE_MV: f64 = 1.39;
+    pub(super) const DSNU_MV: f64 = 0.2536;
+    pub(super) const DARK_VOLTAGE_MV_PER_S: f64 = 0.15;
+}
+
+/// Which equations turn mean electrons into digital numbers.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
+pub enum SensorMode {
+    /// Poisson electrons, full well, fixed patterns that stay, noise before and after the gain, black level.
+    #[default]
+    Physical,
+    /// The physical chain with every random term at its mean.
+    NoiseFree,
+    /// ISETCam's formulas, peculiarities included; see [`isetcam`](super::isetcam).
+    Isetcam {
+        /// ISETCam's noise flag: -2 photon noise only and no clipping, -1 nothing, 0 clipping and quantisation,
+        /// 1 also photon noise, 2 everything.
+        noise_flag: i8,
+    },
+}
+
+/// Geometry, electronics and noise of a sensor. Every field has a default: Table 1 of Lyu et al. 2021 where the
+/// table gives a value.
+///
+/// Noise may be given in millivolts at the sense node or in electrons, never both; the conversion gain links them.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct SensorModel {
+    /// Columns of pixels.
+    pub columns: usize,
+    /// Rows of pixels.
+    pub rows: usize,
+    /// Repeating cell of the colour filter array: channel names by row. `[["mono"]]` has no colour.
+    pub mosaic: Vec<Vec<String>>,
+    /// Side of a (square) pixel, um.
+    pub pixel_size_um: f64,
+    /// Share of the pixel's area that collects light.
+    pub fill_factor: f64,
+    /// Electrons that a pixel holds (physical mode only; ISETCam clips at the voltage swing).
+    pub well_capacity_e: f64,
+    /// Voltage that spans the converter at gain 1, V.
+    pub voltage_swing_v: f64,
+    /// Voltage per electron, mV/e-. Default: voltage swing over well capacity.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub conversion_gain_mv_per_e: Option<f64>,
+    /// Analog gain of the base exposure. Physical mode multiplies by it, ISETCam divides by it.
+    pub analog_gain: f64,
+    /// Voltage added by the analog stage, mV (physical mode after the gain, ISETCam before it).
+    pub analog_offset_mv: f64,
+    /// Bits of the converter.
+    pub bit_depth: u8,
+    /// Digital number of no light (physical mode only; ISETCam has no pedestal).
+    pub black_level_dn: f64,
+    /// Temporal noise before the gain, mV rms. Default 1.39.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub read_noise_mv: Option<f64>,
+    /// Temporal noise before the gain, e- rms; instead of `read_noise_mv`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub read_noise_e: Option<f64>,
+    /// Temporal noise after the gain, mV rms at the converter, quantisation excluded (physical mode only).
+    pub post_gain_noise_mv: f64,
+    /// Standard deviation of the pixels' offsets, mV. Default 0.2536.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub dsnu_mv: Option<f64>,
+    /// Standard deviation of the pixels' offsets, e-; instead of `dsnu_mv`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub dsnu_e: Option<f64>,
+    /// Standard deviation of the pixels' responsivities, percent.
+    pub prnu_percent: f64,
+    /// Standard deviation of the columns' offsets, mV.
+    pub column_offset_mv: f64,
+    /// Standard deviation of the columns' gains, percent.
+    pub column_gain_percent: f64,
+    /// Standard deviation of the rows' offsets, mV (physical mode only).
+    pub row_offset_mv: f64,
+    /// Dark signal at the reference temperature, mV/s. Default 0.15.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub dark_voltage_mv_per_s: Option<f64>,
+    /// Dark signal at the reference temperature, e-/s; instead of `dark_voltage_mv_per_s`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub dark_current_e_per_s: Option<f64>,
+    /// Spread of the pixels' dark currents: standard deviation of the logarithm of a log-normal distribution whose
+    /// mean is the dark current (physical mode only).
+    pub dark_current_log_spread: f64,
+    /// Temperature of the sensor, degrees Celsius.
+    pub temperature_c: f64,
+    /// Temperature at which the dark signal holds, degrees Celsius.
+    pub dark_reference_temperature_c: f64,
+    /// Temperature step that doubles the dark signal, K (6 to 9 for silicon).
+    pub dark_doubling_temperature_k: f64,
+    /// Which equations to use.
+    pub mode: SensorMode,
+    /// Seed of everything that belongs to the device and stays from frame to frame.
+    pub device_seed: u64,
+}
+
+impl Default for SensorModel {
+    fn default() -> Self {
+        Self {
+            columns: 1280,
+            rows: 720,
+            mosaic: [["G", "R"], ["B", "G"]].map(|row| row.map(String::from).to_vec()).to_vec(),
+            pixel_size_um: 2.5,
+            fill_factor: 0.99,
+            well_capacity_e: 9000.0,
+            voltage_swing_v: 0.911,
+            conversion_gain_mv_per_e: None,
+            analog_gain: 1.0,
+            analog_offset_mv: 0.0,
+            bit_depth: 12,
+            black_level_dn: 64.0,
+            read_noise_mv: None,
+            read_noise_e: None,
+            post_gain_noise_mv: 0.0,
+            dsnu_mv: None,
+            dsnu_e: None,
+            prnu_percent: 2.29,
+            column_offset_mv: 0.0,
+            column_gain_percent: 0.0,
+            row_offset_mv: 0.0,
+            dark_voltage_mv_per_s: None,
+            dark_current_e_per_s: None,
+            dark_current_log_spread: 0.0,
+            temperature_c: 25.0,
+            dark_reference_temperature_c: 25.0,
+            dark_doubling_temperature_k: 8.0,
+            mode: SensorMode::Physical,
+            device_seed: 1,
+        }
+    }
+}
+
+/// A sensor or exposure parameter that can't be used.
+#[derive(Clone, Debug, Error, PartialEq)]
+#[error("sensor {field}: {message}")]
+pub struct SensorProblem {
+    /// The field.
+    pub field: String,
+    /// What is wrong and how to mend it.
+    pub message: String,
+}
+
+impl SensorProblem {
+    pub(super) fn new(field: impl Into<String>, message: impl Into<String>) -> Self {
+        Self { field: field.into(), message: message.into() }
+    }
+}
+
+impl SensorModel {
+    /// Voltage per electron, V/e-.
+    pub fn conversion_gain_v_per_e(&self) -> f64 {
+        self.conversion_gain_mv_per_e.map_or(self.voltage_swing_v / self.well_capacity_e, |mv| mv * 1e-3)
+    }
+
+    /// Voltage of one digital number, V: the swing over 2^bits.
+    pub fn volts_per_dn(&self) -> f64 {
+        self.voltage_swing_v / 2f64.powi(i32::from(self.bit_depth))
+    }
+
+    /// System gain K at gain 1, DN/e-.
+    pub fn base_dn_per_electron(&self) -> f64 {
+        self.conversion_gain_v_per_e() / self.volts_per_dn()
+    }
+
+    /// Largest code of the converter, `2^bits - 1`.
+    pub fn max_code(&self) -> u16 {
+        ((1u32 << self.bit_depth) - 1) as u16
+    }
+
+    /// Area of a pixel that collects light, m².
+    pub fn collecting_area_m2(&self) -> f64 {
+        (self.pixel_size_um * 1e-6).powi(2) * self.fill_factor
+    }
+
+    /// Width of all columns, mm.
+    pub fn width_mm(&self) -> f64 {
+        self.columns as f64 * self.pixel_size_um * 1e-3
+    }
+
+    /// Height of all rows, mm.
+    pub fn height_mm(&self) -> f64 {
+        self.rows as f64 * self.pixel_size_um * 1e-3
+    }
+
+    fn in_electrons(&self, electrons: Option<f64>, millivolts: Option<f64>, default_mv: f64) -> f64 {
+        electrons.unwrap_or_else(|| millivolts.unwrap_or(default_mv) * 1e-3 / self.conversion_gain_v_per_e())
+    }
+
+    /// Temporal noise before the gain, e- rms.
+    pub fn read_noise_electrons(&self) -> f64 {
+        self.in_electrons(self.read_noise_e, self.read_noise_mv, table_1::READ_NOISE_MV)
+    }
+
+    /// Standard deviation of the pixels' offsets, e-.
+    pub fn dsnu_electrons(&self) -> f64 {
+        self.in_electrons(self.dsnu_e, self.dsnu_mv, table_1::DSNU_MV)
+    }
+
+    /// Dark current at the sensor's temperature, e-/s.
+    pub fn dark_electrons_per_s(&self) -> f64 {
+        let reference = self.in_electrons(
+            self.dark_current_e_per_s,
+            self.dark_voltage_mv_per_s,
+            table_1::DARK_VOLTAGE_MV_PER_S,
+        );
+        let warmer = self.temperature_c - self.dark_reference_temperature_c;
+        reference * 2f64.powf(warmer / self.dark_doubling_temperature_k)
+    }
+
+    /// The same model with every default and every conversion between units written out, in millivolts.
+    #[must_use]
+    pub fn resolved(&self) -> Self {
+        let millivolts = |electrons: f64| electrons * self.conversion_gain_v_per_e() * 1e3;
+        let reference = Self { temperature_c: self.dark_reference_temperature_c, ..self.clone() };
+        Self {
+            conversion_gain_mv_per_e: Some(millivolts(1.0)),
+            read_noise_mv: Some(millivolts(self.read_noise_electrons())),
+            read_noise_e: None,
+            dsnu_mv: Some(millivolts(self.dsnu_electrons())),
+            dsnu_e: None,
+            dark_voltage_mv_per_s: Some(millivolts(reference.dark_electrons_per_s())),
+            dark_current_e_per_s: None,
+            ..self.clone()
+        }
+    }
+
+    /// Checks every parameter.
+    ///
+    /// # Errors
+    /// The first parameter that can't be used, with the way to mend it.
+    pub fn validate(&self) -> Result<(), SensorProblem> {
+        self.validate_geometry()?;
+        for (field, value, unit) in [
+            ("well_capacity_e", self.well_capacity_e, "electrons"),
+            ("voltage_swing_v", self.voltage_swing_v, "volts"),
+            ("conversion_gain_mv_per_e", self.conversion_gain_v_per_e() * 1e3, "mV per electron"),
+            ("analog_gain", self.analog_gain, "times"),
+            ("dark_doubling_temperature_k", self.dark_doubling_temperature_k, "kelvin"),
+        ] {
+            if !(value > 0.0 && value.is_finite()) {
+                let message = format!("{value} is not above zero; give a positive number of {unit}");
+                return Err(SensorProblem::new(field, message));
+            }
+        }
+        for (mv_field, e_field, mv, e) in [
+            ("read_noise_mv", "read_noise_e", self.read_noise_mv, self.read_noise_e),
+            ("dsnu_mv", "dsnu_e", self.dsnu_mv, self.dsnu_e),
+            (
+                "dark_voltage_mv_per_s",
+                "dark_current_e_per_s",
+                self.dark_voltage_mv_per_s,
+                self.dark_current_e_per_s,
+            ),
+        ] {
+            if mv.is_some() && e.is_some() {
+                let message = format!("given together with {mv_field}; keep one of the two");
+                return Err(SensorProblem::new(e_field, message));
+            }
+            not_negative(mv_field, mv.unwrap_or(0.0))?;
+            not_negative(e_field, e.unwrap_or(0.0))?;
+        }
+        for (field, value) in [
+            ("post_gain_noise_mv", self.post_gain_noise_mv),
+            ("prnu_percent", self.prnu_percent),
+            ("column_offset_mv", self.column_offset_mv),
+            ("column_gain_percent", self.column_gain_percent),
+            ("row_offset_mv", self.row_offset_mv),
+            ("dark_current_log_spread", self.dark_current_log_spread),
+        ] {
+            not_negative(field, value)?;
+        }
+        for (field, value) in [
+            ("analog_offset_mv", self.analog_offset_mv),
+            ("temperature_c", self.temperature_c),
+            ("dark_reference_temperature_c", self.dark_reference_temperature_c),
+        ] {
+            if !value.is_finite() {
+                return Err(SensorProblem::new(field, format!("{value} is not a number; give a finite one")));
+            }
+        }
+        self.validate_converter()
+    }
+
+    fn validate_geometry(&self) -> Result<(), SensorProblem> {
+        for (field, value) in [("columns", self.columns), ("rows", self.rows)] {
+            if !(1..=65_536).contains(&value) {
+                let message = format!("{value} is outside 1 to 65536; give the number of pixels");
+                return Err(SensorProblem::new(field, message));
+            }
+        }
+        if !(0.1..=1000.0).contains(&self.pixel_size_um) {
+            let message = format!("{} is outside 0.1 to 1000; give the pitch in um", self.pixel_size_um);
+            return Err(SensorProblem::new("pixel_size_um", message));
+        }
+        if !(self.fill_factor > 0.0 && self.fill_factor <= 1.0) {
+            let message = format!("{} is outside 0 to 1; give a fraction, not percent", self.fill_factor);
+            return Err(SensorProblem::new("fill_factor", message));
+        }
+        let cell_columns = self.mosaic.first().map_or(0, Vec::len);
+        if cell_columns == 0 || self.mosaic.iter().any(|row| row.len() != cell_columns) {
+            let message = "the rows of the cell must have one length, at least 1; for instance \
+                           [[\"G\", \"R\"], [\"B\", \"G\"]], or [[\"mono\"]] for a sensor without colour";
+            return Err(SensorProblem::new("mosaic", message));
+        }
+        if self.mosaic.len() > self.rows || cell_columns > self.columns {
+            let message = format!(
+                "the cell of {} by {cell_columns} does not fit into {} by {} pixels; add pixels",
+                self.mosaic.len(),
+                self.rows,
+                self.columns
+            );
+            return Err(SensorProblem::new("mosaic", message));
+        }
+        Ok(())
+    }
+
+    fn validate_converter(&self) -> Result<(), SensorProblem> {
+        // ISETCam's converter has one code more than its bits can count.
+        let most_bits = if matches!(self.mode, SensorMode::Isetcam { .. }) { 15 } else { 16 };
+        if !(1..=most_bits).contains(&self.bit_depth) {
+            let message = format!("{} is outside 1 to {most_bits}; raw images have 16 bits", self.bit_depth);
+            return Err(SensorProblem::new("bit_depth", message));
+        }
+        if let SensorMode::Isetcam { noise_flag } = self.mode
+            && !(-2..=2).contains(&noise_flag)
+        {
+            let message = format!("{noise_flag} is no noise flag of ISETCam; give -2, -1, 0, 1 or 2");
+            return Err(SensorProblem::new("mode.noise_flag", message));
+        }
+        if !(0.0..f64::from(self.max_code())).contains(&self.black_level_dn) {
+            let message = format!(
+                "{} is outside the {} codes of {} bits; give the digital number of a covered pixel",
+                self.black_level_dn,
+                u32::from(self.max_code()) + 1,
+                self.bit_depth
+            );
+            return Err(SensorProblem::new("black_level_dn", message));
+        }
+        Ok(())
+    }
+}
+
+fn not_negative(field: &str, value: f64) -> Result<(), SensorProblem> {
+    if value >= 0.0 && value.is_finite() {
+        Ok(())
+    } else {
+        Err(SensorProblem::new(field, format!("{value} can't be a noise or a current; give 0 or more")))
+    }
+}
+
+/// A data sheet in the terms of EMVA 1288 (release 4), at gain 1.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Emva1288 {
+    /// System gain K, DN/e-.
+    pub system_gain_dn_per_e: f64,
+    /// Temporal dark noise, e- rms, quantisation excluded.
+    pub dark_noise_e: f64,
+    /// Saturation capacity, e-.
+    pub saturation_capacity_e: f64,
+    /// Dark current, e-/s.
+    pub dark_current_e_per_s: f64,
+    /// Dark signal non-uniformity, e-.
+    pub dsnu_e: f64,
+    /// Photo response non-uniformity, percent.
+    pub prnu_percent: f64,
+    /// Bits of the converter.
+    pub bit_depth: u8,
+}
+
+impl From<Emva1288> for SensorModel {
+    /// A model with these electronics; geometry and mosaic are still those of the default.
+    fn from(sheet: Emva1288) -> Self {
+        // Only K can be measured from outside, so the voltage scale is free: 0.1 mV per electron.
+        let conversion_gain_mv_per_e = 0.1;
+        let codes = 2f64.powi(i32::from(sheet.bit_depth));
+        Self {
+            conversion_gain_mv_per_e: Some(conversion_gain_mv_per_e),
+            voltage_swing_v: conversion_gain_mv_per_e * 1e-3 * codes / sheet.system_gain_dn_per_e,
+            well_capacity_e: sheet.saturation_capacity_e,
+            read_noise_e: Some(sheet.dark_noise_e),
+            dsnu_e: Some(sheet.dsnu_e),
+            dark_current_e_per_s: Some(sheet.dark_current_e_per_s),
+            prnu_percent: sheet.prnu_percent,
+            bit_depth: sheet.bit_depth,
+            ..Self::default()
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn table_1_in_electrons() {
+        let model = SensorModel::default();
+        assert!((model.conversion_gain_v_per_e() * 1e3 - 0.101_222).abs() < 1e-6);
+        assert!((model.collecting_area_m2() - 6.1875e-12).abs() < 1e-20);
+        assert!((model.read_noise_electrons() - 13.732).abs() < 1e-3);
+        assert!((model.dsnu_electrons() - 2.505_4).abs() < 1e-3);
+        assert!((model.dark_electrons_per_s() - 1.481_9).abs() < 1e-3);
+        assert!((model.base_dn_per_electron() - 4096.0 / 9000.0).abs() < 1e-12);
+        assert_eq!(model.max_code(), 4095);
+        assert!(model.validate().is_ok());
+    }
+
+    #[test]
+    fn an_empty_file_is_the_default_and_a_resolved_one_says_so_in_full() {
+        let model: SensorModel = serde_json::from_str("{}").unwrap();
+        assert_eq!(model, SensorModel::default());
+        let warm = SensorModel { temperature_c: 45.0, read_noise_e: Some(2.0), ..model };
+        let text = serde_json::to_string(&warm.resolved()).unwrap();
+        let back: SensorModel = serde_json::from_str(&text).unwrap();
+        assert!(back.validate().is_ok());
+        assert!((back.read_noise_electrons() - 2.0).abs() < 1e-12);
+        assert!((back.dark_electrons_per_s() - warm.dark_electrons_per_s()).abs() < 1e-12);
+        assert!(text.contains("\"dsnu_mv\":0.2536"), "{text}");
+    }
+
+    #[test]
+    fn dark_current_doubles_with_temperature() {
+        let cool = SensorModel { dark_current_e_per_s: Some(3.0), ..SensorModel::default() };
+        let warm = SensorModel { temperature_c: 41.0, ..cool.clone() };
+        assert!((warm.dark_electrons_per_s() - 12.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn an_emva_data_sheet_keeps_its_system_gain() {
+        let sheet = Emva1288 {
+            system_gain_dn_per_e: 0.37,
+            dark_noise_e: 2.2,
+            saturation_capacity_e: 10_500.0,
+            dark_current_e_per_s: 0.4,
+            dsnu_e: 0.9,
+            prnu_percent: 0.6,
+            bit_depth: 12,
+        };
+        let model = SensorModel::from(sheet);
+        assert!(model.validate().is_ok());
+        assert!((model.base_dn_per_electron() - 0.37).abs() < 1e-12);
+        assert!((model.read_noise_electrons() - 2.2).abs() < 1e-12);
+    }
+
+    #[test]
+    fn problems_name_the_field_and_the_cure() {
+        let field = |model: SensorModel| model.validate().unwrap_err().field;
+        let base = SensorModel::default;
+        assert_eq!(field(SensorModel { fill_factor: 99.0, ..base() }), "fill_factor");
+        assert_eq!(
+            field(SensorModel { read_noise_mv: Some(1.0), read_noise_e: Some(2.0), ..base() }),
+            "read_noise_e"
+        );
+        assert_eq!(field(SensorModel { dsnu_e: Some(-1.0), ..base() }), "dsnu_e");
+        assert_eq!(field(SensorModel { bit_depth: 20, ..base() }), "bit_depth");
+        assert_eq!(field(SensorModel { mosaic: vec![], ..base() }), "mosaic");
+        assert_eq!(
+            field(SensorModel { mode: SensorMode::Isetcam { noise_flag: 3 }, ..base() }),
+            "mode.noise_flag"
+        );
+        assert_eq!(field(SensorModel { black_level_dn: 5000.0, ..base() }), "black_level_dn");
+        assert_eq!(field(SensorModel { prnu_percent: f64::NAN, ..base() }), "prnu_percent");
+        let unknown = serde_json::from_str::<SensorModel>("{\"read_noise\": 2}").unwrap_err();
+        assert!(unknown.to_string().contains("read_noise_mv"), "{unknown}");
+    }
+}
