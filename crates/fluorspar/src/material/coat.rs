@@ -230,6 +230,28 @@ mod tests {
     }
 
     #[test]
+    fn sampled_directions_follow_their_density() {
+        use fluorspar_testkit::{chi_square_over_sphere, sidak};
+        let cases = [(0.2, 0.9), (0.5, 0.3), (1.0, 0.6), (0.35, 0.1)];
+        for (alpha, cos) in cases {
+            let outgoing = Vec3::new((1.0_f32 - cos * cos).sqrt(), 0.0, cos);
+            chi_square_over_sphere(
+                200_000,
+                40,
+                20,
+                16,
+                |i| {
+                    let bits = crate::sampling::hash_u64(i as u64 ^ 0xC0A7);
+                    let u = [(bits >> 40) as f32, (bits & 0xFF_FFFF) as f32].map(|b| b / 16_777_216.0);
+                    sample(outgoing, alpha, u).map(|s| s.incident.normalize().as_dvec3().to_array())
+                },
+                |d| f64::from(pdf(outgoing, Vec3::new(d[0] as f32, d[1] as f32, d[2] as f32), alpha)),
+            )
+            .assert_accepted(sidak(0.01, cases.len()));
+        }
+    }
+
+    #[test]
     fn the_brdf_is_reciprocal() {
         let o = Vec3::new(0.3, 0.1, 0.8).normalize();
         let i = Vec3::new(-0.5, 0.4, 0.3).normalize();

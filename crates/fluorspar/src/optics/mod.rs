@@ -1,4 +1,4 @@
-//! Cameras that make rays and lenses that form images.
+//! Cameras that make rays and lenses that turn scene radiance into irradiance on the sensor.
 
 mod ideal_lens;
 mod perspective;

@@ -1,1 +1,25 @@
-//! To be written.
+//! Light transport: paths are sampled once with scalar densities, then spectra run along them from the far end to
+//! the camera, on whole band vectors and for every component at once.
+//!
+//! | file | what |
+//! |---|---|
+//! | `compiled_scene` | plain buffers that rays and spectra need |
+//! | `fluorescence_operator` | an excitation-emission matrix applied to a band vector |
+//! | `light_sampling` | directions towards lights, with densities |
+//! | `surface` | what a ray finds: frame, textures, coat |
+//! | `path` | samples one path and keeps its vertices |
+//! | `spectral_accumulation` | runs spectra backwards along a path |
+//! | `integrator` | all pixels on all cores, with progress and interruption |
+
+mod compiled_scene;
+mod fluorescence_operator;
+mod integrator;
+mod light_sampling;
+mod path;
+mod spectral_accumulation;
+mod surface;
+
+pub use fluorescence_operator::FluorescenceOperator;
+pub use integrator::{
+    Estimator, RenderControl, RenderError, RenderProgress, RenderSettings, memory_bytes, render,
+};

@@ -1,11 +1,10 @@
 //! Owen-scrambled Sobol samples addressed by (seed, pixel, sample, dimension).
 
-/// Mixes 64 bits so that every output bit depends on every input bit (SplitMix64 finaliser, Steele et al. 2014).
+use super::random::mix;
+
+/// One step of SplitMix64: scatters the bits of a word, zero included.
 pub fn hash_u64(value: u64) -> u64 {
-    let mut z = value.wrapping_add(0x9E37_79B9_7F4A_7C15);
-    z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-    z ^ (z >> 31)
+    mix(value.wrapping_add(0x9E37_79B9_7F4A_7C15))
 }
 
 /// Samples per scrambling: the Sobol sequence of the library repeats beyond this.

@@ -72,3 +72,116 @@ pub fn tangents(normal: Vec3) -> (Vec3, Vec3) {
         Vec3::new(b, sign + normal.y * normal.y * a, -normal.y),
     )
 }
+
+#[cfg(test)]
+mod tests {
+    use fluorspar_testkit::{chi_square, chi_square_over_sphere, sidak};
+
+    use super::*;
+    use crate::sampling::hash_u64;
+
+    /// Hypotheses tested in this file.
+    const TESTS: usize = 6;
+    const SAMPLES: usize = 200_000;
+
+    /// Independent uniform numbers: the chi-square statistic assumes independence, which Sobol samples do not have.
+    fn random(index: usize) -> [f32; 2] {
+        let bits = hash_u64(index as u64 ^ 0x5EED_0000);
+        [(bits >> 40) as f32, (bits & 0xFF_FFFF) as f32].map(|b| b / 16_777_216.0)
+    }
+
+    fn array(v: Vec3) -> [f64; 3] {
+        v.as_dvec3().to_array()
+    }
+
+    fn vector(v: [f64; 3]) -> Vec3 {
+        Vec3::new(v[0] as f32, v[1] as f32, v[2] as f32)
+    }
+
+    #[test]
+    fn cosine_hemisphere_follows_its_density() {
+        chi_square_over_sphere(
+            SAMPLES,
+            20,
+            20,
+            32,
+            |i| Some(array(cosine_hemisphere(random(i)))),
+            |d| f64::from(cosine_hemisphere_pdf(vector(d))),
+        )
+        .assert_accepted(sidak(0.01, TESTS));
+    }
+
+    #[test]
+    fn uniform_sphere_follows_its_density() {
+        chi_square_over_sphere(
+            SAMPLES,
+            20,
+            20,
+            32,
+            |i| Some(array(uniform_sphere(random(i)))),
+            |_| 0.25 / std::f64::consts::PI,
+        )
+        .assert_accepted(sidak(0.01, TESTS));
+    }
+
+    #[test]
+    fn uniform_cone_follows_its_density() {
+        let cos_max = 0.5;
+        chi_square_over_sphere(
+            SAMPLES,
+            20,
+            20,
+            32,
+            |i| Some(array(uniform_cone(random(i), cos_max))),
+            |d| if d[2] >= f64::from(cos_max) { f64::from(uniform_cone_pdf(cos_max)) } else { 0.0 },
+        )
+        .assert_accepted(sidak(0.01, TESTS));
+    }
+
+    #[test]
+    fn concentric_disc_is_even() {
+        // Rings of equal area times sectors.
+        let mut counts = vec![0.0; 64];
+        for i in 0..SAMPLES {
+            let d = concentric_disc(random(i));
+            let ring = (d.length_squared() * 8.0).min(7.0) as usize;
+            let sector = ((d.y.atan2(d.x) + PI) / (2.0 * PI) * 8.0).min(7.0) as usize;
+            counts[ring * 8 + sector] += 1.0;
+        }
+        chi_square(&counts, &[SAMPLES as f64 / 64.0; 64]).assert_accepted(sidak(0.01, TESTS));
+    }
+
+    #[test]
+    fn triangle_is_even() {
+        // The unit triangle in squares of side 1/8: inner squares are whole, those on the hypotenuse half.
+        let mut counts = vec![0.0; 64];
+        let mut expected = vec![0.0; 64];
+        for i in 0..SAMPLES {
+            let [u, v] = triangle(random(i));
+            counts[(v * 8.0) as usize * 8 + (u * 8.0) as usize] += 1.0;
+        }
+        for row in 0..8 {
+            for col in 0..8 {
+                let share = match (row + col).cmp(&7) {
+                    std::cmp::Ordering::Less => 1.0,
+                    std::cmp::Ordering::Equal => 0.5,
+                    std::cmp::Ordering::Greater => 0.0,
+                };
+                expected[row * 8 + col] = share * SAMPLES as f64 / 32.0;
+            }
+        }
+        chi_square(&counts, &expected).assert_accepted(sidak(0.01, TESTS));
+    }
+
+    #[test]
+    fn tangents_are_orthonormal() {
+        for i in 0..1000 {
+            let n = uniform_sphere(random(i));
+            let (a, b) = tangents(n);
+            for (x, y, dot) in [(a, a, 1.0), (b, b, 1.0), (a, b, 0.0), (a, n, 0.0), (b, n, 0.0)] {
+                assert!((x.dot(y) - dot).abs() < 1e-5);
+            }
+            assert!(a.cross(b).dot(n) > 0.999);
+        }
+    }
+}

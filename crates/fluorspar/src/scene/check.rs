@@ -168,6 +168,8 @@ impl Scene {
     fn check_photons(&self, material: &Material) -> Result<(), SceneError> {
         let (start, end) = (self.grid.start_nm(), self.grid.end_nm());
         let steps = ((end - start) / CHECK_STEP_NM).ceil() as usize;
+        let mut worst = None;
+        let mut largest = ROUNDING;
         for step in 0..=steps {
             let wavelength_nm = (start + CHECK_STEP_NM * step as f64).min(end);
             let reflectance: f64 = material
@@ -185,9 +187,10 @@ impl Scene {
                 })
                 .sum();
             let excess = reflectance + photon_yield - 1.0;
-            if excess > ROUNDING {
+            if excess > largest {
+                largest = excess;
                 let material = material.name.clone();
-                return Err(SceneError::CreatesPhotons {
+                worst = Some(SceneError::CreatesPhotons {
                     material,
                     wavelength_nm,
                     reflectance,
@@ -196,7 +199,7 @@ impl Scene {
                 });
             }
         }
-        Ok(())
+        worst.map_or(Ok(()), Err)
     }
 
     /// What a user should know about the lights.

@@ -109,10 +109,10 @@ impl Curve {
 
     /// Samples an analytic model over 200 to 1200 nm. A `table` keeps its own samples and range.
     pub fn from_model(model: &CurveModel) -> Self {
-        if let CurveModel::Table { wavelength_nm, value } = model {
-            if let Ok(curve) = Self::new(wavelength_nm.clone(), value.clone()) {
-                return curve;
-            }
+        if let CurveModel::Table { wavelength_nm, value } = model
+            && let Ok(curve) = Self::new(wavelength_nm.clone(), value.clone())
+        {
+            return curve;
         }
         Self::from_fn(200.0, 1200.0, |nm| model.eval(nm))
     }
@@ -206,6 +206,21 @@ impl Curve {
             .map(|edge| self.integral(edge[0], edge[1]) / (edge[1] - edge[0]))
             .collect();
         Spectrum::from_parts(grid.clone(), values)
+    }
+
+    /// The part between two wavelengths; zero elsewhere.
+    #[must_use]
+    pub fn clipped(&self, from_nm: f64, to_nm: f64) -> Self {
+        let (first, last) = self.range_nm();
+        let (start, end) = (from_nm.max(first), to_nm.min(last));
+        if end <= start {
+            return Self { wavelength_nm: vec![from_nm, to_nm], value: vec![0.0, 0.0] };
+        }
+        let mut wavelength_nm = vec![start];
+        wavelength_nm.extend(self.wavelength_nm.iter().copied().filter(|&nm| nm > start && nm < end));
+        wavelength_nm.push(end);
+        let value = wavelength_nm.iter().map(|&nm| self.at(nm)).collect();
+        Self { wavelength_nm, value }
     }
 
     /// Pointwise product on the union of both samplings, refined to at most [`FINE_STEP_NM`]; zero where either is.

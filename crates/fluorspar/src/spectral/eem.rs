@@ -100,7 +100,7 @@ impl EemTable {
                 return Err(EemError::Axis { axis, index: 0 });
             }
             for index in 1..nodes.len() {
-                if !(nodes[index] > nodes[index - 1]) {
+                if nodes[index].partial_cmp(&nodes[index - 1]) != Some(std::cmp::Ordering::Greater) {
                     return Err(EemError::Axis { axis, index });
                 }
             }

@@ -79,6 +79,7 @@ pub struct Fluorophore {
 impl Fluorophore {
     /// A fluorophore from band models, scaled so that the photon yield, before the Stokes mask and over all emission,
     /// is `photon_yield` at the best excitation wavelength within `excitation_range_nm`, at concentration 1.
+    #[expect(clippy::too_many_arguments, reason = "one call site: the catalogue's file layout")]
     pub fn from_bands(
         name: &str,
         title: &str,

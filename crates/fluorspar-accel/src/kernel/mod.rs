@@ -1,0 +1,326 @@
+//! Traversal: one algorithm, and the code that tests eight boxes or four triangles at once for each instruction set.
+//!
+//! A kernel only decides which boxes and triangles deserve a closer look; hits are computed by [`RayFrame::intersect`]
+//! alone. Box distances steer the order of traversal, so kernels compute them by the same operations and visit the same
+//! nodes.
+// The only place in the workspace where unsafe code is allowed: vector instructions that the processor must have, and
+// reads without bounds checks whose bounds the builder establishes.
+#![allow(unsafe_code)]
+
+use std::fmt;
+use std::mem::MaybeUninit;
+
+use crate::ray::{FAR_SLACK, Hit, Ray, RayFrame};
+use crate::wide_tree::{LEAF, PACK, STACK_CAPACITY, TrianglePack, WIDTH, WideNode, WideTree};
+
+#[cfg(target_arch = "x86_64")]
+mod avx2;
+mod portable;
+
+/// The code that traverses a tree. All kernels give the same hits, bit for bit.
+#[derive(Clone, Copy, Debug, Eq, Hash, PartialEq)]
+#[non_exhaustive]
+pub enum Kernel {
+    /// Plain Rust, for every processor.
+    Portable,
+    /// x86-64 with the AVX2 instructions (Intel since 2013, AMD since 2015).
+    Avx2,
+}
+
+impl Kernel {
+    /// The kernels that this processor runs, slowest first.
+    pub fn available() -> Vec<Self> {
+        [Self::Portable, Self::Avx2].into_iter().filter(|&kernel| Dispatch::new(kernel).is_some()).collect()
+    }
+
+    /// The fastest of [`Kernel::available`].
+    pub fn fastest() -> Self {
+        if Dispatch::new(Self::Avx2).is_some() { Self::Avx2 } else { Self::Portable }
+    }
+}
+
+impl fmt::Display for Kernel {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Portable => "portable",
+            Self::Avx2 => "AVX2",
+        })
+    }
+}
+
+/// A kernel that this processor is known to run.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Dispatch {
+    Portable,
+    #[cfg(target_arch = "x86_64")]
+    Avx2(avx2::Detected),
+}
+
+impl Dispatch {
+    pub(crate) fn new(kernel: Kernel) -> Option<Self> {
+        match kernel {
+            Kernel::Portable => Some(Self::Portable),
+            #[cfg(target_arch = "x86_64")]
+            Kernel::Avx2 => avx2::Detected::new().map(Self::Avx2),
+            #[cfg(not(target_arch = "x86_64"))]
+            Kernel::Avx2 => None,
+        }
+    }
+
+    pub(crate) fn kernel(self) -> Kernel {
+        match self {
+            Self::Portable => Kernel::Portable,
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx2(_) => Kernel::Avx2,
+        }
+    }
+
+    #[inline]
+    pub(crate) fn closest(self, tree: &WideTree, ray: &Ray) -> Option<Hit> {
+        match self {
+            Self::Portable => portable::closest(tree, ray),
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx2(detected) => detected.closest(tree, ray),
+        }
+    }
+
+    #[inline]
+    pub(crate) fn occluded(self, tree: &WideTree, ray: &Ray) -> bool {
+        match self {
+            Self::Portable => portable::occluded(tree, ray),
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx2(detected) => detected.occluded(tree, ray),
+        }
+    }
+}
+
+/// The vector part of a kernel. Methods are inlined into a function compiled for its instruction set.
+trait Lanes: Copy {
+    /// The ray, in the form in which the instruction set wants it.
+    type Ray;
+
+    fn prepare(self, frame: &RayFrame) -> Self::Ray;
+
+    /// The boxes that the ray meets between `t_min` and `limit`, one bit per column, and the distances at which it
+    /// enters them.
+    ///
+    /// Per axis, `(plane - origin) * inverse`; the entry is the greatest near distance, the exit the least far
+    /// distance times [`FAR_SLACK`] (Ize 2013). `max(a, b)` and `min(a, b)` are `b` if either is NaN, which happens
+    /// where a ray runs within a plane: that plane then does not count.
+    fn boxes(self, node: &WideNode, ray: &Self::Ray, limit: f32) -> (u32, Distances);
+
+    /// The triangles whose edge functions, in single precision, do not differ in sign: a superset of those hit.
+    fn candidates(self, pack: &TrianglePack, ray: &Self::Ray) -> u32;
+}
+
+/// Distances at which a ray enters eight boxes, in the unit of the mesh.
+#[repr(C, align(32))]
+struct Distances([f32; WIDTH]);
+
+/// A node or leaf to visit, and the distance at which the ray enters it, in one number that sorts by distance.
+#[derive(Clone, Copy, Debug, Eq, Ord, PartialEq, PartialOrd)]
+struct Entry(i64);
+
+impl Entry {
+    /// Distances are not negative, so their bits sort as they do. (Only `-0.0` sorts first, where it belongs.)
+    #[inline(always)]
+    fn new(distance: f32, reference: u32) -> Self {
+        Self((i64::from(distance.to_bits().cast_signed()) << 32) | i64::from(reference))
+    }
+
+    #[inline(always)]
+    fn distance(self) -> f32 {
+        f32::from_bits((self.0 >> 32) as u32)
+    }
+
+    #[inline(always)]
+    fn reference(self) -> u32 {
+        self.0 as u32
+    }
+}
+
+/// What is left to visit. Not initialised beforehand: that would cost as much as a short traversal.
+struct Stack {
+    entries: [MaybeUninit<Entry>; STACK_CAPACITY],
+    len: usize,
+}
+
+impl Stack {
+    #[inline(always)]
+    const fn new() -> Self {
+        Self { entries: [const { MaybeUninit::uninit() }; STACK_CAPACITY], len: 0 }
+    }
+
+    /// # Safety
+    /// Fewer than [`STACK_CAPACITY`] entries must be on the stack.
+    #[inline(always)]
+    unsafe fn push(&mut self, entry: Entry) {
+        debug_assert!(self.len < STACK_CAPACITY);
+        // SAFETY: the caller guarantees len < STACK_CAPACITY.
+        unsafe { self.entries.get_unchecked_mut(self.len) }.write(entry);
+        self.len += 1;
+    }
+
+    /// Puts `entry` below those of the entries from `base` on that are nearer.
+    ///
+    /// # Safety
+    /// Fewer than [`STACK_CAPACITY`] entries must be on the stack, and at least `base`.
+    #[inline(always)]
+    unsafe fn insert(&mut self, base: usize, entry: Entry) {
+        debug_assert!(base <= self.len && self.len < STACK_CAPACITY);
+        let mut position = self.len;
+        while position > base {
+            // SAFETY: base <= position - 1 < len, and entries below len are initialised.
+            let below = unsafe { self.entries.get_unchecked(position - 1).assume_init() };
+            if below >= entry {
+                break;
+            }
+            // SAFETY: position <= len < STACK_CAPACITY.
+            unsafe { self.entries.get_unchecked_mut(position) }.write(below);
+            position -= 1;
+        }
+        // SAFETY: position <= len < STACK_CAPACITY.
+        unsafe { self.entries.get_unchecked_mut(position) }.write(entry);
+        self.len += 1;
+    }
+
+    #[inline(always)]
+    fn pop(&mut self) -> Option<Entry> {
+        if self.len == 0 {
+            return None;
+        }
+        self.len -= 1;
+        // SAFETY: the entry at the new len was below the old len, hence initialised.
+        Some(unsafe { self.entries.get_unchecked(self.len).assume_init() })
+    }
+}
+
+impl WideTree {
+    #[inline(always)]
+    fn node(&self, reference: u32) -> &WideNode {
+        debug_assert!((reference as usize) < self.nodes.len());
+        // SAFETY: references come from the tree, whose invariants say that they name existing nodes.
+        unsafe { self.nodes.get_unchecked(reference as usize) }
+    }
+
+    #[inline(always)]
+    fn pack(&self, reference: u32) -> &TrianglePack {
+        debug_assert!(((reference & !LEAF) as usize) < self.packs.len());
+        // SAFETY: as for nodes; references with LEAF set name existing leaves.
+        unsafe { self.packs.get_unchecked((reference & !LEAF) as usize) }
+    }
+}
+
+#[inline(always)]
+fn closest<L: Lanes>(lanes: L, tree: &WideTree, ray: &Ray) -> Option<Hit> {
+    if tree.nodes.is_empty() {
+        return None;
+    }
+    let frame = RayFrame::new(ray);
+    let prepared = lanes.prepare(&frame);
+    let mut best = Hit { t: ray.t_max, u: 0.0, v: 0.0, triangle: 0 };
+    let mut found = false;
+    let mut limit = best.t * FAR_SLACK;
+    let mut stack = Stack::new();
+    let mut current = 0_u32;
+    loop {
+        if current & LEAF == 0 {
+            let node = tree.node(current);
+            let (mut met, distances) = lanes.boxes(node, &prepared, limit);
+            if met != 0 {
+                let entry = |met: u32| {
+                    let column = met.trailing_zeros() as usize & (WIDTH - 1);
+                    Entry::new(distances.0[column], node.children[column])
+                };
+                let first = entry(met);
+                met &= met - 1;
+                if met == 0 {
+                    current = first.reference();
+                    continue;
+                }
+                let second = entry(met);
+                met &= met - 1;
+                let (near, far) = if first < second { (first, second) } else { (second, first) };
+                let base = stack.len;
+                // SAFETY, here and below: with all columns of this node on it, the stack holds at most `stack_need`
+                // entries, and the builder has checked that those fit.
+                unsafe { stack.push(far) };
+                if met == 0 {
+                    current = near.reference();
+                    continue;
+                }
+                // SAFETY: as above.
+                unsafe { stack.push(near) };
+                while met != 0 {
+                    // SAFETY: as above; base was the length before this node.
+                    unsafe { stack.insert(base, entry(met)) };
+                    met &= met - 1;
+                }
+            }
+        } else {
+            let pack = tree.pack(current);
+            let mut candidates = lanes.candidates(pack, &prepared);
+            while candidates != 0 {
+                let lane = candidates.trailing_zeros() as usize & (PACK - 1);
+                candidates &= candidates - 1;
+                if let Some((t, u, v)) = frame.intersect(pack, lane) {
+                    let triangle = pack.numbers[lane];
+                    if t > frame.t_min && (t < best.t || (t == best.t && triangle < best.triangle)) {
+                        best = Hit { t, u, v, triangle };
+                        found = true;
+                        limit = t * FAR_SLACK;
+                    }
+                }
+            }
+        }
+        current = loop {
+            match stack.pop() {
+                None => return found.then_some(best),
+                Some(entry) if entry.distance() <= limit => break entry.reference(),
+                Some(_) => {}
+            }
+        };
+    }
+}
+
+#[inline(always)]
+fn occluded<L: Lanes>(lanes: L, tree: &WideTree, ray: &Ray) -> bool {
+    if tree.nodes.is_empty() {
+        return false;
+    }
+    let frame = RayFrame::new(ray);
+    let prepared = lanes.prepare(&frame);
+    let limit = ray.t_max * FAR_SLACK;
+    let mut stack = Stack::new();
+    let mut current = 0_u32;
+    loop {
+        if current & LEAF == 0 {
+            let node = tree.node(current);
+            let (mut met, distances) = lanes.boxes(node, &prepared, limit);
+            while met != 0 {
+                let column = met.trailing_zeros() as usize & (WIDTH - 1);
+                met &= met - 1;
+                // SAFETY: with all columns of this node on it, the stack holds at most `stack_need` entries, which the
+                // builder has checked.
+                unsafe { stack.push(Entry::new(distances.0[column], node.children[column])) };
+            }
+        } else {
+            let pack = tree.pack(current);
+            let mut candidates = lanes.candidates(pack, &prepared);
+            while candidates != 0 {
+                let lane = candidates.trailing_zeros() as usize & (PACK - 1);
+                candidates &= candidates - 1;
+                if let Some((t, _, _)) = frame.intersect(pack, lane)
+                    && t > frame.t_min
+                    && t < ray.t_max
+                {
+                    return true;
+                }
+            }
+        }
+        match stack.pop() {
+            None => return false,
+            Some(entry) => current = entry.reference(),
+        }
+    }
+}

@@ -1,0 +1,486 @@
+//! Plain buffers made from a scene once, before any ray is traced.
+
+use fluorspar_accel::{BuildError, Ray, TriangleBvh};
+use glam::{Vec2, Vec3};
+
+use super::fluorescence_operator::{FluorescenceOperator, direct_exitance};
+use crate::light::Emitter;
+use crate::material::{CoatAlbedo, ScalarTexture};
+use crate::scene::{Scene, Shape};
+use crate::spectral::{Curve, Reflectance};
+
+/// Where a ray ends.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Target {
+    /// A triangle, with barycentric coordinates.
+    Triangle { triangle: u32, u: f32, v: f32 },
+    /// An analytic shape of an object.
+    Shape(u32),
+    /// The surface of a light.
+    Light(u32),
+}
+
+/// A point on a surface that a ray found.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Intersection {
+    pub(super) t: f32,
+    pub(super) target: Target,
+}
+
+/// One distinct lamp spectrum of one light group.
+#[derive(Debug)]
+pub(super) struct Source {
+    pub(super) group: usize,
+    pub(super) curve: Curve,
+    /// Bin averages, one per band.
+    pub(super) bands: Vec<f32>,
+    /// Fluorescent exitance per unit irradiance and concentration, `[fluorophore][band]`.
+    pub(super) exitance: Vec<Vec<f32>>,
+}
+
+/// A light ready for sampling.
+#[derive(Debug)]
+pub(super) struct CompiledLight {
+    pub(super) source: usize,
+    pub(super) group: usize,
+    pub(super) emitter: CompiledEmitter,
+    /// Relative power, for choosing among lights.
+    pub(super) power: f32,
+}
+
+#[derive(Debug)]
+pub(super) enum CompiledEmitter {
+    Disc {
+        center: Vec3,
+        normal: Vec3,
+        tangents: (Vec3, Vec3),
+        radius: f32,
+        exponent: f32,
+    },
+    Rectangle {
+        corner: Vec3,
+        edge_u: Vec3,
+        edge_v: Vec3,
+        normal: Vec3,
+        area: f32,
+        exponent: f32,
+    },
+    Sphere {
+        center: Vec3,
+        radius: f32,
+    },
+    Point {
+        position: Vec3,
+        pattern: Option<(Vec3, f32)>,
+    },
+    Distant {
+        direction: Vec3,
+    },
+    /// Emissive triangles of an object: first triangle in the scene's list, running areas, bounding sphere.
+    Mesh {
+        first_triangle: usize,
+        cumulative_area: Vec<f32>,
+        center: Vec3,
+        radius: f32,
+    },
+    /// Emissive analytic object.
+    ShapeObject {
+        shape: usize,
+    },
+}
+
+/// Reflectance spectra, coat and fluorophores of a material.
+#[derive(Debug)]
+pub(super) struct CompiledMaterial {
+    pub(super) reflectance: Vec<(Vec<f32>, ScalarTexture)>,
+    pub(super) coat: Option<(usize, ScalarTexture)>,
+    pub(super) fluorophores: Vec<(usize, ScalarTexture)>,
+    /// Largest reflectance of any band, or a stand-in for surfaces that fluoresce, for choosing lobes and for Russian
+    /// roulette. It does not depend on concentrations, so that changing them leaves all paths as they are.
+    pub(super) albedo_bound: f32,
+}
+
+/// An analytic shape of an object.
+#[derive(Debug)]
+pub(super) struct CompiledShape {
+    pub(super) object: usize,
+    pub(super) shape: AnalyticShape,
+}
+
+#[derive(Debug)]
+pub(super) enum AnalyticShape {
+    Sphere { center: Vec3, radius: f32 },
+    Disc { center: Vec3, normal: Vec3, tangents: (Vec3, Vec3), radius: f32 },
+}
+
+#[derive(Debug)]
+pub(super) struct CompiledScene<'a> {
+    pub(super) scene: &'a Scene,
+    pub(super) bands: usize,
+    /// How far rays start off the surface they leave, m: a millionth of the largest coordinate.
+    pub(super) clearance: f32,
+    bvh: TriangleBvh,
+    positions: Vec<Vec3>,
+    normals: Vec<Vec3>,
+    uvs: Vec<Vec2>,
+    triangles: Vec<[u32; 3]>,
+    triangle_object: Vec<u32>,
+    pub(super) shapes: Vec<CompiledShape>,
+    pub(super) sources: Vec<Source>,
+    pub(super) lights: Vec<CompiledLight>,
+    /// Lights of each group that can be sampled.
+    pub(super) group_lights: Vec<Vec<usize>>,
+    /// Emissive objects: their light.
+    pub(super) object_light: Vec<Option<usize>>,
+    /// Sources that shine from every direction beyond the scene.
+    pub(super) environment: Vec<usize>,
+    pub(super) materials: Vec<CompiledMaterial>,
+    pub(super) coats: Vec<CoatAlbedo>,
+    /// `[group][fluorophore]`, excitation weighted by the group's lamps.
+    pub(super) lamp_operators: Vec<Vec<FluorescenceOperator>>,
+    /// `[fluorophore]`, evenly weighted, for light that already fluoresced.
+    pub(super) plain_operators: Vec<FluorescenceOperator>,
+}
+
+/// What a fluorescent surface is taken to send on at least: its light matters even where it reflects little.
+const FLUORESCENT_ALBEDO: f32 = 0.25;
+
+impl<'a> CompiledScene<'a> {
+    pub(super) fn new(scene: &'a Scene) -> Result<Self, BuildError> {
+        let grid = &scene.grid;
+        let mut positions = Vec::new();
+        let mut normals = Vec::new();
+        let mut uvs = Vec::new();
+        let mut triangles: Vec<[u32; 3]> = Vec::new();
+        let mut triangle_object = Vec::new();
+        let mut shapes = Vec::new();
+        let mut sources: Vec<Source> = Vec::new();
+        let mut lights = Vec::new();
+        let mut environment = Vec::new();
+        let mut object_light = vec![None; scene.objects.len()];
+
+        let mut source_of = |group: usize, curve: &Curve| {
+            if let Some(found) = sources.iter().position(|s| s.group == group && s.curve == *curve) {
+                return found;
+            }
+            let bands = curve.on_grid::<Reflectance>(grid).values().iter().map(|&v| v as f32).collect();
+            let exitance = scene.fluorophores.iter().map(|f| direct_exitance(&f.eem, grid, curve)).collect();
+            sources.push(Source { group, curve: curve.clone(), bands, exitance });
+            sources.len() - 1
+        };
+
+        for (object, item) in scene.objects.iter().enumerate() {
+            let emissive = match &item.shape {
+                Shape::Mesh(mesh) => {
+                    let offset = positions.len() as u32;
+                    let first_triangle = triangles.len();
+                    positions.extend_from_slice(&mesh.positions);
+                    if mesh.normals.is_empty() {
+                        normals.extend(std::iter::repeat_n(Vec3::ZERO, mesh.positions.len()));
+                    } else {
+                        normals.extend_from_slice(&mesh.normals);
+                    }
+                    if mesh.uvs.is_empty() {
+                        uvs.extend(std::iter::repeat_n(Vec2::ZERO, mesh.positions.len()));
+                    } else {
+                        uvs.extend_from_slice(&mesh.uvs);
+                    }
+                    triangles.extend(mesh.triangles.iter().map(|t| t.map(|v| v + offset)));
+                    triangle_object.extend(std::iter::repeat_n(object as u32, mesh.triangles.len()));
+                    let mut sum = 0.0_f64;
+                    let cumulative_area = mesh
+                        .triangles
+                        .iter()
+                        .map(|t| {
+                            sum += f64::from(mesh.triangle_cross(t).length()) * 0.5;
+                            sum as f32
+                        })
+                        .collect();
+                    let (low, high) = mesh.bounds();
+                    let (center, radius) = (0.5 * (low + high), 0.5 * (high - low).length());
+                    CompiledEmitter::Mesh { first_triangle, cumulative_area, center, radius }
+                }
+                Shape::Sphere { center, radius_m } => {
+                    let shape = AnalyticShape::Sphere { center: *center, radius: *radius_m };
+                    shapes.push(CompiledShape { object, shape });
+                    CompiledEmitter::ShapeObject { shape: shapes.len() - 1 }
+                }
+                Shape::Disc { center, normal, radius_m } => {
+                    let tangents = crate::sampling::warp::tangents(*normal);
+                    let shape =
+                        AnalyticShape::Disc { center: *center, normal: *normal, tangents, radius: *radius_m };
+                    shapes.push(CompiledShape { object, shape });
+                    CompiledEmitter::ShapeObject { shape: shapes.len() - 1 }
+                }
+            };
+            if let Some(emission) = &item.emission {
+                let source = source_of(emission.group, &emission.radiance);
+                object_light[object] = Some(lights.len());
+                let area = match &item.shape {
+                    Shape::Mesh(mesh) => mesh.area_m2() as f32,
+                    Shape::Sphere { radius_m, .. } => 4.0 * std::f32::consts::PI * radius_m * radius_m,
+                    Shape::Disc { radius_m, .. } => std::f32::consts::PI * radius_m * radius_m,
+                };
+                let power =
+                    (emission.radiance.total() as f32 * area * std::f32::consts::PI).max(f32::MIN_POSITIVE);
+                lights.push(CompiledLight { source, group: emission.group, emitter: emissive, power });
+            }
+        }
+
+        for light in &scene.lights {
+            let source = source_of(light.group, &light.spectrum);
+            let power = (light.spectrum.total() as f32).max(f32::MIN_POSITIVE);
+            let emitter = match &light.emitter {
+                Emitter::Disc { center, normal, radius_m, exponent } => CompiledEmitter::Disc {
+                    center: *center,
+                    normal: *normal,
+                    tangents: crate::sampling::warp::tangents(*normal),
+                    radius: *radius_m,
+                    exponent: *exponent,
+                },
+                Emitter::Rectangle { corner, edge_u, edge_v, exponent } => {
+                    let cross = edge_u.cross(*edge_v);
+                    CompiledEmitter::Rectangle {
+                        corner: *corner,
+                        edge_u: *edge_u,
+                        edge_v: *edge_v,
+                        normal: cross.normalize_or_zero(),
+                        area: cross.length(),
+                        exponent: *exponent,
+                    }
+                }
+                Emitter::Sphere { center, radius_m } => {
+                    CompiledEmitter::Sphere { center: *center, radius: *radius_m }
+                }
+                Emitter::Point { position, pattern } => {
+                    CompiledEmitter::Point { position: *position, pattern: *pattern }
+                }
+                Emitter::Distant { direction } => CompiledEmitter::Distant { direction: *direction },
+                Emitter::Environment => {
+                    environment.push(source);
+                    continue;
+                }
+            };
+            lights.push(CompiledLight { source, group: light.group, emitter, power });
+        }
+
+        let group_lights = (0..scene.light_groups.len())
+            .map(|group| (0..lights.len()).filter(|&l| lights[l].group == group).collect())
+            .collect();
+
+        let mut coats: Vec<CoatAlbedo> = Vec::new();
+        let materials = scene
+            .materials
+            .iter()
+            .map(|material| {
+                let reflectance: Vec<(Vec<f32>, ScalarTexture)> = material
+                    .reflectance
+                    .iter()
+                    .map(|term| {
+                        let bands = term.spectrum.on_grid::<Reflectance>(grid);
+                        (bands.values().iter().map(|&v| v as f32).collect(), term.weight.clone())
+                    })
+                    .collect();
+                let coat = material.coat.as_ref().map(|coat| {
+                    let index = coats
+                        .iter()
+                        .position(|c| c.refractive_index() == coat.refractive_index)
+                        .unwrap_or_else(|| {
+                            coats.push(CoatAlbedo::new(coat.refractive_index));
+                            coats.len() - 1
+                        });
+                    (index, coat.roughness.clone())
+                });
+                let fluorophores: Vec<(usize, ScalarTexture)> =
+                    material.fluorophores.iter().map(|a| (a.fluorophore, a.concentration.clone())).collect();
+                let elastic = (0..grid.len())
+                    .map(|band| reflectance.iter().map(|(r, weight)| r[band] * weight.max()).sum())
+                    .fold(0.0, f32::max);
+                let albedo_bound =
+                    if fluorophores.is_empty() { elastic } else { elastic.max(FLUORESCENT_ALBEDO) };
+                CompiledMaterial { reflectance, coat, fluorophores, albedo_bound }
+            })
+            .collect();
+
+        let lamp_operators = (0..scene.light_groups.len())
+            .map(|group| {
+                let lamp = group_lamp(&sources, group);
+                scene
+                    .fluorophores
+                    .iter()
+                    .map(|f| FluorescenceOperator::new(&f.eem, grid, lamp.as_ref()))
+                    .collect()
+            })
+            .collect();
+        let plain_operators =
+            scene.fluorophores.iter().map(|f| FluorescenceOperator::new(&f.eem, grid, None)).collect();
+
+        let reach = positions.iter().map(|p| p.abs().max_element()).fold(0.0, f32::max);
+        let shape_reach = shapes
+            .iter()
+            .map(|s| match &s.shape {
+                AnalyticShape::Sphere { center, radius } | AnalyticShape::Disc { center, radius, .. } => {
+                    center.abs().max_element() + radius
+                }
+            })
+            .fold(0.0, f32::max);
+
+        Ok(Self {
+            scene,
+            bands: grid.len(),
+            clearance: (1e-6 * reach.max(shape_reach)).max(1e-9),
+            bvh: TriangleBvh::build(&positions, &triangles)?,
+            positions,
+            normals,
+            uvs,
+            triangles,
+            triangle_object,
+            shapes,
+            sources,
+            lights,
+            group_lights,
+            object_light,
+            environment,
+            materials,
+            coats,
+            lamp_operators,
+            plain_operators,
+        })
+    }
+
+    /// Corners of a triangle.
+    pub(super) fn corners(&self, triangle: usize) -> [Vec3; 3] {
+        self.triangles[triangle].map(|v| self.positions[v as usize])
+    }
+
+    /// Interpolated normal (zero for faceted meshes) and texture coordinates.
+    pub(super) fn attributes(&self, triangle: usize, u: f32, v: f32) -> (Vec3, Vec2) {
+        let [a, b, c] = self.triangles[triangle].map(|i| i as usize);
+        let w = 1.0 - u - v;
+        (
+            self.normals[a] * w + self.normals[b] * u + self.normals[c] * v,
+            self.uvs[a] * w + self.uvs[b] * u + self.uvs[c] * v,
+        )
+    }
+
+    /// Object that a triangle belongs to.
+    pub(super) fn object_of(&self, triangle: usize) -> usize {
+        self.triangle_object[triangle] as usize
+    }
+
+    /// Nearest surface or light along a ray.
+    pub(super) fn closest(&self, origin: Vec3, direction: Vec3) -> Option<Intersection> {
+        let ray = Ray { origin, direction, t_min: 0.0, t_max: f32::INFINITY };
+        let mut best = self.bvh.closest(&ray).map(|hit| Intersection {
+            t: hit.t,
+            target: Target::Triangle { triangle: hit.triangle, u: hit.u, v: hit.v },
+        });
+        let mut limit = best.map_or(f32::INFINITY, |hit| hit.t);
+        for (index, shape) in self.shapes.iter().enumerate() {
+            if let Some(t) = shape.shape.intersect(origin, direction, limit) {
+                limit = t;
+                best = Some(Intersection { t, target: Target::Shape(index as u32) });
+            }
+        }
+        for (index, light) in self.lights.iter().enumerate() {
+            if let Some(t) = light.emitter.intersect(origin, direction, limit) {
+                limit = t;
+                best = Some(Intersection { t, target: Target::Light(index as u32) });
+            }
+        }
+        best
+    }
+
+    /// Whether anything lies between a point and `t_max` along a direction; the light aimed at does not count.
+    pub(super) fn occluded(&self, origin: Vec3, direction: Vec3, t_max: f32, aimed_at: usize) -> bool {
+        let ray = Ray { origin, direction, t_min: 0.0, t_max };
+        self.bvh.occluded(&ray)
+            || self.shapes.iter().any(|s| s.shape.intersect(origin, direction, t_max).is_some())
+            || self.lights.iter().enumerate().any(|(l, light)| {
+                l != aimed_at && light.emitter.intersect(origin, direction, t_max).is_some()
+            })
+    }
+}
+
+/// Sum of all lamp spectra of a group: its shape weights excitation within a bin.
+fn group_lamp(sources: &[Source], group: usize) -> Option<Curve> {
+    let curves: Vec<&Curve> = sources.iter().filter(|s| s.group == group).map(|s| &s.curve).collect();
+    match curves.as_slice() {
+        [] => None,
+        [only] => Some((*only).clone()),
+        many => {
+            let start = many.iter().map(|c| c.range_nm().0).fold(f64::INFINITY, f64::min);
+            let end = many.iter().map(|c| c.range_nm().1).fold(f64::NEG_INFINITY, f64::max);
+            Some(Curve::from_fn(start, end, |nm| many.iter().map(|c| c.at(nm)).sum()))
+        }
+    }
+}
+
+impl AnalyticShape {
+    /// Smallest positive distance below `limit`.
+    pub(super) fn intersect(&self, origin: Vec3, direction: Vec3, limit: f32) -> Option<f32> {
+        match self {
+            Self::Sphere { center, radius } => intersect_sphere(origin, direction, *center, *radius, limit),
+            Self::Disc { center, normal, radius, .. } => {
+                intersect_disc(origin, direction, *center, *normal, *radius, limit)
+            }
+        }
+    }
+}
+
+impl CompiledEmitter {
+    /// Distance to the surface of a light that is no object; both sides block.
+    fn intersect(&self, origin: Vec3, direction: Vec3, limit: f32) -> Option<f32> {
+        match self {
+            Self::Disc { center, normal, radius, .. } => {
+                intersect_disc(origin, direction, *center, *normal, *radius, limit)
+            }
+            Self::Rectangle { corner, edge_u, edge_v, normal, .. } => {
+                let t = intersect_plane(origin, direction, *corner, *normal, limit)?;
+                let local = origin + direction * t - *corner;
+                let u = local.dot(*edge_u) / edge_u.length_squared();
+                let v = local.dot(*edge_v) / edge_v.length_squared();
+                ((0.0..=1.0).contains(&u) && (0.0..=1.0).contains(&v)).then_some(t)
+            }
+            Self::Sphere { center, radius } => intersect_sphere(origin, direction, *center, *radius, limit),
+            Self::Point { .. } | Self::Distant { .. } | Self::Mesh { .. } | Self::ShapeObject { .. } => None,
+        }
+    }
+}
+
+fn intersect_plane(origin: Vec3, direction: Vec3, point: Vec3, normal: Vec3, limit: f32) -> Option<f32> {
+    let cos = direction.dot(normal);
+    if cos == 0.0 {
+        return None;
+    }
+    let t = (point - origin).dot(normal) / cos;
+    (t > 0.0 && t < limit).then_some(t)
+}
+
+fn intersect_disc(
+    origin: Vec3,
+    direction: Vec3,
+    center: Vec3,
+    normal: Vec3,
+    radius: f32,
+    limit: f32,
+) -> Option<f32> {
+    let t = intersect_plane(origin, direction, center, normal, limit)?;
+    ((origin + direction * t - center).length_squared() <= radius * radius).then_some(t)
+}
+
+/// Robust quadratic (Haines et al., Ray Tracing Gems, chapter 7): the discriminant from the point of closest approach.
+fn intersect_sphere(origin: Vec3, direction: Vec3, center: Vec3, radius: f32, limit: f32) -> Option<f32> {
+    let f = origin - center;
+    let b = -f.dot(direction);
+    let closest = f + direction * b;
+    let discriminant = radius * radius - closest.length_squared();
+    if discriminant < 0.0 {
+        return None;
+    }
+    let c = f.length_squared() - radius * radius;
+    let q = b + discriminant.sqrt().copysign(b);
+    let (t0, t1) = if q == 0.0 { (0.0, 0.0) } else { (c / q, q) };
+    let (near, far) = if t0 < t1 { (t0, t1) } else { (t1, t0) };
+    [near, far].into_iter().find(|&t| t > 0.0 && t < limit)
+}

@@ -1,0 +1,457 @@
+//! Light transport against closed forms: physics that the code cannot argue with.
+
+use std::f64::consts::PI;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+use fluorspar::geometry::TriangleMesh;
+use fluorspar::image::{ComponentImage, Light as Kind};
+use fluorspar::light::{Emitter, Light, LightGroup};
+use fluorspar::material::{Coat, FluorophoreAmount, Material, ScalarTexture};
+use fluorspar::optics::PerspectiveCamera;
+use fluorspar::render::{Estimator, RenderControl, RenderSettings, render};
+use fluorspar::scene::{Object, Scene, SceneError, Shape, SurfaceEmission};
+use fluorspar::spectral::{Curve, Fluorophore, PhotonEem, SeparableTerm, Stokes, WavelengthGrid};
+use fluorspar_testkit::{MeanEstimate, sidak, z_score};
+use glam::{Vec2, Vec3};
+
+fn run(scene: &Scene, settings: &RenderSettings) -> ComponentImage {
+    let stop = AtomicBool::new(false);
+    render(scene, settings, &RenderControl { stop: &stop, progress: &|_| {} }).unwrap()
+}
+
+fn settings(samples_per_pixel: u32, max_depth: u32) -> RenderSettings {
+    RenderSettings { samples_per_pixel, max_depth, seed: 11, ..RenderSettings::default() }
+}
+
+fn gaussian(center: f64, sd: f64, height: f64) -> Curve {
+    Curve::from_fn(200.0, 1000.0, |nm| height * (-0.5 * ((nm - center) / sd).powi(2)).exp())
+}
+
+/// A made-up fluorophore with a Gaussian excitation and emission band and a large yield.
+fn dye(name: &str, excitation_nm: f64, emission_nm: f64, photon_yield: f64) -> Fluorophore {
+    let area = 25.0 * (2.0 * PI).sqrt();
+    let term = SeparableTerm {
+        excitation: gaussian(excitation_nm, 35.0, photon_yield),
+        emission: gaussian(emission_nm, 25.0, 1.0 / area),
+    };
+    Fluorophore {
+        name: name.into(),
+        title: name.into(),
+        eem: PhotonEem::separable(vec![term], Stokes::Mask),
+        excitation_range_nm: (300.0, 800.0),
+        emission_range_nm: (300.0, 800.0),
+        source: "made up for tests".into(),
+    }
+}
+
+fn camera(position: Vec3, target: Vec3, field_deg: f32, side: usize) -> PerspectiveCamera {
+    PerspectiveCamera::look_at(position, target, Vec3::Y, field_deg, side, side).unwrap()
+}
+
+fn scene(grid: WavelengthGrid, camera: PerspectiveCamera) -> Scene {
+    Scene {
+        grid,
+        objects: Vec::new(),
+        materials: Vec::new(),
+        fluorophores: Vec::new(),
+        light_groups: vec![LightGroup { name: "lamp".into() }],
+        lights: Vec::new(),
+        camera,
+    }
+}
+
+fn quad(corner: Vec3, edge_u: Vec3, edge_v: Vec3) -> Shape {
+    Shape::Mesh(Arc::new(TriangleMesh {
+        positions: vec![corner, corner + edge_u, corner + edge_u + edge_v, corner + edge_v],
+        uvs: vec![Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y],
+        triangles: vec![[0, 1, 2], [0, 2, 3]],
+        ..TriangleMesh::default()
+    }))
+}
+
+fn object(name: &str, shape: Shape, material: usize) -> Object {
+    Object { name: name.into(), shape, material, emission: None }
+}
+
+fn flat(value: f64) -> Curve {
+    Curve::constant(value)
+}
+
+fn with_dyes(mut material: Material, amounts: &[(usize, f32)]) -> Material {
+    material.fluorophores = amounts
+        .iter()
+        .map(|&(fluorophore, c)| FluorophoreAmount { fluorophore, concentration: ScalarTexture::Constant(c) })
+        .collect();
+    material
+}
+
+/// Means of one component and band over pixels, with the standard error from pixel to pixel.
+fn band_mean(image: &ComponentImage, component: usize, band: usize) -> MeanEstimate {
+    let bands = image.grid.len();
+    let values: Vec<f64> =
+        image.component(component).iter().skip(band).step_by(bands).map(|&v| f64::from(v)).collect();
+    MeanEstimate::of(&values)
+}
+
+/// A white surface in white surroundings can't be seen, whatever its coat.
+#[test]
+fn white_furnace() {
+    for roughness in [None, Some(0.05), Some(0.3), Some(1.0)] {
+        let mut scene = scene(
+            WavelengthGrid::uniform(400.0, 700.0, 100.0).unwrap(),
+            camera(Vec3::new(0.0, 0.0, 3.0), Vec3::ZERO, 30.0, 16),
+        );
+        let mut white = Material::lambertian("white", flat(1.0));
+        white.coat = roughness.map(|r| Coat { refractive_index: 1.5, roughness: ScalarTexture::Constant(r) });
+        scene.materials.push(white);
+        scene.objects.push(object("sphere", Shape::Sphere { center: Vec3::ZERO, radius_m: 1.0 }, 0));
+        scene.lights.push(Light {
+            name: "sky".into(),
+            group: 0,
+            spectrum: flat(1.0),
+            emitter: Emitter::Environment,
+        });
+        let image = run(&scene, &settings(1024, 4));
+        for band in 0..image.grid.len() {
+            let mean = band_mean(&image, 0, band);
+            // Bias below 0.1 %; the pixels scatter by their standard error, four of which are allowed on top.
+            let tolerance = 1e-3 + 4.0 * mean.standard_error;
+            assert!((mean.mean - 1.0).abs() < tolerance, "roughness {roughness:?}: {mean:?}");
+            assert!(mean.standard_error < 1e-3, "{mean:?}");
+        }
+    }
+}
+
+/// Radiance in a closed cavity that emits `Le` everywhere: `L = Le / (1 - R)`; and with fluorescence
+/// `L = (I - R - F)^-1 Le`, component by component.
+#[test]
+fn fluorescent_furnace() {
+    let grid = WavelengthGrid::uniform(360.0, 700.0, 10.0).unwrap();
+    let (reflectance, emission) = (0.35, 2.0);
+    let dyes = [dye("a", 380.0, 450.0, 0.3), dye("b", 450.0, 560.0, 0.25)];
+    let amounts = [(0, 0.8_f32), (1, 0.5_f32)];
+
+    // Closed form with matrices from fine quadrature, independent of the renderer's operators.
+    let n = grid.len();
+    let matrix = |index: usize, c: f64| -> Vec<f64> {
+        let mut entries = vec![0.0; n * n];
+        const FINE: usize = 40;
+        for o in 0..n {
+            for i in 0..=o {
+                let mut sum = 0.0;
+                for a in 0..FINE {
+                    for b in 0..FINE {
+                        let lo = grid.edges_nm()[o] + grid.width_nm(o) * (a as f64 + 0.5) / FINE as f64;
+                        let li = grid.edges_nm()[i] + grid.width_nm(i) * (b as f64 + 0.5) / FINE as f64;
+                        sum += dyes[index].eem.at(lo, li) * li / lo;
+                    }
+                }
+                entries[o * n + i] = c * sum / (FINE * FINE) as f64 * grid.width_nm(i);
+            }
+        }
+        entries
+    };
+    let matrices: Vec<Vec<f64>> = amounts.iter().map(|&(k, c)| matrix(k, f64::from(c))).collect();
+    let elastic = emission / (1.0 - reflectance);
+    let apply = |m: &[f64], v: &[f64]| -> Vec<f64> {
+        (0..n).map(|o| (0..n).map(|i| m[o * n + i] * v[i]).sum::<f64>() / (1.0 - reflectance)).collect()
+    };
+    let first: Vec<Vec<f64>> = matrices.iter().map(|m| apply(m, &vec![elastic; n])).collect();
+    let mut total = vec![elastic; n];
+    for _ in 0..200 {
+        let mut next = vec![elastic; n];
+        for m in &matrices {
+            for (value, added) in next.iter_mut().zip(apply(m, &total)) {
+                *value += added;
+            }
+        }
+        total = next;
+    }
+
+    let mut cavity = scene(grid.clone(), camera(Vec3::new(0.1, 0.05, 0.2), Vec3::X, 90.0, 24));
+    cavity.fluorophores = dyes.to_vec();
+    cavity.materials.push(with_dyes(Material::lambertian("wall", flat(reflectance)), &amounts));
+    let mut wall = object("wall", Shape::Sphere { center: Vec3::ZERO, radius_m: 1.0 }, 0);
+    wall.emission = Some(SurfaceEmission { group: 0, radiance: flat(emission) });
+    cavity.objects.push(wall);
+
+    let image = run(&cavity, &settings(64, 100));
+    // 3 components x 35 bands and the totals: all together reject a correct renderer once in a thousand seeds.
+    let limit = normal_quantile(sidak(1e-3, 4 * n));
+    let mut sums = vec![MeanEstimate::default(); n];
+    for band in 0..n {
+        let expected = [
+            elastic,
+            first[0][band],
+            first[1][band],
+            total[band] - elastic - first[0][band] - first[1][band],
+        ];
+        for (component, &truth) in expected.iter().enumerate() {
+            let mean = band_mean(&image, component, band);
+            // 2e-4 of the level: quadrature of the diagonal bins and single precision.
+            let z = z_score(mean, truth, 2e-4 * elastic.max(truth));
+            assert!(z < limit, "component {component}, band {band}: {mean:?}, expected {truth}, z = {z}");
+            sums[band].mean += mean.mean;
+            sums[band].standard_error = sums[band].standard_error.hypot(mean.standard_error);
+        }
+        let z = z_score(sums[band], total[band], 2e-4 * total[band]);
+        assert!(z < limit, "sum, band {band}: {:?}, expected {}", sums[band], total[band]);
+    }
+    assert_eq!(image.components[3].light, Kind::MultipleFluorescence);
+}
+
+/// Upper quantile of the standard normal distribution for a two-sided significance, by bisection of its tail.
+fn normal_quantile(significance: f64) -> f64 {
+    // Mills-ratio bound: tail(z) < exp(-z^2/2) / (z sqrt(2 pi)); solving with the bound is slightly generous.
+    let tail = |z: f64| 2.0 * (-0.5 * z * z).exp() / (z * (2.0 * PI).sqrt());
+    let (mut low, mut high) = (0.5, 10.0);
+    for _ in 0..80 {
+        let middle = 0.5 * (low + high);
+        if tail(middle) > significance { low = middle } else { high = middle }
+    }
+    high
+}
+
+fn patch(
+    grid: WavelengthGrid,
+    reflectance: f64,
+    fluorophores: Vec<Fluorophore>,
+    amounts: &[(usize, f32)],
+) -> Scene {
+    let mut scene = scene(grid, camera(Vec3::new(0.0, 0.3, 1.0), Vec3::ZERO, 5.0, 4));
+    scene.fluorophores = fluorophores;
+    scene.materials.push(with_dyes(Material::lambertian("patch", flat(reflectance)), amounts));
+    scene.objects.push(object("patch", quad(Vec3::new(-1.0, -1.0, 0.0), Vec3::X * 2.0, Vec3::Y * 2.0), 0));
+    scene
+}
+
+fn distant(spectrum: Curve, direction: Vec3) -> Light {
+    Light { name: "sun".into(), group: 0, spectrum, emitter: Emitter::Distant { direction } }
+}
+
+/// `L = R E cos / pi` and `L_f = M / pi`, independent of `R`, with `R = 0` too.
+#[test]
+fn flat_patch_under_a_distant_light() {
+    let lamp = gaussian(385.0, 6.0, 3.0);
+    let direction = Vec3::new(0.0, 0.6, -0.8);
+    let expected_photons: f64 = {
+        let curve = Curve::from_fn(347.5, 752.5, |nm| nm);
+        let eem = dye("d", 390.0, 520.0, 0.3).eem;
+        0.8 * eem.photon_exitance(&lamp.times(&curve), (347.5, 752.5)).total()
+    };
+    for reflectance in [0.0, 0.5] {
+        let mut scene =
+            patch(WavelengthGrid::default(), reflectance, vec![dye("d", 390.0, 520.0, 0.3)], &[(0, 1.0)]);
+        scene.lights.push(distant(lamp.clone(), direction));
+        let image = run(&scene, &settings(1, 3));
+        let elastic = lamp.on_grid::<fluorspar::spectral::Irradiance>(&image.grid);
+        for band in 0..image.grid.len() {
+            let expected = reflectance * elastic[band] * 0.8 / PI;
+            let mean = band_mean(&image, 0, band).mean;
+            // Single precision; below its smallest normal number nothing is promised.
+            assert!(
+                (mean - expected).abs() <= 2e-6 * expected + 1e-37,
+                "band {band}: {mean}, expected {expected}"
+            );
+        }
+        let photons: f64 = (0..image.grid.len())
+            .map(|b| band_mean(&image, 1, b).mean * PI * image.grid.center_nm(b) * image.grid.width_nm(b))
+            .sum();
+        assert!(
+            (photons / expected_photons - 1.0).abs() < 1e-3,
+            "R = {reflectance}: {photons} {expected_photons}"
+        );
+    }
+}
+
+#[test]
+fn emitted_photons_do_not_depend_on_the_wavelength_step() {
+    // A 10 nm LED behind a steep short-pass, and a dye whose excitation edge lies within it.
+    let lamp = Curve::from_fn(300.0, 800.0, |nm| {
+        (-0.5 * ((nm - 385.0) / 4.5).powi(2)).exp() / (1.0 + ((nm - 391.0) / 0.7).exp())
+    });
+    let photons = |step: f64| -> f64 {
+        let grid = WavelengthGrid::uniform(350.0, 750.0, step).unwrap();
+        let mut scene = patch(grid, 0.1, vec![dye("d", 400.0, 520.0, 0.3)], &[(0, 1.0)]);
+        scene.lights.push(distant(lamp.clone(), Vec3::NEG_Z));
+        let image = run(&scene, &settings(1, 2));
+        let sum = |component: usize| -> f64 {
+            (0..image.grid.len())
+                .map(|b| {
+                    band_mean(&image, component, b).mean * image.grid.center_nm(b) * image.grid.width_nm(b)
+                })
+                .sum()
+        };
+        sum(1) + sum(2)
+    };
+    let reference = photons(1.0);
+    for step in [2.0, 5.0, 10.0] {
+        let ratio = photons(step) / reference;
+        assert!((ratio - 1.0).abs() < 1e-3, "{step} nm: {ratio}");
+    }
+}
+
+/// A box with a glossy fluorescent floor under a small lamp: used for statistics and bookkeeping.
+fn cornell(power: f64, concentration: f32) -> Scene {
+    let grid = WavelengthGrid::uniform(360.0, 700.0, 20.0).unwrap();
+    let mut scene = scene(grid, camera(Vec3::new(0.0, 0.0, 3.4), Vec3::ZERO, 40.0, 12));
+    scene.fluorophores = vec![dye("a", 380.0, 450.0, 0.4), dye("b", 440.0, 560.0, 0.4)];
+    let mut floor =
+        with_dyes(Material::lambertian("floor", flat(0.4)), &[(0, concentration), (1, concentration)]);
+    floor.coat = Some(Coat { refractive_index: 1.4, roughness: ScalarTexture::Constant(0.3) });
+    scene.materials = vec![Material::lambertian("wall", flat(0.6)), floor];
+    let (x, y, z) = (Vec3::X * 2.0, Vec3::Y * 2.0, Vec3::Z * 2.0);
+    let low = Vec3::new(-1.0, -1.0, -1.0);
+    scene.objects = vec![
+        object("floor", quad(low, z, x), 1),
+        object("ceiling", quad(low + y, x, z), 0),
+        object("back", quad(low, x, y), 0),
+        object("left", quad(low, y, z), 0),
+        object("right", quad(low + x, z, y), 0),
+        object("ball", Shape::Sphere { center: Vec3::new(0.3, -0.6, 0.1), radius_m: 0.4 }, 1),
+    ];
+    scene.lights = vec![Light {
+        name: "lamp".into(),
+        group: 0,
+        spectrum: gaussian(390.0, 15.0, power),
+        emitter: Emitter::Rectangle {
+            corner: Vec3::new(-0.5, 0.99, -0.5),
+            edge_u: Vec3::X,
+            edge_v: Vec3::Z,
+            exponent: 1.0,
+        },
+    }];
+    scene
+}
+
+#[test]
+fn the_same_bits_for_any_number_of_threads() {
+    let scene = cornell(1.0, 1.0);
+    let settings = settings(8, 6);
+    let with = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| run(&scene, &settings)).data
+    };
+    let one = with(1);
+    assert_eq!(one, with(2));
+    assert_eq!(one, with(3));
+}
+
+#[test]
+fn radiance_is_linear_in_power_and_first_order_in_concentration() {
+    let settings = settings(4, 5);
+    let base = run(&cornell(1.0, 0.5), &settings);
+    let bright = run(&cornell(2.0, 0.5), &settings);
+    // A factor of two is exact in binary floating point.
+    assert!(base.data.iter().zip(&bright.data).all(|(a, b)| 2.0 * a == *b || *b < 1e-30));
+    let dense = run(&cornell(1.0, 1.0), &settings);
+    assert_eq!(base.component(0), dense.component(0), "reflected light does not know of fluorophores");
+    for component in [1, 2] {
+        for (a, b) in base.component(component).iter().zip(dense.component(component)) {
+            assert!((2.0 * a - b).abs() <= 1e-6 * b.abs() + 1e-30, "{a} {b}");
+        }
+    }
+    for (a, b) in base.component(3).iter().zip(dense.component(3)) {
+        // At least two events: at least quadratic.
+        assert!(4.0 * a <= b * (1.0 + 1e-5) + 1e-30, "{a} {b}");
+    }
+}
+
+#[test]
+fn without_fluorophores_fluorescence_is_exactly_zero() {
+    let image = run(&cornell(1.0, 0.0), &settings(4, 5));
+    assert!(image.component(0).iter().any(|&v| v > 0.0));
+    for component in 1..4 {
+        assert!(image.component(component).iter().all(|&v| v == 0.0));
+    }
+}
+
+/// Next-event estimation with multiple importance sampling against scattered directions alone.
+#[test]
+fn both_estimators_agree() {
+    let scene = cornell(1.0, 1.0);
+    let estimates = |estimator: Estimator, samples: u32| -> Vec<ComponentImage> {
+        (0..8).map(|seed| run(&scene, &RenderSettings { estimator, seed, ..settings(samples, 6) })).collect()
+    };
+    let guided = estimates(Estimator::MultipleImportance, 64);
+    let blind = estimates(Estimator::ScatteringOnly, 256);
+    let bands = scene.grid.len();
+    let limit = normal_quantile(sidak(1e-3, 4 * bands));
+    for component in 0..4 {
+        for band in 0..bands {
+            let means = |images: &[ComponentImage]| {
+                MeanEstimate::of(
+                    &images.iter().map(|i| band_mean(i, component, band).mean).collect::<Vec<_>>(),
+                )
+            };
+            let (a, b) = (means(&guided), means(&blind));
+            let error = a.standard_error.hypot(b.standard_error);
+            // Eight runs estimate their own scatter poorly: Student's t with 14 degrees of freedom has a wider tail,
+            // which a factor of 1.6 on the normal quantile covers at this significance.
+            assert!(
+                (a.mean - b.mean).abs() <= 1.6 * limit * error + 1e-12,
+                "component {component}, band {band}: {a:?} {b:?}"
+            );
+        }
+    }
+}
+
+/// A Lambertian disc of exitance `M = P / (pi r^2)` gives `E = M r^2 / (r^2 + d^2)` on its axis, exactly.
+#[test]
+fn a_disc_lamp_illuminates_by_its_view_factor() {
+    let (radius, distance, power) = (0.3_f32, 0.5_f32, 2.0);
+    let mut scene = patch(WavelengthGrid::uniform(500.0, 600.0, 50.0).unwrap(), 0.5, vec![], &[]);
+    scene.camera = camera(Vec3::new(0.0, 0.0, 0.4), Vec3::ZERO, 0.01, 16);
+    scene.lights.push(Light {
+        name: "disc".into(),
+        group: 0,
+        spectrum: flat(power),
+        emitter: Emitter::Disc {
+            center: Vec3::Z * distance,
+            normal: Vec3::NEG_Z,
+            radius_m: radius,
+            exponent: 1.0,
+        },
+    });
+    let image = run(&scene, &settings(256, 1));
+    let (r2, d2) = (f64::from(radius).powi(2), f64::from(distance).powi(2));
+    let exitance = power / (PI * r2);
+    let expected = 0.5 / PI * exitance * r2 / (r2 + d2);
+    let mean = band_mean(&image, 0, 0);
+    assert!(
+        (mean.mean - expected).abs() < 4.0 * mean.standard_error + 1e-4 * expected,
+        "{mean:?} {expected}"
+    );
+}
+
+#[test]
+fn a_material_that_creates_photons_is_refused() {
+    let mut scene = patch(WavelengthGrid::default(), 0.9, vec![dye("d", 400.0, 520.0, 0.3)], &[(0, 1.0)]);
+    scene.lights.push(distant(flat(1.0), Vec3::NEG_Z));
+    match scene.check() {
+        Err(SceneError::CreatesPhotons { material, wavelength_nm, excess, .. }) => {
+            assert_eq!(material, "patch");
+            assert!(
+                (excess - 0.2).abs() < 0.05 && (350.0..450.0).contains(&wavelength_nm),
+                "{excess} {wavelength_nm}"
+            );
+        }
+        other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn an_interrupted_render_keeps_what_it_has() {
+    let scene = cornell(1.0, 1.0);
+    let stop = AtomicBool::new(false);
+    let halfway = |progress: fluorspar::render::RenderProgress| {
+        if progress.paths_done * 4 > progress.paths_total {
+            stop.store(true, std::sync::atomic::Ordering::Relaxed);
+        }
+    };
+    let image =
+        render(&scene, &settings(256, 5), &RenderControl { stop: &stop, progress: &halfway }).unwrap();
+    assert!(image.samples_per_pixel < 256 && image.samples_per_pixel > 0);
+    assert!(image.data.iter().all(|v| v.is_finite()));
+}
