@@ -1,0 +1,165 @@
+//! Shaded previews of the generated mouth, without any physics: a depth buffer and one lamp beside the camera.
+//!
+//! Usage: `mouth_preview OUT.png [VIEW] [FIELD=VALUE ...]`, where VIEW is `front`, `oblique`, `below`, `above` or
+//! `upper`, and the fields are those of the mouth's parameters.
+
+use std::fs::File;
+use std::io::BufWriter;
+
+use fluorspar::anatomy::{MouthParameters, Tissue, generate_mouth};
+use glam::{Vec2, Vec3};
+
+const SIZE: usize = 1000;
+/// Samples per pixel and side.
+const FINE: usize = 2;
+
+struct View {
+    eye: Vec3,
+    target: Vec3,
+    /// Width of the picture at the target, m.
+    field: f32,
+}
+
+fn colour(tissue: Tissue) -> Vec3 {
+    match tissue {
+        Tissue::TongueDorsum => Vec3::new(0.78, 0.42, 0.42),
+        Tissue::TongueVentral => Vec3::new(0.72, 0.32, 0.34),
+        Tissue::Gingiva => Vec3::new(0.84, 0.48, 0.48),
+        Tissue::Tooth => Vec3::new(0.93, 0.89, 0.78),
+        Tissue::HardPalate => Vec3::new(0.85, 0.55, 0.52),
+        Tissue::SoftPalate => Vec3::new(0.78, 0.40, 0.38),
+        Tissue::Throat => Vec3::new(0.55, 0.18, 0.18),
+        Tissue::FloorOfMouth => Vec3::new(0.70, 0.30, 0.32),
+        Tissue::Cheek => Vec3::new(0.72, 0.34, 0.34),
+        Tissue::Lip => Vec3::new(0.76, 0.38, 0.38),
+        Tissue::Skin => Vec3::new(0.86, 0.66, 0.56),
+        _ => Vec3::splat(0.5),
+    }
+}
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let output = arguments.first().ok_or("name the PNG file to write")?;
+    let mut view = "front";
+    let mut parameters = serde_json::to_value(MouthParameters::default())?;
+    for argument in &arguments[1..] {
+        match argument.split_once('=') {
+            Some((field, value)) => parameters[field] = serde_json::from_str(value)?,
+            None => view = argument,
+        }
+    }
+    let parameters: MouthParameters = serde_json::from_value(parameters)?;
+    let start = std::time::Instant::now();
+    let mouth = generate_mouth(&parameters)?;
+    eprintln!("{} triangles in {:.3} s", mouth.triangle_count(), start.elapsed().as_secs_f64());
+    eprintln!("{:#?}", mouth.dimensions());
+    let at = |x: f32, y: f32, z: f32| Vec3::new(x, y, z) * 1e-3;
+    let view = match view {
+        "front" => View { eye: at(0.0, 0.0, 100.0), target: Vec3::ZERO, field: 0.078 },
+        "wide" => View { eye: at(0.0, 0.0, 250.0), target: Vec3::ZERO, field: 0.14 },
+        "oblique" => View { eye: at(70.0, 25.0, 90.0), target: at(0.0, 0.0, -5.0), field: 0.08 },
+        "below" => View { eye: at(0.0, -55.0, 75.0), target: at(0.0, 15.0, -20.0), field: 0.065 },
+        "above" => View { eye: at(0.0, 50.0, 85.0), target: at(0.0, -15.0, -15.0), field: 0.065 },
+        "molars" => View { eye: at(-18.0, 25.0, 70.0), target: at(22.0, -16.0, -25.0), field: 0.035 },
+        "incisors" => View { eye: at(15.0, 20.0, 60.0), target: at(0.0, 24.0, 0.0), field: 0.045 },
+        other => return Err(format!("no view {other}").into()),
+    };
+    let forward = (view.target - view.eye).normalize();
+    let right = forward.cross(Vec3::Y).normalize();
+    let up = right.cross(forward);
+    let side = SIZE * FINE;
+    let focal = (view.target - view.eye).length() / view.field * side as f32;
+    let mut depth = vec![f32::INFINITY; side * side];
+    let mut hidden_side = vec![usize::MAX; side * side];
+    let mut picture = vec![Vec3::new(0.0, 0.0, 0.15); side * side];
+    for (number, part) in mouth.parts.iter().enumerate() {
+        let mesh = &part.mesh;
+        for triangle in &mesh.triangles {
+            let corners = triangle.map(|v| mesh.positions[v as usize]);
+            let screen = corners.map(|p| {
+                let q = p - view.eye;
+                let z = q.dot(forward);
+                let half = side as f32 * 0.5;
+                Vec3::new(half + focal * q.dot(right) / z, half - focal * q.dot(up) / z, z)
+            });
+            if screen.iter().any(|s| s.z < 1e-3) {
+                continue;
+            }
+            let facing = mesh.triangle_cross(triangle).dot(view.eye - corners[0]) > 0.0;
+            let low = screen[0].min(screen[1]).min(screen[2]);
+            let high = screen[0].max(screen[1]).max(screen[2]);
+            let clamp = |x: f32| x.clamp(0.0, side as f32 - 1.0) as usize;
+            let edge = |a: Vec3, b: Vec3, p: Vec2| (b.x - a.x) * (p.y - a.y) - (b.y - a.y) * (p.x - a.x);
+            let area = edge(screen[0], screen[1], Vec2::new(screen[2].x, screen[2].y));
+            if area.abs() < 1e-9 || high.x < 0.0 || high.y < 0.0 || low.x > side as f32 || low.y > side as f32
+            {
+                continue;
+            }
+            for y in clamp(low.y)..=clamp(high.y) {
+                for x in clamp(low.x)..=clamp(high.x) {
+                    let p = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
+                    let w = [
+                        edge(screen[1], screen[2], p) / area,
+                        edge(screen[2], screen[0], p) / area,
+                        edge(screen[0], screen[1], p) / area,
+                    ];
+                    if w.iter().any(|&w| w < 0.0) {
+                        continue;
+                    }
+                    let z = 1.0 / (w[0] / screen[0].z + w[1] / screen[1].z + w[2] / screen[2].z);
+                    let pixel = y * side + x;
+                    if z >= depth[pixel] {
+                        continue;
+                    }
+                    depth[pixel] = z;
+                    hidden_side[pixel] = if facing { usize::MAX } else { number };
+                    if !facing {
+                        // The hidden side of a surface: should never be seen.
+                        picture[pixel] = Vec3::new(0.0, 0.4, 0.0);
+                        continue;
+                    }
+                    let mut normal = Vec3::ZERO;
+                    let mut position = Vec3::ZERO;
+                    for k in 0..3 {
+                        normal += mesh.normals[triangle[k] as usize] * w[k];
+                        position += corners[k] * w[k];
+                    }
+                    let normal = normal.normalize();
+                    let lamp = view.eye + right * 0.035 + up * 0.03;
+                    let to_lamp = lamp - position;
+                    let direction = to_lamp.normalize();
+                    let fall = 0.0105 / to_lamp.length_squared();
+                    let diffuse = normal.dot(direction).max(0.0);
+                    let half_way = (direction + (view.eye - position).normalize()).normalize();
+                    let shine = 0.25 * normal.dot(half_way).max(0.0).powi(60);
+                    picture[pixel] =
+                        colour(part.tissue) * (0.12 + 0.88 * diffuse) * fall + Vec3::splat(shine * fall);
+                }
+            }
+        }
+    }
+    for (number, part) in mouth.parts.iter().enumerate() {
+        let samples = hidden_side.iter().filter(|&&n| n == number).count();
+        if samples > 0 {
+            eprintln!("hidden side seen: {} in {samples} samples", part.name);
+        }
+    }
+    let mut bytes = Vec::with_capacity(SIZE * SIZE * 3);
+    for y in 0..SIZE {
+        for x in 0..SIZE {
+            let mut sum = Vec3::ZERO;
+            for dy in 0..FINE {
+                for dx in 0..FINE {
+                    sum += picture[(y * FINE + dy) * side + x * FINE + dx];
+                }
+            }
+            let mean = sum / (FINE * FINE) as f32;
+            bytes.extend(mean.to_array().map(|c| (c.clamp(0.0, 1.0).powf(1.0 / 2.2) * 255.0).round() as u8));
+        }
+    }
+    let mut encoder = png::Encoder::new(BufWriter::new(File::create(output)?), SIZE as u32, SIZE as u32);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.set_depth(png::BitDepth::Eight);
+    encoder.write_header()?.write_image_data(&bytes)?;
+    Ok(())
+}

@@ -1,0 +1,158 @@
+//! The bag of the mouth: one closed sheet from the facial skin over the lips and the cheeks to the back of the
+//! throat, cut into named parts along its rows, so that no gap can open between them.
+
+use glam::{DVec2, DVec3};
+
+use super::math::{PI, bell, lerp, pow, signed_pow, sin_cos, smoothstep, spline};
+use super::noise::{fractal_noise, value_noise};
+use super::parameters::MouthParameters;
+use super::surface::{count, grid_mesh, linspace};
+use super::{Part, Tissue};
+
+/// A closed loop around the opening, given by its extents.
+struct Ring {
+    half_width: f64,
+    top: f64,
+    bottom: f64,
+    /// Exponent of the superellipse.
+    squareness: f64,
+    /// Distance in front of the opening plane at the top, the bottom and the sides.
+    z: [f64; 3],
+}
+
+/// Rings at which the sheet changes its part.
+const VERMILION_BORDER: usize = 4;
+const INNER_LIP: usize = 9;
+const THROAT: usize = 14;
+
+struct Sheet<'a> {
+    parameters: &'a MouthParameters,
+    rings: Vec<Ring>,
+}
+
+impl<'a> Sheet<'a> {
+    fn new(parameters: &'a MouthParameters) -> Self {
+        let corner = 0.5 * parameters.lip_opening_width_mm;
+        let h = 0.5 * parameters.jaw_opening_mm;
+        // Margins of the lips.
+        let m = h + parameters.lip_retraction_mm;
+        let widest = (0.5 * parameters.upper_arch_width_mm + 10.0).max(corner + 5.0);
+        let fornix = h + 20.5;
+        let ring = |half_width, top, bottom, squareness, z| Ring { half_width, top, bottom, squareness, z };
+        let rings = vec![
+            ring(corner + 36.0, m + 42.0, m + 44.0, 2.3, [2.0, -2.0, -34.0]),
+            ring(corner + 22.0, m + 27.0, m + 28.0, 2.2, [7.0, 3.0, -20.0]),
+            ring(corner + 12.0, m + 17.0, m + 16.0, 2.1, [8.5, 6.0, -13.5]),
+            ring(corner + 6.5, m + 10.5, m + 11.0, 2.05, [9.8, 9.0, -10.5]),
+            ring(corner + 2.0, m + 6.2, m + 7.2, 1.92, [11.2, 11.0, -9.0]),
+            ring(corner + 0.9, m + 3.2, m + 4.0, 1.94, [11.9, 12.4, -10.0]),
+            ring(corner + 0.1, m + 0.9, m + 1.2, 1.96, [10.8, 11.6, -11.4]),
+            ring(corner - 0.1, m, m, 1.98, [8.2, 8.8, -13.4]),
+            ring(corner + 0.9, m + 1.6, m + 1.6, 2.1, [5.2, 5.6, -16.0]),
+            ring(corner + 3.2, m + 0.55 * (fornix - m), m + 0.55 * (fornix - m), 2.4, [3.2, 3.0, -19.5]),
+            ring(widest - 0.5, fornix, fornix - 1.0, 3.2, [-2.5, -3.0, -25.0]),
+            ring(widest + 1.0, fornix - 0.5, fornix - 0.5, 3.6, [-14.0, -14.0, -32.0]),
+            ring(widest, fornix - 3.0, fornix - 2.0, 3.4, [-36.0, -36.0, -44.0]),
+            ring(widest - 9.0, h + 10.0, h + 14.0, 3.0, [-54.0, -54.0, -55.0]),
+            ring(widest - 14.0, h + 4.0, h + 13.0, 2.6, [-68.0, -68.0, -67.0]),
+            ring(widest - 17.0, h - 1.0, h + 12.0, 2.4, [-82.0, -84.0, -79.0]),
+            ring(0.0, 0.0, 0.0, 2.0, [-90.0, -90.0, -90.0]),
+        ];
+        Self { parameters, rings }
+    }
+
+    /// Point of a ring in a direction: 0 at the left corner, a quarter at the top.
+    fn ring_point(&self, number: usize, turn: f64) -> DVec3 {
+        let ring = &self.rings[number];
+        let (sine, cosine) = sin_cos(2.0 * PI * turn);
+        let power = 2.0 / ring.squareness;
+        let x = ring.half_width * signed_pow(cosine, power);
+        let mut y = (if sine > 0.0 { ring.top } else { ring.bottom }) * signed_pow(sine, power);
+        let middle = if sine > 0.0 { ring.z[0] } else { ring.z[1] };
+        // Front rings follow the round of the dental arch, hind rings are flat.
+        let mut z = lerp(ring.z[2], middle, pow(sine.abs(), 1.25));
+        if sine > 0.0 {
+            match number {
+                // Cupid's bow and the tubercle of the upper lip.
+                4 => y += 1.0 * bell((x.abs() - 6.0) / 4.0) - 1.3 * bell(x / 3.0),
+                5 | 6 => y -= 0.6 * bell(x / 4.5),
+                7 => y -= 0.9 * bell(x / 5.0),
+                // Groove of the philtrum between its two columns.
+                2 | 3 => z += 0.7 * bell((x.abs() - 5.5) / 2.2) - 0.9 * bell(x / 3.2),
+                _ => {}
+            }
+        } else {
+            match number {
+                // Fold under the lower lip, then the chin.
+                2 => z -= 2.2 * bell(x / 18.0),
+                0 | 1 => z += 4.0 * bell(x / 16.0),
+                5 | 6 => z += 0.5 * bell((x.abs() - 7.0) / 5.0),
+                _ => {}
+            }
+        }
+        DVec3::new(x, y, z)
+    }
+
+    /// Point of the sheet: `place` counts rings from the face to the throat.
+    fn point(&self, knots: &[DVec3], place: f64, turn: f64) -> DVec3 {
+        let mut point = spline(knots, place);
+        let seed = self.parameters.seed;
+        let (sine, cosine) = sin_cos(2.0 * PI * turn);
+        // Fine vertical folds of the lips' red, and pores and unevenness elsewhere.
+        let red = smoothstep(4.0, 4.6, place) * smoothstep(8.6, 7.6, place);
+        let along = point.x * 1.1 + 3.0 * sine.signum();
+        let crease = 0.6 * fractal_noise(seed ^ 0x21, along, 0.35 * place, 2)
+            + 0.4 * value_noise(seed, along * 2.3, 1.0);
+        point.z += 0.28 * red * sine.abs() * crease;
+        let skin = smoothstep(4.0, 3.0, place);
+        point.z += 0.12 * skin * fractal_noise(seed ^ 0x22, point.x * 0.5, point.y * 0.5, 3);
+        let inside = smoothstep(10.0, 11.0, place) * smoothstep(16.0, 15.0, place);
+        let swell = 0.9 * fractal_noise(seed ^ 0x23, 9.0 * cosine, 9.0 * sine + place * 1.3, 3);
+        point -= DVec3::new(cosine, sine, 0.0) * (inside * swell);
+        point
+    }
+}
+
+/// The parts that close the mouth: face, lips, cheeks and throat.
+pub(super) fn cavity_parts(parameters: &MouthParameters) -> Vec<Part> {
+    let sheet = Sheet::new(parameters);
+    let detail = parameters.detail;
+    // An even number of columns per quarter, so that the corners are columns.
+    let quarter = count(44, detail);
+    let columns = 4 * quarter;
+    let knots: Vec<Vec<DVec3>> = (0..columns)
+        .map(|column| {
+            let turn = column as f64 / columns as f64;
+            (0..sheet.rings.len()).map(|ring| sheet.ring_point(ring, turn)).collect()
+        })
+        .collect();
+    let last = sheet.rings.len() - 1;
+    // Rings from and to, rows per ring, columns from and to, name, tissue.
+    let parts: [(usize, usize, usize, usize, usize, &str, Tissue); 6] = [
+        (0, VERMILION_BORDER, 6, 0, columns, "face", Tissue::Skin),
+        (VERMILION_BORDER, INNER_LIP, 5, 0, 2 * quarter, "upper_lip", Tissue::Lip),
+        (VERMILION_BORDER, INNER_LIP, 5, 2 * quarter, 4 * quarter, "lower_lip", Tissue::Lip),
+        (INNER_LIP, THROAT, 8, quarter, 3 * quarter, "cheek_right", Tissue::Cheek),
+        (INNER_LIP, THROAT, 8, 3 * quarter, 5 * quarter, "cheek_left", Tissue::Cheek),
+        (THROAT, last, 10, 0, columns, "throat", Tissue::Throat),
+    ];
+    parts
+        .into_iter()
+        .map(|(from, to, rows, first, end, name, tissue)| {
+            let v_values = linspace(
+                from as f64,
+                to as f64,
+                (to - from) * ((rows as f64 * detail).round() as usize).max(2),
+            );
+            let u_values: Vec<f64> = (first..=end).map(|column| column as f64).collect();
+            let mesh = grid_mesh(&v_values, &u_values, true, |place, column| {
+                let column_number = column as usize % columns;
+                let turn = column_number as f64 / columns as f64;
+                let point = sheet.point(&knots[column_number], place, turn);
+                let u = (column - first as f64) / (end - first) as f64;
+                (point, DVec2::new(u, (place - from as f64) / (to - from) as f64))
+            });
+            Part { name: name.to_owned(), tissue, mesh }
+        })
+        .collect()
+}

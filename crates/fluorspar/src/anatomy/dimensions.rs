@@ -1,0 +1,138 @@
+//! Dimensions measured back from the meshes of a mouth.
+
+use glam::{Vec2, Vec3};
+
+use super::Mouth;
+
+/// Dimensions of a generated mouth in millimetres; `None` where the parts that define one are missing.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MouthDimensions {
+    /// Between the edges of the upper and lower central incisors.
+    pub jaw_opening_mm: Option<f64>,
+    /// Between the distal faces of the upper second molars.
+    pub upper_arch_width_mm: Option<f64>,
+    /// Between the distal faces of the lower second molars.
+    pub lower_arch_width_mm: Option<f64>,
+    /// From the upper incisors' edges back to the distal faces of the second molars.
+    pub upper_arch_depth_mm: Option<f64>,
+    /// From the lower incisors' edges back to the distal faces of the second molars.
+    pub lower_arch_depth_mm: Option<f64>,
+    /// From the plane through the incisors' edges and first molars to the highest point of the hard palate between the first molars.
+    pub palate_height_mm: Option<f64>,
+    /// Largest width of the tongue.
+    pub tongue_width_mm: f64,
+    /// Along the midline of its back, from the tip to the base.
+    pub tongue_length_mm: f64,
+    /// How far the tongue reaches in front of the lower incisors' edges.
+    pub tongue_protrusion_mm: Option<f64>,
+    /// Between the corners of the lips.
+    pub lip_opening_width_mm: f64,
+}
+
+/// Middle of the part of a crown that is next to its biting edge, m.
+fn edge(mouth: &Mouth, number: u8) -> Option<Vec3> {
+    let mesh = &mouth.part(&format!("tooth_{number}"))?.mesh;
+    let highest = mesh.uvs.iter().map(|uv| uv.y).fold(0.0, f32::max);
+    let mut low = Vec3::INFINITY;
+    let mut high = Vec3::NEG_INFINITY;
+    for (position, uv) in mesh.positions.iter().zip(&mesh.uvs) {
+        if uv.y > highest - 0.01 {
+            low = low.min(*position);
+            high = high.max(*position);
+        }
+    }
+    Some((low + high) * 0.5)
+}
+
+/// Middle between the two edges of a pair of teeth.
+fn middle(mouth: &Mouth, a: u8, b: u8) -> Option<Vec3> {
+    Some((edge(mouth, a)? + edge(mouth, b)?) * 0.5)
+}
+
+/// Contact point on the distal face of a crown.
+fn distal_contact(mouth: &Mouth, number: u8) -> Option<Vec3> {
+    let mesh = &mouth.part(&format!("tooth_{number}"))?.mesh;
+    let on_face = |uv: &&Vec2| (uv.x - 0.75).abs() < 0.06 && (uv.y - 0.7).abs() < 0.15;
+    let points: Vec<Vec3> =
+        mesh.uvs.iter().zip(&mesh.positions).filter(|(uv, _)| on_face(uv)).map(|(_, p)| *p).collect();
+    (!points.is_empty()).then(|| points.iter().sum::<Vec3>() / points.len() as f32)
+}
+
+fn arch(mouth: &Mouth, incisors: [u8; 2], molars: [u8; 2]) -> Option<(f64, f64)> {
+    let front = middle(mouth, incisors[0], incisors[1])?;
+    let (right, left) = (distal_contact(mouth, molars[0])?, distal_contact(mouth, molars[1])?);
+    let behind = (right + left) * 0.5 - front;
+    // The depth is measured along the arch's own plane, which leans with the jaw.
+    let depth = (behind.y * behind.y + behind.z * behind.z).sqrt();
+    Some((f64::from((left.x - right.x).abs()) * 1e3, f64::from(depth) * 1e3))
+}
+
+fn palate_height(mouth: &Mouth) -> Option<f64> {
+    let front = middle(mouth, 11, 21)?;
+    let (right, left) = (edge(mouth, 16)?, edge(mouth, 26)?);
+    let normal = (right - front).cross(left - front).normalize();
+    let height = |p: &Vec3| f64::from((*p - front).dot(normal)) * 1e3;
+    let palate = &mouth.part("hard_palate")?.mesh;
+    let behind = (right + left) * 0.5 - front;
+    let at_molars = |p: &&Vec3| ((**p - front).dot(behind) / behind.length_squared() - 1.0).abs() < 0.1;
+    Some(palate.positions.iter().filter(at_molars).map(|p| height(p).abs()).fold(0.0, f64::max))
+}
+
+pub(super) fn measure(mouth: &Mouth) -> MouthDimensions {
+    let upper = arch(mouth, [11, 21], [17, 27]);
+    let lower = arch(mouth, [41, 31], [47, 37]);
+    let millimetres = |metres: f32| f64::from(metres) * 1e3;
+    let tongue = mouth.part("tongue_dorsum").map(|part| &part.mesh);
+    // Midline points of the back, thinned out so that the papillae do not count as length.
+    let mut back: Vec<(f32, Vec3)> = tongue
+        .map(|mesh| {
+            let on_midline = |u: f32| (u - 0.5).abs() < 1e-3;
+            mesh.uvs
+                .iter()
+                .zip(&mesh.positions)
+                .filter(|(uv, _)| on_midline(uv.x))
+                .map(|(uv, p)| (uv.y, *p))
+                .collect()
+        })
+        .unwrap_or_default();
+    back.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut kept: Vec<(f32, Vec3)> = Vec::new();
+    let last = back.len().saturating_sub(1);
+    for (number, point) in back.iter().enumerate() {
+        if number == last || kept.last().is_none_or(|k| point.0 - k.0 > 0.03) {
+            kept.push(*point);
+        }
+    }
+    let length: f32 = kept.windows(2).map(|pair| pair[0].1.distance(pair[1].1)).sum();
+    let width = tongue.map_or(0.0, |mesh| mesh.bounds().1.x - mesh.bounds().0.x);
+    let front = tongue.map(|mesh| mesh.bounds().1.z);
+    let corners = mouth.part("upper_lip").map_or(0.0, |part| {
+        // The lips' margin is the innermost place at the height of the corners.
+        let ends = |right: bool| {
+            part.mesh
+                .uvs
+                .iter()
+                .zip(&part.mesh.positions)
+                .filter(|(uv, _)| if right { uv.x >= 1.0 } else { uv.x <= 0.0 })
+                .map(|(_, p)| p.x.abs())
+                .fold(f32::INFINITY, f32::min)
+        };
+        ends(true) + ends(false)
+    });
+    MouthDimensions {
+        jaw_opening_mm: middle(mouth, 11, 21)
+            .zip(middle(mouth, 41, 31))
+            .map(|(upper, lower)| millimetres((upper - lower).length())),
+        upper_arch_width_mm: upper.map(|a| a.0),
+        lower_arch_width_mm: lower.map(|a| a.0),
+        upper_arch_depth_mm: upper.map(|a| a.1),
+        lower_arch_depth_mm: lower.map(|a| a.1),
+        palate_height_mm: palate_height(mouth),
+        tongue_width_mm: millimetres(width),
+        tongue_length_mm: millimetres(length),
+        tongue_protrusion_mm: front
+            .zip(middle(mouth, 41, 31))
+            .map(|(tongue, incisors)| millimetres(tongue - incisors.z)),
+        lip_opening_width_mm: millimetres(corners),
+    }
+}

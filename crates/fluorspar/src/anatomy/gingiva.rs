@@ -1,0 +1,116 @@
+//! Gums: a profile swept along the arch, with a scalloped margin around the necks of the teeth.
+
+use glam::{DVec2, DVec3};
+
+use super::dental_arch::{Arch, JawPose, Station};
+use super::math::{bell, lerp, pow, smoothstep, spline};
+use super::noise::fractal_noise;
+use super::surface::{count, grid_mesh, linspace};
+use crate::geometry::TriangleMesh;
+
+/// How far the gums reach behind the ends of the third molars' places, mm.
+const BEHIND_MM: f64 = 2.0;
+
+/// Arc length of the hind ends of the gums.
+pub(super) fn end_of_gums(arch: &Arch) -> f64 {
+    arch.end + BEHIND_MM
+}
+
+/// Arc length to which palate and floor of the mouth are attached to the gums.
+pub(super) fn end_of_border(arch: &Arch) -> f64 {
+    end_of_gums(arch) - 0.2
+}
+
+/// Knots of the profile at a station from the vestibule over the margin to the tongue side, in the jaw frame.
+fn profile(arch: &Arch, arc: f64) -> Vec<DVec3> {
+    let station = arch.station(arc);
+    let Station { length, outer, inner, toothed, .. } = station;
+    let across = station.across.abs();
+    // 0 at the middle of a tooth, 1 at its contacts: papillae are pointed, the margin between them is round.
+    let papilla = pow(across, 2.4);
+    let contact = length * lerp(0.4, 0.55, smoothstep(10.0, 22.0, arc.abs()));
+    let margin = lerp(length - 0.7, contact, papilla);
+    let inner_margin = lerp(length - 0.9, contact - 0.3, papilla);
+    // A gap is healed over by a rounded ridge.
+    let margin = lerp(length + 1.9, margin, toothed);
+    let inner_margin = lerp(length + 1.9, inner_margin, toothed);
+    // Between the teeth the gum lies behind their outer faces.
+    let outer_margin = outer * (1.0 - 0.32 * pow(across, 2.0) * toothed - 0.2 * (1.0 - toothed));
+    let inner_edge = inner * (1.0 - 0.3 * pow(across, 2.0) * toothed - 0.2 * (1.0 - toothed));
+    // Roots bulge under the gum.
+    let root = 0.55 * bell(across / 0.55) * toothed;
+    let saddle = lerp(length - 0.4, contact + 0.7, papilla);
+    let saddle = lerp(length + 0.2, saddle, toothed);
+    let at =
+        |out: f64, g: f64| station.point + station.outward * (out - station.lean * g.max(0.0)) + DVec3::Y * g;
+    let knots = [
+        (outer + 3.6, length + 12.5),
+        (outer + 1.4, length + 8.8),
+        (outer + 0.7 + root, length + 5.4),
+        (outer + 0.5 + root, length + 2.4),
+        (lerp(outer, outer_margin, 0.55) + 0.62, lerp(margin, length + 2.4, 0.4)),
+        (outer_margin + 0.5, margin + 0.35),
+        (outer_margin + 0.1, margin - 0.05),
+        (outer_margin - 0.7, margin + 0.12 - 0.7 * (1.0 - toothed)),
+        (0.0, saddle),
+        (0.7 - inner_edge, inner_margin + 0.12 - 0.7 * (1.0 - toothed)),
+        (-inner_edge - 0.1, inner_margin - 0.05),
+        (-inner_edge - 0.5, inner_margin + 0.35),
+        (-lerp(inner, inner_edge, 0.5) - 0.9, lerp(inner_margin, length + 2.4, 0.5)),
+        (-inner - 1.5, length + 2.8),
+        (-inner - 2.6, length + 4.6),
+    ];
+    let mut points: Vec<DVec3> = knots.iter().map(|&(out, g)| at(out, g)).collect();
+    // The hind end closes like a thumb.
+    let end = end_of_gums(arch);
+    let closing = smoothstep(end - 6.5, end, arc.abs());
+    if closing > 0.0 {
+        let heart = points[points.len() - 1];
+        let shrink = 1.0 - (1.0 - (1.0 - closing * closing).max(0.0).sqrt()) * 0.995;
+        for point in &mut points {
+            *point = heart + (*point - heart) * shrink;
+        }
+    }
+    points
+}
+
+/// Point where the gum goes over into palate or floor of the mouth, in the jaw frame.
+pub(super) fn lingual_border(arch: &Arch, arc: f64) -> DVec3 {
+    let points = profile(arch, arc);
+    points[points.len() - 1]
+}
+
+/// Mesh of the gums of one jaw, in the frame of the mouth. The texture runs from the patient's right to left (u) and
+/// from the vestibule over the margin to the tongue side (v).
+pub(super) fn gingiva_mesh(arch: &Arch, pose: &JawPose, seed: u32, detail: f64) -> TriangleMesh {
+    let end = end_of_gums(arch);
+    // The same number of stations for every tooth, so that all papillae are alike.
+    let per_tooth = count(9, detail);
+    let mut arcs = vec![-end];
+    arcs.extend(linspace(-end, arch.teeth[0].middle - arch.teeth[0].half_room, 3).into_iter().skip(1));
+    for tooth in &arch.teeth {
+        let (low, high) = (tooth.middle - tooth.half_room, tooth.middle + tooth.half_room);
+        arcs.extend(linspace(low, high, per_tooth).into_iter().skip(1));
+    }
+    arcs.extend(linspace(arch.end, end, 3).into_iter().skip(1));
+    let rows = count(34, detail);
+    let last_knot = 14.0;
+    let v_values = linspace(0.0, 1.0, rows);
+    let mut columns: Vec<Vec<DVec3>> = Vec::with_capacity(arcs.len());
+    for &arc in &arcs {
+        let knots = profile(arch, arc);
+        columns.push(v_values.iter().map(|v| spline(&knots, v * last_knot)).collect());
+    }
+    let u_values: Vec<f64> = (0..arcs.len()).map(|i| i as f64).collect();
+    let row_numbers: Vec<f64> = (0..=rows).map(|i| i as f64).collect();
+    grid_mesh(&row_numbers, &u_values, pose.mirrored, |row, column| {
+        let arc = arcs[column as usize];
+        let mut point = columns[column as usize][row as usize];
+        let v = row / rows as f64;
+        // Slight unevenness of the attached gum; none at the border that palate and floor share.
+        let station = arch.station(arc);
+        let window = smoothstep(0.0, 0.1, v) * smoothstep(1.0, 0.9, v);
+        point += station.outward * (0.12 * window * fractal_noise(seed ^ 0x61, arc * 0.45, v * 14.0, 2));
+        (pose.point(point), DVec2::new(0.5 + 0.5 * arc / end, v))
+    })
+}

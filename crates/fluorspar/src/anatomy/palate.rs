@@ -1,0 +1,106 @@
+//! Roof of the mouth: the vault of the hard palate with its folds, and the soft palate with the uvula.
+
+use glam::{DVec2, DVec3};
+
+use super::dental_arch::{Arch, JawPose, ToothKind};
+use super::gingiva::{end_of_border, lingual_border};
+use super::math::{bell, lerp, pow, smoothstep};
+use super::noise::fractal_noise;
+use super::parameters::MouthParameters;
+use super::surface::{count, grid_mesh, linspace};
+use crate::geometry::TriangleMesh;
+
+/// How much of the vault's height is reached at a place across: 1 in the middle, 0 at the gums.
+fn vault(across: f64) -> f64 {
+    let a = across.abs().min(1.0);
+    pow(1.0 - pow(a, 2.3), 0.85)
+}
+
+/// Point of the hard palate in the jaw frame: `arc` along the gums, `across` from -1 (patient's right) to 1.
+fn hard_palate_point(parameters: &MouthParameters, arch: &Arch, arc: f64, across: f64) -> DVec3 {
+    let (right, left) = (lingual_border(arch, -arc), lingual_border(arch, arc));
+    let base = right.lerp(left, 0.5 * (across + 1.0));
+    // The vault rises steeply behind the incisors and is full at the first molars.
+    let front = lingual_border(arch, 0.0);
+    let behind = front.z - base.z;
+    let top = parameters.palate_height_mm * (1.0 + 0.02 * smoothstep(25.0, 45.0, behind))
+        + arch.spee(base.z) * smoothstep(8.0, 24.0, behind);
+    let molar =
+        arch.teeth.iter().find(|t| t.kind == ToothKind::FirstMolar).map_or(25.0, |t| front.z - t.edge.z);
+    let start = smoothstep(-0.4 * molar, molar, 0.0);
+    let rise = (smoothstep(-0.4 * molar, molar, behind) - start) / (1.0 - start);
+    let mut height = (top - base.y) * rise.max(0.0) * vault(across);
+    let x = base.x;
+    // Folds behind the incisors, curved and broken at the midline ridge.
+    let side = bell(x / 1.6);
+    let mut fold = 0.0;
+    for (number, place) in [5.5, 9.5, 13.5, 17.5].into_iter().enumerate() {
+        let number = number as f64;
+        let bend = 0.13 * x.abs() - 0.5 * bell((x.abs() - 6.0) / 3.0)
+            + 0.6
+                * fractal_noise(
+                    parameters.seed ^ 0x75,
+                    x * 0.3 + 11.0 * number,
+                    if x > 0.0 { 3.5 } else { 8.5 },
+                    2,
+                );
+        let reach = smoothstep(16.0 - 1.5 * number, 9.0 - number, x.abs());
+        fold += (0.75 - 0.08 * number) * bell((behind - place - bend) / 0.95) * reach;
+    }
+    height -= fold * (1.0 - 0.9 * side) * smoothstep(1.0, 0.75, across.abs());
+    // Incisive papilla and the ridge of the midline.
+    height -= 1.0 * bell(x / 1.7) * bell((behind - 2.6) / 2.0);
+    height -= 0.35 * bell(x / 0.9) * smoothstep(4.0, 9.0, behind) * smoothstep(50.0, 34.0, behind);
+    height +=
+        0.15 * fractal_noise(parameters.seed ^ 0x76, x * 0.35, base.z * 0.35, 3) * (1.0 - across * across);
+    base + DVec3::Y * height
+}
+
+/// Mesh of the hard palate; u from the patient's right to left, v from the incisors to the soft palate.
+pub(super) fn hard_palate_mesh(parameters: &MouthParameters, arch: &Arch, pose: &JawPose) -> TriangleMesh {
+    let detail = parameters.detail;
+    let end = end_of_border(arch);
+    let v_values = linspace(0.0, 1.0, count(80, detail));
+    let u_values = linspace(0.0, 1.0, count(70, detail));
+    grid_mesh(&v_values, &u_values, pose.mirrored, |v, u| {
+        let arc = end * v;
+        (pose.point(hard_palate_point(parameters, arch, arc, 2.0 * u - 1.0)), DVec2::new(u, v))
+    })
+}
+
+/// Mesh of the soft palate, hanging from the hind edge of the hard palate down to the free edge with the uvula; u as
+/// on the hard palate, v from the hard palate to the edge and up its hind side.
+pub(super) fn soft_palate_mesh(parameters: &MouthParameters, arch: &Arch, pose: &JawPose) -> TriangleMesh {
+    let detail = parameters.detail;
+    let end = end_of_border(arch);
+    let u_values = linspace(0.0, 1.0, count(80, detail));
+    let front = linspace(0.0, 1.0, count(36, detail));
+    let mut v_values = front.clone();
+    v_values.extend(linspace(1.0, 1.5, count(8, detail)).into_iter().skip(1));
+    let crest = hard_palate_point(parameters, arch, end, 0.0);
+    grid_mesh(&v_values, &u_values, pose.mirrored, |v, u| {
+        let across = 2.0 * u - 1.0;
+        let edge = hard_palate_point(parameters, arch, end, across);
+        let k = v.min(1.0);
+        // From the vault to a hanging arch.
+        let x = edge.x * (1.0 + 0.32 * smoothstep(0.0, 0.8, k) * across.abs());
+        let a = across.abs();
+        // The free edge: highest beside the uvula, falling to the pillars at the sides.
+        let arch_drop = 26.0 * pow(a, 2.8);
+        let uvula = 9.5 * bell(x / 2.9) + 1.5 * bell(x / 6.0);
+        let edge_height = crest.y - 13.5 - arch_drop - uvula * smoothstep(0.72, 1.0, k);
+        let sink = smoothstep(0.0, 1.0, k);
+        let mut y = lerp(edge.y, edge_height, sink * (0.55 + 0.45 * k));
+        y -= 0.3 * bell(x / 1.2) * (1.0 - k) * smoothstep(0.0, 0.2, k);
+        let mut z = edge.z - 24.0 * k - 3.0 * (1.0 - a * a) * k + 9.0 * a * a * k * k;
+        z += 0.8 * bell(x / 2.5) * smoothstep(0.75, 0.95, k);
+        y += 0.25 * fractal_noise(parameters.seed ^ 0x77, x * 0.3, z * 0.3, 2) * smoothstep(0.0, 0.2, k);
+        if v > 1.0 {
+            // Behind the edge: back and up again.
+            let w = (v - 1.0) / 0.5;
+            z -= 5.5 * w.sqrt();
+            y += 9.0 * w * w - 0.9 * 4.0 * w * (1.0 - w) * 0.5;
+        }
+        (pose.point(DVec3::new(x, y, z)), DVec2::new(u, v / 1.5))
+    })
+}

@@ -1,0 +1,113 @@
+//! Rectangular grids of surface points and their conversion to triangle meshes.
+
+use glam::{DVec2, DVec3, Vec3};
+
+use super::Part;
+use crate::geometry::TriangleMesh;
+
+/// Triangles smaller than this are dropped, m²: they come from the poles of a grid.
+const SMALLEST_AREA_M2: f32 = 1e-13;
+
+/// Counts of rows and columns for a level of detail.
+pub(super) fn count(at_detail_one: usize, detail: f64) -> usize {
+    ((at_detail_one as f64 * detail).round() as usize).max(4)
+}
+
+/// Makes a mesh from `surface(v, u)` in millimetres, sampled at the given parameters. The texture coordinates are
+/// returned with the point. The visible side has the normal ∂/∂v × ∂/∂u, or the opposite one with `flip`.
+pub(super) fn grid_mesh(
+    v_values: &[f64],
+    u_values: &[f64],
+    flip: bool,
+    mut surface: impl FnMut(f64, f64) -> (DVec3, DVec2),
+) -> TriangleMesh {
+    let columns = u_values.len();
+    let mut positions = Vec::with_capacity(v_values.len() * columns);
+    let mut uvs = Vec::with_capacity(v_values.len() * columns);
+    for &v in v_values {
+        for &u in u_values {
+            let (point, uv) = surface(v, u);
+            positions.push((point * 1e-3).as_vec3());
+            uvs.push(uv.clamp(DVec2::ZERO, DVec2::ONE).as_vec2());
+        }
+    }
+    let mut triangles = Vec::with_capacity(2 * v_values.len() * columns);
+    for row in 0..v_values.len() - 1 {
+        for column in 0..columns - 1 {
+            let a = (row * columns + column) as u32;
+            let (b, c, d) = (a + columns as u32, a + columns as u32 + 1, a + 1);
+            // The shorter diagonal gives the better shaped pair of triangles.
+            let length = |p: u32, q: u32| positions[p as usize].distance_squared(positions[q as usize]);
+            let pair =
+                if length(a, c) <= length(b, d) { [[a, b, c], [a, c, d]] } else { [[a, b, d], [b, c, d]] };
+            for mut triangle in pair {
+                if flip {
+                    triangle.swap(1, 2);
+                }
+                triangles.push(triangle);
+            }
+        }
+    }
+    let mut mesh = TriangleMesh { positions, normals: Vec::new(), uvs, triangles };
+    clean(&mut mesh);
+    mesh
+}
+
+/// Drops triangles without area, then vertices that no triangle uses.
+fn clean(mesh: &mut TriangleMesh) {
+    let triangles = std::mem::take(&mut mesh.triangles);
+    mesh.triangles =
+        triangles.into_iter().filter(|t| mesh.triangle_cross(t).length() > 2.0 * SMALLEST_AREA_M2).collect();
+    const UNUSED: u32 = u32::MAX;
+    let mut new_number = vec![UNUSED; mesh.positions.len()];
+    for triangle in &mesh.triangles {
+        for &vertex in triangle {
+            new_number[vertex as usize] = 0;
+        }
+    }
+    let mut next = 0;
+    for (old, number) in new_number.iter_mut().enumerate() {
+        if *number != UNUSED {
+            *number = next;
+            mesh.positions[next as usize] = mesh.positions[old];
+            mesh.uvs[next as usize] = mesh.uvs[old];
+            next += 1;
+        }
+    }
+    mesh.positions.truncate(next as usize);
+    mesh.uvs.truncate(next as usize);
+    for triangle in &mut mesh.triangles {
+        *triangle = triangle.map(|vertex| new_number[vertex as usize]);
+    }
+}
+
+/// Gives every part smooth normals. Vertices at the same place share theirs, also across parts, unless the surfaces
+/// meet at an angle.
+pub(super) fn smooth_normals(parts: &mut [Part]) {
+    let mut places: Vec<([u32; 3], u32, u32)> = Vec::new();
+    for (number, part) in parts.iter_mut().enumerate() {
+        part.mesh.compute_smooth_normals();
+        for (vertex, position) in part.mesh.positions.iter().enumerate() {
+            // Adding zero turns -0 into +0.
+            places.push((position.to_array().map(|c| (c + 0.0).to_bits()), number as u32, vertex as u32));
+        }
+    }
+    places.sort_unstable();
+    for group in places.chunk_by(|a, b| a.0 == b.0).filter(|group| group.len() > 1) {
+        let own: Vec<Vec3> = group
+            .iter()
+            .map(|&(_, part, vertex)| parts[part as usize].mesh.normals[vertex as usize])
+            .collect();
+        let mean = own.iter().copied().sum::<Vec3>().normalize_or_zero();
+        for (&(_, part, vertex), normal) in group.iter().zip(&own) {
+            if mean.dot(*normal) > 0.5 {
+                parts[part as usize].mesh.normals[vertex as usize] = mean;
+            }
+        }
+    }
+}
+
+/// `intervals + 1` equally spaced numbers.
+pub(super) fn linspace(low: f64, high: f64, intervals: usize) -> Vec<f64> {
+    (0..=intervals).map(|i| low + (high - low) * (i as f64 / intervals as f64)).collect()
+}

@@ -1,0 +1,374 @@
+use glam::{Vec2, Vec3};
+
+use super::*;
+
+fn coarse() -> MouthParameters {
+    MouthParameters { detail: 0.5, ..MouthParameters::default() }
+}
+
+fn mouth(parameters: &MouthParameters) -> Mouth {
+    generate_mouth(parameters).unwrap()
+}
+
+/// Parameters at the ends of what users may ask for.
+fn extremes() -> Vec<MouthParameters> {
+    vec![
+        MouthParameters { jaw_opening_mm: 20.0, tongue_protrusion_mm: -10.0, ..coarse() },
+        MouthParameters {
+            jaw_opening_mm: 60.0,
+            tongue_protrusion_mm: 25.0,
+            tongue_length_mm: 100.0,
+            ..coarse()
+        },
+        MouthParameters {
+            tongue_width_mm: 58.0,
+            tongue_thickness_mm: 28.0,
+            tongue_elevation_mm: 12.0,
+            ..coarse()
+        },
+        MouthParameters { lip_opening_width_mm: 42.0, lip_retraction_mm: -3.0, ..coarse() },
+        MouthParameters {
+            lip_opening_width_mm: 72.0,
+            lip_retraction_mm: 11.0,
+            papilla_scale: 2.0,
+            ..coarse()
+        },
+        MouthParameters { tooth_irregularity: 3.0, missing_teeth: vec![11, 36], detail: 0.25, ..coarse() },
+        MouthParameters { arch_exponent: 0.6, palate_height_mm: 26.0, ..coarse() },
+    ]
+}
+
+/// Triangles sorted into a grid of boxes: quick enough for some ten thousand rays.
+struct Boxes {
+    low: Vec3,
+    cell: f32,
+    counts: [usize; 3],
+    lists: Vec<Vec<[Vec3; 3]>>,
+}
+
+impl Boxes {
+    fn new<'a>(parts: impl Iterator<Item = &'a Part>) -> Self {
+        let parts: Vec<&Part> = parts.collect();
+        let mut low = Vec3::INFINITY;
+        let mut high = Vec3::NEG_INFINITY;
+        for part in &parts {
+            let (a, b) = part.mesh.bounds();
+            (low, high) = (low.min(a), high.max(b));
+        }
+        let cell = 0.003;
+        low -= Vec3::splat(0.5 * cell);
+        let counts = ((high - low) / cell).to_array().map(|n| n as usize + 2);
+        let mut boxes = Self { low, cell, counts, lists: vec![Vec::new(); counts.iter().product()] };
+        for part in &parts {
+            for triangle in &part.mesh.triangles {
+                let corners = triangle.map(|v| part.mesh.positions[v as usize]);
+                let from = boxes.place(corners[0].min(corners[1]).min(corners[2]));
+                let to = boxes.place(corners[0].max(corners[1]).max(corners[2]));
+                for z in from[2]..=to[2] {
+                    for y in from[1]..=to[1] {
+                        for x in from[0]..=to[0] {
+                            let number = boxes.number([x, y, z]);
+                            boxes.lists[number].push(corners);
+                        }
+                    }
+                }
+            }
+        }
+        boxes
+    }
+
+    fn place(&self, p: Vec3) -> [usize; 3] {
+        ((p - self.low) / self.cell).to_array().map(|x| x.max(0.0) as usize)
+    }
+
+    fn number(&self, place: [usize; 3]) -> usize {
+        (place[2] * self.counts[1] + place[1]) * self.counts[0] + place[0]
+    }
+
+    /// Whether a ray hits anything, marching in steps smaller than the boxes with their neighbours included.
+    fn hit(&self, origin: Vec3, direction: Vec3) -> bool {
+        let mut last = usize::MAX;
+        for step in 0..3000 {
+            let p = origin + direction * (step as f32 * 0.0001);
+            let place = self.place(p);
+            if (p - self.low).min_element() < 0.0 || (0..3).any(|axis| place[axis] >= self.counts[axis]) {
+                continue;
+            }
+            let number = self.number(place);
+            if number == last {
+                continue;
+            }
+            last = number;
+            if self.lists[number].iter().any(|corners| crosses(corners, origin, direction)) {
+                return true;
+            }
+        }
+        false
+    }
+}
+
+fn crosses([a, b, c]: &[Vec3; 3], origin: Vec3, direction: Vec3) -> bool {
+    let (ab, ac) = (*b - *a, *c - *a);
+    let p = direction.cross(ac);
+    let determinant = ab.dot(p);
+    if determinant.abs() < 1e-20 {
+        return false;
+    }
+    let s = origin - *a;
+    let u = s.dot(p) / determinant;
+    let q = s.cross(ab);
+    let v = direction.dot(q) / determinant;
+    // A little wider than the triangle, so that edges do not leak by rounding.
+    u >= -1e-5 && v >= -1e-5 && u + v <= 1.0 + 2e-5 && ac.dot(q) / determinant > 0.0
+}
+
+fn check_meshes(mouth: &Mouth, tolerated: f64) {
+    for part in &mouth.parts {
+        let Part { name, mesh, .. } = part;
+        mesh.validate().unwrap();
+        assert_eq!(mesh.normals.len(), mesh.positions.len(), "{name}");
+        assert_eq!(mesh.uvs.len(), mesh.positions.len(), "{name}");
+        for normal in &mesh.normals {
+            assert!((normal.length() - 1.0).abs() < 1e-4, "{name}: normal {normal}");
+        }
+        for uv in &mesh.uvs {
+            assert!(uv.cmpge(Vec2::ZERO).all() && uv.cmple(Vec2::ONE).all(), "{name}: {uv}");
+        }
+        let mut against = 0;
+        for triangle in &mesh.triangles {
+            let cross = mesh.triangle_cross(triangle);
+            assert!(cross.length() > 0.0, "{name}: a triangle without area");
+            let mean: Vec3 = triangle.iter().map(|&v| mesh.normals[v as usize]).sum();
+            against += usize::from(cross.dot(mean) <= 0.0);
+        }
+        // Only single slivers at folds and steep papillae may disagree.
+        assert!(
+            against as f64 <= tolerated * mesh.triangles.len() as f64,
+            "{name}: {against} of {}",
+            mesh.triangles.len()
+        );
+    }
+}
+
+#[test]
+fn every_part_of_the_default_mouth_is_a_sound_mesh() {
+    let mouth = mouth(&MouthParameters::default());
+    check_meshes(&mouth, 0.002);
+    assert!((150_000..300_000).contains(&mouth.triangle_count()), "{}", mouth.triangle_count());
+}
+
+#[test]
+fn extreme_mouths_are_sound_too() {
+    for parameters in extremes() {
+        check_meshes(&mouth(&parameters), 0.008);
+    }
+}
+
+#[test]
+fn the_same_parameters_give_the_same_bits() {
+    let first = mouth(&coarse());
+    assert_eq!(first, mouth(&coarse()));
+    let other = mouth(&MouthParameters { seed: 2, ..coarse() });
+    assert_ne!(first, other);
+    assert_eq!(first.parts.len(), other.parts.len());
+}
+
+#[test]
+fn parts_are_named_once_and_teeth_follow_the_missing_list() {
+    let complete = mouth(&MouthParameters { missing_teeth: Vec::new(), detail: 0.25, ..coarse() });
+    let teeth = |mouth: &Mouth| mouth.parts.iter().filter(|part| part.tissue == Tissue::Tooth).count();
+    assert_eq!(teeth(&complete), 32);
+    let mut names: Vec<&str> = complete.parts.iter().map(|part| part.name.as_str()).collect();
+    names.sort_unstable();
+    names.dedup();
+    assert_eq!(names.len(), complete.parts.len());
+    assert_eq!(teeth(&mouth(&coarse())), 28);
+    let gap = mouth(&MouthParameters { missing_teeth: vec![11, 46, 46], detail: 0.25, ..coarse() });
+    assert_eq!(teeth(&gap), 30);
+    assert!(gap.part("tooth_11").is_none() && gap.part("tooth_21").is_some());
+    assert!(gap.dimensions().jaw_opening_mm.is_none());
+}
+
+#[test]
+fn patient_right_and_left_are_where_the_frame_says() {
+    let mouth = mouth(&coarse());
+    for (name, sign) in
+        [("tooth_16", -1.0), ("tooth_26", 1.0), ("tooth_36", 1.0), ("tooth_46", -1.0), ("cheek_left", 1.0)]
+    {
+        let (low, high) = mouth.part(name).unwrap().mesh.bounds();
+        assert!(sign * (low.x + high.x) > 0.0, "{name}");
+    }
+    let dorsum = &mouth.part("tongue_dorsum").unwrap().mesh;
+    for (uv, p) in dorsum.uvs.iter().zip(&dorsum.positions) {
+        assert!(uv.y < 0.1 || (uv.x - 0.5).abs() < 0.1 || (uv.x > 0.5) == (p.x > 0.0));
+    }
+    // Teeth face outward: their volume is positive but for the open root.
+    let tooth = &mouth.part("tooth_46").unwrap().mesh;
+    let centre = (tooth.bounds().0 + tooth.bounds().1) * 0.5;
+    let volume: f32 = tooth
+        .triangles
+        .iter()
+        .map(|t| (tooth.positions[t[0] as usize] - centre).dot(tooth.triangle_cross(t)))
+        .sum();
+    assert!(volume > 0.0);
+}
+
+#[test]
+fn measured_dimensions_agree_with_the_parameters() {
+    let near = |what: &str, measured: Option<f64>, wanted: f64| {
+        let measured = measured.unwrap();
+        assert!((measured / wanted - 1.0).abs() < 0.05, "{what}: {measured} for {wanted}");
+    };
+    let variants = [
+        MouthParameters::default(),
+        MouthParameters { jaw_opening_mm: 30.0, tongue_width_mm: 42.0, tongue_length_mm: 75.0, ..coarse() },
+        MouthParameters {
+            jaw_opening_mm: 58.0,
+            tongue_protrusion_mm: 20.0,
+            palate_height_mm: 16.0,
+            ..coarse()
+        },
+        MouthParameters {
+            upper_arch_width_mm: 50.0,
+            upper_arch_depth_mm: 44.0,
+            lower_arch_width_mm: 48.0,
+            lower_arch_depth_mm: 42.0,
+            lip_opening_width_mm: 66.0,
+            ..coarse()
+        },
+    ];
+    for p in variants {
+        let d = mouth(&p).dimensions();
+        near("opening", d.jaw_opening_mm, p.jaw_opening_mm);
+        near("upper width", d.upper_arch_width_mm, p.upper_arch_width_mm);
+        near("lower width", d.lower_arch_width_mm, p.lower_arch_width_mm);
+        near("upper depth", d.upper_arch_depth_mm, p.upper_arch_depth_mm);
+        near("lower depth", d.lower_arch_depth_mm, p.lower_arch_depth_mm);
+        near("palate", d.palate_height_mm, p.palate_height_mm);
+        near("tongue width", Some(d.tongue_width_mm), p.tongue_width_mm);
+        near("tongue length", Some(d.tongue_length_mm), p.tongue_length_mm);
+        near("lips", Some(d.lip_opening_width_mm), p.lip_opening_width_mm);
+        let protrusion = d.tongue_protrusion_mm.unwrap();
+        assert!(
+            (protrusion - p.tongue_protrusion_mm).abs() < 0.6,
+            "{protrusion} for {}",
+            p.tongue_protrusion_mm
+        );
+    }
+}
+
+#[test]
+fn crowns_have_the_sizes_of_the_table() {
+    let mouth = mouth(&MouthParameters { tooth_irregularity: 0.0, ..coarse() });
+    for (number, width) in [(11, 8.5_f32), (12, 6.5), (31, 5.0)] {
+        let mesh = &mouth.part(&format!("tooth_{number}")).unwrap().mesh;
+        let mut widest = 0.0_f32;
+        for (a, p) in mesh.uvs.iter().zip(&mesh.positions).filter(|(uv, _)| (uv.x - 0.25).abs() < 0.05) {
+            for (b, q) in mesh.uvs.iter().zip(&mesh.positions).filter(|(uv, _)| (uv.x - 0.75).abs() < 0.05) {
+                if (a.y - b.y).abs() < 0.1 {
+                    widest = widest.max(p.distance(*q) * 1e3);
+                }
+            }
+        }
+        assert!((widest / width - 1.0).abs() < 0.08, "tooth {number}: {widest} for {width}");
+    }
+}
+
+#[test]
+fn no_ray_that_enters_the_mouth_escapes() {
+    for parameters in
+        [coarse(), MouthParameters { jaw_opening_mm: 25.0, lip_opening_width_mm: 45.0, ..coarse() }]
+    {
+        let mouth = mouth(&parameters);
+        // The sheet of face, lips, cheeks and throat must be closed even without what stands inside it.
+        let sheet = [Tissue::Skin, Tissue::Lip, Tissue::Cheek, Tissue::Throat];
+        let boxes = Boxes::new(mouth.parts.iter().filter(|part| sheet.contains(&part.tissue)));
+        let camera = Vec3::new(0.0, 0.0, 0.1);
+        for i in 0..90 {
+            for j in 0..90 {
+                let target = Vec3::new((i as f32 / 89.0 - 0.5) * 0.075, (j as f32 / 89.0 - 0.5) * 0.075, 0.0);
+                assert!(boxes.hit(camera, (target - camera).normalize()), "from the camera through {target}");
+            }
+        }
+        for k in 0..2000 {
+            // Directions evenly over the half-space that leads inward.
+            let height = (k as f32 + 0.5) / 2000.0;
+            let (sine, cosine) = (k as f32 * 2.399_963).sin_cos();
+            let radius = (1.0 - height * height).sqrt();
+            let direction = Vec3::new(radius * cosine, radius * sine, -height);
+            assert!(boxes.hit(Vec3::new(0.002, 0.003, -0.02), direction), "from the middle to {direction}");
+        }
+    }
+}
+
+#[test]
+fn the_parts_of_the_sheet_share_their_borders() {
+    let mouth = mouth(&coarse());
+    let shared = |a: &str, b: &str| {
+        let places = |name: &str| {
+            let mesh = &mouth.part(name).unwrap().mesh;
+            mesh.positions
+                .iter()
+                .map(|p| p.to_array().map(f32::to_bits))
+                .collect::<std::collections::BTreeSet<_>>()
+        };
+        places(a).intersection(&places(b)).count()
+    };
+    for (a, b) in [
+        ("face", "upper_lip"),
+        ("face", "lower_lip"),
+        ("upper_lip", "lower_lip"),
+        ("upper_lip", "cheek_left"),
+        ("lower_lip", "cheek_right"),
+        ("cheek_left", "cheek_right"),
+        ("cheek_left", "throat"),
+        ("tongue_dorsum", "tongue_ventral"),
+    ] {
+        assert!(shared(a, b) > 10, "{a} and {b} share {} places", shared(a, b));
+    }
+}
+
+/// Samples of a mesh in cells of 0.8 mm, to look for parts in the same place.
+fn cells<'a>(parts: impl Iterator<Item = &'a Part>) -> std::collections::BTreeSet<[i32; 3]> {
+    let cell = |p: Vec3| (p / 0.0008).floor().to_array().map(|c| c as i32);
+    parts.flat_map(|part| part.mesh.positions.iter().map(move |p| cell(*p))).collect()
+}
+
+#[test]
+fn the_tongue_and_the_other_arch_keep_clear_of_the_teeth() {
+    let mouth = mouth(&MouthParameters::default());
+    let teeth = |upper: bool| {
+        let numbers = if upper { ["tooth_1", "tooth_2"] } else { ["tooth_3", "tooth_4"] };
+        mouth.parts.iter().filter(move |part| numbers.iter().any(|n| part.name.starts_with(n)))
+    };
+    let (upper, lower) = (cells(teeth(true)), cells(teeth(false)));
+    assert_eq!(upper.intersection(&lower).count(), 0);
+    let dorsum = cells(mouth.parts.iter().filter(|part| part.name == "tongue_dorsum"));
+    assert_eq!(dorsum.intersection(&upper).count(), 0);
+    let tongue = cells(mouth.parts.iter().filter(|part| part.name.starts_with("tongue")));
+    let touching = tongue.intersection(&lower).count();
+    assert!(touching * 200 < lower.len(), "{touching} of {} cells of the lower teeth", lower.len());
+}
+
+#[test]
+fn wrong_parameters_are_named_with_their_range() {
+    let error = |parameters: MouthParameters| generate_mouth(&parameters).unwrap_err();
+    let opening = error(MouthParameters { jaw_opening_mm: 80.0, ..coarse() });
+    assert_eq!(opening.field, "jaw_opening_mm");
+    assert!(opening.to_string().contains("80 is not between 20 and 60"), "{opening}");
+    assert_eq!(error(MouthParameters { tongue_width_mm: f64::NAN, ..coarse() }).field, "tongue_width_mm");
+    assert_eq!(error(MouthParameters { missing_teeth: vec![19], ..coarse() }).field, "missing_teeth");
+    assert_eq!(error(MouthParameters { upper_arch_depth_mm: 34.0, ..coarse() }).field, "upper_arch_depth_mm");
+}
+
+#[test]
+fn parameters_can_be_written_read_and_described() {
+    let parameters = MouthParameters { missing_teeth: vec![18], seed: 7, ..MouthParameters::default() };
+    let text = serde_json::to_string(&parameters).unwrap();
+    assert_eq!(serde_json::from_str::<MouthParameters>(&text).unwrap(), parameters);
+    let partial: MouthParameters = serde_json::from_str(r#"{"jaw_opening_mm": 40}"#).unwrap();
+    assert_eq!(partial, MouthParameters { jaw_opening_mm: 40.0, ..MouthParameters::default() });
+    assert!(serde_json::from_str::<MouthParameters>(r#"{"jaw_openning_mm": 40}"#).is_err());
+    let schema = serde_json::to_string(&schemars::schema_for!(MouthParameters)).unwrap();
+    assert!(schema.contains("tongue_protrusion_mm"));
+}
