@@ -1,1 +1,22 @@
-//! Placeholder.
+//! Figures and the self-contained HTML report of a run.
+//!
+//! | stage | call | gives |
+//! |---|---|---|
+//! | draw | [`figures`], or a [`Figure`] of your own | axes with units and explicit limits, series, heat maps |
+//! | export | [`Figure::to_svg`], [`Figure::to_png`] | the same picture as vector text or as pixels |
+//! | write | [`ReportData::to_html`] | one file: text, pictures, figures, tables, the experiment itself |
+//! | read back | [`extract_experiment`] | the TOML that a report was made from |
+//!
+//! Out of scope: physics. Everything here draws and explains numbers that were computed elsewhere.
+
+mod figure;
+pub mod figures;
+mod page;
+
+pub use figure::{
+    Axis, ColorBar, ColorMap, Dash, Figure, FigureError, Ink, Label, Panel, Raster, Scale, Series, Shape,
+};
+pub use page::{
+    Number, NumberTable, Origin, ReportData, ReportItem, ReportPicture, Section, analysis_section,
+    extract_experiment, glossary_section,
+};

@@ -60,6 +60,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         "oblique" => View { eye: at(70.0, 25.0, 90.0), target: at(0.0, 0.0, -5.0), field: 0.08 },
         "below" => View { eye: at(0.0, -55.0, 75.0), target: at(0.0, 15.0, -20.0), field: 0.065 },
         "above" => View { eye: at(0.0, 50.0, 85.0), target: at(0.0, -15.0, -15.0), field: 0.065 },
+        "lower" => View { eye: at(10.0, 10.0, 80.0), target: at(0.0, -25.0, -8.0), field: 0.05 },
+        "tongue" => View { eye: at(15.0, 60.0, 60.0), target: at(0.0, -15.0, -12.0), field: 0.025 },
         "molars" => View { eye: at(-18.0, 25.0, 70.0), target: at(22.0, -16.0, -25.0), field: 0.035 },
         "incisors" => View { eye: at(15.0, 20.0, 60.0), target: at(0.0, 24.0, 0.0), field: 0.045 },
         other => return Err(format!("no view {other}").into()),

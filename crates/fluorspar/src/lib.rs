@@ -9,6 +9,7 @@ pub mod image;
 pub mod light;
 pub mod material;
 pub mod optics;
+pub mod pipeline;
 pub mod preset;
 pub mod render;
 pub mod sampling;

@@ -1,4 +1,5 @@
 //! Light transport against closed forms: physics that the code cannot argue with.
+#![allow(clippy::unwrap_used)]
 
 use std::f64::consts::PI;
 use std::sync::Arc;

@@ -1,1 +1,36 @@
-//! To be written.
+//! What a developed sensor image says about the tissue: sensor chromaticity, regions of interest, and the share of
+//! porphyrin in the fluorescence.
+//!
+//! | call | gives |
+//! |---|---|
+//! | [`sensor_chromaticity`] | `(r, g)` of one pixel, Eq. (7) of the paper |
+//! | [`ChromaticityMap::new`] | `(r, g)` of every pixel, and why a pixel has none |
+//! | [`RegionOfInterest::select`] | the pixels of a named part, of a rectangle, or of both |
+//! | [`RegionStatistics::new`] | mean, spread, percentiles, covariance ellipse of a region |
+//! | [`MixtureLine`] | the bulk-porphyrin line, and per pixel where on it a measurement lies |
+//! | [`analyse`] | all of it at once, as an [`Analysis`] that goes to `results.json` |
+//!
+//! Out of scope: telling the four bulk fluorophores apart. Under one excitation light their chromaticities are too
+//! close, and three channels leave no room for five unknowns.
+
+mod channel_noise;
+mod chromaticity;
+mod mixture_line;
+mod region_of_interest;
+mod statistics;
+mod summary;
+
+pub use channel_noise::ChannelNoise;
+pub use chromaticity::{
+    ChromaticityMap, DEFAULT_NOISE_THRESHOLD, ExclusionCounts, MissingChannel, PixelValidity,
+    chromaticity_covariance, chromaticity_standard_error, rgb_channels, sensor_chromaticity,
+};
+pub use mixture_line::{
+    FluorophoreResponse, LineEstimate, MixtureError, MixtureFit, MixtureLine, PorphyrinMap, channel_response,
+};
+pub use region_of_interest::{PixelSelection, Rectangle, RegionError, RegionOfInterest};
+pub use statistics::{CovarianceEllipse, RegionStatistics, Statistics};
+pub use summary::{
+    Analysis, AnalysisError, AnalysisSettings, ChannelStatistics, MixtureModel, MixtureSummary,
+    PredictedFluorophore, RegionFraction, analyse,
+};

@@ -49,13 +49,16 @@ impl<'a> Sheet<'a> {
             ring(corner + 0.1, m + 0.9, m + 1.2, 1.96, [10.8, 11.6, -11.4]),
             ring(corner - 0.1, m, m, 1.98, [8.2, 8.8, -13.4]),
             ring(corner + 0.9, m + 1.6, m + 1.6, 2.1, [5.2, 5.6, -16.0]),
-            ring(corner + 3.2, m + 0.55 * (fornix - m), m + 0.55 * (fornix - m), 2.4, [3.2, 3.0, -19.5]),
-            ring(widest - 0.5, fornix, fornix - 1.0, 3.2, [-2.5, -3.0, -25.0]),
+            ring(corner + 3.2, m + 0.55 * (fornix - m), m + 0.55 * (fornix - m), 2.4, [4.6, 4.4, -19.5]),
+            ring(widest - 0.5, fornix, fornix - 1.0, 3.2, [1.5, 1.5, -25.0]),
             ring(widest + 1.0, fornix - 0.5, fornix - 0.5, 3.6, [-14.0, -14.0, -32.0]),
             ring(widest, fornix - 3.0, fornix - 2.0, 3.4, [-36.0, -36.0, -44.0]),
             ring(widest - 9.0, h + 10.0, h + 14.0, 3.0, [-54.0, -54.0, -55.0]),
             ring(widest - 14.0, h + 4.0, h + 13.0, 2.6, [-68.0, -68.0, -67.0]),
-            ring(widest - 17.0, h - 1.0, h + 12.0, 2.4, [-82.0, -84.0, -79.0]),
+            // Folds of the hind pillars beside the throat, then its back wall.
+            ring(widest - 20.0, h - 1.0, h + 12.0, 2.4, [-74.0, -74.0, -72.5]),
+            ring(widest - 16.5, h - 1.0, h + 12.0, 2.4, [-79.0, -79.0, -77.0]),
+            ring(widest - 18.5, h - 3.0, h + 10.0, 2.3, [-84.0, -85.0, -82.5]),
             ring(0.0, 0.0, 0.0, 2.0, [-90.0, -90.0, -90.0]),
         ];
         Self { parameters, rings }
@@ -118,7 +121,7 @@ pub(super) fn cavity_parts(parameters: &MouthParameters) -> Vec<Part> {
     let sheet = Sheet::new(parameters);
     let detail = parameters.detail;
     // An even number of columns per quarter, so that the corners are columns.
-    let quarter = count(44, detail);
+    let quarter = count(38, detail);
     let columns = 4 * quarter;
     let knots: Vec<Vec<DVec3>> = (0..columns)
         .map(|column| {

@@ -106,7 +106,7 @@ pub(super) struct Arch {
     points: Vec<(f64, DVec3)>,
     /// Teeth from the patient's right to left.
     pub(super) teeth: Vec<Tooth>,
-    /// Arc length of the ends of the third molars' places.
+    /// Arc length behind the last tooth where the gums begin to close.
     pub(super) end: f64,
     profile: StationTables,
     depth: f64,
@@ -168,9 +168,12 @@ impl Arch {
                 let number = quadrant * 10 + place as u8 + 1;
                 arch.place_tooth(parameters, number, *size, side * (start + half_room), half_room);
                 start += 2.0 * half_room;
-                arch.end = start;
             }
         }
+        // Without wisdom teeth the gums end soon behind the second molars.
+        let last =
+            arch.teeth.iter().filter(|t| t.present).map(|t| t.middle.abs() + t.half_room).fold(0.0, f64::max);
+        arch.end = last.max(half_length + 3.0);
         arch.teeth.sort_by(|a, b| a.middle.total_cmp(&b.middle));
         let table = |value: &dyn Fn(&Tooth) -> f64| {
             arch.teeth.iter().map(|t| (t.middle, value(t))).collect::<Vec<_>>()

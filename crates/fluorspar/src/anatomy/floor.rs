@@ -13,6 +13,10 @@ use crate::geometry::TriangleMesh;
 /// Depth of the floor below the plane of the lower teeth, mm (10 to 15, assumed).
 const DEPTH_MM: f64 = 16.0;
 
+/// Part of its texture that lies between the gums, and how far it reaches behind them, mm.
+const ALONG_GUMS: f64 = 0.8;
+const BEHIND_MM: f64 = 14.0;
+
 /// Mesh of the floor of the mouth; u from the patient's right to left, v from the incisors to the back.
 pub(super) fn floor_mesh(parameters: &MouthParameters, arch: &Arch, pose: &JawPose) -> TriangleMesh {
     let detail = parameters.detail;
@@ -22,8 +26,10 @@ pub(super) fn floor_mesh(parameters: &MouthParameters, arch: &Arch, pose: &JawPo
     let front = lingual_border(arch, 0.0);
     grid_mesh(&v_values, &u_values, pose.mirrored, |v, u| {
         let across = 2.0 * u - 1.0;
-        let (right, left) = (lingual_border(arch, -end * v), lingual_border(arch, end * v));
-        let base = right.lerp(left, u);
+        // Behind the gums it goes on to the root of the tongue.
+        let (arc, beyond) = (end * (v / ALONG_GUMS).min(1.0), (v - ALONG_GUMS).max(0.0) / (1.0 - ALONG_GUMS));
+        let (right, left) = (lingual_border(arch, -arc), lingual_border(arch, arc));
+        let base = right.lerp(left, u) - DVec3::Z * (BEHIND_MM * beyond);
         let behind = front.z - base.z;
         let bowl = pow(1.0 - across * across, 0.7) * smoothstep(0.0, 12.0, behind);
         let mut depth = (DEPTH_MM - base.y).max(1.0) * bowl;

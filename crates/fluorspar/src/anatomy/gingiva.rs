@@ -8,7 +8,7 @@ use super::noise::fractal_noise;
 use super::surface::{count, grid_mesh, linspace};
 use crate::geometry::TriangleMesh;
 
-/// How far the gums reach behind the ends of the third molars' places, mm.
+/// How far the gums reach behind the arch, mm.
 const BEHIND_MM: f64 = 2.0;
 
 /// Arc length of the hind ends of the gums.
@@ -18,7 +18,7 @@ pub(super) fn end_of_gums(arch: &Arch) -> f64 {
 
 /// Arc length to which palate and floor of the mouth are attached to the gums.
 pub(super) fn end_of_border(arch: &Arch) -> f64 {
-    end_of_gums(arch) - 0.2
+    end_of_gums(arch) - 1.0
 }
 
 /// Knots of the profile at a station from the vestibule over the margin to the tongue side, in the jaw frame.
@@ -28,7 +28,7 @@ fn profile(arch: &Arch, arc: f64) -> Vec<DVec3> {
     let across = station.across.abs();
     // 0 at the middle of a tooth, 1 at its contacts: papillae are pointed, the margin between them is round.
     let papilla = pow(across, 2.4);
-    let contact = length * lerp(0.4, 0.55, smoothstep(10.0, 22.0, arc.abs()));
+    let contact = length * lerp(0.35, 0.53, smoothstep(10.0, 22.0, arc.abs()));
     let margin = lerp(length - 0.7, contact, papilla);
     let inner_margin = lerp(length - 0.9, contact - 0.3, papilla);
     // A gap is healed over by a rounded ridge.
@@ -44,8 +44,8 @@ fn profile(arch: &Arch, arc: f64) -> Vec<DVec3> {
     let at =
         |out: f64, g: f64| station.point + station.outward * (out - station.lean * g.max(0.0)) + DVec3::Y * g;
     let knots = [
-        (outer + 3.6, length + 12.5),
-        (outer + 1.4, length + 8.8),
+        (outer + 2.2, length + 11.0),
+        (outer + 1.2, length + 8.2),
         (outer + 0.7 + root, length + 5.4),
         (outer + 0.5 + root, length + 2.4),
         (lerp(outer, outer_margin, 0.55) + 0.62, lerp(margin, length + 2.4, 0.4)),
@@ -65,7 +65,7 @@ fn profile(arch: &Arch, arc: f64) -> Vec<DVec3> {
     let end = end_of_gums(arch);
     let closing = smoothstep(end - 6.5, end, arc.abs());
     if closing > 0.0 {
-        let heart = points[points.len() - 1];
+        let heart = at(0.5, length + 6.5);
         let shrink = 1.0 - (1.0 - (1.0 - closing * closing).max(0.0).sqrt()) * 0.995;
         for point in &mut points {
             *point = heart + (*point - heart) * shrink;
@@ -87,9 +87,10 @@ pub(super) fn gingiva_mesh(arch: &Arch, pose: &JawPose, seed: u32, detail: f64) 
     // The same number of stations for every tooth, so that all papillae are alike.
     let per_tooth = count(9, detail);
     let mut arcs = vec![-end];
-    arcs.extend(linspace(-end, arch.teeth[0].middle - arch.teeth[0].half_room, 3).into_iter().skip(1));
+    arcs.extend(linspace(-end, -arch.end, 3).into_iter().skip(1));
     for tooth in &arch.teeth {
         let (low, high) = (tooth.middle - tooth.half_room, tooth.middle + tooth.half_room);
+        let (low, high) = (low.max(-arch.end), high.min(arch.end));
         arcs.extend(linspace(low, high, per_tooth).into_iter().skip(1));
     }
     arcs.extend(linspace(arch.end, end, 3).into_iter().skip(1));

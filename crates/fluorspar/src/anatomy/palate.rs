@@ -53,15 +53,16 @@ fn hard_palate_point(parameters: &MouthParameters, arch: &Arch, arc: f64, across
     height -= 0.35 * bell(x / 0.9) * smoothstep(4.0, 9.0, behind) * smoothstep(50.0, 34.0, behind);
     height +=
         0.15 * fractal_noise(parameters.seed ^ 0x76, x * 0.35, base.z * 0.35, 3) * (1.0 - across * across);
-    base + DVec3::Y * height
+    // All columns start from one point behind the incisors.
+    base + DVec3::Y * (height * smoothstep(0.0, 1.2, behind))
 }
 
 /// Mesh of the hard palate; u from the patient's right to left, v from the incisors to the soft palate.
 pub(super) fn hard_palate_mesh(parameters: &MouthParameters, arch: &Arch, pose: &JawPose) -> TriangleMesh {
     let detail = parameters.detail;
     let end = end_of_border(arch);
-    let v_values = linspace(0.0, 1.0, count(80, detail));
-    let u_values = linspace(0.0, 1.0, count(70, detail));
+    let v_values = linspace(0.0, 1.0, count(64, detail));
+    let u_values = linspace(0.0, 1.0, count(60, detail));
     grid_mesh(&v_values, &u_values, pose.mirrored, |v, u| {
         let arc = end * v;
         (pose.point(hard_palate_point(parameters, arch, arc, 2.0 * u - 1.0)), DVec2::new(u, v))
@@ -73,7 +74,7 @@ pub(super) fn hard_palate_mesh(parameters: &MouthParameters, arch: &Arch, pose: 
 pub(super) fn soft_palate_mesh(parameters: &MouthParameters, arch: &Arch, pose: &JawPose) -> TriangleMesh {
     let detail = parameters.detail;
     let end = end_of_border(arch);
-    let u_values = linspace(0.0, 1.0, count(80, detail));
+    let u_values = linspace(0.0, 1.0, count(64, detail));
     let front = linspace(0.0, 1.0, count(36, detail));
     let mut v_values = front.clone();
     v_values.extend(linspace(1.0, 1.5, count(8, detail)).into_iter().skip(1));
@@ -83,12 +84,12 @@ pub(super) fn soft_palate_mesh(parameters: &MouthParameters, arch: &Arch, pose: 
         let edge = hard_palate_point(parameters, arch, end, across);
         let k = v.min(1.0);
         // From the vault to a hanging arch.
-        let x = edge.x * (1.0 + 0.32 * smoothstep(0.0, 0.8, k) * across.abs());
+        let x = edge.x * (1.0 + 0.5 * smoothstep(0.0, 0.9, k) * across.abs());
         let a = across.abs();
         // The free edge: highest beside the uvula, falling to the pillars at the sides.
-        let arch_drop = 26.0 * pow(a, 2.8);
-        let uvula = 9.5 * bell(x / 2.9) + 1.5 * bell(x / 6.0);
-        let edge_height = crest.y - 13.5 - arch_drop - uvula * smoothstep(0.72, 1.0, k);
+        let arch_drop = 34.0 * pow(a, 3.0);
+        let uvula = 10.0 * bell(x / 2.9) + 1.5 * bell(x / 6.0);
+        let edge_height = crest.y - 11.5 - arch_drop - uvula * smoothstep(0.72, 1.0, k);
         let sink = smoothstep(0.0, 1.0, k);
         let mut y = lerp(edge.y, edge_height, sink * (0.55 + 0.45 * k));
         y -= 0.3 * bell(x / 1.2) * (1.0 - k) * smoothstep(0.0, 0.2, k);

@@ -37,10 +37,10 @@ pub struct MouthParameters {
     pub tongue_length_mm: f64,
     /// Thickness of the tongue body, mm (default 21, 14 to 28; adults 20 to 30, assumed).
     pub tongue_thickness_mm: f64,
-    /// Distance between the corners of the mouth, mm (default 58, 42 to 72; 54.5 ± 3.0 in men and 50.2 ± 3.5 in
+    /// Distance between the corners of the mouth, mm (default 60, 42 to 72; 54.5 ± 3.0 in men and 50.2 ± 3.5 in
     /// women at rest, more when retracted; Farkas).
     pub lip_opening_width_mm: f64,
-    /// How far the lips are drawn back from the edges of the incisors, mm (default 6, -3 to 11). Negative: the lips
+    /// How far the lips are drawn back from the edges of the incisors, mm (default 5, -3 to 11). Negative: the lips
     /// cover the edges.
     pub lip_retraction_mm: f64,
     /// Width of the upper arch, mm (default 53.5, 44 to 64): distance between the ends of the line of contact
@@ -72,7 +72,7 @@ pub struct MouthParameters {
     /// Seed of everything that varies at random (default 1).
     pub seed: u32,
     /// Factor on the number of mesh rows and columns (default 1, 0.25 to 3). The number of triangles grows with its
-    /// square; 1 gives about 250 000.
+    /// square; 1 gives about 280 000.
     pub detail: f64,
 }
 
@@ -86,8 +86,8 @@ impl Default for MouthParameters {
             tongue_width_mm: 48.0,
             tongue_length_mm: 82.0,
             tongue_thickness_mm: 21.0,
-            lip_opening_width_mm: 58.0,
-            lip_retraction_mm: 6.0,
+            lip_opening_width_mm: 60.0,
+            lip_retraction_mm: 5.0,
             upper_arch_width_mm: 53.5,
             upper_arch_depth_mm: 42.0,
             lower_arch_width_mm: 50.5,

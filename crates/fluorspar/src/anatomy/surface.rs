@@ -87,6 +87,15 @@ pub(super) fn smooth_normals(parts: &mut [Part]) {
     let mut places: Vec<([u32; 3], u32, u32)> = Vec::new();
     for (number, part) in parts.iter_mut().enumerate() {
         part.mesh.compute_smooth_normals();
+        // Where the triangles around a vertex cancel, it takes the normal of one of them.
+        for triangle in &part.mesh.triangles {
+            for &vertex in triangle {
+                if part.mesh.normals[vertex as usize] == Vec3::ZERO {
+                    part.mesh.normals[vertex as usize] =
+                        part.mesh.triangle_cross(triangle).normalize_or_zero();
+                }
+            }
+        }
         for (vertex, position) in part.mesh.positions.iter().enumerate() {
             // Adding zero turns -0 into +0.
             places.push((position.to_array().map(|c| (c + 0.0).to_bits()), number as u32, vertex as u32));

@@ -57,7 +57,10 @@ impl<'a> Tongue<'a> {
 
     fn shape_midline(&mut self, tip_z: f64, stretch: f64) {
         let p = self.parameters;
-        let mouth_tip = DVec3::new(0.0, -0.5 * p.jaw_opening_mm + 2.6, tip_z);
+        // Over the lower lip where this covers the teeth, and hanging down when far out.
+        let over_lip = (1.5 - p.lip_retraction_mm).max(0.0);
+        let hanging = 0.3 * (p.tongue_protrusion_mm - 8.0).max(0.0);
+        let mouth_tip = DVec3::new(0.0, -0.5 * p.jaw_opening_mm + 2.6 + over_lip - hanging, tip_z);
         let tip = self.pose.inverse_point(mouth_tip);
         let (tip_height, tip_z) = (-tip.y, tip.z);
         let flatten = lerp(0.55, 1.0, smoothstep(20.0, 45.0, p.jaw_opening_mm));
@@ -65,11 +68,11 @@ impl<'a> Tongue<'a> {
         let knots = [
             (0.0, tip_height),
             (9.0, lerp(tip_height, 5.0, 0.75)),
-            (18.0, 6.3 * flatten),
-            (32.0, 7.2 * flatten),
-            (46.0, 5.6 * flatten),
-            (57.0, 1.5),
-            (65.0, -4.5),
+            (18.0, 5.3 * flatten),
+            (32.0, 5.4 * flatten),
+            (46.0, 3.0 * flatten),
+            (57.0, -0.8),
+            (65.0, -5.5),
             (71.0, -12.0),
             (75.0, -21.0),
         ]
@@ -151,7 +154,7 @@ impl<'a> Tongue<'a> {
         const BACK: &[(f64, f64)] =
             &[(0.0, 0.15), (0.1, 0.22), (0.3, 0.38), (0.55, 0.47), (0.75, 0.45), (1.0, 0.4)];
         const UNDER: &[(f64, f64)] =
-            &[(0.0, 0.13), (0.12, 0.17), (0.25, 0.24), (0.45, 0.5), (0.7, 0.55), (1.0, 0.5)];
+            &[(0.0, 0.13), (0.12, 0.17), (0.22, 0.24), (0.42, 0.62), (0.58, 0.95), (0.75, 0.85), (1.0, 0.6)];
         let thickness = self.parameters.tongue_thickness_mm;
         let tip = Self::tip(v, 0.14, 2.0);
         (thickness * curve(BACK, v) * tip, thickness * curve(UNDER, v) * tip)
@@ -228,10 +231,10 @@ impl<'a> Tongue<'a> {
         height -= 0.6 * bell(from_sulcus / 0.008);
         // Papillae finer than the mesh are left out.
         let resolved = smoothstep(0.2, 0.8, self.parameters.detail);
-        let filiform = resolved * bumps(seed ^ 0x13, across / 0.72, along / 0.8, 0.62, 1.0) * 0.24;
+        let filiform = resolved * bumps(seed ^ 0x13, across / 0.95, along / 0.95, 0.62, 1.0) * 0.24;
         let rarity =
             lerp(0.72, 0.08, smoothstep(0.0, 0.45, v + 0.012 * (18.0 - across.abs()).max(0.0) * 0.3));
-        let fungiform = resolved.sqrt() * bumps(seed ^ 0x14, across / 1.6, along / 1.6, 0.32, rarity) * 0.42;
+        let fungiform = resolved.sqrt() * bumps(seed ^ 0x14, across / 1.9, along / 1.9, 0.34, rarity) * 0.5;
         let tonsil = bumps(seed ^ 0x15, across / 4.2, along / 4.2, 0.68, 0.95) * 1.1;
         height += scale * (front * filiform.max(fungiform) + (1.0 - front) * tonsil);
         // Vallate papillae stand in front of the sulcus, each in its moat.
@@ -267,7 +270,7 @@ impl<'a> Tongue<'a> {
                 0.03 * x * x
             })
             .collect();
-        v_values.extend(linspace(0.03, 1.0, count(220, detail)).into_iter().skip(1));
+        v_values.extend(linspace(0.03, 1.0, count(250, detail)).into_iter().skip(1));
         let u_values = linspace(0.0, 1.0, columns);
         grid_mesh(&v_values, &u_values, side > 0.0, |v, u| (self.point(v, u, side), DVec2::new(u, v)))
     }
@@ -275,11 +278,11 @@ impl<'a> Tongue<'a> {
     /// The back of the tongue: u from the patient's right border (0) over the midline to the left (1), v from the tip
     /// (0) to the base (1).
     pub(super) fn dorsum_mesh(&self) -> TriangleMesh {
-        self.mesh(1.0, count(180, self.parameters.detail))
+        self.mesh(1.0, 2 * count(115, self.parameters.detail))
     }
 
     /// The underside, with the same texture coordinates on the shared border.
     pub(super) fn ventral_mesh(&self) -> TriangleMesh {
-        self.mesh(-1.0, count(60, self.parameters.detail))
+        self.mesh(-1.0, 2 * count(30, self.parameters.detail))
     }
 }

@@ -1,1 +1,52 @@
-//! To be written.
+//! Files: spectra and matrices in, images and meshes in and out.
+//!
+//! | content | read | write |
+//! |---|---|---|
+//! | spectra, CSV | [`read_spectrum_csv`] | |
+//! | fluorophore (excitation and emission), CSV | [`read_fluorophore_csv`] | |
+//! | excitation-emission matrix, CSV | [`read_eem_csv`] | |
+//! | fluorophore, spectra, MATLAB (ISET) | [`read_iset_fluorophore`], [`read_mat_spectra`] | |
+//! | spectral image, OpenEXR or NumPy | [`read_spectral_exr`], [`read_spectral_npy`] | [`write_spectral_exr`], [`write_spectral_npy`] |
+//! | component image, OpenEXR or NumPy | [`read_component_exr`], [`read_component_npy`] | [`write_component_exr`], [`write_component_npy`] |
+//! | raw sensor frame, TIFF or PNG | [`read_sensor_image`] | [`write_sensor_tiff`], [`write_sensor_png`] |
+//! | texture, picture, PNG | [`read_texture_png`] | [`write_rgb_png`] |
+//! | mesh, PLY or OBJ | [`read_ply`], [`read_obj`] | [`write_ply`] |
+//!
+//! Every reader says what is wrong with a file, where, and how to mend it ([`FormatError`]), and survives any bytes.
+//! Every writer leaves a complete file or none ([`write_atomically`]). Equal results give equal bytes.
+//!
+//! Out of scope: what the numbers mean. Readers neither normalise nor convert.
+
+mod axis;
+mod csv_eem;
+mod csv_fluorophore;
+mod csv_spectrum;
+mod csv_table;
+mod error;
+mod exr;
+mod file;
+mod mat;
+mod npy;
+mod obj;
+mod ply;
+mod png;
+mod provenance;
+mod raw;
+
+pub use csv_eem::{AntiStokes, CsvEemOptions, EemTable, EemUnit, read_eem_csv};
+pub use csv_fluorophore::{CsvFluorophore, read_fluorophore_csv};
+pub use csv_spectrum::{CsvColumns, CsvSpectrumOptions, NamedCurve, read_spectrum_csv};
+pub use csv_table::Negative;
+pub use error::FormatError;
+pub use exr::{
+    ExrCompression, ExrOptions, read_component_exr, read_spectral_exr, write_component_exr,
+    write_spectral_exr,
+};
+pub use file::write_atomically;
+pub use mat::{IsetFluorophore, MatSpectra, read_iset_fluorophore, read_mat_spectra};
+pub use npy::{read_component_npy, read_spectral_npy, write_component_npy, write_spectral_npy};
+pub use obj::read_obj;
+pub use ply::{read_ply, write_ply};
+pub use png::{TextureImage, Transfer, read_texture_png, write_rgb_png};
+pub use provenance::{Loaded, Provenance};
+pub use raw::{read_sensor_image, write_sensor_png, write_sensor_tiff};

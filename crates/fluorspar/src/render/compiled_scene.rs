@@ -164,7 +164,11 @@ impl<'a> CompiledScene<'a> {
                 return found;
             }
             let bands = curve.on_grid::<Reflectance>(grid).values().iter().map(|&v| v as f32).collect();
-            let exitance = scene.fluorophores.iter().map(|f| direct_exitance(&f.eem, grid, curve)).collect();
+            let exitance = scene
+                .fluorophores
+                .iter()
+                .map(|f| direct_exitance(&f.eem, grid, curve).into_iter().map(|v| v as f32).collect())
+                .collect();
             sources.push(Source { group, curve: curve.clone(), bands, exitance });
             sources.len() - 1
         };

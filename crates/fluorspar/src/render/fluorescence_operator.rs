@@ -144,7 +144,7 @@ impl FluorescenceOperator {
 
 /// `F s` for a fixed lamp spectrum, formed on fine samples before averaging over bins: exitance per unit
 /// concentration, W/(m² nm) for an irradiance `s` in W/(m² nm). Only excitation within the grid counts.
-pub(super) fn direct_exitance(eem: &PhotonEem, grid: &WavelengthGrid, lamp: &Curve) -> Vec<f32> {
+pub(crate) fn direct_exitance(eem: &PhotonEem, grid: &WavelengthGrid, lamp: &Curve) -> Vec<f64> {
     let within = lamp.clipped(grid.start_nm(), grid.end_nm());
     // In units of 1/(h c): photons = energy * lambda.
     let wavelength = Curve::from_fn(grid.start_nm(), grid.end_nm(), |nm| nm);
@@ -152,9 +152,7 @@ pub(super) fn direct_exitance(eem: &PhotonEem, grid: &WavelengthGrid, lamp: &Cur
     let (x, y) = (photons.wavelengths_nm(), photons.values());
     let energy = Curve::new(x.to_vec(), x.iter().zip(y).map(|(nm, value)| value / nm).collect());
     match energy {
-        Ok(curve) => {
-            curve.on_grid::<crate::spectral::Irradiance>(grid).values().iter().map(|&v| v as f32).collect()
-        }
+        Ok(curve) => curve.on_grid::<crate::spectral::Irradiance>(grid).values().to_vec(),
         Err(_) => vec![0.0; grid.len()],
     }
 }
@@ -237,8 +235,8 @@ mod tests {
         PhotonEem::separable(terms, stokes)
     }
 
-    fn photons(grid: &WavelengthGrid, energy: &[f32]) -> f64 {
-        energy.iter().enumerate().map(|(b, &e)| f64::from(e) * grid.center_nm(b) * grid.width_nm(b)).sum()
+    fn photons(grid: &WavelengthGrid, energy: impl IntoIterator<Item = f64>) -> f64 {
+        energy.into_iter().enumerate().map(|(b, e)| e * grid.center_nm(b) * grid.width_nm(b)).sum()
     }
 
     /// A steep lamp: 10 nm LED behind a sharp short-pass.
@@ -256,12 +254,12 @@ mod tests {
             let mut indirect = Vec::new();
             for step in [1.0, 2.0, 5.0, 10.0] {
                 let grid = WavelengthGrid::uniform(350.0, 750.0, step).unwrap();
-                direct.push(photons(&grid, &direct_exitance(&eem, &grid, &lamp())));
+                direct.push(photons(&grid, direct_exitance(&eem, &grid, &lamp())));
                 let light: Spectrum<Irradiance> = lamp().on_grid(&grid);
                 let light: Vec<f32> = light.values().iter().map(|&v| v as f32).collect();
                 let mut out = vec![0.0; grid.len()];
                 FluorescenceOperator::new(&eem, &grid, Some(&lamp())).add_product(1.0, &light, &mut out);
-                indirect.push(photons(&grid, &out));
+                indirect.push(photons(&grid, out.iter().map(|&e| f64::from(e))));
             }
             for values in [&direct, &indirect] {
                 for value in values {

@@ -20,6 +20,7 @@ mod spectral_accumulation;
 mod surface;
 
 pub use fluorescence_operator::FluorescenceOperator;
+pub(crate) use fluorescence_operator::direct_exitance;
 pub use integrator::{
     Estimator, RenderControl, RenderError, RenderProgress, RenderSettings, memory_bytes, render,
 };

@@ -142,6 +142,8 @@ impl Scene {
             index(what.clone(), "light group", light.group, self.light_groups.len())?;
             check_emitter(&what, &light.emitter)?;
         }
+        let nodes = self.conservation_nodes();
+        let yields: Vec<Vec<f64>> = self.fluorophores.iter().map(|f| f.eem.total_yields(&nodes)).collect();
         for material in &self.materials {
             for amount in &material.fluorophores {
                 index(
@@ -159,47 +161,16 @@ impl Scene {
                     message: format!("refractive index {} is not between 1 and 3", coat.refractive_index),
                 });
             }
-            self.check_photons(material)?;
+            check_photons(material, &nodes, &yields)?;
         }
         Ok(())
     }
 
-    /// `R + sum_o Y <= 1` for every excitation wavelength, with all textures at their largest value.
-    fn check_photons(&self, material: &Material) -> Result<(), SceneError> {
+    /// Wavelengths at which photon conservation is checked, nm.
+    fn conservation_nodes(&self) -> Vec<f64> {
         let (start, end) = (self.grid.start_nm(), self.grid.end_nm());
         let steps = ((end - start) / CHECK_STEP_NM).ceil() as usize;
-        let mut worst = None;
-        let mut largest = ROUNDING;
-        for step in 0..=steps {
-            let wavelength_nm = (start + CHECK_STEP_NM * step as f64).min(end);
-            let reflectance: f64 = material
-                .reflectance
-                .iter()
-                .map(|term| term.spectrum.at(wavelength_nm) * f64::from(term.weight.max()))
-                .sum();
-            let photon_yield: f64 = material
-                .fluorophores
-                .iter()
-                .map(|amount| {
-                    let unit =
-                        self.fluorophores[amount.fluorophore].photon_yield(wavelength_nm, 200.0, 1000.0);
-                    unit * f64::from(amount.concentration.max())
-                })
-                .sum();
-            let excess = reflectance + photon_yield - 1.0;
-            if excess > largest {
-                largest = excess;
-                let material = material.name.clone();
-                worst = Some(SceneError::CreatesPhotons {
-                    material,
-                    wavelength_nm,
-                    reflectance,
-                    photon_yield,
-                    excess,
-                });
-            }
-        }
-        worst.map_or(Ok(()), Err)
+        (0..=steps).map(|step| (start + CHECK_STEP_NM * step as f64).min(end)).collect()
     }
 
     /// What a user should know about the lights.
@@ -241,6 +212,38 @@ impl Scene {
         }
         warnings
     }
+}
+
+/// `R + sum_o Y <= 1` for every excitation wavelength, with all textures at their largest value. `yields` holds those
+/// of each fluorophore at unit concentration.
+fn check_photons(material: &Material, nodes: &[f64], yields: &[Vec<f64>]) -> Result<(), SceneError> {
+    let mut worst = None;
+    let mut largest = ROUNDING;
+    for (node, &wavelength_nm) in nodes.iter().enumerate() {
+        let reflectance: f64 = material
+            .reflectance
+            .iter()
+            .map(|term| term.spectrum.at(wavelength_nm) * f64::from(term.weight.max()))
+            .sum();
+        let photon_yield: f64 = material
+            .fluorophores
+            .iter()
+            .map(|amount| yields[amount.fluorophore][node] * f64::from(amount.concentration.max()))
+            .sum();
+        let excess = reflectance + photon_yield - 1.0;
+        if excess > largest {
+            largest = excess;
+            let material = material.name.clone();
+            worst = Some(SceneError::CreatesPhotons {
+                material,
+                wavelength_nm,
+                reflectance,
+                photon_yield,
+                excess,
+            });
+        }
+    }
+    worst.map_or(Ok(()), Err)
 }
 
 fn positive(what: &str, quantity: &str, value: f32) -> Result<(), SceneError> {

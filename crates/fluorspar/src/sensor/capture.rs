@@ -100,7 +100,9 @@ impl CaptureSequence {
                     let message = format!("{ms} is not a time; give milliseconds, 0 or more");
                     return Err(SensorProblem::new(field("exposure_ms"), message));
                 }
-                (None, Some(rule)) => rule.validate()?,
+                (None, Some(rule)) => rule
+                    .validate()
+                    .map_err(|problem| SensorProblem { field: field(&problem.field), ..problem })?,
                 (None, None) => {
                     let message = "no exposure; give exposure_ms, or auto_exposure = {} for a rule";
                     return Err(SensorProblem::new(field("exposure_ms"), message));
@@ -207,6 +209,9 @@ mod tests {
         assert_eq!(field(vec![CaptureFrame { exposure_ms: None, ..frame.clone() }]), "frames[0].exposure_ms");
         let both = CaptureFrame { auto_exposure: Some(AutoExposure::default()), ..frame.clone() };
         assert_eq!(field(vec![both]), "frames[0].auto_exposure");
+        let rule = AutoExposure { percentile: -1.0, ..AutoExposure::default() };
+        let auto = CaptureFrame { exposure_ms: None, auto_exposure: Some(rule), ..frame };
+        assert_eq!(field(vec![auto]), "frames[0].auto_exposure.percentile");
         let negative = CaptureFrame::fixed("a", [("blue", -1.0)], 1.0);
         assert_eq!(field(vec![negative]), "frames[0].lights.blue");
     }

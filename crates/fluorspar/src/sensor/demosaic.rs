@@ -47,27 +47,61 @@ impl<'a> Demosaic<'a> {
         if values.is_empty() {
             return (data, mask);
         }
+        let any_marked = marked.contains(&true);
+        let cells: Vec<Vec<(isize, f32)>> = self.taps.iter().map(|taps| normalised(taps, width)).collect();
+        // Lines whose taps all lie inside of the image.
+        let (margin_rows, margin_cols) = (self.mosaic.rows - 1, self.mosaic.cols - 1);
+        let is_interior = |line: usize, margin: usize, lines: usize| line >= margin && line + margin < lines;
         let rows = data.par_chunks_exact_mut(width * channels).zip(mask.par_chunks_exact_mut(width));
         rows.enumerate().for_each(|(row, (data, mask))| {
+            let interior_row = is_interior(row, margin_rows, height);
             for (col, (out, mask)) in data.chunks_exact_mut(channels).zip(mask).enumerate() {
                 let cell = (row % self.mosaic.rows) * self.mosaic.cols + col % self.mosaic.cols;
-                for (channel, out) in out.iter_mut().enumerate() {
-                    let (mut sum, mut total) = (0.0, 0.0);
-                    for &(down, right, weight) in &self.taps[cell * channels + channel] {
-                        let row = inside(row, down, height, self.mosaic.rows <= 2);
-                        let col = inside(col, right, width, self.mosaic.cols <= 2);
-                        if let (Some(row), Some(col)) = (row, col) {
-                            sum += weight * values[row * width + col];
-                            total += weight;
-                            *mask |= marked[row * width + col];
-                        }
+                let first = cell * channels;
+                if interior_row && is_interior(col, margin_cols, width) {
+                    let pixel = row * width + col;
+                    let at = |offset: isize| pixel.wrapping_add_signed(offset);
+                    for (out, taps) in out.iter_mut().zip(&cells[first..]) {
+                        *out = taps.iter().map(|&(offset, weight)| weight * values[at(offset)]).sum();
+                        *mask |= any_marked && taps.iter().any(|&(offset, _)| marked[at(offset)]);
                     }
-                    *out = if total > 0.0 { sum / total } else { 0.0 };
+                } else {
+                    for (out, taps) in out.iter_mut().zip(&self.taps[first..]) {
+                        let entering = || self.entering(taps, row, col, width, height);
+                        let (sum, total) = entering().fold((0.0, 0.0), |(sum, total), (pixel, weight)| {
+                            (sum + weight * values[pixel], total + weight)
+                        });
+                        *out = if total > 0.0 { sum / total } else { 0.0 };
+                        *mask |= any_marked && entering().any(|(pixel, _)| marked[pixel]);
+                    }
                 }
             }
         });
         (data, mask)
     }
+
+    /// Pixels and weights that taps find near the border.
+    fn entering<'t>(
+        &self,
+        taps: &'t [Tap],
+        row: usize,
+        col: usize,
+        width: usize,
+        height: usize,
+    ) -> impl Iterator<Item = (usize, f32)> + 't {
+        let (mirror_rows, mirror_cols) = (self.mosaic.rows <= 2, self.mosaic.cols <= 2);
+        taps.iter().filter_map(move |&(down, right, weight)| {
+            let row = inside(row, down, height, mirror_rows)?;
+            let col = inside(col, right, width, mirror_cols)?;
+            Some((row * width + col, weight))
+        })
+    }
+}
+
+/// Taps as offsets in the image and weights of sum 1.
+fn normalised(taps: &[Tap], width: usize) -> Vec<(isize, f32)> {
+    let total: f32 = taps.iter().map(|tap| tap.2).sum();
+    taps.iter().map(|&(down, right, weight)| (down * width as isize + right, weight / total)).collect()
 }
 
 fn taps_of(mosaic: &Mosaic, row: usize, col: usize, channel: usize) -> Vec<Tap> {

@@ -190,19 +190,26 @@ impl Sensor {
 
     /// Noise-free electron rates under an irradiance image that covers the sensor exactly.
     pub fn electron_rate(&self, irradiance: &SpectralImage<Irradiance>) -> ElectronRate {
-        self.electron_rate_on_film(irradiance, self.film_extent())
+        self.rate_of(&RateSource::new(self, irradiance, self.film_extent()))
     }
 
     /// Noise-free electron rates under an irradiance image of a given extent, centred on the sensor. Pixels
     /// integrate over their full pitch (the fill factor scales the result), light is conserved at any ratio of
     /// sample to pixel, and pixels beyond the film are dark.
+    ///
+    /// # Errors
+    /// An extent that can't be used.
     pub fn electron_rate_on_film(
         &self,
         irradiance: &SpectralImage<Irradiance>,
         film: FilmExtent,
-    ) -> ElectronRate {
+    ) -> Result<ElectronRate, SensorProblem> {
+        film.validate()?;
+        Ok(self.rate_of(&RateSource::new(self, irradiance, film)))
+    }
+
+    fn rate_of(&self, source: &RateSource<'_>) -> ElectronRate {
         let (columns, rows) = (self.model.columns, self.model.rows);
-        let source = RateSource::new(self, irradiance, film);
         let mut data = vec![0.0; columns * rows];
         data.par_chunks_exact_mut(columns).enumerate().for_each(|(row, out)| source.fill_row(row, out));
         ElectronRate { columns, rows, data }
@@ -223,7 +230,7 @@ impl Sensor {
     /// Takes a frame of an irradiance image of a given extent, centred on the sensor.
     ///
     /// # Errors
-    /// A time or gain that can't be used.
+    /// A time, gain or extent that can't be used.
     pub fn expose_film(
         &self,
         irradiance: &SpectralImage<Irradiance>,
@@ -231,6 +238,7 @@ impl Sensor {
         exposure: &Exposure,
     ) -> Result<SensorImage, SensorProblem> {
         exposure.validate()?;
+        film.validate()?;
         let source = RateSource::new(self, irradiance, film);
         let chain = Chain::new(&self.model, exposure);
         Ok(chain.image(self, exposure, |row, out| {
@@ -421,10 +429,10 @@ mod tests {
                 middle.pixel_mut(row, col).copy_from_slice(wide.pixel(row + 4, col + 6));
             }
         }
-        assert_eq!(fine.electron_rate_on_film(&wide, film), fine.electron_rate(&middle));
-        // A film half as wide: dark around, the same light as on a film of that size with finer samples.
-        let film = FilmExtent { width_mm: 0.5 * film.width_mm * 0.5, height_mm: 0.5 * film.height_mm * 0.5 };
-        let rate = fine.electron_rate_on_film(&coarse, film);
+        assert_eq!(fine.electron_rate_on_film(&wide, film).unwrap(), fine.electron_rate(&middle));
+        // A film half as wide as the sensor: dark around it.
+        let film = FilmExtent { width_mm: 0.25 * film.width_mm, height_mm: 0.25 * film.height_mm };
+        let rate = fine.electron_rate_on_film(&coarse, film).unwrap();
         assert_eq!(rate.data[0], 0.0);
         assert!(rate.data[4 * 12 + 6] > 0.0);
     }
@@ -457,5 +465,7 @@ mod tests {
         ] {
             assert_eq!(sensor.expose(&light, &exposure).unwrap_err().field, field);
         }
+        let film = FilmExtent { width_mm: 0.0, height_mm: 1.0 };
+        assert_eq!(sensor.electron_rate_on_film(&light, film).unwrap_err().field, "film.width_mm");
     }
 }

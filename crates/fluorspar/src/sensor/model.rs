@@ -418,6 +418,9 @@ mod tests {
     fn an_empty_file_is_the_default_and_a_resolved_one_says_so_in_full() {
         let model: SensorModel = serde_json::from_str("{}").unwrap();
         assert_eq!(model, SensorModel::default());
+        let text = r#"{"mode": {"kind": "isetcam", "noise_flag": -1}, "mosaic": [["mono"]]}"#;
+        let mono: SensorModel = serde_json::from_str(text).unwrap();
+        assert_eq!(mono.mode, SensorMode::Isetcam { noise_flag: -1 });
         let warm = SensorModel { temperature_c: 45.0, read_noise_e: Some(2.0), ..model };
         let text = serde_json::to_string(&warm.resolved()).unwrap();
         let back: SensorModel = serde_json::from_str(&text).unwrap();

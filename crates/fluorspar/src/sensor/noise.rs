@@ -79,6 +79,7 @@ pub(super) struct PhysicalChain {
     column_offset_e: Vec<f64>,
     column_gain: Vec<f64>,
     row_offset_e: Vec<f64>,
+    /// Spread of a full well through the row and column patterns.
     line_noise_e: f64,
     device: Key,
     frame: Key,
@@ -111,7 +112,9 @@ impl PhysicalChain {
             column_offset_e: lines(model.columns, Source::ColumnOffset, column_e),
             column_gain: lines(model.columns, Source::ColumnGain, model.column_gain_percent * 1e-2),
             row_offset_e: lines(model.rows, Source::RowOffset, row_e),
-            line_noise_e: column_e.hypot(row_e),
+            line_noise_e: column_e
+                .hypot(row_e)
+                .hypot(model.well_capacity_e * model.column_gain_percent * 1e-2),
             device,
             frame: frame_key(exposure),
         }

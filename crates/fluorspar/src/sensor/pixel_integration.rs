@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use super::SensorProblem;
 use crate::image::Mosaic;
 
 /// Size of an irradiance image on the film, mm; its centre lies on the centre of the sensor.
@@ -17,6 +18,16 @@ impl FilmExtent {
     /// Extent of an image with square samples.
     pub fn of_width(width_mm: f64, columns: usize, rows: usize) -> Self {
         Self { width_mm, height_mm: width_mm * rows as f64 / columns as f64 }
+    }
+
+    pub(super) fn validate(&self) -> Result<(), SensorProblem> {
+        for (field, value) in [("film.width_mm", self.width_mm), ("film.height_mm", self.height_mm)] {
+            if !(value > 0.0 && value.is_finite()) {
+                let message = format!("{value} is not a length; give a positive number of mm");
+                return Err(SensorProblem::new(field, message));
+            }
+        }
+        Ok(())
     }
 }
 

@@ -203,6 +203,27 @@ fn row_and_column_patterns_have_their_size() {
 }
 
 #[test]
+fn dark_currents_spread_around_their_mean() {
+    let spread = 0.5f64;
+    let hot = SensorModel {
+        dark_current_e_per_s: Some(1e5),
+        dark_current_log_spread: spread,
+        dsnu_e: Some(0.0),
+        ..model(200)
+    };
+    let hot = sensor(hot);
+    let image = values(&flat(&hot, 0.0, 0));
+    // 1000 e- in 10 ms; the log-normal variance exp(s²) - 1 of the squared mean, shot and read noise.
+    let k = hot.model().base_dn_per_electron();
+    let deviation = k * ((spread * spread).exp_m1() * 1e6 + 1000.0 + 189.0).sqrt();
+    let error = (mean(&image) - 64.0 - 1000.0 * k).abs();
+    assert!(error < 5.0 * deviation / 200.0, "{} DN", mean(&image));
+    // Variance of a variance from the fourth moment of the log-normal: kurtosis 8.9 at s = 0.5, (8.9 - 1) / 40000.
+    let relative = variance(&image) / (deviation * deviation) - 1.0;
+    assert!(relative.abs() < 5.0 * (7.9f64 / 40_000.0).sqrt(), "{relative}");
+}
+
+#[test]
 fn isetcam_volts_have_the_variance_of_their_formula() {
     let model = SensorModel { mode: SensorMode::Isetcam { noise_flag: 2 }, ..model(10) };
     let exposure = Exposure { time_s: 2.0, ..Exposure::default() };
@@ -308,4 +329,13 @@ fn seed_frame_and_label_each_change_the_noise() {
     assert_ne!(image(&base), image(&Exposure { seed: 1, ..base.clone() }));
     assert_ne!(image(&base), image(&Exposure { frame: 1, ..base.clone() }));
     assert_ne!(image(&base), image(&Exposure { label: "blue".into(), ..base.clone() }));
+}
+
+#[test]
+fn the_numbers_of_a_seed_are_stable() {
+    // A change here changes every noisy image ever made: say so in the release notes.
+    let codes = |mode| flat(&sensor(SensorModel { mode, ..model(3) }), 300.0, 0).data;
+    assert_eq!(codes(SensorMode::Physical), [200, 202, 215, 198, 198, 189, 193, 200, 201]);
+    assert_eq!(codes(SensorMode::Isetcam { noise_flag: 2 }), [140, 138, 147, 135, 130, 126, 122, 131, 136]);
+    assert_eq!(flat(&sensor(model(3)), 5.0, 0).data, [69, 60, 68, 55, 65, 56, 58, 68, 71]);
 }

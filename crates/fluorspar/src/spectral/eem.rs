@@ -235,6 +235,27 @@ impl PhotonEem {
         }
     }
 
+    /// Photons emitted at any wavelength per photon that arrives, for many excitation wavelengths at once.
+    pub fn total_yields(&self, excitation_nm: &[f64]) -> Vec<f64> {
+        match &self.density {
+            YieldDensity::Separable(terms) => {
+                let sums: Vec<Cumulative> = terms.iter().map(|t| Cumulative::of(&t.emission)).collect();
+                let emitted = |sum: &Cumulative, nm: f64| match self.stokes {
+                    Stokes::Mask => sum.total() - sum.up_to(nm),
+                    Stokes::Off => sum.total(),
+                };
+                let total = |nm: f64| -> f64 {
+                    terms.iter().zip(&sums).map(|(t, sum)| t.excitation.at(nm) * emitted(sum, nm)).sum()
+                };
+                excitation_nm.iter().map(|&nm| self.scale * total(nm)).collect()
+            }
+            YieldDensity::Table(table) => {
+                let (from_nm, to_nm) = (table.emission_nm[0], table.emission_nm[table.emission_nm.len() - 1]);
+                excitation_nm.iter().map(|&nm| self.photon_yield(nm, from_nm, to_nm)).collect()
+            }
+        }
+    }
+
     /// Photon exitance under a photon irradiance given on a curve: `M_q(lo) = integral Y E_q dli`, sampled finely.
     pub fn photon_exitance(&self, photon_irradiance: &Curve, emission_range_nm: (f64, f64)) -> Curve {
         match &self.density {
@@ -364,6 +385,17 @@ mod tests {
         let eem = sample();
         assert_eq!(eem.at(450.0, 460.0), 0.0);
         assert!(eem.clone().with_stokes(Stokes::Off).at(450.0, 460.0) > 0.0);
+    }
+
+    #[test]
+    fn yields_agree_whichever_way_they_are_asked_for() {
+        for eem in [sample(), sample().with_stokes(Stokes::Off)] {
+            for (nm, total) in [380.0, 480.0, 505.0].into_iter().zip(eem.total_yields(&[380.0, 480.0, 505.0]))
+            {
+                let one = eem.photon_yield(nm, 300.0, 800.0);
+                assert!((total - one).abs() < 1e-9, "{nm}: {total} {one}");
+            }
+        }
     }
 
     #[test]

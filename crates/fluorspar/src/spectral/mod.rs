@@ -9,6 +9,7 @@
 //! | [`PhotonEem`], [`EnergyEem`] | excitation-emission (Donaldson) matrices, never mixed silently |
 //! | [`Fluorophore`] | a named photon yield density with source, range and scale |
 
+mod colorimetry;
 mod curve;
 mod curve_model;
 mod eem;
@@ -19,6 +20,7 @@ mod quantity;
 mod spectrum;
 mod wavelength_grid;
 
+pub use colorimetry::{StandardObserver, decode_srgb, encode_srgb, linear_srgb};
 pub use curve::{Curve, CurveError, FINE_STEP_NM};
 pub use curve_model::*;
 pub use eem::{EemError, EemTable, EnergyEem, PhotonEem, SeparableTerm, Stokes, YieldDensity};

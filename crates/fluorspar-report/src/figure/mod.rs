@@ -1,0 +1,247 @@
+//! A small figure model: panels of axes and series, drawn the same way as SVG and as PNG.
+
+mod color;
+mod drawing;
+mod labels;
+mod layout;
+mod png_file;
+mod raster;
+mod scale;
+mod svg;
+mod text;
+
+pub use color::{ColorMap, Ink};
+pub use png_file::FigureError;
+pub(crate) use png_file::png_size;
+pub use raster::Raster;
+pub use scale::{Axis, Scale};
+
+/// A figure: one or more panels under a title and one shared legend.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Figure {
+    /// Title.
+    pub title: String,
+    /// What the figure shows, in plain words, for captions and screen readers.
+    pub explanation: String,
+    /// Panels, row by row.
+    pub panels: Vec<Panel>,
+    /// Panels per row.
+    pub columns: usize,
+}
+
+/// One pair of axes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Panel {
+    /// Title; may be empty.
+    pub title: String,
+    /// Horizontal axis.
+    pub x: Axis,
+    /// Vertical axis.
+    pub y: Axis,
+    /// Width and height of the area inside the axes, px.
+    pub size: [f64; 2],
+    /// What is drawn, first at the back.
+    pub series: Vec<Series>,
+    /// A colour bar to the right.
+    pub color_bar: Option<ColorBar>,
+}
+
+/// What the colours of a heat map mean.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ColorBar {
+    /// Label, unit and limits.
+    pub axis: Axis,
+    /// The colours.
+    pub map: ColorMap,
+}
+
+/// Something drawn in a panel.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Series {
+    /// Name in the legend; none to leave it out.
+    pub name: Option<String>,
+    /// Colour.
+    pub ink: Ink,
+    /// What to draw.
+    pub shape: Shape,
+}
+
+/// Shapes, in data coordinates. Points that are not finite are skipped and interrupt a line.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Shape {
+    /// A line through points.
+    Line {
+        /// `[x, y]`.
+        points: Vec<[f64; 2]>,
+        /// Width, px.
+        width: f64,
+        /// Stroke pattern.
+        dash: Dash,
+    },
+    /// Many small dots; above [`Shape::MOST_DOTS`] an even random selection is drawn.
+    Dots {
+        /// `[x, y]`.
+        points: Vec<[f64; 2]>,
+        /// Radius, px.
+        radius: f64,
+        /// Opacity of one dot, 0 to 1.
+        opacity: f64,
+    },
+    /// Few large, outlined markers.
+    Markers {
+        /// `[x, y]`.
+        points: Vec<[f64; 2]>,
+        /// Radius, px.
+        radius: f64,
+        /// Whether only the outline is drawn.
+        hollow: bool,
+    },
+    /// A closed outline, filled.
+    Area {
+        /// Corners `[x, y]`.
+        outline: Vec<[f64; 2]>,
+        /// Opacity, 0 to 1.
+        opacity: f64,
+    },
+    /// A range of x, over the full height.
+    Span {
+        /// From and to.
+        x: [f64; 2],
+        /// Opacity, 0 to 1.
+        opacity: f64,
+    },
+    /// A picture that fills a rectangle in data coordinates.
+    Picture {
+        /// Left and right end.
+        x: [f64; 2],
+        /// Bottom and top end.
+        y: [f64; 2],
+        /// The pixels, first row at the top.
+        raster: Raster,
+    },
+    /// Names beside points, placed where they cover least.
+    Labels(Vec<Label>),
+}
+
+/// A text that belongs to a point.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Label {
+    /// The point `[x, y]`.
+    pub at: [f64; 2],
+    /// The text.
+    pub text: String,
+}
+
+/// Stroke patterns, to tell lines apart without colour.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Dash {
+    /// Without gaps.
+    #[default]
+    Solid,
+    /// Long strokes.
+    Dashed,
+    /// Short strokes.
+    Dotted,
+    /// Long and short strokes in turn.
+    DashDotted,
+}
+
+impl Dash {
+    /// The pattern of the `index`th of several lines.
+    pub fn cycle(index: usize) -> Self {
+        [Self::Solid, Self::Dashed, Self::Dotted, Self::DashDotted][index % 4]
+    }
+
+    fn lengths(self) -> &'static [f64] {
+        match self {
+            Self::Solid => &[],
+            // Round ends add the line's width to each stroke and take it from each gap.
+            Self::Dashed => &[7.0, 6.0],
+            Self::Dotted => &[0.5, 5.0],
+            Self::DashDotted => &[8.0, 5.5, 0.5, 5.5],
+        }
+    }
+}
+
+impl Shape {
+    /// Dots drawn at most; more of them only make a larger file.
+    pub const MOST_DOTS: usize = 20_000;
+}
+
+impl Series {
+    /// A solid line, 2 px wide.
+    pub fn line(name: impl Into<String>, ink: Ink, points: Vec<[f64; 2]>) -> Self {
+        Self::dashed(name, ink, points, Dash::Solid)
+    }
+
+    /// A line, 2 px wide.
+    pub fn dashed(name: impl Into<String>, ink: Ink, points: Vec<[f64; 2]>, dash: Dash) -> Self {
+        Self { name: Some(name.into()), ink, shape: Shape::Line { points, width: 2.0, dash } }
+    }
+
+    /// A shape without a legend entry.
+    pub fn unnamed(ink: Ink, shape: Shape) -> Self {
+        Self { name: None, ink, shape }
+    }
+}
+
+impl Panel {
+    /// An empty panel of 620 by 340 px.
+    pub fn new(x: Axis, y: Axis) -> Self {
+        Self { title: String::new(), x, y, size: [620.0, 340.0], series: Vec::new(), color_bar: None }
+    }
+
+    /// The panel with one more series on top.
+    #[must_use]
+    pub fn with(mut self, series: Series) -> Self {
+        self.series.push(series);
+        self
+    }
+
+    /// The panel with another size, px.
+    #[must_use]
+    pub fn sized(mut self, width: f64, height: f64) -> Self {
+        self.size = [width, height];
+        self
+    }
+
+    /// The panel with a title.
+    #[must_use]
+    pub fn titled(mut self, title: impl Into<String>) -> Self {
+        self.title = title.into();
+        self
+    }
+}
+
+impl Figure {
+    /// A figure of one panel.
+    pub fn new(title: impl Into<String>, panel: Panel) -> Self {
+        Self::grid(title, vec![panel], 1)
+    }
+
+    /// A figure of several panels.
+    pub fn grid(title: impl Into<String>, panels: Vec<Panel>, columns: usize) -> Self {
+        Self { title: title.into(), explanation: String::new(), panels, columns: columns.max(1) }
+    }
+
+    /// The figure with its explanation.
+    #[must_use]
+    pub fn explained(mut self, explanation: impl Into<String>) -> Self {
+        self.explanation = explanation.into();
+        self
+    }
+
+    /// The figure as SVG text, without external references. Whatever is drawn in the ink of a role carries a
+    /// class, `ink-fill`, `grid-stroke` and so on, so that a page can restyle it for a dark background.
+    pub fn to_svg(&self) -> String {
+        svg::write(&layout::lay_out(self), &self.title, &self.explanation)
+    }
+
+    /// The figure as a PNG file, two pixels per px.
+    ///
+    /// # Errors
+    /// When the picture cannot be encoded, for instance because a panel has no size.
+    pub fn to_png(&self) -> Result<Vec<u8>, FigureError> {
+        png_file::write(&layout::lay_out(self))
+    }
+}

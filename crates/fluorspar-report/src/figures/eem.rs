@@ -1,0 +1,104 @@
+//! Excitation-emission matrices, and what they give under one light.
+
+use super::{NamedCurve, wavelength_limits};
+use crate::{Axis, ColorBar, ColorMap, Dash, Figure, Ink, Panel, Raster, Series, Shape};
+
+/// The excitation-emission matrix of one fluorophore, on bins of equal width.
+#[derive(Clone, Debug, PartialEq)]
+pub struct EemMap {
+    /// Name.
+    pub name: String,
+    /// First and last edge of the excitation bins, nm.
+    pub excitation_nm: [f64; 2],
+    /// First and last edge of the emission bins, nm.
+    pub emission_nm: [f64; 2],
+    /// Number of excitation bins: columns.
+    pub columns: usize,
+    /// Values, `[emission, excitation]`, rows from the shortest emission wavelength.
+    pub values: Vec<f64>,
+}
+
+impl EemMap {
+    fn rows(&self) -> usize {
+        self.values.len() / self.columns.max(1)
+    }
+}
+
+/// Where a matrix is zero because emission would need more energy than the excitation brought.
+const FORBIDDEN: [u8; 3] = [198, 202, 207];
+
+fn at_center([first, last]: [f64; 2], bin: usize, bins: usize) -> f64 {
+    first + (last - first) * (bin as f64 + 0.5) / bins as f64
+}
+
+/// Heat maps of all matrices, excitation along x and emission along y, each relative to its own largest value.
+pub fn eem_maps(maps: &[EemMap], light_peak_nm: Option<f64>) -> Figure {
+    let color_bar = ColorBar { axis: Axis::linear("relative", "", [0.0, 1.0]), map: ColorMap::Viridis };
+    let columns = maps.len().clamp(1, 3);
+    let mut panels = Vec::new();
+    for (index, map) in maps.iter().enumerate() {
+        let rows = map.rows();
+        if rows == 0 || map.columns == 0 {
+            continue;
+        }
+        let peak = map.values.iter().copied().filter(|value| value.is_finite()).fold(0.0, f64::max);
+        let raster = Raster::from_fn(map.columns, rows, |row, col| {
+            let row = rows - 1 - row;
+            let value = map.values[row * map.columns + col];
+            let excitation = at_center(map.excitation_nm, col, map.columns);
+            if value == 0.0 && at_center(map.emission_nm, row, rows) <= excitation {
+                return FORBIDDEN;
+            }
+            ColorMap::Viridis.color(if peak > 0.0 { value / peak } else { 0.0 })
+        });
+        let mut panel = Panel::new(
+            Axis::linear("excitation", "nm", map.excitation_nm),
+            Axis::linear("emission", "nm", map.emission_nm),
+        )
+        .sized(215.0, 215.0)
+        .titled(map.name.clone())
+        .with(Series::unnamed(
+            Ink::Text,
+            Shape::Picture { x: map.excitation_nm, y: map.emission_nm, raster },
+        ));
+        if let Some(peak_nm) = light_peak_nm {
+            let points = vec![[peak_nm, map.emission_nm[0]], [peak_nm, map.emission_nm[1]]];
+            let shape = Shape::Line { points, width: 1.5, dash: Dash::Dashed };
+            panel = panel.with(Series::unnamed(Ink::Rgb(255, 255, 255), shape));
+        }
+        if (index + 1) % columns == 0 {
+            panel.color_bar = Some(color_bar.clone());
+        }
+        panels.push(panel);
+    }
+    let line = light_peak_nm
+        .map(|nm| format!(" The dashed line marks the excitation light's peak at {nm:.0} nm."))
+        .unwrap_or_default();
+    Figure::grid("Excitation-emission matrices", panels, columns).explained(format!(
+        "Each fluorophore takes in light at one wavelength (horizontal) and gives off light at a longer one (vertical). Brightness \
+         is the strength relative to that fluorophore's own maximum, so colours cannot be compared between the maps. The grey \
+         triangle is where the emission would need more energy than the excitation brought.{line}"
+    ))
+}
+
+/// Emission of each fluorophore under one light. Wavelengths outside `view_band_nm` do not reach the sensor and are grey.
+pub fn emission(curves: &[NamedCurve], light: &str, unit: &str, view_band_nm: Option<[f64; 2]>) -> Figure {
+    let limits = wavelength_limits(curves);
+    let y = Axis::from_zero("spectral radiance", unit, curves.iter().map(NamedCurve::peak));
+    let mut panel = Panel::new(Axis::wavelength(limits), y);
+    if let Some([low, high]) = view_band_nm {
+        let blocked = [[limits[0], low.max(limits[0])], [high.min(limits[1]), limits[1]]];
+        for x in blocked.into_iter().filter(|x| x[1] > x[0]) {
+            let name = Some("does not reach the sensor".to_owned());
+            panel = panel.with(Series { name, ink: Ink::Muted, shape: Shape::Span { x, opacity: 0.22 } });
+        }
+    }
+    for (index, curve) in curves.iter().enumerate() {
+        let ink = Ink::of_fluorophore(&curve.name, index);
+        panel = panel.with(Series::dashed(curve.name.clone(), ink, curve.points(), Dash::cycle(index)));
+    }
+    Figure::new(format!("Emission under {light}"), panel).explained(format!(
+        "What each fluorophore would give off under {light}, each at its own assumed amount. Where the curves overlap, a camera \
+         cannot tell the fluorophores apart; the porphyrins stand alone at long wavelengths."
+    ))
+}

@@ -1,0 +1,76 @@
+//! Pictures with a meaning: the developed image with its region, and the map of porphyrin.
+
+use crate::{Axis, ColorBar, ColorMap, Dash, Figure, Ink, Panel, Raster, Series, Shape};
+
+/// Longest side of a picture inside a figure, px.
+const LONGEST_SIDE: f64 = 560.0;
+
+fn frame(raster: Raster) -> Panel {
+    let (width, height) = (raster.width as f64, raster.height as f64);
+    let scale = LONGEST_SIDE / width.max(height).max(1.0);
+    Panel::new(Axis::hidden([0.0, width]), Axis::hidden([height, 0.0]))
+        .sized((width * scale).round(), (height * scale).round())
+        .with(Series::unnamed(Ink::Text, Shape::Picture { x: [0.0, width], y: [height, 0.0], raster }))
+}
+
+/// A developed image. `region` is a rectangle `[col, row, width, height]` in its pixels, drawn in white.
+pub fn picture(title: &str, raster: Raster, region: Option<[f64; 4]>) -> Figure {
+    let mut panel = frame(raster);
+    if let Some([col, row, width, height]) = region {
+        let (right, bottom) = (col + width, row + height);
+        let points = vec![[col, row], [right, row], [right, bottom], [col, bottom], [col, row]];
+        for (ink, width) in [(Ink::Rgb(0, 0, 0), 4.0), (Ink::Rgb(255, 255, 255), 2.0)] {
+            let shape = Shape::Line { points: points.clone(), width, dash: Dash::Solid };
+            panel = panel.with(Series::unnamed(ink, shape));
+        }
+    }
+    Figure::new(title, panel)
+}
+
+/// Porphyrin fraction of each pixel, `[row, col]`, over a darkened grey picture (`underlay`, 0 to 255 per pixel) where there is
+/// none. `None` when the lists do not fill the picture.
+///
+/// The colour scale ends at `top`, for instance the 99th percentile; larger fractions take its last colour.
+pub fn porphyrin_map(
+    width: usize,
+    height: usize,
+    fractions: &[Option<f32>],
+    underlay: Option<&[u8]>,
+    top: f64,
+) -> Option<Figure> {
+    let pixels = width * height;
+    if fractions.len() != pixels || underlay.is_some_and(|grey| grey.len() != pixels) || pixels == 0 {
+        return None;
+    }
+    let axis = Axis::from_zero("porphyrin fraction", "", [top.clamp(1e-3, 1.0)]);
+    let full = axis.limits[1];
+    let raster = Raster::from_fn(width, height, |row, col| {
+        let pixel = row * width + col;
+        match (fractions[pixel], underlay) {
+            (Some(fraction), _) => ColorMap::Viridis.color(f64::from(fraction) / full),
+            (None, Some(grey)) => [(f64::from(grey[pixel]) * 0.6) as u8; 3],
+            (None, None) => [90; 3],
+        }
+    });
+    let mut panel = frame(raster);
+    panel.color_bar = Some(ColorBar { axis, map: ColorMap::Viridis });
+    Some(Figure::new("Porphyrin fraction", panel).explained(
+        "Coloured pixels lie in the region and have a porphyrin fraction: the amount of porphyrin over the amount of porphyrin and \
+         bulk together, in the relative units of the fluorophore models. Grey pixels are outside the region, saturated, \
+         too dark, or hold other light.",
+    ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_map_must_fill_its_picture() {
+        assert!(porphyrin_map(2, 2, &[None; 3], None, 1.0).is_none());
+        assert!(porphyrin_map(2, 1, &[None; 2], Some(&[1]), 1.0).is_none());
+        let map = porphyrin_map(2, 1, &[Some(0.5), None], Some(&[0, 100]), 0.5).unwrap();
+        let Shape::Picture { raster, .. } = &map.panels[0].series[0].shape else { panic!("no picture") };
+        assert_eq!(raster.pixels, [[253, 231, 37], [60; 3]]);
+    }
+}

@@ -1,0 +1,49 @@
+//! Spectral radiance of a region, split by where the light came from.
+
+use super::{NamedCurve, wavelength_limits};
+use crate::{Axis, Dash, Figure, Ink, Panel, Scale, Series, Shape};
+
+/// Decades shown on a logarithmic radiance axis.
+const RADIANCE_DECADES: i32 = 6;
+
+/// Mean spectral radiance of a region: the sum (black), reflected light (pink, dashed) and each fluorophore.
+pub fn radiance_by_component(
+    total: Option<&NamedCurve>,
+    reflected: Option<&NamedCurve>,
+    fluorophores: &[NamedCurve],
+    region: &str,
+    scale: Scale,
+) -> Figure {
+    let all = || total.into_iter().chain(reflected).chain(fluorophores);
+    let (label, unit) = ("spectral radiance", "W/(sr m² nm)");
+    let peaks = all().map(NamedCurve::peak);
+    let y = match scale {
+        Scale::Linear => Axis::from_zero(label, unit, peaks),
+        Scale::Log10 => Axis::decades(label, unit, peaks, RADIANCE_DECADES),
+    };
+    let mut panel = Panel::new(Axis::wavelength(wavelength_limits(all())), y);
+    if let Some(total) = total {
+        let shape = Shape::Line { points: total.points(), width: 3.0, dash: Dash::Solid };
+        panel = panel.with(Series { name: Some(total.name.clone()), ink: Ink::Text, shape });
+    }
+    if let Some(reflected) = reflected {
+        panel = panel.with(Series::dashed(
+            reflected.name.clone(),
+            Ink::PALETTE[3],
+            reflected.points(),
+            Dash::Dashed,
+        ));
+    }
+    for (index, curve) in fluorophores.iter().enumerate() {
+        let ink = Ink::of_fluorophore(&curve.name, index);
+        panel = panel.with(Series::dashed(curve.name.clone(), ink, curve.points(), Dash::cycle(index)));
+    }
+    let logarithmic = match scale {
+        Scale::Linear => "",
+        Scale::Log10 => " The vertical axis is logarithmic: each step up is ten times as much light.",
+    };
+    Figure::new(format!("Light from {region}, by origin"), panel).explained(format!(
+        "The light that leaves {region} towards the camera, before any filter, split by what happened to it: light that was merely \
+         reflected, and light that each fluorophore gave off.{logarithmic}"
+    ))
+}

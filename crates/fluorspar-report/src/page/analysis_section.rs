@@ -1,0 +1,211 @@
+//! An analysis in plain words.
+
+use fluorspar::analysis::{Analysis, MixtureSummary, Statistics};
+
+use super::report_data::{Number, NumberTable, Origin, ReportItem, Section};
+
+/// The tables of one analysis: pixels used, levels, chromaticity, porphyrin fraction, predicted fluorophores.
+pub fn analysis_section(analysis: &Analysis) -> Section {
+    let mut section = Section::new(format!("What the capture \"{}\" says", analysis.frame)).say(format!(
+        "Region: {}. All numbers are computed from the simulated sensor image, in the way they would be from a real one.",
+        analysis.region_description
+    ));
+    section = section.with(table("Pixels and levels", pixel_rows(analysis)));
+    section = section.with(table("Sensor chromaticity of the region", chromaticity_rows(analysis)));
+    if let Some(mixture) = &analysis.mixture {
+        section = section.with(table("Porphyrin fraction", mixture_rows(mixture, analysis.counts.valid)));
+    }
+    let predicted = analysis.fluorophores.iter().map(|fluorophore| {
+        let point = fluorophore.chromaticity;
+        let value = point.map_or_else(|| "none".into(), |[r, g]| format!("{r:.3}, {g:.3}"));
+        let part = match fluorophore.bulk_weight {
+            Some(weight) => format!(" Its weight in the bulk is {}.", short(weight)),
+            None => String::new(),
+        };
+        Number::computed(
+            fluorophore.name.clone(),
+            value,
+            "r, g",
+            format!("Where this fluorophore alone would lie, through these filters and this sensor.{part}"),
+        )
+        .from(Origin::Assumed("from the fluorophore model of this experiment".into()))
+    });
+    let predicted: Vec<Number> = predicted.collect();
+    if predicted.is_empty() { section } else { section.with(table("Predicted fluorophores", predicted)) }
+}
+
+fn table(caption: &str, rows: Vec<Number>) -> ReportItem {
+    ReportItem::Table(NumberTable { caption: caption.into(), rows })
+}
+
+fn pixel_rows(analysis: &Analysis) -> Vec<Number> {
+    let counts = &analysis.counts;
+    let pixels =
+        |name: &str, n: usize, meaning: String| Number::computed(name, n.to_string(), "pixels", meaning);
+    let mut rows = vec![
+        pixels("In the region", counts.total(), "All pixels looked at.".into()),
+        pixels("Used", counts.valid, "Pixels bright enough and not saturated.".into()),
+        pixels("Saturated", counts.saturated, "Left out: their true value is unknown.".into()),
+        pixels(
+            "Below the noise floor",
+            counts.below_noise_floor,
+            format!(
+                "Left out: R + G + B is below {:.0} DN, {} standard deviations of its value in the dark.",
+                analysis.least_sum_dn,
+                short(analysis.settings.noise_threshold)
+            ),
+        ),
+        pixels("Without signal", counts.undefined, "Left out: R + G + B is not positive.".into()),
+    ];
+    for channel in &analysis.channels {
+        if let Some(s) = &channel.statistics {
+            rows.push(Number::computed(
+                format!("{} level", channel.name),
+                format!("{} (5 % to 95 %: {} to {})", short(s.median), short(s.p05), short(s.p95)),
+                "DN",
+                "Median over the unsaturated pixels of the region, and the range of nine tenths of them.",
+            ));
+        }
+    }
+    rows
+}
+
+fn chromaticity_rows(analysis: &Analysis) -> Vec<Number> {
+    let row = |name: &str, statistics: &Option<Statistics>, share: &str| {
+        statistics.map(|s| {
+            let spread = s.sd.map(|sd| format!(" ± {sd:.4}")).unwrap_or_default();
+            Number::computed(
+                name,
+                format!("{:.4}{spread}", s.mean),
+                "",
+                format!(
+                    "Share of the signal that is {share}: mean and standard deviation over the pixels used."
+                ),
+            )
+        })
+    };
+    let mut rows: Vec<Number> =
+        [row("r", &analysis.r, "red"), row("g", &analysis.g, "green")].into_iter().flatten().collect();
+    if let Some(ellipse) = &analysis.ellipse {
+        rows.push(Number::computed(
+            "Spread along, across",
+            format!("{:.4}, {:.4}", ellipse.half_axes[0], ellipse.half_axes[1]),
+            "",
+            "Standard deviation of the cloud of pixels along its long and its short axis.",
+        ));
+    }
+    rows
+}
+
+fn mixture_rows(mixture: &MixtureSummary, valid: usize) -> Vec<Number> {
+    let mut rows = Vec::new();
+    if let Some(region) = &mixture.region {
+        let estimate = &region.estimate;
+        let [low, high] = estimate.fraction_interval;
+        rows.push(Number::computed(
+            "Region as a whole",
+            format!("{:.4} ({low:.4} to {high:.4})", estimate.fraction),
+            "",
+            "Porphyrin over porphyrin and bulk, from the region's mean colour, with the 95 % interval that the sensor's noise \
+             leaves. Errors of the model are not in it.",
+        ));
+    }
+    if let Some(s) = &mixture.fraction {
+        rows.push(Number::computed(
+            "Pixels, median",
+            format!("{:.4} (5 % to 95 %: {:.4} to {:.4})", s.median, s.p05, s.p95),
+            "",
+            "The same for each pixel on its own: the middle pixel, and the range of nine tenths of them.",
+        ));
+    }
+    if let Some(s) = &mixture.fraction_standard_error {
+        rows.push(Number::computed(
+            "Standard error of a pixel",
+            format!("{:.4}", s.median),
+            "",
+            "How far noise alone moves the fraction of a typical pixel.",
+        ));
+    }
+    if let Some(s) = &mixture.distance {
+        let spread = s.sd.map(|sd| format!(" ± {sd:.4}")).unwrap_or_default();
+        rows.push(Number::computed(
+            "Distance from the line",
+            format!("{:.4}{spread}", s.mean).replace('-', "−"),
+            "r, g",
+            "How far pixels lie beside the line between bulk and porphyrin. Far from zero, something else is in the light: \
+             reflected light, or another bulk than assumed.",
+        ));
+    }
+    rows.push(Number::computed(
+        "Off the line",
+        format!("{} of {valid}", mixture.off_line),
+        "pixels",
+        "Pixels farther beside the line than three standard errors. By chance, 3 in 1000 are.",
+    ));
+    if let Some(angle) = mixture.angle_to_line_deg {
+        rows.push(Number::computed(
+            "Angle to the line",
+            format!("{angle:.1}"),
+            "degrees",
+            "Between the long axis of the cloud and the line. Small when pixels differ mainly in porphyrin.",
+        ));
+    }
+    rows.push(Number::computed(
+        "Beyond an end",
+        format!("{} of {valid}", mixture.clamped),
+        "pixels",
+        "Pixels past the bulk or the porphyrin point; they count as lying at that end. Without porphyrin, noise puts half of them there.",
+    ));
+    rows.push(Number::computed(
+        "Length of the line",
+        format!("{:.4}", mixture.length),
+        "r, g",
+        "Distance between bulk and porphyrin. The longer it is beside the noise, the better this design tells them apart.",
+    ));
+    rows
+}
+
+/// Four digits, without trailing zeros.
+fn short(value: f64) -> String {
+    let magnitude = if value == 0.0 { 0.0 } else { value.abs().log10().floor() };
+    let decimals = (3.0 - magnitude).clamp(0.0, 8.0) as usize;
+    let text = format!("{value:.decimals$}");
+    let text = if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { &text };
+    text.replace('-', "−")
+}
+
+#[cfg(test)]
+mod tests {
+    use fluorspar::analysis::{AnalysisSettings, ChannelNoise, RegionOfInterest, analyse};
+    use fluorspar::image::ChannelImage;
+
+    use super::*;
+
+    #[test]
+    fn numbers_are_short() {
+        assert_eq!(
+            [0.0, 5.0, 1234.56, -0.012345, 12.5, 98765.0].map(short),
+            ["0", "5", "1235", "−0.01235", "12.5", "98765"]
+        );
+    }
+
+    #[test]
+    fn an_analysis_without_a_single_usable_pixel_still_makes_a_section() {
+        let image = ChannelImage {
+            width: 2,
+            height: 1,
+            channels: ["R", "G", "B"].map(String::from).to_vec(),
+            data: vec![0.0; 6],
+            saturated: vec![false; 2],
+            noise_floor_dn: 2.0,
+            full_scale_dn: 4000.0,
+            label: "dark".into(),
+        };
+        let noise = ChannelNoise { floor_dn: 2.0, dn_per_electron: 0.5, gain_spread: 0.0 };
+        let settings = AnalysisSettings::new(RegionOfInterest::whole_image(), noise);
+        let (analysis, ..) = analyse(&image, None, None, None, &settings).unwrap();
+        let section = analysis_section(&analysis);
+        assert_eq!(section.title, "What the capture \"dark\" says");
+        assert_eq!(section.items.len(), 3);
+    }
+}

@@ -1,0 +1,364 @@
+//! The line that mixtures of bulk and porphyrin fluorescence follow in sensor chromaticity, and where on it a pixel lies.
+
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use super::{
+    ChannelNoise, MissingChannel, PixelSelection, chromaticity_covariance, rgb_channels, sensor_chromaticity,
+};
+use crate::image::ChannelImage;
+use crate::spectral::{GridMismatch, QuantumEfficiency, Radiance, Spectrum};
+
+/// Two-sided 95 % quantile of the standard normal distribution.
+const Z_95: f64 = 1.959_963_984_540_054;
+
+/// Channel values that a spectral radiance gives, up to the factor of exposure and optics that all channels share:
+/// `sum L lambda/(hc) QE_c dlambda`. Photons are counted here, as the sensor does.
+///
+/// # Errors
+/// When a quantum efficiency is on another grid than the radiance.
+pub fn channel_response(
+    radiance: &Spectrum<Radiance>,
+    quantum_efficiency: [&Spectrum<QuantumEfficiency>; 3],
+) -> Result<[f64; 3], GridMismatch> {
+    let photons = radiance.to_photons();
+    let mut response = [0.0; 3];
+    for (channel, efficiency) in response.iter_mut().zip(quantum_efficiency) {
+        let product: Spectrum<QuantumEfficiency> = efficiency.zip(radiance, |qe, _| qe)?;
+        *channel = product
+            .values()
+            .iter()
+            .zip(&photons)
+            .enumerate()
+            .map(|(bin, (qe, photons))| qe * photons * radiance.grid().width_nm(bin))
+            .sum();
+    }
+    Ok(response)
+}
+
+/// What one fluorophore alone gives in the three channels.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FluorophoreResponse {
+    /// Name.
+    pub name: String,
+    /// R, G, B per unit amount, in any unit that all fluorophores share.
+    pub rgb_per_amount: [f64; 3],
+}
+
+impl FluorophoreResponse {
+    /// Sensor chromaticity of this fluorophore alone.
+    pub fn chromaticity(&self) -> Option<[f64; 2]> {
+        sensor_chromaticity(self.rgb_per_amount)
+    }
+}
+
+/// Why two responses make no line.
+#[derive(Clone, Debug, Error, PartialEq)]
+#[non_exhaustive]
+pub enum MixtureError {
+    /// One end gives no light in the channels.
+    #[error(
+        "the {end} response R, G, B = {rgb:?} has no positive sum, so it has no chromaticity; is its emission outside the \
+         filter's pass band, or its weight zero?"
+    )]
+    Dark {
+        /// "bulk" or "porphyrin".
+        end: &'static str,
+        /// The response.
+        rgb: [f64; 3],
+    },
+    /// Both ends have the same chromaticity.
+    #[error(
+        "bulk and porphyrin have the same sensor chromaticity ({r:.4}, {g:.4}) through these filters and this sensor; \
+         no mixture can be told from another"
+    )]
+    SameChromaticity {
+        /// r of both.
+        r: f64,
+        /// g of both.
+        g: f64,
+    },
+    /// A fluorophore that is not among the responses.
+    #[error("there is no response for the fluorophore \"{name}\", only for: {}", .available.join(", "))]
+    UnknownFluorophore {
+        /// The name.
+        name: String,
+        /// All names.
+        available: Vec<String>,
+    },
+}
+
+/// Mixtures `a_b B + a_p P` of a bulk response `B` and a porphyrin response `P`.
+///
+/// All mixtures lie on the straight line between the two chromaticities (Sec. 4.1 of Lyu et al. 2021). At a fraction `s`
+/// of the way from bulk to porphyrin, the amounts obey `a_p / (a_b + a_p) = s k_b / (s k_b + (1 - s) k_p)`, where
+/// `k = R + G + B` per unit amount: the brighter end pulls harder.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct MixtureLine {
+    bulk_rgb: [f64; 3],
+    porphyrin_rgb: [f64; 3],
+    bulk: [f64; 2],
+    porphyrin: [f64; 2],
+}
+
+/// Where a pixel lies along the bulk-porphyrin line. Intervals hold 95 %.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct LineEstimate {
+    /// Position of the nearest point of the line: 0 at bulk, 1 at porphyrin; may lie outside.
+    pub position: f64,
+    /// Standard error of the position.
+    pub position_standard_error: f64,
+    /// `a_p / (a_b + a_p)` at that position, 0 to 1.
+    pub fraction: f64,
+    /// Standard error of the fraction.
+    pub fraction_standard_error: f64,
+    /// Interval of the fraction: the ends of the position's interval, limited to the line and then converted.
+    pub fraction_interval: [f64; 2],
+    /// Whether the position lay outside 0 to 1 and was moved to the nearer end.
+    pub clamped: bool,
+    /// Signed distance from the line in chromaticity; positive on the side of larger r + g.
+    pub distance: f64,
+    /// Standard error of that distance.
+    pub distance_standard_error: f64,
+}
+
+/// Amounts of bulk and porphyrin from weighted, non-negative least squares in R, G, B. Intervals hold 95 %.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct MixtureFit {
+    /// Amounts of bulk and porphyrin in units of the line's two responses.
+    pub amounts: [f64; 2],
+    /// Standard errors of the amounts without the sign constraint.
+    pub standard_errors: [f64; 2],
+    /// Intervals of the amounts, cut at zero.
+    pub intervals: [[f64; 2]; 2],
+    /// Porphyrin amount over the sum of both amounts, if that sum is positive.
+    pub fraction: Option<f64>,
+    /// Its standard error to first order.
+    pub fraction_standard_error: Option<f64>,
+    /// Weighted sum of squared residuals; about 1 (one degree of freedom) where the model holds.
+    pub chi_square: f64,
+    /// Whether an amount would have been negative and was set to zero.
+    pub clamped: bool,
+}
+
+impl LineEstimate {
+    /// Whether the pixel lies farther beside the line than noise explains: more than three standard errors, as 0.3 % do by
+    /// chance. Something else is in its light then, for instance a highlight, and its fraction means little.
+    pub fn is_off_line(&self) -> bool {
+        self.distance.abs() > 3.0 * self.distance_standard_error
+    }
+}
+
+impl MixtureLine {
+    /// The line between two responses, R, G, B per unit amount.
+    ///
+    /// # Errors
+    /// When an end is dark or both have the same chromaticity.
+    pub fn new(bulk_rgb: [f64; 3], porphyrin_rgb: [f64; 3]) -> Result<Self, MixtureError> {
+        let bulk = sensor_chromaticity(bulk_rgb).ok_or(MixtureError::Dark { end: "bulk", rgb: bulk_rgb })?;
+        let porphyrin = sensor_chromaticity(porphyrin_rgb)
+            .ok_or(MixtureError::Dark { end: "porphyrin", rgb: porphyrin_rgb })?;
+        if (bulk[0] - porphyrin[0]).hypot(bulk[1] - porphyrin[1]) < 1e-6 {
+            return Err(MixtureError::SameChromaticity { r: bulk[0], g: bulk[1] });
+        }
+        Ok(Self { bulk_rgb, porphyrin_rgb, bulk, porphyrin })
+    }
+
+    /// The line between the weighted sum of some fluorophores and another one. One unit of bulk is the sum with these weights.
+    ///
+    /// # Errors
+    /// When a name has no response, an end is dark or both have the same chromaticity.
+    pub fn from_fluorophores(
+        responses: &[FluorophoreResponse],
+        bulk_weights: &[(String, f64)],
+        porphyrin: &str,
+    ) -> Result<Self, MixtureError> {
+        let find = |name: &str| {
+            responses.iter().find(|response| response.name == name).map(|r| r.rgb_per_amount).ok_or_else(
+                || MixtureError::UnknownFluorophore {
+                    name: name.to_owned(),
+                    available: responses.iter().map(|response| response.name.clone()).collect(),
+                },
+            )
+        };
+        let mut bulk = [0.0; 3];
+        for (name, weight) in bulk_weights {
+            for (sum, value) in bulk.iter_mut().zip(find(name)?) {
+                *sum += weight * value;
+            }
+        }
+        Self::new(bulk, find(porphyrin)?)
+    }
+
+    /// `(r, g)` of bulk alone.
+    pub fn bulk_point(&self) -> [f64; 2] {
+        self.bulk
+    }
+
+    /// `(r, g)` of porphyrin alone.
+    pub fn porphyrin_point(&self) -> [f64; 2] {
+        self.porphyrin
+    }
+
+    /// Distance between the two ends in chromaticity: what separates them.
+    pub fn length(&self) -> f64 {
+        (self.porphyrin[0] - self.bulk[0]).hypot(self.porphyrin[1] - self.bulk[1])
+    }
+
+    /// R, G, B of given amounts.
+    pub fn rgb(&self, bulk_amount: f64, porphyrin_amount: f64) -> [f64; 3] {
+        std::array::from_fn(|c| bulk_amount * self.bulk_rgb[c] + porphyrin_amount * self.porphyrin_rgb[c])
+    }
+
+    /// `a_p / (a_b + a_p)` at a position between 0 and 1 on the line, and its slope.
+    fn fraction(&self, position: f64) -> (f64, f64) {
+        let k_bulk: f64 = self.bulk_rgb.iter().sum();
+        let k_porphyrin: f64 = self.porphyrin_rgb.iter().sum();
+        let denominator = position * k_bulk + (1.0 - position) * k_porphyrin;
+        (position * k_bulk / denominator, k_bulk * k_porphyrin / denominator.powi(2))
+    }
+
+    /// Projects a pixel's chromaticity onto the line. `None` where the pixel has no chromaticity.
+    ///
+    /// `variance` is that of R, G and B; reflected light, if known, must have been subtracted. Errors are of first order in
+    /// the noise.
+    pub fn project(&self, rgb: [f64; 3], variance: [f64; 3]) -> Option<LineEstimate> {
+        let point = sensor_chromaticity(rgb)?;
+        let covariance = chromaticity_covariance(rgb, variance)?;
+        let length = self.length();
+        let along = [0, 1].map(|i| (self.porphyrin[i] - self.bulk[i]) / length);
+        let across = if along[0] >= along[1] { [-along[1], along[0]] } else { [along[1], -along[0]] };
+        let offset = [point[0] - self.bulk[0], point[1] - self.bulk[1]];
+        let dot = |a: [f64; 2], b: [f64; 2]| a[0] * b[0] + a[1] * b[1];
+        let spread =
+            |direction: [f64; 2]| dot(direction, covariance.map(|row| dot(row, direction))).max(0.0).sqrt();
+
+        let position = dot(offset, along) / length;
+        let position_standard_error = spread(along) / length;
+        let on_line = position.clamp(0.0, 1.0);
+        let (fraction, slope) = self.fraction(on_line);
+        let end = |sign: f64| (position + sign * Z_95 * position_standard_error).clamp(0.0, 1.0);
+        Some(LineEstimate {
+            position,
+            position_standard_error,
+            fraction,
+            fraction_standard_error: slope * position_standard_error,
+            fraction_interval: [self.fraction(end(-1.0)).0, self.fraction(end(1.0)).0],
+            clamped: on_line != position,
+            distance: dot(offset, across),
+            distance_standard_error: spread(across),
+        })
+    }
+
+    /// Fits amounts of bulk and porphyrin to R, G, B, each weighted by its inverse variance; neither goes below zero.
+    /// `None` when a variance is not positive or the responses cannot be told apart under these weights.
+    pub fn fit(&self, rgb: [f64; 3], variance: [f64; 3]) -> Option<MixtureFit> {
+        if variance.iter().any(|&v| !(v > 0.0 && v.is_finite())) || rgb.iter().any(|v| !v.is_finite()) {
+            return None;
+        }
+        let inner = |a: [f64; 3], b: [f64; 3]| (0..3).map(|c| a[c] * b[c] / variance[c]).sum::<f64>();
+        let (b, p) = (self.bulk_rgb, self.porphyrin_rgb);
+        let (bb, bp, pp) = (inner(b, b), inner(b, p), inner(p, p));
+        let (by, py) = (inner(b, rgb), inner(p, rgb));
+        let determinant = bb * pp - bp * bp;
+        if determinant <= 1e-12 * bb * pp {
+            return None;
+        }
+        let chi_square = |[bulk, porphyrin]: [f64; 2]| {
+            let model = self.rgb(bulk, porphyrin);
+            let residual = std::array::from_fn(|c| rgb[c] - model[c]);
+            inner(residual, residual)
+        };
+        let free = [(pp * by - bp * py) / determinant, (bb * py - bp * by) / determinant];
+        let clamped = free.iter().any(|&amount| amount < 0.0);
+        let amounts = if clamped {
+            let (bulk_only, porphyrin_only) = ([(by / bb).max(0.0), 0.0], [0.0, (py / pp).max(0.0)]);
+            if chi_square(bulk_only) <= chi_square(porphyrin_only) { bulk_only } else { porphyrin_only }
+        } else {
+            free
+        };
+        let covariance = [pp / determinant, -bp / determinant, bb / determinant];
+        let standard_errors = [covariance[0].sqrt(), covariance[2].sqrt()];
+        let interval =
+            |i: usize| [-1.0, 1.0].map(|sign: f64| (free[i] + sign * Z_95 * standard_errors[i]).max(0.0));
+        let total: f64 = amounts.iter().sum();
+        let slope = [-amounts[1] / total.powi(2), amounts[0] / total.powi(2)];
+        let fraction_variance = slope[0].powi(2) * covariance[0]
+            + 2.0 * slope[0] * slope[1] * covariance[1]
+            + slope[1].powi(2) * covariance[2];
+        Some(MixtureFit {
+            amounts,
+            standard_errors,
+            intervals: [interval(0), interval(1)],
+            fraction: (total > 0.0).then(|| amounts[1] / total),
+            fraction_standard_error: (total > 0.0).then(|| fraction_variance.max(0.0).sqrt()),
+            chi_square: chi_square(amounts),
+            clamped,
+        })
+    }
+}
+
+/// Porphyrin fraction of each pixel, `[row, col]`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PorphyrinMap {
+    /// Columns.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// Estimate per pixel; none outside the region and where there is no chromaticity.
+    pub estimates: Vec<Option<LineEstimate>>,
+}
+
+impl PorphyrinMap {
+    /// Projects each valid pixel of a region onto the line.
+    ///
+    /// `reflected` is known reflected light in the same channels and DN as the image (for instance the noise-free image of the
+    /// reflected component); it is subtracted first. The noise stays that of the whole value.
+    ///
+    /// # Errors
+    /// When an image lacks one of the channels R, G, B.
+    pub fn new(
+        image: &ChannelImage,
+        valid: impl Fn(usize) -> bool,
+        region: &PixelSelection,
+        line: &MixtureLine,
+        noise: &ChannelNoise,
+        reflected: Option<&ChannelImage>,
+    ) -> Result<Self, MissingChannel> {
+        let channels = rgb_channels(image)?;
+        let reflected =
+            reflected.map(|leak| rgb_channels(leak).map(|channels| (leak, channels))).transpose()?;
+        let mut estimates = vec![None; image.width * image.height];
+        for &pixel in region.pixels.iter().filter(|&&pixel| valid(pixel)) {
+            let rgb = pixel_rgb(image, channels, pixel);
+            let fluorescence = match reflected {
+                Some((leak, leak_channels)) => {
+                    let leak = pixel_rgb(leak, leak_channels, pixel);
+                    std::array::from_fn(|c| rgb[c] - leak[c])
+                }
+                None => rgb,
+            };
+            estimates[pixel] = line.project(fluorescence, noise.variances(rgb));
+        }
+        Ok(Self { width: image.width, height: image.height, estimates })
+    }
+
+    /// Fractions, `[row, col]`, for a picture.
+    pub fn fractions(&self) -> Vec<Option<f32>> {
+        self.estimates.iter().map(|e| e.map(|estimate| estimate.fraction as f32)).collect()
+    }
+
+    /// The same without pixels off the line, whose fraction is an artefact: rims of highlights, for instance.
+    pub fn fractions_on_line(&self) -> Vec<Option<f32>> {
+        let on_line = |e: &Option<LineEstimate>| e.filter(|e| !e.is_off_line()).map(|e| e.fraction as f32);
+        self.estimates.iter().map(on_line).collect()
+    }
+}
+
+pub(super) fn pixel_rgb(image: &ChannelImage, channels: [usize; 3], pixel: usize) -> [f64; 3] {
+    let n = image.channels.len();
+    channels.map(|channel| f64::from(image.data[pixel * n + channel]))
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,320 @@
+//! Which pixels an analysis looks at.
+
+use std::fmt;
+
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use crate::image::ComponentImage;
+
+/// A rectangle in sensor pixels, counted from 0 at the top left corner.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Rectangle {
+    /// First column.
+    pub col: usize,
+    /// First row.
+    pub row: usize,
+    /// Columns.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+}
+
+impl fmt::Display for Rectangle {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} x {} pixels from column {}, row {}", self.width, self.height, self.col, self.row)
+    }
+}
+
+/// A region of the sensor image: named parts of the scene, a rectangle, or where both hold. Empty means the whole image.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RegionOfInterest {
+    /// Names of parts of the scene; a pixel belongs to the region when it shows any of them.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub parts: Vec<String>,
+    /// Only pixels in this rectangle.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rectangle: Option<Rectangle>,
+}
+
+/// Pixels of a sensor image, as numbers `row * width + col` in increasing order.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct PixelSelection {
+    /// Columns of the image.
+    pub width: usize,
+    /// Rows of the image.
+    pub height: usize,
+    /// The selected pixels.
+    pub pixels: Vec<usize>,
+}
+
+/// Why a region selects nothing.
+#[derive(Clone, Debug, Error, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum RegionError {
+    /// A part that the scene does not have.
+    #[error("the scene has no part \"{name}\"{} Its parts: {}", hint(.nearest.as_deref()), .available.join(", "))]
+    UnknownPart {
+        /// The name asked for.
+        name: String,
+        /// The name that may have been meant.
+        nearest: Option<String>,
+        /// All names.
+        available: Vec<String>,
+    },
+    /// A rectangle without pixels, or one that leaves the image.
+    #[error(
+        "the region's rectangle ({rectangle}) does not fit the image of {width} columns and {height} rows; \
+         give col, row, width and height in sensor pixels, counted from 0 at the top left"
+    )]
+    OutsideImage {
+        /// The rectangle.
+        rectangle: Rectangle,
+        /// Columns of the image.
+        width: usize,
+        /// Rows of the image.
+        height: usize,
+    },
+    /// Parts were named but the image comes without a map of parts.
+    #[error(
+        "the region names the part \"{0}\", but this image has no map of parts (it was not rendered here, or its features \
+         were not kept); give a rectangle instead"
+    )]
+    NoPartMap(String),
+    /// The parts exist, but no pixel of the region shows them.
+    #[error("no pixel of the region shows {}; the parts in view are: {}", .parts.join(" or "), .visible.join(", "))]
+    NothingInView {
+        /// The parts asked for.
+        parts: Vec<String>,
+        /// Parts that some pixel of the image shows.
+        visible: Vec<String>,
+    },
+}
+
+fn hint(nearest: Option<&str>) -> String {
+    nearest.map_or_else(|| ".".into(), |name| format!("; did you mean \"{name}\"?"))
+}
+
+/// The name closest in spelling, unless nothing is close.
+fn nearest_name(name: &str, available: &[String]) -> Option<String> {
+    available
+        .iter()
+        .map(|candidate| (strsim::jaro_winkler(&name.to_lowercase(), &candidate.to_lowercase()), candidate))
+        .filter(|(similarity, _)| *similarity > 0.7)
+        .max_by(|a, b| a.0.total_cmp(&b.0))
+        .map(|(_, candidate)| candidate.clone())
+}
+
+impl RegionOfInterest {
+    /// The whole image.
+    pub fn whole_image() -> Self {
+        Self::default()
+    }
+
+    /// All pixels that show any of these parts.
+    pub fn of_parts<S: Into<String>>(parts: impl IntoIterator<Item = S>) -> Self {
+        Self { parts: parts.into_iter().map(Into::into).collect(), rectangle: None }
+    }
+
+    /// All pixels of a rectangle.
+    pub fn of_rectangle(rectangle: Rectangle) -> Self {
+        Self { parts: Vec::new(), rectangle: Some(rectangle) }
+    }
+
+    /// Only the pixels of this region that lie in a rectangle.
+    #[must_use]
+    pub fn within(mut self, rectangle: Rectangle) -> Self {
+        self.rectangle = Some(rectangle);
+        self
+    }
+
+    /// One line for tables and captions.
+    pub fn describe(&self) -> String {
+        let rectangle = self.rectangle.map(|rectangle| rectangle.to_string());
+        match (self.parts.is_empty(), rectangle) {
+            (true, None) => "the whole image".into(),
+            (true, Some(rectangle)) => rectangle,
+            (false, None) => self.parts.join(" and "),
+            (false, Some(rectangle)) => format!("{} within {rectangle}", self.parts.join(" and ")),
+        }
+    }
+
+    /// The pixels of the region in a sensor image of `width` columns and `height` rows.
+    ///
+    /// Parts are looked up in the part map of the rendered scene. Where scene and sensor differ in resolution, a
+    /// sensor pixel takes the part at its own centre, so both must frame the same view; lens distortion is not followed.
+    ///
+    /// # Errors
+    /// An unknown part, a rectangle that leaves the image, or a region that no pixel belongs to.
+    pub fn select(
+        &self,
+        width: usize,
+        height: usize,
+        scene: Option<&ComponentImage>,
+    ) -> Result<PixelSelection, RegionError> {
+        let area = self.rectangle.unwrap_or(Rectangle { col: 0, row: 0, width, height });
+        let fits = |start: usize, len: usize, end: usize| {
+            len > 0 && start.checked_add(len).is_some_and(|stop| stop <= end)
+        };
+        if !fits(area.col, area.width, width) || !fits(area.row, area.height, height) {
+            return Err(RegionError::OutsideImage { rectangle: area, width, height });
+        }
+        let wanted = self.part_numbers(scene)?;
+        let mut pixels = Vec::new();
+        for row in area.row..area.row + area.height {
+            for col in area.col..area.col + area.width {
+                let inside = match (&wanted, scene) {
+                    (Some(wanted), Some(scene)) => {
+                        let part = part_at(scene, row, col, width, height);
+                        part > 0 && wanted.contains(&(usize::from(part) - 1))
+                    }
+                    _ => true,
+                };
+                if inside {
+                    pixels.push(row * width + col);
+                }
+            }
+        }
+        match scene {
+            Some(scene) if pixels.is_empty() => {
+                Err(RegionError::NothingInView { parts: self.parts.clone(), visible: visible_parts(scene) })
+            }
+            _ => Ok(PixelSelection { width, height, pixels }),
+        }
+    }
+
+    /// Numbers of the wanted parts; `None` when every part will do.
+    fn part_numbers(&self, scene: Option<&ComponentImage>) -> Result<Option<Vec<usize>>, RegionError> {
+        let Some(first) = self.parts.first() else { return Ok(None) };
+        let scene = scene
+            .filter(|scene| scene.features.part.len() == scene.width * scene.height)
+            .ok_or_else(|| RegionError::NoPartMap(first.clone()))?;
+        let names = &scene.features.part_names;
+        let find = |name: &String| {
+            let wanted: Vec<usize> = (0..names.len()).filter(|&part| names[part] == *name).collect();
+            if wanted.is_empty() {
+                return Err(RegionError::UnknownPart {
+                    name: name.clone(),
+                    nearest: nearest_name(name, names),
+                    available: names.clone(),
+                });
+            }
+            Ok(wanted)
+        };
+        let found = self.parts.iter().map(find).collect::<Result<Vec<_>, _>>()?;
+        Ok(Some(found.concat()))
+    }
+}
+
+/// Part number plus one behind the centre of a sensor pixel; 0 where nothing is seen.
+fn part_at(scene: &ComponentImage, row: usize, col: usize, width: usize, height: usize) -> u16 {
+    let nearest = |index: usize, from: usize, to: usize| ((2 * index + 1) * to / (2 * from)).min(to - 1);
+    let (row, col) = (nearest(row, height, scene.height), nearest(col, width, scene.width));
+    scene.features.part[row * scene.width + col]
+}
+
+fn visible_parts(scene: &ComponentImage) -> Vec<String> {
+    let names = &scene.features.part_names;
+    (0..names.len())
+        .filter(|part| scene.features.part.iter().any(|&seen| usize::from(seen) == part + 1))
+        .map(|part| names[part].clone())
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::FeatureMaps;
+    use crate::spectral::WavelengthGrid;
+
+    /// 4 columns by 2 rows: nothing, tongue, tongue, teeth above; tongue everywhere below. "palate" is out of view.
+    fn scene() -> ComponentImage {
+        let grid = WavelengthGrid::uniform(400.0, 410.0, 10.0).unwrap();
+        let mut scene = ComponentImage::zeros(grid, 4, 2, Vec::new());
+        scene.features = FeatureMaps {
+            part: vec![0, 1, 1, 2, 1, 1, 1, 1],
+            part_names: ["tongue", "upper_teeth", "palate"].map(String::from).to_vec(),
+            ..FeatureMaps::default()
+        };
+        scene
+    }
+
+    #[test]
+    fn parts_rectangles_and_their_intersection() {
+        let scene = scene();
+        let select = |region: RegionOfInterest| region.select(4, 2, Some(&scene)).unwrap().pixels;
+        assert_eq!(select(RegionOfInterest::whole_image()), [0, 1, 2, 3, 4, 5, 6, 7]);
+        assert_eq!(select(RegionOfInterest::of_parts(["tongue"])), [1, 2, 4, 5, 6, 7]);
+        assert_eq!(select(RegionOfInterest::of_parts(["tongue", "upper_teeth"])), [1, 2, 3, 4, 5, 6, 7]);
+        let right = Rectangle { col: 2, row: 0, width: 2, height: 2 };
+        assert_eq!(select(RegionOfInterest::of_rectangle(right)), [2, 3, 6, 7]);
+        assert_eq!(select(RegionOfInterest::of_parts(["tongue"]).within(right)), [2, 6, 7]);
+    }
+
+    #[test]
+    fn a_sensor_of_another_resolution_takes_the_part_at_its_pixel_centres() {
+        let scene = scene();
+        let teeth = RegionOfInterest::of_parts(["upper_teeth"]);
+        // Twice as fine: the one render pixel in column 3, row 0 covers four sensor pixels.
+        assert_eq!(teeth.select(8, 4, Some(&scene)).unwrap().pixels, [6, 7, 14, 15]);
+        // Half as fine: centres fall on render columns 1 and 3, render row 1.
+        let tongue = RegionOfInterest::of_parts(["tongue"]);
+        assert_eq!(tongue.select(2, 1, Some(&scene)).unwrap().pixels, [0, 1]);
+    }
+
+    #[test]
+    fn a_misspelt_part_is_answered_with_the_nearest_name_and_all_names() {
+        let error = RegionOfInterest::of_parts(["Tounge"]).select(4, 2, Some(&scene())).unwrap_err();
+        assert_eq!(
+            error.to_string(),
+            "the scene has no part \"Tounge\"; did you mean \"tongue\"? Its parts: tongue, upper_teeth, palate"
+        );
+        let error = RegionOfInterest::of_parts(["xyz"]).select(4, 2, Some(&scene())).unwrap_err();
+        assert_eq!(
+            error.to_string(),
+            "the scene has no part \"xyz\". Its parts: tongue, upper_teeth, palate"
+        );
+    }
+
+    #[test]
+    fn regions_without_pixels_say_why() {
+        let scene = scene();
+        let error = |region: RegionOfInterest, scene| region.select(4, 2, scene).unwrap_err().to_string();
+        assert_eq!(
+            error(
+                RegionOfInterest::of_rectangle(Rectangle { col: 3, row: 0, width: 2, height: 1 }),
+                Some(&scene)
+            ),
+            "the region's rectangle (2 x 1 pixels from column 3, row 0) does not fit the image of 4 columns and 2 rows; \
+             give col, row, width and height in sensor pixels, counted from 0 at the top left"
+        );
+        assert_eq!(
+            error(RegionOfInterest::of_parts(["palate"]), Some(&scene)),
+            "no pixel of the region shows palate; the parts in view are: tongue, upper_teeth"
+        );
+        assert_eq!(
+            error(RegionOfInterest::of_parts(["tongue"]), None),
+            "the region names the part \"tongue\", but this image has no map of parts (it was not rendered here, \
+             or its features were not kept); give a rectangle instead"
+        );
+        let empty = Rectangle { col: 0, row: 0, width: 0, height: 1 };
+        assert!(RegionOfInterest::of_rectangle(empty).select(4, 2, None).is_err());
+        let huge = Rectangle { col: usize::MAX, row: 0, width: 2, height: 1 };
+        assert!(matches!(
+            RegionOfInterest::of_rectangle(huge).select(4, 2, None),
+            Err(RegionError::OutsideImage { .. })
+        ));
+    }
+
+    #[test]
+    fn a_region_describes_itself() {
+        let corner = Rectangle { col: 1, row: 2, width: 10, height: 20 };
+        assert_eq!(RegionOfInterest::whole_image().describe(), "the whole image");
+        assert_eq!(
+            RegionOfInterest::of_parts(["tongue"]).within(corner).describe(),
+            "tongue within 10 x 20 pixels from column 1, row 2"
+        );
+    }
+}

@@ -1,0 +1,421 @@
+//! Everything that is measured on one frame, gathered for `results.json`, tables and the report.
+
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use super::mixture_line::pixel_rgb;
+use super::{
+    ChannelNoise, ChromaticityMap, CovarianceEllipse, DEFAULT_NOISE_THRESHOLD, ExclusionCounts,
+    FluorophoreResponse, LineEstimate, MissingChannel, MixtureError, MixtureLine, PixelSelection,
+    PorphyrinMap, RegionError, RegionOfInterest, RegionStatistics, Statistics, rgb_channels,
+};
+use crate::image::{ChannelImage, ComponentImage};
+
+/// What to measure.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct AnalysisSettings {
+    /// Which pixels.
+    pub region: RegionOfInterest,
+    /// Noise of a channel value.
+    pub noise: ChannelNoise,
+    /// Least channel sum that counts as light, in standard deviations of the sum in the dark.
+    pub noise_threshold: f64,
+}
+
+impl AnalysisSettings {
+    /// A region with the default noise threshold.
+    pub fn new(region: RegionOfInterest, noise: ChannelNoise) -> Self {
+        Self { region, noise, noise_threshold: DEFAULT_NOISE_THRESHOLD }
+    }
+}
+
+/// Which fluorophores make the bulk, and which one is the porphyrin.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct MixtureModel {
+    /// Channel responses of all fluorophores per unit amount.
+    pub responses: Vec<FluorophoreResponse>,
+    /// Name and amount of the fluorophores that make one unit of bulk.
+    pub bulk_weights: Vec<(String, f64)>,
+    /// Name of the porphyrin.
+    pub porphyrin: String,
+}
+
+/// Where one fluorophore alone is predicted to lie.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PredictedFluorophore {
+    /// Name.
+    pub name: String,
+    /// `(r, g)`; none where it gives no light through the filters.
+    pub chromaticity: Option<[f64; 2]>,
+    /// R + G + B per unit amount.
+    pub sum_per_amount: f64,
+    /// Amount in one unit of bulk; none for the porphyrin and for fluorophores that are not part of it.
+    pub bulk_weight: Option<f64>,
+}
+
+/// Statistics of one channel over the region.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ChannelStatistics {
+    /// Channel name.
+    pub name: String,
+    /// Statistics, DN.
+    pub statistics: Option<Statistics>,
+}
+
+/// Porphyrin fraction of the region's mean R, G, B.
+///
+/// The standard error holds the sensor's noise only. That tissue differs from pixel to pixel shows in the spread of
+/// the pixels' own fractions instead.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RegionFraction {
+    /// Mean R, G, B over the valid pixels, DN, reflected light subtracted where known.
+    pub mean_rgb_dn: [f64; 3],
+    /// Where it lies on the line.
+    pub estimate: LineEstimate,
+}
+
+/// What the bulk-porphyrin line says about the region.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct MixtureSummary {
+    /// `(r, g)` of bulk alone.
+    pub bulk: [f64; 2],
+    /// `(r, g)` of the porphyrin alone.
+    pub porphyrin: [f64; 2],
+    /// Distance between them in chromaticity.
+    pub length: f64,
+    /// The whole region as one measurement.
+    pub region: Option<RegionFraction>,
+    /// Porphyrin fraction of the pixels.
+    pub fraction: Option<Statistics>,
+    /// Standard error of one pixel's fraction: its statistics over the pixels.
+    pub fraction_standard_error: Option<Statistics>,
+    /// Distance of the pixels from the line in chromaticity.
+    pub distance: Option<Statistics>,
+    /// Pixels beyond an end of the line, counted as lying at that end.
+    pub clamped: usize,
+    /// Pixels farther beside the line than three standard errors.
+    pub off_line: usize,
+    /// Angle between the long axis of the pixel cloud and the line, degrees, 0 to 90.
+    pub angle_to_line_deg: Option<f64>,
+}
+
+/// What was measured on one frame.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Analysis {
+    /// Name of the frame.
+    pub frame: String,
+    /// The region in words.
+    pub region_description: String,
+    /// What was asked for.
+    pub settings: AnalysisSettings,
+    /// Least channel sum that counted as light, DN.
+    pub least_sum_dn: f64,
+    /// Pixels of the region with and without a chromaticity, by reason.
+    pub counts: ExclusionCounts,
+    /// Channel statistics over the unsaturated pixels.
+    pub channels: Vec<ChannelStatistics>,
+    /// Statistics of `r` over the valid pixels.
+    pub r: Option<Statistics>,
+    /// Statistics of `g` over the valid pixels.
+    pub g: Option<Statistics>,
+    /// Covariance of `(r, g)` over the valid pixels.
+    pub ellipse: Option<CovarianceEllipse>,
+    /// Predicted chromaticities.
+    pub fluorophores: Vec<PredictedFluorophore>,
+    /// The bulk-porphyrin line, where both ends are lit and apart.
+    pub mixture: Option<MixtureSummary>,
+    /// What a reader should know before trusting the numbers.
+    pub warnings: Vec<String>,
+}
+
+/// Why a frame cannot be analysed.
+#[derive(Clone, Debug, Error, PartialEq)]
+#[non_exhaustive]
+pub enum AnalysisError {
+    /// The region selects nothing.
+    #[error(transparent)]
+    Region(#[from] RegionError),
+    /// The image has no R, G or B.
+    #[error(transparent)]
+    Channel(#[from] MissingChannel),
+    /// The mixture model names a fluorophore without a response.
+    #[error(transparent)]
+    Mixture(#[from] MixtureError),
+    /// The reflected light is on an image of another size.
+    #[error(
+        "the image of reflected light has {} x {} pixels but the frame has {} x {}; develop both with the same sensor",
+        .reflected[0], .reflected[1], .frame[0], .frame[1]
+    )]
+    ReflectedSize {
+        /// Columns and rows of the reflected light.
+        reflected: [usize; 2],
+        /// Columns and rows of the frame.
+        frame: [usize; 2],
+    },
+}
+
+/// Measures a region of one developed frame. `scene` serves to find parts by name, `reflected` is known reflected light.
+///
+/// Returns the summary and the per-pixel maps it was made from. A line that cannot be drawn is a warning, not an error.
+///
+/// # Errors
+/// A region without pixels, an image without R, G and B, or a model that names an unknown fluorophore.
+pub fn analyse(
+    image: &ChannelImage,
+    scene: Option<&ComponentImage>,
+    model: Option<&MixtureModel>,
+    reflected: Option<&ChannelImage>,
+    settings: &AnalysisSettings,
+) -> Result<(Analysis, ChromaticityMap, Option<PorphyrinMap>), AnalysisError> {
+    if let Some(leak) = reflected.filter(|l| (l.width, l.height) != (image.width, image.height)) {
+        return Err(AnalysisError::ReflectedSize {
+            reflected: [leak.width, leak.height],
+            frame: [image.width, image.height],
+        });
+    }
+    let selection = settings.region.select(image.width, image.height, scene)?;
+    let map = ChromaticityMap::new(image, settings.noise_threshold)?;
+    let statistics = RegionStatistics::new(image, &map, &selection);
+    let mut warnings = exclusion_warnings(&statistics.counts);
+
+    let line =
+        match model.map(|m| MixtureLine::from_fluorophores(&m.responses, &m.bulk_weights, &m.porphyrin)) {
+            None => None,
+            Some(Ok(line)) => Some(line),
+            Some(Err(error @ MixtureError::UnknownFluorophore { .. })) => return Err(error.into()),
+            Some(Err(error)) => {
+                warnings.push(format!("No porphyrin fraction: {error}"));
+                None
+            }
+        };
+    let mut porphyrin = None;
+    let mut mixture = None;
+    if let Some(line) = &line {
+        let valid = |pixel| map.at(pixel).is_some();
+        let estimates = PorphyrinMap::new(image, valid, &selection, line, &settings.noise, reflected)?;
+        let mean = mean_pixel(image, &map, &selection, &settings.noise, reflected)?;
+        let summary = summarise(line, &estimates, mean, statistics.ellipse.as_ref());
+        if summary.off_line * 20 > statistics.counts.valid {
+            warnings.push(format!(
+                "{} of {} valid pixels lie beside the bulk-porphyrin line by more than noise explains. Their light holds \
+                 something else: reflected light, or another bulk than assumed. Their porphyrin fractions are biased.",
+                summary.off_line, statistics.counts.valid
+            ));
+        }
+        mixture = Some(summary);
+        porphyrin = Some(estimates);
+    }
+    let analysis = Analysis {
+        frame: image.label.clone(),
+        region_description: settings.region.describe(),
+        settings: settings.clone(),
+        least_sum_dn: map.least_sum_dn,
+        counts: statistics.counts,
+        channels: statistics
+            .channels
+            .into_iter()
+            .map(|(name, statistics)| ChannelStatistics { name, statistics })
+            .collect(),
+        r: statistics.r,
+        g: statistics.g,
+        ellipse: statistics.ellipse,
+        fluorophores: model.map(predicted).unwrap_or_default(),
+        mixture,
+        warnings,
+    };
+    Ok((analysis, map, porphyrin))
+}
+
+fn exclusion_warnings(counts: &ExclusionCounts) -> Vec<String> {
+    let total = counts.total();
+    let mut warnings = Vec::new();
+    let mut warn = |excluded: usize, reason: &str| {
+        // One pixel in a hundred is more than hot pixels and highlights explain.
+        if excluded * 100 > total {
+            let percent = 100.0 * excluded as f64 / total as f64;
+            warnings.push(format!("{percent:.0} % of the region's pixels are left out: {reason}"));
+        }
+    };
+    warn(counts.saturated, "saturated. Shorten the exposure or lower the gain.");
+    warn(counts.below_noise_floor, "their light is lost in dark noise. Lengthen the exposure or add light.");
+    warn(counts.undefined, "the sum of their channels is not positive: they are dark.");
+    warnings
+}
+
+fn predicted(model: &MixtureModel) -> Vec<PredictedFluorophore> {
+    let weight =
+        |name: &str| model.bulk_weights.iter().find(|(bulk, _)| bulk == name).map(|(_, weight)| *weight);
+    model
+        .responses
+        .iter()
+        .map(|response| PredictedFluorophore {
+            name: response.name.clone(),
+            chromaticity: response.chromaticity(),
+            sum_per_amount: response.rgb_per_amount.iter().sum(),
+            bulk_weight: weight(&response.name),
+        })
+        .collect()
+}
+
+/// Mean R, G, B of the valid pixels and the variance of that mean.
+fn mean_pixel(
+    image: &ChannelImage,
+    map: &ChromaticityMap,
+    selection: &PixelSelection,
+    noise: &ChannelNoise,
+    reflected: Option<&ChannelImage>,
+) -> Result<Option<[[f64; 3]; 2]>, MissingChannel> {
+    let channels = rgb_channels(image)?;
+    let reflected = reflected.map(|leak| rgb_channels(leak).map(|channels| (leak, channels))).transpose()?;
+    let (mut sum, mut variance, mut n) = ([0.0; 3], [0.0; 3], 0usize);
+    for &pixel in selection.pixels.iter().filter(|&&pixel| map.at(pixel).is_some()) {
+        let rgb = pixel_rgb(image, channels, pixel);
+        let leak = reflected.map_or([0.0; 3], |(leak, channels)| pixel_rgb(leak, channels, pixel));
+        for c in 0..3 {
+            sum[c] += rgb[c] - leak[c];
+            variance[c] += noise.variance(rgb[c]);
+        }
+        n += 1;
+    }
+    let n = n as f64;
+    Ok((n > 0.0).then(|| [sum.map(|s| s / n), variance.map(|v| v / (n * n))]))
+}
+
+fn summarise(
+    line: &MixtureLine,
+    map: &PorphyrinMap,
+    mean: Option<[[f64; 3]; 2]>,
+    ellipse: Option<&CovarianceEllipse>,
+) -> MixtureSummary {
+    let estimates: Vec<&LineEstimate> = map.estimates.iter().flatten().collect();
+    let statistics =
+        |value: fn(&LineEstimate) -> f64| Statistics::of(estimates.iter().map(|estimate| value(estimate)));
+    let (bulk, porphyrin) = (line.bulk_point(), line.porphyrin_point());
+    let line_deg = (porphyrin[1] - bulk[1]).atan2(porphyrin[0] - bulk[0]).to_degrees();
+    let angle = |ellipse: &CovarianceEllipse| {
+        let turn = (ellipse.angle_deg - line_deg).rem_euclid(180.0);
+        turn.min(180.0 - turn)
+    };
+    MixtureSummary {
+        bulk,
+        porphyrin,
+        length: line.length(),
+        region: mean.and_then(|[mean_rgb_dn, variance]| {
+            line.project(mean_rgb_dn, variance).map(|estimate| RegionFraction { mean_rgb_dn, estimate })
+        }),
+        fraction: statistics(|e| e.fraction),
+        fraction_standard_error: statistics(|e| e.fraction_standard_error),
+        distance: statistics(|e| e.distance),
+        clamped: estimates.iter().filter(|estimate| estimate.clamped).count(),
+        off_line: estimates.iter().filter(|estimate| estimate.is_off_line()).count(),
+        angle_to_line_deg: ellipse.map(angle),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::analysis::Rectangle;
+
+    fn model() -> MixtureModel {
+        let response = |name: &str, rgb_per_amount| FluorophoreResponse { name: name.into(), rgb_per_amount };
+        MixtureModel {
+            responses: vec![
+                response("elastin", [0.163, 0.412, 0.425]),
+                response("FAD", [0.189, 0.621, 0.19]),
+                response("porphyrins", [0.812, 0.135, 0.053]),
+            ],
+            bulk_weights: vec![("elastin".into(), 0.8), ("FAD".into(), 0.2)],
+            porphyrin: "porphyrins".into(),
+        }
+    }
+
+    fn settings() -> AnalysisSettings {
+        let noise = ChannelNoise { floor_dn: 2.0, dn_per_electron: 0.45, gain_spread: 0.0 };
+        AnalysisSettings::new(RegionOfInterest::whole_image(), noise)
+    }
+
+    /// Pixels whose porphyrin fraction grows from 0 to 40 % along the columns, without noise.
+    fn image(width: usize, light_dn: f64) -> ChannelImage {
+        let model = model();
+        let line =
+            MixtureLine::from_fluorophores(&model.responses, &model.bulk_weights, "porphyrins").unwrap();
+        let pixel = |col: usize| {
+            let fraction = 0.4 * col as f64 / (width - 1) as f64;
+            line.rgb((1.0 - fraction) * light_dn, fraction * light_dn).map(|v| v as f32)
+        };
+        ChannelImage {
+            width,
+            height: 1,
+            channels: ["R", "G", "B"].map(String::from).to_vec(),
+            data: (0..width).flat_map(pixel).collect(),
+            saturated: vec![false; width],
+            noise_floor_dn: 2.0,
+            full_scale_dn: 4000.0,
+            label: "blue".into(),
+        }
+    }
+
+    #[test]
+    fn a_noise_free_gradient_is_measured_as_it_was_made() {
+        let (analysis, _, map) =
+            analyse(&image(101, 1000.0), None, Some(&model()), None, &settings()).unwrap();
+        let mixture = analysis.mixture.unwrap();
+        // f32 pixel values: relative 6e-8.
+        assert!((mixture.fraction.unwrap().median - 0.2).abs() < 1e-6);
+        assert!((mixture.fraction.unwrap().max - 0.4).abs() < 1e-6);
+        assert!(mixture.distance.unwrap().max < 1e-6 && mixture.angle_to_line_deg.unwrap() < 1e-3);
+        assert!((mixture.region.unwrap().estimate.fraction - 0.2).abs() < 1e-6);
+        assert_eq!(analysis.counts.valid, 101);
+        assert_eq!(analysis.fluorophores[0].bulk_weight, Some(0.8));
+        assert_eq!(analysis.warnings, Vec::<String>::new());
+        assert!((map.unwrap().fractions()[100].unwrap() - 0.4).abs() < 1e-6);
+    }
+
+    #[test]
+    fn json_holds_no_nan_and_reads_back_even_without_light() {
+        for light_dn in [1000.0, 1.0, 0.0] {
+            let (analysis, ..) =
+                analyse(&image(3, light_dn), None, Some(&model()), None, &settings()).unwrap();
+            let json = serde_json::to_string(&analysis).unwrap();
+            let back: Analysis = serde_json::from_str(&json).unwrap();
+            assert_eq!(back, analysis, "{light_dn}");
+        }
+        let one_pixel = Rectangle { col: 0, row: 0, width: 1, height: 1 };
+        let settings = AnalysisSettings { region: RegionOfInterest::of_rectangle(one_pixel), ..settings() };
+        let (analysis, ..) = analyse(&image(3, 1000.0), None, None, None, &settings).unwrap();
+        let back: Analysis = serde_json::from_str(&serde_json::to_string(&analysis).unwrap()).unwrap();
+        assert_eq!(back, analysis);
+    }
+
+    #[test]
+    fn lost_pixels_are_warned_about() {
+        let mut image = image(100, 1000.0);
+        image.saturated[..30].fill(true);
+        let (analysis, ..) = analyse(&image, None, None, None, &settings()).unwrap();
+        assert_eq!(
+            analysis.warnings,
+            ["30 % of the region's pixels are left out: saturated. Shorten the exposure or lower the gain."]
+        );
+    }
+
+    #[test]
+    fn a_filter_that_blocks_the_porphyrin_costs_the_fraction_not_the_analysis() {
+        let mut model = model();
+        model.responses[2].rgb_per_amount = [0.0; 3];
+        let (analysis, _, map) = analyse(&image(5, 1000.0), None, Some(&model), None, &settings()).unwrap();
+        assert!(analysis.mixture.is_none() && map.is_none());
+        assert!(analysis.warnings[0].starts_with("No porphyrin fraction: the porphyrin response"));
+        assert_eq!(analysis.fluorophores[2].chromaticity, None);
+    }
+
+    #[test]
+    fn reflected_light_of_another_size_is_refused() {
+        let error =
+            analyse(&image(5, 9.0), None, None, Some(&image(4, 9.0)), &settings()).unwrap_err().to_string();
+        assert_eq!(
+            error,
+            "the image of reflected light has 4 x 1 pixels but the frame has 5 x 1; develop both with the same sensor"
+        );
+    }
+}

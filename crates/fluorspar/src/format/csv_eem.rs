@@ -1,0 +1,247 @@
+//! Excitation-emission matrices as tables.
+
+use std::path::Path;
+
+use super::FormatError;
+use super::axis::check_axis;
+use super::csv_table::{Negative, Table, shortened};
+
+/// What the values of an excitation-emission matrix count.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum EemUnit {
+    /// Photons out per photon in.
+    Photons,
+    /// Energy out per energy in.
+    Energy,
+    /// The source does not say. Whoever uses the matrix has to decide.
+    Unknown,
+}
+
+/// An excitation-emission matrix as stored in a file: neither normalised nor converted.
+#[derive(Clone, Debug, PartialEq)]
+pub struct EemTable {
+    /// Emission wavelength of each row, nm.
+    pub emission_nm: Vec<f64>,
+    /// Excitation wavelength of each column, nm.
+    pub excitation_nm: Vec<f64>,
+    /// Values, `[emission][excitation]`.
+    pub values: Vec<f64>,
+    /// What the values count.
+    pub unit: EemUnit,
+}
+
+/// What to do with values at emission wavelengths below the excitation.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum AntiStokes {
+    /// An error when one exceeds this fraction of the largest value.
+    Refuse(f64),
+    /// Taken as they are.
+    Keep,
+    /// Replaced by zero.
+    SetToZero,
+}
+
+/// How to read a matrix. The default refuses anti-Stokes values above 0.1 % of the peak, negative values and empty
+/// cells, and takes the unit from the file.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CsvEemOptions {
+    /// What the values count, where the file does not say.
+    pub unit: Option<EemUnit>,
+    /// What to do with values at emission wavelengths below the excitation.
+    pub anti_stokes: AntiStokes,
+    /// What to do with values below zero.
+    pub negative: Negative,
+    /// Take empty cells as zero instead of refusing them.
+    pub empty_as_zero: bool,
+}
+
+impl Default for CsvEemOptions {
+    fn default() -> Self {
+        Self {
+            unit: None,
+            anti_stokes: AntiStokes::Refuse(1e-3),
+            negative: Negative::Refuse,
+            empty_as_zero: false,
+        }
+    }
+}
+
+const CORNER: &str = "em_nm\\ex_nm";
+
+/// Reads a matrix: first line excitation wavelengths, first column emission wavelengths, both in nm, corner cell
+/// `em_nm\ex_nm`. The unit comes from a comment `# unit: photons` (or `energy`, `unknown`) or from the options.
+///
+/// # Errors
+/// Anything that is not such a table, with file and line.
+pub fn read_eem_csv(path: &Path, options: &CsvEemOptions) -> Result<EemTable, FormatError> {
+    let table = Table::read(path)?;
+    check_corner(path, &table)?;
+    let unit = unit(path, &table, options.unit)?;
+    let header_line = table.header.line;
+
+    let mut excitation_nm = Vec::with_capacity(table.header.cells.len());
+    for column in 1..table.header.cells.len() {
+        let wavelength = table.number(path, &table.header, column)?.ok_or_else(|| {
+            FormatError::at_line(
+                path,
+                header_line,
+                format!("excitation wavelength {column} is empty"),
+                "Give every column its excitation wavelength in nm",
+            )
+        })?;
+        excitation_nm.push(wavelength);
+    }
+    let mut emission_nm = Vec::with_capacity(table.rows.len());
+    for row in &table.rows {
+        let wavelength = table.number(path, row, 0)?.ok_or_else(|| {
+            FormatError::at_line(path, row.line, "the emission wavelength is empty", "Give it in nm")
+        })?;
+        emission_nm.push(wavelength);
+    }
+    check_axis(path, "the excitation", &excitation_nm, |_| Some(header_line))?;
+    check_axis(path, "the emission", &emission_nm, |index| Some(table.rows[index].line))?;
+    if excitation_nm.is_empty() {
+        return Err(FormatError::at_line(
+            path,
+            header_line,
+            "there is no excitation wavelength",
+            format!("Put them on the first line after \"{CORNER}\", separated by commas"),
+        ));
+    }
+
+    let mut values = Vec::with_capacity(emission_nm.len() * excitation_nm.len());
+    for row in &table.rows {
+        for column in 1..row.cells.len() {
+            let value = match table.number(path, row, column)? {
+                Some(value) => value,
+                None if options.empty_as_zero => 0.0,
+                None => {
+                    return Err(FormatError::at_line(
+                        path,
+                        row.line,
+                        format!("the cell at excitation {} nm is empty", excitation_nm[column - 1]),
+                        "Fill it, or take empty cells as zero on purpose",
+                    ));
+                }
+            };
+            values.push(table.checked_sign(path, row, column, value, options.negative)?);
+        }
+    }
+    let mut eem = EemTable { emission_nm, excitation_nm, values, unit };
+    check_stokes(path, &table, &mut eem, options.anti_stokes)?;
+    Ok(eem)
+}
+
+fn check_corner(path: &Path, table: &Table) -> Result<(), FormatError> {
+    let corner = table.header.cells[0].as_str();
+    let plain: String = corner.to_lowercase().chars().filter(|c| !c.is_whitespace()).collect();
+    if plain == CORNER {
+        return Ok(());
+    }
+    let (what, mend) = if plain == "ex_nm\\em_nm" {
+        (
+            "the corner cell is \"ex_nm\\em_nm\": rows are excitation".to_string(),
+            format!("Transpose the table so that rows are emission, and write \"{CORNER}\""),
+        )
+    } else if corner.is_empty() || corner.parse::<f64>().is_ok() {
+        (
+            "the corner cell is missing".to_string(),
+            format!(
+                "Write \"{CORNER}\" there: it says that rows are emission, columns excitation, both in nm"
+            ),
+        )
+    } else {
+        (
+            format!("the corner cell is \"{}\"", shortened(corner)),
+            format!("Write \"{CORNER}\" if rows are emission and columns excitation, both in nm"),
+        )
+    };
+    Err(FormatError::at_line(path, table.header.line, what, mend))
+}
+
+fn unit(path: &Path, table: &Table, given: Option<EemUnit>) -> Result<EemUnit, FormatError> {
+    let mut stated = None;
+    for (line, comment) in &table.comments {
+        let lower = comment.to_lowercase();
+        let Some(text) = lower.strip_prefix("unit:").or_else(|| lower.strip_prefix("units:")) else {
+            continue;
+        };
+        stated = Some(match text.trim() {
+            "photon" | "photons" | "quanta" => EemUnit::Photons,
+            "energy" => EemUnit::Energy,
+            "unknown" => EemUnit::Unknown,
+            other => {
+                return Err(FormatError::at_line(
+                    path,
+                    *line,
+                    format!("the unit \"{}\" is not known", shortened(other)),
+                    "Write \"# unit: photons\" or \"# unit: energy\"",
+                ));
+            }
+        });
+    }
+    match (stated, given) {
+        (Some(stated), Some(given)) if stated != given => Err(FormatError::unit(
+            path,
+            format!(
+                "the file says that its values count {}, but {} was asked for",
+                name(stated),
+                name(given)
+            ),
+            "Leave the choice to the file, or correct its comment",
+        )),
+        (Some(unit), _) | (None, Some(unit)) => Ok(unit),
+        (None, None) => Err(FormatError::unit(
+            path,
+            "nothing says whether the values count photons or energy (they differ by emission/excitation wavelength)",
+            "Add a line \"# unit: photons\" or \"# unit: energy\", or say so when reading",
+        )),
+    }
+}
+
+fn name(unit: EemUnit) -> &'static str {
+    match unit {
+        EemUnit::Photons => "photons",
+        EemUnit::Energy => "energy",
+        EemUnit::Unknown => "something unknown",
+    }
+}
+
+fn check_stokes(path: &Path, table: &Table, eem: &mut EemTable, rule: AntiStokes) -> Result<(), FormatError> {
+    let columns = eem.excitation_nm.len();
+    let (mut below, mut total, mut peak) = (0.0, 0.0, 0.0_f64);
+    for (row, &emission) in eem.emission_nm.iter().enumerate() {
+        for (column, &excitation) in eem.excitation_nm.iter().enumerate() {
+            let cell = &mut eem.values[row * columns + column];
+            let value = cell.abs();
+            total += value;
+            peak = peak.max(value);
+            if emission < excitation {
+                below += value;
+                if rule == AntiStokes::SetToZero {
+                    *cell = 0.0;
+                }
+            }
+        }
+    }
+    if rule != AntiStokes::Keep && below > 0.5 * total {
+        return Err(FormatError::Transposed { path: path.into(), percent: 100.0 * below / total });
+    }
+    let AntiStokes::Refuse(tolerance) = rule else { return Ok(()) };
+    for (row, &emission_nm) in eem.emission_nm.iter().enumerate() {
+        for (column, &excitation_nm) in eem.excitation_nm.iter().enumerate() {
+            let value = eem.values[row * columns + column];
+            if emission_nm < excitation_nm && value.abs() > tolerance * peak {
+                return Err(FormatError::AntiStokes {
+                    path: path.into(),
+                    line: Some(table.rows[row].line),
+                    emission_nm,
+                    excitation_nm,
+                    value,
+                    percent_of_peak: 100.0 * value / peak,
+                });
+            }
+        }
+    }
+    Ok(())
+}

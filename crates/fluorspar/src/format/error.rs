@@ -1,0 +1,171 @@
+//! What can go wrong with a file, said so that the file can be mended.
+
+use std::fmt;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use thiserror::Error;
+
+/// Why a file can't be read or written. Every message names the file, the place where known, and what to do.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum FormatError {
+    /// The operating system refused.
+    #[error("{}: can't {action} it: {source}.{}", path.display(), io_advice(source))]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// "read", "create", "write" or "rename".
+        action: &'static str,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// The content breaks the rules of its format or of this program.
+    #[error("{}{}: {what}. {mend}", path.display(), Place(*line))]
+    Malformed {
+        /// The file.
+        path: PathBuf,
+        /// Line of a text file, from 1.
+        line: Option<u64>,
+        /// What is wrong.
+        what: String,
+        /// What to do about it.
+        mend: String,
+    },
+    /// The content is well-formed but of a kind that is not read here.
+    #[error("{}: {what}. {mend}", path.display())]
+    Unsupported {
+        /// The file.
+        path: PathBuf,
+        /// What was met.
+        what: String,
+        /// What to do about it.
+        mend: String,
+    },
+    /// The file asks for more memory than any sensible file.
+    #[error(
+        "{}: {what}; at most {limit} is read. The file is damaged or meant for something else", path.display()
+    )]
+    TooLarge {
+        /// The file.
+        path: PathBuf,
+        /// What is too large, with its size.
+        what: String,
+        /// The limit, with its unit.
+        limit: String,
+    },
+    /// The unit of the values is missing or not the wanted one.
+    #[error("{}: {what}. {mend}", path.display())]
+    Unit {
+        /// The file.
+        path: PathBuf,
+        /// What was found and what was expected.
+        what: String,
+        /// What to do about it.
+        mend: String,
+    },
+    /// Most of an excitation-emission matrix lies at emission wavelengths below its excitation.
+    #[error(
+        "{}: {percent:.0} % of the matrix lies at emission wavelengths below the excitation. \
+         Rows are emission, columns are excitation: is the table transposed?", path.display()
+    )]
+    Transposed {
+        /// The file.
+        path: PathBuf,
+        /// Share of the sum of all values, %.
+        percent: f64,
+    },
+    /// One value of an excitation-emission matrix lies below its excitation.
+    #[error(
+        "{}{}: emission at {emission_nm} nm is below its excitation at {excitation_nm} nm but holds {value} \
+         ({percent_of_peak:.2} % of the peak). Remove scattered light, set such cells to 0 or allow anti-Stokes values",
+        path.display(), Place(*line)
+    )]
+    AntiStokes {
+        /// The file.
+        path: PathBuf,
+        /// Line, from 1.
+        line: Option<u64>,
+        /// Emission wavelength, nm.
+        emission_nm: f64,
+        /// Excitation wavelength, nm.
+        excitation_nm: f64,
+        /// The value.
+        value: f64,
+        /// The value relative to the largest one, %.
+        percent_of_peak: f64,
+    },
+    /// What was to be written can't be: nothing was created.
+    #[error("{}: nothing was written: {what}. {mend}", path.display())]
+    Unwritable {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with the data.
+        what: String,
+        /// What to do about it.
+        mend: String,
+    },
+}
+
+impl FormatError {
+    /// The file that the error is about.
+    pub fn path(&self) -> &Path {
+        match self {
+            Self::Io { path, .. }
+            | Self::Malformed { path, .. }
+            | Self::Unsupported { path, .. }
+            | Self::TooLarge { path, .. }
+            | Self::Unit { path, .. }
+            | Self::Transposed { path, .. }
+            | Self::AntiStokes { path, .. }
+            | Self::Unwritable { path, .. } => path,
+        }
+    }
+
+    pub(super) fn io(path: &Path, action: &'static str, source: io::Error) -> Self {
+        Self::Io { path: path.into(), action, source }
+    }
+
+    pub(super) fn malformed(path: &Path, what: impl Into<String>, mend: impl Into<String>) -> Self {
+        Self::Malformed { path: path.into(), line: None, what: what.into(), mend: mend.into() }
+    }
+
+    pub(super) fn at_line(path: &Path, line: u64, what: impl Into<String>, mend: impl Into<String>) -> Self {
+        Self::Malformed { path: path.into(), line: Some(line), what: what.into(), mend: mend.into() }
+    }
+
+    pub(super) fn unsupported(path: &Path, what: impl Into<String>, mend: impl Into<String>) -> Self {
+        Self::Unsupported { path: path.into(), what: what.into(), mend: mend.into() }
+    }
+
+    pub(super) fn unit(path: &Path, what: impl Into<String>, mend: impl Into<String>) -> Self {
+        Self::Unit { path: path.into(), what: what.into(), mend: mend.into() }
+    }
+
+    pub(super) fn too_large(path: &Path, what: impl Into<String>, limit: impl Into<String>) -> Self {
+        Self::TooLarge { path: path.into(), what: what.into(), limit: limit.into() }
+    }
+
+    pub(super) fn unwritable(path: &Path, what: impl Into<String>, mend: impl Into<String>) -> Self {
+        Self::Unwritable { path: path.into(), what: what.into(), mend: mend.into() }
+    }
+}
+
+/// `:LINE` after a path, or nothing.
+struct Place(Option<u64>);
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.map_or(Ok(()), |line| write!(f, ":{line}"))
+    }
+}
+
+fn io_advice(error: &io::Error) -> &'static str {
+    match error.kind() {
+        io::ErrorKind::NotFound => " Check the path and its folder",
+        io::ErrorKind::PermissionDenied => " Check who may use the file and its folder",
+        io::ErrorKind::StorageFull => " Free some disk space",
+        io::ErrorKind::IsADirectory => " It is a folder: name a file",
+        _ => " Check the disk and the path",
+    }
+}

@@ -1,0 +1,367 @@
+//! Writing spectral and component images.
+
+use std::fs::File;
+use std::io::{self, BufWriter, Read, Seek, SeekFrom, Write};
+use std::path::Path;
+
+use exr::block::lines::LineRefMut;
+use exr::image::write::samples::{SamplesWriter, WritableSamples};
+use exr::math::{RoundingMode, Vec2};
+use exr::meta::attribute::{AttributeValue, LevelMode, SampleType, Text};
+use exr::meta::header::{ImageAttributes, LayerAttributes};
+use exr::prelude::{
+    AnyChannel, AnyChannels, Blocks, Compression, Encoding, Image, IntegerBounds, Layer, LineOrder, SmallVec,
+    WritableImage,
+};
+
+use super::{
+    COMPONENT, EDGES, FEATURES, LAYOUT_VERSION, PARTS, PREVIEW, PROVENANCE, QUANTITY, SAMPLES, UNITS,
+    layout_unit,
+};
+use crate::format::file::{check_image_size, write_atomically};
+use crate::format::{FormatError, Provenance};
+use crate::image::{ComponentImage, SpectralImage};
+use crate::spectral::{Quantity, Radiance, WavelengthGrid};
+
+/// How pixels are packed; nothing is lost either way.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ExrCompression {
+    /// Not at all: fastest, largest.
+    Uncompressed,
+    /// Deflate over blocks of 16 rows.
+    #[default]
+    Zip,
+}
+
+/// What else goes into an OpenEXR file.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct ExrOptions<'a> {
+    /// How pixels are packed.
+    pub compression: ExrCompression,
+    /// Linear R, G, B of every pixel, `[row, col]`, shown by viewers that know no wavelengths.
+    pub preview: Option<&'a [[f32; 3]]>,
+    /// Where the image comes from.
+    pub provenance: Option<&'a Provenance>,
+}
+
+/// Writes a spectral image; see the [module](super) for the layout.
+///
+/// # Errors
+/// When the preview does not fit, two bands share a wavelength to 1e-6 nm, or the file can't be written.
+pub fn write_spectral_exr<Q: Quantity>(
+    path: &Path,
+    image: &SpectralImage<Q>,
+    options: &ExrOptions<'_>,
+) -> Result<(), FormatError> {
+    let size = (image.width(), image.height());
+    check(path, size, image.grid(), image.data().len(), 1, options)?;
+    let mut planes = band_planes::<Q>(image.grid(), image.data(), size.0);
+    if let Some(preview) = options.preview {
+        planes.extend(preview_planes(preview, size.0));
+    }
+    let mut part = Part { name: None, planes, attributes: spectral_attributes::<Q>(image.grid()) };
+    part.add_provenance(options.provenance);
+    write_parts(path, size, vec![part], options.compression)
+}
+
+/// Writes a component image with its feature maps; see the [module](super) for the layout.
+///
+/// # Errors
+/// When the data do not fill the image, two components share a label, or the file can't be written.
+pub fn write_component_exr(
+    path: &Path,
+    image: &ComponentImage,
+    options: &ExrOptions<'_>,
+) -> Result<(), FormatError> {
+    let size = (image.width, image.height);
+    check(path, size, &image.grid, image.data.len(), image.components.len(), options)?;
+    if image.components.is_empty() {
+        return Err(FormatError::unwritable(path, "the image has no component", "Render at least one"));
+    }
+    let mut parts = Vec::new();
+    if let Some(preview) = options.preview {
+        let planes = preview_planes(preview, size.0).to_vec();
+        parts.push(Part { name: Some(PREVIEW.into()), planes, attributes: Vec::new() });
+    }
+    for (index, component) in image.components.iter().enumerate() {
+        let name = component.label();
+        if parts.iter().any(|part| part.name.as_ref() == Some(&name)) {
+            return Err(FormatError::unwritable(
+                path,
+                format!("two components are called \"{name}\""),
+                "Give light groups and fluorophores names of their own",
+            ));
+        }
+        let planes = band_planes::<Radiance>(&image.grid, image.component(index), size.0);
+        let mut attributes = spectral_attributes::<Radiance>(&image.grid);
+        attributes.push((COMPONENT, text(&json(component))));
+        attributes.push((SAMPLES, text(&image.samples_per_pixel.to_string())));
+        parts.push(Part { name: Some(name), planes, attributes });
+    }
+    parts.extend(features_part(path, image)?);
+    parts[0].add_provenance(options.provenance);
+    write_parts(path, size, parts, options.compression)
+}
+
+fn features_part<'a>(path: &Path, image: &'a ComponentImage) -> Result<Option<Part<'a>>, FormatError> {
+    let (features, width) = (&image.features, image.width);
+    let pixels = width * image.height;
+    let lengths = [features.depth_m.len(), features.normal.len(), features.part.len(), features.uv.len()];
+    if let Some(length) = lengths.iter().find(|&&length| length != 0 && length != pixels) {
+        return Err(FormatError::unwritable(
+            path,
+            format!("a feature map holds {length} values for {pixels} pixels"),
+            "Give one per pixel or none",
+        ));
+    }
+    let mut planes = Vec::new();
+    let plane =
+        |name: &str, values, offset, stride| Plane { name: name.into(), values, offset, stride, width };
+    if !features.depth_m.is_empty() {
+        planes.push(plane("Z", Values::F32(&features.depth_m), 0, 1));
+    }
+    if !features.normal.is_empty() {
+        let values = features.normal.as_flattened();
+        planes.extend((0..3).map(|i| plane(["N.X", "N.Y", "N.Z"][i], Values::F32(values), i, 3)));
+    }
+    if !features.part.is_empty() {
+        planes.push(plane("id", Values::U16(&features.part), 0, 1));
+    }
+    if !features.uv.is_empty() {
+        let values = features.uv.as_flattened();
+        planes.extend((0..2).map(|i| plane(["U", "V"][i], Values::F32(values), i, 2)));
+    }
+    if planes.is_empty() {
+        return Ok(None);
+    }
+    let names = json(&(&features.part_names, &features.material_names));
+    Ok(Some(Part { name: Some(FEATURES.into()), planes, attributes: vec![(PARTS, text(&names))] }))
+}
+
+fn check(
+    path: &Path,
+    (width, height): (usize, usize),
+    grid: &WavelengthGrid,
+    values: usize,
+    components: usize,
+    options: &ExrOptions<'_>,
+) -> Result<(), FormatError> {
+    let refuse = |what: String, mend: &str| Err(FormatError::unwritable(path, what, mend));
+    if check_image_size(path, width as u64, height as u64, 1).is_err() {
+        return refuse(format!("an image can't have {height} rows and {width} columns"), "Give 1 to 100000");
+    }
+    if values != width * height * grid.len() * components {
+        return refuse(
+            format!(
+                "{values} values do not fill {components} image(s) of {height} x {width} x {}",
+                grid.len()
+            ),
+            "Give one value per component, row, column and band",
+        );
+    }
+    if let Some(preview) = options.preview
+        && preview.len() != width * height
+    {
+        return refuse(
+            format!("the preview has {} pixels for {height} rows and {width} columns", preview.len()),
+            "Give one R, G, B per pixel",
+        );
+    }
+    if grid.centers_nm().windows(2).any(|pair| channel_name("S0", pair[0]) == channel_name("S0", pair[1])) {
+        return refuse("two bands share one wavelength to 1e-6 nm".into(), "Use wider bins");
+    }
+    Ok(())
+}
+
+fn channel_name(prefix: &str, nm: f64) -> String {
+    format!("{prefix}.{}nm", format!("{nm:.6}").replace('.', ","))
+}
+
+/// Where the samples of one channel lie in memory: nothing is copied before the rows are compressed.
+#[derive(Clone)]
+struct Plane<'a> {
+    name: String,
+    values: Values<'a>,
+    offset: usize,
+    stride: usize,
+    width: usize,
+}
+
+#[derive(Clone, Copy)]
+enum Values<'a> {
+    F32(&'a [f32]),
+    U16(&'a [u16]),
+}
+
+impl<'a> WritableSamples<'_> for Plane<'a> {
+    type Writer = Plane<'a>;
+
+    fn sample_type(&self) -> SampleType {
+        match self.values {
+            Values::F32(_) => SampleType::F32,
+            Values::U16(_) => SampleType::U32,
+        }
+    }
+
+    fn infer_level_modes(&self) -> (LevelMode, RoundingMode) {
+        (LevelMode::Singular, RoundingMode::Down)
+    }
+
+    fn create_samples_writer(&self, _: &exr::meta::header::Header) -> Plane<'a> {
+        self.clone()
+    }
+}
+
+impl SamplesWriter for Plane<'_> {
+    fn extract_line(&self, line: LineRefMut<'_>) {
+        let Vec2(col, row) = line.location.position;
+        let at = |i: usize| self.offset + (row * self.width + col + i) * self.stride;
+        // Writing into memory of the right size can't fail.
+        let _ = match self.values {
+            Values::F32(values) => line.write_samples(|i| values[at(i)]),
+            Values::U16(values) => line.write_samples(|i| u32::from(values[at(i)])),
+        };
+    }
+}
+
+struct Part<'a> {
+    name: Option<String>,
+    planes: Vec<Plane<'a>>,
+    attributes: Vec<(&'static str, AttributeValue)>,
+}
+
+impl Part<'_> {
+    fn add_provenance(&mut self, provenance: Option<&Provenance>) {
+        self.attributes.extend(provenance.map(|p| (PROVENANCE, text(&json(p)))));
+    }
+}
+
+fn band_planes<'a, Q: Quantity>(grid: &WavelengthGrid, data: &'a [f32], width: usize) -> Vec<Plane<'a>> {
+    let prefix = if layout_unit(Q::UNIT).is_some() { "S0" } else { "T" };
+    let stride = grid.len();
+    let plane = |band| Plane {
+        name: channel_name(prefix, grid.center_nm(band)),
+        values: Values::F32(data),
+        offset: band,
+        stride,
+        width,
+    };
+    (0..stride).map(plane).collect()
+}
+
+fn preview_planes(preview: &[[f32; 3]], width: usize) -> [Plane<'_>; 3] {
+    let values = Values::F32(preview.as_flattened());
+    ["R", "G", "B"].map(|name| {
+        let offset = usize::from(name == "G") + 2 * usize::from(name == "B");
+        Plane { name: name.into(), values, offset, stride: 3, width }
+    })
+}
+
+fn spectral_attributes<Q: Quantity>(grid: &WavelengthGrid) -> Vec<(&'static str, AttributeValue)> {
+    let edges: Vec<String> = grid.edges_nm().iter().map(f64::to_string).collect();
+    let mut attributes =
+        vec![(LAYOUT_VERSION, text("1.0")), (QUANTITY, text(Q::NAME)), (EDGES, text(&edges.join(",")))];
+    attributes.extend(layout_unit(Q::UNIT).map(|unit| (UNITS, text(&unit))));
+    attributes
+}
+
+fn text(value: &str) -> AttributeValue {
+    AttributeValue::Text(Text::from_slice_unchecked(value.as_bytes()))
+}
+
+/// JSON of plain data, which can't fail.
+fn json(value: &impl serde::Serialize) -> String {
+    serde_json::to_string(value).unwrap_or_default()
+}
+
+fn write_parts(
+    path: &Path,
+    size: (usize, usize),
+    parts: Vec<Part<'_>>,
+    compression: ExrCompression,
+) -> Result<(), FormatError> {
+    let encoding = Encoding {
+        compression: match compression {
+            ExrCompression::Uncompressed => Compression::Uncompressed,
+            ExrCompression::Zip => Compression::ZIP16,
+        },
+        blocks: Blocks::ScanLines,
+        line_order: LineOrder::Increasing,
+    };
+    let layers: SmallVec<[_; 2]> = parts
+        .into_iter()
+        .map(|part| {
+            let channels: SmallVec<[_; 4]> = part
+                .planes
+                .into_iter()
+                .map(|plane| AnyChannel {
+                    name: Text::from_slice_unchecked(plane.name.as_bytes()),
+                    sample_data: plane,
+                    quantize_linearly: false,
+                    sampling: Vec2(1, 1),
+                })
+                .collect();
+            let mut attributes = LayerAttributes::default();
+            attributes.layer_name = part.name.map(|name| Text::from_slice_unchecked(name.as_bytes()));
+            attributes.other =
+                part.attributes.into_iter().map(|(name, value)| (Text::from(name), value)).collect();
+            Layer::new(size, attributes, encoding, AnyChannels::sort(channels))
+        })
+        .collect();
+    let bounds = IntegerBounds::from_dimensions(size);
+    let image = Image::from_layers(ImageAttributes::new(bounds), layers);
+    write_atomically(path, |writer| {
+        image.write().to_buffered(&mut *writer).map_err(|error| match error {
+            exr::error::Error::Io(source) => source,
+            other => io::Error::other(other),
+        })?;
+        sort_attributes(writer)
+    })
+}
+
+/// Sorts the attributes of every header by name, as the reference library does: the encoder keeps them in a hash
+/// map, and equal runs must give equal bytes.
+fn sort_attributes(writer: &mut BufWriter<File>) -> io::Result<()> {
+    writer.flush()?;
+    let file = writer.get_mut();
+    file.seek(SeekFrom::Start(0))?;
+    let mut reader = io::BufReader::new(&mut *file);
+    let mut start = [0; 8];
+    reader.read_exact(&mut start)?;
+    let multi_part = start[5] & 0x10 != 0;
+    let mut sorted = Vec::new();
+    loop {
+        let mut attributes: Vec<Vec<u8>> = Vec::new();
+        loop {
+            let mut attribute = Vec::new();
+            read_until_zero(&mut reader, &mut attribute)?;
+            if attribute.len() == 1 {
+                break;
+            }
+            read_until_zero(&mut reader, &mut attribute)?;
+            let mut size = [0; 4];
+            reader.read_exact(&mut size)?;
+            attribute.extend(size);
+            (&mut reader).take(u64::from(u32::from_le_bytes(size))).read_to_end(&mut attribute)?;
+            attributes.push(attribute);
+        }
+        let last_part = attributes.is_empty();
+        attributes.sort();
+        sorted.extend(attributes.into_iter().flatten());
+        sorted.push(0);
+        if last_part || !multi_part {
+            break;
+        }
+    }
+    file.seek(SeekFrom::Start(start.len() as u64))?;
+    file.write_all(&sorted)?;
+    file.seek(SeekFrom::End(0)).map(|_| ())
+}
+
+/// Appends bytes up to and including the next zero.
+fn read_until_zero(reader: &mut impl io::BufRead, bytes: &mut Vec<u8>) -> io::Result<()> {
+    match reader.read_until(0, bytes)? {
+        0 => Err(io::ErrorKind::UnexpectedEof.into()),
+        _ => Ok(()),
+    }
+}

@@ -1,0 +1,189 @@
+//! Bounded reading and all-or-nothing writing.
+
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, BufWriter, Read, Write};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::{Path, PathBuf};
+use std::process;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use sha2::{Digest, Sha256};
+
+use super::FormatError;
+
+/// Most bytes an image may take in memory.
+pub(super) const MAX_IMAGE_BYTES: u64 = 1 << 33;
+/// Longest side of an image, pixels.
+pub(super) const MAX_SIDE: u64 = 100_000;
+/// Largest table or text file, bytes.
+pub(super) const MAX_TEXT_BYTES: u64 = 256 << 20;
+/// Largest mesh file, bytes.
+pub(super) const MAX_MESH_BYTES: u64 = 4 << 30;
+
+/// Writes a file completely or not at all.
+///
+/// `write` fills a temporary file beside `path`, which is renamed into place when all went well. On an error, or
+/// if `write` panics, the temporary file is removed and whatever stood at `path` before is untouched.
+///
+/// # Errors
+/// Whatever the system or `write` reports.
+pub fn write_atomically(
+    path: &Path,
+    write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>,
+) -> Result<(), FormatError> {
+    static NEXT: AtomicU64 = AtomicU64::new(0);
+    if path.file_name().is_none() {
+        return Err(FormatError::unwritable(path, "the path names no file", "Add a file name"));
+    }
+    let number = NEXT.fetch_add(1, Ordering::Relaxed);
+    let partial = path.with_file_name(format!(".fluorspar-{}-{number}.partial", process::id()));
+    let partial = RemovedOnDrop(partial);
+
+    let file = OpenOptions::new()
+        .read(true)
+        .write(true)
+        .create_new(true)
+        .open(&partial.0)
+        .map_err(|source| FormatError::io(path, "create", source))?;
+    let mut writer = BufWriter::with_capacity(1 << 18, file);
+    write(&mut writer)
+        .and_then(|()| writer.flush())
+        .map_err(|source| FormatError::io(path, "write", source))?;
+    drop(writer);
+    fs::rename(&partial.0, path)
+        .map_err(|source| FormatError::io(path, "rename the finished file to", source))
+}
+
+/// Removes its file when it goes out of scope; after a rename there is nothing left to remove.
+struct RemovedOnDrop(PathBuf);
+
+impl Drop for RemovedOnDrop {
+    fn drop(&mut self) {
+        let _ = fs::remove_file(&self.0);
+    }
+}
+
+/// The whole file, refused above `limit` bytes.
+pub(super) fn read_file(path: &Path, limit: u64) -> Result<Vec<u8>, FormatError> {
+    let failed = |source| FormatError::io(path, "read", source);
+    let file = File::open(path).map_err(failed)?;
+    let length = file.metadata().map_err(failed)?.len();
+    let mut bytes = Vec::new();
+    if length <= limit {
+        bytes.reserve_exact(length as usize);
+        file.take(limit + 1).read_to_end(&mut bytes).map_err(failed)?;
+    }
+    if length > limit || bytes.len() as u64 > limit {
+        let size = length.max(bytes.len() as u64);
+        return Err(FormatError::too_large(
+            path,
+            format!("the file has {size} bytes"),
+            format!("{limit} bytes"),
+        ));
+    }
+    if bytes.is_empty() {
+        return Err(FormatError::malformed(path, "the file is empty", "Was it copied completely?"));
+    }
+    Ok(bytes)
+}
+
+/// Text as UTF-8, without byte order mark.
+pub(super) fn as_text<'a>(path: &Path, bytes: &'a [u8]) -> Result<&'a str, FormatError> {
+    let bytes = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes);
+    if bytes.starts_with(b"\xFF\xFE") || bytes.starts_with(b"\xFE\xFF") {
+        return Err(FormatError::malformed(path, "the text is UTF-16", "Save it as UTF-8"));
+    }
+    std::str::from_utf8(bytes).map_err(|error| {
+        let line = 1 + bytes[..error.valid_up_to()].iter().filter(|&&b| b == b'\n').count();
+        FormatError::at_line(path, line as u64, "this is not UTF-8 text", "Save the file as plain UTF-8 text")
+    })
+}
+
+/// Refuses images that no camera takes, before anything is allocated for them.
+pub(super) fn check_image_size(
+    path: &Path,
+    width: u64,
+    height: u64,
+    bytes_per_pixel: u64,
+) -> Result<(), FormatError> {
+    if width == 0 || height == 0 {
+        return Err(FormatError::malformed(
+            path,
+            format!("the image has {height} rows and {width} columns"),
+            "An image needs at least one pixel",
+        ));
+    }
+    if width > MAX_SIDE || height > MAX_SIDE {
+        return Err(FormatError::too_large(
+            path,
+            format!("the image claims {height} rows and {width} columns"),
+            format!("{MAX_SIDE} a side"),
+        ));
+    }
+    let bytes = u128::from(width) * u128::from(height) * u128::from(bytes_per_pixel);
+    if bytes > u128::from(MAX_IMAGE_BYTES) {
+        return Err(FormatError::too_large(
+            path,
+            format!("the image claims {height} rows and {width} columns of {bytes_per_pixel} bytes"),
+            format!("{MAX_IMAGE_BYTES} bytes"),
+        ));
+    }
+    Ok(())
+}
+
+/// SHA-256 of blocks of bytes, lower-case hexadecimal.
+pub(super) fn sha256_hex(blocks: impl IntoIterator<Item = impl AsRef<[u8]>>) -> String {
+    let mut hash = Sha256::new();
+    for block in blocks {
+        hash.update(block);
+    }
+    hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+/// Turns a panic of a third-party decoder, which only damaged files provoke, into an error.
+pub(super) fn guarded<T>(
+    path: &Path,
+    format: &str,
+    decode: impl FnOnce() -> Result<T, FormatError>,
+) -> Result<T, FormatError> {
+    catch_unwind(AssertUnwindSafe(decode)).unwrap_or_else(|_| {
+        Err(FormatError::malformed(
+            path,
+            format!("the {format} data are damaged so badly that the decoder gave up"),
+            "Copy or export the file again",
+        ))
+    })
+}
+
+/// The sidecar of a data file: `NAME.json` beside `NAME`.
+pub(super) fn sidecar_path(path: &Path) -> PathBuf {
+    let mut name = path.as_os_str().to_os_string();
+    name.push(".json");
+    name.into()
+}
+
+/// Reads a JSON sidecar.
+pub(super) fn read_sidecar<T: serde::de::DeserializeOwned>(data_path: &Path) -> Result<T, FormatError> {
+    let path = sidecar_path(data_path);
+    if !path.exists() {
+        return Err(FormatError::malformed(
+            data_path,
+            format!("its description {} is missing", path.display()),
+            "Keep the two files together; without it neither units nor exposure are known",
+        ));
+    }
+    let bytes = read_file(&path, MAX_TEXT_BYTES)?;
+    serde_json::from_slice(&bytes).map_err(|error| {
+        let text = error.to_string();
+        let what = text.split(" at line ").next().unwrap_or(&text).to_string();
+        FormatError::at_line(&path, error.line() as u64, what, "Restore the file as it was written")
+    })
+}
+
+/// Writes a JSON sidecar.
+pub(super) fn write_sidecar(data_path: &Path, content: &impl serde::Serialize) -> Result<(), FormatError> {
+    write_atomically(&sidecar_path(data_path), |writer| {
+        serde_json::to_writer_pretty(&mut *writer, content)?;
+        writer.write_all(b"\n")
+    })
+}

@@ -1,0 +1,145 @@
+//! PNG pictures: previews out, textures in.
+
+use std::fs::File;
+use std::io::{self, BufReader};
+use std::path::Path;
+
+use png::{BitDepth, ColorType};
+
+use super::FormatError;
+use super::file::{MAX_IMAGE_BYTES, check_image_size, guarded, write_atomically};
+
+/// How stored numbers relate to light.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Transfer {
+    /// Proportionally.
+    Linear,
+    /// By the sRGB curve (IEC 61966-2-1): photographs and painted colours.
+    Srgb,
+}
+
+/// A texture: values between 0 and 1, proportional to light, `[row, col, channel]`, rows from the top.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TextureImage {
+    /// Columns.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// 1 grey, 2 grey and alpha, 3 RGB, 4 RGB and alpha.
+    pub channels: usize,
+    /// Values.
+    pub data: Vec<f32>,
+}
+
+/// Writes an 8-bit RGB picture from `[row, col, channel]`, rows from the top. The numbers are stored as they are.
+///
+/// # Errors
+/// When the data do not fill the picture or the file can't be written.
+pub fn write_rgb_png(path: &Path, width: usize, height: usize, rgb: &[u8]) -> Result<(), FormatError> {
+    if width.checked_mul(height).and_then(|n| n.checked_mul(3)) != Some(rgb.len()) {
+        return Err(FormatError::unwritable(
+            path,
+            format!("{} numbers do not fill {height} rows and {width} columns of R, G, B", rgb.len()),
+            "Give three numbers per pixel",
+        ));
+    }
+    write_png(path, width, height, ColorType::Rgb, BitDepth::Eight, rgb)
+}
+
+pub(super) fn write_png(
+    path: &Path,
+    width: usize,
+    height: usize,
+    color: ColorType,
+    depth: BitDepth,
+    bytes: &[u8],
+) -> Result<(), FormatError> {
+    check_image_size(path, width as u64, height as u64, 1).map_err(|_| {
+        FormatError::unwritable(
+            path,
+            format!("a picture can't have {height} rows and {width} columns"),
+            "Give 1 to 100000 rows and columns",
+        )
+    })?;
+    write_atomically(path, |writer| {
+        let mut encoder = png::Encoder::new(writer, width as u32, height as u32);
+        encoder.set_color(color);
+        encoder.set_depth(depth);
+        let mut writer = encoder.write_header().map_err(io::Error::from)?;
+        writer.write_image_data(bytes).map_err(io::Error::from)?;
+        writer.finish().map_err(io::Error::from)
+    })
+}
+
+/// Pixels of a PNG as stored, with palettes expanded.
+pub(super) struct RawPng {
+    pub(super) width: usize,
+    pub(super) height: usize,
+    pub(super) color: ColorType,
+    pub(super) depth: BitDepth,
+    pub(super) bytes: Vec<u8>,
+}
+
+pub(super) fn read_png(path: &Path) -> Result<RawPng, FormatError> {
+    let file = File::open(path).map_err(|source| FormatError::io(path, "read", source))?;
+    guarded(path, "PNG", || {
+        let damaged = |error: png::DecodingError| match error {
+            png::DecodingError::IoError(source) if source.kind() != io::ErrorKind::UnexpectedEof => {
+                FormatError::io(path, "read", source)
+            }
+            error => FormatError::malformed(
+                path,
+                format!("this is not an intact PNG: {error}"),
+                "Export the picture again",
+            ),
+        };
+        let limits = png::Limits { bytes: MAX_IMAGE_BYTES as usize };
+        let mut decoder = png::Decoder::new_with_limits(BufReader::new(file), limits);
+        decoder.set_transformations(png::Transformations::EXPAND);
+        decoder.set_ignore_text_chunk(true);
+        decoder.set_ignore_iccp_chunk(true);
+        let mut reader = decoder.read_info().map_err(damaged)?;
+        let (width, height) = reader.info().size();
+        let (color, depth) = reader.output_color_type();
+        let bytes_per_pixel = color.samples() as u64 * if depth == BitDepth::Sixteen { 2 } else { 1 };
+        check_image_size(path, u64::from(width), u64::from(height), bytes_per_pixel)?;
+        let size = reader.output_buffer_size().unwrap_or(0);
+        let mut bytes = vec![0; size];
+        let frame = reader.next_frame(&mut bytes).map_err(damaged)?;
+        bytes.truncate(frame.buffer_size());
+        Ok(RawPng { width: width as usize, height: height as usize, color, depth, bytes })
+    })
+}
+
+/// Reads an 8- or 16-bit grey or RGB picture, with or without alpha, as values proportional to light. Alpha is
+/// never decoded: it is a fraction. Embedded colour profiles are ignored: `transfer` decides.
+///
+/// # Errors
+/// A file that is not an intact PNG, or one too large.
+pub fn read_texture_png(path: &Path, transfer: Transfer) -> Result<TextureImage, FormatError> {
+    let raw = read_png(path)?;
+    let channels = raw.color.samples();
+    let mut data: Vec<f32> = match raw.depth {
+        BitDepth::Sixteen => raw
+            .bytes
+            .chunks_exact(2)
+            .map(|pair| f32::from(u16::from_be_bytes([pair[0], pair[1]])) / 65535.0)
+            .collect(),
+        _ => raw.bytes.iter().map(|&byte| f32::from(byte) / 255.0).collect(),
+    };
+    if transfer == Transfer::Srgb {
+        let has_alpha = matches!(raw.color, ColorType::GrayscaleAlpha | ColorType::Rgba);
+        let colours = channels - usize::from(has_alpha);
+        for pixel in data.chunks_exact_mut(channels) {
+            for value in &mut pixel[..colours] {
+                *value = srgb_to_linear(*value);
+            }
+        }
+    }
+    Ok(TextureImage { width: raw.width, height: raw.height, channels, data })
+}
+
+/// sRGB decoding: `v/12.92` below 0.04045, `((v + 0.055)/1.055)^2.4` above (IEC 61966-2-1).
+fn srgb_to_linear(value: f32) -> f32 {
+    if value <= 0.04045 { value / 12.92 } else { ((value + 0.055) / 1.055).powf(2.4) }
+}

@@ -1,0 +1,251 @@
+//! Raw sensor frames as 16-bit grey TIFF or PNG with a JSON description beside them.
+
+use std::fs::File;
+use std::io::{self, BufReader, Read, Seek};
+use std::path::Path;
+
+use png::{BitDepth, ColorType};
+use serde::{Deserialize, Serialize};
+use tiff::decoder::{Decoder, DecodingResult, Limits};
+use tiff::encoder::{TiffEncoder, colortype::Gray16};
+
+use super::file::{
+    MAX_IMAGE_BYTES, check_image_size, guarded, read_sidecar, sha256_hex, sidecar_path, write_atomically,
+    write_sidecar,
+};
+use super::png::{read_png, write_png};
+use super::{FormatError, Loaded, Provenance};
+use crate::image::{Mosaic, SensorImage};
+
+const SCHEMA: &str = "fluorspar.sensor_image.1";
+
+/// What the JSON file beside a raw frame says.
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Description {
+    schema: String,
+    label: String,
+    width: u64,
+    height: u64,
+    mosaic: Mosaic,
+    black_level: f64,
+    white_level: u16,
+    bit_depth: u8,
+    exposure_s: f64,
+    gain: f64,
+    dn_per_electron: f64,
+    read_noise_dn: f64,
+    seed: u64,
+    /// Of the pixels as little-endian 16-bit numbers, row by row.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pixels_sha256: Option<String>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    provenance: Option<Provenance>,
+}
+
+/// Writes a raw frame as 16-bit grey TIFF, and its description to `PATH.json`.
+///
+/// # Errors
+/// When fields of the frame contradict each other or a file can't be written.
+pub fn write_sensor_tiff(
+    path: &Path,
+    image: &SensorImage,
+    provenance: Option<&Provenance>,
+) -> Result<(), FormatError> {
+    let description = description(path, image, provenance)?;
+    write_atomically(path, |writer| {
+        let result = TiffEncoder::new(writer).and_then(|mut encoder| {
+            encoder.write_image::<Gray16>(image.width as u32, image.height as u32, &image.data)
+        });
+        result.map_err(|error| match error {
+            tiff::TiffError::IoError(source) => source,
+            other => io::Error::other(other),
+        })
+    })?;
+    write_sidecar(path, &description)
+}
+
+/// Writes a raw frame as 16-bit grey PNG, and its description to `PATH.json`.
+///
+/// # Errors
+/// When fields of the frame contradict each other or a file can't be written.
+pub fn write_sensor_png(
+    path: &Path,
+    image: &SensorImage,
+    provenance: Option<&Provenance>,
+) -> Result<(), FormatError> {
+    let description = description(path, image, provenance)?;
+    let bytes: Vec<u8> = image.data.iter().flat_map(|value| value.to_be_bytes()).collect();
+    write_png(path, image.width, image.height, ColorType::Grayscale, BitDepth::Sixteen, &bytes)?;
+    write_sidecar(path, &description)
+}
+
+/// Reads what [`write_sensor_tiff`] or [`write_sensor_png`] wrote.
+///
+/// # Errors
+/// A missing or mismatched description, another kind of picture, damaged files.
+pub fn read_sensor_image(path: &Path) -> Result<Loaded<SensorImage>, FormatError> {
+    let failed = |source| FormatError::io(path, "read", source);
+    let mut file = File::open(path).map_err(failed)?;
+    let mut magic = Vec::new();
+    Read::by_ref(&mut file).take(8).read_to_end(&mut magic).map_err(failed)?;
+    let (width, height, data) = if magic.starts_with(b"\x89PNG") {
+        read_grey_png(path)?
+    } else if magic.starts_with(b"II") || magic.starts_with(b"MM") {
+        file.rewind().map_err(failed)?;
+        read_grey_tiff(path, file)?
+    } else {
+        return Err(FormatError::malformed(path, "this is neither TIFF nor PNG", "Name a raw frame"));
+    };
+    let d: Description = read_sidecar(path)?;
+    let sidecar = sidecar_path(path);
+    let wrong =
+        |what: String| FormatError::malformed(&sidecar, what, "Keep the two files of one frame together");
+    if d.schema != SCHEMA {
+        return Err(wrong(format!("this describes \"{}\", not \"{SCHEMA}\"", d.schema)));
+    }
+    if (d.width, d.height) != (width as u64, height as u64) {
+        return Err(wrong(format!(
+            "{} rows and {} columns are described but the picture has {height} and {width}",
+            d.height, d.width
+        )));
+    }
+    if let Some(expected) = &d.pixels_sha256
+        && *expected != pixels_sha256(&data)
+    {
+        return Err(wrong("the pixels are not those that were described (their SHA-256 differs)".into()));
+    }
+    let image = SensorImage {
+        width,
+        height,
+        data,
+        mosaic: d.mosaic,
+        black_level: d.black_level,
+        white_level: d.white_level,
+        bit_depth: d.bit_depth,
+        exposure_s: d.exposure_s,
+        gain: d.gain,
+        dn_per_electron: d.dn_per_electron,
+        read_noise_dn: d.read_noise_dn,
+        seed: d.seed,
+        label: d.label,
+    };
+    if let Some(problem) = contradiction(&image) {
+        return Err(wrong(problem));
+    }
+    Ok(Loaded { image, provenance: d.provenance })
+}
+
+fn description(
+    path: &Path,
+    image: &SensorImage,
+    provenance: Option<&Provenance>,
+) -> Result<Description, FormatError> {
+    if let Some(problem) = contradiction(image) {
+        return Err(FormatError::unwritable(path, problem, "Correct the frame before writing it"));
+    }
+    Ok(Description {
+        schema: SCHEMA.into(),
+        label: image.label.clone(),
+        width: image.width as u64,
+        height: image.height as u64,
+        mosaic: image.mosaic.clone(),
+        black_level: image.black_level,
+        white_level: image.white_level,
+        bit_depth: image.bit_depth,
+        exposure_s: image.exposure_s,
+        gain: image.gain,
+        dn_per_electron: image.dn_per_electron,
+        read_noise_dn: image.read_noise_dn,
+        seed: image.seed,
+        pixels_sha256: Some(pixels_sha256(&image.data)),
+        provenance: provenance.cloned(),
+    })
+}
+
+/// The first thing in a frame that can't be, if any.
+fn contradiction(image: &SensorImage) -> Option<String> {
+    let numbers = [
+        ("black level", image.black_level),
+        ("exposure", image.exposure_s),
+        ("gain", image.gain),
+        ("conversion gain", image.dn_per_electron),
+        ("read noise", image.read_noise_dn),
+    ];
+    let mosaic = &image.mosaic;
+    if image.width == 0 || image.height == 0 || image.width.max(image.height) > 100_000 {
+        return Some(format!("a frame can't have {} rows and {} columns", image.height, image.width));
+    }
+    if image.data.len() != image.width * image.height {
+        return Some(format!(
+            "{} numbers do not fill {} rows and {} columns",
+            image.data.len(),
+            image.height,
+            image.width
+        ));
+    }
+    if let Some((name, value)) = numbers.iter().find(|(_, value)| !value.is_finite()) {
+        return Some(format!("the {name} is {value}"));
+    }
+    if mosaic.pattern.is_empty() || mosaic.rows.checked_mul(mosaic.cols) != Some(mosaic.pattern.len()) {
+        return Some(format!(
+            "the colour filter array of {} by {} pixels names {} channels",
+            mosaic.rows,
+            mosaic.cols,
+            mosaic.pattern.len()
+        ));
+    }
+    let wrong = mosaic.pattern.iter().find(|&&channel| usize::from(channel) >= mosaic.channels.len());
+    wrong
+        .map(|channel| format!("the colour filter array uses channel {channel} of {}", mosaic.channels.len()))
+}
+
+fn pixels_sha256(data: &[u16]) -> String {
+    sha256_hex(
+        data.chunks(1 << 15).map(|block| -> Vec<u8> { block.iter().flat_map(|v| v.to_le_bytes()).collect() }),
+    )
+}
+
+fn read_grey_png(path: &Path) -> Result<(usize, usize, Vec<u16>), FormatError> {
+    let raw = read_png(path)?;
+    if (raw.color, raw.depth) != (ColorType::Grayscale, BitDepth::Sixteen) {
+        return Err(not_grey16(path));
+    }
+    let data = raw.bytes.chunks_exact(2).map(|pair| u16::from_be_bytes([pair[0], pair[1]])).collect();
+    Ok((raw.width, raw.height, data))
+}
+
+fn read_grey_tiff(path: &Path, file: File) -> Result<(usize, usize, Vec<u16>), FormatError> {
+    guarded(path, "TIFF", || {
+        let damaged = |error: tiff::TiffError| match error {
+            tiff::TiffError::IoError(source) if source.kind() != io::ErrorKind::UnexpectedEof => {
+                FormatError::io(path, "read", source)
+            }
+            error => FormatError::malformed(
+                path,
+                format!("this is not an intact TIFF: {error}"),
+                "Was it copied completely?",
+            ),
+        };
+        let length = file.metadata().map_err(|source| FormatError::io(path, "read", source))?.len();
+        let mut decoder = Decoder::new(BufReader::new(file)).map_err(damaged)?;
+        let (width, height) = decoder.dimensions().map_err(damaged)?;
+        check_image_size(path, u64::from(width), u64::from(height), 2)?;
+        if decoder.colortype().map_err(damaged)? != tiff::ColorType::Gray(16) {
+            return Err(not_grey16(path));
+        }
+        let mut limits = Limits::default();
+        limits.decoding_buffer_size = MAX_IMAGE_BYTES as usize;
+        limits.intermediate_buffer_size = MAX_IMAGE_BYTES as usize;
+        limits.ifd_value_size = limits.ifd_value_size.max(length.min(MAX_IMAGE_BYTES) as usize);
+        decoder = decoder.with_limits(limits);
+        match decoder.read_image().map_err(damaged)? {
+            DecodingResult::U16(data) => Ok((width as usize, height as usize, data)),
+            _ => Err(not_grey16(path)),
+        }
+    })
+}
+
+fn not_grey16(path: &Path) -> FormatError {
+    FormatError::unsupported(path, "the picture is not 16-bit grey", "Raw frames are 16-bit grey mosaics")
+}

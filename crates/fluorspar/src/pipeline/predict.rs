@@ -1,0 +1,253 @@
+//! A flat sample without geometry: light, filters, reflectance and fluorophores, filters, lens, sensor.
+
+use std::collections::BTreeMap;
+use std::f64::consts::PI;
+
+use serde::Serialize;
+
+use crate::analysis::sensor_chromaticity;
+use crate::optics::IdealLens;
+use crate::sensor::{Exposure, Sensor, SensorProblem};
+use crate::spectral::{
+    Curve, Fluorophore, Irradiance, Radiance, Spectrum, ToolboxEem, Transmittance, WavelengthGrid,
+};
+
+/// How fluorescence is computed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum FluorescenceModel {
+    /// `L_f = (1/pi) integral Y_e(lo|li) E(li) dli` with physical yields.
+    #[default]
+    Physical,
+    /// The authors' toolbox: each EEM on 365:5:705 nm with energy peak 1, `L_f(j) = c sum_i E_ji L_i` without a
+    /// wavelength step, `L` being the radiance of a perfect white under the light. Spectra are sampled at bin centres,
+    /// not averaged, and the sample's own grid must be 365:5:705 nm.
+    Toolbox,
+}
+
+/// A flat, evenly lit sample before a camera.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FlatSample {
+    /// Wavelength bins.
+    pub grid: WavelengthGrid,
+    /// Irradiance on the sample behind all filters of the light, W/(m² nm).
+    pub irradiance: Curve,
+    /// Diffuse reflectance of the sample.
+    pub reflectance: Curve,
+    /// Fluorophores and their concentrations.
+    pub fluorophores: Vec<(Fluorophore, f64)>,
+    /// How fluorescence is computed.
+    pub model: FluorescenceModel,
+    /// Filters in front of the camera, multiplied.
+    pub view_filter: Curve,
+    /// Lens, without the filters.
+    pub lens: IdealLens,
+    /// Sensor.
+    pub sensor: Sensor,
+    /// Exposure.
+    pub exposure: Exposure,
+}
+
+/// Radiance that leaves the sample, before any viewing filter, W/(sr m² nm), one value per wavelength.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct RadianceSplit {
+    /// Reflected light.
+    pub reflected: Vec<f64>,
+    /// Fluorescence of each fluorophore.
+    pub fluorescence: BTreeMap<String, Vec<f64>>,
+    /// Everything.
+    pub total: Vec<f64>,
+}
+
+/// Mean response of one channel.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ChannelPrediction {
+    /// Mean photo-electrons, e-.
+    pub electrons: f64,
+    /// The part from reflected light, e-.
+    pub electrons_reflected: f64,
+    /// The part from each fluorophore, e-.
+    pub electrons_fluorescence: BTreeMap<String, f64>,
+    /// Mean voltage, V.
+    pub volts: f64,
+    /// Mean digital number, not rounded.
+    pub dn: f64,
+    /// Temporal noise of one pixel, DN rms.
+    pub noise_dn: f64,
+    /// Whether the mean is saturated.
+    pub saturated: bool,
+}
+
+/// Sensor chromaticity, Eq. 7 of the paper, from mean photo-electrons.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Chromaticity {
+    /// `R / (R + G + B)`.
+    pub r: f64,
+    /// `G / (R + G + B)`.
+    pub g: f64,
+}
+
+/// What the camera would record of a flat sample.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Prediction {
+    /// Bin centres, nm.
+    pub wavelength_nm: Vec<f64>,
+    /// Irradiance on the sample, W/(m² nm).
+    pub irradiance: Vec<f64>,
+    /// Radiance from the sample, W/(sr m² nm).
+    pub radiance: RadianceSplit,
+    /// Irradiance on the sensor on the lens's axis, behind viewing filter and lens, W/(m² nm).
+    pub sensor_irradiance: Vec<f64>,
+    /// Exposure time, s.
+    pub exposure_s: f64,
+    /// Response of each channel.
+    pub channels: BTreeMap<String, ChannelPrediction>,
+    /// Chromaticity of all light; null without R, G and B channels or without light.
+    pub chromaticity: Option<Chromaticity>,
+    /// Chromaticity of each fluorophore alone.
+    pub fluorophore_chromaticity: BTreeMap<String, Option<Chromaticity>>,
+    /// Reflected over fluorescent electrons, all channels together; null without fluorescence.
+    pub leak_ratio: Option<f64>,
+}
+
+/// Why a prediction can't be made.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum PredictError {
+    /// The exposure can't be used.
+    #[error(transparent)]
+    Sensor(#[from] SensorProblem),
+    /// The toolbox model needs its own grid.
+    #[error(
+        "the toolbox compatibility mode is defined on 365 to 705 nm by 5 nm only; set spectral.first_nm = 365, \
+         spectral.last_nm = 705, spectral.step_nm = 5"
+    )]
+    ToolboxGrid,
+    /// An EEM vanishes on the toolbox's grid.
+    #[error("fluorophore \"{0}\" has no emission on 365 to 705 nm, so it can't be normalised to peak 1")]
+    NoEmission(String),
+}
+
+/// Carries light through a flat sample to mean sensor values.
+///
+/// # Errors
+/// An exposure that can't be used, or a toolbox model that does not fit.
+pub fn predict(sample: &FlatSample) -> Result<Prediction, PredictError> {
+    let grid = &sample.grid;
+    let parts = match sample.model {
+        FluorescenceModel::Physical => physical_parts(sample),
+        FluorescenceModel::Toolbox => toolbox_parts(sample)?,
+    };
+    let total: Vec<f64> = (0..grid.len())
+        .map(|b| parts.reflected[b] + parts.fluorescence.iter().map(|(_, values)| values[b]).sum::<f64>())
+        .collect();
+
+    let on_sensor = |radiance: &[f64]| -> Spectrum<Irradiance> {
+        let filtered: Vec<f64> = radiance.iter().zip(&parts.view).map(|(l, t)| l * t).collect();
+        sample.lens.axial_irradiance(&Spectrum::from_parts(grid.clone(), filtered))
+    };
+    let sensor_irradiance = on_sensor(&total);
+    let response = sample.sensor.flat_response(&sensor_irradiance, &sample.exposure)?;
+    let electrons = |radiance: &[f64]| -> Vec<f64> {
+        let rates = sample.sensor.flat_electron_rate(&on_sensor(radiance));
+        rates.into_iter().map(|rate| rate * sample.exposure.time_s).collect()
+    };
+    let reflected_e = electrons(&parts.reflected);
+    let fluorescent_e: Vec<(&String, Vec<f64>)> =
+        parts.fluorescence.iter().map(|(name, values)| (name, electrons(values))).collect();
+
+    let names = &response.channels;
+    let channels = names
+        .iter()
+        .enumerate()
+        .map(|(c, name)| {
+            let prediction = ChannelPrediction {
+                electrons: response.electrons[c],
+                electrons_reflected: reflected_e[c],
+                electrons_fluorescence: fluorescent_e.iter().map(|(n, e)| ((*n).clone(), e[c])).collect(),
+                volts: response.volts[c],
+                dn: response.dn[c],
+                noise_dn: response.noise_dn[c],
+                saturated: response.saturated[c],
+            };
+            (name.clone(), prediction)
+        })
+        .collect();
+    let chromaticity = |electrons: &[f64]| {
+        let pick = |name: &str| names.iter().position(|n| n == name).map(|c| electrons[c]);
+        let [r, g] = sensor_chromaticity([pick("R")?, pick("G")?, pick("B")?])?;
+        Some(Chromaticity { r, g })
+    };
+    let fluorescent_total: f64 = fluorescent_e.iter().flat_map(|(_, e)| e).sum();
+    Ok(Prediction {
+        wavelength_nm: grid.centers_nm(),
+        irradiance: parts.irradiance,
+        sensor_irradiance: sensor_irradiance.values().to_vec(),
+        exposure_s: sample.exposure.time_s,
+        channels,
+        chromaticity: chromaticity(&response.electrons),
+        fluorophore_chromaticity: fluorescent_e
+            .iter()
+            .map(|(name, e)| ((*name).clone(), chromaticity(e)))
+            .collect(),
+        leak_ratio: (fluorescent_total > 0.0).then(|| reflected_e.iter().sum::<f64>() / fluorescent_total),
+        radiance: RadianceSplit {
+            reflected: parts.reflected,
+            fluorescence: parts.fluorescence.into_iter().collect(),
+            total,
+        },
+    })
+}
+
+struct Parts {
+    irradiance: Vec<f64>,
+    reflected: Vec<f64>,
+    fluorescence: Vec<(String, Vec<f64>)>,
+    view: Vec<f64>,
+}
+
+/// Products that matter are formed on fine samples and averaged over bins once.
+fn physical_parts(sample: &FlatSample) -> Parts {
+    let grid = &sample.grid;
+    let reflected = sample.irradiance.times(&sample.reflectance).on_grid::<Radiance>(grid);
+    let fluorescence = sample
+        .fluorophores
+        .iter()
+        .map(|(fluorophore, concentration)| {
+            let exitance = crate::render::direct_exitance(&fluorophore.eem, grid, &sample.irradiance);
+            (fluorophore.name.clone(), exitance.iter().map(|m| concentration * m / PI).collect())
+        })
+        .collect();
+    Parts {
+        irradiance: sample.irradiance.on_grid::<Irradiance>(grid).values().to_vec(),
+        reflected: reflected.values().iter().map(|v| v / PI).collect(),
+        fluorescence,
+        view: sample.view_filter.on_grid::<Transmittance>(grid).values().to_vec(),
+    }
+}
+
+fn toolbox_parts(sample: &FlatSample) -> Result<Parts, PredictError> {
+    let nodes = ToolboxEem::wavelengths_nm();
+    let centers = sample.grid.centers_nm();
+    if centers.len() != nodes.len() || centers.iter().zip(&nodes).any(|(a, b)| (a - b).abs() > 1e-9) {
+        return Err(PredictError::ToolboxGrid);
+    }
+    let at = |curve: &Curve| -> Vec<f64> { nodes.iter().map(|&nm| curve.at(nm)).collect() };
+    let irradiance = at(&sample.irradiance);
+    let white = sample.irradiance.scaled(1.0 / PI);
+    let reflectance = at(&sample.reflectance);
+    let mut fluorescence = Vec::new();
+    for (fluorophore, concentration) in &sample.fluorophores {
+        let eem = ToolboxEem::from_density(|emission_nm, excitation_nm| {
+            fluorophore.eem.unmasked(emission_nm, excitation_nm)
+        })
+        .ok_or_else(|| PredictError::NoEmission(fluorophore.name.clone()))?;
+        let emission = eem.emission(&white).into_iter().map(|value| concentration * value).collect();
+        fluorescence.push((fluorophore.name.clone(), emission));
+    }
+    Ok(Parts {
+        reflected: irradiance.iter().zip(&reflectance).map(|(e, r)| e * r / PI).collect(),
+        irradiance,
+        fluorescence,
+        view: at(&sample.view_filter),
+    })
+}
