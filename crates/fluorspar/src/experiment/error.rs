@@ -87,13 +87,13 @@ impl From<usize> for Step {
     }
 }
 
-/// A path from keys and indices: `path!["light", 1, "power_mw"]`.
-macro_rules! path {
+/// A path from keys and indices: `steps!["light", 1, "power_mw"]`.
+macro_rules! steps {
     ($($step:expr),* $(,)?) => {
         vec![$($crate::experiment::error::Step::from($step)),*]
     };
 }
-pub(super) use path;
+pub(super) use steps;
 
 /// A path as text: `light[1].power_mw`.
 pub(super) fn path_text(path: &[Step]) -> String {

@@ -24,4 +24,5 @@ pub use curve_preset::{
     quantum_efficiency, reflectance,
 };
 pub use fluorophore_preset::{FluorophoreFit, FluorophoreMask, FluorophorePreset, fluorophore};
+pub(crate) use text_preset::sensor_text;
 pub use text_preset::{ExperimentPreset, SensorPreset, experiment, sensor};
