@@ -1,1 +1,57 @@
-//! To be written.
+//! Experiments as TOML files: scene, lights, camera, captures and analysis, with units in every name.
+//!
+//! | step | call | file |
+//! |---|---|---|
+//! | text to tree, with the line of every value | [`parse`] | `document.rs` |
+//! | base experiment below, overrides above | [`parse`] | `merge.rs`, `overrides.rs` |
+//! | tree to typed sections | [`parse`] | `read.rs`, `schema/` |
+//! | sections to scene, lens, sensor, captures | [`resolve`] | `resolve/` |
+//! | the small file of a flat sample | [`parse_sample`] | `sample.rs` |
+//!
+//! Every error names file, line, entry, field and value, says what is wrong and how to mend it.
+
+mod document;
+mod error;
+mod merge;
+mod overrides;
+mod read;
+mod resolve;
+
+pub mod schema;
+
+pub use error::ExperimentError;
+pub use read::{Experiment, parse};
+pub use resolve::{Capture, InputFile, ResolvedAnalysis, ResolvedExperiment, resolve};
+
+
+/// JSON schema of an experiment file, with units, ranges and defaults as descriptions.
+pub fn json_schema() -> serde_json::Value {
+    schemars::schema_for!(schema::ExperimentFile).to_value()
+}
+
+/// Name of the experiment that runs when none is named.
+pub const DEFAULT_EXPERIMENT: &str = "oraleye-2021";
+
+/// A short file to start from: the default experiment as base, with a few values to play with.
+pub fn default_experiment_toml() -> String {
+    format!(
+        "# Everything that is not said here is as in the base experiment.\n\
+         base = \"{DEFAULT_EXPERIMENT}\"\n\
+         title = \"My experiment\"\n\
+         \n\
+         [render]\n\
+         samples_per_pixel = 64\n\
+         \n\
+         [mouth]\n\
+         tongue_protrusion_mm = 8.0\n\
+         \n\
+         # An entry of a list overrides the one of the same name.\n\
+         [[light]]\n\
+         name = \"blue\"\n\
+         power_mw = 1500.0\n\
+         \n\
+         [[capture]]\n\
+         name = \"blue\"\n\
+         exposure_ms = 30.0\n"
+    )
+}

@@ -1,1 +1,28 @@
-//! To be written.
+//! The catalogue: lights, filters, reflectances, quantum efficiencies, sensors, fluorophores and experiments that
+//! ship with the library, one small file each, with source, assumptions and fit error.
+//!
+//! | what | list | one entry |
+//! |---|---|---|
+//! | light spectra | [`list`]`(PresetKind::Light)` | [`light_spectrum`] |
+//! | filters | [`list`]`(PresetKind::Filter)` | [`filter`] |
+//! | diffuse reflectances | [`list`]`(PresetKind::Reflectance)` | [`reflectance`] |
+//! | quantum efficiencies | [`list`]`(PresetKind::QuantumEfficiency)` | [`quantum_efficiency`] |
+//! | sensors | [`list`]`(PresetKind::Sensor)` | [`sensor`] |
+//! | fluorophores | [`list`]`(PresetKind::Fluorophore)` | [`fluorophore`] |
+//! | experiments | [`list`]`(PresetKind::Experiment)` | [`experiment`] |
+
+mod catalogue;
+mod curve_preset;
+mod fluorophore_preset;
+#[cfg(test)]
+mod fluorophore_fit;
+mod text_preset;
+
+pub use catalogue::{PresetError, PresetKind, PresetSummary, list, names, nearest_name};
+pub use curve_preset::{
+    CurveFit, CurvePreset, CurveQuantity, QuantumEfficiencyPreset, filter, light_spectrum,
+    quantum_efficiency, reflectance,
+};
+pub use fluorophore_preset::{FluorophoreFit, FluorophoreMask, FluorophorePreset, fluorophore};
+pub(crate) use text_preset::sensor_text;
+pub use text_preset::{ExperimentPreset, SensorPreset, experiment, sensor};

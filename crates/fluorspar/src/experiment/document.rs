@@ -1,0 +1,269 @@
+//! An experiment as a tree that remembers which line of which file every value comes from.
+
+use std::path::{Path, PathBuf};
+
+use toml::Spanned;
+use toml::de::{DeTable, DeValue};
+
+use super::error::{ExperimentError, Step, path_text};
+
+/// Where values come from.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Source {
+    /// Name for messages: a file, a preset or an override.
+    pub(super) name: String,
+    /// Whether line numbers mean anything.
+    pub(super) has_lines: bool,
+}
+
+/// Place of a value.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Origin {
+    /// Index into the sources of the document.
+    pub(super) source: usize,
+    /// Line, from 1.
+    pub(super) line: usize,
+}
+
+/// A value with its place.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Node {
+    pub(super) content: Content,
+    pub(super) origin: Origin,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Content {
+    Table(Vec<(String, Node)>),
+    Array(Vec<Node>),
+    Leaf(toml::Value),
+}
+
+/// A tree and the sources it was merged from.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Document {
+    pub(super) sources: Vec<Source>,
+    pub(super) root: Node,
+}
+
+impl Node {
+    pub(super) fn get(&self, key: &str) -> Option<&Self> {
+        match &self.content {
+            Content::Table(entries) => entries.iter().find(|(k, _)| k == key).map(|(_, node)| node),
+            _ => None,
+        }
+    }
+
+    pub(super) fn get_mut(&mut self, key: &str) -> Option<&mut Self> {
+        match &mut self.content {
+            Content::Table(entries) => entries.iter_mut().find(|(k, _)| k == key).map(|(_, node)| node),
+            _ => None,
+        }
+    }
+
+    /// Removes a key of a table.
+    pub(super) fn take(&mut self, key: &str) -> Option<Self> {
+        let Content::Table(entries) = &mut self.content else { return None };
+        let index = entries.iter().position(|(k, _)| k == key)?;
+        Some(entries.remove(index).1)
+    }
+
+    pub(super) fn step(&self, step: &Step) -> Option<&Self> {
+        match (step, &self.content) {
+            (Step::Key(key), _) => self.get(key),
+            (Step::Index(index), Content::Array(items)) => items.get(*index),
+            _ => None,
+        }
+    }
+
+    pub(super) fn as_str(&self) -> Option<&str> {
+        match &self.content {
+            Content::Leaf(toml::Value::String(text)) => Some(text),
+            _ => None,
+        }
+    }
+
+    /// Name of an entry of a list, where it has one.
+    pub(super) fn name(&self) -> Option<&str> {
+        self.get("name")?.as_str()
+    }
+
+    pub(super) fn to_value(&self) -> toml::Value {
+        match &self.content {
+            Content::Table(entries) => {
+                toml::Value::Table(entries.iter().map(|(key, node)| (key.clone(), node.to_value())).collect())
+            }
+            Content::Array(items) => toml::Value::Array(items.iter().map(Self::to_value).collect()),
+            Content::Leaf(value) => value.clone(),
+        }
+    }
+
+    /// Calls a function on every string below this node, with the key under which it stands.
+    pub(super) fn visit_strings(&mut self, key: &str, visit: &mut impl FnMut(&str, &mut String)) {
+        match &mut self.content {
+            Content::Table(entries) => {
+                for (key, node) in entries {
+                    node.visit_strings(key, visit);
+                }
+            }
+            Content::Array(items) => items.iter_mut().for_each(|node| node.visit_strings(key, visit)),
+            Content::Leaf(toml::Value::String(text)) => visit(key, text),
+            Content::Leaf(_) => {}
+        }
+    }
+}
+
+impl Document {
+    /// The line that a byte of a text lies on, from 1.
+    fn line_of(text: &str, byte: usize) -> usize {
+        1 + text.as_bytes()[..byte.min(text.len())].iter().filter(|&&b| b == b'\n').count()
+    }
+
+    /// Reads a text into a tree.
+    pub(super) fn read(text: &str, source: Source) -> Result<Self, ExperimentError> {
+        let root = read_tree(text, &source, 0)?;
+        Ok(Self { sources: vec![source], root })
+    }
+
+    /// An error about the value at a path, or about the nearest thing around it that exists.
+    pub(super) fn error(&self, path: &[Step], message: impl Into<String>) -> ExperimentError {
+        let mut node = &self.root;
+        let mut exists = true;
+        for step in path {
+            match node.step(step) {
+                Some(inner) => node = inner,
+                None => {
+                    exists = false;
+                    break;
+                }
+            }
+        }
+        let source = &self.sources[node.origin.source];
+        let (entry, field) = self.entry_and_field(path);
+        let value = match &node.content {
+            Content::Leaf(value) if exists => Some(shortened(&value.to_string())),
+            Content::Array(items) if exists && items.iter().all(|i| matches!(i.content, Content::Leaf(_))) => {
+                Some(shortened(&node.to_value().to_string()))
+            }
+            _ => None,
+        };
+        let value = if field.is_some() { value } else { None };
+        let line = (source.has_lines && !path.is_empty()).then_some(node.origin.line);
+        ExperimentError { source_name: source.name.clone(), line, entry, field, value, message: message.into() }
+    }
+
+    /// Splits a path into the entry of a top-level list, with its name, and what follows.
+    fn entry_and_field(&self, path: &[Step]) -> (Option<String>, Option<String>) {
+        let text = |path: &[Step]| (!path.is_empty()).then(|| path_text(path));
+        let [Step::Key(list), Step::Index(index), rest @ ..] = path else { return (None, text(path)) };
+        let name = self.root.get(list).and_then(|node| node.step(&Step::Index(*index))).and_then(Node::name);
+        let name = name.map_or_else(String::new, |name| format!(" \"{}\"", shortened(name)));
+        (Some(format!("{list}[{index}]{name}")), text(rest))
+    }
+}
+
+/// Reads a text into nodes of a given source.
+pub(super) fn read_tree(text: &str, source: &Source, index: usize) -> Result<Node, ExperimentError> {
+    let table = DeTable::parse(text).map_err(|error| {
+        let message = format!("this is no valid TOML: {}", error.message().trim().replace('\n', ", "));
+        let line = error.span().map(|span| Document::line_of(text, span.start));
+        let error = ExperimentError::in_source(&source.name, message);
+        match line {
+            Some(line) if source.has_lines => error.at_line(line),
+            _ => error,
+        }
+    })?;
+    let reader = Reader { text, source, index };
+    let origin = Origin { source: index, line: 1 };
+    Ok(Node { content: reader.table(table.get_ref())?, origin })
+}
+
+struct Reader<'a> {
+    text: &'a str,
+    source: &'a Source,
+    index: usize,
+}
+
+impl Reader<'_> {
+    fn table(&self, table: &DeTable<'_>) -> Result<Content, ExperimentError> {
+        let mut entries = Vec::with_capacity(table.len());
+        for (key, value) in table {
+            let line = Document::line_of(self.text, key.span().start);
+            let mut node = self.value(value)?;
+            // The header of a table or the key of a value is what a reader looks for.
+            if !matches!(node.content, Content::Array(_)) {
+                node.origin.line = line;
+            }
+            entries.push((key.get_ref().to_string(), node));
+        }
+        Ok(Content::Table(entries))
+    }
+
+    fn value(&self, value: &Spanned<DeValue<'_>>) -> Result<Node, ExperimentError> {
+        let line = Document::line_of(self.text, value.span().start);
+        let number = |what: &str, text: &str| {
+            let message = format!("{} is too large for {what}", shortened(text));
+            ExperimentError::in_source(&self.source.name, message).at_line(line)
+        };
+        let content = match value.get_ref() {
+            DeValue::Table(table) => self.table(table)?,
+            DeValue::Array(items) => {
+                Content::Array(items.iter().map(|item| self.value(item)).collect::<Result<_, _>>()?)
+            }
+            DeValue::String(text) => Content::Leaf(toml::Value::String(text.to_string())),
+            DeValue::Boolean(value) => Content::Leaf(toml::Value::Boolean(*value)),
+            DeValue::Integer(integer) => {
+                let value = i64::from_str_radix(integer.as_str(), integer.radix())
+                    .map_err(|_| number("a whole number", integer.as_str()))?;
+                Content::Leaf(toml::Value::Integer(value))
+            }
+            DeValue::Float(float) => {
+                let value = float.as_str().parse().map_err(|_| number("a number", float.as_str()))?;
+                Content::Leaf(toml::Value::Float(value))
+            }
+            DeValue::Datetime(datetime) => Content::Leaf(toml::Value::Datetime(*datetime)),
+        };
+        Ok(Node { content, origin: Origin { source: self.index, line } })
+    }
+}
+
+/// A text short enough for a message.
+pub(super) fn shortened(text: &str) -> String {
+    const LONGEST: usize = 60;
+    if text.chars().count() <= LONGEST {
+        return text.replace('\n', " ");
+    }
+    let mut short: String = text.chars().take(LONGEST - 3).collect();
+    short.push_str("...");
+    short.replace('\n', " ")
+}
+
+/// Keys whose strings are always paths of files.
+const PATH_KEYS: [&str; 7] = ["mesh", "image", "csv", "eem_csv", "mat", "excitation_csv", "emission_csv"];
+/// Keys whose strings are names of the catalogue or paths of tables.
+const NAME_OR_PATH_KEYS: [&str; 7] = [
+    "spectrum",
+    "reflectance",
+    "transmittance",
+    "filters",
+    "quantum_efficiency",
+    "view_filters",
+    "light_filters",
+];
+
+/// Whether a spectrum reference is a path rather than a name of the catalogue.
+pub(super) fn is_path(reference: &str) -> bool {
+    let lower = reference.to_lowercase();
+    reference.contains(['/', '\\']) || lower.ends_with(".csv") || lower.ends_with(".txt") || lower.ends_with(".tsv")
+}
+
+/// Makes every relative path below a node absolute.
+pub(super) fn anchor_paths(node: &mut Node, folder: &Path) {
+    let folder = std::path::absolute(folder).unwrap_or_else(|_| PathBuf::from(folder));
+    node.visit_strings("", &mut |key, text| {
+        let names_a_file = PATH_KEYS.contains(&key) || (NAME_OR_PATH_KEYS.contains(&key) && is_path(text));
+        if names_a_file && !text.is_empty() {
+            *text = folder.join(&*text).to_string_lossy().into_owned();
+        }
+    });
+}

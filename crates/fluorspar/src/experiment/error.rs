@@ -1,0 +1,112 @@
+//! What is wrong with an experiment, said so that it can be mended.
+
+use std::fmt;
+
+use thiserror::Error;
+
+/// A defect of an experiment file or of an override: where it is, what is wrong, how to mend it.
+///
+/// Displayed as `my.toml:12: light[1] "blue": power_mw = -3: must be positive (milliwatts per emitter)`.
+#[derive(Clone, Debug, Error, PartialEq, Eq)]
+pub struct ExperimentError {
+    /// File or override that holds the defect, as it is to be shown.
+    pub source_name: String,
+    /// Line in that file, from 1; `None` for an override and for what belongs to no line.
+    pub line: Option<usize>,
+    /// The entry of a list that holds the field, for instance `light[1] "blue"`.
+    pub entry: Option<String>,
+    /// The field within its entry, or its full path outside lists.
+    pub field: Option<String>,
+    /// The value as given, shortened.
+    pub value: Option<String>,
+    /// What is wrong and how to mend it.
+    pub message: String,
+}
+
+impl ExperimentError {
+    pub(super) fn in_source(source_name: impl Into<String>, message: impl Into<String>) -> Self {
+        Self {
+            source_name: source_name.into(),
+            line: None,
+            entry: None,
+            field: None,
+            value: None,
+            message: message.into(),
+        }
+    }
+
+    pub(super) fn at_line(mut self, line: usize) -> Self {
+        self.line = Some(line);
+        self
+    }
+}
+
+impl fmt::Display for ExperimentError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.source_name)?;
+        if let Some(line) = self.line {
+            write!(f, ":{line}")?;
+        }
+        f.write_str(": ")?;
+        if let Some(entry) = &self.entry {
+            write!(f, "{entry}: ")?;
+        }
+        match (&self.field, &self.value) {
+            (Some(field), Some(value)) => write!(f, "{field} = {value}: ")?,
+            (Some(field), None) => write!(f, "{field}: ")?,
+            _ => {}
+        }
+        f.write_str(&self.message)
+    }
+}
+
+/// One step of a path through an experiment.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) enum Step {
+    /// A key of a table.
+    Key(String),
+    /// An entry of a list, from 0.
+    Index(usize),
+}
+
+impl From<&str> for Step {
+    fn from(key: &str) -> Self {
+        Self::Key(key.into())
+    }
+}
+
+impl From<&String> for Step {
+    fn from(key: &String) -> Self {
+        Self::Key(key.clone())
+    }
+}
+
+impl From<usize> for Step {
+    fn from(index: usize) -> Self {
+        Self::Index(index)
+    }
+}
+
+/// A path from keys and indices: `steps!["light", 1, "power_mw"]`.
+macro_rules! steps {
+    ($($step:expr),* $(,)?) => {
+        vec![$($crate::experiment::error::Step::from($step)),*]
+    };
+}
+pub(super) use steps;
+
+/// A path as text: `light[1].power_mw`.
+pub(super) fn path_text(path: &[Step]) -> String {
+    let mut text = String::new();
+    for step in path {
+        match step {
+            Step::Key(key) if text.is_empty() => text.push_str(key),
+            Step::Key(key) => {
+                text.push('.');
+                text.push_str(key);
+            }
+            Step::Index(index) => text.push_str(&format!("[{index}]")),
+        }
+    }
+    text
+}

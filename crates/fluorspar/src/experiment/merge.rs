@@ -1,0 +1,113 @@
+//! Overriding: an experiment on top of its base, an override on top of both.
+
+use super::document::{Content, Node};
+
+/// Keys of one table of which an override replaces all when it gives one.
+const ALTERNATIVES: [&[&str]; 9] = [
+    &["mesh", "sphere", "quad", "disc", "box"],
+    &["power_mw", "irradiance_w_per_m2", "radiance_w_per_sr_m2"],
+    &["from", "eem_csv", "csv", "mat", "excitation_csv"],
+    &["direction", "look_at_mm"],
+    &["read_noise_mv", "read_noise_e"],
+    &["dsnu_mv", "dsnu_e"],
+    &["dark_voltage_mv_per_s", "dark_current_e_per_s"],
+    &["edges_nm", "first_nm"],
+    &["bulk", "bulk_material"],
+];
+/// Keys that go with an alternative of another name.
+const ALSO_REPLACED: [(&str, &[&str]); 4] = [
+    ("edges_nm", &["last_nm", "step_nm"]),
+    ("last_nm", &["edges_nm"]),
+    ("step_nm", &["edges_nm"]),
+    ("from", &["emission_csv", "unit"]),
+];
+/// Keys whose tables describe one value and are replaced as a whole.
+const WHOLE: [&str; 11] = [
+    "spectrum",
+    "transmittance",
+    "quantum_efficiency",
+    "reflectance",
+    "roughness",
+    "weight",
+    "sphere",
+    "quad",
+    "disc",
+    "box",
+    "light_groups",
+];
+
+/// Puts `over` on top of `under`: tables are merged key by key, lists of named entries entry by entry, and
+/// everything else is replaced. An entry with `remove = true` disappears.
+pub(super) fn merge(under: &mut Node, over: Node) {
+    merge_at("", under, over);
+}
+
+fn merge_at(key: &str, under: &mut Node, over: Node) {
+    match (&mut under.content, over.content) {
+        (Content::Table(entries), Content::Table(overrides)) if !WHOLE.contains(&key) => {
+            for (inner, value) in overrides {
+                drop_alternatives(entries, &inner);
+                match entries.iter_mut().find(|(k, _)| *k == inner) {
+                    // A texture is one value, whatever the fluorophore is called.
+                    Some((_, existing)) if key == "concentrations" => *existing = value,
+                    Some((_, existing)) => merge_at(&inner, existing, value),
+                    None => entries.push((inner, value)),
+                }
+            }
+        }
+        (Content::Array(items), Content::Array(overrides))
+            if !WHOLE.contains(&key) && is_named(items) && is_named(&overrides) =>
+        {
+            for entry in overrides {
+                let name = entry.name().map(String::from);
+                let position = items.iter().position(|item| item.name() == name.as_deref());
+                let removed = matches!(
+                    entry.get("remove").map(|node| &node.content),
+                    Some(Content::Leaf(toml::Value::Boolean(true)))
+                );
+                match position {
+                    Some(index) if removed => {
+                        items.remove(index);
+                    }
+                    Some(index) => {
+                        // What an entry says last is where its mistakes are looked for.
+                        items[index].origin = entry.origin;
+                        merge_at("", &mut items[index], entry);
+                    }
+                    None => items.push(entry),
+                }
+            }
+        }
+        (_, content) => *under = Node { content, origin: over.origin },
+    }
+}
+
+/// Gives a key of a table a new value, whatever it was before.
+pub(super) fn replace(table: &mut Node, key: &str, value: Node) {
+    let Content::Table(entries) = &mut table.content else {
+        *table = Node { origin: value.origin, content: Content::Table(vec![(key.into(), value)]) };
+        return;
+    };
+    drop_alternatives(entries, key);
+    match entries.iter_mut().find(|(k, _)| k == key) {
+        Some((_, existing)) => *existing = value,
+        None => entries.push((key.into(), value)),
+    }
+}
+
+fn is_named(items: &[Node]) -> bool {
+    !items.is_empty() && items.iter().all(|item| item.name().is_some())
+}
+
+fn drop_alternatives(entries: &mut Vec<(String, Node)>, key: &str) {
+    for group in ALTERNATIVES {
+        if group.contains(&key) {
+            entries.retain(|(other, _)| other == key || !group.contains(&other.as_str()));
+        }
+    }
+    for (trigger, others) in ALSO_REPLACED {
+        if trigger == key {
+            entries.retain(|(other, _)| !others.contains(&other.as_str()));
+        }
+    }
+}

@@ -1,0 +1,125 @@
+//! What all steps of resolving share: where values come from, warnings, files that were read.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use glam::{DVec3, Vec3};
+use sha2::{Digest, Sha256};
+
+use super::InputFile;
+use crate::experiment::document::Document;
+use crate::experiment::error::{ExperimentError, Step};
+
+pub(in crate::experiment) struct Context<'a> {
+    pub(in crate::experiment) document: &'a Document,
+    pub(in crate::experiment) warnings: Vec<String>,
+    pub(in crate::experiment) inputs: Vec<InputFile>,
+    /// Entries of the catalogue in use, with the digest of their files.
+    pub(in crate::experiment) presets: BTreeMap<String, String>,
+}
+
+pub(in crate::experiment) type Resolved<T> = Result<T, ExperimentError>;
+
+impl<'a> Context<'a> {
+    pub(in crate::experiment) fn new(document: &'a Document) -> Self {
+        Self { document, warnings: Vec::new(), inputs: Vec::new(), presets: BTreeMap::new() }
+    }
+
+    pub(in crate::experiment) fn error(&self, at: &[Step], message: impl Into<String>) -> ExperimentError {
+        self.document.error(at, message)
+    }
+
+    pub(in crate::experiment) fn fail<T>(&self, at: &[Step], message: impl Into<String>) -> Resolved<T> {
+        Err(self.error(at, message))
+    }
+
+    /// Adds a warning that names its place.
+    pub(in crate::experiment) fn warn(&mut self, at: &[Step], message: impl Into<String>) {
+        let mut place = self.document.error(at, message);
+        place.value = None;
+        self.push_warning(place.to_string());
+    }
+
+    pub(in crate::experiment) fn push_warning(&mut self, warning: String) {
+        if !self.warnings.contains(&warning) {
+            self.warnings.push(warning);
+        }
+    }
+
+    pub(in crate::experiment) fn positive(&self, at: &[Step], value: f64, unit: &str) -> Resolved<f64> {
+        if value > 0.0 && value.is_finite() {
+            return Ok(value);
+        }
+        self.fail(at, format!("must be positive ({unit})"))
+    }
+
+    /// Checks a range, ends included; NaN is outside.
+    pub(in crate::experiment) fn within(
+        &self,
+        at: &[Step],
+        value: f64,
+        [low, high]: [f64; 2],
+        unit: &str,
+    ) -> Resolved<f64> {
+        if (low..=high).contains(&value) {
+            return Ok(value);
+        }
+        let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
+        self.fail(at, format!("must be between {low} and {high}{unit}"))
+    }
+
+    pub(in crate::experiment) fn whole_within(
+        &self,
+        at: &[Step],
+        value: u64,
+        [low, high]: [u64; 2],
+    ) -> Resolved<u64> {
+        if (low..=high).contains(&value) {
+            return Ok(value);
+        }
+        self.fail(at, format!("must be a whole number between {low} and {high}"))
+    }
+
+    /// A point or displacement of the file, mm, in metres.
+    pub(in crate::experiment) fn meters(&self, at: &[Step], value_mm: [f64; 3]) -> Resolved<Vec3> {
+        const LARGEST_MM: f64 = 1e7;
+        if value_mm.iter().all(|v| v.abs() <= LARGEST_MM) {
+            return Ok((DVec3::from_array(value_mm) * 1e-3).as_vec3());
+        }
+        self.fail(at, "every coordinate must be a number between -1e7 and 1e7 millimetres")
+    }
+
+    /// A direction of any length.
+    pub(in crate::experiment) fn direction(&self, at: &[Step], value: [f64; 3]) -> Resolved<Vec3> {
+        match DVec3::from_array(value).try_normalize() {
+            Some(unit) => Ok(unit.as_vec3()),
+            None => self.fail(at, "this is no direction; give three finite numbers that are not all zero"),
+        }
+    }
+
+    /// Digest of a file, noted as an input of the experiment.
+    pub(in crate::experiment) fn note_input(&mut self, at: &[Step], file: &str) -> Resolved<()> {
+        if self.inputs.iter().any(|input| input.path == Path::new(file)) {
+            return Ok(());
+        }
+        let bytes = match std::fs::read(file) {
+            Ok(bytes) => bytes,
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
+                return self.fail(at, "there is no such file; paths are relative to the experiment file");
+            }
+            Err(error) => return self.fail(at, format!("the file can't be read: {error}")),
+        };
+        self.inputs.push(InputFile { path: file.into(), sha256: hex(&Sha256::digest(&bytes)) });
+        Ok(())
+    }
+
+    /// Notes an entry of the catalogue as an input.
+    pub(in crate::experiment) fn note_preset(&mut self, what: &str, name: &str, content: &impl serde::Serialize) {
+        let text = serde_json::to_string(content).unwrap_or_default();
+        self.presets.insert(format!("{what} {name}"), hex(&Sha256::digest(text.as_bytes())));
+    }
+}
+
+pub(in crate::experiment) fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}

@@ -1,0 +1,322 @@
+//! Lights with absolute spectra.
+
+use std::f64::consts::PI;
+
+use glam::Vec3;
+
+use super::context::{Context, Resolved};
+use super::spectrum::Role;
+use crate::experiment::error::{Step, steps};
+use crate::experiment::schema::{LightFrame, LightSection, LightType};
+use crate::light::{Emitter, Light, LightGroup};
+use crate::optics::PerspectiveCamera;
+use crate::spectral::{Curve, MAX_WAVELENGTH_NM, MIN_WAVELENGTH_NM, WavelengthGrid};
+
+const DEFAULT_COUNT: u32 = 8;
+/// Half angle of the narrowest pattern that a light may have.
+const NARROWEST_DEG: f64 = 2.2;
+
+/// Emitters of one section, the power of each still to be found.
+struct Emitters {
+    center: Vec3,
+    axis: Vec3,
+    list: Vec<Emitter>,
+}
+
+/// Number of a light group, which is created when it is new.
+pub(super) fn group_index(groups: &mut Vec<LightGroup>, name: &str) -> usize {
+    groups.iter().position(|group| group.name == name).unwrap_or_else(|| {
+        groups.push(LightGroup { name: name.into() });
+        groups.len() - 1
+    })
+}
+
+/// All lights of the sections.
+pub(super) fn lights(
+    context: &mut Context<'_>,
+    sections: &[LightSection],
+    camera: &PerspectiveCamera,
+    grid: &WavelengthGrid,
+    groups: &mut Vec<LightGroup>,
+) -> Resolved<Vec<Light>> {
+    let mut lights = Vec::new();
+    for (index, section) in sections.iter().enumerate() {
+        let at = steps!["light", index];
+        context.unique_name(&at, &section.name, sections[..index].iter().map(|other| other.name.as_str()))?;
+        let group_name = section.group.as_deref().unwrap_or(&section.name);
+        if group_name.is_empty() {
+            return context.fail(&[at, steps!["group"]].concat(), "a light group needs a name");
+        }
+        check_fields(context, &at, section)?;
+        let emitters = emitters(context, &at, section, camera)?;
+        let spectrum = absolute_spectrum(context, &at, section, &emitters, grid)?;
+        let group = group_index(groups, group_name);
+        let single = emitters.list.len() == 1;
+        for (number, emitter) in emitters.list.into_iter().enumerate() {
+            let name = if single { section.name.clone() } else { format!("{}[{number}]", section.name) };
+            lights.push(Light { name, group, spectrum: spectrum.clone(), emitter });
+        }
+    }
+    Ok(lights)
+}
+
+/// Refuses fields that the type of a light does not have, and asks for those that it needs.
+fn check_fields(context: &Context<'_>, at: &[Step], section: &LightSection) -> Resolved<()> {
+    use LightType::{Disc, Distant, Environment, Point, Rectangle, Ring, Sphere};
+    let given = [
+        ("power_mw", section.power_mw.is_some(), &[Ring, Disc, Rectangle, Sphere, Point][..], &[][..]),
+        (
+            "irradiance_w_per_m2",
+            section.irradiance_w_per_m2.is_some(),
+            &[Ring, Disc, Rectangle, Sphere, Point, Distant][..],
+            &[Distant][..],
+        ),
+        (
+            "at_distance_mm",
+            section.at_distance_mm.is_some(),
+            &[Ring, Disc, Rectangle, Sphere, Point][..],
+            &[][..],
+        ),
+        (
+            "radiance_w_per_sr_m2",
+            section.radiance_w_per_sr_m2.is_some(),
+            &[Environment][..],
+            &[Environment][..],
+        ),
+        ("count", section.count.is_some(), &[Ring][..], &[][..]),
+        ("ring_radius_mm", section.ring_radius_mm.is_some(), &[Ring][..], &[Ring][..]),
+        ("start_angle_deg", section.start_angle_deg.is_some(), &[Ring][..], &[][..]),
+        ("aim_distance_mm", section.aim_distance_mm.is_some(), &[Ring][..], &[][..]),
+        ("radius_mm", section.radius_mm.is_some(), &[Ring, Disc, Sphere][..], &[Ring, Disc, Sphere][..]),
+        ("size_mm", section.size_mm.is_some(), &[Rectangle][..], &[Rectangle][..]),
+        (
+            "position_mm",
+            section.position_mm.is_some(),
+            &[Ring, Disc, Rectangle, Sphere, Point][..],
+            &[][..],
+        ),
+        (
+            "half_angle_deg",
+            section.half_angle_deg.is_some(),
+            &[Ring, Disc, Rectangle, Point][..],
+            &[][..],
+        ),
+    ];
+    let name = kind_name(section.kind);
+    for (field, is_given, allowed, needed) in given {
+        if is_given && !allowed.contains(&section.kind) {
+            let message = format!("a light of type \"{name}\" has no such field; remove it or change the type");
+            return context.fail(&[at, &steps![field]].concat(), message);
+        }
+        if !is_given && needed.contains(&section.kind) {
+            return context.fail(at, format!("a light of type \"{name}\" needs `{field}`"));
+        }
+    }
+    let strengths = section.power_mw.is_some() as u8 + section.irradiance_w_per_m2.is_some() as u8;
+    if section.kind != Environment && strengths != 1 {
+        return context.fail(at, "give the strength of the light: either `power_mw` or `irradiance_w_per_m2`");
+    }
+    if section.direction.is_some() && section.look_at_mm.is_some() {
+        let at = [at, &steps!["look_at_mm"]].concat();
+        return context.fail(&at, "given together with direction; keep one of the two");
+    }
+    Ok(())
+}
+
+fn kind_name(kind: LightType) -> &'static str {
+    match kind {
+        LightType::Ring => "ring",
+        LightType::Disc => "disc",
+        LightType::Rectangle => "rectangle",
+        LightType::Sphere => "sphere",
+        LightType::Point => "point",
+        LightType::Distant => "distant",
+        LightType::Environment => "environment",
+    }
+}
+
+fn emitters(
+    context: &Context<'_>,
+    at: &[Step],
+    section: &LightSection,
+    camera: &PerspectiveCamera,
+) -> Resolved<Emitters> {
+    let field = |key: &str| [at, &steps![key]].concat();
+    let in_camera = section.frame == LightFrame::Camera;
+    let turn = |v: Vec3| {
+        if in_camera { camera.right * v.x + camera.up * v.y - camera.forward * v.z } else { v }
+    };
+    let place = |v: Vec3| if in_camera { camera.position + turn(v) } else { v };
+    let length = |key: &str, value: Option<f64>| -> Resolved<f32> {
+        let value_mm = context.positive(&field(key), value.unwrap_or(f64::NAN), "millimetres")?;
+        Ok((value_mm * 1e-3) as f32)
+    };
+
+    let center = place(context.meters(&field("position_mm"), section.position_mm.unwrap_or([0.0; 3]))?);
+    let axis = if let Some(direction) = section.direction {
+        turn(context.direction(&field("direction"), direction)?)
+    } else if let Some(target) = section.look_at_mm {
+        let target = place(context.meters(&field("look_at_mm"), target)?);
+        let Some(axis) = (target - center).try_normalize() else {
+            return context.fail(&field("look_at_mm"), "the light stands at the point at which it shines");
+        };
+        axis
+    } else if in_camera {
+        camera.forward
+    } else {
+        let even = matches!(section.kind, LightType::Sphere | LightType::Environment)
+            || (section.kind == LightType::Point && section.half_angle_deg.is_none());
+        if !even {
+            return context.fail(at, "nothing says where the light shines; give `direction` or `look_at_mm`");
+        }
+        Vec3::NEG_Z
+    };
+    let exponent = exponent(context, &field("half_angle_deg"), section)?;
+
+    let list = match section.kind {
+        LightType::Ring => {
+            let count =
+                context.whole_within(&field("count"), section.count.unwrap_or(DEFAULT_COUNT).into(), [1, 10_000])?;
+            let ring_radius_m = length("ring_radius_mm", section.ring_radius_mm)?;
+            let radius_m = length("radius_mm", section.radius_mm)?;
+            let start = section.start_angle_deg.unwrap_or(0.0);
+            context.within(&field("start_angle_deg"), start, [-360.0, 360.0], "degrees")?;
+            let aim_m = match section.aim_distance_mm {
+                None => None,
+                distance => Some(length("aim_distance_mm", distance)?),
+            };
+            let (right, up) = ring_axes(axis, in_camera.then_some(camera.right));
+            (0..count)
+                .map(|i| {
+                    let angle = (start.to_radians() + 2.0 * PI * i as f64 / count as f64) as f32;
+                    let position = center + ring_radius_m * (right * angle.cos() + up * angle.sin());
+                    let normal = aim_m.map_or(axis, |aim| (center + axis * aim - position).normalize());
+                    Emitter::Disc { center: position, normal, radius_m, exponent }
+                })
+                .collect()
+        }
+        LightType::Disc => {
+            let radius_m = length("radius_mm", section.radius_mm)?;
+            vec![Emitter::Disc { center, normal: axis, radius_m, exponent }]
+        }
+        LightType::Rectangle => {
+            let [width, height] = section.size_mm.unwrap_or([f64::NAN; 2]);
+            let (width, height) = (length("size_mm", Some(width))?, length("size_mm", Some(height))?);
+            let (right, up) = ring_axes(axis, in_camera.then_some(camera.right));
+            // The emitting side is that of edge_u x edge_v.
+            let (edge_u, edge_v) = (right * width, up * height);
+            let (edge_u, edge_v) = if edge_u.cross(edge_v).dot(axis) > 0.0 { (edge_u, edge_v) } else { (edge_v, edge_u) };
+            vec![Emitter::Rectangle { corner: center - 0.5 * (edge_u + edge_v), edge_u, edge_v, exponent }]
+        }
+        LightType::Sphere => {
+            vec![Emitter::Sphere { center, radius_m: length("radius_mm", section.radius_mm)? }]
+        }
+        LightType::Point => {
+            let pattern = section.half_angle_deg.map(|_| (axis, exponent));
+            vec![Emitter::Point { position: center, pattern }]
+        }
+        LightType::Distant => vec![Emitter::Distant { direction: axis }],
+        LightType::Environment => vec![Emitter::Environment],
+    };
+    Ok(Emitters { center, axis, list })
+}
+
+/// Exponent of the emission pattern.
+fn exponent(context: &Context<'_>, at: &[Step], section: &LightSection) -> Resolved<f32> {
+    let Some(half_angle_deg) = section.half_angle_deg else { return Ok(1.0) };
+    if section.kind == LightType::Point {
+        context.within(at, half_angle_deg, [NARROWEST_DEG, 90.0], "degrees")?;
+        if half_angle_deg == 90.0 {
+            return Ok(0.0);
+        }
+        return Ok(Emitter::exponent_from_half_angle(half_angle_deg) as f32);
+    }
+    if half_angle_deg > 60.0 {
+        return context.fail(at, "must be between 2.2 and 60 degrees; a flat source at 60 is Lambertian");
+    }
+    context.within(at, half_angle_deg, [NARROWEST_DEG, 60.0], "degrees")?;
+    Ok((Emitter::exponent_from_half_angle(half_angle_deg) as f32).max(1.0))
+}
+
+/// Two unit vectors across an axis; the first one as near to the preferred right as can be.
+fn ring_axes(axis: Vec3, right: Option<Vec3>) -> (Vec3, Vec3) {
+    let wanted = right.unwrap_or(Vec3::X);
+    let wanted = if wanted.cross(axis).length() < 1e-3 { Vec3::Y } else { wanted };
+    let right = (wanted - axis * wanted.dot(axis)).normalize();
+    // Seen along the axis, angles run counter-clockwise as in the image of a camera that looks the same way.
+    (right, right.cross(axis))
+}
+
+/// Spectrum behind the filters, in the unit that the emitter wants.
+fn absolute_spectrum(
+    context: &mut Context<'_>,
+    at: &[Step],
+    section: &LightSection,
+    emitters: &Emitters,
+    grid: &WavelengthGrid,
+) -> Resolved<Curve> {
+    let field = |key: &str| [at, &steps![key]].concat();
+    let bare = context.spectrum(&field("spectrum"), &section.spectrum, Role::Light, 0.0, grid)?;
+    context.within(&field("filter_angle_deg"), section.filter_angle_deg, [0.0, 60.0], "degrees")?;
+    let mut filtered = bare.clone();
+    for (index, filter) in section.filters.iter().enumerate() {
+        let at = [at, &steps!["filters", index]].concat();
+        let filter = context.spectrum(&at, filter, Role::Filter, section.filter_angle_deg, grid)?;
+        filtered = filtered.times(&filter);
+    }
+    let total = |curve: &Curve| curve.integral(MIN_WAVELENGTH_NM, MAX_WAVELENGTH_NM);
+    if total(&filtered) <= 0.0 {
+        return context.fail(at, "nothing passes the filters of this light; check spectrum and filters");
+    }
+    if let Some(power_mw) = section.power_mw {
+        let power_w = context.positive(&field("power_mw"), power_mw, "milliwatts per emitter")? * 1e-3;
+        return Ok(filtered.scaled(power_w / total(&bare)));
+    }
+    let unit = filtered.scaled(1.0 / total(&filtered));
+    if let Some(radiance) = section.radiance_w_per_sr_m2 {
+        let radiance = context.positive(&field("radiance_w_per_sr_m2"), radiance, "W/(sr m²)")?;
+        return Ok(unit.scaled(radiance));
+    }
+    let irradiance = section.irradiance_w_per_m2.unwrap_or(f64::NAN);
+    let irradiance = context.positive(&field("irradiance_w_per_m2"), irradiance, "W/m²")?;
+    if section.kind == LightType::Distant {
+        return Ok(unit.scaled(irradiance));
+    }
+    let Some(distance_mm) = section.at_distance_mm else {
+        return context.fail(at, "`irradiance_w_per_m2` needs `at_distance_mm`, where it was measured");
+    };
+    let distance_m = context.positive(&field("at_distance_mm"), distance_mm, "millimetres")? * 1e-3;
+    let per_watt = irradiance_per_watt(emitters, distance_m);
+    if per_watt <= 0.0 {
+        return context.fail(&field("at_distance_mm"), "no light reaches the axis at this distance");
+    }
+    Ok(unit.scaled(irradiance / per_watt))
+}
+
+/// Irradiance on the axis of a light, 1/m², on a surface that faces it, when every emitter sends one watt. Emitters
+/// are taken as points, which is good to 1 % from five diameters on.
+fn irradiance_per_watt(emitters: &Emitters, distance_m: f64) -> f64 {
+    let point = emitters.center.as_dvec3() + emitters.axis.as_dvec3() * distance_m;
+    let one = |emitter: &Emitter| {
+        let (position, pattern) = match emitter {
+            Emitter::Disc { center, normal, exponent, .. } => (*center, Some((*normal, *exponent))),
+            Emitter::Rectangle { corner, edge_u, edge_v, exponent } => {
+                (*corner + 0.5 * (*edge_u + *edge_v), Some((edge_u.cross(*edge_v).normalize(), *exponent)))
+            }
+            Emitter::Sphere { center, .. } => (*center, None),
+            Emitter::Point { position, pattern } => (*position, *pattern),
+            Emitter::Distant { .. } | Emitter::Environment => return 0.0,
+        };
+        let way = point - position.as_dvec3();
+        let Some(direction) = way.try_normalize() else { return 0.0 };
+        let intensity = match pattern {
+            None => 1.0 / (4.0 * PI),
+            Some((normal, g)) => {
+                let cosine = direction.dot(normal.as_dvec3()).max(0.0);
+                (f64::from(g) + 1.0) / (2.0 * PI) * cosine.powf(g.into())
+            }
+        };
+        intensity * direction.dot(emitters.axis.as_dvec3()).max(0.0) / way.length_squared()
+    };
+    emitters.list.iter().map(one).sum()
+}

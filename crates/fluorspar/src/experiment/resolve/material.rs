@@ -1,0 +1,347 @@
+//! Fluorophores and materials.
+
+use super::context::{Context, Resolved};
+use super::spectrum::Role;
+use crate::experiment::error::{Step, steps};
+use crate::experiment::schema::{
+    ExperimentFile, FluorophoreSection, MaterialSection, ReflectanceReference, TextureReference, YieldUnit,
+};
+use crate::format::{
+    AntiStokes, CsvColumns, CsvEemOptions, CsvSpectrumOptions, EemUnit, Negative, read_eem_csv,
+    read_fluorophore_csv, read_iset_fluorophore,
+};
+use crate::material::{Coat, FluorophoreAmount, Material, ReflectanceTerm, ScalarTexture};
+use crate::preset::{self, PresetKind, nearest_name};
+use crate::spectral::{
+    Curve, EemTable, EnergyEem, Fluorophore, PhotonEem, SeparableTerm, Stokes, WavelengthGrid,
+};
+
+/// Largest concentration that is accepted.
+const MAX_CONCENTRATION: f64 = 1e6;
+
+/// Fluorophores in use, in the order of their first use.
+#[derive(Default)]
+pub(in crate::experiment) struct Fluorophores {
+    pub(in crate::experiment) list: Vec<Fluorophore>,
+}
+
+impl Fluorophores {
+    /// Number of a fluorophore by name: from the sections of the file, otherwise from the catalogue.
+    pub(in crate::experiment) fn index(
+        &mut self,
+        context: &mut Context<'_>,
+        at: &[Step],
+        sections: &[FluorophoreSection],
+        name: &str,
+    ) -> Resolved<usize> {
+        if let Some(index) = self.list.iter().position(|fluorophore| fluorophore.name == name) {
+            return Ok(index);
+        }
+        let fluorophore = match sections.iter().position(|section| section.name == name) {
+            Some(index) => from_section(context, &steps!["fluorophore", index], &sections[index])?,
+            None => {
+                let Ok(preset) = preset::fluorophore(name) else {
+                    return Err(unknown(context, at, sections, name));
+                };
+                context.note_preset("fluorophore", name, &preset);
+                preset.fluorophore()
+            }
+        };
+        self.list.push(fluorophore);
+        Ok(self.list.len() - 1)
+    }
+}
+
+pub(in crate::experiment) fn unknown(
+    context: &Context<'_>,
+    at: &[Step],
+    sections: &[FluorophoreSection],
+    name: &str,
+) -> crate::experiment::ExperimentError {
+    let mut known: Vec<&str> = sections.iter().map(|section| section.name.as_str()).collect();
+    known.extend(preset::names(PresetKind::Fluorophore));
+    known.dedup();
+    let hint = nearest_name(name, known.iter().copied())
+        .map_or_else(|| ".".into(), |name| format!(", did you mean \"{name}\"?"));
+    context.error(at, format!("there is no fluorophore \"{name}\"{hint} Known: {}", known.join(", ")))
+}
+
+/// Checks names and sources of the fluorophore sections, used or not.
+pub(in crate::experiment) fn check_sections(
+    context: &Context<'_>,
+    sections: &[FluorophoreSection],
+) -> Resolved<()> {
+    for (index, section) in sections.iter().enumerate() {
+        let at = steps!["fluorophore", index];
+        context.unique_name(&at, &section.name, sections[..index].iter().map(|other| other.name.as_str()))?;
+        let sources = [
+            section.from.is_some(),
+            section.eem_csv.is_some(),
+            section.csv.is_some(),
+            section.mat.is_some(),
+            section.excitation_csv.is_some() || section.emission_csv.is_some(),
+        ];
+        if sources.iter().filter(|given| **given).count() != 1 {
+            return context
+                .fail(&at, "give exactly one of from, eem_csv, csv, mat, or excitation_csv with emission_csv");
+        }
+        if section.excitation_csv.is_some() != section.emission_csv.is_some() {
+            return context.fail(&at, "excitation_csv and emission_csv go together; give both");
+        }
+        if section.from.is_none() && section.photon_yield.is_none() {
+            let message = "a fluorophore from a file needs `photon_yield`: photons out per photon in at its best \
+                           excitation, at concentration 1";
+            return context.fail(&at, message);
+        }
+        if let Some(value) = section.photon_yield
+            && !(value > 0.0 && value <= 1.0)
+        {
+            let at = [at, steps!["photon_yield"]].concat();
+            return context.fail(&at, "must be above 0 and at most 1 (photons out per photon in)");
+        }
+        if let Some(name) = &section.from
+            && let Err(error) = preset::fluorophore(name)
+        {
+            return context.fail(&[at, steps!["from"]].concat(), error.to_string());
+        }
+    }
+    Ok(())
+}
+
+fn from_section(context: &mut Context<'_>, at: &[Step], section: &FluorophoreSection) -> Resolved<Fluorophore> {
+    let field = |key: &str| [at, &steps![key]].concat();
+    if let Some(name) = &section.from {
+        let preset = preset::fluorophore(name).map_err(|e| context.error(&field("from"), e.to_string()))?;
+        context.note_preset("fluorophore", name, &preset);
+        let photon_yield = section.photon_yield.unwrap_or(preset.photon_yield);
+        let mut fluorophore = preset.fluorophore_with(photon_yield, section.stokes.unwrap_or(preset.stokes));
+        fluorophore.name.clone_from(&section.name);
+        if let Some(title) = &section.title {
+            fluorophore.title.clone_from(title);
+        }
+        return Ok(fluorophore);
+    }
+    let stokes = section.stokes.unwrap_or_default();
+    let photon_yield = section.photon_yield.unwrap_or(1e-3);
+    let (eem, source) = if let Some(file) = &section.eem_csv {
+        (matrix_from_csv(context, &field("eem_csv"), file, section, stokes)?, file)
+    } else if let Some(file) = &section.mat {
+        (from_mat(context, &field("mat"), file, section, stokes)?, file)
+    } else if let Some(file) = &section.csv {
+        let at = field("csv");
+        context.note_input(&at, file)?;
+        let read =
+            read_fluorophore_csv(file.as_ref(), Negative::ClipToZero).map_err(|e| context.file_error(&at, &e))?;
+        if read.emission_only {
+            return context.fail(&at, "the excitation column is constant: it was never measured. Give a measured one");
+        }
+        (separable(context, &at, section, read.excitation, read.emission, stokes)?, file)
+    } else {
+        let (Some(excitation), Some(emission)) = (&section.excitation_csv, &section.emission_csv) else {
+            return context.fail(at, "excitation_csv and emission_csv go together; give both");
+        };
+        let options = CsvSpectrumOptions {
+            columns: CsvColumns::Numbered(vec![1]),
+            negative: Negative::ClipToZero,
+            ..CsvSpectrumOptions::default()
+        };
+        let ex = context.csv(&field("excitation_csv"), excitation, &options)?.swap_remove(0).curve;
+        let em = context.csv(&field("emission_csv"), emission, &options)?.swap_remove(0).curve;
+        (separable(context, at, section, ex, em, stokes)?, emission)
+    };
+    let (excitation_range_nm, emission_range_nm) = ranges(&eem);
+    let unmasked = eem.clone().with_stokes(Stokes::Off);
+    let steps = ((excitation_range_nm.1 - excitation_range_nm.0).ceil() as usize).max(1);
+    let best = (0..=steps)
+        .map(|i| excitation_range_nm.0 + i as f64)
+        .map(|nm| unmasked.photon_yield(nm.min(excitation_range_nm.1), emission_range_nm.0, emission_range_nm.1))
+        .fold(0.0, f64::max);
+    if best <= 0.0 {
+        return context.fail(at, "the fluorophore emits nothing: all its values are zero");
+    }
+    Ok(Fluorophore {
+        name: section.name.clone(),
+        title: section.title.clone().unwrap_or_else(|| section.name.clone()),
+        eem: eem.scaled(photon_yield / best),
+        excitation_range_nm,
+        emission_range_nm,
+        source: source.clone(),
+    })
+}
+
+fn ranges(eem: &PhotonEem) -> ((f64, f64), (f64, f64)) {
+    match eem.density() {
+        crate::spectral::YieldDensity::Table(table) => {
+            let ends = |axis: &[f64]| (axis[0], axis[axis.len() - 1]);
+            (ends(&table.excitation_nm), ends(&table.emission_nm))
+        }
+        crate::spectral::YieldDensity::Separable(terms) => terms
+            .first()
+            .map_or(((0.0, 0.0), (0.0, 0.0)), |term| (term.excitation.range_nm(), term.emission.range_nm())),
+    }
+}
+
+fn separable(
+    context: &Context<'_>,
+    at: &[Step],
+    section: &FluorophoreSection,
+    excitation: Curve,
+    emission: Curve,
+    stokes: Stokes,
+) -> Resolved<PhotonEem> {
+    let emission = match section.unit {
+        Some(YieldUnit::Energy) => {
+            let wavelengths = emission.wavelengths_nm().to_vec();
+            let values = emission.values().iter().zip(&wavelengths).map(|(value, nm)| value * nm).collect();
+            Curve::new(wavelengths, values).map_err(|error| context.error(at, error.to_string()))?
+        }
+        _ => emission,
+    };
+    let area = emission.total();
+    if !(area > 0.0 && excitation.max() > 0.0) {
+        return context.fail(at, "the fluorophore emits nothing: a spectrum is zero everywhere");
+    }
+    let excitation = excitation.scaled(1.0 / excitation.max());
+    Ok(PhotonEem::separable(vec![SeparableTerm { excitation, emission: emission.scaled(1.0 / area) }], stokes))
+}
+
+fn matrix(
+    context: &Context<'_>,
+    at: &[Step],
+    table: EemTable,
+    unit: YieldUnit,
+    stokes: Stokes,
+) -> Resolved<PhotonEem> {
+    match unit {
+        YieldUnit::Photons => PhotonEem::table(table, stokes),
+        YieldUnit::Energy => EnergyEem::table(table, stokes).map(|eem| eem.to_photon()),
+    }
+    .map_err(|error| context.error(at, error.to_string()))
+}
+
+fn matrix_from_csv(
+    context: &mut Context<'_>,
+    at: &[Step],
+    file: &str,
+    section: &FluorophoreSection,
+    stokes: Stokes,
+) -> Resolved<PhotonEem> {
+    context.note_input(at, file)?;
+    let options = CsvEemOptions {
+        unit: section.unit.map(|unit| match unit {
+            YieldUnit::Photons => EemUnit::Photons,
+            YieldUnit::Energy => EemUnit::Energy,
+        }),
+        anti_stokes: AntiStokes::Keep,
+        negative: Negative::ClipToZero,
+        empty_as_zero: true,
+    };
+    let read = read_eem_csv(file.as_ref(), &options).map_err(|error| context.file_error(at, &error))?;
+    let unit = match read.unit {
+        EemUnit::Photons => YieldUnit::Photons,
+        EemUnit::Energy => YieldUnit::Energy,
+        EemUnit::Unknown => {
+            return context.fail(at, "the file does not know what its values count; add unit = \"photons\" or \"energy\"");
+        }
+    };
+    let table =
+        EemTable { emission_nm: read.emission_nm, excitation_nm: read.excitation_nm, values: read.values };
+    matrix(context, at, table, unit, stokes)
+}
+
+/// Files of isetfluorescence hold photons.
+fn from_mat(
+    context: &mut Context<'_>,
+    at: &[Step],
+    file: &str,
+    section: &FluorophoreSection,
+    stokes: Stokes,
+) -> Resolved<PhotonEem> {
+    context.note_input(at, file)?;
+    let read = read_iset_fluorophore(file.as_ref()).map_err(|error| context.file_error(at, &error))?;
+    if let Some(values) = read.eem {
+        let values = values.into_iter().map(|value| value.max(0.0)).collect();
+        let table = EemTable { emission_nm: read.wave_nm.clone(), excitation_nm: read.wave_nm, values };
+        return matrix(context, at, table, section.unit.unwrap_or(YieldUnit::Photons), stokes);
+    }
+    let (Some(excitation), Some(emission)) = (read.excitation, read.emission) else {
+        return context.fail(at, "the file has neither a matrix nor both excitation and emission");
+    };
+    let curve = |values: Vec<f64>| {
+        let values = values.into_iter().map(|value| value.max(0.0)).collect();
+        Curve::new(read.wave_nm.clone(), values).map_err(|error| context.error(at, error.to_string()))
+    };
+    separable(context, at, section, curve(excitation)?, curve(emission)?, stokes)
+}
+
+/// All materials of the sections.
+pub(super) fn materials(
+    context: &mut Context<'_>,
+    file: &ExperimentFile,
+    grid: &WavelengthGrid,
+    fluorophores: &mut Fluorophores,
+) -> Resolved<Vec<Material>> {
+    let mut materials = Vec::with_capacity(file.material.len());
+    for (index, section) in file.material.iter().enumerate() {
+        let at = steps!["material", index];
+        let earlier = file.material[..index].iter().map(|other| other.name.as_str());
+        context.unique_name(&at, &section.name, earlier)?;
+        materials.push(material(context, &at, section, file, grid, fluorophores)?);
+    }
+    Ok(materials)
+}
+
+fn material(
+    context: &mut Context<'_>,
+    at: &[Step],
+    section: &MaterialSection,
+    file: &ExperimentFile,
+    grid: &WavelengthGrid,
+    fluorophores: &mut Fluorophores,
+) -> Resolved<Material> {
+    let below = |steps: Vec<Step>| [at, &steps].concat();
+    let reflectance = match &section.reflectance {
+        ReflectanceReference::Spectrum(reference) => {
+            let spectrum = context.spectrum(&below(steps!["reflectance"]), reference, Role::Reflectance, 0.0, grid)?;
+            vec![ReflectanceTerm { spectrum, weight: ScalarTexture::Constant(1.0) }]
+        }
+        ReflectanceReference::Sum(terms) => {
+            let mut sum = Vec::with_capacity(terms.len());
+            for (index, term) in terms.iter().enumerate() {
+                let spectrum_at = below(steps!["reflectance", index, "spectrum"]);
+                let spectrum = context.spectrum(&spectrum_at, &term.spectrum, Role::Reflectance, 0.0, grid)?;
+                let weight = context.texture(&below(steps!["reflectance", index, "weight"]), &term.weight, 1e3)?;
+                sum.push(ReflectanceTerm { spectrum, weight });
+            }
+            sum
+        }
+    };
+    let coat = match &section.gloss {
+        None => None,
+        Some(gloss) => {
+            let index = gloss.refractive_index;
+            context.within(&below(steps!["gloss", "refractive_index"]), index, [1.0, 3.0], "")?;
+            let roughness_at = below(steps!["gloss", "roughness"]);
+            let roughness = context.texture(&roughness_at, &gloss.roughness, 1.0)?;
+            if roughness.max() <= 0.0 {
+                return context.fail(&roughness_at, "must be above 0 and at most 1; 0.01 is mirror-like");
+            }
+            Some(Coat { refractive_index: index as f32, roughness })
+        }
+    };
+    let mut amounts = Vec::new();
+    for (name, reference) in &section.concentrations {
+        let at = below(steps!["concentrations", name]);
+        if matches!(reference, TextureReference::Constant(value) if *value < 0.0) {
+            return context.fail(&at, "a concentration can't be negative; give 0 or more");
+        }
+        let concentration = context.texture(&at, reference, MAX_CONCENTRATION)?;
+        if concentration.max() > 0.0 {
+            let fluorophore = fluorophores.index(context, &at, &file.fluorophore, name)?;
+            amounts.push(FluorophoreAmount { fluorophore, concentration });
+        } else if preset::fluorophore(name).is_err() && !file.fluorophore.iter().any(|f| f.name == *name) {
+            return Err(unknown(context, &at, &file.fluorophore, name));
+        }
+    }
+    Ok(Material { name: section.name.clone(), reflectance, coat, fluorophores: amounts })
+}

@@ -1,0 +1,341 @@
+//! Surfaces: meshes, analytic shapes, the parts of a mouth.
+
+use std::sync::Arc;
+
+use glam::{Affine3A, EulerRot, Quat, Vec2, Vec3};
+
+use super::context::{Context, Resolved};
+use super::light::group_index;
+use super::spectrum::Role;
+use crate::anatomy::{MouthParameters, Tissue, generate_mouth};
+use crate::experiment::error::{Step, steps};
+use crate::experiment::schema::{
+    BoxShape, DiscShape, EmissionSection, ExperimentFile, MouthSection, ObjectSection, QuadShape, SphereShape,
+    TransformSection,
+};
+use crate::format::{read_obj, read_ply};
+use crate::geometry::TriangleMesh;
+use crate::light::LightGroup;
+use crate::material::Material;
+use crate::preset::nearest_name;
+use crate::scene::{Object, Shape, SurfaceEmission};
+use crate::spectral::{MAX_WAVELENGTH_NM, MIN_WAVELENGTH_NM, WavelengthGrid};
+
+/// Every tissue of a mouth, by the name that files use.
+const TISSUES: [(Tissue, &str); 11] = [
+    (Tissue::TongueDorsum, "tongue_dorsum"),
+    (Tissue::TongueVentral, "tongue_ventral"),
+    (Tissue::Gingiva, "gingiva"),
+    (Tissue::Tooth, "tooth"),
+    (Tissue::HardPalate, "hard_palate"),
+    (Tissue::SoftPalate, "soft_palate"),
+    (Tissue::Throat, "throat"),
+    (Tissue::FloorOfMouth, "floor_of_mouth"),
+    (Tissue::Cheek, "cheek"),
+    (Tissue::Lip, "lip"),
+    (Tissue::Skin, "skin"),
+];
+
+/// All surfaces: parts of the mouth first, then the objects.
+pub(super) fn objects(
+    context: &mut Context<'_>,
+    file: &ExperimentFile,
+    materials: &[Material],
+    grid: &WavelengthGrid,
+    groups: &mut Vec<LightGroup>,
+) -> Resolved<Vec<Object>> {
+    let mut objects = Vec::new();
+    for (index, section) in file.object.iter().enumerate() {
+        let at = steps!["object", index];
+        let earlier = file.object[..index].iter().map(|other| other.name.as_str());
+        context.unique_name(&at, &section.name, earlier)?;
+        objects.push(object(context, &at, section, materials, grid, groups)?);
+    }
+    if let Some(section) = &file.mouth {
+        let mut parts = mouth(context, section, materials)?;
+        for (index, object) in objects.iter().enumerate() {
+            if parts.iter().any(|part| part.name == object.name) {
+                let at = steps!["object", index, "name"];
+                return context.fail(&at, "a part of the mouth has this name; choose another");
+            }
+        }
+        parts.append(&mut objects);
+        objects = parts;
+    }
+    Ok(objects)
+}
+
+fn object(
+    context: &mut Context<'_>,
+    at: &[Step],
+    section: &ObjectSection,
+    materials: &[Material],
+    grid: &WavelengthGrid,
+    groups: &mut Vec<LightGroup>,
+) -> Resolved<Object> {
+    let field = |key: &str| [at, &steps![key]].concat();
+    let material = material_index(context, &field("material"), &section.material, materials)?;
+    let shapes = [
+        section.mesh.is_some(),
+        section.sphere.is_some(),
+        section.quad.is_some(),
+        section.disc.is_some(),
+        section.cuboid.is_some(),
+    ];
+    if shapes.iter().filter(|given| **given).count() != 1 {
+        return context.fail(at, "give exactly one of mesh, sphere, quad, disc, box");
+    }
+    if section.unit_mm.is_some() && section.mesh.is_none() {
+        return context.fail(&field("unit_mm"), "only a mesh has a unit; remove it");
+    }
+    let (transform, scale) = match &section.transform {
+        Some(transform) => affine(context, &field("transform"), transform)?,
+        None => (Affine3A::IDENTITY, 1.0),
+    };
+    let shape = if let Some(sphere) = &section.sphere {
+        sphere_shape(context, &field("sphere"), sphere, &transform, scale)?
+    } else if let Some(disc) = &section.disc {
+        disc_shape(context, &field("disc"), disc, &transform, scale)?
+    } else {
+        let mut mesh = if let Some(quad) = &section.quad {
+            quad_mesh(context, &field("quad"), quad)?
+        } else if let Some(cuboid) = &section.cuboid {
+            box_mesh(context, &field("box"), cuboid)?
+        } else {
+            let file = section.mesh.as_deref().unwrap_or_default();
+            let unit_mm = section.unit_mm.unwrap_or(1.0);
+            let unit_mm = context.positive(&field("unit_mm"), unit_mm, "millimetres per unit of the file")?;
+            read_mesh(context, &field("mesh"), file, unit_mm)?
+        };
+        mesh.transform(&transform);
+        if mesh.uvs.is_empty() && is_textured(&materials[material]) {
+            let message = format!(
+                "material \"{}\" has a texture, but the mesh has no texture coordinates; export them with the mesh, or \
+                 use a material of constant values",
+                section.material
+            );
+            return context.fail(&field("mesh"), message);
+        }
+        Shape::Mesh(Arc::new(mesh))
+    };
+    let emission = match &section.emission {
+        None => None,
+        Some(emission) => Some(surface_emission(context, &field("emission"), emission, grid, groups)?),
+    };
+    Ok(Object { name: section.name.clone(), shape, material, emission })
+}
+
+fn is_textured(material: &Material) -> bool {
+    material.reflectance.iter().any(|term| term.weight.constant().is_none())
+        || material.fluorophores.iter().any(|amount| amount.concentration.constant().is_none())
+        || material.coat.as_ref().is_some_and(|coat| coat.roughness.constant().is_none())
+}
+
+fn material_index(context: &Context<'_>, at: &[Step], name: &str, materials: &[Material]) -> Resolved<usize> {
+    if let Some(index) = materials.iter().position(|material| material.name == name) {
+        return Ok(index);
+    }
+    let known: Vec<&str> = materials.iter().map(|material| material.name.as_str()).collect();
+    let hint = nearest_name(name, known.iter().copied())
+        .map_or_else(|| ".".into(), |name| format!(", did you mean \"{name}\"?"));
+    let known = if known.is_empty() { "none".into() } else { known.join(", ") };
+    context.fail(at, format!("there is no [[material]] of this name{hint} Known: {known}"))
+}
+
+fn affine(context: &Context<'_>, at: &[Step], section: &TransformSection) -> Resolved<(Affine3A, f32)> {
+    let field = |key: &str| [at, &steps![key]].concat();
+    let scale = context.positive(&field("scale"), section.scale, "a factor on all lengths")? as f32;
+    let translation = context.meters(&field("translate_mm"), section.translate_mm)?;
+    for angle in section.rotate_deg {
+        context.within(&field("rotate_deg"), angle, [-3600.0, 3600.0], "degrees")?;
+    }
+    let [x, y, z] = section.rotate_deg.map(|angle| angle.to_radians() as f32);
+    let mut rotation = Quat::from_euler(EulerRot::ZYX, z, y, x);
+    match (section.axis, section.angle_deg) {
+        (Some(axis), Some(angle)) => {
+            let axis = context.direction(&field("axis"), axis)?;
+            context.within(&field("angle_deg"), angle, [-3600.0, 3600.0], "degrees")?;
+            rotation = Quat::from_axis_angle(axis, angle.to_radians() as f32) * rotation;
+        }
+        (None, None) => {}
+        _ => return context.fail(at, "axis and angle_deg go together; give both or none"),
+    }
+    Ok((Affine3A::from_scale_rotation_translation(Vec3::splat(scale), rotation, translation), scale))
+}
+
+fn radius(context: &Context<'_>, at: &[Step], radius_mm: f64, scale: f32) -> Resolved<f32> {
+    let at = [at, &steps!["radius_mm"]].concat();
+    Ok((context.positive(&at, radius_mm, "millimetres")? * 1e-3) as f32 * scale)
+}
+
+fn sphere_shape(
+    context: &Context<'_>,
+    at: &[Step],
+    sphere: &SphereShape,
+    transform: &Affine3A,
+    scale: f32,
+) -> Resolved<Shape> {
+    let center = context.meters(&[at, &steps!["center_mm"]].concat(), sphere.center_mm)?;
+    let radius_m = radius(context, at, sphere.radius_mm, scale)?;
+    Ok(Shape::Sphere { center: transform.transform_point3(center), radius_m })
+}
+
+fn disc_shape(
+    context: &Context<'_>,
+    at: &[Step],
+    disc: &DiscShape,
+    transform: &Affine3A,
+    scale: f32,
+) -> Resolved<Shape> {
+    let center = context.meters(&[at, &steps!["center_mm"]].concat(), disc.center_mm)?;
+    let normal = context.direction(&[at, &steps!["normal"]].concat(), disc.normal)?;
+    let radius_m = radius(context, at, disc.radius_mm, scale)?;
+    let normal = transform.transform_vector3(normal).normalize();
+    Ok(Shape::Disc { center: transform.transform_point3(center), normal, radius_m })
+}
+
+/// Two triangles with texture coordinates along the edges.
+fn add_quad(mesh: &mut TriangleMesh, corner: Vec3, edge_u: Vec3, edge_v: Vec3) {
+    let first = mesh.positions.len() as u32;
+    for (u, v) in [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)] {
+        mesh.positions.push(corner + u * edge_u + v * edge_v);
+        mesh.uvs.push(Vec2::new(u, v));
+    }
+    mesh.triangles.push([first, first + 1, first + 2]);
+    mesh.triangles.push([first, first + 2, first + 3]);
+}
+
+fn quad_mesh(context: &Context<'_>, at: &[Step], quad: &QuadShape) -> Resolved<TriangleMesh> {
+    let corner = context.meters(&[at, &steps!["corner_mm"]].concat(), quad.corner_mm)?;
+    let edge_u = context.meters(&[at, &steps!["edge_u_mm"]].concat(), quad.edge_u_mm)?;
+    let edge_v = context.meters(&[at, &steps!["edge_v_mm"]].concat(), quad.edge_v_mm)?;
+    if edge_u.cross(edge_v).length() <= 1e-6 * edge_u.length() * edge_v.length() || edge_u == Vec3::ZERO {
+        return context.fail(at, "edge_u_mm and edge_v_mm span no area; give two edges that are not parallel");
+    }
+    let mut mesh = TriangleMesh::default();
+    add_quad(&mut mesh, corner, edge_u, edge_v);
+    Ok(mesh)
+}
+
+fn box_mesh(context: &Context<'_>, at: &[Step], cuboid: &BoxShape) -> Resolved<TriangleMesh> {
+    let center = context.meters(&[at, &steps!["center_mm"]].concat(), cuboid.center_mm)?;
+    let size_at = [at, &steps!["size_mm"]].concat();
+    for size in cuboid.size_mm {
+        context.positive(&size_at, size, "millimetres")?;
+    }
+    let size = context.meters(&size_at, cuboid.size_mm)?;
+    let mut mesh = TriangleMesh::default();
+    for axis in 0..3 {
+        for sign in [-1.0, 1.0] {
+            let mut normal = Vec3::ZERO;
+            normal[axis] = sign;
+            let mut edge_u = Vec3::ZERO;
+            edge_u[(axis + 1) % 3] = size[(axis + 1) % 3] * sign;
+            let mut edge_v = Vec3::ZERO;
+            edge_v[(axis + 2) % 3] = size[(axis + 2) % 3];
+            let corner = center + 0.5 * (normal * size[axis] - edge_u - edge_v);
+            add_quad(&mut mesh, corner, edge_u, edge_v);
+        }
+    }
+    Ok(mesh)
+}
+
+fn read_mesh(context: &mut Context<'_>, at: &[Step], file: &str, unit_mm: f64) -> Resolved<TriangleMesh> {
+    context.note_input(at, file)?;
+    let lower = file.to_lowercase();
+    let mesh = if lower.ends_with(".ply") {
+        read_ply(file.as_ref(), unit_mm * 1e-3)
+    } else if lower.ends_with(".obj") {
+        read_obj(file.as_ref(), unit_mm * 1e-3)
+    } else {
+        return context.fail(at, "this is neither a .ply nor an .obj file; export the mesh as one of the two");
+    };
+    let mesh = mesh.map_err(|error| context.file_error(at, &error))?;
+    mesh.validate().map_err(|error| context.error(at, error.to_string()))?;
+    Ok(mesh)
+}
+
+fn surface_emission(
+    context: &mut Context<'_>,
+    at: &[Step],
+    section: &EmissionSection,
+    grid: &WavelengthGrid,
+    groups: &mut Vec<LightGroup>,
+) -> Resolved<SurfaceEmission> {
+    let field = |key: &str| [at, &steps![key]].concat();
+    let radiance = section.radiance_w_per_sr_m2;
+    let radiance = context.positive(&field("radiance_w_per_sr_m2"), radiance, "W/(sr m²)")?;
+    let curve = context.spectrum(&field("spectrum"), &section.spectrum, Role::Light, 0.0, grid)?;
+    if section.group.is_empty() {
+        return context.fail(&field("group"), "a light group needs a name");
+    }
+    let total = curve.integral(MIN_WAVELENGTH_NM, MAX_WAVELENGTH_NM);
+    if total <= 0.0 {
+        return context.fail(&field("spectrum"), "the spectrum has no power between 200 and 1200 nm");
+    }
+    Ok(SurfaceEmission {
+        group: group_index(groups, &section.group),
+        radiance: curve.scaled(radiance / total),
+    })
+}
+
+fn mouth(context: &mut Context<'_>, section: &MouthSection, materials: &[Material]) -> Resolved<Vec<Object>> {
+    check_parameters(context, &section.parameters)?;
+    let transform = match &section.transform {
+        Some(transform) => affine(context, &steps!["mouth", "transform"], transform)?.0,
+        None => Affine3A::IDENTITY,
+    };
+    for (key, material) in &section.materials {
+        material_index(context, &steps!["mouth", "materials", key], material, materials)?;
+    }
+    let needed = |tissue: &str| {
+        let name = section.materials.get(tissue).map_or(tissue, String::as_str);
+        materials.iter().position(|material| material.name == name)
+    };
+    // Before the meshes are made, which takes a while: every tissue of a mouth is there at least once.
+    for (_, tissue) in TISSUES {
+        if needed(tissue).is_none() {
+            let message = format!(
+                "no material for {tissue}; add a [[material]] of that name, or a line {tissue} = \"...\" to [mouth.materials]"
+            );
+            return context.fail(&steps!["mouth"], message);
+        }
+    }
+    let mouth =
+        generate_mouth(&section.parameters).map_err(|e| context.error(&steps!["mouth", e.field], e.message))?;
+    for key in section.materials.keys() {
+        let is_tissue = TISSUES.iter().any(|(_, name)| name == key);
+        if !is_tissue && mouth.part(key).is_none() {
+            let names = || TISSUES.iter().map(|(_, name)| *name).chain(mouth.parts.iter().map(|p| p.name.as_str()));
+            let hint = nearest_name(key, names())
+                .map_or_else(|| ".".into(), |name| format!(", did you mean \"{name}\"?"));
+            let tissues: Vec<&str> = TISSUES.iter().map(|(_, name)| *name).collect();
+            let message = format!(
+                "the mouth has neither a tissue nor a part \"{key}\"{hint} Tissues: {}",
+                tissues.join(", ")
+            );
+            return context.fail(&steps!["mouth", "materials", key], message);
+        }
+    }
+    let mut objects = Vec::with_capacity(mouth.parts.len());
+    for part in mouth.parts {
+        let tissue = TISSUES.iter().find(|(tissue, _)| *tissue == part.tissue).map_or("", |(_, name)| name);
+        let material = match section.materials.get(&part.name) {
+            Some(name) => materials.iter().position(|material| material.name == *name),
+            None => needed(tissue),
+        };
+        let Some(material) = material else {
+            return context.fail(&steps!["mouth"], format!("no material for part {}", part.name));
+        };
+        let mut mesh = part.mesh;
+        if section.transform.is_some() {
+            mesh.transform(&transform);
+        }
+        objects.push(Object { name: part.name, shape: Shape::Mesh(Arc::new(mesh)), material, emission: None });
+    }
+    Ok(objects)
+}
+
+fn check_parameters(context: &Context<'_>, parameters: &MouthParameters) -> Resolved<()> {
+    parameters.validate().map_err(|error| context.error(&steps!["mouth", error.field], error.message))
+}

@@ -1,0 +1,234 @@
+//! Spectra and textures from references.
+
+use std::sync::Arc;
+
+use super::context::{Context, Resolved};
+use crate::experiment::document::is_path;
+use crate::experiment::error::{Step, steps};
+use crate::experiment::schema::{SpectrumReference, SpectrumTable, TextureReference, TextureTable};
+use crate::format::{
+    CsvColumns, CsvSpectrumOptions, FormatError, NamedCurve, Transfer, read_spectrum_csv, read_texture_png,
+};
+use crate::material::{ImageTexture, ScalarTexture};
+use crate::preset::{self, CurvePreset};
+use crate::spectral::{Curve, CurveModel, WavelengthGrid};
+
+/// What a spectrum is used for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::experiment) enum Role {
+    Light,
+    Filter,
+    Reflectance,
+    /// Values with a unit of their own: anything from 0 up.
+    Absolute,
+}
+
+impl Role {
+    fn is_fraction(self) -> bool {
+        matches!(self, Self::Filter | Self::Reflectance)
+    }
+
+    fn preset(self, name: &str) -> Result<CurvePreset, preset::PresetError> {
+        match self {
+            Self::Light | Self::Absolute => preset::light_spectrum(name),
+            Self::Filter => preset::filter(name),
+            Self::Reflectance => preset::reflectance(name),
+        }
+    }
+}
+
+impl Context<'_> {
+    /// The curve of a reference; an interference filter of the catalogue is taken at an angle.
+    pub(in crate::experiment) fn spectrum(
+        &mut self,
+        at: &[Step],
+        reference: &SpectrumReference,
+        role: Role,
+        angle_deg: f64,
+        grid: &WavelengthGrid,
+    ) -> Resolved<Curve> {
+        let curve = match reference {
+            SpectrumReference::Constant(value) => Curve::constant(*value),
+            SpectrumReference::Model(model) => self.model(at, model)?,
+            SpectrumReference::Name(name) if is_path(name) => {
+                let table = SpectrumTable { csv: name.clone(), column: None, scale: None };
+                self.table(at, &table, grid)?
+            }
+            SpectrumReference::Name(name) => {
+                let preset = role.preset(name).map_err(|error| self.error(at, error.to_string()))?;
+                self.note_preset("curve", name, &preset);
+                self.warn_range(at, preset.valid_nm, grid);
+                preset.curve_at_angle(angle_deg)
+            }
+            SpectrumReference::Table(table) => self.table(at, table, grid)?,
+        };
+        self.check_values(at, &curve, role)?;
+        Ok(curve)
+    }
+
+    fn model(&self, at: &[Step], model: &CurveModel) -> Resolved<Curve> {
+        match model.validate() {
+            Ok(()) => Ok(Curve::from_model(model)),
+            Err((field, message)) => {
+                let steps = field.split('.').map(Step::from);
+                let at: Vec<Step> = at.iter().cloned().chain(steps).collect();
+                self.fail(&at, message)
+            }
+        }
+    }
+
+    fn table(&mut self, at: &[Step], table: &SpectrumTable, grid: &WavelengthGrid) -> Resolved<Curve> {
+        let columns = match &table.column {
+            Some(name) => CsvColumns::Named(vec![name.clone()]),
+            None => CsvColumns::Numbered(vec![1]),
+        };
+        let options = CsvSpectrumOptions { columns, ..CsvSpectrumOptions::default() };
+        let curve = self.csv(at, &table.csv, &options)?.swap_remove(0).curve;
+        let (first, last) = curve.range_nm();
+        self.warn_range(at, [first, last], grid);
+        match table.scale {
+            None => Ok(curve),
+            Some(scale) if scale > 0.0 && scale.is_finite() => Ok(curve.scaled(scale)),
+            Some(_) => {
+                let at: Vec<Step> = at.iter().cloned().chain(steps!["scale"]).collect();
+                self.fail(&at, "must be positive (a factor on the values)")
+            }
+        }
+    }
+
+    /// Columns of a CSV file of spectra, at least one.
+    pub(in crate::experiment) fn csv(
+        &mut self,
+        at: &[Step],
+        file: &str,
+        options: &CsvSpectrumOptions,
+    ) -> Resolved<Vec<NamedCurve>> {
+        self.note_input(at, file)?;
+        let curves = read_spectrum_csv(file.as_ref(), options).map_err(|error| self.file_error(at, &error))?;
+        if curves.is_empty() { self.fail(at, "the file has no column of values") } else { Ok(curves) }
+    }
+
+    /// An error of a reader; it names its file itself.
+    pub(in crate::experiment) fn file_error(
+        &self,
+        at: &[Step],
+        error: &FormatError,
+    ) -> crate::experiment::ExperimentError {
+        let mut placed = self.error(at, error.to_string());
+        placed.value = None;
+        placed
+    }
+
+    fn check_values(&self, at: &[Step], curve: &Curve, role: Role) -> Resolved<()> {
+        let bad = |value: &f64| !(*value >= 0.0 && value.is_finite()) || (role.is_fraction() && *value > 1.0);
+        let Some(index) = curve.values().iter().position(bad) else {
+            if matches!(role, Role::Light) && curve.max() <= 0.0 {
+                return self.fail(at, "the spectrum is zero everywhere");
+            }
+            return Ok(());
+        };
+        let (nm, value) = (curve.wavelengths_nm()[index], curve.values()[index]);
+        if role.is_fraction() {
+            let hint = if value > 1.0 && value <= 100.0 { "; percent? Give fractions" } else { "" };
+            return self.fail(at, format!("the value {value} at {nm} nm is not between 0 and 1{hint}"));
+        }
+        self.fail(at, format!("the value {value} at {nm} nm is no number from 0 up"))
+    }
+
+    /// Warns where a grid reaches beyond the data by more than half a usual bin.
+    fn warn_range(&mut self, at: &[Step], [first, last]: [f64; 2], grid: &WavelengthGrid) {
+        const TOLERANCE_NM: f64 = 5.0;
+        if grid.start_nm() < first - TOLERANCE_NM || grid.end_nm() > last + TOLERANCE_NM {
+            let message = format!(
+                "the spectrum holds from {first} to {last} nm, but the wavelengths of the experiment run from {} to {} nm",
+                grid.start_nm(),
+                grid.end_nm()
+            );
+            self.warn(at, message);
+        }
+    }
+
+    /// A texture from its reference. Values must be between 0 and `highest`.
+    pub(in crate::experiment) fn texture(
+        &mut self,
+        at: &[Step],
+        reference: &TextureReference,
+        highest: f64,
+    ) -> Resolved<ScalarTexture> {
+        match reference {
+            TextureReference::Constant(value) => {
+                self.within(at, *value, [0.0, highest], "")?;
+                Ok(ScalarTexture::Constant(*value as f32))
+            }
+            TextureReference::Map(table) => self.texture_map(at, table, highest),
+        }
+    }
+
+    fn texture_map(&mut self, at: &[Step], table: &TextureTable, highest: f64) -> Resolved<ScalarTexture> {
+        let below = |key: &str| -> Vec<Step> { at.iter().cloned().chain(steps![key]).collect() };
+        let kinds = [
+            table.image.is_some(),
+            table.checker.is_some(),
+            table.noise.is_some(),
+            table.dorsal_tongue.is_some(),
+        ];
+        if kinds.iter().filter(|given| **given).count() != 1 {
+            return self.fail(at, "give exactly one of image, checker, noise, dorsal_tongue");
+        }
+        let low = self.within(&below("low"), table.low.unwrap_or(0.0), [0.0, highest], "")? as f32;
+        let high = self.within(&below("high"), table.high.unwrap_or(1.0), [0.0, highest], "")? as f32;
+        let texture = if let Some(file) = &table.image {
+            let at = below("image");
+            self.note_input(&at, file)?;
+            let transfer = if table.srgb == Some(true) { Transfer::Srgb } else { Transfer::Linear };
+            let image = read_texture_png(file.as_ref(), transfer).map_err(|e| self.file_error(&at, &e))?;
+            let grey = image.data.chunks_exact(image.channels).map(grey).collect();
+            let image =
+                ImageTexture::new(image.width, image.height, grey).map_err(|e| self.error(&at, e.to_string()))?;
+            ScalarTexture::Image { image: Arc::new(image), low, high }
+        } else if let Some([columns, rows]) = table.checker {
+            for fields in [columns, rows] {
+                self.whole_within(&below("checker"), u64::from(fields), [1, 10_000])?;
+            }
+            ScalarTexture::Checker { columns, rows, low, high }
+        } else if let Some(cells) = table.noise {
+            for value in cells {
+                self.within(&below("noise"), value, [0.1, 1e4], "cells")?;
+            }
+            let cells = cells.map(|value| value as f32);
+            ScalarTexture::Noise { cells, seed: table.seed.unwrap_or(1), low, high }
+        } else if let Some(map) = &table.dorsal_tongue {
+            let field = |key: &str| -> Vec<Step> { at.iter().cloned().chain(steps!["dorsal_tongue", key]).collect() };
+            self.within(&field("peak"), map.peak, [0.0, highest], "")?;
+            self.within(&field("sigma"), map.sigma, [0.01, 10.0], "of the tongue's width")?;
+            self.within(&field("full_at"), map.full_at, [0.01, 1.0], "of the tongue's length")?;
+            self.within(&field("patchiness"), map.patchiness, [0.0, 1.0], "")?;
+            ScalarTexture::DorsalTongue {
+                peak: map.peak as f32,
+                sigma: map.sigma as f32,
+                full_at: map.full_at as f32,
+                patchiness: map.patchiness as f32,
+                seed: map.seed,
+            }
+        } else {
+            return self.fail(at, "give exactly one of image, checker, noise, dorsal_tongue");
+        };
+        match &table.times {
+            None => Ok(texture),
+            Some(other) => {
+                let other = self.texture(&below("times"), other, highest)?;
+                Ok(ScalarTexture::Product(Box::new(texture), Box::new(other)))
+            }
+        }
+    }
+}
+
+/// Grey value of a pixel: the only channel, or the mean of red, green and blue; alpha is left out.
+fn grey(pixel: &[f32]) -> f32 {
+    let colours = match pixel.len() {
+        2 => 1,
+        4 => 3,
+        n => n,
+    };
+    pixel[..colours].iter().sum::<f32>() / colours as f32
+}

@@ -1,0 +1,84 @@
+//! The sections of an experiment file.
+
+mod capture;
+mod device;
+mod light;
+mod material;
+mod object;
+mod reference;
+mod settings;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+pub use capture::{AnalysisSection, CaptureSection, ExposureTime, OutputSection};
+pub use device::{CameraSection, FieldOfView, LensSection, SensorSection, ViewFilterSection};
+pub use light::{LightFrame, LightSection, LightType};
+pub use material::{FluorophoreSection, GlossSection, MaterialSection, YieldUnit};
+pub use object::{
+    BoxShape, DiscShape, EmissionSection, MouthSection, ObjectSection, QuadShape, SphereShape, TransformSection,
+};
+pub use reference::{
+    DorsalTongueMap, ReflectanceReference, ReflectanceTermSection, SpectrumReference, SpectrumTable,
+    TextureReference, TextureTable,
+};
+pub use settings::{RenderSection, SpectralSection};
+
+/// An experiment: scene, lights, camera, captures and analysis. Lengths are in millimetres, wavelengths in
+/// nanometres; every other unit stands in the name of its field.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ExperimentFile {
+    /// Name of the experiment for people. Default: empty.
+    #[serde(default)]
+    pub title: String,
+    /// What the experiment shows. Default: empty.
+    #[serde(default)]
+    pub description: String,
+    /// Experiment that this file overrides: a name of the catalogue or a path relative to this file. Tables are
+    /// merged key by key, lists entry by entry by `name`; `remove = true` in an entry removes it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub base: Option<String>,
+    /// Wavelengths.
+    #[serde(default)]
+    pub spectral: SpectralSection,
+    /// Image size, samples and limits of the render.
+    #[serde(default)]
+    pub render: RenderSection,
+    /// Pinhole from which the radiance image is rendered.
+    #[serde(default)]
+    pub camera: CameraSection,
+    /// Lens between scene and sensor. Without `lens` and `sensor` the file describes a scene only.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lens: Option<LensSection>,
+    /// Filters in front of the lens.
+    #[serde(default)]
+    pub view_filter: ViewFilterSection,
+    /// Sensor behind the lens.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sensor: Option<SensorSection>,
+    /// Light sources.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub light: Vec<LightSection>,
+    /// Fluorophores besides those of the catalogue, or variants of those.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub fluorophore: Vec<FluorophoreSection>,
+    /// Materials.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub material: Vec<MaterialSection>,
+    /// A parametric mouth; its parts become objects.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mouth: Option<MouthSection>,
+    /// Surfaces.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub object: Vec<ObjectSection>,
+    /// Exposures of the sensor, in this order.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub capture: Vec<CaptureSection>,
+    /// What is computed from the captures.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub analysis: Option<AnalysisSection>,
+    /// Where results go.
+    #[serde(default)]
+    pub output: OutputSection,
+}

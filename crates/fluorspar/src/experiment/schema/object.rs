@@ -1,0 +1,147 @@
+//! Surfaces: meshes, analytic shapes and the mouth.
+
+use std::collections::BTreeMap;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::SpectrumReference;
+use crate::anatomy::MouthParameters;
+
+/// A sphere.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SphereShape {
+    /// Centre, mm. Default [0, 0, 0].
+    #[serde(default)]
+    pub center_mm: [f64; 3],
+    /// Radius, mm, above 0.
+    pub radius_mm: f64,
+}
+
+/// A parallelogram that faces `edge_u × edge_v`; texture coordinates run along the edges.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct QuadShape {
+    /// One corner, mm.
+    pub corner_mm: [f64; 3],
+    /// First edge from the corner, mm.
+    pub edge_u_mm: [f64; 3],
+    /// Second edge from the corner, mm.
+    pub edge_v_mm: [f64; 3],
+}
+
+/// A flat disc; texture coordinates span its bounding square.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct DiscShape {
+    /// Centre, mm. Default [0, 0, 0].
+    #[serde(default)]
+    pub center_mm: [f64; 3],
+    /// Direction that it faces, of any length. Default [0, 0, 1].
+    #[serde(default = "towards_camera")]
+    pub normal: [f64; 3],
+    /// Radius, mm, above 0.
+    pub radius_mm: f64,
+}
+
+fn towards_camera() -> [f64; 3] {
+    [0.0, 0.0, 1.0]
+}
+
+/// An axis-parallel box; texture coordinates span every face.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct BoxShape {
+    /// Centre, mm. Default [0, 0, 0].
+    #[serde(default)]
+    pub center_mm: [f64; 3],
+    /// Lengths of the edges, mm, above 0.
+    pub size_mm: [f64; 3],
+}
+
+/// Scales, then turns, then moves.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct TransformSection {
+    /// Displacement, mm. Default [0, 0, 0].
+    pub translate_mm: [f64; 3],
+    /// Turns about the x, then the y, then the z axis, degrees. Default [0, 0, 0].
+    pub rotate_deg: [f64; 3],
+    /// Turn about `axis` by `angle_deg`, applied after `rotate_deg`: the axis, of any length. Default: none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub axis: Option<[f64; 3]>,
+    /// Angle of the turn about `axis`, degrees.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub angle_deg: Option<f64>,
+    /// Factor on all lengths, above 0. Default 1.
+    pub scale: f64,
+}
+
+impl Default for TransformSection {
+    fn default() -> Self {
+        Self { translate_mm: [0.0; 3], rotate_deg: [0.0; 3], axis: None, angle_deg: None, scale: 1.0 }
+    }
+}
+
+/// Light that a surface emits by itself, evenly in all directions from both sides.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct EmissionSection {
+    /// Light group that it belongs to.
+    pub group: String,
+    /// Relative spectral power: its scale does not matter.
+    pub spectrum: SpectrumReference,
+    /// Radiance over 200 to 1200 nm, W/(sr m²), above 0.
+    pub radiance_w_per_sr_m2: f64,
+}
+
+/// A named surface: exactly one of `mesh`, `sphere`, `quad`, `disc`, `box`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ObjectSection {
+    /// Name, unique among objects and parts of the mouth.
+    pub name: String,
+    /// Name of its material.
+    pub material: String,
+    /// Path of a PLY or OBJ file, relative to the experiment file.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mesh: Option<String>,
+    /// Length of one unit of the mesh file, mm; 1000 for metres. Default 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub unit_mm: Option<f64>,
+    /// A sphere.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sphere: Option<SphereShape>,
+    /// A parallelogram.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub quad: Option<QuadShape>,
+    /// A flat disc.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub disc: Option<DiscShape>,
+    /// A box.
+    #[serde(default, rename = "box", skip_serializing_if = "Option::is_none")]
+    pub cuboid: Option<BoxShape>,
+    /// Where it stands. Default: as given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub transform: Option<TransformSection>,
+    /// Light that it emits. Default: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub emission: Option<EmissionSection>,
+}
+
+/// A parametric mouth. Its frame: origin between the incisors, +z out of the mouth, +y up, +x to the patient's left.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct MouthSection {
+    /// Material of each tissue (`tongue_dorsum`, `gingiva`, `tooth`, ...) or of a single part (`tooth_11`,
+    /// `upper_gingiva`, ...). Default: the material that has the name of the tissue.
+    #[serde(default)]
+    pub materials: BTreeMap<String, String>,
+    /// Where the mouth stands. Default: in its own frame.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub transform: Option<TransformSection>,
+    /// Shape and pose.
+    #[serde(flatten)]
+    pub parameters: MouthParameters,
+}

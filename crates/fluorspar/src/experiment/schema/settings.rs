@@ -1,0 +1,57 @@
+//! Wavelengths and effort of a render.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// Wavelength bins: `first_nm`, `last_nm` and `step_nm`, or explicit `edges_nm`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SpectralSection {
+    /// Centre of the first bin, nm, 200 to 1200. Default 350.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub first_nm: Option<f64>,
+    /// Centre of the last bin, nm, 200 to 1200. Default 750.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub last_nm: Option<f64>,
+    /// Width of a bin, nm. Default 5.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub step_nm: Option<f64>,
+    /// Edges of the bins, nm, increasing; one more than there are bins. Instead of the other three.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub edges_nm: Option<Vec<f64>>,
+}
+
+/// Image size, samples and limits of the render.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct RenderSection {
+    /// Columns of the radiance image, 1 to 16384. Default 320.
+    pub width_px: u32,
+    /// Rows of the radiance image, 1 to 16384. Default 240.
+    pub height_px: u32,
+    /// Light paths per pixel, 1 to 1 000 000. Default 64.
+    pub samples_per_pixel: u32,
+    /// Most surfaces that a path may meet, 1 to 1000. 1 is direct light only. Default 8.
+    pub max_depth: u32,
+    /// Seed of all random numbers of the render and of the noise. Default 1.
+    pub seed: u64,
+    /// Seconds after which rendering stops with the samples it has. Default: no limit.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub time_limit_s: Option<f64>,
+    /// Most memory that the images of the render may take, GiB, 0.1 to 1024. Default 8.
+    pub memory_limit_gib: f64,
+}
+
+impl Default for RenderSection {
+    fn default() -> Self {
+        Self {
+            width_px: 320,
+            height_px: 240,
+            samples_per_pixel: 64,
+            max_depth: 8,
+            seed: 1,
+            time_limit_s: None,
+            memory_limit_gib: 8.0,
+        }
+    }
+}
