@@ -5,8 +5,8 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use fluorspar::format::{
-    ExrCompression, ExrOptions, FormatError, Provenance, write_atomically, write_component_exr, write_rgb_png,
-    write_sensor_tiff, write_spectral_exr,
+    ExrCompression, ExrOptions, FormatError, Provenance, write_atomically, write_component_exr,
+    write_rgb_png, write_sensor_tiff, write_spectral_exr,
 };
 use fluorspar::pipeline::{RegionRadiance, frame_radiance};
 use serde_json::{Value, json};
@@ -62,7 +62,8 @@ pub enum RunFolderError {
 /// A folder or file that can't be written.
 pub fn write_run_folder(folder: &Path, run: &RunResults<'_>) -> Result<PathBuf, RunFolderError> {
     let figures = folder.join("figures");
-    fs::create_dir_all(&figures).map_err(|source| RunFolderError::Folder { path: figures.clone(), source })?;
+    fs::create_dir_all(&figures)
+        .map_err(|source| RunFolderError::Folder { path: figures.clone(), source })?;
     let experiment = run.experiment;
     let provenance = Provenance::new(
         run.experiment_text,
@@ -78,7 +79,11 @@ pub fn write_run_folder(folder: &Path, run: &RunResults<'_>) -> Result<PathBuf, 
     for capture in &experiment.captures {
         if capture.frame.lights.values().any(|&drive| drive > 0.0) {
             let radiance = frame_radiance(&capture.frame, run.components);
-            write_spectral_exr(&folder.join(format!("radiance_{}.exr", capture.frame.label)), &radiance, &options)?;
+            write_spectral_exr(
+                &folder.join(format!("radiance_{}.exr", capture.frame.label)),
+                &radiance,
+                &options,
+            )?;
         }
     }
     for frame in run.frames {

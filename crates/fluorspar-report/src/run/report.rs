@@ -7,8 +7,8 @@ use fluorspar::spectral::Curve;
 
 use super::RunResults;
 use crate::figures::{
-    ChannelValues, ChromaticityPlot, EemMap, NamedCurve, chromaticity, eem_maps, emission, filters, histograms, lights,
-    picture, porphyrin_map, radiance_by_component, sensor_response,
+    ChannelValues, ChromaticityPlot, EemMap, NamedCurve, chromaticity, eem_maps, emission, filters,
+    histograms, lights, picture, porphyrin_map, radiance_by_component, sensor_response,
 };
 use crate::{
     Figure, Number, NumberTable, Origin, Raster, ReportData, ReportItem, ReportPicture, Scale, Section,
@@ -166,7 +166,10 @@ fn provenance(run: &RunResults<'_>) -> Vec<(String, String)> {
         ("Experiment SHA-256".into(), experiment.sha256.clone()),
         ("Seed".into(), experiment.render.seed.to_string()),
         ("Samples per pixel".into(), run.components.samples_per_pixel.to_string()),
-        ("Image".into(), format!("{} x {} pixels, {} bands", scene.camera.width, scene.camera.height, scene.grid.len())),
+        (
+            "Image".into(),
+            format!("{} x {} pixels, {} bands", scene.camera.width, scene.camera.height, scene.grid.len()),
+        ),
         ("Bands".into(), format!("{} to {} nm", scene.grid.start_nm(), scene.grid.end_nm())),
         ("Components".into(), run.components.components.len().to_string()),
     ]
@@ -220,7 +223,10 @@ fn camera_section(run: &RunResults<'_>, builder: &mut Builder) -> Section {
                         format!("{label}: median {name}"),
                         format!("{:.1}", s.median),
                         "DN",
-                        format!("over the whole frame, black level subtracted; full scale is {:.0} DN", frame.developed.full_scale_dn),
+                        format!(
+                            "over the whole frame, black level subtracted; full scale is {:.0} DN",
+                            frame.developed.full_scale_dn
+                        ),
                     ));
                 }
             }
@@ -282,21 +288,33 @@ fn result_section(run: &RunResults<'_>, analyzed: &AnalyzedFrame, builder: &mut 
         let top = sorted.get(sorted.len() * 99 / 100).copied().map_or(1.0, f64::from);
         let (width, height) = (frame.developed.width, frame.developed.height);
         if let Some(figure) = porphyrin_map(width, height, &fractions, Some(&grey), top) {
-            section = builder.show(section, "porphyrin_map", figure, "Grey: outside the region, too dark, saturated, or off the line.");
+            section = builder.show(
+                section,
+                "porphyrin_map",
+                figure,
+                "Grey: outside the region, too dark, saturated, or off the line.",
+            );
         }
         if let (Some([col, row, w, h]), Some(raster)) = (
             run.experiment.analysis.as_ref().and_then(|a| a.rectangle_px),
             Raster::from_rgb8(preview.width, preview.height, &preview.rgb),
         ) {
             let rectangle = [col, row, w, h].map(f64::from);
-            section = builder.show(section, "region", picture("Region of interest", raster, Some(rectangle)), "");
+            section =
+                builder.show(section, "region", picture("Region of interest", raster, Some(rectangle)), "");
         }
     }
     section
 }
 
-fn radiance_section(run: &RunResults<'_>, radiance: &RegionRadiance, leak: Option<f64>, builder: &mut Builder) -> Section {
-    let curve = |name: &str, values: &[f64]| NamedCurve::new(name, radiance.wavelength_nm.clone(), values.to_vec());
+fn radiance_section(
+    run: &RunResults<'_>,
+    radiance: &RegionRadiance,
+    leak: Option<f64>,
+    builder: &mut Builder,
+) -> Section {
+    let curve =
+        |name: &str, values: &[f64]| NamedCurve::new(name, radiance.wavelength_nm.clone(), values.to_vec());
     let glow: Vec<NamedCurve> = radiance.fluorescence.iter().map(|(name, v)| curve(name, v)).collect();
     let region = run.experiment.analysis.as_ref().map_or_else(String::new, |a| {
         if a.parts.is_empty() { "the whole picture".into() } else { a.parts.join(", ").replace('_', " ") }
@@ -330,7 +348,8 @@ fn radiance_section(run: &RunResults<'_>, radiance: &RegionRadiance, leak: Optio
 /// A curve on every nanometre of the rendered range.
 fn fine(name: &str, curve: &Curve, range: (f64, f64)) -> NamedCurve {
     let steps = (range.1 - range.0).round() as usize;
-    let nm: Vec<f64> = (0..=steps).map(|i| range.0 + i as f64 * (range.1 - range.0) / steps.max(1) as f64).collect();
+    let nm: Vec<f64> =
+        (0..=steps).map(|i| range.0 + i as f64 * (range.1 - range.0) / steps.max(1) as f64).collect();
     let values = nm.iter().map(|&x| curve.at(x)).collect();
     NamedCurve::new(name, nm, values)
 }
@@ -396,7 +415,12 @@ fn parts_section(run: &RunResults<'_>, builder: &mut Builder) -> Section {
             section = builder.show(
                 section,
                 "emission",
-                emission(&curves, &format!("the light \"{name}\""), "photons per nm per photon that arrives", band),
+                emission(
+                    &curves,
+                    &format!("the light \"{name}\""),
+                    "photons per nm per photon that arrives",
+                    band,
+                ),
                 "At concentration 1 of each fluorophore.",
             );
         }
@@ -433,8 +457,14 @@ fn camera_rows(run: &RunResults<'_>) -> Vec<Number> {
     let mut rows = Vec::new();
     let assumed = || Origin::Assumed("see the experiment below: its comments say what is published".into());
     if let Some(lens) = &experiment.lens {
-        rows.push(Number::computed("Focal length", format!("{}", lens.focal_length_mm), "mm", "of the ideal lens").from(assumed()));
-        rows.push(Number::computed("f-number", format!("{}", lens.f_number), "", "focal length over aperture").from(assumed()));
+        rows.push(
+            Number::computed("Focal length", format!("{}", lens.focal_length_mm), "mm", "of the ideal lens")
+                .from(assumed()),
+        );
+        rows.push(
+            Number::computed("f-number", format!("{}", lens.f_number), "", "focal length over aperture")
+                .from(assumed()),
+        );
         rows.push(Number::computed(
             "Magnification",
             format!("{:.4}", lens.magnification().abs()),
@@ -444,12 +474,43 @@ fn camera_rows(run: &RunResults<'_>) -> Vec<Number> {
     }
     if let Some(sensor) = &experiment.sensor {
         let m = sensor.model();
-        let table = || Origin::Published("Table 1 of Lyu et al. 2021, unless the experiment says otherwise".into());
-        rows.push(Number::computed("Pixels", format!("{} x {}", m.columns, m.rows), "", "of the sensor").from(assumed()));
-        rows.push(Number::computed("Pixel pitch", format!("{}", m.pixel_size_um), "µm", "side of one pixel").from(table()));
-        rows.push(Number::computed("Full well", format!("{:.0}", m.well_capacity_e), "e-", "electrons that a pixel holds").from(table()));
-        rows.push(Number::computed("Read noise", format!("{:.1}", m.read_noise_electrons()), "e-", "noise of a dark pixel, rms").from(table()));
-        rows.push(Number::computed("PRNU", format!("{}", m.prnu_percent), "%", "spread of sensitivity from pixel to pixel").from(table()));
+        let table =
+            || Origin::Published("Table 1 of Lyu et al. 2021, unless the experiment says otherwise".into());
+        rows.push(
+            Number::computed("Pixels", format!("{} x {}", m.columns, m.rows), "", "of the sensor")
+                .from(assumed()),
+        );
+        rows.push(
+            Number::computed("Pixel pitch", format!("{}", m.pixel_size_um), "µm", "side of one pixel")
+                .from(table()),
+        );
+        rows.push(
+            Number::computed(
+                "Full well",
+                format!("{:.0}", m.well_capacity_e),
+                "e-",
+                "electrons that a pixel holds",
+            )
+            .from(table()),
+        );
+        rows.push(
+            Number::computed(
+                "Read noise",
+                format!("{:.1}", m.read_noise_electrons()),
+                "e-",
+                "noise of a dark pixel, rms",
+            )
+            .from(table()),
+        );
+        rows.push(
+            Number::computed(
+                "PRNU",
+                format!("{}", m.prnu_percent),
+                "%",
+                "spread of sensitivity from pixel to pixel",
+            )
+            .from(table()),
+        );
     }
     rows
 }
@@ -462,7 +523,11 @@ fn assumptions_section(run: &RunResults<'_>) -> Section {
         .map(|f| {
             let text = format!(
                 "{} Excitation backed by data from {:.0} to {:.0} nm, emission from {:.0} to {:.0} nm.",
-                f.source, f.excitation_range_nm.0, f.excitation_range_nm.1, f.emission_range_nm.0, f.emission_range_nm.1
+                f.source,
+                f.excitation_range_nm.0,
+                f.excitation_range_nm.1,
+                f.emission_range_nm.0,
+                f.emission_range_nm.1
             );
             (f.title.clone(), text)
         })
@@ -473,7 +538,9 @@ fn assumptions_section(run: &RunResults<'_>) -> Section {
         .iter()
         .enumerate()
         .filter_map(|(index, component)| match &component.light {
-            Light::Fluorescence(name) if run.components.component(index).iter().all(|&v| v == 0.0) => Some(name.as_str()),
+            Light::Fluorescence(name) if run.components.component(index).iter().all(|&v| v == 0.0) => {
+                Some(name.as_str())
+            }
             _ => None,
         })
         .collect();
@@ -486,7 +553,8 @@ fn assumptions_section(run: &RunResults<'_>) -> Section {
     if !silent.is_empty() {
         let mut names = silent;
         names.dedup();
-        section = section.say(format!("Fluorophores that gave no light at all under some lamp: {}.", names.join(", ")));
+        section = section
+            .say(format!("Fluorophores that gave no light at all under some lamp: {}.", names.join(", ")));
     }
     section.with(ReportItem::Terms(terms))
 }

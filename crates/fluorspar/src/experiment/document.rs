@@ -142,14 +142,23 @@ impl Document {
         let (entry, field) = self.entry_and_field(path);
         let value = match &node.content {
             Content::Leaf(value) if exists => Some(shortened(&value.to_string())),
-            Content::Array(items) if exists && items.iter().all(|i| matches!(i.content, Content::Leaf(_))) => {
+            Content::Array(items)
+                if exists && items.iter().all(|i| matches!(i.content, Content::Leaf(_))) =>
+            {
                 Some(shortened(&node.to_value().to_string()))
             }
             _ => None,
         };
         let value = if field.is_some() { value } else { None };
         let line = (source.has_lines && !path.is_empty()).then_some(node.origin.line);
-        ExperimentError { source_name: source.name.clone(), line, entry, field, value, message: message.into() }
+        ExperimentError {
+            source_name: source.name.clone(),
+            line,
+            entry,
+            field,
+            value,
+            message: message.into(),
+        }
     }
 
     /// Splits a path into the entry of a top-level list, with its name, and what follows.
@@ -254,7 +263,10 @@ const NAME_OR_PATH_KEYS: [&str; 7] = [
 /// Whether a spectrum reference is a path rather than a name of the catalogue.
 pub(super) fn is_path(reference: &str) -> bool {
     let lower = reference.to_lowercase();
-    reference.contains(['/', '\\']) || lower.ends_with(".csv") || lower.ends_with(".txt") || lower.ends_with(".tsv")
+    reference.contains(['/', '\\'])
+        || lower.ends_with(".csv")
+        || lower.ends_with(".txt")
+        || lower.ends_with(".tsv")
 }
 
 /// Makes every relative path below a node absolute.

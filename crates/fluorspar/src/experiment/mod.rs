@@ -23,7 +23,6 @@ pub use error::ExperimentError;
 pub use read::{Experiment, parse};
 pub use resolve::{Capture, InputFile, ResolvedAnalysis, ResolvedExperiment, resolve};
 
-
 /// JSON schema of an experiment file, with units, ranges and defaults as descriptions.
 pub fn json_schema() -> serde_json::Value {
     schemars::schema_for!(schema::ExperimentFile).to_value()

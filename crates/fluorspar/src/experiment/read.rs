@@ -59,11 +59,14 @@ fn put_on_bases(document: &mut Document, base_dir: &Path) -> Result<(), Experime
     let mut depth = 0;
     while let Some(node) = document.root.get("base").cloned() {
         let Some(name) = node.as_str().map(String::from) else {
-            return Err(document.error(&steps!["base"], "give the name of an experiment or the path of a file"));
+            return Err(
+                document.error(&steps!["base"], "give the name of an experiment or the path of a file")
+            );
         };
         depth += 1;
         if depth > MAX_BASES {
-            let message = format!("more than {MAX_BASES} experiments stand on each other; is one its own base?");
+            let message =
+                format!("more than {MAX_BASES} experiments stand on each other; is one its own base?");
             return Err(document.error(&steps!["base"], message));
         }
         let is_file = name.contains(['/', '\\']) || name.ends_with(".toml");
@@ -73,8 +76,8 @@ fn put_on_bases(document: &mut Document, base_dir: &Path) -> Result<(), Experime
             folder = file.parent().unwrap_or(Path::new("")).to_path_buf();
             (text, file.display().to_string())
         } else {
-            let preset =
-                preset::experiment(&name).map_err(|error| document.error(&steps!["base"], error.to_string()))?;
+            let preset = preset::experiment(&name)
+                .map_err(|error| document.error(&steps!["base"], error.to_string()))?;
             (preset.text.to_string(), format!("experiment \"{name}\""))
         };
         let index = document.sources.len();
@@ -173,16 +176,22 @@ fn explain(document: &Document, mut steps: Vec<Step>, message: &str) -> Experime
         let known: Vec<&str> = quoted.collect();
         let hint = preset::nearest_name(&unknown, known.iter().copied())
             .map_or_else(|| ".".into(), |name| format!(", did you mean \"{name}\"?"));
-        return document.error(&steps, format!("unknown value \"{unknown}\"{hint} Known: {}", known.join(", ")));
+        return document
+            .error(&steps, format!("unknown value \"{unknown}\"{hint} Known: {}", known.join(", ")));
     }
     let text = match message.split_once(", expected ") {
         Some((found, expected)) => {
             let expected = for_people(expected);
             match found.split_once(": ") {
                 Some(("invalid length", _)) | None if found.starts_with("invalid length") => {
-                    format!("this list has {} entries; expected {expected}", found.trim_start_matches("invalid length "))
+                    format!(
+                        "this list has {} entries; expected {expected}",
+                        found.trim_start_matches("invalid length ")
+                    )
                 }
-                Some((_, what)) if what.starts_with("map") => format!("a table stands here; expected {expected}"),
+                Some((_, what)) if what.starts_with("map") => {
+                    format!("a table stands here; expected {expected}")
+                }
                 Some((_, what)) if what.starts_with("sequence") => {
                     format!("a list stands here; expected {expected}")
                 }

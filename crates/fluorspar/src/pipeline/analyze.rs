@@ -2,8 +2,8 @@
 
 use super::{CapturedFrame, PipelineError};
 use crate::analysis::{
-    Analysis, AnalysisSettings, ChannelNoise, ChromaticityMap, FluorophoreResponse, MixtureModel, PixelSelection,
-    PorphyrinMap, Rectangle, RegionOfInterest, analyse, channel_response,
+    Analysis, AnalysisSettings, ChannelNoise, ChromaticityMap, FluorophoreResponse, MixtureModel,
+    PixelSelection, PorphyrinMap, Rectangle, RegionOfInterest, analyse, channel_response,
 };
 use crate::experiment::{Capture, ResolvedAnalysis, ResolvedExperiment};
 use crate::image::ComponentImage;
@@ -43,7 +43,8 @@ pub fn analyze(
         known: frames.iter().map(|f| f.raw.label.as_str()).collect::<Vec<_>>().join(", "),
     };
     let frame = frames.iter().find(|f| f.raw.label == settings.frame).ok_or_else(no_frame)?;
-    let capture = experiment.captures.iter().find(|c| c.frame.label == settings.frame).ok_or_else(no_frame)?;
+    let capture =
+        experiment.captures.iter().find(|c| c.frame.label == settings.frame).ok_or_else(no_frame)?;
 
     let noise = ChannelNoise::of_image(
         &frame.developed,
@@ -112,5 +113,9 @@ fn mixture_model(
             Some(FluorophoreResponse { name: fluorophore.name.clone(), rgb_per_amount })
         })
         .collect();
-    Some(MixtureModel { responses, bulk_weights: settings.bulk.clone(), porphyrin: settings.porphyrin.clone() })
+    Some(MixtureModel {
+        responses,
+        bulk_weights: settings.bulk.clone(),
+        porphyrin: settings.porphyrin.clone(),
+    })
 }

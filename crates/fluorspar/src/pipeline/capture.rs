@@ -58,8 +58,11 @@ pub fn develop_frames(
     let find = |label: &str| raws.iter().find(|raw| raw.label == label);
     let mut frames = Vec::with_capacity(raws.len());
     for raw in &raws {
-        let subtract =
-            experiment.captures.iter().find(|c| c.frame.label == raw.label).and_then(|c| c.subtract.as_deref());
+        let subtract = experiment
+            .captures
+            .iter()
+            .find(|c| c.frame.label == raw.label)
+            .and_then(|c| c.subtract.as_deref());
         let developed = match subtract {
             None => develop(raw),
             Some(label) => {

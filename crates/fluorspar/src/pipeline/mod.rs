@@ -17,10 +17,11 @@ mod region_radiance;
 pub use analyze::{AnalyzedFrame, analyze};
 pub use capture::{CapturedFrame, capture, develop_frames, frame_radiance};
 pub use predict::{
-    ChannelPrediction, Chromaticity, FlatSample, FluorescenceModel, PredictError, Prediction, RadianceSplit, predict,
+    ChannelPrediction, Chromaticity, FlatSample, FluorescenceModel, PredictError, Prediction, RadianceSplit,
+    predict,
 };
-pub use region_radiance::RegionRadiance;
 pub use preview::{ColorRendering, Preview, preview, radiance_preview};
+pub use region_radiance::RegionRadiance;
 
 use crate::analysis::AnalysisError;
 use crate::sensor::{DevelopError, SensorProblem};

@@ -33,17 +33,25 @@ impl ColorRendering {
     fn white_balance(response_to_white: [f64; 3]) -> Self {
         let mut matrix = [[0.0; 3]; 3];
         for (c, response) in response_to_white.into_iter().enumerate() {
-            matrix[c][c] = if response > 0.0 { response_to_white[1].max(f64::MIN_POSITIVE) / response } else { 1.0 };
+            matrix[c][c] =
+                if response > 0.0 { response_to_white[1].max(f64::MIN_POSITIVE) / response } else { 1.0 };
         }
         Self { matrix }
     }
 
     /// Least-squares map from the responses of smooth reflectances under a white light to their colour under an equal
     /// light, white kept white. Falls back to a white balance when the channels can't be told apart.
-    fn for_reflectances(sensor: &Sensor, filter: &Curve, lamp: &Curve, experiment: &ResolvedExperiment) -> Option<Self> {
+    fn for_reflectances(
+        sensor: &Sensor,
+        filter: &Curve,
+        lamp: &Curve,
+        experiment: &ResolvedExperiment,
+    ) -> Option<Self> {
         let grid = &experiment.scene.grid;
-        let qe: Vec<Spectrum<QuantumEfficiency>> =
-            ["R", "G", "B"].iter().map(|name| Some(sensor.qe().on_grid(sensor.qe().find(name)?, grid))).collect::<Option<_>>()?;
+        let qe: Vec<Spectrum<QuantumEfficiency>> = ["R", "G", "B"]
+            .iter()
+            .map(|name| Some(sensor.qe().on_grid(sensor.qe().find(name)?, grid)))
+            .collect::<Option<_>>()?;
         let lit = lamp.times(filter).on_grid::<Radiance>(grid);
         let photons = lit.to_photons();
         let observer = StandardObserver::new(grid);
@@ -161,8 +169,11 @@ pub fn preview(image: &ChannelImage, rendering: &ColorRendering) -> Preview {
 /// Turns a radiance image into the picture that an eye would see (CIE 1931), scaled as [`preview`].
 pub fn radiance_preview(image: &SpectralImage<Radiance>) -> Preview {
     let observer = StandardObserver::new(image.grid());
-    let linear: Vec<[f64; 3]> =
-        image.data().chunks_exact(image.bands()).map(|spectrum| linear_srgb(observer.xyz(spectrum))).collect();
+    let linear: Vec<[f64; 3]> = image
+        .data()
+        .chunks_exact(image.bands())
+        .map(|spectrum| linear_srgb(observer.xyz(spectrum)))
+        .collect();
     to_srgb(image.width(), image.height(), &linear, 0.0)
 }
 

@@ -32,7 +32,11 @@ impl RegionRadiance {
     ///
     /// # Errors
     /// Parts that are not in the image.
-    pub fn new(components: &ComponentImage, frame: &CaptureFrame, parts: &[String]) -> Result<Self, AnalysisError> {
+    pub fn new(
+        components: &ComponentImage,
+        frame: &CaptureFrame,
+        parts: &[String],
+    ) -> Result<Self, AnalysisError> {
         let region = RegionOfInterest::of_parts(parts.iter().cloned());
         let selection = region.select(components.width, components.height, Some(components))?;
         let bands = components.grid.len();

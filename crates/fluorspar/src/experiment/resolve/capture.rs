@@ -48,7 +48,8 @@ pub(super) fn captures(
             ExposureTime::Auto => (None, Some(AutoExposure::default())),
             ExposureTime::Milliseconds(value) => {
                 if !(value > 0.0 && value <= LONGEST_MS) {
-                    return context.fail(&at("exposure_ms"), "must be above 0 and at most 3600000 milliseconds");
+                    return context
+                        .fail(&at("exposure_ms"), "must be above 0 and at most 3600000 milliseconds");
                 }
                 (Some(value), None)
             }
@@ -98,8 +99,10 @@ pub(super) fn analysis(
     let labels: Vec<&str> = captures.iter().map(|capture| capture.frame.label.as_str()).collect();
     if !labels.contains(&section.frame.as_str()) {
         let known = if labels.is_empty() { "none".into() } else { labels.join(", ") };
-        let message =
-            format!("there is no capture of this name{} Known: {known}", hint(&section.frame, labels.iter().copied()));
+        let message = format!(
+            "there is no capture of this name{} Known: {known}",
+            hint(&section.frame, labels.iter().copied())
+        );
         return context.fail(&at("frame"), message);
     }
     for (index, part) in section.parts.iter().enumerate() {
@@ -115,10 +118,12 @@ pub(super) fn analysis(
     }
     if let (Some([column, row, width, height]), Some(sensor)) = (section.rectangle_px, &file.sensor) {
         let (columns, rows) = (sensor.model.columns as u64, sensor.model.rows as u64);
-        let outside = u64::from(column) + u64::from(width) > columns || u64::from(row) + u64::from(height) > rows;
+        let outside =
+            u64::from(column) + u64::from(width) > columns || u64::from(row) + u64::from(height) > rows;
         if outside || width == 0 || height == 0 {
-            let message =
-                format!("is not inside the {columns} x {rows} pixels of the sensor; give column, row, width, height");
+            let message = format!(
+                "is not inside the {columns} x {rows} pixels of the sensor; give column, row, width, height"
+            );
             return context.fail(&at("rectangle_px"), message);
         }
     }

@@ -114,7 +114,12 @@ impl<'a> Context<'a> {
     }
 
     /// Notes an entry of the catalogue as an input.
-    pub(in crate::experiment) fn note_preset(&mut self, what: &str, name: &str, content: &impl serde::Serialize) {
+    pub(in crate::experiment) fn note_preset(
+        &mut self,
+        what: &str,
+        name: &str,
+        content: &impl serde::Serialize,
+    ) {
         let text = serde_json::to_string(content).unwrap_or_default();
         self.presets.insert(format!("{what} {name}"), hex(&Sha256::digest(text.as_bytes())));
     }

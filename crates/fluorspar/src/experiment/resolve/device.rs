@@ -27,12 +27,16 @@ impl SpectralSection {
     }
 }
 
-pub(in crate::experiment) fn grid(context: &Context<'_>, section: &SpectralSection) -> Resolved<WavelengthGrid> {
+pub(in crate::experiment) fn grid(
+    context: &Context<'_>,
+    section: &SpectralSection,
+) -> Resolved<WavelengthGrid> {
     let uniform = section.first_nm.is_some() || section.last_nm.is_some() || section.step_nm.is_some();
     if let Some(edges) = &section.edges_nm {
         let at = steps!["spectral", "edges_nm"];
         if uniform {
-            return context.fail(&at, "given together with first_nm, last_nm or step_nm; keep one of the two ways");
+            return context
+                .fail(&at, "given together with first_nm, last_nm or step_nm; keep one of the two ways");
         }
         return WavelengthGrid::from_edges(edges).map_err(|error| context.error(&at, error.to_string()));
     }
@@ -97,7 +101,8 @@ pub(super) fn camera(
     let target = context.meters(&at("look_at_mm"), section.look_at_mm)?;
     let up = context.direction(&at("up"), section.up)?;
     if position == target {
-        return context.fail(&at("look_at_mm"), "the camera stands at the point that it looks at; move one of the two");
+        return context
+            .fail(&at("look_at_mm"), "the camera stands at the point that it looks at; move one of the two");
     }
     if (target - position).normalize().cross(up).length() < 1e-6 {
         return context.fail(&at("up"), "is parallel to the direction of view; choose another");
@@ -191,8 +196,7 @@ pub(in crate::experiment) fn sensor(
     }
     let at = steps!["sensor", "quantum_efficiency"];
     let channels = quantum_efficiency(context, &at, &section.quantum_efficiency, model)?;
-    let mut qe =
-        SpectralQe::from_curves(channels).map_err(|problem| context.error(&at, problem.message))?;
+    let mut qe = SpectralQe::from_curves(channels).map_err(|problem| context.error(&at, problem.message))?;
     for (index, filter) in section.filters.iter().enumerate() {
         let at = steps!["sensor", "filters", index];
         qe = qe.behind(&context.spectrum(&at, filter, Role::Filter, 0.0, grid)?);

@@ -204,7 +204,8 @@ fn scene_error(context: &Context<'_>, file: &ExperimentFile, error: &SceneError)
 fn warn_unused(context: &mut Context<'_>, file: &ExperimentFile, scene: &Scene) {
     for (index, material) in scene.materials.iter().enumerate() {
         if !scene.objects.iter().any(|object| object.material == index) {
-            context.warn(&steps!["material", index], format!("no object uses material \"{}\"", material.name));
+            context
+                .warn(&steps!["material", index], format!("no object uses material \"{}\"", material.name));
         }
     }
     for (index, section) in file.fluorophore.iter().enumerate() {
@@ -229,7 +230,8 @@ fn write_out(context: &Context<'_>, file: &ExperimentFile) -> Resolved<(String, 
     if let Some(sensor) = &mut complete.sensor {
         sensor.model = device::filled(&sensor.model);
     }
-    let failed = |error: toml::ser::Error| context.error(&[], format!("the experiment can't be written out: {error}"));
+    let failed =
+        |error: toml::ser::Error| context.error(&[], format!("the experiment can't be written out: {error}"));
     let text = toml::to_string(&complete).map_err(failed)?;
 
     complete.title.clear();

@@ -104,7 +104,8 @@ impl Context<'_> {
         options: &CsvSpectrumOptions,
     ) -> Resolved<Vec<NamedCurve>> {
         self.note_input(at, file)?;
-        let curves = read_spectrum_csv(file.as_ref(), options).map_err(|error| self.file_error(at, &error))?;
+        let curves =
+            read_spectrum_csv(file.as_ref(), options).map_err(|error| self.file_error(at, &error))?;
         if curves.is_empty() { self.fail(at, "the file has no column of values") } else { Ok(curves) }
     }
 
@@ -183,8 +184,8 @@ impl Context<'_> {
             let transfer = if table.srgb == Some(true) { Transfer::Srgb } else { Transfer::Linear };
             let image = read_texture_png(file.as_ref(), transfer).map_err(|e| self.file_error(&at, &e))?;
             let grey = image.data.chunks_exact(image.channels).map(grey).collect();
-            let image =
-                ImageTexture::new(image.width, image.height, grey).map_err(|e| self.error(&at, e.to_string()))?;
+            let image = ImageTexture::new(image.width, image.height, grey)
+                .map_err(|e| self.error(&at, e.to_string()))?;
             ScalarTexture::Image { image: Arc::new(image), low, high }
         } else if let Some([columns, rows]) = table.checker {
             for fields in [columns, rows] {
@@ -198,7 +199,8 @@ impl Context<'_> {
             let cells = cells.map(|value| value as f32);
             ScalarTexture::Noise { cells, seed: table.seed.unwrap_or(1), low, high }
         } else if let Some(map) = &table.dorsal_tongue {
-            let field = |key: &str| -> Vec<Step> { at.iter().cloned().chain(steps!["dorsal_tongue", key]).collect() };
+            let field =
+                |key: &str| -> Vec<Step> { at.iter().cloned().chain(steps!["dorsal_tongue", key]).collect() };
             self.within(&field("peak"), map.peak, [0.0, highest], "")?;
             self.within(&field("sigma"), map.sigma, [0.01, 10.0], "of the tongue's width")?;
             self.within(&field("full_at"), map.full_at, [0.01, 1.0], "of the tongue's length")?;
