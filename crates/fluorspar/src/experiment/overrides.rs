@@ -110,12 +110,16 @@ fn find_entry(items: &[Node], list: &str, step: &str, source: &Source) -> Result
         if index < items.len() {
             return Ok(index);
         }
-        let message = format!("there is no {list}[{index}]; the list has {} entries, numbered from 0", items.len());
+        let message =
+            format!("there is no {list}[{index}]; the list has {} entries, numbered from 0", items.len());
         return Err(bad(source, message));
     }
     let names: Vec<&str> = items.iter().filter_map(Node::name).collect();
     if names.is_empty() {
-        return Err(bad(source, format!("`{list}` is a list; address its entries by number, as in {list}[0]")));
+        return Err(bad(
+            source,
+            format!("`{list}` is a list; address its entries by number, as in {list}[0]"),
+        ));
     }
     let hint = nearest_name(step, names.iter().copied())
         .map_or_else(|| ".".into(), |name| format!(", did you mean \"{name}\"?"));

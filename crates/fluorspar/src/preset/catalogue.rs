@@ -196,7 +196,9 @@ mod tests {
         assert_eq!(nearest.as_deref(), Some("led_385"));
         assert!(available.len() >= 10);
         let message = error.to_string();
-        assert!(message.starts_with("there is no light spectrum \"led385\", did you mean \"led_385\"? Known: "));
+        assert!(
+            message.starts_with("there is no light spectrum \"led385\", did you mean \"led_385\"? Known: ")
+        );
         assert!(text(PresetKind::Light, "../lights/led_385").is_err());
     }
 

@@ -13,9 +13,9 @@
 
 mod catalogue;
 mod curve_preset;
-mod fluorophore_preset;
 #[cfg(test)]
 mod fluorophore_fit;
+mod fluorophore_preset;
 mod text_preset;
 
 pub use catalogue::{PresetError, PresetKind, PresetSummary, list, names, nearest_name};

@@ -89,23 +89,14 @@ fn check_fields(context: &Context<'_>, at: &[Step], section: &LightSection) -> R
         ("aim_distance_mm", section.aim_distance_mm.is_some(), &[Ring][..], &[][..]),
         ("radius_mm", section.radius_mm.is_some(), &[Ring, Disc, Sphere][..], &[Ring, Disc, Sphere][..]),
         ("size_mm", section.size_mm.is_some(), &[Rectangle][..], &[Rectangle][..]),
-        (
-            "position_mm",
-            section.position_mm.is_some(),
-            &[Ring, Disc, Rectangle, Sphere, Point][..],
-            &[][..],
-        ),
-        (
-            "half_angle_deg",
-            section.half_angle_deg.is_some(),
-            &[Ring, Disc, Rectangle, Point][..],
-            &[][..],
-        ),
+        ("position_mm", section.position_mm.is_some(), &[Ring, Disc, Rectangle, Sphere, Point][..], &[][..]),
+        ("half_angle_deg", section.half_angle_deg.is_some(), &[Ring, Disc, Rectangle, Point][..], &[][..]),
     ];
     let name = kind_name(section.kind);
     for (field, is_given, allowed, needed) in given {
         if is_given && !allowed.contains(&section.kind) {
-            let message = format!("a light of type \"{name}\" has no such field; remove it or change the type");
+            let message =
+                format!("a light of type \"{name}\" has no such field; remove it or change the type");
             return context.fail(&[at, &steps![field]].concat(), message);
         }
         if !is_given && needed.contains(&section.kind) {
@@ -114,7 +105,8 @@ fn check_fields(context: &Context<'_>, at: &[Step], section: &LightSection) -> R
     }
     let strengths = section.power_mw.is_some() as u8 + section.irradiance_w_per_m2.is_some() as u8;
     if section.kind != Environment && strengths != 1 {
-        return context.fail(at, "give the strength of the light: either `power_mw` or `irradiance_w_per_m2`");
+        return context
+            .fail(at, "give the strength of the light: either `power_mw` or `irradiance_w_per_m2`");
     }
     if section.direction.is_some() && section.look_at_mm.is_some() {
         let at = [at, &steps!["look_at_mm"]].concat();
@@ -175,8 +167,11 @@ fn emitters(
 
     let list = match section.kind {
         LightType::Ring => {
-            let count =
-                context.whole_within(&field("count"), section.count.unwrap_or(DEFAULT_COUNT).into(), [1, 10_000])?;
+            let count = context.whole_within(
+                &field("count"),
+                section.count.unwrap_or(DEFAULT_COUNT).into(),
+                [1, 10_000],
+            )?;
             let ring_radius_m = length("ring_radius_mm", section.ring_radius_mm)?;
             let radius_m = length("radius_mm", section.radius_mm)?;
             let start = section.start_angle_deg.unwrap_or(0.0);
@@ -205,7 +200,8 @@ fn emitters(
             let (right, up) = ring_axes(axis, in_camera.then_some(camera.right));
             // The emitting side is that of edge_u x edge_v.
             let (edge_u, edge_v) = (right * width, up * height);
-            let (edge_u, edge_v) = if edge_u.cross(edge_v).dot(axis) > 0.0 { (edge_u, edge_v) } else { (edge_v, edge_u) };
+            let (edge_u, edge_v) =
+                if edge_u.cross(edge_v).dot(axis) > 0.0 { (edge_u, edge_v) } else { (edge_v, edge_u) };
             vec![Emitter::Rectangle { corner: center - 0.5 * (edge_u + edge_v), edge_u, edge_v, exponent }]
         }
         LightType::Sphere => {

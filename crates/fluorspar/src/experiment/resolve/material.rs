@@ -82,8 +82,10 @@ pub(in crate::experiment) fn check_sections(
             section.excitation_csv.is_some() || section.emission_csv.is_some(),
         ];
         if sources.iter().filter(|given| **given).count() != 1 {
-            return context
-                .fail(&at, "give exactly one of from, eem_csv, csv, mat, or excitation_csv with emission_csv");
+            return context.fail(
+                &at,
+                "give exactly one of from, eem_csv, csv, mat, or excitation_csv with emission_csv",
+            );
         }
         if section.excitation_csv.is_some() != section.emission_csv.is_some() {
             return context.fail(&at, "excitation_csv and emission_csv go together; give both");
@@ -108,7 +110,11 @@ pub(in crate::experiment) fn check_sections(
     Ok(())
 }
 
-fn from_section(context: &mut Context<'_>, at: &[Step], section: &FluorophoreSection) -> Resolved<Fluorophore> {
+fn from_section(
+    context: &mut Context<'_>,
+    at: &[Step],
+    section: &FluorophoreSection,
+) -> Resolved<Fluorophore> {
     let field = |key: &str| [at, &steps![key]].concat();
     if let Some(name) = &section.from {
         let preset = preset::fluorophore(name).map_err(|e| context.error(&field("from"), e.to_string()))?;
@@ -130,10 +136,11 @@ fn from_section(context: &mut Context<'_>, at: &[Step], section: &FluorophoreSec
     } else if let Some(file) = &section.csv {
         let at = field("csv");
         context.note_input(&at, file)?;
-        let read =
-            read_fluorophore_csv(file.as_ref(), Negative::ClipToZero).map_err(|e| context.file_error(&at, &e))?;
+        let read = read_fluorophore_csv(file.as_ref(), Negative::ClipToZero)
+            .map_err(|e| context.file_error(&at, &e))?;
         if read.emission_only {
-            return context.fail(&at, "the excitation column is constant: it was never measured. Give a measured one");
+            return context
+                .fail(&at, "the excitation column is constant: it was never measured. Give a measured one");
         }
         (separable(context, &at, section, read.excitation, read.emission, stokes)?, file)
     } else {
@@ -154,7 +161,9 @@ fn from_section(context: &mut Context<'_>, at: &[Step], section: &FluorophoreSec
     let steps = ((excitation_range_nm.1 - excitation_range_nm.0).ceil() as usize).max(1);
     let best = (0..=steps)
         .map(|i| excitation_range_nm.0 + i as f64)
-        .map(|nm| unmasked.photon_yield(nm.min(excitation_range_nm.1), emission_range_nm.0, emission_range_nm.1))
+        .map(|nm| {
+            unmasked.photon_yield(nm.min(excitation_range_nm.1), emission_range_nm.0, emission_range_nm.1)
+        })
         .fold(0.0, f64::max);
     if best <= 0.0 {
         return context.fail(at, "the fluorophore emits nothing: all its values are zero");
@@ -202,7 +211,10 @@ fn separable(
         return context.fail(at, "the fluorophore emits nothing: a spectrum is zero everywhere");
     }
     let excitation = excitation.scaled(1.0 / excitation.max());
-    Ok(PhotonEem::separable(vec![SeparableTerm { excitation, emission: emission.scaled(1.0 / area) }], stokes))
+    Ok(PhotonEem::separable(
+        vec![SeparableTerm { excitation, emission: emission.scaled(1.0 / area) }],
+        stokes,
+    ))
 }
 
 fn matrix(
@@ -241,7 +253,10 @@ fn matrix_from_csv(
         EemUnit::Photons => YieldUnit::Photons,
         EemUnit::Energy => YieldUnit::Energy,
         EemUnit::Unknown => {
-            return context.fail(at, "the file does not know what its values count; add unit = \"photons\" or \"energy\"");
+            return context.fail(
+                at,
+                "the file does not know what its values count; add unit = \"photons\" or \"energy\"",
+            );
         }
     };
     let table =
@@ -302,15 +317,18 @@ fn material(
     let below = |steps: Vec<Step>| [at, &steps].concat();
     let reflectance = match &section.reflectance {
         ReflectanceReference::Spectrum(reference) => {
-            let spectrum = context.spectrum(&below(steps!["reflectance"]), reference, Role::Reflectance, 0.0, grid)?;
+            let spectrum =
+                context.spectrum(&below(steps!["reflectance"]), reference, Role::Reflectance, 0.0, grid)?;
             vec![ReflectanceTerm { spectrum, weight: ScalarTexture::Constant(1.0) }]
         }
         ReflectanceReference::Sum(terms) => {
             let mut sum = Vec::with_capacity(terms.len());
             for (index, term) in terms.iter().enumerate() {
                 let spectrum_at = below(steps!["reflectance", index, "spectrum"]);
-                let spectrum = context.spectrum(&spectrum_at, &term.spectrum, Role::Reflectance, 0.0, grid)?;
-                let weight = context.texture(&below(steps!["reflectance", index, "weight"]), &term.weight, 1e3)?;
+                let spectrum =
+                    context.spectrum(&spectrum_at, &term.spectrum, Role::Reflectance, 0.0, grid)?;
+                let weight =
+                    context.texture(&below(steps!["reflectance", index, "weight"]), &term.weight, 1e3)?;
                 sum.push(ReflectanceTerm { spectrum, weight });
             }
             sum

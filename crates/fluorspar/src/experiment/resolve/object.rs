@@ -10,8 +10,8 @@ use super::spectrum::Role;
 use crate::anatomy::{MouthParameters, Tissue, generate_mouth};
 use crate::experiment::error::{Step, steps};
 use crate::experiment::schema::{
-    BoxShape, DiscShape, EmissionSection, ExperimentFile, MouthSection, ObjectSection, QuadShape, SphereShape,
-    TransformSection,
+    BoxShape, DiscShape, EmissionSection, ExperimentFile, MouthSection, ObjectSection, QuadShape,
+    SphereShape, TransformSection,
 };
 use crate::format::{read_obj, read_ply};
 use crate::geometry::TriangleMesh;
@@ -210,7 +210,8 @@ fn quad_mesh(context: &Context<'_>, at: &[Step], quad: &QuadShape) -> Resolved<T
     let edge_u = context.meters(&[at, &steps!["edge_u_mm"]].concat(), quad.edge_u_mm)?;
     let edge_v = context.meters(&[at, &steps!["edge_v_mm"]].concat(), quad.edge_v_mm)?;
     if edge_u.cross(edge_v).length() <= 1e-6 * edge_u.length() * edge_v.length() || edge_u == Vec3::ZERO {
-        return context.fail(at, "edge_u_mm and edge_v_mm span no area; give two edges that are not parallel");
+        return context
+            .fail(at, "edge_u_mm and edge_v_mm span no area; give two edges that are not parallel");
     }
     let mut mesh = TriangleMesh::default();
     add_quad(&mut mesh, corner, edge_u, edge_v);
@@ -241,16 +242,14 @@ fn box_mesh(context: &Context<'_>, at: &[Step], cuboid: &BoxShape) -> Resolved<T
 }
 
 fn read_mesh(context: &mut Context<'_>, at: &[Step], file: &str, unit_mm: f64) -> Resolved<TriangleMesh> {
-    context.note_input(at, file)?;
     let lower = file.to_lowercase();
-    let mesh = if lower.ends_with(".ply") {
-        read_ply(file.as_ref(), unit_mm * 1e-3)
-    } else if lower.ends_with(".obj") {
-        read_obj(file.as_ref(), unit_mm * 1e-3)
-    } else {
-        return context.fail(at, "this is neither a .ply nor an .obj file; export the mesh as one of the two");
-    };
-    let mesh = mesh.map_err(|error| context.file_error(at, &error))?;
+    if !lower.ends_with(".ply") && !lower.ends_with(".obj") {
+        return context
+            .fail(at, "this is neither a .ply nor an .obj file; export the mesh as one of the two");
+    }
+    context.note_input(at, file)?;
+    let read = if lower.ends_with(".ply") { read_ply } else { read_obj };
+    let mesh = read(file.as_ref(), unit_mm * 1e-3).map_err(|error| context.file_error(at, &error))?;
     mesh.validate().map_err(|error| context.error(at, error.to_string()))?;
     Ok(mesh)
 }
@@ -301,12 +300,13 @@ fn mouth(context: &mut Context<'_>, section: &MouthSection, materials: &[Materia
             return context.fail(&steps!["mouth"], message);
         }
     }
-    let mouth =
-        generate_mouth(&section.parameters).map_err(|e| context.error(&steps!["mouth", e.field], e.message))?;
+    let mouth = generate_mouth(&section.parameters)
+        .map_err(|e| context.error(&steps!["mouth", e.field], e.message))?;
     for key in section.materials.keys() {
         let is_tissue = TISSUES.iter().any(|(_, name)| name == key);
         if !is_tissue && mouth.part(key).is_none() {
-            let names = || TISSUES.iter().map(|(_, name)| *name).chain(mouth.parts.iter().map(|p| p.name.as_str()));
+            let names =
+                || TISSUES.iter().map(|(_, name)| *name).chain(mouth.parts.iter().map(|p| p.name.as_str()));
             let hint = nearest_name(key, names())
                 .map_or_else(|| ".".into(), |name| format!(", did you mean \"{name}\"?"));
             let tissues: Vec<&str> = TISSUES.iter().map(|(_, name)| *name).collect();
@@ -331,7 +331,12 @@ fn mouth(context: &mut Context<'_>, section: &MouthSection, materials: &[Materia
         if section.transform.is_some() {
             mesh.transform(&transform);
         }
-        objects.push(Object { name: part.name, shape: Shape::Mesh(Arc::new(mesh)), material, emission: None });
+        objects.push(Object {
+            name: part.name,
+            shape: Shape::Mesh(Arc::new(mesh)),
+            material,
+            emission: None,
+        });
     }
     Ok(objects)
 }

@@ -11,7 +11,7 @@ use crate::format::{
 };
 use crate::material::{ImageTexture, ScalarTexture};
 use crate::preset::{self, CurvePreset};
-use crate::spectral::{Curve, CurveModel, WavelengthGrid};
+use crate::spectral::{Curve, CurveModel, MAX_WAVELENGTH_NM, MIN_WAVELENGTH_NM, WavelengthGrid};
 
 /// What a spectrum is used for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -68,7 +68,13 @@ impl Context<'_> {
 
     fn model(&self, at: &[Step], model: &CurveModel) -> Resolved<Curve> {
         match model.validate() {
-            Ok(()) => Ok(Curve::from_model(model)),
+            Ok(()) => match model {
+                CurveModel::Table { wavelength_nm, value } => {
+                    Curve::new(wavelength_nm.clone(), value.clone())
+                        .map_err(|error| self.error(at, error.to_string()))
+                }
+                _ => Ok(Curve::from_model(model)),
+            },
             Err((field, message)) => {
                 let steps = field.split('.').map(Step::from);
                 let at: Vec<Step> = at.iter().cloned().chain(steps).collect();
@@ -104,7 +110,8 @@ impl Context<'_> {
         options: &CsvSpectrumOptions,
     ) -> Resolved<Vec<NamedCurve>> {
         self.note_input(at, file)?;
-        let curves = read_spectrum_csv(file.as_ref(), options).map_err(|error| self.file_error(at, &error))?;
+        let curves =
+            read_spectrum_csv(file.as_ref(), options).map_err(|error| self.file_error(at, &error))?;
         if curves.is_empty() { self.fail(at, "the file has no column of values") } else { Ok(curves) }
     }
 
@@ -114,16 +121,17 @@ impl Context<'_> {
         at: &[Step],
         error: &FormatError,
     ) -> crate::experiment::ExperimentError {
-        let mut placed = self.error(at, error.to_string());
-        placed.value = None;
-        placed
+        self.error(at, error.to_string()).without_value()
     }
 
     fn check_values(&self, at: &[Step], curve: &Curve, role: Role) -> Resolved<()> {
         let bad = |value: &f64| !(*value >= 0.0 && value.is_finite()) || (role.is_fraction() && *value > 1.0);
         let Some(index) = curve.values().iter().position(bad) else {
-            if matches!(role, Role::Light) && curve.max() <= 0.0 {
-                return self.fail(at, "the spectrum is zero everywhere");
+            if matches!(role, Role::Light | Role::Absolute)
+                && curve.integral(MIN_WAVELENGTH_NM, MAX_WAVELENGTH_NM) <= 0.0
+            {
+                let message = "the spectrum is zero from 200 to 1200 nm; are its wavelengths in nanometres?";
+                return self.fail(at, message);
             }
             return Ok(());
         };
@@ -183,8 +191,8 @@ impl Context<'_> {
             let transfer = if table.srgb == Some(true) { Transfer::Srgb } else { Transfer::Linear };
             let image = read_texture_png(file.as_ref(), transfer).map_err(|e| self.file_error(&at, &e))?;
             let grey = image.data.chunks_exact(image.channels).map(grey).collect();
-            let image =
-                ImageTexture::new(image.width, image.height, grey).map_err(|e| self.error(&at, e.to_string()))?;
+            let image = ImageTexture::new(image.width, image.height, grey)
+                .map_err(|e| self.error(&at, e.to_string()))?;
             ScalarTexture::Image { image: Arc::new(image), low, high }
         } else if let Some([columns, rows]) = table.checker {
             for fields in [columns, rows] {
@@ -198,7 +206,8 @@ impl Context<'_> {
             let cells = cells.map(|value| value as f32);
             ScalarTexture::Noise { cells, seed: table.seed.unwrap_or(1), low, high }
         } else if let Some(map) = &table.dorsal_tongue {
-            let field = |key: &str| -> Vec<Step> { at.iter().cloned().chain(steps!["dorsal_tongue", key]).collect() };
+            let field =
+                |key: &str| -> Vec<Step> { at.iter().cloned().chain(steps!["dorsal_tongue", key]).collect() };
             self.within(&field("peak"), map.peak, [0.0, highest], "")?;
             self.within(&field("sigma"), map.sigma, [0.01, 10.0], "of the tongue's width")?;
             self.within(&field("full_at"), map.full_at, [0.01, 1.0], "of the tongue's length")?;

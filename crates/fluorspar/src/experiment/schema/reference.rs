@@ -270,7 +270,9 @@ impl<'de> Visitor<'de> for TextureVisitor {
     type Value = TextureReference;
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("a number, or a map such as { image = \"x.png\" }, { checker = [8, 8] } or { noise = [5, 5] }")
+        f.write_str(
+            "a number, or a map such as { image = \"x.png\" }, { checker = [8, 8] } or { noise = [5, 5] }",
+        )
     }
 
     fn visit_f64<E: Error>(self, value: f64) -> Result<Self::Value, E> {
