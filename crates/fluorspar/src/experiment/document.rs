@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-use super::error::{ExperimentError, Step, path_text};
+use super::error::{ErrorDetails, ExperimentError, Step, path_text};
 
 /// Where values come from.
 #[derive(Clone, Debug, PartialEq)]
@@ -128,16 +128,12 @@ impl Document {
     /// An error about the value at a path, or about the nearest thing around it that exists.
     pub(super) fn error(&self, path: &[Step], message: impl Into<String>) -> ExperimentError {
         let mut node = &self.root;
-        let mut exists = true;
-        for step in path {
-            match node.step(step) {
-                Some(inner) => node = inner,
-                None => {
-                    exists = false;
-                    break;
-                }
-            }
+        let mut depth = 0;
+        while let Some(inner) = path.get(depth).and_then(|step| node.step(step)) {
+            node = inner;
+            depth += 1;
         }
+        let exists = depth == path.len();
         let source = &self.sources[node.origin.source];
         let (entry, field) = self.entry_and_field(path);
         let value = match &node.content {
@@ -150,15 +146,15 @@ impl Document {
             _ => None,
         };
         let value = if field.is_some() { value } else { None };
-        let line = (source.has_lines && !path.is_empty()).then_some(node.origin.line);
-        ExperimentError {
+        let line = (source.has_lines && depth > 0).then_some(node.origin.line);
+        ExperimentError(Box::new(ErrorDetails {
             source_name: source.name.clone(),
             line,
             entry,
             field,
             value,
             message: message.into(),
-        }
+        }))
     }
 
     /// Splits a path into the entry of a top-level list, with its name, and what follows.
@@ -166,6 +162,7 @@ impl Document {
         let text = |path: &[Step]| (!path.is_empty()).then(|| path_text(path));
         let [Step::Key(list), Step::Index(index), rest @ ..] = path else { return (None, text(path)) };
         let name = self.root.get(list).and_then(|node| node.step(&Step::Index(*index))).and_then(Node::name);
+        let name = name.filter(|name| !name.is_empty());
         let name = name.map_or_else(String::new, |name| format!(" \"{}\"", shortened(name)));
         (Some(format!("{list}[{index}]{name}")), text(rest))
     }
@@ -238,11 +235,12 @@ impl Reader<'_> {
 
 /// A text short enough for a message.
 pub(super) fn shortened(text: &str) -> String {
-    const LONGEST: usize = 60;
-    if text.chars().count() <= LONGEST {
+    // Paths are looked for by their end.
+    let longest = if text.contains('/') { 400 } else { 60 };
+    if text.chars().count() <= longest {
         return text.replace('\n', " ");
     }
-    let mut short: String = text.chars().take(LONGEST - 3).collect();
+    let mut short: String = text.chars().take(longest - 3).collect();
     short.push_str("...");
     short.replace('\n', " ")
 }

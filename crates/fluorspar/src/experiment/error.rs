@@ -8,7 +8,11 @@ use thiserror::Error;
 ///
 /// Displayed as `my.toml:12: light[1] "blue": power_mw = -3: must be positive (milliwatts per emitter)`.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
-pub struct ExperimentError {
+pub struct ExperimentError(pub(super) Box<ErrorDetails>);
+
+/// The parts of an [`ExperimentError`], for editors and user interfaces.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ErrorDetails {
     /// File or override that holds the defect, as it is to be shown.
     pub source_name: String,
     /// Line in that file, from 1; `None` for an override and for what belongs to no line.
@@ -24,39 +28,51 @@ pub struct ExperimentError {
 }
 
 impl ExperimentError {
+    /// The parts of the message.
+    pub fn details(&self) -> &ErrorDetails {
+        &self.0
+    }
+
     pub(super) fn in_source(source_name: impl Into<String>, message: impl Into<String>) -> Self {
-        Self {
+        Self(Box::new(ErrorDetails {
             source_name: source_name.into(),
             line: None,
             entry: None,
             field: None,
             value: None,
             message: message.into(),
-        }
+        }))
     }
 
     pub(super) fn at_line(mut self, line: usize) -> Self {
-        self.line = Some(line);
+        self.0.line = Some(line);
+        self
+    }
+
+    /// The same error without the value, where the message says it all.
+    pub(super) fn without_value(mut self) -> Self {
+        self.0.value = None;
         self
     }
 }
 
 impl fmt::Display for ExperimentError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.source_name)?;
-        if let Some(line) = self.line {
+        let details = self.details();
+        f.write_str(&details.source_name)?;
+        if let Some(line) = details.line {
             write!(f, ":{line}")?;
         }
         f.write_str(": ")?;
-        if let Some(entry) = &self.entry {
+        if let Some(entry) = &details.entry {
             write!(f, "{entry}: ")?;
         }
-        match (&self.field, &self.value) {
+        match (&details.field, &details.value) {
             (Some(field), Some(value)) => write!(f, "{field} = {value}: ")?,
             (Some(field), None) => write!(f, "{field}: ")?,
             _ => {}
         }
-        f.write_str(&self.message)
+        f.write_str(&details.message)
     }
 }
 
@@ -90,7 +106,7 @@ impl From<usize> for Step {
 /// A path from keys and indices: `steps!["light", 1, "power_mw"]`.
 macro_rules! steps {
     ($($step:expr),* $(,)?) => {
-        vec![$($crate::experiment::error::Step::from($step)),*]
+        Vec::from([$($crate::experiment::error::Step::from($step)),*])
     };
 }
 pub(super) use steps;

@@ -45,8 +45,12 @@ pub(super) fn merge(under: &mut Node, over: Node) {
 fn merge_at(key: &str, under: &mut Node, over: Node) {
     match (&mut under.content, over.content) {
         (Content::Table(entries), Content::Table(overrides)) if !WHOLE.contains(&key) => {
+            // What an override says last is where its mistakes are looked for.
+            under.origin = over.origin;
+            for (inner, _) in &overrides {
+                drop_alternatives(entries, inner);
+            }
             for (inner, value) in overrides {
-                drop_alternatives(entries, &inner);
                 match entries.iter_mut().find(|(k, _)| *k == inner) {
                     // A texture is one value, whatever the fluorophore is called.
                     Some((_, existing)) if key == "concentrations" => *existing = value,
@@ -69,11 +73,7 @@ fn merge_at(key: &str, under: &mut Node, over: Node) {
                     Some(index) if removed => {
                         items.remove(index);
                     }
-                    Some(index) => {
-                        // What an entry says last is where its mistakes are looked for.
-                        items[index].origin = entry.origin;
-                        merge_at("", &mut items[index], entry);
-                    }
+                    Some(index) => merge_at("", &mut items[index], entry),
                     None => items.push(entry),
                 }
             }

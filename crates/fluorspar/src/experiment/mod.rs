@@ -16,16 +16,38 @@ mod merge;
 mod overrides;
 mod read;
 mod resolve;
+mod sample;
 
 pub mod schema;
 
-pub use error::ExperimentError;
+pub use error::{ErrorDetails, ExperimentError};
 pub use read::{Experiment, parse};
 pub use resolve::{Capture, InputFile, ResolvedAnalysis, ResolvedExperiment, resolve};
+pub use sample::{
+    MeasuredLight, ResolvedSample, SampleCompatibility, SampleExposure, SampleFile, SampleLight,
+    SampleMaterial, parse_sample,
+};
 
 /// JSON schema of an experiment file, with units, ranges and defaults as descriptions.
 pub fn json_schema() -> serde_json::Value {
-    schemars::schema_for!(schema::ExperimentFile).to_value()
+    with_mosaic_letters(schemars::schema_for!(schema::ExperimentFile).to_value())
+}
+
+/// JSON schema of the file of a flat sample.
+pub fn sample_json_schema() -> serde_json::Value {
+    with_mosaic_letters(schemars::schema_for!(SampleFile).to_value())
+}
+
+/// Allows a mosaic in letters, which is spelt out before the sections are typed.
+fn with_mosaic_letters(mut schema: serde_json::Value) -> serde_json::Value {
+    if let Some(mosaic) = schema.pointer_mut("/$defs/SensorSection/properties/mosaic") {
+        let rows = mosaic.take();
+        *mosaic = serde_json::json!({
+            "description": "Repeating cell of the colour filter array: channel names by row, or letters such as \"grbg\", or \"mono\".",
+            "anyOf": [rows, { "type": "string" }]
+        });
+    }
+    schema
 }
 
 /// Name of the experiment that runs when none is named.

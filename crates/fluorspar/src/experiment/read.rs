@@ -1,6 +1,6 @@
 //! From text to typed sections.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
@@ -41,6 +41,18 @@ pub fn parse(
     base_dir: &Path,
     overrides: &[String],
 ) -> Result<Experiment, ExperimentError> {
+    let document = read_document(text, source_name, base_dir, overrides)?;
+    let file: ExperimentFile = typed(&document)?;
+    Ok(Experiment { file, document })
+}
+
+/// Text, bases, overrides and sensor preset as one tree.
+pub(super) fn read_document(
+    text: &str,
+    source_name: &str,
+    base_dir: &Path,
+    overrides: &[String],
+) -> Result<Document, ExperimentError> {
     let source = Source { name: source_name.into(), has_lines: true };
     let mut document = Document::read(text, source)?;
     anchor_paths(&mut document.root, base_dir);
@@ -48,36 +60,72 @@ pub fn parse(
     for text in overrides {
         overrides::apply(&mut document, text, |node| anchor_paths(node, base_dir))?;
     }
+    if document.root.get("base").is_some() {
+        return Err(
+            document.error(&steps!["base"], "a base can't be set by an override; write it into the file")
+        );
+    }
     put_on_sensor_preset(&mut document)?;
-    let file: ExperimentFile = typed(&document)?;
-    Ok(Experiment { file, document })
+    spell_out_mosaic(&mut document)?;
+    Ok(document)
+}
+
+/// A mosaic of two rows and columns may be written as four letters, one without colour as "mono".
+fn spell_out_mosaic(document: &mut Document) -> Result<(), ExperimentError> {
+    let Some(node) = document.root.get("sensor").and_then(|node| node.get("mosaic")) else { return Ok(()) };
+    let Some(text) = node.as_str() else { return Ok(()) };
+    let letters: Vec<String> = text.to_uppercase().chars().map(String::from).collect();
+    let rows: Vec<Vec<String>> = if text == "mono" {
+        vec![vec!["mono".into()]]
+    } else if letters.len() == 4 && letters.iter().all(|letter| "RGB".contains(letter.as_str())) {
+        letters.chunks(2).map(<[String]>::to_vec).collect()
+    } else {
+        let message =
+            "write four of the letters r, g, b row by row, such as \"grbg\", or \"mono\", or a list of rows";
+        return Err(document.error(&steps!["sensor", "mosaic"], message));
+    };
+    let origin = node.origin;
+    let name = |name: String| Node { content: Content::Leaf(toml::Value::String(name)), origin };
+    let row =
+        |row: Vec<String>| Node { content: Content::Array(row.into_iter().map(name).collect()), origin };
+    let mosaic = Content::Array(rows.into_iter().map(row).collect());
+    if let Some(node) = document.root.get_mut("sensor").and_then(|node| node.get_mut("mosaic")) {
+        node.content = mosaic;
+    }
+    Ok(())
 }
 
 /// Loads the base of a document, and the base of that, and puts each below what it is the base of.
 fn put_on_bases(document: &mut Document, base_dir: &Path) -> Result<(), ExperimentError> {
     let mut folder = base_dir.to_path_buf();
-    let mut depth = 0;
+    let mut seen: Vec<PathBuf> = Vec::new();
     while let Some(node) = document.root.get("base").cloned() {
         let Some(name) = node.as_str().map(String::from) else {
             return Err(
                 document.error(&steps!["base"], "give the name of an experiment or the path of a file")
             );
         };
-        depth += 1;
-        if depth > MAX_BASES {
-            let message =
-                format!("more than {MAX_BASES} experiments stand on each other; is one its own base?");
+        if seen.len() >= MAX_BASES {
+            let message = format!("more than {MAX_BASES} experiments stand on each other; use fewer");
             return Err(document.error(&steps!["base"], message));
         }
         let is_file = name.contains(['/', '\\']) || name.ends_with(".toml");
         let (text, source_name) = if is_file {
             let file = folder.join(&name);
             let text = read_text(&file).map_err(|message| document.error(&steps!["base"], message))?;
+            let canonical = file.canonicalize().unwrap_or_else(|_| file.clone());
+            if seen.contains(&canonical) {
+                return Err(
+                    document.error(&steps!["base"], "the experiment is its own base; remove the line")
+                );
+            }
+            seen.push(canonical);
             folder = file.parent().unwrap_or(Path::new("")).to_path_buf();
             (text, file.display().to_string())
         } else {
             let preset = preset::experiment(&name)
                 .map_err(|error| document.error(&steps!["base"], error.to_string()))?;
+            seen.push(PathBuf::from(&name));
             (preset.text.to_string(), format!("experiment \"{name}\""))
         };
         let index = document.sources.len();
@@ -158,18 +206,16 @@ fn explain(document: &Document, mut steps: Vec<Step>, message: &str) -> Experime
         let known = if known.is_empty() { String::new() } else { format!(" Known: {}", known.join(", ")) };
         let mut at = steps.clone();
         at.push(Step::Key(unknown.clone()));
-        let line = document.error(&at, "").line;
-        let mut error = document.error(&steps, format!("unknown field `{unknown}`{hint}{known}"));
-        error.source_name = document.error(&at, "").source_name;
-        error.line = line;
-        error.value = None;
+        let place = document.error(&at, "").0;
+        let mut error =
+            document.error(&steps, format!("unknown field `{unknown}`{hint}{known}")).without_value();
+        error.0.source_name = place.source_name;
+        error.0.line = place.line;
         return error;
     }
     if message.starts_with("missing field") {
         let missing = quoted.next().unwrap_or_default();
-        let mut error = document.error(&steps, format!("the field `{missing}` is missing"));
-        error.value = None;
-        return error;
+        return document.error(&steps, format!("the field `{missing}` is missing")).without_value();
     }
     if message.starts_with("unknown variant") {
         let unknown = quoted.next().unwrap_or_default().to_string();
@@ -265,11 +311,4 @@ fn field_names<T: JsonSchema>() -> Vec<String> {
     let schema = schemars::SchemaGenerator::default().into_root_schema_for::<T>();
     let properties = schema.get("properties").and_then(serde_json::Value::as_object);
     properties.map(|properties| properties.keys().cloned().collect()).unwrap_or_default()
-}
-
-impl Node {
-    /// Whether a key was written, as opposed to being left at its default.
-    pub(super) fn has(&self, steps: &[Step]) -> bool {
-        steps.iter().try_fold(self, |node, step| node.step(step)).is_some()
-    }
 }

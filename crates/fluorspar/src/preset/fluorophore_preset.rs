@@ -130,7 +130,7 @@ pub fn fluorophore(name: &str) -> Result<FluorophorePreset, PresetError> {
         for band in term.excitation.iter().chain(&term.emission) {
             let positive =
                 [band.peak_nm, band.fwhm_per_cm, band.skew].iter().all(|v| *v > 0.0 && v.is_finite());
-            if !positive || !(band.weight >= 0.0 && band.weight.is_finite()) {
+            if !(positive && band.weight >= 0.0 && band.weight.is_finite()) {
                 return fault(format!("term[{index}]: {band:?}"));
             }
         }

@@ -3,15 +3,13 @@
 use super::context::{Context, Resolved};
 use super::material::unknown;
 use super::{Capture, ResolvedAnalysis};
+use crate::analysis::{Rectangle, RegionOfInterest};
 use crate::experiment::error::steps;
 use crate::experiment::schema::{AnalysisSection, ExperimentFile, ExposureTime, TextureReference};
 use crate::light::LightGroup;
 use crate::preset::{self, nearest_name};
 use crate::scene::Object;
-use crate::sensor::{AutoExposure, CaptureFrame};
-
-/// Longest exposure, ms: one hour.
-const LONGEST_MS: f64 = 3.6e6;
+use crate::sensor::CaptureFrame;
 
 fn hint<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> String {
     nearest_name(name, known).map_or_else(|| ".".into(), |name| format!(", did you mean \"{name}\"?"))
@@ -44,16 +42,16 @@ pub(super) fn captures(
             }
             context.within(&at, *drive, [0.0, 1e6], "times the stated power")?;
         }
-        let (exposure_ms, auto_exposure) = match section.exposure_ms {
-            ExposureTime::Auto => (None, Some(AutoExposure::default())),
-            ExposureTime::Milliseconds(value) => {
-                if !(value > 0.0 && value <= LONGEST_MS) {
-                    return context
-                        .fail(&at("exposure_ms"), "must be above 0 and at most 3600000 milliseconds");
-                }
-                (Some(value), None)
-            }
-        };
+        let rule = section.auto_exposure.unwrap_or_default();
+        if section.auto_exposure.is_some() && section.exposure_ms != ExposureTime::Auto {
+            return context
+                .fail(&at("auto_exposure"), "exposure_ms is fixed; set it to \"auto\" or remove the rule");
+        }
+        rule.validate().map_err(|problem| {
+            let field = problem.field.rsplit('.').next().unwrap_or_default().to_string();
+            context.error(&steps!["capture", index, "auto_exposure", &field], problem.message)
+        })?;
+        let (exposure_ms, auto_exposure) = context.exposure(&at("exposure_ms"), section.exposure_ms, rule)?;
         context.within(&at("gain"), section.gain, [0.01, 1000.0], "")?;
         if let Some(other) = &section.subtract
             && !earlier.contains(&other.as_str())
@@ -127,6 +125,10 @@ pub(super) fn analysis(
             return context.fail(&at("rectangle_px"), message);
         }
     }
+    let rectangle = section.rectangle_px.map(|px| {
+        let [col, row, width, height] = px.map(|value| value as usize);
+        Rectangle { col, row, width, height }
+    });
     let known = |name: &str| {
         preset::fluorophore(name).is_ok() || file.fluorophore.iter().any(|section| section.name == name)
     };
@@ -144,8 +146,7 @@ pub(super) fn analysis(
     }
     Ok(Some(ResolvedAnalysis {
         frame: section.frame.clone(),
-        parts: section.parts.clone(),
-        rectangle_px: section.rectangle_px,
+        region: RegionOfInterest { parts: section.parts.clone(), rectangle },
         porphyrin: section.porphyrin.clone(),
         bulk,
         noise_threshold: section.noise_threshold,

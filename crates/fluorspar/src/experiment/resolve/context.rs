@@ -9,6 +9,8 @@ use sha2::{Digest, Sha256};
 use super::InputFile;
 use crate::experiment::document::Document;
 use crate::experiment::error::{ExperimentError, Step};
+use crate::experiment::schema::ExposureTime;
+use crate::sensor::AutoExposure;
 
 pub(in crate::experiment) struct Context<'a> {
     pub(in crate::experiment) document: &'a Document,
@@ -35,8 +37,7 @@ impl<'a> Context<'a> {
 
     /// Adds a warning that names its place.
     pub(in crate::experiment) fn warn(&mut self, at: &[Step], message: impl Into<String>) {
-        let mut place = self.document.error(at, message);
-        place.value = None;
+        let place = self.document.error(at, message).without_value();
         self.push_warning(place.to_string());
     }
 
@@ -122,6 +123,33 @@ impl<'a> Context<'a> {
     ) {
         let text = serde_json::to_string(content).unwrap_or_default();
         self.presets.insert(format!("{what} {name}"), hex(&Sha256::digest(text.as_bytes())));
+    }
+
+    /// Adds the entries of the catalogue in use to a digest.
+    pub(in crate::experiment) fn digest_presets(&self, digest: &mut Sha256) {
+        for (name, preset) in &self.presets {
+            digest.update(format!("\n{name} {preset}").as_bytes());
+        }
+    }
+
+    /// Exposure time, ms, or the rule that finds it.
+    pub(in crate::experiment) fn exposure(
+        &self,
+        at: &[Step],
+        time: ExposureTime,
+        rule: AutoExposure,
+    ) -> Resolved<(Option<f64>, Option<AutoExposure>)> {
+        /// One hour.
+        const LONGEST_MS: f64 = 3.6e6;
+        match time {
+            ExposureTime::Auto => Ok((None, Some(rule))),
+            ExposureTime::Milliseconds(value) if value > 0.0 && value <= LONGEST_MS => {
+                Ok((Some(value), None))
+            }
+            ExposureTime::Milliseconds(_) => {
+                self.fail(at, "must be above 0 and at most 3600000 milliseconds")
+            }
+        }
     }
 }
 

@@ -4,7 +4,10 @@ use super::context::{Context, Resolved};
 use super::spectrum::Role;
 use crate::experiment::document::is_path;
 use crate::experiment::error::{Step, steps};
-use crate::experiment::schema::{ExperimentFile, FieldOfView, RenderSection, SensorSection, SpectralSection};
+use crate::experiment::schema::{
+    CameraSection, ExperimentFile, FieldOfView, LensSection, RenderSection, SensorSection, SpectralSection,
+    ViewFilterSection,
+};
 use crate::format::{CsvColumns, CsvSpectrumOptions, Negative};
 use crate::optics::{IdealLens, PerspectiveCamera};
 use crate::preset;
@@ -46,6 +49,10 @@ pub(in crate::experiment) fn grid(
         return Ok(WavelengthGrid::default());
     };
     WavelengthGrid::uniform(first, last, step).map_err(|error| {
+        if matches!(error, GridError::NotIncreasing { .. }) && last < first {
+            let message = format!("must not be below first_nm, which is {first}");
+            return context.error(&steps!["spectral", "last_nm"], message);
+        }
         let field = match &error {
             GridError::BadStep(_) | GridError::TooMany(_) => "step_nm",
             GridError::OutOfRange(nm) if *nm == first => "first_nm",
@@ -89,6 +96,22 @@ pub(super) fn check_memory(context: &Context<'_>, file: &ExperimentFile, needed_
     context.fail(&steps!["render"], message)
 }
 
+/// Refuses cameras without a place or a direction, before anything is derived from them.
+pub(super) fn check_camera(context: &Context<'_>, section: &CameraSection) -> Resolved<()> {
+    let at = |key: &str| steps!["camera", key];
+    let position = context.meters(&at("position_mm"), section.position_mm)?;
+    let target = context.meters(&at("look_at_mm"), section.look_at_mm)?;
+    let up = context.direction(&at("up"), section.up)?;
+    let Some(forward) = (target - position).try_normalize() else {
+        let message = "the camera stands at the point that it looks at; move one of the two";
+        return context.fail(&at("look_at_mm"), message);
+    };
+    if forward.cross(up).length() < 1e-6 {
+        return context.fail(&at("up"), "is parallel to the direction of view; choose another");
+    }
+    Ok(())
+}
+
 pub(super) fn camera(
     context: &mut Context<'_>,
     file: &ExperimentFile,
@@ -100,13 +123,6 @@ pub(super) fn camera(
     let position = context.meters(&at("position_mm"), section.position_mm)?;
     let target = context.meters(&at("look_at_mm"), section.look_at_mm)?;
     let up = context.direction(&at("up"), section.up)?;
-    if position == target {
-        return context
-            .fail(&at("look_at_mm"), "the camera stands at the point that it looks at; move one of the two");
-    }
-    if (target - position).normalize().cross(up).length() < 1e-6 {
-        return context.fail(&at("up"), "is parallel to the direction of view; choose another");
-    }
     let field_deg = match (section.horizontal_field_deg, lens, sensor) {
         (FieldOfView::Degrees(value), _, _) => {
             if !(value > 0.0 && value < 179.0) {
@@ -143,12 +159,11 @@ pub(super) fn camera(
 }
 
 /// Product of the filters in front of the lens.
-pub(super) fn view_filter(
+pub(in crate::experiment) fn view_filter(
     context: &mut Context<'_>,
-    file: &ExperimentFile,
+    section: &ViewFilterSection,
     grid: &WavelengthGrid,
 ) -> Resolved<Curve> {
-    let section = &file.view_filter;
     context.within(&steps!["view_filter", "angle_deg"], section.angle_deg, [0.0, 60.0], "degrees")?;
     let mut product = Curve::constant(1.0);
     for (index, filter) in section.filters.iter().enumerate() {
@@ -158,30 +173,36 @@ pub(super) fn view_filter(
     Ok(product)
 }
 
-/// The lens, viewing filters included.
-pub(super) fn lens(
+/// The lens, viewing filters included, focused where the section says or else at a distance; `None` is infinity.
+pub(in crate::experiment) fn lens(
     context: &mut Context<'_>,
-    file: &ExperimentFile,
+    section: &LensSection,
+    distance_mm: Option<f64>,
     view_filter: &Curve,
     grid: &WavelengthGrid,
-) -> Resolved<Option<IdealLens>> {
-    let Some(section) = &file.lens else { return Ok(None) };
+) -> Resolved<IdealLens> {
     let at = steps!["lens", "transmittance"];
     let glass = context.spectrum(&at, &section.transmittance, Role::Filter, 0.0, grid)?;
-    let [x, y, z] = [0, 1, 2].map(|i| file.camera.position_mm[i] - file.camera.look_at_mm[i]);
-    let distance = section.focus_distance_mm.unwrap_or_else(|| (x * x + y * y + z * z).sqrt());
     let lens = IdealLens {
         focal_length_mm: section.focal_length_mm,
         f_number: section.f_number,
         transmittance: glass.times(view_filter),
-        object_distance_mm: Some(distance),
+        object_distance_mm: section.focus_distance_mm.or(distance_mm),
         vignetting: section.vignetting,
     };
     lens.validate().map_err(|problem| {
         let field = if problem.field == "object_distance_mm" { "focus_distance_mm" } else { problem.field };
         context.error(&steps!["lens", field], problem.message)
     })?;
-    Ok(Some(lens))
+    Ok(lens)
+}
+
+impl CameraSection {
+    /// Distance from the camera to the point that it looks at, mm.
+    pub(super) fn distance_mm(&self) -> f64 {
+        let [x, y, z] = [0, 1, 2].map(|i| self.position_mm[i] - self.look_at_mm[i]);
+        (x * x + y * y + z * z).sqrt()
+    }
 }
 
 pub(in crate::experiment) fn sensor(

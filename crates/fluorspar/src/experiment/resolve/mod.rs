@@ -16,6 +16,7 @@ use self::context::{Context, Resolved, hex};
 use super::error::{Step, steps};
 use super::schema::ExperimentFile;
 use super::{Experiment, ExperimentError};
+use crate::analysis::RegionOfInterest;
 use crate::optics::IdealLens;
 use crate::render::{RenderSettings, memory_bytes};
 use crate::scene::{Scene, SceneError};
@@ -73,10 +74,8 @@ pub struct Capture {
 pub struct ResolvedAnalysis {
     /// Label of the frame that is analysed.
     pub frame: String,
-    /// Names of the parts that form the region of interest; empty means all.
-    pub parts: Vec<String>,
-    /// Rectangle of the sensor: column, row, width, height.
-    pub rectangle_px: Option<[u32; 4]>,
+    /// Region of interest.
+    pub region: RegionOfInterest,
     /// Name of the porphyrin.
     pub porphyrin: String,
     /// Fluorophores that form the bulk, with their amounts.
@@ -132,12 +131,19 @@ pub fn resolve(experiment: &Experiment) -> Result<ResolvedExperiment, Experiment
 
     let grid = device::grid(context, &file.spectral)?;
     let render = device::render_settings(context, &file.render)?;
+    device::check_camera(context, &file.camera)?;
     let sensor = match &file.sensor {
         Some(section) => Some(device::sensor(context, section, &grid)?),
         None => None,
     };
-    let view_filter = device::view_filter(context, file, &grid)?;
-    let lens = device::lens(context, file, &view_filter, &grid)?;
+    let view_filter = device::view_filter(context, &file.view_filter, &grid)?;
+    let lens = match &file.lens {
+        Some(section) => {
+            let distance_mm = Some(file.camera.distance_mm());
+            Some(device::lens(context, section, distance_mm, &view_filter, &grid)?)
+        }
+        None => None,
+    };
     let camera = device::camera(context, file, lens.as_ref(), sensor.as_ref())?;
 
     let mut light_groups = Vec::new();
@@ -183,9 +189,7 @@ fn scene_error(context: &Context<'_>, file: &ExperimentFile, error: &SceneError)
     match error {
         SceneError::CreatesPhotons { material, .. } => {
             let index = file.material.iter().position(|section| section.name == *material).unwrap_or(0);
-            let mut placed = context.error(&steps!["material", index], error.to_string());
-            placed.value = None;
-            placed
+            context.error(&steps!["material", index], error.to_string()).without_value()
         }
         SceneError::Mesh { object, .. } => {
             match file.object.iter().position(|section| section.name == *object) {
@@ -194,8 +198,8 @@ fn scene_error(context: &Context<'_>, file: &ExperimentFile, error: &SceneError)
             }
         }
         SceneError::Nothing(what) => {
-            let section = if *what == "lights" { "[[light]]" } else { "[[object]] or [mouth]" };
-            context.error(&[], format!("{error}; add a {section} section"))
+            let section = if *what == "lights" { "a [[light]]" } else { "an [[object]] or a [mouth]" };
+            context.error(&[], format!("{error}; add {section} section"))
         }
         _ => context.error(&[], error.to_string()),
     }
@@ -224,8 +228,7 @@ fn write_out(context: &Context<'_>, file: &ExperimentFile) -> Resolved<(String, 
         light.group.get_or_insert_with(|| light.name.clone());
     }
     if let Some(lens) = &mut complete.lens {
-        let [x, y, z] = [0, 1, 2].map(|i| complete.camera.position_mm[i] - complete.camera.look_at_mm[i]);
-        lens.focus_distance_mm.get_or_insert((x * x + y * y + z * z).sqrt());
+        lens.focus_distance_mm.get_or_insert(complete.camera.distance_mm());
     }
     if let Some(sensor) = &mut complete.sensor {
         sensor.model = device::filled(&sensor.model);
@@ -241,14 +244,12 @@ fn write_out(context: &Context<'_>, file: &ExperimentFile) -> Resolved<(String, 
     replace_paths(&mut value, context);
     let mut digest = Sha256::new();
     digest.update(toml::to_string(&value).map_err(failed)?.as_bytes());
-    for (name, preset) in &context.presets {
-        digest.update(format!("\n{name} {preset}").as_bytes());
-    }
+    context.digest_presets(&mut digest);
     Ok((text, hex(&digest.finalize())))
 }
 
 /// Puts the digest of a file where its path stands: the same experiment elsewhere is the same experiment.
-fn replace_paths(value: &mut toml::Value, context: &Context<'_>) {
+pub(super) fn replace_paths(value: &mut toml::Value, context: &Context<'_>) {
     match value {
         toml::Value::String(text) => {
             if let Some(input) = context.inputs.iter().find(|input| input.path.as_os_str() == text.as_str()) {

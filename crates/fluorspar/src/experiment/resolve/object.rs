@@ -242,17 +242,14 @@ fn box_mesh(context: &Context<'_>, at: &[Step], cuboid: &BoxShape) -> Resolved<T
 }
 
 fn read_mesh(context: &mut Context<'_>, at: &[Step], file: &str, unit_mm: f64) -> Resolved<TriangleMesh> {
-    context.note_input(at, file)?;
     let lower = file.to_lowercase();
-    let mesh = if lower.ends_with(".ply") {
-        read_ply(file.as_ref(), unit_mm * 1e-3)
-    } else if lower.ends_with(".obj") {
-        read_obj(file.as_ref(), unit_mm * 1e-3)
-    } else {
+    if !lower.ends_with(".ply") && !lower.ends_with(".obj") {
         return context
             .fail(at, "this is neither a .ply nor an .obj file; export the mesh as one of the two");
-    };
-    let mesh = mesh.map_err(|error| context.file_error(at, &error))?;
+    }
+    context.note_input(at, file)?;
+    let read = if lower.ends_with(".ply") { read_ply } else { read_obj };
+    let mesh = read(file.as_ref(), unit_mm * 1e-3).map_err(|error| context.file_error(at, &error))?;
     mesh.validate().map_err(|error| context.error(at, error.to_string()))?;
     Ok(mesh)
 }

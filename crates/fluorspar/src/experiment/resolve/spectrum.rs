@@ -11,7 +11,7 @@ use crate::format::{
 };
 use crate::material::{ImageTexture, ScalarTexture};
 use crate::preset::{self, CurvePreset};
-use crate::spectral::{Curve, CurveModel, WavelengthGrid};
+use crate::spectral::{Curve, CurveModel, MAX_WAVELENGTH_NM, MIN_WAVELENGTH_NM, WavelengthGrid};
 
 /// What a spectrum is used for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -68,7 +68,13 @@ impl Context<'_> {
 
     fn model(&self, at: &[Step], model: &CurveModel) -> Resolved<Curve> {
         match model.validate() {
-            Ok(()) => Ok(Curve::from_model(model)),
+            Ok(()) => match model {
+                CurveModel::Table { wavelength_nm, value } => {
+                    Curve::new(wavelength_nm.clone(), value.clone())
+                        .map_err(|error| self.error(at, error.to_string()))
+                }
+                _ => Ok(Curve::from_model(model)),
+            },
             Err((field, message)) => {
                 let steps = field.split('.').map(Step::from);
                 let at: Vec<Step> = at.iter().cloned().chain(steps).collect();
@@ -115,16 +121,17 @@ impl Context<'_> {
         at: &[Step],
         error: &FormatError,
     ) -> crate::experiment::ExperimentError {
-        let mut placed = self.error(at, error.to_string());
-        placed.value = None;
-        placed
+        self.error(at, error.to_string()).without_value()
     }
 
     fn check_values(&self, at: &[Step], curve: &Curve, role: Role) -> Resolved<()> {
         let bad = |value: &f64| !(*value >= 0.0 && value.is_finite()) || (role.is_fraction() && *value > 1.0);
         let Some(index) = curve.values().iter().position(bad) else {
-            if matches!(role, Role::Light) && curve.max() <= 0.0 {
-                return self.fail(at, "the spectrum is zero everywhere");
+            if matches!(role, Role::Light | Role::Absolute)
+                && curve.integral(MIN_WAVELENGTH_NM, MAX_WAVELENGTH_NM) <= 0.0
+            {
+                let message = "the spectrum is zero from 200 to 1200 nm; are its wavelengths in nanometres?";
+                return self.fail(at, message);
             }
             return Ok(());
         };

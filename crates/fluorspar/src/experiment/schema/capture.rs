@@ -8,6 +8,8 @@ use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::{Error, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
+use crate::sensor::AutoExposure;
+
 /// Exposure time: milliseconds, or chosen by the camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ExposureTime {
@@ -79,6 +81,9 @@ pub struct CaptureSection {
     /// Exposure time in milliseconds, above 0 and at most 3 600 000, or "auto". Default "auto".
     #[serde(default = "auto")]
     pub exposure_ms: ExposureTime,
+    /// What "auto" aims at. Default: the 99th percentile of the pixels at 80 % of saturation, 0.01 to 1000 ms.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub auto_exposure: Option<AutoExposure>,
     /// Analog gain, 0.01 to 1000. Default 1.
     #[serde(default = "unity")]
     pub gain: f64,

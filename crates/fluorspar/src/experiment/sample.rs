@@ -1,0 +1,338 @@
+//! The small file of a flat sample: one light, one homogeneous material, one camera, no geometry.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::Arc;
+
+use glam::Vec3;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+
+use super::document::Document;
+use super::error::{ExperimentError, steps};
+use super::read::{read_document, typed};
+use super::resolve::context::{Context, Resolved, hex};
+use super::resolve::spectrum::Role;
+use super::resolve::{device, material, replace_paths};
+use super::schema::{
+    ExposureTime, FluorophoreSection, LensSection, SensorSection, SpectralSection, SpectrumReference,
+    ViewFilterSection,
+};
+use crate::geometry::TriangleMesh;
+use crate::light::{Emitter, Light, LightGroup};
+use crate::material::{FluorophoreAmount, Material, ScalarTexture};
+use crate::optics::{IdealLens, PerspectiveCamera};
+use crate::scene::{Object, Scene, Shape};
+use crate::sensor::{AutoExposure, CaptureFrame, Sensor};
+use crate::spectral::{Curve, Fluorophore, MAX_WAVELENGTH_NM, MIN_WAVELENGTH_NM, WavelengthGrid};
+
+/// What a measured light spectrum holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum MeasuredLight {
+    /// Irradiance of the sample, W/(m² nm).
+    Irradiance,
+    /// Radiance of a white reference in place of the sample, W/(sr m² nm): pi times smaller than the irradiance.
+    WhiteRadiance,
+}
+
+/// Light on a flat sample: a relative spectrum with `irradiance_w_per_m2`, or an absolute one with `measured`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SampleLight {
+    /// Spectrum per nm.
+    pub spectrum: SpectrumReference,
+    /// Filters between light and sample. Default: none.
+    #[serde(default)]
+    pub filters: Vec<SpectrumReference>,
+    /// Angle at which light passes them, degrees, 0 to 60. Default 0.
+    #[serde(default)]
+    pub filter_angle_deg: f64,
+    /// Irradiance of the sample behind the filters, W/m², over 200 to 1200 nm; the spectrum is then relative.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub irradiance_w_per_m2: Option<f64>,
+    /// The spectrum is absolute, measured without the filters listed here: "irradiance" or "white_radiance".
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub measured: Option<MeasuredLight>,
+}
+
+/// A flat, homogeneous, matte material.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SampleMaterial {
+    /// Diffuse reflectance, 0 to 1.
+    pub reflectance: SpectrumReference,
+    /// Concentration of each fluorophore, relative to the unit of the catalogue, 0 or more. Default: none.
+    #[serde(default)]
+    pub concentrations: BTreeMap<String, f64>,
+}
+
+/// How the sensor is exposed.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct SampleExposure {
+    /// Exposure time in milliseconds, above 0 and at most 3 600 000, or "auto". Default 30.
+    pub exposure_ms: ExposureTime,
+    /// Analog gain, 0.01 to 1000. Default 1.
+    pub gain: f64,
+}
+
+impl Default for SampleExposure {
+    fn default() -> Self {
+        Self { exposure_ms: ExposureTime::Milliseconds(30.0), gain: 1.0 }
+    }
+}
+
+/// Whose equations to use.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum SampleCompatibility {
+    /// Ours: photon yield densities integrated over wavelength.
+    #[default]
+    None,
+    /// ISETCam's constants and sensor equations.
+    Isetcam,
+    /// Energy matrices of peak 1 on 365:5:705 nm without a wavelength step, as the authors' toolbox gives them to
+    /// their renderer: the normalisation under which the paper's weights hold.
+    ToolboxEem,
+}
+
+/// A flat sample: light, material, camera.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SampleFile {
+    /// Name for people. Default: empty.
+    #[serde(default)]
+    pub title: String,
+    /// What the sample shows. Default: empty.
+    #[serde(default)]
+    pub description: String,
+    /// Whose equations to use. Default "none": ours.
+    #[serde(default)]
+    pub compatibility: SampleCompatibility,
+    /// Wavelengths.
+    #[serde(default)]
+    pub spectral: SpectralSection,
+    /// Light.
+    pub light: SampleLight,
+    /// Material.
+    pub sample: SampleMaterial,
+    /// Fluorophores besides those of the catalogue, or variants of those.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub fluorophore: Vec<FluorophoreSection>,
+    /// Filters in front of the lens.
+    #[serde(default)]
+    pub view_filter: ViewFilterSection,
+    /// Lens; without it radiances are all that is computed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lens: Option<LensSection>,
+    /// Sensor.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sensor: Option<SensorSection>,
+    /// Exposure.
+    #[serde(default)]
+    pub exposure: SampleExposure,
+}
+
+/// A sample as curves, ready to compute with.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ResolvedSample {
+    /// Name for people.
+    pub title: String,
+    /// Whose equations to use.
+    pub compatibility: SampleCompatibility,
+    /// Wavelength bins.
+    pub grid: WavelengthGrid,
+    /// Irradiance of the sample, W/(m² nm).
+    pub irradiance: Curve,
+    /// Diffuse reflectance.
+    pub reflectance: Curve,
+    /// Fluorophores at unit concentration.
+    pub fluorophores: Vec<Fluorophore>,
+    /// Concentration of each fluorophore.
+    pub concentrations: Vec<f64>,
+    /// Transmittance of the filters in front of the lens; part of `lens.transmittance`, too.
+    pub view_filter: Curve,
+    /// Lens with the viewing filters.
+    pub lens: Option<IdealLens>,
+    /// Sensor.
+    pub sensor: Option<Sensor>,
+    /// Time and gain.
+    pub exposure: CaptureFrame,
+    /// What a user should know.
+    pub warnings: Vec<String>,
+    /// The complete sample as a file.
+    pub resolved_toml: String,
+    /// Digest of everything that decides the result.
+    pub sha256: String,
+}
+
+/// Reads the file of a flat sample and turns it into curves. Overrides and paths are as for an experiment.
+///
+/// # Errors
+/// The first defect found.
+pub fn parse_sample(
+    text: &str,
+    source_name: &str,
+    base_dir: &Path,
+    overrides: &[String],
+) -> Result<ResolvedSample, ExperimentError> {
+    let document = read_document(text, source_name, base_dir, overrides)?;
+    let file: SampleFile = typed(&document)?;
+    resolve_sample(&document, &file)
+}
+
+fn resolve_sample(document: &Document, file: &SampleFile) -> Resolved<ResolvedSample> {
+    let mut context = Context::new(document);
+    let context = &mut context;
+    let grid = device::grid(context, &file.spectral)?;
+    let irradiance = irradiance(context, &file.light, &grid)?;
+    let at = steps!["sample", "reflectance"];
+    let reflectance = context.spectrum(&at, &file.sample.reflectance, Role::Reflectance, 0.0, &grid)?;
+
+    material::check_sections(context, &file.fluorophore)?;
+    let mut fluorophores = material::Fluorophores::default();
+    let mut concentrations = Vec::new();
+    for (name, &amount) in &file.sample.concentrations {
+        let at = steps!["sample", "concentrations", name];
+        context.within(&at, amount, [0.0, 1e6], "")?;
+        fluorophores.index(context, &at, &file.fluorophore, name)?;
+        concentrations.push(amount);
+    }
+    check_photons(context, &grid, &reflectance, &fluorophores.list, &concentrations)?;
+
+    let view_filter = device::view_filter(context, &file.view_filter, &grid)?;
+    let lens = match &file.lens {
+        Some(section) => Some(device::lens(context, section, None, &view_filter, &grid)?),
+        None => None,
+    };
+    let sensor = match &file.sensor {
+        Some(section) => Some(device::sensor(context, section, &grid)?),
+        None => None,
+    };
+    if sensor.is_some() && lens.is_none() {
+        return context.fail(&steps!["sensor"], "a sensor needs a [lens] section");
+    }
+    let at = |key: &str| steps!["exposure", key];
+    context.within(&at("gain"), file.exposure.gain, [0.01, 1000.0], "")?;
+    let (exposure_ms, auto_exposure) =
+        context.exposure(&at("exposure_ms"), file.exposure.exposure_ms, AutoExposure::default())?;
+    let exposure = CaptureFrame {
+        label: "sample".into(),
+        lights: BTreeMap::new(),
+        exposure_ms,
+        auto_exposure,
+        gain: file.exposure.gain,
+    };
+    let (resolved_toml, sha256) = write_out(context, file)?;
+    Ok(ResolvedSample {
+        title: file.title.clone(),
+        compatibility: file.compatibility,
+        grid,
+        irradiance,
+        reflectance,
+        fluorophores: fluorophores.list,
+        concentrations,
+        view_filter,
+        lens,
+        sensor,
+        exposure,
+        warnings: std::mem::take(&mut context.warnings),
+        resolved_toml,
+        sha256,
+    })
+}
+
+fn irradiance(context: &mut Context<'_>, light: &SampleLight, grid: &WavelengthGrid) -> Resolved<Curve> {
+    let role = if light.measured.is_some() { Role::Absolute } else { Role::Light };
+    let mut curve = context.spectrum(&steps!["light", "spectrum"], &light.spectrum, role, 0.0, grid)?;
+    let angle_deg = light.filter_angle_deg;
+    context.within(&steps!["light", "filter_angle_deg"], angle_deg, [0.0, 60.0], "degrees")?;
+    for (index, filter) in light.filters.iter().enumerate() {
+        let at = steps!["light", "filters", index];
+        curve = curve.times(&context.spectrum(&at, filter, Role::Filter, angle_deg, grid)?);
+    }
+    let total = curve.integral(MIN_WAVELENGTH_NM, MAX_WAVELENGTH_NM);
+    if total <= 0.0 {
+        return context.fail(&steps!["light"], "no light reaches the sample; check spectrum and filters");
+    }
+    match (light.irradiance_w_per_m2, light.measured) {
+        (Some(value), None) => {
+            let at = steps!["light", "irradiance_w_per_m2"];
+            Ok(curve.scaled(context.positive(&at, value, "W/m²")? / total))
+        }
+        (None, Some(MeasuredLight::Irradiance)) => Ok(curve),
+        (None, Some(MeasuredLight::WhiteRadiance)) => Ok(curve.scaled(std::f64::consts::PI)),
+        _ => context.fail(
+            &steps!["light"],
+            "give either `irradiance_w_per_m2` (the spectrum is relative) or `measured` (it is absolute)",
+        ),
+    }
+}
+
+/// Photon conservation, by the check of a scene that holds nothing but the sample.
+fn check_photons(
+    context: &Context<'_>,
+    grid: &WavelengthGrid,
+    reflectance: &Curve,
+    fluorophores: &[Fluorophore],
+    concentrations: &[f64],
+) -> Resolved<()> {
+    let mut material = Material::lambertian("sample", reflectance.clone());
+    material.fluorophores = concentrations
+        .iter()
+        .enumerate()
+        .map(|(fluorophore, &amount)| FluorophoreAmount {
+            fluorophore,
+            concentration: ScalarTexture::Constant(amount as f32),
+        })
+        .collect();
+    let mesh = TriangleMesh {
+        positions: vec![Vec3::ZERO, Vec3::X, Vec3::Y],
+        triangles: vec![[0, 1, 2]],
+        ..TriangleMesh::default()
+    };
+    let Some(camera) = PerspectiveCamera::look_at(Vec3::Z, Vec3::ZERO, Vec3::Y, 40.0, 1, 1) else {
+        return Ok(());
+    };
+    let scene = Scene {
+        grid: grid.clone(),
+        objects: vec![Object {
+            name: "sample".into(),
+            shape: Shape::Mesh(Arc::new(mesh)),
+            material: 0,
+            emission: None,
+        }],
+        materials: vec![material],
+        fluorophores: fluorophores.to_vec(),
+        light_groups: vec![LightGroup { name: "light".into() }],
+        lights: vec![Light {
+            name: "light".into(),
+            group: 0,
+            spectrum: Curve::constant(1.0),
+            emitter: Emitter::Distant { direction: Vec3::NEG_Z },
+        }],
+        camera,
+    };
+    scene.check().map_err(|error| context.error(&steps!["sample"], error.to_string()))
+}
+
+fn write_out(context: &Context<'_>, file: &SampleFile) -> Resolved<(String, String)> {
+    let mut complete = file.clone();
+    complete.spectral.fill();
+    if let Some(sensor) = &mut complete.sensor {
+        sensor.model = device::filled(&sensor.model);
+    }
+    let failed =
+        |error: toml::ser::Error| context.error(&[], format!("the sample can't be written out: {error}"));
+    let text = toml::to_string(&complete).map_err(failed)?;
+    complete.title.clear();
+    complete.description.clear();
+    let mut value = toml::Value::try_from(&complete).map_err(failed)?;
+    replace_paths(&mut value, context);
+    let mut digest = Sha256::new();
+    digest.update(toml::to_string(&value).map_err(failed)?.as_bytes());
+    context.digest_presets(&mut digest);
+    Ok((text, hex(&digest.finalize())))
+}

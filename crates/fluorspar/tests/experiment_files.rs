@@ -1,0 +1,489 @@
+//! Bases, overrides, schema, digests and the absolute scale of lights.
+
+use std::fs;
+use std::path::Path;
+
+use fluorspar::experiment::{
+    ResolvedExperiment, default_experiment_toml, json_schema, parse, parse_sample, resolve,
+    sample_json_schema,
+};
+use fluorspar::light::Emitter;
+use fluorspar::preset;
+use fluorspar::scene::Shape;
+use fluorspar::spectral::Curve;
+use serde_json::Value;
+
+fn resolved(text: &str, overrides: &[&str]) -> ResolvedExperiment {
+    let overrides: Vec<String> = overrides.iter().map(|text| text.to_string()).collect();
+    let experiment =
+        parse(text, "test.toml", Path::new("."), &overrides).unwrap_or_else(|error| panic!("{error}"));
+    resolve(&experiment).unwrap_or_else(|error| panic!("{error}"))
+}
+
+const FLAT: &str = "base = \"flat-patch\"\n";
+
+/// A quick scene: one grey sphere without fluorophores.
+const SPHERE: &str = r#"
+[render]
+width_px = 8
+height_px = 6
+[camera]
+horizontal_field_deg = 30.0
+[[light]]
+name = "lamp"
+type = "disc"
+spectrum = { kind = "led", peak_nm = 500.0, fwhm_short_nm = 20.0, fwhm_long_nm = 20.0 }
+radius_mm = 2.0
+position_mm = [0.0, 0.0, 100.0]
+direction = [0.0, 0.0, -1.0]
+power_mw = 100.0
+[[material]]
+name = "grey"
+reflectance = 0.18
+[[object]]
+name = "ball"
+material = "grey"
+sphere = { radius_mm = 10.0 }
+"#;
+
+#[test]
+fn a_base_is_merged_by_key_and_by_name() {
+    let text = r#"
+base = "flat-patch"
+title = "mine"
+[lens]
+f_number = 2.0
+[[light]]
+name = "blue"
+spectrum = "led_405"
+[[light]]
+name = "extra"
+type = "environment"
+spectrum = 1.0
+radiance_w_per_sr_m2 = 0.1
+[[capture]]
+name = "ambient"
+remove = true
+[[capture]]
+name = "blue"
+subtract = "none"
+"#;
+    let text = text.replace("subtract = \"none\"\n", "");
+    let error = parse(&text, "t", Path::new("."), &[]).map(|e| resolve(&e)).unwrap().unwrap_err();
+    assert!(error.to_string().contains("no earlier capture"), "{error}");
+    let text = text.replace("name = \"ambient\"\nremove = true", "name = \"unused\"");
+    let experiment = resolved(&text, &[]);
+    assert_eq!(experiment.title, "mine");
+    let lens = experiment.lens.unwrap();
+    assert_eq!((lens.focal_length_mm, lens.f_number), (3.0, 2.0));
+    let groups: Vec<&str> = experiment.scene.light_groups.iter().map(|group| group.name.as_str()).collect();
+    assert_eq!(groups, ["blue", "extra"]);
+    assert!((experiment.scene.lights[0].spectrum.peak_nm() - 405.0).abs() < 8.0);
+    let labels: Vec<&str> = experiment.captures.iter().map(|capture| capture.frame.label.as_str()).collect();
+    assert_eq!(labels, ["ambient", "blue", "unused"]);
+}
+
+#[test]
+fn an_alternative_replaces_what_the_base_says() {
+    let text = format!(
+        "{FLAT}[[object]]\nname = \"patch\"\ndisc = {{ radius_mm = 50.0 }}\n[sensor]\nread_noise_e = 2.0\n[spectral]\nedges_nm = [380, 400, 480, 700]"
+    );
+    let experiment = resolved(&text, &[]);
+    assert!(matches!(experiment.scene.objects[0].shape, Shape::Disc { radius_m, .. } if radius_m == 0.05));
+    assert_eq!(experiment.sensor.unwrap().model().read_noise_electrons(), 2.0);
+    assert_eq!(experiment.scene.grid.len(), 3);
+}
+
+#[test]
+fn overrides_reach_every_value() {
+    let experiment = resolved(
+        FLAT,
+        &[
+            "render.width_px=32",
+            "light.blue.irradiance_w_per_m2=20",
+            "light[0].spectrum=led_405",
+            "material.patch.concentrations.fad = { checker = [2, 3], high = 0.5 }",
+            "sensor.quantum_efficiency=consumer_rgb_cmos",
+            "sensor.mosaic=rggb",
+            "view_filter.filters=[\"view_425_700\"]",
+            "camera.position_mm=[0, 0, 50]",
+            "capture.\"blue\".exposure_ms=auto",
+            "title=any text, without quotes",
+        ],
+    );
+    assert_eq!(experiment.scene.camera.width, 32);
+    assert!((experiment.scene.lights[0].spectrum.total() - 20.0).abs() < 1e-9);
+    assert_eq!(experiment.sensor.unwrap().model().mosaic, [["R", "G"], ["G", "B"]]);
+    assert!(experiment.view_filter.at(450.0) > 0.8);
+    assert_eq!(experiment.scene.camera.position.z, 0.05);
+    assert_eq!(experiment.captures[1].frame.exposure_ms, None);
+    assert_eq!(experiment.title, "any text, without quotes");
+}
+
+#[test]
+fn the_digest_follows_what_decides_the_result() {
+    let base = resolved(SPHERE, &[]);
+    assert_eq!(base.sha256.len(), 64);
+    assert_eq!(base.sha256, resolved(SPHERE, &["title=other", "output.folder=elsewhere"]).sha256);
+    assert_ne!(base.sha256, resolved(SPHERE, &["render.seed=2"]).sha256);
+    assert_ne!(base.sha256, resolved(SPHERE, &["light.lamp.power_mw=100.1"]).sha256);
+
+    // The content of a file counts, not its place.
+    let spectrum = "wavelength_nm,power\n400,1\n500,2\n600,1\n";
+    let digest = |content: &str| {
+        let folder = tempfile::tempdir().unwrap();
+        fs::write(folder.path().join("lamp.csv"), content).unwrap();
+        let text = SPHERE.replace(
+            "{ kind = \"led\", peak_nm = 500.0, fwhm_short_nm = 20.0, fwhm_long_nm = 20.0 }",
+            "\"lamp.csv\"",
+        );
+        let experiment = parse(&text, "t", folder.path(), &[]).unwrap();
+        let first = resolve(&experiment).unwrap();
+        assert_eq!(first.inputs.len(), 1);
+        let again = resolve(&parse(&first.resolved_toml, "t", Path::new("/"), &[]).unwrap()).unwrap();
+        assert_eq!(again.sha256, first.sha256);
+        first.sha256
+    };
+    assert_eq!(digest(spectrum), digest(spectrum));
+    assert_ne!(digest(spectrum), digest("wavelength_nm,power\n400,1\n500,3\n600,1\n"));
+}
+
+#[test]
+fn a_ring_gives_the_irradiance_of_eight_small_lamps() {
+    // Eight Lambertian watts on a circle of 35 mm: N P d^2 / (pi (d^2 + rho^2)^2) = 202 W/m2 at 100 mm.
+    let text = SPHERE
+        .replace("type = \"disc\"", "type = \"ring\"\nring_radius_mm = 35.0")
+        .replace("power_mw = 100.0", "power_mw = 1000.0");
+    let lights = resolved(&text, &[]).scene.lights;
+    assert_eq!(lights.len(), 8);
+    let at = |z_m: f64| -> f64 {
+        let irradiance = |light: &fluorspar::light::Light| {
+            let Emitter::Disc { center, normal, exponent, .. } = &light.emitter else { panic!() };
+            let way = glam::DVec3::new(0.0, 0.0, z_m) - center.as_dvec3();
+            let cosine = way.normalize().dot(normal.as_dvec3());
+            let g = f64::from(*exponent);
+            let intensity =
+                light.spectrum.total() * (g + 1.0) / (2.0 * std::f64::consts::PI) * cosine.powf(g);
+            intensity * -way.normalize().z / way.length_squared()
+        };
+        lights.iter().map(irradiance).sum()
+    };
+    assert!((at(0.0) - 202.1).abs() < 0.1, "{}", at(0.0));
+
+    // The same ring by its irradiance has the same power.
+    let measured = text.replace("power_mw = 1000.0", "irradiance_w_per_m2 = 202.1\nat_distance_mm = 100.0");
+    let power = resolved(&measured, &[]).scene.lights[0].spectrum.total();
+    assert!((power - 1.0).abs() < 1e-3, "{power}");
+}
+
+#[test]
+fn power_counts_before_the_filters_and_irradiance_behind_them() {
+    let filtered = resolved(SPHERE, &["light.lamp.filters=[0.25]"]);
+    assert!((filtered.scene.lights[0].spectrum.total() - 0.025).abs() < 1e-9);
+    let distant = SPHERE
+        .replace("type = \"disc\"", "type = \"distant\"\nfilters = [0.25]")
+        .replace("radius_mm = 2.0\nposition_mm = [0.0, 0.0, 100.0]\n", "")
+        .replace("power_mw = 100.0", "irradiance_w_per_m2 = 30.0");
+    assert!((resolved(&distant, &[]).scene.lights[0].spectrum.total() - 30.0).abs() < 1e-9);
+}
+
+#[test]
+fn lights_of_the_camera_move_with_it() {
+    let text = format!("{SPHERE}\n[output]\nfolder = \"out\"")
+        .replace("name = \"lamp\"", "name = \"lamp\"\nframe = \"camera\"");
+    let text = text.replace("position_mm = [0.0, 0.0, 100.0]", "position_mm = [10.0, 20.0, 0.0]");
+    let experiment = resolved(&text, &["camera.position_mm=[100, 0, 0]", "light.lamp.direction=[0, 0, -1]"]);
+    let Emitter::Disc { center, normal, .. } = experiment.scene.lights[0].emitter else { panic!() };
+    // Looking along -x with y up, right is -z.
+    assert!((center - glam::Vec3::new(0.1, 0.02, -0.01)).length() < 1e-6, "{center}");
+    assert!((normal + glam::Vec3::X).length() < 1e-6, "{normal}");
+}
+
+#[test]
+fn the_field_of_view_is_that_of_the_sensor() {
+    let experiment = resolved(FLAT, &[]);
+    // 320 pixels of 2.5 um, s = f (1 + m) with m = 3/97.
+    let expected = 0.5 * 0.8 / (3.0 * (1.0 + 3.0 / 97.0));
+    assert!((f64::from(experiment.scene.camera.tan_half_width) - expected).abs() < 1e-6);
+}
+
+#[test]
+fn a_box_is_closed_and_faces_outward() {
+    let text = SPHERE
+        .replace("sphere = { radius_mm = 10.0 }", "box = { center_mm = [1, 2, 3], size_mm = [10, 20, 30] }");
+    let scene = resolved(&text, &[]).scene;
+    let Shape::Mesh(mesh) = &scene.objects[0].shape else { panic!() };
+    assert!((mesh.area_m2() - 2.0 * (0.01 * 0.02 + 0.02 * 0.03 + 0.01 * 0.03)).abs() < 1e-9);
+    let center = glam::Vec3::new(0.001, 0.002, 0.003);
+    let volume: f32 = mesh
+        .triangles
+        .iter()
+        .map(|triangle| {
+            (mesh.positions[triangle[0] as usize] - center).dot(mesh.triangle_cross(triangle)) / 6.0
+        })
+        .sum();
+    assert!((volume - 6e-6).abs() < 1e-9, "{volume}");
+}
+
+#[test]
+fn warnings_name_what_is_left_over() {
+    let text = format!(
+        "{SPHERE}[[material]]\nname = \"spare\"\nreflectance = 0.5\n[[fluorophore]]\nname = \"dye\"\nfrom = \"fad\"\n"
+    );
+    let warnings = resolved(&text, &["spectral.last_nm=900"]).warnings;
+    assert!(
+        warnings
+            .iter()
+            .any(|w| w == "test.toml:22: material[1] \"spare\": no object uses material \"spare\""),
+        "{warnings:?}"
+    );
+    assert!(
+        warnings.iter().any(|w| w.contains("fluorophore[0] \"dye\": no material contains it")),
+        "{warnings:?}"
+    );
+}
+
+#[test]
+fn a_fluorophore_from_files_has_the_stated_yield() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(
+        folder.path().join("dye.csv"),
+        "wavelength_nm,excitation,emission\n350,0,0\n400,5,0\n450,1,0\n500,0,1\n550,0,3\n600,0,0\n",
+    )
+    .unwrap();
+    fs::write(
+        folder.path().join("eem.csv"),
+        "# unit: energy\nem_nm\\ex_nm,380,400,420\n480,0,0,0\n500,1,2,1\n520,0,0,0\n",
+    )
+    .unwrap();
+    let text = format!(
+        "{SPHERE}[[fluorophore]]\nname = \"dye\"\ncsv = \"dye.csv\"\nphoton_yield = 0.1\n[[fluorophore]]\nname = \"matrix\"\neem_csv = \"eem.csv\"\nphoton_yield = 0.02\n"
+    );
+    let overrides = ["material.grey.concentrations={ dye = 1.0, matrix = 2.0 }".to_string()];
+    let experiment = parse(&text, "t", folder.path(), &overrides).unwrap();
+    let scene = resolve(&experiment).unwrap().scene;
+    let best = |index: usize| {
+        (350..460)
+            .map(|nm| scene.fluorophores[index].photon_yield(f64::from(nm), 200.0, 1000.0))
+            .fold(0.0, f64::max)
+    };
+    assert!((best(0) - 0.1).abs() < 1e-6, "{}", best(0));
+    assert!((best(1) - 0.02).abs() < 1e-4, "{}", best(1));
+}
+
+#[test]
+fn a_sample_becomes_curves() {
+    let text = r#"
+[light]
+spectrum = "led_385"
+filters = ["short_pass_425"]
+irradiance_w_per_m2 = 100.0
+[sample]
+reflectance = "tongue_dorsum"
+concentrations = { elastin = 1.0, protoporphyrin_ix = 0.1 }
+[view_filter]
+filters = ["view_475_700"]
+[lens]
+f_number = 4.0
+[sensor]
+preset = "lyu_2021_table_1"
+[exposure]
+exposure_ms = 30.0
+"#;
+    let sample = parse_sample(text, "sample.toml", Path::new("."), &["exposure.gain=2".into()])
+        .unwrap_or_else(|e| panic!("{e}"));
+    assert!((sample.irradiance.total() - 100.0).abs() < 1e-9);
+    assert_eq!(sample.fluorophores.len(), 2);
+    assert_eq!(sample.concentrations, [1.0, 0.1]);
+    assert_eq!(sample.exposure.gain, 2.0);
+    assert_eq!(sample.lens.as_ref().unwrap().object_distance_mm, None);
+    let again =
+        parse_sample(&sample.resolved_toml, "again", Path::new("/"), &[]).unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!((&again.sha256, &again.resolved_toml), (&sample.sha256, &sample.resolved_toml));
+
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("white.csv"), "wavelength_nm,radiance\n380,0\n385,2\n390,0\n").unwrap();
+    let text =
+        "[light]\nspectrum = \"white.csv\"\nmeasured = \"white_radiance\"\n[sample]\nreflectance = 0.1\n";
+    let sample = parse_sample(text, "sample.toml", folder.path(), &[]).unwrap_or_else(|e| panic!("{e}"));
+    assert!((sample.irradiance.total() - 10.0 * std::f64::consts::PI).abs() < 1e-9);
+}
+
+#[test]
+fn the_file_to_start_from_works() {
+    let experiment = parse(&default_experiment_toml(), "start.toml", Path::new("."), &[]).unwrap();
+    assert_eq!(experiment.file.title, "My experiment");
+    assert_eq!(experiment.file.light.len(), 2);
+    assert_eq!(experiment.file.light[0].power_mw, Some(1500.0));
+}
+
+#[test]
+fn every_field_of_the_schema_is_described() {
+    for schema in [json_schema(), sample_json_schema()] {
+        let mut missing = Vec::new();
+        let definitions = schema["$defs"].as_object().unwrap().iter();
+        for (name, definition) in definitions.chain([(&"root".to_string(), &schema)]) {
+            for (field, property) in definition["properties"].as_object().into_iter().flatten() {
+                if property.get("description").is_none() {
+                    missing.push(format!("{name}.{field}"));
+                }
+            }
+        }
+        assert!(missing.is_empty(), "{missing:?}");
+    }
+}
+
+/// Checks a value against the part of JSON schema that is in use here.
+fn check(schema: &Value, root: &Value, value: &Value, at: &str) -> Result<(), String> {
+    if let Some(reference) = schema.get("$ref").and_then(Value::as_str) {
+        check(root.pointer(&reference[1..]).ok_or(reference)?, root, value, at)?;
+    }
+    for (key, enough) in [("anyOf", true), ("oneOf", true), ("allOf", false)] {
+        let Some(options) = schema.get(key).and_then(Value::as_array) else { continue };
+        let results: Vec<_> = options.iter().map(|option| check(option, root, value, at)).collect();
+        if enough && results.iter().all(Result::is_err) {
+            return Err(format!("{at}: fits none of {key}: {results:?}"));
+        }
+        if !enough {
+            results.into_iter().collect::<Result<Vec<()>, String>>()?;
+        }
+    }
+    if let Some(constant) = schema.get("const")
+        && constant != value
+    {
+        return Err(format!("{at}: {value} is not {constant}"));
+    }
+    if let Some(allowed) = schema.get("enum").and_then(Value::as_array)
+        && !allowed.contains(value)
+    {
+        return Err(format!("{at}: {value} is not one of {allowed:?}"));
+    }
+    let kinds: Vec<&str> = match schema.get("type") {
+        Some(Value::String(kind)) => vec![kind],
+        Some(Value::Array(kinds)) => kinds.iter().filter_map(Value::as_str).collect(),
+        _ => Vec::new(),
+    };
+    let fits = |kind: &&str| match *kind {
+        "object" => value.is_object(),
+        "array" => value.is_array(),
+        "string" => value.is_string(),
+        "number" => value.is_number(),
+        "integer" => value.is_u64() || value.is_i64(),
+        "boolean" => value.is_boolean(),
+        "null" => value.is_null(),
+        _ => false,
+    };
+    if !kinds.is_empty() && !kinds.iter().any(fits) {
+        return Err(format!("{at}: {value} is no {kinds:?}"));
+    }
+    if let (Some(items), Some(list)) = (schema.get("items"), value.as_array()) {
+        for (index, item) in list.iter().enumerate() {
+            check(items, root, item, &format!("{at}[{index}]"))?;
+        }
+    }
+    if let (Some(properties), Some(table)) =
+        (schema.get("properties").and_then(Value::as_object), value.as_object())
+    {
+        for (key, item) in table {
+            match (properties.get(key), schema.get("additionalProperties")) {
+                (Some(property), _) => check(property, root, item, &format!("{at}.{key}"))?,
+                (None, Some(Value::Bool(false))) => return Err(format!("{at}: unknown {key}")),
+                (None, Some(other)) => check(other, root, item, &format!("{at}.{key}"))?,
+                (None, None) => {}
+            }
+        }
+        for required in schema.get("required").and_then(Value::as_array).into_iter().flatten() {
+            if !required.as_str().is_some_and(|key| table.contains_key(key)) {
+                return Err(format!("{at}: {required} is missing"));
+            }
+        }
+    }
+    Ok(())
+}
+
+#[test]
+fn experiments_fit_the_schema() {
+    let schema = json_schema();
+    for name in preset::names(preset::PresetKind::Experiment) {
+        let text = preset::experiment(name).unwrap().text;
+        let experiment = parse(text, name, Path::new("."), &[]).unwrap();
+        for value in [serde_json::to_value(&experiment.file).unwrap(), toml::from_str(text).unwrap()] {
+            // A file on a base need not be complete by itself.
+            if value.get("base").is_none() {
+                check(&schema, &schema, &value, name).unwrap_or_else(|error| panic!("{error}"));
+            }
+        }
+    }
+    let wrong = serde_json::json!({ "light": [{ "name": "x", "type": "rign", "spectrum": 1 }] });
+    assert!(check(&schema, &schema, &wrong, "wrong").is_err());
+    let wrong = serde_json::json!({ "sensor": { "pixelsize_um": 1 } });
+    assert!(check(&schema, &schema, &wrong, "wrong").is_err());
+}
+
+#[test]
+fn odd_values_anywhere_are_errors_and_never_panics() {
+    let odd = [
+        "nan",
+        "inf",
+        "-inf",
+        "-1",
+        "0",
+        "1e308",
+        "1e-308",
+        "\"\"",
+        "\"x\"",
+        "[]",
+        "{}",
+        "true",
+        "1979-05-27",
+        "99999999999999999999",
+        "[[[]]]",
+    ];
+    let scene = SPHERE.to_string()
+        + "[[fluorophore]]\nname = \"dye\"\nfrom = \"nadh\"\n[output]\nfolder = \"x\"\n[view_filter]\nangle_deg = 3.0\n";
+    let lines: Vec<&str> = scene.lines().collect();
+    for (index, line) in lines.iter().enumerate() {
+        for value in odd {
+            let mut changed: Vec<String> = lines.iter().map(|line| line.to_string()).collect();
+            changed[index] = match line.split_once(" = ") {
+                Some((key, _)) => format!("{key} = {value}"),
+                None => value.to_string(),
+            };
+            if let Ok(experiment) = parse(&changed.join("\n"), "odd.toml", Path::new("."), &[]) {
+                let _ = resolve(&experiment);
+            }
+        }
+        let cut: usize = lines[..index].iter().map(|line| line.len() + 1).sum::<usize>() + line.len() / 2;
+        let _ = parse(&scene[..cut], "cut.toml", Path::new("."), &[]).map(|experiment| resolve(&experiment));
+    }
+    for text in [
+        "=",
+        "a=",
+        "..=1",
+        "[=1",
+        "light.[0].x=2",
+        "light[=3",
+        "\u{0}=1",
+        "render=\n[x]",
+        "light=3",
+        "a.b.c.d=1",
+    ] {
+        let _ = parse(SPHERE, "set.toml", Path::new("."), &[text.to_string()])
+            .map(|experiment| resolve(&experiment));
+    }
+}
+
+#[test]
+fn oraleye_light_and_sensor_are_as_documented() {
+    let text = "base = \"oraleye-2021\"";
+    let experiment = parse(text, "t", Path::new("."), &[]).unwrap();
+    let scene = resolve(&experiment).unwrap().scene;
+    // 1.4 kW/m2 at 100 mm before the filter, from eight emitters of 2 W aimed at 120 mm with a half angle of 25 degrees.
+    let blue: Vec<_> = scene.lights.iter().filter(|light| light.name.starts_with("blue")).collect();
+    assert_eq!(blue.len(), 8);
+    let behind = |curve: &Curve| curve.total();
+    assert!((behind(&blue[0].spectrum) - 1.85).abs() < 0.1, "{}", behind(&blue[0].spectrum));
+    let field_mm = 2.0 * 100.0 * f64::from(scene.camera.tan_half_width);
+    assert!((75.0..80.0).contains(&field_mm), "{field_mm}");
+    assert!(scene.objects.iter().any(|object| object.name == "tongue_dorsum"));
+}
