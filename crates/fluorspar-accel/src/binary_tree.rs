@@ -41,11 +41,14 @@ pub(crate) type BinaryTree = Vec<BinaryNode>;
 
 /// Fraction of the nodes that the reinsertion passes try to place better.
 const REINSERTION_RATIO: f32 = 0.1;
+/// By how much boxes are disturbed, as a fraction of their extent.
+const DISTURBANCE: f64 = 1.0 / 128.0;
 
 /// A tree of good quality: parallel locally-ordered clustering followed by reinsertion, both from `obvhs`.
 pub(crate) fn clustered(boxes: &[Bounds]) -> BinaryTree {
     // Only the shape of the tree is taken from the builder, so its boxes may be scaled, against overflow, and
-    // disturbed: clustering merges mutual nearest neighbours, and takes quadratic time where many are equally near.
+    // disturbed: clustering sorts boxes along a curve and merges mutual nearest neighbours, which takes quadratic time
+    // where each box prefers the one before, as equal or steadily growing boxes do.
     let whole = boxes.iter().fold(Bounds::EMPTY, |sum, &next| sum.union(next));
     let largest = whole.min.abs().max(whole.max.abs()).max_element();
     let scale = if largest > 0.0 { 1.0 / f64::from(largest) } else { 1.0 };
@@ -53,10 +56,10 @@ pub(crate) fn clustered(boxes: &[Bounds]) -> BinaryTree {
         .iter()
         .enumerate()
         .map(|(number, b)| {
-            let growth = 1.0 + f64::from(scramble(number as u32)) / (u32::MAX as f64 * 64.0);
-            let min = b.min.as_dvec3() * scale;
-            let max = min + (b.max.as_dvec3() * scale - min) * growth;
-            Aabb::new(min.as_vec3().into(), max.as_vec3().into())
+            let (min, max) = (b.min.as_dvec3() * scale, b.max.as_dvec3() * scale);
+            let shift = (max - min) * DISTURBANCE * random(2 * number as u32);
+            let growth = (max - min) * DISTURBANCE * random(2 * number as u32 + 1);
+            Aabb::new((min + shift - growth).as_vec3().into(), (max + shift + growth).as_vec3().into())
         })
         .collect();
     let numbers = (0..boxes.len() as u32).collect();
@@ -131,10 +134,10 @@ pub(crate) fn balanced(boxes: &[Bounds]) -> BinaryTree {
     ordered
 }
 
-/// A fixed pseudo-random permutation of the 32-bit numbers (the finaliser of MurmurHash3).
-fn scramble(number: u32) -> u32 {
-    let mut x = number.wrapping_add(0x9e37_79b9);
+/// A pseudo-random number in [0, 1] for each counter (the finaliser of MurmurHash3).
+fn random(counter: u32) -> f64 {
+    let mut x = counter.wrapping_add(0x9e37_79b9);
     x = (x ^ (x >> 16)).wrapping_mul(0x85eb_ca6b);
     x = (x ^ (x >> 13)).wrapping_mul(0xc2b2_ae35);
-    x ^ (x >> 16)
+    f64::from(x ^ (x >> 16)) / f64::from(u32::MAX)
 }

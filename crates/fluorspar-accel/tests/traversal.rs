@@ -332,11 +332,14 @@ fn rays_that_make_no_sense_hit_nothing() {
 fn awkward_shapes_build_and_are_found() {
     let mut copies = Mesh::default();
     let mut strip = Mesh::default();
+    let mut concentric = Mesh::default();
     let mut nested = Mesh::default();
-    for number in 0..5000 {
+    for number in 0..20_000 {
         copies.add([Vec3::ZERO, Vec3::X, Vec3::Y]);
         let x = number as f32;
         strip.add([Vec3::X * x, Vec3::X * (x + 1.0), Vec3::new(x, 1.0, 0.0)]);
+        let size = x + 1.0;
+        concentric.add([Vec3::new(-size, -size, x), Vec3::new(size, -size, x), Vec3::new(0.0, size, x)]);
     }
     for power in -120..59 {
         let size = 2_f32.powi(power);
@@ -347,10 +350,14 @@ fn awkward_shapes_build_and_are_found() {
         assert_eq!(hit.triangle, 0);
     }
     for bvh in build_each(&strip) {
-        for number in 0..5000 {
+        for number in 0..20_000 {
             let hit = bvh.closest(&ray(Vec3::new(number as f32 + 0.25, 0.25, 1.0), Vec3::NEG_Z)).unwrap();
             assert_eq!(hit.triangle, number);
         }
+    }
+    for bvh in build_each(&concentric) {
+        let hit = bvh.closest(&ray(Vec3::new(0.0, 0.0, -1.0), Vec3::Z)).unwrap();
+        assert_eq!(hit.triangle, 0);
     }
     for bvh in build_each(&nested) {
         for power in -120..59 {

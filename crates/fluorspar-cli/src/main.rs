@@ -1,1 +1,49 @@
-fn main() {}
+//! The `fluorspar` command.
+
+mod args;
+mod commands;
+mod error;
+mod experiment_source;
+mod progress;
+
+use std::process::ExitCode;
+
+use clap::Parser;
+
+use crate::args::{Args, Command};
+use crate::error::CliError;
+
+fn main() -> ExitCode {
+    let args = match Args::try_parse() {
+        Ok(args) => args,
+        // Help and version are no errors; everything else is exit code 2.
+        Err(error) => {
+            let code = if error.use_stderr() { ExitCode::from(2) } else { ExitCode::SUCCESS };
+            return if error.print().is_ok() { code } else { ExitCode::from(1) };
+        }
+    };
+    match run(args) {
+        Ok(code) => code,
+        Err(error) => {
+            eprintln!("error: {error}");
+            error.exit_code()
+        }
+    }
+}
+
+fn run(args: Args) -> Result<ExitCode, CliError> {
+    if let Some(threads) = args.threads {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.get()).build_global();
+        pool.map_err(|error| CliError::Failed(format!("can't start {threads} threads: {error}")))?;
+    }
+    match args.command.unwrap_or_default() {
+        Command::Run(options) => commands::run::run(&options),
+        Command::Render(options) => commands::render::run(&options),
+        Command::Capture(options) => commands::capture::run(&options),
+        Command::Analyze(options) => commands::analyze::run(&options),
+        Command::Presets(options) => commands::presets::run(&options),
+        Command::Check(options) => commands::check::run(&options),
+        Command::Schema => commands::schema::run(),
+        Command::Completions { shell } => commands::completions::run(shell),
+    }
+}

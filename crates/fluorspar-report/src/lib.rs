@@ -12,6 +12,7 @@
 mod figure;
 pub mod figures;
 mod page;
+mod run;
 
 pub use figure::{
     Axis, ColorBar, ColorMap, Dash, Figure, FigureError, Ink, Label, Panel, Raster, Scale, Series, Shape,
@@ -20,3 +21,4 @@ pub use page::{
     Number, NumberTable, Origin, ReportData, ReportItem, ReportPicture, Section, analysis_section,
     extract_experiment, glossary_section,
 };
+pub use run::{NamedFigure, RunFolderError, RunReport, RunResults, run_report, write_run_folder};

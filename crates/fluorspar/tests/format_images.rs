@@ -200,6 +200,12 @@ fn absurd_sizes_are_refused_before_memory_is_taken() {
          The file is damaged or meant for something else"
     );
 
+    bytes[at..at + 4].copy_from_slice(&90_000_u32.to_le_bytes());
+    fs::write(&path, &bytes).unwrap();
+    let expected =
+        "f.tiff: the header claims 720000 bytes of pixels in a file of 246 bytes. Was it copied completely?";
+    assert_eq!(said(folder.path(), read_sensor_image(&path)), expected);
+
     let path = folder.path().join("t.png");
     let mut encoder = png::Encoder::new(fs::File::create(&path).unwrap(), 100_001, 1);
     encoder.set_color(png::ColorType::Grayscale);

@@ -15,6 +15,8 @@ use super::FormatError;
 pub(super) const MAX_IMAGE_BYTES: u64 = 1 << 33;
 /// Longest side of an image, pixels.
 pub(super) const MAX_SIDE: u64 = 100_000;
+/// Most pixel bytes per byte of file: twice what deflate reaches on zeros (1032).
+const MAX_PACKING: u64 = 2000;
 /// Largest table or text file, bytes.
 pub(super) const MAX_TEXT_BYTES: u64 = 256 << 20;
 /// Largest mesh file, bytes.
@@ -129,6 +131,18 @@ pub(super) fn check_image_size(
         ));
     }
     Ok(())
+}
+
+/// Refuses more pixels than a file of `length` bytes can hold, however well they are packed.
+pub(super) fn check_packing(path: &Path, pixel_bytes: u64, length: u64) -> Result<(), FormatError> {
+    if pixel_bytes / MAX_PACKING <= length {
+        return Ok(());
+    }
+    Err(FormatError::malformed(
+        path,
+        format!("the header claims {pixel_bytes} bytes of pixels in a file of {length} bytes"),
+        "Was it copied completely?",
+    ))
 }
 
 /// SHA-256 of blocks of bytes, lower-case hexadecimal.

@@ -7,7 +7,7 @@ use std::path::Path;
 use png::{BitDepth, ColorType};
 
 use super::FormatError;
-use super::file::{MAX_IMAGE_BYTES, check_image_size, guarded, write_atomically};
+use super::file::{MAX_IMAGE_BYTES, check_image_size, check_packing, guarded, write_atomically};
 
 /// How stored numbers relate to light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -81,7 +81,9 @@ pub(super) struct RawPng {
 }
 
 pub(super) fn read_png(path: &Path) -> Result<RawPng, FormatError> {
-    let file = File::open(path).map_err(|source| FormatError::io(path, "read", source))?;
+    let failed = |source| FormatError::io(path, "read", source);
+    let file = File::open(path).map_err(failed)?;
+    let length = file.metadata().map_err(failed)?.len();
     guarded(path, "PNG", || {
         let damaged = |error: png::DecodingError| match error {
             png::DecodingError::IoError(source) if source.kind() != io::ErrorKind::UnexpectedEof => {
@@ -103,6 +105,7 @@ pub(super) fn read_png(path: &Path) -> Result<RawPng, FormatError> {
         let (color, depth) = reader.output_color_type();
         let bytes_per_pixel = color.samples() as u64 * if depth == BitDepth::Sixteen { 2 } else { 1 };
         check_image_size(path, u64::from(width), u64::from(height), bytes_per_pixel)?;
+        check_packing(path, bytes_per_pixel * u64::from(width) * u64::from(height), length)?;
         let size = reader.output_buffer_size().unwrap_or(0);
         let mut bytes = vec![0; size];
         let frame = reader.next_frame(&mut bytes).map_err(damaged)?;

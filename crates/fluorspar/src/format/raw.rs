@@ -10,8 +10,8 @@ use tiff::decoder::{Decoder, DecodingResult, Limits};
 use tiff::encoder::{TiffEncoder, colortype::Gray16};
 
 use super::file::{
-    MAX_IMAGE_BYTES, check_image_size, guarded, read_sidecar, sha256_hex, sidecar_path, write_atomically,
-    write_sidecar,
+    MAX_IMAGE_BYTES, check_image_size, check_packing, guarded, read_sidecar, sha256_hex, sidecar_path,
+    write_atomically, write_sidecar,
 };
 use super::png::{read_png, write_png};
 use super::{FormatError, Loaded, Provenance};
@@ -231,6 +231,7 @@ fn read_grey_tiff(path: &Path, file: File) -> Result<(usize, usize, Vec<u16>), F
         let mut decoder = Decoder::new(BufReader::new(file)).map_err(damaged)?;
         let (width, height) = decoder.dimensions().map_err(damaged)?;
         check_image_size(path, u64::from(width), u64::from(height), 2)?;
+        check_packing(path, 2 * u64::from(width) * u64::from(height), length)?;
         if decoder.colortype().map_err(damaged)? != tiff::ColorType::Gray(16) {
             return Err(not_grey16(path));
         }

@@ -1,22 +1,4 @@
-//! OpenEXR images with a wavelength axis, in the layout of Fichet, Pacanowski and Wilkie[^fichet2021].
-//!
-//! One channel per band: `S0.385,000000nm` for radiometric quantities, `T.385,000000nm` for ratios. Text attributes
-//! keep what the layout has no place for, so that an image comes back as it was:
-//!
-//! | attribute | content |
-//! |---|---|
-//! | `spectralLayoutVersion` | `1.0` |
-//! | `emissiveUnits` | for instance `W.m^-2.sr^-1.nm^-1` |
-//! | `wavelengthEdges_nm` | edges of the bins, separated by commas |
-//! | `fluorsparQuantity` | `radiance`, `irradiance`, ... |
-//! | `fluorspar` | provenance, JSON |
-//! | `fluorsparComponent`, `fluorsparSamplesPerPixel` | label of a component (JSON), paths per pixel |
-//! | `fluorsparParts` | names of the parts and their materials (JSON), in the part `features` |
-//!
-//! A component image is a multi-part file: one spectral part per component, named by its label, then `features` with
-//! `Z` (depth, m), `N.X`, `N.Y`, `N.Z`, `id`, `U` and `V`.
-//!
-//! [^fichet2021]: J. Computer Graphics Techniques 10(3), 1-18 (2021), <http://jcgt.org/published/0010/03/01/>.
+//! OpenEXR images with a wavelength axis; [`write_spectral_exr`] and [`write_component_exr`] describe the layout.
 
 mod read;
 mod write;

@@ -11,7 +11,7 @@ use exr::meta::attribute::{AttributeValue, SampleType, Text};
 use exr::meta::header::Header;
 
 use super::{COMPONENT, EDGES, FEATURES, PARTS, PROVENANCE, QUANTITY, SAMPLES, UNITS, layout_unit};
-use crate::format::file::{MAX_IMAGE_BYTES, check_image_size, guarded};
+use crate::format::file::{MAX_IMAGE_BYTES, check_image_size, check_packing, guarded};
 use crate::format::{FormatError, Loaded, Provenance};
 use crate::image::{Component, ComponentImage, FeatureMaps, SpectralImage};
 use crate::spectral::{Quantity, Radiance, WavelengthGrid};
@@ -194,6 +194,7 @@ fn headers(path: &Path) -> Result<Vec<Header>, FormatError> {
             format!("{MAX_IMAGE_BYTES} bytes"),
         ));
     }
+    check_packing(path, total_bytes, length)?;
     if meta.headers.is_empty() {
         return Err(FormatError::malformed(path, "the file holds no image", "Write the file again"));
     }

@@ -44,7 +44,20 @@ pub struct ExrOptions<'a> {
     pub provenance: Option<&'a Provenance>,
 }
 
-/// Writes a spectral image; see the [module](super) for the layout.
+/// Writes a spectral image in the layout of Fichet, Pacanowski and Wilkie[^fichet2021].
+///
+/// One channel per band: `S0.385,000000nm` for radiometric quantities, `T.385,000000nm` for ratios. Text attributes
+/// keep what the layout has no place for, so that an image comes back as it was:
+///
+/// | attribute | content |
+/// |---|---|
+/// | `spectralLayoutVersion` | `1.0` |
+/// | `emissiveUnits` | for instance `W.m^-2.sr^-1.nm^-1` |
+/// | `wavelengthEdges_nm` | edges of the bins, separated by commas |
+/// | `fluorsparQuantity` | `radiance`, `irradiance`, ... |
+/// | `fluorspar` | provenance, JSON |
+///
+/// [^fichet2021]: J. Computer Graphics Techniques 10(3), 1-18 (2021), <http://jcgt.org/published/0010/03/01/>.
 ///
 /// # Errors
 /// When the preview does not fit, two bands share a wavelength to 1e-6 nm, or the file can't be written.
@@ -64,7 +77,16 @@ pub fn write_spectral_exr<Q: Quantity>(
     write_parts(path, size, vec![part], options.compression)
 }
 
-/// Writes a component image with its feature maps; see the [module](super) for the layout.
+/// Writes a component image with its feature maps as a file of several parts: one per component, named by its label
+/// and laid out as by [`write_spectral_exr`], then `features` with `Z` (depth, m), `N.X`, `N.Y`, `N.Z`, `id`, `U`, `V`.
+///
+/// | attribute | content |
+/// |---|---|
+/// | `fluorsparComponent` | label of the component, JSON |
+/// | `fluorsparSamplesPerPixel` | paths per pixel |
+/// | `fluorsparParts` | names of the objects and of their materials, JSON, in `features` |
+///
+/// A preview is the first part. Provenance rides on the first part.
 ///
 /// # Errors
 /// When the data do not fill the image, two components share a label, or the file can't be written.

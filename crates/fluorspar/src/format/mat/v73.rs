@@ -4,25 +4,27 @@ use std::path::Path;
 
 use hdf5_pure::{AttrValue, DType, Dataset, Error, File, Group};
 
+use super::super::file::check_packing;
 use super::{Fields, FormatError, MAX_VALUES, MatValue};
 
 /// Structs inside structs that are followed.
 const MAX_DEPTH: usize = 8;
 
 pub(super) fn read(path: &Path, bytes: Vec<u8>) -> Result<Fields, FormatError> {
+    let length = bytes.len() as u64;
     let file = File::from_bytes(bytes).map_err(|error| damaged(path, &error))?;
-    read_group(path, &file.root(), 0)
+    read_group(path, &file.root(), length, 0)
 }
 
 fn damaged(path: &Path, error: &Error) -> FormatError {
     FormatError::malformed(path, format!("the MATLAB 7.3 data can't be read: {error}"), "Save it with '-v7'")
 }
 
-fn read_group(path: &Path, group: &Group, depth: usize) -> Result<Fields, FormatError> {
+fn read_group(path: &Path, group: &Group, length: u64, depth: usize) -> Result<Fields, FormatError> {
     let failed = |error: Error| damaged(path, &error);
     let mut fields = Fields::new();
     for name in group.datasets().map_err(failed)? {
-        let value = read_dataset(path, &name, &group.dataset(&name).map_err(failed)?)?;
+        let value = read_dataset(path, &name, &group.dataset(&name).map_err(failed)?, length)?;
         fields.push((name, value));
     }
     for name in group.groups().map_err(failed)? {
@@ -30,13 +32,13 @@ fn read_group(path: &Path, group: &Group, depth: usize) -> Result<Fields, Format
         if name.starts_with('#') || depth == MAX_DEPTH {
             continue;
         }
-        let inner = read_group(path, &group.group(&name).map_err(failed)?, depth + 1)?;
+        let inner = read_group(path, &group.group(&name).map_err(failed)?, length, depth + 1)?;
         fields.push((name, MatValue::Struct(inner)));
     }
     Ok(fields)
 }
 
-fn read_dataset(path: &Path, name: &str, dataset: &Dataset) -> Result<MatValue, FormatError> {
+fn read_dataset(path: &Path, name: &str, dataset: &Dataset, length: u64) -> Result<MatValue, FormatError> {
     let failed = |error: Error| damaged(path, &error);
     let shape = dataset.shape().map_err(failed)?;
     let count = shape.iter().try_fold(1_u64, |product, &n| product.checked_mul(n)).unwrap_or(u64::MAX);
@@ -47,6 +49,7 @@ fn read_dataset(path: &Path, name: &str, dataset: &Dataset) -> Result<MatValue, 
             format!("{MAX_VALUES} values"),
         ));
     }
+    check_packing(path, count, length)?;
     let attributes = dataset.attrs().map_err(failed)?;
     let is_text = matches!(attributes.get("MATLAB_class"), Some(class) if text_of(class) == Some("char"));
     // An empty array stores its size as data.

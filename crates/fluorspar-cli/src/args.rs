@@ -1,0 +1,109 @@
+//! What can be typed.
+
+use std::num::NonZeroUsize;
+use std::path::PathBuf;
+
+use clap::{Parser, Subcommand, ValueHint};
+use clap_complete::Shell;
+
+use crate::commands::{analyze, capture, check, presets, render, run};
+
+/// Predicts what a fluorescence camera records, before the camera is built.
+///
+/// Without a command, runs the built-in experiment "oraleye-2021": a mouth under white and 385 nm light.
+/// Exit codes: 0 done, 1 failed or interrupted, 2 something in the input must be mended.
+#[derive(Debug, Parser)]
+#[command(name = "fluorspar", version, max_term_width = 110)]
+pub(crate) struct Args {
+    /// Threads to use; all cores unless said otherwise. The results do not depend on it.
+    #[arg(long, global = true, value_name = "N")]
+    pub(crate) threads: Option<NonZeroUsize>,
+    #[command(subcommand)]
+    pub(crate) command: Option<Command>,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    /// Run an experiment from scene to report.
+    Run(run::Options),
+    /// Render the spectral radiance of a scene, every band kept.
+    Render(render::Options),
+    /// Take raw frames of a component image made by `run` or `render`.
+    Capture(capture::Options),
+    /// Analyse raw frames made by `run` or `capture`.
+    Analyze(analyze::Options),
+    /// List the built-in lights, filters, reflectances, sensors, fluorophores and experiments, or print one.
+    Presets(presets::Options),
+    /// Check an experiment or sample file without running it.
+    Check(check::Options),
+    /// Print the JSON schema of experiment files, for editors.
+    Schema,
+    /// Print completions for a shell.
+    Completions {
+        /// The shell.
+        shell: Shell,
+    },
+}
+
+impl Default for Command {
+    fn default() -> Self {
+        Self::Run(run::Options::default())
+    }
+}
+
+/// Where an experiment comes from and what is changed in it.
+#[derive(Clone, Debug, Default, clap::Args)]
+pub(crate) struct ExperimentArgs {
+    /// Experiment file (.toml), a report.html made by an earlier run, or the name of a built-in experiment.
+    #[arg(value_name = "EXPERIMENT", value_hint = ValueHint::FilePath)]
+    pub(crate) experiment: Option<String>,
+    #[command(flatten)]
+    pub(crate) changes: Changes,
+}
+
+/// Changes on top of an experiment file.
+#[derive(Clone, Debug, Default, clap::Args)]
+pub(crate) struct Changes {
+    /// Change one value, for instance `--set light.blue.power_mw=500`. May be repeated.
+    #[arg(long = "set", value_name = "PATH=VALUE")]
+    pub(crate) set: Vec<String>,
+    /// Paths per pixel: more is less noisy and takes longer.
+    #[arg(long, value_name = "N")]
+    pub(crate) spp: Option<u32>,
+    /// Seed of all random numbers.
+    #[arg(long, value_name = "S")]
+    pub(crate) seed: Option<u64>,
+    /// Most surfaces that light visits; 1 is direct light only.
+    #[arg(long, value_name = "D")]
+    pub(crate) depth: Option<u32>,
+}
+
+impl Changes {
+    /// All changes in the form of `--set`.
+    pub(crate) fn overrides(&self) -> Vec<String> {
+        let mut list = self.set.clone();
+        list.extend(self.spp.map(|n| format!("render.samples_per_pixel={n}")));
+        list.extend(self.seed.map(|n| format!("render.seed={n}")));
+        list.extend(self.depth.map(|n| format!("render.max_depth={n}")));
+        list
+    }
+}
+
+/// How much is said.
+#[derive(Clone, Debug, Default, clap::Args)]
+pub(crate) struct Talk {
+    /// No progress and no summary.
+    #[arg(long, short)]
+    pub(crate) quiet: bool,
+    /// Print the results as JSON on standard output.
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// A folder for results.
+#[derive(Clone, Debug, Default, clap::Args)]
+pub(crate) struct OutFolder {
+    /// Folder for the results [default: the experiment's own, else fluorspar-out/NAME].
+    #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath)]
+    pub(crate) out: Option<PathBuf>,
+}

@@ -1,0 +1,56 @@
+//! `fluorspar check`: validate only.
+
+use std::process::ExitCode;
+
+use clap::ValueHint;
+use serde_json::json;
+
+use crate::args::Changes;
+use crate::error::CliError;
+use crate::experiment_source::ExperimentSource;
+
+/// Options of `check`.
+#[derive(Clone, Debug, clap::Args)]
+pub(crate) struct Options {
+    /// Experiment or sample file, or the name of a built-in experiment.
+    #[arg(value_name = "FILE", value_hint = ValueHint::FilePath)]
+    file: String,
+    #[command(flatten)]
+    changes: Changes,
+    /// Print what was found as JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
+    let source = ExperimentSource::find(Some(&options.file))?;
+    let experiment = source.resolve(&options.changes, options.json)?;
+    let scene = &experiment.scene;
+    if options.json {
+        super::print_json(&json!({
+            "file": options.file,
+            "kind": "experiment",
+            "valid": true,
+            "sha256": experiment.sha256,
+            "objects": scene.objects.len(),
+            "lights": scene.lights.len(),
+            "light_groups": scene.light_groups.iter().map(|g| &g.name).collect::<Vec<_>>(),
+            "fluorophores": scene.fluorophores.iter().map(|f| &f.name).collect::<Vec<_>>(),
+            "captures": experiment.captures.iter().map(|c| &c.frame.label).collect::<Vec<_>>(),
+            "memory_bytes": fluorspar::render::memory_bytes(scene),
+            "warnings": experiment.warnings,
+        }))?;
+    } else {
+        super::print_text(&format!(
+            "{}: valid. {} objects, {} lights in {} groups, {} fluorophores, {} captures; images need {:.0} MiB",
+            options.file,
+            scene.objects.len(),
+            scene.lights.len(),
+            scene.light_groups.len(),
+            scene.fluorophores.len(),
+            experiment.captures.len(),
+            fluorspar::render::memory_bytes(scene) as f64 / f64::from(1 << 20)
+        ))?;
+    }
+    Ok(ExitCode::SUCCESS)
+}

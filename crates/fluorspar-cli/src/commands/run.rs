@@ -1,0 +1,124 @@
+//! `fluorspar run`: from scene to report.
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::time::Instant;
+
+use fluorspar::pipeline::{AnalyzedFrame, CapturedFrame, ColorRendering, Preview, analyze, capture, preview};
+use fluorspar_report::{RunResults, write_run_folder};
+
+use super::out_folder;
+use crate::args::{ExperimentArgs, OutFolder, Talk};
+use crate::error::CliError;
+use crate::experiment_source::{ExperimentSource, read_text};
+use crate::progress::{interrupted, render_with_progress};
+
+/// Options of `run`.
+#[derive(Clone, Debug, Default, clap::Args)]
+pub(crate) struct Options {
+    #[command(flatten)]
+    experiment: ExperimentArgs,
+    #[command(flatten)]
+    out: OutFolder,
+    #[command(flatten)]
+    talk: Talk,
+}
+
+pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
+    let started = Instant::now();
+    let say = |text: String| {
+        if !options.talk.quiet {
+            eprintln!("{text}");
+        }
+    };
+    let source = ExperimentSource::find(options.experiment.experiment.as_deref())?;
+    let experiment = source.resolve(&options.experiment.changes, options.talk.quiet)?;
+    let target = options
+        .out
+        .out
+        .clone()
+        .or_else(|| experiment.output_folder.clone())
+        .unwrap_or_else(|| PathBuf::from("fluorspar-out").join(&source.stem));
+    let folder = out_folder::OutFolder::prepare(&target)?;
+
+    let camera = &experiment.scene.camera;
+    say(format!(
+        "{}\n{} x {} pixels, {} bands, {} light groups, {} fluorophores, {} samples per pixel",
+        experiment.title,
+        camera.width,
+        camera.height,
+        experiment.scene.grid.len(),
+        experiment.scene.light_groups.len(),
+        experiment.scene.fluorophores.len(),
+        experiment.render.samples_per_pixel
+    ));
+    let components = render_with_progress(
+        &experiment.scene,
+        &experiment.render,
+        experiment.time_limit_s,
+        options.talk.quiet,
+    )?;
+    say(format!("Rendered in {:.1} s", started.elapsed().as_secs_f64()));
+
+    let (frames, analyzed): (Vec<CapturedFrame>, Option<AnalyzedFrame>) = if experiment.captures.is_empty() {
+        (Vec::new(), None)
+    } else {
+        let frames = capture(&experiment, &components)?;
+        let analyzed = analyze(&experiment, Some(&components), &frames)?;
+        (frames, analyzed)
+    };
+    let previews: Vec<Preview> = frames
+        .iter()
+        .zip(&experiment.captures)
+        .map(|(frame, c)| preview(&frame.developed, &ColorRendering::of_frame(&experiment, c)))
+        .collect();
+    say("Writing images, figures and report".into());
+    write_run_folder(
+        folder.path(),
+        &RunResults {
+            experiment: &experiment,
+            experiment_text: &source.text,
+            components: &components,
+            frames: &frames,
+            previews: &previews,
+            analysis: analyzed.as_ref(),
+        },
+    )?;
+    let target = folder.finish()?;
+    if options.talk.json {
+        super::print_text(&read_text(&target.join("results.json"))?)?;
+    }
+    say(summary(&target, analyzed.as_ref(), started.elapsed().as_secs_f64()));
+    if interrupted()
+        && components.samples_per_pixel < experiment.render.samples_per_pixel
+        && experiment.time_limit_s.is_none()
+    {
+        say(format!(
+            "interrupted after {} of {} samples per pixel",
+            components.samples_per_pixel, experiment.render.samples_per_pixel
+        ));
+        return Ok(ExitCode::from(1));
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn summary(target: &Path, analyzed: Option<&AnalyzedFrame>, seconds: f64) -> String {
+    let mut text = String::new();
+    if let Some(analyzed) = analyzed {
+        let analysis = &analyzed.analysis;
+        if let (Some(r), Some(g)) = (&analysis.r, &analysis.g) {
+            text += &format!(
+                "Chromaticity of {}: r = {:.3}, g = {:.3} (medians)\n",
+                analysis.region_description, r.median, g.median
+            );
+        }
+        if let Some(region) = analysis.mixture.as_ref().and_then(|m| m.region) {
+            let e = region.estimate;
+            text += &format!(
+                "Porphyrin fraction: {:.3} ({:.3} to {:.3} by sensor noise)\n",
+                e.fraction, e.fraction_interval[0], e.fraction_interval[1]
+            );
+        }
+    }
+    text + &format!("Done in {seconds:.1} s. Open {}", target.join("report.html").display())
+}

@@ -1,0 +1,51 @@
+//! Errors and their exit codes.
+
+use std::process::ExitCode;
+
+use fluorspar::experiment::ExperimentError;
+use fluorspar::format::FormatError;
+use fluorspar::pipeline::{PipelineError, PredictError};
+use fluorspar::preset::PresetError;
+use fluorspar::render::RenderError;
+use fluorspar_report::{FigureError, RunFolderError};
+use thiserror::Error;
+
+/// Why a command did not succeed.
+#[derive(Debug, Error)]
+pub(crate) enum CliError {
+    /// Something that the user gave must be mended.
+    #[error("{0}")]
+    Input(String),
+    /// The machine could not do it.
+    #[error("{0}")]
+    Failed(String),
+    #[error(transparent)]
+    Experiment(#[from] ExperimentError),
+    #[error(transparent)]
+    Format(#[from] FormatError),
+    #[error(transparent)]
+    Preset(#[from] PresetError),
+    #[error(transparent)]
+    Render(#[from] RenderError),
+    #[error(transparent)]
+    Pipeline(#[from] PipelineError),
+    #[error(transparent)]
+    Predict(#[from] PredictError),
+    #[error(transparent)]
+    RunFolder(#[from] RunFolderError),
+    #[error("figure: {0}")]
+    Figure(#[from] FigureError),
+    #[error("can't write the answer: {0}")]
+    Json(#[from] serde_json::Error),
+    #[error("can't write to standard output: {0}")]
+    Stdout(#[from] std::io::Error),
+}
+
+impl CliError {
+    pub(crate) fn exit_code(&self) -> ExitCode {
+        match self {
+            Self::Failed(_) | Self::Figure(_) | Self::Json(_) | Self::Stdout(_) => ExitCode::from(1),
+            _ => ExitCode::from(2),
+        }
+    }
+}

@@ -1,0 +1,162 @@
+//! Writes everything that a run produced into one folder.
+
+use std::fs;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use fluorspar::format::{
+    ExrCompression, ExrOptions, FormatError, Provenance, write_atomically, write_component_exr,
+    write_rgb_png, write_sensor_tiff, write_spectral_exr,
+};
+use fluorspar::pipeline::{RegionRadiance, frame_radiance};
+use serde_json::{Value, json};
+use thiserror::Error;
+
+use super::{RunReport, RunResults, run_report};
+use crate::FigureError;
+
+/// Why a run can't be saved.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum RunFolderError {
+    /// The folder can't be made.
+    #[error("{}: can't make this folder: {source}. Choose another with --out", path.display())]
+    Folder {
+        /// The folder.
+        path: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// A file can't be written.
+    #[error(transparent)]
+    Format(#[from] FormatError),
+    /// A figure can't be drawn.
+    #[error("figure \"{stem}\": {source}")]
+    Figure {
+        /// Its file name.
+        stem: String,
+        /// What went wrong.
+        source: FigureError,
+    },
+    /// Results that are no JSON.
+    #[error("results.json: {0}")]
+    Json(#[from] serde_json::Error),
+}
+
+/// Writes the folder of a run and returns the path of the report.
+///
+/// | file | content |
+/// |---|---|
+/// | `report.html` | pictures, figures and numbers, explained; carries the experiment |
+/// | `results.json` | every number, for programs |
+/// | `experiment.toml` | the complete experiment |
+/// | `preview_*.png` | the developed frames |
+/// | `raw_*.tiff`, `.json` | 16-bit mosaics and their description |
+/// | `radiance_*.exr` | spectral radiance of each frame that has light |
+/// | `components.exr` | radiance kept apart by light and fluorophore, with depth, normals, parts |
+/// | `figures/` | every figure as SVG and PNG |
+///
+/// Each file is complete or absent; the report comes last.
+///
+/// # Errors
+/// A folder or file that can't be written.
+pub fn write_run_folder(folder: &Path, run: &RunResults<'_>) -> Result<PathBuf, RunFolderError> {
+    let figures = folder.join("figures");
+    fs::create_dir_all(&figures)
+        .map_err(|source| RunFolderError::Folder { path: figures.clone(), source })?;
+    let experiment = run.experiment;
+    let provenance = Provenance::new(
+        run.experiment_text,
+        experiment.resolved_toml.clone(),
+        experiment.render.seed,
+        run.components.samples_per_pixel,
+    );
+    let options =
+        ExrOptions { compression: ExrCompression::Zip, preview: None, provenance: Some(&provenance) };
+
+    write_text(&folder.join("experiment.toml"), &experiment.resolved_toml)?;
+    write_component_exr(&folder.join("components.exr"), run.components, &options)?;
+    for capture in &experiment.captures {
+        if capture.frame.lights.values().any(|&drive| drive > 0.0) {
+            let radiance = frame_radiance(&capture.frame, run.components);
+            write_spectral_exr(
+                &folder.join(format!("radiance_{}.exr", capture.frame.label)),
+                &radiance,
+                &options,
+            )?;
+        }
+    }
+    for frame in run.frames {
+        let path = folder.join(format!("raw_{}.tiff", frame.raw.label));
+        write_sensor_tiff(&path, &frame.raw, Some(&provenance))?;
+    }
+    for (frame, preview) in run.frames.iter().zip(run.previews) {
+        let path = folder.join(format!("preview_{}.png", frame.raw.label));
+        write_rgb_png(&path, preview.width, preview.height, &preview.rgb)?;
+    }
+    let RunReport { page, figures: list } = run_report(run);
+    for named in &list {
+        write_text(&figures.join(format!("{}.svg", named.stem)), &named.figure.to_svg())?;
+        let png = named
+            .figure
+            .to_png()
+            .map_err(|source| RunFolderError::Figure { stem: named.stem.clone(), source })?;
+        write_atomically(&figures.join(format!("{}.png", named.stem)), |file| file.write_all(&png))?;
+    }
+    let mut results = serde_json::to_string_pretty(&results_json(run)?)?;
+    results.push('\n');
+    write_text(&folder.join("results.json"), &results)?;
+    let report = folder.join("report.html");
+    write_text(&report, &page.to_html())?;
+    Ok(report)
+}
+
+fn write_text(path: &Path, text: &str) -> Result<(), FormatError> {
+    write_atomically(path, |file| file.write_all(text.as_bytes()))
+}
+
+/// The content of `results.json`.
+fn results_json(run: &RunResults<'_>) -> Result<Value, serde_json::Error> {
+    let experiment = run.experiment;
+    let frames: Vec<Value> = run
+        .frames
+        .iter()
+        .map(|frame| {
+            let raw = &frame.raw;
+            let saturated = frame.developed.saturated.iter().filter(|s| **s).count();
+            json!({
+                "name": raw.label,
+                "exposure_s": raw.exposure_s,
+                "gain": raw.gain,
+                "black_level_dn": raw.black_level,
+                "white_level_dn": raw.white_level,
+                "dn_per_electron": raw.dn_per_electron,
+                "read_noise_dn": raw.read_noise_dn,
+                "saturated_fraction": saturated as f64 / frame.developed.saturated.len().max(1) as f64,
+                "raw_file": format!("raw_{}.tiff", raw.label),
+                "preview_file": format!("preview_{}.png", raw.label),
+            })
+        })
+        .collect();
+    let region = experiment.analysis.as_ref().and_then(|analysis| {
+        let capture = experiment.captures.iter().find(|c| c.frame.label == analysis.frame)?;
+        RegionRadiance::new(run.components, &capture.frame, &analysis.parts).ok()
+    });
+    Ok(json!({
+        "program": "fluorspar",
+        "version": env!("CARGO_PKG_VERSION"),
+        "title": experiment.title,
+        "experiment_sha256": experiment.sha256,
+        "seed": experiment.render.seed,
+        "samples_per_pixel": run.components.samples_per_pixel,
+        "width_px": run.components.width,
+        "height_px": run.components.height,
+        "wavelength_edges_nm": experiment.scene.grid.edges_nm(),
+        "components": run.components.components.iter().map(|c| c.label()).collect::<Vec<_>>(),
+        "frames": frames,
+        "analysis": run.analysis.map(|a| serde_json::to_value(&a.analysis)).transpose()?,
+        "region_radiance_w_per_sr_m2_nm": region.as_ref().map(serde_json::to_value).transpose()?,
+        "leak_ratio": region.as_ref().and_then(|r| r.leak_ratio(experiment)),
+        "warnings": experiment.warnings,
+    }))
+}

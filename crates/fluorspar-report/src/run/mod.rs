@@ -1,0 +1,28 @@
+//! The report and the folder of one run of an experiment.
+
+mod folder;
+mod report;
+
+pub use folder::{RunFolderError, write_run_folder};
+pub use report::{NamedFigure, RunReport, run_report};
+
+use fluorspar::experiment::ResolvedExperiment;
+use fluorspar::image::ComponentImage;
+use fluorspar::pipeline::{AnalyzedFrame, CapturedFrame, Preview};
+
+/// Everything that one run produced.
+#[derive(Clone, Copy, Debug)]
+pub struct RunResults<'a> {
+    /// The experiment.
+    pub experiment: &'a ResolvedExperiment,
+    /// The experiment file as the user gave it.
+    pub experiment_text: &'a str,
+    /// The render.
+    pub components: &'a ComponentImage,
+    /// Raw and developed frames.
+    pub frames: &'a [CapturedFrame],
+    /// Pictures of the developed frames, in the same order.
+    pub previews: &'a [Preview],
+    /// The analysed frame, if the experiment asks for one.
+    pub analysis: Option<&'a AnalyzedFrame>,
+}

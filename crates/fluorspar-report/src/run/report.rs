@@ -1,0 +1,560 @@
+//! What a run's report shows and says.
+
+use fluorspar::analysis::Statistics;
+use fluorspar::image::Light;
+use fluorspar::pipeline::{AnalyzedFrame, CapturedFrame, RegionRadiance};
+use fluorspar::spectral::Curve;
+
+use super::RunResults;
+use crate::figures::{
+    ChannelValues, ChromaticityPlot, EemMap, NamedCurve, chromaticity, eem_maps, emission, filters,
+    histograms, lights, picture, porphyrin_map, radiance_by_component, sensor_response,
+};
+use crate::{
+    Figure, Number, NumberTable, Origin, Raster, ReportData, ReportItem, ReportPicture, Scale, Section,
+    analysis_section, glossary_section,
+};
+
+/// A figure and the name of its files.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NamedFigure {
+    /// File name without ending.
+    pub stem: String,
+    /// The figure.
+    pub figure: Figure,
+}
+
+/// The page of a run and its figures.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RunReport {
+    /// The page.
+    pub page: ReportData,
+    /// All figures of the page, to be saved beside it.
+    pub figures: Vec<NamedFigure>,
+}
+
+/// 95 % of a two-dimensional normal cloud lie within this many standard deviations: `sqrt(-2 ln 0.05)`.
+const ELLIPSE_95: f64 = 2.447_746_83;
+
+struct Builder {
+    figures: Vec<NamedFigure>,
+}
+
+impl Builder {
+    fn show(&mut self, section: Section, stem: &str, figure: Figure, caption: &str) -> Section {
+        self.figures.push(NamedFigure { stem: stem.into(), figure: figure.clone() });
+        section.show(figure, caption)
+    }
+}
+
+/// Builds the page of a run and its figures.
+pub fn run_report(run: &RunResults<'_>) -> RunReport {
+    let mut builder = Builder { figures: Vec::new() };
+    let experiment = run.experiment;
+    let frame_of_interest = experiment.analysis.as_ref().map(|a| a.frame.as_str());
+    let radiance = experiment.analysis.as_ref().and_then(|analysis| {
+        let capture = experiment.captures.iter().find(|c| c.frame.label == analysis.frame)?;
+        RegionRadiance::new(run.components, &capture.frame, &analysis.parts).ok()
+    });
+    let leak = radiance.as_ref().and_then(|r| r.leak_ratio(experiment));
+
+    let mut sections = vec![camera_section(run, &mut builder)];
+    if let Some(analyzed) = run.analysis {
+        sections.push(result_section(run, analyzed, &mut builder));
+    }
+    if let Some(radiance) = &radiance {
+        sections.push(radiance_section(run, radiance, leak, &mut builder));
+    }
+    sections.push(parts_section(run, &mut builder));
+    sections.push(assumptions_section(run));
+    sections.push(glossary_section());
+
+    let mut warnings = experiment.warnings.clone();
+    if let Some(analyzed) = run.analysis {
+        warnings.extend(analyzed.analysis.warnings.iter().cloned());
+    }
+    if run.components.samples_per_pixel < experiment.render.samples_per_pixel {
+        warnings.push(format!(
+            "The render was stopped early: {} of {} samples per pixel.",
+            run.components.samples_per_pixel, experiment.render.samples_per_pixel
+        ));
+    }
+    let page = ReportData {
+        title: experiment.title.clone(),
+        lead: lead(run, frame_of_interest),
+        headline: headline(run, leak),
+        warnings,
+        sections,
+        provenance: provenance(run),
+        experiment_toml: experiment.resolved_toml.clone(),
+        rerun_command: "fluorspar run report.html".into(),
+    };
+    RunReport { page, figures: builder.figures }
+}
+
+fn lead(run: &RunResults<'_>, frame: Option<&str>) -> Vec<String> {
+    let mut lead = Vec::new();
+    if !run.experiment.description.is_empty() {
+        lead.push(run.experiment.description.clone());
+    }
+    lead.push(
+        "Everything on this page was computed: a three-dimensional scene with lights of known power was rendered as \
+         spectra, every kind of light kept apart; a lens and filters formed an image of it; a sensor model with its \
+         noise recorded it; and the recorded numbers were analysed as those of a real camera would be."
+            .into(),
+    );
+    if frame.is_some() {
+        lead.push(
+            "Under violet light, tissue glows faintly. Most of the glow is broad and green-blue and comes from several \
+             molecules at once (the bulk: elastin, collagen, FAD, keratin). Porphyrins, made by bacteria on the tongue, \
+             glow red. The ratio of the colour channels tells the two apart, whatever the brightness."
+                .into(),
+        );
+    }
+    lead
+}
+
+fn headline(run: &RunResults<'_>, leak: Option<f64>) -> Vec<Number> {
+    let mut numbers = Vec::new();
+    if let Some(analyzed) = run.analysis {
+        let analysis = &analyzed.analysis;
+        if let Some(region) = analysis.mixture.as_ref().and_then(|m| m.region) {
+            let e = &region.estimate;
+            numbers.push(Number::computed(
+                "Porphyrin fraction of the region",
+                format!("{:.3} ({:.3} to {:.3})", e.fraction, e.fraction_interval[0], e.fraction_interval[1]),
+                "",
+                "share of porphyrin in the fluorophores, from the mean colour; in brackets what sensor noise alone leaves open",
+            ));
+        }
+        if let (Some(r), Some(g)) = (&analysis.r, &analysis.g) {
+            numbers.push(Number::computed(
+                "Sensor chromaticity",
+                format!("{:.3}, {:.3}", r.median, g.median),
+                "r, g",
+                "median of R/(R+G+B) and G/(R+G+B) over the region",
+            ));
+        }
+        if let Some(frame) = run.frames.iter().find(|f| f.raw.label == analysis.frame) {
+            let green = analysis.channels.iter().find(|c| c.name == "G").and_then(|c| c.statistics.as_ref());
+            if let Some(green) = green {
+                numbers.push(Number::computed(
+                    "Signal in green",
+                    format!("{:.0}", green.median / frame.raw.dn_per_electron),
+                    "e-",
+                    "median electrons per pixel over the region: the light budget of the design",
+                ));
+            }
+        }
+    }
+    if let Some(leak) = leak {
+        numbers.push(Number::computed(
+            "Filter leak",
+            format!("{:.2}", 100.0 * leak),
+            "%",
+            "reflected lamp light per fluorescence light that reaches the sensor in the region; well below 100 % is needed",
+        ));
+    }
+    numbers
+}
+
+fn provenance(run: &RunResults<'_>) -> Vec<(String, String)> {
+    let experiment = run.experiment;
+    let scene = &experiment.scene;
+    vec![
+        ("Fluorspar".into(), env!("CARGO_PKG_VERSION").into()),
+        ("Experiment SHA-256".into(), experiment.sha256.clone()),
+        ("Seed".into(), experiment.render.seed.to_string()),
+        ("Samples per pixel".into(), run.components.samples_per_pixel.to_string()),
+        (
+            "Image".into(),
+            format!("{} x {} pixels, {} bands", scene.camera.width, scene.camera.height, scene.grid.len()),
+        ),
+        ("Bands".into(), format!("{} to {} nm", scene.grid.start_nm(), scene.grid.end_nm())),
+        ("Components".into(), run.components.components.len().to_string()),
+    ]
+}
+
+fn percent_saturated(frame: &CapturedFrame) -> f64 {
+    let saturated = frame.developed.saturated.iter().filter(|s| **s).count();
+    100.0 * saturated as f64 / frame.developed.saturated.len().max(1) as f64
+}
+
+fn camera_section(run: &RunResults<'_>, builder: &mut Builder) -> Section {
+    let pictures = run
+        .frames
+        .iter()
+        .zip(run.previews)
+        .filter_map(|(frame, preview)| {
+            let png = Raster::from_rgb8(preview.width, preview.height, &preview.rgb)?.to_png()?;
+            let raw = &frame.raw;
+            let caption = format!(
+                "{:.1} ms, gain {}; {:.2} % of pixels saturated. Developed for the eye and scaled to its own brightest parts.",
+                raw.exposure_s * 1e3,
+                raw.gain,
+                percent_saturated(frame)
+            );
+            Some(ReportPicture { png, title: format!("Frame \"{}\"", raw.label), caption })
+        })
+        .collect();
+    let mut section = Section::new("What the camera sees")
+        .say(
+            "One picture per exposure, each under its own lights. The white frame shows the mouth as the eye would see it. \
+             In the fluorescence frame the lamp's own light is blocked by the filter: what is left is the glow of teeth \
+             (brightest) and tissue, red where porphyrins are.",
+        )
+        .with(ReportItem::Pictures(pictures));
+    let rows = run
+        .frames
+        .iter()
+        .flat_map(|frame| {
+            let label = &frame.raw.label;
+            let n = frame.developed.channels.len();
+            let mut rows = vec![Number::computed(
+                format!("{label}: exposure"),
+                format!("{:.3}", frame.raw.exposure_s * 1e3),
+                "ms",
+                "time during which light was collected",
+            )];
+            for (c, name) in frame.developed.channels.iter().enumerate() {
+                let values = frame.developed.data.iter().skip(c).step_by(n).map(|&v| f64::from(v));
+                if let Some(s) = Statistics::of(values) {
+                    rows.push(Number::computed(
+                        format!("{label}: median {name}"),
+                        format!("{:.1}", s.median),
+                        "DN",
+                        format!(
+                            "over the whole frame, black level subtracted; full scale is {:.0} DN",
+                            frame.developed.full_scale_dn
+                        ),
+                    ));
+                }
+            }
+            rows
+        })
+        .collect();
+    section = section.with(ReportItem::Table(NumberTable { caption: "Frames".into(), rows }));
+    for frame in run.frames {
+        let n = frame.developed.channels.len();
+        let channels: Vec<ChannelValues> = frame
+            .developed
+            .channels
+            .iter()
+            .enumerate()
+            .map(|(c, name)| ChannelValues {
+                name: name.clone(),
+                values: frame.developed.data.iter().copied().skip(c).step_by(n).collect(),
+            })
+            .collect();
+        let figure = histograms(&frame.raw.label, &channels, frame.developed.full_scale_dn);
+        let stem = format!("histogram_{}", frame.raw.label);
+        // The frame that is analysed is shown; the others are saved only.
+        if run.experiment.analysis.as_ref().is_some_and(|a| a.frame == frame.raw.label) {
+            section = builder.show(section, &stem, figure, "");
+        } else {
+            builder.figures.push(NamedFigure { stem, figure });
+        }
+    }
+    section
+}
+
+fn result_section(run: &RunResults<'_>, analyzed: &AnalyzedFrame, builder: &mut Builder) -> Section {
+    let analysis = &analyzed.analysis;
+    let points = analyzed.region.pixels.iter().filter_map(|&pixel| analyzed.chromaticity.at(pixel)).collect();
+    let plot = chromaticity(&ChromaticityPlot {
+        region: analysis.region_description.clone(),
+        pixels: points,
+        fluorophores: analysis
+            .fluorophores
+            .iter()
+            .filter_map(|f| f.chromaticity.map(|point| (f.name.clone(), point)))
+            .collect(),
+        mixture_line: analysis.mixture.as_ref().map(|m| [m.bulk, m.porphyrin]),
+        ellipse: analysis.ellipse.map(|e| e.outline(ELLIPSE_95, 90)).unwrap_or_default(),
+    });
+    let mut section = builder.show(
+        analysis_section(analysis),
+        "chromaticity",
+        plot,
+        "Each dot is a pixel of the region. Pixels of bulk fluorescence alone lie at the bulk end of the line; the more \
+         porphyrin, the farther they move along it. Noise spreads them about the line.",
+    );
+    let frame = run.frames.iter().zip(run.previews).find(|(f, _)| f.raw.label == analysis.frame);
+    if let (Some(porphyrin), Some((frame, preview))) = (&analyzed.porphyrin, frame) {
+        let grey: Vec<u8> = preview.rgb.chunks_exact(3).map(|p| p[1].max(p[0])).collect();
+        let fractions = porphyrin.fractions_on_line();
+        let mut sorted: Vec<f32> = fractions.iter().flatten().copied().collect();
+        sorted.sort_by(f32::total_cmp);
+        let top = sorted.get(sorted.len() * 99 / 100).copied().map_or(1.0, f64::from);
+        let (width, height) = (frame.developed.width, frame.developed.height);
+        if let Some(figure) = porphyrin_map(width, height, &fractions, Some(&grey), top) {
+            section = builder.show(
+                section,
+                "porphyrin_map",
+                figure,
+                "Grey: outside the region, too dark, saturated, or off the line.",
+            );
+        }
+        if let (Some([col, row, w, h]), Some(raster)) = (
+            run.experiment.analysis.as_ref().and_then(|a| a.rectangle_px),
+            Raster::from_rgb8(preview.width, preview.height, &preview.rgb),
+        ) {
+            let rectangle = [col, row, w, h].map(f64::from);
+            section =
+                builder.show(section, "region", picture("Region of interest", raster, Some(rectangle)), "");
+        }
+    }
+    section
+}
+
+fn radiance_section(
+    run: &RunResults<'_>,
+    radiance: &RegionRadiance,
+    leak: Option<f64>,
+    builder: &mut Builder,
+) -> Section {
+    let curve =
+        |name: &str, values: &[f64]| NamedCurve::new(name, radiance.wavelength_nm.clone(), values.to_vec());
+    let glow: Vec<NamedCurve> = radiance.fluorescence.iter().map(|(name, v)| curve(name, v)).collect();
+    let region = run.experiment.analysis.as_ref().map_or_else(String::new, |a| {
+        if a.parts.is_empty() { "the whole picture".into() } else { a.parts.join(", ").replace('_', " ") }
+    });
+    let (reflected, total) = (curve("reflected", &radiance.reflected), curve("sum", &radiance.total));
+    let mut section = Section::new("The light that leaves the tissue").say(format!(
+        "Mean spectral radiance of {region} ({} pixels of the render), before filter and lens. It is the quantity that a \
+         spectroradiometer would measure there.",
+        radiance.pixels
+    ));
+    if let Some(leak) = leak {
+        section = section.say(format!(
+            "Through lens, filter and sensor, reflected lamp light makes {:.2} % of the fluorescence signal of this region.",
+            100.0 * leak
+        ));
+    }
+    section = builder.show(
+        section,
+        "radiance_log",
+        radiance_by_component(Some(&total), Some(&reflected), &glow, &region, Scale::Log10),
+        "Logarithmic: reflected lamp light exceeds fluorescence by orders of magnitude, which is why the filters decide the design.",
+    );
+    builder.show(
+        section,
+        "radiance_linear",
+        radiance_by_component(None, None, &glow, &region, Scale::Linear),
+        "Fluorescence alone, linear.",
+    )
+}
+
+/// A curve on every nanometre of the rendered range.
+fn fine(name: &str, curve: &Curve, range: (f64, f64)) -> NamedCurve {
+    let steps = (range.1 - range.0).round() as usize;
+    let nm: Vec<f64> =
+        (0..=steps).map(|i| range.0 + i as f64 * (range.1 - range.0) / steps.max(1) as f64).collect();
+    let values = nm.iter().map(|&x| curve.at(x)).collect();
+    NamedCurve::new(name, nm, values)
+}
+
+fn parts_section(run: &RunResults<'_>, builder: &mut Builder) -> Section {
+    let experiment = run.experiment;
+    let scene = &experiment.scene;
+    let range = (scene.grid.start_nm(), scene.grid.end_nm());
+    let mut section = Section::new("Lights, filters, tissue and sensor");
+
+    let mut lamps: Vec<NamedCurve> = Vec::new();
+    for light in &scene.lights {
+        let group = &scene.light_groups[light.group].name;
+        if !lamps.iter().any(|l| l.name == *group) {
+            let peak = light.spectrum.max().max(f64::MIN_POSITIVE);
+            lamps.push(fine(group, &light.spectrum.scaled(1.0 / peak), range));
+        }
+    }
+    let view = fine("in front of the lens", &experiment.view_filter, range);
+    if !lamps.is_empty() {
+        section = builder.show(
+            section,
+            "lights",
+            lights(&lamps, std::slice::from_ref(&view)),
+            "Each lamp behind its own filters, relative to its maximum. Where a lamp and the viewing filter overlap, lamp light leaks.",
+        );
+    }
+    section = builder.show(section, "view_filter", filters(std::slice::from_ref(&view)), "");
+
+    if !scene.fluorophores.is_empty() {
+        let maps: Vec<EemMap> = scene
+            .fluorophores
+            .iter()
+            .map(|f| {
+                let (columns, rows) = (80, 90);
+                let (ex, em) = ([range.0, 550.0_f64.min(range.1)], [range.0, range.1]);
+                let at = |r: [f64; 2], i: usize, n: usize| r[0] + (r[1] - r[0]) * (i as f64 + 0.5) / n as f64;
+                let values = (0..rows)
+                    .flat_map(|row| (0..columns).map(move |col| (row, col)))
+                    .map(|(row, col)| f.eem.at(at(em, row, rows), at(ex, col, columns)))
+                    .collect();
+                EemMap { name: f.title.clone(), excitation_nm: ex, emission_nm: em, columns, values }
+            })
+            .collect();
+        let frame = experiment.analysis.as_ref().map(|a| a.frame.as_str());
+        let lamp = scene.lights.iter().find(|light| {
+            let group = &scene.light_groups[light.group].name;
+            let capture = experiment.captures.iter().find(|c| Some(c.frame.label.as_str()) == frame);
+            capture.is_some_and(|c| c.frame.drive(group) > 0.0)
+        });
+        let peak = lamp.map(|l| l.spectrum.peak_nm());
+        section = builder.show(section, "eem", eem_maps(&maps, peak), "");
+        if let Some(lamp) = lamp {
+            let photons = Curve::from_fn(range.0, range.1, |nm| lamp.spectrum.at(nm) * nm);
+            let total = photons.total().max(f64::MIN_POSITIVE);
+            let curves: Vec<NamedCurve> = scene
+                .fluorophores
+                .iter()
+                .map(|f| fine(&f.title, &f.eem.photon_exitance(&photons.scaled(1.0 / total), range), range))
+                .collect();
+            let band = view_band(&experiment.view_filter, range);
+            let name = &scene.light_groups[lamp.group].name;
+            section = builder.show(
+                section,
+                "emission",
+                emission(
+                    &curves,
+                    &format!("the light \"{name}\""),
+                    "photons per nm per photon that arrives",
+                    band,
+                ),
+                "At concentration 1 of each fluorophore.",
+            );
+        }
+    }
+    if let Some(sensor) = &experiment.sensor {
+        let bare: Vec<NamedCurve> =
+            sensor.qe().channels().iter().map(|c| fine(&c.name, &c.curve, range)).collect();
+        let filtered: Vec<NamedCurve> = match &experiment.lens {
+            Some(lens) => sensor
+                .qe()
+                .behind(&lens.transmittance)
+                .channels()
+                .iter()
+                .map(|c| fine(&c.name, &c.curve, range))
+                .collect(),
+            None => Vec::new(),
+        };
+        section = builder.show(section, "sensor", sensor_response(&bare, &filtered), "");
+    }
+    section.with(ReportItem::Table(NumberTable { caption: "Camera".into(), rows: camera_rows(run) }))
+}
+
+/// Where a filter passes at least half of its maximum.
+fn view_band(filter: &Curve, range: (f64, f64)) -> Option<[f64; 2]> {
+    let nodes: Vec<f64> = (0..=(range.1 - range.0) as usize).map(|i| range.0 + i as f64).collect();
+    let peak = nodes.iter().map(|&nm| filter.at(nm)).fold(0.0, f64::max);
+    let passed: Vec<f64> = nodes.into_iter().filter(|&nm| filter.at(nm) >= 0.5 * peak).collect();
+    let (first, last) = (*passed.first()?, *passed.last()?);
+    (last - first < range.1 - range.0 - 2.0).then_some([first, last])
+}
+
+fn camera_rows(run: &RunResults<'_>) -> Vec<Number> {
+    let experiment = run.experiment;
+    let mut rows = Vec::new();
+    let assumed = || Origin::Assumed("see the experiment below: its comments say what is published".into());
+    if let Some(lens) = &experiment.lens {
+        rows.push(
+            Number::computed("Focal length", format!("{}", lens.focal_length_mm), "mm", "of the ideal lens")
+                .from(assumed()),
+        );
+        rows.push(
+            Number::computed("f-number", format!("{}", lens.f_number), "", "focal length over aperture")
+                .from(assumed()),
+        );
+        rows.push(Number::computed(
+            "Magnification",
+            format!("{:.4}", lens.magnification().abs()),
+            "",
+            "size of the image over that of the object",
+        ));
+    }
+    if let Some(sensor) = &experiment.sensor {
+        let m = sensor.model();
+        let table =
+            || Origin::Published("Table 1 of Lyu et al. 2021, unless the experiment says otherwise".into());
+        rows.push(
+            Number::computed("Pixels", format!("{} x {}", m.columns, m.rows), "", "of the sensor")
+                .from(assumed()),
+        );
+        rows.push(
+            Number::computed("Pixel pitch", format!("{}", m.pixel_size_um), "µm", "side of one pixel")
+                .from(table()),
+        );
+        rows.push(
+            Number::computed(
+                "Full well",
+                format!("{:.0}", m.well_capacity_e),
+                "e-",
+                "electrons that a pixel holds",
+            )
+            .from(table()),
+        );
+        rows.push(
+            Number::computed(
+                "Read noise",
+                format!("{:.1}", m.read_noise_electrons()),
+                "e-",
+                "noise of a dark pixel, rms",
+            )
+            .from(table()),
+        );
+        rows.push(
+            Number::computed(
+                "PRNU",
+                format!("{}", m.prnu_percent),
+                "%",
+                "spread of sensitivity from pixel to pixel",
+            )
+            .from(table()),
+        );
+    }
+    rows
+}
+
+fn assumptions_section(run: &RunResults<'_>) -> Section {
+    let scene = &run.experiment.scene;
+    let terms: Vec<(String, String)> = scene
+        .fluorophores
+        .iter()
+        .map(|f| {
+            let text = format!(
+                "{} Excitation backed by data from {:.0} to {:.0} nm, emission from {:.0} to {:.0} nm.",
+                f.source,
+                f.excitation_range_nm.0,
+                f.excitation_range_nm.1,
+                f.emission_range_nm.0,
+                f.emission_range_nm.1
+            );
+            (f.title.clone(), text)
+        })
+        .collect();
+    let silent: Vec<&str> = run
+        .components
+        .components
+        .iter()
+        .enumerate()
+        .filter_map(|(index, component)| match &component.light {
+            Light::Fluorescence(name) if run.components.component(index).iter().all(|&v| v == 0.0) => {
+                Some(name.as_str())
+            }
+            _ => None,
+        })
+        .collect();
+    let mut section = Section::new("Where the numbers come from").say(
+        "Spectra of fluorophores, lights, filters and tissue are models: published measurements described by a few \
+         numbers each. Absolute fluorescence yields are set to the level measured on tongues, lips and teeth; \
+         concentrations are relative to that. What nobody has published for this camera (lamp power, lens, quantum \
+         efficiency) is assumed, marked so in the experiment file, and can be changed there.",
+    );
+    if !silent.is_empty() {
+        let mut names = silent;
+        names.dedup();
+        section = section
+            .say(format!("Fluorophores that gave no light at all under some lamp: {}.", names.join(", ")));
+    }
+    section.with(ReportItem::Terms(terms))
+}

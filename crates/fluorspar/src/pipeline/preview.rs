@@ -1,0 +1,191 @@
+//! Pictures for people: developed frames and radiance images in 8-bit sRGB.
+
+use crate::experiment::{Capture, ResolvedExperiment};
+use crate::image::{ChannelImage, SpectralImage};
+use crate::sensor::Sensor;
+use crate::spectral::{
+    Curve, QuantumEfficiency, Radiance, Spectrum, StandardObserver, encode_srgb, linear_srgb,
+};
+
+/// An 8-bit sRGB picture, `[row, col, channel]`, rows from the top.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Preview {
+    /// Columns.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// R, G, B of every pixel.
+    pub rgb: Vec<u8>,
+}
+
+/// How channel values become colours.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ColorRendering {
+    /// Linear sRGB from R, G, B digital numbers, rows first, before the exposure scale.
+    pub matrix: [[f64; 3]; 3],
+}
+
+/// Percentile of the brightest channel that becomes white.
+const WHITE_PERCENTILE: f64 = 0.995;
+
+impl ColorRendering {
+    /// Channel gains only: a white surface under the capture's lights becomes grey.
+    fn white_balance(response_to_white: [f64; 3]) -> Self {
+        let mut matrix = [[0.0; 3]; 3];
+        for (c, response) in response_to_white.into_iter().enumerate() {
+            matrix[c][c] =
+                if response > 0.0 { response_to_white[1].max(f64::MIN_POSITIVE) / response } else { 1.0 };
+        }
+        Self { matrix }
+    }
+
+    /// Least-squares map from the responses of smooth reflectances under a white light to their colour under an equal
+    /// light, white kept white. Falls back to a white balance when the channels can't be told apart.
+    fn for_reflectances(
+        sensor: &Sensor,
+        filter: &Curve,
+        lamp: &Curve,
+        experiment: &ResolvedExperiment,
+    ) -> Option<Self> {
+        let grid = &experiment.scene.grid;
+        let qe: Vec<Spectrum<QuantumEfficiency>> = ["R", "G", "B"]
+            .iter()
+            .map(|name| Some(sensor.qe().on_grid(sensor.qe().find(name)?, grid)))
+            .collect::<Option<_>>()?;
+        let lit = lamp.times(filter).on_grid::<Radiance>(grid);
+        let photons = lit.to_photons();
+        let observer = StandardObserver::new(grid);
+        let respond = |reflectance: &dyn Fn(f64) -> f64| -> [f64; 3] {
+            std::array::from_fn(|c| {
+                (0..grid.len())
+                    .map(|b| photons[b] * qe[c][b] * reflectance(grid.center_nm(b)) * grid.width_nm(b))
+                    .sum()
+            })
+        };
+        let colour = |reflectance: &dyn Fn(f64) -> f64| -> [f64; 3] {
+            let even: Vec<f32> = (0..grid.len()).map(|b| reflectance(grid.center_nm(b)) as f32).collect();
+            linear_srgb(observer.xyz(&even))
+        };
+        let white = respond(&|_| 1.0);
+        if white.iter().any(|&w| w <= 0.0) {
+            return None;
+        }
+        let white_colour = colour(&|_| 1.0);
+        // Smooth steps up and down through the visible range, and a flat one that weighs as much as all others.
+        let mut normal = [[0.0; 3]; 3];
+        let mut right = [[0.0; 3]; 3];
+        let mut add = |reflectance: &dyn Fn(f64) -> f64, weight: f64| {
+            let (x, y) = (respond(reflectance), colour(reflectance));
+            for i in 0..3 {
+                for j in 0..3 {
+                    normal[i][j] += weight * x[i] / white[i] * x[j] / white[j];
+                    right[i][j] += weight * x[i] / white[i] * y[j] / white_colour[j];
+                }
+            }
+        };
+        for center in [470.0, 500.0, 530.0, 560.0, 590.0, 620.0] {
+            for sign in [-1.0, 1.0] {
+                add(&|nm| 0.1 + 0.6 / (1.0 + (sign * (nm - center) / 18.0_f64).exp()), 1.0);
+            }
+        }
+        add(&|_| 1.0, 12.0);
+        let inverse = inverse(normal)?;
+        let mut matrix = [[0.0; 3]; 3];
+        for out in 0..3 {
+            for channel in 0..3 {
+                let value: f64 = (0..3).map(|k| inverse[channel][k] * right[k][out]).sum();
+                matrix[out][channel] = value / white[channel];
+            }
+        }
+        Some(Self { matrix })
+    }
+
+    /// The rendering of one frame of an experiment: colours as under even light where the lamp covers the visible range,
+    /// a white balance of the bare sensor behind its filters otherwise (fluorescence).
+    pub fn of_frame(experiment: &ResolvedExperiment, capture: &Capture) -> Self {
+        let neutral = Self { matrix: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]] };
+        let (Some(sensor), Some(lens)) = (&experiment.sensor, &experiment.lens) else { return neutral };
+        let filter = &lens.transmittance;
+        if let Some(lamp) = super::analyze::frame_lamp(experiment, capture)
+            && lamp.integral(500.0, 650.0) > 0.2 * lamp.total()
+        {
+            if let Some(rendering) = Self::for_reflectances(sensor, filter, &lamp, experiment) {
+                return rendering;
+            }
+        }
+        let grid = &experiment.scene.grid;
+        let even = filter.on_grid::<Radiance>(grid).to_photons();
+        let response = |name: &str| -> f64 {
+            sensor.qe().find(name).map_or(0.0, |c| {
+                let qe = sensor.qe().on_grid(c, grid);
+                (0..grid.len()).map(|b| even[b] * qe[b] * grid.width_nm(b)).sum()
+            })
+        };
+        Self::white_balance([response("R"), response("G"), response("B")])
+    }
+}
+
+/// Inverse of a 3 x 3 matrix by cofactors; `None` when it is singular.
+fn inverse(m: [[f64; 3]; 3]) -> Option<[[f64; 3]; 3]> {
+    let cofactor = |r: usize, c: usize| {
+        let (r1, r2, c1, c2) = ((r + 1) % 3, (r + 2) % 3, (c + 1) % 3, (c + 2) % 3);
+        m[r1][c1] * m[r2][c2] - m[r1][c2] * m[r2][c1]
+    };
+    let determinant: f64 = (0..3).map(|c| m[0][c] * cofactor(0, c)).sum();
+    let scale: f64 = m.iter().flatten().map(|v| v.abs()).sum::<f64>().powi(3);
+    if !(determinant.abs() > 1e-12 * scale) {
+        return None;
+    }
+    let mut out = [[0.0; 3]; 3];
+    for (r, row) in out.iter_mut().enumerate() {
+        for (c, value) in row.iter_mut().enumerate() {
+            *value = cofactor(c, r) / determinant;
+        }
+    }
+    Some(out)
+}
+
+/// Turns a developed frame into a picture, scaled so that all but the brightest half percent fits.
+/// Frames without R, G and B become grey.
+pub fn preview(image: &ChannelImage, rendering: &ColorRendering) -> Preview {
+    let find = |name: &str| image.channels.iter().position(|c| c == name);
+    let channels = match [find("R"), find("G"), find("B")] {
+        [Some(r), Some(g), Some(b)] => [r, g, b],
+        _ => [0; 3],
+    };
+    let linear: Vec<[f64; 3]> = image
+        .data
+        .chunks_exact(image.channels.len())
+        .map(|pixel| {
+            let values = channels.map(|c| f64::from(pixel[c]));
+            rendering.matrix.map(|row| row.iter().zip(values).map(|(m, v)| m * v).sum())
+        })
+        .collect();
+    // A dark frame must look dark: white is never less than fifty times the noise of a dark pixel.
+    let gain = rendering.matrix[1].iter().sum::<f64>().abs().max(f64::MIN_POSITIVE);
+    to_srgb(image.width, image.height, &linear, 50.0 * f64::from(image.noise_floor_dn as f32) * gain)
+}
+
+/// Turns a radiance image into the picture that an eye would see (CIE 1931), scaled as [`preview`].
+pub fn radiance_preview(image: &SpectralImage<Radiance>) -> Preview {
+    let observer = StandardObserver::new(image.grid());
+    let linear: Vec<[f64; 3]> = image
+        .data()
+        .chunks_exact(image.bands())
+        .map(|spectrum| linear_srgb(observer.xyz(spectrum)))
+        .collect();
+    to_srgb(image.width(), image.height(), &linear, 0.0)
+}
+
+fn to_srgb(width: usize, height: usize, linear: &[[f64; 3]], least_white: f64) -> Preview {
+    let mut brightest: Vec<f64> = linear.iter().map(|p| p[0].max(p[1]).max(p[2])).collect();
+    let index = ((brightest.len() as f64 * WHITE_PERCENTILE) as usize).min(brightest.len().saturating_sub(1));
+    let white = if brightest.is_empty() {
+        1.0
+    } else {
+        let (_, value, _) = brightest.select_nth_unstable_by(index, f64::total_cmp);
+        value.max(least_white).max(f64::MIN_POSITIVE)
+    };
+    let rgb = linear.iter().flat_map(|p| p.map(|value| encode_srgb(value / white))).collect();
+    Preview { width, height, rgb }
+}

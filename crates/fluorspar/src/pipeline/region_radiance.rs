@@ -1,0 +1,101 @@
+//! Mean radiance of a region of a component image, kept apart by component.
+
+use std::collections::BTreeMap;
+
+use serde::Serialize;
+
+use crate::analysis::{AnalysisError, RegionOfInterest, channel_response};
+use crate::experiment::ResolvedExperiment;
+use crate::image::{ComponentImage, Light};
+use crate::sensor::CaptureFrame;
+use crate::spectral::{QuantumEfficiency, Radiance, Spectrum};
+
+/// Mean radiance that leaves a region under the lights of one frame, before filter and lens, W/(sr m² nm).
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct RegionRadiance {
+    /// Bin centres, nm.
+    pub wavelength_nm: Vec<f64>,
+    /// Light that never fluoresced.
+    pub reflected: Vec<f64>,
+    /// Light that fluoresced once, by fluorophore; those without any are left out.
+    pub fluorescence: BTreeMap<String, Vec<f64>>,
+    /// Light that fluoresced more than once.
+    pub multiple_fluorescence: Vec<f64>,
+    /// Everything.
+    pub total: Vec<f64>,
+    /// Pixels of the component image that were averaged.
+    pub pixels: usize,
+}
+
+impl RegionRadiance {
+    /// Averages the pixels of the parts named (all pixels if none are).
+    ///
+    /// # Errors
+    /// Parts that are not in the image.
+    pub fn new(
+        components: &ComponentImage,
+        frame: &CaptureFrame,
+        parts: &[String],
+    ) -> Result<Self, AnalysisError> {
+        let region = RegionOfInterest::of_parts(parts.iter().cloned());
+        let selection = region.select(components.width, components.height, Some(components))?;
+        let bands = components.grid.len();
+        let mut radiance = Self {
+            wavelength_nm: components.grid.centers_nm(),
+            reflected: vec![0.0; bands],
+            fluorescence: BTreeMap::new(),
+            multiple_fluorescence: vec![0.0; bands],
+            total: vec![0.0; bands],
+            pixels: selection.pixels.len(),
+        };
+        for (index, component) in components.components.iter().enumerate() {
+            let drive = frame.drive(&component.light_group);
+            if drive == 0.0 {
+                continue;
+            }
+            let values = components.component(index);
+            let mut mean = vec![0.0; bands];
+            for &pixel in &selection.pixels {
+                for (sum, value) in mean.iter_mut().zip(&values[pixel * bands..]) {
+                    *sum += drive * f64::from(*value);
+                }
+            }
+            mean.iter_mut().for_each(|sum| *sum /= selection.pixels.len().max(1) as f64);
+            let target = match &component.light {
+                Light::Reflected => &mut radiance.reflected,
+                Light::MultipleFluorescence => &mut radiance.multiple_fluorescence,
+                Light::Fluorescence(name) => {
+                    if mean.iter().all(|&v| v == 0.0) {
+                        continue;
+                    }
+                    radiance.fluorescence.entry(name.clone()).or_insert_with(|| vec![0.0; bands])
+                }
+            };
+            target.iter_mut().zip(&mean).for_each(|(sum, value)| *sum += value);
+            radiance.total.iter_mut().zip(&mean).for_each(|(sum, value)| *sum += value);
+        }
+        Ok(radiance)
+    }
+
+    /// Reflected over fluorescent electrons, all colour channels together, behind lens and filters: the leak that the
+    /// filters leave. `None` without a sensor, or without fluorescence.
+    pub fn leak_ratio(&self, experiment: &ResolvedExperiment) -> Option<f64> {
+        let (lens, sensor) = (experiment.lens.as_ref()?, experiment.sensor.as_ref()?);
+        let grid = &experiment.scene.grid;
+        let transmittance = lens.transmittance_on(grid);
+        let channels: Vec<Spectrum<QuantumEfficiency>> =
+            (0..sensor.qe().channels().len()).map(|c| sensor.qe().on_grid(c, grid)).collect();
+        let electrons = |values: &[f64]| -> Option<f64> {
+            let seen = values.iter().zip(transmittance.values()).map(|(l, t)| l * t).collect();
+            let radiance = Spectrum::<Radiance>::new(grid.clone(), seen).ok()?;
+            let mut sum = 0.0;
+            for qe in &channels {
+                sum += channel_response(&radiance, [qe, qe, qe]).ok()?[0];
+            }
+            Some(sum)
+        };
+        let fluorescent: Vec<f64> = self.total.iter().zip(&self.reflected).map(|(t, r)| t - r).collect();
+        let fluorescent = electrons(&fluorescent)?;
+        (fluorescent > 0.0).then_some(electrons(&self.reflected)? / fluorescent)
+    }
+}
