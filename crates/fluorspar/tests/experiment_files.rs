@@ -10,6 +10,7 @@ use fluorspar::experiment::{
 use fluorspar::light::Emitter;
 use fluorspar::preset;
 use fluorspar::scene::Shape;
+use fluorspar::sensor::SensorMode;
 use fluorspar::spectral::Curve;
 use serde_json::Value;
 
@@ -294,12 +295,19 @@ exposure_ms = 30.0
         .unwrap_or_else(|e| panic!("{e}"));
     assert!((sample.irradiance.total() - 100.0).abs() < 1e-9);
     assert_eq!(sample.fluorophores.len(), 2);
-    assert_eq!(sample.concentrations, [1.0, 0.1]);
+    assert_eq!(sample.fluorophores[1].1, 0.1);
     assert_eq!(sample.exposure.gain, 2.0);
     assert_eq!(sample.lens.as_ref().unwrap().object_distance_mm, None);
     let again =
         parse_sample(&sample.resolved_toml, "again", Path::new("/"), &[]).unwrap_or_else(|e| panic!("{e}"));
     assert_eq!((&again.sha256, &again.resolved_toml), (&sample.sha256, &sample.resolved_toml));
+
+    let toolbox =
+        parse_sample(text, "sample.toml", Path::new("."), &["compatibility=toolbox_eem".into()]).unwrap();
+    assert_eq!((toolbox.grid.len(), toolbox.grid.center_nm(0)), (69, 365.0));
+    let isetcam =
+        parse_sample(text, "sample.toml", Path::new("."), &["compatibility=isetcam".into()]).unwrap();
+    assert_eq!(isetcam.sensor.unwrap().model().mode, SensorMode::Isetcam { noise_flag: 0 });
 
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("white.csv"), "wavelength_nm,radiance\n380,0\n385,2\n390,0\n").unwrap();

@@ -24,8 +24,11 @@ use crate::light::{Emitter, Light, LightGroup};
 use crate::material::{FluorophoreAmount, Material, ScalarTexture};
 use crate::optics::{IdealLens, PerspectiveCamera};
 use crate::scene::{Object, Scene, Shape};
-use crate::sensor::{AutoExposure, CaptureFrame, Sensor};
-use crate::spectral::{Curve, Fluorophore, MAX_WAVELENGTH_NM, MIN_WAVELENGTH_NM, WavelengthGrid};
+use crate::sensor::{AutoExposure, CaptureFrame, Sensor, SensorMode};
+use crate::spectral::{
+    Curve, Fluorophore, MAX_WAVELENGTH_NM, MIN_WAVELENGTH_NM, TOOLBOX_SAMPLES, TOOLBOX_START_NM,
+    TOOLBOX_STEP_NM, ToolboxEem, WavelengthGrid,
+};
 
 /// What a measured light spectrum holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -91,10 +94,10 @@ pub enum SampleCompatibility {
     /// Ours: photon yield densities integrated over wavelength.
     #[default]
     None,
-    /// ISETCam's constants and sensor equations.
+    /// ISETCam's constants and sensor equations: sensor mode `isetcam`, noise flag 0 unless the sensor says otherwise.
     Isetcam,
     /// Energy matrices of peak 1 on 365:5:705 nm without a wavelength step, as the authors' toolbox gives them to
-    /// their renderer: the normalisation under which the paper's weights hold.
+    /// their renderer: the normalisation under which the paper's weights hold. These are then the wavelengths, too.
     ToolboxEem,
 }
 
@@ -148,13 +151,11 @@ pub struct ResolvedSample {
     pub irradiance: Curve,
     /// Diffuse reflectance.
     pub reflectance: Curve,
-    /// Fluorophores at unit concentration.
-    pub fluorophores: Vec<Fluorophore>,
-    /// Concentration of each fluorophore.
-    pub concentrations: Vec<f64>,
-    /// Transmittance of the filters in front of the lens; part of `lens.transmittance`, too.
+    /// Fluorophores at unit concentration, and their concentrations.
+    pub fluorophores: Vec<(Fluorophore, f64)>,
+    /// Transmittance of the filters in front of the lens.
     pub view_filter: Curve,
-    /// Lens with the viewing filters.
+    /// Lens, without those filters.
     pub lens: Option<IdealLens>,
     /// Sensor.
     pub sensor: Option<Sensor>,
@@ -179,7 +180,21 @@ pub fn parse_sample(
     overrides: &[String],
 ) -> Result<ResolvedSample, ExperimentError> {
     let document = read_document(text, source_name, base_dir, overrides)?;
-    let file: SampleFile = typed(&document)?;
+    let mut file: SampleFile = typed(&document)?;
+    match (file.compatibility, &mut file.sensor) {
+        (SampleCompatibility::ToolboxEem, _) if file.spectral == SpectralSection::default() => {
+            file.spectral = SpectralSection {
+                first_nm: Some(TOOLBOX_START_NM),
+                last_nm: Some(TOOLBOX_START_NM + TOOLBOX_STEP_NM * (TOOLBOX_SAMPLES - 1) as f64),
+                step_nm: Some(TOOLBOX_STEP_NM),
+                edges_nm: None,
+            };
+        }
+        (SampleCompatibility::Isetcam, Some(sensor)) if sensor.model.mode == SensorMode::Physical => {
+            sensor.model.mode = SensorMode::Isetcam { noise_flag: 0 };
+        }
+        _ => {}
+    }
     resolve_sample(&document, &file)
 }
 
@@ -187,6 +202,12 @@ fn resolve_sample(document: &Document, file: &SampleFile) -> Resolved<ResolvedSa
     let mut context = Context::new(document);
     let context = &mut context;
     let grid = device::grid(context, &file.spectral)?;
+    if file.compatibility == SampleCompatibility::ToolboxEem
+        && grid.centers_nm() != ToolboxEem::wavelengths_nm()
+    {
+        let message = "compatibility \"toolbox_eem\" holds on 365:5:705 nm only; remove this section";
+        return context.fail(&steps!["spectral"], message);
+    }
     let irradiance = irradiance(context, &file.light, &grid)?;
     let at = steps!["sample", "reflectance"];
     let reflectance = context.spectrum(&at, &file.sample.reflectance, Role::Reflectance, 0.0, &grid)?;
@@ -204,7 +225,7 @@ fn resolve_sample(document: &Document, file: &SampleFile) -> Resolved<ResolvedSa
 
     let view_filter = device::view_filter(context, &file.view_filter, &grid)?;
     let lens = match &file.lens {
-        Some(section) => Some(device::lens(context, section, None, &view_filter, &grid)?),
+        Some(section) => Some(device::lens(context, section, None, &Curve::constant(1.0), &grid)?),
         None => None,
     };
     let sensor = match &file.sensor {
@@ -232,8 +253,7 @@ fn resolve_sample(document: &Document, file: &SampleFile) -> Resolved<ResolvedSa
         grid,
         irradiance,
         reflectance,
-        fluorophores: fluorophores.list,
-        concentrations,
+        fluorophores: fluorophores.list.into_iter().zip(concentrations).collect(),
         view_filter,
         lens,
         sensor,

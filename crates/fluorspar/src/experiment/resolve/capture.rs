@@ -3,7 +3,6 @@
 use super::context::{Context, Resolved};
 use super::material::unknown;
 use super::{Capture, ResolvedAnalysis};
-use crate::analysis::{Rectangle, RegionOfInterest};
 use crate::experiment::error::steps;
 use crate::experiment::schema::{AnalysisSection, ExperimentFile, ExposureTime, TextureReference};
 use crate::light::LightGroup;
@@ -125,10 +124,6 @@ pub(super) fn analysis(
             return context.fail(&at("rectangle_px"), message);
         }
     }
-    let rectangle = section.rectangle_px.map(|px| {
-        let [col, row, width, height] = px.map(|value| value as usize);
-        Rectangle { col, row, width, height }
-    });
     let known = |name: &str| {
         preset::fluorophore(name).is_ok() || file.fluorophore.iter().any(|section| section.name == name)
     };
@@ -146,7 +141,8 @@ pub(super) fn analysis(
     }
     Ok(Some(ResolvedAnalysis {
         frame: section.frame.clone(),
-        region: RegionOfInterest { parts: section.parts.clone(), rectangle },
+        parts: section.parts.clone(),
+        rectangle_px: section.rectangle_px,
         porphyrin: section.porphyrin.clone(),
         bulk,
         noise_threshold: section.noise_threshold,

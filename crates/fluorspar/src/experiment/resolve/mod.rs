@@ -16,7 +16,6 @@ use self::context::{Context, Resolved, hex};
 use super::error::{Step, steps};
 use super::schema::ExperimentFile;
 use super::{Experiment, ExperimentError};
-use crate::analysis::RegionOfInterest;
 use crate::optics::IdealLens;
 use crate::render::{RenderSettings, memory_bytes};
 use crate::scene::{Scene, SceneError};
@@ -74,8 +73,10 @@ pub struct Capture {
 pub struct ResolvedAnalysis {
     /// Label of the frame that is analysed.
     pub frame: String,
-    /// Region of interest.
-    pub region: RegionOfInterest,
+    /// Names of the parts that form the region of interest; empty means all.
+    pub parts: Vec<String>,
+    /// Rectangle of the sensor: column, row, width, height.
+    pub rectangle_px: Option<[u32; 4]>,
     /// Name of the porphyrin.
     pub porphyrin: String,
     /// Fluorophores that form the bulk, with their amounts.
