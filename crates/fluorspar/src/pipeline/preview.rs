@@ -32,7 +32,7 @@ pub struct ColorRendering {
 const WHITE_PERCENTILE: f64 = 0.995;
 
 /// How much darker tissue is lifted where highlights are compressed.
-const EXPOSURE: f64 = 4.0;
+const EXPOSURE: f64 = 2.5;
 
 impl ColorRendering {
     /// Least-squares map from the responses of the catalogue's reflectances under the frame's lamp to their colours under
