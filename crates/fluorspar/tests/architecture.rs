@@ -1,0 +1,97 @@
+//! The order of the modules, read from their `use crate::` lines: nothing may reach upward.
+#![allow(clippy::unwrap_used)]
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Each module and the modules that it may use.
+const ALLOWED: &[(&str, &[&str])] = &[
+    ("units", &[]),
+    ("spectral", &["units"]),
+    ("image", &["units", "spectral"]),
+    ("sampling", &["units"]),
+    ("geometry", &["units"]),
+    ("material", &["units", "spectral", "image", "sampling", "geometry"]),
+    ("light", &["units", "spectral", "image", "sampling", "geometry"]),
+    ("optics", &["units", "spectral", "image", "sampling", "geometry"]),
+    ("anatomy", &["units", "sampling", "geometry"]),
+    ("scene", &["units", "spectral", "image", "sampling", "geometry", "material", "light", "optics", "anatomy"]),
+    (
+        "render",
+        &["units", "spectral", "image", "sampling", "geometry", "material", "light", "optics", "scene"],
+    ),
+    ("sensor", &["units", "spectral", "image", "sampling"]),
+    ("analysis", &["units", "spectral", "image"]),
+    ("format", &["units", "spectral", "image", "geometry"]),
+    ("preset", &["units", "spectral", "sensor", "format"]),
+    (
+        "experiment",
+        &[
+            "units", "spectral", "image", "sampling", "geometry", "material", "light", "optics", "anatomy", "scene",
+            "render", "sensor", "analysis", "format", "preset",
+        ],
+    ),
+    (
+        "pipeline",
+        &[
+            "units", "spectral", "image", "sampling", "geometry", "material", "light", "optics", "anatomy", "scene",
+            "render", "sensor", "analysis", "format", "preset", "experiment",
+        ],
+    ),
+];
+
+fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() {
+            sources(&path, found);
+        } else if path.extension().is_some_and(|e| e == "rs") {
+            found.push(path);
+        }
+    }
+}
+
+/// Code before the unit tests of a file: tests may borrow from anywhere.
+fn without_tests(text: &str) -> &str {
+    text.find("#[cfg(test)]\nmod tests").map_or(text, |end| &text[..end])
+}
+
+#[test]
+fn modules_use_only_what_lies_below_them() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let mut files = Vec::new();
+    sources(&root, &mut files);
+    let known: BTreeSet<&str> = ALLOWED.iter().map(|(name, _)| *name).collect();
+    let mut modules_seen = BTreeSet::new();
+    let mut violations = Vec::new();
+    for file in files {
+        let relative = file.strip_prefix(&root).unwrap();
+        let module = relative.iter().next().unwrap().to_str().unwrap().trim_end_matches(".rs").to_string();
+        // Tests in files of their own, and the crate's front page.
+        let stem = file.file_stem().unwrap().to_str().unwrap();
+        if module == "lib" || stem.ends_with("tests") || stem == "reference_vectors" {
+            continue;
+        }
+        let Some((_, allowed)) = ALLOWED.iter().find(|(name, _)| *name == module) else {
+            violations.push(format!("{}: module `{module}` has no place in the order", relative.display()));
+            continue;
+        };
+        modules_seen.insert(module.clone());
+        let text = fs::read_to_string(&file).unwrap();
+        for (number, line) in without_tests(&text).lines().enumerate() {
+            if line.trim_start().starts_with("//") {
+                continue;
+            }
+            for (at, _) in line.match_indices("crate::") {
+                let rest = &line[at + "crate::".len()..];
+                let used: String = rest.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect();
+                if known.contains(used.as_str()) && used != module && !allowed.contains(&used.as_str()) {
+                    violations.push(format!("{}:{}: {module} uses {used}", relative.display(), number + 1));
+                }
+            }
+        }
+    }
+    assert_eq!(modules_seen.len(), ALLOWED.len(), "a module of the order does not exist: {modules_seen:?}");
+    assert!(violations.is_empty(), "\n{}", violations.join("\n"));
+}
