@@ -101,11 +101,15 @@ impl ExperimentSource {
         quiet: bool,
     ) -> Result<ResolvedSample, CliError> {
         let of_experiments = ["object", "mouth", "material", "capture", "camera", "render"];
+        let experiments = preset::names(PresetKind::Experiment);
         let is_experiment = !is_sample(&self.text)
-            && self
-                .text
-                .parse::<toml::Table>()
-                .is_ok_and(|t| of_experiments.iter().any(|key| t.contains_key(*key)));
+            && self.text.parse::<toml::Table>().is_ok_and(|table| {
+                of_experiments.iter().any(|key| table.contains_key(*key))
+                    || table
+                        .get("base")
+                        .and_then(toml::Value::as_str)
+                        .is_some_and(|b| experiments.contains(&b))
+            });
         if is_experiment {
             return Err(CliError::Input(format!(
                 "{}: this is an experiment with a scene; `fluorspar run` takes it. A flat sample has the sections [light] \

@@ -29,8 +29,9 @@ pub(crate) struct Options {
     /// Irradiance of the sample behind the light's filters, W/m².
     #[arg(long, value_name = "W_PER_M2", allow_negative_numbers = true)]
     irradiance: Option<f64>,
-    /// Filter on the light, instead of those of the sample. May be repeated; `none` is no filter.
-    #[arg(long, value_name = "NAME|CSV")]
+    /// Filter on the light, instead of those of the sample: a name of the catalogue, a CSV file or a number from 0 to 1. May
+    /// be repeated; `none` is no filter.
+    #[arg(long, value_name = "NAME|CSV|T")]
     light_filter: Vec<String>,
     /// Diffuse reflectance: a name of the catalogue, a CSV file or a number from 0 to 1.
     #[arg(long, value_name = "NAME|CSV|R", allow_negative_numbers = true)]
@@ -38,8 +39,8 @@ pub(crate) struct Options {
     /// Concentration of a fluorophore. May be repeated.
     #[arg(long, value_name = "NAME=VALUE")]
     concentration: Vec<String>,
-    /// Filter in front of the lens, instead of those of the sample. May be repeated; `none` is no filter.
-    #[arg(long, value_name = "NAME|CSV")]
+    /// Filter in front of the lens, instead of those of the sample. As `--light-filter`.
+    #[arg(long, value_name = "NAME|CSV|T")]
     view_filter: Vec<String>,
     /// Exposure time in milliseconds, or `auto`.
     #[arg(long, value_name = "MS|auto", allow_negative_numbers = true)]
@@ -61,11 +62,11 @@ enum Compatibility {
     ToolboxEem,
 }
 
-/// A name of the catalogue, or a file, which is relative to where the program runs and not to the sample.
-fn name_or_file(text: &str) -> String {
+/// A name of the catalogue, or a file, which is relative to where the program runs and not to the sample's folder.
+fn name_or_file(text: &str, folder: &Path) -> String {
     let is_file = text.contains(['/', '\\']) || text.to_ascii_lowercase().ends_with(".csv");
     match std::path::absolute(text) {
-        Ok(path) if is_file => quoted(&path.to_string_lossy()),
+        Ok(path) if is_file && folder != Path::new(".") => quoted(&path.to_string_lossy()),
         _ => quoted(text),
     }
 }
@@ -78,25 +79,24 @@ fn number_or(text: &str, other: impl Fn(&str) -> String) -> String {
     }
 }
 
-fn list(names: &[String]) -> String {
-    format!("[{}]", names.iter().map(|name| name_or_file(name)).collect::<Vec<_>>().join(", "))
+fn list(names: &[String], folder: &Path) -> String {
+    let items = names.iter().map(|name| number_or(name, |name| name_or_file(name, folder)));
+    format!("[{}]", items.collect::<Vec<_>>().join(", "))
 }
 
 impl Options {
     /// All changes in the form of `--set`; those that were given in that form come last and win.
-    fn overrides(&self) -> Result<Vec<String>, CliError> {
+    fn overrides(&self, folder: &Path) -> Result<Vec<String>, CliError> {
         let mut all = Vec::new();
-        all.extend(self.light.as_ref().map(|name| format!("light.spectrum={}", name_or_file(name))));
+        all.extend(self.light.as_ref().map(|name| format!("light.spectrum={}", name_or_file(name, folder))));
         let number = |value: f64| toml::Value::Float(value).to_string();
         all.extend(self.irradiance.map(|value| format!("light.irradiance_w_per_m2={}", number(value))));
         if !self.light_filter.is_empty() {
-            all.push(format!("light.filters={}", list(&self.light_filter)));
+            all.push(format!("light.filters={}", list(&self.light_filter, folder)));
         }
-        all.extend(
-            self.reflectance
-                .as_ref()
-                .map(|text| format!("sample.reflectance={}", number_or(text, name_or_file))),
-        );
+        all.extend(self.reflectance.as_ref().map(|text| {
+            format!("sample.reflectance={}", number_or(text, |text| name_or_file(text, folder)))
+        }));
         for text in &self.concentration {
             let parts = text.split_once('=').map(|(name, value)| (name.trim(), value.trim().parse::<f64>()));
             match parts {
@@ -111,7 +111,7 @@ impl Options {
             }
         }
         if !self.view_filter.is_empty() {
-            all.push(format!("view_filter.filters={}", list(&self.view_filter)));
+            all.push(format!("view_filter.filters={}", list(&self.view_filter, folder)));
         }
         all.extend(
             self.exposure_ms.as_ref().map(|text| format!("exposure.exposure_ms={}", number_or(text, quoted))),
@@ -131,8 +131,8 @@ impl Options {
 }
 
 pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
-    let overrides = options.overrides()?;
     let source = ExperimentSource::find_sample(options.sample.as_deref())?;
+    let overrides = options.overrides(&source.base_dir)?;
     let sample = source.resolve_sample(&overrides, options.talk.quiet)?;
     let prediction = predict(&FlatSample::new(&sample)?)?;
     if options.talk.json {

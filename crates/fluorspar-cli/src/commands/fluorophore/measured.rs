@@ -43,10 +43,30 @@ pub(super) struct Measured {
 
 /// Reads a file with every check that the options leave on.
 pub(super) fn read(path: &Path, options: &FileOptions) -> Result<Measured, CliError> {
-    match kind_of(path) {
+    let read = match kind_of(path) {
         Kind::MatrixCsv => matrix_csv(path, options),
         Kind::SpectraCsv => spectra_csv(path, options),
         Kind::Mat => mat(path, options),
+    };
+    read.map_err(|error| match &error {
+        CliError::Format(format) => match option_for(format, options) {
+            Some(option) => CliError::Input(format!("{error} ({option})")),
+            None => error,
+        },
+        _ => error,
+    })
+}
+
+/// The option that lets a file pass.
+fn option_for(error: &FormatError, options: &FileOptions) -> Option<&'static str> {
+    match error {
+        FormatError::Unit { .. } if options.unit.is_none() => Some("--unit photons or --unit energy"),
+        FormatError::AntiStokes { .. } => Some("--allow-anti-stokes"),
+        FormatError::Malformed { what, .. } if what.ends_with("below zero") => Some("--allow-negative"),
+        FormatError::Malformed { what, .. } if what.starts_with("the cell") && what.ends_with("is empty") => {
+            Some("--empty-as-zero")
+        }
+        _ => None,
     }
 }
 
