@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use clap::{Parser, Subcommand, ValueHint};
 use clap_complete::Shell;
 
-use crate::commands::{analyze, capture, check, presets, render, run};
+use crate::commands::{analyze, capture, check, fluorophore, predict, presets, render, run, schema};
 
 /// Predicts what a fluorescence camera records, before the camera is built.
 ///
@@ -32,12 +32,16 @@ pub(crate) enum Command {
     Capture(capture::Options),
     /// Analyse raw frames made by `run` or `capture`.
     Analyze(analyze::Options),
-    /// List the built-in lights, filters, reflectances, sensors, fluorophores and experiments, or print one.
+    /// List, show, plot or import fluorophores.
+    Fluorophore(fluorophore::Options),
+    /// Predict spectra and mean sensor values of a flat sample, without geometry.
+    Predict(predict::Options),
+    /// List what is built in: lights, filters, reflectances, sensors, fluorophores, experiments, flat samples.
     Presets(presets::Options),
     /// Check an experiment or sample file without running it.
     Check(check::Options),
     /// Print the JSON schema of experiment files, for editors.
-    Schema,
+    Schema(schema::Options),
     /// Print completions for a shell.
     Completions {
         /// The shell.

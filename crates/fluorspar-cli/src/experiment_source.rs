@@ -1,9 +1,12 @@
-//! Finds experiments: files, reports, built-in ones.
+//! Finds experiments and flat samples: files, reports, built-in ones.
 
 use std::path::{Path, PathBuf};
 
-use fluorspar::experiment::{DEFAULT_EXPERIMENT, ResolvedExperiment, parse, resolve};
-use fluorspar::preset;
+use fluorspar::experiment::{
+    DEFAULT_EXPERIMENT, DEFAULT_SAMPLE, ResolvedExperiment, ResolvedSample, is_sample, parse, parse_sample,
+    resolve,
+};
+use fluorspar::preset::{self, ExperimentPreset, PresetError, PresetKind};
 use fluorspar_report::extract_experiment;
 
 use crate::args::Changes;
@@ -27,15 +30,36 @@ pub(crate) struct ExperimentSource {
 impl ExperimentSource {
     /// Finds an experiment by file name or built-in name; the default one if none is given.
     pub(crate) fn find(experiment: Option<&str>) -> Result<Self, CliError> {
-        let name = experiment.unwrap_or(DEFAULT_EXPERIMENT);
+        Self::find_as(experiment, DEFAULT_EXPERIMENT, preset::experiment)
+    }
+
+    /// Finds a flat sample by file name or built-in name; the default one if none is given.
+    pub(crate) fn find_sample(sample: Option<&str>) -> Result<Self, CliError> {
+        Self::find_as(sample, DEFAULT_SAMPLE, preset::sample)
+    }
+
+    /// Finds an experiment or a flat sample.
+    pub(crate) fn find_either(name: &str) -> Result<Self, CliError> {
+        if preset::names(PresetKind::Sample).contains(&name) && !Path::new(name).exists() {
+            Self::find_sample(Some(name))
+        } else {
+            Self::find(Some(name))
+        }
+    }
+
+    fn find_as(
+        given: Option<&str>,
+        default: &str,
+        preset: impl Fn(&str) -> Result<ExperimentPreset, PresetError>,
+    ) -> Result<Self, CliError> {
+        let name = given.unwrap_or(default);
         let path = Path::new(name);
         let looks_like_file = path.extension().is_some() || name.contains(['/', '\\']);
-        if experiment.is_none() || (!looks_like_file && !path.exists()) {
-            let preset = preset::experiment(name)?;
+        if given.is_none() || (!looks_like_file && !path.exists()) {
             return Ok(Self {
                 name: format!("built-in {name}"),
                 stem: name.into(),
-                text: preset.text.into(),
+                text: preset(name)?.text.into(),
                 base_dir: PathBuf::from("."),
             });
         }
@@ -58,14 +82,50 @@ impl ExperimentSource {
 
     /// Reads and resolves the experiment with its changes, and prints its warnings.
     pub(crate) fn resolve(&self, changes: &Changes, quiet: bool) -> Result<ResolvedExperiment, CliError> {
+        if is_sample(&self.text) {
+            return Err(CliError::Input(format!(
+                "{}: this is a flat sample without a scene; `fluorspar predict` takes it",
+                self.name
+            )));
+        }
         let experiment = parse(&self.text, &self.name, &self.base_dir, &changes.overrides())?;
         let resolved = resolve(&experiment)?;
-        if !quiet {
-            for warning in &resolved.warnings {
-                eprintln!("warning: {warning}");
-            }
-        }
+        warn(&resolved.warnings, quiet);
         Ok(resolved)
+    }
+
+    /// Reads and resolves the flat sample with its changes, and prints its warnings.
+    pub(crate) fn resolve_sample(
+        &self,
+        overrides: &[String],
+        quiet: bool,
+    ) -> Result<ResolvedSample, CliError> {
+        let of_experiments = ["object", "mouth", "material", "capture", "camera", "render"];
+        let experiments = preset::names(PresetKind::Experiment);
+        let is_experiment = !is_sample(&self.text)
+            && self.text.parse::<toml::Table>().is_ok_and(|table| {
+                of_experiments.iter().any(|key| table.contains_key(*key))
+                    || table
+                        .get("base")
+                        .and_then(toml::Value::as_str)
+                        .is_some_and(|b| experiments.contains(&b))
+            });
+        if is_experiment {
+            return Err(CliError::Input(format!(
+                "{}: this is an experiment with a scene; `fluorspar run` takes it. A flat sample has the sections [light] \
+                 and [sample]: `fluorspar presets --sample {DEFAULT_SAMPLE}` prints one",
+                self.name
+            )));
+        }
+        let sample = parse_sample(&self.text, &self.name, &self.base_dir, overrides)?;
+        warn(&sample.warnings, quiet);
+        Ok(sample)
+    }
+}
+
+fn warn(warnings: &[String], quiet: bool) {
+    if !quiet {
+        warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
     }
 }
 

@@ -41,9 +41,11 @@ fn run(args: Args) -> Result<ExitCode, CliError> {
         Command::Render(options) => commands::render::run(&options),
         Command::Capture(options) => commands::capture::run(&options),
         Command::Analyze(options) => commands::analyze::run(&options),
+        Command::Fluorophore(options) => commands::fluorophore::run(&options),
+        Command::Predict(options) => commands::predict::run(&options),
         Command::Presets(options) => commands::presets::run(&options),
         Command::Check(options) => commands::check::run(&options),
-        Command::Schema => commands::schema::run(),
+        Command::Schema(options) => commands::schema::run(&options),
         Command::Completions { shell } => commands::completions::run(shell),
     }
 }

@@ -3,7 +3,8 @@
 use std::path::Path;
 use std::time::Instant;
 
-use fluorspar::experiment::{parse, resolve};
+use fluorspar::experiment::{DEFAULT_SAMPLE, is_sample, parse, parse_sample, resolve};
+use fluorspar::pipeline::{FlatSample, predict};
 use fluorspar::preset::{self, PresetKind};
 
 #[test]
@@ -28,4 +29,22 @@ fn every_experiment_of_the_catalogue_resolves_and_comes_back_from_its_resolved_f
         assert!(again.captures == resolved.captures, "{name}");
         assert!(again.analysis == resolved.analysis, "{name}");
     }
+}
+
+#[test]
+fn every_flat_sample_of_the_catalogue_can_be_predicted_and_comes_back_from_its_resolved_file() {
+    let names = preset::names(PresetKind::Sample);
+    assert!(names.contains(&DEFAULT_SAMPLE));
+    for name in names {
+        let preset = preset::sample(name).unwrap();
+        assert!(is_sample(preset.text), "{name}");
+        let sample = parse_sample(preset.text, name, Path::new("."), &[]).unwrap_or_else(|e| panic!("{e}"));
+        assert_eq!(sample.warnings, Vec::<String>::new(), "{name}");
+        let prediction = predict(&FlatSample::new(&sample).unwrap()).unwrap();
+        assert!(prediction.channels.values().all(|c| !c.saturated && c.electrons > 100.0), "{prediction:?}");
+        let again = parse_sample(&sample.resolved_toml, "resolved.toml", Path::new("/nowhere"), &[]).unwrap();
+        assert_eq!((&again.sha256, &again.resolved_toml), (&sample.sha256, &sample.resolved_toml), "{name}");
+    }
+    assert!(!is_sample(preset::experiment("oraleye-2021").unwrap().text));
+    assert!(!is_sample("sample = 1") && !is_sample("[sample"));
 }

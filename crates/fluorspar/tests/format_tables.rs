@@ -302,6 +302,15 @@ fn bad_matrices_are_explained() {
     );
 }
 
+#[test]
+fn a_unit_that_the_file_does_not_know_is_decided_by_the_reader() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("t.csv");
+    fs::write(&path, "# unit: unknown\nem_nm\\ex_nm,380,390\n500,1,2\n510,3,4\n").unwrap();
+    let unit = |unit| read_eem_csv(&path, &CsvEemOptions { unit, ..Default::default() }).unwrap().unit;
+    assert_eq!([unit(None), unit(Some(EemUnit::Energy))], [EemUnit::Unknown, EemUnit::Energy]);
+}
+
 fn reference() -> Option<PathBuf> {
     let found = Path::new(env!("CARGO_MANIFEST_DIR"))
         .ancestors()

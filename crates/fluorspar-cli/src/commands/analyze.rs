@@ -64,6 +64,13 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     }
     let beside = folder.join("components.exr");
     let image = options.components.clone().or_else(|| beside.is_file().then_some(beside));
+    if let (None, Some([part, ..])) = (&image, experiment.analysis.as_ref().map(|a| a.parts.as_slice())) {
+        return Err(CliError::Input(format!(
+            "{}: the region is the part \"{part}\", and nothing here tells which pixels show it; name the component image of \
+             the run with --components",
+            folder.display()
+        )));
+    }
     let components = image.map(|path| read_component_exr(&path)).transpose()?.map(|loaded| loaded.image);
     let frames = develop_frames(&experiment, raws)?;
     let Some(analyzed) = analyze(&experiment, components.as_ref(), &frames)? else {

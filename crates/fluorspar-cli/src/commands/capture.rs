@@ -35,7 +35,9 @@ pub(crate) struct Options {
 
 pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let loaded = read_component_exr(&options.image)?;
-    let components = loaded.image;
+    let mut components = loaded.image;
+    // As `run` has them, so that the frames are those of `run` whatever file they come from.
+    components.round_to_24_bits();
     let (text, experiment) = match (&options.experiment, loaded.provenance) {
         (Some(name), _) => {
             let source = ExperimentSource::find(Some(name))?;

@@ -3,6 +3,7 @@
 use std::process::ExitCode;
 
 use clap::ValueHint;
+use fluorspar::experiment::is_sample;
 use serde_json::json;
 
 use crate::args::Changes;
@@ -12,7 +13,7 @@ use crate::experiment_source::ExperimentSource;
 /// Options of `check`.
 #[derive(Clone, Debug, clap::Args)]
 pub(crate) struct Options {
-    /// Experiment or sample file, or the name of a built-in experiment.
+    /// Experiment or sample file, or the name of a built-in one.
     #[arg(value_name = "FILE", value_hint = ValueHint::FilePath)]
     file: String,
     #[command(flatten)]
@@ -23,7 +24,29 @@ pub(crate) struct Options {
 }
 
 pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
-    let source = ExperimentSource::find(Some(&options.file))?;
+    let source = ExperimentSource::find_either(&options.file)?;
+    if is_sample(&source.text) {
+        let sample = source.resolve_sample(&options.changes.overrides(), options.json)?;
+        if options.json {
+            super::print_json(&json!({
+                "file": options.file,
+                "kind": "sample",
+                "valid": true,
+                "sha256": sample.sha256,
+                "bands": sample.grid.len(),
+                "fluorophores": sample.fluorophores.iter().map(|(f, _)| &f.name).collect::<Vec<_>>(),
+                "warnings": sample.warnings,
+            }))?;
+        } else {
+            super::print_text(&format!(
+                "{}: valid. A flat sample with {} fluorophores, {} bands",
+                options.file,
+                sample.fluorophores.len(),
+                sample.grid.len()
+            ))?;
+        }
+        return Ok(ExitCode::SUCCESS);
+    }
     let experiment = source.resolve(&options.changes, options.json)?;
     let scene = &experiment.scene;
     if options.json {

@@ -4,13 +4,17 @@ pub(crate) mod analyze;
 pub(crate) mod capture;
 pub(crate) mod check;
 pub(crate) mod completions;
+pub(crate) mod fluorophore;
 pub(crate) mod out_folder;
+pub(crate) mod predict;
 pub(crate) mod presets;
 pub(crate) mod render;
 pub(crate) mod run;
 pub(crate) mod schema;
+pub(crate) mod table;
 
 use std::io::Write;
+use std::path::Path;
 
 use serde::Serialize;
 
@@ -27,4 +31,21 @@ pub(crate) fn print_text(text: &str) -> Result<(), CliError> {
     let mut out = std::io::stdout().lock();
     writeln!(out, "{}", text.trim_end())?;
     Ok(())
+}
+
+/// A text as TOML.
+pub(crate) fn quoted(text: &str) -> String {
+    toml::Value::String(text.into()).to_string()
+}
+
+/// Refuses a file whose folder does not exist.
+pub(crate) fn check_parent(path: &Path) -> Result<(), CliError> {
+    match path.parent().filter(|p| !p.as_os_str().is_empty()) {
+        Some(parent) if !parent.is_dir() => Err(CliError::Input(format!(
+            "{}: the folder {} does not exist; make it first",
+            path.display(),
+            parent.display()
+        ))),
+        _ => Ok(()),
+    }
 }

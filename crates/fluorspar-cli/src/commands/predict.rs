@@ -1,1 +1,267 @@
 //! `fluorspar predict`: a flat sample in numbers.
+
+use std::path::Path;
+use std::process::ExitCode;
+
+use clap::{ValueEnum, ValueHint};
+use fluorspar::experiment::{ResolvedSample, SampleCompatibility};
+use fluorspar::pipeline::{FlatSample, Prediction, predict};
+use serde_json::{Value, json};
+
+use super::quoted;
+use super::table::{align, short};
+use crate::args::Talk;
+use crate::error::CliError;
+use crate::experiment_source::ExperimentSource;
+
+/// Options of `predict`.
+#[derive(Clone, Debug, clap::Args)]
+pub(crate) struct Options {
+    /// Sample file (.toml) or the name of a built-in sample [default: tongue-385nm].
+    #[arg(value_name = "SAMPLE", value_hint = ValueHint::FilePath)]
+    sample: Option<String>,
+    /// Change one value, for instance `--set exposure.gain=2`. May be repeated.
+    #[arg(long = "set", value_name = "PATH=VALUE")]
+    set: Vec<String>,
+    /// Light: a name of the catalogue or a CSV file.
+    #[arg(long, value_name = "NAME|CSV")]
+    light: Option<String>,
+    /// Irradiance of the sample behind the light's filters, W/m².
+    #[arg(long, value_name = "W_PER_M2", allow_negative_numbers = true)]
+    irradiance: Option<f64>,
+    /// Filter on the light, instead of those of the sample: a name of the catalogue, a CSV file or a number from 0 to 1. May
+    /// be repeated; `none` is no filter.
+    #[arg(long, value_name = "NAME|CSV|T")]
+    light_filter: Vec<String>,
+    /// Diffuse reflectance: a name of the catalogue, a CSV file or a number from 0 to 1.
+    #[arg(long, value_name = "NAME|CSV|R", allow_negative_numbers = true)]
+    reflectance: Option<String>,
+    /// Concentration of a fluorophore. May be repeated.
+    #[arg(long, value_name = "NAME=VALUE")]
+    concentration: Vec<String>,
+    /// Filter in front of the lens, instead of those of the sample. As `--light-filter`.
+    #[arg(long, value_name = "NAME|CSV|T")]
+    view_filter: Vec<String>,
+    /// Exposure time in milliseconds, or `auto`.
+    #[arg(long, value_name = "MS|auto", allow_negative_numbers = true)]
+    exposure_ms: Option<String>,
+    /// Width of a wavelength band, nm.
+    #[arg(long, value_name = "NM", allow_negative_numbers = true)]
+    step_nm: Option<f64>,
+    /// Whose equations to use: ours, ISETCam's sensor, or the normalised matrices of the authors' toolbox as well.
+    #[arg(long, value_enum, value_name = "WHOSE")]
+    compatibility: Option<Compatibility>,
+    #[command(flatten)]
+    talk: Talk,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Compatibility {
+    None,
+    Isetcam,
+    ToolboxEem,
+}
+
+/// A name of the catalogue, or a file, which is relative to where the program runs and not to the sample's folder.
+fn name_or_file(text: &str, folder: &Path) -> String {
+    let is_file = text.contains(['/', '\\']) || text.to_ascii_lowercase().ends_with(".csv");
+    match std::path::absolute(text) {
+        Ok(path) if is_file && folder != Path::new(".") => quoted(&path.to_string_lossy()),
+        _ => quoted(text),
+    }
+}
+
+/// A number as TOML, or else a name or file.
+fn number_or(text: &str, other: impl Fn(&str) -> String) -> String {
+    match text.parse::<f64>() {
+        Ok(value) => toml::Value::Float(value).to_string(),
+        Err(_) => other(text),
+    }
+}
+
+fn list(names: &[String], folder: &Path) -> String {
+    let items = names.iter().map(|name| number_or(name, |name| name_or_file(name, folder)));
+    format!("[{}]", items.collect::<Vec<_>>().join(", "))
+}
+
+impl Options {
+    /// All changes in the form of `--set`; those that were given in that form come last and win.
+    fn overrides(&self, folder: &Path) -> Result<Vec<String>, CliError> {
+        let mut all = Vec::new();
+        all.extend(self.light.as_ref().map(|name| format!("light.spectrum={}", name_or_file(name, folder))));
+        let number = |value: f64| toml::Value::Float(value).to_string();
+        all.extend(self.irradiance.map(|value| format!("light.irradiance_w_per_m2={}", number(value))));
+        if !self.light_filter.is_empty() {
+            all.push(format!("light.filters={}", list(&self.light_filter, folder)));
+        }
+        all.extend(self.reflectance.as_ref().map(|text| {
+            format!("sample.reflectance={}", number_or(text, |text| name_or_file(text, folder)))
+        }));
+        for text in &self.concentration {
+            let parts = text.split_once('=').map(|(name, value)| (name.trim(), value.trim().parse::<f64>()));
+            match parts {
+                Some((name, Ok(value))) if !name.is_empty() && !name.contains('"') => {
+                    all.push(format!("sample.concentrations.\"{name}\"={}", number(value)));
+                }
+                _ => {
+                    return Err(CliError::Input(format!(
+                        "--concentration {text}: write a name and a number, for instance --concentration fad=0.2"
+                    )));
+                }
+            }
+        }
+        if !self.view_filter.is_empty() {
+            all.push(format!("view_filter.filters={}", list(&self.view_filter, folder)));
+        }
+        all.extend(
+            self.exposure_ms.as_ref().map(|text| format!("exposure.exposure_ms={}", number_or(text, quoted))),
+        );
+        all.extend(self.step_nm.map(|value| format!("spectral.step_nm={}", number(value))));
+        all.extend(self.compatibility.map(|whose| {
+            let name = match whose {
+                Compatibility::None => "none",
+                Compatibility::Isetcam => "isetcam",
+                Compatibility::ToolboxEem => "toolbox_eem",
+            };
+            format!("compatibility=\"{name}\"")
+        }));
+        all.extend(self.set.iter().cloned());
+        Ok(all)
+    }
+}
+
+pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
+    let source = ExperimentSource::find_sample(options.sample.as_deref())?;
+    let overrides = options.overrides(&source.base_dir)?;
+    let sample = source.resolve_sample(&overrides, options.talk.quiet)?;
+    let prediction = predict(&FlatSample::new(&sample)?)?;
+    if options.talk.json {
+        super::print_json(&as_json(&sample, &prediction)?)?;
+    } else if !options.talk.quiet {
+        super::print_text(&describe(&sample, &source.name, &prediction))?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn as_json(sample: &ResolvedSample, prediction: &Prediction) -> Result<Value, CliError> {
+    let mut value = serde_json::to_value(prediction)?;
+    value["provenance"] = json!({
+        "program": "fluorspar",
+        "version": env!("CARGO_PKG_VERSION"),
+        "sha256": sample.sha256,
+        "compatibility": sample.compatibility,
+        "units": {
+            "wavelength_nm": "nm, centres of the bands",
+            "irradiance": "W/(m2 nm)",
+            "radiance": "W/(sr m2 nm), from the sample, before any filter",
+            "sensor_irradiance": "W/(m2 nm), behind viewing filter and lens",
+            "exposure_s": "s",
+            "electrons": "mean photo-electrons per pixel",
+            "volts": "V at the converter, dark signal included",
+            "dn": "DN, black level included, not rounded",
+            "noise_dn": "DN rms, temporal noise of one pixel",
+            "chromaticity": "1, share of R and of G in R + G + B, from photo-electrons",
+            "leak_ratio": "1, reflected over fluorescent electrons",
+            "photon_yield_500_700": "1, photons emitted per photon that arrives",
+        },
+        "warnings": sample.warnings,
+        "sample_toml": sample.resolved_toml,
+    });
+    Ok(value)
+}
+
+fn describe(sample: &ResolvedSample, source: &str, prediction: &Prediction) -> String {
+    let integral =
+        |values: &[f64]| -> f64 { values.iter().zip(sample.grid.widths_nm()).map(|(v, w)| v * w).sum() };
+    let peak_nm = |values: &[f64]| {
+        let best = (0..values.len()).fold(0, |best, b| if values[b] > values[best] { b } else { best });
+        if values.iter().any(|v| *v > 0.0) {
+            format!("{}", prediction.wavelength_nm[best])
+        } else {
+            "-".into()
+        }
+    };
+    let title = if sample.title.is_empty() {
+        Path::new(source)
+            .file_name()
+            .map_or_else(|| source.into(), |name| name.to_string_lossy().into_owned())
+    } else {
+        sample.title.clone()
+    };
+    let mut facts = vec![vec![
+        "light on the sample".into(),
+        format!(
+            "{} W/m2, peak at {} nm",
+            short(integral(&prediction.irradiance)),
+            peak_nm(&prediction.irradiance)
+        ),
+    ]];
+    if let Some(value) = prediction.photon_yield_500_700 {
+        facts.push(vec!["photons out".into(), format!("{value:.3e} between 500 and 700 nm per photon in")]);
+    }
+    if let Some(seconds) = prediction.exposure_s {
+        facts.push(vec![
+            "exposure".into(),
+            format!("{} ms, gain {}", short(seconds * 1e3), sample.exposure.gain),
+        ]);
+    }
+    if let Some(leak) = prediction.leak_ratio {
+        facts.push(vec!["leak".into(), format!("{} reflected per fluorescent electron", short(leak))]);
+    }
+    if sample.compatibility == SampleCompatibility::ToolboxEem {
+        facts.push(vec![
+            "equations".into(),
+            "the authors' toolbox: matrices of peak 1, so fluorescence has no absolute level".into(),
+        ]);
+    }
+    let mut text = format!("{title}\n\n");
+    for fact in &facts {
+        text += &format!("{:<20} {}\n", fact[0], fact[1]);
+    }
+
+    let channels: Vec<&String> = prediction.channels.keys().collect();
+    let mut head: Vec<String> = vec!["radiance from the sample".into(), "W/(sr m2)".into(), "peak nm".into()];
+    head.extend(channels.iter().map(|name| format!("{name} e-")));
+    head.extend(["r".into(), "g".into()]);
+    let mut rows = vec![head];
+    let mut add = |name: &str, values: &[f64], electrons: Vec<f64>, rg: Option<[f64; 2]>| {
+        let mut row = vec![name.to_string(), short(integral(values)), peak_nm(values)];
+        row.extend(electrons.into_iter().map(|e| format!("{e:.1}")));
+        let cell = |i: usize| rg.map_or_else(|| "-".into(), |rg| format!("{:.4}", rg[i]));
+        row.extend([cell(0), cell(1)]);
+        rows.push(row);
+    };
+    let of = |pick: &dyn Fn(&fluorspar::pipeline::ChannelPrediction) -> f64| {
+        prediction.channels.values().map(pick).collect::<Vec<f64>>()
+    };
+    add("reflected", &prediction.radiance.reflected, of(&|c| c.electrons_reflected), None);
+    for (name, values) in &prediction.radiance.fluorescence {
+        let rg = prediction.fluorophore_chromaticity.get(name).and_then(Option::as_ref).map(|c| [c.r, c.g]);
+        let electrons = of(&|c| c.electrons_fluorescence.get(name).copied().unwrap_or(0.0));
+        add(name, values, electrons, rg);
+    }
+    let rg = prediction.chromaticity.as_ref().map(|c| [c.r, c.g]);
+    add("total", &prediction.radiance.total, of(&|c| c.electrons), rg);
+    if channels.is_empty() {
+        rows.iter_mut().for_each(|row| row.truncate(3));
+    }
+    text += &format!("\n{}", align(&rows, &[]));
+
+    if !channels.is_empty() {
+        let mut rows: Vec<Vec<String>> =
+            vec![["channel", "electrons", "volts", "DN", "noise DN", ""].map(String::from).to_vec()];
+        for (name, c) in &prediction.channels {
+            let saturated = if c.saturated { "saturated" } else { "" };
+            rows.push(vec![
+                name.clone(),
+                format!("{:.1}", c.electrons),
+                format!("{:.5}", c.volts),
+                format!("{:.1}", c.dn),
+                format!("{:.2}", c.noise_dn),
+                saturated.into(),
+            ]);
+        }
+        text += &format!("\n{}", align(&rows, &[]));
+    }
+    text
+}

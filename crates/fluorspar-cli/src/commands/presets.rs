@@ -13,6 +13,9 @@ pub(crate) struct Options {
     /// Print this experiment's file instead, to start one's own from.
     #[arg(long, value_name = "NAME")]
     experiment: Option<String>,
+    /// Print this flat sample's file instead, to start one's own from.
+    #[arg(long, value_name = "NAME", conflicts_with = "experiment")]
+    sample: Option<String>,
     /// Print the list as JSON.
     #[arg(long)]
     json: bool,
@@ -21,6 +24,10 @@ pub(crate) struct Options {
 pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     if let Some(name) = &options.experiment {
         super::print_text(preset::experiment(name)?.text)?;
+        return Ok(ExitCode::SUCCESS);
+    }
+    if let Some(name) = &options.sample {
+        super::print_text(preset::sample(name)?.text)?;
         return Ok(ExitCode::SUCCESS);
     }
     let mut entries = Vec::new();

@@ -11,6 +11,7 @@ use fluorspar::format::{
 use fluorspar::pipeline::radiance_preview;
 use serde_json::json;
 
+use super::check_parent;
 use crate::args::{ExperimentArgs, Talk};
 use crate::error::CliError;
 use crate::experiment_source::ExperimentSource;
@@ -47,17 +48,6 @@ fn image_format(path: &Path) -> Result<ImageFormat, CliError> {
             "--out {}: the name must end in .exr or .npy, which keep every band; for a picture add --preview FILE.png",
             path.display()
         ))),
-    }
-}
-
-fn check_parent(path: &Path) -> Result<(), CliError> {
-    match path.parent().filter(|p| !p.as_os_str().is_empty()) {
-        Some(parent) if !parent.is_dir() => Err(CliError::Input(format!(
-            "{}: the folder {} does not exist; make it first",
-            path.display(),
-            parent.display()
-        ))),
-        _ => Ok(()),
     }
 }
 

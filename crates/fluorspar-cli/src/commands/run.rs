@@ -52,12 +52,13 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         experiment.scene.fluorophores.len(),
         experiment.render.samples_per_pixel
     ));
-    let components = render_with_progress(
+    let mut components = render_with_progress(
         &experiment.scene,
         &experiment.render,
         experiment.time_limit_s,
         options.talk.quiet,
     )?;
+    components.round_to_24_bits();
     say(format!("Rendered in {:.1} s", started.elapsed().as_secs_f64()));
 
     let (frames, analyzed): (Vec<CapturedFrame>, Option<AnalyzedFrame>) = if experiment.captures.is_empty() {

@@ -84,7 +84,7 @@ pub enum RegionError {
     )]
     NoPartMap(String),
     /// The parts exist, but no pixel of the region shows them.
-    #[error("no pixel of the region shows {}; the parts in view are: {}", .parts.join(" or "), .visible.join(", "))]
+    #[error("no pixel of the region shows {}; {}", .parts.join(" or "), in_view(.visible))]
     NothingInView {
         /// The parts asked for.
         parts: Vec<String>,
@@ -95,6 +95,14 @@ pub enum RegionError {
 
 fn hint(nearest: Option<&str>) -> String {
     nearest.map_or_else(|| ".".into(), |name| format!("; did you mean \"{name}\"?"))
+}
+
+fn in_view(visible: &[String]) -> String {
+    if visible.is_empty() {
+        "no part is in view".into()
+    } else {
+        format!("the parts in view are: {}", visible.join(", "))
+    }
 }
 
 /// The name closest in spelling, unless nothing is close.

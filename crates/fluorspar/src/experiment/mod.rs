@@ -25,7 +25,7 @@ pub use read::{Experiment, parse};
 pub use resolve::{Capture, InputFile, ResolvedAnalysis, ResolvedExperiment, resolve};
 pub use sample::{
     MeasuredLight, ResolvedSample, SampleCompatibility, SampleExposure, SampleFile, SampleLight,
-    SampleMaterial, parse_sample,
+    SampleMaterial, is_sample, parse_sample,
 };
 
 /// JSON schema of an experiment file, with units, ranges and defaults as descriptions.
@@ -52,6 +52,9 @@ fn with_mosaic_letters(mut schema: serde_json::Value) -> serde_json::Value {
 
 /// Name of the experiment that runs when none is named.
 pub const DEFAULT_EXPERIMENT: &str = "oraleye-2021";
+
+/// Name of the flat sample that is predicted when none is named.
+pub const DEFAULT_SAMPLE: &str = "tongue-385nm";
 
 /// A short file to start from: the default experiment as base, with a few values to play with.
 pub fn default_experiment_toml() -> String {

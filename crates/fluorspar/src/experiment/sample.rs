@@ -97,7 +97,8 @@ pub enum SampleCompatibility {
     /// ISETCam's constants and sensor equations: sensor mode `isetcam`, noise flag 0 unless the sensor says otherwise.
     Isetcam,
     /// Energy matrices of peak 1 on 365:5:705 nm without a wavelength step, as the authors' toolbox gives them to
-    /// their renderer: the normalisation under which the paper's weights hold. These are then the wavelengths, too.
+    /// their renderer: the normalisation under which the paper's weights hold. These are then the wavelengths, too; the
+    /// sensor is that of "isetcam".
     ToolboxEem,
 }
 
@@ -169,6 +170,11 @@ pub struct ResolvedSample {
     pub sha256: String,
 }
 
+/// Whether a text is the file of a flat sample: it has a `[sample]` table.
+pub fn is_sample(text: &str) -> bool {
+    text.parse::<toml::Table>().is_ok_and(|table| table.get("sample").is_some_and(toml::Value::is_table))
+}
+
 /// Reads the file of a flat sample and turns it into curves. Overrides and paths are as for an experiment.
 ///
 /// # Errors
@@ -181,19 +187,19 @@ pub fn parse_sample(
 ) -> Result<ResolvedSample, ExperimentError> {
     let document = read_document(text, source_name, base_dir, overrides)?;
     let mut file: SampleFile = typed(&document)?;
-    match (file.compatibility, &mut file.sensor) {
-        (SampleCompatibility::ToolboxEem, _) if file.spectral == SpectralSection::default() => {
-            file.spectral = SpectralSection {
-                first_nm: Some(TOOLBOX_START_NM),
-                last_nm: Some(TOOLBOX_START_NM + TOOLBOX_STEP_NM * (TOOLBOX_SAMPLES - 1) as f64),
-                step_nm: Some(TOOLBOX_STEP_NM),
-                edges_nm: None,
-            };
-        }
-        (SampleCompatibility::Isetcam, Some(sensor)) if sensor.model.mode == SensorMode::Physical => {
-            sensor.model.mode = SensorMode::Isetcam { noise_flag: 0 };
-        }
-        _ => {}
+    if file.compatibility == SampleCompatibility::ToolboxEem && file.spectral == SpectralSection::default() {
+        file.spectral = SpectralSection {
+            first_nm: Some(TOOLBOX_START_NM),
+            last_nm: Some(TOOLBOX_START_NM + TOOLBOX_STEP_NM * (TOOLBOX_SAMPLES - 1) as f64),
+            step_nm: Some(TOOLBOX_STEP_NM),
+            edges_nm: None,
+        };
+    }
+    if file.compatibility != SampleCompatibility::None
+        && let Some(sensor) = &mut file.sensor
+        && sensor.model.mode == SensorMode::Physical
+    {
+        sensor.model.mode = SensorMode::Isetcam { noise_flag: 0 };
     }
     resolve_sample(&document, &file)
 }

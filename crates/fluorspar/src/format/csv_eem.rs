@@ -45,7 +45,7 @@ pub enum AntiStokes {
 /// cells, and takes the unit from the file.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CsvEemOptions {
-    /// What the values count, where the file does not say.
+    /// What the values count, where the file does not say or says that it does not know.
     pub unit: Option<EemUnit>,
     /// What to do with values at emission wavelengths below the excitation.
     pub anti_stokes: AntiStokes,
@@ -181,6 +181,7 @@ fn unit(path: &Path, table: &Table, given: Option<EemUnit>) -> Result<EemUnit, F
         });
     }
     match (stated, given) {
+        (Some(EemUnit::Unknown), Some(given)) => Ok(given),
         (Some(stated), Some(given)) if stated != given => Err(FormatError::unit(
             path,
             format!(

@@ -37,6 +37,14 @@ pub fn capture(
         let (image, experiment) = (components.grid.len(), experiment.scene.grid.len());
         return Err(PipelineError::OtherGrid { image, experiment });
     }
+    let known = components.light_groups();
+    for c in &experiment.captures {
+        let frame = &c.frame;
+        if let Some(group) = frame.lights.keys().find(|g| frame.drive(g) > 0.0 && !known.contains(g)) {
+            let (frame, group) = (frame.label.clone(), group.clone());
+            return Err(PipelineError::OtherLights { frame, group, known: known.join(", ") });
+        }
+    }
     let field_deg = 2.0 * f64::from(experiment.scene.camera.tan_half_width).atan().to_degrees();
     let film_width_mm = lens.film_width_mm(field_deg);
     let film = FilmExtent::of_width(film_width_mm, components.width, components.height);

@@ -50,6 +50,19 @@ pub enum PipelineError {
         /// The names that exist.
         known: String,
     },
+    /// A frame wants lights that were not rendered.
+    #[error(
+        "the frame \"{frame}\" switches on the light group \"{group}\", which the component image does not hold; it \
+         holds: {known}. Render the experiment again"
+    )]
+    OtherLights {
+        /// The frame.
+        frame: String,
+        /// The light group.
+        group: String,
+        /// The groups of the image.
+        known: String,
+    },
     /// Images that belong together differ in their wavelengths.
     #[error(
         "the component image has {image} bands and the experiment {experiment}; they were made from different \

@@ -6,8 +6,9 @@ use std::f64::consts::PI;
 use serde::Serialize;
 
 use crate::analysis::sensor_chromaticity;
+use crate::experiment::{ResolvedSample, SampleCompatibility};
 use crate::optics::IdealLens;
-use crate::sensor::{Exposure, Sensor, SensorProblem};
+use crate::sensor::{ElectronRate, Exposure, FlatResponse, Sensor, SensorProblem};
 use crate::spectral::{
     Curve, Fluorophore, Irradiance, Radiance, Spectrum, ToolboxEem, Transmittance, WavelengthGrid,
 };
@@ -39,12 +40,49 @@ pub struct FlatSample {
     pub model: FluorescenceModel,
     /// Filters in front of the camera, multiplied.
     pub view_filter: Curve,
-    /// Lens, without the filters.
-    pub lens: IdealLens,
-    /// Sensor.
-    pub sensor: Sensor,
+    /// Lens, without the filters. Without it radiances are all that is predicted.
+    pub lens: Option<IdealLens>,
+    /// Sensor. Without it the irradiance on the film is the last thing that is predicted.
+    pub sensor: Option<Sensor>,
     /// Exposure.
     pub exposure: Exposure,
+}
+
+impl FlatSample {
+    /// The sample of a file. An exposure of "auto" becomes the time that suits the sensor's brightest channel.
+    ///
+    /// # Errors
+    /// An exposure that can't be used.
+    pub fn new(sample: &ResolvedSample) -> Result<Self, PredictError> {
+        let frame = &sample.exposure;
+        let mut flat = Self {
+            grid: sample.grid.clone(),
+            irradiance: sample.irradiance.clone(),
+            reflectance: sample.reflectance.clone(),
+            fluorophores: sample.fluorophores.clone(),
+            model: match sample.compatibility {
+                SampleCompatibility::ToolboxEem => FluorescenceModel::Toolbox,
+                SampleCompatibility::None | SampleCompatibility::Isetcam => FluorescenceModel::Physical,
+            },
+            view_filter: sample.view_filter.clone(),
+            lens: sample.lens.clone(),
+            sensor: sample.sensor.clone(),
+            exposure: Exposure { gain: frame.gain, label: frame.label.clone(), ..Exposure::default() },
+        };
+        if let Some(milliseconds) = frame.exposure_ms {
+            flat.exposure.time_s = milliseconds * 1e-3;
+        } else if let (Some(rule), Some(sensor)) = (&frame.auto_exposure, &flat.sensor) {
+            let parts = parts(&flat)?;
+            if let Some(light) = on_film(&flat, &parts.view, &parts.total()) {
+                let rates = sensor.flat_electron_rate(&light);
+                let mosaic = sensor.mosaic();
+                let data = mosaic.pattern.iter().map(|&channel| rates[usize::from(channel)] as f32).collect();
+                let cell = ElectronRate { columns: mosaic.cols, rows: mosaic.rows, data };
+                flat.exposure.time_s = sensor.auto_exposure_s(&cell, frame.gain, rule)?;
+            }
+        }
+        Ok(flat)
+    }
 }
 
 /// Radiance that leaves the sample, before any viewing filter, W/(sr m² nm), one value per wavelength.
@@ -95,11 +133,11 @@ pub struct Prediction {
     pub irradiance: Vec<f64>,
     /// Radiance from the sample, W/(sr m² nm).
     pub radiance: RadianceSplit,
-    /// Irradiance on the sensor on the lens's axis, behind viewing filter and lens, W/(m² nm).
-    pub sensor_irradiance: Vec<f64>,
-    /// Exposure time, s.
-    pub exposure_s: f64,
-    /// Response of each channel.
+    /// Irradiance on the sensor on the lens's axis, behind viewing filter and lens, W/(m² nm); null without a lens.
+    pub sensor_irradiance: Option<Vec<f64>>,
+    /// Exposure time, s; null without a sensor.
+    pub exposure_s: Option<f64>,
+    /// Response of each channel; empty without a sensor.
     pub channels: BTreeMap<String, ChannelPrediction>,
     /// Chromaticity of all light; null without R, G and B channels or without light.
     pub chromaticity: Option<Chromaticity>,
@@ -107,7 +145,12 @@ pub struct Prediction {
     pub fluorophore_chromaticity: BTreeMap<String, Option<Chromaticity>>,
     /// Reflected over fluorescent electrons, all channels together; null without fluorescence.
     pub leak_ratio: Option<f64>,
+    /// Photons emitted between 500 and 700 nm per photon that arrives; null where the model has no physical yields.
+    pub photon_yield_500_700: Option<f64>,
 }
+
+/// Emission band over which the yield of tissue is usually stated, nm.
+const YIELD_BAND_NM: (f64, f64) = (500.0, 700.0);
 
 /// Why a prediction can't be made.
 #[derive(Debug, thiserror::Error)]
@@ -132,70 +175,96 @@ pub enum PredictError {
 /// # Errors
 /// An exposure that can't be used, or a toolbox model that does not fit.
 pub fn predict(sample: &FlatSample) -> Result<Prediction, PredictError> {
-    let grid = &sample.grid;
-    let parts = match sample.model {
-        FluorescenceModel::Physical => physical_parts(sample),
-        FluorescenceModel::Toolbox => toolbox_parts(sample)?,
+    let parts = parts(sample)?;
+    let total = parts.total();
+    let light = on_film(sample, &parts.view, &total);
+    let mut prediction = Prediction {
+        wavelength_nm: sample.grid.centers_nm(),
+        irradiance: parts.irradiance.clone(),
+        radiance: RadianceSplit {
+            reflected: parts.reflected.clone(),
+            fluorescence: parts.fluorescence.iter().cloned().collect(),
+            total,
+        },
+        sensor_irradiance: light.as_ref().map(|light| light.values().to_vec()),
+        exposure_s: None,
+        channels: BTreeMap::new(),
+        chromaticity: None,
+        fluorophore_chromaticity: BTreeMap::new(),
+        leak_ratio: None,
+        photon_yield_500_700: match sample.model {
+            FluorescenceModel::Physical => photon_yield(sample, YIELD_BAND_NM),
+            FluorescenceModel::Toolbox => None,
+        },
     };
-    let total: Vec<f64> = (0..grid.len())
-        .map(|b| parts.reflected[b] + parts.fluorescence.iter().map(|(_, values)| values[b]).sum::<f64>())
-        .collect();
+    if let (Some(sensor), Some(light)) = (&sample.sensor, &light) {
+        let response = sensor.flat_response(light, &sample.exposure)?;
+        respond(&mut prediction, sample, sensor, &parts, &response);
+    }
+    Ok(prediction)
+}
 
-    let on_sensor = |radiance: &[f64]| -> Spectrum<Irradiance> {
-        let filtered: Vec<f64> = radiance.iter().zip(&parts.view).map(|(l, t)| l * t).collect();
-        sample.lens.axial_irradiance(&Spectrum::from_parts(grid.clone(), filtered))
-    };
-    let sensor_irradiance = on_sensor(&total);
-    let response = sample.sensor.flat_response(&sensor_irradiance, &sample.exposure)?;
+/// Fills in what the sensor makes of the light.
+fn respond(
+    prediction: &mut Prediction,
+    sample: &FlatSample,
+    sensor: &Sensor,
+    parts: &Parts,
+    response: &FlatResponse,
+) {
+    let time_s = sample.exposure.time_s;
     let electrons = |radiance: &[f64]| -> Vec<f64> {
-        let rates = sample.sensor.flat_electron_rate(&on_sensor(radiance));
-        rates.into_iter().map(|rate| rate * sample.exposure.time_s).collect()
+        on_film(sample, &parts.view, radiance)
+            .map(|light| sensor.flat_electron_rate(&light).into_iter().map(|rate| rate * time_s).collect())
+            .unwrap_or_default()
     };
     let reflected_e = electrons(&parts.reflected);
     let fluorescent_e: Vec<(&String, Vec<f64>)> =
         parts.fluorescence.iter().map(|(name, values)| (name, electrons(values))).collect();
-
     let names = &response.channels;
-    let channels = names
-        .iter()
-        .enumerate()
-        .map(|(c, name)| {
-            let prediction = ChannelPrediction {
-                electrons: response.electrons[c],
-                electrons_reflected: reflected_e[c],
-                electrons_fluorescence: fluorescent_e.iter().map(|(n, e)| ((*n).clone(), e[c])).collect(),
-                volts: response.volts[c],
-                dn: response.dn[c],
-                noise_dn: response.noise_dn[c],
-                saturated: response.saturated[c],
-            };
-            (name.clone(), prediction)
-        })
-        .collect();
+    for (c, name) in names.iter().enumerate() {
+        let channel = ChannelPrediction {
+            electrons: response.electrons[c],
+            electrons_reflected: reflected_e[c],
+            electrons_fluorescence: fluorescent_e.iter().map(|(n, e)| ((*n).clone(), e[c])).collect(),
+            volts: response.volts[c],
+            dn: response.dn[c],
+            noise_dn: response.noise_dn[c],
+            saturated: response.saturated[c],
+        };
+        prediction.channels.insert(name.clone(), channel);
+    }
     let chromaticity = |electrons: &[f64]| {
         let pick = |name: &str| names.iter().position(|n| n == name).map(|c| electrons[c]);
         let [r, g] = sensor_chromaticity([pick("R")?, pick("G")?, pick("B")?])?;
         Some(Chromaticity { r, g })
     };
     let fluorescent_total: f64 = fluorescent_e.iter().flat_map(|(_, e)| e).sum();
-    Ok(Prediction {
-        wavelength_nm: grid.centers_nm(),
-        irradiance: parts.irradiance,
-        sensor_irradiance: sensor_irradiance.values().to_vec(),
-        exposure_s: sample.exposure.time_s,
-        channels,
-        chromaticity: chromaticity(&response.electrons),
-        fluorophore_chromaticity: fluorescent_e
-            .iter()
-            .map(|(name, e)| ((*name).clone(), chromaticity(e)))
-            .collect(),
-        leak_ratio: (fluorescent_total > 0.0).then(|| reflected_e.iter().sum::<f64>() / fluorescent_total),
-        radiance: RadianceSplit {
-            reflected: parts.reflected,
-            fluorescence: parts.fluorescence.into_iter().collect(),
-            total,
-        },
-    })
+    prediction.exposure_s = Some(time_s);
+    prediction.chromaticity = chromaticity(&response.electrons);
+    prediction.fluorophore_chromaticity =
+        fluorescent_e.iter().map(|(name, e)| ((*name).clone(), chromaticity(e))).collect();
+    prediction.leak_ratio =
+        (fluorescent_total > 0.0).then(|| reflected_e.iter().sum::<f64>() / fluorescent_total);
+}
+
+/// Irradiance on the film from a radiance of the sample; none without a lens.
+fn on_film(sample: &FlatSample, view: &[f64], radiance: &[f64]) -> Option<Spectrum<Irradiance>> {
+    let filtered: Vec<f64> = radiance.iter().zip(view).map(|(l, t)| l * t).collect();
+    let lens = sample.lens.as_ref()?;
+    Some(lens.axial_irradiance(&Spectrum::from_parts(sample.grid.clone(), filtered)))
+}
+
+/// Photons emitted within a band per photon that arrives within the grid, from fine samples.
+fn photon_yield(sample: &FlatSample, band_nm: (f64, f64)) -> Option<f64> {
+    let (start, end) = (sample.grid.start_nm(), sample.grid.end_nm());
+    // In units of 1/(h c): photons = energy * lambda.
+    let photons = sample.irradiance.clipped(start, end).times(&Curve::from_fn(start, end, |nm| nm));
+    let incident = photons.total();
+    let emitted = |(fluorophore, concentration): &(Fluorophore, f64)| {
+        concentration * fluorophore.eem.photon_exitance(&photons, band_nm).total()
+    };
+    (incident > 0.0).then(|| sample.fluorophores.iter().map(emitted).sum::<f64>() / incident)
 }
 
 struct Parts {
@@ -203,6 +272,20 @@ struct Parts {
     reflected: Vec<f64>,
     fluorescence: Vec<(String, Vec<f64>)>,
     view: Vec<f64>,
+}
+
+impl Parts {
+    fn total(&self) -> Vec<f64> {
+        let fluorescent = |b: usize| self.fluorescence.iter().map(|(_, values)| values[b]).sum::<f64>();
+        self.reflected.iter().enumerate().map(|(b, reflected)| reflected + fluorescent(b)).collect()
+    }
+}
+
+fn parts(sample: &FlatSample) -> Result<Parts, PredictError> {
+    match sample.model {
+        FluorescenceModel::Physical => Ok(physical_parts(sample)),
+        FluorescenceModel::Toolbox => toolbox_parts(sample),
+    }
 }
 
 /// Products that matter are formed on fine samples and averaged over bins once.

@@ -26,11 +26,13 @@ pub enum PresetKind {
     Fluorophore,
     /// A complete experiment.
     Experiment,
+    /// A flat sample without geometry.
+    Sample,
 }
 
 impl PresetKind {
     /// Every kind.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 8] = [
         Self::Light,
         Self::Filter,
         Self::Reflectance,
@@ -38,6 +40,7 @@ impl PresetKind {
         Self::Sensor,
         Self::Fluorophore,
         Self::Experiment,
+        Self::Sample,
     ];
 
     fn folder(self) -> &'static str {
@@ -49,6 +52,7 @@ impl PresetKind {
             Self::Sensor => "sensors",
             Self::Fluorophore => "fluorophores",
             Self::Experiment => "experiments",
+            Self::Sample => "samples",
         }
     }
 }
@@ -63,6 +67,7 @@ impl fmt::Display for PresetKind {
             Self::Sensor => "sensor",
             Self::Fluorophore => "fluorophore",
             Self::Experiment => "experiment",
+            Self::Sample => "flat sample",
         })
     }
 }

@@ -10,6 +10,7 @@
 //! | sensors | [`list`]`(PresetKind::Sensor)` | [`sensor`] |
 //! | fluorophores | [`list`]`(PresetKind::Fluorophore)` | [`fluorophore`] |
 //! | experiments | [`list`]`(PresetKind::Experiment)` | [`experiment`] |
+//! | flat samples | [`list`]`(PresetKind::Sample)` | [`sample`] |
 
 mod catalogue;
 mod curve_preset;
@@ -25,4 +26,4 @@ pub use curve_preset::{
 };
 pub use fluorophore_preset::{FluorophoreFit, FluorophoreMask, FluorophorePreset, fluorophore};
 pub(crate) use text_preset::sensor_text;
-pub use text_preset::{ExperimentPreset, SensorPreset, experiment, sensor};
+pub use text_preset::{ExperimentPreset, SensorPreset, experiment, sample, sensor};

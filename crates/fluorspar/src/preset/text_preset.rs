@@ -23,7 +23,7 @@ pub struct SensorPreset {
     pub sensor: toml::Table,
 }
 
-/// An experiment of the catalogue.
+/// An experiment or a flat sample of the catalogue.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ExperimentPreset {
     /// Name by which files refer to it.
@@ -56,9 +56,20 @@ pub(crate) fn sensor_text(name: &str) -> Result<&'static str, PresetError> {
 /// # Errors
 /// When there is no such experiment.
 pub fn experiment(name: &str) -> Result<ExperimentPreset, PresetError> {
-    let text = text(PresetKind::Experiment, name)?;
-    let table: toml::Table =
-        toml::from_str(text).map_err(|error| damaged(PresetKind::Experiment, name, error.to_string()))?;
+    whole_file(PresetKind::Experiment, name)
+}
+
+/// A flat sample.
+///
+/// # Errors
+/// When there is no such sample.
+pub fn sample(name: &str) -> Result<ExperimentPreset, PresetError> {
+    whole_file(PresetKind::Sample, name)
+}
+
+fn whole_file(kind: PresetKind, name: &str) -> Result<ExperimentPreset, PresetError> {
+    let text = text(kind, name)?;
+    let table: toml::Table = toml::from_str(text).map_err(|error| damaged(kind, name, error.to_string()))?;
     let field = |key: &str| table.get(key).and_then(toml::Value::as_str).unwrap_or_default().to_string();
     Ok(ExperimentPreset { name: name.into(), title: field("title"), description: field("description"), text })
 }

@@ -279,6 +279,10 @@ fn from_mat(
         let table = EemTable { emission_nm: read.wave_nm.clone(), excitation_nm: read.wave_nm, values };
         return matrix(context, at, table, section.unit.unwrap_or(YieldUnit::Photons), stokes);
     }
+    if read.emission_only {
+        return context
+            .fail(at, "the excitation is missing or constant: it was never measured. Give a measured one");
+    }
     let (Some(excitation), Some(emission)) = (read.excitation, read.emission) else {
         return context.fail(at, "the file has neither a matrix nor both excitation and emission");
     };

@@ -1,1 +1,0 @@
-//! `fluorspar fluorophore`: list, show, plot, import.

@@ -1,0 +1,53 @@
+//! `fluorspar fluorophore list`.
+
+use fluorspar::preset::{self, PresetKind};
+use serde_json::json;
+
+use super::loading::peaks_nm;
+use crate::commands::table::{align, short};
+use crate::commands::{print_json, print_text};
+use crate::error::CliError;
+
+/// Options of `fluorophore list`.
+#[derive(Clone, Debug, clap::Args)]
+pub(super) struct Options {
+    /// Print the list as JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+pub(super) fn run(options: &Options) -> Result<(), CliError> {
+    let mut list = Vec::new();
+    let head = ["name", "excitation", "emission", "peaks nm", "photon yield", "fit error", "title"];
+    let mut rows = vec![head.map(String::from).to_vec()];
+    for name in preset::names(PresetKind::Fluorophore) {
+        let preset = preset::fluorophore(name)?;
+        let [excitation_nm, emission_nm] = peaks_nm(&preset.fluorophore());
+        let range = |[first, last]: [f64; 2]| format!("{first:.0}-{last:.0}");
+        let fit = &preset.fit;
+        let error =
+            if fit.cells > 0 { format!("{:.1} %", 100.0 * fit.relative_frobenius) } else { "-".into() };
+        rows.push(vec![
+            name.into(),
+            range(preset.excitation_range_nm),
+            range(preset.emission_range_nm),
+            format!("{excitation_nm:.0} > {emission_nm:.0}"),
+            short(preset.photon_yield),
+            error,
+            preset.title.clone(),
+        ]);
+        list.push(json!({
+            "name": name,
+            "title": preset.title,
+            "description": preset.description,
+            "source": preset.source,
+            "excitation_range_nm": preset.excitation_range_nm,
+            "emission_range_nm": preset.emission_range_nm,
+            "excitation_peak_nm": excitation_nm,
+            "emission_peak_nm": emission_nm,
+            "photon_yield": preset.photon_yield,
+            "relative_fit_error": (fit.cells > 0).then_some(fit.relative_frobenius),
+        }));
+    }
+    if options.json { print_json(&list) } else { print_text(&align(&rows, &[6])) }
+}

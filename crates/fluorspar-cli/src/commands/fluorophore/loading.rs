@@ -1,0 +1,155 @@
+//! Fluorophores by name or file, as they would be in an experiment.
+
+use std::path::Path;
+
+use fluorspar::experiment::parse_sample;
+use fluorspar::experiment::schema::{FluorophoreSection, YieldUnit};
+use fluorspar::preset::{self, FluorophorePreset};
+use fluorspar::spectral::{Fluorophore, Stokes, YieldDensity};
+use serde::Serialize;
+
+use super::measured::{Kind, Measured, read};
+use super::{FileOptions, StokesChoice, Unit};
+use crate::commands::quoted;
+use crate::error::CliError;
+
+/// Scale of a file that gives none: that of the catalogue.
+const ASSUMED_PHOTON_YIELD: f64 = 1e-3;
+
+/// A fluorophore at unit concentration and where it comes from.
+pub(super) struct Loaded {
+    pub(super) fluorophore: Fluorophore,
+    /// The entry of the catalogue.
+    pub(super) preset: Option<FluorophorePreset>,
+    /// What the file holds.
+    pub(super) measured: Option<Measured>,
+}
+
+#[derive(Serialize)]
+struct Sections {
+    fluorophore: [FluorophoreSection; 1],
+}
+
+/// Sections as TOML.
+pub(super) fn section_toml(section: &FluorophoreSection) -> Result<String, CliError> {
+    toml::to_string(&Sections { fluorophore: [section.clone()] })
+        .map_err(|error| CliError::Failed(format!("the section can't be written: {error}")))
+}
+
+/// By name of the catalogue, or from a file.
+pub(super) fn load(name: &str, options: &FileOptions) -> Result<Loaded, CliError> {
+    let path = Path::new(name);
+    let looks_like_file = path.extension().is_some() || name.contains(['/', '\\']) || path.is_file();
+    if looks_like_file {
+        let (section, measured) = from_file(path, None, options)?;
+        return Ok(Loaded { fluorophore: checked(path, &section)?, preset: None, measured: Some(measured) });
+    }
+    let preset = preset::fluorophore(name)?;
+    Ok(Loaded { fluorophore: preset.fluorophore(), preset: Some(preset), measured: None })
+}
+
+/// Reads a file strictly and makes its section, with an absolute path.
+pub(super) fn from_file(
+    path: &Path,
+    name: Option<&str>,
+    options: &FileOptions,
+) -> Result<(FluorophoreSection, Measured), CliError> {
+    let photon_yield = options.photon_yield.unwrap_or(ASSUMED_PHOTON_YIELD);
+    if !(photon_yield > 0.0 && photon_yield <= 1.0) {
+        return Err(CliError::Input(format!(
+            "--photon-yield {photon_yield}: must be above 0 and at most 1 (photons out per photon in)"
+        )));
+    }
+    if path.is_dir() {
+        return Err(CliError::Input(format!("{}: this is a folder; give a file in it", path.display())));
+    }
+    let measured = read(path, options)?;
+    let stem = path.file_stem().map_or_else(|| "imported".into(), |stem| stem.to_string_lossy().into_owned());
+    let name = name.map(String::from).or_else(|| measured.name.clone()).unwrap_or(stem);
+    if name.trim().is_empty() {
+        return Err(CliError::Input(
+            "--name: the name is empty; give one that materials can refer to".into(),
+        ));
+    }
+    let file = std::path::absolute(path).unwrap_or_else(|_| path.into());
+    let file = Some(file.to_string_lossy().into_owned());
+    let mut section = FluorophoreSection {
+        name,
+        title: None,
+        from: None,
+        eem_csv: None,
+        csv: None,
+        mat: None,
+        excitation_csv: None,
+        emission_csv: None,
+        unit: Some(match measured.unit {
+            Unit::Photons => YieldUnit::Photons,
+            Unit::Energy => YieldUnit::Energy,
+        }),
+        photon_yield: Some(photon_yield),
+        stokes: Some(match options.stokes {
+            StokesChoice::Mask => Stokes::Mask,
+            StokesChoice::Off => Stokes::Off,
+        }),
+    };
+    match measured.kind {
+        Kind::MatrixCsv => section.eem_csv = file,
+        Kind::SpectraCsv => section.csv = file,
+        Kind::Mat => section.mat = file,
+    }
+    Ok((section, measured))
+}
+
+/// The fluorophore that an experiment makes of a section: on a black surface, at concentration 1.
+pub(super) fn checked(path: &Path, section: &FluorophoreSection) -> Result<Fluorophore, CliError> {
+    let text = format!(
+        "[light]\nspectrum = \"equal_energy\"\nirradiance_w_per_m2 = 1.0\n[sample]\nreflectance = 0.0\n\
+         [sample.concentrations]\n{} = 1.0\n{}",
+        quoted(&section.name),
+        section_toml(section)?
+    );
+    let sample = parse_sample(&text, &path.display().to_string(), Path::new("."), &[]).map_err(|error| {
+        let details = error.details();
+        CliError::Input(format!("{}: {}", path.display(), details.message))
+    })?;
+    let found = sample.fluorophores.into_iter().next();
+    found
+        .map(|(fluorophore, _)| fluorophore)
+        .ok_or_else(|| CliError::Failed(format!("{}: the file gave no fluorophore", path.display())))
+}
+
+/// Where a fluorophore emits at all, nm: a model beyond its data, too.
+pub(super) fn everywhere_nm(fluorophore: &Fluorophore) -> (f64, f64) {
+    match fluorophore.eem.density() {
+        YieldDensity::Separable(_) => (200.0, 1200.0),
+        YieldDensity::Table(_) => fluorophore.emission_range_nm,
+    }
+}
+
+/// Excitation with the largest yield, and where the emission under it is largest, nm.
+pub(super) fn peaks_nm(fluorophore: &Fluorophore) -> [f64; 2] {
+    let nodes = |(first, last): (f64, f64)| -> Vec<f64> {
+        (0..=(last - first).floor().max(1.0) as usize).map(|i| (first + i as f64).min(last)).collect()
+    };
+    let largest = |nodes: &[f64], values: &[f64]| {
+        let best = (0..values.len()).fold(0, |best, i| if values[i] > values[best] { i } else { best });
+        nodes.get(best).copied().unwrap_or(f64::NAN)
+    };
+    let excitation = nodes(fluorophore.excitation_range_nm);
+    let excitation_nm = largest(&excitation, &fluorophore.eem.total_yields(&excitation));
+    [excitation_nm, emission_peak_nm(fluorophore, excitation_nm)]
+}
+
+/// Where the emission under one excitation is largest, nm.
+pub(super) fn emission_peak_nm(fluorophore: &Fluorophore, excitation_nm: f64) -> f64 {
+    let (first, last) = fluorophore.emission_range_nm;
+    let mut best = (f64::NAN, 0.0);
+    for i in 0..=(last - first).floor().max(1.0) as usize {
+        let nm = (first + i as f64).min(last);
+        let value = fluorophore.eem.at(nm, excitation_nm);
+        if value > best.1 {
+            best = (nm, value);
+        }
+    }
+    best.0
+}

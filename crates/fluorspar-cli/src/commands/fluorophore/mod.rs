@@ -1,0 +1,78 @@
+//! `fluorspar fluorophore`: list, show, plot, import.
+
+mod import;
+mod list;
+mod loading;
+mod measured;
+mod plot;
+mod show;
+
+use std::process::ExitCode;
+
+use clap::{Subcommand, ValueEnum};
+
+use crate::error::CliError;
+
+/// Options of `fluorophore`.
+#[derive(Clone, Debug, clap::Args)]
+pub(crate) struct Options {
+    #[command(subcommand)]
+    action: Action,
+}
+
+#[derive(Clone, Debug, Subcommand)]
+enum Action {
+    /// List the fluorophores of the catalogue.
+    List(list::Options),
+    /// Show source, range, yields and terms of a fluorophore.
+    Show(show::Options),
+    /// Draw excitation-emission matrices, and the emission under a light.
+    Plot(plot::Options),
+    /// Check a measured fluorophore and write the section that brings it into an experiment.
+    Import(import::Options),
+}
+
+/// How a file is read.
+#[derive(Clone, Debug, clap::Args)]
+struct FileOptions {
+    /// What the values of a file count, where it does not say.
+    #[arg(long, value_enum)]
+    unit: Option<Unit>,
+    /// Photons out per photon in at the best excitation, concentration 1, of a file [default: 0.001, assumed].
+    #[arg(long, value_name = "Y", allow_negative_numbers = true)]
+    photon_yield: Option<f64>,
+    /// Whether emission below the excitation wavelength of a file is masked or used as it is.
+    #[arg(long, value_enum, default_value = "mask")]
+    stokes: StokesChoice,
+    /// Take negative values of a file as zero instead of refusing them.
+    #[arg(long)]
+    allow_negative: bool,
+    /// Accept values of a file at emission wavelengths below the excitation.
+    #[arg(long)]
+    allow_anti_stokes: bool,
+    /// Take empty cells of a matrix as zero instead of refusing them.
+    #[arg(long)]
+    empty_as_zero: bool,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Unit {
+    Photons,
+    Energy,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum StokesChoice {
+    Mask,
+    Off,
+}
+
+pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
+    match &options.action {
+        Action::List(options) => list::run(options)?,
+        Action::Show(options) => show::run(options)?,
+        Action::Plot(options) => plot::run(options)?,
+        Action::Import(options) => import::run(options)?,
+    }
+    Ok(ExitCode::SUCCESS)
+}

@@ -1,0 +1,135 @@
+//! `fluorspar fluorophore plot`.
+
+use std::f64::consts::PI;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use clap::ValueHint;
+use fluorspar::format::{CsvColumns, CsvSpectrumOptions, read_spectrum_csv, write_atomically};
+use fluorspar::preset;
+use fluorspar::spectral::{Curve, Fluorophore};
+use fluorspar_report::Figure;
+use fluorspar_report::figures::{EemMap, NamedCurve, eem_maps, emission};
+
+use super::FileOptions;
+use super::loading::load;
+use crate::commands::check_parent;
+use crate::error::CliError;
+
+/// Width of a cell of a heat map, nm.
+const CELL_NM: f64 = 2.5;
+/// Irradiance for which emission is drawn, W/m².
+const IRRADIANCE_W_PER_M2: f64 = 1000.0;
+
+/// Options of `fluorophore plot`.
+#[derive(Clone, Debug, clap::Args)]
+pub(super) struct Options {
+    /// Names of the catalogue, or files: matrix CSV, excitation and emission CSV, ISET .mat.
+    #[arg(value_name = "NAME|FILE", required = true)]
+    names: Vec<String>,
+    /// Picture to write: .svg or .png.
+    #[arg(long, value_name = "FILE", default_value = "fluorophores.svg", value_hint = ValueHint::FilePath)]
+    out: PathBuf,
+    /// Mark this light (a name of the catalogue or a CSV file) and draw the emission under it, as FILE_emission.
+    #[arg(long, value_name = "NAME|CSV")]
+    light: Option<String>,
+    #[command(flatten)]
+    file: FileOptions,
+}
+
+pub(super) fn run(options: &Options) -> Result<(), CliError> {
+    let ending = options.out.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase);
+    let is_svg = match ending.as_deref() {
+        Some("svg") => true,
+        Some("png") => false,
+        _ => {
+            return Err(CliError::Input(format!(
+                "--out {}: the name must end in .svg or .png",
+                options.out.display()
+            )));
+        }
+    };
+    check_parent(&options.out)?;
+    let fluorophores = options
+        .names
+        .iter()
+        .map(|name| load(name, &options.file).map(|loaded| loaded.fluorophore))
+        .collect::<Result<Vec<Fluorophore>, CliError>>()?;
+    let light = options.light.as_deref().map(light_curve).transpose()?;
+
+    let mut figures = vec![(options.out.clone(), eem_figure(&fluorophores, light.as_ref()))];
+    if let (Some(curve), Some(name)) = (&light, &options.light) {
+        figures.push((beside(&options.out, "_emission"), emission_figure(&fluorophores, curve, name)));
+    }
+    for (path, figure) in &figures {
+        let bytes = if is_svg { figure.to_svg().into_bytes() } else { figure.to_png()? };
+        write_atomically(path, |file| file.write_all(&bytes))?;
+        eprintln!("Wrote {}", path.display());
+    }
+    Ok(())
+}
+
+/// The same file name with a suffix before its ending.
+fn beside(path: &Path, suffix: &str) -> PathBuf {
+    let part =
+        |part: Option<&std::ffi::OsStr>| part.map(|p| p.to_string_lossy().into_owned()).unwrap_or_default();
+    path.with_file_name(format!("{}{suffix}.{}", part(path.file_stem()), part(path.extension())))
+}
+
+fn light_curve(name: &str) -> Result<Curve, CliError> {
+    if !(name.contains(['/', '\\']) || name.to_ascii_lowercase().ends_with(".csv")) {
+        return Ok(preset::light_spectrum(name)?.curve());
+    }
+    let options =
+        CsvSpectrumOptions { columns: CsvColumns::Numbered(vec![1]), ..CsvSpectrumOptions::default() };
+    let curve = read_spectrum_csv(Path::new(name), &options)?.into_iter().next().map(|column| column.curve);
+    curve
+        .filter(|curve| curve.total() > 0.0)
+        .ok_or_else(|| CliError::Input(format!("{name}: the light is dark: all its values are zero")))
+}
+
+/// Wavelengths that hold all ranges, on multiples of 10 nm.
+fn hull(ranges: impl Iterator<Item = (f64, f64)>) -> [f64; 2] {
+    let (low, high) = ranges.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), (c, d)| (a.min(c), b.max(d)));
+    [(low / 10.0).floor() * 10.0, (high / 10.0).ceil() * 10.0]
+}
+
+fn eem_figure(fluorophores: &[Fluorophore], light: Option<&Curve>) -> Figure {
+    let excitation = hull(fluorophores.iter().map(|f| f.excitation_range_nm));
+    let emission = hull(fluorophores.iter().map(|f| f.emission_range_nm));
+    let cells = |[low, high]: [f64; 2]| ((high - low) / CELL_NM).round().clamp(1.0, 400.0) as usize;
+    let center =
+        |range: [f64; 2], i: usize| range[0] + (range[1] - range[0]) * (i as f64 + 0.5) / cells(range) as f64;
+    let maps: Vec<EemMap> = fluorophores
+        .iter()
+        .map(|f| EemMap {
+            name: f.title.clone(),
+            excitation_nm: excitation,
+            emission_nm: emission,
+            columns: cells(excitation),
+            values: (0..cells(emission))
+                .flat_map(|row| (0..cells(excitation)).map(move |col| (row, col)))
+                .map(|(row, col)| f.eem.at(center(emission, row), center(excitation, col)))
+                .collect(),
+        })
+        .collect();
+    eem_maps(&maps, light.map(Curve::peak_nm))
+}
+
+/// Radiance of each fluorophore at concentration 1 under 1000 W/m² of a light.
+fn emission_figure(fluorophores: &[Fluorophore], light: &Curve, name: &str) -> Figure {
+    let (first, last) = light.range_nm();
+    let light = light.scaled(IRRADIANCE_W_PER_M2 / light.total());
+    // In units of 1/(h c): photons = energy * lambda.
+    let photons = light.times(&Curve::from_fn(first, last, |nm| nm));
+    let [low, high] = hull(fluorophores.iter().map(|f| f.emission_range_nm));
+    let nm: Vec<f64> = (0..=(high - low) as usize).map(|i| low + i as f64).collect();
+    let curve = |f: &Fluorophore| {
+        let exitance = f.eem.photon_exitance(&photons, (low, high));
+        let radiance = nm.iter().map(|&x| exitance.at(x) / (x * PI)).collect();
+        NamedCurve::new(f.title.clone(), nm.clone(), radiance)
+    };
+    let curves: Vec<NamedCurve> = fluorophores.iter().map(curve).collect();
+    let label = Path::new(name).file_stem().map_or_else(|| name.into(), |s| s.to_string_lossy().into_owned());
+    emission(&curves, &format!("{IRRADIANCE_W_PER_M2} W/m² of {label}"), "W/(sr m² nm)", None)
+}

@@ -1,0 +1,178 @@
+//! `fluorspar fluorophore`: the catalogue, pictures, and the way of measured files into experiments.
+
+#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "these are tests")]
+
+mod support;
+
+use std::fs;
+use std::path::Path;
+
+use serde_json::Value;
+use support::{fluorspar, library_test_data, listing, reference};
+
+#[test]
+fn the_catalogue_is_listed_and_shown() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let list = fluorspar(folder, ["fluorophore", "list", "--json"]).json();
+    let names: Vec<&str> = list.as_array().unwrap().iter().filter_map(|e| e["name"].as_str()).collect();
+    assert!(names.contains(&"fad") && names.contains(&"protoporphyrin_ix"), "{names:?}");
+    let text = fluorspar(folder, ["fluorophore", "list"]).well().stdout;
+    assert_eq!(text.lines().count(), 1 + names.len());
+    for name in names {
+        let shown = fluorspar(folder, ["fluorophore", "show", name, "--json"]).json();
+        assert!(!shown["source"].as_str().unwrap().is_empty());
+        assert_eq!(shown["yields"].as_array().map(Vec::len), Some(4), "{name}");
+        let shares = shown["term_summary"].as_array().unwrap();
+        let sum: f64 = shares.iter().filter_map(|t| t["share_of_yield_at_385_nm"].as_f64()).sum();
+        assert!((sum - 1.0).abs() < 1e-9, "{name}: {sum}");
+        let text = fluorspar(folder, ["fluorophore", "show", name]).well().stdout;
+        assert!(
+            text.contains("photons out per photon in") && text.contains("sum of separable terms"),
+            "{text}"
+        );
+    }
+    // README of the catalogue: photons between 500 and 700 nm per photon at 405 nm, concentration 1.
+    for (name, expected) in [("fad", 4.12e-4), ("elastin", 3.41e-4), ("protoporphyrin_ix", 8.85e-4)] {
+        let shown = fluorspar(folder, ["fluorophore", "show", name, "--json"]).json();
+        let at_405 = &shown["yields"][2];
+        assert_eq!(at_405["excitation_nm"], 405.0);
+        let value = at_405["photon_yield_500_700"].as_f64().unwrap();
+        assert!((value / expected - 1.0).abs() < 0.01, "{name}: {value}");
+    }
+}
+
+#[test]
+fn matrices_and_emission_are_drawn() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    fluorspar(folder, ["fluorophore", "plot", "fad", "collagen"]).well();
+    let svg = fs::read_to_string(folder.join("fluorophores.svg")).unwrap();
+    assert!(svg.contains("FAD") && svg.contains("Collagen I"));
+    let data = library_test_data("iset_v73.mat");
+    let args = ["fluorophore", "plot", "fad", data.to_str().unwrap(), "--out", "a.png", "--light", "led_405"];
+    let said = fluorspar(folder, args).well();
+    assert_eq!(said.stderr, "Wrote a.png\nWrote a_emission.png\n");
+    for name in ["a.png", "a_emission.png"] {
+        assert!(fs::read(folder.join(name)).unwrap().starts_with(b"\x89PNG"), "{name}");
+    }
+    assert_eq!(listing(folder).len(), 3);
+}
+
+/// Adds the dye of a section to a flat sample and predicts it.
+fn predicted(folder: &Path, section: &str, name: &str) -> Value {
+    let text = format!(
+        "[light]\nspectrum = {{ kind = \"table\", wavelength_nm = [384, 385, 386], value = [0, 1, 0] }}\n\
+         irradiance_w_per_m2 = 1\n[sample]\nreflectance = 0.1\nconcentrations = {{ {name} = 1.0 }}\n{section}"
+    );
+    fs::write(folder.join("sample.toml"), text).unwrap();
+    fluorspar(folder, ["predict", "sample.toml", "--json", "--step-nm", "1"]).json()
+}
+
+#[test]
+fn imported_files_work_in_experiments() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    fs::create_dir(folder.join("data")).unwrap();
+    fs::create_dir(folder.join("work")).unwrap();
+    // Flat from 500 to 600 nm; excitation falls from 380 to 400 nm.
+    let table = "em_nm\\ex_nm,380,400\n500,2,1\n600,2,1\n";
+    fs::write(folder.join("data/flat.csv"), table).unwrap();
+    let args = [
+        "fluorophore",
+        "import",
+        "data/flat.csv",
+        "--unit",
+        "photons",
+        "--name",
+        "flat",
+        "--photon-yield",
+        "0.2",
+        "--out",
+        "work/flat.toml",
+    ];
+    let said = fluorspar(folder, args).well();
+    assert_eq!(said.stdout, "");
+    for text in [
+        "content          excitation-emission matrix of photons",
+        "excitation       380 to 400 nm, 2 samples",
+        "emission         500 to 600 nm, 2 samples",
+        "peak             excitation 380 nm, emission 500 nm",
+        "anti-Stokes      0.000 % of the sum of all values",
+        "2.000e-1 photons out per photon in at 380 nm",
+    ] {
+        assert!(said.stderr.contains(text), "{text}: {}", said.stderr);
+    }
+    let section = fs::read_to_string(folder.join("work/flat.toml")).unwrap();
+    assert!(section.contains("eem_csv = \"../data/flat.csv\""), "{section}");
+    let found = predicted(&folder.join("work"), &section, "flat");
+    // At 385 nm the yield is 0.2 * 1.75 / 2 photons; each carries 385/lambda of the energy.
+    let radiance = found["radiance"]["fluorescence"]["flat"].as_array().unwrap();
+    let at_550 = radiance[200].as_f64().unwrap();
+    let expected = 0.175 / 100.0 * 385.0 / 550.0 / std::f64::consts::PI;
+    assert!((at_550 / expected - 1.0).abs() < 2e-3, "{at_550} and {expected}");
+
+    // As energy, the matrix favours long wavelengths: photons = energy * em / ex.
+    let args = ["fluorophore", "import", "data/flat.csv", "--unit", "energy", "--name", "flat", "--out", "-"];
+    let section = fluorspar(folder, args).well().stdout;
+    let found = predicted(folder, &section, "flat");
+    let radiance = found["radiance"]["fluorescence"]["flat"].as_array().unwrap();
+    let ratio = radiance[240].as_f64().unwrap() / radiance[160].as_f64().unwrap();
+    assert!((ratio - 1.0).abs() < 1e-3, "equal energy per nm: {ratio}");
+}
+
+#[test]
+fn every_kind_of_file_is_imported() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    for name in ["iset_v5.mat", "iset_v7_struct.mat", "iset_v73.mat"] {
+        fs::copy(library_test_data(name), folder.join(name)).unwrap();
+        let args = ["fluorophore", "import", name, "--out", "-"];
+        let said = fluorspar(folder, args).well();
+        assert!(
+            said.stdout.contains("name = \"testphore\"")
+                && said.stdout.contains(&format!("mat = \"{name}\""))
+        );
+        let shown = fluorspar(folder, ["fluorophore", "show", name, "--json"]).json();
+        assert_eq!(shown["emission_peak_nm"], 460.0, "{name}");
+    }
+    let spectra = "wavelength_nm,excitation,emission\n380,1,0\n400,0.5,0\n500,-0.01,1\n600,0,0\n";
+    fs::write(folder.join("spectra.csv"), spectra).unwrap();
+    let said =
+        fluorspar(folder, ["fluorophore", "import", "spectra.csv", "--allow-negative", "--out", "s.toml"])
+            .well();
+    assert!(said.stderr.contains("photons (assumed; --unit energy changes it)"), "{}", said.stderr);
+    assert!(fs::read_to_string(folder.join("s.toml")).unwrap().contains("\ncsv = \"spectra.csv\"\n"));
+
+    let eem = "# unit: unknown\nem_nm\\ex_nm,380,505\n500,1,0.5\n510,,4\n";
+    fs::write(folder.join("anti.csv"), eem).unwrap();
+    let args = [
+        "fluorophore",
+        "import",
+        "anti.csv",
+        "--unit=photons",
+        "--allow-anti-stokes",
+        "--empty-as-zero",
+        "--stokes=off",
+        "--out=a.toml",
+    ];
+    let said = fluorspar(folder, args).well();
+    assert!(said.stderr.contains("anti-Stokes      9.091 % of the sum of all values"), "{}", said.stderr);
+    assert!(fs::read_to_string(folder.join("a.toml")).unwrap().contains("stokes = \"off\""));
+}
+
+#[test]
+fn measured_matrices_come_through() {
+    let Some(reference) = reference() else {
+        println!("skipped: no reference data (set FLUORSPAR_REFERENCE to their folder)");
+        return;
+    };
+    let folder = tempfile::tempdir().unwrap();
+    for (name, peak) in [("fad", 525.0), ("protoporphyrin", 630.0)] {
+        let file = reference.join(format!("eem/webfluor_{name}.csv"));
+        let args = ["fluorophore", "show", file.to_str().unwrap(), "--unit", "photons", "--json"];
+        let shown = fluorspar(folder.path(), args).json();
+        let found = shown["emission_peak_nm"].as_f64().unwrap();
+        assert!((found - peak).abs() <= 5.0, "{name}: {found}");
+    }
+}

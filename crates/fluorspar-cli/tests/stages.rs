@@ -1,0 +1,207 @@
+//! Every stage from files, at a tiny size: run, render, capture, analyze, and what is printed for people and editors.
+
+#![allow(clippy::unwrap_used, reason = "these are tests")]
+
+mod support;
+
+use std::fs;
+use std::path::Path;
+
+use serde_json::Value;
+use support::{fluorspar, listing, tiny};
+
+fn bytes(folder: &Path, name: &str) -> Vec<u8> {
+    fs::read(folder.join(name)).unwrap_or_else(|error| panic!("{name}: {error}"))
+}
+
+const RAW: [&str; 3] = ["raw_ambient.tiff", "raw_white.tiff", "raw_blue.tiff"];
+
+#[test]
+fn every_stage_continues_from_the_files_of_the_one_before() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let said = fluorspar(folder, tiny(&["run", "oraleye-2021", "--out", "run"])).well();
+    assert_eq!(said.stdout, "");
+    assert!(said.stderr.contains("Done in"), "{}", said.stderr);
+    for name in ["report.html", "results.json", "experiment.toml", "components.exr", "radiance_blue.exr"] {
+        assert!(!bytes(folder, &format!("run/{name}")).is_empty(), "{name}");
+    }
+    assert!(folder.join("run/figures/chromaticity.svg").is_file());
+    let results: Value = serde_json::from_slice(&bytes(folder, "run/results.json")).unwrap();
+    assert!(
+        results["analysis"]["counts"]["valid"].as_u64().unwrap() > 50,
+        "{}",
+        results["analysis"]["counts"]
+    );
+
+    // capture: the same frames from the component image, which carries its experiment.
+    let args = ["capture", "run/components.exr", "--out", "frames", "--json"];
+    let captured = fluorspar(folder, args).json();
+    assert_eq!(captured["frames"].as_array().map(Vec::len), Some(3));
+    for name in RAW {
+        assert_eq!(bytes(folder, &format!("frames/{name}")), bytes(folder, &format!("run/{name}")), "{name}");
+    }
+    // ... and other frames, without rendering, when the camera changes.
+    let args =
+        ["capture", "run/components.exr", "--set", "capture.blue.exposure_ms=15", "--out", "dim", "-q"];
+    fluorspar(folder, args).well();
+    assert_eq!(bytes(folder, "dim/raw_ambient.tiff"), bytes(folder, "run/raw_ambient.tiff"));
+    assert_ne!(bytes(folder, "dim/raw_blue.tiff"), bytes(folder, "run/raw_blue.tiff"));
+
+    // analyze: the same numbers from the raw frames.
+    let again = fluorspar(folder, ["analyze", "run", "--json"]).json();
+    assert_eq!(again, results["analysis"]);
+    let args = ["analyze", "frames", "--components", "run/components.exr", "--json"];
+    assert_eq!(fluorspar(folder, args).json(), results["analysis"]);
+    let said = fluorspar(folder, ["analyze", "run"]).well();
+    assert!(said.stdout.starts_with("Frame \"blue\", tongue_dorsum\n"), "{}", said.stdout);
+
+    // The report, and the experiment beside it, make the run again to the last bit, on any number of threads.
+    for (source, out, threads) in [("run/report.html", "second", "1"), ("run/experiment.toml", "third", "3")]
+    {
+        let said = fluorspar(folder, ["run", source, "--out", out, "--json", "--threads", threads]);
+        let second = said.json();
+        for name in RAW {
+            assert_eq!(
+                bytes(folder, &format!("{out}/{name}")),
+                bytes(folder, &format!("run/{name}")),
+                "{source}"
+            );
+        }
+        assert_eq!(second, results, "{source}");
+        assert_eq!(
+            bytes(folder, &format!("{out}/components.exr")).len(),
+            bytes(folder, "run/components.exr").len()
+        );
+    }
+
+    // Results are replaced, and nothing unfinished stays.
+    fluorspar(folder, ["capture", "run/components.exr", "--out", "frames", "-q"]).well();
+    let hidden = |path: &std::path::PathBuf| path.file_name().unwrap().to_string_lossy().starts_with('.');
+    let left: Vec<_> = listing(folder).into_keys().filter(hidden).collect();
+    assert!(left.is_empty(), "{left:?}");
+}
+
+#[test]
+fn spectra_are_rendered_into_files_of_every_kind() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let render = |args: &[&str]| {
+        let mut all = tiny(&["render", "oraleye-2021"]);
+        all.extend(args);
+        fluorspar(folder, all).well()
+    };
+    let sum = render(&["--out", "sum.exr", "--preview", "sum.png", "--json"]).json();
+    assert_eq!((&sum["width_px"], &sum["unit"]), (&16.into(), &"W/(sr m^2 nm)".into()));
+    assert_eq!(sum["mean_radiance"].as_array().map(Vec::len), Some(81));
+    assert!(bytes(folder, "sum.exr").starts_with(&[0x76, 0x2f, 0x31, 0x01]));
+    assert!(bytes(folder, "sum.png").starts_with(b"\x89PNG"));
+    render(&["--out", "sum.npy", "-q"]);
+    assert!(bytes(folder, "sum.npy").starts_with(b"\x93NUMPY"));
+    let beside: Vec<_> =
+        listing(folder).into_keys().filter(|p| p.extension().is_some_and(|e| e == "json")).collect();
+    assert_eq!(beside.len(), 1, "{beside:?}");
+    render(&["--out", "parts.npy", "--components", "-q"]);
+    render(&["--out", "parts.exr", "--components", "-q"]);
+
+    // Frames of a rendered component image are those of the run.
+    fluorspar(folder, ["capture", "parts.exr", "--out", "frames", "-q"]).well();
+    fluorspar(folder, tiny(&["run", "oraleye-2021", "--out", "run", "-q"])).well();
+    for name in RAW {
+        assert_eq!(bytes(folder, &format!("frames/{name}")), bytes(folder, &format!("run/{name}")), "{name}");
+    }
+}
+
+#[test]
+fn nothing_is_said_when_nothing_shall_be() {
+    let folder = tempfile::tempdir().unwrap();
+    let said = fluorspar(folder.path(), tiny(&["run", "--quiet"])).well();
+    assert_eq!((said.stdout.as_str(), said.stderr.as_str()), ("", ""));
+    assert!(folder.path().join("fluorspar-out/oraleye-2021/report.html").is_file());
+}
+
+#[test]
+fn files_are_checked_without_being_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let said = fluorspar(folder, ["check", "flat-patch"]).well();
+    assert!(said.stdout.starts_with("flat-patch: valid. "), "{}", said.stdout);
+    let said = fluorspar(folder, ["check", "oraleye-2021", "--json", "--spp", "3"]).json();
+    assert_eq!((&said["kind"], &said["valid"]), (&"experiment".into(), &true.into()));
+    let said = fluorspar(folder, ["check", "tongue-385nm"]).well();
+    assert_eq!(said.stdout, "tongue-385nm: valid. A flat sample with 5 fluorophores, 81 bands\n");
+    fs::write(
+        folder.join("s.toml"),
+        fluorspar(folder, ["presets", "--sample", "tongue-385nm"]).well().stdout,
+    )
+    .unwrap();
+    let said = fluorspar(folder, ["check", "s.toml", "--json", "--set", "spectral.step_nm=10"]).json();
+    assert_eq!((&said["kind"], &said["bands"]), (&"sample".into(), &41.into()));
+    assert_eq!(listing(folder).len(), 1);
+}
+
+#[test]
+fn the_catalogue_is_listed_and_printed() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let list = fluorspar(folder, ["presets", "--json"]).json();
+    let kinds: Vec<&str> = list.as_array().unwrap().iter().filter_map(|e| e["kind"].as_str()).collect();
+    for kind in ["light spectrum", "filter", "sensor", "fluorophore", "experiment", "flat sample"] {
+        assert!(kinds.contains(&kind), "{kind}");
+    }
+    assert!(fluorspar(folder, ["presets"]).well().stdout.contains("  oraleye-2021 "));
+    let text = fluorspar(folder, ["presets", "--experiment", "oraleye-2021"]).well().stdout;
+    fs::write(folder.join("mine.toml"), text).unwrap();
+    fluorspar(folder, ["check", "mine.toml"]).well();
+}
+
+#[test]
+fn schemas_and_completions_are_printed() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let experiment = fluorspar(folder, ["schema"]).json();
+    let sample = fluorspar(folder, ["schema", "--sample"]).json();
+    assert!(experiment["properties"]["capture"].is_object() && sample["properties"]["sample"].is_object());
+    for shell in ["bash", "zsh", "fish", "powershell", "elvish"] {
+        let said = fluorspar(folder, ["completions", shell]).well();
+        assert!(said.stdout.contains("fluorspar") && said.stdout.contains("predict"), "{shell}");
+    }
+}
+
+#[test]
+fn help_names_every_command_and_option() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let help = |args: &[&str]| {
+        let said = fluorspar(folder, args).well();
+        assert_eq!(said.stderr, "", "{args:?}");
+        said.stdout
+    };
+    let all = help(&["--help"]);
+    for command in [
+        "run",
+        "render",
+        "capture",
+        "analyze",
+        "fluorophore",
+        "predict",
+        "presets",
+        "check",
+        "schema",
+        "completions",
+    ] {
+        assert!(all.contains(&format!("\n  {command} ")), "{command}: {all}");
+        assert!(help(&[command, "--help"]).contains("Usage: fluorspar "), "{command}");
+        assert!(help(&["help", command]).contains("Usage: "), "{command}");
+    }
+    for action in ["list", "show", "plot", "import"] {
+        assert!(help(&["fluorophore", action, "--help"]).contains("Usage: "), "{action}");
+    }
+    let predict = help(&["predict", "-h"]);
+    for option in
+        ["--light", "--irradiance", "--light-filter", "--reflectance", "--concentration", "--view-filter"]
+    {
+        assert!(predict.contains(option), "{option}");
+    }
+    assert_eq!(help(&["--version"]), format!("fluorspar {}\n", env!("CARGO_PKG_VERSION")));
+}

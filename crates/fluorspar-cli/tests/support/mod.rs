@@ -1,0 +1,100 @@
+//! Runs the program and looks at what it leaves behind.
+
+#![allow(
+    dead_code,
+    clippy::unwrap_used,
+    reason = "each test uses its part; a helper that fails is a failed test"
+)]
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// What a run of the program said.
+#[derive(Debug)]
+pub(crate) struct Said {
+    pub(crate) code: Option<i32>,
+    pub(crate) stdout: String,
+    pub(crate) stderr: String,
+}
+
+impl Said {
+    /// The same, if it succeeded.
+    pub(crate) fn well(self) -> Self {
+        assert_eq!(self.code, Some(0), "{self:#?}");
+        self
+    }
+
+    /// Standard output as JSON, if it succeeded.
+    pub(crate) fn json(self) -> serde_json::Value {
+        let said = self.well();
+        serde_json::from_str(&said.stdout).unwrap_or_else(|error| panic!("{error}: {}", said.stdout))
+    }
+}
+
+/// Runs the program in a folder.
+pub(crate) fn fluorspar<S: AsRef<std::ffi::OsStr>>(folder: &Path, args: impl IntoIterator<Item = S>) -> Said {
+    let output =
+        Command::new(env!("CARGO_BIN_EXE_fluorspar")).args(args).current_dir(folder).output().unwrap();
+    let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
+    Said { code: output.status.code(), stdout: text(output.stdout), stderr: text(output.stderr) }
+}
+
+/// Every file below a folder with its length, hidden ones and folders included.
+pub(crate) fn listing(folder: &Path) -> BTreeMap<PathBuf, u64> {
+    let mut found = BTreeMap::new();
+    let mut open = vec![folder.to_path_buf()];
+    while let Some(folder) = open.pop() {
+        for entry in fs::read_dir(&folder).unwrap() {
+            let entry = entry.unwrap();
+            let metadata = entry.metadata().unwrap();
+            if metadata.is_dir() {
+                open.push(entry.path());
+            }
+            found.insert(entry.path(), if metadata.is_dir() { 0 } else { metadata.len() });
+        }
+    }
+    found
+}
+
+/// The default experiment in a few thousand paths: a small picture and a sensor of 32 x 24 pixels that are as wide as
+/// the real sensor together and as sensitive as real pixels each.
+pub(crate) const TINY: [&str; 15] = [
+    "--set",
+    "render.width_px=16",
+    "--set",
+    "render.height_px=12",
+    "--set",
+    "render.samples_per_pixel=1",
+    "--set",
+    "sensor.columns=32",
+    "--set",
+    "sensor.rows=24",
+    "--set",
+    "sensor.pixel_size_um=75",
+    "--set",
+    "sensor.fill_factor=0.0011",
+    "--set=mouth.detail=0.25",
+];
+
+/// Arguments of a command on the tiny experiment.
+pub(crate) fn tiny<'a>(args: &[&'a str]) -> Vec<&'a str> {
+    let mut all = args.to_vec();
+    all.extend(TINY);
+    all
+}
+
+/// A file that belongs to the tests of the library.
+pub(crate) fn library_test_data(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../fluorspar/tests/data").join(name)
+}
+
+/// The folder of reference data: `FLUORSPAR_REFERENCE`, or `shared/reference` beside the repository.
+pub(crate) fn reference() -> Option<PathBuf> {
+    if let Some(folder) = std::env::var_os("FLUORSPAR_REFERENCE") {
+        return Some(folder.into());
+    }
+    let here = Path::new(env!("CARGO_MANIFEST_DIR"));
+    here.ancestors().map(|folder| folder.join("shared/reference")).find(|folder| folder.is_dir())
+}
