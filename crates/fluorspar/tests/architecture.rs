@@ -16,7 +16,10 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("light", &["units", "spectral", "image", "sampling", "geometry"]),
     ("optics", &["units", "spectral", "image", "sampling", "geometry"]),
     ("anatomy", &["units", "sampling", "geometry"]),
-    ("scene", &["units", "spectral", "image", "sampling", "geometry", "material", "light", "optics", "anatomy"]),
+    (
+        "scene",
+        &["units", "spectral", "image", "sampling", "geometry", "material", "light", "optics", "anatomy"],
+    ),
     (
         "render",
         &["units", "spectral", "image", "sampling", "geometry", "material", "light", "optics", "scene"],
@@ -28,15 +31,29 @@ const ALLOWED: &[(&str, &[&str])] = &[
     (
         "experiment",
         &[
-            "units", "spectral", "image", "sampling", "geometry", "material", "light", "optics", "anatomy", "scene",
-            "render", "sensor", "analysis", "format", "preset",
+            "units", "spectral", "image", "sampling", "geometry", "material", "light", "optics", "anatomy",
+            "scene", "render", "sensor", "analysis", "format", "preset",
         ],
     ),
     (
         "pipeline",
         &[
-            "units", "spectral", "image", "sampling", "geometry", "material", "light", "optics", "anatomy", "scene",
-            "render", "sensor", "analysis", "format", "preset", "experiment",
+            "units",
+            "spectral",
+            "image",
+            "sampling",
+            "geometry",
+            "material",
+            "light",
+            "optics",
+            "anatomy",
+            "scene",
+            "render",
+            "sensor",
+            "analysis",
+            "format",
+            "preset",
+            "experiment",
         ],
     ),
 ];
