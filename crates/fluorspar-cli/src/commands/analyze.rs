@@ -91,14 +91,20 @@ fn describe(analysis: &fluorspar::analysis::Analysis) -> String {
         if let Some(s) = &channel.statistics {
             text += &format!(
                 "{}: median {:.1} DN, mean {:.1} DN, sd {:.1} DN\n",
-                channel.name, s.median, s.mean, s.sd.unwrap_or(0.0)
+                channel.name,
+                s.median,
+                s.mean,
+                s.sd.unwrap_or(0.0)
             );
         }
     }
     if let (Some(r), Some(g)) = (&analysis.r, &analysis.g) {
         text += &format!(
             "r: median {:.4}, sd {:.4}; g: median {:.4}, sd {:.4}\n",
-            r.median, r.sd.unwrap_or(0.0), g.median, g.sd.unwrap_or(0.0)
+            r.median,
+            r.sd.unwrap_or(0.0),
+            g.median,
+            g.sd.unwrap_or(0.0)
         );
     }
     if let Some(region) = analysis.mixture.as_ref().and_then(|m| m.region) {

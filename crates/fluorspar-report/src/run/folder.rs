@@ -53,7 +53,7 @@ pub enum RunFolderError {
 /// | `preview_*.png` | the developed frames |
 /// | `raw_*.tiff`, `.json` | 16-bit mosaics and their description |
 /// | `radiance_*.exr` | spectral radiance of each frame that has light |
-/// | `components.exr` | radiance kept apart by light and fluorophore, with depth, normals, parts |
+/// | `components.exr` | radiance kept apart by light and fluorophore (rounded to 24 bits), with depth, normals, parts |
 /// | `figures/` | every figure as SVG and PNG |
 ///
 /// Each file is complete or absent; the report comes last.
@@ -75,7 +75,8 @@ pub fn write_run_folder(folder: &Path, run: &RunResults<'_>) -> Result<PathBuf, 
         ExrOptions { compression: ExrCompression::Zip, preview: None, provenance: Some(&provenance) };
 
     write_text(&folder.join("experiment.toml"), &experiment.resolved_toml)?;
-    write_component_exr(&folder.join("components.exr"), run.components, &options)?;
+    let rounded = ExrOptions { compression: ExrCompression::Rounded24, ..options };
+    write_component_exr(&folder.join("components.exr"), run.components, &rounded)?;
     for capture in &experiment.captures {
         if capture.frame.lights.values().any(|&drive| drive > 0.0) {
             let radiance = frame_radiance(&capture.frame, run.components);

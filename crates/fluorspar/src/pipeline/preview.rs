@@ -2,6 +2,7 @@
 
 use crate::experiment::{Capture, ResolvedExperiment};
 use crate::image::{ChannelImage, SpectralImage};
+use crate::preset::{self, PresetKind};
 use crate::sensor::Sensor;
 use crate::spectral::{
     Curve, QuantumEfficiency, Radiance, Spectrum, StandardObserver, encode_srgb, linear_srgb,
@@ -23,24 +24,19 @@ pub struct Preview {
 pub struct ColorRendering {
     /// Linear sRGB from R, G, B digital numbers, rows first, before the exposure scale.
     pub matrix: [[f64; 3]; 3],
+    /// Whether highlights are compressed so that dim tissue beside bright teeth stays visible.
+    pub compress: bool,
 }
 
 /// Percentile of the brightest channel that becomes white.
 const WHITE_PERCENTILE: f64 = 0.995;
 
-impl ColorRendering {
-    /// Channel gains only: a white surface under the capture's lights becomes grey.
-    fn white_balance(response_to_white: [f64; 3]) -> Self {
-        let mut matrix = [[0.0; 3]; 3];
-        for (c, response) in response_to_white.into_iter().enumerate() {
-            matrix[c][c] =
-                if response > 0.0 { response_to_white[1].max(f64::MIN_POSITIVE) / response } else { 1.0 };
-        }
-        Self { matrix }
-    }
+/// How much darker tissue is lifted where highlights are compressed.
+const EXPOSURE: f64 = 2.5;
 
-    /// Least-squares map from the responses of smooth reflectances under a white light to their colour under an equal
-    /// light, white kept white. Falls back to a white balance when the channels can't be told apart.
+impl ColorRendering {
+    /// Least-squares map from the responses of the catalogue's reflectances under the frame's lamp to their colours under
+    /// an equal-energy light. `None` when the channels can't be told apart.
     fn for_reflectances(
         sensor: &Sensor,
         filter: &Curve,
@@ -71,7 +67,6 @@ impl ColorRendering {
             return None;
         }
         let white_colour = colour(&|_| 1.0);
-        // Smooth steps up and down through the visible range, and a flat one that weighs as much as all others.
         let mut normal = [[0.0; 3]; 3];
         let mut right = [[0.0; 3]; 3];
         let mut add = |reflectance: &dyn Fn(f64) -> f64, weight: f64| {
@@ -83,12 +78,16 @@ impl ColorRendering {
                 }
             }
         };
-        for center in [470.0, 500.0, 530.0, 560.0, 590.0, 620.0] {
-            for sign in [-1.0, 1.0] {
-                add(&|nm| 0.1 + 0.6 / (1.0 + (sign * (nm - center) / 18.0_f64).exp()), 1.0);
-            }
+        // The tissues of the catalogue, whose colours matter here, and a flat one that weighs as much as all others.
+        let tissues: Vec<Curve> = preset::names(PresetKind::Reflectance)
+            .into_iter()
+            .filter_map(|name| preset::reflectance(name).ok())
+            .map(|entry| entry.curve())
+            .collect();
+        for tissue in &tissues {
+            add(&|nm| tissue.at(nm), 1.0);
         }
-        add(&|_| 1.0, 12.0);
+        add(&|_| 1.0, tissues.len() as f64);
         let inverse = inverse(normal)?;
         let mut matrix = [[0.0; 3]; 3];
         for out in 0..3 {
@@ -97,31 +96,19 @@ impl ColorRendering {
                 matrix[out][channel] = value / white[channel];
             }
         }
-        Some(Self { matrix })
+        Some(Self { matrix, compress: false })
     }
 
-    /// The rendering of one frame of an experiment: colours as under even light where the lamp covers the visible range,
-    /// a white balance of the bare sensor behind its filters otherwise (fluorescence).
+    /// The rendering of one frame of an experiment: colours as under even light where the lamp covers the visible range;
+    /// the sensor's own channels, linear, where it does not (fluorescence).
     pub fn of_frame(experiment: &ResolvedExperiment, capture: &Capture) -> Self {
-        let neutral = Self { matrix: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]] };
-        let (Some(sensor), Some(lens)) = (&experiment.sensor, &experiment.lens) else { return neutral };
-        let filter = &lens.transmittance;
-        if let Some(lamp) = super::analyze::frame_lamp(experiment, capture)
-            && lamp.integral(500.0, 650.0) > 0.2 * lamp.total()
-        {
-            if let Some(rendering) = Self::for_reflectances(sensor, filter, &lamp, experiment) {
-                return rendering;
-            }
+        let own = Self { matrix: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], compress: true };
+        let (Some(sensor), Some(lens)) = (&experiment.sensor, &experiment.lens) else { return own };
+        let Some(lamp) = super::analyze::frame_lamp(experiment, capture) else { return own };
+        if lamp.integral(500.0, 650.0) < 0.2 * lamp.total() {
+            return own;
         }
-        let grid = &experiment.scene.grid;
-        let even = filter.on_grid::<Radiance>(grid).to_photons();
-        let response = |name: &str| -> f64 {
-            sensor.qe().find(name).map_or(0.0, |c| {
-                let qe = sensor.qe().on_grid(c, grid);
-                (0..grid.len()).map(|b| even[b] * qe[b] * grid.width_nm(b)).sum()
-            })
-        };
-        Self::white_balance([response("R"), response("G"), response("B")])
+        Self::for_reflectances(sensor, &lens.transmittance, &lamp, experiment).unwrap_or(own)
     }
 }
 
@@ -133,7 +120,7 @@ fn inverse(m: [[f64; 3]; 3]) -> Option<[[f64; 3]; 3]> {
     };
     let determinant: f64 = (0..3).map(|c| m[0][c] * cofactor(0, c)).sum();
     let scale: f64 = m.iter().flatten().map(|v| v.abs()).sum::<f64>().powi(3);
-    if !(determinant.abs() > 1e-12 * scale) {
+    if determinant.abs() <= 1e-12 * scale {
         return None;
     }
     let mut out = [[0.0; 3]; 3];
@@ -163,7 +150,7 @@ pub fn preview(image: &ChannelImage, rendering: &ColorRendering) -> Preview {
         .collect();
     // A dark frame must look dark: white is never less than fifty times the noise of a dark pixel.
     let gain = rendering.matrix[1].iter().sum::<f64>().abs().max(f64::MIN_POSITIVE);
-    to_srgb(image.width, image.height, &linear, 50.0 * f64::from(image.noise_floor_dn as f32) * gain)
+    to_srgb(image.width, image.height, &linear, 50.0 * image.noise_floor_dn * gain, rendering.compress)
 }
 
 /// Turns a radiance image into the picture that an eye would see (CIE 1931), scaled as [`preview`].
@@ -174,10 +161,10 @@ pub fn radiance_preview(image: &SpectralImage<Radiance>) -> Preview {
         .chunks_exact(image.bands())
         .map(|spectrum| linear_srgb(observer.xyz(spectrum)))
         .collect();
-    to_srgb(image.width(), image.height(), &linear, 0.0)
+    to_srgb(image.width(), image.height(), &linear, 0.0, false)
 }
 
-fn to_srgb(width: usize, height: usize, linear: &[[f64; 3]], least_white: f64) -> Preview {
+fn to_srgb(width: usize, height: usize, linear: &[[f64; 3]], least_white: f64, compress: bool) -> Preview {
     let mut brightest: Vec<f64> = linear.iter().map(|p| p[0].max(p[1]).max(p[2])).collect();
     let index = ((brightest.len() as f64 * WHITE_PERCENTILE) as usize).min(brightest.len().saturating_sub(1));
     let white = if brightest.is_empty() {
@@ -186,6 +173,15 @@ fn to_srgb(width: usize, height: usize, linear: &[[f64; 3]], least_white: f64) -
         let (_, value, _) = brightest.select_nth_unstable_by(index, f64::total_cmp);
         value.max(least_white).max(f64::MIN_POSITIVE)
     };
-    let rgb = linear.iter().flat_map(|p| p.map(|value| encode_srgb(value / white))).collect();
+    let tone = |p: &[f64; 3]| -> [u8; 3] {
+        if !compress {
+            return p.map(|value| encode_srgb(value / white));
+        }
+        // Extended Reinhard operator (Reinhard et al. 2002, Eq. 4) on the largest channel: keeps hues, maps `white` to 1.
+        let x = EXPOSURE * p[0].max(p[1]).max(p[2]).max(0.0) / white;
+        let factor = EXPOSURE * (1.0 + x / (EXPOSURE * EXPOSURE)) / (1.0 + x) / white;
+        p.map(|value| encode_srgb(value * factor))
+    };
+    let rgb = linear.iter().flat_map(tone).collect();
     Preview { width, height, rgb }
 }

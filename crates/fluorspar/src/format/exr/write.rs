@@ -31,6 +31,8 @@ pub enum ExrCompression {
     /// Deflate over blocks of 16 rows.
     #[default]
     Zip,
+    /// Values rounded to 24 bits (relative error up to 2^-17 = 8e-6), then deflate: a third of the size of noisy data.
+    Rounded24,
 }
 
 /// What else goes into an OpenEXR file.
@@ -306,6 +308,7 @@ fn write_parts(
         compression: match compression {
             ExrCompression::Uncompressed => Compression::Uncompressed,
             ExrCompression::Zip => Compression::ZIP16,
+            ExrCompression::Rounded24 => Compression::PXR24,
         },
         blocks: Blocks::ScanLines,
         line_order: LineOrder::Increasing,

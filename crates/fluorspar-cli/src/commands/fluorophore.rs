@@ -1,0 +1,1 @@
+//! `fluorspar fluorophore`: list, show, plot, import.

@@ -1,0 +1,1 @@
+//! `fluorspar predict`: a flat sample in numbers.
