@@ -1,0 +1,144 @@
+//! Renders a benchmark scene several times with different seeds and prints CPU seconds as one line of JSON.
+//!
+//! `render_benchmark SCENE [--bands N] [--fluorophores N] [--side N] [--spp N] [--runs N] [--threads N] [--depth N]`
+//! `[--images FOLDER] [--export FOLDER]`
+//!
+//! Bands: 31 (395-705 nm by 10), 69 (365-705 by 5), or N bins of 5 nm centred from 350 nm on. Times are net of
+//! set-up: those of N samples less those of one sample, per path of the difference. `--images` writes the picture of
+//! each run, all components added, as raw little-endian f32 `[row][col][band]`; `--export` writes the scene for other
+//! renderers and renders nothing.
+
+#![allow(clippy::print_stdout, reason = "printing is what a benchmark is for")]
+
+use std::error::Error;
+use std::fs;
+use std::path::PathBuf;
+use std::sync::atomic::AtomicBool;
+use std::time::Instant;
+
+use fluorspar::render::{RenderControl, RenderSettings, render};
+use fluorspar::scene::Scene;
+use fluorspar::spectral::WavelengthGrid;
+use fluorspar_benchmarks::{BenchmarkScene, SceneOptions, export};
+use serde_json::json;
+
+struct Arguments {
+    scene: BenchmarkScene,
+    options: SceneOptions,
+    samples: u32,
+    depth: u32,
+    runs: u64,
+    threads: usize,
+    images: Option<PathBuf>,
+    export: Option<PathBuf>,
+}
+
+fn parse() -> Result<Arguments, Box<dyn Error>> {
+    let mut words = std::env::args().skip(1);
+    let name = words.next().ok_or("name a scene: cornell_box, closed_cavity, matte_cavity or mouth")?;
+    let scene = BenchmarkScene::ALL.into_iter().find(|s| s.name() == name);
+    let scene = scene.ok_or_else(|| format!("there is no scene '{name}'"))?;
+    let (mut bands, mut fluorophores, mut side) = (31_usize, 0, 128);
+    let (mut samples, mut depth, mut runs, mut threads) = (64, 8, 4, 1);
+    let (mut images, mut export) = (None, None);
+    while let Some(word) = words.next() {
+        let value = words.next().ok_or_else(|| format!("{word} needs a value"))?;
+        match word.as_str() {
+            "--bands" => bands = value.parse()?,
+            "--fluorophores" => fluorophores = value.parse()?,
+            "--side" => side = value.parse()?,
+            "--spp" => samples = value.parse()?,
+            "--runs" => runs = value.parse()?,
+            "--threads" => threads = value.parse()?,
+            "--depth" => depth = value.parse()?,
+            "--images" => images = Some(PathBuf::from(value)),
+            "--export" => export = Some(PathBuf::from(value)),
+            _ => return Err(format!("there is no option {word}").into()),
+        }
+    }
+    if bands == 0 || side == 0 || samples < 2 || runs == 0 || fluorophores > 5 {
+        return Err("bands, side and runs start at 1, spp at 2; there are 5 fluorophores".into());
+    }
+    let grid = match bands {
+        31 => WavelengthGrid::uniform(400.0, 700.0, 10.0)?,
+        69 => WavelengthGrid::uniform(365.0, 705.0, 5.0)?,
+        _ => WavelengthGrid::uniform(350.0, 350.0 + 5.0 * (bands - 1) as f64, 5.0)?,
+    };
+    let options = SceneOptions { grid, fluorophores, side };
+    Ok(Arguments { scene, options, samples, depth, runs, threads, images, export })
+}
+
+/// CPU seconds of this process so far, all threads; wall-clock time where the system does not tell.
+fn cpu_seconds(start: Instant) -> f64 {
+    // Fields 14 and 15 of stat, in clock ticks, of which Linux has 100 a second on every architecture.
+    let ticks = fs::read_to_string("/proc/self/stat").ok().and_then(|stat| {
+        let rest = stat.rsplit_once(')')?.1.to_owned();
+        let fields: Vec<&str> = rest.split_whitespace().collect();
+        Some(fields.get(11)?.parse::<f64>().ok()? + fields.get(12)?.parse::<f64>().ok()?)
+    });
+    ticks.map_or_else(|| start.elapsed().as_secs_f64(), |ticks| ticks / 100.0)
+}
+
+/// Most memory so far, MiB; 0 where the system does not tell.
+fn peak_mib() -> f64 {
+    let status = fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
+    line.and_then(|l| l.split_whitespace().next()?.parse::<f64>().ok()).unwrap_or(0.0) / 1024.0
+}
+
+/// CPU seconds and wall seconds of one render, and its picture.
+fn measure(scene: &Scene, arguments: &Arguments, samples: u32, seed: u64) -> Result<(f64, f64, Vec<f32>), Box<dyn Error>> {
+    let settings = RenderSettings {
+        samples_per_pixel: samples,
+        max_depth: arguments.depth,
+        seed,
+        ..RenderSettings::default()
+    };
+    let stop = AtomicBool::new(false);
+    let control = RenderControl { stop: &stop, progress: &|_| {} };
+    let wall = Instant::now();
+    let before = cpu_seconds(wall);
+    let image = render(scene, &settings, &control)?;
+    let times = (cpu_seconds(wall) - before, wall.elapsed().as_secs_f64());
+    Ok((times.0, times.1, image.recombine(|_| 1.0).data().to_vec()))
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let arguments = parse()?;
+    rayon::ThreadPoolBuilder::new().num_threads(arguments.threads).build_global()?;
+    let scene = arguments.scene.build(&arguments.options);
+    if let Some(folder) = &arguments.export {
+        return Ok(export::export(&scene, folder)?);
+    }
+    let (mut cpu, mut wall, mut setup) = (Vec::new(), Vec::new(), Vec::new());
+    for run in 0..arguments.runs {
+        let (base_cpu, base_wall, _) = measure(&scene, &arguments, 1, 100 + run)?;
+        let (run_cpu, run_wall, image) = measure(&scene, &arguments, arguments.samples, 1 + run)?;
+        let whole = f64::from(arguments.samples) / f64::from(arguments.samples - 1);
+        cpu.push((run_cpu - base_cpu) * whole);
+        wall.push((run_wall - base_wall) * whole);
+        setup.push(base_cpu);
+        if let Some(folder) = &arguments.images {
+            fs::create_dir_all(folder)?;
+            let bytes: Vec<u8> = image.into_iter().flat_map(f32::to_le_bytes).collect();
+            fs::write(folder.join(format!("{run}.f32")), bytes)?;
+        }
+    }
+    let median = |values: &mut Vec<f64>| {
+        values.sort_by(f64::total_cmp);
+        values[values.len() / 2]
+    };
+    let paths = f64::from(arguments.samples) * (arguments.options.side * arguments.options.side) as f64;
+    let (cpu, wall) = (median(&mut cpu), median(&mut wall));
+    println!(
+        "{}",
+        json!({
+            "scene": arguments.scene.name(), "bands": arguments.options.grid.len(),
+            "fluorophores": arguments.options.fluorophores, "samples": arguments.samples,
+            "side": arguments.options.side, "threads": arguments.threads,
+            "cpu_s": cpu, "wall_s": wall, "setup_cpu_s": median(&mut setup),
+            "us_per_path": 1e6 * cpu / paths, "peak_mib": peak_mib(),
+        })
+    );
+    Ok(())
+}

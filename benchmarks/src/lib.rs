@@ -1,0 +1,16 @@
+//! Scenes for measuring whole renders, and their export for other renderers.
+//!
+//! | scene | what |
+//! |---|---|
+//! | [`BenchmarkScene::CornellBox`] | 32 triangles, one ceiling lamp, matte |
+//! | [`BenchmarkScene::ClosedCavity`] | 230 thousand triangles, checkered and glossy, 16 teeth, two lamps of 5 mm |
+//! | [`BenchmarkScene::MatteCavity`] | the same without gloss, which every renderer models alike |
+//! | [`BenchmarkScene::Mouth`] | the parametric mouth with its default parameters, seen from outside |
+//!
+//! Scenes are generated, from the same few formulas every time; nothing is read from files.
+
+pub mod export;
+mod meshes;
+mod scenes;
+
+pub use scenes::{BenchmarkScene, SceneOptions};

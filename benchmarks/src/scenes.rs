@@ -1,0 +1,290 @@
+//! The scenes themselves.
+
+use std::f32::consts::{FRAC_PI_2, TAU};
+use std::f64::consts::PI;
+use std::sync::Arc;
+
+use fluorspar::anatomy::{MouthParameters, Tissue, generate_mouth};
+use fluorspar::geometry::TriangleMesh;
+use fluorspar::light::{Emitter, Light, LightGroup};
+use fluorspar::material::{Coat, FluorophoreAmount, Material, ReflectanceTerm, ScalarTexture};
+use fluorspar::optics::PerspectiveCamera;
+use fluorspar::scene::{Object, Scene, Shape};
+use fluorspar::spectral::{Curve, Fluorophore, PhotonEem, SeparableTerm, Stokes, WavelengthGrid};
+use glam::Vec3;
+
+use crate::meshes::{block, bumps, closed_surface, parallelogram};
+
+/// A scene of the benchmarks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BenchmarkScene {
+    /// Five walls, two blocks, one lamp below the ceiling.
+    CornellBox,
+    /// A bumpy closed cavity with checkered walls and glossy teeth, lit and seen from inside.
+    ClosedCavity,
+    /// [`BenchmarkScene::ClosedCavity`] without gloss.
+    MatteCavity,
+    /// The parametric mouth from 10 cm, with two lamps beside the camera.
+    Mouth,
+}
+
+/// What may vary between measurements of one scene.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SceneOptions {
+    /// Wavelength bins.
+    pub grid: WavelengthGrid,
+    /// Separable fluorophores, 0 to 5.
+    pub fluorophores: usize,
+    /// Columns and rows of the picture.
+    pub side: usize,
+}
+
+impl BenchmarkScene {
+    /// All scenes.
+    pub const ALL: [Self; 4] = [Self::CornellBox, Self::ClosedCavity, Self::MatteCavity, Self::Mouth];
+
+    /// Its name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::CornellBox => "cornell_box",
+            Self::ClosedCavity => "closed_cavity",
+            Self::MatteCavity => "matte_cavity",
+            Self::Mouth => "mouth",
+        }
+    }
+
+    /// The scene.
+    pub fn build(self, options: &SceneOptions) -> Scene {
+        match self {
+            Self::CornellBox => cornell_box(options),
+            Self::ClosedCavity => closed_cavity(options, true),
+            Self::MatteCavity => closed_cavity(options, false),
+            Self::Mouth => mouth(options),
+        }
+    }
+}
+
+/// Curves are given over this range, nm.
+const RANGE_NM: (f64, f64) = (330.0, 780.0);
+
+/// A smooth reflectance that rises from `low` to `high` around a wavelength.
+fn rising(low: f64, high: f64, centre_nm: f64) -> Curve {
+    Curve::from_fn(RANGE_NM.0, RANGE_NM.1, |nm| low + (high - low) / (1.0 + (-(nm - centre_nm) / 25.0).exp()))
+}
+
+/// A smooth hump of reflectance.
+fn hump(low: f64, high: f64, centre_nm: f64) -> Curve {
+    Curve::from_fn(RANGE_NM.0, RANGE_NM.1, |nm| low + (high - low) * (-((nm - centre_nm) / 50.0).powi(2)).exp())
+}
+
+/// A broad lamp, `power_w` watts in all.
+fn lamp_spectrum(power_w: f64) -> Curve {
+    let shape =
+        Curve::from_fn(RANGE_NM.0, RANGE_NM.1, |nm| 1.0 + 0.5 * (nm / 90.0).sin() + 0.3 * (nm - 550.0) / 200.0);
+    shape.scaled(power_w / shape.total())
+}
+
+fn gaussian(centre_nm: f64, sd_nm: f64, height: f64) -> Curve {
+    Curve::from_fn(250.0, 850.0, |nm| height * (-0.5 * ((nm - centre_nm) / sd_nm).powi(2)).exp())
+}
+
+/// Separable dyes with one term each.
+fn dyes(count: usize) -> Vec<Fluorophore> {
+    const PEAKS_NM: [(f64, f64); 5] =
+        [(380.0, 460.0), (405.0, 635.0), (450.0, 530.0), (365.0, 420.0), (430.0, 590.0)];
+    PEAKS_NM[..count.min(5)]
+        .iter()
+        .enumerate()
+        .map(|(index, &(excitation_nm, emission_nm))| {
+            let term = SeparableTerm {
+                excitation: gaussian(excitation_nm, 30.0, 0.1),
+                emission: gaussian(emission_nm, 22.0, 1.0 / (22.0 * (2.0 * PI).sqrt())),
+            };
+            Fluorophore {
+                name: format!("dye_{index}"),
+                title: format!("Dye {index}"),
+                eem: PhotonEem::separable(vec![term], Stokes::Mask),
+                excitation_range_nm: (250.0, 850.0),
+                emission_range_nm: (250.0, 850.0),
+                source: "made up for benchmarks".into(),
+            }
+        })
+        .collect()
+}
+
+fn amounts(fluorophores: impl Iterator<Item = usize>) -> Vec<FluorophoreAmount> {
+    fluorophores
+        .map(|fluorophore| FluorophoreAmount { fluorophore, concentration: ScalarTexture::Constant(0.5) })
+        .collect()
+}
+
+fn object(name: &str, mesh: TriangleMesh, material: usize) -> Object {
+    Object { name: name.into(), shape: Shape::Mesh(Arc::new(mesh)), material, emission: None }
+}
+
+fn empty(options: &SceneOptions, position: Vec3, target: Vec3, field_deg: f32) -> Scene {
+    let camera = PerspectiveCamera::look_at(position, target, Vec3::Y, field_deg, options.side, options.side);
+    #[allow(clippy::expect_used, reason = "the positions are constants, and side 0 is refused by the caller")]
+    let camera = camera.expect("the camera looks somewhere");
+    Scene {
+        grid: options.grid.clone(),
+        objects: Vec::new(),
+        materials: Vec::new(),
+        fluorophores: dyes(options.fluorophores),
+        light_groups: vec![LightGroup { name: "lamp".into() }],
+        lights: Vec::new(),
+        camera,
+    }
+}
+
+fn cornell_box(options: &SceneOptions) -> Scene {
+    let mut scene = empty(options, Vec3::new(0.0, 1.0, 3.9), Vec3::new(0.0, 1.0, 0.0), 39.0);
+    let white = Curve::from_fn(RANGE_NM.0, RANGE_NM.1, |nm| 0.73 + 0.05 * ((nm - 400.0) / 300.0));
+    scene.materials.push(Material::lambertian("white", white.clone()));
+    scene.materials.push(Material::lambertian("red", rising(0.06, 0.63, 600.0)));
+    scene.materials.push(Material::lambertian("green", hump(0.08, 0.45, 530.0)));
+    // The fluorescent ones reflect less, so that no more photons leave than arrive.
+    let dull = white.scaled(0.75);
+    for (name, fluorophores) in [("floor", 0..1), ("block", 1..2)] {
+        let mut material = Material::lambertian(name, dull.clone());
+        material.fluorophores = amounts(fluorophores.filter(|&f| f < options.fluorophores));
+        scene.materials.push(material);
+    }
+    let (x, y, z) = (Vec3::X * 2.0, Vec3::Y * 2.0, Vec3::Z * 2.0);
+    let corner = Vec3::new(-1.0, 0.0, -1.0);
+    scene.objects.push(object("floor", parallelogram(corner, z, x), 3));
+    scene.objects.push(object("ceiling", parallelogram(corner + y, x, z), 0));
+    scene.objects.push(object("back", parallelogram(corner, x, y), 0));
+    scene.objects.push(object("left", parallelogram(corner, y, z), 1));
+    scene.objects.push(object("right", parallelogram(corner + x, z, y), 2));
+    scene.objects.push(object("short_block", block(Vec3::new(0.35, 0.0, 0.3), 0.3, 0.6, -0.3), 4));
+    scene.objects.push(object("tall_block", block(Vec3::new(-0.35, 0.0, -0.3), 0.3, 1.2, 0.3), 0));
+    scene.lights.push(Light {
+        name: "ceiling_lamp".into(),
+        group: 0,
+        spectrum: lamp_spectrum(10.0),
+        emitter: Emitter::Rectangle {
+            corner: Vec3::new(-0.25, 1.99, -0.2),
+            edge_u: Vec3::X * 0.5,
+            edge_v: Vec3::Z * 0.4,
+            exponent: 1.0,
+        },
+    });
+    scene
+}
+
+/// Two spectra in a checkerboard over the texture coordinates.
+fn checkered(name: &str, a: Curve, b: Curve, columns: u32, rows: u32) -> Material {
+    let mut material = Material::lambertian(name, a);
+    material.reflectance[0].weight = ScalarTexture::Checker { columns, rows, low: 1.0, high: 0.0 };
+    material.reflectance.push(ReflectanceTerm {
+        spectrum: b,
+        weight: ScalarTexture::Checker { columns, rows, low: 0.0, high: 1.0 },
+    });
+    material
+}
+
+fn closed_cavity(options: &SceneOptions, gloss: bool) -> Scene {
+    let mut scene = empty(options, Vec3::new(0.0, 0.002, 0.032), Vec3::new(0.0, -0.002, -0.03), 75.0);
+    let mut mucosa = checkered("mucosa", rising(0.25, 0.6, 590.0), rising(0.35, 0.7, 570.0), 24, 12);
+    let mut tooth = checkered("tooth", rising(0.4, 0.6, 480.0), rising(0.35, 0.5, 500.0), 8, 4);
+    let mut tongue = checkered("tongue", rising(0.2, 0.5, 600.0), hump(0.2, 0.45, 640.0), 16, 16);
+    if gloss {
+        for (material, roughness) in [(&mut mucosa, 0.3), (&mut tooth, 0.15), (&mut tongue, 0.4)] {
+            material.coat =
+                Some(Coat { refractive_index: 1.4, roughness: ScalarTexture::Constant(roughness) });
+        }
+    }
+    for material in [&mut mucosa, &mut tooth, &mut tongue] {
+        material.fluorophores = amounts(0..options.fluorophores);
+    }
+    scene.materials.extend([mucosa, tooth, tongue]);
+
+    let axes = Vec3::new(0.030, 0.025, 0.040);
+    let wall = closed_surface(Vec3::ZERO, axes, 189, true, bumps(9.0, 0.04));
+    scene.objects.push(object("wall", wall, 0));
+    let tongue = closed_surface(
+        Vec3::new(0.0, -0.014, -0.01),
+        Vec3::new(0.016, 0.006, 0.022),
+        115,
+        false,
+        bumps(7.0, 0.06),
+    );
+    scene.objects.push(object("tongue", tongue, 2));
+    for tooth in 0..16 {
+        // Eight above and eight below, on two arches that open toward the camera.
+        let upper = tooth < 8;
+        let angle = TAU * 0.5 * ((tooth % 8) as f32 + 0.5) / 8.0 - FRAC_PI_2;
+        let y = if upper { 0.0075 } else { -0.0065 };
+        let centre = Vec3::new(0.019 * angle.sin(), y, 0.004 - 0.022 * angle.cos());
+        let mesh = closed_surface(centre, Vec3::new(0.0028, 0.0042, 0.0026), 25, false, bumps(5.0, 0.05));
+        scene.objects.push(object(&format!("tooth_{}", tooth + 1), mesh, 1));
+    }
+    for (name, x) in [("left_lamp", -0.009_f32), ("right_lamp", 0.009)] {
+        let center = Vec3::new(x, 0.002, 0.032);
+        scene.lights.push(Light {
+            name: name.into(),
+            group: 0,
+            spectrum: lamp_spectrum(0.05),
+            emitter: Emitter::Disc { center, normal: Vec3::NEG_Z, radius_m: 0.0025, exponent: 1.0 },
+        });
+    }
+    scene
+}
+
+fn mouth(options: &SceneOptions) -> Scene {
+    let mut scene = empty(options, Vec3::new(0.0, 0.0, 0.10), Vec3::ZERO, 40.0);
+    #[allow(clippy::expect_used, reason = "the default parameters are valid")]
+    let mouth = generate_mouth(&MouthParameters::default()).expect("the default mouth can be generated");
+    let spectrum = |tissue: Tissue| match tissue {
+        Tissue::Tooth => rising(0.45, 0.65, 480.0),
+        Tissue::Skin => rising(0.25, 0.6, 580.0),
+        Tissue::TongueDorsum | Tissue::TongueVentral => rising(0.15, 0.45, 600.0),
+        _ => rising(0.18, 0.5, 590.0),
+    };
+    for (index, part) in mouth.parts.iter().enumerate() {
+        let mut material = Material::lambertian(&part.name, spectrum(part.tissue));
+        if part.tissue != Tissue::Skin {
+            material.coat =
+                Some(Coat { refractive_index: 1.4, roughness: ScalarTexture::Constant(0.25) });
+            material.fluorophores = amounts(0..options.fluorophores);
+        }
+        scene.materials.push(material);
+        scene.objects.push(object(&part.name, part.mesh.clone(), index));
+    }
+    for (name, x) in [("left_lamp", -0.03_f32), ("right_lamp", 0.03)] {
+        let center = Vec3::new(x, 0.0, 0.10);
+        scene.lights.push(Light {
+            name: name.into(),
+            group: 0,
+            spectrum: lamp_spectrum(0.2),
+            emitter: Emitter::Disc { center, normal: (-center).normalize(), radius_m: 0.0025, exponent: 1.0 },
+        });
+    }
+    scene
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_scene_is_physical_and_has_the_stated_size() {
+        for (fluorophores, scene) in [0, 2, 5].into_iter().zip(BenchmarkScene::ALL.into_iter().cycle()) {
+            let grid = WavelengthGrid::default();
+            let built = scene.build(&SceneOptions { grid, fluorophores, side: 8 });
+            assert!(built.check().is_ok(), "{}: {:?}", scene.name(), built.check());
+        }
+        let options = SceneOptions { grid: WavelengthGrid::default(), fluorophores: 5, side: 8 };
+        let cavity = BenchmarkScene::ClosedCavity.build(&options);
+        let triangles: usize = cavity
+            .objects
+            .iter()
+            .map(|o| match &o.shape {
+                Shape::Mesh(mesh) => mesh.triangles.len(),
+                _ => 0,
+            })
+            .sum();
+        assert!((225_000..240_000).contains(&triangles), "{triangles}");
+    }
+}
