@@ -44,12 +44,14 @@ pub fn export(scene: &Scene, folder: &Path) -> io::Result<()> {
         let coat = match &material.coat {
             None => Value::Null,
             Some(coat) => {
-                let roughness =
-                    coat.roughness.constant().ok_or_else(|| unsupported("textured roughness"))?;
+                let roughness = coat.roughness.constant().ok_or_else(|| unsupported("textured roughness"))?;
                 json!({ "refractive_index": coat.refractive_index, "roughness": roughness })
             }
         };
-        materials.push(json!({ "reflectance": spectra, "checker": checker, "coat": coat }));
+        materials.push(json!({
+            // One spectrum, or that of the even fields and what the odd fields add.
+            "reflectance": spectra, "checker": checker, "coat": coat,
+        }));
     }
     let mut lights = Vec::new();
     for light in &scene.lights {
@@ -92,8 +94,12 @@ fn samples(curve: &Curve, scene: &Scene) -> Vec<f64> {
 }
 
 fn write_mesh(mesh: &TriangleMesh, folder: &Path, name: &str) -> io::Result<()> {
-    let write = |attribute: &str, bytes: Vec<u8>| fs::write(folder.join(format!("{name}.{attribute}")), bytes);
-    write("positions", mesh.positions.iter().flat_map(|p| p.to_array()).flat_map(f32::to_le_bytes).collect())?;
+    let write =
+        |attribute: &str, bytes: Vec<u8>| fs::write(folder.join(format!("{name}.{attribute}")), bytes);
+    write(
+        "positions",
+        mesh.positions.iter().flat_map(|p| p.to_array()).flat_map(f32::to_le_bytes).collect(),
+    )?;
     write("uvs", mesh.uvs.iter().flat_map(|p| p.to_array()).flat_map(f32::to_le_bytes).collect())?;
     write("triangles", mesh.triangles.iter().flatten().copied().flat_map(u32::to_le_bytes).collect())
 }

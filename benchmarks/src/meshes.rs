@@ -18,9 +18,8 @@ pub(crate) fn parallelogram(corner: Vec3, edge_u: Vec3, edge_v: Vec3) -> Triangl
 /// A block on the plane y = 0: centre of its base, half sides, height, turned about +y.
 pub(crate) fn block(base: Vec3, half: f32, height: f32, turn: f32) -> TriangleMesh {
     let (sin, cos) = turn.sin_cos();
-    let corner = |x: f32, z: f32, y: f32| {
-        base + Vec3::new(half * (x * cos + z * sin), y, half * (z * cos - x * sin))
-    };
+    let corner =
+        |x: f32, z: f32, y: f32| base + Vec3::new(half * (x * cos + z * sin), y, half * (z * cos - x * sin));
     let mut mesh = TriangleMesh::default();
     let sides = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)];
     for (index, &(x, z)) in sides.iter().enumerate() {

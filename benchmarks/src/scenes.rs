@@ -74,13 +74,16 @@ fn rising(low: f64, high: f64, centre_nm: f64) -> Curve {
 
 /// A smooth hump of reflectance.
 fn hump(low: f64, high: f64, centre_nm: f64) -> Curve {
-    Curve::from_fn(RANGE_NM.0, RANGE_NM.1, |nm| low + (high - low) * (-((nm - centre_nm) / 50.0).powi(2)).exp())
+    Curve::from_fn(RANGE_NM.0, RANGE_NM.1, |nm| {
+        low + (high - low) * (-((nm - centre_nm) / 50.0).powi(2)).exp()
+    })
 }
 
 /// A broad lamp, `power_w` watts in all.
 fn lamp_spectrum(power_w: f64) -> Curve {
-    let shape =
-        Curve::from_fn(RANGE_NM.0, RANGE_NM.1, |nm| 1.0 + 0.5 * (nm / 90.0).sin() + 0.3 * (nm - 550.0) / 200.0);
+    let shape = Curve::from_fn(RANGE_NM.0, RANGE_NM.1, |nm| {
+        1.0 + 0.5 * (nm / 90.0).sin() + 0.3 * (nm - 550.0) / 200.0
+    });
     shape.scaled(power_w / shape.total())
 }
 
@@ -173,12 +176,12 @@ fn cornell_box(options: &SceneOptions) -> Scene {
     scene
 }
 
-/// Two spectra in a checkerboard over the texture coordinates.
-fn checkered(name: &str, a: Curve, b: Curve, columns: u32, rows: u32) -> Material {
+/// Two spectra in a checkerboard over the texture coordinates; the second must not be lower anywhere.
+fn checkered(name: &str, a: Curve, b: &Curve, columns: u32, rows: u32) -> Material {
+    let difference = Curve::from_fn(RANGE_NM.0, RANGE_NM.1, |nm| (b.at(nm) - a.at(nm)).max(0.0));
     let mut material = Material::lambertian(name, a);
-    material.reflectance[0].weight = ScalarTexture::Checker { columns, rows, low: 1.0, high: 0.0 };
     material.reflectance.push(ReflectanceTerm {
-        spectrum: b,
+        spectrum: difference,
         weight: ScalarTexture::Checker { columns, rows, low: 0.0, high: 1.0 },
     });
     material
@@ -186,9 +189,9 @@ fn checkered(name: &str, a: Curve, b: Curve, columns: u32, rows: u32) -> Materia
 
 fn closed_cavity(options: &SceneOptions, gloss: bool) -> Scene {
     let mut scene = empty(options, Vec3::new(0.0, 0.002, 0.032), Vec3::new(0.0, -0.002, -0.03), 75.0);
-    let mut mucosa = checkered("mucosa", rising(0.25, 0.6, 590.0), rising(0.35, 0.7, 570.0), 24, 12);
-    let mut tooth = checkered("tooth", rising(0.4, 0.6, 480.0), rising(0.35, 0.5, 500.0), 8, 4);
-    let mut tongue = checkered("tongue", rising(0.2, 0.5, 600.0), hump(0.2, 0.45, 640.0), 16, 16);
+    let mut mucosa = checkered("mucosa", rising(0.25, 0.6, 590.0), &rising(0.35, 0.7, 570.0), 24, 12);
+    let mut tooth = checkered("tooth", rising(0.4, 0.6, 490.0), &rising(0.45, 0.7, 480.0), 8, 4);
+    let mut tongue = checkered("tongue", rising(0.15, 0.4, 600.0), &rising(0.2, 0.5, 590.0), 16, 16);
     if gloss {
         for (material, roughness) in [(&mut mucosa, 0.3), (&mut tooth, 0.15), (&mut tongue, 0.4)] {
             material.coat =
@@ -245,8 +248,7 @@ fn mouth(options: &SceneOptions) -> Scene {
     for (index, part) in mouth.parts.iter().enumerate() {
         let mut material = Material::lambertian(&part.name, spectrum(part.tissue));
         if part.tissue != Tissue::Skin {
-            material.coat =
-                Some(Coat { refractive_index: 1.4, roughness: ScalarTexture::Constant(0.25) });
+            material.coat = Some(Coat { refractive_index: 1.4, roughness: ScalarTexture::Constant(0.25) });
             material.fluorophores = amounts(0..options.fluorophores);
         }
         scene.materials.push(material);

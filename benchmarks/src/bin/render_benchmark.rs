@@ -87,7 +87,12 @@ fn peak_mib() -> f64 {
 }
 
 /// CPU seconds and wall seconds of one render, and its picture.
-fn measure(scene: &Scene, arguments: &Arguments, samples: u32, seed: u64) -> Result<(f64, f64, Vec<f32>), Box<dyn Error>> {
+fn measure(
+    scene: &Scene,
+    arguments: &Arguments,
+    samples: u32,
+    seed: u64,
+) -> Result<(f64, f64, Vec<f32>), Box<dyn Error>> {
     let settings = RenderSettings {
         samples_per_pixel: samples,
         max_depth: arguments.depth,
