@@ -1,21 +1,27 @@
 //! Rays per second, for each kernel that this machine runs.
 //!
-//! `cargo run --release -p fluorspar-accel --example traversal_benchmark -- [SCALE [REPETITIONS]]`
+//! `cargo run --release -p fluorspar-accel --example traversal_benchmark -- [SCALE [REPETITIONS [LIBEMBREE4]]]`
 //!
 //! The scene is a bumpy closed cavity seen from inside, with 24 bumpy blobs in it: 190 thousand triangles times SCALE.
 //! Kinds of rays: from a pinhole camera (primary), cosine-distributed from what those hit (bounce1) and again from there
 //! (bounce2), and from both generations of points to a small light around the camera (shadow1, shadow2). One thread;
-//! medians over the repetitions, in which kernels take turns.
+//! medians over the repetitions, in which kernels take turns. With the path of a shared library of Embree 4 (the
+//! Python package `embreex` brings one), Embree takes its turns, too, and a last table gives our rates over its robust
+//! ones, as medians of the ratios of neighbouring runs.
 
 #![allow(clippy::print_stdout, reason = "printing is what a benchmark is for")]
 
 #[path = "../tests/common/mod.rs"]
 mod common;
+#[path = "../tests/common/embree.rs"]
+mod embree;
 
+use std::error::Error;
 use std::hint::black_box;
 use std::time::Instant;
 
 use common::{Mesh, Random, closed_surface, ray};
+use embree::EmbreeScene;
 use fluorspar_accel::{BuildOptions, Hit, Kernel, Ray, TriangleBvh};
 use glam::Vec3;
 
@@ -89,31 +95,71 @@ fn mega_rays_per_second(count: usize, run: impl FnOnce() -> usize) -> f64 {
     count as f64 / start.elapsed().as_secs_f64() / 1e6
 }
 
-fn main() {
+enum Contender {
+    Ours(TriangleBvh),
+    Embree(EmbreeScene, &'static str),
+}
+
+impl Contender {
+    fn name(&self) -> String {
+        match self {
+            Self::Ours(bvh) => bvh.kernel().to_string(),
+            Self::Embree(_, name) => (*name).into(),
+        }
+    }
+
+    /// Hits, so that no work can be left out.
+    fn trace(&self, rays: &[Ray], any: bool) -> usize {
+        match (self, any) {
+            (Self::Ours(bvh), false) => rays.iter().filter(|ray| bvh.closest(ray).is_some()).count(),
+            (Self::Ours(bvh), true) => rays.iter().filter(|ray| bvh.occluded(ray)).count(),
+            (Self::Embree(scene, _), false) => rays.iter().filter(|ray| scene.closest(ray).is_some()).count(),
+            (Self::Embree(scene, _), true) => rays.iter().filter(|ray| scene.occluded(ray)).count(),
+        }
+    }
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[values.len() / 2]
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
     let mut arguments = std::env::args().skip(1);
-    let scale: f32 = arguments.next().and_then(|text| text.parse().ok()).unwrap_or(1.0);
-    let repetitions: usize = arguments.next().and_then(|text| text.parse().ok()).unwrap_or(7);
+    let scale: f32 = arguments.next().map_or(Ok(1.0), |text| text.parse())?;
+    let repetitions: usize = arguments.next().map_or(Ok(7), |text| text.parse())?;
     let mesh = scene(scale);
-    let mut trees = Vec::new();
+    let mut contenders = Vec::new();
+    if let Some(library) = arguments.next() {
+        for (robust, name) in [(false, "Embree"), (true, "robust")] {
+            let start = Instant::now();
+            let scene = EmbreeScene::build(&library, &mesh.positions, &mesh.triangles, robust)?;
+            println!("Embree, {name}: built in {:.2} s", start.elapsed().as_secs_f64());
+            contenders.push(Contender::Embree(scene, name));
+        }
+    }
+    let mut built = None;
     for kernel in Kernel::available() {
         let start = Instant::now();
         let options = BuildOptions { kernel: Some(kernel) };
-        match TriangleBvh::build_with(&mesh.positions, &mesh.triangles, &options) {
-            Ok(bvh) => trees.push((bvh, start.elapsed().as_secs_f64())),
-            Err(error) => eprintln!("{kernel}: {error}"),
+        let bvh = TriangleBvh::build_with(&mesh.positions, &mesh.triangles, &options)?;
+        let seconds = start.elapsed().as_secs_f64();
+        if built.is_none() {
+            println!(
+                "{} triangles, {:.1} MB, built in {seconds:.2} s; Mray/s on one thread, medians of {repetitions}",
+                bvh.triangle_count(),
+                bvh.memory_bytes() as f64 / 1e6,
+            );
         }
+        built = Some(bvh.clone());
+        contenders.push(Contender::Ours(bvh));
     }
-    let Some((bvh, seconds)) = trees.last() else { return };
-    println!(
-        "{} triangles, {:.1} MB, built in {seconds:.2} s; Mray/s on one thread, medians of {repetitions}",
-        bvh.triangle_count(),
-        bvh.memory_bytes() as f64 / 1e6,
-    );
+    let Some(bvh) = built else { return Ok(()) };
 
     let mut random = Random(3);
     let primary = primary_rays();
-    let (bounce1, shadow1) = next_rays(bvh, &mesh, &primary, &mut random);
-    let (bounce2, shadow2) = next_rays(bvh, &mesh, &bounce1, &mut random);
+    let (bounce1, shadow1) = next_rays(&bvh, &mesh, &primary, &mut random);
+    let (bounce2, shadow2) = next_rays(&bvh, &mesh, &bounce1, &mut random);
     let sets: [(&str, &[Ray], bool); 5] = [
         ("primary", &primary, false),
         ("bounce1", &bounce1, false),
@@ -121,39 +167,38 @@ fn main() {
         ("shadow1", &shadow1, true),
         ("shadow2", &shadow2, true),
     ];
-    print!("{:10}", "kernel");
+    for (name, rays, any) in sets {
+        let hits: Vec<usize> = contenders.iter().map(|contender| contender.trace(rays, any)).collect();
+        println!("{name}: hits of {} rays: {hits:?}", rays.len());
+    }
+    print!("{:10}", "");
     for (name, ..) in sets {
         print!("{name:>9}");
     }
     println!();
-    let mut rates = vec![[const { Vec::new() }; 5]; trees.len()];
+    let mut rates = vec![[const { Vec::new() }; 5]; contenders.len()];
     for _ in 0..repetitions {
-        for ((bvh, _), rates) in trees.iter().zip(&mut rates) {
-            for (&(_, rays, any), rates) in sets.iter().zip(rates) {
-                rates.push(mega_rays_per_second(rays.len(), || {
-                    if any {
-                        rays.iter().filter(|ray| bvh.occluded(ray)).count()
-                    } else {
-                        rays.iter()
-                            .filter_map(|ray| bvh.closest(ray))
-                            .map(|hit| hit.triangle as usize & 1)
-                            .sum()
-                    }
-                }));
+        for (set, &(_, rays, any)) in sets.iter().enumerate() {
+            for (contender, rates) in contenders.iter().zip(&mut rates) {
+                rates[set].push(mega_rays_per_second(rays.len(), || contender.trace(rays, any)));
             }
         }
     }
-    for ((bvh, _), rates) in trees.iter().zip(&mut rates) {
-        print!("{:10}", bvh.kernel().to_string());
+    for (contender, rates) in contenders.iter().zip(&rates) {
+        print!("{:10}", contender.name());
         for rates in rates {
-            rates.sort_by(f64::total_cmp);
-            print!("{:9.2}", rates[rates.len() / 2]);
+            print!("{:9.2}", median(rates.clone()));
         }
         println!();
     }
-    for (name, rays, any) in sets {
-        let hits = rays.iter().filter(|ray| bvh.occluded(ray)).count();
-        let what = if any { "occluded" } else { "hit" };
-        println!("{name}: {:.1} % {what}", 100.0 * hits as f64 / rays.len() as f64);
+    let peer = contenders.iter().position(|c| matches!(c, Contender::Embree(_, "robust")));
+    for (contender, own) in contenders.iter().zip(&rates) {
+        let (Some(peer), Contender::Ours(_)) = (peer, contender) else { continue };
+        print!("{:10}", format!("{}/r", contender.name()));
+        for (own, peer) in own.iter().zip(&rates[peer]) {
+            print!("{:9.2}", median(own.iter().zip(peer).map(|(own, peer)| own / peer).collect()));
+        }
+        println!();
     }
+    Ok(())
 }

@@ -37,12 +37,13 @@
 //! [^woop2013]: S. Woop, C. Benthin, I. Wald, "Watertight Ray/Triangle Intersection", JCGT 2(1), 65-82 (2013).
 //! [^ize2013]: T. Ize, "Robust BVH Ray Traversal", JCGT 2(2), 12-27 (2013).
 
+pub mod bands;
 mod binary_tree;
 mod kernel;
 mod ray;
 mod triangle_bvh;
 mod wide_tree;
 
-pub use kernel::Kernel;
+pub use kernel::{Kernel, Simd, Work};
 pub use ray::{Hit, Ray};
 pub use triangle_bvh::{BuildError, BuildOptions, LARGEST_COORDINATE, TriangleBvh};

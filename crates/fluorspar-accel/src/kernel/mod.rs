@@ -15,7 +15,12 @@ use crate::wide_tree::{LEAF, PACK, STACK_CAPACITY, TrianglePack, WIDTH, WideNode
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;
+#[cfg(target_arch = "x86_64")]
+mod avx512;
 mod portable;
+mod simd;
+
+pub use simd::{Simd, Work};
 
 /// The code that traverses a tree. All kernels give the same hits, bit for bit.
 #[derive(Clone, Copy, Debug, Eq, Hash, PartialEq)]
@@ -25,17 +30,21 @@ pub enum Kernel {
     Portable,
     /// x86-64 with the AVX2 instructions (Intel since 2013, AMD since 2015).
     Avx2,
+    /// x86-64 with the AVX-512 instructions F, BW, CD, DQ and VL (Intel servers since 2017, AMD since 2022).
+    Avx512,
 }
 
 impl Kernel {
+    const ALL: [Self; 3] = [Self::Portable, Self::Avx2, Self::Avx512];
+
     /// The kernels that this processor runs, slowest first.
     pub fn available() -> Vec<Self> {
-        [Self::Portable, Self::Avx2].into_iter().filter(|&kernel| Dispatch::new(kernel).is_some()).collect()
+        Self::ALL.into_iter().filter(|&kernel| Dispatch::new(kernel).is_some()).collect()
     }
 
     /// The fastest of [`Kernel::available`].
     pub fn fastest() -> Self {
-        if Dispatch::new(Self::Avx2).is_some() { Self::Avx2 } else { Self::Portable }
+        Self::ALL.into_iter().rfind(|&kernel| Dispatch::new(kernel).is_some()).unwrap_or(Self::Portable)
     }
 }
 
@@ -44,6 +53,7 @@ impl fmt::Display for Kernel {
         f.write_str(match self {
             Self::Portable => "portable",
             Self::Avx2 => "AVX2",
+            Self::Avx512 => "AVX-512",
         })
     }
 }
@@ -54,6 +64,8 @@ pub(crate) enum Dispatch {
     Portable,
     #[cfg(target_arch = "x86_64")]
     Avx2(avx2::Detected),
+    #[cfg(target_arch = "x86_64")]
+    Avx512(avx512::Detected),
 }
 
 impl Dispatch {
@@ -62,8 +74,10 @@ impl Dispatch {
             Kernel::Portable => Some(Self::Portable),
             #[cfg(target_arch = "x86_64")]
             Kernel::Avx2 => avx2::Detected::new().map(Self::Avx2),
+            #[cfg(target_arch = "x86_64")]
+            Kernel::Avx512 => avx512::Detected::new().map(Self::Avx512),
             #[cfg(not(target_arch = "x86_64"))]
-            Kernel::Avx2 => None,
+            Kernel::Avx2 | Kernel::Avx512 => None,
         }
     }
 
@@ -72,6 +86,8 @@ impl Dispatch {
             Self::Portable => Kernel::Portable,
             #[cfg(target_arch = "x86_64")]
             Self::Avx2(_) => Kernel::Avx2,
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx512(_) => Kernel::Avx512,
         }
     }
 
@@ -81,6 +97,8 @@ impl Dispatch {
             Self::Portable => portable::closest(tree, ray),
             #[cfg(target_arch = "x86_64")]
             Self::Avx2(detected) => detected.closest(tree, ray),
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx512(detected) => detected.closest(tree, ray),
         }
     }
 
@@ -90,6 +108,8 @@ impl Dispatch {
             Self::Portable => portable::occluded(tree, ray),
             #[cfg(target_arch = "x86_64")]
             Self::Avx2(detected) => detected.occluded(tree, ray),
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx512(detected) => detected.occluded(tree, ray),
         }
     }
 }
