@@ -1,8 +1,10 @@
 //! Arithmetic on band vectors: one number per wavelength band, padded to whole blocks.
 //!
-//! Everything here is plain Rust on fixed-size arrays, inlined into the caller; inside a [`Work`](crate::Work) it is
-//! compiled for the widest instructions that the processor has. Sums have a fixed order, so results have the same bits
-//! everywhere. Padding holds zeros and stays zero.
+//! Functions are generic over the instructions that they use and are inlined into a [`Work`](crate::Work), which is
+//! compiled for each instruction set. Sums have a fixed order, so results have the same bits everywhere. Padding holds
+//! zeros and stays zero.
+
+use crate::Lanes;
 
 /// Bands per block: one vector register of AVX-512, two of AVX2.
 pub const BLOCK: usize = 16;
@@ -52,57 +54,71 @@ pub fn add_bands(blocks: &[BandBlock], out: &mut [f32]) {
 
 /// `v = 0`.
 #[inline(always)]
-pub fn clear(v: &mut [BandBlock]) {
-    v.fill(BandBlock::ZERO);
+pub fn clear<L: Lanes>(lanes: L, v: &mut [BandBlock]) {
+    let zero = lanes.splat(0.0);
+    for v in v {
+        lanes.store(zero, v);
+    }
 }
 
 /// `out = factor * v`.
 #[inline(always)]
-pub fn scale(factor: f32, v: &[BandBlock], out: &mut [BandBlock]) {
+pub fn scale<L: Lanes>(lanes: L, factor: f32, v: &[BandBlock], out: &mut [BandBlock]) {
+    let factor = lanes.splat(factor);
     for (out, v) in out.iter_mut().zip(v) {
-        for lane in 0..BLOCK {
-            out.0[lane] = factor * v.0[lane];
-        }
+        lanes.store(lanes.mul(factor, lanes.load(v)), out);
     }
 }
 
 /// `out += v`.
 #[inline(always)]
-pub fn add(v: &[BandBlock], out: &mut [BandBlock]) {
+pub fn add<L: Lanes>(lanes: L, v: &[BandBlock], out: &mut [BandBlock]) {
     for (out, v) in out.iter_mut().zip(v) {
-        for lane in 0..BLOCK {
-            out.0[lane] += v.0[lane];
-        }
+        lanes.store(lanes.add(lanes.load(out), lanes.load(v)), out);
     }
 }
 
 /// `out += factor * v`.
 #[inline(always)]
-pub fn add_scaled(factor: f32, v: &[BandBlock], out: &mut [BandBlock]) {
+pub fn add_scaled<L: Lanes>(lanes: L, factor: f32, v: &[BandBlock], out: &mut [BandBlock]) {
+    let factor = lanes.splat(factor);
     for (out, v) in out.iter_mut().zip(v) {
-        for lane in 0..BLOCK {
-            out.0[lane] += factor * v.0[lane];
-        }
+        lanes.store(lanes.add(lanes.load(out), lanes.mul(factor, lanes.load(v))), out);
+    }
+}
+
+/// `out += a * v`, band by band.
+#[inline(always)]
+pub fn add_product<L: Lanes>(lanes: L, a: &[BandBlock], v: &[BandBlock], out: &mut [BandBlock]) {
+    for ((out, a), v) in out.iter_mut().zip(a).zip(v) {
+        lanes.store(lanes.add(lanes.load(out), lanes.mul(lanes.load(a), lanes.load(v))), out);
     }
 }
 
 /// `v *= slope * r + offset`: reflection by a diffuse base `r` and an achromatic lobe.
 #[inline(always)]
-pub fn reflect(slope: f32, r: &[BandBlock], offset: f32, v: &mut [BandBlock]) {
+pub fn reflect<L: Lanes>(lanes: L, slope: f32, r: &[BandBlock], offset: f32, v: &mut [BandBlock]) {
+    let (slope, offset) = (lanes.splat(slope), lanes.splat(offset));
     for (v, r) in v.iter_mut().zip(r) {
-        for lane in 0..BLOCK {
-            v.0[lane] *= slope * r.0[lane] + offset;
-        }
+        let factor = lanes.add(lanes.mul(slope, lanes.load(r)), offset);
+        lanes.store(lanes.mul(factor, lanes.load(v)), v);
     }
 }
 
 /// `out += (slope * r + offset) * v`: light `v` reflected for the first time.
 #[inline(always)]
-pub fn add_reflected(slope: f32, r: &[BandBlock], offset: f32, v: &[BandBlock], out: &mut [BandBlock]) {
+pub fn add_reflected<L: Lanes>(
+    lanes: L,
+    slope: f32,
+    r: &[BandBlock],
+    offset: f32,
+    v: &[BandBlock],
+    out: &mut [BandBlock],
+) {
+    let (slope, offset) = (lanes.splat(slope), lanes.splat(offset));
     for ((out, r), v) in out.iter_mut().zip(r).zip(v) {
-        for lane in 0..BLOCK {
-            out.0[lane] += (slope * r.0[lane] + offset) * v.0[lane];
-        }
+        let factor = lanes.add(lanes.mul(slope, lanes.load(r)), offset);
+        lanes.store(lanes.add(lanes.load(out), lanes.mul(factor, lanes.load(v))), out);
     }
 }
 
@@ -149,65 +165,48 @@ impl OuterProduct {
 
     /// `out += factor * M v`, in time proportional to the number of bands.
     #[inline(always)]
-    pub fn add_product(&self, factor: f32, v: &[BandBlock], out: &mut [BandBlock]) {
-        let blocks = self.excitation.len();
-        let (v, out) = (&v[..blocks], &mut out[..blocks]);
+    pub fn add_product<L: Lanes>(&self, lanes: L, factor: f32, v: &[BandBlock], out: &mut [BandBlock]) {
+        let factor = lanes.splat(factor);
+        let (excited, emitting) = (self.excited.0..self.excited.1, self.emitting.0..self.emitting.1);
         if !self.masked {
-            let mut sums = [0.0; BLOCK];
-            for block in self.excited.0..self.excited.1 {
-                for lane in 0..BLOCK {
-                    sums[lane] += self.excitation[block].0[lane] * v[block].0[lane];
-                }
+            let mut sums = lanes.splat(0.0);
+            for (excitation, v) in self.excitation[excited.clone()].iter().zip(&v[excited]) {
+                sums = lanes.add(sums, lanes.mul(lanes.load(excitation), lanes.load(v)));
             }
-            let absorbed = factor * total(&sums);
-            let emitting = self.emitting.0..self.emitting.1;
-            return add_scaled(absorbed, &self.emission[emitting.clone()], &mut out[emitting]);
+            let absorbed = lanes.mul(factor, lanes.splat_last(running_sum(lanes, sums)));
+            for (emission, out) in self.emission[emitting.clone()].iter().zip(&mut out[emitting]) {
+                lanes.store(lanes.add(lanes.load(out), lanes.mul(lanes.load(emission), absorbed)), out);
+            }
+            return;
         }
-        // What was absorbed in the blocks before.
-        let mut absorbed = 0.0;
-        for block in self.excited.0..self.emitting.1 {
-            let here = block < self.excited.1;
-            let emits = block >= self.emitting.0;
-            let mut sums = [absorbed; BLOCK];
-            if here {
-                let mut running = [0.0; BLOCK];
-                for lane in 0..BLOCK {
-                    running[lane] = self.excitation[block].0[lane] * v[block].0[lane];
-                }
-                let running = running_sum(running);
-                for lane in 1..BLOCK {
-                    sums[lane] = absorbed + running[lane - 1];
-                }
-                absorbed += running[BLOCK - 1];
+        let used = self.excited.0.min(self.emitting.0)..self.emitting.1;
+        let vectors = self.excitation[used.clone()].iter().zip(&self.emission[used.clone()]);
+        // What the blocks before have absorbed.
+        let mut absorbed = lanes.splat(0.0);
+        for ((block, (excitation, emission)), (v, out)) in
+            used.clone().zip(vectors).zip(v[used.clone()].iter().zip(&mut out[used]))
+        {
+            let mut below = absorbed;
+            if excited.contains(&block) {
+                let sums = running_sum(lanes, lanes.mul(lanes.load(excitation), lanes.load(v)));
+                below = lanes.add(absorbed, lanes.shift::<1>(sums));
+                absorbed = lanes.add(absorbed, lanes.splat_last(sums));
             }
-            if emits {
-                for lane in 0..BLOCK {
-                    out[block].0[lane] += (factor * self.emission[block].0[lane]) * sums[lane];
-                }
+            if emitting.contains(&block) {
+                let emitted = lanes.mul(lanes.mul(factor, lanes.load(emission)), below);
+                lanes.store(lanes.add(lanes.load(out), emitted), out);
             }
         }
     }
 }
 
-#[inline(always)]
-fn shifted_sum<const BY: usize>(x: [f32; BLOCK]) -> [f32; BLOCK] {
-    let mut shifted = [0.0; BLOCK];
-    shifted[BY..].copy_from_slice(&x[..BLOCK - BY]);
-    std::array::from_fn(|lane| x[lane] + shifted[lane])
-}
-
 /// Sums up to and including each lane, by doubling (Hillis and Steele 1986).
 #[inline(always)]
-fn running_sum(x: [f32; BLOCK]) -> [f32; BLOCK] {
-    shifted_sum::<8>(shifted_sum::<4>(shifted_sum::<2>(shifted_sum::<1>(x))))
-}
-
-/// Sum of all lanes, by halving.
-#[inline(always)]
-fn total(x: &[f32; BLOCK]) -> f32 {
-    let eight: [f32; 8] = std::array::from_fn(|lane| x[lane] + x[lane + 8]);
-    let four: [f32; 4] = std::array::from_fn(|lane| eight[lane] + eight[lane + 4]);
-    (four[0] + four[2]) + (four[1] + four[3])
+fn running_sum<L: Lanes>(lanes: L, x: L::Vector) -> L::Vector {
+    let x = lanes.add(x, lanes.shift::<1>(x));
+    let x = lanes.add(x, lanes.shift::<2>(x));
+    let x = lanes.add(x, lanes.shift::<4>(x));
+    lanes.add(x, lanes.shift::<8>(x))
 }
 
 /// A dense square matrix, kept by blocks of sixteen rows; blocks know which columns they need.
@@ -247,31 +246,131 @@ impl BandMatrix {
 
     /// `out += factor * M v`.
     #[inline(always)]
-    pub fn add_product(&self, factor: f32, v: &[BandBlock], out: &mut [BandBlock]) {
+    pub fn add_product<L: Lanes>(&self, lanes: L, factor: f32, v: &[BandBlock], out: &mut [BandBlock]) {
+        let factor = lanes.splat(factor);
         for (&(first, end, start), out) in self.spans.iter().zip(out) {
-            let columns = &self.columns[start..start + (end - first)];
-            let mut sums = [[0.0; BLOCK]; CHAINS];
-            let (fours, rest) = columns.as_chunks::<CHAINS>();
+            let (fours, rest) = self.columns[start..start + (end - first)].as_chunks::<CHAINS>();
+            let step = |sum: L::Vector, column: &BandBlock, band: usize| {
+                let value = lanes.splat(v[band / BLOCK].0[band % BLOCK]);
+                lanes.add(sum, lanes.mul(lanes.load(column), value))
+            };
+            let zero = lanes.splat(0.0);
+            let (mut a, mut b, mut c, mut d) = (zero, zero, zero, zero);
             let mut band = first;
-            for four in fours {
-                for chain in 0..CHAINS {
-                    let value = v[(band + chain) / BLOCK].0[(band + chain) % BLOCK];
-                    for lane in 0..BLOCK {
-                        sums[chain][lane] += four[chain].0[lane] * value;
-                    }
-                }
+            for columns in fours {
+                a = step(a, &columns[0], band);
+                b = step(b, &columns[1], band + 1);
+                c = step(c, &columns[2], band + 2);
+                d = step(d, &columns[3], band + 3);
                 band += CHAINS;
             }
             for column in rest {
-                let value = v[band / BLOCK].0[band % BLOCK];
-                for lane in 0..BLOCK {
-                    sums[0][lane] += column.0[lane] * value;
-                }
+                a = step(a, column, band);
                 band += 1;
             }
-            for lane in 0..BLOCK {
-                out.0[lane] += factor * ((sums[0][lane] + sums[1][lane]) + (sums[2][lane] + sums[3][lane]));
+            let sum = lanes.add(lanes.add(a, b), lanes.add(c, d));
+            lanes.store(lanes.add(lanes.load(out), lanes.mul(factor, sum)), out);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Kernel, Simd, Work};
+
+    fn vector(bands: usize, phase: f32) -> Vec<f32> {
+        (0..bands).map(|band| 0.6 + 0.5 * (0.7 * band as f32 + phase).sin()).collect()
+    }
+
+    /// Everything in this module, in turn.
+    struct All<'a> {
+        vectors: [&'a [BandBlock]; 2],
+        products: &'a [OuterProduct],
+        matrix: &'a BandMatrix,
+    }
+
+    impl Work for All<'_> {
+        type Output = Vec<BandBlock>;
+
+        #[inline(always)]
+        fn run<L: Lanes>(self, lanes: L) -> Vec<BandBlock> {
+            let [a, b] = self.vectors;
+            let mut out = vec![BandBlock([7.0; BLOCK]); a.len()];
+            clear(lanes, &mut out);
+            add_scaled(lanes, 0.3, a, &mut out);
+            add(lanes, b, &mut out);
+            add_product(lanes, a, b, &mut out);
+            reflect(lanes, 0.7, b, 0.1, &mut out);
+            add_reflected(lanes, 0.2, a, 0.05, b, &mut out);
+            for product in self.products {
+                product.add_product(lanes, 0.4, a, &mut out);
+            }
+            self.matrix.add_product(lanes, 0.2, b, &mut out);
+            let mut scaled = out.clone();
+            scale(lanes, 1.1, &out, &mut scaled);
+            scaled
+        }
+    }
+
+    fn outer_products(bands: usize) -> (Vec<f32>, Vec<f32>, [OuterProduct; 2]) {
+        let bump = |centre: f32, width: f32| {
+            (0..bands).map(|band| (-((band as f32 / bands as f32 - centre) / width).powi(2)).exp())
+        };
+        let (excitation, emission): (Vec<f32>, Vec<f32>) =
+            (bump(0.3, 0.06).collect(), bump(0.5, 0.1).collect());
+        let products = [true, false].map(|masked| OuterProduct::new(&excitation, &emission, masked));
+        (excitation, emission, products)
+    }
+
+    #[test]
+    fn every_kernel_gives_the_same_bits_as_the_formula_gives_values() {
+        for bands in [1, 15, 16, 17, 31, 69, 81, 128] {
+            let (a, b) = (vector(bands, 0.0), vector(bands, 2.0));
+            let (excitation, emission, products) = outer_products(bands);
+            let entry =
+                |row: usize, column: usize| if row > column { 0.01 * (row + 2 * column) as f32 } else { 0.0 };
+            let matrix = BandMatrix::new(bands, entry);
+            let (blocks_a, blocks_b) = (to_blocks(&a), to_blocks(&b));
+            let results: Vec<Vec<BandBlock>> = Kernel::available()
+                .into_iter()
+                .filter_map(Simd::of)
+                .map(|simd| {
+                    simd.run(All { vectors: [&blocks_a, &blocks_b], products: &products, matrix: &matrix })
+                })
+                .collect();
+            assert!(results.iter().all(|result| result == &results[0]), "{bands} bands");
+
+            let double = |values: &[f32], band: usize| f64::from(values[band]);
+            for band in 0..bands {
+                let (x, y) = (double(&a, band), double(&b, band));
+                let mut value = (0.3 * x + y + x * y) * (0.7 * y + 0.1) + (0.2 * x + 0.05) * y;
+                let absorbed =
+                    |upto: usize| (0..upto).map(|i| double(&excitation, i) * double(&a, i)).sum::<f64>();
+                value += 0.4 * double(&emission, band) * (absorbed(band) + absorbed(bands));
+                value += 0.2 * (0..bands).map(|i| f64::from(entry(band, i)) * double(&b, i)).sum::<f64>();
+                let got = f64::from(results[0][band / BLOCK].0[band % BLOCK]);
+                // About 2 bands + 20 roundings of 2^-24 of positive terms.
+                let tolerance = (2 * bands + 20) as f64 * 6e-8 * (1.1 * value) + 1e-7;
+                assert!(
+                    (got - 1.1 * value).abs() < tolerance,
+                    "{bands} bands, band {band}: {got} {}",
+                    1.1 * value
+                );
+            }
+            for padding in bands..results[0].len() * BLOCK {
+                assert_eq!(results[0][padding / BLOCK].0[padding % BLOCK], 0.0);
             }
         }
+    }
+
+    #[test]
+    fn bands_survive_padding() {
+        let values = vector(37, 1.0);
+        let mut out = vec![0.0; 37];
+        copy_bands(&to_blocks(&values), &mut out);
+        assert_eq!(out, values);
+        add_bands(&to_blocks(&values), &mut out);
+        assert!(out.iter().zip(&values).all(|(out, value)| *out == 2.0 * value));
     }
 }

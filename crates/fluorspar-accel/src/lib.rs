@@ -44,6 +44,6 @@ mod ray;
 mod triangle_bvh;
 mod wide_tree;
 
-pub use kernel::{Kernel, Simd, Work};
+pub use kernel::{Kernel, Lanes, Simd, Work};
 pub use ray::{Hit, Ray};
 pub use triangle_bvh::{BuildError, BuildOptions, LARGEST_COORDINATE, TriangleBvh};

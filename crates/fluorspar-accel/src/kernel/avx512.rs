@@ -2,7 +2,7 @@
 
 use std::arch::x86_64::*;
 
-use super::{Distances, Lanes};
+use super::{Distances, Traversal};
 use crate::ray::{FAR_SLACK, Hit, Ray, RayFrame};
 use crate::wide_tree::{TrianglePack, WideNode, WideTree};
 
@@ -62,7 +62,7 @@ pub(super) struct Broadcast {
 // SAFETY of the blocks below: a value of type `Detected` proves that the processor has the instructions. Loads stay
 // within fixed-size arrays, whose type keeps them aligned: rows of `WideNode::planes` start at multiples of 32 bytes in a
 // struct aligned to 64, rows of `TrianglePack::corners` at multiples of 16 in a struct aligned to 32.
-impl Lanes for Detected {
+impl Traversal for Detected {
     type Ray = Broadcast;
 
     #[inline(always)]

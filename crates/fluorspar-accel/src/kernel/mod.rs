@@ -20,7 +20,7 @@ mod avx512;
 mod portable;
 mod simd;
 
-pub use simd::{Simd, Work};
+pub use simd::{Lanes, Simd, Work};
 
 /// The code that traverses a tree. All kernels give the same hits, bit for bit.
 #[derive(Clone, Copy, Debug, Eq, Hash, PartialEq)]
@@ -115,7 +115,7 @@ impl Dispatch {
 }
 
 /// The vector part of a kernel. Methods are inlined into a function compiled for its instruction set.
-trait Lanes: Copy {
+trait Traversal: Copy {
     /// The ray, in the form in which the instruction set wants it.
     type Ray;
 
@@ -232,7 +232,7 @@ impl WideTree {
 }
 
 #[inline(always)]
-fn closest<L: Lanes>(lanes: L, tree: &WideTree, ray: &Ray) -> Option<Hit> {
+fn closest<L: Traversal>(lanes: L, tree: &WideTree, ray: &Ray) -> Option<Hit> {
     if tree.nodes.is_empty() {
         return None;
     }
@@ -304,7 +304,7 @@ fn closest<L: Lanes>(lanes: L, tree: &WideTree, ray: &Ray) -> Option<Hit> {
 }
 
 #[inline(always)]
-fn occluded<L: Lanes>(lanes: L, tree: &WideTree, ray: &Ray) -> bool {
+fn occluded<L: Traversal>(lanes: L, tree: &WideTree, ray: &Ray) -> bool {
     if tree.nodes.is_empty() {
         return false;
     }

@@ -1,6 +1,6 @@
 //! Plain Rust on arrays, which compilers turn into the vector instructions of any target.
 
-use super::{Distances, Lanes};
+use super::{Distances, Traversal};
 use crate::ray::{FAR_SLACK, Hit, Ray, RayFrame};
 use crate::wide_tree::{PACK, TrianglePack, WIDTH, WideNode, WideTree};
 
@@ -26,7 +26,7 @@ fn min(a: f32, b: f32) -> f32 {
     if a < b { a } else { b }
 }
 
-impl Lanes for Arrays {
+impl Traversal for Arrays {
     type Ray = RayFrame;
 
     #[inline(always)]

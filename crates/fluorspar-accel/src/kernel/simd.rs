@@ -1,18 +1,41 @@
-//! Runs array arithmetic with the widest vector instructions that the processor has.
+//! Sixteen numbers at once, with the widest vector instructions that the processor has.
 
 use super::{Dispatch, Kernel};
+use crate::bands::{BLOCK, BandBlock};
 
-/// Array arithmetic that gains from wide vector instructions.
+/// Instructions on sixteen numbers.
 ///
-/// `run` must be marked `#[inline(always)]`, and so must what it calls: only then is it compiled once for each
-/// instruction set. It is plain Rust. The compiler neither fuses multiplications with additions nor reorders sums, so
-/// results have the same bits whichever instructions run.
+/// A value of a type with this trait proves that the processor has them. Every implementation rounds alike: there is no
+/// fused multiplication and addition, and no reordered sum, so results have the same bits whichever instructions run.
+pub trait Lanes: Copy {
+    /// Sixteen numbers.
+    type Vector: Copy;
+
+    /// Reads a block.
+    fn load(self, block: &BandBlock) -> Self::Vector;
+    /// Writes a block.
+    fn store(self, vector: Self::Vector, block: &mut BandBlock);
+    /// The same number sixteen times.
+    fn splat(self, value: f32) -> Self::Vector;
+    /// `a + b`.
+    fn add(self, a: Self::Vector, b: Self::Vector) -> Self::Vector;
+    /// `a * b`.
+    fn mul(self, a: Self::Vector, b: Self::Vector) -> Self::Vector;
+    /// Each number moves `BY` (1, 2, 4 or 8) lanes up; zeros come in.
+    fn shift<const BY: usize>(self, vector: Self::Vector) -> Self::Vector;
+    /// The last number sixteen times.
+    fn splat_last(self, vector: Self::Vector) -> Self::Vector;
+}
+
+/// Arithmetic that is compiled once for each instruction set.
+///
+/// `run` must be marked `#[inline(always)]`, and so must everything generic over [`Lanes`] that it calls.
 pub trait Work {
     /// What comes out.
     type Output;
 
-    /// Does the work.
-    fn run(self) -> Self::Output;
+    /// Does the work with these instructions.
+    fn run<L: Lanes>(self, lanes: L) -> Self::Output;
 }
 
 /// Vector instructions that this processor is known to have.
@@ -34,25 +57,205 @@ impl Simd {
     #[inline]
     pub fn run<W: Work>(self, work: W) -> W::Output {
         match self.0 {
-            Dispatch::Portable => work.run(),
-            // SAFETY: the tokens prove that the instructions have been detected.
+            Dispatch::Portable => work.run(Arrays),
+            // SAFETY: the token proves that the instructions have been detected.
             #[cfg(target_arch = "x86_64")]
-            Dispatch::Avx2(_) => unsafe { with_avx2(work) },
+            Dispatch::Avx2(detected) => unsafe { x86::with_avx2(work, detected) },
             // SAFETY: as above.
             #[cfg(target_arch = "x86_64")]
-            Dispatch::Avx512(_) => unsafe { with_avx512(work) },
+            Dispatch::Avx512(detected) => unsafe { x86::with_avx512(work, detected) },
         }
     }
 }
 
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,bmi1")]
-fn with_avx2<W: Work>(work: W) -> W::Output {
-    work.run()
+/// Plain Rust.
+#[derive(Clone, Copy)]
+struct Arrays;
+
+impl Lanes for Arrays {
+    type Vector = [f32; BLOCK];
+
+    #[inline(always)]
+    fn load(self, block: &BandBlock) -> [f32; BLOCK] {
+        block.0
+    }
+
+    #[inline(always)]
+    fn store(self, vector: [f32; BLOCK], block: &mut BandBlock) {
+        block.0 = vector;
+    }
+
+    #[inline(always)]
+    fn splat(self, value: f32) -> [f32; BLOCK] {
+        [value; BLOCK]
+    }
+
+    #[inline(always)]
+    fn add(self, mut a: [f32; BLOCK], b: [f32; BLOCK]) -> [f32; BLOCK] {
+        for lane in 0..BLOCK {
+            a[lane] += b[lane];
+        }
+        a
+    }
+
+    #[inline(always)]
+    fn mul(self, mut a: [f32; BLOCK], b: [f32; BLOCK]) -> [f32; BLOCK] {
+        for lane in 0..BLOCK {
+            a[lane] *= b[lane];
+        }
+        a
+    }
+
+    #[inline(always)]
+    fn shift<const BY: usize>(self, vector: [f32; BLOCK]) -> [f32; BLOCK] {
+        let mut shifted = [0.0; BLOCK];
+        shifted[BY..].copy_from_slice(&vector[..BLOCK - BY]);
+        shifted
+    }
+
+    #[inline(always)]
+    fn splat_last(self, vector: [f32; BLOCK]) -> [f32; BLOCK] {
+        [vector[BLOCK - 1]; BLOCK]
+    }
 }
 
 #[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx512f,avx512bw,avx512cd,avx512dq,avx512vl,avx2,bmi1,bmi2")]
-fn with_avx512<W: Work>(work: W) -> W::Output {
-    work.run()
+mod x86 {
+    use std::arch::x86_64::*;
+
+    use super::super::{avx2, avx512};
+    use super::{BandBlock, Lanes, Work};
+
+    #[target_feature(enable = "avx2,bmi1")]
+    pub(super) fn with_avx2<W: Work>(work: W, detected: avx2::Detected) -> W::Output {
+        work.run(detected)
+    }
+
+    #[target_feature(enable = "avx512f,avx512bw,avx512cd,avx512dq,avx512vl,avx2,bmi1,bmi2")]
+    pub(super) fn with_avx512<W: Work>(work: W, detected: avx512::Detected) -> W::Output {
+        work.run(detected)
+    }
+
+    // SAFETY of the blocks below: a value of type `Detected` proves that the processor has the instructions, and blocks
+    // are aligned to 64 bytes and 64 bytes long.
+    impl Lanes for avx2::Detected {
+        type Vector = [__m256; 2];
+
+        #[inline(always)]
+        fn load(self, block: &BandBlock) -> [__m256; 2] {
+            let start = block.0.as_ptr();
+            // SAFETY: as said above.
+            unsafe { [_mm256_load_ps(start), _mm256_load_ps(start.add(8))] }
+        }
+
+        #[inline(always)]
+        fn store(self, [low, high]: [__m256; 2], block: &mut BandBlock) {
+            let start = block.0.as_mut_ptr();
+            // SAFETY: as said above.
+            unsafe {
+                _mm256_store_ps(start, low);
+                _mm256_store_ps(start.add(8), high);
+            }
+        }
+
+        #[inline(always)]
+        fn splat(self, value: f32) -> [__m256; 2] {
+            // SAFETY: as said above.
+            [unsafe { _mm256_set1_ps(value) }; 2]
+        }
+
+        #[inline(always)]
+        fn add(self, a: [__m256; 2], b: [__m256; 2]) -> [__m256; 2] {
+            // SAFETY: as said above.
+            unsafe { [_mm256_add_ps(a[0], b[0]), _mm256_add_ps(a[1], b[1])] }
+        }
+
+        #[inline(always)]
+        fn mul(self, a: [__m256; 2], b: [__m256; 2]) -> [__m256; 2] {
+            // SAFETY: as said above.
+            unsafe { [_mm256_mul_ps(a[0], b[0]), _mm256_mul_ps(a[1], b[1])] }
+        }
+
+        #[inline(always)]
+        fn shift<const BY: usize>(self, [low, high]: [__m256; 2]) -> [__m256; 2] {
+            // SAFETY: as said above.
+            unsafe {
+                if BY == 8 {
+                    return [_mm256_setzero_ps(), low];
+                }
+                // Four lanes up, then the rest within each half register.
+                let by_four =
+                    [_mm256_permute2f128_ps::<0x08>(low, low), _mm256_permute2f128_ps::<0x21>(low, high)];
+                let align = |x: __m256, below: __m256| {
+                    let (x, below) = (_mm256_castps_si256(x), _mm256_castps_si256(below));
+                    _mm256_castsi256_ps(match BY {
+                        1 => _mm256_alignr_epi8::<12>(x, below),
+                        2 => _mm256_alignr_epi8::<8>(x, below),
+                        _ => below,
+                    })
+                };
+                [align(low, by_four[0]), align(high, by_four[1])]
+            }
+        }
+
+        #[inline(always)]
+        fn splat_last(self, [_, high]: [__m256; 2]) -> [__m256; 2] {
+            // SAFETY: as said above.
+            [unsafe { _mm256_permutevar8x32_ps(high, _mm256_set1_epi32(7)) }; 2]
+        }
+    }
+
+    impl Lanes for avx512::Detected {
+        type Vector = __m512;
+
+        #[inline(always)]
+        fn load(self, block: &BandBlock) -> __m512 {
+            // SAFETY: as said above.
+            unsafe { _mm512_load_ps(block.0.as_ptr()) }
+        }
+
+        #[inline(always)]
+        fn store(self, vector: __m512, block: &mut BandBlock) {
+            // SAFETY: as said above.
+            unsafe { _mm512_store_ps(block.0.as_mut_ptr(), vector) }
+        }
+
+        #[inline(always)]
+        fn splat(self, value: f32) -> __m512 {
+            // SAFETY: as said above.
+            unsafe { _mm512_set1_ps(value) }
+        }
+
+        #[inline(always)]
+        fn add(self, a: __m512, b: __m512) -> __m512 {
+            // SAFETY: as said above.
+            unsafe { _mm512_add_ps(a, b) }
+        }
+
+        #[inline(always)]
+        fn mul(self, a: __m512, b: __m512) -> __m512 {
+            // SAFETY: as said above.
+            unsafe { _mm512_mul_ps(a, b) }
+        }
+
+        #[inline(always)]
+        fn shift<const BY: usize>(self, vector: __m512) -> __m512 {
+            // SAFETY: as said above.
+            unsafe {
+                let (x, zero) = (_mm512_castps_si512(vector), _mm512_setzero_si512());
+                _mm512_castsi512_ps(match BY {
+                    1 => _mm512_alignr_epi32::<15>(x, zero),
+                    2 => _mm512_alignr_epi32::<14>(x, zero),
+                    4 => _mm512_alignr_epi32::<12>(x, zero),
+                    _ => _mm512_alignr_epi32::<8>(x, zero),
+                })
+            }
+        }
+
+        #[inline(always)]
+        fn splat_last(self, vector: __m512) -> __m512 {
+            // SAFETY: as said above.
+            unsafe { _mm512_permutexvar_ps(_mm512_set1_epi32(15), vector) }
+        }
+    }
 }

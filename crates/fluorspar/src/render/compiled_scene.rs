@@ -1,6 +1,7 @@
 //! Plain buffers made from a scene once, before any ray is traced.
 
-use fluorspar_accel::{BuildError, Ray, TriangleBvh};
+use fluorspar_accel::bands::{BLOCK, BandBlock, to_blocks};
+use fluorspar_accel::{BuildError, Ray, Simd, TriangleBvh};
 use glam::{Vec2, Vec3};
 
 use super::fluorescence_operator::{FluorescenceOperator, direct_exitance};
@@ -33,9 +34,9 @@ pub(super) struct Source {
     pub(super) group: usize,
     pub(super) curve: Curve,
     /// Bin averages, one per band.
-    pub(super) bands: Vec<f32>,
+    pub(super) bands: Vec<BandBlock>,
     /// Fluorescent exitance per unit irradiance and concentration, `[fluorophore][band]`.
-    pub(super) exitance: Vec<Vec<f32>>,
+    pub(super) exitance: Vec<Vec<BandBlock>>,
 }
 
 /// A light ready for sampling.
@@ -92,7 +93,7 @@ pub(super) enum CompiledEmitter {
 /// Reflectance spectra, coat and fluorophores of a material.
 #[derive(Debug)]
 pub(super) struct CompiledMaterial {
-    pub(super) reflectance: Vec<(Vec<f32>, ScalarTexture)>,
+    pub(super) reflectance: Vec<(Vec<BandBlock>, ScalarTexture)>,
     pub(super) coat: Option<(usize, ScalarTexture)>,
     pub(super) fluorophores: Vec<(usize, ScalarTexture)>,
     /// Largest reflectance of any band, or a stand-in for surfaces that fluoresce, for choosing lobes and for Russian
@@ -117,6 +118,8 @@ pub(super) enum AnalyticShape {
 pub(super) struct CompiledScene<'a> {
     pub(super) scene: &'a Scene,
     pub(super) bands: usize,
+    /// Vector instructions for the spectra.
+    pub(super) simd: Simd,
     /// How far rays start off the surface they leave, m: a millionth of the largest coordinate.
     pub(super) clearance: f32,
     bvh: TriangleBvh,
@@ -163,13 +166,13 @@ impl<'a> CompiledScene<'a> {
             if let Some(found) = sources.iter().position(|s| s.group == group && s.curve == *curve) {
                 return found;
             }
-            let bands = curve.on_grid::<Reflectance>(grid).values().iter().map(|&v| v as f32).collect();
+            let bands = single(curve.on_grid::<Reflectance>(grid).values());
             let exitance = scene
                 .fluorophores
                 .iter()
-                .map(|f| direct_exitance(&f.eem, grid, curve).into_iter().map(|v| v as f32).collect())
+                .map(|f| to_blocks(&single(&direct_exitance(&f.eem, grid, curve))))
                 .collect();
-            sources.push(Source { group, curve: curve.clone(), bands, exitance });
+            sources.push(Source { group, curve: curve.clone(), bands: to_blocks(&bands), exitance });
             sources.len() - 1
         };
 
@@ -277,12 +280,12 @@ impl<'a> CompiledScene<'a> {
             .materials
             .iter()
             .map(|material| {
-                let reflectance: Vec<(Vec<f32>, ScalarTexture)> = material
+                let reflectance: Vec<(Vec<BandBlock>, ScalarTexture)> = material
                     .reflectance
                     .iter()
                     .map(|term| {
                         let bands = term.spectrum.on_grid::<Reflectance>(grid);
-                        (bands.values().iter().map(|&v| v as f32).collect(), term.weight.clone())
+                        (to_blocks(&single(bands.values())), term.weight.clone())
                     })
                     .collect();
                 let coat = material.coat.as_ref().map(|coat| {
@@ -298,7 +301,10 @@ impl<'a> CompiledScene<'a> {
                 let fluorophores: Vec<(usize, ScalarTexture)> =
                     material.fluorophores.iter().map(|a| (a.fluorophore, a.concentration.clone())).collect();
                 let elastic = (0..grid.len())
-                    .map(|band| reflectance.iter().map(|(r, weight)| r[band] * weight.max()).sum())
+                    .map(|band| {
+                        let at = |r: &[BandBlock]| r[band / BLOCK].0[band % BLOCK];
+                        reflectance.iter().map(|(r, weight)| at(r) * weight.max()).sum()
+                    })
                     .fold(0.0, f32::max);
                 let albedo_bound =
                     if fluorophores.is_empty() { elastic } else { elastic.max(FLUORESCENT_ALBEDO) };
@@ -332,6 +338,7 @@ impl<'a> CompiledScene<'a> {
         Ok(Self {
             scene,
             bands: grid.len(),
+            simd: Simd::detect(),
             clearance: (1e-6 * reach.max(shape_reach)).max(1e-9),
             bvh: TriangleBvh::build(&positions, &triangles)?,
             positions,
@@ -404,6 +411,11 @@ impl<'a> CompiledScene<'a> {
                 l != aimed_at && light.emitter.intersect(origin, direction, t_max).is_some()
             })
     }
+}
+
+/// In single precision.
+fn single(values: &[f64]) -> Vec<f32> {
+    values.iter().map(|&value| value as f32).collect()
 }
 
 /// Sum of all lamp spectra of a group: its shape weights excitation within a bin.

@@ -1,9 +1,10 @@
 //! Excitation-emission matrices on wavelength bins.
 
+use fluorspar_accel::bands::{self, BandBlock, BandMatrix, OuterProduct};
+use fluorspar_accel::{Lanes, Simd, Work};
+
 use crate::spectral::{Curve, PhotonEem, Stokes, WavelengthGrid, YieldDensity};
 
-/// Terms are handled four at a time.
-const LANES: usize = 4;
 /// Points per bin at which tables and the bin on the diagonal are integrated.
 const SUBSAMPLES: usize = 8;
 
@@ -20,16 +21,10 @@ pub struct FluorescenceOperator {
 
 #[derive(Clone, Debug)]
 enum Form {
-    /// `[band][lane]` of up to several groups of four terms, O(bands) each.
-    Separable { groups: Vec<TermGroup>, diagonal: Vec<f32>, masked: bool },
-    /// Dense, excitation-major: one contiguous emission column per excitation band.
-    Dense { columns: Vec<f32> },
-}
-
-#[derive(Clone, Debug)]
-struct TermGroup {
-    excitation: Vec<[f32; LANES]>,
-    emission: Vec<[f32; LANES]>,
+    /// One outer product per term, O(bands) each, and what falls into the bin of its excitation.
+    Separable { terms: Vec<OuterProduct>, diagonal: Vec<BandBlock> },
+    /// Any matrix, O(bands²).
+    Dense(BandMatrix),
 }
 
 impl FluorescenceOperator {
@@ -40,29 +35,27 @@ impl FluorescenceOperator {
         let form = match eem.density() {
             YieldDensity::Separable(terms) => {
                 let masked = eem.stokes() == Stokes::Mask;
-                let mut groups = Vec::new();
-                for chunk in terms.chunks(LANES) {
-                    let mut group = TermGroup {
-                        excitation: vec![[0.0; LANES]; grid.len()],
-                        emission: vec![[0.0; LANES]; grid.len()],
-                    };
-                    for (lane, term) in chunk.iter().enumerate() {
-                        for band in 0..grid.len() {
-                            let excitation = weight.average(band, |nm| term.excitation.at(nm) * nm);
-                            group.excitation[band][lane] =
-                                (eem.scale() * excitation * grid.width_nm(band)) as f32;
-                            group.emission[band][lane] =
-                                uniform_average(grid, band, |nm| term.emission.at(nm) / nm) as f32;
-                        }
-                    }
-                    groups.push(group);
-                }
-                let diagonal = if masked {
+                let terms = terms
+                    .iter()
+                    .map(|term| {
+                        let excitation: Vec<f32> = (0..grid.len())
+                            .map(|band| {
+                                let average = weight.average(band, |nm| term.excitation.at(nm) * nm);
+                                (eem.scale() * average * grid.width_nm(band)) as f32
+                            })
+                            .collect();
+                        let emission: Vec<f32> = (0..grid.len())
+                            .map(|band| uniform_average(grid, band, |nm| term.emission.at(nm) / nm) as f32)
+                            .collect();
+                        OuterProduct::new(&excitation, &emission, masked)
+                    })
+                    .collect();
+                let diagonal: Vec<f32> = if masked {
                     (0..grid.len()).map(|band| diagonal_entry(eem, grid, &weight, band) as f32).collect()
                 } else {
                     Vec::new()
                 };
-                Form::Separable { groups, diagonal, masked }
+                Form::Separable { terms, diagonal: bands::to_blocks(&diagonal) }
             }
             YieldDensity::Table(_) => {
                 let n = grid.len();
@@ -82,63 +75,45 @@ impl FluorescenceOperator {
                         columns[excitation * n + emission] = entry as f32;
                     }
                 }
-                Form::Dense { columns }
+                Form::Dense(BandMatrix::new(n, |row, column| columns[column * n + row]))
             }
         };
         Self { bands: grid.len(), form }
     }
 
-    /// `out += factor * F v`. Both slices hold one value per band.
-    pub fn add_product(&self, factor: f32, v: &[f32], out: &mut [f32]) {
-        debug_assert!(v.len() == self.bands && out.len() == self.bands);
+    /// `out += factor * F v`. Both slices hold one value per band, padded to whole blocks.
+    #[inline(always)]
+    pub fn add_product<L: Lanes>(&self, lanes: L, factor: f32, v: &[BandBlock], out: &mut [BandBlock]) {
+        debug_assert!(v.len() == self.bands.div_ceil(bands::BLOCK) && out.len() == v.len());
         match &self.form {
-            Form::Separable { groups, diagonal, masked: true } => {
-                for group in groups {
-                    let mut sums = [0.0_f32; LANES];
-                    for ((value, out), (excitation, emission)) in
-                        v.iter().zip(out.iter_mut()).zip(group.excitation.iter().zip(&group.emission))
-                    {
-                        let mut emitted = [0.0_f32; LANES];
-                        for lane in 0..LANES {
-                            emitted[lane] = sums[lane] * emission[lane];
-                            sums[lane] += excitation[lane] * value;
-                        }
-                        *out += factor * ((emitted[0] + emitted[1]) + (emitted[2] + emitted[3]));
-                    }
+            Form::Separable { terms, diagonal } => {
+                for term in terms {
+                    term.add_product(lanes, factor, v, out);
                 }
-                for ((value, out), diagonal) in v.iter().zip(out.iter_mut()).zip(diagonal) {
-                    *out += factor * diagonal * value;
+                if !diagonal.is_empty() {
+                    bands::add_reflected(lanes, factor, diagonal, 0.0, v, out);
                 }
             }
-            Form::Separable { groups, masked: false, .. } => {
-                for group in groups {
-                    let mut sums = [0.0_f32; LANES];
-                    for (value, excitation) in v.iter().zip(&group.excitation) {
-                        for lane in 0..LANES {
-                            sums[lane] += excitation[lane] * value;
-                        }
-                    }
-                    for (out, emission) in out.iter_mut().zip(&group.emission) {
-                        let mut emitted = 0.0;
-                        for lane in 0..LANES {
-                            emitted += sums[lane] * emission[lane];
-                        }
-                        *out += factor * emitted;
-                    }
-                }
-            }
-            Form::Dense { columns } => {
-                for (value, column) in v.iter().zip(columns.chunks_exact(self.bands)) {
-                    let scaled = factor * value;
-                    if scaled == 0.0 {
-                        continue;
-                    }
-                    for (out, entry) in out.iter_mut().zip(column) {
-                        *out += scaled * entry;
-                    }
-                }
+            Form::Dense(matrix) => matrix.add_product(lanes, factor, v, out),
+        }
+    }
+
+    /// [`Self::add_product`] on plain band vectors, with the widest instructions of this processor.
+    pub fn product(&self, factor: f32, v: &[f32]) -> Vec<f32> {
+        struct Product<'a>(&'a FluorescenceOperator, f32, &'a [BandBlock], &'a mut [BandBlock]);
+        impl Work for Product<'_> {
+            type Output = ();
+            #[inline(always)]
+            fn run<L: Lanes>(self, lanes: L) {
+                self.0.add_product(lanes, self.1, self.2, self.3);
             }
         }
+        let v = bands::to_blocks(v);
+        let mut blocks = vec![BandBlock::ZERO; v.len()];
+        Simd::detect().run(Product(self, factor, &v, &mut blocks));
+        let mut out = vec![0.0; self.bands];
+        bands::copy_bands(&blocks, &mut out);
+        out
     }
 }
 
@@ -257,8 +232,7 @@ mod tests {
                 direct.push(photons(&grid, direct_exitance(&eem, &grid, &lamp())));
                 let light: Spectrum<Irradiance> = lamp().on_grid(&grid);
                 let light: Vec<f32> = light.values().iter().map(|&v| v as f32).collect();
-                let mut out = vec![0.0; grid.len()];
-                FluorescenceOperator::new(&eem, &grid, Some(&lamp())).add_product(1.0, &light, &mut out);
+                let out = FluorescenceOperator::new(&eem, &grid, Some(&lamp())).product(1.0, &light);
                 indirect.push(photons(&grid, out.iter().map(|&e| f64::from(e))));
             }
             for values in [&direct, &indirect] {
@@ -282,9 +256,8 @@ mod tests {
             let dense = PhotonEem::table(table, stokes).unwrap();
             let grid = WavelengthGrid::default();
             let v: Vec<f32> = (0..grid.len()).map(|b| 1.0 + (b as f32 * 0.3).sin()).collect();
-            let (mut a, mut b) = (vec![0.0; grid.len()], vec![0.0; grid.len()]);
-            FluorescenceOperator::new(&eem, &grid, None).add_product(0.7, &v, &mut a);
-            FluorescenceOperator::new(&dense, &grid, None).add_product(0.7, &v, &mut b);
+            let a = FluorescenceOperator::new(&eem, &grid, None).product(0.7, &v);
+            let b = FluorescenceOperator::new(&dense, &grid, None).product(0.7, &v);
             let peak = a.iter().copied().fold(0.0, f32::max);
             for (x, y) in a.iter().zip(&b) {
                 assert!((x - y).abs() < 2e-3 * peak, "{stokes:?}: {x} {y} of {peak}");

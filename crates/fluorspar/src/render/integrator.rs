@@ -245,17 +245,7 @@ fn render_tile(
             let [x, y, _, _] = stream.next_4d();
             let (origin, direction) = camera.ray(col as f32 + x, row as f32 + y);
             scene.trace(path, origin, direction, &mut stream, settings.max_depth, settings.estimator);
-            state.gather(scene, path);
-            for component in 0..state.components() {
-                if !state.is_lit(component) {
-                    continue;
-                }
-                let start = (component * pixels + index) * scene.bands;
-                let sums = &mut tile.sums[start..start + scene.bands];
-                for (sum, value) in sums.iter_mut().zip(state.component(component)) {
-                    *sum += value;
-                }
-            }
+            state.gather(scene, path, &mut tile.sums, index, pixels);
         }
     }
 }

@@ -21,33 +21,34 @@ pub(super) struct DirectLight {
     pub(super) gloss: f32,
 }
 
-/// A vertex of the path: everything is a scalar but the reflectance.
-#[derive(Clone, Debug, Default)]
+/// A vertex of the path: scalars only. What is a list lies in the path, and the vertex knows where.
+#[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Vertex {
-    pub(super) material: usize,
-    /// Diffuse reflectance, one value per band.
-    pub(super) reflectance: Vec<f32>,
-    /// Concentration of each fluorophore of the material.
-    pub(super) concentration: Vec<f32>,
-    /// Per source.
-    pub(super) direct: Vec<DirectLight>,
+    pub(super) material: u32,
+    /// Start of its weights in [`Path::weights`]: reflectance terms of the material, then its concentrations.
+    weights: u32,
+    /// Start of its emission in [`Path::emission`], and how much there is.
+    emission: (u32, u32),
     /// Factor on light that arrives along the continued path: times the reflectance.
     pub(super) diffuse: f32,
     /// Factor for the fluorescence operator.
     pub(super) fluorescent: f32,
     /// Achromatic factor of the coat.
     pub(super) gloss: f32,
-    /// Emission seen along the continued path: source and factor (environment may hold several).
-    pub(super) arriving: Vec<(usize, f32)>,
 }
 
 /// The vertices of one path; reused from path to path.
 #[derive(Debug, Default)]
 pub(super) struct Path {
     vertices: Vec<Vertex>,
-    len: usize,
+    /// Weights of reflectance terms and concentrations, vertex after vertex.
+    weights: Vec<f32>,
+    /// Direct light, one entry per source, vertex after vertex.
+    direct: Vec<DirectLight>,
+    /// Emission seen along the continued path: source and factor (environment may hold several).
+    emission: Vec<(u32, f32)>,
     /// Emission seen by the camera directly.
-    pub(super) seen: Vec<(usize, f32)>,
+    pub(super) seen: Vec<(u32, f32)>,
 }
 
 /// From this vertex on, paths may end by Russian roulette.
@@ -56,22 +57,51 @@ const ROULETTE_FROM: u32 = 3;
 const ROULETTE_FLOOR: f32 = 0.05;
 
 impl Path {
-    /// Vertices from the camera on.
-    pub(super) fn vertices(&self) -> &[Vertex] {
-        &self.vertices[..self.len]
+    fn clear(&mut self) {
+        self.vertices.clear();
+        self.weights.clear();
+        self.direct.clear();
+        self.emission.clear();
+        self.seen.clear();
     }
 
-    fn next_vertex(&mut self, sources: usize) -> &mut Vertex {
-        if self.len == self.vertices.len() {
-            self.vertices.push(Vertex::default());
+    /// Vertices from the camera on.
+    pub(super) fn vertices(&self) -> &[Vertex] {
+        &self.vertices
+    }
+
+    /// Weights of the reflectance terms, then concentrations of the fluorophores, of the vertex's material.
+    #[inline(always)]
+    pub(super) fn weights(&self, vertex: &Vertex) -> &[f32] {
+        &self.weights[vertex.weights as usize..]
+    }
+
+    /// Direct light at a vertex, one entry per source.
+    #[inline(always)]
+    pub(super) fn direct(&self, vertex: usize, sources: usize) -> &[DirectLight] {
+        &self.direct[vertex * sources..(vertex + 1) * sources]
+    }
+
+    /// Emission seen along the path continued from a vertex.
+    #[inline(always)]
+    pub(super) fn emission(&self, vertex: &Vertex) -> &[(u32, f32)] {
+        let (start, count) = vertex.emission;
+        &self.emission[start as usize..(start + count) as usize]
+    }
+
+    /// Notes emission that a ray met, from the last vertex or from the camera.
+    fn meet(&mut self, source: usize, factor: f32) {
+        let met = (source as u32, factor);
+        match self.vertices.last_mut() {
+            None => self.seen.push(met),
+            Some(vertex) => {
+                if vertex.emission.1 == 0 {
+                    vertex.emission.0 = self.emission.len() as u32;
+                }
+                vertex.emission.1 += 1;
+                self.emission.push(met);
+            }
         }
-        let vertex = &mut self.vertices[self.len];
-        self.len += 1;
-        vertex.direct.clear();
-        vertex.direct.resize(sources, DirectLight::default());
-        vertex.arriving.clear();
-        (vertex.diffuse, vertex.fluorescent, vertex.gloss) = (0.0, 0.0, 0.0);
-        vertex
     }
 }
 
@@ -149,8 +179,7 @@ impl CompiledScene<'_> {
         max_depth: u32,
         estimator: Estimator,
     ) {
-        path.len = 0;
-        path.seen.clear();
+        path.clear();
         let mut throughput = 1.0_f32;
         // Where the ray came from and with which density, for weighting the emission it meets.
         let mut previous: Option<(Vec3, Vec3, f32)> = None;
@@ -159,9 +188,8 @@ impl CompiledScene<'_> {
             let hit = self.closest(origin, direction);
 
             // Emission met by chance.
-            let mut met = Vec::new();
             match &hit {
-                None => met.extend(self.environment.iter().map(|&source| (source, 1.0))),
+                None => self.environment.iter().for_each(|&source| path.meet(source, 1.0)),
                 Some(hit) => {
                     let (position, normal) = previous.map_or((origin, direction), |(p, n, _)| (p, n));
                     if let Some((light, scale, light_pdf)) =
@@ -173,15 +201,9 @@ impl CompiledScene<'_> {
                             }
                             _ => 1.0,
                         };
-                        met.push((self.lights[light].source, scale * weight));
+                        path.meet(self.lights[light].source, scale * weight);
                     }
                 }
-            }
-            if path.len == 0 {
-                path.seen.extend(met);
-            } else {
-                let last = path.len - 1;
-                path.vertices[last].arriving.extend(met);
             }
 
             let Some(hit) = hit else { return };
@@ -196,21 +218,13 @@ impl CompiledScene<'_> {
             let lobes = self.lobes(material_index, &point, outgoing);
             let start = point.leave(self.clearance);
 
-            let bands = self.bands;
-            let vertex = path.next_vertex(self.sources.len());
-            vertex.material = material_index;
-            vertex.reflectance.clear();
-            vertex.reflectance.resize(bands, 0.0);
-            for (spectrum, weight) in &material.reflectance {
-                let weight = weight.at(point.uv);
-                for (sum, value) in vertex.reflectance.iter_mut().zip(spectrum) {
-                    *sum += weight * value;
-                }
-            }
-            vertex.concentration.clear();
-            vertex
-                .concentration
-                .extend(material.fluorophores.iter().map(|(_, texture)| texture.at(point.uv)));
+            let weights = path.weights.len() as u32;
+            path.weights.extend(material.reflectance.iter().map(|(_, weight)| weight.at(point.uv)));
+            path.weights.extend(material.fluorophores.iter().map(|(_, texture)| texture.at(point.uv)));
+            let first_direct = path.direct.len();
+            path.direct.resize(first_direct + self.sources.len(), DirectLight::default());
+            let direct = &mut path.direct[first_direct..];
+            path.vertices.push(Vertex { material: material_index as u32, weights, ..Vertex::default() });
 
             // Next-event estimation: one light of every group.
             let scattering_numbers = stream.next_4d();
@@ -234,7 +248,7 @@ impl CompiledScene<'_> {
                     }
                     let weight = if sample.delta { 1.0 } else { power_heuristic(sample.pdf, s.pdf) };
                     let factor = weight * sample.scale / sample.pdf;
-                    let direct = &mut vertex.direct[self.lights[sample.light].source];
+                    let direct = &mut direct[self.lights[sample.light].source];
                     direct.diffuse += factor * s.diffuse * PI;
                     direct.fluorescent += factor * s.fluorescent * PI;
                     direct.gloss += factor * s.gloss;
@@ -267,9 +281,11 @@ impl CompiledScene<'_> {
                 throughput /= survival;
             }
             let factor = 1.0 / (s.pdf * survival);
-            vertex.diffuse = s.diffuse * factor;
-            vertex.fluorescent = s.fluorescent * factor;
-            vertex.gloss = s.gloss * factor;
+            if let Some(vertex) = path.vertices.last_mut() {
+                vertex.diffuse = s.diffuse * factor;
+                vertex.fluorescent = s.fluorescent * factor;
+                vertex.gloss = s.gloss * factor;
+            }
 
             previous = Some((point.position, point.shading, s.pdf));
             origin = start;

@@ -3,172 +3,209 @@
 
 use std::f32::consts::FRAC_1_PI;
 
-use super::compiled_scene::CompiledScene;
+use fluorspar_accel::bands::{self, BLOCK, BandBlock};
+use fluorspar_accel::{Lanes, Work};
+
+use super::compiled_scene::{CompiledMaterial, CompiledScene};
 use super::path::{Path, Vertex};
 
 /// Band vectors of all components while they travel, `[group][kind][band]` with kinds reflected, one per
 /// fluorophore, multiple.
 #[derive(Debug)]
 pub(super) struct SpectralState {
-    values: Vec<f32>,
-    next: Vec<f32>,
-    fluoresced: Vec<f32>,
+    values: Vec<BandBlock>,
+    /// Components that hold anything; the values of the others are left from earlier paths.
+    lit: Vec<bool>,
     kinds: usize,
-    bands: usize,
-    /// Per group: holds light that never fluoresced; holds light that did.
-    reflected: Vec<bool>,
-    fluorescent: Vec<bool>,
+    blocks: usize,
+    /// Reflectance of the vertex, and all fluorescent light that arrives there.
+    reflectance: Vec<BandBlock>,
+    fluoresced: Vec<BandBlock>,
 }
 
 impl SpectralState {
     pub(super) fn new(scene: &CompiledScene<'_>) -> Self {
         let kinds = scene.plain_operators.len() + 2;
-        let groups = scene.group_lights.len();
-        let len = groups * kinds * scene.bands;
+        let blocks = scene.bands.div_ceil(BLOCK);
+        let components = scene.group_lights.len() * kinds;
         Self {
-            values: vec![0.0; len],
-            next: vec![0.0; len],
-            fluoresced: vec![0.0; scene.bands],
+            values: vec![BandBlock::ZERO; components * blocks],
+            lit: vec![false; components],
             kinds,
-            bands: scene.bands,
-            reflected: vec![false; groups],
-            fluorescent: vec![false; groups],
+            blocks,
+            reflectance: vec![BandBlock::ZERO; blocks],
+            fluoresced: vec![BandBlock::ZERO; blocks],
         }
     }
 
-    /// Computes the radiance of every component that reaches the camera along the path.
-    pub(super) fn gather(&mut self, scene: &CompiledScene<'_>, path: &Path) {
-        self.values.fill(0.0);
-        self.reflected.fill(false);
-        self.fluorescent.fill(false);
-        for vertex in path.vertices().iter().rev() {
-            self.add_emission(scene, &vertex.arriving);
-            self.scatter(scene, vertex);
+    /// Adds the radiance of every component that reaches the camera along the path to `sums`,
+    /// `[component][pixel][band]`.
+    pub(super) fn gather(
+        &mut self,
+        scene: &CompiledScene<'_>,
+        path: &Path,
+        sums: &mut [f32],
+        pixel: usize,
+        pixels: usize,
+    ) {
+        scene.simd.run(Gather { state: self, scene, path });
+        let bands = scene.bands;
+        for (component, &lit) in self.lit.iter().enumerate() {
+            if lit {
+                let start = (component * pixels + pixel) * bands;
+                let values = &self.values[component * self.blocks..(component + 1) * self.blocks];
+                bands::add_bands(values, &mut sums[start..start + bands]);
+            }
         }
-        self.add_emission(scene, &path.seen);
     }
 
-    /// How many components there are.
-    pub(super) fn components(&self) -> usize {
-        self.reflected.len() * self.kinds
+    /// The vector of a component, to add to: cleared if it held nothing.
+    #[inline(always)]
+    fn light_up<L: Lanes>(&mut self, lanes: L, component: usize) -> &mut [BandBlock] {
+        let values = &mut self.values[component * self.blocks..(component + 1) * self.blocks];
+        if !self.lit[component] {
+            self.lit[component] = true;
+            bands::clear(lanes, values);
+        }
+        values
     }
 
-    /// Radiance of one component, one value per band.
-    pub(super) fn component(&self, component: usize) -> &[f32] {
-        &self.values[component * self.bands..(component + 1) * self.bands]
-    }
-
-    /// Components that hold anything after [`Self::gather`].
-    pub(super) fn is_lit(&self, component: usize) -> bool {
-        let group = component / self.kinds;
-        if component.is_multiple_of(self.kinds) { self.reflected[group] } else { self.fluorescent[group] }
-    }
-
-    fn add_emission(&mut self, scene: &CompiledScene<'_>, emission: &[(usize, f32)]) {
+    #[inline(always)]
+    fn add_emission<L: Lanes>(&mut self, lanes: L, scene: &CompiledScene<'_>, emission: &[(u32, f32)]) {
         for &(source, factor) in emission {
-            let source = &scene.sources[source];
-            self.reflected[source.group] = true;
-            let start = source.group * self.kinds * self.bands;
-            for (value, spectrum) in self.values[start..start + self.bands].iter_mut().zip(&source.bands) {
-                *value += factor * spectrum;
-            }
+            let source = &scene.sources[source as usize];
+            bands::add_scaled(lanes, factor, &source.bands, self.light_up(lanes, source.group * self.kinds));
         }
     }
 
-    fn scatter(&mut self, scene: &CompiledScene<'_>, vertex: &Vertex) {
-        let (bands, kinds) = (self.bands, self.kinds);
-        let material = &scene.materials[vertex.material];
-        let continues = vertex.diffuse > 0.0 || vertex.gloss > 0.0 || vertex.fluorescent > 0.0;
-        for group in 0..self.reflected.len() {
-            let (was_reflected, was_fluorescent) = (self.reflected[group], self.fluorescent[group]);
-            let base = group * kinds * bands;
-            if (was_reflected || was_fluorescent) && continues {
-                let fluoresces = vertex.fluorescent > 0.0 && vertex.concentration.iter().any(|&c| c > 0.0);
-                // Fluorescence reads the arriving light, so it comes before the elastic step overwrites it.
-                self.next[base..base + kinds * bands].fill(0.0);
-                if fluoresces && was_reflected {
-                    let arriving = &self.values[base..base + bands];
-                    for ((fluorophore, _), concentration) in
-                        material.fluorophores.iter().zip(&vertex.concentration)
-                    {
-                        if *concentration > 0.0 {
-                            let start = base + (1 + fluorophore) * bands;
-                            scene.lamp_operators[group][*fluorophore].add_product(
-                                vertex.fluorescent * concentration,
-                                arriving,
-                                &mut self.next[start..start + bands],
-                            );
-                        }
-                    }
-                    self.fluorescent[group] = true;
+    /// What arrives along the continued path becomes what leaves.
+    #[inline(always)]
+    fn scatter<L: Lanes>(
+        &mut self,
+        lanes: L,
+        scene: &CompiledScene<'_>,
+        material: &CompiledMaterial,
+        concentrations: &[f32],
+        vertex: &Vertex,
+        reflectance: &[BandBlock],
+    ) {
+        let (blocks, kinds) = (self.blocks, self.kinds);
+        if vertex.diffuse <= 0.0 && vertex.gloss <= 0.0 && vertex.fluorescent <= 0.0 {
+            self.lit.fill(false);
+            return;
+        }
+        let fluoresces = vertex.fluorescent > 0.0 && concentrations.iter().any(|&c| c > 0.0);
+        for group in 0..self.lit.len() / kinds {
+            let base = group * kinds;
+            let any_fluorescent = self.lit[base + 1..base + kinds].contains(&true);
+            if fluoresces && any_fluorescent {
+                // Read before the elastic step overwrites it.
+                bands::clear(lanes, &mut self.fluoresced);
+                for kind in (base + 1..base + kinds).filter(|&kind| self.lit[kind]) {
+                    bands::add(lanes, &self.values[kind * blocks..(kind + 1) * blocks], &mut self.fluoresced);
                 }
-                if fluoresces && was_fluorescent {
-                    self.fluoresced.fill(0.0);
-                    for kind in 1..kinds {
-                        let start = base + kind * bands;
-                        for (sum, value) in self.fluoresced.iter_mut().zip(&self.values[start..start + bands])
-                        {
-                            *sum += value;
-                        }
-                    }
-                    let start = base + (kinds - 1) * bands;
-                    for ((fluorophore, _), concentration) in
-                        material.fluorophores.iter().zip(&vertex.concentration)
-                    {
-                        if *concentration > 0.0 {
-                            scene.plain_operators[*fluorophore].add_product(
-                                vertex.fluorescent * concentration,
-                                &self.fluoresced,
-                                &mut self.next[start..start + bands],
-                            );
-                        }
+            }
+            for kind in (base + 1..base + kinds).filter(|&kind| self.lit[kind]) {
+                let values = &mut self.values[kind * blocks..(kind + 1) * blocks];
+                bands::reflect(lanes, vertex.diffuse, reflectance, vertex.gloss, values);
+            }
+            if fluoresces && self.lit[base] {
+                for ((fluorophore, _), concentration) in material.fluorophores.iter().zip(concentrations) {
+                    if *concentration > 0.0 {
+                        let kind = base + 1 + fluorophore;
+                        self.light_up(lanes, kind);
+                        let (arriving, emitted) = self.values.split_at_mut(kind * blocks);
+                        scene.lamp_operators[group][*fluorophore].add_product(
+                            lanes,
+                            vertex.fluorescent * concentration,
+                            &arriving[base * blocks..(base + 1) * blocks],
+                            &mut emitted[..blocks],
+                        );
                     }
                 }
-                for kind in 0..kinds {
-                    if (kind == 0 && !was_reflected) || (kind > 0 && !self.fluorescent[group]) {
-                        continue;
-                    }
-                    let start = base + kind * bands;
-                    let values = &mut self.values[start..start + bands];
-                    let emitted = &self.next[start..start + bands];
-                    for ((value, reflectance), emitted) in
-                        values.iter_mut().zip(&vertex.reflectance).zip(emitted)
-                    {
-                        *value = (vertex.diffuse * reflectance + vertex.gloss) * *value + emitted;
+            }
+            if fluoresces && any_fluorescent {
+                self.light_up(lanes, base + kinds - 1);
+                let values = &mut self.values[(base + kinds - 1) * blocks..(base + kinds) * blocks];
+                for ((fluorophore, _), concentration) in material.fluorophores.iter().zip(concentrations) {
+                    if *concentration > 0.0 {
+                        scene.plain_operators[*fluorophore].add_product(
+                            lanes,
+                            vertex.fluorescent * concentration,
+                            &self.fluoresced,
+                            values,
+                        );
                     }
                 }
-            } else if was_reflected || was_fluorescent {
-                self.values[base..base + kinds * bands].fill(0.0);
-                self.reflected[group] = false;
-                self.fluorescent[group] = false;
+            }
+            if self.lit[base] {
+                let values = &mut self.values[base * blocks..(base + 1) * blocks];
+                bands::reflect(lanes, vertex.diffuse, reflectance, vertex.gloss, values);
             }
         }
+    }
+}
 
-        for (source, direct) in scene.sources.iter().zip(&vertex.direct) {
-            if direct.diffuse <= 0.0 && direct.gloss <= 0.0 && direct.fluorescent <= 0.0 {
-                continue;
+/// One path on one state, compiled for each instruction set.
+struct Gather<'a> {
+    state: &'a mut SpectralState,
+    scene: &'a CompiledScene<'a>,
+    path: &'a Path,
+}
+
+impl Work for Gather<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, lanes: L) {
+        let Self { state, scene, path } = self;
+        state.lit.fill(false);
+        // Lent out, so that the state can be changed meanwhile.
+        let mut mixed = std::mem::take(&mut state.reflectance);
+        for (index, vertex) in path.vertices().iter().enumerate().rev() {
+            state.add_emission(lanes, scene, path.emission(vertex));
+            let material = &scene.materials[vertex.material as usize];
+            let (weights, rest) = path.weights(vertex).split_at(material.reflectance.len());
+            let concentrations = &rest[..material.fluorophores.len()];
+            let reflectance = match material.reflectance.as_slice() {
+                [(only, _)] if weights == [1.0] => only.as_slice(),
+                terms => {
+                    bands::clear(lanes, &mut mixed);
+                    for ((spectrum, _), weight) in terms.iter().zip(weights) {
+                        if *weight != 0.0 {
+                            bands::add_scaled(lanes, *weight, spectrum, &mut mixed);
+                        }
+                    }
+                    mixed.as_slice()
+                }
+            };
+            if state.lit.contains(&true) {
+                state.scatter(lanes, scene, material, concentrations, vertex, reflectance);
             }
-            let base = source.group * kinds * bands;
-            self.reflected[source.group] = true;
-            let diffuse = direct.diffuse * FRAC_1_PI;
-            for ((value, spectrum), reflectance) in
-                self.values[base..base + bands].iter_mut().zip(&source.bands).zip(&vertex.reflectance)
-            {
-                *value += (diffuse * reflectance + direct.gloss) * spectrum;
-            }
-            for ((fluorophore, _), concentration) in material.fluorophores.iter().zip(&vertex.concentration) {
-                if *concentration <= 0.0 {
+            for (source, direct) in scene.sources.iter().zip(path.direct(index, scene.sources.len())) {
+                if direct.diffuse <= 0.0 && direct.gloss <= 0.0 && direct.fluorescent <= 0.0 {
                     continue;
                 }
-                self.fluorescent[source.group] = true;
-                let factor = direct.fluorescent * FRAC_1_PI * concentration;
-                let start = base + (1 + fluorophore) * bands;
-                for (value, exitance) in
-                    self.values[start..start + bands].iter_mut().zip(&source.exitance[*fluorophore])
-                {
-                    *value += factor * exitance;
+                let base = source.group * state.kinds;
+                let diffuse = direct.diffuse * FRAC_1_PI;
+                bands::add_reflected(
+                    lanes,
+                    diffuse,
+                    reflectance,
+                    direct.gloss,
+                    &source.bands,
+                    state.light_up(lanes, base),
+                );
+                for ((fluorophore, _), concentration) in material.fluorophores.iter().zip(concentrations) {
+                    if *concentration > 0.0 {
+                        let factor = direct.fluorescent * FRAC_1_PI * concentration;
+                        let emitted = state.light_up(lanes, base + 1 + fluorophore);
+                        bands::add_scaled(lanes, factor, &source.exitance[*fluorophore], emitted);
+                    }
                 }
             }
         }
+        state.add_emission(lanes, scene, &path.seen);
+        state.reflectance = mixed;
     }
 }
