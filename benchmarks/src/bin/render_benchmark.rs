@@ -1,6 +1,6 @@
 //! Renders a benchmark scene several times with different seeds and prints CPU seconds as one line of JSON.
 //!
-//! `render_benchmark SCENE [--bands N] [--fluorophores N] [--side N] [--spp N] [--runs N] [--threads N] [--depth N]`
+//! `render_benchmark SCENE [--bands N] [--fluorophores N] [--side N] [--spp N] [--runs N] [--seed N] [--threads N] [--depth N]`
 //! `[--images FOLDER] [--export FOLDER]`
 //!
 //! Bands: 31 (395-705 nm by 10), 69 (365-705 by 5), or N bins of 5 nm centred from 350 nm on. Times are net of
@@ -28,6 +28,7 @@ struct Arguments {
     samples: u32,
     depth: u32,
     runs: u64,
+    seed: u64,
     threads: usize,
     images: Option<PathBuf>,
     export: Option<PathBuf>,
@@ -39,7 +40,7 @@ fn parse() -> Result<Arguments, Box<dyn Error>> {
     let scene = BenchmarkScene::ALL.into_iter().find(|s| s.name() == name);
     let scene = scene.ok_or_else(|| format!("there is no scene '{name}'"))?;
     let (mut bands, mut fluorophores, mut side) = (31_usize, 0, 128);
-    let (mut samples, mut depth, mut runs, mut threads) = (64, 8, 4, 1);
+    let (mut samples, mut depth, mut runs, mut seed, mut threads) = (64, 8, 4, 1, 1);
     let (mut images, mut export) = (None, None);
     while let Some(word) = words.next() {
         let value = words.next().ok_or_else(|| format!("{word} needs a value"))?;
@@ -49,6 +50,7 @@ fn parse() -> Result<Arguments, Box<dyn Error>> {
             "--side" => side = value.parse()?,
             "--spp" => samples = value.parse()?,
             "--runs" => runs = value.parse()?,
+            "--seed" => seed = value.parse()?,
             "--threads" => threads = value.parse()?,
             "--depth" => depth = value.parse()?,
             "--images" => images = Some(PathBuf::from(value)),
@@ -65,7 +67,7 @@ fn parse() -> Result<Arguments, Box<dyn Error>> {
         _ => WavelengthGrid::uniform(350.0, 350.0 + 5.0 * (bands - 1) as f64, 5.0)?,
     };
     let options = SceneOptions { grid, fluorophores, side };
-    Ok(Arguments { scene, options, samples, depth, runs, threads, images, export })
+    Ok(Arguments { scene, options, samples, depth, runs, seed, threads, images, export })
 }
 
 /// CPU seconds of this process so far, all threads; wall-clock time where the system does not tell.
@@ -117,8 +119,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     let (mut cpu, mut wall, mut setup) = (Vec::new(), Vec::new(), Vec::new());
     for run in 0..arguments.runs {
-        let (base_cpu, base_wall, _) = measure(&scene, &arguments, 1, 100 + run)?;
-        let (run_cpu, run_wall, image) = measure(&scene, &arguments, arguments.samples, 1 + run)?;
+        let (base_cpu, base_wall, _) = measure(&scene, &arguments, 1, arguments.seed + 1_000_000 + run)?;
+        let (run_cpu, run_wall, image) =
+            measure(&scene, &arguments, arguments.samples, arguments.seed + run)?;
         let whole = f64::from(arguments.samples) / f64::from(arguments.samples - 1);
         cpu.push((run_cpu - base_cpu) * whole);
         wall.push((run_wall - base_wall) * whole);

@@ -118,6 +118,11 @@ impl Traversal for Detected {
     }
 
     #[inline(always)]
+    fn prefetch(self, tree: &WideTree, reference: u32) {
+        super::prefetch(tree, reference);
+    }
+
+    #[inline(always)]
     fn candidates(self, pack: &TrianglePack, ray: &Broadcast) -> u32 {
         // SAFETY: AVX-512 is there and loads are aligned and within bounds, as said above.
         unsafe {

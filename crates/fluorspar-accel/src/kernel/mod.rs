@@ -129,6 +129,9 @@ trait Traversal: Copy {
     /// where a ray runs within a plane: that plane then does not count.
     fn boxes(self, node: &WideNode, ray: &Self::Ray, limit: f32) -> (u32, Distances);
 
+    /// Asks for the memory of a node or leaf that is likely to be visited soon.
+    fn prefetch(self, tree: &WideTree, reference: u32);
+
     /// The triangles whose edge functions, in single precision, do not differ in sign: a superset of those hit.
     fn candidates(self, pack: &TrianglePack, ray: &Self::Ray) -> u32;
 }
@@ -231,6 +234,24 @@ impl WideTree {
     }
 }
 
+/// Brings a node or leaf into the cache: all its lines, for none of them is of use alone.
+#[cfg(target_arch = "x86_64")]
+#[inline(always)]
+fn prefetch(tree: &WideTree, reference: u32) {
+    use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+    const LINE: usize = 64;
+    let number = (reference & !LEAF) as usize;
+    let (start, bytes) = if reference & LEAF == 0 {
+        (tree.nodes.as_ptr().wrapping_add(number).cast::<i8>(), size_of::<WideNode>())
+    } else {
+        (tree.packs.as_ptr().wrapping_add(number).cast::<i8>(), size_of::<TrianglePack>())
+    };
+    for line in (0..bytes).step_by(LINE) {
+        // SAFETY: a prefetch may be given any address.
+        unsafe { _mm_prefetch::<_MM_HINT_T0>(start.wrapping_add(line)) };
+    }
+}
+
 #[inline(always)]
 fn closest<L: Traversal>(lanes: L, tree: &WideTree, ray: &Ray) -> Option<Hit> {
     if tree.nodes.is_empty() {
@@ -250,6 +271,7 @@ fn closest<L: Traversal>(lanes: L, tree: &WideTree, ray: &Ray) -> Option<Hit> {
             if met != 0 {
                 let entry = |met: u32| {
                     let column = met.trailing_zeros() as usize & (WIDTH - 1);
+                    lanes.prefetch(tree, node.children[column]);
                     Entry::new(distances.0[column], node.children[column])
                 };
                 let first = entry(met);
@@ -320,6 +342,7 @@ fn occluded<L: Traversal>(lanes: L, tree: &WideTree, ray: &Ray) -> bool {
             while met != 0 {
                 let column = met.trailing_zeros() as usize & (WIDTH - 1);
                 met &= met - 1;
+                lanes.prefetch(tree, node.children[column]);
                 // SAFETY: with all columns of this node on it, the stack holds at most `stack_need` entries, which the
                 // builder has checked.
                 unsafe { stack.push(Entry::new(distances.0[column], node.children[column])) };

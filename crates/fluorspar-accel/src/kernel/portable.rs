@@ -54,6 +54,9 @@ impl Traversal for Arrays {
     }
 
     #[inline(always)]
+    fn prefetch(self, _: &WideTree, _: u32) {}
+
+    #[inline(always)]
     fn candidates(self, pack: &TrianglePack, ray: &RayFrame) -> u32 {
         let [kx, ky, kz] = ray.axes;
         let [sx, sy, _] = ray.shear;
