@@ -315,7 +315,7 @@ mod tests {
 
     fn outer_products(bands: usize) -> (Vec<f32>, Vec<f32>, [OuterProduct; 2]) {
         let bump = |centre: f32, width: f32| {
-            (0..bands).map(|band| (-((band as f32 / bands as f32 - centre) / width).powi(2)).exp())
+            (0..bands).map(move |band| (-((band as f32 / bands as f32 - centre) / width).powi(2)).exp())
         };
         let (excitation, emission): (Vec<f32>, Vec<f32>) =
             (bump(0.3, 0.06).collect(), bump(0.5, 0.1).collect());

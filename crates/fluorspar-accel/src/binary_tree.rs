@@ -5,6 +5,7 @@ use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
 use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
 use obvhs::ploc::{PlocBuilder, PlocSearchDistance, SortPrecision};
+use rayon::prelude::*;
 
 /// An axis-aligned box.
 #[derive(Clone, Copy, Debug)]
@@ -53,7 +54,7 @@ pub(crate) fn clustered(boxes: &[Bounds]) -> BinaryTree {
     let largest = whole.min.abs().max(whole.max.abs()).max_element();
     let scale = if largest > 0.0 { 1.0 / f64::from(largest) } else { 1.0 };
     let primitives: Vec<Aabb> = boxes
-        .iter()
+        .par_iter()
         .enumerate()
         .map(|(number, b)| {
             let (min, max) = (b.min.as_dvec3() * scale, b.max.as_dvec3() * scale);
@@ -70,6 +71,7 @@ pub(crate) fn clustered(boxes: &[Bounds]) -> BinaryTree {
         SortPrecision::U64,
         3,
     );
+    drop(primitives);
     ReinsertionOptimizer::default().run(&mut tree, REINSERTION_RATIO, None);
     in_order(&tree)
 }

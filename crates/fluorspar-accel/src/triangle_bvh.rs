@@ -1,6 +1,7 @@
 //! The public tree: checks its input, builds, dispatches.
 
 use glam::Vec3;
+use rayon::prelude::*;
 use thiserror::Error;
 
 use crate::binary_tree::{self, BinaryTree, Bounds};
@@ -174,7 +175,7 @@ fn check(positions: &[Vec3], triangles: &[[u32; 3]]) -> Result<(), BuildError> {
 /// Builds a tree that the traversal stack can cope with: grouped by `group`, or balanced should that be too deep.
 fn build_fitting_tree(
     count: usize,
-    corners: impl Fn(u32) -> [Vec3; 3] + Copy,
+    corners: impl Fn(u32) -> [Vec3; 3] + Copy + Sync,
     group: impl Fn(&[Bounds]) -> BinaryTree,
 ) -> WideTree {
     let mut tree = build_tree(count, corners, group);
@@ -189,11 +190,11 @@ fn build_fitting_tree(
 /// Builds the tree of all triangles that have an area.
 fn build_tree(
     count: usize,
-    corners: impl Fn(u32) -> [Vec3; 3],
+    corners: impl Fn(u32) -> [Vec3; 3] + Sync,
     group: impl Fn(&[Bounds]) -> BinaryTree,
 ) -> WideTree {
     let numbers: Vec<u32> = (0..count as u32).filter(|&number| has_area(corners(number))).collect();
-    let boxes: Vec<Bounds> = numbers.iter().map(|&number| padded_box(corners(number))).collect();
+    let boxes: Vec<Bounds> = numbers.par_iter().map(|&number| padded_box(corners(number))).collect();
     let mut tree = wide_tree::collapse(&group(&boxes), &boxes, |item| {
         let number = numbers[item as usize];
         (corners(number), number)

@@ -3,6 +3,7 @@
 use glam::Vec3;
 
 use crate::binary_tree::{BinaryNode, Bounds};
+use crate::kernel::on_large_pages;
 
 /// Boxes per node.
 pub(crate) const WIDTH: usize = 8;
@@ -80,15 +81,15 @@ impl TrianglePack {
 }
 
 /// Cost of testing the boxes of a node, relative to [`LEAF_COST`].
-const NODE_COST: f64 = 1.0;
+const NODE_COST: f32 = 1.0;
 /// Cost of testing a leaf.
-const LEAF_COST: f64 = 1.0;
+const LEAF_COST: f32 = 1.0;
 
 /// The cheapest ways to represent a binary subtree by a given number of wide children.
 #[derive(Clone, Copy)]
 struct Plan {
-    /// Expected cost with up to `i + 1` children.
-    cost: [f64; WIDTH - 1],
+    /// Expected cost with up to `i + 1` children, relative to the surface of the whole tree.
+    cost: [f32; WIDTH - 1],
     /// How many children attain it.
     children: [u8; WIDTH - 1],
     /// With `i + 1` children: how many of them are in the left subtree.
@@ -112,6 +113,9 @@ pub(crate) fn collapse(
     if tree.is_empty() {
         return WideTree::default();
     }
+    let whole = boxes.iter().fold(Bounds::EMPTY, |sum, &next| sum.union(next)).half_area();
+    // A tree without any surface, or none that can be told from none, may be grouped anyhow.
+    let relative = |bounds: &Bounds| if whole > 0.0 { (bounds.half_area() / whole) as f32 } else { 0.0 };
     let mut bounds = vec![Bounds::EMPTY; tree.len()];
     let mut counts = vec![1_u32; tree.len()];
     let unknown = Plan { cost: [0.0; WIDTH - 1], children: [1; WIDTH - 1], left: [0; WIDTH], leaf: true };
@@ -120,18 +124,19 @@ pub(crate) fn collapse(
         match *node {
             BinaryNode::Leaf(item) => {
                 bounds[number] = boxes[item as usize];
-                plans[number].cost = [LEAF_COST * bounds[number].half_area(); WIDTH - 1];
+                plans[number].cost = [LEAF_COST * relative(&bounds[number]); WIDTH - 1];
             }
             BinaryNode::Inner(children) => {
                 let [l, r] = children.map(|child| child as usize);
                 bounds[number] = bounds[l].union(bounds[r]);
                 counts[number] = counts[l] + counts[r];
-                plans[number] = plan(&plans[l], &plans[r], bounds[number].half_area(), counts[number]);
+                plans[number] = plan(&plans[l], &plans[r], relative(&bounds[number]), counts[number]);
             }
         }
     }
 
-    let mut wide = WideTree::default();
+    let (nodes, packs) = count_wide(tree, &plans);
+    let mut wide = WideTree { nodes: on_large_pages(nodes), packs: on_large_pages(packs) };
     wide.nodes.push(WideNode::UNUSED);
     let mut waiting = vec![(0_u32, 0_usize)];
     let mut members = Vec::with_capacity(WIDTH);
@@ -165,10 +170,35 @@ pub(crate) fn collapse(
     wide
 }
 
-fn plan(left: &Plan, right: &Plan, half_area: f64, count: u32) -> Plan {
+/// Number of nodes and of leaves that [`collapse`] makes of a tree.
+fn count_wide(tree: &[BinaryNode], plans: &[Plan]) -> (usize, usize) {
+    let (mut nodes, mut packs) = (1, 0);
+    let mut waiting = vec![0_u32];
+    let mut members = Vec::with_capacity(WIDTH);
+    while let Some(source) = waiting.pop() {
+        members.clear();
+        match tree[source as usize] {
+            BinaryNode::Inner(children) if !plans[source as usize].leaf => {
+                split(tree, plans, children, source, WIDTH, &mut members);
+            }
+            _ => members.push(source),
+        }
+        for &member in &members {
+            if plans[member as usize].leaf {
+                packs += 1;
+            } else {
+                nodes += 1;
+                waiting.push(member);
+            }
+        }
+    }
+    (nodes, packs)
+}
+
+fn plan(left: &Plan, right: &Plan, half_area: f32, count: u32) -> Plan {
     let mut plan =
-        Plan { cost: [f64::INFINITY; WIDTH - 1], children: [1; WIDTH - 1], left: [0; WIDTH], leaf: false };
-    let mut shared = [f64::INFINITY; WIDTH];
+        Plan { cost: [f32::INFINITY; WIDTH - 1], children: [1; WIDTH - 1], left: [0; WIDTH], leaf: false };
+    let mut shared = [f32::INFINITY; WIDTH];
     for total in 2..=WIDTH {
         for on_left in 1..total {
             let cost = left.cost[on_left - 1] + right.cost[total - on_left - 1];

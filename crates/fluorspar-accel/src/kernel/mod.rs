@@ -3,8 +3,8 @@
 //! A kernel only decides which boxes and triangles deserve a closer look; hits are computed by [`RayFrame::intersect`]
 //! alone. Box distances steer the order of traversal, so kernels compute them by the same operations and visit the same
 //! nodes.
-// The only place in the workspace where unsafe code is allowed: vector instructions that the processor must have, and
-// reads without bounds checks whose bounds the builder establishes.
+// The only place in the workspace where unsafe code is allowed: vector instructions that the processor must have, reads
+// without bounds checks whose bounds the builder establishes, and advice to the system about memory.
 #![allow(unsafe_code)]
 
 use std::fmt;
@@ -17,9 +17,11 @@ use crate::wide_tree::{LEAF, PACK, STACK_CAPACITY, TrianglePack, WIDTH, WideNode
 mod avx2;
 #[cfg(target_arch = "x86_64")]
 mod avx512;
+mod large_pages;
 mod portable;
 mod simd;
 
+pub(crate) use large_pages::on_large_pages;
 pub use simd::{Lanes, Simd, Work};
 
 /// The code that traverses a tree. All kernels give the same hits, bit for bit.
