@@ -1,5 +1,6 @@
 //! From developed frames to chromaticity and porphyrin.
 
+use super::capture::on_sensor;
 use super::{CapturedFrame, PipelineError};
 use crate::analysis::{
     Analysis, AnalysisSettings, ChannelNoise, ChromaticityMap, FluorophoreResponse, MixtureModel,
@@ -57,11 +58,12 @@ pub fn analyze(
     let analysis_settings = AnalysisSettings { region, noise, noise_threshold: settings.noise_threshold };
     let model = mixture_model(experiment, sensor, capture, settings);
     let image = &frame.developed;
+    let scene = components.and_then(|components| on_sensor(experiment, components));
     let (analysis, chromaticity, porphyrin) =
-        analyse(image, components, model.as_ref(), None, &analysis_settings)?;
+        analyse(image, scene, model.as_ref(), None, &analysis_settings)?;
     let region = analysis_settings
         .region
-        .select(image.width, image.height, components)
+        .select(image.width, image.height, scene)
         .map_err(crate::analysis::AnalysisError::from)?;
     Ok(Some(AnalyzedFrame { analysis, chromaticity, porphyrin, region }))
 }

@@ -1,8 +1,10 @@
 //! From a component image to raw and developed frames.
 
 use super::PipelineError;
+use crate::analysis::SceneOnSensor;
 use crate::experiment::ResolvedExperiment;
 use crate::image::{ChannelImage, ComponentImage, SensorImage, SpectralImage};
+use crate::optics::IdealLens;
 use crate::sensor::{CaptureFrame, FilmExtent, develop, develop_with_ambient};
 use crate::spectral::Radiance;
 
@@ -20,10 +22,38 @@ pub fn frame_radiance(frame: &CaptureFrame, components: &ComponentImage) -> Spec
     components.recombine(|component| frame.drive(&component.light_group))
 }
 
+/// How large a rendered image lies on the film behind a lens: its field of view is that of the camera that rendered it,
+/// whatever lens or sensor the experiment has now.
+pub(super) fn film_extent(
+    experiment: &ResolvedExperiment,
+    components: &ComponentImage,
+    lens: &IdealLens,
+) -> FilmExtent {
+    let tan_half =
+        components.features.view.map_or(experiment.scene.camera.tan_half_width, |v| v.tan_half_width);
+    let field_deg = 2.0 * f64::from(tan_half).atan().to_degrees();
+    FilmExtent::of_width(lens.film_width_mm(field_deg), components.width, components.height)
+}
+
+/// The image on the film, relative to the sensor.
+pub(super) fn on_sensor<'a>(
+    experiment: &ResolvedExperiment,
+    components: &'a ComponentImage,
+) -> Option<SceneOnSensor<'a>> {
+    let film = film_extent(experiment, components, experiment.lens.as_ref()?);
+    let sensor = experiment.sensor.as_ref()?.film_extent();
+    let film_over_sensor = [film.width_mm / sensor.width_mm, film.height_mm / sensor.height_mm];
+    Some(SceneOnSensor { components, film_over_sensor })
+}
+
 /// Takes all frames of an experiment: lights of the frame, lens, sensor, development.
 ///
+/// Lens and sensor may be others than those that the image was rendered for: the sensor then sees more or less of it.
+/// What lies beyond the rendered field is dark.
+///
 /// # Errors
-/// An experiment without lens, sensor or captures; an image of another experiment; exposures that can't be used.
+/// An experiment without lens, sensor or captures; an image of another experiment or from another place; exposures that
+/// can't be used.
 pub fn capture(
     experiment: &ResolvedExperiment,
     components: &ComponentImage,
@@ -45,11 +75,19 @@ pub fn capture(
             return Err(PipelineError::OtherLights { frame, group, known: known.join(", ") });
         }
     }
-    let field_deg = 2.0 * f64::from(experiment.scene.camera.tan_half_width).atan().to_degrees();
-    let film_width_mm = lens.film_width_mm(field_deg);
-    let film = FilmExtent::of_width(film_width_mm, components.width, components.height);
+    if let Some(view) = &components.features.view {
+        let now = experiment.scene.camera.view();
+        let apart = |a: [f32; 3], b: [f32; 3]| a.iter().zip(b).any(|(a, b)| (a - b).abs() > 1e-6);
+        if apart(view.position_m, now.position_m)
+            || apart(view.forward, now.forward)
+            || apart(view.right, now.right)
+        {
+            return Err(PipelineError::OtherCamera);
+        }
+    }
+    let film = film_extent(experiment, components, lens);
     let raws = sensor.expose_sequence(&experiment.capture_sequence(), experiment.render.seed, |frame| {
-        let irradiance = lens.form_image(&frame_radiance(frame, components), film_width_mm);
+        let irradiance = lens.form_image(&frame_radiance(frame, components), film.width_mm);
         sensor.electron_rate_on_film(&irradiance, film).map_err(PipelineError::from)
     })?;
     develop_frames(experiment, raws)

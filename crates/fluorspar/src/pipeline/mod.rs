@@ -63,6 +63,12 @@ pub enum PipelineError {
         /// The groups of the image.
         known: String,
     },
+    /// The image was seen from elsewhere.
+    #[error(
+        "the component image was rendered from another place or in another direction than the [camera] of this \
+         experiment; a moved camera sees other light. Render the experiment again"
+    )]
+    OtherCamera,
     /// Images that belong together differ in their wavelengths.
     #[error(
         "the component image has {image} bands and the experiment {experiment}; they were made from different \
