@@ -12,6 +12,7 @@ pub mod optics;
 pub mod pipeline;
 pub mod preset;
 pub mod render;
+pub mod safety;
 pub mod sampling;
 pub mod scene;
 pub mod sensor;

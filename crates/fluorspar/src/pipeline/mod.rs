@@ -10,9 +10,11 @@
 
 mod analyze;
 mod capture;
+mod direct_light;
 mod predict;
 mod preview;
 mod region_radiance;
+mod scene_change;
 
 pub use analyze::{AnalyzedFrame, analyze};
 pub use capture::{CapturedFrame, capture, develop_frames, frame_radiance};
@@ -22,6 +24,7 @@ pub use predict::{
 };
 pub use preview::{ColorRendering, Preview, preview, radiance_preview};
 pub use region_radiance::RegionRadiance;
+pub use scene_change::{check_same_scene, with_rendered_camera};
 
 use crate::analysis::AnalysisError;
 use crate::sensor::{DevelopError, SensorProblem};
@@ -63,6 +66,13 @@ pub enum PipelineError {
         /// The groups of the image.
         known: String,
     },
+    /// A change that only a new render can follow.
+    #[error(
+        "{0} is not as it was when the component image was rendered. The image would not show the change: run or render the \
+         experiment again, or take the change back. Drives can be changed without a render: \
+         capture.NAME.light_groups.GROUP"
+    )]
+    OtherScene(String),
     /// Images that belong together differ in their wavelengths.
     #[error(
         "the component image has {image} bands and the experiment {experiment}; they were made from different \

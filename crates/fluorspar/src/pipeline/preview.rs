@@ -104,7 +104,7 @@ impl ColorRendering {
     pub fn of_frame(experiment: &ResolvedExperiment, capture: &Capture) -> Self {
         let own = Self { matrix: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], compress: true };
         let (Some(sensor), Some(lens)) = (&experiment.sensor, &experiment.lens) else { return own };
-        let Some(lamp) = super::analyze::frame_lamp(experiment, capture) else { return own };
+        let Some(lamp) = super::analyze::frame_lamp(experiment, capture, None) else { return own };
         if lamp.integral(500.0, 650.0) < 0.2 * lamp.total() {
             return own;
         }

@@ -37,6 +37,8 @@ pub struct ResolvedExperiment {
     pub time_limit_s: Option<f64>,
     /// Transmittance of the filters in front of the lens; part of `lens.transmittance`, too.
     pub view_filter: Curve,
+    /// Whether the field of view of the camera is that of the lens and the sensor.
+    pub field_from_lens: bool,
     /// The lens with the viewing filters; `None` in a file that describes a scene only.
     pub lens: Option<IdealLens>,
     /// The sensor; `None` in a file that describes a scene only.
@@ -173,6 +175,7 @@ pub fn resolve(experiment: &Experiment) -> Result<ResolvedExperiment, Experiment
         render,
         time_limit_s: file.render.time_limit_s,
         view_filter,
+        field_from_lens: file.camera.horizontal_field_deg == super::schema::FieldOfView::FromLens,
         lens,
         sensor,
         captures,
