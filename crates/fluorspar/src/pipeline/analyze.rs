@@ -51,7 +51,8 @@ pub fn analyze(
     let noise = ChannelNoise::of_image(
         &frame.developed,
         frame.raw.dn_per_electron,
-        sensor.model().prnu_percent / 100.0,
+        // A flat field takes the spread of the pixels out.
+        if experiment.develop.flat_field.is_some() { 0.0 } else { sensor.model().prnu_percent / 100.0 },
     );
     let mut region = RegionOfInterest::of_parts(settings.parts.iter().cloned());
     if let Some([col, row, width, height]) = settings.rectangle_px.map(|r| r.map(|v| v as usize)) {

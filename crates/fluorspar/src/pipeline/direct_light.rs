@@ -98,7 +98,7 @@ fn point_factor(at: SurfacePoint, source: DVec3, pattern: Option<(DVec3, f64)>) 
 }
 
 /// Irradiance per unit of radiance of a surface that emits to both sides, sr.
-fn emission_factor(shape: &Shape, at: SurfacePoint) -> f64 {
+pub(crate) fn emission_factor(shape: &Shape, at: SurfacePoint) -> f64 {
     // A patch of area A at `center`: L cos cos' A / r², A bounded by the distance so that a point on the emitter itself
     // gets no more than a hemisphere.
     let patch = |center: DVec3, normal: DVec3, area: f64| {

@@ -53,9 +53,7 @@ impl<'a> Demosaic<'a> {
     pub(super) fn gradient_corrected(mosaic: &'a Mosaic) -> Option<Self> {
         let green = (0..mosaic.channels.len())
             .find(|&c| mosaic.pattern.iter().filter(|&&seen| usize::from(seen) == c).count() == 2)?;
-        let is_bayer = (mosaic.rows, mosaic.cols, mosaic.channels.len()) == (2, 2, 3)
-            && (mosaic.channel(0, 0) == green) == (mosaic.channel(1, 1) == green);
-        if !is_bayer {
+        if !mosaic.is_bayer() {
             return None;
         }
         let mut taps = Vec::new();
