@@ -48,12 +48,12 @@ pub fn analyze(
     let capture =
         experiment.captures.iter().find(|c| c.frame.label == settings.frame).ok_or_else(no_frame)?;
 
-    let noise = ChannelNoise::of_image(
-        &frame.developed,
-        frame.raw.dn_per_electron,
-        // A flat field takes the spread of the pixels out.
-        if experiment.develop.flat_field.is_some() { 0.0 } else { sensor.model().prnu_percent / 100.0 },
-    );
+    let k = frame.raw.dn_per_electron;
+    // A flat field takes the spread of the pixels' response out, dark frames that of their dark signal.
+    let develop = &experiment.develop;
+    let prnu = if develop.flat_field.is_some() { 0.0 } else { sensor.model().prnu_percent / 100.0 };
+    let dsnu = if develop.dark_frames > 0 { 0.0 } else { k * sensor.model().dsnu_electrons() };
+    let noise = ChannelNoise::of_image(&frame.developed, k, prnu, dsnu);
     let mut region = RegionOfInterest::of_parts(settings.parts.iter().cloned());
     if let Some([col, row, width, height]) = settings.rectangle_px.map(|r| r.map(|v| v as usize)) {
         region = region.within(Rectangle { col, row, width, height });

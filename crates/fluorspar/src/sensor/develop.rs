@@ -5,7 +5,7 @@ use thiserror::Error;
 use super::adc::QUANTISATION_NOISE_DN;
 use super::calibration::{BadPixels, FlatField, MasterFrame};
 use super::demosaic::{Demosaic, Demosaicing};
-use crate::image::{ChannelImage, Mosaic, SensorImage};
+use crate::image::{ChannelImage, Mosaic, SensorImage, SubtractedLight};
 
 /// Raw frames that can't be developed together.
 #[derive(Clone, Debug, Error, PartialEq)]
@@ -112,6 +112,9 @@ pub struct LinearMosaic {
     pub noise_floor_dn: f64,
     /// Digital numbers between black and saturation.
     pub full_scale_dn: f64,
+    /// Light of another frame that was subtracted: its level in digital numbers of this frame, `[row, col]`, and this frame's
+    /// exposure time over that of the other.
+    pub subtracted: Option<(Vec<f32>, f64)>,
     /// Name of the frame.
     pub label: String,
 }
@@ -199,9 +202,11 @@ impl LinearMosaic {
             });
         }
         let scale = self.dn_s_per_electron / ambient.dn_s_per_electron;
+        let levels: Vec<f32> = ambient.values.iter().map(|v| (scale * f64::from(*v)) as f32).collect();
         for (value, other) in self.values.iter_mut().zip(&ambient.values) {
             *value = (f64::from(*value) - scale * f64::from(*other)) as f32;
         }
+        self.subtracted = Some((levels, self.exposure_s / ambient.exposure_s));
         self.saturated.iter_mut().zip(&ambient.saturated).for_each(|(own, other)| *own |= other);
         self.noise_floor_dn = self.noise_floor_dn.hypot(scale * ambient.noise_floor_dn);
         Ok(self)
@@ -315,6 +320,7 @@ fn linear(raw: &SensorImage, values: Vec<f32>, noise_floor_dn: f64) -> LinearMos
         dn_s_per_electron: raw.exposure_s * raw.dn_per_electron,
         noise_floor_dn,
         full_scale_dn: f64::from(raw.white_level) - raw.black_level,
+        subtracted: None,
         label: raw.label.clone(),
     }
 }
@@ -329,6 +335,12 @@ fn interpolate(frame: &LinearMosaic, method: &Demosaic<'_>) -> ChannelImage {
         saturated,
         noise_floor_dn: frame.noise_floor_dn,
         full_scale_dn: frame.full_scale_dn,
+        shares: frame.mosaic.shares(),
+        subtracted: frame.subtracted.as_ref().map(|(levels, exposure_ratio)| {
+            let unmarked = vec![false; levels.len()];
+            let (dn, _) = method.interpolate(levels, &unmarked, frame.width, frame.height);
+            SubtractedLight { dn, exposure_ratio: *exposure_ratio }
+        }),
         label: frame.label.clone(),
     }
 }
@@ -376,6 +388,10 @@ mod tests {
         assert!(image.data.iter().all(|&value| (value - 50.0).abs() < 1e-4), "{:?}", image.data);
         let quantised = (36.0f64 + 1.0 / 12.0).sqrt();
         assert!((image.noise_floor_dn - quantised.hypot(5.0 * quantised)).abs() < 1e-9);
+        let subtracted = image.subtracted.unwrap();
+        assert!(subtracted.dn.iter().all(|&value| (value - 50.0).abs() < 1e-4));
+        assert!((subtracted.exposure_ratio - 10.0).abs() < 1e-12);
+        assert_eq!(image.shares, [0.25, 0.5, 0.25]);
         ambient.exposure_s = 0.0;
         assert!(matches!(develop_with_ambient(&frame, &ambient), Err(DevelopError::NoExposure { .. })));
         let other = raw(vec![64; 16], Mosaic::monochrome(), 4);
