@@ -68,7 +68,7 @@ pub(crate) struct ExperimentArgs {
 /// Changes on top of an experiment file.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub(crate) struct Changes {
-    /// Change one value, for instance `--set light.blue.power_mw=500`. May be repeated.
+    /// Change one value, for instance `--set capture.blue.exposure_ms=15`. May be repeated.
     #[arg(long = "set", value_name = "PATH=VALUE")]
     pub(crate) set: Vec<String>,
     /// Paths per pixel: more is less noisy and takes longer.

@@ -1,20 +1,49 @@
 //! From a component image to raw and developed frames.
 
-use super::PipelineError;
+use super::motion::{MotionPath, shifted};
+use super::{Calibration, PipelineError};
 use crate::analysis::SceneOnSensor;
-use crate::experiment::ResolvedExperiment;
+use crate::experiment::{Capture, ResolvedExperiment};
 use crate::image::{ChannelImage, ComponentImage, SensorImage, SpectralImage};
 use crate::optics::IdealLens;
-use crate::sensor::{CaptureFrame, FilmExtent, develop, develop_with_ambient};
-use crate::spectral::Radiance;
+use crate::sensor::{
+    CaptureFrame, ElectronRate, Exposure, FilmExtent, LinearMosaic, Sensor, merge_exposures,
+};
+use crate::spectral::{Irradiance, Radiance};
 
-/// One exposure, raw and developed.
+/// One capture, raw and developed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CapturedFrame {
     /// Digital numbers on the mosaic.
     pub raw: SensorImage,
-    /// Linear channels, black (and ambient, if the experiment says so) subtracted.
+    /// Further exposures of a bracket, named `CAPTURE_ev+2` and the like.
+    pub bracket: Vec<SensorImage>,
+    /// Linear channels: black subtracted, exposures merged, calibrated and less the ambient light, as the experiment says.
     pub developed: ChannelImage,
+}
+
+/// Raw exposures of one capture.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RawExposures {
+    /// The exposure that gives scale and name.
+    pub raw: SensorImage,
+    /// Further exposures to merge with it.
+    pub bracket: Vec<SensorImage>,
+}
+
+impl RawExposures {
+    /// All exposures, the main one first.
+    pub fn all(&self) -> impl Iterator<Item = &SensorImage> {
+        std::iter::once(&self.raw).chain(&self.bracket)
+    }
+}
+
+/// Name of a further exposure of a capture: `blue_ev+2`, `blue_ev-1.5`; the number is repeated exposures' own.
+pub fn bracket_label(capture: &str, bracket_ev: &[f64], index: usize) -> String {
+    let stops = bracket_ev[index];
+    let repeat = bracket_ev[..index].iter().filter(|other| **other == stops).count();
+    let repeat = if repeat > 0 { format!("_{}", repeat + 1) } else { String::new() };
+    format!("{capture}_ev{stops:+}{repeat}")
 }
 
 /// Radiance under the lights of one frame: components weighted by the drive of their light group.
@@ -46,7 +75,7 @@ pub(super) fn on_sensor<'a>(
     Some(SceneOnSensor { components, film_over_sensor })
 }
 
-/// Takes all frames of an experiment: lights of the frame, lens, sensor, development.
+/// Takes all frames of an experiment: lights of the frame, lens, motion, sensor, brackets, development.
 ///
 /// Lens and sensor may be others than those that the image was rendered for: the sensor then sees more or less of it.
 /// What lies beyond the rendered field is dark.
@@ -85,41 +114,99 @@ pub fn capture(
             return Err(PipelineError::OtherCamera);
         }
     }
+    experiment.capture_sequence().validate()?;
     let film = film_extent(experiment, components, lens);
-    let raws = sensor.expose_sequence(&experiment.capture_sequence(), experiment.render.seed, |frame| {
-        let irradiance = lens.form_image(&frame_radiance(frame, components), film.width_mm);
-        sensor.electron_rate_on_film(&irradiance, film).map_err(PipelineError::from)
-    })?;
-    develop_frames(experiment, raws)
+    let mut path = MotionPath::new(experiment);
+    let mut exposures = Vec::with_capacity(experiment.captures.len());
+    for capture in &experiment.captures {
+        let irradiance = lens.form_image(&frame_radiance(&capture.frame, components), film.width_mm);
+        exposures.push(expose_capture(experiment, sensor, capture, &irradiance, film, &mut path)?);
+    }
+    let calibration = Calibration::of_experiment(experiment, exposures.iter().flat_map(RawExposures::all))?;
+    develop_frames(experiment, exposures, &calibration)
 }
 
-/// Develops raw frames, subtracting from each the frame that the experiment names for it.
+/// Horizontal field of view of the component image, degrees.
+pub(super) fn field_deg(experiment: &ResolvedExperiment) -> f64 {
+    2.0 * f64::from(experiment.scene.camera.tan_half_width).atan().to_degrees()
+}
+
+/// All exposures of one capture. The exposure time of an automatic one is that of the image at rest.
+fn expose_capture(
+    experiment: &ResolvedExperiment,
+    sensor: &Sensor,
+    capture: &Capture,
+    irradiance: &SpectralImage<Irradiance>,
+    film: FilmExtent,
+    path: &mut MotionPath,
+) -> Result<RawExposures, PipelineError> {
+    let at_rest = sensor.electron_rate_on_film(irradiance, film)?;
+    let main = sensor.frame_exposure(&capture.frame, &at_rest, experiment.render.seed)?;
+    let sample_um = 1e3 * film.width_mm / irradiance.width() as f64;
+    let samples_per_pixel = sensor.model().pixel_size_um / sample_um;
+    let mut take = |exposure: &Exposure| -> Result<SensorImage, PipelineError> {
+        let [right, down] = path.next(exposure.time_s).map(|pixels| pixels * samples_per_pixel);
+        let moved: ElectronRate;
+        let rate = if (right, down) == (0.0, 0.0) {
+            &at_rest
+        } else {
+            moved = sensor.electron_rate_on_film(&shifted(irradiance, right, down), film)?;
+            &moved
+        };
+        Ok(sensor.expose_rate(rate, exposure)?)
+    };
+    let raw = take(&main)?;
+    let mut bracket = Vec::with_capacity(capture.bracket_ev.len());
+    for (index, stops) in capture.bracket_ev.iter().enumerate() {
+        // Noise of its own: the number of the exposure goes into its key.
+        let exposure =
+            Exposure { time_s: main.time_s * stops.exp2(), frame: 1 + index as u64, ..main.clone() };
+        let mut image = take(&exposure)?;
+        image.label = bracket_label(&capture.frame.label, &capture.bracket_ev, index);
+        bracket.push(image);
+    }
+    Ok(RawExposures { raw, bracket })
+}
+
+/// Develops raw frames: calibrates and merges the exposures of each, subtracts the frame that the experiment names for it,
+/// interpolates the colours.
 ///
 /// # Errors
-/// When a frame to subtract is missing or does not fit.
+/// When a frame to subtract is missing, or frames and calibration do not fit.
 pub fn develop_frames(
     experiment: &ResolvedExperiment,
-    raws: Vec<SensorImage>,
+    exposures: Vec<RawExposures>,
+    calibration: &Calibration,
 ) -> Result<Vec<CapturedFrame>, PipelineError> {
-    let find = |label: &str| raws.iter().find(|raw| raw.label == label);
-    let mut frames = Vec::with_capacity(raws.len());
-    for raw in &raws {
+    let linear: Vec<LinearMosaic> = exposures
+        .iter()
+        .map(|frame| {
+            let all: Vec<&SensorImage> = frame.all().collect();
+            merge_exposures(&all, |index| calibration.development(all[index]))
+        })
+        .collect::<Result<_, _>>()?;
+    let mut developed = Vec::with_capacity(exposures.len());
+    for frame in &linear {
         let subtract = experiment
             .captures
             .iter()
-            .find(|c| c.frame.label == raw.label)
+            .find(|c| c.frame.label == frame.label)
             .and_then(|c| c.subtract.as_deref());
-        let developed = match subtract {
-            None => develop(raw),
+        let light = match subtract {
+            None => frame.demosaic(calibration.demosaicing)?,
             Some(label) => {
-                let ambient = find(label).ok_or_else(|| PipelineError::NoFrame {
-                    wanted: label.into(),
-                    known: raws.iter().map(|r| r.label.as_str()).collect::<Vec<_>>().join(", "),
+                let ambient = linear.iter().find(|other| other.label == label).ok_or_else(|| {
+                    let known = linear.iter().map(|other| other.label.as_str()).collect::<Vec<_>>();
+                    PipelineError::NoFrame { wanted: label.into(), known: known.join(", ") }
                 })?;
-                develop_with_ambient(raw, ambient)?
+                frame.clone().without(ambient)?.demosaic(calibration.demosaicing)?
             }
         };
-        frames.push(CapturedFrame { raw: raw.clone(), developed });
+        developed.push(light);
     }
-    Ok(frames)
+    Ok(exposures
+        .into_iter()
+        .zip(developed)
+        .map(|(frame, developed)| CapturedFrame { raw: frame.raw, bracket: frame.bracket, developed })
+        .collect())
 }

@@ -52,6 +52,17 @@ pub(super) fn captures(
         })?;
         let (exposure_ms, auto_exposure) = context.exposure(&at("exposure_ms"), section.exposure_ms, rule)?;
         context.within(&at("gain"), section.gain, [0.01, 1000.0], "")?;
+        if section.bracket_ev.len() > 31 {
+            return context.fail(&at("bracket_ev"), "has more than 31 exposures; give fewer");
+        }
+        for (number, stops) in section.bracket_ev.iter().enumerate() {
+            let at = steps!["capture", index, "bracket_ev", number];
+            context.within(&at, *stops, [-16.0, 16.0], "stops")?;
+        }
+        if let Some(on_ms) = section.light_on_ms {
+            context.positive(&at("light_on_ms"), on_ms, "milliseconds")?;
+            context.within(&at("light_on_ms"), on_ms, [0.0, 3.6e6], "milliseconds")?;
+        }
         if let Some(other) = &section.subtract
             && !earlier.contains(&other.as_str())
         {
@@ -70,6 +81,8 @@ pub(super) fn captures(
                 gain: section.gain,
             },
             subtract: section.subtract.clone(),
+            bracket_ev: section.bracket_ev.clone(),
+            light_on_ms: section.light_on_ms,
         });
     }
     if !captures.is_empty() {

@@ -3,6 +3,7 @@
 mod capture;
 pub(super) mod context;
 pub(super) mod device;
+mod instrument;
 mod light;
 pub(super) mod material;
 mod object;
@@ -14,12 +15,12 @@ use sha2::{Digest, Sha256};
 
 use self::context::{Context, Resolved, hex};
 use super::error::{Step, steps};
-use super::schema::ExperimentFile;
+use super::schema::{ExperimentFile, MotionSection, SafetySection};
 use super::{Experiment, ExperimentError};
 use crate::optics::IdealLens;
 use crate::render::{RenderSettings, memory_bytes};
 use crate::scene::{Scene, SceneError};
-use crate::sensor::{CaptureFrame, CaptureSequence, Sensor};
+use crate::sensor::{CaptureFrame, CaptureSequence, Demosaicing, Sensor, Spectroradiometer};
 use crate::spectral::Curve;
 
 /// An experiment ready to run.
@@ -37,12 +38,24 @@ pub struct ResolvedExperiment {
     pub time_limit_s: Option<f64>,
     /// Transmittance of the filters in front of the lens; part of `lens.transmittance`, too.
     pub view_filter: Curve,
+    /// Whether the field of view of the camera is that of the lens and the sensor.
+    pub field_from_lens: bool,
     /// The lens with the viewing filters; `None` in a file that describes a scene only.
     pub lens: Option<IdealLens>,
     /// The sensor; `None` in a file that describes a scene only.
     pub sensor: Option<Sensor>,
     /// Exposures, in order.
     pub captures: Vec<Capture>,
+    /// Motion of the image between exposures.
+    pub motion: Option<MotionSection>,
+    /// How raw frames become linear channels.
+    pub develop: ResolvedDevelop,
+    /// Spectroradiometers.
+    pub spectroradiometers: Vec<ResolvedSpectroradiometer>,
+    /// Distances for the safety assessment.
+    pub safety: SafetySection,
+    /// Distance from the camera to the point that it looks at, mm.
+    pub camera_distance_mm: f64,
     /// What to compute from them.
     pub analysis: Option<ResolvedAnalysis>,
     /// Folder for the results, if the file names one.
@@ -66,6 +79,61 @@ pub struct Capture {
     pub frame: CaptureFrame,
     /// Label of the earlier frame whose image is subtracted.
     pub subtract: Option<String>,
+    /// Further exposures, in stops from the first, that are merged with it.
+    pub bracket_ev: Vec<f64>,
+    /// How long the lights are on, ms, if it is not the time of the exposures.
+    pub light_on_ms: Option<f64>,
+}
+
+/// How raw frames become linear channels.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ResolvedDevelop {
+    /// Interpolation of the colours.
+    pub demosaicing: Demosaicing,
+    /// Dark frames for each exposure time and gain; none are taken if 0.
+    pub dark_frames: u32,
+    /// Flat field.
+    pub flat_field: Option<FlatFieldPlan>,
+    /// Robust standard deviations from which a pixel counts as bad.
+    pub bad_pixel_sigma: Option<f64>,
+}
+
+/// Frames of even light.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FlatFieldPlan {
+    /// Frames averaged.
+    pub frames: u32,
+    /// Signal of the brightest channel on the axis, share of full scale.
+    pub level: f64,
+    /// Spectrum of the light, any scale.
+    pub spectrum: Curve,
+}
+
+/// A spectroradiometer and what it looks at.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ResolvedSpectroradiometer {
+    /// Name.
+    pub name: String,
+    /// The frame whose lights are on.
+    pub frame: CaptureFrame,
+    /// What it looks at.
+    pub target: SpotOrParts,
+    /// The instrument with its filters.
+    pub instrument: Spectroradiometer,
+}
+
+/// What a spectroradiometer looks at.
+#[derive(Clone, Debug, PartialEq)]
+pub enum SpotOrParts {
+    /// A round spot.
+    Spot {
+        /// Its middle, from the left and the top edge of the picture, 0 to 1.
+        aim: [f64; 2],
+        /// Its full angle, degrees.
+        acceptance_deg: f64,
+    },
+    /// All pixels that show these parts.
+    Parts(Vec<String>),
 }
 
 /// What to compute from the captures.
@@ -155,6 +223,10 @@ pub fn resolve(experiment: &Experiment) -> Result<ResolvedExperiment, Experiment
     let objects = object::objects(context, file, &materials, &grid, &mut light_groups)?;
     let captures = capture::captures(context, file, &light_groups)?;
     let analysis = capture::analysis(context, file, &captures, &objects)?;
+    let motion = instrument::motion(context, file)?;
+    let develop = instrument::develop(context, file, sensor.as_ref(), &grid)?;
+    let spectroradiometers = instrument::spectroradiometers(context, file, &captures, &objects, &grid)?;
+    let safety = instrument::safety(context, file)?;
 
     let scene =
         Scene { grid, objects, materials, fluorophores: fluorophores.list, light_groups, lights, camera };
@@ -173,9 +245,15 @@ pub fn resolve(experiment: &Experiment) -> Result<ResolvedExperiment, Experiment
         render,
         time_limit_s: file.render.time_limit_s,
         view_filter,
+        field_from_lens: file.camera.horizontal_field_deg == super::schema::FieldOfView::FromLens,
         lens,
         sensor,
         captures,
+        motion,
+        develop,
+        spectroradiometers,
+        safety,
+        camera_distance_mm: file.camera.distance_mm(),
         analysis,
         output_folder: file.output.folder.as_ref().map(PathBuf::from),
         warnings: std::mem::take(&mut context.warnings),

@@ -90,6 +90,14 @@ pub struct CaptureSection {
     /// Name of an earlier capture whose image is subtracted, scaled by exposure time: ambient light. Default: none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub subtract: Option<String>,
+    /// Further exposures of the same view and gain, in stops (factors of two in time) from the exposure time, -16 to 16; all
+    /// of them are merged to one frame of higher dynamic range, weighted by their noise. At most 31. Default: none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub bracket_ev: Vec<f64>,
+    /// How long the lights are on, ms, above 0 and at most 3 600 000: what the safety assessment counts. Default: the sum of the
+    /// exposure times.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub light_on_ms: Option<f64>,
 }
 
 fn auto() -> ExposureTime {
