@@ -25,6 +25,8 @@ pub(crate) struct ExperimentSource {
     pub(crate) text: String,
     /// Where relative paths start.
     pub(crate) base_dir: PathBuf,
+    /// The file, unless it is built in.
+    pub(crate) file: Option<PathBuf>,
 }
 
 impl ExperimentSource {
@@ -61,6 +63,7 @@ impl ExperimentSource {
                 stem: name.into(),
                 text: preset(name)?.text.into(),
                 base_dir: PathBuf::from("."),
+                file: None,
             });
         }
         let text = read_text(path)?;
@@ -77,7 +80,13 @@ impl ExperimentSource {
         let base_dir =
             path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new(".")).to_path_buf();
         let stem = path.file_stem().map_or_else(|| "experiment".into(), |s| s.to_string_lossy().into_owned());
-        Ok(Self { name: name.into(), stem, text, base_dir })
+        Ok(Self { name: name.into(), stem, text, base_dir, file: Some(path.to_path_buf()) })
+    }
+
+    /// Every file that an experiment was read from: its own, its bases, and the data that they name.
+    pub(crate) fn files(&self, experiment: &ResolvedExperiment) -> Vec<PathBuf> {
+        let inputs = experiment.inputs.iter().map(|input| &input.path);
+        self.file.iter().chain(&experiment.base_files).chain(inputs).cloned().collect()
     }
 
     /// Reads and resolves the experiment with its changes, and prints its warnings.

@@ -38,10 +38,12 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let mut components = loaded.image;
     // As `run` has them, so that the frames are those of `run` whatever file they come from.
     components.round_to_24_bits();
+    let mut inputs = vec![options.image.clone()];
     let (text, experiment) = match (&options.experiment, loaded.provenance) {
         (Some(name), _) => {
             let source = ExperimentSource::find(Some(name))?;
             let experiment = source.resolve(&options.changes, options.talk.quiet)?;
+            inputs.extend(source.files(&experiment));
             (source.text, experiment)
         }
         (None, Some(provenance)) => {
@@ -58,7 +60,8 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
             )));
         }
     };
-    let folder = out_folder::OutFolder::prepare(&options.out)?;
+    inputs.extend(experiment.inputs.iter().map(|input| input.path.clone()));
+    let folder = out_folder::OutFolder::prepare(&options.out, &inputs)?;
     let frames = capture(&experiment, &components)?;
     let provenance = Provenance::new(
         &text,

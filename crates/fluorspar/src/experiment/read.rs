@@ -119,6 +119,7 @@ fn put_on_bases(document: &mut Document, base_dir: &Path) -> Result<(), Experime
                     document.error(&steps!["base"], "the experiment is its own base; remove the line")
                 );
             }
+            document.base_files.push(canonical.clone());
             seen.push(canonical);
             folder = file.parent().unwrap_or(Path::new("")).to_path_buf();
             (text, file.display().to_string())

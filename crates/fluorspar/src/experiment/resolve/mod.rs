@@ -51,6 +51,8 @@ pub struct ResolvedExperiment {
     pub warnings: Vec<String>,
     /// Files that were read, with their digests.
     pub inputs: Vec<InputFile>,
+    /// Files of base experiments that were read; they are part of `resolved_toml`.
+    pub base_files: Vec<PathBuf>,
     /// The complete experiment as a file: base, overrides and defaults written out, paths absolute. Reading it
     /// gives the same experiment and the same `sha256`.
     pub resolved_toml: String,
@@ -180,6 +182,7 @@ pub fn resolve(experiment: &Experiment) -> Result<ResolvedExperiment, Experiment
         output_folder: file.output.folder.as_ref().map(PathBuf::from),
         warnings: std::mem::take(&mut context.warnings),
         inputs: std::mem::take(&mut context.inputs),
+        base_files: experiment.document.base_files.clone(),
         resolved_toml,
         sha256,
     })
