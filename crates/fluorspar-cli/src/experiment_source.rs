@@ -9,7 +9,6 @@ use fluorspar::experiment::{
 use fluorspar::preset::{self, ExperimentPreset, PresetError, PresetKind};
 use fluorspar_report::extract_experiment;
 
-use crate::args::Changes;
 use crate::error::CliError;
 
 /// Largest experiment file or report that is read.
@@ -41,7 +40,8 @@ impl ExperimentSource {
     }
 
     /// Finds an experiment or a flat sample.
-    pub(crate) fn find_either(name: &str) -> Result<Self, CliError> {
+    pub(crate) fn find_either(name: Option<&str>) -> Result<Self, CliError> {
+        let Some(name) = name else { return Self::find(None) };
         if preset::names(PresetKind::Sample).contains(&name) && !Path::new(name).exists() {
             Self::find_sample(Some(name))
         } else {
@@ -90,14 +90,14 @@ impl ExperimentSource {
     }
 
     /// Reads and resolves the experiment with its changes, and prints its warnings.
-    pub(crate) fn resolve(&self, changes: &Changes, quiet: bool) -> Result<ResolvedExperiment, CliError> {
+    pub(crate) fn resolve(&self, overrides: &[String], quiet: bool) -> Result<ResolvedExperiment, CliError> {
         if is_sample(&self.text) {
             return Err(CliError::Input(format!(
                 "{}: this is a flat sample without a scene; `fluorspar predict` takes it",
                 self.name
             )));
         }
-        let experiment = parse(&self.text, &self.name, &self.base_dir, &changes.overrides())?;
+        let experiment = parse(&self.text, &self.name, &self.base_dir, overrides)?;
         let resolved = resolve(&experiment)?;
         warn(&resolved.warnings, quiet);
         Ok(resolved)

@@ -92,3 +92,57 @@ fn only_untouched_results_are_replaced() {
     run(&[]);
     assert!(folder.join("precious.txt").is_file() && folder.join("done/report.html").is_file());
 }
+
+/// A quick run of the flat patch.
+const QUICK: [&str; 8] = [
+    "--set",
+    "render.samples_per_pixel=2",
+    "--set",
+    "sensor.columns=32",
+    "--set",
+    "sensor.rows=24",
+    "--set",
+    "sensor.pixel_size_um=15",
+];
+
+#[test]
+fn a_render_is_kept_when_a_later_stage_fails() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    // In front of the camera, but behind the patch: only the render finds out.
+    let hidden = "base = \"flat-patch\"\n[[object]]\nname = \"hidden\"\nmaterial = \"patch\"\n\
+                  sphere = { center_mm = [0.0, 0.0, -50.0], radius_mm = 5.0 }\n[analysis]\nparts = [\"hidden\"]\n";
+    fs::write(folder.join("hidden.toml"), hidden).unwrap();
+    for kept in ["out", "out-unfinished-1"] {
+        let said = fluorspar(folder, [&["run", "hidden.toml", "--out", "out"], &QUICK[..]].concat());
+        assert_eq!(said.code, Some(2), "{said:?}");
+        assert!(said.stderr.contains("no pixel of the region shows hidden"), "{}", said.stderr);
+        let hint =
+            format!("The render is kept. Mend the experiment and go on from it: fluorspar capture {kept}");
+        assert!(said.stderr.contains(&hint), "{}", said.stderr);
+        assert!(folder.join(kept).join("components.exr").is_file());
+        assert!(!folder.join(kept).join("report.html").exists());
+    }
+    fluorspar(folder, ["capture", "out/components.exr", "--out", "frames", "-q"]).well();
+    let said = fluorspar(
+        folder,
+        ["analyze", "frames", "--components", "out/components.exr", "--set=analysis.parts=[\"patch\"]"],
+    );
+    assert!(said.well().stdout.contains("porphyrin fraction of the region"));
+}
+
+#[test]
+fn a_control_without_porphyrin_has_a_fraction_of_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let fraction = |change: &str| {
+        let run = ["run", "flat-patch", "--json", "-q", "--out", "out", "--set", change];
+        let results = fluorspar(folder.path(), [&run[..], &QUICK[..]].concat()).json();
+        results["analysis"]["mixture"]["region"]["estimate"]["fraction"].as_f64().unwrap()
+    };
+    let with = fraction("render.seed=1");
+    for none in ["0", "{ dorsal_tongue = { peak = 0.0 } }"] {
+        let control = fraction(&format!("material.patch.concentrations.protoporphyrin_ix={none}"));
+        // What the filter leaks of the lamp is part of the colour, with porphyrin as without.
+        assert!((0.0..0.01).contains(&control) && with > control + 0.02, "{none}: {control}, {with}");
+    }
+}
