@@ -11,7 +11,7 @@ use serde_json::json;
 use std::io::Write;
 
 use super::out_folder;
-use crate::args::{Changes, Talk};
+use crate::args::{Changes, Seed, Talk};
 use crate::error::CliError;
 use crate::experiment_source::ExperimentSource;
 
@@ -28,6 +28,8 @@ pub(crate) struct Options {
     experiment: Option<String>,
     #[command(flatten)]
     changes: Changes,
+    #[command(flatten)]
+    seed: Seed,
     /// Folder for the frames.
     #[arg(long, value_name = "DIR", default_value = "fluorspar-out/capture", value_hint = ValueHint::DirPath)]
     out: PathBuf,
@@ -50,16 +52,20 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
             Some(resolve(&parsed)?)
         }
     };
+    let overrides: Vec<String> =
+        options.changes.set.iter().cloned().chain(options.seed.overrides()).collect();
+    let mut inputs = vec![options.image.clone()];
     let (text, experiment) = match (&options.experiment, loaded.provenance) {
         (Some(name), _) => {
             let source = ExperimentSource::find(Some(name))?;
-            let experiment = source.resolve(&options.changes, options.talk.quiet)?;
+            let experiment = source.resolve(&overrides, options.talk.quiet)?;
+            inputs.extend(source.files(&experiment));
             (source.text, experiment)
         }
         (None, Some(provenance)) => {
             let text = provenance.resolved_experiment_toml;
             let name = format!("experiment in {image}");
-            let parsed = parse(&text, &name, std::path::Path::new("."), &options.changes.overrides())?;
+            let parsed = parse(&text, &name, std::path::Path::new("."), &overrides)?;
             let experiment = resolve(&parsed)?;
             (text, experiment)
         }
@@ -76,7 +82,8 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         }
         None => experiment,
     };
-    let folder = out_folder::OutFolder::prepare(&options.out)?;
+    inputs.extend(experiment.inputs.iter().map(|input| input.path.clone()));
+    let folder = out_folder::OutFolder::prepare(&options.out, &inputs)?;
     let frames = capture(&experiment, &components)?;
     let provenance = Provenance::new(
         &text,

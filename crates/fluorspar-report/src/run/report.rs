@@ -410,10 +410,11 @@ fn parts_section(run: &RunResults<'_>, builder: &mut Builder) -> Section {
                 emission(
                     &curves,
                     &format!("the light \"{name}\""),
+                    "each at concentration 1",
                     "photons per nm per photon that arrives",
                     band,
                 ),
-                "At concentration 1 of each fluorophore.",
+                "",
             );
         }
     }

@@ -415,6 +415,15 @@ mod tests {
     }
 
     #[test]
+    fn no_bulk_is_not_blamed_on_the_filter() {
+        let model = MixtureModel { bulk_weights: Vec::new(), ..model() };
+        let (analysis, ..) = analyse(&image(5, 1000.0), None, Some(&model), None, &settings()).unwrap();
+        let warning = &analysis.warnings[0];
+        assert!(warning.contains("no fluorophore is named as the bulk"), "{warning}");
+        assert!(!warning.contains("filter"), "{warning}");
+    }
+
+    #[test]
     fn reflected_light_of_another_size_is_refused() {
         let error =
             analyse(&image(5, 9.0), None, None, Some(&image(4, 9.0)), &settings()).unwrap_err().to_string();

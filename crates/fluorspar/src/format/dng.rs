@@ -310,7 +310,7 @@ fn pixels(
         FormatError::unsupported(path, what, "Convert it to an uncompressed DNG of one strip or several")
     };
     let (width, height) = (raw.first(256).unwrap_or(0), raw.first(257).unwrap_or(0));
-    check_image_size(path, width, height, 2)?;
+    check_image_size(path, width, height, 2, MAX_IMAGE_BYTES)?;
     match raw.first(259) {
         None | Some(1) => {}
         Some(other) => {

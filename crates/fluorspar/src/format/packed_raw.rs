@@ -8,7 +8,7 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use super::file::{check_image_size, read_file, write_atomically, write_sidecar};
+use super::file::{MAX_IMAGE_BYTES, check_image_size, read_file, write_atomically, write_sidecar};
 use super::raw::{Description, description, image_of};
 use super::{FormatError, Loaded, Provenance};
 use crate::image::SensorImage;
@@ -128,7 +128,7 @@ pub(super) fn read_packed(
     description: Description,
     rows: PackedRows,
 ) -> Result<Loaded<SensorImage>, FormatError> {
-    check_image_size(path, description.width, description.height, 2)?;
+    check_image_size(path, description.width, description.height, 2, MAX_IMAGE_BYTES)?;
     let (columns, lines) = (description.width as usize, description.height as usize);
     let least = rows.format.row_bytes(columns);
     let stride = rows.stride_bytes.unwrap_or(least as u64);

@@ -338,7 +338,7 @@ fn read_grey_tiff(path: &Path, file: File) -> Result<(usize, usize, Vec<u16>), F
         let length = file.metadata().map_err(|source| FormatError::io(path, "read", source))?.len();
         let mut decoder = Decoder::new(BufReader::new(file)).map_err(damaged)?;
         let (width, height) = decoder.dimensions().map_err(damaged)?;
-        check_image_size(path, u64::from(width), u64::from(height), 2)?;
+        check_image_size(path, u64::from(width), u64::from(height), 2, MAX_IMAGE_BYTES)?;
         check_packing(path, 2 * u64::from(width) * u64::from(height), length)?;
         if decoder.colortype().map_err(damaged)? != tiff::ColorType::Gray(16) {
             return Err(not_grey16(path));

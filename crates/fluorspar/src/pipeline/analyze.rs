@@ -116,6 +116,7 @@ fn mixture_model(
         .scene
         .fluorophores
         .iter()
+        .chain(&settings.absent_fluorophores)
         .filter_map(|fluorophore| {
             let exitance = direct_exitance(&fluorophore.eem, grid, lamp);
             let seen = exitance.iter().zip(transmittance.values()).map(|(m, t)| m * t).collect();

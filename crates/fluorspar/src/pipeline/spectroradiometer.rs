@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use super::PipelineError;
 use super::capture::frame_radiance;
-use crate::analysis::{AnalysisError, RegionOfInterest};
+use crate::analysis::{AnalysisError, RegionOfInterest, SceneOnSensor};
 use crate::experiment::{ResolvedExperiment, SpotOrParts};
 use crate::image::{ComponentImage, SpectralImage};
 use crate::sensor::SpectralReading;

@@ -8,6 +8,7 @@ mod light;
 pub(super) mod material;
 mod object;
 pub(super) mod spectrum;
+mod surface_mean;
 
 use std::path::PathBuf;
 
@@ -21,7 +22,7 @@ use crate::optics::IdealLens;
 use crate::render::{RenderSettings, memory_bytes};
 use crate::scene::{Scene, SceneError};
 use crate::sensor::{CaptureFrame, CaptureSequence, Demosaicing, Sensor, Spectroradiometer};
-use crate::spectral::Curve;
+use crate::spectral::{Curve, Fluorophore};
 
 /// An experiment ready to run.
 #[derive(Clone, Debug, PartialEq)]
@@ -64,6 +65,8 @@ pub struct ResolvedExperiment {
     pub warnings: Vec<String>,
     /// Files that were read, with their digests.
     pub inputs: Vec<InputFile>,
+    /// Files of base experiments that were read; they are part of `resolved_toml`.
+    pub base_files: Vec<PathBuf>,
     /// The complete experiment as a file: base, overrides and defaults written out, paths absolute. Reading it
     /// gives the same experiment and the same `sha256`.
     pub resolved_toml: String,
@@ -149,6 +152,8 @@ pub struct ResolvedAnalysis {
     pub porphyrin: String,
     /// Fluorophores that form the bulk, with their amounts.
     pub bulk: Vec<(String, f64)>,
+    /// Those of these fluorophores that no material of the scene holds: their responses are predicted as well.
+    pub absent_fluorophores: Vec<Fluorophore>,
     /// Least channel sum that has a chromaticity, in standard deviations of its noise.
     pub noise_threshold: f64,
 }
@@ -222,22 +227,30 @@ pub fn resolve(experiment: &Experiment) -> Result<ResolvedExperiment, Experiment
     let materials = material::materials(context, file, &grid, &mut fluorophores)?;
     let objects = object::objects(context, file, &materials, &grid, &mut light_groups)?;
     let captures = capture::captures(context, file, &light_groups)?;
-    let analysis = capture::analysis(context, file, &captures, &objects)?;
     let motion = instrument::motion(context, file)?;
     let develop = instrument::develop(context, file, sensor.as_ref(), &grid)?;
     let spectroradiometers = instrument::spectroradiometers(context, file, &captures, &objects, &grid)?;
     let safety = instrument::safety(context, file)?;
+    let seen = capture::Seen {
+        objects: &objects,
+        materials: &materials,
+        camera: &camera,
+        sensor: sensor.as_ref(),
+        fluorophores: &fluorophores,
+    };
+    let analysis = capture::analysis(context, file, &captures, &seen)?;
 
     let scene =
         Scene { grid, objects, materials, fluorophores: fluorophores.list, light_groups, lights, camera };
     scene.check().map_err(|error| scene_error(context, file, &error))?;
     device::check_memory(context, file, memory_bytes(&scene))?;
-    warn_unused(context, file, &scene);
+    warn_unused(context, file, &scene, analysis.as_ref());
     for warning in scene.warnings() {
         context.push_warning(warning.to_string());
     }
 
     let (resolved_toml, sha256) = write_out(context, file)?;
+    let warnings = context.take_warnings(&scene.grid);
     Ok(ResolvedExperiment {
         title: file.title.clone(),
         description: file.description.clone(),
@@ -256,11 +269,18 @@ pub fn resolve(experiment: &Experiment) -> Result<ResolvedExperiment, Experiment
         camera_distance_mm: file.camera.distance_mm(),
         analysis,
         output_folder: file.output.folder.as_ref().map(PathBuf::from),
-        warnings: std::mem::take(&mut context.warnings),
+        warnings,
         inputs: std::mem::take(&mut context.inputs),
+        base_files: experiment.document.base_files.clone(),
         resolved_toml,
         sha256,
     })
+}
+
+/// The message of an error without the name in front, which the place in the file gives already.
+pub(super) fn without_name(error: &SceneError, name: &str) -> String {
+    let message = error.to_string();
+    message.strip_prefix(name).map_or_else(|| message.clone(), String::from)
 }
 
 /// Puts an error of the finished scene where it belongs in the file.
@@ -268,11 +288,15 @@ fn scene_error(context: &Context<'_>, file: &ExperimentFile, error: &SceneError)
     match error {
         SceneError::CreatesPhotons { material, .. } => {
             let index = file.material.iter().position(|section| section.name == *material).unwrap_or(0);
-            context.error(&steps!["material", index], error.to_string()).without_value()
+            let message = without_name(error, &format!("material \"{material}\" "));
+            context.error(&steps!["material", index], message).without_value()
         }
         SceneError::Mesh { object, .. } => {
             match file.object.iter().position(|section| section.name == *object) {
-                Some(index) => context.error(&steps!["object", index], error.to_string()),
+                Some(index) => {
+                    let message = without_name(error, &format!("object \"{object}\": "));
+                    context.error(&steps!["object", index], message)
+                }
                 None => context.error(&steps!["mouth"], error.to_string()),
             }
         }
@@ -284,7 +308,12 @@ fn scene_error(context: &Context<'_>, file: &ExperimentFile, error: &SceneError)
     }
 }
 
-fn warn_unused(context: &mut Context<'_>, file: &ExperimentFile, scene: &Scene) {
+fn warn_unused(
+    context: &mut Context<'_>,
+    file: &ExperimentFile,
+    scene: &Scene,
+    analysis: Option<&ResolvedAnalysis>,
+) {
     for (index, material) in scene.materials.iter().enumerate() {
         if !scene.objects.iter().any(|object| object.material == index) {
             context
@@ -292,7 +321,8 @@ fn warn_unused(context: &mut Context<'_>, file: &ExperimentFile, scene: &Scene) 
         }
     }
     for (index, section) in file.fluorophore.iter().enumerate() {
-        if !scene.fluorophores.iter().any(|fluorophore| fluorophore.name == section.name) {
+        let absent = analysis.iter().flat_map(|analysis| &analysis.absent_fluorophores);
+        if !scene.fluorophores.iter().chain(absent).any(|fluorophore| fluorophore.name == section.name) {
             context.warn(&steps!["fluorophore", index], "no material contains it");
         }
     }

@@ -73,7 +73,7 @@ impl JsonSchema for ExposureTime {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CaptureSection {
-    /// Name, unique among the captures.
+    /// Name, unique among the captures: letters, digits, `_`, `-`, `+`, `.` and spaces between them; files carry it.
     pub name: String,
     /// Light groups that are on, with their drive relative to the stated power, 0 or more. Default: all dark.
     #[serde(default)]
@@ -123,8 +123,8 @@ pub struct AnalysisSection {
     /// Fluorophore whose share is estimated. Default "protoporphyrin_ix".
     #[serde(default = "porphyrin")]
     pub porphyrin: String,
-    /// Material whose fluorophores, without the porphyrin, form the bulk of the tissue. Default: the material of
-    /// the first part.
+    /// Material whose fluorophores, without the porphyrin, form the bulk of the tissue; where a concentration is a map,
+    /// its mean over the region counts. Default: the material of the first part.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bulk_material: Option<String>,
     /// Concentrations that form the bulk of the tissue, instead of `bulk_material`.
