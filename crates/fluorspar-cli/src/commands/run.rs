@@ -4,7 +4,9 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
 
-use fluorspar::pipeline::{AnalyzedFrame, CapturedFrame, ColorRendering, Preview, analyze, capture, preview};
+use fluorspar::pipeline::{
+    AnalyzedFrame, CapturedFrame, ColorRendering, Preview, analyze, capture, preview, read_spectroradiometers,
+};
 use fluorspar_report::{RunResults, write_run_folder};
 
 use super::out_folder;
@@ -68,6 +70,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         let analyzed = analyze(&experiment, Some(&components), &frames)?;
         (frames, analyzed)
     };
+    let spectra = read_spectroradiometers(&experiment, &components)?;
     let previews: Vec<Preview> = frames
         .iter()
         .zip(&experiment.captures)
@@ -82,6 +85,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
             components: &components,
             frames: &frames,
             previews: &previews,
+            spectra: &spectra,
             analysis: analyzed.as_ref(),
         },
     )?;

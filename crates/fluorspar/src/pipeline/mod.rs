@@ -27,7 +27,7 @@ mod spectroradiometer;
 pub use analyze::{AnalyzedFrame, analyze};
 pub use calibration::Calibration;
 pub use camera_color::CameraColor;
-pub use capture::{CapturedFrame, RawExposures, bracket_label, capture, develop_frames, frame_radiance};
+pub use capture::{CapturedFrame, RawExposures, bracket_label, capture, complete_raw, develop_frames, frame_radiance};
 pub use predict::{
     ChannelPrediction, Chromaticity, FlatSample, FluorescenceModel, PredictError, Prediction, RadianceSplit,
     predict,
