@@ -10,9 +10,7 @@ use fluorspar::format::{
     write_rgb_png, write_sensor_dng, write_sensor_tiff,
 };
 use fluorspar::image::SensorImage;
-use fluorspar::pipeline::{
-    CameraColor, ColorRendering, capture, check_same_scene, preview, with_rendered_camera,
-};
+use fluorspar::pipeline::{CameraColor, ColorRendering, capture, check_same_scene, preview};
 use serde_json::json;
 use std::io::Write;
 
@@ -120,13 +118,9 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
             )));
         }
     };
-    let experiment = match &rendered {
-        Some(rendered) => {
-            check_same_scene(rendered, &experiment)?;
-            with_rendered_camera(experiment, rendered)
-        }
-        None => experiment,
-    };
+    if let Some(rendered) = &rendered {
+        check_same_scene(rendered, &experiment)?;
+    }
     let folder = out_folder::OutFolder::prepare(&options.out)?;
     let frames = capture(&experiment, &components)?;
     let provenance = Provenance::new(

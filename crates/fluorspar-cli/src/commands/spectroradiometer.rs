@@ -9,7 +9,6 @@ use fluorspar::experiment::{parse, resolve};
 use fluorspar::format::{read_component_exr, write_atomically};
 use fluorspar::pipeline::{
     FlatSample, SpectroradiometerReading, check_same_scene, predict, read_spectroradiometers,
-    with_rendered_camera,
 };
 use fluorspar::sensor::Spectroradiometer;
 use fluorspar::spectral::{Curve, Radiance, Spectrum};
@@ -186,7 +185,6 @@ fn of_image(options: &Options, path: &Path) -> Result<Vec<SpectroradiometerReadi
     };
     let mut experiment = resolve(&parse(&text, &name, Path::new("."), &options.set)?)?;
     check_same_scene(&rendered, &experiment)?;
-    experiment = with_rendered_camera(experiment, &rendered);
     if options.capture.is_some() {
         experiment.spectroradiometers.retain(|device| device.name == OWN);
     }

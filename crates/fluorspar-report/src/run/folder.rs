@@ -141,10 +141,8 @@ fn results_json(run: &RunResults<'_>) -> Result<Value, serde_json::Error> {
             })
         })
         .collect();
-    let region = experiment.analysis.as_ref().and_then(|analysis| {
-        let capture = experiment.captures.iter().find(|c| c.frame.label == analysis.frame)?;
-        RegionRadiance::new(run.components, &capture.frame, &analysis.parts).ok()
-    });
+    let region =
+        run.analysis.and_then(|a| RegionRadiance::of_analysis(experiment, run.components, &a.region));
     Ok(json!({
         "program": "fluorspar",
         "version": env!("CARGO_PKG_VERSION"),

@@ -57,10 +57,8 @@ pub fn run_report(run: &RunResults<'_>) -> RunReport {
     let mut builder = Builder { figures: Vec::new() };
     let experiment = run.experiment;
     let frame_of_interest = experiment.analysis.as_ref().map(|a| a.frame.as_str());
-    let radiance = experiment.analysis.as_ref().and_then(|analysis| {
-        let capture = experiment.captures.iter().find(|c| c.frame.label == analysis.frame)?;
-        RegionRadiance::new(run.components, &capture.frame, &analysis.parts).ok()
-    });
+    let radiance =
+        run.analysis.and_then(|a| RegionRadiance::of_analysis(experiment, run.components, &a.region));
     let leak = radiance.as_ref().and_then(|r| r.leak_ratio(experiment));
 
     let mut sections = vec![camera_section(run, &mut builder)];
@@ -317,9 +315,7 @@ fn radiance_section(
     let curve =
         |name: &str, values: &[f64]| NamedCurve::new(name, radiance.wavelength_nm.clone(), values.to_vec());
     let glow: Vec<NamedCurve> = radiance.fluorescence.iter().map(|(name, v)| curve(name, v)).collect();
-    let region = run.experiment.analysis.as_ref().map_or_else(String::new, |a| {
-        if a.parts.is_empty() { "the whole picture".into() } else { a.parts.join(", ").replace('_', " ") }
-    });
+    let region = run.analysis.map_or_else(String::new, |a| a.analysis.region_description.clone());
     let (reflected, total) = (curve("reflected", &radiance.reflected), curve("sum", &radiance.total));
     let mut section = Section::new("The light that leaves the tissue").say(format!(
         "Mean spectral radiance of {region} ({} pixels of the render), before filter and lens. It is the quantity that a \

@@ -7,9 +7,9 @@ use super::mixture_line::pixel_rgb;
 use super::{
     ChannelNoise, ChromaticityMap, CovarianceEllipse, DEFAULT_NOISE_THRESHOLD, ExclusionCounts,
     FluorophoreResponse, LineEstimate, MissingChannel, MixtureError, MixtureLine, PixelSelection,
-    PorphyrinMap, RegionError, RegionOfInterest, RegionStatistics, Statistics, rgb_channels,
+    PorphyrinMap, RegionError, RegionOfInterest, RegionStatistics, SceneOnSensor, Statistics, rgb_channels,
 };
-use crate::image::{ChannelImage, ComponentImage};
+use crate::image::ChannelImage;
 
 /// What to measure.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -162,7 +162,7 @@ pub enum AnalysisError {
 /// A region without pixels, an image without R, G and B, or a model that names an unknown fluorophore.
 pub fn analyse(
     image: &ChannelImage,
-    scene: Option<&ComponentImage>,
+    scene: Option<SceneOnSensor<'_>>,
     model: Option<&MixtureModel>,
     reflected: Option<&ChannelImage>,
     settings: &AnalysisSettings,

@@ -2,8 +2,10 @@
 
 use super::motion::{MotionPath, shifted};
 use super::{Calibration, PipelineError};
+use crate::analysis::SceneOnSensor;
 use crate::experiment::{Capture, ResolvedExperiment};
 use crate::image::{ChannelImage, ComponentImage, SensorImage, SpectralImage};
+use crate::optics::IdealLens;
 use crate::sensor::{
     CaptureFrame, ElectronRate, Exposure, FilmExtent, LinearMosaic, Sensor, merge_exposures,
 };
@@ -49,7 +51,9 @@ pub fn complete_raw(experiment: &ResolvedExperiment, raw: &mut SensorImage) -> R
         return Ok(());
     }
     let Some(sensor) = &experiment.sensor else {
-        return Err("its conversion gain is not known, and the experiment has no [sensor] that tells it".into());
+        return Err(
+            "its conversion gain is not known, and the experiment has no [sensor] that tells it".into()
+        );
     };
     let model = sensor.model();
     if raw.bit_depth != model.bit_depth {
@@ -79,10 +83,38 @@ pub fn frame_radiance(frame: &CaptureFrame, components: &ComponentImage) -> Spec
     components.recombine(|component| frame.drive(&component.light_group))
 }
 
+/// How large a rendered image lies on the film behind a lens: its field of view is that of the camera that rendered it,
+/// whatever lens or sensor the experiment has now.
+pub(super) fn film_extent(
+    experiment: &ResolvedExperiment,
+    components: &ComponentImage,
+    lens: &IdealLens,
+) -> FilmExtent {
+    let tan_half =
+        components.features.view.map_or(experiment.scene.camera.tan_half_width, |v| v.tan_half_width);
+    let field_deg = 2.0 * f64::from(tan_half).atan().to_degrees();
+    FilmExtent::of_width(lens.film_width_mm(field_deg), components.width, components.height)
+}
+
+/// The image on the film, relative to the sensor.
+pub(super) fn on_sensor<'a>(
+    experiment: &ResolvedExperiment,
+    components: &'a ComponentImage,
+) -> Option<SceneOnSensor<'a>> {
+    let film = film_extent(experiment, components, experiment.lens.as_ref()?);
+    let sensor = experiment.sensor.as_ref()?.film_extent();
+    let film_over_sensor = [film.width_mm / sensor.width_mm, film.height_mm / sensor.height_mm];
+    Some(SceneOnSensor { components, film_over_sensor })
+}
+
 /// Takes all frames of an experiment: lights of the frame, lens, motion, sensor, brackets, development.
 ///
+/// Lens and sensor may be others than those that the image was rendered for: the sensor then sees more or less of it.
+/// What lies beyond the rendered field is dark.
+///
 /// # Errors
-/// An experiment without lens, sensor or captures; an image of another experiment; exposures that can't be used.
+/// An experiment without lens, sensor or captures; an image of another experiment or from another place; exposures that
+/// can't be used.
 pub fn capture(
     experiment: &ResolvedExperiment,
     components: &ComponentImage,
@@ -104,22 +136,26 @@ pub fn capture(
             return Err(PipelineError::OtherLights { frame, group, known: known.join(", ") });
         }
     }
+    if let Some(view) = &components.features.view {
+        let now = experiment.scene.camera.view();
+        let apart = |a: [f32; 3], b: [f32; 3]| a.iter().zip(b).any(|(a, b)| (a - b).abs() > 1e-6);
+        if apart(view.position_m, now.position_m)
+            || apart(view.forward, now.forward)
+            || apart(view.right, now.right)
+        {
+            return Err(PipelineError::OtherCamera);
+        }
+    }
+    let film = film_extent(experiment, components, lens);
     experiment.capture_sequence().validate()?;
-    let film_width_mm = lens.film_width_mm(field_deg(experiment));
-    let film = FilmExtent::of_width(film_width_mm, components.width, components.height);
     let mut path = MotionPath::new(experiment);
     let mut exposures = Vec::with_capacity(experiment.captures.len());
     for capture in &experiment.captures {
-        let irradiance = lens.form_image(&frame_radiance(&capture.frame, components), film_width_mm);
+        let irradiance = lens.form_image(&frame_radiance(&capture.frame, components), film.width_mm);
         exposures.push(expose_capture(experiment, sensor, capture, &irradiance, film, &mut path)?);
     }
     let calibration = Calibration::of_experiment(experiment, exposures.iter().flat_map(RawExposures::all))?;
     develop_frames(experiment, exposures, &calibration)
-}
-
-/// Horizontal field of view of the component image, degrees.
-pub(super) fn field_deg(experiment: &ResolvedExperiment) -> f64 {
-    2.0 * f64::from(experiment.scene.camera.tan_half_width).atan().to_degrees()
 }
 
 /// All exposures of one capture. The exposure time of an automatic one is that of the image at rest.

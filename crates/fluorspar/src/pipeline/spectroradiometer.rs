@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use super::PipelineError;
 use super::capture::frame_radiance;
-use crate::analysis::{AnalysisError, RegionOfInterest};
+use crate::analysis::{AnalysisError, RegionOfInterest, SceneOnSensor};
 use crate::experiment::{ResolvedExperiment, SpotOrParts};
 use crate::image::{ComponentImage, SpectralImage};
 use crate::sensor::SpectralReading;
@@ -49,7 +49,9 @@ pub fn read_spectroradiometers(
         let radiance = frame_radiance(&device.frame, components);
         let (weights, target) = match &device.target {
             SpotOrParts::Spot { aim, acceptance_deg } => {
-                let tangent = f64::from(experiment.scene.camera.tan_half_width);
+                let camera = &experiment.scene.camera;
+                let view = components.features.view;
+                let tangent = f64::from(view.map_or(camera.tan_half_width, |view| view.tan_half_width));
                 let weights =
                     spot_weights(components.width, components.height, tangent, *aim, *acceptance_deg);
                 let place = format!(
@@ -61,7 +63,7 @@ pub fn read_spectroradiometers(
             SpotOrParts::Parts(parts) => {
                 let region = RegionOfInterest::of_parts(parts.iter().cloned());
                 let selection = region
-                    .select(components.width, components.height, Some(components))
+                    .select(components.width, components.height, Some(SceneOnSensor::filling(components)))
                     .map_err(AnalysisError::from)?;
                 (selection.pixels.into_iter().map(|pixel| (pixel, 1.0)).collect(), region.describe())
             }

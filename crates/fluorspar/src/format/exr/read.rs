@@ -10,7 +10,7 @@ use exr::meta::MetaData;
 use exr::meta::attribute::{AttributeValue, SampleType, Text};
 use exr::meta::header::Header;
 
-use super::{COMPONENT, EDGES, FEATURES, PARTS, PROVENANCE, QUANTITY, SAMPLES, UNITS, layout_unit};
+use super::{COMPONENT, EDGES, FEATURES, PARTS, PROVENANCE, QUANTITY, SAMPLES, UNITS, VIEW, layout_unit};
 use crate::format::file::{MAX_IMAGE_BYTES, check_image_size, check_packing, guarded};
 use crate::format::{FormatError, Loaded, Provenance};
 use crate::image::{Component, ComponentImage, FeatureMaps, SpectralImage};
@@ -147,6 +147,7 @@ fn feature_maps(path: &Path, header: &Header, maps: &[f32]) -> Result<FeatureMap
     if let Some(names) = attribute(header, PARTS) {
         (features.part_names, features.material_names) = parse_json(path, PARTS, &names)?;
     }
+    features.view = attribute(header, VIEW).map(|view| parse_json(path, VIEW, &view)).transpose()?;
     Ok(features)
 }
 

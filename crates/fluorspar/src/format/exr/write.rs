@@ -15,7 +15,7 @@ use exr::prelude::{
 };
 
 use super::{
-    COMPONENT, EDGES, FEATURES, LAYOUT_VERSION, PARTS, PREVIEW, PROVENANCE, QUANTITY, SAMPLES, UNITS,
+    COMPONENT, EDGES, FEATURES, LAYOUT_VERSION, PARTS, PREVIEW, PROVENANCE, QUANTITY, SAMPLES, UNITS, VIEW,
     layout_unit,
 };
 use crate::format::file::{check_image_size, write_atomically};
@@ -159,7 +159,9 @@ fn features_part<'a>(path: &Path, image: &'a ComponentImage) -> Result<Option<Pa
         return Ok(None);
     }
     let names = json(&(&features.part_names, &features.material_names));
-    Ok(Some(Part { name: Some(FEATURES.into()), planes, attributes: vec![(PARTS, text(&names))] }))
+    let mut attributes = vec![(PARTS, text(&names))];
+    attributes.extend(features.view.map(|view| (VIEW, text(&json(&view)))));
+    Ok(Some(Part { name: Some(FEATURES.into()), planes, attributes }))
 }
 
 fn check(
