@@ -38,6 +38,38 @@ impl RawExposures {
     }
 }
 
+/// Fills in what a real camera's file does not tell, conversion gain and read noise, from the sensor of an experiment. What it
+/// tells is kept.
+///
+/// # Errors
+/// In words: an exposure time that is missing, a sensor that is not there, channels that the sensor does not have.
+pub fn complete_raw(experiment: &ResolvedExperiment, raw: &mut SensorImage) -> Result<(), String> {
+    if raw.exposure_s <= 0.0 {
+        return Err("its exposure time is not known; describe it in a JSON file beside it".into());
+    }
+    if raw.dn_per_electron > 0.0 {
+        return Ok(());
+    }
+    let Some(sensor) = &experiment.sensor else {
+        return Err(
+            "its conversion gain is not known, and the experiment has no [sensor] that tells it".into()
+        );
+    };
+    let model = sensor.model();
+    if raw.bit_depth != model.bit_depth {
+        return Err(format!(
+            "its conversion gain is not known, and the sensor of the experiment has {} bits where the frame has {}; set \
+             sensor.bit_depth, or describe dn_per_electron",
+            model.bit_depth, raw.bit_depth
+        ));
+    }
+    raw.dn_per_electron = model.base_dn_per_electron() * raw.gain;
+    if raw.read_noise_dn <= 0.0 {
+        raw.read_noise_dn = raw.dn_per_electron * model.read_noise_electrons();
+    }
+    Ok(())
+}
+
 /// Name of a further exposure of a capture: `blue_ev+2`, `blue_ev-1.5`; the number is repeated exposures' own.
 pub fn bracket_label(capture: &str, bracket_ev: &[f64], index: usize) -> String {
     let stops = bracket_ev[index];
@@ -124,11 +156,6 @@ pub fn capture(
     }
     let calibration = Calibration::of_experiment(experiment, exposures.iter().flat_map(RawExposures::all))?;
     develop_frames(experiment, exposures, &calibration)
-}
-
-/// Horizontal field of view of the component image, degrees.
-pub(super) fn field_deg(experiment: &ResolvedExperiment) -> f64 {
-    2.0 * f64::from(experiment.scene.camera.tan_half_width).atan().to_degrees()
 }
 
 /// All exposures of one capture. The exposure time of an automatic one is that of the image at rest.

@@ -8,7 +8,7 @@ use crate::experiment::ResolvedExperiment;
 ///
 /// `rendered` is the experiment that the image carries. Lens, viewing filter, sensor, captures, analysis, the seed of the
 /// noise and the limits of the render may differ. So may the field of view where the lens and the sensor give it: the
-/// image keeps its own, see [`with_rendered_camera`].
+/// image keeps its own.
 ///
 /// # Errors
 /// The first part of the scene that differs.
@@ -20,17 +20,6 @@ pub fn check_same_scene(
         None => Ok(()),
         Some(what) => Err(PipelineError::OtherScene(what)),
     }
-}
-
-/// The experiment with the camera that the component image was rendered with. A lens or sensor of another format then
-/// sees a part of the rendered field, or dark around it.
-#[must_use]
-pub fn with_rendered_camera(
-    mut wanted: ResolvedExperiment,
-    rendered: &ResolvedExperiment,
-) -> ResolvedExperiment {
-    wanted.scene.camera = rendered.scene.camera.clone();
-    wanted
 }
 
 /// First entry of two lists of named things that differs.
@@ -128,7 +117,5 @@ mod tests {
             assert_eq!(said(change), "", "{change}");
             assert!(check_same_scene(&rendered, &experiment(&[change])).is_ok(), "{change}");
         }
-        let longer = with_rendered_camera(experiment(&["lens.focal_length_mm=4"]), &rendered);
-        assert_eq!(longer.scene.camera, rendered.scene.camera);
     }
 }
