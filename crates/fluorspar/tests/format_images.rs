@@ -11,7 +11,9 @@ use fluorspar::format::{
     write_component_exr, write_component_npy, write_rgb_png, write_sensor_png, write_sensor_tiff,
     write_spectral_exr, write_spectral_npy,
 };
-use fluorspar::image::{Component, ComponentImage, FeatureMaps, Light, Mosaic, SensorImage, SpectralImage};
+use fluorspar::image::{
+    Component, ComponentImage, FeatureMaps, Light, Mosaic, SensorImage, SpectralImage, View,
+};
 use fluorspar::spectral::{Irradiance, Quantity, Radiance, Reflectance, WavelengthGrid};
 
 fn grid() -> WavelengthGrid {
@@ -43,6 +45,12 @@ fn components() -> ComponentImage {
         uv: (0..15).map(|i| [i as f32, 0.5]).collect(),
         part_names: vec!["tongue".into(), "lip".into()],
         material_names: vec!["mucosa".into(), "µ-skin".into()],
+        view: Some(View {
+            position_m: [0.0, 0.01, 0.1],
+            forward: [0.0, 0.0, -1.0],
+            right: [1.0, 0.0, 0.0],
+            tan_half_width: 0.37,
+        }),
     };
     image
 }
@@ -340,7 +348,7 @@ fn raw_mistakes_are_explained() {
         (
             "\"gain\": 2.0",
             "\"gian\": 2.0",
-            "f.tiff.json:25: unknown field `gian`, expected one of `schema`, `label`, `width`, `height`, `mosaic`, `black_level`, `white_level`, `bit_depth`, `exposure_s`, `gain`, `dn_per_electron`, `read_noise_dn`, `seed`, `pixels_sha256`, `provenance`. Restore the file as it was written",
+            "f.tiff.json:25: unknown field `gian`, expected one of `schema`, `label`, `width`, `height`, `mosaic`, `black_level`, `white_level`, `bit_depth`, `exposure_s`, `gain`, `dn_per_electron`, `read_noise_dn`, `seed`, `packing`, `pixels_sha256`, `provenance`. Restore the file as it was written",
         ),
         (
             "\"rows\": 2",

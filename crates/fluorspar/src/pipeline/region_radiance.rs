@@ -4,11 +4,13 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use crate::analysis::{AnalysisError, RegionOfInterest, channel_response};
+use super::capture::on_sensor;
+use super::direct_light::group_spectrum;
+use crate::analysis::{PixelSelection, channel_response};
 use crate::experiment::ResolvedExperiment;
 use crate::image::{ComponentImage, Light};
 use crate::sensor::CaptureFrame;
-use crate::spectral::{QuantumEfficiency, Radiance, Spectrum};
+use crate::spectral::{Curve, QuantumEfficiency, Radiance, Spectrum};
 
 /// Mean radiance that leaves a region under the lights of one frame, before filter and lens, W/(sr m² nm).
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -17,6 +19,9 @@ pub struct RegionRadiance {
     pub wavelength_nm: Vec<f64>,
     /// Light that never fluoresced.
     pub reflected: Vec<f64>,
+    /// The same by light group.
+    #[serde(skip)]
+    pub reflected_by_group: BTreeMap<String, Vec<f64>>,
     /// Light that fluoresced once, by fluorophore; those without any are left out.
     pub fluorescence: BTreeMap<String, Vec<f64>>,
     /// Light that fluoresced more than once.
@@ -28,25 +33,30 @@ pub struct RegionRadiance {
 }
 
 impl RegionRadiance {
-    /// Averages the pixels of the parts named (all pixels if none are).
-    ///
-    /// # Errors
-    /// Parts that are not in the image.
-    pub fn new(
+    /// The light of the frame that an experiment analyses, from the pixels behind the analysed region of the sensor.
+    /// `None` without an analysis.
+    pub fn of_analysis(
+        experiment: &ResolvedExperiment,
         components: &ComponentImage,
-        frame: &CaptureFrame,
-        parts: &[String],
-    ) -> Result<Self, AnalysisError> {
-        let region = RegionOfInterest::of_parts(parts.iter().cloned());
-        let selection = region.select(components.width, components.height, Some(components))?;
+        region: &PixelSelection,
+    ) -> Option<Self> {
+        let analysis = experiment.analysis.as_ref()?;
+        let capture = experiment.captures.iter().find(|c| c.frame.label == analysis.frame)?;
+        let pixels = on_sensor(experiment, components)?.scene_pixels(region);
+        Some(Self::new(components, &capture.frame, &pixels))
+    }
+
+    /// Averages pixels of the component image, given by their numbers.
+    pub fn new(components: &ComponentImage, frame: &CaptureFrame, pixels: &[usize]) -> Self {
         let bands = components.grid.len();
         let mut radiance = Self {
             wavelength_nm: components.grid.centers_nm(),
             reflected: vec![0.0; bands],
+            reflected_by_group: BTreeMap::new(),
             fluorescence: BTreeMap::new(),
             multiple_fluorescence: vec![0.0; bands],
             total: vec![0.0; bands],
-            pixels: selection.pixels.len(),
+            pixels: pixels.len(),
         };
         for (index, component) in components.components.iter().enumerate() {
             let drive = frame.drive(&component.light_group);
@@ -55,14 +65,19 @@ impl RegionRadiance {
             }
             let values = components.component(index);
             let mut mean = vec![0.0; bands];
-            for &pixel in &selection.pixels {
+            for &pixel in pixels {
                 for (sum, value) in mean.iter_mut().zip(&values[pixel * bands..]) {
                     *sum += drive * f64::from(*value);
                 }
             }
-            mean.iter_mut().for_each(|sum| *sum /= selection.pixels.len().max(1) as f64);
+            mean.iter_mut().for_each(|sum| *sum /= pixels.len().max(1) as f64);
             let target = match &component.light {
-                Light::Reflected => &mut radiance.reflected,
+                Light::Reflected => {
+                    let group = radiance.reflected_by_group.entry(component.light_group.clone());
+                    let of_group = group.or_insert_with(|| vec![0.0; bands]);
+                    of_group.iter_mut().zip(&mean).for_each(|(sum, value)| *sum += value);
+                    &mut radiance.reflected
+                }
                 Light::MultipleFluorescence => &mut radiance.multiple_fluorescence,
                 Light::Fluorescence(name) => {
                     if mean.iter().all(|&v| v == 0.0) {
@@ -74,7 +89,7 @@ impl RegionRadiance {
             target.iter_mut().zip(&mean).for_each(|(sum, value)| *sum += value);
             radiance.total.iter_mut().zip(&mean).for_each(|(sum, value)| *sum += value);
         }
-        Ok(radiance)
+        radiance
     }
 
     /// Reflected over fluorescent electrons, all colour channels together, behind lens and filters: the leak that the
@@ -82,10 +97,10 @@ impl RegionRadiance {
     pub fn leak_ratio(&self, experiment: &ResolvedExperiment) -> Option<f64> {
         let (lens, sensor) = (experiment.lens.as_ref()?, experiment.sensor.as_ref()?);
         let grid = &experiment.scene.grid;
-        let transmittance = lens.transmittance_on(grid);
         let channels: Vec<Spectrum<QuantumEfficiency>> =
             (0..sensor.qe().channels().len()).map(|c| sensor.qe().on_grid(c, grid)).collect();
-        let electrons = |values: &[f64]| -> Option<f64> {
+        let electrons = |values: &[f64], shape: Option<&Curve>| -> Option<f64> {
+            let transmittance = lens.transmittance_under(grid, shape);
             let seen = values.iter().zip(transmittance.values()).map(|(l, t)| l * t).collect();
             let radiance = Spectrum::<Radiance>::new(grid.clone(), seen).ok()?;
             let mut sum = 0.0;
@@ -95,7 +110,11 @@ impl RegionRadiance {
             Some(sum)
         };
         let fluorescent: Vec<f64> = self.total.iter().zip(&self.reflected).map(|(t, r)| t - r).collect();
-        let fluorescent = electrons(&fluorescent)?;
-        (fluorescent > 0.0).then_some(electrons(&self.reflected)? / fluorescent)
+        let fluorescent = electrons(&fluorescent, None)?;
+        let mut reflected = 0.0;
+        for (group, values) in &self.reflected_by_group {
+            reflected += electrons(values, group_spectrum(experiment, group).as_ref())?;
+        }
+        (fluorescent > 0.0).then_some(reflected / fluorescent)
     }
 }
