@@ -27,6 +27,8 @@ use glam::Vec3;
 
 const IMAGE_SIDE: usize = 512;
 const BLOBS: usize = 24;
+/// Rays of one call of those that are traced in turns.
+const CALL: usize = 64;
 /// Distance by which rays start off a surface, as a fraction of the cavity's radius.
 const OFFSET: f32 = 1e-4;
 
@@ -97,6 +99,8 @@ fn mega_rays_per_second(count: usize, run: impl FnOnce() -> usize) -> f64 {
 
 enum Contender {
     Ours(TriangleBvh),
+    /// The same, many rays a call.
+    InTurns(TriangleBvh),
     Embree(EmbreeScene, &'static str),
 }
 
@@ -104,6 +108,7 @@ impl Contender {
     fn name(&self) -> String {
         match self {
             Self::Ours(bvh) => bvh.kernel().to_string(),
+            Self::InTurns(bvh) => format!("{} x8", bvh.kernel()),
             Self::Embree(_, name) => (*name).into(),
         }
     }
@@ -113,6 +118,22 @@ impl Contender {
         match (self, any) {
             (Self::Ours(bvh), false) => rays.iter().filter(|ray| bvh.closest(ray).is_some()).count(),
             (Self::Ours(bvh), true) => rays.iter().filter(|ray| bvh.occluded(ray)).count(),
+            (Self::InTurns(bvh), false) => {
+                let mut hits = Vec::new();
+                let in_turns = |rays: &[Ray]| {
+                    bvh.closest_each(rays, &mut hits);
+                    hits.iter().flatten().count()
+                };
+                rays.chunks(CALL).map(in_turns).sum()
+            }
+            (Self::InTurns(bvh), true) => {
+                let mut answers = Vec::new();
+                let in_turns = |rays: &[Ray]| {
+                    bvh.occluded_each(rays, &mut answers);
+                    answers.iter().filter(|&&occluded| occluded).count()
+                };
+                rays.chunks(CALL).map(in_turns).sum()
+            }
             (Self::Embree(scene, _), false) => rays.iter().filter(|ray| scene.closest(ray).is_some()).count(),
             (Self::Embree(scene, _), true) => rays.iter().filter(|ray| scene.occluded(ray)).count(),
         }
@@ -152,7 +173,8 @@ fn main() -> Result<(), Box<dyn Error>> {
             );
         }
         built = Some(bvh.clone());
-        contenders.push(Contender::Ours(bvh));
+        contenders.push(Contender::Ours(bvh.clone()));
+        contenders.push(Contender::InTurns(bvh));
     }
     let Some(bvh) = built else { return Ok(()) };
 
@@ -171,7 +193,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let hits: Vec<usize> = contenders.iter().map(|contender| contender.trace(rays, any)).collect();
         println!("{name}: hits of {} rays: {hits:?}", rays.len());
     }
-    print!("{:10}", "");
+    print!("{:13}", "");
     for (name, ..) in sets {
         print!("{name:>9}");
     }
@@ -185,7 +207,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         }
     }
     for (contender, rates) in contenders.iter().zip(&rates) {
-        print!("{:10}", contender.name());
+        print!("{:13}", contender.name());
         for rates in rates {
             print!("{:9.2}", median(rates.clone()));
         }
@@ -193,8 +215,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     let peer = contenders.iter().position(|c| matches!(c, Contender::Embree(_, "robust")));
     for (contender, own) in contenders.iter().zip(&rates) {
-        let (Some(peer), Contender::Ours(_)) = (peer, contender) else { continue };
-        print!("{:10}", format!("{}/r", contender.name()));
+        let (Some(peer), Contender::Ours(_) | Contender::InTurns(_)) = (peer, contender) else { continue };
+        print!("{:13}", format!("{}/r", contender.name()));
         for (own, peer) in own.iter().zip(&rates[peer]) {
             print!("{:9.2}", median(own.iter().zip(peer).map(|(own, peer)| own / peer).collect()));
         }

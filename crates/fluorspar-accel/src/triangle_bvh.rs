@@ -128,6 +128,21 @@ impl TriangleBvh {
         self.dispatch.occluded(&self.tree, ray)
     }
 
+    /// [`TriangleBvh::closest`] of every ray, in their order. Several rays are on their way at a time and take turns, so
+    /// that one moves while another waits for memory: faster for rays that go different ways through large meshes.
+    pub fn closest_each(&self, rays: &[Ray], hits: &mut Vec<Option<Hit>>) {
+        hits.clear();
+        hits.resize(rays.len(), None);
+        self.dispatch.closest_each(&self.tree, rays, hits);
+    }
+
+    /// [`TriangleBvh::occluded`] of every ray, in their order; as fast as [`TriangleBvh::closest_each`].
+    pub fn occluded_each(&self, rays: &[Ray], answers: &mut Vec<bool>) {
+        answers.clear();
+        answers.resize(rays.len(), false);
+        self.dispatch.occluded_each(&self.tree, rays, answers);
+    }
+
     /// Least and greatest coordinates of all triangles; `None` if there are none.
     pub fn bounds(&self) -> Option<(Vec3, Vec3)> {
         self.bounds.map(|b| (b.min, b.max))

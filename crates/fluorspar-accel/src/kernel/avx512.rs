@@ -30,6 +30,18 @@ impl Detected {
     }
 
     #[inline]
+    pub(super) fn closest_each(self, tree: &WideTree, rays: &[Ray], hits: &mut [Option<Hit>]) {
+        // SAFETY: `self` proves that the instructions have been detected.
+        unsafe { closest_each(self, tree, rays, hits) }
+    }
+
+    #[inline]
+    pub(super) fn occluded_each(self, tree: &WideTree, rays: &[Ray], answers: &mut [bool]) {
+        // SAFETY: `self` proves that the instructions have been detected.
+        unsafe { occluded_each(self, tree, rays, answers) }
+    }
+
+    #[inline]
     pub(super) fn occluded(self, tree: &WideTree, ray: &Ray) -> bool {
         // SAFETY: `self` proves that the instructions have been detected.
         unsafe { occluded(self, tree, ray) }
@@ -46,65 +58,33 @@ fn occluded(detected: Detected, tree: &WideTree, ray: &Ray) -> bool {
     super::occluded(detected, tree, ray)
 }
 
-/// A ray with each number in all lanes.
-pub(super) struct Broadcast {
-    origin: [__m256; 3],
-    inverse: [__m256; 3],
-    t_min: __m256,
-    near: [usize; 3],
-    far: [usize; 3],
-    axes: [usize; 3],
-    /// Origin and shear in the order of `axes`.
-    sheared_origin: [__m128; 3],
-    shear: [__m128; 2],
+#[target_feature(enable = "avx512f,avx512bw,avx512cd,avx512dq,avx512vl,avx2,bmi1,bmi2")]
+fn closest_each(detected: Detected, tree: &WideTree, rays: &[Ray], hits: &mut [Option<Hit>]) {
+    super::closest_each(detected, tree, rays, hits);
+}
+
+#[target_feature(enable = "avx512f,avx512bw,avx512cd,avx512dq,avx512vl,avx2,bmi1,bmi2")]
+fn occluded_each(detected: Detected, tree: &WideTree, rays: &[Ray], answers: &mut [bool]) {
+    super::occluded_each(detected, tree, rays, answers);
 }
 
 // SAFETY of the blocks below: a value of type `Detected` proves that the processor has the instructions. Loads stay
 // within fixed-size arrays, whose type keeps them aligned: rows of `WideNode::planes` start at multiples of 32 bytes in a
 // struct aligned to 64, rows of `TrianglePack::corners` at multiples of 16 in a struct aligned to 32.
 impl Traversal for Detected {
-    type Ray = Broadcast;
-
     #[inline(always)]
-    fn prepare(self, frame: &RayFrame) -> Broadcast {
-        // SAFETY: AVX-512 is there, as said above.
-        unsafe {
-            Broadcast {
-                origin: [
-                    _mm256_set1_ps(frame.origin[0]),
-                    _mm256_set1_ps(frame.origin[1]),
-                    _mm256_set1_ps(frame.origin[2]),
-                ],
-                inverse: [
-                    _mm256_set1_ps(frame.inverse[0]),
-                    _mm256_set1_ps(frame.inverse[1]),
-                    _mm256_set1_ps(frame.inverse[2]),
-                ],
-                t_min: _mm256_set1_ps(frame.t_min),
-                near: frame.near,
-                far: frame.far,
-                axes: frame.axes,
-                sheared_origin: [
-                    _mm_set1_ps(frame.origin[frame.axes[0]]),
-                    _mm_set1_ps(frame.origin[frame.axes[1]]),
-                    _mm_set1_ps(frame.origin[frame.axes[2]]),
-                ],
-                shear: [_mm_set1_ps(frame.shear[0]), _mm_set1_ps(frame.shear[1])],
-            }
-        }
-    }
-
-    #[inline(always)]
-    fn boxes(self, node: &WideNode, ray: &Broadcast, limit: f32) -> (u32, Distances) {
+    fn boxes(self, node: &WideNode, ray: &RayFrame, limit: f32) -> (u32, Distances) {
         // SAFETY: AVX-512 is there and loads are aligned and within bounds, as said above.
         unsafe {
-            let mut enter = ray.t_min;
+            let mut enter = _mm256_set1_ps(ray.t_min);
             let mut leave = _mm256_set1_ps(f32::INFINITY);
             for axis in 0..3 {
                 let near = _mm256_load_ps(node.planes[ray.near[axis]].as_ptr());
                 let far = _mm256_load_ps(node.planes[ray.far[axis]].as_ptr());
-                let near = _mm256_mul_ps(_mm256_sub_ps(near, ray.origin[axis]), ray.inverse[axis]);
-                let far = _mm256_mul_ps(_mm256_sub_ps(far, ray.origin[axis]), ray.inverse[axis]);
+                let origin = _mm256_set1_ps(ray.origin[axis]);
+                let inverse = _mm256_set1_ps(ray.inverse[axis]);
+                let near = _mm256_mul_ps(_mm256_sub_ps(near, origin), inverse);
+                let far = _mm256_mul_ps(_mm256_sub_ps(far, origin), inverse);
                 enter = _mm256_max_ps(near, enter);
                 leave = _mm256_min_ps(far, leave);
             }
@@ -123,18 +103,18 @@ impl Traversal for Detected {
     }
 
     #[inline(always)]
-    fn candidates(self, pack: &TrianglePack, ray: &Broadcast) -> u32 {
+    fn candidates(self, pack: &TrianglePack, ray: &RayFrame) -> u32 {
         // SAFETY: AVX-512 is there and loads are aligned and within bounds, as said above.
         unsafe {
             let relative = |axis: usize, corner: usize| {
                 _mm_sub_ps(
                     _mm_load_ps(pack.corners[ray.axes[axis]][corner].as_ptr()),
-                    ray.sheared_origin[axis],
+                    _mm_set1_ps(ray.origin[ray.axes[axis]]),
                 )
             };
             let z = [relative(2, 0), relative(2, 1), relative(2, 2)];
             let sheared = |axis: usize, corner: usize| {
-                _mm_sub_ps(relative(axis, corner), _mm_mul_ps(ray.shear[axis], z[corner]))
+                _mm_sub_ps(relative(axis, corner), _mm_mul_ps(_mm_set1_ps(ray.shear[axis]), z[corner]))
             };
             let x = [sheared(0, 0), sheared(0, 1), sheared(0, 2)];
             let y = [sheared(1, 0), sheared(1, 1), sheared(1, 2)];

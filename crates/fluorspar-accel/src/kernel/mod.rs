@@ -9,6 +9,7 @@
 
 use std::fmt;
 use std::mem::MaybeUninit;
+use std::ops::ControlFlow;
 
 use crate::ray::{FAR_SLACK, Hit, Ray, RayFrame};
 use crate::wide_tree::{LEAF, PACK, STACK_CAPACITY, TrianglePack, WIDTH, WideNode, WideTree};
@@ -114,28 +115,47 @@ impl Dispatch {
             Self::Avx512(detected) => detected.occluded(tree, ray),
         }
     }
+
+    /// [`Self::closest`] for each ray; the slices are equally long.
+    #[inline]
+    pub(crate) fn closest_each(self, tree: &WideTree, rays: &[Ray], hits: &mut [Option<Hit>]) {
+        match self {
+            Self::Portable => portable::closest_each(tree, rays, hits),
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx2(detected) => detected.closest_each(tree, rays, hits),
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx512(detected) => detected.closest_each(tree, rays, hits),
+        }
+    }
+
+    /// [`Self::occluded`] for each ray; the slices are equally long.
+    #[inline]
+    pub(crate) fn occluded_each(self, tree: &WideTree, rays: &[Ray], answers: &mut [bool]) {
+        match self {
+            Self::Portable => portable::occluded_each(tree, rays, answers),
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx2(detected) => detected.occluded_each(tree, rays, answers),
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx512(detected) => detected.occluded_each(tree, rays, answers),
+        }
+    }
 }
 
 /// The vector part of a kernel. Methods are inlined into a function compiled for its instruction set.
 trait Traversal: Copy {
-    /// The ray, in the form in which the instruction set wants it.
-    type Ray;
-
-    fn prepare(self, frame: &RayFrame) -> Self::Ray;
-
     /// The boxes that the ray meets between `t_min` and `limit`, one bit per column, and the distances at which it
     /// enters them.
     ///
     /// Per axis, `(plane - origin) * inverse`; the entry is the greatest near distance, the exit the least far
     /// distance times [`FAR_SLACK`] (Ize 2013). `max(a, b)` and `min(a, b)` are `b` if either is NaN, which happens
     /// where a ray runs within a plane: that plane then does not count.
-    fn boxes(self, node: &WideNode, ray: &Self::Ray, limit: f32) -> (u32, Distances);
+    fn boxes(self, node: &WideNode, ray: &RayFrame, limit: f32) -> (u32, Distances);
 
     /// Asks for the memory of a node or leaf that is likely to be visited soon.
     fn prefetch(self, tree: &WideTree, reference: u32);
 
     /// The triangles whose edge functions, in single precision, do not differ in sign: a superset of those hit.
-    fn candidates(self, pack: &TrianglePack, ray: &Self::Ray) -> u32;
+    fn candidates(self, pack: &TrianglePack, ray: &RayFrame) -> u32;
 }
 
 /// Distances at which a ray enters eight boxes, in the unit of the mesh.
@@ -254,22 +274,41 @@ fn prefetch(tree: &WideTree, reference: u32) {
     }
 }
 
-#[inline(always)]
-fn closest<L: Traversal>(lanes: L, tree: &WideTree, ray: &Ray) -> Option<Hit> {
-    if tree.nodes.is_empty() {
-        return None;
+/// What a search for the nearest hit knows of its ray.
+#[derive(Clone, Copy)]
+struct ClosestSearch {
+    frame: RayFrame,
+    best: Hit,
+    found: bool,
+    /// Nothing entered farther away than this matters any more.
+    limit: f32,
+}
+
+impl ClosestSearch {
+    #[inline(always)]
+    fn new(ray: &Ray) -> Self {
+        let frame = RayFrame::new(ray);
+        let best = Hit { t: ray.t_max, u: 0.0, v: 0.0, triangle: 0 };
+        Self { frame, best, found: false, limit: best.t * FAR_SLACK }
     }
-    let frame = RayFrame::new(ray);
-    let prepared = lanes.prepare(&frame);
-    let mut best = Hit { t: ray.t_max, u: 0.0, v: 0.0, triangle: 0 };
-    let mut found = false;
-    let mut limit = best.t * FAR_SLACK;
-    let mut stack = Stack::new();
-    let mut current = 0_u32;
-    loop {
+
+    #[inline(always)]
+    fn hit(&self) -> Option<Hit> {
+        self.found.then_some(self.best)
+    }
+
+    /// Visits one node or leaf, and says what to visit next.
+    #[inline(always)]
+    fn visit<L: Traversal>(
+        &mut self,
+        lanes: L,
+        tree: &WideTree,
+        stack: &mut Stack,
+        current: u32,
+    ) -> Option<u32> {
         if current & LEAF == 0 {
             let node = tree.node(current);
-            let (mut met, distances) = lanes.boxes(node, &prepared, limit);
+            let (mut met, distances) = lanes.boxes(node, &self.frame, self.limit);
             if met != 0 {
                 let entry = |met: u32| {
                     let column = met.trailing_zeros() as usize & (WIDTH - 1);
@@ -279,8 +318,7 @@ fn closest<L: Traversal>(lanes: L, tree: &WideTree, ray: &Ray) -> Option<Hit> {
                 let first = entry(met);
                 met &= met - 1;
                 if met == 0 {
-                    current = first.reference();
-                    continue;
+                    return Some(first.reference());
                 }
                 let second = entry(met);
                 met &= met - 1;
@@ -290,8 +328,7 @@ fn closest<L: Traversal>(lanes: L, tree: &WideTree, ray: &Ray) -> Option<Hit> {
                 // entries, and the builder has checked that those fit.
                 unsafe { stack.push(far) };
                 if met == 0 {
-                    current = near.reference();
-                    continue;
+                    return Some(near.reference());
                 }
                 // SAFETY: as above.
                 unsafe { stack.push(near) };
@@ -303,44 +340,69 @@ fn closest<L: Traversal>(lanes: L, tree: &WideTree, ray: &Ray) -> Option<Hit> {
             }
         } else {
             let pack = tree.pack(current);
-            let mut candidates = lanes.candidates(pack, &prepared);
+            let mut candidates = lanes.candidates(pack, &self.frame);
             while candidates != 0 {
                 let lane = candidates.trailing_zeros() as usize & (PACK - 1);
                 candidates &= candidates - 1;
-                if let Some((t, u, v)) = frame.intersect(pack, lane) {
+                if let Some((t, u, v)) = self.frame.intersect(pack, lane) {
                     let triangle = pack.numbers[lane];
-                    if t > frame.t_min && (t < best.t || (t == best.t && triangle < best.triangle)) {
-                        best = Hit { t, u, v, triangle };
-                        found = true;
-                        limit = t * FAR_SLACK;
+                    let nearer = t < self.best.t || (t == self.best.t && triangle < self.best.triangle);
+                    if t > self.frame.t_min && nearer {
+                        self.best = Hit { t, u, v, triangle };
+                        self.found = true;
+                        self.limit = t * FAR_SLACK;
                     }
                 }
             }
         }
-        current = loop {
-            match stack.pop() {
-                None => return found.then_some(best),
-                Some(entry) if entry.distance() <= limit => break entry.reference(),
-                Some(_) => {}
+        loop {
+            let entry = stack.pop()?;
+            if entry.distance() <= self.limit {
+                return Some(entry.reference());
             }
-        };
+        }
     }
 }
 
 #[inline(always)]
-fn occluded<L: Traversal>(lanes: L, tree: &WideTree, ray: &Ray) -> bool {
+fn closest<L: Traversal>(lanes: L, tree: &WideTree, ray: &Ray) -> Option<Hit> {
     if tree.nodes.is_empty() {
-        return false;
+        return None;
     }
-    let frame = RayFrame::new(ray);
-    let prepared = lanes.prepare(&frame);
-    let limit = ray.t_max * FAR_SLACK;
+    let mut search = ClosestSearch::new(ray);
     let mut stack = Stack::new();
-    let mut current = 0_u32;
-    loop {
+    let mut current = 0;
+    while let Some(next) = search.visit(lanes, tree, &mut stack, current) {
+        current = next;
+    }
+    search.hit()
+}
+
+/// What a search for any hit knows of its ray.
+#[derive(Clone, Copy)]
+struct OcclusionSearch {
+    frame: RayFrame,
+    t_max: f32,
+}
+
+impl OcclusionSearch {
+    #[inline(always)]
+    fn new(ray: &Ray) -> Self {
+        Self { frame: RayFrame::new(ray), t_max: ray.t_max }
+    }
+
+    /// Visits one node or leaf; breaks with the answer, or says what to visit next.
+    #[inline(always)]
+    fn visit<L: Traversal>(
+        &self,
+        lanes: L,
+        tree: &WideTree,
+        stack: &mut Stack,
+        current: u32,
+    ) -> ControlFlow<bool, u32> {
         if current & LEAF == 0 {
             let node = tree.node(current);
-            let (mut met, distances) = lanes.boxes(node, &prepared, limit);
+            let (mut met, distances) = lanes.boxes(node, &self.frame, self.t_max * FAR_SLACK);
             while met != 0 {
                 let column = met.trailing_zeros() as usize & (WIDTH - 1);
                 met &= met - 1;
@@ -351,21 +413,127 @@ fn occluded<L: Traversal>(lanes: L, tree: &WideTree, ray: &Ray) -> bool {
             }
         } else {
             let pack = tree.pack(current);
-            let mut candidates = lanes.candidates(pack, &prepared);
+            let mut candidates = lanes.candidates(pack, &self.frame);
             while candidates != 0 {
                 let lane = candidates.trailing_zeros() as usize & (PACK - 1);
                 candidates &= candidates - 1;
-                if let Some((t, _, _)) = frame.intersect(pack, lane)
-                    && t > frame.t_min
-                    && t < ray.t_max
+                if let Some((t, _, _)) = self.frame.intersect(pack, lane)
+                    && t > self.frame.t_min
+                    && t < self.t_max
                 {
-                    return true;
+                    return ControlFlow::Break(true);
                 }
             }
         }
-        match stack.pop() {
-            None => return false,
-            Some(entry) => current = entry.reference(),
+        stack.pop().map_or(ControlFlow::Break(false), |entry| ControlFlow::Continue(entry.reference()))
+    }
+}
+
+#[inline(always)]
+fn occluded<L: Traversal>(lanes: L, tree: &WideTree, ray: &Ray) -> bool {
+    if tree.nodes.is_empty() {
+        return false;
+    }
+    let search = OcclusionSearch::new(ray);
+    let mut stack = Stack::new();
+    let mut current = 0;
+    loop {
+        match search.visit(lanes, tree, &mut stack, current) {
+            ControlFlow::Continue(next) => current = next,
+            ControlFlow::Break(answer) => return answer,
+        }
+    }
+}
+
+/// Rays that are traced in turns: while one waits for memory, the others go on.
+const IN_TURNS: usize = 8;
+
+/// [`closest`] for each of several rays.
+#[inline(always)]
+fn closest_each<L: Traversal>(lanes: L, tree: &WideTree, rays: &[Ray], hits: &mut [Option<Hit>]) {
+    if tree.nodes.is_empty() {
+        hits.fill(None);
+        return;
+    }
+    let mut stacks = [const { Stack::new() }; IN_TURNS];
+    let mut places = [(0_usize, 0_u32); IN_TURNS];
+    let started = rays.len().min(IN_TURNS);
+    let Some(first) = rays.first() else { return };
+    let mut searches = [ClosestSearch::new(first); IN_TURNS];
+    for (turn, ray) in rays[..started].iter().enumerate().skip(1) {
+        searches[turn] = ClosestSearch::new(ray);
+        places[turn] = (turn, 0);
+    }
+    let mut order: [usize; IN_TURNS] = std::array::from_fn(|turn| turn);
+    let (mut running, mut next_ray) = (started, started);
+    while running > 0 {
+        let mut position = 0;
+        while position < running {
+            let turn = order[position] & (IN_TURNS - 1);
+            let search = &mut searches[turn];
+            let (ray, current) = places[turn];
+            if let Some(next) = search.visit(lanes, tree, &mut stacks[turn], current) {
+                places[turn].1 = next;
+                position += 1;
+            } else {
+                hits[ray] = search.hit();
+                if next_ray < rays.len() {
+                    *search = ClosestSearch::new(&rays[next_ray]);
+                    places[turn] = (next_ray, 0);
+                    next_ray += 1;
+                    position += 1;
+                } else {
+                    running -= 1;
+                    order.swap(position, running);
+                }
+            }
+        }
+    }
+}
+
+/// [`occluded`] for each of several rays.
+#[inline(always)]
+fn occluded_each<L: Traversal>(lanes: L, tree: &WideTree, rays: &[Ray], answers: &mut [bool]) {
+    if tree.nodes.is_empty() {
+        answers.fill(false);
+        return;
+    }
+    let mut stacks = [const { Stack::new() }; IN_TURNS];
+    let mut places = [(0_usize, 0_u32); IN_TURNS];
+    let started = rays.len().min(IN_TURNS);
+    let Some(first) = rays.first() else { return };
+    let mut searches = [OcclusionSearch::new(first); IN_TURNS];
+    for (turn, ray) in rays[..started].iter().enumerate().skip(1) {
+        searches[turn] = OcclusionSearch::new(ray);
+        places[turn] = (turn, 0);
+    }
+    let mut order: [usize; IN_TURNS] = std::array::from_fn(|turn| turn);
+    let (mut running, mut next_ray) = (started, started);
+    while running > 0 {
+        let mut position = 0;
+        while position < running {
+            let turn = order[position] & (IN_TURNS - 1);
+            let search = &mut searches[turn];
+            let (ray, current) = places[turn];
+            match search.visit(lanes, tree, &mut stacks[turn], current) {
+                ControlFlow::Continue(next) => {
+                    places[turn].1 = next;
+                    position += 1;
+                }
+                ControlFlow::Break(answer) => {
+                    answers[ray] = answer;
+                    if next_ray < rays.len() {
+                        *search = OcclusionSearch::new(&rays[next_ray]);
+                        stacks[turn].len = 0;
+                        places[turn] = (next_ray, 0);
+                        next_ray += 1;
+                        position += 1;
+                    } else {
+                        running -= 1;
+                        order.swap(position, running);
+                    }
+                }
+            }
         }
     }
 }

@@ -15,6 +15,14 @@ pub(super) fn occluded(tree: &WideTree, ray: &Ray) -> bool {
     super::occluded(Arrays, tree, ray)
 }
 
+pub(super) fn closest_each(tree: &WideTree, rays: &[Ray], hits: &mut [Option<Hit>]) {
+    super::closest_each(Arrays, tree, rays, hits);
+}
+
+pub(super) fn occluded_each(tree: &WideTree, rays: &[Ray], answers: &mut [bool]) {
+    super::occluded_each(Arrays, tree, rays, answers);
+}
+
 /// The second number if either is NaN, as the instructions of most processors have it.
 #[inline(always)]
 fn max(a: f32, b: f32) -> f32 {
@@ -27,13 +35,6 @@ fn min(a: f32, b: f32) -> f32 {
 }
 
 impl Traversal for Arrays {
-    type Ray = RayFrame;
-
-    #[inline(always)]
-    fn prepare(self, frame: &RayFrame) -> RayFrame {
-        *frame
-    }
-
     #[inline(always)]
     fn boxes(self, node: &WideNode, ray: &RayFrame, limit: f32) -> (u32, Distances) {
         let mut enter = [ray.t_min; WIDTH];
