@@ -5,6 +5,7 @@
 //! | prepare a mesh | [`TriangleBvh::build`] | an eight-wide bounding volume hierarchy |
 //! | what does this ray see? | [`TriangleBvh::closest`] | the nearest [`Hit`] |
 //! | is this light hidden? | [`TriangleBvh::occluded`] | `true` at the first triangle found |
+//! | the same of many rays | [`TriangleBvh::closest_each`], [`TriangleBvh::occluded_each`] | the same, faster if they are diffuse |
 //!
 //! What may be relied upon:
 //!

@@ -330,6 +330,31 @@ mod tests {
         }
     }
 
+    /// Rays in turns find what they find alone, whether they are fewer or more than the turns.
+    #[test]
+    fn rays_in_turns_find_the_same() {
+        let triangles = soup(700);
+        let positions: Vec<Vec3> = triangles.iter().flatten().copied().collect();
+        let numbers: Vec<[u32; 3]> = (0..700).map(|n| [3 * n, 3 * n + 1, 3 * n + 2]).collect();
+        let rays: Vec<Ray> = (0..1500).map(ray).collect();
+        let (mut hits, mut answers) = (vec![None; 3], vec![true; 5]);
+        for kernel in Kernel::available() {
+            let options = BuildOptions { kernel: Some(kernel) };
+            let bvh = TriangleBvh::build_with(&positions, &numbers, &options).unwrap();
+            let nothing = TriangleBvh::build_with(&[], &[], &options).unwrap();
+            for count in [0, 1, 7, 8, 9, 1500] {
+                let rays = &rays[..count];
+                bvh.closest_each(rays, &mut hits);
+                assert_eq!(hits, rays.iter().map(|ray| bvh.closest(ray)).collect::<Vec<_>>(), "{kernel}");
+                bvh.occluded_each(rays, &mut answers);
+                assert_eq!(answers, hits.iter().map(Option::is_some).collect::<Vec<_>>(), "{kernel}");
+                nothing.closest_each(rays, &mut hits);
+                nothing.occluded_each(rays, &mut answers);
+                assert_eq!((&hits, &answers), (&vec![None; count], &vec![false; count]));
+            }
+        }
+    }
+
     /// What the unchecked reads of the kernels rely on, and that each triangle is in one leaf, within its boxes.
     fn check_invariants(tree: &WideTree, count: usize) {
         assert!(wide_tree::stack_need(tree) <= STACK_CAPACITY);
