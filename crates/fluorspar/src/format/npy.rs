@@ -142,7 +142,9 @@ pub fn read_component_npy(path: &Path) -> Result<Loaded<ComponentImage>, FormatE
         components,
         data,
         samples_per_pixel: description.samples_per_pixel.unwrap_or(0),
+        samples: Vec::new(),
         features: FeatureMaps::default(),
+        statistics: None,
     };
     Ok(Loaded { image, provenance: description.provenance })
 }

@@ -70,17 +70,63 @@ pub struct ComponentImage {
     pub components: Vec<Component>,
     /// `[component, row, col, band]`.
     pub data: Vec<f32>,
-    /// Paths averaged per pixel.
+    /// Paths averaged per pixel; the fewest of any pixel where they differ.
     pub samples_per_pixel: u32,
+    /// Paths averaged in each pixel, `[row, col]`; empty where all have `samples_per_pixel`.
+    pub samples: Vec<u32>,
     /// Geometry behind each pixel.
     pub features: FeatureMaps,
+    /// How far the samples scatter, where the render kept that.
+    pub statistics: Option<SampleStatistics>,
+}
+
+/// Sums whose scatter a render keeps beside the components.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Statistics {
+    /// None.
+    #[default]
+    None,
+    /// The sum of each light group.
+    LightGroups,
+    /// Every component.
+    Components,
+}
+
+/// Two half-buffers and the variance of the mean, `[statistic, row, col, band]`.
+///
+/// The halves are the means over even and over odd blocks of samples (see [`crate::image::Film`]); they hold about
+/// equally many samples. The variance comes from the scatter of the blocks: samples of one pixel are stratified
+/// against each other, so it is an upper bound on average, not an unbiased estimate. Infinite below two samples.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SampleStatistics {
+    /// Which sums these are.
+    pub of: Statistics,
+    /// Name of each light group, or label of each component.
+    pub names: Vec<String>,
+    /// Mean of the first half, W/(sr m² nm).
+    pub half_a: Vec<f32>,
+    /// Mean of the second half, W/(sr m² nm).
+    pub half_b: Vec<f32>,
+    /// Variance of the mean of all samples, (W/(sr m² nm))².
+    pub variance: Vec<f32>,
 }
 
 impl ComponentImage {
     /// A black image.
     pub fn zeros(grid: WavelengthGrid, width: usize, height: usize, components: Vec<Component>) -> Self {
         let data = vec![0.0; components.len() * width * height * grid.len()];
-        Self { grid, width, height, components, data, samples_per_pixel: 0, features: FeatureMaps::default() }
+        Self {
+            grid,
+            width,
+            height,
+            components,
+            data,
+            samples_per_pixel: 0,
+            samples: Vec::new(),
+            features: FeatureMaps::default(),
+            statistics: None,
+        }
     }
 
     fn range(&self, component: usize) -> Range<usize> {

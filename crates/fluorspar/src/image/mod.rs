@@ -1,9 +1,11 @@
 //! Images with a wavelength axis, component images, raw mosaics and developed channel images.
 
 mod component_image;
+pub mod film;
 mod sensor_image;
 mod spectral_image;
 
-pub use component_image::{Component, ComponentImage, FeatureMaps, Light};
+pub use component_image::{Component, ComponentImage, FeatureMaps, Light, SampleStatistics, Statistics};
+pub use film::{Film, FilmLayout, MergeError};
 pub use sensor_image::{ChannelImage, Mosaic, SensorImage};
 pub use spectral_image::{ImageShapeError, SpectralImage};

@@ -9,8 +9,10 @@
 //! | `surface` | what a ray finds: frame, textures, coat |
 //! | `path` | samples one path and keeps its vertices |
 //! | `spectral_accumulation` | runs spectra backwards along a path |
-//! | `integrator` | all pixels on all cores, with progress and interruption |
+//! | `integrator` | all pixels on all cores: passes, shards, progress, interruption |
+//! | `adaptive` | when a tile has samples enough |
 
+mod adaptive;
 mod compiled_scene;
 mod fluorescence_operator;
 mod integrator;
@@ -21,6 +23,8 @@ mod surface;
 
 pub use fluorescence_operator::FluorescenceOperator;
 pub(crate) use fluorescence_operator::direct_exitance;
+pub use adaptive::{ErrorChannel, ErrorTarget};
 pub use integrator::{
-    Estimator, RenderControl, RenderError, RenderProgress, RenderSettings, memory_bytes, render,
+    Estimator, FilmWatch, RenderControl, RenderError, RenderProgress, RenderSettings, Share, continue_film,
+    memory_bytes, new_film, render, scene_digest,
 };

@@ -79,6 +79,7 @@ pub(super) fn render_settings(context: &Context<'_>, section: &RenderSection) ->
         seed: section.seed,
         estimator: Estimator::default(),
         memory_limit_bytes: (gib * GIB) as u64,
+        ..RenderSettings::default()
     })
 }
 

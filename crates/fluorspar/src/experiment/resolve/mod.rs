@@ -159,7 +159,7 @@ pub fn resolve(experiment: &Experiment) -> Result<ResolvedExperiment, Experiment
     let scene =
         Scene { grid, objects, materials, fluorophores: fluorophores.list, light_groups, lights, camera };
     scene.check().map_err(|error| scene_error(context, file, &error))?;
-    device::check_memory(context, file, memory_bytes(&scene))?;
+    device::check_memory(context, file, memory_bytes(&scene, render.statistics))?;
     warn_unused(context, file, &scene);
     for warning in scene.warnings() {
         context.push_warning(warning.to_string());

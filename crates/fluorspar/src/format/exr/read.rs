@@ -113,7 +113,7 @@ fn read_component_parts(path: &Path) -> Result<Loaded<ComponentImage>, FormatErr
     if let Some(part) = features_part {
         features = feature_maps(path, &headers[part], &maps)?;
     }
-    let image = ComponentImage { grid, width, height, components, data, samples_per_pixel, features };
+    let image = ComponentImage { grid, width, height, components, data, samples_per_pixel, samples: Vec::new(), features, statistics: None };
     Ok(Loaded { image, provenance: provenance(path, &headers)? })
 }
 
