@@ -6,7 +6,7 @@
 //! shards holds the same bits as one that was rendered without a break.
 //!
 //! The quantum of a component and band is a power of two, 2^-30 of the brightest of a few thousand pilot samples
-//! (of the component's brightest band times 2^-20 where the pilot finds a band dark), so that rounding a block is an error of less than 2^-31 of that
+//! (less where the pilot finds a band dark), so that rounding a block is an error of less than 2^-31 of that
 //! brightest sample: below the rounding of 32-bit floats for every pixel brighter than 2^-11 of it, and unbiased below.
 //! The range ends at 2^34 times the brightest pilot sample; a sum that leaves it stays at the end and becomes an
 //! infinite radiance, never a silent error.

@@ -16,9 +16,12 @@ use super::spectral_accumulation::SpectralState;
 use crate::image::film::{
     BlockSign, FilmScale, TileMut, block_end, block_start, film_bytes, is_block_boundary,
 };
-use crate::image::{Component, ComponentImage, FeatureMaps, Film, FilmLayout, Light, Statistics};
+use crate::image::{
+    Component, ComponentImage, FeatureMaps, Film, FilmLayout, Light, SpectralImage, Statistics,
+};
 use crate::sampling::SampleStream;
 use crate::scene::{Scene, SceneError};
+use crate::spectral::Radiance;
 
 /// How light transport is estimated.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -176,11 +179,13 @@ pub fn render(
     settings: &RenderSettings,
     control: &RenderControl<'_>,
 ) -> Result<ComponentImage, RenderError> {
-    let compiled = prepare(scene, settings)?;
-    let mut film = Film::new(layout(&compiled, settings, String::new()), feature_maps(&compiled));
+    let renderer = FilmRenderer::new(scene, settings)?;
+    // Nobody will see the digest: the film does not leave this function.
+    let layout = layout(&renderer.compiled, settings, String::new());
+    let mut film = Film::new(layout, feature_maps(&renderer.compiled));
     let watch = FilmWatch { due: &|| false, look: &mut |_| true };
-    fill(&compiled, settings, &Share::default(), &mut film, control, watch);
-    drop(compiled);
+    fill(&renderer.compiled, settings, &Share::default(), &mut film, control, watch);
+    drop(renderer);
     Ok(film.into_image())
 }
 
@@ -260,43 +265,86 @@ pub struct FilmWatch<'a> {
     pub look: &'a mut dyn FnMut(&Film) -> bool,
 }
 
-/// An empty film for a scene, ready for [`continue_film`].
-///
-/// # Errors
-/// As [`render`].
-pub fn new_film(scene: &Scene, settings: &RenderSettings) -> Result<Film, RenderError> {
-    let compiled = prepare(scene, settings)?;
-    let layout = layout(&compiled, settings, scene_digest(scene, settings));
-    Ok(Film::new(layout, feature_maps(&compiled)))
+/// A scene made ready for rendering on films: what [`render`] does in one go, step by step.
+pub struct FilmRenderer<'a> {
+    compiled: CompiledScene<'a>,
+    settings: &'a RenderSettings,
 }
 
-/// Renders the samples of a share that a film does not hold yet, up to `settings.samples_per_pixel`.
-///
-/// The film afterwards is the same to the last bit whatever was in it before: nothing, a part that an interrupted
-/// render left, or the samples of a shorter render.
-///
-/// # Errors
-/// As [`render`]; a film of another scene, seed, depth or of other statistics.
-pub fn continue_film(
-    scene: &Scene,
-    settings: &RenderSettings,
-    share: &Share,
-    film: &mut Film,
-    control: &RenderControl<'_>,
-    watch: FilmWatch<'_>,
-) -> Result<(), RenderError> {
-    let compiled = prepare(scene, settings)?;
-    share.check(settings)?;
-    let layout = film.layout();
-    if layout.scene_digest != scene_digest(scene, settings) {
-        return Err(RenderError::OtherScene);
+impl<'a> FilmRenderer<'a> {
+    /// Checks and prepares a scene.
+    ///
+    /// # Errors
+    /// As [`render`].
+    pub fn new(scene: &'a Scene, settings: &'a RenderSettings) -> Result<Self, RenderError> {
+        Ok(Self { compiled: prepare(scene, settings)?, settings })
     }
-    let wanted = effective_statistics(settings);
-    if layout.statistics != wanted {
-        return Err(RenderError::OtherStatistics { film: layout.statistics, wanted });
+
+    /// An empty film.
+    pub fn new_film(&self) -> Film {
+        let digest = scene_digest(self.compiled.scene, self.settings);
+        Film::new(layout(&self.compiled, self.settings, digest), feature_maps(&self.compiled))
     }
-    fill(&compiled, settings, share, film, control, watch);
-    Ok(())
+
+    /// Refuses a film that this scene and these settings can't continue.
+    ///
+    /// # Errors
+    /// A film of another scene, seed, depth or version, or of other statistics.
+    pub fn check(&self, film: &Film) -> Result<(), RenderError> {
+        let layout = film.layout();
+        if layout.scene_digest != scene_digest(self.compiled.scene, self.settings) {
+            return Err(RenderError::OtherScene);
+        }
+        let wanted = effective_statistics(self.settings);
+        if layout.statistics != wanted {
+            return Err(RenderError::OtherStatistics { film: layout.statistics, wanted });
+        }
+        Ok(())
+    }
+
+    /// Renders the samples of a share that a film does not hold yet, up to `samples_per_pixel`.
+    ///
+    /// The film afterwards is the same to the last bit whatever was in it before: nothing, a part that an interrupted
+    /// render left, or the samples of a shorter render.
+    ///
+    /// # Errors
+    /// As [`Self::check`], and for shares that do not exist.
+    pub fn fill(
+        &self,
+        share: &Share,
+        film: &mut Film,
+        control: &RenderControl<'_>,
+        watch: FilmWatch<'_>,
+    ) -> Result<(), RenderError> {
+        self.check(film)?;
+        share.check(self.settings)?;
+        fill(&self.compiled, self.settings, share, film, control, watch);
+        Ok(())
+    }
+
+    /// The sum of all components in coarse pixels, at most `side` along each side of the image, one sample each: shown
+    /// while the first samples of the film are not there yet.
+    pub fn coarse_sum(&self, side: usize) -> SpectralImage<Radiance> {
+        let camera = &self.compiled.scene.camera;
+        let step = camera.width.max(camera.height).div_ceil(side.max(1));
+        let (width, height) = (camera.width.div_ceil(step), camera.height.div_ceil(step));
+        let bands = self.compiled.bands;
+        let mut image = SpectralImage::zeros(self.compiled.scene.grid.clone(), width, height);
+        image.data_mut().par_chunks_mut(bands * width).enumerate().for_each_init(
+            || BlockSum::new(&self.compiled),
+            |block, (row, pixels)| {
+                for (col, pixel) in pixels.chunks_mut(bands).enumerate() {
+                    let at = |i: usize, size: usize| (i * step + step / 2).min(size - 1);
+                    let (row, col) = (at(row, camera.height), at(col, camera.width));
+                    block.render(&self.compiled, self.settings, row, col, 0..1);
+                    for component in block.values.chunks(bands) {
+                        pixel.iter_mut().zip(component).for_each(|(sum, value)| *sum += value);
+                    }
+                }
+            },
+        );
+        image
+    }
 }
 
 /// SHA-256 of everything that decides the value of a sample: the scene with all its numbers, seed, depth, estimator and
@@ -452,7 +500,7 @@ fn layout(scene: &CompiledScene<'_>, settings: &RenderSettings, scene_digest: St
         grid: scene.scene.grid.clone(),
         width: camera.width,
         height: camera.height,
-        exponents: exponents(&components, &brightest, bands),
+        exponents: exponents(scene, &components, &brightest),
         components,
         statistics: effective_statistics(settings),
         levels: levels.into_iter().map(|sum| ((sum / samples) as f32).min(f32::MAX)).collect(),
@@ -460,28 +508,40 @@ fn layout(scene: &CompiledScene<'_>, settings: &RenderSettings, scene_digest: St
     }
 }
 
-/// Quanta as powers of two: 2^-30 of the brightest pilot sample of the component and band, 2^-50 of that of the
-/// component's brightest band where the band is dark in the pilot. A component without any light in the pilot is taken
-/// to be 2^-10 of its light group.
-fn exponents(components: &[Component], brightest: &[f32], bands: usize) -> Vec<i16> {
+/// Quanta as powers of two: 2^-30 of the brightest pilot sample of the component and band; where the pilot finds the
+/// band dark, 2^-50 of the component's brightest sample times the share that the band has in what the lamps emit or
+/// excite. A component without any light in the pilot is taken to be 2^-10 of its light group.
+fn exponents(scene: &CompiledScene<'_>, components: &[Component], brightest: &[f32]) -> Vec<i16> {
+    let bands = scene.bands;
+    let kinds = scene.plain_operators.len() + 2;
     let most = |values: &[f32]| values.iter().copied().filter(|v| v.is_finite()).fold(0.0, f32::max);
     let of_component: Vec<f32> = brightest.chunks(bands).map(most).collect();
     let mut exponents = Vec::with_capacity(brightest.len());
-    for (component, label) in components.iter().enumerate() {
-        let in_group =
-            components.iter().zip(&of_component).filter(|(c, _)| c.light_group == label.light_group);
-        let group = in_group.map(|(_, &value)| value).fold(0.0, f32::max);
-        let level = match (of_component[component], group) {
+    for component in 0..components.len() {
+        let (group, kind) = (component / kinds, component % kinds);
+        let of_group = most(&of_component[group * kinds..(group + 1) * kinds]);
+        let level = match (of_component[component], of_group) {
             (own, _) if own > 0.0 => f64::from(own),
-            (_, group) if group > 0.0 => f64::from(group) / 1024.0,
+            (_, of_group) if of_group > 0.0 => f64::from(of_group) / 1024.0,
             _ => 1.0,
         };
-        for &value in &brightest[component * bands..(component + 1) * bands] {
-            let value = match f64::from(value) {
-                value if value > 0.0 && value.is_finite() => value.max(level * 2_f64.powi(-40)),
-                _ => level * 2_f64.powi(-20),
+        let mut shape = vec![0.0_f32; bands];
+        for source in scene.sources.iter().filter(|source| source.group == group) {
+            let spectra: Vec<&[f32]> = match kind {
+                0 => vec![&source.bands],
+                kind if kind < kinds - 1 => vec![&source.exitance[kind - 1]],
+                _ => source.exitance.iter().map(Vec::as_slice).collect(),
             };
-            exponents.push(value.log2().ceil() as i16 - 30);
+            for spectrum in spectra {
+                shape.iter_mut().zip(spectrum).for_each(|(a, b)| *a = a.max(*b));
+            }
+        }
+        let peak = most(&shape);
+        for (&value, &share) in brightest[component * bands..(component + 1) * bands].iter().zip(&shape) {
+            let share = if share > 0.0 && share.is_finite() { f64::from(share / peak) } else { 1.0 };
+            let floor = level * share.max(f64::MIN_POSITIVE) * 2_f64.powi(-20);
+            let value = if value.is_finite() { f64::from(value).max(floor) } else { level };
+            exponents.push((value.log2().ceil() as i32 - 30).clamp(-400, 400) as i16);
         }
     }
     exponents

@@ -25,6 +25,6 @@ pub use fluorescence_operator::FluorescenceOperator;
 pub(crate) use fluorescence_operator::direct_exitance;
 pub use adaptive::{ErrorChannel, ErrorTarget};
 pub use integrator::{
-    Estimator, FilmWatch, RenderControl, RenderError, RenderProgress, RenderSettings, Share, continue_film,
-    memory_bytes, new_film, render, scene_digest,
+    Estimator, FilmRenderer, FilmWatch, RenderControl, RenderError, RenderProgress, RenderSettings, Share,
+    memory_bytes, render, scene_digest,
 };
