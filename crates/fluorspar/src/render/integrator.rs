@@ -67,6 +67,16 @@ impl Default for RenderSettings {
     }
 }
 
+impl RenderSettings {
+    /// What the film keeps about the scatter of samples: an error target needs that of the light groups at least.
+    pub fn film_statistics(&self) -> Statistics {
+        match self.statistics {
+            Statistics::None if self.error_target.is_some() => Statistics::LightGroups,
+            statistics => statistics,
+        }
+    }
+}
+
 /// How far a render has come.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RenderProgress {
@@ -295,14 +305,15 @@ impl<'a> FilmRenderer<'a> {
         if layout.scene_digest != scene_digest(self.compiled.scene, self.settings) {
             return Err(RenderError::OtherScene);
         }
-        let wanted = effective_statistics(self.settings);
+        let wanted = self.settings.film_statistics();
         if layout.statistics != wanted {
             return Err(RenderError::OtherStatistics { film: layout.statistics, wanted });
         }
         Ok(())
     }
 
-    /// Renders the samples of a share that a film does not hold yet, up to `samples_per_pixel`.
+    /// Renders the samples of a share that a film does not hold yet, up to `samples_per_pixel`; returns whether all of
+    /// them are there now (they are not when the render was stopped).
     ///
     /// The film afterwards is the same to the last bit whatever was in it before: nothing, a part that an interrupted
     /// render left, or the samples of a shorter render.
@@ -315,11 +326,10 @@ impl<'a> FilmRenderer<'a> {
         film: &mut Film,
         control: &RenderControl<'_>,
         watch: FilmWatch<'_>,
-    ) -> Result<(), RenderError> {
+    ) -> Result<bool, RenderError> {
         self.check(film)?;
         share.check(self.settings)?;
-        fill(&self.compiled, self.settings, share, film, control, watch);
-        Ok(())
+        Ok(fill(&self.compiled, self.settings, share, film, control, watch))
     }
 
     /// The sum of all components in coarse pixels, at most `side` along each side of the image, one sample each: shown
@@ -378,7 +388,7 @@ fn prepare<'a>(scene: &'a Scene, settings: &RenderSettings) -> Result<CompiledSc
     if let Some(target) = &settings.error_target {
         target.check(scene.grid.len(), scene.light_groups.len())?;
     }
-    let needed = memory_bytes(scene, effective_statistics(settings));
+    let needed = memory_bytes(scene, settings.film_statistics());
     if needed > settings.memory_limit_bytes {
         let gib = |bytes: u64| bytes as f64 / f64::from(1 << 30);
         return Err(RenderError::TooLarge {
@@ -391,14 +401,6 @@ fn prepare<'a>(scene: &'a Scene, settings: &RenderSettings) -> Result<CompiledSc
         });
     }
     Ok(CompiledScene::new(scene)?)
-}
-
-/// An error target needs half-buffers of the light groups at least.
-fn effective_statistics(settings: &RenderSettings) -> Statistics {
-    match settings.statistics {
-        Statistics::None if settings.error_target.is_some() => Statistics::LightGroups,
-        statistics => statistics,
-    }
 }
 
 /// The plain sum of some samples of one pixel: what one worker reuses from pixel to pixel.
@@ -502,7 +504,7 @@ fn layout(scene: &CompiledScene<'_>, settings: &RenderSettings, scene_digest: St
         height: camera.height,
         exponents: exponents(scene, &components, &brightest),
         components,
-        statistics: effective_statistics(settings),
+        statistics: settings.film_statistics(),
         levels: levels.into_iter().map(|sum| ((sum / samples) as f32).min(f32::MAX)).collect(),
         scene_digest,
     }
@@ -547,7 +549,7 @@ fn exponents(scene: &CompiledScene<'_>, components: &[Component], brightest: &[f
     exponents
 }
 
-/// Renders what is missing, pass by pass.
+/// Renders what is missing, pass by pass; `false` if it was stopped before the end.
 fn fill(
     scene: &CompiledScene<'_>,
     settings: &RenderSettings,
@@ -555,7 +557,7 @@ fn fill(
     film: &mut Film,
     control: &RenderControl<'_>,
     watch: FilmWatch<'_>,
-) {
+) -> bool {
     let layout = film.layout().clone();
     let samples = share.samples(settings.samples_per_pixel);
     let target = TileError::new(settings.error_target.as_ref(), &layout);
@@ -607,16 +609,17 @@ fn fill(
             );
             drop(tasks);
             if control.stop.load(Ordering::Relaxed) {
-                return;
+                return done.load(Ordering::Relaxed) >= paths_total;
             }
             if !pause.load(Ordering::Relaxed) {
                 break;
             }
             if !(watch.look)(film) {
-                return;
+                return done.load(Ordering::Relaxed) >= paths_total;
             }
         }
     }
+    true
 }
 
 /// Where the samples of a tile that lie in `wanted` and touch its start end.

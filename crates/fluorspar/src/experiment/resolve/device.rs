@@ -1,5 +1,6 @@
 //! Wavelengths, render settings, camera, lens and sensor.
 
+use super::error_target;
 use super::context::{Context, Resolved};
 use super::spectrum::Role;
 use crate::experiment::document::is_path;
@@ -79,7 +80,8 @@ pub(super) fn render_settings(context: &Context<'_>, section: &RenderSection) ->
         seed: section.seed,
         estimator: Estimator::default(),
         memory_limit_bytes: (gib * GIB) as u64,
-        ..RenderSettings::default()
+        statistics: error_target::statistics(section),
+        error_target: None,
     })
 }
 

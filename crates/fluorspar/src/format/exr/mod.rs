@@ -14,8 +14,26 @@ const PROVENANCE: &str = "fluorspar";
 const COMPONENT: &str = "fluorsparComponent";
 const SAMPLES: &str = "fluorsparSamplesPerPixel";
 const PARTS: &str = "fluorsparParts";
+const STATISTIC: &str = "fluorsparStatistic";
+const MATERIALS: &str = "fluorsparMaterials";
 const FEATURES: &str = "features";
 const PREVIEW: &str = "preview";
+
+/// Which plane of which statistic a part holds.
+#[derive(Debug, serde::Serialize, serde::Deserialize)]
+struct StatisticLabel {
+    of: crate::image::Statistics,
+    name: String,
+    holds: StatisticPlane,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum StatisticPlane {
+    HalfA,
+    HalfB,
+    Variance,
+}
 
 /// `W/(sr m^2 nm)` as the layout writes it, `W.m^-2.sr^-1.nm^-1`; `None` for ratios.
 fn layout_unit(unit: &str) -> Option<String> {

@@ -10,10 +10,13 @@ use exr::meta::MetaData;
 use exr::meta::attribute::{AttributeValue, SampleType, Text};
 use exr::meta::header::Header;
 
-use super::{COMPONENT, EDGES, FEATURES, PARTS, PROVENANCE, QUANTITY, SAMPLES, UNITS, layout_unit};
+use super::{
+    COMPONENT, EDGES, FEATURES, PARTS, PROVENANCE, QUANTITY, SAMPLES, STATISTIC, StatisticLabel,
+    StatisticPlane, UNITS, layout_unit,
+};
 use crate::format::file::{MAX_IMAGE_BYTES, check_image_size, check_packing, guarded};
 use crate::format::{FormatError, Loaded, Provenance};
-use crate::image::{Component, ComponentImage, FeatureMaps, SpectralImage};
+use crate::image::{Component, ComponentImage, FeatureMaps, SampleStatistics, SpectralImage};
 use crate::spectral::{Quantity, Radiance, WavelengthGrid};
 
 /// Reads a spectral image, written by this program or any other that follows the layout.
@@ -91,10 +94,47 @@ fn read_component_parts(path: &Path) -> Result<Loaded<ComponentImage>, FormatErr
             "Read it as a spectral image, or render the components",
         ));
     };
-    let bytes_per_pixel = (4 * (grid.len() * components.len() + FEATURE_CHANNELS.len())) as u64;
-    check_image_size(path, width as u64, height as u64, bytes_per_pixel)?;
     let pixels = width * height;
-    let mut buffers = [vec![0.0; components.len() * pixels * grid.len()], Vec::new()];
+    let plane = pixels * grid.len();
+    let mut statistics: Option<SampleStatistics> = None;
+    for (part, header) in headers.iter().enumerate() {
+        let Some(label) = attribute(header, STATISTIC) else { continue };
+        let label: StatisticLabel = parse_json(path, STATISTIC, &label)?;
+        let (statistic_grid, bands) = bands::<Radiance>(path, header)?;
+        if statistic_grid != grid || header.layer_size != Vec2(width, height) {
+            return Err(FormatError::malformed(
+                path,
+                format!("the statistics of \"{}\" differ in size or wavelengths", label.name),
+                "Write the file again",
+            ));
+        }
+        let empty = || SampleStatistics {
+            of: label.of,
+            names: Vec::new(),
+            half_a: Vec::new(),
+            half_b: Vec::new(),
+            variance: Vec::new(),
+        };
+        let statistics = statistics.get_or_insert_with(empty);
+        let known = statistics.names.iter().position(|name| *name == label.name);
+        let index = known.unwrap_or_else(|| {
+            statistics.names.push(label.name.clone());
+            statistics.names.len() - 1
+        });
+        let buffer = match label.holds {
+            StatisticPlane::HalfA => 2,
+            StatisticPlane::HalfB => 3,
+            StatisticPlane::Variance => 4,
+        };
+        targets[part] = band_targets(header, &bands, buffer, index * plane);
+    }
+    let statistic_values = statistics.as_ref().map_or(0, |statistics| statistics.names.len() * plane);
+    let per_pixel =
+        grid.len() * components.len() + FEATURE_CHANNELS.len() + 3 * statistic_values / pixels.max(1);
+    let bytes_per_pixel = 4 * per_pixel as u64;
+    check_image_size(path, width as u64, height as u64, bytes_per_pixel)?;
+    let mut buffers = [components.len() * plane, 0, statistic_values, statistic_values, statistic_values]
+        .map(|len| vec![0.0; len]);
     let features_part = headers.iter().position(|header| part_name(header).as_deref() == Some(FEATURES));
     let mut features = FeatureMaps::default();
     if let Some(part) = features_part {
@@ -109,15 +149,36 @@ fn read_component_parts(path: &Path) -> Result<Loaded<ComponentImage>, FormatErr
         buffers[1] = vec![0.0; FEATURE_CHANNELS.len() * pixels];
     }
     decode(path, &targets, &mut buffers)?;
-    let [data, maps] = buffers;
+    let [data, maps, half_a, half_b, variance] = buffers;
+    if let Some(statistics) = &mut statistics {
+        (statistics.half_a, statistics.half_b, statistics.variance) = (half_a, half_b, variance);
+    }
+    let mut samples = Vec::new();
     if let Some(part) = features_part {
         features = feature_maps(path, &headers[part], &maps)?;
+        if has_channel(&headers[part], "samples") {
+            samples = maps.chunks_exact(FEATURE_CHANNELS.len()).map(|pixel| pixel[7] as u32).collect();
+        }
     }
-    let image = ComponentImage { grid, width, height, components, data, samples_per_pixel, samples: Vec::new(), features, statistics: None };
+    let image = ComponentImage {
+        grid,
+        width,
+        height,
+        components,
+        data,
+        samples_per_pixel,
+        samples,
+        features,
+        statistics,
+    };
     Ok(Loaded { image, provenance: provenance(path, &headers)? })
 }
 
-const FEATURE_CHANNELS: [&str; 7] = ["Z", "N.X", "N.Y", "N.Z", "id", "U", "V"];
+const FEATURE_CHANNELS: [&str; 8] = ["Z", "N.X", "N.Y", "N.Z", "id", "U", "V", "samples"];
+
+fn has_channel(header: &Header, name: &str) -> bool {
+    header.channels.list.iter().any(|channel| channel.name.as_slice() == name.as_bytes())
+}
 
 fn feature_targets(header: &Header, buffer: usize) -> Vec<Option<Target>> {
     let target = |name: &Text| {
@@ -128,8 +189,7 @@ fn feature_targets(header: &Header, buffer: usize) -> Vec<Option<Target>> {
 }
 
 fn feature_maps(path: &Path, header: &Header, maps: &[f32]) -> Result<FeatureMaps, FormatError> {
-    let has =
-        |name: &str| header.channels.list.iter().any(|channel| channel.name.as_slice() == name.as_bytes());
+    let has = |name: &str| has_channel(header, name);
     let pixels = || maps.chunks_exact(FEATURE_CHANNELS.len());
     let mut features = FeatureMaps::default();
     if has("Z") {

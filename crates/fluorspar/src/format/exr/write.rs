@@ -15,12 +15,12 @@ use exr::prelude::{
 };
 
 use super::{
-    COMPONENT, EDGES, FEATURES, LAYOUT_VERSION, PARTS, PREVIEW, PROVENANCE, QUANTITY, SAMPLES, UNITS,
-    layout_unit,
+    COMPONENT, EDGES, FEATURES, LAYOUT_VERSION, MATERIALS, PARTS, PREVIEW, PROVENANCE, QUANTITY, SAMPLES,
+    STATISTIC, StatisticLabel, StatisticPlane, UNITS, layout_unit,
 };
 use crate::format::file::{check_image_size, write_atomically};
 use crate::format::{FormatError, Provenance};
-use crate::image::{ComponentImage, SpectralImage};
+use crate::image::{ComponentImage, FeatureMaps, SpectralImage};
 use crate::spectral::{Quantity, Radiance, WavelengthGrid};
 
 /// How pixels are packed; nothing is lost either way.
@@ -80,13 +80,17 @@ pub fn write_spectral_exr<Q: Quantity>(
 }
 
 /// Writes a component image with its feature maps as a file of several parts: one per component, named by its label
-/// and laid out as by [`write_spectral_exr`], then `features` with `Z` (depth, m), `N.X`, `N.Y`, `N.Z`, `id`, `U`, `V`.
+/// and laid out as by [`write_spectral_exr`]; for each statistic `half_a.NAME`, `half_b.NAME` (radiance) and
+/// `variance.NAME` (its square); then `features` with `Z` (depth, m), `N.X`, `N.Y`, `N.Z`, `id`, `material`, `U`, `V`, and
+/// `samples` where pixels differ in them.
 ///
 /// | attribute | content |
 /// |---|---|
 /// | `fluorsparComponent` | label of the component, JSON |
 /// | `fluorsparSamplesPerPixel` | paths per pixel |
+/// | `fluorsparStatistic` | which half-buffer or variance a part holds, JSON |
 /// | `fluorsparParts` | names of the objects and of their materials, JSON, in `features` |
+/// | `fluorsparMaterials` | names of the materials, JSON, in `features`: `material` counts them from 1 |
 ///
 /// A preview is the first part. Provenance rides on the first part.
 ///
@@ -122,15 +126,78 @@ pub fn write_component_exr(
         attributes.push((SAMPLES, text(&image.samples_per_pixel.to_string())));
         parts.push(Part { name: Some(name), planes, attributes });
     }
-    parts.extend(features_part(path, image)?);
+    if let Some(statistics) = &image.statistics {
+        let plane = image.width * image.height * image.grid.len();
+        let planes = [
+            ("half_a", StatisticPlane::HalfA, &statistics.half_a),
+            ("half_b", StatisticPlane::HalfB, &statistics.half_b),
+            ("variance", StatisticPlane::Variance, &statistics.variance),
+        ];
+        if planes.iter().any(|(.., data)| data.len() != plane * statistics.names.len()) {
+            return Err(FormatError::unwritable(
+                path,
+                "the statistics do not fill the image",
+                "Give all or none",
+            ));
+        }
+        for (index, name) in statistics.names.iter().enumerate() {
+            for (prefix, holds, data) in planes {
+                let data = &data[index * plane..(index + 1) * plane];
+                let label = StatisticLabel { of: statistics.of, name: name.clone(), holds };
+                let mut attributes = spectral_attributes::<Radiance>(&image.grid);
+                if holds == StatisticPlane::Variance {
+                    attributes.retain(|(name, _)| ![QUANTITY, UNITS].contains(name));
+                    attributes.push((QUANTITY, text("radiance variance")));
+                    attributes.push((UNITS, text("W^2.m^-4.sr^-2.nm^-2")));
+                }
+                attributes.push((STATISTIC, text(&json(&label))));
+                let planes = band_planes::<Radiance>(&image.grid, data, size.0);
+                parts.push(Part { name: Some(format!("{prefix}.{name}")), planes, attributes });
+            }
+        }
+    }
+    let (materials, material_names) = materials(&image.features);
+    parts.extend(features_part(path, image, &materials, &material_names)?);
     parts[0].add_provenance(options.provenance);
     write_parts(path, size, parts, options.compression)
 }
 
-fn features_part<'a>(path: &Path, image: &'a ComponentImage) -> Result<Option<Part<'a>>, FormatError> {
+/// Number of the material behind each pixel, from 1, and the names in order of first use.
+fn materials(features: &FeatureMaps) -> (Vec<u16>, Vec<&str>) {
+    let mut names: Vec<&str> = Vec::new();
+    let of_part: Vec<u16> = features
+        .material_names
+        .iter()
+        .map(|name| {
+            let known = names.iter().position(|known| known == name).unwrap_or_else(|| {
+                names.push(name);
+                names.len() - 1
+            });
+            known as u16 + 1
+        })
+        .collect();
+    let of_pixel = |part: &u16| match part {
+        0 => 0,
+        part => of_part.get(usize::from(*part) - 1).copied().unwrap_or(0),
+    };
+    (features.part.iter().map(of_pixel).collect(), names)
+}
+
+fn features_part<'a>(
+    path: &Path,
+    image: &'a ComponentImage,
+    materials: &'a [u16],
+    material_names: &[&str],
+) -> Result<Option<Part<'a>>, FormatError> {
     let (features, width) = (&image.features, image.width);
     let pixels = width * image.height;
-    let lengths = [features.depth_m.len(), features.normal.len(), features.part.len(), features.uv.len()];
+    let lengths = [
+        features.depth_m.len(),
+        features.normal.len(),
+        features.part.len(),
+        features.uv.len(),
+        image.samples.len(),
+    ];
     if let Some(length) = lengths.iter().find(|&&length| length != 0 && length != pixels) {
         return Err(FormatError::unwritable(
             path,
@@ -150,6 +217,12 @@ fn features_part<'a>(path: &Path, image: &'a ComponentImage) -> Result<Option<Pa
     }
     if !features.part.is_empty() {
         planes.push(plane("id", Values::U16(&features.part), 0, 1));
+        if !material_names.is_empty() {
+            planes.push(plane("material", Values::U16(materials), 0, 1));
+        }
+    }
+    if !image.samples.is_empty() {
+        planes.push(plane("samples", Values::U32(&image.samples), 0, 1));
     }
     if !features.uv.is_empty() {
         let values = features.uv.as_flattened();
@@ -158,8 +231,13 @@ fn features_part<'a>(path: &Path, image: &'a ComponentImage) -> Result<Option<Pa
     if planes.is_empty() {
         return Ok(None);
     }
+    let mut attributes = Vec::new();
+    if !material_names.is_empty() {
+        attributes.push((MATERIALS, text(&json(&material_names))));
+    }
     let names = json(&(&features.part_names, &features.material_names));
-    Ok(Some(Part { name: Some(FEATURES.into()), planes, attributes: vec![(PARTS, text(&names))] }))
+    attributes.push((PARTS, text(&names)));
+    Ok(Some(Part { name: Some(FEATURES.into()), planes, attributes }))
 }
 
 fn check(
@@ -215,6 +293,7 @@ struct Plane<'a> {
 enum Values<'a> {
     F32(&'a [f32]),
     U16(&'a [u16]),
+    U32(&'a [u32]),
 }
 
 impl<'a> WritableSamples<'_> for Plane<'a> {
@@ -223,7 +302,7 @@ impl<'a> WritableSamples<'_> for Plane<'a> {
     fn sample_type(&self) -> SampleType {
         match self.values {
             Values::F32(_) => SampleType::F32,
-            Values::U16(_) => SampleType::U32,
+            Values::U16(_) | Values::U32(_) => SampleType::U32,
         }
     }
 
@@ -244,6 +323,7 @@ impl SamplesWriter for Plane<'_> {
         let _ = match self.values {
             Values::F32(values) => line.write_samples(|i| values[at(i)]),
             Values::U16(values) => line.write_samples(|i| u32::from(values[at(i)])),
+            Values::U32(values) => line.write_samples(|i| values[at(i)]),
         };
     }
 }
