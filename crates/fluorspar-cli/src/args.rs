@@ -6,7 +6,9 @@ use std::path::PathBuf;
 use clap::{Parser, Subcommand, ValueHint};
 use clap_complete::Shell;
 
-use crate::commands::{analyze, capture, check, fluorophore, merge, predict, presets, render, run, schema};
+use crate::commands::{
+    analyze, capture, check, denoise, fluorophore, merge, predict, presets, render, run, schema,
+};
 
 /// Predicts what a fluorescence camera records, before the camera is built.
 ///
@@ -30,6 +32,8 @@ pub(crate) enum Command {
     Render(render::Options),
     /// Put the films of several `render --shard` processes together.
     Merge(merge::Options),
+    /// Reduce the noise of a component image, for pictures.
+    Denoise(denoise::Options),
     /// Take raw frames of a component image made by `run` or `render`.
     Capture(capture::Options),
     /// Analyse raw frames made by `run` or `capture`.

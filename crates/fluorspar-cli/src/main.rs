@@ -46,6 +46,7 @@ fn run(args: Args) -> Result<ExitCode, CliError> {
         Command::Run(options) => commands::run::run(&options),
         Command::Render(options) => commands::render::run(&options),
         Command::Merge(options) => commands::merge::run(&options),
+        Command::Denoise(options) => commands::denoise::run(&options),
         Command::Capture(options) => commands::capture::run(&options),
         Command::Analyze(options) => commands::analyze::run(&options),
         Command::Fluorophore(options) => commands::fluorophore::run(&options),

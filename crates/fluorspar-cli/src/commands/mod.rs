@@ -4,6 +4,7 @@ pub(crate) mod analyze;
 pub(crate) mod capture;
 pub(crate) mod check;
 pub(crate) mod completions;
+pub(crate) mod denoise;
 pub(crate) mod fluorophore;
 pub(crate) mod image_output;
 pub(crate) mod merge;

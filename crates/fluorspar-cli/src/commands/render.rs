@@ -112,7 +112,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let experiment = source.resolve(&options.experiment.changes, quiet)?;
     let settings = &experiment.render;
     if !quiet {
-        let bytes = memory_bytes(&experiment.scene, settings.film_statistics());
+        let bytes = memory_bytes(&experiment.scene, settings);
         eprintln!(
             "Memory: {:.0} MiB for the film, and the scene; limit {:.0} MiB",
             mib(bytes),

@@ -3,9 +3,10 @@
 use std::ops::Range;
 
 use serde::{Deserialize, Serialize};
+use thiserror::Error;
 
 use super::SpectralImage;
-use crate::spectral::{Radiance, WavelengthGrid};
+use crate::spectral::{Curve, Radiance, WavelengthGrid};
 
 /// What kind of light a component holds.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -19,6 +20,9 @@ pub enum Light {
     MultipleFluorescence,
 }
 
+/// Stands between the name of a light group and its excitation bin: `blue@380-390`.
+pub const EXCITATION_MARK: char = '@';
+
 /// Label of one component: which light group excited it and what happened to it.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub struct Component {
@@ -29,6 +33,18 @@ pub struct Component {
 }
 
 impl Component {
+    /// The light group in the scene: without the excitation bin, if the render kept bins apart.
+    pub fn lamp_group(&self) -> &str {
+        self.light_group.split_once(EXCITATION_MARK).map_or(&self.light_group, |(group, _)| group)
+    }
+
+    /// Edges of the excitation bin, nm; `None` for light outside all bins, and where no bins were kept apart.
+    pub fn excitation_bin_nm(&self) -> Option<[f64; 2]> {
+        let (_, bin) = self.light_group.split_once(EXCITATION_MARK)?;
+        let (first, last) = bin.split_once('-')?;
+        Some([first.parse().ok()?, last.parse().ok()?])
+    }
+
     /// `group.reflected`, `group.fluorescence.NAME` or `group.multiple`: used for file layers and tables.
     pub fn label(&self) -> String {
         match &self.light {
@@ -56,6 +72,19 @@ pub struct FeatureMaps {
     pub material_names: Vec<String>,
 }
 
+/// A lamp spectrum that the excitation bins of a render can't make up.
+#[derive(Clone, Debug, PartialEq, Error)]
+#[error(
+    "{percent:.1} % of the lamp spectrum lies outside the excitation bins of light group \"{group}\" or where they were \
+     rendered without light; render with render.excitation_edges_nm around it and a lamp that covers it"
+)]
+pub struct LampOutOfSpan {
+    /// The light group.
+    pub group: String,
+    /// Share that is not covered, %.
+    pub percent: f64,
+}
+
 /// Radiance images kept apart by component, `[component, row, col, band]`, W/(sr m² nm), at the rendered powers
 /// and concentrations. Their plain sum is the radiance that a camera would see with all light groups on.
 #[derive(Clone, Debug, PartialEq)]
@@ -78,6 +107,8 @@ pub struct ComponentImage {
     pub features: FeatureMaps,
     /// How far the samples scatter, where the render kept that.
     pub statistics: Option<SampleStatistics>,
+    /// Settings of the noise reduction, JSON, if the image went through one: such an image proves nothing.
+    pub denoised: Option<String>,
 }
 
 /// Sums whose scatter a render keeps beside the components.
@@ -126,6 +157,7 @@ impl ComponentImage {
             samples: Vec::new(),
             features: FeatureMaps::default(),
             statistics: None,
+            denoised: None,
         }
     }
 
@@ -153,6 +185,58 @@ impl ComponentImage {
             }
         }
         names
+    }
+
+    /// Names of the light groups in the scene, excitation bins put together, in order of first use.
+    pub fn lamp_groups(&self) -> Vec<String> {
+        let mut names: Vec<String> = Vec::new();
+        for component in &self.components {
+            if !names.iter().any(|name| name == component.lamp_group()) {
+                names.push(component.lamp_group().into());
+            }
+        }
+        names
+    }
+
+    /// What a light group would give with another lamp spectrum, from a render that kept excitation bins apart.
+    ///
+    /// `rendered` is the spectrum that the group's lamps had, `wanted` the one that they shall have, both as power (or
+    /// irradiance, or radiance) per nm. Each bin is weighted by the ratio of the two integrals over it: exact where
+    /// `wanted / rendered` is constant within each bin.
+    ///
+    /// # Errors
+    /// When more than 1e-3 of `wanted` lies outside the bins or in bins that were rendered without light.
+    pub fn recombine_lamp(
+        &self,
+        group: &str,
+        rendered: &Curve,
+        wanted: &Curve,
+    ) -> Result<SpectralImage<Radiance>, LampOutOfSpan> {
+        let ratio = |[first, last]: [f64; 2]| {
+            let (rendered, wanted) = (rendered.integral(first, last), wanted.integral(first, last));
+            if rendered > 0.0 { (wanted / rendered, wanted) } else { (0.0, 0.0) }
+        };
+        let mut bins: Vec<[f64; 2]> = Vec::new();
+        for bin in self
+            .components
+            .iter()
+            .filter(|c| c.lamp_group() == group)
+            .filter_map(Component::excitation_bin_nm)
+        {
+            if !bins.contains(&bin) {
+                bins.push(bin);
+            }
+        }
+        let covered: f64 = bins.iter().map(|bin| ratio(*bin).1).sum();
+        let missing = 1.0 - covered / wanted.total();
+        // Also refuses a spectrum without light, whose share is not a number.
+        if missing.is_nan() || missing > 1e-3 {
+            return Err(LampOutOfSpan { group: group.into(), percent: 100.0 * missing });
+        }
+        Ok(self.recombine(|component| match component.excitation_bin_nm() {
+            Some(bin) if component.lamp_group() == group => ratio(bin).0,
+            _ => 0.0,
+        }))
     }
 
     /// `sum weight(component) * component`: any change of drive current or (to first order) concentration.

@@ -5,7 +5,10 @@ pub mod film;
 mod sensor_image;
 mod spectral_image;
 
-pub use component_image::{Component, ComponentImage, FeatureMaps, Light, SampleStatistics, Statistics};
+pub use component_image::{
+    Component, ComponentImage, EXCITATION_MARK, FeatureMaps, LampOutOfSpan, Light, SampleStatistics,
+    Statistics,
+};
 pub use film::{Film, FilmLayout, MergeError};
 pub use sensor_image::{ChannelImage, Mosaic, SensorImage};
 pub use spectral_image::{ImageShapeError, SpectralImage};

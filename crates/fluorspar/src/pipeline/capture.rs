@@ -17,7 +17,7 @@ pub struct CapturedFrame {
 
 /// Radiance under the lights of one frame: components weighted by the drive of their light group.
 pub fn frame_radiance(frame: &CaptureFrame, components: &ComponentImage) -> SpectralImage<Radiance> {
-    components.recombine(|component| frame.drive(&component.light_group))
+    components.recombine(|component| frame.drive(component.lamp_group()))
 }
 
 /// Takes all frames of an experiment: lights of the frame, lens, sensor, development.
@@ -37,7 +37,7 @@ pub fn capture(
         let (image, experiment) = (components.grid.len(), experiment.scene.grid.len());
         return Err(PipelineError::OtherGrid { image, experiment });
     }
-    let known = components.light_groups();
+    let known = components.lamp_groups();
     for c in &experiment.captures {
         let frame = &c.frame;
         if let Some(group) = frame.lights.keys().find(|g| frame.drive(g) > 0.0 && !known.contains(g)) {

@@ -5,17 +5,20 @@
 //! | light transport | [`crate::render::render`] | [`crate::image::ComponentImage`] |
 //! | lens, sensor, development | [`capture`] | [`CapturedFrame`]s |
 //! | chromaticity, porphyrin | [`analyze`] | [`AnalyzedFrame`] |
+//! | less noise, for pictures | [`denoise`] | [`crate::image::ComponentImage`], labelled |
 //! | pictures for people | [`preview`] | 8-bit sRGB |
 //! | all of it for a flat sample | [`predict`] | [`Prediction`] |
 
 mod analyze;
 mod capture;
+mod denoise;
 mod predict;
 mod preview;
 mod region_radiance;
 
 pub use analyze::{AnalyzedFrame, analyze};
 pub use capture::{CapturedFrame, capture, develop_frames, frame_radiance};
+pub use denoise::{DenoiseError, DenoiseSettings, denoise};
 pub use predict::{
     ChannelPrediction, Chromaticity, FlatSample, FluorescenceModel, PredictError, Prediction, RadianceSplit,
     predict,

@@ -49,7 +49,7 @@ impl RegionRadiance {
             pixels: selection.pixels.len(),
         };
         for (index, component) in components.components.iter().enumerate() {
-            let drive = frame.drive(&component.light_group);
+            let drive = frame.drive(component.lamp_group());
             if drive == 0.0 {
                 continue;
             }

@@ -11,8 +11,8 @@
 //! with the same number of samples everywhere has no such bias: use it for validation.
 
 use super::integrator::RenderError;
+use crate::image::FilmLayout;
 use crate::image::film::{FilmScale, FilmTile};
-use crate::image::{FilmLayout, Statistics};
 
 /// Samples at which a tile is looked at first; then at every doubling.
 const FIRST_LOOK: u32 = 32;
@@ -86,25 +86,25 @@ impl TileError {
         let Some(target) = target else { return Self { relative_error: 0.0, channels: Vec::new() } };
         let mut groups: Vec<&str> = Vec::new();
         for component in &layout.components {
-            if groups.last() != Some(&component.light_group.as_str()) {
-                groups.push(&component.light_group);
+            if groups.last() != Some(&component.lamp_group()) {
+                groups.push(component.lamp_group());
             }
         }
         let bands = layout.grid.len();
+        let members = layout.statistic_members();
         let channels = target.channels.iter().map(|channel| {
-            let drive = |name: &str| {
-                groups.iter().position(|group| *group == name).map_or(0.0, |index| channel.drives[index])
-            };
-            let of_component: Vec<f64> = layout.components.iter().map(|c| drive(&c.light_group)).collect();
-            let drives = match layout.statistics {
-                Statistics::Components => of_component.clone(),
-                _ => channel.drives.clone(),
-            };
+            let of_component: Vec<f64> = layout
+                .components
+                .iter()
+                .map(|c| groups.iter().position(|group| *group == c.lamp_group()))
+                .map(|group| group.map_or(0.0, |index| channel.drives[index]))
+                .collect();
+            // All members of a statistic belong to one light group.
+            let drives = members.iter().map(|(_, members)| of_component[members[0]]).collect();
             let level = layout.levels.chunks(bands).zip(&of_component).map(|(level, drive)| {
                 drive * level.iter().zip(&channel.weights).map(|(l, w)| f64::from(*l) * w).sum::<f64>()
             });
-            let level = level.sum();
-            (drives, channel.weights.clone(), level)
+            (drives, channel.weights.clone(), level.sum())
         });
         Self { relative_error: target.relative_error, channels: channels.collect() }
     }

@@ -13,6 +13,7 @@ use super::adaptive::{ErrorTarget, TileError};
 use super::compiled_scene::{CompiledScene, Target};
 use super::path::Path;
 use super::spectral_accumulation::SpectralState;
+use crate::image::EXCITATION_MARK;
 use crate::image::film::{
     BlockSign, FilmScale, TileMut, block_end, block_start, film_bytes, is_block_boundary,
 };
@@ -50,6 +51,10 @@ pub struct RenderSettings {
     pub statistics: Statistics,
     /// Error at which a tile is done before it has all its samples; `None` gives all pixels the same number.
     pub error_target: Option<ErrorTarget>,
+    /// Edges of excitation bins, nm, increasing. When given, each light group becomes one group per bin,
+    /// `GROUP@FIRST-LAST`, and `GROUP@rest` for its light outside all bins: the image can then be recombined for any lamp
+    /// spectrum that is constant relative to the rendered one within each bin.
+    pub excitation_edges_nm: Vec<f64>,
 }
 
 impl Default for RenderSettings {
@@ -63,6 +68,7 @@ impl Default for RenderSettings {
             memory_limit_bytes: 8 << 30,
             statistics: Statistics::None,
             error_target: None,
+            excitation_edges_nm: Vec::new(),
         }
     }
 }
@@ -165,11 +171,11 @@ const PILOT_SIDE: usize = 32;
 const PILOT_SAMPLES: u32 = 4;
 
 /// Memory that a render's images need, bytes: the film, from which the result is made in place.
-pub fn memory_bytes(scene: &Scene, statistics: Statistics) -> u64 {
-    let groups = scene.light_groups.len();
+pub fn memory_bytes(scene: &Scene, settings: &RenderSettings) -> u64 {
+    let groups = scene.light_groups.len() * settings.excitation_edges_nm.len().max(1);
     let components = groups * (scene.fluorophores.len() + 2);
     let planes = components
-        + 2 * match statistics {
+        + 2 * match settings.film_statistics() {
             Statistics::None => 0,
             Statistics::LightGroups => groups,
             Statistics::Components => components,
@@ -372,11 +378,12 @@ pub fn scene_digest(scene: &Scene, settings: &RenderSettings) -> String {
     let _ = fmt::Write::write_fmt(
         &mut writer,
         format_args!(
-            "{} {} {} {:?} {scene:?}",
+            "{} {} {} {:?} {:?} {scene:?}",
             env!("CARGO_PKG_VERSION"),
             settings.seed,
             settings.max_depth,
-            settings.estimator
+            settings.estimator,
+            settings.excitation_edges_nm
         ),
     );
     writer.0.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
@@ -388,19 +395,19 @@ fn prepare<'a>(scene: &'a Scene, settings: &RenderSettings) -> Result<CompiledSc
     if let Some(target) = &settings.error_target {
         target.check(scene.grid.len(), scene.light_groups.len())?;
     }
-    let needed = memory_bytes(scene, settings.film_statistics());
+    let needed = memory_bytes(scene, settings);
     if needed > settings.memory_limit_bytes {
         let gib = |bytes: u64| bytes as f64 / f64::from(1 << 30);
         return Err(RenderError::TooLarge {
             needed_gib: gib(needed),
             limit_gib: gib(settings.memory_limit_bytes),
-            components: component_labels(scene).len(),
+            components: component_labels(scene, settings).len(),
             width: scene.camera.width,
             height: scene.camera.height,
             bands: scene.grid.len(),
         });
     }
-    Ok(CompiledScene::new(scene)?)
+    Ok(CompiledScene::new(scene, &settings.excitation_edges_nm)?)
 }
 
 /// The plain sum of some samples of one pixel: what one worker reuses from pixel to pixel.
@@ -460,7 +467,7 @@ impl BlockSum {
 /// Layout of the film, with quanta from pilot samples on a lattice of pixels.
 fn layout(scene: &CompiledScene<'_>, settings: &RenderSettings, scene_digest: String) -> FilmLayout {
     let camera = &scene.scene.camera;
-    let components = component_labels(scene.scene);
+    let components = component_labels(scene.scene, settings);
     let bands = scene.bands;
     let lattice = |size: usize| -> Vec<usize> {
         let count = size.min(PILOT_SIDE);
@@ -676,18 +683,42 @@ fn check_settings(settings: &RenderSettings) -> Result<(), RenderError> {
         }
     };
     check("samples_per_pixel", settings.samples_per_pixel, 1..=1_000_000, "must be between 1 and 1000000")?;
+    let edges = &settings.excitation_edges_nm;
+    if edges.len() == 1
+        || edges.iter().any(|edge| !edge.is_finite() || *edge <= 0.0)
+        || edges.windows(2).any(|pair| pair[0] >= pair[1])
+    {
+        return Err(RenderError::Setting {
+            field: "excitation_edges_nm",
+            value: edges.len() as u64,
+            message: "edges: must be two or more increasing wavelengths",
+        });
+    }
     check("max_depth", settings.max_depth, 1..=10_000, "must be between 1 (direct light only) and 10000")
 }
 
-fn component_labels(scene: &Scene) -> Vec<Component> {
+fn component_labels(scene: &Scene, settings: &RenderSettings) -> Vec<Component> {
     let mut labels = Vec::new();
     for group in &scene.light_groups {
-        let mut push = |light| labels.push(Component { light_group: group.name.clone(), light });
-        push(Light::Reflected);
-        scene.fluorophores.iter().for_each(|f| push(Light::Fluorescence(f.name.clone())));
-        push(Light::MultipleFluorescence);
+        for name in excitation_names(&group.name, &settings.excitation_edges_nm) {
+            let mut push = |light| labels.push(Component { light_group: name.clone(), light });
+            push(Light::Reflected);
+            scene.fluorophores.iter().for_each(|f| push(Light::Fluorescence(f.name.clone())));
+            push(Light::MultipleFluorescence);
+        }
     }
     labels
+}
+
+/// Names of the excitation bins of a light group.
+fn excitation_names(group: &str, edges_nm: &[f64]) -> Vec<String> {
+    if edges_nm.is_empty() {
+        return vec![group.into()];
+    }
+    let mut names: Vec<String> =
+        edges_nm.windows(2).map(|edge| format!("{group}{EXCITATION_MARK}{}-{}", edge[0], edge[1])).collect();
+    names.push(format!("{group}{EXCITATION_MARK}rest"));
+    names
 }
 
 fn feature_maps(compiled: &CompiledScene<'_>) -> FeatureMaps {

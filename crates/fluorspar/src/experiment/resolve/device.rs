@@ -74,6 +74,15 @@ pub(super) fn render_settings(context: &Context<'_>, section: &RenderSection) ->
         context.positive(&at("time_limit_s"), limit, "seconds")?;
     }
     let gib = context.within(&at("memory_limit_gib"), section.memory_limit_gib, [0.1, 1024.0], "GiB")?;
+    let edges = section.excitation_edges_nm.clone().unwrap_or_default();
+    if section.excitation_edges_nm.is_some()
+        && (!(2..=65).contains(&edges.len())
+            || edges.iter().any(|edge| !(200.0..=1200.0).contains(edge))
+            || edges.windows(2).any(|pair| pair[0] >= pair[1]))
+    {
+        let message = "must hold 2 to 65 increasing wavelengths between 200 and 1200 nm";
+        return context.fail(&at("excitation_edges_nm"), message);
+    }
     Ok(RenderSettings {
         samples_per_pixel: section.samples_per_pixel,
         max_depth: section.max_depth,
@@ -82,6 +91,7 @@ pub(super) fn render_settings(context: &Context<'_>, section: &RenderSection) ->
         memory_limit_bytes: (gib * GIB) as u64,
         statistics: error_target::statistics(section),
         error_target: None,
+        excitation_edges_nm: edges,
     })
 }
 

@@ -162,7 +162,7 @@ pub fn resolve(experiment: &Experiment) -> Result<ResolvedExperiment, Experiment
     scene.check().map_err(|error| scene_error(context, file, &error))?;
     let optics = lens.as_ref().zip(sensor.as_ref());
     render.error_target = error_target::error_target(context, &file.render, &scene, &captures, optics)?;
-    device::check_memory(context, file, memory_bytes(&scene, render.film_statistics()))?;
+    device::check_memory(context, file, memory_bytes(&scene, &render))?;
     warn_unused(context, file, &scene);
     for warning in scene.warnings() {
         context.push_warning(warning.to_string());

@@ -72,6 +72,10 @@ pub struct RenderSection {
     /// `error_captures`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub error_range_nm: Option<[f64; 2]>,
+    /// Edges of excitation bins, nm, increasing, 2 to 65 of them: keeps what each part of a lamp spectrum gives apart, so
+    /// that lamp spectra can be changed after the render. Memory grows by the number of edges. Default: none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub excitation_edges_nm: Option<Vec<f64>>,
 }
 
 impl Default for RenderSection {
@@ -88,6 +92,7 @@ impl Default for RenderSection {
             relative_error: None,
             error_captures: None,
             error_range_nm: None,
+            excitation_edges_nm: None,
         }
     }
 }

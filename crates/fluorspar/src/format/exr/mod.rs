@@ -14,6 +14,7 @@ const PROVENANCE: &str = "fluorspar";
 const COMPONENT: &str = "fluorsparComponent";
 const SAMPLES: &str = "fluorsparSamplesPerPixel";
 const PARTS: &str = "fluorsparParts";
+const DENOISED: &str = "fluorsparDenoised";
 const STATISTIC: &str = "fluorsparStatistic";
 const MATERIALS: &str = "fluorsparMaterials";
 const FEATURES: &str = "features";

@@ -11,7 +11,7 @@ use exr::meta::attribute::{AttributeValue, SampleType, Text};
 use exr::meta::header::Header;
 
 use super::{
-    COMPONENT, EDGES, FEATURES, PARTS, PROVENANCE, QUANTITY, SAMPLES, STATISTIC, StatisticLabel,
+    COMPONENT, DENOISED, EDGES, FEATURES, PARTS, PROVENANCE, QUANTITY, SAMPLES, STATISTIC, StatisticLabel,
     StatisticPlane, UNITS, layout_unit,
 };
 use crate::format::file::{MAX_IMAGE_BYTES, check_image_size, check_packing, guarded};
@@ -170,6 +170,7 @@ fn read_component_parts(path: &Path) -> Result<Loaded<ComponentImage>, FormatErr
         samples,
         features,
         statistics,
+        denoised: headers.iter().find_map(|header| attribute(header, DENOISED)),
     };
     Ok(Loaded { image, provenance: provenance(path, &headers)? })
 }

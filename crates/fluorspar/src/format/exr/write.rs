@@ -15,8 +15,8 @@ use exr::prelude::{
 };
 
 use super::{
-    COMPONENT, EDGES, FEATURES, LAYOUT_VERSION, MATERIALS, PARTS, PREVIEW, PROVENANCE, QUANTITY, SAMPLES,
-    STATISTIC, StatisticLabel, StatisticPlane, UNITS, layout_unit,
+    COMPONENT, DENOISED, EDGES, FEATURES, LAYOUT_VERSION, MATERIALS, PARTS, PREVIEW, PROVENANCE, QUANTITY,
+    SAMPLES, STATISTIC, StatisticLabel, StatisticPlane, UNITS, layout_unit,
 };
 use crate::format::file::{check_image_size, write_atomically};
 use crate::format::{FormatError, Provenance};
@@ -88,6 +88,7 @@ pub fn write_spectral_exr<Q: Quantity>(
 /// |---|---|
 /// | `fluorsparComponent` | label of the component, JSON |
 /// | `fluorsparSamplesPerPixel` | paths per pixel |
+/// | `fluorsparDenoised` | settings of the noise reduction, JSON; missing in raw images |
 /// | `fluorsparStatistic` | which half-buffer or variance a part holds, JSON |
 /// | `fluorsparParts` | names of the objects and of their materials, JSON, in `features` |
 /// | `fluorsparMaterials` | names of the materials, JSON, in `features`: `material` counts them from 1 |
@@ -124,6 +125,7 @@ pub fn write_component_exr(
         let mut attributes = spectral_attributes::<Radiance>(&image.grid);
         attributes.push((COMPONENT, text(&json(component))));
         attributes.push((SAMPLES, text(&image.samples_per_pixel.to_string())));
+        attributes.extend(image.denoised.as_ref().map(|settings| (DENOISED, text(settings))));
         parts.push(Part { name: Some(name), planes, attributes });
     }
     if let Some(statistics) = &image.statistics {
