@@ -10,5 +10,5 @@ pub use component_image::{
     Statistics,
 };
 pub use film::{Film, FilmLayout, MergeError};
-pub use sensor_image::{ChannelImage, Mosaic, SensorImage};
+pub use sensor_image::{ChannelImage, Mosaic, SensorImage, SubtractedLight};
 pub use spectral_image::{ImageShapeError, SpectralImage};
