@@ -6,7 +6,9 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
 use fluorspar::experiment::{ResolvedExperiment, parse, resolve};
-use fluorspar::format::{ExrOptions, read_component_exr, read_film, write_component_exr, write_film};
+use fluorspar::format::{
+    ExrCompression, ExrOptions, read_component_exr, read_film, write_component_exr, write_film,
+};
 use fluorspar::image::{ComponentImage, Film, Statistics};
 use fluorspar::pipeline::{DenoiseSettings, denoise};
 use fluorspar::render::{
@@ -156,6 +158,18 @@ fn films_and_statistics_survive_files_and_damage_is_noticed() {
     let path = folder.path().join("a.exr");
     write_component_exr(&path, &image, &ExrOptions::default()).unwrap();
     assert!(read_component_exr(&path).unwrap().image == image);
+
+    // In 16 bits: eleven of them, down to 2^-29 of the brightest value of a component.
+    let half = ExrOptions { compression: ExrCompression::Half, ..ExrOptions::default() };
+    write_component_exr(&path, &image, &half).unwrap();
+    let read = read_component_exr(&path).unwrap().image;
+    for component in 0..image.components.len() {
+        let brightest = image.component(component).iter().copied().fold(0.0, f32::max);
+        for (a, b) in read.component(component).iter().zip(image.component(component)) {
+            assert!((a - b).abs() <= b / 2048.0 + brightest * 2_f32.powi(-39), "{a} {b}");
+        }
+    }
+    assert_eq!(read.samples, image.samples);
 }
 
 /// Sum over bands of a light group, per pixel.
@@ -227,14 +241,14 @@ fn adaptive_sampling_reaches_its_error_with_fewer_samples() {
     let experiment = experiment(48, 32);
     let target = all_bands(&experiment, 0.05);
     let adaptive =
-        RenderSettings { error_target: Some(target), ..settings(&experiment, 1024, Statistics::None) };
+        RenderSettings { error_target: Some(target), ..settings(&experiment, 512, Statistics::None) };
     let picture = image(&experiment, &adaptive);
     let samples = &picture.samples;
     assert_eq!(samples.len(), 48 * 32, "all tiles took the same samples");
-    assert!(samples.iter().all(|n| n.is_power_of_two() && (32..=1024).contains(n)));
+    assert!(samples.iter().all(|n| n.is_power_of_two() && (32..=512).contains(n)));
     let mean = samples.iter().map(|&n| f64::from(n)).sum::<f64>() / samples.len() as f64;
-    eprintln!("{mean:.0} of 1024 samples per pixel");
-    assert!(mean < 900.0, "{mean}");
+    eprintln!("{mean:.0} of 512 samples per pixel");
+    assert!(mean < 300.0, "{mean}");
 
     // Interrupted, in shards, on one thread: the same bits.
     let renderer = FilmRenderer::new(&experiment.scene, &adaptive).unwrap();
@@ -248,7 +262,7 @@ fn adaptive_sampling_reaches_its_error_with_fewer_samples() {
 
     // The error is what was asked for where more samples were to be had: against an independent render with 4 times
     // the most samples, whose own error is at most half of the target.
-    let reference = RenderSettings { seed: 77, ..settings(&experiment, 4096, Statistics::None) };
+    let reference = RenderSettings { seed: 77, ..settings(&experiment, 2048, Statistics::None) };
     let reference = image(&experiment, &reference);
     let bands = picture.grid.len();
     for group in picture.light_groups() {
@@ -257,7 +271,7 @@ fn adaptive_sampling_reaches_its_error_with_fewer_samples() {
         let mean = b.iter().sum::<f64>() / b.len() as f64;
         for (row, col) in (0..2).flat_map(|r| (0..3).map(move |c| (16 * r, 16 * c))) {
             let pixels = || (0..256).map(move |i| (row + i / 16) * 48 + col + i % 16);
-            if samples[row * 48 + col] == 1024 {
+            if samples[row * 48 + col] == 512 {
                 continue;
             }
             let squares: f64 = pixels().map(|p| (a[p] - b[p]).powi(2)).sum::<f64>() / 256.0;
@@ -299,7 +313,8 @@ fn excitation_bins_add_up_and_make_other_lamps() {
     let bins = image(&experiment, &apart);
     let direct = image(&experiment, &whole);
     let peak = |values: &[f32]| values.iter().copied().fold(0.0, f32::max);
-    // Same paths: only rounding differs, and the excitation weights within a bin of the grid, which a cut changes.
+    // Same paths: only rounding differs; and for another lamp the flank of its step, 1e-6 of 20 nm wide, and the
+    // excitation weights within a bin of the grid, which see another lamp.
     let close = |a: &[f32], b: &[f32], tolerance: f32, what: &str| {
         let (top, mut worst) = (peak(b), 0.0_f32);
         for (a, b) in a.iter().zip(b) {
@@ -310,7 +325,7 @@ fn excitation_bins_add_up_and_make_other_lamps() {
     };
     for group in direct.lamp_groups() {
         let sum = bins.recombine(|c| if c.lamp_group() == group { 1.0 } else { 0.0 });
-        close(sum.data(), direct.light_group(&group).data(), 2e-3, &group);
+        close(sum.data(), direct.light_group(&group).data(), 1e-5, &group);
     }
 
     // Another lamp: the rendered one times a step function of the bins.
@@ -328,7 +343,7 @@ fn excitation_bins_add_up_and_make_other_lamps() {
         light.spectrum = wanted.clone();
     }
     let again = image(&experiment, &whole);
-    close(made.data(), again.light_group(&group).data(), 2e-3, "another lamp");
+    close(made.data(), again.light_group(&group).data(), 1e-4, "another lamp");
 
     let infrared = Curve::new(vec![900.0, 950.0], vec![1.0, 1.0]).unwrap();
     let error = bins.recombine_lamp(&group, &rendered, &infrared).unwrap_err();

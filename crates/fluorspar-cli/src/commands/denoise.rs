@@ -7,7 +7,7 @@ use clap::ValueHint;
 use fluorspar::format::read_component_exr;
 use fluorspar::pipeline::{DenoiseSettings, denoise};
 
-use super::image_output::ImageOutput;
+use super::image_output::{ImageOutput, Storage};
 use crate::args::Talk;
 use crate::error::CliError;
 
@@ -35,7 +35,12 @@ pub(crate) struct Options {
 
 pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     // A sum would not say that it is denoised.
-    let output = ImageOutput { out: options.out.clone(), components: true, preview: options.preview.clone() };
+    let output = ImageOutput {
+        out: options.out.clone(),
+        components: true,
+        storage: Storage::Full,
+        preview: options.preview.clone(),
+    };
     output.check()?;
     let same =
         |a: &PathBuf, b: &PathBuf| a.canonicalize().is_ok_and(|a| b.canonicalize().is_ok_and(|b| a == b));

@@ -162,11 +162,21 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     if options.talk.json {
         let mut answer = options.output.describe(&image);
         answer["experiment_sha256"] = experiment.sha256.into();
+        answer["film_bytes"] = memory_bytes(&experiment.scene, settings).into();
+        answer["peak_memory_bytes"] = peak_memory_bytes().into();
         super::print_json(&answer)?;
     } else if !quiet {
         eprintln!("Wrote {}", options.output.out.display());
     }
     Ok(code)
+}
+
+/// Most memory that this process held so far, where the system tells (Linux).
+fn peak_memory_bytes() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    let kib: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
+    Some(kib << 10)
 }
 
 fn mib(bytes: u64) -> f64 {

@@ -255,7 +255,7 @@ impl Weights<'_> {
             let at = |(row, col): (usize, usize)| {
                 let (row, col) = (row as isize + dr, col as isize + dc);
                 let inside = (0..height).contains(&row) && (0..width).contains(&col);
-                inside.then_some((row * width + col) as usize * count)
+                inside.then(|| (row * width + col) as usize * count)
             };
             let (Some(a), Some(b)) = (at(p), at(q)) else { continue };
             for range in 0..count {

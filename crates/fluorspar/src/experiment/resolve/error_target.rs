@@ -38,7 +38,7 @@ pub(super) fn error_target(
         }
         return Ok(None);
     };
-    let relative_error = context.within(&at("relative_error"), error, [1e-4, 0.5], "relative")?;
+    let relative_error = context.within(&at("relative_error"), error, [1e-4, 0.5], "")?;
     let grid = &scene.grid;
     let groups = &scene.light_groups;
     if section.error_captures.is_some() && section.error_range_nm.is_some() {

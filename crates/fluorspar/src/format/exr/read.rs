@@ -11,8 +11,8 @@ use exr::meta::attribute::{AttributeValue, SampleType, Text};
 use exr::meta::header::Header;
 
 use super::{
-    COMPONENT, DENOISED, EDGES, FEATURES, PARTS, PROVENANCE, QUANTITY, SAMPLES, STATISTIC, StatisticLabel,
-    StatisticPlane, UNITS, layout_unit,
+    COMPONENT, DENOISED, EDGES, FEATURES, PARTS, PROVENANCE, QUANTITY, SAMPLES, SCALE, STATISTIC,
+    StatisticLabel, StatisticPlane, UNITS, layout_unit,
 };
 use crate::format::file::{MAX_IMAGE_BYTES, check_image_size, check_packing, guarded};
 use crate::format::{FormatError, Loaded, Provenance};
@@ -43,7 +43,8 @@ pub fn read_spectral_exr<Q: Quantity>(path: &Path) -> Result<Loaded<SpectralImag
         let mut buffers = [vec![0.0; width * height * grid.len()]];
         let targets = [band_targets(header, &bands, 0, 0)];
         decode(path, &targets, &mut buffers)?;
-        let [data] = buffers;
+        let [mut data] = buffers;
+        rescale(path, header, &mut data)?;
         let image = SpectralImage::from_data(grid, width, height, data)
             .map_err(|error| FormatError::malformed(path, error.to_string(), "Write the file again"))?;
         Ok(Loaded { image, provenance: provenance(path, &headers)? })
@@ -97,6 +98,12 @@ fn read_component_parts(path: &Path) -> Result<Loaded<ComponentImage>, FormatErr
     let pixels = width * height;
     let plane = pixels * grid.len();
     let mut statistics: Option<SampleStatistics> = None;
+    // Part, buffer and first value of everything that may be stored at a scale.
+    let mut scaled: Vec<(usize, usize, usize)> = (0..headers.len())
+        .filter(|part| attribute(&headers[*part], COMPONENT).is_some())
+        .enumerate()
+        .map(|(component, part)| (part, 0, component * plane))
+        .collect();
     for (part, header) in headers.iter().enumerate() {
         let Some(label) = attribute(header, STATISTIC) else { continue };
         let label: StatisticLabel = parse_json(path, STATISTIC, &label)?;
@@ -127,6 +134,7 @@ fn read_component_parts(path: &Path) -> Result<Loaded<ComponentImage>, FormatErr
             StatisticPlane::Variance => 4,
         };
         targets[part] = band_targets(header, &bands, buffer, index * plane);
+        scaled.push((part, buffer, index * plane));
     }
     let statistic_values = statistics.as_ref().map_or(0, |statistics| statistics.names.len() * plane);
     let per_pixel =
@@ -149,6 +157,9 @@ fn read_component_parts(path: &Path) -> Result<Loaded<ComponentImage>, FormatErr
         buffers[1] = vec![0.0; FEATURE_CHANNELS.len() * pixels];
     }
     decode(path, &targets, &mut buffers)?;
+    for (part, buffer, start) in scaled {
+        rescale(path, &headers[part], &mut buffers[buffer][start..start + plane])?;
+    }
     let [data, maps, half_a, half_b, variance] = buffers;
     if let Some(statistics) = &mut statistics {
         (statistics.half_a, statistics.half_b, statistics.variance) = (half_a, half_b, variance);
@@ -209,6 +220,21 @@ fn feature_maps(path: &Path, header: &Header, maps: &[f32]) -> Result<FeatureMap
         (features.part_names, features.material_names) = parse_json(path, PARTS, &names)?;
     }
     Ok(features)
+}
+
+/// Undoes the scale at which 16-bit values are stored.
+fn rescale(path: &Path, header: &Header, values: &mut [f32]) -> Result<(), FormatError> {
+    let Some(text) = attribute(header, SCALE) else { return Ok(()) };
+    let scale = text.parse::<f64>().ok().filter(|scale| scale.is_finite() && *scale > 0.0);
+    let Some(scale) = scale else {
+        return Err(FormatError::malformed(
+            path,
+            format!("the attribute \"{SCALE}\" is damaged"),
+            "Write the file again",
+        ));
+    };
+    values.iter_mut().for_each(|value| *value = (f64::from(*value) * scale) as f32);
+    Ok(())
 }
 
 /// Headers, after everything that decides about memory has been checked.
