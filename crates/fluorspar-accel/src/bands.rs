@@ -134,13 +134,14 @@ pub struct OuterProduct {
     masked: bool,
 }
 
-/// Entries below this fraction of the greatest one count as zero: half of the spacing of `f32` at the greatest.
-const NEGLIGIBLE: f32 = f32::EPSILON / 2.0;
+/// Entries below this fraction of the greatest one count as zero, 2^-40: far below what any sum of them can show, and
+/// deep enough for bands that hold nothing but a wing.
+const NEGLIGIBLE: f32 = f32::EPSILON * f32::EPSILON * 64.0;
 
 impl OuterProduct {
     /// The matrix with `emission[o] * excitation[i]` in row `o`, column `i`; if `masked`, only where `o > i`.
     ///
-    /// Entries below 2^-24 of the greatest of their vector are dropped, so that far wings cost no time.
+    /// Entries below 2^-40 of the greatest of their vector are dropped, so that far wings cost no time.
     ///
     /// # Panics
     /// If the vectors differ in length.

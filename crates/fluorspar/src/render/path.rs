@@ -201,7 +201,10 @@ impl CompiledScene<'_> {
                             }
                             _ => 1.0,
                         };
-                        path.meet(self.lights[light].source, scale * weight);
+                        let source = self.lights[light].source;
+                        for source in source..source + self.slices {
+                            path.meet(source, scale * weight);
+                        }
                     }
                 }
             }
@@ -252,6 +255,14 @@ impl CompiledScene<'_> {
                     direct.diffuse += factor * s.diffuse * PI;
                     direct.fluorescent += factor * s.fluorescent * PI;
                     direct.gloss += factor * s.gloss;
+                }
+            }
+
+            if self.slices > 1 {
+                // All excitation bins of a lamp shine from the same place.
+                for bins in direct.chunks_mut(self.slices) {
+                    let of_lamp = bins[0];
+                    bins.fill(of_lamp);
                 }
             }
 

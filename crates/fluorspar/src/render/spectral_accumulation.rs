@@ -27,7 +27,7 @@ impl SpectralState {
     pub(super) fn new(scene: &CompiledScene<'_>) -> Self {
         let kinds = scene.plain_operators.len() + 2;
         let blocks = scene.bands.div_ceil(BLOCK);
-        let components = scene.group_lights.len() * kinds;
+        let components = scene.lamp_operators.len() * kinds;
         Self {
             values: vec![BandBlock::ZERO; components * blocks],
             lit: vec![false; components],
@@ -38,25 +38,24 @@ impl SpectralState {
         }
     }
 
-    /// Adds the radiance of every component that reaches the camera along the path to `sums`,
-    /// `[component][pixel][band]`.
-    pub(super) fn gather(
-        &mut self,
-        scene: &CompiledScene<'_>,
-        path: &Path,
-        sums: &mut [f32],
-        pixel: usize,
-        pixels: usize,
-    ) {
+    /// Computes the radiance of every component that reaches the camera along the path.
+    pub(super) fn gather(&mut self, scene: &CompiledScene<'_>, path: &Path) {
         scene.simd.run(Gather { state: self, scene, path });
-        let bands = scene.bands;
-        for (component, &lit) in self.lit.iter().enumerate() {
-            if lit {
-                let start = (component * pixels + pixel) * bands;
-                let values = &self.values[component * self.blocks..(component + 1) * self.blocks];
-                bands::add_bands(values, &mut sums[start..start + bands]);
-            }
-        }
+    }
+
+    /// How many components there are.
+    pub(super) fn components(&self) -> usize {
+        self.lit.len()
+    }
+
+    /// Radiance of a component that is lit.
+    pub(super) fn component(&self, component: usize) -> &[BandBlock] {
+        &self.values[component * self.blocks..(component + 1) * self.blocks]
+    }
+
+    /// Components that hold anything after [`Self::gather`].
+    pub(super) fn is_lit(&self, component: usize) -> bool {
+        self.lit[component]
     }
 
     /// The vector of a component, to add to: cleared if it held nothing.
