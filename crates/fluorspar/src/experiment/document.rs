@@ -246,9 +246,11 @@ pub(super) fn shortened(text: &str) -> String {
 }
 
 /// Keys whose strings are always paths of files.
-const PATH_KEYS: [&str; 7] = ["mesh", "image", "csv", "eem_csv", "mat", "excitation_csv", "emission_csv"];
+const PATH_KEYS: [&str; 8] = ["mesh", "image", "map", "csv", "eem_csv", "mat", "excitation_csv", "emission_csv"];
 /// Keys whose strings are names of the catalogue or paths of tables.
-const NAME_OR_PATH_KEYS: [&str; 7] = [
+const NAME_OR_PATH_KEYS: [&str; 9] = [
+    "n",
+    "k",
     "spectrum",
     "reflectance",
     "transmittance",

@@ -18,6 +18,8 @@ pub enum PresetKind {
     Filter,
     /// Diffuse spectral reflectance of a surface.
     Reflectance,
+    /// Complex refractive index of a metal.
+    Metal,
     /// Electrons per photon of the channels of a sensor.
     QuantumEfficiency,
     /// Geometry and electronics of a sensor.
@@ -32,10 +34,11 @@ pub enum PresetKind {
 
 impl PresetKind {
     /// Every kind.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 9] = [
         Self::Light,
         Self::Filter,
         Self::Reflectance,
+        Self::Metal,
         Self::QuantumEfficiency,
         Self::Sensor,
         Self::Fluorophore,
@@ -48,6 +51,7 @@ impl PresetKind {
             Self::Light => "lights",
             Self::Filter => "filters",
             Self::Reflectance => "reflectances",
+            Self::Metal => "metals",
             Self::QuantumEfficiency => "qe",
             Self::Sensor => "sensors",
             Self::Fluorophore => "fluorophores",
@@ -63,6 +67,7 @@ impl fmt::Display for PresetKind {
             Self::Light => "light spectrum",
             Self::Filter => "filter",
             Self::Reflectance => "reflectance",
+            Self::Metal => "metal",
             Self::QuantumEfficiency => "quantum efficiency",
             Self::Sensor => "sensor",
             Self::Fluorophore => "fluorophore",

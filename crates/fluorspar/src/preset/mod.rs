@@ -6,6 +6,7 @@
 //! | light spectra | [`list`]`(PresetKind::Light)` | [`light_spectrum`] |
 //! | filters | [`list`]`(PresetKind::Filter)` | [`filter`] |
 //! | diffuse reflectances | [`list`]`(PresetKind::Reflectance)` | [`reflectance`] |
+//! | metals | [`list`]`(PresetKind::Metal)` | [`metal`] |
 //! | quantum efficiencies | [`list`]`(PresetKind::QuantumEfficiency)` | [`quantum_efficiency`] |
 //! | sensors | [`list`]`(PresetKind::Sensor)` | [`sensor`] |
 //! | fluorophores | [`list`]`(PresetKind::Fluorophore)` | [`fluorophore`] |
@@ -17,6 +18,7 @@ mod curve_preset;
 #[cfg(test)]
 mod fluorophore_fit;
 mod fluorophore_preset;
+mod metal_preset;
 mod text_preset;
 
 pub use catalogue::{PresetError, PresetKind, PresetSummary, list, names, nearest_name};
@@ -24,6 +26,7 @@ pub use curve_preset::{
     CurveFit, CurvePreset, CurveQuantity, QuantumEfficiencyPreset, filter, light_spectrum,
     quantum_efficiency, reflectance,
 };
+pub use metal_preset::{MetalPreset, metal};
 pub use fluorophore_preset::{FluorophoreFit, FluorophoreMask, FluorophorePreset, fluorophore};
 pub(crate) use text_preset::sensor_text;
 pub use text_preset::{ExperimentPreset, SensorPreset, experiment, sample, sensor};

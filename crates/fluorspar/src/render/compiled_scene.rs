@@ -1,11 +1,18 @@
 //! Plain buffers made from a scene once, before any ray is traced.
 
+use std::sync::Arc;
+
 use fluorspar_accel::{BuildError, Ray, TriangleBvh};
 use glam::{Vec2, Vec3};
 
+use super::adjoint::{AdjointModel, Coarse};
 use super::fluorescence_operator::{FluorescenceOperator, direct_exitance};
-use crate::light::Emitter;
-use crate::material::{CoatAlbedo, ScalarTexture};
+use crate::light::{Emitter, EnvironmentMap};
+use crate::material::conductor::white_microfacets;
+use crate::material::{
+    CoatAlbedo, ConductorReflectance, DielectricAlbedo, NormalMap, ScalarTexture, Scattering,
+};
+use crate::sampling::hash_u64;
 use crate::scene::{Scene, Shape};
 use crate::spectral::{Curve, Reflectance};
 
@@ -87,12 +94,33 @@ pub(super) enum CompiledEmitter {
     ShapeObject {
         shape: usize,
     },
+    /// Radiance by direction, with the source of each layer of the map.
+    Environment {
+        map: Arc<EnvironmentMap>,
+        sources: Vec<usize>,
+    },
 }
 
-/// Reflectance spectra, coat and fluorophores of a material.
+/// How a material sends light on, with tables by index.
+#[derive(Debug)]
+pub(super) enum CompiledScattering {
+    Diffuse,
+    Dielectric { table: usize, roughness: ScalarTexture },
+    Conductor { metal: usize, roughness: ScalarTexture },
+    Mix { first: usize, second: usize, amount: ScalarTexture },
+    TwoSided { front: usize, back: usize },
+}
+
+/// Spectra, coat and fluorophores of a material.
 #[derive(Debug)]
 pub(super) struct CompiledMaterial {
+    pub(super) scattering: CompiledScattering,
+    /// Terms of the spectrum that colours the chromatic lobe: the diffuse reflectance, the transmittance of a clear
+    /// body, the reflectance of a metal at normal incidence.
     pub(super) reflectance: Vec<(Vec<f32>, ScalarTexture)>,
+    /// The same terms on coarse bins.
+    pub(super) coarse_reflectance: Vec<Coarse>,
+    pub(super) normal_map: Option<NormalMap>,
     pub(super) coat: Option<(usize, ScalarTexture)>,
     pub(super) fluorophores: Vec<(usize, ScalarTexture)>,
     /// Largest reflectance of any band, or a stand-in for surfaces that fluoresce, for choosing lobes and for Russian
@@ -136,6 +164,14 @@ pub(super) struct CompiledScene<'a> {
     pub(super) environment: Vec<usize>,
     pub(super) materials: Vec<CompiledMaterial>,
     pub(super) coats: Vec<CoatAlbedo>,
+    pub(super) dielectrics: Vec<DielectricAlbedo>,
+    pub(super) metals: Vec<ConductorReflectance>,
+    /// What paths can still carry.
+    pub(super) adjoint: AdjointModel,
+    /// Opacity of each object whose material has holes; empty when there is none in the scene.
+    cutouts: Vec<Option<ScalarTexture>>,
+    /// Lights that are environment maps.
+    pub(super) environment_maps: Vec<usize>,
     /// `[group][fluorophore]`, excitation weighted by the group's lamps.
     pub(super) lamp_operators: Vec<Vec<FluorescenceOperator>>,
     /// `[fluorophore]`, evenly weighted, for light that already fluoresced.
@@ -157,6 +193,7 @@ impl<'a> CompiledScene<'a> {
         let mut sources: Vec<Source> = Vec::new();
         let mut lights = Vec::new();
         let mut environment = Vec::new();
+        let mut environment_maps = Vec::new();
         let mut object_light = vec![None; scene.objects.len()];
 
         let mut source_of = |group: usize, curve: &Curve| {
@@ -232,7 +269,6 @@ impl<'a> CompiledScene<'a> {
         }
 
         for light in &scene.lights {
-            let source = source_of(light.group, &light.spectrum);
             let power = (light.spectrum.total() as f32).max(f32::MIN_POSITIVE);
             let emitter = match &light.emitter {
                 Emitter::Disc { center, normal, radius_m, exponent } => CompiledEmitter::Disc {
@@ -261,10 +297,23 @@ impl<'a> CompiledScene<'a> {
                 }
                 Emitter::Distant { direction } => CompiledEmitter::Distant { direction: *direction },
                 Emitter::Environment => {
-                    environment.push(source);
+                    environment.push(source_of(light.group, &light.spectrum));
+                    continue;
+                }
+                Emitter::EnvironmentMap(map) => {
+                    let layer_source = |layer: &crate::light::EnvironmentLayer| {
+                        source_of(light.group, &light.spectrum.times(&layer.spectrum))
+                    };
+                    let sources: Vec<usize> = map.layers().iter().map(layer_source).collect();
+                    let source = sources[0];
+                    environment_maps.push(lights.len());
+                    let emitter = CompiledEmitter::Environment { map: Arc::clone(map), sources };
+                    let power = (light.whole_spectrum().total() as f32).max(f32::MIN_POSITIVE);
+                    lights.push(CompiledLight { source, group: light.group, emitter, power });
                     continue;
                 }
             };
+            let source = source_of(light.group, &light.spectrum);
             lights.push(CompiledLight { source, group: light.group, emitter, power });
         }
 
@@ -272,19 +321,61 @@ impl<'a> CompiledScene<'a> {
             .map(|group| (0..lights.len()).filter(|&l| lights[l].group == group).collect())
             .collect();
 
+        let adjoint = AdjointModel::new(scene, &sources);
         let mut coats: Vec<CoatAlbedo> = Vec::new();
+        let mut dielectrics: Vec<DielectricAlbedo> = Vec::new();
+        let mut metals: Vec<ConductorReflectance> = Vec::new();
         let materials = scene
             .materials
             .iter()
             .map(|material| {
-                let reflectance: Vec<(Vec<f32>, ScalarTexture)> = material
-                    .reflectance
-                    .iter()
-                    .map(|term| {
-                        let bands = term.spectrum.on_grid::<Reflectance>(grid);
-                        (bands.values().iter().map(|&v| v as f32).collect(), term.weight.clone())
-                    })
-                    .collect();
+                let on_bands = |curve: &Curve| -> Vec<f32> {
+                    curve.on_grid::<Reflectance>(grid).values().iter().map(|&v| v as f32).collect()
+                };
+                let uniform = ScalarTexture::Constant(1.0);
+                let (scattering, reflectance, coarse_reflectance) = match &material.scattering {
+                    Scattering::Diffuse => (
+                        CompiledScattering::Diffuse,
+                        material.reflectance.iter().map(|t| (on_bands(&t.spectrum), t.weight.clone())).collect(),
+                        material.reflectance.iter().map(|term| adjoint.coarse(&term.spectrum)).collect(),
+                    ),
+                    Scattering::Dielectric(glass) => {
+                        let index = glass.refractive_index;
+                        let table =
+                            dielectrics.iter().position(|d| d.refractive_index() == index).unwrap_or_else(|| {
+                                dielectrics.push(DielectricAlbedo::new(index));
+                                dielectrics.len() - 1
+                            });
+                        let roughness = glass.roughness.clone();
+                        (
+                            CompiledScattering::Dielectric { table, roughness },
+                            vec![(on_bands(&glass.transmittance), uniform)],
+                            vec![adjoint.coarse(&glass.transmittance)],
+                        )
+                    }
+                    Scattering::Conductor(conductor) => {
+                        let metal = ConductorReflectance::new(conductor, grid, white_microfacets());
+                        let normal = metal.spectrum(metal.viewer(1.0)).to_vec();
+                        let centres = grid.centers_nm();
+                        let values = normal.iter().map(|&f| f64::from(f)).collect();
+                        let coarse = Curve::new(centres, values).map_or([0.5; 8], |curve| adjoint.coarse(&curve));
+                        metals.push(metal);
+                        let roughness = conductor.roughness.clone();
+                        (
+                            CompiledScattering::Conductor { metal: metals.len() - 1, roughness },
+                            vec![(normal, uniform)],
+                            vec![coarse],
+                        )
+                    }
+                    Scattering::Mix { first, second, amount } => (
+                        CompiledScattering::Mix { first: *first, second: *second, amount: amount.clone() },
+                        Vec::new(),
+                        Vec::new(),
+                    ),
+                    Scattering::TwoSided { front, back } => {
+                        (CompiledScattering::TwoSided { front: *front, back: *back }, Vec::new(), Vec::new())
+                    }
+                };
                 let coat = material.coat.as_ref().map(|coat| {
                     let index = coats
                         .iter()
@@ -297,14 +388,28 @@ impl<'a> CompiledScene<'a> {
                 });
                 let fluorophores: Vec<(usize, ScalarTexture)> =
                     material.fluorophores.iter().map(|a| (a.fluorophore, a.concentration.clone())).collect();
+                let terms: &Vec<(Vec<f32>, ScalarTexture)> = &reflectance;
                 let elastic = (0..grid.len())
-                    .map(|band| reflectance.iter().map(|(r, weight)| r[band] * weight.max()).sum())
+                    .map(|band| terms.iter().map(|(r, weight)| r[band] * weight.max()).sum())
                     .fold(0.0, f32::max);
                 let albedo_bound =
                     if fluorophores.is_empty() { elastic } else { elastic.max(FLUORESCENT_ALBEDO) };
-                CompiledMaterial { reflectance, coat, fluorophores, albedo_bound }
+                CompiledMaterial {
+                    scattering,
+                    reflectance,
+                    coarse_reflectance,
+                    normal_map: material.normal_map.clone(),
+                    coat,
+                    fluorophores,
+                    albedo_bound,
+                }
             })
             .collect();
+        let mut cutouts: Vec<Option<ScalarTexture>> =
+            scene.objects.iter().map(|object| scene.materials[object.material].opacity.clone()).collect();
+        if cutouts.iter().all(Option::is_none) {
+            cutouts.clear();
+        }
 
         let lamp_operators = (0..scene.light_groups.len())
             .map(|group| {
@@ -347,6 +452,11 @@ impl<'a> CompiledScene<'a> {
             environment,
             materials,
             coats,
+            dielectrics,
+            metals,
+            adjoint,
+            cutouts,
+            environment_maps,
             lamp_operators,
             plain_operators,
         })
@@ -367,19 +477,86 @@ impl<'a> CompiledScene<'a> {
         )
     }
 
+    /// Texture coordinates of the corners of a triangle.
+    pub(super) fn texture_corners(&self, triangle: usize) -> [Vec2; 3] {
+        self.triangles[triangle].map(|v| self.uvs[v as usize])
+    }
+
     /// Object that a triangle belongs to.
     pub(super) fn object_of(&self, triangle: usize) -> usize {
         self.triangle_object[triangle] as usize
     }
 
-    /// Nearest surface or light along a ray.
+    /// Nearest surface or light along a ray. Surfaces with holes are there with the probability of their opacity, by
+    /// a hash of the ray and the place.
     pub(super) fn closest(&self, origin: Vec3, direction: Vec3) -> Option<Intersection> {
-        let ray = Ray { origin, direction, t_min: 0.0, t_max: f32::INFINITY };
+        let mut hit = self.nearest(origin, direction, f32::INFINITY)?;
+        if self.cutouts.is_empty() {
+            return Some(hit);
+        }
+        let mut start = origin;
+        let mut walked = 0.0;
+        loop {
+            let opacity = self.opacity(start, direction, &hit);
+            if opacity >= 1.0 || chance(start, direction, hit.t) < opacity {
+                return Some(Intersection { t: walked + hit.t, target: hit.target });
+            }
+            let step = hit.t + self.clearance.max(1e-6 * hit.t);
+            walked += step;
+            start += direction * step;
+            hit = self.nearest(start, direction, f32::INFINITY)?;
+        }
+    }
+
+    /// Opacity of a surface at an intersection; lights are opaque.
+    fn opacity(&self, origin: Vec3, direction: Vec3, hit: &Intersection) -> f32 {
+        let object = match hit.target {
+            Target::Light(_) => return 1.0,
+            Target::Triangle { triangle, .. } => self.object_of(triangle as usize),
+            Target::Shape(index) => self.shapes[index as usize].object,
+        };
+        match self.cutouts.get(object) {
+            Some(Some(texture)) => match self.surface(origin, direction, hit) {
+                Some(point) => texture.at(point.uv).clamp(0.0, 1.0),
+                None => 1.0,
+            },
+            _ => 1.0,
+        }
+    }
+
+    /// Share of light that passes between a point and `t_max` along a direction: 0 behind opaque surfaces, between 0
+    /// and 1 behind those with holes. The light aimed at does not count.
+    pub(super) fn visibility(&self, origin: Vec3, direction: Vec3, t_max: f32, aimed_at: usize) -> f32 {
+        if self.cutouts.is_empty() {
+            return if self.occluded(origin, direction, t_max, aimed_at) { 0.0 } else { 1.0 };
+        }
+        let (mut start, mut left, mut share) = (origin, t_max, 1.0);
+        while let Some(hit) = self.nearest(start, direction, left) {
+            let aimed = matches!(hit.target, Target::Light(light) if light as usize == aimed_at);
+            if !aimed {
+                share *= 1.0 - self.opacity(start, direction, &hit);
+            }
+            if share <= 0.0 {
+                return 0.0;
+            }
+            let step = hit.t + self.clearance.max(1e-6 * hit.t);
+            start += direction * step;
+            left -= step;
+            if left <= 0.0 {
+                break;
+            }
+        }
+        share
+    }
+
+    /// Nearest surface or light along a ray within `t_max`, holes ignored.
+    fn nearest(&self, origin: Vec3, direction: Vec3, t_max: f32) -> Option<Intersection> {
+        let ray = Ray { origin, direction, t_min: 0.0, t_max };
         let mut best = self.bvh.closest(&ray).map(|hit| Intersection {
             t: hit.t,
             target: Target::Triangle { triangle: hit.triangle, u: hit.u, v: hit.v },
         });
-        let mut limit = best.map_or(f32::INFINITY, |hit| hit.t);
+        let mut limit = best.map_or(t_max, |hit| hit.t);
         for (index, shape) in self.shapes.iter().enumerate() {
             if let Some(t) = shape.shape.intersect(origin, direction, limit) {
                 limit = t;
@@ -396,7 +573,7 @@ impl<'a> CompiledScene<'a> {
     }
 
     /// Whether anything lies between a point and `t_max` along a direction; the light aimed at does not count.
-    pub(super) fn occluded(&self, origin: Vec3, direction: Vec3, t_max: f32, aimed_at: usize) -> bool {
+    fn occluded(&self, origin: Vec3, direction: Vec3, t_max: f32, aimed_at: usize) -> bool {
         let ray = Ray { origin, direction, t_min: 0.0, t_max };
         self.bvh.occluded(&ray)
             || self.shapes.iter().any(|s| s.shape.intersect(origin, direction, t_max).is_some())
@@ -404,6 +581,15 @@ impl<'a> CompiledScene<'a> {
                 l != aimed_at && light.emitter.intersect(origin, direction, t_max).is_some()
             })
     }
+}
+
+/// A number in `[0, 1)` from the bits of a ray and a place along it.
+fn chance(origin: Vec3, direction: Vec3, t: f32) -> f32 {
+    let mut hash = u64::from(t.to_bits());
+    for value in origin.to_array().into_iter().chain(direction.to_array()) {
+        hash = hash_u64(hash ^ u64::from(value.to_bits()));
+    }
+    (hash >> 40) as f32 / 16_777_216.0
 }
 
 /// Sum of all lamp spectra of a group: its shape weights excitation within a bin.
@@ -447,7 +633,11 @@ impl CompiledEmitter {
                 ((0.0..=1.0).contains(&u) && (0.0..=1.0).contains(&v)).then_some(t)
             }
             Self::Sphere { center, radius } => intersect_sphere(origin, direction, *center, *radius, limit),
-            Self::Point { .. } | Self::Distant { .. } | Self::Mesh { .. } | Self::ShapeObject { .. } => None,
+            Self::Point { .. }
+            | Self::Distant { .. }
+            | Self::Mesh { .. }
+            | Self::ShapeObject { .. }
+            | Self::Environment { .. } => None,
         }
     }
 }

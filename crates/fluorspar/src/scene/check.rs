@@ -5,7 +5,7 @@ use thiserror::Error;
 use super::{Scene, Shape};
 use crate::geometry::MeshError;
 use crate::light::Emitter;
-use crate::material::Material;
+use crate::material::{Material, Scattering};
 
 /// What makes a scene impossible to render.
 #[derive(Clone, Debug, Error, PartialEq)]
@@ -112,7 +112,7 @@ impl Scene {
     /// # Errors
     /// The first thing that makes the scene unphysical or impossible.
     pub fn check(&self) -> Result<(), SceneError> {
-        if self.objects.is_empty() && !self.lights.iter().any(|l| l.emitter == Emitter::Environment) {
+        if self.objects.is_empty() && !self.lights.iter().any(|l| matches!(l.emitter, Emitter::Environment | Emitter::EnvironmentMap(_))) {
             return Err(SceneError::Nothing("objects"));
         }
         if self.light_groups.is_empty() {
@@ -126,6 +126,10 @@ impl Scene {
             index(what.clone(), "material", object.material, self.materials.len())?;
             if let Some(emission) = &object.emission {
                 index(what.clone(), "light group", emission.group, self.light_groups.len())?;
+                if self.materials[object.material].opacity.is_some() {
+                    let message = "a surface that emits can't have a material with holes; remove `opacity` or the emission";
+                    return Err(SceneError::OutOfRange { what, message: message.into() });
+                }
             }
             match &object.shape {
                 Shape::Mesh(mesh) => {
@@ -161,9 +165,99 @@ impl Scene {
                     message: format!("refractive index {} is not between 1 and 3", coat.refractive_index),
                 });
             }
+            self.check_scattering(material)?;
             check_photons(material, &nodes, &yields)?;
         }
         Ok(())
+    }
+
+    /// Ranges of clear bodies and metals, parts of mixtures.
+    fn check_scattering(&self, material: &Material) -> Result<(), SceneError> {
+        let refuse = |message: String| {
+            Err(SceneError::OutOfRange { what: format!("material \"{}\"", material.name), message })
+        };
+        let fraction = |name: &str, texture: &crate::material::ScalarTexture| {
+            if texture.max() <= 1.0 { Ok(()) } else { refuse(format!("the {name} reaches {}, more than 1", texture.max())) }
+        };
+        if let Some(opacity) = &material.opacity {
+            fraction("opacity", opacity)?;
+        }
+        if !matches!(material.scattering, Scattering::Diffuse)
+            && (!material.reflectance.is_empty() || material.coat.is_some())
+        {
+            return refuse("only diffuse materials have a diffuse reflectance and a coat; remove them".into());
+        }
+        let parts = match &material.scattering {
+            Scattering::Diffuse => return Ok(()),
+            Scattering::Dielectric(glass) => {
+                let index = glass.refractive_index;
+                if !(index > 1.0 && index <= 3.0) {
+                    return refuse(format!("the refractive index {index} of the clear body is not above 1 and at most 3"));
+                }
+                if let Some(value) = glass.transmittance.values().iter().find(|v| !(0.0..=1.0).contains(*v)) {
+                    return refuse(format!("the transmittance {value} is not between 0 and 1"));
+                }
+                return fraction("roughness", &glass.roughness);
+            }
+            Scattering::Conductor(metal) => {
+                for (name, curve, least) in [("n", &metal.n, 1e-6), ("k", &metal.k, 0.0)] {
+                    let (first, last) = curve.range_nm();
+                    if first > self.grid.start_nm() || last < self.grid.end_nm() {
+                        return refuse(format!(
+                            "{name} of the metal is known from {first} to {last} nm, but the wavelengths run from {} to {} nm; \
+                             give a wider table or fewer wavelengths",
+                            self.grid.start_nm(),
+                            self.grid.end_nm()
+                        ));
+                    }
+                    if let Some(value) = curve.values().iter().find(|v| !(**v >= least && **v <= 1e3)) {
+                        return refuse(format!("{name} of the metal is {value}; it must be between {least} and 1000"));
+                    }
+                }
+                return fraction("roughness", &metal.roughness);
+            }
+            Scattering::Mix { first, second, amount } => {
+                fraction("amount of the mixture", amount)?;
+                [*first, *second]
+            }
+            Scattering::TwoSided { front, back } => [*front, *back],
+        };
+        if !material.fluorophores.is_empty() || material.normal_map.is_some() {
+            return refuse("a mixture has no fluorophores and no normal map of its own; give them to its parts".into());
+        }
+        for part in parts {
+            let Some(part) = self.materials.get(part) else {
+                return Err(SceneError::BadIndex {
+                    what: format!("material \"{}\"", material.name),
+                    target: "material",
+                    index: part,
+                    count: self.materials.len(),
+                });
+            };
+            if part.opacity.is_some() {
+                return refuse(format!(
+                    "its part \"{}\" has an opacity; give the opacity to the mixture instead",
+                    part.name
+                ));
+            }
+        }
+        // A chain of parts that is longer than the list comes back to where it was.
+        let mut reached = parts.to_vec();
+        for _ in 0..=self.materials.len() {
+            let next: Vec<usize> = reached
+                .iter()
+                .filter_map(|&part| self.materials.get(part))
+                .flat_map(|part| match part.scattering {
+                    Scattering::Mix { first, second, .. } => vec![first, second],
+                    Scattering::TwoSided { front, back } => vec![front, back],
+                    _ => Vec::new(),
+                })
+                .collect();
+            reached = next;
+            reached.sort_unstable();
+            reached.dedup();
+        }
+        if reached.is_empty() { Ok(()) } else { refuse("it is a part of itself".into()) }
     }
 
     /// Wavelengths at which photon conservation is checked, nm.
@@ -177,14 +271,15 @@ impl Scene {
     pub fn warnings(&self) -> Vec<SceneWarning> {
         let mut warnings = Vec::new();
         let (from_nm, to_nm) = (self.grid.start_nm(), self.grid.end_nm());
-        let mut seen: Vec<(usize, &crate::spectral::Curve)> = Vec::new();
+        let mut seen: Vec<(usize, std::borrow::Cow<'_, crate::spectral::Curve>)> = Vec::new();
         for light in &self.lights {
-            if seen.iter().any(|(group, spectrum)| *group == light.group && **spectrum == light.spectrum) {
+            let spectrum = light.whole_spectrum();
+            if seen.iter().any(|(group, other)| *group == light.group && *other == spectrum) {
                 continue;
             }
-            seen.push((light.group, &light.spectrum));
-            let total = light.spectrum.total();
-            let inside = light.spectrum.integral(from_nm, to_nm);
+            seen.push((light.group, spectrum.clone()));
+            let total = spectrum.total();
+            let inside = spectrum.integral(from_nm, to_nm);
             if inside <= 0.0 {
                 warnings.push(SceneWarning::DarkLight(light.name.clone()));
                 continue;
@@ -197,7 +292,7 @@ impl Scene {
             for fluorophore in &self.fluorophores {
                 let (from_nm, to_nm) = fluorophore.excitation_range_nm;
                 // Beyond the long end excitation is weak and its tail is extrapolated smoothly; below it is unknown.
-                let below = light.spectrum.integral(self.grid.start_nm(), from_nm);
+                let below = spectrum.integral(self.grid.start_nm(), from_nm);
                 let percent = 100.0 * below / inside;
                 if percent > 1.0 {
                     warnings.push(SceneWarning::ExcitationOutsideData {
@@ -214,17 +309,21 @@ impl Scene {
     }
 }
 
-/// `R + sum_o Y <= 1` for every excitation wavelength, with all textures at their largest value. `yields` holds those
+/// `R + sum_o Y <= 1` (`T + sum_o Y <= 1` for a clear body) for every excitation wavelength, with all textures at their largest value. `yields` holds those
 /// of each fluorophore at unit concentration.
 fn check_photons(material: &Material, nodes: &[f64], yields: &[Vec<f64>]) -> Result<(), SceneError> {
     let mut worst = None;
     let mut largest = ROUNDING;
     for (node, &wavelength_nm) in nodes.iter().enumerate() {
-        let reflectance: f64 = material
-            .reflectance
-            .iter()
-            .map(|term| term.spectrum.at(wavelength_nm) * f64::from(term.weight.max()))
-            .sum();
+        // Fluorophores on a metal or a clear body get what its surface does not reflect, and share it with what passes.
+        let reflectance: f64 = match &material.scattering {
+            Scattering::Dielectric(glass) => glass.transmittance.at(wavelength_nm),
+            _ => material
+                .reflectance
+                .iter()
+                .map(|term| term.spectrum.at(wavelength_nm) * f64::from(term.weight.max()))
+                .sum(),
+        };
         let photon_yield: f64 = material
             .fluorophores
             .iter()
@@ -277,6 +376,9 @@ fn check_emitter(what: &str, emitter: &Emitter) -> Result<(), SceneError> {
         }
         Emitter::Sphere { radius_m, .. } => positive(what, "radius", *radius_m),
         Emitter::Point { pattern: Some((_, g)), .. } => exponent(*g, 0.0),
-        Emitter::Point { pattern: None, .. } | Emitter::Distant { .. } | Emitter::Environment => Ok(()),
+        Emitter::Point { pattern: None, .. }
+        | Emitter::Distant { .. }
+        | Emitter::Environment
+        | Emitter::EnvironmentMap(_) => Ok(()),
     }
 }

@@ -10,13 +10,13 @@ use super::spectrum::Role;
 use crate::anatomy::{MouthParameters, Tissue, generate_mouth};
 use crate::experiment::error::{Step, steps};
 use crate::experiment::schema::{
-    BoxShape, DiscShape, EmissionSection, ExperimentFile, MouthSection, ObjectSection, QuadShape,
+    BoxShape, DiscShape, DisplacementSection, EmissionSection, ExperimentFile, MouthSection, ObjectSection, QuadShape,
     SphereShape, TransformSection,
 };
 use crate::format::{read_obj, read_ply};
 use crate::geometry::TriangleMesh;
 use crate::light::LightGroup;
-use crate::material::Material;
+use crate::material::{Material, ScalarTexture, Scattering};
 use crate::preset::nearest_name;
 use crate::scene::{Object, Shape, SurfaceEmission};
 use crate::spectral::{MAX_WAVELENGTH_NM, MIN_WAVELENGTH_NM, WavelengthGrid};
@@ -88,6 +88,9 @@ fn object(
     if section.unit_mm.is_some() && section.mesh.is_none() {
         return context.fail(&field("unit_mm"), "only a mesh has a unit; remove it");
     }
+    if section.displacement.is_some() && section.mesh.is_none() && section.quad.is_none() {
+        return context.fail(&field("displacement"), "only a mesh or a quad can be displaced; export the shape as a mesh");
+    }
     let (transform, scale) = match &section.transform {
         Some(transform) => affine(context, &field("transform"), transform)?,
         None => (Affine3A::IDENTITY, 1.0),
@@ -108,7 +111,10 @@ fn object(
             read_mesh(context, &field("mesh"), file, unit_mm)?
         };
         mesh.transform(&transform);
-        if mesh.uvs.is_empty() && is_textured(&materials[material]) {
+        if let Some(displacement) = &section.displacement {
+            displace(context, &field("displacement"), displacement, &mut mesh)?;
+        }
+        if mesh.uvs.is_empty() && is_textured(&materials[material], materials) {
             let message = format!(
                 "material \"{}\" has a texture, but the mesh has no texture coordinates; export them with the mesh, or \
                  use a material of constant values",
@@ -125,10 +131,56 @@ fn object(
     Ok(Object { name: section.name.clone(), shape, material, emission })
 }
 
-fn is_textured(material: &Material) -> bool {
-    material.reflectance.iter().any(|term| term.weight.constant().is_none())
-        || material.fluorophores.iter().any(|amount| amount.concentration.constant().is_none())
-        || material.coat.as_ref().is_some_and(|coat| coat.roughness.constant().is_none())
+fn is_textured(material: &Material, materials: &[Material]) -> bool {
+    let varies = |texture: &ScalarTexture| texture.constant().is_none();
+    // A part of a mixture that is a mixture again is looked at where it is used; only parts come first in scenes that
+    // pass the check, so that this ends.
+    let part = |index: usize| {
+        materials.get(index).is_some_and(|part| {
+            !matches!(part.scattering, Scattering::Mix { .. } | Scattering::TwoSided { .. })
+                && is_textured(part, materials)
+        })
+    };
+    let scattering = match &material.scattering {
+        Scattering::Diffuse => false,
+        Scattering::Dielectric(glass) => varies(&glass.roughness),
+        Scattering::Conductor(metal) => varies(&metal.roughness),
+        Scattering::Mix { first, second, amount } => varies(amount) || part(*first) || part(*second),
+        Scattering::TwoSided { front, back } => part(*front) || part(*back),
+    };
+    scattering
+        || material.normal_map.is_some()
+        || material.opacity.as_ref().is_some_and(varies)
+        || material.reflectance.iter().any(|term| varies(&term.weight))
+        || material.fluorophores.iter().any(|amount| varies(&amount.concentration))
+        || material.coat.as_ref().is_some_and(|coat| varies(&coat.roughness))
+}
+
+/// Most triangles of a displaced mesh.
+const MOST_TRIANGLES: usize = 20_000_000;
+
+fn displace(
+    context: &mut Context<'_>,
+    at: &[Step],
+    section: &DisplacementSection,
+    mesh: &mut TriangleMesh,
+) -> Resolved<()> {
+    let field = |key: &str| [at, &steps![key]].concat();
+    context.within(&field("amount_mm"), section.amount_mm, [-100.0, 100.0], "millimetres")?;
+    context.whole_within(&field("subdivisions"), section.subdivisions.into(), [0, 8])?;
+    let map = context.texture(&field("map"), &section.map, 1.0)?;
+    if mesh.uvs.is_empty() && map.constant().is_none() {
+        return context.fail(&field("map"), "the mesh has no texture coordinates; export them with the mesh");
+    }
+    let triangles = mesh.triangles.len() << (2 * section.subdivisions);
+    if triangles > MOST_TRIANGLES {
+        let message = format!("{triangles} triangles are more than {MOST_TRIANGLES}; give fewer subdivisions");
+        return context.fail(&field("subdivisions"), message);
+    }
+    mesh.subdivide(section.subdivisions);
+    let amount_m = (section.amount_mm * 1e-3) as f32;
+    mesh.displace(|uv| amount_m * map.at(uv));
+    Ok(())
 }
 
 fn material_index(context: &Context<'_>, at: &[Step], name: &str, materials: &[Material]) -> Resolved<usize> {

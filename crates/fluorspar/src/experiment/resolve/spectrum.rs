@@ -233,7 +233,7 @@ impl Context<'_> {
 }
 
 /// Grey value of a pixel: the only channel, or the mean of red, green and blue; alpha is left out.
-fn grey(pixel: &[f32]) -> f32 {
+pub(super) fn grey(pixel: &[f32]) -> f32 {
     let colours = match pixel.len() {
         2 => 1,
         4 => 3,

@@ -14,9 +14,12 @@ use serde::{Deserialize, Serialize};
 pub use capture::{AnalysisSection, CaptureSection, ExposureTime, OutputSection};
 pub use device::{CameraSection, FieldOfView, LensSection, SensorSection, ViewFilterSection};
 pub use light::{LightFrame, LightSection, LightType};
-pub use material::{FluorophoreSection, GlossSection, MaterialSection, YieldUnit};
+pub use material::{
+    ConductorSection, DielectricSection, FluorophoreSection, GlossSection, MaterialSection, MixSection,
+    NormalMapSection, TwoSidedSection, YieldUnit,
+};
 pub use object::{
-    BoxShape, DiscShape, EmissionSection, MouthSection, ObjectSection, QuadShape, SphereShape,
+    BoxShape, DiscShape, DisplacementSection, EmissionSection, MouthSection, ObjectSection, QuadShape, SphereShape,
     TransformSection,
 };
 pub use reference::{

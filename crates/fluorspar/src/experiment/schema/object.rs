@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::SpectrumReference;
+use super::{SpectrumReference, TextureReference};
 use crate::anatomy::MouthParameters;
 
 /// A sphere.
@@ -84,6 +84,19 @@ impl Default for TransformSection {
     }
 }
 
+/// A surface moved along its normals.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct DisplacementSection {
+    /// Height over texture coordinates, in units of `amount_mm`: a map of values from 0 to 1.
+    pub map: TextureReference,
+    /// Height of the value 1, mm, outward; -100 to 100.
+    pub amount_mm: f64,
+    /// How often every triangle is split into four before, 0 to 8. Default 0.
+    #[serde(default)]
+    pub subdivisions: u32,
+}
+
 /// Light that a surface emits by itself, evenly in all directions from both sides.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -125,6 +138,9 @@ pub struct ObjectSection {
     /// Where it stands. Default: as given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub transform: Option<TransformSection>,
+    /// Moves the surface along its normals; for meshes and quads with texture coordinates. Default: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub displacement: Option<DisplacementSection>,
     /// Light that it emits. Default: none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub emission: Option<EmissionSection>,
