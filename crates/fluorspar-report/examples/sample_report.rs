@@ -140,6 +140,8 @@ fn capture() -> ChannelImage {
         saturated: Vec::new(),
         noise_floor_dn: noise().floor_dn,
         full_scale_dn: 4031.0,
+        shares: vec![0.25, 0.5, 0.25],
+        subtracted: None,
         label: "blue".into(),
     };
     for row in 0..HEIGHT {
@@ -217,7 +219,10 @@ fn report(
         warnings: vec!["All data on this page are invented.".into()],
         sections: vec![
             tongue,
-            analysis_section(analysis).show(chromaticity_figure(analysis, map), "")
+            analysis_section(
+                analysis,
+                vec![ReportItem::Figure { figure: chromaticity_figure(analysis, map), caption: String::new() }],
+            )
                 .show(histograms("blue", &channel_values(image), image.full_scale_dn), ""),
             radiance_section(),
             parts_section(),

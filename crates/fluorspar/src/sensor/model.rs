@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-/// Table 1 of Lyu et al. 2021 (doi:10.1364/BOE.424310), where a value may be given in more than one unit.
+/// Table 1 of Lyu et al. 2021, where a value may be given in more than one unit.
 mod table_1 {
     pub(super) const READ_NOISE_MV: f64 = 1.39;
     pub(super) const DSNU_MV: f64 = 0.2536;
