@@ -1,9 +1,11 @@
 //! A rough dielectric coat over a diffuse base.
 
+use std::sync::Arc;
+
 use glam::Vec3;
 
 use super::ScalarTexture;
-use super::microfacet::{self, AlbedoTable, distribution, lambda};
+use super::microfacet::{self, AlbedoTable, TableCache, distribution, lambda};
 
 /// A thin, clear, rough dielectric layer: saliva on mucosa, gloss of enamel.
 ///
@@ -91,6 +93,12 @@ impl CoatAlbedo {
             fresnel(outgoing.dot(half), refractive_index) * microfacet::passing(outgoing, incident, alpha)
         });
         Self { refractive_index, table }
+    }
+
+    /// The table of a refractive index, shared by all scenes.
+    pub fn shared(refractive_index: f32) -> Arc<Self> {
+        static TABLES: TableCache<CoatAlbedo> = TableCache::new();
+        TABLES.get(refractive_index, Self::new)
     }
 
     /// The refractive index of the table.

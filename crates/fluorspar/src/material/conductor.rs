@@ -39,19 +39,22 @@ pub fn conductor_fresnel(cos: f64, n: f64, k: f64) -> f64 {
 
 const COSINES: usize = 65;
 const ROUGHNESSES: usize = 33;
+/// Spectra of which those of all angles are sums: four leave less than 1e-4 of real metals.
+pub const TERMS: usize = 4;
 
 /// Reflectance of a metal over wavelength and angle, in the form that paths need: one spectrum per point of view, and
 /// scalars for every direction of the light.
 ///
-/// For a viewer at an angle the spectrum is the exact reflectance `V` at that angle. Reflectances at other angles
+/// For a viewer at an angle the spectrum is the reflectance `V` at that angle, as a sum of [`TERMS`] spectra. Reflectances at other angles
 /// (which rough microfacets bring into view) are fitted, over the bands of the render, by `a V + b` (least squares), as
-/// is the tint of light that is scattered more than once. Mirrors are exact but for the interpolation between 65
-/// angles; see [`Self::largest_error`] and [`Self::mean_error`] for what the fit costs rough metals.
+/// is the tint of light that is scattered more than once. Mirrors are exact but for these sums and the interpolation
+/// between 65 angles; see [`Self::largest_error`] and [`Self::mean_error`] for what the fit costs rough metals.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ConductorReflectance {
-    bands: usize,
-    /// `[viewer][band]`.
-    spectra: Vec<f32>,
+    /// `[term][band]`.
+    basis: Vec<Vec<f32>>,
+    /// `[viewer]`.
+    weights: Vec<[f32; TERMS]>,
     /// `(a, b)`, `[viewer][microfacet]`.
     angles: Vec<(f32, f32)>,
     /// `(a, b)`, `[viewer][roughness]`, of light scattered more than once between microfacets.
@@ -92,6 +95,11 @@ impl ConductorReflectance {
                 mean.iter().map(|f| f * f * albedo / (1.0 - f * (1.0 - albedo))).collect()
             })
             .collect();
+        let basis = orthonormal_basis(&exact);
+        let weights: Vec<[f32; TERMS]> = exact
+            .iter()
+            .map(|row| std::array::from_fn(|term| dot(row, &basis[term]) as f32))
+            .collect();
         let (mut angles, mut multiple) = (Vec::new(), Vec::new());
         let (mut largest_error, mut sum_error) = (0.0_f64, 0.0);
         for view in &exact {
@@ -107,8 +115,8 @@ impl ConductorReflectance {
             }
         }
         Self {
-            bands,
-            spectra: exact.iter().flatten().map(|&f| f as f32).collect(),
+            basis: basis.iter().map(|term| term.iter().map(|&f| f as f32).collect()).collect(),
+            weights,
             angles,
             multiple,
             largest: exact.iter().map(|row| row.iter().copied().fold(0.0, f64::max) as f32).collect(),
@@ -122,9 +130,23 @@ impl ConductorReflectance {
         (node_coordinate(cos) + 0.5) as usize
     }
 
+    /// The spectra of which reflectances are sums: [`TERMS`], one value per band each, of any sign.
+    pub fn basis(&self) -> &[Vec<f32>] {
+        &self.basis
+    }
+
+    /// Weights of the terms for the reflectance at the angle of a viewer.
+    pub fn weights(&self, viewer: usize) -> &[f32; TERMS] {
+        &self.weights[viewer]
+    }
+
     /// Reflectance at the angle of a viewer, one value per band.
-    pub fn spectrum(&self, viewer: usize) -> &[f32] {
-        &self.spectra[viewer * self.bands..(viewer + 1) * self.bands]
+    pub fn spectrum(&self, viewer: usize) -> Vec<f32> {
+        let mut sum = vec![0.0; self.basis[0].len()];
+        for (weight, term) in self.weights[viewer].iter().zip(&self.basis) {
+            sum.iter_mut().zip(term).for_each(|(sum, value)| *sum += weight * value);
+        }
+        sum
     }
 
     /// `(a, b)` of the reflectance `a V + b` of microfacets at an angle, for the spectrum `V` of a viewer.
@@ -153,6 +175,30 @@ impl ConductorReflectance {
     pub fn mean_error(&self) -> f64 {
         self.mean_error
     }
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// Orthonormal spectra that span the rows as well as so few can: in turn the row with the largest rest, with the
+/// earlier ones taken out.
+fn orthonormal_basis(rows: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    let mut rest = rows.to_vec();
+    let mut basis = Vec::with_capacity(TERMS);
+    for _ in 0..TERMS {
+        let norm2 = |row: &Vec<f64>| dot(row, row);
+        let Some(largest) = rest.iter().max_by(|a, b| norm2(a).total_cmp(&norm2(b))).cloned() else { break };
+        let norm = norm2(&largest).sqrt();
+        let unit: Vec<f64> =
+            if norm > 1e-9 { largest.iter().map(|v| v / norm).collect() } else { vec![0.0; largest.len()] };
+        for row in &mut rest {
+            let share = dot(row, &unit);
+            row.iter_mut().zip(&unit).for_each(|(value, u)| *value -= share * u);
+        }
+        basis.push(unit);
+    }
+    basis
 }
 
 /// Nodes crowd towards grazing angles.
@@ -224,15 +270,21 @@ mod tests {
 
     #[test]
     fn a_viewer_sees_the_exact_reflectance() {
-        let (n, k) = (Curve::constant(1.9), Curve::constant(3.4));
-        let steel = Conductor { n, k, roughness: ScalarTexture::Constant(0.0) };
+        // Copper-like: dark in the blue.
+        let n = Curve::new(vec![200.0, 560.0, 620.0, 1200.0], vec![1.2, 1.0, 0.25, 0.25]).unwrap();
+        let k = Curve::new(vec![200.0, 560.0, 620.0, 1200.0], vec![2.2, 2.6, 3.3, 5.0]).unwrap();
+        let copper = Conductor { n, k, roughness: ScalarTexture::Constant(0.0) };
         let grid = WavelengthGrid::uniform(400.0, 700.0, 50.0).unwrap();
-        let reflectance = ConductorReflectance::new(&steel, &grid, white_microfacets());
+        let reflectance = ConductorReflectance::new(&copper, &grid, white_microfacets());
         for cos in [0.02_f32, 0.1, 0.33, 0.77, 1.0] {
             let viewer = reflectance.viewer(cos);
             let (a, b) = reflectance.at_angle(viewer, cos);
-            let fitted = f64::from(a * reflectance.spectrum(viewer)[3] + b);
-            assert!((fitted - conductor_fresnel(cos.into(), 1.9, 3.4)).abs() < 1e-3, "{cos}: {fitted}");
+            for (band, value) in reflectance.spectrum(viewer).iter().enumerate() {
+                let nm = grid.center_nm(band);
+                let exact = conductor_fresnel(cos.into(), copper.n.at(nm), copper.k.at(nm));
+                let fitted = f64::from(a * value + b);
+                assert!((fitted - exact).abs() < 2e-3, "{cos} {nm}: {fitted} {exact}");
+            }
         }
     }
 

@@ -1,12 +1,13 @@
 //! Clear bodies that refract: glass, water, plastic.
 
 use std::f32::consts::PI;
+use std::sync::Arc;
 
 use glam::Vec3;
 
 use super::ScalarTexture;
 use super::coat::fresnel;
-use super::microfacet::{self, AlbedoTable, distribution};
+use super::microfacet::{self, AlbedoTable, TableCache, distribution};
 use crate::spectral::Curve;
 
 /// The surface of a clear body, smooth or rough. The side of the geometric normal is air.
@@ -122,6 +123,12 @@ impl DielectricAlbedo {
             })
         };
         Self { refractive_index, sides: [side(refractive_index), side(1.0 / refractive_index)] }
+    }
+
+    /// The tables of a refractive index, shared by all scenes.
+    pub fn shared(refractive_index: f32) -> Arc<Self> {
+        static TABLES: TableCache<DielectricAlbedo> = TableCache::new();
+        TABLES.get(refractive_index, Self::new)
     }
 
     /// The refractive index of the tables.

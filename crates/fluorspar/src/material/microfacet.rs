@@ -4,6 +4,7 @@
 //! through rough surfaces, EGSR 2007; Heitz, Understanding the masking-shadowing function, JCGT 3(2), 2014.
 
 use std::f32::consts::PI;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use glam::Vec3;
 
@@ -51,6 +52,35 @@ pub fn sample_visible_normal(outgoing: Vec3, alpha: f32, u: [f32; 2]) -> Vec3 {
 /// `G1(o) D(h) (o.h) / cos o`, 1/sr.
 pub fn visible_normal_pdf(outgoing: Vec3, half: Vec3, alpha: f32) -> f32 {
     distribution(half, alpha) * outgoing.dot(half).max(0.0) / ((1.0 + lambda(outgoing, alpha)) * outgoing.z)
+}
+
+/// Tables made for a refractive index, kept for the next scene of the process: they take longer to make than a small
+/// picture to render.
+pub(super) struct TableCache<T>(Mutex<Vec<(u32, Arc<T>)>>);
+
+/// Most tables that are kept.
+const KEPT: usize = 32;
+
+impl<T> TableCache<T> {
+    pub(super) const fn new() -> Self {
+        Self(Mutex::new(Vec::new()))
+    }
+
+    /// The table of an index, made when it is not there.
+    pub(super) fn get(&self, refractive_index: f32, make: impl FnOnce(f32) -> T) -> Arc<T> {
+        // A thread that panicked while it held the lock left the list whole: entries are only ever added or removed.
+        let mut tables = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let key = refractive_index.to_bits();
+        if let Some((_, table)) = tables.iter().find(|(other, _)| *other == key) {
+            return Arc::clone(table);
+        }
+        if tables.len() == KEPT {
+            tables.remove(0);
+        }
+        let table = Arc::new(make(refractive_index));
+        tables.push((key, Arc::clone(&table)));
+        table
+    }
 }
 
 const COSINES: usize = 48;

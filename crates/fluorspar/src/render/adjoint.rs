@@ -155,3 +155,85 @@ fn normalised(values: Coarse) -> Option<Coarse> {
     let total: f32 = values.iter().sum();
     (total > 0.0).then(|| values.map(|value| value / total))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::light::LightGroup;
+    use crate::material::Material;
+    use crate::optics::PerspectiveCamera;
+    use crate::spectral::{PhotonEem, SeparableTerm, Stokes};
+    use glam::Vec3;
+
+    fn band(center: f64) -> Curve {
+        Curve::from_fn(200.0, 1000.0, |nm| (-0.5 * ((nm - center) / 15.0).powi(2)).exp())
+    }
+
+    /// A lamp at 390 nm and a dye that turns it into 640 nm, with a yield of a thousandth.
+    fn model() -> AdjointModel {
+        let term = SeparableTerm { excitation: band(390.0).scaled(1e-3), emission: band(640.0).scaled(1.0 / 37.6) };
+        let scene = Scene {
+            grid: WavelengthGrid::uniform(352.5, 747.5, 5.0).unwrap(),
+            objects: Vec::new(),
+            materials: vec![Material::default()],
+            fluorophores: vec![crate::spectral::Fluorophore {
+                name: "dye".into(),
+                title: "dye".into(),
+                eem: PhotonEem::separable(vec![term], Stokes::Mask),
+                excitation_range_nm: (300.0, 800.0),
+                emission_range_nm: (300.0, 800.0),
+                source: "made up".into(),
+            }],
+            light_groups: vec![LightGroup { name: "lamp".into() }],
+            lights: Vec::new(),
+            camera: PerspectiveCamera::look_at(Vec3::Z, Vec3::ZERO, Vec3::Y, 50.0, 4, 4).unwrap(),
+        };
+        let lamp = Source { group: 0, curve: band(390.0), bands: Default::default(), exitance: Vec::new() };
+        AdjointModel::new(&scene, &[lamp])
+    }
+
+    /// One bounce with a reflectance per coarse bin; a fluorescent surface takes part with its whole irradiance.
+    fn bounce(model: &AdjointModel, importance: &mut Importance, blue: f32, red: f32, fluoresces: bool) {
+        let scattering = Scattering { diffuse: 1.0, fluorescent: 1.0, gloss: 0.0, pdf: 1.0 };
+        let spectrum = std::array::from_fn(|bin| if bin < BINS / 2 { blue } else { red });
+        let list: &[usize] = if fluoresces { &[0] } else { &[] };
+        model.scatter(importance, &scattering, &spectrum, list.iter().copied());
+    }
+
+    #[test]
+    fn everything_counts_at_the_camera() {
+        assert!((model().reach(&Importance::CAMERA) - 1.0).abs() < 1e-5);
+    }
+
+    /// Surfaces that swallow the lamp but reflect the emission: the path can still meet something that fluoresces.
+    #[test]
+    fn a_path_whose_red_is_seen_goes_on_though_its_blue_is_spent() {
+        let model = model();
+        let mut importance = Importance::CAMERA;
+        for _ in 0..4 {
+            bounce(&model, &mut importance, 0.01, 0.9, false);
+        }
+        assert!((model.reach(&importance) - 0.9_f32.powi(4)).abs() < 0.01, "{}", model.reach(&importance));
+    }
+
+    /// After a surface that fluoresces, blue light excites it, whatever becomes of the red.
+    #[test]
+    fn a_path_whose_blue_excites_goes_on_though_its_red_is_spent() {
+        let model = model();
+        let mut importance = Importance::CAMERA;
+        bounce(&model, &mut importance, 0.01, 0.01, true);
+        assert!((model.reach(&importance) - 1.0).abs() < 0.05, "{}", model.reach(&importance));
+        bounce(&model, &mut importance, 0.8, 0.01, false);
+        assert!((model.reach(&importance) - 0.8).abs() < 0.05, "{}", model.reach(&importance));
+    }
+
+    #[test]
+    fn a_path_that_can_do_neither_ends() {
+        let model = model();
+        let mut importance = Importance::CAMERA;
+        for _ in 0..3 {
+            bounce(&model, &mut importance, 0.05, 0.05, false);
+        }
+        assert!(model.reach(&importance) < 2e-4);
+    }
+}

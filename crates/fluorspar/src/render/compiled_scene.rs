@@ -5,7 +5,7 @@ use std::sync::Arc;
 use fluorspar_accel::{BuildError, Ray, TriangleBvh};
 use glam::{Vec2, Vec3};
 
-use super::adjoint::{AdjointModel, Coarse};
+use super::adjoint::{AdjointModel, BINS, Coarse};
 use super::fluorescence_operator::{FluorescenceOperator, direct_exitance};
 use crate::light::{Emitter, EnvironmentMap};
 use crate::material::conductor::white_microfacets;
@@ -116,7 +116,7 @@ pub(super) enum CompiledScattering {
 pub(super) struct CompiledMaterial {
     pub(super) scattering: CompiledScattering,
     /// Terms of the spectrum that colours the chromatic lobe: the diffuse reflectance, the transmittance of a clear
-    /// body, the reflectance of a metal at normal incidence.
+    /// body, the basis of the reflectances of a metal.
     pub(super) reflectance: Vec<(Vec<f32>, ScalarTexture)>,
     /// The same terms on coarse bins.
     pub(super) coarse_reflectance: Vec<Coarse>,
@@ -163,8 +163,8 @@ pub(super) struct CompiledScene<'a> {
     /// Sources that shine from every direction beyond the scene.
     pub(super) environment: Vec<usize>,
     pub(super) materials: Vec<CompiledMaterial>,
-    pub(super) coats: Vec<CoatAlbedo>,
-    pub(super) dielectrics: Vec<DielectricAlbedo>,
+    pub(super) coats: Vec<Arc<CoatAlbedo>>,
+    pub(super) dielectrics: Vec<Arc<DielectricAlbedo>>,
     pub(super) metals: Vec<ConductorReflectance>,
     /// What paths can still carry.
     pub(super) adjoint: AdjointModel,
@@ -322,8 +322,8 @@ impl<'a> CompiledScene<'a> {
             .collect();
 
         let adjoint = AdjointModel::new(scene, &sources);
-        let mut coats: Vec<CoatAlbedo> = Vec::new();
-        let mut dielectrics: Vec<DielectricAlbedo> = Vec::new();
+        let mut coats: Vec<Arc<CoatAlbedo>> = Vec::new();
+        let mut dielectrics: Vec<Arc<DielectricAlbedo>> = Vec::new();
         let mut metals: Vec<ConductorReflectance> = Vec::new();
         let materials = scene
             .materials
@@ -343,7 +343,7 @@ impl<'a> CompiledScene<'a> {
                         let index = glass.refractive_index;
                         let table =
                             dielectrics.iter().position(|d| d.refractive_index() == index).unwrap_or_else(|| {
-                                dielectrics.push(DielectricAlbedo::new(index));
+                                dielectrics.push(DielectricAlbedo::shared(index));
                                 dielectrics.len() - 1
                             });
                         let roughness = glass.roughness.clone();
@@ -355,16 +355,20 @@ impl<'a> CompiledScene<'a> {
                     }
                     Scattering::Conductor(conductor) => {
                         let metal = ConductorReflectance::new(conductor, grid, white_microfacets());
-                        let normal = metal.spectrum(metal.viewer(1.0)).to_vec();
                         let centres = grid.centers_nm();
-                        let values = normal.iter().map(|&f| f64::from(f)).collect();
-                        let coarse = Curve::new(centres, values).map_or([0.5; 8], |curve| adjoint.coarse(&curve));
+                        let coarse = |term: &Vec<f32>| {
+                            let values = term.iter().map(|&f| f64::from(f)).collect();
+                            Curve::new(centres.clone(), values).map_or([0.0; BINS], |curve| adjoint.coarse(&curve))
+                        };
+                        let terms: Vec<(Vec<f32>, ScalarTexture)> =
+                            metal.basis().iter().map(|term| (term.clone(), uniform.clone())).collect();
+                        let coarse = metal.basis().iter().map(coarse).collect();
                         metals.push(metal);
                         let roughness = conductor.roughness.clone();
                         (
                             CompiledScattering::Conductor { metal: metals.len() - 1, roughness },
-                            vec![(normal, uniform)],
-                            vec![coarse],
+                            terms,
+                            coarse,
                         )
                     }
                     Scattering::Mix { first, second, amount } => (
@@ -381,7 +385,7 @@ impl<'a> CompiledScene<'a> {
                         .iter()
                         .position(|c| c.refractive_index() == coat.refractive_index)
                         .unwrap_or_else(|| {
-                            coats.push(CoatAlbedo::new(coat.refractive_index));
+                            coats.push(CoatAlbedo::shared(coat.refractive_index));
                             coats.len() - 1
                         });
                     (index, coat.roughness.clone())

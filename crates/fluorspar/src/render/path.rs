@@ -146,17 +146,15 @@ impl CompiledScene<'_> {
             vertex.reflectance.clear();
             vertex.reflectance.resize(bands, 0.0);
             let mut coarse = [0.0; BINS];
-            for ((spectrum, weight), coarse_spectrum) in material.reflectance.iter().zip(&material.coarse_reflectance) {
-                let weight = weight.at(point.uv);
+            let terms = material.reflectance.iter().zip(&material.coarse_reflectance);
+            for (term, ((spectrum, weight), coarse_spectrum)) in terms.enumerate() {
+                let weight = bsdf.term_weight(term, weight.at(point.uv));
                 for (sum, value) in vertex.reflectance.iter_mut().zip(spectrum) {
                     *sum += weight * value;
                 }
                 for (sum, value) in coarse.iter_mut().zip(coarse_spectrum) {
                     *sum += weight * value;
                 }
-            }
-            if let Some(spectrum) = bsdf.metal_spectrum() {
-                vertex.reflectance.copy_from_slice(spectrum);
             }
             vertex.concentration.clear();
             vertex

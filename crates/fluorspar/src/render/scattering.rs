@@ -146,11 +146,11 @@ impl Bsdf<'_> {
         matches!(self.form, Form::Dielectric { .. })
     }
 
-    /// The spectrum of a metal for this point of view; other materials have theirs in their terms.
-    pub(super) fn metal_spectrum(&self) -> Option<&[f32]> {
+    /// Weight of a term of the material's spectrum here, where its texture has `value`: for metals by the angle of view.
+    pub(super) fn term_weight(&self, term: usize, value: f32) -> f32 {
         match &self.form {
-            Form::Conductor { metal, viewer, .. } => Some(metal.spectrum(*viewer)),
-            _ => None,
+            Form::Conductor { metal, viewer, .. } => metal.weights(*viewer)[term],
+            _ => value,
         }
     }
 

@@ -20,21 +20,21 @@ use fluorspar::spectral::{Curve, Fluorophore, PhotonEem, SeparableTerm, Stokes, 
 use fluorspar_testkit::{MeanEstimate, sidak, welch_t_test};
 use glam::{Vec2, Vec3};
 
-pub fn run(scene: &Scene, settings: &RenderSettings) -> ComponentImage {
+pub(crate) fn run(scene: &Scene, settings: &RenderSettings) -> ComponentImage {
     let stop = AtomicBool::new(false);
     render(scene, settings, &RenderControl { stop: &stop, progress: &|_| {} }).unwrap()
 }
 
-pub fn settings(samples_per_pixel: u32, max_depth: u32) -> RenderSettings {
+pub(crate) fn settings(samples_per_pixel: u32, max_depth: u32) -> RenderSettings {
     RenderSettings { samples_per_pixel, max_depth, seed: 11, ..RenderSettings::default() }
 }
 
-pub fn gaussian(center: f64, sd: f64, height: f64) -> Curve {
+pub(crate) fn gaussian(center: f64, sd: f64, height: f64) -> Curve {
     Curve::from_fn(200.0, 1000.0, |nm| height * (-0.5 * ((nm - center) / sd).powi(2)).exp())
 }
 
 /// A made-up fluorophore with a Gaussian excitation and emission band and a large yield.
-pub fn dye(name: &str, excitation_nm: f64, emission_nm: f64, photon_yield: f64) -> Fluorophore {
+pub(crate) fn dye(name: &str, excitation_nm: f64, emission_nm: f64, photon_yield: f64) -> Fluorophore {
     let area = 25.0 * (2.0 * PI).sqrt();
     let term = SeparableTerm {
         excitation: gaussian(excitation_nm, 35.0, photon_yield),
@@ -50,11 +50,11 @@ pub fn dye(name: &str, excitation_nm: f64, emission_nm: f64, photon_yield: f64) 
     }
 }
 
-pub fn camera(position: Vec3, target: Vec3, field_deg: f32, side: usize) -> PerspectiveCamera {
+pub(crate) fn camera(position: Vec3, target: Vec3, field_deg: f32, side: usize) -> PerspectiveCamera {
     PerspectiveCamera::look_at(position, target, Vec3::Y, field_deg, side, side).unwrap()
 }
 
-pub fn scene(grid: WavelengthGrid, camera: PerspectiveCamera) -> Scene {
+pub(crate) fn scene(grid: WavelengthGrid, camera: PerspectiveCamera) -> Scene {
     Scene {
         grid,
         objects: Vec::new(),
@@ -66,7 +66,7 @@ pub fn scene(grid: WavelengthGrid, camera: PerspectiveCamera) -> Scene {
     }
 }
 
-pub fn quad(corner: Vec3, edge_u: Vec3, edge_v: Vec3) -> Shape {
+pub(crate) fn quad(corner: Vec3, edge_u: Vec3, edge_v: Vec3) -> Shape {
     Shape::Mesh(Arc::new(TriangleMesh {
         positions: vec![corner, corner + edge_u, corner + edge_u + edge_v, corner + edge_v],
         uvs: vec![Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y],
@@ -75,19 +75,19 @@ pub fn quad(corner: Vec3, edge_u: Vec3, edge_v: Vec3) -> Shape {
     }))
 }
 
-pub fn object(name: &str, shape: Shape, material: usize) -> Object {
+pub(crate) fn object(name: &str, shape: Shape, material: usize) -> Object {
     Object { name: name.into(), shape, material, emission: None }
 }
 
-pub fn flat(value: f64) -> Curve {
+pub(crate) fn flat(value: f64) -> Curve {
     Curve::constant(value)
 }
 
-pub fn light(spectrum: Curve, emitter: Emitter) -> Light {
+pub(crate) fn light(spectrum: Curve, emitter: Emitter) -> Light {
     Light { name: "lamp".into(), group: 0, spectrum, emitter }
 }
 
-pub fn with_dyes(mut material: Material, amounts: &[(usize, f32)]) -> Material {
+pub(crate) fn with_dyes(mut material: Material, amounts: &[(usize, f32)]) -> Material {
     material.fluorophores = amounts
         .iter()
         .map(|&(fluorophore, c)| FluorophoreAmount { fluorophore, concentration: ScalarTexture::Constant(c) })
@@ -95,12 +95,12 @@ pub fn with_dyes(mut material: Material, amounts: &[(usize, f32)]) -> Material {
     material
 }
 
-pub fn coated(reflectance: f64, roughness: f32) -> Material {
+pub(crate) fn coated(reflectance: f64, roughness: f32) -> Material {
     let coat = Coat { refractive_index: 1.4, roughness: ScalarTexture::Constant(roughness) };
     Material { coat: Some(coat), ..Material::lambertian("coated", flat(reflectance)) }
 }
 
-pub fn glass(index: f32, roughness: f32, transmittance: f64) -> Material {
+pub(crate) fn glass(index: f32, roughness: f32, transmittance: f64) -> Material {
     let glass = Dielectric {
         refractive_index: index,
         roughness: ScalarTexture::Constant(roughness),
@@ -109,18 +109,18 @@ pub fn glass(index: f32, roughness: f32, transmittance: f64) -> Material {
     Material { name: "glass".into(), scattering: Scattering::Dielectric(glass), ..Material::default() }
 }
 
-pub fn metal(n: Curve, k: Curve, roughness: f32) -> Material {
+pub(crate) fn metal(n: Curve, k: Curve, roughness: f32) -> Material {
     let conductor = Conductor { n, k, roughness: ScalarTexture::Constant(roughness) };
     Material { name: "metal".into(), scattering: Scattering::Conductor(conductor), ..Material::default() }
 }
 
-pub fn mixed(first: usize, second: usize, amount: ScalarTexture) -> Material {
+pub(crate) fn mixed(first: usize, second: usize, amount: ScalarTexture) -> Material {
     let scattering = Scattering::Mix { first, second, amount };
     Material { name: "mixed".into(), scattering, ..Material::default() }
 }
 
 /// A map with a bright pixel, some dim ones and some dark ones, of two spectra.
-pub fn patchy_sky(strength: f64) -> Emitter {
+pub(crate) fn patchy_sky(strength: f64) -> Emitter {
     let factors = |seed: usize| {
         (0..8 * 16).map(|i| if i == 37 + seed { 12.0 } else { ((i * 7 + seed) % 4) as f32 * 0.5 }).collect()
     };
@@ -132,7 +132,7 @@ pub fn patchy_sky(strength: f64) -> Emitter {
 }
 
 /// Slopes of about 20 degrees in all directions.
-pub fn bumps() -> NormalMap {
+pub(crate) fn bumps() -> NormalMap {
     let side = 16;
     let rgb: Vec<f32> = (0..side * side)
         .flat_map(|i| {
@@ -144,11 +144,11 @@ pub fn bumps() -> NormalMap {
 }
 
 /// Lamps of every shape for the box of [`lit_box`], by name.
-pub const LAMPS: [&str; 9] =
+pub(crate) const LAMPS: [&str; 9] =
     ["disc", "rectangle", "narrow rectangle", "sphere", "sky", "lamps and sky", "bright mesh", "bright ball", "bright disc"];
 
 /// Materials of the things in the box of [`lit_box`], by name.
-pub const MATERIALS: [&str; 10] = [
+pub(crate) const MATERIALS: [&str; 10] = [
     "lambertian",
     "coated",
     "rough glass",
@@ -163,7 +163,7 @@ pub const MATERIALS: [&str; 10] = [
 
 /// An open box with a fluorescent floor, a ball and a tilted plate of one material, under one kind of lamp. Lamps are
 /// large, so that scattered rays find them.
-pub fn lit_box(lamp: &str, material: &str, concentration: f32) -> Scene {
+pub(crate) fn lit_box(lamp: &str, material: &str, concentration: f32) -> Scene {
     let grid = WavelengthGrid::uniform(360.0, 680.0, 40.0).unwrap();
     let mut scene = scene(grid, camera(Vec3::new(0.0, 0.0, 3.4), Vec3::ZERO, 40.0, 10));
     scene.fluorophores = vec![dye("a", 390.0, 450.0, 0.4), dye("b", 440.0, 560.0, 0.4)];
@@ -258,19 +258,19 @@ fn band_values(image: &ComponentImage, component: usize, band: usize) -> impl It
 }
 
 /// Mean of one component and band over pixels, with the standard error from pixel to pixel.
-pub fn band_mean(image: &ComponentImage, component: usize, band: usize) -> MeanEstimate {
+pub(crate) fn band_mean(image: &ComponentImage, component: usize, band: usize) -> MeanEstimate {
     MeanEstimate::of(&band_values(image, component, band).collect::<Vec<_>>())
 }
 
 /// Renders with other seeds, as independent measurements.
-pub fn repeat(scene: &Scene, runs: u64, settings: &RenderSettings) -> Vec<ComponentImage> {
+pub(crate) fn repeat(scene: &Scene, runs: u64, settings: &RenderSettings) -> Vec<ComponentImage> {
     (0..runs).map(|i| run(scene, &RenderSettings { seed: 1000 * settings.seed + i, ..settings.clone() })).collect()
 }
 
 /// Compares the mean of every component and band over two sets of independent renders by Welch's t-test. All tests of
 /// the call together reject equal means with the probability `significance` (Sidak). On failure maps are saved and
 /// named in the message.
-pub fn assert_same_light(name: &str, a: &[ComponentImage], b: &[ComponentImage], significance: f64) {
+pub(crate) fn assert_same_light(name: &str, a: &[ComponentImage], b: &[ComponentImage], significance: f64) {
     let (bands, components) = (a[0].grid.len(), a[0].components.len());
     let level = sidak(significance, components * bands);
     let mut failures = Vec::new();
@@ -304,7 +304,7 @@ pub fn assert_same_light(name: &str, a: &[ComponentImage], b: &[ComponentImage],
 
 /// Saves the means of both sets, and for every component a picture of the differences in standard errors: white is
 /// none, red is 4 or more too bright in the first set, blue too dark. Returns the folder.
-pub fn save_error_maps(name: &str, a: &[ComponentImage], b: &[ComponentImage]) -> PathBuf {
+pub(crate) fn save_error_maps(name: &str, a: &[ComponentImage], b: &[ComponentImage]) -> PathBuf {
     let folder = std::env::temp_dir().join(format!("fluorspar-transport-{}", name.replace([' ', '/'], "-")));
     std::fs::create_dir_all(&folder).unwrap();
     let average = |images: &[ComponentImage]| {
@@ -345,7 +345,7 @@ fn save_difference_picture(path: &Path, a: &[ComponentImage], b: &[ComponentImag
 }
 
 /// Next-event estimation with multiple importance sampling against scattered directions alone.
-pub fn compare_estimators(lamp: &str, material: &str, samples: u32, runs: u64, significance: f64) {
+pub(crate) fn compare_estimators(lamp: &str, material: &str, samples: u32, runs: u64, significance: f64) {
     let scene = lit_box(lamp, material, 1.0);
     let guided = repeat(&scene, runs, &settings(samples, 6));
     let blind = RenderSettings { estimator: Estimator::ScatteringOnly, seed: 7, ..settings(4 * samples, 6) };
