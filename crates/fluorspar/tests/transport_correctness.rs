@@ -10,11 +10,11 @@ use std::f64::consts::PI;
 use std::sync::Arc;
 
 use fluorspar::geometry::TriangleMesh;
-use fluorspar::light::{Emitter, EnvironmentLayer, EnvironmentMap};
+use fluorspar::light::{Emitter, EnvironmentLayer, EnvironmentMap, Light, LightGroup};
 use fluorspar::material::conductor::conductor_fresnel;
 use fluorspar::material::{Material, ScalarTexture, Scattering};
-use fluorspar::scene::{Scene, SceneError, Shape, SurfaceEmission};
-use fluorspar::spectral::{Curve, WavelengthGrid};
+use fluorspar::scene::{Object, Scene, SceneError, Shape, SurfaceEmission};
+use fluorspar::spectral::{Curve, Fluorophore, PhotonEem, SeparableTerm, Stokes, WavelengthGrid};
 use fluorspar_testkit::{MeanEstimate, sidak, z_score};
 use glam::Vec3;
 
@@ -119,9 +119,8 @@ fn an_integrating_sphere_follows_its_series() {
     // F by quadrature, 20 points per bin and axis.
     let matrix = |index: usize, amount: f64| -> Vec<f64> {
         const FINE: usize = 20;
-        let node = |bin: usize, i: usize| {
-            grid.edges_nm()[bin] + grid.width_nm(bin) * (i as f64 + 0.5) / FINE as f64
-        };
+        let node =
+            |bin: usize, i: usize| grid.edges_nm()[bin] + grid.width_nm(bin) * (i as f64 + 0.5) / FINE as f64;
         let mut entries = vec![0.0; n * n];
         for (entry, value) in entries.iter_mut().enumerate() {
             let (o, i) = (entry / n, entry % n);
@@ -166,16 +165,15 @@ fn an_integrating_sphere_follows_its_series() {
             sum.iter_mut().zip(kind).for_each(|(sum, value)| *sum += value / PI);
         }
         let image = run(&sphere, &settings(64, depth));
-        for component in 0..4 {
-            let peak = sums[component].iter().copied().fold(0.0, f64::max);
-            for band in 0..n {
+        for (component, sums) in sums.iter().enumerate() {
+            let peak = sums.iter().copied().fold(0.0, f64::max);
+            for (band, expected) in sums.iter().enumerate() {
                 let mean = band_mean(&image, component, band);
                 // Bins of 20 nm are integrated with 8 points by the renderer: 1e-3 of the peak on the diagonal.
-                let z = z_score(mean, sums[component][band], 2e-3 * peak.max(1e-9));
+                let z = z_score(mean, *expected, 2e-3 * peak.max(1e-9));
                 assert!(
                     z < limit(1e-3, 5 * 4 * n),
-                    "depth {depth}, component {component}, band {band}: {mean:?}, expected {}",
-                    sums[component][band]
+                    "depth {depth}, component {component}, band {band}: {mean:?}, expected {expected}"
                 );
             }
         }
@@ -225,7 +223,8 @@ fn indirect_light_excites_as_direct_light_does() {
     };
     let ratio = |(elastic, fluorescent): (MeanEstimate, MeanEstimate)| {
         let value = fluorescent.mean / elastic.mean;
-        let relative = (elastic.standard_error / elastic.mean).hypot(fluorescent.standard_error / fluorescent.mean);
+        let relative =
+            (elastic.standard_error / elastic.mean).hypot(fluorescent.standard_error / fluorescent.mean);
         (value, value * relative)
     };
     let (direct, _) = ratio(plane(0.4, false));
@@ -240,11 +239,17 @@ fn indirect_light_excites_as_direct_light_does() {
     );
 }
 
-/// Irradiance at the origin on a plane that faces +z, from the radiance of a Lambertian plate there.
-fn irradiance(emitter: Emitter, spectrum: f64, samples: u32) -> MeanEstimate {
+/// A Lambertian plate of reflectance 0.5 that faces +z, seen from close by.
+fn plate() -> Scene {
     let mut scene = scene(three_bands(), camera(Vec3::new(0.15, 0.05, 0.3), Vec3::ZERO, 0.01, 8));
     scene.materials.push(Material::lambertian("plate", flat(0.5)));
     scene.objects.push(object("plate", quad(Vec3::new(-1.0, -1.0, 0.0), Vec3::X * 2.0, Vec3::Y * 2.0), 0));
+    scene
+}
+
+/// Irradiance at the origin on a plane that faces +z, from the radiance of the plate there.
+fn irradiance(emitter: Emitter, spectrum: f64, samples: u32) -> MeanEstimate {
+    let mut scene = plate();
     scene.lights.push(light(flat(spectrum), emitter));
     let mean = band_mean(&run(&scene, &settings(samples, 1)), 0, 1);
     MeanEstimate { mean: mean.mean * PI / 0.5, standard_error: mean.standard_error * PI / 0.5 }
@@ -261,7 +266,8 @@ fn lamps_illuminate_by_their_form_factors() {
         assert!(mean.standard_error < largest_error * expected, "{name}: {mean:?}");
     };
     // Disc parallel to the plane, its axis at a distance a: F = (1 - (h^2 + a^2 - r^2) / sqrt(...)) / 2.
-    for (r, h, a) in [(0.3, 0.5, 0.0), (0.3, 0.5, 0.9), (0.5, 0.05, 0.1), (1e-4, 1.0, 0.5), (0.4, 0.02, 0.7)] {
+    for (r, h, a) in [(0.3, 0.5, 0.0), (0.3, 0.5, 0.9), (0.5, 0.05, 0.1), (1e-4, 1.0, 0.5), (0.4, 0.02, 0.7)]
+    {
         let z: f64 = h * h + a * a + r * r;
         let factor = 0.5 * (1.0 - (h * h + a * a - r * r) / (z * z - 4.0 * r * r * a * a).sqrt());
         let disc = Emitter::Disc {
@@ -272,11 +278,19 @@ fn lamps_illuminate_by_their_form_factors() {
         };
         check(&format!("disc {r} {h} {a}"), disc, 2.0, 2.0 / (PI * r * r) * factor, 2e-3);
     }
-    // Sphere above the horizon: E = M (r / d)^2 cos; its exitance is P / (4 pi r^2).
+    // Sphere above the horizon: E = M (r / d)^2 cos; its exitance is P / (4 pi r^2). Light from anywhere on it falls at
+    // an angle of at most r / d from its centre's, and E is all that is drawn from: small spheres leave no noise.
     for (r, center) in [(0.3, Vec3::new(0.2, 0.4, 0.8)), (1e-4, Vec3::new(0.0, 0.6, 0.8))] {
         let (d2, cos) = (f64::from(center.length_squared()), f64::from(center.z / center.length()));
         let expected = 2.0 / (4.0 * PI * d2) * cos;
         check("sphere", Emitter::Sphere { center, radius_m: r }, 2.0, expected, 2e-3);
+    }
+    for decade in 1..=5 {
+        let ratio = 10.0_f64.powi(-decade);
+        let center = Vec3::new(0.0, 0.6, 0.8);
+        let sphere = Emitter::Sphere { center, radius_m: ratio as f32 };
+        let expected = 2.0 / (4.0 * PI) * 0.8;
+        check(&format!("sphere of r / d = {ratio}"), sphere, 2.0, expected, 2e-2 * ratio + 1e-6);
     }
     // Rectangle parallel to the plane with a corner above the point, and one seen from beside.
     let corner = |a: f64, b: f64, h: f64| {
@@ -314,16 +328,86 @@ fn lamps_illuminate_by_their_form_factors() {
     }
 }
 
+/// An object of radiance L: `E = pi L (r / d)^2 cos`.
+#[test]
+fn bright_balls_illuminate_by_their_form_factors() {
+    for decade in 1..=5 {
+        let ratio = 10.0_f64.powi(-decade);
+        let mut scene = plate();
+        let shape = Shape::Sphere { center: Vec3::new(0.0, 0.6, 0.8), radius_m: ratio as f32 };
+        let emission = Some(SurfaceEmission { group: 0, radiance: flat(2.0 / (ratio * ratio)) });
+        scene.objects.push(Object { emission, ..object("ball", shape, 0) });
+        let mean = band_mean(&run(&scene, &settings(256, 1)), 0, 1);
+        let expected = 0.5 * 2.0 * 0.8;
+        let tolerance = 4.0 * mean.standard_error + 3e-4 * expected;
+        assert!((mean.mean - expected).abs() < tolerance, "r / d = {ratio}: {mean:?}, expected {expected}");
+    }
+}
+
+/// A point lamp (W/nm) and a wall that shines (W/(sr m² nm)) share a light group: in a closed sphere they mix evenly
+/// everywhere, so one group gives the fluorescence of two, though bins are far wider than the lamps' lines and excitation
+/// changes fivefold within a bin. Weights by plain sums of spectra, whose units differ, would be off by tens of percent.
+#[test]
+fn lamps_of_different_kinds_share_a_group() {
+    let radius = 0.05_f32;
+    let cavity = |groups: usize| -> MeanEstimate {
+        let grid = WavelengthGrid::uniform(360.0, 680.0, 40.0).unwrap();
+        let mut scene = scene(grid, camera(Vec3::new(0.01, -0.005, 0.003), Vec3::X, 80.0, 24));
+        let term = SeparableTerm {
+            excitation: Curve::new(vec![200.0, 365.0, 395.0, 396.0, 1000.0], vec![0.0, 0.05, 0.35, 0.0, 0.0])
+                .unwrap(),
+            emission: gaussian(560.0, 20.0, 1.0 / (20.0 * (2.0 * PI).sqrt())),
+        };
+        scene.fluorophores = vec![Fluorophore {
+            eem: PhotonEem::separable(vec![term], Stokes::Mask),
+            ..dye("steep", 380.0, 560.0, 0.1)
+        }];
+        scene.light_groups = (0..groups).map(|i| LightGroup { name: format!("lamp {i}") }).collect();
+        scene.materials = vec![with_dyes(Material::lambertian("wall", flat(0.6)), &[(0, 1.0)])];
+        let mut wall = object("wall", Shape::Sphere { center: Vec3::ZERO, radius_m: radius }, 0);
+        wall.emission = Some(SurfaceEmission { group: 0, radiance: gaussian(367.0, 0.8, 1.0) });
+        scene.objects.push(wall);
+        // As much irradiance as from the wall: P / (4 pi r^2) = pi L.
+        let power = 4.0 * PI * PI * f64::from(radius).powi(2);
+        let point = Emitter::Point { position: Vec3::ZERO, pattern: None };
+        scene.lights.push(Light { group: groups - 1, ..light(gaussian(393.0, 0.8, power), point) });
+        let image = run(&scene, &settings(64, 12));
+        let bands = image.grid.len();
+        let pixels = 24 * 24;
+        let per_pixel: Vec<f64> = (0..pixels)
+            .map(|pixel| {
+                (0..image.components.len())
+                    .filter(|&c| image.components[c].label().contains("steep"))
+                    .flat_map(|c| &image.component(c)[pixel * bands..(pixel + 1) * bands])
+                    .map(|&v| f64::from(v))
+                    .sum()
+            })
+            .collect();
+        MeanEstimate::of(&per_pixel)
+    };
+    let (one, two) = (cavity(1), cavity(2));
+    let error = one.standard_error.hypot(two.standard_error);
+    // The weights within a bin are sampled at eight points of 5 nm: the same for one group and two.
+    let tolerance = 5e-3 * two.mean + 4.0 * error;
+    assert!((one.mean - two.mean).abs() < tolerance, "{one:?} {two:?}");
+    assert!(error < 5e-3 * two.mean, "{one:?} {two:?}");
+}
+
 /// One row of a map at an angle from the zenith of the plate: `E = pi L (sin^2 lower - sin^2 upper)`.
 #[test]
 fn a_map_illuminates_by_its_rows() {
     for row in 0..4 {
         let mut factors = vec![0.0; 8 * 10];
         factors[8 * row..8 * (row + 1)].fill(3.0);
-        let map = EnvironmentMap::new(8, 10, vec![EnvironmentLayer { spectrum: flat(1.0), factors }], 10.0).unwrap();
+        let map = EnvironmentMap::new(8, 10, vec![EnvironmentLayer { spectrum: flat(1.0), factors }], 10.0)
+            .unwrap();
         let mut scene = scene(three_bands(), camera(Vec3::new(0.1, 0.5, 0.1), Vec3::ZERO, 0.01, 8));
         scene.materials.push(Material::lambertian("plate", flat(0.5)));
-        scene.objects.push(object("plate", quad(Vec3::new(-1.0, 0.0, -1.0), Vec3::Z * 2.0, Vec3::X * 2.0), 0));
+        scene.objects.push(object(
+            "plate",
+            quad(Vec3::new(-1.0, 0.0, -1.0), Vec3::Z * 2.0, Vec3::X * 2.0),
+            0,
+        ));
         scene.lights.push(light(flat(0.5), Emitter::EnvironmentMap(Arc::new(map))));
         let mean = band_mean(&run(&scene, &settings(256, 1)), 0, 0);
         let sine2 = |edge: usize| (PI * edge as f64 / 10.0).sin().powi(2);
@@ -432,7 +516,10 @@ fn photons_balance() {
         let balance = MeanEstimate::of(&sums).mean / incoming;
         let error = MeanEstimate::of(&sums).standard_error / incoming;
         // Bins of 10 nm against a lamp of 4 nm: their centres stand for the photons within 1e-3.
-        assert!((balance - expected).abs() < 4e-3 + 4.0 * error, "{name}: {balance} +- {error}, expected {expected}");
+        assert!(
+            (balance - expected).abs() < 4e-3 + 4.0 * error,
+            "{name}: {balance} +- {error}, expected {expected}"
+        );
     }
 }
 
@@ -442,7 +529,10 @@ fn without_fluorophores_every_material_has_none() {
         let image = run(&lit_box("disc", material, 0.0), &settings(2, 5));
         assert!(image.component(0).iter().any(|&v| v > 0.0), "{material}");
         for component in 1..4 {
-            assert!(image.component(component).iter().all(|&v| v == 0.0), "{material}, component {component}");
+            assert!(
+                image.component(component).iter().all(|&v| v == 0.0),
+                "{material}, component {component}"
+            );
         }
     }
 }
@@ -490,7 +580,12 @@ fn lamp_and_camera_can_be_exchanged_precisely() {
 #[test]
 fn a_displaced_white_surface_is_invisible() {
     let mut mesh = TriangleMesh {
-        positions: vec![Vec3::new(-1.0, -1.0, 0.0), Vec3::new(1.0, -1.0, 0.0), Vec3::new(1.0, 1.0, 0.0), Vec3::new(-1.0, 1.0, 0.0)],
+        positions: vec![
+            Vec3::new(-1.0, -1.0, 0.0),
+            Vec3::new(1.0, -1.0, 0.0),
+            Vec3::new(1.0, 1.0, 0.0),
+            Vec3::new(-1.0, 1.0, 0.0),
+        ],
         uvs: vec![glam::Vec2::ZERO, glam::Vec2::X, glam::Vec2::ONE, glam::Vec2::Y],
         triangles: vec![[0, 1, 2], [0, 2, 3]],
         ..TriangleMesh::default()
@@ -516,10 +611,19 @@ fn scenes_that_make_no_sense_are_refused() {
     let last = 4;
     let cases: Vec<(&str, String)> = vec![
         ("part of itself", broken(&|s| s.materials[last] = mixed(last, 0, ScalarTexture::Constant(0.5)))),
-        ("refers to material number 9", broken(&|s| s.materials[last] = mixed(9, 0, ScalarTexture::Constant(0.5)))),
+        (
+            "refers to material number 9",
+            broken(&|s| s.materials[last] = mixed(9, 0, ScalarTexture::Constant(0.5))),
+        ),
         ("more than 1", broken(&|s| s.materials[last] = mixed(0, 1, ScalarTexture::Constant(1.5)))),
-        ("no fluorophores", broken(&|s| s.materials[last] = with_dyes(s.materials[last].clone(), &[(0, 1.0)]))),
-        ("give the opacity to the mixture", broken(&|s| s.materials[2].opacity = Some(ScalarTexture::Constant(0.5)))),
+        (
+            "no fluorophores",
+            broken(&|s| s.materials[last] = with_dyes(s.materials[last].clone(), &[(0, 1.0)])),
+        ),
+        (
+            "give the opacity to the mixture",
+            broken(&|s| s.materials[2].opacity = Some(ScalarTexture::Constant(0.5))),
+        ),
         ("refractive index 0.8", broken(&|s| s.materials[last] = glass(0.8, 0.1, 1.0))),
         ("transmittance 1.2", broken(&|s| s.materials[last] = glass(1.5, 0.1, 1.2))),
         ("k of the metal is -1", broken(&|s| s.materials[last] = metal(flat(1.0), flat(-1.0), 0.1))),

@@ -2,7 +2,7 @@
 
 use std::f32::consts::PI;
 
-use glam::{Quat, Vec3};
+use glam::{DVec3, Quat, Vec3};
 use thiserror::Error;
 
 use crate::spectral::Curve;
@@ -161,6 +161,25 @@ impl EnvironmentMap {
         }
     }
 
+    /// Irradiance on a surface of this normal per unit of the spectrum of each layer, sr: a midpoint rule on the numbers
+    /// that [`Self::sample`] turns into directions, so that small suns are found.
+    pub(crate) fn irradiance_factors(&self, normal: DVec3) -> Vec<f64> {
+        const STRATA: usize = 32;
+        let mut sums = vec![0.0; self.layers.len()];
+        for index in 0..STRATA * STRATA {
+            let u = [index % STRATA, index / STRATA].map(|i| (i as f32 + 0.5) / STRATA as f32);
+            let (direction, pixel, pdf) = self.sample(u);
+            let cos = direction.as_dvec3().dot(normal);
+            if cos > 0.0 && pdf > 0.0 {
+                let weight = cos / (f64::from(pdf) * (STRATA * STRATA) as f64);
+                for (sum, layer) in sums.iter_mut().zip(&self.layers) {
+                    *sum += weight * f64::from(layer.factors[pixel]);
+                }
+            }
+        }
+        sums
+    }
+
     /// Number of the pixel that lies in a direction (of world, unit length).
     pub fn pixel(&self, direction: Vec3) -> usize {
         let d = self.rotation * direction;
@@ -235,7 +254,8 @@ mod tests {
     #[test]
     fn directions_follow_the_radiance() {
         let (width, height) = (16, 10);
-        let factors = (0..width * height).map(|i| ((i * 7) % 5) as f32 * if i == 37 { 40.0 } else { 1.0 }).collect();
+        let factors =
+            (0..width * height).map(|i| ((i * 7) % 5) as f32 * if i == 37 { 40.0 } else { 1.0 }).collect();
         let map = map(width, height, factors, 30.0);
         chi_square_over_sphere(
             200_000,
@@ -279,7 +299,10 @@ mod tests {
     #[test]
     fn bad_maps_are_refused() {
         let layer = |factors| vec![EnvironmentLayer { spectrum: Curve::constant(1.0), factors }];
-        assert!(matches!(EnvironmentMap::new(2, 2, layer(vec![1.0; 3]), 0.0), Err(EnvironmentMapError::Size { .. })));
+        assert!(matches!(
+            EnvironmentMap::new(2, 2, layer(vec![1.0; 3]), 0.0),
+            Err(EnvironmentMapError::Size { .. })
+        ));
         assert!(matches!(
             EnvironmentMap::new(2, 1, layer(vec![1.0, -1.0]), 0.0),
             Err(EnvironmentMapError::Value { col: 1, row: 0, .. })

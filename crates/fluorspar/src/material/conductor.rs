@@ -33,7 +33,8 @@ pub fn conductor_fresnel(cos: f64, n: f64, k: f64) -> f64 {
     let a = (0.5 * (a2_b2 + t0)).max(0.0).sqrt();
     let perpendicular = (a2_b2 - 2.0 * a * cos + cos2) / (a2_b2 + 2.0 * a * cos + cos2);
     let cross = 2.0 * a * cos * sin2;
-    let parallel = perpendicular * (cos2 * a2_b2 + sin2 * sin2 - cross) / (cos2 * a2_b2 + sin2 * sin2 + cross);
+    let parallel =
+        perpendicular * (cos2 * a2_b2 + sin2 * sin2 - cross) / (cos2 * a2_b2 + sin2 * sin2 + cross);
     0.5 * (perpendicular + parallel)
 }
 
@@ -96,10 +97,8 @@ impl ConductorReflectance {
             })
             .collect();
         let basis = orthonormal_basis(&exact);
-        let weights: Vec<[f32; TERMS]> = exact
-            .iter()
-            .map(|row| std::array::from_fn(|term| dot(row, &basis[term]) as f32))
-            .collect();
+        let weights: Vec<[f32; TERMS]> =
+            exact.iter().map(|row| std::array::from_fn(|term| dot(row, &basis[term]) as f32)).collect();
         let (mut angles, mut multiple) = (Vec::new(), Vec::new());
         let (mut largest_error, mut sum_error) = (0.0_f64, 0.0);
         for view in &exact {
@@ -291,7 +290,11 @@ mod tests {
     #[test]
     fn a_rough_conductor_that_reflects_everything_loses_nothing() {
         let rough = white_microfacets();
-        let silver = Conductor { n: Curve::constant(1e-6), k: Curve::constant(50.0), roughness: ScalarTexture::Constant(0.5) };
+        let silver = Conductor {
+            n: Curve::constant(1e-6),
+            k: Curve::constant(50.0),
+            roughness: ScalarTexture::Constant(0.5),
+        };
         let grid = WavelengthGrid::uniform(400.0, 700.0, 50.0).unwrap();
         let reflectance = ConductorReflectance::new(&silver, &grid, rough);
         for alpha in [0.1, 0.5, 1.0] {

@@ -70,10 +70,14 @@ pub fn transmission(outgoing: Vec3, incident: Vec3, alpha: f32, eta: f32) -> (f3
     if denominator <= 0.0 {
         return (0.0, 0.0);
     }
-    let value =
-        -cos_i * cos_o * passed * distribution(half, alpha) * microfacet::shadowing(outgoing, incident, alpha)
-            / (outgoing.z * denominator);
-    let pdf = passed * microfacet::visible_normal_pdf(outgoing, half, alpha) * eta * eta * -cos_i / denominator;
+    let value = -cos_i
+        * cos_o
+        * passed
+        * distribution(half, alpha)
+        * microfacet::shadowing(outgoing, incident, alpha)
+        / (outgoing.z * denominator);
+    let pdf =
+        passed * microfacet::visible_normal_pdf(outgoing, half, alpha) * eta * eta * -cos_i / denominator;
     (value, pdf)
 }
 
@@ -207,7 +211,11 @@ mod tests {
                 },
                 |d| {
                     let i = Vec3::new(d[0] as f32, d[1] as f32, d[2] as f32);
-                    f64::from(if i.z > 0.0 { reflection(o, i, alpha, eta).1 } else { transmission(o, i, alpha, eta).1 })
+                    f64::from(if i.z > 0.0 {
+                        reflection(o, i, alpha, eta).1
+                    } else {
+                        transmission(o, i, alpha, eta).1
+                    })
                 },
             )
             .assert_accepted(sidak(0.01, cases.len()));
@@ -225,7 +233,10 @@ mod tests {
             let turn = |d: Vec3| Vec3::new(d.x, d.y, -d.z);
             let forward = transmission(o, i, alpha, eta).0 / i.z.abs();
             let backward = transmission(turn(i), turn(o), alpha, 1.0 / eta).0 / o.z;
-            assert!(forward > 0.0 && (backward / forward / (eta * eta) - 1.0).abs() < 1e-4, "{forward} {backward}");
+            assert!(
+                forward > 0.0 && (backward / forward / (eta * eta) - 1.0).abs() < 1e-4,
+                "{forward} {backward}"
+            );
             let forward = table.diffuse(false, o, i, alpha) / i.z.abs();
             let backward = table.diffuse(true, turn(i), turn(o), alpha) / o.z;
             assert!((backward / forward / (eta * eta) - 1.0).abs() < 1e-4, "{forward} {backward}");

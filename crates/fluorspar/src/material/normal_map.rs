@@ -56,7 +56,11 @@ impl NormalMap {
         for (index, pixel) in rgb.chunks_exact(3).enumerate() {
             let normal = Vec3::new(2.0 * pixel[0] - 1.0, 2.0 * pixel[1] - 1.0, 2.0 * pixel[2] - 1.0);
             if !(normal.z > 0.0 && normal.is_finite()) {
-                return Err(NormalMapError::Inward { col: index % width, row: index / width, blue: pixel[2] });
+                return Err(NormalMapError::Inward {
+                    col: index % width,
+                    row: index / width,
+                    blue: pixel[2],
+                });
             }
             normals.push(Vec3::new(normal.x * strength, normal.y * strength, normal.z).normalize());
         }
@@ -70,8 +74,9 @@ impl NormalMap {
         let (x0, y0) = (x.floor(), y.floor());
         let (fx, fy) = (x - x0, y - y0);
         let wrap = |i: f32, n: usize| (i as i64).rem_euclid(n as i64) as usize;
-        let pixel =
-            |dx: f32, dy: f32| self.normals[wrap(y0 + dy, self.height) * self.width + wrap(x0 + dx, self.width)];
+        let pixel = |dx: f32, dy: f32| {
+            self.normals[wrap(y0 + dy, self.height) * self.width + wrap(x0 + dx, self.width)]
+        };
         let top = pixel(0.0, 0.0) * (1.0 - fx) + pixel(1.0, 0.0) * fx;
         let bottom = pixel(0.0, 1.0) * (1.0 - fx) + pixel(1.0, 1.0) * fx;
         (top * (1.0 - fy) + bottom * fy).normalize()
@@ -89,7 +94,10 @@ mod tests {
         let tilted = NormalMap::from_rgb(1, 1, &[1.0, 0.5, 1.0], 1.0).unwrap().at(Vec2::ZERO);
         assert!((tilted - Vec3::new(1.0, 0.0, 1.0).normalize()).length() < 1e-6);
         assert_eq!(NormalMap::from_rgb(1, 1, &[1.0, 0.5, 1.0], 0.0).unwrap().at(Vec2::ZERO), Vec3::Z);
-        assert!(matches!(NormalMap::from_rgb(1, 1, &[0.5, 0.5, 0.4], 1.0), Err(NormalMapError::Inward { .. })));
+        assert!(matches!(
+            NormalMap::from_rgb(1, 1, &[0.5, 0.5, 0.4], 1.0),
+            Err(NormalMapError::Inward { .. })
+        ));
         assert!(matches!(NormalMap::from_rgb(2, 1, &[0.5; 3], 1.0), Err(NormalMapError::Size { .. })));
     }
 }

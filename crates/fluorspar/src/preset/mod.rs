@@ -26,7 +26,7 @@ pub use curve_preset::{
     CurveFit, CurvePreset, CurveQuantity, QuantumEfficiencyPreset, filter, light_spectrum,
     quantum_efficiency, reflectance,
 };
-pub use metal_preset::{MetalPreset, metal};
 pub use fluorophore_preset::{FluorophoreFit, FluorophoreMask, FluorophorePreset, fluorophore};
+pub use metal_preset::{MetalPreset, metal};
 pub(crate) use text_preset::sensor_text;
 pub use text_preset::{ExperimentPreset, SensorPreset, experiment, sample, sensor};

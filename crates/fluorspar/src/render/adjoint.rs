@@ -10,7 +10,6 @@
 //! Fluorescence counts as if all light of the lamps came back: each component is judged on its own scale, and paths do
 //! not depend on concentrations.
 
-use super::compiled_scene::Source;
 use super::fluorescence_operator::FluorescenceOperator;
 use super::scattering::Scattering;
 use crate::scene::Scene;
@@ -48,18 +47,14 @@ impl Importance {
 }
 
 impl AdjointModel {
-    pub(super) fn new(scene: &Scene, sources: &[Source]) -> Self {
+    /// From the spectrum of the light of each group, on any scale.
+    pub(super) fn new(scene: &Scene, lamps: &[Option<Curve>]) -> Self {
         let (start, end) = (scene.grid.start_nm(), scene.grid.end_nm());
         let edges: Vec<f64> = (0..=BINS).map(|i| start + (end - start) * i as f64 / BINS as f64).collect();
         let grid = WavelengthGrid::from_edges(&edges).ok();
         let mut model = Self { grid, lamps: Vec::new(), emission: Vec::new(), fluorescence: Vec::new() };
-        for group in 0..scene.light_groups.len() {
-            let mut lamp = [0.0; BINS];
-            for source in sources.iter().filter(|source| source.group == group) {
-                let spectrum = model.coarse(&source.curve);
-                lamp.iter_mut().zip(spectrum).for_each(|(sum, value)| *sum += value);
-            }
-            if let Some(shares) = normalised(lamp) {
+        for lamp in lamps.iter().flatten() {
+            if let Some(shares) = normalised(model.coarse(lamp)) {
                 model.lamps.push(shares);
             }
         }
@@ -80,7 +75,11 @@ impl AdjointModel {
                 }
                 sum
             };
-            let best = model.lamps.iter().map(emitted).max_by(|a, b| a.iter().sum::<f32>().total_cmp(&b.iter().sum()));
+            let best = model
+                .lamps
+                .iter()
+                .map(emitted)
+                .max_by(|a, b| a.iter().sum::<f32>().total_cmp(&b.iter().sum()));
             let total = best.map_or(0.0, |emission| emission.iter().sum::<f32>());
             if total > 0.0 {
                 matrix.iter_mut().flatten().for_each(|value| *value /= total);
@@ -171,7 +170,8 @@ mod tests {
 
     /// A lamp at 390 nm and a dye that turns it into 640 nm, with a yield of a thousandth.
     fn model() -> AdjointModel {
-        let term = SeparableTerm { excitation: band(390.0).scaled(1e-3), emission: band(640.0).scaled(1.0 / 37.6) };
+        let term =
+            SeparableTerm { excitation: band(390.0).scaled(1e-3), emission: band(640.0).scaled(1.0 / 37.6) };
         let scene = Scene {
             grid: WavelengthGrid::uniform(352.5, 747.5, 5.0).unwrap(),
             objects: Vec::new(),
@@ -188,8 +188,7 @@ mod tests {
             lights: Vec::new(),
             camera: PerspectiveCamera::look_at(Vec3::Z, Vec3::ZERO, Vec3::Y, 50.0, 4, 4).unwrap(),
         };
-        let lamp = Source { group: 0, curve: band(390.0), bands: Default::default(), exitance: Vec::new() };
-        AdjointModel::new(&scene, &[lamp])
+        AdjointModel::new(&scene, &[Some(band(390.0))])
     }
 
     /// One bounce with a reflectance per coarse bin; a fluorescent surface takes part with its whole irradiance.

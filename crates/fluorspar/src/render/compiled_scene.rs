@@ -13,6 +13,7 @@ use crate::material::{
     CoatAlbedo, ConductorReflectance, DielectricAlbedo, NormalMap, ScalarTexture, Scattering,
 };
 use crate::sampling::hash_u64;
+use crate::scene::irradiance::{DirectLight, SurfacePoint, direct_light, sum_of_spectra};
 use crate::scene::{Scene, Shape};
 use crate::spectral::{Curve, Reflectance};
 
@@ -321,7 +322,12 @@ impl<'a> CompiledScene<'a> {
             .map(|group| (0..lights.len()).filter(|&l| lights[l].group == group).collect())
             .collect();
 
-        let adjoint = AdjointModel::new(scene, &sources);
+        let bvh = TriangleBvh::build(&positions, &triangles)?;
+        let lamps = {
+            let corners = |triangle: u32| triangles[triangle as usize].map(|v| positions[v as usize]);
+            group_lamps(scene, &points_in_view(scene, &bvh, corners, &triangle_object, &shapes))
+        };
+        let adjoint = AdjointModel::new(scene, &lamps);
         let mut coats: Vec<Arc<CoatAlbedo>> = Vec::new();
         let mut dielectrics: Vec<Arc<DielectricAlbedo>> = Vec::new();
         let mut metals: Vec<ConductorReflectance> = Vec::new();
@@ -336,13 +342,19 @@ impl<'a> CompiledScene<'a> {
                 let (scattering, reflectance, coarse_reflectance) = match &material.scattering {
                     Scattering::Diffuse => (
                         CompiledScattering::Diffuse,
-                        material.reflectance.iter().map(|t| (on_bands(&t.spectrum), t.weight.clone())).collect(),
+                        material
+                            .reflectance
+                            .iter()
+                            .map(|t| (on_bands(&t.spectrum), t.weight.clone()))
+                            .collect(),
                         material.reflectance.iter().map(|term| adjoint.coarse(&term.spectrum)).collect(),
                     ),
                     Scattering::Dielectric(glass) => {
                         let index = glass.refractive_index;
-                        let table =
-                            dielectrics.iter().position(|d| d.refractive_index() == index).unwrap_or_else(|| {
+                        let table = dielectrics
+                            .iter()
+                            .position(|d| d.refractive_index() == index)
+                            .unwrap_or_else(|| {
                                 dielectrics.push(DielectricAlbedo::shared(index));
                                 dielectrics.len() - 1
                             });
@@ -358,18 +370,15 @@ impl<'a> CompiledScene<'a> {
                         let centres = grid.centers_nm();
                         let coarse = |term: &Vec<f32>| {
                             let values = term.iter().map(|&f| f64::from(f)).collect();
-                            Curve::new(centres.clone(), values).map_or([0.0; BINS], |curve| adjoint.coarse(&curve))
+                            Curve::new(centres.clone(), values)
+                                .map_or([0.0; BINS], |curve| adjoint.coarse(&curve))
                         };
                         let terms: Vec<(Vec<f32>, ScalarTexture)> =
                             metal.basis().iter().map(|term| (term.clone(), uniform.clone())).collect();
                         let coarse = metal.basis().iter().map(coarse).collect();
                         metals.push(metal);
                         let roughness = conductor.roughness.clone();
-                        (
-                            CompiledScattering::Conductor { metal: metals.len() - 1, roughness },
-                            terms,
-                            coarse,
-                        )
+                        (CompiledScattering::Conductor { metal: metals.len() - 1, roughness }, terms, coarse)
                     }
                     Scattering::Mix { first, second, amount } => (
                         CompiledScattering::Mix { first: *first, second: *second, amount: amount.clone() },
@@ -415,9 +424,9 @@ impl<'a> CompiledScene<'a> {
             cutouts.clear();
         }
 
-        let lamp_operators = (0..scene.light_groups.len())
-            .map(|group| {
-                let lamp = group_lamp(&sources, group);
+        let lamp_operators = lamps
+            .iter()
+            .map(|lamp| {
                 scene
                     .fluorophores
                     .iter()
@@ -442,7 +451,7 @@ impl<'a> CompiledScene<'a> {
             scene,
             bands: grid.len(),
             clearance: (1e-6 * reach.max(shape_reach)).max(1e-9),
-            bvh: TriangleBvh::build(&positions, &triangles)?,
+            bvh,
             positions,
             normals,
             uvs,
@@ -596,18 +605,74 @@ fn chance(origin: Vec3, direction: Vec3, t: f32) -> f32 {
     (hash >> 40) as f32 / 16_777_216.0
 }
 
-/// Sum of all lamp spectra of a group: its shape weights excitation within a bin.
-fn group_lamp(sources: &[Source], group: usize) -> Option<Curve> {
-    let curves: Vec<&Curve> = sources.iter().filter(|s| s.group == group).map(|s| &s.curve).collect();
-    match curves.as_slice() {
-        [] => None,
-        [only] => Some((*only).clone()),
-        many => {
-            let start = many.iter().map(|c| c.range_nm().0).fold(f64::INFINITY, f64::min);
-            let end = many.iter().map(|c| c.range_nm().1).fold(f64::NEG_INFINITY, f64::max);
-            Some(Curve::from_fn(start, end, |nm| many.iter().map(|c| c.at(nm)).sum()))
+/// Rays along each side of the image whose hits stand for the scene when lamps are weighed against each other.
+const VIEW_RAYS: usize = 12;
+
+/// Places that the camera sees, on its side: those that fluoresce, or all if none does. Holes and lamps are looked
+/// through.
+fn points_in_view(
+    scene: &Scene,
+    bvh: &TriangleBvh,
+    corners: impl Fn(u32) -> [Vec3; 3],
+    triangle_object: &[u32],
+    shapes: &[CompiledShape],
+) -> Vec<SurfacePoint> {
+    let camera = &scene.camera;
+    let step = |i: usize, side: usize| (i as f32 + 0.5) / VIEW_RAYS as f32 * side as f32;
+    let hits: Vec<(usize, SurfacePoint)> = (0..VIEW_RAYS * VIEW_RAYS)
+        .filter_map(|i| {
+            let (origin, direction) =
+                camera.ray(step(i % VIEW_RAYS, camera.width), step(i / VIEW_RAYS, camera.height));
+            let ray = Ray { origin, direction, t_min: 0.0, t_max: f32::INFINITY };
+            let mut nearest = bvh.closest(&ray).map(|hit| {
+                let [a, b, c] = corners(hit.triangle);
+                (hit.t, triangle_object[hit.triangle as usize] as usize, (b - a).cross(c - a))
+            });
+            for shape in shapes {
+                let limit = nearest.map_or(f32::INFINITY, |(t, ..)| t);
+                if let Some(t) = shape.shape.intersect(origin, direction, limit) {
+                    let normal = match &shape.shape {
+                        AnalyticShape::Sphere { center, .. } => origin + direction * t - *center,
+                        AnalyticShape::Disc { normal, .. } => *normal,
+                    };
+                    nearest = Some((t, shape.object, normal));
+                }
+            }
+            let (t, object, normal) = nearest?;
+            let normal = normal.as_dvec3().try_normalize()?;
+            let normal = if normal.dot(direction.as_dvec3()) > 0.0 { -normal } else { normal };
+            Some((object, SurfacePoint { position: (origin + direction * t).as_dvec3(), normal }))
+        })
+        .collect();
+    let fluoresces = |object: usize| {
+        let mut parts = vec![scene.objects[object].material];
+        while let Some(part) = parts.pop() {
+            let material = &scene.materials[part];
+            match &material.scattering {
+                Scattering::Mix { first, second, .. } => parts.extend([*first, *second]),
+                Scattering::TwoSided { front, back } => parts.extend([*front, *back]),
+                _ if !material.fluorophores.is_empty() => return true,
+                _ => {}
+            }
         }
-    }
+        false
+    };
+    let any = hits.iter().any(|(object, _)| fluoresces(*object));
+    hits.into_iter().filter(|(object, _)| !any || fluoresces(*object)).map(|(_, point)| point).collect()
+}
+
+/// For every group the spectrum of its light, lamps of all kinds weighed by the irradiance that they throw on the
+/// points: its shape weights excitation within a bin. Where no lamp reaches any point, all count the same.
+fn group_lamps(scene: &Scene, points: &[SurfacePoint]) -> Vec<Option<Curve>> {
+    let parts = direct_light(scene, points);
+    (0..scene.light_groups.len())
+        .map(|group| {
+            let of_group = || parts.iter().filter(|part| part.group == group);
+            let dark = of_group().all(|part| part.factor <= 0.0);
+            let weight = |part: &DirectLight<'_>| if dark { 1.0 } else { part.factor };
+            sum_of_spectra(of_group().map(|part| (part.spectrum.clone(), weight(part))))
+        })
+        .collect()
 }
 
 impl AnalyticShape {

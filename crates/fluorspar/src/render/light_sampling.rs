@@ -287,7 +287,8 @@ impl CompiledScene<'_> {
             let (sin_phi, cos_phi) = (2.0 * PI * u[1]).sin_cos();
             let (t0, t1) = warp::tangents(axis);
             let direction = (t0 * cos_phi + t1 * sin_phi) * sin2.sqrt() + axis * (1.0 - drop);
-            let distance = (1.0 - drop) * distance2.sqrt() - (radius * radius - sin2 * distance2).max(0.0).sqrt();
+            let distance =
+                (1.0 - drop) * distance2.sqrt() - (radius * radius - sin2 * distance2).max(0.0).sqrt();
             let pdf = choice / (2.0 * PI * drop_max);
             return Some(LightSample { light, direction, distance, scale, pdf, delta: false, pixel: 0 });
         }

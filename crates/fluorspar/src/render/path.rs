@@ -137,8 +137,9 @@ impl CompiledScene<'_> {
             // Light may come from either side of a clear body.
             let light_normal = if bsdf.transmits() { Vec3::ZERO } else { point.shading };
             // A direction that the shading and the geometric normal put on different sides carries nothing.
-            let is_consistent =
-                |world: Vec3, local: Vec3| world.dot(point.geometric) * local.z > 0.0 && (local.z > 0.0 || bsdf.transmits());
+            let is_consistent = |world: Vec3, local: Vec3| {
+                world.dot(point.geometric) * local.z > 0.0 && (local.z > 0.0 || bsdf.transmits())
+            };
 
             let bands = self.bands;
             let vertex = path.next_vertex(self.sources.len());
@@ -195,7 +196,8 @@ impl CompiledScene<'_> {
             }
 
             // Continue the path.
-            let Some(ScatteringSample { incident, scattering: s, delta }) = bsdf.sample(choice, [u0, u1]) else {
+            let Some(ScatteringSample { incident, scattering: s, delta }) = bsdf.sample(choice, [u0, u1])
+            else {
                 return;
             };
             let world = point.to_world(incident).normalize();

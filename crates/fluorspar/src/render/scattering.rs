@@ -7,7 +7,7 @@ use std::f32::consts::PI;
 
 use glam::{Vec2, Vec3};
 
-use super::compiled_scene::{CompiledMaterial, CompiledScene, CompiledScattering};
+use super::compiled_scene::{CompiledMaterial, CompiledScattering, CompiledScene};
 use crate::material::conductor::{mirror_lobe, white_microfacets};
 use crate::material::{
     AlbedoTable, CoatAlbedo, ConductorReflectance, DielectricAlbedo, MIN_ROUGHNESS, coat, dielectric,
@@ -103,7 +103,13 @@ impl CompiledScene<'_> {
     }
 
     /// A material that is no mixture, seen from `outgoing` on the front or on the back.
-    pub(super) fn bsdf<'a>(&'a self, material: &'a CompiledMaterial, uv: Vec2, front: bool, outgoing: Vec3) -> Bsdf<'a> {
+    pub(super) fn bsdf<'a>(
+        &'a self,
+        material: &'a CompiledMaterial,
+        uv: Vec2,
+        front: bool,
+        outgoing: Vec3,
+    ) -> Bsdf<'a> {
         let fluoresces = !material.fluorophores.is_empty();
         let rough = |alpha: f32| (alpha >= MIN_ROUGHNESS).then_some(alpha.min(1.0));
         let (form, cosine_probability) = match &material.scattering {
@@ -111,13 +117,15 @@ impl CompiledScene<'_> {
                 let (table, alpha) = (&self.dielectrics[*table], rough(roughness.at(uv)));
                 let index = table.refractive_index();
                 let eta = if front { index } else { 1.0 / index };
-                let lost = alpha.map_or(0.0, |alpha| table.loss(!front, outgoing.z, alpha).0.max(LEAST_COSINE));
+                let lost =
+                    alpha.map_or(0.0, |alpha| table.loss(!front, outgoing.z, alpha).0.max(LEAST_COSINE));
                 let share = if fluoresces { FLUORESCENT_SHARE } else { 0.0 };
                 (Form::Dielectric { table, alpha, inside: !front, eta, fluoresces }, lost.max(share))
             }
             CompiledScattering::Conductor { metal, roughness } => {
                 let alpha = rough(roughness.at(uv));
-                let lost = alpha.map_or(0.0, |a| (1.0 - white_microfacets().at(outgoing.z, a).0).max(LEAST_COSINE));
+                let lost =
+                    alpha.map_or(0.0, |a| (1.0 - white_microfacets().at(outgoing.z, a).0).max(LEAST_COSINE));
                 let share = if fluoresces { FLUORESCENT_SHARE } else { 0.0 };
                 let metal = &self.metals[*metal];
                 let viewer = metal.viewer(outgoing.z);
@@ -162,7 +170,9 @@ impl Bsdf<'_> {
         }
         let lambert = incident.z.abs() / PI;
         match &self.form {
-            Form::Lambertian => Scattering { diffuse: lambert, fluorescent: lambert, gloss: 0.0, pdf: lambert },
+            Form::Lambertian => {
+                Scattering { diffuse: lambert, fluorescent: lambert, gloss: 0.0, pdf: lambert }
+            }
             Form::Coated { table, alpha, pass_out, mean } => {
                 let pass_in = 1.0 - table.at(incident.z, *alpha).0;
                 Scattering {
@@ -205,11 +215,13 @@ impl Bsdf<'_> {
                     return Scattering { diffuse: 0.0, fluorescent, gloss: 0.0, pdf };
                 };
                 let half = (outgoing + incident).normalize_or_zero();
-                let (pdf, lobe) = if half.z > 0.0 { mirror_lobe(outgoing, incident, half, alpha) } else { (0.0, 0.0) };
+                let (pdf, lobe) =
+                    if half.z > 0.0 { mirror_lobe(outgoing, incident, half, alpha) } else { (0.0, 0.0) };
                 let (a, b) = metal.at_angle(*viewer, outgoing.dot(half));
                 let (albedo_o, mean) = white.at(outgoing.z, alpha);
                 let albedo_i = white.at(incident.z, alpha).0;
-                let multiple = lambert * (1.0 - albedo_o).max(0.0) * (1.0 - albedo_i).max(0.0) / (1.0 - mean).max(1e-6);
+                let multiple =
+                    lambert * (1.0 - albedo_o).max(0.0) * (1.0 - albedo_i).max(0.0) / (1.0 - mean).max(1e-6);
                 let (c, d) = metal.multiple(*viewer, alpha);
                 Scattering {
                     diffuse: lobe * a + multiple * c,
@@ -240,7 +252,9 @@ impl Bsdf<'_> {
             Form::Dielectric { alpha: Some(alpha), eta, .. } => {
                 self.drawn(dielectric::sample(outgoing, *alpha, *eta, choice, u)?)
             }
-            Form::Conductor { alpha: Some(alpha), .. } => self.drawn(coat::sample(outgoing, *alpha, u)?.incident),
+            Form::Conductor { alpha: Some(alpha), .. } => {
+                self.drawn(coat::sample(outgoing, *alpha, u)?.incident)
+            }
             Form::Dielectric { alpha: None, eta, .. } => {
                 let reflected = coat::fresnel(outgoing.z, *eta);
                 let mut scattering = Scattering::default();
@@ -258,7 +272,8 @@ impl Bsdf<'_> {
             }
             Form::Conductor { metal, viewer, alpha: None, .. } => {
                 let (a, b) = metal.at_angle(*viewer, outgoing.z);
-                let scattering = Scattering { diffuse: a, fluorescent: 0.0, gloss: b, pdf: specular_probability };
+                let scattering =
+                    Scattering { diffuse: a, fluorescent: 0.0, gloss: b, pdf: specular_probability };
                 let incident = Vec3::new(-outgoing.x, -outgoing.y, outgoing.z);
                 Some(ScatteringSample { incident, scattering, delta: true })
             }
@@ -274,7 +289,9 @@ impl Bsdf<'_> {
     fn transmitted_share(&self) -> f32 {
         match &self.form {
             Form::Dielectric { fluoresces: true, .. } | Form::Dielectric { alpha: None, .. } => 0.5,
-            Form::Dielectric { table, inside, alpha: Some(alpha), .. } => table.transmitted_share(*inside, *alpha),
+            Form::Dielectric { table, inside, alpha: Some(alpha), .. } => {
+                table.transmitted_share(*inside, *alpha)
+            }
             _ => 0.0,
         }
     }

@@ -39,7 +39,12 @@ impl SurfacePoint {
 
     /// Turns the shading normal to one given in the frame of the texture coordinates (x along u, y along v), for a
     /// viewer in the direction `outgoing`. Where the viewer would see it from behind, the normal stays as it was.
-    pub(super) fn apply_normal_map(&mut self, normal: Vec3, (along_u, along_v): (Vec3, Vec3), outgoing: Vec3) {
+    pub(super) fn apply_normal_map(
+        &mut self,
+        normal: Vec3,
+        (along_u, along_v): (Vec3, Vec3),
+        outgoing: Vec3,
+    ) {
         let project = |v: Vec3| (v - self.shading * v.dot(self.shading)).try_normalize();
         let Some(u) = project(along_u) else { return };
         let across = self.shading.cross(u);

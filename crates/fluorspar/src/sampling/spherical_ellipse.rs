@@ -44,7 +44,8 @@ impl SphericalEllipse {
         // Through the eye, across the disc: towards its centre.
         let lateral = offset - up * height;
         let distance = lateral.length();
-        let side = if distance > 1e-6 * radius { lateral / distance } else { crate::sampling::warp::tangents(up).0 };
+        let side =
+            if distance > 1e-6 * radius { lateral / distance } else { crate::sampling::warp::tangents(up).0 };
         let (near, far) = (distance - radius, distance + radius);
         let (near_length, far_length) = (near.hypot(height), far.hypot(height));
         // Bisector of the directions to the near and the far edge, and half the angle between them.

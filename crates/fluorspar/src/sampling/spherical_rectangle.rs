@@ -52,8 +52,7 @@ impl SphericalRectangle {
         let (n0, n1) = (-y0 / y0.hypot(z0), x1 / x1.hypot(z0));
         let (n2, n3) = (y1 / y1.hypot(z0), -x0 / x0.hypot(z0));
         let angle = |a: f64, b: f64| (-a * b).clamp(-1.0, 1.0).acos();
-        let (g0, g1, g2, g3) =
-            (angle(n0, n1), angle(n1, n2), angle(n2, n3), angle(n3, n0));
+        let (g0, g1, g2, g3) = (angle(n0, n1), angle(n1, n2), angle(n2, n3), angle(n3, n0));
         let k = 2.0 * PI - g2 - g3;
         let solid_angle = g0 + g1 - k;
         (solid_angle > SMALLEST_SR).then_some(Self {
@@ -110,7 +109,8 @@ mod tests {
     fn the_solid_angle_of_a_square_on_its_axis() {
         for (a, h) in [(0.5, 1.0), (1.0, 0.01), (0.001, 1.0), (0.0005, 2.0)] {
             let corner = Vec3::new(-a, -a, h);
-            let seen = SphericalRectangle::new(corner, Vec3::X * 2.0 * a, Vec3::Y * 2.0 * a, Vec3::ZERO).unwrap();
+            let seen =
+                SphericalRectangle::new(corner, Vec3::X * 2.0 * a, Vec3::Y * 2.0 * a, Vec3::ZERO).unwrap();
             let (a, h) = (f64::from(a), f64::from(h));
             let expected = 4.0 * (a * a / (a * a + h * h)).asin();
             assert!((f64::from(seen.solid_angle()) / expected - 1.0).abs() < 1e-5, "{seen:?} {expected}");
@@ -135,8 +135,12 @@ mod tests {
             let expected: Vec<f64> = (0..SIDE * SIDE)
                 .map(|cell| {
                     let (row, col) = ((cell / SIDE) as f32 / SIDE as f32, (cell % SIDE) as f32 / SIDE as f32);
-                    let part =
-                        SphericalRectangle::new(corner + u * col + v * row, u / SIDE as f32, v / SIDE as f32, eye);
+                    let part = SphericalRectangle::new(
+                        corner + u * col + v * row,
+                        u / SIDE as f32,
+                        v / SIDE as f32,
+                        eye,
+                    );
                     100_000.0 * f64::from(part.unwrap().solid_angle() / seen.solid_angle())
                 })
                 .collect();

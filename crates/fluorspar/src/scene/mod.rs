@@ -1,8 +1,9 @@
 //! A scene: objects, materials, fluorophores, lights and the camera that looks at them.
 
 mod check;
+pub(crate) mod irradiance;
 
-pub use check::{SceneError, SceneWarning};
+pub use check::{EmissionOutsideData, ExcitationOutsideData, LightOutsideGrid, SceneError, SceneWarning};
 
 use std::sync::Arc;
 

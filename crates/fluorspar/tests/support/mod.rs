@@ -144,8 +144,17 @@ pub(crate) fn bumps() -> NormalMap {
 }
 
 /// Lamps of every shape for the box of [`lit_box`], by name.
-pub(crate) const LAMPS: [&str; 9] =
-    ["disc", "rectangle", "narrow rectangle", "sphere", "sky", "lamps and sky", "bright mesh", "bright ball", "bright disc"];
+pub(crate) const LAMPS: [&str; 9] = [
+    "disc",
+    "rectangle",
+    "narrow rectangle",
+    "sphere",
+    "sky",
+    "lamps and sky",
+    "bright mesh",
+    "bright ball",
+    "bright disc",
+];
 
 /// Materials of the things in the box of [`lit_box`], by name.
 pub(crate) const MATERIALS: [&str; 10] = [
@@ -176,7 +185,8 @@ pub(crate) fn lit_box(lamp: &str, material: &str, concentration: f32) -> Scene {
         let k = Curve::new(vec![200.0, 560.0, 620.0, 1200.0], vec![2.2, 2.6, 3.3, 5.0]).unwrap();
         (n, k)
     };
-    scene.materials = vec![white, floor, with_dyes(coated(0.3, 0.3), &dyes), Material::lambertian("grey", flat(0.3))];
+    scene.materials =
+        vec![white, floor, with_dyes(coated(0.3, 0.3), &dyes), Material::lambertian("grey", flat(0.3))];
     let thing = match material {
         "lambertian" => with_dyes(Material::lambertian("thing", flat(0.5)), &dyes),
         "coated" => with_dyes(coated(0.5, 0.25), &dyes),
@@ -205,7 +215,11 @@ pub(crate) fn lit_box(lamp: &str, material: &str, concentration: f32) -> Scene {
         object("back", quad(low, x, y), 0),
         object("left", quad(low, y, z), 0),
         object("ball", Shape::Sphere { center: Vec3::new(0.35, -0.5, 0.2), radius_m: 0.45 }, thing),
-        object("plate", quad(Vec3::new(-0.9, -0.6, 0.1), Vec3::new(0.8, 0.0, 0.2), Vec3::new(0.0, 0.7, -0.3)), thing),
+        object(
+            "plate",
+            quad(Vec3::new(-0.9, -0.6, 0.1), Vec3::new(0.8, 0.0, 0.2), Vec3::new(0.0, 0.7, -0.3)),
+            thing,
+        ),
     ];
     let blue = gaussian(390.0, 15.0, 1.0);
     let disc = Emitter::Disc {
@@ -238,7 +252,9 @@ pub(crate) fn lit_box(lamp: &str, material: &str, concentration: f32) -> Scene {
             scene.lights.push(light(flat(1.0), patchy_sky(0.1)));
             scene.lights.push(light(gaussian(550.0, 40.0, 0.02), Emitter::Environment));
         }
-        "bright mesh" => scene.objects.push(bright("lamp", quad(Vec3::new(-0.6, 0.9, -0.5), x * 0.6, z * 0.5))),
+        "bright mesh" => {
+            scene.objects.push(bright("lamp", quad(Vec3::new(-0.6, 0.9, -0.5), x * 0.6, z * 0.5)))
+        }
         "bright ball" => {
             let ball = Shape::Sphere { center: Vec3::new(-0.3, 0.6, 0.4), radius_m: 0.35 };
             scene.objects.push(bright("lamp", ball));
@@ -264,7 +280,9 @@ pub(crate) fn band_mean(image: &ComponentImage, component: usize, band: usize) -
 
 /// Renders with other seeds, as independent measurements.
 pub(crate) fn repeat(scene: &Scene, runs: u64, settings: &RenderSettings) -> Vec<ComponentImage> {
-    (0..runs).map(|i| run(scene, &RenderSettings { seed: 1000 * settings.seed + i, ..settings.clone() })).collect()
+    (0..runs)
+        .map(|i| run(scene, &RenderSettings { seed: 1000 * settings.seed + i, ..settings.clone() }))
+        .collect()
 }
 
 /// Compares the mean of every component and band over two sets of independent renders by Welch's t-test. All tests of
@@ -328,7 +346,9 @@ fn save_difference_picture(path: &Path, a: &[ComponentImage], b: &[ComponentImag
     let at = |images: &[ComponentImage], pixel: usize| {
         let sums: Vec<f64> = images
             .iter()
-            .map(|i| i.component(component)[pixel * bands..(pixel + 1) * bands].iter().map(|&v| f64::from(v)).sum())
+            .map(|i| {
+                i.component(component)[pixel * bands..(pixel + 1) * bands].iter().map(|&v| f64::from(v)).sum()
+            })
             .collect();
         MeanEstimate::of(&sums)
     };

@@ -99,6 +99,11 @@ fn check_fields(context: &Context<'_>, at: &[Step], section: &LightSection) -> R
         ("position_mm", section.position_mm.is_some(), &[Ring, Disc, Rectangle, Sphere, Point][..], &[][..]),
         ("half_angle_deg", section.half_angle_deg.is_some(), &[Ring, Disc, Rectangle, Point][..], &[][..]),
     ];
+    let aims: &[LightType] = &[Ring, Disc, Rectangle, Point, Distant];
+    let given = given.into_iter().chain([
+        ("direction", section.direction.is_some(), aims, &[][..]),
+        ("look_at_mm", section.look_at_mm.is_some(), aims, &[][..]),
+    ]);
     let name = kind_name(section.kind);
     for (field, is_given, allowed, needed) in given {
         if is_given && !allowed.contains(&section.kind) {
@@ -120,7 +125,28 @@ fn check_fields(context: &Context<'_>, at: &[Step], section: &LightSection) -> R
         return context.fail(&at, "the values of a spectral map are absolute; remove this field");
     }
     if section.map_rotation_deg.is_some() && section.map.is_none() {
-        return context.fail(&[at, &steps!["map_rotation_deg"]].concat(), "there is no `map` to turn; give one");
+        return context
+            .fail(&[at, &steps!["map_rotation_deg"]].concat(), "there is no `map` to turn; give one");
+    }
+    if section.kind == Environment && section.frame == LightFrame::Camera {
+        let at = [at, &steps!["frame"]].concat();
+        return context.fail(&at, "an environment is the same from everywhere; remove the frame");
+    }
+    if section.power_mw.is_some() && section.at_distance_mm.is_some() {
+        let at = [at, &steps!["at_distance_mm"]].concat();
+        let message = "goes with irradiance_w_per_m2, not with power_mw; remove one of the two";
+        return context.fail(&at, message);
+    }
+    if section.kind == Point
+        && section.half_angle_deg.is_none()
+        && let Some(field) = [("direction", section.direction), ("look_at_mm", section.look_at_mm)]
+            .into_iter()
+            .find_map(|(field, value)| value.map(|_| field))
+    {
+        let at = [at, &steps![field]].concat();
+        let message =
+            "a point without half_angle_deg shines evenly all around; remove this, or add half_angle_deg";
+        return context.fail(&at, message);
     }
     if section.direction.is_some() && section.look_at_mm.is_some() {
         let at = [at, &steps!["look_at_mm"]].concat();
@@ -135,7 +161,11 @@ fn is_spectral_map(section: &LightSection) -> bool {
 }
 
 /// The map of an environment.
-fn environment_map(context: &mut Context<'_>, at: &[Step], section: &LightSection) -> Resolved<Option<EnvironmentMap>> {
+fn environment_map(
+    context: &mut Context<'_>,
+    at: &[Step],
+    section: &LightSection,
+) -> Resolved<Option<EnvironmentMap>> {
     let Some(file) = &section.map else { return Ok(None) };
     let at = [at, &steps!["map"]].concat();
     let rotation_deg = section.map_rotation_deg.unwrap_or(0.0);
@@ -147,14 +177,19 @@ fn environment_map(context: &mut Context<'_>, at: &[Step], section: &LightSectio
     }
     context.note_input(&at, file)?;
     let (width, height, layers) = if lower.ends_with(".png") {
-        let image = read_texture_png(file.as_ref(), Transfer::Linear).map_err(|e| context.file_error(&at, &e))?;
+        let image =
+            read_texture_png(file.as_ref(), Transfer::Linear).map_err(|e| context.file_error(&at, &e))?;
         let factors = image.data.chunks_exact(image.channels).map(grey).collect();
         let layer = EnvironmentLayer { spectrum: Curve::constant(1.0), factors };
         (image.width, image.height, vec![layer])
     } else {
-        let image = read_spectral_exr::<Radiance>(file.as_ref()).map_err(|e| context.file_error(&at, &e))?.image;
+        let image =
+            read_spectral_exr::<Radiance>(file.as_ref()).map_err(|e| context.file_error(&at, &e))?.image;
         if image.bands() > MOST_MAP_BANDS {
-            let message = format!("the map has {} bands, more than {MOST_MAP_BANDS}; average some of them", image.bands());
+            let message = format!(
+                "the map has {} bands, more than {MOST_MAP_BANDS}; average some of them",
+                image.bands()
+            );
             return context.fail(&at, message);
         }
         let layers = (0..image.bands())

@@ -5,15 +5,16 @@ use super::spectrum::Role;
 use crate::experiment::document::is_path;
 use crate::experiment::error::{Step, steps};
 use crate::experiment::schema::{
-    ExperimentFile, FluorophoreSection, MaterialSection, NormalMapSection, ReflectanceReference, SpectrumReference,
-    TextureReference, YieldUnit,
+    ExperimentFile, FluorophoreSection, MaterialSection, NormalMapSection, ReflectanceReference,
+    SpectrumReference, TextureReference, YieldUnit,
 };
 use crate::format::{
     AntiStokes, CsvColumns, CsvEemOptions, CsvSpectrumOptions, EemUnit, Negative, Transfer, read_eem_csv,
     read_fluorophore_csv, read_iset_fluorophore, read_texture_png,
 };
 use crate::material::{
-    Coat, Conductor, Dielectric, FluorophoreAmount, Material, NormalMap, ReflectanceTerm, ScalarTexture, Scattering,
+    Coat, Conductor, Dielectric, FluorophoreAmount, Material, NormalMap, ReflectanceTerm, ScalarTexture,
+    Scattering,
 };
 use crate::preset::{self, PresetKind, nearest_name};
 use crate::spectral::{
@@ -202,14 +203,17 @@ fn separable(
     emission: Curve,
     stokes: Stokes,
 ) -> Resolved<PhotonEem> {
-    let emission = match section.unit {
+    // Y_q(lo|li) = Y_e(lo|li) lo / li, for the product of two spectra as for a matrix.
+    let weighted = |curve: Curve, weight: fn(f64) -> f64| match section.unit {
         Some(YieldUnit::Energy) => {
-            let wavelengths = emission.wavelengths_nm().to_vec();
-            let values = emission.values().iter().zip(&wavelengths).map(|(value, nm)| value * nm).collect();
-            Curve::new(wavelengths, values).map_err(|error| context.error(at, error.to_string()))?
+            let wavelengths = curve.wavelengths_nm().to_vec();
+            let values =
+                curve.values().iter().zip(&wavelengths).map(|(value, nm)| value * weight(*nm)).collect();
+            Curve::new(wavelengths, values).map_err(|error| context.error(at, error.to_string()))
         }
-        _ => emission,
+        _ => Ok(curve),
     };
+    let (excitation, emission) = (weighted(excitation, |nm| 1.0 / nm)?, weighted(emission, |nm| nm)?);
     let area = emission.total();
     if !(area > 0.0 && excitation.max() > 0.0) {
         return context.fail(at, "the fluorophore emits nothing: a spectrum is zero everywhere");
@@ -339,15 +343,22 @@ fn scattering(
             );
         }
         1 => {}
-        _ => return context.fail(at, "give exactly one of reflectance, dielectric, conductor, mix, two_sided"),
+        _ => {
+            return context
+                .fail(at, "give exactly one of reflectance, dielectric, conductor, mix, two_sided");
+        }
     }
     if section.gloss.is_some() && section.reflectance.is_none() {
-        return context.fail(&below(steps!["gloss"]), "only a material with a `reflectance` has a gloss; remove it");
+        return context
+            .fail(&below(steps!["gloss"]), "only a material with a `reflectance` has a gloss; remove it");
     }
     let is_mixture = section.mix.is_some() || section.two_sided.is_some();
     if is_mixture && (!section.concentrations.is_empty() || section.normal_map.is_some()) {
         let key = if section.normal_map.is_some() { "normal_map" } else { "concentrations" };
-        return context.fail(&below(steps![key]), "a mixture has none of its own; give it to the materials it is made of");
+        return context.fail(
+            &below(steps![key]),
+            "a mixture has none of its own; give it to the materials it is made of",
+        );
     }
     if let Some(glass) = &section.dielectric {
         let index = glass.refractive_index;
@@ -357,8 +368,13 @@ fn scattering(
         }
         let roughness = context.texture(&below(steps!["dielectric", "roughness"]), &glass.roughness, 1.0)?;
         let transmittance_at = below(steps!["dielectric", "transmittance"]);
-        let transmittance = context.spectrum(&transmittance_at, &glass.transmittance, Role::Filter, 0.0, grid)?;
-        return Ok(Scattering::Dielectric(Dielectric { refractive_index: index as f32, roughness, transmittance }));
+        let transmittance =
+            context.spectrum(&transmittance_at, &glass.transmittance, Role::Filter, 0.0, grid)?;
+        return Ok(Scattering::Dielectric(Dielectric {
+            refractive_index: index as f32,
+            roughness,
+            transmittance,
+        }));
     }
     if let Some(metal) = &section.conductor {
         let roughness = context.texture(&below(steps!["conductor", "roughness"]), &metal.roughness, 1.0)?;
@@ -381,7 +397,9 @@ fn scattering(
                 };
                 (part("n", n)?, part("k", k)?)
             }
-            _ => return context.fail(&below(steps!["conductor"]), "give either `metal`, or both `n` and `k`"),
+            _ => {
+                return context.fail(&below(steps!["conductor"]), "give either `metal`, or both `n` and `k`");
+            }
         };
         return Ok(Scattering::Conductor(Conductor { n, k, roughness }));
     }
@@ -414,11 +432,13 @@ fn normal_map(context: &mut Context<'_>, at: &[Step], section: &NormalMapSection
     let strength = context.within(&strength_at, section.strength, [0.0, 10.0], "")? as f32;
     let at = [at, &steps!["image"]].concat();
     context.note_input(&at, &section.image)?;
-    let image = read_texture_png(section.image.as_ref(), Transfer::Linear).map_err(|e| context.file_error(&at, &e))?;
+    let image = read_texture_png(section.image.as_ref(), Transfer::Linear)
+        .map_err(|e| context.file_error(&at, &e))?;
     if image.channels < 3 {
         return context.fail(&at, "a normal map has red, green and blue; this picture is grey");
     }
-    let rgb: Vec<f32> = image.data.chunks_exact(image.channels).flat_map(|pixel| pixel[..3].to_vec()).collect();
+    let rgb: Vec<f32> =
+        image.data.chunks_exact(image.channels).flat_map(|pixel| pixel[..3].to_vec()).collect();
     NormalMap::from_rgb(image.width, image.height, &rgb, strength)
         .map_err(|error| context.error(&at, error.to_string()))
 }

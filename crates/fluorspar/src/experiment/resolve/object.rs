@@ -10,8 +10,8 @@ use super::spectrum::Role;
 use crate::anatomy::{MouthParameters, Tissue, generate_mouth};
 use crate::experiment::error::{Step, steps};
 use crate::experiment::schema::{
-    BoxShape, DiscShape, DisplacementSection, EmissionSection, ExperimentFile, MouthSection, ObjectSection, QuadShape,
-    SphereShape, TransformSection,
+    BoxShape, DiscShape, DisplacementSection, EmissionSection, ExperimentFile, MouthSection, ObjectSection,
+    QuadShape, SphereShape, TransformSection,
 };
 use crate::format::{read_obj, read_ply};
 use crate::geometry::TriangleMesh;
@@ -89,7 +89,10 @@ fn object(
         return context.fail(&field("unit_mm"), "only a mesh has a unit; remove it");
     }
     if section.displacement.is_some() && section.mesh.is_none() && section.quad.is_none() {
-        return context.fail(&field("displacement"), "only a mesh or a quad can be displaced; export the shape as a mesh");
+        return context.fail(
+            &field("displacement"),
+            "only a mesh or a quad can be displaced; export the shape as a mesh",
+        );
     }
     let (transform, scale) = match &section.transform {
         Some(transform) => affine(context, &field("transform"), transform)?,
@@ -174,7 +177,8 @@ fn displace(
     }
     let triangles = mesh.triangles.len() << (2 * section.subdivisions);
     if triangles > MOST_TRIANGLES {
-        let message = format!("{triangles} triangles are more than {MOST_TRIANGLES}; give fewer subdivisions");
+        let message =
+            format!("{triangles} triangles are more than {MOST_TRIANGLES}; give fewer subdivisions");
         return context.fail(&field("subdivisions"), message);
     }
     mesh.subdivide(section.subdivisions);
