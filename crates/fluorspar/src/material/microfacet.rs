@@ -160,14 +160,23 @@ fn roughness_coordinate(alpha: f32) -> f32 {
 fn directional_albedo(cos: f32, alpha: f32, weight: &impl Fn(Vec3, Vec3, f32) -> f32) -> f64 {
     const SIDE: usize = 48;
     let outgoing = Vec3::new((1.0 - cos * cos).max(0.0).sqrt(), 0.0, cos);
+    // Nodes crowd towards the edges of the square, which map to the steep facets of the distribution's long tail: at
+    // roughness 0.1 one in a hundred facets tilts by more than 45 degrees.
+    let node = |k: usize| {
+        let v = (k as f64 + 0.5) / SIDE as f64;
+        let weight = 30.0 * (v * (1.0 - v)).powi(2) / SIDE as f64;
+        ((v * v * v * (10.0 - 15.0 * v + 6.0 * v * v)) as f32, weight)
+    };
     let mut sum = 0.0;
     for i in 0..SIDE {
+        let (u, weight_u) = node(i);
         for j in 0..SIDE {
-            let u = [(i as f32 + 0.5) / SIDE as f32, (j as f32 + 0.5) / SIDE as f32];
-            sum += f64::from(weight(outgoing, sample_visible_normal(outgoing, alpha, u), alpha));
+            let (v, weight_v) = node(j);
+            let half = sample_visible_normal(outgoing, alpha, [u, v]);
+            sum += weight_u * weight_v * f64::from(weight(outgoing, half, alpha));
         }
     }
-    sum / (SIDE * SIDE) as f64
+    sum
 }
 
 /// Share of the light that meets a microfacet from `outgoing` and leaves towards `incident`: `G2 / G1(o)`; directions
