@@ -2,7 +2,7 @@
 
 use crate::analysis::{PixelSelection, SceneOnSensor};
 use crate::experiment::{Capture, ResolvedExperiment};
-use crate::scene::irradiance::{SurfacePoint, direct_light, sum_of_spectra};
+use crate::scene::irradiance::{self, SurfacePoint, direct_light, sum_of_spectra};
 use crate::sensor::CaptureFrame;
 use crate::spectral::Curve;
 
@@ -34,6 +34,15 @@ pub(crate) fn irradiance_on(
         .map(|part| (part.spectrum, part.factor * drive(part.group)))
         .filter(|(_, weight)| *weight > 0.0);
     sum_of_spectra(parts)
+}
+
+/// Spectrum of the light that one light group throws on a surface point, up to a factor: the irradiance where the camera's
+/// axis meets the plane in focus, or of all lights at equal power where none reaches that place. `None` for a group without
+/// light.
+pub(crate) fn group_spectrum(experiment: &ResolvedExperiment, group: &str) -> Option<Curve> {
+    let scene = &experiment.scene;
+    let index = scene.light_groups.iter().position(|other| other.name == group)?;
+    irradiance::group_spectrum(&direct_light(scene, &[axis_point(experiment)]), index)
 }
 
 /// Where the camera's axis meets the plane in focus, facing the camera.

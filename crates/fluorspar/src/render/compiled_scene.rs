@@ -13,7 +13,7 @@ use crate::material::{
     CoatAlbedo, ConductorReflectance, DielectricAlbedo, NormalMap, ScalarTexture, Scattering,
 };
 use crate::sampling::hash_u64;
-use crate::scene::irradiance::{DirectLight, SurfacePoint, direct_light, sum_of_spectra};
+use crate::scene::irradiance::{SurfacePoint, direct_light, group_spectrum};
 use crate::scene::{Scene, Shape};
 use crate::spectral::{Curve, Reflectance};
 
@@ -325,7 +325,11 @@ impl<'a> CompiledScene<'a> {
         let bvh = TriangleBvh::build(&positions, &triangles)?;
         let lamps = {
             let corners = |triangle: u32| triangles[triangle as usize].map(|v| positions[v as usize]);
-            group_lamps(scene, &points_in_view(scene, &bvh, corners, &triangle_object, &shapes))
+            // Lamps of all kinds, weighed by the irradiance that they throw on what is seen: the shape of the sum weights
+            // excitation within a bin.
+            let points = points_in_view(scene, &bvh, corners, &triangle_object, &shapes);
+            let parts = direct_light(scene, &points);
+            (0..scene.light_groups.len()).map(|group| group_spectrum(&parts, group)).collect::<Vec<_>>()
         };
         let adjoint = AdjointModel::new(scene, &lamps);
         let mut coats: Vec<Arc<CoatAlbedo>> = Vec::new();
@@ -659,20 +663,6 @@ fn points_in_view(
     };
     let any = hits.iter().any(|(object, _)| fluoresces(*object));
     hits.into_iter().filter(|(object, _)| !any || fluoresces(*object)).map(|(_, point)| point).collect()
-}
-
-/// For every group the spectrum of its light, lamps of all kinds weighed by the irradiance that they throw on the
-/// points: its shape weights excitation within a bin. Where no lamp reaches any point, all count the same.
-fn group_lamps(scene: &Scene, points: &[SurfacePoint]) -> Vec<Option<Curve>> {
-    let parts = direct_light(scene, points);
-    (0..scene.light_groups.len())
-        .map(|group| {
-            let of_group = || parts.iter().filter(|part| part.group == group);
-            let dark = of_group().all(|part| part.factor <= 0.0);
-            let weight = |part: &DirectLight<'_>| if dark { 1.0 } else { part.factor };
-            sum_of_spectra(of_group().map(|part| (part.spectrum.clone(), weight(part))))
-        })
-        .collect()
 }
 
 impl AnalyticShape {

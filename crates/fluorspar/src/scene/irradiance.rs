@@ -184,6 +184,17 @@ pub(crate) fn direct_light<'a>(scene: &'a Scene, points: &[SurfacePoint]) -> Vec
     parts
 }
 
+/// Spectrum of the light of one group, up to a factor: the irradiance, or all at equal power where none reaches the
+/// points. `None` for a group without light.
+pub(crate) fn group_spectrum(parts: &[DirectLight<'_>], group: usize) -> Option<Curve> {
+    let shining: Vec<_> = parts.iter().filter(|p| p.group == group && p.spectrum.total() > 0.0).collect();
+    let dark = shining.iter().all(|part| part.factor <= 0.0);
+    let weight = |part: &DirectLight<'_>| if dark { 1.0 / part.spectrum.total() } else { part.factor };
+    sum_of_spectra(
+        shining.into_iter().map(|part| (part.spectrum.clone(), weight(part))).filter(|(_, w)| *w > 0.0),
+    )
+}
+
 /// Sum of spectra, each with its weight; `None` for no spectra.
 pub(crate) fn sum_of_spectra<'a>(parts: impl Iterator<Item = (Cow<'a, Curve>, f64)>) -> Option<Curve> {
     let parts: Vec<(Cow<'a, Curve>, f64)> = parts.collect();
