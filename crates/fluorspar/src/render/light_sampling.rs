@@ -309,7 +309,8 @@ impl CompiledScene<'_> {
         })
     }
 
-    /// Calls `add` with every source of a sampled light and the factor on its spectrum.
+    /// Calls `add` with every source of a sampled light and the factor on its spectrum; of its excitation bins with the
+    /// first.
     pub(super) fn each_source(&self, sample: &LightSample, mut add: impl FnMut(usize, f32)) {
         let light = &self.lights[sample.light];
         match &light.emitter {
@@ -342,7 +343,7 @@ impl CompiledScene<'_> {
             for (source, layer) in sources.iter().zip(map.layers()) {
                 let factor = layer.factors[pixel];
                 if factor > 0.0 {
-                    add(*source, factor, pdf);
+                    (*source..*source + self.slices).for_each(|source| add(source, factor, pdf));
                 }
             }
         }
@@ -489,7 +490,7 @@ mod tests {
     /// Draws directions towards the lights and compares them with the density that rays report on meeting them:
     /// the two must be the same function for multiple importance sampling to be unbiased.
     fn check(scene: &Scene, position: Vec3, normal: Vec3, tests: usize) {
-        let compiled = CompiledScene::new(scene).unwrap();
+        let compiled = CompiledScene::new(scene, &[]).unwrap();
         chi_square_over_sphere(
             20_000,
             20,

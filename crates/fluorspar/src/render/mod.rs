@@ -11,8 +11,10 @@
 //! | `adjoint` | what a path can still carry, for Russian roulette |
 //! | `path` | samples one path and keeps its vertices |
 //! | `spectral_accumulation` | runs spectra backwards along a path |
-//! | `integrator` | all pixels on all cores, with progress and interruption |
+//! | `integrator` | all pixels on all cores: passes, shards, progress, interruption |
+//! | `adaptive` | when a tile has samples enough |
 
+mod adaptive;
 mod adjoint;
 mod compiled_scene;
 mod fluorescence_operator;
@@ -23,8 +25,10 @@ mod scattering;
 mod spectral_accumulation;
 mod surface;
 
+pub use adaptive::{ErrorChannel, ErrorTarget};
 pub use fluorescence_operator::FluorescenceOperator;
 pub(crate) use fluorescence_operator::direct_exitance;
 pub use integrator::{
-    Estimator, RenderControl, RenderError, RenderProgress, RenderSettings, memory_bytes, render,
+    Estimator, FilmRenderer, FilmWatch, RenderControl, RenderError, RenderProgress, RenderSettings, Share,
+    memory_bytes, render, scene_digest,
 };

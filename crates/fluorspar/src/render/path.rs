@@ -114,7 +114,8 @@ impl CompiledScene<'_> {
                     if let Some((light, scale, light_pdf)) =
                         self.emission_along(from, normal, direction, hit.t, hit.target)
                     {
-                        met.push((self.lights[light].source, scale * weight(light_pdf)));
+                        let (source, scale) = (self.lights[light].source, scale * weight(light_pdf));
+                        met.extend((source..source + self.slices).map(|source| (source, scale)));
                     }
                 }
             }
@@ -192,6 +193,14 @@ impl CompiledScene<'_> {
                         direct.fluorescent += factor * scale * s.fluorescent * PI;
                         direct.gloss += factor * scale * s.gloss;
                     });
+                }
+            }
+
+            if self.slices > 1 {
+                // All excitation bins of a lamp shine from the same place.
+                for bins in vertex.direct.chunks_mut(self.slices) {
+                    let of_lamp = bins[0];
+                    bins.fill(of_lamp);
                 }
             }
 
