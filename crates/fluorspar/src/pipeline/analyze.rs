@@ -49,7 +49,7 @@ pub fn analyze(
     let noise = ChannelNoise::of_image(
         &frame.developed,
         frame.raw.dn_per_electron,
-        sensor.model().prnu_percent / 100.0,
+        sensor.model().image_prnu_percent() / 100.0,
     );
     let mut region = RegionOfInterest::of_parts(settings.parts.iter().cloned());
     if let Some([col, row, width, height]) = settings.rectangle_px.map(|r| r.map(|v| v as usize)) {
@@ -97,8 +97,9 @@ fn mixture_model(
     let lamp = frame_lamp(experiment, capture)?;
     let grid = &experiment.scene.grid;
     let transmittance = lens.transmittance_on(grid);
+    let qe = sensor.effective_qe();
     let channel = |name: &str| -> Option<Spectrum<QuantumEfficiency>> {
-        Some(sensor.qe().on_grid(sensor.qe().find(name)?, grid))
+        Some(qe.on_grid(qe.find(name)?, grid))
     };
     let [red, green, blue] = [channel("R")?, channel("G")?, channel("B")?];
     let responses = experiment
