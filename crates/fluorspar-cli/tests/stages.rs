@@ -54,7 +54,7 @@ fn every_stage_continues_from_the_files_of_the_one_before() {
     let args = ["analyze", "frames", "--components", "run/components.exr", "--json"];
     assert_eq!(fluorspar(folder, args).json(), results["analysis"]);
     let said = fluorspar(folder, ["analyze", "run"]).well();
-    assert!(said.stdout.starts_with("Frame \"blue\", tongue_dorsum\n"), "{}", said.stdout);
+    assert!(said.stdout.starts_with("Frame \"blue\", tongue dorsum\n"), "{}", said.stdout);
 
     // The report, and the experiment beside it, make the run again to the last bit, on any number of threads.
     for (source, out, threads) in [("run/report.html", "second", "1"), ("run/experiment.toml", "third", "3")]

@@ -217,7 +217,10 @@ fn report(
         warnings: vec!["All data on this page are invented.".into()],
         sections: vec![
             tongue,
-            analysis_section(analysis).show(chromaticity_figure(analysis, map), "")
+            analysis_section(
+                analysis,
+                vec![ReportItem::Figure { figure: chromaticity_figure(analysis, map), caption: String::new() }],
+            )
                 .show(histograms("blue", &channel_values(image), image.full_scale_dn), ""),
             radiance_section(),
             parts_section(),

@@ -141,11 +141,12 @@ impl RegionOfInterest {
     /// One line for tables and captions.
     pub fn describe(&self) -> String {
         let rectangle = self.rectangle.map(|rectangle| rectangle.to_string());
+        let parts = self.parts.join(" and ").replace('_', " ");
         match (self.parts.is_empty(), rectangle) {
             (true, None) => "the whole image".into(),
             (true, Some(rectangle)) => rectangle,
-            (false, None) => self.parts.join(" and "),
-            (false, Some(rectangle)) => format!("{} within {rectangle}", self.parts.join(" and ")),
+            (false, None) => parts,
+            (false, Some(rectangle)) => format!("{parts} within {rectangle}"),
         }
     }
 

@@ -46,7 +46,7 @@ impl Default for RenderSettings {
             max_depth: 8,
             seed: 1,
             estimator: Estimator::default(),
-            memory_limit_bytes: 16 << 30,
+            memory_limit_bytes: 8 << 30,
         }
     }
 }

@@ -10,7 +10,7 @@ use super::readout::Readout;
 use super::relative_illumination::RelativeIllumination;
 use super::{Binning, BinningKind, Crosstalk, Emva1288, Shutter, Strobe};
 
-/// Table 1 of Lyu et al., Biomed. Opt. Express 12(7), 4276-4292 (2021), where a value may be given in more than one unit.
+/// Table 1 of Lyu et al. 2021, where a value may be given in more than one unit.
 mod table_1 {
     pub(super) const READ_NOISE_MV: f64 = 1.39;
     pub(super) const DSNU_MV: f64 = 0.2536;

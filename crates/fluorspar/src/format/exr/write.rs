@@ -31,7 +31,7 @@ pub enum ExrCompression {
     /// Deflate over blocks of 16 rows.
     #[default]
     Zip,
-    /// Values rounded to 24 bits (relative error up to 2^-17 = 8e-6), then deflate: a third of the size of noisy data.
+    /// Values rounded to 24 bits (15 of the mantissa: relative error up to 2^-16 = 1.5e-5), then deflate: a third of the size of noisy data.
     Rounded24,
 }
 
