@@ -5,7 +5,7 @@ use std::path::Path;
 
 use fluorspar::experiment::{
     ResolvedExperiment, default_experiment_toml, json_schema, parse, parse_sample, resolve,
-    sample_json_schema,
+    sample_json_schema, sensor_json_schema,
 };
 use fluorspar::light::{Emitter, Light};
 use fluorspar::preset;
@@ -328,7 +328,7 @@ fn the_file_to_start_from_works() {
 
 #[test]
 fn every_field_of_the_schema_is_described() {
-    for schema in [json_schema(), sample_json_schema()] {
+    for schema in [json_schema(), sample_json_schema(), sensor_json_schema()] {
         let mut missing = Vec::new();
         let definitions = schema["$defs"].as_object().unwrap().iter();
         for (name, definition) in definitions.chain([(&"root".to_string(), &schema)]) {

@@ -11,6 +11,7 @@ pub(crate) mod presets;
 pub(crate) mod render;
 pub(crate) mod run;
 pub(crate) mod schema;
+pub(crate) mod sensor;
 pub(crate) mod table;
 
 use std::io::Write;

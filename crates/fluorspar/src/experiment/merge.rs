@@ -15,15 +15,38 @@ const ALTERNATIVES: [&[&str]; 9] = [
     &["bulk", "bulk_material"],
 ];
 /// Keys that go with an alternative of another name.
-const ALSO_REPLACED: [(&str, &[&str]); 4] = [
+const ALSO_REPLACED: [(&str, &[&str]); 5] = [
+    (
+        "emva1288",
+        &[
+            "well_capacity_e",
+            "voltage_swing_v",
+            "conversion_gain_mv_per_e",
+            "bit_depth",
+            "black_level_dn",
+            "read_noise_mv",
+            "read_noise_e",
+            "post_gain_noise_mv",
+            "dsnu_mv",
+            "dsnu_e",
+            "prnu_percent",
+            "dark_voltage_mv_per_s",
+            "dark_current_e_per_s",
+            "dark_reference_temperature_c",
+            "dark_doubling_temperature_k",
+            "fill_factor",
+            "well_knee",
+        ],
+    ),
     ("edges_nm", &["last_nm", "step_nm"]),
     ("last_nm", &["edges_nm"]),
     ("step_nm", &["edges_nm"]),
     ("from", &["emission_csv", "unit"]),
 ];
 /// Keys whose tables describe one value and are replaced as a whole.
-const WHOLE: [&str; 11] = [
+const WHOLE: [&str; 12] = [
     "spectrum",
+    "relative_illumination",
     "transmittance",
     "quantum_efficiency",
     "reflectance",

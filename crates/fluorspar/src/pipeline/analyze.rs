@@ -97,7 +97,10 @@ fn mixture_model(
     let lamp = frame_lamp(experiment, capture)?;
     let grid = &experiment.scene.grid;
     let transmittance = lens.transmittance_on(grid);
-    let qe = sensor.effective_qe();
+    let qe = match &capture.filter {
+        Some(filter) => sensor.behind(filter).effective_qe(),
+        None => sensor.effective_qe(),
+    };
     let channel = |name: &str| -> Option<Spectrum<QuantumEfficiency>> {
         Some(qe.on_grid(qe.find(name)?, grid))
     };

@@ -50,7 +50,9 @@ pub fn capture(
     let film = FilmExtent::of_width(film_width_mm, components.width, components.height);
     let raws = sensor.expose_sequence(&experiment.capture_sequence(), experiment.render.seed, |frame| {
         let irradiance = lens.form_image(&frame_radiance(frame, components), film_width_mm);
-        sensor.electron_rate_on_film(&irradiance, film).map_err(PipelineError::from)
+        let filter = experiment.captures.iter().find(|c| c.frame.label == frame.label);
+        let filtered = filter.and_then(|c| c.filter.as_ref()).map(|filter| sensor.behind(filter));
+        filtered.as_ref().unwrap_or(sensor).electron_rate_on_film(&irradiance, film).map_err(PipelineError::from)
     })?;
     develop_frames(experiment, raws)
 }

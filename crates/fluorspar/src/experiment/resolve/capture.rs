@@ -2,13 +2,15 @@
 
 use super::context::{Context, Resolved};
 use super::material::unknown;
+use super::spectrum::Role;
 use super::{Capture, ResolvedAnalysis};
 use crate::experiment::error::steps;
 use crate::experiment::schema::{AnalysisSection, ExperimentFile, ExposureTime, TextureReference};
 use crate::light::LightGroup;
 use crate::preset::{self, nearest_name};
 use crate::scene::Object;
-use crate::sensor::CaptureFrame;
+use crate::sensor::{CaptureFrame, SensorModel};
+use crate::spectral::{Curve, WavelengthGrid};
 
 fn hint<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> String {
     nearest_name(name, known).map_or_else(|| ".".into(), |name| format!(", did you mean \"{name}\"?"))
@@ -18,6 +20,7 @@ pub(super) fn captures(
     context: &mut Context<'_>,
     file: &ExperimentFile,
     groups: &[LightGroup],
+    grid: &WavelengthGrid,
 ) -> Resolved<Vec<Capture>> {
     if !file.capture.is_empty() && (file.sensor.is_none() || file.lens.is_none()) {
         let missing = if file.sensor.is_none() { "sensor" } else { "lens" };
@@ -61,7 +64,20 @@ pub(super) fn captures(
             );
             return context.fail(&at("subtract"), message);
         }
+        if let (ExposureTime::Auto, Some(sensor)) = (section.exposure_ms, &file.sensor)
+            && sensor.model.strobe.is_some()
+        {
+            let message = "finds no exposure for pulsed light; give milliseconds, or remove sensor.strobe";
+            return context.fail(&at("exposure_ms"), message);
+        }
+        let mut filter: Option<Curve> = None;
+        for (number, reference) in section.filters.iter().enumerate() {
+            let at = steps!["capture", index, "filters", number];
+            let curve = context.spectrum(&at, reference, Role::Filter, 0.0, grid)?;
+            filter = Some(filter.map_or_else(|| curve.clone(), |product| product.times(&curve)));
+        }
         captures.push(Capture {
+            filter,
             frame: CaptureFrame {
                 label: section.name.clone(),
                 lights: section.light_groups.clone(),
@@ -113,13 +129,21 @@ pub(super) fn analysis(
             return context.fail(&steps!["analysis", "parts", index], message);
         }
     }
+    let reads_a_part = |model: &SensorModel| {
+        model.region_px.is_some_and(|region| region != [0, 0, model.columns, model.rows])
+    };
+    if !section.parts.is_empty() && file.sensor.as_ref().is_some_and(|sensor| reads_a_part(&sensor.model)) {
+        let message = "parts are found in frames of the whole sensor only; give rectangle_px, or remove sensor.region_px";
+        return context.fail(&at("parts"), message);
+    }
     if let (Some([column, row, width, height]), Some(sensor)) = (section.rectangle_px, &file.sensor) {
-        let (columns, rows) = (sensor.model.columns as u64, sensor.model.rows as u64);
+        let size = sensor.model.image_size();
+        let [columns, rows] = size.unwrap_or([sensor.model.columns, sensor.model.rows]).map(|n| n as u64);
         let outside =
             u64::from(column) + u64::from(width) > columns || u64::from(row) + u64::from(height) > rows;
         if outside || width == 0 || height == 0 {
             let message = format!(
-                "is not inside the {columns} x {rows} pixels of the sensor; give column, row, width, height"
+                "is not inside the {columns} x {rows} pixels of the raw images; give column, row, width, height"
             );
             return context.fail(&at("rectangle_px"), message);
         }

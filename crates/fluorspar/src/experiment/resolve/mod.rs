@@ -66,6 +66,8 @@ pub struct Capture {
     pub frame: CaptureFrame,
     /// Label of the earlier frame whose image is subtracted.
     pub subtract: Option<String>,
+    /// Filters in front of the sensor in this capture only, multiplied.
+    pub filter: Option<Curve>,
 }
 
 /// What to compute from the captures.
@@ -153,7 +155,7 @@ pub fn resolve(experiment: &Experiment) -> Result<ResolvedExperiment, Experiment
     let mut fluorophores = material::Fluorophores::default();
     let materials = material::materials(context, file, &grid, &mut fluorophores)?;
     let objects = object::objects(context, file, &materials, &grid, &mut light_groups)?;
-    let captures = capture::captures(context, file, &light_groups)?;
+    let captures = capture::captures(context, file, &light_groups, &grid)?;
     let analysis = capture::analysis(context, file, &captures, &objects)?;
 
     let scene =

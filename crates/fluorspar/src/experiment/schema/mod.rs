@@ -20,7 +20,7 @@ pub use object::{
     TransformSection,
 };
 pub use reference::{
-    DorsalTongueMap, ReflectanceReference, ReflectanceTermSection, SpectrumReference, SpectrumTable,
+    DorsalTongueMap, EfficiencyReference, ReflectanceReference, ReflectanceTermSection, SpectrumReference, SpectrumTable,
     TextureReference, TextureTable,
 };
 pub use settings::{RenderSection, SpectralSection};
