@@ -140,6 +140,8 @@ fn capture() -> ChannelImage {
         saturated: Vec::new(),
         noise_floor_dn: noise().floor_dn,
         full_scale_dn: 4031.0,
+        shares: vec![0.25, 0.5, 0.25],
+        subtracted: None,
         label: "blue".into(),
     };
     for row in 0..HEIGHT {

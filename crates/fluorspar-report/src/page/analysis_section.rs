@@ -203,6 +203,8 @@ mod tests {
             saturated: vec![false; 2],
             noise_floor_dn: 2.0,
             full_scale_dn: 4000.0,
+            shares: vec![0.25, 0.5, 0.25],
+            subtracted: None,
             label: "dark".into(),
         };
         let noise = ChannelNoise { floor_dn: 2.0, dn_per_electron: 0.5, gain_spread: 0.0 };

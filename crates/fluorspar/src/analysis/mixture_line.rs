@@ -338,7 +338,7 @@ impl PorphyrinMap {
                 }
                 None => rgb,
             };
-            estimates[pixel] = line.project(fluorescence, noise.variances(rgb));
+            estimates[pixel] = line.project(fluorescence, noise.of_pixel(image, channels, pixel));
         }
         Ok(Self { width: image.width, height: image.height, estimates })
     }

@@ -271,14 +271,17 @@ fn mean_pixel(
     for &pixel in selection.pixels.iter().filter(|&&pixel| map.at(pixel).is_some()) {
         let rgb = pixel_rgb(image, channels, pixel);
         let leak = reflected.map_or([0.0; 3], |(leak, channels)| pixel_rgb(leak, channels, pixel));
+        let variances = noise.of_pixel(image, channels, pixel);
         for c in 0..3 {
             sum[c] += rgb[c] - leak[c];
-            variance[c] += noise.variance(rgb[c]);
+            variance[c] += variances[c];
         }
         n += 1;
     }
     let n = n as f64;
-    Ok((n > 0.0).then(|| [sum.map(|s| s / n), variance.map(|v| v / (n * n))]))
+    // Only the raw values are independent: of n pixels, n * share measured the channel.
+    let of_mean = |c: usize| variance[c] / (n * (n * image.shares[channels[c]]).max(1.0));
+    Ok((n > 0.0).then(|| [sum.map(|s| s / n), [0, 1, 2].map(of_mean)]))
 }
 
 fn summarise(
@@ -352,6 +355,8 @@ mod tests {
             saturated: vec![false; width],
             noise_floor_dn: 2.0,
             full_scale_dn: 4000.0,
+            shares: vec![0.25, 0.5, 0.25],
+            subtracted: None,
             label: "blue".into(),
         }
     }

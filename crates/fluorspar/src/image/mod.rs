@@ -5,5 +5,5 @@ mod sensor_image;
 mod spectral_image;
 
 pub use component_image::{Component, ComponentImage, FeatureMaps, Light};
-pub use sensor_image::{ChannelImage, Mosaic, SensorImage};
+pub use sensor_image::{ChannelImage, Mosaic, SensorImage, SubtractedLight};
 pub use spectral_image::{ImageShapeError, SpectralImage};

@@ -46,11 +46,10 @@ pub fn analyze(
     let capture =
         experiment.captures.iter().find(|c| c.frame.label == settings.frame).ok_or_else(no_frame)?;
 
-    let noise = ChannelNoise::of_image(
-        &frame.developed,
-        frame.raw.dn_per_electron,
-        sensor.model().image_prnu_percent() / 100.0,
-    );
+    let (k, model) = (frame.raw.dn_per_electron, sensor.model());
+    let (gain_spread, dark_spread) =
+        (model.image_prnu_percent() / 100.0, k * model.image_dsnu_electrons());
+    let noise = ChannelNoise::of_image(&frame.developed, k, gain_spread, dark_spread);
     let mut region = RegionOfInterest::of_parts(settings.parts.iter().cloned());
     if let Some([col, row, width, height]) = settings.rectangle_px.map(|r| r.map(|v| v as usize)) {
         region = region.within(Rectangle { col, row, width, height });

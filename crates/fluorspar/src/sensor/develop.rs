@@ -4,7 +4,7 @@ use thiserror::Error;
 
 use super::adc::QUANTISATION_NOISE_DN;
 use super::demosaic::Demosaic;
-use crate::image::{ChannelImage, SensorImage};
+use crate::image::{ChannelImage, SensorImage, SubtractedLight};
 
 /// Two raw frames that can't be subtracted from each other.
 #[derive(Clone, Debug, Error, PartialEq)]
@@ -64,7 +64,12 @@ pub fn develop_with_ambient(raw: &SensorImage, ambient: &SensorImage) -> Result<
     let saturated: Vec<bool> =
         pairs().map(|(&a, &b)| a >= raw.white_level || b >= ambient.white_level).collect();
     let noise = noise_floor_dn(raw).hypot(scale * noise_floor_dn(ambient));
-    Ok(channel_image(raw, &values, &saturated, noise))
+    let mut image = channel_image(raw, &values, &saturated, noise);
+    let levels: Vec<f32> = ambient.data.iter().map(|&b| (scale * light(b, ambient)) as f32).collect();
+    let unmarked = vec![false; levels.len()];
+    let (dn, _) = Demosaic::new(&raw.mosaic).interpolate(&levels, &unmarked, raw.width, raw.height);
+    image.subtracted = Some(SubtractedLight { dn, exposure_ratio: raw.exposure_s / ambient.exposure_s });
+    Ok(image)
 }
 
 fn noise_floor_dn(raw: &SensorImage) -> f64 {
@@ -81,6 +86,8 @@ fn channel_image(raw: &SensorImage, values: &[f32], saturated: &[bool], noise_fl
         saturated,
         noise_floor_dn,
         full_scale_dn: f64::from(raw.white_level) - raw.black_level,
+        shares: raw.mosaic.shares(),
+        subtracted: None,
         label: raw.label.clone(),
     }
 }
@@ -128,6 +135,10 @@ mod tests {
         assert!(image.data.iter().all(|&value| (value - 50.0).abs() < 1e-4), "{:?}", image.data);
         let quantised = (36.0f64 + 1.0 / 12.0).sqrt();
         assert!((image.noise_floor_dn - quantised.hypot(5.0 * quantised)).abs() < 1e-9);
+        let subtracted = image.subtracted.unwrap();
+        assert!(subtracted.dn.iter().all(|&value| (value - 50.0).abs() < 1e-4));
+        assert!((subtracted.exposure_ratio - 10.0).abs() < 1e-12);
+        assert_eq!(image.shares, [0.25, 0.5, 0.25]);
         ambient.exposure_s = 0.0;
         assert!(matches!(develop_with_ambient(&frame, &ambient), Err(DevelopError::NoExposure { .. })));
         let other = raw(vec![64; 16], Mosaic::monochrome(), 4);

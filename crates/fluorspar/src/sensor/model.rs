@@ -307,6 +307,15 @@ impl SensorModel {
         self.prnu_percent / self.binning.map_or(1.0, |binning| binning.pixels() as f64).sqrt()
     }
 
+    /// Standard deviation of the offsets of the raw image, in electrons of its pixels: each read has an offset.
+    pub fn image_dsnu_electrons(&self) -> f64 {
+        let reads = match &self.binning {
+            Some(binning) if binning.kind != BinningKind::Charge => binning.pixels() as f64,
+            _ => 1.0,
+        };
+        self.dsnu_electrons() * reads.sqrt()
+    }
+
     /// The model with its data sheet, if it has one, written into its own fields.
     ///
     /// # Errors
