@@ -55,6 +55,10 @@ fn main() {
         column_offset_mv: 0.1,
         column_gain_percent: 0.1,
         row_offset_mv: 0.1,
+        column_noise_mv: 0.1,
+        row_noise_mv: 0.1,
+        hot_pixels_per_million: 100.0,
+        dead_pixels_per_million: 10.0,
         dark_current_log_spread: 0.5,
         ..SensorModel::default()
     };

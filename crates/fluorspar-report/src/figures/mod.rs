@@ -113,11 +113,17 @@ mod tests {
         figures.extend(all(&[], &map(vec![], 0), &ChromaticityPlot::default(), &[]));
         let points = vec![[nan, 1.0], [0.0, 0.0], [-1.0, f64::INFINITY], [1e9, 1e-9]];
         figures.extend([vec![], points].map(|points| {
-            photon_transfer(&PhotonTransferPlot { points, gain_dn_per_e: nan, ..PhotonTransferPlot::default() })
+            photon_transfer(&PhotonTransferPlot {
+                points,
+                gain_dn_per_e: nan,
+                ..PhotonTransferPlot::default()
+            })
         }));
-        figures.extend([vec![], vec![[nan, -1.0], [0.0, 3.0]]].map(|temporal| {
-            signal_to_noise(&SnrPlot { temporal, threshold_e: nan, ..SnrPlot::default() })
-        }));
+        figures.extend(
+            [vec![], vec![[nan, -1.0], [0.0, 3.0]]].map(|temporal| {
+                signal_to_noise(&SnrPlot { temporal, threshold_e: nan, ..SnrPlot::default() })
+            }),
+        );
         for figure in figures {
             let svg = figure.to_svg();
             assert!(!svg.contains("NaN\"") && !svg.contains("inf"), "{}", figure.title);

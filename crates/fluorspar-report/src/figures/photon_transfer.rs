@@ -18,7 +18,10 @@ pub struct PhotonTransferPlot {
 /// Temporal variance against signal, with the fitted line and the saturation point.
 pub fn photon_transfer(plot: &PhotonTransferPlot) -> Figure {
     let [signals, variances] = [0, 1].map(|i| plot.points.iter().map(move |p| p[i]));
-    let (x, y) = (Axis::from_zero("signal less dark", "DN", signals), Axis::from_zero("temporal variance", "DN²", variances));
+    let (x, y) = (
+        Axis::from_zero("signal less dark", "DN", signals),
+        Axis::from_zero("temporal variance", "DN²", variances),
+    );
     let line = |signal: f64| [signal, plot.dark_variance_dn2 + plot.gain_dn_per_e * signal];
     let fitted = 0.7 * plot.saturation_dn;
     let bottom_to_top = vec![[plot.saturation_dn, y.limits[0]], [plot.saturation_dn, y.limits[1]]];
@@ -67,8 +70,18 @@ pub fn signal_to_noise(plot: &SnrPlot) -> Figure {
     let panel = Panel::new(x.clone(), y.clone())
         .with(Series::dashed("ideal: shot noise only", Ink::Muted, plot.ideal.clone(), Dash::Dotted))
         .with(Series::line("one pixel, frame to frame", Ink::cycle(0), plot.temporal.clone()))
-        .with(Series::dashed("over the image, fixed patterns included", Ink::cycle(1), plot.with_patterns.clone(), Dash::Dashed))
-        .with(Series::dashed("sensitivity threshold", Ink::cycle(2), vertical(plot.threshold_e), Dash::DashDotted))
+        .with(Series::dashed(
+            "over the image, fixed patterns included",
+            Ink::cycle(1),
+            plot.with_patterns.clone(),
+            Dash::Dashed,
+        ))
+        .with(Series::dashed(
+            "sensitivity threshold",
+            Ink::cycle(2),
+            vertical(plot.threshold_e),
+            Dash::DashDotted,
+        ))
         .with(Series::dashed("saturation", Ink::cycle(3), vertical(plot.saturation_e), Dash::DashDotted));
     Figure::new("Signal-to-noise ratio", panel).explained(
         "How many times larger a signal is than its noise. Dim light is limited by the electronics, bright light by the \

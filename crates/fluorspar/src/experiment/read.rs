@@ -81,8 +81,7 @@ fn spell_out_mosaic(document: &mut Document) -> Result<(), ExperimentError> {
     } else if letters.len() == 4 && letters.iter().all(|letter| "RGBN".contains(letter.as_str())) {
         letters.chunks(2).map(|row| row.iter().map(channel).collect()).collect()
     } else {
-        let message =
-            "write four of the letters r, g, b, n (near infrared) row by row, such as \"grbg\", or \"mono\", or a list of rows";
+        let message = "write four of the letters r, g, b, n (near infrared) row by row, such as \"grbg\", or \"mono\", or a list of rows";
         return Err(document.error(&steps!["sensor", "mosaic"], message));
     };
     let origin = node.origin;

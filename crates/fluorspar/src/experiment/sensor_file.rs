@@ -64,7 +64,9 @@ pub fn parse_sensor(
 ) -> Result<ResolvedSensor, ExperimentError> {
     let mut document = read_document(text, source_name, base_dir, overrides)?;
     if document.root.get("sensor").is_none() {
-        return Err(document.error(&[], "there is no [sensor] section; add one, if only with preset = \"NAME\""));
+        return Err(
+            document.error(&[], "there is no [sensor] section; add one, if only with preset = \"NAME\"")
+        );
     }
     if let Content::Table(entries) = &mut document.root.content {
         // Of an experiment or a sample only the sensor is read.
@@ -77,7 +79,13 @@ pub fn parse_sensor(
     let sensor = device::sensor(&mut context, &file.sensor, &WavelengthGrid::default())?;
     let mut complete = file.clone();
     complete.sensor.model = device::filled(&complete.sensor.model);
-    let resolved_toml = toml::to_string(&complete)
-        .map_err(|error| document.error(&steps!["sensor"], format!("the sensor can't be written out: {error}")))?;
-    Ok(ResolvedSensor { title: file.title, sensor, warnings: std::mem::take(&mut context.warnings), resolved_toml })
+    let resolved_toml = toml::to_string(&complete).map_err(|error| {
+        document.error(&steps!["sensor"], format!("the sensor can't be written out: {error}"))
+    })?;
+    Ok(ResolvedSensor {
+        title: file.title,
+        sensor,
+        warnings: std::mem::take(&mut context.warnings),
+        resolved_toml,
+    })
 }

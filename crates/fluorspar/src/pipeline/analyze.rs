@@ -47,8 +47,7 @@ pub fn analyze(
         experiment.captures.iter().find(|c| c.frame.label == settings.frame).ok_or_else(no_frame)?;
 
     let (k, model) = (frame.raw.dn_per_electron, sensor.model());
-    let (gain_spread, dark_spread) =
-        (model.image_prnu_percent() / 100.0, k * model.image_dsnu_electrons());
+    let (gain_spread, dark_spread) = (model.image_prnu_percent() / 100.0, k * model.image_dsnu_electrons());
     let noise = ChannelNoise::of_image(&frame.developed, k, gain_spread, dark_spread);
     let mut region = RegionOfInterest::of_parts(settings.parts.iter().cloned());
     if let Some([col, row, width, height]) = settings.rectangle_px.map(|r| r.map(|v| v as usize)) {
@@ -100,9 +99,8 @@ fn mixture_model(
         Some(filter) => sensor.behind(filter).effective_qe(),
         None => sensor.effective_qe(),
     };
-    let channel = |name: &str| -> Option<Spectrum<QuantumEfficiency>> {
-        Some(qe.on_grid(qe.find(name)?, grid))
-    };
+    let channel =
+        |name: &str| -> Option<Spectrum<QuantumEfficiency>> { Some(qe.on_grid(qe.find(name)?, grid)) };
     let [red, green, blue] = [channel("R")?, channel("G")?, channel("B")?];
     let responses = experiment
         .scene

@@ -52,7 +52,11 @@ pub fn capture(
         let irradiance = lens.form_image(&frame_radiance(frame, components), film_width_mm);
         let filter = experiment.captures.iter().find(|c| c.frame.label == frame.label);
         let filtered = filter.and_then(|c| c.filter.as_ref()).map(|filter| sensor.behind(filter));
-        filtered.as_ref().unwrap_or(sensor).electron_rate_on_film(&irradiance, film).map_err(PipelineError::from)
+        filtered
+            .as_ref()
+            .unwrap_or(sensor)
+            .electron_rate_on_film(&irradiance, film)
+            .map_err(PipelineError::from)
     })?;
     develop_frames(experiment, raws)
 }

@@ -76,7 +76,7 @@ impl Sensor {
             return Err(SensorProblem::new("auto_exposure", message));
         }
         let full_e = Chain::new(self, &exposure).full_scale_e();
-        let mut rates = rate.data.clone();
+        let mut rates = self.rates_that_are_read(rate);
         let photo_rate = if rates.is_empty() {
             0.0
         } else {

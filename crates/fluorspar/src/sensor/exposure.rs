@@ -377,6 +377,16 @@ impl Sensor {
         Ok(ElectronRate { columns, rows, data })
     }
 
+    /// Rates of the pixels of the region that is read; all of them where the rates are not those of the whole sensor.
+    pub(super) fn rates_that_are_read(&self, rate: &ElectronRate) -> Vec<f32> {
+        let Some([first, row, width, height]) = self.model.region_px else { return rate.data.clone() };
+        if self.check_size(rate).is_err() {
+            return rate.data.clone();
+        }
+        let rows = rate.data.chunks_exact(self.model.columns).skip(row).take(height);
+        rows.flat_map(|rates| &rates[first..first + width]).copied().collect()
+    }
+
     fn check_size(&self, rate: &ElectronRate) -> Result<(), SensorProblem> {
         let (columns, rows) = (self.model.columns, self.model.rows);
         if rate.columns == columns && rate.rows == rows && rate.data.len() == columns * rows {

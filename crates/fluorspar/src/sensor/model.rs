@@ -293,15 +293,6 @@ impl SensorModel {
         Readout::of(self).map(|readout| [readout.columns, readout.rows])
     }
 
-    /// Electrons that one pixel of the raw image sums up for each electron of a pixel of the sensor: the number of
-    /// joined pixels, or 1 where they are averaged.
-    pub fn summed_pixels(&self) -> f64 {
-        match &self.binning {
-            Some(binning) if binning.kind != BinningKind::DigitalAverage => binning.pixels() as f64,
-            _ => 1.0,
-        }
-    }
-
     /// Photo response non-uniformity of the raw image, percent: joined pixels average it.
     pub fn image_prnu_percent(&self) -> f64 {
         self.prnu_percent / self.binning.map_or(1.0, |binning| binning.pixels() as f64).sqrt()

@@ -72,7 +72,8 @@ pub(super) fn run(options: &Options) -> Result<(), CliError> {
         .clone()
         .unwrap_or_else(|| Path::new("fluorspar-out").join(format!("{}-emva1288", options.sensor.stem())));
     let folder = OutFolder::prepare(&target)?;
-    let measured = characterize(&resolved.sensor, &settings).map_err(|problem| CliError::Input(problem.to_string()))?;
+    let measured =
+        characterize(&resolved.sensor, &settings).map_err(|problem| CliError::Input(problem.to_string()))?;
     let results = as_json(&resolved, &measured)?;
     let write = |name: &str, bytes: &[u8]| {
         let path = folder.path().join(name);
@@ -160,7 +161,8 @@ fn describe(resolved: &ResolvedSensor, m: &Characterization) -> String {
     let title = if resolved.title.is_empty() { String::new() } else { format!("{}\n\n", resolved.title) };
     let mut text = format!("{title}{}", align(&rows, &[2]));
     if !m.recovered.is_empty() {
-        let mut rows: Vec<Vec<String>> = vec![["put in and found again", "set", "measured", "error", ""].map(String::from).to_vec()];
+        let mut rows: Vec<Vec<String>> =
+            vec![["put in and found again", "set", "measured", "error", ""].map(String::from).to_vec()];
         rows.extend(m.recovered.iter().map(|r| {
             let error = r.relative_error.map_or_else(|| "-".into(), |e| format!("{:+.2} %", 100.0 * e));
             vec![r.quantity.clone(), short(r.set), short(r.measured), error, r.unit.clone()]

@@ -57,7 +57,8 @@ impl SensorArgs {
                     known.join(", ")
                 )));
             }
-            let text = format!("title = \"{}\"\n[sensor]\npreset = \"{name}\"\n", preset::sensor(name)?.title);
+            let text =
+                format!("title = \"{}\"\n[sensor]\npreset = \"{name}\"\n", preset::sensor(name)?.title);
             parse_sensor(&text, &format!("built-in {name}"), Path::new("."), &self.set)?
         };
         if !quiet {

@@ -73,8 +73,10 @@ fn mode(sensor: &Sensor) -> &'static str {
 
 fn as_json(sensor: &Sensor) -> Value {
     let list = facts(sensor);
-    let quantities: Vec<Value> =
-        list.iter().map(|(name, value, unit)| json!({ "quantity": name, "value": value, "unit": unit })).collect();
+    let quantities: Vec<Value> = list
+        .iter()
+        .map(|(name, value, unit)| json!({ "quantity": name, "value": value, "unit": unit }))
+        .collect();
     let channels: Vec<Value> = efficiencies(sensor)
         .iter()
         .map(|(name, peak, nm)| json!({ "channel": name, "quantum_efficiency": peak, "peak_nm": nm }))
@@ -99,7 +101,9 @@ fn describe(title: &str, sensor: &Sensor) -> String {
         vec!["raw images".into(), format!("{columns} x {rows}, {} bits", model.bit_depth), String::new()],
         vec!["equations".into(), mode(sensor).into(), String::new()],
     ];
-    lines.extend(facts(sensor).into_iter().map(|(name, value, unit)| vec![name.into(), short(value), unit.into()]));
+    lines.extend(
+        facts(sensor).into_iter().map(|(name, value, unit)| vec![name.into(), short(value), unit.into()]),
+    );
     lines.extend(efficiencies(sensor).into_iter().map(|(name, peak, nm)| {
         vec![format!("quantum efficiency {name}"), format!("{:.1}", 100.0 * peak), format!("% at {nm:.0} nm")]
     }));

@@ -7,8 +7,8 @@ use super::spectrum::Role;
 use crate::experiment::document::is_path;
 use crate::experiment::error::{Step, steps};
 use crate::experiment::schema::{
-    CameraSection, EfficiencyReference, ExperimentFile, FieldOfView, LensSection, RenderSection, SensorSection,
-    SpectralSection, SpectrumReference, ViewFilterSection,
+    CameraSection, EfficiencyReference, ExperimentFile, FieldOfView, LensSection, RenderSection,
+    SensorSection, SpectralSection, SpectrumReference, ViewFilterSection,
 };
 use crate::format::{CsvColumns, CsvSpectrumOptions, Negative};
 use crate::optics::{IdealLens, PerspectiveCamera};
@@ -283,7 +283,8 @@ fn efficiencies(
     let below = |name: &str| -> Vec<Step> { at.iter().cloned().chain([Step::from(name)]).collect() };
     let wanted = channels_of(model);
     if let Some(unused) = table.keys().find(|name| !wanted.contains(name)) {
-        let message = format!("no pixel of the mosaic has this channel; its channels are {}", wanted.join(", "));
+        let message =
+            format!("no pixel of the mosaic has this channel; its channels are {}", wanted.join(", "));
         return context.fail(&below(unused), message);
     }
     let mut channels = Vec::new();
@@ -293,7 +294,8 @@ fn efficiencies(
             return context.fail(at, message);
         };
         if matches!(reference, SpectrumReference::Name(_)) {
-            let message = "give a number, an equation such as { kind = \"bands\", ... }, or { csv = \"FILE\" }";
+            let message =
+                "give a number, an equation such as { kind = \"bands\", ... }, or { csv = \"FILE\" }";
             return context.fail(&below(&name), message);
         }
         let curve = context.spectrum(&below(&name), reference, Role::Filter, 0.0, grid)?;

@@ -20,8 +20,8 @@ pub use object::{
     TransformSection,
 };
 pub use reference::{
-    DorsalTongueMap, EfficiencyReference, ReflectanceReference, ReflectanceTermSection, SpectrumReference, SpectrumTable,
-    TextureReference, TextureTable,
+    DorsalTongueMap, EfficiencyReference, ReflectanceReference, ReflectanceTermSection, SpectrumReference,
+    SpectrumTable, TextureReference, TextureTable,
 };
 pub use settings::{RenderSection, SpectralSection};
 

@@ -166,7 +166,9 @@ impl<'de> Visitor<'de> for EfficiencyVisitor {
     type Value = EfficiencyReference;
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("a name of the catalogue, the path of a CSV file, or a table with one spectrum per channel")
+        f.write_str(
+            "a name of the catalogue, the path of a CSV file, or a table with one spectrum per channel",
+        )
     }
 
     fn visit_str<E: Error>(self, name: &str) -> Result<Self::Value, E> {
