@@ -322,7 +322,16 @@ fn parts_section() -> Section {
             "",
         )
         .show(eem_maps(&FLUOROPHORES.each_ref().map(eem), Some(385.0)), "")
-        .show(emission(&glow_curves(), "the blue LED", "W/(sr m² nm)", Some([450.0, 700.0])), "")
+        .show(
+            emission(
+                &glow_curves(),
+                "the blue LED",
+                "each at its own assumed amount",
+                "W/(sr m² nm)",
+                Some([450.0, 700.0]),
+            ),
+            "",
+        )
         .show(sensor_response(&channels(&|_| 1.0), &channels(&long_pass)), "")
         .with(ReportItem::Table(table))
 }

@@ -14,7 +14,7 @@
 //! | analysis | [`analysis::analyse`] | [`analysis::Analysis`]: chromaticity, porphyrin fraction, with intervals |
 //!
 //! [`pipeline`] runs whole chains of them; [`pipeline::predict`] does so for a flat sample without geometry.
-//! [`preset`] is the catalogue of fluorophores, lights, filters, reflectances, sensors and experiments;
+//! [`safety`] assesses lamps for eyes and tissue. [`preset`] is the catalogue of fluorophores, lights, filters, reflectances, sensors and experiments;
 //! [`format`](mod@format) reads and writes files; [`anatomy`] makes the mouth.
 //!
 //! Inside the library lengths are in metres, wavelengths in nanometres, power in watts; other units stand in the name
@@ -35,6 +35,7 @@ pub mod optics;
 pub mod pipeline;
 pub mod preset;
 pub mod render;
+pub mod safety;
 pub mod sampling;
 pub mod scene;
 pub mod sensor;

@@ -7,9 +7,9 @@ use super::mixture_line::pixel_rgb;
 use super::{
     ChannelNoise, ChromaticityMap, CovarianceEllipse, DEFAULT_NOISE_THRESHOLD, ExclusionCounts,
     FluorophoreResponse, LineEstimate, MissingChannel, MixtureError, MixtureLine, PixelSelection,
-    PorphyrinMap, RegionError, RegionOfInterest, RegionStatistics, Statistics, rgb_channels,
+    PorphyrinMap, RegionError, RegionOfInterest, RegionStatistics, SceneOnSensor, Statistics, rgb_channels,
 };
-use crate::image::{ChannelImage, ComponentImage};
+use crate::image::ChannelImage;
 
 /// What to measure.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -162,7 +162,7 @@ pub enum AnalysisError {
 /// A region without pixels, an image without R, G and B, or a model that names an unknown fluorophore.
 pub fn analyse(
     image: &ChannelImage,
-    scene: Option<&ComponentImage>,
+    scene: Option<SceneOnSensor<'_>>,
     model: Option<&MixtureModel>,
     reflected: Option<&ChannelImage>,
     settings: &AnalysisSettings,
@@ -412,6 +412,15 @@ mod tests {
         assert!(analysis.mixture.is_none() && map.is_none());
         assert!(analysis.warnings[0].starts_with("No porphyrin fraction: the porphyrin response"));
         assert_eq!(analysis.fluorophores[2].chromaticity, None);
+    }
+
+    #[test]
+    fn no_bulk_is_not_blamed_on_the_filter() {
+        let model = MixtureModel { bulk_weights: Vec::new(), ..model() };
+        let (analysis, ..) = analyse(&image(5, 1000.0), None, Some(&model), None, &settings()).unwrap();
+        let warning = &analysis.warnings[0];
+        assert!(warning.contains("no fluorophore is named as the bulk"), "{warning}");
+        assert!(!warning.contains("filter"), "{warning}");
     }
 
     #[test]

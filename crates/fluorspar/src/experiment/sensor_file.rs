@@ -1,6 +1,6 @@
 //! Files that describe a sensor and nothing else, in the form of the catalogue's.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -49,6 +49,8 @@ pub struct ResolvedSensor {
     pub warnings: Vec<String>,
     /// The complete `[sensor]` section as a file.
     pub resolved_toml: String,
+    /// Files that it was read from beside the text itself: bases and spectra.
+    pub inputs: Vec<PathBuf>,
 }
 
 /// Reads the sensor of a sensor file, an experiment or a flat sample. Overrides and paths are as for an experiment;
@@ -82,10 +84,13 @@ pub fn parse_sensor(
     let resolved_toml = toml::to_string(&complete).map_err(|error| {
         document.error(&steps!["sensor"], format!("the sensor can't be written out: {error}"))
     })?;
+    let base_files = document.base_files.iter().cloned();
+    let spectra = std::mem::take(&mut context.inputs).into_iter().map(|input| input.path);
     Ok(ResolvedSensor {
         title: file.title,
         sensor,
         warnings: std::mem::take(&mut context.warnings),
         resolved_toml,
+        inputs: base_files.chain(spectra).collect(),
     })
 }

@@ -42,6 +42,14 @@ impl Mosaic {
         Self { rows: 1, cols: 1, pattern: vec![0], channels: vec!["mono".into()] }
     }
 
+    /// Whether it is a two by two Bayer array: three channels, one of them on both pixels of a diagonal.
+    pub fn is_bayer(&self) -> bool {
+        let count = |channel: u8| self.pattern.iter().filter(|&&c| c == channel).count();
+        (self.rows, self.cols, self.channels.len(), self.pattern.len()) == (2, 2, 3, 4)
+            && (0..3).all(|channel| count(channel) >= 1)
+            && (self.pattern[0] == self.pattern[3] || self.pattern[1] == self.pattern[2])
+    }
+
     /// Share of the pixels that measure each channel.
     pub fn shares(&self) -> Vec<f64> {
         let count = |channel| self.pattern.iter().filter(|&&c| usize::from(c) == channel).count();

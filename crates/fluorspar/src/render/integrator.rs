@@ -302,5 +302,6 @@ fn feature_maps(compiled: &CompiledScene<'_>) -> FeatureMaps {
         uv: pixels.iter().map(|p| p.3).collect(),
         part_names: scene.objects.iter().map(|o| o.name.clone()).collect(),
         material_names: scene.objects.iter().map(|o| scene.materials[o.material].name.clone()).collect(),
+        view: Some(camera.view()),
     }
 }

@@ -586,11 +586,7 @@ fn recovered(laboratory: &Sensor, measured: &Characterization, time_s: f64) -> V
     let electrons = |mv: f64| mv * 1e-3 / model.conversion_gain_v_per_e();
     let gain = model.base_dn_per_electron() * model.analog_gain * measured.settings.gain;
     let dark_e = model.dark_electrons_per_s() * time_s;
-    let read_e2 = model.read_noise_electrons().powi(2)
-        + (model.post_gain_noise_mv * 1e-3 / model.volts_per_dn() / gain).powi(2)
-        + electrons(model.row_noise_mv).powi(2)
-        + electrons(model.column_noise_mv).powi(2)
-        + dark_e;
+    let read_e2 = model.dark_noise_electrons(measured.settings.gain).powi(2) + dark_e;
     let spread_e = dark_e * model.dark_current_log_spread.powi(2).exp_m1().sqrt();
     let dsnu_e2 = model.dsnu_electrons().powi(2)
         + spread_e.powi(2)

@@ -12,13 +12,17 @@
 //! | numbers without an image | [`Sensor::flat_response`] | `flat_response.rs` |
 //! | exposure time | [`AutoExposure`] | `auto_exposure.rs` |
 //! | several frames | [`CaptureSequence`] | `capture.rs` |
-//! | linear channels | [`develop`], [`develop_with_ambient`] | `develop.rs`, `demosaic.rs` |
+//! | linear channels | [`develop`], [`develop_with_ambient`], [`Development`] | `develop.rs`, `demosaic.rs` |
+//! | dark frames, flat fields, bad pixels | [`MasterFrame`], [`FlatField`], [`BadPixels`] | `calibration.rs` |
+//! | a second instrument | [`Spectroradiometer`] | `spectroradiometer.rs` |
+//! | exposures merged to one | [`merge_exposures`] | `develop.rs` |
 //! | measuring a sensor | [`characterize`] | `characterization.rs`, `photon_transfer.rs` |
 //!
 //! Out of scope: lag, blooming, correlated noise other than that of rows and columns.
 
 mod adc;
 mod auto_exposure;
+mod calibration;
 mod capture;
 mod characterization;
 #[cfg(test)]
@@ -42,10 +46,12 @@ mod readout_tests;
 mod reference_vectors;
 mod relative_illumination;
 mod shutter;
+mod spectroradiometer;
 #[cfg(test)]
 mod statistics_tests;
 
 pub use auto_exposure::AutoExposure;
+pub use calibration::{BadPixels, FlatField, MasterFrame};
 pub use capture::{CaptureFrame, CaptureSequence};
 pub use characterization::{
     ChannelSensitivity, Characterization, CharacterizationSettings, NonUniformity, PhotonTransferPoint,
@@ -53,7 +59,8 @@ pub use characterization::{
 };
 pub use crosstalk::Crosstalk;
 pub use data_sheet::Emva1288;
-pub use develop::{DevelopError, develop, develop_with_ambient};
+pub use demosaic::Demosaicing;
+pub use develop::{DevelopError, Development, LinearMosaic, develop, develop_with_ambient, merge_exposures};
 pub use exposure::{DefectPixels, ElectronRate, Exposure, Sensor};
 pub use flat_response::FlatResponse;
 pub use model::{SensorMode, SensorModel, SensorProblem};
@@ -61,3 +68,4 @@ pub use pixel_integration::FilmExtent;
 pub use quantum_efficiency::{ChannelQe, SpectralQe};
 pub use readout::{Binning, BinningKind};
 pub use shutter::{Shutter, ShutterKind, Strobe};
+pub use spectroradiometer::{SpectralReading, Spectroradiometer};

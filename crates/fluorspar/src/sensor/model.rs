@@ -263,6 +263,16 @@ impl SensorModel {
         self.in_electrons(self.read_noise_e, self.read_noise_mv, table_1::READ_NOISE_MV)
     }
 
+    /// Temporal dark noise of one pixel at an exposure's gain, e- rms: noise before and after the gain, of rows and of
+    /// columns. Shot noise of the dark current and quantisation excluded.
+    pub fn dark_noise_electrons(&self, gain: f64) -> f64 {
+        let electrons = |mv: f64| mv * 1e-3 / self.conversion_gain_v_per_e();
+        let after_gain_dn = self.post_gain_noise_mv * 1e-3 / self.volts_per_dn();
+        self.read_noise_electrons()
+            .hypot(after_gain_dn / (self.base_dn_per_electron() * self.analog_gain * gain))
+            .hypot(electrons(self.row_noise_mv).hypot(electrons(self.column_noise_mv)))
+    }
+
     /// Standard deviation of the pixels' offsets, e-.
     pub fn dsnu_electrons(&self) -> f64 {
         self.in_electrons(self.dsnu_e, self.dsnu_mv, table_1::DSNU_MV)
@@ -510,6 +520,21 @@ impl SensorModel {
             );
             return Err(SensorProblem::new("black_level_dn", message));
         }
+        if self.mode == SensorMode::Physical {
+            let offset_dn = self.analog_offset_mv * 1e-3 / self.volts_per_dn();
+            let highest = f64::from(self.max_code().saturating_sub(2));
+            let black_dn = self.black_level_dn + offset_dn;
+            if black_dn > highest {
+                let field = if self.black_level_dn > highest { "black_level_dn" } else { "analog_offset_mv" };
+                let message = format!(
+                    "black lies at {black_dn:.1} DN ({} from black_level_dn, {offset_dn:.1} from analog_offset_mv); the \
+                     converter ends at {}, so give at most {highest} together to leave room for light",
+                    self.black_level_dn,
+                    self.max_code()
+                );
+                return Err(SensorProblem::new(field, message));
+            }
+        }
         Readout::of(self).map(|_| ())
     }
 }
@@ -580,6 +605,11 @@ mod tests {
         );
         assert_eq!(field(SensorModel { black_level_dn: 5000.0, ..base() }), "black_level_dn");
         assert_eq!(field(SensorModel { prnu_percent: f64::NAN, ..base() }), "prnu_percent");
+        assert_eq!(field(SensorModel { analog_offset_mv: 900.0, ..base() }), "analog_offset_mv");
+        assert_eq!(field(SensorModel { black_level_dn: 4094.5, ..base() }), "black_level_dn");
+        let highest = SensorModel { black_level_dn: 4093.0, ..base() };
+        assert!(highest.validate().is_ok());
+        assert!(SensorModel { bit_depth: 1, black_level_dn: 0.0, ..base() }.validate().is_ok());
         let unknown = serde_json::from_str::<SensorModel>("{\"read_noise\": 2}").unwrap_err();
         assert!(unknown.to_string().contains("read_noise_mv"), "{unknown}");
     }

@@ -71,7 +71,7 @@ pub(super) fn run(options: &Options) -> Result<(), CliError> {
         .out
         .clone()
         .unwrap_or_else(|| Path::new("fluorspar-out").join(format!("{}-emva1288", options.sensor.stem())));
-    let folder = OutFolder::prepare(&target)?;
+    let folder = OutFolder::prepare(&target, &options.sensor.files(&resolved))?;
     let measured =
         characterize(&resolved.sensor, &settings).map_err(|problem| CliError::Input(problem.to_string()))?;
     let results = as_json(&resolved, &measured)?;

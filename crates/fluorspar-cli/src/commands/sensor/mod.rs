@@ -1,9 +1,10 @@
-//! `fluorspar sensor`: show and measure sensors.
+//! `fluorspar sensor`: list, show and measure sensors.
 
 mod characterize;
+mod list;
 mod show;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::{Subcommand, ValueHint};
@@ -26,6 +27,8 @@ enum Action {
     Characterize(characterize::Options),
     /// Show a sensor in electrons and in the terms of a data sheet.
     Show(show::Options),
+    /// List the sensors of the catalogue.
+    List(list::Options),
 }
 
 /// Which sensor.
@@ -43,8 +46,7 @@ impl SensorArgs {
     /// Reads the sensor and prints its warnings.
     fn resolve(&self, quiet: bool) -> Result<ResolvedSensor, CliError> {
         let (name, path) = (self.sensor.as_str(), Path::new(&self.sensor));
-        let is_file = path.extension().is_some() || name.contains(['/', '\\']) || path.exists();
-        let resolved = if is_file {
+        let resolved = if self.is_file() {
             let base_dir = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
             parse_sensor(&read_text(path)?, name, base_dir, &self.set)?
         } else {
@@ -57,14 +59,23 @@ impl SensorArgs {
                     known.join(", ")
                 )));
             }
-            let text =
-                format!("title = \"{}\"\n[sensor]\npreset = \"{name}\"\n", preset::sensor(name)?.title);
-            parse_sensor(&text, &format!("built-in {name}"), Path::new("."), &self.set)?
+            of_catalogue(name, &self.set)?
         };
         if !quiet {
             resolved.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
         }
         Ok(resolved)
+    }
+
+    fn is_file(&self) -> bool {
+        let path = Path::new(&self.sensor);
+        path.extension().is_some() || self.sensor.contains(['/', '\\']) || path.exists()
+    }
+
+    /// Every file that the sensor was read from.
+    fn files(&self, resolved: &ResolvedSensor) -> Vec<PathBuf> {
+        let own = self.is_file().then(|| PathBuf::from(&self.sensor));
+        own.into_iter().chain(resolved.inputs.iter().cloned()).collect()
     }
 
     /// A name for files: of the preset, or of the file without its ending.
@@ -74,10 +85,19 @@ impl SensorArgs {
     }
 }
 
+/// A sensor of the catalogue with changes.
+fn of_catalogue(name: &str, changes: &[String]) -> Result<ResolvedSensor, CliError> {
+    // Written by the serializer: a title may hold quotation marks.
+    let title = toml::Value::String(preset::sensor(name)?.title);
+    let text = format!("title = {title}\n[sensor]\npreset = \"{name}\"\n");
+    Ok(parse_sensor(&text, &format!("built-in {name}"), Path::new("."), changes)?)
+}
+
 pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     match &options.action {
         Action::Characterize(options) => characterize::run(options)?,
         Action::Show(options) => show::run(options)?,
+        Action::List(options) => list::run(options)?,
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -37,8 +37,7 @@ pub(super) fn run(options: &Options) -> Result<(), CliError> {
 fn facts(sensor: &Sensor) -> Vec<(&'static str, f64, &'static str)> {
     let model = sensor.model();
     let k = model.base_dn_per_electron() * model.analog_gain;
-    let post_e = model.post_gain_noise_mv * 1e-3 / model.volts_per_dn() / k;
-    let dark_noise_e = model.read_noise_electrons().hypot(post_e);
+    let dark_noise_e = model.dark_noise_electrons(1.0);
     let last_code_e = (f64::from(model.max_code()) - model.black_level_dn) / k;
     let full_e = model.well_capacity_e.min(last_code_e);
     let threshold_e = sensitivity_threshold_e(dark_noise_e, k);
