@@ -7,7 +7,8 @@ use clap::{Parser, Subcommand, ValueHint};
 use clap_complete::Shell;
 
 use crate::commands::{
-    analyze, capture, check, fluorophore, predict, presets, render, run, safety, schema, sensor, spectroradiometer,
+    analyze, capture, check, fluorophore, predict, presets, render, run, safety, schema, sensor,
+    spectroradiometer,
 };
 
 /// Predicts what a fluorescence camera records, before the camera is built.

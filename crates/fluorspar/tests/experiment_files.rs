@@ -3,11 +3,11 @@
 use std::fs;
 use std::path::Path;
 
+use fluorspar::experiment::schema::EfficiencyReference;
 use fluorspar::experiment::{
     ResolvedExperiment, default_experiment_toml, json_schema, parse, parse_sample, resolve,
     sample_json_schema, sensor_json_schema,
 };
-use fluorspar::experiment::schema::EfficiencyReference;
 use fluorspar::light::{Emitter, Light};
 use fluorspar::preset;
 use fluorspar::scene::Shape;

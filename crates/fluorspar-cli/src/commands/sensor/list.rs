@@ -24,7 +24,8 @@ pub(super) fn run(options: &Options) -> Result<(), CliError> {
         let preset = preset::sensor(name)?;
         let sensor = of_catalogue(name, &[])?.sensor;
         let model = sensor.model();
-        let channels: Vec<&str> = sensor.qe().channels().iter().map(|channel| channel.name.as_str()).collect();
+        let channels: Vec<&str> =
+            sensor.qe().channels().iter().map(|channel| channel.name.as_str()).collect();
         rows.push(vec![
             name.into(),
             channels.join(" "),
