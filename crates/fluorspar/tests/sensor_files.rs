@@ -46,7 +46,7 @@ fn a_data_sheet_replaces_the_electronics_of_a_preset() {
 #[test]
 fn the_sensor_of_an_experiment_is_read_alone() {
     let sensor = parse_sensor("base = \"oraleye-pi-2025\"\n", "x.toml", Path::new("."), &[]).unwrap().sensor;
-    assert_eq!(sensor.model().pixel_size_um, 1.4);
+    assert_eq!(sensor.model().pixel_size_um, 2.8);
     let overrides = ["sensor.mosaic=rgnb".to_string(), "sensor.quantum_efficiency=rgb_nir_cmos".to_string()];
     let nir =
         parse_sensor("base = \"oraleye-pi-2025\"\n", "x.toml", Path::new("."), &overrides).unwrap().sensor;
@@ -55,15 +55,26 @@ fn the_sensor_of_an_experiment_is_read_alone() {
 
 #[test]
 fn a_filter_wheel_turns_between_captures() {
-    let text = "base = \"flat-patch\"\n[render]\nwidth_px = 4\nheight_px = 3\nsamples_per_pixel = 1\n\
-        [sensor]\ncolumns = 8\nrows = 6\npixel_size_um = 100\nfill_factor = 0.001\nmosaic = \"mono\"\n\
-        mode = { kind = \"noise_free\" }\nquantum_efficiency = { mono = 0.5 }\n\
-        [[capture]]\nname = \"open\"\nlight_groups = { blue = 1.0 }\nexposure_ms = 200\n\
+    // Colours are analysed, a monochrome sensor has none.
+    let patch = preset::experiment("flat-patch").unwrap().text.split("[analysis]").next().unwrap();
+    let captures = "[[capture]]\nname = \"open\"\nlight_groups = { blue = 1.0 }\nexposure_ms = 200\n\
         [[capture]]\nname = \"half\"\nlight_groups = { blue = 1.0 }\nexposure_ms = 200\nfilters = [0.5]\n\
         [[capture]]\nname = \"red\"\nlight_groups = { blue = 1.0 }\nexposure_ms = 200\n\
         filters = [{ kind = \"bands\", base = 0.0, bands = [{ peak_nm = 635.0, fwhm_short_nm = 20.0, fwhm_long_nm = 20.0, \
         weight = 0.9 }] }]\n";
-    let experiment = experiment(text, &[]);
+    let overrides = [
+        "render.width_px=4",
+        "render.height_px=3",
+        "render.samples_per_pixel=1",
+        "sensor.columns=8",
+        "sensor.rows=6",
+        "sensor.pixel_size_um=100",
+        "sensor.fill_factor=0.001",
+        "sensor.mosaic=mono",
+        "sensor.mode={ kind = \"noise_free\" }",
+        "sensor.quantum_efficiency={ mono = 0.5 }",
+    ];
+    let experiment = experiment(&format!("{patch}{captures}"), &overrides);
     let control = RenderControl { stop: &AtomicBool::new(false), progress: &|_| {} };
     let components = render(&experiment.scene, &experiment.render, &control).unwrap();
     let frames = pipeline::capture(&experiment, &components).unwrap();
