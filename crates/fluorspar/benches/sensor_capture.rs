@@ -3,7 +3,8 @@
 //!     cargo bench -p fluorspar --bench sensor_capture
 //!
 //! `--megapixels N` and `--runs N` (after `--`) change the size and the number of runs. Needs about 8 GiB at 12
-//! megapixels: the image and its copy. Peak memory is read from `/proc/self/status` and left out where there is none.
+//! megapixels: the image and its copy. Peak memory and processor time are read from `/proc/self` and left out where there
+//! is none. On a machine with other work the processor time over the number of cores is what the capture itself needs.
 
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "this is a benchmark")]
 
@@ -24,6 +25,15 @@ fn memory_mib(field: &str) -> Option<f64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find(|line| line.starts_with(field))?;
     Some(line.split_whitespace().nth(1)?.parse::<f64>().ok()? / 1024.0)
+}
+
+/// Processor time of all threads of this process so far, s.
+fn processor_s() -> Option<f64> {
+    let status = std::fs::read_to_string("/proc/self/stat").ok()?;
+    // The name, in brackets, may hold spaces; user and system time are the 12th and 13th field behind it, in ticks of
+    // 10 ms as the kernel tells them.
+    let fields: Vec<&str> = status.rsplit(')').next()?.split_whitespace().collect();
+    Some((fields.get(11)?.parse::<f64>().ok()? + fields.get(12)?.parse::<f64>().ok()?) / 100.0)
 }
 
 fn median(mut seconds: Vec<f64>) -> f64 {
@@ -68,15 +78,20 @@ fn main() {
     println!("{columns} x {rows} pixels, {bands} bands, {:.2} GB, {threads} threads", bytes as f64 / 1e9);
 
     let before = memory_mib("VmHWM");
+    let mut processor = Vec::with_capacity(runs);
     let seconds = (0..runs).map(|frame| {
-        let start = Instant::now();
+        let (start, processor_start) = (Instant::now(), processor_s());
         let raw = sensor.expose(&light, &Exposure { frame: frame as u64, ..Exposure::default() }).unwrap();
         let seconds = start.elapsed().as_secs_f64();
+        processor.extend(processor_s().zip(processor_start).map(|(end, start)| end - start));
         assert!(raw.data.iter().any(|&dn| dn > 64));
         seconds
     });
     let capture_s = median(seconds.collect());
     println!("capture with all noise   {capture_s:.3} s (median of {runs})");
+    if !processor.is_empty() {
+        println!("processor time of it     {:.3} s, all threads together", median(processor));
+    }
     if let (Some(before), Some(after)) = (before, memory_mib("VmHWM")) {
         let output = (columns * rows * 2) as f64 / f64::from(1 << 20);
         println!(

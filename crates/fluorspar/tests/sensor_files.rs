@@ -69,7 +69,7 @@ fn a_filter_wheel_turns_between_captures() {
         "sensor.columns=8",
         "sensor.rows=6",
         "sensor.pixel_size_um=100",
-        "sensor.fill_factor=0.001",
+        "sensor.fill_factor=0.0001",
         "sensor.mosaic=mono",
         "sensor.mode={ kind = \"noise_free\" }",
         "sensor.quantum_efficiency={ mono = 0.5 }",
