@@ -12,7 +12,7 @@ use crate::image::Mosaic;
 use crate::optics::IdealLens;
 use crate::spectral::{
     Curve, CurveModel, Irradiance, Spectrum, StandardObserver, WavelengthGrid, cie_lab, cie_luv, cie_uv_1960,
-    delta_e_1976,
+    daylight_d65, delta_e_1976,
 };
 
 /// A file below the folder that `FLUORSPAR_REFERENCE` names, or below a folder `shared` beside any folder above this
@@ -359,6 +359,48 @@ fn equal_energy_has_its_luminance() {
     for ((nm, ours), photons) in wave.iter().zip(radiance).zip(numbers(&data["photons"]["values"])) {
         assert_close(ours * isetcam::photons_per_joule(*nm), photons, 1e-5, "photons");
     }
+}
+
+#[test]
+fn illuminants_of_a_luminance() {
+    let Some(data) = vector("scene_illuminant_small") else { return };
+    let check =
+        |name: &str, quantity: &str, relative: &dyn Fn(f64) -> f64, luminance: f64, tolerance: f64| {
+            let wave = numbers(&data[format!("{name}_wave")]);
+            let ours = scaled_to_luminance(relative, &wave, luminance);
+            for ((nm, ours), expected) in
+                wave.iter().zip(ours).zip(numbers(&data[format!("{name}_{quantity}")]))
+            {
+                let per_joule = if quantity == "photons" { isetcam::photons_per_joule(*nm) } else { 1.0 };
+                assert_close(ours * per_joule, expected, tolerance, &format!("{name} at {nm} nm"));
+            }
+        };
+    check("equal_energy", "energy", &|_| 1.0, 200.0, 1e-5);
+    check("equal_photons", "energy", &|nm| 1.0 / nm, 200.0, 1e-5);
+    check("equal_photons", "photons", &|nm| 1.0 / nm, 200.0, 1e-5);
+    // Its daylight is a little redder than the table of CIE: a smooth tilt, 7e-4 less at 400 nm, 3e-4 more at 700 nm.
+    let d65 = daylight_d65();
+    check("d65_200", "photons", &|nm| d65.at(nm), 200.0, 8e-4);
+    // Its h c / k is 6.6e-6 above the exact one, in an exponent of at most 7: 5e-5.
+    let model = CurveModel::Blackbody { temperature_k: 5000.0, reference_nm: 560.0 };
+    check("default_blackbody", "photons", &|nm| model.eval(nm), 100.0, 5e-5);
+}
+
+#[test]
+fn noise_of_an_uneven_picture_follows_from_its_mean() {
+    let Some(data) = vector("sensor_noise_samples_small") else { return };
+    // The variance of each pixel is linear in its mean, so the mean variance is that of the mean voltage, which the dark
+    // voltage of 50 ms raises.
+    let mean_v = number(&data["noise_free_mean"]) + 1e-3 * 0.05;
+    let deviation_v = isetcam::volts_variance(&default_pixel(), mean_v).sqrt();
+    // The tolerance of the file. Its picture has dark pixels, whose noise is cut at zero.
+    assert_close(deviation_v, number(&data["noise_distribution_stats"][0]), 0.05, "deviation");
+    assert_close(
+        deviation_v * 2f64.sqrt(),
+        number(&data["pair_diff_stats"][0]),
+        0.05,
+        "deviation of a difference",
+    );
 }
 
 #[test]
