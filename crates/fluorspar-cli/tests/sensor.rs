@@ -54,9 +54,17 @@ fn a_sheet_is_measured_and_drawn() {
 }
 
 #[test]
-fn every_sensor_of_the_catalogue_is_shown() {
+fn every_sensor_of_the_catalogue_is_listed_and_shown() {
     let folder = tempfile::tempdir().unwrap();
     let presets = fluorspar(folder.path(), ["presets", "--json"]).well().stdout;
+    let table = fluorspar(folder.path(), ["sensor", "list"]).well().stdout;
+    assert_eq!(table.lines().count(), 7, "{table}");
+    let list = fluorspar(folder.path(), ["sensor", "list", "--json"]).json();
+    let table_1 = &list[0];
+    assert_eq!(table_1["name"], "lyu_2021_table_1");
+    assert_eq!(table_1["channels"], serde_json::json!(["R", "G", "B"]));
+    // 1.39 mV at 0.911 V over 9000 e-.
+    assert!((table_1["dark_noise_e"].as_f64().unwrap() - 13.732).abs() < 1e-3, "{table_1}");
     for name in [
         "lyu_2021_table_1",
         "monochrome_4_8um",
@@ -65,7 +73,7 @@ fn every_sensor_of_the_catalogue_is_shown() {
         "rgb_nir_3um",
         "multispectral_3x3",
     ] {
-        assert!(presets.contains(name), "{name}");
+        assert!(presets.contains(name) && table.contains(name), "{name}");
         let text = fluorspar(folder.path(), ["sensor", "show", name]).well().stdout;
         assert!(text.contains("dynamic range"), "{text}");
         let value = fluorspar(folder.path(), ["sensor", "show", name, "--json"]).json();
@@ -84,6 +92,9 @@ fn bad_input_is_refused_and_leaves_nothing() {
     fs::write(folder.path().join("none.toml"), "title = \"no sensor\"\n").unwrap();
     fs::write(folder.path().join("odd.toml"), format!("pixels = 3\n{SHEET}")).unwrap();
     fs::write(folder.path().join("good.toml"), SHEET).unwrap();
+    fs::write(folder.path().join("broken.toml"), "sensor = [\n").unwrap();
+    fs::create_dir(folder.path().join("inner")).unwrap();
+    fs::write(folder.path().join("inner/good.toml"), SHEET).unwrap();
     let before = listing(folder.path());
     for (args, expected) in [
         (vec!["characterize", "bad.toml"], "bad.toml:10: sensor.emva1288.saturation_capacity_e"),
@@ -91,7 +102,20 @@ fn bad_input_is_refused_and_leaves_nothing() {
         (vec!["show", "odd.toml"], "unknown field `pixels`"),
         (vec!["show", "missing.toml"], "missing.toml"),
         (vec!["show", "lyu_2021"], "did you mean \"lyu_2021_table_1\"?"),
+        (vec!["show", "broken.toml"], "broken.toml:1"),
+        (vec!["show", "good.toml", "--set", "sensor.full_well=9000"], "unknown field `full_well`"),
+        (vec!["show", "good.toml", "--json", "--toml"], "cannot be used with"),
         (vec!["characterize", "good.toml", "--levels", "2"], "levels: 2 is outside 10"),
+        (vec!["characterize", "good.toml", "--stack", "1"], "stack: 1 is outside 4"),
+        (vec!["characterize", "good.toml", "--region", "4", "4"], "region[0]"),
+        (vec!["characterize", "good.toml", "--region", "64"], "2 values required"),
+        (vec!["characterize", "good.toml", "--gain", "0"], "exposure.gain"),
+        (vec!["characterize", "good.toml", "--out", "."], "the folder you are in"),
+        (
+            vec!["characterize", "inner/good.toml", "--out", "inner"],
+            "inner/good.toml, a file that is read here",
+        ),
+        (vec!["characterize", "inner/good.toml", "--out", "good.toml"], "this is a file"),
         (vec!["characterize", "good.toml", "--exposure-ms", "-1"], "exposure_s"),
         (
             vec!["characterize", "good.toml", "--set", "sensor.mode={ kind = \"noise_free\" }"],

@@ -41,6 +41,37 @@ fn median(mut seconds: Vec<f64>) -> f64 {
     seconds[seconds.len() / 2]
 }
 
+/// Medians over runs.
+struct Times {
+    wall_s: f64,
+    processor_s: Option<f64>,
+    runs: usize,
+}
+
+impl Times {
+    fn of(runs: usize, mut run: impl FnMut(usize)) -> Self {
+        let (mut wall, mut processor) = (Vec::new(), Vec::new());
+        for index in 0..runs {
+            let (start, processor_start) = (Instant::now(), processor_s());
+            run(index);
+            wall.push(start.elapsed().as_secs_f64());
+            processor.extend(processor_s().zip(processor_start).map(|(end, start)| end - start));
+        }
+        let processor_s = (!processor.is_empty()).then(|| median(processor));
+        Self { wall_s: median(wall), processor_s, runs }
+    }
+}
+
+impl std::fmt::Display for Times {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{:.3} s (median of {})", self.wall_s, self.runs)?;
+        match self.processor_s {
+            Some(seconds) => write!(f, ", {seconds:.3} s of processor time"),
+            None => Ok(()),
+        }
+    }
+}
+
 fn main() {
     let (megapixels, runs) = (argument("--megapixels", 12), argument("--runs", 5).max(1));
     // Four columns to three rows, even numbers.
@@ -78,20 +109,11 @@ fn main() {
     println!("{columns} x {rows} pixels, {bands} bands, {:.2} GB, {threads} threads", bytes as f64 / 1e9);
 
     let before = memory_mib("VmHWM");
-    let mut processor = Vec::with_capacity(runs);
-    let seconds = (0..runs).map(|frame| {
-        let (start, processor_start) = (Instant::now(), processor_s());
+    let capture = Times::of(runs, |frame| {
         let raw = sensor.expose(&light, &Exposure { frame: frame as u64, ..Exposure::default() }).unwrap();
-        let seconds = start.elapsed().as_secs_f64();
-        processor.extend(processor_s().zip(processor_start).map(|(end, start)| end - start));
         assert!(raw.data.iter().any(|&dn| dn > 64));
-        seconds
     });
-    let capture_s = median(seconds.collect());
-    println!("capture with all noise   {capture_s:.3} s (median of {runs})");
-    if !processor.is_empty() {
-        println!("processor time of it     {:.3} s, all threads together", median(processor));
-    }
+    println!("capture with all noise   {capture}");
     if let (Some(before), Some(after)) = (before, memory_mib("VmHWM")) {
         let output = (columns * rows * 2) as f64 / f64::from(1 << 20);
         println!(
@@ -101,15 +123,12 @@ fn main() {
     }
     let mut copy = vec![0f32; light.data().len()];
     let chunk = 1 << 20;
-    let seconds = (0..runs).map(|_| {
-        let start = Instant::now();
+    let plain = Times::of(runs, |_| {
         copy.par_chunks_mut(chunk)
             .zip(light.data().par_chunks(chunk))
             .for_each(|(to, from)| to.copy_from_slice(from));
-        start.elapsed().as_secs_f64()
     });
-    let copy_s = median(seconds.collect());
     assert_eq!(copy[copy.len() / 2], light.data()[copy.len() / 2]);
-    println!("plain copy               {copy_s:.3} s (median of {runs})");
-    println!("ratio                    {:.2}", capture_s / copy_s);
+    println!("plain copy               {plain}");
+    println!("ratio                    {:.2}", capture.wall_s / plain.wall_s);
 }
