@@ -1,6 +1,6 @@
 //! From developed frames to chromaticity and porphyrin.
 
-use super::capture::on_sensor;
+use super::capture::{behind_filter, on_sensor};
 use super::direct_light::{SurfacePoint, axis_point, irradiance_on, region_points};
 use super::{CapturedFrame, PipelineError};
 use crate::analysis::{
@@ -108,11 +108,8 @@ fn mixture_model(
 ) -> Option<MixtureModel> {
     let (lens, lamp) = (experiment.lens.as_ref()?, lamp?);
     let grid = &experiment.scene.grid;
-    let transmittance = lens.transmittance_on(grid);
-    let qe = match &capture.filter {
-        Some(filter) => sensor.behind(filter).effective_qe(),
-        None => sensor.effective_qe(),
-    };
+    let transmittance = behind_filter(lens, capture).transmittance_on(grid);
+    let qe = sensor.effective_qe();
     let channel =
         |name: &str| -> Option<Spectrum<QuantumEfficiency>> { Some(qe.on_grid(qe.find(name)?, grid)) };
     let [red, green, blue] = [channel("R")?, channel("G")?, channel("B")?];

@@ -1,6 +1,8 @@
 //! From a component image to raw and developed frames.
 
 use super::light_by_shape::light_by_shape;
+use std::borrow::Cow;
+
 use super::motion::{MotionPath, shifted};
 use super::{Calibration, PipelineError};
 use crate::analysis::SceneOnSensor;
@@ -97,6 +99,17 @@ pub(super) fn film_extent(
     FilmExtent::of_width(lens.film_width_mm(field_deg), components.width, components.height)
 }
 
+/// The lens with the filters of one capture.
+pub(super) fn behind_filter<'a>(lens: &'a IdealLens, capture: &Capture) -> Cow<'a, IdealLens> {
+    match &capture.filter {
+        Some(filter) => {
+            let transmittance = lens.transmittance.times(filter);
+            Cow::Owned(IdealLens { transmittance, ..lens.clone() })
+        }
+        None => Cow::Borrowed(lens),
+    }
+}
+
 /// The image on the film, relative to the sensor.
 pub(super) fn on_sensor<'a>(
     experiment: &ResolvedExperiment,
@@ -152,17 +165,12 @@ pub fn capture(
     let mut path = MotionPath::new(experiment);
     let mut exposures = Vec::with_capacity(experiment.captures.len());
     for capture in &experiment.captures {
-<<<<<<< HEAD
-        let irradiance = lens.form_image(&frame_radiance(&capture.frame, components), film.width_mm);
-        let filtered = capture.filter.as_ref().map(|filter| sensor.behind(filter));
-        let sensor = filtered.as_ref().unwrap_or(sensor);
-=======
+        let lens = behind_filter(lens, capture);
         let mut irradiance =
             SpectralImage::zeros(components.grid.clone(), components.width, components.height);
         for light in light_by_shape(experiment, &capture.frame, components) {
             irradiance.add(&lens.form_image_under(&light.radiance, film.width_mm, light.shape.as_ref()));
         }
->>>>>>> main
         exposures.push(expose_capture(experiment, sensor, capture, &irradiance, film, &mut path)?);
     }
     let calibration = Calibration::of_experiment(experiment, exposures.iter().flat_map(RawExposures::all))?;
