@@ -237,7 +237,10 @@ impl Emva1288 {
             ("snr_max_db", self.snr_max_db, 10.0 * saturation.log10(), 0.5, "dB"),
         ];
         for (field, given, follows, tolerance, unit) in checks {
-            if let Some(given) = given.filter(|given| !((given - follows).abs() <= tolerance)) {
+            if let Some(given) = given.filter(|given| {
+                let agrees = (given - follows).abs() <= tolerance;
+                !agrees
+            }) {
                 let message = format!(
                     "{given} {unit} contradict the sheet: its saturation capacity, dark noise and gain give \
                      {follows:.1} {unit}"

@@ -65,7 +65,7 @@ pub struct ElectronRate {
 
 /// The chain of equations that the model's mode selects.
 pub(super) enum Chain {
-    Physical(PhysicalChain),
+    Physical(Box<PhysicalChain>),
     Isetcam(IsetcamChain),
 }
 
@@ -73,7 +73,7 @@ impl Chain {
     pub(super) fn new(sensor: &Sensor, exposure: &Exposure) -> Self {
         let model = &sensor.model;
         IsetcamChain::of(model, exposure).map_or_else(
-            || Self::Physical(PhysicalChain::new(model, &sensor.readout, exposure)),
+            || Self::Physical(Box::new(PhysicalChain::new(model, &sensor.readout, exposure))),
             Self::Isetcam,
         )
     }
@@ -353,7 +353,8 @@ impl Sensor {
         for (_, rate) in moments {
             self.check_size(rate)?;
         }
-        if moments.windows(2).any(|pair| !(pair[1].0 > pair[0].0)) {
+        let rise = moments.windows(2).all(|pair| pair[1].0 > pair[0].0);
+        if !rise {
             return Err(SensorProblem::new("moments", "the times do not rise; sort them"));
         }
         let timing = Timing { shutter: self.model.shutter, strobe: self.model.strobe };

@@ -50,7 +50,7 @@ impl RelativeIllumination {
         let of = |name: &String| given.get(name).or_else(|| given.get(ALL)).cloned().unwrap_or_default();
         let coefficients: Vec<Vec<f64>> = mosaic.channels.iter().map(of).collect();
         let any = coefficients.iter().flatten().any(|a| *a != 0.0);
-        any.then(|| Self { coefficients, columns: model.columns, rows: model.rows })
+        any.then_some(Self { coefficients, columns: model.columns, rows: model.rows })
     }
 
     /// Multiplies the rates of one row.
