@@ -8,7 +8,7 @@ use clap_complete::Shell;
 
 use crate::commands::{
     analyze, capture, check, denoise, fluorophore, merge, predict, presets, render, run, safety, schema,
-    spectroradiometer,
+    sensor, spectroradiometer,
 };
 
 /// Predicts what a fluorescence camera records, before the camera is built.
@@ -41,6 +41,8 @@ pub(crate) enum Command {
     Analyze(analyze::Options),
     /// List, show, plot or import fluorophores.
     Fluorophore(fluorophore::Options),
+    /// Show sensors and measure them as EMVA 1288 says.
+    Sensor(sensor::Options),
     /// Predict spectra and mean sensor values of a flat sample, without geometry.
     Predict(predict::Options),
     /// Assess the photobiological safety of an experiment's captures: hazards, limits, margins.

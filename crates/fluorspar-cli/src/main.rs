@@ -50,6 +50,7 @@ fn run(args: Args) -> Result<ExitCode, CliError> {
         Command::Capture(options) => commands::capture::run(&options),
         Command::Analyze(options) => commands::analyze::run(&options),
         Command::Fluorophore(options) => commands::fluorophore::run(&options),
+        Command::Sensor(options) => commands::sensor::run(&options),
         Command::Predict(options) => commands::predict::run(&options),
         Command::Safety(options) => commands::safety::run(&options),
         Command::Spectroradiometer(options) => commands::spectroradiometer::run(&options),

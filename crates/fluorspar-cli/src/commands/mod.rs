@@ -15,6 +15,7 @@ pub(crate) mod render;
 pub(crate) mod run;
 pub(crate) mod safety;
 pub(crate) mod schema;
+pub(crate) mod sensor;
 pub(crate) mod spectroradiometer;
 pub(crate) mod table;
 

@@ -16,7 +16,29 @@ const ALTERNATIVES: [&[&str]; 10] = [
     &["reflectance", "dielectric", "conductor", "mix", "two_sided"],
 ];
 /// Keys that go with an alternative of another name.
-const ALSO_REPLACED: [(&str, &[&str]); 12] = [
+const ALSO_REPLACED: [(&str, &[&str]); 13] = [
+    (
+        "emva1288",
+        &[
+            "well_capacity_e",
+            "voltage_swing_v",
+            "conversion_gain_mv_per_e",
+            "bit_depth",
+            "black_level_dn",
+            "read_noise_mv",
+            "read_noise_e",
+            "post_gain_noise_mv",
+            "dsnu_mv",
+            "dsnu_e",
+            "prnu_percent",
+            "dark_voltage_mv_per_s",
+            "dark_current_e_per_s",
+            "dark_reference_temperature_c",
+            "dark_doubling_temperature_k",
+            "fill_factor",
+            "well_knee",
+        ],
+    ),
     ("power_mw", &["at_distance_mm"]),
     ("edges_nm", &["last_nm", "step_nm"]),
     ("last_nm", &["edges_nm"]),
@@ -31,13 +53,14 @@ const ALSO_REPLACED: [(&str, &[&str]); 12] = [
     ("two_sided", &["gloss", "normal_map"]),
 ];
 /// Keys whose tables describe one value and are replaced as a whole.
-const WHOLE: [&str; 16] = [
+const WHOLE: [&str; 17] = [
     "n",
     "k",
     "opacity",
     "amount",
     "map",
     "spectrum",
+    "relative_illumination",
     "transmittance",
     "quantum_efficiency",
     "reflectance",

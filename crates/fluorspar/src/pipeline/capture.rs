@@ -1,5 +1,7 @@
 //! From a component image to raw and developed frames.
 
+use std::borrow::Cow;
+
 use super::light_by_shape::light_by_shape;
 use super::motion::{MotionPath, shifted};
 use super::{Calibration, PipelineError};
@@ -97,6 +99,17 @@ pub(super) fn film_extent(
     FilmExtent::of_width(lens.film_width_mm(field_deg), components.width, components.height)
 }
 
+/// The lens with the filters of one capture.
+pub(super) fn behind_filter<'a>(lens: &'a IdealLens, capture: &Capture) -> Cow<'a, IdealLens> {
+    match &capture.filter {
+        Some(filter) => {
+            let transmittance = lens.transmittance.times(filter);
+            Cow::Owned(IdealLens { transmittance, ..lens.clone() })
+        }
+        None => Cow::Borrowed(lens),
+    }
+}
+
 /// The image on the film, relative to the sensor.
 pub(super) fn on_sensor<'a>(
     experiment: &ResolvedExperiment,
@@ -152,6 +165,7 @@ pub fn capture(
     let mut path = MotionPath::new(experiment);
     let mut exposures = Vec::with_capacity(experiment.captures.len());
     for capture in &experiment.captures {
+        let lens = behind_filter(lens, capture);
         let mut irradiance =
             SpectralImage::zeros(components.grid.clone(), components.width, components.height);
         for light in light_by_shape(experiment, &capture.frame, components) {

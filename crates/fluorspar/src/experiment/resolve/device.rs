@@ -1,13 +1,15 @@
 //! Wavelengths, render settings, camera, lens and sensor.
 
+use std::collections::BTreeMap;
+
 use super::context::{Context, Resolved};
 use super::error_target;
 use super::spectrum::Role;
 use crate::experiment::document::is_path;
 use crate::experiment::error::{Step, steps};
 use crate::experiment::schema::{
-    CameraSection, ExperimentFile, FieldOfView, LensSection, RenderSection, SensorSection, SpectralSection,
-    ViewFilterSection,
+    CameraSection, EfficiencyReference, ExperimentFile, FieldOfView, LensSection, RenderSection,
+    SensorSection, SpectralSection, SpectrumReference, ViewFilterSection,
 };
 use crate::format::{CsvColumns, CsvSpectrumOptions, Negative};
 use crate::optics::{IdealLens, PerspectiveCamera};
@@ -229,7 +231,10 @@ pub(in crate::experiment) fn sensor(
         context.whole_within(&steps!["sensor", key], value as u64, [1, LONGEST_SIDE_PX])?;
     }
     let at = steps!["sensor", "quantum_efficiency"];
-    let channels = quantum_efficiency(context, &at, &section.quantum_efficiency, model)?;
+    let channels = match &section.quantum_efficiency {
+        EfficiencyReference::Name(name) => quantum_efficiency(context, &at, name, model)?,
+        EfficiencyReference::Channels(table) => efficiencies(context, &at, table, model, grid)?,
+    };
     let mut qe = SpectralQe::from_curves(channels).map_err(|problem| context.error(&at, problem.message))?;
     for (index, filter) in section.filters.iter().enumerate() {
         let at = steps!["sensor", "filters", index];
@@ -247,11 +252,15 @@ pub(in crate::experiment) fn sensor(
         );
         context.warn(&at, message);
     }
+    // A data sheet may state a quantum efficiency, which is compared with the curves.
+    let model = if section.model.emva1288.is_some() { &section.model } else { model };
     Sensor::new(model.clone(), qe).map_err(|problem| sensor_problem(context, &problem.field, problem.message))
 }
 
-/// The model with its defaults written out; what was given stays to the last bit.
+/// The model with its defaults and its data sheet written out; what was given stays to the last bit.
 pub(in crate::experiment) fn filled(model: &SensorModel) -> SensorModel {
+    // A sheet that can't be used has been refused before.
+    let model = model.with_data_sheet().unwrap_or_else(|_| model.clone());
     let (mut filled, resolved) = (model.clone(), model.resolved());
     let fill = |millivolts: &mut Option<f64>, electrons: Option<f64>, default: Option<f64>| {
         if millivolts.is_none() && electrons.is_none() {
@@ -271,18 +280,56 @@ fn sensor_problem(context: &Context<'_>, field: &str, message: String) -> crate:
     context.error(&at, message)
 }
 
-fn quantum_efficiency(
-    context: &mut Context<'_>,
-    at: &[Step],
-    reference: &str,
-    model: &SensorModel,
-) -> Resolved<Vec<(String, Curve)>> {
+/// Channels of a mosaic, each once.
+fn channels_of(model: &SensorModel) -> Vec<String> {
     let mut wanted: Vec<String> = Vec::new();
     for name in model.mosaic.iter().flatten() {
         if !wanted.contains(name) {
             wanted.push(name.clone());
         }
     }
+    wanted
+}
+
+/// Quantum efficiencies given channel by channel.
+fn efficiencies(
+    context: &mut Context<'_>,
+    at: &[Step],
+    table: &BTreeMap<String, SpectrumReference>,
+    model: &SensorModel,
+    grid: &WavelengthGrid,
+) -> Resolved<Vec<(String, Curve)>> {
+    let below = |name: &str| -> Vec<Step> { at.iter().cloned().chain([Step::from(name)]).collect() };
+    let wanted = channels_of(model);
+    if let Some(unused) = table.keys().find(|name| !wanted.contains(name)) {
+        let message =
+            format!("no pixel of the mosaic has this channel; its channels are {}", wanted.join(", "));
+        return context.fail(&below(unused), message);
+    }
+    let mut channels = Vec::new();
+    for name in wanted {
+        let Some(reference) = table.get(&name) else {
+            let message = format!("has no channel \"{name}\", which the mosaic of the sensor names; add it");
+            return context.fail(at, message);
+        };
+        if matches!(reference, SpectrumReference::Name(_)) {
+            let message =
+                "give a number, an equation such as { kind = \"bands\", ... }, or { csv = \"FILE\" }";
+            return context.fail(&below(&name), message);
+        }
+        let curve = context.spectrum(&below(&name), reference, Role::Filter, 0.0, grid)?;
+        channels.push((name, curve));
+    }
+    Ok(channels)
+}
+
+fn quantum_efficiency(
+    context: &mut Context<'_>,
+    at: &[Step],
+    reference: &str,
+    model: &SensorModel,
+) -> Resolved<Vec<(String, Curve)>> {
+    let wanted = channels_of(model);
     if is_path(reference) {
         let columns = CsvColumns::Named(wanted);
         let options = CsvSpectrumOptions { columns, negative: Negative::ClipToZero, skip_empty_cells: true };

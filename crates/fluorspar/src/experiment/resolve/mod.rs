@@ -83,6 +83,8 @@ pub struct Capture {
     pub frame: CaptureFrame,
     /// Label of the earlier frame whose image is subtracted.
     pub subtract: Option<String>,
+    /// Filters in front of the sensor in this capture only, multiplied.
+    pub filter: Option<Curve>,
     /// Further exposures, in stops from the first, that are merged with it.
     pub bracket_ev: Vec<f64>,
     /// How long the lights are on, ms, if it is not the time of the exposures.
@@ -227,7 +229,7 @@ pub fn resolve(experiment: &Experiment) -> Result<ResolvedExperiment, Experiment
     let mut fluorophores = material::Fluorophores::default();
     let materials = material::materials(context, file, &grid, &mut fluorophores)?;
     let objects = object::objects(context, file, &materials, &grid, &mut light_groups)?;
-    let captures = capture::captures(context, file, &light_groups)?;
+    let captures = capture::captures(context, file, &light_groups, &grid)?;
     let motion = instrument::motion(context, file)?;
     let develop = instrument::develop(context, file, sensor.as_ref(), &grid)?;
     let spectroradiometers = instrument::spectroradiometers(context, file, &captures, &objects, &grid)?;

@@ -7,7 +7,7 @@ use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::{Error, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-use super::SpectrumReference;
+use super::{EfficiencyReference, SpectrumReference};
 use crate::optics::Vignetting;
 use crate::sensor::SensorModel;
 
@@ -151,18 +151,14 @@ pub struct SensorSection {
     /// Lyu et al. 2021.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub preset: Option<String>,
-    /// Quantum efficiency: a name of the catalogue, or the path of a CSV file with one column per channel of the
-    /// mosaic. Default "consumer_rgb_cmos".
-    #[serde(default = "quantum_efficiency")]
-    pub quantum_efficiency: String,
+    /// Quantum efficiency: a name of the catalogue, the path of a CSV file with one column per channel of the mosaic, or
+    /// a table of spectra by channel. Default "consumer_rgb_cmos".
+    #[serde(default)]
+    pub quantum_efficiency: EfficiencyReference,
     /// Filters on the sensor, for instance an infrared cut. Default: none.
     #[serde(default)]
     pub filters: Vec<SpectrumReference>,
     /// Geometry, electronics and noise.
     #[serde(flatten)]
     pub model: SensorModel,
-}
-
-fn quantum_efficiency() -> String {
-    "consumer_rgb_cmos".into()
 }

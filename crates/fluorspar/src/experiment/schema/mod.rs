@@ -27,8 +27,8 @@ pub use object::{
     SphereShape, TransformSection,
 };
 pub use reference::{
-    DorsalTongueMap, ReflectanceReference, ReflectanceTermSection, SpectrumReference, SpectrumTable,
-    TextureReference, TextureTable,
+    DorsalTongueMap, EfficiencyReference, ReflectanceReference, ReflectanceTermSection, SpectrumReference,
+    SpectrumTable, TextureReference, TextureTable,
 };
 pub use settings::{RenderSection, SpectralSection, StatisticsChoice};
 
