@@ -10,6 +10,7 @@
 //! | component image, OpenEXR or NumPy | [`read_component_exr`], [`read_component_npy`] | [`write_component_exr`], [`write_component_npy`] |
 //! | raw sensor frame, TIFF or PNG | [`read_sensor_image`] | [`write_sensor_tiff`], [`write_sensor_png`] |
 //! | texture, picture, PNG | [`read_texture_png`] | [`write_rgb_png`] |
+//! | lens, TOML, pbrt, ISET JSON or Zemax | [`read_lens`] | [`LensFile::to_toml`] |
 //! | mesh, PLY or OBJ | [`read_ply`], [`read_obj`] | [`write_ply`] |
 //!
 //! Every reader says what is wrong with a file, where, and how to mend it ([`FormatError`]), and survives any bytes.
@@ -25,6 +26,7 @@ mod csv_table;
 mod error;
 mod exr;
 mod file;
+mod lens;
 mod mat;
 mod npy;
 mod obj;
@@ -43,6 +45,7 @@ pub use exr::{
     write_spectral_exr,
 };
 pub use file::write_atomically;
+pub use lens::{AbbeGlass, LensFile, LensFileError, LensFileSurface, PublishedLens, read_lens};
 pub use mat::{IsetFluorophore, MatSpectra, read_iset_fluorophore, read_mat_spectra};
 pub use npy::{read_component_npy, read_spectral_npy, write_component_npy, write_spectral_npy};
 pub use obj::read_obj;

@@ -1,7 +1,32 @@
 //! Cameras that make rays and lenses that turn scene radiance into irradiance on the sensor.
+//!
+//! | file | what |
+//! |---|---|
+//! | `perspective` | the camera of a scene: a pinhole, or film behind a traced lens |
+//! | `ideal_lens` | the camera equation: irradiance from radiance without aberrations |
+//! | `glass`, `prescription` | a lens as its maker describes it |
+//! | `paraxial` | first-order properties |
+//! | `sequential_trace` | exact rays through the surfaces |
+//! | `exit_pupil`, `traced_lens` | aperture, focus, rays from the film into the scene with weights |
 
+mod exit_pupil;
+mod glass;
 mod ideal_lens;
+mod paraxial;
 mod perspective;
+mod prescription;
+mod sequential_trace;
+mod traced_lens;
+#[cfg(test)]
+mod traced_lens_tests;
 
+pub use glass::{C_LINE_NM, D_LINE_NM, Dispersion, F_LINE_NM, Glass};
 pub use ideal_lens::{IdealLens, LensProblem, Vignetting};
+pub use paraxial::Paraxial;
 pub use perspective::PerspectiveCamera;
+pub use prescription::{
+    FocusGap, FocusMechanism, LensPrescription, LensSurface, MOST_ASPHERIC_TERMS, MOST_SURFACES, Medium,
+    PrescriptionError,
+};
+pub use sequential_trace::{Blocked, LensRay, SequentialTrace};
+pub use traced_lens::{ChiefRay, FilmSample, LensSetting, LensState, TracedLens};

@@ -24,6 +24,10 @@ pub enum PresetKind {
     Sensor,
     /// Excitation-emission matrix of a fluorophore.
     Fluorophore,
+    /// Refractive index of a lens material.
+    Glass,
+    /// A lens: surfaces, glasses, stop.
+    Lens,
     /// A complete experiment.
     Experiment,
     /// A flat sample without geometry.
@@ -32,13 +36,15 @@ pub enum PresetKind {
 
 impl PresetKind {
     /// Every kind.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 10] = [
         Self::Light,
         Self::Filter,
         Self::Reflectance,
         Self::QuantumEfficiency,
         Self::Sensor,
         Self::Fluorophore,
+        Self::Glass,
+        Self::Lens,
         Self::Experiment,
         Self::Sample,
     ];
@@ -51,6 +57,8 @@ impl PresetKind {
             Self::QuantumEfficiency => "qe",
             Self::Sensor => "sensors",
             Self::Fluorophore => "fluorophores",
+            Self::Glass => "glasses",
+            Self::Lens => "lenses",
             Self::Experiment => "experiments",
             Self::Sample => "samples",
         }
@@ -66,6 +74,8 @@ impl fmt::Display for PresetKind {
             Self::QuantumEfficiency => "quantum efficiency",
             Self::Sensor => "sensor",
             Self::Fluorophore => "fluorophore",
+            Self::Glass => "glass",
+            Self::Lens => "lens",
             Self::Experiment => "experiment",
             Self::Sample => "flat sample",
         })
