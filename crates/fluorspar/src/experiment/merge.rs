@@ -15,11 +15,13 @@ const ALTERNATIVES: [&[&str]; 9] = [
     &["bulk", "bulk_material"],
 ];
 /// Keys that go with an alternative of another name.
-const ALSO_REPLACED: [(&str, &[&str]); 4] = [
+const ALSO_REPLACED: [(&str, &[&str]); 5] = [
     ("edges_nm", &["last_nm", "step_nm"]),
     ("last_nm", &["edges_nm"]),
     ("step_nm", &["edges_nm"]),
     ("from", &["emission_csv", "unit"]),
+    // A traced lens in place of an ideal one.
+    ("prescription", &["focal_length_mm", "f_number", "vignetting", "transmittance"]),
 ];
 /// Keys whose tables describe one value and are replaced as a whole.
 const WHOLE: [&str; 11] = [

@@ -91,6 +91,27 @@ impl LensState {
         self.paraxial.magnification(self.object_mm())
     }
 
+    /// Irradiance per radiance on the axis, sr: `pi sin²` of the largest angle at which light arrives there.
+    pub fn axial_solid_angle_sr(&self, wavelength_nm: f64) -> f64 {
+        let trace = self.trace(wavelength_nm);
+        let rear_mm = self.paraxial.last_vertex_mm;
+        let reach = self.film_mm - rear_mm;
+        let passes = |tangent: f64| {
+            let film = DVec3::new(0.0, 0.0, self.film_mm);
+            let to = DVec3::new(0.0, tangent * reach, rear_mm);
+            LensRay::between(film, to).is_some_and(|ray| trace.backward(ray).is_ok())
+        };
+        let (mut low, mut high) = (0.0, 1e-3);
+        while passes(high) && high < 100.0 {
+            (low, high) = (high, 1.5 * high);
+        }
+        for _ in 0..50 {
+            let middle = 0.5 * (low + high);
+            if passes(middle) { low = middle } else { high = middle }
+        }
+        PI * low * low / (1.0 + low * low)
+    }
+
     /// Rays at a wavelength.
     pub fn trace(&self, wavelength_nm: f64) -> SequentialTrace {
         SequentialTrace::new(&self.lens, wavelength_nm, self.stop_semi_diameter_mm)
@@ -217,6 +238,8 @@ pub struct TracedLens {
 pub struct FilmSample {
     /// The ray in front of the lens, towards the object.
     pub ray: LensRay,
+    /// Cosine of its angle to the axis between lens and film.
+    pub image_cosine: f64,
     /// Irradiance on the film per radiance along the ray, sr: the mean of weight times radiance over all samples,
     /// blocked ones counting as zero, is the irradiance.
     pub weight_sr: f64,
@@ -282,7 +305,7 @@ impl TracedLens {
     pub fn sample(&self, film: DVec2, u: [f32; 2]) -> Option<FilmSample> {
         let sample = self.bounds.sample(film, u)?;
         let ray = self.trace.backward(sample.ray).ok()?;
-        Some(FilmSample { ray, weight_sr: sample.weight_sr })
+        Some(FilmSample { ray, image_cosine: sample.ray.direction.z.abs(), weight_sr: sample.weight_sr })
     }
 
     /// Rays from a film point at a height over evenly spread pupil points, blocked ones left out, each with its share:
@@ -301,25 +324,6 @@ impl TracedLens {
     /// Irradiance per radiance of a uniform field at a height on the film, sr, losses at surfaces left out.
     pub fn solid_angle_sr(&self, height_mm: f64) -> f64 {
         self.pupil_rays(height_mm, PUPIL_SAMPLES).iter().map(|sample| sample.weight_sr).sum()
-    }
-
-    /// Irradiance per radiance on the axis, sr: `pi sin²` of the largest angle at which light arrives there.
-    pub fn axial_solid_angle_sr(&self) -> f64 {
-        let reach = self.film_mm - self.rear_mm;
-        let passes = |tangent: f64| {
-            let film = DVec3::new(0.0, 0.0, self.film_mm);
-            let to = DVec3::new(0.0, tangent * reach, self.rear_mm);
-            LensRay::between(film, to).is_some_and(|ray| self.trace.backward(ray).is_ok())
-        };
-        let (mut low, mut high) = (0.0, 1e-3);
-        while passes(high) && high < 100.0 {
-            (low, high) = (high, 1.5 * high);
-        }
-        for _ in 0..50 {
-            let middle = 0.5 * (low + high);
-            if passes(middle) { low = middle } else { high = middle }
-        }
-        PI * low * low / (1.0 + low * low)
     }
 
     /// The ray from a film point at a height through the middle of the stop; `None` where it misses a surface.

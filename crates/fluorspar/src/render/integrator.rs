@@ -6,11 +6,11 @@ use fluorspar_accel::BuildError;
 use rayon::prelude::*;
 use thiserror::Error;
 
+use super::camera_sample::render_sample;
 use super::compiled_scene::{CompiledScene, Target};
 use super::path::Path;
 use super::spectral_accumulation::SpectralState;
 use crate::image::{Component, ComponentImage, FeatureMaps, Light};
-use crate::sampling::SampleStream;
 use crate::scene::{Scene, SceneError};
 
 /// How light transport is estimated.
@@ -236,26 +236,17 @@ fn render_tile(
     path: &mut Path,
     state: &mut SpectralState,
 ) {
-    let camera = &scene.scene.camera;
     let pixels = tile.rows * tile.cols;
     for index in 0..pixels {
         let (row, col) = (tile.row + index / tile.cols, tile.col + index % tile.cols);
         for sample in samples.clone() {
-            let mut stream = SampleStream::new(settings.seed, (row * camera.width + col) as u64, sample);
-            let [x, y, _, _] = stream.next_4d();
-            let (origin, direction) = camera.ray(col as f32 + x, row as f32 + y);
-            scene.trace(path, origin, direction, &mut stream, settings.max_depth, settings.estimator);
-            state.gather(scene, path);
-            for component in 0..state.components() {
-                if !state.is_lit(component) {
-                    continue;
-                }
+            let sums = &mut tile.sums;
+            render_sample(scene, settings, (row, col), sample, path, state, |component, bands, weight, values| {
                 let start = (component * pixels + index) * scene.bands;
-                let sums = &mut tile.sums[start..start + scene.bands];
-                for (sum, value) in sums.iter_mut().zip(state.component(component)) {
-                    *sum += value;
+                for (sum, value) in sums[start + bands.start..start + bands.end].iter_mut().zip(values) {
+                    *sum += weight * value;
                 }
-            }
+            });
         }
     }
 }

@@ -9,8 +9,10 @@
 //! | `surface` | what a ray finds: frame, textures, coat |
 //! | `path` | samples one path and keeps its vertices |
 //! | `spectral_accumulation` | runs spectra backwards along a path |
+//! | `camera_sample` | one sample of one pixel, through pinhole or lens |
 //! | `integrator` | all pixels on all cores, with progress and interruption |
 
+mod camera_sample;
 mod compiled_scene;
 mod fluorescence_operator;
 mod integrator;

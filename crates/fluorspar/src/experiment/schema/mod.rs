@@ -12,7 +12,10 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 pub use capture::{AnalysisSection, CaptureSection, ExposureTime, OutputSection};
-pub use device::{CameraSection, FieldOfView, LensSection, SensorSection, ViewFilterSection};
+pub use device::{
+    AutofluorescenceSection, CameraSection, FieldOfView, FilterAngles, FilterPosition, ImageFormation, LensSection,
+    LensType, SensorSection, ViewFilterSection,
+};
 pub use light::{LightFrame, LightSection, LightType};
 pub use material::{FluorophoreSection, GlossSection, MaterialSection, YieldUnit};
 pub use object::{
