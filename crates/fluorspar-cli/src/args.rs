@@ -63,33 +63,47 @@ pub(crate) struct ExperimentArgs {
     pub(crate) experiment: Option<String>,
     #[command(flatten)]
     pub(crate) changes: Changes,
-}
-
-/// Changes on top of an experiment file.
-#[derive(Clone, Debug, Default, clap::Args)]
-pub(crate) struct Changes {
-    /// Change one value, for instance `--set light.blue.power_mw=500`. May be repeated.
-    #[arg(long = "set", value_name = "PATH=VALUE")]
-    pub(crate) set: Vec<String>,
+    #[command(flatten)]
+    pub(crate) seed: Seed,
     /// Paths per pixel: more is less noisy and takes longer.
     #[arg(long, value_name = "N")]
     pub(crate) spp: Option<u32>,
-    /// Seed of all random numbers.
-    #[arg(long, value_name = "S")]
-    pub(crate) seed: Option<u64>,
     /// Most surfaces that light visits; 1 is direct light only.
     #[arg(long, value_name = "D")]
     pub(crate) depth: Option<u32>,
 }
 
-impl Changes {
+impl ExperimentArgs {
     /// All changes in the form of `--set`.
     pub(crate) fn overrides(&self) -> Vec<String> {
-        let mut list = self.set.clone();
+        let mut list = self.changes.set.clone();
         list.extend(self.spp.map(|n| format!("render.samples_per_pixel={n}")));
-        list.extend(self.seed.map(|n| format!("render.seed={n}")));
+        list.extend(self.seed.overrides());
         list.extend(self.depth.map(|n| format!("render.max_depth={n}")));
         list
+    }
+}
+
+/// Changes on top of an experiment file.
+#[derive(Clone, Debug, Default, clap::Args)]
+pub(crate) struct Changes {
+    /// Change one value, for instance `--set capture.blue.exposure_ms=15`. May be repeated.
+    #[arg(long = "set", value_name = "PATH=VALUE")]
+    pub(crate) set: Vec<String>,
+}
+
+/// Seed of the random numbers.
+#[derive(Clone, Debug, Default, clap::Args)]
+pub(crate) struct Seed {
+    /// Seed of all random numbers.
+    #[arg(long, value_name = "S")]
+    pub(crate) seed: Option<u64>,
+}
+
+impl Seed {
+    /// The seed in the form of `--set`.
+    pub(crate) fn overrides(&self) -> Option<String> {
+        self.seed.map(|n| format!("render.seed={n}"))
     }
 }
 

@@ -41,7 +41,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let default = folder.join("experiment.toml");
     let name = options.experiment.clone().unwrap_or_else(|| default.display().to_string());
     let source = ExperimentSource::find(Some(&name))?;
-    let experiment = source.resolve(&options.changes, true)?;
+    let experiment = source.resolve(&options.changes.set, true)?;
     if experiment.analysis.is_none() {
         return Err(CliError::Input(format!(
             "{name}: the experiment asks for no analysis; add an [analysis] section"

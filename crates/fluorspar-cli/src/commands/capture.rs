@@ -6,16 +6,18 @@ use std::process::ExitCode;
 use clap::ValueHint;
 use fluorspar::experiment::{parse, resolve};
 use fluorspar::format::{Provenance, read_component_exr, write_atomically, write_rgb_png, write_sensor_tiff};
-use fluorspar::pipeline::{ColorRendering, capture, preview};
+use fluorspar::pipeline::{ColorRendering, capture, check_same_scene, preview, with_rendered_camera};
 use serde_json::json;
 use std::io::Write;
 
 use super::out_folder;
-use crate::args::{Changes, Talk};
+use crate::args::{Changes, Seed, Talk};
 use crate::error::CliError;
 use crate::experiment_source::ExperimentSource;
 
 /// Options of `capture`.
+///
+/// What is in the image stays as it was rendered; a change of it is refused.
 #[derive(Clone, Debug, clap::Args)]
 pub(crate) struct Options {
     /// Component image: components.exr of a run, or `render --components`.
@@ -26,6 +28,8 @@ pub(crate) struct Options {
     experiment: Option<String>,
     #[command(flatten)]
     changes: Changes,
+    #[command(flatten)]
+    seed: Seed,
     /// Folder for the frames.
     #[arg(long, value_name = "DIR", default_value = "fluorspar-out/capture", value_hint = ValueHint::DirPath)]
     out: PathBuf,
@@ -38,27 +42,48 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let mut components = loaded.image;
     // As `run` has them, so that the frames are those of `run` whatever file they come from.
     components.round_to_24_bits();
+    let image = options.image.display();
+    // What the image was rendered from; nothing that it fixes may be changed here.
+    let rendered = match &loaded.provenance {
+        None => None,
+        Some(provenance) => {
+            let name = format!("experiment in {image}");
+            let parsed = parse(&provenance.resolved_experiment_toml, &name, std::path::Path::new("."), &[])?;
+            Some(resolve(&parsed)?)
+        }
+    };
+    let overrides: Vec<String> =
+        options.changes.set.iter().cloned().chain(options.seed.overrides()).collect();
+    let mut inputs = vec![options.image.clone()];
     let (text, experiment) = match (&options.experiment, loaded.provenance) {
         (Some(name), _) => {
             let source = ExperimentSource::find(Some(name))?;
-            let experiment = source.resolve(&options.changes, options.talk.quiet)?;
+            let experiment = source.resolve(&overrides, options.talk.quiet)?;
+            inputs.extend(source.files(&experiment));
             (source.text, experiment)
         }
         (None, Some(provenance)) => {
             let text = provenance.resolved_experiment_toml;
-            let name = format!("experiment in {}", options.image.display());
-            let parsed = parse(&text, &name, std::path::Path::new("."), &options.changes.overrides())?;
+            let name = format!("experiment in {image}");
+            let parsed = parse(&text, &name, std::path::Path::new("."), &overrides)?;
             let experiment = resolve(&parsed)?;
             (text, experiment)
         }
         (None, None) => {
             return Err(CliError::Input(format!(
-                "{}: this image carries no experiment; name one with --experiment",
-                options.image.display()
+                "{image}: this image carries no experiment; name one with --experiment"
             )));
         }
     };
-    let folder = out_folder::OutFolder::prepare(&options.out)?;
+    let experiment = match &rendered {
+        Some(rendered) => {
+            check_same_scene(rendered, &experiment)?;
+            with_rendered_camera(experiment, rendered)
+        }
+        None => experiment,
+    };
+    inputs.extend(experiment.inputs.iter().map(|input| input.path.clone()));
+    let folder = out_folder::OutFolder::prepare(&options.out, &inputs)?;
     let frames = capture(&experiment, &components)?;
     let provenance = Provenance::new(
         &text,

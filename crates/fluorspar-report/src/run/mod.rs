@@ -3,7 +3,7 @@
 mod folder;
 mod report;
 
-pub use folder::{RunFolderError, write_run_folder};
+pub use folder::{RunFolderError, write_run_components, write_run_folder};
 pub use report::{NamedFigure, RunReport, run_report};
 
 use fluorspar::experiment::ResolvedExperiment;

@@ -8,7 +8,7 @@
 //! | fluorophore, spectra, MATLAB (ISET) | [`read_iset_fluorophore`], [`read_mat_spectra`] | |
 //! | spectral image, OpenEXR or NumPy | [`read_spectral_exr`], [`read_spectral_npy`] | [`write_spectral_exr`], [`write_spectral_npy`] |
 //! | component image, OpenEXR or NumPy | [`read_component_exr`], [`read_component_npy`] | [`write_component_exr`], [`write_component_npy`] |
-//! | raw sensor frame, TIFF or PNG | [`read_sensor_image`] | [`write_sensor_tiff`], [`write_sensor_png`] |
+//! | raw sensor frame, TIFF, PNG, DNG or packed | [`read_sensor_image`] | [`write_sensor_tiff`], [`write_sensor_png`], [`write_sensor_dng`], [`write_packed_raw`] |
 //! | texture, picture, PNG | [`read_texture_png`] | [`write_rgb_png`] |
 //! | lens, TOML, pbrt, ISET JSON or Zemax | [`read_lens`] | [`LensFile::to_toml`] |
 //! | mesh, PLY or OBJ | [`read_ply`], [`read_obj`] | [`write_ply`] |
@@ -23,6 +23,7 @@ mod csv_eem;
 mod csv_fluorophore;
 mod csv_spectrum;
 mod csv_table;
+mod dng;
 mod error;
 mod exr;
 mod file;
@@ -30,15 +31,18 @@ mod lens;
 mod mat;
 mod npy;
 mod obj;
+mod packed_raw;
 mod ply;
 mod png;
 mod provenance;
 mod raw;
+mod tiff_directory;
 
 pub use csv_eem::{AntiStokes, CsvEemOptions, EemTable, EemUnit, read_eem_csv};
 pub use csv_fluorophore::{CsvFluorophore, read_fluorophore_csv};
 pub use csv_spectrum::{CsvColumns, CsvSpectrumOptions, NamedCurve, read_spectrum_csv};
 pub use csv_table::Negative;
+pub use dng::{DngColor, write_sensor_dng};
 pub use error::FormatError;
 pub use exr::{
     ExrCompression, ExrOptions, read_component_exr, read_spectral_exr, write_component_exr,
@@ -49,6 +53,7 @@ pub use lens::{AbbeGlass, LensFile, LensFileError, LensFileSurface, PublishedLen
 pub use mat::{IsetFluorophore, MatSpectra, read_iset_fluorophore, read_mat_spectra};
 pub use npy::{read_component_npy, read_spectral_npy, write_component_npy, write_spectral_npy};
 pub use obj::read_obj;
+pub use packed_raw::{RawPacking, write_packed_raw};
 pub use ply::{read_ply, write_ply};
 pub use png::{TextureImage, Transfer, read_texture_png, write_rgb_png};
 pub use provenance::{Loaded, Provenance};

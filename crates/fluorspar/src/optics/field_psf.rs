@@ -209,6 +209,11 @@ impl CameraLens {
                 // Pixel coordinates of the pinhole, whose pixels are square in tangent.
                 let x = 0.5 * width as f64 * (1.0 + seen.x) - 0.5;
                 let y = 0.5 * height as f64 - 0.5 * width as f64 * seen.y - 0.5;
+                // Beyond what the pinhole saw it is dark; half a pixel is the way from the last middle to the border.
+                let inside = |at: f64, size: usize| (-0.75..=size as f64 - 0.25).contains(&at);
+                if !(inside(x, width) && inside(y, height)) {
+                    continue;
+                }
                 let (x, y) = (x.clamp(0.0, (width - 1) as f64), y.clamp(0.0, (height - 1) as f64));
                 let (c, r) = (x as usize, y as usize);
                 let (tx, ty) = ((x - c as f64) as f32, (y - r as f64) as f32);

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use glam::Vec3;
 
 use super::camera_lens::CameraLens;
+use crate::image::View;
 
 /// A camera: a pinhole, or film behind a traced lens whose entrance pupil stands where the pinhole would.
 ///
@@ -65,6 +66,16 @@ impl PerspectiveCamera {
             height,
             lens: None,
         })
+    }
+
+    /// What a file of its images keeps of the camera.
+    pub fn view(&self) -> View {
+        View {
+            position_m: self.position.to_array(),
+            forward: self.forward.to_array(),
+            right: self.right.to_array(),
+            tan_half_width: self.tan_half_width,
+        }
     }
 
     /// Origin and unit direction through image coordinates in pixels: x from the left, y from the top.
