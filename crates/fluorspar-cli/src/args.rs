@@ -6,7 +6,9 @@ use std::path::PathBuf;
 use clap::{Parser, Subcommand, ValueHint};
 use clap_complete::Shell;
 
-use crate::commands::{analyze, capture, check, fluorophore, predict, presets, render, run, schema};
+use crate::commands::{
+    analyze, capture, check, fluorophore, predict, presets, render, run, safety, schema, spectroradiometer,
+};
 
 /// Predicts what a fluorescence camera records, before the camera is built.
 ///
@@ -36,6 +38,10 @@ pub(crate) enum Command {
     Fluorophore(fluorophore::Options),
     /// Predict spectra and mean sensor values of a flat sample, without geometry.
     Predict(predict::Options),
+    /// Assess the photobiological safety of an experiment's captures: hazards, limits, margins.
+    Safety(safety::Options),
+    /// Read spectra of a component image or a flat sample as a spectroradiometer would.
+    Spectroradiometer(spectroradiometer::Options),
     /// List what is built in: lights, filters, reflectances, sensors, fluorophores, experiments, flat samples.
     Presets(presets::Options),
     /// Check an experiment or sample file without running it.

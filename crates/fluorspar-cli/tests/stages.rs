@@ -187,6 +187,8 @@ fn help_names_every_command_and_option() {
         "analyze",
         "fluorophore",
         "predict",
+        "safety",
+        "spectroradiometer",
         "presets",
         "check",
         "schema",

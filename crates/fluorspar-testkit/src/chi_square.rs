@@ -143,7 +143,8 @@ mod tests {
     fn a_few_draws_where_none_are_expected_are_caught() {
         // 300 good cells must not hide eight forbidden draws.
         let (mut observed, mut expected) = (vec![60.0; 300], vec![60.0; 300]);
-        (observed.push(8.0), expected.push(0.0));
+        observed.push(8.0);
+        expected.push(0.0);
         assert!(chi_square(&observed, &expected).p_value < 1e-9);
         (observed[300], expected[300]) = (3.0, 2.5);
         assert!(chi_square(&observed, &expected).p_value > 0.5);

@@ -1,4 +1,5 @@
 //! Frames taken from one component image with other lenses and sensors: what is seen, and which part is where.
+#![allow(clippy::unwrap_used, clippy::expect_used, reason = "these are tests")]
 
 use std::path::Path;
 

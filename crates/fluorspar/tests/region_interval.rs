@@ -1,5 +1,6 @@
 //! Are the intervals of a region's porphyrin fraction as wide as the sensor's noise makes them? Whole chain: expose a
 //! Bayer sensor, develop, analyse.
+#![allow(clippy::unwrap_used, clippy::expect_used, reason = "these are tests")]
 
 use fluorspar::analysis::{
     AnalysisSettings, ChannelNoise, FluorophoreResponse, MixtureModel, RegionOfInterest, analyse,

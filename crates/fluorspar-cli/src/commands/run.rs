@@ -6,7 +6,9 @@ use std::time::Instant;
 
 use fluorspar::experiment::ResolvedExperiment;
 use fluorspar::image::ComponentImage;
-use fluorspar::pipeline::{AnalyzedFrame, CapturedFrame, ColorRendering, Preview, analyze, capture, preview};
+use fluorspar::pipeline::{
+    AnalyzedFrame, CapturedFrame, ColorRendering, Preview, analyze, capture, preview, read_spectroradiometers,
+};
 use fluorspar_report::{RunResults, write_run_components, write_run_folder};
 
 use super::out_folder;
@@ -105,6 +107,7 @@ fn take_and_write(
         let analyzed = analyze(experiment, Some(components), &frames)?;
         (frames, analyzed)
     };
+    let spectra = read_spectroradiometers(experiment, components)?;
     let previews: Vec<Preview> = frames
         .iter()
         .zip(&experiment.captures)
@@ -119,6 +122,7 @@ fn take_and_write(
             components,
             frames: &frames,
             previews: &previews,
+            spectra: &spectra,
             analysis: analyzed.as_ref(),
         },
     )?;

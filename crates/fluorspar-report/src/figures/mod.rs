@@ -18,7 +18,7 @@ pub use filters::filters;
 pub use histogram::{ChannelValues, histograms};
 pub use lights::{LIGHT_DECADES, lights};
 pub use picture::{picture, porphyrin_map};
-pub use radiance::radiance_by_component;
+pub use radiance::{radiance_by_component, spectral_readings};
 pub use sensor::sensor_response;
 
 /// A function of wavelength with a name.
@@ -82,6 +82,7 @@ mod tests {
             sensor_response(curves, curves),
             radiance_by_component(curves.first(), curves.last(), curves, "tongue", Scale::Linear),
             radiance_by_component(None, None, curves, "tongue", Scale::Log10),
+            spectral_readings("readings", curves),
             chromaticity(plot),
             histograms("blue", values, 4000.0),
             picture("picture", raster, Some([0.0, 0.0, 1.0, 1.0])),

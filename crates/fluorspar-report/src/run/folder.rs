@@ -10,7 +10,7 @@ use fluorspar::format::{
     write_rgb_png, write_sensor_tiff, write_spectral_exr,
 };
 use fluorspar::image::ComponentImage;
-use fluorspar::pipeline::{RegionRadiance, frame_radiance};
+use fluorspar::pipeline::{RegionRadiance, assess_safety, frame_radiance};
 use serde_json::{Value, json};
 use thiserror::Error;
 
@@ -105,8 +105,10 @@ pub fn write_run_folder(folder: &Path, run: &RunResults<'_>) -> Result<PathBuf, 
         }
     }
     for frame in run.frames {
-        let path = folder.join(format!("raw_{}.tiff", frame.raw.label));
-        write_sensor_tiff(&path, &frame.raw, Some(&provenance))?;
+        for raw in std::iter::once(&frame.raw).chain(&frame.bracket) {
+            let path = folder.join(format!("raw_{}.tiff", raw.label));
+            write_sensor_tiff(&path, raw, Some(&provenance))?;
+        }
     }
     for (frame, preview) in run.frames.iter().zip(run.previews) {
         let path = folder.join(format!("preview_{}.png", frame.raw.label));
@@ -173,6 +175,8 @@ fn results_json(run: &RunResults<'_>) -> Result<Value, serde_json::Error> {
         "analysis": run.analysis.map(|a| serde_json::to_value(&a.analysis)).transpose()?,
         "region_radiance_w_per_sr_m2_nm": region.as_ref().map(serde_json::to_value).transpose()?,
         "leak_ratio": region.as_ref().and_then(|r| r.leak_ratio(experiment)),
+        "safety": serde_json::to_value(assess_safety(experiment, run.frames))?,
+        "spectroradiometers": serde_json::to_value(run.spectra)?,
         "warnings": experiment.warnings,
     }))
 }

@@ -2,13 +2,14 @@
 
 use fluorspar::analysis::Statistics;
 use fluorspar::image::Light;
-use fluorspar::pipeline::{AnalyzedFrame, CapturedFrame, RegionRadiance};
+use fluorspar::pipeline::{AnalyzedFrame, CapturedFrame, RegionRadiance, assess_safety};
 use fluorspar::spectral::Curve;
 
 use super::RunResults;
+use super::safety_section::safety_section;
 use crate::figures::{
     ChannelValues, ChromaticityPlot, EemMap, NamedCurve, chromaticity, eem_maps, emission, filters,
-    histograms, lights, picture, porphyrin_map, radiance_by_component, sensor_response,
+    histograms, lights, picture, porphyrin_map, radiance_by_component, sensor_response, spectral_readings,
 };
 use crate::{
     Figure, Number, NumberTable, Origin, Raster, ReportData, ReportItem, ReportPicture, Scale, Section,
@@ -67,6 +68,10 @@ pub fn run_report(run: &RunResults<'_>) -> RunReport {
     if let Some(radiance) = &radiance {
         sections.push(radiance_section(run, radiance, leak, &mut builder));
     }
+    if !run.spectra.is_empty() {
+        sections.push(spectroradiometer_section(run, &mut builder));
+    }
+    sections.extend(safety_section(&assess_safety(experiment, run.frames)));
     sections.push(parts_section(run, &mut builder));
     sections.push(assumptions_section(run));
     sections.push(glossary_section());
@@ -335,6 +340,28 @@ fn radiance_section(
         radiance_by_component(None, None, &glow, &region, Scale::Linear),
         "Fluorescence alone, linear.",
     )
+}
+
+fn spectroradiometer_section(run: &RunResults<'_>, builder: &mut Builder) -> Section {
+    let mut section = Section::new("What a spectroradiometer reads").say(
+        "Spectral radiance from the place of the camera, behind the instrument's filter, through its slit, with its stray \
+         light and noise.",
+    );
+    for (index, spectrum) in run.spectra.iter().enumerate() {
+        let reading = &spectrum.reading;
+        let curve = |name: &str, values: &[f64]| {
+            NamedCurve::new(name, reading.wavelength_nm.clone(), values.to_vec())
+        };
+        let curves = [curve("expected", &reading.expected), curve("reading", &reading.reading)];
+        let title = format!("{}, with the lights of \"{}\"", spectrum.name, spectrum.capture);
+        let figure = spectral_readings(title, &curves);
+        let caption = format!(
+            "{}. Noise of the reading: {:.1e} W/(sr m² nm).",
+            spectrum.target, reading.standard_deviation
+        );
+        section = builder.show(section, &format!("spectroradiometer_{}", index + 1), figure, &caption);
+    }
+    section
 }
 
 /// A curve on every nanometre of the rendered range.

@@ -143,7 +143,8 @@ impl ByHeight {
 impl CameraLens {
     /// Lens radiance (see [`CameraLens`]) from the radiance that a pinhole in the entrance pupil sees, whose half width has
     /// the tangent `tan_half_width`. Rows and columns stay. Everything is taken to lie in the plane in focus: a render through
-    /// the lens knows depth of field, this way does not. Beyond the border of the picture its last pixels go on.
+    /// the lens knows depth of field, this way does not. Where the
+    /// pinhole did not look it is dark.
     pub fn lens_radiance(
         &self,
         pinhole: &SpectralImage<Radiance>,
@@ -174,17 +175,29 @@ impl CameraLens {
         picture
     }
 
+    /// Multiplies a picture of the given width on the film, centred on the axis, by the relative illumination.
+    pub fn darken(&self, picture: &mut SpectralImage<Radiance>, film_width_mm: f64) {
+        let (width, height, bands) = (picture.width(), picture.height(), picture.bands());
+        let radius_mm = 0.5 * self.film_width_mm().hypot(self.film_height_mm());
+        let illumination = ByHeight::new(radius_mm, 33, |height_mm| self.relative_illumination(height_mm));
+        let pitch_mm = film_width_mm / width as f64;
+        for (index, pixel) in picture.data_mut().chunks_exact_mut(bands).enumerate() {
+            let x = (index % width) as f64 + 0.5 - 0.5 * width as f64;
+            let y = (index / width) as f64 + 0.5 - 0.5 * height as f64;
+            let factor = illumination.at(pitch_mm * x.hypot(y)) as f32;
+            pixel.iter_mut().for_each(|value| *value *= factor);
+        }
+    }
+
     /// Working f-number `1 / (2 sin u')` on the axis.
     pub fn working_f_number(&self) -> f64 {
         0.5 / (self.axial_solid_angle_sr() / PI).sqrt()
     }
 
-    /// Middle of a pixel on the upright picture, mm to the right and up.
+    /// Middle of a (square) pixel on the upright picture, mm to the right and up.
     fn place_mm(&self, row: usize, col: usize, width: usize, height: usize) -> DVec2 {
-        DVec2::new(
-            ((col as f64 + 0.5) / width as f64 - 0.5) * self.film_width_mm(),
-            (0.5 - (row as f64 + 0.5) / height as f64) * self.film_height_mm(),
-        )
+        let pitch_mm = self.film_width_mm() / width as f64;
+        DVec2::new(col as f64 + 0.5 - 0.5 * width as f64, 0.5 * height as f64 - row as f64 - 0.5) * pitch_mm
     }
 
     /// The pinhole's picture where chief rays put it, `[row, col, band of the range]`.

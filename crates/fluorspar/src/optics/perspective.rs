@@ -99,8 +99,9 @@ impl PerspectiveCamera {
             let (origin, direction) = self.ray(x, y);
             return CameraRay { origin, direction, weight: 1.0 };
         };
-        let right_mm = (f64::from(x) / self.width as f64 - 0.5) * lens.film_width_mm();
-        let up_mm = (0.5 - f64::from(y) / self.height as f64) * lens.film_height_mm();
+        let pitch_mm = lens.film_width_mm() / self.width as f64;
+        let right_mm = (f64::from(x) - 0.5 * self.width as f64) * pitch_mm;
+        let up_mm = (0.5 * self.height as f64 - f64::from(y)) * pitch_mm;
         let world = |[right, up, forward]: [f64; 3]| {
             self.right * right as f32 + self.up * up as f32 + self.forward * forward as f32
         };

@@ -5,7 +5,7 @@ use super::direct_light::{SurfacePoint, axis_point, irradiance_on, region_points
 use super::{CapturedFrame, PipelineError};
 use crate::analysis::{
     Analysis, AnalysisSettings, ChannelNoise, ChromaticityMap, FluorophoreResponse, MixtureModel,
-    PixelSelection, PorphyrinMap, Rectangle, RegionOfInterest, analyse, channel_response,
+    PixelSelection, PorphyrinMap, Rectangle, RegionOfInterest, SceneOnSensor, analyse, channel_response,
 };
 use crate::experiment::{Capture, ResolvedAnalysis, ResolvedExperiment};
 use crate::image::ComponentImage;
@@ -66,7 +66,7 @@ pub fn analyze(
         .region
         .select(image.width, image.height, scene)
         .map_err(crate::analysis::AnalysisError::from)?;
-    let lamp = frame_lamp(experiment, capture, components.map(|components| (components, &region)));
+    let lamp = frame_lamp(experiment, capture, scene.map(|scene| (scene, &region)));
     let model = mixture_model(experiment, sensor, lamp.as_ref(), settings);
     let (analysis, chromaticity, porphyrin) =
         analyse(image, scene, model.as_ref(), None, &analysis_settings)?;
@@ -81,10 +81,10 @@ pub fn analyze(
 pub(crate) fn frame_lamp(
     experiment: &ResolvedExperiment,
     capture: &Capture,
-    region: Option<(&ComponentImage, &PixelSelection)>,
+    region: Option<(SceneOnSensor<'_>, &PixelSelection)>,
 ) -> Option<Curve> {
     let mut points =
-        region.map(|(components, region)| region_points(experiment, components, region)).unwrap_or_default();
+        region.map(|(scene, region)| region_points(experiment, scene, region)).unwrap_or_default();
     if points.is_empty() {
         points.push(axis_point(experiment));
     }

@@ -1,12 +1,11 @@
 //! Dark frames, flat fields and bad pixels of an experiment's own sensor, or of a real one.
 
 use super::PipelineError;
-use super::capture::{field_deg, flat_film_irradiance};
+use super::capture::flat_film_irradiance;
 use crate::experiment::{FlatFieldPlan, ResolvedExperiment};
 use crate::image::{SensorImage, SpectralImage};
 use crate::sensor::{
-    AutoExposure, BadPixels, Demosaicing, Development, ElectronRate, Exposure, FilmExtent, FlatField,
-    MasterFrame, Sensor,
+    AutoExposure, BadPixels, Demosaicing, Development, ElectronRate, Exposure, FlatField, MasterFrame, Sensor,
 };
 use crate::spectral::Radiance;
 
@@ -164,20 +163,16 @@ fn flats(
     plan: &FlatFieldPlan,
 ) -> Result<MasterFrame, PipelineError> {
     let lens = experiment.lens.as_ref().ok_or(PipelineError::Missing("lens", "[lens]"))?;
-    let camera = &experiment.scene.camera;
-    let rows = (FLAT_COLUMNS * camera.height).div_ceil(camera.width).max(1);
-    let film_width_mm = match &experiment.traced_lens {
-        Some(traced) => traced.film_width_mm(),
-        None => lens.film_width_mm(field_deg(experiment)),
-    };
+    // Light from everywhere covers the sensor, whatever was rendered.
+    let film = sensor.film_extent();
+    let rows = (FLAT_COLUMNS as f64 * film.height_mm / film.width_mm).round().max(1.0) as usize;
     let grid = &experiment.scene.grid;
     let spectrum = plan.spectrum.on_grid::<Radiance>(grid);
     let mut radiance = SpectralImage::<Radiance>::zeros(grid.clone(), FLAT_COLUMNS, rows);
     for pixel in radiance.data_mut().chunks_exact_mut(grid.len()) {
         pixel.iter_mut().zip(spectrum.values()).for_each(|(value, s)| *value = *s as f32);
     }
-    let irradiance = flat_film_irradiance(experiment, lens, &radiance, film_width_mm);
-    let film = FilmExtent::of_width(film_width_mm, FLAT_COLUMNS, rows);
+    let irradiance = flat_film_irradiance(experiment, lens, &radiance, film.width_mm);
     let mut rate = sensor.electron_rate_on_film(&irradiance, film)?;
     let rule = AutoExposure {
         percentile: 100.0,

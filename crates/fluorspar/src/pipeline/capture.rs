@@ -38,6 +38,38 @@ impl RawExposures {
     }
 }
 
+/// Fills in what a real camera's file does not tell, conversion gain and read noise, from the sensor of an experiment. What it
+/// tells is kept.
+///
+/// # Errors
+/// In words: an exposure time that is missing, a sensor that is not there, channels that the sensor does not have.
+pub fn complete_raw(experiment: &ResolvedExperiment, raw: &mut SensorImage) -> Result<(), String> {
+    if raw.exposure_s <= 0.0 {
+        return Err("its exposure time is not known; describe it in a JSON file beside it".into());
+    }
+    if raw.dn_per_electron > 0.0 {
+        return Ok(());
+    }
+    let Some(sensor) = &experiment.sensor else {
+        return Err(
+            "its conversion gain is not known, and the experiment has no [sensor] that tells it".into()
+        );
+    };
+    let model = sensor.model();
+    if raw.bit_depth != model.bit_depth {
+        return Err(format!(
+            "its conversion gain is not known, and the sensor of the experiment has {} bits where the frame has {}; set \
+             sensor.bit_depth, or describe dn_per_electron",
+            model.bit_depth, raw.bit_depth
+        ));
+    }
+    raw.dn_per_electron = model.base_dn_per_electron() * raw.gain;
+    if raw.read_noise_dn <= 0.0 {
+        raw.read_noise_dn = raw.dn_per_electron * model.read_noise_electrons();
+    }
+    Ok(())
+}
+
 /// Name of a further exposure of a capture: `blue_ev+2`, `blue_ev-1.5`; the number is repeated exposures' own.
 pub fn bracket_label(capture: &str, bracket_ev: &[f64], index: usize) -> String {
     let stops = bracket_ev[index];
@@ -56,18 +88,18 @@ fn film_irradiance(
     experiment: &ResolvedExperiment,
     lens: &IdealLens,
     radiance: &SpectralImage<Radiance>,
+    tan_half_width: f64,
     film_width_mm: f64,
 ) -> SpectralImage<Irradiance> {
-    let camera = &experiment.scene.camera;
     let mut irradiance = match &experiment.traced_lens {
         // A render through the lens holds lens radiance already.
-        Some(traced) if camera.lens.is_none() => {
-            lens.form_image(&traced.lens_radiance(radiance, f64::from(camera.tan_half_width)), film_width_mm)
+        Some(traced) if experiment.scene.camera.lens.is_none() => {
+            lens.form_image(&traced.lens_radiance(radiance, tan_half_width), film_width_mm)
         }
         _ => lens.form_image(radiance, film_width_mm),
     };
     if let Some(own) = &experiment.view_filters.autofluorescence {
-        add_veil(experiment, lens, own, radiance, &mut irradiance);
+        add_veil(experiment, lens, own, radiance, tan_half_width, &mut irradiance);
     }
     irradiance
 }
@@ -81,8 +113,9 @@ pub(super) fn flat_film_irradiance(
 ) -> SpectralImage<Irradiance> {
     match &experiment.traced_lens {
         Some(traced) => {
-            let flat = traced.lens_radiance(radiance, f64::from(experiment.scene.camera.tan_half_width));
-            lens.form_image(&flat, film_width_mm)
+            let mut darkened = radiance.clone();
+            traced.darken(&mut darkened, film_width_mm);
+            lens.form_image(&darkened, film_width_mm)
         }
         None => lens.form_image(radiance, film_width_mm),
     }
@@ -95,12 +128,11 @@ fn add_veil(
     lens: &IdealLens,
     own: &FilterAutofluorescence,
     radiance: &SpectralImage<Radiance>,
+    tan_half_width: f64,
     irradiance: &mut SpectralImage<Irradiance>,
 ) {
-    let camera = &experiment.scene.camera;
-    let half_width = f64::from(camera.tan_half_width);
-    let half_height = half_width * camera.height as f64 / camera.width as f64;
-    let field_sr = projected_solid_angle(half_width, half_height);
+    let tan_half_height = tan_half_width * radiance.height() as f64 / radiance.width() as f64;
+    let field_sr = projected_solid_angle(tan_half_width, tan_half_height);
     let grid = radiance.grid();
     let arriving: Vec<f64> = radiance.mean_spectrum().values().iter().map(|l| l * field_sr).collect();
     let passed = experiment.view_filter.on_grid::<Transmittance>(grid);
@@ -123,6 +155,12 @@ pub(super) fn projected_solid_angle(x: f64, y: f64) -> f64 {
     2.0 * (part(x, y) + part(y, x))
 }
 
+/// Tangent of half the horizontal field of the pinhole that rendered an image.
+fn tan_half_width(experiment: &ResolvedExperiment, components: &ComponentImage) -> f64 {
+    let camera = &experiment.scene.camera;
+    f64::from(components.features.view.map_or(camera.tan_half_width, |view| view.tan_half_width))
+}
+
 /// How large a rendered image lies on the film behind a lens: its field of view is that of the camera that rendered it,
 /// whatever lens or sensor the experiment has now.
 pub(super) fn film_extent(
@@ -133,9 +171,7 @@ pub(super) fn film_extent(
     if let Some(traced) = &experiment.traced_lens {
         return FilmExtent::of_width(traced.film_width_mm(), components.width, components.height);
     }
-    let tan_half =
-        components.features.view.map_or(experiment.scene.camera.tan_half_width, |v| v.tan_half_width);
-    let field_deg = 2.0 * f64::from(tan_half).atan().to_degrees();
+    let field_deg = 2.0 * tan_half_width(experiment, components).atan().to_degrees();
     FilmExtent::of_width(lens.film_width_mm(field_deg), components.width, components.height)
 }
 
@@ -195,16 +231,12 @@ pub fn capture(
     let mut exposures = Vec::with_capacity(experiment.captures.len());
     for capture in &experiment.captures {
         let radiance = frame_radiance(&capture.frame, components);
-        let irradiance = film_irradiance(experiment, lens, &radiance, film.width_mm);
+        let tan_half_width = tan_half_width(experiment, components);
+        let irradiance = film_irradiance(experiment, lens, &radiance, tan_half_width, film.width_mm);
         exposures.push(expose_capture(experiment, sensor, capture, &irradiance, film, &mut path)?);
     }
     let calibration = Calibration::of_experiment(experiment, exposures.iter().flat_map(RawExposures::all))?;
     develop_frames(experiment, exposures, &calibration)
-}
-
-/// Horizontal field of view of the component image, degrees.
-pub(super) fn field_deg(experiment: &ResolvedExperiment) -> f64 {
-    2.0 * f64::from(experiment.scene.camera.tan_half_width).atan().to_degrees()
 }
 
 /// All exposures of one capture. The exposure time of an automatic one is that of the image at rest.

@@ -4,9 +4,8 @@ use std::f64::consts::PI;
 
 use glam::DVec3;
 
-use crate::analysis::PixelSelection;
+use crate::analysis::{PixelSelection, SceneOnSensor};
 use crate::experiment::{Capture, ResolvedExperiment};
-use crate::image::ComponentImage;
 use crate::light::Emitter;
 use crate::scene::{Shape, SurfaceEmission};
 use crate::sensor::CaptureFrame;
@@ -206,24 +205,25 @@ pub(crate) fn axis_point(experiment: &ResolvedExperiment) -> SurfacePoint {
 /// Points of the scene that pixels of a sensor image show, by the depth and normals of the render.
 pub(crate) fn region_points(
     experiment: &ResolvedExperiment,
-    components: &ComponentImage,
+    scene: SceneOnSensor<'_>,
     region: &PixelSelection,
 ) -> Vec<SurfacePoint> {
+    let components = scene.components;
     let features = &components.features;
     let (width, height) = (components.width, components.height);
     if features.depth_m.len() != width * height || features.normal.len() != width * height {
         return Vec::new();
     }
     let camera = &experiment.scene.camera;
-    let scale = 2.0 * f64::from(camera.tan_half_width) / width as f64;
+    let tan_half_width = features.view.map_or(camera.tan_half_width, |view| view.tan_half_width);
+    let scale = 2.0 * f64::from(tan_half_width) / width as f64;
     let (forward, right, up) = (camera.forward.as_dvec3(), camera.right.as_dvec3(), camera.up.as_dvec3());
-    let nearest = |index: usize, from: usize, to: usize| ((2 * index + 1) * to / (2 * from)).min(to - 1);
-    let step = region.pixels.len().div_ceil(MOST_POINTS).max(1);
+    let pixels = scene.scene_pixels(region);
+    let step = pixels.len().div_ceil(MOST_POINTS).max(1);
     let point = |&pixel: &usize| {
-        let row = nearest(pixel / region.width, region.height, height);
-        let col = nearest(pixel % region.width, region.width, width);
-        let depth_m = f64::from(features.depth_m[row * width + col]);
-        let normal = glam::Vec3::from_array(features.normal[row * width + col]).as_dvec3().try_normalize()?;
+        let (row, col) = (pixel / width, pixel % width);
+        let depth_m = f64::from(features.depth_m[pixel]);
+        let normal = glam::Vec3::from_array(features.normal[pixel]).as_dvec3().try_normalize()?;
         if !depth_m.is_finite() {
             return None;
         }
@@ -234,7 +234,7 @@ pub(crate) fn region_points(
         let normal = if normal.dot(direction) > 0.0 { -normal } else { normal };
         Some(SurfacePoint { position: camera.position.as_dvec3() + direction * depth_m, normal })
     };
-    region.pixels.iter().step_by(step).filter_map(point).collect()
+    pixels.iter().step_by(step).filter_map(point).collect()
 }
 
 #[cfg(test)]

@@ -27,7 +27,9 @@ mod spectroradiometer;
 pub use analyze::{AnalyzedFrame, analyze};
 pub use calibration::Calibration;
 pub use camera_color::CameraColor;
-pub use capture::{CapturedFrame, RawExposures, bracket_label, capture, develop_frames, frame_radiance};
+pub use capture::{
+    CapturedFrame, RawExposures, bracket_label, capture, complete_raw, develop_frames, frame_radiance,
+};
 pub use predict::{
     ChannelPrediction, Chromaticity, FlatSample, FluorescenceModel, PredictError, Prediction, RadianceSplit,
     predict,
@@ -35,7 +37,7 @@ pub use predict::{
 pub use preview::{ColorRendering, Preview, preview, radiance_preview};
 pub use region_radiance::RegionRadiance;
 pub use safety::{CaptureSafety, ProgrammeSafety, SafetyReport, Viewer, ViewerSafety, assess_safety};
-pub use scene_change::{check_same_scene, with_rendered_camera};
+pub use scene_change::check_same_scene;
 pub use spectroradiometer::{SpectroradiometerReading, read_spectroradiometers};
 
 use crate::analysis::AnalysisError;
@@ -78,12 +80,6 @@ pub enum PipelineError {
         /// The groups of the image.
         known: String,
     },
-    /// The image was seen from elsewhere.
-    #[error(
-        "the component image was rendered from another place or in another direction than the [camera] of this \
-         experiment; a moved camera sees other light. Render the experiment again"
-    )]
-    OtherCamera,
     /// A change that only a new render can follow.
     #[error(
         "{0} is not as it was when the component image was rendered. The image would not show the change: run or render the \
@@ -97,6 +93,12 @@ pub enum PipelineError {
          that the camera sees"
     )]
     DarkFlatField,
+    /// The image was seen from elsewhere.
+    #[error(
+        "the component image was rendered from another place or in another direction than the [camera] of this \
+         experiment; a moved camera sees other light. Render the experiment again"
+    )]
+    OtherCamera,
     /// Images that belong together differ in their wavelengths.
     #[error(
         "the component image has {image} bands and the experiment {experiment}; they were made from different \

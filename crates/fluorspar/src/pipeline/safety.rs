@@ -193,7 +193,7 @@ fn assumptions(experiment: &ResolvedExperiment, mucosa_mm: f64) -> Vec<String> {
     let mut list = vec![
         "lights at the power that the experiment states, unshaded; objects that shine included".into(),
         format!(
-            "mucosa {mucosa_mm} mm from the camera on its axis; there are no limits for mucosa: those for skin divided by {}",
+            "mucosa {mucosa_mm:.1} mm from the camera on its axis; there are no limits for mucosa: those for skin divided by {}",
             settings.mucosa_safety_factor
         ),
         format!(

@@ -8,7 +8,7 @@ use crate::experiment::ResolvedExperiment;
 ///
 /// `rendered` is the experiment that the image carries. Lens, viewing filter, sensor, captures, analysis, the seed of the
 /// noise and the limits of the render may differ. So may the field of view where the lens and the sensor give it: the
-/// image keeps its own, see [`with_rendered_camera`].
+/// image keeps its own.
 ///
 /// # Errors
 /// The first part of the scene that differs.
@@ -20,17 +20,6 @@ pub fn check_same_scene(
         None => Ok(()),
         Some(what) => Err(PipelineError::OtherScene(what)),
     }
-}
-
-/// The experiment with the camera that the component image was rendered with. A lens or sensor of another format then
-/// sees a part of the rendered field, or dark around it.
-#[must_use]
-pub fn with_rendered_camera(
-    mut wanted: ResolvedExperiment,
-    rendered: &ResolvedExperiment,
-) -> ResolvedExperiment {
-    wanted.scene.camera = rendered.scene.camera.clone();
-    wanted
 }
 
 /// First entry of two lists of named things that differs.
@@ -52,7 +41,7 @@ fn named<'a, T: PartialEq>(
 fn difference(rendered: &ResolvedExperiment, wanted: &ResolvedExperiment) -> Option<String> {
     let (old, new) = (&rendered.scene, &wanted.scene);
     if old.grid != new.grid {
-        return Some("the wavelengths ([spectral])".into());
+        return Some("the wavelength grid ([spectral])".into());
     }
     let listed = named("light", &old.lights, &new.lights, |light| &light.name)
         .or_else(|| named("light group", &old.light_groups, &new.light_groups, |group| &group.name))
@@ -107,7 +96,7 @@ mod tests {
             ("light.blue.spectrum=\"led_405\"", "light \"blue\""),
             ("material.patch.concentrations.fad=0.3", "material \"patch\""),
             ("object.patch.transform={ translate_mm = [0.0, 0.0, 1.0] }", "object \"patch\""),
-            ("spectral.step_nm=10", "the wavelengths ([spectral])"),
+            ("spectral.step_nm=10", "the wavelength grid ([spectral])"),
             ("camera.position_mm=[0, 0, 90]", "place or direction of the camera"),
             ("camera.horizontal_field_deg=30", "the field of view (camera.horizontal_field_deg)"),
             ("render.width_px=32", "the size of the image (render.width_px, render.height_px)"),
@@ -131,7 +120,5 @@ mod tests {
             assert_eq!(said(change), "", "{change}");
             assert!(check_same_scene(&rendered, &experiment(&[change])).is_ok(), "{change}");
         }
-        let longer = with_rendered_camera(experiment(&["lens.focal_length_mm=4"]), &rendered);
-        assert_eq!(longer.scene.camera, rendered.scene.camera);
     }
 }

@@ -49,7 +49,9 @@ pub fn read_spectroradiometers(
         let radiance = frame_radiance(&device.frame, components);
         let (weights, target) = match &device.target {
             SpotOrParts::Spot { aim, acceptance_deg } => {
-                let tangent = f64::from(experiment.scene.camera.tan_half_width);
+                let camera = &experiment.scene.camera;
+                let view = components.features.view;
+                let tangent = f64::from(view.map_or(camera.tan_half_width, |view| view.tan_half_width));
                 let weights =
                     spot_weights(components.width, components.height, tangent, *aim, *acceptance_deg);
                 let place = format!(

@@ -252,7 +252,7 @@ pub fn merge_exposures<'a>(
     let mut bracket = Vec::with_capacity(exposures.len());
     for (index, raw) in exposures.iter().enumerate() {
         let frame = develop(index).linearise(raw)?;
-        if !(frame.dn_s_per_electron > 0.0) {
+        if frame.dn_s_per_electron.is_nan() || frame.dn_s_per_electron <= 0.0 {
             return Err(DevelopError::NoExposure { ambient: raw.label.clone(), exposure_s: raw.exposure_s });
         }
         let floor_dn2 = frame.noise_floor_dn.powi(2);
