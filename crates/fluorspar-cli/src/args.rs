@@ -7,7 +7,8 @@ use clap::{Parser, Subcommand, ValueHint};
 use clap_complete::Shell;
 
 use crate::commands::{
-    analyze, capture, check, fluorophore, predict, presets, render, run, safety, schema, spectroradiometer,
+    analyze, capture, check, filter, fluorophore, lens, predict, presets, render, run, safety, schema,
+    spectroradiometer,
 };
 
 /// Predicts what a fluorescence camera records, before the camera is built.
@@ -36,6 +37,10 @@ pub(crate) enum Command {
     Analyze(analyze::Options),
     /// List, show, plot or import fluorophores.
     Fluorophore(fluorophore::Options),
+    /// Trace a lens, list the lenses of the catalogue.
+    Lens(lens::Options),
+    /// Assess viewing filters.
+    Filter(filter::Options),
     /// Predict spectra and mean sensor values of a flat sample, without geometry.
     Predict(predict::Options),
     /// Assess the photobiological safety of an experiment's captures: hazards, limits, margins.

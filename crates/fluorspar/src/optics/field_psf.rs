@@ -30,30 +30,48 @@ pub struct PointSpread {
     pub rays: Vec<[f64; 3]>,
 }
 
+/// A ray of an object point on the film.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct LandedRay {
+    /// Place relative to the chief ray: away from the axis and across, mm.
+    pub(super) at_mm: [f64; 2],
+    /// Change of the place per mm along the axis.
+    pub(super) slope: [f64; 2],
+    /// Share of the light; all shares add up to 1.
+    pub(super) share: f64,
+}
+
+/// Rays of the object point whose chief ray arrives at a height, evenly over the pupil as its film point sees it. Empty where
+/// no light arrives.
+pub(super) fn landed_rays(lens: &TracedLens, object_mm: f64, height_mm: f64, rays: u32) -> Vec<LandedRay> {
+    let mut landed = Vec::new();
+    let Some(chief) = lens.chief_ray(height_mm) else { return landed };
+    let towards_lens = -chief.object_side.direction;
+    let object = object_mm.is_finite().then(|| chief.object_side.at_z(object_mm));
+    for sample in lens.pupil_rays(height_mm, rays) {
+        // Through the same point in front of the lens as the ray that left the film point.
+        let through = sample.ray.origin;
+        let ray = match object {
+            Some(object) => LensRay::between(object, through),
+            None => Some(LensRay { origin: through - towards_lens, direction: towards_lens }),
+        };
+        if let Some(Ok(out)) = ray.map(|ray| lens.surfaces().forward(ray)) {
+            let at = out.at_z(lens.film_mm());
+            let slope = [out.direction.x / out.direction.z, out.direction.y / out.direction.z];
+            landed.push(LandedRay { at_mm: [at.x - height_mm, at.y], slope, share: sample.weight_sr });
+        }
+    }
+    let total: f64 = landed.iter().map(|ray| ray.share).sum();
+    landed.iter_mut().for_each(|ray| ray.share /= total);
+    landed
+}
+
 impl PointSpread {
     /// Traces the object point whose chief ray arrives at a height, without diffraction. `object_mm` is the position of the
     /// object plane, minus infinity for a distant one.
     pub fn new(lens: &TracedLens, object_mm: f64, height_mm: f64, rays: u32) -> Self {
-        let nothing = Self { height_mm, rays: Vec::new() };
-        let Some(chief) = lens.chief_ray(height_mm) else { return nothing };
-        let towards_lens = -chief.object_side.direction;
-        let object = object_mm.is_finite().then(|| chief.object_side.at_z(object_mm));
-        let mut landed = Vec::new();
-        for sample in lens.pupil_rays(height_mm, rays) {
-            // Through the same point in front of the lens as the ray that left the film point.
-            let through = sample.ray.origin;
-            let ray = match object {
-                Some(object) => LensRay::between(object, through),
-                None => Some(LensRay { origin: through - towards_lens, direction: towards_lens }),
-            };
-            if let Some(Ok(out)) = ray.map(|ray| lens.surfaces().forward(ray)) {
-                let at = out.at_z(lens.film_mm());
-                landed.push([at.x - height_mm, at.y, sample.weight_sr]);
-            }
-        }
-        let total: f64 = landed.iter().map(|ray| ray[2]).sum();
-        landed.iter_mut().for_each(|ray| ray[2] /= total);
-        Self { height_mm, rays: landed }
+        let rays = landed_rays(lens, object_mm, height_mm, rays);
+        Self { height_mm, rays: rays.iter().map(|ray| [ray.at_mm[0], ray.at_mm[1], ray.share]).collect() }
     }
 
     /// Mean position and root mean square distance from it, mm.
@@ -359,8 +377,12 @@ mod tests {
         let inside = |v: f64| 1.0 - bessel(0, v).powi(2) - bessel(1, v).powi(2);
         assert!((inside(3.831_706) - 0.8378).abs() < 1e-4);
         let airy = Airy::new(550.0, 4.0);
-        let share = inside(3.831_706) / inside(AIRY_REACH);
-        assert!((airy.radius_mm(share) / (1.219_67 * 550e-6 * 4.0) - 1.0).abs() < 2e-3);
+        // Radii come back from their shares: v = pi r / (lambda N). Not at a dark ring itself, where the share stands still.
+        for v in [0.5, 1.0, 2.0, 3.0, 4.5, 12.0] {
+            let radius_mm = v * 550e-6 * 4.0 / PI;
+            let ours = airy.radius_mm(inside(v) / inside(AIRY_REACH));
+            assert!((ours / radius_mm - 1.0).abs() < 5e-3, "{v}: {ours} {radius_mm}");
+        }
         assert_eq!(airy.radius_mm(0.0), 0.0);
     }
 

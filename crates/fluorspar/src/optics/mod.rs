@@ -9,6 +9,7 @@
 //! | `glass`, `prescription` | a lens as its maker describes it |
 //! | `paraxial` | first-order properties |
 //! | `sequential_trace` | exact rays through the surfaces |
+//! | `lens_report` | illumination, distortion, field curvature, spots, MTF, a drawing |
 //! | `camera_lens` | film behind a traced lens, in the frame of a camera |
 //! | `exit_pupil`, `traced_lens` | aperture, focus, rays from the film into the scene with weights |
 
@@ -18,6 +19,7 @@ mod field_psf;
 mod filter;
 mod glass;
 mod ideal_lens;
+mod lens_report;
 mod paraxial;
 mod perspective;
 mod prescription;
@@ -31,6 +33,10 @@ pub use field_psf::PointSpread;
 pub use filter::{AngleDistribution, Filter, FilterAutofluorescence, FilterStack, averaged_transmittance};
 pub use glass::{C_LINE_NM, D_LINE_NM, Dispersion, F_LINE_NM, Glass};
 pub use ideal_lens::{IdealLens, LensProblem, Vignetting};
+pub use lens_report::{
+    FieldMtf, FieldPoint, LensDrawing, LensReport, LensReportSettings, MtfReport, RayFan, Spot,
+    diffraction_mtf,
+};
 pub use paraxial::Paraxial;
 pub use perspective::{CameraRay, PerspectiveCamera};
 pub use prescription::{

@@ -100,6 +100,16 @@ impl SequentialTrace {
         self.surfaces[self.stop].z
     }
 
+    /// Position of the last surface.
+    pub(super) fn last_vertex_mm(&self) -> f64 {
+        self.surfaces.last().map_or(0.0, |surface| surface.z)
+    }
+
+    /// Largest of all clear apertures, as a radius; none without surfaces.
+    pub(super) fn largest_semi_diameter_mm(&self) -> Option<f64> {
+        self.surfaces.iter().map(|surface| surface.semi_diameter2.sqrt()).reduce(f64::max)
+    }
+
     /// From the object to the image: the ray behind the last surface.
     ///
     /// # Errors

@@ -9,6 +9,7 @@
 //! | photobiological safety | [`assess_safety`] | [`SafetyReport`] |
 //! | chromaticity, porphyrin | [`analyze`] | [`AnalyzedFrame`] |
 //! | pictures for people | [`preview`] | 8-bit sRGB |
+//! | reflected light against fluorescence behind filters | [`filter_leak`] | [`FilterLeak`] |
 //! | all of it for a flat sample | [`predict`] | [`Prediction`] |
 
 mod analyze;
@@ -16,6 +17,7 @@ mod calibration;
 mod camera_color;
 mod capture;
 mod direct_light;
+mod filter_leak;
 mod motion;
 mod predict;
 mod preview;
@@ -30,6 +32,7 @@ pub use camera_color::CameraColor;
 pub use capture::{
     CapturedFrame, RawExposures, bracket_label, capture, complete_raw, develop_frames, frame_radiance,
 };
+pub use filter_leak::{FilterLeak, LeakAtAngle, LeakBehindFilters, filter_leak};
 pub use predict::{
     ChannelPrediction, Chromaticity, FlatSample, FluorescenceModel, PredictError, Prediction, RadianceSplit,
     predict,
