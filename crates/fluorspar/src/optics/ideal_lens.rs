@@ -203,6 +203,15 @@ impl IdealLens {
         self.transmittance.on_grid(grid)
     }
 
+    /// Transmittance averaged over the bins of a grid for light of the given spectrum within each bin; `None` is even light.
+    pub fn transmittance_under(
+        &self,
+        grid: &WavelengthGrid,
+        light: Option<&Curve>,
+    ) -> Spectrum<Transmittance> {
+        on_grid_under(&self.transmittance, grid, light)
+    }
+
     /// Irradiance on the axis of a film under a uniform field.
     pub fn axial_irradiance(&self, radiance: &Spectrum<Radiance>) -> Spectrum<Irradiance> {
         let solid_angle = self.axial_solid_angle_sr();
@@ -218,17 +227,26 @@ impl IdealLens {
         radiance: &SpectralImage<Radiance>,
         film_width_mm: f64,
     ) -> SpectralImage<Irradiance> {
+        self.form_image_under(radiance, film_width_mm, None)
+    }
+
+    /// [`IdealLens::form_image`] for light whose spectrum within each bin is known.
+    pub fn form_image_under(
+        &self,
+        radiance: &SpectralImage<Radiance>,
+        film_width_mm: f64,
+        light: Option<&Curve>,
+    ) -> SpectralImage<Irradiance> {
         let (width, height, bands) = (radiance.width(), radiance.height(), radiance.bands());
         let solid_angle = self.axial_solid_angle_sr();
-        let transmittance = self.transmittance_on(radiance.grid());
         let factors = |transmittance: &Spectrum<Transmittance>| -> Vec<f32> {
             transmittance.values().iter().map(|t| (solid_angle * t) as f32).collect()
         };
-        let on_axis = factors(&transmittance);
+        let on_axis = factors(&self.transmittance_under(radiance.grid(), light));
         let by_height: Vec<(f64, Vec<f32>)> = self
             .field_transmittance
             .iter()
-            .map(|(height_mm, curve)| (*height_mm, factors(&curve.on_grid(radiance.grid()))))
+            .map(|(height_mm, curve)| (*height_mm, factors(&on_grid_under(curve, radiance.grid(), light))))
             .collect();
         let pitch_mm = film_width_mm / width as f64;
         let mut image = SpectralImage::zeros(radiance.grid().clone(), width, height);
@@ -253,6 +271,18 @@ impl IdealLens {
             },
         );
         image
+    }
+}
+
+/// A transmittance averaged over bins for light of a spectrum within each bin; `None` is even light.
+fn on_grid_under(
+    transmittance: &Curve,
+    grid: &WavelengthGrid,
+    light: Option<&Curve>,
+) -> Spectrum<Transmittance> {
+    match light {
+        Some(light) => transmittance.on_grid_under(grid, light),
+        None => transmittance.on_grid(grid),
     }
 }
 

@@ -1,5 +1,6 @@
 //! From a component image to raw and developed frames.
 
+use super::light_by_shape::{ShapedRadiance, light_by_shape};
 use super::motion::{MotionPath, shifted};
 use super::{Calibration, PipelineError};
 use crate::analysis::SceneOnSensor;
@@ -87,19 +88,21 @@ pub fn frame_radiance(frame: &CaptureFrame, components: &ComponentImage) -> Spec
 fn film_irradiance(
     experiment: &ResolvedExperiment,
     lens: &IdealLens,
-    radiance: &SpectralImage<Radiance>,
+    light: &ShapedRadiance,
     tan_half_width: f64,
     film_width_mm: f64,
 ) -> SpectralImage<Irradiance> {
+    let (radiance, shape) = (&light.radiance, light.shape.as_ref());
     let mut irradiance = match &experiment.traced_lens {
         // A render through the lens holds lens radiance already.
         Some(traced) if experiment.scene.camera.lens.is_none() => {
-            lens.form_image(&traced.lens_radiance(radiance, tan_half_width), film_width_mm)
+            let lens_radiance = traced.lens_radiance(radiance, tan_half_width);
+            lens.form_image_under(&lens_radiance, film_width_mm, shape)
         }
-        _ => lens.form_image(radiance, film_width_mm),
+        _ => lens.form_image_under(radiance, film_width_mm, shape),
     };
     if let Some(own) = &experiment.view_filters.autofluorescence {
-        add_veil(experiment, lens, own, radiance, tan_half_width, &mut irradiance);
+        add_veil(experiment, lens, own, light, tan_half_width, &mut irradiance);
     }
     irradiance
 }
@@ -127,15 +130,19 @@ fn add_veil(
     experiment: &ResolvedExperiment,
     lens: &IdealLens,
     own: &FilterAutofluorescence,
-    radiance: &SpectralImage<Radiance>,
+    light: &ShapedRadiance,
     tan_half_width: f64,
     irradiance: &mut SpectralImage<Irradiance>,
 ) {
+    let radiance = &light.radiance;
     let tan_half_height = tan_half_width * radiance.height() as f64 / radiance.width() as f64;
     let field_sr = projected_solid_angle(tan_half_width, tan_half_height);
     let grid = radiance.grid();
     let arriving: Vec<f64> = radiance.mean_spectrum().values().iter().map(|l| l * field_sr).collect();
-    let passed = experiment.view_filter.on_grid::<Transmittance>(grid);
+    let passed = match &light.shape {
+        Some(shape) => experiment.view_filter.on_grid_under::<Transmittance>(grid, shape),
+        None => experiment.view_filter.on_grid(grid),
+    };
     let veil = own.veil_radiance(&arriving, passed.values(), grid);
     let solid_angle = lens.axial_solid_angle_sr();
     for pixel in irradiance.data_mut().chunks_exact_mut(veil.values().len()) {
@@ -230,9 +237,12 @@ pub fn capture(
     let mut path = MotionPath::new(experiment);
     let mut exposures = Vec::with_capacity(experiment.captures.len());
     for capture in &experiment.captures {
-        let radiance = frame_radiance(&capture.frame, components);
         let tan_half_width = tan_half_width(experiment, components);
-        let irradiance = film_irradiance(experiment, lens, &radiance, tan_half_width, film.width_mm);
+        let mut irradiance =
+            SpectralImage::zeros(components.grid.clone(), components.width, components.height);
+        for light in light_by_shape(experiment, &capture.frame, components) {
+            irradiance.add(&film_irradiance(experiment, lens, &light, tan_half_width, film.width_mm));
+        }
         exposures.push(expose_capture(experiment, sensor, capture, &irradiance, film, &mut path)?);
     }
     let calibration = Calibration::of_experiment(experiment, exposures.iter().flat_map(RawExposures::all))?;

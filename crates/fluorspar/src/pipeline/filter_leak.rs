@@ -65,9 +65,12 @@ pub fn filter_leak(sample: &ResolvedSample, angles_deg: &[f64]) -> Result<Filter
             *sum += value;
         }
     }
+    let shape = sample.irradiance.times(&sample.reflectance);
     let behind = |filters: &Curve| {
-        let passed = filters.on_grid::<Transmittance>(&sample.grid);
-        behind_filters(&reflected, &emitted, passed.values())
+        // Reflected light has the spectrum of its lamp within a band, which may fall by decades there.
+        let of_reflected = filters.on_grid_under::<Transmittance>(&sample.grid, &shape);
+        let even = filters.on_grid::<Transmittance>(&sample.grid);
+        behind_filters(&reflected, &emitted, of_reflected.values(), even.values())
     };
     let (all_reflected, all_emitted): (f64, f64) = (reflected.iter().sum(), emitted.iter().sum());
     Ok(FilterLeak {
@@ -92,11 +95,21 @@ fn photons(sample: &ResolvedSample, radiance: &[f64]) -> Vec<f64> {
     radiance.iter().zip(bands).map(|(l, (nm, width))| l * width * photons_per_joule(*nm)).collect()
 }
 
-fn behind_filters(reflected: &[f64], emitted: &[f64], passed: &[f64]) -> LeakBehindFilters {
-    let through = |light: &[f64]| -> f64 { light.iter().zip(passed).map(|(l, t)| l * t).sum() };
-    let (leak, signal) = (through(reflected), through(emitted));
+/// `of_reflected` and `passed` are the transmittance for reflected and for even light.
+fn behind_filters(
+    reflected: &[f64],
+    emitted: &[f64],
+    of_reflected: &[f64],
+    passed: &[f64],
+) -> LeakBehindFilters {
+    let through =
+        |light: &[f64], passed: &[f64]| -> f64 { light.iter().zip(passed).map(|(l, t)| l * t).sum() };
+    let (leak, signal) = (through(reflected, of_reflected), through(emitted, passed));
     let half = 0.5 * passed.iter().copied().fold(0.0, f64::max);
-    let inside: f64 = reflected.iter().zip(passed).filter(|(_, t)| **t >= half).map(|(l, t)| l * t).sum();
+    let inside: f64 = (0..passed.len())
+        .filter(|&band| passed[band] >= half)
+        .map(|band| reflected[band] * of_reflected[band])
+        .sum();
     let share = |part: f64, whole: f64| if whole > 0.0 { part / whole } else { 0.0 };
     let all: f64 = reflected.iter().sum();
     LeakBehindFilters {
@@ -116,13 +129,14 @@ mod tests {
     #[test]
     fn a_step_filter_leaks_its_floor_and_the_tail_of_the_light() {
         // Two bands of light and one of fluorescence: 1000 photons stopped at density 3, 2 in the pass band, 10 emitted.
-        let leak = behind_filters(&[1000.0, 0.0, 2.0], &[0.0, 10.0, 0.0], &[1e-3, 1.0, 1.0]);
+        let leak =
+            behind_filters(&[1000.0, 0.0, 2.0], &[0.0, 10.0, 0.0], &[1e-3, 1.0, 1.0], &[1e-3, 1.0, 1.0]);
         assert!((leak.reflected - 3.0).abs() < 1e-12 && (leak.fluorescent - 10.0).abs() < 1e-12);
         assert!((leak.leak_ratio.unwrap() - 0.3).abs() < 1e-12);
         assert!((leak.leak_in_pass_band.unwrap() - 2.0 / 3.0).abs() < 1e-12);
         assert!((leak.reflected_density.unwrap() - (1002.0_f64 / 3.0).log10()).abs() < 1e-12);
         assert_eq!(leak.fluorescence_passed, 1.0);
-        let dark = behind_filters(&[1.0], &[0.0], &[0.0]);
+        let dark = behind_filters(&[1.0], &[0.0], &[0.0], &[0.0]);
         assert_eq!((dark.leak_ratio, dark.reflected_density, dark.leak_in_pass_band), (None, None, None));
     }
 }

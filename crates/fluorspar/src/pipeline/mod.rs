@@ -18,6 +18,7 @@ mod camera_color;
 mod capture;
 mod direct_light;
 mod filter_leak;
+mod light_by_shape;
 mod motion;
 mod predict;
 mod preview;
