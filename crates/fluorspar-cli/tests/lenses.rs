@@ -68,5 +68,7 @@ fn the_leak_is_what_the_filters_let_through() {
     let [straight, tilted] = [0, 1].map(|i| cut["at_angles"][i]["fluorescent"].as_f64().unwrap());
     assert!(tilted > 1.02 * straight, "{straight} {tilted}");
     let text = fluorspar(folder.path(), ["filter", "leak", "--view-filter", "notch_405"]).well().stdout;
-    assert!(text.contains("as stated") && text.contains("For a leak of 1 %"), "{text}");
+    assert!(text.contains("as stated") && text.contains("the light needs a filter of its own"), "{text}");
+    let text = fluorspar(folder.path(), ["filter", "leak", "--view-filter", "dichroic_450"]).well().stdout;
+    assert!(text.contains("the viewing filters lack an optical density of"), "{text}");
 }

@@ -54,8 +54,7 @@ pub fn lens_drawing(report: &LensReport) -> Figure {
     panel = panel.with(Series::unnamed(Ink::Muted, axis));
     for (index, fan) in drawing.fans.iter().enumerate() {
         for (number, ray) in fan.rays.iter().enumerate() {
-            let shape =
-                Shape::Line { points: clipped(ray, x[0], half), width: 1.0, dash: Dash::Solid };
+            let shape = Shape::Line { points: clipped(ray, x[0], half), width: 1.0, dash: Dash::Solid };
             let name = (number == 0).then(|| field_name(fan.height_mm));
             panel = panel.with(Series { name, ink: Ink::cycle(index + 1), shape });
         }

@@ -71,7 +71,7 @@ impl AngleDistribution {
         let mut rays: Vec<(f64, f64)> = rays.into_iter().filter(|ray| ray.1 > 0.0).collect();
         rays.sort_by(|a, b| a.0.total_cmp(&b.0));
         let total: f64 = rays.iter().map(|ray| ray.1).sum();
-        if !(total > 0.0) {
+        if total <= 0.0 {
             return None;
         }
         let mut sums = vec![(0.0, 0.0); ANGLE_CLASSES];

@@ -241,12 +241,20 @@ fn render_tile(
         let (row, col) = (tile.row + index / tile.cols, tile.col + index % tile.cols);
         for sample in samples.clone() {
             let sums = &mut tile.sums;
-            render_sample(scene, settings, (row, col), sample, path, state, |component, bands, weight, values| {
-                let start = (component * pixels + index) * scene.bands;
-                for (sum, value) in sums[start + bands.start..start + bands.end].iter_mut().zip(values) {
-                    *sum += weight * value;
-                }
-            });
+            render_sample(
+                scene,
+                settings,
+                (row, col),
+                sample,
+                path,
+                state,
+                |component, bands, weight, values| {
+                    let start = (component * pixels + index) * scene.bands;
+                    for (sum, value) in sums[start + bands.start..start + bands.end].iter_mut().zip(values) {
+                        *sum += weight * value;
+                    }
+                },
+            );
         }
     }
 }

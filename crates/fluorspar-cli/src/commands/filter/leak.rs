@@ -94,8 +94,8 @@ pub(super) fn run(options: &Options) -> Result<(), CliError> {
         let density = short((ratio / WANTED_LEAK).log10());
         text += &match leak.as_stated.leak_in_pass_band {
             Some(share) if share * ratio > WANTED_LEAK => format!(
-                "\nThe light's own tail in the pass band of the viewing filters is {} of the fluorescence: only a filter on the \
-                 light can bring the leak to 1 %.\n",
+                "\nLight that the viewing filters are made to pass is {} of the fluorescence: for a leak of 1 % the light needs a \
+                 filter of its own, or the pass band another place.\n",
                 short(share * ratio)
             ),
             _ => format!("\nFor a leak of 1 % the viewing filters lack an optical density of {density}.\n"),

@@ -14,11 +14,11 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 pub use capture::{AnalysisSection, CaptureSection, ExposureTime, OutputSection};
-pub use device::{
-    AutofluorescenceSection, CameraSection, FieldOfView, FilterAngles, FilterPosition, ImageFormation, LensSection,
-    LensType, SensorSection, ViewFilterSection,
-};
 pub use develop::{DevelopSection, FlatFieldSection, MotionSection};
+pub use device::{
+    AutofluorescenceSection, CameraSection, FieldOfView, FilterAngles, FilterPosition, ImageFormation,
+    LensSection, LensType, SensorSection, ViewFilterSection,
+};
 pub use instrument::{SafetySection, SpectroradiometerSection};
 pub use light::{LightFrame, LightSection, LightType};
 pub use material::{FluorophoreSection, GlossSection, MaterialSection, YieldUnit};
