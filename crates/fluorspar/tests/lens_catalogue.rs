@@ -140,6 +140,8 @@ fn the_report_repeats_what_the_lens_is() {
                 < 0.05
         );
         assert!(!report.drawing.elements.is_empty() && report.drawing.fans[0].rays.len() >= 5, "{name}");
+        // The field of a report that nobody set has light everywhere.
+        assert!(report.spots.iter().all(|spot| spot.rms_radius_mm.is_some()), "{name}");
         let film = report.drawing.film[0];
         for ray in report.drawing.fans.iter().flat_map(|fan| &fan.rays) {
             assert!((ray.last().unwrap()[0] - film).abs() < 1e-9 && ray[0][0] < ray[1][0]);

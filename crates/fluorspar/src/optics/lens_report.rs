@@ -158,7 +158,8 @@ pub struct RayFan {
 /// What a report covers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LensReportSettings {
-    /// Largest height on the film, mm; none is that of a chief ray at 20 degrees, `f tan 20° (1 + |m|)`.
+    /// Largest height on the film, mm; none is that of a chief ray at 20 degrees, `f tan 20° (1 + |m|)`, or less where the
+    /// lens leaves less than a fifth of the light of the axis.
     pub image_height_mm: Option<f64>,
     /// Wavelength, nm; none is the design wavelength.
     pub wavelength_nm: Option<f64>,
@@ -180,10 +181,7 @@ impl LensReport {
     pub fn new(state: &LensState, settings: &LensReportSettings) -> Self {
         let nm = settings.wavelength_nm.unwrap_or(state.lens.design_wavelength_nm);
         let paraxial = Paraxial::new(&state.lens, nm);
-        let height_mm = settings.image_height_mm.unwrap_or_else(|| {
-            let tangent = DEFAULT_HALF_FIELD_DEG.to_radians().tan();
-            state.paraxial.focal_length_mm * tangent * (1.0 + state.magnification().abs())
-        });
+        let height_mm = settings.image_height_mm.unwrap_or_else(|| default_height_mm(state, nm));
         let traced = TracedLens::new(state, nm, height_mm);
         let axial_solid_angle_sr = state.axial_solid_angle_sr(nm);
         let working_f_number = 0.5 / (axial_solid_angle_sr / PI).sqrt();
@@ -220,6 +218,19 @@ impl LensReport {
             paraxial,
         }
     }
+}
+
+/// Relative illumination at which the field of a lens counts as ended.
+const LEAST_ILLUMINATION: f64 = 0.2;
+
+fn default_height_mm(state: &LensState, nm: f64) -> f64 {
+    let tangent = DEFAULT_HALF_FIELD_DEG.to_radians().tan();
+    let widest = state.paraxial.focal_length_mm * tangent * (1.0 + state.magnification().abs());
+    let lens = TracedLens::new(state, nm, widest);
+    let least = LEAST_ILLUMINATION * state.axial_solid_angle_sr(nm);
+    let reached =
+        |height_mm: &f64| lens.solid_angle_sr(*height_mm) >= least && lens.chief_ray(*height_mm).is_some();
+    (1..=20).rev().map(|step| widest * f64::from(step) / 20.0).find(reached).unwrap_or(widest)
 }
 
 fn field_point(state: &LensState, lens: &TracedLens, axial_sr: f64, height_mm: f64) -> FieldPoint {
@@ -364,12 +375,19 @@ fn drawing(state: &LensState, traced: &TracedLens, height_mm: f64) -> LensDrawin
         if pair[0].medium == Medium::Air {
             continue;
         }
-        let edge = pair[0].semi_diameter_mm.max(pair[1].semi_diameter_mm);
+        // Prescriptions with assumed diameters may have faces that cross near the rim: there the glass ends.
+        let apart = |y: f64| -> Option<bool> {
+            let (front, rear) = (pair[0].sag(y * y)?.0, pair[1].sag(y * y)?.0);
+            Some(positions[index] + front <= positions[index + 1] + rear)
+        };
+        let wider = pair[0].semi_diameter_mm.max(pair[1].semi_diameter_mm);
+        let heights = (1..=200).map(|i| wider * f64::from(i) / 200.0);
+        let edge = heights.take_while(|y| apart(*y) != Some(false)).last().unwrap_or(wider);
         let face = |number: usize, upwards: bool| {
             let surface = &surfaces[number];
             let last = OUTLINE_POINTS - 1;
             let mut points: Vec<[f64; 2]> = (0..=last)
-                .map(|i| (2.0 * i as f64 / last as f64 - 1.0) * surface.semi_diameter_mm)
+                .map(|i| (2.0 * i as f64 / last as f64 - 1.0) * surface.semi_diameter_mm.min(edge))
                 .filter_map(|y| Some([positions[number] + surface.sag(y * y)?.0, y]))
                 .collect();
             // Flat rims where the other face of the element is larger.

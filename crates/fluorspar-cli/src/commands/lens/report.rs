@@ -28,7 +28,8 @@ pub(super) struct Options {
     /// Move the film away from the lens by this much, mm.
     #[arg(long, value_name = "MM", default_value_t = 0.0, allow_negative_numbers = true)]
     film_shift_mm: f64,
-    /// Largest height on the film, half the diagonal of the sensor, mm [default: that of 20 degrees].
+    /// Largest height on the film, half the diagonal of the sensor, mm [default: that of 20 degrees, or less where a fifth of
+    /// the light of the axis is left].
     #[arg(long, value_name = "MM", allow_negative_numbers = true)]
     image_height_mm: Option<f64>,
     /// Wavelength, nm [default: the design wavelength of the lens].
