@@ -8,6 +8,7 @@
 //! | fluorophore, spectra, MATLAB (ISET) | [`read_iset_fluorophore`], [`read_mat_spectra`] | |
 //! | spectral image, OpenEXR or NumPy | [`read_spectral_exr`], [`read_spectral_npy`] | [`write_spectral_exr`], [`write_spectral_npy`] |
 //! | component image, OpenEXR or NumPy | [`read_component_exr`], [`read_component_npy`] | [`write_component_exr`], [`write_component_npy`] |
+//! | film (exact sums of a render) | [`read_film`] | [`write_film`] |
 //! | raw sensor frame, TIFF, PNG, DNG or packed | [`read_sensor_image`] | [`write_sensor_tiff`], [`write_sensor_png`], [`write_sensor_dng`], [`write_packed_raw`] |
 //! | texture, picture, PNG | [`read_texture_png`] | [`write_rgb_png`] |
 //! | lens, TOML, pbrt, ISET JSON or Zemax | [`read_lens`] | [`LensFile::to_toml`] |
@@ -27,6 +28,7 @@ mod dng;
 mod error;
 mod exr;
 mod file;
+mod film;
 mod lens;
 mod mat;
 mod npy;
@@ -49,6 +51,7 @@ pub use exr::{
     write_spectral_exr,
 };
 pub use file::write_atomically;
+pub use film::{read_film, write_film};
 pub use lens::{AbbeGlass, LensFile, LensFileError, LensFileSurface, PublishedLens, read_lens};
 pub use mat::{IsetFluorophore, MatSpectra, read_iset_fluorophore, read_mat_spectra};
 pub use npy::{read_component_npy, read_spectral_npy, write_component_npy, write_spectral_npy};

@@ -10,8 +10,10 @@
 //! | `path` | samples one path and keeps its vertices |
 //! | `spectral_accumulation` | runs spectra backwards along a path |
 //! | `camera_sample` | one sample of one pixel, through pinhole or lens |
-//! | `integrator` | all pixels on all cores, with progress and interruption |
+//! | `integrator` | all pixels on all cores: passes, shards, progress, interruption |
+//! | `adaptive` | when a tile has samples enough |
 
+mod adaptive;
 mod camera_sample;
 mod compiled_scene;
 mod fluorescence_operator;
@@ -21,8 +23,10 @@ mod path;
 mod spectral_accumulation;
 mod surface;
 
+pub use adaptive::{ErrorChannel, ErrorTarget};
 pub use fluorescence_operator::FluorescenceOperator;
 pub(crate) use fluorescence_operator::direct_exitance;
 pub use integrator::{
-    Estimator, RenderControl, RenderError, RenderProgress, RenderSettings, memory_bytes, render,
+    Estimator, FilmRenderer, FilmWatch, RenderControl, RenderError, RenderProgress, RenderSettings, Share,
+    memory_bytes, render, scene_digest,
 };
