@@ -51,6 +51,8 @@ fn run(args: Args) -> Result<ExitCode, CliError> {
         Command::Analyze(options) => commands::analyze::run(&options),
         Command::Fluorophore(options) => commands::fluorophore::run(&options),
         Command::Sensor(options) => commands::sensor::run(&options),
+        Command::Lens(options) => commands::lens::run(&options),
+        Command::Filter(options) => commands::filter::run(&options),
         Command::Predict(options) => commands::predict::run(&options),
         Command::Safety(options) => commands::safety::run(&options),
         Command::Spectroradiometer(options) => commands::spectroradiometer::run(&options),

@@ -16,7 +16,7 @@ const ALTERNATIVES: [&[&str]; 10] = [
     &["reflectance", "dielectric", "conductor", "mix", "two_sided"],
 ];
 /// Keys that go with an alternative of another name.
-const ALSO_REPLACED: [(&str, &[&str]); 13] = [
+const ALSO_REPLACED: [(&str, &[&str]); 14] = [
     (
         "emva1288",
         &[
@@ -51,6 +51,8 @@ const ALSO_REPLACED: [(&str, &[&str]); 13] = [
     ("conductor", &["gloss"]),
     ("mix", &["gloss", "normal_map"]),
     ("two_sided", &["gloss", "normal_map"]),
+    // A traced lens in place of an ideal one.
+    ("prescription", &["focal_length_mm", "f_number", "vignetting", "transmittance"]),
 ];
 /// Keys whose tables describe one value and are replaced as a whole.
 const WHOLE: [&str; 17] = [

@@ -11,6 +11,7 @@
 //! | film (exact sums of a render) | [`read_film`] | [`write_film`] |
 //! | raw sensor frame, TIFF, PNG, DNG or packed | [`read_sensor_image`] | [`write_sensor_tiff`], [`write_sensor_png`], [`write_sensor_dng`], [`write_packed_raw`] |
 //! | texture, picture, PNG | [`read_texture_png`] | [`write_rgb_png`] |
+//! | lens, TOML, pbrt, ISET JSON or Zemax | [`read_lens`] | [`LensFile::to_toml`] |
 //! | mesh, PLY or OBJ | [`read_ply`], [`read_obj`] | [`write_ply`] |
 //!
 //! Every reader says what is wrong with a file, where, and how to mend it ([`FormatError`]), and survives any bytes.
@@ -28,6 +29,7 @@ mod error;
 mod exr;
 mod file;
 mod film;
+mod lens;
 mod mat;
 mod npy;
 mod obj;
@@ -50,6 +52,7 @@ pub use exr::{
 };
 pub use file::write_atomically;
 pub use film::{read_film, write_film};
+pub use lens::{AbbeGlass, LensFile, LensFileError, LensFileSurface, PublishedLens, read_lens};
 pub use mat::{IsetFluorophore, MatSpectra, read_iset_fluorophore, read_mat_spectra};
 pub use npy::{read_component_npy, read_spectral_npy, write_component_npy, write_spectral_npy};
 pub use obj::read_obj;

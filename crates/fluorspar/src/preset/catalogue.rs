@@ -26,6 +26,10 @@ pub enum PresetKind {
     Sensor,
     /// Excitation-emission matrix of a fluorophore.
     Fluorophore,
+    /// Refractive index of a lens material.
+    Glass,
+    /// A lens: surfaces, glasses, stop.
+    Lens,
     /// A complete experiment.
     Experiment,
     /// A flat sample without geometry.
@@ -34,7 +38,7 @@ pub enum PresetKind {
 
 impl PresetKind {
     /// Every kind.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 11] = [
         Self::Light,
         Self::Filter,
         Self::Reflectance,
@@ -42,6 +46,8 @@ impl PresetKind {
         Self::QuantumEfficiency,
         Self::Sensor,
         Self::Fluorophore,
+        Self::Glass,
+        Self::Lens,
         Self::Experiment,
         Self::Sample,
     ];
@@ -55,6 +61,8 @@ impl PresetKind {
             Self::QuantumEfficiency => "qe",
             Self::Sensor => "sensors",
             Self::Fluorophore => "fluorophores",
+            Self::Glass => "glasses",
+            Self::Lens => "lenses",
             Self::Experiment => "experiments",
             Self::Sample => "samples",
         }
@@ -71,6 +79,8 @@ impl fmt::Display for PresetKind {
             Self::QuantumEfficiency => "quantum efficiency",
             Self::Sensor => "sensor",
             Self::Fluorophore => "fluorophore",
+            Self::Glass => "glass",
+            Self::Lens => "lens",
             Self::Experiment => "experiment",
             Self::Sample => "flat sample",
         })

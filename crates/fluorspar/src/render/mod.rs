@@ -11,11 +11,13 @@
 //! | `adjoint` | what a path can still carry, for Russian roulette |
 //! | `path` | samples one path and keeps its vertices |
 //! | `spectral_accumulation` | runs spectra backwards along a path |
+//! | `camera_sample` | one sample of one pixel, through pinhole or lens |
 //! | `integrator` | all pixels on all cores: passes, shards, progress, interruption |
 //! | `adaptive` | when a tile has samples enough |
 
 mod adaptive;
 mod adjoint;
+mod camera_sample;
 mod compiled_scene;
 mod fluorescence_operator;
 mod integrator;

@@ -10,6 +10,7 @@ use crate::format::{
     CsvColumns, CsvSpectrumOptions, FormatError, NamedCurve, Transfer, read_spectrum_csv, read_texture_png,
 };
 use crate::material::{ImageTexture, ScalarTexture};
+use crate::optics::Filter;
 use crate::preset::{self, CurvePreset};
 use crate::spectral::{Curve, CurveModel, MAX_WAVELENGTH_NM, MIN_WAVELENGTH_NM, WavelengthGrid};
 
@@ -70,6 +71,25 @@ impl Context<'_> {
         };
         self.check_values(at, &curve, role)?;
         Ok(curve)
+    }
+
+    /// A filter of a reference, with the effective index of the catalogue, or the given one for files and equations.
+    pub(in crate::experiment) fn filter(
+        &mut self,
+        at: &[Step],
+        reference: &SpectrumReference,
+        index_of_others: Option<f64>,
+        grid: &WavelengthGrid,
+    ) -> Resolved<Filter> {
+        let curve = self.spectrum(at, reference, Role::Filter, 0.0, grid)?;
+        let effective_index = match reference {
+            SpectrumReference::Constant(_) => None,
+            SpectrumReference::Name(name) if !is_path(name) => {
+                preset::filter(name).ok().and_then(|preset| preset.effective_index)
+            }
+            _ => index_of_others,
+        };
+        Ok(Filter { curve, effective_index })
     }
 
     fn model(&self, at: &[Step], model: &CurveModel) -> Resolved<Curve> {

@@ -15,7 +15,10 @@ use serde::{Deserialize, Serialize};
 
 pub use capture::{AnalysisSection, CaptureSection, ExposureTime, OutputSection};
 pub use develop::{DevelopSection, FlatFieldSection, MotionSection};
-pub use device::{CameraSection, FieldOfView, LensSection, SensorSection, ViewFilterSection};
+pub use device::{
+    AutofluorescenceSection, CameraSection, FieldOfView, FilterAngles, FilterPosition, ImageFormation,
+    LensSection, LensType, SensorSection, ViewFilterSection,
+};
 pub use instrument::{SafetySection, SpectroradiometerSection};
 pub use light::{LightFrame, LightSection, LightType};
 pub use material::{
