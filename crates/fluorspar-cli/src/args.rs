@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use clap::{Parser, Subcommand, ValueHint};
 use clap_complete::Shell;
 
-use crate::commands::{analyze, capture, check, fluorophore, predict, presets, render, run, schema};
+use crate::commands::{analyze, capture, check, fluorophore, mouth, predict, presets, render, run, schema};
 
 /// Predicts what a fluorescence camera records, before the camera is built.
 ///
@@ -34,6 +34,8 @@ pub(crate) enum Command {
     Analyze(analyze::Options),
     /// List, show, plot or import fluorophores.
     Fluorophore(fluorophore::Options),
+    /// Make mouths: meshes, contact sheets of views, cohorts of people.
+    Mouth(mouth::Options),
     /// Predict spectra and mean sensor values of a flat sample, without geometry.
     Predict(predict::Options),
     /// List what is built in: lights, filters, reflectances, sensors, fluorophores, experiments, flat samples.

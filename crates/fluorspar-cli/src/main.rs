@@ -42,6 +42,7 @@ fn run(args: Args) -> Result<ExitCode, CliError> {
         Command::Capture(options) => commands::capture::run(&options),
         Command::Analyze(options) => commands::analyze::run(&options),
         Command::Fluorophore(options) => commands::fluorophore::run(&options),
+        Command::Mouth(options) => commands::mouth::run(&options),
         Command::Predict(options) => commands::predict::run(&options),
         Command::Presets(options) => commands::presets::run(&options),
         Command::Check(options) => commands::check::run(&options),

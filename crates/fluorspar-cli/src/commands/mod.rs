@@ -5,6 +5,7 @@ pub(crate) mod capture;
 pub(crate) mod check;
 pub(crate) mod completions;
 pub(crate) mod fluorophore;
+pub(crate) mod mouth;
 pub(crate) mod out_folder;
 pub(crate) mod predict;
 pub(crate) mod presets;

@@ -10,7 +10,8 @@
 //! | component image, OpenEXR or NumPy | [`read_component_exr`], [`read_component_npy`] | [`write_component_exr`], [`write_component_npy`] |
 //! | raw sensor frame, TIFF or PNG | [`read_sensor_image`] | [`write_sensor_tiff`], [`write_sensor_png`] |
 //! | texture, picture, PNG | [`read_texture_png`] | [`write_rgb_png`] |
-//! | mesh, PLY or OBJ | [`read_ply`], [`read_obj`] | [`write_ply`] |
+//! | mesh, PLY, OBJ, STL, glTF | [`read_ply`], [`read_obj`], [`read_stl`], [`read_gltf`] | [`write_ply`] |
+//! | named meshes, OBJ, glTF, PBRT | | [`write_obj`], [`write_gltf`], [`write_pbrt`] |
 //!
 //! Every reader says what is wrong with a file, where, and how to mend it ([`FormatError`]), and survives any bytes.
 //! Every writer leaves a complete file or none ([`write_atomically`]). Equal results give equal bytes.
@@ -25,13 +26,16 @@ mod csv_table;
 mod error;
 mod exr;
 mod file;
+mod gltf;
 mod mat;
+mod mesh_set;
 mod npy;
 mod obj;
 mod ply;
 mod png;
 mod provenance;
 mod raw;
+mod stl;
 
 pub use csv_eem::{AntiStokes, CsvEemOptions, EemTable, EemUnit, read_eem_csv};
 pub use csv_fluorophore::{CsvFluorophore, read_fluorophore_csv};
@@ -43,10 +47,13 @@ pub use exr::{
     write_spectral_exr,
 };
 pub use file::write_atomically;
+pub use gltf::{read_gltf, write_gltf};
 pub use mat::{IsetFluorophore, MatSpectra, read_iset_fluorophore, read_mat_spectra};
+pub use mesh_set::{NamedMesh, write_obj, write_pbrt};
 pub use npy::{read_component_npy, read_spectral_npy, write_component_npy, write_spectral_npy};
 pub use obj::read_obj;
 pub use ply::{read_ply, write_ply};
 pub use png::{TextureImage, Transfer, read_texture_png, write_rgb_png};
 pub use provenance::{Loaded, Provenance};
 pub use raw::{read_sensor_image, write_sensor_png, write_sensor_tiff};
+pub use stl::read_stl;

@@ -7,6 +7,7 @@ use glam::{DVec3, Vec3};
 use sha2::{Digest, Sha256};
 
 use super::InputFile;
+use crate::anatomy::{MouthParameters, Tissue};
 use crate::experiment::document::Document;
 use crate::experiment::error::{ExperimentError, Step};
 use crate::experiment::schema::ExposureTime;
@@ -18,13 +19,24 @@ pub(in crate::experiment) struct Context<'a> {
     pub(in crate::experiment) inputs: Vec<InputFile>,
     /// Entries of the catalogue in use, with the digest of their files.
     pub(in crate::experiment) presets: BTreeMap<String, String>,
+    /// The mouth, for maps of its anatomy.
+    pub(in crate::experiment) mouth: Option<MouthParameters>,
+    /// The only tissue that uses the material that is being resolved.
+    pub(in crate::experiment) tissue: Option<Tissue>,
 }
 
 pub(in crate::experiment) type Resolved<T> = Result<T, ExperimentError>;
 
 impl<'a> Context<'a> {
     pub(in crate::experiment) fn new(document: &'a Document) -> Self {
-        Self { document, warnings: Vec::new(), inputs: Vec::new(), presets: BTreeMap::new() }
+        Self {
+            document,
+            warnings: Vec::new(),
+            inputs: Vec::new(),
+            presets: BTreeMap::new(),
+            mouth: None,
+            tissue: None,
+        }
     }
 
     pub(in crate::experiment) fn error(&self, at: &[Step], message: impl Into<String>) -> ExperimentError {

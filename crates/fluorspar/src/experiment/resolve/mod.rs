@@ -3,6 +3,7 @@
 mod capture;
 pub(super) mod context;
 pub(super) mod device;
+mod lesion;
 mod light;
 pub(super) mod material;
 mod object;
@@ -151,8 +152,9 @@ pub fn resolve(experiment: &Experiment) -> Result<ResolvedExperiment, Experiment
     let lights = light::lights(context, &file.light, &camera, &grid, &mut light_groups)?;
     material::check_sections(context, &file.fluorophore)?;
     let mut fluorophores = material::Fluorophores::default();
-    let materials = material::materials(context, file, &grid, &mut fluorophores)?;
-    let objects = object::objects(context, file, &materials, &grid, &mut light_groups)?;
+    let mut materials = material::materials(context, file, &grid, &mut fluorophores)?;
+    let objects =
+        object::objects(context, file, &mut materials, &mut fluorophores, &grid, &mut light_groups)?;
     let captures = capture::captures(context, file, &light_groups)?;
     let analysis = capture::analysis(context, file, &captures, &objects)?;
 

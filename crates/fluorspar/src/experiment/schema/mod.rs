@@ -16,8 +16,8 @@ pub use device::{CameraSection, FieldOfView, LensSection, SensorSection, ViewFil
 pub use light::{LightFrame, LightSection, LightType};
 pub use material::{FluorophoreSection, GlossSection, MaterialSection, YieldUnit};
 pub use object::{
-    BoxShape, DiscShape, EmissionSection, MouthSection, ObjectSection, QuadShape, SphereShape,
-    TransformSection,
+    BoxShape, DiscShape, EmissionSection, LesionSection, MouthSection, ObjectSection, QuadShape, ScanSection,
+    SphereShape, TransformSection,
 };
 pub use reference::{
     DorsalTongueMap, ReflectanceReference, ReflectanceTermSection, SpectrumReference, SpectrumTable,
