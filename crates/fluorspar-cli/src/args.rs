@@ -6,7 +6,9 @@ use std::path::PathBuf;
 use clap::{Parser, Subcommand, ValueHint};
 use clap_complete::Shell;
 
-use crate::commands::{analyze, capture, check, fluorophore, mouth, predict, presets, render, run, schema};
+use crate::commands::{
+    analyze, capture, check, fluorophore, mouth, predict, presets, render, run, safety, schema, spectroradiometer,
+};
 
 /// Predicts what a fluorescence camera records, before the camera is built.
 ///
@@ -38,6 +40,10 @@ pub(crate) enum Command {
     Mouth(mouth::Options),
     /// Predict spectra and mean sensor values of a flat sample, without geometry.
     Predict(predict::Options),
+    /// Assess the photobiological safety of an experiment's captures: hazards, limits, margins.
+    Safety(safety::Options),
+    /// Read spectra of a component image or a flat sample as a spectroradiometer would.
+    Spectroradiometer(spectroradiometer::Options),
     /// List what is built in: lights, filters, reflectances, sensors, fluorophores, experiments, flat samples.
     Presets(presets::Options),
     /// Check an experiment or sample file without running it.
@@ -65,33 +71,47 @@ pub(crate) struct ExperimentArgs {
     pub(crate) experiment: Option<String>,
     #[command(flatten)]
     pub(crate) changes: Changes,
-}
-
-/// Changes on top of an experiment file.
-#[derive(Clone, Debug, Default, clap::Args)]
-pub(crate) struct Changes {
-    /// Change one value, for instance `--set light.blue.power_mw=500`. May be repeated.
-    #[arg(long = "set", value_name = "PATH=VALUE")]
-    pub(crate) set: Vec<String>,
+    #[command(flatten)]
+    pub(crate) seed: Seed,
     /// Paths per pixel: more is less noisy and takes longer.
     #[arg(long, value_name = "N")]
     pub(crate) spp: Option<u32>,
-    /// Seed of all random numbers.
-    #[arg(long, value_name = "S")]
-    pub(crate) seed: Option<u64>,
     /// Most surfaces that light visits; 1 is direct light only.
     #[arg(long, value_name = "D")]
     pub(crate) depth: Option<u32>,
 }
 
-impl Changes {
+impl ExperimentArgs {
     /// All changes in the form of `--set`.
     pub(crate) fn overrides(&self) -> Vec<String> {
-        let mut list = self.set.clone();
+        let mut list = self.changes.set.clone();
         list.extend(self.spp.map(|n| format!("render.samples_per_pixel={n}")));
-        list.extend(self.seed.map(|n| format!("render.seed={n}")));
+        list.extend(self.seed.overrides());
         list.extend(self.depth.map(|n| format!("render.max_depth={n}")));
         list
+    }
+}
+
+/// Changes on top of an experiment file.
+#[derive(Clone, Debug, Default, clap::Args)]
+pub(crate) struct Changes {
+    /// Change one value, for instance `--set capture.blue.exposure_ms=15`. May be repeated.
+    #[arg(long = "set", value_name = "PATH=VALUE")]
+    pub(crate) set: Vec<String>,
+}
+
+/// Seed of the random numbers.
+#[derive(Clone, Debug, Default, clap::Args)]
+pub(crate) struct Seed {
+    /// Seed of all random numbers.
+    #[arg(long, value_name = "S")]
+    pub(crate) seed: Option<u64>,
+}
+
+impl Seed {
+    /// The seed in the form of `--set`.
+    pub(crate) fn overrides(&self) -> Option<String> {
+        self.seed.map(|n| format!("render.seed={n}"))
     }
 }
 

@@ -1,5 +1,6 @@
 //! Errors and their exit codes.
 
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 use fluorspar::experiment::ExperimentError;
@@ -19,6 +20,17 @@ pub(crate) enum CliError {
     /// The machine could not do it.
     #[error("{0}")]
     Failed(String),
+    /// A stage after the render failed; what was rendered is kept.
+    #[error(
+        "{error}\nThe render is kept. Mend the experiment and go on from it: fluorspar capture {} --experiment FILE",
+        image.display()
+    )]
+    AfterRender {
+        /// What failed.
+        error: Box<CliError>,
+        /// The component image.
+        image: PathBuf,
+    },
     #[error(transparent)]
     Experiment(#[from] ExperimentError),
     #[error(transparent)]
@@ -44,6 +56,7 @@ pub(crate) enum CliError {
 impl CliError {
     pub(crate) fn exit_code(&self) -> ExitCode {
         match self {
+            Self::AfterRender { error, .. } => error.exit_code(),
             Self::Failed(_) | Self::Figure(_) | Self::Json(_) | Self::Stdout(_) => ExitCode::from(1),
             _ => ExitCode::from(2),
         }

@@ -9,7 +9,6 @@ use fluorspar::experiment::{
 use fluorspar::preset::{self, ExperimentPreset, PresetError, PresetKind};
 use fluorspar_report::extract_experiment;
 
-use crate::args::Changes;
 use crate::error::CliError;
 
 /// Largest experiment file or report that is read.
@@ -25,6 +24,8 @@ pub(crate) struct ExperimentSource {
     pub(crate) text: String,
     /// Where relative paths start.
     pub(crate) base_dir: PathBuf,
+    /// The file, unless it is built in.
+    pub(crate) file: Option<PathBuf>,
 }
 
 impl ExperimentSource {
@@ -39,7 +40,8 @@ impl ExperimentSource {
     }
 
     /// Finds an experiment or a flat sample.
-    pub(crate) fn find_either(name: &str) -> Result<Self, CliError> {
+    pub(crate) fn find_either(name: Option<&str>) -> Result<Self, CliError> {
+        let Some(name) = name else { return Self::find(None) };
         if preset::names(PresetKind::Sample).contains(&name) && !Path::new(name).exists() {
             Self::find_sample(Some(name))
         } else {
@@ -61,6 +63,7 @@ impl ExperimentSource {
                 stem: name.into(),
                 text: preset(name)?.text.into(),
                 base_dir: PathBuf::from("."),
+                file: None,
             });
         }
         let text = read_text(path)?;
@@ -77,18 +80,24 @@ impl ExperimentSource {
         let base_dir =
             path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new(".")).to_path_buf();
         let stem = path.file_stem().map_or_else(|| "experiment".into(), |s| s.to_string_lossy().into_owned());
-        Ok(Self { name: name.into(), stem, text, base_dir })
+        Ok(Self { name: name.into(), stem, text, base_dir, file: Some(path.to_path_buf()) })
+    }
+
+    /// Every file that an experiment was read from: its own, its bases, and the data that they name.
+    pub(crate) fn files(&self, experiment: &ResolvedExperiment) -> Vec<PathBuf> {
+        let inputs = experiment.inputs.iter().map(|input| &input.path);
+        self.file.iter().chain(&experiment.base_files).chain(inputs).cloned().collect()
     }
 
     /// Reads and resolves the experiment with its changes, and prints its warnings.
-    pub(crate) fn resolve(&self, changes: &Changes, quiet: bool) -> Result<ResolvedExperiment, CliError> {
+    pub(crate) fn resolve(&self, overrides: &[String], quiet: bool) -> Result<ResolvedExperiment, CliError> {
         if is_sample(&self.text) {
             return Err(CliError::Input(format!(
                 "{}: this is a flat sample without a scene; `fluorspar predict` takes it",
                 self.name
             )));
         }
-        let experiment = parse(&self.text, &self.name, &self.base_dir, &changes.overrides())?;
+        let experiment = parse(&self.text, &self.name, &self.base_dir, overrides)?;
         let resolved = resolve(&experiment)?;
         warn(&resolved.warnings, quiet);
         Ok(resolved)

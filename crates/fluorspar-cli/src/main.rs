@@ -44,6 +44,8 @@ fn run(args: Args) -> Result<ExitCode, CliError> {
         Command::Fluorophore(options) => commands::fluorophore::run(&options),
         Command::Mouth(options) => commands::mouth::run(&options),
         Command::Predict(options) => commands::predict::run(&options),
+        Command::Safety(options) => commands::safety::run(&options),
+        Command::Spectroradiometer(options) => commands::spectroradiometer::run(&options),
         Command::Presets(options) => commands::presets::run(&options),
         Command::Check(options) => commands::check::run(&options),
         Command::Schema(options) => commands::schema::run(&options),

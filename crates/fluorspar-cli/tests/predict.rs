@@ -281,3 +281,16 @@ fn people_read_a_table() {
     assert_eq!((quiet.stdout.as_str(), quiet.stderr.as_str()), ("", ""));
     assert!(support::listing(folder.path()).is_empty());
 }
+
+#[test]
+fn channels_stand_in_their_usual_order_and_light_that_is_left_out_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = fluorspar(folder.path(), ["predict"]).well().stdout;
+    let place = |what: &str| text.find(what).unwrap_or_else(|| panic!("{what}: {text}"));
+    assert!(place("R e-") < place("G e-") && place("G e-") < place("B e-"));
+    assert!(place("\nR ") < place("\nG ") && place("\nG ") < place("\nB "));
+    assert!(
+        text.contains("1000 W/m2 (999.6 of it between 347.5 and 752.5 nm, the rest is left out)"),
+        "{text}"
+    );
+}

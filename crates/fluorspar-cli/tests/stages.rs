@@ -54,7 +54,7 @@ fn every_stage_continues_from_the_files_of_the_one_before() {
     let args = ["analyze", "frames", "--components", "run/components.exr", "--json"];
     assert_eq!(fluorspar(folder, args).json(), results["analysis"]);
     let said = fluorspar(folder, ["analyze", "run"]).well();
-    assert!(said.stdout.starts_with("Frame \"blue\", tongue_dorsum\n"), "{}", said.stdout);
+    assert!(said.stdout.starts_with("Frame \"blue\", tongue dorsum\n"), "{}", said.stdout);
 
     // The report, and the experiment beside it, make the run again to the last bit, on any number of threads.
     for (source, out, threads) in [("run/report.html", "second", "1"), ("run/experiment.toml", "third", "3")]
@@ -126,8 +126,10 @@ fn files_are_checked_without_being_run() {
     let folder = folder.path();
     let said = fluorspar(folder, ["check", "flat-patch"]).well();
     assert!(said.stdout.starts_with("flat-patch: valid. "), "{}", said.stdout);
-    let said = fluorspar(folder, ["check", "oraleye-2021", "--json", "--spp", "3"]).json();
+    let said = fluorspar(folder, ["check", "oraleye-2021", "--json", "--set", "render.seed=3"]).json();
     assert_eq!((&said["kind"], &said["valid"]), (&"experiment".into(), &true.into()));
+    let said = fluorspar(folder, ["check"]).well();
+    assert!(said.stdout.starts_with("built-in oraleye-2021: valid. "), "{}", said.stdout);
     let said = fluorspar(folder, ["check", "tongue-385nm"]).well();
     assert_eq!(said.stdout, "tongue-385nm: valid. A flat sample with 5 fluorophores, 81 bands\n");
     fs::write(
@@ -185,6 +187,8 @@ fn help_names_every_command_and_option() {
         "analyze",
         "fluorophore",
         "predict",
+        "safety",
+        "spectroradiometer",
         "presets",
         "check",
         "schema",

@@ -140,6 +140,8 @@ fn capture() -> ChannelImage {
         saturated: Vec::new(),
         noise_floor_dn: noise().floor_dn,
         full_scale_dn: 4031.0,
+        shares: vec![0.25, 0.5, 0.25],
+        subtracted: None,
         label: "blue".into(),
     };
     for row in 0..HEIGHT {
@@ -217,7 +219,10 @@ fn report(
         warnings: vec!["All data on this page are invented.".into()],
         sections: vec![
             tongue,
-            analysis_section(analysis).show(chromaticity_figure(analysis, map), "")
+            analysis_section(
+                analysis,
+                vec![ReportItem::Figure { figure: chromaticity_figure(analysis, map), caption: String::new() }],
+            )
                 .show(histograms("blue", &channel_values(image), image.full_scale_dn), ""),
             radiance_section(),
             parts_section(),
@@ -317,7 +322,16 @@ fn parts_section() -> Section {
             "",
         )
         .show(eem_maps(&FLUOROPHORES.each_ref().map(eem), Some(385.0)), "")
-        .show(emission(&glow_curves(), "the blue LED", "W/(sr m² nm)", Some([450.0, 700.0])), "")
+        .show(
+            emission(
+                &glow_curves(),
+                "the blue LED",
+                "each at its own assumed amount",
+                "W/(sr m² nm)",
+                Some([450.0, 700.0]),
+            ),
+            "",
+        )
         .show(sensor_response(&channels(&|_| 1.0), &channels(&long_pass)), "")
         .with(ReportItem::Table(table))
 }

@@ -21,4 +21,6 @@ pub use page::{
     Number, NumberTable, Origin, ReportData, ReportItem, ReportPicture, Section, analysis_section,
     extract_experiment, glossary_section,
 };
-pub use run::{NamedFigure, RunFolderError, RunReport, RunResults, run_report, write_run_folder};
+pub use run::{
+    NamedFigure, RunFolderError, RunReport, RunResults, run_report, write_run_components, write_run_folder,
+};

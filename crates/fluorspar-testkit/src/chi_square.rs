@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use statrs::distribution::{ChiSquared, ContinuousCDF};
+use statrs::distribution::{ChiSquared, ContinuousCDF, DiscreteCDF, Poisson};
 
 /// Result of a chi-square test.
 #[derive(Clone, Debug, PartialEq)]
@@ -30,14 +30,16 @@ impl ChiSquare {
 /// Cells with fewer expected counts are pooled.
 const LEAST_EXPECTED: f64 = 5.0;
 
-/// Compares observed with expected counts. Cells that expect fewer than 5 are pooled into one; anything observed
-/// where (almost) nothing is expected rejects at once.
+/// Compares observed with expected counts. Cells that expect fewer than 5 are pooled into one. When the pool itself
+/// expects fewer, it is judged by its own two-sided Poisson tail: the smaller p-value of the two is doubled. So counts
+/// where (almost) nothing is expected reject, however many other cells there are.
 pub fn chi_square(observed: &[f64], expected: &[f64]) -> ChiSquare {
     let mut statistic = 0.0;
     let mut cells = 0_usize;
     let mut pooled = (0.0, 0.0);
     let mut worst = (0, 0.0, 0.0);
     let mut worst_term = -1.0;
+    let mut pool_p = None;
     for (cell, (&o, &e)) in observed.iter().zip(expected).enumerate() {
         if e < LEAST_EXPECTED {
             pooled.0 += o;
@@ -52,14 +54,28 @@ pub fn chi_square(observed: &[f64], expected: &[f64]) -> ChiSquare {
         }
     }
     if pooled.1 > 0.0 || pooled.0 > 0.0 {
-        // With very little expected, the Gaussian approximation is poor: allow for it by a floor on the variance.
-        let variance = pooled.1.max(1.0);
-        statistic += (pooled.0 - pooled.1) * (pooled.0 - pooled.1) / variance;
-        cells += 1;
+        if pooled.1 >= LEAST_EXPECTED {
+            statistic += (pooled.0 - pooled.1) * (pooled.0 - pooled.1) / pooled.1;
+            cells += 1;
+        } else {
+            pool_p = Some(poisson_p(pooled.0, pooled.1));
+        }
     }
     let degrees_of_freedom = cells.saturating_sub(1).max(1);
-    let p_value = ChiSquared::new(degrees_of_freedom as f64).map_or(0.0, |d| d.sf(statistic));
+    let mut p_value = ChiSquared::new(degrees_of_freedom as f64).map_or(0.0, |d| d.sf(statistic));
+    if let Some(pool) = pool_p {
+        // Two tests at once (Bonferroni).
+        p_value = (2.0 * p_value.min(pool)).min(1.0);
+    }
     ChiSquare { statistic, degrees_of_freedom, p_value, worst }
+}
+
+/// Probability of a count as far out as the one observed, both tails.
+fn poisson_p(observed: f64, expected: f64) -> f64 {
+    let Ok(poisson) = Poisson::new(expected.max(1e-9)) else { return 0.0 };
+    let observed = observed as u64;
+    let above = if observed == 0 { 1.0 } else { poisson.sf(observed - 1) };
+    (2.0 * above.min(poisson.cdf(observed))).min(1.0)
 }
 
 /// Tests directions on the unit sphere against a density per steradian.
@@ -121,6 +137,17 @@ mod tests {
         // Chi-square of 3.841 with one degree of freedom is the 5 % point.
         let p = chi_square(&[100.0 + 13.859, 100.0 - 13.859], &[100.0; 2]).p_value;
         assert!((p - 0.05).abs() < 1e-3, "{p}");
+    }
+
+    #[test]
+    fn a_few_draws_where_none_are_expected_are_caught() {
+        // 300 good cells must not hide eight forbidden draws.
+        let (mut observed, mut expected) = (vec![60.0; 300], vec![60.0; 300]);
+        observed.push(8.0);
+        expected.push(0.0);
+        assert!(chi_square(&observed, &expected).p_value < 1e-9);
+        (observed[300], expected[300]) = (3.0, 2.5);
+        assert!(chi_square(&observed, &expected).p_value > 0.5);
     }
 
     #[test]

@@ -20,7 +20,11 @@ impl MeanEstimate {
 }
 
 /// Standard errors between an estimate and the truth. An absolute `rounding` allowance is taken off the distance.
+/// Infinite for an estimate that is not finite.
 pub fn z_score(estimate: MeanEstimate, truth: f64, rounding: f64) -> f64 {
+    if !(estimate.mean.is_finite() && estimate.standard_error.is_finite() && truth.is_finite()) {
+        return f64::INFINITY;
+    }
     let distance = ((estimate.mean - truth).abs() - rounding).max(0.0);
     if distance == 0.0 { 0.0 } else { distance / estimate.standard_error }
 }
@@ -36,5 +40,6 @@ mod tests {
         assert!((estimate.standard_error - (5.0_f64 / 3.0 / 4.0).sqrt()).abs() < 1e-12);
         assert!((z_score(estimate, 2.5 + 2.0 * estimate.standard_error, 0.0) - 2.0).abs() < 1e-12);
         assert_eq!(z_score(estimate, 2.4, 0.2), 0.0);
+        assert_eq!(z_score(MeanEstimate::of(&[1.0, f64::NAN]), 2.4, 0.2), f64::INFINITY);
     }
 }

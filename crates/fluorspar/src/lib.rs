@@ -1,4 +1,27 @@
-//! Predicts what a fluorescence camera records.
+//! Predicts what a fluorescence camera records, before the camera is built.
+//!
+//! A scene with absolute lights, filters and fluorescent tissue goes in; spectral radiance, raw sensor images and the
+//! numbers that are decided from come out. Every stage is a function from plain data to plain data:
+//!
+//! | stage | call | gives |
+//! |---|---|---|
+//! | description | [`experiment::parse`], [`experiment::resolve`] | [`experiment::ResolvedExperiment`]: scene, lens, sensor, captures |
+//! | light transport | [`render::render`] | [`image::ComponentImage`]: radiance, W/(sr m² nm), by light and fluorophore |
+//! | any mixture of the parts | [`image::ComponentImage::recombine`] | [`image::SpectralImage`] of radiance |
+//! | optics | [`optics::IdealLens::form_image`] | [`image::SpectralImage`] of irradiance, W/(m² nm) |
+//! | sensor | [`sensor::Sensor::expose`] | [`image::SensorImage`]: mosaic of digital numbers |
+//! | development | [`sensor::develop`] | [`image::ChannelImage`]: linear channels, black subtracted |
+//! | analysis | [`analysis::analyse`] | [`analysis::Analysis`]: chromaticity, porphyrin fraction, with intervals |
+//!
+//! [`pipeline`] runs whole chains of them; [`pipeline::predict`] does so for a flat sample without geometry.
+//! [`safety`] assesses lamps for eyes and tissue. [`preset`] is the catalogue of fluorophores, lights, filters, reflectances, sensors and experiments;
+//! [`format`](mod@format) reads and writes files; [`anatomy`] makes the mouth.
+//!
+//! Inside the library lengths are in metres, wavelengths in nanometres, power in watts; other units stand in the name
+//! (`pixel_size_um`, `exposure_s`). The same seed gives the same bits for any number of threads.
+//!
+//! Out of scope: fluorescence lifetime, polarization, coherent imaging, photobleaching, light that travels sideways
+//! inside tissue.
 
 pub mod analysis;
 pub mod anatomy;
@@ -12,6 +35,7 @@ pub mod optics;
 pub mod pipeline;
 pub mod preset;
 pub mod render;
+pub mod safety;
 pub mod sampling;
 pub mod scene;
 pub mod sensor;

@@ -12,6 +12,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("image", &["units", "spectral"]),
     ("sampling", &["units"]),
     ("geometry", &["units"]),
+    ("safety", &["units", "spectral"]),
     ("material", &["units", "spectral", "image", "sampling", "geometry"]),
     ("light", &["units", "spectral", "image", "sampling", "geometry"]),
     ("optics", &["units", "spectral", "image", "sampling", "geometry"]),
@@ -32,7 +33,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
         "experiment",
         &[
             "units", "spectral", "image", "sampling", "geometry", "material", "light", "optics", "anatomy",
-            "scene", "render", "sensor", "analysis", "format", "preset",
+            "scene", "render", "safety", "sensor", "analysis", "format", "preset",
         ],
     ),
     (
@@ -49,6 +50,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "anatomy",
             "scene",
             "render",
+            "safety",
             "sensor",
             "analysis",
             "format",

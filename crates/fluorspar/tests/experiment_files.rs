@@ -274,6 +274,184 @@ fn a_fluorophore_from_files_has_the_stated_yield() {
 }
 
 #[test]
+fn a_dye_is_the_same_as_a_matrix_and_as_two_spectra_in_either_unit() {
+    let folder = tempfile::tempdir().unwrap();
+    let (ex_nm, ex) = ([340.0, 380.0, 420.0, 460.0], [0.2, 1.0, 0.7, 0.0]);
+    let (em_nm, em) = ([480.0, 520.0, 580.0, 660.0], [0.0, 1.0, 0.6, 0.0]);
+    let table = |head: &str, nm: &[f64], value: &[f64]| {
+        let rows: String = nm.iter().zip(value).map(|(nm, value)| format!("{nm},{value}\n")).collect();
+        format!("wavelength_nm,{head}\n{rows}")
+    };
+    fs::write(folder.path().join("ex.csv"), table("excitation", &ex_nm, &ex)).unwrap();
+    fs::write(folder.path().join("em.csv"), table("emission", &em_nm, &em)).unwrap();
+    let header: String = ex_nm.iter().map(|nm| format!(",{nm}")).collect();
+    let rows: String = em_nm
+        .iter()
+        .zip(&em)
+        .map(|(nm, em)| format!("{nm}{}\n", ex.iter().map(|ex| format!(",{}", ex * em)).collect::<String>()))
+        .collect();
+    for unit in ["photons", "energy"] {
+        let matrix = format!("# unit: {unit}\nem_nm\\ex_nm{header}\n{rows}");
+        fs::write(folder.path().join("matrix.csv"), matrix).unwrap();
+        let text = format!(
+            "{SPHERE}[[fluorophore]]\nname = \"matrix\"\neem_csv = \"matrix.csv\"\nphoton_yield = 0.1\n\
+             [[fluorophore]]\nname = \"spectra\"\nexcitation_csv = \"ex.csv\"\nemission_csv = \"em.csv\"\n\
+             unit = \"{unit}\"\nphoton_yield = 0.1\n"
+        );
+        let overrides = ["material.grey.concentrations={ matrix = 1.0, spectra = 1.0 }".to_string()];
+        let scene = resolve(&parse(&text, "t", folder.path(), &overrides).unwrap()).unwrap().scene;
+        let at = |dye: usize, em_nm: f64, ex_nm: f64| scene.fluorophores[dye].eem.at(em_nm, ex_nm);
+        let scale = at(0, 520.0, 380.0);
+        for ex_nm in [345.0, 360.0, 380.0, 400.0, 431.0] {
+            for em_nm in [490.0, 520.0, 555.0, 600.0] {
+                let (matrix, spectra) = (at(0, em_nm, ex_nm), at(1, em_nm, ex_nm));
+                // Both interpolate linearly between the same points; the yield of each is found on whole nanometres.
+                assert!(
+                    (matrix - spectra).abs() < 1e-3 * scale,
+                    "{unit} {ex_nm} {em_nm}: {matrix} {spectra}"
+                );
+            }
+        }
+        // In energy, light of longer wavelength holds more photons, so the yield per photon falls with it.
+        let ratio = at(1, 520.0, 420.0) / at(1, 520.0, 380.0);
+        let expected = if unit == "energy" { 0.7 * 380.0 / 420.0 } else { 0.7 };
+        assert!((ratio - expected).abs() < 1e-9, "{unit}: {ratio}");
+    }
+}
+
+#[test]
+fn another_sensor_takes_the_place_of_the_whole_section() {
+    let size = |resolved: &ResolvedExperiment| {
+        let model = resolved.sensor.as_ref().unwrap().model();
+        (model.columns, model.rows)
+    };
+    let plain = resolved(FLAT, &[]);
+    assert_eq!(size(&plain), (320, 240));
+    let own = resolved(
+        "[render]\nwidth_px = 64\nheight_px = 48\n[camera]\nhorizontal_field_deg = 40.0\n[lens]\n[sensor]\n\
+         preset = \"monochrome_4_8um\"\n[[light]]\nname = \"sun\"\ntype = \"distant\"\nspectrum = 1.0\n\
+         direction = [0.0, 0.0, -1.0]\nirradiance_w_per_m2 = 1.0\n[[material]]\nname = \"grey\"\nreflectance = 0.2\n\
+         [[object]]\nname = \"ball\"\nmaterial = \"grey\"\nsphere = { radius_mm = 10.0 }\n",
+        &[],
+    );
+    let no_analysis = FLAT.replace("flat-patch", "velscope-like");
+    for text in [FLAT, &no_analysis] {
+        let experiment =
+            parse(text, "t", Path::new("."), &["sensor.preset=monochrome_4_8um".into()]).unwrap();
+        let section = experiment.file.sensor.unwrap();
+        assert_eq!(section.quantum_efficiency, "monochrome_cmos", "{text}");
+        assert_eq!((section.model.columns, section.model.rows), size(&own), "{text}");
+    }
+    let over = format!("{FLAT}[sensor]\npreset = \"monochrome_4_8um\"\nrows = 100\n");
+    let section = parse(&over, "t", Path::new("."), &[]).unwrap().file.sensor.unwrap();
+    assert_eq!((section.model.columns, section.model.rows), (size(&own).0, 100));
+    // What was said by hand stays, in any order; the same preset changes nothing; a resolved file obeys, too.
+    let change = ["sensor.rows=24".to_string(), "sensor.preset=monochrome_4_8um".to_string()];
+    let section = parse(FLAT, "t", Path::new("."), &change).unwrap().file.sensor.unwrap();
+    assert_eq!((section.model.columns, section.model.rows), (size(&own).0, 24));
+    assert_eq!(size(&resolved(FLAT, &["sensor.preset=lyu_2021_table_1"])), (320, 240));
+    let section =
+        parse(&plain.resolved_toml, "t", Path::new("."), &change[1..]).unwrap().file.sensor.unwrap();
+    assert_eq!(section.quantum_efficiency, "monochrome_cmos");
+}
+
+#[test]
+fn what_only_the_analysis_names_is_still_known_to_it() {
+    let control = |change: &str| {
+        let resolved = resolved(FLAT, &[change]);
+        let analysis = resolved.analysis.unwrap();
+        let names: Vec<String> = analysis.absent_fluorophores.iter().map(|f| f.name.clone()).collect();
+        (names, resolved.scene.fluorophores.len())
+    };
+    assert_eq!(control("render.seed=1"), (vec![], 5));
+    let none = "material.patch.concentrations.protoporphyrin_ix=0";
+    assert_eq!(control(none), (vec!["protoporphyrin_ix".into()], 4));
+    let none = "material.patch.concentrations.protoporphyrin_ix={ dorsal_tongue = { peak = 0.0 } }";
+    assert_eq!(control(none), (vec!["protoporphyrin_ix".into()], 4));
+    assert_eq!(control("analysis.bulk={ nadh = 1.0 }"), (vec!["nadh".into()], 5));
+}
+
+#[test]
+fn the_bulk_counts_maps_by_their_mean() {
+    let bulk = |change: &str| resolved(FLAT, &[change]).analysis.unwrap().bulk;
+    let amount = |bulk: &[(String, f64)], name: &str| bulk.iter().find(|(n, _)| n == name).map(|(_, a)| *a);
+    let plain = bulk("render.seed=1");
+    assert_eq!(amount(&plain, "elastin"), Some(1.0));
+    assert_eq!(amount(&plain, "protoporphyrin_ix"), None);
+    // Half of the fields of a checkerboard are low and half high.
+    let checker = bulk("material.patch.concentrations.elastin={ checker = [4, 6], low = 0.4, high = 1.0 }");
+    let elastin = amount(&checker, "elastin").unwrap();
+    assert!((elastin - 0.7).abs() < 0.01, "{elastin}");
+    assert_eq!(checker.len(), plain.len());
+    let noise = bulk("material.patch.concentrations.elastin={ noise = [40, 40], low = 0.5, high = 1.5 }");
+    let elastin = amount(&noise, "elastin").unwrap();
+    // Value noise is symmetric about its middle; 1600 cells of its coarsest octave leave about 0.01 of it to chance.
+    assert!((elastin - 1.0).abs() < 0.03, "{elastin}");
+}
+
+/// The warnings that hold a word.
+fn warnings_with<'w>(warnings: &'w [String], word: &str) -> Vec<&'w String> {
+    warnings.iter().filter(|warning| warning.contains(word)).collect()
+}
+
+#[test]
+fn one_warning_names_all_spectra_that_the_grid_exceeds() {
+    let warnings = resolved("base = \"oraleye-2021\"\n", &["spectral.last_nm=900"]).warnings;
+    let exceeded = warnings_with(&warnings, "beyond their own range");
+    assert_eq!(exceeded.len(), 1, "{warnings:#?}");
+    assert!(
+        exceeded[0].contains("347.5 to 902.5 nm") && exceeded[0].contains("tongue_dorsum"),
+        "{exceeded:?}"
+    );
+    assert_eq!(
+        warnings_with(&warnings, "emission of").len() + warnings_with(&warnings, "fluorophores emit").len(),
+        1
+    );
+    let emission = warnings_with(&warnings, "fluorophores emit")[0];
+    assert!(emission.contains("of collagen (known from 290 to 750 nm)"), "{emission}");
+}
+
+#[test]
+fn light_beyond_either_end_of_the_excitation_data_is_warned_about() {
+    let text = |led: &str| {
+        format!(
+            "[light]\nspectrum = \"{led}\"\nirradiance_w_per_m2 = 100.0\n[sample]\nreflectance = 0.1\n\
+             concentrations = {{ nadh = 1.0, fad = 1.0 }}\n"
+        )
+    };
+    let warnings = |led: &str| parse_sample(&text(led), "s", Path::new("."), &[]).unwrap().warnings;
+    let above = warnings("led_450");
+    let above = warnings_with(&above, "excitation of fluorophores");
+    assert!(above.len() == 1 && above[0].contains("for nadh (known from 250 to 430 nm)"), "{above:?}");
+    assert!(!above[0].contains("fad"), "{above:?}");
+    assert_eq!(warnings_with(&warnings("led_385"), "excitation of").len(), 0);
+    let below = text("led_385").replace("nadh = 1.0, fad", "protoporphyrin_ix");
+    let below = below.replace(
+        "\"led_385\"",
+        "{ kind = \"led\", peak_nm = 310.0, fwhm_short_nm = 10.0, fwhm_long_nm = 10.0 }",
+    );
+    let overrides = ["spectral.first_nm=250".to_string()];
+    let below = parse_sample(&below, "s", Path::new("."), &overrides).unwrap().warnings;
+    assert!(
+        warnings_with(&below, "for protoporphyrin_ix (known from 330 to 640 nm)").len() == 1,
+        "{below:?}"
+    );
+}
+
+#[test]
+fn equations_that_stand_on_data_say_where_those_end() {
+    let blood = "{ kind = \"blood_diffuse\", scattering_per_cm = 20.0, scattering_power = 1.0, background_per_cm = 0.3, \
+                 background_decay_nm = 100.0, blood_fraction = 0.03, saturation = 0.7, vessel_radius_um = 10.0, \
+                 superficial_blood_um = 1.0 }";
+    let change = format!("material.grey.reflectance={blood}");
+    let warnings = |last: &str| resolved(SPHERE, &[&change, last]).warnings;
+    assert_eq!(warnings_with(&warnings("spectral.last_nm=750"), "their own range").len(), 0);
+    let exceeded = warnings("spectral.last_nm=900");
+    let exceeded = warnings_with(&exceeded, "their own range");
+    assert!(exceeded.len() == 1 && exceeded[0].contains("reflectance (350 to 750 nm)"), "{exceeded:?}");
+}
+
+#[test]
 fn a_sample_becomes_curves() {
     let text = r#"
 [light]

@@ -8,11 +8,11 @@ use std::panic::catch_unwind;
 use std::path::{Path, PathBuf};
 
 use fluorspar::format::{
-    CsvEemOptions, CsvSpectrumOptions, ExrCompression, ExrOptions, Provenance, Transfer, read_component_exr,
-    read_component_npy, read_eem_csv, read_iset_fluorophore, read_mat_spectra, read_obj, read_ply,
-    read_sensor_image, read_spectral_exr, read_spectral_npy, read_spectrum_csv, read_texture_png,
-    write_component_exr, write_component_npy, write_ply, write_rgb_png, write_sensor_png, write_sensor_tiff,
-    write_spectral_exr, write_spectral_npy,
+    CsvEemOptions, CsvSpectrumOptions, DngColor, ExrCompression, ExrOptions, Provenance, RawPacking,
+    Transfer, read_component_exr, read_component_npy, read_eem_csv, read_iset_fluorophore, read_mat_spectra,
+    read_obj, read_ply, read_sensor_image, read_spectral_exr, read_spectral_npy, read_spectrum_csv,
+    read_texture_png, write_component_exr, write_component_npy, write_packed_raw, write_ply, write_rgb_png,
+    write_sensor_dng, write_sensor_png, write_sensor_tiff, write_spectral_exr, write_spectral_npy,
 };
 use fluorspar::geometry::TriangleMesh;
 use fluorspar::image::{Component, ComponentImage, FeatureMaps, Light, Mosaic, SensorImage, SpectralImage};
@@ -146,6 +146,18 @@ fn raw_frames_and_pictures() {
     let path = folder.join("f.png");
     write_sensor_png(&path, &frame(), None).unwrap();
     damage(&path, |path| read_sensor_image(path).is_ok());
+    let small = SensorImage { data: (0..24).map(|i| i * 40).collect(), ..frame() };
+    let path = folder.join("f.dng");
+    write_sensor_dng(&path, &small, &DngColor::default(), None).unwrap();
+    damage(&path, |path| read_sensor_image(path).is_ok());
+    let bayer = SensorImage { mosaic: Mosaic::bayer("rggb").unwrap(), ..small.clone() };
+    write_sensor_dng(&path, &bayer, &DngColor::default(), None).unwrap();
+    damage(&path, |path| read_sensor_image(path).is_ok());
+    let path = folder.join("f.raw");
+    write_packed_raw(&path, &small, RawPacking::Raw10, None).unwrap();
+    damage(&path, |path| read_sensor_image(path).is_ok());
+    damage(&folder.join("f.raw.json"), |_| read_sensor_image(&path).is_ok());
+    let path = folder.join("f.png");
     write_rgb_png(&path, 4, 3, &[77; 36]).unwrap();
     damage(&path, |path| read_texture_png(path, Transfer::Srgb).is_ok());
 }

@@ -11,7 +11,9 @@ use fluorspar::format::{
     write_component_exr, write_component_npy, write_rgb_png, write_sensor_png, write_sensor_tiff,
     write_spectral_exr, write_spectral_npy,
 };
-use fluorspar::image::{Component, ComponentImage, FeatureMaps, Light, Mosaic, SensorImage, SpectralImage};
+use fluorspar::image::{
+    Component, ComponentImage, FeatureMaps, Light, Mosaic, SensorImage, SpectralImage, View,
+};
 use fluorspar::spectral::{Irradiance, Quantity, Radiance, Reflectance, WavelengthGrid};
 
 fn grid() -> WavelengthGrid {
@@ -43,6 +45,12 @@ fn components() -> ComponentImage {
         uv: (0..15).map(|i| [i as f32, 0.5]).collect(),
         part_names: vec!["tongue".into(), "lip".into()],
         material_names: vec!["mucosa".into(), "µ-skin".into()],
+        view: Some(View {
+            position_m: [0.0, 0.01, 0.1],
+            forward: [0.0, 0.0, -1.0],
+            right: [1.0, 0.0, 0.0],
+            tan_half_width: 0.37,
+        }),
     };
     image
 }

@@ -1,11 +1,13 @@
 //! `fluorspar analyze`: chromaticity and porphyrin from raw frames.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::ValueHint;
+use fluorspar::experiment::{Capture, ResolvedExperiment};
 use fluorspar::format::{read_component_exr, read_sensor_image};
-use fluorspar::pipeline::{analyze, develop_frames};
+use fluorspar::image::SensorImage;
+use fluorspar::pipeline::{Calibration, RawExposures, analyze, bracket_label, complete_raw, develop_frames};
 
 use crate::args::{Changes, Talk};
 use crate::error::CliError;
@@ -14,9 +16,19 @@ use crate::experiment_source::ExperimentSource;
 /// Options of `analyze`.
 #[derive(Clone, Debug, clap::Args)]
 pub(crate) struct Options {
-    /// Folder with raw_*.tiff (or .png) and experiment.toml, as `run` and `capture` write it.
-    #[arg(value_name = "FOLDER", value_hint = ValueHint::DirPath)]
-    folder: PathBuf,
+    /// Folder with raw_NAME.tiff (or .png, .dng, .raw) and experiment.toml, as `run` and `capture` write it.
+    #[arg(value_name = "FOLDER", value_hint = ValueHint::DirPath, required_unless_present = "frame")]
+    folder: Option<PathBuf>,
+    /// Raw frame of a capture, of a simulated or a real camera; needs --experiment. May be repeated: one for the frame that
+    /// is analysed and one for each that is subtracted.
+    #[arg(long, value_name = "CAPTURE=FILE", requires = "experiment")]
+    frame: Vec<String>,
+    /// Raw dark frame of the real camera; frames of one exposure are averaged. May be repeated.
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath, requires = "frame")]
+    dark: Vec<PathBuf>,
+    /// Raw frame of even light of the real camera. May be repeated.
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath, requires = "frame")]
+    flat: Vec<PathBuf>,
     /// Experiment to use instead of the folder's experiment.toml.
     #[arg(long, value_name = "EXPERIMENT")]
     experiment: Option<String>,
@@ -31,48 +43,54 @@ pub(crate) struct Options {
 }
 
 pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
-    let folder = &options.folder;
-    if !folder.is_dir() {
+    if let Some(folder) = options.folder.as_ref().filter(|folder| !folder.is_dir()) {
         return Err(CliError::Input(format!(
-            "{}: this is no folder; give one that `run` or `capture` wrote",
+            "{}: this is no folder; give one that `run` or `capture` wrote, or name frames with --frame",
             folder.display()
         )));
     }
-    let default = folder.join("experiment.toml");
-    let name = options.experiment.clone().unwrap_or_else(|| default.display().to_string());
+    let beside = |name: &str| options.folder.as_ref().map(|folder| folder.join(name));
+    let default = beside("experiment.toml").map(|path| path.display().to_string());
+    let name = options.experiment.clone().or(default).unwrap_or_default();
     let source = ExperimentSource::find(Some(&name))?;
-    let experiment = source.resolve(&options.changes, true)?;
-    if experiment.analysis.is_none() {
+    let experiment = source.resolve(&options.changes.set, true)?;
+    let Some(settings) = &experiment.analysis else {
         return Err(CliError::Input(format!(
             "{name}: the experiment asks for no analysis; add an [analysis] section"
         )));
-    }
-
-    let mut raws = Vec::new();
-    for capture in &experiment.captures {
-        let label = &capture.frame.label;
-        let candidates = ["tiff", "tif", "png"].map(|ending| folder.join(format!("raw_{label}.{ending}")));
-        match candidates.iter().find(|path| path.is_file()) {
-            Some(path) => raws.push(read_sensor_image(path)?.image),
-            None => {
-                return Err(CliError::Input(format!(
-                    "{}: there is no raw_{label}.tiff for the capture \"{label}\"",
-                    folder.display()
-                )));
-            }
-        }
-    }
-    let beside = folder.join("components.exr");
-    let image = options.components.clone().or_else(|| beside.is_file().then_some(beside));
-    if let (None, Some([part, ..])) = (&image, experiment.analysis.as_ref().map(|a| a.parts.as_slice())) {
+    };
+    let exposures = if options.frame.is_empty() {
+        let Some(folder) = &options.folder else {
+            return Err(CliError::Input("give a folder, or frames with --frame CAPTURE=FILE".into()));
+        };
+        frames_of_folder(&experiment, folder)?
+    } else {
+        named_frames(options, &experiment, &settings.frame)?
+    };
+    let image = options.components.clone().or_else(|| beside("components.exr").filter(|p| p.is_file()));
+    if let (None, [part, ..]) = (&image, settings.parts.as_slice()) {
         return Err(CliError::Input(format!(
-            "{}: the region is the part \"{part}\", and nothing here tells which pixels show it; name the component image of \
-             the run with --components",
-            folder.display()
+            "{name}: the region is the part \"{part}\", and nothing here tells which pixels show it; name the component image of \
+             the run with --components, or give a rectangle instead: --set analysis.parts=[] --set \
+             analysis.rectangle_px=[COLUMN,ROW,WIDTH,HEIGHT]"
         )));
     }
     let components = image.map(|path| read_component_exr(&path)).transpose()?.map(|loaded| loaded.image);
-    let frames = develop_frames(&experiment, raws)?;
+    let calibration = if options.frame.is_empty() {
+        Calibration::of_experiment(&experiment, exposures.iter().flat_map(RawExposures::all))?
+    } else {
+        let read = |paths: &[PathBuf]| -> Result<Vec<SensorImage>, CliError> {
+            paths.iter().map(|path| read_raw(&experiment, path, None)).collect()
+        };
+        let develop = &experiment.develop;
+        Calibration::of_frames(
+            develop.demosaicing,
+            read(&options.dark)?,
+            read(&options.flat)?,
+            develop.bad_pixel_sigma,
+        )?
+    };
+    let frames = develop_frames(&experiment, exposures, &calibration)?;
     let Some(analyzed) = analyze(&experiment, components.as_ref(), &frames)? else {
         return Err(CliError::Failed("the analysis gave nothing".into()));
     };
@@ -82,6 +100,89 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         super::print_text(&describe(&analyzed.analysis))?;
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// The raw frame in a file under the name of a capture. What a real camera does not tell of its conversion gain and noise, the
+/// sensor of the experiment does.
+fn read_raw(
+    experiment: &ResolvedExperiment,
+    path: &Path,
+    label: Option<&str>,
+) -> Result<SensorImage, CliError> {
+    let mut raw = read_sensor_image(path)?.image;
+    if let Some(label) = label {
+        raw.label = label.into();
+    }
+    complete_raw(experiment, &mut raw)
+        .map_err(|what| CliError::Input(format!("{}: {what}", path.display())))?;
+    Ok(raw)
+}
+
+fn frames_of_folder(experiment: &ResolvedExperiment, folder: &Path) -> Result<Vec<RawExposures>, CliError> {
+    let find = |label: &str| -> Result<SensorImage, CliError> {
+        let candidates =
+            ["tiff", "tif", "png", "dng", "raw"].map(|ending| folder.join(format!("raw_{label}.{ending}")));
+        match candidates.iter().find(|path| path.is_file()) {
+            Some(path) => read_raw(experiment, path, Some(label)),
+            None => Err(CliError::Input(format!(
+                "{}: there is no raw_{label}.tiff for the capture \"{label}\"",
+                folder.display()
+            ))),
+        }
+    };
+    let all = |c: &Capture| {
+        let label = &c.frame.label;
+        let bracket = (0..c.bracket_ev.len()).map(|index| find(&bracket_label(label, &c.bracket_ev, index)));
+        Ok(RawExposures { raw: find(label)?, bracket: bracket.collect::<Result<_, CliError>>()? })
+    };
+    experiment.captures.iter().map(all).collect()
+}
+
+fn named_frames(
+    options: &Options,
+    experiment: &ResolvedExperiment,
+    wanted: &str,
+) -> Result<Vec<RawExposures>, CliError> {
+    let known: Vec<&str> = experiment.captures.iter().map(|c| c.frame.label.as_str()).collect();
+    let mut frames: Vec<RawExposures> = Vec::new();
+    for text in &options.frame {
+        let Some((label, file)) =
+            text.split_once('=').filter(|(label, file)| !label.is_empty() && !file.is_empty())
+        else {
+            return Err(CliError::Input(format!(
+                "--frame {text}: write the name of a capture and a file, for instance --frame blue=IMG_0001.dng"
+            )));
+        };
+        // Exposures of a bracket bear the name of their capture.
+        let capture = known
+            .iter()
+            .find(|name| **name == label || label.strip_prefix(**name).is_some_and(|r| r.starts_with("_ev")));
+        let Some(capture) = capture else {
+            return Err(CliError::Input(format!(
+                "--frame {text}: the experiment has no capture \"{label}\"; its captures are {}",
+                known.join(", ")
+            )));
+        };
+        let raw = read_raw(experiment, Path::new(file), Some(label))?;
+        match frames.iter_mut().find(|frame| frame.raw.label == **capture) {
+            Some(frame) if label != *capture => frame.bracket.push(raw),
+            Some(_) => {
+                return Err(CliError::Input(format!("--frame {text}: \"{label}\" is given twice; keep one")));
+            }
+            None if label != *capture => {
+                return Err(CliError::Input(format!(
+                    "--frame {text}: give the main exposure before it, --frame {capture}=FILE"
+                )));
+            }
+            None => frames.push(RawExposures { raw, bracket: Vec::new() }),
+        }
+    }
+    if !frames.iter().any(|frame| frame.raw.label == wanted) {
+        return Err(CliError::Input(format!(
+            "the analysis is of the capture \"{wanted}\"; give its file with --frame {wanted}=FILE"
+        )));
+    }
+    Ok(frames)
 }
 
 fn describe(analysis: &fluorspar::analysis::Analysis) -> String {

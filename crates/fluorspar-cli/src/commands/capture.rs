@@ -3,15 +3,19 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use clap::ValueHint;
+use clap::{ValueEnum, ValueHint};
 use fluorspar::experiment::{parse, resolve};
-use fluorspar::format::{Provenance, read_component_exr, write_atomically, write_rgb_png, write_sensor_tiff};
-use fluorspar::pipeline::{ColorRendering, capture, preview};
+use fluorspar::format::{
+    DngColor, FormatError, Provenance, RawPacking, read_component_exr, write_atomically, write_packed_raw,
+    write_rgb_png, write_sensor_dng, write_sensor_tiff,
+};
+use fluorspar::image::SensorImage;
+use fluorspar::pipeline::{CameraColor, ColorRendering, capture, check_same_scene, preview};
 use serde_json::json;
 use std::io::Write;
 
 use super::out_folder;
-use crate::args::{Changes, Talk};
+use crate::args::{Changes, Seed, Talk};
 use crate::error::CliError;
 use crate::experiment_source::ExperimentSource;
 
@@ -26,6 +30,11 @@ pub(crate) struct Options {
     experiment: Option<String>,
     #[command(flatten)]
     changes: Changes,
+    #[command(flatten)]
+    seed: Seed,
+    /// Form of the raw frames: TIFF with a description beside it, DNG for raw converters, or packed as camera modules do.
+    #[arg(long, value_enum, value_name = "FORM", default_value_t = RawForm::Tiff)]
+    format: RawForm,
     /// Folder for the frames.
     #[arg(long, value_name = "DIR", default_value = "fluorspar-out/capture", value_hint = ValueHint::DirPath)]
     out: PathBuf,
@@ -33,32 +42,93 @@ pub(crate) struct Options {
     talk: Talk,
 }
 
+#[derive(Clone, Copy, Debug, Default, ValueEnum)]
+enum RawForm {
+    /// 16-bit TIFF and JSON.
+    #[default]
+    Tiff,
+    /// Adobe Digital Negative.
+    Dng,
+    /// MIPI RAW10 and JSON; for sensors of 10 bits.
+    Raw10,
+    /// MIPI RAW12 and JSON; for sensors of up to 12 bits.
+    Raw12,
+}
+
+impl RawForm {
+    fn ending(self) -> &'static str {
+        match self {
+            Self::Tiff => "tiff",
+            Self::Dng => "dng",
+            Self::Raw10 | Self::Raw12 => "raw",
+        }
+    }
+
+    fn write(
+        self,
+        path: &std::path::Path,
+        raw: &SensorImage,
+        color: Option<CameraColor>,
+        provenance: &Provenance,
+    ) -> Result<(), FormatError> {
+        match self {
+            Self::Tiff => write_sensor_tiff(path, raw, Some(provenance)),
+            Self::Dng => {
+                let color = color.map_or_else(DngColor::default, |color| DngColor {
+                    xyz_to_camera: color.xyz_to_camera,
+                    neutral: color.neutral,
+                });
+                write_sensor_dng(path, raw, &color, Some(provenance))
+            }
+            Self::Raw10 => write_packed_raw(path, raw, RawPacking::Raw10, Some(provenance)),
+            Self::Raw12 => write_packed_raw(path, raw, RawPacking::Raw12, Some(provenance)),
+        }
+    }
+}
+
 pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let loaded = read_component_exr(&options.image)?;
     let mut components = loaded.image;
     // As `run` has them, so that the frames are those of `run` whatever file they come from.
     components.round_to_24_bits();
+    let image = options.image.display();
+    // What the image was rendered from; nothing that it fixes may be changed here.
+    let rendered = match &loaded.provenance {
+        None => None,
+        Some(provenance) => {
+            let name = format!("experiment in {image}");
+            let parsed = parse(&provenance.resolved_experiment_toml, &name, std::path::Path::new("."), &[])?;
+            Some(resolve(&parsed)?)
+        }
+    };
+    let overrides: Vec<String> =
+        options.changes.set.iter().cloned().chain(options.seed.overrides()).collect();
+    let mut inputs = vec![options.image.clone()];
     let (text, experiment) = match (&options.experiment, loaded.provenance) {
         (Some(name), _) => {
             let source = ExperimentSource::find(Some(name))?;
-            let experiment = source.resolve(&options.changes, options.talk.quiet)?;
+            let experiment = source.resolve(&overrides, options.talk.quiet)?;
+            inputs.extend(source.files(&experiment));
             (source.text, experiment)
         }
         (None, Some(provenance)) => {
             let text = provenance.resolved_experiment_toml;
-            let name = format!("experiment in {}", options.image.display());
-            let parsed = parse(&text, &name, std::path::Path::new("."), &options.changes.overrides())?;
+            let name = format!("experiment in {image}");
+            let parsed = parse(&text, &name, std::path::Path::new("."), &overrides)?;
             let experiment = resolve(&parsed)?;
             (text, experiment)
         }
         (None, None) => {
             return Err(CliError::Input(format!(
-                "{}: this image carries no experiment; name one with --experiment",
-                options.image.display()
+                "{image}: this image carries no experiment; name one with --experiment"
             )));
         }
     };
-    let folder = out_folder::OutFolder::prepare(&options.out)?;
+    if let Some(rendered) = &rendered {
+        check_same_scene(rendered, &experiment)?;
+    }
+    inputs.extend(experiment.inputs.iter().map(|input| input.path.clone()));
+    let folder = out_folder::OutFolder::prepare(&options.out, &inputs)?;
     let frames = capture(&experiment, &components)?;
     let provenance = Provenance::new(
         &text,
@@ -68,8 +138,12 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     );
     let mut list = Vec::new();
     for (frame, settings) in frames.iter().zip(&experiment.captures) {
-        let file = format!("raw_{}.tiff", frame.raw.label);
-        write_sensor_tiff(&folder.path().join(&file), &frame.raw, Some(&provenance))?;
+        let color = CameraColor::of_frame(&experiment, settings);
+        let name_of = |raw: &SensorImage| format!("raw_{}.{}", raw.label, options.format.ending());
+        for raw in std::iter::once(&frame.raw).chain(&frame.bracket) {
+            options.format.write(&folder.path().join(name_of(raw)), raw, color, &provenance)?;
+        }
+        let file = name_of(&frame.raw);
         let picture = preview(&frame.developed, &ColorRendering::of_frame(&experiment, settings));
         let name = format!("preview_{}.png", frame.raw.label);
         write_rgb_png(&folder.path().join(name), picture.width, picture.height, &picture.rgb)?;
@@ -77,6 +151,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         list.push(json!({
             "name": frame.raw.label,
             "file": file,
+            "bracket_files": frame.bracket.iter().map(name_of).collect::<Vec<_>>(),
             "exposure_s": frame.raw.exposure_s,
             "gain": frame.raw.gain,
             "saturated_fraction": saturated as f64 / frame.developed.saturated.len().max(1) as f64,

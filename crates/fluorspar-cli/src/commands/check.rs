@@ -13,9 +13,9 @@ use crate::experiment_source::ExperimentSource;
 /// Options of `check`.
 #[derive(Clone, Debug, clap::Args)]
 pub(crate) struct Options {
-    /// Experiment or sample file, or the name of a built-in one.
+    /// Experiment or sample file, or the name of a built-in one [default: the experiment that `run` takes].
     #[arg(value_name = "FILE", value_hint = ValueHint::FilePath)]
-    file: String,
+    file: Option<String>,
     #[command(flatten)]
     changes: Changes,
     /// Print what was found as JSON.
@@ -24,12 +24,13 @@ pub(crate) struct Options {
 }
 
 pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
-    let source = ExperimentSource::find_either(&options.file)?;
+    let source = ExperimentSource::find_either(options.file.as_deref())?;
+    let shown = options.file.as_ref().unwrap_or(&source.name);
     if is_sample(&source.text) {
-        let sample = source.resolve_sample(&options.changes.overrides(), options.json)?;
+        let sample = source.resolve_sample(&options.changes.set, options.json)?;
         if options.json {
             super::print_json(&json!({
-                "file": options.file,
+                "file": shown,
                 "kind": "sample",
                 "valid": true,
                 "sha256": sample.sha256,
@@ -40,18 +41,18 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         } else {
             super::print_text(&format!(
                 "{}: valid. A flat sample with {} fluorophores, {} bands",
-                options.file,
+                shown,
                 sample.fluorophores.len(),
                 sample.grid.len()
             ))?;
         }
         return Ok(ExitCode::SUCCESS);
     }
-    let experiment = source.resolve(&options.changes, options.json)?;
+    let experiment = source.resolve(&options.changes.set, options.json)?;
     let scene = &experiment.scene;
     if options.json {
         super::print_json(&json!({
-            "file": options.file,
+            "file": shown,
             "kind": "experiment",
             "valid": true,
             "sha256": experiment.sha256,
@@ -66,7 +67,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     } else {
         super::print_text(&format!(
             "{}: valid. {} objects, {} lights in {} groups, {} fluorophores, {} captures; images need {:.0} MiB",
-            options.file,
+            shown,
             scene.objects.len(),
             scene.lights.len(),
             scene.light_groups.len(),

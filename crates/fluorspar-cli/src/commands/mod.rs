@@ -11,7 +11,9 @@ pub(crate) mod predict;
 pub(crate) mod presets;
 pub(crate) mod render;
 pub(crate) mod run;
+pub(crate) mod safety;
 pub(crate) mod schema;
+pub(crate) mod spectroradiometer;
 pub(crate) mod table;
 
 use std::io::Write;

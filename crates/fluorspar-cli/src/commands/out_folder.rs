@@ -1,44 +1,96 @@
-//! A result folder that appears complete or not at all.
+//! A folder for results that appears complete or not at all, and never takes anything of the user's with it.
+//!
+//! A folder that this program wrote holds a list of its files with their lengths and digests. Only such a folder is
+//! replaced, only while everything in it is in that list and unchanged, and only the files of the list are deleted.
 
+use std::collections::BTreeMap;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::io::{self, Write};
+use std::path::{Component, Path, PathBuf};
+
+use fluorspar::format::write_atomically;
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
 
 use crate::error::CliError;
 use crate::progress::set_unfinished;
 
-/// Files that show that a folder holds results of this program.
-const MARKS: [&str; 2] = ["results.json", "experiment.toml"];
+/// File that lists what this program wrote into a folder.
+const LIST: &str = "fluorspar-folder.json";
+/// Layout of the list.
+const SCHEMA: &str = "fluorspar-folder/1";
+/// Files up to this length are texts that people edit; their content is compared, too.
+const DIGEST_UP_TO_BYTES: u64 = 1 << 20;
+
+/// The list of files.
+#[derive(Debug, Serialize, Deserialize)]
+struct FolderList {
+    schema: String,
+    version: String,
+    /// By path below the folder, with `/` between names.
+    files: BTreeMap<String, FileMark>,
+}
+
+/// What a file was like when it was written.
+#[derive(Debug, PartialEq, Serialize, Deserialize)]
+struct FileMark {
+    bytes: u64,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    sha256: Option<String>,
+}
 
 /// Writes a folder beside its final place and moves it there when it is complete. Earlier results in the same
 /// place are replaced; any other folder that is not empty is refused.
 pub(crate) struct OutFolder {
+    /// The place as the user named it.
+    shown: PathBuf,
+    /// The same, absolute, without links and `..`.
     target: PathBuf,
     partial: PathBuf,
     done: bool,
 }
 
 impl OutFolder {
-    /// Checks the place and prepares the partial folder.
-    pub(crate) fn prepare(target: &Path) -> Result<Self, CliError> {
-        let shown = target.display();
+    /// Checks the place and prepares the partial folder. `inputs` are files that the command reads: a folder that
+    /// holds one of them, or the folder of work, is refused.
+    pub(crate) fn prepare(shown: &Path, inputs: &[PathBuf]) -> Result<Self, CliError> {
+        let refuse = |why: String| {
+            Err(CliError::Input(format!("{}: {why}; choose another with --out", shown.display())))
+        };
+        let target = match without_links(shown) {
+            Ok(target) => target,
+            Err(error) => return refuse(format!("this place can't be looked at ({error})")),
+        };
         if target.is_file() {
-            return Err(CliError::Input(format!(
-                "{shown}: this is a file; choose another folder with --out"
-            )));
+            return refuse("this is a file".into());
         }
-        if is_occupied(target) {
-            return Err(CliError::Input(format!(
-                "{shown}: this folder holds files that are no results of fluorspar; choose another with --out"
-            )));
+        let here = std::env::current_dir().and_then(|here| here.canonicalize());
+        if here.is_ok_and(|here| here.starts_with(&target)) {
+            return refuse("results would replace the folder you are in".into());
         }
-        let name = target.file_name().map_or_else(|| "results".into(), |n| n.to_string_lossy().into_owned());
-        let parent = target.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        let partial = parent.join(format!(".{name}.partial-{}", std::process::id()));
+        for input in inputs {
+            if without_links(input).is_ok_and(|input| input.starts_with(&target)) {
+                return refuse(format!(
+                    "results would replace this folder, which holds {}, a file that is read here",
+                    input.display()
+                ));
+            }
+        }
+        if let Some(foreign) = foreign_file(&target) {
+            return refuse(foreign);
+        }
+        let (Some(parent), Some(name)) = (target.parent(), target.file_name()) else {
+            return refuse("this is no folder for results".into());
+        };
+        let partial = beside(parent, &name.to_string_lossy(), "partial");
         fs::create_dir_all(&partial).map_err(|error| {
-            CliError::Input(format!("{shown}: can't make this folder: {error}. Choose another with --out"))
+            CliError::Input(format!(
+                "{}: can't make this folder: {error}. Choose another with --out",
+                shown.display()
+            ))
         })?;
         set_unfinished(Some(&partial));
-        Ok(Self { target: target.to_path_buf(), partial, done: false })
+        Ok(Self { shown: shown.to_path_buf(), target, partial, done: false })
     }
 
     /// Where to write.
@@ -48,18 +100,74 @@ impl OutFolder {
 
     /// Moves the complete folder to its place.
     pub(crate) fn finish(mut self) -> Result<PathBuf, CliError> {
-        let moved = (|| {
-            if self.target.exists() {
-                fs::remove_dir_all(&self.target)?;
-            }
-            fs::rename(&self.partial, &self.target)
-        })();
-        moved.map_err(|error| {
-            CliError::Failed(format!("{}: can't put the results here: {error}", self.target.display()))
-        })?;
+        let failed = |error: io::Error| {
+            CliError::Failed(format!("{}: can't put the results here: {error}", self.shown.display()))
+        };
+        write_list(&self.partial).map_err(failed)?;
+        if !self.target.exists() {
+            fs::rename(&self.partial, &self.target).map_err(failed)?;
+            self.put();
+            return Ok(self.shown.clone());
+        }
+        if let Some(foreign) = foreign_file(&self.target) {
+            // Someone wrote there while the work was going on.
+            let shown = self.shown.clone();
+            let kept = self.keep()?;
+            return Err(CliError::Failed(format!(
+                "{}: {foreign}; the results are in {}",
+                shown.display(),
+                kept.display()
+            )));
+        }
+        let (parent, name) = self.parent_and_name();
+        let old = beside(&parent, &name, "replaced");
+        fs::rename(&self.target, &old).map_err(failed)?;
+        if let Err(error) = fs::rename(&self.partial, &self.target) {
+            // The old results belong where they were; if even that fails, the message names the first failure.
+            let _ = fs::rename(&old, &self.target);
+            return Err(failed(error));
+        }
+        self.put();
+        if let Err(error) = remove_listed(&old) {
+            return Err(CliError::Failed(format!(
+                "{}: the results are here, but the earlier ones can't be removed and are now {}: {error}",
+                self.shown.display(),
+                old.display()
+            )));
+        }
+        Ok(self.shown.clone())
+    }
+
+    /// Keeps an unfinished folder: in its place if that is free, otherwise beside it under a name of its own.
+    pub(crate) fn keep(mut self) -> Result<PathBuf, CliError> {
+        let failed = |error: io::Error| {
+            CliError::Failed(format!("{}: can't keep what was made so far: {error}", self.shown.display()))
+        };
+        write_list(&self.partial).map_err(failed)?;
+        let (parent, name) = self.parent_and_name();
+        let mut place = self.target.clone();
+        let mut number = 1;
+        while place.exists() {
+            place = parent.join(format!("{name}-unfinished-{number}"));
+            number += 1;
+        }
+        fs::rename(&self.partial, &place).map_err(failed)?;
+        self.put();
+        Ok(match (place == self.target, place.file_name()) {
+            (false, Some(name)) => self.shown.with_file_name(name),
+            _ => self.shown.clone(),
+        })
+    }
+
+    fn parent_and_name(&self) -> (PathBuf, String) {
+        let name =
+            self.target.file_name().map_or_else(|| "results".into(), |n| n.to_string_lossy().into_owned());
+        (self.target.parent().map_or_else(|| self.target.clone(), Path::to_path_buf), name)
+    }
+
+    fn put(&mut self) {
         self.done = true;
         set_unfinished(None);
-        Ok(self.target.clone())
     }
 }
 
@@ -73,7 +181,137 @@ impl Drop for OutFolder {
     }
 }
 
-fn is_occupied(folder: &Path) -> bool {
-    let Ok(mut entries) = fs::read_dir(folder) else { return false };
-    entries.next().is_some() && !MARKS.iter().any(|mark| folder.join(mark).is_file())
+/// A hidden name in a folder that nothing has yet.
+fn beside(parent: &Path, name: &str, what: &str) -> PathBuf {
+    let stem = format!(".{name}.{what}-{}", std::process::id());
+    let mut path = parent.join(&stem);
+    let mut number = 1;
+    while path.exists() {
+        path = parent.join(format!("{stem}-{number}"));
+        number += 1;
+    }
+    path
+}
+
+/// An absolute path without links, `.` and `..`; its end need not exist.
+fn without_links(path: &Path) -> io::Result<PathBuf> {
+    let mut real = PathBuf::new();
+    for component in std::path::absolute(path)?.components() {
+        match component {
+            Component::ParentDir => {
+                real.pop();
+            }
+            Component::CurDir => {}
+            other => real.push(other),
+        }
+        match real.canonicalize() {
+            Ok(canonical) => real = canonical,
+            Err(error) if error.kind() == io::ErrorKind::NotFound => {}
+            Err(error) => return Err(error),
+        }
+    }
+    Ok(real)
+}
+
+/// Why a folder can't be replaced: something in it was not written by this program. `None` for one that does not exist
+/// or is empty.
+fn foreign_file(folder: &Path) -> Option<String> {
+    let entries = match files_below(folder) {
+        Ok(entries) => entries,
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return None,
+        Err(error) => return Some(format!("this folder can't be looked at ({error})")),
+    };
+    if entries.is_empty() {
+        return None;
+    }
+    let Some(list) = read_list(folder) else {
+        return Some("this folder holds files that are no results of fluorspar".into());
+    };
+    for name in entries.iter().filter(|name| *name != LIST) {
+        let Some(written) = list.files.get(name) else {
+            return Some(format!("this folder holds {name}, which is no result of fluorspar"));
+        };
+        match mark(&folder.join(name)) {
+            Ok(now) if now == *written => {}
+            Ok(_) => return Some(format!("{name} in this folder was changed since fluorspar wrote it")),
+            Err(error) => return Some(format!("{name} in this folder can't be looked at ({error})")),
+        }
+    }
+    None
+}
+
+fn read_list(folder: &Path) -> Option<FolderList> {
+    let text = fs::read_to_string(folder.join(LIST)).ok()?;
+    let list: FolderList = serde_json::from_str(&text).ok()?;
+    (list.schema == SCHEMA).then_some(list)
+}
+
+fn write_list(folder: &Path) -> io::Result<()> {
+    let mut files = BTreeMap::new();
+    for name in files_below(folder)? {
+        if name != LIST {
+            let mark = mark(&folder.join(&name))?;
+            files.insert(name, mark);
+        }
+    }
+    let list = FolderList { schema: SCHEMA.into(), version: env!("CARGO_PKG_VERSION").into(), files };
+    let text = serde_json::to_string_pretty(&list)? + "\n";
+    write_atomically(&folder.join(LIST), |file| file.write_all(text.as_bytes())).map_err(io::Error::other)
+}
+
+fn mark(path: &Path) -> io::Result<FileMark> {
+    let metadata = fs::symlink_metadata(path)?;
+    if !metadata.is_file() {
+        return Err(io::Error::other("no plain file"));
+    }
+    let bytes = metadata.len();
+    let sha256 = if bytes <= DIGEST_UP_TO_BYTES {
+        let digest = Sha256::digest(fs::read(path)?);
+        Some(digest.iter().map(|byte| format!("{byte:02x}")).collect())
+    } else {
+        None
+    };
+    Ok(FileMark { bytes, sha256 })
+}
+
+/// Everything below a folder but folders, by path with `/` between names. Links are not followed.
+fn files_below(folder: &Path) -> io::Result<Vec<String>> {
+    let mut found = Vec::new();
+    let mut open = vec![(folder.to_path_buf(), String::new())];
+    while let Some((folder, prefix)) = open.pop() {
+        for entry in fs::read_dir(&folder)? {
+            let entry = entry?;
+            let name = format!("{prefix}{}", entry.file_name().to_string_lossy());
+            if entry.file_type()?.is_dir() {
+                open.push((entry.path(), format!("{name}/")));
+            } else {
+                found.push(name);
+            }
+        }
+    }
+    Ok(found)
+}
+
+/// Deletes the files of the list of a folder, the list, and the folders that are then empty; fails where any is left.
+fn remove_listed(folder: &Path) -> io::Result<()> {
+    if let Some(list) = read_list(folder) {
+        // Only names that are found below the folder: a list may have been tampered with.
+        for name in files_below(folder)? {
+            if name == LIST || list.files.contains_key(&name) {
+                fs::remove_file(folder.join(name))?;
+            }
+        }
+    }
+    remove_empty(folder)
+}
+
+/// Removes a folder that holds nothing but empty folders.
+fn remove_empty(folder: &Path) -> io::Result<()> {
+    for entry in fs::read_dir(folder)? {
+        let entry = entry?;
+        if entry.file_type()?.is_dir() {
+            remove_empty(&entry.path())?;
+        }
+    }
+    fs::remove_dir(folder)
 }

@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use clap::{ValueEnum, ValueHint};
 use fluorspar::experiment::{ResolvedSample, SampleCompatibility};
-use fluorspar::pipeline::{FlatSample, Prediction, predict};
+use fluorspar::pipeline::{ChannelPrediction, FlatSample, Prediction, predict};
 use serde_json::{Value, json};
 
 use super::quoted;
@@ -170,6 +170,24 @@ fn as_json(sample: &ResolvedSample, prediction: &Prediction) -> Result<Value, Cl
     Ok(value)
 }
 
+/// Channels as people name them: R, G and B first, in this order.
+fn in_usual_order(prediction: &Prediction) -> Vec<(&String, &ChannelPrediction)> {
+    let place = |name: &str| ["R", "G", "B"].iter().position(|usual| *usual == name).unwrap_or(3);
+    let mut channels: Vec<_> = prediction.channels.iter().collect();
+    channels.sort_by_key(|(name, _)| place(name));
+    channels
+}
+
+/// The irradiance, and how much of it the wavelengths of the sample leave out.
+fn light_on_sample(sample: &ResolvedSample, inside: f64) -> String {
+    let all = sample.irradiance.total();
+    if (all - inside).abs() <= 1e-5 * all {
+        return format!("{} W/m2", short(all));
+    }
+    let (from, to) = (sample.grid.start_nm(), sample.grid.end_nm());
+    format!("{} W/m2 ({} of it between {from} and {to} nm, the rest is left out)", short(all), short(inside))
+}
+
 fn describe(sample: &ResolvedSample, source: &str, prediction: &Prediction) -> String {
     let integral =
         |values: &[f64]| -> f64 { values.iter().zip(sample.grid.widths_nm()).map(|(v, w)| v * w).sum() };
@@ -191,8 +209,8 @@ fn describe(sample: &ResolvedSample, source: &str, prediction: &Prediction) -> S
     let mut facts = vec![vec![
         "light on the sample".into(),
         format!(
-            "{} W/m2, peak at {} nm",
-            short(integral(&prediction.irradiance)),
+            "{}, peak at {} nm",
+            light_on_sample(sample, integral(&prediction.irradiance)),
             peak_nm(&prediction.irradiance)
         ),
     ]];
@@ -219,9 +237,9 @@ fn describe(sample: &ResolvedSample, source: &str, prediction: &Prediction) -> S
         text += &format!("{:<20} {}\n", fact[0], fact[1]);
     }
 
-    let channels: Vec<&String> = prediction.channels.keys().collect();
+    let channels = in_usual_order(prediction);
     let mut head: Vec<String> = vec!["radiance from the sample".into(), "W/(sr m2)".into(), "peak nm".into()];
-    head.extend(channels.iter().map(|name| format!("{name} e-")));
+    head.extend(channels.iter().map(|(name, _)| format!("{name} e-")));
     head.extend(["r".into(), "g".into()]);
     let mut rows = vec![head];
     let mut add = |name: &str, values: &[f64], electrons: Vec<f64>, rg: Option<[f64; 2]>| {
@@ -231,8 +249,8 @@ fn describe(sample: &ResolvedSample, source: &str, prediction: &Prediction) -> S
         row.extend([cell(0), cell(1)]);
         rows.push(row);
     };
-    let of = |pick: &dyn Fn(&fluorspar::pipeline::ChannelPrediction) -> f64| {
-        prediction.channels.values().map(pick).collect::<Vec<f64>>()
+    let of = |pick: &dyn Fn(&ChannelPrediction) -> f64| {
+        channels.iter().map(|(_, channel)| pick(channel)).collect::<Vec<f64>>()
     };
     add("reflected", &prediction.radiance.reflected, of(&|c| c.electrons_reflected), None);
     for (name, values) in &prediction.radiance.fluorescence {
@@ -250,10 +268,10 @@ fn describe(sample: &ResolvedSample, source: &str, prediction: &Prediction) -> S
     if !channels.is_empty() {
         let mut rows: Vec<Vec<String>> =
             vec![["channel", "electrons", "volts", "DN", "noise DN", ""].map(String::from).to_vec()];
-        for (name, c) in &prediction.channels {
+        for (name, c) in &channels {
             let saturated = if c.saturated { "saturated" } else { "" };
             rows.push(vec![
-                name.clone(),
+                (*name).clone(),
                 format!("{:.1}", c.electrons),
                 format!("{:.5}", c.volts),
                 format!("{:.1}", c.dn),

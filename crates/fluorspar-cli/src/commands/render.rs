@@ -61,7 +61,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         }
     }
     let source = ExperimentSource::find(options.experiment.experiment.as_deref())?;
-    let experiment = source.resolve(&options.experiment.changes, options.talk.quiet)?;
+    let experiment = source.resolve(&options.experiment.overrides(), options.talk.quiet)?;
     let components = render_with_progress(
         &experiment.scene,
         &experiment.render,

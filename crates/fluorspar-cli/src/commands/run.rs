@@ -4,8 +4,12 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
 
-use fluorspar::pipeline::{AnalyzedFrame, CapturedFrame, ColorRendering, Preview, analyze, capture, preview};
-use fluorspar_report::{RunResults, write_run_folder};
+use fluorspar::experiment::ResolvedExperiment;
+use fluorspar::image::ComponentImage;
+use fluorspar::pipeline::{
+    AnalyzedFrame, CapturedFrame, ColorRendering, Preview, analyze, capture, preview, read_spectroradiometers,
+};
+use fluorspar_report::{RunResults, write_run_components, write_run_folder};
 
 use super::out_folder;
 use crate::args::{ExperimentArgs, OutFolder, Talk};
@@ -32,14 +36,14 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         }
     };
     let source = ExperimentSource::find(options.experiment.experiment.as_deref())?;
-    let experiment = source.resolve(&options.experiment.changes, options.talk.quiet)?;
+    let experiment = source.resolve(&options.experiment.overrides(), options.talk.quiet)?;
     let target = options
         .out
         .out
         .clone()
         .or_else(|| experiment.output_folder.clone())
         .unwrap_or_else(|| PathBuf::from("fluorspar-out").join(&source.stem));
-    let folder = out_folder::OutFolder::prepare(&target)?;
+    let folder = out_folder::OutFolder::prepare(&target, &source.files(&experiment))?;
 
     let camera = &experiment.scene.camera;
     say(format!(
@@ -61,30 +65,15 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     components.round_to_24_bits();
     say(format!("Rendered in {:.1} s", started.elapsed().as_secs_f64()));
 
-    let (frames, analyzed): (Vec<CapturedFrame>, Option<AnalyzedFrame>) = if experiment.captures.is_empty() {
-        (Vec::new(), None)
-    } else {
-        let frames = capture(&experiment, &components)?;
-        let analyzed = analyze(&experiment, Some(&components), &frames)?;
-        (frames, analyzed)
+    // What took the time is safe before anything else is tried.
+    write_run_components(folder.path(), &experiment, &source.text, &components)?;
+    let analyzed = match take_and_write(&experiment, &source.text, &components, folder.path(), say) {
+        Ok(analyzed) => analyzed,
+        Err(error) => {
+            let kept = folder.keep()?;
+            return Err(CliError::AfterRender { error: Box::new(error), image: kept.join("components.exr") });
+        }
     };
-    let previews: Vec<Preview> = frames
-        .iter()
-        .zip(&experiment.captures)
-        .map(|(frame, c)| preview(&frame.developed, &ColorRendering::of_frame(&experiment, c)))
-        .collect();
-    say("Writing images, figures and report".into());
-    write_run_folder(
-        folder.path(),
-        &RunResults {
-            experiment: &experiment,
-            experiment_text: &source.text,
-            components: &components,
-            frames: &frames,
-            previews: &previews,
-            analysis: analyzed.as_ref(),
-        },
-    )?;
     let target = folder.finish()?;
     if options.talk.json {
         super::print_text(&read_text(&target.join("results.json"))?)?;
@@ -101,6 +90,43 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         return Ok(ExitCode::from(1));
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// Everything after the render: frames, analysis, figures, report.
+fn take_and_write(
+    experiment: &ResolvedExperiment,
+    text: &str,
+    components: &ComponentImage,
+    folder: &Path,
+    say: impl Fn(String),
+) -> Result<Option<AnalyzedFrame>, CliError> {
+    let (frames, analyzed): (Vec<CapturedFrame>, Option<AnalyzedFrame>) = if experiment.captures.is_empty() {
+        (Vec::new(), None)
+    } else {
+        let frames = capture(experiment, components)?;
+        let analyzed = analyze(experiment, Some(components), &frames)?;
+        (frames, analyzed)
+    };
+    let spectra = read_spectroradiometers(experiment, components)?;
+    let previews: Vec<Preview> = frames
+        .iter()
+        .zip(&experiment.captures)
+        .map(|(frame, c)| preview(&frame.developed, &ColorRendering::of_frame(experiment, c)))
+        .collect();
+    say("Writing images, figures and report".into());
+    write_run_folder(
+        folder,
+        &RunResults {
+            experiment,
+            experiment_text: text,
+            components,
+            frames: &frames,
+            previews: &previews,
+            spectra: &spectra,
+            analysis: analyzed.as_ref(),
+        },
+    )?;
+    Ok(analyzed)
 }
 
 fn summary(target: &Path, analyzed: Option<&AnalyzedFrame>, seconds: f64) -> String {

@@ -81,8 +81,15 @@ pub fn eem_maps(maps: &[EemMap], light_peak_nm: Option<f64>) -> Figure {
     ))
 }
 
-/// Emission of each fluorophore under one light. Wavelengths outside `view_band_nm` do not reach the sensor and are grey.
-pub fn emission(curves: &[NamedCurve], light: &str, unit: &str, view_band_nm: Option<[f64; 2]>) -> Figure {
+/// Emission of each fluorophore under one light; `amount` says how much of each, as in "each at concentration 1".
+/// Wavelengths outside `view_band_nm` do not reach the sensor and are grey.
+pub fn emission(
+    curves: &[NamedCurve],
+    light: &str,
+    amount: &str,
+    unit: &str,
+    view_band_nm: Option<[f64; 2]>,
+) -> Figure {
     let limits = wavelength_limits(curves);
     let y = Axis::from_zero("spectral radiance", unit, curves.iter().map(NamedCurve::peak));
     let mut panel = Panel::new(Axis::wavelength(limits), y);
@@ -97,8 +104,11 @@ pub fn emission(curves: &[NamedCurve], light: &str, unit: &str, view_band_nm: Op
         let ink = Ink::of_fluorophore(&curve.name, index);
         panel = panel.with(Series::dashed(curve.name.clone(), ink, curve.points(), Dash::cycle(index)));
     }
-    Figure::new(format!("Emission under {light}"), panel).explained(format!(
-        "What each fluorophore would give off under {light}, each at its own assumed amount. Where the curves overlap, a camera \
-         cannot tell the fluorophores apart; the porphyrins stand alone at long wavelengths."
-    ))
+    let overlap = if curves.len() > 1 {
+        " Where the curves overlap, a camera cannot tell the fluorophores apart."
+    } else {
+        ""
+    };
+    Figure::new(format!("Emission under {light}"), panel)
+        .explained(format!("What each fluorophore would give off under {light}, {amount}.{overlap}"))
 }

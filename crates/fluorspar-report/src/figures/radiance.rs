@@ -47,3 +47,17 @@ pub fn radiance_by_component(
          reflected, and light that each fluorophore gave off.{logarithmic}"
     ))
 }
+
+/// Spectral radiance that a spectroradiometer reads, one line per reading.
+pub fn spectral_readings(title: impl Into<String>, curves: &[NamedCurve]) -> Figure {
+    let y = Axis::from_zero("spectral radiance", "W/(sr m² nm)", curves.iter().map(NamedCurve::peak));
+    let mut panel = Panel::new(Axis::wavelength(wavelength_limits(curves)), y);
+    for (index, curve) in curves.iter().enumerate() {
+        let ink = Ink::PALETTE[index % Ink::PALETTE.len()];
+        panel = panel.with(Series::dashed(curve.name.clone(), ink, curve.points(), Dash::cycle(index)));
+    }
+    Figure::new(title, panel).explained(
+        "Light that leaves the place which the instrument aims at, through the instrument's own filter and slit. Noise may \
+         take a reading below zero, which the axis does not show.",
+    )
+}

@@ -4,13 +4,14 @@ use fluorspar::analysis::{Analysis, MixtureSummary, Statistics};
 
 use super::report_data::{Number, NumberTable, Origin, ReportItem, Section};
 
-/// The tables of one analysis: pixels used, levels, chromaticity, porphyrin fraction, predicted fluorophores.
-pub fn analysis_section(analysis: &Analysis) -> Section {
+/// One analysis: its figures first, then the tables: chromaticity, porphyrin fraction, predicted fluorophores, pixels
+/// used and levels.
+pub fn analysis_section(analysis: &Analysis, figures: Vec<ReportItem>) -> Section {
     let mut section = Section::new(format!("What the capture \"{}\" says", analysis.frame)).say(format!(
         "Region: {}. All numbers are computed from the simulated sensor image, in the way they would be from a real one.",
         analysis.region_description
     ));
-    section = section.with(table("Pixels and levels", pixel_rows(analysis)));
+    section.items.extend(figures);
     section = section.with(table("Sensor chromaticity of the region", chromaticity_rows(analysis)));
     if let Some(mixture) = &analysis.mixture {
         section = section.with(table("Porphyrin fraction", mixture_rows(mixture, analysis.counts.valid)));
@@ -23,7 +24,7 @@ pub fn analysis_section(analysis: &Analysis) -> Section {
             None => String::new(),
         };
         Number::computed(
-            fluorophore.name.clone(),
+            fluorophore.name.replace('_', " "),
             value,
             "r, g",
             format!("Where this fluorophore alone would lie, through these filters and this sensor.{part}"),
@@ -31,7 +32,10 @@ pub fn analysis_section(analysis: &Analysis) -> Section {
         .from(Origin::Assumed("from the fluorophore model of this experiment".into()))
     });
     let predicted: Vec<Number> = predicted.collect();
-    if predicted.is_empty() { section } else { section.with(table("Predicted fluorophores", predicted)) }
+    if !predicted.is_empty() {
+        section = section.with(table("Predicted fluorophores", predicted));
+    }
+    section.with(table("Pixels and levels", pixel_rows(analysis)))
 }
 
 fn table(caption: &str, rows: Vec<Number>) -> ReportItem {
@@ -199,12 +203,14 @@ mod tests {
             saturated: vec![false; 2],
             noise_floor_dn: 2.0,
             full_scale_dn: 4000.0,
+            shares: vec![0.25, 0.5, 0.25],
+            subtracted: None,
             label: "dark".into(),
         };
         let noise = ChannelNoise { floor_dn: 2.0, dn_per_electron: 0.5, gain_spread: 0.0 };
         let settings = AnalysisSettings::new(RegionOfInterest::whole_image(), noise);
         let (analysis, ..) = analyse(&image, None, None, None, &settings).unwrap();
-        let section = analysis_section(&analysis);
+        let section = analysis_section(&analysis, Vec::new());
         assert_eq!(section.title, "What the capture \"dark\" says");
         assert_eq!(section.items.len(), 3);
     }

@@ -4,11 +4,13 @@ use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
+use fluorspar::experiment::ResolvedExperiment;
 use fluorspar::format::{
     ExrCompression, ExrOptions, FormatError, Provenance, write_atomically, write_component_exr,
     write_rgb_png, write_sensor_tiff, write_spectral_exr,
 };
-use fluorspar::pipeline::{RegionRadiance, frame_radiance};
+use fluorspar::image::ComponentImage;
+use fluorspar::pipeline::{RegionRadiance, assess_safety, frame_radiance};
 use serde_json::{Value, json};
 use thiserror::Error;
 
@@ -43,17 +45,40 @@ pub enum RunFolderError {
     Json(#[from] serde_json::Error),
 }
 
-/// Writes the folder of a run and returns the path of the report.
+/// Writes what the render of a run gave: `experiment.toml` and `components.exr`, from which everything else can be made.
+///
+/// # Errors
+/// A folder or file that can't be written.
+pub fn write_run_components(
+    folder: &Path,
+    experiment: &ResolvedExperiment,
+    experiment_text: &str,
+    components: &ComponentImage,
+) -> Result<(), RunFolderError> {
+    fs::create_dir_all(folder)
+        .map_err(|source| RunFolderError::Folder { path: folder.to_path_buf(), source })?;
+    let provenance = provenance(experiment, experiment_text, components);
+    let options =
+        ExrOptions { compression: ExrCompression::Rounded24, preview: None, provenance: Some(&provenance) };
+    write_text(&folder.join("experiment.toml"), &experiment.resolved_toml)?;
+    write_component_exr(&folder.join("components.exr"), components, &options)?;
+    Ok(())
+}
+
+fn provenance(experiment: &ResolvedExperiment, text: &str, components: &ComponentImage) -> Provenance {
+    let seed = experiment.render.seed;
+    Provenance::new(text, experiment.resolved_toml.clone(), seed, components.samples_per_pixel)
+}
+
+/// Writes the folder of a run, beside what [`write_run_components`] wrote, and returns the path of the report.
 ///
 /// | file | content |
 /// |---|---|
 /// | `report.html` | pictures, figures and numbers, explained; carries the experiment |
 /// | `results.json` | every number, for programs |
-/// | `experiment.toml` | the complete experiment |
 /// | `preview_*.png` | the developed frames |
 /// | `raw_*.tiff`, `.json` | 16-bit mosaics and their description |
 /// | `radiance_*.exr` | spectral radiance of each frame that has light |
-/// | `components.exr` | radiance kept apart by light and fluorophore (rounded to 24 bits), with depth, normals, parts |
 /// | `figures/` | every figure as SVG and PNG |
 ///
 /// Each file is complete or absent; the report comes last.
@@ -65,18 +90,10 @@ pub fn write_run_folder(folder: &Path, run: &RunResults<'_>) -> Result<PathBuf, 
     fs::create_dir_all(&figures)
         .map_err(|source| RunFolderError::Folder { path: figures.clone(), source })?;
     let experiment = run.experiment;
-    let provenance = Provenance::new(
-        run.experiment_text,
-        experiment.resolved_toml.clone(),
-        experiment.render.seed,
-        run.components.samples_per_pixel,
-    );
+    let provenance = provenance(experiment, run.experiment_text, run.components);
     let options =
         ExrOptions { compression: ExrCompression::Zip, preview: None, provenance: Some(&provenance) };
 
-    write_text(&folder.join("experiment.toml"), &experiment.resolved_toml)?;
-    let rounded = ExrOptions { compression: ExrCompression::Rounded24, ..options };
-    write_component_exr(&folder.join("components.exr"), run.components, &rounded)?;
     for capture in &experiment.captures {
         if capture.frame.lights.values().any(|&drive| drive > 0.0) {
             let radiance = frame_radiance(&capture.frame, run.components);
@@ -88,8 +105,10 @@ pub fn write_run_folder(folder: &Path, run: &RunResults<'_>) -> Result<PathBuf, 
         }
     }
     for frame in run.frames {
-        let path = folder.join(format!("raw_{}.tiff", frame.raw.label));
-        write_sensor_tiff(&path, &frame.raw, Some(&provenance))?;
+        for raw in std::iter::once(&frame.raw).chain(&frame.bracket) {
+            let path = folder.join(format!("raw_{}.tiff", raw.label));
+            write_sensor_tiff(&path, raw, Some(&provenance))?;
+        }
     }
     for (frame, preview) in run.frames.iter().zip(run.previews) {
         let path = folder.join(format!("preview_{}.png", frame.raw.label));
@@ -139,10 +158,8 @@ fn results_json(run: &RunResults<'_>) -> Result<Value, serde_json::Error> {
             })
         })
         .collect();
-    let region = experiment.analysis.as_ref().and_then(|analysis| {
-        let capture = experiment.captures.iter().find(|c| c.frame.label == analysis.frame)?;
-        RegionRadiance::new(run.components, &capture.frame, &analysis.parts).ok()
-    });
+    let region =
+        run.analysis.and_then(|a| RegionRadiance::of_analysis(experiment, run.components, &a.region));
     Ok(json!({
         "program": "fluorspar",
         "version": env!("CARGO_PKG_VERSION"),
@@ -158,6 +175,8 @@ fn results_json(run: &RunResults<'_>) -> Result<Value, serde_json::Error> {
         "analysis": run.analysis.map(|a| serde_json::to_value(&a.analysis)).transpose()?,
         "region_radiance_w_per_sr_m2_nm": region.as_ref().map(serde_json::to_value).transpose()?,
         "leak_ratio": region.as_ref().and_then(|r| r.leak_ratio(experiment)),
+        "safety": serde_json::to_value(assess_safety(experiment, run.frames))?,
+        "spectroradiometers": serde_json::to_value(run.spectra)?,
         "warnings": experiment.warnings,
     }))
 }

@@ -2,13 +2,14 @@
 
 mod folder;
 mod report;
+mod safety_section;
 
-pub use folder::{RunFolderError, write_run_folder};
+pub use folder::{RunFolderError, write_run_components, write_run_folder};
 pub use report::{NamedFigure, RunReport, run_report};
 
 use fluorspar::experiment::ResolvedExperiment;
 use fluorspar::image::ComponentImage;
-use fluorspar::pipeline::{AnalyzedFrame, CapturedFrame, Preview};
+use fluorspar::pipeline::{AnalyzedFrame, CapturedFrame, Preview, SpectroradiometerReading};
 
 /// Everything that one run produced.
 #[derive(Clone, Copy, Debug)]
@@ -23,6 +24,8 @@ pub struct RunResults<'a> {
     pub frames: &'a [CapturedFrame],
     /// Pictures of the developed frames, in the same order.
     pub previews: &'a [Preview],
+    /// Readings of the experiment's spectroradiometers.
+    pub spectra: &'a [SpectroradiometerReading],
     /// The analysed frame, if the experiment asks for one.
     pub analysis: Option<&'a AnalyzedFrame>,
 }

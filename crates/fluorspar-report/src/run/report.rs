@@ -2,13 +2,14 @@
 
 use fluorspar::analysis::Statistics;
 use fluorspar::image::Light;
-use fluorspar::pipeline::{AnalyzedFrame, CapturedFrame, RegionRadiance};
+use fluorspar::pipeline::{AnalyzedFrame, CapturedFrame, RegionRadiance, assess_safety};
 use fluorspar::spectral::Curve;
 
 use super::RunResults;
+use super::safety_section::safety_section;
 use crate::figures::{
     ChannelValues, ChromaticityPlot, EemMap, NamedCurve, chromaticity, eem_maps, emission, filters,
-    histograms, lights, picture, porphyrin_map, radiance_by_component, sensor_response,
+    histograms, lights, picture, porphyrin_map, radiance_by_component, sensor_response, spectral_readings,
 };
 use crate::{
     Figure, Number, NumberTable, Origin, Raster, ReportData, ReportItem, ReportPicture, Scale, Section,
@@ -41,9 +42,13 @@ struct Builder {
 }
 
 impl Builder {
-    fn show(&mut self, section: Section, stem: &str, figure: Figure, caption: &str) -> Section {
+    fn item(&mut self, stem: &str, figure: Figure, caption: &str) -> ReportItem {
         self.figures.push(NamedFigure { stem: stem.into(), figure: figure.clone() });
-        section.show(figure, caption)
+        ReportItem::Figure { figure, caption: caption.into() }
+    }
+
+    fn show(&mut self, section: Section, stem: &str, figure: Figure, caption: &str) -> Section {
+        section.with(self.item(stem, figure, caption))
     }
 }
 
@@ -52,10 +57,8 @@ pub fn run_report(run: &RunResults<'_>) -> RunReport {
     let mut builder = Builder { figures: Vec::new() };
     let experiment = run.experiment;
     let frame_of_interest = experiment.analysis.as_ref().map(|a| a.frame.as_str());
-    let radiance = experiment.analysis.as_ref().and_then(|analysis| {
-        let capture = experiment.captures.iter().find(|c| c.frame.label == analysis.frame)?;
-        RegionRadiance::new(run.components, &capture.frame, &analysis.parts).ok()
-    });
+    let radiance =
+        run.analysis.and_then(|a| RegionRadiance::of_analysis(experiment, run.components, &a.region));
     let leak = radiance.as_ref().and_then(|r| r.leak_ratio(experiment));
 
     let mut sections = vec![camera_section(run, &mut builder)];
@@ -65,6 +68,10 @@ pub fn run_report(run: &RunResults<'_>) -> RunReport {
     if let Some(radiance) = &radiance {
         sections.push(radiance_section(run, radiance, leak, &mut builder));
     }
+    if !run.spectra.is_empty() {
+        sections.push(spectroradiometer_section(run, &mut builder));
+    }
+    sections.extend(safety_section(&assess_safety(experiment, run.frames)));
     sections.push(parts_section(run, &mut builder));
     sections.push(assumptions_section(run));
     sections.push(glossary_section());
@@ -122,9 +129,12 @@ fn headline(run: &RunResults<'_>, leak: Option<f64>) -> Vec<Number> {
             let e = &region.estimate;
             numbers.push(Number::computed(
                 "Porphyrin fraction of the region",
-                format!("{:.3} ({:.3} to {:.3})", e.fraction, e.fraction_interval[0], e.fraction_interval[1]),
+                format!("{:.3}", e.fraction),
                 "",
-                "share of porphyrin in the fluorophores, from the mean colour; in brackets what sensor noise alone leaves open",
+                format!(
+                    "porphyrin over porphyrin and bulk, from the mean colour; sensor noise alone leaves {:.4} to {:.4} open",
+                    e.fraction_interval[0], e.fraction_interval[1]
+                ),
             ));
         }
         if let (Some(r), Some(g)) = (&analysis.r, &analysis.g) {
@@ -272,13 +282,8 @@ fn result_section(run: &RunResults<'_>, analyzed: &AnalyzedFrame, builder: &mut 
         mixture_line: analysis.mixture.as_ref().map(|m| [m.bulk, m.porphyrin]),
         ellipse: analysis.ellipse.map(|e| e.outline(ELLIPSE_95, 90)).unwrap_or_default(),
     });
-    let mut section = builder.show(
-        analysis_section(analysis),
-        "chromaticity",
-        plot,
-        "Each dot is a pixel of the region. Pixels of bulk fluorescence alone lie at the bulk end of the line; the more \
-         porphyrin, the farther they move along it. Noise spreads them about the line.",
-    );
+    let mut figures =
+        vec![builder.item("chromaticity", plot, "The sensor's noise spreads pixels about the line.")];
     let frame = run.frames.iter().zip(run.previews).find(|(f, _)| f.raw.label == analysis.frame);
     if let (Some(porphyrin), Some((frame, preview))) = (&analyzed.porphyrin, frame) {
         let grey: Vec<u8> = preview.rgb.chunks_exact(3).map(|p| p[1].max(p[0])).collect();
@@ -288,23 +293,17 @@ fn result_section(run: &RunResults<'_>, analyzed: &AnalyzedFrame, builder: &mut 
         let top = sorted.get(sorted.len() * 99 / 100).copied().map_or(1.0, f64::from);
         let (width, height) = (frame.developed.width, frame.developed.height);
         if let Some(figure) = porphyrin_map(width, height, &fractions, Some(&grey), top) {
-            section = builder.show(
-                section,
-                "porphyrin_map",
-                figure,
-                "Grey: outside the region, too dark, saturated, or off the line.",
-            );
+            figures.push(builder.item("porphyrin_map", figure, ""));
         }
         if let (Some([col, row, w, h]), Some(raster)) = (
             run.experiment.analysis.as_ref().and_then(|a| a.rectangle_px),
             Raster::from_rgb8(preview.width, preview.height, &preview.rgb),
         ) {
             let rectangle = [col, row, w, h].map(f64::from);
-            section =
-                builder.show(section, "region", picture("Region of interest", raster, Some(rectangle)), "");
+            figures.push(builder.item("region", picture("Region of interest", raster, Some(rectangle)), ""));
         }
     }
-    section
+    analysis_section(analysis, figures)
 }
 
 fn radiance_section(
@@ -316,9 +315,7 @@ fn radiance_section(
     let curve =
         |name: &str, values: &[f64]| NamedCurve::new(name, radiance.wavelength_nm.clone(), values.to_vec());
     let glow: Vec<NamedCurve> = radiance.fluorescence.iter().map(|(name, v)| curve(name, v)).collect();
-    let region = run.experiment.analysis.as_ref().map_or_else(String::new, |a| {
-        if a.parts.is_empty() { "the whole picture".into() } else { a.parts.join(", ").replace('_', " ") }
-    });
+    let region = run.analysis.map_or_else(String::new, |a| a.analysis.region_description.clone());
     let (reflected, total) = (curve("reflected", &radiance.reflected), curve("sum", &radiance.total));
     let mut section = Section::new("The light that leaves the tissue").say(format!(
         "Mean spectral radiance of {region} ({} pixels of the render), before filter and lens. It is the quantity that a \
@@ -343,6 +340,28 @@ fn radiance_section(
         radiance_by_component(None, None, &glow, &region, Scale::Linear),
         "Fluorescence alone, linear.",
     )
+}
+
+fn spectroradiometer_section(run: &RunResults<'_>, builder: &mut Builder) -> Section {
+    let mut section = Section::new("What a spectroradiometer reads").say(
+        "Spectral radiance from the place of the camera, behind the instrument's filter, through its slit, with its stray \
+         light and noise.",
+    );
+    for (index, spectrum) in run.spectra.iter().enumerate() {
+        let reading = &spectrum.reading;
+        let curve = |name: &str, values: &[f64]| {
+            NamedCurve::new(name, reading.wavelength_nm.clone(), values.to_vec())
+        };
+        let curves = [curve("expected", &reading.expected), curve("reading", &reading.reading)];
+        let title = format!("{}, with the lights of \"{}\"", spectrum.name, spectrum.capture);
+        let figure = spectral_readings(title, &curves);
+        let caption = format!(
+            "{}. Noise of the reading: {:.1e} W/(sr m² nm).",
+            spectrum.target, reading.standard_deviation
+        );
+        section = builder.show(section, &format!("spectroradiometer_{}", index + 1), figure, &caption);
+    }
+    section
 }
 
 /// A curve on every nanometre of the rendered range.
@@ -418,10 +437,11 @@ fn parts_section(run: &RunResults<'_>, builder: &mut Builder) -> Section {
                 emission(
                     &curves,
                     &format!("the light \"{name}\""),
+                    "each at concentration 1",
                     "photons per nm per photon that arrives",
                     band,
                 ),
-                "At concentration 1 of each fluorophore.",
+                "",
             );
         }
     }

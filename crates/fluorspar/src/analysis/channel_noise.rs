@@ -6,10 +6,13 @@ use crate::image::ChannelImage;
 
 /// Variance of a channel value, in digital numbers (DN): dark noise, shot noise and pixel gain spread.
 ///
-/// `Var(v) = floor² + K v + (p v)²`: the photon-transfer relation of EMVA 1288, with `K` in DN per electron and `p` the
-/// photo-response non-uniformity. Each channel value counts as measured on its own. A bilinear demosaic
-/// averages two to four raw values into the missing channels and correlates neighbours, so for such images the variance is an
-/// upper bound.
+/// `Var(v) = floor² + K (v + b) + K b q + (p v)²`: the photon-transfer relation of EMVA 1288, with `K` in DN per electron, `p`
+/// the photo-response non-uniformity, and `b` the level of the light of another frame that was subtracted, taken in
+/// `1/q` of the exposure time. Its shot noise is in both frames; its fixed pattern cancels.
+///
+/// Each value counts as measured on its own. A bilinear demosaic averages two to four raw values into the missing
+/// channels, so for one pixel of such an image the variance is an upper bound. Neighbours are correlated, so for a
+/// mean over many the number of raw values counts: see [`ChannelImage::shares`].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ChannelNoise {
     /// Standard deviation of a dark value, DN.
@@ -22,19 +25,44 @@ pub struct ChannelNoise {
 
 impl ChannelNoise {
     /// The noise of a developed image: its own dark noise, with the conversion factor and the gain spread of its sensor.
-    pub fn of_image(image: &ChannelImage, dn_per_electron: f64, gain_spread: f64) -> Self {
-        Self { floor_dn: image.noise_floor_dn, dn_per_electron, gain_spread }
+    /// `dark_spread_dn` is the dark signal non-uniformity; it counts where no frame was subtracted that holds it, too.
+    pub fn of_image(
+        image: &ChannelImage,
+        dn_per_electron: f64,
+        gain_spread: f64,
+        dark_spread_dn: f64,
+    ) -> Self {
+        let pattern = if image.subtracted.is_some() { 0.0 } else { dark_spread_dn };
+        Self { floor_dn: image.noise_floor_dn.hypot(pattern), dn_per_electron, gain_spread }
     }
 
-    /// Variance of a value, DN². Values below zero count as dark.
+    /// Variance of a value from which nothing was subtracted, DN². Values below zero count as dark.
     pub fn variance(&self, value_dn: f64) -> f64 {
-        let signal = value_dn.max(0.0);
-        self.floor_dn.powi(2) + self.dn_per_electron * signal + (self.gain_spread * signal).powi(2)
+        self.variance_over(value_dn, 0.0, 0.0)
     }
 
-    /// Variances of the three channels of a pixel, DN².
-    pub fn variances(&self, rgb: [f64; 3]) -> [f64; 3] {
-        rgb.map(|value| self.variance(value))
+    /// Variance of a value that is left after `subtracted_dn` of an exposure `exposure_ratio` times shorter was taken off, DN².
+    pub fn variance_over(&self, value_dn: f64, subtracted_dn: f64, exposure_ratio: f64) -> f64 {
+        let (signal, background) = (value_dn.max(0.0), subtracted_dn.max(0.0));
+        let shot = self.dn_per_electron * (signal + background * (1.0 + exposure_ratio));
+        self.floor_dn.powi(2) + shot + (self.gain_spread * signal).powi(2)
+    }
+
+    /// Variances of some channels of a pixel of an image, DN².
+    pub fn of_pixel<const N: usize>(
+        &self,
+        image: &ChannelImage,
+        channels: [usize; N],
+        pixel: usize,
+    ) -> [f64; N] {
+        channels.map(|channel| {
+            let index = pixel * image.channels.len() + channel;
+            let value = f64::from(image.data[index]);
+            match &image.subtracted {
+                None => self.variance(value),
+                Some(light) => self.variance_over(value, f64::from(light.dn[index]), light.exposure_ratio),
+            }
+        })
     }
 }
 
@@ -49,5 +77,14 @@ mod tests {
         let expected = 39.0625 + 202.140_16 + 106.004_177;
         assert!((noise.variance(449.6) - expected).abs() < 1e-3, "{}", noise.variance(449.6));
         assert_eq!(noise.variance(-3.0), 39.0625);
+    }
+
+    #[test]
+    fn subtracted_light_leaves_its_shot_noise() {
+        // 100 DN over 1000 DN of ambient light, both frames with the same exposure and 6.25 DN of dark noise.
+        let noise =
+            ChannelNoise { floor_dn: 6.25 * 2f64.sqrt(), dn_per_electron: 0.455, gain_spread: 0.0229 };
+        let expected = 2.0 * 39.0625 + 0.455 * (1100.0 + 1000.0) + (2.29f64).powi(2);
+        assert!((noise.variance_over(100.0, 1000.0, 1.0) - expected).abs() < 1e-9);
     }
 }

@@ -201,6 +201,8 @@ mod tests {
             saturated: vec![false; pixels.len()],
             noise_floor_dn: 2.0,
             full_scale_dn: 4000.0,
+            shares: vec![0.25, 0.5, 0.25],
+            subtracted: None,
             label: "blue".into(),
         }
     }

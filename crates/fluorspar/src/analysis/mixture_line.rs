@@ -67,6 +67,12 @@ pub enum MixtureError {
         /// The response.
         rgb: [f64; 3],
     },
+    /// Nothing forms the bulk.
+    #[error(
+        "no fluorophore is named as the bulk of the tissue, so there is no line; name a region or a material that holds \
+         some, or give their concentrations in analysis.bulk"
+    )]
+    NoBulk,
     /// Both ends have the same chromaticity.
     #[error(
         "bulk and porphyrin have the same sensor chromaticity ({r:.4}, {g:.4}) through these filters and this sensor; \
@@ -167,7 +173,7 @@ impl MixtureLine {
     /// The line between the weighted sum of some fluorophores and another one. One unit of bulk is the sum with these weights.
     ///
     /// # Errors
-    /// When a name has no response, an end is dark or both have the same chromaticity.
+    /// When nothing forms the bulk, a name has no response, an end is dark or both have the same chromaticity.
     pub fn from_fluorophores(
         responses: &[FluorophoreResponse],
         bulk_weights: &[(String, f64)],
@@ -181,6 +187,9 @@ impl MixtureLine {
                 },
             )
         };
+        if bulk_weights.iter().all(|(_, weight)| *weight == 0.0) {
+            return Err(MixtureError::NoBulk);
+        }
         let mut bulk = [0.0; 3];
         for (name, weight) in bulk_weights {
             for (sum, value) in bulk.iter_mut().zip(find(name)?) {
@@ -338,7 +347,7 @@ impl PorphyrinMap {
                 }
                 None => rgb,
             };
-            estimates[pixel] = line.project(fluorescence, noise.variances(rgb));
+            estimates[pixel] = line.project(fluorescence, noise.of_pixel(image, channels, pixel));
         }
         Ok(Self { width: image.width, height: image.height, estimates })
     }

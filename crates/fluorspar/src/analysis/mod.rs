@@ -28,7 +28,7 @@ pub use chromaticity::{
 pub use mixture_line::{
     FluorophoreResponse, LineEstimate, MixtureError, MixtureFit, MixtureLine, PorphyrinMap, channel_response,
 };
-pub use region_of_interest::{PixelSelection, Rectangle, RegionError, RegionOfInterest};
+pub use region_of_interest::{PixelSelection, Rectangle, RegionError, RegionOfInterest, SceneOnSensor};
 pub use statistics::{CovarianceEllipse, RegionStatistics, Statistics};
 pub use summary::{
     Analysis, AnalysisError, AnalysisSettings, ChannelStatistics, MixtureModel, MixtureSummary,

@@ -141,18 +141,19 @@ impl RegionOfInterest {
     /// One line for tables and captions.
     pub fn describe(&self) -> String {
         let rectangle = self.rectangle.map(|rectangle| rectangle.to_string());
+        let parts = self.parts.join(" and ").replace('_', " ");
         match (self.parts.is_empty(), rectangle) {
             (true, None) => "the whole image".into(),
             (true, Some(rectangle)) => rectangle,
-            (false, None) => self.parts.join(" and "),
-            (false, Some(rectangle)) => format!("{} within {rectangle}", self.parts.join(" and ")),
+            (false, None) => parts,
+            (false, Some(rectangle)) => format!("{parts} within {rectangle}"),
         }
     }
 
     /// The pixels of the region in a sensor image of `width` columns and `height` rows.
     ///
-    /// Parts are looked up in the part map of the rendered scene. Where scene and sensor differ in resolution, a
-    /// sensor pixel takes the part at its own centre, so both must frame the same view; lens distortion is not followed.
+    /// Parts are looked up in the part map of the rendered scene: a sensor pixel takes the part at its own centre.
+    /// Lens distortion is not followed.
     ///
     /// # Errors
     /// An unknown part, a rectangle that leaves the image, or a region that no pixel belongs to.
@@ -160,7 +161,7 @@ impl RegionOfInterest {
         &self,
         width: usize,
         height: usize,
-        scene: Option<&ComponentImage>,
+        scene: Option<SceneOnSensor<'_>>,
     ) -> Result<PixelSelection, RegionError> {
         let area = self.rectangle.unwrap_or(Rectangle { col: 0, row: 0, width, height });
         let fits = |start: usize, len: usize, end: usize| {
@@ -169,13 +170,13 @@ impl RegionOfInterest {
         if !fits(area.col, area.width, width) || !fits(area.row, area.height, height) {
             return Err(RegionError::OutsideImage { rectangle: area, width, height });
         }
-        let wanted = self.part_numbers(scene)?;
+        let wanted = self.part_numbers(scene.map(|s| s.components))?;
         let mut pixels = Vec::new();
         for row in area.row..area.row + area.height {
             for col in area.col..area.col + area.width {
                 let inside = match (&wanted, scene) {
                     (Some(wanted), Some(scene)) => {
-                        let part = part_at(scene, row, col, width, height);
+                        let part = scene.part_at(row, col, width, height);
                         part > 0 && wanted.contains(&(usize::from(part) - 1))
                     }
                     _ => true,
@@ -186,9 +187,10 @@ impl RegionOfInterest {
             }
         }
         match scene {
-            Some(scene) if pixels.is_empty() => {
-                Err(RegionError::NothingInView { parts: self.parts.clone(), visible: visible_parts(scene) })
-            }
+            Some(scene) if pixels.is_empty() => Err(RegionError::NothingInView {
+                parts: self.parts.clone(),
+                visible: visible_parts(scene.components),
+            }),
             _ => Ok(PixelSelection { width, height, pixels }),
         }
     }
@@ -216,11 +218,51 @@ impl RegionOfInterest {
     }
 }
 
-/// Part number plus one behind the centre of a sensor pixel; 0 where nothing is seen.
-fn part_at(scene: &ComponentImage, row: usize, col: usize, width: usize, height: usize) -> u16 {
-    let nearest = |index: usize, from: usize, to: usize| ((2 * index + 1) * to / (2 * from)).min(to - 1);
-    let (row, col) = (nearest(row, height, scene.height), nearest(col, width, scene.width));
-    scene.features.part[row * scene.width + col]
+/// A rendered image and how large it lies on the sensor.
+#[derive(Clone, Copy, Debug)]
+pub struct SceneOnSensor<'a> {
+    /// The rendered image with its part map.
+    pub components: &'a ComponentImage,
+    /// Width and height of the rendered image on the film over those of the sensor. Both are centred on the axis.
+    pub film_over_sensor: [f64; 2],
+}
+
+impl<'a> SceneOnSensor<'a> {
+    /// An image that fills the sensor.
+    pub fn filling(components: &'a ComponentImage) -> Self {
+        Self { components, film_over_sensor: [1.0; 2] }
+    }
+
+    /// Pixel of the rendered image behind the centre of a pixel of a sensor of `width` columns and `height` rows; none
+    /// beyond its border.
+    pub fn scene_pixel(&self, row: usize, col: usize, width: usize, height: usize) -> Option<usize> {
+        let place = |index: usize, sensor: usize, scene: usize, film: f64| {
+            let from_center = (index as f64 + 0.5) / sensor as f64 - 0.5;
+            let place = ((from_center / film + 0.5) * scene as f64).floor();
+            (place >= 0.0 && place < scene as f64).then_some(place as usize)
+        };
+        let scene = self.components;
+        let [film_width, film_height] = self.film_over_sensor;
+        let row = place(row, height, scene.height, film_height)?;
+        let col = place(col, width, scene.width, film_width)?;
+        Some(row * scene.width + col)
+    }
+
+    /// Pixels of the rendered image behind a region of the sensor, each once, in order.
+    pub fn scene_pixels(&self, region: &PixelSelection) -> Vec<usize> {
+        let behind = |&pixel: &usize| {
+            self.scene_pixel(pixel / region.width, pixel % region.width, region.width, region.height)
+        };
+        let mut pixels: Vec<usize> = region.pixels.iter().filter_map(behind).collect();
+        pixels.sort_unstable();
+        pixels.dedup();
+        pixels
+    }
+
+    /// Part number plus one behind the centre of a sensor pixel; 0 where nothing is seen.
+    fn part_at(&self, row: usize, col: usize, width: usize, height: usize) -> u16 {
+        self.scene_pixel(row, col, width, height).map_or(0, |pixel| self.components.features.part[pixel])
+    }
 }
 
 fn visible_parts(scene: &ComponentImage) -> Vec<String> {
@@ -252,7 +294,9 @@ mod tests {
     #[test]
     fn parts_rectangles_and_their_intersection() {
         let scene = scene();
-        let select = |region: RegionOfInterest| region.select(4, 2, Some(&scene)).unwrap().pixels;
+        let select = |region: RegionOfInterest| {
+            region.select(4, 2, Some(SceneOnSensor::filling(&scene))).unwrap().pixels
+        };
         assert_eq!(select(RegionOfInterest::whole_image()), [0, 1, 2, 3, 4, 5, 6, 7]);
         assert_eq!(select(RegionOfInterest::of_parts(["tongue"])), [1, 2, 4, 5, 6, 7]);
         assert_eq!(select(RegionOfInterest::of_parts(["tongue", "upper_teeth"])), [1, 2, 3, 4, 5, 6, 7]);
@@ -266,20 +310,40 @@ mod tests {
         let scene = scene();
         let teeth = RegionOfInterest::of_parts(["upper_teeth"]);
         // Twice as fine: the one render pixel in column 3, row 0 covers four sensor pixels.
-        assert_eq!(teeth.select(8, 4, Some(&scene)).unwrap().pixels, [6, 7, 14, 15]);
+        assert_eq!(teeth.select(8, 4, Some(SceneOnSensor::filling(&scene))).unwrap().pixels, [6, 7, 14, 15]);
         // Half as fine: centres fall on render columns 1 and 3, render row 1.
         let tongue = RegionOfInterest::of_parts(["tongue"]);
-        assert_eq!(tongue.select(2, 1, Some(&scene)).unwrap().pixels, [0, 1]);
+        assert_eq!(tongue.select(2, 1, Some(SceneOnSensor::filling(&scene))).unwrap().pixels, [0, 1]);
+    }
+
+    #[test]
+    fn a_film_larger_or_smaller_than_the_sensor_moves_the_parts() {
+        let scene = scene();
+        let tongue = RegionOfInterest::of_parts(["tongue"]);
+        // Twice the film: the sensor sees the middle two columns, and the middle of both rows.
+        let larger = SceneOnSensor { components: &scene, film_over_sensor: [2.0; 2] };
+        assert_eq!(tongue.select(2, 2, Some(larger)).unwrap().pixels, [0, 1, 2, 3]);
+        let teeth = RegionOfInterest::of_parts(["upper_teeth"]);
+        assert!(teeth.select(2, 2, Some(larger)).is_err());
+        // Half of the film: it lies in the middle of the sensor, and around it nothing is seen.
+        let smaller = SceneOnSensor { components: &scene, film_over_sensor: [0.5; 2] };
+        let selection = teeth.select(8, 4, Some(smaller)).unwrap();
+        assert_eq!(selection.pixels, [8 + 5]);
+        assert_eq!(smaller.scene_pixels(&selection), [3]);
     }
 
     #[test]
     fn a_misspelt_part_is_answered_with_the_nearest_name_and_all_names() {
-        let error = RegionOfInterest::of_parts(["Tounge"]).select(4, 2, Some(&scene())).unwrap_err();
+        let error = RegionOfInterest::of_parts(["Tounge"])
+            .select(4, 2, Some(SceneOnSensor::filling(&scene())))
+            .unwrap_err();
         assert_eq!(
             error.to_string(),
             "the scene has no part \"Tounge\"; did you mean \"tongue\"? Its parts: tongue, upper_teeth, palate"
         );
-        let error = RegionOfInterest::of_parts(["xyz"]).select(4, 2, Some(&scene())).unwrap_err();
+        let error = RegionOfInterest::of_parts(["xyz"])
+            .select(4, 2, Some(SceneOnSensor::filling(&scene())))
+            .unwrap_err();
         assert_eq!(
             error.to_string(),
             "the scene has no part \"xyz\". Its parts: tongue, upper_teeth, palate"
@@ -293,13 +357,13 @@ mod tests {
         assert_eq!(
             error(
                 RegionOfInterest::of_rectangle(Rectangle { col: 3, row: 0, width: 2, height: 1 }),
-                Some(&scene)
+                Some(SceneOnSensor::filling(&scene))
             ),
             "the region's rectangle (2 x 1 pixels from column 3, row 0) does not fit the image of 4 columns and 2 rows; \
              give col, row, width and height in sensor pixels, counted from 0 at the top left"
         );
         assert_eq!(
-            error(RegionOfInterest::of_parts(["palate"]), Some(&scene)),
+            error(RegionOfInterest::of_parts(["palate"]), Some(SceneOnSensor::filling(&scene))),
             "no pixel of the region shows palate; the parts in view are: tongue, upper_teeth"
         );
         assert_eq!(

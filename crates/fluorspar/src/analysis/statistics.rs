@@ -198,6 +198,8 @@ mod tests {
             saturated: vec![false; 4],
             noise_floor_dn: 1.0,
             full_scale_dn: 4000.0,
+            shares: vec![0.25, 0.5, 0.25],
+            subtracted: None,
             label: "blue".into(),
         };
         image.saturated[1] = true;

@@ -7,9 +7,9 @@ use super::mixture_line::pixel_rgb;
 use super::{
     ChannelNoise, ChromaticityMap, CovarianceEllipse, DEFAULT_NOISE_THRESHOLD, ExclusionCounts,
     FluorophoreResponse, LineEstimate, MissingChannel, MixtureError, MixtureLine, PixelSelection,
-    PorphyrinMap, RegionError, RegionOfInterest, RegionStatistics, Statistics, rgb_channels,
+    PorphyrinMap, RegionError, RegionOfInterest, RegionStatistics, SceneOnSensor, Statistics, rgb_channels,
 };
-use crate::image::{ChannelImage, ComponentImage};
+use crate::image::ChannelImage;
 
 /// What to measure.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -162,7 +162,7 @@ pub enum AnalysisError {
 /// A region without pixels, an image without R, G and B, or a model that names an unknown fluorophore.
 pub fn analyse(
     image: &ChannelImage,
-    scene: Option<&ComponentImage>,
+    scene: Option<SceneOnSensor<'_>>,
     model: Option<&MixtureModel>,
     reflected: Option<&ChannelImage>,
     settings: &AnalysisSettings,
@@ -271,14 +271,17 @@ fn mean_pixel(
     for &pixel in selection.pixels.iter().filter(|&&pixel| map.at(pixel).is_some()) {
         let rgb = pixel_rgb(image, channels, pixel);
         let leak = reflected.map_or([0.0; 3], |(leak, channels)| pixel_rgb(leak, channels, pixel));
+        let variances = noise.of_pixel(image, channels, pixel);
         for c in 0..3 {
             sum[c] += rgb[c] - leak[c];
-            variance[c] += noise.variance(rgb[c]);
+            variance[c] += variances[c];
         }
         n += 1;
     }
     let n = n as f64;
-    Ok((n > 0.0).then(|| [sum.map(|s| s / n), variance.map(|v| v / (n * n))]))
+    // Only the raw values are independent: of n pixels, n * share measured the channel.
+    let of_mean = |c: usize| variance[c] / (n * (n * image.shares[channels[c]]).max(1.0));
+    Ok((n > 0.0).then(|| [sum.map(|s| s / n), [0, 1, 2].map(of_mean)]))
 }
 
 fn summarise(
@@ -352,6 +355,8 @@ mod tests {
             saturated: vec![false; width],
             noise_floor_dn: 2.0,
             full_scale_dn: 4000.0,
+            shares: vec![0.25, 0.5, 0.25],
+            subtracted: None,
             label: "blue".into(),
         }
     }
@@ -407,6 +412,15 @@ mod tests {
         assert!(analysis.mixture.is_none() && map.is_none());
         assert!(analysis.warnings[0].starts_with("No porphyrin fraction: the porphyrin response"));
         assert_eq!(analysis.fluorophores[2].chromaticity, None);
+    }
+
+    #[test]
+    fn no_bulk_is_not_blamed_on_the_filter() {
+        let model = MixtureModel { bulk_weights: Vec::new(), ..model() };
+        let (analysis, ..) = analyse(&image(5, 1000.0), None, Some(&model), None, &settings()).unwrap();
+        let warning = &analysis.warnings[0];
+        assert!(warning.contains("no fluorophore is named as the bulk"), "{warning}");
+        assert!(!warning.contains("filter"), "{warning}");
     }
 
     #[test]

@@ -43,6 +43,8 @@ pub(super) enum Content {
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Document {
     pub(super) sources: Vec<Source>,
+    /// Files of base experiments that were read.
+    pub(super) base_files: Vec<PathBuf>,
     pub(super) root: Node,
 }
 
@@ -122,7 +124,7 @@ impl Document {
     /// Reads a text into a tree.
     pub(super) fn read(text: &str, source: Source) -> Result<Self, ExperimentError> {
         let root = read_tree(text, &source, 0)?;
-        Ok(Self { sources: vec![source], root })
+        Ok(Self { sources: vec![source], base_files: Vec::new(), root })
     }
 
     /// An error about the value at a path, or about the nearest thing around it that exists.

@@ -15,7 +15,8 @@ const ALTERNATIVES: [&[&str]; 9] = [
     &["bulk", "bulk_material"],
 ];
 /// Keys that go with an alternative of another name.
-const ALSO_REPLACED: [(&str, &[&str]); 4] = [
+const ALSO_REPLACED: [(&str, &[&str]); 5] = [
+    ("power_mw", &["at_distance_mm"]),
     ("edges_nm", &["last_nm", "step_nm"]),
     ("last_nm", &["edges_nm"]),
     ("step_nm", &["edges_nm"]),
@@ -47,6 +48,9 @@ fn merge_at(key: &str, under: &mut Node, over: Node) {
         (Content::Table(entries), Content::Table(overrides)) if !WHOLE.contains(&key) => {
             // What an override says last is where its mistakes are looked for.
             under.origin = over.origin;
+            if key == "sensor" {
+                drop_other_sensor(entries, overrides.iter().find(|(inner, _)| inner == "preset"));
+            }
             for (inner, _) in &overrides {
                 drop_alternatives(entries, inner);
             }
@@ -79,6 +83,15 @@ fn merge_at(key: &str, under: &mut Node, over: Node) {
             }
         }
         (_, content) => *under = Node { content, origin: over.origin },
+    }
+}
+
+/// Another sensor of the catalogue takes the place of everything that was said about the one below it.
+fn drop_other_sensor(entries: &mut Vec<(String, Node)>, preset: Option<&(String, Node)>) {
+    let Some((_, preset)) = preset else { return };
+    let same = entries.iter().any(|(key, node)| key == "preset" && node.as_str() == preset.as_str());
+    if !same {
+        entries.clear();
     }
 }
 

@@ -22,7 +22,10 @@ pub mod schema;
 
 pub use error::{ErrorDetails, ExperimentError};
 pub use read::{Experiment, parse};
-pub use resolve::{Capture, InputFile, ResolvedAnalysis, ResolvedExperiment, resolve};
+pub use resolve::{
+    Capture, FlatFieldPlan, InputFile, ResolvedAnalysis, ResolvedDevelop, ResolvedExperiment,
+    ResolvedSpectroradiometer, SpotOrParts, resolve,
+};
 pub use sample::{
     MeasuredLight, ResolvedSample, SampleCompatibility, SampleExposure, SampleFile, SampleLight,
     SampleMaterial, is_sample, parse_sample,

@@ -29,10 +29,26 @@ pub(super) fn apply(
     });
     let mut value = Node { content: Content::Table(vec![(key.unwrap_or_default(), value)]), origin };
     anchor(&mut value);
+    if steps == [Step::Key("sensor".into()), Step::Key("preset".into())] {
+        keep_only_overrides_of_sensor(document, &value);
+    }
     let Content::Table(mut only) = value.content else { return Ok(()) };
     let Some((_, value)) = only.pop() else { return Ok(()) };
     put(&mut document.root, &steps, value, origin);
     Ok(())
+}
+
+/// Another sensor of the catalogue takes the place of what files say about the sensor; earlier overrides stay.
+fn keep_only_overrides_of_sensor(document: &mut Document, value: &Node) {
+    let sources = &document.sources;
+    let Some(section) = document.root.get_mut("sensor") else { return };
+    let name = |node: Option<&Node>| node.and_then(Node::as_str).map(String::from);
+    if name(section.get("preset")) == name(value.get("preset")) {
+        return;
+    }
+    if let Content::Table(entries) = &mut section.content {
+        entries.retain(|(_, node)| !sources[node.origin.source].has_lines);
+    }
 }
 
 fn bad(source: &Source, message: impl Into<String>) -> ExperimentError {

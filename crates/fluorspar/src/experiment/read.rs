@@ -119,6 +119,7 @@ fn put_on_bases(document: &mut Document, base_dir: &Path) -> Result<(), Experime
                     document.error(&steps!["base"], "the experiment is its own base; remove the line")
                 );
             }
+            document.base_files.push(canonical.clone());
             seen.push(canonical);
             folder = file.parent().unwrap_or(Path::new("")).to_path_buf();
             (text, file.display().to_string())
@@ -227,7 +228,11 @@ fn explain(document: &Document, mut steps: Vec<Step>, message: &str) -> Experime
     }
     let text = match message.split_once(", expected ") {
         Some((found, expected)) => {
-            let expected = for_people(expected);
+            let expected = if expected.trim() == "a sequence" {
+                format!("a list in [ ]{}", list_example(found))
+            } else {
+                for_people(expected)
+            };
             match found.split_once(": ") {
                 Some(("invalid length", _)) | None if found.starts_with("invalid length") => {
                     format!(
@@ -247,6 +252,13 @@ fn explain(document: &Document, mut steps: Vec<Step>, message: &str) -> Experime
         None => message.to_string(),
     };
     document.error(&steps, text)
+}
+
+/// The value that was found as the only entry of a list, such as `, for instance ["led_385"]`.
+fn list_example(found: &str) -> String {
+    let value = found.split_once(": ").map_or("", |(_, what)| what);
+    let value = value.strip_prefix("string ").or_else(|| value.split('`').nth(1)).unwrap_or_default();
+    if value.is_empty() || value.len() > 60 { String::new() } else { format!(", for instance [{value}]") }
 }
 
 /// What serde expects, in words.

@@ -14,7 +14,7 @@ use super::error::{ExperimentError, steps};
 use super::read::{read_document, typed};
 use super::resolve::context::{Context, Resolved, hex};
 use super::resolve::spectrum::Role;
-use super::resolve::{device, material, replace_paths};
+use super::resolve::{device, material, replace_paths, without_name};
 use super::schema::{
     ExposureTime, FluorophoreSection, LensSection, SensorSection, SpectralSection, SpectrumReference,
     ViewFilterSection,
@@ -227,7 +227,15 @@ fn resolve_sample(document: &Document, file: &SampleFile) -> Resolved<ResolvedSa
         fluorophores.index(context, &at, &file.fluorophore, name)?;
         concentrations.push(amount);
     }
-    check_photons(context, &grid, &reflectance, &fluorophores.list, &concentrations)?;
+    let scene = as_scene(&grid, &irradiance, &reflectance, &fluorophores.list, &concentrations);
+    if let Some(scene) = &scene {
+        scene.check().map_err(|error| {
+            context.error(&steps!["sample"], without_name(&error, "material \"sample\" "))
+        })?;
+        for warning in scene.warnings() {
+            context.push_warning(warning.to_string());
+        }
+    }
 
     let view_filter = device::view_filter(context, &file.view_filter, &grid)?;
     let lens = match &file.lens {
@@ -253,6 +261,7 @@ fn resolve_sample(document: &Document, file: &SampleFile) -> Resolved<ResolvedSa
         gain: file.exposure.gain,
     };
     let (resolved_toml, sha256) = write_out(context, file)?;
+    let warnings = context.take_warnings(&grid);
     Ok(ResolvedSample {
         title: file.title.clone(),
         compatibility: file.compatibility,
@@ -264,7 +273,7 @@ fn resolve_sample(document: &Document, file: &SampleFile) -> Resolved<ResolvedSa
         lens,
         sensor,
         exposure,
-        warnings: std::mem::take(&mut context.warnings),
+        warnings,
         resolved_toml,
         sha256,
     })
@@ -297,19 +306,21 @@ fn irradiance(context: &mut Context<'_>, light: &SampleLight, grid: &WavelengthG
     }
 }
 
-/// Photon conservation, by the check of a scene that holds nothing but the sample.
-fn check_photons(
-    context: &Context<'_>,
+/// A scene that holds nothing but the sample and its light, for the checks that scenes have.
+fn as_scene(
     grid: &WavelengthGrid,
+    irradiance: &Curve,
     reflectance: &Curve,
     fluorophores: &[Fluorophore],
     concentrations: &[f64],
-) -> Resolved<()> {
+) -> Option<Scene> {
     let mut material = Material::lambertian("sample", reflectance.clone());
-    material.fluorophores = concentrations
-        .iter()
+    let held = fluorophores.iter().zip(concentrations).filter(|(_, amount)| **amount > 0.0);
+    let (fluorophores, amounts): (Vec<_>, Vec<_>) = held.map(|(f, amount)| (f.clone(), *amount)).unzip();
+    material.fluorophores = amounts
+        .into_iter()
         .enumerate()
-        .map(|(fluorophore, &amount)| FluorophoreAmount {
+        .map(|(fluorophore, amount)| FluorophoreAmount {
             fluorophore,
             concentration: ScalarTexture::Constant(amount as f32),
         })
@@ -319,10 +330,8 @@ fn check_photons(
         triangles: vec![[0, 1, 2]],
         ..TriangleMesh::default()
     };
-    let Some(camera) = PerspectiveCamera::look_at(Vec3::Z, Vec3::ZERO, Vec3::Y, 40.0, 1, 1) else {
-        return Ok(());
-    };
-    let scene = Scene {
+    let camera = PerspectiveCamera::look_at(Vec3::Z, Vec3::ZERO, Vec3::Y, 40.0, 1, 1)?;
+    Some(Scene {
         grid: grid.clone(),
         objects: vec![Object {
             name: "sample".into(),
@@ -331,17 +340,16 @@ fn check_photons(
             emission: None,
         }],
         materials: vec![material],
-        fluorophores: fluorophores.to_vec(),
+        fluorophores,
         light_groups: vec![LightGroup { name: "light".into() }],
         lights: vec![Light {
             name: "light".into(),
             group: 0,
-            spectrum: Curve::constant(1.0),
+            spectrum: irradiance.clone(),
             emitter: Emitter::Distant { direction: Vec3::NEG_Z },
         }],
         camera,
-    };
-    scene.check().map_err(|error| context.error(&steps!["sample"], error.to_string()))
+    })
 }
 
 fn write_out(context: &Context<'_>, file: &SampleFile) -> Resolved<(String, String)> {

@@ -11,10 +11,13 @@ use sha2::{Digest, Sha256};
 
 use super::FormatError;
 
-/// Most bytes an image may take in memory.
+/// Most bytes an image may take in memory, where nothing else bounds it.
 pub(super) const MAX_IMAGE_BYTES: u64 = 1 << 33;
 /// Longest side of an image, pixels.
 pub(super) const MAX_SIDE: u64 = 100_000;
+/// Pixel bytes per byte of file up to which the size of a file on disk vouches for a larger image: images of this program
+/// shrink to between a half and a twentieth.
+const USUAL_PACKING: u64 = 64;
 /// Most pixel bytes per byte of file: twice what deflate reaches on zeros (1032).
 const MAX_PACKING: u64 = 2000;
 /// Largest table or text file, bytes.
@@ -101,12 +104,19 @@ pub(super) fn as_text<'a>(path: &Path, bytes: &'a [u8]) -> Result<&'a str, Forma
     })
 }
 
+/// Most bytes that an image from a file of `length` bytes may take in memory: a file that is large itself may hold more
+/// than [`MAX_IMAGE_BYTES`], as large renders do.
+pub(super) fn most_image_bytes(length: u64) -> u64 {
+    MAX_IMAGE_BYTES.max(length.saturating_mul(USUAL_PACKING))
+}
+
 /// Refuses images that no camera takes, before anything is allocated for them.
 pub(super) fn check_image_size(
     path: &Path,
     width: u64,
     height: u64,
     bytes_per_pixel: u64,
+    most_bytes: u64,
 ) -> Result<(), FormatError> {
     if width == 0 || height == 0 {
         return Err(FormatError::malformed(
@@ -123,11 +133,11 @@ pub(super) fn check_image_size(
         ));
     }
     let bytes = u128::from(width) * u128::from(height) * u128::from(bytes_per_pixel);
-    if bytes > u128::from(MAX_IMAGE_BYTES) {
+    if bytes > u128::from(most_bytes) {
         return Err(FormatError::too_large(
             path,
             format!("the image claims {height} rows and {width} columns of {bytes_per_pixel} bytes"),
-            format!("{MAX_IMAGE_BYTES} bytes"),
+            format!("{most_bytes} bytes"),
         ));
     }
     Ok(())
@@ -200,4 +210,21 @@ pub(super) fn write_sidecar(data_path: &Path, content: &impl serde::Serialize) -
         serde_json::to_writer_pretty(&mut *writer, content)?;
         writer.write_all(b"\n")
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_large_file_may_hold_a_large_image_and_a_small_one_may_not() {
+        let path = Path::new("x.exr");
+        let (width, height, bytes_per_pixel) = (8192, 6144, 4 * 81 * 14);
+        let bytes = width * height * bytes_per_pixel;
+        assert!(bytes > MAX_IMAGE_BYTES);
+        let check = |length| check_image_size(path, width, height, bytes_per_pixel, most_image_bytes(length));
+        assert!(check(bytes).is_ok() && check(bytes / 20).is_ok());
+        assert!(check(1 << 20).is_err() && check_packing(path, bytes, 1 << 20).is_err());
+        assert_eq!(most_image_bytes(u64::MAX), u64::MAX);
+    }
 }

@@ -8,7 +8,7 @@
 //! | fluorophore, spectra, MATLAB (ISET) | [`read_iset_fluorophore`], [`read_mat_spectra`] | |
 //! | spectral image, OpenEXR or NumPy | [`read_spectral_exr`], [`read_spectral_npy`] | [`write_spectral_exr`], [`write_spectral_npy`] |
 //! | component image, OpenEXR or NumPy | [`read_component_exr`], [`read_component_npy`] | [`write_component_exr`], [`write_component_npy`] |
-//! | raw sensor frame, TIFF or PNG | [`read_sensor_image`] | [`write_sensor_tiff`], [`write_sensor_png`] |
+//! | raw sensor frame, TIFF, PNG, DNG or packed | [`read_sensor_image`] | [`write_sensor_tiff`], [`write_sensor_png`], [`write_sensor_dng`], [`write_packed_raw`] |
 //! | texture, picture, PNG | [`read_texture_png`] | [`write_rgb_png`] |
 //! | mesh, PLY, OBJ, STL, glTF | [`read_ply`], [`read_obj`], [`read_stl`], [`read_gltf`] | [`write_ply`] |
 //! | named meshes, OBJ, glTF, PBRT | | [`write_obj`], [`write_gltf`], [`write_pbrt`] |
@@ -23,6 +23,7 @@ mod csv_eem;
 mod csv_fluorophore;
 mod csv_spectrum;
 mod csv_table;
+mod dng;
 mod error;
 mod exr;
 mod file;
@@ -31,16 +32,19 @@ mod mat;
 mod mesh_set;
 mod npy;
 mod obj;
+mod packed_raw;
 mod ply;
 mod png;
 mod provenance;
 mod raw;
 mod stl;
+mod tiff_directory;
 
 pub use csv_eem::{AntiStokes, CsvEemOptions, EemTable, EemUnit, read_eem_csv};
 pub use csv_fluorophore::{CsvFluorophore, read_fluorophore_csv};
 pub use csv_spectrum::{CsvColumns, CsvSpectrumOptions, NamedCurve, read_spectrum_csv};
 pub use csv_table::Negative;
+pub use dng::{DngColor, write_sensor_dng};
 pub use error::FormatError;
 pub use exr::{
     ExrCompression, ExrOptions, read_component_exr, read_spectral_exr, write_component_exr,
@@ -52,6 +56,7 @@ pub use mat::{IsetFluorophore, MatSpectra, read_iset_fluorophore, read_mat_spect
 pub use mesh_set::{NamedMesh, write_obj, write_pbrt};
 pub use npy::{read_component_npy, read_spectral_npy, write_component_npy, write_spectral_npy};
 pub use obj::read_obj;
+pub use packed_raw::{RawPacking, write_packed_raw};
 pub use ply::{read_ply, write_ply};
 pub use png::{TextureImage, Transfer, read_texture_png, write_rgb_png};
 pub use provenance::{Loaded, Provenance};

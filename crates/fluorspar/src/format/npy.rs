@@ -190,7 +190,7 @@ fn read_array(
             "Restore the description as it was written",
         );
     }
-    check_image_size(path, shape[axes - 2], shape[axes - 3], 4 * shape[axes - 1])?;
+    check_image_size(path, shape[axes - 2], shape[axes - 3], 4 * shape[axes - 1], u64::MAX)?;
     Ok((description, grid, data))
 }
 
@@ -219,7 +219,7 @@ fn read_npy(path: &Path) -> Result<(Vec<u64>, Vec<f32>), FormatError> {
     }
     let mut text = Vec::new();
     Read::by_ref(&mut reader).take(header_length).read_to_end(&mut text).map_err(failed)?;
-    let expected = claimed_bytes(path, &String::from_utf8_lossy(&text))?;
+    let expected = claimed_bytes(path, &String::from_utf8_lossy(&text), length)?;
     reader.rewind().map_err(failed)?;
     guarded(path, ".npy", || {
         let damaged = |error: std::io::Error| {
@@ -254,8 +254,8 @@ fn read_npy(path: &Path) -> Result<(Vec<u64>, Vec<f32>), FormatError> {
     })
 }
 
-/// Bytes of an f32 array with the shape that a header names.
-fn claimed_bytes(path: &Path, header: &str) -> Result<u64, FormatError> {
+/// Bytes of an f32 array with the shape that a header names, in a file of a length.
+fn claimed_bytes(path: &Path, header: &str, length: u64) -> Result<u64, FormatError> {
     let shape = header.split_once("'shape'").and_then(|(_, rest)| rest.split_once('(')?.1.split_once(')'));
     let Some((shape, _)) = shape else {
         return Err(FormatError::malformed(path, "the header names no shape", "Write it with numpy.save"));
@@ -264,11 +264,12 @@ fn claimed_bytes(path: &Path, header: &str) -> Result<u64, FormatError> {
     for extent in shape.split(',').map(str::trim).filter(|extent| !extent.is_empty()) {
         bytes = extent.parse::<u64>().ok().and_then(|extent| bytes?.checked_mul(extent));
     }
-    bytes.filter(|&bytes| bytes <= MAX_IMAGE_BYTES).ok_or_else(|| {
+    let most_bytes = MAX_IMAGE_BYTES.max(length);
+    bytes.filter(|&bytes| bytes <= most_bytes).ok_or_else(|| {
         FormatError::too_large(
             path,
             format!("the array claims the shape ({})", shortened(shape)),
-            format!("{MAX_IMAGE_BYTES} bytes"),
+            format!("{most_bytes} bytes"),
         )
     })
 }

@@ -54,7 +54,7 @@ pub(super) fn write_png(
     depth: BitDepth,
     bytes: &[u8],
 ) -> Result<(), FormatError> {
-    check_image_size(path, width as u64, height as u64, 1).map_err(|_| {
+    check_image_size(path, width as u64, height as u64, 1, MAX_IMAGE_BYTES).map_err(|_| {
         FormatError::unwritable(
             path,
             format!("a picture can't have {height} rows and {width} columns"),
@@ -104,7 +104,7 @@ pub(super) fn read_png(path: &Path) -> Result<RawPng, FormatError> {
         let (width, height) = reader.info().size();
         let (color, depth) = reader.output_color_type();
         let bytes_per_pixel = color.samples() as u64 * if depth == BitDepth::Sixteen { 2 } else { 1 };
-        check_image_size(path, u64::from(width), u64::from(height), bytes_per_pixel)?;
+        check_image_size(path, u64::from(width), u64::from(height), bytes_per_pixel, MAX_IMAGE_BYTES)?;
         check_packing(path, bytes_per_pixel * u64::from(width) * u64::from(height), length)?;
         let size = reader.output_buffer_size().unwrap_or(0);
         let mut bytes = vec![0; size];

@@ -1,4 +1,4 @@
-//! Raw sensor frames as 16-bit grey TIFF or PNG with a JSON description beside them.
+//! Raw sensor frames: 16-bit grey TIFF or PNG, or packed, with a JSON description beside them; DNG with it inside.
 
 use std::fs::File;
 use std::io::{self, BufReader, Read, Seek};
@@ -9,10 +9,12 @@ use serde::{Deserialize, Serialize};
 use tiff::decoder::{Decoder, DecodingResult, Limits};
 use tiff::encoder::{TiffEncoder, colortype::Gray16};
 
+use super::dng::{is_dng, read_dng};
 use super::file::{
-    MAX_IMAGE_BYTES, check_image_size, check_packing, guarded, read_sidecar, sha256_hex, sidecar_path,
-    write_atomically, write_sidecar,
+    MAX_IMAGE_BYTES, check_image_size, check_packing, guarded, read_file, read_sidecar, sha256_hex,
+    sidecar_path, write_atomically, write_sidecar,
 };
+use super::packed_raw::{PackedRows, read_packed};
 use super::png::{read_png, write_png};
 use super::{FormatError, Loaded, Provenance};
 use crate::image::{Mosaic, SensorImage};
@@ -20,27 +22,71 @@ use crate::image::{Mosaic, SensorImage};
 const SCHEMA: &str = "fluorspar.sensor_image.1";
 
 /// What the JSON file beside a raw frame says.
+///
+/// Of a real camera, gain, conversion gain and noise may be left out: the sensor of an experiment then tells them.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Description {
+pub(super) struct Description {
     schema: String,
     label: String,
-    width: u64,
-    height: u64,
+    pub(super) width: u64,
+    pub(super) height: u64,
     mosaic: Mosaic,
     black_level: f64,
     white_level: u16,
     bit_depth: u8,
     exposure_s: f64,
+    #[serde(default = "unity")]
     gain: f64,
+    #[serde(default)]
     dn_per_electron: f64,
+    #[serde(default)]
     read_noise_dn: f64,
+    #[serde(default)]
     seed: u64,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) packing: Option<PackedRows>,
     /// Of the pixels as little-endian 16-bit numbers, row by row.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pixels_sha256: Option<String>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     provenance: Option<Provenance>,
+}
+
+fn unity() -> f64 {
+    1.0
+}
+
+impl Description {
+    /// The frame of a camera that tells: black level, exposure (s), gain, DN per electron and read noise (DN), 0 where unknown.
+    pub(super) fn of_camera(
+        label: String,
+        width: usize,
+        height: usize,
+        mosaic: Mosaic,
+        [black_level, exposure_s, gain, dn_per_electron, read_noise_dn]: [f64; 5],
+        white_level: u16,
+        bit_depth: u8,
+    ) -> Self {
+        Self {
+            schema: SCHEMA.into(),
+            label,
+            width: width as u64,
+            height: height as u64,
+            mosaic,
+            black_level,
+            white_level,
+            bit_depth,
+            exposure_s,
+            gain,
+            dn_per_electron,
+            read_noise_dn,
+            seed: 0,
+            packing: None,
+            pixels_sha256: None,
+            provenance: None,
+        }
+    }
 }
 
 /// Writes a raw frame as 16-bit grey TIFF, and its description to `PATH.json`.
@@ -80,7 +126,10 @@ pub fn write_sensor_png(
     write_sidecar(path, &description)
 }
 
-/// Reads what [`write_sensor_tiff`] or [`write_sensor_png`] wrote.
+/// Reads what [`write_sensor_tiff`], [`write_sensor_png`], [`super::write_sensor_dng`] or [`super::write_packed_raw`] wrote, and raw
+/// frames of cameras: uncompressed DNG, or the other forms with a description beside them.
+///
+/// What a camera does not tell of its conversion gain and noise is 0.
 ///
 /// # Errors
 /// A missing or mismatched description, another kind of picture, damaged files.
@@ -92,18 +141,61 @@ pub fn read_sensor_image(path: &Path) -> Result<Loaded<SensorImage>, FormatError
     let (width, height, data) = if magic.starts_with(b"\x89PNG") {
         read_grey_png(path)?
     } else if magic.starts_with(b"II") || magic.starts_with(b"MM") {
+        let named = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("dng"));
+        if named || (!sidecar_path(path).exists() && is_dng(&read_file(path, MAX_IMAGE_BYTES)?)) {
+            return read_dng(path);
+        }
         file.rewind().map_err(failed)?;
         read_grey_tiff(path, file)?
     } else {
-        return Err(FormatError::malformed(path, "this is neither TIFF nor PNG", "Name a raw frame"));
+        return read_by_description(path);
     };
-    let d: Description = read_sidecar(path)?;
-    let sidecar = sidecar_path(path);
+    let description: Description = read_sidecar(path)?;
+    image_of(path, width, height, data, description)
+}
+
+/// A file that does not tell its format: its description does.
+fn read_by_description(path: &Path) -> Result<Loaded<SensorImage>, FormatError> {
+    let unknown = || {
+        FormatError::malformed(
+            path,
+            "this is neither TIFF, PNG nor DNG, and no description beside it says how its pixels are packed",
+            "Name a raw frame, or write a description with \"packing\"",
+        )
+    };
+    if !sidecar_path(path).exists() {
+        return Err(unknown());
+    }
+    let description: Description = read_sidecar(path)?;
+    check_schema(path, &description)?;
+    match description.packing {
+        Some(rows) => read_packed(path, description, rows),
+        None => Err(unknown()),
+    }
+}
+
+fn check_schema(path: &Path, description: &Description) -> Result<(), FormatError> {
+    if description.schema == SCHEMA {
+        return Ok(());
+    }
+    let what = format!("this describes \"{}\", not \"{SCHEMA}\"", description.schema);
+    Err(FormatError::malformed(&sidecar_path(path), what, "Keep the two files of one frame together"))
+}
+
+/// Joins pixels and their description, which must fit.
+pub(super) fn image_of(
+    path: &Path,
+    width: usize,
+    height: usize,
+    data: Vec<u16>,
+    d: Description,
+) -> Result<Loaded<SensorImage>, FormatError> {
+    check_schema(path, &d)?;
+    // The description of a DNG is inside.
+    let beside = sidecar_path(path);
+    let sidecar = if beside.exists() { beside } else { path.to_path_buf() };
     let wrong =
         |what: String| FormatError::malformed(&sidecar, what, "Keep the two files of one frame together");
-    if d.schema != SCHEMA {
-        return Err(wrong(format!("this describes \"{}\", not \"{SCHEMA}\"", d.schema)));
-    }
     if (d.width, d.height) != (width as u64, height as u64) {
         return Err(wrong(format!(
             "{} rows and {} columns are described but the picture has {height} and {width}",
@@ -136,7 +228,7 @@ pub fn read_sensor_image(path: &Path) -> Result<Loaded<SensorImage>, FormatError
     Ok(Loaded { image, provenance: d.provenance })
 }
 
-fn description(
+pub(super) fn description(
     path: &Path,
     image: &SensorImage,
     provenance: Option<&Provenance>,
@@ -158,6 +250,7 @@ fn description(
         dn_per_electron: image.dn_per_electron,
         read_noise_dn: image.read_noise_dn,
         seed: image.seed,
+        packing: None,
         pixels_sha256: Some(pixels_sha256(&image.data)),
         provenance: provenance.cloned(),
     })
@@ -195,6 +288,21 @@ fn contradiction(image: &SensorImage) -> Option<String> {
             mosaic.pattern.len()
         ));
     }
+    let negative = [
+        ("exposure", image.exposure_s),
+        ("gain", image.gain),
+        ("conversion gain", image.dn_per_electron),
+        ("read noise", image.read_noise_dn),
+    ];
+    if let Some((name, value)) = negative.iter().find(|(_, value)| *value < 0.0) {
+        return Some(format!("the {name} is {value}, below zero"));
+    }
+    if f64::from(image.white_level) <= image.black_level {
+        return Some(format!(
+            "the white level, {}, is not above the black level, {}",
+            image.white_level, image.black_level
+        ));
+    }
     let wrong = mosaic.pattern.iter().find(|&&channel| usize::from(channel) >= mosaic.channels.len());
     wrong
         .map(|channel| format!("the colour filter array uses channel {channel} of {}", mosaic.channels.len()))
@@ -230,7 +338,7 @@ fn read_grey_tiff(path: &Path, file: File) -> Result<(usize, usize, Vec<u16>), F
         let length = file.metadata().map_err(|source| FormatError::io(path, "read", source))?.len();
         let mut decoder = Decoder::new(BufReader::new(file)).map_err(damaged)?;
         let (width, height) = decoder.dimensions().map_err(damaged)?;
-        check_image_size(path, u64::from(width), u64::from(height), 2)?;
+        check_image_size(path, u64::from(width), u64::from(height), 2, MAX_IMAGE_BYTES)?;
         check_packing(path, 2 * u64::from(width) * u64::from(height), length)?;
         if decoder.colortype().map_err(damaged)? != tiff::ColorType::Gray(16) {
             return Err(not_grey16(path));

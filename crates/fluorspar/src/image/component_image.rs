@@ -39,6 +39,19 @@ impl Component {
     }
 }
 
+/// Where a radiance image was seen from.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct View {
+    /// Position of the entrance pupil, m.
+    pub position_m: [f32; 3],
+    /// Unit vector along the optical axis.
+    pub forward: [f32; 3],
+    /// Unit vector to the right of the image.
+    pub right: [f32; 3],
+    /// Tangent of half the horizontal field of view.
+    pub tan_half_width: f32,
+}
+
 /// Geometry seen by each pixel's centre, `[row, col]`.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FeatureMaps {
@@ -54,6 +67,8 @@ pub struct FeatureMaps {
     pub part_names: Vec<String>,
     /// Name of the material of each object, same order as `part_names`.
     pub material_names: Vec<String>,
+    /// The camera; none where it is not known.
+    pub view: Option<View>,
 }
 
 /// Radiance images kept apart by component, `[component, row, col, band]`, W/(sr m² nm), at the rendered powers

@@ -4,6 +4,6 @@ mod component_image;
 mod sensor_image;
 mod spectral_image;
 
-pub use component_image::{Component, ComponentImage, FeatureMaps, Light};
-pub use sensor_image::{ChannelImage, Mosaic, SensorImage};
+pub use component_image::{Component, ComponentImage, FeatureMaps, Light, View};
+pub use sensor_image::{ChannelImage, Mosaic, SensorImage, SubtractedLight};
 pub use spectral_image::{ImageShapeError, SpectralImage};

@@ -42,6 +42,20 @@ impl Mosaic {
         Self { rows: 1, cols: 1, pattern: vec![0], channels: vec!["mono".into()] }
     }
 
+    /// Whether it is a two by two Bayer array: three channels, one of them on both pixels of a diagonal.
+    pub fn is_bayer(&self) -> bool {
+        let count = |channel: u8| self.pattern.iter().filter(|&&c| c == channel).count();
+        (self.rows, self.cols, self.channels.len(), self.pattern.len()) == (2, 2, 3, 4)
+            && (0..3).all(|channel| count(channel) >= 1)
+            && (self.pattern[0] == self.pattern[3] || self.pattern[1] == self.pattern[2])
+    }
+
+    /// Share of the pixels that measure each channel.
+    pub fn shares(&self) -> Vec<f64> {
+        let count = |channel| self.pattern.iter().filter(|&&c| usize::from(c) == channel).count();
+        (0..self.channels.len()).map(|c| count(c) as f64 / self.pattern.len().max(1) as f64).collect()
+    }
+
     /// Channel number of a pixel.
     pub fn channel(&self, row: usize, col: usize) -> usize {
         usize::from(self.pattern[(row % self.rows) * self.cols + col % self.cols])
@@ -96,8 +110,22 @@ pub struct ChannelImage {
     pub noise_floor_dn: f64,
     /// Digital numbers between black and saturation.
     pub full_scale_dn: f64,
+    /// Share of the raw pixels that measure each channel: 0.25, 0.5, 0.25 on a Bayer array, 1 without a mosaic. The mean of
+    /// `n` interpolated values holds `n * share` independent measurements.
+    pub shares: Vec<f64>,
+    /// Light of another frame that was subtracted.
+    pub subtracted: Option<SubtractedLight>,
     /// Name of the frame.
     pub label: String,
+}
+
+/// Light that was subtracted from a developed frame. Its shot noise stays.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SubtractedLight {
+    /// Its level in digital numbers of the frame, `[row, col, channel]`.
+    pub dn: Vec<f32>,
+    /// Exposure time of the frame over that of the frame that was subtracted.
+    pub exposure_ratio: f64,
 }
 
 impl ChannelImage {

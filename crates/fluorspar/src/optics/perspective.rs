@@ -2,6 +2,8 @@
 
 use glam::Vec3;
 
+use crate::image::View;
+
 /// A perspective (pinhole) camera: records radiance, not irradiance.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PerspectiveCamera {
@@ -44,6 +46,16 @@ impl PerspectiveCamera {
             width,
             height,
         })
+    }
+
+    /// What a file of its images keeps of the camera.
+    pub fn view(&self) -> View {
+        View {
+            position_m: self.position.to_array(),
+            forward: self.forward.to_array(),
+            right: self.right.to_array(),
+            tan_half_width: self.tan_half_width,
+        }
     }
 
     /// Origin and unit direction through image coordinates in pixels: x from the left, y from the top.

@@ -1,9 +1,11 @@
 //! From developed frames to chromaticity and porphyrin.
 
+use super::capture::on_sensor;
+use super::direct_light::{SurfacePoint, axis_point, irradiance_on, region_points};
 use super::{CapturedFrame, PipelineError};
 use crate::analysis::{
     Analysis, AnalysisSettings, ChannelNoise, ChromaticityMap, FluorophoreResponse, MixtureModel,
-    PixelSelection, PorphyrinMap, Rectangle, RegionOfInterest, analyse, channel_response,
+    PixelSelection, PorphyrinMap, Rectangle, RegionOfInterest, SceneOnSensor, analyse, channel_response,
 };
 use crate::experiment::{Capture, ResolvedAnalysis, ResolvedExperiment};
 use crate::image::ComponentImage;
@@ -26,8 +28,9 @@ pub struct AnalyzedFrame {
 
 /// Analyses the frame that the experiment names. `None` when it asks for no analysis.
 ///
-/// The responses of the fluorophores are predicted for light that reaches them directly, through the lens with its
-/// filters, to the sensor: no image is needed for them.
+/// The responses of the fluorophores are predicted for the light that reaches the region directly under the lights of
+/// the frame (those of a subtracted frame taken off), through the lens with its filters, to the sensor. Without a
+/// component image, which tells where the region lies, the light on the camera's axis in the plane of focus stands for it.
 ///
 /// # Errors
 /// A frame that is not there, a region without pixels, a sensor without R, G and B.
@@ -46,55 +49,63 @@ pub fn analyze(
     let capture =
         experiment.captures.iter().find(|c| c.frame.label == settings.frame).ok_or_else(no_frame)?;
 
-    let noise = ChannelNoise::of_image(
-        &frame.developed,
-        frame.raw.dn_per_electron,
-        sensor.model().prnu_percent / 100.0,
-    );
+    let k = frame.raw.dn_per_electron;
+    // A flat field takes the spread of the pixels' response out, dark frames that of their dark signal.
+    let develop = &experiment.develop;
+    let prnu = if develop.flat_field.is_some() { 0.0 } else { sensor.model().prnu_percent / 100.0 };
+    let dsnu = if develop.dark_frames > 0 { 0.0 } else { k * sensor.model().dsnu_electrons() };
+    let noise = ChannelNoise::of_image(&frame.developed, k, prnu, dsnu);
     let mut region = RegionOfInterest::of_parts(settings.parts.iter().cloned());
     if let Some([col, row, width, height]) = settings.rectangle_px.map(|r| r.map(|v| v as usize)) {
         region = region.within(Rectangle { col, row, width, height });
     }
     let analysis_settings = AnalysisSettings { region, noise, noise_threshold: settings.noise_threshold };
-    let model = mixture_model(experiment, sensor, capture, settings);
     let image = &frame.developed;
-    let (analysis, chromaticity, porphyrin) =
-        analyse(image, components, model.as_ref(), None, &analysis_settings)?;
+    let scene = components.and_then(|components| on_sensor(experiment, components));
     let region = analysis_settings
         .region
-        .select(image.width, image.height, components)
+        .select(image.width, image.height, scene)
         .map_err(crate::analysis::AnalysisError::from)?;
+    let lamp = frame_lamp(experiment, capture, scene.map(|scene| (scene, &region)));
+    let model = mixture_model(experiment, sensor, lamp.as_ref(), settings);
+    let (analysis, chromaticity, porphyrin) =
+        analyse(image, scene, model.as_ref(), None, &analysis_settings)?;
     Ok(Some(AnalyzedFrame { analysis, chromaticity, porphyrin, region }))
 }
 
-/// Spectrum of all lights of a frame, weighted by their drive, any scale; `None` when it is dark.
-pub(crate) fn frame_lamp(experiment: &ResolvedExperiment, capture: &Capture) -> Option<Curve> {
-    let mut lamp: Option<Curve> = None;
-    for light in &experiment.scene.lights {
-        let drive = capture.frame.drive(&experiment.scene.light_groups[light.group].name);
-        if drive <= 0.0 {
-            continue;
-        }
-        let scaled = light.spectrum.scaled(drive);
-        lamp = Some(match lamp {
-            None => scaled,
-            Some(sum) => {
-                let (a, b) = (sum.range_nm(), scaled.range_nm());
-                Curve::from_fn(a.0.min(b.0), a.1.max(b.1), |nm| sum.at(nm) + scaled.at(nm))
-            }
-        });
+/// Irradiance spectrum under the lights that a developed frame holds, W/(m² nm): the mean over the points of a region, or
+/// where the camera's axis meets the plane in focus. `None` when the frame is dark.
+///
+/// Direct light, unoccluded. Where no light meets the lit side of any point (a region in its own shadow), the surface
+/// is taken to face the camera: the proportions of the lights matter here, not the level.
+pub(crate) fn frame_lamp(
+    experiment: &ResolvedExperiment,
+    capture: &Capture,
+    region: Option<(SceneOnSensor<'_>, &PixelSelection)>,
+) -> Option<Curve> {
+    let mut points =
+        region.map(|(scene, region)| region_points(experiment, scene, region)).unwrap_or_default();
+    if points.is_empty() {
+        points.push(axis_point(experiment));
     }
-    lamp
+    irradiance_on(experiment, capture, &points).or_else(|| {
+        let camera = experiment.scene.camera.position.as_dvec3();
+        let toward = |point: &SurfacePoint| SurfacePoint {
+            normal: (camera - point.position).try_normalize().unwrap_or(point.normal),
+            ..*point
+        };
+        let facing: Vec<SurfacePoint> = points.iter().map(toward).collect();
+        irradiance_on(experiment, capture, &facing)
+    })
 }
 
 fn mixture_model(
     experiment: &ResolvedExperiment,
     sensor: &Sensor,
-    capture: &Capture,
+    lamp: Option<&Curve>,
     settings: &ResolvedAnalysis,
 ) -> Option<MixtureModel> {
-    let lens = experiment.lens.as_ref()?;
-    let lamp = frame_lamp(experiment, capture)?;
+    let (lens, lamp) = (experiment.lens.as_ref()?, lamp?);
     let grid = &experiment.scene.grid;
     let transmittance = lens.transmittance_on(grid);
     let channel = |name: &str| -> Option<Spectrum<QuantumEfficiency>> {
@@ -105,8 +116,9 @@ fn mixture_model(
         .scene
         .fluorophores
         .iter()
+        .chain(&settings.absent_fluorophores)
         .filter_map(|fluorophore| {
-            let exitance = direct_exitance(&fluorophore.eem, grid, &lamp);
+            let exitance = direct_exitance(&fluorophore.eem, grid, lamp);
             let seen = exitance.iter().zip(transmittance.values()).map(|(m, t)| m * t).collect();
             let radiance = Spectrum::<Radiance>::from_parts(grid.clone(), seen);
             let rgb_per_amount = channel_response(&radiance, [&red, &green, &blue]).ok()?;

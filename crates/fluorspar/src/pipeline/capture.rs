@@ -1,18 +1,81 @@
 //! From a component image to raw and developed frames.
 
-use super::PipelineError;
-use crate::experiment::ResolvedExperiment;
+use super::motion::{MotionPath, shifted};
+use super::{Calibration, PipelineError};
+use crate::analysis::SceneOnSensor;
+use crate::experiment::{Capture, ResolvedExperiment};
 use crate::image::{ChannelImage, ComponentImage, SensorImage, SpectralImage};
-use crate::sensor::{CaptureFrame, FilmExtent, develop, develop_with_ambient};
-use crate::spectral::Radiance;
+use crate::optics::IdealLens;
+use crate::sensor::{
+    CaptureFrame, ElectronRate, Exposure, FilmExtent, LinearMosaic, Sensor, merge_exposures,
+};
+use crate::spectral::{Irradiance, Radiance};
 
-/// One exposure, raw and developed.
+/// One capture, raw and developed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CapturedFrame {
     /// Digital numbers on the mosaic.
     pub raw: SensorImage,
-    /// Linear channels, black (and ambient, if the experiment says so) subtracted.
+    /// Further exposures of a bracket, named `CAPTURE_ev+2` and the like.
+    pub bracket: Vec<SensorImage>,
+    /// Linear channels: black subtracted, exposures merged, calibrated and less the ambient light, as the experiment says.
     pub developed: ChannelImage,
+}
+
+/// Raw exposures of one capture.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RawExposures {
+    /// The exposure that gives scale and name.
+    pub raw: SensorImage,
+    /// Further exposures to merge with it.
+    pub bracket: Vec<SensorImage>,
+}
+
+impl RawExposures {
+    /// All exposures, the main one first.
+    pub fn all(&self) -> impl Iterator<Item = &SensorImage> {
+        std::iter::once(&self.raw).chain(&self.bracket)
+    }
+}
+
+/// Fills in what a real camera's file does not tell, conversion gain and read noise, from the sensor of an experiment. What it
+/// tells is kept.
+///
+/// # Errors
+/// In words: an exposure time that is missing, a sensor that is not there, channels that the sensor does not have.
+pub fn complete_raw(experiment: &ResolvedExperiment, raw: &mut SensorImage) -> Result<(), String> {
+    if raw.exposure_s <= 0.0 {
+        return Err("its exposure time is not known; describe it in a JSON file beside it".into());
+    }
+    if raw.dn_per_electron > 0.0 {
+        return Ok(());
+    }
+    let Some(sensor) = &experiment.sensor else {
+        return Err(
+            "its conversion gain is not known, and the experiment has no [sensor] that tells it".into()
+        );
+    };
+    let model = sensor.model();
+    if raw.bit_depth != model.bit_depth {
+        return Err(format!(
+            "its conversion gain is not known, and the sensor of the experiment has {} bits where the frame has {}; set \
+             sensor.bit_depth, or describe dn_per_electron",
+            model.bit_depth, raw.bit_depth
+        ));
+    }
+    raw.dn_per_electron = model.base_dn_per_electron() * raw.gain;
+    if raw.read_noise_dn <= 0.0 {
+        raw.read_noise_dn = raw.dn_per_electron * model.read_noise_electrons();
+    }
+    Ok(())
+}
+
+/// Name of a further exposure of a capture: `blue_ev+2`, `blue_ev-1.5`; the number is repeated exposures' own.
+pub fn bracket_label(capture: &str, bracket_ev: &[f64], index: usize) -> String {
+    let stops = bracket_ev[index];
+    let repeat = bracket_ev[..index].iter().filter(|other| **other == stops).count();
+    let repeat = if repeat > 0 { format!("_{}", repeat + 1) } else { String::new() };
+    format!("{capture}_ev{stops:+}{repeat}")
 }
 
 /// Radiance under the lights of one frame: components weighted by the drive of their light group.
@@ -20,10 +83,38 @@ pub fn frame_radiance(frame: &CaptureFrame, components: &ComponentImage) -> Spec
     components.recombine(|component| frame.drive(&component.light_group))
 }
 
-/// Takes all frames of an experiment: lights of the frame, lens, sensor, development.
+/// How large a rendered image lies on the film behind a lens: its field of view is that of the camera that rendered it,
+/// whatever lens or sensor the experiment has now.
+pub(super) fn film_extent(
+    experiment: &ResolvedExperiment,
+    components: &ComponentImage,
+    lens: &IdealLens,
+) -> FilmExtent {
+    let tan_half =
+        components.features.view.map_or(experiment.scene.camera.tan_half_width, |v| v.tan_half_width);
+    let field_deg = 2.0 * f64::from(tan_half).atan().to_degrees();
+    FilmExtent::of_width(lens.film_width_mm(field_deg), components.width, components.height)
+}
+
+/// The image on the film, relative to the sensor.
+pub(super) fn on_sensor<'a>(
+    experiment: &ResolvedExperiment,
+    components: &'a ComponentImage,
+) -> Option<SceneOnSensor<'a>> {
+    let film = film_extent(experiment, components, experiment.lens.as_ref()?);
+    let sensor = experiment.sensor.as_ref()?.film_extent();
+    let film_over_sensor = [film.width_mm / sensor.width_mm, film.height_mm / sensor.height_mm];
+    Some(SceneOnSensor { components, film_over_sensor })
+}
+
+/// Takes all frames of an experiment: lights of the frame, lens, motion, sensor, brackets, development.
+///
+/// Lens and sensor may be others than those that the image was rendered for: the sensor then sees more or less of it.
+/// What lies beyond the rendered field is dark.
 ///
 /// # Errors
-/// An experiment without lens, sensor or captures; an image of another experiment; exposures that can't be used.
+/// An experiment without lens, sensor or captures; an image of another experiment or from another place; exposures that
+/// can't be used.
 pub fn capture(
     experiment: &ResolvedExperiment,
     components: &ComponentImage,
@@ -45,43 +136,104 @@ pub fn capture(
             return Err(PipelineError::OtherLights { frame, group, known: known.join(", ") });
         }
     }
-    let field_deg = 2.0 * f64::from(experiment.scene.camera.tan_half_width).atan().to_degrees();
-    let film_width_mm = lens.film_width_mm(field_deg);
-    let film = FilmExtent::of_width(film_width_mm, components.width, components.height);
-    let raws = sensor.expose_sequence(&experiment.capture_sequence(), experiment.render.seed, |frame| {
-        let irradiance = lens.form_image(&frame_radiance(frame, components), film_width_mm);
-        sensor.electron_rate_on_film(&irradiance, film).map_err(PipelineError::from)
-    })?;
-    develop_frames(experiment, raws)
+    if let Some(view) = &components.features.view {
+        let now = experiment.scene.camera.view();
+        let apart = |a: [f32; 3], b: [f32; 3]| a.iter().zip(b).any(|(a, b)| (a - b).abs() > 1e-6);
+        if apart(view.position_m, now.position_m)
+            || apart(view.forward, now.forward)
+            || apart(view.right, now.right)
+        {
+            return Err(PipelineError::OtherCamera);
+        }
+    }
+    experiment.capture_sequence().validate()?;
+    let film = film_extent(experiment, components, lens);
+    let mut path = MotionPath::new(experiment);
+    let mut exposures = Vec::with_capacity(experiment.captures.len());
+    for capture in &experiment.captures {
+        let irradiance = lens.form_image(&frame_radiance(&capture.frame, components), film.width_mm);
+        exposures.push(expose_capture(experiment, sensor, capture, &irradiance, film, &mut path)?);
+    }
+    let calibration = Calibration::of_experiment(experiment, exposures.iter().flat_map(RawExposures::all))?;
+    develop_frames(experiment, exposures, &calibration)
 }
 
-/// Develops raw frames, subtracting from each the frame that the experiment names for it.
+/// All exposures of one capture. The exposure time of an automatic one is that of the image at rest.
+fn expose_capture(
+    experiment: &ResolvedExperiment,
+    sensor: &Sensor,
+    capture: &Capture,
+    irradiance: &SpectralImage<Irradiance>,
+    film: FilmExtent,
+    path: &mut MotionPath,
+) -> Result<RawExposures, PipelineError> {
+    let at_rest = sensor.electron_rate_on_film(irradiance, film)?;
+    let main = sensor.frame_exposure(&capture.frame, &at_rest, experiment.render.seed)?;
+    let sample_um = 1e3 * film.width_mm / irradiance.width() as f64;
+    let samples_per_pixel = sensor.model().pixel_size_um / sample_um;
+    let mut take = |exposure: &Exposure| -> Result<SensorImage, PipelineError> {
+        let [right, down] = path.next(exposure.time_s).map(|pixels| pixels * samples_per_pixel);
+        let moved: ElectronRate;
+        let rate = if (right, down) == (0.0, 0.0) {
+            &at_rest
+        } else {
+            moved = sensor.electron_rate_on_film(&shifted(irradiance, right, down), film)?;
+            &moved
+        };
+        Ok(sensor.expose_rate(rate, exposure)?)
+    };
+    let raw = take(&main)?;
+    let mut bracket = Vec::with_capacity(capture.bracket_ev.len());
+    for (index, stops) in capture.bracket_ev.iter().enumerate() {
+        // Noise of its own: the number of the exposure goes into its key.
+        let exposure =
+            Exposure { time_s: main.time_s * stops.exp2(), frame: 1 + index as u64, ..main.clone() };
+        let mut image = take(&exposure)?;
+        image.label = bracket_label(&capture.frame.label, &capture.bracket_ev, index);
+        bracket.push(image);
+    }
+    Ok(RawExposures { raw, bracket })
+}
+
+/// Develops raw frames: calibrates and merges the exposures of each, subtracts the frame that the experiment names for it,
+/// interpolates the colours.
 ///
 /// # Errors
-/// When a frame to subtract is missing or does not fit.
+/// When a frame to subtract is missing, or frames and calibration do not fit.
 pub fn develop_frames(
     experiment: &ResolvedExperiment,
-    raws: Vec<SensorImage>,
+    exposures: Vec<RawExposures>,
+    calibration: &Calibration,
 ) -> Result<Vec<CapturedFrame>, PipelineError> {
-    let find = |label: &str| raws.iter().find(|raw| raw.label == label);
-    let mut frames = Vec::with_capacity(raws.len());
-    for raw in &raws {
+    let linear: Vec<LinearMosaic> = exposures
+        .iter()
+        .map(|frame| {
+            let all: Vec<&SensorImage> = frame.all().collect();
+            merge_exposures(&all, |index| calibration.development(all[index]))
+        })
+        .collect::<Result<_, _>>()?;
+    let mut developed = Vec::with_capacity(exposures.len());
+    for frame in &linear {
         let subtract = experiment
             .captures
             .iter()
-            .find(|c| c.frame.label == raw.label)
+            .find(|c| c.frame.label == frame.label)
             .and_then(|c| c.subtract.as_deref());
-        let developed = match subtract {
-            None => develop(raw),
+        let light = match subtract {
+            None => frame.demosaic(calibration.demosaicing)?,
             Some(label) => {
-                let ambient = find(label).ok_or_else(|| PipelineError::NoFrame {
-                    wanted: label.into(),
-                    known: raws.iter().map(|r| r.label.as_str()).collect::<Vec<_>>().join(", "),
+                let ambient = linear.iter().find(|other| other.label == label).ok_or_else(|| {
+                    let known = linear.iter().map(|other| other.label.as_str()).collect::<Vec<_>>();
+                    PipelineError::NoFrame { wanted: label.into(), known: known.join(", ") }
                 })?;
-                develop_with_ambient(raw, ambient)?
+                frame.clone().without(ambient)?.demosaic(calibration.demosaicing)?
             }
         };
-        frames.push(CapturedFrame { raw: raw.clone(), developed });
+        developed.push(light);
     }
-    Ok(frames)
+    Ok(exposures
+        .into_iter()
+        .zip(developed)
+        .map(|(frame, developed)| CapturedFrame { raw: frame.raw, bracket: frame.bracket, developed })
+        .collect())
 }

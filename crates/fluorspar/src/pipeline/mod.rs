@@ -4,24 +4,41 @@
 //! |---|---|---|
 //! | light transport | [`crate::render::render`] | [`crate::image::ComponentImage`] |
 //! | lens, sensor, development | [`capture`] | [`CapturedFrame`]s |
+//! | dark frames, flat field, bad pixels | [`Calibration`] | |
+//! | spectroradiometers | [`read_spectroradiometers`] | [`SpectroradiometerReading`]s |
+//! | photobiological safety | [`assess_safety`] | [`SafetyReport`] |
 //! | chromaticity, porphyrin | [`analyze`] | [`AnalyzedFrame`] |
 //! | pictures for people | [`preview`] | 8-bit sRGB |
 //! | all of it for a flat sample | [`predict`] | [`Prediction`] |
 
 mod analyze;
+mod calibration;
+mod camera_color;
 mod capture;
+mod direct_light;
+mod motion;
 mod predict;
 mod preview;
 mod region_radiance;
+mod safety;
+mod scene_change;
+mod spectroradiometer;
 
 pub use analyze::{AnalyzedFrame, analyze};
-pub use capture::{CapturedFrame, capture, develop_frames, frame_radiance};
+pub use calibration::Calibration;
+pub use camera_color::CameraColor;
+pub use capture::{
+    CapturedFrame, RawExposures, bracket_label, capture, complete_raw, develop_frames, frame_radiance,
+};
 pub use predict::{
     ChannelPrediction, Chromaticity, FlatSample, FluorescenceModel, PredictError, Prediction, RadianceSplit,
     predict,
 };
 pub use preview::{ColorRendering, Preview, preview, radiance_preview};
 pub use region_radiance::RegionRadiance;
+pub use safety::{CaptureSafety, ProgrammeSafety, SafetyReport, Viewer, ViewerSafety, assess_safety};
+pub use scene_change::check_same_scene;
+pub use spectroradiometer::{SpectroradiometerReading, read_spectroradiometers};
 
 use crate::analysis::AnalysisError;
 use crate::sensor::{DevelopError, SensorProblem};
@@ -63,6 +80,25 @@ pub enum PipelineError {
         /// The groups of the image.
         known: String,
     },
+    /// A change that only a new render can follow.
+    #[error(
+        "{0} is not as it was when the component image was rendered. The image would not show the change: run or render the \
+         experiment again, or take the change back. Drives can be changed without a render: \
+         capture.NAME.light_groups.GROUP"
+    )]
+    OtherScene(String),
+    /// Even light of which nothing reaches the sensor.
+    #[error(
+        "nothing of the light of the flat field passes the lens and its filters; give develop.flat_field.spectrum a light \
+         that the camera sees"
+    )]
+    DarkFlatField,
+    /// The image was seen from elsewhere.
+    #[error(
+        "the component image was rendered from another place or in another direction than the [camera] of this \
+         experiment; a moved camera sees other light. Render the experiment again"
+    )]
+    OtherCamera,
     /// Images that belong together differ in their wavelengths.
     #[error(
         "the component image has {image} bands and the experiment {experiment}; they were made from different \

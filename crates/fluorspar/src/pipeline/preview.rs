@@ -79,11 +79,7 @@ impl ColorRendering {
             }
         };
         // The tissues of the catalogue, whose colours matter here, and a flat one that weighs as much as all others.
-        let tissues: Vec<Curve> = preset::names(PresetKind::Reflectance)
-            .into_iter()
-            .filter_map(|name| preset::reflectance(name).ok())
-            .map(|entry| entry.curve())
-            .collect();
+        let tissues = tissue_reflectances();
         for tissue in &tissues {
             add(&|nm| tissue.at(nm), 1.0);
         }
@@ -104,7 +100,7 @@ impl ColorRendering {
     pub fn of_frame(experiment: &ResolvedExperiment, capture: &Capture) -> Self {
         let own = Self { matrix: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], compress: true };
         let (Some(sensor), Some(lens)) = (&experiment.sensor, &experiment.lens) else { return own };
-        let Some(lamp) = super::analyze::frame_lamp(experiment, capture) else { return own };
+        let Some(lamp) = super::analyze::frame_lamp(experiment, capture, None) else { return own };
         if lamp.integral(500.0, 650.0) < 0.2 * lamp.total() {
             return own;
         }
@@ -112,8 +108,17 @@ impl ColorRendering {
     }
 }
 
+/// The reflectances of the catalogue.
+pub(super) fn tissue_reflectances() -> Vec<Curve> {
+    preset::names(PresetKind::Reflectance)
+        .into_iter()
+        .filter_map(|name| preset::reflectance(name).ok())
+        .map(|entry| entry.curve())
+        .collect()
+}
+
 /// Inverse of a 3 x 3 matrix by cofactors; `None` when it is singular.
-fn inverse(m: [[f64; 3]; 3]) -> Option<[[f64; 3]; 3]> {
+pub(super) fn inverse(m: [[f64; 3]; 3]) -> Option<[[f64; 3]; 3]> {
     let cofactor = |r: usize, c: usize| {
         let (r1, r2, c1, c2) = ((r + 1) % 3, (r + 2) % 3, (c + 1) % 3, (c + 2) % 3);
         m[r1][c1] * m[r2][c2] - m[r1][c2] * m[r2][c1]

@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use crate::analysis::{AnalysisError, RegionOfInterest, channel_response};
+use super::capture::on_sensor;
+use crate::analysis::{PixelSelection, channel_response};
 use crate::experiment::ResolvedExperiment;
 use crate::image::{ComponentImage, Light};
 use crate::sensor::CaptureFrame;
@@ -28,17 +29,21 @@ pub struct RegionRadiance {
 }
 
 impl RegionRadiance {
-    /// Averages the pixels of the parts named (all pixels if none are).
-    ///
-    /// # Errors
-    /// Parts that are not in the image.
-    pub fn new(
+    /// The light of the frame that an experiment analyses, from the pixels behind the analysed region of the sensor.
+    /// `None` without an analysis.
+    pub fn of_analysis(
+        experiment: &ResolvedExperiment,
         components: &ComponentImage,
-        frame: &CaptureFrame,
-        parts: &[String],
-    ) -> Result<Self, AnalysisError> {
-        let region = RegionOfInterest::of_parts(parts.iter().cloned());
-        let selection = region.select(components.width, components.height, Some(components))?;
+        region: &PixelSelection,
+    ) -> Option<Self> {
+        let analysis = experiment.analysis.as_ref()?;
+        let capture = experiment.captures.iter().find(|c| c.frame.label == analysis.frame)?;
+        let pixels = on_sensor(experiment, components)?.scene_pixels(region);
+        Some(Self::new(components, &capture.frame, &pixels))
+    }
+
+    /// Averages pixels of the component image, given by their numbers.
+    pub fn new(components: &ComponentImage, frame: &CaptureFrame, pixels: &[usize]) -> Self {
         let bands = components.grid.len();
         let mut radiance = Self {
             wavelength_nm: components.grid.centers_nm(),
@@ -46,7 +51,7 @@ impl RegionRadiance {
             fluorescence: BTreeMap::new(),
             multiple_fluorescence: vec![0.0; bands],
             total: vec![0.0; bands],
-            pixels: selection.pixels.len(),
+            pixels: pixels.len(),
         };
         for (index, component) in components.components.iter().enumerate() {
             let drive = frame.drive(&component.light_group);
@@ -55,12 +60,12 @@ impl RegionRadiance {
             }
             let values = components.component(index);
             let mut mean = vec![0.0; bands];
-            for &pixel in &selection.pixels {
+            for &pixel in pixels {
                 for (sum, value) in mean.iter_mut().zip(&values[pixel * bands..]) {
                     *sum += drive * f64::from(*value);
                 }
             }
-            mean.iter_mut().for_each(|sum| *sum /= selection.pixels.len().max(1) as f64);
+            mean.iter_mut().for_each(|sum| *sum /= pixels.len().max(1) as f64);
             let target = match &component.light {
                 Light::Reflected => &mut radiance.reflected,
                 Light::MultipleFluorescence => &mut radiance.multiple_fluorescence,
@@ -74,7 +79,7 @@ impl RegionRadiance {
             target.iter_mut().zip(&mean).for_each(|(sum, value)| *sum += value);
             radiance.total.iter_mut().zip(&mean).for_each(|(sum, value)| *sum += value);
         }
-        Ok(radiance)
+        radiance
     }
 
     /// Reflected over fluorescent electrons, all colour channels together, behind lens and filters: the leak that the

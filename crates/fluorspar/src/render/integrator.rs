@@ -46,7 +46,7 @@ impl Default for RenderSettings {
             max_depth: 8,
             seed: 1,
             estimator: Estimator::default(),
-            memory_limit_bytes: 16 << 30,
+            memory_limit_bytes: 8 << 30,
         }
     }
 }
@@ -302,5 +302,6 @@ fn feature_maps(compiled: &CompiledScene<'_>) -> FeatureMaps {
         uv: pixels.iter().map(|p| p.3).collect(),
         part_names: scene.objects.iter().map(|o| o.name.clone()).collect(),
         material_names: scene.objects.iter().map(|o| scene.materials[o.material].name.clone()).collect(),
+        view: Some(camera.view()),
     }
 }

@@ -1,5 +1,7 @@
 //! Checks that a scene is physical before anything is rendered.
 
+use std::fmt;
+
 use glam::Vec2;
 use thiserror::Error;
 
@@ -7,6 +9,7 @@ use super::{Scene, Shape};
 use crate::geometry::MeshError;
 use crate::light::Emitter;
 use crate::material::Material;
+use crate::spectral::{Curve, Fluorophore};
 
 /// What makes a scene impossible to render.
 #[derive(Clone, Debug, Error, PartialEq)]
@@ -62,36 +65,21 @@ pub enum SceneError {
     Nothing(&'static str),
 }
 
-/// Something that a user should know, though the scene can be rendered.
+/// Something that a user should know, though the scene can be rendered. One warning per cause; it names all that share it.
 #[derive(Clone, Debug, Error, PartialEq)]
 #[non_exhaustive]
 pub enum SceneWarning {
-    /// A light has power where a fluorophore's excitation spectrum is not backed by data.
-    #[error(
-        "{percent:.1} % of the power of light \"{light}\" lies outside {from_nm} to {to_nm} nm, where the excitation of \
-         fluorophore \"{fluorophore}\" is backed by data"
-    )]
-    ExcitationOutsideData {
-        /// Light.
-        light: String,
-        /// Fluorophore.
-        fluorophore: String,
-        /// Share of the light's power, percent.
-        percent: f64,
-        /// Start of the fluorophore's range, nm.
-        from_nm: f64,
-        /// End of that range, nm.
-        to_nm: f64,
-    },
-    /// A light has power outside the wavelength grid, where nothing is rendered.
-    #[error(
-        "{percent:.1} % of the power of light \"{light}\" lies outside the rendered {from_nm} to {to_nm} nm and is left out"
-    )]
+    /// Lights have power where the excitation spectrum of a fluorophore is not backed by data.
+    #[error("light lies where the excitation of fluorophores is not backed by data, but extrapolated: {}", list(.0))]
+    ExcitationOutsideData(Vec<ExcitationOutsideData>),
+    /// Fluorophores emit where their emission spectrum is not backed by data.
+    #[error("fluorophores emit where their emission is not backed by data, but extrapolated: {}", list(.0))]
+    EmissionOutsideData(Vec<EmissionOutsideData>),
+    /// Lights have power outside the wavelength grid, where nothing is rendered.
+    #[error("light outside the rendered {from_nm} to {to_nm} nm is left out: {}", list(.lights))]
     LightOutsideGrid {
-        /// Light.
-        light: String,
-        /// Share of the light's power, percent.
-        percent: f64,
+        /// The lights.
+        lights: Vec<LightOutsideGrid>,
         /// Start of the grid, nm.
         from_nm: f64,
         /// End of the grid, nm.
@@ -102,6 +90,69 @@ pub enum SceneWarning {
     DarkLight(String),
 }
 
+/// A light and a fluorophore whose data do not reach as far.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ExcitationOutsideData {
+    /// Light.
+    pub light: String,
+    /// Fluorophore.
+    pub fluorophore: String,
+    /// Share of the light's rendered power that lies outside the data, percent.
+    pub percent: f64,
+    /// Where the fluorophore's excitation is backed by data, nm.
+    pub range_nm: (f64, f64),
+}
+
+/// A fluorophore that emits beyond its data.
+#[derive(Clone, Debug, PartialEq)]
+pub struct EmissionOutsideData {
+    /// Fluorophore.
+    pub fluorophore: String,
+    /// Largest share under any light of the rendered emission that lies outside the data, percent.
+    pub percent: f64,
+    /// Where the fluorophore's emission is backed by data, nm.
+    pub range_nm: (f64, f64),
+}
+
+/// A light that sends more than is rendered.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LightOutsideGrid {
+    /// Light.
+    pub light: String,
+    /// Share of its power, percent.
+    pub percent: f64,
+}
+
+impl fmt::Display for ExcitationOutsideData {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { light, fluorophore, percent, range_nm: (from, to) } = self;
+        write!(f, "{percent:.1} % of \"{light}\" for {fluorophore} (known from {from} to {to} nm)")
+    }
+}
+
+impl fmt::Display for EmissionOutsideData {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { fluorophore, percent, range_nm: (from, to) } = self;
+        write!(f, "{percent:.1} % of {fluorophore} (known from {from} to {to} nm)")
+    }
+}
+
+impl fmt::Display for LightOutsideGrid {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:.1} % of the power of \"{}\"", self.percent, self.light)
+    }
+}
+
+fn list<T: fmt::Display>(items: &[T]) -> String {
+    items.iter().map(T::to_string).collect::<Vec<_>>().join("; ")
+}
+
+/// Shares below this are not worth a warning, percent.
+const LEAST_PERCENT: f64 = 1.0;
+/// The same for emission: tails of models are a few percent wrong where they have data, too.
+const LEAST_EMISSION_PERCENT: f64 = 2.0;
+/// Excitation that ends above this share of its maximum breaks off.
+const LEAST_EDGE: f64 = 0.05;
 /// Step at which photon conservation is checked, nm.
 const CHECK_STEP_NM: f64 = 1.0;
 /// Rounding allowed above 1: a perfectly white material must pass.
@@ -174,44 +225,96 @@ impl Scene {
         (0..=steps).map(|step| (start + CHECK_STEP_NM * step as f64).min(end)).collect()
     }
 
-    /// What a user should know about the lights.
+    /// What a user should know about lights and fluorophores: what is left out, and what stands on no data.
     pub fn warnings(&self) -> Vec<SceneWarning> {
-        let mut warnings = Vec::new();
         let (from_nm, to_nm) = (self.grid.start_nm(), self.grid.end_nm());
-        let mut seen: Vec<(usize, &crate::spectral::Curve)> = Vec::new();
-        for light in &self.lights {
-            if seen.iter().any(|(group, spectrum)| *group == light.group && **spectrum == light.spectrum) {
-                continue;
-            }
-            seen.push((light.group, &light.spectrum));
-            let total = light.spectrum.total();
-            let inside = light.spectrum.integral(from_nm, to_nm);
+        let (mut outside_grid, mut dark) = (Vec::new(), Vec::new());
+        let mut excitation = Vec::new();
+        let mut emission: Vec<EmissionOutsideData> = Vec::new();
+        for (light, spectrum) in self.distinct_spectra() {
+            let total = spectrum.total();
+            let inside = spectrum.integral(from_nm, to_nm);
             if inside <= 0.0 {
-                warnings.push(SceneWarning::DarkLight(light.name.clone()));
+                dark.push(SceneWarning::DarkLight(light.into()));
                 continue;
             }
             let percent = 100.0 * (1.0 - inside / total);
-            if percent > 1.0 {
-                let light = light.name.clone();
-                warnings.push(SceneWarning::LightOutsideGrid { light, percent, from_nm, to_nm });
+            if percent > LEAST_PERCENT {
+                outside_grid.push(LightOutsideGrid { light: light.into(), percent });
             }
+            // In units of 1/(h c): photons = energy * lambda.
+            let photons = spectrum.clipped(from_nm, to_nm).times(&Curve::from_fn(from_nm, to_nm, |nm| nm));
             for fluorophore in &self.fluorophores {
-                let (from_nm, to_nm) = fluorophore.excitation_range_nm;
-                // Beyond the long end excitation is weak and its tail is extrapolated smoothly; below it is unknown.
-                let below = light.spectrum.integral(self.grid.start_nm(), from_nm);
-                let percent = 100.0 * below / inside;
-                if percent > 1.0 {
-                    warnings.push(SceneWarning::ExcitationOutsideData {
-                        light: light.name.clone(),
-                        fluorophore: fluorophore.name.clone(),
-                        percent,
-                        from_nm,
-                        to_nm,
-                    });
+                let percent = 100.0 * self.unknown_excitation(fluorophore, spectrum, &photons) / inside;
+                let name = || fluorophore.name.clone();
+                if percent > LEAST_PERCENT {
+                    let range_nm = fluorophore.excitation_range_nm;
+                    let light = light.into();
+                    excitation.push(ExcitationOutsideData { light, fluorophore: name(), percent, range_nm });
+                }
+                let range_nm = fluorophore.emission_range_nm;
+                let emitted = fluorophore.eem.photon_exitance(&photons, (from_nm, to_nm));
+                let known = emitted.integral(range_nm.0.max(from_nm), range_nm.1.min(to_nm));
+                let percent = 100.0 * (1.0 - known / emitted.total());
+                if percent > LEAST_EMISSION_PERCENT {
+                    match emission.iter_mut().find(|case| case.fluorophore == fluorophore.name) {
+                        Some(case) => case.percent = case.percent.max(percent),
+                        None => emission.push(EmissionOutsideData { fluorophore: name(), percent, range_nm }),
+                    }
                 }
             }
         }
+        let mut warnings = dark;
+        if !outside_grid.is_empty() {
+            warnings.push(SceneWarning::LightOutsideGrid { lights: outside_grid, from_nm, to_nm });
+        }
+        if !excitation.is_empty() {
+            warnings.push(SceneWarning::ExcitationOutsideData(excitation));
+        }
+        if !emission.is_empty() {
+            warnings.push(SceneWarning::EmissionOutsideData(emission));
+        }
         warnings
+    }
+
+    /// Names and spectra of all that sends light, those of one group with one spectrum once.
+    fn distinct_spectra(&self) -> Vec<(&str, &Curve)> {
+        let lights = self.lights.iter().map(|light| (light.name.as_str(), light.group, &light.spectrum));
+        let surfaces = self.objects.iter().filter_map(|object| {
+            object
+                .emission
+                .as_ref()
+                .map(|emission| (object.name.as_str(), emission.group, &emission.radiance))
+        });
+        let mut seen: Vec<(usize, &Curve)> = Vec::new();
+        let mut distinct = Vec::new();
+        for (name, group, spectrum) in lights.chain(surfaces) {
+            if !seen.contains(&(group, spectrum)) {
+                seen.push((group, spectrum));
+                distinct.push((name, spectrum));
+            }
+        }
+        distinct
+    }
+
+    /// Power of a light within the grid for which it is not known how a fluorophore takes it. Below the data nothing is
+    /// known. Above them excitation usually ends: light there counts where the data break off before it does, and where
+    /// the extrapolation has a visible part in the fluorescence.
+    fn unknown_excitation(&self, fluorophore: &Fluorophore, spectrum: &Curve, photons: &Curve) -> f64 {
+        let (start, end) = (self.grid.start_nm(), self.grid.end_nm());
+        let (low, high) = fluorophore.excitation_range_nm;
+        let below = if low > start { spectrum.integral(start, low.min(end)) } else { 0.0 };
+        if high >= end {
+            return below;
+        }
+        let above = spectrum.integral(high.max(start), end);
+        let emitted = |photons: &Curve| fluorophore.eem.photon_exitance(photons, (start, end)).total();
+        let (all, beyond) = (emitted(photons), emitted(&photons.clipped(high.max(start), end)));
+        let nodes: Vec<f64> = (0..=100).map(|i| low + (high - low) * f64::from(i) / 100.0).collect();
+        let yields = fluorophore.eem.total_yields(&nodes);
+        let best = yields.iter().copied().fold(0.0, f64::max);
+        let breaks_off = yields.last().is_some_and(|last| *last > LEAST_EDGE * best);
+        if breaks_off || 100.0 * beyond > LEAST_PERCENT * all { below + above } else { below }
     }
 }
 

@@ -2,7 +2,7 @@
 
 mod check;
 
-pub use check::{SceneError, SceneWarning};
+pub use check::{EmissionOutsideData, ExcitationOutsideData, LightOutsideGrid, SceneError, SceneWarning};
 
 use std::sync::Arc;
 

@@ -3,10 +3,11 @@
 use thiserror::Error;
 
 use super::adc::QUANTISATION_NOISE_DN;
-use super::demosaic::Demosaic;
-use crate::image::{ChannelImage, SensorImage};
+use super::calibration::{BadPixels, FlatField, MasterFrame};
+use super::demosaic::{Demosaic, Demosaicing};
+use crate::image::{ChannelImage, Mosaic, SensorImage, SubtractedLight};
 
-/// Two raw frames that can't be subtracted from each other.
+/// Raw frames that can't be developed together.
 #[derive(Clone, Debug, Error, PartialEq)]
 #[non_exhaustive]
 pub enum DevelopError {
@@ -31,14 +32,99 @@ pub enum DevelopError {
         /// Its exposure time, s.
         exposure_s: f64,
     },
+    /// A calibration of another sensor.
+    #[error(
+        "the {what} has {columns} x {rows} pixels or another colour filter array than frame \"{frame}\"; take both with \
+         one sensor"
+    )]
+    OtherCalibration {
+        /// "dark frame", "flat field" or "map of bad pixels".
+        what: &'static str,
+        /// Its columns.
+        columns: usize,
+        /// Its rows.
+        rows: usize,
+        /// Label of the frame.
+        frame: String,
+    },
+    /// A dark frame of another exposure holds another dark signal.
+    #[error(
+        "the dark frame was taken with {dark_s} s and {dark_gain} DN/e-, frame \"{frame}\" with {exposure_s} s and {gain} \
+         DN/e-; take dark frames with the exposure and gain of the frame"
+    )]
+    OtherExposure {
+        /// Exposure of the dark frame, s.
+        dark_s: f64,
+        /// Its gain, DN per electron.
+        dark_gain: f64,
+        /// Label of the frame.
+        frame: String,
+        /// Exposure of the frame, s.
+        exposure_s: f64,
+        /// Its gain, DN per electron.
+        gain: f64,
+    },
+    /// Gradient-corrected interpolation of something that is no Bayer array.
+    #[error(
+        "frame \"{frame}\" has no two by two Bayer array; gradient-corrected interpolation needs one. Set develop.demosaic \
+         = \"bilinear\""
+    )]
+    NotBayer {
+        /// Label of the frame.
+        frame: String,
+    },
+    /// Nothing to average.
+    #[error("there is no exposure to merge, or no raw frame to average; give at least one")]
+    Nothing,
+}
+
+/// How raw frames become linear channels. The default subtracts the black level and interpolates bilinearly.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Development<'a> {
+    /// Interpolation of the colours.
+    pub demosaicing: Demosaicing,
+    /// Mean of dark frames of the same exposure and gain, subtracted in place of the black level.
+    pub dark: Option<&'a MasterFrame>,
+    /// Response of each pixel to even light, divided out.
+    pub flat: Option<&'a FlatField>,
+    /// Pixels to be replaced by the mean of their nearest good neighbours of the same colour.
+    pub bad_pixels: Option<&'a BadPixels>,
+}
+
+/// A frame on its mosaic in linear digital numbers, black subtracted: between raw frame and channel image.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LinearMosaic {
+    /// Columns.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// Colour filter array.
+    pub mosaic: Mosaic,
+    /// Digital numbers above black, `[row, col]`; may be below zero.
+    pub values: Vec<f32>,
+    /// Pixels whose value is wrong because the sensor was full.
+    pub saturated: Vec<bool>,
+    /// Exposure time, s.
+    pub exposure_s: f64,
+    /// Exposure time times gain: digital numbers for one electron per second.
+    pub dn_s_per_electron: f64,
+    /// Standard deviation of the dark noise of one value, DN.
+    pub noise_floor_dn: f64,
+    /// Digital numbers between black and saturation.
+    pub full_scale_dn: f64,
+    /// Light of another frame that was subtracted: its level in digital numbers of this frame, `[row, col]`, and this frame's
+    /// exposure time over that of the other.
+    pub subtracted: Option<(Vec<f32>, f64)>,
+    /// Name of the frame.
+    pub label: String,
 }
 
 /// Black subtraction, saturation mask and bilinear interpolation of the mosaic. Values are linear and may be below
 /// zero; nothing is white-balanced.
 pub fn develop(raw: &SensorImage) -> ChannelImage {
     let values: Vec<f32> = raw.data.iter().map(|&dn| (f64::from(dn) - raw.black_level) as f32).collect();
-    let saturated: Vec<bool> = raw.data.iter().map(|&dn| dn >= raw.white_level).collect();
-    channel_image(raw, &values, &saturated, noise_floor_dn(raw))
+    let frame = linear(raw, values, noise_floor_dn(raw));
+    interpolate(&frame, &Demosaic::new(&frame.mosaic))
 }
 
 /// As [`develop`], with the light of an ambient frame subtracted before the mosaic is interpolated. The ambient frame
@@ -47,41 +133,215 @@ pub fn develop(raw: &SensorImage) -> ChannelImage {
 /// # Errors
 /// Frames of different sensors, or an ambient frame without exposure.
 pub fn develop_with_ambient(raw: &SensorImage, ambient: &SensorImage) -> Result<ChannelImage, DevelopError> {
-    if (raw.width, raw.height) != (ambient.width, ambient.height) || raw.mosaic != ambient.mosaic {
-        let (frame, ambient) = (raw.label.clone(), ambient.label.clone());
-        return Err(DevelopError::DifferentSensors { frame, ambient });
+    let plain = Development::default();
+    let frame = plain.linearise(raw)?.without(&plain.linearise(ambient)?)?;
+    frame.demosaic(Demosaicing::Bilinear)
+}
+
+impl Development<'_> {
+    /// A raw frame in linear digital numbers: minus dark frame or black level, divided by the flat field, bad pixels
+    /// replaced.
+    ///
+    /// # Errors
+    /// Calibration frames that do not fit the frame.
+    pub fn linearise(&self, raw: &SensorImage) -> Result<LinearMosaic, DevelopError> {
+        let fits = |what: &'static str, columns: usize, rows: usize, mosaic: Option<&Mosaic>| {
+            if (columns, rows) == (raw.width, raw.height) && mosaic.is_none_or(|m| *m == raw.mosaic) {
+                return Ok(());
+            }
+            Err(DevelopError::OtherCalibration { what, columns, rows, frame: raw.label.clone() })
+        };
+        let mut noise_dn = noise_floor_dn(raw);
+        let mut values: Vec<f32> = match self.dark {
+            None => raw.data.iter().map(|&dn| (f64::from(dn) - raw.black_level) as f32).collect(),
+            Some(dark) => {
+                fits("dark frame", dark.width, dark.height, Some(&dark.mosaic))?;
+                let near = |a: f64, b: f64| (a - b).abs() <= 1e-6 * a.abs().max(b.abs());
+                if !near(dark.exposure_s, raw.exposure_s) || !near(dark.dn_per_electron, raw.dn_per_electron)
+                {
+                    return Err(DevelopError::OtherExposure {
+                        dark_s: dark.exposure_s,
+                        dark_gain: dark.dn_per_electron,
+                        frame: raw.label.clone(),
+                        exposure_s: raw.exposure_s,
+                        gain: raw.dn_per_electron,
+                    });
+                }
+                // The mean of n dark frames has noise of its own.
+                noise_dn *= (1.0 + 1.0 / dark.frames.max(1) as f64).sqrt();
+                raw.data.iter().zip(&dark.mean).map(|(&dn, dark)| f32::from(dn) - dark).collect()
+            }
+        };
+        if let Some(flat) = self.flat {
+            fits("flat field", flat.width, flat.height, None)?;
+            values.iter_mut().zip(&flat.gain).for_each(|(value, gain)| *value *= gain);
+        }
+        let mut frame = linear(raw, values, noise_dn);
+        if let Some(bad) = self.bad_pixels {
+            fits("map of bad pixels", bad.width, bad.height, None)?;
+            bad.repair(&mut frame);
+        }
+        Ok(frame)
     }
-    let ambient_scale = ambient.exposure_s * ambient.dn_per_electron;
-    if ambient_scale <= 0.0 || ambient_scale.is_nan() {
-        let (ambient, exposure_s) = (ambient.label.clone(), ambient.exposure_s);
-        return Err(DevelopError::NoExposure { ambient, exposure_s });
+}
+
+impl LinearMosaic {
+    /// This frame minus the light of another, which is scaled by the ratio of exposure time times gain.
+    ///
+    /// # Errors
+    /// Frames of different sensors, or one to subtract without exposure.
+    pub fn without(mut self, ambient: &Self) -> Result<Self, DevelopError> {
+        if (self.width, self.height) != (ambient.width, ambient.height) || self.mosaic != ambient.mosaic {
+            let (frame, ambient) = (self.label, ambient.label.clone());
+            return Err(DevelopError::DifferentSensors { frame, ambient });
+        }
+        if ambient.dn_s_per_electron <= 0.0 || ambient.dn_s_per_electron.is_nan() {
+            return Err(DevelopError::NoExposure {
+                ambient: ambient.label.clone(),
+                exposure_s: ambient.exposure_s,
+            });
+        }
+        let scale = self.dn_s_per_electron / ambient.dn_s_per_electron;
+        let levels: Vec<f32> = ambient.values.iter().map(|v| (scale * f64::from(*v)) as f32).collect();
+        for (value, other) in self.values.iter_mut().zip(&ambient.values) {
+            *value = (f64::from(*value) - scale * f64::from(*other)) as f32;
+        }
+        self.subtracted = Some((levels, self.exposure_s / ambient.exposure_s));
+        self.saturated.iter_mut().zip(&ambient.saturated).for_each(|(own, other)| *own |= other);
+        self.noise_floor_dn = self.noise_floor_dn.hypot(scale * ambient.noise_floor_dn);
+        Ok(self)
     }
-    let scale = raw.exposure_s * raw.dn_per_electron / ambient_scale;
-    let pairs = || raw.data.iter().zip(&ambient.data);
-    let light = |dn: u16, image: &SensorImage| f64::from(dn) - image.black_level;
-    let values: Vec<f32> =
-        pairs().map(|(&a, &b)| (light(a, raw) - scale * light(b, ambient)) as f32).collect();
-    let saturated: Vec<bool> =
-        pairs().map(|(&a, &b)| a >= raw.white_level || b >= ambient.white_level).collect();
-    let noise = noise_floor_dn(raw).hypot(scale * noise_floor_dn(ambient));
-    Ok(channel_image(raw, &values, &saturated, noise))
+
+    /// Every channel at every pixel.
+    ///
+    /// # Errors
+    /// Gradient correction of a mosaic that is no Bayer array.
+    pub fn demosaic(&self, how: Demosaicing) -> Result<ChannelImage, DevelopError> {
+        let method = match how {
+            Demosaicing::Bilinear => Demosaic::new(&self.mosaic),
+            Demosaicing::GradientCorrected => Demosaic::gradient_corrected(&self.mosaic)
+                .ok_or_else(|| DevelopError::NotBayer { frame: self.label.clone() })?,
+        };
+        Ok(interpolate(self, &method))
+    }
+}
+
+/// One exposure of a bracket in electrons: what its noise is made of.
+struct Bracketed {
+    frame: LinearMosaic,
+    exposure_s: f64,
+    dn_per_electron: f64,
+    /// Read noise and quantisation, DN².
+    floor_dn2: f64,
+}
+
+/// Merges exposures of one view, the first of them being the reference for scale and label.
+///
+/// Every pixel is the mean of the light that its unsaturated exposures measured, `x_i / (t_i K_i)`, weighted by the inverse of
+/// their variance `(K_i² phi t_i + floor_i²) / (t_i K_i)²`. The light `phi` in it is that of all unsaturated exposures
+/// together, `sum x_i / sum t_i K_i`, the same for all of them: weights that came from each exposure's own noisy value would
+/// favour the low ones. A pixel that is saturated in every exposure takes the least exposed one and is marked.
+///
+/// # Errors
+/// No exposure, one without exposure time or gain, frames of different sensors, calibrations that do not fit. `develop` gives the
+/// calibration of each exposure, which differ in their dark frames.
+pub fn merge_exposures<'a>(
+    exposures: &[&SensorImage],
+    develop: impl Fn(usize) -> Development<'a>,
+) -> Result<LinearMosaic, DevelopError> {
+    let mut bracket = Vec::with_capacity(exposures.len());
+    for (index, raw) in exposures.iter().enumerate() {
+        let frame = develop(index).linearise(raw)?;
+        if frame.dn_s_per_electron.is_nan() || frame.dn_s_per_electron <= 0.0 {
+            return Err(DevelopError::NoExposure { ambient: raw.label.clone(), exposure_s: raw.exposure_s });
+        }
+        let floor_dn2 = frame.noise_floor_dn.powi(2);
+        let (exposure_s, dn_per_electron) = (raw.exposure_s, raw.dn_per_electron);
+        bracket.push(Bracketed { frame, exposure_s, dn_per_electron, floor_dn2 });
+    }
+    let first = bracket.first().ok_or(DevelopError::Nothing)?;
+    let mut merged = first.frame.clone();
+    if bracket.len() == 1 {
+        return Ok(merged);
+    }
+    for other in &bracket[1..] {
+        let (a, b) = (&first.frame, &other.frame);
+        if (a.width, a.height) != (b.width, b.height) || a.mosaic != b.mosaic {
+            let (frame, ambient) = (a.label.clone(), b.label.clone());
+            return Err(DevelopError::DifferentSensors { frame, ambient });
+        }
+    }
+    let reference = merged.dn_s_per_electron;
+    let shortest = (0..bracket.len()).fold(0, |best, i| {
+        let light = |i: usize| bracket[i].frame.dn_s_per_electron;
+        if light(i) < light(best) { i } else { best }
+    });
+    for pixel in 0..merged.values.len() {
+        let usable = || bracket.iter().filter(|b| !b.frame.saturated[pixel]);
+        let value = |b: &Bracketed| f64::from(b.frame.values[pixel]);
+        let (signal, light) = usable()
+            .fold((0.0, 0.0), |(signal, light), b| (signal + value(b), light + b.frame.dn_s_per_electron));
+        merged.saturated[pixel] = light == 0.0;
+        if light == 0.0 {
+            let least = &bracket[shortest];
+            merged.values[pixel] = (value(least) * reference / least.frame.dn_s_per_electron) as f32;
+            continue;
+        }
+        let electrons_per_s = (signal / light).max(0.0);
+        let (sum, weights) = usable().fold((0.0, 0.0), |(sum, weights), b| {
+            let shot_dn2 = b.dn_per_electron.powi(2) * electrons_per_s * b.exposure_s;
+            let variance = (shot_dn2 + b.floor_dn2) / b.frame.dn_s_per_electron.powi(2);
+            let weight = 1.0 / variance.max(f64::MIN_POSITIVE);
+            (sum + weight * value(b) / b.frame.dn_s_per_electron, weights + weight)
+        });
+        merged.values[pixel] = (reference * sum / weights) as f32;
+    }
+    // In the dark every exposure counts by its floor alone.
+    let weights: f64 =
+        bracket.iter().map(|b| b.frame.dn_s_per_electron.powi(2) / b.floor_dn2.max(f64::MIN_POSITIVE)).sum();
+    merged.noise_floor_dn = reference / weights.sqrt();
+    let scaled = |b: &Bracketed| b.frame.full_scale_dn * reference / b.frame.dn_s_per_electron;
+    merged.full_scale_dn = bracket.iter().map(scaled).fold(0.0, f64::max);
+    Ok(merged)
 }
 
 fn noise_floor_dn(raw: &SensorImage) -> f64 {
     raw.read_noise_dn.hypot(QUANTISATION_NOISE_DN)
 }
 
-fn channel_image(raw: &SensorImage, values: &[f32], saturated: &[bool], noise_floor_dn: f64) -> ChannelImage {
-    let (data, saturated) = Demosaic::new(&raw.mosaic).interpolate(values, saturated, raw.width, raw.height);
-    ChannelImage {
+fn linear(raw: &SensorImage, values: Vec<f32>, noise_floor_dn: f64) -> LinearMosaic {
+    LinearMosaic {
         width: raw.width,
         height: raw.height,
-        channels: raw.mosaic.channels.clone(),
-        data,
-        saturated,
+        mosaic: raw.mosaic.clone(),
+        values,
+        saturated: raw.data.iter().map(|&dn| dn >= raw.white_level).collect(),
+        exposure_s: raw.exposure_s,
+        dn_s_per_electron: raw.exposure_s * raw.dn_per_electron,
         noise_floor_dn,
         full_scale_dn: f64::from(raw.white_level) - raw.black_level,
+        subtracted: None,
         label: raw.label.clone(),
+    }
+}
+
+fn interpolate(frame: &LinearMosaic, method: &Demosaic<'_>) -> ChannelImage {
+    let (data, saturated) = method.interpolate(&frame.values, &frame.saturated, frame.width, frame.height);
+    ChannelImage {
+        width: frame.width,
+        height: frame.height,
+        channels: frame.mosaic.channels.clone(),
+        data,
+        saturated,
+        noise_floor_dn: frame.noise_floor_dn,
+        full_scale_dn: frame.full_scale_dn,
+        shares: frame.mosaic.shares(),
+        subtracted: frame.subtracted.as_ref().map(|(levels, exposure_ratio)| {
+            let unmarked = vec![false; levels.len()];
+            let (dn, _) = method.interpolate(levels, &unmarked, frame.width, frame.height);
+            SubtractedLight { dn, exposure_ratio: *exposure_ratio }
+        }),
+        label: frame.label.clone(),
     }
 }
 
@@ -128,9 +388,82 @@ mod tests {
         assert!(image.data.iter().all(|&value| (value - 50.0).abs() < 1e-4), "{:?}", image.data);
         let quantised = (36.0f64 + 1.0 / 12.0).sqrt();
         assert!((image.noise_floor_dn - quantised.hypot(5.0 * quantised)).abs() < 1e-9);
+        let subtracted = image.subtracted.unwrap();
+        assert!(subtracted.dn.iter().all(|&value| (value - 50.0).abs() < 1e-4));
+        assert!((subtracted.exposure_ratio - 10.0).abs() < 1e-12);
+        assert_eq!(image.shares, [0.25, 0.5, 0.25]);
         ambient.exposure_s = 0.0;
         assert!(matches!(develop_with_ambient(&frame, &ambient), Err(DevelopError::NoExposure { .. })));
         let other = raw(vec![64; 16], Mosaic::monochrome(), 4);
         assert!(develop_with_ambient(&frame, &other).unwrap_err().to_string().contains("one sensor"));
+    }
+
+    /// Two exposures of a flat field: the merged mean is unbiased and its noise that of inverse variances.
+    #[test]
+    fn merged_exposures_have_the_noise_of_their_weights() {
+        use crate::sensor::{ElectronRate, Exposure, Sensor, SensorModel, SpectralQe};
+        use crate::spectral::Curve;
+        let model = SensorModel {
+            columns: 128,
+            rows: 128,
+            mosaic: vec![vec!["mono".into()]],
+            prnu_percent: 0.0,
+            dsnu_mv: Some(0.0),
+            dark_voltage_mv_per_s: Some(0.0),
+            ..SensorModel::default()
+        };
+        let qe = SpectralQe::from_curves([("mono", Curve::constant(0.6))]).unwrap();
+        let sensor = Sensor::new(model, qe).unwrap();
+        let pixels = 128 * 128;
+        let take = |electrons_per_s: f32, time_s: f64, frame: u64| {
+            let rate = ElectronRate { columns: 128, rows: 128, data: vec![electrons_per_s; pixels] };
+            let exposure = Exposure { time_s, frame, label: "blue".into(), ..Exposure::default() };
+            sensor.expose_rate(&rate, &exposure).unwrap()
+        };
+        let statistics = |frame: &LinearMosaic| {
+            let mean = frame.values.iter().map(|&v| f64::from(v)).sum::<f64>() / pixels as f64;
+            let squares = frame.values.iter().map(|&v| (f64::from(v) - mean).powi(2)).sum::<f64>();
+            (mean, squares / (pixels - 1) as f64)
+        };
+        // 3000 e-/s in 10, 40 and 160 ms: 30, 120 and 480 e-, all unsaturated.
+        let frames = [take(3000.0, 0.01, 0), take(3000.0, 0.04, 1), take(3000.0, 0.16, 2)];
+        let merged = merge_exposures(&frames.iter().collect::<Vec<_>>(), |_| Development::default()).unwrap();
+        let k = frames[0].dn_per_electron;
+        let floor = frames[0].read_noise_dn.powi(2) + 1.0 / 12.0;
+        let inverse: f64 =
+            [0.01, 0.04, 0.16].map(|t| (t * k) * (t * k) / (k * k * 3000.0 * t + floor)).iter().sum();
+        let variance = (0.01 * k).powi(2) / inverse;
+        let (mean, measured) = statistics(&merged);
+        // Standard errors: sqrt(V / n), and V sqrt(2 / n); five of them.
+        assert!((mean - 30.0 * k).abs() < 5.0 * (variance / pixels as f64).sqrt(), "{mean}");
+        assert!(
+            (measured / variance - 1.0).abs() < 5.0 * (2.0 / pixels as f64).sqrt(),
+            "{measured} {variance}"
+        );
+        assert!(merged.saturated.iter().all(|s| !s));
+        assert!(
+            (merged.full_scale_dn - (f64::from(frames[0].white_level) - frames[0].black_level)).abs() < 1e-9
+        );
+        // 400 000 e-/s: only the shortest is unsaturated, then none.
+        let bright = [take(4e5, 0.01, 0), take(4e5, 0.04, 1)];
+        let merged = merge_exposures(&[&bright[1], &bright[0]], |_| Development::default()).unwrap();
+        let (mean, _) = statistics(&merged);
+        assert!(
+            (mean / (16_000.0 * k) - 1.0).abs() < 5.0 / (4000.0f64 * pixels as f64).sqrt() + 1e-4,
+            "{mean}"
+        );
+        assert!(merged.saturated.iter().all(|s| !s));
+        let full = [take(4e6, 0.01, 0), take(4e6, 0.04, 1)];
+        let merged = merge_exposures(&[&full[0], &full[1]], |_| Development::default()).unwrap();
+        assert!(merged.saturated.iter().all(|s| *s));
+        assert_eq!(merge_exposures(&[], |_| Development::default()), Err(DevelopError::Nothing));
+    }
+
+    #[test]
+    fn gradient_correction_of_a_monochrome_frame_is_refused() {
+        let frame = Development::default().linearise(&raw(vec![64; 4], Mosaic::monochrome(), 2)).unwrap();
+        let error = frame.demosaic(Demosaicing::GradientCorrected).unwrap_err();
+        assert!(error.to_string().contains("develop.demosaic"), "{error}");
+        assert!(frame.demosaic(Demosaicing::Bilinear).is_ok());
     }
 }

@@ -52,12 +52,12 @@ impl Sensor {
         let (dark_electrons, volts, dn, black_level, noise_dn) = match &chain {
             Chain::Physical(chain) => {
                 let dark = chain.dark_electrons();
-                let dn = |e| chain.dn_of_electrons(e + dark);
+                let dn = |e| chain.dn_of_electrons(e + dark).clamp(0.0, f64::from(model.max_code()));
                 let pedestal = model.black_level_dn;
                 (
                     dark,
                     each(&|e| (dn(e) - pedestal) * volts_per_dn),
-                    each(&|e| dn(e).clamp(0.0, f64::from(model.max_code()))),
+                    each(&dn),
                     chain.black_dn,
                     each(&|e| chain.temporal_noise_dn(e + dark)),
                 )
@@ -140,5 +140,9 @@ mod tests {
         // sqrt(4500 + 13.73²) = 68.5 e- at 0.4551 DN/e-
         assert!((patch.noise_dn[0] - 31.15).abs() < 0.02, "{}", patch.noise_dn[0]);
         assert!(!patch.saturated[0]);
+        // Gain 4 would need 3.6 V: the converter's own swing is where both volts and digital numbers stop.
+        let patch = sensor.flat_response(&light, &Exposure { gain: 4.0, ..Exposure::default() }).unwrap();
+        assert_eq!(patch.dn[0], 4095.0);
+        assert!(patch.volts[0] <= 0.911, "{}", patch.volts[0]);
     }
 }

@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-/// Table 1 of Lyu et al. 2021 (doi:10.1364/BOE.424310), where a value may be given in more than one unit.
+/// Table 1 of Lyu et al. 2021, where a value may be given in more than one unit.
 mod table_1 {
     pub(super) const READ_NOISE_MV: f64 = 1.39;
     pub(super) const DSNU_MV: f64 = 0.2536;
@@ -345,6 +345,21 @@ impl SensorModel {
             );
             return Err(SensorProblem::new("black_level_dn", message));
         }
+        if self.mode == SensorMode::Physical {
+            let offset_dn = self.analog_offset_mv * 1e-3 / self.volts_per_dn();
+            let highest = f64::from(self.max_code().saturating_sub(2));
+            let black_dn = self.black_level_dn + offset_dn;
+            if black_dn > highest {
+                let field = if self.black_level_dn > highest { "black_level_dn" } else { "analog_offset_mv" };
+                let message = format!(
+                    "black lies at {black_dn:.1} DN ({} from black_level_dn, {offset_dn:.1} from analog_offset_mv); the \
+                     converter ends at {}, so give at most {highest} together to leave room for light",
+                    self.black_level_dn,
+                    self.max_code()
+                );
+                return Err(SensorProblem::new(field, message));
+            }
+        }
         Ok(())
     }
 }
@@ -472,6 +487,11 @@ mod tests {
         );
         assert_eq!(field(SensorModel { black_level_dn: 5000.0, ..base() }), "black_level_dn");
         assert_eq!(field(SensorModel { prnu_percent: f64::NAN, ..base() }), "prnu_percent");
+        assert_eq!(field(SensorModel { analog_offset_mv: 900.0, ..base() }), "analog_offset_mv");
+        assert_eq!(field(SensorModel { black_level_dn: 4094.5, ..base() }), "black_level_dn");
+        let highest = SensorModel { black_level_dn: 4093.0, ..base() };
+        assert!(highest.validate().is_ok());
+        assert!(SensorModel { bit_depth: 1, black_level_dn: 0.0, ..base() }.validate().is_ok());
         let unknown = serde_json::from_str::<SensorModel>("{\"read_noise\": 2}").unwrap_err();
         assert!(unknown.to_string().contains("read_noise_mv"), "{unknown}");
     }

@@ -153,7 +153,7 @@ impl PhysicalChain {
         let fixed_dn = self.dn_per_electron * self.dsnu_e.hypot(self.line_noise_e);
         let noise_dn = if self.random { self.read_noise_dn().hypot(fixed_dn) } else { 0.0 };
         let level = (full_well_dn - 4.0 * noise_dn).floor();
-        level.clamp(self.black_dn.ceil() + 1.0, f64::from(self.adc.max_code)) as u16
+        level.max(self.black_dn.ceil() + 1.0).min(f64::from(self.adc.max_code)) as u16
     }
 
     /// Turns the electron rates of one row into digital numbers.

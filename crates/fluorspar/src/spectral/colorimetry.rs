@@ -51,6 +51,16 @@ impl StandardObserver {
     }
 }
 
+/// CIE standard illuminant D65 from 380 to 780 nm, 100 at 560 nm.
+pub fn daylight_d65() -> Curve {
+    let table: &colorimetry::spectrum::Spectrum = colorimetry::illuminant::D65.as_ref();
+    Curve::from_fn(380.0, 780.0, |nm| {
+        let (below, share) = (nm.floor(), nm.fract());
+        let at = |nm: f64| table[(nm as usize).clamp(380, 780)];
+        at(below) + share * (at(below + 1.0) - at(below))
+    })
+}
+
 /// Linear sRGB of tristimulus values; components outside the gamut are negative or exceed the scale.
 pub fn linear_srgb(xyz: [f64; 3]) -> [f64; 3] {
     let matrix = Observer::Cie1931.xyz2rgb_matrix(RgbSpace::SRGB);

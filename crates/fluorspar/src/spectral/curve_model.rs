@@ -445,6 +445,33 @@ impl CurveModel {
         }
     }
 
+    /// Where the curve stands on data, nm; `None` for equations that hold at every wavelength.
+    ///
+    /// A table ends with its first and last point, unless it has fallen below 1 % of its maximum there; tissue ends with
+    /// the extinction of haemoglobin, which is held constant beyond.
+    #[must_use]
+    pub fn valid_nm(&self) -> Option<[f64; 2]> {
+        match self {
+            Self::Table { wavelength_nm, value } => {
+                let least = 0.01 * value.iter().copied().fold(0.0, f64::max);
+                let end = |nm: Option<&f64>, value: Option<&f64>, dark: f64| match (nm, value) {
+                    (Some(nm), Some(value)) if *value > least => *nm,
+                    _ => dark,
+                };
+                let first = end(wavelength_nm.first(), value.first(), 0.0);
+                let last = end(wavelength_nm.last(), value.last(), f64::INFINITY);
+                Some([first, last])
+            }
+            Self::BloodDiffuse(_) => Some(hemoglobin::RANGE_NM),
+            Self::Constant { .. }
+            | Self::Led { .. }
+            | Self::Bands { .. }
+            | Self::Edges { .. }
+            | Self::Sigmoids { .. }
+            | Self::Blackbody { .. } => None,
+        }
+    }
+
     /// Width in nm of the narrowest feature; a third of it is a good sampling step.
     ///
     /// Infinite for a curve without features (a constant, a band model without bands).

@@ -9,6 +9,9 @@
 /// Molar mass of the haemoglobin tetramer to which the extinctions refer, in g/mol.
 pub(crate) const MOLAR_MASS_G_PER_MOL: f64 = 64_500.0;
 
+/// Wavelengths of the table, nm; its ends are held constant beyond.
+pub(crate) const RANGE_NM: [f64; 2] = [350.0, 750.0];
+
 /// Rows of wavelength in nm, extinction of HbO2 and extinction of Hb, both in 1/(cm M), base 10.
 #[rustfmt::skip]
 const MOLAR_EXTINCTION: [[f64; 3]; 91] = [

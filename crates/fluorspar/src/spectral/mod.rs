@@ -20,7 +20,7 @@ mod quantity;
 mod spectrum;
 mod wavelength_grid;
 
-pub use colorimetry::{StandardObserver, decode_srgb, encode_srgb, linear_srgb};
+pub use colorimetry::{StandardObserver, daylight_d65, decode_srgb, encode_srgb, linear_srgb};
 pub use curve::{Curve, CurveError, FINE_STEP_NM};
 pub use curve_model::*;
 pub use eem::{EemError, EemTable, EnergyEem, PhotonEem, SeparableTerm, Stokes, YieldDensity};

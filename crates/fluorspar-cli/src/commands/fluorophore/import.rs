@@ -25,7 +25,7 @@ pub(super) struct Options {
     #[command(flatten)]
     file: FileOptions,
     /// TOML file to write, or `-` for standard output.
-    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    #[arg(long, value_name = "FILE", default_value = "-", value_hint = ValueHint::FilePath)]
     out: PathBuf,
 }
 

@@ -131,5 +131,6 @@ fn emission_figure(fluorophores: &[Fluorophore], light: &Curve, name: &str) -> F
     };
     let curves: Vec<NamedCurve> = fluorophores.iter().map(curve).collect();
     let label = Path::new(name).file_stem().map_or_else(|| name.into(), |s| s.to_string_lossy().into_owned());
-    emission(&curves, &format!("{IRRADIANCE_W_PER_M2} W/m² of {label}"), "W/(sr m² nm)", None)
+    let light = format!("{IRRADIANCE_W_PER_M2} W/m² of {label}");
+    emission(&curves, &light, "each at concentration 1 (the unit of the catalogue)", "W/(sr m² nm)", None)
 }

@@ -98,7 +98,7 @@ fn coverage(line: &MixtureLine, amounts: [f64; 2], noise: ChannelNoise, draws: u
             let electrons = Poisson::new(dn / noise.dn_per_electron).unwrap().sample(&mut random);
             electrons * noise.dn_per_electron * gain.sample(&mut random) + dark.sample(&mut random)
         });
-        let variance = noise.variances(rgb);
+        let variance = rgb.map(|value| noise.variance(value));
         let [low, high] = line.project(rgb, variance).unwrap().fraction_interval;
         hits[0] += usize::from((low..=high).contains(&truth));
         let fit = line.fit(rgb, variance).unwrap();
@@ -172,6 +172,8 @@ fn known_reflected_light_is_subtracted() {
         saturated: vec![false],
         noise_floor_dn: 1.0,
         full_scale_dn: 4000.0,
+        shares: vec![0.25, 0.5, 0.25],
+        subtracted: None,
         label: "blue".into(),
     };
     let noise = ChannelNoise { floor_dn: 1.0, dn_per_electron: 0.5, gain_spread: 0.0 };

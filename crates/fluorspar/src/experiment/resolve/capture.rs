@@ -1,17 +1,47 @@
 //! Exposures and analysis.
 
+use glam::Vec3;
+
 use super::context::{Context, Resolved};
-use super::material::unknown;
+use super::material::Fluorophores;
+use super::surface_mean::surface_mean;
 use super::{Capture, ResolvedAnalysis};
-use crate::experiment::error::steps;
+use crate::experiment::error::{Step, steps};
 use crate::experiment::schema::{AnalysisSection, ExperimentFile, ExposureTime, TextureReference};
 use crate::light::LightGroup;
-use crate::preset::{self, nearest_name};
-use crate::scene::Object;
-use crate::sensor::CaptureFrame;
+use crate::material::Material;
+use crate::optics::PerspectiveCamera;
+use crate::preset::nearest_name;
+use crate::scene::{Object, Shape};
+use crate::sensor::{CaptureFrame, Sensor};
 
 fn hint<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> String {
     nearest_name(name, known).map_or_else(|| ".".into(), |name| format!(", did you mean \"{name}\"?"))
+}
+
+/// Longest name of a capture.
+const LONGEST_LABEL: usize = 80;
+
+/// Names of captures become names of files: `raw_NAME.tiff`.
+fn check_label(context: &Context<'_>, at: &[Step], name: &str, earlier: &[&str]) -> Resolved<()> {
+    let safe = |c: char| c.is_alphanumeric() || "_-+. ".contains(c);
+    if !name.chars().all(safe) || name.trim() != name || name.ends_with('.') {
+        let message = "the files of the capture carry its name: give letters, digits, `_`, `-`, `+`, `.` or spaces \
+                       between them";
+        return context.fail(at, message);
+    }
+    if name.chars().count() > LONGEST_LABEL {
+        return context
+            .fail(at, format!("the files of the capture carry its name: at most {LONGEST_LABEL} letters"));
+    }
+    if let Some(other) = earlier.iter().find(|other| other.to_lowercase() == name.to_lowercase()) {
+        let message = format!(
+            "differs from the capture \"{other}\" only in capitals, which many file systems take for the same; choose \
+             another"
+        );
+        return context.fail(at, message);
+    }
+    Ok(())
 }
 
 pub(super) fn captures(
@@ -28,6 +58,7 @@ pub(super) fn captures(
         let at = |key: &str| steps!["capture", index, key];
         let earlier: Vec<&str> = file.capture[..index].iter().map(|other| other.name.as_str()).collect();
         context.unique_name(&steps!["capture", index], &section.name, earlier.iter().copied())?;
+        check_label(context, &at("name"), &section.name, &earlier)?;
         for (name, drive) in &section.light_groups {
             let at = steps!["capture", index, "light_groups", name];
             if !groups.iter().any(|group| group.name == *name) {
@@ -52,6 +83,17 @@ pub(super) fn captures(
         })?;
         let (exposure_ms, auto_exposure) = context.exposure(&at("exposure_ms"), section.exposure_ms, rule)?;
         context.within(&at("gain"), section.gain, [0.01, 1000.0], "")?;
+        if section.bracket_ev.len() > 31 {
+            return context.fail(&at("bracket_ev"), "has more than 31 exposures; give fewer");
+        }
+        for (number, stops) in section.bracket_ev.iter().enumerate() {
+            let at = steps!["capture", index, "bracket_ev", number];
+            context.within(&at, *stops, [-16.0, 16.0], "stops")?;
+        }
+        if let Some(on_ms) = section.light_on_ms {
+            context.positive(&at("light_on_ms"), on_ms, "milliseconds")?;
+            context.within(&at("light_on_ms"), on_ms, [0.0, 3.6e6], "milliseconds")?;
+        }
         if let Some(other) = &section.subtract
             && !earlier.contains(&other.as_str())
         {
@@ -70,6 +112,8 @@ pub(super) fn captures(
                 gain: section.gain,
             },
             subtract: section.subtract.clone(),
+            bracket_ev: section.bracket_ev.clone(),
+            light_on_ms: section.light_on_ms,
         });
     }
     if !captures.is_empty() {
@@ -85,11 +129,21 @@ pub(super) fn captures(
     Ok(captures)
 }
 
+/// What an analysis looks at.
+pub(super) struct Seen<'a> {
+    pub(super) objects: &'a [Object],
+    pub(super) materials: &'a [Material],
+    pub(super) camera: &'a PerspectiveCamera,
+    pub(super) sensor: Option<&'a Sensor>,
+    /// Fluorophores of the scene.
+    pub(super) fluorophores: &'a Fluorophores,
+}
+
 pub(super) fn analysis(
     context: &mut Context<'_>,
     file: &ExperimentFile,
     captures: &[Capture],
-    objects: &[Object],
+    seen: &Seen<'_>,
 ) -> Resolved<Option<ResolvedAnalysis>> {
     let Some(section) = &file.analysis else { return Ok(None) };
     let at = |key: &str| steps!["analysis", key];
@@ -102,17 +156,8 @@ pub(super) fn analysis(
         );
         return context.fail(&at("frame"), message);
     }
-    for (index, part) in section.parts.iter().enumerate() {
-        if !objects.iter().any(|object| object.name == *part) {
-            let names: Vec<&str> = objects.iter().map(|object| object.name.as_str()).collect();
-            let message = format!(
-                "the scene has no part of this name{} Known: {}",
-                hint(part, names.iter().copied()),
-                names.join(", ")
-            );
-            return context.fail(&steps!["analysis", "parts", index], message);
-        }
-    }
+    check_channels(context, seen.sensor)?;
+    check_region(context, section, seen)?;
     if let (Some([column, row, width, height]), Some(sensor)) = (section.rectangle_px, &file.sensor) {
         let (columns, rows) = (sensor.model.columns as u64, sensor.model.rows as u64);
         let outside =
@@ -124,19 +169,20 @@ pub(super) fn analysis(
             return context.fail(&at("rectangle_px"), message);
         }
     }
-    let known = |name: &str| {
-        preset::fluorophore(name).is_ok() || file.fluorophore.iter().any(|section| section.name == name)
-    };
-    if !known(&section.porphyrin) {
-        return Err(unknown(context, &at("porphyrin"), &file.fluorophore, &section.porphyrin));
-    }
     context.within(&at("noise_threshold"), section.noise_threshold, [0.0, 1000.0], "standard deviations")?;
-    let bulk = bulk(context, file, section, objects)?;
+    // What the analysis names but no material holds is predicted as well: a control without porphyrin has a line, too.
+    let mut absent = Fluorophores::default();
+    let mut note = |context: &mut Context<'_>, at: &[Step], name: &str| {
+        if seen.fluorophores.list.iter().any(|fluorophore| fluorophore.name == name) {
+            return Ok(());
+        }
+        absent.index(context, at, &file.fluorophore, name).map(|_| ())
+    };
+    note(context, &at("porphyrin"), &section.porphyrin)?;
+    let bulk = bulk(context, file, section, seen)?;
     for (name, amount) in &bulk {
         let at = steps!["analysis", "bulk", name];
-        if !known(name) {
-            return Err(unknown(context, &at, &file.fluorophore, name));
-        }
+        note(context, &at, name)?;
         context.within(&at, *amount, [0.0, 1e6], "")?;
     }
     Ok(Some(ResolvedAnalysis {
@@ -145,16 +191,83 @@ pub(super) fn analysis(
         rectangle_px: section.rectangle_px,
         porphyrin: section.porphyrin.clone(),
         bulk,
+        absent_fluorophores: absent.list,
         noise_threshold: section.noise_threshold,
     }))
 }
 
-/// Concentrations that form the bulk: as given, or the constant ones of a material without the porphyrin.
+/// Chromaticity needs three channels.
+fn check_channels(context: &Context<'_>, sensor: Option<&Sensor>) -> Resolved<()> {
+    let Some(sensor) = sensor else { return Ok(()) };
+    match ["R", "G", "B"].iter().find(|name| sensor.qe().find(name).is_none()) {
+        None => Ok(()),
+        Some(missing) => {
+            let names: Vec<&str> =
+                sensor.qe().channels().iter().map(|channel| channel.name.as_str()).collect();
+            let message = format!(
+                "chromaticity needs the channels R, G and B, but the sensor has no {missing}, only {}; remove [analysis], or \
+                 give the sensor another mosaic, such as \"grbg\"",
+                names.join(", ")
+            );
+            context.fail(&steps!["analysis"], message)
+        }
+    }
+}
+
+/// Refuses parts that do not exist, and regions of which no part can be in the image.
+fn check_region(context: &Context<'_>, section: &AnalysisSection, seen: &Seen<'_>) -> Resolved<()> {
+    let mut any_in_view = section.parts.is_empty();
+    for (index, part) in section.parts.iter().enumerate() {
+        let mut found = seen.objects.iter().filter(|object| object.name == *part).peekable();
+        if found.peek().is_none() {
+            let names: Vec<&str> = seen.objects.iter().map(|object| object.name.as_str()).collect();
+            let message = format!(
+                "the scene has no part of this name{} Known: {}",
+                hint(part, names.iter().copied()),
+                names.join(", ")
+            );
+            return context.fail(&steps!["analysis", "parts", index], message);
+        }
+        any_in_view |= found.any(|object| may_be_in_view(&object.shape, seen.camera));
+    }
+    if any_in_view {
+        return Ok(());
+    }
+    let message = "nothing of the region is in the image: it lies beside or behind what the camera sees. Turn the \
+                   camera, widen the field of view or choose another part";
+    context.fail(&steps!["analysis", "parts"], message)
+}
+
+/// Whether a shape is not wholly beyond one edge of the image or behind the camera. What hides it is not looked at.
+fn may_be_in_view(shape: &Shape, camera: &PerspectiveCamera) -> bool {
+    let tan_half_height = camera.tan_half_width * camera.height as f32 / camera.width as f32;
+    let side = |across: Vec3, tan: f32| (camera.forward * tan + across).normalize();
+    // Inward normals of the pyramid of view.
+    let planes = [
+        camera.forward,
+        side(camera.right, camera.tan_half_width),
+        side(-camera.right, camera.tan_half_width),
+        side(camera.up, tan_half_height),
+        side(-camera.up, tan_half_height),
+    ];
+    planes.iter().all(|normal| {
+        let inside = |point: Vec3, radius: f32| (point - camera.position).dot(*normal) > -radius;
+        match shape {
+            Shape::Mesh(mesh) => mesh.positions.iter().any(|position| inside(*position, 0.0)),
+            Shape::Sphere { center, radius_m } | Shape::Disc { center, radius_m, .. } => {
+                inside(*center, *radius_m)
+            }
+        }
+    })
+}
+
+/// Concentrations that form the bulk: as given, or those of a material without the porphyrin, where they vary their
+/// mean over the surfaces of the region that are made of it.
 fn bulk(
     context: &Context<'_>,
     file: &ExperimentFile,
     section: &AnalysisSection,
-    objects: &[Object],
+    seen: &Seen<'_>,
 ) -> Resolved<Vec<(String, f64)>> {
     if let Some(bulk) = &section.bulk {
         if section.bulk_material.is_some() {
@@ -163,27 +276,45 @@ fn bulk(
         }
         return Ok(bulk.iter().map(|(name, amount)| (name.clone(), *amount)).collect());
     }
-    let material = match &section.bulk_material {
+    let index = match &section.bulk_material {
         Some(name) => {
-            let found = file.material.iter().find(|material| material.name == *name);
-            let Some(found) = found else {
+            let found = file.material.iter().position(|material| material.name == *name);
+            if found.is_none() {
                 let names = file.material.iter().map(|material| material.name.as_str());
                 let message = format!("there is no [[material]] of this name{}", hint(name, names));
                 return context.fail(&steps!["analysis", "bulk_material"], message);
-            };
-            Some(found)
+            }
+            found
         }
         None => section
             .parts
             .first()
-            .and_then(|part| objects.iter().find(|object| object.name == *part))
-            .and_then(|object| file.material.get(object.material)),
+            .and_then(|part| seen.objects.iter().find(|object| object.name == *part))
+            .map(|object| object.material),
     };
-    let Some(material) = material else { return Ok(Vec::new()) };
-    let amounts = material.concentrations.iter().filter(|(name, _)| **name != section.porphyrin);
-    let constant = |(name, reference): (&String, &TextureReference)| match reference {
-        TextureReference::Constant(amount) if *amount > 0.0 => Some((name.clone(), *amount)),
-        _ => None,
+    let Some(index) = index else { return Ok(Vec::new()) };
+    let of_material = || seen.objects.iter().filter(move |object| object.material == index);
+    let in_region = |object: &&Object| section.parts.contains(&object.name);
+    let shapes = || {
+        let region_has_it = of_material().any(|object| in_region(&object));
+        of_material().filter(move |object| !region_has_it || in_region(object)).map(|object| &object.shape)
     };
-    Ok(amounts.filter_map(constant).collect())
+    let mut bulk = Vec::new();
+    for (name, reference) in &file.material[index].concentrations {
+        if *name == section.porphyrin {
+            continue;
+        }
+        let amount = match reference {
+            TextureReference::Constant(amount) => *amount,
+            TextureReference::Map(_) => {
+                let held = seen.materials[index].fluorophores.iter();
+                let held = held.filter(|held| seen.fluorophores.list[held.fluorophore].name == *name);
+                held.map(|held| surface_mean(&held.concentration, shapes())).sum()
+            }
+        };
+        if amount > 0.0 {
+            bulk.push((name.clone(), amount));
+        }
+    }
+    Ok(bulk)
 }

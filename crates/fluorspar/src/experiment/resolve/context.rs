@@ -12,10 +12,13 @@ use crate::experiment::document::Document;
 use crate::experiment::error::{ExperimentError, Step};
 use crate::experiment::schema::ExposureTime;
 use crate::sensor::AutoExposure;
+use crate::spectral::WavelengthGrid;
 
 pub(in crate::experiment) struct Context<'a> {
     pub(in crate::experiment) document: &'a Document,
     pub(in crate::experiment) warnings: Vec<String>,
+    /// Spectra that the wavelengths of the experiment exceed: what each is called, and the range that it holds over.
+    exceeded: Vec<(String, [f64; 2])>,
     pub(in crate::experiment) inputs: Vec<InputFile>,
     /// Entries of the catalogue in use, with the digest of their files.
     pub(in crate::experiment) presets: BTreeMap<String, String>,
@@ -32,10 +35,11 @@ impl<'a> Context<'a> {
         Self {
             document,
             warnings: Vec::new(),
-            inputs: Vec::new(),
-            presets: BTreeMap::new(),
             mouth: None,
             tissue: None,
+            exceeded: Vec::new(),
+            inputs: Vec::new(),
+            presets: BTreeMap::new(),
         }
     }
 
@@ -57,6 +61,43 @@ impl<'a> Context<'a> {
         if !self.warnings.contains(&warning) {
             self.warnings.push(warning);
         }
+    }
+
+    /// Notes a spectrum where the grid reaches beyond its data by more than half a usual bin.
+    pub(in crate::experiment) fn note_range(
+        &mut self,
+        at: &[Step],
+        [first, last]: [f64; 2],
+        grid: &WavelengthGrid,
+    ) {
+        const TOLERANCE_NM: f64 = 5.0;
+        if grid.start_nm() >= first - TOLERANCE_NM && grid.end_nm() <= last + TOLERANCE_NM {
+            return;
+        }
+        let place = self.document.error(at, "").0;
+        let parts = [place.entry, place.field, place.value];
+        let what = parts.into_iter().flatten().collect::<Vec<_>>().join(" ");
+        let range = [first.max(grid.start_nm()), last.min(grid.end_nm())];
+        if !self.exceeded.contains(&(what.clone(), range)) {
+            self.exceeded.push((what, range));
+        }
+    }
+
+    /// All warnings, those of one cause together.
+    pub(in crate::experiment) fn take_warnings(&mut self, grid: &WavelengthGrid) -> Vec<String> {
+        let exceeded = std::mem::take(&mut self.exceeded);
+        if !exceeded.is_empty() {
+            let list: Vec<String> =
+                exceeded.iter().map(|(what, [from, to])| format!("{what} ({from} to {to} nm)")).collect();
+            self.push_warning(format!(
+                "the wavelengths of the experiment run from {} to {} nm; beyond their own range these spectra are \
+                 extrapolated or taken as zero: {}",
+                grid.start_nm(),
+                grid.end_nm(),
+                list.join("; ")
+            ));
+        }
+        std::mem::take(&mut self.warnings)
     }
 
     pub(in crate::experiment) fn positive(&self, at: &[Step], value: f64, unit: &str) -> Resolved<f64> {

@@ -222,9 +222,15 @@ pub(in crate::experiment) fn sensor(
         let at = steps!["sensor", "filters", index];
         qe = qe.behind(&context.spectrum(&at, filter, Role::Filter, 0.0, grid)?);
     }
-    for (channel, [from, to]) in qe.truncated_on(grid) {
+    let cut: Vec<String> = qe
+        .truncated_on(grid)
+        .into_iter()
+        .map(|(channel, [from, to])| format!("{channel} ({from} to {to} nm)"))
+        .collect();
+    if !cut.is_empty() {
         let message = format!(
-            "channel {channel} was measured from {from} to {to} nm only and is taken as zero outside, though not small there"
+            "these channels were measured over a smaller range and are taken as zero outside, though not small there: {}",
+            cut.join(", ")
         );
         context.warn(&at, message);
     }

@@ -92,6 +92,11 @@ fn check_fields(context: &Context<'_>, at: &[Step], section: &LightSection) -> R
         ("position_mm", section.position_mm.is_some(), &[Ring, Disc, Rectangle, Sphere, Point][..], &[][..]),
         ("half_angle_deg", section.half_angle_deg.is_some(), &[Ring, Disc, Rectangle, Point][..], &[][..]),
     ];
+    let aims: &[LightType] = &[Ring, Disc, Rectangle, Point, Distant];
+    let given = given.into_iter().chain([
+        ("direction", section.direction.is_some(), aims, &[][..]),
+        ("look_at_mm", section.look_at_mm.is_some(), aims, &[][..]),
+    ]);
     let name = kind_name(section.kind);
     for (field, is_given, allowed, needed) in given {
         if is_given && !allowed.contains(&section.kind) {
@@ -107,6 +112,26 @@ fn check_fields(context: &Context<'_>, at: &[Step], section: &LightSection) -> R
     if section.kind != Environment && strengths != 1 {
         return context
             .fail(at, "give the strength of the light: either `power_mw` or `irradiance_w_per_m2`");
+    }
+    if section.kind == Environment && section.frame == LightFrame::Camera {
+        let at = [at, &steps!["frame"]].concat();
+        return context.fail(&at, "an environment is the same from everywhere; remove the frame");
+    }
+    if section.power_mw.is_some() && section.at_distance_mm.is_some() {
+        let at = [at, &steps!["at_distance_mm"]].concat();
+        let message = "goes with irradiance_w_per_m2, not with power_mw; remove one of the two";
+        return context.fail(&at, message);
+    }
+    if section.kind == Point
+        && section.half_angle_deg.is_none()
+        && let Some(field) = [("direction", section.direction), ("look_at_mm", section.look_at_mm)]
+            .into_iter()
+            .find_map(|(field, value)| value.map(|_| field))
+    {
+        let at = [at, &steps![field]].concat();
+        let message =
+            "a point without half_angle_deg shines evenly all around; remove this, or add half_angle_deg";
+        return context.fail(&at, message);
     }
     if section.direction.is_some() && section.look_at_mm.is_some() {
         let at = [at, &steps!["look_at_mm"]].concat();

@@ -199,14 +199,17 @@ fn separable(
     emission: Curve,
     stokes: Stokes,
 ) -> Resolved<PhotonEem> {
-    let emission = match section.unit {
+    // Y_q(lo|li) = Y_e(lo|li) lo / li, for the product of two spectra as for a matrix.
+    let weighted = |curve: Curve, weight: fn(f64) -> f64| match section.unit {
         Some(YieldUnit::Energy) => {
-            let wavelengths = emission.wavelengths_nm().to_vec();
-            let values = emission.values().iter().zip(&wavelengths).map(|(value, nm)| value * nm).collect();
-            Curve::new(wavelengths, values).map_err(|error| context.error(at, error.to_string()))?
+            let wavelengths = curve.wavelengths_nm().to_vec();
+            let values =
+                curve.values().iter().zip(&wavelengths).map(|(value, nm)| value * weight(*nm)).collect();
+            Curve::new(wavelengths, values).map_err(|error| context.error(at, error.to_string()))
         }
-        _ => emission,
+        _ => Ok(curve),
     };
+    let (excitation, emission) = (weighted(excitation, |nm| 1.0 / nm)?, weighted(emission, |nm| nm)?);
     let area = emission.total();
     if !(area > 0.0 && excitation.max() > 0.0) {
         return context.fail(at, "the fluorophore emits nothing: a spectrum is zero everywhere");

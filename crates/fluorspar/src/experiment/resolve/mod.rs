@@ -4,10 +4,12 @@ mod capture;
 pub(super) mod context;
 pub(super) mod device;
 mod lesion;
+mod instrument;
 mod light;
 pub(super) mod material;
 mod object;
 pub(super) mod spectrum;
+mod surface_mean;
 
 use std::path::PathBuf;
 
@@ -15,13 +17,13 @@ use sha2::{Digest, Sha256};
 
 use self::context::{Context, Resolved, hex};
 use super::error::{Step, steps};
-use super::schema::ExperimentFile;
+use super::schema::{ExperimentFile, MotionSection, SafetySection};
 use super::{Experiment, ExperimentError};
 use crate::optics::IdealLens;
 use crate::render::{RenderSettings, memory_bytes};
 use crate::scene::{Scene, SceneError};
-use crate::sensor::{CaptureFrame, CaptureSequence, Sensor};
-use crate::spectral::Curve;
+use crate::sensor::{CaptureFrame, CaptureSequence, Demosaicing, Sensor, Spectroradiometer};
+use crate::spectral::{Curve, Fluorophore};
 
 /// An experiment ready to run.
 #[derive(Clone, Debug, PartialEq)]
@@ -38,12 +40,24 @@ pub struct ResolvedExperiment {
     pub time_limit_s: Option<f64>,
     /// Transmittance of the filters in front of the lens; part of `lens.transmittance`, too.
     pub view_filter: Curve,
+    /// Whether the field of view of the camera is that of the lens and the sensor.
+    pub field_from_lens: bool,
     /// The lens with the viewing filters; `None` in a file that describes a scene only.
     pub lens: Option<IdealLens>,
     /// The sensor; `None` in a file that describes a scene only.
     pub sensor: Option<Sensor>,
     /// Exposures, in order.
     pub captures: Vec<Capture>,
+    /// Motion of the image between exposures.
+    pub motion: Option<MotionSection>,
+    /// How raw frames become linear channels.
+    pub develop: ResolvedDevelop,
+    /// Spectroradiometers.
+    pub spectroradiometers: Vec<ResolvedSpectroradiometer>,
+    /// Distances for the safety assessment.
+    pub safety: SafetySection,
+    /// Distance from the camera to the point that it looks at, mm.
+    pub camera_distance_mm: f64,
     /// What to compute from them.
     pub analysis: Option<ResolvedAnalysis>,
     /// Folder for the results, if the file names one.
@@ -52,6 +66,8 @@ pub struct ResolvedExperiment {
     pub warnings: Vec<String>,
     /// Files that were read, with their digests.
     pub inputs: Vec<InputFile>,
+    /// Files of base experiments that were read; they are part of `resolved_toml`.
+    pub base_files: Vec<PathBuf>,
     /// The complete experiment as a file: base, overrides and defaults written out, paths absolute. Reading it
     /// gives the same experiment and the same `sha256`.
     pub resolved_toml: String,
@@ -67,6 +83,61 @@ pub struct Capture {
     pub frame: CaptureFrame,
     /// Label of the earlier frame whose image is subtracted.
     pub subtract: Option<String>,
+    /// Further exposures, in stops from the first, that are merged with it.
+    pub bracket_ev: Vec<f64>,
+    /// How long the lights are on, ms, if it is not the time of the exposures.
+    pub light_on_ms: Option<f64>,
+}
+
+/// How raw frames become linear channels.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ResolvedDevelop {
+    /// Interpolation of the colours.
+    pub demosaicing: Demosaicing,
+    /// Dark frames for each exposure time and gain; none are taken if 0.
+    pub dark_frames: u32,
+    /// Flat field.
+    pub flat_field: Option<FlatFieldPlan>,
+    /// Robust standard deviations from which a pixel counts as bad.
+    pub bad_pixel_sigma: Option<f64>,
+}
+
+/// Frames of even light.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FlatFieldPlan {
+    /// Frames averaged.
+    pub frames: u32,
+    /// Signal of the brightest channel on the axis, share of full scale.
+    pub level: f64,
+    /// Spectrum of the light, any scale.
+    pub spectrum: Curve,
+}
+
+/// A spectroradiometer and what it looks at.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ResolvedSpectroradiometer {
+    /// Name.
+    pub name: String,
+    /// The frame whose lights are on.
+    pub frame: CaptureFrame,
+    /// What it looks at.
+    pub target: SpotOrParts,
+    /// The instrument with its filters.
+    pub instrument: Spectroradiometer,
+}
+
+/// What a spectroradiometer looks at.
+#[derive(Clone, Debug, PartialEq)]
+pub enum SpotOrParts {
+    /// A round spot.
+    Spot {
+        /// Its middle, from the left and the top edge of the picture, 0 to 1.
+        aim: [f64; 2],
+        /// Its full angle, degrees.
+        acceptance_deg: f64,
+    },
+    /// All pixels that show these parts.
+    Parts(Vec<String>),
 }
 
 /// What to compute from the captures.
@@ -82,6 +153,8 @@ pub struct ResolvedAnalysis {
     pub porphyrin: String,
     /// Fluorophores that form the bulk, with their amounts.
     pub bulk: Vec<(String, f64)>,
+    /// Those of these fluorophores that no material of the scene holds: their responses are predicted as well.
+    pub absent_fluorophores: Vec<Fluorophore>,
     /// Least channel sum that has a chromaticity, in standard deviations of its noise.
     pub noise_threshold: f64,
 }
@@ -156,18 +229,30 @@ pub fn resolve(experiment: &Experiment) -> Result<ResolvedExperiment, Experiment
     let objects =
         object::objects(context, file, &mut materials, &mut fluorophores, &grid, &mut light_groups)?;
     let captures = capture::captures(context, file, &light_groups)?;
-    let analysis = capture::analysis(context, file, &captures, &objects)?;
+    let motion = instrument::motion(context, file)?;
+    let develop = instrument::develop(context, file, sensor.as_ref(), &grid)?;
+    let spectroradiometers = instrument::spectroradiometers(context, file, &captures, &objects, &grid)?;
+    let safety = instrument::safety(context, file)?;
+    let seen = capture::Seen {
+        objects: &objects,
+        materials: &materials,
+        camera: &camera,
+        sensor: sensor.as_ref(),
+        fluorophores: &fluorophores,
+    };
+    let analysis = capture::analysis(context, file, &captures, &seen)?;
 
     let scene =
         Scene { grid, objects, materials, fluorophores: fluorophores.list, light_groups, lights, camera };
     scene.check().map_err(|error| scene_error(context, file, &error))?;
     device::check_memory(context, file, memory_bytes(&scene))?;
-    warn_unused(context, file, &scene);
+    warn_unused(context, file, &scene, analysis.as_ref());
     for warning in scene.warnings() {
         context.push_warning(warning.to_string());
     }
 
     let (resolved_toml, sha256) = write_out(context, file)?;
+    let warnings = context.take_warnings(&scene.grid);
     Ok(ResolvedExperiment {
         title: file.title.clone(),
         description: file.description.clone(),
@@ -175,16 +260,29 @@ pub fn resolve(experiment: &Experiment) -> Result<ResolvedExperiment, Experiment
         render,
         time_limit_s: file.render.time_limit_s,
         view_filter,
+        field_from_lens: file.camera.horizontal_field_deg == super::schema::FieldOfView::FromLens,
         lens,
         sensor,
         captures,
+        motion,
+        develop,
+        spectroradiometers,
+        safety,
+        camera_distance_mm: file.camera.distance_mm(),
         analysis,
         output_folder: file.output.folder.as_ref().map(PathBuf::from),
-        warnings: std::mem::take(&mut context.warnings),
+        warnings,
         inputs: std::mem::take(&mut context.inputs),
+        base_files: experiment.document.base_files.clone(),
         resolved_toml,
         sha256,
     })
+}
+
+/// The message of an error without the name in front, which the place in the file gives already.
+pub(super) fn without_name(error: &SceneError, name: &str) -> String {
+    let message = error.to_string();
+    message.strip_prefix(name).map_or_else(|| message.clone(), String::from)
 }
 
 /// Puts an error of the finished scene where it belongs in the file.
@@ -192,11 +290,15 @@ fn scene_error(context: &Context<'_>, file: &ExperimentFile, error: &SceneError)
     match error {
         SceneError::CreatesPhotons { material, .. } => {
             let index = file.material.iter().position(|section| section.name == *material).unwrap_or(0);
-            context.error(&steps!["material", index], error.to_string()).without_value()
+            let message = without_name(error, &format!("material \"{material}\" "));
+            context.error(&steps!["material", index], message).without_value()
         }
         SceneError::Mesh { object, .. } => {
             match file.object.iter().position(|section| section.name == *object) {
-                Some(index) => context.error(&steps!["object", index], error.to_string()),
+                Some(index) => {
+                    let message = without_name(error, &format!("object \"{object}\": "));
+                    context.error(&steps!["object", index], message)
+                }
                 None => context.error(&steps!["mouth"], error.to_string()),
             }
         }
@@ -208,7 +310,12 @@ fn scene_error(context: &Context<'_>, file: &ExperimentFile, error: &SceneError)
     }
 }
 
-fn warn_unused(context: &mut Context<'_>, file: &ExperimentFile, scene: &Scene) {
+fn warn_unused(
+    context: &mut Context<'_>,
+    file: &ExperimentFile,
+    scene: &Scene,
+    analysis: Option<&ResolvedAnalysis>,
+) {
     for (index, material) in scene.materials.iter().enumerate() {
         if !scene.objects.iter().any(|object| object.material == index) {
             context
@@ -216,7 +323,8 @@ fn warn_unused(context: &mut Context<'_>, file: &ExperimentFile, scene: &Scene) 
         }
     }
     for (index, section) in file.fluorophore.iter().enumerate() {
-        if !scene.fluorophores.iter().any(|fluorophore| fluorophore.name == section.name) {
+        let absent = analysis.iter().flat_map(|analysis| &analysis.absent_fluorophores);
+        if !scene.fluorophores.iter().chain(absent).any(|fluorophore| fluorophore.name == section.name) {
             context.warn(&steps!["fluorophore", index], "no material contains it");
         }
     }

@@ -50,7 +50,13 @@ impl Context<'_> {
     ) -> Resolved<Curve> {
         let curve = match reference {
             SpectrumReference::Constant(value) => Curve::constant(*value),
-            SpectrumReference::Model(model) => self.model(at, model)?,
+            SpectrumReference::Model(model) => {
+                let curve = self.model(at, model)?;
+                if let Some(range) = model.valid_nm() {
+                    self.note_range(at, range, grid);
+                }
+                curve
+            }
             SpectrumReference::Name(name) if is_path(name) => {
                 let table = SpectrumTable { csv: name.clone(), column: None, scale: None };
                 self.table(at, &table, grid)?
@@ -58,7 +64,7 @@ impl Context<'_> {
             SpectrumReference::Name(name) => {
                 let preset = role.preset(name).map_err(|error| self.error(at, error.to_string()))?;
                 self.note_preset("curve", name, &preset);
-                self.warn_range(at, preset.valid_nm, grid);
+                self.note_range(at, preset.valid_nm, grid);
                 preset.curve_at_angle(angle_deg)
             }
             SpectrumReference::Table(table) => self.table(at, table, grid)?,
@@ -92,7 +98,7 @@ impl Context<'_> {
         let options = CsvSpectrumOptions { columns, ..CsvSpectrumOptions::default() };
         let curve = self.csv(at, &table.csv, &options)?.swap_remove(0).curve;
         let (first, last) = curve.range_nm();
-        self.warn_range(at, [first, last], grid);
+        self.note_range(at, [first, last], grid);
         match table.scale {
             None => Ok(curve),
             Some(scale) if scale > 0.0 && scale.is_finite() => Ok(curve.scaled(scale)),
@@ -144,19 +150,6 @@ impl Context<'_> {
         self.fail(at, format!("the value {value} at {nm} nm is no number from 0 up"))
     }
 
-    /// Warns where a grid reaches beyond the data by more than half a usual bin.
-    fn warn_range(&mut self, at: &[Step], [first, last]: [f64; 2], grid: &WavelengthGrid) {
-        const TOLERANCE_NM: f64 = 5.0;
-        if grid.start_nm() < first - TOLERANCE_NM || grid.end_nm() > last + TOLERANCE_NM {
-            let message = format!(
-                "the spectrum holds from {first} to {last} nm, but the wavelengths of the experiment run from {} to {} nm",
-                grid.start_nm(),
-                grid.end_nm()
-            );
-            self.warn(at, message);
-        }
-    }
-
     /// A texture from its reference. Values must be between 0 and `highest`.
     pub(in crate::experiment) fn texture(
         &mut self,
@@ -187,6 +180,22 @@ impl Context<'_> {
         }
         if table.tissue.is_some() && table.anatomy.is_none() {
             return self.fail(&below("tissue"), "only a map of the anatomy belongs to a tissue; remove it");
+        }
+        let map =
+            ["image", "checker", "noise", "dorsal_tongue"].into_iter().zip(kinds).find(|(_, given)| *given);
+        let map = map.map_or("", |(name, _)| name);
+        for (key, is_given, maps) in [
+            ("low", table.low.is_some(), &["image", "checker", "noise"][..]),
+            ("high", table.high.is_some(), &["image", "checker", "noise"][..]),
+            ("seed", table.seed.is_some(), &["noise"][..]),
+            ("srgb", table.srgb.is_some(), &["image"][..]),
+        ] {
+            if is_given && !maps.contains(&map) {
+                let inside =
+                    if map == "dorsal_tongue" { ", which has its own fields inside its braces" } else { "" };
+                let message = format!("belongs to {}, not to {map}{inside}; remove it", maps.join(", "));
+                return self.fail(&below(key), message);
+            }
         }
         let low = self.within(&below("low"), table.low.unwrap_or(0.0), [0.0, highest], "")? as f32;
         let high = self.within(&below("high"), table.high.unwrap_or(1.0), [0.0, highest], "")? as f32;

@@ -73,7 +73,7 @@ impl JsonSchema for ExposureTime {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CaptureSection {
-    /// Name, unique among the captures.
+    /// Name, unique among the captures: letters, digits, `_`, `-`, `+`, `.` and spaces between them; files carry it.
     pub name: String,
     /// Light groups that are on, with their drive relative to the stated power, 0 or more. Default: all dark.
     #[serde(default)]
@@ -90,6 +90,14 @@ pub struct CaptureSection {
     /// Name of an earlier capture whose image is subtracted, scaled by exposure time: ambient light. Default: none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub subtract: Option<String>,
+    /// Further exposures of the same view and gain, in stops (factors of two in time) from the exposure time, -16 to 16; all
+    /// of them are merged to one frame of higher dynamic range, weighted by their noise. At most 31. Default: none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub bracket_ev: Vec<f64>,
+    /// How long the lights are on, ms, above 0 and at most 3 600 000: what the safety assessment counts. Default: the sum of the
+    /// exposure times.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub light_on_ms: Option<f64>,
 }
 
 fn auto() -> ExposureTime {
@@ -115,8 +123,8 @@ pub struct AnalysisSection {
     /// Fluorophore whose share is estimated. Default "protoporphyrin_ix".
     #[serde(default = "porphyrin")]
     pub porphyrin: String,
-    /// Material whose fluorophores, without the porphyrin, form the bulk of the tissue. Default: the material of
-    /// the first part.
+    /// Material whose fluorophores, without the porphyrin, form the bulk of the tissue; where a concentration is a map,
+    /// its mean over the region counts. Default: the material of the first part.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bulk_material: Option<String>,
     /// Concentrations that form the bulk of the tissue, instead of `bulk_material`.

@@ -146,7 +146,9 @@ pub struct ViewFilterSection {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SensorSection {
-    /// Sensor of the catalogue whose fields hold where this section gives none. Default: Table 1 of Lyu et al. 2021.
+    /// Sensor of the catalogue whose fields hold where this section gives none. On a base or by an override, another
+    /// preset than before takes the place of the whole section: size, quantum efficiency and all. Default: Table 1 of
+    /// Lyu et al. 2021.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub preset: Option<String>,
     /// Quantum efficiency: a name of the catalogue, or the path of a CSV file with one column per channel of the

@@ -45,7 +45,8 @@ pub struct FluorophoreSection {
     /// Path of a table whose first column of values is the emission spectrum.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub emission_csv: Option<String>,
-    /// What the values count; needed for matrices that do not say so. Emission spectra: default photons.
+    /// What the values count, emission and excitation alike; needed for matrices that do not say so. "energy" is energy
+    /// out per energy in, and becomes photons by the factor emission over excitation wavelength. Spectra: default photons.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub unit: Option<YieldUnit>,
     /// Photons out per photon in at the best excitation, at concentration 1, before the Stokes mask; above 0, at
@@ -88,7 +89,8 @@ pub struct MaterialSection {
     /// Clear layer on top. Default: none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gloss: Option<GlossSection>,
-    /// Concentration of each fluorophore, relative to the unit of the catalogue, 0 or more. Default: none.
+    /// Concentration of each fluorophore, relative to the unit of the catalogue, 0 or more. On a base, fluorophores that
+    /// are not named here keep their concentration; give 0 to leave one out. Default: none.
     #[serde(default)]
     pub concentrations: BTreeMap<String, TextureReference>,
 }

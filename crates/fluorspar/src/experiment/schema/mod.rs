@@ -1,7 +1,9 @@
 //! The sections of an experiment file.
 
 mod capture;
+mod develop;
 mod device;
+mod instrument;
 mod light;
 mod material;
 mod object;
@@ -12,7 +14,9 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 pub use capture::{AnalysisSection, CaptureSection, ExposureTime, OutputSection};
+pub use develop::{DevelopSection, FlatFieldSection, MotionSection};
 pub use device::{CameraSection, FieldOfView, LensSection, SensorSection, ViewFilterSection};
+pub use instrument::{SafetySection, SpectroradiometerSection};
 pub use light::{LightFrame, LightSection, LightType};
 pub use material::{FluorophoreSection, GlossSection, MaterialSection, YieldUnit};
 pub use object::{
@@ -76,6 +80,18 @@ pub struct ExperimentFile {
     /// Exposures of the sensor, in this order.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub capture: Vec<CaptureSection>,
+    /// Motion of the image between exposures. Default: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub motion: Option<MotionSection>,
+    /// How raw frames become linear channels. Default: black level and bilinear interpolation.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub develop: Option<DevelopSection>,
+    /// Spectroradiometers in the place of the camera.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub spectroradiometer: Vec<SpectroradiometerSection>,
+    /// Distances for the assessment of photobiological safety.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub safety: Option<SafetySection>,
     /// What is computed from the captures.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub analysis: Option<AnalysisSection>,

@@ -14,6 +14,7 @@ const PROVENANCE: &str = "fluorspar";
 const COMPONENT: &str = "fluorsparComponent";
 const SAMPLES: &str = "fluorsparSamplesPerPixel";
 const PARTS: &str = "fluorsparParts";
+const VIEW: &str = "fluorsparView";
 const FEATURES: &str = "features";
 const PREVIEW: &str = "preview";
 

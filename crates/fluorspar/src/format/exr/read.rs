@@ -10,8 +10,8 @@ use exr::meta::MetaData;
 use exr::meta::attribute::{AttributeValue, SampleType, Text};
 use exr::meta::header::Header;
 
-use super::{COMPONENT, EDGES, FEATURES, PARTS, PROVENANCE, QUANTITY, SAMPLES, UNITS, layout_unit};
-use crate::format::file::{MAX_IMAGE_BYTES, check_image_size, check_packing, guarded};
+use super::{COMPONENT, EDGES, FEATURES, PARTS, PROVENANCE, QUANTITY, SAMPLES, UNITS, VIEW, layout_unit};
+use crate::format::file::{check_image_size, check_packing, guarded, most_image_bytes};
 use crate::format::{FormatError, Loaded, Provenance};
 use crate::image::{Component, ComponentImage, FeatureMaps, SpectralImage};
 use crate::spectral::{Quantity, Radiance, WavelengthGrid};
@@ -92,7 +92,8 @@ fn read_component_parts(path: &Path) -> Result<Loaded<ComponentImage>, FormatErr
         ));
     };
     let bytes_per_pixel = (4 * (grid.len() * components.len() + FEATURE_CHANNELS.len())) as u64;
-    check_image_size(path, width as u64, height as u64, bytes_per_pixel)?;
+    let length = std::fs::metadata(path).map_err(|source| FormatError::io(path, "read", source))?.len();
+    check_image_size(path, width as u64, height as u64, bytes_per_pixel, most_image_bytes(length))?;
     let pixels = width * height;
     let mut buffers = [vec![0.0; components.len() * pixels * grid.len()], Vec::new()];
     let features_part = headers.iter().position(|header| part_name(header).as_deref() == Some(FEATURES));
@@ -147,6 +148,7 @@ fn feature_maps(path: &Path, header: &Header, maps: &[f32]) -> Result<FeatureMap
     if let Some(names) = attribute(header, PARTS) {
         (features.part_names, features.material_names) = parse_json(path, PARTS, &names)?;
     }
+    features.view = attribute(header, VIEW).map(|view| parse_json(path, VIEW, &view)).transpose()?;
     Ok(features)
 }
 
@@ -163,6 +165,7 @@ fn headers(path: &Path) -> Result<Vec<Header>, FormatError> {
     let file = File::open(path).map_err(failed)?;
     let meta =
         MetaData::read_from_buffered(BufReader::new(file), false).map_err(|error| damaged(path, &error))?;
+    let most_bytes = most_image_bytes(length);
     let mut total_bytes = 0_u64;
     for header in &meta.headers {
         if header.deep {
@@ -177,7 +180,7 @@ fn headers(path: &Path) -> Result<Vec<Header>, FormatError> {
         }
         let bytes = header.channels.bytes_per_pixel.max(4 * header.channels.list.len()) as u64;
         let Vec2(width, height) = header.layer_size;
-        check_image_size(path, width as u64, height as u64, bytes)?;
+        check_image_size(path, width as u64, height as u64, bytes, most_bytes)?;
         total_bytes = total_bytes.saturating_add((width as u64 * height as u64).saturating_mul(bytes));
         if header.chunk_count as u64 > length / 8 {
             return Err(FormatError::malformed(
@@ -187,11 +190,11 @@ fn headers(path: &Path) -> Result<Vec<Header>, FormatError> {
             ));
         }
     }
-    if total_bytes > MAX_IMAGE_BYTES {
+    if total_bytes > most_bytes {
         return Err(FormatError::too_large(
             path,
             format!("the parts claim {total_bytes} bytes together"),
-            format!("{MAX_IMAGE_BYTES} bytes"),
+            format!("{most_bytes} bytes"),
         ));
     }
     check_packing(path, total_bytes, length)?;

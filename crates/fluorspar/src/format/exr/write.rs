@@ -15,10 +15,10 @@ use exr::prelude::{
 };
 
 use super::{
-    COMPONENT, EDGES, FEATURES, LAYOUT_VERSION, PARTS, PREVIEW, PROVENANCE, QUANTITY, SAMPLES, UNITS,
+    COMPONENT, EDGES, FEATURES, LAYOUT_VERSION, PARTS, PREVIEW, PROVENANCE, QUANTITY, SAMPLES, UNITS, VIEW,
     layout_unit,
 };
-use crate::format::file::{check_image_size, write_atomically};
+use crate::format::file::{MAX_IMAGE_BYTES, check_image_size, write_atomically};
 use crate::format::{FormatError, Provenance};
 use crate::image::{ComponentImage, SpectralImage};
 use crate::spectral::{Quantity, Radiance, WavelengthGrid};
@@ -31,7 +31,7 @@ pub enum ExrCompression {
     /// Deflate over blocks of 16 rows.
     #[default]
     Zip,
-    /// Values rounded to 24 bits (relative error up to 2^-17 = 8e-6), then deflate: a third of the size of noisy data.
+    /// Values rounded to 24 bits (15 of the mantissa: relative error up to 2^-16 = 1.5e-5), then deflate: a third of the size of noisy data.
     Rounded24,
 }
 
@@ -159,7 +159,9 @@ fn features_part<'a>(path: &Path, image: &'a ComponentImage) -> Result<Option<Pa
         return Ok(None);
     }
     let names = json(&(&features.part_names, &features.material_names));
-    Ok(Some(Part { name: Some(FEATURES.into()), planes, attributes: vec![(PARTS, text(&names))] }))
+    let mut attributes = vec![(PARTS, text(&names))];
+    attributes.extend(features.view.map(|view| (VIEW, text(&json(&view)))));
+    Ok(Some(Part { name: Some(FEATURES.into()), planes, attributes }))
 }
 
 fn check(
@@ -171,7 +173,7 @@ fn check(
     options: &ExrOptions<'_>,
 ) -> Result<(), FormatError> {
     let refuse = |what: String, mend: &str| Err(FormatError::unwritable(path, what, mend));
-    if check_image_size(path, width as u64, height as u64, 1).is_err() {
+    if check_image_size(path, width as u64, height as u64, 1, MAX_IMAGE_BYTES).is_err() {
         return refuse(format!("an image can't have {height} rows and {width} columns"), "Give 1 to 100000");
     }
     if values != width * height * grid.len() * components {

@@ -1,0 +1,110 @@
+//! `fluorspar safety`: photobiological safety of an experiment's captures.
+
+use std::process::ExitCode;
+
+use fluorspar::pipeline::{SafetyReport, ViewerSafety, assess_safety};
+
+use super::table::{align, short};
+use crate::args::{ExperimentArgs, Talk};
+use crate::error::CliError;
+use crate::experiment_source::ExperimentSource;
+
+/// Options of `safety`.
+#[derive(Clone, Debug, clap::Args)]
+pub(crate) struct Options {
+    #[command(flatten)]
+    experiment: ExperimentArgs,
+    /// Distance from the camera at which a patient's eye may look into the lights, mm.
+    #[arg(long, value_name = "MM", allow_negative_numbers = true)]
+    patient_eye_mm: Option<f64>,
+    /// Distance from the lit mouth to the operator's eye, mm.
+    #[arg(long, value_name = "MM", allow_negative_numbers = true)]
+    operator_eye_mm: Option<f64>,
+    #[command(flatten)]
+    talk: Talk,
+}
+
+pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
+    let source = ExperimentSource::find(options.experiment.experiment.as_deref())?;
+    let mut overrides = options.experiment.overrides();
+    let number = |key: &str, mm: Option<f64>| mm.map(|mm| format!("safety.{key}={}", toml::Value::Float(mm)));
+    overrides.extend(number("patient_eye_distance_mm", options.patient_eye_mm));
+    overrides.extend(number("operator_eye_distance_mm", options.operator_eye_mm));
+    let experiment = source.resolve(&overrides, options.talk.quiet)?;
+    if experiment.captures.is_empty() {
+        return Err(CliError::Input(format!(
+            "{}: the experiment has no captures, so nothing says which lights are on and for how long; add [[capture]] \
+             sections",
+            source.name
+        )));
+    }
+    let report = assess_safety(&experiment, &[]);
+    if options.talk.json {
+        let mut value = serde_json::to_value(&report)?;
+        value["experiment_sha256"] = experiment.sha256.clone().into();
+        super::print_json(&value)?;
+    } else if !options.talk.quiet {
+        super::print_text(&describe(&experiment.title, &report))?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn describe(title: &str, report: &SafetyReport) -> String {
+    let mut text = format!("{title}\n{}\n{}\n", report.standard, report.caveat);
+    if !report.has_light() {
+        return text + "\nNo capture switches a light on.\n";
+    }
+    for capture in report.captures.iter().filter(|c| !c.viewers.is_empty()) {
+        text += &format!(
+            "\nCapture \"{}\": lights on for {} ms ({})\n",
+            capture.name,
+            short(1e3 * capture.light_on_s),
+            capture.light_on_from
+        );
+        for viewer in &capture.viewers {
+            text += &describe_viewer(viewer);
+        }
+    }
+    text += "\nWhole sequence of captures, times in 8 hours:\n";
+    for line in &report.programme {
+        let times = line.sequences_per_day.map_or_else(|| "not assessed".into(), |n| n.to_string());
+        text += &format!("  {:<16} {times}\n", line.viewer.name());
+    }
+    if let Some(group) = report.risk_group {
+        let group = serde_json::to_value(group).ok().and_then(|v| v.as_str().map(String::from));
+        text += &format!("Risk group at 200 mm, continuous: {}\n", group.unwrap_or_default());
+    }
+    text += "\nAssumed:\n";
+    for line in &report.assumptions {
+        text += &format!("  - {line}\n");
+    }
+    text
+}
+
+fn describe_viewer(viewer: &ViewerSafety) -> String {
+    if let Some(reason) = &viewer.not_assessed {
+        return format!("  {}: no margin: {reason}\n", viewer.viewer.name());
+    }
+    let mut text = format!(
+        "  {} at {} mm: {} W/m2\n",
+        viewer.viewer.name(),
+        short(viewer.distance_mm.unwrap_or(0.0)),
+        short(viewer.irradiance_w_per_m2.unwrap_or(0.0))
+    );
+    let head = ["    hazard", "quantity", "value", "limit", "unit", "margin", "per day"];
+    let mut rows = vec![head.map(String::from).to_vec()];
+    for a in &viewer.hazards {
+        let name = serde_json::to_value(a.hazard).ok().and_then(|v| v.as_str().map(String::from));
+        rows.push(vec![
+            format!("    {}", name.unwrap_or_default().replace('_', " ")),
+            a.quantity.into(),
+            short(a.value),
+            short(a.limit),
+            a.unit.into(),
+            a.margin.map_or_else(|| "-".into(), short),
+            a.exposures_per_day.map_or_else(|| "-".into(), |n| n.to_string()),
+        ]);
+    }
+    text += &align(&rows, &[1, 4]);
+    text
+}

@@ -1,0 +1,175 @@
+//! Directories of TIFF files, read from bytes: every offset and count is checked against the file.
+
+/// Most entries of a directory, and most directories of a file, that are looked at.
+const MOST_ENTRIES: usize = 4096;
+const MOST_DIRECTORIES: usize = 64;
+
+/// A TIFF file in memory.
+pub(super) struct TiffBytes<'a> {
+    bytes: &'a [u8],
+    big_endian: bool,
+}
+
+/// One entry: kind of its values, how many, and their bytes.
+struct Entry<'a> {
+    tag: u16,
+    kind: u16,
+    data: &'a [u8],
+}
+
+/// One directory.
+pub(super) struct Directory<'a> {
+    entries: Vec<Entry<'a>>,
+    big_endian: bool,
+}
+
+/// Bytes of one value of each TIFF type; 0 for unknown types.
+fn size_of(kind: u16) -> usize {
+    match kind {
+        1 | 2 | 6 | 7 => 1,
+        3 | 8 => 2,
+        4 | 9 | 11 | 13 => 4,
+        5 | 10 | 12 => 8,
+        _ => 0,
+    }
+}
+
+fn bytes_of<const N: usize>(data: &[u8]) -> Option<[u8; N]> {
+    data.get(..N)?.try_into().ok()
+}
+
+fn u16_at(data: &[u8], big_endian: bool) -> Option<u16> {
+    let bytes = bytes_of::<2>(data)?;
+    Some(if big_endian { u16::from_be_bytes(bytes) } else { u16::from_le_bytes(bytes) })
+}
+
+fn u32_at(data: &[u8], big_endian: bool) -> Option<u32> {
+    let bytes = bytes_of::<4>(data)?;
+    Some(if big_endian { u32::from_be_bytes(bytes) } else { u32::from_le_bytes(bytes) })
+}
+
+fn f64_at(data: &[u8], big_endian: bool) -> Option<f64> {
+    let bytes = bytes_of::<8>(data)?;
+    Some(if big_endian { f64::from_be_bytes(bytes) } else { f64::from_le_bytes(bytes) })
+}
+
+impl<'a> TiffBytes<'a> {
+    /// The file, if it begins as a classic TIFF does.
+    pub(super) fn new(bytes: &'a [u8]) -> Option<Self> {
+        let big_endian = match bytes.get(..4)? {
+            b"II*\0" => false,
+            b"MM\0*" => true,
+            _ => return None,
+        };
+        Some(Self { bytes, big_endian })
+    }
+
+    pub(super) fn bytes(&self) -> &'a [u8] {
+        self.bytes
+    }
+
+    pub(super) fn is_big_endian(&self) -> bool {
+        self.big_endian
+    }
+
+    /// The directory at an offset, if all of it lies in the file. Entries of unknown type, or whose values do not lie in the
+    /// file, are left out.
+    pub(super) fn directory(&self, offset: u64) -> Option<Directory<'a>> {
+        let start = usize::try_from(offset).ok()?;
+        let count = usize::from(u16_at(self.bytes.get(start..)?, self.big_endian)?);
+        if count > MOST_ENTRIES {
+            return None;
+        }
+        let table = self.bytes.get(start + 2..start.checked_add(2 + 12 * count)?)?;
+        let mut entries = Vec::with_capacity(count);
+        for row in table.chunks_exact(12) {
+            let tag = u16_at(row, self.big_endian)?;
+            let kind = u16_at(&row[2..], self.big_endian)?;
+            let values = u32_at(&row[4..], self.big_endian)?;
+            let Some(length) = size_of(kind).checked_mul(values as usize).filter(|l| *l > 0) else {
+                continue;
+            };
+            let data = if length <= 4 {
+                row.get(8..8 + length)
+            } else {
+                let at = u32_at(&row[8..], self.big_endian)? as usize;
+                at.checked_add(length).and_then(|end| self.bytes.get(at..end))
+            };
+            if let Some(data) = data {
+                entries.push(Entry { tag, kind, data });
+            }
+        }
+        Some(Directory { entries, big_endian: self.big_endian })
+    }
+
+    /// The directories of the file's chain and their sub-directories (tag 330), the first one first.
+    pub(super) fn directories(&self) -> Vec<Directory<'a>> {
+        let mut found = Vec::new();
+        let mut seen = Vec::new();
+        let mut open: Vec<u64> =
+            self.bytes.get(4..).and_then(|d| u32_at(d, self.big_endian)).map(u64::from).into_iter().collect();
+        while let Some(offset) = open.pop() {
+            if offset == 0 || seen.contains(&offset) || found.len() >= MOST_DIRECTORIES {
+                continue;
+            }
+            seen.push(offset);
+            let Some(directory) = self.directory(offset) else { continue };
+            let end = usize::try_from(offset).ok().and_then(|start| {
+                let count = usize::from(u16_at(self.bytes.get(start..)?, self.big_endian)?);
+                start.checked_add(2 + 12 * count)
+            });
+            let next = end.and_then(|end| u32_at(self.bytes.get(end..)?, self.big_endian));
+            open.extend(next.map(u64::from));
+            open.extend(directory.unsigned(330).into_iter().rev());
+            found.push(directory);
+        }
+        found
+    }
+}
+
+impl<'a> Directory<'a> {
+    fn entry(&self, tag: u16) -> Option<&Entry<'a>> {
+        self.entries.iter().find(|entry| entry.tag == tag)
+    }
+
+    /// Whole numbers of a tag (BYTE, SHORT, LONG, IFD); empty where there are none.
+    pub(super) fn unsigned(&self, tag: u16) -> Vec<u64> {
+        let Some(entry) = self.entry(tag) else { return Vec::new() };
+        let values = entry.data.chunks_exact(size_of(entry.kind).max(1));
+        values
+            .map_while(|value| match entry.kind {
+                1 | 7 => value.first().map(|v| u64::from(*v)),
+                3 => u16_at(value, self.big_endian).map(u64::from),
+                4 | 13 => u32_at(value, self.big_endian).map(u64::from),
+                _ => None,
+            })
+            .collect()
+    }
+
+    /// The only or first whole number of a tag.
+    pub(super) fn first(&self, tag: u16) -> Option<u64> {
+        self.unsigned(tag).first().copied()
+    }
+
+    /// Numbers of a tag of any numeric type; not finite ones are left as they are.
+    pub(super) fn numbers(&self, tag: u16) -> Vec<f64> {
+        let Some(entry) = self.entry(tag) else { return Vec::new() };
+        let long = |value: &[u8]| u32_at(value, self.big_endian);
+        let values = entry.data.chunks_exact(size_of(entry.kind).max(1));
+        values
+            .map_while(|value| match entry.kind {
+                5 => Some(f64::from(long(value)?) / f64::from(long(&value[4..])?)),
+                10 => Some(f64::from(long(value)? as i32) / f64::from(long(&value[4..])? as i32)),
+                11 => long(value).map(|bits| f64::from(f32::from_bits(bits))),
+                12 => f64_at(value, self.big_endian),
+                _ => None,
+            })
+            .chain(self.unsigned(tag).into_iter().map(|value| value as f64))
+            .collect()
+    }
+
+    /// Bytes of a tag.
+    pub(super) fn data(&self, tag: u16) -> Option<&'a [u8]> {
+        self.entry(tag).map(|entry| entry.data)
+    }
+}

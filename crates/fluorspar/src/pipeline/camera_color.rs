@@ -1,0 +1,118 @@
+//! Colour of a camera: from CIE 1931 tristimulus values to its channels, fitted from its quantum efficiency.
+
+use super::analyze::frame_lamp;
+use super::preview::{inverse, tissue_reflectances};
+use crate::experiment::{Capture, ResolvedExperiment};
+use crate::spectral::{
+    Curve, QuantumEfficiency, Radiance, Spectrum, StandardObserver, WavelengthGrid, daylight_d65,
+};
+
+/// The colour of the camera of an experiment, for raw converters.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CameraColor {
+    /// R, G, B of the camera, relative to the largest of a white surface under D65, from XYZ with Y = 1 for that surface; rows
+    /// first.
+    pub xyz_to_camera: [[f64; 3]; 3],
+    /// R, G, B of a neutral surface under the light of the frame, largest 1.
+    pub neutral: [f64; 3],
+}
+
+/// Widths, nm, of the smooth bands that stand for coloured surfaces beside the tissues.
+const BANDS_NM: [f64; 2] = [30.0, 70.0];
+
+impl CameraColor {
+    /// Fits the matrix by least squares over reflectances under D65: the tissues of the catalogue, bell-shaped bands and their
+    /// complements at every 20 nm, and a white surface that counts as much as all of them. The lens with its filters stands
+    /// before the sensor. The neutral is that of the frame's lights where they cover the visible range, else of D65.
+    ///
+    /// `None` without lens or sensor, without channels R, G and B, or where one of them sees nothing.
+    pub fn of_frame(experiment: &ResolvedExperiment, capture: &Capture) -> Option<Self> {
+        let (sensor, lens) = (experiment.sensor.as_ref()?, experiment.lens.as_ref()?);
+        let grid = WavelengthGrid::uniform(380.0, 780.0, 5.0).ok()?;
+        let qe: Vec<Spectrum<QuantumEfficiency>> = ["R", "G", "B"]
+            .iter()
+            .map(|name| Some(sensor.qe().on_grid(sensor.qe().find(name)?, &grid)))
+            .collect::<Option<_>>()?;
+        let respond = |light: &Curve| -> [f64; 3] {
+            let photons = light.times(&lens.transmittance).on_grid::<Radiance>(&grid).to_photons();
+            std::array::from_fn(|c| (0..grid.len()).map(|b| photons[b] * qe[c][b] * grid.width_nm(b)).sum())
+        };
+        let observer = StandardObserver::new(&grid);
+        let tristimulus = |light: &Curve| -> [f64; 3] {
+            let values: Vec<f32> =
+                light.on_grid::<Radiance>(&grid).values().iter().map(|v| *v as f32).collect();
+            observer.xyz(&values)
+        };
+        let daylight = daylight_d65();
+        let (white, white_xyz) = (respond(&daylight), tristimulus(&daylight));
+        let largest = white.iter().copied().fold(0.0, f64::max);
+        if white.iter().any(|&w| w <= 1e-9 * largest) {
+            return None;
+        }
+        let mut surfaces = tissue_reflectances();
+        for center in (400..=700).step_by(20) {
+            for width in BANDS_NM {
+                let bell = move |nm: f64| (-0.5 * ((nm - f64::from(center)) / width).powi(2)).exp();
+                surfaces.push(Curve::from_fn(380.0, 780.0, bell));
+                surfaces.push(Curve::from_fn(380.0, 780.0, move |nm| 1.0 - bell(nm)));
+            }
+        }
+        let (mut normal, mut right) = ([[0.0; 3]; 3], [[0.0; 3]; 3]);
+        let mut add = |surface: &Curve, weight: f64| {
+            let light = daylight.times(surface);
+            let xyz = tristimulus(&light).map(|v| v / white_xyz[1]);
+            let rgb = respond(&light).map(|v| v / largest);
+            for i in 0..3 {
+                for j in 0..3 {
+                    normal[i][j] += weight * xyz[i] * xyz[j];
+                    right[i][j] += weight * xyz[i] * rgb[j];
+                }
+            }
+        };
+        surfaces.iter().for_each(|surface| add(surface, 1.0));
+        add(&Curve::constant(1.0), surfaces.len() as f64);
+        let inverse = inverse(normal)?;
+        let xyz_to_camera = std::array::from_fn(|channel| {
+            std::array::from_fn(|axis| (0..3).map(|k| inverse[axis][k] * right[k][channel]).sum())
+        });
+        let lamp = frame_lamp(experiment, capture, None)
+            .filter(|lamp| lamp.integral(500.0, 650.0) >= 0.2 * lamp.total())
+            .map_or(white, |lamp| respond(&lamp));
+        let most = lamp.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
+        Some(Self { xyz_to_camera, neutral: lamp.map(|v| (v / most).max(1e-4)) })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::experiment::{parse, resolve};
+
+    /// The camera of the paper without its viewing filter: white stays white to 2 %, and the colours of tissues come out
+    /// within some per cent of white.
+    #[test]
+    fn a_camera_matrix_predicts_the_channels() {
+        let text = "base = \"oraleye-2021\"\n[view_filter]\nfilters = [\"uv_ir\"]";
+        let experiment = resolve(&parse(text, "test", std::path::Path::new("."), &[]).unwrap()).unwrap();
+        let capture = experiment.captures.iter().find(|c| c.frame.label == "white").unwrap();
+        let color = CameraColor::of_frame(&experiment, capture).unwrap();
+        let xyz_of_d65 = [0.9505, 1.0, 1.0888];
+        let camera: Vec<f64> = color
+            .xyz_to_camera
+            .iter()
+            .map(|row| row.iter().zip(xyz_of_d65).map(|(m, x)| m * x).sum())
+            .collect();
+        let largest = camera.iter().copied().fold(0.0, f64::max);
+        assert!((largest - 1.0).abs() < 0.02, "{camera:?}");
+        // Green is the most sensitive channel under daylight; red of XYZ goes mostly to red.
+        assert!(camera[1] >= camera[0] && camera[1] >= camera[2], "{camera:?}");
+        assert!(color.xyz_to_camera[0][0] > 0.0 && color.xyz_to_camera[2][2] > 0.0);
+        assert!(color.neutral.iter().all(|v| (0.05..=1.0).contains(v)), "{:?}", color.neutral);
+        // A frame without visible light takes the neutral of daylight.
+        let blue = experiment.captures.iter().find(|c| c.frame.label == "blue").unwrap();
+        let neutral = CameraColor::of_frame(&experiment, blue).unwrap().neutral;
+        for (n, c) in neutral.iter().zip(&camera) {
+            assert!((n - c / largest).abs() < 0.05, "{neutral:?} {camera:?}");
+        }
+    }
+}

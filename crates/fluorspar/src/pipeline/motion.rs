@@ -1,0 +1,118 @@
+//! Rigid motion of the image on the sensor from exposure to exposure.
+
+use rand_distr::{Distribution, StandardNormal};
+
+use crate::experiment::ResolvedExperiment;
+use crate::experiment::schema::MotionSection;
+use crate::image::SpectralImage;
+use crate::sampling::random::Key;
+use crate::spectral::Quantity;
+
+/// Where the image lies in each exposure: `drift * start of the exposure + jitter * N(0, 1)` in either direction. The
+/// first exposure starts at time 0.
+pub(super) struct MotionPath {
+    motion: Option<MotionSection>,
+    seed: u64,
+    exposure: u64,
+    time_s: f64,
+}
+
+impl MotionPath {
+    pub(super) fn new(experiment: &ResolvedExperiment) -> Self {
+        Self { motion: experiment.motion.clone(), seed: experiment.render.seed, exposure: 0, time_s: 0.0 }
+    }
+
+    /// Shift of the next exposure, which takes `exposure_s`: pixels of the sensor to the right and down.
+    pub(super) fn next(&mut self, exposure_s: f64) -> [f64; 2] {
+        let Some(motion) = &self.motion else { return [0.0; 2] };
+        let key = Key::new(self.seed).with_text("motion").with(self.exposure);
+        let start_s = self.time_s;
+        self.exposure += 1;
+        self.time_s += exposure_s + 1e-3 * motion.interval_ms;
+        [0, 1].map(|axis| {
+            let jitter = if motion.jitter_px > 0.0 {
+                let normal: f64 = StandardNormal.sample(&mut key.with(axis as u64).rng());
+                motion.jitter_px * normal
+            } else {
+                0.0
+            };
+            motion.drift_px_per_s[axis] * start_s + jitter
+        })
+    }
+}
+
+/// The image moved by samples to the right and down. Samples are squares of even light: each becomes the mean of the squares
+/// that it covers, so light is kept. What moves in at an edge is the edge's own value.
+pub(super) fn shifted<Q: Quantity>(image: &SpectralImage<Q>, right: f64, down: f64) -> SpectralImage<Q> {
+    let (width, height) = (image.width(), image.height());
+    let mut out = SpectralImage::zeros(image.grid().clone(), width, height);
+    let split = |shift: f64| {
+        let whole = shift.floor();
+        (whole as i64, (shift - whole) as f32)
+    };
+    let ((cols, col_part), (rows, row_part)) = (split(right), split(down));
+    let clamp = |index: i64, length: usize| index.clamp(0, length as i64 - 1) as usize;
+    for row in 0..height {
+        let above = clamp(row as i64 - rows - 1, height);
+        let below = clamp(row as i64 - rows, height);
+        for col in 0..width {
+            let before = clamp(col as i64 - cols - 1, width);
+            let after = clamp(col as i64 - cols, width);
+            let corners = [
+                (image.pixel(below, after), (1.0 - row_part) * (1.0 - col_part)),
+                (image.pixel(below, before), (1.0 - row_part) * col_part),
+                (image.pixel(above, after), row_part * (1.0 - col_part)),
+                (image.pixel(above, before), row_part * col_part),
+            ];
+            let target = out.pixel_mut(row, col);
+            for (values, weight) in corners {
+                if weight > 0.0 {
+                    target.iter_mut().zip(values).for_each(|(sum, value)| *sum += weight * value);
+                }
+            }
+        }
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::spectral::{Irradiance, WavelengthGrid};
+
+    #[test]
+    fn images_move_by_whole_and_broken_samples() {
+        let grid = WavelengthGrid::uniform(500.0, 500.0, 10.0).unwrap();
+        let data: Vec<f32> = (0..30).map(|i| (i * i % 17) as f32).collect();
+        let image: SpectralImage<Irradiance> = SpectralImage::from_data(grid, 6, 5, data).unwrap();
+        assert_eq!(shifted(&image, 0.0, 0.0), image);
+        let moved = shifted(&image, 2.0, 1.0);
+        assert_eq!(moved.pixel(3, 4), image.pixel(2, 2));
+        assert_eq!(moved.pixel(0, 0), image.pixel(0, 0), "the edge moves in");
+        let back = shifted(&image, -1.0, 0.0);
+        assert_eq!(back.pixel(2, 2), image.pixel(2, 3));
+        let quarter = shifted(&image, 0.25, 0.0);
+        let expected = 0.75 * image.pixel(2, 3)[0] + 0.25 * image.pixel(2, 2)[0];
+        assert!((quarter.pixel(2, 3)[0] - expected).abs() < 1e-6);
+    }
+
+    #[test]
+    fn drift_follows_time_and_jitter_its_spread() {
+        let section = MotionSection { drift_px_per_s: [10.0, -4.0], jitter_px: 0.0, interval_ms: 200.0 };
+        let path = |motion: &MotionSection| MotionPath {
+            motion: Some(motion.clone()),
+            seed: 3,
+            exposure: 0,
+            time_s: 0.0,
+        };
+        let mut steady = path(&section);
+        assert_eq!(steady.next(0.05), [0.0, 0.0]);
+        let second = steady.next(0.05);
+        assert!((second[0] - 2.5).abs() < 1e-12 && (second[1] + 1.0).abs() < 1e-12, "{second:?}");
+        let mut shaking = path(&MotionSection { drift_px_per_s: [0.0; 2], jitter_px: 3.0, ..section });
+        let draws: Vec<f64> = (0..2000).flat_map(|_| shaking.next(0.01)).collect();
+        let variance = draws.iter().map(|d| d * d).sum::<f64>() / draws.len() as f64;
+        // Variance of a normal: 9 (1 +- sqrt(2 / n)), four standard errors.
+        assert!((variance / 9.0 - 1.0).abs() < 4.0 * (2.0 / draws.len() as f64).sqrt(), "{variance}");
+    }
+}

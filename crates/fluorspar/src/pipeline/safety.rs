@@ -1,0 +1,518 @@
+//! Photobiological safety of an experiment's captures, for patient, operator and mucosa.
+
+use std::f64::consts::PI;
+
+use glam::DVec3;
+use serde::Serialize;
+
+use super::CapturedFrame;
+use super::direct_light::{SurfacePoint, emission_factor, emitter_factor};
+use crate::experiment::{Capture, ResolvedExperiment};
+use crate::light::Emitter;
+use crate::safety::{
+    ApparentSource, Assessment, Hazard, Illumination, RetinalObserver, RiskGroup, RiskQuantity, Target,
+    assess, risk_group,
+};
+use crate::scene::Shape;
+use crate::spectral::Curve;
+
+/// Whose safety it is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Viewer {
+    /// The patient's eye, looking into the lights.
+    PatientEye,
+    /// The operator's eye, looking at the lit mouth.
+    OperatorEye,
+    /// The mucosa that is lit.
+    Mucosa,
+}
+
+impl Viewer {
+    /// In words.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::PatientEye => "patient's eye",
+            Self::OperatorEye => "operator's eye",
+            Self::Mucosa => "mucosa",
+        }
+    }
+}
+
+/// One viewer of one capture. Without a distance it holds the reason and no numbers.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ViewerSafety {
+    /// Who.
+    pub viewer: Viewer,
+    /// Distance, mm; null where it is not known.
+    pub distance_mm: Option<f64>,
+    /// Why nothing is assessed; null where something is.
+    pub not_assessed: Option<String>,
+    /// Irradiance over all wavelengths, W/m².
+    pub irradiance_w_per_m2: Option<f64>,
+    /// Largest angle that a source subtends, mrad; null for mucosa.
+    pub source_subtense_mrad: Option<f64>,
+    /// All hazards.
+    pub hazards: Vec<Assessment>,
+    /// Smallest margin of all hazards.
+    pub smallest_margin: Option<f64>,
+    /// The hazard that has it.
+    pub governing: Option<Hazard>,
+    /// Captures like this in 8 hours that all limits allow; 0 where one exposure is too many.
+    pub captures_per_day: Option<u64>,
+}
+
+/// One capture.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct CaptureSafety {
+    /// Its name.
+    pub name: String,
+    /// Time that the lights are on, s.
+    pub light_on_s: f64,
+    /// Where that time comes from.
+    pub light_on_from: String,
+    /// Patient, operator, mucosa; empty when the lights are off.
+    pub viewers: Vec<ViewerSafety>,
+}
+
+/// All captures, one after the other.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ProgrammeSafety {
+    /// Who.
+    pub viewer: Viewer,
+    /// Whole sequences of captures in 8 hours that all limits allow.
+    pub sequences_per_day: Option<u64>,
+}
+
+/// The safety of an experiment.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct SafetyReport {
+    /// Where the limits come from.
+    pub standard: &'static str,
+    /// What the report is not.
+    pub caveat: &'static str,
+    /// What was assumed.
+    pub assumptions: Vec<String>,
+    /// Each capture.
+    pub captures: Vec<CaptureSafety>,
+    /// All of them together.
+    pub programme: Vec<ProgrammeSafety>,
+    /// Risk group of the lights of the brightest capture at 200 mm, in continuous operation; null when nothing shines.
+    pub risk_group: Option<RiskGroup>,
+    /// The quantities that it comes from.
+    pub risk_quantities: Vec<RiskQuantity>,
+}
+
+impl SafetyReport {
+    /// Whether any margin was computed.
+    pub fn has_margins(&self) -> bool {
+        self.captures.iter().flat_map(|c| &c.viewers).any(|v| v.not_assessed.is_none())
+    }
+
+    /// Whether anything shines in any capture.
+    pub fn has_light(&self) -> bool {
+        self.captures.iter().any(|c| !c.viewers.is_empty())
+    }
+}
+
+const STANDARD: &str =
+    "IEC 62471:2006; ICNIRP 2004 (ultraviolet), ICNIRP 2013 (visible and infrared, incoherent)";
+const CAVEAT: &str =
+    "A calculation from assumed lamps, not a certificate: a certificate needs the measured device.";
+/// Where lamps that are not for general lighting are classified: IEC 62471:2006, 6.1.
+const CLASSIFICATION_MM: f64 = 200.0;
+
+/// Assesses every capture of an experiment.
+///
+/// The light is that which reaches a place directly, unshaded. Patient's eye: on the axis of the camera at the stated distance,
+/// facing the camera. Mucosa: likewise at its distance. Operator's eye: sees a disc of the stated diameter and
+/// reflectance, lit as the mucosa is. Frames that were taken give the times of automatic exposures; without them their
+/// longest time is assumed.
+pub fn assess_safety(experiment: &ResolvedExperiment, frames: &[CapturedFrame]) -> SafetyReport {
+    let settings = &experiment.safety;
+    let mucosa_mm = settings.mucosa_distance_mm.unwrap_or(experiment.camera_distance_mm);
+    let mut captures = Vec::new();
+    let mut brightest: Option<(f64, Illumination)> = None;
+    for capture in &experiment.captures {
+        let (light_on_s, light_on_from) = light_on(capture, frames);
+        let at_mucosa = illumination(experiment, capture, axis_point(experiment, mucosa_mm));
+        let mut viewers = Vec::new();
+        if !at_mucosa.sources.is_empty() {
+            let lamp = illumination(experiment, capture, axis_point(experiment, CLASSIFICATION_MM));
+            let level = lamp.total_irradiance();
+            if brightest.as_ref().is_none_or(|(most, _)| level > *most) {
+                brightest = Some((level, lamp));
+            }
+            let observer = if settings.aphakic { RetinalObserver::Aphakic } else { RetinalObserver::Normal };
+            viewers.push(match settings.patient_eye_distance_mm {
+                None => refused(Viewer::PatientEye, "safety.patient_eye_distance_mm"),
+                Some(mm) => {
+                    let light = illumination(experiment, capture, axis_point(experiment, mm));
+                    viewer(Viewer::PatientEye, mm, &light, light_on_s, Target::Eye(observer))
+                }
+            });
+            viewers.push(match settings.operator_eye_distance_mm {
+                None => refused(Viewer::OperatorEye, "safety.operator_eye_distance_mm"),
+                Some(mm) => {
+                    let light = reflected(&at_mucosa, mm, settings.lit_diameter_mm, settings.reflectance);
+                    let target = Target::Eye(RetinalObserver::Normal);
+                    viewer(Viewer::OperatorEye, mm, &light, light_on_s, target)
+                }
+            });
+            let target = Target::Skin { safety_factor: settings.mucosa_safety_factor };
+            viewers.push(viewer(Viewer::Mucosa, mucosa_mm, &at_mucosa, light_on_s, target));
+        }
+        captures.push(CaptureSafety {
+            name: capture.frame.label.clone(),
+            light_on_s,
+            light_on_from,
+            viewers,
+        });
+    }
+    let (risk_group, risk_quantities) = match brightest {
+        Some((_, lamp)) => {
+            let (group, list) = risk_group(&lamp);
+            (Some(group), list)
+        }
+        None => (None, Vec::new()),
+    };
+    let programme = programme(&captures);
+    SafetyReport {
+        standard: STANDARD,
+        caveat: CAVEAT,
+        assumptions: assumptions(experiment, mucosa_mm),
+        captures,
+        programme,
+        risk_group,
+        risk_quantities,
+    }
+}
+
+fn assumptions(experiment: &ResolvedExperiment, mucosa_mm: f64) -> Vec<String> {
+    let settings = &experiment.safety;
+    let mut list = vec![
+        "lights at the power that the experiment states, unshaded; objects that shine included".into(),
+        format!(
+            "mucosa {mucosa_mm:.1} mm from the camera on its axis; there are no limits for mucosa: those for skin divided by {}",
+            settings.mucosa_safety_factor
+        ),
+        format!(
+            "the operator sees a disc of {} mm with a reflectance of {}, lit as the mucosa; mirror images of the lamps are not counted",
+            settings.lit_diameter_mm, settings.reflectance
+        ),
+        "the eye looks into the lights without blinking, pupil as the limits assume; eyes do not accommodate below 100 mm".into(),
+        "doses of all captures within 8 hours add up; burns are judged per capture".into(),
+        "risk group at 200 mm, as if the lights shone continuously; lasers are not covered".into(),
+    ];
+    if settings.aphakic {
+        list.push(
+            "the patient is an infant or has no lens in the eye: A(lambda) in place of B(lambda)".into(),
+        );
+    }
+    if experiment.scene.lights.iter().any(|light| matches!(light.emitter, Emitter::Distant { .. })) {
+        list.push("parallel light is taken as a point source".into());
+    }
+    list
+}
+
+fn refused(viewer: Viewer, field: &str) -> ViewerSafety {
+    ViewerSafety {
+        viewer,
+        distance_mm: None,
+        not_assessed: Some(format!("its distance is not known; give {field}")),
+        irradiance_w_per_m2: None,
+        source_subtense_mrad: None,
+        hazards: Vec::new(),
+        smallest_margin: None,
+        governing: None,
+        captures_per_day: None,
+    }
+}
+
+fn viewer(who: Viewer, mm: f64, light: &Illumination, light_on_s: f64, target: Target) -> ViewerSafety {
+    let hazards = assess(light, light_on_s, target);
+    let worst = hazards
+        .iter()
+        .filter_map(|a| a.margin.map(|margin| (margin, a.hazard)))
+        .min_by(|a, b| a.0.total_cmp(&b.0));
+    let too_much = worst.is_some_and(|(margin, _)| margin < 1.0);
+    let captures_per_day =
+        if too_much { Some(0) } else { hazards.iter().filter_map(|a| a.exposures_per_day).min() };
+    ViewerSafety {
+        viewer: who,
+        distance_mm: Some(mm),
+        not_assessed: None,
+        irradiance_w_per_m2: Some(light.total_irradiance()),
+        source_subtense_mrad: matches!(target, Target::Eye(_)).then(|| 1e3 * light.largest_subtense_rad()),
+        hazards,
+        smallest_margin: worst.map(|w| w.0),
+        governing: worst.map(|w| w.1),
+        captures_per_day,
+    }
+}
+
+/// Time that the lights of a capture are on.
+fn light_on(capture: &Capture, frames: &[CapturedFrame]) -> (f64, String) {
+    if let Some(ms) = capture.light_on_ms {
+        return (ms * 1e-3, "light_on_ms".into());
+    }
+    let label = &capture.frame.label;
+    if let Some(frame) = frames.iter().find(|frame| frame.raw.label == *label) {
+        let sum = frame.raw.exposure_s + frame.bracket.iter().map(|raw| raw.exposure_s).sum::<f64>();
+        return (sum, "exposure time".into());
+    }
+    let bracket: f64 = 1.0 + capture.bracket_ev.iter().map(|stops| stops.exp2()).sum::<f64>();
+    match (capture.frame.exposure_ms, &capture.frame.auto_exposure) {
+        (Some(ms), _) => (ms * 1e-3 * bracket, "exposure time".into()),
+        (None, rule) => {
+            let longest = rule.unwrap_or_default().max_exposure_ms;
+            (longest * 1e-3 * bracket, "longest time of the automatic exposure".into())
+        }
+    }
+}
+
+fn axis_point(experiment: &ResolvedExperiment, distance_mm: f64) -> SurfacePoint {
+    let camera = &experiment.scene.camera;
+    let forward = camera.forward.as_dvec3();
+    SurfacePoint { position: camera.position.as_dvec3() + forward * (1e-3 * distance_mm), normal: -forward }
+}
+
+/// Everything that shines at a point in a capture.
+fn illumination(experiment: &ResolvedExperiment, capture: &Capture, at: SurfacePoint) -> Illumination {
+    let scene = &experiment.scene;
+    let mut light = Illumination::default();
+    let mut add = |spectrum: &Curve, factor: f64, seen: Seen| {
+        if factor <= 0.0 {
+            return;
+        }
+        let index = light.spectra.iter().position(|other| other == spectrum).unwrap_or_else(|| {
+            light.spectra.push(spectrum.clone());
+            light.spectra.len() - 1
+        });
+        light.sources.push(ApparentSource {
+            spectrum: index,
+            irradiance_factor: factor,
+            direction: seen.direction.to_array(),
+            subtense_rad: seen.subtense_rad,
+            solid_angle_sr: seen.solid_angle_sr,
+        });
+    };
+    for lamp in &scene.lights {
+        let drive = capture.frame.drive(&scene.light_groups[lamp.group].name);
+        if drive > 0.0 {
+            add(&lamp.spectrum, drive * emitter_factor(&lamp.emitter, at), seen(&lamp.emitter, at));
+        }
+    }
+    for object in &scene.objects {
+        let Some(emission) = &object.emission else { continue };
+        let drive = capture.frame.drive(&scene.light_groups[emission.group].name);
+        if drive > 0.0 {
+            // Even radiance: irradiance over radiance is the projected solid angle.
+            let solid_angle_sr = emission_factor(&object.shape, at);
+            let center = match &object.shape {
+                Shape::Sphere { center, .. } | Shape::Disc { center, .. } => center.as_dvec3(),
+                Shape::Mesh(mesh) => {
+                    let (low, high) = mesh.bounds();
+                    0.5 * (low + high).as_dvec3()
+                }
+            };
+            let direction = (center - at.position).try_normalize().unwrap_or(at.normal);
+            let subtense_rad = 2.0 * (solid_angle_sr / PI).sqrt();
+            add(&emission.radiance, drive * solid_angle_sr, Seen { direction, subtense_rad, solid_angle_sr });
+        }
+    }
+    light
+}
+
+/// How a source looks from a place.
+struct Seen {
+    direction: DVec3,
+    subtense_rad: f64,
+    /// Projected on the plane of the place, as irradiance is, so that their ratio is the radiance.
+    solid_angle_sr: f64,
+}
+
+fn seen(emitter: &Emitter, at: SurfacePoint) -> Seen {
+    let patch = |center: DVec3, normal: Option<DVec3>, area: f64, sides: [f64; 2]| {
+        let way = center - at.position;
+        let Some(direction) = way.try_normalize() else {
+            return Seen { direction: at.normal, subtense_rad: PI, solid_angle_sr: PI };
+        };
+        let leaving = normal.map_or(1.0, |normal| (-direction.dot(normal)).max(0.0));
+        let arriving = direction.dot(at.normal).max(0.0);
+        Seen {
+            direction,
+            subtense_rad: 0.5 * (sides[0] + sides[1]) / way.length(),
+            solid_angle_sr: area * leaving * arriving / way.length_squared(),
+        }
+    };
+    match emitter {
+        Emitter::Disc { center, normal, radius_m, .. } => {
+            let radius = f64::from(*radius_m);
+            patch(center.as_dvec3(), Some(normal.as_dvec3()), PI * radius * radius, [2.0 * radius; 2])
+        }
+        Emitter::Rectangle { corner, edge_u, edge_v, .. } => {
+            let (u, v) = (edge_u.as_dvec3(), edge_v.as_dvec3());
+            let center = corner.as_dvec3() + 0.5 * (u + v);
+            patch(center, u.cross(v).try_normalize(), u.cross(v).length(), [u.length(), v.length()])
+        }
+        Emitter::Sphere { center, radius_m } => {
+            let radius = f64::from(*radius_m);
+            patch(center.as_dvec3(), None, PI * radius * radius, [2.0 * radius; 2])
+        }
+        Emitter::Point { position, .. } => patch(position.as_dvec3(), None, 0.0, [0.0; 2]),
+        Emitter::Distant { direction } => {
+            Seen { direction: -direction.as_dvec3(), subtense_rad: 0.0, solid_angle_sr: 0.0 }
+        }
+        Emitter::Environment => Seen { direction: at.normal, subtense_rad: PI, solid_angle_sr: PI },
+    }
+}
+
+/// A lit disc seen from a distance: `L = R E / pi`, solid angle `pi r² / (r² + d²)`.
+fn reflected(mucosa: &Illumination, distance_mm: f64, diameter_mm: f64, reflectance: f64) -> Illumination {
+    let radius = 0.5 * diameter_mm;
+    let solid_angle_sr = PI * radius * radius / (radius * radius + distance_mm * distance_mm);
+    let sources = mucosa
+        .sources
+        .iter()
+        .map(|source| ApparentSource {
+            spectrum: source.spectrum,
+            irradiance_factor: source.irradiance_factor * reflectance / PI * solid_angle_sr,
+            direction: [0.0, 0.0, 1.0],
+            subtense_rad: diameter_mm / distance_mm,
+            solid_angle_sr,
+        })
+        .collect();
+    Illumination { spectra: mucosa.spectra.clone(), sources }
+}
+
+/// Doses add up: a sequence uses `light_on / daily seconds` of each budget, and the hazard that is used up first decides.
+fn programme(captures: &[CaptureSafety]) -> Vec<ProgrammeSafety> {
+    [Viewer::PatientEye, Viewer::OperatorEye, Viewer::Mucosa]
+        .into_iter()
+        .filter(|who| captures.iter().flat_map(|c| &c.viewers).any(|v| v.viewer == *who))
+        .map(|who| {
+            let mut used: Vec<(Hazard, f64)> = Vec::new();
+            let (mut assessed, mut too_much) = (true, false);
+            for capture in captures {
+                for viewer in capture.viewers.iter().filter(|v| v.viewer == who) {
+                    assessed &= viewer.not_assessed.is_none();
+                    too_much |= viewer.smallest_margin.is_some_and(|margin| margin < 1.0);
+                    for hazard in &viewer.hazards {
+                        let Some(daily_s) = hazard.daily_seconds else { continue };
+                        let share = capture.light_on_s / daily_s;
+                        match used.iter_mut().find(|(other, _)| *other == hazard.hazard) {
+                            Some((_, sum)) => *sum += share,
+                            None => used.push((hazard.hazard, share)),
+                        }
+                    }
+                }
+            }
+            let most = used.iter().map(|(_, share)| *share).fold(0.0, f64::max);
+            let sequences_per_day = match (assessed, too_much) {
+                (false, _) => None,
+                (true, true) => Some(0),
+                (true, false) => (most > 0.0).then(|| ((1.0 + 1e-12) / most) as u64),
+            };
+            ProgrammeSafety { viewer: who, sequences_per_day }
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::experiment::{parse, resolve};
+
+    fn experiment(text: &str) -> ResolvedExperiment {
+        resolve(&parse(text, "test", std::path::Path::new("."), &[]).unwrap()).unwrap()
+    }
+
+    fn find(viewer: &ViewerSafety, hazard: Hazard) -> &Assessment {
+        viewer.hazards.iter().find(|a| a.hazard == hazard).unwrap()
+    }
+
+    /// Eight discs of 1 W on a circle of 35 mm, 100 mm away: `N P d² / (pi (d² + rho²)²)` = 202 W/m² per watt each.
+    const RING: &str = r#"
+        base = "flat-patch"
+        light = [
+            { name = "blue", remove = true },
+            { name = "ring", type = "ring", frame = "camera", spectrum = { kind = "led", peak_nm = 385.0, fwhm_short_nm = 2.0, fwhm_long_nm = 2.0 }, ring_radius_mm = 35.0, radius_mm = 2.5, power_mw = 1000.0 },
+        ]
+        [[capture]]
+        name = "blue"
+        light_groups = { ring = 1.0 }
+    "#;
+
+    fn ring(safety: &str) -> ResolvedExperiment {
+        experiment(&format!("{RING}\n{safety}"))
+    }
+
+    #[test]
+    fn a_ring_of_leds_by_hand() {
+        let report = assess_safety(
+            &ring("[safety]\npatient_eye_distance_mm = 100.0\noperator_eye_distance_mm = 300.0"),
+            &[],
+        );
+        let capture = report.captures.iter().find(|c| c.name == "blue").unwrap();
+        assert_eq!((capture.light_on_s, capture.light_on_from.as_str()), (0.03, "exposure time"));
+        let [patient, operator, mucosa] = capture.viewers.as_slice() else { panic!("{capture:?}") };
+        let near = |got: f64, expected: f64, tolerance: f64| {
+            assert!((got / expected - 1.0).abs() < tolerance, "{got}, expected {expected}");
+        };
+        // The extent of a disc (2.5 mm at 106 mm) changes the irradiance by less than 1e-3.
+        let irradiance = 8.0 * 0.01 / (PI * (0.01 + 0.035 * 0.035_f64).powi(2));
+        near(irradiance, 202.1, 1e-3);
+        near(patient.irradiance_w_per_m2.unwrap(), irradiance, 1e-3);
+        near(find(patient, Hazard::NearUv).value, irradiance * 0.03, 1e-3);
+        // 1e4 J/m² over 6.06 J/m².
+        assert_eq!(find(patient, Hazard::NearUv).exposures_per_day, Some((1e4 / (irradiance * 0.03)) as u64));
+        // Radiance of a Lambertian disc: P / (pi A); weight 0.013 within the 2 nm of the line.
+        let radiance = 1.0 / (PI * PI * 0.0025 * 0.0025);
+        near(find(patient, Hazard::BlueLight).value, 0.0133 * radiance * 0.03, 0.03);
+        near(patient.source_subtense_mrad.unwrap(), 5.0 / 105.95 * 1e3, 1e-3);
+        // The operator: L = E / pi whatever the distance, E_eye = L pi r² / (r² + d²).
+        let eye = irradiance / PI * PI * 900.0 / (900.0 + 9e4);
+        near(operator.irradiance_w_per_m2.unwrap(), eye, 1e-3);
+        near(find(operator, Hazard::BlueLight).value, 0.0133 * irradiance / PI * 0.03, 0.03);
+        // Mucosa at the distance to which the camera looks, 100 mm; a tenth of 2e4 t^0.25.
+        assert_eq!(mucosa.distance_mm, Some(100.0));
+        near(find(mucosa, Hazard::SkinThermal).value, irradiance * 0.03, 1e-3);
+        near(find(mucosa, Hazard::SkinThermal).limit, 2e3 * 0.03f64.powf(0.25), 1e-9);
+        // At 200 mm: 8 * 0.04 / (pi (0.04 + 0.001225)²) = 60 W/m² of UV-A: group 2.
+        let uva = report.risk_quantities.iter().find(|q| q.quantity == "E_UVA").unwrap();
+        near(uva.value, 8.0 * 0.04 / (PI * 0.041_225f64.powi(2)), 2e-3);
+        assert_eq!(report.risk_group, Some(RiskGroup::Moderate));
+        // The dark capture has no viewers, and the sequence is as the one lit capture.
+        assert!(report.captures[0].viewers.is_empty());
+        assert_eq!(report.programme[0].sequences_per_day, patient.captures_per_day);
+    }
+
+    #[test]
+    fn without_a_distance_there_is_no_margin() {
+        let report = assess_safety(&ring(""), &[]);
+        let capture = report.captures.iter().find(|c| c.name == "blue").unwrap();
+        for (index, field) in ["patient_eye_distance_mm", "operator_eye_distance_mm"].into_iter().enumerate()
+        {
+            let viewer = &capture.viewers[index];
+            assert!(viewer.not_assessed.as_ref().unwrap().contains(field));
+            assert!(viewer.hazards.is_empty() && viewer.smallest_margin.is_none());
+            assert_eq!(report.programme[index].sequences_per_day, None);
+        }
+        assert!(capture.viewers[2].not_assessed.is_none());
+    }
+
+    #[test]
+    fn too_bright_a_lamp_allows_no_capture() {
+        let mut bright = ring("[safety]\npatient_eye_distance_mm = 100.0");
+        for light in &mut bright.scene.lights {
+            light.spectrum = light.spectrum.scaled(1e5);
+        }
+        let report = assess_safety(&bright, &[]);
+        let patient = &report.captures[1].viewers[0];
+        assert!(patient.smallest_margin.unwrap() < 1.0);
+        assert_eq!(patient.captures_per_day, Some(0));
+        assert_eq!(report.programme[0].sequences_per_day, Some(0));
+        assert_eq!(report.risk_group, Some(RiskGroup::High));
+    }
+}

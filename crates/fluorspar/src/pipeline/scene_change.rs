@@ -1,0 +1,121 @@
+//! What of an experiment is fixed in a component image that is there already.
+
+use super::PipelineError;
+use crate::experiment::ResolvedExperiment;
+
+/// Refuses an experiment whose scene differs from the one that a component image was rendered from: the image would show
+/// the old scene under the new name.
+///
+/// `rendered` is the experiment that the image carries. Lens, viewing filter, sensor, captures, analysis, the seed of the
+/// noise and the limits of the render may differ. So may the field of view where the lens and the sensor give it: the
+/// image keeps its own.
+///
+/// # Errors
+/// The first part of the scene that differs.
+pub fn check_same_scene(
+    rendered: &ResolvedExperiment,
+    wanted: &ResolvedExperiment,
+) -> Result<(), PipelineError> {
+    match difference(rendered, wanted) {
+        None => Ok(()),
+        Some(what) => Err(PipelineError::OtherScene(what)),
+    }
+}
+
+/// First entry of two lists of named things that differs.
+fn named<'a, T: PartialEq>(
+    what: &str,
+    old: &'a [T],
+    new: &'a [T],
+    name: impl Fn(&'a T) -> &'a str,
+) -> Option<String> {
+    let changed = new.iter().find(|item| !old.contains(item));
+    let removed = || old.iter().find(|item| !new.contains(item));
+    match changed.or_else(removed) {
+        Some(item) => Some(format!("{what} \"{}\"", name(item))),
+        None if old.len() != new.len() => Some(format!("the number of {what}s")),
+        None => None,
+    }
+}
+
+fn difference(rendered: &ResolvedExperiment, wanted: &ResolvedExperiment) -> Option<String> {
+    let (old, new) = (&rendered.scene, &wanted.scene);
+    if old.grid != new.grid {
+        return Some("the wavelengths ([spectral])".into());
+    }
+    let listed = named("light", &old.lights, &new.lights, |light| &light.name)
+        .or_else(|| named("light group", &old.light_groups, &new.light_groups, |group| &group.name))
+        .or_else(|| named("fluorophore", &old.fluorophores, &new.fluorophores, |f| &f.name))
+        .or_else(|| named("material", &old.materials, &new.materials, |material| &material.name))
+        .or_else(|| named("object", &old.objects, &new.objects, |object| &object.name));
+    if listed.is_some() {
+        return listed;
+    }
+    let (a, b) = (&old.camera, &new.camera);
+    if (a.position, a.forward, a.right, a.up) != (b.position, b.forward, b.right, b.up) {
+        return Some("place or direction of the camera".into());
+    }
+    if !(rendered.field_from_lens && wanted.field_from_lens) && a.tan_half_width != b.tan_half_width {
+        return Some("the field of view (camera.horizontal_field_deg)".into());
+    }
+    if (a.width, a.height) != (b.width, b.height) {
+        return Some("the size of the image (render.width_px, render.height_px)".into());
+    }
+    let (a, b) = (&rendered.render, &wanted.render);
+    if a.samples_per_pixel != b.samples_per_pixel {
+        return Some("render.samples_per_pixel".into());
+    }
+    if a.max_depth != b.max_depth {
+        return Some("render.max_depth".into());
+    }
+    // A list that was only put into another order.
+    (old.lights != new.lights || old.objects != new.objects || old.materials != new.materials)
+        .then(|| "the order of lights, objects or materials".into())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::experiment::{parse, resolve};
+
+    fn experiment(overrides: &[&str]) -> ResolvedExperiment {
+        let overrides: Vec<String> = overrides.iter().map(ToString::to_string).collect();
+        let text = "base = \"flat-patch\"";
+        resolve(&parse(text, "test", std::path::Path::new("."), &overrides).unwrap()).unwrap()
+    }
+
+    #[test]
+    fn changes_of_the_scene_are_named_and_changes_of_the_camera_behind_it_are_not() {
+        let rendered = experiment(&[]);
+        let said = |change: &str| difference(&rendered, &experiment(&[change])).unwrap_or_default();
+        for (change, what) in [
+            ("light.blue.irradiance_w_per_m2=500", "light \"blue\""),
+            ("light.blue.spectrum=\"led_405\"", "light \"blue\""),
+            ("material.patch.concentrations.fad=0.3", "material \"patch\""),
+            ("object.patch.transform={ translate_mm = [0.0, 0.0, 1.0] }", "object \"patch\""),
+            ("spectral.step_nm=10", "the wavelengths ([spectral])"),
+            ("camera.position_mm=[0, 0, 90]", "place or direction of the camera"),
+            ("camera.horizontal_field_deg=30", "the field of view (camera.horizontal_field_deg)"),
+            ("render.width_px=32", "the size of the image (render.width_px, render.height_px)"),
+            ("render.samples_per_pixel=4", "render.samples_per_pixel"),
+            ("render.max_depth=3", "render.max_depth"),
+        ] {
+            let found = said(change);
+            // A camera elsewhere moves what hangs on it first; here nothing does.
+            assert_eq!(found, what, "{change}");
+        }
+        for change in [
+            "capture.blue.light_groups.blue=0.5",
+            "capture.blue.exposure_ms=10",
+            "view_filter.filters=[\"view_425_700\"]",
+            "lens.f_number=2",
+            "lens.focal_length_mm=4",
+            "sensor.columns=160",
+            "render.seed=9",
+            "analysis.noise_threshold=3",
+        ] {
+            assert_eq!(said(change), "", "{change}");
+            assert!(check_same_scene(&rendered, &experiment(&[change])).is_ok(), "{change}");
+        }
+    }
+}

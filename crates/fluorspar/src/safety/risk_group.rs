@@ -1,0 +1,116 @@
+//! Risk groups of lamps.
+
+use serde::Serialize;
+
+use super::illumination::{blue_light_field_rad, thermal_field_rad};
+use super::{ActionSpectrum, Illumination};
+
+/// Risk group of a lamp in continuous operation: IEC 62471:2006, 6.1.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+pub enum RiskGroup {
+    /// Exempt: no hazard.
+    #[serde(rename = "exempt")]
+    Exempt,
+    /// Low risk.
+    #[serde(rename = "1")]
+    Low,
+    /// Moderate risk.
+    #[serde(rename = "2")]
+    Moderate,
+    /// High risk.
+    #[serde(rename = "3")]
+    High,
+}
+
+/// One quantity of the classification.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct RiskQuantity {
+    /// Its symbol.
+    pub quantity: &'static str,
+    /// Its value.
+    pub value: f64,
+    /// Unit.
+    pub unit: &'static str,
+    /// Largest value of the exempt group, of group 1 and of group 2.
+    pub group_limits: [f64; 3],
+    /// The group that it alone gives.
+    pub group: RiskGroup,
+}
+
+/// The group of a lamp, the worst of its quantities, from the light at the distance of the test (200 mm for lamps that
+/// are not for general lighting).
+pub fn risk_group(light: &Illumination) -> (RiskGroup, Vec<RiskQuantity>) {
+    let alpha = light.largest_subtense_rad().clamp(0.0017, 0.1);
+    let thermal = light.averaged_radiance(ActionSpectrum::RetinalThermal, thermal_field_rad(10.0));
+    // Times of the groups for blue light: 1e4, 100 and 0.25 s, each with its field.
+    let blue = |seconds| light.averaged_radiance(ActionSpectrum::BlueLight, blue_light_field_rad(seconds));
+    let blue_levels = [blue(1e4), blue(100.0), blue(0.25)];
+    let irradiance = |weight| light.irradiance(weight);
+    let mut list: Vec<RiskQuantity> = [
+        ("E_s", irradiance(ActionSpectrum::ActinicUv), "W/m²", [0.001, 0.003, 0.03]),
+        ("E_UVA", irradiance(ActionSpectrum::UvA), "W/m²", [10.0, 33.0, 100.0]),
+        ("L_R", thermal, "W/(m² sr)", [28_000.0 / alpha, 28_000.0 / alpha, 71_000.0 / alpha]),
+        ("E_IR", irradiance(ActionSpectrum::InfraredEye), "W/m²", [100.0, 570.0, 3200.0]),
+    ]
+    .into_iter()
+    .map(|(quantity, value, unit, group_limits)| RiskQuantity {
+        quantity,
+        value,
+        unit,
+        group_limits,
+        group: group([value; 3], group_limits),
+    })
+    .collect();
+    let group_limits = [100.0, 1e4, 4e6];
+    list.push(RiskQuantity {
+        quantity: "L_B",
+        value: blue_levels[1],
+        unit: "W/(m² sr)",
+        group_limits,
+        group: group(blue_levels, group_limits),
+    });
+    let worst = list.iter().map(|q| q.group).max().unwrap_or(RiskGroup::Exempt);
+    (worst, list)
+}
+
+fn group(values: [f64; 3], limits: [f64; 3]) -> RiskGroup {
+    let groups = [RiskGroup::Exempt, RiskGroup::Low, RiskGroup::Moderate];
+    let within = |i: &usize| values[*i] <= limits[*i];
+    (0..3).find(within).map_or(RiskGroup::High, |i| groups[i])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::safety::ApparentSource;
+    use crate::spectral::Curve;
+
+    #[test]
+    fn uva_decides_the_group_of_a_385_nm_lamp() {
+        let at = |irradiance: f64| {
+            let spectrum = Curve::new(vec![384.9, 385.0, 385.1], vec![0.0, 10.0, 0.0]).unwrap();
+            let source = ApparentSource {
+                spectrum: 0,
+                irradiance_factor: irradiance,
+                direction: [0.0, 0.0, 1.0],
+                subtense_rad: 0.05,
+                solid_angle_sr: 0.0025,
+            };
+            risk_group(&Illumination { spectra: vec![spectrum], sources: vec![source] })
+        };
+        for (irradiance, expected) in [
+            (9.0, RiskGroup::Exempt),
+            (20.0, RiskGroup::Low),
+            (90.0, RiskGroup::Moderate),
+            (110.0, RiskGroup::High),
+        ] {
+            let (worst, list) = at(irradiance);
+            let uva = list.iter().find(|q| q.quantity == "E_UVA").unwrap();
+            assert!((uva.value - irradiance).abs() < 1e-6 * irradiance);
+            assert_eq!(uva.group, expected);
+            assert!(worst >= expected);
+        }
+        // 0.013 * 9 / 0.0025 = 47 W/(m² sr) and S: 5e-4 W/m²: exempt altogether.
+        assert_eq!(at(9.0).0, RiskGroup::Exempt);
+    }
+}

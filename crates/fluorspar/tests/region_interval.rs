@@ -1,0 +1,86 @@
+//! Are the intervals of a region's porphyrin fraction as wide as the sensor's noise makes them? Whole chain: expose a
+//! Bayer sensor, develop, analyse.
+#![allow(clippy::unwrap_used, clippy::expect_used, reason = "these are tests")]
+
+use fluorspar::analysis::{
+    AnalysisSettings, ChannelNoise, FluorophoreResponse, MixtureModel, RegionOfInterest, analyse,
+};
+use fluorspar::sensor::{
+    ElectronRate, Exposure, Sensor, SensorModel, SpectralQe, develop, develop_with_ambient,
+};
+use fluorspar::spectral::Curve;
+
+const SIDE: usize = 24;
+const DEVICES: u64 = 240;
+
+fn sensor(device_seed: u64) -> Sensor {
+    let qe = ["R", "G", "B"].map(|name| (name, Curve::constant(0.5)));
+    let model = SensorModel { columns: SIDE, rows: SIDE, device_seed, ..SensorModel::default() };
+    Sensor::new(model, SpectralQe::from_curves(qe).unwrap()).unwrap()
+}
+
+/// The same electrons per second for all pixels of a channel.
+fn rate(sensor: &Sensor, rgb: [f64; 3]) -> ElectronRate {
+    let mosaic = sensor.mosaic();
+    let data = (0..SIDE * SIDE).map(|i| {
+        let name = &mosaic.channels[mosaic.channel(i / SIDE, i % SIDE)];
+        let channel = ["R", "G", "B"].iter().position(|n| n == name).unwrap();
+        rgb[channel] as f32
+    });
+    ElectronRate { columns: SIDE, rows: SIDE, data: data.collect() }
+}
+
+/// Mean square of (estimate - truth) / standard error over many devices. The fluorescence is 0.3 of the way between bulk
+/// and porphyrin.
+fn mean_square_z(ambient_e_per_s: f64, subtract: bool) -> f64 {
+    let (bulk, porphyrin) = ([0.2, 0.5, 0.3], [0.8, 0.15, 0.05]);
+    let response = |name: &str, rgb: [f64; 3]| FluorophoreResponse { name: name.into(), rgb_per_amount: rgb };
+    let model = MixtureModel {
+        responses: vec![response("bulk", bulk), response("porphyrin", porphyrin)],
+        bulk_weights: vec![("bulk".into(), 1.0)],
+        porphyrin: "porphyrin".into(),
+    };
+    let truth = 0.3;
+    let light: [f64; 3] =
+        std::array::from_fn(|c| 40_000.0 * ((1.0 - truth) * bulk[c] + truth * porphyrin[c]));
+    let mut sum = 0.0;
+    for device in 0..DEVICES {
+        let sensor = sensor(device);
+        let take = |label: &str, rgb: [f64; 3]| {
+            let exposure = Exposure { seed: device, label: label.into(), ..Exposure::default() };
+            sensor.expose_rate(&rate(&sensor, rgb), &exposure).unwrap()
+        };
+        let frame = take("blue", light.map(|v| v + ambient_e_per_s));
+        let image = if subtract {
+            develop_with_ambient(&frame, &take("ambient", [ambient_e_per_s; 3])).unwrap()
+        } else {
+            develop(&frame)
+        };
+        let k = frame.dn_per_electron;
+        let sheet = sensor.model();
+        let noise = ChannelNoise::of_image(&image, k, sheet.prnu_percent / 100.0, k * sheet.dsnu_electrons());
+        let settings = AnalysisSettings::new(RegionOfInterest::whole_image(), noise);
+        let (analysis, ..) = analyse(&image, None, Some(&model), None, &settings).unwrap();
+        let estimate = analysis.mixture.unwrap().region.unwrap().estimate;
+        let z = (estimate.fraction - truth) / estimate.fraction_standard_error;
+        sum += z * z;
+    }
+    sum / DEVICES as f64
+}
+
+/// A mean square of n standard normal numbers has the standard deviation sqrt(2 / n); five of them, and 10 % for the
+/// rim of the image, where the interpolation weighs raw values unevenly.
+fn assert_honest(mean_square: f64) {
+    let tolerance = 5.0 * (2.0 / DEVICES as f64).sqrt() + 0.1;
+    assert!((mean_square - 1.0).abs() < tolerance, "mean square of z is {mean_square}");
+}
+
+#[test]
+fn the_interval_of_a_region_is_as_wide_as_the_noise() {
+    assert_honest(mean_square_z(0.0, false));
+}
+
+#[test]
+fn the_interval_of_a_region_under_ambient_light_is_as_wide_as_the_noise() {
+    assert_honest(mean_square_z(60_000.0, true));
+}
