@@ -46,7 +46,7 @@ fn a_changed_scene_needs_a_new_render() {
     for (change, what) in [
         (&["--set", "light.blue.irradiance_w_per_m2=500"][..], "light \"blue\""),
         (&["--set", "material.patch.concentrations.fad=0.9"], "material \"patch\""),
-        (&["--spp", "8"], "render.samples_per_pixel"),
+        (&["--set", "render.samples_per_pixel=8"], "render.samples_per_pixel"),
         (&["--experiment", "oraleye-2021"], "light"),
     ] {
         let said = capture(change);

@@ -94,7 +94,7 @@ fn only_untouched_results_are_replaced() {
 }
 
 /// A quick run of the flat patch.
-const QUICK: [&str; 8] = [
+const QUICK: [&str; 10] = [
     "--set",
     "render.samples_per_pixel=2",
     "--set",
@@ -103,6 +103,8 @@ const QUICK: [&str; 8] = [
     "sensor.rows=24",
     "--set",
     "sensor.pixel_size_um=15",
+    "--set",
+    "capture.blue.exposure_ms=3",
 ];
 
 #[test]

@@ -290,7 +290,7 @@ fn channels_stand_in_their_usual_order_and_light_that_is_left_out_is_named() {
     assert!(place("R e-") < place("G e-") && place("G e-") < place("B e-"));
     assert!(place("\nR ") < place("\nG ") && place("\nG ") < place("\nB "));
     assert!(
-        text.contains("1000 W/m2 (999.6 of it between 347.5 and 752.5 nm, the rest is left out)"),
+        text.contains("1000.0 W/m2 (999.6 of it between 347.5 and 752.5 nm, the rest is left out)"),
         "{text}"
     );
 }

@@ -348,7 +348,7 @@ fn raw_mistakes_are_explained() {
         (
             "\"gain\": 2.0",
             "\"gian\": 2.0",
-            "f.tiff.json:25: unknown field `gian`, expected one of `schema`, `label`, `width`, `height`, `mosaic`, `black_level`, `white_level`, `bit_depth`, `exposure_s`, `gain`, `dn_per_electron`, `read_noise_dn`, `seed`, `pixels_sha256`, `provenance`. Restore the file as it was written",
+            "f.tiff.json:25: unknown field `gian`, expected one of `schema`, `label`, `width`, `height`, `mosaic`, `black_level`, `white_level`, `bit_depth`, `exposure_s`, `gain`, `dn_per_electron`, `read_noise_dn`, `seed`, `packing`, `pixels_sha256`, `provenance`. Restore the file as it was written",
         ),
         (
             "\"rows\": 2",

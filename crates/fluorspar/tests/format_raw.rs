@@ -3,7 +3,6 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "these are tests")]
 
 use std::fs;
-use std::fs::File;
 use std::path::Path;
 
 use fluorspar::format::{
@@ -80,9 +79,13 @@ fn another_reader_finds_the_tags_and_the_pixels() {
     let image = frame(36, 10, 12, Mosaic::bayer("gbrg").unwrap());
     let color = DngColor { neutral: [0.5, 1.0, 0.25], ..DngColor::default() };
     write_sensor_dng(&path, &image, &color, None).unwrap();
-    let mut decoder = Decoder::new(std::io::BufReader::new(File::open(&path).unwrap())).unwrap();
+    // The decoder opens no colour filter arrays, so it gets the file as a grey picture.
+    let mut bytes = fs::read(&path).unwrap();
+    let photometric = photometric_at(&bytes);
+    assert_eq!(u16::from_ne_bytes([bytes[photometric], bytes[photometric + 1]]), 32_803);
+    bytes[photometric..photometric + 2].copy_from_slice(&1u16.to_ne_bytes());
+    let mut decoder = Decoder::new(std::io::Cursor::new(&bytes)).unwrap();
     let mut unsigned = |tag: u16| decoder.get_tag(Tag::Unknown(tag)).unwrap().into_u64_vec().unwrap();
-    assert_eq!(decoder_photometric(&path), 32_803);
     assert_eq!(unsigned(50_706), [1, 4, 0, 0]);
     assert_eq!(unsigned(33_421), [2, 2]);
     assert_eq!(unsigned(33_422), [1, 2, 0, 1]);
@@ -98,7 +101,6 @@ fn another_reader_finds_the_tags_and_the_pixels() {
     // Pixels by strip offset and length.
     let offset = decoder.get_tag(Tag::StripOffsets).unwrap().into_u64().unwrap() as usize;
     let length = decoder.get_tag(Tag::StripByteCounts).unwrap().into_u64().unwrap() as usize;
-    let bytes = fs::read(&path).unwrap();
     let pixels: Vec<u16> =
         bytes[offset..offset + length].chunks_exact(2).map(|p| u16::from_ne_bytes([p[0], p[1]])).collect();
     assert_eq!(pixels, image.data);
@@ -112,12 +114,12 @@ fn first(value: &Value) -> &Value {
 }
 
 /// Straight from the bytes of the first directory.
-fn decoder_photometric(path: &Path) -> u16 {
-    let bytes = fs::read(path).unwrap();
+/// Where the value of PhotometricInterpretation stands.
+fn photometric_at(bytes: &[u8]) -> usize {
     let u16_at = |at: usize| u16::from_ne_bytes([bytes[at], bytes[at + 1]]);
     let start = u32::from_ne_bytes(bytes[4..8].try_into().unwrap()) as usize;
     let rows = usize::from(u16_at(start));
-    (0..rows).map(|row| start + 2 + 12 * row).find(|at| u16_at(*at) == 262).map(|at| u16_at(at + 8)).unwrap()
+    (0..rows).map(|row| start + 2 + 12 * row).find(|at| u16_at(*at) == 262).unwrap() + 8
 }
 
 #[test]

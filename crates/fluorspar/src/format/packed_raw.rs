@@ -100,7 +100,7 @@ impl RawPacking {
 /// Writes a raw frame packed, and its description to `PATH.json`.
 ///
 /// # Errors
-/// Numbers that need more bits than the packing has, fields that contradict each other, a file that can't be written.
+/// A frame of more bits than the packing has, fields that contradict each other, a file that can't be written.
 pub fn write_packed_raw(
     path: &Path,
     image: &SensorImage,
@@ -109,8 +109,9 @@ pub fn write_packed_raw(
 ) -> Result<(), FormatError> {
     let mut description = description(path, image, provenance)?;
     let bits = packing.bits();
-    if let Some(most) = image.data.iter().max().filter(|most| u32::from(**most) >> bits > 0) {
-        let what = format!("the value {most} needs more than the {bits} bits of this packing");
+    if image.bit_depth > bits {
+        let what =
+            format!("a frame of {} bits does not fit the {bits} bits of this packing", image.bit_depth);
         return Err(FormatError::unwritable(path, what, "Choose a packing of more bits, or write a .tiff"));
     }
     description.packing = Some(PackedRows { format: packing, stride_bytes: None });

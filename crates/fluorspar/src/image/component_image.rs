@@ -140,12 +140,20 @@ impl ComponentImage {
         image
     }
 
-    /// Rounds every value to the 24 bits that component files of runs keep (a relative error of at most 1.5e-5), so
-    /// that frames taken now and frames taken from the file are the same to the last bit.
+    /// Rounds every value, features included, to the 24 bits that component files of runs keep (a relative error of at most
+    /// 1.5e-5), so that what is made of the image now and what is made of the file are the same to the last bit.
     pub fn round_to_24_bits(&mut self) {
-        for value in &mut self.data {
+        let features = &mut self.features;
+        let normals = features.normal.as_flattened_mut().iter_mut();
+        let uv = features.uv.as_flattened_mut().iter_mut();
+        for value in self.data.iter_mut().chain(&mut features.depth_m).chain(normals).chain(uv) {
             let rounded = f32::from_bits((value.to_bits().saturating_add(0x80)) & !0xff);
-            *value = if rounded.is_finite() { rounded } else { f32::from_bits(value.to_bits() & !0xff) };
+            // Rounding up must not make the largest numbers infinite; infinite depth stays.
+            *value = if rounded.is_finite() || value.is_infinite() {
+                rounded
+            } else {
+                f32::from_bits(value.to_bits() & !0xff)
+            };
         }
     }
 
@@ -165,7 +173,12 @@ mod tests {
         let mut image = ComponentImage::zeros(WavelengthGrid::default(), 1, 1, labels);
         let values = [0.0, 1.0, -1.0, 1.234_567_8, 7.654_321e-20, 1e-42, f32::MAX, -f32::MAX];
         image.data[..values.len()].copy_from_slice(&values);
+        image.features.depth_m = vec![0.123_456_79, f32::INFINITY];
+        image.features.normal = vec![[0.577_350_3; 3]];
         image.round_to_24_bits();
+        let features = &image.features;
+        assert!(features.depth_m[0].to_bits() & 0xff == 0 && features.depth_m[1] == f32::INFINITY);
+        assert!(features.normal[0][0].to_bits() & 0xff == 0);
         let once = image.clone();
         for (rounded, value) in image.data.iter().zip(values) {
             assert_eq!(rounded.to_bits() & 0xff, 0, "{value}");

@@ -41,7 +41,7 @@ fn named<'a, T: PartialEq>(
 fn difference(rendered: &ResolvedExperiment, wanted: &ResolvedExperiment) -> Option<String> {
     let (old, new) = (&rendered.scene, &wanted.scene);
     if old.grid != new.grid {
-        return Some("the wavelengths ([spectral])".into());
+        return Some("the wavelength grid ([spectral])".into());
     }
     let listed = named("light", &old.lights, &new.lights, |light| &light.name)
         .or_else(|| named("light group", &old.light_groups, &new.light_groups, |group| &group.name))
@@ -93,7 +93,7 @@ mod tests {
             ("light.blue.spectrum=\"led_405\"", "light \"blue\""),
             ("material.patch.concentrations.fad=0.3", "material \"patch\""),
             ("object.patch.transform={ translate_mm = [0.0, 0.0, 1.0] }", "object \"patch\""),
-            ("spectral.step_nm=10", "the wavelengths ([spectral])"),
+            ("spectral.step_nm=10", "the wavelength grid ([spectral])"),
             ("camera.position_mm=[0, 0, 90]", "place or direction of the camera"),
             ("camera.horizontal_field_deg=30", "the field of view (camera.horizontal_field_deg)"),
             ("render.width_px=32", "the size of the image (render.width_px, render.height_px)"),
