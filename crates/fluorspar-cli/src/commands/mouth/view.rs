@@ -120,7 +120,10 @@ fn picture(
         overrides.push(format!("mouth.{field}={value}"));
     }
     let base: &Path = &source.base_dir;
-    let experiment = resolve(&parse(&source.text, &source.name, base, &overrides)?)?;
+    let mut experiment = parse(&source.text, &source.name, base, &overrides)?;
+    // Only light is looked at: a region that this view does not see is no defect.
+    experiment.file.analysis = None;
+    let experiment = resolve(&experiment)?;
     if !experiment.scene.light_groups.iter().any(|group| group.name == options.light) {
         let known: Vec<&str> =
             experiment.scene.light_groups.iter().map(|group| group.name.as_str()).collect();

@@ -181,13 +181,12 @@ impl Context<'_> {
         if table.tissue.is_some() && table.anatomy.is_none() {
             return self.fail(&below("tissue"), "only a map of the anatomy belongs to a tissue; remove it");
         }
-        let map =
-            ["image", "checker", "noise", "dorsal_tongue"].into_iter().zip(kinds).find(|(_, given)| *given);
-        let map = map.map_or("", |(name, _)| name);
+        let names = ["image", "checker", "noise", "dorsal_tongue", "anatomy"];
+        let map = names.into_iter().zip(kinds).find(|(_, given)| *given).map_or("", |(name, _)| name);
         for (key, is_given, maps) in [
-            ("low", table.low.is_some(), &["image", "checker", "noise"][..]),
-            ("high", table.high.is_some(), &["image", "checker", "noise"][..]),
-            ("seed", table.seed.is_some(), &["noise"][..]),
+            ("low", table.low.is_some(), &["image", "checker", "noise", "anatomy"][..]),
+            ("high", table.high.is_some(), &["image", "checker", "noise", "anatomy"][..]),
+            ("seed", table.seed.is_some(), &["noise", "anatomy"][..]),
             ("srgb", table.srgb.is_some(), &["image"][..]),
         ] {
             if is_given && !maps.contains(&map) {
