@@ -231,8 +231,9 @@ impl<'a> Place<'a> {
         // Colonies: patches of some millimetres within the coating, on the papillae that hold it.
         let across = (self.u - 0.5) / 0.2;
         let middle = exp(-0.5 * across * across) * smoothstep(0.4, 0.28, (self.u - 0.5).abs());
-        let ramp = smoothstep(0.12, 0.5, self.v) * smoothstep(0.78, 0.68, self.v);
-        let colonies = smoothstep(-0.12, 0.22, self.noise(0x4b, 8.0, 4));
+        // From none at the tip evenly to the most at six tenths of the length.
+        let ramp = ((self.v - 0.05) / 0.5).clamp(0.0, 1.0) * smoothstep(0.78, 0.68, self.v);
+        let colonies = smoothstep(-0.14, 0.2, self.noise(0x4b, 8.0, 4));
         let hairs = tongue::filiform(self.p.seed, self.x, self.y);
         let bald = smoothstep(0.05, 0.5, tongue::fungiform(self.p.seed, self.x, self.y, self.v));
         middle * ramp * (0.12 + 0.88 * colonies) * lerp(0.45, 1.0, smoothstep(0.0, 0.6, hairs)) * (1.0 - bald)
