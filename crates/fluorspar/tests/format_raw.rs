@@ -3,7 +3,6 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "these are tests")]
 
 use std::fs;
-use std::path::Path;
 
 use fluorspar::format::{
     DngColor, FormatError, Provenance, RawPacking, read_sensor_image, write_packed_raw, write_sensor_dng,

@@ -97,6 +97,17 @@ impl<Q: Quantity> SpectralImage<Q> {
         &mut self.data[start..start + bands]
     }
 
+    /// Adds another image of the same grid and size.
+    ///
+    /// # Panics
+    /// In debug builds, when grids or sizes differ.
+    pub fn add(&mut self, other: &Self) {
+        debug_assert!(self.grid() == other.grid() && self.data.len() == other.data.len());
+        for (sum, value) in self.data.iter_mut().zip(&other.data) {
+            *sum += value;
+        }
+    }
+
     /// Mean spectrum over all pixels, accumulated in f64.
     pub fn mean_spectrum(&self) -> Spectrum<Q> {
         let mut sums = vec![0.0; self.bands()];

@@ -158,6 +158,18 @@ impl IdealLens {
         self.transmittance.on_grid(grid)
     }
 
+    /// Transmittance averaged over the bins of a grid for light of the given spectrum within each bin; `None` is even light.
+    pub fn transmittance_under(
+        &self,
+        grid: &WavelengthGrid,
+        light: Option<&Curve>,
+    ) -> Spectrum<Transmittance> {
+        match light {
+            Some(light) => self.transmittance.on_grid_under(grid, light),
+            None => self.transmittance_on(grid),
+        }
+    }
+
     /// Irradiance on the axis of a film under a uniform field.
     pub fn axial_irradiance(&self, radiance: &Spectrum<Radiance>) -> Spectrum<Irradiance> {
         let solid_angle = self.axial_solid_angle_sr();
@@ -173,9 +185,19 @@ impl IdealLens {
         radiance: &SpectralImage<Radiance>,
         film_width_mm: f64,
     ) -> SpectralImage<Irradiance> {
+        self.form_image_under(radiance, film_width_mm, None)
+    }
+
+    /// [`IdealLens::form_image`] for light whose spectrum within each bin is known.
+    pub fn form_image_under(
+        &self,
+        radiance: &SpectralImage<Radiance>,
+        film_width_mm: f64,
+        light: Option<&Curve>,
+    ) -> SpectralImage<Irradiance> {
         let (width, height, bands) = (radiance.width(), radiance.height(), radiance.bands());
         let solid_angle = self.axial_solid_angle_sr();
-        let transmittance = self.transmittance_on(radiance.grid());
+        let transmittance = self.transmittance_under(radiance.grid(), light);
         let on_axis: Vec<f32> = transmittance.values().iter().map(|t| (solid_angle * t) as f32).collect();
         let pitch_mm = film_width_mm / width as f64;
         let mut image = SpectralImage::zeros(radiance.grid().clone(), width, height);

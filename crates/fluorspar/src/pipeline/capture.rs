@@ -1,5 +1,6 @@
 //! From a component image to raw and developed frames.
 
+use super::light_by_shape::light_by_shape;
 use super::motion::{MotionPath, shifted};
 use super::{Calibration, PipelineError};
 use crate::analysis::SceneOnSensor;
@@ -151,7 +152,11 @@ pub fn capture(
     let mut path = MotionPath::new(experiment);
     let mut exposures = Vec::with_capacity(experiment.captures.len());
     for capture in &experiment.captures {
-        let irradiance = lens.form_image(&frame_radiance(&capture.frame, components), film.width_mm);
+        let mut irradiance =
+            SpectralImage::zeros(components.grid.clone(), components.width, components.height);
+        for light in light_by_shape(experiment, &capture.frame, components) {
+            irradiance.add(&lens.form_image_under(&light.radiance, film.width_mm, light.shape.as_ref()));
+        }
         exposures.push(expose_capture(experiment, sensor, capture, &irradiance, film, &mut path)?);
     }
     let calibration = Calibration::of_experiment(experiment, exposures.iter().flat_map(RawExposures::all))?;

@@ -7,7 +7,7 @@ use glam::DVec3;
 use crate::analysis::{PixelSelection, SceneOnSensor};
 use crate::experiment::{Capture, ResolvedExperiment};
 use crate::light::Emitter;
-use crate::scene::{Shape, SurfaceEmission};
+use crate::scene::{Scene, Shape, SurfaceEmission};
 use crate::sensor::CaptureFrame;
 use crate::spectral::Curve;
 
@@ -153,6 +153,29 @@ pub(crate) fn irradiance_on(
         .and_then(|label| experiment.captures.iter().find(|c| c.frame.label == *label))
         .map(|c| &c.frame);
     let drive = |group: usize| remaining_drive(&capture.frame, subtracted, &scene.light_groups[group].name);
+    direct_irradiance(scene, points, drive)
+}
+
+/// Spectrum of the light that one light group throws on a surface point, up to a factor: the irradiance where the camera's
+/// axis meets the plane in focus, or of all lights at equal power where none reaches that place. `None` for a group without
+/// light.
+pub(crate) fn group_spectrum(experiment: &ResolvedExperiment, group: &str) -> Option<Curve> {
+    let scene = &experiment.scene;
+    let drive = |index: usize| if scene.light_groups[index].name == group { 1.0 } else { 0.0 };
+    direct_irradiance(scene, &[axis_point(experiment)], drive).or_else(|| {
+        let of_lights = scene.lights.iter().filter(|l| drive(l.group) > 0.0).map(|l| &l.spectrum);
+        let of_objects = scene.objects.iter().filter_map(|o| o.emission.as_ref());
+        let spectra: Vec<(&Curve, f64)> = of_lights
+            .chain(of_objects.filter(|e| drive(e.group) > 0.0).map(|e| &e.radiance))
+            .filter(|spectrum| spectrum.total() > 0.0)
+            .map(|spectrum| (spectrum, 1.0 / spectrum.total()))
+            .collect();
+        weighted_sum(&spectra)
+    })
+}
+
+/// Mean irradiance on points under the lights of a scene, with a drive for each light group.
+fn direct_irradiance(scene: &Scene, points: &[SurfacePoint], drive: impl Fn(usize) -> f64) -> Option<Curve> {
     let mean = |factor: &dyn Fn(SurfacePoint) -> f64| {
         points.iter().map(|point| factor(*point)).sum::<f64>() / points.len().max(1) as f64
     };
@@ -180,7 +203,11 @@ pub(crate) fn irradiance_on(
             add(radiance, drive * mean(&|point| emission_factor(&object.shape, point)));
         }
     }
-    match parts.as_slice() {
+    weighted_sum(&parts)
+}
+
+fn weighted_sum(parts: &[(&Curve, f64)]) -> Option<Curve> {
+    match parts {
         [] => None,
         [(spectrum, weight)] => Some(spectrum.scaled(*weight)),
         _ => {

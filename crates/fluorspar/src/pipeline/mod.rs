@@ -16,6 +16,7 @@ mod calibration;
 mod camera_color;
 mod capture;
 mod direct_light;
+mod light_by_shape;
 mod motion;
 mod predict;
 mod preview;

@@ -73,7 +73,7 @@ impl FlatSample {
             flat.exposure.time_s = milliseconds * 1e-3;
         } else if let (Some(rule), Some(sensor)) = (&frame.auto_exposure, &flat.sensor) {
             let parts = parts(&flat)?;
-            if let Some(light) = on_film(&flat, &parts.view, &parts.total()) {
+            if let Some(light) = on_film(&flat, parts.behind_filter()) {
                 let rates = sensor.flat_electron_rate(&light);
                 let mosaic = sensor.mosaic();
                 let data = mosaic.pattern.iter().map(|&channel| rates[usize::from(channel)] as f32).collect();
@@ -177,7 +177,7 @@ pub enum PredictError {
 pub fn predict(sample: &FlatSample) -> Result<Prediction, PredictError> {
     let parts = parts(sample)?;
     let total = parts.total();
-    let light = on_film(sample, &parts.view, &total);
+    let light = on_film(sample, parts.behind_filter());
     let mut prediction = Prediction {
         wavelength_nm: sample.grid.centers_nm(),
         irradiance: parts.irradiance.clone(),
@@ -213,14 +213,14 @@ fn respond(
     response: &FlatResponse,
 ) {
     let time_s = sample.exposure.time_s;
-    let electrons = |radiance: &[f64]| -> Vec<f64> {
-        on_film(sample, &parts.view, radiance)
+    let electrons = |radiance: &[f64], view: &[f64]| -> Vec<f64> {
+        on_film(sample, radiance.iter().zip(view).map(|(l, t)| l * t).collect())
             .map(|light| sensor.flat_electron_rate(&light).into_iter().map(|rate| rate * time_s).collect())
             .unwrap_or_default()
     };
-    let reflected_e = electrons(&parts.reflected);
+    let reflected_e = electrons(&parts.reflected, &parts.view_of_reflected);
     let fluorescent_e: Vec<(&String, Vec<f64>)> =
-        parts.fluorescence.iter().map(|(name, values)| (name, electrons(values))).collect();
+        parts.fluorescence.iter().map(|(name, values)| (name, electrons(values, &parts.view))).collect();
     let names = &response.channels;
     for (c, name) in names.iter().enumerate() {
         let channel = ChannelPrediction {
@@ -248,9 +248,8 @@ fn respond(
         (fluorescent_total > 0.0).then(|| reflected_e.iter().sum::<f64>() / fluorescent_total);
 }
 
-/// Irradiance on the film from a radiance of the sample; none without a lens.
-fn on_film(sample: &FlatSample, view: &[f64], radiance: &[f64]) -> Option<Spectrum<Irradiance>> {
-    let filtered: Vec<f64> = radiance.iter().zip(view).map(|(l, t)| l * t).collect();
+/// Irradiance on the film from a radiance behind the view filter; none without a lens.
+fn on_film(sample: &FlatSample, filtered: Vec<f64>) -> Option<Spectrum<Irradiance>> {
     let lens = sample.lens.as_ref()?;
     Some(lens.axial_irradiance(&Spectrum::from_parts(sample.grid.clone(), filtered)))
 }
@@ -271,13 +270,26 @@ struct Parts {
     irradiance: Vec<f64>,
     reflected: Vec<f64>,
     fluorescence: Vec<(String, Vec<f64>)>,
+    /// Transmittance of the view filter for even light in each band.
     view: Vec<f64>,
+    /// The same for the reflected light, which has the shape of the lamp.
+    view_of_reflected: Vec<f64>,
 }
 
 impl Parts {
+    fn fluorescent(&self) -> impl Iterator<Item = f64> {
+        (0..self.reflected.len()).map(|b| self.fluorescence.iter().map(|(_, values)| values[b]).sum::<f64>())
+    }
+
     fn total(&self) -> Vec<f64> {
-        let fluorescent = |b: usize| self.fluorescence.iter().map(|(_, values)| values[b]).sum::<f64>();
-        self.reflected.iter().enumerate().map(|(b, reflected)| reflected + fluorescent(b)).collect()
+        self.reflected.iter().zip(self.fluorescent()).map(|(r, f)| r + f).collect()
+    }
+
+    /// Radiance behind the view filter.
+    fn behind_filter(&self) -> Vec<f64> {
+        let fluorescent = self.fluorescent().zip(&self.view).map(|(l, t)| l * t);
+        let reflected = self.reflected.iter().zip(&self.view_of_reflected).map(|(l, t)| l * t);
+        reflected.zip(fluorescent).map(|(r, f)| r + f).collect()
     }
 }
 
@@ -291,7 +303,8 @@ fn parts(sample: &FlatSample) -> Result<Parts, PredictError> {
 /// Products that matter are formed on fine samples and averaged over bins once.
 fn physical_parts(sample: &FlatSample) -> Parts {
     let grid = &sample.grid;
-    let reflected = sample.irradiance.times(&sample.reflectance).on_grid::<Radiance>(grid);
+    let reflected_light = sample.irradiance.times(&sample.reflectance);
+    let reflected = reflected_light.on_grid::<Radiance>(grid);
     let fluorescence = sample
         .fluorophores
         .iter()
@@ -305,6 +318,11 @@ fn physical_parts(sample: &FlatSample) -> Parts {
         reflected: reflected.values().iter().map(|v| v / PI).collect(),
         fluorescence,
         view: sample.view_filter.on_grid::<Transmittance>(grid).values().to_vec(),
+        view_of_reflected: sample
+            .view_filter
+            .on_grid_under::<Transmittance>(grid, &reflected_light)
+            .values()
+            .to_vec(),
     }
 }
 
@@ -331,6 +349,8 @@ fn toolbox_parts(sample: &FlatSample) -> Result<Parts, PredictError> {
         reflected: irradiance.iter().zip(&reflectance).map(|(e, r)| e * r / PI).collect(),
         irradiance,
         fluorescence,
+        // The toolbox knows spectra at points, not bands.
+        view_of_reflected: at(&sample.view_filter),
         view: at(&sample.view_filter),
     })
 }

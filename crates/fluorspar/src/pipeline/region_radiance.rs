@@ -5,11 +5,12 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use super::capture::on_sensor;
+use super::direct_light::group_spectrum;
 use crate::analysis::{PixelSelection, channel_response};
 use crate::experiment::ResolvedExperiment;
 use crate::image::{ComponentImage, Light};
 use crate::sensor::CaptureFrame;
-use crate::spectral::{QuantumEfficiency, Radiance, Spectrum};
+use crate::spectral::{Curve, QuantumEfficiency, Radiance, Spectrum};
 
 /// Mean radiance that leaves a region under the lights of one frame, before filter and lens, W/(sr m² nm).
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -18,6 +19,9 @@ pub struct RegionRadiance {
     pub wavelength_nm: Vec<f64>,
     /// Light that never fluoresced.
     pub reflected: Vec<f64>,
+    /// The same by light group.
+    #[serde(skip)]
+    pub reflected_by_group: BTreeMap<String, Vec<f64>>,
     /// Light that fluoresced once, by fluorophore; those without any are left out.
     pub fluorescence: BTreeMap<String, Vec<f64>>,
     /// Light that fluoresced more than once.
@@ -48,6 +52,7 @@ impl RegionRadiance {
         let mut radiance = Self {
             wavelength_nm: components.grid.centers_nm(),
             reflected: vec![0.0; bands],
+            reflected_by_group: BTreeMap::new(),
             fluorescence: BTreeMap::new(),
             multiple_fluorescence: vec![0.0; bands],
             total: vec![0.0; bands],
@@ -67,7 +72,12 @@ impl RegionRadiance {
             }
             mean.iter_mut().for_each(|sum| *sum /= pixels.len().max(1) as f64);
             let target = match &component.light {
-                Light::Reflected => &mut radiance.reflected,
+                Light::Reflected => {
+                    let group = radiance.reflected_by_group.entry(component.light_group.clone());
+                    let of_group = group.or_insert_with(|| vec![0.0; bands]);
+                    of_group.iter_mut().zip(&mean).for_each(|(sum, value)| *sum += value);
+                    &mut radiance.reflected
+                }
                 Light::MultipleFluorescence => &mut radiance.multiple_fluorescence,
                 Light::Fluorescence(name) => {
                     if mean.iter().all(|&v| v == 0.0) {
@@ -87,10 +97,10 @@ impl RegionRadiance {
     pub fn leak_ratio(&self, experiment: &ResolvedExperiment) -> Option<f64> {
         let (lens, sensor) = (experiment.lens.as_ref()?, experiment.sensor.as_ref()?);
         let grid = &experiment.scene.grid;
-        let transmittance = lens.transmittance_on(grid);
         let channels: Vec<Spectrum<QuantumEfficiency>> =
             (0..sensor.qe().channels().len()).map(|c| sensor.qe().on_grid(c, grid)).collect();
-        let electrons = |values: &[f64]| -> Option<f64> {
+        let electrons = |values: &[f64], shape: Option<&Curve>| -> Option<f64> {
+            let transmittance = lens.transmittance_under(grid, shape);
             let seen = values.iter().zip(transmittance.values()).map(|(l, t)| l * t).collect();
             let radiance = Spectrum::<Radiance>::new(grid.clone(), seen).ok()?;
             let mut sum = 0.0;
@@ -100,7 +110,11 @@ impl RegionRadiance {
             Some(sum)
         };
         let fluorescent: Vec<f64> = self.total.iter().zip(&self.reflected).map(|(t, r)| t - r).collect();
-        let fluorescent = electrons(&fluorescent)?;
-        (fluorescent > 0.0).then_some(electrons(&self.reflected)? / fluorescent)
+        let fluorescent = electrons(&fluorescent, None)?;
+        let mut reflected = 0.0;
+        for (group, values) in &self.reflected_by_group {
+            reflected += electrons(values, group_spectrum(experiment, group).as_ref())?;
+        }
+        (fluorescent > 0.0).then_some(reflected / fluorescent)
     }
 }

@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::PipelineError;
-use super::capture::frame_radiance;
+use super::light_by_shape::{light_by_shape, transmittance_ratio};
 use crate::analysis::{AnalysisError, RegionOfInterest, SceneOnSensor};
 use crate::experiment::{ResolvedExperiment, SpotOrParts};
 use crate::image::{ComponentImage, SpectralImage};
@@ -46,7 +46,6 @@ pub fn read_spectroradiometers(
     }
     let mut readings = Vec::new();
     for device in &experiment.spectroradiometers {
-        let radiance = frame_radiance(&device.frame, components);
         let (weights, target) = match &device.target {
             SpotOrParts::Spot { aim, acceptance_deg } => {
                 let camera = &experiment.scene.camera;
@@ -68,7 +67,16 @@ pub fn read_spectroradiometers(
                 (selection.pixels.into_iter().map(|pixel| (pixel, 1.0)).collect(), region.describe())
             }
         };
-        let mean = weighted_mean(&radiance, &weights);
+        let grid = &components.grid;
+        let mut mean = vec![0.0; grid.len()];
+        for light in light_by_shape(experiment, &device.frame, components) {
+            let part = weighted_mean(&light.radiance, &weights);
+            let ratio = transmittance_ratio(&device.instrument.filter, light.shape.as_ref(), grid);
+            for (band, sum) in mean.iter_mut().enumerate() {
+                *sum += part.values()[band] * ratio.as_ref().map_or(1.0, |ratio| ratio[band]);
+            }
+        }
+        let mean = Spectrum::<Radiance>::from_parts(grid.clone(), mean);
         let reading = device.instrument.read(&mean, experiment.render.seed, &device.name);
         readings.push(SpectroradiometerReading {
             name: device.name.clone(),

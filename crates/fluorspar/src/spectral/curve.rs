@@ -208,6 +208,21 @@ impl Curve {
         Spectrum::from_parts(grid.clone(), values)
     }
 
+    /// Bin averages weighted by the spectrum of the light that passes, `integral T w / integral w`: what a filter lets through
+    /// of light whose spectrum is as steep as its own edge. Even weight in bins without light.
+    pub fn on_grid_under<Q: Quantity>(&self, grid: &WavelengthGrid, light: &Self) -> Spectrum<Q> {
+        let product = self.times(light);
+        let average = |edge: &[f64]| {
+            let arriving = light.integral(edge[0], edge[1]);
+            if arriving > 0.0 {
+                product.integral(edge[0], edge[1]) / arriving
+            } else {
+                self.integral(edge[0], edge[1]) / (edge[1] - edge[0])
+            }
+        };
+        Spectrum::from_parts(grid.clone(), grid.edges_nm().windows(2).map(average).collect())
+    }
+
     /// The part between two wavelengths; zero elsewhere.
     #[must_use]
     pub fn clipped(&self, from_nm: f64, to_nm: f64) -> Self {
