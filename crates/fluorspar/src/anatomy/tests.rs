@@ -398,6 +398,89 @@ fn the_parts_of_the_sheet_share_their_borders() {
     }
 }
 
+/// Boundary loops of parts welded where their vertices coincide: number of loops, and whether an edge has more than two
+/// triangles.
+fn boundary_loops(parts: &[&Part]) -> (usize, bool) {
+    use std::collections::BTreeMap;
+    type Place = [u32; 3];
+    let mut edges: BTreeMap<(Place, Place), usize> = BTreeMap::new();
+    for part in parts {
+        let place = |v: u32| part.mesh.positions[v as usize].to_array().map(|c| (c + 0.0).to_bits());
+        for t in &part.mesh.triangles {
+            for (a, b) in [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])] {
+                let (a, b) = (place(a), place(b));
+                if a != b {
+                    *edges.entry((a.min(b), a.max(b))).or_default() += 1;
+                }
+            }
+        }
+    }
+    let mut parent: BTreeMap<Place, Place> = BTreeMap::new();
+    fn root(parent: &BTreeMap<Place, Place>, mut at: Place) -> Place {
+        while parent[&at] != at {
+            at = parent[&at];
+        }
+        at
+    }
+    for ((a, b), _) in edges.iter().filter(|(_, count)| **count == 1) {
+        parent.entry(*a).or_insert(*a);
+        parent.entry(*b).or_insert(*b);
+        let (a, b) = (root(&parent, *a), root(&parent, *b));
+        parent.insert(a, b);
+    }
+    (parent.iter().filter(|(a, b)| a == b).count(), edges.values().any(|count| *count > 2))
+}
+
+#[test]
+fn surfaces_are_open_only_where_they_say() {
+    let mouth = mouth(&coarse());
+    let of = |tissues: &[Tissue]| -> Vec<&Part> {
+        mouth.parts.iter().filter(|part| tissues.contains(&part.tissue)).collect()
+    };
+    // The sheet ends at the rim of the face only.
+    let sheet = ["face", "upper_lip", "lower_lip", "cheek_left", "cheek_right", "pharyngeal_wall"];
+    let sheet: Vec<&Part> = mouth.parts.iter().filter(|p| sheet.contains(&p.name.as_str())).collect();
+    assert_eq!(boundary_loops(&sheet), (1, false), "face to pharynx");
+    // The tongue ends at its root only.
+    let tongue = of(&[Tissue::TongueDorsum, Tissue::TongueVentral]);
+    assert_eq!(boundary_loops(&tongue), (1, false), "tongue");
+    for tooth in of(&[Tissue::Tooth]) {
+        assert_eq!(boundary_loops(&[tooth]), (1, false), "{}", tooth.name);
+    }
+}
+
+#[test]
+fn texture_coordinates_of_mucosa_do_not_overlap() {
+    let mouth = mouth(&coarse());
+    for tissue in Tissue::ALL {
+        // Crowns fold over their biting edge: there the map tells only the place around and the height.
+        if tissue == Tissue::Tooth {
+            continue;
+        }
+        // The parts of the tongue's back share one map, every other part has its own.
+        let groups: Vec<Vec<&Part>> = if tissue == Tissue::TongueDorsum {
+            vec![mouth.parts.iter().filter(|part| part.tissue == tissue).collect()]
+        } else {
+            mouth.parts.iter().filter(|part| part.tissue == tissue).map(|part| vec![part]).collect()
+        };
+        for group in groups {
+            let areas: Vec<f32> = group
+                .iter()
+                .flat_map(|part| {
+                    part.mesh.triangles.iter().map(|t| {
+                        let [a, b, c] = t.map(|v| part.mesh.uvs[v as usize]);
+                        0.5 * (b - a).perp_dot(c - a)
+                    })
+                })
+                .collect();
+            // All turn one way round and cover no more than the unit square: no two lie on each other.
+            let (signed, all) = (areas.iter().sum::<f32>().abs(), areas.iter().map(|a| a.abs()).sum::<f32>());
+            assert!(all - signed < 1e-4, "{}: {signed} of {all}", group[0].name);
+            assert!(all < 1.0 + 1e-4, "{}: {all}", group[0].name);
+        }
+    }
+}
+
 #[test]
 fn wrong_parameters_are_named_with_their_range() {
     let error = |parameters: MouthParameters| generate_mouth(&parameters).unwrap_err();
