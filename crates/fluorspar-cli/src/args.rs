@@ -7,7 +7,8 @@ use clap::{Parser, Subcommand, ValueHint};
 use clap_complete::Shell;
 
 use crate::commands::{
-    analyze, capture, check, fluorophore, mouth, predict, presets, render, run, safety, schema, spectroradiometer,
+    analyze, capture, check, fluorophore, mouth, predict, presets, render, run, safety, schema,
+    spectroradiometer,
 };
 
 /// Predicts what a fluorescence camera records, before the camera is built.

@@ -3,8 +3,8 @@
 mod capture;
 pub(super) mod context;
 pub(super) mod device;
-mod lesion;
 mod instrument;
+mod lesion;
 mod light;
 pub(super) mod material;
 mod object;
