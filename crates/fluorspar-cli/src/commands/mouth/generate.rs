@@ -126,7 +126,13 @@ fn dimensions(p: &MouthParameters, mouth: &Mouth) -> Vec<(&'static str, f64, Opt
             Some(d.tongue_length_mm),
             "79 to 85 mm at rest; Edinburgh",
         ),
-        ("tongue in front", p.tongue_protrusion_mm, d.tongue_protrusion_mm, "pose"),
+        (
+            "tongue in front",
+            p.tongue_protrusion_mm,
+            // A raised tip has left the place that the parameter tells.
+            d.tongue_protrusion_mm.filter(|_| p.tongue_curl == 0.0),
+            "pose",
+        ),
         (
             "width of the lips",
             p.lip_opening_width_mm,
