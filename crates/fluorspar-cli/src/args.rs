@@ -7,8 +7,8 @@ use clap::{Parser, Subcommand, ValueHint};
 use clap_complete::Shell;
 
 use crate::commands::{
-    analyze, capture, check, fluorophore, mouth, predict, presets, render, run, safety, schema,
-    spectroradiometer,
+    analyze, capture, check, denoise, fluorophore, merge, mouth, predict, presets, render, run, safety,
+    schema, spectroradiometer,
 };
 
 /// Predicts what a fluorescence camera records, before the camera is built.
@@ -31,6 +31,10 @@ pub(crate) enum Command {
     Run(run::Options),
     /// Render the spectral radiance of a scene, every band kept.
     Render(render::Options),
+    /// Put the films of several `render --shard` processes together.
+    Merge(merge::Options),
+    /// Reduce the noise of a component image, for pictures.
+    Denoise(denoise::Options),
     /// Take raw frames of a component image made by `run` or `render`.
     Capture(capture::Options),
     /// Analyse raw frames made by `run` or `capture`.
@@ -80,6 +84,12 @@ pub(crate) struct ExperimentArgs {
     /// Most surfaces that light visits; 1 is direct light only.
     #[arg(long, value_name = "D")]
     pub(crate) depth: Option<u32>,
+    /// Relative error at which a part of the picture gets no more paths; --spp is the most that it gets.
+    #[arg(long, value_name = "E")]
+    pub(crate) error: Option<f64>,
+    /// Keep half-buffers and variance in component images: none, light_groups or components.
+    #[arg(long, value_name = "WHAT")]
+    pub(crate) statistics: Option<String>,
 }
 
 impl ExperimentArgs {
@@ -89,6 +99,8 @@ impl ExperimentArgs {
         list.extend(self.spp.map(|n| format!("render.samples_per_pixel={n}")));
         list.extend(self.seed.overrides());
         list.extend(self.depth.map(|n| format!("render.max_depth={n}")));
+        list.extend(self.error.map(|e| format!("render.relative_error={e}")));
+        list.extend(self.statistics.as_ref().map(|s| format!("render.statistics={s}")));
         list
     }
 }

@@ -6,6 +6,7 @@ mod error;
 mod experiment_source;
 mod progress;
 
+use std::io::ErrorKind;
 use std::process::ExitCode;
 
 use clap::Parser;
@@ -19,11 +20,16 @@ fn main() -> ExitCode {
         // Help and version are no errors; everything else is exit code 2.
         Err(error) => {
             let code = if error.use_stderr() { ExitCode::from(2) } else { ExitCode::SUCCESS };
-            return if error.print().is_ok() { code } else { ExitCode::from(1) };
+            return match error.print() {
+                Err(error) if error.kind() != ErrorKind::BrokenPipe => ExitCode::from(1),
+                _ => code,
+            };
         }
     };
     match run(args) {
         Ok(code) => code,
+        // The reader has seen enough: `fluorspar presets | head`.
+        Err(CliError::Stdout(error)) if error.kind() == ErrorKind::BrokenPipe => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("error: {error}");
             error.exit_code()
@@ -39,6 +45,8 @@ fn run(args: Args) -> Result<ExitCode, CliError> {
     match args.command.unwrap_or_default() {
         Command::Run(options) => commands::run::run(&options),
         Command::Render(options) => commands::render::run(&options),
+        Command::Merge(options) => commands::merge::run(&options),
+        Command::Denoise(options) => commands::denoise::run(&options),
         Command::Capture(options) => commands::capture::run(&options),
         Command::Analyze(options) => commands::analyze::run(&options),
         Command::Fluorophore(options) => commands::fluorophore::run(&options),

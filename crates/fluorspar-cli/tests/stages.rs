@@ -183,6 +183,8 @@ fn help_names_every_command_and_option() {
     for command in [
         "run",
         "render",
+        "merge",
+        "denoise",
         "capture",
         "analyze",
         "fluorophore",

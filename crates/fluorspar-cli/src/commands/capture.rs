@@ -89,6 +89,12 @@ impl RawForm {
 pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let loaded = read_component_exr(&options.image)?;
     let mut components = loaded.image;
+    if components.denoised.is_some() && !options.talk.quiet {
+        eprintln!(
+            "warning: {}: this image is denoised: its frames are for pictures only",
+            options.image.display()
+        );
+    }
     // As `run` has them, so that the frames are those of `run` whatever file they come from.
     components.round_to_24_bits();
     let image = options.image.display();

@@ -61,7 +61,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
             "light_groups": scene.light_groups.iter().map(|g| &g.name).collect::<Vec<_>>(),
             "fluorophores": scene.fluorophores.iter().map(|f| &f.name).collect::<Vec<_>>(),
             "captures": experiment.captures.iter().map(|c| &c.frame.label).collect::<Vec<_>>(),
-            "memory_bytes": fluorspar::render::memory_bytes(scene),
+            "memory_bytes": fluorspar::render::memory_bytes(scene, &experiment.render),
             "warnings": experiment.warnings,
         }))?;
     } else {
@@ -73,7 +73,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
             scene.light_groups.len(),
             scene.fluorophores.len(),
             experiment.captures.len(),
-            fluorspar::render::memory_bytes(scene) as f64 / f64::from(1 << 20)
+            fluorspar::render::memory_bytes(scene, &experiment.render) as f64 / f64::from(1 << 20)
         ))?;
     }
     Ok(ExitCode::SUCCESS)

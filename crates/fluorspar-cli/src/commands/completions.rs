@@ -9,6 +9,9 @@ use crate::args::Args;
 use crate::error::CliError;
 
 pub(crate) fn run(shell: Shell) -> Result<ExitCode, CliError> {
-    clap_complete::generate(shell, &mut Args::command(), "fluorspar", &mut std::io::stdout());
+    // Not straight to standard output: the generator panics where that is closed early.
+    let mut text = Vec::new();
+    clap_complete::generate(shell, &mut Args::command(), "fluorspar", &mut text);
+    super::print_text(&String::from_utf8_lossy(&text))?;
     Ok(ExitCode::SUCCESS)
 }

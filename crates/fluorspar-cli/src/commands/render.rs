@@ -1,107 +1,184 @@
-//! `fluorspar render`: spectral radiance only.
+//! `fluorspar render`: spectral radiance only, in one go, in parts, or in several processes.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
+use std::str::FromStr;
+use std::time::Duration;
 
-use clap::ValueHint;
-use fluorspar::format::{
-    ExrCompression, ExrOptions, Provenance, write_component_exr, write_component_npy, write_rgb_png,
-    write_spectral_exr, write_spectral_npy,
-};
-use fluorspar::pipeline::radiance_preview;
+use clap::{ValueEnum, ValueHint};
+use fluorspar::format::{Provenance, read_film};
+use fluorspar::render::{FilmRenderer, Share, memory_bytes};
 use serde_json::json;
 
 use super::check_parent;
+use super::image_output::ImageOutput;
 use crate::args::{ExperimentArgs, Talk};
 use crate::error::CliError;
 use crate::experiment_source::ExperimentSource;
-use crate::progress::{interrupted, render_with_progress};
+use crate::progress::{Keep, fill_with_progress, interrupted};
 
 /// Options of `render`.
 #[derive(Clone, Debug, clap::Args)]
 pub(crate) struct Options {
     #[command(flatten)]
     experiment: ExperimentArgs,
-    /// Image file: .exr (spectral OpenEXR) or .npy (NumPy, with a .json beside it).
-    #[arg(long, value_name = "FILE", default_value = "radiance.exr", value_hint = ValueHint::FilePath)]
-    out: PathBuf,
-    /// Keep light groups and fluorophores apart, one layer each, instead of their sum.
-    #[arg(long)]
-    components: bool,
-    /// Also write a PNG as the eye would see the sum.
-    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
-    preview: Option<PathBuf>,
+    #[command(flatten)]
+    output: ImageOutput,
+    /// Keep the exact sums of the render in this file: saved while rendering and at the end, so that the render can be
+    /// resumed after any interruption, given more samples, or merged.
+    #[arg(long, value_name = "FILE.film", value_hint = ValueHint::FilePath)]
+    film: Option<PathBuf>,
+    /// Go on with the film if it is there: same scene, seed and depth. The result has the bits of an uninterrupted render.
+    #[arg(long, requires = "film")]
+    resume: bool,
+    /// Seconds between saves of the film.
+    #[arg(long, value_name = "SECONDS", default_value_t = 60.0, requires = "film")]
+    checkpoint_s: f64,
+    /// Render part I of N into the film, and no image; `fluorspar merge` puts the N films together.
+    #[arg(long, value_name = "I/N", requires = "film")]
+    shard: Option<Shard>,
+    /// What the parts are.
+    #[arg(long, value_enum, default_value_t, requires = "shard")]
+    shard_by: ShardBy,
     #[command(flatten)]
     talk: Talk,
 }
 
-enum ImageFormat {
-    Exr,
-    Npy,
+/// `I/N`, I from 1 to N.
+#[derive(Clone, Copy, Debug)]
+struct Shard {
+    index: u32,
+    count: u32,
 }
 
-fn image_format(path: &Path) -> Result<ImageFormat, CliError> {
-    match path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase).as_deref() {
-        Some("exr") => Ok(ImageFormat::Exr),
-        Some("npy") => Ok(ImageFormat::Npy),
-        _ => Err(CliError::Input(format!(
-            "--out {}: the name must end in .exr or .npy, which keep every band; for a picture add --preview FILE.png",
-            path.display()
-        ))),
+impl FromStr for Shard {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let parsed = text.split_once('/').and_then(|(i, n)| Some((i.parse().ok()?, n.parse().ok()?)));
+        match parsed {
+            Some((index @ 1.., count)) if index <= count => Ok(Self { index: index - 1, count }),
+            _ => Err("must be I/N with I from 1 to N, for instance 2/4".into()),
+        }
+    }
+}
+
+/// What a shard is a part of.
+#[derive(Clone, Copy, Debug, Default, ValueEnum)]
+enum ShardBy {
+    /// Tiles of 16 x 16 pixels, every Nth one: any split, smallest films.
+    #[default]
+    Tiles,
+    /// Runs of samples of all pixels: every film is a noisy image of the whole.
+    Samples,
+}
+
+impl Options {
+    fn share(&self) -> Share {
+        match (self.shard, self.shard_by) {
+            (None, _) => Share::Whole,
+            (Some(Shard { index, count }), ShardBy::Tiles) => Share::Tiles { index, count },
+            (Some(Shard { index, count }), ShardBy::Samples) => Share::Samples { index, count },
+        }
+    }
+
+    fn check(&self) -> Result<(), CliError> {
+        if self.shard.is_none() {
+            self.output.check()?;
+        }
+        if let Some(path) = &self.film {
+            check_parent(path)?;
+            if path.exists() && !self.resume {
+                return Err(CliError::Input(format!(
+                    "--film {}: this file is there already; add --resume to go on with it, or name another",
+                    path.display()
+                )));
+            }
+        }
+        if !(self.checkpoint_s >= 0.1 && self.checkpoint_s <= 1e6) {
+            return Err(CliError::Input(format!(
+                "--checkpoint-s {}: must be between 0.1 and 1e6 seconds",
+                self.checkpoint_s
+            )));
+        }
+        Ok(())
     }
 }
 
 pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
-    let format = image_format(&options.out)?;
-    check_parent(&options.out)?;
-    if let Some(path) = &options.preview {
-        check_parent(path)?;
-        if !path.extension().is_some_and(|e| e.eq_ignore_ascii_case("png")) {
-            return Err(CliError::Input(format!("--preview {}: the name must end in .png", path.display())));
-        }
-    }
+    options.check()?;
+    let quiet = options.talk.quiet;
     let source = ExperimentSource::find(options.experiment.experiment.as_deref())?;
-    let experiment = source.resolve(&options.experiment.overrides(), options.talk.quiet)?;
-    let components = render_with_progress(
-        &experiment.scene,
-        &experiment.render,
-        experiment.time_limit_s,
-        options.talk.quiet,
-    )?;
-    let provenance = Provenance::new(
+    let experiment = source.resolve(&options.experiment.overrides(), quiet)?;
+    let settings = &experiment.render;
+    if !quiet {
+        let bytes = memory_bytes(&experiment.scene, settings);
+        eprintln!(
+            "Memory: {:.0} MiB for the film, and the scene; limit {:.0} MiB",
+            mib(bytes),
+            mib(settings.memory_limit_bytes)
+        );
+    }
+    let renderer = FilmRenderer::new(&experiment.scene, settings)?;
+    let mut film = match options.film.as_deref().filter(|path| options.resume && path.exists()) {
+        Some(path) => {
+            let film = read_film(path)?.image;
+            renderer
+                .check(&film)
+                .map_err(|error| CliError::Input(format!("--film {}: {error}", path.display())))?;
+            film
+        }
+        None => renderer.new_film(),
+    };
+    let mut provenance = Provenance::new(
         &source.text,
         experiment.resolved_toml.clone(),
-        experiment.render.seed,
-        components.samples_per_pixel,
+        settings.seed,
+        settings.samples_per_pixel,
     );
-    let sum = components.recombine(|_| 1.0);
-    let exr = ExrOptions { compression: ExrCompression::Zip, preview: None, provenance: Some(&provenance) };
-    match (format, options.components) {
-        (ImageFormat::Exr, true) => write_component_exr(&options.out, &components, &exr)?,
-        (ImageFormat::Exr, false) => write_spectral_exr(&options.out, &sum, &exr)?,
-        (ImageFormat::Npy, true) => write_component_npy(&options.out, &components, Some(&provenance))?,
-        (ImageFormat::Npy, false) => write_spectral_npy(&options.out, &sum, Some(&provenance))?,
+    let keep = Keep {
+        film: options.film.as_deref().map(|path| (path, Duration::from_secs_f64(options.checkpoint_s))),
+        provenance: Some(&provenance),
+        preview: options.output.preview.as_deref(),
+    };
+    let share = options.share();
+    let before = film.paths();
+    let complete = fill_with_progress(&renderer, &share, &mut film, experiment.time_limit_s, quiet, &keep)?;
+    drop(renderer);
+    let code = if interrupted() && !complete { ExitCode::from(1) } else { ExitCode::SUCCESS };
+    if options.shard.is_some() {
+        if options.talk.json {
+            super::print_json(
+                &json!({ "film": options.film, "paths": film.paths(), "new_paths": film.paths() - before }),
+            )?;
+        } else if let (Some(path), false) = (&options.film, quiet) {
+            eprintln!("Wrote {}", path.display());
+        }
+        return Ok(code);
     }
-    if let Some(path) = &options.preview {
-        let picture = radiance_preview(&sum);
-        write_rgb_png(path, picture.width, picture.height, &picture.rgb)?;
-    }
+    let image = film.into_image();
+    provenance.samples_per_pixel = image.samples_per_pixel;
+    options.output.write(&image, &provenance)?;
     if options.talk.json {
-        let mean = sum.mean_spectrum();
-        super::print_json(&json!({
-            "file": options.out,
-            "width_px": components.width,
-            "height_px": components.height,
-            "samples_per_pixel": components.samples_per_pixel,
-            "wavelength_nm": components.grid.centers_nm(),
-            "components": components.components.iter().map(|c| c.label()).collect::<Vec<_>>(),
-            "mean_radiance": mean.values(),
-            "unit": "W/(sr m^2 nm)",
-            "experiment_sha256": experiment.sha256,
-        }))?;
-    } else if !options.talk.quiet {
-        eprintln!("Wrote {}", options.out.display());
+        let mut answer = options.output.describe(&image);
+        answer["experiment_sha256"] = experiment.sha256.into();
+        answer["film_bytes"] = memory_bytes(&experiment.scene, settings).into();
+        answer["peak_memory_bytes"] = peak_memory_bytes().into();
+        super::print_json(&answer)?;
+    } else if !quiet {
+        eprintln!("Wrote {}", options.output.out.display());
     }
-    let stopped = interrupted() && components.samples_per_pixel < experiment.render.samples_per_pixel;
-    Ok(if stopped && experiment.time_limit_s.is_none() { ExitCode::from(1) } else { ExitCode::SUCCESS })
+    Ok(code)
+}
+
+/// Most memory that this process held so far, where the system tells (Linux).
+fn peak_memory_bytes() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    let kib: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
+    Some(kib << 10)
+}
+
+fn mib(bytes: u64) -> f64 {
+    bytes as f64 / f64::from(1 << 20)
 }

@@ -79,10 +79,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         super::print_text(&read_text(&target.join("results.json"))?)?;
     }
     say(summary(&target, analyzed.as_ref(), started.elapsed().as_secs_f64()));
-    if interrupted()
-        && components.samples_per_pixel < experiment.render.samples_per_pixel
-        && experiment.time_limit_s.is_none()
-    {
+    if interrupted() && components.samples_per_pixel < experiment.render.samples_per_pixel {
         say(format!(
             "interrupted after {} of {} samples per pixel",
             components.samples_per_pixel, experiment.render.samples_per_pixel

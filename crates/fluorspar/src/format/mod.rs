@@ -8,6 +8,7 @@
 //! | fluorophore, spectra, MATLAB (ISET) | [`read_iset_fluorophore`], [`read_mat_spectra`] | |
 //! | spectral image, OpenEXR or NumPy | [`read_spectral_exr`], [`read_spectral_npy`] | [`write_spectral_exr`], [`write_spectral_npy`] |
 //! | component image, OpenEXR or NumPy | [`read_component_exr`], [`read_component_npy`] | [`write_component_exr`], [`write_component_npy`] |
+//! | film (exact sums of a render) | [`read_film`] | [`write_film`] |
 //! | raw sensor frame, TIFF, PNG, DNG or packed | [`read_sensor_image`] | [`write_sensor_tiff`], [`write_sensor_png`], [`write_sensor_dng`], [`write_packed_raw`] |
 //! | texture, picture, PNG | [`read_texture_png`] | [`write_rgb_png`] |
 //! | mesh, PLY, OBJ, STL, glTF | [`read_ply`], [`read_obj`], [`read_stl`], [`read_gltf`] | [`write_ply`] |
@@ -27,6 +28,7 @@ mod dng;
 mod error;
 mod exr;
 mod file;
+mod film;
 mod gltf;
 mod mat;
 mod mesh_set;
@@ -51,6 +53,7 @@ pub use exr::{
     write_spectral_exr,
 };
 pub use file::write_atomically;
+pub use film::{read_film, write_film};
 pub use gltf::{read_gltf, write_gltf};
 pub use mat::{IsetFluorophore, MatSpectra, read_iset_fluorophore, read_mat_spectra};
 pub use mesh_set::{NamedMesh, write_obj, write_pbrt};

@@ -34,6 +34,8 @@ struct Description {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     samples_per_pixel: Option<u32>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    denoised: Option<String>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     provenance: Option<Provenance>,
 }
 
@@ -57,6 +59,7 @@ pub fn write_spectral_npy<Q: Quantity>(
         wavelength_centers_nm: grid.centers_nm(),
         components: None,
         samples_per_pixel: None,
+        denoised: None,
         provenance: provenance.cloned(),
     };
     write_array(path, &description, image.data())
@@ -83,6 +86,7 @@ pub fn write_component_npy(
         wavelength_centers_nm: image.grid.centers_nm(),
         components: Some(image.components.clone()),
         samples_per_pixel: Some(image.samples_per_pixel),
+        denoised: image.denoised.clone(),
         provenance: provenance.cloned(),
     };
     write_array(path, &description, &image.data)
@@ -142,7 +146,10 @@ pub fn read_component_npy(path: &Path) -> Result<Loaded<ComponentImage>, FormatE
         components,
         data,
         samples_per_pixel: description.samples_per_pixel.unwrap_or(0),
+        samples: Vec::new(),
         features: FeatureMaps::default(),
+        statistics: None,
+        denoised: description.denoised,
     };
     Ok(Loaded { image, provenance: description.provenance })
 }

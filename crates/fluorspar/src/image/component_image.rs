@@ -3,9 +3,10 @@
 use std::ops::Range;
 
 use serde::{Deserialize, Serialize};
+use thiserror::Error;
 
 use super::SpectralImage;
-use crate::spectral::{Radiance, WavelengthGrid};
+use crate::spectral::{Curve, Radiance, WavelengthGrid};
 
 /// What kind of light a component holds.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -19,6 +20,9 @@ pub enum Light {
     MultipleFluorescence,
 }
 
+/// Stands between the name of a light group and its excitation bin: `blue@380-390`.
+pub const EXCITATION_MARK: char = '@';
+
 /// Label of one component: which light group excited it and what happened to it.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub struct Component {
@@ -29,6 +33,18 @@ pub struct Component {
 }
 
 impl Component {
+    /// The light group in the scene: without the excitation bin, if the render kept bins apart.
+    pub fn lamp_group(&self) -> &str {
+        self.light_group.split_once(EXCITATION_MARK).map_or(&self.light_group, |(group, _)| group)
+    }
+
+    /// Edges of the excitation bin, nm; `None` for light outside all bins, and where no bins were kept apart.
+    pub fn excitation_bin_nm(&self) -> Option<[f64; 2]> {
+        let (_, bin) = self.light_group.split_once(EXCITATION_MARK)?;
+        let (first, last) = bin.split_once('-')?;
+        Some([first.parse().ok()?, last.parse().ok()?])
+    }
+
     /// `group.reflected`, `group.fluorescence.NAME` or `group.multiple`: used for file layers and tables.
     pub fn label(&self) -> String {
         match &self.light {
@@ -71,6 +87,19 @@ pub struct FeatureMaps {
     pub view: Option<View>,
 }
 
+/// A lamp spectrum that the excitation bins of a render can't make up.
+#[derive(Clone, Debug, PartialEq, Error)]
+#[error(
+    "{percent:.1} % of the lamp spectrum lies outside the excitation bins of light group \"{group}\" or where they were \
+     rendered without light; render with render.excitation_edges_nm around it and a lamp that covers it"
+)]
+pub struct LampOutOfSpan {
+    /// The light group.
+    pub group: String,
+    /// Share that is not covered, %.
+    pub percent: f64,
+}
+
 /// Radiance images kept apart by component, `[component, row, col, band]`, W/(sr m² nm), at the rendered powers
 /// and concentrations. Their plain sum is the radiance that a camera would see with all light groups on.
 #[derive(Clone, Debug, PartialEq)]
@@ -85,17 +114,66 @@ pub struct ComponentImage {
     pub components: Vec<Component>,
     /// `[component, row, col, band]`.
     pub data: Vec<f32>,
-    /// Paths averaged per pixel.
+    /// Paths averaged per pixel; the fewest of any pixel where they differ.
     pub samples_per_pixel: u32,
+    /// Paths averaged in each pixel, `[row, col]`; empty where all have `samples_per_pixel`.
+    pub samples: Vec<u32>,
     /// Geometry behind each pixel.
     pub features: FeatureMaps,
+    /// How far the samples scatter, where the render kept that.
+    pub statistics: Option<SampleStatistics>,
+    /// Settings of the noise reduction, JSON, if the image went through one: such an image proves nothing.
+    pub denoised: Option<String>,
+}
+
+/// Sums whose scatter a render keeps beside the components.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Statistics {
+    /// None.
+    #[default]
+    None,
+    /// The sum of each light group.
+    LightGroups,
+    /// Every component.
+    Components,
+}
+
+/// Two half-buffers and the variance of the mean, `[statistic, row, col, band]`.
+///
+/// The halves are the means over even and over odd blocks of samples (see [`crate::image::Film`]); they hold about
+/// equally many samples. The variance comes from the scatter of the blocks: samples of one pixel are stratified
+/// against each other, so it is an upper bound on average, not an unbiased estimate. Infinite below two samples.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SampleStatistics {
+    /// Which sums these are.
+    pub of: Statistics,
+    /// Name of each light group, or label of each component.
+    pub names: Vec<String>,
+    /// Mean of the first half, W/(sr m² nm).
+    pub half_a: Vec<f32>,
+    /// Mean of the second half, W/(sr m² nm).
+    pub half_b: Vec<f32>,
+    /// Variance of the mean of all samples, (W/(sr m² nm))².
+    pub variance: Vec<f32>,
 }
 
 impl ComponentImage {
     /// A black image.
     pub fn zeros(grid: WavelengthGrid, width: usize, height: usize, components: Vec<Component>) -> Self {
         let data = vec![0.0; components.len() * width * height * grid.len()];
-        Self { grid, width, height, components, data, samples_per_pixel: 0, features: FeatureMaps::default() }
+        Self {
+            grid,
+            width,
+            height,
+            components,
+            data,
+            samples_per_pixel: 0,
+            samples: Vec::new(),
+            features: FeatureMaps::default(),
+            statistics: None,
+            denoised: None,
+        }
     }
 
     fn range(&self, component: usize) -> Range<usize> {
@@ -122,6 +200,58 @@ impl ComponentImage {
             }
         }
         names
+    }
+
+    /// Names of the light groups in the scene, excitation bins put together, in order of first use.
+    pub fn lamp_groups(&self) -> Vec<String> {
+        let mut names: Vec<String> = Vec::new();
+        for component in &self.components {
+            if !names.iter().any(|name| name == component.lamp_group()) {
+                names.push(component.lamp_group().into());
+            }
+        }
+        names
+    }
+
+    /// What a light group would give with another lamp spectrum, from a render that kept excitation bins apart.
+    ///
+    /// `rendered` is the spectrum that the group's lamps had, `wanted` the one that they shall have, both as power (or
+    /// irradiance, or radiance) per nm. Each bin is weighted by the ratio of the two integrals over it: exact where
+    /// `wanted / rendered` is constant within each bin.
+    ///
+    /// # Errors
+    /// When more than 1e-3 of `wanted` lies outside the bins or in bins that were rendered without light.
+    pub fn recombine_lamp(
+        &self,
+        group: &str,
+        rendered: &Curve,
+        wanted: &Curve,
+    ) -> Result<SpectralImage<Radiance>, LampOutOfSpan> {
+        let ratio = |[first, last]: [f64; 2]| {
+            let (rendered, wanted) = (rendered.integral(first, last), wanted.integral(first, last));
+            if rendered > 0.0 { (wanted / rendered, wanted) } else { (0.0, 0.0) }
+        };
+        let mut bins: Vec<[f64; 2]> = Vec::new();
+        for bin in self
+            .components
+            .iter()
+            .filter(|c| c.lamp_group() == group)
+            .filter_map(Component::excitation_bin_nm)
+        {
+            if !bins.contains(&bin) {
+                bins.push(bin);
+            }
+        }
+        let covered: f64 = bins.iter().map(|bin| ratio(*bin).1).sum();
+        let missing = 1.0 - covered / wanted.total();
+        // Also refuses a spectrum without light, whose share is not a number.
+        if missing.is_nan() || missing > 1e-3 {
+            return Err(LampOutOfSpan { group: group.into(), percent: 100.0 * missing });
+        }
+        Ok(self.recombine(|component| match component.excitation_bin_nm() {
+            Some(bin) if component.lamp_group() == group => ratio(bin).0,
+            _ => 0.0,
+        }))
     }
 
     /// `sum weight(component) * component`: any change of drive current or (to first order) concentration.

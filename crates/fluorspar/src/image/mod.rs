@@ -1,9 +1,14 @@
 //! Images with a wavelength axis, component images, raw mosaics and developed channel images.
 
 mod component_image;
+pub mod film;
 mod sensor_image;
 mod spectral_image;
 
-pub use component_image::{Component, ComponentImage, FeatureMaps, Light, View};
+pub use component_image::{
+    Component, ComponentImage, EXCITATION_MARK, FeatureMaps, LampOutOfSpan, Light, SampleStatistics,
+    Statistics, View,
+};
+pub use film::{Film, FilmLayout, MergeError};
 pub use sensor_image::{ChannelImage, Mosaic, SensorImage, SubtractedLight};
 pub use spectral_image::{ImageShapeError, SpectralImage};

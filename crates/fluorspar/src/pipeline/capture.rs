@@ -81,7 +81,7 @@ pub fn bracket_label(capture: &str, bracket_ev: &[f64], index: usize) -> String 
 
 /// Radiance under the lights of one frame: components weighted by the drive of their light group.
 pub fn frame_radiance(frame: &CaptureFrame, components: &ComponentImage) -> SpectralImage<Radiance> {
-    components.recombine(|component| frame.drive(&component.light_group))
+    components.recombine(|component| frame.drive(component.lamp_group()))
 }
 
 /// How large a rendered image lies on the film behind a lens: its field of view is that of the camera that rendered it,
@@ -129,7 +129,7 @@ pub fn capture(
         let (image, experiment) = (components.grid.len(), experiment.scene.grid.len());
         return Err(PipelineError::OtherGrid { image, experiment });
     }
-    let known = components.light_groups();
+    let known = components.lamp_groups();
     for c in &experiment.captures {
         let frame = &c.frame;
         if let Some(group) = frame.lights.keys().find(|g| frame.drive(g) > 0.0 && !known.contains(g)) {

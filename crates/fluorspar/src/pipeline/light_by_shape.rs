@@ -6,7 +6,7 @@
 
 use super::direct_light::group_spectrum;
 use crate::experiment::ResolvedExperiment;
-use crate::image::{ComponentImage, Light, SpectralImage};
+use crate::image::{Component, ComponentImage, Light, SpectralImage};
 use crate::sensor::CaptureFrame;
 use crate::spectral::{Curve, Radiance, Transmittance, WavelengthGrid};
 
@@ -27,21 +27,30 @@ pub(super) fn light_by_shape<'a>(
     let fluorescence = std::iter::once_with(move || ShapedRadiance {
         radiance: components.recombine(|c| match c.light {
             Light::Reflected => 0.0,
-            _ => frame.drive(&c.light_group),
+            _ => frame.drive(c.lamp_group()),
         }),
         shape: None,
     });
     let reflected = components.components.iter().filter(|c| c.light == Light::Reflected);
     let reflected =
-        reflected.filter(|c| frame.drive(&c.light_group) != 0.0).map(move |component| ShapedRadiance {
+        reflected.filter(|c| frame.drive(c.lamp_group()) != 0.0).map(move |component| ShapedRadiance {
             radiance: components.recombine(
                 |c| {
-                    if c == component { frame.drive(&c.light_group) } else { 0.0 }
+                    if c == component { frame.drive(c.lamp_group()) } else { 0.0 }
                 },
             ),
-            shape: group_spectrum(experiment, &component.light_group),
+            shape: component_spectrum(experiment, component),
         });
     fluorescence.chain(reflected)
+}
+
+/// Spectrum of the lamps that a component is lit by, up to a factor; only the bin of excitation where the render keeps bins.
+pub(super) fn component_spectrum(experiment: &ResolvedExperiment, component: &Component) -> Option<Curve> {
+    let lamp = group_spectrum(experiment, component.lamp_group())?;
+    Some(match component.excitation_bin_nm() {
+        Some([first, last]) => lamp.clipped(first, last),
+        None => lamp,
+    })
 }
 
 /// What a filter lets through of light of a shape, over what it lets through of even light, band by band.

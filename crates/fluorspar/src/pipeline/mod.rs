@@ -8,6 +8,7 @@
 //! | spectroradiometers | [`read_spectroradiometers`] | [`SpectroradiometerReading`]s |
 //! | photobiological safety | [`assess_safety`] | [`SafetyReport`] |
 //! | chromaticity, porphyrin | [`analyze`] | [`AnalyzedFrame`] |
+//! | less noise, for pictures | [`denoise`] | [`crate::image::ComponentImage`], labelled |
 //! | pictures for people | [`preview`] | 8-bit sRGB |
 //! | all of it for a flat sample | [`predict`] | [`Prediction`] |
 
@@ -15,6 +16,7 @@ mod analyze;
 mod calibration;
 mod camera_color;
 mod capture;
+mod denoise;
 mod direct_light;
 mod light_by_shape;
 mod motion;
@@ -31,6 +33,7 @@ pub use camera_color::CameraColor;
 pub use capture::{
     CapturedFrame, RawExposures, bracket_label, capture, complete_raw, develop_frames, frame_radiance,
 };
+pub use denoise::{DenoiseError, DenoiseSettings, denoise};
 pub use predict::{
     ChannelPrediction, Chromaticity, FlatSample, FluorescenceModel, PredictError, Prediction, RadianceSplit,
     predict,

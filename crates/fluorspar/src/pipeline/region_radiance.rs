@@ -5,10 +5,10 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use super::capture::on_sensor;
-use super::direct_light::group_spectrum;
+use super::light_by_shape::component_spectrum;
 use crate::analysis::{PixelSelection, channel_response};
 use crate::experiment::ResolvedExperiment;
-use crate::image::{ComponentImage, Light};
+use crate::image::{Component, ComponentImage, Light};
 use crate::sensor::CaptureFrame;
 use crate::spectral::{Curve, QuantumEfficiency, Radiance, Spectrum};
 
@@ -19,9 +19,9 @@ pub struct RegionRadiance {
     pub wavelength_nm: Vec<f64>,
     /// Light that never fluoresced.
     pub reflected: Vec<f64>,
-    /// The same by light group.
+    /// The same by component.
     #[serde(skip)]
-    pub reflected_by_group: BTreeMap<String, Vec<f64>>,
+    pub reflected_components: Vec<(Component, Vec<f64>)>,
     /// Light that fluoresced once, by fluorophore; those without any are left out.
     pub fluorescence: BTreeMap<String, Vec<f64>>,
     /// Light that fluoresced more than once.
@@ -52,14 +52,14 @@ impl RegionRadiance {
         let mut radiance = Self {
             wavelength_nm: components.grid.centers_nm(),
             reflected: vec![0.0; bands],
-            reflected_by_group: BTreeMap::new(),
+            reflected_components: Vec::new(),
             fluorescence: BTreeMap::new(),
             multiple_fluorescence: vec![0.0; bands],
             total: vec![0.0; bands],
             pixels: pixels.len(),
         };
         for (index, component) in components.components.iter().enumerate() {
-            let drive = frame.drive(&component.light_group);
+            let drive = frame.drive(component.lamp_group());
             if drive == 0.0 {
                 continue;
             }
@@ -73,9 +73,7 @@ impl RegionRadiance {
             mean.iter_mut().for_each(|sum| *sum /= pixels.len().max(1) as f64);
             let target = match &component.light {
                 Light::Reflected => {
-                    let group = radiance.reflected_by_group.entry(component.light_group.clone());
-                    let of_group = group.or_insert_with(|| vec![0.0; bands]);
-                    of_group.iter_mut().zip(&mean).for_each(|(sum, value)| *sum += value);
+                    radiance.reflected_components.push((component.clone(), mean.clone()));
                     &mut radiance.reflected
                 }
                 Light::MultipleFluorescence => &mut radiance.multiple_fluorescence,
@@ -112,8 +110,8 @@ impl RegionRadiance {
         let fluorescent: Vec<f64> = self.total.iter().zip(&self.reflected).map(|(t, r)| t - r).collect();
         let fluorescent = electrons(&fluorescent, None)?;
         let mut reflected = 0.0;
-        for (group, values) in &self.reflected_by_group {
-            reflected += electrons(values, group_spectrum(experiment, group).as_ref())?;
+        for (component, values) in &self.reflected_components {
+            reflected += electrons(values, component_spectrum(experiment, component).as_ref())?;
         }
         (fluorescent > 0.0).then_some(reflected / fluorescent)
     }

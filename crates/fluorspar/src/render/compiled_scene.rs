@@ -126,7 +126,10 @@ pub(super) struct CompiledScene<'a> {
     triangles: Vec<[u32; 3]>,
     triangle_object: Vec<u32>,
     pub(super) shapes: Vec<CompiledShape>,
+    /// Sources in runs of `slices`: the excitation bins of one lamp spectrum.
     pub(super) sources: Vec<Source>,
+    /// Excitation bins of every lamp spectrum; 1 unless they are kept apart.
+    pub(super) slices: usize,
     pub(super) lights: Vec<CompiledLight>,
     /// Lights of each group that can be sampled.
     pub(super) group_lights: Vec<Vec<usize>>,
@@ -136,7 +139,7 @@ pub(super) struct CompiledScene<'a> {
     pub(super) environment: Vec<usize>,
     pub(super) materials: Vec<CompiledMaterial>,
     pub(super) coats: Vec<CoatAlbedo>,
-    /// `[group][fluorophore]`, excitation weighted by the group's lamps.
+    /// `[group and excitation bin][fluorophore]`, excitation weighted by the group's lamps.
     pub(super) lamp_operators: Vec<Vec<FluorescenceOperator>>,
     /// `[fluorophore]`, evenly weighted, for light that already fluoresced.
     pub(super) plain_operators: Vec<FluorescenceOperator>,
@@ -146,7 +149,9 @@ pub(super) struct CompiledScene<'a> {
 const FLUORESCENT_ALBEDO: f32 = 0.25;
 
 impl<'a> CompiledScene<'a> {
-    pub(super) fn new(scene: &'a Scene) -> Result<Self, BuildError> {
+    /// `excitation_edges_nm` are the edges of the excitation bins to keep apart, increasing; none for one component per
+    /// light group.
+    pub(super) fn new(scene: &'a Scene, excitation_edges_nm: &[f64]) -> Result<Self, BuildError> {
         let grid = &scene.grid;
         let mut positions = Vec::new();
         let mut normals = Vec::new();
@@ -159,18 +164,23 @@ impl<'a> CompiledScene<'a> {
         let mut environment = Vec::new();
         let mut object_light = vec![None; scene.objects.len()];
 
+        let slices = excitation_edges_nm.len().max(1);
+        let mut lamps: Vec<(usize, Curve)> = Vec::new();
         let mut source_of = |group: usize, curve: &Curve| {
-            if let Some(found) = sources.iter().position(|s| s.group == group && s.curve == *curve) {
-                return found;
+            if let Some(found) = lamps.iter().position(|(g, known)| *g == group && known == curve) {
+                return found * slices;
             }
-            let bands = curve.on_grid::<Reflectance>(grid).values().iter().map(|&v| v as f32).collect();
-            let exitance = scene
-                .fluorophores
-                .iter()
-                .map(|f| direct_exitance(&f.eem, grid, curve).into_iter().map(|v| v as f32).collect())
-                .collect();
-            sources.push(Source { group, curve: curve.clone(), bands, exitance });
-            sources.len() - 1
+            lamps.push((group, curve.clone()));
+            for (slice, curve) in excitation_slices(curve, excitation_edges_nm).into_iter().enumerate() {
+                let bands = curve.on_grid::<Reflectance>(grid).values().iter().map(|&v| v as f32).collect();
+                let exitance = scene
+                    .fluorophores
+                    .iter()
+                    .map(|f| direct_exitance(&f.eem, grid, &curve).into_iter().map(|v| v as f32).collect())
+                    .collect();
+                sources.push(Source { group: group * slices + slice, curve, bands, exitance });
+            }
+            (lamps.len() - 1) * slices
         };
 
         for (object, item) in scene.objects.iter().enumerate() {
@@ -261,7 +271,7 @@ impl<'a> CompiledScene<'a> {
                 }
                 Emitter::Distant { direction } => CompiledEmitter::Distant { direction: *direction },
                 Emitter::Environment => {
-                    environment.push(source);
+                    environment.extend(source..source + slices);
                     continue;
                 }
             };
@@ -306,7 +316,7 @@ impl<'a> CompiledScene<'a> {
             })
             .collect();
 
-        let lamp_operators = (0..scene.light_groups.len())
+        let lamp_operators = (0..scene.light_groups.len() * slices)
             .map(|group| {
                 let lamp = group_lamp(&sources, group);
                 scene
@@ -341,6 +351,7 @@ impl<'a> CompiledScene<'a> {
             triangle_object,
             shapes,
             sources,
+            slices,
             lights,
             group_lights,
             object_light,
@@ -404,6 +415,27 @@ impl<'a> CompiledScene<'a> {
                 l != aimed_at && light.emitter.intersect(origin, direction, t_max).is_some()
             })
     }
+}
+
+/// A lamp spectrum cut at the edges, then what lies outside of them; their sum is the spectrum.
+fn excitation_slices(curve: &Curve, edges_nm: &[f64]) -> Vec<Curve> {
+    let [first, .., last] = edges_nm else { return vec![curve.clone()] };
+    let mut slices: Vec<Curve> = edges_nm.windows(2).map(|edges| curve.clipped(edges[0], edges[1])).collect();
+    let (low, high) = curve.range_nm();
+    let mut nodes: Vec<(f64, f64)> = Vec::new();
+    // Zero between two steep flanks: a curve can't jump.
+    const FLANK_NM: f64 = 1e-6;
+    for (start, end) in [(low, last.min(*first)), (first.max(*last), high)] {
+        if start < end {
+            let part = curve.clipped(start, end);
+            nodes.push((start - FLANK_NM, 0.0));
+            nodes.extend(part.wavelengths_nm().iter().copied().zip(part.values().iter().copied()));
+            nodes.push((end + FLANK_NM, 0.0));
+        }
+    }
+    let (wavelengths, values) = nodes.into_iter().unzip();
+    slices.push(Curve::new(wavelengths, values).unwrap_or_else(|_| curve.scaled(0.0)));
+    slices
 }
 
 /// Sum of all lamp spectra of a group: its shape weights excitation within a bin.

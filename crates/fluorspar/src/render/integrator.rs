@@ -1,17 +1,28 @@
 //! All pixels on all cores, pass by pass, with progress and interruption.
 
+use std::fmt;
+use std::ops::Range;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use fluorspar_accel::BuildError;
 use rayon::prelude::*;
+use sha2::{Digest, Sha256};
 use thiserror::Error;
 
+use super::adaptive::{ErrorTarget, TileError};
 use super::compiled_scene::{CompiledScene, Target};
 use super::path::Path;
 use super::spectral_accumulation::SpectralState;
-use crate::image::{Component, ComponentImage, FeatureMaps, Light};
+use crate::image::EXCITATION_MARK;
+use crate::image::film::{
+    BlockSign, FilmScale, TileMut, block_end, block_start, film_bytes, is_block_boundary,
+};
+use crate::image::{
+    Component, ComponentImage, FeatureMaps, Film, FilmLayout, Light, SpectralImage, Statistics,
+};
 use crate::sampling::SampleStream;
 use crate::scene::{Scene, SceneError};
+use crate::spectral::Radiance;
 
 /// How light transport is estimated.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -36,10 +47,18 @@ pub struct RenderSettings {
     pub estimator: Estimator,
     /// Most memory for the images, bytes.
     pub memory_limit_bytes: u64,
+    /// What is kept about the scatter of samples.
+    pub statistics: Statistics,
+    /// Error at which a tile is done before it has all its samples; `None` gives all pixels the same number.
+    pub error_target: Option<ErrorTarget>,
+    /// Edges of excitation bins, nm, increasing. When given, each light group becomes one group per bin,
+    /// `GROUP@FIRST-LAST`, and `GROUP@rest` for its light outside all bins: the image can then be recombined for any lamp
+    /// spectrum that is constant relative to the rendered one within each bin.
+    pub excitation_edges_nm: Vec<f64>,
 }
 
 impl Default for RenderSettings {
-    /// 64 paths per pixel, depth 8, seed 1, at most 16 GiB.
+    /// 64 paths per pixel, depth 8, seed 1, at most 8 GiB.
     fn default() -> Self {
         Self {
             samples_per_pixel: 64,
@@ -47,6 +66,19 @@ impl Default for RenderSettings {
             seed: 1,
             estimator: Estimator::default(),
             memory_limit_bytes: 8 << 30,
+            statistics: Statistics::None,
+            error_target: None,
+            excitation_edges_nm: Vec::new(),
+        }
+    }
+}
+
+impl RenderSettings {
+    /// What the film keeps about the scatter of samples: an error target needs that of the light groups at least.
+    pub fn film_statistics(&self) -> Statistics {
+        match self.statistics {
+            Statistics::None if self.error_target.is_some() => Statistics::LightGroups,
+            statistics => statistics,
         }
     }
 }
@@ -88,6 +120,28 @@ pub enum RenderError {
         /// What is allowed.
         message: &'static str,
     },
+    /// The error target is out of range.
+    #[error("error target: {message}")]
+    Target {
+        /// What is wrong.
+        message: String,
+    },
+    /// The film belongs to another scene.
+    #[error(
+        "the film was made for another scene, seed, depth or version of the program: its samples can't be continued. \
+         Render anew, or restore what was changed"
+    )]
+    OtherScene,
+    /// The film keeps other statistics.
+    #[error(
+        "the film keeps {film:?} statistics, but {wanted:?} are wanted: ask for the same, or render anew"
+    )]
+    OtherStatistics {
+        /// What the film keeps.
+        film: Statistics,
+        /// What is wanted.
+        wanted: Statistics,
+    },
     /// Images would not fit.
     #[error(
         "the component images need {needed_gib:.1} GiB ({components} components of {width} x {height} pixels and \
@@ -110,25 +164,23 @@ pub enum RenderError {
     },
 }
 
-/// Side of a tile, pixels.
-const TILE: usize = 16;
-/// Largest number of samples that a pixel takes in one go: bounds the wait after a request to stop.
-const LARGEST_PASS: u32 = 16;
+/// Passes grow to this many samples: bounds the wait after a request to stop.
+const LARGEST_PASS: u32 = 64;
+/// Pilot pixels along each side of the image, and samples of each.
+const PILOT_SIDE: usize = 32;
+const PILOT_SAMPLES: u32 = 4;
 
-/// Memory that a render's images need, bytes: film and result.
-pub fn memory_bytes(scene: &Scene) -> u64 {
-    let components = scene.light_groups.len() * (scene.fluorophores.len() + 2);
-    2 * 4 * (components * scene.grid.len()) as u64 * (scene.camera.width as u64 * scene.camera.height as u64)
-}
-
-struct Tile {
-    row: usize,
-    col: usize,
-    rows: usize,
-    cols: usize,
-    samples: u32,
-    /// `[component][pixel][band]`.
-    sums: Vec<f32>,
+/// Memory that a render's images need, bytes: the film, from which the result is made in place.
+pub fn memory_bytes(scene: &Scene, settings: &RenderSettings) -> u64 {
+    let groups = scene.light_groups.len() * settings.excitation_edges_nm.len().max(1);
+    let components = groups * (scene.fluorophores.len() + 2);
+    let planes = components
+        + 2 * match settings.film_statistics() {
+            Statistics::None => 0,
+            Statistics::LightGroups => groups,
+            Statistics::Components => components,
+        };
+    film_bytes(scene.camera.width, scene.camera.height, scene.grid.len(), planes)
 }
 
 /// Renders radiance, every component apart.
@@ -143,66 +195,483 @@ pub fn render(
     settings: &RenderSettings,
     control: &RenderControl<'_>,
 ) -> Result<ComponentImage, RenderError> {
+    let renderer = FilmRenderer::new(scene, settings)?;
+    // Nobody will see the digest: the film does not leave this function.
+    let layout = layout(&renderer.compiled, settings, String::new());
+    let mut film = Film::new(layout, feature_maps(&renderer.compiled));
+    let watch = FilmWatch { due: &|| false, look: &mut |_| true };
+    fill(&renderer.compiled, settings, &Share::default(), &mut film, control, watch);
+    drop(renderer);
+    Ok(film.into_image())
+}
+
+/// Which samples of which tiles one process renders.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub enum Share {
+    /// All.
+    #[default]
+    Whole,
+    /// Every `count`th tile, from tile `index` (0 to `count - 1`) on.
+    Tiles {
+        /// Which share.
+        index: u32,
+        /// How many there are.
+        count: u32,
+    },
+    /// One of `count` runs of samples of every tile, about equally long, cut between blocks.
+    Samples {
+        /// Which share.
+        index: u32,
+        /// How many there are.
+        count: u32,
+    },
+}
+
+impl Share {
+    /// Samples of each pixel, of `all` samples.
+    pub fn samples(&self, all: u32) -> Range<u32> {
+        let Self::Samples { index, count } = *self else { return 0..all };
+        // Aim at equal lengths, then go back to the start of the block.
+        let cut = |part: u32| match part {
+            part if part >= count => all,
+            part => block_start((u64::from(all) * u64::from(part) / u64::from(count)) as u32),
+        };
+        cut(index)..cut(index + 1)
+    }
+
+    fn holds(&self, tile: usize) -> bool {
+        match *self {
+            Self::Tiles { index, count } => tile as u64 % u64::from(count) == u64::from(index),
+            _ => true,
+        }
+    }
+
+    fn check(&self, settings: &RenderSettings) -> Result<(), RenderError> {
+        let (Self::Tiles { index, count } | Self::Samples { index, count }) = *self else { return Ok(()) };
+        let refuse =
+            |field, value: u32, message| Err(RenderError::Setting { field, value: value.into(), message });
+        if index >= count {
+            return refuse("shard", index + 1, "must be between 1 and the number of shards");
+        }
+        if let Self::Samples { .. } = self {
+            if settings.error_target.is_some() {
+                return refuse(
+                    "shards by samples",
+                    count,
+                    "can't be used with an error target, which needs all samples; split by tiles",
+                );
+            }
+            if self.samples(settings.samples_per_pixel).is_empty() {
+                return refuse(
+                    "shards by samples",
+                    count,
+                    "is too many for so few samples: shards are cut every 16 samples. Split by tiles, or into fewer",
+                );
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Looks at a film while it is being filled: to save it, or to show it.
+pub struct FilmWatch<'a> {
+    /// Asked after every tile, from any thread: whether to pause for a look.
+    pub due: &'a (dyn Fn() -> bool + Sync),
+    /// Looks at the film; `false` ends the render.
+    pub look: &'a mut dyn FnMut(&Film) -> bool,
+}
+
+/// A scene made ready for rendering on films: what [`render`] does in one go, step by step.
+pub struct FilmRenderer<'a> {
+    compiled: CompiledScene<'a>,
+    settings: &'a RenderSettings,
+}
+
+impl<'a> FilmRenderer<'a> {
+    /// Checks and prepares a scene.
+    ///
+    /// # Errors
+    /// As [`render`].
+    pub fn new(scene: &'a Scene, settings: &'a RenderSettings) -> Result<Self, RenderError> {
+        Ok(Self { compiled: prepare(scene, settings)?, settings })
+    }
+
+    /// An empty film.
+    pub fn new_film(&self) -> Film {
+        let digest = scene_digest(self.compiled.scene, self.settings);
+        Film::new(layout(&self.compiled, self.settings, digest), feature_maps(&self.compiled))
+    }
+
+    /// Refuses a film that this scene and these settings can't continue.
+    ///
+    /// # Errors
+    /// A film of another scene, seed, depth or version, or of other statistics.
+    pub fn check(&self, film: &Film) -> Result<(), RenderError> {
+        let layout = film.layout();
+        if layout.scene_digest != scene_digest(self.compiled.scene, self.settings) {
+            return Err(RenderError::OtherScene);
+        }
+        let wanted = self.settings.film_statistics();
+        if layout.statistics != wanted {
+            return Err(RenderError::OtherStatistics { film: layout.statistics, wanted });
+        }
+        Ok(())
+    }
+
+    /// Renders the samples of a share that a film does not hold yet, up to `samples_per_pixel`; returns whether all of
+    /// them are there now (they are not when the render was stopped).
+    ///
+    /// The film afterwards is the same to the last bit whatever was in it before: nothing, a part that an interrupted
+    /// render left, or the samples of a shorter render.
+    ///
+    /// # Errors
+    /// As [`Self::check`], and for shares that do not exist.
+    pub fn fill(
+        &self,
+        share: &Share,
+        film: &mut Film,
+        control: &RenderControl<'_>,
+        watch: FilmWatch<'_>,
+    ) -> Result<bool, RenderError> {
+        self.check(film)?;
+        share.check(self.settings)?;
+        Ok(fill(&self.compiled, self.settings, share, film, control, watch))
+    }
+
+    /// The sum of all components in coarse pixels, at most `side` along each side of the image, one sample each: shown
+    /// while the first samples of the film are not there yet.
+    pub fn coarse_sum(&self, side: usize) -> SpectralImage<Radiance> {
+        let camera = &self.compiled.scene.camera;
+        let step = camera.width.max(camera.height).div_ceil(side.max(1));
+        let (width, height) = (camera.width.div_ceil(step), camera.height.div_ceil(step));
+        let bands = self.compiled.bands;
+        let mut image = SpectralImage::zeros(self.compiled.scene.grid.clone(), width, height);
+        image.data_mut().par_chunks_mut(bands * width).enumerate().for_each_init(
+            || BlockSum::new(&self.compiled),
+            |block, (row, pixels)| {
+                for (col, pixel) in pixels.chunks_mut(bands).enumerate() {
+                    let at = |i: usize, size: usize| (i * step + step / 2).min(size - 1);
+                    let (row, col) = (at(row, camera.height), at(col, camera.width));
+                    block.render(&self.compiled, self.settings, row, col, 0..1);
+                    for component in block.values.chunks(bands) {
+                        pixel.iter_mut().zip(component).for_each(|(sum, value)| *sum += value);
+                    }
+                }
+            },
+        );
+        image
+    }
+}
+
+/// SHA-256 of everything that decides the value of a sample: the scene with all its numbers, seed, depth, estimator and
+/// the version of the program. Lower-case hexadecimal.
+pub fn scene_digest(scene: &Scene, settings: &RenderSettings) -> String {
+    struct Writer(Sha256);
+    impl fmt::Write for Writer {
+        fn write_str(&mut self, text: &str) -> fmt::Result {
+            self.0.update(text.as_bytes());
+            Ok(())
+        }
+    }
+    let mut writer = Writer(Sha256::new());
+    // Debug output of floats is exact, and covers every field that anyone adds to a scene. A digest can't fail.
+    let _ = fmt::Write::write_fmt(
+        &mut writer,
+        format_args!(
+            "{} {} {} {:?} {:?} {scene:?}",
+            env!("CARGO_PKG_VERSION"),
+            settings.seed,
+            settings.max_depth,
+            settings.estimator,
+            settings.excitation_edges_nm
+        ),
+    );
+    writer.0.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+fn prepare<'a>(scene: &'a Scene, settings: &RenderSettings) -> Result<CompiledScene<'a>, RenderError> {
     scene.check()?;
     check_settings(settings)?;
-    let components = component_labels(scene);
-    let (width, height, bands) = (scene.camera.width, scene.camera.height, scene.grid.len());
-    let needed = memory_bytes(scene);
+    if let Some(target) = &settings.error_target {
+        target.check(scene.grid.len(), scene.light_groups.len())?;
+    }
+    let needed = memory_bytes(scene, settings);
     if needed > settings.memory_limit_bytes {
         let gib = |bytes: u64| bytes as f64 / f64::from(1 << 30);
         return Err(RenderError::TooLarge {
             needed_gib: gib(needed),
             limit_gib: gib(settings.memory_limit_bytes),
-            components: components.len(),
-            width,
-            height,
-            bands,
+            components: component_labels(scene, settings).len(),
+            width: scene.camera.width,
+            height: scene.camera.height,
+            bands: scene.grid.len(),
         });
     }
-    let compiled = CompiledScene::new(scene)?;
+    Ok(CompiledScene::new(scene, &settings.excitation_edges_nm)?)
+}
 
-    let mut tiles = Vec::new();
-    for row in (0..height).step_by(TILE) {
-        for col in (0..width).step_by(TILE) {
-            let (rows, cols) = (TILE.min(height - row), TILE.min(width - col));
-            tiles.push(Tile { row, col, rows, cols, samples: 0, sums: Vec::new() });
-        }
+/// The plain sum of some samples of one pixel: what one worker reuses from pixel to pixel.
+struct BlockSum {
+    path: Path,
+    state: SpectralState,
+    /// `[component][band]`.
+    values: Vec<f32>,
+    lit: Vec<bool>,
+}
+
+impl BlockSum {
+    fn new(scene: &CompiledScene<'_>) -> Self {
+        let state = SpectralState::new(scene);
+        let components = state.components();
+        let values = vec![0.0; components * scene.bands];
+        Self { path: Path::default(), state, values, lit: vec![false; components] }
     }
 
-    let done = AtomicU64::new(0);
-    let paths_total = (width * height) as u64 * u64::from(settings.samples_per_pixel);
-    let mut first = 0;
-    let mut pass = 1;
-    while first < settings.samples_per_pixel && !control.stop.load(Ordering::Relaxed) {
-        let last = (first + pass).min(settings.samples_per_pixel);
-        tiles.par_iter_mut().for_each_init(
-            || (Path::default(), SpectralState::new(&compiled)),
-            |(path, state), tile| {
-                if control.stop.load(Ordering::Relaxed) {
-                    return;
+    /// Renders samples of one pixel; their plain sum, in order, is in `values` afterwards.
+    fn render(
+        &mut self,
+        scene: &CompiledScene<'_>,
+        settings: &RenderSettings,
+        row: usize,
+        col: usize,
+        samples: Range<u32>,
+    ) {
+        let camera = &scene.scene.camera;
+        let bands = scene.bands;
+        self.values.fill(0.0);
+        self.lit.fill(false);
+        for sample in samples {
+            let mut stream = SampleStream::new(settings.seed, (row * camera.width + col) as u64, sample);
+            let [x, y, _, _] = stream.next_4d();
+            let (origin, direction) = camera.ray(col as f32 + x, row as f32 + y);
+            scene.trace(
+                &mut self.path,
+                origin,
+                direction,
+                &mut stream,
+                settings.max_depth,
+                settings.estimator,
+            );
+            self.state.gather(scene, &self.path);
+            for component in (0..self.lit.len()).filter(|&c| self.state.is_lit(c)) {
+                self.lit[component] = true;
+                let sums = &mut self.values[component * bands..(component + 1) * bands];
+                for (sum, value) in sums.iter_mut().zip(self.state.component(component)) {
+                    *sum += value;
                 }
-                tile.sums.resize(components.len() * tile.rows * tile.cols * bands, 0.0);
-                render_tile(&compiled, settings, tile, first..last, path, state);
-                tile.samples = last;
-                let paths = (tile.rows * tile.cols) as u64 * u64::from(last - first);
-                let paths_done = done.fetch_add(paths, Ordering::Relaxed) + paths;
-                (control.progress)(RenderProgress { paths_done, paths_total });
-            },
-        );
-        first = last;
-        pass = (pass * 2).min(LARGEST_PASS);
-    }
-
-    let mut image = ComponentImage::zeros(scene.grid.clone(), width, height, components);
-    image.samples_per_pixel = tiles.iter().map(|t| t.samples).min().unwrap_or(0);
-    for tile in &mut tiles {
-        if tile.samples > 0 {
-            copy_tile(tile, &mut image);
-            tile.sums = Vec::new();
+            }
         }
     }
-    image.features = feature_maps(&compiled);
-    Ok(image)
+}
+
+/// Layout of the film, with quanta from pilot samples on a lattice of pixels.
+fn layout(scene: &CompiledScene<'_>, settings: &RenderSettings, scene_digest: String) -> FilmLayout {
+    let camera = &scene.scene.camera;
+    let components = component_labels(scene.scene, settings);
+    let bands = scene.bands;
+    let lattice = |size: usize| -> Vec<usize> {
+        let count = size.min(PILOT_SIDE);
+        (0..count).map(|i| (2 * i + 1) * size / (2 * count)).collect()
+    };
+    let pixels: Vec<(usize, usize)> = lattice(camera.height)
+        .into_iter()
+        .flat_map(|row| lattice(camera.width).into_iter().map(move |col| (row, col)))
+        .collect();
+    // Fixed groups of pixels: sums of floats in an order that no scheduler decides.
+    let parts: Vec<(Vec<f32>, Vec<f64>)> = pixels
+        .par_chunks(PILOT_SIDE)
+        .map_init(
+            || BlockSum::new(scene),
+            |block, pixels| {
+                let (mut brightest, mut sums) =
+                    (vec![0.0_f32; block.values.len()], vec![0.0; block.values.len()]);
+                for &(row, col) in pixels {
+                    for sample in 0..PILOT_SAMPLES {
+                        block.render(scene, settings, row, col, sample..sample + 1);
+                        for ((most, sum), &value) in brightest.iter_mut().zip(&mut sums).zip(&block.values) {
+                            *most = most.max(value);
+                            *sum += f64::from(value);
+                        }
+                    }
+                }
+                (brightest, sums)
+            },
+        )
+        .collect();
+    let (mut brightest, mut levels) =
+        (vec![0.0_f32; components.len() * bands], vec![0.0; components.len() * bands]);
+    for (most, sums) in parts {
+        brightest.iter_mut().zip(&most).for_each(|(a, b)| *a = a.max(*b));
+        levels.iter_mut().zip(&sums).for_each(|(a, b)| *a += b);
+    }
+    let samples = f64::from(PILOT_SAMPLES) * pixels.len() as f64;
+    FilmLayout {
+        grid: scene.scene.grid.clone(),
+        width: camera.width,
+        height: camera.height,
+        exponents: exponents(scene, &components, &brightest),
+        components,
+        statistics: settings.film_statistics(),
+        levels: levels.into_iter().map(|sum| ((sum / samples) as f32).min(f32::MAX)).collect(),
+        scene_digest,
+    }
+}
+
+/// Quanta as powers of two: 2^-30 of the brightest pilot sample of the component and band; where the pilot finds the
+/// band dark, 2^-50 of the component's brightest sample times the share that the band has in what the lamps emit or
+/// excite. A component without any light in the pilot is taken to be 2^-10 of its light group.
+fn exponents(scene: &CompiledScene<'_>, components: &[Component], brightest: &[f32]) -> Vec<i16> {
+    let bands = scene.bands;
+    let kinds = scene.plain_operators.len() + 2;
+    let most = |values: &[f32]| values.iter().copied().filter(|v| v.is_finite()).fold(0.0, f32::max);
+    let of_component: Vec<f32> = brightest.chunks(bands).map(most).collect();
+    let mut exponents = Vec::with_capacity(brightest.len());
+    for component in 0..components.len() {
+        let (group, kind) = (component / kinds, component % kinds);
+        let of_group = most(&of_component[group * kinds..(group + 1) * kinds]);
+        let level = match (of_component[component], of_group) {
+            (own, _) if own > 0.0 => f64::from(own),
+            (_, of_group) if of_group > 0.0 => f64::from(of_group) / 1024.0,
+            _ => 1.0,
+        };
+        let mut shape = vec![0.0_f32; bands];
+        for source in scene.sources.iter().filter(|source| source.group == group) {
+            let spectra: Vec<&[f32]> = match kind {
+                0 => vec![&source.bands],
+                kind if kind < kinds - 1 => vec![&source.exitance[kind - 1]],
+                _ => source.exitance.iter().map(Vec::as_slice).collect(),
+            };
+            for spectrum in spectra {
+                shape.iter_mut().zip(spectrum).for_each(|(a, b)| *a = a.max(*b));
+            }
+        }
+        let peak = most(&shape);
+        for (&value, &share) in brightest[component * bands..(component + 1) * bands].iter().zip(&shape) {
+            let share = if share > 0.0 && share.is_finite() { f64::from(share / peak) } else { 1.0 };
+            let floor = level * share.max(f64::MIN_POSITIVE) * 2_f64.powi(-20);
+            let value = if value.is_finite() { f64::from(value).max(floor) } else { level };
+            exponents.push((value.log2().ceil() as i32 - 30).clamp(-400, 400) as i16);
+        }
+    }
+    exponents
+}
+
+/// Renders what is missing, pass by pass; `false` if it was stopped before the end.
+fn fill(
+    scene: &CompiledScene<'_>,
+    settings: &RenderSettings,
+    share: &Share,
+    film: &mut Film,
+    control: &RenderControl<'_>,
+    watch: FilmWatch<'_>,
+) -> bool {
+    let layout = film.layout().clone();
+    let samples = share.samples(settings.samples_per_pixel);
+    let target = TileError::new(settings.error_target.as_ref(), &layout);
+    let mut paths_total = 0;
+    let mut met = Vec::new();
+    let done = AtomicU64::new(0);
+    for (index, (tile, _)) in film.tiles().enumerate() {
+        met.push(AtomicBool::new(!share.holds(index)));
+        if share.holds(index) {
+            let held = end_of(&tile.samples, &samples) - samples.start;
+            done.fetch_add(tile.pixels() as u64 * u64::from(held), Ordering::Relaxed);
+            paths_total += tile.pixels() as u64 * u64::from(samples.end - samples.start);
+        }
+    }
+    let mut last = samples.start;
+    let mut pass = 1;
+    while last < samples.end {
+        last = block_end(last + pass - 1).min(samples.end);
+        pass = if last - samples.start < LARGEST_PASS { last - samples.start } else { LARGEST_PASS };
+        loop {
+            let pause = AtomicBool::new(false);
+            let mut tasks = film.tiles_mut();
+            tasks.retain(|task| {
+                !met[task.number].load(Ordering::Relaxed) && end_of(&task.tile.samples, &samples) < last
+            });
+            tasks.par_iter_mut().for_each_init(
+                || (BlockSum::new(scene), FilmScale::new(&layout)),
+                |(block, scale), task| {
+                    if control.stop.load(Ordering::Relaxed) || pause.load(Ordering::Relaxed) {
+                        return;
+                    }
+                    let first = end_of(&task.tile.samples, &samples);
+                    let mut saved = last - first;
+                    if target.is_met(scale, task.tile, task.sums) {
+                        met[task.number].store(true, Ordering::Relaxed);
+                        saved = samples.end - first;
+                    } else {
+                        while let Some(range) = next_missing(&task.tile.samples, &samples, last) {
+                            fill_tile(scene, settings, task, range, block, scale);
+                        }
+                    }
+                    let paths = task.tile.pixels() as u64 * u64::from(saved);
+                    let paths_done = done.fetch_add(paths, Ordering::Relaxed) + paths;
+                    (control.progress)(RenderProgress { paths_done, paths_total });
+                    if (watch.due)() {
+                        pause.store(true, Ordering::Relaxed);
+                    }
+                },
+            );
+            drop(tasks);
+            if control.stop.load(Ordering::Relaxed) {
+                return done.load(Ordering::Relaxed) >= paths_total;
+            }
+            if !pause.load(Ordering::Relaxed) {
+                break;
+            }
+            if !(watch.look)(film) {
+                return done.load(Ordering::Relaxed) >= paths_total;
+            }
+        }
+    }
+    true
+}
+
+/// Where the samples of a tile that lie in `wanted` and touch its start end.
+fn end_of(held: &[Range<u32>], wanted: &Range<u32>) -> u32 {
+    let range = held.iter().find(|range| range.start <= wanted.start && range.end > wanted.start);
+    range.map_or(wanted.start, |range| range.end.min(wanted.end))
+}
+
+/// The next samples to render on the way to `last`: up to there, or up to samples that are held already.
+fn next_missing(held: &[Range<u32>], wanted: &Range<u32>, last: u32) -> Option<Range<u32>> {
+    let first = end_of(held, wanted);
+    let next = held.iter().map(|range| range.start).find(|&start| start > first);
+    (first < last).then(|| first..next.map_or(last, |start| start.min(last)))
+}
+
+/// Adds samples to every pixel of a tile, block by block.
+fn fill_tile(
+    scene: &CompiledScene<'_>,
+    settings: &RenderSettings,
+    task: &mut TileMut<'_>,
+    samples: Range<u32>,
+    block: &mut BlockSum,
+    scale: &mut FilmScale,
+) {
+    let tile = &mut *task.tile;
+    let len = scale.pixel_len();
+    let (rows, cols) = (tile.rows, tile.cols);
+    for (index, sums) in task.sums.chunks_mut(len).take(rows * cols).enumerate() {
+        let (row, col) = (tile.row + index / cols, tile.col + index % cols);
+        let mut first = samples.start;
+        if !is_block_boundary(first) {
+            // An earlier render ended within a block: exchange the part for the whole.
+            let start = block_start(first);
+            block.render(scene, settings, row, col, start..first);
+            scale.add_block(sums, &block.values, &block.lit, start..first, BlockSign::Remove);
+            first = start;
+        }
+        while first < samples.end {
+            let end = block_end(first).min(samples.end);
+            block.render(scene, settings, row, col, first..end);
+            scale.add_block(sums, &block.values, &block.lit, first..end, BlockSign::Add);
+            first = end;
+        }
+    }
+    tile.add_samples(samples);
 }
 
 fn check_settings(settings: &RenderSettings) -> Result<(), RenderError> {
@@ -214,67 +683,42 @@ fn check_settings(settings: &RenderSettings) -> Result<(), RenderError> {
         }
     };
     check("samples_per_pixel", settings.samples_per_pixel, 1..=1_000_000, "must be between 1 and 1000000")?;
+    let edges = &settings.excitation_edges_nm;
+    if edges.len() == 1
+        || edges.iter().any(|edge| !edge.is_finite() || *edge <= 0.0)
+        || edges.windows(2).any(|pair| pair[0] >= pair[1])
+    {
+        return Err(RenderError::Setting {
+            field: "excitation_edges_nm",
+            value: edges.len() as u64,
+            message: "edges: must be two or more increasing wavelengths",
+        });
+    }
     check("max_depth", settings.max_depth, 1..=10_000, "must be between 1 (direct light only) and 10000")
 }
 
-fn component_labels(scene: &Scene) -> Vec<Component> {
+fn component_labels(scene: &Scene, settings: &RenderSettings) -> Vec<Component> {
     let mut labels = Vec::new();
     for group in &scene.light_groups {
-        let mut push = |light| labels.push(Component { light_group: group.name.clone(), light });
-        push(Light::Reflected);
-        scene.fluorophores.iter().for_each(|f| push(Light::Fluorescence(f.name.clone())));
-        push(Light::MultipleFluorescence);
+        for name in excitation_names(&group.name, &settings.excitation_edges_nm) {
+            let mut push = |light| labels.push(Component { light_group: name.clone(), light });
+            push(Light::Reflected);
+            scene.fluorophores.iter().for_each(|f| push(Light::Fluorescence(f.name.clone())));
+            push(Light::MultipleFluorescence);
+        }
     }
     labels
 }
 
-fn render_tile(
-    scene: &CompiledScene<'_>,
-    settings: &RenderSettings,
-    tile: &mut Tile,
-    samples: std::ops::Range<u32>,
-    path: &mut Path,
-    state: &mut SpectralState,
-) {
-    let camera = &scene.scene.camera;
-    let pixels = tile.rows * tile.cols;
-    for index in 0..pixels {
-        let (row, col) = (tile.row + index / tile.cols, tile.col + index % tile.cols);
-        for sample in samples.clone() {
-            let mut stream = SampleStream::new(settings.seed, (row * camera.width + col) as u64, sample);
-            let [x, y, _, _] = stream.next_4d();
-            let (origin, direction) = camera.ray(col as f32 + x, row as f32 + y);
-            scene.trace(path, origin, direction, &mut stream, settings.max_depth, settings.estimator);
-            state.gather(scene, path);
-            for component in 0..state.components() {
-                if !state.is_lit(component) {
-                    continue;
-                }
-                let start = (component * pixels + index) * scene.bands;
-                let sums = &mut tile.sums[start..start + scene.bands];
-                for (sum, value) in sums.iter_mut().zip(state.component(component)) {
-                    *sum += value;
-                }
-            }
-        }
+/// Names of the excitation bins of a light group.
+fn excitation_names(group: &str, edges_nm: &[f64]) -> Vec<String> {
+    if edges_nm.is_empty() {
+        return vec![group.into()];
     }
-}
-
-fn copy_tile(tile: &Tile, image: &mut ComponentImage) {
-    let bands = image.grid.len();
-    let (width, height) = (image.width, image.height);
-    let pixels = tile.rows * tile.cols;
-    let scale = 1.0 / tile.samples as f32;
-    for component in 0..image.components.len() {
-        for row in 0..tile.rows {
-            let from = (component * pixels + row * tile.cols) * bands;
-            let to = ((component * height + tile.row + row) * width + tile.col) * bands;
-            let source = &tile.sums[from..from + tile.cols * bands];
-            for (value, sum) in image.data[to..to + tile.cols * bands].iter_mut().zip(source) {
-                *value = sum * scale;
-            }
-        }
-    }
+    let mut names: Vec<String> =
+        edges_nm.windows(2).map(|edge| format!("{group}{EXCITATION_MARK}{}-{}", edge[0], edge[1])).collect();
+    names.push(format!("{group}{EXCITATION_MARK}rest"));
+    names
 }
 
 fn feature_maps(compiled: &CompiledScene<'_>) -> FeatureMaps {

@@ -382,7 +382,7 @@ mod tests {
     /// Draws directions towards the lights and compares them with the density that rays report on meeting them:
     /// the two must be the same function for multiple importance sampling to be unbiased.
     fn check(scene: &Scene, position: Vec3, normal: Vec3, tests: usize) {
-        let compiled = CompiledScene::new(scene).unwrap();
+        let compiled = CompiledScene::new(scene, &[]).unwrap();
         chi_square_over_sphere(
             20_000,
             20,

@@ -9,8 +9,10 @@
 //! | `surface` | what a ray finds: frame, textures, coat |
 //! | `path` | samples one path and keeps its vertices |
 //! | `spectral_accumulation` | runs spectra backwards along a path |
-//! | `integrator` | all pixels on all cores, with progress and interruption |
+//! | `integrator` | all pixels on all cores: passes, shards, progress, interruption |
+//! | `adaptive` | when a tile has samples enough |
 
+mod adaptive;
 mod compiled_scene;
 mod fluorescence_operator;
 mod integrator;
@@ -19,8 +21,10 @@ mod path;
 mod spectral_accumulation;
 mod surface;
 
+pub use adaptive::{ErrorChannel, ErrorTarget};
 pub use fluorescence_operator::FluorescenceOperator;
 pub(crate) use fluorescence_operator::direct_exitance;
 pub use integrator::{
-    Estimator, RenderControl, RenderError, RenderProgress, RenderSettings, memory_bytes, render,
+    Estimator, FilmRenderer, FilmWatch, RenderControl, RenderError, RenderProgress, RenderSettings, Share,
+    memory_bytes, render, scene_digest,
 };

@@ -173,7 +173,8 @@ impl CompiledScene<'_> {
                             }
                             _ => 1.0,
                         };
-                        met.push((self.lights[light].source, scale * weight));
+                        let source = self.lights[light].source;
+                        met.extend((source..source + self.slices).map(|source| (source, scale * weight)));
                     }
                 }
             }
@@ -238,6 +239,14 @@ impl CompiledScene<'_> {
                     direct.diffuse += factor * s.diffuse * PI;
                     direct.fluorescent += factor * s.fluorescent * PI;
                     direct.gloss += factor * s.gloss;
+                }
+            }
+
+            if self.slices > 1 {
+                // All excitation bins of a lamp shine from the same place.
+                for bins in vertex.direct.chunks_mut(self.slices) {
+                    let of_lamp = bins[0];
+                    bins.fill(of_lamp);
                 }
             }
 

@@ -23,7 +23,7 @@ pub(super) struct SpectralState {
 impl SpectralState {
     pub(super) fn new(scene: &CompiledScene<'_>) -> Self {
         let kinds = scene.plain_operators.len() + 2;
-        let groups = scene.group_lights.len();
+        let groups = scene.lamp_operators.len();
         let len = groups * kinds * scene.bands;
         Self {
             values: vec![0.0; len],

@@ -1,6 +1,7 @@
 //! Wavelengths, render settings, camera, lens and sensor.
 
 use super::context::{Context, Resolved};
+use super::error_target;
 use super::spectrum::Role;
 use crate::experiment::document::is_path;
 use crate::experiment::error::{Step, steps};
@@ -73,12 +74,24 @@ pub(super) fn render_settings(context: &Context<'_>, section: &RenderSection) ->
         context.positive(&at("time_limit_s"), limit, "seconds")?;
     }
     let gib = context.within(&at("memory_limit_gib"), section.memory_limit_gib, [0.1, 1024.0], "GiB")?;
+    let edges = section.excitation_edges_nm.clone().unwrap_or_default();
+    if section.excitation_edges_nm.is_some()
+        && (!(2..=65).contains(&edges.len())
+            || edges.iter().any(|edge| !(200.0..=1200.0).contains(edge))
+            || edges.windows(2).any(|pair| pair[0] >= pair[1]))
+    {
+        let message = "must hold 2 to 65 increasing wavelengths between 200 and 1200 nm";
+        return context.fail(&at("excitation_edges_nm"), message);
+    }
     Ok(RenderSettings {
         samples_per_pixel: section.samples_per_pixel,
         max_depth: section.max_depth,
         seed: section.seed,
         estimator: Estimator::default(),
         memory_limit_bytes: (gib * GIB) as u64,
+        statistics: error_target::statistics(section),
+        error_target: None,
+        excitation_edges_nm: edges,
     })
 }
 

@@ -3,6 +3,7 @@
 mod capture;
 pub(super) mod context;
 pub(super) mod device;
+mod error_target;
 mod instrument;
 mod lesion;
 mod light;
@@ -205,7 +206,7 @@ pub fn resolve(experiment: &Experiment) -> Result<ResolvedExperiment, Experiment
     let context = &mut context;
 
     let grid = device::grid(context, &file.spectral)?;
-    let render = device::render_settings(context, &file.render)?;
+    let mut render = device::render_settings(context, &file.render)?;
     device::check_camera(context, &file.camera)?;
     let sensor = match &file.sensor {
         Some(section) => Some(device::sensor(context, section, &grid)?),
@@ -245,7 +246,9 @@ pub fn resolve(experiment: &Experiment) -> Result<ResolvedExperiment, Experiment
     let scene =
         Scene { grid, objects, materials, fluorophores: fluorophores.list, light_groups, lights, camera };
     scene.check().map_err(|error| scene_error(context, file, &error))?;
-    device::check_memory(context, file, memory_bytes(&scene))?;
+    let optics = lens.as_ref().zip(sensor.as_ref());
+    render.error_target = error_target::error_target(context, &file.render, &scene, &captures, optics)?;
+    device::check_memory(context, file, memory_bytes(&scene, &render))?;
     warn_unused(context, file, &scene, analysis.as_ref());
     for warning in scene.warnings() {
         context.push_warning(warning.to_string());

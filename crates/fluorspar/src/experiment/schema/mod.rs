@@ -27,7 +27,7 @@ pub use reference::{
     DorsalTongueMap, ReflectanceReference, ReflectanceTermSection, SpectrumReference, SpectrumTable,
     TextureReference, TextureTable,
 };
-pub use settings::{RenderSection, SpectralSection};
+pub use settings::{RenderSection, SpectralSection, StatisticsChoice};
 
 /// An experiment: scene, lights, camera, captures and analysis. Lengths are in millimetres, wavelengths in
 /// nanometres; every other unit stands in the name of its field.

@@ -21,6 +21,23 @@ pub struct SpectralSection {
     pub edges_nm: Option<Vec<f64>>,
 }
 
+/// What is kept about the scatter of samples.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum StatisticsChoice {
+    /// Nothing.
+    #[default]
+    None,
+    /// Half-buffers and variance of the sum of each light group.
+    LightGroups,
+    /// Half-buffers and variance of every component.
+    Components,
+}
+
+fn is_none(choice: &StatisticsChoice) -> bool {
+    *choice == StatisticsChoice::None
+}
+
 /// Image size, samples and limits of the render.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
@@ -40,6 +57,25 @@ pub struct RenderSection {
     pub time_limit_s: Option<f64>,
     /// Most memory that the images of the render may take, GiB, 0.1 to 1024. Default 8.
     pub memory_limit_gib: f64,
+    /// What is kept about the scatter of samples: `none`, `light_groups` or `components`. Two half-buffers and the
+    /// variance of each; memory grows by 16 bytes per pixel and band for each. Default `none`.
+    #[serde(skip_serializing_if = "is_none")]
+    pub statistics: StatisticsChoice,
+    /// Relative error, 1e-4 to 0.5, at which a tile of 16 x 16 pixels gets no more samples; `samples_per_pixel` is the
+    /// most that it gets. Default: none, all pixels get the same.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub relative_error: Option<f64>,
+    /// Names of captures whose sensor channels must all reach `relative_error`. Default: all captures that have light.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub error_captures: Option<Vec<String>>,
+    /// Range of wavelengths, nm, whose radiance must reach `relative_error`, for each light group alone. Instead of
+    /// `error_captures`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub error_range_nm: Option<[f64; 2]>,
+    /// Edges of excitation bins, nm, increasing, 2 to 65 of them: keeps what each part of a lamp spectrum gives apart, so
+    /// that lamp spectra can be changed after the render. Memory grows by the number of edges. Default: none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub excitation_edges_nm: Option<Vec<f64>>,
 }
 
 impl Default for RenderSection {
@@ -52,6 +88,11 @@ impl Default for RenderSection {
             seed: 1,
             time_limit_s: None,
             memory_limit_gib: 8.0,
+            statistics: StatisticsChoice::None,
+            relative_error: None,
+            error_captures: None,
+            error_range_nm: None,
+            excitation_edges_nm: None,
         }
     }
 }

@@ -15,8 +15,29 @@ const COMPONENT: &str = "fluorsparComponent";
 const SAMPLES: &str = "fluorsparSamplesPerPixel";
 const PARTS: &str = "fluorsparParts";
 const VIEW: &str = "fluorsparView";
+const SCALE: &str = "fluorsparScale";
+const STORAGE_ERROR: &str = "fluorsparStorageError";
+const DENOISED: &str = "fluorsparDenoised";
+const STATISTIC: &str = "fluorsparStatistic";
+const MATERIALS: &str = "fluorsparMaterials";
 const FEATURES: &str = "features";
 const PREVIEW: &str = "preview";
+
+/// Which plane of which statistic a part holds.
+#[derive(Debug, serde::Serialize, serde::Deserialize)]
+struct StatisticLabel {
+    of: crate::image::Statistics,
+    name: String,
+    holds: StatisticPlane,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum StatisticPlane {
+    HalfA,
+    HalfB,
+    Variance,
+}
 
 /// `W/(sr m^2 nm)` as the layout writes it, `W.m^-2.sr^-1.nm^-1`; `None` for ratios.
 fn layout_unit(unit: &str) -> Option<String> {

@@ -10,10 +10,13 @@ use exr::meta::MetaData;
 use exr::meta::attribute::{AttributeValue, SampleType, Text};
 use exr::meta::header::Header;
 
-use super::{COMPONENT, EDGES, FEATURES, PARTS, PROVENANCE, QUANTITY, SAMPLES, UNITS, VIEW, layout_unit};
+use super::{
+    COMPONENT, DENOISED, EDGES, FEATURES, PARTS, PROVENANCE, QUANTITY, SAMPLES, SCALE, STATISTIC,
+    StatisticLabel, StatisticPlane, UNITS, VIEW, layout_unit,
+};
 use crate::format::file::{check_image_size, check_packing, guarded, most_image_bytes};
 use crate::format::{FormatError, Loaded, Provenance};
-use crate::image::{Component, ComponentImage, FeatureMaps, SpectralImage};
+use crate::image::{Component, ComponentImage, FeatureMaps, SampleStatistics, SpectralImage};
 use crate::spectral::{Quantity, Radiance, WavelengthGrid};
 
 /// Reads a spectral image, written by this program or any other that follows the layout.
@@ -40,7 +43,8 @@ pub fn read_spectral_exr<Q: Quantity>(path: &Path) -> Result<Loaded<SpectralImag
         let mut buffers = [vec![0.0; width * height * grid.len()]];
         let targets = [band_targets(header, &bands, 0, 0)];
         decode(path, &targets, &mut buffers)?;
-        let [data] = buffers;
+        let [mut data] = buffers;
+        rescale(path, header, &mut data)?;
         let image = SpectralImage::from_data(grid, width, height, data)
             .map_err(|error| FormatError::malformed(path, error.to_string(), "Write the file again"))?;
         Ok(Loaded { image, provenance: provenance(path, &headers)? })
@@ -91,11 +95,55 @@ fn read_component_parts(path: &Path) -> Result<Loaded<ComponentImage>, FormatErr
             "Read it as a spectral image, or render the components",
         ));
     };
-    let bytes_per_pixel = (4 * (grid.len() * components.len() + FEATURE_CHANNELS.len())) as u64;
+    let pixels = width * height;
+    let plane = pixels * grid.len();
+    let mut statistics: Option<SampleStatistics> = None;
+    // Part, buffer and first value of everything that may be stored at a scale.
+    let mut scaled: Vec<(usize, usize, usize)> = (0..headers.len())
+        .filter(|part| attribute(&headers[*part], COMPONENT).is_some())
+        .enumerate()
+        .map(|(component, part)| (part, 0, component * plane))
+        .collect();
+    for (part, header) in headers.iter().enumerate() {
+        let Some(label) = attribute(header, STATISTIC) else { continue };
+        let label: StatisticLabel = parse_json(path, STATISTIC, &label)?;
+        let (statistic_grid, bands) = bands::<Radiance>(path, header)?;
+        if statistic_grid != grid || header.layer_size != Vec2(width, height) {
+            return Err(FormatError::malformed(
+                path,
+                format!("the statistics of \"{}\" differ in size or wavelengths", label.name),
+                "Write the file again",
+            ));
+        }
+        let empty = || SampleStatistics {
+            of: label.of,
+            names: Vec::new(),
+            half_a: Vec::new(),
+            half_b: Vec::new(),
+            variance: Vec::new(),
+        };
+        let statistics = statistics.get_or_insert_with(empty);
+        let known = statistics.names.iter().position(|name| *name == label.name);
+        let index = known.unwrap_or_else(|| {
+            statistics.names.push(label.name.clone());
+            statistics.names.len() - 1
+        });
+        let buffer = match label.holds {
+            StatisticPlane::HalfA => 2,
+            StatisticPlane::HalfB => 3,
+            StatisticPlane::Variance => 4,
+        };
+        targets[part] = band_targets(header, &bands, buffer, index * plane);
+        scaled.push((part, buffer, index * plane));
+    }
+    let statistic_values = statistics.as_ref().map_or(0, |statistics| statistics.names.len() * plane);
+    let per_pixel =
+        grid.len() * components.len() + FEATURE_CHANNELS.len() + 3 * statistic_values / pixels.max(1);
+    let bytes_per_pixel = 4 * per_pixel as u64;
     let length = std::fs::metadata(path).map_err(|source| FormatError::io(path, "read", source))?.len();
     check_image_size(path, width as u64, height as u64, bytes_per_pixel, most_image_bytes(length))?;
-    let pixels = width * height;
-    let mut buffers = [vec![0.0; components.len() * pixels * grid.len()], Vec::new()];
+    let mut buffers = [components.len() * plane, 0, statistic_values, statistic_values, statistic_values]
+        .map(|len| vec![0.0; len]);
     let features_part = headers.iter().position(|header| part_name(header).as_deref() == Some(FEATURES));
     let mut features = FeatureMaps::default();
     if let Some(part) = features_part {
@@ -110,15 +158,40 @@ fn read_component_parts(path: &Path) -> Result<Loaded<ComponentImage>, FormatErr
         buffers[1] = vec![0.0; FEATURE_CHANNELS.len() * pixels];
     }
     decode(path, &targets, &mut buffers)?;
-    let [data, maps] = buffers;
+    for (part, buffer, start) in scaled {
+        rescale(path, &headers[part], &mut buffers[buffer][start..start + plane])?;
+    }
+    let [data, maps, half_a, half_b, variance] = buffers;
+    if let Some(statistics) = &mut statistics {
+        (statistics.half_a, statistics.half_b, statistics.variance) = (half_a, half_b, variance);
+    }
+    let mut samples = Vec::new();
     if let Some(part) = features_part {
         features = feature_maps(path, &headers[part], &maps)?;
+        if has_channel(&headers[part], "samples") {
+            samples = maps.chunks_exact(FEATURE_CHANNELS.len()).map(|pixel| pixel[7] as u32).collect();
+        }
     }
-    let image = ComponentImage { grid, width, height, components, data, samples_per_pixel, features };
+    let image = ComponentImage {
+        grid,
+        width,
+        height,
+        components,
+        data,
+        samples_per_pixel,
+        samples,
+        features,
+        statistics,
+        denoised: headers.iter().find_map(|header| attribute(header, DENOISED)),
+    };
     Ok(Loaded { image, provenance: provenance(path, &headers)? })
 }
 
-const FEATURE_CHANNELS: [&str; 7] = ["Z", "N.X", "N.Y", "N.Z", "id", "U", "V"];
+const FEATURE_CHANNELS: [&str; 8] = ["Z", "N.X", "N.Y", "N.Z", "id", "U", "V", "samples"];
+
+fn has_channel(header: &Header, name: &str) -> bool {
+    header.channels.list.iter().any(|channel| channel.name.as_slice() == name.as_bytes())
+}
 
 fn feature_targets(header: &Header, buffer: usize) -> Vec<Option<Target>> {
     let target = |name: &Text| {
@@ -129,8 +202,7 @@ fn feature_targets(header: &Header, buffer: usize) -> Vec<Option<Target>> {
 }
 
 fn feature_maps(path: &Path, header: &Header, maps: &[f32]) -> Result<FeatureMaps, FormatError> {
-    let has =
-        |name: &str| header.channels.list.iter().any(|channel| channel.name.as_slice() == name.as_bytes());
+    let has = |name: &str| has_channel(header, name);
     let pixels = || maps.chunks_exact(FEATURE_CHANNELS.len());
     let mut features = FeatureMaps::default();
     if has("Z") {
@@ -150,6 +222,21 @@ fn feature_maps(path: &Path, header: &Header, maps: &[f32]) -> Result<FeatureMap
     }
     features.view = attribute(header, VIEW).map(|view| parse_json(path, VIEW, &view)).transpose()?;
     Ok(features)
+}
+
+/// Undoes the scale at which 16-bit values are stored.
+fn rescale(path: &Path, header: &Header, values: &mut [f32]) -> Result<(), FormatError> {
+    let Some(text) = attribute(header, SCALE) else { return Ok(()) };
+    let scale = text.parse::<f64>().ok().filter(|scale| scale.is_finite() && *scale > 0.0);
+    let Some(scale) = scale else {
+        return Err(FormatError::malformed(
+            path,
+            format!("the attribute \"{SCALE}\" is damaged"),
+            "Write the file again",
+        ));
+    };
+    values.iter_mut().for_each(|value| *value = (f64::from(*value) * scale) as f32);
+    Ok(())
 }
 
 /// Headers, after everything that decides about memory has been checked.

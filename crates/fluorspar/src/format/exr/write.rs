@@ -11,19 +11,19 @@ use exr::meta::attribute::{AttributeValue, LevelMode, SampleType, Text};
 use exr::meta::header::{ImageAttributes, LayerAttributes};
 use exr::prelude::{
     AnyChannel, AnyChannels, Blocks, Compression, Encoding, Image, IntegerBounds, Layer, LineOrder, SmallVec,
-    WritableImage,
+    WritableImage, f16,
 };
 
 use super::{
-    COMPONENT, EDGES, FEATURES, LAYOUT_VERSION, PARTS, PREVIEW, PROVENANCE, QUANTITY, SAMPLES, UNITS, VIEW,
-    layout_unit,
+    COMPONENT, DENOISED, EDGES, FEATURES, LAYOUT_VERSION, MATERIALS, PARTS, PREVIEW, PROVENANCE, QUANTITY,
+    SAMPLES, SCALE, STATISTIC, STORAGE_ERROR, StatisticLabel, StatisticPlane, UNITS, VIEW, layout_unit,
 };
 use crate::format::file::{MAX_IMAGE_BYTES, check_image_size, write_atomically};
 use crate::format::{FormatError, Provenance};
-use crate::image::{ComponentImage, SpectralImage};
+use crate::image::{ComponentImage, FeatureMaps, SpectralImage};
 use crate::spectral::{Quantity, Radiance, WavelengthGrid};
 
-/// How pixels are packed; nothing is lost either way.
+/// How pixels are packed; nothing is lost unless the variant says so.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ExrCompression {
     /// Not at all: fastest, largest.
@@ -31,6 +31,10 @@ pub enum ExrCompression {
     /// Deflate over blocks of 16 rows.
     #[default]
     Zip,
+    /// Spectral values as 16-bit floats times a power of two for each part, then deflate: about a sixth of the size.
+    /// The relative error is at most 2^-11 = 4.9e-4 down to 2^-29 of the part's brightest value, and the absolute error
+    /// below that at most 2^-39 of it. The attributes `fluorsparScale` and `fluorsparStorageError` say so.
+    Half,
     /// Values rounded to 24 bits (15 of the mantissa: relative error up to 2^-16 = 1.5e-5), then deflate: a third of the size of noisy data.
     Rounded24,
 }
@@ -70,23 +74,29 @@ pub fn write_spectral_exr<Q: Quantity>(
 ) -> Result<(), FormatError> {
     let size = (image.width(), image.height());
     check(path, size, image.grid(), image.data().len(), 1, options)?;
-    let mut planes = band_planes::<Q>(image.grid(), image.data(), size.0);
+    let (mut planes, storage) = band_planes::<Q>(image.grid(), image.data(), size.0, options.compression);
     if let Some(preview) = options.preview {
         planes.extend(preview_planes(preview, size.0));
     }
     let mut part = Part { name: None, planes, attributes: spectral_attributes::<Q>(image.grid()) };
+    part.attributes.extend(storage);
     part.add_provenance(options.provenance);
     write_parts(path, size, vec![part], options.compression)
 }
 
 /// Writes a component image with its feature maps as a file of several parts: one per component, named by its label
-/// and laid out as by [`write_spectral_exr`], then `features` with `Z` (depth, m), `N.X`, `N.Y`, `N.Z`, `id`, `U`, `V`.
+/// and laid out as by [`write_spectral_exr`]; for each statistic `half_a.NAME`, `half_b.NAME` (radiance) and
+/// `variance.NAME` (its square); then `features` with `Z` (depth, m), `N.X`, `N.Y`, `N.Z`, `id`, `material`, `U`, `V`, and
+/// `samples` where pixels differ in them.
 ///
 /// | attribute | content |
 /// |---|---|
 /// | `fluorsparComponent` | label of the component, JSON |
 /// | `fluorsparSamplesPerPixel` | paths per pixel |
+/// | `fluorsparDenoised` | settings of the noise reduction, JSON; missing in raw images |
+/// | `fluorsparStatistic` | which half-buffer or variance a part holds, JSON |
 /// | `fluorsparParts` | names of the objects and of their materials, JSON, in `features` |
+/// | `fluorsparMaterials` | names of the materials, JSON, in `features`: `material` counts them from 1 |
 ///
 /// A preview is the first part. Provenance rides on the first part.
 ///
@@ -116,21 +126,89 @@ pub fn write_component_exr(
                 "Give light groups and fluorophores names of their own",
             ));
         }
-        let planes = band_planes::<Radiance>(&image.grid, image.component(index), size.0);
+        let (planes, storage) =
+            band_planes::<Radiance>(&image.grid, image.component(index), size.0, options.compression);
         let mut attributes = spectral_attributes::<Radiance>(&image.grid);
+        attributes.extend(storage);
         attributes.push((COMPONENT, text(&json(component))));
         attributes.push((SAMPLES, text(&image.samples_per_pixel.to_string())));
+        attributes.extend(image.denoised.as_ref().map(|settings| (DENOISED, text(settings))));
         parts.push(Part { name: Some(name), planes, attributes });
     }
-    parts.extend(features_part(path, image)?);
+    if let Some(statistics) = &image.statistics {
+        let plane = image.width * image.height * image.grid.len();
+        let planes = [
+            ("half_a", StatisticPlane::HalfA, &statistics.half_a),
+            ("half_b", StatisticPlane::HalfB, &statistics.half_b),
+            ("variance", StatisticPlane::Variance, &statistics.variance),
+        ];
+        if planes.iter().any(|(.., data)| data.len() != plane * statistics.names.len()) {
+            return Err(FormatError::unwritable(
+                path,
+                "the statistics do not fill the image",
+                "Give all or none",
+            ));
+        }
+        for (index, name) in statistics.names.iter().enumerate() {
+            for (prefix, holds, data) in planes {
+                let data = &data[index * plane..(index + 1) * plane];
+                let label = StatisticLabel { of: statistics.of, name: name.clone(), holds };
+                let mut attributes = spectral_attributes::<Radiance>(&image.grid);
+                if holds == StatisticPlane::Variance {
+                    attributes.retain(|(name, _)| ![QUANTITY, UNITS].contains(name));
+                    attributes.push((QUANTITY, text("radiance variance")));
+                    attributes.push((UNITS, text("W^2.m^-4.sr^-2.nm^-2")));
+                }
+                attributes.push((STATISTIC, text(&json(&label))));
+                let (planes, storage) =
+                    band_planes::<Radiance>(&image.grid, data, size.0, options.compression);
+                attributes.extend(storage);
+                parts.push(Part { name: Some(format!("{prefix}.{name}")), planes, attributes });
+            }
+        }
+    }
+    let (materials, material_names) = materials(&image.features);
+    parts.extend(features_part(path, image, &materials, &material_names)?);
     parts[0].add_provenance(options.provenance);
     write_parts(path, size, parts, options.compression)
 }
 
-fn features_part<'a>(path: &Path, image: &'a ComponentImage) -> Result<Option<Part<'a>>, FormatError> {
+/// Number of the material behind each pixel, from 1, and the names in order of first use.
+fn materials(features: &FeatureMaps) -> (Vec<u16>, Vec<&str>) {
+    let mut names: Vec<&str> = Vec::new();
+    let of_part: Vec<u16> = features
+        .material_names
+        .iter()
+        .map(|name| {
+            let known = names.iter().position(|known| known == name).unwrap_or_else(|| {
+                names.push(name);
+                names.len() - 1
+            });
+            known as u16 + 1
+        })
+        .collect();
+    let of_pixel = |part: &u16| match part {
+        0 => 0,
+        part => of_part.get(usize::from(*part) - 1).copied().unwrap_or(0),
+    };
+    (features.part.iter().map(of_pixel).collect(), names)
+}
+
+fn features_part<'a>(
+    path: &Path,
+    image: &'a ComponentImage,
+    materials: &'a [u16],
+    material_names: &[&str],
+) -> Result<Option<Part<'a>>, FormatError> {
     let (features, width) = (&image.features, image.width);
     let pixels = width * image.height;
-    let lengths = [features.depth_m.len(), features.normal.len(), features.part.len(), features.uv.len()];
+    let lengths = [
+        features.depth_m.len(),
+        features.normal.len(),
+        features.part.len(),
+        features.uv.len(),
+        image.samples.len(),
+    ];
     if let Some(length) = lengths.iter().find(|&&length| length != 0 && length != pixels) {
         return Err(FormatError::unwritable(
             path,
@@ -150,6 +228,12 @@ fn features_part<'a>(path: &Path, image: &'a ComponentImage) -> Result<Option<Pa
     }
     if !features.part.is_empty() {
         planes.push(plane("id", Values::U16(&features.part), 0, 1));
+        if !material_names.is_empty() {
+            planes.push(plane("material", Values::U16(materials), 0, 1));
+        }
+    }
+    if !image.samples.is_empty() {
+        planes.push(plane("samples", Values::U32(&image.samples), 0, 1));
     }
     if !features.uv.is_empty() {
         let values = features.uv.as_flattened();
@@ -158,8 +242,12 @@ fn features_part<'a>(path: &Path, image: &'a ComponentImage) -> Result<Option<Pa
     if planes.is_empty() {
         return Ok(None);
     }
+    let mut attributes = Vec::new();
+    if !material_names.is_empty() {
+        attributes.push((MATERIALS, text(&json(&material_names))));
+    }
     let names = json(&(&features.part_names, &features.material_names));
-    let mut attributes = vec![(PARTS, text(&names))];
+    attributes.push((PARTS, text(&names)));
     attributes.extend(features.view.map(|view| (VIEW, text(&json(&view)))));
     Ok(Some(Part { name: Some(FEATURES.into()), planes, attributes }))
 }
@@ -216,7 +304,10 @@ struct Plane<'a> {
 #[derive(Clone, Copy)]
 enum Values<'a> {
     F32(&'a [f32]),
+    /// Multiplied by a factor and rounded to 16 bits.
+    F16(&'a [f32], f32),
     U16(&'a [u16]),
+    U32(&'a [u32]),
 }
 
 impl<'a> WritableSamples<'_> for Plane<'a> {
@@ -225,7 +316,8 @@ impl<'a> WritableSamples<'_> for Plane<'a> {
     fn sample_type(&self) -> SampleType {
         match self.values {
             Values::F32(_) => SampleType::F32,
-            Values::U16(_) => SampleType::U32,
+            Values::F16(..) => SampleType::F16,
+            Values::U16(_) | Values::U32(_) => SampleType::U32,
         }
     }
 
@@ -245,7 +337,9 @@ impl SamplesWriter for Plane<'_> {
         // Writing into memory of the right size can't fail.
         let _ = match self.values {
             Values::F32(values) => line.write_samples(|i| values[at(i)]),
+            Values::F16(values, factor) => line.write_samples(|i| f16::from_f32(values[at(i)] * factor)),
             Values::U16(values) => line.write_samples(|i| u32::from(values[at(i)])),
+            Values::U32(values) => line.write_samples(|i| values[at(i)]),
         };
     }
 }
@@ -262,17 +356,43 @@ impl Part<'_> {
     }
 }
 
-fn band_planes<'a, Q: Quantity>(grid: &WavelengthGrid, data: &'a [f32], width: usize) -> Vec<Plane<'a>> {
+/// Planes of all bands, and what a reader must know about the way they are stored.
+fn band_planes<'a, Q: Quantity>(
+    grid: &WavelengthGrid,
+    data: &'a [f32],
+    width: usize,
+    compression: ExrCompression,
+) -> (Vec<Plane<'a>>, Vec<(&'static str, AttributeValue)>) {
+    let (values, attributes) = match compression {
+        ExrCompression::Half => half_values(data),
+        _ => (Values::F32(data), Vec::new()),
+    };
     let prefix = if layout_unit(Q::UNIT).is_some() { "S0" } else { "T" };
     let stride = grid.len();
     let plane = |band| Plane {
         name: channel_name(prefix, grid.center_nm(band)),
-        values: Values::F32(data),
+        values,
         offset: band,
         stride,
         width,
     };
-    (0..stride).map(plane).collect()
+    ((0..stride).map(plane).collect(), attributes)
+}
+
+/// Values scaled so that the brightest one comes close to the end of the range of 16-bit floats, and the attributes
+/// that undo it.
+fn half_values(data: &[f32]) -> (Values<'_>, Vec<(&'static str, AttributeValue)>) {
+    let brightest = data.iter().map(|v| v.abs()).filter(|v| v.is_finite()).fold(0.0, f32::max);
+    // The factor and its inverse are both normal numbers.
+    let exponent = if brightest > 0.0 { (brightest.log2().ceil() as i32 - 15).clamp(-126, 126) } else { 0 };
+    let scale = 2_f64.powi(exponent);
+    let error = format!(
+        "relative 4.9e-4; absolute {:e} below {:e}, in the unit of the values",
+        scale * 2_f64.powi(-25),
+        scale * 2_f64.powi(-14)
+    );
+    let attributes = vec![(SCALE, text(&scale.to_string())), (STORAGE_ERROR, text(&error))];
+    (Values::F16(data, 2_f32.powi(-exponent)), attributes)
 }
 
 fn preview_planes(preview: &[[f32; 3]], width: usize) -> [Plane<'_>; 3] {
@@ -309,7 +429,7 @@ fn write_parts(
     let encoding = Encoding {
         compression: match compression {
             ExrCompression::Uncompressed => Compression::Uncompressed,
-            ExrCompression::Zip => Compression::ZIP16,
+            ExrCompression::Zip | ExrCompression::Half => Compression::ZIP16,
             ExrCompression::Rounded24 => Compression::PXR24,
         },
         blocks: Blocks::ScanLines,

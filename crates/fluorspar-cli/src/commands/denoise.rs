@@ -1,0 +1,73 @@
+//! `fluorspar denoise`: less noise, for pictures.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::ValueHint;
+use fluorspar::format::read_component_exr;
+use fluorspar::pipeline::{DenoiseSettings, denoise};
+
+use super::image_output::{ImageOutput, Storage};
+use crate::args::Talk;
+use crate::error::CliError;
+
+/// Options of `denoise`.
+#[derive(Clone, Debug, clap::Args)]
+pub(crate) struct Options {
+    /// Component image with half-buffers: `render --components --statistics light_groups`. It is left as it is.
+    #[arg(value_name = "COMPONENTS.exr", value_hint = ValueHint::FilePath)]
+    image: PathBuf,
+    /// Pixels that may enter on each side.
+    #[arg(long, value_name = "N", default_value_t = 2)]
+    radius: usize,
+    /// Differences count from this many standard deviations of the noise on: more is smoother.
+    #[arg(long, value_name = "K", default_value_t = 0.45)]
+    strength: f64,
+    /// Component image to write: .exr or .npy. It says that it is denoised.
+    #[arg(long, value_name = "FILE", default_value = "denoised.exr", value_hint = ValueHint::FilePath)]
+    out: PathBuf,
+    /// Also write a PNG as the eye would see the sum.
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    preview: Option<PathBuf>,
+    #[command(flatten)]
+    talk: Talk,
+}
+
+pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
+    // A sum would not say that it is denoised.
+    let output = ImageOutput {
+        out: options.out.clone(),
+        components: true,
+        storage: Storage::Full,
+        preview: options.preview.clone(),
+    };
+    output.check()?;
+    let same =
+        |a: &PathBuf, b: &PathBuf| a.canonicalize().is_ok_and(|a| b.canonicalize().is_ok_and(|b| a == b));
+    if same(&options.image, &options.out) {
+        return Err(CliError::Input(format!(
+            "--out {}: this is the raw image, which must stay; name another file",
+            options.out.display()
+        )));
+    }
+    let loaded = read_component_exr(&options.image)?;
+    let Some(provenance) = loaded.provenance else {
+        return Err(CliError::Input(format!(
+            "{}: the image does not say where it comes from; render it again",
+            options.image.display()
+        )));
+    };
+    let settings =
+        DenoiseSettings { radius: options.radius, strength: options.strength, ..DenoiseSettings::default() };
+    let image = denoise(&loaded.image, &settings)
+        .map_err(|error| CliError::Input(format!("{}: {error}", options.image.display())))?;
+    output.write(&image, &provenance)?;
+    if options.talk.json {
+        let mut answer = output.describe(&image);
+        answer["denoised"] = image.denoised.clone().into();
+        super::print_json(&answer)?;
+    } else if !options.talk.quiet {
+        eprintln!("Wrote {}: denoised, for pictures only", options.out.display());
+    }
+    Ok(ExitCode::SUCCESS)
+}

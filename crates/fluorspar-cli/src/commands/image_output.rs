@@ -1,0 +1,120 @@
+//! Image files that `render`, `merge` and `denoise` write.
+
+use std::path::{Path, PathBuf};
+
+use clap::{ValueEnum, ValueHint};
+use fluorspar::format::{
+    ExrCompression, ExrOptions, Provenance, write_component_exr, write_component_npy, write_rgb_png,
+    write_spectral_exr, write_spectral_npy,
+};
+use fluorspar::image::ComponentImage;
+use fluorspar::pipeline::radiance_preview;
+use serde_json::{Value, json};
+
+use super::check_parent;
+use crate::error::CliError;
+
+/// Where an image goes and in which form.
+#[derive(Clone, Debug, clap::Args)]
+pub(crate) struct ImageOutput {
+    /// Image file: .exr (spectral OpenEXR) or .npy (NumPy, with a .json beside it).
+    #[arg(long, value_name = "FILE", default_value = "radiance.exr", value_hint = ValueHint::FilePath)]
+    pub(crate) out: PathBuf,
+    /// Keep light groups and fluorophores apart, one layer each, instead of their sum.
+    #[arg(long)]
+    pub(crate) components: bool,
+    /// How OpenEXR keeps the values.
+    #[arg(long, value_enum, default_value_t)]
+    pub(crate) storage: Storage,
+    /// Also write a PNG as the eye would see the sum.
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    pub(crate) preview: Option<PathBuf>,
+}
+
+/// Precision of the values in an OpenEXR file.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Storage {
+    /// 32 bits: nothing is lost.
+    #[default]
+    Full,
+    /// 24 bits: relative error up to 8e-6, a third of the size.
+    Rounded24,
+    /// 16 bits at a scale per layer: relative error up to 4.9e-4, a sixth of the size.
+    Half,
+}
+
+fn has_extension(path: &Path, wanted: &str) -> bool {
+    path.extension().is_some_and(|e| e.eq_ignore_ascii_case(wanted))
+}
+
+impl ImageOutput {
+    /// Refuses names and folders that can't be written, before any work is done.
+    pub(crate) fn check(&self) -> Result<(), CliError> {
+        if !has_extension(&self.out, "exr") && !has_extension(&self.out, "npy") {
+            return Err(CliError::Input(format!(
+                "--out {}: the name must end in .exr or .npy, which keep every band; for a picture add --preview FILE.png",
+                self.out.display()
+            )));
+        }
+        if self.storage != Storage::Full && has_extension(&self.out, "npy") {
+            return Err(CliError::Input("--storage is for .exr files; .npy keeps 32 bits".into()));
+        }
+        check_parent(&self.out)?;
+        if let Some(path) = &self.preview {
+            check_parent(path)?;
+            if !has_extension(path, "png") {
+                return Err(CliError::Input(format!(
+                    "--preview {}: the name must end in .png",
+                    path.display()
+                )));
+            }
+        }
+        Ok(())
+    }
+
+    /// Writes the image and the preview.
+    pub(crate) fn write(&self, image: &ComponentImage, provenance: &Provenance) -> Result<(), CliError> {
+        let compression = match self.storage {
+            Storage::Full => ExrCompression::Zip,
+            Storage::Rounded24 => ExrCompression::Rounded24,
+            Storage::Half => ExrCompression::Half,
+        };
+        let exr = ExrOptions { compression, provenance: Some(provenance), ..Default::default() };
+        let npy = has_extension(&self.out, "npy");
+        if self.components && npy {
+            write_component_npy(&self.out, image, Some(provenance))?;
+        } else if self.components {
+            write_component_exr(&self.out, image, &exr)?;
+        }
+        if self.components && self.preview.is_none() {
+            return Ok(());
+        }
+        let sum = image.recombine(|_| 1.0);
+        if !self.components && npy {
+            write_spectral_npy(&self.out, &sum, Some(provenance))?;
+        } else if !self.components {
+            write_spectral_exr(&self.out, &sum, &exr)?;
+        }
+        if let Some(path) = &self.preview {
+            let picture = radiance_preview(&sum);
+            write_rgb_png(path, picture.width, picture.height, &picture.rgb)?;
+        }
+        Ok(())
+    }
+
+    /// What `--json` says about an image.
+    pub(crate) fn describe(&self, image: &ComponentImage) -> Value {
+        let mean = image.recombine(|_| 1.0).mean_spectrum();
+        json!({
+            "file": self.out,
+            "width_px": image.width,
+            "height_px": image.height,
+            "samples_per_pixel": image.samples_per_pixel,
+            "most_samples_per_pixel": image.samples.iter().max().unwrap_or(&image.samples_per_pixel),
+            "wavelength_nm": image.grid.centers_nm(),
+            "components": image.components.iter().map(|c| c.label()).collect::<Vec<_>>(),
+            "mean_radiance": mean.values(),
+            "unit": "W/(sr m^2 nm)",
+        })
+    }
+}

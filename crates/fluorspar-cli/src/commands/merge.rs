@@ -1,0 +1,94 @@
+//! `fluorspar merge`: one image from the films of several processes.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::ValueHint;
+use fluorspar::format::{Provenance, read_film, write_film};
+use fluorspar::image::Film;
+
+use super::check_parent;
+use super::image_output::ImageOutput;
+use crate::args::Talk;
+use crate::error::CliError;
+
+/// Options of `merge`.
+#[derive(Clone, Debug, clap::Args)]
+pub(crate) struct Options {
+    /// Films that `render --film` wrote: all shards of one render.
+    #[arg(value_name = "FILM", required = true, value_hint = ValueHint::FilePath)]
+    films: Vec<PathBuf>,
+    /// Also write the merged film, to be given more samples or merged further.
+    #[arg(long, value_name = "FILE.film", value_hint = ValueHint::FilePath)]
+    film: Option<PathBuf>,
+    /// Accept that shards are missing: pixels without samples stay black, and the bits are not those of the whole.
+    #[arg(long)]
+    incomplete: bool,
+    #[command(flatten)]
+    output: ImageOutput,
+    #[command(flatten)]
+    talk: Talk,
+}
+
+pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
+    options.output.check()?;
+    if let Some(path) = &options.film {
+        check_parent(path)?;
+    }
+    let mut merged: Option<(Film, Option<Provenance>)> = None;
+    for path in &options.films {
+        let next = read_film(path)?;
+        match &mut merged {
+            None => merged = Some((next.image, next.provenance)),
+            Some((film, _)) => film
+                .merge(&next.image)
+                .map_err(|error| CliError::Input(format!("{}: {error}", path.display())))?,
+        }
+    }
+    let Some((film, Some(mut provenance))) = merged else {
+        return Err(CliError::Input("the films do not say where they come from; render them again".into()));
+    };
+    if !options.incomplete {
+        check_complete(&film, &provenance, &options.films)?;
+    }
+    if let Some(path) = &options.film {
+        write_film(path, &film, Some(&provenance))?;
+    }
+    let image = film.into_image();
+    provenance.samples_per_pixel = image.samples_per_pixel;
+    options.output.write(&image, &provenance)?;
+    if options.talk.json {
+        super::print_json(&options.output.describe(&image))?;
+    } else if !options.talk.quiet {
+        eprintln!("Wrote {}", options.output.out.display());
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Every tile must hold samples from the first one on, without a gap, and as many as were wanted unless an error target
+/// decided.
+fn check_complete(film: &Film, provenance: &Provenance, paths: &[PathBuf]) -> Result<(), CliError> {
+    let adaptive = provenance
+        .resolved_experiment_toml
+        .parse::<toml::Table>()
+        .is_ok_and(|table| table.get("render").is_some_and(|render| render.get("relative_error").is_some()));
+    let wanted = if adaptive { 1 } else { provenance.samples_per_pixel };
+    for (tile, _) in film.tiles() {
+        let what = match tile.samples.as_slice() {
+            [] => "holds no samples".into(),
+            [first, ..] if first.start > 0 => format!("lacks samples 0 to {}", first.start - 1),
+            [first, second, ..] => format!("lacks samples {} to {}", first.end, second.start - 1),
+            [only] if only.end < wanted => format!("lacks samples {} to {}", only.end, wanted - 1),
+            [_] => continue,
+        };
+        let names: Vec<String> = paths.iter().map(|path| path.display().to_string()).collect();
+        return Err(CliError::Input(format!(
+            "{}: the tile at row {}, column {} {what}: a shard is missing or not finished. Give all of them, finish them with \
+             `render --resume`, or add --incomplete",
+            names.join(", "),
+            tile.row,
+            tile.col
+        )));
+    }
+    Ok(())
+}

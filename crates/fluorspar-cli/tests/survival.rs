@@ -1,0 +1,244 @@
+//! Renders that are killed, interrupted, resumed, extended, split and merged: the same bytes as in one go.
+
+#![cfg(unix)]
+#![allow(clippy::unwrap_used, reason = "these are tests")]
+
+mod support;
+
+use std::fs;
+use std::io::Read;
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use support::{fluorspar, tiny};
+
+fn bytes(folder: &Path, name: &str) -> Vec<u8> {
+    fs::read(folder.join(name)).unwrap_or_else(|error| panic!("{name}: {error}"))
+}
+
+/// A flat patch that takes a few seconds.
+const LONG: [&str; 8] = [
+    "render",
+    "flat-patch",
+    "--components",
+    "-q",
+    "--spp=1500",
+    "--set=render.width_px=64",
+    "--set=render.height_px=48",
+    "--set=spectral.step_nm=10",
+];
+
+fn start(folder: &Path, more: &[&str]) -> Child {
+    Command::new(env!("CARGO_BIN_EXE_fluorspar"))
+        .args(LONG)
+        .args(more)
+        .current_dir(folder)
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap()
+}
+
+/// Waits until a file is there, and a moment longer.
+fn wait_for(path: &Path) {
+    let begun = Instant::now();
+    while !path.exists() {
+        assert!(begun.elapsed() < Duration::from_secs(60), "{} never came", path.display());
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    std::thread::sleep(Duration::from_millis(200));
+}
+
+#[test]
+fn a_killed_render_goes_on_to_the_same_bytes() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let film = ["--film", "killed.film", "--resume", "--checkpoint-s", "0.1", "--out", "killed.exr"];
+    let mut killed = 0;
+    for _ in 0..3 {
+        let mut child = start(folder, &film);
+        wait_for(&folder.join("killed.film"));
+        killed += i32::from(child.try_wait().unwrap().is_none());
+        // SIGKILL.
+        child.kill().unwrap();
+        child.wait().unwrap();
+    }
+    assert!(killed > 0, "the render is too short to be killed");
+    assert!(start(folder, &film).wait().unwrap().success());
+    assert!(start(folder, &["--out", "whole.exr"]).wait().unwrap().success());
+    assert!(bytes(folder, "killed.exr") == bytes(folder, "whole.exr"));
+}
+
+#[test]
+fn an_interrupted_render_ends_with_1_even_under_a_time_limit_and_goes_on_to_the_same_bytes() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let limit = "--set=render.time_limit_s=1000";
+    let film = ["--film", "f.film", "--resume", "--checkpoint-s", "0.1", "--out", "i.exr", limit];
+    let mut child = start(folder, &film);
+    wait_for(&folder.join("f.film"));
+    let sent = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    assert!(sent.success());
+    assert_eq!(child.wait().unwrap().code(), Some(1));
+    // The picture so far is there.
+    assert!(!bytes(folder, "i.exr").is_empty());
+    assert!(start(folder, &film).wait().unwrap().success());
+    assert!(start(folder, &["--out", "whole.exr", limit]).wait().unwrap().success());
+    assert!(bytes(folder, "i.exr") == bytes(folder, "whole.exr"));
+}
+
+#[test]
+fn the_preview_comes_early_and_the_render_goes_on() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut child = start(folder.path(), &["--preview", "p.png", "--out", "p.exr"]);
+    wait_for(&folder.path().join("p.png"));
+    assert!(bytes(folder.path(), "p.png").starts_with(b"\x89PNG"));
+    let running = child.try_wait().unwrap().is_none();
+    child.kill().unwrap();
+    child.wait().unwrap();
+    assert!(running, "the preview came with the end");
+    assert!(!folder.path().join("p.exr").exists());
+}
+
+/// Two light groups and all fluorophores, more than one tile, samples that end within a block.
+fn mouth<'a>(more: &[&'a str]) -> Vec<&'a str> {
+    let mut all = tiny(&["render", "oraleye-2021"]);
+    all.retain(|arg| !arg.starts_with("render.samples") && !arg.starts_with("render.width"));
+    // What is left of a pair whose value went.
+    let mut args: Vec<&str> = Vec::new();
+    for arg in all {
+        if arg == "--set" && args.last() == Some(&"--set") {
+            continue;
+        }
+        args.push(arg);
+    }
+    args.extend(["--set=render.width_px=40", "--components", "-q"]);
+    args.extend(more);
+    args
+}
+
+#[test]
+fn shards_merge_to_the_bytes_of_the_whole() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let statistics = ["--statistics", "light_groups", "--spp", "37"];
+    let run = |more: &[&str]| {
+        let mut all = mouth(&statistics);
+        all.extend(more);
+        fluorspar(folder, all)
+    };
+    run(&["--out", "whole.exr"]).well();
+    for (by, count) in [("tiles", 3), ("samples", 2)] {
+        let names: Vec<String> = (1..=count).map(|i| format!("{by}{i}.film")).collect();
+        for (i, name) in names.iter().enumerate() {
+            let shard = format!("{}/{count}", i + 1);
+            run(&["--shard", &shard, "--shard-by", by, "--film", name]).well();
+        }
+        // One is missing.
+        let merged = format!("{by}.exr");
+        let mut args = vec!["merge", "--components", "--out", &merged];
+        args.extend(names[1..].iter().map(String::as_str));
+        let said = fluorspar(folder, &args);
+        assert_eq!(said.code, Some(2));
+        assert!(said.stderr.contains("a shard is missing or not finished"), "{}", said.stderr);
+        assert!(!folder.join(&merged).exists());
+        // All, in any order.
+        args.push(&names[0]);
+        args.extend(["--film", "merged.film"]);
+        fluorspar(folder, &args).well();
+        assert!(bytes(folder, &merged) == bytes(folder, "whole.exr"), "{by}");
+        // One twice.
+        args.push(&names[0]);
+        let said = fluorspar(folder, &args);
+        assert!(said.code == Some(2) && said.stderr.contains("given twice"), "{}", said.stderr);
+    }
+    // The merged film gets more samples.
+    let more = |more: &[&str]| {
+        let mut all = mouth(&["--statistics", "light_groups", "--spp", "50"]);
+        all.extend(more);
+        fluorspar(folder, all).well();
+    };
+    more(&["--film", "merged.film", "--resume", "--out", "extended.exr"]);
+    more(&["--out", "longer.exr"]);
+    assert!(bytes(folder, "extended.exr") == bytes(folder, "longer.exr"));
+
+    // Denoised, and labelled so.
+    let said = fluorspar(folder, ["denoise", "longer.exr", "--out", "smooth.exr", "--json"]).json();
+    assert!(said["denoised"].as_str().unwrap().contains("strength"), "{said}");
+    let said = fluorspar(folder, ["denoise", "smooth.exr", "--out", "again.exr"]);
+    assert!(said.code == Some(2) && said.stderr.contains("denoised already"), "{}", said.stderr);
+    let said = fluorspar(folder, ["denoise", "longer.exr", "--out", "longer.exr"]);
+    assert!(said.code == Some(2) && said.stderr.contains("must stay"), "{}", said.stderr);
+}
+
+#[test]
+fn films_of_other_scenes_and_films_in_the_way_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let run = |more: &[&str]| {
+        let mut all = vec!["render", "flat-patch", "-q", "--spp=2", "--film", "a.film", "--out", "a.exr"];
+        all.extend(["--set=render.width_px=8", "--set=render.height_px=8"]);
+        all.extend(more);
+        fluorspar(folder, all)
+    };
+    run(&[]).well();
+    let film = bytes(folder, "a.film");
+    for (more, message) in [
+        (vec![], "add --resume"),
+        (vec!["--resume", "--seed", "7"], "made for another scene, seed, depth"),
+        (vec!["--resume", "--depth", "3"], "made for another scene, seed, depth"),
+        (vec!["--resume", "--set", "light.0.power_mw=3"], ""),
+        (vec!["--resume", "--statistics", "components"], "ask for the same"),
+        (vec!["--resume", "--shard", "3/2"], "must be I/N"),
+        (vec!["--resume", "--shard", "1/9", "--shard-by", "samples"], "too many for so few samples"),
+        (vec!["--resume", "--checkpoint-s", "0"], "must be between"),
+    ] {
+        let said = run(&more);
+        assert_eq!(said.code, Some(2), "{more:?}: {}", said.stderr);
+        assert!(said.stderr.contains(message), "{more:?}: {}", said.stderr);
+        assert!(bytes(folder, "a.film") == film, "{more:?}");
+    }
+    fs::write(folder.join("a.film"), &film[..film.len() / 2]).unwrap();
+    let said = run(&["--resume"]);
+    assert!(said.code == Some(2) && said.stderr.contains("copied completely"), "{}", said.stderr);
+}
+
+#[test]
+fn memory_is_scene_film_and_64_mib() {
+    let folder = tempfile::tempdir().unwrap();
+    let render = |width: &str, height: &str| {
+        let args = ["render", "oraleye-2021", "--spp=1", "--components", "--json", "--out", "m.exr"];
+        let size = [format!("--set=render.width_px={width}"), format!("--set=render.height_px={height}")];
+        let args = args.map(String::from).into_iter().chain(size);
+        let said = fluorspar(folder.path(), args).json();
+        let peak = said["peak_memory_bytes"].as_u64();
+        peak.map(|peak| (peak as f64, said["film_bytes"].as_u64().unwrap() as f64))
+    };
+    let (Some((scene, _)), Some((peak, film))) = (render("4", "3"), render("224", "168")) else {
+        eprintln!("skipped: this system does not tell the memory of a process");
+        return;
+    };
+    let mib = f64::from(1 << 20);
+    eprintln!("scene {:.0}, film {:.0}, peak {:.0} MiB", scene / mib, film / mib, peak / mib);
+    assert!(film > 300.0 * mib, "{film}");
+    assert!(peak < scene + film + 64.0 * mib, "{peak} {scene} {film}");
+}
+
+#[test]
+fn a_closed_pipe_ends_quietly() {
+    for args in [vec!["presets", "--json"], vec!["completions", "bash"], vec!["schema"], vec!["--help"]] {
+        let mut child = Command::new(env!("CARGO_BIN_EXE_fluorspar"))
+            .args(&args)
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        // Closed before anything is read.
+        drop(child.stdout.take());
+        let mut said = String::new();
+        child.stderr.take().unwrap().read_to_string(&mut said).unwrap();
+        assert_eq!(said, "", "{args:?}");
+        assert_eq!(child.wait().unwrap().code(), Some(0), "{args:?}");
+    }
+}

@@ -1,0 +1,728 @@
+//! Sums of radiance samples that do not depend on the order in which they were added.
+//!
+//! Samples of a pixel are rendered in fixed **blocks** ({0}, {1}, {2, 3}, {4..7}, {8..15}, then 16 at a time). A
+//! block is summed in one go, rounded once to a multiple of a quantum, and added to a 64-bit integer. Sums of
+//! integers have no rounding and no order: a film that was interrupted, resumed, extended, or put together from
+//! shards holds the same bits as one that was rendered without a break.
+//!
+//! The quantum of a component and band is a power of two, 2^-30 of the brightest of a few thousand pilot samples
+//! (less where the pilot finds a band dark), so that rounding a block is an error of less than 2^-31 of that
+//! brightest sample: below the rounding of 32-bit floats for every pixel brighter than 2^-11 of it, and unbiased below.
+//! The range ends at 2^34 times the brightest pilot sample; a sum that leaves it stays at the end and becomes an
+//! infinite radiance, never a silent error.
+
+use std::ops::Range;
+
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use super::{Component, ComponentImage, FeatureMaps, SampleStatistics, SpectralImage, Statistics};
+use crate::spectral::{Radiance, WavelengthGrid};
+
+/// Side of a tile, pixels.
+pub const TILE: usize = 16;
+/// Samples of a full block.
+pub const BLOCK: u32 = 16;
+/// Bytes that are allocated (and given back) together: more than the allocator keeps for itself.
+const SLAB_BYTES: usize = 64 << 20;
+
+/// First sample of the block that holds `sample`.
+pub fn block_start(sample: u32) -> u32 {
+    match sample {
+        0 => 0,
+        1..BLOCK => 1 << sample.ilog2(),
+        _ => sample / BLOCK * BLOCK,
+    }
+}
+
+/// First sample after the block that holds `sample`.
+pub fn block_end(sample: u32) -> u32 {
+    match sample {
+        0 => 1,
+        1..BLOCK => 2 << sample.ilog2(),
+        _ => (sample / BLOCK + 1) * BLOCK,
+    }
+}
+
+/// Number of the block that holds `sample`, from 0.
+pub fn block_number(sample: u32) -> u32 {
+    match sample {
+        0 => 0,
+        1..BLOCK => 1 + sample.ilog2(),
+        _ => 4 + sample / BLOCK,
+    }
+}
+
+/// Whether a range of samples can be rendered apart from the samples after it: it ends where a block ends.
+pub fn is_block_boundary(sample: u32) -> bool {
+    block_start(sample) == sample
+}
+
+/// What a film is made for: everything but the samples.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FilmLayout {
+    /// The wavelength grid.
+    pub grid: WavelengthGrid,
+    /// Columns.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// Label of each component.
+    pub components: Vec<Component>,
+    /// What is kept about the scatter of samples.
+    pub statistics: Statistics,
+    /// Quantum of each component and band as a power of two, `[component][band]`.
+    pub exponents: Vec<i16>,
+    /// Mean radiance of the pilot samples, `[component][band]`, W/(sr m² nm): the level that errors are compared with.
+    pub levels: Vec<f32>,
+    /// Digest of the scene and of every setting that decides a sample's value.
+    pub scene_digest: String,
+}
+
+impl FilmLayout {
+    /// Components that each statistic sums: one list per light group or per component.
+    pub fn statistic_members(&self) -> Vec<(String, Vec<usize>)> {
+        match self.statistics {
+            Statistics::None => Vec::new(),
+            Statistics::Components => {
+                self.components.iter().enumerate().map(|(i, c)| (c.label(), vec![i])).collect()
+            }
+            Statistics::LightGroups => {
+                let mut groups: Vec<(String, Vec<usize>)> = Vec::new();
+                for (index, component) in self.components.iter().enumerate() {
+                    match groups.iter_mut().find(|(name, _)| *name == component.light_group) {
+                        Some((_, members)) => members.push(index),
+                        None => groups.push((component.light_group.clone(), vec![index])),
+                    }
+                }
+                groups
+            }
+        }
+    }
+
+    fn planes(&self) -> usize {
+        self.components.len() + 2 * self.statistic_members().len()
+    }
+
+    /// Memory of a film, bytes: 8 for each component, pixel and band, and 16 for each statistic, pixel and band.
+    pub fn memory_bytes(&self) -> u64 {
+        film_bytes(self.width, self.height, self.grid.len(), self.planes())
+    }
+}
+
+/// Memory of `planes` sums of every pixel and band, bytes, whole tiles counted.
+pub fn film_bytes(width: usize, height: usize, bands: usize, planes: usize) -> u64 {
+    let (tile_width, tile_height) = (TILE.min(width), TILE.min(height));
+    let tiles = width.div_ceil(tile_width.max(1)) as u64 * height.div_ceil(tile_height.max(1)) as u64;
+    8 * tiles * (tile_width * tile_height) as u64 * (bands * planes) as u64
+}
+
+/// A rectangle of pixels and the samples that each of them holds.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct FilmTile {
+    /// First row.
+    pub row: usize,
+    /// First column.
+    pub col: usize,
+    /// Rows.
+    pub rows: usize,
+    /// Columns.
+    pub cols: usize,
+    /// Samples that every pixel holds: sorted, disjoint, not touching.
+    pub samples: Vec<Range<u32>>,
+}
+
+impl FilmTile {
+    /// Samples per pixel.
+    pub fn count(&self) -> u32 {
+        self.samples.iter().map(|range| range.end - range.start).sum()
+    }
+
+    /// Pixels.
+    pub fn pixels(&self) -> usize {
+        self.rows * self.cols
+    }
+
+    /// Blocks that the samples make, and how many samples lie in even blocks (the first half-buffer).
+    pub fn blocks(&self) -> (u32, u32) {
+        let (mut blocks, mut even) = (0, 0);
+        for range in &self.samples {
+            let mut first = range.start;
+            while first < range.end {
+                let end = block_end(first).min(range.end);
+                blocks += 1;
+                if block_number(first).is_multiple_of(2) {
+                    even += end - first;
+                }
+                first = end;
+            }
+        }
+        (blocks, even)
+    }
+
+    /// Notes that samples were added at the end of the range that ends at `samples.start`, or apart from all others.
+    pub fn add_samples(&mut self, samples: Range<u32>) {
+        self.samples.push(samples);
+        self.samples.sort_by_key(|range| range.start);
+        let mut joined: Vec<Range<u32>> = Vec::new();
+        for range in self.samples.drain(..) {
+            match joined.last_mut() {
+                Some(last) if last.end >= range.start => last.end = last.end.max(range.end),
+                _ => joined.push(range),
+            }
+        }
+        self.samples = joined;
+    }
+}
+
+/// Whether a block is added or taken away again.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BlockSign {
+    /// The block is new.
+    Add,
+    /// The block was not complete: it is taken away before the complete one is added.
+    Remove,
+}
+
+/// How block sums become integers; one for all pixels of a film.
+#[derive(Clone, Debug)]
+pub struct FilmScale {
+    bands: usize,
+    components: usize,
+    members: Vec<(String, Vec<usize>)>,
+    /// `2^-exponent`, `[plane][band]`.
+    per_unit: Vec<f64>,
+    scratch: Vec<f64>,
+}
+
+impl FilmScale {
+    /// The scale of a layout.
+    pub fn new(layout: &FilmLayout) -> Self {
+        let bands = layout.grid.len();
+        let members = layout.statistic_members();
+        let mut exponents: Vec<i32> = layout.exponents.iter().map(|&e| i32::from(e)).collect();
+        let mut squares = Vec::new();
+        for (_, members) in &members {
+            for band in 0..bands {
+                let of_members = members.iter().map(|m| i32::from(layout.exponents[m * bands + band]));
+                let exponent = of_members.max().unwrap_or(0);
+                exponents.push(exponent);
+                // Squares span twice the range: 2^-40 of the squared pilot maximum, up to 2^24 of it.
+                squares.push(2 * exponent + 20);
+            }
+        }
+        exponents.extend(squares);
+        Self {
+            bands,
+            components: layout.components.len(),
+            members,
+            per_unit: exponents.into_iter().map(|e| 2_f64.powi(-e)).collect(),
+            scratch: vec![0.0; bands],
+        }
+    }
+
+    /// Integers of one pixel.
+    pub fn pixel_len(&self) -> usize {
+        self.per_unit.len()
+    }
+
+    /// Adds one block of one pixel.
+    ///
+    /// `sums` are the pixel's integers, `block` the plain sums of the block's samples, `[component][band]`; components
+    /// that are not `lit` hold zeros. `samples` are the samples of the block that were taken.
+    pub fn add_block(
+        &mut self,
+        sums: &mut [u64],
+        block: &[f32],
+        lit: &[bool],
+        samples: Range<u32>,
+        sign: BlockSign,
+    ) {
+        let bands = self.bands;
+        for component in (0..self.components).filter(|&c| lit[c]) {
+            let range = component * bands..(component + 1) * bands;
+            let values = block[range.clone()].iter().map(|&v| f64::from(v));
+            add(&mut sums[range.clone()], values, &self.per_unit[range], sign);
+        }
+        if self.members.is_empty() {
+            return;
+        }
+        let count = f64::from(samples.end - samples.start);
+        let even = block_number(samples.start).is_multiple_of(2);
+        let statistics = self.members.len();
+        for (index, (_, members)) in self.members.iter().enumerate() {
+            if !members.iter().any(|&m| lit[m]) {
+                continue;
+            }
+            self.scratch.fill(0.0);
+            for &member in members.iter().filter(|&&m| lit[m]) {
+                for (sum, &value) in self.scratch.iter_mut().zip(&block[member * bands..]) {
+                    *sum += f64::from(value);
+                }
+            }
+            if even {
+                let start = (self.components + index) * bands;
+                let range = start..start + bands;
+                add(&mut sums[range.clone()], self.scratch.iter().copied(), &self.per_unit[range], sign);
+            }
+            let start = (self.components + statistics + index) * bands;
+            let range = start..start + bands;
+            let squares = self.scratch.iter().map(|v| v * v / count);
+            add(&mut sums[range.clone()], squares, &self.per_unit[range], sign);
+        }
+    }
+
+    /// Mean of a component, one value per band.
+    pub fn mean(&self, sums: &[u64], component: usize, samples: u32, mean: &mut [f32]) {
+        let range = component * self.bands..(component + 1) * self.bands;
+        let samples = f64::from(samples);
+        for ((mean, &sum), per_unit) in mean.iter_mut().zip(&sums[range.clone()]).zip(&self.per_unit[range]) {
+            *mean = (real(sum, *per_unit) / samples) as f32;
+        }
+    }
+
+    /// Sums over all samples and over those of even blocks of a statistic, for `visit(band, all, even)`.
+    pub fn halves(&self, sums: &[u64], statistic: usize, mut visit: impl FnMut(usize, f64, f64)) {
+        let bands = self.bands;
+        for band in 0..bands {
+            let all = self.members[statistic].1.iter().map(|m| {
+                let at = m * bands + band;
+                real(sums[at], self.per_unit[at])
+            });
+            let at = (self.components + statistic) * bands + band;
+            visit(band, all.sum(), real(sums[at], self.per_unit[at]));
+        }
+    }
+
+    /// Sum over blocks of (block sum)² / samples of the block.
+    fn squares(&self, sums: &[u64], statistic: usize, band: usize) -> f64 {
+        let at = (self.components + self.members.len() + statistic) * self.bands + band;
+        real(sums[at], self.per_unit[at])
+    }
+}
+
+fn real(sum: u64, per_unit: f64) -> f64 {
+    if sum == u64::MAX { f64::INFINITY } else { sum as f64 / per_unit }
+}
+
+fn add(sums: &mut [u64], values: impl Iterator<Item = f64>, per_unit: &[f64], sign: BlockSign) {
+    for ((sum, value), per_unit) in sums.iter_mut().zip(values).zip(per_unit) {
+        // The conversion saturates: what is too large (or infinite) stays at the end of the range.
+        let units = (value * per_unit + 0.5) as u64;
+        *sum = match sign {
+            BlockSign::Add => sum.saturating_add(units),
+            BlockSign::Remove if *sum == u64::MAX => u64::MAX,
+            BlockSign::Remove => sum.wrapping_sub(units),
+        };
+    }
+}
+
+#[derive(Clone, Debug, PartialEq)]
+struct Slab {
+    tiles: Vec<FilmTile>,
+    sums: Vec<u64>,
+}
+
+/// Sums of samples of every component, pixel and band, in tiles. See the [module](self) for what they promise.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Film {
+    layout: FilmLayout,
+    features: FeatureMaps,
+    tile_len: usize,
+    slabs: Vec<Slab>,
+}
+
+/// A tile of a film with its integers, `[pixel][plane][band]`.
+#[derive(Debug)]
+pub struct TileMut<'a> {
+    /// Number of the tile, row by row.
+    pub number: usize,
+    /// Place and samples.
+    pub tile: &'a mut FilmTile,
+    /// The integers; a tile at the edge of the image leaves the last ones unused.
+    pub sums: &'a mut [u64],
+}
+
+/// Why films can't be put together.
+#[derive(Clone, Debug, Error, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum MergeError {
+    /// The films belong to different renders.
+    #[error("the films differ in {what}: they belong to different renders")]
+    Different {
+        /// What differs.
+        what: &'static str,
+    },
+    /// The same samples are there twice.
+    #[error(
+        "both films hold samples {start}..{end} of the tile at row {row}, column {col}: the same shard was given twice, \
+         or shards of different splits were mixed"
+    )]
+    Overlap {
+        /// Row of the tile.
+        row: usize,
+        /// Column of the tile.
+        col: usize,
+        /// First sample that is there twice.
+        start: u32,
+        /// End of the samples that are there twice.
+        end: u32,
+    },
+    /// Samples end within a block.
+    #[error(
+        "samples of the tile at row {row}, column {col} are cut at {sample}, within a block of {BLOCK}: bits would \
+         depend on the cut. Resume the first film instead"
+    )]
+    Cut {
+        /// Row of the tile.
+        row: usize,
+        /// Column of the tile.
+        col: usize,
+        /// Where.
+        sample: u32,
+    },
+}
+
+impl Film {
+    /// An empty film. Memory is taken from the system when samples arrive.
+    pub fn new(layout: FilmLayout, features: FeatureMaps) -> Self {
+        let (tile_width, tile_height) = (TILE.min(layout.width).max(1), TILE.min(layout.height).max(1));
+        let tile_len = tile_width * tile_height * layout.planes() * layout.grid.len();
+        let per_slab = (SLAB_BYTES / (8 * tile_len).max(1)).max(1);
+        let mut tiles = Vec::new();
+        for row in (0..layout.height).step_by(tile_height) {
+            for col in (0..layout.width).step_by(tile_width) {
+                let (rows, cols) = (tile_height.min(layout.height - row), tile_width.min(layout.width - col));
+                tiles.push(FilmTile { row, col, rows, cols, samples: Vec::new() });
+            }
+        }
+        let slabs = tiles
+            .chunks(per_slab)
+            .map(|tiles| Slab { tiles: tiles.to_vec(), sums: vec![0; tiles.len() * tile_len] })
+            .collect();
+        Self { layout, features, tile_len, slabs }
+    }
+
+    /// What the film is made for.
+    pub fn layout(&self) -> &FilmLayout {
+        &self.layout
+    }
+
+    /// Geometry behind each pixel.
+    pub fn features(&self) -> &FeatureMaps {
+        &self.features
+    }
+
+    /// Integers of one pixel, `[plane][band]`: components, then first halves, then squares of the statistics.
+    pub fn pixel_len(&self) -> usize {
+        self.layout.planes() * self.layout.grid.len()
+    }
+
+    /// All tiles with their integers, `[pixel][plane][band]`, row by row.
+    pub fn tiles(&self) -> impl Iterator<Item = (&FilmTile, &[u64])> {
+        let len = self.tile_len.max(1);
+        self.slabs.iter().flat_map(move |slab| slab.tiles.iter().zip(slab.sums.chunks(len)))
+    }
+
+    /// All tiles, to be filled.
+    pub fn tiles_mut(&mut self) -> Vec<TileMut<'_>> {
+        let len = self.tile_len.max(1);
+        self.slabs
+            .iter_mut()
+            .flat_map(|slab| slab.tiles.iter_mut().zip(slab.sums.chunks_mut(len)))
+            .enumerate()
+            .map(|(number, (tile, sums))| TileMut { number, tile, sums })
+            .collect()
+    }
+
+    /// Samples that every pixel holds at least.
+    pub fn least_samples(&self) -> u32 {
+        self.tiles().map(|(tile, _)| tile.count()).min().unwrap_or(0)
+    }
+
+    /// Paths that the film holds.
+    pub fn paths(&self) -> u64 {
+        self.tiles().map(|(tile, _)| tile.pixels() as u64 * u64::from(tile.count())).sum()
+    }
+
+    /// Adds the samples of another film of the same render: exact, in any order.
+    ///
+    /// # Errors
+    /// Films of different renders, samples that both hold, samples that end within a block. The film is unchanged then.
+    pub fn merge(&mut self, other: &Self) -> Result<(), MergeError> {
+        let differs = |what| Err(MergeError::Different { what });
+        let (a, b) = (&self.layout, &other.layout);
+        if (a.width, a.height) != (b.width, b.height) {
+            return differs("their size");
+        }
+        if a.statistics != b.statistics {
+            return differs("the statistics that they keep");
+        }
+        if a.scene_digest != b.scene_digest {
+            return differs("their scene, seed or depth");
+        }
+        if a != b {
+            return differs("their components, wavelengths or quanta");
+        }
+        for ((mine, _), (theirs, _)) in self.tiles().zip(other.tiles()) {
+            for (x, y) in mine.samples.iter().flat_map(|x| theirs.samples.iter().map(move |y| (x, y))) {
+                let (start, end) = (x.start.max(y.start), x.end.min(y.end));
+                let (row, col) = (mine.row, mine.col);
+                if start < end {
+                    return Err(MergeError::Overlap { row, col, start, end });
+                }
+                let cut = x.end.min(y.end);
+                if !is_block_boundary(cut) {
+                    return Err(MergeError::Cut { row, col, sample: cut });
+                }
+            }
+        }
+        for (mine, (theirs, sums)) in self.tiles_mut().into_iter().zip(other.tiles()) {
+            if theirs.samples.is_empty() {
+                continue;
+            }
+            for (a, b) in mine.sums.iter_mut().zip(sums) {
+                *a = a.saturating_add(*b);
+            }
+            theirs.samples.iter().for_each(|range| mine.tile.add_samples(range.clone()));
+        }
+        Ok(())
+    }
+
+    /// The sum of all components: what is there so far, black where nothing is.
+    pub fn sum(&self) -> SpectralImage<Radiance> {
+        let bands = self.layout.grid.len();
+        let scale = FilmScale::new(&self.layout);
+        let mut image = SpectralImage::zeros(self.layout.grid.clone(), self.layout.width, self.layout.height);
+        let mut mean = vec![0.0; bands];
+        for (tile, sums) in self.tiles() {
+            let samples = tile.count();
+            if samples == 0 {
+                continue;
+            }
+            for (index, sums) in sums.chunks(scale.pixel_len()).take(tile.pixels()).enumerate() {
+                let pixel = image.pixel_mut(tile.row + index / tile.cols, tile.col + index % tile.cols);
+                for component in 0..self.layout.components.len() {
+                    scale.mean(sums, component, samples, &mut mean);
+                    pixel.iter_mut().zip(&mean).for_each(|(sum, value)| *sum += value);
+                }
+            }
+        }
+        image
+    }
+
+    /// The finished image. Memory of the film is given back on the way, so that both together never need more than the
+    /// film and 64 MiB.
+    pub fn into_image(self) -> ComponentImage {
+        let layout = self.layout;
+        let (bands, width, height) = (layout.grid.len(), layout.width, layout.height);
+        let scale = FilmScale::new(&layout);
+        let plane = width * height * bands;
+        let mut image = ComponentImage::zeros(layout.grid.clone(), width, height, layout.components.clone());
+        let names: Vec<String> = scale.members.iter().map(|(name, _)| name.clone()).collect();
+        let mut statistics = (!names.is_empty()).then(|| SampleStatistics {
+            of: layout.statistics,
+            half_a: vec![0.0; names.len() * plane],
+            half_b: vec![0.0; names.len() * plane],
+            variance: vec![0.0; names.len() * plane],
+            names,
+        });
+        let mut samples = vec![0; width * height];
+        for slab in self.slabs {
+            for (tile, sums) in slab.tiles.iter().zip(slab.sums.chunks(self.tile_len.max(1))) {
+                let count = tile.count();
+                if count == 0 {
+                    continue;
+                }
+                let (blocks, even) = tile.blocks();
+                for (index, sums) in sums.chunks(scale.pixel_len()).take(tile.pixels()).enumerate() {
+                    let pixel = (tile.row + index / tile.cols) * width + tile.col + index % tile.cols;
+                    samples[pixel] = count;
+                    for component in 0..layout.components.len() {
+                        let at = component * plane + pixel * bands;
+                        scale.mean(sums, component, count, &mut image.data[at..at + bands]);
+                    }
+                    let Some(statistics) = &mut statistics else { continue };
+                    for statistic in 0..scale.members.len() {
+                        let at = statistic * plane + pixel * bands;
+                        scale.halves(sums, statistic, |band, all, half| {
+                            let other = (all - half).max(0.0);
+                            statistics.half_a[at + band] = (half / f64::from(even.max(1))) as f32;
+                            statistics.half_b[at + band] = (other / f64::from((count - even).max(1))) as f32;
+                            let scatter = scale.squares(sums, statistic, band) - all * all / f64::from(count);
+                            statistics.variance[at + band] = if blocks < 2 {
+                                f32::INFINITY
+                            } else {
+                                (scatter.max(0.0) / f64::from(blocks - 1) / f64::from(count)) as f32
+                            };
+                        });
+                    }
+                }
+            }
+        }
+        image.samples_per_pixel = samples.iter().copied().min().unwrap_or(0);
+        if samples.iter().any(|&n| n != image.samples_per_pixel) {
+            image.samples = samples;
+        }
+        image.statistics = statistics;
+        image.features = self.features;
+        image
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::Light;
+
+    fn layout(statistics: Statistics) -> FilmLayout {
+        let label = |light| Component { light_group: "blue".into(), light };
+        let grid = WavelengthGrid::uniform(400.0, 410.0, 5.0).unwrap();
+        FilmLayout {
+            components: vec![label(Light::Reflected), label(Light::MultipleFluorescence)],
+            exponents: vec![-30; 2 * grid.len()],
+            levels: vec![1.0; 2 * grid.len()],
+            grid,
+            width: 3,
+            height: 2,
+            statistics,
+            scene_digest: "a".into(),
+        }
+    }
+
+    /// A sample that any run gives again.
+    fn sample(pixel: usize, sample: u32, at: usize) -> f32 {
+        let hash = (pixel as u32 * 7919 + sample * 104_729 + at as u32 * 1299).wrapping_mul(2_654_435_761);
+        (hash >> 8) as f32 / 16_777_216.0
+    }
+
+    fn fill(film: &mut Film, samples: Range<u32>) {
+        let mut scale = FilmScale::new(film.layout());
+        for task in film.tiles_mut() {
+            let mut first = samples.start;
+            if !is_block_boundary(first) {
+                let start = block_start(first);
+                add_block(&mut scale, task.tile, task.sums, start..first, BlockSign::Remove);
+                first = start;
+            }
+            while first < samples.end {
+                let end = block_end(first).min(samples.end);
+                add_block(&mut scale, task.tile, task.sums, first..end, BlockSign::Add);
+                first = end;
+            }
+            task.tile.add_samples(samples.clone());
+        }
+    }
+
+    fn add_block(
+        scale: &mut FilmScale,
+        tile: &FilmTile,
+        sums: &mut [u64],
+        samples: Range<u32>,
+        sign: BlockSign,
+    ) {
+        let len = scale.pixel_len();
+        for (pixel, sums) in sums.chunks_mut(len).take(tile.pixels()).enumerate() {
+            let mut block = vec![0.0; 6];
+            for s in samples.clone() {
+                block.iter_mut().enumerate().for_each(|(at, sum)| *sum += sample(pixel, s, at));
+            }
+            scale.add_block(sums, &block, &[true, true], samples.clone(), sign);
+        }
+    }
+
+    #[test]
+    fn blocks_tile_all_samples() {
+        let (mut first, mut number) = (0, 0);
+        while first < 4096 {
+            let end = block_end(first);
+            for s in first..end {
+                assert_eq!((block_start(s), block_end(s), block_number(s)), (first, end, number), "{s}");
+                assert_eq!(is_block_boundary(s), s == first);
+            }
+            (first, number) = (end, number + 1);
+        }
+    }
+
+    #[test]
+    fn parts_in_any_order_and_an_extended_tail_give_the_bits_of_the_whole() {
+        for statistics in [Statistics::None, Statistics::LightGroups, Statistics::Components] {
+            let empty = Film::new(layout(statistics), FeatureMaps::default());
+            let mut whole = empty.clone();
+            fill(&mut whole, 0..100);
+            let mut parts = Vec::new();
+            for range in [32..64, 0..32, 64..100] {
+                let mut part = empty.clone();
+                fill(&mut part, range);
+                parts.push(part);
+            }
+            let mut merged = empty.clone();
+            parts.iter().for_each(|part| merged.merge(part).unwrap());
+            assert_eq!(merged, whole);
+            let mut extended = empty.clone();
+            for range in [0..3, 3..37, 37..100] {
+                fill(&mut extended, range);
+            }
+            assert_eq!(extended, whole);
+            let again = merged.merge(&parts[0]);
+            assert_eq!(again, Err(MergeError::Overlap { row: 0, col: 0, start: 32, end: 64 }));
+        }
+    }
+
+    #[test]
+    fn what_does_not_belong_together_is_refused() {
+        let mut film = Film::new(layout(Statistics::None), FeatureMaps::default());
+        fill(&mut film, 0..20);
+        let mut rest = Film::new(layout(Statistics::None), FeatureMaps::default());
+        fill(&mut rest, 20..32);
+        assert_eq!(film.merge(&rest), Err(MergeError::Cut { row: 0, col: 0, sample: 20 }));
+        let mut other = layout(Statistics::None);
+        other.scene_digest = "b".into();
+        let other = Film::new(other, FeatureMaps::default());
+        assert_eq!(film.merge(&other), Err(MergeError::Different { what: "their scene, seed or depth" }));
+    }
+
+    #[test]
+    fn means_halves_and_variance_are_those_of_the_samples() {
+        let mut film = Film::new(layout(Statistics::Components), FeatureMaps::default());
+        fill(&mut film, 0..64);
+        let image = film.into_image();
+        let statistics = image.statistics.as_ref().unwrap();
+        let (pixel, component, band) = (4, 1, 2);
+        let at = (component * 6 + pixel) * 3 + band;
+        let value = |s| f64::from(sample(pixel, s, component * 3 + band));
+        let mean = (0..64).map(value).sum::<f64>() / 64.0;
+        assert!((f64::from(image.data[at]) - mean).abs() < 1e-7 * mean);
+        let (mut even, mut n, mut first, mut squares, mut blocks) = (0.0, 0.0, 0, 0.0, 0.0);
+        while first < 64 {
+            let block: f64 = (first..block_end(first)).map(value).sum();
+            let len = f64::from(block_end(first) - first);
+            if block_number(first).is_multiple_of(2) {
+                (even, n) = (even + block, n + len);
+            }
+            (squares, blocks) = (squares + block * block / len, blocks + 1.0);
+            first = block_end(first);
+        }
+        // Values and sums of 32-bit floats.
+        assert!((f64::from(statistics.half_a[at]) - even / n).abs() < 1e-6);
+        assert!((f64::from(statistics.half_b[at]) - (64.0 * mean - even) / (64.0 - n)).abs() < 1e-6);
+        let variance = (squares - 64.0 * mean * mean) / (blocks - 1.0) / 64.0;
+        assert!((f64::from(statistics.variance[at]) - variance).abs() < 1e-4 * variance);
+    }
+
+    #[test]
+    fn a_sum_that_leaves_the_range_is_infinite() {
+        let mut film = Film::new(layout(Statistics::None), FeatureMaps::default());
+        let mut scale = FilmScale::new(film.layout());
+        for task in film.tiles_mut() {
+            let block = [f32::INFINITY, 1e38, 1.0, 1.0, 1.0, 1.0];
+            for s in 0..2 {
+                scale.add_block(&mut task.sums[..6], &block, &[true, true], s..s + 1, BlockSign::Add);
+                task.tile.add_samples(s..s + 1);
+            }
+        }
+        let image = film.into_image();
+        assert!(image.data[0].is_infinite() && image.data[1].is_infinite());
+        assert_eq!(image.data[2], 1.0);
+    }
+}
