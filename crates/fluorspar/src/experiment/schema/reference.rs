@@ -96,7 +96,7 @@ pub struct TextureTable {
     pub dorsal_tongue: Option<DorsalTongueMap>,
     /// A map of the mouth's anatomy, on the texture coordinates of its parts: `redness` (vessels, fungiform papillae),
     /// `pallor` (keratin, coating), `porphyrin` (dorsal tongue), `plaque` and `dentine` (teeth), `dryness` (film of
-    /// saliva). Needs a [mouth].
+    /// saliva). Needs a `[mouth]`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub anatomy: Option<SurfaceMap>,
     /// Tissue whose map it is. Default: the tissue that uses the material.
