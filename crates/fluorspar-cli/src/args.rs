@@ -7,7 +7,7 @@ use clap::{Parser, Subcommand, ValueHint};
 use clap_complete::Shell;
 
 use crate::commands::{
-    analyze, capture, check, denoise, filter, fluorophore, lens, merge, predict, presets, render, run,
+    analyze, capture, check, denoise, filter, fluorophore, lens, merge, mouth, predict, presets, render, run,
     safety, schema, sensor, spectroradiometer,
 };
 
@@ -47,6 +47,8 @@ pub(crate) enum Command {
     Lens(lens::Options),
     /// Assess viewing filters.
     Filter(filter::Options),
+    /// Make mouths: meshes, contact sheets of views, cohorts of people.
+    Mouth(mouth::Options),
     /// Predict spectra and mean sensor values of a flat sample, without geometry.
     Predict(predict::Options),
     /// Assess the photobiological safety of an experiment's captures: hazards, limits, margins.

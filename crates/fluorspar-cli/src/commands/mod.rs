@@ -10,6 +10,7 @@ pub(crate) mod fluorophore;
 pub(crate) mod image_output;
 pub(crate) mod lens;
 pub(crate) mod merge;
+pub(crate) mod mouth;
 pub(crate) mod out_folder;
 pub(crate) mod predict;
 pub(crate) mod presets;

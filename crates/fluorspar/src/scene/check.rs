@@ -3,6 +3,7 @@
 use std::borrow::Cow;
 use std::fmt;
 
+use glam::Vec2;
 use thiserror::Error;
 
 use super::{Scene, Shape};
@@ -446,6 +447,11 @@ fn check_photons(material: &Material, nodes: &[f64], yields: &[Vec<f64>]) -> Res
             .iter()
             .map(|amount| yields[amount.fluorophore][node] * f64::from(amount.concentration.max()))
             .sum();
+        let (mut reflectance, mut photon_yield) = (reflectance, photon_yield);
+        if reflectance + photon_yield - 1.0 > ROUNDING {
+            // Textures of one material often exclude each other: look where they are together.
+            (reflectance, photon_yield) = largest_sum(material, wavelength_nm, node, yields);
+        }
         let excess = reflectance + photon_yield - 1.0;
         if excess > largest {
             largest = excess;
@@ -460,6 +466,29 @@ fn check_photons(material: &Material, nodes: &[f64], yields: &[Vec<f64>]) -> Res
         }
     }
     worst.map_or(Ok(()), Err)
+}
+
+/// Reflectance and photon yield where their sum is largest on a lattice over the textures.
+fn largest_sum(material: &Material, wavelength_nm: f64, node: usize, yields: &[Vec<f64>]) -> (f64, f64) {
+    const SIDE: u32 = 48;
+    let mut worst = (0.0, 0.0);
+    for i in 0..SIDE * SIDE {
+        let uv = Vec2::new((i % SIDE) as f32 + 0.5, (i / SIDE) as f32 + 0.5) / SIDE as f32;
+        let reflectance: f64 = material
+            .reflectance
+            .iter()
+            .map(|term| term.spectrum.at(wavelength_nm) * f64::from(term.weight.at(uv)))
+            .sum();
+        let photon_yield: f64 = material
+            .fluorophores
+            .iter()
+            .map(|amount| yields[amount.fluorophore][node] * f64::from(amount.concentration.at(uv)))
+            .sum();
+        if reflectance + photon_yield > worst.0 + worst.1 {
+            worst = (reflectance, photon_yield);
+        }
+    }
+    worst
 }
 
 fn positive(what: &str, quantity: &str, value: f32) -> Result<(), SceneError> {

@@ -5,6 +5,7 @@ pub(super) mod context;
 pub(super) mod device;
 mod error_target;
 mod instrument;
+mod lesion;
 mod light;
 pub(super) mod material;
 mod object;
@@ -250,8 +251,9 @@ pub fn resolve(experiment: &Experiment) -> Result<ResolvedExperiment, Experiment
     let lights = light::lights(context, &file.light, &camera, &grid, &mut light_groups)?;
     material::check_sections(context, &file.fluorophore)?;
     let mut fluorophores = material::Fluorophores::default();
-    let materials = material::materials(context, file, &grid, &mut fluorophores)?;
-    let objects = object::objects(context, file, &materials, &grid, &mut light_groups)?;
+    let mut materials = material::materials(context, file, &grid, &mut fluorophores)?;
+    let objects =
+        object::objects(context, file, &mut materials, &mut fluorophores, &grid, &mut light_groups)?;
     let captures = capture::captures(context, file, &light_groups, &grid)?;
     let motion = instrument::motion(context, file)?;
     let develop = instrument::develop(context, file, sensor.as_ref(), &grid)?;

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use super::context::{Context, Resolved};
+use crate::anatomy::shared_surface_map;
 use crate::experiment::document::is_path;
 use crate::experiment::error::{Step, steps};
 use crate::experiment::schema::{SpectrumReference, SpectrumTable, TextureReference, TextureTable};
@@ -192,17 +193,20 @@ impl Context<'_> {
             table.checker.is_some(),
             table.noise.is_some(),
             table.dorsal_tongue.is_some(),
+            table.anatomy.is_some(),
         ];
         if kinds.iter().filter(|given| **given).count() != 1 {
-            return self.fail(at, "give exactly one of image, checker, noise, dorsal_tongue");
+            return self.fail(at, "give exactly one of image, checker, noise, dorsal_tongue, anatomy");
         }
-        let map =
-            ["image", "checker", "noise", "dorsal_tongue"].into_iter().zip(kinds).find(|(_, given)| *given);
-        let map = map.map_or("", |(name, _)| name);
+        if table.tissue.is_some() && table.anatomy.is_none() {
+            return self.fail(&below("tissue"), "only a map of the anatomy belongs to a tissue; remove it");
+        }
+        let names = ["image", "checker", "noise", "dorsal_tongue", "anatomy"];
+        let map = names.into_iter().zip(kinds).find(|(_, given)| *given).map_or("", |(name, _)| name);
         for (key, is_given, maps) in [
-            ("low", table.low.is_some(), &["image", "checker", "noise"][..]),
-            ("high", table.high.is_some(), &["image", "checker", "noise"][..]),
-            ("seed", table.seed.is_some(), &["noise"][..]),
+            ("low", table.low.is_some(), &["image", "checker", "noise", "anatomy"][..]),
+            ("high", table.high.is_some(), &["image", "checker", "noise", "anatomy"][..]),
+            ("seed", table.seed.is_some(), &["noise", "anatomy"][..]),
             ("srgb", table.srgb.is_some(), &["image"][..]),
         ] {
             if is_given && !maps.contains(&map) {
@@ -248,8 +252,24 @@ impl Context<'_> {
                 patchiness: map.patchiness as f32,
                 seed: map.seed,
             }
+        } else if let Some(map) = table.anatomy {
+            let at = below("anatomy");
+            let Some(mouth) = &self.mouth else {
+                return self
+                    .fail(&at, "a map of the anatomy needs a [mouth]; add one, or use noise or an image");
+            };
+            let Some(tissue) = table.tissue.or(self.tissue) else {
+                let message = "which tissue's map? Add tissue = \"tongue_dorsum\" or another";
+                return self.fail(&at, message);
+            };
+            let mut person = mouth.clone();
+            person.seed = table.seed.unwrap_or(person.seed);
+            let baked = shared_surface_map(map, tissue, &person);
+            let image = ImageTexture::new(baked.columns, baked.rows, baked.values.clone())
+                .map_err(|e| self.error(&at, e.to_string()))?;
+            ScalarTexture::Image { image: Arc::new(image), low, high }
         } else {
-            return self.fail(at, "give exactly one of image, checker, noise, dorsal_tongue");
+            return self.fail(at, "give exactly one of image, checker, noise, dorsal_tongue, anatomy");
         };
         match &table.times {
             None => Ok(texture),

@@ -9,6 +9,7 @@ use serde::de::value::MapAccessDeserializer;
 use serde::de::{Error, MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
 
+use crate::anatomy::{SurfaceMap, Tissue};
 use crate::spectral::CurveModel;
 
 /// A spectrum: a constant, a name of the catalogue, a CSV file or an equation.
@@ -94,6 +95,14 @@ pub struct TextureTable {
     /// Porphyrin on the back of the tongue: most along the midline and far back, none at the tip and the sides.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub dorsal_tongue: Option<DorsalTongueMap>,
+    /// A map of the mouth's anatomy, on the texture coordinates of its parts: `redness` (vessels, fungiform papillae),
+    /// `pallor` (keratin, coating), `porphyrin` (dorsal tongue), `plaque` and `dentine` (teeth), `dryness` (film of
+    /// saliva). Needs a `[mouth]`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub anatomy: Option<SurfaceMap>,
+    /// Tissue whose map it is. Default: the tissue that uses the material.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tissue: Option<Tissue>,
     /// Lowest value of the map. Default 0.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub low: Option<f64>,
