@@ -639,6 +639,40 @@ def filters(ref):
         assumed=["curve", *coating],
         extra=dichroic,
     )
+    yield Item(
+        "filters",
+        "band_pass_635_50",
+        "Band-pass 635 nm, 50 nm wide",
+        "Generic interference band-pass in front of a camera, about the red emission of porphyrin.",
+        OWN,
+        q,
+        edges(0.95, 5, ("long", 610, 6), ("short", 660, 6)),
+        assumed=["curve", *coating],
+        extra=dichroic,
+    )
+    yield Item(
+        "filters",
+        "notch_405",
+        "Notch 405 nm",
+        "Generic interference notch, 24 nm wide, that stops a violet laser or LED and passes the rest.",
+        OWN,
+        q,
+        edges(0.95, 4) | {"notches": [{"center_nm": 405.0, "fwhm_nm": 24.0}]},
+        assumed=["curve", *coating],
+        extra=dichroic,
+    )
+    yield Item(
+        "filters",
+        "dichroic_450",
+        "Dichroic 450 nm, long-pass",
+        "Generic dichroic beam splitter in transmission at normal incidence; at 45 degrees its edge lies at 414 nm. Dichroics "
+        "block less than filters.",
+        OWN,
+        q,
+        edges(0.95, 2, ("long", 450, 12)),
+        assumed=["curve", *coating],
+        extra=dichroic,
+    )
     yield fitted(
         "filters",
         "uv_ir",

@@ -4,6 +4,8 @@
 //! compiled for each instruction set. Sums have a fixed order, so results have the same bits everywhere. Padding holds
 //! zeros and stays zero.
 
+use std::ops::Range;
+
 use crate::Lanes;
 
 /// Bands per block: one vector register of AVX-512, two of AVX2.
@@ -49,6 +51,16 @@ pub fn add_bands(blocks: &[BandBlock], out: &mut [f32]) {
         for (out, value) in rest.iter_mut().zip(&block.0) {
             *out += value;
         }
+    }
+}
+
+/// `out += factor * v` over a range of bands; `out` holds all bands.
+///
+/// # Panics
+/// If either vector ends before the range does.
+pub fn add_scaled_range(factor: f32, blocks: &[BandBlock], range: Range<usize>, out: &mut [f32]) {
+    for (band, out) in range.clone().zip(&mut out[range]) {
+        *out += factor * blocks[band / BLOCK].0[band % BLOCK];
     }
 }
 
@@ -373,5 +385,10 @@ mod tests {
         assert_eq!(out, values);
         add_bands(&to_blocks(&values), &mut out);
         assert!(out.iter().zip(&values).all(|(out, value)| *out == 2.0 * value));
+        add_scaled_range(0.5, &to_blocks(&values), 14..35, &mut out);
+        for (band, (out, value)) in out.iter().zip(&values).enumerate() {
+            let factor = if (14..35).contains(&band) { 2.5 } else { 2.0 };
+            assert_eq!(*out, factor * value, "band {band}");
+        }
     }
 }

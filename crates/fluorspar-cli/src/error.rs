@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use fluorspar::experiment::ExperimentError;
 use fluorspar::format::FormatError;
 use fluorspar::pipeline::{PipelineError, PredictError};
-use fluorspar::preset::PresetError;
+use fluorspar::preset::{LensError, PresetError};
 use fluorspar::render::RenderError;
 use fluorspar_report::{FigureError, RunFolderError};
 use thiserror::Error;
@@ -37,6 +37,8 @@ pub(crate) enum CliError {
     Format(#[from] FormatError),
     #[error(transparent)]
     Preset(#[from] PresetError),
+    #[error(transparent)]
+    Lens(#[from] LensError),
     #[error(transparent)]
     Render(#[from] RenderError),
     #[error(transparent)]

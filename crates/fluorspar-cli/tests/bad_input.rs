@@ -18,7 +18,7 @@ const SAMPLE: &str =
     "[light]\nspectrum = \"led_385\"\nirradiance_w_per_m2 = 100\n[sample]\nreflectance = 0.1\n";
 
 /// Small files that are wrong, and some that are right.
-const FILES: [(&str, &str); 39] = [
+const FILES: [(&str, &str); 43] = [
     ("syntax.toml", "title = \"unfinished\n"),
     ("unknown_field.toml", "base = \"flat-patch\"\n[render]\nwidht_px = 8\n"),
     ("unknown_light.toml", "base = \"flat-patch\"\n[[light]]\nname = \"blue\"\nspectrum = \"led_358\"\n"),
@@ -66,6 +66,13 @@ const FILES: [(&str, &str); 39] = [
     ("eem/no_corner.csv", "# unit: photons\n,380,390\n500,1,2\n510,3,4\n"),
     ("eem/one_column.csv", "# unit: photons\nem_nm\\ex_nm,380\n500,1\n510,3\n"),
     ("eem/zero.csv", "# unit: photons\nem_nm\\ex_nm,380,390\n500,0,0\n510,0,0\n"),
+    ("lenses/three_numbers.dat", "# a lens\n50\n40 6 1.6\n"),
+    ("lenses/no_stop.dat", "40 6 1.6 20\n-70 0 1 20\n"),
+    (
+        "lenses/unknown_glass.toml",
+        "name = \"a\"\n[[surface]]\nradius_mm = 40\nthickness_mm = 6\nglass = \"N-BK8\"\nsemi_diameter_mm = 10\nstop = true\n[[surface]]\nsemi_diameter_mm = 10\n",
+    ),
+    ("lenses/diverging.dat", "0 2 0 4\n-40 6 1.6 20\n70 0 1 20\n"),
     ("spectra/flat.csv", "wavelength_nm,excitation,emission\n380,1,0\n500,1,1\n600,1,0\n"),
     ("spectra/no_emission.csv", "wavelength_nm,excitation\n380,1\n500,0\n"),
     ("spectra/negative.csv", "wavelength_nm,excitation,emission\n380,1,0\n500,0,-1\n600,0,1\n"),

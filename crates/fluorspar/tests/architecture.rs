@@ -27,8 +27,8 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ),
     ("sensor", &["units", "spectral", "image", "sampling"]),
     ("analysis", &["units", "spectral", "image"]),
-    ("format", &["units", "spectral", "image", "geometry"]),
-    ("preset", &["units", "spectral", "sensor", "format"]),
+    ("format", &["units", "spectral", "image", "geometry", "optics"]),
+    ("preset", &["units", "spectral", "optics", "sensor", "format"]),
     (
         "experiment",
         &[

@@ -3,9 +3,10 @@
 use std::fs;
 use std::path::Path;
 
+use fluorspar::experiment::schema::EfficiencyReference;
 use fluorspar::experiment::{
     ResolvedExperiment, default_experiment_toml, json_schema, parse, parse_sample, resolve,
-    sample_json_schema,
+    sample_json_schema, sensor_json_schema,
 };
 use fluorspar::light::{Emitter, Light};
 use fluorspar::preset;
@@ -334,12 +335,13 @@ fn another_sensor_takes_the_place_of_the_whole_section() {
          [[object]]\nname = \"ball\"\nmaterial = \"grey\"\nsphere = { radius_mm = 10.0 }\n",
         &[],
     );
+    let of_catalogue = |name: &str| EfficiencyReference::Name(name.into());
     let no_analysis = FLAT.replace("flat-patch", "velscope-like");
     for text in [FLAT, &no_analysis] {
         let experiment =
             parse(text, "t", Path::new("."), &["sensor.preset=monochrome_4_8um".into()]).unwrap();
         let section = experiment.file.sensor.unwrap();
-        assert_eq!(section.quantum_efficiency, "monochrome_cmos", "{text}");
+        assert_eq!(section.quantum_efficiency, of_catalogue("monochrome_cmos"), "{text}");
         assert_eq!((section.model.columns, section.model.rows), size(&own), "{text}");
     }
     let over = format!("{FLAT}[sensor]\npreset = \"monochrome_4_8um\"\nrows = 100\n");
@@ -352,7 +354,7 @@ fn another_sensor_takes_the_place_of_the_whole_section() {
     assert_eq!(size(&resolved(FLAT, &["sensor.preset=lyu_2021_table_1"])), (320, 240));
     let section =
         parse(&plain.resolved_toml, "t", Path::new("."), &change[1..]).unwrap().file.sensor.unwrap();
-    assert_eq!(section.quantum_efficiency, "monochrome_cmos");
+    assert_eq!(section.quantum_efficiency, of_catalogue("monochrome_cmos"));
 }
 
 #[test]
@@ -506,7 +508,7 @@ fn the_file_to_start_from_works() {
 
 #[test]
 fn every_field_of_the_schema_is_described() {
-    for schema in [json_schema(), sample_json_schema()] {
+    for schema in [json_schema(), sample_json_schema(), sensor_json_schema()] {
         let mut missing = Vec::new();
         let definitions = schema["$defs"].as_object().unwrap().iter();
         for (name, definition) in definitions.chain([(&"root".to_string(), &schema)]) {

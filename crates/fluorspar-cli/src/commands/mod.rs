@@ -5,9 +5,12 @@ pub(crate) mod capture;
 pub(crate) mod check;
 pub(crate) mod completions;
 pub(crate) mod denoise;
+pub(crate) mod filter;
 pub(crate) mod fluorophore;
 pub(crate) mod image_output;
+pub(crate) mod lens;
 pub(crate) mod merge;
+pub(crate) mod mouth;
 pub(crate) mod out_folder;
 pub(crate) mod predict;
 pub(crate) mod presets;
@@ -15,12 +18,14 @@ pub(crate) mod render;
 pub(crate) mod run;
 pub(crate) mod safety;
 pub(crate) mod schema;
+pub(crate) mod sensor;
 pub(crate) mod spectroradiometer;
 pub(crate) mod table;
 
 use std::io::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
+use fluorspar_report::Figure;
 use serde::Serialize;
 
 use crate::error::CliError;
@@ -41,6 +46,39 @@ pub(crate) fn print_text(text: &str) -> Result<(), CliError> {
 /// A text as TOML.
 pub(crate) fn quoted(text: &str) -> String {
     toml::Value::String(text.into()).to_string()
+}
+
+/// How a figure is written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum FigureFormat {
+    Svg,
+    Png,
+}
+
+impl FigureFormat {
+    /// By the ending of the file's name.
+    pub(crate) fn of(path: &Path) -> Result<Self, CliError> {
+        let ending = path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase);
+        match ending.as_deref() {
+            Some("svg") => Ok(Self::Svg),
+            Some("png") => Ok(Self::Png),
+            _ => Err(CliError::Input(format!("--out {}: the name must end in .svg or .png", path.display()))),
+        }
+    }
+
+    pub(crate) fn bytes(self, figure: &Figure) -> Result<Vec<u8>, CliError> {
+        Ok(match self {
+            Self::Svg => figure.to_svg().into_bytes(),
+            Self::Png => figure.to_png()?,
+        })
+    }
+}
+
+/// The same file name with a suffix before its ending.
+pub(crate) fn beside(path: &Path, suffix: &str) -> PathBuf {
+    let part =
+        |part: Option<&std::ffi::OsStr>| part.map(|p| p.to_string_lossy().into_owned()).unwrap_or_default();
+    path.with_file_name(format!("{}{suffix}.{}", part(path.file_stem()), part(path.extension())))
 }
 
 /// Refuses a file whose folder does not exist.

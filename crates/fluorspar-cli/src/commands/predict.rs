@@ -79,7 +79,8 @@ fn number_or(text: &str, other: impl Fn(&str) -> String) -> String {
     }
 }
 
-fn list(names: &[String], folder: &Path) -> String {
+/// A list of filters as TOML.
+pub(crate) fn filter_list(names: &[String], folder: &Path) -> String {
     let items = names.iter().map(|name| number_or(name, |name| name_or_file(name, folder)));
     format!("[{}]", items.collect::<Vec<_>>().join(", "))
 }
@@ -92,7 +93,7 @@ impl Options {
         let number = |value: f64| toml::Value::Float(value).to_string();
         all.extend(self.irradiance.map(|value| format!("light.irradiance_w_per_m2={}", number(value))));
         if !self.light_filter.is_empty() {
-            all.push(format!("light.filters={}", list(&self.light_filter, folder)));
+            all.push(format!("light.filters={}", filter_list(&self.light_filter, folder)));
         }
         all.extend(self.reflectance.as_ref().map(|text| {
             format!("sample.reflectance={}", number_or(text, |text| name_or_file(text, folder)))
@@ -111,7 +112,7 @@ impl Options {
             }
         }
         if !self.view_filter.is_empty() {
-            all.push(format!("view_filter.filters={}", list(&self.view_filter, folder)));
+            all.push(format!("view_filter.filters={}", filter_list(&self.view_filter, folder)));
         }
         all.extend(
             self.exposure_ms.as_ref().map(|text| format!("exposure.exposure_ms={}", number_or(text, quoted))),

@@ -2,7 +2,7 @@
 
 use std::process::ExitCode;
 
-use fluorspar::experiment::{json_schema, sample_json_schema};
+use fluorspar::experiment::{json_schema, sample_json_schema, sensor_json_schema};
 
 use crate::error::CliError;
 
@@ -12,9 +12,16 @@ pub(crate) struct Options {
     /// The schema of flat samples, as `predict` takes them, instead.
     #[arg(long)]
     sample: bool,
+    /// The schema of sensor files, as `sensor` takes them, instead.
+    #[arg(long, conflicts_with = "sample")]
+    sensor: bool,
 }
 
 pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
-    super::print_json(&if options.sample { sample_json_schema() } else { json_schema() })?;
+    super::print_json(&match (options.sample, options.sensor) {
+        (true, _) => sample_json_schema(),
+        (_, true) => sensor_json_schema(),
+        _ => json_schema(),
+    })?;
     Ok(ExitCode::SUCCESS)
 }

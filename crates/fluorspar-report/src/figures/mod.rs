@@ -7,7 +7,9 @@ mod chromaticity;
 mod eem;
 mod filters;
 mod histogram;
+mod lens;
 mod lights;
+mod photon_transfer;
 mod picture;
 mod radiance;
 mod sensor;
@@ -16,7 +18,9 @@ pub use chromaticity::{ChromaticityPlot, chromaticity};
 pub use eem::{EemMap, eem_maps, emission};
 pub use filters::filters;
 pub use histogram::{ChannelValues, histograms};
+pub use lens::{lens_drawing, lens_field, lens_mtf, lens_spots};
 pub use lights::{LIGHT_DECADES, lights};
+pub use photon_transfer::{PhotonTransferPlot, SnrPlot, photon_transfer, signal_to_noise};
 pub use picture::{picture, porphyrin_map};
 pub use radiance::{radiance_by_component, spectral_readings};
 pub use sensor::sensor_response;
@@ -110,6 +114,19 @@ mod tests {
         let values = [ChannelValues { name: "R".into(), values: vec![f32::NAN, -9e9, 9e9, 5.0] }];
         let mut figures = all(&odd, &map(vec![nan, 0.0, 1.0, 2.0], 2), &plot, &values);
         figures.extend(all(&[], &map(vec![], 0), &ChromaticityPlot::default(), &[]));
+        let points = vec![[nan, 1.0], [0.0, 0.0], [-1.0, f64::INFINITY], [1e9, 1e-9]];
+        figures.extend([vec![], points].map(|points| {
+            photon_transfer(&PhotonTransferPlot {
+                points,
+                gain_dn_per_e: nan,
+                ..PhotonTransferPlot::default()
+            })
+        }));
+        figures.extend(
+            [vec![], vec![[nan, -1.0], [0.0, 3.0]]].map(|temporal| {
+                signal_to_noise(&SnrPlot { temporal, threshold_e: nan, ..SnrPlot::default() })
+            }),
+        );
         for figure in figures {
             let svg = figure.to_svg();
             assert!(!svg.contains("NaN\"") && !svg.contains("inf"), "{}", figure.title);

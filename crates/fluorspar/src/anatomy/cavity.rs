@@ -3,10 +3,12 @@
 
 use glam::{DVec2, DVec3};
 
+use super::appearance::crease;
+use super::clearance::{Field, Obstacles};
 use super::math::{PI, bell, lerp, pow, signed_pow, sin_cos, smoothstep, spline};
-use super::noise::{fractal_noise, value_noise};
+use super::noise::fractal_noise;
 use super::parameters::MouthParameters;
-use super::surface::{count, grid_mesh, linspace};
+use super::surface::{count, linspace, surface_mesh};
 use super::{Part, Tissue};
 
 /// A closed loop around the opening, given by its extents.
@@ -20,18 +22,26 @@ struct Ring {
     z: [f64; 3],
 }
 
+/// Grid on which contacts are found.
+const CONTACT_ROWS_PER_RING: usize = 4;
+const CONTACT_COLUMNS: usize = 144;
+/// Distance kept from teeth and gums, mm.
+const CLEARANCE_MM: f64 = 0.6;
+
 /// Rings at which the sheet changes its part.
 const VERMILION_BORDER: usize = 4;
 const INNER_LIP: usize = 9;
 const THROAT: usize = 14;
 
-struct Sheet<'a> {
+/// The whole sheet, pressed outward where teeth and gums stand.
+pub(super) struct Sheet<'a> {
     parameters: &'a MouthParameters,
     rings: Vec<Ring>,
+    pressed: Field,
 }
 
 impl<'a> Sheet<'a> {
-    fn new(parameters: &'a MouthParameters) -> Self {
+    pub(super) fn new(parameters: &'a MouthParameters, obstacles: &Obstacles) -> Self {
         let corner = 0.5 * parameters.lip_opening_width_mm;
         let h = 0.5 * parameters.jaw_opening_mm;
         // Margins of the lips.
@@ -40,14 +50,14 @@ impl<'a> Sheet<'a> {
         let fornix = h + 20.5;
         let ring = |half_width, top, bottom, squareness, z| Ring { half_width, top, bottom, squareness, z };
         let rings = vec![
-            ring(corner + 36.0, m + 42.0, m + 44.0, 2.3, [2.0, -2.0, -34.0]),
-            ring(corner + 22.0, m + 27.0, m + 28.0, 2.2, [7.0, 3.0, -20.0]),
-            ring(corner + 12.0, m + 17.0, m + 16.0, 2.1, [8.5, 6.0, -13.5]),
-            ring(corner + 6.5, m + 10.5, m + 11.0, 2.05, [9.8, 9.0, -10.5]),
-            ring(corner + 2.0, m + 6.2, m + 7.2, 1.92, [11.2, 11.0, -9.0]),
-            ring(corner + 0.9, m + 3.2, m + 4.0, 1.94, [11.9, 12.4, -10.0]),
-            ring(corner + 0.1, m + 0.9, m + 1.2, 1.96, [10.8, 11.6, -11.4]),
-            ring(corner - 0.1, m, m, 1.98, [8.2, 8.8, -13.4]),
+            ring(corner + 36.0, m + 42.0, m + 44.0, 2.3, [4.0, 4.0, -32.0]),
+            ring(corner + 22.0, m + 27.0, m + 28.0, 2.2, [8.0, 7.5, -17.0]),
+            ring(corner + 12.0, m + 17.0, m + 16.0, 2.1, [9.0, 8.0, -11.5]),
+            ring(corner + 6.5, m + 10.5, m + 11.0, 1.95, [9.8, 9.0, -10.5]),
+            ring(corner + 1.7, m + 6.6, m + 8.2, 1.82, [10.8, 10.8, -9.5]),
+            ring(corner + 0.8, m + 3.4, m + 4.6, 1.82, [12.3, 13.2, -10.4]),
+            ring(corner + 0.1, m + 0.9, m + 1.2, 1.82, [10.8, 11.6, -11.4]),
+            ring(corner - 0.1, m, m, 1.84, [8.2, 8.8, -13.4]),
             ring(corner + 0.9, m + 1.6, m + 1.6, 2.1, [5.2, 5.6, -16.0]),
             ring(corner + 3.2, m + 0.55 * (fornix - m), m + 0.55 * (fornix - m), 2.4, [4.6, 4.4, -19.5]),
             ring(widest - 0.5, fornix, fornix - 1.0, 3.2, [1.5, 1.5, -25.0]),
@@ -61,7 +71,58 @@ impl<'a> Sheet<'a> {
             ring(widest - 18.5, h - 3.0, h + 10.0, 2.3, [-84.0, -85.0, -82.5]),
             ring(0.0, 0.0, 0.0, 2.0, [-90.0, -90.0, -90.0]),
         ];
-        Self { parameters, rings }
+        let rows = (rings.len() - 1) * CONTACT_ROWS_PER_RING + 1;
+        let values = vec![0.0; rows * CONTACT_COLUMNS];
+        let pressed = Field { rows, columns: CONTACT_COLUMNS, cyclic: true, values };
+        let mut sheet = Self { parameters, rings, pressed };
+        sheet.press(obstacles);
+        sheet
+    }
+
+    /// Where a place of the sheet gives way to: forward at the lips, outward at the cheeks.
+    fn way_out(place: f64, turn: f64) -> DVec3 {
+        let (sine, cosine) = sin_cos(2.0 * PI * turn);
+        let front = lerp(
+            smoothstep(9.3, 8.0, place),
+            smoothstep(11.2, 10.2, place),
+            smoothstep(0.5, 0.9, sine.abs()),
+        );
+        let outward = DVec3::new(cosine, sine, 0.0).lerp(DVec3::new(0.5 * cosine, 0.12 * sine, 1.0), front);
+        outward.normalize()
+    }
+
+    /// Finds how far the sheet must give way to teeth and gums.
+    fn press(&mut self, obstacles: &Obstacles) {
+        const REACH: f64 = 25.0;
+        for column in 0..CONTACT_COLUMNS {
+            let turn = column as f64 / CONTACT_COLUMNS as f64;
+            let knots: Vec<DVec3> = (0..self.rings.len()).map(|ring| self.ring_point(ring, turn)).collect();
+            for row in 0..self.pressed.rows {
+                let place = row as f64 / CONTACT_ROWS_PER_RING as f64;
+                // Behind the fornix of the vestibule the gums are attached to the sheet.
+                if !(1.0..12.5).contains(&place) {
+                    continue;
+                }
+                let way = Self::way_out(place, turn);
+                let from = spline(&knots, place) + way * REACH;
+                if let Some(hit) = obstacles.distance(from, -way, REACH + CLEARANCE_MM) {
+                    self.pressed.values[row * CONTACT_COLUMNS + column] = REACH + CLEARANCE_MM - hit;
+                }
+            }
+        }
+        // The skin of the face goes with the lining behind it.
+        for column in 0..CONTACT_COLUMNS {
+            let at = |place: f64| (place * CONTACT_ROWS_PER_RING as f64) as usize * CONTACT_COLUMNS + column;
+            let lining =
+                (18..=46).map(|place| self.pressed.values[at(0.25 * f64::from(place))]).fold(0.0, f64::max);
+            for place in 3..=24 {
+                let value = &mut self.pressed.values[at(0.25 * f64::from(place))];
+                *value = value.max(lining);
+            }
+        }
+        if self.pressed.values.iter().any(|v| *v > 0.0) {
+            self.pressed.spread(0.7, 0.9, 1.4);
+        }
     }
 
     /// Point of a ring in a direction: 0 at the left corner, a quarter at the top.
@@ -77,17 +138,24 @@ impl<'a> Sheet<'a> {
         if sine > 0.0 {
             match number {
                 // Cupid's bow and the tubercle of the upper lip.
-                4 => y += 1.0 * bell((x.abs() - 6.0) / 4.0) - 1.3 * bell(x / 3.0),
+                4 => y += 1.6 * bell((x.abs() - 5.5) / 3.6) - 1.5 * bell(x / 2.6),
                 5 | 6 => y -= 0.6 * bell(x / 4.5),
                 7 => y -= 0.9 * bell(x / 5.0),
                 // Groove of the philtrum between its two columns.
-                2 | 3 => z += 0.7 * bell((x.abs() - 5.5) / 2.2) - 0.9 * bell(x / 3.2),
+                3 => {
+                    y += 1.0 * bell((x.abs() - 5.5) / 3.6) - 0.8 * bell(x / 2.6);
+                    z += 0.8 * bell((x.abs() - 5.2) / 2.0) - 1.1 * bell(x / 2.8);
+                }
+                2 => z += 0.7 * bell((x.abs() - 5.0) / 2.2) - 1.3 * bell(x / 3.0),
+                // The base of the nose.
+                1 => z += 9.0 * bell(x / 13.0) - 2.5 * bell((x.abs() - 6.0) / 3.0),
+                0 => z += 15.0 * bell(x / 15.0),
                 _ => {}
             }
         } else {
             match number {
                 // Fold under the lower lip, then the chin.
-                2 => z -= 2.2 * bell(x / 18.0),
+                2 => z -= 1.2 * bell(x / 18.0),
                 0 | 1 => z += 4.0 * bell(x / 16.0),
                 5 | 6 => z += 0.5 * bell((x.abs() - 7.0) / 5.0),
                 _ => {}
@@ -99,14 +167,20 @@ impl<'a> Sheet<'a> {
     /// Point of the sheet: `place` counts rings from the face to the throat.
     fn point(&self, knots: &[DVec3], place: f64, turn: f64) -> DVec3 {
         let mut point = spline(knots, place);
+        let pressed = self.pressed.at(place * CONTACT_ROWS_PER_RING as f64, turn * CONTACT_COLUMNS as f64);
+        if pressed > 0.0 {
+            point += Self::way_out(place, turn) * pressed;
+        }
         let seed = self.parameters.seed;
         let (sine, cosine) = sin_cos(2.0 * PI * turn);
         // Fine vertical folds of the lips' red, and pores and unevenness elsewhere.
         let red = smoothstep(4.0, 4.6, place) * smoothstep(8.6, 7.6, place);
-        let along = point.x * 1.1 + 3.0 * sine.signum();
-        let crease = 0.6 * fractal_noise(seed ^ 0x21, along, 0.35 * place, 2)
-            + 0.4 * value_noise(seed, along * 2.3, 1.0);
-        point.z += 0.28 * red * sine.abs() * crease;
+        let across = (place - VERMILION_BORDER as f64) / (INNER_LIP - VERMILION_BORDER) as f64;
+        // The same lengths as the maps use: half the ring is one lip.
+        let along = 45.0 * (2.0 * (2.0 * turn).rem_euclid(1.0) - 1.0);
+        let folds =
+            crease(seed, along, across) + 0.3 * fractal_noise(seed ^ 0x21, along * 0.5, 2.0 * across, 2);
+        point -= Self::way_out(8.0, turn) * (0.32 * red * folds);
         let skin = smoothstep(4.0, 3.0, place);
         point.z += 0.12 * skin * fractal_noise(seed ^ 0x22, point.x * 0.5, point.y * 0.5, 3);
         let inside = smoothstep(10.0, 11.0, place) * smoothstep(16.0, 15.0, place);
@@ -116,46 +190,47 @@ impl<'a> Sheet<'a> {
     }
 }
 
-/// The parts that close the mouth: face, lips, cheeks and throat.
-pub(super) fn cavity_parts(parameters: &MouthParameters) -> Vec<Part> {
-    let sheet = Sheet::new(parameters);
-    let detail = parameters.detail;
-    // An even number of columns per quarter, so that the corners are columns.
-    let quarter = count(38, detail);
-    let columns = 4 * quarter;
-    let knots: Vec<Vec<DVec3>> = (0..columns)
-        .map(|column| {
-            let turn = column as f64 / columns as f64;
-            (0..sheet.rings.len()).map(|ring| sheet.ring_point(ring, turn)).collect()
-        })
-        .collect();
-    let last = sheet.rings.len() - 1;
-    // Rings from and to, rows per ring, columns from and to, name, tissue.
-    let parts: [(usize, usize, usize, usize, usize, &str, Tissue); 6] = [
-        (0, VERMILION_BORDER, 6, 0, columns, "face", Tissue::Skin),
-        (VERMILION_BORDER, INNER_LIP, 5, 0, 2 * quarter, "upper_lip", Tissue::Lip),
-        (VERMILION_BORDER, INNER_LIP, 5, 2 * quarter, 4 * quarter, "lower_lip", Tissue::Lip),
-        (INNER_LIP, THROAT, 8, quarter, 3 * quarter, "cheek_right", Tissue::Cheek),
-        (INNER_LIP, THROAT, 8, 3 * quarter, 5 * quarter, "cheek_left", Tissue::Cheek),
-        (THROAT, last, 10, 0, columns, "throat", Tissue::Throat),
-    ];
-    parts
-        .into_iter()
-        .map(|(from, to, rows, first, end, name, tissue)| {
-            let v_values = linspace(
-                from as f64,
-                to as f64,
-                (to - from) * ((rows as f64 * detail).round() as usize).max(2),
-            );
-            let u_values: Vec<f64> = (first..=end).map(|column| column as f64).collect();
-            let mesh = grid_mesh(&v_values, &u_values, true, |place, column| {
-                let column_number = column as usize % columns;
-                let turn = column_number as f64 / columns as f64;
-                let point = sheet.point(&knots[column_number], place, turn);
-                let u = (column - first as f64) / (end - first) as f64;
-                (point, DVec2::new(u, (place - from as f64) / (to - from) as f64))
-            });
-            Part { name: name.to_owned(), tissue, mesh }
-        })
-        .collect()
+impl Sheet<'_> {
+    /// Face, lips, cheeks and the wall of the pharynx.
+    pub(super) fn parts(&self, detail: f64) -> Vec<Part> {
+        let sheet = self;
+        // An even number of columns per quarter, so that the corners are columns.
+        let quarter = count(38, detail);
+        let columns = 4 * quarter;
+        let knots: Vec<Vec<DVec3>> = (0..columns)
+            .map(|column| {
+                let turn = column as f64 / columns as f64;
+                (0..sheet.rings.len()).map(|ring| sheet.ring_point(ring, turn)).collect()
+            })
+            .collect();
+        let last = sheet.rings.len() - 1;
+        // Rings from and to, rows per ring, columns from and to, name, tissue.
+        let parts: [(usize, usize, usize, usize, usize, &str, Tissue); 6] = [
+            (0, VERMILION_BORDER, 6, 0, columns, "face", Tissue::Skin),
+            (VERMILION_BORDER, INNER_LIP, 5, 0, 2 * quarter, "upper_lip", Tissue::Lip),
+            (VERMILION_BORDER, INNER_LIP, 5, 2 * quarter, 4 * quarter, "lower_lip", Tissue::Lip),
+            (INNER_LIP, THROAT, 8, quarter, 3 * quarter, "cheek_right", Tissue::Cheek),
+            (INNER_LIP, THROAT, 8, 3 * quarter, 5 * quarter, "cheek_left", Tissue::Cheek),
+            (THROAT, last, 10, 0, columns, "pharyngeal_wall", Tissue::Throat),
+        ];
+        parts
+            .into_iter()
+            .map(|(from, to, rows, first, end, name, tissue)| {
+                let v_values = linspace(
+                    from as f64,
+                    to as f64,
+                    (to - from) * ((rows as f64 * detail).round() as usize).max(2),
+                );
+                let u_values: Vec<f64> = (first..=end).map(|column| column as f64).collect();
+                let mesh = surface_mesh(&v_values, &u_values, true, |place, column| {
+                    let column_number = column as usize % columns;
+                    let turn = column_number as f64 / columns as f64;
+                    let point = sheet.point(&knots[column_number], place, turn);
+                    let u = (column - first as f64) / (end - first) as f64;
+                    (point, DVec2::new(u, (place - from as f64) / (to - from) as f64))
+                });
+                Part { name: name.to_owned(), tissue, mesh }
+            })
+            .collect()
+    }
 }

@@ -6,7 +6,7 @@
 
 use glam::{DMat3, DVec3};
 
-use super::math::{PI, curve, lerp, pow, sin_cos};
+use super::math::{PI, curve, pow, sin_cos};
 use super::noise::lattice;
 use super::parameters::MouthParameters;
 
@@ -187,7 +187,7 @@ impl Arch {
         arch
     }
 
-    fn sizes(parameters: &MouthParameters, jaw: Jaw) -> [[f64; 6]; 8] {
+    pub(super) fn sizes(parameters: &MouthParameters, jaw: Jaw) -> [[f64; 6]; 8] {
         let mut sizes = match jaw {
             Jaw::Upper => UPPER_TEETH,
             Jaw::Lower => LOWER_TEETH,
@@ -195,6 +195,10 @@ impl Arch {
         for size in &mut sizes {
             for length in &mut size[..4] {
                 *length *= parameters.tooth_scale;
+            }
+            if jaw == Jaw::Lower {
+                size[1] *= parameters.lower_tooth_factor;
+                size[2] *= parameters.lower_tooth_factor;
             }
         }
         sizes
@@ -243,7 +247,9 @@ impl Arch {
         let step = if self.jaw == Jaw::Upper && kind == ToothKind::LateralIncisor { 0.5 } else { 0.0 };
         let scale = 1.0 + 0.012 * vary(4);
         // A crown fills its room, or leaves the room that the arch has to spare.
-        let width = (size[1] * 1.05).min(2.0 * half_room * 1.04) * scale;
+        // Neighbours that are turned need their corners' room.
+        let contact = 1.02 - 0.014 * parameters.tooth_irregularity;
+        let width = (size[1] * 1.05 * scale).min(2.0 * half_room * contact);
         self.teeth.push(Tooth {
             number,
             jaw: self.jaw,
@@ -309,26 +315,6 @@ impl Arch {
             toothed: if present { 1.0 } else { a2 * a2 * a2 },
         }
     }
-
-    /// Level distance of a point of the jaw frame from the curve, negative inside, and the arc length there.
-    pub(super) fn distance(&self, x: f64, z: f64) -> (f64, f64) {
-        let mut best = (f64::INFINITY, 0.0, 0.0);
-        for pair in self.points.windows(2) {
-            let (a, b) = (pair[0].1, pair[1].1);
-            let (ex, ez) = (b.x - a.x, b.z - a.z);
-            let (px, pz) = (x.abs() - a.x, z - a.z);
-            let t = ((px * ex + pz * ez) / (ex * ex + ez * ez)).clamp(0.0, 1.0);
-            let (dx, dz) = (px - t * ex, pz - t * ez);
-            let squared = dx * dx + dz * dz;
-            if squared < best.0 {
-                // The outside is to the left of the way back along the arch.
-                let outside = dz * ex - dx * ez;
-                best = (squared, outside, lerp(pair[0].0, pair[1].0, t));
-            }
-        }
-        let distance = best.0.sqrt();
-        (if best.1 < 0.0 { -distance } else { distance }, best.2)
-    }
 }
 
 /// Left half of the beta function of Braun and others (1998), `z = depth (4 (1/4 - (x/width)²))^exponent - depth`, with
@@ -358,12 +344,6 @@ pub(super) struct JawPose {
 impl JawPose {
     pub(super) fn point(&self, p: DVec3) -> DVec3 {
         self.matrix * p + self.origin
-    }
-
-    /// Back from the mouth to the jaw.
-    pub(super) fn inverse_point(&self, p: DVec3) -> DVec3 {
-        // Rotations and mirrors: the inverse is the transpose.
-        self.matrix.transpose() * (p - self.origin)
     }
 }
 
@@ -424,8 +404,6 @@ mod tests {
             assert!(gap < opening && gap > 0.4 * opening, "the jaws close toward the back: {gap}");
             assert!(upper.point(DVec3::Y).y > upper.point(DVec3::ZERO).y);
             assert!(lower.point(DVec3::Y).y < lower.point(DVec3::ZERO).y);
-            let p = DVec3::new(3.0, 4.0, -5.0);
-            assert!((lower.inverse_point(lower.point(p)) - p).length() < 1e-9);
         }
     }
 

@@ -2,7 +2,8 @@
 
 use glam::{Vec2, Vec3};
 
-use super::Mouth;
+use super::{Mouth, Tissue};
+use crate::geometry::TriangleMesh;
 
 /// Dimensions of a generated mouth in millimetres; `None` where the parts that define one are missing.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -49,22 +50,43 @@ fn middle(mouth: &Mouth, a: u8, b: u8) -> Option<Vec3> {
     Some((edge(mouth, a)? + edge(mouth, b)?) * 0.5)
 }
 
-/// Contact point on the distal face of a crown.
-fn distal_contact(mouth: &Mouth, number: u8) -> Option<Vec3> {
+/// Ends of a crown along the arch: the mesial and the distal contact, and the latter raised to the height of the biting
+/// edge, where the line of contacts is drawn.
+fn contacts(mouth: &Mouth, number: u8) -> Option<[Vec3; 3]> {
     let mesh = &mouth.part(&format!("tooth_{number}"))?.mesh;
-    let on_face = |uv: &&Vec2| (uv.x - 0.75).abs() < 0.06 && (uv.y - 0.7).abs() < 0.15;
-    let points: Vec<Vec3> =
-        mesh.uvs.iter().zip(&mesh.positions).filter(|(uv, _)| on_face(uv)).map(|(_, p)| *p).collect();
-    (!points.is_empty()).then(|| points.iter().sum::<Vec3>() / points.len() as f32)
+    let face = |u: f32| {
+        let near = |uv: &&Vec2| (uv.x - u).abs() < 0.06 && (uv.y - 0.7).abs() < 0.15;
+        let points: Vec<Vec3> =
+            mesh.uvs.iter().zip(&mesh.positions).filter(|(uv, _)| near(uv)).map(|(_, p)| *p).collect();
+        (!points.is_empty()).then(|| points.iter().sum::<Vec3>() / points.len() as f32)
+    };
+    let (a, b) = (face(0.25)?, face(0.75)?);
+    let along = (b - a).normalize();
+    // The middle of the face, moved out to the end of the crown.
+    let end = |middle: Vec3, along: Vec3| {
+        let reach = mesh.positions.iter().map(|p| (*p - middle).dot(along)).fold(0.0, f32::max);
+        middle + along * reach
+    };
+    let ring = |height: f32| {
+        let near = |uv: &&Vec2| (uv.y - height).abs() < 0.06;
+        let points: Vec<Vec3> =
+            mesh.uvs.iter().zip(&mesh.positions).filter(|(uv, _)| near(uv)).map(|(_, p)| *p).collect();
+        (!points.is_empty()).then(|| points.iter().sum::<Vec3>() / points.len() as f32)
+    };
+    let edge = edge(mouth, number)?;
+    let axis = (ring(0.62)? - ring(0.2)?).normalize();
+    let raise = |p: Vec3| p + axis * (edge - p).dot(axis);
+    let distal = end(b, along);
+    Some([end(a, -along), distal, raise(distal)])
 }
 
 fn arch(mouth: &Mouth, incisors: [u8; 2], molars: [u8; 2]) -> Option<(f64, f64)> {
-    let front = middle(mouth, incisors[0], incisors[1])?;
-    let (right, left) = (distal_contact(mouth, molars[0])?, distal_contact(mouth, molars[1])?);
-    let behind = (right + left) * 0.5 - front;
+    let front = (contacts(mouth, incisors[0])?[0] + contacts(mouth, incisors[1])?[0]) * 0.5;
+    let (right, left) = (contacts(mouth, molars[0])?, contacts(mouth, molars[1])?);
+    let behind = (right[1] + left[1]) * 0.5 - front;
     // The depth is measured along the arch's own plane, which leans with the jaw.
     let depth = (behind.y * behind.y + behind.z * behind.z).sqrt();
-    Some((f64::from((left.x - right.x).abs()) * 1e3, f64::from(depth) * 1e3))
+    Some((f64::from((left[2].x - right[2].x).abs()) * 1e3, f64::from(depth) * 1e3))
 }
 
 fn palate_height(mouth: &Mouth) -> Option<f64> {
@@ -82,7 +104,16 @@ pub(super) fn measure(mouth: &Mouth) -> MouthDimensions {
     let upper = arch(mouth, [11, 21], [17, 27]);
     let lower = arch(mouth, [41, 31], [47, 37]);
     let millimetres = |metres: f32| f64::from(metres) * 1e3;
-    let tongue = mouth.part("tongue_dorsum").map(|part| &part.mesh);
+    let tongue =
+        mouth.parts.iter().filter(|part| part.tissue == Tissue::TongueDorsum).map(|part| &part.mesh).fold(
+            None,
+            |all: Option<TriangleMesh>, mesh| {
+                let mut all = all.unwrap_or_default();
+                all.append(mesh);
+                Some(all)
+            },
+        );
+    let tongue = tongue.as_ref();
     // Midline points of the back, thinned out so that the papillae do not count as length.
     let mut back: Vec<(f32, Vec3)> = tongue
         .map(|mesh| {

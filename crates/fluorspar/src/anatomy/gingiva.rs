@@ -5,7 +5,7 @@ use glam::{DVec2, DVec3};
 use super::dental_arch::{Arch, JawPose, Station};
 use super::math::{bell, lerp, pow, smoothstep, spline};
 use super::noise::fractal_noise;
-use super::surface::{count, grid_mesh, linspace};
+use super::surface::{count, linspace, surface_mesh};
 use crate::geometry::TriangleMesh;
 
 /// How far the gums reach behind the arch, mm.
@@ -104,7 +104,7 @@ pub(super) fn gingiva_mesh(arch: &Arch, pose: &JawPose, seed: u32, detail: f64) 
     }
     let u_values: Vec<f64> = (0..arcs.len()).map(|i| i as f64).collect();
     let row_numbers: Vec<f64> = (0..=rows).map(|i| i as f64).collect();
-    grid_mesh(&row_numbers, &u_values, pose.mirrored, |row, column| {
+    surface_mesh(&row_numbers, &u_values, pose.mirrored, |row, column| {
         let arc = arcs[column as usize];
         let mut point = columns[column as usize][row as usize];
         let v = row / rows as f64;

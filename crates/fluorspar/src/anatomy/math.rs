@@ -82,12 +82,6 @@ pub(super) fn smoothstep(low: f64, high: f64, x: f64) -> f64 {
     t * t * (3.0 - 2.0 * t)
 }
 
-/// The larger of two numbers with a rounded change-over of half-width `radius`.
-pub(super) fn smooth_max(a: f64, b: f64, radius: f64) -> f64 {
-    let overlap = (radius - (a - b).abs()).max(0.0) / radius;
-    a.max(b) + overlap * overlap * radius * 0.25
-}
-
 /// Smooth interpolation of a table of increasing abscissae: cubic Hermite with limited slopes, constant outside.
 pub(super) fn curve(table: &[(f64, f64)], x: f64) -> f64 {
     let last = table.len() - 1;

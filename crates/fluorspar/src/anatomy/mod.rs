@@ -11,29 +11,43 @@
 //! tongue: the ranges stated with each field of [`MouthParameters`]. Cusps, leans of the teeth and the shapes of the
 //! soft parts are drawn after textbook figures (assumed).
 
+mod appearance;
+mod cache;
 mod cavity;
+mod clearance;
 mod dental_arch;
 mod dimensions;
+mod fauces;
 mod floor;
 mod gingiva;
 mod math;
 mod noise;
 mod palate;
 mod parameters;
+mod penetration;
+mod people;
 mod surface;
 mod teeth;
 #[cfg(test)]
 mod tests;
 mod tongue;
+mod views;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+pub use appearance::{SURFACE_MAPS, SurfaceMap, bake_surface_map, surface_map};
+pub use cache::{BakedMap, mouth_digest, shared_mouth, shared_surface_map};
 pub use dimensions::MouthDimensions;
 pub use parameters::{MouthParameters, ParameterError};
+pub use penetration::Penetration;
+pub use people::{BOLTON_RANGE, sample_person};
+pub use views::{EXAMINATION_VIEWS, ExaminationView, POSES};
 
 use crate::geometry::TriangleMesh;
-use dental_arch::{Arch, Jaw, jaw_poses};
+use clearance::Obstacles;
+use dental_arch::{Arch, Jaw, JawPose, jaw_poses};
+use fauces::Fauces;
 use tongue::Tongue;
 
 /// What a part consists of, to choose its material.
@@ -65,6 +79,40 @@ pub enum Tissue {
     Skin,
 }
 
+impl Tissue {
+    /// Every tissue.
+    pub const ALL: [Self; 11] = [
+        Self::TongueDorsum,
+        Self::TongueVentral,
+        Self::Gingiva,
+        Self::Tooth,
+        Self::HardPalate,
+        Self::SoftPalate,
+        Self::Throat,
+        Self::FloorOfMouth,
+        Self::Cheek,
+        Self::Lip,
+        Self::Skin,
+    ];
+
+    /// Name in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::TongueDorsum => "tongue_dorsum",
+            Self::TongueVentral => "tongue_ventral",
+            Self::Gingiva => "gingiva",
+            Self::Tooth => "tooth",
+            Self::HardPalate => "hard_palate",
+            Self::SoftPalate => "soft_palate",
+            Self::Throat => "throat",
+            Self::FloorOfMouth => "floor_of_mouth",
+            Self::Cheek => "cheek",
+            Self::Lip => "lip",
+            Self::Skin => "skin",
+        }
+    }
+}
+
 /// One named surface of a mouth.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Part {
@@ -94,47 +142,90 @@ impl Mouth {
         self.parts.iter().map(|part| part.mesh.triangles.len()).sum()
     }
 
+    /// Places where a part stands in another by more than `tolerance_mm`, the deepest first, one for every pair of parts;
+    /// places where they grow together (teeth in gums, the root of the tongue, the folds) do not count. Looks at every
+    /// `stride`-th vertex.
+    pub fn penetrations(&self, tolerance_mm: f64, stride: usize) -> Vec<Penetration> {
+        penetration::penetrations(self, tolerance_mm, stride)
+    }
+
     /// Dimensions measured on the meshes, to check them against the parameters.
     pub fn dimensions(&self) -> MouthDimensions {
         dimensions::measure(self)
     }
 }
 
-/// Makes a mouth. The same parameters give the same bits on every platform.
+/// Makes a mouth. The same parameters give the same bits on every platform and for any number of threads.
 ///
 /// # Errors
 /// A parameter out of its range, see [`MouthParameters::validate`].
 pub fn generate_mouth(parameters: &MouthParameters) -> Result<Mouth, ParameterError> {
     parameters.validate()?;
     let (upper_pose, lower_pose) = jaw_poses(parameters);
-    let upper = Arch::new(parameters, Jaw::Upper);
-    let lower = Arch::new(parameters, Jaw::Lower);
-    let (seed, detail) = (parameters.seed, parameters.detail);
-    let part = |name: &str, tissue, mesh| Part { name: name.to_owned(), tissue, mesh };
-    let tongue = Tongue::new(parameters, &lower, &lower_pose);
-    let mut parts = vec![
-        part("tongue_dorsum", Tissue::TongueDorsum, tongue.dorsum_mesh()),
-        part("tongue_ventral", Tissue::TongueVentral, tongue.ventral_mesh()),
-        part("upper_gingiva", Tissue::Gingiva, gingiva::gingiva_mesh(&upper, &upper_pose, seed, detail)),
-        part(
-            "lower_gingiva",
-            Tissue::Gingiva,
-            gingiva::gingiva_mesh(&lower, &lower_pose, seed ^ 0x100, detail),
-        ),
-        part("hard_palate", Tissue::HardPalate, palate::hard_palate_mesh(parameters, &upper, &upper_pose)),
-        part("soft_palate", Tissue::SoftPalate, palate::soft_palate_mesh(parameters, &upper, &upper_pose)),
-        part("floor_of_mouth", Tissue::FloorOfMouth, floor::floor_mesh(parameters, &lower, &lower_pose)),
-    ];
-    parts.extend(cavity::cavity_parts(parameters));
-    let mut teeth: Vec<Part> = Vec::new();
-    for (arch, pose) in [(&upper, &upper_pose), (&lower, &lower_pose)] {
-        for tooth in arch.teeth.iter().filter(|tooth| tooth.present) {
-            let mesh = teeth::tooth_mesh(tooth, pose, seed, detail);
-            teeth.push(part(&format!("tooth_{}", tooth.number), Tissue::Tooth, mesh));
-        }
-    }
-    teeth.sort_by(|a, b| a.name.cmp(&b.name));
-    parts.extend(teeth);
+    let (upper, lower) = (Arch::new(parameters, Jaw::Upper), Arch::new(parameters, Jaw::Lower));
+    let poses = (&upper_pose, &lower_pose);
+    let arches = (&upper, &lower);
+    // What is soft gives way to what is hard, in this order: teeth and bone, cheeks and lips, palate, tongue. Contacts
+    // are found on coarse meshes, so that they do not depend on the level of detail.
+    let coarse = MouthParameters { detail: 0.5 * parameters.detail.clamp(0.7, 1.0), ..parameters.clone() };
+    let hard = hard_parts(&coarse, arches, poses);
+    let sheet = cavity::Sheet::new(parameters, &Obstacles::new(hard.iter().map(|part| &part.mesh)));
+    let mut around = hard;
+    around.extend(fauces_parts(&Fauces::new(&coarse, &upper, &upper_pose)));
+    around.extend(sheet.parts(coarse.detail));
+    let tongue = Tongue::new(parameters, &lower_pose, &Obstacles::new(around.iter().map(|part| &part.mesh)));
+
+    let mut parts: Vec<Part> =
+        tongue.back_meshes().into_iter().map(|(name, mesh)| part(name, Tissue::TongueDorsum, mesh)).collect();
+    parts.push(part("tongue_ventral", Tissue::TongueVentral, tongue.ventral_mesh()));
+    let frenulum = tongue.frenulum_mesh(floor::frenulum_foot(parameters, &lower, &lower_pose));
+    parts.push(part("frenulum", Tissue::FloorOfMouth, frenulum));
+    let floor = floor::floor_mesh(parameters, &lower, &lower_pose);
+    parts.push(part("floor_of_mouth", Tissue::FloorOfMouth, floor));
+    parts.extend(fauces_parts(&Fauces::new(parameters, &upper, &upper_pose)));
+    parts.extend(sheet.parts(parameters.detail));
+    parts.extend(hard_parts(parameters, arches, poses));
     surface::smooth_normals(&mut parts);
     Ok(Mouth { parts })
+}
+
+fn part(name: &str, tissue: Tissue, mesh: TriangleMesh) -> Part {
+    Part { name: name.to_owned(), tissue, mesh }
+}
+
+/// Gums, hard palate and teeth.
+fn hard_parts(p: &MouthParameters, arches: (&Arch, &Arch), poses: (&JawPose, &JawPose)) -> Vec<Part> {
+    let gums = [("upper_gingiva", arches.0, poses.0, 0), ("lower_gingiva", arches.1, poses.1, 0x100)];
+    let mut parts: Vec<Part> = gums
+        .into_iter()
+        .map(|(name, arch, pose, salt)| {
+            part(name, Tissue::Gingiva, gingiva::gingiva_mesh(arch, pose, p.seed ^ salt, p.detail))
+        })
+        .collect();
+    parts.push(part("hard_palate", Tissue::HardPalate, palate::hard_palate_mesh(p, arches.0, poses.0)));
+    let mut teeth: Vec<Part> = [(arches.0, poses.0), (arches.1, poses.1)]
+        .into_iter()
+        .flat_map(|(arch, pose)| {
+            arch.teeth.iter().filter(|tooth| tooth.present).map(move |tooth| (tooth, pose))
+        })
+        .map(|(tooth, pose)| {
+            let mesh = teeth::tooth_mesh(tooth, pose, p.seed, p.detail);
+            part(&format!("tooth_{}", tooth.number), Tissue::Tooth, mesh)
+        })
+        .collect();
+    teeth.sort_by(|a, b| a.name.cmp(&b.name));
+    parts.extend(teeth);
+    parts
+}
+
+fn fauces_parts(fauces: &Fauces<'_>) -> Vec<Part> {
+    let mut parts: Vec<Part> =
+        fauces.velum_meshes().into_iter().map(|(name, mesh)| part(name, Tissue::SoftPalate, mesh)).collect();
+    parts.push(part("uvula", Tissue::SoftPalate, fauces.uvula_mesh()));
+    for (name, side) in [("right", -1.0), ("left", 1.0)] {
+        let arch = fauces.hind_arch_mesh(side);
+        parts.push(part(&format!("palatopharyngeal_arch_{name}"), Tissue::SoftPalate, arch));
+        parts.push(part(&format!("tonsil_{name}"), Tissue::Throat, fauces.tonsil_mesh(side)));
+    }
+    parts
 }

@@ -1,13 +1,13 @@
-//! Roof of the mouth: the vault of the hard palate with its folds, and the soft palate with the uvula.
+//! Roof of the mouth: the vault of the hard palate with its folds.
 
 use glam::{DVec2, DVec3};
 
 use super::dental_arch::{Arch, JawPose, ToothKind};
 use super::gingiva::{end_of_border, lingual_border};
-use super::math::{bell, lerp, pow, smoothstep};
+use super::math::{bell, pow, smoothstep};
 use super::noise::fractal_noise;
 use super::parameters::MouthParameters;
-use super::surface::{count, grid_mesh, linspace};
+use super::surface::{count, linspace, surface_mesh};
 use crate::geometry::TriangleMesh;
 
 /// How much of the vault's height is reached at a place across: 1 in the middle, 0 at the gums.
@@ -17,7 +17,7 @@ fn vault(across: f64) -> f64 {
 }
 
 /// Point of the hard palate in the jaw frame: `arc` along the gums, `across` from -1 (patient's right) to 1.
-fn hard_palate_point(parameters: &MouthParameters, arch: &Arch, arc: f64, across: f64) -> DVec3 {
+pub(super) fn hard_palate_point(parameters: &MouthParameters, arch: &Arch, arc: f64, across: f64) -> DVec3 {
     let (right, left) = (lingual_border(arch, -arc), lingual_border(arch, arc));
     let base = right.lerp(left, 0.5 * (across + 1.0));
     // The vault rises steeply behind the incisors and is full at the first molars.
@@ -45,7 +45,7 @@ fn hard_palate_point(parameters: &MouthParameters, arch: &Arch, arc: f64, across
                     2,
                 );
         let reach = smoothstep(16.0 - 1.5 * number, 9.0 - number, x.abs());
-        fold += (0.75 - 0.08 * number) * bell((behind - place - bend) / 0.95) * reach;
+        fold += (1.0 - 0.1 * number) * bell((behind - place - bend) / 0.9) * reach;
     }
     height -= fold * (1.0 - 0.9 * side) * smoothstep(1.0, 0.75, across.abs());
     // Incisive papilla and the ridge of the midline.
@@ -63,45 +63,8 @@ pub(super) fn hard_palate_mesh(parameters: &MouthParameters, arch: &Arch, pose: 
     let end = end_of_border(arch);
     let v_values = linspace(0.0, 1.0, count(64, detail));
     let u_values = linspace(0.0, 1.0, count(60, detail));
-    grid_mesh(&v_values, &u_values, pose.mirrored, |v, u| {
+    surface_mesh(&v_values, &u_values, pose.mirrored, |v, u| {
         let arc = end * v;
         (pose.point(hard_palate_point(parameters, arch, arc, 2.0 * u - 1.0)), DVec2::new(u, v))
-    })
-}
-
-/// Mesh of the soft palate, hanging from the hind edge of the hard palate down to the free edge with the uvula; u as
-/// on the hard palate, v from the hard palate to the edge and up its hind side.
-pub(super) fn soft_palate_mesh(parameters: &MouthParameters, arch: &Arch, pose: &JawPose) -> TriangleMesh {
-    let detail = parameters.detail;
-    let end = end_of_border(arch);
-    let u_values = linspace(0.0, 1.0, count(64, detail));
-    let front = linspace(0.0, 1.0, count(36, detail));
-    let mut v_values = front.clone();
-    v_values.extend(linspace(1.0, 1.5, count(8, detail)).into_iter().skip(1));
-    let crest = hard_palate_point(parameters, arch, end, 0.0);
-    grid_mesh(&v_values, &u_values, pose.mirrored, |v, u| {
-        let across = 2.0 * u - 1.0;
-        let edge = hard_palate_point(parameters, arch, end, across);
-        let k = v.min(1.0);
-        // From the vault to a hanging arch.
-        let x = edge.x * (1.0 + 0.5 * smoothstep(0.0, 0.9, k) * across.abs());
-        let a = across.abs();
-        // The free edge: highest beside the uvula, falling to the pillars at the sides.
-        let arch_drop = 34.0 * pow(a, 3.0);
-        let uvula = 10.0 * bell(x / 2.9) + 1.5 * bell(x / 6.0);
-        let edge_height = crest.y - 11.5 - arch_drop - uvula * smoothstep(0.72, 1.0, k);
-        let sink = smoothstep(0.0, 1.0, k);
-        let mut y = lerp(edge.y, edge_height, sink * (0.55 + 0.45 * k));
-        y -= 0.3 * bell(x / 1.2) * (1.0 - k) * smoothstep(0.0, 0.2, k);
-        let mut z = edge.z - 24.0 * k - 3.0 * (1.0 - a * a) * k + 9.0 * a * a * k * k;
-        z += 0.8 * bell(x / 2.5) * smoothstep(0.75, 0.95, k);
-        y += 0.25 * fractal_noise(parameters.seed ^ 0x77, x * 0.3, z * 0.3, 2) * smoothstep(0.0, 0.2, k);
-        if v > 1.0 {
-            // Behind the edge: back and up again.
-            let w = (v - 1.0) / 0.5;
-            z -= 5.5 * w.sqrt();
-            y += 9.0 * w * w - 0.9 * 4.0 * w * (1.0 - w) * 0.5;
-        }
-        (pose.point(DVec3::new(x, y, z)), DVec2::new(u, v / 1.5))
     })
 }

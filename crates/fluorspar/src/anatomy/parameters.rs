@@ -21,7 +21,7 @@ pub struct ParameterError {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct MouthParameters {
-    /// Distance between the edges of the upper and lower central incisors, mm (default 45, 20 to 60). Adults open
+    /// Distance between the edges of the upper and lower central incisors, mm (default 45, 14 to 60). Adults open
     /// to 45-57 mm at most; below 35 mm is a restricted opening.
     pub jaw_opening_mm: f64,
     /// Distance of the upper incisors in front of the lower ones with the jaws closed, mm (default 2.5, 0 to 8).
@@ -30,6 +30,11 @@ pub struct MouthParameters {
     pub tongue_protrusion_mm: f64,
     /// How far the middle of the tongue is raised above its resting place, mm (default 0, -5 to 12).
     pub tongue_elevation_mm: f64,
+    /// How far the tip of the tongue is turned aside, positive to the patient's left, mm (default 0, -20 to 20).
+    pub tongue_shift_mm: f64,
+    /// How far the tip of the tongue is raised toward the upper incisors, so that its underside, the frenulum and the
+    /// floor of the mouth show (default 0, 0 to 1; needs an opening of 30 mm or more).
+    pub tongue_curl: f64,
     /// Largest width of the tongue, mm (default 48, 36 to 58; adults 45 to 55, assumed).
     pub tongue_width_mm: f64,
     /// Length of the back of the tongue from the tip to the epiglottis, along the midline, mm (default 82, 65 to
@@ -61,8 +66,15 @@ pub struct MouthParameters {
     /// Height of the palate above the plane of the upper teeth at the first molars, mm (default 20, 14 to 26; about
     /// 42 % of the distance between the molars after Korkhaus).
     pub palate_height_mm: f64,
+    /// Length of the uvula, mm (default 12, 6 to 18; 10 to 15, assumed).
+    pub uvula_length_mm: f64,
+    /// Size of the palatine tonsils (default 0.4, 0 to 1): 0 hidden behind the arches, 1 well in front of them.
+    pub tonsil_size: f64,
     /// Factor on the crown sizes of Wheeler's table (default 1, 0.85 to 1.15).
     pub tooth_scale: f64,
+    /// Further factor on the widths of the lower teeth (default 1, 0.94 to 1.08): sets the overall Bolton ratio, which
+    /// is 91.4 % for Wheeler's table and 92.3 to 93.4 % in populations.
+    pub lower_tooth_factor: f64,
     /// Factor on the small differences between neighbouring teeth in place, turn and size (default 1, 0 to 3).
     pub tooth_irregularity: f64,
     /// Teeth that are not there, as FDI numbers (default: the wisdom teeth 18, 28, 38 and 48).
@@ -71,8 +83,8 @@ pub struct MouthParameters {
     pub papilla_scale: f64,
     /// Seed of everything that varies at random (default 1).
     pub seed: u32,
-    /// Factor on the number of mesh rows and columns (default 1, 0.25 to 3). The number of triangles grows with its
-    /// square; 1 gives about 280 000.
+    /// Factor on the number of mesh rows and columns (default 1, 0.25 to 5). The number of triangles grows with its
+    /// square: 0.4 gives about 50 000, 1 about 300 000, 4 about 5 000 000.
     pub detail: f64,
 }
 
@@ -83,6 +95,8 @@ impl Default for MouthParameters {
             overjet_mm: 2.5,
             tongue_protrusion_mm: 8.0,
             tongue_elevation_mm: 0.0,
+            tongue_shift_mm: 0.0,
+            tongue_curl: 0.0,
             tongue_width_mm: 48.0,
             tongue_length_mm: 82.0,
             tongue_thickness_mm: 21.0,
@@ -94,7 +108,10 @@ impl Default for MouthParameters {
             lower_arch_depth_mm: 40.3,
             arch_exponent: 0.5,
             palate_height_mm: 20.0,
+            uvula_length_mm: 12.0,
+            tonsil_size: 0.4,
             tooth_scale: 1.0,
+            lower_tooth_factor: 1.0,
             tooth_irregularity: 1.0,
             missing_teeth: vec![18, 28, 38, 48],
             papilla_scale: 1.0,
@@ -105,16 +122,30 @@ impl Default for MouthParameters {
 }
 
 impl MouthParameters {
+    /// Length of the back of the tongue in this pose, mm: a tongue that is put out is longer. By 0.9 mm per millimetre
+    /// in front of the incisors (assumed).
+    pub fn tongue_length_in_pose_mm(&self) -> f64 {
+        self.tongue_length_mm + 0.9 * self.tongue_protrusion_mm.max(0.0)
+    }
+
+    /// Overall Bolton ratio: sum of the widths of the lower teeth from first molar to first molar over that of the upper.
+    pub fn bolton_ratio(&self) -> f64 {
+        let sum = |jaw| Arch::sizes(self, jaw)[..6].iter().map(|size| size[1]).sum::<f64>();
+        sum(Jaw::Lower) / sum(Jaw::Upper)
+    }
+
     /// Checks every parameter, alone and together.
     ///
     /// # Errors
     /// The first parameter that cannot be built, with the allowed range.
     pub fn validate(&self) -> Result<(), ParameterError> {
         let ranges = [
-            ("jaw_opening_mm", self.jaw_opening_mm, 20.0, 60.0),
+            ("jaw_opening_mm", self.jaw_opening_mm, 14.0, 60.0),
             ("overjet_mm", self.overjet_mm, 0.0, 8.0),
             ("tongue_protrusion_mm", self.tongue_protrusion_mm, -10.0, 25.0),
             ("tongue_elevation_mm", self.tongue_elevation_mm, -5.0, 12.0),
+            ("tongue_shift_mm", self.tongue_shift_mm, -20.0, 20.0),
+            ("tongue_curl", self.tongue_curl, 0.0, 1.0),
             ("tongue_width_mm", self.tongue_width_mm, 36.0, 58.0),
             ("tongue_length_mm", self.tongue_length_mm, 65.0, 100.0),
             ("tongue_thickness_mm", self.tongue_thickness_mm, 14.0, 28.0),
@@ -126,10 +157,13 @@ impl MouthParameters {
             ("lower_arch_depth_mm", self.lower_arch_depth_mm, 32.0, 52.0),
             ("arch_exponent", self.arch_exponent, 0.4, 0.8),
             ("palate_height_mm", self.palate_height_mm, 14.0, 26.0),
+            ("uvula_length_mm", self.uvula_length_mm, 6.0, 18.0),
+            ("tonsil_size", self.tonsil_size, 0.0, 1.0),
             ("tooth_scale", self.tooth_scale, 0.85, 1.15),
+            ("lower_tooth_factor", self.lower_tooth_factor, 0.94, 1.08),
             ("tooth_irregularity", self.tooth_irregularity, 0.0, 3.0),
             ("papilla_scale", self.papilla_scale, 0.0, 2.0),
-            ("detail", self.detail, 0.25, 3.0),
+            ("detail", self.detail, 0.25, 5.0),
         ];
         for (field, value, low, high) in ranges {
             // Written so that NaN fails too.
@@ -139,6 +173,15 @@ impl MouthParameters {
                     message: format!("{value} is not between {low} and {high}"),
                 });
             }
+        }
+        if self.tongue_curl > 0.0 && self.jaw_opening_mm < 30.0 {
+            return Err(ParameterError {
+                field: "tongue_curl",
+                message: format!(
+                    "a tongue can't be raised at an opening of {} mm; open the jaws to 30 mm or more, or set it to 0",
+                    self.jaw_opening_mm
+                ),
+            });
         }
         for &number in &self.missing_teeth {
             if !(1..=4).contains(&(number / 10)) || !(1..=8).contains(&(number % 10)) {

@@ -1,6 +1,9 @@
 //! Rectangular grids of surface points and their conversion to triangle meshes.
 
-use glam::{DVec2, DVec3, Vec3};
+use std::ops::Range;
+
+use glam::{DVec2, DVec3, Vec2, Vec3};
+use rayon::prelude::*;
 
 use super::Part;
 use crate::geometry::TriangleMesh;
@@ -13,44 +16,81 @@ pub(super) fn count(at_detail_one: usize, detail: f64) -> usize {
     ((at_detail_one as f64 * detail).round() as usize).max(4)
 }
 
-/// Makes a mesh from `surface(v, u)` in millimetres, sampled at the given parameters. The texture coordinates are
-/// returned with the point. The visible side has the normal ∂/∂v × ∂/∂u, or the opposite one with `flip`.
-pub(super) fn grid_mesh(
+/// Points of a rectangular grid with their texture coordinates.
+pub(super) struct Surface {
+    columns: usize,
+    positions: Vec<Vec3>,
+    uvs: Vec<Vec2>,
+}
+
+impl Surface {
+    /// Samples `surface(v, u)`, in millimetres, at the given parameters; rows in parallel.
+    pub(super) fn new(
+        v_values: &[f64],
+        u_values: &[f64],
+        surface: impl Fn(f64, f64) -> (DVec3, DVec2) + Sync,
+    ) -> Self {
+        let rows: Vec<Vec<(Vec3, Vec2)>> = v_values
+            .par_iter()
+            .map(|&v| {
+                u_values
+                    .iter()
+                    .map(|&u| {
+                        let (point, uv) = surface(v, u);
+                        ((point * 1e-3).as_vec3(), uv.clamp(DVec2::ZERO, DVec2::ONE).as_vec2())
+                    })
+                    .collect()
+            })
+            .collect();
+        let (positions, uvs) = rows.into_iter().flatten().unzip();
+        Self { columns: u_values.len(), positions, uvs }
+    }
+
+    /// Triangles of the cells in these ranges of rows and columns. The visible side has the normal ∂/∂v × ∂/∂u, or the
+    /// opposite one with `flip`.
+    pub(super) fn mesh(&self, rows: Range<usize>, columns: Range<usize>, flip: bool) -> TriangleMesh {
+        let width = columns.len() + 1;
+        let mut mesh = TriangleMesh::default();
+        for row in rows.start..=rows.end {
+            let from = row * self.columns + columns.start;
+            mesh.positions.extend_from_slice(&self.positions[from..from + width]);
+            mesh.uvs.extend_from_slice(&self.uvs[from..from + width]);
+        }
+        let positions = &mesh.positions;
+        let mut triangles = Vec::with_capacity(2 * rows.len() * columns.len());
+        for row in 0..rows.len() {
+            for column in 0..columns.len() {
+                let a = (row * width + column) as u32;
+                let (b, c, d) = (a + width as u32, a + width as u32 + 1, a + 1);
+                // The shorter diagonal gives the better shaped pair of triangles.
+                let length = |p: u32, q: u32| positions[p as usize].distance_squared(positions[q as usize]);
+                let pair = if length(a, c) <= length(b, d) {
+                    [[a, b, c], [a, c, d]]
+                } else {
+                    [[a, b, d], [b, c, d]]
+                };
+                for mut triangle in pair {
+                    if flip {
+                        triangle.swap(1, 2);
+                    }
+                    triangles.push(triangle);
+                }
+            }
+        }
+        mesh.triangles = triangles;
+        clean(&mut mesh);
+        mesh
+    }
+}
+
+/// Makes a mesh from all of `surface(v, u)`, see [`Surface`].
+pub(super) fn surface_mesh(
     v_values: &[f64],
     u_values: &[f64],
     flip: bool,
-    mut surface: impl FnMut(f64, f64) -> (DVec3, DVec2),
+    surface: impl Fn(f64, f64) -> (DVec3, DVec2) + Sync,
 ) -> TriangleMesh {
-    let columns = u_values.len();
-    let mut positions = Vec::with_capacity(v_values.len() * columns);
-    let mut uvs = Vec::with_capacity(v_values.len() * columns);
-    for &v in v_values {
-        for &u in u_values {
-            let (point, uv) = surface(v, u);
-            positions.push((point * 1e-3).as_vec3());
-            uvs.push(uv.clamp(DVec2::ZERO, DVec2::ONE).as_vec2());
-        }
-    }
-    let mut triangles = Vec::with_capacity(2 * v_values.len() * columns);
-    for row in 0..v_values.len() - 1 {
-        for column in 0..columns - 1 {
-            let a = (row * columns + column) as u32;
-            let (b, c, d) = (a + columns as u32, a + columns as u32 + 1, a + 1);
-            // The shorter diagonal gives the better shaped pair of triangles.
-            let length = |p: u32, q: u32| positions[p as usize].distance_squared(positions[q as usize]);
-            let pair =
-                if length(a, c) <= length(b, d) { [[a, b, c], [a, c, d]] } else { [[a, b, d], [b, c, d]] };
-            for mut triangle in pair {
-                if flip {
-                    triangle.swap(1, 2);
-                }
-                triangles.push(triangle);
-            }
-        }
-    }
-    let mut mesh = TriangleMesh { positions, normals: Vec::new(), uvs, triangles };
-    clean(&mut mesh);
-    mesh
+    Surface::new(v_values, u_values, surface).mesh(0..v_values.len() - 1, 0..u_values.len() - 1, flip)
 }
 
 /// Drops triangles without area, then vertices that no triangle uses.

@@ -5,7 +5,7 @@ use glam::DVec2;
 use super::dental_arch::{Jaw, JawPose, Tooth, ToothKind};
 use super::math::{PI, bell, curve, exp, lerp, ln, signed_pow, sin_cos, smoothstep};
 use super::noise::value_noise;
-use super::surface::{count, grid_mesh, linspace};
+use super::surface::{count, linspace, surface_mesh};
 use crate::geometry::TriangleMesh;
 
 /// Curve over the height of the crown: 0 at the neck, 1 at the biting edge.
@@ -30,7 +30,8 @@ struct Form {
     fossa: f64,
 }
 
-const FRONT_WIDTH: Table = &[(-0.4, -0.35), (0.0, 0.0), (0.35, 0.68), (0.72, 1.0), (0.92, 0.99), (1.0, 0.9)];
+const FRONT_WIDTH: Table =
+    &[(-0.4, -0.35), (0.0, 0.0), (0.3, 0.72), (0.55, 0.95), (0.72, 1.0), (0.92, 0.99), (1.0, 0.92)];
 const INCISOR: Form = Form {
     width: FRONT_WIDTH,
     outer: &[(-0.4, 0.7), (0.0, 0.9), (0.22, 1.0), (0.6, 0.82), (0.93, 0.42), (1.0, 0.26)],
@@ -200,7 +201,7 @@ pub(super) fn tooth_mesh(tooth: &Tooth, pose: &JawPose, seed: u32, detail: f64) 
         DVec2::new(m, b - lobes * groove * face)
     };
     let flip = (tooth.middle < 0.0) != pose.mirrored;
-    grid_mesh(&v_values, &u_values, flip, |v, u| {
+    surface_mesh(&v_values, &u_values, flip, |v, u| {
         let texture_u = u;
         // The seam closes exactly.
         let u = if u >= 1.0 { 0.0 } else { u };

@@ -141,9 +141,9 @@ fn check_meshes(mouth: &Mouth, tolerated: f64) {
             let mean: Vec3 = triangle.iter().map(|&v| mesh.normals[v as usize]).sum();
             against += usize::from(cross.dot(mean) <= 0.0);
         }
-        // Only single slivers at folds and steep papillae may disagree.
+        // Only single slivers at folds and steep papillae may disagree; the frenulum has 144 triangles in all.
         assert!(
-            against as f64 <= tolerated * mesh.triangles.len() as f64,
+            against as f64 <= (tolerated * mesh.triangles.len() as f64).max(3.0),
             "{name}: {against} of {}",
             mesh.triangles.len()
         );
@@ -154,7 +154,7 @@ fn check_meshes(mouth: &Mouth, tolerated: f64) {
 fn every_part_of_the_default_mouth_is_a_sound_mesh() {
     let mouth = mouth(&MouthParameters::default());
     check_meshes(&mouth, 0.003);
-    assert!((150_000..300_000).contains(&mouth.triangle_count()), "{}", mouth.triangle_count());
+    assert!((250_000..400_000).contains(&mouth.triangle_count()), "{}", mouth.triangle_count());
 }
 
 #[test]
@@ -213,48 +213,115 @@ fn patient_right_and_left_are_where_the_frame_says() {
     assert!(volume > 0.0);
 }
 
+/// Largest relative error of the dimensions measured back, with its name.
+fn worst_dimension(p: &MouthParameters) -> (&'static str, f64) {
+    let d = mouth(p).dimensions();
+    let errors = [
+        ("opening", d.jaw_opening_mm, p.jaw_opening_mm),
+        ("upper width", d.upper_arch_width_mm, p.upper_arch_width_mm),
+        ("lower width", d.lower_arch_width_mm, p.lower_arch_width_mm),
+        ("upper depth", d.upper_arch_depth_mm, p.upper_arch_depth_mm),
+        ("lower depth", d.lower_arch_depth_mm, p.lower_arch_depth_mm),
+        ("palate", d.palate_height_mm, p.palate_height_mm),
+        ("tongue width", Some(d.tongue_width_mm), p.tongue_width_mm),
+        ("tongue length", Some(d.tongue_length_mm), p.tongue_length_in_pose_mm()),
+        ("lips", Some(d.lip_opening_width_mm), p.lip_opening_width_mm),
+    ];
+    errors
+        .into_iter()
+        .filter_map(|(name, measured, wanted)| Some((name, (measured? / wanted - 1.0).abs())))
+        .fold(("", 0.0), |worst, next| if next.1 > worst.1 { next } else { worst })
+}
+
 #[test]
 fn measured_dimensions_agree_with_the_parameters() {
-    let near = |what: &str, measured: Option<f64>, wanted: f64| {
-        let measured = measured.unwrap();
-        assert!((measured / wanted - 1.0).abs() < 0.05, "{what}: {measured} for {wanted}");
-    };
-    let variants = [
-        MouthParameters::default(),
-        MouthParameters { jaw_opening_mm: 30.0, tongue_width_mm: 42.0, tongue_length_mm: 75.0, ..coarse() },
-        MouthParameters {
-            jaw_opening_mm: 58.0,
-            tongue_protrusion_mm: 20.0,
-            palate_height_mm: 16.0,
-            ..coarse()
-        },
-        MouthParameters {
-            upper_arch_width_mm: 50.0,
-            upper_arch_depth_mm: 44.0,
-            lower_arch_width_mm: 48.0,
-            lower_arch_depth_mm: 42.0,
-            lip_opening_width_mm: 66.0,
-            ..coarse()
-        },
-    ];
-    for p in variants {
-        let d = mouth(&p).dimensions();
-        near("opening", d.jaw_opening_mm, p.jaw_opening_mm);
-        near("upper width", d.upper_arch_width_mm, p.upper_arch_width_mm);
-        near("lower width", d.lower_arch_width_mm, p.lower_arch_width_mm);
-        near("upper depth", d.upper_arch_depth_mm, p.upper_arch_depth_mm);
-        near("lower depth", d.lower_arch_depth_mm, p.lower_arch_depth_mm);
-        near("palate", d.palate_height_mm, p.palate_height_mm);
-        near("tongue width", Some(d.tongue_width_mm), p.tongue_width_mm);
-        near("tongue length", Some(d.tongue_length_mm), p.tongue_length_mm);
-        near("lips", Some(d.lip_opening_width_mm), p.lip_opening_width_mm);
-        let protrusion = d.tongue_protrusion_mm.unwrap();
-        assert!(
-            (protrusion - p.tongue_protrusion_mm).abs() < 0.6,
-            "{protrusion} for {}",
-            p.tongue_protrusion_mm
-        );
+    for p in [MouthParameters::default()].into_iter().chain((1..12).map(sample_person)) {
+        let p = MouthParameters { detail: 0.5, ..p };
+        let (name, error) = worst_dimension(&p);
+        assert!(error < 0.02, "seed {}: {name} is off by {:.2} %", p.seed, 100.0 * error);
+        let protrusion = mouth(&p).dimensions().tongue_protrusion_mm;
+        if let Some(protrusion) = protrusion {
+            assert!((protrusion - p.tongue_protrusion_mm).abs() < 0.8, "seed {}: {protrusion}", p.seed);
+        }
     }
+}
+
+/// A person in a pose drawn from the whole of the allowed ranges.
+fn random_pose(seed: u32) -> MouthParameters {
+    let mut p = MouthParameters { detail: 0.4, ..sample_person(seed) };
+    let draw = |channel: u32, low: f64, high: f64| low + (high - low) * noise::lattice(seed, 7, 7, channel);
+    p.jaw_opening_mm = draw(1, 14.0, 60.0);
+    p.tongue_protrusion_mm = draw(2, -10.0, 25.0);
+    p.tongue_elevation_mm = draw(3, -5.0, 12.0);
+    p.tongue_shift_mm = draw(4, -20.0, 20.0);
+    p.lip_retraction_mm = draw(5, -3.0, 11.0);
+    if p.jaw_opening_mm >= 30.0 && draw(6, 0.0, 1.0) < 0.4 {
+        p.tongue_curl = draw(7, 0.0, 1.0);
+    }
+    p
+}
+
+fn check_people(seeds: impl Iterator<Item = u32>) {
+    for seed in seeds {
+        let p = random_pose(seed);
+        p.validate().unwrap_or_else(|e| panic!("seed {seed}: {e}"));
+        assert!((BOLTON_RANGE.0..=BOLTON_RANGE.1).contains(&p.bolton_ratio()), "seed {seed}");
+        let mouth = mouth(&p);
+        check_meshes(&mouth, 0.012);
+        let found = mouth.penetrations(0.2, 2);
+        assert!(found.is_empty(), "seed {seed}: {:?}", &found[..found.len().min(3)]);
+        let resting = MouthParameters { detail: 0.5, ..sample_person(seed) };
+        let (name, error) = worst_dimension(&resting);
+        assert!(error < 0.02, "seed {seed}: {name} is off by {:.2} %", 100.0 * error);
+    }
+}
+
+#[test]
+fn random_people_in_random_poses_are_sound_and_nothing_stands_in_anything_else() {
+    check_people(1..13);
+}
+
+/// The same over five hundred: some minutes.
+#[test]
+#[ignore = "several minutes; run with --ignored"]
+fn five_hundred_people_in_random_poses_are_sound() {
+    check_people(1000..1500);
+}
+
+#[test]
+fn a_tooth_moved_into_the_tongue_is_found() {
+    let mut mouth = mouth(&MouthParameters { tongue_protrusion_mm: 15.0, ..coarse() });
+    assert_eq!(mouth.penetrations(0.2, 2), Vec::new());
+    let tongue = mouth.part("tongue_tip").unwrap().mesh.bounds();
+    let tooth = mouth.parts.iter_mut().find(|part| part.name == "tooth_11").unwrap();
+    let bounds = tooth.mesh.bounds();
+    let way = (tongue.0 + tongue.1) * 0.5 - (bounds.0 + bounds.1) * 0.5;
+    for position in &mut tooth.mesh.positions {
+        *position += way;
+    }
+    let found = mouth.penetrations(0.2, 2);
+    assert!(found.iter().any(|p| p.part == "tooth_11" && p.depth_mm > 1.0), "{found:?}");
+}
+
+#[test]
+fn people_are_drawn_together_and_differ() {
+    let people: Vec<MouthParameters> = (0..300).map(sample_person).collect();
+    let mean = |f: &dyn Fn(&MouthParameters) -> f64| people.iter().map(f).sum::<f64>() / 300.0;
+    let spread = |f: &dyn Fn(&MouthParameters) -> f64| {
+        let m = mean(f);
+        mean(&|p| (f(p) - m) * (f(p) - m)).sqrt()
+    };
+    // Four standard errors of the mean of 300.
+    let scale = |p: &MouthParameters| p.tooth_scale;
+    assert!((mean(&scale) - 1.02).abs() < 4.0 * 0.04 / 300.0_f64.sqrt());
+    let width = |p: &MouthParameters| p.upper_arch_width_mm;
+    let (ms, mw) = (mean(&scale), mean(&width));
+    let covariance = mean(&|p| (p.tooth_scale - ms) * (p.upper_arch_width_mm - mw));
+    let correlation = covariance / (spread(&scale) * spread(&width));
+    assert!(correlation > 0.5, "{correlation}");
+    assert!((0.91..0.945).contains(&mean(&MouthParameters::bolton_ratio)));
+    assert!(people.iter().all(|p| p.validate().is_ok()));
+    assert_eq!(people[7], sample_person(7));
 }
 
 #[test]
@@ -321,63 +388,96 @@ fn the_parts_of_the_sheet_share_their_borders() {
         ("upper_lip", "cheek_left"),
         ("lower_lip", "cheek_right"),
         ("cheek_left", "cheek_right"),
-        ("cheek_left", "throat"),
-        ("tongue_dorsum", "tongue_ventral"),
+        ("cheek_left", "pharyngeal_wall"),
+        ("tongue_dorsum", "tongue_tip"),
+        ("tongue_dorsum", "tongue_lateral_left"),
+        ("soft_palate", "palatoglossal_arch_right"),
+        ("tongue_lateral_left", "tongue_ventral"),
     ] {
         assert!(shared(a, b) > 10, "{a} and {b} share {} places", shared(a, b));
     }
 }
 
-/// Samples of a mesh in cells of 0.8 mm, to look for parts in the same place.
-fn cells<'a>(parts: impl Iterator<Item = &'a Part>) -> std::collections::BTreeSet<[i32; 3]> {
-    let cell = |p: Vec3| (p / 0.0008).floor().to_array().map(|c| c as i32);
-    parts.flat_map(|part| part.mesh.positions.iter().map(move |p| cell(*p))).collect()
-}
-
-#[test]
-fn the_arches_keep_clear_of_each_other_and_of_the_back_of_the_tongue() {
-    let mouth = mouth(&MouthParameters::default());
-    let teeth = |upper: bool| {
-        let numbers = if upper { ["tooth_1", "tooth_2"] } else { ["tooth_3", "tooth_4"] };
-        mouth.parts.iter().filter(move |part| numbers.iter().any(|n| part.name.starts_with(n)))
-    };
-    let (upper, lower) = (cells(teeth(true)), cells(teeth(false)));
-    assert_eq!(upper.intersection(&lower).count(), 0);
-    let dorsum = cells(mouth.parts.iter().filter(|part| part.name == "tongue_dorsum"));
-    assert_eq!(dorsum.intersection(&upper).count(), 0);
-}
-
-#[test]
-fn the_tongue_lies_on_the_lower_teeth_and_not_in_them() {
-    for (protrusion, width) in [(8.0, 48.0), (0.0, 50.0), (25.0, 48.0), (8.0, 58.0), (-10.0, 40.0)] {
-        let parameters = MouthParameters {
-            tongue_protrusion_mm: protrusion,
-            tongue_width_mm: width,
-            ..MouthParameters::default()
-        };
-        let mouth = mouth(&parameters);
-        // Heights of the underside in columns of 0.7 mm.
-        let column = |p: &Vec3| [(p.x / 0.0007).floor() as i32, (p.z / 0.0007).floor() as i32];
-        let mut underside = std::collections::BTreeMap::new();
-        for p in &mouth.part("tongue_ventral").unwrap().mesh.positions {
-            let height = underside.entry(column(p)).or_insert(p.y);
-            *height = p.y.min(*height);
-        }
-        let (mut under, mut inside, mut deepest) = (0, 0, 0.0_f32);
-        for part in
-            mouth.parts.iter().filter(|p| p.name.starts_with("tooth_3") || p.name.starts_with("tooth_4"))
-        {
-            for (p, uv) in part.mesh.positions.iter().zip(&part.mesh.uvs) {
-                let Some(height) = underside.get(&column(p)).filter(|_| uv.y > 0.3) else { continue };
-                under += 1;
-                inside += usize::from(p.y > height + 0.0007);
-                deepest = deepest.max(p.y - height);
+/// Boundary loops of parts welded where their vertices coincide: number of loops, and whether an edge has more than two
+/// triangles.
+fn boundary_loops(parts: &[&Part]) -> (usize, bool) {
+    use std::collections::BTreeMap;
+    type Place = [u32; 3];
+    let mut edges: BTreeMap<(Place, Place), usize> = BTreeMap::new();
+    for part in parts {
+        let place = |v: u32| part.mesh.positions[v as usize].to_array().map(|c| (c + 0.0).to_bits());
+        for t in &part.mesh.triangles {
+            for (a, b) in [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])] {
+                let (a, b) = (place(a), place(b));
+                if a != b {
+                    *edges.entry((a.min(b), a.max(b))).or_default() += 1;
+                }
             }
         }
-        assert!(
-            inside * 50 <= under,
-            "protrusion {protrusion}, width {width}: {inside} of {under}, {deepest} m"
-        );
+    }
+    let mut parent: BTreeMap<Place, Place> = BTreeMap::new();
+    fn root(parent: &BTreeMap<Place, Place>, mut at: Place) -> Place {
+        while parent[&at] != at {
+            at = parent[&at];
+        }
+        at
+    }
+    for ((a, b), _) in edges.iter().filter(|(_, count)| **count == 1) {
+        parent.entry(*a).or_insert(*a);
+        parent.entry(*b).or_insert(*b);
+        let (a, b) = (root(&parent, *a), root(&parent, *b));
+        parent.insert(a, b);
+    }
+    (parent.iter().filter(|(a, b)| a == b).count(), edges.values().any(|count| *count > 2))
+}
+
+#[test]
+fn surfaces_are_open_only_where_they_say() {
+    let mouth = mouth(&coarse());
+    let of = |tissues: &[Tissue]| -> Vec<&Part> {
+        mouth.parts.iter().filter(|part| tissues.contains(&part.tissue)).collect()
+    };
+    // The sheet ends at the rim of the face only.
+    let sheet = ["face", "upper_lip", "lower_lip", "cheek_left", "cheek_right", "pharyngeal_wall"];
+    let sheet: Vec<&Part> = mouth.parts.iter().filter(|p| sheet.contains(&p.name.as_str())).collect();
+    assert_eq!(boundary_loops(&sheet), (1, false), "face to pharynx");
+    // The tongue ends at its root only.
+    let tongue = of(&[Tissue::TongueDorsum, Tissue::TongueVentral]);
+    assert_eq!(boundary_loops(&tongue), (1, false), "tongue");
+    for tooth in of(&[Tissue::Tooth]) {
+        assert_eq!(boundary_loops(&[tooth]), (1, false), "{}", tooth.name);
+    }
+}
+
+#[test]
+fn texture_coordinates_of_mucosa_do_not_overlap() {
+    let mouth = mouth(&coarse());
+    for tissue in Tissue::ALL {
+        // Crowns fold over their biting edge: there the map tells only the place around and the height.
+        if tissue == Tissue::Tooth {
+            continue;
+        }
+        // The parts of the tongue's back share one map, every other part has its own.
+        let groups: Vec<Vec<&Part>> = if tissue == Tissue::TongueDorsum {
+            vec![mouth.parts.iter().filter(|part| part.tissue == tissue).collect()]
+        } else {
+            mouth.parts.iter().filter(|part| part.tissue == tissue).map(|part| vec![part]).collect()
+        };
+        for group in groups {
+            let areas: Vec<f32> = group
+                .iter()
+                .flat_map(|part| {
+                    part.mesh.triangles.iter().map(|t| {
+                        let [a, b, c] = t.map(|v| part.mesh.uvs[v as usize]);
+                        0.5 * (b - a).perp_dot(c - a)
+                    })
+                })
+                .collect();
+            // All turn one way round and cover no more than the unit square: no two lie on each other.
+            let (signed, all) = (areas.iter().sum::<f32>().abs(), areas.iter().map(|a| a.abs()).sum::<f32>());
+            assert!(all - signed < 1e-4, "{}: {signed} of {all}", group[0].name);
+            assert!(all < 1.0 + 1e-4, "{}: {all}", group[0].name);
+        }
     }
 }
 
@@ -386,7 +486,7 @@ fn wrong_parameters_are_named_with_their_range() {
     let error = |parameters: MouthParameters| generate_mouth(&parameters).unwrap_err();
     let opening = error(MouthParameters { jaw_opening_mm: 80.0, ..coarse() });
     assert_eq!(opening.field, "jaw_opening_mm");
-    assert!(opening.to_string().contains("80 is not between 20 and 60"), "{opening}");
+    assert!(opening.to_string().contains("80 is not between 14 and 60"), "{opening}");
     assert_eq!(error(MouthParameters { tongue_width_mm: f64::NAN, ..coarse() }).field, "tongue_width_mm");
     assert_eq!(error(MouthParameters { missing_teeth: vec![19], ..coarse() }).field, "missing_teeth");
     assert_eq!(error(MouthParameters { upper_arch_depth_mm: 34.0, ..coarse() }).field, "upper_arch_depth_mm");

@@ -1,124 +1,285 @@
-//! The tongue: a body swept along its midline, with papillae on its back.
+//! The tongue: a body swept along its midline, clipped by what it touches, with papillae on its back.
 
 use glam::{DVec2, DVec3};
 
-use super::dental_arch::{Arch, JawPose};
-use super::math::{PI, bell, curve, lerp, pow, signed_pow, sin_cos, smooth_max, smoothstep, spline};
+use super::clearance::{Field, Obstacles};
+use super::dental_arch::JawPose;
+use super::math::{PI, bell, curve, lerp, pow, signed_pow, sin_cos, smoothstep, spline};
 use super::noise::{bumps, fractal_noise};
 use super::parameters::MouthParameters;
-use super::surface::{count, grid_mesh, linspace};
+use super::surface::{Surface, count, linspace, surface_mesh};
 use crate::geometry::TriangleMesh;
 
 /// Steps of the table that turns length along the tongue into place on its midline curve.
 const STEPS: usize = 240;
+/// Rows and columns of the grid on which contacts are found.
+const CONTACT_ROWS: usize = 96;
+const CONTACT_COLUMNS: usize = 96;
+/// Distance kept from what the tongue touches, mm.
+const CLEARANCE_MM: f64 = 0.8;
 
-/// The midline curve, the poses and sizes that the surfaces of the tongue are built from.
+/// Where the front, the sides and the middle of the tongue's back meet, in its texture coordinates.
+pub(super) const TIP_END: f64 = 0.12;
+pub(super) const LATERAL_END: f64 = 0.09;
+
+/// Share of the half width over the length.
+const WIDTH: &[(f64, f64)] =
+    &[(0.0, 0.6), (0.12, 0.66), (0.24, 0.76), (0.36, 0.9), (0.5, 1.0), (0.6, 1.0), (0.8, 0.86), (1.0, 0.7)];
+
+/// The midline curve and the sizes that the surfaces of the tongue are built from.
 pub(super) struct Tongue<'a> {
     parameters: &'a MouthParameters,
-    arch: &'a Arch,
-    pose: &'a JawPose,
-    /// Points of the midline between the borders, in the frame of the lower jaw with y up from the biting plane, and
-    /// their arc length as a fraction of the whole.
-    midline: Vec<(f64, DVec3)>,
+    /// Points of the midline from tip to base in the frame of the mouth, mm, evenly spaced.
+    midline: Vec<DVec3>,
     /// Places on the midline by the arc length along the back of the tongue, both as fractions.
     places: Vec<(f64, f64)>,
-    /// Arc length of the hind end of the last lower tooth.
-    hindmost: f64,
     /// Length along the back of the tongue.
     length: f64,
+    /// How far the back and the underside are pressed in, as a share of their distance from the midline: rows along
+    /// the tongue, columns around it.
+    pressed: Field,
+}
+
+/// One place along the tongue: centre, directions and half sizes.
+#[derive(Clone, Copy)]
+struct Section {
+    centre: DVec3,
+    side: DVec3,
+    up: DVec3,
+    half_width: f64,
+    back: f64,
+    under: f64,
 }
 
 impl<'a> Tongue<'a> {
-    pub(super) fn new(parameters: &'a MouthParameters, arch: &'a Arch, pose: &'a JawPose) -> Self {
-        let hindmost = arch.teeth.iter().filter(|t| t.present).map(|t| t.middle.abs() + t.half_room);
-        let hindmost = hindmost.fold(0.0, f64::max) - 1.0;
-        let (midline, places) = (Vec::new(), Vec::new());
-        let mut tongue = Self { parameters, arch, pose, midline, places, hindmost, length: 0.0 };
-        // Stretch the curve behind the tip until the back of the tongue has the wanted length.
-        let mut tip = parameters.tongue_protrusion_mm;
-        for _ in 0..6 {
-            let (mut low, mut high) = (0.3, 2.5);
-            for _ in 0..30 {
-                let stretch = 0.5 * (low + high);
-                tongue.shape_midline(tip, stretch);
-                if tongue.length < parameters.tongue_length_mm {
-                    low = stretch;
-                } else {
-                    high = stretch;
-                }
+    pub(super) fn new(parameters: &'a MouthParameters, pose: &JawPose, obstacles: &Obstacles) -> Self {
+        let path = Self::path(parameters, pose, obstacles);
+        let pressed = Field {
+            rows: CONTACT_ROWS + 1,
+            columns: CONTACT_COLUMNS,
+            cyclic: true,
+            values: vec![0.0; (CONTACT_ROWS + 1) * CONTACT_COLUMNS],
+        };
+        let mut tongue = Self { parameters, midline: Vec::new(), places: Vec::new(), length: 0.0, pressed };
+        // Cut the path where the back of the tongue has its length.
+        let wanted = parameters.tongue_length_in_pose_mm();
+        let (mut low, mut high) = (0.4, 1.0);
+        for _ in 0..24 {
+            let part = 0.5 * (low + high);
+            tongue.measure(&path, part);
+            if tongue.length < wanted {
+                low = part;
+            } else {
+                high = part;
             }
-            // The thick tip reaches further than its midline: draw it back by as much.
-            let reach = (0..=40)
-                .flat_map(|i| [1.0, -1.0].map(|side| tongue.midline_point(0.005 * f64::from(i), side).z));
-            tip -= reach.fold(f64::NEG_INFINITY, f64::max) - parameters.tongue_protrusion_mm;
         }
+        tongue.press(obstacles);
         tongue
     }
 
-    fn shape_midline(&mut self, tip_z: f64, stretch: f64) {
-        let p = self.parameters;
-        // Over the lower lip where this covers the teeth, and hanging down when far out.
-        let over_lip = (1.5 - p.lip_retraction_mm).max(0.0);
-        let hanging = 0.3 * (p.tongue_protrusion_mm - 8.0).max(0.0);
-        let mouth_tip = DVec3::new(0.0, -0.5 * p.jaw_opening_mm + 2.6 + over_lip - hanging, tip_z);
-        let tip = self.pose.inverse_point(mouth_tip);
-        let (tip_height, tip_z) = (-tip.y, tip.z);
-        let flatten = lerp(0.55, 1.0, smoothstep(20.0, 45.0, p.jaw_opening_mm));
-        // Distance behind the tip and height above the biting plane of the lower teeth.
-        let knots = [
-            (0.0, tip_height),
-            (9.0, lerp(tip_height, 5.0, 0.75)),
-            (18.0, 5.3 * flatten),
-            (32.0, 5.4 * flatten),
-            (46.0, 3.0 * flatten),
-            (57.0, -0.8),
-            (65.0, -5.5),
-            (71.0, -12.0),
-            (75.0, -21.0),
-        ]
-        .map(|(behind, height)| {
-            let raised = p.tongue_elevation_mm
-                * bell((behind - 34.0) / 20.0)
-                * smoothstep(0.0, 14.0, behind)
-                * flatten;
-            DVec3::new(0.0, height + raised, tip_z - behind * if behind < 5.0 { 1.0 } else { stretch })
-        });
-        let last = (knots.len() - 1) as f64;
-        let points: Vec<DVec3> =
-            (0..=STEPS).map(|i| spline(&knots, last * i as f64 / STEPS as f64)).collect();
-        // Arc lengths along the midline first, then along the back of the tongue above it.
-        let fractions = |points: &[DVec3]| {
-            let mut sum = 0.0;
-            let mut sums = vec![0.0];
-            for pair in points.windows(2) {
-                sum += pair[0].distance(pair[1]);
-                sums.push(sum);
-            }
-            (sums, sum)
+    /// Dense points from the tip to a base deeper than needed, in the frame of the mouth.
+    fn path(p: &MouthParameters, pose: &JawPose, obstacles: &Obstacles) -> Vec<DVec3> {
+        let above = |z: f64, height: f64| pose.point(DVec3::new(0.0, -height, z));
+        let half = 0.5 * p.jaw_opening_mm;
+        let wide = smoothstep(12.0, 42.0, p.jaw_opening_mm);
+        // Height of the middle above the biting plane of the lower teeth, behind the incisors.
+        let heights: &[(f64, f64)] = &[
+            (-72.0, -28.0),
+            (-66.0, -17.0),
+            (-58.0, -8.5),
+            (-46.0, -2.2),
+            (-32.0, 2.0),
+            (-18.0, 4.2),
+            (-3.0, 4.8),
+        ];
+        let lying = |z: f64| {
+            let raised = p.tongue_elevation_mm * bell((z + 32.0) / 18.0);
+            let flat = lerp(0.45, 1.0, wide);
+            // Put out, the tongue flattens behind.
+            let stretched = 0.16 * p.tongue_protrusion_mm.max(0.0) * bell((z + 44.0) / 16.0);
+            let height = curve(heights, z) - stretched;
+            let height = if height > 0.0 { height * flat } else { height };
+            above(z, height + raised * flat)
         };
-        let (sums, sum) = fractions(&points);
-        self.midline = sums.iter().map(|s| s / sum).zip(points).collect();
-        let back: Vec<DVec3> = (0..=STEPS)
-            .map(|i| {
-                let v = i as f64 / STEPS as f64;
-                let (point, up) = self.frame(v);
-                point + up * self.heights(v).0
-            })
-            .collect();
-        let (sums, length) = fractions(&back);
-        self.length = length;
-        self.places = sums.iter().enumerate().map(|(i, s)| (s / length, i as f64 / STEPS as f64)).collect();
+        let tip = p.tongue_protrusion_mm - 0.2;
+        // Over the lower lip, then hanging down.
+        let over_lip = (3.0 - p.lip_retraction_mm).clamp(0.0, 7.0);
+        let out = |z: f64| {
+            let from = lying(-3.0);
+            let beyond = z + 3.0;
+            let droop = 0.06 * beyond + 0.021 * beyond * beyond;
+            let lip = over_lip * smoothstep(0.0, 8.0, beyond);
+            DVec3::new(0.0, (from.y - droop + lip).max(-half - 26.0), from.z + beyond)
+        };
+        let mut points: Vec<DVec3> = Vec::new();
+        let mut z = tip;
+        while z > -58.0 {
+            let mut point = if z > -3.0 { out(z) } else { lying(z) };
+            // A tip behind the incisors rests low.
+            if tip < 0.0 {
+                point.y -= 2.6 * smoothstep(0.0, -6.0, tip) * bell((z - tip) / 7.0);
+            }
+            points.push(point);
+            z -= 1.0;
+        }
+        let root = [
+            lying(-56.0),
+            lying(-58.0),
+            above(-63.0, -10.0),
+            above(-67.0, -19.0),
+            above(-69.0, -30.0),
+            above(-70.0, -60.0),
+        ];
+        for i in 0..40 {
+            points.push(spline(&root, 1.0 + 4.0 * f64::from(i) / 40.0));
+        }
+        if p.tongue_curl > 0.0 {
+            points = Self::raised(p, pose, &points);
+        }
+        // To the side, more and more toward the tip.
+        let count = points.len() as f64;
+        for (i, point) in points.iter_mut().enumerate() {
+            let t = 1.0 - (i as f64 / count) / 0.62;
+            let aside = p.tongue_shift_mm * t.max(0.0) * t.max(0.0);
+            // Between the teeth there is less room than in front of them, and little between closed lips.
+            let outside = lerp(7.0, 20.0, smoothstep(14.0, 38.0, p.jaw_opening_mm));
+            let between = if tip > 3.0 { outside.min(9.0) } else { 3.5 };
+            let room = lerp(between, outside, smoothstep(0.0, 12.0, point.z));
+            point.x += aside / (1.0 + (aside / room) * (aside / room)).sqrt();
+        }
+        // Over the lower lip, wherever it is, but not against the upper one.
+        let mut inner: Option<DVec3> = None;
+        for point in points.iter_mut().rev().filter(|point| point.z > -6.0 && p.tongue_curl < 0.5) {
+            let from = DVec3::new(point.x, (0.15 * half).max(point.y), point.z);
+            if let Some(gap) = obstacles.distance(from, DVec3::NEG_Y, 40.0) {
+                let above = obstacles.distance(from, DVec3::Y, 60.0).unwrap_or(60.0);
+                let needed = (0.27 * p.tongue_thickness_mm).min(0.5 * (gap + above));
+                point.y = point.y.max(from.y - gap + needed);
+            }
+            if let Some(inner) = inner {
+                point.y = point.y.max(inner.y - 1.1 * (point.z - inner.z).max(0.0));
+            }
+            inner = Some(*point);
+        }
+        for _ in 0..12 {
+            let before = points.clone();
+            for i in 1..points.len() - 1 {
+                points[i] = (before[i - 1] + before[i] * 2.0 + before[i + 1]) * 0.25;
+            }
+        }
+        points
     }
 
-    /// Point of the midline and the direction to the back of the tongue.
-    fn frame(&self, v: f64) -> (DVec3, DVec3) {
-        let at = |v: f64| {
-            let i = self.midline.partition_point(|p| p.0 < v).clamp(1, STEPS);
-            let ((v0, p0), (v1, p1)) = (self.midline[i - 1], self.midline[i]);
-            p0.lerp(p1, (v - v0) / (v1 - v0))
+    /// The path with its front turned up, both taken at the same share of their length.
+    fn raised(p: &MouthParameters, pose: &JawPose, lying: &[DVec3]) -> Vec<DVec3> {
+        let above = |z: f64, height: f64| pose.point(DVec3::new(0.0, -height, z));
+        let half = 0.5 * p.jaw_opening_mm;
+        let top = half - 8.5;
+        let foot = above(-26.0, 4.0);
+        let knots = [
+            DVec3::new(0.0, top, -11.0),
+            DVec3::new(0.0, lerp(foot.y, top, 0.66), -13.5),
+            DVec3::new(0.0, lerp(foot.y, top, 0.3), -18.5),
+            foot,
+            above(-36.0, -1.0),
+            above(-48.0, -4.0),
+            above(-58.0, -8.0),
+            above(-64.0, -16.0),
+            above(-68.0, -28.0),
+            above(-70.0, -60.0),
+        ];
+        let turned: Vec<DVec3> =
+            (0..=STEPS).map(|i| spline(&knots, 9.0 * i as f64 / STEPS as f64 * 0.9999)).collect();
+        let n = lying.len();
+        let even = |points: &[DVec3]| {
+            let sums = lengths(points);
+            let whole = sums[sums.len() - 1];
+            (0..n).map(|i| at_length(points, &sums, whole * i as f64 / (n - 1) as f64)).collect::<Vec<_>>()
         };
-        let along = (at((v + 0.06).min(1.0)) - at((v - 0.06).max(0.0))).normalize();
-        (at(v), DVec3::new(0.0, -along.z, along.y))
+        let (a, b) = (even(lying), even(&turned));
+        let t = smoothstep(0.0, 1.0, p.tongue_curl);
+        a.iter().zip(&b).map(|(a, b)| a.lerp(*b, t)).collect()
+    }
+
+    /// Takes the first `part` of the path as midline and measures the back above it.
+    fn measure(&mut self, path: &[DVec3], part: f64) {
+        let sums = lengths(path);
+        let whole = sums[sums.len() - 1] * part;
+        self.midline = (0..=STEPS).map(|i| at_length(path, &sums, whole * i as f64 / STEPS as f64)).collect();
+        let back: Vec<DVec3> = (0..=STEPS)
+            .map(|i| {
+                let section = self.section(i as f64 / STEPS as f64);
+                section.centre + section.up * section.back
+            })
+            .collect();
+        let sums = lengths(&back);
+        self.length = sums[STEPS];
+        self.places =
+            sums.iter().enumerate().map(|(i, s)| (s / self.length, i as f64 / STEPS as f64)).collect();
+    }
+
+    fn section(&self, t: f64) -> Section {
+        let at = |t: f64| {
+            let x = t.clamp(0.0, 1.0) * STEPS as f64;
+            let i = (x.floor() as usize).min(STEPS - 1);
+            self.midline[i].lerp(self.midline[i + 1], x - i as f64)
+        };
+        let along = (at(t + 0.05) - at(t - 0.05)).normalize();
+        let side = (DVec3::X - along * along.x).normalize();
+        let up = side.cross(along);
+        const BACK: &[(f64, f64)] =
+            &[(0.0, 0.17), (0.1, 0.22), (0.3, 0.34), (0.55, 0.44), (0.75, 0.46), (1.0, 0.4)];
+        const UNDER: &[(f64, f64)] =
+            &[(0.0, 0.15), (0.12, 0.19), (0.24, 0.26), (0.42, 0.56), (0.58, 0.9), (0.75, 0.85), (1.0, 0.6)];
+        let thickness = self.parameters.tongue_thickness_mm;
+        let round = tip(t, 0.16, 2.0);
+        Section {
+            centre: at(t),
+            side,
+            up,
+            half_width: 0.502 * self.parameters.tongue_width_mm * curve(WIDTH, t) * tip(t, 0.24, 2.1),
+            back: thickness * curve(BACK, t) * round,
+            under: thickness * curve(UNDER, t) * round,
+        }
+    }
+
+    /// Offset from the middle of a section at an angle: 0 is the patient's left border, a quarter turn the back.
+    fn offset(section: &Section, sine: f64, cosine: f64) -> DVec3 {
+        let height = if sine > 0.0 { section.back } else { section.under };
+        let x = section.half_width * signed_pow(cosine, 2.0 / 2.25);
+        let y = height * signed_pow(sine, 2.0 / 2.2);
+        section.side * x + section.up * y
+    }
+
+    /// Finds how far every fibre from the midline to the surface can reach.
+    fn press(&mut self, obstacles: &Obstacles) {
+        let mut values = Vec::with_capacity((CONTACT_ROWS + 1) * CONTACT_COLUMNS);
+        for row in 0..=CONTACT_ROWS {
+            let t = self.place(row as f64 / CONTACT_ROWS as f64);
+            let section = self.section(t);
+            for column in 0..CONTACT_COLUMNS {
+                let (sine, cosine) = sin_cos(2.0 * PI * column as f64 / CONTACT_COLUMNS as f64);
+                let offset = Self::offset(&section, sine, cosine);
+                let length = offset.length();
+                let need = if length < 0.3 {
+                    0.0
+                } else {
+                    let direction = offset / length;
+                    match obstacles.distance(section.centre, direction, length + 2.0) {
+                        // Rays that graze keep their distance along the normal, not along the fibre.
+                        Some(hit) => (length - (hit - CLEARANCE_MM * 1.6)).max(0.0).min(0.97 * length),
+                        None => 0.0,
+                    }
+                };
+                values.push(need);
+            }
+        }
+        self.pressed.values = values;
+        let row_step = self.length / CONTACT_ROWS as f64;
+        let around = 2.0 * self.parameters.tongue_width_mm / CONTACT_COLUMNS as f64;
+        if self.pressed.values.iter().any(|v| *v > 0.0) {
+            self.pressed.spread(0.9, row_step, around);
+        }
     }
 
     /// Place on the midline for a fraction of the length along the back.
@@ -128,139 +289,45 @@ impl<'a> Tongue<'a> {
         lerp(t0, t1, ((v - v0) / (v1 - v0)).clamp(0.0, 1.0))
     }
 
-    /// Half of the width.
-    fn half_width(&self, v: f64) -> f64 {
-        const SHAPE: &[(f64, f64)] = &[
-            (0.0, 0.52),
-            (0.1, 0.62),
-            (0.2, 0.77),
-            (0.34, 0.93),
-            (0.48, 1.0),
-            (0.58, 1.0),
-            (0.78, 0.84),
-            (1.0, 0.66),
-        ];
-        0.5 * self.parameters.tongue_width_mm * curve(SHAPE, v) * Self::tip(v, 0.2, 2.0)
-    }
-
-    /// 0 at the tip, rising like the end of a superellipse to 1 at `reach`.
-    fn tip(v: f64, reach: f64, exponent: f64) -> f64 {
-        let x = (1.0 - v / reach).max(0.0);
-        pow((1.0 - pow(x, exponent)).max(0.0), 1.0 / exponent)
-    }
-
-    /// Heights of the back above and of the underside below the midline curve.
-    fn heights(&self, v: f64) -> (f64, f64) {
-        const BACK: &[(f64, f64)] =
-            &[(0.0, 0.15), (0.1, 0.22), (0.3, 0.38), (0.55, 0.47), (0.75, 0.45), (1.0, 0.4)];
-        const UNDER: &[(f64, f64)] =
-            &[(0.0, 0.13), (0.12, 0.17), (0.22, 0.24), (0.42, 0.62), (0.58, 0.95), (0.75, 0.85), (1.0, 0.6)];
-        let thickness = self.parameters.tongue_thickness_mm;
-        let tip = Self::tip(v, 0.14, 2.0);
-        (thickness * curve(BACK, v) * tip, thickness * curve(UNDER, v) * tip)
-    }
-
-    /// Lifts a point of the jaw frame (y up) over the lower teeth.
-    fn drape(&self, point: DVec3) -> DVec3 {
-        if point.y > 5.0 || point.y < -60.0 {
-            return point;
-        }
-        let (distance, arc) = self.arch.distance(point.x, point.z);
-        let half = lerp(3.2, 5.6, smoothstep(14.0, 28.0, arc));
-        let centre = lerp(-1.0, -0.6, smoothstep(14.0, 28.0, arc));
-        let away = ((distance - centre).abs() - half).max(0.0);
-        let top = 0.9 - self.arch.spee(point.z) - 2.5 * (away + (arc - self.hindmost).max(0.0));
-        DVec3::new(point.x, smooth_max(point.y, top, 1.6), point.z)
-    }
-
-    /// Point of the midline of the back (`side` 1) or the underside (-1), without papillae and folds.
-    fn midline_point(&self, v: f64, side: f64) -> DVec3 {
-        let (middle, up) = self.frame(v);
-        let (back, under) = self.heights(v);
-        let point = self.drape(middle + up * if side > 0.0 { back } else { -under });
-        self.pose.point(DVec3::new(point.x, -point.y, point.z))
-    }
-
     /// A point of the back (`side` 1) or the underside (-1), in the frame of the mouth.
     fn point(&self, v: f64, u: f64, side: f64) -> DVec3 {
         let t = self.place(v);
-        let (middle, up) = self.frame(t);
-        let half_width = self.half_width(t);
-        let (back, under) = self.heights(t);
+        let section = self.section(t);
         let (sine, cosine) = sin_cos(PI * (1.0 - u.clamp(0.0, 1.0)));
         // The border belongs to both sides and must be the same to the last bit.
         let border = u <= 0.0 || u >= 1.0;
         let sine = if border { 0.0 } else { sine.max(0.0) };
         let cosine = if border { cosine.signum() } else { cosine };
-        let height = if side > 0.0 { back } else { -under };
-        let x = half_width * signed_pow(cosine, 2.0 / 2.15);
-        let y = height * pow(sine, 2.0 / 2.3);
-        let smooth = middle + DVec3::X * x + up * y;
-        let mut point = self.drape(smooth);
+        let offset = Self::offset(&section, side * sine, cosine);
+        let length = offset.length();
+        let angle = if side > 0.0 { 0.5 * (1.0 - u) } else { 1.0 - 0.5 * (1.0 - u) };
+        let column = angle.clamp(0.0, 1.0) * CONTACT_COLUMNS as f64;
+        let row = v * CONTACT_ROWS as f64;
+        let pressed = if border {
+            self.pressed.at(row, if cosine > 0.0 { 0.0 } else { 0.5 * CONTACT_COLUMNS as f64 })
+        } else {
+            self.pressed.at(row, column)
+        };
+        let remaining = if length > 1e-6 { ((length - pressed) / length).max(0.03) } else { 1.0 };
+        let mut point = section.centre + offset * remaining;
         if !border {
-            let outward = (DVec3::X * (cosine / (half_width + 0.1))
-                + up * (side * sine / (height.abs() + 0.1)))
+            let outward = (section.side * (cosine / (section.half_width + 0.1))
+                + section.up * (side * sine / (section.back + 0.1)))
                 .normalize();
-            // Where the tongue lies on teeth it is pressed smooth.
-            let pressed = bell((point.y - smooth.y) / 0.7);
-            let window = smoothstep(0.0, 0.04, v) * smoothstep(0.05, 0.4, sine) * pressed;
-            let across = half_width * 1.1 * (0.5 * PI) * (2.0 * u - 1.0);
-            let along = self.length * v;
+            // Where the tongue is pressed against something it is smooth.
+            let window = smoothstep(0.0, 0.035, v) * smoothstep(0.02, 0.3, sine) * bell(pressed / 0.8);
+            let (across, along) = lengths_at(self.parameters, u, v);
             let relief = if side > 0.0 {
-                self.dorsal_relief(across, along, v, x)
+                dorsal_relief(self.parameters, across, along, v)
             } else {
-                self.ventral_relief(x, along, v)
+                ventral_relief(self.parameters, section.half_width * cosine, along, v)
             };
             point += outward * (relief * window);
         }
-        self.pose.point(DVec3::new(point.x, -point.y, point.z))
+        point
     }
 
-    /// Sulcus, papillae and lingual tonsil: height above the smooth back, mm, from the lengths across and along.
-    fn dorsal_relief(&self, across: f64, along: f64, v: f64, x: f64) -> f64 {
-        let seed = self.parameters.seed;
-        let scale = self.parameters.papilla_scale;
-        // The midline groove wanders a little and is deepest in the middle third.
-        let wander = 0.5 * fractal_noise(seed ^ 0x11, along * 0.06, 0.5, 2);
-        let depth = 1.5 * smoothstep(0.06, 0.3, v) * smoothstep(0.74, 0.6, v);
-        let mut height = -depth * (0.65 * bell((x - wander) / 1.3) + 0.55 * bell((x - wander) / 4.5));
-        height += 0.55 * fractal_noise(seed ^ 0x12, across * 0.12, along * 0.1, 3);
-        // Terminal sulcus: a V that opens to the front.
-        let from_sulcus = v - (0.74 - 0.0035 * across.abs());
-        let front = smoothstep(0.012, -0.02, from_sulcus);
-        height -= 0.6 * bell(from_sulcus / 0.008);
-        // Papillae finer than the mesh are left out.
-        let resolved = smoothstep(0.2, 0.8, self.parameters.detail);
-        let filiform = resolved * bumps(seed ^ 0x13, across / 0.95, along / 0.95, 0.62, 1.0) * 0.24;
-        let rarity =
-            lerp(0.72, 0.08, smoothstep(0.0, 0.45, v + 0.012 * (18.0 - across.abs()).max(0.0) * 0.3));
-        let fungiform = resolved.sqrt() * bumps(seed ^ 0x14, across / 1.9, along / 1.9, 0.34, rarity) * 0.5;
-        let tonsil = bumps(seed ^ 0x15, across / 4.2, along / 4.2, 0.68, 0.95) * 1.1;
-        height += scale * (front * filiform.max(fungiform) + (1.0 - front) * tonsil);
-        // Vallate papillae stand in front of the sulcus, each in its moat.
-        for number in -4..=4 {
-            let place = f64::from(number) * 4.4;
-            let v_place = 0.722 - 0.0035 * place.abs();
-            let (dx, dy) = (across - place, (v - v_place) * self.length);
-            let r = (dx * dx + dy * dy).sqrt();
-            let size = 1.25 - 0.08 * f64::from(number).abs();
-            height += scale
-                * resolved
-                * (0.8 * smoothstep(size, 0.72 * size, r) - 0.4 * bell((r - 1.15 * size) / 0.35));
-        }
-        height
-    }
-
-    /// Frenulum and the fringed folds of the underside.
-    fn ventral_relief(&self, x: f64, along: f64, v: f64) -> f64 {
-        let free = smoothstep(0.05, 0.16, v) * smoothstep(0.5, 0.35, v);
-        let fringe =
-            6.0 + 0.12 * along + 0.8 * fractal_noise(self.parameters.seed ^ 0x16, along * 0.3, x.signum(), 2);
-        free * (1.6 * bell(x / 1.1) + 0.6 * bell((x.abs() - fringe) / 0.7))
-            + 0.3 * fractal_noise(self.parameters.seed ^ 0x17, x * 0.25, along * 0.25, 3)
-    }
-
-    fn mesh(&self, side: f64, columns: usize) -> TriangleMesh {
+    fn rows(&self) -> Vec<f64> {
         let detail = self.parameters.detail;
         // Rows are packed at the tip, where the surface turns over.
         let tip_rows = count(12, detail);
@@ -270,19 +337,160 @@ impl<'a> Tongue<'a> {
                 0.03 * x * x
             })
             .collect();
-        v_values.extend(linspace(0.03, 1.0, count(250, detail)).into_iter().skip(1));
-        let u_values = linspace(0.0, 1.0, columns);
-        grid_mesh(&v_values, &u_values, side > 0.0, |v, u| (self.point(v, u, side), DVec2::new(u, v)))
+        v_values.extend(linspace(0.03, TIP_END, count(24, detail)).into_iter().skip(1));
+        v_values.extend(linspace(TIP_END, 1.0, count(226, detail)).into_iter().skip(1));
+        v_values
     }
 
-    /// The back of the tongue: u from the patient's right border (0) over the midline to the left (1), v from the tip
-    /// (0) to the base (1).
-    pub(super) fn dorsum_mesh(&self) -> TriangleMesh {
-        self.mesh(1.0, 2 * count(115, self.parameters.detail))
+    /// The back: u from the patient's right border (0) over the midline to the left (1), v from the tip (0) to the
+    /// base (1). Cut into the middle, the tip and the two sides, which share its texture coordinates.
+    pub(super) fn back_meshes(&self) -> Vec<(&'static str, TriangleMesh)> {
+        let side = count(24, self.parameters.detail);
+        let mut u_values = linspace(0.0, LATERAL_END, side);
+        u_values.extend(
+            linspace(LATERAL_END, 1.0 - LATERAL_END, 2 * count(92, self.parameters.detail))
+                .into_iter()
+                .skip(1),
+        );
+        u_values.extend(linspace(1.0 - LATERAL_END, 1.0, side).into_iter().skip(1));
+        let v_values = self.rows();
+        let surface = Surface::new(&v_values, &u_values, |v, u| (self.point(v, u, 1.0), DVec2::new(u, v)));
+        let row = v_values.partition_point(|v| *v < TIP_END);
+        let (left, right) = (u_values.len() - 1 - side, side);
+        let (rows, columns) = (v_values.len() - 1, u_values.len() - 1);
+        vec![
+            ("tongue_dorsum", surface.mesh(row..rows, right..left, true)),
+            ("tongue_tip", surface.mesh(0..row, 0..columns, true)),
+            ("tongue_lateral_right", surface.mesh(row..rows, 0..right, true)),
+            ("tongue_lateral_left", surface.mesh(row..rows, left..columns, true)),
+        ]
     }
 
     /// The underside, with the same texture coordinates on the shared border.
     pub(super) fn ventral_mesh(&self) -> TriangleMesh {
-        self.mesh(-1.0, 2 * count(30, self.parameters.detail))
+        let u_values = linspace(0.0, 1.0, 2 * count(40, self.parameters.detail));
+        surface_mesh(&self.rows(), &u_values, false, |v, u| (self.point(v, u, -1.0), DVec2::new(u, v)))
     }
+
+    /// The frenulum: a fold from the underside down to the floor of the mouth.
+    pub(super) fn frenulum_mesh(&self, floor: DVec3) -> TriangleMesh {
+        let detail = self.parameters.detail;
+        let top = self.point(0.2, 0.5, -1.0);
+        let deep_top = self.point(0.42, 0.5, -1.0);
+        let deep_floor = floor + DVec3::new(0.0, 1.0, -12.0);
+        let middle = (top + floor) * 0.5;
+        let back = ((deep_top + deep_floor) * 0.5 - middle).normalize_or_zero();
+        let bow = back * (0.24 * top.distance(floor));
+        let v_values = linspace(0.0, 1.0, count(30, detail));
+        let u_values = linspace(0.0, 1.0, count(16, detail));
+        surface_mesh(&v_values, &u_values, false, |v, u| {
+            let edge = top.lerp(floor, v) + bow * (4.0 * v * (1.0 - v));
+            let deep = deep_top.lerp(deep_floor, v);
+            let w = 2.0 * u - 1.0;
+            let flare = 0.5 + 1.6 * (2.0 * v - 1.0) * (2.0 * v - 1.0);
+            let depth = w * w;
+            let (sine, _) = sin_cos(0.5 * PI * w);
+            let x = sine * (0.55 + flare * depth);
+            (edge.lerp(deep, depth) + DVec3::X * x, DVec2::new(u, v))
+        })
+    }
+}
+
+/// 0 at the tip, rising like the end of a superellipse to 1 at `reach`.
+fn tip(v: f64, reach: f64, exponent: f64) -> f64 {
+    let x = (1.0 - v / reach).max(0.0);
+    pow((1.0 - pow(x, exponent)).max(0.0), 1.0 / exponent)
+}
+
+fn lengths(points: &[DVec3]) -> Vec<f64> {
+    let mut sum = 0.0;
+    let mut sums = vec![0.0];
+    for pair in points.windows(2) {
+        sum += pair[0].distance(pair[1]);
+        sums.push(sum);
+    }
+    sums
+}
+
+fn at_length(points: &[DVec3], sums: &[f64], length: f64) -> DVec3 {
+    let i = sums.partition_point(|s| *s < length).clamp(1, points.len() - 1);
+    let t = (length - sums[i - 1]) / (sums[i] - sums[i - 1]).max(1e-9);
+    points[i - 1].lerp(points[i], t.clamp(0.0, 1.0))
+}
+
+/// Lengths across the back from the midline and along it from the tip at texture coordinates, mm, at rest: papillae and
+/// maps keep their places when the tongue moves.
+pub(super) fn lengths_at(p: &MouthParameters, u: f64, v: f64) -> (f64, f64) {
+    let half_width = 0.5 * p.tongue_width_mm * curve(WIDTH, v) * tip(v, 0.24, 2.1);
+    (half_width * 1.1 * (0.5 * PI) * (2.0 * u - 1.0), p.tongue_length_mm * v)
+}
+
+/// How much of the filiform papillae there is, 0 to 1: none behind the terminal sulcus.
+pub(super) fn in_front_of_sulcus(across: f64, v: f64) -> f64 {
+    smoothstep(0.012, -0.02, v - sulcus_place(across))
+}
+
+/// Terminal sulcus: a V that opens to the front.
+fn sulcus_place(across: f64) -> f64 {
+    0.74 - 0.0035 * across.abs()
+}
+
+/// Height of the filiform papillae, 0 to 1, at lengths across and along, mm.
+pub(super) fn filiform(seed: u32, across: f64, along: f64) -> f64 {
+    bumps(seed ^ 0x13, across / 0.62, along / 0.72, 0.66, 1.0)
+}
+
+/// Height of the fungiform papillae, 0 to 1: dense at the tip, rare behind.
+pub(super) fn fungiform(seed: u32, across: f64, along: f64, v: f64) -> f64 {
+    let at_side = 0.25 * smoothstep(12.0, 22.0, across.abs());
+    let density = (lerp(0.42, 0.06, smoothstep(0.02, 0.42, v)) + at_side * smoothstep(0.8, 0.3, v)).min(0.8);
+    bumps(seed ^ 0x14, across / 1.75, along / 1.75, 0.27, density)
+}
+
+/// Sulcus, papillae and lingual tonsil: height above the smooth back, mm, from the lengths across and along.
+fn dorsal_relief(p: &MouthParameters, across: f64, along: f64, v: f64) -> f64 {
+    let (seed, scale, length, x) = (p.seed, p.papilla_scale, p.tongue_length_mm, across);
+    // The midline groove wanders a little and is deepest in the middle third.
+    let wander = 0.8 * fractal_noise(seed ^ 0x11, along * 0.06, 0.5, 2);
+    let depth = smoothstep(0.05, 0.3, v) * smoothstep(0.76, 0.6, v);
+    let mut height = -depth * (0.75 * bell((x - wander) / 0.8) + 1.3 * bell((x - wander) / 5.5));
+    // Shallow folds that lead away from it, and the swell of the muscle.
+    let fold = fractal_noise(seed ^ 0x18, across * 0.05 + 3.0, along * 0.22 - across.abs() * 0.1, 2);
+    height -= 0.5 * depth * smoothstep(0.15, 0.45, fold) * smoothstep(2.0, 6.0, across.abs());
+    height += 0.7 * fractal_noise(seed ^ 0x12, across * 0.1, along * 0.08, 3);
+    let front = in_front_of_sulcus(across, v);
+    height -= 0.6 * bell((v - sulcus_place(across)) / 0.008);
+    // Papillae finer than the mesh are left out.
+    let resolved = smoothstep(0.35, 1.0, p.detail);
+    let hairs = resolved * filiform(seed, across, along) * 0.2;
+    let mushrooms = resolved.sqrt() * smoothstep(0.0, 0.6, fungiform(seed, across, along, v)) * 0.32;
+    let tonsil = bumps(seed ^ 0x15, across / 4.2, along / 4.2, 0.68, 0.95) * 1.1;
+    height += scale * (front * hairs.max(mushrooms) + (1.0 - front) * tonsil);
+    // Vallate papillae stand in front of the sulcus, each in its moat.
+    for number in -4..=4 {
+        let place = f64::from(number) * 4.4;
+        let v_place = 0.722 - 0.0035 * place.abs();
+        let (dx, dy) = (across - place, (v - v_place) * length);
+        let r = (dx * dx + dy * dy).sqrt();
+        let size = 1.25 - 0.08 * f64::from(number).abs();
+        height += scale
+            * resolved
+            * (0.8 * smoothstep(size, 0.72 * size, r) - 0.4 * bell((r - 1.15 * size) / 0.35));
+    }
+    height
+}
+
+/// Veins and the fringed folds of the underside.
+fn ventral_relief(p: &MouthParameters, x: f64, along: f64, v: f64) -> f64 {
+    let seed = p.seed;
+    let free = smoothstep(0.05, 0.16, v) * smoothstep(0.5, 0.35, v);
+    let fringe = 8.0 + 0.1 * along + 0.8 * fractal_noise(seed ^ 0x16, along * 0.3, x.signum(), 2);
+    let vein = vein_place(seed, along, x);
+    free * (0.5 * bell((x.abs() - fringe) / 0.6) + 0.35 * bell((x.abs() - vein) / 1.0) - 0.5 * bell(x / 2.0))
+        + 0.25 * fractal_noise(seed ^ 0x17, x * 0.25, along * 0.25, 3)
+}
+
+/// Distance of the deep lingual vein from the midline, mm.
+pub(super) fn vein_place(seed: u32, along: f64, x: f64) -> f64 {
+    4.2 + 0.05 * along + 1.2 * fractal_noise(seed ^ 0x19, along * 0.15, x.signum() * 3.0, 2)
 }

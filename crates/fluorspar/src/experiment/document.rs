@@ -248,9 +248,12 @@ pub(super) fn shortened(text: &str) -> String {
 }
 
 /// Keys whose strings are always paths of files.
-const PATH_KEYS: [&str; 7] = ["mesh", "image", "csv", "eem_csv", "mat", "excitation_csv", "emission_csv"];
+const PATH_KEYS: [&str; 8] =
+    ["mesh", "image", "map", "csv", "eem_csv", "mat", "excitation_csv", "emission_csv"];
 /// Keys whose strings are names of the catalogue or paths of tables.
-const NAME_OR_PATH_KEYS: [&str; 7] = [
+const NAME_OR_PATH_KEYS: [&str; 9] = [
+    "n",
+    "k",
     "spectrum",
     "reflectance",
     "transmittance",
@@ -273,7 +276,9 @@ pub(super) fn is_path(reference: &str) -> bool {
 pub(super) fn anchor_paths(node: &mut Node, folder: &Path) {
     let folder = std::path::absolute(folder).unwrap_or_else(|_| PathBuf::from(folder));
     node.visit_strings("", &mut |key, text| {
-        let names_a_file = PATH_KEYS.contains(&key) || (NAME_OR_PATH_KEYS.contains(&key) && is_path(text));
+        let is_lens = key == "prescription" && crate::preset::is_lens_file(text);
+        let names_a_file =
+            is_lens || PATH_KEYS.contains(&key) || (NAME_OR_PATH_KEYS.contains(&key) && is_path(text));
         if names_a_file && !text.is_empty() {
             *text = folder.join(&*text).to_string_lossy().into_owned();
         }

@@ -3,7 +3,7 @@
 use super::document::{Content, Node};
 
 /// Keys of one table of which an override replaces all when it gives one.
-const ALTERNATIVES: [&[&str]; 9] = [
+const ALTERNATIVES: [&[&str]; 10] = [
     &["mesh", "sphere", "quad", "disc", "box"],
     &["power_mw", "irradiance_w_per_m2", "radiance_w_per_sr_m2"],
     &["from", "eem_csv", "csv", "mat", "excitation_csv"],
@@ -13,18 +13,56 @@ const ALTERNATIVES: [&[&str]; 9] = [
     &["dark_voltage_mv_per_s", "dark_current_e_per_s"],
     &["edges_nm", "first_nm"],
     &["bulk", "bulk_material"],
+    &["reflectance", "dielectric", "conductor", "mix", "two_sided"],
 ];
 /// Keys that go with an alternative of another name.
-const ALSO_REPLACED: [(&str, &[&str]); 5] = [
+const ALSO_REPLACED: [(&str, &[&str]); 14] = [
+    (
+        "emva1288",
+        &[
+            "well_capacity_e",
+            "voltage_swing_v",
+            "conversion_gain_mv_per_e",
+            "bit_depth",
+            "black_level_dn",
+            "read_noise_mv",
+            "read_noise_e",
+            "post_gain_noise_mv",
+            "dsnu_mv",
+            "dsnu_e",
+            "prnu_percent",
+            "dark_voltage_mv_per_s",
+            "dark_current_e_per_s",
+            "dark_reference_temperature_c",
+            "dark_doubling_temperature_k",
+            "fill_factor",
+            "well_knee",
+        ],
+    ),
     ("power_mw", &["at_distance_mm"]),
     ("edges_nm", &["last_nm", "step_nm"]),
     ("last_nm", &["edges_nm"]),
     ("step_nm", &["edges_nm"]),
     ("from", &["emission_csv", "unit"]),
+    ("metal", &["n", "k"]),
+    ("n", &["metal"]),
+    ("k", &["metal"]),
+    ("dielectric", &["gloss"]),
+    ("conductor", &["gloss"]),
+    ("mix", &["gloss", "normal_map"]),
+    ("two_sided", &["gloss", "normal_map"]),
+    // A traced lens in place of an ideal one.
+    ("prescription", &["focal_length_mm", "f_number", "vignetting", "transmittance"]),
 ];
 /// Keys whose tables describe one value and are replaced as a whole.
-const WHOLE: [&str; 11] = [
+const WHOLE: [&str; 17] = [
+    "n",
+    "k",
+    "opacity",
+    "amount",
+    "map",
     "spectrum",
+    "relative_illumination",
     "transmittance",
     "quantum_efficiency",
     "reflectance",

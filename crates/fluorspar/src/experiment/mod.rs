@@ -7,6 +7,7 @@
 //! | tree to typed sections | [`parse`] | `read.rs`, `schema/` |
 //! | sections to scene, lens, sensor, captures | [`resolve`] | `resolve/` |
 //! | the small file of a flat sample | [`parse_sample`] | `sample.rs` |
+//! | the small file of a sensor | [`parse_sensor`] | `sensor_file.rs` |
 //!
 //! Every error names file, line, entry, field and value, says what is wrong and how to mend it.
 
@@ -17,6 +18,7 @@ mod overrides;
 mod read;
 mod resolve;
 mod sample;
+mod sensor_file;
 
 pub mod schema;
 
@@ -30,6 +32,7 @@ pub use sample::{
     MeasuredLight, ResolvedSample, SampleCompatibility, SampleExposure, SampleFile, SampleLight,
     SampleMaterial, is_sample, parse_sample,
 };
+pub use sensor_file::{ResolvedSensor, SensorFile, parse_sensor};
 
 /// JSON schema of an experiment file, with units, ranges and defaults as descriptions.
 pub fn json_schema() -> serde_json::Value {
@@ -39,6 +42,11 @@ pub fn json_schema() -> serde_json::Value {
 /// JSON schema of the file of a flat sample.
 pub fn sample_json_schema() -> serde_json::Value {
     with_mosaic_letters(schemars::schema_for!(SampleFile).to_value())
+}
+
+/// JSON schema of a sensor file.
+pub fn sensor_json_schema() -> serde_json::Value {
+    with_mosaic_letters(schemars::schema_for!(SensorFile).to_value())
 }
 
 /// Allows a mosaic in letters, which is spelt out before the sections are typed.

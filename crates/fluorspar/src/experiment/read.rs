@@ -75,13 +75,13 @@ fn spell_out_mosaic(document: &mut Document) -> Result<(), ExperimentError> {
     let Some(node) = document.root.get("sensor").and_then(|node| node.get("mosaic")) else { return Ok(()) };
     let Some(text) = node.as_str() else { return Ok(()) };
     let letters: Vec<String> = text.to_uppercase().chars().map(String::from).collect();
+    let channel = |letter: &String| if letter == "N" { "NIR".to_string() } else { letter.clone() };
     let rows: Vec<Vec<String>> = if text == "mono" {
         vec![vec!["mono".into()]]
-    } else if letters.len() == 4 && letters.iter().all(|letter| "RGB".contains(letter.as_str())) {
-        letters.chunks(2).map(<[String]>::to_vec).collect()
+    } else if letters.len() == 4 && letters.iter().all(|letter| "RGBN".contains(letter.as_str())) {
+        letters.chunks(2).map(|row| row.iter().map(channel).collect()).collect()
     } else {
-        let message =
-            "write four of the letters r, g, b row by row, such as \"grbg\", or \"mono\", or a list of rows";
+        let message = "write four of the letters r, g, b, n (near infrared) row by row, such as \"grbg\", or \"mono\", or a list of rows";
         return Err(document.error(&steps!["sensor", "mosaic"], message));
     };
     let origin = node.origin;
@@ -319,7 +319,7 @@ fn flattened_fields(steps: &[Step]) -> Vec<String> {
     }
 }
 
-fn field_names<T: JsonSchema>() -> Vec<String> {
+pub(super) fn field_names<T: JsonSchema>() -> Vec<String> {
     let schema = schemars::SchemaGenerator::default().into_root_schema_for::<T>();
     let properties = schema.get("properties").and_then(serde_json::Value::as_object);
     properties.map(|properties| properties.keys().cloned().collect()).unwrap_or_default()

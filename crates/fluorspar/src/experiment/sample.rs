@@ -22,7 +22,7 @@ use super::schema::{
 use crate::geometry::TriangleMesh;
 use crate::light::{Emitter, Light, LightGroup};
 use crate::material::{FluorophoreAmount, Material, ScalarTexture};
-use crate::optics::{IdealLens, PerspectiveCamera};
+use crate::optics::{CameraLens, FilterStack, IdealLens, PerspectiveCamera};
 use crate::scene::{Object, Scene, Shape};
 use crate::sensor::{AutoExposure, CaptureFrame, Sensor, SensorMode};
 use crate::spectral::{
@@ -156,8 +156,12 @@ pub struct ResolvedSample {
     pub fluorophores: Vec<(Fluorophore, f64)>,
     /// Transmittance of the filters in front of the lens.
     pub view_filter: Curve,
-    /// Lens, without those filters.
+    /// Those filters, one by one.
+    pub view_filters: FilterStack,
+    /// Lens, without those filters; of a traced lens its camera equation.
     pub lens: Option<IdealLens>,
+    /// The rays of a traced lens on its axis.
+    pub traced_lens: Option<Arc<CameraLens>>,
     /// Sensor.
     pub sensor: Option<Sensor>,
     /// Time and gain.
@@ -237,10 +241,25 @@ fn resolve_sample(document: &Document, file: &SampleFile) -> Resolved<ResolvedSa
         }
     }
 
-    let view_filter = device::view_filter(context, &file.view_filter, &grid)?;
-    let lens = match &file.lens {
-        Some(section) => Some(device::lens(context, section, None, &Curve::constant(1.0), &grid)?),
+    let filters = device::view_filter(context, &file.view_filter, &grid)?;
+    let resolved_lens = match &file.lens {
+        Some(section) => {
+            if section.image_formation.is_some() {
+                let message = "a flat sample has no picture; remove this field";
+                return context.fail(&steps!["lens", "image_formation"], message);
+            }
+            Some(device::lens(context, section, None, &filters, None, false, &grid)?)
+        }
+        None if filters.0.lens_angles => {
+            let message = "there is no [lens] whose rays have angles";
+            return context.fail(&steps!["view_filter", "angles"], message);
+        }
         None => None,
+    };
+    let (view_filters, fixed) = filters;
+    let (lens, traced_lens, view_filter) = match resolved_lens {
+        Some(lens) => (Some(lens.equation), lens.traced, lens.view_filter),
+        None => (None, None, fixed),
     };
     let sensor = match &file.sensor {
         Some(section) => Some(device::sensor(context, section, &grid)?),
@@ -270,7 +289,9 @@ fn resolve_sample(document: &Document, file: &SampleFile) -> Resolved<ResolvedSa
         reflectance,
         fluorophores: fluorophores.list.into_iter().zip(concentrations).collect(),
         view_filter,
+        view_filters,
         lens,
+        traced_lens,
         sensor,
         exposure,
         warnings,
@@ -355,6 +376,11 @@ fn as_scene(
 fn write_out(context: &Context<'_>, file: &SampleFile) -> Resolved<(String, String)> {
     let mut complete = file.clone();
     complete.spectral.fill();
+    if let Some(lens) = &mut complete.lens {
+        let formation = lens.image_formation;
+        lens.fill();
+        lens.image_formation = formation;
+    }
     if let Some(sensor) = &mut complete.sensor {
         sensor.model = device::filled(&sensor.model);
     }

@@ -11,7 +11,9 @@
 //! | film (exact sums of a render) | [`read_film`] | [`write_film`] |
 //! | raw sensor frame, TIFF, PNG, DNG or packed | [`read_sensor_image`] | [`write_sensor_tiff`], [`write_sensor_png`], [`write_sensor_dng`], [`write_packed_raw`] |
 //! | texture, picture, PNG | [`read_texture_png`] | [`write_rgb_png`] |
-//! | mesh, PLY or OBJ | [`read_ply`], [`read_obj`] | [`write_ply`] |
+//! | lens, TOML, pbrt, ISET JSON or Zemax | [`read_lens`] | [`LensFile::to_toml`] |
+//! | mesh, PLY, OBJ, STL, glTF | [`read_ply`], [`read_obj`], [`read_stl`], [`read_gltf`] | [`write_ply`] |
+//! | named meshes, OBJ, glTF, PBRT | | [`write_obj`], [`write_gltf`], [`write_pbrt`] |
 //!
 //! Every reader says what is wrong with a file, where, and how to mend it ([`FormatError`]), and survives any bytes.
 //! Every writer leaves a complete file or none ([`write_atomically`]). Equal results give equal bytes.
@@ -28,7 +30,10 @@ mod error;
 mod exr;
 mod file;
 mod film;
+mod gltf;
+mod lens;
 mod mat;
+mod mesh_set;
 mod npy;
 mod obj;
 mod packed_raw;
@@ -36,6 +41,7 @@ mod ply;
 mod png;
 mod provenance;
 mod raw;
+mod stl;
 mod tiff_directory;
 
 pub use csv_eem::{AntiStokes, CsvEemOptions, EemTable, EemUnit, read_eem_csv};
@@ -50,7 +56,10 @@ pub use exr::{
 };
 pub use file::write_atomically;
 pub use film::{read_film, write_film};
+pub use gltf::{read_gltf, write_gltf};
+pub use lens::{AbbeGlass, LensFile, LensFileError, LensFileSurface, PublishedLens, read_lens};
 pub use mat::{IsetFluorophore, MatSpectra, read_iset_fluorophore, read_mat_spectra};
+pub use mesh_set::{NamedMesh, write_obj, write_pbrt};
 pub use npy::{read_component_npy, read_spectral_npy, write_component_npy, write_spectral_npy};
 pub use obj::read_obj;
 pub use packed_raw::{RawPacking, write_packed_raw};
@@ -58,3 +67,4 @@ pub use ply::{read_ply, write_ply};
 pub use png::{TextureImage, Transfer, read_texture_png, write_rgb_png};
 pub use provenance::{Loaded, Provenance};
 pub use raw::{read_sensor_image, write_sensor_png, write_sensor_tiff};
+pub use stl::read_stl;

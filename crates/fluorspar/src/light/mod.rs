@@ -1,6 +1,13 @@
 //! Light sources with absolute power, emission pattern, area and position.
 
+mod environment_map;
+
+use std::borrow::Cow;
+use std::sync::Arc;
+
 use glam::Vec3;
+
+pub use environment_map::{EnvironmentLayer, EnvironmentMap, EnvironmentMapError};
 
 use crate::spectral::Curve;
 
@@ -70,6 +77,19 @@ pub enum Emitter {
     },
     /// The same radiance from every direction beyond the scene. Spectrum: radiance, W/(sr m² nm).
     Environment,
+    /// Radiance that depends on the direction. Spectrum: a factor on those of the layers of the map; the product is
+    /// radiance, W/(sr m² nm).
+    EnvironmentMap(Arc<EnvironmentMap>),
+}
+
+impl Light {
+    /// The spectrum of the light as a whole; for an environment map the mean over all directions.
+    pub fn whole_spectrum(&self) -> Cow<'_, Curve> {
+        match &self.emitter {
+            Emitter::EnvironmentMap(map) => Cow::Owned(self.spectrum.times(&map.mean_spectrum())),
+            _ => Cow::Borrowed(&self.spectrum),
+        }
+    }
 }
 
 impl Emitter {

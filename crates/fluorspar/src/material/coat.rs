@@ -1,11 +1,11 @@
 //! A rough dielectric coat over a diffuse base.
 
-use std::f32::consts::PI;
+use std::sync::Arc;
 
 use glam::Vec3;
 
 use super::ScalarTexture;
-use crate::sampling::warp;
+use super::microfacet::{self, AlbedoTable, TableCache, distribution, lambda};
 
 /// A thin, clear, rough dielectric layer: saliva on mucosa, gloss of enamel.
 ///
@@ -26,9 +26,6 @@ pub struct CoatSample {
     pub incident: Vec3,
 }
 
-/// Smallest roughness that is evaluated; smoother coats are clamped to it.
-pub const MIN_ROUGHNESS: f32 = 0.01;
-
 /// Unpolarised Fresnel reflectance of a smooth dielectric seen from outside; `cos` is that of the angle of incidence.
 pub fn fresnel(cos: f32, refractive_index: f32) -> f32 {
     let cos = cos.clamp(0.0, 1.0);
@@ -37,19 +34,6 @@ pub fn fresnel(cos: f32, refractive_index: f32) -> f32 {
     let parallel = (refractive_index * cos - cos_t) / (refractive_index * cos + cos_t);
     let perpendicular = (cos - refractive_index * cos_t) / (cos + refractive_index * cos_t);
     0.5 * (parallel * parallel + perpendicular * perpendicular)
-}
-
-fn distribution(half: Vec3, alpha: f32) -> f32 {
-    let a2 = alpha * alpha;
-    let cos2 = half.z * half.z;
-    let t = cos2 * (a2 - 1.0) + 1.0;
-    a2 / (PI * t * t)
-}
-
-fn lambda(direction: Vec3, alpha: f32) -> f32 {
-    let cos2 = direction.z * direction.z;
-    let tan2 = (1.0 - cos2).max(0.0) / cos2;
-    0.5 * ((1.0 + alpha * alpha * tan2).sqrt() - 1.0)
 }
 
 /// BRDF of the coat times the cosine of the incident angle, 1/sr. Directions are local and point away.
@@ -61,24 +45,15 @@ pub fn eval_times_cos(outgoing: Vec3, incident: Vec3, alpha: f32, refractive_ind
     if half.z <= 0.0 {
         return 0.0;
     }
-    let masking = 1.0 / (1.0 + lambda(outgoing, alpha) + lambda(incident, alpha));
+    let masking = microfacet::shadowing(outgoing, incident, alpha);
     fresnel(outgoing.dot(half), refractive_index) * distribution(half, alpha) * masking / (4.0 * outgoing.z)
 }
 
-/// Draws an incident direction by the visible normals of the GGX distribution (Heitz, JCGT 7(4), 2018).
+/// Draws an incident direction by the visible normals of the GGX distribution.
 /// `None` when the mirrored direction points into the surface: that light is absorbed by no one, it belongs to
 /// the base, whose share is computed from [`CoatAlbedo`].
 pub fn sample(outgoing: Vec3, alpha: f32, u: [f32; 2]) -> Option<CoatSample> {
-    let stretched = Vec3::new(alpha * outgoing.x, alpha * outgoing.y, outgoing.z).normalize();
-    let lensq = stretched.x * stretched.x + stretched.y * stretched.y;
-    let t1 = if lensq > 0.0 { Vec3::new(-stretched.y, stretched.x, 0.0) / lensq.sqrt() } else { Vec3::X };
-    let t2 = stretched.cross(t1);
-    let disc = warp::concentric_disc(u);
-    let s = 0.5 * (1.0 + stretched.z);
-    let y = (1.0 - s) * (1.0 - disc.x * disc.x).max(0.0).sqrt() + s * disc.y;
-    let z = (1.0 - disc.x * disc.x - y * y).max(0.0).sqrt();
-    let normal = t1 * disc.x + t2 * y + stretched * z;
-    let half = Vec3::new(alpha * normal.x, alpha * normal.y, normal.z.max(0.0)).normalize_or_zero();
+    let half = microfacet::sample_visible_normal(outgoing, alpha, u);
     let incident = 2.0 * outgoing.dot(half) * half - outgoing;
     (incident.z > 0.0).then_some(CoatSample { incident })
 }
@@ -95,9 +70,6 @@ pub fn pdf(outgoing: Vec3, incident: Vec3, alpha: f32) -> f32 {
     distribution(half, alpha) / ((1.0 + lambda(outgoing, alpha)) * 4.0 * outgoing.z)
 }
 
-const COSINES: usize = 48;
-const ROUGHNESSES: usize = 24;
-
 /// Directional albedo of the coat, tabulated over cosine and roughness for one refractive index.
 ///
 /// The base below receives `1 - E(cos)` of the light and sends it out with the same factor, normalised so that a
@@ -106,34 +78,27 @@ const ROUGHNESSES: usize = 24;
 #[derive(Clone, Debug, PartialEq)]
 pub struct CoatAlbedo {
     refractive_index: f32,
-    /// `[roughness][cosine]`.
-    table: Vec<f32>,
-    /// Cosine-weighted mean for each roughness.
-    mean: Vec<f32>,
+    table: AlbedoTable,
 }
 
 impl CoatAlbedo {
     /// Integrates the coat's reflection numerically; deterministic.
     pub fn new(refractive_index: f32) -> Self {
-        let mut table = Vec::with_capacity(COSINES * ROUGHNESSES);
-        let mut mean = Vec::with_capacity(ROUGHNESSES);
-        for row in 0..ROUGHNESSES {
-            let alpha = roughness_node(row);
-            let albedos: Vec<f64> = (0..COSINES)
-                .map(|col| directional_albedo(cosine_node(col), alpha, refractive_index))
-                .collect();
-            // Mean with weight 2 cos dcos, trapezoidal over the nodes.
-            let weighted = |col: usize| 2.0 * f64::from(cosine_node(col)) * albedos[col];
-            let integral: f64 = (1..COSINES)
-                .map(|col| {
-                    0.5 * (weighted(col) + weighted(col - 1))
-                        * f64::from(cosine_node(col) - cosine_node(col - 1))
-                })
-                .sum();
-            mean.push(integral as f32);
-            table.extend(albedos.iter().map(|&e| e as f32));
-        }
-        Self { refractive_index, table, mean }
+        // f cos / pdf = F G2 / G1.
+        let table = AlbedoTable::new(|outgoing, half, alpha| {
+            let incident = 2.0 * outgoing.dot(half) * half - outgoing;
+            if incident.z <= 0.0 {
+                return 0.0;
+            }
+            fresnel(outgoing.dot(half), refractive_index) * microfacet::passing(outgoing, incident, alpha)
+        });
+        Self { refractive_index, table }
+    }
+
+    /// The table of a refractive index, shared by all scenes.
+    pub fn shared(refractive_index: f32) -> Arc<Self> {
+        static TABLES: TableCache<CoatAlbedo> = TableCache::new();
+        TABLES.get(refractive_index, Self::new)
     }
 
     /// The refractive index of the table.
@@ -143,64 +108,13 @@ impl CoatAlbedo {
 
     /// Directional albedo `E(cos)` and its cosine-weighted mean for a roughness.
     pub fn at(&self, cos: f32, alpha: f32) -> (f32, f32) {
-        let y = roughness_coordinate(alpha);
-        let x = cosine_coordinate(cos);
-        let (row, fy) = split(y, ROUGHNESSES);
-        let (col, fx) = split(x, COSINES);
-        let value =
-            |r: usize| self.table[r * COSINES + col] * (1.0 - fx) + self.table[r * COSINES + col + 1] * fx;
-        let albedo = value(row) * (1.0 - fy) + value(row + 1) * fy;
-        (albedo, self.mean[row] * (1.0 - fy) + self.mean[row + 1] * fy)
+        self.table.at(cos, alpha)
     }
-}
-
-fn split(x: f32, n: usize) -> (usize, f32) {
-    let cell = (x as usize).min(n - 2);
-    (cell, x - cell as f32)
-}
-
-/// Nodes crowd towards grazing angles, where the albedo changes fastest.
-fn cosine_node(col: usize) -> f32 {
-    let x = col as f32 / (COSINES - 1) as f32;
-    (x * x).max(1e-4)
-}
-
-fn cosine_coordinate(cos: f32) -> f32 {
-    cos.clamp(0.0, 1.0).sqrt() * (COSINES - 1) as f32
-}
-
-fn roughness_node(row: usize) -> f32 {
-    let x = row as f32 / (ROUGHNESSES - 1) as f32;
-    MIN_ROUGHNESS + (1.0 - MIN_ROUGHNESS) * x * x
-}
-
-fn roughness_coordinate(alpha: f32) -> f32 {
-    let x = ((alpha - MIN_ROUGHNESS) / (1.0 - MIN_ROUGHNESS)).clamp(0.0, 1.0);
-    x.sqrt() * (ROUGHNESSES - 1) as f32
-}
-
-/// `integral f cos domega`: mean of `f cos / pdf` over visible-normal samples on a regular lattice.
-fn directional_albedo(cos: f32, alpha: f32, refractive_index: f32) -> f64 {
-    const SIDE: usize = 48;
-    let outgoing = Vec3::new((1.0 - cos * cos).max(0.0).sqrt(), 0.0, cos);
-    let mut sum = 0.0;
-    for i in 0..SIDE {
-        for j in 0..SIDE {
-            let u = [(i as f32 + 0.5) / SIDE as f32, (j as f32 + 0.5) / SIDE as f32];
-            if let Some(CoatSample { incident }) = sample(outgoing, alpha, u) {
-                // f cos / pdf = F G2 / G1.
-                let half = (outgoing + incident).normalize_or_zero();
-                let g2_over_g1 = (1.0 + lambda(outgoing, alpha))
-                    / (1.0 + lambda(outgoing, alpha) + lambda(incident, alpha));
-                sum += f64::from(fresnel(outgoing.dot(half), refractive_index) * g2_over_g1);
-            }
-        }
-    }
-    sum / (SIDE * SIDE) as f64
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::MIN_ROUGHNESS;
     use super::*;
 
     #[test]

@@ -7,7 +7,9 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use super::filter::AngleDistribution;
 use crate::image::SpectralImage;
+use crate::sampling::{SampleStream, warp};
 use crate::spectral::{Curve, Irradiance, Radiance, Spectrum, Transmittance, WavelengthGrid};
 
 /// How irradiance falls off away from the optical axis.
@@ -39,6 +41,11 @@ pub struct IdealLens {
     pub object_distance_mm: Option<f64>,
     /// Falloff away from the axis.
     pub vignetting: Vignetting,
+    /// Irradiance on the axis per radiance of a uniform field, sr, where rays were traced; `None` is the camera equation.
+    pub traced_solid_angle_sr: Option<f64>,
+    /// Transmittance of lens and filters at heights on the film, mm, rising from 0, where filters are averaged over the
+    /// angles of the rays; empty: `transmittance` holds everywhere. Linear between heights.
+    pub field_transmittance: Vec<(f64, Curve)>,
 }
 
 /// A lens parameter that can't be used.
@@ -60,6 +67,8 @@ impl IdealLens {
             transmittance: Curve::constant(1.0),
             object_distance_mm: None,
             vignetting: Vignetting::Cos4,
+            traced_solid_angle_sr: None,
+            field_transmittance: Vec::new(),
         }
     }
 
@@ -107,6 +116,15 @@ impl IdealLens {
                 ),
             );
         }
+        self.validate_transmittance()
+    }
+
+    /// Checks the transmittance.
+    ///
+    /// # Errors
+    /// A value that is no fraction.
+    pub fn validate_transmittance(&self) -> Result<(), LensProblem> {
+        let problem = |field, message: String| Err(LensProblem { field, message });
         let values = self.transmittance.values();
         if let Some(index) = values.iter().position(|t| !(0.0..=1.0).contains(t)) {
             return problem(
@@ -136,8 +154,11 @@ impl IdealLens {
         2.0 * self.image_distance_mm() * (0.5 * horizontal_fov_deg.to_radians()).tan()
     }
 
-    /// Irradiance on the axis per radiance behind a clear lens, sr: `pi / (1 + 4 N^2 (1 + |m|)^2)`.
+    /// Irradiance on the axis per radiance behind a clear lens, sr: `pi / (1 + 4 N^2 (1 + |m|)^2)`, or as traced.
     pub fn axial_solid_angle_sr(&self) -> f64 {
+        if let Some(traced) = self.traced_solid_angle_sr {
+            return traced;
+        }
         let working_f_number = self.f_number * (1.0 + self.magnification());
         PI / (1.0 + 4.0 * working_f_number * working_f_number)
     }
@@ -153,6 +174,30 @@ impl IdealLens {
         }
     }
 
+    /// Angles to the axis at which light that arrives at a height on the film passes a filter in front of the lens, or
+    /// one between lens and film: the pupil is a disc of the diameter `f / N` in the plane of the lens.
+    pub fn filter_angles(&self, image_height_mm: f64, behind_lens: bool) -> AngleDistribution {
+        let radius_mm = 0.5 * self.focal_length_mm / self.f_number;
+        let image_mm = self.image_distance_mm();
+        let samples = (0..512_u32).map(|sample| {
+            let [u, v, _, _] = SampleStream::new(0, 0, sample).next_4d();
+            let pupil = warp::concentric_disc([u, v]).as_dvec2() * radius_mm;
+            let behind = (pupil.x - image_height_mm).hypot(pupil.y) / image_mm;
+            let behind2 = behind * behind;
+            let weight = 1.0 / (1.0 + behind2).powi(2);
+            let tangent2 = match self.object_distance_mm {
+                _ if behind_lens => behind2,
+                None => (image_height_mm / image_mm).powi(2),
+                Some(distance) => {
+                    let object_mm = -image_height_mm * distance / image_mm;
+                    ((pupil.x - object_mm).hypot(pupil.y) / distance).powi(2)
+                }
+            };
+            (tangent2 / (1.0 + tangent2), weight)
+        });
+        AngleDistribution::of_rays(samples).unwrap_or_else(|| AngleDistribution::single(0.0))
+    }
+
     /// Transmittance averaged over the bins of a grid.
     pub fn transmittance_on(&self, grid: &WavelengthGrid) -> Spectrum<Transmittance> {
         self.transmittance.on_grid(grid)
@@ -164,10 +209,7 @@ impl IdealLens {
         grid: &WavelengthGrid,
         light: Option<&Curve>,
     ) -> Spectrum<Transmittance> {
-        match light {
-            Some(light) => self.transmittance.on_grid_under(grid, light),
-            None => self.transmittance_on(grid),
-        }
+        on_grid_under(&self.transmittance, grid, light)
     }
 
     /// Irradiance on the axis of a film under a uniform field.
@@ -197,8 +239,15 @@ impl IdealLens {
     ) -> SpectralImage<Irradiance> {
         let (width, height, bands) = (radiance.width(), radiance.height(), radiance.bands());
         let solid_angle = self.axial_solid_angle_sr();
-        let transmittance = self.transmittance_under(radiance.grid(), light);
-        let on_axis: Vec<f32> = transmittance.values().iter().map(|t| (solid_angle * t) as f32).collect();
+        let factors = |transmittance: &Spectrum<Transmittance>| -> Vec<f32> {
+            transmittance.values().iter().map(|t| (solid_angle * t) as f32).collect()
+        };
+        let on_axis = factors(&self.transmittance_under(radiance.grid(), light));
+        let by_height: Vec<(f64, Vec<f32>)> = self
+            .field_transmittance
+            .iter()
+            .map(|(height_mm, curve)| (*height_mm, factors(&on_grid_under(curve, radiance.grid(), light))))
+            .collect();
         let pitch_mm = film_width_mm / width as f64;
         let mut image = SpectralImage::zeros(radiance.grid().clone(), width, height);
         if radiance.data().is_empty() {
@@ -212,15 +261,41 @@ impl IdealLens {
                     out.chunks_exact_mut(bands).zip(light.chunks_exact(bands)).enumerate()
                 {
                     let x_mm = (col as f64 + 0.5 - 0.5 * width as f64) * pitch_mm;
-                    let falloff = self.relative_illumination(x_mm.hypot(y_mm)) as f32;
-                    for ((out, light), factor) in out.iter_mut().zip(light).zip(&on_axis) {
-                        *out = light * (factor * falloff);
+                    let height_mm = x_mm.hypot(y_mm);
+                    let falloff = self.relative_illumination(height_mm) as f32;
+                    let (low, high, t) = around(&by_height, &on_axis, height_mm);
+                    for ((out, light), (low, high)) in out.iter_mut().zip(light).zip(low.iter().zip(high)) {
+                        *out = light * ((low + t * (high - low)) * falloff);
                     }
                 }
             },
         );
         image
     }
+}
+
+/// A transmittance averaged over bins for light of a spectrum within each bin; `None` is even light.
+fn on_grid_under(
+    transmittance: &Curve,
+    grid: &WavelengthGrid,
+    light: Option<&Curve>,
+) -> Spectrum<Transmittance> {
+    match light {
+        Some(light) => transmittance.on_grid_under(grid, light),
+        None => transmittance.on_grid(grid),
+    }
+}
+
+/// The two tables around a height and the place between them; the given one where there are none.
+fn around<'a>(tables: &'a [(f64, Vec<f32>)], only: &'a [f32], height_mm: f64) -> (&'a [f32], &'a [f32], f32) {
+    let (Some(first), Some(last)) = (tables.first(), tables.last()) else { return (only, only, 0.0) };
+    if height_mm >= last.0 {
+        return (&last.1, &last.1, 0.0);
+    }
+    let right = tables.partition_point(|table| table.0 <= height_mm);
+    let Some(left) = right.checked_sub(1).map(|left| &tables[left]) else { return (&first.1, &first.1, 0.0) };
+    let next = &tables[right];
+    (&left.1, &next.1, ((height_mm - left.0) / (next.0 - left.0)) as f32)
 }
 
 #[cfg(test)]
@@ -291,6 +366,37 @@ mod tests {
         let lens = IdealLens::new(4.0, 2.0).with_filters([&short, &long]);
         let grid = WavelengthGrid::uniform(400.0, 700.0, 10.0).unwrap();
         assert!(lens.transmittance_on(&grid).values().iter().all(|t| t.abs() < 1e-12));
+    }
+
+    #[test]
+    fn transmittance_may_depend_on_the_height() {
+        let grid = WavelengthGrid::uniform(400.0, 700.0, 10.0).unwrap();
+        let mut radiance = SpectralImage::<Radiance>::zeros(grid, 11, 1);
+        radiance.data_mut().fill(1.0);
+        let lens = IdealLens {
+            vignetting: Vignetting::None,
+            traced_solid_angle_sr: Some(0.5),
+            field_transmittance: vec![(0.0, Curve::constant(1.0)), (1.0, Curve::constant(0.5))],
+            ..IdealLens::new(4.0, 2.0)
+        };
+        // Pixels of 0.4 mm: heights 0, 0.4, 0.8, 1.2, ...
+        let image = lens.form_image(&radiance, 4.4);
+        let at = |col: usize| f64::from(image.pixel(0, col)[5]);
+        for (col, expected) in [(5, 0.5), (6, 0.4), (4, 0.4), (7, 0.3), (8, 0.25), (0, 0.25)] {
+            assert!((at(col) - expected).abs() < 1e-6, "{col}: {}", at(col));
+        }
+    }
+
+    #[test]
+    fn a_cone_behind_the_lens_has_the_angle_of_its_f_number() {
+        // On the axis tan u' = 1 / (2 N (1 + |m|)); a Lambertian field fills sin² evenly.
+        let lens = IdealLens::new(4.0, 2.0);
+        let axial = lens.filter_angles(0.0, true);
+        assert!((axial.largest_angle_deg() - 0.25_f64.atan().to_degrees()).abs() < 0.3);
+        let rms = (0.5 * 0.0625_f64 / 1.0625).sqrt().asin().to_degrees();
+        assert!((axial.rms_angle_deg() - rms).abs() < 0.3, "{} {rms}", axial.rms_angle_deg());
+        let front = lens.filter_angles(2.0, false);
+        assert!((front.rms_angle_deg() - 0.5_f64.atan().to_degrees()).abs() < 1e-9);
     }
 
     #[test]

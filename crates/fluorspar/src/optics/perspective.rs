@@ -1,10 +1,16 @@
-//! The pinhole camera that samples the radiance field.
+//! The camera of a scene: a pinhole that samples the radiance field, or film behind a traced lens.
+
+use std::sync::Arc;
 
 use glam::Vec3;
 
+use super::camera_lens::CameraLens;
 use crate::image::View;
 
-/// A perspective (pinhole) camera: records radiance, not irradiance.
+/// A camera: a pinhole, or film behind a traced lens whose entrance pupil stands where the pinhole would.
+///
+/// The pinhole records radiance. The film records lens radiance, see [`CameraLens`]; its field of view is that of the lens,
+/// and the pinhole serves for the feature maps only.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PerspectiveCamera {
     /// Position of the entrance pupil, m.
@@ -21,6 +27,19 @@ pub struct PerspectiveCamera {
     pub width: usize,
     /// Rows.
     pub height: usize,
+    /// Lens through which the picture is rendered; none is a pinhole.
+    pub lens: Option<Arc<CameraLens>>,
+}
+
+/// A ray of the camera.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CameraRay {
+    /// Origin, m.
+    pub origin: Vec3,
+    /// Unit direction.
+    pub direction: Vec3,
+    /// Factor on the radiance along the ray; 1 for a pinhole, 0 where the lens blocks the ray.
+    pub weight: f32,
 }
 
 impl PerspectiveCamera {
@@ -45,6 +64,7 @@ impl PerspectiveCamera {
             tan_half_width: (0.5 * horizontal_field_deg.to_radians()).tan(),
             width,
             height,
+            lens: None,
         })
     }
 
@@ -64,6 +84,35 @@ impl PerspectiveCamera {
         let dx = (x - 0.5 * self.width as f32) * scale;
         let dy = (0.5 * self.height as f32 - y) * scale;
         (self.position, (self.forward + self.right * dx + self.up * dy).normalize())
+    }
+}
+
+impl PerspectiveCamera {
+    /// Groups of bands that need rays of their own: one, unless a lens with dispersion splits them.
+    pub fn band_groups(&self) -> usize {
+        self.lens.as_ref().map_or(1, |lens| lens.groups().len())
+    }
+
+    /// A ray for a group of bands through image coordinates in pixels and a point `u` of the pupil.
+    pub fn sample(&self, group: usize, x: f32, y: f32, u: [f32; 2]) -> CameraRay {
+        let Some(lens) = &self.lens else {
+            let (origin, direction) = self.ray(x, y);
+            return CameraRay { origin, direction, weight: 1.0 };
+        };
+        let pitch_mm = lens.film_width_mm() / self.width as f64;
+        let right_mm = (f64::from(x) - 0.5 * self.width as f64) * pitch_mm;
+        let up_mm = (0.5 * self.height as f64 - f64::from(y)) * pitch_mm;
+        let world = |[right, up, forward]: [f64; 3]| {
+            self.right * right as f32 + self.up * up as f32 + self.forward * forward as f32
+        };
+        match lens.sample(group, right_mm, up_mm, u) {
+            Some(ray) => CameraRay {
+                origin: self.position + world(ray.origin_mm.map(|mm| mm * 1e-3)),
+                direction: world(ray.direction).normalize(),
+                weight: ray.weight as f32,
+            },
+            None => CameraRay { origin: self.position, direction: self.forward, weight: 0.0 },
+        }
     }
 }
 

@@ -1,7 +1,7 @@
 //! From developed frames to chromaticity and porphyrin.
 
-use super::capture::on_sensor;
-use super::direct_light::{SurfacePoint, axis_point, irradiance_on, region_points};
+use super::capture::{behind_filter, on_sensor};
+use super::direct_light::{axis_point, irradiance_on, region_points};
 use super::{CapturedFrame, PipelineError};
 use crate::analysis::{
     Analysis, AnalysisSettings, ChannelNoise, ChromaticityMap, FluorophoreResponse, MixtureModel,
@@ -10,6 +10,7 @@ use crate::analysis::{
 use crate::experiment::{Capture, ResolvedAnalysis, ResolvedExperiment};
 use crate::image::ComponentImage;
 use crate::render::direct_exitance;
+use crate::scene::irradiance::SurfacePoint;
 use crate::sensor::Sensor;
 use crate::spectral::{Curve, QuantumEfficiency, Radiance, Spectrum};
 
@@ -49,11 +50,11 @@ pub fn analyze(
     let capture =
         experiment.captures.iter().find(|c| c.frame.label == settings.frame).ok_or_else(no_frame)?;
 
-    let k = frame.raw.dn_per_electron;
+    let (k, model) = (frame.raw.dn_per_electron, sensor.model());
     // A flat field takes the spread of the pixels' response out, dark frames that of their dark signal.
     let develop = &experiment.develop;
-    let prnu = if develop.flat_field.is_some() { 0.0 } else { sensor.model().prnu_percent / 100.0 };
-    let dsnu = if develop.dark_frames > 0 { 0.0 } else { k * sensor.model().dsnu_electrons() };
+    let prnu = if develop.flat_field.is_some() { 0.0 } else { model.image_prnu_percent() / 100.0 };
+    let dsnu = if develop.dark_frames > 0 { 0.0 } else { k * model.image_dsnu_electrons() };
     let noise = ChannelNoise::of_image(&frame.developed, k, prnu, dsnu);
     let mut region = RegionOfInterest::of_parts(settings.parts.iter().cloned());
     if let Some([col, row, width, height]) = settings.rectangle_px.map(|r| r.map(|v| v as usize)) {
@@ -67,7 +68,7 @@ pub fn analyze(
         .select(image.width, image.height, scene)
         .map_err(crate::analysis::AnalysisError::from)?;
     let lamp = frame_lamp(experiment, capture, scene.map(|scene| (scene, &region)));
-    let model = mixture_model(experiment, sensor, lamp.as_ref(), settings);
+    let model = mixture_model(experiment, sensor, capture, lamp.as_ref(), settings);
     let (analysis, chromaticity, porphyrin) =
         analyse(image, scene, model.as_ref(), None, &analysis_settings)?;
     Ok(Some(AnalyzedFrame { analysis, chromaticity, porphyrin, region }))
@@ -102,15 +103,16 @@ pub(crate) fn frame_lamp(
 fn mixture_model(
     experiment: &ResolvedExperiment,
     sensor: &Sensor,
+    capture: &Capture,
     lamp: Option<&Curve>,
     settings: &ResolvedAnalysis,
 ) -> Option<MixtureModel> {
     let (lens, lamp) = (experiment.lens.as_ref()?, lamp?);
     let grid = &experiment.scene.grid;
-    let transmittance = lens.transmittance_on(grid);
-    let channel = |name: &str| -> Option<Spectrum<QuantumEfficiency>> {
-        Some(sensor.qe().on_grid(sensor.qe().find(name)?, grid))
-    };
+    let transmittance = behind_filter(lens, capture).transmittance_on(grid);
+    let qe = sensor.effective_qe();
+    let channel =
+        |name: &str| -> Option<Spectrum<QuantumEfficiency>> { Some(qe.on_grid(qe.find(name)?, grid)) };
     let [red, green, blue] = [channel("R")?, channel("G")?, channel("B")?];
     let responses = experiment
         .scene

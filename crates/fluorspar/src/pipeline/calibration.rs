@@ -1,6 +1,7 @@
 //! Dark frames, flat fields and bad pixels of an experiment's own sensor, or of a real one.
 
 use super::PipelineError;
+use super::capture::flat_film_irradiance;
 use crate::experiment::{FlatFieldPlan, ResolvedExperiment};
 use crate::image::{SensorImage, SpectralImage};
 use crate::sensor::{
@@ -171,7 +172,7 @@ fn flats(
     for pixel in radiance.data_mut().chunks_exact_mut(grid.len()) {
         pixel.iter_mut().zip(spectrum.values()).for_each(|(value, s)| *value = *s as f32);
     }
-    let irradiance = lens.form_image(&radiance, film.width_mm);
+    let irradiance = flat_film_irradiance(experiment, lens, &radiance, film.width_mm);
     let mut rate = sensor.electron_rate_on_film(&irradiance, film)?;
     let rule = AutoExposure {
         percentile: 100.0,

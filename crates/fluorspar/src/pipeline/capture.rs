@@ -1,16 +1,18 @@
 //! From a component image to raw and developed frames.
 
-use super::light_by_shape::light_by_shape;
+use std::borrow::Cow;
+
+use super::light_by_shape::{ShapedRadiance, light_by_shape};
 use super::motion::{MotionPath, shifted};
 use super::{Calibration, PipelineError};
 use crate::analysis::SceneOnSensor;
 use crate::experiment::{Capture, ResolvedExperiment};
 use crate::image::{ChannelImage, ComponentImage, SensorImage, SpectralImage};
-use crate::optics::IdealLens;
+use crate::optics::{FilterAutofluorescence, IdealLens};
 use crate::sensor::{
     CaptureFrame, ElectronRate, Exposure, FilmExtent, LinearMosaic, Sensor, merge_exposures,
 };
-use crate::spectral::{Irradiance, Radiance};
+use crate::spectral::{Irradiance, Radiance, Transmittance};
 
 /// One capture, raw and developed.
 #[derive(Clone, Debug, PartialEq)]
@@ -84,6 +86,90 @@ pub fn frame_radiance(frame: &CaptureFrame, components: &ComponentImage) -> Spec
     components.recombine(|component| frame.drive(component.lamp_group()))
 }
 
+/// Irradiance on the film from the radiance of a render, filters and their own light included.
+fn film_irradiance(
+    experiment: &ResolvedExperiment,
+    lens: &IdealLens,
+    light: &ShapedRadiance,
+    tan_half_width: f64,
+    film_width_mm: f64,
+) -> SpectralImage<Irradiance> {
+    let (radiance, shape) = (&light.radiance, light.shape.as_ref());
+    let mut irradiance = match &experiment.traced_lens {
+        // A render through the lens holds lens radiance already.
+        Some(traced) if experiment.scene.camera.lens.is_none() => {
+            let lens_radiance = traced.lens_radiance(radiance, tan_half_width);
+            lens.form_image_under(&lens_radiance, film_width_mm, shape)
+        }
+        _ => lens.form_image_under(radiance, film_width_mm, shape),
+    };
+    if let Some(own) = &experiment.view_filters.autofluorescence {
+        add_veil(experiment, lens, own, light, tan_half_width, &mut irradiance);
+    }
+    irradiance
+}
+
+/// Irradiance on the film under a picture of the same radiance everywhere, without the filters' own light.
+pub(super) fn flat_film_irradiance(
+    experiment: &ResolvedExperiment,
+    lens: &IdealLens,
+    radiance: &SpectralImage<Radiance>,
+    film_width_mm: f64,
+) -> SpectralImage<Irradiance> {
+    match &experiment.traced_lens {
+        Some(traced) => {
+            let mut darkened = radiance.clone();
+            traced.darken(&mut darkened, film_width_mm);
+            lens.form_image(&darkened, film_width_mm)
+        }
+        None => lens.form_image(radiance, film_width_mm),
+    }
+}
+
+/// Adds the light of a fluorescing filter: excited by the mean radiance of the picture over the solid angle of its field,
+/// spread evenly over the film.
+fn add_veil(
+    experiment: &ResolvedExperiment,
+    lens: &IdealLens,
+    own: &FilterAutofluorescence,
+    light: &ShapedRadiance,
+    tan_half_width: f64,
+    irradiance: &mut SpectralImage<Irradiance>,
+) {
+    let radiance = &light.radiance;
+    let tan_half_height = tan_half_width * radiance.height() as f64 / radiance.width() as f64;
+    let field_sr = projected_solid_angle(tan_half_width, tan_half_height);
+    let grid = radiance.grid();
+    let arriving: Vec<f64> = radiance.mean_spectrum().values().iter().map(|l| l * field_sr).collect();
+    let passed = match &light.shape {
+        Some(shape) => experiment.view_filter.on_grid_under::<Transmittance>(grid, shape),
+        None => experiment.view_filter.on_grid(grid),
+    };
+    let veil = own.veil_radiance(&arriving, passed.values(), grid);
+    let solid_angle = lens.axial_solid_angle_sr();
+    for pixel in irradiance.data_mut().chunks_exact_mut(veil.values().len()) {
+        for (value, l) in pixel.iter_mut().zip(veil.values()) {
+            *value += (solid_angle * l) as f32;
+        }
+    }
+}
+
+/// Irradiance on a plane per radiance of a rectangular field about its normal, `integral cos dOmega`, with the tangents of
+/// half its width and height: `2 (x/sqrt(1+x²) atan(y/sqrt(1+x²)) + y/sqrt(1+y²) atan(x/sqrt(1+y²)))`.
+pub(super) fn projected_solid_angle(x: f64, y: f64) -> f64 {
+    let part = |a: f64, b: f64| {
+        let root = (1.0 + a * a).sqrt();
+        a / root * (b / root).atan()
+    };
+    2.0 * (part(x, y) + part(y, x))
+}
+
+/// Tangent of half the horizontal field of the pinhole that rendered an image.
+fn tan_half_width(experiment: &ResolvedExperiment, components: &ComponentImage) -> f64 {
+    let camera = &experiment.scene.camera;
+    f64::from(components.features.view.map_or(camera.tan_half_width, |view| view.tan_half_width))
+}
+
 /// How large a rendered image lies on the film behind a lens: its field of view is that of the camera that rendered it,
 /// whatever lens or sensor the experiment has now.
 pub(super) fn film_extent(
@@ -91,10 +177,26 @@ pub(super) fn film_extent(
     components: &ComponentImage,
     lens: &IdealLens,
 ) -> FilmExtent {
-    let tan_half =
-        components.features.view.map_or(experiment.scene.camera.tan_half_width, |v| v.tan_half_width);
-    let field_deg = 2.0 * f64::from(tan_half).atan().to_degrees();
+    if let Some(traced) = &experiment.traced_lens {
+        return FilmExtent::of_width(traced.film_width_mm(), components.width, components.height);
+    }
+    let field_deg = 2.0 * tan_half_width(experiment, components).atan().to_degrees();
     FilmExtent::of_width(lens.film_width_mm(field_deg), components.width, components.height)
+}
+
+/// The lens with the filters of one capture.
+pub(super) fn behind_filter<'a>(lens: &'a IdealLens, capture: &Capture) -> Cow<'a, IdealLens> {
+    match &capture.filter {
+        Some(filter) => {
+            let mut lens = lens.clone();
+            lens.transmittance = lens.transmittance.times(filter);
+            for (_, transmittance) in &mut lens.field_transmittance {
+                *transmittance = transmittance.times(filter);
+            }
+            Cow::Owned(lens)
+        }
+        None => Cow::Borrowed(lens),
+    }
 }
 
 /// The image on the film, relative to the sensor.
@@ -152,10 +254,12 @@ pub fn capture(
     let mut path = MotionPath::new(experiment);
     let mut exposures = Vec::with_capacity(experiment.captures.len());
     for capture in &experiment.captures {
+        let lens = behind_filter(lens, capture);
+        let tan_half_width = tan_half_width(experiment, components);
         let mut irradiance =
             SpectralImage::zeros(components.grid.clone(), components.width, components.height);
         for light in light_by_shape(experiment, &capture.frame, components) {
-            irradiance.add(&lens.form_image_under(&light.radiance, film.width_mm, light.shape.as_ref()));
+            irradiance.add(&film_irradiance(experiment, &lens, &light, tan_half_width, film.width_mm));
         }
         exposures.push(expose_capture(experiment, sensor, capture, &irradiance, film, &mut path)?);
     }

@@ -10,6 +10,7 @@
 //! | chromaticity, porphyrin | [`analyze`] | [`AnalyzedFrame`] |
 //! | less noise, for pictures | [`denoise`] | [`crate::image::ComponentImage`], labelled |
 //! | pictures for people | [`preview`] | 8-bit sRGB |
+//! | reflected light against fluorescence behind filters | [`filter_leak`] | [`FilterLeak`] |
 //! | all of it for a flat sample | [`predict`] | [`Prediction`] |
 
 mod analyze;
@@ -18,6 +19,7 @@ mod camera_color;
 mod capture;
 mod denoise;
 mod direct_light;
+mod filter_leak;
 mod light_by_shape;
 mod motion;
 mod predict;
@@ -34,6 +36,7 @@ pub use capture::{
     CapturedFrame, RawExposures, bracket_label, capture, complete_raw, develop_frames, frame_radiance,
 };
 pub use denoise::{DenoiseError, DenoiseSettings, denoise};
+pub use filter_leak::{FilterLeak, LeakAtAngle, LeakBehindFilters, filter_leak};
 pub use predict::{
     ChannelPrediction, Chromaticity, FlatSample, FluorescenceModel, PredictError, Prediction, RadianceSplit,
     predict,

@@ -1,10 +1,11 @@
 //! Mean radiance of a region of a component image, kept apart by component.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use super::capture::on_sensor;
+use super::capture::{behind_filter, on_sensor};
 use super::light_by_shape::component_spectrum;
 use crate::analysis::{PixelSelection, channel_response};
 use crate::experiment::ResolvedExperiment;
@@ -94,9 +95,14 @@ impl RegionRadiance {
     /// filters leave. `None` without a sensor, or without fluorescence.
     pub fn leak_ratio(&self, experiment: &ResolvedExperiment) -> Option<f64> {
         let (lens, sensor) = (experiment.lens.as_ref()?, experiment.sensor.as_ref()?);
-        let grid = &experiment.scene.grid;
+        let analysed = experiment
+            .analysis
+            .as_ref()
+            .and_then(|analysis| experiment.captures.iter().find(|c| c.frame.label == analysis.frame));
+        let lens = analysed.map_or(Cow::Borrowed(lens), |capture| behind_filter(lens, capture));
+        let (grid, qe) = (&experiment.scene.grid, sensor.effective_qe());
         let channels: Vec<Spectrum<QuantumEfficiency>> =
-            (0..sensor.qe().channels().len()).map(|c| sensor.qe().on_grid(c, grid)).collect();
+            (0..qe.channels().len()).map(|c| qe.on_grid(c, grid)).collect();
         let electrons = |values: &[f64], shape: Option<&Curve>| -> Option<f64> {
             let transmittance = lens.transmittance_under(grid, shape);
             let seen = values.iter().zip(transmittance.values()).map(|(l, t)| l * t).collect();

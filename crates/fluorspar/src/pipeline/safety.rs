@@ -6,7 +6,6 @@ use glam::DVec3;
 use serde::Serialize;
 
 use super::CapturedFrame;
-use super::direct_light::{SurfacePoint, emission_factor, emitter_factor};
 use crate::experiment::{Capture, ResolvedExperiment};
 use crate::light::Emitter;
 use crate::safety::{
@@ -14,6 +13,7 @@ use crate::safety::{
     assess, risk_group,
 };
 use crate::scene::Shape;
+use crate::scene::irradiance::{SurfacePoint, emission_factor, light_factors, light_spectra};
 use crate::spectral::Curve;
 
 /// Whose safety it is.
@@ -300,7 +300,20 @@ fn illumination(experiment: &ResolvedExperiment, capture: &Capture, at: SurfaceP
     for lamp in &scene.lights {
         let drive = capture.frame.drive(&scene.light_groups[lamp.group].name);
         if drive > 0.0 {
-            add(&lamp.spectrum, drive * emitter_factor(&lamp.emitter, at), seen(&lamp.emitter, at));
+            let spectra = light_spectra(lamp);
+            for (layer, (spectrum, factor)) in spectra.iter().zip(light_factors(lamp, at)).enumerate() {
+                let seen = match &lamp.emitter {
+                    // As if all of it came from its brightest place, which is looked at.
+                    Emitter::EnvironmentMap(map) => {
+                        let brightest = map.layers()[layer].factors.iter().copied().fold(0.0, f32::max);
+                        let solid_angle_sr = (factor / f64::from(brightest.max(f32::MIN_POSITIVE))).min(PI);
+                        let subtense_rad = 2.0 * (solid_angle_sr / PI).sqrt();
+                        Seen { direction: at.normal, subtense_rad, solid_angle_sr }
+                    }
+                    emitter => seen(emitter, at),
+                };
+                add(spectrum, drive * factor, seen);
+            }
         }
     }
     for object in &scene.objects {
@@ -364,7 +377,9 @@ fn seen(emitter: &Emitter, at: SurfacePoint) -> Seen {
         Emitter::Distant { direction } => {
             Seen { direction: -direction.as_dvec3(), subtense_rad: 0.0, solid_angle_sr: 0.0 }
         }
-        Emitter::Environment => Seen { direction: at.normal, subtense_rad: PI, solid_angle_sr: PI },
+        Emitter::Environment | Emitter::EnvironmentMap(_) => {
+            Seen { direction: at.normal, subtense_rad: PI, solid_angle_sr: PI }
+        }
     }
 }
 

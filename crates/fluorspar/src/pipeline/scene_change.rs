@@ -55,6 +55,11 @@ fn difference(rendered: &ResolvedExperiment, wanted: &ResolvedExperiment) -> Opt
     if (a.position, a.forward, a.right, a.up) != (b.position, b.forward, b.right, b.up) {
         return Some("place or direction of the camera".into());
     }
+    if (a.lens.is_some() || b.lens.is_some()) && a.lens != b.lens {
+        return Some(
+            "the lens through which the image was rendered ([lens], or the size of the [sensor])".into(),
+        );
+    }
     if !(rendered.field_from_lens && wanted.field_from_lens) && a.tan_half_width != b.tan_half_width {
         return Some("the field of view (camera.horizontal_field_deg)".into());
     }

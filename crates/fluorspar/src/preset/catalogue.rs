@@ -18,12 +18,18 @@ pub enum PresetKind {
     Filter,
     /// Diffuse spectral reflectance of a surface.
     Reflectance,
+    /// Complex refractive index of a metal.
+    Metal,
     /// Electrons per photon of the channels of a sensor.
     QuantumEfficiency,
     /// Geometry and electronics of a sensor.
     Sensor,
     /// Excitation-emission matrix of a fluorophore.
     Fluorophore,
+    /// Refractive index of a lens material.
+    Glass,
+    /// A lens: surfaces, glasses, stop.
+    Lens,
     /// A complete experiment.
     Experiment,
     /// A flat sample without geometry.
@@ -32,13 +38,16 @@ pub enum PresetKind {
 
 impl PresetKind {
     /// Every kind.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 11] = [
         Self::Light,
         Self::Filter,
         Self::Reflectance,
+        Self::Metal,
         Self::QuantumEfficiency,
         Self::Sensor,
         Self::Fluorophore,
+        Self::Glass,
+        Self::Lens,
         Self::Experiment,
         Self::Sample,
     ];
@@ -48,9 +57,12 @@ impl PresetKind {
             Self::Light => "lights",
             Self::Filter => "filters",
             Self::Reflectance => "reflectances",
+            Self::Metal => "metals",
             Self::QuantumEfficiency => "qe",
             Self::Sensor => "sensors",
             Self::Fluorophore => "fluorophores",
+            Self::Glass => "glasses",
+            Self::Lens => "lenses",
             Self::Experiment => "experiments",
             Self::Sample => "samples",
         }
@@ -63,9 +75,12 @@ impl fmt::Display for PresetKind {
             Self::Light => "light spectrum",
             Self::Filter => "filter",
             Self::Reflectance => "reflectance",
+            Self::Metal => "metal",
             Self::QuantumEfficiency => "quantum efficiency",
             Self::Sensor => "sensor",
             Self::Fluorophore => "fluorophore",
+            Self::Glass => "glass",
+            Self::Lens => "lens",
             Self::Experiment => "experiment",
             Self::Sample => "flat sample",
         })

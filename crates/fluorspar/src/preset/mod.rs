@@ -6,9 +6,12 @@
 //! | light spectra | [`list`]`(PresetKind::Light)` | [`light_spectrum`] |
 //! | filters | [`list`]`(PresetKind::Filter)` | [`filter`] |
 //! | diffuse reflectances | [`list`]`(PresetKind::Reflectance)` | [`reflectance`] |
+//! | metals | [`list`]`(PresetKind::Metal)` | [`metal`] |
 //! | quantum efficiencies | [`list`]`(PresetKind::QuantumEfficiency)` | [`quantum_efficiency`] |
 //! | sensors | [`list`]`(PresetKind::Sensor)` | [`sensor`] |
 //! | fluorophores | [`list`]`(PresetKind::Fluorophore)` | [`fluorophore`] |
+//! | glasses | [`list`]`(PresetKind::Glass)` | [`glass`] |
+//! | lenses | [`list`]`(PresetKind::Lens)` | [`lens`], [`lens_or_file`] |
 //! | experiments | [`list`]`(PresetKind::Experiment)` | [`experiment`] |
 //! | flat samples | [`list`]`(PresetKind::Sample)` | [`sample`] |
 
@@ -17,6 +20,8 @@ mod curve_preset;
 #[cfg(test)]
 mod fluorophore_fit;
 mod fluorophore_preset;
+mod lens_preset;
+mod metal_preset;
 mod text_preset;
 
 pub use catalogue::{PresetError, PresetKind, PresetSummary, list, names, nearest_name};
@@ -25,5 +30,7 @@ pub use curve_preset::{
     quantum_efficiency, reflectance,
 };
 pub use fluorophore_preset::{FluorophoreFit, FluorophoreMask, FluorophorePreset, fluorophore};
+pub use lens_preset::{LensError, LoadedLens, glass, is_lens_file, lens, lens_or_file};
+pub use metal_preset::{MetalPreset, metal};
 pub(crate) use text_preset::sensor_text;
 pub use text_preset::{ExperimentPreset, SensorPreset, experiment, sample, sensor};

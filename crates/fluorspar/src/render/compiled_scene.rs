@@ -1,12 +1,20 @@
 //! Plain buffers made from a scene once, before any ray is traced.
 
+use std::sync::Arc;
+
 use fluorspar_accel::bands::{BLOCK, BandBlock, to_blocks};
 use fluorspar_accel::{BuildError, Ray, Simd, TriangleBvh};
 use glam::{Vec2, Vec3};
 
+use super::adjoint::{AdjointModel, BINS, Coarse};
 use super::fluorescence_operator::{FluorescenceOperator, direct_exitance};
-use crate::light::Emitter;
-use crate::material::{CoatAlbedo, ScalarTexture};
+use crate::light::{Emitter, EnvironmentMap};
+use crate::material::conductor::white_microfacets;
+use crate::material::{
+    CoatAlbedo, ConductorReflectance, DielectricAlbedo, NormalMap, ScalarTexture, Scattering,
+};
+use crate::sampling::hash_u64;
+use crate::scene::irradiance::{SurfacePoint, direct_light, group_spectrum};
 use crate::scene::{Scene, Shape};
 use crate::spectral::{Curve, Reflectance};
 
@@ -32,7 +40,6 @@ pub(super) struct Intersection {
 #[derive(Debug)]
 pub(super) struct Source {
     pub(super) group: usize,
-    pub(super) curve: Curve,
     /// Bin averages, one per band.
     pub(super) bands: Vec<BandBlock>,
     /// Fluorescent exitance per unit irradiance and concentration, `[fluorophore][band]`.
@@ -88,12 +95,33 @@ pub(super) enum CompiledEmitter {
     ShapeObject {
         shape: usize,
     },
+    /// Radiance by direction, with the source of each layer of the map.
+    Environment {
+        map: Arc<EnvironmentMap>,
+        sources: Vec<usize>,
+    },
 }
 
-/// Reflectance spectra, coat and fluorophores of a material.
+/// How a material sends light on, with tables by index.
+#[derive(Debug)]
+pub(super) enum CompiledScattering {
+    Diffuse,
+    Dielectric { table: usize, roughness: ScalarTexture },
+    Conductor { metal: usize, roughness: ScalarTexture },
+    Mix { first: usize, second: usize, amount: ScalarTexture },
+    TwoSided { front: usize, back: usize },
+}
+
+/// Spectra, coat and fluorophores of a material.
 #[derive(Debug)]
 pub(super) struct CompiledMaterial {
+    pub(super) scattering: CompiledScattering,
+    /// Terms of the spectrum that colours the chromatic lobe: the diffuse reflectance, the transmittance of a clear
+    /// body, the basis of the reflectances of a metal.
     pub(super) reflectance: Vec<(Vec<BandBlock>, ScalarTexture)>,
+    /// The same terms on coarse bins.
+    pub(super) coarse_reflectance: Vec<Coarse>,
+    pub(super) normal_map: Option<NormalMap>,
     pub(super) coat: Option<(usize, ScalarTexture)>,
     pub(super) fluorophores: Vec<(usize, ScalarTexture)>,
     /// Largest reflectance of any band, or a stand-in for surfaces that fluoresce, for choosing lobes and for Russian
@@ -141,7 +169,15 @@ pub(super) struct CompiledScene<'a> {
     /// Sources that shine from every direction beyond the scene.
     pub(super) environment: Vec<usize>,
     pub(super) materials: Vec<CompiledMaterial>,
-    pub(super) coats: Vec<CoatAlbedo>,
+    pub(super) coats: Vec<Arc<CoatAlbedo>>,
+    pub(super) dielectrics: Vec<Arc<DielectricAlbedo>>,
+    pub(super) metals: Vec<ConductorReflectance>,
+    /// What paths can still carry.
+    pub(super) adjoint: AdjointModel,
+    /// Opacity of each object whose material has holes; empty when there is none in the scene.
+    cutouts: Vec<Option<ScalarTexture>>,
+    /// Lights that are environment maps.
+    pub(super) environment_maps: Vec<usize>,
     /// `[group and excitation bin][fluorophore]`, excitation weighted by the group's lamps.
     pub(super) lamp_operators: Vec<Vec<FluorescenceOperator>>,
     /// `[fluorophore]`, evenly weighted, for light that already fluoresced.
@@ -165,6 +201,7 @@ impl<'a> CompiledScene<'a> {
         let mut sources: Vec<Source> = Vec::new();
         let mut lights = Vec::new();
         let mut environment = Vec::new();
+        let mut environment_maps = Vec::new();
         let mut object_light = vec![None; scene.objects.len()];
 
         let slices = excitation_edges_nm.len().max(1);
@@ -181,7 +218,7 @@ impl<'a> CompiledScene<'a> {
                     .iter()
                     .map(|f| to_blocks(&single(&direct_exitance(&f.eem, grid, &curve))))
                     .collect();
-                sources.push(Source { group: group * slices + slice, curve, bands, exitance });
+                sources.push(Source { group: group * slices + slice, bands, exitance });
             }
             (lamps.len() - 1) * slices
         };
@@ -245,7 +282,6 @@ impl<'a> CompiledScene<'a> {
         }
 
         for light in &scene.lights {
-            let source = source_of(light.group, &light.spectrum);
             let power = (light.spectrum.total() as f32).max(f32::MIN_POSITIVE);
             let emitter = match &light.emitter {
                 Emitter::Disc { center, normal, radius_m, exponent } => CompiledEmitter::Disc {
@@ -274,10 +310,24 @@ impl<'a> CompiledScene<'a> {
                 }
                 Emitter::Distant { direction } => CompiledEmitter::Distant { direction: *direction },
                 Emitter::Environment => {
+                    let source = source_of(light.group, &light.spectrum);
                     environment.extend(source..source + slices);
                     continue;
                 }
+                Emitter::EnvironmentMap(map) => {
+                    let layer_source = |layer: &crate::light::EnvironmentLayer| {
+                        source_of(light.group, &light.spectrum.times(&layer.spectrum))
+                    };
+                    let sources: Vec<usize> = map.layers().iter().map(layer_source).collect();
+                    let source = sources[0];
+                    environment_maps.push(lights.len());
+                    let emitter = CompiledEmitter::Environment { map: Arc::clone(map), sources };
+                    let power = (light.whole_spectrum().total() as f32).max(f32::MIN_POSITIVE);
+                    lights.push(CompiledLight { source, group: light.group, emitter, power });
+                    continue;
+                }
             };
+            let source = source_of(light.group, &light.spectrum);
             lights.push(CompiledLight { source, group: light.group, emitter, power });
         }
 
@@ -285,46 +335,123 @@ impl<'a> CompiledScene<'a> {
             .map(|group| (0..lights.len()).filter(|&l| lights[l].group == group).collect())
             .collect();
 
-        let mut coats: Vec<CoatAlbedo> = Vec::new();
+        let bvh = TriangleBvh::build(&positions, &triangles)?;
+        let group_spectra = {
+            let corners = |triangle: u32| triangles[triangle as usize].map(|v| positions[v as usize]);
+            // Lamps of all kinds, weighed by the irradiance that they throw on what is seen: the shape of the sum weights
+            // excitation within a bin.
+            let points = points_in_view(scene, &bvh, corners, &triangle_object, &shapes);
+            let parts = direct_light(scene, &points);
+            (0..scene.light_groups.len()).map(|group| group_spectrum(&parts, group)).collect::<Vec<_>>()
+        };
+        let adjoint = AdjointModel::new(scene, &group_spectra);
+        let mut coats: Vec<Arc<CoatAlbedo>> = Vec::new();
+        let mut dielectrics: Vec<Arc<DielectricAlbedo>> = Vec::new();
+        let mut metals: Vec<ConductorReflectance> = Vec::new();
         let materials = scene
             .materials
             .iter()
             .map(|material| {
-                let reflectance: Vec<(Vec<BandBlock>, ScalarTexture)> = material
-                    .reflectance
-                    .iter()
-                    .map(|term| {
-                        let bands = term.spectrum.on_grid::<Reflectance>(grid);
-                        (to_blocks(&single(bands.values())), term.weight.clone())
-                    })
-                    .collect();
+                let on_bands =
+                    |curve: &Curve| to_blocks(&single(curve.on_grid::<Reflectance>(grid).values()));
+                let uniform = ScalarTexture::Constant(1.0);
+                let (scattering, reflectance, coarse_reflectance) = match &material.scattering {
+                    Scattering::Diffuse => (
+                        CompiledScattering::Diffuse,
+                        material
+                            .reflectance
+                            .iter()
+                            .map(|t| (on_bands(&t.spectrum), t.weight.clone()))
+                            .collect(),
+                        material.reflectance.iter().map(|term| adjoint.coarse(&term.spectrum)).collect(),
+                    ),
+                    Scattering::Dielectric(glass) => {
+                        let index = glass.refractive_index;
+                        let table = dielectrics
+                            .iter()
+                            .position(|d| d.refractive_index() == index)
+                            .unwrap_or_else(|| {
+                                dielectrics.push(DielectricAlbedo::shared(index));
+                                dielectrics.len() - 1
+                            });
+                        let roughness = glass.roughness.clone();
+                        (
+                            CompiledScattering::Dielectric { table, roughness },
+                            vec![(on_bands(&glass.transmittance), uniform)],
+                            vec![adjoint.coarse(&glass.transmittance)],
+                        )
+                    }
+                    Scattering::Conductor(conductor) => {
+                        let metal = ConductorReflectance::new(conductor, grid, white_microfacets());
+                        let centres = grid.centers_nm();
+                        let coarse = |term: &Vec<f32>| {
+                            let values = term.iter().map(|&f| f64::from(f)).collect();
+                            Curve::new(centres.clone(), values)
+                                .map_or([0.0; BINS], |curve| adjoint.coarse(&curve))
+                        };
+                        let terms =
+                            metal.basis().iter().map(|term| (to_blocks(term), uniform.clone())).collect();
+                        let coarse = metal.basis().iter().map(coarse).collect();
+                        metals.push(metal);
+                        let roughness = conductor.roughness.clone();
+                        (CompiledScattering::Conductor { metal: metals.len() - 1, roughness }, terms, coarse)
+                    }
+                    Scattering::Mix { first, second, amount } => (
+                        CompiledScattering::Mix { first: *first, second: *second, amount: amount.clone() },
+                        Vec::new(),
+                        Vec::new(),
+                    ),
+                    Scattering::TwoSided { front, back } => {
+                        (CompiledScattering::TwoSided { front: *front, back: *back }, Vec::new(), Vec::new())
+                    }
+                };
                 let coat = material.coat.as_ref().map(|coat| {
                     let index = coats
                         .iter()
                         .position(|c| c.refractive_index() == coat.refractive_index)
                         .unwrap_or_else(|| {
-                            coats.push(CoatAlbedo::new(coat.refractive_index));
+                            coats.push(CoatAlbedo::shared(coat.refractive_index));
                             coats.len() - 1
                         });
                     (index, coat.roughness.clone())
                 });
                 let fluorophores: Vec<(usize, ScalarTexture)> =
                     material.fluorophores.iter().map(|a| (a.fluorophore, a.concentration.clone())).collect();
+                let terms: &Vec<(Vec<BandBlock>, ScalarTexture)> = &reflectance;
                 let elastic = (0..grid.len())
                     .map(|band| {
                         let at = |r: &[BandBlock]| r[band / BLOCK].0[band % BLOCK];
-                        reflectance.iter().map(|(r, weight)| at(r) * weight.max()).sum()
+                        terms.iter().map(|(r, weight)| at(r) * weight.max()).sum()
                     })
                     .fold(0.0, f32::max);
                 let albedo_bound =
                     if fluorophores.is_empty() { elastic } else { elastic.max(FLUORESCENT_ALBEDO) };
-                CompiledMaterial { reflectance, coat, fluorophores, albedo_bound }
+                CompiledMaterial {
+                    scattering,
+                    reflectance,
+                    coarse_reflectance,
+                    normal_map: material.normal_map.clone(),
+                    coat,
+                    fluorophores,
+                    albedo_bound,
+                }
             })
             .collect();
+        let mut cutouts: Vec<Option<ScalarTexture>> =
+            scene.objects.iter().map(|object| scene.materials[object.material].opacity.clone()).collect();
+        if cutouts.iter().all(Option::is_none) {
+            cutouts.clear();
+        }
 
-        let lamp_operators = (0..scene.light_groups.len() * slices)
-            .map(|group| {
-                let lamp = group_lamp(&sources, group);
+        let lamp_operators = group_spectra
+            .iter()
+            .flat_map(|spectrum| match spectrum {
+                Some(spectrum) => {
+                    excitation_slices(spectrum, excitation_edges_nm).into_iter().map(Some).collect()
+                }
+                None => vec![None; slices],
+            })
+            .map(|lamp| {
                 scene
                     .fluorophores
                     .iter()
@@ -350,7 +477,7 @@ impl<'a> CompiledScene<'a> {
             bands: grid.len(),
             simd: Simd::detect(),
             clearance: (1e-6 * reach.max(shape_reach)).max(1e-9),
-            bvh: TriangleBvh::build(&positions, &triangles)?,
+            bvh,
             positions,
             normals,
             uvs,
@@ -365,6 +492,11 @@ impl<'a> CompiledScene<'a> {
             environment,
             materials,
             coats,
+            dielectrics,
+            metals,
+            adjoint,
+            cutouts,
+            environment_maps,
             lamp_operators,
             plain_operators,
         })
@@ -385,19 +517,86 @@ impl<'a> CompiledScene<'a> {
         )
     }
 
+    /// Texture coordinates of the corners of a triangle.
+    pub(super) fn texture_corners(&self, triangle: usize) -> [Vec2; 3] {
+        self.triangles[triangle].map(|v| self.uvs[v as usize])
+    }
+
     /// Object that a triangle belongs to.
     pub(super) fn object_of(&self, triangle: usize) -> usize {
         self.triangle_object[triangle] as usize
     }
 
-    /// Nearest surface or light along a ray.
+    /// Nearest surface or light along a ray. Surfaces with holes are there with the probability of their opacity, by
+    /// a hash of the ray and the place.
     pub(super) fn closest(&self, origin: Vec3, direction: Vec3) -> Option<Intersection> {
-        let ray = Ray { origin, direction, t_min: 0.0, t_max: f32::INFINITY };
+        let mut hit = self.nearest(origin, direction, f32::INFINITY)?;
+        if self.cutouts.is_empty() {
+            return Some(hit);
+        }
+        let mut start = origin;
+        let mut walked = 0.0;
+        loop {
+            let opacity = self.opacity(start, direction, &hit);
+            if opacity >= 1.0 || chance(start, direction, hit.t) < opacity {
+                return Some(Intersection { t: walked + hit.t, target: hit.target });
+            }
+            let step = hit.t + self.clearance.max(1e-6 * hit.t);
+            walked += step;
+            start += direction * step;
+            hit = self.nearest(start, direction, f32::INFINITY)?;
+        }
+    }
+
+    /// Opacity of a surface at an intersection; lights are opaque.
+    fn opacity(&self, origin: Vec3, direction: Vec3, hit: &Intersection) -> f32 {
+        let object = match hit.target {
+            Target::Light(_) => return 1.0,
+            Target::Triangle { triangle, .. } => self.object_of(triangle as usize),
+            Target::Shape(index) => self.shapes[index as usize].object,
+        };
+        match self.cutouts.get(object) {
+            Some(Some(texture)) => match self.surface(origin, direction, hit) {
+                Some(point) => texture.at(point.uv).clamp(0.0, 1.0),
+                None => 1.0,
+            },
+            _ => 1.0,
+        }
+    }
+
+    /// Share of light that passes between a point and `t_max` along a direction: 0 behind opaque surfaces, between 0
+    /// and 1 behind those with holes. The light aimed at does not count.
+    pub(super) fn visibility(&self, origin: Vec3, direction: Vec3, t_max: f32, aimed_at: usize) -> f32 {
+        if self.cutouts.is_empty() {
+            return if self.occluded(origin, direction, t_max, aimed_at) { 0.0 } else { 1.0 };
+        }
+        let (mut start, mut left, mut share) = (origin, t_max, 1.0);
+        while let Some(hit) = self.nearest(start, direction, left) {
+            let aimed = matches!(hit.target, Target::Light(light) if light as usize == aimed_at);
+            if !aimed {
+                share *= 1.0 - self.opacity(start, direction, &hit);
+            }
+            if share <= 0.0 {
+                return 0.0;
+            }
+            let step = hit.t + self.clearance.max(1e-6 * hit.t);
+            start += direction * step;
+            left -= step;
+            if left <= 0.0 {
+                break;
+            }
+        }
+        share
+    }
+
+    /// Nearest surface or light along a ray within `t_max`, holes ignored.
+    fn nearest(&self, origin: Vec3, direction: Vec3, t_max: f32) -> Option<Intersection> {
+        let ray = Ray { origin, direction, t_min: 0.0, t_max };
         let mut best = self.bvh.closest(&ray).map(|hit| Intersection {
             t: hit.t,
             target: Target::Triangle { triangle: hit.triangle, u: hit.u, v: hit.v },
         });
-        let mut limit = best.map_or(f32::INFINITY, |hit| hit.t);
+        let mut limit = best.map_or(t_max, |hit| hit.t);
         for (index, shape) in self.shapes.iter().enumerate() {
             if let Some(t) = shape.shape.intersect(origin, direction, limit) {
                 limit = t;
@@ -414,7 +613,7 @@ impl<'a> CompiledScene<'a> {
     }
 
     /// Whether anything lies between a point and `t_max` along a direction; the light aimed at does not count.
-    pub(super) fn occluded(&self, origin: Vec3, direction: Vec3, t_max: f32, aimed_at: usize) -> bool {
+    fn occluded(&self, origin: Vec3, direction: Vec3, t_max: f32, aimed_at: usize) -> bool {
         let ray = Ray { origin, direction, t_min: 0.0, t_max };
         self.bvh.occluded(&ray)
             || self.shapes.iter().any(|s| s.shape.intersect(origin, direction, t_max).is_some())
@@ -450,18 +649,69 @@ fn excitation_slices(curve: &Curve, edges_nm: &[f64]) -> Vec<Curve> {
     slices
 }
 
-/// Sum of all lamp spectra of a group: its shape weights excitation within a bin.
-fn group_lamp(sources: &[Source], group: usize) -> Option<Curve> {
-    let curves: Vec<&Curve> = sources.iter().filter(|s| s.group == group).map(|s| &s.curve).collect();
-    match curves.as_slice() {
-        [] => None,
-        [only] => Some((*only).clone()),
-        many => {
-            let start = many.iter().map(|c| c.range_nm().0).fold(f64::INFINITY, f64::min);
-            let end = many.iter().map(|c| c.range_nm().1).fold(f64::NEG_INFINITY, f64::max);
-            Some(Curve::from_fn(start, end, |nm| many.iter().map(|c| c.at(nm)).sum()))
-        }
+/// A number in `[0, 1)` from the bits of a ray and a place along it.
+fn chance(origin: Vec3, direction: Vec3, t: f32) -> f32 {
+    let mut hash = u64::from(t.to_bits());
+    for value in origin.to_array().into_iter().chain(direction.to_array()) {
+        hash = hash_u64(hash ^ u64::from(value.to_bits()));
     }
+    (hash >> 40) as f32 / 16_777_216.0
+}
+
+/// Rays along each side of the image whose hits stand for the scene when lamps are weighed against each other.
+const VIEW_RAYS: usize = 12;
+
+/// Places that the camera sees, on its side: those that fluoresce, or all if none does. Holes and lamps are looked
+/// through.
+fn points_in_view(
+    scene: &Scene,
+    bvh: &TriangleBvh,
+    corners: impl Fn(u32) -> [Vec3; 3],
+    triangle_object: &[u32],
+    shapes: &[CompiledShape],
+) -> Vec<SurfacePoint> {
+    let camera = &scene.camera;
+    let step = |i: usize, side: usize| (i as f32 + 0.5) / VIEW_RAYS as f32 * side as f32;
+    let hits: Vec<(usize, SurfacePoint)> = (0..VIEW_RAYS * VIEW_RAYS)
+        .filter_map(|i| {
+            let (origin, direction) =
+                camera.ray(step(i % VIEW_RAYS, camera.width), step(i / VIEW_RAYS, camera.height));
+            let ray = Ray { origin, direction, t_min: 0.0, t_max: f32::INFINITY };
+            let mut nearest = bvh.closest(&ray).map(|hit| {
+                let [a, b, c] = corners(hit.triangle);
+                (hit.t, triangle_object[hit.triangle as usize] as usize, (b - a).cross(c - a))
+            });
+            for shape in shapes {
+                let limit = nearest.map_or(f32::INFINITY, |(t, ..)| t);
+                if let Some(t) = shape.shape.intersect(origin, direction, limit) {
+                    let normal = match &shape.shape {
+                        AnalyticShape::Sphere { center, .. } => origin + direction * t - *center,
+                        AnalyticShape::Disc { normal, .. } => *normal,
+                    };
+                    nearest = Some((t, shape.object, normal));
+                }
+            }
+            let (t, object, normal) = nearest?;
+            let normal = normal.as_dvec3().try_normalize()?;
+            let normal = if normal.dot(direction.as_dvec3()) > 0.0 { -normal } else { normal };
+            Some((object, SurfacePoint { position: (origin + direction * t).as_dvec3(), normal }))
+        })
+        .collect();
+    let fluoresces = |object: usize| {
+        let mut parts = vec![scene.objects[object].material];
+        while let Some(part) = parts.pop() {
+            let material = &scene.materials[part];
+            match &material.scattering {
+                Scattering::Mix { first, second, .. } => parts.extend([*first, *second]),
+                Scattering::TwoSided { front, back } => parts.extend([*front, *back]),
+                _ if !material.fluorophores.is_empty() => return true,
+                _ => {}
+            }
+        }
+        false
+    };
+    let any = hits.iter().any(|(object, _)| fluoresces(*object));
+    hits.into_iter().filter(|(object, _)| !any || fluoresces(*object)).map(|(_, point)| point).collect()
 }
 
 impl AnalyticShape {
@@ -491,7 +741,11 @@ impl CompiledEmitter {
                 ((0.0..=1.0).contains(&u) && (0.0..=1.0).contains(&v)).then_some(t)
             }
             Self::Sphere { center, radius } => intersect_sphere(origin, direction, *center, *radius, limit),
-            Self::Point { .. } | Self::Distant { .. } | Self::Mesh { .. } | Self::ShapeObject { .. } => None,
+            Self::Point { .. }
+            | Self::Distant { .. }
+            | Self::Mesh { .. }
+            | Self::ShapeObject { .. }
+            | Self::Environment { .. } => None,
         }
     }
 }

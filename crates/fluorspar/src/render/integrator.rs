@@ -5,12 +5,13 @@ use std::ops::Range;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use fluorspar_accel::BuildError;
-use fluorspar_accel::bands::{BandBlock, add_bands, copy_bands};
+use fluorspar_accel::bands::{BandBlock, add_bands, add_scaled_range, copy_bands};
 use rayon::prelude::*;
 use sha2::{Digest, Sha256};
 use thiserror::Error;
 
 use super::adaptive::{ErrorTarget, TileError};
+use super::camera_sample::render_sample;
 use super::compiled_scene::{CompiledScene, Target};
 use super::path::Path;
 use super::spectral_accumulation::SpectralState;
@@ -21,7 +22,6 @@ use crate::image::film::{
 use crate::image::{
     Component, ComponentImage, FeatureMaps, Film, FilmLayout, Light, SpectralImage, Statistics,
 };
-use crate::sampling::SampleStream;
 use crate::scene::{Scene, SceneError};
 use crate::spectral::Radiance;
 
@@ -437,28 +437,21 @@ impl BlockSum {
         col: usize,
         samples: Range<u32>,
     ) {
-        let camera = &scene.scene.camera;
         let bands = scene.bands;
         self.values.fill(0.0);
         self.lit.fill(false);
         for sample in samples {
-            let mut stream = SampleStream::new(settings.seed, (row * camera.width + col) as u64, sample);
-            let [x, y, _, _] = stream.next_4d();
-            let (origin, direction) = camera.ray(col as f32 + x, row as f32 + y);
-            scene.trace(
-                &mut self.path,
-                origin,
-                direction,
-                &mut stream,
-                settings.max_depth,
-                settings.estimator,
-            );
-            self.state.gather(scene, &self.path);
-            for component in (0..self.lit.len()).filter(|&c| self.state.is_lit(c)) {
-                self.lit[component] = true;
-                let sums = &mut self.values[component * bands..(component + 1) * bands];
-                add_bands(self.state.component(component), sums);
-            }
+            let (values, lit) = (&mut self.values, &mut self.lit);
+            let add = |component: usize, range: Range<usize>, weight: f32, light: &[BandBlock]| {
+                lit[component] = true;
+                let sums = &mut values[component * bands..(component + 1) * bands];
+                if weight == 1.0 && range.len() == bands {
+                    add_bands(light, sums);
+                } else {
+                    add_scaled_range(weight, light, range, sums);
+                }
+            };
+            render_sample(scene, settings, (row, col), sample, &mut self.path, &mut self.state, add);
         }
     }
 }

@@ -5,7 +5,7 @@ use std::f32::consts::PI;
 use glam::Vec3;
 
 use super::compiled_scene::{AnalyticShape, CompiledEmitter, CompiledLight, CompiledScene, Target};
-use crate::sampling::warp;
+use crate::sampling::{SphericalEllipse, SphericalRectangle, warp};
 
 /// Light that may arrive at a point.
 #[derive(Clone, Copy, Debug)]
@@ -15,8 +15,11 @@ pub(super) struct LightSample {
     pub(super) direction: Vec3,
     /// Distance to the light, m.
     pub(super) distance: f32,
-    /// Factor on the source's spectrum: radiance for lights with area, radiance times solid angle for point-like ones.
+    /// Factor on the source's spectrum: radiance for lights with area, radiance times solid angle for point-like ones,
+    /// 1 for environment maps, whose pixel holds the factors.
     pub(super) scale: f32,
+    /// Pixel of an environment map.
+    pub(super) pixel: usize,
     /// Density, 1/sr, choice of the light included; for point-like lights the probability of the choice.
     pub(super) pdf: f32,
     /// Point-like: no ray finds it by chance.
@@ -49,12 +52,15 @@ const LEAST_WEIGHT: f32 = 1e-3;
 
 impl CompiledScene<'_> {
     /// Relative weight with which a light is chosen at a point: power over squared distance, and no more than a
-    /// token for lights that lie behind the surface.
+    /// token for lights that lie behind the surface. A normal of zero stands for a surface that light passes.
     fn light_weight(&self, light: &CompiledLight, position: Vec3, normal: Vec3) -> f32 {
         let (center, reach, pattern) = match &light.emitter {
+            // The others' weight is 2 pi times their irradiance.
             CompiledEmitter::Distant { direction } => {
-                return light.power * (-direction.dot(normal)).max(LEAST_WEIGHT);
+                let facing = if normal == Vec3::ZERO { 1.0 } else { -direction.dot(normal) };
+                return 2.0 * PI * light.power * facing.max(LEAST_WEIGHT);
             }
+            CompiledEmitter::Environment { .. } => return 2.0 * PI * PI * light.power,
             CompiledEmitter::Disc { center, normal, radius, exponent, .. } => {
                 (*center, *radius, Some((*normal, *exponent)))
             }
@@ -76,7 +82,8 @@ impl CompiledScene<'_> {
         let direction = to_light / distance2.sqrt();
         // The whole light may be lower than its centre by its reach.
         let sine = reach / distance2.sqrt();
-        let facing = (direction.dot(normal) + sine).clamp(LEAST_WEIGHT, 1.0);
+        let facing =
+            if normal == Vec3::ZERO { 1.0 } else { (direction.dot(normal) + sine).clamp(LEAST_WEIGHT, 1.0) };
         let emission = pattern.map_or(1.0, |(axis, exponent)| {
             let cos = (-direction.dot(axis) + sine).min(1.0);
             if cos <= 0.0 { LEAST_WEIGHT } else { cos.powf(exponent).max(LEAST_WEIGHT) * (exponent + 1.0) }
@@ -143,17 +150,43 @@ impl CompiledScene<'_> {
                 scale,
                 pdf: choice * distance * distance / (area * cos),
                 delta: false,
+                pixel: 0,
+            })
+        };
+        let solid_angle_sample = |direction: Vec3, distance: f32, pdf: f32, scale: f32| {
+            (scale > 0.0).then_some(LightSample {
+                light,
+                direction,
+                distance,
+                scale,
+                pdf,
+                delta: false,
+                pixel: 0,
             })
         };
         match &self.lights[light].emitter {
             CompiledEmitter::Disc { center, normal, tangents, radius, exponent } => {
+                let area = PI * radius * radius;
+                if let Some(view) = SphericalEllipse::new(*center, *normal, *radius, position) {
+                    let (direction, density) = view.sample(u);
+                    let cos = -direction.dot(*normal);
+                    let distance = -(*center - position).dot(*normal) / cos;
+                    let scale = lobe_radiance(cos, *exponent, area);
+                    return solid_angle_sample(direction, distance, choice * density, scale);
+                }
                 let d = warp::concentric_disc(u) * *radius;
                 let (direction, distance) = toward(*center + tangents.0 * d.x + tangents.1 * d.y)?;
                 let cos = -direction.dot(*normal);
-                let area = PI * radius * radius;
                 area_sample(direction, distance, cos, area, lobe_radiance(cos, *exponent, area))
             }
             CompiledEmitter::Rectangle { corner, edge_u, edge_v, normal, area, exponent } => {
+                if let Some(view) = SphericalRectangle::new(*corner, *edge_u, *edge_v, position) {
+                    let offset = view.sample(u);
+                    let distance = offset.length();
+                    let direction = offset / distance;
+                    let scale = lobe_radiance(-direction.dot(*normal), *exponent, *area);
+                    return solid_angle_sample(direction, distance, choice / view.solid_angle(), scale);
+                }
                 let (direction, distance) = toward(*corner + *edge_u * u[0] + *edge_v * u[1])?;
                 let cos = -direction.dot(*normal);
                 area_sample(direction, distance, cos, *area, lobe_radiance(cos, *exponent, *area))
@@ -178,6 +211,7 @@ impl CompiledScene<'_> {
                     scale,
                     pdf: choice,
                     delta: true,
+                    pixel: 0,
                 })
             }
             CompiledEmitter::Distant { direction } => Some(LightSample {
@@ -187,7 +221,20 @@ impl CompiledScene<'_> {
                 scale: 1.0,
                 pdf: choice,
                 delta: true,
+                pixel: 0,
             }),
+            CompiledEmitter::Environment { map, .. } => {
+                let (direction, pixel, density) = map.sample(u);
+                Some(LightSample {
+                    light,
+                    direction,
+                    distance: f32::INFINITY,
+                    scale: 1.0,
+                    pdf: choice * density,
+                    delta: false,
+                    pixel,
+                })
+            }
             CompiledEmitter::Mesh { first_triangle, cumulative_area, .. } => {
                 let total = *cumulative_area.last()?;
                 // Choose a triangle by area and reuse the rest of the number.
@@ -206,6 +253,11 @@ impl CompiledScene<'_> {
                     self.sample_sphere(light, choice, position, &SphereLight::object(*center, *radius), u)
                 }
                 AnalyticShape::Disc { center, normal, tangents, radius } => {
+                    if let Some(view) = SphericalEllipse::new(*center, *normal, *radius, position) {
+                        let (direction, density) = view.sample(u);
+                        let distance = (*center - position).dot(*normal) / direction.dot(*normal);
+                        return solid_angle_sample(direction, distance, choice * density, 1.0);
+                    }
                     let d = warp::concentric_disc(u) * *radius;
                     let (direction, distance) = toward(*center + tangents.0 * d.x + tangents.1 * d.y)?;
                     area_sample(direction, distance, direction.dot(*normal).abs(), PI * radius * radius, 1.0)
@@ -228,14 +280,17 @@ impl CompiledScene<'_> {
         let distance2 = offset.length_squared();
         if distance2 > radius * radius * 1.000_1 {
             let axis = offset / distance2.sqrt();
-            let cos_max = (1.0 - radius * radius / distance2).max(0.0).sqrt();
-            let local = warp::uniform_cone(u, cos_max);
+            let drop_max = cone_drop(radius, distance2);
+            // 1 - cos, kept apart from 1: small and far spheres would lose their digits.
+            let drop = u[0] * drop_max;
+            let sin2 = drop * (2.0 - drop);
+            let (sin_phi, cos_phi) = (2.0 * PI * u[1]).sin_cos();
             let (t0, t1) = warp::tangents(axis);
-            let direction = t0 * local.x + t1 * local.y + axis * local.z;
-            let sin2 = (1.0 - local.z * local.z) * distance2;
-            let distance = local.z * distance2.sqrt() - (radius * radius - sin2).max(0.0).sqrt();
-            let pdf = choice * warp::uniform_cone_pdf(cos_max);
-            return Some(LightSample { light, direction, distance, scale, pdf, delta: false });
+            let direction = (t0 * cos_phi + t1 * sin_phi) * sin2.sqrt() + axis * (1.0 - drop);
+            let distance =
+                (1.0 - drop) * distance2.sqrt() - (radius * radius - sin2 * distance2).max(0.0).sqrt();
+            let pdf = choice / (2.0 * PI * drop_max);
+            return Some(LightSample { light, direction, distance, scale, pdf, delta: false, pixel: 0 });
         }
         let normal = warp::uniform_sphere(u);
         let to_point = center + normal * radius - position;
@@ -250,7 +305,48 @@ impl CompiledScene<'_> {
             scale,
             pdf: choice * distance * distance / (area * cos),
             delta: false,
+            pixel: 0,
         })
+    }
+
+    /// Calls `add` with every source of a sampled light and the factor on its spectrum; of its excitation bins with the
+    /// first.
+    pub(super) fn each_source(&self, sample: &LightSample, mut add: impl FnMut(usize, f32)) {
+        let light = &self.lights[sample.light];
+        match &light.emitter {
+            CompiledEmitter::Environment { map, sources } => {
+                for (source, layer) in sources.iter().zip(map.layers()) {
+                    add(*source, sample.scale * layer.factors[sample.pixel]);
+                }
+            }
+            _ => add(light.source, sample.scale),
+        }
+    }
+
+    /// Emission of the surroundings met by a ray that leaves the scene: calls `add` with source, factor on its
+    /// spectrum, and the density, 1/sr, with which [`Self::sample_light`] would have chosen this direction; zero where
+    /// it never does.
+    pub(super) fn surroundings(
+        &self,
+        position: Vec3,
+        normal: Vec3,
+        direction: Vec3,
+        mut add: impl FnMut(usize, f32, f32),
+    ) {
+        for &source in &self.environment {
+            add(source, 1.0, 0.0);
+        }
+        for &light in &self.environment_maps {
+            let CompiledEmitter::Environment { map, sources } = &self.lights[light].emitter else { continue };
+            let pixel = map.pixel(direction);
+            let pdf = self.choice_probability(light, position, normal) * map.pdf(direction);
+            for (source, layer) in sources.iter().zip(map.layers()) {
+                let factor = layer.factors[pixel];
+                if factor > 0.0 {
+                    (*source..*source + self.slices).for_each(|source| add(source, factor, pdf));
+                }
+            }
+        }
     }
 
     /// Emission met by a ray that was not aimed at a light: light, factor on its spectrum, and the density, 1/sr,
@@ -263,17 +359,21 @@ impl CompiledScene<'_> {
         distance: f32,
         target: Target,
     ) -> Option<(usize, f32, f32)> {
-        let (light, scale, cos, area) = match target {
+        let (light, scale, cos, area, density) = match target {
             Target::Light(index) => {
                 let light = index as usize;
                 match &self.lights[light].emitter {
-                    CompiledEmitter::Disc { normal, radius, exponent, .. } => {
+                    CompiledEmitter::Disc { center, normal, radius, exponent, .. } => {
                         let (cos, area) = (-direction.dot(*normal), PI * radius * radius);
-                        (light, lobe_radiance(cos, *exponent, area), cos, area)
+                        let view = SphericalEllipse::new(*center, *normal, *radius, position);
+                        let density = view.map(|view| view.pdf(direction));
+                        (light, lobe_radiance(cos, *exponent, area), cos, area, density)
                     }
-                    CompiledEmitter::Rectangle { normal, area, exponent, .. } => {
+                    CompiledEmitter::Rectangle { corner, edge_u, edge_v, normal, area, exponent } => {
                         let cos = -direction.dot(*normal);
-                        (light, lobe_radiance(cos, *exponent, *area), cos, *area)
+                        let view = SphericalRectangle::new(*corner, *edge_u, *edge_v, position);
+                        let density = view.map(|view| 1.0 / view.solid_angle());
+                        (light, lobe_radiance(cos, *exponent, *area), cos, *area, density)
                     }
                     CompiledEmitter::Sphere { center, radius } => {
                         let sphere = SphereLight::lamp(*center, *radius);
@@ -289,7 +389,7 @@ impl CompiledScene<'_> {
                 };
                 let [a, b, c] = self.corners(triangle as usize);
                 let cos = direction.dot((b - a).cross(c - a).normalize_or_zero()).abs();
-                (light, 1.0, cos, *cumulative_area.last()?)
+                (light, 1.0, cos, *cumulative_area.last()?, None)
             }
             Target::Shape(index) => {
                 let shape = &self.shapes[index as usize];
@@ -299,8 +399,10 @@ impl CompiledScene<'_> {
                         let sphere = SphereLight::object(*center, *radius);
                         return self.sphere_emission(light, position, normal, direction * distance, &sphere);
                     }
-                    AnalyticShape::Disc { normal, radius, .. } => {
-                        (light, 1.0, direction.dot(*normal).abs(), PI * radius * radius)
+                    AnalyticShape::Disc { center, normal, radius, .. } => {
+                        let view = SphericalEllipse::new(*center, *normal, *radius, position);
+                        let density = view.map(|view| view.pdf(direction));
+                        (light, 1.0, direction.dot(*normal).abs(), PI * radius * radius, density)
                     }
                 }
             }
@@ -308,8 +410,8 @@ impl CompiledScene<'_> {
         if cos <= 0.0 || scale <= 0.0 {
             return None;
         }
-        let pdf = self.choice_probability(light, position, normal) * distance * distance / (area * cos);
-        Some((light, scale, pdf))
+        let density = density.unwrap_or_else(|| distance * distance / (area * cos));
+        Some((light, scale, self.choice_probability(light, position, normal) * density))
     }
 
     fn sphere_emission(
@@ -329,12 +431,18 @@ impl CompiledScene<'_> {
         let choice = self.choice_probability(light, position, normal);
         let distance2 = (center - position).length_squared();
         let pdf = if distance2 > radius * radius * 1.000_1 {
-            warp::uniform_cone_pdf((1.0 - radius * radius / distance2).max(0.0).sqrt())
+            1.0 / (2.0 * PI * cone_drop(radius, distance2))
         } else {
             distance * distance / (4.0 * PI * radius * radius * cos.abs().max(1e-6))
         };
         Some((light, scale, choice * pdf))
     }
+}
+
+/// `1 - cos` of the cone that a sphere fills from a squared distance, without cancellation.
+fn cone_drop(radius: f32, distance2: f32) -> f32 {
+    let sin2 = radius * radius / distance2;
+    sin2 / (1.0 + (1.0 - sin2).max(0.0).sqrt())
 }
 
 /// Radiance per unit power of a flat source with intensity `I0 cos^g`: `(g+1)/(2 pi A) cos^(g-1)`, 1/(sr m²).
@@ -353,7 +461,7 @@ mod tests {
 
     use super::*;
     use crate::geometry::TriangleMesh;
-    use crate::light::{Emitter, Light, LightGroup};
+    use crate::light::{Emitter, EnvironmentLayer, EnvironmentMap, Light, LightGroup};
     use crate::material::Material;
     use crate::optics::PerspectiveCamera;
     use crate::sampling::hash_u64;
@@ -393,11 +501,17 @@ mod tests {
                 let u = [a >> 40, a & 0xFF_FFFF, b >> 40].map(|bits| bits as f32 / 16_777_216.0);
                 compiled
                     .sample_light(0, position, normal, u)
+                    // A lamp in front of the surroundings hides them.
+                    .filter(|s| s.distance.is_finite() || compiled.closest(position, s.direction).is_none())
                     .map(|s| s.direction.as_dvec3().normalize().to_array())
             },
             |d| {
                 let direction = Vec3::new(d[0] as f32, d[1] as f32, d[2] as f32);
-                let Some(hit) = compiled.closest(position, direction) else { return 0.0 };
+                let Some(hit) = compiled.closest(position, direction) else {
+                    let mut density = 0.0;
+                    compiled.surroundings(position, normal, direction, |_, _, pdf| density = f64::from(pdf));
+                    return density;
+                };
                 compiled
                     .emission_along(position, normal, direction, hit.t, hit.target)
                     .map_or(0.0, |(_, _, pdf)| f64::from(pdf))
@@ -425,6 +539,12 @@ mod tests {
             triangles: vec![[0, 1, 2], [0, 2, 3]],
             ..TriangleMesh::default()
         };
+        let layer = EnvironmentLayer {
+            spectrum: Curve::constant(1.0),
+            factors: (0..32).map(|i| if i == 11 { 40.0 } else { (i % 3) as f32 }).collect(),
+        };
+        let sky = EnvironmentMap::new(8, 4, vec![layer], 20.0).unwrap();
+        let sky = Emitter::EnvironmentMap(std::sync::Arc::new(sky));
         let cases = vec![
             scene(vec![disc(Vec3::new(0.0, 0.0, 2.0), 1.0)], vec![]),
             scene(vec![disc(Vec3::new(0.5, 1.0, 2.0), 6.0)], vec![]),
@@ -442,6 +562,8 @@ mod tests {
             scene(vec![], vec![Shape::Disc { center: Vec3::Y, normal: Vec3::Y, radius_m: 1.2 }]),
             scene(vec![], vec![Shape::Mesh(std::sync::Arc::new(quad))]),
             scene(vec![disc(Vec3::new(0.0, 0.0, 2.0), 1.0), disc(Vec3::new(3.0, 0.0, 0.5), 2.0)], vec![]),
+            scene(vec![sky.clone()], vec![]),
+            scene(vec![sky, disc(Vec3::new(0.0, 0.5, 2.0), 1.0)], vec![]),
         ];
         for case in &cases {
             check(case, Vec3::new(0.1, -0.2, 0.05), Vec3::new(0.2, 0.3, 1.0).normalize(), cases.len());

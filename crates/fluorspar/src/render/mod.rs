@@ -6,18 +6,24 @@
 //! | `compiled_scene` | plain buffers that rays and spectra need |
 //! | `fluorescence_operator` | an excitation-emission matrix applied to a band vector |
 //! | `light_sampling` | directions towards lights, with densities |
-//! | `surface` | what a ray finds: frame, textures, coat |
+//! | `surface` | what a ray finds: frame, texture coordinates, side |
+//! | `scattering` | what a material does to light at a point |
+//! | `adjoint` | what a path can still carry, for Russian roulette |
 //! | `path` | samples one path and keeps its vertices |
 //! | `spectral_accumulation` | runs spectra backwards along a path |
+//! | `camera_sample` | one sample of one pixel, through pinhole or lens |
 //! | `integrator` | all pixels on all cores: passes, shards, progress, interruption |
 //! | `adaptive` | when a tile has samples enough |
 
 mod adaptive;
+mod adjoint;
+mod camera_sample;
 mod compiled_scene;
 mod fluorescence_operator;
 mod integrator;
 mod light_sampling;
 mod path;
+mod scattering;
 mod spectral_accumulation;
 mod surface;
 

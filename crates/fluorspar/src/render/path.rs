@@ -4,11 +4,11 @@ use std::f32::consts::PI;
 
 use glam::Vec3;
 
+use super::adjoint::{BINS, Importance};
 use super::compiled_scene::CompiledScene;
 use super::integrator::Estimator;
-use super::surface::SurfacePoint;
-use crate::material::coat;
-use crate::sampling::{SampleStream, warp};
+use super::scattering::ScatteringSample;
+use crate::sampling::SampleStream;
 
 /// Direct light of one source at a vertex: factors on the source's spectrum.
 #[derive(Clone, Copy, Debug, Default)]
@@ -45,7 +45,7 @@ pub(super) struct Path {
     weights: Vec<f32>,
     /// Direct light, one entry per source, vertex after vertex.
     direct: Vec<DirectLight>,
-    /// Emission seen along the continued path: source and factor (environment may hold several).
+    /// Emission seen along the continued path: source and factor (surroundings may hold several).
     emission: Vec<(u32, f32)>,
     /// Emission seen by the camera directly.
     pub(super) seen: Vec<(u32, f32)>,
@@ -105,70 +105,7 @@ impl Path {
     }
 }
 
-/// The coat at a point, for one outgoing direction.
-struct CoatAtPoint {
-    index: f32,
-    alpha: f32,
-    /// Share of light that passes the coat on the way out.
-    pass_out: f32,
-    /// Mean share that the coat reflects.
-    mean: f32,
-    table: usize,
-}
-
-/// Throughput factors for one incident direction, cosine included, in 1/sr.
-struct Scattering {
-    diffuse: f32,
-    fluorescent: f32,
-    gloss: f32,
-    pdf: f32,
-}
-
-struct Lobes {
-    coat: Option<CoatAtPoint>,
-    coat_probability: f32,
-    outgoing: Vec3,
-}
-
 impl CompiledScene<'_> {
-    fn lobes(&self, material: usize, point: &SurfacePoint, outgoing: Vec3) -> Lobes {
-        let material = &self.materials[material];
-        let coat = material.coat.as_ref().map(|(table, roughness)| {
-            let alpha = roughness.at(point.uv).clamp(coat::MIN_ROUGHNESS, 1.0);
-            let (albedo, mean) = self.coats[*table].at(outgoing.z, alpha);
-            CoatAtPoint {
-                index: self.coats[*table].refractive_index(),
-                alpha,
-                pass_out: 1.0 - albedo,
-                mean,
-                table: *table,
-            }
-        });
-        let coat_probability = coat.as_ref().map_or(0.0, |c| {
-            let (gloss, base) = (1.0 - c.pass_out, c.pass_out * material.albedo_bound.min(1.0));
-            if base <= 0.0 { 1.0 } else { (gloss / (gloss + base)).clamp(0.1, 0.9) }
-        });
-        Lobes { coat, coat_probability, outgoing }
-    }
-
-    fn scatter(&self, lobes: &Lobes, incident: Vec3) -> Scattering {
-        if incident.z <= 0.0 {
-            return Scattering { diffuse: 0.0, fluorescent: 0.0, gloss: 0.0, pdf: 0.0 };
-        }
-        let lambert = incident.z / PI;
-        let Some(c) = &lobes.coat else {
-            return Scattering { diffuse: lambert, fluorescent: lambert, gloss: 0.0, pdf: lambert };
-        };
-        let pass_in = 1.0 - self.coats[c.table].at(incident.z, c.alpha).0;
-        Scattering {
-            diffuse: lambert * pass_in * c.pass_out / (1.0 - c.mean),
-            fluorescent: lambert * pass_in,
-            gloss: coat::eval_times_cos(lobes.outgoing, incident, c.alpha, c.index),
-            pdf: lobes.coat_probability * coat::pdf(lobes.outgoing, incident, c.alpha)
-                + (1.0 - lobes.coat_probability) * lambert,
-        }
-    }
-
     /// Samples a path. `direction` is a unit vector from the camera.
     pub(super) fn trace(
         &self,
@@ -180,7 +117,7 @@ impl CompiledScene<'_> {
         estimator: Estimator,
     ) {
         path.clear();
-        let mut throughput = 1.0_f32;
+        let mut importance = Importance::CAMERA;
         // Where the ray came from and with which density, for weighting the emission it meets.
         let mut previous: Option<(Vec3, Vec3, f32)> = None;
 
@@ -188,41 +125,60 @@ impl CompiledScene<'_> {
             let hit = self.closest(origin, direction);
 
             // Emission met by chance.
+            let (from, normal) = previous.map_or((origin, Vec3::ZERO), |(p, n, _)| (p, n));
+            let weight = |light_pdf: f32| match (previous, estimator) {
+                (Some((_, _, pdf)), Estimator::MultipleImportance) => power_heuristic(pdf, light_pdf),
+                _ => 1.0,
+            };
             match &hit {
-                None => self.environment.iter().for_each(|&source| path.meet(source, 1.0)),
+                None => {
+                    let add = |source, scale: f32, light_pdf| path.meet(source, scale * weight(light_pdf));
+                    self.surroundings(from, normal, direction, add);
+                }
                 Some(hit) => {
-                    let (position, normal) = previous.map_or((origin, direction), |(p, n, _)| (p, n));
                     if let Some((light, scale, light_pdf)) =
-                        self.emission_along(position, normal, direction, hit.t, hit.target)
+                        self.emission_along(from, normal, direction, hit.t, hit.target)
                     {
-                        let weight = match (previous, estimator) {
-                            (Some((_, _, pdf)), Estimator::MultipleImportance) => {
-                                power_heuristic(pdf, light_pdf)
-                            }
-                            _ => 1.0,
-                        };
-                        let source = self.lights[light].source;
+                        let (source, scale) = (self.lights[light].source, scale * weight(light_pdf));
                         for source in source..source + self.slices {
-                            path.meet(source, scale * weight);
+                            path.meet(source, scale);
                         }
                     }
                 }
             }
 
             let Some(hit) = hit else { return };
-            let Some(point) = self.surface(origin, direction, &hit) else { return };
+            let Some(mut point) = self.surface(origin, direction, &hit) else { return };
             if depth == max_depth {
                 return;
             }
 
-            let material_index = self.scene.objects[point.object].material;
+            let [mut choice, u0, u1, roulette] = stream.next_4d();
+            let outermost = self.scene.objects[point.object].material;
+            let material_index = self.material_at(outermost, point.uv, point.front, &mut choice);
             let material = &self.materials[material_index];
-            let outgoing = point.to_local(-direction);
-            let lobes = self.lobes(material_index, &point, outgoing);
-            let start = point.leave(self.clearance);
+            if let Some(map) = &material.normal_map {
+                let along = self.texture_directions(hit.target, point.position);
+                point.apply_normal_map(map.at(point.uv), along, -direction);
+            }
+            let bsdf = self.bsdf(material, point.uv, point.front, point.to_local(-direction));
+            // Light may come from either side of a clear body.
+            let light_normal = if bsdf.transmits() { Vec3::ZERO } else { point.shading };
+            // A direction that the shading and the geometric normal put on different sides carries nothing.
+            let is_consistent = |world: Vec3, local: Vec3| {
+                world.dot(point.geometric) * local.z > 0.0 && (local.z > 0.0 || bsdf.transmits())
+            };
 
             let weights = path.weights.len() as u32;
-            path.weights.extend(material.reflectance.iter().map(|(_, weight)| weight.at(point.uv)));
+            let mut coarse = [0.0; BINS];
+            let terms = material.reflectance.iter().zip(&material.coarse_reflectance);
+            for (term, ((_, weight), coarse_spectrum)) in terms.enumerate() {
+                let weight = bsdf.term_weight(term, weight.at(point.uv));
+                path.weights.push(weight);
+                for (sum, value) in coarse.iter_mut().zip(coarse_spectrum) {
+                    *sum += weight * value;
+                }
+            }
             path.weights.extend(material.fluorophores.iter().map(|(_, texture)| texture.at(point.uv)));
             let first_direct = path.direct.len();
             path.direct.resize(first_direct + self.sources.len(), DirectLight::default());
@@ -230,31 +186,35 @@ impl CompiledScene<'_> {
             path.vertices.push(Vertex { material: material_index as u32, weights, ..Vertex::default() });
 
             // Next-event estimation: one light of every group.
-            let scattering_numbers = stream.next_4d();
             if estimator == Estimator::MultipleImportance {
                 for group in 0..self.group_lights.len() {
                     let u = stream.next_4d();
-                    let sample = self.sample_light(group, point.position, point.shading, [u[0], u[1], u[2]]);
+                    let sample = self.sample_light(group, point.position, light_normal, [u[0], u[1], u[2]]);
                     let Some(sample) = sample else { continue };
-                    if sample.direction.dot(point.geometric) <= 0.0 {
+                    let local = point.to_local(sample.direction);
+                    if !is_consistent(sample.direction, local) {
                         continue;
                     }
-                    let s = self.scatter(&lobes, point.to_local(sample.direction));
+                    let s = bsdf.evaluate(local);
                     if s.pdf <= 0.0 {
                         continue;
                     }
                     // Stop short of the light's own surface.
                     let reach = sample.distance - 2.0 * self.clearance.max(1e-5 * sample.distance);
                     let reach = if sample.distance.is_finite() { reach } else { f32::INFINITY };
-                    if self.occluded(start, sample.direction, reach, sample.light) {
+                    let start = point.leave(sample.direction, self.clearance);
+                    let visible = self.visibility(start, sample.direction, reach, sample.light);
+                    if visible <= 0.0 {
                         continue;
                     }
                     let weight = if sample.delta { 1.0 } else { power_heuristic(sample.pdf, s.pdf) };
-                    let factor = weight * sample.scale / sample.pdf;
-                    let direct = &mut direct[self.lights[sample.light].source];
-                    direct.diffuse += factor * s.diffuse * PI;
-                    direct.fluorescent += factor * s.fluorescent * PI;
-                    direct.gloss += factor * s.gloss;
+                    let factor = visible * weight / sample.pdf;
+                    self.each_source(&sample, |source, scale| {
+                        let direct = &mut direct[source];
+                        direct.diffuse += factor * scale * s.diffuse * PI;
+                        direct.fluorescent += factor * scale * s.fluorescent * PI;
+                        direct.gloss += factor * scale * s.gloss;
+                    });
                 }
             }
 
@@ -267,29 +227,22 @@ impl CompiledScene<'_> {
             }
 
             // Continue the path.
-            let [choice, u0, u1, roulette] = scattering_numbers;
-            let incident = if choice < lobes.coat_probability {
-                match lobes.coat.as_ref().and_then(|c| coat::sample(outgoing, c.alpha, [u0, u1])) {
-                    Some(sample) => sample.incident,
-                    None => return,
-                }
-            } else {
-                warp::cosine_hemisphere([u0, u1])
+            let Some(ScatteringSample { incident, scattering: s, delta }) = bsdf.sample(choice, [u0, u1])
+            else {
+                return;
             };
             let world = point.to_world(incident).normalize();
-            let s = self.scatter(&lobes, incident);
-            if s.pdf <= 0.0 || world.dot(point.geometric) <= 0.0 {
+            if !is_consistent(world, incident) {
                 return;
             }
             let mut survival = 1.0;
-            let strongest = (s.diffuse * material.albedo_bound.min(1.0) + s.gloss) / s.pdf;
-            throughput *= strongest;
+            self.adjoint.scatter(&mut importance, &s, &coarse, material.fluorophores.iter().map(|(f, _)| *f));
             if depth >= ROULETTE_FROM {
-                survival = throughput.clamp(ROULETTE_FLOOR, 1.0);
+                survival = self.adjoint.reach(&importance).clamp(ROULETTE_FLOOR, 1.0);
                 if roulette >= survival {
                     return;
                 }
-                throughput /= survival;
+                importance.survive(survival);
             }
             let factor = 1.0 / (s.pdf * survival);
             if let Some(vertex) = path.vertices.last_mut() {
@@ -298,8 +251,8 @@ impl CompiledScene<'_> {
                 vertex.gloss = s.gloss * factor;
             }
 
-            previous = Some((point.position, point.shading, s.pdf));
-            origin = start;
+            previous = Some((point.position, light_normal, if delta { f32::INFINITY } else { s.pdf }));
+            origin = point.leave(world, self.clearance);
             direction = world;
         }
     }

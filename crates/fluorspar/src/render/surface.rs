@@ -16,6 +16,8 @@ pub(super) struct SurfacePoint {
     tangents: (Vec3, Vec3),
     pub(super) uv: Vec2,
     pub(super) object: usize,
+    /// Seen from the side of the object's geometric normal.
+    pub(super) front: bool,
 }
 
 impl SurfacePoint {
@@ -29,10 +31,29 @@ impl SurfacePoint {
         self.tangents.0 * direction.x + self.tangents.1 * direction.y + self.shading * direction.z
     }
 
-    /// Start of a ray that leaves on the seen side, lifted off the surface by `clearance` so that rounding does not
+    /// Start of a ray that leaves along a direction, lifted off the surface by `clearance` so that rounding does not
     /// make the ray hit the surface it starts from.
-    pub(super) fn leave(&self, clearance: f32) -> Vec3 {
-        self.position + self.geometric * clearance
+    pub(super) fn leave(&self, direction: Vec3, clearance: f32) -> Vec3 {
+        self.position + self.geometric * clearance.copysign(direction.dot(self.geometric))
+    }
+
+    /// Turns the shading normal to one given in the frame of the texture coordinates (x along u, y along v), for a
+    /// viewer in the direction `outgoing`. Where the viewer would see it from behind, the normal stays as it was.
+    pub(super) fn apply_normal_map(
+        &mut self,
+        normal: Vec3,
+        (along_u, along_v): (Vec3, Vec3),
+        outgoing: Vec3,
+    ) {
+        let project = |v: Vec3| (v - self.shading * v.dot(self.shading)).try_normalize();
+        let Some(u) = project(along_u) else { return };
+        let across = self.shading.cross(u);
+        let v = if across.dot(along_v) < 0.0 { -across } else { across };
+        let turned = (u * normal.x + v * normal.y + self.shading * normal.z).normalize();
+        if turned.dot(outgoing) > 1e-3 {
+            self.shading = turned;
+            self.tangents = warp::tangents(turned);
+        }
     }
 }
 
@@ -71,11 +92,41 @@ impl CompiledScene<'_> {
                 }
             }
         };
-        // Materials are two-sided: both normals face the viewer.
-        let geometric = if geometric.dot(direction) > 0.0 { -geometric } else { geometric };
+        // Both normals face the viewer.
+        let front = geometric.dot(direction) <= 0.0;
+        let geometric = if front { geometric } else { -geometric };
         let shading = if shading.dot(geometric) < 0.0 { -shading } else { shading };
         let shading = if shading.dot(direction) >= -1e-4 { geometric } else { shading };
         let tangents = warp::tangents(shading);
-        Some(SurfacePoint { position, geometric, shading, tangents, uv, object })
+        Some(SurfacePoint { position, geometric, shading, tangents, uv, object, front })
+    }
+
+    /// Directions in which the texture coordinates u and v grow at an intersection, not normalised.
+    pub(super) fn texture_directions(&self, target: Target, position: Vec3) -> (Vec3, Vec3) {
+        match target {
+            Target::Light(_) => (Vec3::X, Vec3::Y),
+            Target::Triangle { triangle, .. } => {
+                let [a, b, c] = self.corners(triangle as usize);
+                let [p, q, r] = self.texture_corners(triangle as usize);
+                let (side, other) = (b - a, c - a);
+                let (du, dv) = (q - p, r - p);
+                let determinant = du.x * dv.y - du.y * dv.x;
+                if determinant == 0.0 {
+                    return (side, other);
+                }
+                let sign = determinant.signum();
+                ((side * dv.y - other * du.y) * sign, (other * du.x - side * dv.x) * sign)
+            }
+            Target::Shape(index) => match &self.shapes[index as usize].shape {
+                AnalyticShape::Sphere { center, .. } => {
+                    let from_center = position - *center;
+                    let east = Vec3::new(-from_center.z, 0.0, from_center.x);
+                    let east = if east == Vec3::ZERO { Vec3::X } else { east };
+                    // Longitude grows from x to z; north is east x outward.
+                    (east, east.cross(from_center))
+                }
+                AnalyticShape::Disc { tangents, .. } => *tangents,
+            },
+        }
     }
 }

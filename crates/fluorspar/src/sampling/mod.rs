@@ -2,6 +2,10 @@
 
 pub mod random;
 mod sobol;
+mod spherical_ellipse;
+mod spherical_rectangle;
 pub mod warp;
 
 pub use sobol::{SampleStream, hash_u64};
+pub use spherical_ellipse::SphericalEllipse;
+pub use spherical_rectangle::SphericalRectangle;

@@ -1,13 +1,15 @@
 //! Checks that a scene is physical before anything is rendered.
 
+use std::borrow::Cow;
 use std::fmt;
 
+use glam::Vec2;
 use thiserror::Error;
 
 use super::{Scene, Shape};
 use crate::geometry::MeshError;
 use crate::light::Emitter;
-use crate::material::Material;
+use crate::material::{Material, Scattering};
 use crate::spectral::{Curve, Fluorophore};
 
 /// What makes a scene impossible to render.
@@ -163,7 +165,12 @@ impl Scene {
     /// # Errors
     /// The first thing that makes the scene unphysical or impossible.
     pub fn check(&self) -> Result<(), SceneError> {
-        if self.objects.is_empty() && !self.lights.iter().any(|l| l.emitter == Emitter::Environment) {
+        if self.objects.is_empty()
+            && !self
+                .lights
+                .iter()
+                .any(|l| matches!(l.emitter, Emitter::Environment | Emitter::EnvironmentMap(_)))
+        {
             return Err(SceneError::Nothing("objects"));
         }
         if self.light_groups.is_empty() {
@@ -177,6 +184,10 @@ impl Scene {
             index(what.clone(), "material", object.material, self.materials.len())?;
             if let Some(emission) = &object.emission {
                 index(what.clone(), "light group", emission.group, self.light_groups.len())?;
+                if self.materials[object.material].opacity.is_some() {
+                    let message = "a surface that emits can't have a material with holes; remove `opacity` or the emission";
+                    return Err(SceneError::OutOfRange { what, message: message.into() });
+                }
             }
             match &object.shape {
                 Shape::Mesh(mesh) => {
@@ -212,9 +223,111 @@ impl Scene {
                     message: format!("refractive index {} is not between 1 and 3", coat.refractive_index),
                 });
             }
+            self.check_scattering(material)?;
             check_photons(material, &nodes, &yields)?;
         }
         Ok(())
+    }
+
+    /// Ranges of clear bodies and metals, parts of mixtures.
+    fn check_scattering(&self, material: &Material) -> Result<(), SceneError> {
+        let refuse = |message: String| {
+            Err(SceneError::OutOfRange { what: format!("material \"{}\"", material.name), message })
+        };
+        let fraction = |name: &str, texture: &crate::material::ScalarTexture| {
+            if texture.max() <= 1.0 {
+                Ok(())
+            } else {
+                refuse(format!("the {name} reaches {}, more than 1", texture.max()))
+            }
+        };
+        if let Some(opacity) = &material.opacity {
+            fraction("opacity", opacity)?;
+        }
+        if !matches!(material.scattering, Scattering::Diffuse)
+            && (!material.reflectance.is_empty() || material.coat.is_some())
+        {
+            return refuse(
+                "only diffuse materials have a diffuse reflectance and a coat; remove them".into(),
+            );
+        }
+        let parts = match &material.scattering {
+            Scattering::Diffuse => return Ok(()),
+            Scattering::Dielectric(glass) => {
+                let index = glass.refractive_index;
+                if !(index > 1.0 && index <= 3.0) {
+                    return refuse(format!(
+                        "the refractive index {index} of the clear body is not above 1 and at most 3"
+                    ));
+                }
+                if let Some(value) = glass.transmittance.values().iter().find(|v| !(0.0..=1.0).contains(*v)) {
+                    return refuse(format!("the transmittance {value} is not between 0 and 1"));
+                }
+                return fraction("roughness", &glass.roughness);
+            }
+            Scattering::Conductor(metal) => {
+                for (name, curve, least) in [("n", &metal.n, 1e-6), ("k", &metal.k, 0.0)] {
+                    let (first, last) = curve.range_nm();
+                    if first > self.grid.start_nm() || last < self.grid.end_nm() {
+                        return refuse(format!(
+                            "{name} of the metal is known from {first} to {last} nm, but the wavelengths run from {} to {} nm; \
+                             give a wider table or fewer wavelengths",
+                            self.grid.start_nm(),
+                            self.grid.end_nm()
+                        ));
+                    }
+                    if let Some(value) = curve.values().iter().find(|v| !(**v >= least && **v <= 1e3)) {
+                        return refuse(format!(
+                            "{name} of the metal is {value}; it must be between {least} and 1000"
+                        ));
+                    }
+                }
+                return fraction("roughness", &metal.roughness);
+            }
+            Scattering::Mix { first, second, amount } => {
+                fraction("amount of the mixture", amount)?;
+                [*first, *second]
+            }
+            Scattering::TwoSided { front, back } => [*front, *back],
+        };
+        if !material.fluorophores.is_empty() || material.normal_map.is_some() {
+            return refuse(
+                "a mixture has no fluorophores and no normal map of its own; give them to its parts".into(),
+            );
+        }
+        for part in parts {
+            let Some(part) = self.materials.get(part) else {
+                return Err(SceneError::BadIndex {
+                    what: format!("material \"{}\"", material.name),
+                    target: "material",
+                    index: part,
+                    count: self.materials.len(),
+                });
+            };
+            if part.opacity.is_some() {
+                return refuse(format!(
+                    "its part \"{}\" has an opacity; give the opacity to the mixture instead",
+                    part.name
+                ));
+            }
+        }
+        // A chain of parts that is longer than the list comes back to where it was.
+        let mut reached = parts.to_vec();
+        for _ in 0..=self.materials.len() {
+            let next: Vec<usize> = reached
+                .iter()
+                .filter_map(|&part| self.materials.get(part))
+                .flat_map(|part| match part.scattering {
+                    Scattering::Mix { first, second, .. } => vec![first, second],
+                    Scattering::TwoSided { front, back } => vec![front, back],
+                    _ => Vec::new(),
+                })
+                .collect();
+            reached = next;
+            reached.sort_unstable();
+            reached.dedup();
+        }
+        if reached.is_empty() { Ok(()) } else { refuse("it is a part of itself".into()) }
     }
 
     /// Wavelengths at which photon conservation is checked, nm.
@@ -244,7 +357,7 @@ impl Scene {
             // In units of 1/(h c): photons = energy * lambda.
             let photons = spectrum.clipped(from_nm, to_nm).times(&Curve::from_fn(from_nm, to_nm, |nm| nm));
             for fluorophore in &self.fluorophores {
-                let percent = 100.0 * self.unknown_excitation(fluorophore, spectrum, &photons) / inside;
+                let percent = 100.0 * self.unknown_excitation(fluorophore, &spectrum, &photons) / inside;
                 let name = || fluorophore.name.clone();
                 if percent > LEAST_PERCENT {
                     let range_nm = fluorophore.excitation_range_nm;
@@ -277,23 +390,20 @@ impl Scene {
     }
 
     /// Names and spectra of all that sends light, those of one group with one spectrum once.
-    fn distinct_spectra(&self) -> Vec<(&str, &Curve)> {
-        let lights = self.lights.iter().map(|light| (light.name.as_str(), light.group, &light.spectrum));
+    fn distinct_spectra(&self) -> Vec<(&str, Cow<'_, Curve>)> {
+        let lights =
+            self.lights.iter().map(|light| (light.name.as_str(), light.group, light.whole_spectrum()));
         let surfaces = self.objects.iter().filter_map(|object| {
-            object
-                .emission
-                .as_ref()
-                .map(|emission| (object.name.as_str(), emission.group, &emission.radiance))
+            let emission = object.emission.as_ref()?;
+            Some((object.name.as_str(), emission.group, Cow::Borrowed(&emission.radiance)))
         });
-        let mut seen: Vec<(usize, &Curve)> = Vec::new();
-        let mut distinct = Vec::new();
+        let mut distinct: Vec<(usize, &str, Cow<'_, Curve>)> = Vec::new();
         for (name, group, spectrum) in lights.chain(surfaces) {
-            if !seen.contains(&(group, spectrum)) {
-                seen.push((group, spectrum));
-                distinct.push((name, spectrum));
+            if !distinct.iter().any(|(other, _, seen)| *other == group && *seen == spectrum) {
+                distinct.push((group, name, spectrum));
             }
         }
-        distinct
+        distinct.into_iter().map(|(_, name, spectrum)| (name, spectrum)).collect()
     }
 
     /// Power of a light within the grid for which it is not known how a fluorophore takes it. Below the data nothing is
@@ -317,22 +427,31 @@ impl Scene {
     }
 }
 
-/// `R + sum_o Y <= 1` for every excitation wavelength, with all textures at their largest value. `yields` holds those
+/// `R + sum_o Y <= 1` (`T + sum_o Y <= 1` for a clear body) for every excitation wavelength, with all textures at their largest value. `yields` holds those
 /// of each fluorophore at unit concentration.
 fn check_photons(material: &Material, nodes: &[f64], yields: &[Vec<f64>]) -> Result<(), SceneError> {
     let mut worst = None;
     let mut largest = ROUNDING;
     for (node, &wavelength_nm) in nodes.iter().enumerate() {
-        let reflectance: f64 = material
-            .reflectance
-            .iter()
-            .map(|term| term.spectrum.at(wavelength_nm) * f64::from(term.weight.max()))
-            .sum();
+        // Fluorophores on a metal or a clear body get what its surface does not reflect, and share it with what passes.
+        let reflectance: f64 = match &material.scattering {
+            Scattering::Dielectric(glass) => glass.transmittance.at(wavelength_nm),
+            _ => material
+                .reflectance
+                .iter()
+                .map(|term| term.spectrum.at(wavelength_nm) * f64::from(term.weight.max()))
+                .sum(),
+        };
         let photon_yield: f64 = material
             .fluorophores
             .iter()
             .map(|amount| yields[amount.fluorophore][node] * f64::from(amount.concentration.max()))
             .sum();
+        let (mut reflectance, mut photon_yield) = (reflectance, photon_yield);
+        if reflectance + photon_yield - 1.0 > ROUNDING {
+            // Textures of one material often exclude each other: look where they are together.
+            (reflectance, photon_yield) = largest_sum(material, wavelength_nm, node, yields);
+        }
         let excess = reflectance + photon_yield - 1.0;
         if excess > largest {
             largest = excess;
@@ -347,6 +466,29 @@ fn check_photons(material: &Material, nodes: &[f64], yields: &[Vec<f64>]) -> Res
         }
     }
     worst.map_or(Ok(()), Err)
+}
+
+/// Reflectance and photon yield where their sum is largest on a lattice over the textures.
+fn largest_sum(material: &Material, wavelength_nm: f64, node: usize, yields: &[Vec<f64>]) -> (f64, f64) {
+    const SIDE: u32 = 48;
+    let mut worst = (0.0, 0.0);
+    for i in 0..SIDE * SIDE {
+        let uv = Vec2::new((i % SIDE) as f32 + 0.5, (i / SIDE) as f32 + 0.5) / SIDE as f32;
+        let reflectance: f64 = material
+            .reflectance
+            .iter()
+            .map(|term| term.spectrum.at(wavelength_nm) * f64::from(term.weight.at(uv)))
+            .sum();
+        let photon_yield: f64 = material
+            .fluorophores
+            .iter()
+            .map(|amount| yields[amount.fluorophore][node] * f64::from(amount.concentration.at(uv)))
+            .sum();
+        if reflectance + photon_yield > worst.0 + worst.1 {
+            worst = (reflectance, photon_yield);
+        }
+    }
+    worst
 }
 
 fn positive(what: &str, quantity: &str, value: f32) -> Result<(), SceneError> {
@@ -380,6 +522,9 @@ fn check_emitter(what: &str, emitter: &Emitter) -> Result<(), SceneError> {
         }
         Emitter::Sphere { radius_m, .. } => positive(what, "radius", *radius_m),
         Emitter::Point { pattern: Some((_, g)), .. } => exponent(*g, 0.0),
-        Emitter::Point { pattern: None, .. } | Emitter::Distant { .. } | Emitter::Environment => Ok(()),
+        Emitter::Point { pattern: None, .. }
+        | Emitter::Distant { .. }
+        | Emitter::Environment
+        | Emitter::EnvironmentMap(_) => Ok(()),
     }
 }

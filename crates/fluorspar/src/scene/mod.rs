@@ -1,6 +1,7 @@
 //! A scene: objects, materials, fluorophores, lights and the camera that looks at them.
 
 mod check;
+pub(crate) mod irradiance;
 
 pub use check::{EmissionOutsideData, ExcitationOutsideData, LightOutsideGrid, SceneError, SceneWarning};
 

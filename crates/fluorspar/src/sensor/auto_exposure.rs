@@ -71,8 +71,12 @@ impl Sensor {
         rule.validate()?;
         let exposure = Exposure { gain, ..Exposure::default() };
         exposure.validate()?;
-        let full_e = Chain::new(self.model(), &exposure).full_scale_e();
-        let mut rates = rate.data.clone();
+        if self.model().strobe.is_some() {
+            let message = "finds no exposure for pulsed light; give the exposure, or remove the strobe";
+            return Err(SensorProblem::new("auto_exposure", message));
+        }
+        let full_e = Chain::new(self, &exposure).full_scale_e();
+        let mut rates = self.rates_that_are_read(rate);
         let photo_rate = if rates.is_empty() {
             0.0
         } else {

@@ -3,11 +3,14 @@
 use rayon::prelude::*;
 
 use super::isetcam::IsetcamChain;
-use super::noise::PhysicalChain;
+use super::noise::{PhysicalChain, defect_pixels};
 use super::pixel_integration::{AxisWeights, FilmExtent, channels_in_row, dot};
-use super::{SensorMode, SensorModel, SensorProblem, SpectralQe};
+use super::readout::Readout;
+use super::relative_illumination::RelativeIllumination;
+use super::shutter::Timing;
+use super::{BinningKind, SensorMode, SensorModel, SensorProblem, SpectralQe};
 use crate::image::{Mosaic, SensorImage, SpectralImage};
-use crate::spectral::{Irradiance, WavelengthGrid};
+use crate::spectral::{Curve, Irradiance, WavelengthGrid};
 
 /// How one frame is taken.
 #[derive(Clone, Debug, PartialEq)]
@@ -62,14 +65,17 @@ pub struct ElectronRate {
 
 /// The chain of equations that the model's mode selects.
 pub(super) enum Chain {
-    Physical(PhysicalChain),
+    Physical(Box<PhysicalChain>),
     Isetcam(IsetcamChain),
 }
 
 impl Chain {
-    pub(super) fn new(model: &SensorModel, exposure: &Exposure) -> Self {
-        IsetcamChain::of(model, exposure)
-            .map_or_else(|| Self::Physical(PhysicalChain::new(model, exposure)), Self::Isetcam)
+    pub(super) fn new(sensor: &Sensor, exposure: &Exposure) -> Self {
+        let model = &sensor.model;
+        IsetcamChain::of(model, exposure).map_or_else(
+            || Self::Physical(Box::new(PhysicalChain::new(model, &sensor.readout, exposure))),
+            Self::Isetcam,
+        )
     }
 
     pub(super) fn full_scale_e(&self) -> f64 {
@@ -79,35 +85,32 @@ impl Chain {
         }
     }
 
-    fn expose_row(&self, row: usize, rates: &[f32], out: &mut [u16]) {
-        match self {
-            Self::Physical(chain) => chain.expose_row(row, rates, out),
-            Self::Isetcam(chain) => chain.expose_row(row, rates, out),
-        }
-    }
-
-    /// A raw image of these properties, filled by a function of row number and pixels.
+    /// A raw image; the function fills in the electron rates of a row of the sensor.
     fn image(
         &self,
         sensor: &Sensor,
         exposure: &Exposure,
-        fill: impl Fn(usize, &mut [u16]) + Sync,
+        fill: impl Fn(usize, &mut [f32]) + Sync,
     ) -> SensorImage {
         let (black_level, white_level, dn_per_electron, read_noise_dn) = match self {
-            Self::Physical(c) => (c.black_dn, c.white_level(), c.dn_per_electron, c.read_noise_dn()),
+            Self::Physical(c) => (c.black_dn(), c.white_level(), c.dn_per_electron(), c.read_noise_dn()),
             Self::Isetcam(c) => (c.black_dn(), c.white_level(), c.dn_per_electron(), c.read_noise_dn()),
         };
-        let model = &sensor.model;
-        let mut data = vec![0; model.columns * model.rows];
-        data.par_chunks_exact_mut(model.columns).enumerate().for_each(|(row, out)| fill(row, out));
+        let (model, readout) = (&sensor.model, &sensor.readout);
+        let mut data = vec![0; readout.columns * readout.rows];
+        let rows = data.par_chunks_exact_mut(readout.columns).enumerate();
+        rows.for_each_init(Vec::new, |rates, (row, out)| {
+            rates.resize(model.columns, 0.0);
+            self.expose_row(readout, row, rates, &fill, out);
+        });
         SensorImage {
-            width: model.columns,
-            height: model.rows,
+            width: readout.columns,
+            height: readout.rows,
             data,
-            mosaic: sensor.mosaic.clone(),
+            mosaic: readout.mosaic(&sensor.mosaic),
             black_level,
             white_level,
-            bit_depth: model.bit_depth,
+            bit_depth: bits_of(sensor),
             exposure_s: exposure.time_s,
             gain: model.analog_gain * exposure.gain,
             dn_per_electron,
@@ -115,6 +118,76 @@ impl Chain {
             seed: exposure.seed,
             label: exposure.label.clone(),
         }
+    }
+
+    /// One row of the raw image.
+    fn expose_row(
+        &self,
+        readout: &Readout,
+        row: usize,
+        rates: &mut [f32],
+        fill: impl Fn(usize, &mut [f32]),
+        out: &mut [u16],
+    ) {
+        let first = readout.first_column;
+        match (self, &readout.binning) {
+            (Self::Isetcam(chain), _) => {
+                let row = readout.first_row + row;
+                fill(row, rates);
+                chain.expose_row(row, first, rates, out);
+            }
+            (Self::Physical(chain), None) => {
+                let row = readout.first_row + row;
+                fill(row, rates);
+                chain.expose_row(row, first, &rates[first..first + out.len()], out);
+            }
+            (Self::Physical(chain), Some(binning)) if binning.kind == BinningKind::Charge => {
+                let mut charges = vec![0.0; out.len()];
+                let mut read_row = readout.first_row;
+                for (index, row) in readout.rows_of(row).enumerate() {
+                    if index == 0 {
+                        read_row = row;
+                    }
+                    fill(row, rates);
+                    for (col, charge) in charges.iter_mut().enumerate() {
+                        *charge += chain.collect(row, readout.columns_of(col), rates);
+                    }
+                }
+                for (col, (charge, out)) in charges.iter().zip(out).enumerate() {
+                    let read_column = readout.columns_of(col).next().unwrap_or(first);
+                    *out = chain.read(read_row, read_column, *charge);
+                }
+            }
+            (Self::Physical(chain), Some(binning)) => {
+                let mut sums = vec![0u32; out.len()];
+                let mut codes = vec![0u16; rates.len()];
+                for row in readout.rows_of(row) {
+                    fill(row, rates);
+                    chain.expose_row(row, 0, rates, &mut codes);
+                    for (col, sum) in sums.iter_mut().enumerate() {
+                        *sum += readout.columns_of(col).map(|col| u32::from(codes[col])).sum::<u32>();
+                    }
+                }
+                let divisor = match binning.kind {
+                    BinningKind::DigitalAverage => binning.pixels() as u32,
+                    BinningKind::DigitalSum | BinningKind::Charge => 1,
+                };
+                for (sum, out) in sums.into_iter().zip(out) {
+                    *out = ((sum + divisor / 2) / divisor) as u16;
+                }
+            }
+        }
+    }
+}
+
+/// Bits that the numbers of a raw image need.
+fn bits_of(sensor: &Sensor) -> u8 {
+    match &sensor.model.binning {
+        Some(binning) if binning.kind == BinningKind::DigitalSum => {
+            let largest = u32::from(sensor.model.max_code()) * binning.pixels() as u32;
+            (u32::BITS - largest.leading_zeros()) as u8
+        }
+        _ => sensor.model.bit_depth,
     }
 }
 
@@ -124,6 +197,7 @@ pub struct Sensor {
     model: SensorModel,
     qe: SpectralQe,
     mosaic: Mosaic,
+    readout: Readout,
 }
 
 impl Sensor {
@@ -133,6 +207,10 @@ impl Sensor {
     /// A parameter that can't be used, or a mosaic and a quantum efficiency that don't name the same channels.
     pub fn new(model: SensorModel, qe: SpectralQe) -> Result<Self, SensorProblem> {
         model.validate()?;
+        if let Some(sheet) = &model.emva1288 {
+            sheet.check_efficiency(&qe)?;
+        }
+        let model = model.with_data_sheet()?;
         let names: Vec<String> = qe.channels().iter().map(|channel| channel.name.clone()).collect();
         let mut pattern = Vec::new();
         for name in model.mosaic.iter().flatten() {
@@ -151,12 +229,39 @@ impl Sensor {
             return Err(SensorProblem::new(format!("quantum_efficiency.{}", names[unused]), message));
         }
         let (rows, cols) = (model.mosaic.len(), model.mosaic[0].len());
-        Ok(Self { mosaic: Mosaic { rows, cols, pattern, channels: names }, model, qe })
+        let readout = Readout::of(&model)?;
+        Ok(Self { mosaic: Mosaic { rows, cols, pattern, channels: names }, model, qe, readout })
     }
 
-    /// The data sheet.
+    /// The model; a data sheet after EMVA 1288 has become part of it.
     pub fn model(&self) -> &SensorModel {
         &self.model
+    }
+
+    /// Columns and rows of the raw images.
+    pub fn image_size(&self) -> [usize; 2] {
+        [self.readout.columns, self.readout.rows]
+    }
+
+    /// Hot and dead pixels of this device, as indices into the whole sensor, row by row.
+    pub fn defect_pixels(&self) -> DefectPixels {
+        let (hot, dead) = defect_pixels(&self.model);
+        DefectPixels { hot, dead }
+    }
+
+    /// The same sensor behind one more filter, for instance one of a filter wheel.
+    #[must_use]
+    pub fn behind(&self, filter: &Curve) -> Self {
+        Self { qe: self.qe.behind(filter), ..self.clone() }
+    }
+
+    /// Quantum efficiency that a uniform field sees at the centre of the sensor: crosstalk included, averaged over the
+    /// places of a channel in the mosaic.
+    pub fn effective_qe(&self) -> SpectralQe {
+        match &self.model.crosstalk {
+            Some(crosstalk) => crosstalk.mixed(&self.qe, &self.mosaic),
+            None => self.qe.clone(),
+        }
     }
 
     /// The quantum efficiency.
@@ -164,7 +269,7 @@ impl Sensor {
         &self.qe
     }
 
-    /// The colour filter array; channels are in the order of the quantum efficiency.
+    /// The colour filter array of the whole sensor; channels are in the order of the quantum efficiency.
     pub fn mosaic(&self) -> &Mosaic {
         &self.mosaic
     }
@@ -174,23 +279,27 @@ impl Sensor {
         FilmExtent { width_mm: self.model.width_mm(), height_mm: self.model.height_mm() }
     }
 
-    /// Electrons per second per unit of irradiance in each bin, by channel, e-/s per W/(m² nm).
+    /// Electrons per second per unit of irradiance in each bin, by channel, e-/s per W/(m² nm), without crosstalk.
     pub fn electron_weights(&self, grid: &WavelengthGrid) -> Vec<Vec<f64>> {
+        self.weights_of(&self.qe, grid)
+    }
+
+    pub(super) fn weights_of(&self, qe: &SpectralQe, grid: &WavelengthGrid) -> Vec<Vec<f64>> {
         let area_m2 = self.model.collecting_area_m2();
         let isetcam = matches!(self.model.mode, SensorMode::Isetcam { .. });
         let weights = |channel| {
             if isetcam {
-                self.qe.isetcam_electron_weights(channel, grid, area_m2)
+                qe.isetcam_electron_weights(channel, grid, area_m2)
             } else {
-                self.qe.electron_weights(channel, grid, area_m2)
+                qe.electron_weights(channel, grid, area_m2)
             }
         };
-        (0..self.qe.channels().len()).map(weights).collect()
+        (0..qe.channels().len()).map(weights).collect()
     }
 
     /// Noise-free electron rates under an irradiance image that covers the sensor exactly.
     pub fn electron_rate(&self, irradiance: &SpectralImage<Irradiance>) -> ElectronRate {
-        self.rate_of(&RateSource::new(self, irradiance, self.film_extent()))
+        self.rate_on(irradiance, self.film_extent())
     }
 
     /// Noise-free electron rates under an irradiance image of a given extent, centred on the sensor. Pixels
@@ -205,7 +314,17 @@ impl Sensor {
         film: FilmExtent,
     ) -> Result<ElectronRate, SensorProblem> {
         film.validate()?;
-        Ok(self.rate_of(&RateSource::new(self, irradiance, film)))
+        Ok(self.rate_on(irradiance, film))
+    }
+
+    fn rate_on(&self, irradiance: &SpectralImage<Irradiance>, film: FilmExtent) -> ElectronRate {
+        let rate = self.rate_of(&RateSource::new(self, &self.qe, irradiance, film));
+        let Some(crosstalk) = &self.model.crosstalk else { return rate };
+        let electrical = crosstalk.electrical_share().map(|share| {
+            // Electrons that a pixel hands over: its own efficiency times the share, wavelength by wavelength.
+            self.rate_of(&RateSource::new(self, &self.qe.behind(&share), irradiance, film)).data
+        });
+        crosstalk.spread(&rate, &electrical.unwrap_or_default())
     }
 
     fn rate_of(&self, source: &RateSource<'_>) -> ElectronRate {
@@ -213,6 +332,72 @@ impl Sensor {
         let mut data = vec![0.0; columns * rows];
         data.par_chunks_exact_mut(columns).enumerate().for_each(|(row, out)| source.fill_row(row, out));
         ElectronRate { columns, rows, data }
+    }
+
+    /// Mean electron rates of each pixel over its own exposure, of light that changes in steps: `moments` are rates and
+    /// the times from which they hold, s, rising; the first holds before its time too, the last for ever. Time 0 is the
+    /// start of the first row's exposure. With a rolling shutter rows see different moments; use it for moving scenes.
+    ///
+    /// # Errors
+    /// No moments, times that do not rise, rates of another sensor's size, an exposure that can't be used.
+    pub fn rate_over_time(
+        &self,
+        moments: &[(f64, &ElectronRate)],
+        exposure: &Exposure,
+    ) -> Result<ElectronRate, SensorProblem> {
+        exposure.validate()?;
+        let (columns, rows) = (self.model.columns, self.model.rows);
+        let Some((_, first)) = moments.first() else {
+            return Err(SensorProblem::new("moments", "there is none; give the rates at one time at least"));
+        };
+        for (_, rate) in moments {
+            self.check_size(rate)?;
+        }
+        let rise = moments.windows(2).all(|pair| pair[1].0 > pair[0].0);
+        if !rise {
+            return Err(SensorProblem::new("moments", "the times do not rise; sort them"));
+        }
+        let timing = Timing { shutter: self.model.shutter, strobe: self.model.strobe };
+        let mut data = vec![0.0f32; columns * rows];
+        data.par_chunks_exact_mut(columns).enumerate().for_each(|(row, out)| {
+            let read = row.saturating_sub(self.readout.first_row);
+            let total_s = timing.light_s(read, exposure.time_s);
+            if total_s <= 0.0 {
+                out.copy_from_slice(&first.data[row * columns..][..columns]);
+                return;
+            }
+            for (index, (start, rate)) in moments.iter().enumerate() {
+                let from = if index == 0 { f64::NEG_INFINITY } else { *start };
+                let to = moments.get(index + 1).map_or(f64::INFINITY, |next| next.0);
+                let share = (timing.light_s_between(read, exposure.time_s, [from, to]) / total_s) as f32;
+                for (out, rate) in out.iter_mut().zip(&rate.data[row * columns..]) {
+                    *out += share * rate;
+                }
+            }
+        });
+        Ok(ElectronRate { columns, rows, data })
+    }
+
+    /// Rates of the pixels of the region that is read; all of them where the rates are not those of the whole sensor.
+    pub(super) fn rates_that_are_read(&self, rate: &ElectronRate) -> Vec<f32> {
+        let Some([first, row, width, height]) = self.model.region_px else { return rate.data.clone() };
+        if self.check_size(rate).is_err() {
+            return rate.data.clone();
+        }
+        let rows = rate.data.chunks_exact(self.model.columns).skip(row).take(height);
+        rows.flat_map(|rates| &rates[first..first + width]).copied().collect()
+    }
+
+    fn check_size(&self, rate: &ElectronRate) -> Result<(), SensorProblem> {
+        let (columns, rows) = (self.model.columns, self.model.rows);
+        if rate.columns == columns && rate.rows == rows && rate.data.len() == columns * rows {
+            return Ok(());
+        }
+        let message = format!(
+            "rates of {} by {} pixels on a sensor of {columns} by {rows}; compute them with this sensor",
+            rate.columns, rate.rows
+        );
+        Err(SensorProblem::new("electron rate", message))
     }
 
     /// Takes a frame of an irradiance image that covers the sensor exactly.
@@ -239,13 +424,11 @@ impl Sensor {
     ) -> Result<SensorImage, SensorProblem> {
         exposure.validate()?;
         film.validate()?;
-        let source = RateSource::new(self, irradiance, film);
-        let chain = Chain::new(&self.model, exposure);
-        Ok(chain.image(self, exposure, |row, out| {
-            let mut rates = vec![0.0; out.len()];
-            source.fill_row(row, &mut rates);
-            chain.expose_row(row, &rates, out);
-        }))
+        if self.model.crosstalk.is_some() {
+            return self.expose_rate(&self.rate_on(irradiance, film), exposure);
+        }
+        let source = RateSource::new(self, &self.qe, irradiance, film);
+        Ok(Chain::new(self, exposure).image(self, exposure, |row, rates| source.fill_row(row, rates)))
     }
 
     /// Takes a frame of known electron rates.
@@ -258,23 +441,39 @@ impl Sensor {
         exposure: &Exposure,
     ) -> Result<SensorImage, SensorProblem> {
         exposure.validate()?;
-        let (columns, rows) = (self.model.columns, self.model.rows);
-        if rate.columns != columns || rate.rows != rows || rate.data.len() != columns * rows {
-            let message = format!(
-                "rates of {} by {} pixels on a sensor of {columns} by {rows}; compute them with this sensor",
-                rate.columns, rate.rows
-            );
-            return Err(SensorProblem::new("electron rate", message));
-        }
-        let chain = Chain::new(&self.model, exposure);
-        Ok(chain.image(self, exposure, |row, out| {
-            chain.expose_row(row, &rate.data[row * columns..][..columns], out);
+        self.check_size(rate)?;
+        let columns = self.model.columns;
+        Ok(Chain::new(self, exposure).image(self, exposure, |row, rates| {
+            rates.copy_from_slice(&rate.data[row * columns..][..columns]);
         }))
+    }
+
+    /// Takes a frame of even light that frees the same number of electrons per second in every pixel.
+    ///
+    /// # Errors
+    /// A time or gain that can't be used.
+    pub fn expose_even(&self, rate_e_per_s: f64, exposure: &Exposure) -> Result<SensorImage, SensorProblem> {
+        exposure.validate()?;
+        Ok(Chain::new(self, exposure).image(self, exposure, |_, rates| rates.fill(rate_e_per_s as f32)))
     }
 }
 
-/// Where the electron rates of a row come from.
-enum RateSource<'a> {
+/// Pixels that do not measure light, as indices into the sensor row by row.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct DefectPixels {
+    /// Pixels with an additional dark current.
+    pub hot: Vec<usize>,
+    /// Pixels that do not respond to light.
+    pub dead: Vec<usize>,
+}
+
+/// Where the electron rates of a row come from, and how they fall off towards the corners.
+struct RateSource<'a> {
+    spectra: SpectraSource<'a>,
+    falloff: Option<RelativeIllumination>,
+}
+
+enum SpectraSource<'a> {
     /// Samples are pixels: each pixel's spectrum is weighted once, for its own channel.
     Direct { irradiance: &'a SpectralImage<Irradiance>, mosaic: &'a Mosaic, weights: Vec<Vec<f32>> },
     /// Every sample is weighted for every channel, then integrated over pixels.
@@ -282,10 +481,34 @@ enum RateSource<'a> {
 }
 
 impl<'a> RateSource<'a> {
-    fn new(sensor: &'a Sensor, irradiance: &'a SpectralImage<Irradiance>, film: FilmExtent) -> Self {
+    fn new(
+        sensor: &'a Sensor,
+        qe: &SpectralQe,
+        irradiance: &'a SpectralImage<Irradiance>,
+        film: FilmExtent,
+    ) -> Self {
+        let falloff = RelativeIllumination::of(&sensor.model, &sensor.mosaic);
+        Self { spectra: SpectraSource::new(sensor, qe, irradiance, film), falloff }
+    }
+
+    fn fill_row(&self, row: usize, out: &mut [f32]) {
+        self.spectra.fill_row(row, out);
+        if let Some(falloff) = &self.falloff {
+            falloff.apply(self.spectra.mosaic(), row, out);
+        }
+    }
+}
+
+impl<'a> SpectraSource<'a> {
+    fn new(
+        sensor: &'a Sensor,
+        qe: &SpectralQe,
+        irradiance: &'a SpectralImage<Irradiance>,
+        film: FilmExtent,
+    ) -> Self {
         let single = |weights: Vec<f64>| weights.into_iter().map(|weight| weight as f32).collect();
         let weights: Vec<Vec<f32>> =
-            sensor.electron_weights(irradiance.grid()).into_iter().map(single).collect();
+            sensor.weights_of(qe, irradiance.grid()).into_iter().map(single).collect();
         let (model, mosaic) = (&sensor.model, &sensor.mosaic);
         let (width, height, bands) = (irradiance.width(), irradiance.height(), irradiance.bands());
         let is_same = |a: f64, b: f64| (a - b).abs() < 1e-9 * b;
@@ -308,9 +531,16 @@ impl<'a> RateSource<'a> {
             });
         }
         let pitch_mm = model.pixel_size_um * 1e-3;
-        let across = AxisWeights::new(model.columns, pitch_mm, width, film.width_mm);
-        let down = AxisWeights::new(model.rows, pitch_mm, height, film.height_mm);
+        let aperture_mm = model.aperture_um.map_or(pitch_mm, |um| um * 1e-3);
+        let across = AxisWeights::new(model.columns, pitch_mm, aperture_mm, width, film.width_mm);
+        let down = AxisWeights::new(model.rows, pitch_mm, aperture_mm, height, film.height_mm);
         Self::Resampled { planes, samples: width, mosaic, across, down }
+    }
+
+    fn mosaic(&self) -> &Mosaic {
+        match self {
+            Self::Direct { mosaic, .. } | Self::Resampled { mosaic, .. } => mosaic,
+        }
     }
 
     fn fill_row(&self, row: usize, out: &mut [f32]) {

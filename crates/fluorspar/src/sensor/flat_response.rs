@@ -9,17 +9,18 @@ use crate::spectral::{Irradiance, Spectrum};
 pub struct FlatResponse {
     /// Names of the channels.
     pub channels: Vec<String>,
-    /// Mean photo-electrons, not clipped, e-.
+    /// Mean photo-electrons in one pixel of the sensor, not clipped, e-.
     pub electrons: Vec<f64>,
-    /// Mean dark electrons, e-. ISETCam mode has them for noise flag 2 only.
+    /// Mean dark electrons in one pixel of the sensor, e-. ISETCam mode has them for noise flag 2 only.
     pub dark_electrons: f64,
     /// Voltage at the converter, dark signal, gain, offset and the clipping of the mode included, V.
     pub volts: Vec<f64>,
-    /// Digital numbers, black level included, not rounded, clipped at the converter's ends.
+    /// Digital numbers of a pixel of the raw image, joined pixels and black level included, not rounded, clipped at the
+    /// converter's ends.
     pub dn: Vec<f64>,
     /// Digital number of no light.
     pub black_level: f64,
-    /// Temporal noise of one pixel, DN rms: photon noise, read noise and quantisation. For the spread over pixels
+    /// Temporal noise of a pixel of the raw image, DN rms: photon noise, read noise and quantisation. For the spread over pixels
     /// add PRNU and DSNU.
     pub noise_dn: Vec<f64>,
     /// Whether the mean fills the well or the converter.
@@ -27,10 +28,11 @@ pub struct FlatResponse {
 }
 
 impl Sensor {
-    /// Mean photo-electrons per second of every channel under a uniform irradiance, e-/s.
+    /// Mean photo-electrons per second in one pixel of every channel under a uniform irradiance, e-/s: at the centre of
+    /// the sensor, crosstalk included.
     pub fn flat_electron_rate(&self, irradiance: &Spectrum<Irradiance>) -> Vec<f64> {
         let sum = |weights: Vec<f64>| weights.iter().zip(irradiance.values()).map(|(w, e)| w * e).sum();
-        self.electron_weights(irradiance.grid()).into_iter().map(sum).collect()
+        self.weights_of(&self.effective_qe(), irradiance.grid()).into_iter().map(sum).collect()
     }
 
     /// Electrons, volts and digital numbers of every channel under a uniform irradiance, in the model's mode.
@@ -45,20 +47,24 @@ impl Sensor {
         exposure.validate()?;
         let model = self.model();
         let rates = self.flat_electron_rate(irradiance);
-        let electrons: Vec<f64> = rates.iter().map(|rate| rate * exposure.time_s).collect();
-        let chain = Chain::new(model, exposure);
+        let chain = Chain::new(self, exposure);
+        let light_s = match &chain {
+            Chain::Physical(chain) => chain.light_s(),
+            Chain::Isetcam(_) => exposure.time_s,
+        };
+        let electrons: Vec<f64> = rates.iter().map(|rate| rate * light_s).collect();
         let volts_per_dn = model.volts_per_dn();
         let each = |f: &dyn Fn(f64) -> f64| -> Vec<f64> { electrons.iter().map(|&e| f(e)).collect() };
         let (dark_electrons, volts, dn, black_level, noise_dn) = match &chain {
             Chain::Physical(chain) => {
                 let dark = chain.dark_electrons();
-                let dn = |e| chain.dn_of_electrons(e + dark).clamp(0.0, f64::from(model.max_code()));
-                let pedestal = model.black_level_dn;
+                let dn = |e| chain.dn_of_electrons(e + dark).clamp(0.0, chain.max_dn());
+                let one_read = |e| chain.dn_of_one_read(e + dark).clamp(0.0, f64::from(model.max_code()));
                 (
                     dark,
-                    each(&|e| (dn(e) - pedestal) * volts_per_dn),
+                    each(&|e| (one_read(e) - model.black_level_dn) * volts_per_dn),
                     each(&dn),
-                    chain.black_dn,
+                    chain.black_dn(),
                     each(&|e| chain.temporal_noise_dn(e + dark)),
                 )
             }

@@ -213,12 +213,13 @@ impl IsetcamChain {
     }
 
     /// Turns the electron rates of one row into digital numbers. Without clipping (flags below 0) only the 16 bits of
-    /// the raw image limit them.
-    pub(super) fn expose_row(&self, row: usize, rates: &[f32], out: &mut [u16]) {
+    /// the raw image limit them. `rates` are those of the whole row, `out` begins at column `first_column`.
+    pub(super) fn expose_row(&self, row: usize, first_column: usize, rates: &[f32], out: &mut [u16]) {
         let adc = Adc { max_code: if self.flag >= 0 { self.full_code } else { u16::MAX } };
         let first = row as u64 * rates.len() as u64;
-        for (col, (rate, out)) in rates.iter().zip(out).enumerate() {
-            let electrons = f64::from(*rate) * self.time_s;
+        for (index, out) in out.iter_mut().enumerate() {
+            let col = first_column + index;
+            let electrons = f64::from(rates[col]) * self.time_s;
             let volts = self.noisy_volts(col, first + col as u64, electrons);
             *out = adc.code(self.clipped(self.amplified(volts)) / self.volts_per_dn);
         }

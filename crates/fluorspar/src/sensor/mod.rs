@@ -3,9 +3,12 @@
 //! | step | type or call | file |
 //! |---|---|---|
 //! | electrons per photon | [`SpectralQe`] | `quantum_efficiency.rs` |
-//! | data sheet | [`SensorModel`], by default Table 1 of Lyu et al. 2021 | `model.rs` |
+//! | data sheet | [`SensorModel`], by default Table 1 of Lyu et al. 2021; [`Emva1288`] | `model.rs`, `data_sheet.rs` |
 //! | film samples to pixels | [`Sensor::electron_rate`] | `pixel_integration.rs` |
+//! | fall-off, crosstalk | [`SensorModel::relative_illumination`], [`Crosstalk`] | `relative_illumination.rs`, `crosstalk.rs` |
+//! | when rows collect light | [`Shutter`], [`Strobe`] | `shutter.rs` |
 //! | noise and conversion | [`Sensor::expose`] | `noise.rs`, `adc.rs`, `isetcam.rs` |
+//! | which pixels are read | [`SensorModel::region_px`], [`Binning`] | `readout.rs` |
 //! | numbers without an image | [`Sensor::flat_response`] | `flat_response.rs` |
 //! | exposure time | [`AutoExposure`] | `auto_exposure.rs` |
 //! | several frames | [`CaptureSequence`] | `capture.rs` |
@@ -13,13 +16,19 @@
 //! | dark frames, flat fields, bad pixels | [`MasterFrame`], [`FlatField`], [`BadPixels`] | `calibration.rs` |
 //! | a second instrument | [`Spectroradiometer`] | `spectroradiometer.rs` |
 //! | exposures merged to one | [`merge_exposures`] | `develop.rs` |
+//! | measuring a sensor | [`characterize`] | `characterization.rs`, `photon_transfer.rs` |
 //!
-//! Out of scope: rolling shutter, crosstalk between pixels, lag and blooming.
+//! Out of scope: lag, blooming, correlated noise other than that of rows and columns.
 
 mod adc;
 mod auto_exposure;
 mod calibration;
 mod capture;
+mod characterization;
+#[cfg(test)]
+mod characterization_tests;
+mod crosstalk;
+mod data_sheet;
 mod demosaic;
 mod develop;
 mod exposure;
@@ -27,10 +36,16 @@ mod flat_response;
 pub mod isetcam;
 mod model;
 mod noise;
+pub mod photon_transfer;
 mod pixel_integration;
 mod quantum_efficiency;
+mod readout;
+#[cfg(test)]
+mod readout_tests;
 #[cfg(test)]
 mod reference_vectors;
+mod relative_illumination;
+mod shutter;
 mod spectroradiometer;
 #[cfg(test)]
 mod statistics_tests;
@@ -38,11 +53,19 @@ mod statistics_tests;
 pub use auto_exposure::AutoExposure;
 pub use calibration::{BadPixels, FlatField, MasterFrame};
 pub use capture::{CaptureFrame, CaptureSequence};
+pub use characterization::{
+    ChannelSensitivity, Characterization, CharacterizationSettings, NonUniformity, PhotonTransferPoint,
+    Recovered, characterize,
+};
+pub use crosstalk::Crosstalk;
+pub use data_sheet::Emva1288;
 pub use demosaic::Demosaicing;
 pub use develop::{DevelopError, Development, LinearMosaic, develop, develop_with_ambient, merge_exposures};
-pub use exposure::{ElectronRate, Exposure, Sensor};
+pub use exposure::{DefectPixels, ElectronRate, Exposure, Sensor};
 pub use flat_response::FlatResponse;
-pub use model::{Emva1288, SensorMode, SensorModel, SensorProblem};
+pub use model::{SensorMode, SensorModel, SensorProblem};
 pub use pixel_integration::FilmExtent;
 pub use quantum_efficiency::{ChannelQe, SpectralQe};
+pub use readout::{Binning, BinningKind};
+pub use shutter::{Shutter, ShutterKind, Strobe};
 pub use spectroradiometer::{SpectralReading, Spectroradiometer};

@@ -1,8 +1,14 @@
 //! The data sheet of a sensor.
 
+use std::collections::BTreeMap;
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
+
+use super::readout::Readout;
+use super::relative_illumination::RelativeIllumination;
+use super::{Binning, BinningKind, Crosstalk, Emva1288, Shutter, Strobe};
 
 /// Table 1 of Lyu et al. 2021, where a value may be given in more than one unit.
 mod table_1 {
@@ -45,8 +51,15 @@ pub struct SensorModel {
     pub pixel_size_um: f64,
     /// Share of the pixel's area that collects light.
     pub fill_factor: f64,
+    /// Side of the square that collects light, um, for its share in the sharpness; the sensitivity is that of the fill
+    /// factor (physical mode only). Default: the pixel size, as behind microlenses.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub aperture_um: Option<f64>,
     /// Electrons that a pixel holds (physical mode only; ISETCam clips at the voltage swing).
     pub well_capacity_e: f64,
+    /// Share of the well up to which every electron is collected; above it fewer and fewer are (physical mode only).
+    /// 1 is a hard limit.
+    pub well_knee: f64,
     /// Voltage that spans the converter at gain 1, V.
     pub voltage_swing_v: f64,
     /// Voltage per electron, mV/e-. Default: voltage swing over well capacity.
@@ -82,6 +95,12 @@ pub struct SensorModel {
     pub column_gain_percent: f64,
     /// Standard deviation of the rows' offsets, mV (physical mode only).
     pub row_offset_mv: f64,
+    /// Temporal noise that all pixels of a column share, drawn anew for each frame, mV rms before the gain (physical
+    /// mode only).
+    pub column_noise_mv: f64,
+    /// Temporal noise that all pixels of a row share, drawn anew for each frame, mV rms before the gain (physical mode
+    /// only).
+    pub row_noise_mv: f64,
     /// Dark signal at the reference temperature, mV/s. Default 0.15.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub dark_voltage_mv_per_s: Option<f64>,
@@ -91,12 +110,42 @@ pub struct SensorModel {
     /// Spread of the pixels' dark currents: standard deviation of the logarithm of a log-normal distribution whose
     /// mean is the dark current (physical mode only).
     pub dark_current_log_spread: f64,
+    /// Hot pixels, in a million (physical mode only).
+    pub hot_pixels_per_million: f64,
+    /// Mean of the additional dark currents of hot pixels, which are exponentially distributed, at the reference
+    /// temperature, e-/s.
+    pub hot_pixel_dark_current_e_per_s: f64,
+    /// Pixels that do not respond to light, in a million (physical mode only).
+    pub dead_pixels_per_million: f64,
     /// Temperature of the sensor, degrees Celsius.
     pub temperature_c: f64,
     /// Temperature at which the dark signal holds, degrees Celsius.
     pub dark_reference_temperature_c: f64,
     /// Temperature step that doubles the dark signal, K (6 to 9 for silicon).
     pub dark_doubling_temperature_k: f64,
+    /// Relative illumination by channel name, or by "all": coefficients a1, a2, ... of 1 + a1 x + a2 x^2 + ..., x the
+    /// squared distance from the centre over that of a corner. It comes on top of the lens (physical and noise-free mode
+    /// only).
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub relative_illumination: BTreeMap<String, Vec<f64>>,
+    /// Crosstalk between neighbours. Default: none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub crosstalk: Option<Crosstalk>,
+    /// Shutter and readout timing. Default: all rows at once.
+    #[serde(skip_serializing_if = "Shutter::is_default")]
+    pub shutter: Shutter,
+    /// Pulsed light. Default: steady light.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub strobe: Option<Strobe>,
+    /// Part of the sensor that is read: column, row, width, height. Default: all of it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub region_px: Option<[usize; 4]>,
+    /// Joining of pixels. Default: none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub binning: Option<Binning>,
+    /// Electronics and noise as a data sheet after EMVA 1288, in place of the fields that say the same.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub emva1288: Option<Emva1288>,
     /// Which equations to use.
     pub mode: SensorMode,
     /// Seed of everything that belongs to the device and stays from frame to frame.
@@ -111,7 +160,9 @@ impl Default for SensorModel {
             mosaic: [["G", "R"], ["B", "G"]].map(|row| row.map(String::from).to_vec()).to_vec(),
             pixel_size_um: 2.5,
             fill_factor: 0.99,
+            aperture_um: None,
             well_capacity_e: 9000.0,
+            well_knee: 1.0,
             voltage_swing_v: 0.911,
             conversion_gain_mv_per_e: None,
             analog_gain: 1.0,
@@ -127,12 +178,24 @@ impl Default for SensorModel {
             column_offset_mv: 0.0,
             column_gain_percent: 0.0,
             row_offset_mv: 0.0,
+            column_noise_mv: 0.0,
+            row_noise_mv: 0.0,
             dark_voltage_mv_per_s: None,
             dark_current_e_per_s: None,
             dark_current_log_spread: 0.0,
+            hot_pixels_per_million: 0.0,
+            hot_pixel_dark_current_e_per_s: 10_000.0,
+            dead_pixels_per_million: 0.0,
             temperature_c: 25.0,
             dark_reference_temperature_c: 25.0,
             dark_doubling_temperature_k: 8.0,
+            relative_illumination: BTreeMap::new(),
+            crosstalk: None,
+            shutter: Shutter::default(),
+            strobe: None,
+            region_px: None,
+            binning: None,
+            emva1288: None,
             mode: SensorMode::Physical,
             device_seed: 1,
         }
@@ -200,6 +263,16 @@ impl SensorModel {
         self.in_electrons(self.read_noise_e, self.read_noise_mv, table_1::READ_NOISE_MV)
     }
 
+    /// Temporal dark noise of one pixel at an exposure's gain, e- rms: noise before and after the gain, of rows and of
+    /// columns. Shot noise of the dark current and quantisation excluded.
+    pub fn dark_noise_electrons(&self, gain: f64) -> f64 {
+        let electrons = |mv: f64| mv * 1e-3 / self.conversion_gain_v_per_e();
+        let after_gain_dn = self.post_gain_noise_mv * 1e-3 / self.volts_per_dn();
+        self.read_noise_electrons()
+            .hypot(after_gain_dn / (self.base_dn_per_electron() * self.analog_gain * gain))
+            .hypot(electrons(self.row_noise_mv).hypot(electrons(self.column_noise_mv)))
+    }
+
     /// Standard deviation of the pixels' offsets, e-.
     pub fn dsnu_electrons(&self) -> f64 {
         self.in_electrons(self.dsnu_e, self.dsnu_mv, table_1::DSNU_MV)
@@ -212,8 +285,47 @@ impl SensorModel {
             self.dark_voltage_mv_per_s,
             table_1::DARK_VOLTAGE_MV_PER_S,
         );
+        reference * self.dark_temperature_factor()
+    }
+
+    /// Dark current at the sensor's temperature over that at the reference temperature:
+    /// `2^((T - T_ref) / doubling temperature)`.
+    pub fn dark_temperature_factor(&self) -> f64 {
         let warmer = self.temperature_c - self.dark_reference_temperature_c;
-        reference * 2f64.powf(warmer / self.dark_doubling_temperature_k)
+        2f64.powf(warmer / self.dark_doubling_temperature_k)
+    }
+
+    /// Columns and rows of the raw images: those of the region that is read, joined pixels counting once.
+    ///
+    /// # Errors
+    /// A region or a binning that does not fit.
+    pub fn image_size(&self) -> Result<[usize; 2], SensorProblem> {
+        Readout::of(self).map(|readout| [readout.columns, readout.rows])
+    }
+
+    /// Photo response non-uniformity of the raw image, percent: joined pixels average it.
+    pub fn image_prnu_percent(&self) -> f64 {
+        self.prnu_percent / self.binning.map_or(1.0, |binning| binning.pixels() as f64).sqrt()
+    }
+
+    /// Standard deviation of the offsets of the raw image, in electrons of its pixels: each read has an offset.
+    pub fn image_dsnu_electrons(&self) -> f64 {
+        let reads = match &self.binning {
+            Some(binning) if binning.kind != BinningKind::Charge => binning.pixels() as f64,
+            _ => 1.0,
+        };
+        self.dsnu_electrons() * reads.sqrt()
+    }
+
+    /// The model with its data sheet, if it has one, written into its own fields.
+    ///
+    /// # Errors
+    /// A sheet that contradicts itself or the model.
+    pub fn with_data_sheet(&self) -> Result<Self, SensorProblem> {
+        match &self.emva1288 {
+            Some(sheet) => sheet.applied_to(self),
+            None => Ok(self.clone()),
+        }
     }
 
     /// The same model with every default and every conversion between units written out, in millivolts.
@@ -239,6 +351,9 @@ impl SensorModel {
     /// The first parameter that can't be used, with the way to mend it.
     pub fn validate(&self) -> Result<(), SensorProblem> {
         self.validate_geometry()?;
+        if self.emva1288.is_some() {
+            return self.with_data_sheet()?.validate();
+        }
         for (field, value, unit) in [
             ("well_capacity_e", self.well_capacity_e, "electrons"),
             ("voltage_swing_v", self.voltage_swing_v, "volts"),
@@ -274,10 +389,36 @@ impl SensorModel {
             ("column_offset_mv", self.column_offset_mv),
             ("column_gain_percent", self.column_gain_percent),
             ("row_offset_mv", self.row_offset_mv),
+            ("column_noise_mv", self.column_noise_mv),
+            ("row_noise_mv", self.row_noise_mv),
             ("dark_current_log_spread", self.dark_current_log_spread),
+            ("hot_pixel_dark_current_e_per_s", self.hot_pixel_dark_current_e_per_s),
         ] {
             not_negative(field, value)?;
         }
+        for (field, value) in [
+            ("hot_pixels_per_million", self.hot_pixels_per_million),
+            ("dead_pixels_per_million", self.dead_pixels_per_million),
+        ] {
+            if !(0.0..=1e6).contains(&value) {
+                let message = format!("{value} is outside 0 to 1000000; give pixels in a million");
+                return Err(SensorProblem::new(field, message));
+            }
+        }
+        if !(self.well_knee > 0.0 && self.well_knee <= 1.0) {
+            let message =
+                format!("{} is outside 0 to 1; give a share of the well, 1 for a hard limit", self.well_knee);
+            return Err(SensorProblem::new("well_knee", message));
+        }
+        if let Some(crosstalk) = &self.crosstalk {
+            crosstalk.validate()?;
+        }
+        self.shutter.validate()?;
+        if let Some(strobe) = &self.strobe {
+            strobe.validate()?;
+        }
+        RelativeIllumination::validate(self)?;
+        self.validate_isetcam()?;
         for (field, value) in [
             ("analog_offset_mv", self.analog_offset_mv),
             ("temperature_c", self.temperature_c),
@@ -305,6 +446,13 @@ impl SensorModel {
             let message = format!("{} is outside 0 to 1; give a fraction, not percent", self.fill_factor);
             return Err(SensorProblem::new("fill_factor", message));
         }
+        if let Some(aperture) = self.aperture_um.filter(|a| !(*a > 0.0 && *a <= self.pixel_size_um)) {
+            let message = format!(
+                "{aperture} is outside 0 to the pixel size, {} um; give the side of the square that collects light",
+                self.pixel_size_um
+            );
+            return Err(SensorProblem::new("aperture_um", message));
+        }
         let cell_columns = self.mosaic.first().map_or(0, Vec::len);
         if cell_columns == 0 || self.mosaic.iter().any(|row| row.len() != cell_columns) {
             let message = "the rows of the cell must have one length, at least 1; for instance \
@@ -321,6 +469,33 @@ impl SensorModel {
             return Err(SensorProblem::new("mosaic", message));
         }
         Ok(())
+    }
+
+    /// ISETCam has no equations for these: a field that would have no effect is refused.
+    fn validate_isetcam(&self) -> Result<(), SensorProblem> {
+        if !matches!(self.mode, SensorMode::Isetcam { .. }) {
+            return Ok(());
+        }
+        let unknown = [
+            ("crosstalk", self.crosstalk.is_some()),
+            ("shutter", !self.shutter.is_default()),
+            ("strobe", self.strobe.is_some()),
+            ("binning", self.binning.is_some()),
+            ("relative_illumination", !self.relative_illumination.is_empty()),
+            ("aperture_um", self.aperture_um.is_some()),
+            ("well_knee", self.well_knee != 1.0),
+            ("column_noise_mv", self.column_noise_mv != 0.0),
+            ("row_noise_mv", self.row_noise_mv != 0.0),
+            ("hot_pixels_per_million", self.hot_pixels_per_million != 0.0),
+            ("dead_pixels_per_million", self.dead_pixels_per_million != 0.0),
+        ];
+        match unknown.iter().find(|(_, given)| *given) {
+            Some((field, _)) => {
+                let message = "the mode isetcam has no equation for it; remove it or use the mode physical";
+                Err(SensorProblem::new(*field, message))
+            }
+            None => Ok(()),
+        }
     }
 
     fn validate_converter(&self) -> Result<(), SensorProblem> {
@@ -360,7 +535,7 @@ impl SensorModel {
                 return Err(SensorProblem::new(field, message));
             }
         }
-        Ok(())
+        Readout::of(self).map(|_| ())
     }
 }
 
@@ -369,46 +544,6 @@ fn not_negative(field: &str, value: f64) -> Result<(), SensorProblem> {
         Ok(())
     } else {
         Err(SensorProblem::new(field, format!("{value} can't be a noise or a current; give 0 or more")))
-    }
-}
-
-/// A data sheet in the terms of EMVA 1288 (release 4), at gain 1.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Emva1288 {
-    /// System gain K, DN/e-.
-    pub system_gain_dn_per_e: f64,
-    /// Temporal dark noise, e- rms, quantisation excluded.
-    pub dark_noise_e: f64,
-    /// Saturation capacity, e-.
-    pub saturation_capacity_e: f64,
-    /// Dark current, e-/s.
-    pub dark_current_e_per_s: f64,
-    /// Dark signal non-uniformity, e-.
-    pub dsnu_e: f64,
-    /// Photo response non-uniformity, percent.
-    pub prnu_percent: f64,
-    /// Bits of the converter.
-    pub bit_depth: u8,
-}
-
-impl From<Emva1288> for SensorModel {
-    /// A model with these electronics; geometry and mosaic are still those of the default.
-    fn from(sheet: Emva1288) -> Self {
-        // Only K can be measured from outside, so the voltage scale is free: 0.1 mV per electron.
-        let conversion_gain_mv_per_e = 0.1;
-        let codes = 2f64.powi(i32::from(sheet.bit_depth));
-        Self {
-            conversion_gain_mv_per_e: Some(conversion_gain_mv_per_e),
-            voltage_swing_v: conversion_gain_mv_per_e * 1e-3 * codes / sheet.system_gain_dn_per_e,
-            well_capacity_e: sheet.saturation_capacity_e,
-            read_noise_e: Some(sheet.dark_noise_e),
-            dsnu_e: Some(sheet.dsnu_e),
-            dark_current_e_per_s: Some(sheet.dark_current_e_per_s),
-            prnu_percent: sheet.prnu_percent,
-            bit_depth: sheet.bit_depth,
-            ..Self::default()
-        }
     }
 }
 
@@ -450,23 +585,6 @@ mod tests {
         let cool = SensorModel { dark_current_e_per_s: Some(3.0), ..SensorModel::default() };
         let warm = SensorModel { temperature_c: 41.0, ..cool.clone() };
         assert!((warm.dark_electrons_per_s() - 12.0).abs() < 1e-12);
-    }
-
-    #[test]
-    fn an_emva_data_sheet_keeps_its_system_gain() {
-        let sheet = Emva1288 {
-            system_gain_dn_per_e: 0.37,
-            dark_noise_e: 2.2,
-            saturation_capacity_e: 10_500.0,
-            dark_current_e_per_s: 0.4,
-            dsnu_e: 0.9,
-            prnu_percent: 0.6,
-            bit_depth: 12,
-        };
-        let model = SensorModel::from(sheet);
-        assert!(model.validate().is_ok());
-        assert!((model.base_dn_per_electron() - 0.37).abs() < 1e-12);
-        assert!((model.read_noise_electrons() - 2.2).abs() < 1e-12);
     }
 
     #[test]

@@ -41,16 +41,23 @@ pub(super) struct AxisWeights {
 }
 
 impl AxisWeights {
-    /// `pixels` of `pitch_mm` against `samples` over `extent_mm`, both centred on zero.
-    pub(super) fn new(pixels: usize, pitch_mm: f64, samples: usize, extent_mm: f64) -> Self {
-        let pixels_per_sample = pitch_mm * samples as f64 / extent_mm;
+    /// `pixels` of `pitch_mm` that collect light over `aperture_mm` in their middle, against `samples` over `extent_mm`,
+    /// both centred on zero.
+    pub(super) fn new(
+        pixels: usize,
+        pitch_mm: f64,
+        aperture_mm: f64,
+        samples: usize,
+        extent_mm: f64,
+    ) -> Self {
+        let samples_per_pixel = pitch_mm * samples as f64 / extent_mm;
+        let border = 0.5 * (1.0 - aperture_mm / pitch_mm);
         // An edge within rounding of a sample's edge is that edge: no slivers.
         let snap = |x: f64| if (x - x.round()).abs() < 1e-9 * samples as f64 { x.round() } else { x };
-        let edge =
-            |i: usize| snap((i as f64 - 0.5 * pixels as f64) * pixels_per_sample + 0.5 * samples as f64);
+        let edge = |i: f64| snap((i - 0.5 * pixels as f64) * samples_per_pixel + 0.5 * samples as f64);
         let mut axis = Self { ranges: Vec::with_capacity(pixels), weights: Vec::new() };
         for pixel in 0..pixels {
-            let (start, end) = (edge(pixel), edge(pixel + 1));
+            let (start, end) = (edge(pixel as f64 + border), edge((pixel + 1) as f64 - border));
             let (inner_start, inner_end) = (start.max(0.0), end.min(samples as f64));
             let first_weight = axis.weights.len();
             if inner_end <= inner_start {
@@ -105,7 +112,7 @@ mod tests {
     use super::*;
 
     fn resample(pixels: usize, pitch_mm: f64, values: &[f32], extent_mm: f64) -> Vec<f64> {
-        let axis = AxisWeights::new(pixels, pitch_mm, values.len(), extent_mm);
+        let axis = AxisWeights::new(pixels, pitch_mm, pitch_mm, values.len(), extent_mm);
         let mean = |pixel| {
             let (range, weights) = axis.of(pixel);
             values[range].iter().zip(weights).map(|(v, w)| f64::from(v * w)).sum::<f64>()
@@ -126,6 +133,18 @@ mod tests {
         let beyond = resample(4, 3.0, &values, 6.0);
         for (mean, expected) in beyond.iter().zip([0.0, 7.0 / 3.0, 56.0 / 3.0, 0.0]) {
             assert!((mean - expected).abs() < 1e-6 * expected + 1e-12, "{beyond:?}");
+        }
+    }
+
+    #[test]
+    fn a_small_aperture_sees_the_middle_of_its_pixel() {
+        let values: Vec<f64> = (0..24).map(|i| f64::from(i * i)).collect();
+        let axis = AxisWeights::new(6, 4.0, 2.0, 24, 24.0);
+        for pixel in 0..6 {
+            let (range, weights) = axis.of(pixel);
+            assert_eq!(range, 4 * pixel + 1..4 * pixel + 3);
+            let mean: f64 = values[range].iter().zip(weights).map(|(v, w)| v * f64::from(*w)).sum();
+            assert!((mean - 0.5 * (values[4 * pixel + 1] + values[4 * pixel + 2])).abs() < 1e-9);
         }
     }
 

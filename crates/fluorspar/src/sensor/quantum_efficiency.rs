@@ -65,6 +65,12 @@ impl SpectralQe {
         Self { channels: self.channels.iter().map(filtered).collect() }
     }
 
+    /// The same channels with other curves, in order.
+    pub(super) fn with_curves(&self, curves: impl IntoIterator<Item = Curve>) -> Self {
+        let channels = self.channels.iter().zip(curves);
+        Self { channels: channels.map(|(c, curve)| ChannelQe { name: c.name.clone(), curve }).collect() }
+    }
+
     /// All channels.
     pub fn channels(&self) -> &[ChannelQe] {
         &self.channels

@@ -9,7 +9,11 @@ use super::demosaic::Demosaic;
 use super::isetcam::{self, IsetcamChain};
 use super::*;
 use crate::image::Mosaic;
-use crate::spectral::{Curve, Irradiance, Spectrum, WavelengthGrid};
+use crate::optics::IdealLens;
+use crate::spectral::{
+    Curve, CurveModel, Irradiance, Spectrum, StandardObserver, WavelengthGrid, cie_lab, cie_luv, cie_uv_1960,
+    daylight_d65, delta_e_1976,
+};
 
 /// A file below the folder that `FLUORSPAR_REFERENCE` names, or below a folder `shared` beside any folder above this
 /// crate. Prints a notice where there is none.
@@ -220,5 +224,252 @@ fn a_bayer_image_is_interpolated_the_same() {
             // Single precision: four additions of 2^-24 each.
             assert_close(f64::from(*ours), expected, 3e-7, "interpolated volts");
         }
+    }
+}
+
+/// Filters of ISETCam's default sensor: the file has red at 0.2 and blue at 0.5 of them.
+fn default_filters() -> Option<SpectralQe> {
+    let data = vector("sensor_filter_transmissivities_small")?;
+    let wave = numbers(&data["wave"]);
+    let curve = |(channel, scale): (usize, f64)| {
+        let values = data["filters"].as_array().unwrap().iter().map(|row| number(&row[channel]) / scale);
+        Curve::new(wave.clone(), values.collect()).unwrap()
+    };
+    let curves = ["R", "G", "B"].into_iter().zip([(0, 0.2), (1, 1.0), (2, 0.5)].map(curve));
+    Some(SpectralQe::from_curves(curves).unwrap())
+}
+
+#[test]
+fn a_colour_chart_gives_its_volts() {
+    let (Some(qe), Some(optical), Some(sensor)) =
+        (default_filters(), vector("oi_diffraction_limited_default"), vector("sensor_bayer_noiseless"))
+    else {
+        return;
+    };
+    let wave = numbers(&optical["wave"]);
+    let grid = WavelengthGrid::from_centers(&wave).unwrap();
+    let model = SensorModel {
+        mosaic: [["G", "R"], ["B", "G"]].map(|row| row.map(String::from).to_vec()).to_vec(),
+        mode: SensorMode::Isetcam { noise_flag: 0 },
+        ..default_pixel()
+    };
+    let camera = Sensor::new(model.clone(), qe).unwrap();
+    let exposure = Exposure { time_s: number(&sensor["integration_time"]), ..Exposure::default() };
+    let rows: Vec<Vec<f64>> = sensor["volts"].as_array().unwrap().iter().map(numbers).collect();
+    let mosaic = Mosaic::bayer("grbg").unwrap();
+    // The chart has 16 samples of 7.041 um per patch; the 88 x 72 pixels of 2.8 um see the four patches in its middle.
+    let samples_per_pixel = 7.041 / 2.8;
+    for (patch_row, patch_col) in [(1, 2), (1, 3), (2, 2), (2, 3)] {
+        let photons = numbers(&optical["photons"]["values"][patch_row * 6 + patch_col]);
+        let energy = photons.iter().zip(&wave).map(|(n, nm)| n / isetcam::photons_per_joule(*nm));
+        let irradiance = Spectrum::<Irradiance>::from_parts(grid.clone(), energy.collect());
+        let patch = camera.flat_response(&irradiance, &exposure).unwrap();
+        let center = |patch: usize, chart: f64, pixels: f64| {
+            ((patch as f64 * 16.0 + 8.0 - 0.5 * chart) * samples_per_pixel + 0.5 * pixels) as usize
+        };
+        let (row, col) = (center(patch_row, 64.0, 72.0), center(patch_col, 96.0, 88.0));
+        for channel in 0..3 {
+            let pixels = (row - 4..row + 4).flat_map(|r| (col - 4..col + 4).map(move |c| (r, c)));
+            let seen: Vec<f64> =
+                pixels.filter(|&(r, c)| mosaic.channel(r, c) == channel).map(|(r, c)| rows[r][c]).collect();
+            // The tolerance of the file; light within a patch varies by the fall-off of the lens.
+            let (mean, _) = mean_and_deviation(&seen);
+            assert_close(patch.volts[channel], mean, 1e-3, "volts");
+        }
+    }
+}
+
+#[test]
+fn signal_to_noise_ratios_of_pixels_of_any_size() {
+    let Some(data) = vector("metrics_snr_pixel_size_luxsec_small") else { return };
+    let list = |key: &str| numbers(&data[key]);
+    for (index, read_mv) in list("read_noise_mv").into_iter().enumerate() {
+        let model = SensorModel {
+            voltage_swing_v: list("voltage_swing_v")[index],
+            read_noise_mv: Some(read_mv),
+            ..default_pixel()
+        };
+        let lux_s = numbers(&data["luxsec_curves"][index]);
+        for (step, lux_s) in lux_s.into_iter().enumerate() {
+            let snr = isetcam::snr_db(&model, lux_s * list("volts_per_lux_sec")[index]);
+            for (actual, key) in [(snr.total, "snr_db"), (snr.shot, "snr_shot_db"), (snr.read, "snr_read_db")]
+            {
+                let expected = number(&data[key][index][step]);
+                // 1e-3 of a ratio are 0.0043 dB.
+                assert!((actual - expected).abs() < 0.0043, "{key}: {actual} dB, ISETCam has {expected}");
+            }
+        }
+    }
+}
+
+#[test]
+fn tables_of_energy_become_photons_and_back() {
+    let Some(data) = vector("utility_energy_quanta_matrix") else { return };
+    for (row, wave) in numbers(&data["wave"]).into_iter().enumerate() {
+        let [energy, photons, back] =
+            ["energy", "photons", "energy_roundtrip"].map(|key| numbers(&data[key][row]));
+        for ((energy, photons), back) in energy.into_iter().zip(photons).zip(back) {
+            assert_close(energy * isetcam::photons_per_joule(wave), photons, 1e-7, "photons");
+            assert_close(photons / isetcam::photons_per_joule(wave), back, 1e-7, "energy");
+        }
+    }
+}
+
+/// Samples of a relative curve at wavelengths 10 nm apart, scaled to a luminance as ISETCam sums it.
+fn scaled_to_luminance(relative: impl Fn(f64) -> f64, wave: &[f64], luminance: f64) -> Vec<f64> {
+    // Bins of 1 nm hold the colour-matching functions at whole wavelengths to 1e-5.
+    let observer = StandardObserver::new(&WavelengthGrid::uniform(360.0, 830.0, 1.0).unwrap());
+    let sampled = |f: &dyn Fn(f64) -> f64| {
+        let mut spectrum = vec![0f32; 471];
+        wave.iter().for_each(|nm| spectrum[(nm - 360.0) as usize] = 10.0 * f(*nm) as f32);
+        observer.xyz(&spectrum)
+    };
+    let scale = luminance / sampled(&relative)[1];
+    wave.iter().map(|nm| scale * relative(*nm)).collect()
+}
+
+#[test]
+fn black_bodies_have_the_spectrum_of_isetcam() {
+    for (case, key) in
+        [("utility_blackbody_energy_small", "energy"), ("utility_blackbody_quanta_small", "photons")]
+    {
+        let Some(data) = vector(case) else { return };
+        let wave = numbers(&data["wave"]);
+        for (column, temperature_k) in numbers(&data["temperatures"]).into_iter().enumerate() {
+            let model = CurveModel::Blackbody { temperature_k, reference_nm: 560.0 };
+            let of_file = |row: usize| number(&data[key][row][column]);
+            let photons = |nm: f64| if key == "photons" { isetcam::photons_per_joule(nm) } else { 1.0 };
+            // Its scale is arbitrary; the shape is compared with that at 550 nm.
+            let middle = wave.iter().position(|nm| *nm == 550.0).unwrap();
+            let ours = |nm: f64| model.eval(nm) * photons(nm);
+            for (row, nm) in wave.iter().enumerate() {
+                let expected = of_file(row) / of_file(middle);
+                // Its h c / k is 6.6e-6 above the exact one, in an exponent of at most 12: 8e-5.
+                assert_close(ours(*nm) / ours(550.0), expected, 1e-4, "black body");
+            }
+        }
+    }
+}
+
+#[test]
+fn equal_energy_has_its_luminance() {
+    let Some(data) = vector("scene_uniform_ee_small") else { return };
+    let wave = numbers(&data["wave"]);
+    let radiance = scaled_to_luminance(|_| 1.0, &wave, number(&data["mean_luminance"]));
+    for ((nm, ours), photons) in wave.iter().zip(radiance).zip(numbers(&data["photons"]["values"])) {
+        assert_close(ours * isetcam::photons_per_joule(*nm), photons, 1e-5, "photons");
+    }
+}
+
+#[test]
+fn illuminants_of_a_luminance() {
+    let Some(data) = vector("scene_illuminant_small") else { return };
+    let check =
+        |name: &str, quantity: &str, relative: &dyn Fn(f64) -> f64, luminance: f64, tolerance: f64| {
+            let wave = numbers(&data[format!("{name}_wave")]);
+            let ours = scaled_to_luminance(relative, &wave, luminance);
+            for ((nm, ours), expected) in
+                wave.iter().zip(ours).zip(numbers(&data[format!("{name}_{quantity}")]))
+            {
+                let per_joule = if quantity == "photons" { isetcam::photons_per_joule(*nm) } else { 1.0 };
+                assert_close(ours * per_joule, expected, tolerance, &format!("{name} at {nm} nm"));
+            }
+        };
+    check("equal_energy", "energy", &|_| 1.0, 200.0, 1e-5);
+    check("equal_photons", "energy", &|nm| 1.0 / nm, 200.0, 1e-5);
+    check("equal_photons", "photons", &|nm| 1.0 / nm, 200.0, 1e-5);
+    // Its daylight is a little redder than the table of CIE: a smooth tilt, 7e-4 less at 400 nm, 3e-4 more at 700 nm.
+    let d65 = daylight_d65();
+    check("d65_200", "photons", &|nm| d65.at(nm), 200.0, 8e-4);
+    // Its h c / k is 6.6e-6 above the exact one, in an exponent of at most 7: 5e-5.
+    let model = CurveModel::Blackbody { temperature_k: 5000.0, reference_nm: 560.0 };
+    check("default_blackbody", "photons", &|nm| model.eval(nm), 100.0, 5e-5);
+}
+
+#[test]
+fn noise_of_an_uneven_picture_follows_from_its_mean() {
+    let Some(data) = vector("sensor_noise_samples_small") else { return };
+    // The variance of each pixel is linear in its mean, so the mean variance is that of the mean voltage, which the dark
+    // voltage of 50 ms raises.
+    let mean_v = number(&data["noise_free_mean"]) + 1e-3 * 0.05;
+    let deviation_v = isetcam::volts_variance(&default_pixel(), mean_v).sqrt();
+    // The tolerance of the file. Its picture has dark pixels, whose noise is cut at zero.
+    assert_close(deviation_v, number(&data["noise_distribution_stats"][0]), 0.05, "deviation");
+    assert_close(
+        deviation_v * 2f64.sqrt(),
+        number(&data["pair_diff_stats"][0]),
+        0.05,
+        "deviation of a difference",
+    );
+}
+
+#[test]
+fn tristimulus_values_and_colour_spaces() {
+    if let Some(data) = vector("metrics_xyz_from_energy_1d") {
+        let observer = StandardObserver::new(&WavelengthGrid::uniform(360.0, 830.0, 1.0).unwrap());
+        let mut spectrum = vec![0f32; 471];
+        for (nm, energy) in numbers(&data["wave"]).into_iter().zip(numbers(&data["energy"])) {
+            spectrum[(nm - 360.0) as usize] = 10.0 * energy as f32;
+        }
+        for (ours, expected) in observer.xyz(&spectrum).into_iter().zip(numbers(&data["xyz"])) {
+            // Means over 1 nm instead of samples, and tables rounded to five digits or more.
+            assert_close(ours, expected, 1e-4, "XYZ");
+        }
+    }
+    let triple = |value: &Value| -> [f64; 3] { numbers(value).try_into().unwrap() };
+    let close = |ours: &[f64], expected: &[f64]| {
+        // The file keeps eight digits.
+        assert!(
+            ours.iter().zip(expected).all(|(a, b)| (a - b).abs() <= 1e-7 * b.abs()),
+            "{ours:?}, {expected:?}"
+        );
+    };
+    if let Some(data) = vector("metrics_xyz_to_lab_1d") {
+        close(&cie_lab(triple(&data["xyz"]), triple(&data["white_point"])), &numbers(&data["lab"]));
+    }
+    if let Some(data) = vector("metrics_xyz_to_luv_1d") {
+        // Its file has the white of the file beside it.
+        let white = data.get("white_point").map_or([95.047, 100.0, 108.883], triple);
+        close(&cie_luv(triple(&data["xyz"]), white).unwrap(), &numbers(&data["luv"]));
+    }
+    if let Some(data) = vector("metrics_xyz_to_uv_1d") {
+        close(&cie_uv_1960(triple(&data["xyz"])).unwrap(), &numbers(&data["uv"]));
+    }
+    if let Some(data) = vector("metrics_delta_e_ab_1976_1d") {
+        let white = triple(&data["white_point"]);
+        let [a, b] = ["xyz1", "xyz2"].map(|key| cie_lab(triple(&data[key]), white));
+        close(&[delta_e_1976(a, b)], &[number(&data["delta_e"])]);
+    }
+}
+
+#[test]
+fn light_falls_off_from_the_axis() {
+    let Some(data) = vector("oi_cos4th_small") else { return };
+    for (name, focal_length_m) in [("default", "focal_length_default_m"), ("long", "focal_length_long_m")] {
+        // Its fall-off is over the focal length, as for an object at infinity.
+        let lens = IdealLens::new(number(&data[focal_length_m]) * 1e3, 4.0);
+        let position = numbers(&data[&format!("pos_{name}_um")]);
+        let light = numbers(&data[&format!("center_line_{name}_lux")]);
+        let axis =
+            (0..position.len()).min_by(|&a, &b| position[a].abs().total_cmp(&position[b].abs())).unwrap();
+        for (um, lux) in position.iter().zip(&light).filter(|(_, lux)| **lux > 0.01) {
+            let ours = lens.relative_illumination(um.abs() * 1e-3);
+            // At f/4 its finite pupil keeps up to 3e-4 more light at 40 degrees than cos⁴ does; diffraction takes some
+            // at the edge of the picture, which is left out.
+            if um.abs() < 0.95 * position.iter().copied().fold(0.0, f64::max) * 0.8 {
+                assert_close(ours, lux / light[axis], 4e-4, "fall-off");
+            }
+        }
+    }
+}
+
+#[test]
+fn every_vector_is_listed_with_what_became_of_it() {
+    let Some(index) = reference_file("vectors/pyisetcam/index.csv") else { return };
+    let list = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/validation.md");
+    let list = std::fs::read_to_string(list).unwrap();
+    for line in std::fs::read_to_string(index).unwrap().lines().skip(1) {
+        let case = line.split(',').next().unwrap();
+        assert!(list.contains(&format!("| {case} |")), "{case} is not in docs/validation.md");
     }
 }

@@ -71,6 +71,13 @@ pub(crate) fn absorption_per_cm(wavelength_nm: f64, grams_per_litre: f64, satura
         * (saturation * oxy + (1.0 - saturation) * deoxy)
 }
 
+/// Transmittance of a layer of whole blood (150 g/l haemoglobin, saturation 0.9) of this thickness, µm, without
+/// scattering: `exp(-mua d)`. Light that is reflected below the layer passes it twice.
+#[must_use]
+pub fn blood_transmittance(wavelength_nm: f64, thickness_um: f64) -> f64 {
+    (-absorption_per_cm(wavelength_nm, 150.0, 0.9) * thickness_um * 1e-4).exp()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -9,6 +9,7 @@
 //! | [`PhotonEem`], [`EnergyEem`] | excitation-emission (Donaldson) matrices, never mixed silently |
 //! | [`Fluorophore`] | a named photon yield density with source, range and scale |
 
+mod color_difference;
 mod colorimetry;
 mod curve;
 mod curve_model;
@@ -20,12 +21,14 @@ mod quantity;
 mod spectrum;
 mod wavelength_grid;
 
+pub use color_difference::{cie_lab, cie_luv, cie_uv_1960, cie_uv_1976, delta_e_1976};
 pub use colorimetry::{StandardObserver, daylight_d65, decode_srgb, encode_srgb, linear_srgb};
 pub use curve::{Curve, CurveError, FINE_STEP_NM};
 pub use curve_model::*;
 pub use eem::{EemError, EemTable, EnergyEem, PhotonEem, SeparableTerm, Stokes, YieldDensity};
 pub use eem_toolbox::{TOOLBOX_SAMPLES, TOOLBOX_START_NM, TOOLBOX_STEP_NM, ToolboxEem};
 pub use fluorophore::{BandTerm, Fluorophore, LogNormalBand};
+pub use hemoglobin::blood_transmittance;
 pub use quantity::{
     Dimensionless, Irradiance, Quantity, QuantumEfficiency, Radiance, RadiantPower, Reflectance,
     Transmittance,

@@ -13,7 +13,7 @@ use fluorspar_report::figures::{EemMap, NamedCurve, eem_maps, emission};
 
 use super::FileOptions;
 use super::loading::load;
-use crate::commands::check_parent;
+use crate::commands::{FigureFormat, beside, check_parent};
 use crate::error::CliError;
 
 /// Width of a cell of a heat map, nm.
@@ -38,17 +38,7 @@ pub(super) struct Options {
 }
 
 pub(super) fn run(options: &Options) -> Result<(), CliError> {
-    let ending = options.out.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase);
-    let is_svg = match ending.as_deref() {
-        Some("svg") => true,
-        Some("png") => false,
-        _ => {
-            return Err(CliError::Input(format!(
-                "--out {}: the name must end in .svg or .png",
-                options.out.display()
-            )));
-        }
-    };
+    let format = FigureFormat::of(&options.out)?;
     check_parent(&options.out)?;
     let fluorophores = options
         .names
@@ -62,18 +52,11 @@ pub(super) fn run(options: &Options) -> Result<(), CliError> {
         figures.push((beside(&options.out, "_emission"), emission_figure(&fluorophores, curve, name)));
     }
     for (path, figure) in &figures {
-        let bytes = if is_svg { figure.to_svg().into_bytes() } else { figure.to_png()? };
+        let bytes = format.bytes(figure)?;
         write_atomically(path, |file| file.write_all(&bytes))?;
         eprintln!("Wrote {}", path.display());
     }
     Ok(())
-}
-
-/// The same file name with a suffix before its ending.
-fn beside(path: &Path, suffix: &str) -> PathBuf {
-    let part =
-        |part: Option<&std::ffi::OsStr>| part.map(|p| p.to_string_lossy().into_owned()).unwrap_or_default();
-    path.with_file_name(format!("{}{suffix}.{}", part(path.file_stem()), part(path.extension())))
 }
 
 fn light_curve(name: &str) -> Result<Curve, CliError> {

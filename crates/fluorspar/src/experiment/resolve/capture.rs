@@ -4,6 +4,7 @@ use glam::Vec3;
 
 use super::context::{Context, Resolved};
 use super::material::Fluorophores;
+use super::spectrum::Role;
 use super::surface_mean::surface_mean;
 use super::{Capture, ResolvedAnalysis};
 use crate::experiment::error::{Step, steps};
@@ -14,6 +15,7 @@ use crate::optics::PerspectiveCamera;
 use crate::preset::nearest_name;
 use crate::scene::{Object, Shape};
 use crate::sensor::{CaptureFrame, Sensor};
+use crate::spectral::{Curve, WavelengthGrid};
 
 fn hint<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> String {
     nearest_name(name, known).map_or_else(|| ".".into(), |name| format!(", did you mean \"{name}\"?"))
@@ -48,6 +50,7 @@ pub(super) fn captures(
     context: &mut Context<'_>,
     file: &ExperimentFile,
     groups: &[LightGroup],
+    grid: &WavelengthGrid,
 ) -> Resolved<Vec<Capture>> {
     if !file.capture.is_empty() && (file.sensor.is_none() || file.lens.is_none()) {
         let missing = if file.sensor.is_none() { "sensor" } else { "lens" };
@@ -103,7 +106,20 @@ pub(super) fn captures(
             );
             return context.fail(&at("subtract"), message);
         }
+        if let (ExposureTime::Auto, Some(sensor)) = (section.exposure_ms, &file.sensor)
+            && sensor.model.strobe.is_some()
+        {
+            let message = "finds no exposure for pulsed light; give milliseconds, or remove sensor.strobe";
+            return context.fail(&at("exposure_ms"), message);
+        }
+        let mut filter: Option<Curve> = None;
+        for (number, reference) in section.filters.iter().enumerate() {
+            let at = steps!["capture", index, "filters", number];
+            let curve = context.spectrum(&at, reference, Role::Filter, 0.0, grid)?;
+            filter = Some(filter.map_or_else(|| curve.clone(), |product| product.times(&curve)));
+        }
         captures.push(Capture {
+            filter,
             frame: CaptureFrame {
                 label: section.name.clone(),
                 lights: section.light_groups.clone(),
@@ -158,13 +174,22 @@ pub(super) fn analysis(
     }
     check_channels(context, seen.sensor)?;
     check_region(context, section, seen)?;
+    let reads_a_part = |sensor: &Sensor| {
+        let model = sensor.model();
+        model.region_px.is_some_and(|region| region != [0, 0, model.columns, model.rows])
+    };
+    if !section.parts.is_empty() && seen.sensor.is_some_and(reads_a_part) {
+        let message = "parts are found in frames of the whole sensor only; give rectangle_px, or remove sensor.region_px";
+        return context.fail(&at("parts"), message);
+    }
     if let (Some([column, row, width, height]), Some(sensor)) = (section.rectangle_px, &file.sensor) {
-        let (columns, rows) = (sensor.model.columns as u64, sensor.model.rows as u64);
+        let size = sensor.model.image_size();
+        let [columns, rows] = size.unwrap_or([sensor.model.columns, sensor.model.rows]).map(|n| n as u64);
         let outside =
             u64::from(column) + u64::from(width) > columns || u64::from(row) + u64::from(height) > rows;
         if outside || width == 0 || height == 0 {
             let message = format!(
-                "is not inside the {columns} x {rows} pixels of the sensor; give column, row, width, height"
+                "is not inside the {columns} x {rows} pixels of the raw images; give column, row, width, height"
             );
             return context.fail(&at("rectangle_px"), message);
         }

@@ -7,6 +7,7 @@ use glam::{DVec3, Vec3};
 use sha2::{Digest, Sha256};
 
 use super::InputFile;
+use crate::anatomy::{MouthParameters, Tissue};
 use crate::experiment::document::Document;
 use crate::experiment::error::{ExperimentError, Step};
 use crate::experiment::schema::ExposureTime;
@@ -21,6 +22,10 @@ pub(in crate::experiment) struct Context<'a> {
     pub(in crate::experiment) inputs: Vec<InputFile>,
     /// Entries of the catalogue in use, with the digest of their files.
     pub(in crate::experiment) presets: BTreeMap<String, String>,
+    /// The mouth, for maps of its anatomy.
+    pub(in crate::experiment) mouth: Option<MouthParameters>,
+    /// The only tissue that uses the material that is being resolved.
+    pub(in crate::experiment) tissue: Option<Tissue>,
 }
 
 pub(in crate::experiment) type Resolved<T> = Result<T, ExperimentError>;
@@ -30,6 +35,8 @@ impl<'a> Context<'a> {
         Self {
             document,
             warnings: Vec::new(),
+            mouth: None,
+            tissue: None,
             exceeded: Vec::new(),
             inputs: Vec::new(),
             presets: BTreeMap::new(),

@@ -1,16 +1,23 @@
 //! Wavelengths, render settings, camera, lens and sensor.
 
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
 use super::context::{Context, Resolved};
 use super::error_target;
 use super::spectrum::Role;
 use crate::experiment::document::is_path;
 use crate::experiment::error::{Step, steps};
 use crate::experiment::schema::{
-    CameraSection, ExperimentFile, FieldOfView, LensSection, RenderSection, SensorSection, SpectralSection,
+    CameraSection, EfficiencyReference, ExperimentFile, FieldOfView, FilterAngles, FilterPosition,
+    ImageFormation, LensSection, LensType, RenderSection, SensorSection, SpectralSection, SpectrumReference,
     ViewFilterSection,
 };
 use crate::format::{CsvColumns, CsvSpectrumOptions, Negative};
-use crate::optics::{IdealLens, PerspectiveCamera};
+use crate::optics::{
+    CameraLens, FilterAutofluorescence, FilterStack, IdealLens, LensSetting, LensState, Paraxial,
+    PerspectiveCamera, Vignetting,
+};
 use crate::preset;
 use crate::render::{Estimator, RenderSettings};
 use crate::sensor::{Sensor, SensorModel, SpectralQe};
@@ -128,7 +135,7 @@ pub(super) fn check_camera(context: &Context<'_>, section: &CameraSection) -> Re
 pub(super) fn camera(
     context: &mut Context<'_>,
     file: &ExperimentFile,
-    lens: Option<&IdealLens>,
+    lens: Option<&ResolvedLens>,
     sensor: Option<&Sensor>,
 ) -> Resolved<PerspectiveCamera> {
     let at = |key: &str| steps!["camera", key];
@@ -136,7 +143,36 @@ pub(super) fn camera(
     let position = context.meters(&at("position_mm"), section.position_mm)?;
     let target = context.meters(&at("look_at_mm"), section.look_at_mm)?;
     let up = context.direction(&at("up"), section.up)?;
+    let traced = lens.and_then(|lens| lens.traced.as_ref());
+    let formation = file.lens.as_ref().and_then(|lens| lens.image_formation).unwrap_or_default();
     let field_deg = match (section.horizontal_field_deg, lens, sensor) {
+        (given, _, _) if traced.is_some() => {
+            let field_deg =
+                traced.and_then(|lens| lens.covering_tangent()).map(|t| 2.0 * t.atan().to_degrees());
+            let Some(field_deg) = field_deg.filter(|field_deg| *field_deg < 179.0) else {
+                let message = "no ray through the middle of its stop reaches the corners of the film; take a smaller sensor \
+                               or a lens with a larger image";
+                return context.fail(&steps!["lens", "prescription"], message);
+            };
+            match given {
+                FieldOfView::FromLens => field_deg,
+                FieldOfView::Degrees(wider)
+                    if formation == ImageFormation::PointSpread && wider >= field_deg && wider < 179.0 =>
+                {
+                    wider
+                }
+                FieldOfView::Degrees(_) => {
+                    let message = if formation == ImageFormation::PointSpread {
+                        format!(
+                            "the film sees {field_deg:.2} degrees, distortion included; give as much, or \"from_lens\""
+                        )
+                    } else {
+                        "the field of view is that of the lens through which the render goes; set it to \"from_lens\"".into()
+                    };
+                    return context.fail(&at("horizontal_field_deg"), message);
+                }
+            }
+        }
         (FieldOfView::Degrees(value), _, _) => {
             if !(value > 0.0 && value < 179.0) {
                 return context.fail(&at("horizontal_field_deg"), "must be above 0 and below 179 degrees");
@@ -144,7 +180,7 @@ pub(super) fn camera(
             value
         }
         (FieldOfView::FromLens, Some(lens), Some(sensor)) => {
-            let half = 0.5 * sensor.model().width_mm() / lens.image_distance_mm();
+            let half = 0.5 * sensor.model().width_mm() / lens.equation.image_distance_mm();
             2.0 * half.atan().to_degrees()
         }
         (FieldOfView::FromLens, _, _) => {
@@ -166,48 +202,255 @@ pub(super) fn camera(
         }
     }
     match PerspectiveCamera::look_at(position, target, up, field_deg as f32, width, height) {
-        Some(camera) => Ok(camera),
+        Some(mut camera) => {
+            camera.lens = traced.filter(|_| formation == ImageFormation::Rendered).cloned();
+            Ok(camera)
+        }
         None => context.fail(&steps!["camera"], "position, direction and field of view make no camera"),
     }
 }
 
-/// Product of the filters in front of the lens.
+/// The viewing filters, and their transmittance at the fixed angle.
 pub(in crate::experiment) fn view_filter(
     context: &mut Context<'_>,
     section: &ViewFilterSection,
     grid: &WavelengthGrid,
-) -> Resolved<Curve> {
-    context.within(&steps!["view_filter", "angle_deg"], section.angle_deg, [0.0, 60.0], "degrees")?;
-    let mut product = Curve::constant(1.0);
-    for (index, filter) in section.filters.iter().enumerate() {
-        let at = steps!["view_filter", "filters", index];
-        product = product.times(&context.spectrum(&at, filter, Role::Filter, section.angle_deg, grid)?);
+) -> Resolved<(FilterStack, Curve)> {
+    let field = |key: &str| steps!["view_filter", key];
+    context.within(&field("angle_deg"), section.angle_deg, [0.0, 60.0], "degrees")?;
+    if let Some(index) = section.effective_index {
+        context.within(&field("effective_index"), index, [1.0, 4.0], "")?;
     }
-    Ok(product)
+    let lens_angles = section.angles == FilterAngles::Lens;
+    if lens_angles && section.angle_deg != 0.0 {
+        let message = "given together with angles = \"lens\", which takes the angles of the rays; remove one of the two";
+        return context.fail(&field("angle_deg"), message);
+    }
+    if !lens_angles && section.position == FilterPosition::Rear {
+        let message = "matters only where light passes at the angles of the lens; add angles = \"lens\"";
+        return context.fail(&field("position"), message);
+    }
+    let mut filters = Vec::with_capacity(section.filters.len());
+    let mut fixed = Curve::constant(1.0);
+    for (index, reference) in section.filters.iter().enumerate() {
+        let at = steps!["view_filter", "filters", index];
+        let filter = context.filter(&at, reference, section.effective_index, grid)?;
+        let of_catalogue = matches!(reference, SpectrumReference::Name(name) if !is_path(name));
+        let curve = if of_catalogue {
+            context.spectrum(&at, reference, Role::Filter, section.angle_deg, grid)?
+        } else {
+            filter.at_angle(section.angle_deg)
+        };
+        fixed = fixed.times(&curve);
+        filters.push(filter);
+    }
+    let autofluorescence = match &section.autofluorescence {
+        None => None,
+        Some(own) => {
+            let at = |key: &str| steps!["view_filter", "autofluorescence", key];
+            context.within(&at("photon_yield"), own.photon_yield, [0.0, 1.0], "photons per photon")?;
+            let emission = context.spectrum(&at("spectrum"), &own.spectrum, Role::Light, 0.0, grid)?;
+            Some(FilterAutofluorescence { photon_yield: own.photon_yield, emission })
+        }
+    };
+    let stack = FilterStack {
+        filters,
+        angle_deg: section.angle_deg,
+        lens_angles,
+        behind_lens: section.position == FilterPosition::Rear,
+        autofluorescence,
+    };
+    Ok((stack, fixed))
 }
 
-/// The lens, viewing filters included, focused where the section says or else at a distance; `None` is infinity.
+/// A lens with its film: the camera equation, and rays where the lens is traced.
+pub(in crate::experiment) struct ResolvedLens {
+    /// The camera equation; of a traced lens that of its focal length, f-number and magnification. Filters included.
+    pub(in crate::experiment) equation: IdealLens,
+    /// Transmittance of the viewing filters on the axis.
+    pub(in crate::experiment) view_filter: Curve,
+    /// Rays of a traced lens.
+    pub(in crate::experiment) traced: Option<Arc<CameraLens>>,
+}
+
+/// Heights on the film at which filters are averaged over the angles of the rays.
+const FILTER_HEIGHTS: usize = 13;
+
+/// The lens, focused where the section says or else at a distance; `None` is infinity. `film_mm` is the size of the film;
+/// without one (a flat sample) only the axis matters. The viewing filters are part of its transmittance if `with_filters`.
 pub(in crate::experiment) fn lens(
     context: &mut Context<'_>,
     section: &LensSection,
     distance_mm: Option<f64>,
-    view_filter: &Curve,
+    (stack, fixed): &(FilterStack, Curve),
+    film_mm: Option<[f64; 2]>,
+    with_filters: bool,
     grid: &WavelengthGrid,
-) -> Resolved<IdealLens> {
+) -> Resolved<ResolvedLens> {
+    check_lens_fields(context, section)?;
     let at = steps!["lens", "transmittance"];
     let glass = context.spectrum(&at, &section.transmittance, Role::Filter, 0.0, grid)?;
-    let lens = IdealLens {
-        focal_length_mm: section.focal_length_mm,
-        f_number: section.f_number,
-        transmittance: glass.times(view_filter),
-        object_distance_mm: section.focus_distance_mm.or(distance_mm),
-        vignetting: section.vignetting,
+    let distance_mm = section.focus_distance_mm.or(distance_mm);
+    let (mut equation, traced) = match section.kind {
+        LensType::Ideal => {
+            let lens = IdealLens {
+                object_distance_mm: distance_mm,
+                vignetting: section.vignetting.unwrap_or_default(),
+                ..IdealLens::new(section.focal_length_mm.unwrap_or(3.0), section.f_number.unwrap_or(4.0))
+            };
+            lens.validate().map_err(|problem| {
+                let field =
+                    if problem.field == "object_distance_mm" { "focus_distance_mm" } else { problem.field };
+                context.error(&steps!["lens", field], problem.message)
+            })?;
+            (lens, None)
+        }
+        LensType::Traced => {
+            let film_mm = film_mm.unwrap_or([AXIS_FILM_MM; 2]);
+            let traced = traced_lens(context, section, distance_mm, film_mm, grid)?;
+            let state = traced.state();
+            let (f, m) = (state.paraxial.focal_length_mm, state.magnification().abs());
+            let equation = IdealLens {
+                object_distance_mm: (m > 0.0).then(|| f * (1.0 + 1.0 / m)),
+                vignetting: Vignetting::None,
+                traced_solid_angle_sr: Some(traced.axial_solid_angle_sr()),
+                ..IdealLens::new(f, state.f_number)
+            };
+            (equation, Some(Arc::new(traced)))
+        }
     };
-    lens.validate().map_err(|problem| {
-        let field = if problem.field == "object_distance_mm" { "focus_distance_mm" } else { problem.field };
-        context.error(&steps!["lens", field], problem.message)
+    let angles = |height_mm: f64| match &traced {
+        Some(traced) => traced.filter_angles(height_mm, stack.behind_lens),
+        None => Some(equation.filter_angles(height_mm, stack.behind_lens)),
+    };
+    let moves = stack.filters.iter().any(|filter| filter.effective_index.is_some());
+    let mut view_filter = fixed.clone();
+    let mut field = Vec::new();
+    if stack.lens_angles && moves {
+        if let Some(axis) = angles(0.0) {
+            view_filter = stack.transmittance(&axis);
+        }
+        if let (true, Some([width_mm, height_mm])) = (with_filters, film_mm) {
+            let step_mm = 0.5 * width_mm.hypot(height_mm) / (FILTER_HEIGHTS - 1) as f64;
+            for node in 0..FILTER_HEIGHTS {
+                let at_mm = node as f64 * step_mm;
+                // Where no light arrives the filter does not matter.
+                let curve = angles(at_mm).map_or_else(|| view_filter.clone(), |a| stack.transmittance(&a));
+                field.push((at_mm, glass.times(&curve)));
+            }
+        }
+    }
+    equation.field_transmittance = field;
+    equation.transmittance = if with_filters { glass.times(&view_filter) } else { glass };
+    equation
+        .validate_transmittance()
+        .map_err(|problem| context.error(&steps!["lens", problem.field], problem.message))?;
+    Ok(ResolvedLens { equation, view_filter, traced })
+}
+
+/// Side of the film of a lens of which only the axis matters, mm.
+const AXIS_FILM_MM: f64 = 1e-3;
+
+/// Refuses fields that the type of lens does not have, and asks for those that it needs.
+fn check_lens_fields(context: &Context<'_>, section: &LensSection) -> Resolved<()> {
+    use LensType::{Ideal, Traced};
+    if section.kind == Traced && section.prescription.is_none() {
+        let message = format!(
+            "a lens of type \"traced\" needs `prescription`: a name of the catalogue ({}) or a lens file",
+            preset::names(preset::PresetKind::Lens).join(", ")
+        );
+        return context.fail(&steps!["lens"], message);
+    }
+    let given = [
+        ("prescription", section.prescription.is_some(), Traced),
+        ("film_shift_mm", section.film_shift_mm.is_some(), Traced),
+        ("image_formation", section.image_formation.is_some(), Traced),
+        ("band_groups", section.band_groups.is_some(), Traced),
+        ("vignetting", section.vignetting.is_some(), Ideal),
+    ];
+    for (field, is_given, of) in given {
+        if is_given && of != section.kind {
+            let (name, other) = if of == Traced { ("ideal", "traced") } else { ("traced", "ideal") };
+            let message =
+                format!("a lens of type \"{name}\" has no such field; remove it or set type = \"{other}\"");
+            return context.fail(&steps!["lens", field], message);
+        }
+    }
+    Ok(())
+}
+
+fn traced_lens(
+    context: &mut Context<'_>,
+    section: &LensSection,
+    distance_mm: Option<f64>,
+    [width_mm, height_mm]: [f64; 2],
+    grid: &WavelengthGrid,
+) -> Resolved<CameraLens> {
+    let at = |key: &str| steps!["lens", key];
+    let name = section.prescription.as_deref().unwrap_or_default();
+    if preset::is_lens_file(name) {
+        context.note_input(&at("prescription"), name)?;
+    }
+    let loaded = preset::lens_or_file(name).map_err(|error| {
+        let error = context.error(&at("prescription"), error.to_string());
+        if preset::is_lens_file(name) { error.without_value() } else { error }
     })?;
-    Ok(lens)
+    let mut lens = loaded.lens;
+    if !preset::is_lens_file(name) {
+        let text = format!("{lens:?}");
+        context.note_preset("lens", name, &text);
+    }
+    if let Some(wanted_mm) = section.focal_length_mm {
+        context.positive(&at("focal_length_mm"), wanted_mm, "mm")?;
+        let own_mm = Paraxial::new(&lens, lens.design_wavelength_nm).focal_length_mm;
+        if own_mm > 0.0 && own_mm.is_finite() {
+            lens = lens.scaled(wanted_mm / own_mm);
+        }
+    }
+    let groups = section.band_groups.unwrap_or(1);
+    context.whole_within(&at("band_groups"), groups.into(), [1, 64])?;
+    if groups > 1 && !lens.is_dispersive() {
+        let message = "no glass of this lens disperses, so groups only cost time; remove this field";
+        return context.fail(&at("band_groups"), message);
+    }
+    let setting = LensSetting {
+        f_number: section.f_number,
+        object_distance_mm: distance_mm,
+        film_shift_mm: section.film_shift_mm.unwrap_or(0.0),
+    };
+    let state = LensState::new(&lens, setting).map_err(|problem| match problem.place.as_str() {
+        place @ ("f_number" | "focus_distance_mm" | "film_shift_mm") => {
+            context.error(&at(place), problem.message)
+        }
+        _ => context.error(&at("prescription"), problem.to_string()),
+    })?;
+    let traced = CameraLens::new(state, width_mm, height_mm, grid, groups as usize);
+    let corner_mm = 0.5 * width_mm.hypot(height_mm);
+    if traced.relative_illumination(0.98 * corner_mm) <= 0.0 {
+        let message = format!(
+            "the corners of the film, {corner_mm:.2} mm from the axis, stay dark: this lens does not cover it"
+        );
+        context.warn(&at("prescription"), message);
+    }
+    Ok(traced)
+}
+
+impl LensSection {
+    /// Writes the defaults out.
+    pub(in crate::experiment) fn fill(&mut self) {
+        match self.kind {
+            LensType::Ideal => {
+                self.focal_length_mm.get_or_insert(3.0);
+                self.f_number.get_or_insert(4.0);
+                self.vignetting.get_or_insert_default();
+            }
+            LensType::Traced => {
+                self.film_shift_mm.get_or_insert(0.0);
+                self.image_formation.get_or_insert_default();
+                self.band_groups.get_or_insert(1);
+            }
+        }
+    }
 }
 
 impl CameraSection {
@@ -229,7 +472,10 @@ pub(in crate::experiment) fn sensor(
         context.whole_within(&steps!["sensor", key], value as u64, [1, LONGEST_SIDE_PX])?;
     }
     let at = steps!["sensor", "quantum_efficiency"];
-    let channels = quantum_efficiency(context, &at, &section.quantum_efficiency, model)?;
+    let channels = match &section.quantum_efficiency {
+        EfficiencyReference::Name(name) => quantum_efficiency(context, &at, name, model)?,
+        EfficiencyReference::Channels(table) => efficiencies(context, &at, table, model, grid)?,
+    };
     let mut qe = SpectralQe::from_curves(channels).map_err(|problem| context.error(&at, problem.message))?;
     for (index, filter) in section.filters.iter().enumerate() {
         let at = steps!["sensor", "filters", index];
@@ -247,11 +493,15 @@ pub(in crate::experiment) fn sensor(
         );
         context.warn(&at, message);
     }
+    // A data sheet may state a quantum efficiency, which is compared with the curves.
+    let model = if section.model.emva1288.is_some() { &section.model } else { model };
     Sensor::new(model.clone(), qe).map_err(|problem| sensor_problem(context, &problem.field, problem.message))
 }
 
-/// The model with its defaults written out; what was given stays to the last bit.
+/// The model with its defaults and its data sheet written out; what was given stays to the last bit.
 pub(in crate::experiment) fn filled(model: &SensorModel) -> SensorModel {
+    // A sheet that can't be used has been refused before.
+    let model = model.with_data_sheet().unwrap_or_else(|_| model.clone());
     let (mut filled, resolved) = (model.clone(), model.resolved());
     let fill = |millivolts: &mut Option<f64>, electrons: Option<f64>, default: Option<f64>| {
         if millivolts.is_none() && electrons.is_none() {
@@ -271,18 +521,56 @@ fn sensor_problem(context: &Context<'_>, field: &str, message: String) -> crate:
     context.error(&at, message)
 }
 
-fn quantum_efficiency(
-    context: &mut Context<'_>,
-    at: &[Step],
-    reference: &str,
-    model: &SensorModel,
-) -> Resolved<Vec<(String, Curve)>> {
+/// Channels of a mosaic, each once.
+fn channels_of(model: &SensorModel) -> Vec<String> {
     let mut wanted: Vec<String> = Vec::new();
     for name in model.mosaic.iter().flatten() {
         if !wanted.contains(name) {
             wanted.push(name.clone());
         }
     }
+    wanted
+}
+
+/// Quantum efficiencies given channel by channel.
+fn efficiencies(
+    context: &mut Context<'_>,
+    at: &[Step],
+    table: &BTreeMap<String, SpectrumReference>,
+    model: &SensorModel,
+    grid: &WavelengthGrid,
+) -> Resolved<Vec<(String, Curve)>> {
+    let below = |name: &str| -> Vec<Step> { at.iter().cloned().chain([Step::from(name)]).collect() };
+    let wanted = channels_of(model);
+    if let Some(unused) = table.keys().find(|name| !wanted.contains(name)) {
+        let message =
+            format!("no pixel of the mosaic has this channel; its channels are {}", wanted.join(", "));
+        return context.fail(&below(unused), message);
+    }
+    let mut channels = Vec::new();
+    for name in wanted {
+        let Some(reference) = table.get(&name) else {
+            let message = format!("has no channel \"{name}\", which the mosaic of the sensor names; add it");
+            return context.fail(at, message);
+        };
+        if matches!(reference, SpectrumReference::Name(_)) {
+            let message =
+                "give a number, an equation such as { kind = \"bands\", ... }, or { csv = \"FILE\" }";
+            return context.fail(&below(&name), message);
+        }
+        let curve = context.spectrum(&below(&name), reference, Role::Filter, 0.0, grid)?;
+        channels.push((name, curve));
+    }
+    Ok(channels)
+}
+
+fn quantum_efficiency(
+    context: &mut Context<'_>,
+    at: &[Step],
+    reference: &str,
+    model: &SensorModel,
+) -> Resolved<Vec<(String, Curve)>> {
+    let wanted = channels_of(model);
     if is_path(reference) {
         let columns = CsvColumns::Named(wanted);
         let options = CsvSpectrumOptions { columns, negative: Negative::ClipToZero, skip_empty_cells: true };

@@ -1,16 +1,18 @@
 //! Lights with absolute spectra.
 
 use std::f64::consts::PI;
+use std::sync::Arc;
 
 use glam::Vec3;
 
 use super::context::{Context, Resolved};
-use super::spectrum::Role;
+use super::spectrum::{Role, grey};
 use crate::experiment::error::{Step, steps};
 use crate::experiment::schema::{LightFrame, LightSection, LightType};
-use crate::light::{Emitter, Light, LightGroup};
+use crate::format::{Transfer, read_spectral_exr, read_texture_png};
+use crate::light::{Emitter, EnvironmentLayer, EnvironmentMap, Light, LightGroup};
 use crate::optics::PerspectiveCamera;
-use crate::spectral::{Curve, MAX_WAVELENGTH_NM, MIN_WAVELENGTH_NM, WavelengthGrid};
+use crate::spectral::{Curve, MAX_WAVELENGTH_NM, MIN_WAVELENGTH_NM, Radiance, WavelengthGrid};
 
 const DEFAULT_COUNT: u32 = 8;
 /// Half angle of the narrowest pattern that a light may have.
@@ -48,7 +50,10 @@ pub(super) fn lights(
             return context.fail(&[at, steps!["group"]].concat(), "a light group needs a name");
         }
         check_fields(context, &at, section)?;
-        let emitters = emitters(context, &at, section, camera)?;
+        let mut emitters = emitters(context, &at, section, camera)?;
+        if let Some(map) = environment_map(context, &at, section)? {
+            emitters.list = vec![Emitter::EnvironmentMap(Arc::new(map))];
+        }
         let spectrum = absolute_spectrum(context, &at, section, &emitters, grid)?;
         let group = group_index(groups, group_name);
         let single = emitters.list.len() == 1;
@@ -81,8 +86,10 @@ fn check_fields(context: &Context<'_>, at: &[Step], section: &LightSection) -> R
             "radiance_w_per_sr_m2",
             section.radiance_w_per_sr_m2.is_some(),
             &[Environment][..],
-            &[Environment][..],
+            if is_spectral_map(section) { &[][..] } else { &[Environment][..] },
         ),
+        ("map", section.map.is_some(), &[Environment][..], &[][..]),
+        ("map_rotation_deg", section.map_rotation_deg.is_some(), &[Environment][..], &[][..]),
         ("count", section.count.is_some(), &[Ring][..], &[][..]),
         ("ring_radius_mm", section.ring_radius_mm.is_some(), &[Ring][..], &[Ring][..]),
         ("start_angle_deg", section.start_angle_deg.is_some(), &[Ring][..], &[][..]),
@@ -113,6 +120,14 @@ fn check_fields(context: &Context<'_>, at: &[Step], section: &LightSection) -> R
         return context
             .fail(at, "give the strength of the light: either `power_mw` or `irradiance_w_per_m2`");
     }
+    if is_spectral_map(section) && section.radiance_w_per_sr_m2.is_some() {
+        let at = [at, &steps!["radiance_w_per_sr_m2"]].concat();
+        return context.fail(&at, "the values of a spectral map are absolute; remove this field");
+    }
+    if section.map_rotation_deg.is_some() && section.map.is_none() {
+        return context
+            .fail(&[at, &steps!["map_rotation_deg"]].concat(), "there is no `map` to turn; give one");
+    }
     if section.kind == Environment && section.frame == LightFrame::Camera {
         let at = [at, &steps!["frame"]].concat();
         return context.fail(&at, "an environment is the same from everywhere; remove the frame");
@@ -138,6 +153,70 @@ fn check_fields(context: &Context<'_>, at: &[Step], section: &LightSection) -> R
         return context.fail(&at, "given together with direction; keep one of the two");
     }
     Ok(())
+}
+
+/// Whether the map of an environment has spectra of its own.
+fn is_spectral_map(section: &LightSection) -> bool {
+    section.map.as_ref().is_some_and(|map| map.to_lowercase().ends_with(".exr"))
+}
+
+/// The map of an environment.
+fn environment_map(
+    context: &mut Context<'_>,
+    at: &[Step],
+    section: &LightSection,
+) -> Resolved<Option<EnvironmentMap>> {
+    let Some(file) = &section.map else { return Ok(None) };
+    let at = [at, &steps!["map"]].concat();
+    let rotation_deg = section.map_rotation_deg.unwrap_or(0.0);
+    let rotation_at = [&at[..at.len() - 1], &steps!["map_rotation_deg"]].concat();
+    context.within(&rotation_at, rotation_deg, [-3600.0, 3600.0], "degrees")?;
+    let lower = file.to_lowercase();
+    if !lower.ends_with(".png") && !lower.ends_with(".exr") {
+        return context.fail(&at, "this is neither a .png nor an .exr file; save the map as one of the two");
+    }
+    context.note_input(&at, file)?;
+    let (width, height, layers) = if lower.ends_with(".png") {
+        let image =
+            read_texture_png(file.as_ref(), Transfer::Linear).map_err(|e| context.file_error(&at, &e))?;
+        let factors = image.data.chunks_exact(image.channels).map(grey).collect();
+        let layer = EnvironmentLayer { spectrum: Curve::constant(1.0), factors };
+        (image.width, image.height, vec![layer])
+    } else {
+        let image =
+            read_spectral_exr::<Radiance>(file.as_ref()).map_err(|e| context.file_error(&at, &e))?.image;
+        if image.bands() > MOST_MAP_BANDS {
+            let message = format!(
+                "the map has {} bands, more than {MOST_MAP_BANDS}; average some of them",
+                image.bands()
+            );
+            return context.fail(&at, message);
+        }
+        let layers = (0..image.bands())
+            .map(|band| {
+                let edges = &image.grid().edges_nm()[band..band + 2];
+                let factors: Vec<f32> =
+                    image.data().iter().skip(band).step_by(image.bands()).copied().collect();
+                EnvironmentLayer { spectrum: bin_curve(edges[0], edges[1]), factors }
+            })
+            .filter(|layer| layer.factors.iter().any(|v| *v != 0.0))
+            .collect();
+        (image.width(), image.height(), layers)
+    };
+    match EnvironmentMap::new(width, height, layers, rotation_deg) {
+        Ok(map) => Ok(Some(map)),
+        Err(error) => context.fail(&at, error.to_string()),
+    }
+}
+
+/// Bands of an environment map; each is a source of its own.
+const MOST_MAP_BANDS: usize = 64;
+
+/// One within a bin, zero outside, with edges of a hundred-thousandth of its width.
+fn bin_curve(from_nm: f64, to_nm: f64) -> Curve {
+    let edge = 1e-5 * (to_nm - from_nm);
+    let wavelengths = vec![from_nm, from_nm + edge, to_nm - edge, to_nm];
+    Curve::new(wavelengths, vec![0.0, 1.0, 1.0, 0.0]).unwrap_or_else(|_| Curve::constant(0.0))
 }
 
 fn kind_name(kind: LightType) -> &'static str {
@@ -293,6 +372,9 @@ fn absolute_spectrum(
         let power_w = context.positive(&field("power_mw"), power_mw, "milliwatts per emitter")? * 1e-3;
         return Ok(filtered.scaled(power_w / total(&bare)));
     }
+    if is_spectral_map(section) {
+        return Ok(filtered);
+    }
     let unit = filtered.scaled(1.0 / total(&filtered));
     if let Some(radiance) = section.radiance_w_per_sr_m2 {
         let radiance = context.positive(&field("radiance_w_per_sr_m2"), radiance, "W/(sr m²)")?;
@@ -326,7 +408,7 @@ fn irradiance_per_watt(emitters: &Emitters, distance_m: f64) -> f64 {
             }
             Emitter::Sphere { center, .. } => (*center, None),
             Emitter::Point { position, pattern } => (*position, *pattern),
-            Emitter::Distant { .. } | Emitter::Environment => return 0.0,
+            Emitter::Distant { .. } | Emitter::Environment | Emitter::EnvironmentMap(_) => return 0.0,
         };
         let way = point - position.as_dvec3();
         let Some(direction) = way.try_normalize() else { return 0.0 };

@@ -1,16 +1,22 @@
 //! Fluorophores and materials.
 
 use super::context::{Context, Resolved};
+use super::object;
 use super::spectrum::Role;
+use crate::experiment::document::is_path;
 use crate::experiment::error::{Step, steps};
 use crate::experiment::schema::{
-    ExperimentFile, FluorophoreSection, MaterialSection, ReflectanceReference, TextureReference, YieldUnit,
+    ExperimentFile, FluorophoreSection, MaterialSection, NormalMapSection, ReflectanceReference,
+    SpectrumReference, TextureReference, YieldUnit,
 };
 use crate::format::{
-    AntiStokes, CsvColumns, CsvEemOptions, CsvSpectrumOptions, EemUnit, Negative, read_eem_csv,
-    read_fluorophore_csv, read_iset_fluorophore,
+    AntiStokes, CsvColumns, CsvEemOptions, CsvSpectrumOptions, EemUnit, Negative, Transfer, read_eem_csv,
+    read_fluorophore_csv, read_iset_fluorophore, read_texture_png,
 };
-use crate::material::{Coat, FluorophoreAmount, Material, ReflectanceTerm, ScalarTexture};
+use crate::material::{
+    Coat, Conductor, Dielectric, FluorophoreAmount, Material, NormalMap, ReflectanceTerm, ScalarTexture,
+    Scattering,
+};
 use crate::preset::{self, PresetKind, nearest_name};
 use crate::spectral::{
     Curve, EemTable, EnergyEem, Fluorophore, PhotonEem, SeparableTerm, Stokes, WavelengthGrid,
@@ -304,31 +310,164 @@ pub(super) fn materials(
     fluorophores: &mut Fluorophores,
 ) -> Resolved<Vec<Material>> {
     let mut materials = Vec::with_capacity(file.material.len());
+    if let Some(mouth) = &file.mouth {
+        object::check_parameters(context, &mouth.parameters)?;
+        context.mouth = Some(mouth.parameters.clone());
+    }
     for (index, section) in file.material.iter().enumerate() {
         let at = steps!["material", index];
         let earlier = file.material[..index].iter().map(|other| other.name.as_str());
         context.unique_name(&at, &section.name, earlier)?;
-        materials.push(material(context, &at, section, file, grid, fluorophores)?);
+        context.tissue = object::only_tissue(file, &section.name);
+        let scattering = scattering(context, &at, section, file, grid)?;
+        materials.push(material(context, &at, section, scattering, file, grid, fluorophores)?);
     }
+    context.tissue = None;
     Ok(materials)
+}
+
+/// How a material sends light on; exactly one way must be given.
+fn scattering(
+    context: &mut Context<'_>,
+    at: &[Step],
+    section: &MaterialSection,
+    file: &ExperimentFile,
+    grid: &WavelengthGrid,
+) -> Resolved<Scattering> {
+    let below = |steps: Vec<Step>| [at, &steps].concat();
+    let ways = [
+        section.reflectance.is_some(),
+        section.dielectric.is_some(),
+        section.conductor.is_some(),
+        section.mix.is_some(),
+        section.two_sided.is_some(),
+    ];
+    match ways.iter().filter(|given| **given).count() {
+        0 => {
+            return context.fail(
+                at,
+                "the field `reflectance` is missing; or give one of dielectric, conductor, mix, two_sided",
+            );
+        }
+        1 => {}
+        _ => {
+            return context
+                .fail(at, "give exactly one of reflectance, dielectric, conductor, mix, two_sided");
+        }
+    }
+    if section.gloss.is_some() && section.reflectance.is_none() {
+        return context
+            .fail(&below(steps!["gloss"]), "only a material with a `reflectance` has a gloss; remove it");
+    }
+    let is_mixture = section.mix.is_some() || section.two_sided.is_some();
+    if is_mixture && (!section.concentrations.is_empty() || section.normal_map.is_some()) {
+        let key = if section.normal_map.is_some() { "normal_map" } else { "concentrations" };
+        return context.fail(
+            &below(steps![key]),
+            "a mixture has none of its own; give it to the materials it is made of",
+        );
+    }
+    if let Some(glass) = &section.dielectric {
+        let index = glass.refractive_index;
+        let index_at = below(steps!["dielectric", "refractive_index"]);
+        if !(index > 1.0 && index <= 3.0) {
+            return context.fail(&index_at, "must be above 1 and at most 3");
+        }
+        let roughness = context.texture(&below(steps!["dielectric", "roughness"]), &glass.roughness, 1.0)?;
+        let transmittance_at = below(steps!["dielectric", "transmittance"]);
+        let transmittance =
+            context.spectrum(&transmittance_at, &glass.transmittance, Role::Filter, 0.0, grid)?;
+        return Ok(Scattering::Dielectric(Dielectric {
+            refractive_index: index as f32,
+            roughness,
+            transmittance,
+        }));
+    }
+    if let Some(metal) = &section.conductor {
+        let roughness = context.texture(&below(steps!["conductor", "roughness"]), &metal.roughness, 1.0)?;
+        let (n, k) = match (&metal.metal, &metal.n, &metal.k) {
+            (Some(name), None, None) => {
+                let at = below(steps!["conductor", "metal"]);
+                let preset = preset::metal(name).map_err(|error| context.error(&at, error.to_string()))?;
+                context.note_preset("metal", name, &preset);
+                preset.index()
+            }
+            (None, Some(n), Some(k)) => {
+                let mut part = |key: &str, reference: &SpectrumReference| {
+                    let at = below(steps!["conductor", key]);
+                    if matches!(reference, SpectrumReference::Name(name) if !is_path(name)) {
+                        let message = "the catalogue has no single indices; give a number, a table, a CSV file, or \
+                                       `metal` instead of n and k";
+                        return context.fail(&at, message);
+                    }
+                    context.spectrum(&at, reference, Role::Absolute, 0.0, grid)
+                };
+                (part("n", n)?, part("k", k)?)
+            }
+            _ => {
+                return context.fail(&below(steps!["conductor"]), "give either `metal`, or both `n` and `k`");
+            }
+        };
+        return Ok(Scattering::Conductor(Conductor { n, k, roughness }));
+    }
+    let part = |context: &Context<'_>, way: &str, key: &str, name: &str| -> Resolved<usize> {
+        if let Some(index) = file.material.iter().position(|other| other.name == name) {
+            return Ok(index);
+        }
+        let known: Vec<&str> = file.material.iter().map(|other| other.name.as_str()).collect();
+        let hint = nearest_name(name, known.iter().copied())
+            .map_or_else(|| ".".into(), |name| format!(", did you mean \"{name}\"?"));
+        let message = format!("there is no [[material]] of this name{hint} Known: {}", known.join(", "));
+        context.fail(&below(steps![way, key]), message)
+    };
+    if let Some(mix) = &section.mix {
+        let first = part(context, "mix", "first", &mix.first)?;
+        let second = part(context, "mix", "second", &mix.second)?;
+        let amount = context.texture(&below(steps!["mix", "amount"]), &mix.amount, 1.0)?;
+        return Ok(Scattering::Mix { first, second, amount });
+    }
+    if let Some(sides) = &section.two_sided {
+        let front = part(context, "two_sided", "front", &sides.front)?;
+        let back = part(context, "two_sided", "back", &sides.back)?;
+        return Ok(Scattering::TwoSided { front, back });
+    }
+    Ok(Scattering::Diffuse)
+}
+
+fn normal_map(context: &mut Context<'_>, at: &[Step], section: &NormalMapSection) -> Resolved<NormalMap> {
+    let strength_at = [at, &steps!["strength"]].concat();
+    let strength = context.within(&strength_at, section.strength, [0.0, 10.0], "")? as f32;
+    let at = [at, &steps!["image"]].concat();
+    context.note_input(&at, &section.image)?;
+    let image = read_texture_png(section.image.as_ref(), Transfer::Linear)
+        .map_err(|e| context.file_error(&at, &e))?;
+    if image.channels < 3 {
+        return context.fail(&at, "a normal map has red, green and blue; this picture is grey");
+    }
+    let rgb: Vec<f32> =
+        image.data.chunks_exact(image.channels).flat_map(|pixel| pixel[..3].to_vec()).collect();
+    NormalMap::from_rgb(image.width, image.height, &rgb, strength)
+        .map_err(|error| context.error(&at, error.to_string()))
 }
 
 fn material(
     context: &mut Context<'_>,
     at: &[Step],
     section: &MaterialSection,
+    scattering: Scattering,
     file: &ExperimentFile,
     grid: &WavelengthGrid,
     fluorophores: &mut Fluorophores,
 ) -> Resolved<Material> {
     let below = |steps: Vec<Step>| [at, &steps].concat();
     let reflectance = match &section.reflectance {
-        ReflectanceReference::Spectrum(reference) => {
+        None => Vec::new(),
+        Some(ReflectanceReference::Spectrum(reference)) => {
             let spectrum =
                 context.spectrum(&below(steps!["reflectance"]), reference, Role::Reflectance, 0.0, grid)?;
             vec![ReflectanceTerm { spectrum, weight: ScalarTexture::Constant(1.0) }]
         }
-        ReflectanceReference::Sum(terms) => {
+        Some(ReflectanceReference::Sum(terms)) => {
             let mut sum = Vec::with_capacity(terms.len());
             for (index, term) in terms.iter().enumerate() {
                 let spectrum_at = below(steps!["reflectance", index, "spectrum"]);
@@ -368,5 +507,21 @@ fn material(
             return Err(unknown(context, &at, &file.fluorophore, name));
         }
     }
-    Ok(Material { name: section.name.clone(), reflectance, coat, fluorophores: amounts })
+    let opacity = match &section.opacity {
+        None => None,
+        Some(opacity) => Some(context.texture(&below(steps!["opacity"]), opacity, 1.0)?),
+    };
+    let normal_map = match &section.normal_map {
+        None => None,
+        Some(map) => Some(normal_map(context, &below(steps!["normal_map"]), map)?),
+    };
+    Ok(Material {
+        name: section.name.clone(),
+        scattering,
+        reflectance,
+        coat,
+        fluorophores: amounts,
+        opacity,
+        normal_map,
+    })
 }

@@ -5,6 +5,7 @@ pub(super) mod context;
 pub(super) mod device;
 mod error_target;
 mod instrument;
+mod lesion;
 mod light;
 pub(super) mod material;
 mod object;
@@ -12,14 +13,15 @@ pub(super) mod spectrum;
 mod surface_mean;
 
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use sha2::{Digest, Sha256};
 
 use self::context::{Context, Resolved, hex};
 use super::error::{Step, steps};
-use super::schema::{ExperimentFile, MotionSection, SafetySection};
+use super::schema::{ExperimentFile, LensType, MotionSection, SafetySection};
 use super::{Experiment, ExperimentError};
-use crate::optics::IdealLens;
+use crate::optics::{CameraLens, FilterStack, IdealLens};
 use crate::render::{RenderSettings, memory_bytes};
 use crate::scene::{Scene, SceneError};
 use crate::sensor::{CaptureFrame, CaptureSequence, Demosaicing, Sensor, Spectroradiometer};
@@ -40,10 +42,15 @@ pub struct ResolvedExperiment {
     pub time_limit_s: Option<f64>,
     /// Transmittance of the filters in front of the lens; part of `lens.transmittance`, too.
     pub view_filter: Curve,
+    /// The filters in front of the lens or behind it, one by one.
+    pub view_filters: FilterStack,
     /// Whether the field of view of the camera is that of the lens and the sensor.
     pub field_from_lens: bool,
-    /// The lens with the viewing filters; `None` in a file that describes a scene only.
+    /// The lens with the viewing filters; `None` in a file that describes a scene only. Of a traced lens its camera
+    /// equation: focal length, f-number, magnification and the traced solid angle.
     pub lens: Option<IdealLens>,
+    /// The rays of a traced lens. A render goes through it where the scene's camera holds it, too.
+    pub traced_lens: Option<Arc<CameraLens>>,
     /// The sensor; `None` in a file that describes a scene only.
     pub sensor: Option<Sensor>,
     /// Exposures, in order.
@@ -83,6 +90,8 @@ pub struct Capture {
     pub frame: CaptureFrame,
     /// Label of the earlier frame whose image is subtracted.
     pub subtract: Option<String>,
+    /// Filters in front of the sensor in this capture only, multiplied.
+    pub filter: Option<Curve>,
     /// Further exposures, in stops from the first, that are merged with it.
     pub bracket_ev: Vec<f64>,
     /// How long the lights are on, ms, if it is not the time of the exposures.
@@ -211,23 +220,41 @@ pub fn resolve(experiment: &Experiment) -> Result<ResolvedExperiment, Experiment
         Some(section) => Some(device::sensor(context, section, &grid)?),
         None => None,
     };
-    let view_filter = device::view_filter(context, &file.view_filter, &grid)?;
-    let lens = match &file.lens {
+    let filters = device::view_filter(context, &file.view_filter, &grid)?;
+    let film_mm = sensor.as_ref().map(|sensor| {
+        let width_mm = sensor.model().width_mm();
+        [width_mm, width_mm * f64::from(file.render.height_px) / f64::from(file.render.width_px)]
+    });
+    let resolved_lens = match &file.lens {
         Some(section) => {
+            if film_mm.is_none() && section.kind == LensType::Traced {
+                let message = "a traced lens needs a [sensor]: its size is that of the film";
+                return context.fail(&steps!["lens"], message);
+            }
             let distance_mm = Some(file.camera.distance_mm());
-            Some(device::lens(context, section, distance_mm, &view_filter, &grid)?)
+            Some(device::lens(context, section, distance_mm, &filters, film_mm, true, &grid)?)
+        }
+        None if filters.0.lens_angles => {
+            let message = "there is no [lens] whose rays have angles";
+            return context.fail(&steps!["view_filter", "angles"], message);
         }
         None => None,
     };
-    let camera = device::camera(context, file, lens.as_ref(), sensor.as_ref())?;
+    let camera = device::camera(context, file, resolved_lens.as_ref(), sensor.as_ref())?;
+    let (view_filters, fixed) = filters;
+    let (lens, traced_lens, view_filter) = match resolved_lens {
+        Some(lens) => (Some(lens.equation), lens.traced, lens.view_filter),
+        None => (None, None, fixed),
+    };
 
     let mut light_groups = Vec::new();
     let lights = light::lights(context, &file.light, &camera, &grid, &mut light_groups)?;
     material::check_sections(context, &file.fluorophore)?;
     let mut fluorophores = material::Fluorophores::default();
-    let materials = material::materials(context, file, &grid, &mut fluorophores)?;
-    let objects = object::objects(context, file, &materials, &grid, &mut light_groups)?;
-    let captures = capture::captures(context, file, &light_groups)?;
+    let mut materials = material::materials(context, file, &grid, &mut fluorophores)?;
+    let objects =
+        object::objects(context, file, &mut materials, &mut fluorophores, &grid, &mut light_groups)?;
+    let captures = capture::captures(context, file, &light_groups, &grid)?;
     let motion = instrument::motion(context, file)?;
     let develop = instrument::develop(context, file, sensor.as_ref(), &grid)?;
     let spectroradiometers = instrument::spectroradiometers(context, file, &captures, &objects, &grid)?;
@@ -261,8 +288,10 @@ pub fn resolve(experiment: &Experiment) -> Result<ResolvedExperiment, Experiment
         render,
         time_limit_s: file.render.time_limit_s,
         view_filter,
+        view_filters,
         field_from_lens: file.camera.horizontal_field_deg == super::schema::FieldOfView::FromLens,
         lens,
+        traced_lens,
         sensor,
         captures,
         motion,
@@ -341,6 +370,7 @@ fn write_out(context: &Context<'_>, file: &ExperimentFile) -> Resolved<(String, 
     }
     if let Some(lens) = &mut complete.lens {
         lens.focus_distance_mm.get_or_insert(complete.camera.distance_mm());
+        lens.fill();
     }
     if let Some(sensor) = &mut complete.sensor {
         sensor.model = device::filled(&sensor.model);

@@ -5,42 +5,30 @@ use std::sync::Arc;
 use glam::{Affine3A, EulerRot, Quat, Vec2, Vec3};
 
 use super::context::{Context, Resolved};
+use super::lesion;
 use super::light::group_index;
+use super::material::Fluorophores;
 use super::spectrum::Role;
-use crate::anatomy::{MouthParameters, Tissue, generate_mouth};
+use crate::anatomy::{MouthParameters, Tissue, shared_mouth};
 use crate::experiment::error::{Step, steps};
 use crate::experiment::schema::{
-    BoxShape, DiscShape, EmissionSection, ExperimentFile, MouthSection, ObjectSection, QuadShape,
-    SphereShape, TransformSection,
+    BoxShape, DiscShape, DisplacementSection, EmissionSection, ExperimentFile, MouthSection, ObjectSection,
+    QuadShape, SphereShape, TransformSection,
 };
-use crate::format::{read_obj, read_ply};
+use crate::format::{read_gltf, read_obj, read_ply, read_stl};
 use crate::geometry::TriangleMesh;
 use crate::light::LightGroup;
-use crate::material::Material;
+use crate::material::{Material, ScalarTexture, Scattering};
 use crate::preset::nearest_name;
 use crate::scene::{Object, Shape, SurfaceEmission};
 use crate::spectral::{MAX_WAVELENGTH_NM, MIN_WAVELENGTH_NM, WavelengthGrid};
-
-/// Every tissue of a mouth, by the name that files use.
-const TISSUES: [(Tissue, &str); 11] = [
-    (Tissue::TongueDorsum, "tongue_dorsum"),
-    (Tissue::TongueVentral, "tongue_ventral"),
-    (Tissue::Gingiva, "gingiva"),
-    (Tissue::Tooth, "tooth"),
-    (Tissue::HardPalate, "hard_palate"),
-    (Tissue::SoftPalate, "soft_palate"),
-    (Tissue::Throat, "throat"),
-    (Tissue::FloorOfMouth, "floor_of_mouth"),
-    (Tissue::Cheek, "cheek"),
-    (Tissue::Lip, "lip"),
-    (Tissue::Skin, "skin"),
-];
 
 /// All surfaces: parts of the mouth first, then the objects.
 pub(super) fn objects(
     context: &mut Context<'_>,
     file: &ExperimentFile,
-    materials: &[Material],
+    materials: &mut Vec<Material>,
+    fluorophores: &mut Fluorophores,
     grid: &WavelengthGrid,
     groups: &mut Vec<LightGroup>,
 ) -> Resolved<Vec<Object>> {
@@ -53,6 +41,8 @@ pub(super) fn objects(
     }
     if let Some(section) = &file.mouth {
         let mut parts = mouth(context, section, materials)?;
+        scans(context, section, materials, &mut parts)?;
+        lesion::lesions(context, file, section, grid, materials, fluorophores, &mut parts)?;
         for (index, object) in objects.iter().enumerate() {
             if parts.iter().any(|part| part.name == object.name) {
                 let at = steps!["object", index, "name"];
@@ -88,6 +78,12 @@ fn object(
     if section.unit_mm.is_some() && section.mesh.is_none() {
         return context.fail(&field("unit_mm"), "only a mesh has a unit; remove it");
     }
+    if section.displacement.is_some() && section.mesh.is_none() && section.quad.is_none() {
+        return context.fail(
+            &field("displacement"),
+            "only a mesh or a quad can be displaced; export the shape as a mesh",
+        );
+    }
     let (transform, scale) = match &section.transform {
         Some(transform) => affine(context, &field("transform"), transform)?,
         None => (Affine3A::IDENTITY, 1.0),
@@ -108,7 +104,10 @@ fn object(
             read_mesh(context, &field("mesh"), file, unit_mm)?
         };
         mesh.transform(&transform);
-        if mesh.uvs.is_empty() && is_textured(&materials[material]) {
+        if let Some(displacement) = &section.displacement {
+            displace(context, &field("displacement"), displacement, &mut mesh)?;
+        }
+        if mesh.uvs.is_empty() && is_textured(&materials[material], materials) {
             let message = format!(
                 "material \"{}\" has a texture, but the mesh has no texture coordinates; export them with the mesh, or \
                  use a material of constant values",
@@ -125,10 +124,57 @@ fn object(
     Ok(Object { name: section.name.clone(), shape, material, emission })
 }
 
-fn is_textured(material: &Material) -> bool {
-    material.reflectance.iter().any(|term| term.weight.constant().is_none())
-        || material.fluorophores.iter().any(|amount| amount.concentration.constant().is_none())
-        || material.coat.as_ref().is_some_and(|coat| coat.roughness.constant().is_none())
+fn is_textured(material: &Material, materials: &[Material]) -> bool {
+    let varies = |texture: &ScalarTexture| texture.constant().is_none();
+    // A part of a mixture that is a mixture again is looked at where it is used; only parts come first in scenes that
+    // pass the check, so that this ends.
+    let part = |index: usize| {
+        materials.get(index).is_some_and(|part| {
+            !matches!(part.scattering, Scattering::Mix { .. } | Scattering::TwoSided { .. })
+                && is_textured(part, materials)
+        })
+    };
+    let scattering = match &material.scattering {
+        Scattering::Diffuse => false,
+        Scattering::Dielectric(glass) => varies(&glass.roughness),
+        Scattering::Conductor(metal) => varies(&metal.roughness),
+        Scattering::Mix { first, second, amount } => varies(amount) || part(*first) || part(*second),
+        Scattering::TwoSided { front, back } => part(*front) || part(*back),
+    };
+    scattering
+        || material.normal_map.is_some()
+        || material.opacity.as_ref().is_some_and(varies)
+        || material.reflectance.iter().any(|term| varies(&term.weight))
+        || material.fluorophores.iter().any(|amount| varies(&amount.concentration))
+        || material.coat.as_ref().is_some_and(|coat| varies(&coat.roughness))
+}
+
+/// Most triangles of a displaced mesh.
+const MOST_TRIANGLES: usize = 20_000_000;
+
+fn displace(
+    context: &mut Context<'_>,
+    at: &[Step],
+    section: &DisplacementSection,
+    mesh: &mut TriangleMesh,
+) -> Resolved<()> {
+    let field = |key: &str| [at, &steps![key]].concat();
+    context.within(&field("amount_mm"), section.amount_mm, [-100.0, 100.0], "millimetres")?;
+    context.whole_within(&field("subdivisions"), section.subdivisions.into(), [0, 8])?;
+    let map = context.texture(&field("map"), &section.map, 1.0)?;
+    if mesh.uvs.is_empty() && map.constant().is_none() {
+        return context.fail(&field("map"), "the mesh has no texture coordinates; export them with the mesh");
+    }
+    let triangles = mesh.triangles.len() << (2 * section.subdivisions);
+    if triangles > MOST_TRIANGLES {
+        let message =
+            format!("{triangles} triangles are more than {MOST_TRIANGLES}; give fewer subdivisions");
+        return context.fail(&field("subdivisions"), message);
+    }
+    mesh.subdivide(section.subdivisions);
+    let amount_m = (section.amount_mm * 1e-3) as f32;
+    mesh.displace(|uv| amount_m * map.at(uv));
+    Ok(())
 }
 
 fn material_index(context: &Context<'_>, at: &[Step], name: &str, materials: &[Material]) -> Resolved<usize> {
@@ -243,12 +289,19 @@ fn box_mesh(context: &Context<'_>, at: &[Step], cuboid: &BoxShape) -> Resolved<T
 
 fn read_mesh(context: &mut Context<'_>, at: &[Step], file: &str, unit_mm: f64) -> Resolved<TriangleMesh> {
     let lower = file.to_lowercase();
-    if !lower.ends_with(".ply") && !lower.ends_with(".obj") {
-        return context
-            .fail(at, "this is neither a .ply nor an .obj file; export the mesh as one of the two");
-    }
+    let read = match lower.rsplit('.').next() {
+        Some("ply") => read_ply,
+        Some("obj") => read_obj,
+        Some("stl") => read_stl,
+        Some("gltf" | "glb") => read_gltf,
+        _ => {
+            return context.fail(
+                at,
+                "this is no .ply, .obj, .stl, .gltf or .glb file; export the mesh as one of these",
+            );
+        }
+    };
     context.note_input(at, file)?;
-    let read = if lower.ends_with(".ply") { read_ply } else { read_obj };
     let mesh = read(file.as_ref(), unit_mm * 1e-3).map_err(|error| context.file_error(at, &error))?;
     mesh.validate().map_err(|error| context.error(at, error.to_string()))?;
     Ok(mesh)
@@ -292,7 +345,7 @@ fn mouth(context: &mut Context<'_>, section: &MouthSection, materials: &[Materia
         materials.iter().position(|material| material.name == name)
     };
     // Before the meshes are made, which takes a while: every tissue of a mouth is there at least once.
-    for (_, tissue) in TISSUES {
+    for tissue in Tissue::ALL.map(Tissue::name) {
         if needed(tissue).is_none() {
             let message = format!(
                 "no material for {tissue}; add a [[material]] of that name, or a line {tissue} = \"...\" to [mouth.materials]"
@@ -300,16 +353,20 @@ fn mouth(context: &mut Context<'_>, section: &MouthSection, materials: &[Materia
             return context.fail(&steps!["mouth"], message);
         }
     }
-    let mouth = generate_mouth(&section.parameters)
-        .map_err(|e| context.error(&steps!["mouth", e.field], e.message))?;
+    let mouth =
+        shared_mouth(&section.parameters).map_err(|e| context.error(&steps!["mouth", e.field], e.message))?;
     for key in section.materials.keys() {
-        let is_tissue = TISSUES.iter().any(|(_, name)| name == key);
+        let is_tissue = Tissue::ALL.iter().any(|tissue| tissue.name() == key);
         if !is_tissue && mouth.part(key).is_none() {
-            let names =
-                || TISSUES.iter().map(|(_, name)| *name).chain(mouth.parts.iter().map(|p| p.name.as_str()));
+            let names = || {
+                Tissue::ALL
+                    .into_iter()
+                    .map(|t| -> &str { t.name() })
+                    .chain(mouth.parts.iter().map(|p| p.name.as_str()))
+            };
             let hint = nearest_name(key, names())
                 .map_or_else(|| ".".into(), |name| format!(", did you mean \"{name}\"?"));
-            let tissues: Vec<&str> = TISSUES.iter().map(|(_, name)| *name).collect();
+            let tissues: Vec<&str> = Tissue::ALL.into_iter().map(Tissue::name).collect();
             let message = format!(
                 "the mouth has neither a tissue nor a part \"{key}\"{hint} Tissues: {}",
                 tissues.join(", ")
@@ -318,8 +375,8 @@ fn mouth(context: &mut Context<'_>, section: &MouthSection, materials: &[Materia
         }
     }
     let mut objects = Vec::with_capacity(mouth.parts.len());
-    for part in mouth.parts {
-        let tissue = TISSUES.iter().find(|(tissue, _)| *tissue == part.tissue).map_or("", |(_, name)| name);
+    for part in &mouth.parts {
+        let tissue = part.tissue.name();
         let material = match section.materials.get(&part.name) {
             Some(name) => materials.iter().position(|material| material.name == *name),
             None => needed(tissue),
@@ -327,12 +384,12 @@ fn mouth(context: &mut Context<'_>, section: &MouthSection, materials: &[Materia
         let Some(material) = material else {
             return context.fail(&steps!["mouth"], format!("no material for part {}", part.name));
         };
-        let mut mesh = part.mesh;
+        let mut mesh = part.mesh.clone();
         if section.transform.is_some() {
             mesh.transform(&transform);
         }
         objects.push(Object {
-            name: part.name,
+            name: part.name.clone(),
             shape: Shape::Mesh(Arc::new(mesh)),
             material,
             emission: None,
@@ -341,6 +398,98 @@ fn mouth(context: &mut Context<'_>, section: &MouthSection, materials: &[Materia
     Ok(objects)
 }
 
-fn check_parameters(context: &Context<'_>, parameters: &MouthParameters) -> Resolved<()> {
+/// The tissue that uses a material, if it is the only one.
+pub(super) fn only_tissue(file: &ExperimentFile, material: &str) -> Option<Tissue> {
+    let given = &file.mouth.as_ref()?.materials;
+    let mut users = Tissue::ALL
+        .into_iter()
+        .filter(|tissue| given.get(tissue.name()).map_or(tissue.name(), String::as_str) == material);
+    let Some(first) = users.next() else {
+        // Nobody's: a misspelt line of [mouth.materials] is told later, and more plainly than a missing tissue.
+        return Tissue::ALL.into_iter().find(|tissue| tissue.name() == material);
+    };
+    users.next().is_none().then_some(first)
+}
+
+/// Puts meshes of the user in the place of parts.
+fn scans(
+    context: &mut Context<'_>,
+    section: &MouthSection,
+    materials: &[Material],
+    parts: &mut Vec<Object>,
+) -> Resolved<()> {
+    for (index, scan) in section.scan.iter().enumerate() {
+        let at = steps!["mouth", "scan", index];
+        let field = |key: &str| [&at[..], &steps![key]].concat();
+        context.unique_name(
+            &at,
+            &scan.name,
+            section.scan[..index].iter().map(|other| other.name.as_str()),
+        )?;
+        let material = material_index(context, &field("material"), &scan.material, materials)?;
+        for name in &scan.replaces {
+            let before = parts.len();
+            match name.strip_suffix('*') {
+                Some(start) => parts.retain(|part| !part.name.starts_with(start)),
+                None => parts.retain(|part| part.name != *name),
+            }
+            if parts.len() == before {
+                let hint = nearest_name(name, parts.iter().map(|part| part.name.as_str()))
+                    .map_or_else(String::new, |name| format!(", did you mean \"{name}\"?"));
+                return context.fail(&field("replaces"), format!("the mouth has no part \"{name}\"{hint}"));
+            }
+        }
+        let unit_mm = context.positive(
+            &field("unit_mm"),
+            scan.unit_mm.unwrap_or(1.0),
+            "millimetres per unit of the file",
+        )?;
+        let mut mesh = read_mesh(context, &field("mesh"), &scan.mesh, unit_mm)?;
+        if mesh.normals.is_empty() {
+            mesh.compute_smooth_normals();
+        }
+        if mesh.uvs.is_empty() && is_textured(&materials[material], materials) {
+            // Scans seldom have texture coordinates: maps are spread over the plane of their widest extents.
+            mesh.uvs = planar_coordinates(&mesh);
+            let message =
+                "the file has no texture coordinates; textures are projected along its thinnest side";
+            context.warn(&field("mesh"), message);
+        }
+        let place = match &scan.transform {
+            Some(transform) => affine(context, &field("transform"), transform)?.0,
+            None => Affine3A::IDENTITY,
+        };
+        let whole = match &section.transform {
+            Some(transform) => affine(context, &steps!["mouth", "transform"], transform)?.0,
+            None => Affine3A::IDENTITY,
+        };
+        mesh.transform(&(whole * place));
+        if parts.iter().any(|part| part.name == scan.name) {
+            return context.fail(
+                &field("name"),
+                "the mouth has a part of this name; name it in `replaces`, or rename the scan",
+            );
+        }
+        parts.push(Object {
+            name: scan.name.clone(),
+            shape: Shape::Mesh(Arc::new(mesh)),
+            material,
+            emission: None,
+        });
+    }
+    Ok(())
+}
+
+/// Texture coordinates along the two longest sides of the bounding box.
+fn planar_coordinates(mesh: &TriangleMesh) -> Vec<Vec2> {
+    let (low, high) = mesh.bounds();
+    let size = high - low;
+    let thinnest = (0..3).fold(0, |best, axis| if size[axis] < size[best] { axis } else { best });
+    let (a, b) = ((thinnest + 1) % 3, (thinnest + 2) % 3);
+    let share = |p: Vec3, axis: usize| (p[axis] - low[axis]) / size[axis].max(1e-9);
+    mesh.positions.iter().map(|p| Vec2::new(share(*p, a), share(*p, b))).collect()
+}
+
+pub(super) fn check_parameters(context: &Context<'_>, parameters: &MouthParameters) -> Resolved<()> {
     parameters.validate().map_err(|error| context.error(&steps!["mouth", error.field], error.message))
 }

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use super::context::{Context, Resolved};
+use crate::anatomy::shared_surface_map;
 use crate::experiment::document::is_path;
 use crate::experiment::error::{Step, steps};
 use crate::experiment::schema::{SpectrumReference, SpectrumTable, TextureReference, TextureTable};
@@ -10,6 +11,7 @@ use crate::format::{
     CsvColumns, CsvSpectrumOptions, FormatError, NamedCurve, Transfer, read_spectrum_csv, read_texture_png,
 };
 use crate::material::{ImageTexture, ScalarTexture};
+use crate::optics::Filter;
 use crate::preset::{self, CurvePreset};
 use crate::spectral::{Curve, CurveModel, MAX_WAVELENGTH_NM, MIN_WAVELENGTH_NM, WavelengthGrid};
 
@@ -70,6 +72,25 @@ impl Context<'_> {
         };
         self.check_values(at, &curve, role)?;
         Ok(curve)
+    }
+
+    /// A filter of a reference, with the effective index of the catalogue, or the given one for files and equations.
+    pub(in crate::experiment) fn filter(
+        &mut self,
+        at: &[Step],
+        reference: &SpectrumReference,
+        index_of_others: Option<f64>,
+        grid: &WavelengthGrid,
+    ) -> Resolved<Filter> {
+        let curve = self.spectrum(at, reference, Role::Filter, 0.0, grid)?;
+        let effective_index = match reference {
+            SpectrumReference::Constant(_) => None,
+            SpectrumReference::Name(name) if !is_path(name) => {
+                preset::filter(name).ok().and_then(|preset| preset.effective_index)
+            }
+            _ => index_of_others,
+        };
+        Ok(Filter { curve, effective_index })
     }
 
     fn model(&self, at: &[Step], model: &CurveModel) -> Resolved<Curve> {
@@ -172,17 +193,20 @@ impl Context<'_> {
             table.checker.is_some(),
             table.noise.is_some(),
             table.dorsal_tongue.is_some(),
+            table.anatomy.is_some(),
         ];
         if kinds.iter().filter(|given| **given).count() != 1 {
-            return self.fail(at, "give exactly one of image, checker, noise, dorsal_tongue");
+            return self.fail(at, "give exactly one of image, checker, noise, dorsal_tongue, anatomy");
         }
-        let map =
-            ["image", "checker", "noise", "dorsal_tongue"].into_iter().zip(kinds).find(|(_, given)| *given);
-        let map = map.map_or("", |(name, _)| name);
+        if table.tissue.is_some() && table.anatomy.is_none() {
+            return self.fail(&below("tissue"), "only a map of the anatomy belongs to a tissue; remove it");
+        }
+        let names = ["image", "checker", "noise", "dorsal_tongue", "anatomy"];
+        let map = names.into_iter().zip(kinds).find(|(_, given)| *given).map_or("", |(name, _)| name);
         for (key, is_given, maps) in [
-            ("low", table.low.is_some(), &["image", "checker", "noise"][..]),
-            ("high", table.high.is_some(), &["image", "checker", "noise"][..]),
-            ("seed", table.seed.is_some(), &["noise"][..]),
+            ("low", table.low.is_some(), &["image", "checker", "noise", "anatomy"][..]),
+            ("high", table.high.is_some(), &["image", "checker", "noise", "anatomy"][..]),
+            ("seed", table.seed.is_some(), &["noise", "anatomy"][..]),
             ("srgb", table.srgb.is_some(), &["image"][..]),
         ] {
             if is_given && !maps.contains(&map) {
@@ -228,8 +252,24 @@ impl Context<'_> {
                 patchiness: map.patchiness as f32,
                 seed: map.seed,
             }
+        } else if let Some(map) = table.anatomy {
+            let at = below("anatomy");
+            let Some(mouth) = &self.mouth else {
+                return self
+                    .fail(&at, "a map of the anatomy needs a [mouth]; add one, or use noise or an image");
+            };
+            let Some(tissue) = table.tissue.or(self.tissue) else {
+                let message = "which tissue's map? Add tissue = \"tongue_dorsum\" or another";
+                return self.fail(&at, message);
+            };
+            let mut person = mouth.clone();
+            person.seed = table.seed.unwrap_or(person.seed);
+            let baked = shared_surface_map(map, tissue, &person);
+            let image = ImageTexture::new(baked.columns, baked.rows, baked.values.clone())
+                .map_err(|e| self.error(&at, e.to_string()))?;
+            ScalarTexture::Image { image: Arc::new(image), low, high }
         } else {
-            return self.fail(at, "give exactly one of image, checker, noise, dorsal_tongue");
+            return self.fail(at, "give exactly one of image, checker, noise, dorsal_tongue, anatomy");
         };
         match &table.times {
             None => Ok(texture),
@@ -242,7 +282,7 @@ impl Context<'_> {
 }
 
 /// Grey value of a pixel: the only channel, or the mean of red, green and blue; alpha is left out.
-fn grey(pixel: &[f32]) -> f32 {
+pub(super) fn grey(pixel: &[f32]) -> f32 {
     let colours = match pixel.len() {
         2 => 1,
         4 => 3,

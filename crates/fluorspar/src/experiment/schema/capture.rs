@@ -8,6 +8,7 @@ use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::{Error, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
+use super::SpectrumReference;
 use crate::sensor::AutoExposure;
 
 /// Exposure time: milliseconds, or chosen by the camera.
@@ -87,6 +88,9 @@ pub struct CaptureSection {
     /// Analog gain, 0.01 to 1000. Default 1.
     #[serde(default = "unity")]
     pub gain: f64,
+    /// Filters in front of the sensor in this capture only, multiplied: a place of a filter wheel. Default: none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub filters: Vec<SpectrumReference>,
     /// Name of an earlier capture whose image is subtracted, scaled by exposure time: ambient light. Default: none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub subtract: Option<String>,

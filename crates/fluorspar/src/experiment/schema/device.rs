@@ -7,7 +7,7 @@ use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::{Error, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-use super::SpectrumReference;
+use super::{EfficiencyReference, SpectrumReference};
 use crate::optics::Vignetting;
 use crate::sensor::SensorModel;
 
@@ -102,36 +102,100 @@ impl Default for CameraSection {
     }
 }
 
-/// A lens without aberrations: `E = pi L T / (1 + 4 N² (1 + |m|)²)`.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+/// How a lens is described.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum LensType {
+    /// Without aberrations: `E = pi L T / (1 + 4 N² (1 + |m|)²)`.
+    #[default]
+    Ideal,
+    /// Surfaces and glasses, traced.
+    Traced,
+}
+
+/// How a traced lens makes its picture.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ImageFormation {
+    /// Every path of the render starts on the film and goes through the lens: depth of field, aberrations, vignetting.
+    #[default]
+    Rendered,
+    /// The render sees a pinhole; distortion, point spreads (diffraction included) and relative illumination of the
+    /// plane in focus are applied to its picture. The lens can be changed without a new render, within the field.
+    PointSpread,
+}
+
+/// The lens.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct LensSection {
-    /// Focal length, mm, above 0. Default 3.
-    pub focal_length_mm: f64,
-    /// Focal length over the diameter of the entrance pupil, 0.5 to 1000. Default 4.
-    pub f_number: f64,
+    /// How the lens is described. Default "ideal".
+    #[serde(rename = "type")]
+    pub kind: LensType,
+    /// Of a traced lens: a lens of the catalogue, or the path of a lens file (.toml, .dat of pbrt, .json of ISET, .zmx of
+    /// Zemax).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub prescription: Option<String>,
+    /// Focal length, mm, above 0. Default of an ideal lens 3; a traced lens is scaled to it, by default not at all.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub focal_length_mm: Option<f64>,
+    /// Focal length over the diameter of the axial beam, 0.5 to 1000. Default of an ideal lens 4, of a traced one wide open.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub f_number: Option<f64>,
     /// Transmittance of the glass, without filters. Default 1.
     pub transmittance: SpectrumReference,
-    /// How irradiance falls off away from the axis. Default "cos4".
-    pub vignetting: Vignetting,
-    /// Distance of the plane in focus, mm, beyond the focal length. Default: the distance from camera to `look_at_mm`.
+    /// How irradiance of an ideal lens falls off away from the axis. Default "cos4".
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub vignetting: Option<Vignetting>,
+    /// Distance of the plane in focus from the camera's position, mm, beyond the focal length. Default: the distance from
+    /// camera to `look_at_mm`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub focus_distance_mm: Option<f64>,
+    /// Of a traced lens: shift of the film from the paraxial focus, away from the lens, mm. Default 0.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub film_shift_mm: Option<f64>,
+    /// Of a traced lens: how it makes its picture. Default "rendered".
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub image_formation: Option<ImageFormation>,
+    /// Of a traced lens: groups of bands that are traced apart, 1 to 64, to see dispersion; a render takes as many times as
+    /// long. Default 1: all bands at the design wavelength.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub band_groups: Option<u32>,
 }
 
-impl Default for LensSection {
-    fn default() -> Self {
-        Self {
-            focal_length_mm: 3.0,
-            f_number: 4.0,
-            transmittance: SpectrumReference::Constant(1.0),
-            vignetting: Vignetting::Cos4,
-            focus_distance_mm: None,
-        }
-    }
+/// Where the viewing filters stand.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum FilterPosition {
+    /// In front of the lens: light passes at the angle of the field.
+    #[default]
+    Front,
+    /// Between lens and film: light passes in the cone of the f-number about the chief ray.
+    Rear,
 }
 
-/// Filters in front of the lens.
+/// At which angles light passes the viewing filters.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum FilterAngles {
+    /// All light at `angle_deg`.
+    #[default]
+    Fixed,
+    /// At the angles of the rays that the lens takes to each point of the film, averaged.
+    Lens,
+}
+
+/// Fluorescence of the viewing filter itself.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct AutofluorescenceSection {
+    /// Photons emitted per photon that the filters stop, 0 to 1.
+    pub photon_yield: f64,
+    /// Emission spectrum, photons per nm, any scale.
+    pub spectrum: SpectrumReference,
+}
+
+/// Filters in front of the lens, or behind it.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ViewFilterSection {
@@ -140,6 +204,23 @@ pub struct ViewFilterSection {
     /// Angle at which light passes them, degrees, 0 to 60; interference filters pass shorter wavelengths there.
     /// Default 0.
     pub angle_deg: f64,
+    /// At which angles light passes them. Default "fixed".
+    #[serde(skip_serializing_if = "is_default")]
+    pub angles: FilterAngles,
+    /// Where they stand; matters for `angles = "lens"` only. Default "front".
+    #[serde(skip_serializing_if = "is_default")]
+    pub position: FilterPosition,
+    /// Effective refractive index, 1 to 4, of those filters that have none of their own (CSV files and equations). Default:
+    /// they do not move with the angle.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub effective_index: Option<f64>,
+    /// Fluorescence of the filters themselves. Default: none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub autofluorescence: Option<AutofluorescenceSection>,
+}
+
+fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
 }
 
 /// Sensor: a preset of the catalogue and fields that override it.
@@ -151,18 +232,14 @@ pub struct SensorSection {
     /// Lyu et al. 2021.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub preset: Option<String>,
-    /// Quantum efficiency: a name of the catalogue, or the path of a CSV file with one column per channel of the
-    /// mosaic. Default "consumer_rgb_cmos".
-    #[serde(default = "quantum_efficiency")]
-    pub quantum_efficiency: String,
+    /// Quantum efficiency: a name of the catalogue, the path of a CSV file with one column per channel of the mosaic, or
+    /// a table of spectra by channel. Default "consumer_rgb_cmos".
+    #[serde(default)]
+    pub quantum_efficiency: EfficiencyReference,
     /// Filters on the sensor, for instance an infrared cut. Default: none.
     #[serde(default)]
     pub filters: Vec<SpectrumReference>,
     /// Geometry, electronics and noise.
     #[serde(flatten)]
     pub model: SensorModel,
-}
-
-fn quantum_efficiency() -> String {
-    "consumer_rgb_cmos".into()
 }

@@ -72,9 +72,18 @@ pub struct LightSection {
     /// Distance at which the irradiance was measured, mm from the centre of the light.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub at_distance_mm: Option<f64>,
-    /// Radiance of an environment behind the filters, W/(sr m²), over 200 to 1200 nm.
+    /// Radiance of an environment behind the filters, W/(sr m²), over 200 to 1200 nm; with a grey map that of white.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub radiance_w_per_sr_m2: Option<f64>,
+    /// Map of the radiance of an environment, equirectangular: path of a grey PNG image, whose white has the radiance
+    /// and the spectrum given, or of a spectral OpenEXR image of radiance, W/(sr m² nm), on which `spectrum` and the
+    /// filters are factors. Rows from the top (+y); the middle lies towards -z, the right half towards +x.
+    /// Default: the same radiance everywhere.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub map: Option<String>,
+    /// Turn of the map about +y, degrees: at 90 the middle lies towards -x. Default 0.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub map_rotation_deg: Option<f64>,
     /// Emitters of a ring, 1 to 10 000. Default 8.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub count: Option<u32>,

@@ -15,17 +15,23 @@ use serde::{Deserialize, Serialize};
 
 pub use capture::{AnalysisSection, CaptureSection, ExposureTime, OutputSection};
 pub use develop::{DevelopSection, FlatFieldSection, MotionSection};
-pub use device::{CameraSection, FieldOfView, LensSection, SensorSection, ViewFilterSection};
+pub use device::{
+    AutofluorescenceSection, CameraSection, FieldOfView, FilterAngles, FilterPosition, ImageFormation,
+    LensSection, LensType, SensorSection, ViewFilterSection,
+};
 pub use instrument::{SafetySection, SpectroradiometerSection};
 pub use light::{LightFrame, LightSection, LightType};
-pub use material::{FluorophoreSection, GlossSection, MaterialSection, YieldUnit};
+pub use material::{
+    ConductorSection, DielectricSection, FluorophoreSection, GlossSection, MaterialSection, MixSection,
+    NormalMapSection, TwoSidedSection, YieldUnit,
+};
 pub use object::{
-    BoxShape, DiscShape, EmissionSection, MouthSection, ObjectSection, QuadShape, SphereShape,
-    TransformSection,
+    BoxShape, DiscShape, DisplacementSection, EmissionSection, LesionSection, MouthSection, ObjectSection,
+    QuadShape, ScanSection, SphereShape, TransformSection,
 };
 pub use reference::{
-    DorsalTongueMap, ReflectanceReference, ReflectanceTermSection, SpectrumReference, SpectrumTable,
-    TextureReference, TextureTable,
+    DorsalTongueMap, EfficiencyReference, ReflectanceReference, ReflectanceTermSection, SpectrumReference,
+    SpectrumTable, TextureReference, TextureTable,
 };
 pub use settings::{RenderSection, SpectralSection, StatisticsChoice};
 

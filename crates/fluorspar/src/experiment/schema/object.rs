@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::SpectrumReference;
+use super::{SpectrumReference, TextureReference};
 use crate::anatomy::MouthParameters;
 
 /// A sphere.
@@ -84,6 +84,19 @@ impl Default for TransformSection {
     }
 }
 
+/// A surface moved along its normals.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct DisplacementSection {
+    /// Height over texture coordinates, in units of `amount_mm`: a map of values from 0 to 1.
+    pub map: TextureReference,
+    /// Height of the value 1, mm, outward; -100 to 100.
+    pub amount_mm: f64,
+    /// How often every triangle is split into four before, 0 to 8. Default 0.
+    #[serde(default)]
+    pub subdivisions: u32,
+}
+
 /// Light that a surface emits by itself, evenly in all directions from both sides.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -104,7 +117,7 @@ pub struct ObjectSection {
     pub name: String,
     /// Name of its material.
     pub material: String,
-    /// Path of a PLY or OBJ file, relative to the experiment file.
+    /// Path of a .ply, .stl, .obj, .gltf or .glb file, relative to the experiment file.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mesh: Option<String>,
     /// Length of one unit of the mesh file, mm; 1000 for metres. Default 1.
@@ -125,9 +138,79 @@ pub struct ObjectSection {
     /// Where it stands. Default: as given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub transform: Option<TransformSection>,
+    /// Moves the surface along its normals; for meshes and quads with texture coordinates. Default: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub displacement: Option<DisplacementSection>,
     /// Light that it emits. Default: none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub emission: Option<EmissionSection>,
+}
+
+/// A spot on a part of the mouth with its own colour and fluorophores: an ellipse, or a painted mask.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LesionSection {
+    /// Name, unique among lesions.
+    pub name: String,
+    /// Part that it is on: `tongue_dorsum`, `cheek_left`, ...
+    pub part: String,
+    /// Middle of the ellipse in texture coordinates of the part, 0 to 1. Default [0.5, 0.5].
+    #[serde(default = "middle")]
+    pub center: [f64; 2],
+    /// Lengths of the axes of the ellipse, mm, above 0. Default [8, 6].
+    #[serde(default = "lesion_size")]
+    pub size_mm: [f64; 2],
+    /// Turn of the first axis from the direction of u toward that of v, degrees. Default 0.
+    #[serde(default)]
+    pub angle_deg: f64,
+    /// Width over which it fades out, mm, 0 or more. Default 1.
+    #[serde(default = "lesion_edge")]
+    pub edge_mm: f64,
+    /// Path of a grey PNG on the texture coordinates of the part instead of the ellipse: white is inside.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mask: Option<String>,
+    /// Reflectance inside. Default: that of the part.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reflectance: Option<SpectrumReference>,
+    /// Extra blood above the reflecting layer, as a layer of whole blood of this thickness, µm, 0 to 200. Default 0.
+    #[serde(default)]
+    pub blood_um: f64,
+    /// Concentrations inside, in the unit of the catalogue; fluorophores that are not named stay as they are around.
+    #[serde(default)]
+    pub concentrations: BTreeMap<String, f64>,
+}
+
+fn middle() -> [f64; 2] {
+    [0.5, 0.5]
+}
+
+fn lesion_size() -> [f64; 2] {
+    [8.0, 6.0]
+}
+
+fn lesion_edge() -> f64 {
+    1.0
+}
+
+/// A mesh of one's own in place of parts of the mouth, for instance an intraoral scan.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ScanSection {
+    /// Name of the new part.
+    pub name: String,
+    /// Path of a .ply, .stl, .obj, .gltf or .glb file, relative to the experiment file.
+    pub mesh: String,
+    /// Parts that it replaces; `tooth_*` stands for all whose names begin so. Default: none.
+    #[serde(default)]
+    pub replaces: Vec<String>,
+    /// Name of its material.
+    pub material: String,
+    /// Length of one unit of the file, mm; 1000 for metres. Default 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub unit_mm: Option<f64>,
+    /// Where it stands in the frame of the mouth. Default: as given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub transform: Option<TransformSection>,
 }
 
 /// A parametric mouth. Its frame: origin between the incisors, +z out of the mouth, +y up, +x to the patient's left.
@@ -138,6 +221,12 @@ pub struct MouthSection {
     /// `upper_gingiva`, ...). Default: the material that has the name of the tissue.
     #[serde(default)]
     pub materials: BTreeMap<String, String>,
+    /// Spots, sores and stains on the parts. Default: none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub lesion: Vec<LesionSection>,
+    /// Own scans in place of parts. Default: none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub scan: Vec<ScanSection>,
     /// Where the mouth stands. Default: in its own frame.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub transform: Option<TransformSection>,

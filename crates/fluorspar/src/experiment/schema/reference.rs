@@ -1,6 +1,7 @@
 //! Spectra and textures as they are written in a file: a number, a name, a path or a table.
 
 use std::borrow::Cow;
+use std::collections::BTreeMap;
 use std::fmt;
 
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
@@ -8,6 +9,7 @@ use serde::de::value::MapAccessDeserializer;
 use serde::de::{Error, MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
 
+use crate::anatomy::{SurfaceMap, Tissue};
 use crate::spectral::CurveModel;
 
 /// A spectrum: a constant, a name of the catalogue, a CSV file or an equation.
@@ -93,6 +95,14 @@ pub struct TextureTable {
     /// Porphyrin on the back of the tongue: most along the midline and far back, none at the tip and the sides.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub dorsal_tongue: Option<DorsalTongueMap>,
+    /// A map of the mouth's anatomy, on the texture coordinates of its parts: `redness` (vessels, fungiform papillae),
+    /// `pallor` (keratin, coating), `porphyrin` (dorsal tongue), `plaque` and `dentine` (teeth), `dryness` (film of
+    /// saliva). Needs a `[mouth]`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub anatomy: Option<SurfaceMap>,
+    /// Tissue whose map it is. Default: the tissue that uses the material.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tissue: Option<Tissue>,
     /// Lowest value of the map. Default 0.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub low: Option<f64>,
@@ -141,6 +151,62 @@ fn patchiness() -> f64 {
 
 fn seed() -> u32 {
     1
+}
+
+/// Quantum efficiency of a sensor: a name of the catalogue, a CSV file, or one spectrum for each channel.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(untagged)]
+pub enum EfficiencyReference {
+    /// A name of the catalogue, or the path of a CSV file with one column per channel.
+    Name(String),
+    /// A number, an equation or a column of a CSV file by channel, in electrons per photon.
+    Channels(BTreeMap<String, SpectrumReference>),
+}
+
+impl Default for EfficiencyReference {
+    fn default() -> Self {
+        Self::Name("consumer_rgb_cmos".into())
+    }
+}
+
+struct EfficiencyVisitor;
+
+impl<'de> Visitor<'de> for EfficiencyVisitor {
+    type Value = EfficiencyReference;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(
+            "a name of the catalogue, the path of a CSV file, or a table with one spectrum per channel",
+        )
+    }
+
+    fn visit_str<E: Error>(self, name: &str) -> Result<Self::Value, E> {
+        Ok(EfficiencyReference::Name(name.into()))
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Self::Value, A::Error> {
+        BTreeMap::deserialize(MapAccessDeserializer::new(map)).map(EfficiencyReference::Channels)
+    }
+}
+
+impl<'de> Deserialize<'de> for EfficiencyReference {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_any(EfficiencyVisitor)
+    }
+}
+
+impl JsonSchema for EfficiencyReference {
+    fn schema_name() -> Cow<'static, str> {
+        "EfficiencyReference".into()
+    }
+
+    fn json_schema(generator: &mut SchemaGenerator) -> Schema {
+        let spectrum = generator.subschema_for::<SpectrumReference>();
+        json_schema!({
+            "description": "A name of the catalogue, the path of a CSV file, or one spectrum for each channel.",
+            "anyOf": [{ "type": "string" }, { "type": "object", "additionalProperties": spectrum }]
+        })
+    }
 }
 
 impl Default for SpectrumReference {

@@ -1,0 +1,29 @@
+//! `fluorspar filter`: leak.
+
+mod leak;
+
+use std::process::ExitCode;
+
+use clap::Subcommand;
+
+use crate::error::CliError;
+
+/// Options of `filter`.
+#[derive(Clone, Debug, clap::Args)]
+pub(crate) struct Options {
+    #[command(subcommand)]
+    action: Action,
+}
+
+#[derive(Clone, Debug, Subcommand)]
+enum Action {
+    /// Compare reflected light with fluorescence behind the viewing filters of a flat sample.
+    Leak(leak::Options),
+}
+
+pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
+    match &options.action {
+        Action::Leak(options) => leak::run(options)?,
+    }
+    Ok(ExitCode::SUCCESS)
+}

@@ -1,0 +1,187 @@
+//! `fluorspar lens report`.
+
+use std::io::Write;
+use std::path::PathBuf;
+
+use clap::ValueHint;
+use fluorspar::format::write_atomically;
+use fluorspar::optics::{LensReport, LensReportSettings, LensSetting, LensState};
+use fluorspar::preset::{LensError, LoadedLens, lens_or_file};
+use fluorspar_report::figures::{lens_drawing, lens_field, lens_mtf, lens_spots};
+
+use crate::commands::table::{align, short};
+use crate::commands::{FigureFormat, beside, check_parent, print_json, print_text};
+use crate::error::CliError;
+
+/// Options of `lens report`.
+#[derive(Clone, Debug, clap::Args)]
+pub(super) struct Options {
+    /// Lens of the catalogue, or a file: .toml, .dat (pbrt), .json (ISET), .zmx (Zemax).
+    #[arg(value_name = "LENS", value_hint = ValueHint::FilePath)]
+    lens: String,
+    /// Stop down to this f-number [default: wide open].
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    f_number: Option<f64>,
+    /// Distance in focus from the entrance pupil, mm [default: infinity].
+    #[arg(long, value_name = "MM", allow_negative_numbers = true)]
+    focus_distance_mm: Option<f64>,
+    /// Move the film away from the lens by this much, mm.
+    #[arg(long, value_name = "MM", default_value_t = 0.0, allow_negative_numbers = true)]
+    film_shift_mm: f64,
+    /// Largest height on the film, half the diagonal of the sensor, mm [default: that of 20 degrees, or less where a fifth of
+    /// the light of the axis is left].
+    #[arg(long, value_name = "MM", allow_negative_numbers = true)]
+    image_height_mm: Option<f64>,
+    /// Wavelength, nm [default: the design wavelength of the lens].
+    #[arg(long, value_name = "NM", allow_negative_numbers = true)]
+    wavelength_nm: Option<f64>,
+    /// Frequency of the MTF through focus, cycles per mm on the film; other curves go to twice this.
+    #[arg(long, value_name = "CYCLES", default_value_t = 50.0, allow_negative_numbers = true)]
+    frequency: f64,
+    /// Draw the lens with rays to this .svg or .png, and FILE_spots, FILE_mtf, FILE_field beside it.
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    out: Option<PathBuf>,
+    /// Print the report as JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+fn check(name: &str, value: f64, range: [f64; 2], unit: &str) -> Result<(), CliError> {
+    if (range[0]..=range[1]).contains(&value) {
+        return Ok(());
+    }
+    Err(CliError::Input(format!("{name} {value}: give {} to {} {unit}", range[0], range[1])))
+}
+
+pub(super) fn run(options: &Options) -> Result<(), CliError> {
+    if let Some(nm) = options.wavelength_nm {
+        check("--wavelength-nm", nm, [200.0, 1200.0], "nm")?;
+    }
+    if let Some(height) = options.image_height_mm {
+        check("--image-height-mm", height, [1e-3, 1e3], "mm")?;
+    }
+    check("--frequency", options.frequency, [0.1, 1e4], "cycles per mm")?;
+    let figures = match &options.out {
+        Some(out) => {
+            check_parent(out)?;
+            Some((out, FigureFormat::of(out)?))
+        }
+        None => None,
+    };
+    let loaded = lens_or_file(&options.lens)?;
+    let setting = LensSetting {
+        f_number: options.f_number,
+        object_distance_mm: options.focus_distance_mm,
+        film_shift_mm: options.film_shift_mm,
+    };
+    let state = LensState::new(&loaded.lens, setting)
+        .map_err(|problem| LensError::Prescription { name: options.lens.clone(), problem })?;
+    let settings = LensReportSettings {
+        image_height_mm: options.image_height_mm,
+        wavelength_nm: options.wavelength_nm,
+        frequency_per_mm: options.frequency,
+    };
+    let report = LensReport::new(&state, &settings);
+    if let Some((out, format)) = figures {
+        let all = [
+            (out.clone(), lens_drawing(&report)),
+            (beside(out, "_spots"), lens_spots(&report)),
+            (beside(out, "_mtf"), lens_mtf(&report)),
+            (beside(out, "_field"), lens_field(&report)),
+        ];
+        for (path, figure) in &all {
+            let bytes = format.bytes(figure)?;
+            write_atomically(path, |file| file.write_all(&bytes))?;
+            eprintln!("Wrote {}", path.display());
+        }
+    }
+    if options.json { print_json(&report) } else { print_text(&describe(&loaded, &report)) }
+}
+
+fn describe(loaded: &LoadedLens, report: &LensReport) -> String {
+    let p = &report.paraxial;
+    let mm = |value: f64| if value.is_finite() { format!("{} mm", short(value)) } else { "infinite".into() };
+    let focus = report.object_distance_mm.map_or_else(|| "infinity".into(), mm);
+    let mut text = format!(
+        "{} ({})\nSource: {}\nAt {} nm, focused at {focus}. Positions are from the first vertex, positive towards the film.\n\n",
+        loaded.title,
+        report.name,
+        if loaded.lens.source.is_empty() { "not stated" } else { &loaded.lens.source },
+        short(report.wavelength_nm)
+    );
+    let line = |name: &str, value: String| vec![name.to_owned(), value];
+    let mut rows = vec![
+        line("focal length", mm(p.focal_length_mm)),
+        line("f-number, distant object", short(report.f_number)),
+        line("working f-number", short(report.working_f_number)),
+        line("irradiance per radiance on the axis", format!("{} sr", short(report.axial_solid_angle_sr))),
+        line("magnification", short(report.magnification)),
+        line("back focal length", mm(p.back_focal_length_mm)),
+        line(
+            "front and rear principal planes",
+            format!("{}, {}", mm(p.front_principal_mm), mm(p.rear_principal_mm)),
+        ),
+        line(
+            "entrance pupil",
+            format!("at {}, diameter {}", mm(p.entrance_pupil_mm), mm(report.entrance_pupil_diameter_mm)),
+        ),
+        line(
+            "exit pupil",
+            format!("at {}, diameter {}", mm(p.exit_pupil_mm), mm(report.exit_pupil_diameter_mm)),
+        ),
+        line("stop", format!("diameter {}", mm(report.stop_diameter_mm))),
+        line("film", format!("at {}", mm(report.film_mm))),
+        line(
+            &format!(
+                "sharpest film on the axis, {} cycles per mm",
+                short(report.mtf.through_focus_frequency_per_mm)
+            ),
+            format!("{} from there", mm(report.mtf.best_axial_focus_mm)),
+        ),
+    ];
+    let published = &loaded.published;
+    rows.extend(published.focal_length_mm.map(|f| line("published focal length", mm(f))));
+    rows.extend(published.f_number.map(|n| line("published f-number", short(n))));
+    text += &align(&rows, &[1]);
+    let head = [
+        "height mm",
+        "field deg",
+        "illumination",
+        "distortion %",
+        "tangential focus mm",
+        "sagittal focus mm",
+    ];
+    let mut rows = vec![head.map(String::from).to_vec()];
+    let cell = |value: Option<f64>| value.map_or_else(|| "-".into(), short);
+    for point in &report.field {
+        rows.push(vec![
+            short(point.height_mm),
+            cell(point.object_angle_deg),
+            short(point.relative_illumination),
+            cell(point.distortion_percent),
+            cell(point.tangential_focus_mm),
+            cell(point.sagittal_focus_mm),
+        ]);
+    }
+    text += &format!("\n{}", align(&rows, &[]));
+    let nu = &report.mtf.frequency_per_mm;
+    let at =
+        nu.iter().position(|f| *f >= report.mtf.through_focus_frequency_per_mm * (1.0 - 1e-9)).unwrap_or(0);
+    let frequency = short(nu[at]);
+    let head = ["height mm", "spot rms um", "tangential MTF", "sagittal MTF"].map(String::from);
+    let mut rows = vec![head.to_vec()];
+    for (spot, mtf) in report.spots.iter().zip(&report.mtf.fields) {
+        rows.push(vec![
+            short(spot.height_mm),
+            cell(spot.rms_radius_mm.map(|rms| 1e3 * rms)),
+            cell(mtf.tangential.get(at).copied()),
+            cell(mtf.sagittal.get(at).copied()),
+        ]);
+    }
+    text += &format!(
+        "\nRays alone at {frequency} cycles per mm; a perfect lens has {} there by diffraction.\n{}",
+        short(report.mtf.diffraction_limit[at]),
+        align(&rows, &[])
+    );
+    text
+}

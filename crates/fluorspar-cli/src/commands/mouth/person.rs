@@ -1,0 +1,66 @@
+//! Whose mouth it is.
+
+use fluorspar::anatomy::{EXAMINATION_VIEWS, ExaminationView, MouthParameters, POSES, sample_person};
+
+use crate::error::CliError;
+
+/// Shape and pose of one mouth.
+#[derive(Clone, Debug, Default, clap::Args)]
+pub(crate) struct PersonArgs {
+    /// A person drawn from the population with this seed, instead of the average adult.
+    #[arg(long, value_name = "SEED")]
+    person: Option<u32>,
+    /// Change one parameter, for instance `--set tooth_scale=1.05`; see `fluorspar schema`. May be repeated.
+    #[arg(long = "set", value_name = "FIELD=VALUE")]
+    set: Vec<String>,
+    /// Factor on the rows and columns of the meshes: 0.4 is a preview of 50 000 triangles, 4 shows every papilla.
+    #[arg(long, value_name = "D")]
+    pub(crate) detail: Option<f64>,
+}
+
+impl PersonArgs {
+    /// The parameters, in a named pose where one is given.
+    pub(crate) fn parameters(&self, pose: Option<&str>) -> Result<MouthParameters, CliError> {
+        let mut parameters = self.person.map_or_else(MouthParameters::default, sample_person);
+        if let Some(name) = pose {
+            parameters = find_view(name)?.pose(&parameters);
+        }
+        if let Some(detail) = self.detail {
+            parameters.detail = detail;
+        }
+        let mut tree = serde_json::to_value(&parameters)?;
+        for change in &self.set {
+            let Some((field, value)) = change.split_once('=') else {
+                return Err(CliError::Input(format!(
+                    "--set {change}: write it as FIELD=VALUE, for instance jaw_opening_mm=40"
+                )));
+            };
+            let (field, value) = (field.trim(), value.trim());
+            if tree.get(field).is_none() {
+                let known: Vec<&str> = tree
+                    .as_object()
+                    .map(|fields| fields.keys().map(String::as_str).collect())
+                    .unwrap_or_default();
+                return Err(CliError::Input(format!(
+                    "--set {change}: a mouth has no parameter \"{field}\". Known: {}",
+                    known.join(", ")
+                )));
+            }
+            tree[field] = serde_json::from_str(value).map_err(|_| {
+                CliError::Input(format!("--set {change}: \"{value}\" is no number, list or truth value"))
+            })?;
+        }
+        let parameters: MouthParameters =
+            serde_json::from_value(tree).map_err(|error| CliError::Input(format!("--set: {error}")))?;
+        parameters.validate().map_err(|error| CliError::Input(format!("mouth: {error}")))?;
+        Ok(parameters)
+    }
+}
+
+/// A view or pose by name.
+pub(crate) fn find_view(name: &str) -> Result<&'static ExaminationView, CliError> {
+    ExaminationView::find(name).ok_or_else(|| {
+        let known: Vec<&str> = EXAMINATION_VIEWS.iter().chain(&POSES).map(|view| view.name).collect();
+        CliError::Input(format!("there is no view \"{name}\". Known: {}", known.join(", ")))
+    })
+}

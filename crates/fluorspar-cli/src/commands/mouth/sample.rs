@@ -1,0 +1,86 @@
+//! `fluorspar mouth sample`: a cohort.
+
+use std::io::Write;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::ValueHint;
+use fluorspar::anatomy::{MouthParameters, sample_person};
+use fluorspar::format::write_atomically;
+
+use crate::error::CliError;
+
+/// Most people at a time.
+const MOST: u32 = 100_000;
+
+/// Options of `mouth sample`.
+#[derive(Clone, Debug, clap::Args)]
+pub(crate) struct Options {
+    /// How many people.
+    #[arg(long, value_name = "N", default_value_t = 10)]
+    count: u32,
+    /// Seed of the first; the others follow.
+    #[arg(long, value_name = "S", default_value_t = 1)]
+    seed: u32,
+    /// Experiment on which each person's file is based.
+    #[arg(long, value_name = "NAME", default_value = "oraleye-2021")]
+    base: String,
+    /// New folder for `person_000001.toml`, ... and `people.csv`.
+    #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath)]
+    out: PathBuf,
+}
+
+pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
+    if !(1..=MOST).contains(&options.count) {
+        return Err(CliError::Input(format!("--count {}: must be between 1 and {MOST}", options.count)));
+    }
+    let Some(last) = options.seed.checked_add(options.count - 1) else {
+        return Err(CliError::Input(format!("--seed {}: too large for so many people", options.seed)));
+    };
+    if options.out.exists() {
+        return Err(CliError::Input(format!(
+            "--out {}: this exists already; choose another folder",
+            options.out.display()
+        )));
+    }
+    crate::commands::check_parent(&options.out)?;
+    // A base that can't be used is found before anything is written.
+    crate::experiment_source::ExperimentSource::find(Some(&options.base))?;
+    let people: Vec<MouthParameters> = (options.seed..=last).map(sample_person).collect();
+    std::fs::create_dir(&options.out)
+        .map_err(|error| CliError::Failed(format!("can't make {}: {error}", options.out.display())))?;
+    for person in &people {
+        let toml = toml::Value::try_from(person)
+            .map_err(|error| CliError::Failed(format!("can't write the parameters: {error}")))?;
+        let path = options.out.join(format!("person_{:06}.toml", person.seed));
+        write_atomically(&path, |writer| {
+            writeln!(
+                writer,
+                "base = {}\ntitle = \"Person {}\"\n\n[mouth]\n{}",
+                crate::commands::quoted(&options.base),
+                person.seed,
+                toml::to_string(&toml).unwrap_or_default().trim_end()
+            )
+        })?;
+    }
+    write_atomically(&options.out.join("people.csv"), |writer| {
+        let fields = serde_json::to_value(MouthParameters::default())?;
+        let names: Vec<&String> = fields.as_object().map(|f| f.keys().collect()).unwrap_or_default();
+        let header: Vec<&str> = names.iter().map(|name| name.as_str()).collect();
+        writeln!(writer, "{},bolton_ratio", header.join(","))?;
+        for person in &people {
+            let values = serde_json::to_value(person)?;
+            let cell = |name: &&String| match &values[name.as_str()] {
+                serde_json::Value::Array(list) => {
+                    list.iter().map(ToString::to_string).collect::<Vec<_>>().join(" ")
+                }
+                other => other.to_string(),
+            };
+            let row: Vec<String> = names.iter().map(cell).collect();
+            writeln!(writer, "{},{:.4}", row.join(","), person.bolton_ratio())?;
+        }
+        Ok(())
+    })?;
+    eprintln!("Wrote {} people to {}", people.len(), options.out.display());
+    Ok(ExitCode::SUCCESS)
+}

@@ -1,0 +1,139 @@
+//! `fluorspar mouth view`: a contact sheet.
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use clap::ValueHint;
+use fluorspar::anatomy::{EXAMINATION_VIEWS, ExaminationView, POSES};
+use fluorspar::experiment::{parse, resolve};
+use fluorspar::format::write_rgb_png;
+use fluorspar::pipeline::radiance_preview;
+
+use super::person::{PersonArgs, find_view};
+use crate::commands::table::align;
+use crate::error::CliError;
+use crate::experiment_source::ExperimentSource;
+use crate::progress::render_with_progress;
+
+/// Options of `mouth view`.
+#[derive(Clone, Debug, clap::Args)]
+pub(crate) struct Options {
+    #[command(flatten)]
+    person: PersonArgs,
+    /// Views, in this order [default: the nine of an examination and the four poses].
+    #[arg(long, value_name = "VIEW", value_delimiter = ',')]
+    views: Vec<String>,
+    /// Experiment that gives lights and materials.
+    #[arg(long, value_name = "EXPERIMENT", default_value = "oraleye-2021")]
+    experiment: String,
+    /// Light group that is on.
+    #[arg(long, value_name = "GROUP", default_value = "white")]
+    light: String,
+    /// Width of each picture, pixels (64 to 2000); three quarters of it high.
+    #[arg(long, value_name = "PX", default_value_t = 240)]
+    width: usize,
+    /// Paths per pixel.
+    #[arg(long, value_name = "N", default_value_t = 16)]
+    spp: u32,
+    /// PNG file.
+    #[arg(long, value_name = "FILE", default_value = "mouth.png", value_hint = ValueHint::FilePath)]
+    out: PathBuf,
+    /// List the views instead.
+    #[arg(long)]
+    list: bool,
+    /// No progress.
+    #[arg(long, short)]
+    quiet: bool,
+}
+
+/// Pixels between the pictures.
+const GAP: usize = 4;
+
+pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
+    if options.list {
+        let rows: Vec<Vec<String>> = EXAMINATION_VIEWS
+            .iter()
+            .chain(&POSES)
+            .map(|view| vec![view.name.to_owned(), view.title.to_owned()])
+            .collect();
+        crate::commands::print_text(&align(&rows, &[1]))?;
+        return Ok(ExitCode::SUCCESS);
+    }
+    if !(64..=2000).contains(&options.width) {
+        return Err(CliError::Input(format!("--width {}: must be between 64 and 2000", options.width)));
+    }
+    crate::commands::check_parent(&options.out)?;
+    if !options.out.extension().is_some_and(|e| e.eq_ignore_ascii_case("png")) {
+        return Err(CliError::Input(format!("--out {}: the name must end in .png", options.out.display())));
+    }
+    let views: Vec<&ExaminationView> = if options.views.is_empty() {
+        EXAMINATION_VIEWS.iter().chain(&POSES).collect()
+    } else {
+        options.views.iter().map(|name| find_view(name)).collect::<Result<_, _>>()?
+    };
+    // All poses are checked before the first picture is made.
+    for view in &views {
+        options.person.parameters(Some(view.name))?;
+    }
+    let (width, height) = (options.width, options.width * 3 / 4);
+    let columns = (1..=views.len()).find(|n| n * n >= views.len()).unwrap_or(1);
+    let rows = views.len().div_ceil(columns);
+    let (whole_width, whole_height) = (columns * (width + GAP) - GAP, rows * (height + GAP) - GAP);
+    let mut sheet = vec![16_u8; 3 * whole_width * whole_height];
+    for (number, view) in views.iter().enumerate() {
+        if !options.quiet {
+            eprintln!("{}: {}", view.name, view.title);
+        }
+        let picture = picture(options, view, width, height)?;
+        let (left, top) = ((number % columns) * (width + GAP), (number / columns) * (height + GAP));
+        for row in 0..height {
+            let to = 3 * ((top + row) * whole_width + left);
+            sheet[to..to + 3 * width].copy_from_slice(&picture[3 * row * width..3 * (row + 1) * width]);
+        }
+    }
+    write_rgb_png(&options.out, whole_width, whole_height, &sheet)?;
+    if !options.quiet {
+        eprintln!("Wrote {}", options.out.display());
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn picture(
+    options: &Options,
+    view: &ExaminationView,
+    width: usize,
+    height: usize,
+) -> Result<Vec<u8>, CliError> {
+    let parameters = options.person.parameters(Some(view.name))?;
+    let source = ExperimentSource::find(Some(&options.experiment))?;
+    let mut overrides = vec![
+        format!("render.width_px={width}"),
+        format!("render.height_px={height}"),
+        format!("render.samples_per_pixel={}", options.spp),
+        format!("camera.position_mm={:?}", view.camera_mm),
+        format!("camera.look_at_mm={:?}", view.look_at_mm),
+        format!("camera.horizontal_field_deg={}", view.horizontal_field_deg()),
+    ];
+    let mouth = toml::Value::try_from(&parameters)
+        .map_err(|error| CliError::Failed(format!("can't write the parameters: {error}")))?;
+    for (field, value) in mouth.as_table().into_iter().flatten() {
+        overrides.push(format!("mouth.{field}={value}"));
+    }
+    let base: &Path = &source.base_dir;
+    let mut experiment = parse(&source.text, &source.name, base, &overrides)?;
+    // Only light is looked at: a region that this view does not see is no defect.
+    experiment.file.analysis = None;
+    let experiment = resolve(&experiment)?;
+    if !experiment.scene.light_groups.iter().any(|group| group.name == options.light) {
+        let known: Vec<&str> =
+            experiment.scene.light_groups.iter().map(|group| group.name.as_str()).collect();
+        return Err(CliError::Input(format!(
+            "--light {}: the experiment has no such light group. Known: {}",
+            options.light,
+            known.join(", ")
+        )));
+    }
+    let components = render_with_progress(&experiment.scene, &experiment.render, None, options.quiet)?;
+    let sum = components.recombine(|component| f64::from(u8::from(component.light_group == options.light)));
+    Ok(radiance_preview(&sum).rgb)
+}

@@ -1,0 +1,173 @@
+//! `fluorspar sensor characterize`: a sensor measured as EMVA 1288 measures cameras.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use clap::{ValueEnum, ValueHint};
+use fluorspar::experiment::ResolvedSensor;
+use fluorspar::sensor::{Characterization, CharacterizationSettings, characterize};
+use fluorspar_report::Figure;
+use fluorspar_report::figures::{PhotonTransferPlot, SnrPlot, photon_transfer, signal_to_noise};
+use serde_json::{Value, json};
+
+use super::SensorArgs;
+use crate::args::Talk;
+use crate::commands::out_folder::OutFolder;
+use crate::commands::table::{align, short};
+use crate::commands::{print_json, print_text};
+use crate::error::CliError;
+
+/// Options of `sensor characterize`.
+#[derive(Clone, Debug, clap::Args)]
+pub(super) struct Options {
+    #[command(flatten)]
+    sensor: SensorArgs,
+    /// Folder for results.json, sensor.toml and the figures [default: fluorspar-out/NAME-emva1288].
+    #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath)]
+    out: Option<PathBuf>,
+    /// Format of the figures.
+    #[arg(long, value_enum, default_value = "svg")]
+    format: Format,
+    /// Exposure time of the flats, ms.
+    #[arg(long, value_name = "MS", default_value_t = 10.0, allow_negative_numbers = true)]
+    exposure_ms: f64,
+    /// Gain on top of the sensor's.
+    #[arg(long, value_name = "G", default_value_t = 1.0, allow_negative_numbers = true)]
+    gain: f64,
+    /// Columns and rows in the middle of the sensor that are measured.
+    #[arg(long, num_args = 2, value_names = ["COLUMNS", "ROWS"], default_values_t = [640, 480])]
+    region: Vec<usize>,
+    /// Steps of the light from dark to saturation.
+    #[arg(long, value_name = "N", default_value_t = 50)]
+    levels: usize,
+    /// Frames that are averaged for the fixed patterns.
+    #[arg(long, value_name = "N", default_value_t = 32)]
+    stack: usize,
+    /// Seed of the temporal noise.
+    #[arg(long, value_name = "S", default_value_t = 0)]
+    seed: u64,
+    #[command(flatten)]
+    talk: Talk,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Format {
+    Svg,
+    Png,
+    Both,
+}
+
+pub(super) fn run(options: &Options) -> Result<(), CliError> {
+    let resolved = options.sensor.resolve(options.talk.quiet)?;
+    let settings = CharacterizationSettings {
+        region: [options.region[0], options.region[1]],
+        exposure_s: options.exposure_ms * 1e-3,
+        gain: options.gain,
+        levels: options.levels,
+        stack: options.stack,
+        seed: options.seed,
+    };
+    let target = options
+        .out
+        .clone()
+        .unwrap_or_else(|| Path::new("fluorspar-out").join(format!("{}-emva1288", options.sensor.stem())));
+    let folder = OutFolder::prepare(&target, &options.sensor.files(&resolved))?;
+    let measured =
+        characterize(&resolved.sensor, &settings).map_err(|problem| CliError::Input(problem.to_string()))?;
+    let results = as_json(&resolved, &measured)?;
+    let write = |name: &str, bytes: &[u8]| {
+        let path = folder.path().join(name);
+        fs::write(&path, bytes).map_err(|error| CliError::Failed(format!("{}: {error}", path.display())))
+    };
+    write("results.json", serde_json::to_string_pretty(&results)?.as_bytes())?;
+    write("sensor.toml", resolved.resolved_toml.as_bytes())?;
+    for (name, figure) in figures(&measured) {
+        if options.format != Format::Png {
+            write(&format!("{name}.svg"), figure.to_svg().as_bytes())?;
+        }
+        if options.format != Format::Svg {
+            write(&format!("{name}.png"), &figure.to_png()?)?;
+        }
+    }
+    let place = folder.finish()?;
+    if options.talk.json {
+        print_json(&results)?;
+    } else if !options.talk.quiet {
+        measured.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
+        print_text(&describe(&resolved, &measured))?;
+        eprintln!("Wrote {}", place.display());
+    }
+    Ok(())
+}
+
+fn as_json(resolved: &ResolvedSensor, measured: &Characterization) -> Result<Value, CliError> {
+    let mut value = serde_json::to_value(measured)?;
+    value["title"] = json!(resolved.title);
+    value["provenance"] = json!({
+        "program": "fluorspar",
+        "version": env!("CARGO_PKG_VERSION"),
+        "sensor_toml": resolved.resolved_toml,
+    });
+    Ok(value)
+}
+
+fn figures(measured: &Characterization) -> [(&'static str, Figure); 2] {
+    let transfer = PhotonTransferPlot {
+        points: measured.photon_transfer.iter().map(|p| [p.signal_dn, p.variance_dn2]).collect(),
+        dark_variance_dn2: measured.dark_noise_dn.powi(2),
+        gain_dn_per_e: measured.gain_dn_per_e,
+        saturation_dn: measured.saturation_capacity_e * measured.gain_dn_per_e,
+    };
+    // Signals from half an electron to saturation, evenly on a logarithmic axis.
+    let steps = 200;
+    let signal = |step: usize| {
+        let share = step as f64 / steps as f64;
+        0.5 * (2.0 * measured.saturation_capacity_e).powf(share)
+    };
+    let curve = |ratio: &dyn Fn(f64) -> f64| -> Vec<[f64; 2]> {
+        (0..=steps).map(|step| [signal(step), ratio(signal(step))]).collect()
+    };
+    let snr = SnrPlot {
+        temporal: curve(&|e| measured.snr(e, false)),
+        with_patterns: curve(&|e| measured.snr(e, true)),
+        ideal: curve(&f64::sqrt),
+        threshold_e: measured.sensitivity_threshold_e,
+        saturation_e: measured.saturation_capacity_e,
+    };
+    [("photon_transfer", photon_transfer(&transfer)), ("signal_to_noise", signal_to_noise(&snr))]
+}
+
+fn describe(resolved: &ResolvedSensor, m: &Characterization) -> String {
+    let row = |name: &str, value: f64, unit: &str| vec![name.to_string(), short(value), unit.to_string()];
+    let mut rows = vec![
+        row("system gain K", m.gain_dn_per_e, "DN/e-"),
+        row("inverse 1/K", m.gain_e_per_dn, "e-/DN"),
+        row("temporal dark noise", m.dark_noise_e, "e-"),
+        row("saturation capacity", m.saturation_capacity_e, "e-"),
+        row("full scale", m.full_scale_e, "e-"),
+        row("DSNU", m.dsnu_e.total, "e-"),
+        row("  rows, columns", m.dsnu_e.row.hypot(m.dsnu_e.column), "e-"),
+        row("PRNU", m.prnu_percent.total, "%"),
+        row("  rows, columns", m.prnu_percent.row.hypot(m.prnu_percent.column), "%"),
+        row("dark current", m.dark_current_e_per_s, "e-/s"),
+        row("linearity error", m.linearity_error_percent, "%"),
+        row("sensitivity threshold", m.sensitivity_threshold_e, "e-"),
+        row("dynamic range", m.dynamic_range_db, "dB"),
+        row("largest SNR", m.snr_max_db, "dB"),
+    ];
+    if let Some(doubling) = m.doubling_temperature_k {
+        rows.insert(10, row("doubles every", doubling, "K"));
+    }
+    let title = if resolved.title.is_empty() { String::new() } else { format!("{}\n\n", resolved.title) };
+    let mut text = format!("{title}{}", align(&rows, &[2]));
+    if !m.recovered.is_empty() {
+        let mut rows: Vec<Vec<String>> =
+            vec![["put in and found again", "set", "measured", "error", ""].map(String::from).to_vec()];
+        rows.extend(m.recovered.iter().map(|r| {
+            let error = r.relative_error.map_or_else(|| "-".into(), |e| format!("{:+.2} %", 100.0 * e));
+            vec![r.quantity.clone(), short(r.set), short(r.measured), error, r.unit.clone()]
+        }));
+        text += &format!("\n{}", align(&rows, &[4]));
+    }
+    text
+}

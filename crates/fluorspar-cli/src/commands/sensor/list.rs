@@ -1,0 +1,55 @@
+//! `fluorspar sensor list`.
+
+use fluorspar::preset::{self, PresetKind};
+use serde_json::json;
+
+use super::of_catalogue;
+use crate::commands::table::{align, short};
+use crate::commands::{print_json, print_text};
+use crate::error::CliError;
+
+/// Options of `sensor list`.
+#[derive(Clone, Debug, clap::Args)]
+pub(super) struct Options {
+    /// Print the list as JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+pub(super) fn run(options: &Options) -> Result<(), CliError> {
+    let mut list = Vec::new();
+    let head = ["name", "channels", "pixels", "pitch um", "bits", "well e-", "dark noise e-", "title"];
+    let mut rows = vec![head.map(String::from).to_vec()];
+    for name in preset::names(PresetKind::Sensor) {
+        let preset = preset::sensor(name)?;
+        let sensor = of_catalogue(name, &[])?.sensor;
+        let model = sensor.model();
+        let channels: Vec<&str> =
+            sensor.qe().channels().iter().map(|channel| channel.name.as_str()).collect();
+        rows.push(vec![
+            name.into(),
+            channels.join(" "),
+            format!("{} x {}", model.columns, model.rows),
+            short(model.pixel_size_um),
+            model.bit_depth.to_string(),
+            short(model.well_capacity_e),
+            short(model.dark_noise_electrons(1.0)),
+            preset.title.clone(),
+        ]);
+        list.push(json!({
+            "name": name,
+            "title": preset.title,
+            "description": preset.description,
+            "source": preset.source,
+            "assumed": preset.assumed,
+            "channels": channels,
+            "columns": model.columns,
+            "rows": model.rows,
+            "pixel_size_um": model.pixel_size_um,
+            "bit_depth": model.bit_depth,
+            "well_capacity_e": model.well_capacity_e,
+            "dark_noise_e": model.dark_noise_electrons(1.0),
+        }));
+    }
+    if options.json { print_json(&list) } else { print_text(&align(&rows, &[1, 2, 7])) }
+}

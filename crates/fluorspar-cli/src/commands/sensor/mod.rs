@@ -1,0 +1,103 @@
+//! `fluorspar sensor`: list, show and measure sensors.
+
+mod characterize;
+mod list;
+mod show;
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use clap::{Subcommand, ValueHint};
+use fluorspar::experiment::{ResolvedSensor, parse_sensor};
+use fluorspar::preset::{self, PresetKind};
+
+use crate::error::CliError;
+use crate::experiment_source::read_text;
+
+/// Options of `sensor`.
+#[derive(Clone, Debug, clap::Args)]
+pub(crate) struct Options {
+    #[command(subcommand)]
+    action: Action,
+}
+
+#[derive(Clone, Debug, Subcommand)]
+enum Action {
+    /// Measure a sensor with simulated flats and darks, as EMVA 1288 says, and draw its photon-transfer curve.
+    Characterize(characterize::Options),
+    /// Show a sensor in electrons and in the terms of a data sheet.
+    Show(show::Options),
+    /// List the sensors of the catalogue.
+    List(list::Options),
+}
+
+/// Which sensor.
+#[derive(Clone, Debug, clap::Args)]
+struct SensorArgs {
+    /// Sensor file (.toml with a [sensor] section; an experiment will do), or the name of a built-in sensor.
+    #[arg(value_name = "SENSOR", value_hint = ValueHint::FilePath)]
+    sensor: String,
+    /// Change one value, for instance `--set sensor.read_noise_e=2`. May be repeated.
+    #[arg(long = "set", value_name = "PATH=VALUE")]
+    set: Vec<String>,
+}
+
+impl SensorArgs {
+    /// Reads the sensor and prints its warnings.
+    fn resolve(&self, quiet: bool) -> Result<ResolvedSensor, CliError> {
+        let (name, path) = (self.sensor.as_str(), Path::new(&self.sensor));
+        let resolved = if self.is_file() {
+            let base_dir = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+            parse_sensor(&read_text(path)?, name, base_dir, &self.set)?
+        } else {
+            let known = preset::names(PresetKind::Sensor);
+            if !known.contains(&name) {
+                let hint = preset::nearest_name(name, known.iter().copied())
+                    .map_or_else(String::new, |near| format!(", did you mean \"{near}\"?"));
+                return Err(CliError::Input(format!(
+                    "there is no sensor \"{name}\"{hint} Known: {}. A file ends in .toml",
+                    known.join(", ")
+                )));
+            }
+            of_catalogue(name, &self.set)?
+        };
+        if !quiet {
+            resolved.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
+        }
+        Ok(resolved)
+    }
+
+    fn is_file(&self) -> bool {
+        let path = Path::new(&self.sensor);
+        path.extension().is_some() || self.sensor.contains(['/', '\\']) || path.exists()
+    }
+
+    /// Every file that the sensor was read from.
+    fn files(&self, resolved: &ResolvedSensor) -> Vec<PathBuf> {
+        let own = self.is_file().then(|| PathBuf::from(&self.sensor));
+        own.into_iter().chain(resolved.inputs.iter().cloned()).collect()
+    }
+
+    /// A name for files: of the preset, or of the file without its ending.
+    fn stem(&self) -> String {
+        let stem = Path::new(&self.sensor).file_stem();
+        stem.map_or_else(|| "sensor".into(), |stem| stem.to_string_lossy().into_owned())
+    }
+}
+
+/// A sensor of the catalogue with changes.
+fn of_catalogue(name: &str, changes: &[String]) -> Result<ResolvedSensor, CliError> {
+    // Written by the serializer: a title may hold quotation marks.
+    let title = toml::Value::String(preset::sensor(name)?.title);
+    let text = format!("title = {title}\n[sensor]\npreset = \"{name}\"\n");
+    Ok(parse_sensor(&text, &format!("built-in {name}"), Path::new("."), changes)?)
+}
+
+pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
+    match &options.action {
+        Action::Characterize(options) => characterize::run(options)?,
+        Action::Show(options) => show::run(options)?,
+        Action::List(options) => list::run(options)?,
+    }
+    Ok(ExitCode::SUCCESS)
+}

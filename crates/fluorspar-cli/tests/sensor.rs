@@ -1,0 +1,134 @@
+//! `fluorspar sensor`: what it measures, what it writes, what it refuses.
+
+#![allow(clippy::unwrap_used, reason = "these are tests")]
+
+mod support;
+
+use std::fs;
+
+use support::{fluorspar, listing};
+
+const SHEET: &str = "title = \"Test\"\n[sensor]\ncolumns = 128\nrows = 96\nmosaic = \"mono\"\n\
+    quantum_efficiency = { mono = 0.6 }\n[sensor.emva1288]\ngain_e_per_dn = 2.7\ndark_noise_e = 2.3\n\
+    saturation_capacity_e = 10300\nbit_depth = 12\ndsnu_e = 0.9\nprnu_percent = 0.5\ndark_current_e_per_s = 5\n";
+
+#[test]
+fn a_sheet_is_measured_and_drawn() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("sheet.toml"), SHEET).unwrap();
+    let args = [
+        "sensor",
+        "characterize",
+        "sheet.toml",
+        "--levels",
+        "20",
+        "--stack",
+        "8",
+        "--format",
+        "both",
+        "--json",
+    ];
+    let results = fluorspar(folder.path(), args).json();
+    let close = |key: &str, set: f64, relative: f64| {
+        let found = results[key].as_f64().unwrap();
+        assert!((found / set - 1.0).abs() < relative, "{key}: {found}, set {set}");
+    };
+    // 12 288 pixels: a variance has a standard error of 1.3 %, the gain of about 15 levels of 0.4 %; five of them.
+    close("gain_e_per_dn", 2.7, 0.02);
+    close("dark_noise_e", 2.3, 0.035);
+    close("saturation_capacity_e", 10_300.0, 0.03);
+    assert_eq!(results["channels"][0]["quantum_efficiency_percent"], 60.0);
+    let out = folder.path().join("fluorspar-out/sheet-emva1288");
+    let names: Vec<String> =
+        listing(&out).keys().map(|path| path.file_name().unwrap().to_string_lossy().into_owned()).collect();
+    for name in ["results.json", "sensor.toml", "photon_transfer.svg", "signal_to_noise.png"] {
+        assert!(names.iter().any(|n| n == name), "{name} is missing in {names:?}");
+    }
+    // The file beside the results is the sensor itself, and the same seed gives the same bytes.
+    let first = fs::read(out.join("results.json")).unwrap();
+    let written = out.join("sensor.toml").to_string_lossy().into_owned();
+    let shown = fluorspar(folder.path(), ["sensor", "show", &written, "--toml"]).well();
+    assert_eq!(shown.stdout.trim(), fs::read_to_string(&written).unwrap().trim());
+    fluorspar(folder.path(), args).json();
+    assert_eq!(first, fs::read(out.join("results.json")).unwrap());
+}
+
+#[test]
+fn every_sensor_of_the_catalogue_is_listed_and_shown() {
+    let folder = tempfile::tempdir().unwrap();
+    let presets = fluorspar(folder.path(), ["presets", "--json"]).well().stdout;
+    let table = fluorspar(folder.path(), ["sensor", "list"]).well().stdout;
+    assert_eq!(table.lines().count(), 7, "{table}");
+    let list = fluorspar(folder.path(), ["sensor", "list", "--json"]).json();
+    let table_1 = &list[0];
+    assert_eq!(table_1["name"], "lyu_2021_table_1");
+    assert_eq!(table_1["channels"], serde_json::json!(["R", "G", "B"]));
+    // 1.39 mV at 0.911 V over 9000 e-.
+    assert!((table_1["dark_noise_e"].as_f64().unwrap() - 13.732).abs() < 1e-3, "{table_1}");
+    for name in [
+        "lyu_2021_table_1",
+        "monochrome_4_8um",
+        "pi_camera_3",
+        "monochrome_3_45um",
+        "rgb_nir_3um",
+        "multispectral_3x3",
+    ] {
+        assert!(presets.contains(name) && table.contains(name), "{name}");
+        let text = fluorspar(folder.path(), ["sensor", "show", name]).well().stdout;
+        assert!(text.contains("dynamic range"), "{text}");
+        let value = fluorspar(folder.path(), ["sensor", "show", name, "--json"]).json();
+        assert!(
+            value["quantities"].as_array().unwrap().iter().all(|q| q["value"].as_f64().unwrap() > 0.0),
+            "{value}"
+        );
+    }
+}
+
+#[test]
+fn bad_input_is_refused_and_leaves_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let bad = SHEET.replace("saturation_capacity_e = 10300", "saturation_capacity_e = 13000");
+    fs::write(folder.path().join("bad.toml"), bad).unwrap();
+    fs::write(folder.path().join("none.toml"), "title = \"no sensor\"\n").unwrap();
+    fs::write(folder.path().join("odd.toml"), format!("pixels = 3\n{SHEET}")).unwrap();
+    fs::write(folder.path().join("good.toml"), SHEET).unwrap();
+    fs::write(folder.path().join("broken.toml"), "sensor = [\n").unwrap();
+    fs::create_dir(folder.path().join("inner")).unwrap();
+    fs::write(folder.path().join("inner/good.toml"), SHEET).unwrap();
+    let before = listing(folder.path());
+    for (args, expected) in [
+        (vec!["characterize", "bad.toml"], "bad.toml:10: sensor.emva1288.saturation_capacity_e"),
+        (vec!["characterize", "none.toml"], "there is no [sensor] section"),
+        (vec!["show", "odd.toml"], "unknown field `pixels`"),
+        (vec!["show", "missing.toml"], "missing.toml"),
+        (vec!["show", "lyu_2021"], "did you mean \"lyu_2021_table_1\"?"),
+        (vec!["show", "broken.toml"], "broken.toml:1"),
+        (vec!["show", "good.toml", "--set", "sensor.full_well=9000"], "unknown field `full_well`"),
+        (vec!["show", "good.toml", "--json", "--toml"], "cannot be used with"),
+        (vec!["characterize", "good.toml", "--levels", "2"], "levels: 2 is outside 10"),
+        (vec!["characterize", "good.toml", "--stack", "1"], "stack: 1 is outside 4"),
+        (vec!["characterize", "good.toml", "--region", "4", "4"], "region[0]"),
+        (vec!["characterize", "good.toml", "--region", "64"], "2 values required"),
+        (vec!["characterize", "good.toml", "--gain", "0"], "exposure.gain"),
+        (vec!["characterize", "good.toml", "--out", "."], "the folder you are in"),
+        (
+            vec!["characterize", "inner/good.toml", "--out", "inner"],
+            "inner/good.toml, a file that is read here",
+        ),
+        (vec!["characterize", "inner/good.toml", "--out", "good.toml"], "this is a file"),
+        (vec!["characterize", "good.toml", "--exposure-ms", "-1"], "exposure_s"),
+        (
+            vec!["characterize", "good.toml", "--set", "sensor.mode={ kind = \"noise_free\" }"],
+            "measure in that mode",
+        ),
+    ] {
+        let said = fluorspar(folder.path(), ["sensor"].into_iter().chain(args.clone()));
+        assert_eq!(said.code, Some(2), "{args:?}: {said:?}");
+        assert!(said.stderr.contains(expected), "{args:?}: {}", said.stderr);
+        let after = listing(folder.path());
+        assert!(
+            before.keys().eq(after.keys().filter(|path| !path.ends_with("fluorspar-out"))),
+            "{args:?} left {after:?}"
+        );
+    }
+}

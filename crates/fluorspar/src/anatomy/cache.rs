@@ -1,0 +1,96 @@
+//! Mouths and maps that were made already, kept by the digest of their parameters.
+
+use std::sync::{Arc, Mutex};
+
+use sha2::{Digest, Sha256};
+
+use super::parameters::ParameterError;
+use super::{Mouth, MouthParameters, SurfaceMap, Tissue, bake_surface_map, generate_mouth};
+
+type Key = [u8; 32];
+
+/// The most recent results, newest last.
+struct Recent<T> {
+    kept: Mutex<Vec<(Key, Arc<T>)>>,
+    most: usize,
+}
+
+impl<T> Recent<T> {
+    const fn new(most: usize) -> Self {
+        Self { kept: Mutex::new(Vec::new()), most }
+    }
+
+    fn get(&self, key: &Key) -> Option<Arc<T>> {
+        let kept = self.kept.lock().ok()?;
+        kept.iter().find(|(other, _)| other == key).map(|(_, value)| Arc::clone(value))
+    }
+
+    fn put(&self, key: Key, value: &Arc<T>) {
+        if let Ok(mut kept) = self.kept.lock() {
+            kept.retain(|(other, _)| *other != key);
+            kept.push((key, Arc::clone(value)));
+            if kept.len() > self.most {
+                kept.remove(0);
+            }
+        }
+    }
+}
+
+static MOUTHS: Recent<Mouth> = Recent::new(2);
+static MAPS: Recent<BakedMap> = Recent::new(64);
+
+/// Digest of everything that a mouth depends on: equal digests, equal bits.
+pub fn mouth_digest(parameters: &MouthParameters) -> [u8; 32] {
+    // Debug text of finite numbers is exact: it reads back to the same bits.
+    let text = format!("mouth 2 {parameters:?}");
+    Sha256::digest(text.as_bytes()).into()
+}
+
+/// [`generate_mouth`], or the same mouth again if it was made a short while ago by this process.
+///
+/// # Errors
+/// Those of [`generate_mouth`].
+pub fn shared_mouth(parameters: &MouthParameters) -> Result<Arc<Mouth>, ParameterError> {
+    let key = mouth_digest(parameters);
+    if let Some(mouth) = MOUTHS.get(&key) {
+        return Ok(mouth);
+    }
+    let mouth = Arc::new(generate_mouth(parameters)?);
+    MOUTHS.put(key, &mouth);
+    Ok(mouth)
+}
+
+/// A map over texture coordinates as an image: rows from the top, values 0 to 1.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BakedMap {
+    /// Columns.
+    pub columns: usize,
+    /// Rows.
+    pub rows: usize,
+    /// Values, row by row.
+    pub values: Vec<f32>,
+}
+
+/// A map of a tissue as an image, fine enough for its papillae or vessels; kept for the next call.
+pub fn shared_surface_map(map: SurfaceMap, tissue: Tissue, parameters: &MouthParameters) -> Arc<BakedMap> {
+    // Maps depend on sizes and seed alone, not on poses and meshes.
+    let shape = MouthParameters {
+        seed: parameters.seed,
+        tongue_width_mm: parameters.tongue_width_mm,
+        tongue_length_mm: parameters.tongue_length_mm,
+        ..MouthParameters::default()
+    };
+    let text = format!("map 1 {map:?} {tissue:?} {shape:?}");
+    let key: Key = Sha256::digest(text.as_bytes()).into();
+    if let Some(baked) = MAPS.get(&key) {
+        return baked;
+    }
+    let (columns, rows) = match tissue {
+        Tissue::TongueDorsum => (448, 640),
+        _ => (256, 256),
+    };
+    let values = bake_surface_map(map, tissue, parameters, columns, rows);
+    let baked = Arc::new(BakedMap { columns, rows, values });
+    MAPS.put(key, &baked);
+    baked
+}

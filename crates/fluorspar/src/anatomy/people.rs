@@ -1,0 +1,86 @@
+//! Plausible people: dimensions drawn together, so that large teeth sit in large arches.
+
+use super::dental_arch::{Arch, Jaw};
+use super::math::{exp, ln, sin_cos};
+use super::noise::lattice;
+use super::parameters::MouthParameters;
+
+/// Smallest and largest overall Bolton ratio of a sampled person: lower over upper widths of the twelve teeth from
+/// first molar to first molar (populations: 92.3 to 93.4 %, Smith and others 2000).
+pub const BOLTON_RANGE: (f64, f64) = (0.89, 0.96);
+
+/// Standard normal number, cut at 2.2 standard deviations, of a person and a quantity.
+fn normal(seed: u32, quantity: u32) -> f64 {
+    for attempt in 0..16 {
+        let number = |channel: u32| lattice(seed, quantity as i32, attempt, 900 + channel);
+        let (radius, angle) = ((-2.0 * ln(number(0).max(1e-12))).sqrt(), number(1));
+        let value = radius * sin_cos(2.0 * std::f64::consts::PI * angle).1;
+        if value.abs() < 2.2 {
+            return value;
+        }
+    }
+    0.0
+}
+
+/// A person: shape only, in the default pose.
+///
+/// One factor for the size of the body is shared by all lengths with the loading given below, the rest of each
+/// spread is its own (loadings assumed; means and spreads: Wheeler's table and Magne and others 2003 for teeth, Mina
+/// and others 2017 for arches, Farkas for lips, Korkhaus for the palate, the Edinburgh measurements for the tongue).
+/// The depth of each arch is solved so that its teeth have room, but for a little crowding or spacing.
+pub fn sample_person(seed: u32) -> MouthParameters {
+    let female = lattice(seed, 0, 0, 899) < 0.5;
+    let size = 0.8 * normal(seed, 0) + if female { -0.45 } else { 0.45 };
+    // Mean, standard deviation, loading on the size of the body, quantity.
+    let draw = |mean: f64, spread: f64, loading: f64, quantity: u32| {
+        mean + spread * (loading * size + (1.0 - loading * loading).sqrt() * normal(seed, quantity))
+    };
+    let mut p = MouthParameters { seed, ..MouthParameters::default() };
+    p.tooth_scale = draw(1.02, 0.04, 0.4, 1).clamp(0.92, 1.12);
+    let bolton = draw(0.9275, 0.014, 0.0, 2).clamp(BOLTON_RANGE.0 + 0.003, BOLTON_RANGE.1 - 0.003);
+    p.lower_tooth_factor = 1.0;
+    p.lower_tooth_factor = bolton / p.bolton_ratio();
+    p.arch_exponent = draw(0.5, 0.022, 0.0, 3).clamp(0.45, 0.56);
+    // Width follows the teeth in part; the rest is crowding or spacing, which the depth takes up.
+    p.upper_arch_width_mm = (53.5 * p.tooth_scale + draw(0.0, 1.5, 0.3, 4)).clamp(47.0, 61.0);
+    p.lower_arch_width_mm = (p.upper_arch_width_mm - 3.0 + 0.5 * normal(seed, 5)).clamp(45.0, 58.0);
+    for jaw in [Jaw::Upper, Jaw::Lower] {
+        let wanted = draw(1.0, 0.018, 0.0, if jaw == Jaw::Upper { 6 } else { 7 });
+        let (mut low, mut high) = if jaw == Jaw::Upper { (34.0, 54.0) } else { (32.0, 52.0) };
+        for _ in 0..40 {
+            let depth = 0.5 * (low + high);
+            match jaw {
+                Jaw::Upper => p.upper_arch_depth_mm = depth,
+                Jaw::Lower => p.lower_arch_depth_mm = depth,
+            }
+            let (room, needed) = Arch::room_mm(&p, jaw);
+            if room < wanted * needed {
+                low = depth;
+            } else {
+                high = depth;
+            }
+        }
+    }
+    // 42 % of the distance between the molars, here 0.72 of the width of the arch.
+    p.palate_height_mm = (0.375 * p.upper_arch_width_mm + draw(0.0, 1.5, 0.0, 8)).clamp(15.0, 25.0);
+    p.overjet_mm = exp(draw(0.9, 0.3, 0.0, 9)).clamp(0.8, 5.5);
+    p.tooth_irregularity = exp(0.45 * normal(seed, 10)).clamp(0.3, 2.4);
+    p.tongue_width_mm = draw(48.0, 2.6, 0.5, 11).clamp(41.0, 55.0).min(0.94 * p.lower_arch_width_mm);
+    p.tongue_length_mm = (if female { 80.0 } else { 84.0 } + draw(0.0, 3.5, 0.4, 12)).clamp(71.0, 94.0);
+    p.tongue_thickness_mm = draw(21.0, 1.6, 0.4, 13).clamp(17.0, 25.5);
+    p.lip_opening_width_mm = (if female { 55.2 } else { 59.5 } + draw(0.0, 2.9, 0.3, 14)).clamp(48.0, 68.0);
+    p.uvula_length_mm = draw(12.0, 1.8, 0.1, 15).clamp(8.0, 16.0);
+    p.tonsil_size = draw(0.4, 0.2, 0.0, 16).clamp(0.0, 1.0);
+    p.papilla_scale = draw(1.0, 0.2, 0.0, 17).clamp(0.5, 1.5);
+    // How far people can open: 51 ± 6 mm in men, 45 ± 5.5 mm in women; nine tenths of it for the picture.
+    let most = if female { 45.0 + 5.5 * normal(seed, 18) } else { 51.0 + 6.0 * normal(seed, 18) };
+    p.jaw_opening_mm = (0.9 * most).clamp(30.0, 58.0);
+    // Wisdom teeth in a quarter of all places; now and then another tooth is lost.
+    p.missing_teeth.retain(|number| lattice(seed, i32::from(*number), 1, 898) < 0.75);
+    for number in [14, 16, 24, 26, 35, 36, 45, 46] {
+        if lattice(seed, number, 2, 898) < 0.03 {
+            p.missing_teeth.push(number as u8);
+        }
+    }
+    p
+}

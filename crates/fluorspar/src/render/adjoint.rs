@@ -1,0 +1,238 @@
+//! What a path can still carry, for Russian roulette.
+//!
+//! Light at one wavelength may matter only because it excites, light at another only because it is seen. So a path
+//! carries two coarse spectra of importance, from the camera on: that of light which has not fluoresced on the part of
+//! the path walked so far, and that of light which has done so once. They are compared with what may still arrive: the
+//! spectrum of every light group and the emission of every fluorophore of the scene. The largest of these products is
+//! the share of its own component that the path can still bring, and the chance to go on. Any chance above zero leaves
+//! the estimate unbiased; this one keeps a path whose blue can still excite though its red is spent, and the reverse.
+//!
+//! Fluorescence counts as if all light of the lamps came back: each component is judged on its own scale, and paths do
+//! not depend on concentrations.
+
+use super::fluorescence_operator::FluorescenceOperator;
+use super::scattering::Scattering;
+use crate::scene::Scene;
+use crate::spectral::{Curve, Reflectance, WavelengthGrid};
+
+/// Coarse bins of equal width.
+pub(super) const BINS: usize = 8;
+/// A coarse spectrum.
+pub(super) type Coarse = [f32; BINS];
+
+/// The fluorophores and lamps of a scene on coarse bins.
+#[derive(Debug)]
+pub(super) struct AdjointModel {
+    grid: Option<WavelengthGrid>,
+    /// Shares of the bins in the light of each group; their sum is 1. Dark groups are left out.
+    lamps: Vec<Coarse>,
+    /// For each fluorophore, the shares of the bins in its emission; zero for one that no lamp of the grid excites.
+    emission: Vec<Coarse>,
+    /// For each fluorophore, `[excitation][emission]`; scaled so that the lamp that excites it best comes back whole.
+    fluorescence: Vec<[Coarse; BINS]>,
+}
+
+/// The importance that a path has on its way from the camera.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Importance {
+    /// Of light that does not fluoresce on the part of the path that was walked.
+    elastic: Coarse,
+    /// Of light that fluoresces once there.
+    fluorescent: Coarse,
+}
+
+impl Importance {
+    /// At the camera everything counts the same.
+    pub(super) const CAMERA: Self = Self { elastic: [1.0; BINS], fluorescent: [0.0; BINS] };
+}
+
+impl AdjointModel {
+    /// From the spectrum of the light of each group, on any scale.
+    pub(super) fn new(scene: &Scene, lamps: &[Option<Curve>]) -> Self {
+        let (start, end) = (scene.grid.start_nm(), scene.grid.end_nm());
+        let edges: Vec<f64> = (0..=BINS).map(|i| start + (end - start) * i as f64 / BINS as f64).collect();
+        let grid = WavelengthGrid::from_edges(&edges).ok();
+        let mut model = Self { grid, lamps: Vec::new(), emission: Vec::new(), fluorescence: Vec::new() };
+        for lamp in lamps.iter().flatten() {
+            if let Some(shares) = normalised(model.coarse(lamp)) {
+                model.lamps.push(shares);
+            }
+        }
+        for fluorophore in &scene.fluorophores {
+            let mut matrix = [[0.0; BINS]; BINS];
+            if let Some(grid) = &model.grid {
+                let operator = FluorescenceOperator::new(&fluorophore.eem, grid, None);
+                for (excitation, column) in matrix.iter_mut().enumerate() {
+                    let mut unit = [0.0; BINS];
+                    unit[excitation] = 1.0;
+                    column.copy_from_slice(&operator.product(1.0, &unit));
+                }
+            }
+            let emitted = |lamp: &Coarse| -> Coarse {
+                let mut sum = [0.0; BINS];
+                for (share, column) in lamp.iter().zip(&matrix) {
+                    sum.iter_mut().zip(column).for_each(|(sum, value)| *sum += share * value);
+                }
+                sum
+            };
+            let best = model
+                .lamps
+                .iter()
+                .map(emitted)
+                .max_by(|a, b| a.iter().sum::<f32>().total_cmp(&b.iter().sum()));
+            let total = best.map_or(0.0, |emission| emission.iter().sum::<f32>());
+            if total > 0.0 {
+                matrix.iter_mut().flatten().for_each(|value| *value /= total);
+            } else {
+                matrix = [[0.0; BINS]; BINS];
+            }
+            model.emission.push(best.and_then(normalised).unwrap_or([0.0; BINS]));
+            model.fluorescence.push(matrix);
+        }
+        model
+    }
+
+    /// A spectrum on the coarse bins.
+    pub(super) fn coarse(&self, curve: &Curve) -> Coarse {
+        let mut values = [0.0; BINS];
+        if let Some(grid) = &self.grid {
+            let spectrum = curve.on_grid::<Reflectance>(grid);
+            values.iter_mut().zip(spectrum.values()).for_each(|(value, mean)| *value = *mean as f32);
+        }
+        values
+    }
+
+    /// Carries the importance over a vertex: light that arrives there counts for what it becomes.
+    pub(super) fn scatter(
+        &self,
+        importance: &mut Importance,
+        scattering: &Scattering,
+        spectrum: &Coarse,
+        fluorophores: impl Iterator<Item = usize>,
+    ) {
+        let factor = 1.0 / scattering.pdf;
+        let Importance { elastic, fluorescent } = *importance;
+        for bin in 0..BINS {
+            let reflected = (scattering.diffuse * spectrum[bin] + scattering.gloss).max(0.0) * factor;
+            importance.elastic[bin] = reflected * elastic[bin];
+            importance.fluorescent[bin] = reflected * fluorescent[bin];
+        }
+        if scattering.fluorescent > 0.0 {
+            for fluorophore in fluorophores {
+                for (sum, column) in importance.fluorescent.iter_mut().zip(&self.fluorescence[fluorophore]) {
+                    *sum += scattering.fluorescent * factor * dot(column, &elastic);
+                }
+            }
+        }
+    }
+
+    /// The largest share of a component that may still arrive.
+    pub(super) fn reach(&self, importance: &Importance) -> f32 {
+        let mut largest = 0.0_f32;
+        for lamp in &self.lamps {
+            largest = largest.max(dot(lamp, &importance.elastic)).max(dot(lamp, &importance.fluorescent));
+        }
+        for emission in &self.emission {
+            largest = largest.max(dot(emission, &importance.elastic));
+        }
+        largest
+    }
+}
+
+impl Importance {
+    /// Divides by the chance with which the path went on.
+    pub(super) fn survive(&mut self, chance: f32) {
+        self.elastic.iter_mut().chain(&mut self.fluorescent).for_each(|value| *value /= chance);
+    }
+}
+
+fn dot(a: &Coarse, b: &Coarse) -> f32 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+fn normalised(values: Coarse) -> Option<Coarse> {
+    let total: f32 = values.iter().sum();
+    (total > 0.0).then(|| values.map(|value| value / total))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::light::LightGroup;
+    use crate::material::Material;
+    use crate::optics::PerspectiveCamera;
+    use crate::spectral::{PhotonEem, SeparableTerm, Stokes};
+    use glam::Vec3;
+
+    fn band(center: f64) -> Curve {
+        Curve::from_fn(200.0, 1000.0, |nm| (-0.5 * ((nm - center) / 15.0).powi(2)).exp())
+    }
+
+    /// A lamp at 390 nm and a dye that turns it into 640 nm, with a yield of a thousandth.
+    fn model() -> AdjointModel {
+        let term =
+            SeparableTerm { excitation: band(390.0).scaled(1e-3), emission: band(640.0).scaled(1.0 / 37.6) };
+        let scene = Scene {
+            grid: WavelengthGrid::uniform(352.5, 747.5, 5.0).unwrap(),
+            objects: Vec::new(),
+            materials: vec![Material::default()],
+            fluorophores: vec![crate::spectral::Fluorophore {
+                name: "dye".into(),
+                title: "dye".into(),
+                eem: PhotonEem::separable(vec![term], Stokes::Mask),
+                excitation_range_nm: (300.0, 800.0),
+                emission_range_nm: (300.0, 800.0),
+                source: "made up".into(),
+            }],
+            light_groups: vec![LightGroup { name: "lamp".into() }],
+            lights: Vec::new(),
+            camera: PerspectiveCamera::look_at(Vec3::Z, Vec3::ZERO, Vec3::Y, 50.0, 4, 4).unwrap(),
+        };
+        AdjointModel::new(&scene, &[Some(band(390.0))])
+    }
+
+    /// One bounce with a reflectance per coarse bin; a fluorescent surface takes part with its whole irradiance.
+    fn bounce(model: &AdjointModel, importance: &mut Importance, blue: f32, red: f32, fluoresces: bool) {
+        let scattering = Scattering { diffuse: 1.0, fluorescent: 1.0, gloss: 0.0, pdf: 1.0 };
+        let spectrum = std::array::from_fn(|bin| if bin < BINS / 2 { blue } else { red });
+        let list: &[usize] = if fluoresces { &[0] } else { &[] };
+        model.scatter(importance, &scattering, &spectrum, list.iter().copied());
+    }
+
+    #[test]
+    fn everything_counts_at_the_camera() {
+        assert!((model().reach(&Importance::CAMERA) - 1.0).abs() < 1e-5);
+    }
+
+    /// Surfaces that swallow the lamp but reflect the emission: the path can still meet something that fluoresces.
+    #[test]
+    fn a_path_whose_red_is_seen_goes_on_though_its_blue_is_spent() {
+        let model = model();
+        let mut importance = Importance::CAMERA;
+        for _ in 0..4 {
+            bounce(&model, &mut importance, 0.01, 0.9, false);
+        }
+        assert!((model.reach(&importance) - 0.9_f32.powi(4)).abs() < 0.01, "{}", model.reach(&importance));
+    }
+
+    /// After a surface that fluoresces, blue light excites it, whatever becomes of the red.
+    #[test]
+    fn a_path_whose_blue_excites_goes_on_though_its_red_is_spent() {
+        let model = model();
+        let mut importance = Importance::CAMERA;
+        bounce(&model, &mut importance, 0.01, 0.01, true);
+        assert!((model.reach(&importance) - 1.0).abs() < 0.05, "{}", model.reach(&importance));
+        bounce(&model, &mut importance, 0.8, 0.01, false);
+        assert!((model.reach(&importance) - 0.8).abs() < 0.05, "{}", model.reach(&importance));
+    }
+
+    #[test]
+    fn a_path_that_can_do_neither_ends() {
+        let model = model();
+        let mut importance = Importance::CAMERA;
+        for _ in 0..3 {
+            bounce(&model, &mut importance, 0.05, 0.05, false);
+        }
+        assert!(model.reach(&importance) < 2e-4);
+    }
+}
