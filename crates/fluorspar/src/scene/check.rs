@@ -9,7 +9,7 @@ use thiserror::Error;
 use super::{Scene, Shape};
 use crate::geometry::MeshError;
 use crate::light::Emitter;
-use crate::material::{Material, Scattering};
+use crate::material::{Material, ScalarTexture, Scattering};
 use crate::spectral::{Curve, Fluorophore};
 
 /// What makes a scene impossible to render.
@@ -433,15 +433,7 @@ fn check_photons(material: &Material, nodes: &[f64], yields: &[Vec<f64>]) -> Res
     let mut worst = None;
     let mut largest = ROUNDING;
     for (node, &wavelength_nm) in nodes.iter().enumerate() {
-        // Fluorophores on a metal or a clear body get what its surface does not reflect, and share it with what passes.
-        let reflectance: f64 = match &material.scattering {
-            Scattering::Dielectric(glass) => glass.transmittance.at(wavelength_nm),
-            _ => material
-                .reflectance
-                .iter()
-                .map(|term| term.spectrum.at(wavelength_nm) * f64::from(term.weight.max()))
-                .sum(),
-        };
+        let reflectance = elastic(material, wavelength_nm, |texture| f64::from(texture.max()));
         let photon_yield: f64 = material
             .fluorophores
             .iter()
@@ -468,17 +460,26 @@ fn check_photons(material: &Material, nodes: &[f64], yields: &[Vec<f64>]) -> Res
     worst.map_or(Ok(()), Err)
 }
 
+/// Share of light that a material passes on without fluorescence. Fluorophores on a metal or a clear body get what its
+/// surface does not reflect, and share it with what passes.
+fn elastic(material: &Material, wavelength_nm: f64, value: impl Fn(&ScalarTexture) -> f64) -> f64 {
+    match &material.scattering {
+        Scattering::Dielectric(glass) => glass.transmittance.at(wavelength_nm),
+        _ => material
+            .reflectance
+            .iter()
+            .map(|term| term.spectrum.at(wavelength_nm) * value(&term.weight))
+            .sum(),
+    }
+}
+
 /// Reflectance and photon yield where their sum is largest on a lattice over the textures.
 fn largest_sum(material: &Material, wavelength_nm: f64, node: usize, yields: &[Vec<f64>]) -> (f64, f64) {
     const SIDE: u32 = 48;
     let mut worst = (0.0, 0.0);
     for i in 0..SIDE * SIDE {
         let uv = Vec2::new((i % SIDE) as f32 + 0.5, (i / SIDE) as f32 + 0.5) / SIDE as f32;
-        let reflectance: f64 = material
-            .reflectance
-            .iter()
-            .map(|term| term.spectrum.at(wavelength_nm) * f64::from(term.weight.at(uv)))
-            .sum();
+        let reflectance = elastic(material, wavelength_nm, |texture| f64::from(texture.at(uv)));
         let photon_yield: f64 = material
             .fluorophores
             .iter()
