@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 
 use super::FormatError;
 use super::file::{MAX_MESH_BYTES, guarded, read_file, write_atomically};
-use super::mesh_set::{NamedMesh, check};
+use super::mesh_set::{self, NamedMesh, check};
 use super::ply::finish_mesh;
 use crate::geometry::TriangleMesh;
 
@@ -248,7 +248,7 @@ fn transform(node: &Value) -> Affine3A {
 }
 
 /// Writes the meshes as a binary glTF file (.glb) in metres: one node for every mesh, with normals and texture
-/// coordinates where there are some, and one plain material for every name.
+/// coordinates where there are some, and one material in its colour for every name.
 ///
 /// # Errors
 /// When a mesh is not valid or the file can't be written.
@@ -256,9 +256,7 @@ pub fn write_gltf(path: &Path, meshes: &[NamedMesh<'_>]) -> Result<(), FormatErr
     check(path, meshes)?;
     let mut blob: Vec<u8> = Vec::new();
     let (mut views, mut accessors, mut list, mut nodes) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
-    let mut materials: Vec<&str> = meshes.iter().map(|part| part.material).collect();
-    materials.sort_unstable();
-    materials.dedup();
+    let materials = mesh_set::materials(meshes);
     for part in meshes {
         let mesh = part.mesh;
         let mut add = |values: Vec<u8>, target: u32, mut accessor: Value| -> usize {
@@ -298,7 +296,7 @@ pub fn write_gltf(path: &Path, meshes: &[NamedMesh<'_>]) -> Result<(), FormatErr
             34963,
             json!({ "componentType": 5125, "count": 3 * mesh.triangles.len(), "type": "SCALAR" }),
         );
-        let material = materials.iter().position(|name| *name == part.material);
+        let material = materials.iter().position(|(name, _)| *name == part.material);
         list.push(json!({ "name": part.name, "primitives": [
             { "attributes": attributes, "indices": indices, "material": material }] }));
         nodes.push(json!({ "name": part.name, "mesh": list.len() - 1 }));
@@ -309,7 +307,8 @@ pub fn write_gltf(path: &Path, meshes: &[NamedMesh<'_>]) -> Result<(), FormatErr
         "scenes": [{ "nodes": (0..nodes.len()).collect::<Vec<_>>() }],
         "nodes": nodes,
         "meshes": list,
-        "materials": materials.iter().map(|name| json!({ "name": name })).collect::<Vec<_>>(),
+        "materials": materials.iter().map(|(name, [r, g, b])| json!({ "name": name, "pbrMetallicRoughness": {
+            "baseColorFactor": [r, g, b, 1.0], "metallicFactor": 0.0, "roughnessFactor": 0.4 } })).collect::<Vec<_>>(),
         "accessors": accessors,
         "bufferViews": views,
         "buffers": [{ "byteLength": blob.len() }],

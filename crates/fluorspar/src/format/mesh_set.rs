@@ -14,8 +14,18 @@ pub struct NamedMesh<'a> {
     pub name: &'a str,
     /// Name of its material.
     pub material: &'a str,
+    /// Diffuse colour of its material under even light: linear sRGB, 0 to 1. Meshes of one material share the first one's.
+    pub color: [f64; 3],
     /// The mesh, in metres.
     pub mesh: &'a TriangleMesh,
+}
+
+/// Materials by name, each with the colour of the first mesh that has it.
+pub(super) fn materials<'a>(meshes: &[NamedMesh<'a>]) -> Vec<(&'a str, [f64; 3])> {
+    let mut list: Vec<(&str, [f64; 3])> = meshes.iter().map(|part| (part.material, part.color)).collect();
+    list.sort_by_key(|(name, _)| *name);
+    list.dedup_by_key(|(name, _)| *name);
+    list
 }
 
 pub(super) fn check(path: &Path, meshes: &[NamedMesh<'_>]) -> Result<(), FormatError> {
@@ -26,6 +36,9 @@ pub(super) fn check(path: &Path, meshes: &[NamedMesh<'_>]) -> Result<(), FormatE
     for part in meshes {
         if let Err(error) = part.mesh.validate() {
             return refuse(format!("{}: {error}", part.name));
+        }
+        if !part.color.iter().all(|c| (0.0..=1.0).contains(c)) {
+            return refuse(format!("{}: the colour {:?} is not between 0 and 1", part.name, part.color));
         }
         for name in [part.name, part.material] {
             let fine = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '-');
@@ -38,16 +51,27 @@ pub(super) fn check(path: &Path, meshes: &[NamedMesh<'_>]) -> Result<(), FormatE
 }
 
 /// Writes an OBJ file in millimetres: one object with its own `usemtl` for every mesh, with normals and texture
-/// coordinates where there are some.
+/// coordinates where there are some. The materials stand in a file beside it, `NAME.mtl`.
 ///
 /// # Errors
-/// When a mesh is not valid or the file can't be written.
+/// When a mesh is not valid or a file can't be written.
 pub fn write_obj(path: &Path, meshes: &[NamedMesh<'_>]) -> Result<(), FormatError> {
     check(path, meshes)?;
+    let library = path.with_extension("mtl");
+    write_atomically(&library, |writer| {
+        writeln!(writer, "# written by fluorspar, linear sRGB")?;
+        for (name, [r, g, b]) in materials(meshes) {
+            writeln!(writer, "newmtl {name}\nKd {r:.4} {g:.4} {b:.4}\nillum 1")?;
+        }
+        Ok(())
+    })?;
     write_atomically(path, |writer| {
         writeln!(writer, "# written by fluorspar, millimetres")?;
+        if let Some(name) = library.file_name() {
+            writeln!(writer, "mtllib {}", name.to_string_lossy())?;
+        }
         let (mut vertex, mut texture, mut normal) = (1_u64, 1_u64, 1_u64);
-        for NamedMesh { name, material, mesh } in meshes {
+        for NamedMesh { name, material, mesh, .. } in meshes {
             writeln!(writer, "o {name}\nusemtl {material}")?;
             for p in &mesh.positions {
                 writeln!(writer, "v {} {} {}", p.x * 1e3, p.y * 1e3, p.z * 1e3)?;
@@ -81,8 +105,8 @@ pub fn write_obj(path: &Path, meshes: &[NamedMesh<'_>]) -> Result<(), FormatErro
     })
 }
 
-/// Writes the meshes as a PBRT (version 4) file to be included in a scene: a named material, a diffuse grey to be
-/// replaced, for every material, and an attribute block with a `trianglemesh` for every mesh. Metres.
+/// Writes the meshes as a PBRT (version 4) file to be included in a scene: a named diffuse material in its colour for every
+/// material, and an attribute block with a `trianglemesh` for every mesh. Metres.
 ///
 /// # Errors
 /// When a mesh is not valid or the file can't be written.
@@ -90,16 +114,13 @@ pub fn write_pbrt(path: &Path, meshes: &[NamedMesh<'_>]) -> Result<(), FormatErr
     check(path, meshes)?;
     write_atomically(path, |writer| {
         writeln!(writer, "# written by fluorspar, metres")?;
-        let mut materials: Vec<&str> = meshes.iter().map(|part| part.material).collect();
-        materials.sort_unstable();
-        materials.dedup();
-        for material in materials {
+        for (material, [r, g, b]) in materials(meshes) {
             writeln!(
                 writer,
-                "MakeNamedMaterial \"{material}\" \"string type\" [ \"diffuse\" ] \"rgb reflectance\" [ 0.5 0.5 0.5 ]"
+                "MakeNamedMaterial \"{material}\" \"string type\" [ \"diffuse\" ] \"rgb reflectance\" [ {r:.4} {g:.4} {b:.4} ]"
             )?;
         }
-        for NamedMesh { name, material, mesh } in meshes {
+        for NamedMesh { name, material, mesh, .. } in meshes {
             writeln!(
                 writer,
                 "AttributeBegin # {name}\nNamedMaterial \"{material}\"\nShape \"trianglemesh\""

@@ -1,16 +1,19 @@
 //! `fluorspar mouth generate`: meshes of one mouth.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::ValueHint;
 use fluorspar::anatomy::{Mouth, MouthParameters, generate_mouth};
 use fluorspar::format::{NamedMesh, write_gltf, write_obj, write_pbrt, write_ply};
+use fluorspar::spectral::{Reflectance, StandardObserver, linear_srgb};
 use serde_json::json;
 
 use super::person::PersonArgs;
 use crate::commands::table::{align, short};
 use crate::error::CliError;
+use crate::experiment_source::ExperimentSource;
 
 /// Options of `mouth generate`.
 #[derive(Clone, Debug, clap::Args)]
@@ -57,11 +60,17 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let parameters = options.person.parameters(options.pose.as_deref())?;
     let mouth = generate_mouth(&parameters).map_err(|error| CliError::Input(format!("mouth: {error}")))?;
     let names: Vec<String> = mouth.parts.iter().map(|part| part.tissue.name().to_owned()).collect();
+    let colors = if options.out.is_empty() { BTreeMap::new() } else { tissue_colors()? };
     let meshes: Vec<NamedMesh<'_>> = mouth
         .parts
         .iter()
         .zip(&names)
-        .map(|(part, material)| NamedMesh { name: &part.name, material, mesh: &part.mesh })
+        .map(|(part, material)| NamedMesh {
+            name: &part.name,
+            material,
+            color: colors.get(material).copied().unwrap_or(GREY),
+            mesh: &part.mesh,
+        })
         .collect();
     for (path, target) in options.out.iter().zip(&targets) {
         match target {
@@ -82,6 +91,38 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     }
     crate::commands::print_text(&dimension_table(&parameters, &mouth))?;
     Ok(ExitCode::SUCCESS)
+}
+
+/// Colour of a tissue that the default experiment does not have.
+const GREY: [f64; 3] = [0.5; 3];
+
+/// Mean colour of every tissue of the default experiment under even light, linear sRGB.
+fn tissue_colors() -> Result<BTreeMap<String, [f64; 3]>, CliError> {
+    let source = ExperimentSource::find(None)?;
+    let scene = source.resolve(&[], true)?.scene;
+    let observer = StandardObserver::new(&scene.grid);
+    let srgb = |spectrum: &[f32]| linear_srgb(observer.xyz(spectrum));
+    let white = srgb(&vec![1.0; scene.grid.len()]);
+    const SIDE: u16 = 16;
+    let lattice: Vec<[f32; 2]> = (0..SIDE * SIDE)
+        .map(|i| [i % SIDE, i / SIDE].map(|k| (f32::from(k) + 0.5) / f32::from(SIDE)))
+        .collect();
+    let mut colors = BTreeMap::new();
+    for material in &scene.materials {
+        let mut reflectance = vec![0.0_f32; scene.grid.len()];
+        for term in &material.reflectance {
+            let weight =
+                lattice.iter().map(|uv| term.weight.at((*uv).into())).sum::<f32>() / lattice.len() as f32;
+            let values = term.spectrum.on_grid::<Reflectance>(&scene.grid);
+            reflectance
+                .iter_mut()
+                .zip(values.values())
+                .for_each(|(sum, value)| *sum += weight * *value as f32);
+        }
+        let color = srgb(&reflectance);
+        colors.insert(material.name.clone(), std::array::from_fn(|c| (color[c] / white[c]).clamp(0.0, 1.0)));
+    }
+    Ok(colors)
 }
 
 /// Name, wanted value, measured value, source.
