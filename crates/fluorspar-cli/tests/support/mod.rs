@@ -35,8 +35,13 @@ impl Said {
 
 /// Runs the program in a folder.
 pub(crate) fn fluorspar<S: AsRef<std::ffi::OsStr>>(folder: &Path, args: impl IntoIterator<Item = S>) -> Said {
-    let output =
-        Command::new(env!("CARGO_BIN_EXE_fluorspar")).args(args).current_dir(folder).output().unwrap();
+    let output = Command::new(env!("CARGO_BIN_EXE_fluorspar"))
+        .args(args)
+        .current_dir(folder)
+        // Help is wrapped to this width.
+        .env_remove("COLUMNS")
+        .output()
+        .unwrap();
     let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
     Said { code: output.status.code(), stdout: text(output.stdout), stderr: text(output.stderr) }
 }
