@@ -1,91 +1,20 @@
 //! Light transport against closed forms: physics that the code cannot argue with.
 #![allow(clippy::unwrap_used)]
 
+mod support;
+
 use std::f64::consts::PI;
-use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-use fluorspar::geometry::TriangleMesh;
 use fluorspar::image::{ComponentImage, Light as Kind};
-use fluorspar::light::{Emitter, Light, LightGroup};
-use fluorspar::material::{Coat, FluorophoreAmount, Material, ScalarTexture};
-use fluorspar::optics::PerspectiveCamera;
+use fluorspar::light::{Emitter, Light};
+use fluorspar::material::{Coat, Material, ScalarTexture};
 use fluorspar::render::{Estimator, RenderControl, RenderSettings, render};
-use fluorspar::scene::{Object, Scene, SceneError, Shape, SurfaceEmission};
-use fluorspar::spectral::{Curve, Fluorophore, PhotonEem, SeparableTerm, Stokes, WavelengthGrid};
+use fluorspar::scene::{Scene, SceneError, Shape, SurfaceEmission};
+use fluorspar::spectral::{Curve, Fluorophore, WavelengthGrid};
 use fluorspar_testkit::{MeanEstimate, sidak, z_score};
-use glam::{Vec2, Vec3};
-
-fn run(scene: &Scene, settings: &RenderSettings) -> ComponentImage {
-    let stop = AtomicBool::new(false);
-    render(scene, settings, &RenderControl { stop: &stop, progress: &|_| {} }).unwrap()
-}
-
-fn settings(samples_per_pixel: u32, max_depth: u32) -> RenderSettings {
-    RenderSettings { samples_per_pixel, max_depth, seed: 11, ..RenderSettings::default() }
-}
-
-fn gaussian(center: f64, sd: f64, height: f64) -> Curve {
-    Curve::from_fn(200.0, 1000.0, |nm| height * (-0.5 * ((nm - center) / sd).powi(2)).exp())
-}
-
-/// A made-up fluorophore with a Gaussian excitation and emission band and a large yield.
-fn dye(name: &str, excitation_nm: f64, emission_nm: f64, photon_yield: f64) -> Fluorophore {
-    let area = 25.0 * (2.0 * PI).sqrt();
-    let term = SeparableTerm {
-        excitation: gaussian(excitation_nm, 35.0, photon_yield),
-        emission: gaussian(emission_nm, 25.0, 1.0 / area),
-    };
-    Fluorophore {
-        name: name.into(),
-        title: name.into(),
-        eem: PhotonEem::separable(vec![term], Stokes::Mask),
-        excitation_range_nm: (300.0, 800.0),
-        emission_range_nm: (300.0, 800.0),
-        source: "made up for tests".into(),
-    }
-}
-
-fn camera(position: Vec3, target: Vec3, field_deg: f32, side: usize) -> PerspectiveCamera {
-    PerspectiveCamera::look_at(position, target, Vec3::Y, field_deg, side, side).unwrap()
-}
-
-fn scene(grid: WavelengthGrid, camera: PerspectiveCamera) -> Scene {
-    Scene {
-        grid,
-        objects: Vec::new(),
-        materials: Vec::new(),
-        fluorophores: Vec::new(),
-        light_groups: vec![LightGroup { name: "lamp".into() }],
-        lights: Vec::new(),
-        camera,
-    }
-}
-
-fn quad(corner: Vec3, edge_u: Vec3, edge_v: Vec3) -> Shape {
-    Shape::Mesh(Arc::new(TriangleMesh {
-        positions: vec![corner, corner + edge_u, corner + edge_u + edge_v, corner + edge_v],
-        uvs: vec![Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y],
-        triangles: vec![[0, 1, 2], [0, 2, 3]],
-        ..TriangleMesh::default()
-    }))
-}
-
-fn object(name: &str, shape: Shape, material: usize) -> Object {
-    Object { name: name.into(), shape, material, emission: None }
-}
-
-fn flat(value: f64) -> Curve {
-    Curve::constant(value)
-}
-
-fn with_dyes(mut material: Material, amounts: &[(usize, f32)]) -> Material {
-    material.fluorophores = amounts
-        .iter()
-        .map(|&(fluorophore, c)| FluorophoreAmount { fluorophore, concentration: ScalarTexture::Constant(c) })
-        .collect();
-    material
-}
+use glam::Vec3;
+use support::{camera, dye, flat, gaussian, object, quad, run, scene, settings, with_dyes};
 
 /// Means of one component and band over pixels, with the standard error from pixel to pixel.
 fn band_mean(image: &ComponentImage, component: usize, band: usize) -> MeanEstimate {

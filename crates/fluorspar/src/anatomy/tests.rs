@@ -292,7 +292,7 @@ fn random_people_in_random_poses_are_sound_and_nothing_stands_in_anything_else()
 
 /// The same over five hundred: some minutes.
 #[test]
-#[ignore = "several minutes; run with --ignored"]
+#[ignore = "a minute or two, and does not pass yet: see docs/validation.md"]
 fn five_hundred_people_in_random_poses_are_sound() {
     check_people(1000..1500);
 }
