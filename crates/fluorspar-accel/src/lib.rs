@@ -45,6 +45,6 @@ mod ray;
 mod triangle_bvh;
 mod wide_tree;
 
-pub use kernel::{Kernel, Lanes, Simd, Work};
+pub use kernel::{Kernel, Lanes, Simd, Work, prefetch};
 pub use ray::{Hit, Ray};
 pub use triangle_bvh::{BuildError, BuildOptions, LARGEST_COORDINATE, TriangleBvh};

@@ -91,7 +91,7 @@ impl Traversal for Detected {
 
     #[inline(always)]
     fn prefetch(self, tree: &WideTree, reference: u32) {
-        super::prefetch(tree, reference);
+        super::prefetch_child(tree, reference);
     }
 
     #[inline(always)]

@@ -256,21 +256,33 @@ impl WideTree {
     }
 }
 
+/// Asks for the memory of an element that will be read soon, where the processor can be asked; nothing else happens, also
+/// beyond the end.
+#[inline(always)]
+pub fn prefetch<T>(items: &[T], index: usize) {
+    #[cfg(target_arch = "x86_64")]
+    {
+        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+        const LINE: usize = 64;
+        let start = items.as_ptr().wrapping_add(index).cast::<i8>();
+        for line in (0..size_of::<T>()).step_by(LINE) {
+            // SAFETY: a prefetch may be given any address.
+            unsafe { _mm_prefetch::<_MM_HINT_T0>(start.wrapping_add(line)) };
+        }
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = (items, index);
+}
+
 /// Brings a node or leaf into the cache: all its lines, for none of them is of use alone.
 #[cfg(target_arch = "x86_64")]
 #[inline(always)]
-fn prefetch(tree: &WideTree, reference: u32) {
-    use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
-    const LINE: usize = 64;
+fn prefetch_child(tree: &WideTree, reference: u32) {
     let number = (reference & !LEAF) as usize;
-    let (start, bytes) = if reference & LEAF == 0 {
-        (tree.nodes.as_ptr().wrapping_add(number).cast::<i8>(), size_of::<WideNode>())
+    if reference & LEAF == 0 {
+        prefetch(&tree.nodes, number);
     } else {
-        (tree.packs.as_ptr().wrapping_add(number).cast::<i8>(), size_of::<TrianglePack>())
-    };
-    for line in (0..bytes).step_by(LINE) {
-        // SAFETY: a prefetch may be given any address.
-        unsafe { _mm_prefetch::<_MM_HINT_T0>(start.wrapping_add(line)) };
+        prefetch(&tree.packs, number);
     }
 }
 

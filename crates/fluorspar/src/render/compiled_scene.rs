@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use fluorspar_accel::bands::{BLOCK, BandBlock, to_blocks};
-use fluorspar_accel::{BuildError, Ray, Simd, TriangleBvh};
+use fluorspar_accel::{BuildError, Hit, Ray, Simd, TriangleBvh, prefetch};
 use glam::{Vec2, Vec3};
 
 use super::adjoint::{AdjointModel, BINS, Coarse};
@@ -142,6 +142,31 @@ pub(super) enum AnalyticShape {
     Disc { center: Vec3, normal: Vec3, tangents: (Vec3, Vec3), radius: f32 },
 }
 
+/// All that a hit needs of a vertex, half a cache line: a path waits for memory once instead of three times.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(32))]
+struct MeshVertex {
+    position: Vec3,
+    /// Shading normal; zero for faceted meshes.
+    normal: Vec3,
+    uv: Vec2,
+}
+
+/// A triangle of a mesh.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(16))]
+struct MeshTriangle {
+    vertices: [u32; 3],
+    object: u32,
+}
+
+/// Working memory for many rays at a time.
+#[derive(Debug, Default)]
+pub(super) struct TraceBuffers {
+    hits: Vec<Option<Hit>>,
+    blocked: Vec<bool>,
+}
+
 #[derive(Debug)]
 pub(super) struct CompiledScene<'a> {
     pub(super) scene: &'a Scene,
@@ -151,11 +176,8 @@ pub(super) struct CompiledScene<'a> {
     /// How far rays start off the surface they leave, m: a millionth of the largest coordinate.
     pub(super) clearance: f32,
     bvh: TriangleBvh,
-    positions: Vec<Vec3>,
-    normals: Vec<Vec3>,
-    uvs: Vec<Vec2>,
-    triangles: Vec<[u32; 3]>,
-    triangle_object: Vec<u32>,
+    vertices: Vec<MeshVertex>,
+    triangles: Vec<MeshTriangle>,
     pub(super) shapes: Vec<CompiledShape>,
     /// Sources in runs of `slices`: the excitation bins of one lamp spectrum.
     pub(super) sources: Vec<Source>,
@@ -193,9 +215,7 @@ impl<'a> CompiledScene<'a> {
     pub(super) fn new(scene: &'a Scene, excitation_edges_nm: &[f64]) -> Result<Self, BuildError> {
         let grid = &scene.grid;
         let mut positions = Vec::new();
-        let mut normals = Vec::new();
-        let mut uvs = Vec::new();
-        let mut triangles: Vec<[u32; 3]> = Vec::new();
+        let mut corners: Vec<[u32; 3]> = Vec::new();
         let mut triangle_object = Vec::new();
         let mut shapes = Vec::new();
         let mut sources: Vec<Source> = Vec::new();
@@ -227,19 +247,9 @@ impl<'a> CompiledScene<'a> {
             let emissive = match &item.shape {
                 Shape::Mesh(mesh) => {
                     let offset = positions.len() as u32;
-                    let first_triangle = triangles.len();
+                    let first_triangle = corners.len();
                     positions.extend_from_slice(&mesh.positions);
-                    if mesh.normals.is_empty() {
-                        normals.extend(std::iter::repeat_n(Vec3::ZERO, mesh.positions.len()));
-                    } else {
-                        normals.extend_from_slice(&mesh.normals);
-                    }
-                    if mesh.uvs.is_empty() {
-                        uvs.extend(std::iter::repeat_n(Vec2::ZERO, mesh.positions.len()));
-                    } else {
-                        uvs.extend_from_slice(&mesh.uvs);
-                    }
-                    triangles.extend(mesh.triangles.iter().map(|t| t.map(|v| v + offset)));
+                    corners.extend(mesh.triangles.iter().map(|t| t.map(|v| v + offset)));
                     triangle_object.extend(std::iter::repeat_n(object as u32, mesh.triangles.len()));
                     let mut sum = 0.0_f64;
                     let cumulative_area = mesh
@@ -335,15 +345,24 @@ impl<'a> CompiledScene<'a> {
             .map(|group| (0..lights.len()).filter(|&l| lights[l].group == group).collect())
             .collect();
 
-        let bvh = TriangleBvh::build(&positions, &triangles)?;
+        let bvh = TriangleBvh::build(&positions, &corners)?;
         let group_spectra = {
-            let corners = |triangle: u32| triangles[triangle as usize].map(|v| positions[v as usize]);
+            let corners = |triangle: u32| corners[triangle as usize].map(|v| positions[v as usize]);
             // Lamps of all kinds, weighed by the irradiance that they throw on what is seen: the shape of the sum weights
             // excitation within a bin.
             let points = points_in_view(scene, &bvh, corners, &triangle_object, &shapes);
             let parts = direct_light(scene, &points);
             (0..scene.light_groups.len()).map(|group| group_spectrum(&parts, group)).collect::<Vec<_>>()
         };
+        let reach = positions.iter().map(|p| p.abs().max_element()).fold(0.0, f32::max);
+        // Freed before the records are made, so that the scene is never there three times.
+        drop(positions);
+        let triangles = corners
+            .into_iter()
+            .zip(triangle_object)
+            .map(|(vertices, object)| MeshTriangle { vertices, object })
+            .collect();
+        let vertices = mesh_vertices(scene);
         let adjoint = AdjointModel::new(scene, &group_spectra);
         let mut coats: Vec<Arc<CoatAlbedo>> = Vec::new();
         let mut dielectrics: Vec<Arc<DielectricAlbedo>> = Vec::new();
@@ -462,7 +481,6 @@ impl<'a> CompiledScene<'a> {
         let plain_operators =
             scene.fluorophores.iter().map(|f| FluorescenceOperator::new(&f.eem, grid, None)).collect();
 
-        let reach = positions.iter().map(|p| p.abs().max_element()).fold(0.0, f32::max);
         let shape_reach = shapes
             .iter()
             .map(|s| match &s.shape {
@@ -478,11 +496,8 @@ impl<'a> CompiledScene<'a> {
             simd: Simd::detect(),
             clearance: (1e-6 * reach.max(shape_reach)).max(1e-9),
             bvh,
-            positions,
-            normals,
-            uvs,
+            vertices,
             triangles,
-            triangle_object,
             shapes,
             sources,
             slices,
@@ -502,29 +517,88 @@ impl<'a> CompiledScene<'a> {
         })
     }
 
+    /// Vertices of a triangle.
+    fn vertices_of(&self, triangle: usize) -> [&MeshVertex; 3] {
+        self.triangles[triangle].vertices.map(|v| &self.vertices[v as usize])
+    }
+
     /// Corners of a triangle.
     pub(super) fn corners(&self, triangle: usize) -> [Vec3; 3] {
-        self.triangles[triangle].map(|v| self.positions[v as usize])
+        self.vertices_of(triangle).map(|vertex| vertex.position)
     }
 
     /// Interpolated normal (zero for faceted meshes) and texture coordinates.
     pub(super) fn attributes(&self, triangle: usize, u: f32, v: f32) -> (Vec3, Vec2) {
-        let [a, b, c] = self.triangles[triangle].map(|i| i as usize);
+        let [a, b, c] = self.vertices_of(triangle);
         let w = 1.0 - u - v;
-        (
-            self.normals[a] * w + self.normals[b] * u + self.normals[c] * v,
-            self.uvs[a] * w + self.uvs[b] * u + self.uvs[c] * v,
-        )
+        (a.normal * w + b.normal * u + c.normal * v, a.uv * w + b.uv * u + c.uv * v)
     }
 
     /// Texture coordinates of the corners of a triangle.
     pub(super) fn texture_corners(&self, triangle: usize) -> [Vec2; 3] {
-        self.triangles[triangle].map(|v| self.uvs[v as usize])
+        self.vertices_of(triangle).map(|vertex| vertex.uv)
     }
 
     /// Object that a triangle belongs to.
     pub(super) fn object_of(&self, triangle: usize) -> usize {
-        self.triangle_object[triangle] as usize
+        self.triangles[triangle].object as usize
+    }
+
+    /// [`Self::closest`] of every ray, in their order. `in_turns` is faster for rays that go different ways.
+    pub(super) fn closest_each(
+        &self,
+        rays: &[Ray],
+        in_turns: bool,
+        buffers: &mut TraceBuffers,
+        found: &mut Vec<Option<Intersection>>,
+    ) {
+        found.clear();
+        if self.cutouts.is_empty() && in_turns {
+            self.bvh.closest_each(rays, &mut buffers.hits);
+            found.extend(rays.iter().zip(&buffers.hits).map(|(ray, hit)| self.nearest_given(ray, *hit)));
+        } else {
+            found.extend(rays.iter().map(|ray| self.closest(ray.origin, ray.direction)));
+        }
+        // What the hits need next is on its way while the first of them are worked on.
+        let triangles = || {
+            found.iter().filter_map(|hit| match hit {
+                Some(Intersection { target: Target::Triangle { triangle, .. }, .. }) => {
+                    Some(*triangle as usize)
+                }
+                _ => None,
+            })
+        };
+        triangles().for_each(|triangle| prefetch(&self.triangles, triangle));
+        for triangle in triangles() {
+            for vertex in self.triangles[triangle].vertices {
+                prefetch(&self.vertices, vertex as usize);
+            }
+        }
+    }
+
+    /// [`Self::visibility`] of every ray, in their order; `aimed_at` are the lights. `in_turns` is faster for rays that go
+    /// different ways.
+    pub(super) fn visibility_each(
+        &self,
+        rays: &[Ray],
+        aimed_at: &[usize],
+        in_turns: bool,
+        buffers: &mut TraceBuffers,
+        visible: &mut Vec<f32>,
+    ) {
+        visible.clear();
+        let rays_to_lights = rays.iter().zip(aimed_at);
+        if self.cutouts.is_empty() && in_turns {
+            self.bvh.occluded_each(rays, &mut buffers.blocked);
+            visible.extend(rays_to_lights.zip(&buffers.blocked).map(|((ray, &light), blocked)| {
+                if *blocked || self.occluded_by_shapes(ray, light) { 0.0 } else { 1.0 }
+            }));
+        } else {
+            visible.extend(
+                rays_to_lights
+                    .map(|(ray, &light)| self.visibility(ray.origin, ray.direction, ray.t_max, light)),
+            );
+        }
     }
 
     /// Nearest surface or light along a ray. Surfaces with holes are there with the probability of their opacity, by
@@ -592,7 +666,13 @@ impl<'a> CompiledScene<'a> {
     /// Nearest surface or light along a ray within `t_max`, holes ignored.
     fn nearest(&self, origin: Vec3, direction: Vec3, t_max: f32) -> Option<Intersection> {
         let ray = Ray { origin, direction, t_min: 0.0, t_max };
-        let mut best = self.bvh.closest(&ray).map(|hit| Intersection {
+        self.nearest_given(&ray, self.bvh.closest(&ray))
+    }
+
+    /// Nearest surface or light along a ray whose nearest triangle is known.
+    fn nearest_given(&self, ray: &Ray, hit: Option<Hit>) -> Option<Intersection> {
+        let Ray { origin, direction, t_max, .. } = *ray;
+        let mut best = hit.map(|hit| Intersection {
             t: hit.t,
             target: Target::Triangle { triangle: hit.triangle, u: hit.u, v: hit.v },
         });
@@ -615,12 +695,36 @@ impl<'a> CompiledScene<'a> {
     /// Whether anything lies between a point and `t_max` along a direction; the light aimed at does not count.
     fn occluded(&self, origin: Vec3, direction: Vec3, t_max: f32, aimed_at: usize) -> bool {
         let ray = Ray { origin, direction, t_min: 0.0, t_max };
-        self.bvh.occluded(&ray)
-            || self.shapes.iter().any(|s| s.shape.intersect(origin, direction, t_max).is_some())
+        self.bvh.occluded(&ray) || self.occluded_by_shapes(&ray, aimed_at)
+    }
+
+    /// Whether an analytic shape or a light other than the one aimed at is in the way.
+    fn occluded_by_shapes(&self, ray: &Ray, aimed_at: usize) -> bool {
+        let Ray { origin, direction, t_max, .. } = *ray;
+        self.shapes.iter().any(|s| s.shape.intersect(origin, direction, t_max).is_some())
             || self.lights.iter().enumerate().any(|(l, light)| {
                 l != aimed_at && light.emitter.intersect(origin, direction, t_max).is_some()
             })
     }
+}
+
+/// The vertices of all meshes, in the order of the objects.
+fn mesh_vertices(scene: &Scene) -> Vec<MeshVertex> {
+    let meshes = || {
+        scene.objects.iter().filter_map(|object| match &object.shape {
+            Shape::Mesh(mesh) => Some(mesh),
+            _ => None,
+        })
+    };
+    let mut vertices = Vec::with_capacity(meshes().map(|mesh| mesh.positions.len()).sum());
+    for mesh in meshes() {
+        vertices.extend(mesh.positions.iter().enumerate().map(|(index, &position)| MeshVertex {
+            position,
+            normal: mesh.normals.get(index).copied().unwrap_or(Vec3::ZERO),
+            uv: mesh.uvs.get(index).copied().unwrap_or(Vec2::ZERO),
+        }));
+    }
+    vertices
 }
 
 /// In single precision.

@@ -11,10 +11,8 @@ use sha2::{Digest, Sha256};
 use thiserror::Error;
 
 use super::adaptive::{ErrorTarget, TileError};
-use super::camera_sample::render_sample;
+use super::camera_sample::PixelSampler;
 use super::compiled_scene::{CompiledScene, Target};
-use super::path::Path;
-use super::spectral_accumulation::SpectralState;
 use crate::image::EXCITATION_MARK;
 use crate::image::film::{
     BlockSign, FilmScale, TileMut, block_end, block_start, film_bytes, is_block_boundary,
@@ -413,8 +411,7 @@ fn prepare<'a>(scene: &'a Scene, settings: &RenderSettings) -> Result<CompiledSc
 
 /// The plain sum of some samples of one pixel: what one worker reuses from pixel to pixel.
 struct BlockSum {
-    path: Path,
-    state: SpectralState,
+    sampler: PixelSampler,
     /// `[component][band]`.
     values: Vec<f32>,
     lit: Vec<bool>,
@@ -422,10 +419,9 @@ struct BlockSum {
 
 impl BlockSum {
     fn new(scene: &CompiledScene<'_>) -> Self {
-        let state = SpectralState::new(scene);
-        let components = state.components();
-        let values = vec![0.0; components * scene.bands];
-        Self { path: Path::default(), state, values, lit: vec![false; components] }
+        let sampler = PixelSampler::new(scene);
+        let components = sampler.components();
+        Self { sampler, values: vec![0.0; components * scene.bands], lit: vec![false; components] }
     }
 
     /// Renders samples of one pixel; their plain sum, in order, is in `values` afterwards.
@@ -440,19 +436,17 @@ impl BlockSum {
         let bands = scene.bands;
         self.values.fill(0.0);
         self.lit.fill(false);
-        for sample in samples {
-            let (values, lit) = (&mut self.values, &mut self.lit);
-            let add = |component: usize, range: Range<usize>, weight: f32, light: &[BandBlock]| {
-                lit[component] = true;
-                let sums = &mut values[component * bands..(component + 1) * bands];
-                if weight == 1.0 && range.len() == bands {
-                    add_bands(light, sums);
-                } else {
-                    add_scaled_range(weight, light, range, sums);
-                }
-            };
-            render_sample(scene, settings, (row, col), sample, &mut self.path, &mut self.state, add);
-        }
+        let (values, lit) = (&mut self.values, &mut self.lit);
+        let add = |component: usize, range: Range<usize>, weight: f32, light: &[BandBlock]| {
+            lit[component] = true;
+            let sums = &mut values[component * bands..(component + 1) * bands];
+            if weight == 1.0 && range.len() == bands {
+                add_bands(light, sums);
+            } else {
+                add_scaled_range(weight, light, range, sums);
+            }
+        };
+        self.sampler.render(scene, settings, (row, col), samples, add);
     }
 }
 

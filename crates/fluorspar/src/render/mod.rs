@@ -23,6 +23,7 @@ mod fluorescence_operator;
 mod integrator;
 mod light_sampling;
 mod path;
+mod path_batch;
 mod scattering;
 mod spectral_accumulation;
 mod surface;
