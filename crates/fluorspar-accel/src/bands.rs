@@ -117,6 +117,44 @@ pub fn reflect<L: Lanes>(lanes: L, slope: f32, r: &[BandBlock], offset: f32, v: 
     }
 }
 
+/// `out = slope * r + offset`: the factor of [`reflect`], for more than one vector.
+#[inline(always)]
+pub fn reflection_factor<L: Lanes>(
+    lanes: L,
+    slope: f32,
+    r: &[BandBlock],
+    offset: f32,
+    out: &mut [BandBlock],
+) {
+    let (slope, offset) = (lanes.splat(slope), lanes.splat(offset));
+    for (out, r) in out.iter_mut().zip(r) {
+        lanes.store(lanes.add(lanes.mul(slope, lanes.load(r)), offset), out);
+    }
+}
+
+/// `v *= factor`, band by band.
+#[inline(always)]
+pub fn multiply<L: Lanes>(lanes: L, factor: &[BandBlock], v: &mut [BandBlock]) {
+    for (v, factor) in v.iter_mut().zip(factor) {
+        lanes.store(lanes.mul(lanes.load(factor), lanes.load(v)), v);
+    }
+}
+
+/// `sum += v`, then `v *= factor`, band by band.
+#[inline(always)]
+pub fn add_then_multiply<L: Lanes>(
+    lanes: L,
+    factor: &[BandBlock],
+    v: &mut [BandBlock],
+    sum: &mut [BandBlock],
+) {
+    for ((v, factor), sum) in v.iter_mut().zip(factor).zip(sum) {
+        let value = lanes.load(v);
+        lanes.store(lanes.add(lanes.load(sum), value), sum);
+        lanes.store(lanes.mul(lanes.load(factor), value), v);
+    }
+}
+
 /// `out += (slope * r + offset) * v`: light `v` reflected for the first time.
 #[inline(always)]
 pub fn add_reflected<L: Lanes>(
@@ -315,6 +353,12 @@ mod tests {
             add(lanes, b, &mut out);
             add_product(lanes, a, b, &mut out);
             reflect(lanes, 0.7, b, 0.1, &mut out);
+            let mut factor = out.clone();
+            reflection_factor(lanes, 0.3, a, 0.2, &mut factor);
+            multiply(lanes, &factor, &mut out);
+            let mut sum = out.clone();
+            add_then_multiply(lanes, &factor, &mut out, &mut sum);
+            add(lanes, &sum, &mut out);
             add_reflected(lanes, 0.2, a, 0.05, b, &mut out);
             for product in self.products {
                 product.add_product(lanes, 0.4, a, &mut out);

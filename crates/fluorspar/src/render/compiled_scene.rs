@@ -13,7 +13,7 @@ use crate::material::conductor::white_microfacets;
 use crate::material::{
     CoatAlbedo, ConductorReflectance, DielectricAlbedo, NormalMap, ScalarTexture, Scattering,
 };
-use crate::sampling::hash_u64;
+use crate::sampling::{SampleStream, hash_u64, warp};
 use crate::scene::irradiance::{SurfacePoint, direct_light, group_spectrum};
 use crate::scene::{Scene, Shape};
 use crate::spectral::{Curve, Reflectance};
@@ -176,6 +176,8 @@ pub(super) struct CompiledScene<'a> {
     /// How far rays start off the surface they leave, m: a millionth of the largest coordinate.
     pub(super) clearance: f32,
     bvh: TriangleBvh,
+    /// Whether the tree is so large that rays wait for memory.
+    pub(super) turns_pay: bool,
     vertices: Vec<MeshVertex>,
     triangles: Vec<MeshTriangle>,
     pub(super) shapes: Vec<CompiledShape>,
@@ -206,6 +208,8 @@ pub(super) struct CompiledScene<'a> {
     pub(super) plain_operators: Vec<FluorescenceOperator>,
 }
 
+/// A tree of this size stays in the second-level cache with what else a path needs.
+const CACHED_TREE_BYTES: usize = 512 << 10;
 /// What a fluorescent surface is taken to send on at least: its light matters even where it reflects little.
 const FLUORESCENT_ALBEDO: f32 = 0.25;
 
@@ -270,7 +274,7 @@ impl<'a> CompiledScene<'a> {
                     CompiledEmitter::ShapeObject { shape: shapes.len() - 1 }
                 }
                 Shape::Disc { center, normal, radius_m } => {
-                    let tangents = crate::sampling::warp::tangents(*normal);
+                    let tangents = warp::tangents(*normal);
                     let shape =
                         AnalyticShape::Disc { center: *center, normal: *normal, tangents, radius: *radius_m };
                     shapes.push(CompiledShape { object, shape });
@@ -297,7 +301,7 @@ impl<'a> CompiledScene<'a> {
                 Emitter::Disc { center, normal, radius_m, exponent } => CompiledEmitter::Disc {
                     center: *center,
                     normal: *normal,
-                    tangents: crate::sampling::warp::tangents(*normal),
+                    tangents: warp::tangents(*normal),
                     radius: *radius_m,
                     exponent: *exponent,
                 },
@@ -363,7 +367,7 @@ impl<'a> CompiledScene<'a> {
             .map(|(vertices, object)| MeshTriangle { vertices, object })
             .collect();
         let vertices = mesh_vertices(scene);
-        let adjoint = AdjointModel::new(scene, &group_spectra);
+        let adjoint = AdjointModel::new(grid);
         let mut coats: Vec<Arc<CoatAlbedo>> = Vec::new();
         let mut dielectrics: Vec<Arc<DielectricAlbedo>> = Vec::new();
         let mut metals: Vec<ConductorReflectance> = Vec::new();
@@ -490,11 +494,12 @@ impl<'a> CompiledScene<'a> {
             })
             .fold(0.0, f32::max);
 
-        Ok(Self {
+        let mut compiled = Self {
             scene,
             bands: grid.len(),
             simd: Simd::detect(),
             clearance: (1e-6 * reach.max(shape_reach)).max(1e-9),
+            turns_pay: bvh.memory_bytes() > CACHED_TREE_BYTES,
             bvh,
             vertices,
             triangles,
@@ -514,20 +519,60 @@ impl<'a> CompiledScene<'a> {
             environment_maps,
             lamp_operators,
             plain_operators,
-        })
+        };
+        let reverberation = compiled.reverberation();
+        compiled.adjoint.fill_in(scene, &group_spectra, &reverberation);
+        Ok(compiled)
+    }
+
+    /// All light that arrives at what is seen over the light that arrives directly, on coarse bins: `1 / (1 - r)` of a
+    /// closed room, with the mean reflectance `r` of what rays find that leave the visible surfaces diffusely; nothing
+    /// reflects nothing.
+    fn reverberation(&self) -> Coarse {
+        let camera = &self.scene.camera;
+        let place = |i: usize, side: usize| (i as f32 + 0.5) / VIEW_RAYS as f32 * side as f32;
+        let (mut sum, mut rays) = ([0.0_f32; BINS], 0.0_f32);
+        for number in 0..VIEW_RAYS * VIEW_RAYS {
+            let (origin, direction) =
+                camera.ray(place(number % VIEW_RAYS, camera.width), place(number / VIEW_RAYS, camera.height));
+            let surface = |origin: Vec3, direction: Vec3| {
+                self.closest(origin, direction).and_then(|hit| self.surface(origin, direction, &hit))
+            };
+            let Some(seen) = surface(origin, direction) else { continue };
+            let mut stream = SampleStream::new(0, number as u64, 0);
+            let [u, v, mut choice, _] = stream.next_4d();
+            let away = seen.to_world(warp::cosine_hemisphere([u, v]));
+            rays += 1.0;
+            let Some(met) = surface(seen.leave(away, self.clearance), away) else { continue };
+            let outermost = self.scene.objects[met.object].material;
+            let material = &self.materials[self.material_at(outermost, met.uv, met.front, &mut choice)];
+            let bsdf = self.bsdf(material, met.uv, met.front, met.to_local(-away));
+            let terms = material.reflectance.iter().zip(&material.coarse_reflectance).enumerate();
+            for (term, ((_, weight), coarse)) in terms {
+                let weight = bsdf.term_weight(term, weight.at(met.uv));
+                sum.iter_mut().zip(coarse).for_each(|(sum, value)| *sum += weight * value);
+            }
+        }
+        let off = std::env::var("FS_GAIN").is_ok_and(|v| v == "0");
+        sum.map(
+            |sum| if off { 1.0 } else { 1.0 / (1.0 - (sum / rays.max(1.0)).clamp(0.0, MOST_REVERBERANT)) },
+        )
     }
 
     /// Vertices of a triangle.
+    #[inline]
     fn vertices_of(&self, triangle: usize) -> [&MeshVertex; 3] {
         self.triangles[triangle].vertices.map(|v| &self.vertices[v as usize])
     }
 
     /// Corners of a triangle.
+    #[inline]
     pub(super) fn corners(&self, triangle: usize) -> [Vec3; 3] {
         self.vertices_of(triangle).map(|vertex| vertex.position)
     }
 
     /// Interpolated normal (zero for faceted meshes) and texture coordinates.
+    #[inline]
     pub(super) fn attributes(&self, triangle: usize, u: f32, v: f32) -> (Vec3, Vec2) {
         let [a, b, c] = self.vertices_of(triangle);
         let w = 1.0 - u - v;
@@ -540,6 +585,7 @@ impl<'a> CompiledScene<'a> {
     }
 
     /// Object that a triangle belongs to.
+    #[inline]
     pub(super) fn object_of(&self, triangle: usize) -> usize {
         self.triangles[triangle].object as usize
     }
@@ -670,6 +716,7 @@ impl<'a> CompiledScene<'a> {
     }
 
     /// Nearest surface or light along a ray whose nearest triangle is known.
+    #[inline]
     fn nearest_given(&self, ray: &Ray, hit: Option<Hit>) -> Option<Intersection> {
         let Ray { origin, direction, t_max, .. } = *ray;
         let mut best = hit.map(|hit| Intersection {
@@ -699,6 +746,7 @@ impl<'a> CompiledScene<'a> {
     }
 
     /// Whether an analytic shape or a light other than the one aimed at is in the way.
+    #[inline]
     fn occluded_by_shapes(&self, ray: &Ray, aimed_at: usize) -> bool {
         let Ray { origin, direction, t_max, .. } = *ray;
         self.shapes.iter().any(|s| s.shape.intersect(origin, direction, t_max).is_some())
@@ -761,6 +809,9 @@ fn chance(origin: Vec3, direction: Vec3, t: f32) -> f32 {
     }
     (hash >> 40) as f32 / 16_777_216.0
 }
+
+/// Mean reflectance beyond which a room is not taken to be brighter.
+const MOST_REVERBERANT: f32 = 0.95;
 
 /// Rays along each side of the image whose hits stand for the scene when lamps are weighed against each other.
 const VIEW_RAYS: usize = 12;
@@ -832,6 +883,7 @@ impl AnalyticShape {
 
 impl CompiledEmitter {
     /// Distance to the surface of a light that is no object; both sides block.
+    #[inline]
     fn intersect(&self, origin: Vec3, direction: Vec3, limit: f32) -> Option<f32> {
         match self {
             Self::Disc { center, normal, radius, .. } => {

@@ -351,7 +351,7 @@ impl<'a> FilmRenderer<'a> {
                 for (col, pixel) in pixels.chunks_mut(bands).enumerate() {
                     let at = |i: usize, size: usize| (i * step + step / 2).min(size - 1);
                     let (row, col) = (at(row, camera.height), at(col, camera.width));
-                    block.render(&self.compiled, self.settings, row, col, 0..1);
+                    block.render(&self.compiled, self.settings, std::iter::once((row, col)), 0..1);
                     for component in block.values.chunks(bands) {
                         pixel.iter_mut().zip(component).for_each(|(sum, value)| *sum += value);
                     }
@@ -409,44 +409,67 @@ fn prepare<'a>(scene: &'a Scene, settings: &RenderSettings) -> Result<CompiledSc
     Ok(CompiledScene::new(scene, &settings.excitation_edges_nm)?)
 }
 
-/// The plain sum of some samples of one pixel: what one worker reuses from pixel to pixel.
+/// Plain sums of some samples of a few pixels: what one worker reuses from pixel to pixel.
 struct BlockSum {
     sampler: PixelSampler,
-    /// `[component][band]`.
+    bands: usize,
+    /// `[pixel][component][band]`.
     values: Vec<f32>,
+    /// `[pixel][component]`.
     lit: Vec<bool>,
 }
 
+/// Paths that are wanted at a time, so that their rays can be traced in turns.
+const PATHS_AT_A_TIME: usize = 64;
+/// Memory for sums, bytes: no more than stays in the second-level cache.
+const SUMS_BYTES: usize = 128 << 10;
+
 impl BlockSum {
     fn new(scene: &CompiledScene<'_>) -> Self {
-        let sampler = PixelSampler::new(scene);
-        let components = sampler.components();
-        Self { sampler, values: vec![0.0; components * scene.bands], lit: vec![false; components] }
+        Self { sampler: PixelSampler::new(scene), bands: scene.bands, values: Vec::new(), lit: Vec::new() }
     }
 
-    /// Renders samples of one pixel; their plain sum, in order, is in `values` afterwards.
+    /// How many numbers a pixel has.
+    fn pixel_len(&self) -> usize {
+        self.sampler.components() * self.bands
+    }
+
+    /// How many pixels to render at a time.
+    fn pixels_at_a_time(&self, samples: &Range<u32>) -> usize {
+        let wanted = PATHS_AT_A_TIME / samples.len().max(1);
+        wanted.min(SUMS_BYTES / (size_of::<f32>() * self.pixel_len().max(1))).max(1)
+    }
+
+    /// Renders the same samples of some pixels. The plain sum of those of each, in order, is in `values` afterwards.
     fn render(
         &mut self,
         scene: &CompiledScene<'_>,
         settings: &RenderSettings,
-        row: usize,
-        col: usize,
+        pixels: impl ExactSizeIterator<Item = (usize, usize)>,
         samples: Range<u32>,
     ) {
-        let bands = scene.bands;
-        self.values.fill(0.0);
-        self.lit.fill(false);
+        let (components, bands, len) = (self.sampler.components(), self.bands, self.pixel_len());
+        self.values.clear();
+        self.values.resize(pixels.len() * len, 0.0);
+        self.lit.clear();
+        self.lit.resize(pixels.len() * components, false);
         let (values, lit) = (&mut self.values, &mut self.lit);
-        let add = |component: usize, range: Range<usize>, weight: f32, light: &[BandBlock]| {
-            lit[component] = true;
-            let sums = &mut values[component * bands..(component + 1) * bands];
+        let add = |pixel: usize, component: usize, range: Range<usize>, weight: f32, light: &[BandBlock]| {
+            lit[pixel * components + component] = true;
+            let start = pixel * len + component * bands;
+            let sums = &mut values[start..start + bands];
             if weight == 1.0 && range.len() == bands {
                 add_bands(light, sums);
             } else {
                 add_scaled_range(weight, light, range, sums);
             }
         };
-        self.sampler.render(scene, settings, (row, col), samples, add);
+        self.sampler.render(scene, settings, pixels, samples, add);
+    }
+
+    /// The sums of each pixel, and which of its components are lit.
+    fn pixels(&self) -> impl Iterator<Item = (&[f32], &[bool])> {
+        self.values.chunks(self.pixel_len()).zip(self.lit.chunks(self.sampler.components()))
     }
 }
 
@@ -470,10 +493,10 @@ fn layout(scene: &CompiledScene<'_>, settings: &RenderSettings, scene_digest: St
             || BlockSum::new(scene),
             |block, pixels| {
                 let (mut brightest, mut sums) =
-                    (vec![0.0_f32; block.values.len()], vec![0.0; block.values.len()]);
+                    (vec![0.0_f32; block.pixel_len()], vec![0.0; block.pixel_len()]);
                 for &(row, col) in pixels {
                     for sample in 0..PILOT_SAMPLES {
-                        block.render(scene, settings, row, col, sample..sample + 1);
+                        block.render(scene, settings, std::iter::once((row, col)), sample..sample + 1);
                         for ((most, sum), &value) in brightest.iter_mut().zip(&mut sums).zip(&block.values) {
                             *most = most.max(value);
                             *sum += f64::from(value);
@@ -639,27 +662,44 @@ fn fill_tile(
     block: &mut BlockSum,
     scale: &mut FilmScale,
 ) {
-    let tile = &mut *task.tile;
+    let mut first = samples.start;
+    if !is_block_boundary(first) {
+        // An earlier render ended within a block: exchange the part for the whole.
+        let start = block_start(first);
+        fill_block(scene, settings, task, start..first, BlockSign::Remove, block, scale);
+        first = start;
+    }
+    while first < samples.end {
+        let end = block_end(first).min(samples.end);
+        fill_block(scene, settings, task, first..end, BlockSign::Add, block, scale);
+        first = end;
+    }
+    task.tile.add_samples(samples);
+}
+
+/// Adds one block of samples to every pixel of a tile, or takes it away.
+fn fill_block(
+    scene: &CompiledScene<'_>,
+    settings: &RenderSettings,
+    task: &mut TileMut<'_>,
+    samples: Range<u32>,
+    sign: BlockSign,
+    block: &mut BlockSum,
+    scale: &mut FilmScale,
+) {
+    let tile = &*task.tile;
+    let at_a_time = block.pixels_at_a_time(&samples);
     let len = scale.pixel_len();
-    let (rows, cols) = (tile.rows, tile.cols);
-    for (index, sums) in task.sums.chunks_mut(len).take(rows * cols).enumerate() {
-        let (row, col) = (tile.row + index / cols, tile.col + index % cols);
-        let mut first = samples.start;
-        if !is_block_boundary(first) {
-            // An earlier render ended within a block: exchange the part for the whole.
-            let start = block_start(first);
-            block.render(scene, settings, row, col, start..first);
-            scale.add_block(sums, &block.values, &block.lit, start..first, BlockSign::Remove);
-            first = start;
-        }
-        while first < samples.end {
-            let end = block_end(first).min(samples.end);
-            block.render(scene, settings, row, col, first..end);
-            scale.add_block(sums, &block.values, &block.lit, first..end, BlockSign::Add);
-            first = end;
+    let position = |index: usize| (tile.row + index / tile.cols, tile.col + index % tile.cols);
+    let count = tile.rows * tile.cols;
+    for (chunk, sums) in task.sums[..count * len].chunks_mut(at_a_time * len).enumerate() {
+        let start = chunk * at_a_time;
+        let pixels = start..start + sums.len() / len;
+        block.render(scene, settings, pixels.map(position), samples.clone());
+        for ((values, lit), sums) in block.pixels().zip(sums.chunks_mut(len)) {
+            scale.add_block(sums, values, lit, samples.clone(), sign);
         }
     }
-    tile.add_samples(samples);
 }
 
 fn check_settings(settings: &RenderSettings) -> Result<(), RenderError> {

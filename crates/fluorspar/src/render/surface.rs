@@ -59,6 +59,7 @@ impl SurfacePoint {
 
 impl CompiledScene<'_> {
     /// The surface at an intersection with an object; `None` for lights.
+    #[inline]
     pub(super) fn surface(&self, origin: Vec3, direction: Vec3, hit: &Intersection) -> Option<SurfacePoint> {
         let (position, geometric, shading, uv, object) = match hit.target {
             Target::Light(_) => return None,
