@@ -7,8 +7,10 @@
 //! the share of its own component that the path can still bring, and the chance to go on. Any chance above zero leaves
 //! the estimate unbiased; this one keeps a path whose blue can still excite though its red is spent, and the reverse.
 //!
-//! Fluorescence counts as if all light of the lamps came back: each component is judged on its own scale, and paths do
-//! not depend on concentrations.
+//! Each component is judged on its own scale, and paths do not depend on concentrations: a fluorophore counts as if all
+//! light of the lamps came back. Indirect light is taken to be as much as in a room of the reflectance that rays find
+//! which leave the visible surfaces: of the component of a fluorophore, a vertex that light excites sends only the part
+//! that has not come from elsewhere.
 
 use super::fluorescence_operator::FluorescenceOperator;
 use super::scattering::Scattering;
@@ -24,8 +26,8 @@ pub(super) type Coarse = [f32; BINS];
 #[derive(Debug)]
 pub(super) struct AdjointModel {
     grid: Option<WavelengthGrid>,
-    /// Light of each group that arrives at a surface, relative to its direct light; of which the bins of the direct light
-    /// sum to 1. Dark groups are left out.
+    /// Light of each group that arrives at a surface, on a scale on which the bins of its direct light sum to 1. Dark
+    /// groups are left out.
     lamps: Vec<Coarse>,
     /// For each fluorophore, the shares of the bins in its light that arrives at a surface; zero for one that no lamp of
     /// the grid excites.
@@ -190,7 +192,7 @@ mod tests {
     }
 
     /// A lamp at 390 nm and a dye that turns it into 640 nm, with a yield of a thousandth.
-    fn model() -> AdjointModel {
+    fn model(reverberation: f32) -> AdjointModel {
         let term =
             SeparableTerm { excitation: band(390.0).scaled(1e-3), emission: band(640.0).scaled(1.0 / 37.6) };
         let scene = Scene {
@@ -209,7 +211,9 @@ mod tests {
             lights: Vec::new(),
             camera: PerspectiveCamera::look_at(Vec3::Z, Vec3::ZERO, Vec3::Y, 50.0, 4, 4).unwrap(),
         };
-        AdjointModel::new(&scene, &[Some(band(390.0))])
+        let mut model = AdjointModel::new(&scene.grid);
+        model.fill_in(&scene, &[Some(band(390.0))], &[reverberation; BINS]);
+        model
     }
 
     /// One bounce with a reflectance per coarse bin; a fluorescent surface takes part with its whole irradiance.
@@ -222,13 +226,13 @@ mod tests {
 
     #[test]
     fn everything_counts_at_the_camera() {
-        assert!((model().reach(&Importance::CAMERA) - 1.0).abs() < 1e-5);
+        assert!((model(1.0).reach(&Importance::CAMERA) - 1.0).abs() < 1e-5);
     }
 
     /// Surfaces that swallow the lamp but reflect the emission: the path can still meet something that fluoresces.
     #[test]
     fn a_path_whose_red_is_seen_goes_on_though_its_blue_is_spent() {
-        let model = model();
+        let model = model(1.0);
         let mut importance = Importance::CAMERA;
         for _ in 0..4 {
             bounce(&model, &mut importance, 0.01, 0.9, false);
@@ -239,7 +243,7 @@ mod tests {
     /// After a surface that fluoresces, blue light excites it, whatever becomes of the red.
     #[test]
     fn a_path_whose_blue_excites_goes_on_though_its_red_is_spent() {
-        let model = model();
+        let model = model(1.0);
         let mut importance = Importance::CAMERA;
         bounce(&model, &mut importance, 0.01, 0.01, true);
         assert!((model.reach(&importance) - 1.0).abs() < 0.05, "{}", model.reach(&importance));
@@ -247,9 +251,19 @@ mod tests {
         assert!((model.reach(&importance) - 0.8).abs() < 0.05, "{}", model.reach(&importance));
     }
 
+    /// Where indirect light is as bright as direct light, the fluorescence that arrives is twice what one vertex sends.
+    #[test]
+    fn one_vertex_excites_a_part_of_what_a_bright_room_sends() {
+        let model = model(2.0);
+        assert!((model.reach(&Importance::CAMERA) - 1.0).abs() < 1e-5);
+        let mut importance = Importance::CAMERA;
+        bounce(&model, &mut importance, 0.0, 0.0, true);
+        assert!((model.reach(&importance) - 0.5).abs() < 0.05, "{}", model.reach(&importance));
+    }
+
     #[test]
     fn a_path_that_can_do_neither_ends() {
-        let model = model();
+        let model = model(1.0);
         let mut importance = Importance::CAMERA;
         for _ in 0..3 {
             bounce(&model, &mut importance, 0.05, 0.05, false);

@@ -553,10 +553,7 @@ impl<'a> CompiledScene<'a> {
                 sum.iter_mut().zip(coarse).for_each(|(sum, value)| *sum += weight * value);
             }
         }
-        let off = std::env::var("FS_GAIN").is_ok_and(|v| v == "0");
-        sum.map(
-            |sum| if off { 1.0 } else { 1.0 / (1.0 - (sum / rays.max(1.0)).clamp(0.0, MOST_REVERBERANT)) },
-        )
+        sum.map(|sum| 1.0 / (1.0 - (sum / rays.max(1.0)).clamp(0.0, MOST_REVERBERANT)))
     }
 
     /// Vertices of a triangle.

@@ -15,10 +15,6 @@ use crate::sampling::SampleStream;
 
 /// From this vertex on, paths may end by Russian roulette.
 const ROULETTE_FROM: u32 = 3;
-pub static FROM: std::sync::LazyLock<u32> =
-    std::sync::LazyLock::new(|| std::env::var("FS_FROM").map_or(3, |v| v.parse().unwrap()));
-pub static POW: std::sync::LazyLock<f32> =
-    std::sync::LazyLock::new(|| std::env::var("FS_POW").map_or(1.0, |v| v.parse().unwrap()));
 /// Lowest chance to go on.
 const ROULETTE_FLOOR: f32 = 0.05;
 
@@ -251,8 +247,8 @@ impl CompiledScene<'_> {
         }
         let mut survival = 1.0;
         self.adjoint.scatter(importance, &s, &coarse, material.fluorophores.iter().map(|(f, _)| *f));
-        if depth >= *FROM {
-            survival = self.adjoint.reach(importance).powf(*POW).clamp(ROULETTE_FLOOR, 1.0);
+        if depth >= ROULETTE_FROM {
+            survival = self.adjoint.reach(importance).clamp(ROULETTE_FLOOR, 1.0);
             if roulette >= survival {
                 return false;
             }
