@@ -8,6 +8,7 @@ use glam::{Vec2, Vec3};
 
 use super::adjoint::{AdjointModel, BINS, Coarse};
 use super::fluorescence_operator::{FluorescenceOperator, direct_exitance};
+use super::instances::{CompiledInstances, InstanceList};
 use crate::light::{Emitter, EnvironmentMap};
 use crate::material::conductor::white_microfacets;
 use crate::material::{
@@ -23,6 +24,8 @@ use crate::spectral::{Curve, Reflectance};
 pub(super) enum Target {
     /// A triangle, with barycentric coordinates.
     Triangle { triangle: u32, u: f32, v: f32 },
+    /// A triangle of an instance of a mesh, with barycentric coordinates.
+    Instance { instance: u32, triangle: u32, u: f32, v: f32 },
     /// An analytic shape of an object.
     Shape(u32),
     /// The surface of a light.
@@ -180,6 +183,8 @@ pub(super) struct CompiledScene<'a> {
     pub(super) turns_pay: bool,
     vertices: Vec<MeshVertex>,
     triangles: Vec<MeshTriangle>,
+    /// Meshes at many places; `None` where there are none.
+    pub(super) instances: Option<CompiledInstances>,
     pub(super) shapes: Vec<CompiledShape>,
     /// Sources in runs of `slices`: the excitation bins of one lamp spectrum.
     pub(super) sources: Vec<Source>,
@@ -218,9 +223,10 @@ impl<'a> CompiledScene<'a> {
     /// light group.
     pub(super) fn new(scene: &'a Scene, excitation_edges_nm: &[f64]) -> Result<Self, BuildError> {
         let grid = &scene.grid;
-        let mut positions = Vec::new();
+        let mut vertices: Vec<MeshVertex> = Vec::new();
         let mut corners: Vec<[u32; 3]> = Vec::new();
         let mut triangle_object = Vec::new();
+        let mut instances = InstanceList::default();
         let mut shapes = Vec::new();
         let mut sources: Vec<Source> = Vec::new();
         let mut lights = Vec::new();
@@ -248,11 +254,30 @@ impl<'a> CompiledScene<'a> {
         };
 
         for (object, item) in scene.objects.iter().enumerate() {
-            let emissive = match &item.shape {
-                Shape::Mesh(mesh) => {
-                    let offset = positions.len() as u32;
+            let flattened;
+            let mesh = match &item.shape {
+                Shape::Mesh(mesh) => Some(&**mesh),
+                // Lamps are sampled triangle by triangle, by the areas that these have at their places.
+                Shape::Instances(many) if item.emission.is_some() => {
+                    flattened = many.flattened();
+                    Some(&flattened)
+                }
+                Shape::Instances(many) => {
+                    instances.add(object, many);
+                    continue;
+                }
+                Shape::Sphere { .. } | Shape::Disc { .. } => None,
+            };
+            let emissive = match (&item.shape, mesh) {
+                (Shape::Mesh(_) | Shape::Instances(_), None) => continue,
+                (_, Some(mesh)) => {
+                    let offset = vertices.len() as u32;
                     let first_triangle = corners.len();
-                    positions.extend_from_slice(&mesh.positions);
+                    vertices.extend(mesh.positions.iter().enumerate().map(|(index, &position)| MeshVertex {
+                        position,
+                        normal: mesh.normals.get(index).copied().unwrap_or(Vec3::ZERO),
+                        uv: mesh.uvs.get(index).copied().unwrap_or(Vec2::ZERO),
+                    }));
                     corners.extend(mesh.triangles.iter().map(|t| t.map(|v| v + offset)));
                     triangle_object.extend(std::iter::repeat_n(object as u32, mesh.triangles.len()));
                     let mut sum = 0.0_f64;
@@ -268,12 +293,12 @@ impl<'a> CompiledScene<'a> {
                     let (center, radius) = (0.5 * (low + high), 0.5 * (high - low).length());
                     CompiledEmitter::Mesh { first_triangle, cumulative_area, center, radius }
                 }
-                Shape::Sphere { center, radius_m } => {
+                (Shape::Sphere { center, radius_m }, _) => {
                     let shape = AnalyticShape::Sphere { center: *center, radius: *radius_m };
                     shapes.push(CompiledShape { object, shape });
                     CompiledEmitter::ShapeObject { shape: shapes.len() - 1 }
                 }
-                Shape::Disc { center, normal, radius_m } => {
+                (Shape::Disc { center, normal, radius_m }, _) => {
                     let tangents = warp::tangents(*normal);
                     let shape =
                         AnalyticShape::Disc { center: *center, normal: *normal, tangents, radius: *radius_m };
@@ -285,7 +310,7 @@ impl<'a> CompiledScene<'a> {
                 let source = source_of(emission.group, &emission.radiance);
                 object_light[object] = Some(lights.len());
                 let area = match &item.shape {
-                    Shape::Mesh(mesh) => mesh.area_m2() as f32,
+                    Shape::Mesh(_) | Shape::Instances(_) => mesh.map_or(0.0, |mesh| mesh.area_m2() as f32),
                     Shape::Sphere { radius_m, .. } => 4.0 * std::f32::consts::PI * radius_m * radius_m,
                     Shape::Disc { radius_m, .. } => std::f32::consts::PI * radius_m * radius_m,
                 };
@@ -349,24 +374,24 @@ impl<'a> CompiledScene<'a> {
             .map(|group| (0..lights.len()).filter(|&l| lights[l].group == group).collect())
             .collect();
 
+        let positions: Vec<Vec3> = vertices.iter().map(|vertex| vertex.position).collect();
         let bvh = TriangleBvh::build(&positions, &corners)?;
+        let instances = instances.build()?;
         let group_spectra = {
             let corners = |triangle: u32| corners[triangle as usize].map(|v| positions[v as usize]);
             // Lamps of all kinds, weighed by the irradiance that they throw on what is seen: the shape of the sum weights
             // excitation within a bin.
-            let points = points_in_view(scene, &bvh, corners, &triangle_object, &shapes);
+            let points = points_in_view(scene, &bvh, corners, &triangle_object, instances.as_ref(), &shapes);
             let parts = direct_light(scene, &points);
             (0..scene.light_groups.len()).map(|group| group_spectrum(&parts, group)).collect::<Vec<_>>()
         };
         let reach = positions.iter().map(|p| p.abs().max_element()).fold(0.0, f32::max);
-        // Freed before the records are made, so that the scene is never there three times.
         drop(positions);
         let triangles = corners
             .into_iter()
             .zip(triangle_object)
             .map(|(vertices, object)| MeshTriangle { vertices, object })
             .collect();
-        let vertices = mesh_vertices(scene);
         let adjoint = AdjointModel::new(grid);
         let mut coats: Vec<Arc<CoatAlbedo>> = Vec::new();
         let mut dielectrics: Vec<Arc<DielectricAlbedo>> = Vec::new();
@@ -494,15 +519,18 @@ impl<'a> CompiledScene<'a> {
             })
             .fold(0.0, f32::max);
 
+        let instance_reach = instances.as_ref().map_or(0.0, CompiledInstances::reach);
+
         let mut compiled = Self {
             scene,
             bands: grid.len(),
             simd: Simd::detect(),
-            clearance: (1e-6 * reach.max(shape_reach)).max(1e-9),
+            clearance: (1e-6 * reach.max(shape_reach).max(instance_reach)).max(1e-9),
             turns_pay: bvh.memory_bytes() > CACHED_TREE_BYTES,
             bvh,
             vertices,
             triangles,
+            instances,
             shapes,
             sources,
             slices,
@@ -560,6 +588,14 @@ impl<'a> CompiledScene<'a> {
     #[inline]
     fn vertices_of(&self, triangle: usize) -> [&MeshVertex; 3] {
         self.triangles[triangle].vertices.map(|v| &self.vertices[v as usize])
+    }
+
+    /// Memory of the surfaces with their trees, bytes.
+    pub(super) fn surface_bytes(&self) -> u64 {
+        let arrays = self.vertices.capacity() * size_of::<MeshVertex>()
+            + self.triangles.capacity() * size_of::<MeshTriangle>();
+        let instances = self.instances.as_ref().map_or(0, CompiledInstances::memory_bytes);
+        (arrays + self.bvh.memory_bytes() + instances) as u64
     }
 
     /// Corners of a triangle.
@@ -634,7 +670,7 @@ impl<'a> CompiledScene<'a> {
         if self.cutouts.is_empty() && in_turns {
             self.bvh.occluded_each(rays, &mut buffers.blocked);
             visible.extend(rays_to_lights.zip(&buffers.blocked).map(|((ray, &light), blocked)| {
-                if *blocked || self.occluded_by_shapes(ray, light) { 0.0 } else { 1.0 }
+                if *blocked || self.occluded_elsewhere(ray, light) { 0.0 } else { 1.0 }
             }));
         } else {
             visible.extend(
@@ -670,6 +706,10 @@ impl<'a> CompiledScene<'a> {
         let object = match hit.target {
             Target::Light(_) => return 1.0,
             Target::Triangle { triangle, .. } => self.object_of(triangle as usize),
+            Target::Instance { instance, .. } => match &self.instances {
+                Some(instances) => instances.object_of(instance),
+                None => return 1.0,
+            },
             Target::Shape(index) => self.shapes[index as usize].object,
         };
         match self.cutouts.get(object) {
@@ -721,6 +761,12 @@ impl<'a> CompiledScene<'a> {
             target: Target::Triangle { triangle: hit.triangle, u: hit.u, v: hit.v },
         });
         let mut limit = best.map_or(t_max, |hit| hit.t);
+        if let Some(instances) = &self.instances
+            && let Some((t, instance, triangle, u, v)) = instances.closest(&Ray { t_max: limit, ..*ray })
+        {
+            limit = t;
+            best = Some(Intersection { t, target: Target::Instance { instance, triangle, u, v } });
+        }
         for (index, shape) in self.shapes.iter().enumerate() {
             if let Some(t) = shape.shape.intersect(origin, direction, limit) {
                 limit = t;
@@ -739,37 +785,19 @@ impl<'a> CompiledScene<'a> {
     /// Whether anything lies between a point and `t_max` along a direction; the light aimed at does not count.
     fn occluded(&self, origin: Vec3, direction: Vec3, t_max: f32, aimed_at: usize) -> bool {
         let ray = Ray { origin, direction, t_min: 0.0, t_max };
-        self.bvh.occluded(&ray) || self.occluded_by_shapes(&ray, aimed_at)
+        self.bvh.occluded(&ray) || self.occluded_elsewhere(&ray, aimed_at)
     }
 
-    /// Whether an analytic shape or a light other than the one aimed at is in the way.
+    /// Whether an instance, an analytic shape or a light other than the one aimed at is in the way.
     #[inline]
-    fn occluded_by_shapes(&self, ray: &Ray, aimed_at: usize) -> bool {
+    fn occluded_elsewhere(&self, ray: &Ray, aimed_at: usize) -> bool {
         let Ray { origin, direction, t_max, .. } = *ray;
-        self.shapes.iter().any(|s| s.shape.intersect(origin, direction, t_max).is_some())
+        self.instances.as_ref().is_some_and(|instances| instances.bvh.occluded(ray))
+            || self.shapes.iter().any(|s| s.shape.intersect(origin, direction, t_max).is_some())
             || self.lights.iter().enumerate().any(|(l, light)| {
                 l != aimed_at && light.emitter.intersect(origin, direction, t_max).is_some()
             })
     }
-}
-
-/// The vertices of all meshes, in the order of the objects.
-fn mesh_vertices(scene: &Scene) -> Vec<MeshVertex> {
-    let meshes = || {
-        scene.objects.iter().filter_map(|object| match &object.shape {
-            Shape::Mesh(mesh) => Some(mesh),
-            _ => None,
-        })
-    };
-    let mut vertices = Vec::with_capacity(meshes().map(|mesh| mesh.positions.len()).sum());
-    for mesh in meshes() {
-        vertices.extend(mesh.positions.iter().enumerate().map(|(index, &position)| MeshVertex {
-            position,
-            normal: mesh.normals.get(index).copied().unwrap_or(Vec3::ZERO),
-            uv: mesh.uvs.get(index).copied().unwrap_or(Vec2::ZERO),
-        }));
-    }
-    vertices
 }
 
 /// In single precision.
@@ -820,6 +848,7 @@ fn points_in_view(
     bvh: &TriangleBvh,
     corners: impl Fn(u32) -> [Vec3; 3],
     triangle_object: &[u32],
+    instances: Option<&CompiledInstances>,
     shapes: &[CompiledShape],
 ) -> Vec<SurfacePoint> {
     let camera = &scene.camera;
@@ -833,6 +862,13 @@ fn points_in_view(
                 let [a, b, c] = corners(hit.triangle);
                 (hit.t, triangle_object[hit.triangle as usize] as usize, (b - a).cross(c - a))
             });
+            let within = Ray { t_max: nearest.map_or(f32::INFINITY, |(t, ..)| t), ..ray };
+            if let Some(instances) = instances
+                && let Some((t, instance, triangle, ..)) = instances.closest(&within)
+            {
+                let [a, b, c] = instances.corners(instance, triangle);
+                nearest = Some((t, instances.object_of(instance), (b - a).cross(c - a)));
+            }
             for shape in shapes {
                 let limit = nearest.map_or(f32::INFINITY, |(t, ..)| t);
                 if let Some(t) = shape.shape.intersect(origin, direction, limit) {

@@ -301,6 +301,11 @@ impl<'a> FilmRenderer<'a> {
         Film::new(layout(&self.compiled, self.settings, digest), feature_maps(&self.compiled))
     }
 
+    /// Memory that the surfaces take, with the trees through which rays find them, bytes.
+    pub fn surface_bytes(&self) -> u64 {
+        self.compiled.surface_bytes()
+    }
+
     /// Refuses a film that this scene and these settings can't continue.
     ///
     /// # Errors

@@ -407,6 +407,8 @@ impl CompiledScene<'_> {
                 let cos = direction.dot((b - a).cross(c - a).normalize_or_zero()).abs();
                 (light, 1.0, cos, *cumulative_area.last()?, None)
             }
+            // Instances of lamps are triangles of their own.
+            Target::Instance { .. } => return None,
             Target::Shape(index) => {
                 let shape = &self.shapes[index as usize];
                 let light = self.object_light[shape.object]?;

@@ -20,6 +20,7 @@ mod adjoint;
 mod camera_sample;
 mod compiled_scene;
 mod fluorescence_operator;
+mod instances;
 mod integrator;
 mod light_sampling;
 mod path;
