@@ -27,16 +27,16 @@ for name in "$@"; do
         cp "$work/default/figures/chromaticity.png" "$images/chromaticity.png"
         ;;
     views)
-        "$fluorspar" mouth view --width 240 --spp 32 --out "$images/mouth_views.png" --quiet
+        "$fluorspar" mouth view --width 240 --spp 16 --out "$images/mouth_views.png" --quiet
         ;;
     lesions)
-        frames "$here/lesions.toml" lesions 32
+        frames "$here/lesions.toml" lesions 24
         cp "$work/lesions_white.png" "$work/lesions_blue.png" "$images"
         ;;
     masks)
         cp "$here/masks.toml" "$work"
         python3 "$here/paint_masks.py" "$work"
-        frames "$work/masks.toml" masks 32
+        frames "$work/masks.toml" masks 24
         cp "$work/masks_white.png" "$work/masks_blue.png" "$images"
         ;;
     scan)
@@ -45,7 +45,7 @@ for name in "$@"; do
             --out "$work/model.obj"
         python3 "$here/scanner_frame.py" "$work/model.obj" "$work/teeth.stl" 'tooth_1*' 'tooth_2*' --chip tooth_11
         python3 "$here/scanner_frame.py" "$work/model.obj" "$work/gums.ply" upper_gingiva
-        frames "$work/scan.toml" scan 32
+        frames "$work/scan.toml" scan 24
         cp "$work/scan_white.png" "$images"
         ;;
     *)

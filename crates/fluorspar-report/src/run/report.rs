@@ -611,8 +611,13 @@ fn camera_rows(run: &RunResults<'_>) -> Vec<Number> {
         let table =
             || Origin::Published("Table 1 of Lyu et al. 2021, unless the experiment says otherwise".into());
         rows.push(
-            Number::computed("Pixels", format!("{} x {}", m.columns, m.rows), "", "of the sensor")
-                .from(assumed()),
+            Number::computed(
+                "Pixels",
+                format!("{} x {}", m.columns, m.rows),
+                "pixels",
+                "columns and rows of the sensor",
+            )
+            .from(assumed()),
         );
         rows.push(
             Number::computed("Pixel pitch", format!("{}", m.pixel_size_um), "µm", "side of one pixel")
