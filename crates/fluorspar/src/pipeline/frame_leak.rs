@@ -1,4 +1,4 @@
-//! Reflected light against fluorescence in the frames of an experiment: what [`super::filter_leak`] says of a flat sample,
+//! Reflected light against fluorescence in the frames of an experiment: what [`super::filter_leak()`] says of a flat sample,
 //! for a scene, and in electrons.
 
 use serde::Serialize;
@@ -59,7 +59,7 @@ impl FrameLeak {
 }
 
 /// Splits the expected electrons of a frame by whether their light fluoresced: through lens, filters and sensor as
-/// [`super::capture`] does it, without noise and at rest. Means are over `region`, pixels of the developed frame, or over
+/// [`super::capture()`] does it, without noise and at rest. Means are over `region`, pixels of the developed frame, or over
 /// the whole sensor.
 ///
 /// `None` for an experiment without lens or sensor and for a frame without light.
