@@ -206,7 +206,8 @@ pub struct LesionSection {
     pub name: String,
     /// Part that it is on: `tongue_dorsum`, `cheek_left`, ...
     pub part: String,
-    /// Middle of the ellipse in texture coordinates of the part, 0 to 1. Default [0.5, 0.5].
+    /// Middle of the ellipse in texture coordinates of the part, 0 to 1. The parts of the back of the tongue share one map.
+    /// Default [0.5, 0.5].
     #[serde(default = "middle")]
     pub center: [f64; 2],
     /// Lengths of the axes of the ellipse, mm, above 0. Default [8, 6].
