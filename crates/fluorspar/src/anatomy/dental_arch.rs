@@ -311,7 +311,7 @@ impl Arch {
     /// Makes crowns narrower until no two neighbours stand in each other: turned ones, and those around a bend, touch with
     /// their corners.
     fn part_neighbours(&mut self) {
-        const ENOUGH_MM: f64 = 0.04;
+        const ENOUGH_MM: f64 = 0.02;
         for _ in 0..12 {
             let mut parted = true;
             for i in 1..self.teeth.len() {

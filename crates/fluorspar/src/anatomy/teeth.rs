@@ -191,6 +191,11 @@ fn middle_of_rim(form: &Form) -> f64 {
     0.5 * (curve(form.outer, 1.0) - curve(form.inner, 1.0))
 }
 
+/// How far the ridges beside the lingual fossa of a front tooth stand out, in half-depths.
+fn marginal_ridge(m: f64, height: f64) -> f64 {
+    0.16 * smoothstep(0.4, 0.8, m.abs()) * smoothstep(0.2, 0.42, height) * smoothstep(1.0, 0.85, height)
+}
+
 /// A row of a crown: what all its points share.
 struct Level {
     height: f64,
@@ -247,8 +252,11 @@ pub(super) fn overlap(tooth: &Tooth, other: &Tooth) -> f64 {
                 continue;
             }
             // The other way round than in `section`.
-            let there = level(other, form, height);
+            let mut there = level(other, form, height);
             let b = from.dot(other.outward) / (0.5 * other.depth);
+            if form.cusps.is_empty() {
+                there.inner += marginal_ridge(from.dot(other.distal) / (0.5 * other.width), height);
+            }
             let half_depth = 0.5 * (there.outer + there.inner);
             let y = (b - 0.5 * (there.outer - there.inner)) / half_depth;
             if y.abs() >= 1.0 {
@@ -280,11 +288,8 @@ fn section(tooth: &Tooth, form: &Form, level: &Level, meridian: &Meridian) -> DV
         // Shallow grooves between the lobes of the outer face; marginal ridges around the fossa of the inner one.
         let lobes = bell((m - 0.3) / 0.16) + bell((m + 0.3) / 0.16);
         let face = smoothstep(0.1, 0.6, -meridian.cosine) * smoothstep(0.25, 0.7, height);
-        let ridge = smoothstep(0.4, 0.8, m.abs())
-            * smoothstep(0.0, 0.25, meridian.cosine)
-            * smoothstep(0.2, 0.42, height)
-            * smoothstep(1.0, 0.85, height);
-        DVec2::new(m, b - 0.02 * lobes * face - 0.16 * ridge)
+        let ridge = marginal_ridge(m, height) * smoothstep(0.0, 0.25, meridian.cosine);
+        DVec2::new(m, b - 0.02 * lobes * face - ridge)
     } else if form.cusps.len() > 2 {
         // The groove between the buccal cusps runs down the face.
         let face = smoothstep(0.1, 0.6, -meridian.cosine) * smoothstep(0.3, 0.75, height);

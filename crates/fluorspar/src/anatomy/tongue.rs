@@ -18,6 +18,8 @@ const CONTACT_ROWS: usize = 160;
 const CONTACT_COLUMNS: usize = 112;
 /// Distance kept from what the tongue touches, mm.
 const CLEARANCE_MM: f64 = 0.8;
+/// How far around the unpressed body is looked for what it may touch, mm.
+const NEAR_MM: f64 = 2.0;
 
 /// Where the front, the sides and the middle of the tongue's back meet, in its texture coordinates.
 pub(super) const TIP_END: f64 = 0.12;
@@ -41,6 +43,8 @@ pub(super) struct Tongue<'a> {
     /// How far the back and the underside are pressed in, as a share of their distance from the midline: rows along
     /// the tongue, columns around it.
     pressed: Field,
+    /// Where of these something is near the surface.
+    near: Vec<bool>,
 }
 
 /// One place along the tongue: centre, directions and half sizes.
@@ -116,28 +120,41 @@ impl<'a> Tongue<'a> {
             values: vec![0.0; (CONTACT_ROWS + 1) * CONTACT_COLUMNS],
         };
         let sizes = (0..=STEPS).map(|i| half_sizes(parameters, i as f64 / STEPS as f64)).collect();
-        let mut tongue =
-            Self { parameters, midline: Vec::new(), places: Vec::new(), length: 0.0, sizes, pressed };
+        let mut tongue = Self {
+            parameters,
+            midline: Vec::new(),
+            places: Vec::new(),
+            length: 0.0,
+            sizes,
+            pressed,
+            near: Vec::new(),
+        };
         let mut tip = parameters.tongue_protrusion_mm - 0.2;
-        tongue.reach(tip, pose, obstacles);
-        // The tip of the path is moved until the surface reaches as far as wanted. A raised tip, or one that is held
-        // back by what it touches, stays where it is.
+        let wanted = parameters.tongue_length_in_pose_mm();
+        let mut length = wanted;
+        tongue.reach(tip, length, pose, obstacles);
+        // Path and length are mended until the surface, pressed and with its furrows, is as long and reaches as far as
+        // wanted. A raised tip, or one that is held back by what it touches, stays where it is.
         for _ in 0..3 {
             let missing = incisors_z + parameters.tongue_protrusion_mm - tongue.foremost();
-            if parameters.tongue_curl > 0.0 || missing.abs() > 4.0 || missing.abs() < 0.01 {
+            let missing = if parameters.tongue_curl > 0.0 || missing.abs() > 4.0 { 0.0 } else { missing };
+            let longer = tongue.length_of_back() / wanted;
+            if missing.abs() < 0.02 && (longer - 1.0).abs() < 0.004 {
                 break;
             }
             tip += missing;
-            tongue.reach(tip, pose, obstacles);
+            length /= longer.clamp(0.95, 1.05);
+            tongue.reach(tip, length, pose, obstacles);
         }
+        tongue.press_between(obstacles);
         tongue
     }
 
-    /// Builds the body with the tip of its path at this place in front of the lower incisors, mm.
-    fn reach(&mut self, tip: f64, pose: &JawPose, obstacles: &Obstacles) {
+    /// Builds the body with the tip of its path at this place in front of the lower incisors and with this length along
+    /// the back of the unpressed body, mm.
+    fn reach(&mut self, tip: f64, wanted: f64, pose: &JawPose, obstacles: &Obstacles) {
         let path = Self::path(self.parameters, tip, pose, obstacles);
         // Cut the path where the back of the tongue has its length: the secant through the last two cuts.
-        let wanted = self.parameters.tongue_length_in_pose_mm();
         let (mut before, mut part) = (0.6, 0.75);
         self.measure(&path, before);
         let mut missing_before = self.length - wanted;
@@ -152,6 +169,14 @@ impl<'a> Tongue<'a> {
             part = next.clamp(0.3, 1.0);
         }
         self.press(obstacles);
+    }
+
+    /// Length of the midline of the back, without its papillae.
+    fn length_of_back(&self) -> f64 {
+        let middle = Column::new(0.5);
+        let points: Vec<DVec3> =
+            linspace(0.0, 1.0, 32).into_iter().map(|v| self.point(&self.row(v), &middle, 1.0)).collect();
+        lengths(&points)[32]
     }
 
     /// Foremost place of the surface, mm in front of the frame's origin.
@@ -236,19 +261,35 @@ impl<'a> Tongue<'a> {
             let room = lerp(between, outside, smoothstep(0.0, 12.0, point.z));
             point.x += aside / (1.0 + (aside / room) * (aside / room)).sqrt();
         }
-        // Over the lower lip, wherever it is, but not against the upper one.
-        let mut inner: Option<DVec3> = None;
-        for point in points.iter_mut().rev().filter(|point| point.z > -6.0 && p.tongue_curl < 0.5) {
+        // Over teeth, gum and lip, wherever they are, but not against the upper ones.
+        let mut lift = vec![0.0_f64; points.len()];
+        for (lift, point) in lift.iter_mut().zip(&points).filter(|(_, point)| point.z > -16.0) {
+            if p.tongue_curl >= 0.5 {
+                break;
+            }
             let from = DVec3::new(point.x, (0.15 * half).max(point.y), point.z);
-            if let Some(gap) = obstacles.distance(from, DVec3::NEG_Y, 40.0) {
-                let above = obstacles.distance(from, DVec3::Y, 60.0).unwrap_or(60.0);
-                let needed = (0.27 * p.tongue_thickness_mm).min(0.5 * (gap + above));
-                point.y = point.y.max(from.y - gap + needed);
+            let above = obstacles.distance(from, DVec3::Y, 60.0).unwrap_or(60.0);
+            // The highest under the body counts, less toward its sides, where the body is thinner.
+            for across in [0.0, -0.2, 0.2, -0.4, 0.4, -0.6, 0.6] {
+                let beside = DVec3::X * (across * 0.38 * p.tongue_width_mm);
+                if let Some(gap) = obstacles.distance(from + beside, DVec3::NEG_Y, 40.0) {
+                    let needed = (0.27 * p.tongue_thickness_mm).min(0.5 * (gap + above));
+                    let needed = needed * (1.0 - across * across) - 4.0 * smoothstep(-6.0, -16.0, point.z);
+                    *lift = lift.max(from.y - gap + needed - point.y);
+                }
             }
-            if let Some(inner) = inner {
-                point.y = point.y.max(inner.y - 1.1 * (point.z - inner.z).max(0.0));
-            }
-            inner = Some(*point);
+        }
+        // A smooth rise that is nowhere less than needed: bends that are narrower than the body would fold its underside.
+        const REACH: usize = 7;
+        let window = |values: &[f64], of: &dyn Fn(&[f64]) -> f64| -> Vec<f64> {
+            (0..values.len())
+                .map(|i| of(&values[i.saturating_sub(REACH)..(i + REACH + 1).min(values.len())]))
+                .collect()
+        };
+        lift = window(&lift, &|near| near.iter().copied().fold(0.0, f64::max));
+        lift = window(&lift, &|near| near.iter().sum::<f64>() / near.len() as f64);
+        for (point, lift) in points.iter_mut().zip(lift) {
+            point.y += lift;
         }
         for _ in 0..12 {
             let before = points.clone();
@@ -347,21 +388,76 @@ impl<'a> Tongue<'a> {
                     let offset = Self::offset(&section, across, upward);
                     let length = offset.length();
                     if length < 0.3 {
-                        return 0.0;
+                        return f64::NEG_INFINITY;
                     }
-                    match obstacles.distance(section.centre, offset / length, length + 2.0) {
+                    match obstacles.distance(section.centre, offset / length, length + NEAR_MM) {
                         // Rays that graze keep their distance along the normal, not along the fibre.
-                        Some(hit) => (length - (hit - CLEARANCE_MM * 1.6)).max(0.0).min(0.97 * length),
-                        None => 0.0,
+                        Some(hit) => (length - (hit - CLEARANCE_MM * 1.6)).clamp(0.0, 0.97 * length),
+                        None => f64::NEG_INFINITY,
                     }
                 })
             })
             .collect();
-        self.pressed.values = values;
+        self.near = values.iter().map(|value| *value > f64::NEG_INFINITY).collect();
+        self.pressed.values = values.into_iter().map(|value| value.max(0.0)).collect();
+        self.spread();
+    }
+
+    fn spread(&mut self) {
         let row_step = self.length / CONTACT_ROWS as f64;
         let around = 2.0 * self.parameters.tongue_width_mm / CONTACT_COLUMNS as f64;
         if self.pressed.values.iter().any(|v| *v > 0.0) {
             self.pressed.spread(0.9, row_step, around);
+        }
+    }
+
+    /// Looks between the fibres that [`Self::press`] followed, where something was near: edges and cusps are thinner than
+    /// their distance. Presses the surface in around what they missed.
+    fn press_between(&mut self, obstacles: &Obstacles) {
+        let cell = |row: usize, column: usize| row * CONTACT_COLUMNS + column % CONTACT_COLUMNS;
+        let body = &*self;
+        // What a fibre between others would have to be pressed in, if anything is in its way.
+        let needed = |row: f64, column: f64| -> Option<f64> {
+            let section = body.section(body.place(row / CONTACT_ROWS as f64));
+            let (sine, cosine) = sin_cos(2.0 * PI * column / CONTACT_COLUMNS as f64);
+            let (across, upward) = superellipse(sine, cosine);
+            let offset = Self::offset(&section, across, upward);
+            let length = offset.length();
+            if length < 0.3 {
+                return None;
+            }
+            let pressed = body.pressed.at(row, column);
+            let reach = length - pressed + CLEARANCE_MM;
+            let hit = obstacles.distance(section.centre, offset / length, reach)?;
+            Some((pressed + reach - hit).min(0.97 * length))
+        };
+        // The root is held by the floor of the mouth.
+        let missed: Vec<(usize, f64)> = (0..CONTACT_ROWS * 4 / 5)
+            .into_par_iter()
+            .flat_map_iter(|row| {
+                let mut missed = Vec::new();
+                for column in 0..CONTACT_COLUMNS {
+                    let corners =
+                        [(row, column), (row, column + 1), (row + 1, column), (row + 1, column + 1)]
+                            .map(|(row, column)| cell(row, column));
+                    if !corners.iter().any(|&corner| body.near[corner]) {
+                        continue;
+                    }
+                    for (down, along) in [(0.0, 0.5), (0.5, 0.0), (0.5, 0.5)] {
+                        if let Some(needed) = needed(row as f64 + down, column as f64 + along) {
+                            missed.extend(corners.map(|corner| (corner, needed)));
+                        }
+                    }
+                }
+                missed
+            })
+            .collect();
+        for (corner, needed) in &missed {
+            let value = &mut self.pressed.values[*corner];
+            *value = value.max(*needed);
+        }
+        if !missed.is_empty() {
+            self.spread();
         }
     }
 
@@ -390,7 +486,9 @@ impl<'a> Tongue<'a> {
         } else {
             1.0 - 0.5 * (1.0 - u)
         };
-        let pressed = self.pressed.at(v * CONTACT_ROWS as f64, turn * CONTACT_COLUMNS as f64);
+        // The end of the root lies among what it grows together with.
+        let free = smoothstep(0.97, 0.87, v);
+        let pressed = free * self.pressed.at(v * CONTACT_ROWS as f64, turn * CONTACT_COLUMNS as f64);
         let remaining = if length > 1e-6 { ((length - pressed) / length).max(0.03) } else { 1.0 };
         let mut point = section.centre + offset * remaining;
         if !border {
