@@ -136,7 +136,7 @@ fn mesh_faults(mouth: &Mouth, tolerated: f64) -> Vec<String> {
             faults.push(format!("{name}: normals or texture coordinates are missing"));
             continue;
         }
-        if let Some(normal) = mesh.normals.iter().find(|n| !((n.length() - 1.0).abs() < 1e-4)) {
+        if let Some(normal) = mesh.normals.iter().find(|n| n.is_nan() || (n.length() - 1.0).abs() > 1e-4) {
             faults.push(format!("{name}: normal {normal}"));
         }
         let inside = |uv: &Vec2| uv.cmpge(Vec2::ZERO).all() && uv.cmple(Vec2::ONE).all();
@@ -146,7 +146,7 @@ fn mesh_faults(mouth: &Mouth, tolerated: f64) -> Vec<String> {
         let (mut against, mut flat) = (0, 0);
         for triangle in &mesh.triangles {
             let cross = mesh.triangle_cross(triangle);
-            flat += usize::from(!(cross.length() > 0.0));
+            flat += usize::from(cross.length() <= 0.0);
             let mean: Vec3 = triangle.iter().map(|&v| mesh.normals[v as usize]).sum();
             against += usize::from(cross.dot(mean) <= 0.0);
         }
@@ -248,7 +248,7 @@ fn dimension_faults(mouth: &Mouth, p: &MouthParameters, at_rest: bool) -> Vec<St
     ]
     .into_iter()
     .filter_map(|(name, measured, wanted)| Some((name, measured?, wanted)))
-    .filter(|(_, measured, wanted)| !((measured / wanted - 1.0).abs() < 0.02))
+    .filter(|(_, measured, wanted)| measured.is_nan() || (measured / wanted - 1.0).abs() >= 0.02)
     .map(|(name, measured, wanted)| {
         format!("{name} {measured:.2} mm for {wanted:.2} ({:+.1} %)", 100.0 * (measured / wanted - 1.0))
     })

@@ -671,8 +671,10 @@ fn dorsal_relief(p: &MouthParameters, across: f64, along: f64, v: f64) -> f64 {
         height += scale * (1.0 - front) * bumps(seed ^ 0x15, across / 4.2, along / 4.2, 0.68, 0.95) * 1.1;
     }
     // Vallate papillae stand in front of the sulcus, each in its moat.
-    let vallate = if (0.6..0.78).contains(&v) { -4..=4 } else { 1..=0 };
-    for number in vallate {
+    for number in -4..=4 {
+        if !(0.6..0.78).contains(&v) {
+            break;
+        }
         let place = f64::from(number) * 4.4;
         let v_place = 0.722 - 0.0035 * place.abs();
         let (dx, dy) = (across - place, (v - v_place) * length);
