@@ -42,7 +42,7 @@ static MAPS: Recent<BakedMap> = Recent::new(64);
 /// Digest of everything that a mouth depends on: equal digests, equal bits.
 pub fn mouth_digest(parameters: &MouthParameters) -> [u8; 32] {
     // Debug text of finite numbers is exact: it reads back to the same bits.
-    let text = format!("mouth 2 {parameters:?}");
+    let text = format!("mouth 3 {parameters:?}");
     Sha256::digest(text.as_bytes()).into()
 }
 
@@ -71,24 +71,27 @@ pub struct BakedMap {
     pub values: Vec<f32>,
 }
 
-/// A map of a tissue as an image, fine enough for its papillae or vessels; kept for the next call.
+/// A map of a tissue as an image, fine enough for its papillae or vessels at a level of detail of 1 and coarser below, as
+/// the meshes are; kept for the next call.
 pub fn shared_surface_map(map: SurfaceMap, tissue: Tissue, parameters: &MouthParameters) -> Arc<BakedMap> {
     // Maps depend on sizes and seed alone, not on poses and meshes.
     let shape = MouthParameters {
         seed: parameters.seed,
         tongue_width_mm: parameters.tongue_width_mm,
         tongue_length_mm: parameters.tongue_length_mm,
+        detail: parameters.detail.clamp(0.25, 1.0),
         ..MouthParameters::default()
     };
-    let text = format!("map 1 {map:?} {tissue:?} {shape:?}");
+    let text = format!("map 2 {map:?} {tissue:?} {shape:?}");
     let key: Key = Sha256::digest(text.as_bytes()).into();
     if let Some(baked) = MAPS.get(&key) {
         return baked;
     }
     let (columns, rows) = match tissue {
-        Tissue::TongueDorsum => (448, 640),
-        _ => (256, 256),
+        Tissue::TongueDorsum => (448.0, 640.0),
+        _ => (256.0, 256.0),
     };
+    let [columns, rows] = [columns, rows].map(|side: f64| (side * shape.detail).round() as usize);
     let values = bake_surface_map(map, tissue, parameters, columns, rows);
     let baked = Arc::new(BakedMap { columns, rows, values });
     MAPS.put(key, &baked);

@@ -54,10 +54,10 @@ impl<'a> Sheet<'a> {
             ring(corner + 22.0, m + 27.0, m + 28.0, 2.2, [8.0, 7.5, -17.0]),
             ring(corner + 12.0, m + 17.0, m + 16.0, 2.1, [9.0, 8.0, -11.5]),
             ring(corner + 6.5, m + 10.5, m + 11.0, 1.95, [9.8, 9.0, -10.5]),
-            ring(corner + 1.7, m + 6.6, m + 8.2, 1.82, [10.8, 10.8, -9.5]),
-            ring(corner + 0.8, m + 3.4, m + 4.6, 1.82, [12.3, 13.2, -10.4]),
-            ring(corner + 0.1, m + 0.9, m + 1.2, 1.82, [10.8, 11.6, -11.4]),
-            ring(corner - 0.1, m, m, 1.84, [8.2, 8.8, -13.4]),
+            ring(corner + 2.0, m + 6.0, m + 9.0, 1.84, [10.4, 10.6, -9.6]),
+            ring(corner + 1.0, m + 3.0, m + 5.4, 1.86, [12.2, 13.8, -10.4]),
+            ring(corner + 0.15, m + 0.8, m + 1.4, 1.88, [10.9, 12.0, -11.4]),
+            ring(corner, m, m, 1.9, [8.2, 8.9, -13.4]),
             ring(corner + 0.9, m + 1.6, m + 1.6, 2.1, [5.2, 5.6, -16.0]),
             ring(corner + 3.2, m + 0.55 * (fornix - m), m + 0.55 * (fornix - m), 2.4, [4.6, 4.4, -19.5]),
             ring(widest - 0.5, fornix, fornix - 1.0, 3.2, [1.5, 1.5, -25.0]),
@@ -121,6 +121,8 @@ impl<'a> Sheet<'a> {
             }
         }
         if self.pressed.values.iter().any(|v| *v > 0.0) {
+            // Lips and cheeks bridge from tooth to tooth.
+            self.pressed.bridge(1, 5);
             self.pressed.spread(0.7, 0.9, 1.4);
         }
     }
@@ -131,16 +133,20 @@ impl<'a> Sheet<'a> {
         let (sine, cosine) = sin_cos(2.0 * PI * turn);
         let power = 2.0 / ring.squareness;
         let x = ring.half_width * signed_pow(cosine, power);
-        let mut y = (if sine > 0.0 { ring.top } else { ring.bottom }) * signed_pow(sine, power);
+        let mut y = (if sine > 0.0 { ring.top } else { ring.bottom }) * rounded_pow(sine, power);
         let middle = if sine > 0.0 { ring.z[0] } else { ring.z[1] };
-        // Front rings follow the round of the dental arch, hind rings are flat.
-        let mut z = lerp(ring.z[2], middle, pow(sine.abs(), 1.25));
+        // Front rings follow the round of the dental arch, hind rings are flat; both run round the corner.
+        let mut z = lerp(ring.z[2], middle, 1.0 - pow((1.0 - sine * sine).max(0.0), 1.6));
         if sine > 0.0 {
             match number {
                 // Cupid's bow and the tubercle of the upper lip.
-                4 => y += 1.6 * bell((x.abs() - 5.5) / 3.6) - 1.5 * bell(x / 2.6),
-                5 | 6 => y -= 0.6 * bell(x / 4.5),
-                7 => y -= 0.9 * bell(x / 5.0),
+                4 => y += 1.3 * bell((x.abs() - 5.8) / 4.6) - 1.1 * bell(x / 3.2),
+                5 => {
+                    y -= 0.5 * bell(x / 4.5);
+                    z += 0.5 * bell(x / 4.0);
+                }
+                6 => y -= 0.7 * bell(x / 4.8),
+                7 => y -= 0.9 * bell(x / 5.5),
                 // Groove of the philtrum between its two columns.
                 3 => {
                     y += 1.0 * bell((x.abs() - 5.5) / 3.6) - 0.8 * bell(x / 2.6);
@@ -157,7 +163,7 @@ impl<'a> Sheet<'a> {
                 // Fold under the lower lip, then the chin.
                 2 => z -= 1.2 * bell(x / 18.0),
                 0 | 1 => z += 4.0 * bell(x / 16.0),
-                5 | 6 => z += 0.5 * bell((x.abs() - 7.0) / 5.0),
+                5 | 6 => z += 0.6 * bell((x.abs() - 8.0) / 7.0) - 0.3 * bell(x / 4.0),
                 _ => {}
             }
         }
@@ -167,7 +173,9 @@ impl<'a> Sheet<'a> {
     /// Point of the sheet: `place` counts rings from the face to the throat.
     fn point(&self, knots: &[DVec3], place: f64, turn: f64) -> DVec3 {
         let mut point = spline(knots, place);
-        let pressed = self.pressed.at(place * CONTACT_ROWS_PER_RING as f64, turn * CONTACT_COLUMNS as f64);
+        // Nothing presses on the throat: its back wall closes in one point.
+        let pressed = self.pressed.at(place * CONTACT_ROWS_PER_RING as f64, turn * CONTACT_COLUMNS as f64)
+            * smoothstep(15.0, 12.5, place);
         if pressed > 0.0 {
             point += Self::way_out(place, turn) * pressed;
         }
@@ -188,6 +196,14 @@ impl<'a> Sheet<'a> {
         point -= DVec3::new(cosine, sine, 0.0) * (inside * swell);
         point
     }
+}
+
+/// Like [`signed_pow`], but leaves zero with a finite slope: the corners of the mouth are round, however pointed the
+/// loop is.
+fn rounded_pow(base: f64, exponent: f64) -> f64 {
+    const ROUND: f64 = 0.18;
+    let (square, round) = (base * base, ROUND * ROUND);
+    base * pow((square + round) / (1.0 + round), 0.5 * (exponent - 1.0))
 }
 
 impl Sheet<'_> {

@@ -95,6 +95,30 @@ impl Field {
         }
     }
 
+    /// Raises the values to a smooth field over their largest neighbours within so many rows and columns: the mean, over
+    /// the same window, of the largest values in it is nowhere below the value itself.
+    pub(super) fn bridge(&mut self, rows: usize, columns: usize) {
+        let pass = |values: &[f64], dr: isize, dc: isize, reach: usize, largest: bool| -> Vec<f64> {
+            let reach = reach as isize;
+            (0..self.rows as isize * self.columns as isize)
+                .map(|i| {
+                    let (row, column) = (i / self.columns as isize, i % self.columns as isize);
+                    let (mut most, mut sum, mut count) = (0.0_f64, 0.0, 0.0);
+                    for k in -reach..=reach {
+                        if let Some(other) = self.neighbour(row + k * dr, column + k * dc) {
+                            most = most.max(values[other]);
+                            sum += values[other];
+                            count += 1.0;
+                        }
+                    }
+                    if largest { most } else { sum / count }
+                })
+                .collect()
+        };
+        let largest = pass(&pass(&self.values, 0, 1, columns, true), 1, 0, rows, true);
+        self.values = pass(&pass(&largest, 0, 1, columns, false), 1, 0, rows, false);
+    }
+
     fn neighbour(&self, row: isize, column: isize) -> Option<usize> {
         if row < 0 || row >= self.rows as isize {
             return None;

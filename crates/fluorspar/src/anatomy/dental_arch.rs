@@ -9,6 +9,7 @@ use glam::{DMat3, DVec3};
 use super::math::{PI, curve, pow, sin_cos};
 use super::noise::lattice;
 use super::parameters::MouthParameters;
+use super::teeth::{contact_outward, edge_middle, overlap};
 
 /// Upper or lower jaw.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -96,6 +97,15 @@ impl Tooth {
     pub(super) fn neck_depths(&self) -> (f64, f64) {
         (0.5 * self.depth * 0.92, 0.5 * self.depth * 0.88)
     }
+
+    /// Makes the crown narrower on both sides together; second molars keep the place of their distal contact.
+    fn narrow(&mut self, by_mm: f64) {
+        self.neck_width *= 1.0 - by_mm / self.width;
+        self.width -= by_mm;
+        if self.number % 10 == 7 {
+            self.edge += self.distal * (0.5 * by_mm);
+        }
+    }
 }
 
 /// A dental arch: the curve of contact points and the teeth on it.
@@ -119,12 +129,13 @@ struct StationTables {
     length: Vec<(f64, f64)>,
     outer: Vec<(f64, f64)>,
     inner: Vec<(f64, f64)>,
+    contact: Vec<(f64, f64)>,
 }
 
 /// The arch at one arc length.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Station {
-    /// Point on the curve of contact points, at the height of the biting edges.
+    /// Point on the axes of the crowns, at the height of the biting edges: a little inside of the contact points.
     pub(super) point: DVec3,
     /// Unit vector to the outside, level.
     pub(super) outward: DVec3,
@@ -170,11 +181,21 @@ impl Arch {
                 start += 2.0 * half_room;
             }
         }
+        arch.teeth.sort_by(|a, b| a.middle.total_cmp(&b.middle));
+        arch.part_neighbours();
+        // The edges of the central incisors are the origin: they define the opening.
+        let mut shift = -arch.incisors_edge();
+        shift.x = 0.0;
+        for tooth in &mut arch.teeth {
+            tooth.edge += shift;
+        }
+        for (_, point) in &mut arch.points {
+            point.z += shift.z;
+        }
         // Without wisdom teeth the gums end soon behind the second molars.
         let last =
             arch.teeth.iter().filter(|t| t.present).map(|t| t.middle.abs() + t.half_room).fold(0.0, f64::max);
         arch.end = last.max(half_length + 3.0);
-        arch.teeth.sort_by(|a, b| a.middle.total_cmp(&b.middle));
         let table = |value: &dyn Fn(&Tooth) -> f64| {
             arch.teeth.iter().map(|t| (t.middle, value(t))).collect::<Vec<_>>()
         };
@@ -183,6 +204,7 @@ impl Arch {
             length: table(&|t| t.length),
             outer: table(&|t| t.neck_depths().0),
             inner: table(&|t| t.neck_depths().1),
+            contact: table(&contact_outward),
         };
         arch
     }
@@ -250,7 +272,7 @@ impl Arch {
         // Neighbours that are turned need their corners' room.
         let contact = 1.02 - 0.014 * parameters.tooth_irregularity;
         let width = (size[1] * 1.05 * scale).min(2.0 * half_room * contact);
-        self.teeth.push(Tooth {
+        let mut tooth = Tooth {
             number,
             jaw: self.jaw,
             kind,
@@ -266,7 +288,54 @@ impl Arch {
             distal,
             outward,
             biting,
-        });
+        };
+        // Neighbours touch on the curve.
+        tooth.edge -= outward * contact_outward(&tooth);
+        // Width and depth of the arch are those between the outermost contacts of central incisors and second molars:
+        // whatever their turn and width, these stand on the curve.
+        let contact = match number % 10 {
+            1 => Some((self.frame(0.0).0, -0.5 * width)),
+            7 => Some((self.frame(middle + half_room.copysign(middle)).0, 0.5 * width)),
+            _ => None,
+        };
+        if let Some((on_curve, reach)) = contact {
+            let at = tooth.edge + distal * reach + outward * contact_outward(&tooth);
+            tooth.edge.z += on_curve.z - at.z;
+            if number % 10 == 7 {
+                tooth.edge.x += on_curve.x - at.x;
+            }
+        }
+        self.teeth.push(tooth);
+    }
+
+    /// Makes crowns narrower until no two neighbours stand in each other: turned ones, and those around a bend, touch with
+    /// their corners.
+    fn part_neighbours(&mut self) {
+        const ENOUGH_MM: f64 = 0.02;
+        for _ in 0..12 {
+            let mut parted = true;
+            for i in 1..self.teeth.len() {
+                let (a, b) = (&self.teeth[i - 1], &self.teeth[i]);
+                if !a.present || !b.present {
+                    continue;
+                }
+                let deep = overlap(a, b).max(overlap(b, a));
+                if deep > ENOUGH_MM {
+                    parted = false;
+                    self.teeth[i - 1].narrow(0.5 * deep);
+                    self.teeth[i].narrow(0.5 * deep);
+                }
+            }
+            if parted {
+                break;
+            }
+        }
+    }
+
+    /// Middle between the edges of the central incisors.
+    pub(super) fn incisors_edge(&self) -> DVec3 {
+        let incisors = self.teeth.iter().filter(|t| t.kind == ToothKind::CentralIncisor);
+        incisors.map(edge_middle).sum::<DVec3>() * 0.5
     }
 
     /// Point, direction along the arch (to the patient's left) and direction to the outside at an arc length.
@@ -305,7 +374,7 @@ impl Arch {
         let a2 = across * across;
         let (tilt_sin, tilt_cos) = sin_cos(curve(&self.profile.tilt, arc));
         Station {
-            point,
+            point: point - outward * curve(&self.profile.contact, arc),
             outward,
             lean: tilt_sin / tilt_cos,
             length: curve(&self.profile.length, arc),

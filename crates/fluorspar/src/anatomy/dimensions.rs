@@ -30,19 +30,34 @@ pub struct MouthDimensions {
     pub lip_opening_width_mm: f64,
 }
 
-/// Middle of the part of a crown that is next to its biting edge, m.
-fn edge(mouth: &Mouth, number: u8) -> Option<Vec3> {
-    let mesh = &mouth.part(&format!("tooth_{number}"))?.mesh;
-    let highest = mesh.uvs.iter().map(|uv| uv.y).fold(0.0, f32::max);
-    let mut low = Vec3::INFINITY;
-    let mut high = Vec3::NEG_INFINITY;
-    for (position, uv) in mesh.positions.iter().zip(&mesh.uvs) {
-        if uv.y > highest - 0.01 {
-            low = low.min(*position);
-            high = high.max(*position);
+/// Middle of the places of a mesh at a height of its texture, give or take a little.
+fn ring(mesh: &TriangleMesh, v: f32) -> Option<Vec3> {
+    let (mut sum, mut count) = (Vec3::ZERO, 0.0);
+    for (uv, position) in mesh.uvs.iter().zip(&mesh.positions) {
+        if (uv.y - v).abs() < 0.06 {
+            sum += *position;
+            count += 1.0;
         }
     }
-    Some((low + high) * 0.5)
+    (count > 0.0).then(|| sum / count)
+}
+
+/// Axis of a crown, from its neck to the middle of its biting surface, and that part of it that is next to its biting
+/// edge or at its highest cusps, m: the middle of the places within a tenth of a millimetre of the highest one.
+fn axis_and_edge(mesh: &TriangleMesh) -> Option<(Vec3, Vec3)> {
+    let at_middle = mesh.uvs.iter().position(|uv| uv.y > 0.9999)?;
+    let axis = (mesh.positions[at_middle] - ring(mesh, 0.1)?).normalize();
+    let highest = mesh.positions.iter().map(|p| p.dot(axis)).fold(f32::NEG_INFINITY, f32::max);
+    let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+    for position in mesh.positions.iter().filter(|p| p.dot(axis) > highest - 1e-4) {
+        low = low.min(*position);
+        high = high.max(*position);
+    }
+    Some((axis, (low + high) * 0.5))
+}
+
+fn edge(mouth: &Mouth, number: u8) -> Option<Vec3> {
+    Some(axis_and_edge(&mouth.part(&format!("tooth_{number}"))?.mesh)?.1)
 }
 
 /// Middle between the two edges of a pair of teeth.
@@ -50,43 +65,35 @@ fn middle(mouth: &Mouth, a: u8, b: u8) -> Option<Vec3> {
     Some((edge(mouth, a)? + edge(mouth, b)?) * 0.5)
 }
 
-/// Ends of a crown along the arch: the mesial and the distal contact, and the latter raised to the height of the biting
-/// edge, where the line of contacts is drawn.
-fn contacts(mouth: &Mouth, number: u8) -> Option<[Vec3; 3]> {
+/// Ends of a crown along the arch, mesial and distal, raised to the height of the biting edge, where the line of contacts
+/// is drawn.
+fn contacts(mouth: &Mouth, number: u8) -> Option<[Vec3; 2]> {
     let mesh = &mouth.part(&format!("tooth_{number}"))?.mesh;
     let face = |u: f32| {
-        let near = |uv: &&Vec2| (uv.x - u).abs() < 0.06 && (uv.y - 0.7).abs() < 0.15;
+        let near = |uv: &&Vec2| (uv.x - u).abs() < 0.06 && (uv.y - 0.65).abs() < 0.15;
         let points: Vec<Vec3> =
             mesh.uvs.iter().zip(&mesh.positions).filter(|(uv, _)| near(uv)).map(|(_, p)| *p).collect();
         (!points.is_empty()).then(|| points.iter().sum::<Vec3>() / points.len() as f32)
     };
     let (a, b) = (face(0.25)?, face(0.75)?);
     let along = (b - a).normalize();
-    // The middle of the face, moved out to the end of the crown.
+    let (axis, edge) = axis_and_edge(mesh)?;
+    // The middle of the face, moved out to the end of the crown and up to the edge.
     let end = |middle: Vec3, along: Vec3| {
         let reach = mesh.positions.iter().map(|p| (*p - middle).dot(along)).fold(0.0, f32::max);
-        middle + along * reach
+        let end = middle + along * reach;
+        end + axis * (edge - end).dot(axis)
     };
-    let ring = |height: f32| {
-        let near = |uv: &&Vec2| (uv.y - height).abs() < 0.06;
-        let points: Vec<Vec3> =
-            mesh.uvs.iter().zip(&mesh.positions).filter(|(uv, _)| near(uv)).map(|(_, p)| *p).collect();
-        (!points.is_empty()).then(|| points.iter().sum::<Vec3>() / points.len() as f32)
-    };
-    let edge = edge(mouth, number)?;
-    let axis = (ring(0.62)? - ring(0.2)?).normalize();
-    let raise = |p: Vec3| p + axis * (edge - p).dot(axis);
-    let distal = end(b, along);
-    Some([end(a, -along), distal, raise(distal)])
+    Some([end(a, -along), end(b, along)])
 }
 
 fn arch(mouth: &Mouth, incisors: [u8; 2], molars: [u8; 2]) -> Option<(f64, f64)> {
     let front = (contacts(mouth, incisors[0])?[0] + contacts(mouth, incisors[1])?[0]) * 0.5;
-    let (right, left) = (contacts(mouth, molars[0])?, contacts(mouth, molars[1])?);
-    let behind = (right[1] + left[1]) * 0.5 - front;
+    let (right, left) = (contacts(mouth, molars[0])?[1], contacts(mouth, molars[1])?[1]);
+    let behind = (right + left) * 0.5 - front;
     // The depth is measured along the arch's own plane, which leans with the jaw.
     let depth = (behind.y * behind.y + behind.z * behind.z).sqrt();
-    Some((f64::from((left[2].x - right[2].x).abs()) * 1e3, f64::from(depth) * 1e3))
+    Some((f64::from((left.x - right.x).abs()) * 1e3, f64::from(depth) * 1e3))
 }
 
 fn palate_height(mouth: &Mouth) -> Option<f64> {

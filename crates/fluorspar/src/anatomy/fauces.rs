@@ -2,11 +2,10 @@
 
 use glam::{DVec2, DVec3};
 
-use super::dental_arch::{Arch, JawPose};
-use super::gingiva::end_of_border;
+use super::dental_arch::JawPose;
 use super::math::{PI, bell, curve, lerp, pow, sin_cos, smoothstep};
 use super::noise::{bumps, fractal_noise};
-use super::palate::hard_palate_point;
+use super::palate::{Line, Palate};
 use super::parameters::MouthParameters;
 use super::surface::{Surface, count, linspace, surface_mesh};
 use crate::geometry::TriangleMesh;
@@ -17,23 +16,23 @@ const ARCH_FROM: f64 = 0.62;
 /// The soft palate and what hangs from it, in the frame of the upper jaw.
 pub(super) struct Fauces<'a> {
     parameters: &'a MouthParameters,
-    arch: &'a Arch,
+    palate: &'a Palate<'a>,
     pose: &'a JawPose,
-    /// Arc length of the gums' ends and the middle of the hard palate's hind edge.
-    end: f64,
+    /// Hind edge of the hard palate and its middle.
+    edge: Line,
     crest: DVec3,
 }
 
 impl<'a> Fauces<'a> {
-    pub(super) fn new(parameters: &'a MouthParameters, arch: &'a Arch, pose: &'a JawPose) -> Self {
-        let end = end_of_border(arch);
-        let crest = hard_palate_point(parameters, arch, end, 0.0);
-        Self { parameters, arch, pose, end, crest }
+    pub(super) fn new(parameters: &'a MouthParameters, palate: &'a Palate<'a>, pose: &'a JawPose) -> Self {
+        let edge = palate.hind_line();
+        let crest = palate.point(&edge, 0.0);
+        Self { parameters, palate, pose, edge, crest }
     }
 
     /// Point of the soft palate: `k` 0 at the hard palate, 1 at the free edge, 1.5 behind it.
     fn velum(&self, k: f64, across: f64) -> DVec3 {
-        let edge = hard_palate_point(self.parameters, self.arch, self.end, across);
+        let edge = self.palate.point(&self.edge, across);
         let v = k;
         let k = v.min(1.0);
         let a = across.abs();

@@ -30,7 +30,8 @@ fn profile(arch: &Arch, arc: f64) -> Vec<DVec3> {
     let papilla = pow(across, 2.4);
     let contact = length * lerp(0.35, 0.53, smoothstep(10.0, 22.0, arc.abs()));
     let margin = lerp(length - 0.7, contact, papilla);
-    let inner_margin = lerp(length - 0.9, contact - 0.3, papilla);
+    // On the tongue side papillae are lower.
+    let inner_margin = lerp(length - 0.9, contact + 1.0, papilla);
     // A gap is healed over by a rounded ridge.
     let margin = lerp(length + 1.9, margin, toothed);
     let inner_margin = lerp(length + 1.9, inner_margin, toothed);
@@ -39,7 +40,7 @@ fn profile(arch: &Arch, arc: f64) -> Vec<DVec3> {
     let inner_edge = inner * (1.0 - 0.3 * pow(across, 2.0) * toothed - 0.2 * (1.0 - toothed));
     // Roots bulge under the gum.
     let root = 0.55 * bell(across / 0.55) * toothed;
-    let saddle = lerp(length - 0.4, contact + 0.7, papilla);
+    let saddle = lerp(length - 0.4, contact + 0.9, papilla);
     let saddle = lerp(length + 0.2, saddle, toothed);
     let at =
         |out: f64, g: f64| station.point + station.outward * (out - station.lean * g.max(0.0)) + DVec3::Y * g;

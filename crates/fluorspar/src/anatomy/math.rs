@@ -67,9 +67,9 @@ pub(super) fn signed_pow(base: f64, exponent: f64) -> f64 {
     if base < 0.0 { -pow(-base, exponent) } else { pow(base, exponent) }
 }
 
-/// A bell of unit height: `exp(-x²)`.
+/// A bell of unit height: `exp(-x²)`, and 0 where that is below 1e-16.
 pub(super) fn bell(x: f64) -> f64 {
-    exp(-x * x)
+    if x.abs() > 6.07 { 0.0 } else { exp(-x * x) }
 }
 
 pub(super) fn lerp(a: f64, b: f64, t: f64) -> f64 {

@@ -48,6 +48,7 @@ use crate::geometry::TriangleMesh;
 use clearance::Obstacles;
 use dental_arch::{Arch, Jaw, JawPose, jaw_poses};
 use fauces::Fauces;
+use palate::Palate;
 use tongue::Tongue;
 
 /// What a part consists of, to choose its material.
@@ -168,12 +169,15 @@ pub fn generate_mouth(parameters: &MouthParameters) -> Result<Mouth, ParameterEr
     // What is soft gives way to what is hard, in this order: teeth and bone, cheeks and lips, palate, tongue. Contacts
     // are found on coarse meshes, so that they do not depend on the level of detail.
     let coarse = MouthParameters { detail: 0.5 * parameters.detail.clamp(0.7, 1.0), ..parameters.clone() };
-    let hard = hard_parts(&coarse, arches, poses);
+    let palate = Palate::new(parameters, &upper);
+    let hard = hard_parts(&coarse, &palate, arches, poses);
     let sheet = cavity::Sheet::new(parameters, &Obstacles::new(hard.iter().map(|part| &part.mesh)));
     let mut around = hard;
-    around.extend(fauces_parts(&Fauces::new(&coarse, &upper, &upper_pose)));
+    around.extend(fauces_parts(&Fauces::new(&coarse, &palate, &upper_pose)));
     around.extend(sheet.parts(coarse.detail));
-    let tongue = Tongue::new(parameters, &lower_pose, &Obstacles::new(around.iter().map(|part| &part.mesh)));
+    let around = Obstacles::new(around.iter().map(|part| &part.mesh));
+    let incisors_z = lower_pose.point(lower.incisors_edge()).z;
+    let tongue = Tongue::new(parameters, &lower_pose, incisors_z, &around);
 
     let mut parts: Vec<Part> =
         tongue.back_meshes().into_iter().map(|(name, mesh)| part(name, Tissue::TongueDorsum, mesh)).collect();
@@ -182,9 +186,9 @@ pub fn generate_mouth(parameters: &MouthParameters) -> Result<Mouth, ParameterEr
     parts.push(part("frenulum", Tissue::FloorOfMouth, frenulum));
     let floor = floor::floor_mesh(parameters, &lower, &lower_pose);
     parts.push(part("floor_of_mouth", Tissue::FloorOfMouth, floor));
-    parts.extend(fauces_parts(&Fauces::new(parameters, &upper, &upper_pose)));
+    parts.extend(fauces_parts(&Fauces::new(parameters, &palate, &upper_pose)));
     parts.extend(sheet.parts(parameters.detail));
-    parts.extend(hard_parts(parameters, arches, poses));
+    parts.extend(hard_parts(parameters, &palate, arches, poses));
     surface::smooth_normals(&mut parts);
     Ok(Mouth { parts })
 }
@@ -194,7 +198,12 @@ fn part(name: &str, tissue: Tissue, mesh: TriangleMesh) -> Part {
 }
 
 /// Gums, hard palate and teeth.
-fn hard_parts(p: &MouthParameters, arches: (&Arch, &Arch), poses: (&JawPose, &JawPose)) -> Vec<Part> {
+fn hard_parts(
+    p: &MouthParameters,
+    palate: &Palate<'_>,
+    arches: (&Arch, &Arch),
+    poses: (&JawPose, &JawPose),
+) -> Vec<Part> {
     let gums = [("upper_gingiva", arches.0, poses.0, 0), ("lower_gingiva", arches.1, poses.1, 0x100)];
     let mut parts: Vec<Part> = gums
         .into_iter()
@@ -202,7 +211,7 @@ fn hard_parts(p: &MouthParameters, arches: (&Arch, &Arch), poses: (&JawPose, &Ja
             part(name, Tissue::Gingiva, gingiva::gingiva_mesh(arch, pose, p.seed ^ salt, p.detail))
         })
         .collect();
-    parts.push(part("hard_palate", Tissue::HardPalate, palate::hard_palate_mesh(p, arches.0, poses.0)));
+    parts.push(part("hard_palate", Tissue::HardPalate, palate.mesh(poses.0, p.detail)));
     let mut teeth: Vec<Part> = [(arches.0, poses.0), (arches.1, poses.1)]
         .into_iter()
         .flat_map(|(arch, pose)| {

@@ -48,8 +48,15 @@ pub(super) fn fractal_noise(seed: u32, x: f64, y: f64, octaves: u32) -> f64 {
 pub(super) fn bumps(seed: u32, x: f64, y: f64, radius: f64, density: f64) -> f64 {
     let (column, row) = (x.floor() as i32, y.floor() as i32);
     let mut highest = 0.0_f64;
-    for dy in -1..=1 {
-        for dx in -1..=1 {
+    // Bumps keep off the borders of their cells: those of many neighbours can't reach here.
+    let near = |d: i32, inside: f64| match d {
+        -1 => inside + 0.15 < radius,
+        1 => 1.15 - inside < radius,
+        _ => true,
+    };
+    let (inside_x, inside_y) = (x - f64::from(column), y - f64::from(row));
+    for dy in (-1..=1).filter(|&d| near(d, inside_y)) {
+        for dx in (-1..=1).filter(|&d| near(d, inside_x)) {
             let (cx, cy) = (column + dx, row + dy);
             if lattice(seed, cx, cy, 3) >= density {
                 continue;

@@ -1,11 +1,11 @@
 //! Crowns of the teeth, shaped by kind: outlines that change along the crown, and cusps.
 
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 
 use super::dental_arch::{Jaw, JawPose, Tooth, ToothKind};
-use super::math::{PI, bell, curve, exp, lerp, ln, signed_pow, sin_cos, smoothstep};
+use super::math::{PI, bell, curve, exp, lerp, ln, pow, signed_pow, sin_cos, smoothstep};
 use super::noise::value_noise;
-use super::surface::{count, linspace, surface_mesh};
+use super::surface::{count, surface_mesh};
 use crate::geometry::TriangleMesh;
 
 /// Curve over the height of the crown: 0 at the neck, 1 at the biting edge.
@@ -35,9 +35,9 @@ const FRONT_WIDTH: Table =
 const INCISOR: Form = Form {
     width: FRONT_WIDTH,
     outer: &[(-0.4, 0.7), (0.0, 0.9), (0.22, 1.0), (0.6, 0.82), (0.93, 0.42), (1.0, 0.26)],
-    inner: &[(-0.4, 0.65), (0.0, 0.86), (0.18, 0.92), (0.45, 0.38), (0.75, 0.04), (0.93, -0.04), (1.0, 0.0)],
-    squareness: 2.6,
-    taper: 0.3,
+    inner: &[(-0.4, 0.65), (0.0, 0.86), (0.2, 0.94), (0.45, 0.42), (0.75, 0.06), (0.93, -0.03), (1.0, 0.0)],
+    squareness: 2.8,
+    taper: 0.24,
     skew: 0.0,
     cusps: &[],
     fossa: 0.0,
@@ -136,89 +136,217 @@ fn relief(tooth: &Tooth, form: &Form, m: f64, b: f64) -> f64 {
             slope * ((away * away + 0.015).sqrt() - 0.12)
         }
         _ => {
-            // Soft maximum of rounded cones at the cusps, the marginal ridges and the floor of the fossa.
+            // Soft maximum of pyramids at the cusps, the marginal ridges and the floor of the fossa. The ridges of a
+            // pyramid lead to the middle of the crown and along the rim.
             const SHARPNESS: f64 = 3.2;
             let (half_width, half_depth) = (0.5 * tooth.width, 0.5 * tooth.depth);
             let mut sum = 0.0;
-            let mut highest = 0.0_f64;
-            for cusp in form.cusps {
-                let dx = (m - cusp[0]) * half_width;
-                let dy = (b - cusp[1]) * half_depth;
+            let (mut first, mut second) = (f64::NEG_INFINITY, f64::NEG_INFINITY);
+            for &[cusp_m, cusp_b, below] in form.cusps {
+                let to_middle = DVec2::new(-cusp_m * half_width, -cusp_b * half_depth).normalize();
+                let from = DVec2::new((m - cusp_m) * half_width, (b - cusp_b) * half_depth);
+                let (along, across) = (from.dot(to_middle), from.perp_dot(to_middle));
+                let corner = (along * along * across * across + 0.01).sqrt() - 0.1;
                 // Steeper to the outside than to the fossa.
-                let outside = if dy * cusp[1] > 0.0 { 1.15 } else { 0.78 };
-                let distance = (dx * dx * 0.8 + dy * dy + 0.16).sqrt() - 0.4;
-                sum += exp(SHARPNESS * (-cusp[2] - outside * distance));
-                highest = highest.max(-cusp[2]);
+                let slope = lerp(1.15, 0.74, smoothstep(-0.5, 0.5, along));
+                let distance = (along * along + across * across + 0.9 * corner + 0.16).sqrt() - 0.4;
+                let height = -below - slope * distance;
+                sum += exp(SHARPNESS * height);
+                if height > first {
+                    (first, second) = (height, first);
+                } else {
+                    second = second.max(height);
+                }
             }
-            let ridge = 1.1 * smoothstep(0.45, 0.72, m.abs());
-            let floor = -form.fossa + ridge;
-            sum += exp(SHARPNESS * floor);
-            let groove = 0.22 * bell(b / 0.09) * (1.0 - smoothstep(0.45, 0.65, m.abs()));
-            groove - ln(sum) / SHARPNESS
+            let proximal = m.abs();
+            sum += exp(SHARPNESS * (-form.fossa + 1.25 * smoothstep(0.42, 0.72, proximal)));
+            // Fissures run where the slopes of two cusps meet, and end at the marginal ridges.
+            let fissure = 0.42 * bell((first - second) / 0.3) * (1.0 - smoothstep(0.46, 0.7, proximal));
+            fissure - ln(sum) / SHARPNESS
         }
     }
 }
 
-/// Mesh of one crown with the upper part of its root, in the frame of the mouth.
+/// Texture coordinate of the neck and of the rim of the biting surface; below the neck is root, above the rim the biting
+/// surface with its middle at 1.
+const NECK_V: f64 = 0.03;
+const RIM_V: f64 = 0.9;
+/// How far the edge of a front tooth is rounded, mm.
+const ROUNDING_MM: f64 = 0.22;
+
+/// Middle of the biting edge of a front tooth, in the frame of its jaw.
+pub(super) fn edge_middle(tooth: &Tooth) -> DVec3 {
+    let form = form(tooth);
+    tooth.edge + tooth.outward * (0.5 * tooth.depth * middle_of_rim(form))
+}
+
+/// How far outward of its axis a crown touches its neighbours, mm.
+pub(super) fn contact_outward(tooth: &Tooth) -> f64 {
+    let form = form(tooth);
+    0.25 * tooth.depth * (curve(form.outer, 0.7) - curve(form.inner, 0.7))
+}
+
+/// Place of the middle of the rim outward, in half-depths.
+fn middle_of_rim(form: &Form) -> f64 {
+    0.5 * (curve(form.outer, 1.0) - curve(form.inner, 1.0))
+}
+
+/// How far the ridges beside the lingual fossa of a front tooth stand out, in half-depths.
+fn marginal_ridge(m: f64, height: f64) -> f64 {
+    0.16 * smoothstep(0.4, 0.8, m.abs()) * smoothstep(0.2, 0.42, height) * smoothstep(1.0, 0.85, height)
+}
+
+/// A row of a crown: what all its points share.
+struct Level {
+    height: f64,
+    half_width: f64,
+    outer: f64,
+    inner: f64,
+}
+
+/// A column of a crown: cosine and powers of sine and cosine around it. Column 0 is lingual, a quarter mesial, half buccal, three
+/// quarters distal.
+struct Meridian {
+    cosine: f64,
+    across: f64,
+    outward: f64,
+}
+
+fn level(tooth: &Tooth, form: &Form, height: f64) -> Level {
+    Level {
+        height,
+        half_width: 0.5 * lerp(tooth.neck_width, tooth.width, curve(form.width, height)),
+        outer: curve(form.outer, height),
+        inner: curve(form.inner, height),
+    }
+}
+
+/// Columns of a crown, the first one again at the end: the seam closes exactly.
+fn meridians(form: &Form, around: usize) -> Vec<Meridian> {
+    let power = 2.0 / form.squareness;
+    (0..=around)
+        .map(|i| {
+            let (sine, cosine) = sin_cos(2.0 * PI * (i % around) as f64 / around as f64);
+            Meridian { cosine, across: signed_pow(sine, power), outward: signed_pow(cosine, power) }
+        })
+        .collect()
+}
+
+/// How deep the wall of a crown stands in that of another one, mm: the deepest of its places, each by the shorter of the
+/// ways out along the arch and across it.
+pub(super) fn overlap(tooth: &Tooth, other: &Tooth) -> f64 {
+    let (own_form, form) = (form(tooth), form(other));
+    let columns = meridians(own_form, 32);
+    let n = form.squareness;
+    let mut deepest = 0.0_f64;
+    for step in 0..=10 {
+        let own = level(tooth, own_form, 0.4 + 0.06 * f64::from(step));
+        for column in &columns {
+            let place = section(tooth, own_form, &own, column);
+            let from = tooth.edge - other.edge
+                + tooth.distal * (place.x * 0.5 * tooth.width)
+                + tooth.outward * (place.y * 0.5 * tooth.depth)
+                + tooth.biting * ((own.height - 1.0) * tooth.length);
+            let height = 1.0 + from.dot(other.biting) / other.length;
+            if !(0.0..1.0).contains(&height) {
+                continue;
+            }
+            // The other way round than in `section`.
+            let mut there = level(other, form, height);
+            let b = from.dot(other.outward) / (0.5 * other.depth);
+            if form.cusps.is_empty() {
+                there.inner += marginal_ridge(from.dot(other.distal) / (0.5 * other.width), height);
+            }
+            let half_depth = 0.5 * (there.outer + there.inner);
+            let y = (b - 0.5 * (there.outer - there.inner)) / half_depth;
+            if y.abs() >= 1.0 {
+                continue;
+            }
+            let inside = 0.5 * (1.0 - signed_pow(y, 0.5 * n)) * smoothstep(1.05, 0.6, height);
+            let half_width = there.half_width * (1.0 - form.taper * inside);
+            let skew = form.skew * b * smoothstep(0.0, 0.4, height) * 0.5 * other.width;
+            let x = ((from.dot(other.distal) + skew) / half_width).abs();
+            if x >= 1.0 {
+                continue;
+            }
+            let along = (pow(1.0 - pow(y.abs(), n), 1.0 / n) - x) * half_width;
+            let across = (pow(1.0 - pow(x, n), 1.0 / n) - y.abs()) * half_depth * 0.5 * other.depth;
+            deepest = deepest.max(along.min(across));
+        }
+    }
+    deepest
+}
+
+/// Place of a crown's surface at a level, distally and outward in half-sizes.
+fn section(tooth: &Tooth, form: &Form, level: &Level, meridian: &Meridian) -> DVec2 {
+    let (height, front) = (level.height, form.cusps.is_empty());
+    let b = 0.5 * (level.outer - level.inner) - 0.5 * (level.outer + level.inner) * meridian.outward;
+    let inside = 0.5 * (1.0 + meridian.cosine) * smoothstep(1.05, 0.6, height);
+    let mut m = -level.half_width / (0.5 * tooth.width) * meridian.across * (1.0 - form.taper * inside);
+    m -= form.skew * b * smoothstep(0.0, 0.4, height);
+    if front {
+        // Shallow grooves between the lobes of the outer face; marginal ridges around the fossa of the inner one.
+        let lobes = bell((m - 0.3) / 0.16) + bell((m + 0.3) / 0.16);
+        let face = smoothstep(0.1, 0.6, -meridian.cosine) * smoothstep(0.25, 0.7, height);
+        let ridge = marginal_ridge(m, height) * smoothstep(0.0, 0.25, meridian.cosine);
+        DVec2::new(m, b - 0.02 * lobes * face - ridge)
+    } else if form.cusps.len() > 2 {
+        // The groove between the buccal cusps runs down the face.
+        let face = smoothstep(0.1, 0.6, -meridian.cosine) * smoothstep(0.3, 0.75, height);
+        DVec2::new(m, b - 0.05 * bell((m - 0.02) / 0.14) * face)
+    } else {
+        DVec2::new(m, b)
+    }
+}
+
+/// Mesh of one crown with the upper part of its root, in the frame of the mouth. The texture runs around the crown (u)
+/// and from the root over the rim to the middle of the biting surface (v).
 pub(super) fn tooth_mesh(tooth: &Tooth, pose: &JawPose, seed: u32, detail: f64) -> TriangleMesh {
     let form = form(tooth);
     let front = form.cusps.is_empty();
-    // The wall runs from the root to the rim of the biting surface (v = 1), the cap from there to the middle (v = 2).
+    // The wall runs from the root to the rim, the cap from there to the middle.
     let wall = count(18, detail);
-    let mut v_values: Vec<f64> = (0..=wall)
+    let levels: Vec<Level> = (0..=wall)
         .map(|i| {
             let x = i as f64 / wall as f64;
             // Rows are closer together toward the rim.
-            -0.38 + 1.38 * (1.0 - (1.0 - x) * (1.0 - 0.55 * x))
+            level(tooth, form, -0.38 + 1.38 * (1.0 - (1.0 - x) * (1.0 - 0.55 * x)))
         })
         .collect();
-    let cap = if front { count(4, detail) } else { count(11, detail) };
-    v_values.extend(linspace(1.0, 2.0, cap).into_iter().skip(1));
-    let around = count(if front { 36 } else { 44 }, detail);
-    let u_values = linspace(0.0, 1.0, around);
+    let cap = if front { count(5, detail) } else { count(16, detail) };
+    let around = count(if front { 40 } else { 56 }, detail);
+    let meridians = meridians(form, around);
+    let top_level = level(tooth, form, 1.0);
+    let rounding = if front { ROUNDING_MM } else { 0.0 };
+    let rim: Vec<(DVec2, f64)> = meridians
+        .iter()
+        .map(|meridian| {
+            let place = section(tooth, form, &top_level, meridian);
+            (place, tooth.length - rounding - relief(tooth, form, place.x, place.y))
+        })
+        .collect();
+    let middle = DVec2::new(0.0, middle_of_rim(form));
     let number_seed = seed.wrapping_add(u32::from(tooth.number) * 977);
-    let section = |height: f64, u: f64| {
-        // u = 0 is lingual, 0.25 mesial, 0.5 buccal, 0.75 distal.
-        let (sine, cosine) = sin_cos(2.0 * PI * u);
-        let power = 2.0 / form.squareness;
-        let half_width = 0.5 * lerp(tooth.neck_width, tooth.width, curve(form.width, height));
-        let outer = curve(form.outer, height);
-        let inner = curve(form.inner, height);
-        let b = 0.5 * (outer - inner) - 0.5 * (outer + inner) * signed_pow(cosine, power);
-        let inside = 0.5 * (1.0 + cosine) * smoothstep(1.05, 0.6, height);
-        let mut m = -half_width / (0.5 * tooth.width) * signed_pow(sine, power) * (1.0 - form.taper * inside);
-        m -= form.skew * b * smoothstep(0.0, 0.4, height);
-        // Shallow grooves between the lobes of the outer face.
-        let lobes = if front { 0.02 } else { 0.045 };
-        let groove = if front {
-            bell((m - 0.3) / 0.16) + bell((m + 0.3) / 0.16)
-        } else if form.cusps.len() > 2 {
-            bell((m - 0.02) / 0.16)
-        } else {
-            0.0
-        };
-        let face = smoothstep(0.1, 0.6, -cosine) * smoothstep(0.25, 0.7, height);
-        DVec2::new(m, b - lobes * groove * face)
-    };
     let flip = (tooth.middle < 0.0) != pose.mirrored;
-    surface_mesh(&v_values, &u_values, flip, |v, u| {
-        let texture_u = u;
-        // The seam closes exactly.
-        let u = if u >= 1.0 { 0.0 } else { u };
-        let rim = section(v.min(1.0), u);
-        let (place, height) = if v <= 1.0 {
-            let top = tooth.length - relief(tooth, form, section(1.0, u).x, section(1.0, u).y);
-            (rim, v * top)
+    let rows: Vec<f64> = (0..=wall + cap).map(|i| i as f64).collect();
+    let columns: Vec<f64> = (0..=around).map(|i| i as f64).collect();
+    surface_mesh(&rows, &columns, flip, |row, column| {
+        let (row, column) = (row as usize, column as usize);
+        let (rim_place, rim_height) = rim[column];
+        let (place, height, texture_v) = if let Some(level) = levels.get(row) {
+            let texture_v = if level.height < 0.0 {
+                NECK_V * (1.0 + level.height / 0.38)
+            } else {
+                lerp(NECK_V, RIM_V, level.height)
+            };
+            (section(tooth, form, level, &meridians[column]), level.height * rim_height, texture_v)
         } else {
-            let centre_b = 0.5 * (curve(form.outer, 1.0) - curve(form.inner, 1.0));
-            let place = DVec2::new(0.0, centre_b).lerp(rim, 2.0 - v);
-            let mut height = tooth.length - relief(tooth, form, place.x, place.y);
-            if front {
-                // A rounded edge instead of a flat one.
-                let t = 2.0 - v;
-                height += 0.22 * (1.0 - t * t);
-            }
-            (place, height)
+            let inward = (row - wall) as f64 / cap as f64;
+            let t = 1.0 - inward;
+            let place = middle.lerp(rim_place, t);
+            // The edge of a front tooth is rounded instead of flat.
+            let height = tooth.length - relief(tooth, form, place.x, place.y) - rounding * t * t;
+            (place, height, lerp(RIM_V, 1.0, inward))
         };
         // Enamel is not perfectly even.
         let ripple = 0.03 * value_noise(number_seed, place.x * 4.0 + 9.0, place.y * 4.0 + height * 0.9);
@@ -226,6 +354,6 @@ pub(super) fn tooth_mesh(tooth: &Tooth, pose: &JawPose, seed: u32, detail: f64) 
         let b = place.y * 0.5 * tooth.depth + ripple;
         let point =
             tooth.edge + tooth.distal * m + tooth.outward * b + tooth.biting * (height - tooth.length);
-        (pose.point(point), DVec2::new(texture_u, height / tooth.length))
+        (pose.point(point), DVec2::new(column as f64 / around as f64, texture_v))
     })
 }

@@ -1,4 +1,5 @@
 use glam::{Vec2, Vec3};
+use rayon::prelude::*;
 
 use super::*;
 
@@ -122,32 +123,47 @@ fn crosses([a, b, c]: &[Vec3; 3], origin: Vec3, direction: Vec3) -> bool {
     u >= -1e-5 && v >= -1e-5 && u + v <= 1.0 + 2e-5 && ac.dot(q) / determinant > 0.0
 }
 
-fn check_meshes(mouth: &Mouth, tolerated: f64) {
-    for part in &mouth.parts {
-        let Part { name, mesh, .. } = part;
-        mesh.validate().unwrap();
-        assert_eq!(mesh.normals.len(), mesh.positions.len(), "{name}");
-        assert_eq!(mesh.uvs.len(), mesh.positions.len(), "{name}");
-        for normal in &mesh.normals {
-            assert!((normal.length() - 1.0).abs() < 1e-4, "{name}: normal {normal}");
+/// What is wrong with the meshes of a mouth: attributes, texture coordinates, triangles without area and triangles that
+/// turn against their normals, more than `tolerated` of a part.
+fn mesh_faults(mouth: &Mouth, tolerated: f64) -> Vec<String> {
+    let mut faults = Vec::new();
+    for Part { name, mesh, .. } in &mouth.parts {
+        if let Err(error) = mesh.validate() {
+            faults.push(format!("{name}: {error}"));
+            continue;
         }
-        for uv in &mesh.uvs {
-            assert!(uv.cmpge(Vec2::ZERO).all() && uv.cmple(Vec2::ONE).all(), "{name}: {uv}");
+        if mesh.normals.len() != mesh.positions.len() || mesh.uvs.len() != mesh.positions.len() {
+            faults.push(format!("{name}: normals or texture coordinates are missing"));
+            continue;
         }
-        let mut against = 0;
+        if let Some(normal) = mesh.normals.iter().find(|n| n.is_nan() || (n.length() - 1.0).abs() > 1e-4) {
+            faults.push(format!("{name}: normal {normal}"));
+        }
+        let inside = |uv: &Vec2| uv.cmpge(Vec2::ZERO).all() && uv.cmple(Vec2::ONE).all();
+        if let Some(uv) = mesh.uvs.iter().find(|uv| !inside(uv)) {
+            faults.push(format!("{name}: texture coordinates {uv}"));
+        }
+        let (mut against, mut flat) = (0, 0);
         for triangle in &mesh.triangles {
             let cross = mesh.triangle_cross(triangle);
-            assert!(cross.length() > 0.0, "{name}: a triangle without area");
+            flat += usize::from(cross.length() <= 0.0);
             let mean: Vec3 = triangle.iter().map(|&v| mesh.normals[v as usize]).sum();
             against += usize::from(cross.dot(mean) <= 0.0);
         }
+        if flat > 0 {
+            faults.push(format!("{name}: {flat} triangles without area"));
+        }
         // Only single slivers at folds and steep papillae may disagree; the frenulum has 144 triangles in all.
-        assert!(
-            against as f64 <= (tolerated * mesh.triangles.len() as f64).max(3.0),
-            "{name}: {against} of {}",
-            mesh.triangles.len()
-        );
+        if against as f64 > (tolerated * mesh.triangles.len() as f64).max(3.0) {
+            faults.push(format!("{name}: {against} of {} turn against their normals", mesh.triangles.len()));
+        }
     }
+    faults
+}
+
+fn check_meshes(mouth: &Mouth, tolerated: f64) {
+    let faults = mesh_faults(mouth, tolerated);
+    assert!(faults.is_empty(), "{}", faults.join("\n"));
 }
 
 #[test]
@@ -213,42 +229,46 @@ fn patient_right_and_left_are_where_the_frame_says() {
     assert!(volume > 0.0);
 }
 
-/// Largest relative error of the dimensions measured back, with its name.
-fn worst_dimension(p: &MouthParameters) -> (&'static str, f64) {
-    let d = mouth(p).dimensions();
-    let errors = [
+/// Dimensions measured back that are more than 2 % off, all that the command prints. In poses other than rest the
+/// tongue is pressed and bent: there only what is hard counts, and the lips.
+fn dimension_faults(mouth: &Mouth, p: &MouthParameters, at_rest: bool) -> Vec<String> {
+    let d = mouth.dimensions();
+    let soft = |value: f64| at_rest.then_some(value);
+    [
         ("opening", d.jaw_opening_mm, p.jaw_opening_mm),
         ("upper width", d.upper_arch_width_mm, p.upper_arch_width_mm),
         ("lower width", d.lower_arch_width_mm, p.lower_arch_width_mm),
         ("upper depth", d.upper_arch_depth_mm, p.upper_arch_depth_mm),
         ("lower depth", d.lower_arch_depth_mm, p.lower_arch_depth_mm),
         ("palate", d.palate_height_mm, p.palate_height_mm),
-        ("tongue width", Some(d.tongue_width_mm), p.tongue_width_mm),
-        ("tongue length", Some(d.tongue_length_mm), p.tongue_length_in_pose_mm()),
+        ("tongue width", soft(d.tongue_width_mm), p.tongue_width_mm),
+        ("tongue length", soft(d.tongue_length_mm), p.tongue_length_in_pose_mm()),
+        ("tongue in front", d.tongue_protrusion_mm.and_then(soft), p.tongue_protrusion_mm),
         ("lips", Some(d.lip_opening_width_mm), p.lip_opening_width_mm),
-    ];
-    errors
-        .into_iter()
-        .filter_map(|(name, measured, wanted)| Some((name, (measured? / wanted - 1.0).abs())))
-        .fold(("", 0.0), |worst, next| if next.1 > worst.1 { next } else { worst })
+    ]
+    .into_iter()
+    .filter_map(|(name, measured, wanted)| Some((name, measured?, wanted)))
+    .filter(|(_, measured, wanted)| measured.is_nan() || (measured / wanted - 1.0).abs() >= 0.02)
+    .map(|(name, measured, wanted)| {
+        format!("{name} {measured:.2} mm for {wanted:.2} ({:+.1} %)", 100.0 * (measured / wanted - 1.0))
+    })
+    .collect()
 }
 
 #[test]
 fn measured_dimensions_agree_with_the_parameters() {
-    for p in [MouthParameters::default()].into_iter().chain((1..12).map(sample_person)) {
-        let p = MouthParameters { detail: 0.5, ..p };
-        let (name, error) = worst_dimension(&p);
-        assert!(error < 0.02, "seed {}: {name} is off by {:.2} %", p.seed, 100.0 * error);
-        let protrusion = mouth(&p).dimensions().tongue_protrusion_mm;
-        if let Some(protrusion) = protrusion {
-            assert!((protrusion - p.tongue_protrusion_mm).abs() < 0.8, "seed {}: {protrusion}", p.seed);
+    for p in [MouthParameters::default()].into_iter().chain((1..8).map(sample_person)) {
+        for detail in [0.5, 1.0] {
+            let p = MouthParameters { detail, ..p.clone() };
+            let faults = dimension_faults(&mouth(&p), &p, true);
+            assert!(faults.is_empty(), "seed {}, detail {detail}: {}", p.seed, faults.join(", "));
         }
     }
 }
 
 /// A person in a pose drawn from the whole of the allowed ranges.
 fn random_pose(seed: u32) -> MouthParameters {
-    let mut p = MouthParameters { detail: 0.4, ..sample_person(seed) };
+    let mut p = sample_person(seed);
     let draw = |channel: u32, low: f64, high: f64| low + (high - low) * noise::lattice(seed, 7, 7, channel);
     p.jaw_opening_mm = draw(1, 14.0, 60.0);
     p.tongue_protrusion_mm = draw(2, -10.0, 25.0);
@@ -261,40 +281,50 @@ fn random_pose(seed: u32) -> MouthParameters {
     p
 }
 
-/// What is wrong with a person, in a random pose and at rest.
-fn faults(seed: u32) -> Vec<String> {
-    let p = random_pose(seed);
-    p.validate().unwrap_or_else(|e| panic!("seed {seed}: {e}"));
+/// What is wrong with a person, in a random pose and at rest, at these levels of detail.
+fn faults(seed: u32, [posed_detail, resting_detail]: [f64; 2]) -> Vec<String> {
     let mut faults = Vec::new();
-    if !(BOLTON_RANGE.0..=BOLTON_RANGE.1).contains(&p.bolton_ratio()) {
-        faults.push(format!("seed {seed}: Bolton ratio {}", p.bolton_ratio()));
+    let posed = MouthParameters { detail: posed_detail, ..random_pose(seed) };
+    let resting = MouthParameters { detail: resting_detail, ..sample_person(seed) };
+    if !(BOLTON_RANGE.0..=BOLTON_RANGE.1).contains(&posed.bolton_ratio()) {
+        faults.push(format!("Bolton ratio {}", posed.bolton_ratio()));
     }
-    let mouth = mouth(&p);
-    check_meshes(&mouth, 0.012);
-    faults.extend(mouth.penetrations(0.2, 2).iter().take(1).map(|found| format!("seed {seed}: {found:?}")));
-    let resting = MouthParameters { detail: 0.5, ..sample_person(seed) };
-    let (name, error) = worst_dimension(&resting);
-    if error >= 0.02 {
-        faults.push(format!("seed {seed}: {name} is off by {:.2} %", 100.0 * error));
+    for (pose, p, at_rest) in [("posed", posed, false), ("at rest", resting, true)] {
+        let mouth = match generate_mouth(&p) {
+            Ok(mouth) => mouth,
+            Err(error) => {
+                faults.push(format!("{pose}: {error}"));
+                continue;
+            }
+        };
+        let mut found = mesh_faults(&mouth, 0.012);
+        found.extend(opening_faults(&mouth));
+        found.extend(overlap_faults(&mouth));
+        found.extend(mouth.penetrations(0.2, 1).iter().map(|found| format!("{found:?}")));
+        found.extend(dimension_faults(&mouth, &p, at_rest));
+        if generate_mouth(&p).as_ref() != Ok(&mouth) {
+            found.push("not the same bits again".to_owned());
+        }
+        faults.extend(found.into_iter().map(|fault| format!("{pose}: {fault}")));
     }
-    faults
+    faults.into_iter().map(|fault| format!("seed {seed} {fault}")).collect()
 }
 
-fn check_people(seeds: impl Iterator<Item = u32>) {
-    let found: Vec<String> = seeds.flat_map(faults).collect();
+fn check_people(seeds: std::ops::Range<u32>, details: [f64; 2]) {
+    let found: Vec<String> = seeds.into_par_iter().flat_map_iter(|seed| faults(seed, details)).collect();
     assert!(found.is_empty(), "{} faults\n{}", found.len(), found.join("\n"));
 }
 
 #[test]
 fn random_people_in_random_poses_are_sound_and_nothing_stands_in_anything_else() {
-    check_people(1..13);
+    check_people(1..13, [0.4, 0.5]);
 }
 
-/// The same over five hundred: some minutes.
+/// The same over five hundred, finer: a few minutes of one processor.
 #[test]
-#[ignore = "a minute or two, and does not pass yet: see docs/validation.md"]
+#[ignore = "some minutes, release builds only: see docs/validation.md"]
 fn five_hundred_people_in_random_poses_are_sound() {
-    check_people(1000..1500);
+    check_people(1000..1500, [0.5, 1.0]);
 }
 
 #[test]
@@ -407,87 +437,139 @@ fn the_parts_of_the_sheet_share_their_borders() {
     }
 }
 
-/// Boundary loops of parts welded where their vertices coincide: number of loops, and whether an edge has more than two
-/// triangles.
-fn boundary_loops(parts: &[&Part]) -> (usize, bool) {
-    use std::collections::BTreeMap;
-    type Place = [u32; 3];
-    let mut edges: BTreeMap<(Place, Place), usize> = BTreeMap::new();
+/// Boundary loops of parts welded where their vertices coincide: a place of every loop, mm, whether an edge has more than two
+/// triangles, and whether two neighbours run along their edge the same way, so that one of them faces backward.
+fn boundary_loops(parts: &[&Part]) -> (Vec<Vec3>, bool, bool) {
+    let mut places: Vec<[u32; 3]> = Vec::new();
+    let mut corners: Vec<[u32; 3]> = Vec::new();
     for part in parts {
-        let place = |v: u32| part.mesh.positions[v as usize].to_array().map(|c| (c + 0.0).to_bits());
-        for t in &part.mesh.triangles {
-            for (a, b) in [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])] {
-                let (a, b) = (place(a), place(b));
-                if a != b {
-                    *edges.entry((a.min(b), a.max(b))).or_default() += 1;
-                }
+        let first = places.len() as u32;
+        places.extend(part.mesh.positions.iter().map(|p| p.to_array().map(|c| (c + 0.0).to_bits())));
+        corners.extend(part.mesh.triangles.iter().map(|t| t.map(|v| v + first)));
+    }
+    // Vertices at one place have one number.
+    let mut order: Vec<u32> = (0..places.len() as u32).collect();
+    order.sort_unstable_by_key(|&v| places[v as usize]);
+    let mut number = vec![0_u32; places.len()];
+    for pair in 1..order.len() {
+        let (before, this) = (order[pair - 1] as usize, order[pair] as usize);
+        number[this] = number[before] + u32::from(places[before] != places[this]);
+    }
+    let mut edges: Vec<(u32, u32, bool)> = Vec::with_capacity(3 * corners.len());
+    for t in &corners {
+        let t = t.map(|v| number[v as usize]);
+        for (a, b) in [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])] {
+            if a != b {
+                edges.push((a.min(b), a.max(b), a < b));
             }
         }
     }
-    let mut parent: BTreeMap<Place, Place> = BTreeMap::new();
-    fn root(parent: &BTreeMap<Place, Place>, mut at: Place) -> Place {
-        while parent[&at] != at {
-            at = parent[&at];
+    edges.sort_unstable();
+    let mut parent: Vec<u32> = (0..places.len() as u32).collect();
+    let mut on_rim = vec![false; places.len()];
+    fn root(parent: &[u32], mut at: u32) -> u32 {
+        while parent[at as usize] != at {
+            at = parent[at as usize];
         }
         at
     }
-    for ((a, b), _) in edges.iter().filter(|(_, count)| **count == 1) {
-        parent.entry(*a).or_insert(*a);
-        parent.entry(*b).or_insert(*b);
-        let (a, b) = (root(&parent, *a), root(&parent, *b));
-        parent.insert(a, b);
+    let (mut crowded, mut turned) = (false, false);
+    for edge in edges.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
+        let (a, b, way) = edge[0];
+        match edge {
+            [_] => {
+                on_rim[a as usize] = true;
+                on_rim[b as usize] = true;
+                let (a, b) = (root(&parent, a), root(&parent, b));
+                parent[a as usize] = b;
+            }
+            [_, other] => turned |= other.2 == way,
+            _ => crowded = true,
+        }
     }
-    (parent.iter().filter(|(a, b)| a == b).count(), edges.values().any(|count| *count > 2))
+    let place_of = |v: usize| {
+        let at = number.iter().position(|&n| n as usize == v).unwrap();
+        Vec3::from_array(places[at].map(f32::from_bits)) * 1e3
+    };
+    let loops = (0..places.len()).filter(|&v| on_rim[v] && parent[v] == v as u32).map(place_of).collect();
+    (loops, crowded, turned)
+}
+
+/// Bodies whose surfaces end elsewhere than they say. Face to pharynx end at the rim of the face, the tongue at its
+/// root, crowns and uvula at theirs, tonsils nowhere, every other sheet at its one rim.
+fn opening_faults(mouth: &Mouth) -> Vec<String> {
+    let group = |name: &str| match name {
+        "face" | "upper_lip" | "lower_lip" | "cheek_left" | "cheek_right" | "pharyngeal_wall" => {
+            "face to pharynx"
+        }
+        "soft_palate" | "palatoglossal_arch_left" | "palatoglossal_arch_right" => "curtain of the palate",
+        name if name.starts_with("tongue_") => "tongue",
+        _ => "",
+    };
+    let mut bodies: std::collections::BTreeMap<&str, Vec<&Part>> = std::collections::BTreeMap::new();
+    for part in &mouth.parts {
+        let body = Some(group(&part.name)).filter(|group| !group.is_empty()).unwrap_or(&part.name);
+        bodies.entry(body).or_default().push(part);
+    }
+    bodies
+        .iter()
+        .filter_map(|(name, parts)| {
+            let wanted = usize::from(!name.starts_with("tonsil"));
+            let (loops, crowded, turned) = boundary_loops(parts);
+            (loops.len() != wanted || crowded || turned).then(|| {
+                format!("{name}: rims {loops:.2?} for {wanted}, crowded edges {crowded}, turned neighbours {turned}")
+            })
+        })
+        .collect()
 }
 
 #[test]
 fn surfaces_are_open_only_where_they_say() {
-    let mouth = mouth(&coarse());
-    let of = |tissues: &[Tissue]| -> Vec<&Part> {
-        mouth.parts.iter().filter(|part| tissues.contains(&part.tissue)).collect()
+    assert_eq!(opening_faults(&mouth(&coarse())), Vec::<String>::new());
+    // The checks can fail: a triangle taken away, one turned round, one put twice.
+    let spoilt = |spoil: &dyn Fn(&mut Vec<[u32; 3]>)| {
+        let mut mouth = mouth(&MouthParameters { detail: 0.25, ..coarse() });
+        let tooth = mouth.parts.iter_mut().find(|part| part.name == "tooth_16").unwrap();
+        spoil(&mut tooth.mesh.triangles);
+        opening_faults(&mouth).len()
     };
-    // The sheet ends at the rim of the face only.
-    let sheet = ["face", "upper_lip", "lower_lip", "cheek_left", "cheek_right", "pharyngeal_wall"];
-    let sheet: Vec<&Part> = mouth.parts.iter().filter(|p| sheet.contains(&p.name.as_str())).collect();
-    assert_eq!(boundary_loops(&sheet), (1, false), "face to pharynx");
-    // The tongue ends at its root only.
-    let tongue = of(&[Tissue::TongueDorsum, Tissue::TongueVentral]);
-    assert_eq!(boundary_loops(&tongue), (1, false), "tongue");
-    for tooth in of(&[Tissue::Tooth]) {
-        assert_eq!(boundary_loops(&[tooth]), (1, false), "{}", tooth.name);
+    assert_eq!(spoilt(&|triangles| triangles.truncate(triangles.len() - 9)), 1);
+    assert_eq!(spoilt(&|triangles| triangles[50].swap(1, 2)), 1);
+    assert_eq!(spoilt(&|triangles| triangles.push(triangles[50])), 1);
+}
+
+/// Maps that lie on themselves: the parts of the tongue's back share one map, every other part has its own.
+fn overlap_faults(mouth: &Mouth) -> Vec<String> {
+    let mut maps: Vec<(&str, Vec<&Part>)> = Vec::new();
+    for part in &mouth.parts {
+        match maps.iter_mut().find(|_| part.tissue == Tissue::TongueDorsum) {
+            Some((_, parts)) if parts[0].tissue == Tissue::TongueDorsum => parts.push(part),
+            _ => maps.push((&part.name, vec![part])),
+        }
     }
+    maps.iter()
+        .filter_map(|(name, parts)| {
+            let (mut signed, mut all) = (0.0_f64, 0.0);
+            for part in parts {
+                for triangle in &part.mesh.triangles {
+                    let [a, b, c] = triangle.map(|v| part.mesh.uvs[v as usize].as_dvec2());
+                    let area = 0.5 * (b - a).perp_dot(c - a);
+                    signed += area;
+                    all += area.abs();
+                }
+            }
+            // All turn one way round and cover no more than the unit square: no two lie on each other.
+            let folded = all - signed.abs();
+            (folded > 1e-6 || all > 1.0 + 1e-5)
+                .then(|| format!("{name}: {folded:.2e} of the map is folded, {all:.5} covered"))
+        })
+        .collect()
 }
 
 #[test]
-fn texture_coordinates_of_mucosa_do_not_overlap() {
-    let mouth = mouth(&coarse());
-    for tissue in Tissue::ALL {
-        // Crowns fold over their biting edge: there the map tells only the place around and the height.
-        if tissue == Tissue::Tooth {
-            continue;
-        }
-        // The parts of the tongue's back share one map, every other part has its own.
-        let groups: Vec<Vec<&Part>> = if tissue == Tissue::TongueDorsum {
-            vec![mouth.parts.iter().filter(|part| part.tissue == tissue).collect()]
-        } else {
-            mouth.parts.iter().filter(|part| part.tissue == tissue).map(|part| vec![part]).collect()
-        };
-        for group in groups {
-            let areas: Vec<f32> = group
-                .iter()
-                .flat_map(|part| {
-                    part.mesh.triangles.iter().map(|t| {
-                        let [a, b, c] = t.map(|v| part.mesh.uvs[v as usize]);
-                        0.5 * (b - a).perp_dot(c - a)
-                    })
-                })
-                .collect();
-            // All turn one way round and cover no more than the unit square: no two lie on each other.
-            let (signed, all) = (areas.iter().sum::<f32>().abs(), areas.iter().map(|a| a.abs()).sum::<f32>());
-            assert!(all - signed < 1e-4, "{}: {signed} of {all}", group[0].name);
-            assert!(all < 1.0 + 1e-4, "{}: {all}", group[0].name);
-        }
-    }
+fn texture_coordinates_do_not_overlap() {
+    assert_eq!(overlap_faults(&mouth(&coarse())), Vec::<String>::new());
+    assert_eq!(overlap_faults(&mouth(&MouthParameters::default())), Vec::<String>::new());
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! The tongue: a body swept along its midline, clipped by what it touches, with papillae on its back.
 
 use glam::{DVec2, DVec3};
+use rayon::prelude::*;
 
 use super::clearance::{Field, Obstacles};
 use super::dental_arch::JawPose;
@@ -13,10 +14,12 @@ use crate::geometry::TriangleMesh;
 /// Steps of the table that turns length along the tongue into place on its midline curve.
 const STEPS: usize = 240;
 /// Rows and columns of the grid on which contacts are found.
-const CONTACT_ROWS: usize = 96;
-const CONTACT_COLUMNS: usize = 96;
+const CONTACT_ROWS: usize = 160;
+const CONTACT_COLUMNS: usize = 112;
 /// Distance kept from what the tongue touches, mm.
 const CLEARANCE_MM: f64 = 0.8;
+/// How far around the unpressed body is looked for what it may touch, mm.
+const NEAR_MM: f64 = 2.0;
 
 /// Where the front, the sides and the middle of the tongue's back meet, in its texture coordinates.
 pub(super) const TIP_END: f64 = 0.12;
@@ -35,9 +38,13 @@ pub(super) struct Tongue<'a> {
     places: Vec<(f64, f64)>,
     /// Length along the back of the tongue.
     length: f64,
+    /// Half width, height of the back and of the underside over the midline, at the steps of the table.
+    sizes: Vec<[f64; 3]>,
     /// How far the back and the underside are pressed in, as a share of their distance from the midline: rows along
     /// the tongue, columns around it.
     pressed: Field,
+    /// Where of these something is near the surface.
+    near: Vec<bool>,
 }
 
 /// One place along the tongue: centre, directions and half sizes.
@@ -51,34 +58,142 @@ struct Section {
     under: f64,
 }
 
+/// What the points of a row share.
+struct Row {
+    v: f64,
+    section: Section,
+}
+
+/// What the points of a column share: the angle around a section and the place on the superellipse there.
+struct Column {
+    u: f64,
+    sine: f64,
+    cosine: f64,
+    across: f64,
+    upward: f64,
+    /// Whether it is shared by back and underside.
+    border: bool,
+}
+
+impl Column {
+    fn new(u: f64) -> Self {
+        let (sine, cosine) = sin_cos(PI * (1.0 - u.clamp(0.0, 1.0)));
+        let border = u <= 0.0 || u >= 1.0;
+        let (sine, cosine) = if border { (0.0, cosine.signum()) } else { (sine.max(0.0), cosine) };
+        let (across, upward) = superellipse(sine, cosine);
+        Self { u, sine, cosine, across, upward, border }
+    }
+}
+
+/// Place on the outline of a section across and upward, in half sizes, for an angle: 0 is the patient's left border, a
+/// quarter turn the back.
+fn superellipse(sine: f64, cosine: f64) -> (f64, f64) {
+    (signed_pow(cosine, 2.0 / 2.25), signed_pow(sine, 2.0 / 2.2))
+}
+
+/// Half width, height of the back and of the underside over the midline, mm.
+fn half_sizes(p: &MouthParameters, t: f64) -> [f64; 3] {
+    const BACK: &[(f64, f64)] =
+        &[(0.0, 0.17), (0.1, 0.22), (0.3, 0.34), (0.55, 0.44), (0.75, 0.46), (1.0, 0.4)];
+    const UNDER: &[(f64, f64)] =
+        &[(0.0, 0.15), (0.12, 0.19), (0.24, 0.26), (0.42, 0.56), (0.58, 0.9), (0.75, 0.85), (1.0, 0.6)];
+    let round = p.tongue_thickness_mm * tip(t, 0.16, 2.0);
+    [
+        0.502 * p.tongue_width_mm * curve(WIDTH, t) * tip(t, 0.24, 2.1),
+        curve(BACK, t) * round,
+        curve(UNDER, t) * round,
+    ]
+}
+
 impl<'a> Tongue<'a> {
-    pub(super) fn new(parameters: &'a MouthParameters, pose: &JawPose, obstacles: &Obstacles) -> Self {
-        let path = Self::path(parameters, pose, obstacles);
+    /// `incisors_z` is the place of the lower incisors' edges in the frame of the mouth, mm.
+    pub(super) fn new(
+        parameters: &'a MouthParameters,
+        pose: &JawPose,
+        incisors_z: f64,
+        obstacles: &Obstacles,
+    ) -> Self {
         let pressed = Field {
             rows: CONTACT_ROWS + 1,
             columns: CONTACT_COLUMNS,
             cyclic: true,
             values: vec![0.0; (CONTACT_ROWS + 1) * CONTACT_COLUMNS],
         };
-        let mut tongue = Self { parameters, midline: Vec::new(), places: Vec::new(), length: 0.0, pressed };
-        // Cut the path where the back of the tongue has its length.
+        let sizes = (0..=STEPS).map(|i| half_sizes(parameters, i as f64 / STEPS as f64)).collect();
+        let mut tongue = Self {
+            parameters,
+            midline: Vec::new(),
+            places: Vec::new(),
+            length: 0.0,
+            sizes,
+            pressed,
+            near: Vec::new(),
+        };
+        let mut tip = parameters.tongue_protrusion_mm - 0.2;
         let wanted = parameters.tongue_length_in_pose_mm();
-        let (mut low, mut high) = (0.4, 1.0);
-        for _ in 0..24 {
-            let part = 0.5 * (low + high);
-            tongue.measure(&path, part);
-            if tongue.length < wanted {
-                low = part;
-            } else {
-                high = part;
+        let mut length = wanted;
+        tongue.reach(tip, length, pose, obstacles);
+        // Path and length are mended until the surface, pressed and with its furrows, is as long and reaches as far as
+        // wanted. A raised tip, or one that is held back by what it touches, stays where it is.
+        for _ in 0..3 {
+            let missing = incisors_z + parameters.tongue_protrusion_mm - tongue.foremost();
+            let missing = if parameters.tongue_curl > 0.0 || missing.abs() > 4.0 { 0.0 } else { missing };
+            let longer = tongue.length_of_back() / wanted;
+            if missing.abs() < 0.02 && (longer - 1.0).abs() < 0.004 {
+                break;
             }
+            tip += missing;
+            length /= longer.clamp(0.95, 1.05);
+            tongue.reach(tip, length, pose, obstacles);
         }
-        tongue.press(obstacles);
+        tongue.press_between(obstacles);
         tongue
     }
 
+    /// Builds the body with the tip of its path at this place in front of the lower incisors and with this length along
+    /// the back of the unpressed body, mm.
+    fn reach(&mut self, tip: f64, wanted: f64, pose: &JawPose, obstacles: &Obstacles) {
+        let path = Self::path(self.parameters, tip, pose, obstacles);
+        // Cut the path where the back of the tongue has its length: the secant through the last two cuts.
+        let (mut before, mut part) = (0.6, 0.75);
+        self.measure(&path, before);
+        let mut missing_before = self.length - wanted;
+        for _ in 0..12 {
+            self.measure(&path, part);
+            let missing = self.length - wanted;
+            if missing.abs() < 1e-6 || missing == missing_before {
+                break;
+            }
+            let next = part - missing * (part - before) / (missing - missing_before);
+            (before, missing_before) = (part, missing);
+            part = next.clamp(0.3, 1.0);
+        }
+        self.press(obstacles);
+    }
+
+    /// Length of the midline of the back, without its papillae.
+    fn length_of_back(&self) -> f64 {
+        let middle = Column::new(0.5);
+        let points: Vec<DVec3> =
+            linspace(0.0, 1.0, 32).into_iter().map(|v| self.point(&self.row(v), &middle, 1.0)).collect();
+        lengths(&points)[32]
+    }
+
+    /// Foremost place of the surface, mm in front of the frame's origin.
+    fn foremost(&self) -> f64 {
+        let mut foremost = f64::NEG_INFINITY;
+        let columns: Vec<Column> = linspace(0.1, 0.9, 16).into_iter().map(Column::new).collect();
+        for row in linspace(0.0, 0.06, 12).into_iter().map(|v| self.row(v)) {
+            for column in &columns {
+                foremost =
+                    foremost.max(self.point(&row, column, 1.0).z).max(self.point(&row, column, -1.0).z);
+            }
+        }
+        foremost
+    }
+
     /// Dense points from the tip to a base deeper than needed, in the frame of the mouth.
-    fn path(p: &MouthParameters, pose: &JawPose, obstacles: &Obstacles) -> Vec<DVec3> {
+    fn path(p: &MouthParameters, tip: f64, pose: &JawPose, obstacles: &Obstacles) -> Vec<DVec3> {
         let above = |z: f64, height: f64| pose.point(DVec3::new(0.0, -height, z));
         let half = 0.5 * p.jaw_opening_mm;
         let wide = smoothstep(12.0, 42.0, p.jaw_opening_mm);
@@ -101,7 +216,6 @@ impl<'a> Tongue<'a> {
             let height = if height > 0.0 { height * flat } else { height };
             above(z, height + raised * flat)
         };
-        let tip = p.tongue_protrusion_mm - 0.2;
         // Over the lower lip, then hanging down.
         let over_lip = (3.0 - p.lip_retraction_mm).clamp(0.0, 7.0);
         let out = |z: f64| {
@@ -147,19 +261,35 @@ impl<'a> Tongue<'a> {
             let room = lerp(between, outside, smoothstep(0.0, 12.0, point.z));
             point.x += aside / (1.0 + (aside / room) * (aside / room)).sqrt();
         }
-        // Over the lower lip, wherever it is, but not against the upper one.
-        let mut inner: Option<DVec3> = None;
-        for point in points.iter_mut().rev().filter(|point| point.z > -6.0 && p.tongue_curl < 0.5) {
+        // Over teeth, gum and lip, wherever they are, but not against the upper ones.
+        let mut lift = vec![0.0_f64; points.len()];
+        for (lift, point) in lift.iter_mut().zip(&points).filter(|(_, point)| point.z > -16.0) {
+            if p.tongue_curl >= 0.5 {
+                break;
+            }
             let from = DVec3::new(point.x, (0.15 * half).max(point.y), point.z);
-            if let Some(gap) = obstacles.distance(from, DVec3::NEG_Y, 40.0) {
-                let above = obstacles.distance(from, DVec3::Y, 60.0).unwrap_or(60.0);
-                let needed = (0.27 * p.tongue_thickness_mm).min(0.5 * (gap + above));
-                point.y = point.y.max(from.y - gap + needed);
+            let above = obstacles.distance(from, DVec3::Y, 60.0).unwrap_or(60.0);
+            // The highest under the body counts, less toward its sides, where the body is thinner.
+            for across in [0.0, -0.2, 0.2, -0.4, 0.4, -0.6, 0.6] {
+                let beside = DVec3::X * (across * 0.38 * p.tongue_width_mm);
+                if let Some(gap) = obstacles.distance(from + beside, DVec3::NEG_Y, 40.0) {
+                    let needed = (0.27 * p.tongue_thickness_mm).min(0.5 * (gap + above));
+                    let needed = needed * (1.0 - across * across) - 4.0 * smoothstep(-6.0, -16.0, point.z);
+                    *lift = lift.max(from.y - gap + needed - point.y);
+                }
             }
-            if let Some(inner) = inner {
-                point.y = point.y.max(inner.y - 1.1 * (point.z - inner.z).max(0.0));
-            }
-            inner = Some(*point);
+        }
+        // A smooth rise that is nowhere less than needed: bends that are narrower than the body would fold its underside.
+        const REACH: usize = 7;
+        let window = |values: &[f64], of: &dyn Fn(&[f64]) -> f64| -> Vec<f64> {
+            (0..values.len())
+                .map(|i| of(&values[i.saturating_sub(REACH)..(i + REACH + 1).min(values.len())]))
+                .collect()
+        };
+        lift = window(&lift, &|near| near.iter().copied().fold(0.0, f64::max));
+        lift = window(&lift, &|near| near.iter().sum::<f64>() / near.len() as f64);
+        for (point, lift) in points.iter_mut().zip(lift) {
+            point.y += lift;
         }
         for _ in 0..12 {
             let before = points.clone();
@@ -208,8 +338,8 @@ impl<'a> Tongue<'a> {
         self.midline = (0..=STEPS).map(|i| at_length(path, &sums, whole * i as f64 / STEPS as f64)).collect();
         let back: Vec<DVec3> = (0..=STEPS)
             .map(|i| {
-                let section = self.section(i as f64 / STEPS as f64);
-                section.centre + section.up * section.back
+                let (centre, _, up) = self.frame(i as f64 / STEPS as f64);
+                centre + up * self.sizes[i][1]
             })
             .collect();
         let sums = lengths(&back);
@@ -218,7 +348,8 @@ impl<'a> Tongue<'a> {
             sums.iter().enumerate().map(|(i, s)| (s / self.length, i as f64 / STEPS as f64)).collect();
     }
 
-    fn section(&self, t: f64) -> Section {
+    /// Point of the midline, and the directions to the patient's left and to the back of the tongue.
+    fn frame(&self, t: f64) -> (DVec3, DVec3, DVec3) {
         let at = |t: f64| {
             let x = t.clamp(0.0, 1.0) * STEPS as f64;
             let i = (x.floor() as usize).min(STEPS - 1);
@@ -226,59 +357,107 @@ impl<'a> Tongue<'a> {
         };
         let along = (at(t + 0.05) - at(t - 0.05)).normalize();
         let side = (DVec3::X - along * along.x).normalize();
-        let up = side.cross(along);
-        const BACK: &[(f64, f64)] =
-            &[(0.0, 0.17), (0.1, 0.22), (0.3, 0.34), (0.55, 0.44), (0.75, 0.46), (1.0, 0.4)];
-        const UNDER: &[(f64, f64)] =
-            &[(0.0, 0.15), (0.12, 0.19), (0.24, 0.26), (0.42, 0.56), (0.58, 0.9), (0.75, 0.85), (1.0, 0.6)];
-        let thickness = self.parameters.tongue_thickness_mm;
-        let round = tip(t, 0.16, 2.0);
-        Section {
-            centre: at(t),
-            side,
-            up,
-            half_width: 0.502 * self.parameters.tongue_width_mm * curve(WIDTH, t) * tip(t, 0.24, 2.1),
-            back: thickness * curve(BACK, t) * round,
-            under: thickness * curve(UNDER, t) * round,
-        }
+        (at(t), side, side.cross(along))
     }
 
-    /// Offset from the middle of a section at an angle: 0 is the patient's left border, a quarter turn the back.
-    fn offset(section: &Section, sine: f64, cosine: f64) -> DVec3 {
-        let height = if sine > 0.0 { section.back } else { section.under };
-        let x = section.half_width * signed_pow(cosine, 2.0 / 2.25);
-        let y = height * signed_pow(sine, 2.0 / 2.2);
-        section.side * x + section.up * y
+    fn section(&self, t: f64) -> Section {
+        let (centre, side, up) = self.frame(t);
+        let [half_width, back, under] = half_sizes(self.parameters, t);
+        Section { centre, side, up, half_width, back, under }
+    }
+
+    /// Offset of the surface from the middle of a section, from what [`superellipse`] says of its angle.
+    fn offset(section: &Section, across: f64, upward: f64) -> DVec3 {
+        let height = if upward > 0.0 { section.back } else { section.under };
+        section.side * (section.half_width * across) + section.up * (height * upward)
     }
 
     /// Finds how far every fibre from the midline to the surface can reach.
     fn press(&mut self, obstacles: &Obstacles) {
-        let mut values = Vec::with_capacity((CONTACT_ROWS + 1) * CONTACT_COLUMNS);
-        for row in 0..=CONTACT_ROWS {
-            let t = self.place(row as f64 / CONTACT_ROWS as f64);
-            let section = self.section(t);
-            for column in 0..CONTACT_COLUMNS {
+        let around: Vec<(f64, f64)> = (0..CONTACT_COLUMNS)
+            .map(|column| {
                 let (sine, cosine) = sin_cos(2.0 * PI * column as f64 / CONTACT_COLUMNS as f64);
-                let offset = Self::offset(&section, sine, cosine);
-                let length = offset.length();
-                let need = if length < 0.3 {
-                    0.0
-                } else {
-                    let direction = offset / length;
-                    match obstacles.distance(section.centre, direction, length + 2.0) {
-                        // Rays that graze keep their distance along the normal, not along the fibre.
-                        Some(hit) => (length - (hit - CLEARANCE_MM * 1.6)).max(0.0).min(0.97 * length),
-                        None => 0.0,
+                superellipse(sine, cosine)
+            })
+            .collect();
+        let values: Vec<f64> = (0..=CONTACT_ROWS)
+            .into_par_iter()
+            .flat_map_iter(|row| {
+                let section = self.section(self.place(row as f64 / CONTACT_ROWS as f64));
+                around.iter().map(move |&(across, upward)| {
+                    let offset = Self::offset(&section, across, upward);
+                    let length = offset.length();
+                    if length < 0.3 {
+                        return f64::NEG_INFINITY;
                     }
-                };
-                values.push(need);
-            }
-        }
-        self.pressed.values = values;
+                    match obstacles.distance(section.centre, offset / length, length + NEAR_MM) {
+                        // Rays that graze keep their distance along the normal, not along the fibre.
+                        Some(hit) => (length - (hit - CLEARANCE_MM * 1.6)).clamp(0.0, 0.97 * length),
+                        None => f64::NEG_INFINITY,
+                    }
+                })
+            })
+            .collect();
+        self.near = values.iter().map(|value| *value > f64::NEG_INFINITY).collect();
+        self.pressed.values = values.into_iter().map(|value| value.max(0.0)).collect();
+        self.spread();
+    }
+
+    fn spread(&mut self) {
         let row_step = self.length / CONTACT_ROWS as f64;
         let around = 2.0 * self.parameters.tongue_width_mm / CONTACT_COLUMNS as f64;
         if self.pressed.values.iter().any(|v| *v > 0.0) {
             self.pressed.spread(0.9, row_step, around);
+        }
+    }
+
+    /// Looks between the fibres that [`Self::press`] followed, where something was near: edges and cusps are thinner than
+    /// their distance. Presses the surface in around what they missed.
+    fn press_between(&mut self, obstacles: &Obstacles) {
+        let cell = |row: usize, column: usize| row * CONTACT_COLUMNS + column % CONTACT_COLUMNS;
+        let body = &*self;
+        // What a fibre between others would have to be pressed in, if anything is in its way.
+        let needed = |row: f64, column: f64| -> Option<f64> {
+            let section = body.section(body.place(row / CONTACT_ROWS as f64));
+            let (sine, cosine) = sin_cos(2.0 * PI * column / CONTACT_COLUMNS as f64);
+            let (across, upward) = superellipse(sine, cosine);
+            let offset = Self::offset(&section, across, upward);
+            let length = offset.length();
+            if length < 0.3 {
+                return None;
+            }
+            let pressed = body.pressed.at(row, column);
+            let reach = length - pressed + CLEARANCE_MM;
+            let hit = obstacles.distance(section.centre, offset / length, reach)?;
+            Some((pressed + reach - hit).min(0.97 * length))
+        };
+        // The root is held by the floor of the mouth.
+        let missed: Vec<(usize, f64)> = (0..CONTACT_ROWS * 4 / 5)
+            .into_par_iter()
+            .flat_map_iter(|row| {
+                let mut missed = Vec::new();
+                for column in 0..CONTACT_COLUMNS {
+                    let corners =
+                        [(row, column), (row, column + 1), (row + 1, column), (row + 1, column + 1)]
+                            .map(|(row, column)| cell(row, column));
+                    if !corners.iter().any(|&corner| body.near[corner]) {
+                        continue;
+                    }
+                    for (down, along) in [(0.0, 0.5), (0.5, 0.0), (0.5, 0.5)] {
+                        if let Some(needed) = needed(row as f64 + down, column as f64 + along) {
+                            missed.extend(corners.map(|corner| (corner, needed)));
+                        }
+                    }
+                }
+                missed
+            })
+            .collect();
+        for (corner, needed) in &missed {
+            let value = &mut self.pressed.values[*corner];
+            *value = value.max(*needed);
+        }
+        if !missed.is_empty() {
+            self.spread();
         }
     }
 
@@ -289,40 +468,45 @@ impl<'a> Tongue<'a> {
         lerp(t0, t1, ((v - v0) / (v1 - v0)).clamp(0.0, 1.0))
     }
 
+    fn row(&self, v: f64) -> Row {
+        Row { v, section: self.section(self.place(v)) }
+    }
+
     /// A point of the back (`side` 1) or the underside (-1), in the frame of the mouth.
-    fn point(&self, v: f64, u: f64, side: f64) -> DVec3 {
-        let t = self.place(v);
-        let section = self.section(t);
-        let (sine, cosine) = sin_cos(PI * (1.0 - u.clamp(0.0, 1.0)));
-        // The border belongs to both sides and must be the same to the last bit.
-        let border = u <= 0.0 || u >= 1.0;
-        let sine = if border { 0.0 } else { sine.max(0.0) };
-        let cosine = if border { cosine.signum() } else { cosine };
-        let offset = Self::offset(&section, side * sine, cosine);
+    fn point(&self, row: &Row, column: &Column, side: f64) -> DVec3 {
+        let (v, section) = (row.v, &row.section);
+        let &Column { u, sine, cosine, across, upward, border } = column;
+        let offset = Self::offset(section, across, side * upward);
         let length = offset.length();
-        let angle = if side > 0.0 { 0.5 * (1.0 - u) } else { 1.0 - 0.5 * (1.0 - u) };
-        let column = angle.clamp(0.0, 1.0) * CONTACT_COLUMNS as f64;
-        let row = v * CONTACT_ROWS as f64;
-        let pressed = if border {
-            self.pressed.at(row, if cosine > 0.0 { 0.0 } else { 0.5 * CONTACT_COLUMNS as f64 })
+        // The border belongs to both sides and must be the same to the last bit.
+        let turn = if border {
+            if cosine > 0.0 { 0.0 } else { 0.5 }
+        } else if side > 0.0 {
+            0.5 * (1.0 - u)
         } else {
-            self.pressed.at(row, column)
+            1.0 - 0.5 * (1.0 - u)
         };
+        // The end of the root lies among what it grows together with.
+        let free = smoothstep(0.97, 0.87, v);
+        let pressed = free * self.pressed.at(v * CONTACT_ROWS as f64, turn * CONTACT_COLUMNS as f64);
         let remaining = if length > 1e-6 { ((length - pressed) / length).max(0.03) } else { 1.0 };
         let mut point = section.centre + offset * remaining;
         if !border {
-            let outward = (section.side * (cosine / (section.half_width + 0.1))
-                + section.up * (side * sine / (section.back + 0.1)))
-                .normalize();
             // Where the tongue is pressed against something it is smooth.
             let window = smoothstep(0.0, 0.035, v) * smoothstep(0.02, 0.3, sine) * bell(pressed / 0.8);
-            let (across, along) = lengths_at(self.parameters, u, v);
-            let relief = if side > 0.0 {
-                dorsal_relief(self.parameters, across, along, v)
-            } else {
-                ventral_relief(self.parameters, section.half_width * cosine, along, v)
-            };
-            point += outward * (relief * window);
+            if window > 1e-6 {
+                let outward = (section.side * (cosine / (section.half_width + 0.1))
+                    + section.up * (side * sine / (section.back + 0.1)))
+                    .normalize();
+                let relief = if side > 0.0 {
+                    let (across, along) = lengths_at(self.parameters, u, v);
+                    dorsal_relief(self.parameters, across, along, v)
+                } else {
+                    let along = self.parameters.tongue_length_mm * v;
+                    ventral_relief(self.parameters, section.half_width * cosine, along, v)
+                };
+                point += outward * (relief * window);
+            }
         }
         point
     }
@@ -354,7 +538,7 @@ impl<'a> Tongue<'a> {
         );
         u_values.extend(linspace(1.0 - LATERAL_END, 1.0, side).into_iter().skip(1));
         let v_values = self.rows();
-        let surface = Surface::new(&v_values, &u_values, |v, u| (self.point(v, u, 1.0), DVec2::new(u, v)));
+        let surface = self.surface(&v_values, &u_values, 1.0);
         let row = v_values.partition_point(|v| *v < TIP_END);
         let (left, right) = (u_values.len() - 1 - side, side);
         let (rows, columns) = (v_values.len() - 1, u_values.len() - 1);
@@ -369,29 +553,45 @@ impl<'a> Tongue<'a> {
     /// The underside, with the same texture coordinates on the shared border.
     pub(super) fn ventral_mesh(&self) -> TriangleMesh {
         let u_values = linspace(0.0, 1.0, 2 * count(40, self.parameters.detail));
-        surface_mesh(&self.rows(), &u_values, false, |v, u| (self.point(v, u, -1.0), DVec2::new(u, v)))
+        let v_values = self.rows();
+        let (rows, columns) = (v_values.len() - 1, u_values.len() - 1);
+        self.surface(&v_values, &u_values, -1.0).mesh(0..rows, 0..columns, false)
     }
 
-    /// The frenulum: a fold from the underside down to the floor of the mouth.
+    fn surface(&self, v_values: &[f64], u_values: &[f64], side: f64) -> Surface {
+        let rows: Vec<Row> = v_values.iter().map(|&v| self.row(v)).collect();
+        let columns: Vec<Column> = u_values.iter().map(|&u| Column::new(u)).collect();
+        let numbers = |n: usize| (0..n).map(|i| i as f64).collect::<Vec<_>>();
+        Surface::new(&numbers(rows.len()), &numbers(columns.len()), |row, column| {
+            let (row, column) = (&rows[row as usize], &columns[column as usize]);
+            (self.point(row, column, side), DVec2::new(column.u, row.v))
+        })
+    }
+
+    /// The frenulum: a fold from the underside down to the floor of the mouth, with a hollow free edge.
     pub(super) fn frenulum_mesh(&self, floor: DVec3) -> TriangleMesh {
         let detail = self.parameters.detail;
-        let top = self.point(0.2, 0.5, -1.0);
-        let deep_top = self.point(0.42, 0.5, -1.0);
+        let under = |v: f64| self.point(&self.row(v), &Column::new(0.5), -1.0);
+        let (top, deep_top) = (under(0.17), under(0.42));
         let deep_floor = floor + DVec3::new(0.0, 1.0, -12.0);
-        let middle = (top + floor) * 0.5;
-        let back = ((deep_top + deep_floor) * 0.5 - middle).normalize_or_zero();
-        let bow = back * (0.24 * top.distance(floor));
+        // Where the tongue lies on the floor the fold is short, but not nothing.
+        let down = (floor - top).normalize();
+        let height = top.distance(floor).max(4.0);
+        // Across its edge, backward: from there to where it is rooted.
+        let rooted = (deep_top - top) + (deep_floor - floor);
+        let back = (rooted - down * rooted.dot(down)).normalize();
+        let side = down.cross(back);
+        let depths = [deep_top - top, deep_floor - floor].map(|way| way.dot(back).max(4.0));
         let v_values = linspace(0.0, 1.0, count(30, detail));
         let u_values = linspace(0.0, 1.0, count(16, detail));
         surface_mesh(&v_values, &u_values, false, |v, u| {
-            let edge = top.lerp(floor, v) + bow * (4.0 * v * (1.0 - v));
-            let deep = deep_top.lerp(deep_floor, v);
+            let hollow = 4.0 * v * (1.0 - v);
+            let edge = top + down * (height * v) + back * (0.16 * height * hollow);
             let w = 2.0 * u - 1.0;
-            let flare = 0.5 + 1.6 * (2.0 * v - 1.0) * (2.0 * v - 1.0);
-            let depth = w * w;
+            let (depth, flare) = (w * w, 0.5 + 1.6 * (1.0 - hollow));
             let (sine, _) = sin_cos(0.5 * PI * w);
-            let x = sine * (0.55 + flare * depth);
-            (edge.lerp(deep, depth) + DVec3::X * x, DVec2::new(u, v))
+            let beside = sine * (0.6 + flare * depth);
+            (edge + back * (lerp(depths[0], depths[1], v) * depth) + side * beside, DVec2::new(u, v))
         })
     }
 }
@@ -462,12 +662,19 @@ fn dorsal_relief(p: &MouthParameters, across: f64, along: f64, v: f64) -> f64 {
     height -= 0.6 * bell((v - sulcus_place(across)) / 0.008);
     // Papillae finer than the mesh are left out.
     let resolved = smoothstep(0.35, 1.0, p.detail);
-    let hairs = resolved * filiform(seed, across, along) * 0.2;
-    let mushrooms = resolved.sqrt() * smoothstep(0.0, 0.6, fungiform(seed, across, along, v)) * 0.32;
-    let tonsil = bumps(seed ^ 0x15, across / 4.2, along / 4.2, 0.68, 0.95) * 1.1;
-    height += scale * (front * hairs.max(mushrooms) + (1.0 - front) * tonsil);
+    if front > 0.0 && resolved > 0.0 {
+        let hairs = resolved * filiform(seed, across, along) * 0.2;
+        let mushrooms = resolved.sqrt() * smoothstep(0.0, 0.6, fungiform(seed, across, along, v)) * 0.32;
+        height += scale * front * hairs.max(mushrooms);
+    }
+    if front < 1.0 {
+        height += scale * (1.0 - front) * bumps(seed ^ 0x15, across / 4.2, along / 4.2, 0.68, 0.95) * 1.1;
+    }
     // Vallate papillae stand in front of the sulcus, each in its moat.
     for number in -4..=4 {
+        if !(0.6..0.78).contains(&v) {
+            break;
+        }
         let place = f64::from(number) * 4.4;
         let v_place = 0.722 - 0.0035 * place.abs();
         let (dx, dy) = (across - place, (v - v_place) * length);
