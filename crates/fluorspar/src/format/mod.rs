@@ -44,6 +44,7 @@ mod ply;
 mod png;
 mod provenance;
 mod raw;
+mod spooled_image;
 mod stl;
 mod tiff_directory;
 
@@ -58,7 +59,7 @@ pub use exr::{
     write_spectral_exr,
 };
 pub use file::write_atomically;
-pub use film::{read_film, write_film};
+pub use film::{read_film, read_film_rows, write_film};
 pub use gltf::{read_gltf, read_gltf_instances, write_gltf};
 pub use lens::{AbbeGlass, LensFile, LensFileError, LensFileSurface, PublishedLens, read_lens};
 pub use mat::{IsetFluorophore, MatSpectra, read_iset_fluorophore, read_mat_spectra};
@@ -71,4 +72,5 @@ pub use ply::{read_ply, write_ply};
 pub use png::{TextureImage, Transfer, read_texture_png, write_rgb_png};
 pub use provenance::{Loaded, Provenance};
 pub use raw::{read_sensor_image, write_sensor_png, write_sensor_tiff};
+pub use spooled_image::SpooledImage;
 pub use stl::read_stl;

@@ -15,7 +15,7 @@ use super::camera_sample::PixelSampler;
 use super::compiled_scene::{CompiledScene, Target};
 use crate::image::EXCITATION_MARK;
 use crate::image::film::{
-    BlockSign, FilmScale, TileMut, block_end, block_start, film_bytes, is_block_boundary,
+    BlockSign, FilmScale, TILE, TileMut, block_end, block_start, film_bytes, is_block_boundary,
 };
 use crate::image::{
     Component, ComponentImage, FeatureMaps, Film, FilmLayout, Light, SpectralImage, Statistics,
@@ -145,7 +145,7 @@ pub enum RenderError {
     #[error(
         "the component images need {needed_gib:.1} GiB ({components} components of {width} x {height} pixels and \
          {bands} bands), more than the limit of {limit_gib:.1} GiB. Render fewer pixels, bands, light groups or \
-         fluorophores, or raise the limit"
+         fluorophores, raise render.memory_limit_gib, or use `fluorspar render`, which goes through such images in bands of rows"
     )]
     TooLarge {
         /// Memory needed, GiB.
@@ -180,6 +180,20 @@ pub fn memory_bytes(scene: &Scene, settings: &RenderSettings) -> u64 {
             Statistics::Components => components,
         };
     film_bytes(scene.camera.width, scene.camera.height, scene.grid.len(), planes)
+}
+
+/// Memory of what belongs to the whole picture when it is rendered some rows at a time, bytes: feature maps, materials and
+/// numbers of samples of all pixels.
+pub fn whole_image_bytes(scene: &Scene) -> u64 {
+    const PER_PIXEL: u64 = 4 + 12 + 2 + 8 + 2 + 4;
+    PER_PIXEL * scene.camera.width as u64 * scene.camera.height as u64
+}
+
+/// Memory of the film of one row of tiles, bytes.
+pub fn tile_row_bytes(scene: &Scene, settings: &RenderSettings) -> u64 {
+    let height = scene.camera.height.max(1);
+    let rows = height.div_ceil(TILE.min(height)) as u64;
+    memory_bytes(scene, settings) / rows
 }
 
 /// Renders radiance, every component apart.
@@ -217,6 +231,8 @@ pub enum Share {
         /// How many there are.
         count: u32,
     },
+    /// Tiles by number, row by row.
+    TileRange(Range<usize>),
     /// One of `count` runs of samples of every tile, about equally long, cut between blocks.
     Samples {
         /// Which share.
@@ -229,7 +245,7 @@ pub enum Share {
 impl Share {
     /// Samples of each pixel, of `all` samples.
     pub fn samples(&self, all: u32) -> Range<u32> {
-        let Self::Samples { index, count } = *self else { return 0..all };
+        let &Self::Samples { index, count } = self else { return 0..all };
         // Aim at equal lengths, then go back to the start of the block.
         let cut = |part: u32| match part {
             part if part >= count => all,
@@ -239,14 +255,15 @@ impl Share {
     }
 
     fn holds(&self, tile: usize) -> bool {
-        match *self {
-            Self::Tiles { index, count } => tile as u64 % u64::from(count) == u64::from(index),
+        match self {
+            Self::Tiles { index, count } => tile as u64 % u64::from(*count) == u64::from(*index),
+            Self::TileRange(tiles) => tiles.contains(&tile),
             _ => true,
         }
     }
 
     fn check(&self, settings: &RenderSettings) -> Result<(), RenderError> {
-        let (Self::Tiles { index, count } | Self::Samples { index, count }) = *self else { return Ok(()) };
+        let &(Self::Tiles { index, count } | Self::Samples { index, count }) = self else { return Ok(()) };
         let refuse =
             |field, value: u32, message| Err(RenderError::Setting { field, value: value.into(), message });
         if index >= count {
@@ -292,13 +309,32 @@ impl<'a> FilmRenderer<'a> {
     /// # Errors
     /// As [`render`].
     pub fn new(scene: &'a Scene, settings: &'a RenderSettings) -> Result<Self, RenderError> {
+        check_memory(scene, settings)?;
+        Ok(Self { compiled: prepare(scene, settings)?, settings })
+    }
+
+    /// Checks and prepares a scene for films of some rows at a time ([`Film::of_tile_rows`]); whether those fit into the
+    /// memory limit is for the caller to see to.
+    ///
+    /// # Errors
+    /// As [`render`], but for images larger than the memory limit.
+    pub fn for_rows(scene: &'a Scene, settings: &'a RenderSettings) -> Result<Self, RenderError> {
         Ok(Self { compiled: prepare(scene, settings)?, settings })
     }
 
     /// An empty film.
     pub fn new_film(&self) -> Film {
-        let digest = scene_digest(self.compiled.scene, self.settings);
-        Film::new(layout(&self.compiled, self.settings, digest), feature_maps(&self.compiled))
+        Film::new(self.layout(), self.features())
+    }
+
+    /// What films are made for. Takes a moment: pilot samples find the quanta.
+    pub fn layout(&self) -> FilmLayout {
+        layout(&self.compiled, self.settings, scene_digest(self.compiled.scene, self.settings))
+    }
+
+    /// Geometry behind each pixel.
+    pub fn features(&self) -> FeatureMaps {
+        feature_maps(&self.compiled)
     }
 
     /// Memory that the surfaces take, with the trees through which rays find them, bytes.
@@ -399,6 +435,10 @@ fn prepare<'a>(scene: &'a Scene, settings: &RenderSettings) -> Result<CompiledSc
     if let Some(target) = &settings.error_target {
         target.check(scene.grid.len(), scene.light_groups.len())?;
     }
+    Ok(CompiledScene::new(scene, &settings.excitation_edges_nm)?)
+}
+
+fn check_memory(scene: &Scene, settings: &RenderSettings) -> Result<(), RenderError> {
     let needed = memory_bytes(scene, settings);
     if needed > settings.memory_limit_bytes {
         let gib = |bytes: u64| bytes as f64 / f64::from(1 << 30);
@@ -411,7 +451,7 @@ fn prepare<'a>(scene: &'a Scene, settings: &RenderSettings) -> Result<CompiledSc
             bands: scene.grid.len(),
         });
     }
-    Ok(CompiledScene::new(scene, &settings.excitation_edges_nm)?)
+    Ok(())
 }
 
 /// Plain sums of some samples of a few pixels: what one worker reuses from pixel to pixel.

@@ -34,5 +34,5 @@ pub use fluorescence_operator::FluorescenceOperator;
 pub(crate) use fluorescence_operator::direct_exitance;
 pub use integrator::{
     Estimator, FilmRenderer, FilmWatch, RenderControl, RenderError, RenderProgress, RenderSettings, Share,
-    memory_bytes, render, scene_digest,
+    memory_bytes, render, scene_digest, tile_row_bytes, whole_image_bytes,
 };

@@ -122,8 +122,8 @@ fn object(
             if section.displacement.is_none()
                 && let Some(shared) = read_shared_meshes(context, &field("mesh"), file, unit_mm)?
             {
-                let textured = Textured { file: section, at, materials };
-                return placed_objects(context, &textured, material, shared, &transform, emission.as_ref());
+                let source = PlacedObject { section, at, materials };
+                return placed_objects(context, &source, material, shared, &transform, emission.as_ref());
             }
             read_mesh(context, &field("mesh"), file, unit_mm)?
         };
@@ -133,8 +133,8 @@ fn object(
             }
             let instances = vec![MeshInstance { mesh: 0, to_world: Affine3::IDENTITY }];
             let once = MeshInstances { meshes: vec![Arc::new(mesh)], instances };
-            let textured = Textured { file: section, at, materials };
-            return placed_objects(context, &textured, material, once, &transform, emission.as_ref());
+            let source = PlacedObject { section, at, materials };
+            return placed_objects(context, &source, material, once, &transform, emission.as_ref());
         }
         mesh.transform(&transform);
         if let Some(displacement) = &section.displacement {
@@ -167,8 +167,8 @@ fn check_textures(
 }
 
 /// A section of an object with the materials that it may name.
-struct Textured<'a> {
-    file: &'a ObjectSection,
+struct PlacedObject<'a> {
+    section: &'a ObjectSection,
     at: &'a [Step],
     materials: &'a [Material],
 }
@@ -186,15 +186,15 @@ const MOST_INSTANCES: usize = 100_000_000;
 /// Meshes at all the places that a section gives, one object for each part. The meshes are shared.
 fn placed_objects(
     context: &mut Context<'_>,
-    section: &Textured<'_>,
+    source: &PlacedObject<'_>,
     material: usize,
     shared: MeshInstances,
     transform: &Affine3A,
     emission: Option<&SurfaceEmission>,
 ) -> Resolved<Vec<Object>> {
-    let at = section.at;
+    let at = source.at;
     let field = |key: &str| [at, &steps![key]].concat();
-    let parts = parts(context, section, material, transform)?;
+    let parts = parts(context, source, material, transform)?;
     let places: usize = parts.iter().map(|part| part.places.len()).sum();
     let instances = places.saturating_mul(shared.instances.len());
     if instances > MOST_INSTANCES {
@@ -204,7 +204,7 @@ fn placed_objects(
     let mut objects = Vec::with_capacity(parts.len());
     for part in parts {
         for mesh in &shared.meshes {
-            check_textures(context, &field("mesh"), mesh, part.material, section.materials)?;
+            check_textures(context, &field("mesh"), mesh, part.material, source.materials)?;
         }
         let mut instances = Vec::with_capacity(part.places.len() * shared.instances.len());
         for place in &part.places {
@@ -230,16 +230,16 @@ fn placed_objects(
 /// The places of a section, by part.
 fn parts(
     context: &mut Context<'_>,
-    section: &Textured<'_>,
+    source: &PlacedObject<'_>,
     material: usize,
     transform: &Affine3A,
 ) -> Resolved<Vec<Part>> {
-    let Textured { file, at, materials } = *section;
+    let PlacedObject { section, at, materials } = *source;
     let whole = Affine3 { matrix3: transform.matrix3.into(), translation: transform.translation.into() };
     let mut parts: Vec<Part> = Vec::new();
-    for (index, instance) in file.instance.iter().enumerate() {
+    for (index, instance) in section.instance.iter().enumerate() {
         let at = [at, &steps!["instance", index]].concat();
-        let name = instance.part.as_ref().unwrap_or(&file.name);
+        let name = instance.part.as_ref().unwrap_or(&section.name);
         let material = match &instance.material {
             Some(name) => material_index(context, &[&at[..], &steps!["material"]].concat(), name, materials)?,
             None => material,
@@ -257,7 +257,7 @@ fn parts(
             None => parts.push(Part { name: name.clone(), material, places: vec![place] }),
         }
     }
-    if let Some(list) = &file.instance_file {
+    if let Some(list) = &section.instance_file {
         let at = [at, &steps!["instance_file"]].concat();
         context.note_input(&at, list)?;
         let places = read_placements(list.as_ref(), 1e-3).map_err(|error| context.file_error(&at, &error))?;
@@ -268,17 +268,17 @@ fn parts(
             return context.fail(&at, message);
         }
         let places = places.into_iter().map(|place| whole * place);
-        match parts.iter_mut().find(|part| part.name == file.name) {
+        match parts.iter_mut().find(|part| part.name == section.name) {
             Some(part) if part.material == material => part.places.extend(places),
             Some(_) => {
                 let message = "an instance of the object's own name has another material; give it a `part`";
                 return context.fail(&at, message);
             }
-            None => parts.push(Part { name: file.name.clone(), material, places: places.collect() }),
+            None => parts.push(Part { name: section.name.clone(), material, places: places.collect() }),
         }
     }
     if parts.is_empty() {
-        parts.push(Part { name: file.name.clone(), material, places: vec![whole] });
+        parts.push(Part { name: section.name.clone(), material, places: vec![whole] });
     }
     Ok(parts)
 }
