@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Makes what an intraoral scanner would: one mesh of some parts, in millimetres, in a frame of its own.
+"""Makes what an intraoral scanner would: one mesh of some parts, in millimetres (glTF: metres), in a frame of its own.
 
     scanner_frame.py MOUTH.obj OUT.stl|.ply|.obj|.gltf PART... [--chip TOOTH]
 
@@ -7,9 +7,9 @@ PART may end in `*`. The biting edges of the upper teeth are turned up (+z) and 
 corner off a tooth, so that the scan can be told from the mouth it was made of. Needs Python only.
 """
 
-import base64
 import fnmatch
 import json
+import os
 import struct
 import sys
 
@@ -131,10 +131,12 @@ def write(target, points, coordinates, triangles):
             "buffers": [
                 {
                     "byteLength": sum(map(len, buffers)),
-                    "uri": "data:application/octet-stream;base64," + base64.b64encode(b"".join(buffers)).decode(),
+                    "uri": os.path.basename(target) + ".bin",
                 }
             ],
         }
+        with open(target + ".bin", "wb") as file:
+            file.write(b"".join(buffers))
         with open(target, "w") as file:
             json.dump(document, file)
     else:
