@@ -19,6 +19,9 @@ const STEP_NM: f64 = 1.0;
 /// # Errors
 /// A file that cannot be written, or a feature that has no counterpart ([`io::ErrorKind::Unsupported`]).
 pub fn export(scene: &Scene, folder: &Path) -> io::Result<()> {
+    if scene.camera.lens.is_some() {
+        return Err(unsupported("traced lenses"));
+    }
     fs::create_dir_all(folder)?;
     let mut objects = Vec::new();
     for object in &scene.objects {

@@ -5,6 +5,7 @@
 //! | [`BenchmarkScene::CornellBox`] | 32 triangles, one ceiling lamp, matte |
 //! | [`BenchmarkScene::ClosedCavity`] | 230 thousand triangles, checkered and glossy, 16 teeth, two lamps of 5 mm |
 //! | [`BenchmarkScene::MatteCavity`] | the same without gloss, which every renderer models alike |
+//! | [`BenchmarkScene::CavityThroughLens`] | the closed cavity through the 3.5 mm lens of the catalogue, traced |
 //! | [`BenchmarkScene::Mouth`] | the parametric mouth with its default parameters, seen from outside |
 //!
 //! Scenes are generated, from the same few formulas every time; nothing is read from files.

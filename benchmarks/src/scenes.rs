@@ -8,7 +8,8 @@ use fluorspar::anatomy::{MouthParameters, Tissue, generate_mouth};
 use fluorspar::geometry::TriangleMesh;
 use fluorspar::light::{Emitter, Light, LightGroup};
 use fluorspar::material::{Coat, FluorophoreAmount, Material, ReflectanceTerm, ScalarTexture};
-use fluorspar::optics::PerspectiveCamera;
+use fluorspar::optics::{CameraLens, LensSetting, LensState, PerspectiveCamera};
+use fluorspar::preset;
 use fluorspar::scene::{Object, Scene, Shape};
 use fluorspar::spectral::{Curve, Fluorophore, PhotonEem, SeparableTerm, Stokes, WavelengthGrid};
 use glam::Vec3;
@@ -24,6 +25,9 @@ pub enum BenchmarkScene {
     ClosedCavity,
     /// [`BenchmarkScene::ClosedCavity`] without gloss.
     MatteCavity,
+    /// [`BenchmarkScene::ClosedCavity`] seen through a traced lens prescription: the wide lens of 3.5 mm in the catalogue,
+    /// in two groups of bands.
+    CavityThroughLens,
     /// The parametric mouth from 10 cm, with two lamps beside the camera.
     Mouth,
 }
@@ -41,7 +45,8 @@ pub struct SceneOptions {
 
 impl BenchmarkScene {
     /// All scenes.
-    pub const ALL: [Self; 4] = [Self::CornellBox, Self::ClosedCavity, Self::MatteCavity, Self::Mouth];
+    pub const ALL: [Self; 5] =
+        [Self::CornellBox, Self::ClosedCavity, Self::MatteCavity, Self::CavityThroughLens, Self::Mouth];
 
     /// Its name on the command line.
     pub fn name(self) -> &'static str {
@@ -49,6 +54,7 @@ impl BenchmarkScene {
             Self::CornellBox => "cornell_box",
             Self::ClosedCavity => "closed_cavity",
             Self::MatteCavity => "matte_cavity",
+            Self::CavityThroughLens => "cavity_through_lens",
             Self::Mouth => "mouth",
         }
     }
@@ -59,6 +65,7 @@ impl BenchmarkScene {
             Self::CornellBox => cornell_box(options),
             Self::ClosedCavity => closed_cavity(options, true),
             Self::MatteCavity => closed_cavity(options, false),
+            Self::CavityThroughLens => cavity_through_lens(options),
             Self::Mouth => mouth(options),
         }
     }
@@ -235,6 +242,22 @@ fn closed_cavity(options: &SceneOptions, gloss: bool) -> Scene {
     scene
 }
 
+/// Wide enough to see the cavity as the pinhole does, focused on the teeth in front.
+fn cavity_through_lens(options: &SceneOptions) -> Scene {
+    const FILM_MM: f64 = 3.6;
+    const FOCUS_MM: f64 = 45.0;
+    const BAND_GROUPS: usize = 2;
+    let mut scene = closed_cavity(options, true);
+    #[allow(clippy::expect_used, reason = "the lens ships with the library and focuses at this distance")]
+    let state = {
+        let lens = preset::lens("wide_3_5mm").expect("the lens is in the catalogue").lens;
+        let setting = LensSetting { object_distance_mm: Some(FOCUS_MM), ..LensSetting::default() };
+        LensState::new(&lens, setting).expect("the lens can be focused")
+    };
+    scene.camera.lens = Some(Arc::new(CameraLens::new(state, FILM_MM, FILM_MM, &options.grid, BAND_GROUPS)));
+    scene
+}
+
 fn mouth(options: &SceneOptions) -> Scene {
     let mut scene = empty(options, Vec3::new(0.0, 0.0, 0.10), Vec3::ZERO, 40.0);
     #[allow(clippy::expect_used, reason = "the default parameters are valid")]
@@ -268,16 +291,28 @@ fn mouth(options: &SceneOptions) -> Scene {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::atomic::AtomicBool;
+
+    use fluorspar::render::{RenderControl, RenderSettings, render};
+
     use super::*;
 
     #[test]
     fn every_scene_is_physical_and_has_the_stated_size() {
-        for (fluorophores, scene) in [0, 2, 5].into_iter().zip(BenchmarkScene::ALL.into_iter().cycle()) {
+        for (fluorophores, scene) in [0, 2, 5].into_iter().cycle().zip(BenchmarkScene::ALL) {
             let grid = WavelengthGrid::default();
             let built = scene.build(&SceneOptions { grid, fluorophores, side: 8 });
             assert!(built.check().is_ok(), "{}: {:?}", scene.name(), built.check());
         }
         let options = SceneOptions { grid: WavelengthGrid::default(), fluorophores: 5, side: 8 };
+        // Light comes through the lens, to the corners of the film.
+        let through_lens = BenchmarkScene::CavityThroughLens.build(&options);
+        let settings = RenderSettings { samples_per_pixel: 64, ..RenderSettings::default() };
+        let stop = AtomicBool::new(false);
+        let image =
+            render(&through_lens, &settings, &RenderControl { stop: &stop, progress: &|_| {} }).unwrap();
+        let sum = image.recombine(|_| 1.0);
+        assert!((0..64).all(|i| sum.pixel(i / 8, i % 8).iter().sum::<f32>() > 0.0));
         let cavity = BenchmarkScene::ClosedCavity.build(&options);
         let triangles: usize = cavity
             .objects

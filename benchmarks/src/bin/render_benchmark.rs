@@ -39,9 +39,10 @@ struct Arguments {
 
 fn parse() -> Result<Arguments, Box<dyn Error>> {
     let mut words = std::env::args().skip(1);
-    let name = words.next().ok_or("name a scene: cornell_box, closed_cavity, matte_cavity or mouth")?;
+    let names = BenchmarkScene::ALL.map(BenchmarkScene::name).join(", ");
+    let name = words.next().ok_or_else(|| format!("name a scene: {names}"))?;
     let scene = BenchmarkScene::ALL.into_iter().find(|s| s.name() == name);
-    let scene = scene.ok_or_else(|| format!("there is no scene '{name}'"))?;
+    let scene = scene.ok_or_else(|| format!("there is no scene '{name}'; there are {names}"))?;
     let (mut bands, mut fluorophores, mut side) = (31_usize, 0, 128);
     let (mut samples, mut depth, mut runs, mut seed, mut threads) = (64, 8, 4, 1, 1);
     let (mut images, mut export) = (None, None);
