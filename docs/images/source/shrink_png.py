@@ -1,0 +1,66 @@
+#!/usr/bin/env python3
+"""Makes a noisy PNG smaller: rounds its 8-bit colours to STEPS levels per channel and compresses it again.
+
+    shrink_png.py FILE.png STEPS
+
+The noise of the picture hides the steps. Reads 8-bit RGB as Fluorspar writes it. Needs Python only.
+"""
+
+import struct
+import sys
+import zlib
+
+
+def read_rgb(path):
+    data = open(path, "rb").read()
+    at, packed, width, height = 8, b"", 0, 0
+    while at < len(data):
+        (length,) = struct.unpack(">I", data[at : at + 4])
+        kind, content = data[at + 4 : at + 8], data[at + 8 : at + 8 + length]
+        at += 12 + length
+        if kind == b"IHDR":
+            width, height, depth, colour = struct.unpack(">IIBB", content[:10])
+            if (depth, colour) != (8, 2):
+                sys.exit(f"{path}: not 8-bit RGB")
+        elif kind == b"IDAT":
+            packed += content
+    raw, row_length = zlib.decompress(packed), 3 * width
+    rows, above = [], bytearray(row_length)
+    for y in range(height):
+        kind = raw[y * (row_length + 1)]
+        row = bytearray(raw[y * (row_length + 1) + 1 : (y + 1) * (row_length + 1)])
+        for x in range(row_length):
+            left = row[x - 3] if x >= 3 else 0
+            up, corner = above[x], above[x - 3] if x >= 3 else 0
+            if kind == 1:
+                guess = left
+            elif kind == 2:
+                guess = up
+            elif kind == 3:
+                guess = (left + up) // 2
+            elif kind == 4:
+                estimate = left + up - corner
+                guess = min((left, up, corner), key=lambda value: abs(estimate - value))
+            else:
+                guess = 0
+            row[x] = (row[x] + guess) & 255
+        rows.append(row)
+        above = row
+    return width, height, rows
+
+
+def main():
+    path, steps = sys.argv[1], int(sys.argv[2])
+    width, height, rows = read_rgb(path)
+    level = [round(round(value * (steps - 1) / 255) * 255 / (steps - 1)) for value in range(256)]
+    raw = b"".join(b"\0" + bytes(level[value] for value in row) for row in rows)
+
+    def chunk(kind, data):
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+    with open(path, "wb") as file:
+        file.write(b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)))
+        file.write(chunk(b"IDAT", zlib.compress(raw, 9)) + chunk(b"IEND", b""))
+
+
+main()
