@@ -4,7 +4,9 @@
 //! `[--images FOLDER] [--export FOLDER]`
 //!
 //! Bands: 31 (395-705 nm by 10), 69 (365-705 by 5), or N bins of 5 nm centred from 350 nm on. Times are net of
-//! set-up: those of N samples less those of one sample, per path of the difference. `--images` writes the picture of
+//! set-up: those of N samples less those of one sample, per path of the difference. From two runs on, the relative
+//! variance of the pixels of each component, all bands added, is printed as well, mean over pixels, and its product with
+//! the CPU seconds: the cost of a component, which does not depend on the number of samples. `--images` writes the picture of
 //! each run, all components added, as raw little-endian f32 `[row][col][band]`; `--export` writes the scene for other
 //! renderers and renders nothing.
 
@@ -16,11 +18,12 @@ use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
+use fluorspar::image::{Component, ComponentImage};
 use fluorspar::render::{RenderControl, RenderSettings, render};
 use fluorspar::scene::Scene;
 use fluorspar::spectral::WavelengthGrid;
 use fluorspar_benchmarks::{BenchmarkScene, SceneOptions, export};
-use serde_json::json;
+use serde_json::{Value, json};
 
 struct Arguments {
     scene: BenchmarkScene,
@@ -88,13 +91,13 @@ fn peak_mib() -> f64 {
     line.and_then(|l| l.split_whitespace().next()?.parse::<f64>().ok()).unwrap_or(0.0) / 1024.0
 }
 
-/// CPU seconds and wall seconds of one render, and its picture.
+/// CPU seconds and wall seconds of one render, and its images.
 fn measure(
     scene: &Scene,
     arguments: &Arguments,
     samples: u32,
     seed: u64,
-) -> Result<(f64, f64, Vec<f32>), Box<dyn Error>> {
+) -> Result<(f64, f64, ComponentImage), Box<dyn Error>> {
     let settings = RenderSettings {
         samples_per_pixel: samples,
         max_depth: arguments.depth,
@@ -107,7 +110,48 @@ fn measure(
     let before = cpu_seconds(wall);
     let image = render(scene, &settings, &control)?;
     let times = (cpu_seconds(wall) - before, wall.elapsed().as_secs_f64());
-    Ok((times.0, times.1, image.recombine(|_| 1.0).data().to_vec()))
+    Ok((times.0, times.1, image))
+}
+
+/// Sums over runs, for the relative variance of the pixels of each component.
+#[derive(Default)]
+struct Scatter {
+    runs: f64,
+    labels: Vec<String>,
+    /// `[component][pixel]`: sum and sum of squares.
+    sums: Vec<(f64, f64)>,
+}
+
+impl Scatter {
+    fn add(&mut self, image: &ComponentImage) {
+        self.runs += 1.0;
+        self.labels = image.components.iter().map(Component::label).collect();
+        let bands = image.grid.len();
+        let pixels = (0..self.labels.len()).flat_map(|component| image.component(component).chunks(bands));
+        let values: Vec<f64> = pixels.map(|pixel| pixel.iter().map(|&v| f64::from(v)).sum()).collect();
+        self.sums.resize(values.len(), (0.0, 0.0));
+        for ((sum, squares), value) in self.sums.iter_mut().zip(values) {
+            *sum += value;
+            *squares += value * value;
+        }
+    }
+
+    /// Variance of a pixel in one run over the square of its mean, mean over the pixels that are lit.
+    fn relative_variance(&self) -> Vec<(&str, f64)> {
+        let of_pixel = |&(sum, squares): &(f64, f64)| {
+            let mean = sum / self.runs;
+            (squares / self.runs - mean * mean) * self.runs / (self.runs - 1.0) / (mean * mean)
+        };
+        let pixels = self.sums.len() / self.labels.len();
+        self.labels
+            .iter()
+            .zip(self.sums.chunks(pixels))
+            .map(|(label, sums)| {
+                let lit: Vec<f64> = sums.iter().filter(|(sum, _)| *sum > 0.0).map(of_pixel).collect();
+                (label.as_str(), lit.iter().sum::<f64>() / lit.len().max(1) as f64)
+            })
+            .collect()
+    }
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -118,6 +162,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         return Ok(export::export(&scene, folder)?);
     }
     let (mut cpu, mut wall, mut setup) = (Vec::new(), Vec::new(), Vec::new());
+    let mut scatter = Scatter::default();
     for run in 0..arguments.runs {
         let (base_cpu, base_wall, _) = measure(&scene, &arguments, 1, arguments.seed + 1_000_000 + run)?;
         let (run_cpu, run_wall, image) =
@@ -126,9 +171,11 @@ fn main() -> Result<(), Box<dyn Error>> {
         cpu.push((run_cpu - base_cpu) * whole);
         wall.push((run_wall - base_wall) * whole);
         setup.push(base_cpu);
+        scatter.add(&image);
         if let Some(folder) = &arguments.images {
             fs::create_dir_all(folder)?;
-            let bytes: Vec<u8> = image.into_iter().flat_map(f32::to_le_bytes).collect();
+            let picture = image.recombine(|_| 1.0);
+            let bytes: Vec<u8> = picture.data().iter().copied().flat_map(f32::to_le_bytes).collect();
             fs::write(folder.join(format!("{run}.f32")), bytes)?;
         }
     }
@@ -138,15 +185,19 @@ fn main() -> Result<(), Box<dyn Error>> {
     };
     let paths = f64::from(arguments.samples) * (arguments.options.side * arguments.options.side) as f64;
     let (cpu, wall) = (median(&mut cpu), median(&mut wall));
-    println!(
-        "{}",
-        json!({
+    let mut report = json!({
             "scene": arguments.scene.name(), "bands": arguments.options.grid.len(),
             "fluorophores": arguments.options.fluorophores, "samples": arguments.samples,
             "side": arguments.options.side, "threads": arguments.threads,
             "cpu_s": cpu, "wall_s": wall, "setup_cpu_s": median(&mut setup),
             "us_per_path": 1e6 * cpu / paths, "peak_mib": peak_mib(),
-        })
-    );
+    });
+    if arguments.runs > 1 {
+        let variances = scatter.relative_variance();
+        let map = |factor: f64| variances.iter().map(|(l, v)| ((*l).into(), json!(v * factor))).collect();
+        report["relative_variance"] = Value::Object(map(1.0));
+        report["cost"] = Value::Object(map(cpu));
+    }
+    println!("{report}");
     Ok(())
 }

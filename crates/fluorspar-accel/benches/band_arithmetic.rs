@@ -25,14 +25,15 @@ fn bump(bands: usize, centre: f32, width: f32) -> Vec<f32> {
     (0..bands).map(|band| (-((nm(band) - centre) / width).powi(2)).exp()).collect()
 }
 
-struct Elastic<'a>(&'a [BandBlock], &'a [BandBlock], &'a mut [BandBlock]);
+struct Elastic<'a>(&'a [BandBlock], &'a [BandBlock], &'a mut [BandBlock], &'a mut [BandBlock]);
 
 impl Work for Elastic<'_> {
     type Output = ();
 
     #[inline(always)]
     fn run<L: Lanes>(self, lanes: L) {
-        bands::reflect(lanes, 0.7, self.0, 0.05, self.2);
+        bands::reflection_factor(lanes, 0.7, self.0, 0.05, self.3);
+        bands::multiply(lanes, self.3, self.2);
         bands::add_reflected(lanes, 0.2, self.0, 0.05, self.1, self.2);
     }
 }
@@ -43,7 +44,10 @@ fn elastic_vertex(bencher: Bencher, (kernel, bands): (Kernel, usize)) {
     let Some(simd) = Simd::of(kernel) else { return };
     let (r, lamp) = (bands::to_blocks(&vector(bands, 0.0)), bands::to_blocks(&vector(bands, 1.0)));
     let mut v = bands::to_blocks(&vector(bands, 2.0));
-    bencher.bench_local(|| simd.run(Elastic(black_box(&r), black_box(&lamp), black_box(&mut v))));
+    let mut factor = r.clone();
+    bencher.bench_local(|| {
+        simd.run(Elastic(black_box(&r), black_box(&lamp), black_box(&mut v), black_box(&mut factor)));
+    });
 }
 
 struct Products<'a>(&'a [OuterProduct], &'a [BandBlock], &'a mut [BandBlock]);
@@ -64,7 +68,12 @@ fn products(bencher: Bencher, kernel: Kernel, bands: usize, terms: usize, masked
     let terms: Vec<OuterProduct> = (0..terms)
         .map(|i| {
             let shift = 12.0 * i as f32;
-            OuterProduct::new(&bump(bands, 380.0 + shift, 40.0), &bump(bands, 460.0 + shift, 30.0), masked)
+            let (excitation, emission) = (bump(bands, 380.0 + shift, 40.0), bump(bands, 460.0 + shift, 30.0));
+            if masked {
+                OuterProduct::below_diagonal(&excitation, &emission, &bump(bands, 420.0 + shift, 20.0))
+            } else {
+                OuterProduct::new(&excitation, &emission)
+            }
         })
         .collect();
     let v = bands::to_blocks(&vector(bands, 1.0));

@@ -107,13 +107,41 @@ pub fn add_product<L: Lanes>(lanes: L, a: &[BandBlock], v: &[BandBlock], out: &m
     }
 }
 
-/// `v *= slope * r + offset`: reflection by a diffuse base `r` and an achromatic lobe.
+/// `out = slope * r + offset`: what a diffuse base `r` and an achromatic lobe reflect.
 #[inline(always)]
-pub fn reflect<L: Lanes>(lanes: L, slope: f32, r: &[BandBlock], offset: f32, v: &mut [BandBlock]) {
+pub fn reflection_factor<L: Lanes>(
+    lanes: L,
+    slope: f32,
+    r: &[BandBlock],
+    offset: f32,
+    out: &mut [BandBlock],
+) {
     let (slope, offset) = (lanes.splat(slope), lanes.splat(offset));
-    for (v, r) in v.iter_mut().zip(r) {
-        let factor = lanes.add(lanes.mul(slope, lanes.load(r)), offset);
-        lanes.store(lanes.mul(factor, lanes.load(v)), v);
+    for (out, r) in out.iter_mut().zip(r) {
+        lanes.store(lanes.add(lanes.mul(slope, lanes.load(r)), offset), out);
+    }
+}
+
+/// `v *= factor`, band by band.
+#[inline(always)]
+pub fn multiply<L: Lanes>(lanes: L, factor: &[BandBlock], v: &mut [BandBlock]) {
+    for (v, factor) in v.iter_mut().zip(factor) {
+        lanes.store(lanes.mul(lanes.load(factor), lanes.load(v)), v);
+    }
+}
+
+/// `sum += v`, then `v *= factor`, band by band.
+#[inline(always)]
+pub fn add_then_multiply<L: Lanes>(
+    lanes: L,
+    factor: &[BandBlock],
+    v: &mut [BandBlock],
+    sum: &mut [BandBlock],
+) {
+    for ((v, factor), sum) in v.iter_mut().zip(factor).zip(sum) {
+        let value = lanes.load(v);
+        lanes.store(lanes.add(lanes.load(sum), value), sum);
+        lanes.store(lanes.mul(lanes.load(factor), value), v);
     }
 }
 
@@ -134,16 +162,17 @@ pub fn add_reflected<L: Lanes>(
     }
 }
 
-/// A matrix `emission ⊗ excitation`, all of it or only what lies below the diagonal.
+/// A matrix `emission ⊗ excitation`, or what lies of it below the diagonal and any diagonal.
 #[derive(Clone, Debug, PartialEq)]
 pub struct OuterProduct {
     excitation: Vec<BandBlock>,
     emission: Vec<BandBlock>,
-    /// Blocks in which excitation and emission are not all zero: first and one past the last.
+    /// Blocks in which excitation, emission and diagonal are not all zero: first and one past the last.
     excited: (usize, usize),
     emitting: (usize, usize),
-    /// Only emission bands after the excitation band count.
-    masked: bool,
+    on_diagonal: (usize, usize),
+    /// The diagonal, if only emission bands after the excitation band count.
+    diagonal: Option<Vec<BandBlock>>,
 }
 
 /// Entries below this fraction of the greatest one count as zero, 2^-40: far below what any sum of them can show, and
@@ -151,37 +180,37 @@ pub struct OuterProduct {
 const NEGLIGIBLE: f32 = f32::EPSILON * f32::EPSILON * 64.0;
 
 impl OuterProduct {
-    /// The matrix with `emission[o] * excitation[i]` in row `o`, column `i`; if `masked`, only where `o > i`.
+    /// The matrix with `emission[o] * excitation[i]` in row `o`, column `i`.
     ///
     /// Entries below 2^-40 of the greatest of their vector are dropped, so that far wings cost no time.
     ///
     /// # Panics
     /// If the vectors differ in length.
-    pub fn new(excitation: &[f32], emission: &[f32], masked: bool) -> Self {
+    pub fn new(excitation: &[f32], emission: &[f32]) -> Self {
         assert_eq!(excitation.len(), emission.len(), "one value per band in both");
-        let prepare = |values: &[f32]| {
-            let greatest = values.iter().fold(0.0_f32, |sum, value| sum.max(value.abs()));
-            let kept: Vec<f32> = values
-                .iter()
-                .map(|&value| if value.abs() < NEGLIGIBLE * greatest { 0.0 } else { value })
-                .collect();
-            let blocks = to_blocks(&kept);
-            let used = |block: &BandBlock| block.0.iter().any(|&value| value != 0.0);
-            let first = blocks.iter().position(used).unwrap_or(0);
-            let end = blocks.iter().rposition(used).map_or(0, |last| last + 1);
-            (blocks, (first, end))
-        };
-        let (excitation, excited) = prepare(excitation);
-        let (emission, emitting) = prepare(emission);
-        Self { excitation, emission, excited, emitting, masked }
+        let (excitation, excited) = trimmed(excitation);
+        let (emission, emitting) = trimmed(emission);
+        Self { excitation, emission, excited, emitting, on_diagonal: (0, 0), diagonal: None }
+    }
+
+    /// The matrix with `emission[o] * excitation[i]` where `o > i`, `diagonal[o]` where `o = i`, and zero elsewhere;
+    /// entries are dropped as in [`OuterProduct::new`].
+    ///
+    /// # Panics
+    /// If the vectors differ in length.
+    pub fn below_diagonal(excitation: &[f32], emission: &[f32], diagonal: &[f32]) -> Self {
+        assert_eq!(excitation.len(), diagonal.len(), "one value per band in all");
+        let (diagonal, on_diagonal) = trimmed(diagonal);
+        Self { diagonal: Some(diagonal), on_diagonal, ..Self::new(excitation, emission) }
     }
 
     /// `out += factor * M v`, in time proportional to the number of bands.
     #[inline(always)]
     pub fn add_product<L: Lanes>(&self, lanes: L, factor: f32, v: &[BandBlock], out: &mut [BandBlock]) {
         let factor = lanes.splat(factor);
-        let (excited, emitting) = (self.excited.0..self.excited.1, self.emitting.0..self.emitting.1);
-        if !self.masked {
+        let range = |(first, end): (usize, usize)| first..end;
+        let (excited, emitting) = (range(self.excited), range(self.emitting));
+        let Some(diagonal) = &self.diagonal else {
             let mut sums = lanes.splat(0.0);
             for (excitation, v) in self.excitation[excited.clone()].iter().zip(&v[excited]) {
                 sums = lanes.add(sums, lanes.mul(lanes.load(excitation), lanes.load(v)));
@@ -191,26 +220,45 @@ impl OuterProduct {
                 lanes.store(lanes.add(lanes.load(out), lanes.mul(lanes.load(emission), absorbed)), out);
             }
             return;
-        }
-        let used = self.excited.0.min(self.emitting.0)..self.emitting.1;
+        };
+        let on_diagonal = range(self.on_diagonal);
+        let parts = [&excited, &emitting, &on_diagonal];
+        let start = parts.iter().filter(|part| !part.is_empty()).map(|part| part.start).min().unwrap_or(0);
+        let used = start..emitting.end.max(on_diagonal.end).max(start);
         let vectors = self.excitation[used.clone()].iter().zip(&self.emission[used.clone()]);
+        let vectors = vectors.zip(&diagonal[used.clone()]);
         // What the blocks before have absorbed.
         let mut absorbed = lanes.splat(0.0);
-        for ((block, (excitation, emission)), (v, out)) in
+        for ((block, ((excitation, emission), diagonal)), (v, out)) in
             used.clone().zip(vectors).zip(v[used.clone()].iter().zip(&mut out[used]))
         {
+            let v = lanes.load(v);
             let mut below = absorbed;
             if excited.contains(&block) {
-                let sums = running_sum(lanes, lanes.mul(lanes.load(excitation), lanes.load(v)));
+                let sums = running_sum(lanes, lanes.mul(lanes.load(excitation), v));
                 below = lanes.add(absorbed, lanes.shift::<1>(sums));
                 absorbed = lanes.add(absorbed, lanes.splat_last(sums));
             }
-            if emitting.contains(&block) {
-                let emitted = lanes.mul(lanes.mul(factor, lanes.load(emission)), below);
-                lanes.store(lanes.add(lanes.load(out), emitted), out);
+            let mut emitted = lanes.mul(lanes.load(emission), below);
+            if on_diagonal.contains(&block) {
+                emitted = lanes.add(emitted, lanes.mul(lanes.load(diagonal), v));
             }
+            lanes.store(lanes.add(lanes.load(out), lanes.mul(factor, emitted)), out);
         }
     }
+}
+
+/// A vector without its entries below 2^-40 of the greatest, and the blocks in which the others lie: first and one past
+/// the last.
+fn trimmed(values: &[f32]) -> (Vec<BandBlock>, (usize, usize)) {
+    let greatest = values.iter().fold(0.0_f32, |sum, value| sum.max(value.abs()));
+    let kept: Vec<f32> =
+        values.iter().map(|&value| if value.abs() < NEGLIGIBLE * greatest { 0.0 } else { value }).collect();
+    let blocks = to_blocks(&kept);
+    let used = |block: &BandBlock| block.0.iter().any(|&value| value != 0.0);
+    let first = blocks.iter().position(used).unwrap_or(0);
+    let end = blocks.iter().rposition(used).map_or(0, |last| last + 1);
+    (blocks, (first, end))
 }
 
 /// Sums up to and including each lane, by doubling (Hillis and Steele 1986).
@@ -314,7 +362,14 @@ mod tests {
             add_scaled(lanes, 0.3, a, &mut out);
             add(lanes, b, &mut out);
             add_product(lanes, a, b, &mut out);
-            reflect(lanes, 0.7, b, 0.1, &mut out);
+            let mut factor = out.clone();
+            reflection_factor(lanes, 0.7, b, 0.1, &mut factor);
+            multiply(lanes, &factor, &mut out);
+            reflection_factor(lanes, 0.3, a, 0.2, &mut factor);
+            multiply(lanes, &factor, &mut out);
+            let mut sum = out.clone();
+            add_then_multiply(lanes, &factor, &mut out, &mut sum);
+            add(lanes, &sum, &mut out);
             add_reflected(lanes, 0.2, a, 0.05, b, &mut out);
             for product in self.products {
                 product.add_product(lanes, 0.4, a, &mut out);
@@ -326,21 +381,25 @@ mod tests {
         }
     }
 
-    fn outer_products(bands: usize) -> (Vec<f32>, Vec<f32>, [OuterProduct; 2]) {
+    fn outer_products(bands: usize) -> ([Vec<f32>; 3], [OuterProduct; 2]) {
         let bump = |centre: f32, width: f32| {
             (0..bands).map(move |band| (-((band as f32 / bands as f32 - centre) / width).powi(2)).exp())
         };
         let (excitation, emission): (Vec<f32>, Vec<f32>) =
             (bump(0.3, 0.06).collect(), bump(0.5, 0.1).collect());
-        let products = [true, false].map(|masked| OuterProduct::new(&excitation, &emission, masked));
-        (excitation, emission, products)
+        let diagonal: Vec<f32> = bump(0.4, 0.2).collect();
+        let products = [
+            OuterProduct::below_diagonal(&excitation, &emission, &diagonal),
+            OuterProduct::new(&excitation, &emission),
+        ];
+        ([excitation, emission, diagonal], products)
     }
 
     #[test]
     fn every_kernel_gives_the_same_bits_as_the_formula_gives_values() {
         for bands in [1, 15, 16, 17, 31, 69, 81, 128] {
             let (a, b) = (vector(bands, 0.0), vector(bands, 2.0));
-            let (excitation, emission, products) = outer_products(bands);
+            let ([excitation, emission, diagonal], products) = outer_products(bands);
             let entry =
                 |row: usize, column: usize| if row > column { 0.01 * (row + 2 * column) as f32 } else { 0.0 };
             let matrix = BandMatrix::new(bands, entry);
@@ -357,7 +416,12 @@ mod tests {
             let double = |values: &[f32], band: usize| f64::from(values[band]);
             for band in 0..bands {
                 let (x, y) = (double(&a, band), double(&b, band));
-                let mut value = (0.3 * x + y + x * y) * (0.7 * y + 0.1) + (0.2 * x + 0.05) * y;
+                let mut value = (0.3 * x + y + x * y) * (0.7 * y + 0.1);
+                // Times the factor, and to that twice itself added before the factor comes again.
+                let factor = 0.3 * x + 0.2;
+                value *= factor;
+                value = value * factor + 2.0 * value + (0.2 * x + 0.05) * y;
+                value += 0.4 * double(&diagonal, band) * x;
                 let absorbed =
                     |upto: usize| (0..upto).map(|i| double(&excitation, i) * double(&a, i)).sum::<f64>();
                 value += 0.4 * double(&emission, band) * (absorbed(band) + absorbed(bands));

@@ -5,6 +5,7 @@
 //! | prepare a mesh | [`TriangleBvh::build`] | an eight-wide bounding volume hierarchy |
 //! | what does this ray see? | [`TriangleBvh::closest`] | the nearest [`Hit`] |
 //! | is this light hidden? | [`TriangleBvh::occluded`] | `true` at the first triangle found |
+//! | one mesh at many places | [`InstanceBvh::build`] | a tree over placed meshes, asked in the same way |
 //! | the same of many rays | [`TriangleBvh::closest_each`], [`TriangleBvh::occluded_each`] | the same, faster if they are diffuse |
 //!
 //! What may be relied upon:
@@ -18,7 +19,7 @@
 //!
 //! Lengths are in the unit of the mesh (metres throughout Fluorspar), `t` too because directions have unit length.
 //!
-//! Out of scope: instances, motion, curves, and updating a tree after its mesh has moved.
+//! Out of scope: motion, curves, and updating a tree after its mesh has moved.
 //!
 //! This is the only crate of the workspace that contains `unsafe` code, all of it in its `kernel` module.
 //!
@@ -40,11 +41,13 @@
 
 pub mod bands;
 mod binary_tree;
+mod instance_bvh;
 mod kernel;
 mod ray;
 mod triangle_bvh;
 mod wide_tree;
 
-pub use kernel::{Kernel, Lanes, Simd, Work};
+pub use instance_bvh::{Instance, InstanceBvh, InstanceHit};
+pub use kernel::{Kernel, Lanes, Simd, Work, prefetch};
 pub use ray::{Hit, Ray};
 pub use triangle_bvh::{BuildError, BuildOptions, LARGEST_COORDINATE, TriangleBvh};

@@ -14,7 +14,7 @@ use crate::wide_tree::{self, STACK_CAPACITY, TrianglePack, WideNode, WideTree};
 pub const LARGEST_COORDINATE: f32 = 1e18;
 
 /// Triangles that a reference of 31 bits can number, with room to spare.
-const MOST_TRIANGLES: usize = 1 << 30;
+pub(crate) const MOST_TRIANGLES: usize = 1 << 30;
 
 /// Why a mesh cannot be traced.
 #[derive(Clone, Debug, Error, PartialEq)]
@@ -56,6 +56,38 @@ pub enum BuildError {
         /// How many there are.
         count: usize,
     },
+    /// An instance names a mesh that does not exist.
+    #[error("instance {instance} places mesh {mesh}, but there are only {count} meshes (numbered from 0)")]
+    MeshOutOfRange {
+        /// Instance number, from 0.
+        instance: usize,
+        /// The mesh it names.
+        mesh: u32,
+        /// How many meshes there are.
+        count: usize,
+    },
+    /// The transform of an instance can't be inverted: it flattens the mesh, or it is not finite.
+    #[error(
+        "the transform of instance {instance} can't be inverted: it flattens the mesh, or a number in it is not finite"
+    )]
+    NotInvertible {
+        /// Instance number, from 0.
+        instance: usize,
+    },
+    /// An instance lies beyond [`LARGEST_COORDINATE`].
+    #[error(
+        "instance {instance} lies too far from the origin; coordinates may be up to {LARGEST_COORDINATE:e}"
+    )]
+    InstanceTooFar {
+        /// Instance number, from 0.
+        instance: usize,
+    },
+    /// There are more instances than can be numbered.
+    #[error("{count} instances are too many: a tree holds up to {MOST_TRIANGLES}")]
+    TooManyInstances {
+        /// How many there are.
+        count: usize,
+    },
     /// The kernel asked for needs instructions that this processor does not have.
     #[error(
         "this processor cannot run the {kernel} kernel; leave the choice open, or take one of Kernel::available()"
@@ -76,7 +108,7 @@ pub struct BuildOptions {
 /// A triangle mesh prepared for tracing rays through it.
 #[derive(Clone, Debug)]
 pub struct TriangleBvh {
-    tree: WideTree,
+    pub(crate) tree: WideTree,
     bounds: Option<Bounds>,
     triangle_count: usize,
     dispatch: Dispatch,
@@ -194,11 +226,11 @@ fn build_fitting_tree(
     group: impl Fn(&[Bounds]) -> BinaryTree,
 ) -> WideTree {
     let mut tree = build_tree(count, corners, group);
-    if wide_tree::stack_need(&tree) > STACK_CAPACITY {
+    if wide_tree::stack_need(&tree.nodes) > STACK_CAPACITY {
         tree = build_tree(count, corners, binary_tree::balanced);
     }
     // The kernels write to the stack unchecked; a balanced tree of 2^30 triangles is 30 levels deep.
-    assert!(wide_tree::stack_need(&tree) <= STACK_CAPACITY, "a balanced tree fits the traversal stack");
+    assert!(wide_tree::stack_need(&tree.nodes) <= STACK_CAPACITY, "a balanced tree fits the traversal stack");
     tree
 }
 
@@ -357,7 +389,7 @@ mod tests {
 
     /// What the unchecked reads of the kernels rely on, and that each triangle is in one leaf, within its boxes.
     fn check_invariants(tree: &WideTree, count: usize) {
-        assert!(wide_tree::stack_need(tree) <= STACK_CAPACITY);
+        assert!(wide_tree::stack_need(&tree.nodes) <= STACK_CAPACITY);
         assert!(!tree.nodes.is_empty() && !tree.packs.is_empty());
         let mut seen = vec![0; count];
         let mut waiting = vec![(0_u32, Bounds { min: Vec3::NEG_INFINITY, max: Vec3::INFINITY })];
@@ -399,9 +431,9 @@ mod tests {
     fn trees_too_deep_for_the_stack_are_replaced() {
         let triangles = soup(700);
         let corners = |number: u32| triangles[number as usize];
-        assert_eq!(wide_tree::stack_need(&build_tree(0, corners, chain)), 0);
-        assert_eq!(wide_tree::stack_need(&build_tree(4, corners, chain)), WIDTH);
-        assert!(wide_tree::stack_need(&build_tree(700, corners, chain)) > STACK_CAPACITY);
+        assert_eq!(wide_tree::stack_need(&build_tree(0, corners, chain).nodes), 0);
+        assert_eq!(wide_tree::stack_need(&build_tree(4, corners, chain).nodes), WIDTH);
+        assert!(wide_tree::stack_need(&build_tree(700, corners, chain).nodes) > STACK_CAPACITY);
         check_invariants(&build_fitting_tree(700, corners, chain), 700);
     }
 }

@@ -113,6 +113,39 @@ pub(crate) fn collapse(
     if tree.is_empty() {
         return WideTree::default();
     }
+    let (bounds, plans) = plan_all(tree, boxes, PACK);
+    let (nodes, packs) = count_wide(tree, &plans);
+    let mut packs = on_large_pages(packs);
+    let nodes = group(tree, &bounds, &plans, on_large_pages(nodes), |member| {
+        let mut pack = TrianglePack::UNUSED;
+        let mut filled = 0;
+        for_each_leaf(tree, member, &mut |item| {
+            let (corners, number) = triangle(item);
+            pack.set(filled, corners, number);
+            filled += 1;
+        });
+        packs.push(pack);
+        (packs.len() - 1) as u32
+    });
+    WideTree { nodes, packs }
+}
+
+/// [`collapse`] for things that are each a leaf of their own: a reference with [`LEAF`] set names the box in the input.
+pub(crate) fn collapse_single(tree: &[BinaryNode], boxes: &[Bounds]) -> Vec<WideNode> {
+    if tree.is_empty() {
+        return Vec::new();
+    }
+    let (bounds, plans) = plan_all(tree, boxes, 1);
+    let (nodes, _) = count_wide(tree, &plans);
+    group(tree, &bounds, &plans, on_large_pages(nodes), |member| {
+        let mut only = 0;
+        for_each_leaf(tree, member, &mut |item| only = item);
+        only
+    })
+}
+
+/// Boxes of all binary nodes, and how each is best represented when a leaf holds up to `most_in_leaf` boxes.
+fn plan_all(tree: &[BinaryNode], boxes: &[Bounds], most_in_leaf: usize) -> (Vec<Bounds>, Vec<Plan>) {
     let whole = boxes.iter().fold(Bounds::EMPTY, |sum, &next| sum.union(next)).half_area();
     // A tree without any surface, or none that can be told from none, may be grouped anyhow.
     let relative = |bounds: &Bounds| if whole > 0.0 { (bounds.half_area() / whole) as f32 } else { 0.0 };
@@ -130,44 +163,45 @@ pub(crate) fn collapse(
                 let [l, r] = children.map(|child| child as usize);
                 bounds[number] = bounds[l].union(bounds[r]);
                 counts[number] = counts[l] + counts[r];
-                plans[number] = plan(&plans[l], &plans[r], relative(&bounds[number]), counts[number]);
+                let may_be_leaf = counts[number] as usize <= most_in_leaf;
+                plans[number] = plan(&plans[l], &plans[r], relative(&bounds[number]), may_be_leaf);
             }
         }
     }
+    (bounds, plans)
+}
 
-    let (nodes, packs) = count_wide(tree, &plans);
-    let mut wide = WideTree { nodes: on_large_pages(nodes), packs: on_large_pages(packs) };
-    wide.nodes.push(WideNode::UNUSED);
+/// Carries the plans out: fills `nodes`, root first, and asks `leaf` for the number of each leaf.
+fn group(
+    tree: &[BinaryNode],
+    bounds: &[Bounds],
+    plans: &[Plan],
+    mut nodes: Vec<WideNode>,
+    mut leaf: impl FnMut(u32) -> u32,
+) -> Vec<WideNode> {
+    nodes.push(WideNode::UNUSED);
     let mut waiting = vec![(0_u32, 0_usize)];
     let mut members = Vec::with_capacity(WIDTH);
     while let Some((source, target)) = waiting.pop() {
         members.clear();
         match tree[source as usize] {
             BinaryNode::Inner(children) if !plans[source as usize].leaf => {
-                split(tree, &plans, children, source, WIDTH, &mut members);
+                split(tree, plans, children, source, WIDTH, &mut members);
             }
             _ => members.push(source),
         }
         for (column, &member) in members.iter().enumerate() {
             let reference = if plans[member as usize].leaf {
-                let mut pack = TrianglePack::UNUSED;
-                let mut filled = 0;
-                for_each_leaf(tree, member, &mut |item| {
-                    let (corners, number) = triangle(item);
-                    pack.set(filled, corners, number);
-                    filled += 1;
-                });
-                wide.packs.push(pack);
-                LEAF | (wide.packs.len() - 1) as u32
+                LEAF | leaf(member)
             } else {
-                wide.nodes.push(WideNode::UNUSED);
-                waiting.push((member, wide.nodes.len() - 1));
-                (wide.nodes.len() - 1) as u32
+                nodes.push(WideNode::UNUSED);
+                waiting.push((member, nodes.len() - 1));
+                (nodes.len() - 1) as u32
             };
-            wide.nodes[target].set(column, bounds[member as usize], reference);
+            nodes[target].set(column, bounds[member as usize], reference);
         }
     }
-    wide
+    nodes
 }
 
 /// Number of nodes and of leaves that [`collapse`] makes of a tree.
@@ -195,7 +229,7 @@ fn count_wide(tree: &[BinaryNode], plans: &[Plan]) -> (usize, usize) {
     (nodes, packs)
 }
 
-fn plan(left: &Plan, right: &Plan, half_area: f32, count: u32) -> Plan {
+fn plan(left: &Plan, right: &Plan, half_area: f32, may_be_leaf: bool) -> Plan {
     let mut plan =
         Plan { cost: [f32::INFINITY; WIDTH - 1], children: [1; WIDTH - 1], left: [0; WIDTH], leaf: false };
     let mut shared = [f32::INFINITY; WIDTH];
@@ -209,7 +243,7 @@ fn plan(left: &Plan, right: &Plan, half_area: f32, count: u32) -> Plan {
         }
     }
     plan.cost[0] = NODE_COST * half_area + shared[WIDTH - 1];
-    if count as usize <= PACK {
+    if may_be_leaf {
         let as_leaf = LEAF_COST * half_area;
         if as_leaf <= plan.cost[0] {
             plan.cost[0] = as_leaf;
@@ -262,9 +296,9 @@ fn for_each_leaf(tree: &[BinaryNode], node: u32, act: &mut impl FnMut(u32)) {
 
 /// How many references a traversal can at most hold back: all but one child on each level of the worst path, plus the
 /// one that is about to be taken.
-pub(crate) fn stack_need(tree: &WideTree) -> usize {
-    let mut need = vec![0_usize; tree.nodes.len()];
-    for (number, node) in tree.nodes.iter().enumerate().rev() {
+pub(crate) fn stack_need(nodes: &[WideNode]) -> usize {
+    let mut need = vec![0_usize; nodes.len()];
+    for (number, node) in nodes.iter().enumerate().rev() {
         let deepest =
             node.children.iter().filter(|&&child| child & LEAF == 0).map(|&child| need[child as usize]);
         need[number] = WIDTH - 1 + deepest.max().unwrap_or(0);

@@ -11,6 +11,9 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
+use fluorspar::format::{read_component_exr, read_spectral_exr};
+use fluorspar::image::ComponentImage;
+use fluorspar::spectral::Radiance;
 use support::{fluorspar, tiny};
 
 fn bytes(folder: &Path, name: &str) -> Vec<u8> {
@@ -205,24 +208,120 @@ fn films_of_other_scenes_and_films_in_the_way_are_refused() {
 }
 
 #[test]
-fn memory_is_scene_film_and_64_mib() {
+fn memory_is_scene_film_and_64_mib_or_the_limit_instead_of_the_film() {
     let folder = tempfile::tempdir().unwrap();
-    let render = |width: &str, height: &str| {
+    let render = |width: &str, height: &str, limit_gib: &str| {
         let args = ["render", "oraleye-2021", "--spp=1", "--components", "--json", "--out", "m.exr"];
         let size = [format!("--set=render.width_px={width}"), format!("--set=render.height_px={height}")];
-        let args = args.map(String::from).into_iter().chain(size);
+        let limit = format!("--set=render.memory_limit_gib={limit_gib}");
+        let args = args.map(String::from).into_iter().chain(size).chain([limit]);
         let said = fluorspar(folder.path(), args).json();
         let peak = said["peak_memory_bytes"].as_u64();
         peak.map(|peak| (peak as f64, said["film_bytes"].as_u64().unwrap() as f64))
     };
-    let (Some((scene, _)), Some((peak, film))) = (render("4", "3"), render("224", "168")) else {
+    let Some((scene, _)) = render("4", "3", "8") else {
         eprintln!("skipped: this system does not tell the memory of a process");
         return;
     };
     let mib = f64::from(1 << 20);
-    eprintln!("scene {:.0}, film {:.0}, peak {:.0} MiB", scene / mib, film / mib, peak / mib);
-    assert!(film > 300.0 * mib, "{film}");
-    assert!(peak < scene + film + 64.0 * mib, "{peak} {scene} {film}");
+    // In one go, then in bands.
+    for (limit_gib, limit) in [("8", f64::INFINITY), ("0.05", 51.2 * mib)] {
+        let (peak, film) = render("224", "168", limit_gib).unwrap();
+        eprintln!("scene {:.0}, film {:.0}, peak {:.0} MiB", scene / mib, film / mib, peak / mib);
+        assert!(film > 300.0 * mib, "{film}");
+        assert!(peak < scene + film.min(limit) + 64.0 * mib, "{peak} {scene} {film} {limit}");
+    }
+}
+
+/// The image and all that belongs to it; files differ in the memory limit, which is part of what they say of their origin.
+fn image(folder: &Path, name: &str) -> ComponentImage {
+    read_component_exr(&folder.join(name)).unwrap_or_else(|error| panic!("{error}")).image
+}
+
+#[test]
+fn pictures_larger_than_the_limit_come_in_bands_to_the_same_bits() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let limit = "--set=render.memory_limit_gib=0.006";
+    let render = |more: &[&str]| {
+        let mut all = vec!["render", "flat-patch", "--set=render.width_px=50"];
+        all.extend(if more.contains(&"--spp=9") { None } else { Some("--spp=5") });
+        all.extend(["--set=render.height_px=70", "--set=spectral.step_nm=10", "--statistics=light_groups"]);
+        all.extend(more);
+        fluorspar(folder, all)
+    };
+    let said = render(&["--components", "--out", "bands.exr", limit]).well();
+    assert!(said.stderr.contains("bands of up to") && said.stderr.contains("Rows "), "{}", said.stderr);
+    render(&["--components", "--out", "whole.exr"]).well();
+    assert!(image(folder, "bands.exr") == image(folder, "whole.exr"));
+    let json = |more: &[&str]| render(&[&["--json", "-q"], more].concat()).json();
+    let (bands, whole) = (json(&["--out", "sum-bands.exr", limit]), json(&["--out", "sum.exr"]));
+    let sum = |name: &str| read_spectral_exr::<Radiance>(&folder.join(name)).unwrap().image;
+    assert!(sum("sum-bands.exr") == sum("sum.exr"));
+    assert_eq!(bands["mean_radiance"], whole["mean_radiance"]);
+    // With a folder of films: more samples later, and merged where there is memory.
+    let film = ["--components", "--film", "f.film", "--out", "f.exr", limit];
+    render(&film).well();
+    let said = render(&film);
+    assert!(said.code == Some(2) && said.stderr.contains("add --resume"), "{}", said.stderr);
+    assert!(fs::read_dir(folder.join("f.film")).unwrap().count() > 2);
+    let more: Vec<&str> = film.iter().copied().chain(["--resume", "--spp=9"]).collect();
+    render(&more).well();
+    render(&["--components", "--out", "nine.exr", "--spp=9"]).well();
+    assert!(image(folder, "f.exr") == image(folder, "nine.exr"));
+    fluorspar(folder, ["merge", "f.film", "--components", "--out", "merged.exr"]).well();
+    assert!(image(folder, "merged.exr") == image(folder, "nine.exr"));
+    // A limit below that of the films, and what can't be had in bands.
+    for (more, message) in [
+        (
+            vec!["--film", "f.film", "--resume", "--set=render.memory_limit_gib=0.003"],
+            "raise render.memory_limit_gib",
+        ),
+        (vec![limit, "--preview", "p.png"], "leave the preview away"),
+        (vec![limit, "--out", "a.npy"], "write an .exr file"),
+        (vec![limit, "--set=render.time_limit_s=9"], "would lack rows"),
+        (vec![limit, "--film", "whole.exr", "--resume"], "folder of films"),
+        (vec![limit, "--film", "s.film", "--shard", "1/2"], "more than the limit"),
+        (vec!["--set=render.memory_limit_gib=0.001"], "even in bands of 16 rows"),
+    ] {
+        let said = render(&more);
+        assert!(said.code == Some(2) && said.stderr.contains(message), "{more:?}: {}", said.stderr);
+    }
+    let size = ["--set=render.width_px=50", "--set=render.height_px=70", "--set=spectral.step_nm=10"];
+    let said = fluorspar(folder, [&["run", "flat-patch", "--spp=1", limit], &size[..]].concat());
+    assert!(said.code == Some(2) && said.stderr.contains("in bands of rows"), "{}", said.stderr);
+}
+
+#[test]
+fn a_killed_render_in_bands_goes_on_to_the_same_bits() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let limit = "--set=render.memory_limit_gib=0.004";
+    let film = ["--film", "k.film", "--resume", "--checkpoint-s", "0.1", "--out", "k.exr", limit];
+    let mut killed = 0;
+    for band in 0..2 {
+        let mut child = start(folder, &film);
+        let begun = Instant::now();
+        let films = || fs::read_dir(folder.join("k.film")).map_or(0, |films| films.count());
+        // The whole picture's, and that of the band in work.
+        while films() < 2 + band && child.try_wait().unwrap().is_none() {
+            assert!(begun.elapsed() < Duration::from_secs(60), "{} films", films());
+            std::thread::sleep(Duration::from_millis(10));
+        }
+        killed += i32::from(child.try_wait().unwrap().is_none());
+        // SIGKILL.
+        child.kill().unwrap();
+        child.wait().unwrap();
+        assert!(!folder.join("k.exr").exists());
+    }
+    assert!(killed > 0, "the render is too short to be killed");
+    assert!(start(folder, &film).wait().unwrap().success());
+    assert!(start(folder, &["--out", "whole.exr"]).wait().unwrap().success());
+    assert!(image(folder, "k.exr") == image(folder, "whole.exr"));
+    // Nothing is left but what was asked for.
+    let mut names: Vec<_> = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    names.sort();
+    assert_eq!(names, ["k.exr", "k.film", "whole.exr"]);
 }
 
 #[test]

@@ -682,3 +682,12 @@ fn oraleye_light_and_sensor_are_as_documented() {
     assert!((75.0..80.0).contains(&field_mm), "{field_mm}");
     assert!(scene.objects.iter().any(|object| object.name == "tongue_dorsum"));
 }
+
+/// A painted lesion lies beside its experiment, wherever the program is started.
+#[test]
+fn the_mask_of_a_lesion_is_relative_to_the_experiment_file() {
+    let text = "base = \"oraleye-2021\"\n[[mouth.lesion]]\nname = \"spot\"\npart = \"tongue_dorsum\"\nmask = \"spot.png\"\n";
+    let experiment = parse(text, "test.toml", Path::new("/patients/seven"), &[]).unwrap();
+    let mouth = experiment.file.mouth.as_ref().unwrap();
+    assert_eq!(mouth.lesion[0].mask.as_deref(), Some("/patients/seven/spot.png"));
+}

@@ -5,9 +5,12 @@
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
+use fluorspar::analysis::PixelSelection;
 use fluorspar::experiment::{ResolvedExperiment, parse, parse_sample, resolve};
 use fluorspar::image::ComponentImage;
-use fluorspar::pipeline::{FlatSample, RegionRadiance, capture, predict, read_spectroradiometers};
+use fluorspar::pipeline::{
+    FlatSample, RegionRadiance, capture, frame_leak, predict, read_spectroradiometers,
+};
 use fluorspar::preset;
 use fluorspar::render::{RenderControl, render};
 
@@ -68,6 +71,42 @@ fn the_leak_of_a_region_does_not_depend_on_the_bands() {
         let region = RegionRadiance::new(&image, frame, &[5, 6]);
         region.leak_ratio(&experiment).unwrap()
     });
+}
+
+/// The split of a frame is complete: reflected and fluorescent electrons of each channel add up to what the noise-free
+/// sensor writes down, and their ratio is that of the region's radiance.
+#[test]
+fn electrons_of_a_frame_are_leak_or_fluorescence() {
+    let (experiment, image) = patch(5.0, &[]);
+    let settings = experiment.captures.iter().find(|c| c.frame.label == "blue").unwrap();
+    let frames = capture(&experiment, &image).unwrap();
+    let raw = &frames.iter().find(|f| f.raw.label == "blue").unwrap().raw;
+    let leak = frame_leak(&experiment, &image, settings, raw.exposure_s, None).unwrap().unwrap();
+    assert_eq!(leak.pixels, 16);
+    assert!(raw.data.iter().all(|&dn| dn < raw.white_level), "{:?}", raw.data);
+    for (channel, part) in leak.channels.iter().enumerate() {
+        let own = |i: &usize| raw.mosaic.channel(i / raw.width, i % raw.width) == channel;
+        let values: Vec<f64> = (0..raw.data.len()).filter(own).map(|i| f64::from(raw.data[i])).collect();
+        let mean = values.iter().sum::<f64>() / values.len() as f64;
+        let seen_e = (mean - raw.black_level) / raw.dn_per_electron;
+        let expected_e = part.reflected_e + part.fluorescent_e;
+        // Digital numbers are rounded; a mean of rounded values is off by half a step at most. Samples have 24 bits.
+        let tolerance = 0.5 / raw.dn_per_electron + 1e-4 * expected_e;
+        assert!((seen_e - expected_e).abs() <= tolerance, "{}: {seen_e}, expected {expected_e}", part.name);
+        assert!(part.reflected_e > 0.0 && part.fluorescent_e > 0.0, "{part:?}");
+    }
+    let all: Vec<usize> = (0..image.width * image.height).collect();
+    let region = RegionRadiance::new(&image, &settings.frame, &all).leak_ratio(&experiment).unwrap();
+    // The film is larger than the sensor, and light falls off towards its corners alike for both kinds of light.
+    assert!((leak.leak_ratio.unwrap() / region - 1.0).abs() < 0.01, "{leak:?}, {region}");
+    assert!(!leak.is_reflectance());
+    // A selection of one pixel has one channel; a frame without light has no leak.
+    let one = PixelSelection { width: raw.width, height: raw.height, pixels: vec![5] };
+    let one = frame_leak(&experiment, &image, settings, raw.exposure_s, Some(&one)).unwrap().unwrap();
+    assert_eq!((one.pixels, one.channels.len()), (1, 1));
+    let mut dark = settings.clone();
+    dark.frame.lights.clear();
+    assert_eq!(frame_leak(&experiment, &image, &dark, 0.03, None).unwrap(), None);
 }
 
 #[test]

@@ -3,6 +3,7 @@
 use std::arch::x86_64::*;
 
 use super::{Distances, Traversal};
+use crate::instance_bvh::PlacedTrees;
 use crate::ray::{FAR_SLACK, Hit, Ray, RayFrame};
 use crate::wide_tree::{TrianglePack, WideNode, WideTree};
 
@@ -19,6 +20,18 @@ impl Detected {
     pub(super) fn closest(self, tree: &WideTree, ray: &Ray) -> Option<Hit> {
         // SAFETY: `self` proves that AVX2 and BMI1 have been detected.
         unsafe { closest(self, tree, ray) }
+    }
+
+    #[inline]
+    pub(super) fn closest_placed(self, placed: &PlacedTrees, ray: &Ray) -> Option<(u32, Hit)> {
+        // SAFETY: `self` proves that AVX2 and BMI1 have been detected.
+        unsafe { closest_placed(self, placed, ray) }
+    }
+
+    #[inline]
+    pub(super) fn occluded_placed(self, placed: &PlacedTrees, ray: &Ray) -> bool {
+        // SAFETY: `self` proves that AVX2 and BMI1 have been detected.
+        unsafe { occluded_placed(self, placed, ray) }
     }
 
     #[inline]
@@ -48,6 +61,16 @@ fn closest(detected: Detected, tree: &WideTree, ray: &Ray) -> Option<Hit> {
 #[target_feature(enable = "avx2,bmi1")]
 fn occluded(detected: Detected, tree: &WideTree, ray: &Ray) -> bool {
     super::occluded(detected, tree, ray)
+}
+
+#[target_feature(enable = "avx2,bmi1")]
+fn closest_placed(detected: Detected, placed: &PlacedTrees, ray: &Ray) -> Option<(u32, Hit)> {
+    super::closest_placed(detected, placed, ray)
+}
+
+#[target_feature(enable = "avx2,bmi1")]
+fn occluded_placed(detected: Detected, placed: &PlacedTrees, ray: &Ray) -> bool {
+    super::occluded_placed(detected, placed, ray)
 }
 
 #[target_feature(enable = "avx2,bmi1")]
@@ -91,7 +114,7 @@ impl Traversal for Detected {
 
     #[inline(always)]
     fn prefetch(self, tree: &WideTree, reference: u32) {
-        super::prefetch(tree, reference);
+        super::prefetch_child(tree, reference);
     }
 
     #[inline(always)]

@@ -3,6 +3,7 @@
 use std::arch::x86_64::*;
 
 use super::{Distances, Traversal};
+use crate::instance_bvh::PlacedTrees;
 use crate::ray::{FAR_SLACK, Hit, Ray, RayFrame};
 use crate::wide_tree::{TrianglePack, WideNode, WideTree};
 
@@ -27,6 +28,18 @@ impl Detected {
     pub(super) fn closest(self, tree: &WideTree, ray: &Ray) -> Option<Hit> {
         // SAFETY: `self` proves that the instructions have been detected.
         unsafe { closest(self, tree, ray) }
+    }
+
+    #[inline]
+    pub(super) fn closest_placed(self, placed: &PlacedTrees, ray: &Ray) -> Option<(u32, Hit)> {
+        // SAFETY: `self` proves that the instructions have been detected.
+        unsafe { closest_placed(self, placed, ray) }
+    }
+
+    #[inline]
+    pub(super) fn occluded_placed(self, placed: &PlacedTrees, ray: &Ray) -> bool {
+        // SAFETY: `self` proves that the instructions have been detected.
+        unsafe { occluded_placed(self, placed, ray) }
     }
 
     #[inline]
@@ -56,6 +69,16 @@ fn closest(detected: Detected, tree: &WideTree, ray: &Ray) -> Option<Hit> {
 #[target_feature(enable = "avx512f,avx512bw,avx512cd,avx512dq,avx512vl,avx2,bmi1,bmi2")]
 fn occluded(detected: Detected, tree: &WideTree, ray: &Ray) -> bool {
     super::occluded(detected, tree, ray)
+}
+
+#[target_feature(enable = "avx512f,avx512bw,avx512cd,avx512dq,avx512vl,avx2,bmi1,bmi2")]
+fn closest_placed(detected: Detected, placed: &PlacedTrees, ray: &Ray) -> Option<(u32, Hit)> {
+    super::closest_placed(detected, placed, ray)
+}
+
+#[target_feature(enable = "avx512f,avx512bw,avx512cd,avx512dq,avx512vl,avx2,bmi1,bmi2")]
+fn occluded_placed(detected: Detected, placed: &PlacedTrees, ray: &Ray) -> bool {
+    super::occluded_placed(detected, placed, ray)
 }
 
 #[target_feature(enable = "avx512f,avx512bw,avx512cd,avx512dq,avx512vl,avx2,bmi1,bmi2")]
@@ -99,7 +122,7 @@ impl Traversal for Detected {
 
     #[inline(always)]
     fn prefetch(self, tree: &WideTree, reference: u32) {
-        super::prefetch(tree, reference);
+        super::prefetch_child(tree, reference);
     }
 
     #[inline(always)]

@@ -11,6 +11,7 @@ use std::fmt;
 use std::mem::MaybeUninit;
 use std::ops::ControlFlow;
 
+use crate::instance_bvh::{Place, PlacedTrees};
 use crate::ray::{FAR_SLACK, Hit, Ray, RayFrame};
 use crate::wide_tree::{LEAF, PACK, STACK_CAPACITY, TrianglePack, WIDTH, WideNode, WideTree};
 
@@ -113,6 +114,28 @@ impl Dispatch {
             Self::Avx2(detected) => detected.occluded(tree, ray),
             #[cfg(target_arch = "x86_64")]
             Self::Avx512(detected) => detected.occluded(tree, ray),
+        }
+    }
+
+    #[inline]
+    pub(crate) fn closest_placed(self, placed: &PlacedTrees, ray: &Ray) -> Option<(u32, Hit)> {
+        match self {
+            Self::Portable => portable::closest_placed(placed, ray),
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx2(detected) => detected.closest_placed(placed, ray),
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx512(detected) => detected.closest_placed(placed, ray),
+        }
+    }
+
+    #[inline]
+    pub(crate) fn occluded_placed(self, placed: &PlacedTrees, ray: &Ray) -> bool {
+        match self {
+            Self::Portable => portable::occluded_placed(placed, ray),
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx2(detected) => detected.occluded_placed(placed, ray),
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx512(detected) => detected.occluded_placed(placed, ray),
         }
     }
 
@@ -256,21 +279,33 @@ impl WideTree {
     }
 }
 
+/// Asks for the memory of an element that will be read soon, where the processor can be asked; nothing else happens, also
+/// beyond the end.
+#[inline(always)]
+pub fn prefetch<T>(items: &[T], index: usize) {
+    #[cfg(target_arch = "x86_64")]
+    {
+        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+        const LINE: usize = 64;
+        let start = items.as_ptr().wrapping_add(index).cast::<i8>();
+        for line in (0..size_of::<T>()).step_by(LINE) {
+            // SAFETY: a prefetch may be given any address.
+            unsafe { _mm_prefetch::<_MM_HINT_T0>(start.wrapping_add(line)) };
+        }
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = (items, index);
+}
+
 /// Brings a node or leaf into the cache: all its lines, for none of them is of use alone.
 #[cfg(target_arch = "x86_64")]
 #[inline(always)]
-fn prefetch(tree: &WideTree, reference: u32) {
-    use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
-    const LINE: usize = 64;
+fn prefetch_child(tree: &WideTree, reference: u32) {
     let number = (reference & !LEAF) as usize;
-    let (start, bytes) = if reference & LEAF == 0 {
-        (tree.nodes.as_ptr().wrapping_add(number).cast::<i8>(), size_of::<WideNode>())
+    if reference & LEAF == 0 {
+        prefetch(&tree.nodes, number);
     } else {
-        (tree.packs.as_ptr().wrapping_add(number).cast::<i8>(), size_of::<TrianglePack>())
-    };
-    for line in (0..bytes).step_by(LINE) {
-        // SAFETY: a prefetch may be given any address.
-        unsafe { _mm_prefetch::<_MM_HINT_T0>(start.wrapping_add(line)) };
+        prefetch(&tree.packs, number);
     }
 }
 
@@ -307,36 +342,12 @@ impl ClosestSearch {
         current: u32,
     ) -> Option<u32> {
         if current & LEAF == 0 {
-            let node = tree.node(current);
-            let (mut met, distances) = lanes.boxes(node, &self.frame, self.limit);
-            if met != 0 {
-                let entry = |met: u32| {
-                    let column = met.trailing_zeros() as usize & (WIDTH - 1);
-                    lanes.prefetch(tree, node.children[column]);
-                    Entry::new(distances.0[column], node.children[column])
-                };
-                let first = entry(met);
-                met &= met - 1;
-                if met == 0 {
-                    return Some(first.reference());
-                }
-                let second = entry(met);
-                met &= met - 1;
-                let (near, far) = if first < second { (first, second) } else { (second, first) };
-                let base = stack.len;
-                // SAFETY, here and below: with all columns of this node on it, the stack holds at most `stack_need`
-                // entries, and the builder has checked that those fit.
-                unsafe { stack.push(far) };
-                if met == 0 {
-                    return Some(near.reference());
-                }
-                // SAFETY: as above.
-                unsafe { stack.push(near) };
-                while met != 0 {
-                    // SAFETY: as above; base was the length before this node.
-                    unsafe { stack.insert(base, entry(met)) };
-                    met &= met - 1;
-                }
+            let fetch = |reference| lanes.prefetch(tree, reference);
+            // SAFETY: with all columns of this node on it, the stack holds at most `stack_need` entries, and the builder has
+            // checked that those fit.
+            let next = unsafe { enter(lanes, tree.node(current), &self.frame, self.limit, stack, fetch) };
+            if next.is_some() {
+                return next;
             }
         } else {
             let pack = tree.pack(current);
@@ -355,13 +366,66 @@ impl ClosestSearch {
                 }
             }
         }
-        loop {
-            let entry = stack.pop()?;
-            if entry.distance() <= self.limit {
-                return Some(entry.reference());
-            }
+        pop_within(stack, self.limit)
+    }
+}
+
+/// What to visit next, now that nothing entered beyond `limit` matters.
+#[inline(always)]
+fn pop_within(stack: &mut Stack, limit: f32) -> Option<u32> {
+    loop {
+        let entry = stack.pop()?;
+        if entry.distance() <= limit {
+            return Some(entry.reference());
         }
     }
+}
+
+/// Puts the children of a node that the ray meets on the stack, the nearest on top, and asks for their memory. If there
+/// are one or two, the nearest is returned instead.
+///
+/// # Safety
+/// The stack must have room for [`WIDTH`] more entries.
+#[inline(always)]
+unsafe fn enter<L: Traversal>(
+    lanes: L,
+    node: &WideNode,
+    frame: &RayFrame,
+    limit: f32,
+    stack: &mut Stack,
+    fetch: impl Fn(u32),
+) -> Option<u32> {
+    let (mut met, distances) = lanes.boxes(node, frame, limit);
+    if met == 0 {
+        return None;
+    }
+    let entry = |met: u32| {
+        let column = met.trailing_zeros() as usize & (WIDTH - 1);
+        fetch(node.children[column]);
+        Entry::new(distances.0[column], node.children[column])
+    };
+    let first = entry(met);
+    met &= met - 1;
+    if met == 0 {
+        return Some(first.reference());
+    }
+    let second = entry(met);
+    met &= met - 1;
+    let (near, far) = if first < second { (first, second) } else { (second, first) };
+    let base = stack.len;
+    // SAFETY, here and below: the caller guarantees room for all columns.
+    unsafe { stack.push(far) };
+    if met == 0 {
+        return Some(near.reference());
+    }
+    // SAFETY: as above.
+    unsafe { stack.push(near) };
+    while met != 0 {
+        // SAFETY: as above; base was the length before this node.
+        unsafe { stack.insert(base, entry(met)) };
+        met &= met - 1;
+    }
+    None
 }
 
 #[inline(always)]
@@ -443,6 +507,96 @@ fn occluded<L: Traversal>(lanes: L, tree: &WideTree, ray: &Ray) -> bool {
             ControlFlow::Break(answer) => return answer,
         }
     }
+}
+
+/// The nearest hit in placed meshes, and the number of the instance; of those at the same `t`, the lowest numbers.
+#[inline(always)]
+fn closest_placed<L: Traversal>(lanes: L, placed: &PlacedTrees, ray: &Ray) -> Option<(u32, Hit)> {
+    if placed.nodes.is_empty() {
+        return None;
+    }
+    let frame = RayFrame::new(ray);
+    let mut best: Option<(u32, Hit)> = None;
+    let mut t_max = ray.t_max;
+    let mut stack = Stack::new();
+    let mut current = 0;
+    loop {
+        let mut next = None;
+        if current & LEAF == 0 {
+            let fetch = |reference| prefetch_place(placed, reference);
+            let node = &placed.nodes[current as usize];
+            // SAFETY: `PlacedTrees` promises that `stack_need` of its nodes fits.
+            next = unsafe { enter(lanes, node, &frame, t_max * FAR_SLACK, &mut stack, fetch) };
+        } else {
+            let number = current & !LEAF;
+            let place = &placed.places[number as usize];
+            // Limits are not part of what is searched: at the same distance an earlier instance takes precedence.
+            let limit = match best {
+                Some((earlier, _)) if number < earlier => t_max.next_up(),
+                _ => t_max,
+            };
+            let local = place.local_ray(ray, limit);
+            if let Some(hit) = closest(lanes, placed.tree(place), &local) {
+                t_max = hit.t;
+                best = Some((number, hit));
+            }
+        }
+        match next.or_else(|| pop_within(&mut stack, t_max * FAR_SLACK)) {
+            Some(reference) => current = reference,
+            None => return best,
+        }
+    }
+}
+
+#[inline(always)]
+fn occluded_placed<L: Traversal>(lanes: L, placed: &PlacedTrees, ray: &Ray) -> bool {
+    if placed.nodes.is_empty() {
+        return false;
+    }
+    let frame = RayFrame::new(ray);
+    let limit = ray.t_max * FAR_SLACK;
+    let mut stack = Stack::new();
+    let mut current = 0;
+    loop {
+        let mut next = None;
+        if current & LEAF == 0 {
+            let fetch = |reference| prefetch_place(placed, reference);
+            let node = &placed.nodes[current as usize];
+            // SAFETY: `PlacedTrees` promises that `stack_need` of its nodes fits.
+            next = unsafe { enter(lanes, node, &frame, limit, &mut stack, fetch) };
+        } else {
+            let place = &placed.places[(current & !LEAF) as usize];
+            if occluded(lanes, placed.tree(place), &place.local_ray(ray, ray.t_max)) {
+                return true;
+            }
+        }
+        match next.or_else(|| pop_within(&mut stack, limit)) {
+            Some(reference) => current = reference,
+            None => return false,
+        }
+    }
+}
+
+/// Brings a node of the upper tree or a place into the cache.
+#[inline(always)]
+fn prefetch_place(placed: &PlacedTrees, reference: u32) {
+    #[cfg(target_arch = "x86_64")]
+    {
+        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+        const LINE: usize = 64;
+        let number = (reference & !LEAF) as usize;
+        let (start, bytes) = if reference & LEAF == 0 {
+            (placed.nodes.as_ptr().wrapping_add(number).cast::<i8>(), size_of::<WideNode>())
+        } else {
+            (placed.places.as_ptr().wrapping_add(number).cast::<i8>(), size_of::<Place>())
+        };
+        for line in (0..bytes).step_by(LINE) {
+            // SAFETY: a prefetch may be given any address.
+            unsafe { _mm_prefetch::<_MM_HINT_T0>(start.wrapping_add(line)) };
+        }
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = (placed, reference);
 }
 
 /// Rays that are traced in turns: while one waits for memory, the others go on.

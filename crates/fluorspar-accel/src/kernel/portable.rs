@@ -1,6 +1,7 @@
 //! Plain Rust on arrays, which compilers turn into the vector instructions of any target.
 
 use super::{Distances, Traversal};
+use crate::instance_bvh::PlacedTrees;
 use crate::ray::{FAR_SLACK, Hit, Ray, RayFrame};
 use crate::wide_tree::{PACK, TrianglePack, WIDTH, WideNode, WideTree};
 
@@ -13,6 +14,14 @@ pub(super) fn closest(tree: &WideTree, ray: &Ray) -> Option<Hit> {
 
 pub(super) fn occluded(tree: &WideTree, ray: &Ray) -> bool {
     super::occluded(Arrays, tree, ray)
+}
+
+pub(super) fn closest_placed(placed: &PlacedTrees, ray: &Ray) -> Option<(u32, Hit)> {
+    super::closest_placed(Arrays, placed, ray)
+}
+
+pub(super) fn occluded_placed(placed: &PlacedTrees, ray: &Ray) -> bool {
+    super::occluded_placed(Arrays, placed, ray)
 }
 
 pub(super) fn closest_each(tree: &WideTree, rays: &[Ray], hits: &mut [Option<Hit>]) {

@@ -136,6 +136,28 @@ mod x86 {
         work.run(detected)
     }
 
+    /// Lanes `FROM` to 15 of sixteen zeros, then the first lanes of a vector.
+    ///
+    /// Written as an instruction because the compiler turns the intrinsic into an expansion under a mask, which it loads
+    /// anew each time: with that, five fluorophores at 69 bands take 155 ns a vertex instead of 64.
+    #[inline]
+    #[target_feature(enable = "avx512f")]
+    fn align_with_zeros<const FROM: i32>(vector: __m512) -> __m512 {
+        let shifted: __m512;
+        // SAFETY: the instruction reads and writes registers only, and AVX-512 F is enabled.
+        unsafe {
+            std::arch::asm!(
+                "valignd {shifted}, {vector}, {zero}, {from}",
+                shifted = lateout(zmm_reg) shifted,
+                vector = in(zmm_reg) vector,
+                zero = in(zmm_reg) _mm512_setzero_ps(),
+                from = const FROM,
+                options(pure, nomem, nostack, preserves_flags),
+            );
+        }
+        shifted
+    }
+
     // SAFETY of the blocks below: a value of type `Detected` proves that the processor has the instructions, and blocks
     // are aligned to 64 bytes and 64 bytes long.
     impl Lanes for avx2::Detected {
@@ -242,13 +264,12 @@ mod x86 {
         fn shift<const BY: usize>(self, vector: __m512) -> __m512 {
             // SAFETY: as said above.
             unsafe {
-                let (x, zero) = (_mm512_castps_si512(vector), _mm512_setzero_si512());
-                _mm512_castsi512_ps(match BY {
-                    1 => _mm512_alignr_epi32::<15>(x, zero),
-                    2 => _mm512_alignr_epi32::<14>(x, zero),
-                    4 => _mm512_alignr_epi32::<12>(x, zero),
-                    _ => _mm512_alignr_epi32::<8>(x, zero),
-                })
+                match BY {
+                    1 => align_with_zeros::<15>(vector),
+                    2 => align_with_zeros::<14>(vector),
+                    4 => align_with_zeros::<12>(vector),
+                    _ => align_with_zeros::<8>(vector),
+                }
             }
         }
 

@@ -4,6 +4,7 @@ use std::process::ExitCode;
 
 use clap::ValueHint;
 use fluorspar::experiment::is_sample;
+use fluorspar::scene::{Scene, Shape};
 use serde_json::json;
 
 use crate::args::Changes;
@@ -50,6 +51,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     }
     let experiment = source.resolve(&options.changes.set, options.json)?;
     let scene = &experiment.scene;
+    let needed = fluorspar::render::memory_bytes(scene, &experiment.render);
     if options.json {
         super::print_json(&json!({
             "file": shown,
@@ -61,20 +63,39 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
             "light_groups": scene.light_groups.iter().map(|g| &g.name).collect::<Vec<_>>(),
             "fluorophores": scene.fluorophores.iter().map(|f| &f.name).collect::<Vec<_>>(),
             "captures": experiment.captures.iter().map(|c| &c.frame.label).collect::<Vec<_>>(),
+            "instances": instances(scene),
             "memory_bytes": fluorspar::render::memory_bytes(scene, &experiment.render),
             "warnings": experiment.warnings,
         }))?;
     } else {
         super::print_text(&format!(
-            "{}: valid. {} objects, {} lights in {} groups, {} fluorophores, {} captures; images need {:.0} MiB",
+            "{}: valid. {} objects{}, {} lights in {} groups, {} fluorophores, {} captures; images need {:.0} MiB{}",
             shown,
             scene.objects.len(),
+            match instances(scene) {
+                0 => String::new(),
+                count => format!(" with {count} instances"),
+            },
             scene.lights.len(),
             scene.light_groups.len(),
             scene.fluorophores.len(),
             experiment.captures.len(),
-            fluorspar::render::memory_bytes(scene, &experiment.render) as f64 / f64::from(1 << 20)
+            needed as f64 / f64::from(1 << 20),
+            if needed > experiment.render.memory_limit_bytes {
+                ", more than the limit: only `fluorspar render` takes them, in bands of rows"
+            } else {
+                ""
+            }
         ))?;
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// Instances of meshes of all objects.
+fn instances(scene: &Scene) -> usize {
+    let count = |shape: &Shape| match shape {
+        Shape::Instances(many) => many.instances.len(),
+        _ => 0,
+    };
+    scene.objects.iter().map(|object| count(&object.shape)).sum()
 }

@@ -4,11 +4,12 @@ use std::path::{Path, PathBuf};
 
 use clap::{ValueEnum, ValueHint};
 use fluorspar::format::{
-    ExrCompression, ExrOptions, Provenance, write_component_exr, write_component_npy, write_rgb_png,
-    write_spectral_exr, write_spectral_npy,
+    ExrCompression, ExrOptions, Provenance, SpooledImage, write_component_exr, write_component_npy,
+    write_rgb_png, write_spectral_exr, write_spectral_npy,
 };
 use fluorspar::image::ComponentImage;
 use fluorspar::pipeline::radiance_preview;
+use fluorspar::spectral::Radiance;
 use serde_json::{Value, json};
 
 use super::check_parent;
@@ -72,14 +73,58 @@ impl ImageOutput {
         Ok(())
     }
 
-    /// Writes the image and the preview.
-    pub(crate) fn write(&self, image: &ComponentImage, provenance: &Provenance) -> Result<(), CliError> {
-        let compression = match self.storage {
+    fn compression(&self) -> ExrCompression {
+        match self.storage {
             Storage::Full => ExrCompression::Zip,
             Storage::Rounded24 => ExrCompression::Rounded24,
             Storage::Half => ExrCompression::Half,
+        }
+    }
+
+    /// Refuses what needs the whole image in memory.
+    pub(crate) fn check_for_bands(&self) -> Result<(), CliError> {
+        let refuse = |what: String, mend: &str| {
+            Err(CliError::Input(format!(
+                "{what}: the image does not fit into render.memory_limit_gib and is rendered in bands of rows; {mend}"
+            )))
         };
-        let exr = ExrOptions { compression, provenance: Some(provenance), ..Default::default() };
+        if has_extension(&self.out, "npy") {
+            return refuse(format!("--out {}", self.out.display()), "write an .exr file, or raise the limit");
+        }
+        if let Some(path) = &self.preview {
+            let mend = "leave the preview away, or raise the limit";
+            return refuse(format!("--preview {}", path.display()), mend);
+        }
+        Ok(())
+    }
+
+    /// Writes an image whose rows wait in a file; `labels` is all of it but its values.
+    pub(crate) fn write_spooled(
+        &self,
+        spool: &SpooledImage,
+        labels: &ComponentImage,
+        provenance: &Provenance,
+    ) -> Result<(), CliError> {
+        let exr = ExrOptions {
+            compression: self.compression(),
+            provenance: Some(provenance),
+            ..Default::default()
+        };
+        if self.components {
+            spool.write_component_exr(&self.out, labels, &exr)?;
+        } else {
+            spool.write_spectral_exr::<Radiance>(&self.out, &exr)?;
+        }
+        Ok(())
+    }
+
+    /// Writes the image and the preview.
+    pub(crate) fn write(&self, image: &ComponentImage, provenance: &Provenance) -> Result<(), CliError> {
+        let exr = ExrOptions {
+            compression: self.compression(),
+            provenance: Some(provenance),
+            ..Default::default()
+        };
         let npy = has_extension(&self.out, "npy");
         if self.components && npy {
             write_component_npy(&self.out, image, Some(provenance))?;
@@ -105,6 +150,11 @@ impl ImageOutput {
     /// What `--json` says about an image.
     pub(crate) fn describe(&self, image: &ComponentImage) -> Value {
         let mean = image.recombine(|_| 1.0).mean_spectrum();
+        self.describe_with(image, mean.values())
+    }
+
+    /// The same with the mean spectrum given, for images without values.
+    pub(crate) fn describe_with(&self, image: &ComponentImage, mean_radiance: &[f64]) -> Value {
         json!({
             "file": self.out,
             "width_px": image.width,
@@ -113,7 +163,7 @@ impl ImageOutput {
             "most_samples_per_pixel": image.samples.iter().max().unwrap_or(&image.samples_per_pixel),
             "wavelength_nm": image.grid.centers_nm(),
             "components": image.components.iter().map(|c| c.label()).collect::<Vec<_>>(),
-            "mean_radiance": mean.values(),
+            "mean_radiance": mean_radiance,
             "unit": "W/(sr m^2 nm)",
         })
     }

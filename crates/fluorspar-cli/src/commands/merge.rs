@@ -9,13 +9,14 @@ use fluorspar::image::Film;
 
 use super::check_parent;
 use super::image_output::ImageOutput;
+use super::row_bands;
 use crate::args::Talk;
 use crate::error::CliError;
 
 /// Options of `merge`.
 #[derive(Clone, Debug, clap::Args)]
 pub(crate) struct Options {
-    /// Films that `render --film` wrote: all shards of one render.
+    /// Films that `render --film` wrote: all shards of one render. A folder stands for the films in it.
     #[arg(value_name = "FILM", required = true, value_hint = ValueHint::FilePath)]
     films: Vec<PathBuf>,
     /// Also write the merged film, to be given more samples or merged further.
@@ -36,7 +37,8 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         check_parent(path)?;
     }
     let mut merged: Option<(Film, Option<Provenance>)> = None;
-    for path in &options.films {
+    let films = row_bands::films_of(&options.films)?;
+    for path in &films {
         let next = read_film(path)?;
         match &mut merged {
             None => merged = Some((next.image, next.provenance)),
@@ -49,7 +51,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         return Err(CliError::Input("the films do not say where they come from; render them again".into()));
     };
     if !options.incomplete {
-        check_complete(&film, &provenance, &options.films)?;
+        check_complete(&film, &provenance, &films)?;
     }
     if let Some(path) = &options.film {
         write_film(path, &film, Some(&provenance))?;

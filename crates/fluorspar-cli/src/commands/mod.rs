@@ -15,6 +15,7 @@ pub(crate) mod out_folder;
 pub(crate) mod predict;
 pub(crate) mod presets;
 pub(crate) mod render;
+pub(crate) mod row_bands;
 pub(crate) mod run;
 pub(crate) mod safety;
 pub(crate) mod schema;

@@ -1,6 +1,6 @@
 //! `fluorspar render`: spectral radiance only, in one go, in parts, or in several processes.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::str::FromStr;
 use std::time::Duration;
@@ -8,10 +8,12 @@ use std::time::Duration;
 use clap::{ValueEnum, ValueHint};
 use fluorspar::format::{Provenance, read_film};
 use fluorspar::render::{FilmRenderer, Share, memory_bytes};
+use fluorspar::scene::{Scene, Shape};
 use serde_json::json;
 
 use super::check_parent;
 use super::image_output::ImageOutput;
+use super::row_bands;
 use crate::args::{ExperimentArgs, Talk};
 use crate::error::CliError;
 use crate::experiment_source::ExperimentSource;
@@ -23,17 +25,18 @@ pub(crate) struct Options {
     #[command(flatten)]
     experiment: ExperimentArgs,
     #[command(flatten)]
-    output: ImageOutput,
+    pub(super) output: ImageOutput,
     /// Keep the exact sums of the render in this file: saved while rendering and at the end, so that the render can be
-    /// resumed after any interruption, given more samples, or merged.
-    #[arg(long, value_name = "FILE.film", value_hint = ValueHint::FilePath)]
-    film: Option<PathBuf>,
+    /// resumed after any interruption, given more samples, or merged. Of a picture that does not fit into the memory limit it
+    /// is a folder of films, one for each band of rows.
+    #[arg(long, value_name = "FILE.film", value_hint = ValueHint::AnyPath)]
+    pub(super) film: Option<PathBuf>,
     /// Go on with the film if it is there: same scene, seed and depth. The result has the bits of an uninterrupted render.
     #[arg(long, requires = "film")]
     resume: bool,
     /// Seconds between saves of the film.
     #[arg(long, value_name = "SECONDS", default_value_t = 60.0, requires = "film")]
-    checkpoint_s: f64,
+    pub(super) checkpoint_s: f64,
     /// Render part I of N into the film, and no image; `fluorspar merge` puts the N films together.
     #[arg(long, value_name = "I/N", requires = "film")]
     shard: Option<Shard>,
@@ -41,7 +44,7 @@ pub(crate) struct Options {
     #[arg(long, value_enum, default_value_t, requires = "shard")]
     shard_by: ShardBy,
     #[command(flatten)]
-    talk: Talk,
+    pub(super) talk: Talk,
 }
 
 /// `I/N`, I from 1 to N.
@@ -111,15 +114,20 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let source = ExperimentSource::find(options.experiment.experiment.as_deref())?;
     let experiment = source.resolve(&options.experiment.overrides(), quiet)?;
     let settings = &experiment.render;
+    let needed = memory_bytes(&experiment.scene, settings);
+    let in_bands = needed > settings.memory_limit_bytes || options.film.as_deref().is_some_and(Path::is_dir);
+    if in_bands && options.shard.is_none() {
+        return row_bands::render(options, &source, &experiment);
+    }
     if !quiet {
-        let bytes = memory_bytes(&experiment.scene, settings);
         eprintln!(
             "Memory: {:.0} MiB for the film, and the scene; limit {:.0} MiB",
-            mib(bytes),
+            mib(needed),
             mib(settings.memory_limit_bytes)
         );
     }
     let renderer = FilmRenderer::new(&experiment.scene, settings)?;
+    say_surfaces(&renderer, &experiment.scene, quiet);
     let mut film = match options.film.as_deref().filter(|path| options.resume && path.exists()) {
         Some(path) => {
             let film = read_film(path)?.image;
@@ -171,14 +179,31 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     Ok(code)
 }
 
+/// Says what the surfaces take, where instances make that hard to guess.
+pub(super) fn say_surfaces(renderer: &FilmRenderer<'_>, scene: &Scene, quiet: bool) {
+    let many = scene.objects.iter().filter_map(|object| match &object.shape {
+        Shape::Instances(many) => Some(many),
+        _ => None,
+    });
+    let (instances, triangles) = many.fold((0, 0), |(instances, triangles), many| {
+        (instances + many.instances.len(), triangles + many.triangle_count())
+    });
+    if instances > 0 && !quiet {
+        eprintln!(
+            "Surfaces: {:.0} MiB; {instances} instances stand for {triangles} triangles",
+            mib(renderer.surface_bytes())
+        );
+    }
+}
+
 /// Most memory that this process held so far, where the system tells (Linux).
-fn peak_memory_bytes() -> Option<u64> {
+pub(super) fn peak_memory_bytes() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
     let kib: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
     Some(kib << 10)
 }
 
-fn mib(bytes: u64) -> f64 {
+pub(super) fn mib(bytes: u64) -> f64 {
     bytes as f64 / f64::from(1 << 20)
 }

@@ -7,7 +7,8 @@ use std::time::Instant;
 use fluorspar::experiment::ResolvedExperiment;
 use fluorspar::image::ComponentImage;
 use fluorspar::pipeline::{
-    AnalyzedFrame, CapturedFrame, ColorRendering, Preview, analyze, capture, preview, read_spectroradiometers,
+    AnalyzedFrame, CapturedFrame, ColorRendering, FrameLeak, Preview, analyze, capture, frame_leak, preview,
+    read_spectroradiometers,
 };
 use fluorspar_report::{RunResults, write_run_components, write_run_folder};
 
@@ -110,6 +111,11 @@ fn take_and_write(
         .zip(&experiment.captures)
         .map(|(frame, c)| preview(&frame.developed, &ColorRendering::of_frame(experiment, c)))
         .collect();
+    let region = analyzed.as_ref().map(|a| &a.region);
+    let mut leaks: Vec<FrameLeak> = Vec::new();
+    for (frame, c) in frames.iter().zip(&experiment.captures) {
+        leaks.extend(frame_leak(experiment, components, c, frame.raw.exposure_s, region)?);
+    }
     say("Writing images, figures and report".into());
     write_run_folder(
         folder,
@@ -119,6 +125,7 @@ fn take_and_write(
             components,
             frames: &frames,
             previews: &previews,
+            leaks: &leaks,
             spectra: &spectra,
             analysis: analyzed.as_ref(),
         },

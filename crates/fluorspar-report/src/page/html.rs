@@ -190,7 +190,8 @@ fn write_number(html: &mut String, number: &Number) {
          <td><span class=\"badge {word}\">{word}</span> {}</td></tr>",
         escape(&number.name),
         escape(&number.value),
-        escape(&number.unit),
+        // An empty cell would look forgotten.
+        if number.unit.is_empty() { "pure number".into() } else { escape(&number.unit) },
         escape(&number.meaning),
         escape(number.origin.detail())
     );

@@ -9,7 +9,7 @@ pub use report::{NamedFigure, RunReport, run_report};
 
 use fluorspar::experiment::ResolvedExperiment;
 use fluorspar::image::ComponentImage;
-use fluorspar::pipeline::{AnalyzedFrame, CapturedFrame, Preview, SpectroradiometerReading};
+use fluorspar::pipeline::{AnalyzedFrame, CapturedFrame, FrameLeak, Preview, SpectroradiometerReading};
 
 /// Everything that one run produced.
 #[derive(Clone, Copy, Debug)]
@@ -24,6 +24,8 @@ pub struct RunResults<'a> {
     pub frames: &'a [CapturedFrame],
     /// Pictures of the developed frames, in the same order.
     pub previews: &'a [Preview],
+    /// Reflected light against fluorescence in each frame that has light.
+    pub leaks: &'a [FrameLeak],
     /// Readings of the experiment's spectroradiometers.
     pub spectra: &'a [SpectroradiometerReading],
     /// The analysed frame, if the experiment asks for one.

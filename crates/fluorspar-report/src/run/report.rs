@@ -2,7 +2,7 @@
 
 use fluorspar::analysis::Statistics;
 use fluorspar::image::Light;
-use fluorspar::pipeline::{AnalyzedFrame, CapturedFrame, RegionRadiance, assess_safety};
+use fluorspar::pipeline::{AnalyzedFrame, CapturedFrame, FrameLeak, RegionRadiance, assess_safety};
 use fluorspar::spectral::Curve;
 
 use super::RunResults;
@@ -59,9 +59,10 @@ pub fn run_report(run: &RunResults<'_>) -> RunReport {
     let frame_of_interest = experiment.analysis.as_ref().map(|a| a.frame.as_str());
     let radiance =
         run.analysis.and_then(|a| RegionRadiance::of_analysis(experiment, run.components, &a.region));
-    let leak = radiance.as_ref().and_then(|r| r.leak_ratio(experiment));
+    let leak = leak_of_interest(run).and_then(|leak| leak.leak_ratio);
 
     let mut sections = vec![camera_section(run, &mut builder)];
+    sections.extend(leak_section(run));
     if let Some(analyzed) = run.analysis {
         sections.push(result_section(run, analyzed, &mut builder));
     }
@@ -121,6 +122,116 @@ fn lead(run: &RunResults<'_>, frame: Option<&str>) -> Vec<String> {
     lead
 }
 
+/// The leak of the analysed frame.
+fn leak_of_interest<'a>(run: &RunResults<'a>) -> Option<&'a FrameLeak> {
+    let frame = run.experiment.analysis.as_ref().map(|a| a.frame.as_str())?;
+    run.leaks.iter().find(|leak| leak.frame == frame)
+}
+
+/// Lamp light in the frames: what of the electrons is signal, and what is lamp light that came through the filters.
+fn leak_section(run: &RunResults<'_>) -> Option<Section> {
+    if run.leaks.is_empty() {
+        return None;
+    }
+    let place = match run.analysis {
+        Some(analyzed) => format!("over {}", analyzed.analysis.region_description),
+        None => "over the whole frame".into(),
+    };
+    let mut section = Section::new("How much lamp light leaks through the filter").say(format!(
+        "Every electron comes from light that was only reflected or from light that a fluorophore gave off. In a \
+         fluorescence frame reflected light is a disturbance, the leak: it adds to every channel, is shaped by gloss and \
+         reflectance, and looks like fluorescence that is not there. Means {place}, without noise."
+    ));
+    for leak in run.leaks {
+        let reflectance = leak.is_reflectance();
+        let kind =
+            if reflectance { "reflected light, here the signal" } else { "reflected lamp light: the leak" };
+        let mut rows = Vec::new();
+        for channel in &leak.channels {
+            let name = &channel.name;
+            rows.push(Number::computed(
+                format!("{name}: reflected"),
+                electrons(channel.reflected_e),
+                "e- per pixel",
+                kind,
+            ));
+            rows.push(Number::computed(
+                format!("{name}: fluorescence"),
+                electrons(channel.fluorescent_e),
+                "e- per pixel",
+                "electrons of light that a fluorophore gave off",
+            ));
+        }
+        if let (Some(ratio), false) = (leak.leak_ratio, reflectance) {
+            rows.push(Number::computed(
+                "Leak",
+                percent(ratio),
+                "%",
+                "reflected per fluorescence electrons, all channels together; below 1 % it can be forgotten, at 100 % half of \
+                 the picture is lamp",
+            ));
+            if let Some(before) = leak.ratio_before {
+                rows.push(Number::computed(
+                    "Reflected over fluorescence, before the filter",
+                    format!("{before:.0}"),
+                    "photons per photon",
+                    "what the filter has to deal with",
+                ));
+            }
+            let behind = &leak.behind_filters;
+            if let Some(density) = behind.reflected_density {
+                rows.push(Number::computed(
+                    "Optical density for the lamp",
+                    format!("{density:.2}"),
+                    "",
+                    "minus the decimal logarithm of the share of reflected photons that passes the filter: 3 is one in a thousand",
+                ));
+            }
+            rows.push(Number::computed(
+                "Fluorescence passed",
+                format!("{:.0}", 100.0 * behind.fluorescence_passed),
+                "%",
+                "share of the fluorescence photons that the filter lets through",
+            ));
+            if let Some(share) = behind.leak_in_pass_band {
+                rows.push(Number::computed(
+                    "Leak inside the pass band",
+                    format!("{:.0}", 100.0 * share),
+                    "%",
+                    "share of the leaking photons at wavelengths that the filter is meant to pass: the tail of the lamp, which only a \
+                     filter on the lamp can remove",
+                ));
+            }
+        }
+        let caption = format!("Frame \"{}\", {:.1} ms", leak.frame, 1e3 * leak.exposure_s);
+        section = section.with(ReportItem::Table(NumberTable { caption, rows }));
+    }
+    Some(section)
+}
+
+/// The title of a fluorophore, as the pictures of the matrices have it.
+fn title_of(run: &RunResults<'_>, name: &str) -> String {
+    let scene = &run.experiment.scene;
+    scene.fluorophores.iter().find(|f| f.name == name).map_or_else(|| name.to_owned(), |f| f.title.clone())
+}
+
+/// Electrons with as many digits as tell something.
+fn electrons(value: f64) -> String {
+    if value >= 100.0 {
+        format!("{value:.0}")
+    } else if value >= 1.0 {
+        format!("{value:.1}")
+    } else {
+        format!("{value:.3}")
+    }
+}
+
+/// A ratio in per cent, with as many digits as tell something.
+fn percent(ratio: f64) -> String {
+    let value = 100.0 * ratio;
+    if value >= 1.0 { format!("{value:.1}") } else { format!("{value:.2}") }
+}
+
 fn headline(run: &RunResults<'_>, leak: Option<f64>) -> Vec<Number> {
     let mut numbers = Vec::new();
     if let Some(analyzed) = run.analysis {
@@ -160,9 +271,9 @@ fn headline(run: &RunResults<'_>, leak: Option<f64>) -> Vec<Number> {
     if let Some(leak) = leak {
         numbers.push(Number::computed(
             "Filter leak",
-            format!("{:.2}", 100.0 * leak),
+            percent(leak),
             "%",
-            "reflected lamp light per fluorescence light that reaches the sensor in the region; well below 100 % is needed",
+            "electrons of reflected lamp light per electron of fluorescence in the region; 1 % can be forgotten, 100 % can't be used",
         ));
     }
     numbers
@@ -277,7 +388,7 @@ fn result_section(run: &RunResults<'_>, analyzed: &AnalyzedFrame, builder: &mut 
         fluorophores: analysis
             .fluorophores
             .iter()
-            .filter_map(|f| f.chromaticity.map(|point| (f.name.clone(), point)))
+            .filter_map(|f| f.chromaticity.map(|point| (title_of(run, &f.name), point)))
             .collect(),
         mixture_line: analysis.mixture.as_ref().map(|m| [m.bulk, m.porphyrin]),
         ellipse: analysis.ellipse.map(|e| e.outline(ELLIPSE_95, 90)).unwrap_or_default(),
@@ -314,7 +425,8 @@ fn radiance_section(
 ) -> Section {
     let curve =
         |name: &str, values: &[f64]| NamedCurve::new(name, radiance.wavelength_nm.clone(), values.to_vec());
-    let glow: Vec<NamedCurve> = radiance.fluorescence.iter().map(|(name, v)| curve(name, v)).collect();
+    let glow: Vec<NamedCurve> =
+        radiance.fluorescence.iter().map(|(name, v)| curve(&title_of(run, name), v)).collect();
     let region = run.analysis.map_or_else(String::new, |a| a.analysis.region_description.clone());
     let (reflected, total) = (curve("reflected", &radiance.reflected), curve("sum", &radiance.total));
     let mut section = Section::new("The light that leaves the tissue").say(format!(
@@ -324,15 +436,17 @@ fn radiance_section(
     ));
     if let Some(leak) = leak {
         section = section.say(format!(
-            "Through lens, filter and sensor, reflected lamp light makes {:.2} % of the fluorescence signal of this region.",
-            100.0 * leak
+            "Through lens, filter and sensor, reflected lamp light makes {} % of the fluorescence signal of this region.",
+            percent(leak)
         ));
     }
     section = builder.show(
         section,
         "radiance_log",
         radiance_by_component(Some(&total), Some(&reflected), &glow, &region, Scale::Log10),
-        "Logarithmic: reflected lamp light exceeds fluorescence by orders of magnitude, which is why the filters decide the design.",
+        "Logarithmic: reflected lamp light exceeds fluorescence by orders of magnitude, which is why the filters decide the \
+         design. A fluorophore that this tissue does not hold glows elsewhere, as dentine and enamel do in the teeth; its light \
+         is reflected here.",
     );
     builder.show(
         section,
@@ -497,8 +611,13 @@ fn camera_rows(run: &RunResults<'_>) -> Vec<Number> {
         let table =
             || Origin::Published("Table 1 of Lyu et al. 2021, unless the experiment says otherwise".into());
         rows.push(
-            Number::computed("Pixels", format!("{} x {}", m.columns, m.rows), "", "of the sensor")
-                .from(assumed()),
+            Number::computed(
+                "Pixels",
+                format!("{} x {}", m.columns, m.rows),
+                "pixels",
+                "columns and rows of the sensor",
+            )
+            .from(assumed()),
         );
         rows.push(
             Number::computed("Pixel pitch", format!("{}", m.pixel_size_um), "µm", "side of one pixel")

@@ -45,7 +45,7 @@ pub(super) fn safety_section(report: &SafetyReport) -> Option<Section> {
                     Ok(serde_json::Value::String(name)) => name,
                     _ => String::new(),
                 },
-                "",
+                "IEC 62471",
                 "of the lights of the brightest capture at 200 mm, as if they shone continuously",
             )
         }))

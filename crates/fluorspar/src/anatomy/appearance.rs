@@ -232,7 +232,7 @@ impl<'a> Place<'a> {
         let across = (self.u - 0.5) / 0.2;
         let middle = exp(-0.5 * across * across) * smoothstep(0.4, 0.28, (self.u - 0.5).abs());
         // From none at the tip evenly to the most at six tenths of the length.
-        let ramp = ((self.v - 0.05) / 0.5).clamp(0.0, 1.0) * smoothstep(0.78, 0.68, self.v);
+        let ramp = ((self.v - 0.05) / 0.55).clamp(0.0, 1.0) * smoothstep(0.78, 0.68, self.v);
         let colonies = smoothstep(-0.14, 0.2, self.noise(0x4b, 8.0, 4));
         let hairs = tongue::filiform(self.p.seed, self.x, self.y);
         let bald = smoothstep(0.05, 0.5, tongue::fungiform(self.p.seed, self.x, self.y, self.v));

@@ -25,6 +25,8 @@ pub struct ExaminationView {
     pub tongue_curl: f64,
     /// Lips drawn back, mm.
     pub lip_retraction_mm: f64,
+    /// Corners of the mouth drawn apart, as by a cheek retractor: added to the width of the opening, mm.
+    pub corner_retraction_mm: f64,
 }
 
 const REST: ExaminationView = ExaminationView {
@@ -38,6 +40,7 @@ const REST: ExaminationView = ExaminationView {
     tongue_shift_mm: 0.0,
     tongue_curl: 0.0,
     lip_retraction_mm: 7.0,
+    corner_retraction_mm: 0.0,
 };
 
 /// The nine sites of an oral examination.
@@ -55,23 +58,27 @@ pub const EXAMINATION_VIEWS: [ExaminationView; 9] = [
     ExaminationView {
         name: "right-cheek",
         title: "Right cheek",
-        camera_mm: [42.0, 4.0, 82.0],
-        look_at_mm: [-18.0, 0.0, -20.0],
-        width_mm: 66.0,
-        tongue_protrusion_mm: -6.0,
-        tongue_shift_mm: 6.0,
+        camera_mm: [52.0, 2.0, 78.0],
+        look_at_mm: [-25.0, 0.0, -16.0],
+        width_mm: 56.0,
+        jaw_opening_mm: 40.0,
+        tongue_protrusion_mm: -8.0,
+        tongue_shift_mm: 8.0,
         lip_retraction_mm: 10.0,
+        corner_retraction_mm: 8.0,
         ..REST
     },
     ExaminationView {
         name: "left-cheek",
         title: "Left cheek",
-        camera_mm: [-42.0, 4.0, 82.0],
-        look_at_mm: [18.0, 0.0, -20.0],
-        width_mm: 66.0,
-        tongue_protrusion_mm: -6.0,
-        tongue_shift_mm: -6.0,
+        camera_mm: [-52.0, 2.0, 78.0],
+        look_at_mm: [25.0, 0.0, -16.0],
+        width_mm: 56.0,
+        jaw_opening_mm: 40.0,
+        tongue_protrusion_mm: -8.0,
+        tongue_shift_mm: -8.0,
         lip_retraction_mm: 10.0,
+        corner_retraction_mm: 8.0,
         ..REST
     },
     ExaminationView {
@@ -107,9 +114,9 @@ pub const EXAMINATION_VIEWS: [ExaminationView; 9] = [
     ExaminationView {
         name: "right-tongue",
         title: "Right border of the tongue",
-        camera_mm: [-58.0, 4.0, 84.0],
-        look_at_mm: [2.0, -14.0, 4.0],
-        width_mm: 62.0,
+        camera_mm: [-76.0, -8.0, 68.0],
+        look_at_mm: [0.0, -13.0, 6.0],
+        width_mm: 60.0,
         tongue_protrusion_mm: 22.0,
         tongue_shift_mm: 16.0,
         ..REST
@@ -117,9 +124,9 @@ pub const EXAMINATION_VIEWS: [ExaminationView; 9] = [
     ExaminationView {
         name: "left-tongue",
         title: "Left border of the tongue",
-        camera_mm: [58.0, 4.0, 84.0],
-        look_at_mm: [-2.0, -14.0, 4.0],
-        width_mm: 62.0,
+        camera_mm: [76.0, -8.0, 68.0],
+        look_at_mm: [0.0, -13.0, 6.0],
+        width_mm: 60.0,
         tongue_protrusion_mm: 22.0,
         tongue_shift_mm: -16.0,
         ..REST
@@ -127,12 +134,12 @@ pub const EXAMINATION_VIEWS: [ExaminationView; 9] = [
     ExaminationView {
         name: "ventral-tongue",
         title: "Underside of the tongue and floor of the mouth",
-        camera_mm: [0.0, 12.0, 100.0],
-        look_at_mm: [0.0, -8.0, -8.0],
-        width_mm: 66.0,
-        jaw_opening_mm: 46.0,
+        camera_mm: [0.0, 32.0, 94.0],
+        look_at_mm: [0.0, -7.0, -10.0],
+        width_mm: 64.0,
+        jaw_opening_mm: 48.0,
         tongue_curl: 1.0,
-        lip_retraction_mm: 8.0,
+        lip_retraction_mm: 9.0,
         ..REST
     },
 ];
@@ -144,7 +151,8 @@ pub const POSES: [ExaminationView; 4] = [
     ExaminationView {
         name: "tongue-out",
         title: "Tongue out, from the side",
-        camera_mm: [75.0, 18.0, 90.0],
+        camera_mm: [75.0, 14.0, 86.0],
+        look_at_mm: [0.0, -12.0, 2.0],
         width_mm: 95.0,
         tongue_protrusion_mm: 24.0,
         ..REST
@@ -161,8 +169,9 @@ pub const POSES: [ExaminationView; 4] = [
     ExaminationView {
         name: "tongue-up",
         title: "Tip of the tongue raised, from the side",
-        camera_mm: [-55.0, 0.0, 95.0],
-        width_mm: 90.0,
+        camera_mm: [-50.0, 8.0, 98.0],
+        look_at_mm: [2.0, -1.0, -6.0],
+        width_mm: 84.0,
         tongue_curl: 0.8,
         ..REST
     },
@@ -183,6 +192,9 @@ impl ExaminationView {
             tongue_curl: self.tongue_curl,
             tongue_elevation_mm: 0.0,
             lip_retraction_mm: self.lip_retraction_mm,
+            // No wider than can be built.
+            lip_opening_width_mm: (person.lip_opening_width_mm + self.corner_retraction_mm)
+                .min(person.lip_opening_width_mm.max(72.0)),
             ..person.clone()
         }
     }

@@ -248,8 +248,18 @@ pub(super) fn shortened(text: &str) -> String {
 }
 
 /// Keys whose strings are always paths of files.
-const PATH_KEYS: [&str; 8] =
-    ["mesh", "image", "map", "csv", "eem_csv", "mat", "excitation_csv", "emission_csv"];
+const PATH_KEYS: [&str; 10] = [
+    "mesh",
+    "instance_file",
+    "image",
+    "map",
+    "mask",
+    "csv",
+    "eem_csv",
+    "mat",
+    "excitation_csv",
+    "emission_csv",
+];
 /// Keys whose strings are names of the catalogue or paths of tables.
 const NAME_OR_PATH_KEYS: [&str; 9] = [
     "n",

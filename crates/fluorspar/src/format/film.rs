@@ -123,6 +123,18 @@ fn checksum(values: &[u64]) -> u64 {
 /// # Errors
 /// Other files, other versions, damaged or incomplete files.
 pub fn read_film(path: &Path) -> Result<Loaded<Film>, FormatError> {
+    read(path, None)
+}
+
+/// Reads a film that holds samples in some rows of tiles only, with memory for no others.
+///
+/// # Errors
+/// As [`read_film`]; and samples in other rows.
+pub fn read_film_rows(path: &Path, tile_rows: Range<usize>) -> Result<Loaded<Film>, FormatError> {
+    read(path, Some(tile_rows))
+}
+
+fn read(path: &Path, tile_rows: Option<Range<usize>>) -> Result<Loaded<Film>, FormatError> {
     let failed = |source: io::Error| match source.kind() {
         io::ErrorKind::UnexpectedEof => {
             FormatError::malformed(path, "the file ends too early", "Was it copied completely?")
@@ -206,7 +218,8 @@ pub fn read_film(path: &Path) -> Result<Loaded<Film>, FormatError> {
         levels: header.pilot_levels,
         scene_digest: header.scene_sha256,
     };
-    let mut film = Film::new(layout, features);
+    let all = 0..layout.tile_rows();
+    let mut film = Film::of_tile_rows(layout, features, tile_rows.unwrap_or(all));
     let pixel_len = film.pixel_len();
     let mut tiles = film.tiles_mut();
     if tiles.len() != header.samples.len() {
@@ -222,7 +235,10 @@ pub fn read_film(path: &Path) -> Result<Loaded<Film>, FormatError> {
         if samples.is_empty() {
             continue;
         }
-        let used = &mut task.sums[..task.tile.pixels() * pixel_len];
+        let Some(used) = task.sums.get_mut(..task.tile.pixels() * pixel_len) else {
+            let (row, col) = (task.tile.row, task.tile.col);
+            return Err(damaged(format!("it holds samples at row {row}, column {col}, where it should not")));
+        };
         for plane in 0..pixel_len / bands {
             let mut width = [0];
             reader.read_exact(&mut width).map_err(failed)?;

@@ -2,21 +2,27 @@
 
 use std::io::Write;
 use std::path::Path;
+use std::sync::Arc;
 
-use glam::{Affine3A, Mat4, Quat, Vec2, Vec3};
+use glam::{Affine3, Affine3A, Mat4, Quat, Vec2, Vec3};
 use serde_json::{Value, json};
 
 use super::FormatError;
 use super::file::{MAX_MESH_BYTES, guarded, read_file, write_atomically};
 use super::mesh_set::{self, NamedMesh, check};
 use super::ply::finish_mesh;
-use crate::geometry::TriangleMesh;
+use crate::geometry::{MeshInstance, MeshInstances, TriangleMesh};
 
 const MAGIC: &[u8; 4] = b"glTF";
 const JSON_CHUNK: u32 = 0x4E4F_534A;
 const BINARY_CHUNK: u32 = 0x004E_4942;
 /// Deepest tree of nodes.
 const MAX_DEPTH: usize = 64;
+
+/// Most places of meshes.
+const MAX_PLACES: usize = 1 << 27;
+/// Most triangles of a file of which all instances become one mesh.
+const MAX_FLATTENED: u64 = 1 << 28;
 
 /// Reads all triangles of the scene of a glTF file as one mesh, with the transforms of its nodes. Positions, normals
 /// and the first texture coordinates are read; materials, skins and morphs are passed over. Buffers may be in the file
@@ -28,6 +34,88 @@ const MAX_DEPTH: usize = 64;
 /// # Errors
 /// Anything that is not such a file.
 pub fn read_gltf(path: &Path, unit_m: f64) -> Result<TriangleMesh, FormatError> {
+    let content = read_content(path)?;
+    let triangles: u64 = content.places.iter().map(|(mesh, _)| content.triangles(*mesh)).sum();
+    if triangles > MAX_FLATTENED {
+        return Err(FormatError::too_large(
+            path,
+            format!("its nodes place {triangles} triangles in all"),
+            format!("{MAX_FLATTENED} as one mesh"),
+        ));
+    }
+    finish_mesh(path, content.flattened(), unit_m)
+}
+
+/// Reads a glTF file as [`read_gltf`] does, but keeps meshes that stand at several places once: meshes that several
+/// nodes name, and those of nodes with the extension EXT_mesh_gpu_instancing. A file without such meshes gives one mesh at
+/// one place.
+///
+/// # Errors
+/// As [`read_gltf`]; and places that flatten a mesh.
+pub fn read_gltf_instances(path: &Path, unit_m: f64) -> Result<MeshInstances, FormatError> {
+    let content = read_content(path)?;
+    let mut used: Vec<usize> = content.places.iter().map(|(mesh, _)| *mesh).collect();
+    used.sort_unstable();
+    if used.windows(2).all(|pair| pair[0] != pair[1]) {
+        let mesh = Arc::new(finish_mesh(path, content.flattened(), unit_m)?);
+        let instances = vec![MeshInstance { mesh: 0, to_world: Affine3::IDENTITY }];
+        return Ok(MeshInstances { meshes: vec![mesh], instances });
+    }
+    used.dedup();
+    let meshes = used
+        .iter()
+        .map(|&mesh| {
+            let mut whole = TriangleMesh::default();
+            content.meshes[mesh].iter().for_each(|part| whole.append(part));
+            drop_partial_normals(&mut whole);
+            finish_mesh(path, whole, unit_m).map(Arc::new)
+        })
+        .collect::<Result<Vec<_>, _>>()?;
+    let instances = content.places.iter().map(|(mesh, transform)| MeshInstance {
+        mesh: used.partition_point(|other| other < mesh) as u32,
+        to_world: Affine3 {
+            matrix3: transform.matrix3.into(),
+            translation: Vec3::from(transform.translation) * unit_m as f32,
+        },
+    });
+    let many = MeshInstances { meshes, instances: instances.collect() };
+    many.validate().map_err(|error| broken(path, format!("its nodes are damaged: {error}")))?;
+    Ok(many)
+}
+
+/// Meshes of a file by number, each as its parts, and where they stand; in units of the file.
+struct FileContent {
+    meshes: Vec<Vec<TriangleMesh>>,
+    places: Vec<(usize, Affine3A)>,
+}
+
+impl FileContent {
+    fn triangles(&self, mesh: usize) -> u64 {
+        self.meshes[mesh].iter().map(|part| part.triangles.len() as u64).sum()
+    }
+
+    fn flattened(&self) -> TriangleMesh {
+        let mut whole = TriangleMesh::default();
+        for (mesh, transform) in &self.places {
+            for part in &self.meshes[*mesh] {
+                let mut part = part.clone();
+                part.transform(transform);
+                whole.append(&part);
+            }
+        }
+        drop_partial_normals(&mut whole);
+        whole
+    }
+}
+
+/// What only some primitives have was dropped on the way.
+fn drop_partial_normals(mesh: &mut TriangleMesh) {
+    if mesh.normals.len() != mesh.positions.len() {
+        mesh.normals.clear();
+    }
+}
+
+fn read_content(path: &Path) -> Result<FileContent, FormatError> {
     let bytes = read_file(path, MAX_MESH_BYTES)?;
     let (text, blob) = if bytes.starts_with(MAGIC) { chunks(path, &bytes)? } else { (&bytes[..], None) };
     let document: Value = serde_json::from_slice(text).map_err(|error| FormatError::Malformed {
@@ -37,29 +125,30 @@ pub fn read_gltf(path: &Path, unit_m: f64) -> Result<TriangleMesh, FormatError> 
         mend: "Export the mesh again".into(),
     })?;
     let buffers = buffers(path, &document, blob)?;
-    let mut mesh = guarded(path, "glTF", || {
+    guarded(path, "glTF", || {
         let reader = Reader { path, document: &document, buffers: &buffers };
-        let mut mesh = TriangleMesh::default();
+        let count = document["meshes"].as_array().map_or(0, Vec::len);
+        let mut places = Vec::new();
         let scene = document["scene"].as_u64().unwrap_or(0) as usize;
         match document["scenes"][scene]["nodes"].as_array() {
             Some(roots) => {
                 for root in roots {
-                    reader.node(root, Affine3A::IDENTITY, 0, &mut mesh)?;
+                    reader.node(root, Affine3A::IDENTITY, 0, &mut places)?;
                 }
             }
-            None => {
-                for number in 0..document["meshes"].as_array().map_or(0, Vec::len) {
-                    reader.mesh(number, &Affine3A::IDENTITY, &mut mesh)?;
-                }
+            None => places = (0..count).map(|mesh| (mesh, Affine3A::IDENTITY)).collect(),
+        }
+        // Nodes that name no mesh of the file place nothing, and meshes without triangles have no surface.
+        places.retain(|(mesh, _)| *mesh < count);
+        let mut meshes = vec![Vec::new(); count];
+        for &(mesh, _) in &places {
+            if meshes[mesh].is_empty() {
+                meshes[mesh] = reader.mesh(mesh)?;
             }
         }
-        Ok(mesh)
-    })?;
-    // What only some primitives have was dropped on the way.
-    if mesh.normals.len() != mesh.positions.len() {
-        mesh.normals.clear();
-    }
-    finish_mesh(path, mesh, unit_m)
+        places.retain(|(mesh, _)| !meshes[*mesh].is_empty());
+        Ok(FileContent { meshes, places })
+    })
 }
 
 fn broken(path: &Path, what: impl Into<String>) -> FormatError {
@@ -125,7 +214,7 @@ impl Reader<'_> {
         number: &Value,
         above: Affine3A,
         depth: usize,
-        out: &mut TriangleMesh,
+        places: &mut Vec<(usize, Affine3A)>,
     ) -> Result<(), FormatError> {
         let node = &self.document["nodes"][number.as_u64().unwrap_or(u64::MAX) as usize];
         if !node.is_object() || depth > MAX_DEPTH {
@@ -133,15 +222,53 @@ impl Reader<'_> {
         }
         let here = above * transform(node);
         if let Some(mesh) = node["mesh"].as_u64() {
-            self.mesh(mesh as usize, &here, out)?;
+            for own in self.gpu_instances(node)? {
+                places.push((mesh as usize, here * own));
+            }
+            if places.len() > MAX_PLACES {
+                return Err(FormatError::too_large(
+                    self.path,
+                    "the number of places of its meshes",
+                    format!("{MAX_PLACES}"),
+                ));
+            }
         }
         for child in node["children"].as_array().into_iter().flatten() {
-            self.node(child, here, depth + 1, out)?;
+            self.node(child, here, depth + 1, places)?;
         }
         Ok(())
     }
 
-    fn mesh(&self, number: usize, transform: &Affine3A, out: &mut TriangleMesh) -> Result<(), FormatError> {
+    /// Places of the mesh of a node within the node: the extension EXT_mesh_gpu_instancing, or the node itself.
+    fn gpu_instances(&self, node: &Value) -> Result<Vec<Affine3A>, FormatError> {
+        let attributes = &node["extensions"]["EXT_mesh_gpu_instancing"]["attributes"];
+        let values = |name: &str, size: usize| -> Result<Option<Vec<f32>>, FormatError> {
+            attributes[name].as_u64().map(|accessor| self.floats(accessor, size)).transpose()
+        };
+        let (translations, rotations, scales) =
+            (values("TRANSLATION", 3)?, values("ROTATION", 4)?, values("SCALE", 3)?);
+        let lengths = [(&translations, 3), (&rotations, 4), (&scales, 3)];
+        let mut counts = lengths.iter().filter_map(|(list, size)| list.as_ref().map(|l| l.len() / size));
+        let Some(count) = counts.next() else { return Ok(vec![Affine3A::IDENTITY]) };
+        if counts.any(|other| other != count) {
+            return Err(broken(self.path, "the lists of places of a node differ in length"));
+        }
+        let vector = |list: &Option<Vec<f32>>, number: usize, otherwise: Vec3| {
+            list.as_ref().map_or(otherwise, |list| Vec3::from_slice(&list[3 * number..]))
+        };
+        let place = |number: usize| {
+            let turn = rotations
+                .as_ref()
+                .map_or(Quat::IDENTITY, |list| Quat::from_slice(&list[4 * number..]).normalize());
+            let scale = vector(&scales, number, Vec3::ONE);
+            Affine3A::from_scale_rotation_translation(scale, turn, vector(&translations, number, Vec3::ZERO))
+        };
+        Ok((0..count).map(place).collect())
+    }
+
+    /// Parts of a mesh.
+    fn mesh(&self, number: usize) -> Result<Vec<TriangleMesh>, FormatError> {
+        let mut parts = Vec::new();
         for primitive in self.document["meshes"][number]["primitives"].as_array().into_iter().flatten() {
             // 4: triangles. Points and lines have no surface.
             if primitive["mode"].as_u64().unwrap_or(4) != 4 {
@@ -167,10 +294,9 @@ impl Reader<'_> {
                 continue;
             }
             part.validate().map_err(|error| broken(self.path, format!("a mesh is damaged: {error}")))?;
-            part.transform(transform);
-            out.append(&part);
+            parts.push(part);
         }
-        Ok(())
+        Ok(parts)
     }
 
     /// Bytes of the elements of an accessor, its component type and their number.
@@ -204,7 +330,9 @@ impl Reader<'_> {
         let (elements, kind) = self.elements(accessor, size)?;
         let number = |bytes: &[u8]| match kind {
             5126 => f32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]),
+            5120 => (f32::from(bytes[0].cast_signed()) / 127.0).max(-1.0),
             5121 => f32::from(bytes[0]) / 255.0,
+            5122 => (f32::from(i16::from_le_bytes([bytes[0], bytes[1]])) / 32767.0).max(-1.0),
             5123 => f32::from(u16::from_le_bytes([bytes[0], bytes[1]])) / 65535.0,
             _ => f32::NAN,
         };

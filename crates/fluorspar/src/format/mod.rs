@@ -13,6 +13,8 @@
 //! | texture, picture, PNG | [`read_texture_png`] | [`write_rgb_png`] |
 //! | lens, TOML, pbrt, ISET JSON or Zemax | [`read_lens`] | [`LensFile::to_toml`] |
 //! | mesh, PLY, OBJ, STL, glTF | [`read_ply`], [`read_obj`], [`read_stl`], [`read_gltf`] | [`write_ply`] |
+//! | meshes at many places, glTF | [`read_gltf_instances`] | |
+//! | places, CSV or NumPy | [`read_placements`] | |
 //! | named meshes, OBJ, glTF, PBRT | | [`write_obj`], [`write_gltf`], [`write_pbrt`] |
 //!
 //! Every reader says what is wrong with a file, where, and how to mend it ([`FormatError`]), and survives any bytes.
@@ -37,10 +39,12 @@ mod mesh_set;
 mod npy;
 mod obj;
 mod packed_raw;
+mod placements;
 mod ply;
 mod png;
 mod provenance;
 mod raw;
+mod spooled_image;
 mod stl;
 mod tiff_directory;
 
@@ -55,16 +59,18 @@ pub use exr::{
     write_spectral_exr,
 };
 pub use file::write_atomically;
-pub use film::{read_film, write_film};
-pub use gltf::{read_gltf, write_gltf};
+pub use film::{read_film, read_film_rows, write_film};
+pub use gltf::{read_gltf, read_gltf_instances, write_gltf};
 pub use lens::{AbbeGlass, LensFile, LensFileError, LensFileSurface, PublishedLens, read_lens};
 pub use mat::{IsetFluorophore, MatSpectra, read_iset_fluorophore, read_mat_spectra};
 pub use mesh_set::{NamedMesh, write_obj, write_pbrt};
 pub use npy::{read_component_npy, read_spectral_npy, write_component_npy, write_spectral_npy};
 pub use obj::read_obj;
 pub use packed_raw::{RawPacking, write_packed_raw};
+pub use placements::read_placements;
 pub use ply::{read_ply, write_ply};
 pub use png::{TextureImage, Transfer, read_texture_png, write_rgb_png};
 pub use provenance::{Loaded, Provenance};
 pub use raw::{read_sensor_image, write_sensor_png, write_sensor_tiff};
+pub use spooled_image::SpooledImage;
 pub use stl::read_stl;

@@ -202,7 +202,7 @@ fn read_array(
 }
 
 /// Shape and values of an f32 array in C order.
-fn read_npy(path: &Path) -> Result<(Vec<u64>, Vec<f32>), FormatError> {
+pub(super) fn read_npy(path: &Path) -> Result<(Vec<u64>, Vec<f32>), FormatError> {
     let failed = |source| FormatError::io(path, "read", source);
     let file = File::open(path).map_err(failed)?;
     let length = file.metadata().map_err(failed)?.len();

@@ -104,6 +104,23 @@ impl FilmLayout {
         self.components.len() + 2 * self.statistic_members().len()
     }
 
+    /// Rows of tiles.
+    pub fn tile_rows(&self) -> usize {
+        self.height.div_ceil(TILE.min(self.height).max(1))
+    }
+
+    /// Rows of pixels that rows of tiles cover.
+    pub fn pixel_rows(&self, tile_rows: Range<usize>) -> Range<usize> {
+        let tile = TILE.min(self.height).max(1);
+        (tile_rows.start * tile).min(self.height)..(tile_rows.end * tile).min(self.height)
+    }
+
+    /// Numbers of the tiles in rows of tiles.
+    pub fn tiles_of_rows(&self, tile_rows: Range<usize>) -> Range<usize> {
+        let per_row = self.width.div_ceil(TILE.min(self.width).max(1));
+        tile_rows.start * per_row..tile_rows.end * per_row
+    }
+
     /// Memory of a film, bytes: 8 for each component, pixel and band, and 16 for each statistic, pixel and band.
     pub fn memory_bytes(&self) -> u64 {
         film_bytes(self.width, self.height, self.grid.len(), self.planes())
@@ -320,6 +337,7 @@ fn add(sums: &mut [u64], values: impl Iterator<Item = f64>, per_unit: &[f64], si
 #[derive(Clone, Debug, PartialEq)]
 struct Slab {
     tiles: Vec<FilmTile>,
+    /// Empty where the film holds no samples of these tiles and will not.
     sums: Vec<u64>,
 }
 
@@ -339,7 +357,8 @@ pub struct TileMut<'a> {
     pub number: usize,
     /// Place and samples.
     pub tile: &'a mut FilmTile,
-    /// The integers; a tile at the edge of the image leaves the last ones unused.
+    /// The integers; a tile at the edge of the image leaves the last ones unused, and a tile outside of the rows that the
+    /// film was made for has none.
     pub sums: &'a mut [u64],
 }
 
@@ -386,6 +405,12 @@ pub enum MergeError {
 impl Film {
     /// An empty film. Memory is taken from the system when samples arrive.
     pub fn new(layout: FilmLayout, features: FeatureMaps) -> Self {
+        let rows = 0..layout.tile_rows();
+        Self::of_tile_rows(layout, features, rows)
+    }
+
+    /// An empty film with memory for some rows of tiles only: only they can be filled.
+    pub fn of_tile_rows(layout: FilmLayout, features: FeatureMaps, tile_rows: Range<usize>) -> Self {
         let (tile_width, tile_height) = (TILE.min(layout.width).max(1), TILE.min(layout.height).max(1));
         let tile_len = tile_width * tile_height * layout.planes() * layout.grid.len();
         let per_slab = (SLAB_BYTES / (8 * tile_len).max(1)).max(1);
@@ -396,10 +421,15 @@ impl Film {
                 tiles.push(FilmTile { row, col, rows, cols, samples: Vec::new() });
             }
         }
-        let slabs = tiles
+        let held = layout.tiles_of_rows(tile_rows);
+        let (start, end) = (held.start.min(tiles.len()), held.end.min(tiles.len()));
+        let without = |tiles: &[FilmTile]| {
+            (!tiles.is_empty()).then(|| Slab { tiles: tiles.to_vec(), sums: Vec::new() })
+        };
+        let with = tiles[start..end]
             .chunks(per_slab)
-            .map(|tiles| Slab { tiles: tiles.to_vec(), sums: vec![0; tiles.len() * tile_len] })
-            .collect();
+            .map(|tiles| Slab { tiles: tiles.to_vec(), sums: vec![0; tiles.len() * tile_len] });
+        let slabs = without(&tiles[..start]).into_iter().chain(with).chain(without(&tiles[end..])).collect();
         Self { layout, features, tile_len, slabs }
     }
 
@@ -421,7 +451,10 @@ impl Film {
     /// All tiles with their integers, `[pixel][plane][band]`, row by row.
     pub fn tiles(&self) -> impl Iterator<Item = (&FilmTile, &[u64])> {
         let len = self.tile_len.max(1);
-        self.slabs.iter().flat_map(move |slab| slab.tiles.iter().zip(slab.sums.chunks(len)))
+        self.slabs.iter().flat_map(move |slab| {
+            let mut sums = slab.sums.chunks(len);
+            slab.tiles.iter().map(move |tile| (tile, sums.next().unwrap_or_default()))
+        })
     }
 
     /// All tiles, to be filled.
@@ -429,7 +462,10 @@ impl Film {
         let len = self.tile_len.max(1);
         self.slabs
             .iter_mut()
-            .flat_map(|slab| slab.tiles.iter_mut().zip(slab.sums.chunks_mut(len)))
+            .flat_map(|slab| {
+                let mut sums = slab.sums.chunks_mut(len);
+                slab.tiles.iter_mut().map(move |tile| (tile, sums.next().unwrap_or_default()))
+            })
             .enumerate()
             .map(|(number, (tile, sums))| TileMut { number, tile, sums })
             .collect()
@@ -514,8 +550,15 @@ impl Film {
     /// The finished image. Memory of the film is given back on the way, so that both together never need more than the
     /// film and 64 MiB.
     pub fn into_image(self) -> ComponentImage {
+        let rows = 0..self.layout.height;
+        self.into_rows(rows)
+    }
+
+    /// Some rows of the finished image, as an image of their own: what [`Self::into_image`] holds there, in the same
+    /// memory. The feature maps are those of the film, all of them.
+    pub fn into_rows(self, rows: Range<usize>) -> ComponentImage {
         let layout = self.layout;
-        let (bands, width, height) = (layout.grid.len(), layout.width, layout.height);
+        let (bands, width, height) = (layout.grid.len(), layout.width, rows.len());
         let scale = FilmScale::new(&layout);
         let plane = width * height * bands;
         let mut image = ComponentImage::zeros(layout.grid.clone(), width, height, layout.components.clone());
@@ -529,14 +572,16 @@ impl Film {
         });
         let mut samples = vec![0; width * height];
         for slab in self.slabs {
+            // Slabs without sums hold no samples.
             for (tile, sums) in slab.tiles.iter().zip(slab.sums.chunks(self.tile_len.max(1))) {
                 let count = tile.count();
-                if count == 0 {
+                if count == 0 || !rows.contains(&tile.row) {
                     continue;
                 }
                 let (blocks, even) = tile.blocks();
                 for (index, sums) in sums.chunks(scale.pixel_len()).take(tile.pixels()).enumerate() {
-                    let pixel = (tile.row + index / tile.cols) * width + tile.col + index % tile.cols;
+                    let pixel =
+                        (tile.row - rows.start + index / tile.cols) * width + tile.col + index % tile.cols;
                     samples[pixel] = count;
                     for component in 0..layout.components.len() {
                         let at = component * plane + pixel * bands;
@@ -708,6 +753,45 @@ mod tests {
         assert!((f64::from(statistics.half_b[at]) - (64.0 * mean - even) / (64.0 - n)).abs() < 1e-6);
         let variance = (squares - 64.0 * mean * mean) / (blocks - 1.0) / 64.0;
         assert!((f64::from(statistics.variance[at]) - variance).abs() < 1e-4 * variance);
+    }
+
+    #[test]
+    fn rows_are_those_of_the_image() {
+        let mut layout = layout(Statistics::LightGroups);
+        (layout.width, layout.height) = (20, 40);
+        let fill = |film: &mut Film| {
+            let mut scale = FilmScale::new(film.layout());
+            for task in film.tiles_mut().into_iter().filter(|task| !task.sums.is_empty()) {
+                let len = scale.pixel_len();
+                for (pixel, sums) in task.sums.chunks_mut(len).take(task.tile.pixels()).enumerate() {
+                    let pixel = 100 * task.number + pixel;
+                    let values: Vec<f32> = (0..6).map(|at| sample(pixel, 0, at)).collect();
+                    scale.add_block(sums, &values, &[true, true], 0..1, BlockSign::Add);
+                }
+                task.tile.add_samples(0..1);
+            }
+        };
+        let mut whole = Film::new(layout.clone(), FeatureMaps::default());
+        fill(&mut whole);
+        let image = whole.into_image();
+        assert_eq!(
+            (layout.tile_rows(), layout.pixel_rows(1..3), layout.tiles_of_rows(1..3)),
+            (3, 16..40, 2..6)
+        );
+        for tile_rows in [0..1, 1..3, 2..3] {
+            let mut part = Film::of_tile_rows(layout.clone(), FeatureMaps::default(), tile_rows.clone());
+            fill(&mut part);
+            assert_eq!(part.tiles().filter(|(_, sums)| !sums.is_empty()).count(), 2 * tile_rows.len());
+            let rows = layout.pixel_rows(tile_rows);
+            let part = part.into_rows(rows.clone());
+            let values = 20 * 3;
+            for component in 0..2 {
+                let expected = &image.component(component)[rows.start * values..rows.end * values];
+                assert_eq!(part.component(component), expected);
+            }
+            let (a, b) = (part.statistics.unwrap(), image.statistics.as_ref().unwrap());
+            assert_eq!(a.half_a, b.half_a[rows.start * values..rows.end * values]);
+        }
     }
 
     #[test]

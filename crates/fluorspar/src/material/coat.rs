@@ -27,6 +27,7 @@ pub struct CoatSample {
 }
 
 /// Unpolarised Fresnel reflectance of a smooth dielectric seen from outside; `cos` is that of the angle of incidence.
+#[inline]
 pub fn fresnel(cos: f32, refractive_index: f32) -> f32 {
     let cos = cos.clamp(0.0, 1.0);
     let sin2_t = (1.0 - cos * cos) / (refractive_index * refractive_index);
@@ -70,6 +71,22 @@ pub fn pdf(outgoing: Vec3, incident: Vec3, alpha: f32) -> f32 {
     distribution(half, alpha) / ((1.0 + lambda(outgoing, alpha)) * 4.0 * outgoing.z)
 }
 
+/// [`eval_times_cos`] and [`pdf`] at once, which share most of their work.
+#[inline]
+pub fn eval_and_pdf(outgoing: Vec3, incident: Vec3, alpha: f32, refractive_index: f32) -> (f32, f32) {
+    if outgoing.z <= 0.0 || incident.z <= 0.0 {
+        return (0.0, 0.0);
+    }
+    let half = (outgoing + incident).normalize_or_zero();
+    if half.z <= 0.0 {
+        return (0.0, 0.0);
+    }
+    let facets = distribution(half, alpha);
+    let masking = microfacet::shadowing(outgoing, incident, alpha);
+    let value = fresnel(outgoing.dot(half), refractive_index) * facets * masking / (4.0 * outgoing.z);
+    (value, facets / ((1.0 + lambda(outgoing, alpha)) * 4.0 * outgoing.z))
+}
+
 /// Directional albedo of the coat, tabulated over cosine and roughness for one refractive index.
 ///
 /// The base below receives `1 - E(cos)` of the light and sends it out with the same factor, normalised so that a
@@ -107,6 +124,7 @@ impl CoatAlbedo {
     }
 
     /// Directional albedo `E(cos)` and its cosine-weighted mean for a roughness.
+    #[inline]
     pub fn at(&self, cos: f32, alpha: f32) -> (f32, f32) {
         self.table.at(cos, alpha)
     }

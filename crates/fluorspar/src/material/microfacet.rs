@@ -120,6 +120,7 @@ impl AlbedoTable {
     }
 
     /// Directional albedo and its mean for a roughness.
+    #[inline]
     pub fn at(&self, cos: f32, alpha: f32) -> (f32, f32) {
         let y = roughness_coordinate(alpha);
         let x = cosine_coordinate(cos);

@@ -87,7 +87,7 @@ pub fn frame_radiance(frame: &CaptureFrame, components: &ComponentImage) -> Spec
 }
 
 /// Irradiance on the film from the radiance of a render, filters and their own light included.
-fn film_irradiance(
+pub(super) fn film_irradiance(
     experiment: &ResolvedExperiment,
     lens: &IdealLens,
     light: &ShapedRadiance,
@@ -165,7 +165,7 @@ pub(super) fn projected_solid_angle(x: f64, y: f64) -> f64 {
 }
 
 /// Tangent of half the horizontal field of the pinhole that rendered an image.
-fn tan_half_width(experiment: &ResolvedExperiment, components: &ComponentImage) -> f64 {
+pub(super) fn tan_half_width(experiment: &ResolvedExperiment, components: &ComponentImage) -> f64 {
     let camera = &experiment.scene.camera;
     f64::from(components.features.view.map_or(camera.tan_half_width, |view| view.tan_half_width))
 }

@@ -96,7 +96,7 @@ fn photons(sample: &ResolvedSample, radiance: &[f64]) -> Vec<f64> {
 }
 
 /// `of_reflected` and `passed` are the transmittance for reflected and for even light.
-fn behind_filters(
+pub(super) fn behind_filters(
     reflected: &[f64],
     emitted: &[f64],
     of_reflected: &[f64],

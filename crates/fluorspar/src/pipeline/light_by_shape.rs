@@ -13,6 +13,8 @@ use crate::spectral::{Curve, Radiance, Transmittance, WavelengthGrid};
 /// Radiance of one shape.
 pub(super) struct ShapedRadiance {
     pub(super) radiance: SpectralImage<Radiance>,
+    /// Whether it fluoresced.
+    pub(super) fluorescent: bool,
     /// Spectrum within each band, up to a factor; `None` is even.
     pub(super) shape: Option<Curve>,
 }
@@ -29,6 +31,7 @@ pub(super) fn light_by_shape<'a>(
             Light::Reflected => 0.0,
             _ => frame.drive(c.lamp_group()),
         }),
+        fluorescent: true,
         shape: None,
     });
     let reflected = components.components.iter().filter(|c| c.light == Light::Reflected);
@@ -39,6 +42,7 @@ pub(super) fn light_by_shape<'a>(
                     if c == component { frame.drive(c.lamp_group()) } else { 0.0 }
                 },
             ),
+            fluorescent: false,
             shape: component_spectrum(experiment, component),
         });
     fluorescence.chain(reflected)

@@ -11,6 +11,7 @@
 //! | less noise, for pictures | [`denoise`] | [`crate::image::ComponentImage`], labelled |
 //! | pictures for people | [`preview`] | 8-bit sRGB |
 //! | reflected light against fluorescence behind filters | [`filter_leak`] | [`FilterLeak`] |
+//! | the same for the frames of an experiment, in electrons | [`frame_leak`] | [`FrameLeak`] |
 //! | all of it for a flat sample | [`predict`] | [`Prediction`] |
 
 mod analyze;
@@ -20,6 +21,7 @@ mod capture;
 mod denoise;
 mod direct_light;
 mod filter_leak;
+mod frame_leak;
 mod light_by_shape;
 mod motion;
 mod predict;
@@ -37,6 +39,7 @@ pub use capture::{
 };
 pub use denoise::{DenoiseError, DenoiseSettings, denoise};
 pub use filter_leak::{FilterLeak, LeakAtAngle, LeakBehindFilters, filter_leak};
+pub use frame_leak::{ChannelLeak, FrameLeak, frame_leak};
 pub use predict::{
     ChannelPrediction, Chromaticity, FlatSample, FluorescenceModel, PredictError, Prediction, RadianceSplit,
     predict,

@@ -24,19 +24,26 @@ pub struct Preview {
 pub struct ColorRendering {
     /// Linear sRGB from R, G, B digital numbers, rows first, before the exposure scale.
     pub matrix: [[f64; 3]; 3],
-    /// Whether highlights are compressed so that dim tissue beside bright teeth stays visible.
-    pub compress: bool,
+    /// How much darker tissue is lifted beside bright teeth, highlights being compressed: 1 is linear.
+    pub lift: f64,
 }
 
 /// Percentile of the brightest channel that becomes white.
 const WHITE_PERCENTILE: f64 = 0.995;
 
-/// How much darker tissue is lifted where highlights are compressed.
-const EXPOSURE: f64 = 2.5;
+/// Lift of a frame under visible light: less than the tone curve of a consumer camera has.
+const LIFT_REFLECTED: f64 = 1.8;
+/// Lift of a fluorescence frame, where teeth are ten times brighter than tissue.
+const LIFT_FLUORESCENT: f64 = 2.5;
+/// Share of the full well that white surfaces are exposed to, for the noise of a colour.
+const EXPOSED_WELL: f64 = 0.8;
+/// Pixels over which an eye averages the noise of a colour.
+const PIXELS_SEEN_TOGETHER: f64 = 4.0;
 
 impl ColorRendering {
     /// Least-squares map from the responses of the catalogue's reflectances under the frame's lamp to their colours under
-    /// an equal-energy light. `None` when the channels can't be told apart.
+    /// an equal-energy light, the noise of the sensor included: a channel that says little about colour and much about noise
+    /// (blue behind a long-pass filter) gets a small weight. `None` when the channels can't be told apart.
     fn for_reflectances(
         sensor: &Sensor,
         filter: &Curve,
@@ -67,6 +74,16 @@ impl ColorRendering {
             return None;
         }
         let white_colour = colour(&|_| 1.0);
+        let brightest = white.iter().copied().fold(0.0, f64::max);
+        let model = sensor.model();
+        // Variance of a response relative to that of a white surface: shot noise, read noise, gain spread.
+        let variance = |channel: usize, share: f64| -> f64 {
+            let of_white_e = EXPOSED_WELL * model.well_capacity_e * white[channel] / brightest;
+            let signal_e = of_white_e * share;
+            let spread_e = 0.01 * model.prnu_percent * signal_e;
+            let variance_e2 = signal_e + model.read_noise_electrons().powi(2) + spread_e * spread_e;
+            variance_e2 / (of_white_e * of_white_e)
+        };
         let mut normal = [[0.0; 3]; 3];
         let mut right = [[0.0; 3]; 3];
         let mut add = |reflectance: &dyn Fn(f64) -> f64, weight: f64| {
@@ -76,6 +93,7 @@ impl ColorRendering {
                     normal[i][j] += weight * x[i] / white[i] * x[j] / white[j];
                     right[i][j] += weight * x[i] / white[i] * y[j] / white_colour[j];
                 }
+                normal[i][i] += weight * variance(i, x[i] / white[i]) / PIXELS_SEEN_TOGETHER;
             }
         };
         // The tissues of the catalogue, whose colours matter here, and a flat one that weighs as much as all others.
@@ -91,14 +109,20 @@ impl ColorRendering {
                 let value: f64 = (0..3).map(|k| inverse[channel][k] * right[k][out]).sum();
                 matrix[out][channel] = value / white[channel];
             }
+            // The noise term takes a little from all colours; white stays white.
+            let of_white: f64 = matrix[out].iter().zip(white).map(|(m, w)| m * w).sum();
+            if of_white > 0.0 {
+                matrix[out].iter_mut().for_each(|m| *m /= of_white);
+            }
         }
-        Some(Self { matrix, compress: false })
+        Some(Self { matrix, lift: LIFT_REFLECTED })
     }
 
     /// The rendering of one frame of an experiment: colours as under even light where the lamp covers the visible range;
     /// the sensor's own channels, linear, where it does not (fluorescence).
     pub fn of_frame(experiment: &ResolvedExperiment, capture: &Capture) -> Self {
-        let own = Self { matrix: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], compress: true };
+        let matrix = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        let own = Self { matrix, lift: LIFT_FLUORESCENT };
         let (Some(sensor), Some(lens)) = (&experiment.sensor, &experiment.lens) else { return own };
         let Some(lamp) = super::analyze::frame_lamp(experiment, capture, None) else { return own };
         if lamp.integral(500.0, 650.0) < 0.2 * lamp.total() {
@@ -155,7 +179,7 @@ pub fn preview(image: &ChannelImage, rendering: &ColorRendering) -> Preview {
         .collect();
     // A dark frame must look dark: white is never less than fifty times the noise of a dark pixel.
     let gain = rendering.matrix[1].iter().sum::<f64>().abs().max(f64::MIN_POSITIVE);
-    to_srgb(image.width, image.height, &linear, 50.0 * image.noise_floor_dn * gain, rendering.compress)
+    to_srgb(image.width, image.height, &linear, 50.0 * image.noise_floor_dn * gain, rendering.lift)
 }
 
 /// Turns a radiance image into the picture that an eye would see (CIE 1931), scaled as [`preview`].
@@ -166,10 +190,10 @@ pub fn radiance_preview(image: &SpectralImage<Radiance>) -> Preview {
         .chunks_exact(image.bands())
         .map(|spectrum| linear_srgb(observer.xyz(spectrum)))
         .collect();
-    to_srgb(image.width(), image.height(), &linear, 0.0, false)
+    to_srgb(image.width(), image.height(), &linear, 0.0, LIFT_REFLECTED)
 }
 
-fn to_srgb(width: usize, height: usize, linear: &[[f64; 3]], least_white: f64, compress: bool) -> Preview {
+fn to_srgb(width: usize, height: usize, linear: &[[f64; 3]], least_white: f64, lift: f64) -> Preview {
     let mut brightest: Vec<f64> = linear.iter().map(|p| p[0].max(p[1]).max(p[2])).collect();
     let index = ((brightest.len() as f64 * WHITE_PERCENTILE) as usize).min(brightest.len().saturating_sub(1));
     let white = if brightest.is_empty() {
@@ -179,12 +203,9 @@ fn to_srgb(width: usize, height: usize, linear: &[[f64; 3]], least_white: f64, c
         value.max(least_white).max(f64::MIN_POSITIVE)
     };
     let tone = |p: &[f64; 3]| -> [u8; 3] {
-        if !compress {
-            return p.map(|value| encode_srgb(value / white));
-        }
         // Extended Reinhard operator (Reinhard et al. 2002, Eq. 4) on the largest channel: keeps hues, maps `white` to 1.
-        let x = EXPOSURE * p[0].max(p[1]).max(p[2]).max(0.0) / white;
-        let factor = EXPOSURE * (1.0 + x / (EXPOSURE * EXPOSURE)) / (1.0 + x) / white;
+        let x = lift * p[0].max(p[1]).max(p[2]).max(0.0) / white;
+        let factor = lift * (1.0 + x / (lift * lift)) / (1.0 + x) / white;
         p.map(|value| encode_srgb(value * factor))
     };
     let rgb = linear.iter().flat_map(tone).collect();

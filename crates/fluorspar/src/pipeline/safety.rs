@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use serde::Serialize;
 
 use super::CapturedFrame;
@@ -322,12 +322,11 @@ fn illumination(experiment: &ResolvedExperiment, capture: &Capture, at: SurfaceP
         if drive > 0.0 {
             // Even radiance: irradiance over radiance is the projected solid angle.
             let solid_angle_sr = emission_factor(&object.shape, at);
+            let middle = |(low, high): (Vec3, Vec3)| 0.5 * (low + high).as_dvec3();
             let center = match &object.shape {
                 Shape::Sphere { center, .. } | Shape::Disc { center, .. } => center.as_dvec3(),
-                Shape::Mesh(mesh) => {
-                    let (low, high) = mesh.bounds();
-                    0.5 * (low + high).as_dvec3()
-                }
+                Shape::Mesh(mesh) => middle(mesh.bounds()),
+                Shape::Instances(many) => middle(many.bounds()),
             };
             let direction = (center - at.position).try_normalize().unwrap_or(at.normal);
             let subtense_rad = 2.0 * (solid_angle_sr / PI).sqrt();

@@ -7,8 +7,10 @@
 //! the share of its own component that the path can still bring, and the chance to go on. Any chance above zero leaves
 //! the estimate unbiased; this one keeps a path whose blue can still excite though its red is spent, and the reverse.
 //!
-//! Fluorescence counts as if all light of the lamps came back: each component is judged on its own scale, and paths do
-//! not depend on concentrations.
+//! Each component is judged on its own scale, and paths do not depend on concentrations: a fluorophore counts as if all
+//! light of the lamps came back. Indirect light is taken to be as much as in a room of the reflectance that rays find
+//! which leave the visible surfaces: of the component of a fluorophore, a vertex that light excites sends only the part
+//! that has not come from elsewhere.
 
 use super::fluorescence_operator::FluorescenceOperator;
 use super::scattering::Scattering;
@@ -24,9 +26,11 @@ pub(super) type Coarse = [f32; BINS];
 #[derive(Debug)]
 pub(super) struct AdjointModel {
     grid: Option<WavelengthGrid>,
-    /// Shares of the bins in the light of each group; their sum is 1. Dark groups are left out.
+    /// Light of each group that arrives at a surface, on a scale on which the bins of its direct light sum to 1. Dark
+    /// groups are left out.
     lamps: Vec<Coarse>,
-    /// For each fluorophore, the shares of the bins in its emission; zero for one that no lamp of the grid excites.
+    /// For each fluorophore, the shares of the bins in its light that arrives at a surface; zero for one that no lamp of
+    /// the grid excites.
     emission: Vec<Coarse>,
     /// For each fluorophore, `[excitation][emission]`; scaled so that the lamp that excites it best comes back whole.
     fluorescence: Vec<[Coarse; BINS]>,
@@ -47,20 +51,25 @@ impl Importance {
 }
 
 impl AdjointModel {
-    /// From the spectrum of the light of each group, on any scale.
-    pub(super) fn new(scene: &Scene, lamps: &[Option<Curve>]) -> Self {
-        let (start, end) = (scene.grid.start_nm(), scene.grid.end_nm());
+    /// Coarse bins on the grid of a scene, with everything left to [`Self::fill_in`].
+    pub(super) fn new(grid: &WavelengthGrid) -> Self {
+        let (start, end) = (grid.start_nm(), grid.end_nm());
         let edges: Vec<f64> = (0..=BINS).map(|i| start + (end - start) * i as f64 / BINS as f64).collect();
         let grid = WavelengthGrid::from_edges(&edges).ok();
-        let mut model = Self { grid, lamps: Vec::new(), emission: Vec::new(), fluorescence: Vec::new() };
+        Self { grid, lamps: Vec::new(), emission: Vec::new(), fluorescence: Vec::new() }
+    }
+
+    /// Lamps and fluorophores of a scene, from the spectrum of the light of each group, on any scale, and the
+    /// reverberation: all light that arrives at a surface over the light that arrives directly.
+    pub(super) fn fill_in(&mut self, scene: &Scene, lamps: &[Option<Curve>], reverberation: &Coarse) {
         for lamp in lamps.iter().flatten() {
-            if let Some(shares) = normalised(model.coarse(lamp)) {
-                model.lamps.push(shares);
+            if let Some(shares) = normalised(self.coarse(lamp)) {
+                self.lamps.push(product(&shares, reverberation));
             }
         }
         for fluorophore in &scene.fluorophores {
             let mut matrix = [[0.0; BINS]; BINS];
-            if let Some(grid) = &model.grid {
+            if let Some(grid) = &self.grid {
                 let operator = FluorescenceOperator::new(&fluorophore.eem, grid, None);
                 for (excitation, column) in matrix.iter_mut().enumerate() {
                     let mut unit = [0.0; BINS];
@@ -68,17 +77,17 @@ impl AdjointModel {
                     column.copy_from_slice(&operator.product(1.0, &unit));
                 }
             }
-            let emitted = |lamp: &Coarse| -> Coarse {
+            let arriving = |lamp: &Coarse| -> Coarse {
                 let mut sum = [0.0; BINS];
                 for (share, column) in lamp.iter().zip(&matrix) {
                     sum.iter_mut().zip(column).for_each(|(sum, value)| *sum += share * value);
                 }
-                sum
+                product(&sum, reverberation)
             };
-            let best = model
+            let best = self
                 .lamps
                 .iter()
-                .map(emitted)
+                .map(arriving)
                 .max_by(|a, b| a.iter().sum::<f32>().total_cmp(&b.iter().sum()));
             let total = best.map_or(0.0, |emission| emission.iter().sum::<f32>());
             if total > 0.0 {
@@ -86,10 +95,9 @@ impl AdjointModel {
             } else {
                 matrix = [[0.0; BINS]; BINS];
             }
-            model.emission.push(best.and_then(normalised).unwrap_or([0.0; BINS]));
-            model.fluorescence.push(matrix);
+            self.emission.push(best.and_then(normalised).unwrap_or([0.0; BINS]));
+            self.fluorescence.push(matrix);
         }
-        model
     }
 
     /// A spectrum on the coarse bins.
@@ -118,10 +126,16 @@ impl AdjointModel {
             importance.fluorescent[bin] = reflected * fluorescent[bin];
         }
         if scattering.fluorescent > 0.0 {
+            // Each fluorophore is a component of its own: the one that gives most counts, not their sum.
+            let mut excites = [0.0_f32; BINS];
             for fluorophore in fluorophores {
-                for (sum, column) in importance.fluorescent.iter_mut().zip(&self.fluorescence[fluorophore]) {
-                    *sum += scattering.fluorescent * factor * dot(column, &elastic);
+                for (most, column) in excites.iter_mut().zip(&self.fluorescence[fluorophore]) {
+                    *most = most.max(dot(column, &elastic));
                 }
+            }
+            let factor = scattering.fluorescent * factor;
+            for (sum, value) in importance.fluorescent.iter_mut().zip(&excites) {
+                *sum += factor * value;
             }
         }
     }
@@ -130,13 +144,22 @@ impl AdjointModel {
     pub(super) fn reach(&self, importance: &Importance) -> f32 {
         let mut largest = 0.0_f32;
         for lamp in &self.lamps {
-            largest = largest.max(dot(lamp, &importance.elastic)).max(dot(lamp, &importance.fluorescent));
+            let elastic = dot(lamp, &importance.elastic) / lamp.iter().sum::<f32>();
+            largest = largest.max(elastic);
+        }
+        let mut excites = 0.0_f32;
+        for lamp in &self.lamps {
+            excites = excites.max(dot(lamp, &importance.fluorescent));
         }
         for emission in &self.emission {
-            largest = largest.max(dot(emission, &importance.elastic));
+            largest = largest.max(dot(emission, &importance.elastic) + excites);
         }
         largest
     }
+}
+
+fn product(a: &Coarse, b: &Coarse) -> Coarse {
+    std::array::from_fn(|bin| a[bin] * b[bin])
 }
 
 impl Importance {
@@ -169,7 +192,7 @@ mod tests {
     }
 
     /// A lamp at 390 nm and a dye that turns it into 640 nm, with a yield of a thousandth.
-    fn model() -> AdjointModel {
+    fn model(reverberation: f32) -> AdjointModel {
         let term =
             SeparableTerm { excitation: band(390.0).scaled(1e-3), emission: band(640.0).scaled(1.0 / 37.6) };
         let scene = Scene {
@@ -188,7 +211,9 @@ mod tests {
             lights: Vec::new(),
             camera: PerspectiveCamera::look_at(Vec3::Z, Vec3::ZERO, Vec3::Y, 50.0, 4, 4).unwrap(),
         };
-        AdjointModel::new(&scene, &[Some(band(390.0))])
+        let mut model = AdjointModel::new(&scene.grid);
+        model.fill_in(&scene, &[Some(band(390.0))], &[reverberation; BINS]);
+        model
     }
 
     /// One bounce with a reflectance per coarse bin; a fluorescent surface takes part with its whole irradiance.
@@ -201,13 +226,13 @@ mod tests {
 
     #[test]
     fn everything_counts_at_the_camera() {
-        assert!((model().reach(&Importance::CAMERA) - 1.0).abs() < 1e-5);
+        assert!((model(1.0).reach(&Importance::CAMERA) - 1.0).abs() < 1e-5);
     }
 
     /// Surfaces that swallow the lamp but reflect the emission: the path can still meet something that fluoresces.
     #[test]
     fn a_path_whose_red_is_seen_goes_on_though_its_blue_is_spent() {
-        let model = model();
+        let model = model(1.0);
         let mut importance = Importance::CAMERA;
         for _ in 0..4 {
             bounce(&model, &mut importance, 0.01, 0.9, false);
@@ -218,7 +243,7 @@ mod tests {
     /// After a surface that fluoresces, blue light excites it, whatever becomes of the red.
     #[test]
     fn a_path_whose_blue_excites_goes_on_though_its_red_is_spent() {
-        let model = model();
+        let model = model(1.0);
         let mut importance = Importance::CAMERA;
         bounce(&model, &mut importance, 0.01, 0.01, true);
         assert!((model.reach(&importance) - 1.0).abs() < 0.05, "{}", model.reach(&importance));
@@ -226,9 +251,19 @@ mod tests {
         assert!((model.reach(&importance) - 0.8).abs() < 0.05, "{}", model.reach(&importance));
     }
 
+    /// Where indirect light is as bright as direct light, the fluorescence that arrives is twice what one vertex sends.
+    #[test]
+    fn one_vertex_excites_a_part_of_what_a_bright_room_sends() {
+        let model = model(2.0);
+        assert!((model.reach(&Importance::CAMERA) - 1.0).abs() < 1e-5);
+        let mut importance = Importance::CAMERA;
+        bounce(&model, &mut importance, 0.0, 0.0, true);
+        assert!((model.reach(&importance) - 0.5).abs() < 0.05, "{}", model.reach(&importance));
+    }
+
     #[test]
     fn a_path_that_can_do_neither_ends() {
-        let model = model();
+        let model = model(1.0);
         let mut importance = Importance::CAMERA;
         for _ in 0..3 {
             bounce(&model, &mut importance, 0.05, 0.05, false);

@@ -1,5 +1,5 @@
-//! One sample of one pixel: a ray of the camera, a path, spectra back along it. A lens with dispersion needs a path per
-//! group of bands; every other camera needs one.
+//! Samples of pixels: rays of the camera, paths, spectra back along them. A lens with dispersion needs a path per group
+//! of bands; every other camera needs one.
 
 use std::ops::Range;
 
@@ -7,39 +7,94 @@ use fluorspar_accel::bands::BandBlock;
 
 use super::RenderSettings;
 use super::compiled_scene::CompiledScene;
-use super::path::Path;
+use super::path_batch::PathBatch;
 use super::spectral_accumulation::SpectralState;
 use crate::sampling::SampleStream;
 
-/// Renders a sample and hands every lit component to `add`: its number, the bands to take, the weight that the
-/// lens gives them, and the values of all bands.
-pub(super) fn render_sample(
-    scene: &CompiledScene<'_>,
-    settings: &RenderSettings,
-    (row, col): (usize, usize),
-    sample: u32,
-    path: &mut Path,
-    state: &mut SpectralState,
-    mut add: impl FnMut(usize, Range<usize>, f32, &[BandBlock]),
-) {
-    let camera = &scene.scene.camera;
-    let mut stream = SampleStream::new(settings.seed, (row * camera.width + col) as u64, sample);
-    let [x, y, u, v] = stream.next_4d();
-    for group in 0..camera.band_groups() {
-        let ray = camera.sample(group, col as f32 + x, row as f32 + y, [u, v]);
-        if ray.weight == 0.0 {
-            continue;
+/// Most paths in step: enough for rays to take turns until the last paths end, few enough to stay in the second-level
+/// cache.
+const BATCH: usize = 64;
+
+/// Where a path of the batch comes from.
+#[derive(Clone, Copy, Debug)]
+struct Origin {
+    pixel: usize,
+    /// Group of bands of the lens.
+    group: usize,
+    weight: f32,
+}
+
+/// Renders samples of pixels with buffers that are reused.
+#[derive(Debug)]
+pub(super) struct PixelSampler {
+    batch: PathBatch,
+    /// Of each path of the batch.
+    origins: Vec<Origin>,
+    state: SpectralState,
+}
+
+impl PixelSampler {
+    pub(super) fn new(scene: &CompiledScene<'_>) -> Self {
+        Self { batch: PathBatch::default(), origins: Vec::new(), state: SpectralState::new(scene) }
+    }
+
+    /// How many components there are.
+    pub(super) fn components(&self) -> usize {
+        self.state.components()
+    }
+
+    /// Renders the same samples of several pixels, pixel by pixel, and hands every lit component of each sample, in order,
+    /// to `add`: index of the pixel, number of the component, the bands to take, the weight that the lens gives them, and
+    /// the values of all bands.
+    pub(super) fn render(
+        &mut self,
+        scene: &CompiledScene<'_>,
+        settings: &RenderSettings,
+        pixels: impl Iterator<Item = (usize, usize)>,
+        samples: Range<u32>,
+        mut add: impl FnMut(usize, usize, Range<usize>, f32, &[BandBlock]),
+    ) {
+        let camera = &scene.scene.camera;
+        for (pixel, (row, col)) in pixels.enumerate() {
+            for sample in samples.clone() {
+                let mut stream = SampleStream::new(settings.seed, (row * camera.width + col) as u64, sample);
+                let [x, y, u, v] = stream.next_4d();
+                for group in 0..camera.band_groups() {
+                    let ray = camera.sample(group, col as f32 + x, row as f32 + y, [u, v]);
+                    if ray.weight == 0.0 {
+                        continue;
+                    }
+                    // The groups of a pixel sample share their random numbers, so colours differ by the lens only.
+                    self.batch.start(ray.origin, ray.direction, stream.clone());
+                    self.origins.push(Origin { pixel, group, weight: ray.weight });
+                    if self.batch.len() == BATCH {
+                        self.finish(scene, settings, &mut add);
+                    }
+                }
+            }
         }
-        // The groups of a pixel sample share their random numbers, so colours differ by the lens only.
-        let mut numbers = stream.clone();
-        scene.trace(path, ray.origin, ray.direction, &mut numbers, settings.max_depth, settings.estimator);
-        state.gather(scene, path);
-        let bands = match &camera.lens {
-            Some(lens) => lens.groups()[group].0.clone(),
-            None => 0..scene.bands,
-        };
-        for component in (0..state.components()).filter(|&component| state.is_lit(component)) {
-            add(component, bands.clone(), ray.weight, state.component(component));
+        self.finish(scene, settings, &mut add);
+    }
+
+    /// Traces the batch and empties it.
+    fn finish(
+        &mut self,
+        scene: &CompiledScene<'_>,
+        settings: &RenderSettings,
+        add: &mut impl FnMut(usize, usize, Range<usize>, f32, &[BandBlock]),
+    ) {
+        let Self { batch, origins, state } = self;
+        scene.trace(batch, settings.max_depth, settings.estimator);
+        for (path, Origin { pixel, group, weight }) in batch.paths().zip(origins.drain(..)) {
+            state.gather(scene, path);
+            let bands = match &scene.scene.camera.lens {
+                Some(lens) => lens.groups()[group].0.clone(),
+                None => 0..scene.bands,
+            };
+            for component in (0..state.components()).filter(|&component| state.is_lit(component)) {
+                add(pixel, component, bands.clone(), weight, state.component(component));
+            }
         }
+        batch.clear();
     }
 }

@@ -3,17 +3,18 @@
 use std::sync::Arc;
 
 use fluorspar_accel::bands::{BLOCK, BandBlock, to_blocks};
-use fluorspar_accel::{BuildError, Ray, Simd, TriangleBvh};
+use fluorspar_accel::{BuildError, Hit, Ray, Simd, TriangleBvh, prefetch};
 use glam::{Vec2, Vec3};
 
 use super::adjoint::{AdjointModel, BINS, Coarse};
 use super::fluorescence_operator::{FluorescenceOperator, direct_exitance};
+use super::instances::{CompiledInstances, InstanceList};
 use crate::light::{Emitter, EnvironmentMap};
 use crate::material::conductor::white_microfacets;
 use crate::material::{
     CoatAlbedo, ConductorReflectance, DielectricAlbedo, NormalMap, ScalarTexture, Scattering,
 };
-use crate::sampling::hash_u64;
+use crate::sampling::{SampleStream, hash_u64, warp};
 use crate::scene::irradiance::{SurfacePoint, direct_light, group_spectrum};
 use crate::scene::{Scene, Shape};
 use crate::spectral::{Curve, Reflectance};
@@ -23,6 +24,8 @@ use crate::spectral::{Curve, Reflectance};
 pub(super) enum Target {
     /// A triangle, with barycentric coordinates.
     Triangle { triangle: u32, u: f32, v: f32 },
+    /// A triangle of an instance of a mesh, with barycentric coordinates.
+    Instance { instance: u32, triangle: u32, u: f32, v: f32 },
     /// An analytic shape of an object.
     Shape(u32),
     /// The surface of a light.
@@ -142,6 +145,31 @@ pub(super) enum AnalyticShape {
     Disc { center: Vec3, normal: Vec3, tangents: (Vec3, Vec3), radius: f32 },
 }
 
+/// All that a hit needs of a vertex, half a cache line: a path waits for memory once instead of three times.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(32))]
+struct MeshVertex {
+    position: Vec3,
+    /// Shading normal; zero for faceted meshes.
+    normal: Vec3,
+    uv: Vec2,
+}
+
+/// A triangle of a mesh.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(16))]
+struct MeshTriangle {
+    vertices: [u32; 3],
+    object: u32,
+}
+
+/// Working memory for many rays at a time.
+#[derive(Debug, Default)]
+pub(super) struct TraceBuffers {
+    hits: Vec<Option<Hit>>,
+    blocked: Vec<bool>,
+}
+
 #[derive(Debug)]
 pub(super) struct CompiledScene<'a> {
     pub(super) scene: &'a Scene,
@@ -151,11 +179,12 @@ pub(super) struct CompiledScene<'a> {
     /// How far rays start off the surface they leave, m: a millionth of the largest coordinate.
     pub(super) clearance: f32,
     bvh: TriangleBvh,
-    positions: Vec<Vec3>,
-    normals: Vec<Vec3>,
-    uvs: Vec<Vec2>,
-    triangles: Vec<[u32; 3]>,
-    triangle_object: Vec<u32>,
+    /// Whether the tree is so large that rays wait for memory.
+    pub(super) turns_pay: bool,
+    vertices: Vec<MeshVertex>,
+    triangles: Vec<MeshTriangle>,
+    /// Meshes at many places; `None` where there are none.
+    pub(super) instances: Option<CompiledInstances>,
     pub(super) shapes: Vec<CompiledShape>,
     /// Sources in runs of `slices`: the excitation bins of one lamp spectrum.
     pub(super) sources: Vec<Source>,
@@ -184,6 +213,8 @@ pub(super) struct CompiledScene<'a> {
     pub(super) plain_operators: Vec<FluorescenceOperator>,
 }
 
+/// A tree of this size stays in the second-level cache with what else a path needs.
+const CACHED_TREE_BYTES: usize = 512 << 10;
 /// What a fluorescent surface is taken to send on at least: its light matters even where it reflects little.
 const FLUORESCENT_ALBEDO: f32 = 0.25;
 
@@ -192,11 +223,10 @@ impl<'a> CompiledScene<'a> {
     /// light group.
     pub(super) fn new(scene: &'a Scene, excitation_edges_nm: &[f64]) -> Result<Self, BuildError> {
         let grid = &scene.grid;
-        let mut positions = Vec::new();
-        let mut normals = Vec::new();
-        let mut uvs = Vec::new();
-        let mut triangles: Vec<[u32; 3]> = Vec::new();
+        let mut vertices: Vec<MeshVertex> = Vec::new();
+        let mut corners: Vec<[u32; 3]> = Vec::new();
         let mut triangle_object = Vec::new();
+        let mut instances = InstanceList::default();
         let mut shapes = Vec::new();
         let mut sources: Vec<Source> = Vec::new();
         let mut lights = Vec::new();
@@ -224,22 +254,31 @@ impl<'a> CompiledScene<'a> {
         };
 
         for (object, item) in scene.objects.iter().enumerate() {
-            let emissive = match &item.shape {
-                Shape::Mesh(mesh) => {
-                    let offset = positions.len() as u32;
-                    let first_triangle = triangles.len();
-                    positions.extend_from_slice(&mesh.positions);
-                    if mesh.normals.is_empty() {
-                        normals.extend(std::iter::repeat_n(Vec3::ZERO, mesh.positions.len()));
-                    } else {
-                        normals.extend_from_slice(&mesh.normals);
-                    }
-                    if mesh.uvs.is_empty() {
-                        uvs.extend(std::iter::repeat_n(Vec2::ZERO, mesh.positions.len()));
-                    } else {
-                        uvs.extend_from_slice(&mesh.uvs);
-                    }
-                    triangles.extend(mesh.triangles.iter().map(|t| t.map(|v| v + offset)));
+            let flattened;
+            let mesh = match &item.shape {
+                Shape::Mesh(mesh) => Some(&**mesh),
+                // Lamps are sampled triangle by triangle, by the areas that these have at their places.
+                Shape::Instances(many) if item.emission.is_some() => {
+                    flattened = many.flattened();
+                    Some(&flattened)
+                }
+                Shape::Instances(many) => {
+                    instances.add(object, many);
+                    continue;
+                }
+                Shape::Sphere { .. } | Shape::Disc { .. } => None,
+            };
+            let emissive = match (&item.shape, mesh) {
+                (Shape::Mesh(_) | Shape::Instances(_), None) => continue,
+                (_, Some(mesh)) => {
+                    let offset = vertices.len() as u32;
+                    let first_triangle = corners.len();
+                    vertices.extend(mesh.positions.iter().enumerate().map(|(index, &position)| MeshVertex {
+                        position,
+                        normal: mesh.normals.get(index).copied().unwrap_or(Vec3::ZERO),
+                        uv: mesh.uvs.get(index).copied().unwrap_or(Vec2::ZERO),
+                    }));
+                    corners.extend(mesh.triangles.iter().map(|t| t.map(|v| v + offset)));
                     triangle_object.extend(std::iter::repeat_n(object as u32, mesh.triangles.len()));
                     let mut sum = 0.0_f64;
                     let cumulative_area = mesh
@@ -254,13 +293,13 @@ impl<'a> CompiledScene<'a> {
                     let (center, radius) = (0.5 * (low + high), 0.5 * (high - low).length());
                     CompiledEmitter::Mesh { first_triangle, cumulative_area, center, radius }
                 }
-                Shape::Sphere { center, radius_m } => {
+                (Shape::Sphere { center, radius_m }, _) => {
                     let shape = AnalyticShape::Sphere { center: *center, radius: *radius_m };
                     shapes.push(CompiledShape { object, shape });
                     CompiledEmitter::ShapeObject { shape: shapes.len() - 1 }
                 }
-                Shape::Disc { center, normal, radius_m } => {
-                    let tangents = crate::sampling::warp::tangents(*normal);
+                (Shape::Disc { center, normal, radius_m }, _) => {
+                    let tangents = warp::tangents(*normal);
                     let shape =
                         AnalyticShape::Disc { center: *center, normal: *normal, tangents, radius: *radius_m };
                     shapes.push(CompiledShape { object, shape });
@@ -271,7 +310,7 @@ impl<'a> CompiledScene<'a> {
                 let source = source_of(emission.group, &emission.radiance);
                 object_light[object] = Some(lights.len());
                 let area = match &item.shape {
-                    Shape::Mesh(mesh) => mesh.area_m2() as f32,
+                    Shape::Mesh(_) | Shape::Instances(_) => mesh.map_or(0.0, |mesh| mesh.area_m2() as f32),
                     Shape::Sphere { radius_m, .. } => 4.0 * std::f32::consts::PI * radius_m * radius_m,
                     Shape::Disc { radius_m, .. } => std::f32::consts::PI * radius_m * radius_m,
                 };
@@ -287,7 +326,7 @@ impl<'a> CompiledScene<'a> {
                 Emitter::Disc { center, normal, radius_m, exponent } => CompiledEmitter::Disc {
                     center: *center,
                     normal: *normal,
-                    tangents: crate::sampling::warp::tangents(*normal),
+                    tangents: warp::tangents(*normal),
                     radius: *radius_m,
                     exponent: *exponent,
                 },
@@ -335,16 +374,25 @@ impl<'a> CompiledScene<'a> {
             .map(|group| (0..lights.len()).filter(|&l| lights[l].group == group).collect())
             .collect();
 
-        let bvh = TriangleBvh::build(&positions, &triangles)?;
+        let positions: Vec<Vec3> = vertices.iter().map(|vertex| vertex.position).collect();
+        let bvh = TriangleBvh::build(&positions, &corners)?;
+        let instances = instances.build()?;
         let group_spectra = {
-            let corners = |triangle: u32| triangles[triangle as usize].map(|v| positions[v as usize]);
+            let corners = |triangle: u32| corners[triangle as usize].map(|v| positions[v as usize]);
             // Lamps of all kinds, weighed by the irradiance that they throw on what is seen: the shape of the sum weights
             // excitation within a bin.
-            let points = points_in_view(scene, &bvh, corners, &triangle_object, &shapes);
+            let points = points_in_view(scene, &bvh, corners, &triangle_object, instances.as_ref(), &shapes);
             let parts = direct_light(scene, &points);
             (0..scene.light_groups.len()).map(|group| group_spectrum(&parts, group)).collect::<Vec<_>>()
         };
-        let adjoint = AdjointModel::new(scene, &group_spectra);
+        let reach = positions.iter().map(|p| p.abs().max_element()).fold(0.0, f32::max);
+        drop(positions);
+        let triangles = corners
+            .into_iter()
+            .zip(triangle_object)
+            .map(|(vertices, object)| MeshTriangle { vertices, object })
+            .collect();
+        let adjoint = AdjointModel::new(grid);
         let mut coats: Vec<Arc<CoatAlbedo>> = Vec::new();
         let mut dielectrics: Vec<Arc<DielectricAlbedo>> = Vec::new();
         let mut metals: Vec<ConductorReflectance> = Vec::new();
@@ -462,7 +510,6 @@ impl<'a> CompiledScene<'a> {
         let plain_operators =
             scene.fluorophores.iter().map(|f| FluorescenceOperator::new(&f.eem, grid, None)).collect();
 
-        let reach = positions.iter().map(|p| p.abs().max_element()).fold(0.0, f32::max);
         let shape_reach = shapes
             .iter()
             .map(|s| match &s.shape {
@@ -472,17 +519,18 @@ impl<'a> CompiledScene<'a> {
             })
             .fold(0.0, f32::max);
 
-        Ok(Self {
+        let instance_reach = instances.as_ref().map_or(0.0, CompiledInstances::reach);
+
+        let mut compiled = Self {
             scene,
             bands: grid.len(),
             simd: Simd::detect(),
-            clearance: (1e-6 * reach.max(shape_reach)).max(1e-9),
+            clearance: (1e-6 * reach.max(shape_reach).max(instance_reach)).max(1e-9),
+            turns_pay: bvh.memory_bytes() > CACHED_TREE_BYTES,
             bvh,
-            positions,
-            normals,
-            uvs,
+            vertices,
             triangles,
-            triangle_object,
+            instances,
             shapes,
             sources,
             slices,
@@ -499,32 +547,137 @@ impl<'a> CompiledScene<'a> {
             environment_maps,
             lamp_operators,
             plain_operators,
-        })
+        };
+        let reverberation = compiled.reverberation();
+        compiled.adjoint.fill_in(scene, &group_spectra, &reverberation);
+        Ok(compiled)
+    }
+
+    /// All light that arrives at what is seen over the light that arrives directly, on coarse bins: `1 / (1 - r)` of a
+    /// closed room, with the mean reflectance `r` of what rays find that leave the visible surfaces diffusely; nothing
+    /// reflects nothing.
+    fn reverberation(&self) -> Coarse {
+        let camera = &self.scene.camera;
+        let place = |i: usize, side: usize| (i as f32 + 0.5) / VIEW_RAYS as f32 * side as f32;
+        let (mut sum, mut rays) = ([0.0_f32; BINS], 0.0_f32);
+        for number in 0..VIEW_RAYS * VIEW_RAYS {
+            let (origin, direction) =
+                camera.ray(place(number % VIEW_RAYS, camera.width), place(number / VIEW_RAYS, camera.height));
+            let surface = |origin: Vec3, direction: Vec3| {
+                self.closest(origin, direction).and_then(|hit| self.surface(origin, direction, &hit))
+            };
+            let Some(seen) = surface(origin, direction) else { continue };
+            let mut stream = SampleStream::new(0, number as u64, 0);
+            let [u, v, mut choice, _] = stream.next_4d();
+            let away = seen.to_world(warp::cosine_hemisphere([u, v]));
+            rays += 1.0;
+            let Some(met) = surface(seen.leave(away, self.clearance), away) else { continue };
+            let outermost = self.scene.objects[met.object].material;
+            let material = &self.materials[self.material_at(outermost, met.uv, met.front, &mut choice)];
+            let bsdf = self.bsdf(material, met.uv, met.front, met.to_local(-away));
+            let terms = material.reflectance.iter().zip(&material.coarse_reflectance).enumerate();
+            for (term, ((_, weight), coarse)) in terms {
+                let weight = bsdf.term_weight(term, weight.at(met.uv));
+                sum.iter_mut().zip(coarse).for_each(|(sum, value)| *sum += weight * value);
+            }
+        }
+        sum.map(|sum| 1.0 / (1.0 - (sum / rays.max(1.0)).clamp(0.0, MOST_REVERBERANT)))
+    }
+
+    /// Vertices of a triangle.
+    #[inline]
+    fn vertices_of(&self, triangle: usize) -> [&MeshVertex; 3] {
+        self.triangles[triangle].vertices.map(|v| &self.vertices[v as usize])
+    }
+
+    /// Memory of the surfaces with their trees, bytes.
+    pub(super) fn surface_bytes(&self) -> u64 {
+        let arrays = self.vertices.capacity() * size_of::<MeshVertex>()
+            + self.triangles.capacity() * size_of::<MeshTriangle>();
+        let instances = self.instances.as_ref().map_or(0, CompiledInstances::memory_bytes);
+        (arrays + self.bvh.memory_bytes() + instances) as u64
     }
 
     /// Corners of a triangle.
+    #[inline]
     pub(super) fn corners(&self, triangle: usize) -> [Vec3; 3] {
-        self.triangles[triangle].map(|v| self.positions[v as usize])
+        self.vertices_of(triangle).map(|vertex| vertex.position)
     }
 
     /// Interpolated normal (zero for faceted meshes) and texture coordinates.
+    #[inline]
     pub(super) fn attributes(&self, triangle: usize, u: f32, v: f32) -> (Vec3, Vec2) {
-        let [a, b, c] = self.triangles[triangle].map(|i| i as usize);
+        let [a, b, c] = self.vertices_of(triangle);
         let w = 1.0 - u - v;
-        (
-            self.normals[a] * w + self.normals[b] * u + self.normals[c] * v,
-            self.uvs[a] * w + self.uvs[b] * u + self.uvs[c] * v,
-        )
+        (a.normal * w + b.normal * u + c.normal * v, a.uv * w + b.uv * u + c.uv * v)
     }
 
     /// Texture coordinates of the corners of a triangle.
     pub(super) fn texture_corners(&self, triangle: usize) -> [Vec2; 3] {
-        self.triangles[triangle].map(|v| self.uvs[v as usize])
+        self.vertices_of(triangle).map(|vertex| vertex.uv)
     }
 
     /// Object that a triangle belongs to.
+    #[inline]
     pub(super) fn object_of(&self, triangle: usize) -> usize {
-        self.triangle_object[triangle] as usize
+        self.triangles[triangle].object as usize
+    }
+
+    /// [`Self::closest`] of every ray, in their order. `in_turns` is faster for rays that go different ways.
+    pub(super) fn closest_each(
+        &self,
+        rays: &[Ray],
+        in_turns: bool,
+        buffers: &mut TraceBuffers,
+        found: &mut Vec<Option<Intersection>>,
+    ) {
+        found.clear();
+        if self.cutouts.is_empty() && in_turns {
+            self.bvh.closest_each(rays, &mut buffers.hits);
+            found.extend(rays.iter().zip(&buffers.hits).map(|(ray, hit)| self.nearest_given(ray, *hit)));
+        } else {
+            found.extend(rays.iter().map(|ray| self.closest(ray.origin, ray.direction)));
+        }
+        // What the hits need next is on its way while the first of them are worked on.
+        let triangles = || {
+            found.iter().filter_map(|hit| match hit {
+                Some(Intersection { target: Target::Triangle { triangle, .. }, .. }) => {
+                    Some(*triangle as usize)
+                }
+                _ => None,
+            })
+        };
+        triangles().for_each(|triangle| prefetch(&self.triangles, triangle));
+        for triangle in triangles() {
+            for vertex in self.triangles[triangle].vertices {
+                prefetch(&self.vertices, vertex as usize);
+            }
+        }
+    }
+
+    /// [`Self::visibility`] of every ray, in their order; `aimed_at` are the lights. `in_turns` is faster for rays that go
+    /// different ways.
+    pub(super) fn visibility_each(
+        &self,
+        rays: &[Ray],
+        aimed_at: &[usize],
+        in_turns: bool,
+        buffers: &mut TraceBuffers,
+        visible: &mut Vec<f32>,
+    ) {
+        visible.clear();
+        let rays_to_lights = rays.iter().zip(aimed_at);
+        if self.cutouts.is_empty() && in_turns {
+            self.bvh.occluded_each(rays, &mut buffers.blocked);
+            visible.extend(rays_to_lights.zip(&buffers.blocked).map(|((ray, &light), blocked)| {
+                if *blocked || self.occluded_elsewhere(ray, light) { 0.0 } else { 1.0 }
+            }));
+        } else {
+            visible.extend(
+                rays_to_lights
+                    .map(|(ray, &light)| self.visibility(ray.origin, ray.direction, ray.t_max, light)),
+            );
+        }
     }
 
     /// Nearest surface or light along a ray. Surfaces with holes are there with the probability of their opacity, by
@@ -553,6 +706,10 @@ impl<'a> CompiledScene<'a> {
         let object = match hit.target {
             Target::Light(_) => return 1.0,
             Target::Triangle { triangle, .. } => self.object_of(triangle as usize),
+            Target::Instance { instance, .. } => match &self.instances {
+                Some(instances) => instances.object_of(instance),
+                None => return 1.0,
+            },
             Target::Shape(index) => self.shapes[index as usize].object,
         };
         match self.cutouts.get(object) {
@@ -592,11 +749,24 @@ impl<'a> CompiledScene<'a> {
     /// Nearest surface or light along a ray within `t_max`, holes ignored.
     fn nearest(&self, origin: Vec3, direction: Vec3, t_max: f32) -> Option<Intersection> {
         let ray = Ray { origin, direction, t_min: 0.0, t_max };
-        let mut best = self.bvh.closest(&ray).map(|hit| Intersection {
+        self.nearest_given(&ray, self.bvh.closest(&ray))
+    }
+
+    /// Nearest surface or light along a ray whose nearest triangle is known.
+    #[inline]
+    fn nearest_given(&self, ray: &Ray, hit: Option<Hit>) -> Option<Intersection> {
+        let Ray { origin, direction, t_max, .. } = *ray;
+        let mut best = hit.map(|hit| Intersection {
             t: hit.t,
             target: Target::Triangle { triangle: hit.triangle, u: hit.u, v: hit.v },
         });
         let mut limit = best.map_or(t_max, |hit| hit.t);
+        if let Some(instances) = &self.instances
+            && let Some((t, instance, triangle, u, v)) = instances.closest(&Ray { t_max: limit, ..*ray })
+        {
+            limit = t;
+            best = Some(Intersection { t, target: Target::Instance { instance, triangle, u, v } });
+        }
         for (index, shape) in self.shapes.iter().enumerate() {
             if let Some(t) = shape.shape.intersect(origin, direction, limit) {
                 limit = t;
@@ -615,7 +785,14 @@ impl<'a> CompiledScene<'a> {
     /// Whether anything lies between a point and `t_max` along a direction; the light aimed at does not count.
     fn occluded(&self, origin: Vec3, direction: Vec3, t_max: f32, aimed_at: usize) -> bool {
         let ray = Ray { origin, direction, t_min: 0.0, t_max };
-        self.bvh.occluded(&ray)
+        self.bvh.occluded(&ray) || self.occluded_elsewhere(&ray, aimed_at)
+    }
+
+    /// Whether an instance, an analytic shape or a light other than the one aimed at is in the way.
+    #[inline]
+    fn occluded_elsewhere(&self, ray: &Ray, aimed_at: usize) -> bool {
+        let Ray { origin, direction, t_max, .. } = *ray;
+        self.instances.as_ref().is_some_and(|instances| instances.bvh.occluded(ray))
             || self.shapes.iter().any(|s| s.shape.intersect(origin, direction, t_max).is_some())
             || self.lights.iter().enumerate().any(|(l, light)| {
                 l != aimed_at && light.emitter.intersect(origin, direction, t_max).is_some()
@@ -658,6 +835,9 @@ fn chance(origin: Vec3, direction: Vec3, t: f32) -> f32 {
     (hash >> 40) as f32 / 16_777_216.0
 }
 
+/// Mean reflectance beyond which a room is not taken to be brighter.
+const MOST_REVERBERANT: f32 = 0.95;
+
 /// Rays along each side of the image whose hits stand for the scene when lamps are weighed against each other.
 const VIEW_RAYS: usize = 12;
 
@@ -668,6 +848,7 @@ fn points_in_view(
     bvh: &TriangleBvh,
     corners: impl Fn(u32) -> [Vec3; 3],
     triangle_object: &[u32],
+    instances: Option<&CompiledInstances>,
     shapes: &[CompiledShape],
 ) -> Vec<SurfacePoint> {
     let camera = &scene.camera;
@@ -681,6 +862,13 @@ fn points_in_view(
                 let [a, b, c] = corners(hit.triangle);
                 (hit.t, triangle_object[hit.triangle as usize] as usize, (b - a).cross(c - a))
             });
+            let within = Ray { t_max: nearest.map_or(f32::INFINITY, |(t, ..)| t), ..ray };
+            if let Some(instances) = instances
+                && let Some((t, instance, triangle, ..)) = instances.closest(&within)
+            {
+                let [a, b, c] = instances.corners(instance, triangle);
+                nearest = Some((t, instances.object_of(instance), (b - a).cross(c - a)));
+            }
             for shape in shapes {
                 let limit = nearest.map_or(f32::INFINITY, |(t, ..)| t);
                 if let Some(t) = shape.shape.intersect(origin, direction, limit) {
@@ -728,6 +916,7 @@ impl AnalyticShape {
 
 impl CompiledEmitter {
     /// Distance to the surface of a light that is no object; both sides block.
+    #[inline]
     fn intersect(&self, origin: Vec3, direction: Vec3, limit: f32) -> Option<f32> {
         match self {
             Self::Disc { center, normal, radius, .. } => {

@@ -21,8 +21,8 @@ pub struct FluorescenceOperator {
 
 #[derive(Clone, Debug)]
 enum Form {
-    /// One outer product per term, O(bands) each, and what falls into the bin of its excitation.
-    Separable { terms: Vec<OuterProduct>, diagonal: Vec<BandBlock> },
+    /// One outer product per term, O(bands) each; the first also has what falls into the bin of its excitation.
+    Separable(Vec<OuterProduct>),
     /// Any matrix, O(bands²).
     Dense(BandMatrix),
 }
@@ -35,6 +35,8 @@ impl FluorescenceOperator {
         let form = match eem.density() {
             YieldDensity::Separable(terms) => {
                 let masked = eem.stokes() == Stokes::Mask;
+                let mut diagonal: Vec<f32> =
+                    (0..grid.len()).map(|band| diagonal_entry(eem, grid, &weight, band) as f32).collect();
                 let terms = terms
                     .iter()
                     .map(|term| {
@@ -47,15 +49,15 @@ impl FluorescenceOperator {
                         let emission: Vec<f32> = (0..grid.len())
                             .map(|band| uniform_average(grid, band, |nm| term.emission.at(nm) / nm) as f32)
                             .collect();
-                        OuterProduct::new(&excitation, &emission, masked)
+                        if !masked {
+                            return OuterProduct::new(&excitation, &emission);
+                        }
+                        let product = OuterProduct::below_diagonal(&excitation, &emission, &diagonal);
+                        diagonal.fill(0.0);
+                        product
                     })
                     .collect();
-                let diagonal: Vec<f32> = if masked {
-                    (0..grid.len()).map(|band| diagonal_entry(eem, grid, &weight, band) as f32).collect()
-                } else {
-                    Vec::new()
-                };
-                Form::Separable { terms, diagonal: bands::to_blocks(&diagonal) }
+                Form::Separable(terms)
             }
             YieldDensity::Table(_) => {
                 let n = grid.len();
@@ -86,12 +88,9 @@ impl FluorescenceOperator {
     pub fn add_product<L: Lanes>(&self, lanes: L, factor: f32, v: &[BandBlock], out: &mut [BandBlock]) {
         debug_assert!(v.len() == self.bands.div_ceil(bands::BLOCK) && out.len() == v.len());
         match &self.form {
-            Form::Separable { terms, diagonal } => {
+            Form::Separable(terms) => {
                 for term in terms {
                     term.add_product(lanes, factor, v, out);
-                }
-                if !diagonal.is_empty() {
-                    bands::add_reflected(lanes, factor, diagonal, 0.0, v, out);
                 }
             }
             Form::Dense(matrix) => matrix.add_product(lanes, factor, v, out),

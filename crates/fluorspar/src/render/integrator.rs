@@ -11,13 +11,11 @@ use sha2::{Digest, Sha256};
 use thiserror::Error;
 
 use super::adaptive::{ErrorTarget, TileError};
-use super::camera_sample::render_sample;
+use super::camera_sample::PixelSampler;
 use super::compiled_scene::{CompiledScene, Target};
-use super::path::Path;
-use super::spectral_accumulation::SpectralState;
 use crate::image::EXCITATION_MARK;
 use crate::image::film::{
-    BlockSign, FilmScale, TileMut, block_end, block_start, film_bytes, is_block_boundary,
+    BlockSign, FilmScale, TILE, TileMut, block_end, block_start, film_bytes, is_block_boundary,
 };
 use crate::image::{
     Component, ComponentImage, FeatureMaps, Film, FilmLayout, Light, SpectralImage, Statistics,
@@ -147,7 +145,7 @@ pub enum RenderError {
     #[error(
         "the component images need {needed_gib:.1} GiB ({components} components of {width} x {height} pixels and \
          {bands} bands), more than the limit of {limit_gib:.1} GiB. Render fewer pixels, bands, light groups or \
-         fluorophores, or raise the limit"
+         fluorophores, raise render.memory_limit_gib, or use `fluorspar render`, which goes through such images in bands of rows"
     )]
     TooLarge {
         /// Memory needed, GiB.
@@ -182,6 +180,20 @@ pub fn memory_bytes(scene: &Scene, settings: &RenderSettings) -> u64 {
             Statistics::Components => components,
         };
     film_bytes(scene.camera.width, scene.camera.height, scene.grid.len(), planes)
+}
+
+/// Memory of what belongs to the whole picture when it is rendered some rows at a time, bytes: feature maps, materials and
+/// numbers of samples of all pixels.
+pub fn whole_image_bytes(scene: &Scene) -> u64 {
+    const PER_PIXEL: u64 = 4 + 12 + 2 + 8 + 2 + 4;
+    PER_PIXEL * scene.camera.width as u64 * scene.camera.height as u64
+}
+
+/// Memory of the film of one row of tiles, bytes.
+pub fn tile_row_bytes(scene: &Scene, settings: &RenderSettings) -> u64 {
+    let height = scene.camera.height.max(1);
+    let rows = height.div_ceil(TILE.min(height)) as u64;
+    memory_bytes(scene, settings) / rows
 }
 
 /// Renders radiance, every component apart.
@@ -219,6 +231,8 @@ pub enum Share {
         /// How many there are.
         count: u32,
     },
+    /// Tiles by number, row by row.
+    TileRange(Range<usize>),
     /// One of `count` runs of samples of every tile, about equally long, cut between blocks.
     Samples {
         /// Which share.
@@ -231,7 +245,7 @@ pub enum Share {
 impl Share {
     /// Samples of each pixel, of `all` samples.
     pub fn samples(&self, all: u32) -> Range<u32> {
-        let Self::Samples { index, count } = *self else { return 0..all };
+        let &Self::Samples { index, count } = self else { return 0..all };
         // Aim at equal lengths, then go back to the start of the block.
         let cut = |part: u32| match part {
             part if part >= count => all,
@@ -241,14 +255,15 @@ impl Share {
     }
 
     fn holds(&self, tile: usize) -> bool {
-        match *self {
-            Self::Tiles { index, count } => tile as u64 % u64::from(count) == u64::from(index),
+        match self {
+            Self::Tiles { index, count } => tile as u64 % u64::from(*count) == u64::from(*index),
+            Self::TileRange(tiles) => tiles.contains(&tile),
             _ => true,
         }
     }
 
     fn check(&self, settings: &RenderSettings) -> Result<(), RenderError> {
-        let (Self::Tiles { index, count } | Self::Samples { index, count }) = *self else { return Ok(()) };
+        let &(Self::Tiles { index, count } | Self::Samples { index, count }) = self else { return Ok(()) };
         let refuse =
             |field, value: u32, message| Err(RenderError::Setting { field, value: value.into(), message });
         if index >= count {
@@ -294,13 +309,37 @@ impl<'a> FilmRenderer<'a> {
     /// # Errors
     /// As [`render`].
     pub fn new(scene: &'a Scene, settings: &'a RenderSettings) -> Result<Self, RenderError> {
+        check_memory(scene, settings)?;
+        Ok(Self { compiled: prepare(scene, settings)?, settings })
+    }
+
+    /// Checks and prepares a scene for films of some rows at a time ([`Film::of_tile_rows`]); whether those fit into the
+    /// memory limit is for the caller to see to.
+    ///
+    /// # Errors
+    /// As [`render`], but for images larger than the memory limit.
+    pub fn for_rows(scene: &'a Scene, settings: &'a RenderSettings) -> Result<Self, RenderError> {
         Ok(Self { compiled: prepare(scene, settings)?, settings })
     }
 
     /// An empty film.
     pub fn new_film(&self) -> Film {
-        let digest = scene_digest(self.compiled.scene, self.settings);
-        Film::new(layout(&self.compiled, self.settings, digest), feature_maps(&self.compiled))
+        Film::new(self.layout(), self.features())
+    }
+
+    /// What films are made for. Takes a moment: pilot samples find the quanta.
+    pub fn layout(&self) -> FilmLayout {
+        layout(&self.compiled, self.settings, scene_digest(self.compiled.scene, self.settings))
+    }
+
+    /// Geometry behind each pixel.
+    pub fn features(&self) -> FeatureMaps {
+        feature_maps(&self.compiled)
+    }
+
+    /// Memory that the surfaces take, with the trees through which rays find them, bytes.
+    pub fn surface_bytes(&self) -> u64 {
+        self.compiled.surface_bytes()
     }
 
     /// Refuses a film that this scene and these settings can't continue.
@@ -353,7 +392,7 @@ impl<'a> FilmRenderer<'a> {
                 for (col, pixel) in pixels.chunks_mut(bands).enumerate() {
                     let at = |i: usize, size: usize| (i * step + step / 2).min(size - 1);
                     let (row, col) = (at(row, camera.height), at(col, camera.width));
-                    block.render(&self.compiled, self.settings, row, col, 0..1);
+                    block.render(&self.compiled, self.settings, std::iter::once((row, col)), 0..1);
                     for component in block.values.chunks(bands) {
                         pixel.iter_mut().zip(component).for_each(|(sum, value)| *sum += value);
                     }
@@ -396,6 +435,10 @@ fn prepare<'a>(scene: &'a Scene, settings: &RenderSettings) -> Result<CompiledSc
     if let Some(target) = &settings.error_target {
         target.check(scene.grid.len(), scene.light_groups.len())?;
     }
+    Ok(CompiledScene::new(scene, &settings.excitation_edges_nm)?)
+}
+
+fn check_memory(scene: &Scene, settings: &RenderSettings) -> Result<(), RenderError> {
     let needed = memory_bytes(scene, settings);
     if needed > settings.memory_limit_bytes {
         let gib = |bytes: u64| bytes as f64 / f64::from(1 << 30);
@@ -408,51 +451,70 @@ fn prepare<'a>(scene: &'a Scene, settings: &RenderSettings) -> Result<CompiledSc
             bands: scene.grid.len(),
         });
     }
-    Ok(CompiledScene::new(scene, &settings.excitation_edges_nm)?)
+    Ok(())
 }
 
-/// The plain sum of some samples of one pixel: what one worker reuses from pixel to pixel.
+/// Plain sums of some samples of a few pixels: what one worker reuses from pixel to pixel.
 struct BlockSum {
-    path: Path,
-    state: SpectralState,
-    /// `[component][band]`.
+    sampler: PixelSampler,
+    bands: usize,
+    /// `[pixel][component][band]`.
     values: Vec<f32>,
+    /// `[pixel][component]`.
     lit: Vec<bool>,
 }
 
+/// Paths that are wanted at a time, so that their rays can be traced in turns.
+const PATHS_AT_A_TIME: usize = 64;
+/// Memory for sums, bytes: no more than stays in the second-level cache.
+const SUMS_BYTES: usize = 128 << 10;
+
 impl BlockSum {
     fn new(scene: &CompiledScene<'_>) -> Self {
-        let state = SpectralState::new(scene);
-        let components = state.components();
-        let values = vec![0.0; components * scene.bands];
-        Self { path: Path::default(), state, values, lit: vec![false; components] }
+        Self { sampler: PixelSampler::new(scene), bands: scene.bands, values: Vec::new(), lit: Vec::new() }
     }
 
-    /// Renders samples of one pixel; their plain sum, in order, is in `values` afterwards.
+    /// How many numbers a pixel has.
+    fn pixel_len(&self) -> usize {
+        self.sampler.components() * self.bands
+    }
+
+    /// How many pixels to render at a time.
+    fn pixels_at_a_time(&self, samples: &Range<u32>) -> usize {
+        let wanted = PATHS_AT_A_TIME / samples.len().max(1);
+        wanted.min(SUMS_BYTES / (size_of::<f32>() * self.pixel_len().max(1))).max(1)
+    }
+
+    /// Renders the same samples of some pixels. The plain sum of those of each, in order, is in `values` afterwards.
     fn render(
         &mut self,
         scene: &CompiledScene<'_>,
         settings: &RenderSettings,
-        row: usize,
-        col: usize,
+        pixels: impl ExactSizeIterator<Item = (usize, usize)>,
         samples: Range<u32>,
     ) {
-        let bands = scene.bands;
-        self.values.fill(0.0);
-        self.lit.fill(false);
-        for sample in samples {
-            let (values, lit) = (&mut self.values, &mut self.lit);
-            let add = |component: usize, range: Range<usize>, weight: f32, light: &[BandBlock]| {
-                lit[component] = true;
-                let sums = &mut values[component * bands..(component + 1) * bands];
-                if weight == 1.0 && range.len() == bands {
-                    add_bands(light, sums);
-                } else {
-                    add_scaled_range(weight, light, range, sums);
-                }
-            };
-            render_sample(scene, settings, (row, col), sample, &mut self.path, &mut self.state, add);
-        }
+        let (components, bands, len) = (self.sampler.components(), self.bands, self.pixel_len());
+        self.values.clear();
+        self.values.resize(pixels.len() * len, 0.0);
+        self.lit.clear();
+        self.lit.resize(pixels.len() * components, false);
+        let (values, lit) = (&mut self.values, &mut self.lit);
+        let add = |pixel: usize, component: usize, range: Range<usize>, weight: f32, light: &[BandBlock]| {
+            lit[pixel * components + component] = true;
+            let start = pixel * len + component * bands;
+            let sums = &mut values[start..start + bands];
+            if weight == 1.0 && range.len() == bands {
+                add_bands(light, sums);
+            } else {
+                add_scaled_range(weight, light, range, sums);
+            }
+        };
+        self.sampler.render(scene, settings, pixels, samples, add);
+    }
+
+    /// The sums of each pixel, and which of its components are lit.
+    fn pixels(&self) -> impl Iterator<Item = (&[f32], &[bool])> {
+        self.values.chunks(self.pixel_len()).zip(self.lit.chunks(self.sampler.components()))
     }
 }
 
@@ -476,10 +538,10 @@ fn layout(scene: &CompiledScene<'_>, settings: &RenderSettings, scene_digest: St
             || BlockSum::new(scene),
             |block, pixels| {
                 let (mut brightest, mut sums) =
-                    (vec![0.0_f32; block.values.len()], vec![0.0; block.values.len()]);
+                    (vec![0.0_f32; block.pixel_len()], vec![0.0; block.pixel_len()]);
                 for &(row, col) in pixels {
                     for sample in 0..PILOT_SAMPLES {
-                        block.render(scene, settings, row, col, sample..sample + 1);
+                        block.render(scene, settings, std::iter::once((row, col)), sample..sample + 1);
                         for ((most, sum), &value) in brightest.iter_mut().zip(&mut sums).zip(&block.values) {
                             *most = most.max(value);
                             *sum += f64::from(value);
@@ -645,27 +707,44 @@ fn fill_tile(
     block: &mut BlockSum,
     scale: &mut FilmScale,
 ) {
-    let tile = &mut *task.tile;
+    let mut first = samples.start;
+    if !is_block_boundary(first) {
+        // An earlier render ended within a block: exchange the part for the whole.
+        let start = block_start(first);
+        fill_block(scene, settings, task, start..first, BlockSign::Remove, block, scale);
+        first = start;
+    }
+    while first < samples.end {
+        let end = block_end(first).min(samples.end);
+        fill_block(scene, settings, task, first..end, BlockSign::Add, block, scale);
+        first = end;
+    }
+    task.tile.add_samples(samples);
+}
+
+/// Adds one block of samples to every pixel of a tile, or takes it away.
+fn fill_block(
+    scene: &CompiledScene<'_>,
+    settings: &RenderSettings,
+    task: &mut TileMut<'_>,
+    samples: Range<u32>,
+    sign: BlockSign,
+    block: &mut BlockSum,
+    scale: &mut FilmScale,
+) {
+    let tile = &*task.tile;
+    let at_a_time = block.pixels_at_a_time(&samples);
     let len = scale.pixel_len();
-    let (rows, cols) = (tile.rows, tile.cols);
-    for (index, sums) in task.sums.chunks_mut(len).take(rows * cols).enumerate() {
-        let (row, col) = (tile.row + index / cols, tile.col + index % cols);
-        let mut first = samples.start;
-        if !is_block_boundary(first) {
-            // An earlier render ended within a block: exchange the part for the whole.
-            let start = block_start(first);
-            block.render(scene, settings, row, col, start..first);
-            scale.add_block(sums, &block.values, &block.lit, start..first, BlockSign::Remove);
-            first = start;
-        }
-        while first < samples.end {
-            let end = block_end(first).min(samples.end);
-            block.render(scene, settings, row, col, first..end);
-            scale.add_block(sums, &block.values, &block.lit, first..end, BlockSign::Add);
-            first = end;
+    let position = |index: usize| (tile.row + index / tile.cols, tile.col + index % tile.cols);
+    let count = tile.rows * tile.cols;
+    for (chunk, sums) in task.sums[..count * len].chunks_mut(at_a_time * len).enumerate() {
+        let start = chunk * at_a_time;
+        let pixels = start..start + sums.len() / len;
+        block.render(scene, settings, pixels.map(position), samples.clone());
+        for ((values, lit), sums) in block.pixels().zip(sums.chunks_mut(len)) {
+            scale.add_block(sums, values, lit, samples.clone(), sign);
         }
     }
-    tile.add_samples(samples);
 }
 
 fn check_settings(settings: &RenderSettings) -> Result<(), RenderError> {

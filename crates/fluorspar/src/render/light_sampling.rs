@@ -47,12 +47,15 @@ impl SphereLight {
     }
 }
 
+/// Lights of a group whose weights are kept while one is chosen.
+const KNOWN_WEIGHTS: usize = 16;
 /// A floor on the weight of any light, so that none is ever left out.
 const LEAST_WEIGHT: f32 = 1e-3;
 
 impl CompiledScene<'_> {
     /// Relative weight with which a light is chosen at a point: power over squared distance, and no more than a
     /// token for lights that lie behind the surface. A normal of zero stands for a surface that light passes.
+    #[inline]
     fn light_weight(&self, light: &CompiledLight, position: Vec3, normal: Vec3) -> f32 {
         let (center, reach, pattern) = match &light.emitter {
             // The others' weight is 2 pi times their irradiance.
@@ -86,26 +89,38 @@ impl CompiledScene<'_> {
             if normal == Vec3::ZERO { 1.0 } else { (direction.dot(normal) + sine).clamp(LEAST_WEIGHT, 1.0) };
         let emission = pattern.map_or(1.0, |(axis, exponent)| {
             let cos = (-direction.dot(axis) + sine).min(1.0);
-            if cos <= 0.0 { LEAST_WEIGHT } else { cos.powf(exponent).max(LEAST_WEIGHT) * (exponent + 1.0) }
+            // Lambertian lamps are the common ones, and powf is slow.
+            let lobe = if exponent == 1.0 { cos } else { cos.powf(exponent) };
+            if cos <= 0.0 { LEAST_WEIGHT } else { lobe.max(LEAST_WEIGHT) * (exponent + 1.0) }
         });
         light.power * facing * emission / distance2
     }
 
     /// Chooses one light of a group; returns it and the probability of the choice.
+    #[inline]
     fn choose_light(&self, group: usize, position: Vec3, normal: Vec3, u: f32) -> Option<(usize, f32)> {
         let lights = &self.group_lights[group];
         match lights.as_slice() {
             [] => None,
             [only] => Some((*only, 1.0)),
             _ => {
-                let weight = |&l: &usize| self.light_weight(&self.lights[l], position, normal);
-                let total: f32 = lights.iter().map(weight).sum();
+                // Weights of the first lights are kept between the two passes over them.
+                let mut known = [0.0; KNOWN_WEIGHTS];
+                let weight = |l: usize| self.light_weight(&self.lights[l], position, normal);
+                let mut total = 0.0;
+                for (index, &light) in lights.iter().enumerate() {
+                    let w = weight(light);
+                    total += w;
+                    if let Some(known) = known.get_mut(index) {
+                        *known = w;
+                    }
+                }
                 let mut left = u * total;
                 let mut last = None;
-                for light in lights {
-                    let w = weight(light);
+                for (index, &light) in lights.iter().enumerate() {
+                    let w = known.get(index).copied().unwrap_or_else(|| weight(light));
                     if w > 0.0 {
-                        last = Some((*light, w / total));
+                        last = Some((light, w / total));
                         if left < w {
                             break;
                         }
@@ -311,6 +326,7 @@ impl CompiledScene<'_> {
 
     /// Calls `add` with every source of a sampled light and the factor on its spectrum; of its excitation bins with the
     /// first.
+    #[inline]
     pub(super) fn each_source(&self, sample: &LightSample, mut add: impl FnMut(usize, f32)) {
         let light = &self.lights[sample.light];
         match &light.emitter {
@@ -391,6 +407,8 @@ impl CompiledScene<'_> {
                 let cos = direction.dot((b - a).cross(c - a).normalize_or_zero()).abs();
                 (light, 1.0, cos, *cumulative_area.last()?, None)
             }
+            // Instances of lamps are triangles of their own.
+            Target::Instance { .. } => return None,
             Target::Shape(index) => {
                 let shape = &self.shapes[index as usize];
                 let light = self.object_light[shape.object]?;

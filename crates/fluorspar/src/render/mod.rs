@@ -20,9 +20,11 @@ mod adjoint;
 mod camera_sample;
 mod compiled_scene;
 mod fluorescence_operator;
+mod instances;
 mod integrator;
 mod light_sampling;
 mod path;
+mod path_batch;
 mod scattering;
 mod spectral_accumulation;
 mod surface;
@@ -32,5 +34,5 @@ pub use fluorescence_operator::FluorescenceOperator;
 pub(crate) use fluorescence_operator::direct_exitance;
 pub use integrator::{
     Estimator, FilmRenderer, FilmWatch, RenderControl, RenderError, RenderProgress, RenderSettings, Share,
-    memory_bytes, render, scene_digest,
+    memory_bytes, render, scene_digest, tile_row_bytes, whole_image_bytes,
 };

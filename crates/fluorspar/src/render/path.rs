@@ -1,14 +1,4 @@
-//! Samples one path from the camera and keeps what the spectra need to run back along it.
-
-use std::f32::consts::PI;
-
-use glam::Vec3;
-
-use super::adjoint::{BINS, Importance};
-use super::compiled_scene::CompiledScene;
-use super::integrator::Estimator;
-use super::scattering::ScatteringSample;
-use crate::sampling::SampleStream;
+//! What the spectra need to run back along a path.
 
 /// Direct light of one source at a vertex: factors on the source's spectrum.
 #[derive(Clone, Copy, Debug, Default)]
@@ -51,13 +41,8 @@ pub(super) struct Path {
     pub(super) seen: Vec<(u32, f32)>,
 }
 
-/// From this vertex on, paths may end by Russian roulette.
-const ROULETTE_FROM: u32 = 3;
-/// Lowest chance to go on.
-const ROULETTE_FLOOR: f32 = 0.05;
-
 impl Path {
-    fn clear(&mut self) {
+    pub(super) fn clear(&mut self) {
         self.vertices.clear();
         self.weights.clear();
         self.direct.clear();
@@ -89,8 +74,32 @@ impl Path {
         &self.emission[start as usize..(start + count) as usize]
     }
 
+    /// Adds a vertex of a material; its weights, lights and factors follow.
+    pub(super) fn push_vertex(&mut self, material: usize, sources: usize) {
+        let weights = self.weights.len() as u32;
+        self.vertices.push(Vertex { material: material as u32, weights, ..Vertex::default() });
+        self.direct.resize(self.direct.len() + sources, DirectLight::default());
+    }
+
+    /// Adds to the weights of the last vertex: reflectance terms first, then concentrations.
+    pub(super) fn push_weight(&mut self, weight: f32) {
+        self.weights.push(weight);
+    }
+
+    /// Says how light arrives at the last vertex along the continued path.
+    pub(super) fn continue_with(&mut self, diffuse: f32, fluorescent: f32, gloss: f32) {
+        if let Some(vertex) = self.vertices.last_mut() {
+            (vertex.diffuse, vertex.fluorescent, vertex.gloss) = (diffuse, fluorescent, gloss);
+        }
+    }
+
+    /// Direct light of a source at a vertex, to add to.
+    pub(super) fn direct_mut(&mut self, vertex: usize, sources: usize, source: usize) -> &mut DirectLight {
+        &mut self.direct[vertex * sources + source]
+    }
+
     /// Notes emission that a ray met, from the last vertex or from the camera.
-    fn meet(&mut self, source: usize, factor: f32) {
+    pub(super) fn meet(&mut self, source: usize, factor: f32) {
         let met = (source as u32, factor);
         match self.vertices.last_mut() {
             None => self.seen.push(met),
@@ -103,166 +112,4 @@ impl Path {
             }
         }
     }
-}
-
-impl CompiledScene<'_> {
-    /// Samples a path. `direction` is a unit vector from the camera.
-    pub(super) fn trace(
-        &self,
-        path: &mut Path,
-        mut origin: Vec3,
-        mut direction: Vec3,
-        stream: &mut SampleStream,
-        max_depth: u32,
-        estimator: Estimator,
-    ) {
-        path.clear();
-        let mut importance = Importance::CAMERA;
-        // Where the ray came from and with which density, for weighting the emission it meets.
-        let mut previous: Option<(Vec3, Vec3, f32)> = None;
-
-        for depth in 0..=max_depth {
-            let hit = self.closest(origin, direction);
-
-            // Emission met by chance.
-            let (from, normal) = previous.map_or((origin, Vec3::ZERO), |(p, n, _)| (p, n));
-            let weight = |light_pdf: f32| match (previous, estimator) {
-                (Some((_, _, pdf)), Estimator::MultipleImportance) => power_heuristic(pdf, light_pdf),
-                _ => 1.0,
-            };
-            match &hit {
-                None => {
-                    let add = |source, scale: f32, light_pdf| path.meet(source, scale * weight(light_pdf));
-                    self.surroundings(from, normal, direction, add);
-                }
-                Some(hit) => {
-                    if let Some((light, scale, light_pdf)) =
-                        self.emission_along(from, normal, direction, hit.t, hit.target)
-                    {
-                        let (source, scale) = (self.lights[light].source, scale * weight(light_pdf));
-                        for source in source..source + self.slices {
-                            path.meet(source, scale);
-                        }
-                    }
-                }
-            }
-
-            let Some(hit) = hit else { return };
-            let Some(mut point) = self.surface(origin, direction, &hit) else { return };
-            if depth == max_depth {
-                return;
-            }
-
-            let [mut choice, u0, u1, roulette] = stream.next_4d();
-            let outermost = self.scene.objects[point.object].material;
-            let material_index = self.material_at(outermost, point.uv, point.front, &mut choice);
-            let material = &self.materials[material_index];
-            if let Some(map) = &material.normal_map {
-                let along = self.texture_directions(hit.target, point.position);
-                point.apply_normal_map(map.at(point.uv), along, -direction);
-            }
-            let bsdf = self.bsdf(material, point.uv, point.front, point.to_local(-direction));
-            // Light may come from either side of a clear body.
-            let light_normal = if bsdf.transmits() { Vec3::ZERO } else { point.shading };
-            // A direction that the shading and the geometric normal put on different sides carries nothing.
-            let is_consistent = |world: Vec3, local: Vec3| {
-                world.dot(point.geometric) * local.z > 0.0 && (local.z > 0.0 || bsdf.transmits())
-            };
-
-            let weights = path.weights.len() as u32;
-            let mut coarse = [0.0; BINS];
-            let terms = material.reflectance.iter().zip(&material.coarse_reflectance);
-            for (term, ((_, weight), coarse_spectrum)) in terms.enumerate() {
-                let weight = bsdf.term_weight(term, weight.at(point.uv));
-                path.weights.push(weight);
-                for (sum, value) in coarse.iter_mut().zip(coarse_spectrum) {
-                    *sum += weight * value;
-                }
-            }
-            path.weights.extend(material.fluorophores.iter().map(|(_, texture)| texture.at(point.uv)));
-            let first_direct = path.direct.len();
-            path.direct.resize(first_direct + self.sources.len(), DirectLight::default());
-            let direct = &mut path.direct[first_direct..];
-            path.vertices.push(Vertex { material: material_index as u32, weights, ..Vertex::default() });
-
-            // Next-event estimation: one light of every group.
-            if estimator == Estimator::MultipleImportance {
-                for group in 0..self.group_lights.len() {
-                    let u = stream.next_4d();
-                    let sample = self.sample_light(group, point.position, light_normal, [u[0], u[1], u[2]]);
-                    let Some(sample) = sample else { continue };
-                    let local = point.to_local(sample.direction);
-                    if !is_consistent(sample.direction, local) {
-                        continue;
-                    }
-                    let s = bsdf.evaluate(local);
-                    if s.pdf <= 0.0 {
-                        continue;
-                    }
-                    // Stop short of the light's own surface.
-                    let reach = sample.distance - 2.0 * self.clearance.max(1e-5 * sample.distance);
-                    let reach = if sample.distance.is_finite() { reach } else { f32::INFINITY };
-                    let start = point.leave(sample.direction, self.clearance);
-                    let visible = self.visibility(start, sample.direction, reach, sample.light);
-                    if visible <= 0.0 {
-                        continue;
-                    }
-                    let weight = if sample.delta { 1.0 } else { power_heuristic(sample.pdf, s.pdf) };
-                    let factor = visible * weight / sample.pdf;
-                    self.each_source(&sample, |source, scale| {
-                        let direct = &mut direct[source];
-                        direct.diffuse += factor * scale * s.diffuse * PI;
-                        direct.fluorescent += factor * scale * s.fluorescent * PI;
-                        direct.gloss += factor * scale * s.gloss;
-                    });
-                }
-            }
-
-            if self.slices > 1 {
-                // All excitation bins of a lamp shine from the same place.
-                for bins in direct.chunks_mut(self.slices) {
-                    let of_lamp = bins[0];
-                    bins.fill(of_lamp);
-                }
-            }
-
-            // Continue the path.
-            let Some(ScatteringSample { incident, scattering: s, delta }) = bsdf.sample(choice, [u0, u1])
-            else {
-                return;
-            };
-            let world = point.to_world(incident).normalize();
-            if !is_consistent(world, incident) {
-                return;
-            }
-            let mut survival = 1.0;
-            self.adjoint.scatter(&mut importance, &s, &coarse, material.fluorophores.iter().map(|(f, _)| *f));
-            if depth >= ROULETTE_FROM {
-                survival = self.adjoint.reach(&importance).clamp(ROULETTE_FLOOR, 1.0);
-                if roulette >= survival {
-                    return;
-                }
-                importance.survive(survival);
-            }
-            let factor = 1.0 / (s.pdf * survival);
-            if let Some(vertex) = path.vertices.last_mut() {
-                vertex.diffuse = s.diffuse * factor;
-                vertex.fluorescent = s.fluorescent * factor;
-                vertex.gloss = s.gloss * factor;
-            }
-
-            previous = Some((point.position, light_normal, if delta { f32::INFINITY } else { s.pdf }));
-            origin = point.leave(world, self.clearance);
-            direction = world;
-        }
-    }
-}
-
-/// Power heuristic with exponent 2 (Veach 1997): weight of the technique with density `own`.
-fn power_heuristic(own: f32, other: f32) -> f32 {
-    if own.is_infinite() {
-        return 1.0;
-    }
-    let (a, b) = (own * own, other * other);
-    if a + b > 0.0 { a / (a + b) } else { 0.0 }
 }

@@ -81,6 +81,7 @@ const FLUORESCENT_SHARE: f32 = 0.4;
 
 impl CompiledScene<'_> {
     /// The material of an object at a point: draws one of a mixture and reuses what is left of the number.
+    #[inline]
     pub(super) fn material_at(&self, mut material: usize, uv: Vec2, front: bool, choice: &mut f32) -> usize {
         loop {
             match &self.materials[material].scattering {
@@ -103,6 +104,7 @@ impl CompiledScene<'_> {
     }
 
     /// A material that is no mixture, seen from `outgoing` on the front or on the back.
+    #[inline]
     pub(super) fn bsdf<'a>(
         &'a self,
         material: &'a CompiledMaterial,
@@ -155,6 +157,7 @@ impl Bsdf<'_> {
     }
 
     /// Weight of a term of the material's spectrum here, where its texture has `value`: for metals by the angle of view.
+    #[inline]
     pub(super) fn term_weight(&self, term: usize, value: f32) -> f32 {
         match &self.form {
             Form::Conductor { metal, viewer, .. } => metal.weights(*viewer)[term],
@@ -163,6 +166,7 @@ impl Bsdf<'_> {
     }
 
     /// Light from a direction, mirror directions left out.
+    #[inline]
     pub(super) fn evaluate(&self, incident: Vec3) -> Scattering {
         let outgoing = self.outgoing;
         if incident.z == 0.0 || (incident.z < 0.0 && !self.transmits()) {
@@ -175,12 +179,12 @@ impl Bsdf<'_> {
             }
             Form::Coated { table, alpha, pass_out, mean } => {
                 let pass_in = 1.0 - table.at(incident.z, *alpha).0;
+                let (gloss, pdf) = coat::eval_and_pdf(outgoing, incident, *alpha, table.refractive_index());
                 Scattering {
                     diffuse: lambert * pass_in * pass_out / (1.0 - mean),
                     fluorescent: lambert * pass_in,
-                    gloss: coat::eval_times_cos(outgoing, incident, *alpha, table.refractive_index()),
-                    pdf: (1.0 - self.cosine_probability) * coat::pdf(outgoing, incident, *alpha)
-                        + self.cosine_probability * lambert,
+                    gloss,
+                    pdf: (1.0 - self.cosine_probability) * pdf + self.cosine_probability * lambert,
                 }
             }
             Form::Dielectric { table, alpha, inside, eta, fluoresces } => {
@@ -234,6 +238,7 @@ impl Bsdf<'_> {
     }
 
     /// Draws a direction for the path to go on; `None` ends the path.
+    #[inline]
     pub(super) fn sample(&self, choice: f32, u: [f32; 2]) -> Option<ScatteringSample> {
         let specular_probability = 1.0 - self.cosine_probability;
         if choice >= specular_probability {
@@ -280,6 +285,7 @@ impl Bsdf<'_> {
         }
     }
 
+    #[inline]
     fn drawn(&self, incident: Vec3) -> Option<ScatteringSample> {
         let scattering = self.evaluate(incident);
         (scattering.pdf > 0.0).then_some(ScatteringSample { incident, scattering, delta: false })

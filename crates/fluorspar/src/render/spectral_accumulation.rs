@@ -18,8 +18,9 @@ pub(super) struct SpectralState {
     lit: Vec<bool>,
     kinds: usize,
     blocks: usize,
-    /// Reflectance of the vertex, and all fluorescent light that arrives there.
+    /// Reflectance of the vertex, what becomes of elastic light there, and all fluorescent light that arrives there.
     reflectance: Vec<BandBlock>,
+    throughput: Vec<BandBlock>,
     fluoresced: Vec<BandBlock>,
 }
 
@@ -34,6 +35,7 @@ impl SpectralState {
             kinds,
             blocks,
             reflectance: vec![BandBlock::ZERO; blocks],
+            throughput: vec![BandBlock::ZERO; blocks],
             fluoresced: vec![BandBlock::ZERO; blocks],
         }
     }
@@ -94,19 +96,20 @@ impl SpectralState {
             return;
         }
         let fluoresces = vertex.fluorescent > 0.0 && concentrations.iter().any(|&c| c > 0.0);
+        bands::reflection_factor(lanes, vertex.diffuse, reflectance, vertex.gloss, &mut self.throughput);
         for group in 0..self.lit.len() / kinds {
             let base = group * kinds;
             let any_fluorescent = self.lit[base + 1..base + kinds].contains(&true);
             if fluoresces && any_fluorescent {
-                // Read before the elastic step overwrites it.
                 bands::clear(lanes, &mut self.fluoresced);
-                for kind in (base + 1..base + kinds).filter(|&kind| self.lit[kind]) {
-                    bands::add(lanes, &self.values[kind * blocks..(kind + 1) * blocks], &mut self.fluoresced);
-                }
             }
             for kind in (base + 1..base + kinds).filter(|&kind| self.lit[kind]) {
                 let values = &mut self.values[kind * blocks..(kind + 1) * blocks];
-                bands::reflect(lanes, vertex.diffuse, reflectance, vertex.gloss, values);
+                if fluoresces {
+                    bands::add_then_multiply(lanes, &self.throughput, values, &mut self.fluoresced);
+                } else {
+                    bands::multiply(lanes, &self.throughput, values);
+                }
             }
             if fluoresces && self.lit[base] {
                 for ((fluorophore, _), concentration) in material.fluorophores.iter().zip(concentrations) {
@@ -139,7 +142,7 @@ impl SpectralState {
             }
             if self.lit[base] {
                 let values = &mut self.values[base * blocks..(base + 1) * blocks];
-                bands::reflect(lanes, vertex.diffuse, reflectance, vertex.gloss, values);
+                bands::multiply(lanes, &self.throughput, values);
             }
         }
     }
@@ -167,7 +170,9 @@ impl Work for Gather<'_> {
             let (weights, rest) = path.weights(vertex).split_at(material.reflectance.len());
             let concentrations = &rest[..material.fluorophores.len()];
             let reflectance = match material.reflectance.as_slice() {
-                [(only, _)] if weights == [1.0] => only.as_slice(),
+                [(first, _), ..] if weights[0] == 1.0 && weights[1..].iter().all(|&w| w == 0.0) => {
+                    first.as_slice()
+                }
                 terms => {
                     bands::clear(lanes, &mut mixed);
                     for ((spectrum, _), weight) in terms.iter().zip(weights) {

@@ -59,6 +59,7 @@ impl SurfacePoint {
 
 impl CompiledScene<'_> {
     /// The surface at an intersection with an object; `None` for lights.
+    #[inline]
     pub(super) fn surface(&self, origin: Vec3, direction: Vec3, hit: &Intersection) -> Option<SurfacePoint> {
         let (position, geometric, shading, uv, object) = match hit.target {
             Target::Light(_) => return None,
@@ -70,6 +71,14 @@ impl CompiledScene<'_> {
                 let shading = normal.try_normalize().unwrap_or(geometric);
                 let position = a * (1.0 - u - v) + b * u + c * v;
                 (position, geometric, shading, uv, self.object_of(triangle))
+            }
+            Target::Instance { instance, triangle, u, v } => {
+                let instances = self.instances.as_ref()?;
+                let at = instances.placed(instance, triangle, u, v);
+                let [a, b, c] = at.corners;
+                let shading = at.normal.try_normalize().unwrap_or(at.geometric);
+                let position = a * (1.0 - u - v) + b * u + c * v;
+                (position, at.geometric, shading, at.uv, instances.object_of(instance))
             }
             Target::Shape(index) => {
                 let shape = &self.shapes[index as usize];
@@ -106,17 +115,16 @@ impl CompiledScene<'_> {
         match target {
             Target::Light(_) => (Vec3::X, Vec3::Y),
             Target::Triangle { triangle, .. } => {
-                let [a, b, c] = self.corners(triangle as usize);
-                let [p, q, r] = self.texture_corners(triangle as usize);
-                let (side, other) = (b - a, c - a);
-                let (du, dv) = (q - p, r - p);
-                let determinant = du.x * dv.y - du.y * dv.x;
-                if determinant == 0.0 {
-                    return (side, other);
-                }
-                let sign = determinant.signum();
-                ((side * dv.y - other * du.y) * sign, (other * du.x - side * dv.x) * sign)
+                let triangle = triangle as usize;
+                along_texture(self.corners(triangle), self.texture_corners(triangle))
             }
+            Target::Instance { instance, triangle, .. } => match &self.instances {
+                Some(instances) => along_texture(
+                    instances.corners(instance, triangle),
+                    instances.texture_corners(instance, triangle),
+                ),
+                None => (Vec3::X, Vec3::Y),
+            },
             Target::Shape(index) => match &self.shapes[index as usize].shape {
                 AnalyticShape::Sphere { center, .. } => {
                     let from_center = position - *center;
@@ -129,6 +137,18 @@ impl CompiledScene<'_> {
             },
         }
     }
+}
+
+/// Directions in which u and v grow over a triangle.
+fn along_texture([a, b, c]: [Vec3; 3], [p, q, r]: [Vec2; 3]) -> (Vec3, Vec3) {
+    let (side, other) = (b - a, c - a);
+    let (du, dv) = (q - p, r - p);
+    let determinant = du.x * dv.y - du.y * dv.x;
+    if determinant == 0.0 {
+        return (side, other);
+    }
+    let sign = determinant.signum();
+    ((side * dv.y - other * du.y) * sign, (other * du.x - side * dv.x) * sign)
 }
 
 #[cfg(test)]

@@ -39,6 +39,7 @@ impl SampleStream {
     }
 
     /// The next four numbers in `[0, 1)`.
+    #[inline]
     pub fn next_4d(&mut self) -> [f32; 4] {
         let set = self.set;
         self.set += 1;

@@ -47,7 +47,9 @@ impl SphericalEllipse {
         let side =
             if distance > 1e-6 * radius { lateral / distance } else { crate::sampling::warp::tangents(up).0 };
         let (near, far) = (distance - radius, distance + radius);
-        let (near_length, far_length) = (near.hypot(height), far.hypot(height));
+        // The checks above keep the squares in range.
+        let length = |x: f32| (x * x + height * height).sqrt();
+        let (near_length, far_length) = (length(near), length(far));
         // Bisector of the directions to the near and the far edge, and half the angle between them.
         let near_edge = (side * near + up * height) / near_length;
         let far_edge = (side * far + up * height) / far_length;

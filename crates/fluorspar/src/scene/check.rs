@@ -154,6 +154,8 @@ const LEAST_PERCENT: f64 = 1.0;
 const LEAST_EMISSION_PERCENT: f64 = 2.0;
 /// Excitation that ends above this share of its maximum breaks off.
 const LEAST_EDGE: f64 = 0.05;
+/// Most triangles of the instances of a lamp.
+const MOST_EMISSIVE_TRIANGLES: u64 = 20_000_000;
 /// Step at which photon conservation is checked, nm.
 const CHECK_STEP_NM: f64 = 1.0;
 /// Rounding allowed above 1: a perfectly white material must pass.
@@ -193,6 +195,20 @@ impl Scene {
                 Shape::Mesh(mesh) => {
                     mesh.validate()
                         .map_err(|source| SceneError::Mesh { object: object.name.clone(), source })?;
+                }
+                Shape::Instances(many) => {
+                    let refuse =
+                        |message: String| Err(SceneError::OutOfRange { what: what.clone(), message });
+                    if let Err(error) = many.validate() {
+                        return refuse(error.to_string());
+                    }
+                    let triangles = many.triangle_count();
+                    if object.emission.is_some() && triangles > MOST_EMISSIVE_TRIANGLES {
+                        return refuse(format!(
+                            "its instances have {triangles} triangles; lamps are kept triangle by triangle, up to \
+                             {MOST_EMISSIVE_TRIANGLES}. Give fewer instances or a coarser mesh"
+                        ));
+                    }
                 }
                 Shape::Sphere { radius_m, .. } | Shape::Disc { radius_m, .. } => {
                     positive(&what, "radius", *radius_m)?

@@ -4,7 +4,7 @@
 use std::borrow::Cow;
 use std::f64::consts::PI;
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 
 use super::{Scene, Shape};
 use crate::light::{Emitter, Light};
@@ -102,6 +102,12 @@ pub(crate) fn emission_factor(shape: &Shape, at: SurfacePoint) -> f64 {
         let arriving = (-direction.dot(at.normal)).max(0.0);
         direction.dot(normal).abs() * arriving * area / way.length_squared().max(area / PI)
     };
+    let triangle = |corners: [Vec3; 3]| {
+        let [a, b, c] = corners.map(Vec3::as_dvec3);
+        let cross = (b - a).cross(c - a);
+        let Some(normal) = cross.try_normalize() else { return 0.0 };
+        patch((a + b + c) / 3.0, normal, 0.5 * cross.length())
+    };
     match shape {
         Shape::Sphere { center, radius_m } => {
             let way = at.position - center.as_dvec3();
@@ -116,16 +122,10 @@ pub(crate) fn emission_factor(shape: &Shape, at: SurfacePoint) -> f64 {
             let area = PI * radius * radius / samples.len() as f64;
             samples.into_iter().map(|sample| patch(sample, normal, area)).sum()
         }
-        Shape::Mesh(mesh) => mesh
-            .triangles
-            .iter()
-            .map(|triangle| {
-                let [a, b, c] = triangle.map(|i| mesh.positions[i as usize].as_dvec3());
-                let cross = (b - a).cross(c - a);
-                let Some(normal) = cross.try_normalize() else { return 0.0 };
-                patch((a + b + c) / 3.0, normal, 0.5 * cross.length())
-            })
-            .sum(),
+        Shape::Mesh(mesh) => {
+            mesh.triangles.iter().map(|t| triangle(t.map(|i| mesh.positions[i as usize]))).sum()
+        }
+        Shape::Instances(many) => many.corners().map(triangle).sum(),
     }
 }
 
@@ -212,8 +212,6 @@ pub(crate) fn sum_of_spectra<'a>(parts: impl Iterator<Item = (Cow<'a, Curve>, f6
 #[cfg(test)]
 mod tests {
     use std::sync::Arc;
-
-    use glam::Vec3;
 
     use super::*;
     use crate::light::{EnvironmentLayer, EnvironmentMap};

@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
-use crate::geometry::TriangleMesh;
+use crate::geometry::{MeshInstances, TriangleMesh};
 use crate::light::{Light, LightGroup};
 use crate::material::Material;
 use crate::optics::PerspectiveCamera;
@@ -52,6 +52,8 @@ pub struct Object {
 pub enum Shape {
     /// Triangles.
     Mesh(Arc<TriangleMesh>),
+    /// Triangle meshes, each kept once, at many places. They are one object: one name, one material.
+    Instances(Arc<MeshInstances>),
     /// An exact sphere; texture coordinates are longitude and latitude.
     Sphere {
         /// Centre, m.

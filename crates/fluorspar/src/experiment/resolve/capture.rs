@@ -278,6 +278,7 @@ fn may_be_in_view(shape: &Shape, camera: &PerspectiveCamera) -> bool {
     planes.iter().all(|normal| {
         let inside = |point: Vec3, radius: f32| (point - camera.position).dot(*normal) > -radius;
         match shape {
+            Shape::Instances(many) => many.bounding_spheres().any(|(center, radius)| inside(center, radius)),
             Shape::Mesh(mesh) => mesh.positions.iter().any(|position| inside(*position, 0.0)),
             Shape::Sphere { center, radius_m } | Shape::Disc { center, radius_m, .. } => {
                 inside(*center, *radius_m)

@@ -80,7 +80,7 @@ pub(super) fn render_settings(context: &Context<'_>, section: &RenderSection) ->
     if let Some(limit) = section.time_limit_s {
         context.positive(&at("time_limit_s"), limit, "seconds")?;
     }
-    let gib = context.within(&at("memory_limit_gib"), section.memory_limit_gib, [0.1, 1024.0], "GiB")?;
+    let gib = context.within(&at("memory_limit_gib"), section.memory_limit_gib, [0.001, 1024.0], "GiB")?;
     let edges = section.excitation_edges_nm.clone().unwrap_or_default();
     if section.excitation_edges_nm.is_some()
         && (!(2..=65).contains(&edges.len())
@@ -102,15 +102,15 @@ pub(super) fn render_settings(context: &Context<'_>, section: &RenderSection) ->
     })
 }
 
-/// Refuses images that would not fit into the stated memory.
+/// Refuses images of which not even one row of tiles would fit into the stated memory, beside the maps of all pixels.
 pub(super) fn check_memory(context: &Context<'_>, file: &ExperimentFile, needed_bytes: u64) -> Resolved<()> {
     let needed = needed_bytes as f64 / GIB;
     if needed <= file.render.memory_limit_gib {
         return Ok(());
     }
     let message = format!(
-        "the images of the render need {needed:.1} GiB, more than the limit of {} GiB; render fewer pixels, bands, light \
-         groups or fluorophores, or raise render.memory_limit_gib",
+        "even in bands of 16 rows the images of the render need {needed:.1} GiB, more than the limit of {} GiB; render fewer \
+         pixels, bands, light groups or fluorophores, or raise render.memory_limit_gib",
         file.render.memory_limit_gib
     );
     context.fail(&steps!["render"], message)

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use glam::{Affine3A, EulerRot, Quat, Vec2, Vec3};
+use glam::{Affine3, Affine3A, EulerRot, Mat3, Quat, Vec2, Vec3};
 
 use super::context::{Context, Resolved};
 use super::lesion;
@@ -12,11 +12,11 @@ use super::spectrum::Role;
 use crate::anatomy::{MouthParameters, Tissue, shared_mouth};
 use crate::experiment::error::{Step, steps};
 use crate::experiment::schema::{
-    BoxShape, DiscShape, DisplacementSection, EmissionSection, ExperimentFile, MouthSection, ObjectSection,
-    QuadShape, SphereShape, TransformSection,
+    BoxShape, DiscShape, DisplacementSection, EmissionSection, ExperimentFile, InstanceSection, MouthSection,
+    ObjectSection, QuadShape, SphereShape, TransformSection,
 };
-use crate::format::{read_gltf, read_obj, read_ply, read_stl};
-use crate::geometry::TriangleMesh;
+use crate::format::{read_gltf, read_gltf_instances, read_obj, read_placements, read_ply, read_stl};
+use crate::geometry::{MeshInstance, MeshInstances, TriangleMesh};
 use crate::light::LightGroup;
 use crate::material::{Material, ScalarTexture, Scattering};
 use crate::preset::nearest_name;
@@ -32,20 +32,28 @@ pub(super) fn objects(
     grid: &WavelengthGrid,
     groups: &mut Vec<LightGroup>,
 ) -> Resolved<Vec<Object>> {
-    let mut objects = Vec::new();
+    let mut objects: Vec<Object> = Vec::new();
     for (index, section) in file.object.iter().enumerate() {
         let at = steps!["object", index];
         let earlier = file.object[..index].iter().map(|other| other.name.as_str());
         context.unique_name(&at, &section.name, earlier)?;
-        objects.push(object(context, &at, section, materials, grid, groups)?);
+        for object in object(context, &at, section, materials, grid, groups)? {
+            if objects.iter().any(|other| other.name == object.name) {
+                let message = format!("another object or part is named \"{}\" already", object.name);
+                return context.fail(&at, message);
+            }
+            objects.push(object);
+        }
     }
     if let Some(section) = &file.mouth {
         let mut parts = mouth(context, section, materials)?;
         scans(context, section, materials, &mut parts)?;
         lesion::lesions(context, file, section, grid, materials, fluorophores, &mut parts)?;
-        for (index, object) in objects.iter().enumerate() {
+        for object in &objects {
             if parts.iter().any(|part| part.name == object.name) {
-                let at = steps!["object", index, "name"];
+                // An object that is only named by its instances has no line of its own.
+                let index = file.object.iter().position(|section| section.name == object.name);
+                let at = index.map_or_else(|| steps!["object"], |index| steps!["object", index, "name"]);
                 return context.fail(&at, "a part of the mouth has this name; choose another");
             }
         }
@@ -62,7 +70,7 @@ fn object(
     materials: &[Material],
     grid: &WavelengthGrid,
     groups: &mut Vec<LightGroup>,
-) -> Resolved<Object> {
+) -> Resolved<Vec<Object>> {
     let field = |key: &str| [at, &steps![key]].concat();
     let material = material_index(context, &field("material"), &section.material, materials)?;
     let shapes = [
@@ -84,9 +92,19 @@ fn object(
             "only a mesh or a quad can be displaced; export the shape as a mesh",
         );
     }
+    let many = !section.instance.is_empty() || section.instance_file.is_some();
+    if many && (section.sphere.is_some() || section.disc.is_some()) {
+        let at = if section.instance.is_empty() { field("instance_file") } else { field("instance") };
+        let message = "only a mesh, a quad or a box can stand at several places; export the shape as a mesh";
+        return context.fail(&at, message);
+    }
     let (transform, scale) = match &section.transform {
         Some(transform) => affine(context, &field("transform"), transform)?,
         None => (Affine3A::IDENTITY, 1.0),
+    };
+    let emission = match &section.emission {
+        None => None,
+        Some(emission) => Some(surface_emission(context, &field("emission"), emission, grid, groups)?),
     };
     let shape = if let Some(sphere) = &section.sphere {
         sphere_shape(context, &field("sphere"), sphere, &transform, scale)?
@@ -101,27 +119,230 @@ fn object(
             let file = section.mesh.as_deref().unwrap_or_default();
             let unit_mm = section.unit_mm.unwrap_or(1.0);
             let unit_mm = context.positive(&field("unit_mm"), unit_mm, "millimetres per unit of the file")?;
+            if section.displacement.is_none()
+                && let Some(shared) = read_shared_meshes(context, &field("mesh"), file, unit_mm)?
+            {
+                let source = PlacedObject { section, at, materials };
+                return placed_objects(context, &source, material, shared, &transform, emission.as_ref());
+            }
             read_mesh(context, &field("mesh"), file, unit_mm)?
         };
+        if many {
+            if let Some(displacement) = &section.displacement {
+                displace(context, &field("displacement"), displacement, &mut mesh)?;
+            }
+            let instances = vec![MeshInstance { mesh: 0, to_world: Affine3::IDENTITY }];
+            let once = MeshInstances { meshes: vec![Arc::new(mesh)], instances };
+            let source = PlacedObject { section, at, materials };
+            return placed_objects(context, &source, material, once, &transform, emission.as_ref());
+        }
         mesh.transform(&transform);
         if let Some(displacement) = &section.displacement {
             displace(context, &field("displacement"), displacement, &mut mesh)?;
         }
-        if mesh.uvs.is_empty() && is_textured(&materials[material], materials) {
-            let message = format!(
-                "material \"{}\" has a texture, but the mesh has no texture coordinates; export them with the mesh, or \
-                 use a material of constant values",
-                section.material
-            );
-            return context.fail(&field("mesh"), message);
-        }
+        check_textures(context, &field("mesh"), &mesh, material, materials)?;
         Shape::Mesh(Arc::new(mesh))
     };
-    let emission = match &section.emission {
-        None => None,
-        Some(emission) => Some(surface_emission(context, &field("emission"), emission, grid, groups)?),
+    Ok(vec![Object { name: section.name.clone(), shape, material, emission }])
+}
+
+/// Refuses a material with textures on a mesh without texture coordinates.
+fn check_textures(
+    context: &Context<'_>,
+    at: &[Step],
+    mesh: &TriangleMesh,
+    material: usize,
+    materials: &[Material],
+) -> Resolved<()> {
+    let material = &materials[material];
+    if !(mesh.uvs.is_empty() && is_textured(material, materials)) {
+        return Ok(());
+    }
+    let message = format!(
+        "material \"{}\" has a texture, but the mesh has no texture coordinates; export them with the mesh, or \
+         use a material of constant values",
+        material.name
+    );
+    context.fail(at, message)
+}
+
+/// A section of an object with the materials that it may name.
+struct PlacedObject<'a> {
+    section: &'a ObjectSection,
+    at: &'a [Step],
+    materials: &'a [Material],
+}
+
+/// Instances that are one part of the picture.
+struct Part {
+    name: String,
+    material: usize,
+    places: Vec<Affine3>,
+}
+
+/// Most instances of one object.
+const MOST_INSTANCES: usize = 100_000_000;
+
+/// Meshes at all the places that a section gives, one object for each part. The meshes are shared.
+fn placed_objects(
+    context: &mut Context<'_>,
+    source: &PlacedObject<'_>,
+    material: usize,
+    shared: MeshInstances,
+    transform: &Affine3A,
+    emission: Option<&SurfaceEmission>,
+) -> Resolved<Vec<Object>> {
+    let at = source.at;
+    let field = |key: &str| [at, &steps![key]].concat();
+    let parts = parts(context, source, material, transform)?;
+    let places: usize = parts.iter().map(|part| part.places.len()).sum();
+    let instances = places.saturating_mul(shared.instances.len());
+    if instances > MOST_INSTANCES {
+        let message = format!("{instances} instances are more than {MOST_INSTANCES}; give fewer places");
+        return context.fail(at, message);
+    }
+    let mut objects = Vec::with_capacity(parts.len());
+    for part in parts {
+        for mesh in &shared.meshes {
+            check_textures(context, &field("mesh"), mesh, part.material, source.materials)?;
+        }
+        let mut instances = Vec::with_capacity(part.places.len() * shared.instances.len());
+        for place in &part.places {
+            instances.extend(
+                shared.instances.iter().map(|instance| MeshInstance {
+                    mesh: instance.mesh,
+                    to_world: *place * instance.to_world,
+                }),
+            );
+        }
+        let many = MeshInstances { meshes: shared.meshes.clone(), instances };
+        many.validate().map_err(|error| context.error(at, error.to_string()))?;
+        objects.push(Object {
+            name: part.name,
+            shape: Shape::Instances(Arc::new(many)),
+            material: part.material,
+            emission: emission.cloned(),
+        });
+    }
+    Ok(objects)
+}
+
+/// The places of a section, by part.
+fn parts(
+    context: &mut Context<'_>,
+    source: &PlacedObject<'_>,
+    material: usize,
+    transform: &Affine3A,
+) -> Resolved<Vec<Part>> {
+    let PlacedObject { section, at, materials } = *source;
+    let whole = Affine3 { matrix3: transform.matrix3.into(), translation: transform.translation.into() };
+    let mut parts: Vec<Part> = Vec::new();
+    for (index, instance) in section.instance.iter().enumerate() {
+        let at = [at, &steps!["instance", index]].concat();
+        let name = instance.part.as_ref().unwrap_or(&section.name);
+        let material = match &instance.material {
+            Some(name) => material_index(context, &[&at[..], &steps!["material"]].concat(), name, materials)?,
+            None => material,
+        };
+        let place = whole * instance_map(context, &at, instance)?;
+        match parts.iter_mut().find(|part| part.name == *name) {
+            Some(part) if part.material == material => part.places.push(place),
+            Some(part) => {
+                let message = format!(
+                    "an earlier instance of part \"{name}\" has material \"{}\"; give this one a `part` of its own",
+                    materials[part.material].name
+                );
+                return context.fail(&at, message);
+            }
+            None => parts.push(Part { name: name.clone(), material, places: vec![place] }),
+        }
+    }
+    if let Some(list) = &section.instance_file {
+        let at = [at, &steps!["instance_file"]].concat();
+        context.note_input(&at, list)?;
+        let places = read_placements(list.as_ref(), 1e-3).map_err(|error| context.file_error(&at, &error))?;
+        let flat = |place: &Affine3| !MeshInstance { mesh: 0, to_world: *place }.is_invertible();
+        if let Some(number) = places.iter().position(flat) {
+            let message =
+                format!("place {number} (counted from 0) flattens the mesh; its axes must span a volume");
+            return context.fail(&at, message);
+        }
+        let places = places.into_iter().map(|place| whole * place);
+        match parts.iter_mut().find(|part| part.name == section.name) {
+            Some(part) if part.material == material => part.places.extend(places),
+            Some(_) => {
+                let message = "an instance of the object's own name has another material; give it a `part`";
+                return context.fail(&at, message);
+            }
+            None => parts.push(Part { name: section.name.clone(), material, places: places.collect() }),
+        }
+    }
+    if parts.is_empty() {
+        parts.push(Part { name: section.name.clone(), material, places: vec![whole] });
+    }
+    Ok(parts)
+}
+
+fn instance_map(context: &Context<'_>, at: &[Step], section: &InstanceSection) -> Resolved<Affine3> {
+    let field = |key: &str| [at, &steps![key]].concat();
+    let map = match section.matrix {
+        Some(rows) => {
+            let others = InstanceSection {
+                matrix: section.matrix,
+                part: section.part.clone(),
+                material: section.material.clone(),
+                ..InstanceSection::default()
+            };
+            if *section != others {
+                return context.fail(&field("matrix"), "a matrix is all of a place; remove the other fields");
+            }
+            let axis = |column: usize| Vec3::from([0, 1, 2].map(|row| rows[row][column] as f32));
+            Affine3 {
+                matrix3: Mat3::from_cols(axis(0), axis(1), axis(2)),
+                translation: context.meters(&field("matrix"), [0, 1, 2].map(|row| rows[row][3]))?,
+            }
+        }
+        None => {
+            let turned = TransformSection {
+                translate_mm: section.translate_mm,
+                rotate_deg: section.rotate_deg,
+                axis: section.axis,
+                angle_deg: section.angle_deg,
+                scale: section.scale,
+            };
+            let (map, _) = affine(context, at, &turned)?;
+            for factor in section.stretch {
+                if !factor.is_finite() || factor == 0.0 {
+                    let message = "factors must be finite and not 0: the mesh would have no volume";
+                    return context.fail(&field("stretch"), message);
+                }
+            }
+            let [x, y, z] = section.stretch.map(|factor| factor as f32);
+            Affine3 { matrix3: map.matrix3.into(), translation: map.translation.into() }
+                * Affine3::from_scale(Vec3::new(x, y, z))
+        }
     };
-    Ok(Object { name: section.name.clone(), shape, material, emission })
+    if !(MeshInstance { mesh: 0, to_world: map }).is_invertible() {
+        return context.fail(at, "this place flattens the mesh; its axes must span a volume");
+    }
+    Ok(map)
+}
+
+/// Meshes of a file in which several nodes share some; `None` for all other files.
+fn read_shared_meshes(
+    context: &mut Context<'_>,
+    at: &[Step],
+    file: &str,
+    unit_mm: f64,
+) -> Resolved<Option<MeshInstances>> {
+    let lower = file.to_lowercase();
+    if !lower.ends_with(".gltf") && !lower.ends_with(".glb") {
+        return Ok(None);
+    }
+    context.note_input(at, file)?;
+    let many =
+        read_gltf_instances(file.as_ref(), unit_mm * 1e-3).map_err(|error| context.file_error(at, &error))?;
+    Ok((many.instances.len() > 1).then_some(many))
 }
 
 fn is_textured(material: &Material, materials: &[Material]) -> bool {

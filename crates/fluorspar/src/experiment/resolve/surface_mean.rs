@@ -2,9 +2,9 @@
 
 use std::f32::consts::PI;
 
-use glam::Vec2;
+use glam::{Vec2, Vec3};
 
-use crate::geometry::TriangleMesh;
+use crate::geometry::{MeshInstances, TriangleMesh};
 use crate::material::ScalarTexture;
 use crate::scene::Shape;
 
@@ -31,6 +31,7 @@ pub(super) fn surface_mean<'s>(texture: &ScalarTexture, shapes: impl Iterator<It
     for shape in shapes {
         match shape {
             Shape::Mesh(mesh) => over_mesh(&mut integral, texture, mesh),
+            Shape::Instances(many) => over_instances(&mut integral, texture, many),
             Shape::Sphere { radius_m, .. } => over_sphere(&mut integral, texture, *radius_m),
             Shape::Disc { radius_m, .. } => over_disc(&mut integral, texture, *radius_m),
         }
@@ -52,6 +53,10 @@ fn grid(columns: usize, rows: usize) -> impl Iterator<Item = (f32, f32)> {
 
 /// Every triangle is cut into `n²` equal ones, more of them where it is large.
 fn over_mesh(integral: &mut Integral, texture: &ScalarTexture, mesh: &TriangleMesh) {
+    over_samples(integral, texture, mesh, SAMPLES);
+}
+
+fn over_samples(integral: &mut Integral, texture: &ScalarTexture, mesh: &TriangleMesh, samples: f32) {
     let corners = |triangle: &[u32; 3]| triangle.map(|vertex| mesh.positions[vertex as usize]);
     let area = |triangle: &[u32; 3]| {
         let [a, b, c] = corners(triangle);
@@ -68,7 +73,7 @@ fn over_mesh(integral: &mut Integral, texture: &ScalarTexture, mesh: &TriangleMe
         } else {
             triangle.map(|vertex| mesh.uvs[vertex as usize])
         };
-        let n = (area / total * SAMPLES).sqrt().ceil().max(1.0) as usize;
+        let n = (area / total * samples).sqrt().ceil().max(1.0) as usize;
         let part = area / (n * n) as f32;
         let point = |i: f32, j: f32| a + (b - a) * (i / n as f32) + (c - a) * (j / n as f32);
         for row in 0..n {
@@ -81,6 +86,44 @@ fn over_mesh(integral: &mut Integral, texture: &ScalarTexture, mesh: &TriangleMe
             }
         }
     }
+}
+
+/// Triangles of instances that are looked at, about.
+const MOST_TRIANGLES: usize = 10_000_000;
+
+/// Every triangle by the mean of the texture over it and its area at its place; of very many instances every so many.
+fn over_instances(integral: &mut Integral, texture: &ScalarTexture, many: &MeshInstances) {
+    let means: Vec<Vec<f64>> = many.meshes.iter().map(|mesh| triangle_means(texture, mesh)).collect();
+    let step = (many.triangle_count() as usize / MOST_TRIANGLES).max(1);
+    for instance in many.instances.iter().step_by(step) {
+        let mesh = many.mesh_of(instance);
+        for (triangle, mean) in mesh.triangles.iter().zip(&means[instance.mesh as usize]) {
+            let [a, b, c] = triangle.map(|v| instance.to_world.transform_point3(mesh.positions[v as usize]));
+            let area = f64::from(0.5 * (b - a).cross(c - a).length());
+            integral.value += mean * area;
+            integral.area += area;
+        }
+    }
+}
+
+/// Means of a texture over the triangles of a mesh.
+fn triangle_means(texture: &ScalarTexture, mesh: &TriangleMesh) -> Vec<f64> {
+    let mean = |triangle: &[u32; 3]| {
+        let mut integral = Integral::default();
+        let alone = TriangleMesh {
+            positions: vec![Vec3::ZERO, Vec3::X, Vec3::Y],
+            uvs: if mesh.uvs.is_empty() {
+                Vec::new()
+            } else {
+                triangle.map(|vertex| mesh.uvs[vertex as usize]).to_vec()
+            },
+            triangles: vec![[0, 1, 2]],
+            ..TriangleMesh::default()
+        };
+        over_samples(&mut integral, texture, &alone, SAMPLES / mesh.triangles.len() as f32);
+        integral.value / integral.area
+    };
+    mesh.triangles.iter().map(mean).collect()
 }
 
 /// Longitude is even over the area, and so is the height above the equator.
@@ -106,8 +149,6 @@ fn over_disc(integral: &mut Integral, texture: &ScalarTexture, radius_m: f32) {
 #[cfg(test)]
 mod tests {
     use std::sync::Arc;
-
-    use glam::Vec3;
 
     use super::*;
     use crate::material::ImageTexture;

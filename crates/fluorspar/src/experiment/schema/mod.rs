@@ -26,8 +26,8 @@ pub use material::{
     NormalMapSection, TwoSidedSection, YieldUnit,
 };
 pub use object::{
-    BoxShape, DiscShape, DisplacementSection, EmissionSection, LesionSection, MouthSection, ObjectSection,
-    QuadShape, ScanSection, SphereShape, TransformSection,
+    BoxShape, DiscShape, DisplacementSection, EmissionSection, InstanceSection, LesionSection, MouthSection,
+    ObjectSection, QuadShape, ScanSection, SphereShape, TransformSection,
 };
 pub use reference::{
     DorsalTongueMap, EfficiencyReference, ReflectanceReference, ReflectanceTermSection, SpectrumReference,

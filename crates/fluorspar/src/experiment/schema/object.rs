@@ -84,6 +84,51 @@ impl Default for TransformSection {
     }
 }
 
+/// A place of a mesh: stretches, scales, turns, then moves; or a matrix.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct InstanceSection {
+    /// Factors along the axes of the mesh, none 0; negative ones mirror. Default [1, 1, 1].
+    pub stretch: [f64; 3],
+    /// Factor on all lengths, above 0. Default 1.
+    pub scale: f64,
+    /// Turns about the x, then the y, then the z axis, degrees. Default [0, 0, 0].
+    pub rotate_deg: [f64; 3],
+    /// Turn about `axis` by `angle_deg`, applied after `rotate_deg`: the axis, of any length. Default: none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub axis: Option<[f64; 3]>,
+    /// Angle of the turn about `axis`, degrees.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub angle_deg: Option<f64>,
+    /// Displacement, mm. Default [0, 0, 0].
+    pub translate_mm: [f64; 3],
+    /// Any affine map instead of all these: three rows of four numbers, the last of each a displacement in mm.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub matrix: Option<[[f64; 4]; 3]>,
+    /// Part of the picture that it belongs to; instances of one name are one part. Default: the name of the object.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub part: Option<String>,
+    /// Material of its part, the same for all instances of the part. Default: that of the object.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub material: Option<String>,
+}
+
+impl Default for InstanceSection {
+    fn default() -> Self {
+        Self {
+            stretch: [1.0; 3],
+            scale: 1.0,
+            rotate_deg: [0.0; 3],
+            axis: None,
+            angle_deg: None,
+            translate_mm: [0.0; 3],
+            matrix: None,
+            part: None,
+            material: None,
+        }
+    }
+}
+
 /// A surface moved along its normals.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -138,6 +183,13 @@ pub struct ObjectSection {
     /// Where it stands. Default: as given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub transform: Option<TransformSection>,
+    /// Places of the mesh, quad or box, before `transform` moves them all; the mesh is kept once. Default: one, as given.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub instance: Vec<InstanceSection>,
+    /// More places, from a .csv, .txt or .npy file: per place three rows of four numbers, the last of each a displacement in
+    /// mm. Default: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub instance_file: Option<String>,
     /// Moves the surface along its normals; for meshes and quads with texture coordinates. Default: none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub displacement: Option<DisplacementSection>,
@@ -154,7 +206,8 @@ pub struct LesionSection {
     pub name: String,
     /// Part that it is on: `tongue_dorsum`, `cheek_left`, ...
     pub part: String,
-    /// Middle of the ellipse in texture coordinates of the part, 0 to 1. Default [0.5, 0.5].
+    /// Middle of the ellipse in texture coordinates of the part, 0 to 1. The parts of the back of the tongue share one map.
+    /// Default [0.5, 0.5].
     #[serde(default = "middle")]
     pub center: [f64; 2],
     /// Lengths of the axes of the ellipse, mm, above 0. Default [8, 6].

@@ -55,7 +55,7 @@ pub struct RenderSection {
     /// Seconds after which rendering stops with the samples it has. Default: no limit.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub time_limit_s: Option<f64>,
-    /// Most memory that the images of the render may take, GiB, 0.1 to 1024. Default 8.
+    /// Most memory that the images of the render may take, GiB, 0.001 to 1024. Default 8.
     pub memory_limit_gib: f64,
     /// What is kept about the scatter of samples: `none`, `light_groups` or `components`. Two half-buffers and the
     /// variance of each; memory grows by 16 bytes per pixel and band for each. Default `none`.

@@ -5,6 +5,7 @@ mod write;
 
 pub use read::{read_component_exr, read_spectral_exr};
 pub use write::{ExrCompression, ExrOptions, write_component_exr, write_spectral_exr};
+pub(super) use write::{write_spooled_component_exr, write_spooled_spectral_exr};
 
 const LAYOUT_VERSION: &str = "spectralLayoutVersion";
 const UNITS: &str = "emissiveUnits";

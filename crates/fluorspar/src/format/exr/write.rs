@@ -19,7 +19,7 @@ use super::{
     SAMPLES, SCALE, STATISTIC, STORAGE_ERROR, StatisticLabel, StatisticPlane, UNITS, VIEW, layout_unit,
 };
 use crate::format::file::{MAX_IMAGE_BYTES, check_image_size, write_atomically};
-use crate::format::{FormatError, Provenance};
+use crate::format::{FormatError, Provenance, SpooledImage};
 use crate::image::{ComponentImage, FeatureMaps, SpectralImage};
 use crate::spectral::{Quantity, Radiance, WavelengthGrid};
 
@@ -74,14 +74,35 @@ pub fn write_spectral_exr<Q: Quantity>(
 ) -> Result<(), FormatError> {
     let size = (image.width(), image.height());
     check(path, size, image.grid(), image.data().len(), 1, options)?;
-    let (mut planes, storage) = band_planes::<Q>(image.grid(), image.data(), size.0, options.compression);
+    spectral::<Q>(path, size, image.grid(), Source::Memory(image.data()), options)
+}
+
+/// [`write_spectral_exr`] of the first image of a spool.
+pub(in crate::format) fn write_spooled_spectral_exr<Q: Quantity>(
+    path: &Path,
+    spool: &SpooledImage,
+    options: &ExrOptions<'_>,
+) -> Result<(), FormatError> {
+    let (size, grid) = (spool.size(), spool.grid());
+    check(path, size, grid, size.0 * size.1 * grid.len(), 1, options)?;
+    spectral::<Q>(path, size, grid, Source::Spool(spool, 0), options)
+}
+
+fn spectral<Q: Quantity>(
+    path: &Path,
+    size: (usize, usize),
+    grid: &WavelengthGrid,
+    source: Source<'_>,
+    options: &ExrOptions<'_>,
+) -> Result<(), FormatError> {
+    let (mut planes, storage) = band_planes::<Q>(grid, source, size.0, options.compression);
     if let Some(preview) = options.preview {
         planes.extend(preview_planes(preview, size.0));
     }
-    let mut part = Part { name: None, planes, attributes: spectral_attributes::<Q>(image.grid()) };
+    let mut part = Part { name: None, planes, attributes: spectral_attributes::<Q>(grid) };
     part.attributes.extend(storage);
     part.add_provenance(options.provenance);
-    write_parts(path, size, vec![part], options.compression)
+    write_parts(path, size, vec![part], options.compression, source.spool())
 }
 
 /// Writes a component image with its feature maps as a file of several parts: one per component, named by its label
@@ -109,6 +130,39 @@ pub fn write_component_exr(
 ) -> Result<(), FormatError> {
     let size = (image.width, image.height);
     check(path, size, &image.grid, image.data.len(), image.components.len(), options)?;
+    components(path, image, None, options)
+}
+
+/// [`write_component_exr`] of the images of a spool, with everything else from `labels`.
+pub(in crate::format) fn write_spooled_component_exr(
+    path: &Path,
+    spool: &SpooledImage,
+    labels: &ComponentImage,
+    options: &ExrOptions<'_>,
+) -> Result<(), FormatError> {
+    let (size, grid) = (spool.size(), spool.grid());
+    let statistics = labels.statistics.as_ref().map_or(0, |statistics| statistics.names.len());
+    if (labels.width, labels.height) != size
+        || labels.grid != *grid
+        || labels.components.len() + 3 * statistics != spool.images()
+    {
+        return Err(FormatError::unwritable(
+            path,
+            format!("{} images do not make up the components and statistics", spool.images()),
+            "Give one image for each component, then three for each statistic",
+        ));
+    }
+    check(path, size, grid, size.0 * size.1 * grid.len(), 1, options)?;
+    components(path, labels, Some(spool), options)
+}
+
+fn components(
+    path: &Path,
+    image: &ComponentImage,
+    spool: Option<&SpooledImage>,
+    options: &ExrOptions<'_>,
+) -> Result<(), FormatError> {
+    let size = (image.width, image.height);
     if image.components.is_empty() {
         return Err(FormatError::unwritable(path, "the image has no component", "Render at least one"));
     }
@@ -126,8 +180,9 @@ pub fn write_component_exr(
                 "Give light groups and fluorophores names of their own",
             ));
         }
-        let (planes, storage) =
-            band_planes::<Radiance>(&image.grid, image.component(index), size.0, options.compression);
+        let source =
+            spool.map_or_else(|| Source::Memory(image.component(index)), |spool| Source::Spool(spool, index));
+        let (planes, storage) = band_planes::<Radiance>(&image.grid, source, size.0, options.compression);
         let mut attributes = spectral_attributes::<Radiance>(&image.grid);
         attributes.extend(storage);
         attributes.push((COMPONENT, text(&json(component))));
@@ -142,7 +197,8 @@ pub fn write_component_exr(
             ("half_b", StatisticPlane::HalfB, &statistics.half_b),
             ("variance", StatisticPlane::Variance, &statistics.variance),
         ];
-        if planes.iter().any(|(.., data)| data.len() != plane * statistics.names.len()) {
+        let count = statistics.names.len();
+        if spool.is_none() && planes.iter().any(|(.., data)| data.len() != plane * count) {
             return Err(FormatError::unwritable(
                 path,
                 "the statistics do not fill the image",
@@ -150,8 +206,11 @@ pub fn write_component_exr(
             ));
         }
         for (index, name) in statistics.names.iter().enumerate() {
-            for (prefix, holds, data) in planes {
-                let data = &data[index * plane..(index + 1) * plane];
+            for (kind, (prefix, holds, data)) in planes.into_iter().enumerate() {
+                let source = spool.map_or_else(
+                    || Source::Memory(&data[index * plane..(index + 1) * plane]),
+                    |spool| Source::Spool(spool, image.components.len() + kind * count + index),
+                );
                 let label = StatisticLabel { of: statistics.of, name: name.clone(), holds };
                 let mut attributes = spectral_attributes::<Radiance>(&image.grid);
                 if holds == StatisticPlane::Variance {
@@ -161,7 +220,7 @@ pub fn write_component_exr(
                 }
                 attributes.push((STATISTIC, text(&json(&label))));
                 let (planes, storage) =
-                    band_planes::<Radiance>(&image.grid, data, size.0, options.compression);
+                    band_planes::<Radiance>(&image.grid, source, size.0, options.compression);
                 attributes.extend(storage);
                 parts.push(Part { name: Some(format!("{prefix}.{name}")), planes, attributes });
             }
@@ -170,7 +229,7 @@ pub fn write_component_exr(
     let (materials, material_names) = materials(&image.features);
     parts.extend(features_part(path, image, &materials, &material_names)?);
     parts[0].add_provenance(options.provenance);
-    write_parts(path, size, parts, options.compression)
+    write_parts(path, size, parts, options.compression, spool)
 }
 
 /// Number of the material behind each pixel, from 1, and the names in order of first use.
@@ -301,9 +360,40 @@ struct Plane<'a> {
     width: usize,
 }
 
+/// Where the values of an image are.
+#[derive(Clone, Copy)]
+enum Source<'a> {
+    /// `[row][col][band]`.
+    Memory(&'a [f32]),
+    /// One of the images of a spool.
+    Spool(&'a SpooledImage, usize),
+}
+
+impl<'a> Source<'a> {
+    fn spool(self) -> Option<&'a SpooledImage> {
+        match self {
+            Self::Memory(_) => None,
+            Self::Spool(spool, _) => Some(spool),
+        }
+    }
+}
+
 #[derive(Clone, Copy)]
 enum Values<'a> {
     F32(&'a [f32]),
+    /// One band of an image of a spool.
+    Spool {
+        spool: &'a SpooledImage,
+        image: usize,
+        band: usize,
+    },
+    /// The same, multiplied by a factor and rounded to 16 bits.
+    SpoolF16 {
+        spool: &'a SpooledImage,
+        image: usize,
+        band: usize,
+        factor: f32,
+    },
     /// Multiplied by a factor and rounded to 16 bits.
     F16(&'a [f32], f32),
     U16(&'a [u16]),
@@ -315,8 +405,8 @@ impl<'a> WritableSamples<'_> for Plane<'a> {
 
     fn sample_type(&self) -> SampleType {
         match self.values {
-            Values::F32(_) => SampleType::F32,
-            Values::F16(..) => SampleType::F16,
+            Values::F32(_) | Values::Spool { .. } => SampleType::F32,
+            Values::F16(..) | Values::SpoolF16 { .. } => SampleType::F16,
             Values::U16(_) | Values::U32(_) => SampleType::U32,
         }
     }
@@ -338,6 +428,14 @@ impl SamplesWriter for Plane<'_> {
         let _ = match self.values {
             Values::F32(values) => line.write_samples(|i| values[at(i)]),
             Values::F16(values, factor) => line.write_samples(|i| f16::from_f32(values[at(i)] * factor)),
+            Values::Spool { spool, image, band } => {
+                let values = spool.line(image, band, row, col);
+                line.write_samples(|i| values[i])
+            }
+            Values::SpoolF16 { spool, image, band, factor } => {
+                let values = spool.line(image, band, row, col);
+                line.write_samples(|i| f16::from_f32(values[i] * factor))
+            }
             Values::U16(values) => line.write_samples(|i| u32::from(values[at(i)])),
             Values::U32(values) => line.write_samples(|i| values[at(i)]),
         };
@@ -359,19 +457,33 @@ impl Part<'_> {
 /// Planes of all bands, and what a reader must know about the way they are stored.
 fn band_planes<'a, Q: Quantity>(
     grid: &WavelengthGrid,
-    data: &'a [f32],
+    source: Source<'a>,
     width: usize,
     compression: ExrCompression,
 ) -> (Vec<Plane<'a>>, Vec<(&'static str, AttributeValue)>) {
-    let (values, attributes) = match compression {
-        ExrCompression::Half => half_values(data),
-        _ => (Values::F32(data), Vec::new()),
+    let (half, attributes) = match compression {
+        ExrCompression::Half => {
+            let (factor, attributes) = half_scale(match source {
+                Source::Memory(data) => {
+                    data.iter().map(|v| v.abs()).filter(|v| v.is_finite()).fold(0.0, f32::max)
+                }
+                Source::Spool(spool, image) => spool.brightest(image),
+            });
+            (Some(factor), attributes)
+        }
+        _ => (None, Vec::new()),
+    };
+    let values = |band| match (source, half) {
+        (Source::Memory(data), None) => Values::F32(data),
+        (Source::Memory(data), Some(factor)) => Values::F16(data, factor),
+        (Source::Spool(spool, image), None) => Values::Spool { spool, image, band },
+        (Source::Spool(spool, image), Some(factor)) => Values::SpoolF16 { spool, image, band, factor },
     };
     let prefix = if layout_unit(Q::UNIT).is_some() { "S0" } else { "T" };
     let stride = grid.len();
     let plane = |band| Plane {
         name: channel_name(prefix, grid.center_nm(band)),
-        values,
+        values: values(band),
         offset: band,
         stride,
         width,
@@ -379,10 +491,9 @@ fn band_planes<'a, Q: Quantity>(
     ((0..stride).map(plane).collect(), attributes)
 }
 
-/// Values scaled so that the brightest one comes close to the end of the range of 16-bit floats, and the attributes
-/// that undo it.
-fn half_values(data: &[f32]) -> (Values<'_>, Vec<(&'static str, AttributeValue)>) {
-    let brightest = data.iter().map(|v| v.abs()).filter(|v| v.is_finite()).fold(0.0, f32::max);
+/// Factor by which the brightest value comes close to the end of the range of 16-bit floats, and the attributes that
+/// undo it.
+fn half_scale(brightest: f32) -> (f32, Vec<(&'static str, AttributeValue)>) {
     // The factor and its inverse are both normal numbers.
     let exponent = if brightest > 0.0 { (brightest.log2().ceil() as i32 - 15).clamp(-126, 126) } else { 0 };
     let scale = 2_f64.powi(exponent);
@@ -392,7 +503,7 @@ fn half_values(data: &[f32]) -> (Values<'_>, Vec<(&'static str, AttributeValue)>
         scale * 2_f64.powi(-14)
     );
     let attributes = vec![(SCALE, text(&scale.to_string())), (STORAGE_ERROR, text(&error))];
-    (Values::F16(data, 2_f32.powi(-exponent)), attributes)
+    (2_f32.powi(-exponent), attributes)
 }
 
 fn preview_planes(preview: &[[f32; 3]], width: usize) -> [Plane<'_>; 3] {
@@ -425,6 +536,7 @@ fn write_parts(
     size: (usize, usize),
     parts: Vec<Part<'_>>,
     compression: ExrCompression,
+    spool: Option<&SpooledImage>,
 ) -> Result<(), FormatError> {
     let encoding = Encoding {
         compression: match compression {
@@ -462,6 +574,7 @@ fn write_parts(
             exr::error::Error::Io(source) => source,
             other => io::Error::other(other),
         })?;
+        spool.map_or(Ok(()), SpooledImage::check)?;
         sort_attributes(writer)
     })
 }

@@ -1,0 +1,188 @@
+//! Reflected light against fluorescence in the frames of an experiment: what [`super::filter_leak()`] says of a flat sample,
+//! for a scene, and in electrons.
+
+use serde::Serialize;
+
+use super::PipelineError;
+use super::capture::{behind_filter, film_extent, film_irradiance, on_sensor, tan_half_width};
+use super::filter_leak::{LeakBehindFilters, behind_filters};
+use super::light_by_shape::{component_spectrum, light_by_shape};
+use super::region_radiance::RegionRadiance;
+use crate::analysis::PixelSelection;
+use crate::experiment::{Capture, ResolvedExperiment};
+use crate::image::ComponentImage;
+use crate::spectral::Transmittance;
+use crate::units::photons_per_joule;
+
+/// Where reflected light comes from and where it ends, in one frame.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct FrameLeak {
+    /// Label of the frame.
+    pub frame: String,
+    /// Exposure time that the electrons are for, s.
+    pub exposure_s: f64,
+    /// Pixels of the sensor over which the mean is taken.
+    pub pixels: usize,
+    /// Mean electrons per pixel by colour channel.
+    pub channels: Vec<ChannelLeak>,
+    /// Reflected over fluorescent electrons, the means of all channels added up: the leak as the sensor sees it; null
+    /// without fluorescence.
+    pub leak_ratio: Option<f64>,
+    /// Reflected over fluorescent photons before the filters; null without fluorescence.
+    pub ratio_before: Option<f64>,
+    /// Photon radiance behind the viewing filters, photons/(s m² sr), before lens and sensor.
+    pub behind_filters: LeakBehindFilters,
+}
+
+/// Electrons of one colour channel.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ChannelLeak {
+    /// Name of the channel.
+    pub name: String,
+    /// Mean electrons per pixel of light that never fluoresced.
+    pub reflected_e: f64,
+    /// Mean electrons per pixel of fluorescence.
+    pub fluorescent_e: f64,
+}
+
+impl FrameLeak {
+    /// Whether the viewing filters pass the lamp: more than a tenth of the reflected photons. Such a frame is a picture in
+    /// reflected light, which is its signal and no leak.
+    pub fn is_reflectance(&self) -> bool {
+        self.behind_filters.reflected_density.is_some_and(|density| density < 1.0)
+    }
+
+    /// Mean electrons per pixel of all channels added up: reflected and fluorescent.
+    pub fn electrons(&self) -> [f64; 2] {
+        self.channels.iter().fold([0.0; 2], |[r, f], c| [r + c.reflected_e, f + c.fluorescent_e])
+    }
+}
+
+/// Splits the expected electrons of a frame by whether their light fluoresced: through lens, filters and sensor as
+/// [`super::capture()`] does it, without noise and at rest. Means are over `region`, pixels of the developed frame, or over
+/// the whole sensor.
+///
+/// `None` for an experiment without lens or sensor and for a frame without light.
+///
+/// # Errors
+/// A film that can't be used.
+pub fn frame_leak(
+    experiment: &ResolvedExperiment,
+    components: &ComponentImage,
+    capture: &Capture,
+    exposure_s: f64,
+    region: Option<&PixelSelection>,
+) -> Result<Option<FrameLeak>, PipelineError> {
+    let (Some(lens), Some(sensor)) = (&experiment.lens, &experiment.sensor) else { return Ok(None) };
+    if capture.frame.lights.values().all(|&drive| drive == 0.0) {
+        return Ok(None);
+    }
+    let film = film_extent(experiment, components, lens);
+    let lens = behind_filter(lens, capture);
+    let names: Vec<String> = sensor.qe().channels().iter().map(|channel| channel.name.clone()).collect();
+    let model = sensor.model();
+    let (columns, rows) = (model.columns, model.rows);
+    // Pixels of a binned frame are blocks of pixels of the sensor.
+    let mut selected = vec![region.is_none(); columns * rows];
+    if let Some(region) = region {
+        let (wide, high) = (columns / region.width.max(1), rows / region.height.max(1));
+        for &pixel in &region.pixels {
+            let (left, top) = ((pixel % region.width) * wide, (pixel / region.width) * high);
+            for row in top..(top + high).min(rows) {
+                selected[row * columns + left..row * columns + (left + wide).min(columns)].fill(true);
+            }
+        }
+    }
+    let mut counts = vec![0_usize; names.len()];
+    for (index, _) in selected.iter().enumerate().filter(|(_, is)| **is) {
+        counts[sensor.mosaic().channel(index / columns, index % columns)] += 1;
+    }
+    // Electrons by channel: reflected, fluorescent.
+    let mut sums = vec![[0.0_f64; 2]; names.len()];
+    for light in light_by_shape(experiment, &capture.frame, components) {
+        let kind = usize::from(light.fluorescent);
+        let tan_half_width = tan_half_width(experiment, components);
+        let irradiance = film_irradiance(experiment, &lens, &light, tan_half_width, film.width_mm);
+        let rate = sensor.electron_rate_on_film(&irradiance, film)?;
+        for (index, value) in rate.data.iter().enumerate().filter(|(index, _)| selected[*index]) {
+            let channel = sensor.mosaic().channel(index / columns, index % columns);
+            sums[channel][kind] += exposure_s * f64::from(*value);
+        }
+    }
+    let mean = |channel: usize, kind: usize| sums[channel][kind] / counts[channel].max(1) as f64;
+    let channels: Vec<ChannelLeak> = (0..names.len())
+        .filter(|&channel| counts[channel] > 0)
+        .map(|channel| ChannelLeak {
+            name: names[channel].clone(),
+            reflected_e: mean(channel, 0),
+            fluorescent_e: mean(channel, 1),
+        })
+        .collect();
+    let scene_pixels: Vec<usize> = match region {
+        Some(region) => {
+            on_sensor(experiment, components).map(|scene| scene.scene_pixels(region)).unwrap_or_default()
+        }
+        None => (0..components.width * components.height).collect(),
+    };
+    let radiance = RegionRadiance::new(components, &capture.frame, &scene_pixels);
+    let mut leak = FrameLeak {
+        frame: capture.frame.label.clone(),
+        exposure_s,
+        pixels: counts.iter().sum(),
+        channels,
+        leak_ratio: None,
+        ratio_before: None,
+        behind_filters: photons_behind(experiment, capture, components, &radiance),
+    };
+    let [reflected, fluorescent] = leak.electrons();
+    leak.leak_ratio = (fluorescent > 0.0).then(|| reflected / fluorescent);
+    let photons = |values: &mut dyn Iterator<Item = f64>| in_photons(components, values).iter().sum::<f64>();
+    let before = photons(&mut radiance.reflected.iter().copied());
+    let emitted = photons(&mut radiance.total.iter().zip(&radiance.reflected).map(|(t, r)| t - r));
+    leak.ratio_before = (emitted > 0.0).then(|| before / emitted);
+    Ok(Some(leak))
+}
+
+/// Photon radiance of each band, photons/(s m² sr).
+fn in_photons(components: &ComponentImage, radiance: &mut dyn Iterator<Item = f64>) -> Vec<f64> {
+    let (centers, widths) = (components.grid.centers_nm(), components.grid.widths_nm());
+    radiance
+        .zip(centers.iter().zip(widths))
+        .map(|(l, (nm, width))| l * width * photons_per_joule(*nm))
+        .collect()
+}
+
+/// What the viewing filters, with that of the capture, let through of the mean radiance of a region.
+fn photons_behind(
+    experiment: &ResolvedExperiment,
+    capture: &Capture,
+    components: &ComponentImage,
+    radiance: &RegionRadiance,
+) -> LeakBehindFilters {
+    let filter = match &capture.filter {
+        Some(own) => experiment.view_filter.times(own),
+        None => experiment.view_filter.clone(),
+    };
+    let even = filter.on_grid::<Transmittance>(&components.grid);
+    let reflected = in_photons(components, &mut radiance.reflected.iter().copied());
+    let emitted: Vec<f64> = radiance.total.iter().zip(&radiance.reflected).map(|(t, r)| t - r).collect();
+    let emitted = in_photons(components, &mut emitted.into_iter());
+    // Each lamp has its own spectrum within a band.
+    let mut passed = vec![0.0; reflected.len()];
+    for (component, values) in &radiance.reflected_components {
+        let through = match component_spectrum(experiment, component) {
+            Some(shape) => filter.on_grid_under::<Transmittance>(&components.grid, &shape),
+            None => even.clone(),
+        };
+        let values = in_photons(components, &mut values.iter().copied());
+        for ((sum, value), through) in passed.iter_mut().zip(values).zip(through.values()) {
+            *sum += value * through;
+        }
+    }
+    let of_reflected: Vec<f64> = passed
+        .iter()
+        .zip(&reflected)
+        .map(|(passed, all)| if *all > 0.0 { passed / all } else { 0.0 })
+        .collect();
+    behind_filters(&reflected, &emitted, &of_reflected, even.values())
+}

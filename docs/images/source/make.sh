@@ -1,0 +1,56 @@
+#!/bin/sh
+# Makes the pictures of docs/images; see README.md beside this file.
+set -eu
+here=$(cd "$(dirname "$0")" && pwd)
+images=$(dirname "$here")
+fluorspar=${FLUORSPAR:-$(dirname "$(dirname "$images")")/target/release/fluorspar}
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+[ $# -gt 0 ] || set -- main views lesions masks scan
+
+# Frames of an experiment as NAME_white.png and NAME_blue.png in the folder of work: EXPERIMENT NAME SAMPLES
+frames() {
+    "$fluorspar" run "$1" --out "$work/$2" --spp "$3" --quiet \
+        --set render.width_px=480 --set render.height_px=360 \
+        --set 'sensor.binning={kind="digital_average",columns=2,rows=2}'
+    cp "$work/$2/preview_white.png" "$work/$2_white.png"
+    cp "$work/$2/preview_blue.png" "$work/$2_blue.png"
+}
+
+for name in "$@"; do
+    case $name in
+    main)
+        frames oraleye-2021 main 64
+        cp "$work/main_white.png" "$images/white.png"
+        cp "$work/main_blue.png" "$images/blue.png"
+        "$fluorspar" run oraleye-2021 --out "$work/default" --quiet
+        cp "$work/default/figures/chromaticity.png" "$images/chromaticity.png"
+        ;;
+    views)
+        "$fluorspar" mouth view --width 240 --spp 16 --out "$images/mouth_views.png" --quiet
+        ;;
+    lesions)
+        frames "$here/lesions.toml" lesions 24
+        cp "$work/lesions_white.png" "$work/lesions_blue.png" "$images"
+        ;;
+    masks)
+        cp "$here/masks.toml" "$work"
+        python3 "$here/paint_masks.py" "$work"
+        frames "$work/masks.toml" masks 24
+        cp "$work/masks_white.png" "$work/masks_blue.png" "$images"
+        ;;
+    scan)
+        cp "$here/scan.toml" "$work"
+        "$fluorspar" mouth generate --set jaw_opening_mm=37 --set tooth_irregularity=2.5 --set seed=7 \
+            --out "$work/model.obj"
+        python3 "$here/scanner_frame.py" "$work/model.obj" "$work/teeth.stl" 'tooth_1*' 'tooth_2*' --chip tooth_11
+        python3 "$here/scanner_frame.py" "$work/model.obj" "$work/gums.ply" upper_gingiva
+        frames "$work/scan.toml" scan 24
+        cp "$work/scan_white.png" "$images"
+        ;;
+    *)
+        echo "no pictures named $name; there are: main views lesions masks scan" >&2
+        exit 2
+        ;;
+    esac
+done
