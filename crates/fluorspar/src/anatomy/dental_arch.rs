@@ -312,7 +312,8 @@ impl Arch {
     /// their corners.
     fn part_neighbours(&mut self) {
         const ENOUGH_MM: f64 = 0.02;
-        for _ in 0..12 {
+        const LEAST_MM: f64 = 0.08;
+        for _ in 0..16 {
             let mut parted = true;
             for i in 1..self.teeth.len() {
                 let (a, b) = (&self.teeth[i - 1], &self.teeth[i]);
@@ -322,8 +323,10 @@ impl Arch {
                 let deep = overlap(a, b).max(overlap(b, a));
                 if deep > ENOUGH_MM {
                     parted = false;
-                    self.teeth[i - 1].narrow(0.5 * deep);
-                    self.teeth[i].narrow(0.5 * deep);
+                    // The way out may be longer along the arch than across it.
+                    let by = 0.5 * deep.max(LEAST_MM);
+                    self.teeth[i - 1].narrow(by);
+                    self.teeth[i].narrow(by);
                 }
             }
             if parted {

@@ -257,13 +257,15 @@ pub(super) fn overlap(tooth: &Tooth, other: &Tooth) -> f64 {
             if form.cusps.is_empty() {
                 there.inner += marginal_ridge(from.dot(other.distal) / (0.5 * other.width), height);
             }
-            let half_depth = 0.5 * (there.outer + there.inner);
+            // A little larger than it is, for the unevenness of enamel.
+            const MARGIN_MM: f64 = 0.05;
+            let half_depth = 0.5 * (there.outer + there.inner) + MARGIN_MM / (0.5 * other.depth);
             let y = (b - 0.5 * (there.outer - there.inner)) / half_depth;
             if y.abs() >= 1.0 {
                 continue;
             }
             let inside = 0.5 * (1.0 - signed_pow(y, 0.5 * n)) * smoothstep(1.05, 0.6, height);
-            let half_width = there.half_width * (1.0 - form.taper * inside);
+            let half_width = there.half_width * (1.0 - form.taper * inside) + MARGIN_MM;
             let skew = form.skew * b * smoothstep(0.0, 0.4, height) * 0.5 * other.width;
             let x = ((from.dot(other.distal) + skew) / half_width).abs();
             if x >= 1.0 {

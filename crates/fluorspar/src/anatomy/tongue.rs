@@ -263,16 +263,22 @@ impl<'a> Tongue<'a> {
         }
         // Over teeth, gum and lip, wherever they are, but not against the upper ones.
         let mut lift = vec![0.0_f64; points.len()];
-        for (lift, point) in lift.iter_mut().zip(&points).filter(|(_, point)| point.z > -16.0) {
+        let mut most = vec![f64::INFINITY; points.len()];
+        for (i, point) in points.iter().enumerate().filter(|(_, point)| point.z > -16.0) {
             if p.tongue_curl >= 0.5 {
                 break;
             }
+            let (lift, most) = (&mut lift[i], &mut most[i]);
             let from = DVec3::new(point.x, (0.15 * half).max(point.y), point.z);
             let above = obstacles.distance(from, DVec3::Y, 60.0).unwrap_or(60.0);
             // The highest under the body counts, less toward its sides, where the body is thinner.
             for across in [0.0, -0.2, 0.2, -0.4, 0.4, -0.6, 0.6] {
                 let beside = DVec3::X * (across * 0.38 * p.tongue_width_mm);
                 if let Some(gap) = obstacles.distance(from + beside, DVec3::NEG_Y, 40.0) {
+                    // Never higher than halfway between what is below and above.
+                    if across == 0.0 {
+                        *most = (from.y + 0.5 * (above - gap) - point.y).max(0.0);
+                    }
                     let needed = (0.27 * p.tongue_thickness_mm).min(0.5 * (gap + above));
                     let needed = needed * (1.0 - across * across) - 4.0 * smoothstep(-6.0, -16.0, point.z);
                     *lift = lift.max(from.y - gap + needed - point.y);
@@ -280,16 +286,18 @@ impl<'a> Tongue<'a> {
             }
         }
         // A smooth rise that is nowhere less than needed: bends that are narrower than the body would fold its underside.
-        const REACH: usize = 7;
-        let window = |values: &[f64], of: &dyn Fn(&[f64]) -> f64| -> Vec<f64> {
+        let window = |values: &[f64], reach: usize, of: &dyn Fn(&[f64]) -> f64| -> Vec<f64> {
             (0..values.len())
-                .map(|i| of(&values[i.saturating_sub(REACH)..(i + REACH + 1).min(values.len())]))
+                .map(|i| of(&values[i.saturating_sub(reach)..(i + reach + 1).min(values.len())]))
                 .collect()
         };
-        lift = window(&lift, &|near| near.iter().copied().fold(0.0, f64::max));
-        lift = window(&lift, &|near| near.iter().sum::<f64>() / near.len() as f64);
-        for (point, lift) in points.iter_mut().zip(lift) {
-            point.y += lift;
+        let mean = |near: &[f64]| near.iter().sum::<f64>() / near.len() as f64;
+        lift = window(&lift, 7, &|near| near.iter().copied().fold(0.0, f64::max));
+        lift = window(&lift, 7, &mean);
+        most = window(&most, 2, &|near| near.iter().copied().fold(f64::INFINITY, f64::min));
+        most = window(&most, 2, &mean);
+        for (point, (lift, most)) in points.iter_mut().zip(lift.into_iter().zip(most)) {
+            point.y += lift.min(most);
         }
         for _ in 0..12 {
             let before = points.clone();
