@@ -74,7 +74,7 @@ pub struct BakedMap {
 /// A map of a tissue as an image, fine enough for its papillae or vessels at a level of detail of 1 and coarser below, as
 /// the meshes are; kept for the next call.
 pub fn shared_surface_map(map: SurfaceMap, tissue: Tissue, parameters: &MouthParameters) -> Arc<BakedMap> {
-    // Maps depend on sizes and seed alone, not on poses and meshes.
+    // Maps depend on sizes, seed and detail alone, not on poses and meshes.
     let shape = MouthParameters {
         seed: parameters.seed,
         tongue_width_mm: parameters.tongue_width_mm,

@@ -119,7 +119,7 @@ impl ColorRendering {
     }
 
     /// The rendering of one frame of an experiment: colours as under even light where the lamp covers the visible range;
-    /// the sensor's own channels, linear, where it does not (fluorescence).
+    /// the sensor's own channels where it does not (fluorescence), dim tissue lifted.
     pub fn of_frame(experiment: &ResolvedExperiment, capture: &Capture) -> Self {
         let matrix = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
         let own = Self { matrix, lift: LIFT_FLUORESCENT };

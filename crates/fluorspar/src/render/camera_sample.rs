@@ -7,13 +7,23 @@ use fluorspar_accel::bands::BandBlock;
 
 use super::RenderSettings;
 use super::compiled_scene::CompiledScene;
+use super::path::DirectLight;
 use super::path_batch::PathBatch;
 use super::spectral_accumulation::SpectralState;
 use crate::sampling::SampleStream;
 
-/// Most paths in step: enough for rays to take turns until the last paths end, few enough to stay in the second-level
-/// cache.
-const BATCH: usize = 64;
+/// Most paths in step: enough for rays to take turns until the last paths end.
+pub(super) const MOST_PATHS: usize = 64;
+/// Memory for the direct light of the paths in step, bytes: little beside the images, whatever the number of sources.
+const DIRECT_LIGHT_BYTES: usize = 256 << 10;
+/// Vertices that a path is taken to have at most: few are longer, whatever `max_depth` allows.
+const LONG_PATH: u32 = 32;
+
+/// How many paths go in step. No result depends on it.
+fn paths_in_step(sources: usize, max_depth: u32) -> usize {
+    let bytes = size_of::<DirectLight>() * sources.max(1) * max_depth.clamp(1, LONG_PATH) as usize;
+    (DIRECT_LIGHT_BYTES / bytes).clamp(1, MOST_PATHS)
+}
 
 /// Where a path of the batch comes from.
 #[derive(Clone, Copy, Debug)]
@@ -55,6 +65,7 @@ impl PixelSampler {
         mut add: impl FnMut(usize, usize, Range<usize>, f32, &[BandBlock]),
     ) {
         let camera = &scene.scene.camera;
+        let in_step = paths_in_step(scene.sources.len(), settings.max_depth);
         for (pixel, (row, col)) in pixels.enumerate() {
             for sample in samples.clone() {
                 let mut stream = SampleStream::new(settings.seed, (row * camera.width + col) as u64, sample);
@@ -67,7 +78,7 @@ impl PixelSampler {
                     // The groups of a pixel sample share their random numbers, so colours differ by the lens only.
                     self.batch.start(ray.origin, ray.direction, stream.clone());
                     self.origins.push(Origin { pixel, group, weight: ray.weight });
-                    if self.batch.len() == BATCH {
+                    if self.batch.len() == in_step {
                         self.finish(scene, settings, &mut add);
                     }
                 }

@@ -127,8 +127,8 @@ pub(super) struct CompiledMaterial {
     pub(super) normal_map: Option<NormalMap>,
     pub(super) coat: Option<(usize, ScalarTexture)>,
     pub(super) fluorophores: Vec<(usize, ScalarTexture)>,
-    /// Largest reflectance of any band, or a stand-in for surfaces that fluoresce, for choosing lobes and for Russian
-    /// roulette. It does not depend on concentrations, so that changing them leaves all paths as they are.
+    /// Largest reflectance of any band, or a stand-in for surfaces that fluoresce, for choosing lobes. It does not depend
+    /// on concentrations, so that changing them leaves all paths as they are.
     pub(super) albedo_bound: f32,
 }
 
@@ -660,7 +660,7 @@ impl<'a> CompiledScene<'a> {
     pub(super) fn visibility_each(
         &self,
         rays: &[Ray],
-        aimed_at: &[usize],
+        aimed_at: impl Iterator<Item = usize>,
         in_turns: bool,
         buffers: &mut TraceBuffers,
         visible: &mut Vec<f32>,
@@ -669,13 +669,13 @@ impl<'a> CompiledScene<'a> {
         let rays_to_lights = rays.iter().zip(aimed_at);
         if self.cutouts.is_empty() && in_turns {
             self.bvh.occluded_each(rays, &mut buffers.blocked);
-            visible.extend(rays_to_lights.zip(&buffers.blocked).map(|((ray, &light), blocked)| {
+            visible.extend(rays_to_lights.zip(&buffers.blocked).map(|((ray, light), blocked)| {
                 if *blocked || self.occluded_elsewhere(ray, light) { 0.0 } else { 1.0 }
             }));
         } else {
             visible.extend(
                 rays_to_lights
-                    .map(|(ray, &light)| self.visibility(ray.origin, ray.direction, ray.t_max, light)),
+                    .map(|(ray, light)| self.visibility(ray.origin, ray.direction, ray.t_max, light)),
             );
         }
     }

@@ -11,7 +11,7 @@ use sha2::{Digest, Sha256};
 use thiserror::Error;
 
 use super::adaptive::{ErrorTarget, TileError};
-use super::camera_sample::PixelSampler;
+use super::camera_sample::{MOST_PATHS, PixelSampler};
 use super::compiled_scene::{CompiledScene, Target};
 use crate::image::EXCITATION_MARK;
 use crate::image::film::{
@@ -464,8 +464,6 @@ struct BlockSum {
     lit: Vec<bool>,
 }
 
-/// Paths that are wanted at a time, so that their rays can be traced in turns.
-const PATHS_AT_A_TIME: usize = 64;
 /// Memory for sums, bytes: no more than stays in the second-level cache.
 const SUMS_BYTES: usize = 128 << 10;
 
@@ -481,7 +479,7 @@ impl BlockSum {
 
     /// How many pixels to render at a time.
     fn pixels_at_a_time(&self, samples: &Range<u32>) -> usize {
-        let wanted = PATHS_AT_A_TIME / samples.len().max(1);
+        let wanted = MOST_PATHS / samples.len().max(1);
         wanted.min(SUMS_BYTES / (size_of::<f32>() * self.pixel_len().max(1))).max(1)
     }
 

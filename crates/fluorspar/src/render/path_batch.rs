@@ -56,7 +56,6 @@ pub(super) struct PathBatch {
     buffers: TraceBuffers,
     found: Vec<Option<Intersection>>,
     aims: Vec<Aim>,
-    lights: Vec<usize>,
     visible: Vec<f32>,
 }
 
@@ -101,7 +100,7 @@ impl PathBatch {
 impl CompiledScene<'_> {
     /// Samples all paths of a batch to their ends.
     pub(super) fn trace(&self, batch: &mut PathBatch, max_depth: u32, estimator: Estimator) {
-        let PathBatch { walks, len, going, rays, buffers, found, aims, lights, visible } = batch;
+        let PathBatch { walks, len, going, rays, buffers, found, aims, visible } = batch;
         going.clear();
         going.extend(0..*len as u32);
         for depth in 0..=max_depth {
@@ -119,7 +118,6 @@ impl CompiledScene<'_> {
 
             rays.clear();
             aims.clear();
-            lights.clear();
             let mut hits = found.iter();
             going.retain(|&number| {
                 let walk = &mut walks[number as usize];
@@ -130,12 +128,12 @@ impl CompiledScene<'_> {
                 self.meet_light(walk, hit, estimator);
                 let aim = |ray: Ray, aim: Aim| {
                     rays.push(ray);
-                    lights.push(aim.light.light);
-                    aims.push(Aim { walk: number, ..aim });
+                    aims.push(aim);
                 };
-                depth < max_depth && self.visit(walk, hit, depth, estimator, aim)
+                depth < max_depth && self.visit(walk, number, hit, depth, estimator, aim)
             });
 
+            let lights = aims.iter().map(|aim| aim.light.light);
             self.visibility_each(rays, lights, in_turns, buffers, visible);
             for (aim, &visible) in aims.iter().zip(visible.iter()) {
                 if visible > 0.0 {
@@ -169,11 +167,12 @@ impl CompiledScene<'_> {
         }
     }
 
-    /// A vertex of a path: next-event estimation towards one light of every group, and the direction in which the path
+    /// A vertex of the path of a number: next-event estimation towards one light of every group, and the direction in which the path
     /// goes on. Returns whether it does.
     fn visit(
         &self,
         walk: &mut Walk,
+        number: u32,
         hit: &Intersection,
         depth: u32,
         estimator: Estimator,
@@ -233,7 +232,7 @@ impl CompiledScene<'_> {
                 let origin = point.leave(light.direction, self.clearance);
                 let weight = if light.delta { 1.0 } else { power_heuristic(light.pdf, scattering.pdf) };
                 let ray = Ray { origin, direction: light.direction, t_min: 0.0, t_max };
-                aim(ray, Aim { walk: 0, vertex, light, scattering, weight });
+                aim(ray, Aim { walk: number, vertex, light, scattering, weight });
             }
         }
 
@@ -294,4 +293,95 @@ fn power_heuristic(own: f32, other: f32) -> f32 {
     }
     let (a, b) = (own * own, other * other);
     if a + b > 0.0 { a / (a + b) } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use glam::Vec2;
+
+    use super::*;
+    use crate::geometry::TriangleMesh;
+    use crate::light::{Emitter, Light, LightGroup};
+    use crate::material::{Coat, Material, ScalarTexture};
+    use crate::optics::PerspectiveCamera;
+    use crate::scene::{Object, Scene, Shape};
+    use crate::spectral::{Curve, WavelengthGrid};
+
+    /// A closed room with wavy walls of 20 thousand triangles, glossy, with two lamps.
+    fn room() -> Scene {
+        const RINGS: u32 = 100;
+        let mut mesh = TriangleMesh::default();
+        for ring in 0..=RINGS {
+            for segment in 0..=RINGS {
+                let (u, v) = (segment as f32 / RINGS as f32, ring as f32 / RINGS as f32);
+                let ((sin_theta, cos_theta), (sin_phi, cos_phi)) =
+                    ((PI * v).sin_cos(), (2.0 * PI * u).sin_cos());
+                let radius = 1.0 + 0.1 * (9.0 * cos_theta).sin() * (2.0 * PI * 5.0 * u).cos();
+                mesh.positions.push(radius * Vec3::new(sin_theta * cos_phi, sin_theta * sin_phi, cos_theta));
+                mesh.uvs.push(Vec2::new(u, v));
+            }
+        }
+        for corner in (0..RINGS * RINGS).map(|cell| cell / RINGS * (RINGS + 1) + cell % RINGS) {
+            let below = corner + RINGS + 1;
+            mesh.triangles.extend([[corner, below + 1, below], [corner, corner + 1, below + 1]]);
+        }
+        let mut wall = Material::lambertian("wall", Curve::constant(0.7));
+        wall.coat = Some(Coat { refractive_index: 1.4, roughness: ScalarTexture::Constant(0.3) });
+        let lamp = |x: f32| Light {
+            name: format!("lamp at {x}"),
+            group: 0,
+            spectrum: Curve::constant(1.0),
+            emitter: Emitter::Disc {
+                center: Vec3::new(x, 0.0, 0.5),
+                normal: Vec3::NEG_Z,
+                radius_m: 0.1,
+                exponent: 1.0,
+            },
+        };
+        let shape = Shape::Mesh(Arc::new(mesh));
+        Scene {
+            grid: WavelengthGrid::uniform(500.0, 510.0, 5.0).unwrap(),
+            objects: vec![Object { name: "room".into(), shape, material: 0, emission: None }],
+            materials: vec![wall],
+            fluorophores: Vec::new(),
+            light_groups: vec![LightGroup { name: "g".into() }],
+            lights: vec![lamp(-0.2), lamp(0.2)],
+            camera: PerspectiveCamera::look_at(0.5 * Vec3::Z, Vec3::ZERO, Vec3::Y, 90.0, 16, 16).unwrap(),
+        }
+    }
+
+    /// Rays in turns and paths in step change the order of work only.
+    #[test]
+    fn paths_are_the_same_in_step_and_alone() {
+        let scene = room();
+        let mut compiled = CompiledScene::new(&scene, &[]).unwrap();
+        assert!(compiled.turns_pay, "the tree must be large enough to be traced in turns");
+        let mut paths = |turns_pay: bool, in_step: u32| -> Vec<String> {
+            compiled.turns_pay = turns_pay;
+            let mut batch = PathBatch::default();
+            let mut said = Vec::new();
+            for first in (0..256).step_by(in_step as usize) {
+                batch.clear();
+                for pixel in first..first + in_step {
+                    let mut stream = SampleStream::new(1, u64::from(pixel), 0);
+                    let [x, y, ..] = stream.next_4d();
+                    let (col, row) = (pixel % 16, pixel / 16);
+                    let (origin, direction) = scene.camera.ray(col as f32 + x, row as f32 + y);
+                    batch.start(origin, direction, stream);
+                }
+                compiled.trace(&mut batch, 8, Estimator::MultipleImportance);
+                // Debug output of floats is exact.
+                said.extend(batch.paths().map(|path| format!("{path:?}")));
+            }
+            said
+        };
+        let alone = paths(false, 1);
+        let longest = alone.iter().map(|path| path.matches("Vertex").count()).max();
+        assert_eq!(longest, Some(8), "paths that end early test little");
+        for (turns_pay, in_step) in [(true, 1), (false, 64), (true, 4), (true, 64)] {
+            assert_eq!(paths(turns_pay, in_step), alone, "turns {turns_pay}, {in_step} in step");
+        }
+    }
 }

@@ -161,6 +161,9 @@ const CHECK_STEP_NM: f64 = 1.0;
 /// Rounding allowed above 1: a perfectly white material must pass.
 const ROUNDING: f64 = 1e-6;
 
+/// Part numbers of images are 16-bit, and 0 is nothing.
+const MOST_OBJECTS: usize = u16::MAX as usize - 1;
+
 impl Scene {
     /// Checks indices, geometry, ranges and photon conservation.
     ///
@@ -177,6 +180,13 @@ impl Scene {
         }
         if self.light_groups.is_empty() {
             return Err(SceneError::Nothing("lights"));
+        }
+        if self.objects.len() > MOST_OBJECTS {
+            let message = format!(
+                "a scene may have {MOST_OBJECTS}, so that images can number its parts; join some, or place many with \
+                 instances of one part"
+            );
+            return Err(SceneError::OutOfRange { what: format!("{} objects", self.objects.len()), message });
         }
         let index = |what: String, target: &'static str, index: usize, count: usize| {
             if index < count { Ok(()) } else { Err(SceneError::BadIndex { what, target, index, count }) }
