@@ -37,8 +37,14 @@ fn main() -> ExitCode {
     }
 }
 
+/// More only cost memory: no machine has as many cores.
+const MOST_THREADS: usize = 1024;
+
 fn run(args: Args) -> Result<ExitCode, CliError> {
     if let Some(threads) = args.threads {
+        if threads.get() > MOST_THREADS {
+            return Err(CliError::Input(format!("--threads {threads}: must be 1 to {MOST_THREADS}")));
+        }
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.get()).build_global();
         pool.map_err(|error| CliError::Failed(format!("can't start {threads} threads: {error}")))?;
     }

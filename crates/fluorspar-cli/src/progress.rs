@@ -107,7 +107,8 @@ pub(crate) fn render_with_progress(
     Ok(film.into_image())
 }
 
-/// Renders what a film lacks, and saves film and preview on the way and at the end. Returns whether nothing is lacking.
+/// Renders what a film lacks, and saves film and preview on the way and at the end. The time limit holds from the first
+/// sample of every pixel on. Returns whether nothing is lacking.
 pub(crate) fn fill_with_progress(
     renderer: &FilmRenderer<'_>,
     share: &Share,
@@ -131,6 +132,7 @@ pub(crate) fn fill_with_progress(
     bar.set_message("Rendering");
     bar.enable_steady_tick(Duration::from_millis(200));
     let tenths = AtomicU64::new(0);
+    let samples = renderer.samples_of(share).len() as u64;
     let progress = |p: RenderProgress| {
         let share = p.paths_done as f64 / p.paths_total.max(1) as f64;
         bar.set_position((1000.0 * share) as u64);
@@ -142,7 +144,9 @@ pub(crate) fn fill_with_progress(
                 eprintln!("Rendering {:>3} %, {elapsed:.0} s gone, {left:.0} s left", tenth * 10);
             }
         }
-        if time_limit_s.is_some_and(|limit| elapsed > limit) {
+        // Pixels without any sample would be black, and numbers made from them wrong.
+        let every_pixel_has_one = p.paths_done.saturating_mul(samples) >= p.paths_total;
+        if every_pixel_has_one && time_limit_s.is_some_and(|limit| elapsed > limit) {
             STOP.store(true, Ordering::SeqCst);
         }
     };

@@ -63,6 +63,10 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         experiment.time_limit_s,
         options.talk.quiet,
     )?;
+    if components.samples_per_pixel == 0 {
+        let message = "interrupted before every pixel had a sample: there is nothing to develop, and nothing was written";
+        return Err(CliError::Failed(message.into()));
+    }
     components.round_to_24_bits();
     say(format!("Rendered in {:.1} s", started.elapsed().as_secs_f64()));
 

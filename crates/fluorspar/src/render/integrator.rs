@@ -378,6 +378,11 @@ impl<'a> FilmRenderer<'a> {
         Ok(fill(&self.compiled, self.settings, share, film, control, watch))
     }
 
+    /// Samples of each pixel that a share is to hold in the end.
+    pub fn samples_of(&self, share: &Share) -> Range<u32> {
+        share.samples(self.settings.samples_per_pixel)
+    }
+
     /// The sum of all components in coarse pixels, at most `side` along each side of the image, one sample each: shown
     /// while the first samples of the film are not there yet.
     pub fn coarse_sum(&self, side: usize) -> SpectralImage<Radiance> {

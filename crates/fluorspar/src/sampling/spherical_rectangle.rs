@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use glam::{DVec3, Vec3};
+use glam::{DVec2, DVec3, Vec3};
 
 /// A rectangle as seen from a point.
 ///
@@ -21,7 +21,8 @@ pub struct SphericalRectangle {
     y1: f64,
     b0: f64,
     b1: f64,
-    k: f64,
+    /// Cosine and sine of the paper's angle k.
+    k: DVec2,
     solid_angle: f64,
 }
 
@@ -49,12 +50,20 @@ impl SphericalRectangle {
         }
         // z components of the unit normals of the planes through the eye and each edge. The normals of neighbours share
         // no other component, so their dot product is that of these.
-        let (n0, n1) = (-y0 / y0.hypot(z0), x1 / x1.hypot(z0));
-        let (n2, n3) = (y1 / y1.hypot(z0), -x0 / x0.hypot(z0));
-        let angle = |a: f64, b: f64| (-a * b).clamp(-1.0, 1.0).acos();
-        let (g0, g1, g2, g3) = (angle(n0, n1), angle(n1, n2), angle(n2, n3), angle(n3, n0));
-        let k = 2.0 * PI - g2 - g3;
-        let solid_angle = g0 + g1 - k;
+        let length = |a: f64| (a * a + z0 * z0).sqrt();
+        let (n0, n1, n2, n3) = (-y0 / length(y0), x1 / length(x1), y1 / length(y1), -x0 / length(x0));
+        // The corner between two planes, as the cosine and sine of its angle: turns add up by complex multiplication, in
+        // place of four arc cosines.
+        let corner = |a: f64, b: f64| {
+            let cos = (-a * b).clamp(-1.0, 1.0);
+            DVec2::new(cos, (1.0 - cos * cos).sqrt())
+        };
+        let last = corner(n2, n3).rotate(corner(n3, n0));
+        let all = corner(n0, n1).rotate(corner(n1, n2)).rotate(last);
+        // The sum of the angles less 2 pi, between 0 and 2 pi; rounding may lead below 0 by much less than this.
+        let excess = all.to_angle();
+        let solid_angle = if excess < -SMALLEST_SR { excess + 2.0 * PI } else { excess };
+        let k = DVec2::new(last.x, -last.y);
         (solid_angle > SMALLEST_SR).then_some(Self {
             x,
             y,
@@ -79,7 +88,8 @@ impl SphericalRectangle {
     /// A point on the rectangle relative to the eye, its direction uniform in solid angle.
     pub fn sample(&self, u: [f32; 2]) -> Vec3 {
         let [u, v] = u.map(f64::from);
-        let (sin, cos) = (u * self.solid_angle + self.k).sin_cos();
+        let turn = DVec2::from_angle(u * self.solid_angle).rotate(self.k);
+        let (cos, sin) = (turn.x, turn.y);
         let f = (cos * self.b0 - self.b1) / sin;
         let c = (1.0 / (f * f + self.b0 * self.b0).sqrt()).copysign(f).clamp(-1.0, 1.0);
         let x = (-(c * self.z0) / (1.0 - c * c).max(1e-300).sqrt()).clamp(self.x0, self.x1);
