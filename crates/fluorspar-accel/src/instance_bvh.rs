@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use glam::{Affine3, DMat3, DVec3, Vec3};
+use glam::{Affine3, DVec3, Vec3};
 use rayon::prelude::*;
 
 use crate::binary_tree::{self, BinaryTree, Bounds};
@@ -16,8 +16,21 @@ use crate::wide_tree::{self, STACK_CAPACITY, WideNode, WideTree};
 pub struct Instance {
     /// Number of the mesh, from 0.
     pub mesh: u32,
-    /// From the frame of the mesh to that of the rays: any affine map that has an inverse, mirrors and shears included.
+    /// From the frame of the mesh to that of the rays: any affine map that [`is_invertible`], mirrors and shears included.
     pub to_world: Affine3,
+}
+
+/// Least volume that a map gives the unit cube, relative to the product of the lengths of its edges: below, its edges
+/// lie in one plane as far as single precision can tell.
+const LEAST_VOLUME: f64 = 1e-6;
+
+/// Whether a map is finite and has an inverse, as far as single precision can tell.
+pub fn is_invertible(map: &Affine3) -> bool {
+    let linear = map.matrix3.as_dmat3();
+    let edges = linear.x_axis.length() * linear.y_axis.length() * linear.z_axis.length();
+    // NaN is not greater.
+    let has_volume = linear.determinant().abs() > LEAST_VOLUME * edges;
+    has_volume && linear.inverse().is_finite() && map.translation.is_finite()
 }
 
 /// Where a ray meets an instance.
@@ -36,7 +49,8 @@ pub struct InstanceHit {
 /// is. Of instances hit at the same `t`, the one with the lowest number wins; all kernels give the same bits.
 ///
 /// Against the same triangles carried to their places one by one, hits differ by rounding: positions by a few units in
-/// the last place of the distances from the ray's origin and from the places.
+/// the last place of the distances from the ray's origin and from the places, and of the coordinates that a mesh has in
+/// its own frame, stretched by its place. Meshes should have their origin in their middle, or near it.
 #[derive(Clone, Debug)]
 pub struct InstanceBvh {
     trees: PlacedTrees,
@@ -94,11 +108,9 @@ impl Place {
 ///
 /// With unit roundoff `r = 2^-24`, the ray in the frame of a mesh is off by up to `r` of its origin and of its way, which
 /// [`crate::ray::FAR_SLACK`] does not count, and triangles at their places by up to `4 r` of their coordinates; `8 r` and
-/// as much again for the way.
+/// as much again for the way. Coordinates in the frames of the meshes count, stretched to the length they have at their
+/// places: those of a mesh far from its origin are the largest.
 const PADDING: f64 = 16.0 / (1 << 24) as f64;
-/// Least volume that a map gives the unit cube, relative to the product of the lengths of its edges: below, its edges
-/// lie in one plane as far as single precision can tell.
-const LEAST_VOLUME: f64 = 1e-6;
 
 impl InstanceBvh {
     /// Prepares instances of meshes. There may be none of either; meshes may be empty.
@@ -136,12 +148,13 @@ impl InstanceBvh {
             })?;
             places.push(place(number, instance)?);
             let Some((low, high)) = mesh.bounds() else { continue };
+            let own = farthest_from_own_origin(&instance.to_world, low, high);
             let (low, high) = world_box(&instance.to_world, low, high);
             let farthest = low.abs().max(high.abs()).max_element();
             if farthest > f64::from(LARGEST_COORDINATE) {
                 return Err(BuildError::InstanceTooFar { instance: number });
             }
-            reach = reach.max(farthest);
+            reach = reach.max(farthest).max(own);
             numbers.push(number as u32);
             boxes.push((low, high));
         }
@@ -179,18 +192,6 @@ impl InstanceBvh {
         self.dispatch.occluded_placed(&self.trees, ray)
     }
 
-    /// [`InstanceBvh::closest`] of every ray, in their order.
-    pub fn closest_each(&self, rays: &[Ray], hits: &mut Vec<Option<InstanceHit>>) {
-        hits.clear();
-        hits.extend(rays.iter().map(|ray| self.closest(ray)));
-    }
-
-    /// [`InstanceBvh::occluded`] of every ray, in their order.
-    pub fn occluded_each(&self, rays: &[Ray], answers: &mut Vec<bool>) {
-        answers.clear();
-        answers.extend(rays.iter().map(|ray| self.occluded(ray)));
-    }
-
     /// An instance, as it was given.
     ///
     /// # Panics
@@ -199,11 +200,6 @@ impl InstanceBvh {
     pub fn instance(&self, number: u32) -> Instance {
         let place = &self.trees.places[number as usize];
         Instance { mesh: place.mesh, to_world: place.to_world }
-    }
-
-    /// Number of instances.
-    pub fn instance_count(&self) -> usize {
-        self.trees.places.len()
     }
 
     /// Least and greatest coordinates of the boxes of all instances at their places; `None` if there are none. Those of a
@@ -232,16 +228,10 @@ impl InstanceBvh {
 }
 
 fn place(number: usize, instance: &Instance) -> Result<Place, BuildError> {
-    let Affine3 { matrix3, translation, .. } = instance.to_world;
-    let linear: DMat3 = matrix3.as_dmat3();
-    let volume = linear.determinant().abs();
-    let edges = linear.x_axis.length() * linear.y_axis.length() * linear.z_axis.length();
-    let inverse = linear.inverse().transpose();
-    // Comparisons are written so that NaN is refused.
-    let sound = volume > LEAST_VOLUME * edges && inverse.is_finite() && translation.is_finite();
-    if !sound {
+    if !is_invertible(&instance.to_world) {
         return Err(BuildError::NotInvertible { instance: number });
     }
+    let inverse = instance.to_world.matrix3.as_dmat3().inverse().transpose();
     Ok(Place { to_mesh: inverse.to_cols_array_2d(), to_world: instance.to_world, mesh: instance.mesh })
 }
 
@@ -253,6 +243,12 @@ fn world_box(to_world: &Affine3, low: Vec3, high: Vec3) -> (DVec3, DVec3) {
     let center = linear * center + to_world.translation.as_dvec3();
     let spread = linear.x_axis.abs() * half.x + linear.y_axis.abs() * half.y + linear.z_axis.abs() * half.z;
     (center - spread, center + spread)
+}
+
+/// Largest coordinate that a box can have in the frame of its mesh, as long as it is at its place.
+fn farthest_from_own_origin(to_world: &Affine3, low: Vec3, high: Vec3) -> f64 {
+    let (linear, far) = (to_world.matrix3.as_dmat3(), low.abs().max(high.abs()).as_dvec3());
+    (linear.x_axis.abs() * far.x + linear.y_axis.abs() * far.y + linear.z_axis.abs() * far.z).max_element()
 }
 
 /// A tree over boxes that the traversal stack can cope with: grouped by `cluster`, or balanced should that be too deep.

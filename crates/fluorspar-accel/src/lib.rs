@@ -47,7 +47,7 @@ mod ray;
 mod triangle_bvh;
 mod wide_tree;
 
-pub use instance_bvh::{Instance, InstanceBvh, InstanceHit};
+pub use instance_bvh::{Instance, InstanceBvh, InstanceHit, is_invertible};
 pub use kernel::{Kernel, Lanes, Simd, Work, prefetch};
 pub use ray::{Hit, Ray};
 pub use triangle_bvh::{BuildError, BuildOptions, LARGEST_COORDINATE, TriangleBvh};

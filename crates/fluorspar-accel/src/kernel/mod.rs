@@ -11,7 +11,7 @@ use std::fmt;
 use std::mem::MaybeUninit;
 use std::ops::ControlFlow;
 
-use crate::instance_bvh::{Place, PlacedTrees};
+use crate::instance_bvh::PlacedTrees;
 use crate::ray::{FAR_SLACK, Hit, Ray, RayFrame};
 use crate::wide_tree::{LEAF, PACK, STACK_CAPACITY, TrianglePack, WIDTH, WideNode, WideTree};
 
@@ -580,23 +580,12 @@ fn occluded_placed<L: Traversal>(lanes: L, placed: &PlacedTrees, ray: &Ray) -> b
 /// Brings a node of the upper tree or a place into the cache.
 #[inline(always)]
 fn prefetch_place(placed: &PlacedTrees, reference: u32) {
-    #[cfg(target_arch = "x86_64")]
-    {
-        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
-        const LINE: usize = 64;
-        let number = (reference & !LEAF) as usize;
-        let (start, bytes) = if reference & LEAF == 0 {
-            (placed.nodes.as_ptr().wrapping_add(number).cast::<i8>(), size_of::<WideNode>())
-        } else {
-            (placed.places.as_ptr().wrapping_add(number).cast::<i8>(), size_of::<Place>())
-        };
-        for line in (0..bytes).step_by(LINE) {
-            // SAFETY: a prefetch may be given any address.
-            unsafe { _mm_prefetch::<_MM_HINT_T0>(start.wrapping_add(line)) };
-        }
+    let number = (reference & !LEAF) as usize;
+    if reference & LEAF == 0 {
+        prefetch(&placed.nodes, number);
+    } else {
+        prefetch(&placed.places, number);
     }
-    #[cfg(not(target_arch = "x86_64"))]
-    let _ = (placed, reference);
 }
 
 /// Rays that are traced in turns: while one waits for memory, the others go on.

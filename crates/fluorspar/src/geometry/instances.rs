@@ -62,9 +62,6 @@ pub enum InstancesError {
     },
 }
 
-/// Least volume that a map gives the unit cube, relative to the product of the lengths of its edges.
-const LEAST_VOLUME: f64 = 1e-6;
-
 impl MeshInstance {
     /// Whether the map turns the mesh inside out, so that triangles have to be turned as well to face outward.
     pub fn mirrors(&self) -> bool {
@@ -73,10 +70,7 @@ impl MeshInstance {
 
     /// Whether the map has an inverse, as far as single precision can tell.
     pub fn is_invertible(&self) -> bool {
-        let linear = self.to_world.matrix3.as_dmat3();
-        let edges = linear.x_axis.length() * linear.y_axis.length() * linear.z_axis.length();
-        let inverse_is_finite = linear.inverse().is_finite() && self.to_world.translation.is_finite();
-        linear.determinant().abs() > LEAST_VOLUME * edges && inverse_is_finite
+        fluorspar_accel::is_invertible(&self.to_world)
     }
 
     /// Map of normals, up to their length: the inverse transpose.

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use fluorspar_accel::{BuildError, Instance, InstanceBvh, Ray, TriangleBvh};
-use glam::{Vec2, Vec3};
+use glam::{Affine3, DVec3, Vec2, Vec3};
 
 use crate::geometry::{MeshInstance, MeshInstances, TriangleMesh};
 
@@ -11,9 +11,40 @@ use crate::geometry::{MeshInstance, MeshInstances, TriangleMesh};
 #[derive(Debug)]
 pub(super) struct CompiledInstances {
     pub(super) bvh: InstanceBvh,
-    meshes: Vec<Arc<TriangleMesh>>,
+    meshes: Vec<CenteredMesh>,
     /// Object of each instance.
     objects: Vec<u32>,
+}
+
+/// A mesh moved so that the origin is in the middle of its box; the places of its instances make up for it.
+///
+/// Rays are rounded in the frame of the mesh. Near the origin that is as fine as at the place; a mesh modelled far from
+/// its origin would be met off its surface by more than rays are lifted from it.
+#[derive(Debug)]
+struct CenteredMesh {
+    /// Normals, texture coordinates and triangles; its positions are as they were given.
+    mesh: Arc<TriangleMesh>,
+    /// Positions about the centre.
+    positions: Vec<Vec3>,
+    /// What was subtracted from the positions.
+    center: DVec3,
+}
+
+impl CenteredMesh {
+    fn new(mesh: Arc<TriangleMesh>) -> Self {
+        // Vertices without triangles may be anywhere. Triangles without vertices are refused with their tree.
+        let used = mesh.triangles.iter().flatten().filter_map(|&v| mesh.positions.get(v as usize).copied());
+        let bounds = used.map(|p| (p, p)).reduce(|(low, high), (p, _)| (low.min(p), high.max(p)));
+        let center = bounds.map_or(DVec3::ZERO, |(low, high)| 0.5 * (low.as_dvec3() + high.as_dvec3()));
+        let positions = mesh.positions.iter().map(|p| (p.as_dvec3() - center).as_vec3()).collect();
+        Self { mesh, positions, center }
+    }
+
+    /// Where the moved mesh stands if the given one stands at `to_world`: `t' = M c + t`.
+    fn place(&self, to_world: &Affine3) -> Affine3 {
+        let moved = to_world.matrix3.as_dmat3() * self.center + to_world.translation.as_dvec3();
+        Affine3 { matrix3: to_world.matrix3, translation: moved.as_vec3() }
+    }
 }
 
 /// Gathers instances object by object.
@@ -58,11 +89,16 @@ impl InstanceList {
         if self.instances.is_empty() {
             return Ok(None);
         }
+        let meshes: Vec<CenteredMesh> = self.meshes.into_iter().map(CenteredMesh::new).collect();
+        let mut instances = self.instances;
+        for Instance { mesh, to_world } in &mut instances {
+            *to_world = meshes[*mesh as usize].place(to_world);
+        }
         let tree =
-            |mesh: &Arc<TriangleMesh>| TriangleBvh::build(&mesh.positions, &mesh.triangles).map(Arc::new);
-        let trees = self.meshes.iter().map(tree).collect::<Result<Vec<_>, _>>()?;
-        let bvh = InstanceBvh::build(trees, &self.instances)?;
-        Ok(Some(CompiledInstances { bvh, meshes: self.meshes, objects: self.objects }))
+            |mesh: &CenteredMesh| TriangleBvh::build(&mesh.positions, &mesh.mesh.triangles).map(Arc::new);
+        let trees = meshes.iter().map(tree).collect::<Result<Vec<_>, _>>()?;
+        let bvh = InstanceBvh::build(trees, &instances)?;
+        Ok(Some(CompiledInstances { bvh, meshes, objects: self.objects }))
     }
 }
 
@@ -78,8 +114,8 @@ impl CompiledInstances {
 
     /// Memory of trees, places and meshes, bytes.
     pub(super) fn memory_bytes(&self) -> usize {
-        let of_mesh = |mesh: &Arc<TriangleMesh>| {
-            mesh.positions.len() * size_of::<Vec3>()
+        let of_mesh = |CenteredMesh { mesh, positions, .. }: &CenteredMesh| {
+            (mesh.positions.len() + positions.len()) * size_of::<Vec3>()
                 + mesh.normals.len() * size_of::<Vec3>()
                 + mesh.uvs.len() * size_of::<Vec2>()
                 + mesh.triangles.len() * size_of::<[u32; 3]>()
@@ -92,13 +128,13 @@ impl CompiledInstances {
     /// Corners of a triangle of an instance at its place.
     pub(super) fn corners(&self, instance: u32, triangle: u32) -> [Vec3; 3] {
         let Instance { mesh, to_world } = self.bvh.instance(instance);
-        let mesh = &self.meshes[mesh as usize];
-        mesh.triangles[triangle as usize].map(|v| to_world.transform_point3(mesh.positions[v as usize]))
+        let CenteredMesh { mesh, positions, .. } = &self.meshes[mesh as usize];
+        mesh.triangles[triangle as usize].map(|v| to_world.transform_point3(positions[v as usize]))
     }
 
     /// Texture coordinates of the corners of a triangle; zeros where the mesh has none.
     pub(super) fn texture_corners(&self, instance: u32, triangle: u32) -> [Vec2; 3] {
-        let mesh = &self.meshes[self.bvh.instance(instance).mesh as usize];
+        let mesh = &self.meshes[self.bvh.instance(instance).mesh as usize].mesh;
         let uv = |v: u32| mesh.uvs.get(v as usize).copied().unwrap_or(Vec2::ZERO);
         mesh.triangles[triangle as usize].map(uv)
     }
@@ -107,9 +143,9 @@ impl CompiledInstances {
     pub(super) fn placed(&self, instance: u32, triangle: u32, u: f32, v: f32) -> PlacedTriangle {
         let Instance { mesh: number, to_world } = self.bvh.instance(instance);
         let place = MeshInstance { mesh: number, to_world };
-        let mesh = &self.meshes[number as usize];
+        let CenteredMesh { mesh, positions, .. } = &self.meshes[number as usize];
         let vertices = mesh.triangles[triangle as usize].map(|v| v as usize);
-        let [a, b, c] = vertices.map(|v| to_world.transform_point3(mesh.positions[v]));
+        let [a, b, c] = vertices.map(|v| to_world.transform_point3(positions[v]));
         let cross = (b - a).cross(c - a).normalize_or_zero();
         let w = 1.0 - u - v;
         let normal = if mesh.normals.is_empty() {

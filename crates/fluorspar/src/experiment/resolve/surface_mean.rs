@@ -4,7 +4,7 @@ use std::f32::consts::PI;
 
 use glam::{Vec2, Vec3};
 
-use crate::geometry::{MeshInstances, TriangleMesh};
+use crate::geometry::{MeshInstance, MeshInstances, TriangleMesh};
 use crate::material::ScalarTexture;
 use crate::scene::Shape;
 
@@ -31,7 +31,7 @@ pub(super) fn surface_mean<'s>(texture: &ScalarTexture, shapes: impl Iterator<It
     for shape in shapes {
         match shape {
             Shape::Mesh(mesh) => over_mesh(&mut integral, texture, mesh),
-            Shape::Instances(many) => over_instances(&mut integral, texture, many),
+            Shape::Instances(many) => over_instances(&mut integral, texture, many, MOST_TRIANGLES),
             Shape::Sphere { radius_m, .. } => over_sphere(&mut integral, texture, *radius_m),
             Shape::Disc { radius_m, .. } => over_disc(&mut integral, texture, *radius_m),
         }
@@ -91,19 +91,39 @@ fn over_samples(integral: &mut Integral, texture: &ScalarTexture, mesh: &Triangl
 /// Triangles of instances that are looked at, about.
 const MOST_TRIANGLES: usize = 10_000_000;
 
-/// Every triangle by the mean of the texture over it and its area at its place; of very many instances every so many.
-fn over_instances(integral: &mut Integral, texture: &ScalarTexture, many: &MeshInstances) {
-    let means: Vec<Vec<f64>> = many.meshes.iter().map(|mesh| triangle_means(texture, mesh)).collect();
-    let step = (many.triangle_count() as usize / MOST_TRIANGLES).max(1);
-    for instance in many.instances.iter().step_by(step) {
-        let mesh = many.mesh_of(instance);
-        for (triangle, mean) in mesh.triangles.iter().zip(&means[instance.mesh as usize]) {
-            let [a, b, c] = triangle.map(|v| instance.to_world.transform_point3(mesh.positions[v as usize]));
-            let area = f64::from(0.5 * (b - a).cross(c - a).length());
-            integral.value += mean * area;
-            integral.area += area;
+/// Every triangle by the mean of the texture over it and its area at its place. Of more than `most` triangles, every so
+/// many of the instances of each mesh stand for all of that mesh, by what their maps do to areas.
+fn over_instances(integral: &mut Integral, texture: &ScalarTexture, many: &MeshInstances, most: usize) {
+    let step = (many.triangle_count() as usize).div_ceil(most).max(1);
+    let mut places: Vec<Vec<&MeshInstance>> = vec![Vec::new(); many.meshes.len()];
+    for instance in &many.instances {
+        places[instance.mesh as usize].push(instance);
+    }
+    for (mesh, places) in many.meshes.iter().zip(&places) {
+        let sampled = || places.iter().step_by(step);
+        let growth_of_sampled: f64 = sampled().map(|place| area_growth(place)).sum();
+        if growth_of_sampled <= 0.0 {
+            continue;
+        }
+        let weight = places.iter().map(|place| area_growth(place)).sum::<f64>() / growth_of_sampled;
+        let means = triangle_means(texture, mesh);
+        for place in sampled() {
+            for (triangle, mean) in mesh.triangles.iter().zip(&means) {
+                let [a, b, c] = triangle.map(|v| place.to_world.matrix3 * mesh.positions[v as usize]);
+                let area = weight * f64::from(0.5 * (b - a).cross(c - a).length());
+                integral.value += mean * area;
+                integral.area += area;
+            }
         }
     }
+}
+
+/// By how much a map makes areas grow, as the root mean square over all orientations: `|cof M| / sqrt(3)`, exact where it
+/// stretches all directions alike.
+fn area_growth(place: &MeshInstance) -> f64 {
+    let m = place.to_world.matrix3.as_dmat3();
+    let (x, y, z) = (m.y_axis.cross(m.z_axis), m.z_axis.cross(m.x_axis), m.x_axis.cross(m.y_axis));
+    ((x.length_squared() + y.length_squared() + z.length_squared()) / 3.0).sqrt()
 }
 
 /// Means of a texture over the triangles of a mesh.
@@ -150,6 +170,8 @@ fn over_disc(integral: &mut Integral, texture: &ScalarTexture, radius_m: f32) {
 mod tests {
     use std::sync::Arc;
 
+    use glam::Affine3;
+
     use super::*;
     use crate::material::ImageTexture;
 
@@ -173,6 +195,35 @@ mod tests {
         assert!((surface_mean(&halves, shapes.iter()) - 0.8).abs() < 1e-6);
         assert!((surface_mean(&halves, std::iter::empty()) - 0.5).abs() < 0.01);
         assert_eq!(surface_mean(&ScalarTexture::Constant(0.25), shapes.iter()), 0.25);
+    }
+
+    #[test]
+    fn instances_that_are_left_out_do_not_shift_the_mean() {
+        // Squares in fields of 0 and of 1, in turns; the ones are twice as large, and every other one of them six times.
+        let square = |u: f32| TriangleMesh {
+            positions: [Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y].map(|p| p.extend(0.0)).to_vec(),
+            uvs: vec![Vec2::new(u, 0.1); 4],
+            triangles: vec![[0, 1, 2], [0, 2, 3]],
+            ..TriangleMesh::default()
+        };
+        let halves = ScalarTexture::Checker { columns: 2, rows: 1, low: 0.0, high: 1.0 };
+        let place = |number: usize| MeshInstance {
+            mesh: (number % 2) as u32,
+            to_world: Affine3::from_scale(Vec3::splat([1.0, 2.0, 1.0, 6.0][number % 4])),
+        };
+        let many = MeshInstances {
+            meshes: vec![Arc::new(square(0.2)), Arc::new(square(0.7))],
+            instances: (0..600).map(place).collect(),
+        };
+        // Areas of four in a row: 1 + 1 of value 0, 4 + 36 of value 1.
+        for most in [MOST_TRIANGLES, 700, 600, 400, 300, 100, 7, 1] {
+            let mut integral = Integral::default();
+            over_instances(&mut integral, &halves, &many, most);
+            let mean = integral.value / integral.area;
+            assert!((mean - 40.0 / 42.0).abs() < 1e-6, "{mean} of {most} triangles");
+            let area = 150.0 * 42.0;
+            assert!((integral.area - area).abs() < 1e-6 * area, "{} of {most} triangles", integral.area);
+        }
     }
 
     #[test]
