@@ -207,6 +207,78 @@ fn films_of_other_scenes_and_films_in_the_way_are_refused() {
     assert!(said.code == Some(2) && said.stderr.contains("copied completely"), "{}", said.stderr);
 }
 
+/// Two components: light that a patch reflects once, and none that fluoresces.
+const PLAIN: &str = r#"
+spectral.edges_nm = [350.0, 420.0, 490.0, 560.0, 630.0, 700.0]
+render = { samples_per_pixel = 1, max_depth = 1, width_px = 300, height_px = 300 }
+camera = { position_mm = [0.0, 0.0, 100.0], horizontal_field_deg = 40.0 }
+[[light]]
+name = "lamp"
+type = "distant"
+direction = [0.0, 0.0, -1.0]
+spectrum = "led_385"
+irradiance_w_per_m2 = 1000.0
+[[material]]
+name = "patch"
+reflectance = "tongue_dorsum"
+[[object]]
+name = "patch"
+material = "patch"
+quad = { corner_mm = [-99.0, -99.0, 0.0], edge_u_mm = [198.0, 0.0, 0.0], edge_v_mm = [0.0, 198.0, 0.0] }
+"#;
+
+#[test]
+fn maps_of_all_pixels_are_in_memory_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    fs::write(folder.join("plain.toml"), PLAIN).unwrap();
+    let render = |more: &[&str]| {
+        let said = fluorspar(folder, [&["render", "plain.toml", "--json", "-q"], more].concat()).json();
+        said["peak_memory_bytes"].as_u64().map(|peak| (peak as f64, said))
+    };
+    let Some((scene, _)) = render(&["--set=render.width_px=4", "--set=render.height_px=3"]) else {
+        eprintln!("skipped: this system does not tell the memory of a process");
+        return;
+    };
+    // The maps are 26 bytes per pixel: a second copy of them does not fit beside the limit and 64 MiB.
+    let size = ["--set=render.width_px=2400", "--set=render.height_px=1800", "--film", "f.film"];
+    let (peak, said) = render(&[&size[..], &["--set=render.memory_limit_gib=0.14"]].concat()).unwrap();
+    let (film, limit) = (said["film_bytes"].as_f64().unwrap(), said["memory_limit_bytes"].as_f64().unwrap());
+    let mib = f64::from(1 << 20);
+    eprintln!("scene {:.0}, limit {:.0}, peak {:.0} MiB", scene / mib, limit / mib, peak / mib);
+    assert!(film > limit, "{film} {limit}");
+    assert!(peak < scene + limit + 64.0 * mib, "{peak} {scene} {limit}");
+}
+
+#[test]
+fn what_fits_in_one_go_need_not_fit_in_bands() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    fs::write(folder.join("plain.toml"), PLAIN).unwrap();
+    let render = |more: &[&str]| {
+        let one_band = ["render", "plain.toml", "--set=spectral.edges_nm=[350, 700]"];
+        fluorspar(folder, [&one_band[..], more].concat())
+    };
+    // A film of 19 x 19 tiles takes 1.4 MiB; the maps that bands need beside theirs take 2.7 MiB.
+    render(&["--set=render.memory_limit_gib=0.0015"]).well();
+    let said = render(&["--set=render.memory_limit_gib=0.0013"]);
+    assert!(said.code == Some(2) && said.stderr.contains("need 0.0014 GiB"), "{}", said.stderr);
+    assert!(!said.stderr.contains("even in bands"), "{}", said.stderr);
+    // A folder asks for bands.
+    fs::create_dir(folder.join("f.film")).unwrap();
+    let film = ["--film", "f.film", "--resume", "--components", "--out", "f.exr"];
+    let said = render(&[&film[..], &["--set=render.memory_limit_gib=0.0015"]].concat());
+    assert!(said.code == Some(2) && said.stderr.contains("name a file"), "{}", said.stderr);
+    let said = render(&film).well();
+    assert!(
+        said.stderr.contains("fits into the limit") && said.stderr.contains("is a folder"),
+        "{}",
+        said.stderr
+    );
+    render(&["--components", "--out", "whole.exr"]).well();
+    assert!(image(folder, "f.exr") == image(folder, "whole.exr"));
+}
+
 #[test]
 fn memory_is_scene_film_and_64_mib_or_the_limit_instead_of_the_film() {
     let folder = tempfile::tempdir().unwrap();
@@ -269,6 +341,20 @@ fn pictures_larger_than_the_limit_come_in_bands_to_the_same_bits() {
     render(&more).well();
     render(&["--components", "--out", "nine.exr", "--spp=9"]).well();
     assert!(image(folder, "f.exr") == image(folder, "nine.exr"));
+    // Another seed is refused before anything in the folder is changed.
+    let reseeded: Vec<&str> = more.iter().copied().chain(["--set=render.seed=2"]).collect();
+    let picture = bytes(folder, "f.film/picture.film");
+    for present in [false, true] {
+        if present {
+            fs::write(folder.join("f.film/picture.film"), &picture).unwrap();
+        } else {
+            fs::remove_file(folder.join("f.film/picture.film")).unwrap();
+        }
+        let said = render(&reseeded);
+        assert!(said.code == Some(2) && said.stderr.contains("another scene, seed"), "{}", said.stderr);
+        assert_eq!(folder.join("f.film/picture.film").exists(), present);
+    }
+    assert!(bytes(folder, "f.film/picture.film") == picture);
     fluorspar(folder, ["merge", "f.film", "--components", "--out", "merged.exr"]).well();
     assert!(image(folder, "merged.exr") == image(folder, "nine.exr"));
     // A limit below that of the films, and what can't be had in bands.
@@ -278,10 +364,11 @@ fn pictures_larger_than_the_limit_come_in_bands_to_the_same_bits() {
             "raise render.memory_limit_gib",
         ),
         (vec![limit, "--preview", "p.png"], "leave the preview away"),
+        (vec!["--film", "f.film", "--resume", "--preview", "p.png"], "--film names a folder"),
         (vec![limit, "--out", "a.npy"], "write an .exr file"),
         (vec![limit, "--set=render.time_limit_s=9"], "would lack rows"),
         (vec![limit, "--film", "whole.exr", "--resume"], "folder of films"),
-        (vec![limit, "--film", "s.film", "--shard", "1/2"], "more than the limit"),
+        (vec![limit, "--film", "s.film", "--shard", "1/2"], "without --shard"),
         (vec!["--set=render.memory_limit_gib=0.001"], "even in bands of 16 rows"),
     ] {
         let said = render(&more);

@@ -9,10 +9,11 @@ use fluorspar::experiment::{ResolvedExperiment, parse, resolve};
 use fluorspar::format::{
     ExrCompression, ExrOptions, read_component_exr, read_film, write_component_exr, write_film,
 };
-use fluorspar::image::{ComponentImage, Film, Statistics};
+use fluorspar::image::{ComponentImage, FeatureMaps, Film, Statistics};
 use fluorspar::pipeline::{DenoiseSettings, denoise};
 use fluorspar::render::{
-    ErrorChannel, ErrorTarget, FilmRenderer, FilmWatch, RenderControl, RenderSettings, Share, render,
+    ErrorChannel, ErrorTarget, FilmRenderer, FilmWatch, RenderControl, RenderError, RenderSettings, Share,
+    render,
 };
 use fluorspar::spectral::Curve;
 
@@ -102,6 +103,24 @@ fn interrupted_extended_and_sharded_renders_have_the_bits_of_the_whole() {
     assert!(fill(&renderer, &Share::Samples { index: 1, count: 3 }, &mut film, 10_000));
     assert!(fill(&renderer, &Share::Whole, &mut film, 10_000));
     assert!(film.into_image() == whole, "a gap");
+}
+
+#[test]
+fn a_film_of_some_rows_is_filled_in_these_rows_only() {
+    let experiment = experiment(40, 40);
+    let settings = settings(&experiment, 1, Statistics::None);
+    let renderer = FilmRenderer::new(&experiment.scene, &settings).unwrap();
+    let empty = Film::of_tile_rows(renderer.layout(), FeatureMaps::default(), 0..2);
+    let mut film = empty.clone();
+    let control = RenderControl { stop: &AtomicBool::new(false), progress: &|_| {} };
+    for share in [Share::Whole, Share::Tiles { index: 1, count: 2 }, Share::TileRange(5..7)] {
+        let watch = FilmWatch { due: &|| false, look: &mut |_| true };
+        let refused = renderer.fill(&share, &mut film, &control, watch);
+        assert!(matches!(refused, Err(RenderError::OutsideRows { row: 32, .. })), "{share:?}: {refused:?}");
+        assert!(film == empty, "{share:?}");
+    }
+    assert!(fill(&renderer, &Share::TileRange(0..6), &mut film, 10_000));
+    assert_eq!(film.paths(), 40 * 32);
 }
 
 #[test]

@@ -81,19 +81,18 @@ impl ImageOutput {
         }
     }
 
-    /// Refuses what needs the whole image in memory.
-    pub(crate) fn check_for_bands(&self) -> Result<(), CliError> {
+    /// Refuses what needs the whole image in memory. `why` is why it is not there, `instead` how it would be.
+    pub(crate) fn check_for_bands(&self, why: &str, instead: &str) -> Result<(), CliError> {
         let refuse = |what: String, mend: &str| {
             Err(CliError::Input(format!(
-                "{what}: the image does not fit into render.memory_limit_gib and is rendered in bands of rows; {mend}"
+                "{what}: {why}, so that the image is rendered in bands of rows; {mend}, or {instead}"
             )))
         };
         if has_extension(&self.out, "npy") {
-            return refuse(format!("--out {}", self.out.display()), "write an .exr file, or raise the limit");
+            return refuse(format!("--out {}", self.out.display()), "write an .exr file");
         }
         if let Some(path) = &self.preview {
-            let mend = "leave the preview away, or raise the limit";
-            return refuse(format!("--preview {}", path.display()), mend);
+            return refuse(format!("--preview {}", path.display()), "leave the preview away");
         }
         Ok(())
     }

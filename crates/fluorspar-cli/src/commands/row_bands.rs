@@ -7,7 +7,9 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use fluorspar::experiment::ResolvedExperiment;
-use fluorspar::format::{FormatError, Provenance, SpooledImage, read_film_rows, write_film};
+use fluorspar::format::{
+    FormatError, Provenance, SpooledImage, read_film_layout, read_film_rows, write_film,
+};
 use fluorspar::image::{ComponentImage, FeatureMaps, Film, FilmLayout, SampleStatistics};
 use fluorspar::render::{FilmRenderer, Share, memory_bytes, tile_row_bytes, whole_image_bytes};
 
@@ -20,20 +22,26 @@ use crate::progress::{Keep, fill_with_progress};
 const WHOLE: &str = "picture.film";
 
 /// Renders a picture whose film is larger than the memory limit: bands of tile rows one after the other, each with all
-/// its samples. Finished rows wait in a temporary file beside the output. The result has the bytes of a render in one go.
+/// its samples. Finished rows wait in a temporary file beside the output. The result is the same image as that of a render
+/// in one go, bit for bit. So is a picture rendered whose `--film` is a folder already.
 pub(super) fn render(
     options: &Options,
     source: &ExperimentSource,
     experiment: &ResolvedExperiment,
 ) -> Result<ExitCode, CliError> {
     let (scene, settings, quiet) = (&experiment.scene, &experiment.render, options.talk.quiet);
-    options.output.check_for_bands()?;
+    let (needed, limit) = (memory_bytes(scene, settings), settings.memory_limit_bytes);
+    let (why, instead) = if needed > limit {
+        ("the image does not fit into render.memory_limit_gib", "raise render.memory_limit_gib")
+    } else {
+        ("--film names a folder", "name a file with --film")
+    };
+    options.output.check_for_bands(why, instead)?;
     if experiment.time_limit_s.is_some() {
-        return Err(CliError::Input(
-            "render.time_limit_s: the image does not fit into render.memory_limit_gib and is rendered in bands of rows, so \
-             that a picture cut short would lack rows; leave the time limit away, or raise the memory limit"
-                .into(),
-        ));
+        return Err(CliError::Input(format!(
+            "render.time_limit_s: {why}, so that the image is rendered in bands of rows and would lack rows if it were cut \
+             short; leave the time limit away, or {instead}"
+        )));
     }
     if let Some(path) = &options.film
         && path.exists()
@@ -47,19 +55,35 @@ pub(super) fn render(
     }
     let whole = whole_image_bytes(scene);
     let per_row = tile_row_bytes(scene, settings);
-    let rows_at_once = (settings.memory_limit_bytes.saturating_sub(whole) / per_row.max(1)) as usize;
+    if whole + per_row > limit {
+        // Of few components and bands: one film is smaller than the maps that bands need beside theirs.
+        return Err(CliError::Input(format!(
+            "--film {}: this is a folder, for films of bands of rows, which need {:.0} MiB, more than the limit of {:.0} MiB; \
+             name a file, as the whole film takes {:.0} MiB, or raise render.memory_limit_gib",
+            options.film.as_deref().unwrap_or(Path::new("")).display(),
+            mib(whole + per_row).ceil(),
+            mib(limit),
+            mib(needed)
+        )));
+    }
+    let rows_at_once = ((limit - whole) / per_row.max(1)) as usize;
     let renderer = FilmRenderer::for_rows(scene, settings)?;
+    if let Some(folder) = options.film.as_deref().filter(|folder| folder.is_dir()) {
+        check_folder(&renderer, folder)?;
+    }
     let layout = renderer.layout();
-    let features = renderer.features();
+    let mut features = renderer.features();
     let bands = bands(options, &layout, rows_at_once)?;
     let rows = layout.pixel_rows(0..1).len();
     let images = images(&layout, options.output.components);
     if !quiet {
         eprintln!(
-            "Memory: the film takes {:.0} MiB, more than the limit of {:.0} MiB: {} bands of up to {} rows, one after the \
-             other; {:.0} MiB of finished rows wait beside {}",
-            mib(memory_bytes(scene, settings)),
-            mib(settings.memory_limit_bytes),
+            "Memory: the film takes {:.0} MiB, {} of {:.0} MiB{}: {} bands of up to {} rows, one after the other; {:.0} MiB \
+             of finished rows wait beside {}",
+            mib(needed),
+            if needed > limit { "more than the limit" } else { "and fits into the limit" },
+            mib(limit),
+            if needed > limit { "" } else { ", but --film is a folder" },
             bands.len(),
             bands.iter().map(|band| band.len() * rows).max().unwrap_or(0),
             mib(4 * (layout.width * layout.height * layout.grid.len() * images) as u64),
@@ -78,8 +102,9 @@ pub(super) fn render(
             CliError::Failed(format!("--film {}: can't make this folder: {error}", folder.display()))
         })?;
         // The maps of all pixels ride on a film without samples; it is the first that a merge reads.
-        let empty = Film::of_tile_rows(layout.clone(), features.clone(), 0..0);
+        let empty = Film::of_tile_rows(layout.clone(), features, 0..0);
         write_film(&folder.join(WHOLE), &empty, Some(&provenance))?;
+        features = empty.into_features();
     }
     let beside = options.output.out.parent().filter(|parent| !parent.as_os_str().is_empty());
     let size = (layout.width, layout.height);
@@ -137,6 +162,26 @@ pub(super) fn render(
     drop(renderer);
     picture.write(options, experiment, layout, features, &mut provenance)?;
     Ok(ExitCode::SUCCESS)
+}
+
+/// Refuses a folder with films of another render, before anything in it is changed.
+fn check_folder(renderer: &FilmRenderer<'_>, folder: &Path) -> Result<(), CliError> {
+    for path in films_in(folder)? {
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        if name != WHOLE && band_of(&name).is_none() {
+            continue;
+        }
+        let (layout, holds_samples) = read_film_layout(&path)?;
+        renderer.check_layout(&layout).map_err(|error| in_film(&path, &error))?;
+        if name == WHOLE && holds_samples {
+            return Err(CliError::Input(format!(
+                "{}: this film holds samples, and a film of this name without samples belongs into a folder of films; move it \
+                 elsewhere, or name another folder",
+                path.display()
+            )));
+        }
+    }
+    Ok(())
 }
 
 fn in_film(path: &Path, error: &impl std::fmt::Display) -> CliError {

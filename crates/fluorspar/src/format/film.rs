@@ -134,14 +134,41 @@ pub fn read_film_rows(path: &Path, tile_rows: Range<usize>) -> Result<Loaded<Fil
     read(path, Some(tile_rows))
 }
 
-fn read(path: &Path, tile_rows: Option<Range<usize>>) -> Result<Loaded<Film>, FormatError> {
-    let failed = |source: io::Error| match source.kind() {
+/// What a film is made for, and whether it holds samples, without reading them.
+///
+/// # Errors
+/// As [`read_film`], for as much of the file as is read.
+pub fn read_film_layout(path: &Path) -> Result<(FilmLayout, bool), FormatError> {
+    let Opened { header, layout, .. } = open(path)?;
+    Ok((layout, header.samples.iter().any(|samples| !samples.is_empty())))
+}
+
+fn read_failed(path: &Path, source: io::Error) -> FormatError {
+    match source.kind() {
         io::ErrorKind::UnexpectedEof => {
             FormatError::malformed(path, "the file ends too early", "Was it copied completely?")
         }
         _ => FormatError::io(path, "read", source),
-    };
-    let damaged = |what: String| FormatError::malformed(path, what, "Use an earlier copy, or render again");
+    }
+}
+
+fn damaged_film(path: &Path, what: String) -> FormatError {
+    FormatError::malformed(path, what, "Use an earlier copy, or render again")
+}
+
+/// A film file, read as far as the header.
+struct Opened {
+    reader: BufReader<File>,
+    /// Bytes of the file.
+    length: u64,
+    /// Without what went into the layout.
+    header: Header,
+    layout: FilmLayout,
+}
+
+fn open(path: &Path) -> Result<Opened, FormatError> {
+    let failed = |source| read_failed(path, source);
+    let damaged = |what| damaged_film(path, what);
     let file = File::open(path).map_err(failed)?;
     let length = file.metadata().map_err(failed)?.len();
     let mut reader = BufReader::with_capacity(1 << 18, file);
@@ -172,7 +199,7 @@ fn read(path: &Path, tile_rows: Option<Range<usize>>) -> Result<Loaded<Film>, Fo
     }
     let mut json = vec![0; header_len as usize];
     reader.read_exact(&mut json).map_err(failed)?;
-    let header: Header =
+    let mut header: Header =
         serde_json::from_slice(&json).map_err(|error| damaged(format!("the header is damaged: {error}")))?;
     let grid = WavelengthGrid::from_edges(&header.wavelength_edges_nm).map_err(|e| damaged(e.to_string()))?;
     check_image_size(path, header.width as u64, header.height as u64, 1, MAX_FILM_BYTES)?;
@@ -184,6 +211,23 @@ fn read(path: &Path, tile_rows: Option<Range<usize>>) -> Result<Loaded<Film>, Fo
     if film_bytes(header.width, header.height, grid.len(), planes) > MAX_FILM_BYTES {
         return Err(FormatError::too_large(path, "the film", format!("{MAX_FILM_BYTES} bytes")));
     }
+    let layout = FilmLayout {
+        grid,
+        width: header.width,
+        height: header.height,
+        components: std::mem::take(&mut header.components),
+        statistics: header.statistics,
+        exponents: std::mem::take(&mut header.quantum_exponents),
+        levels: std::mem::take(&mut header.pilot_levels),
+        scene_digest: std::mem::take(&mut header.scene_sha256),
+    };
+    Ok(Opened { reader, length, header, layout })
+}
+
+fn read(path: &Path, tile_rows: Option<Range<usize>>) -> Result<Loaded<Film>, FormatError> {
+    let failed = |source| read_failed(path, source);
+    let damaged = |what| damaged_film(path, what);
+    let Opened { mut reader, length, header, layout } = open(path)?;
     let pixels = header.width * header.height;
     // Nothing is allocated for pixels that the file does not hold.
     let has = header.features;
@@ -207,17 +251,7 @@ fn read(path: &Path, tile_rows: Option<Range<usize>>) -> Result<Loaded<Film>, Fo
         material_names: header.material_names,
         view: header.view,
     };
-    let bands = grid.len();
-    let layout = FilmLayout {
-        grid,
-        width: header.width,
-        height: header.height,
-        components: header.components,
-        statistics: header.statistics,
-        exponents: header.quantum_exponents,
-        levels: header.pilot_levels,
-        scene_digest: header.scene_sha256,
-    };
+    let bands = layout.grid.len();
     let all = 0..layout.tile_rows();
     let mut film = Film::of_tile_rows(layout, features, tile_rows.unwrap_or(all));
     let pixel_len = film.pixel_len();

@@ -59,7 +59,7 @@ pub use exr::{
     write_spectral_exr,
 };
 pub use file::write_atomically;
-pub use film::{read_film, read_film_rows, write_film};
+pub use film::{read_film, read_film_layout, read_film_rows, write_film};
 pub use gltf::{read_gltf, read_gltf_instances, write_gltf};
 pub use lens::{AbbeGlass, LensFile, LensFileError, LensFileSurface, PublishedLens, read_lens};
 pub use mat::{IsetFluorophore, MatSpectra, read_iset_fluorophore, read_mat_spectra};

@@ -400,6 +400,17 @@ pub enum MergeError {
         /// Where.
         sample: u32,
     },
+    /// The film has no memory for samples of the other.
+    #[error(
+        "samples of the tile at row {row}, column {col} have no place in the film, which was made for other rows. Merge into a \
+         film of the whole picture"
+    )]
+    OutsideRows {
+        /// Row of the tile.
+        row: usize,
+        /// Column of the tile.
+        col: usize,
+    },
 }
 
 impl Film {
@@ -443,6 +454,11 @@ impl Film {
         &self.features
     }
 
+    /// The feature maps, without the film.
+    pub fn into_features(self) -> FeatureMaps {
+        self.features
+    }
+
     /// Integers of one pixel, `[plane][band]`: components, then first halves, then squares of the statistics.
     pub fn pixel_len(&self) -> usize {
         self.layout.planes() * self.layout.grid.len()
@@ -484,7 +500,8 @@ impl Film {
     /// Adds the samples of another film of the same render: exact, in any order.
     ///
     /// # Errors
-    /// Films of different renders, samples that both hold, samples that end within a block. The film is unchanged then.
+    /// Films of different renders, samples that both hold, samples that end within a block, samples outside of the rows
+    /// that this film was made for ([`Self::of_tile_rows`]). The film is unchanged then.
     pub fn merge(&mut self, other: &Self) -> Result<(), MergeError> {
         let differs = |what| Err(MergeError::Different { what });
         let (a, b) = (&self.layout, &other.layout);
@@ -500,7 +517,10 @@ impl Film {
         if a != b {
             return differs("their components, wavelengths or quanta");
         }
-        for ((mine, _), (theirs, _)) in self.tiles().zip(other.tiles()) {
+        for ((mine, own), (theirs, sums)) in self.tiles().zip(other.tiles()) {
+            if !theirs.samples.is_empty() && own.len() != sums.len() {
+                return Err(MergeError::OutsideRows { row: mine.row, col: mine.col });
+            }
             for (x, y) in mine.samples.iter().flat_map(|x| theirs.samples.iter().map(move |y| (x, y))) {
                 let (start, end) = (x.start.max(y.start), x.end.min(y.end));
                 let (row, col) = (mine.row, mine.col);
@@ -792,6 +812,37 @@ mod tests {
             let (a, b) = (part.statistics.unwrap(), image.statistics.as_ref().unwrap());
             assert_eq!(a.half_a, b.half_a[rows.start * values..rows.end * values]);
         }
+    }
+
+    #[test]
+    fn a_film_of_some_rows_takes_no_samples_of_others() {
+        let mut layout = layout(Statistics::None);
+        (layout.width, layout.height) = (20, 40);
+        let of = |tile_rows: Range<usize>, samples: Range<u32>| {
+            let mut film = Film::of_tile_rows(layout.clone(), FeatureMaps::default(), tile_rows.clone());
+            let tiles = layout.tiles_of_rows(tile_rows);
+            let mut scale = FilmScale::new(&layout);
+            for task in film.tiles_mut().into_iter().filter(|task| tiles.contains(&task.number)) {
+                add_block(&mut scale, task.tile, task.sums, samples.clone(), BlockSign::Add);
+                task.tile.add_samples(samples.clone());
+            }
+            film
+        };
+        let mut upper = of(0..2, 0..1);
+        for (rows, row) in [(0..3, 32), (1..3, 32), (2..3, 32)] {
+            let before = upper.clone();
+            assert_eq!(upper.merge(&of(rows, 1..2)), Err(MergeError::OutsideRows { row, col: 0 }));
+            assert_eq!(upper, before);
+        }
+        // Other films of these rows are taken, and films of the whole take all.
+        upper.merge(&of(1..2, 1..2)).unwrap();
+        let mut whole = Film::new(layout.clone(), FeatureMaps::default());
+        for part in [&upper, &of(2..3, 0..1), &of(0..1, 1..2), &of(2..3, 1..2)] {
+            whole.merge(part).unwrap();
+        }
+        let mut at_once = of(0..3, 0..1);
+        at_once.merge(&of(0..3, 1..2)).unwrap();
+        assert_eq!(whole, at_once);
     }
 
     #[test]

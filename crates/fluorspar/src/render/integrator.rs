@@ -2,6 +2,7 @@
 
 use std::fmt;
 use std::ops::Range;
+use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use fluorspar_accel::BuildError;
@@ -15,7 +16,7 @@ use super::camera_sample::{MOST_PATHS, PixelSampler};
 use super::compiled_scene::{CompiledScene, Target};
 use crate::image::EXCITATION_MARK;
 use crate::image::film::{
-    BlockSign, FilmScale, TILE, TileMut, block_end, block_start, film_bytes, is_block_boundary,
+    BlockSign, FilmScale, FilmTile, TILE, TileMut, block_end, block_start, film_bytes, is_block_boundary,
 };
 use crate::image::{
     Component, ComponentImage, FeatureMaps, Film, FilmLayout, Light, SpectralImage, Statistics,
@@ -141,11 +142,23 @@ pub enum RenderError {
         /// What is wanted.
         wanted: Statistics,
     },
+    /// The film was made for other rows than those that are to be rendered.
+    #[error(
+        "the film was made for some rows only and has no memory for the tile at row {row}, column {col}. Render the tiles of \
+         its rows only (Share::TileRange), or make a film of the whole picture"
+    )]
+    OutsideRows {
+        /// Row of the first such tile.
+        row: usize,
+        /// Its column.
+        col: usize,
+    },
     /// Images would not fit.
     #[error(
         "the component images need {needed_gib:.1} GiB ({components} components of {width} x {height} pixels and \
          {bands} bands), more than the limit of {limit_gib:.1} GiB. Render fewer pixels, bands, light groups or \
-         fluorophores, raise render.memory_limit_gib, or use `fluorspar render`, which goes through such images in bands of rows"
+         fluorophores, raise render.memory_limit_gib, or use `fluorspar render` without --shard, which goes through such \
+         images in bands of rows"
     )]
     TooLarge {
         /// Memory needed, GiB.
@@ -301,6 +314,8 @@ pub struct FilmWatch<'a> {
 pub struct FilmRenderer<'a> {
     compiled: CompiledScene<'a>,
     settings: &'a RenderSettings,
+    /// [`scene_digest`], once it was asked for: of large scenes it takes a while.
+    digest: OnceLock<String>,
 }
 
 impl<'a> FilmRenderer<'a> {
@@ -310,7 +325,7 @@ impl<'a> FilmRenderer<'a> {
     /// As [`render`].
     pub fn new(scene: &'a Scene, settings: &'a RenderSettings) -> Result<Self, RenderError> {
         check_memory(scene, settings)?;
-        Ok(Self { compiled: prepare(scene, settings)?, settings })
+        Self::for_rows(scene, settings)
     }
 
     /// Checks and prepares a scene for films of some rows at a time ([`Film::of_tile_rows`]); whether those fit into the
@@ -319,7 +334,7 @@ impl<'a> FilmRenderer<'a> {
     /// # Errors
     /// As [`render`], but for images larger than the memory limit.
     pub fn for_rows(scene: &'a Scene, settings: &'a RenderSettings) -> Result<Self, RenderError> {
-        Ok(Self { compiled: prepare(scene, settings)?, settings })
+        Ok(Self { compiled: prepare(scene, settings)?, settings, digest: OnceLock::new() })
     }
 
     /// An empty film.
@@ -329,7 +344,11 @@ impl<'a> FilmRenderer<'a> {
 
     /// What films are made for. Takes a moment: pilot samples find the quanta.
     pub fn layout(&self) -> FilmLayout {
-        layout(&self.compiled, self.settings, scene_digest(self.compiled.scene, self.settings))
+        layout(&self.compiled, self.settings, self.digest().into())
+    }
+
+    fn digest(&self) -> &str {
+        self.digest.get_or_init(|| scene_digest(self.compiled.scene, self.settings))
     }
 
     /// Geometry behind each pixel.
@@ -347,8 +366,15 @@ impl<'a> FilmRenderer<'a> {
     /// # Errors
     /// A film of another scene, seed, depth or version, or of other statistics.
     pub fn check(&self, film: &Film) -> Result<(), RenderError> {
-        let layout = film.layout();
-        if layout.scene_digest != scene_digest(self.compiled.scene, self.settings) {
+        self.check_layout(film.layout())
+    }
+
+    /// Refuses what the films of another render are made for.
+    ///
+    /// # Errors
+    /// As [`Self::check`].
+    pub fn check_layout(&self, layout: &FilmLayout) -> Result<(), RenderError> {
+        if layout.scene_digest != self.digest() {
             return Err(RenderError::OtherScene);
         }
         let wanted = self.settings.film_statistics();
@@ -365,7 +391,8 @@ impl<'a> FilmRenderer<'a> {
     /// render left, or the samples of a shorter render.
     ///
     /// # Errors
-    /// As [`Self::check`], and for shares that do not exist.
+    /// As [`Self::check`], and for shares that do not exist or reach beyond the rows that the film was made for. The film
+    /// is unchanged then.
     pub fn fill(
         &self,
         share: &Share,
@@ -375,6 +402,14 @@ impl<'a> FilmRenderer<'a> {
     ) -> Result<bool, RenderError> {
         self.check(film)?;
         share.check(self.settings)?;
+        let len = film.pixel_len();
+        let without = |(number, (tile, sums)): &(usize, (&FilmTile, &[u64]))| {
+            share.holds(*number) && sums.len() < tile.pixels() * len
+        };
+        let without = film.tiles().enumerate().find(without);
+        if let Some((_, (tile, _))) = without {
+            return Err(RenderError::OutsideRows { row: tile.row, col: tile.col });
+        }
         Ok(fill(&self.compiled, self.settings, share, film, control, watch))
     }
 
@@ -800,28 +835,31 @@ fn excitation_names(group: &str, edges_nm: &[f64]) -> Vec<String> {
 fn feature_maps(compiled: &CompiledScene<'_>) -> FeatureMaps {
     let scene = compiled.scene;
     let camera = &scene.camera;
-    let pixels: Vec<_> = (0..camera.width * camera.height)
-        .into_par_iter()
-        .map(|index| {
-            let (row, col) = (index / camera.width, index % camera.width);
-            let (origin, direction) = camera.ray(col as f32 + 0.5, row as f32 + 0.5);
-            let nothing = (f32::INFINITY, [0.0; 3], 0, [0.0; 2]);
-            match compiled.closest(origin, direction) {
-                None => nothing,
-                Some(hit) if matches!(hit.target, Target::Light(_)) => (hit.t, [0.0; 3], 0, [0.0; 2]),
-                Some(hit) => compiled.surface(origin, direction, &hit).map_or(nothing, |point| {
-                    (hit.t, point.shading.to_array(), point.object as u16 + 1, point.uv.to_array())
-                }),
-            }
-        })
-        .collect();
-    FeatureMaps {
-        depth_m: pixels.iter().map(|p| p.0).collect(),
-        normal: pixels.iter().map(|p| p.1).collect(),
-        part: pixels.iter().map(|p| p.2).collect(),
-        uv: pixels.iter().map(|p| p.3).collect(),
+    let pixels = camera.width * camera.height;
+    // In place: pictures that come in bands of rows have no memory for these maps twice.
+    let mut maps = FeatureMaps {
+        depth_m: vec![f32::INFINITY; pixels],
+        normal: vec![[0.0; 3]; pixels],
+        part: vec![0; pixels],
+        uv: vec![[0.0; 2]; pixels],
         part_names: scene.objects.iter().map(|o| o.name.clone()).collect(),
         material_names: scene.objects.iter().map(|o| scene.materials[o.material].name.clone()).collect(),
         view: Some(camera.view()),
-    }
+    };
+    (&mut maps.depth_m, &mut maps.normal, &mut maps.part, &mut maps.uv).into_par_iter().enumerate().for_each(
+        |(index, (depth_m, normal, part, uv))| {
+            let (row, col) = (index / camera.width, index % camera.width);
+            let (origin, direction) = camera.ray(col as f32 + 0.5, row as f32 + 0.5);
+            let Some(hit) = compiled.closest(origin, direction) else { return };
+            if matches!(hit.target, Target::Light(_)) {
+                *depth_m = hit.t;
+            } else if let Some(point) = compiled.surface(origin, direction, &hit) {
+                *depth_m = hit.t;
+                *normal = point.shading.to_array();
+                *part = point.object as u16 + 1;
+                *uv = point.uv.to_array();
+            }
+        },
+    );
+    maps
 }

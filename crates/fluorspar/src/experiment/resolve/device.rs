@@ -102,15 +102,23 @@ pub(super) fn render_settings(context: &Context<'_>, section: &RenderSection) ->
     })
 }
 
-/// Refuses images of which not even one row of tiles would fit into the stated memory, beside the maps of all pixels.
-pub(super) fn check_memory(context: &Context<'_>, file: &ExperimentFile, needed_bytes: u64) -> Resolved<()> {
-    let needed = needed_bytes as f64 / GIB;
+/// Refuses images that do not fit into the stated memory in one go, nor in bands of rows, of which one row of tiles must
+/// fit beside the maps of all pixels.
+pub(super) fn check_memory(
+    context: &Context<'_>,
+    file: &ExperimentFile,
+    in_one_go: u64,
+    in_bands: u64,
+) -> Resolved<()> {
+    let needed = in_one_go.min(in_bands) as f64 / GIB;
     if needed <= file.render.memory_limit_gib {
         return Ok(());
     }
+    let digits = if needed < 1.0 { 4 } else { 1 };
     let message = format!(
-        "even in bands of 16 rows the images of the render need {needed:.1} GiB, more than the limit of {} GiB; render fewer \
-         pixels, bands, light groups or fluorophores, or raise render.memory_limit_gib",
+        "{}the images of the render need {needed:.digits$} GiB, more than the limit of {} GiB; render fewer pixels, bands, \
+         light groups or fluorophores, or raise render.memory_limit_gib",
+        if in_bands < in_one_go { "even in bands of 16 rows " } else { "" },
         file.render.memory_limit_gib
     );
     context.fail(&steps!["render"], message)

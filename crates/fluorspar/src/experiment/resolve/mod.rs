@@ -22,7 +22,7 @@ use super::error::{Step, steps};
 use super::schema::{ExperimentFile, LensType, MotionSection, SafetySection};
 use super::{Experiment, ExperimentError};
 use crate::optics::{CameraLens, FilterStack, IdealLens};
-use crate::render::{RenderSettings, tile_row_bytes, whole_image_bytes};
+use crate::render::{RenderSettings, memory_bytes, tile_row_bytes, whole_image_bytes};
 use crate::scene::{Scene, SceneError};
 use crate::sensor::{CaptureFrame, CaptureSequence, Demosaicing, Sensor, Spectroradiometer};
 use crate::spectral::{Curve, Fluorophore};
@@ -273,7 +273,8 @@ pub fn resolve(experiment: &Experiment) -> Result<ResolvedExperiment, Experiment
     scene.check().map_err(|error| scene_error(context, file, &error))?;
     let optics = lens.as_ref().zip(sensor.as_ref());
     render.error_target = error_target::error_target(context, &file.render, &scene, &captures, optics)?;
-    device::check_memory(context, file, whole_image_bytes(&scene) + tile_row_bytes(&scene, &render))?;
+    let in_bands = whole_image_bytes(&scene) + tile_row_bytes(&scene, &render);
+    device::check_memory(context, file, memory_bytes(&scene, &render), in_bands)?;
     warn_unused(context, file, &scene, analysis.as_ref());
     for warning in scene.warnings() {
         context.push_warning(warning.to_string());
