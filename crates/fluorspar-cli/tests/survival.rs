@@ -357,6 +357,12 @@ fn pictures_larger_than_the_limit_come_in_bands_to_the_same_bits() {
     assert!(bytes(folder, "f.film/picture.film") == picture);
     fluorspar(folder, ["merge", "f.film", "--components", "--out", "merged.exr"]).well();
     assert!(image(folder, "merged.exr") == image(folder, "nine.exr"));
+    // A folder of other things stays as it is.
+    fs::create_dir(folder.join("results")).unwrap();
+    fs::write(folder.join("results/report.html"), "a report").unwrap();
+    let said = render(&["--components", "--film", "results", "--out", "r.exr", "--resume", limit]);
+    assert!(said.code == Some(2) && said.stderr.contains("none of which is a film"), "{}", said.stderr);
+    assert_eq!(fs::read_dir(folder.join("results")).unwrap().count(), 1);
     // A limit below that of the films, and what can't be had in bands.
     for (more, message) in [
         (

@@ -683,6 +683,16 @@ fn oraleye_light_and_sensor_are_as_documented() {
     assert!(scene.objects.iter().any(|object| object.name == "tongue_dorsum"));
 }
 
+/// Parts with a spot have copies of their materials: those in the file are used by them.
+#[test]
+fn materials_under_a_lesion_are_not_left_over() {
+    let text = "base = \"oraleye-2021\"\n[[mouth.lesion]]\nname = \"spot\"\npart = \"tongue_lateral_left\"\n\
+                center = [0.9, 0.5]\nsize_mm = [12, 7]\n[[material]]\nname = \"putty\"\nreflectance = 0.5\n";
+    let warnings = resolved(text, &["mouth.detail=0.25"]).warnings;
+    let unused = warnings_with(&warnings, "no object uses material");
+    assert!(unused.len() == 1 && unused[0].contains("putty"), "{warnings:?}");
+}
+
 /// A painted lesion lies beside its experiment, wherever the program is started.
 #[test]
 fn the_mask_of_a_lesion_is_relative_to_the_experiment_file() {

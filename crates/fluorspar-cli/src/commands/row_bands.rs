@@ -164,9 +164,16 @@ pub(super) fn render(
     Ok(ExitCode::SUCCESS)
 }
 
-/// Refuses a folder with films of another render, before anything in it is changed.
+/// Refuses a folder with films of another render or with other files only, before anything in it is changed.
 fn check_folder(renderer: &FilmRenderer<'_>, folder: &Path) -> Result<(), CliError> {
-    for path in films_in(folder)? {
+    let films = films_in(folder)?;
+    if films.is_empty() && fs::read_dir(folder).is_ok_and(|mut entries| entries.next().is_some()) {
+        return Err(CliError::Input(format!(
+            "--film {}: this folder holds files, none of which is a film; name an empty or a new folder",
+            folder.display()
+        )));
+    }
+    for path in films {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         if name != WHOLE && band_of(&name).is_none() {
             continue;

@@ -3,6 +3,7 @@
 use fluorspar::analysis::Statistics;
 use fluorspar::image::Light;
 use fluorspar::pipeline::{AnalyzedFrame, CapturedFrame, FrameLeak, RegionRadiance, assess_safety};
+use fluorspar::sensor::SensorModel;
 use fluorspar::spectral::Curve;
 
 use super::RunResults;
@@ -608,8 +609,11 @@ fn camera_rows(run: &RunResults<'_>) -> Vec<Number> {
     }
     if let Some(sensor) = &experiment.sensor {
         let m = sensor.model();
-        let table =
-            || Origin::Published("Table 1 of Lyu et al. 2021, unless the experiment says otherwise".into());
+        let published = SensorModel::default();
+        let table = |is_published: bool| match is_published {
+            true => Origin::Published("Table 1 of Lyu et al. 2021".into()),
+            false => assumed(),
+        };
         rows.push(
             Number::computed(
                 "Pixels",
@@ -621,7 +625,7 @@ fn camera_rows(run: &RunResults<'_>) -> Vec<Number> {
         );
         rows.push(
             Number::computed("Pixel pitch", format!("{}", m.pixel_size_um), "µm", "side of one pixel")
-                .from(table()),
+                .from(table(m.pixel_size_um == published.pixel_size_um)),
         );
         rows.push(
             Number::computed(
@@ -630,7 +634,7 @@ fn camera_rows(run: &RunResults<'_>) -> Vec<Number> {
                 "e-",
                 "electrons that a pixel holds",
             )
-            .from(table()),
+            .from(table(m.well_capacity_e == published.well_capacity_e)),
         );
         rows.push(
             Number::computed(
@@ -639,7 +643,7 @@ fn camera_rows(run: &RunResults<'_>) -> Vec<Number> {
                 "e-",
                 "noise of a dark pixel, rms",
             )
-            .from(table()),
+            .from(table(m.read_noise_electrons() == published.read_noise_electrons())),
         );
         rows.push(
             Number::computed(
@@ -648,7 +652,7 @@ fn camera_rows(run: &RunResults<'_>) -> Vec<Number> {
                 "%",
                 "spread of sensitivity from pixel to pixel",
             )
-            .from(table()),
+            .from(table(m.prnu_percent == published.prnu_percent)),
         );
     }
     rows

@@ -99,9 +99,9 @@ pub fn frame_leak(
     }
     // Electrons by channel: reflected, fluorescent.
     let mut sums = vec![[0.0_f64; 2]; names.len()];
+    let tan_half_width = tan_half_width(experiment, components);
     for light in light_by_shape(experiment, &capture.frame, components) {
         let kind = usize::from(light.fluorescent);
-        let tan_half_width = tan_half_width(experiment, components);
         let irradiance = film_irradiance(experiment, &lens, &light, tan_half_width, film.width_mm);
         let rate = sensor.electron_rate_on_film(&irradiance, film)?;
         for (index, value) in rate.data.iter().enumerate().filter(|(index, _)| selected[*index]) {

@@ -347,8 +347,13 @@ fn warn_unused(
     scene: &Scene,
     analysis: Option<&ResolvedAnalysis>,
 ) {
-    for (index, material) in scene.materials.iter().enumerate() {
-        if !scene.objects.iter().any(|object| object.material == index) {
+    // Behind the materials of the file stand copies with spots of lesions, named after them: a material is used by those.
+    let (written, copies) = scene.materials.split_at(file.material.len().min(scene.materials.len()));
+    for (index, material) in written.iter().enumerate() {
+        let copy = format!("{} with ", material.name);
+        if !scene.objects.iter().any(|object| object.material == index)
+            && !copies.iter().any(|other| other.name.starts_with(&copy))
+        {
             context
                 .warn(&steps!["material", index], format!("no object uses material \"{}\"", material.name));
         }
