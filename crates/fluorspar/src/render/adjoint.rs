@@ -22,6 +22,9 @@ pub(super) const BINS: usize = 8;
 /// A coarse spectrum.
 pub(super) type Coarse = [f32; BINS];
 
+/// Share of a bin in the light of a lamp below which the lamp is dark there.
+const DARK_SHARE: f32 = 1e-3;
+
 /// The fluorophores and lamps of a scene on coarse bins.
 #[derive(Debug)]
 pub(super) struct AdjointModel {
@@ -29,6 +32,8 @@ pub(super) struct AdjointModel {
     /// Light of each group that arrives at a surface, on a scale on which the bins of its direct light sum to 1. Dark
     /// groups are left out.
     lamps: Vec<Coarse>,
+    /// 1 where any lamp shines, else 0.
+    lit: Coarse,
     /// For each fluorophore, the shares of the bins in its light that arrives at a surface; zero for one that no lamp of
     /// the grid excites.
     emission: Vec<Coarse>,
@@ -56,7 +61,7 @@ impl AdjointModel {
         let (start, end) = (grid.start_nm(), grid.end_nm());
         let edges: Vec<f64> = (0..=BINS).map(|i| start + (end - start) * i as f64 / BINS as f64).collect();
         let grid = WavelengthGrid::from_edges(&edges).ok();
-        Self { grid, lamps: Vec::new(), emission: Vec::new(), fluorescence: Vec::new() }
+        Self { grid, lamps: Vec::new(), lit: [0.0; BINS], emission: Vec::new(), fluorescence: Vec::new() }
     }
 
     /// Lamps and fluorophores of a scene, from the spectrum of the light of each group, on any scale, and the
@@ -65,6 +70,12 @@ impl AdjointModel {
         for lamp in lamps.iter().flatten() {
             if let Some(shares) = normalised(self.coarse(lamp)) {
                 self.lamps.push(product(&shares, reverberation));
+                for (lit, share) in self.lit.iter_mut().zip(&shares) {
+                    // What a lamp sends as good as nothing of is not worth a path.
+                    if *share > DARK_SHARE {
+                        *lit = 1.0;
+                    }
+                }
             }
         }
         for fluorophore in &scene.fluorophores {
@@ -140,12 +151,12 @@ impl AdjointModel {
         }
     }
 
-    /// The largest share of a component that may still arrive.
+    /// The largest share of a component that may still arrive; of reflected light in the bin where it is largest, as every
+    /// band is looked at on its own scale.
     pub(super) fn reach(&self, importance: &Importance) -> f32 {
         let mut largest = 0.0_f32;
-        for lamp in &self.lamps {
-            let elastic = dot(lamp, &importance.elastic) / lamp.iter().sum::<f32>();
-            largest = largest.max(elastic);
+        for (&elastic, &lit) in importance.elastic.iter().zip(&self.lit) {
+            largest = largest.max(elastic * lit);
         }
         let mut excites = 0.0_f32;
         for lamp in &self.lamps {

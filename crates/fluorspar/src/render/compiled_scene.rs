@@ -14,7 +14,7 @@ use crate::material::conductor::white_microfacets;
 use crate::material::{
     CoatAlbedo, ConductorReflectance, DielectricAlbedo, NormalMap, ScalarTexture, Scattering,
 };
-use crate::sampling::{SampleStream, hash_u64, warp};
+use crate::sampling::{Rectangle, SampleStream, hash_u64, warp};
 use crate::scene::irradiance::{SurfacePoint, direct_light, group_spectrum};
 use crate::scene::{Scene, Shape};
 use crate::spectral::{Curve, Reflectance};
@@ -69,11 +69,7 @@ pub(super) enum CompiledEmitter {
         exponent: f32,
     },
     Rectangle {
-        corner: Vec3,
-        edge_u: Vec3,
-        edge_v: Vec3,
-        normal: Vec3,
-        area: f32,
+        shape: Rectangle,
         exponent: f32,
     },
     Sphere {
@@ -179,6 +175,8 @@ pub(super) struct CompiledScene<'a> {
     /// How far rays start off the surface they leave, m: a millionth of the largest coordinate.
     pub(super) clearance: f32,
     bvh: TriangleBvh,
+    /// Whether a path ever chooses between lobes or lamps.
+    pub(super) chooses: bool,
     /// Whether the tree is so large that rays wait for memory.
     pub(super) turns_pay: bool,
     vertices: Vec<MeshVertex>,
@@ -331,15 +329,8 @@ impl<'a> CompiledScene<'a> {
                     exponent: *exponent,
                 },
                 Emitter::Rectangle { corner, edge_u, edge_v, exponent } => {
-                    let cross = edge_u.cross(*edge_v);
-                    CompiledEmitter::Rectangle {
-                        corner: *corner,
-                        edge_u: *edge_u,
-                        edge_v: *edge_v,
-                        normal: cross.normalize_or_zero(),
-                        area: cross.length(),
-                        exponent: *exponent,
-                    }
+                    let shape = Rectangle::new(*corner, *edge_u, *edge_v);
+                    CompiledEmitter::Rectangle { shape, exponent: *exponent }
                 }
                 Emitter::Sphere { center, radius_m } => {
                     CompiledEmitter::Sphere { center: *center, radius: *radius_m }
@@ -370,7 +361,7 @@ impl<'a> CompiledScene<'a> {
             lights.push(CompiledLight { source, group: light.group, emitter, power });
         }
 
-        let group_lights = (0..scene.light_groups.len())
+        let group_lights: Vec<Vec<usize>> = (0..scene.light_groups.len())
             .map(|group| (0..lights.len()).filter(|&l| lights[l].group == group).collect())
             .collect();
 
@@ -396,7 +387,7 @@ impl<'a> CompiledScene<'a> {
         let mut coats: Vec<Arc<CoatAlbedo>> = Vec::new();
         let mut dielectrics: Vec<Arc<DielectricAlbedo>> = Vec::new();
         let mut metals: Vec<ConductorReflectance> = Vec::new();
-        let materials = scene
+        let materials: Vec<CompiledMaterial> = scene
             .materials
             .iter()
             .map(|material| {
@@ -521,8 +512,14 @@ impl<'a> CompiledScene<'a> {
 
         let instance_reach = instances.as_ref().map_or(0.0, CompiledInstances::reach);
 
+        let plain = |material: &CompiledMaterial| {
+            matches!(material.scattering, CompiledScattering::Diffuse) && material.coat.is_none()
+        };
+        let chooses = !materials.iter().all(plain) || group_lights.iter().any(|lights| lights.len() > 1);
+
         let mut compiled = Self {
             scene,
+            chooses,
             bands: grid.len(),
             simd: Simd::detect(),
             clearance: (1e-6 * reach.max(shape_reach).max(instance_reach)).max(1e-9),
@@ -922,12 +919,9 @@ impl CompiledEmitter {
             Self::Disc { center, normal, radius, .. } => {
                 intersect_disc(origin, direction, *center, *normal, *radius, limit)
             }
-            Self::Rectangle { corner, edge_u, edge_v, normal, .. } => {
-                let t = intersect_plane(origin, direction, *corner, *normal, limit)?;
-                let local = origin + direction * t - *corner;
-                let u = local.dot(*edge_u) / edge_u.length_squared();
-                let v = local.dot(*edge_v) / edge_v.length_squared();
-                ((0.0..=1.0).contains(&u) && (0.0..=1.0).contains(&v)).then_some(t)
+            Self::Rectangle { shape, .. } => {
+                let t = intersect_plane(origin, direction, shape.corner(), shape.normal(), limit)?;
+                shape.contains(origin + direction * t).then_some(t)
             }
             Self::Sphere { center, radius } => intersect_sphere(origin, direction, *center, *radius, limit),
             Self::Point { .. }

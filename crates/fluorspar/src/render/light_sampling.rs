@@ -67,9 +67,8 @@ impl CompiledScene<'_> {
             CompiledEmitter::Disc { center, normal, radius, exponent, .. } => {
                 (*center, *radius, Some((*normal, *exponent)))
             }
-            CompiledEmitter::Rectangle { corner, edge_u, edge_v, normal, exponent, .. } => {
-                let half = 0.5 * (*edge_u + *edge_v);
-                (*corner + half, half.length(), Some((*normal, *exponent)))
+            CompiledEmitter::Rectangle { shape, exponent } => {
+                (shape.center(), shape.radius(), Some((shape.normal(), *exponent)))
             }
             CompiledEmitter::Sphere { center, radius } => (*center, *radius, None),
             CompiledEmitter::Point { position, pattern } => (*position, 0.0, *pattern),
@@ -194,17 +193,22 @@ impl CompiledScene<'_> {
                 let cos = -direction.dot(*normal);
                 area_sample(direction, distance, cos, area, lobe_radiance(cos, *exponent, area))
             }
-            CompiledEmitter::Rectangle { corner, edge_u, edge_v, normal, area, exponent } => {
-                if let Some(view) = SphericalRectangle::new(*corner, *edge_u, *edge_v, position) {
+            CompiledEmitter::Rectangle { shape, exponent } => {
+                let (normal, area) = (shape.normal(), shape.area());
+                // Nothing is sent backwards.
+                if (position - shape.corner()).dot(normal) <= 0.0 {
+                    return None;
+                }
+                if let Some(view) = SphericalRectangle::new(shape, position) {
                     let offset = view.sample(u);
                     let distance = offset.length();
                     let direction = offset / distance;
-                    let scale = lobe_radiance(-direction.dot(*normal), *exponent, *area);
+                    let scale = lobe_radiance(-direction.dot(normal), *exponent, area);
                     return solid_angle_sample(direction, distance, choice / view.solid_angle(), scale);
                 }
-                let (direction, distance) = toward(*corner + *edge_u * u[0] + *edge_v * u[1])?;
-                let cos = -direction.dot(*normal);
-                area_sample(direction, distance, cos, *area, lobe_radiance(cos, *exponent, *area))
+                let (direction, distance) = toward(shape.at(u))?;
+                let cos = -direction.dot(normal);
+                area_sample(direction, distance, cos, area, lobe_radiance(cos, *exponent, area))
             }
             CompiledEmitter::Sphere { center, radius } => {
                 self.sample_sphere(light, choice, position, &SphereLight::lamp(*center, *radius), u)
@@ -385,11 +389,15 @@ impl CompiledScene<'_> {
                         let density = view.map(|view| view.pdf(direction));
                         (light, lobe_radiance(cos, *exponent, area), cos, area, density)
                     }
-                    CompiledEmitter::Rectangle { corner, edge_u, edge_v, normal, area, exponent } => {
-                        let cos = -direction.dot(*normal);
-                        let view = SphericalRectangle::new(*corner, *edge_u, *edge_v, position);
+                    CompiledEmitter::Rectangle { shape, exponent } => {
+                        let (cos, area) = (-direction.dot(shape.normal()), shape.area());
+                        let scale = lobe_radiance(cos, *exponent, area);
+                        if scale <= 0.0 {
+                            return None;
+                        }
+                        let view = SphericalRectangle::new(shape, position);
                         let density = view.map(|view| 1.0 / view.solid_angle());
-                        (light, lobe_radiance(cos, *exponent, *area), cos, *area, density)
+                        (light, scale, cos, area, density)
                     }
                     CompiledEmitter::Sphere { center, radius } => {
                         let sphere = SphereLight::lamp(*center, *radius);

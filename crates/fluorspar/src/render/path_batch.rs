@@ -18,11 +18,35 @@ const ROULETTE_FROM: u32 = 3;
 /// Lowest chance to go on.
 const ROULETTE_FLOOR: f32 = 0.05;
 
+/// The random numbers of two neighbouring vertices, so that the light and the direction of both are even together.
+#[derive(Clone, Copy, Debug, Default)]
+struct VertexNumbers {
+    /// Two for the direction of each vertex.
+    directions: [f32; 4],
+    /// Two for a point on a lamp, of each vertex.
+    lights: [f32; 4],
+    /// For the lobe and for the lamp, of each vertex.
+    choices: [f32; 4],
+}
+
+impl VertexNumbers {
+    /// Set 0 of a stream belongs to the camera.
+    fn draw(stream: &SampleStream, depth: u32, chooses: bool) -> Self {
+        let first = 1 + 3 * (depth / 2);
+        Self {
+            directions: stream.set_4d(first),
+            lights: stream.set_4d(first + 1),
+            choices: if chooses { stream.set_4d(first + 2) } else { [0.0; 4] },
+        }
+    }
+}
+
 /// A path while it is being sampled.
 #[derive(Debug)]
 struct Walk {
     path: Path,
     stream: SampleStream,
+    numbers: VertexNumbers,
     importance: Importance,
     /// The ray to follow next; the direction is a unit vector.
     origin: Vec3,
@@ -75,6 +99,7 @@ impl PathBatch {
         let walk = Walk {
             path: Path::default(),
             stream,
+            numbers: VertexNumbers::default(),
             importance: Importance::CAMERA,
             origin,
             direction,
@@ -178,11 +203,15 @@ impl CompiledScene<'_> {
         estimator: Estimator,
         mut aim: impl FnMut(Ray, Aim),
     ) -> bool {
-        let Walk { path, stream, importance, origin, direction, previous } = walk;
+        let Walk { path, stream, numbers, importance, origin, direction, previous } = walk;
         let (from, view) = (*origin, *direction);
         let Some(mut point) = self.surface(from, view, hit) else { return false };
 
-        let [mut choice, u0, u1, roulette] = stream.next_4d();
+        let own = 2 * (depth % 2) as usize;
+        if own == 0 {
+            *numbers = VertexNumbers::draw(stream, depth, self.chooses);
+        }
+        let (mut choice, which) = (numbers.choices[own], numbers.choices[own + 1]);
         let outermost = self.scene.objects[point.object].material;
         let material_index = self.material_at(outermost, point.uv, point.front, &mut choice);
         let material = &self.materials[material_index];
@@ -214,9 +243,10 @@ impl CompiledScene<'_> {
         }
 
         if estimator == Estimator::MultipleImportance {
+            // Groups are components of their own, and may share their numbers.
+            let u = [which, numbers.lights[own], numbers.lights[own + 1]];
             for group in 0..self.group_lights.len() {
-                let u = stream.next_4d();
-                let sample = self.sample_light(group, point.position, light_normal, [u[0], u[1], u[2]]);
+                let sample = self.sample_light(group, point.position, light_normal, u);
                 let Some(light) = sample else { continue };
                 let local = point.to_local(light.direction);
                 if !is_consistent(light.direction, local) {
@@ -237,7 +267,8 @@ impl CompiledScene<'_> {
         }
 
         // Continue the path.
-        let Some(ScatteringSample { incident, scattering: s, delta }) = bsdf.sample(choice, [u0, u1]) else {
+        let u = [numbers.directions[own], numbers.directions[own + 1]];
+        let Some(ScatteringSample { incident, scattering: s, delta }) = bsdf.sample(choice, u) else {
             return false;
         };
         let world = point.to_world(incident).normalize();
@@ -247,8 +278,8 @@ impl CompiledScene<'_> {
         let mut survival = 1.0;
         self.adjoint.scatter(importance, &s, &coarse, material.fluorophores.iter().map(|(f, _)| *f));
         if depth >= ROULETTE_FROM {
-            survival = self.adjoint.reach(importance).clamp(ROULETTE_FLOOR, 1.0);
-            if roulette >= survival {
+            survival = self.adjoint.reach(importance).sqrt().clamp(ROULETTE_FLOOR, 1.0);
+            if stream.lone(depth) >= survival {
                 return false;
             }
             importance.survive(survival);

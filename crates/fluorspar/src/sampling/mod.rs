@@ -8,4 +8,4 @@ pub mod warp;
 
 pub use sobol::{SampleStream, hash_u64};
 pub use spherical_ellipse::SphericalEllipse;
-pub use spherical_rectangle::SphericalRectangle;
+pub use spherical_rectangle::{Rectangle, SphericalRectangle};

@@ -1,4 +1,4 @@
-//! Owen-scrambled Sobol samples addressed by (seed, pixel, sample, dimension).
+//! Owen-scrambled Sobol samples addressed by (seed, pixel, sample, set of dimensions).
 
 use super::random::mix;
 
@@ -9,17 +9,16 @@ pub fn hash_u64(value: u64) -> u64 {
 
 /// Samples per scrambling: the Sobol sequence of the library repeats beyond this.
 const SEQUENCE_LENGTH: u32 = 1 << 16;
-/// Sets of four dimensions that the library provides.
-const DIMENSION_SETS: u32 = sobol_burley::NUM_DIMENSION_SETS_4D;
 
-/// The random numbers of one path: a pure function of seed, pixel, sample and the order in which they are drawn.
+/// The random numbers of one path: a pure function of seed, pixel, sample and the number of the set.
 ///
-/// Sets of four numbers come from a hash-scrambled Sobol sequence (Burley, JCGT 9(4), 2020). Beyond the library's
-/// dimensions or 65 536 samples, a new scrambling or hashed random numbers take over, still deterministic.
+/// Sets of four numbers are the first four dimensions of a hash-scrambled Sobol sequence (Burley, JCGT 9(4), 2020), each
+/// set scrambled and shuffled by itself: higher dimensions of the sequence are less even in pairs at the few samples
+/// that a pixel has. The first two numbers of a set are the most even pair, then the last two. Beyond 65 536 samples a
+/// new scrambling takes over.
 #[derive(Clone, Debug)]
 pub struct SampleStream {
     seed: u64,
-    scramble: u32,
     sample: u32,
     set: u32,
 }
@@ -29,32 +28,29 @@ impl SampleStream {
     pub fn new(seed: u64, pixel: u64, sample: u32) -> Self {
         let mixed = hash_u64(hash_u64(seed ^ 0x666C_756F_7273_7061) ^ pixel);
         let epoch = u64::from(sample / SEQUENCE_LENGTH);
-        let scramble = hash_u64(mixed ^ epoch) as u32;
-        Self { seed: mixed, scramble, sample: sample % SEQUENCE_LENGTH, set: 0 }.with_epoch(epoch)
+        Self { seed: hash_u64(mixed ^ epoch), sample: sample % SEQUENCE_LENGTH, set: 0 }
     }
 
-    fn with_epoch(mut self, epoch: u64) -> Self {
-        self.seed = hash_u64(self.seed ^ (epoch << 32));
-        self
+    /// The four numbers in `[0, 1)` of a set.
+    #[inline]
+    pub fn set_4d(&self, set: u32) -> [f32; 4] {
+        sobol_burley::sample_4d(self.sample, 0, hash_u64(self.seed ^ u64::from(set)) as u32)
     }
 
-    /// The next four numbers in `[0, 1)`.
+    /// The next set of four numbers.
     #[inline]
     pub fn next_4d(&mut self) -> [f32; 4] {
         let set = self.set;
         self.set += 1;
-        if set < DIMENSION_SETS {
-            return sobol_burley::sample_4d(self.sample, set, self.scramble);
-        }
-        let base = hash_u64(self.seed ^ (u64::from(self.sample) << 32) ^ u64::from(set));
-        let (a, b) = (hash_u64(base), hash_u64(base ^ 0xA5A5_5A5A_C3C3_3C3C));
-        [a as u32, (a >> 32) as u32, b as u32, (b >> 32) as u32].map(unit_interval)
+        self.set_4d(set)
     }
-}
 
-/// The 24 high bits as a float in `[0, 1)`.
-fn unit_interval(bits: u32) -> f32 {
-    (bits >> 8) as f32 * (1.0 / 16_777_216.0)
+    /// A number in `[0, 1)` that does not know those of other samples: for choices that gain nothing by evenness.
+    #[inline]
+    pub fn lone(&self, index: u32) -> f32 {
+        let bits = hash_u64(hash_u64(self.seed ^ (u64::from(self.sample) << 32)) ^ u64::from(index));
+        (bits >> 40) as f32 * (1.0 / 16_777_216.0)
+    }
 }
 
 #[cfg(test)]
@@ -88,11 +84,50 @@ mod tests {
         }
     }
 
+    /// Every 64 samples lie one in each cell of every grid of 64 cells over the first two numbers of a set.
     #[test]
-    fn numbers_stay_in_the_unit_interval_beyond_the_last_dimension() {
+    fn the_first_pair_is_even_in_every_elementary_interval() {
+        for set in 0..20 {
+            for columns in [1, 2, 4, 8, 16, 32, 64] {
+                let mut counts = [0_u32; 64];
+                for sample in 64..128 {
+                    let [u, v, ..] = SampleStream::new(9, 5, sample).set_4d(set);
+                    let (col, row) = ((u * columns as f32) as usize, (v * 64.0 / columns as f32) as usize);
+                    counts[row * columns + col] += 1;
+                }
+                assert_eq!(counts, [1; 64], "set {set}, {columns} columns");
+            }
+        }
+    }
+
+    /// Sets of one path and lone numbers know nothing of each other.
+    #[test]
+    fn sets_and_lone_numbers_are_uncorrelated() {
+        const COUNT: u32 = 4096;
+        let numbers: Vec<[f32; 12]> = (0..COUNT)
+            .map(|sample| {
+                let stream = SampleStream::new(2, 77, sample);
+                let sets = [0, 1, 40].map(|set| stream.set_4d(set));
+                let lone = [0, 1, 2].map(|index| stream.lone(index));
+                std::array::from_fn(|i| if i < 9 { sets[i / 3][i % 3] } else { lone[i - 9] })
+            })
+            .collect();
+        for a in 0..12 {
+            for b in 0..a {
+                let product = |n: &[f32; 12]| f64::from(n[a] - 0.5) * f64::from(n[b] - 0.5);
+                let correlation = 12.0 * numbers.iter().map(product).sum::<f64>() / f64::from(COUNT);
+                // Standard error 1 / sqrt(4096) = 0.016 for independent numbers, 66 pairs: five of them.
+                assert!(correlation.abs() < 0.078, "{a}, {b}: {correlation}");
+            }
+        }
+    }
+
+    #[test]
+    fn numbers_stay_in_the_unit_interval_beyond_the_first_scrambling() {
         let mut stream = SampleStream::new(3, 1, 70_000);
-        for _ in 0..DIMENSION_SETS + 50 {
+        for index in 0..200 {
             assert!(stream.next_4d().iter().all(|u| (0.0..1.0).contains(u)));
+            assert!((0.0..1.0).contains(&stream.lone(index)));
         }
     }
 }
