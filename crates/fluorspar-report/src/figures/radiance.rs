@@ -34,8 +34,8 @@ pub fn radiance_by_component(
             Dash::Dashed,
         ));
     }
-    for (index, curve) in fluorophores.iter().enumerate() {
-        let ink = Ink::of_fluorophore(&curve.name, index);
+    let inks = Ink::of_fluorophores(fluorophores.iter().map(|curve| curve.name.as_str()));
+    for (index, (curve, ink)) in fluorophores.iter().zip(inks).enumerate() {
         panel = panel.with(Series::dashed(curve.name.clone(), ink, curve.points(), Dash::cycle(index)));
     }
     let logarithmic = match scale {
