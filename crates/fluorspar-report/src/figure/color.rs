@@ -1,5 +1,7 @@
 //! Colours that readers with any colour vision can tell apart, on light and on dark paper.
 
+use super::Dash;
+
 /// A colour by role or by value. Roles change with the background, values do not.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ink {
@@ -53,6 +55,11 @@ impl Ink {
             }
         }
         inks.into_iter().flatten().collect()
+    }
+
+    /// The stroke pattern that goes with the colour of a fluorophore, so that it is the same in every figure, too.
+    pub fn fluorophore_dash(self) -> Dash {
+        Dash::cycle(FLUOROPHORES.iter().position(|(_, ink)| *ink == self).unwrap_or(0))
     }
 
     /// The colour of a sensor channel: its own for R, G and B, else from the palette.

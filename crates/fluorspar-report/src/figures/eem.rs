@@ -101,8 +101,8 @@ pub fn emission(
         }
     }
     let inks = Ink::of_fluorophores(curves.iter().map(|curve| curve.name.as_str()));
-    for (index, (curve, ink)) in curves.iter().zip(inks).enumerate() {
-        panel = panel.with(Series::dashed(curve.name.clone(), ink, curve.points(), Dash::cycle(index)));
+    for (curve, ink) in curves.iter().zip(inks) {
+        panel = panel.with(Series::dashed(curve.name.clone(), ink, curve.points(), ink.fluorophore_dash()));
     }
     let overlap = if curves.len() > 1 {
         " Where the curves overlap, a camera cannot tell the fluorophores apart."

@@ -35,8 +35,8 @@ pub fn radiance_by_component(
         ));
     }
     let inks = Ink::of_fluorophores(fluorophores.iter().map(|curve| curve.name.as_str()));
-    for (index, (curve, ink)) in fluorophores.iter().zip(inks).enumerate() {
-        panel = panel.with(Series::dashed(curve.name.clone(), ink, curve.points(), Dash::cycle(index)));
+    for (curve, ink) in fluorophores.iter().zip(inks) {
+        panel = panel.with(Series::dashed(curve.name.clone(), ink, curve.points(), ink.fluorophore_dash()));
     }
     let logarithmic = match scale {
         Scale::Linear => "",
