@@ -379,7 +379,7 @@ WEBFLUOR = {
 FILES = {"nadh": "webfluor_nadh", "fad": "webfluor_fad", "collagen": "webfluor_collagen1", "elastin": "webfluor_elastin",
          "protoporphyrin_ix": "webfluor_protoporphyrin"}
 DACOSTA = ("DaCosta, Andersson, Wilson 2003, Molecular fluorescence excitation-emission matrices relevant to tissue "
-           "spectroscopy, Photochem. Photobiol. 78(4):384, doi 10.1562/0031-8655(2003)078<0384:MFEMRT>2.0.CO;2 (DOI from memory) (WebFluor database)")
+           "spectroscopy, Photochem. Photobiol. 78(4):384, doi 10.1562/0031-8655(2003)078<0384:MFEMRT>2.0.CO;2 (WebFluor database)")
 COMMON = ("The model is a fit by this project to the measured excitation-emission matrix of DaCosta et al. 2003 (WebFluor); no "
           "measured value is contained in this file. The unit of those data is not documented: they are taken as photons per nm "
           "per incident photon [assumption; if they were energy, the emission would have to be multiplied by the wavelength]. ")

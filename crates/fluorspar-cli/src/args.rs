@@ -1,15 +1,15 @@
 //! What can be typed.
 
-use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
-use clap::{Parser, Subcommand, ValueHint};
+use clap::{Parser, Subcommand, ValueEnum, ValueHint};
 use clap_complete::Shell;
 
 use crate::commands::{
     analyze, capture, check, denoise, filter, fluorophore, lens, merge, mouth, predict, presets, render, run,
     safety, schema, sensor, spectroradiometer,
 };
+use crate::values::{self, Override};
 
 /// Predicts what a fluorescence camera records, before the camera is built.
 ///
@@ -19,8 +19,8 @@ use crate::commands::{
 #[command(name = "fluorspar", version, max_term_width = 110)]
 pub(crate) struct Args {
     /// Threads to use; all cores unless said otherwise. The results do not depend on it.
-    #[arg(long, global = true, value_name = "N")]
-    pub(crate) threads: Option<NonZeroUsize>,
+    #[arg(long, global = true, value_name = "N", value_parser = values::threads, allow_negative_numbers = true)]
+    pub(crate) threads: Option<usize>,
     #[command(subcommand)]
     pub(crate) command: Option<Command>,
 }
@@ -85,28 +85,47 @@ pub(crate) struct ExperimentArgs {
     #[command(flatten)]
     pub(crate) seed: Seed,
     /// Paths per pixel: more is less noisy and takes longer.
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = values::whole::<u32>, allow_negative_numbers = true)]
     pub(crate) spp: Option<u32>,
     /// Most surfaces that light visits; 1 is direct light only.
-    #[arg(long, value_name = "D")]
+    #[arg(long, value_name = "D", value_parser = values::whole::<u32>, allow_negative_numbers = true)]
     pub(crate) depth: Option<u32>,
     /// Relative error at which a part of the picture gets no more paths; --spp is the most that it gets.
-    #[arg(long, value_name = "E")]
+    #[arg(long, value_name = "E", value_parser = values::number, allow_negative_numbers = true)]
     pub(crate) error: Option<f64>,
-    /// Keep half-buffers and variance in component images: none, light_groups or components.
-    #[arg(long, value_name = "WHAT")]
-    pub(crate) statistics: Option<String>,
+    /// Keep half-buffers and variance in component images.
+    #[arg(long, value_enum, value_name = "WHAT")]
+    pub(crate) statistics: Option<Statistics>,
+}
+
+/// What half-buffers and variance are kept for.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+#[value(rename_all = "snake_case")]
+pub(crate) enum Statistics {
+    /// Nothing.
+    None,
+    /// Every light group.
+    LightGroups,
+    /// Every component.
+    Components,
 }
 
 impl ExperimentArgs {
-    /// All changes in the form of `--set`.
-    pub(crate) fn overrides(&self) -> Vec<String> {
-        let mut list = self.changes.set.clone();
-        list.extend(self.spp.map(|n| format!("render.samples_per_pixel={n}")));
+    /// All changes; what has an option of its own wins over `--set`.
+    pub(crate) fn overrides(&self) -> Vec<Override> {
+        let whole = |path, value: Option<u32>, option: &str| {
+            value.map(|n| Override::of_option(path, n, format!("{option} {n}")))
+        };
+        let statistics = self.statistics.as_ref().and_then(ValueEnum::to_possible_value);
+        let mut list = self.changes.overrides();
+        list.extend(whole("render.samples_per_pixel", self.spp, "--spp"));
         list.extend(self.seed.overrides());
-        list.extend(self.depth.map(|n| format!("render.max_depth={n}")));
-        list.extend(self.error.map(|e| format!("render.relative_error={e}")));
-        list.extend(self.statistics.as_ref().map(|s| format!("render.statistics={s}")));
+        list.extend(whole("render.max_depth", self.depth, "--depth"));
+        list.extend(self.error.map(|value| Override::number("render.relative_error", value, "--error")));
+        list.extend(statistics.map(|value| {
+            let name = value.get_name();
+            Override::of_option("render.statistics", name, format!("--statistics {name}"))
+        }));
         list
     }
 }
@@ -119,18 +138,24 @@ pub(crate) struct Changes {
     pub(crate) set: Vec<String>,
 }
 
+impl Changes {
+    pub(crate) fn overrides(&self) -> Vec<Override> {
+        self.set.iter().map(|text| Override::set(text)).collect()
+    }
+}
+
 /// Seed of the random numbers.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub(crate) struct Seed {
     /// Seed of all random numbers.
-    #[arg(long, value_name = "S")]
+    #[arg(long, value_name = "S", value_parser = values::whole::<u64>, allow_negative_numbers = true)]
     pub(crate) seed: Option<u64>,
 }
 
 impl Seed {
-    /// The seed in the form of `--set`.
-    pub(crate) fn overrides(&self) -> Option<String> {
-        self.seed.map(|n| format!("render.seed={n}"))
+    /// The seed as a change.
+    pub(crate) fn overrides(&self) -> Option<Override> {
+        self.seed.map(|n| Override::of_option("render.seed", n, format!("--seed {n}")))
     }
 }
 

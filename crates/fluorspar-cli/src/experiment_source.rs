@@ -10,6 +10,7 @@ use fluorspar::preset::{self, ExperimentPreset, PresetError, PresetKind};
 use fluorspar_report::extract_experiment;
 
 use crate::error::CliError;
+use crate::values::{Override, as_typed, sets};
 
 /// Largest experiment file or report that is read.
 const LARGEST_BYTES: u64 = 256 << 20;
@@ -90,15 +91,20 @@ impl ExperimentSource {
     }
 
     /// Reads and resolves the experiment with its changes, and prints its warnings.
-    pub(crate) fn resolve(&self, overrides: &[String], quiet: bool) -> Result<ResolvedExperiment, CliError> {
+    pub(crate) fn resolve(
+        &self,
+        overrides: &[Override],
+        quiet: bool,
+    ) -> Result<ResolvedExperiment, CliError> {
         if is_sample(&self.text) {
             return Err(CliError::Input(format!(
                 "{}: this is a flat sample without a scene; `fluorspar predict` takes it",
                 self.name
             )));
         }
-        let experiment = parse(&self.text, &self.name, &self.base_dir, overrides)?;
-        let resolved = resolve(&experiment)?;
+        let resolved = parse(&self.text, &self.name, &self.base_dir, &sets(overrides))
+            .and_then(|experiment| resolve(&experiment))
+            .map_err(|error| as_typed(error, overrides))?;
         warn(&resolved.warnings, quiet);
         Ok(resolved)
     }
@@ -106,7 +112,7 @@ impl ExperimentSource {
     /// Reads and resolves the flat sample with its changes, and prints its warnings.
     pub(crate) fn resolve_sample(
         &self,
-        overrides: &[String],
+        overrides: &[Override],
         quiet: bool,
     ) -> Result<ResolvedSample, CliError> {
         let of_experiments = ["object", "mouth", "material", "capture", "camera", "render"];
@@ -126,7 +132,8 @@ impl ExperimentSource {
                 self.name
             )));
         }
-        let sample = parse_sample(&self.text, &self.name, &self.base_dir, overrides)?;
+        let sample = parse_sample(&self.text, &self.name, &self.base_dir, &sets(overrides))
+            .map_err(|error| as_typed(error, overrides))?;
         warn(&sample.warnings, quiet);
         Ok(sample)
     }

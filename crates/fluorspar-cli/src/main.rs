@@ -4,7 +4,9 @@ mod args;
 mod commands;
 mod error;
 mod experiment_source;
+mod interrupt;
 mod progress;
+mod values;
 
 use std::io::ErrorKind;
 use std::process::ExitCode;
@@ -37,17 +39,12 @@ fn main() -> ExitCode {
     }
 }
 
-/// More only cost memory: no machine has as many cores.
-const MOST_THREADS: usize = 1024;
-
 fn run(args: Args) -> Result<ExitCode, CliError> {
     if let Some(threads) = args.threads {
-        if threads.get() > MOST_THREADS {
-            return Err(CliError::Input(format!("--threads {threads}: must be 1 to {MOST_THREADS}")));
-        }
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.get()).build_global();
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build_global();
         pool.map_err(|error| CliError::Failed(format!("can't start {threads} threads: {error}")))?;
     }
+    interrupt::catch_interrupts();
     match args.command.unwrap_or_default() {
         Command::Run(options) => commands::run::run(&options),
         Command::Render(options) => commands::render::run(&options),

@@ -1,9 +1,9 @@
-//! Progress on standard error, Ctrl-C, films that survive it.
+//! Progress on standard error, films that survive an interruption.
 
 use std::io::IsTerminal;
-use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Mutex, Once};
+use std::path::Path;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 use fluorspar::format::{FormatError, Provenance, write_film, write_rgb_png};
@@ -15,48 +15,7 @@ use fluorspar::spectral::Radiance;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use crate::error::CliError;
-
-/// Rendering shall end: Ctrl-C, or the time limit.
-static STOP: AtomicBool = AtomicBool::new(false);
-/// The user pressed Ctrl-C.
-static INTERRUPTED: AtomicBool = AtomicBool::new(false);
-static HANDLER: Once = Once::new();
-/// A folder that is not finished: removed when the user stops for good.
-static UNFINISHED: Mutex<Option<PathBuf>> = Mutex::new(None);
-
-/// The first Ctrl-C ends the render with the best picture so far, the second ends the program.
-pub(crate) fn catch_interrupts() {
-    HANDLER.call_once(|| {
-        let handler = || {
-            STOP.store(true, Ordering::SeqCst);
-            if INTERRUPTED.swap(true, Ordering::SeqCst) {
-                if let Ok(folder) = UNFINISHED.lock()
-                    && let Some(path) = folder.as_deref()
-                {
-                    // Nothing more can be done about a folder that won't go away.
-                    let _ = std::fs::remove_dir_all(path);
-                }
-                std::process::exit(1);
-            }
-            eprintln!("\nstopping: the picture so far will be saved. Press Ctrl-C again to quit at once");
-        };
-        if let Err(error) = ctrlc::set_handler(handler) {
-            eprintln!("warning: Ctrl-C will end the program at once: {error}");
-        }
-    });
-}
-
-/// Whether the user asked to stop; a time limit that ran out does not count.
-pub(crate) fn interrupted() -> bool {
-    INTERRUPTED.load(Ordering::SeqCst)
-}
-
-/// Names the folder that is removed when the user quits at once.
-pub(crate) fn set_unfinished(folder: Option<&Path>) {
-    if let Ok(mut unfinished) = UNFINISHED.lock() {
-        *unfinished = folder.map(Path::to_path_buf);
-    }
-}
+use crate::interrupt::{STOP, save_when_interrupted};
 
 /// What is written while a film is being filled.
 #[derive(Debug, Default)]
@@ -93,6 +52,49 @@ impl Due {
     }
 }
 
+/// Foretells the time that is left from the speed of late.
+///
+/// What was there before, as the samples of a film that is resumed, and what came before the first sample, as building the
+/// scene, tell nothing about the speed and do not count. What comes after the render is not foretold.
+#[derive(Debug, Default)]
+struct Pace {
+    last: Option<(f64, f64)>,
+    /// Seconds and shares of the work, those of long ago with less weight.
+    seconds: f64,
+    done: f64,
+    /// Share of the work that was done since the first report.
+    since: f64,
+}
+
+impl Pace {
+    /// Share of the work from which on a speed is known, and seconds.
+    const LEAST: (f64, f64) = (0.02, 0.5);
+
+    /// Seconds that are left when, after some seconds, a share of the work is done; nothing where it is too early to tell,
+    /// and at the end.
+    fn left(&mut self, elapsed: f64, share: f64) -> Option<f64> {
+        let (before, held) = *self.last.get_or_insert((elapsed, share));
+        // Threads may report out of order.
+        let (step, more) = ((elapsed - before).max(0.0), (share - held).max(0.0));
+        let keep = (-step / (elapsed / 4.0).max(30.0)).exp();
+        (self.seconds, self.done) = (keep * self.seconds + step, keep * self.done + more);
+        self.since += more;
+        self.last = Some((elapsed.max(before), share.max(held)));
+        let known = self.since >= Self::LEAST.0 && self.seconds >= Self::LEAST.1;
+        (known && share < 1.0).then(|| (1.0 - share) * self.seconds / self.done)
+    }
+}
+
+/// Seconds as people say them.
+fn duration(seconds: f64) -> String {
+    let whole = seconds.round().max(0.0) as u64;
+    match whole {
+        0..120 => format!("{whole} s"),
+        120..7200 => format!("{} min", (whole + 30) / 60),
+        _ => format!("{} h {} min", whole / 3600, whole % 3600 / 60),
+    }
+}
+
 /// Renders with a progress bar (or lines, where standard error is no terminal), Ctrl-C and a time limit.
 pub(crate) fn render_with_progress(
     scene: &Scene,
@@ -117,7 +119,7 @@ pub(crate) fn fill_with_progress(
     quiet: bool,
     keep: &Keep<'_>,
 ) -> Result<bool, CliError> {
-    catch_interrupts();
+    save_when_interrupted();
     let started = Instant::now();
     let lines = !std::io::stderr().is_terminal();
     let bar = ProgressBar::new(1000);
@@ -125,23 +127,29 @@ pub(crate) fn fill_with_progress(
         bar.set_draw_target(ProgressDrawTarget::hidden());
     }
     if let Ok(style) =
-        ProgressStyle::with_template("{msg} [{bar:32}] {percent:>3} %  {elapsed} gone, {eta} left")
+        ProgressStyle::with_template("Rendering [{bar:32}] {percent:>3} %  {elapsed} gone{msg}")
     {
         bar.set_style(style.progress_chars("=> "));
     }
-    bar.set_message("Rendering");
     bar.enable_steady_tick(Duration::from_millis(200));
     let tenths = AtomicU64::new(0);
+    let pace = Mutex::new(Pace::default());
     let samples = renderer.samples_of(share).len() as u64;
     let progress = |p: RenderProgress| {
         let share = p.paths_done as f64 / p.paths_total.max(1) as f64;
         bar.set_position((1000.0 * share) as u64);
         let elapsed = started.elapsed().as_secs_f64();
-        if lines && !quiet {
+        let left = || {
+            let left = pace.lock().ok().and_then(|mut pace| pace.left(elapsed, share));
+            left.map_or_else(String::new, |left| format!(", about {} of rendering left", duration(left)))
+        };
+        if !lines {
+            bar.set_message(left());
+        } else if !quiet {
+            let left = left();
             let tenth = (10.0 * share) as u64;
             if tenths.fetch_max(tenth, Ordering::Relaxed) < tenth {
-                let left = elapsed * (1.0 - share) / share;
-                eprintln!("Rendering {:>3} %, {elapsed:.0} s gone, {left:.0} s left", tenth * 10);
+                eprintln!("Rendering {:>3} %, {} gone{left}", tenth * 10, duration(elapsed));
             }
         }
         // Pixels without any sample would be black, and numbers made from them wrong.
@@ -214,4 +222,49 @@ fn enlarged(coarse: &SpectralImage<Radiance>, film: &Film) -> SpectralImage<Radi
         }
     }
     image
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_steady_render_ends_when_it_was_said_to_whatever_came_before() {
+        // Half of a film is there already, and the first sample takes seven seconds.
+        let mut pace = Pace::default();
+        assert_eq!(pace.left(7.0, 0.5), None);
+        for step in 1..100 {
+            let (elapsed, share) = (7.0 + f64::from(step), 0.5 + 0.005 * f64::from(step));
+            match pace.left(elapsed, share) {
+                Some(left) => assert!((left - (107.0 - elapsed)).abs() < 1e-6, "{elapsed} {left}"),
+                None => assert!(step < 4),
+            }
+        }
+        assert_eq!(pace.left(107.0, 1.0), None);
+    }
+
+    #[test]
+    fn the_time_left_follows_the_speed_without_jumps() {
+        let mut pace = Pace::default();
+        let (mut share, mut last) = (0.0, None);
+        for second in 0..400 {
+            // Half as fast from the hundredth second on.
+            share += if second < 100 { 0.002 } else { 0.001 };
+            let left = pace.left(f64::from(second), share);
+            if let (Some(left), Some(last)) = (left, last) {
+                let expected: f64 = last - 1.0;
+                assert!((left - expected).abs() < 0.05 * expected.max(100.0), "{second}: {last} to {left}");
+            }
+            last = left.or(last);
+        }
+        // After five minutes of it the new speed is known to 5 %.
+        let left = last.unwrap();
+        assert!((left / ((1.0 - share) / 0.001) - 1.0).abs() < 0.05, "{left}");
+    }
+
+    #[test]
+    fn durations_are_said_in_one_unit_or_two() {
+        let said = [0.4, 59.6, 119.0, 150.0, 7199.0, 7260.0].map(duration);
+        assert_eq!(said, ["0 s", "60 s", "119 s", "3 min", "120 min", "2 h 1 min"]);
+    }
 }

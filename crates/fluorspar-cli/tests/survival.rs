@@ -71,6 +71,112 @@ fn a_killed_render_goes_on_to_the_same_bytes() {
     assert!(start(folder, &film).wait().unwrap().success());
     assert!(start(folder, &["--out", "whole.exr"]).wait().unwrap().success());
     assert!(bytes(folder, "killed.exr") == bytes(folder, "whole.exr"));
+    // Not even of the processes that could not clean up.
+    assert_eq!(hidden(folder), Vec::<String>::new());
+}
+
+/// Hidden files and folders.
+fn hidden(folder: &Path) -> Vec<String> {
+    let names = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap());
+    names.filter(|name| name.starts_with('.')).collect()
+}
+
+fn send(signal: &str, child: &Child) {
+    let sent = Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap();
+    assert!(sent.success());
+}
+
+#[test]
+fn requests_to_end_save_a_render_and_leave_nothing_unfinished() {
+    for signal in ["-TERM", "-HUP"] {
+        let folder = tempfile::tempdir().unwrap();
+        let folder = folder.path();
+        let mut child = start(folder, &["--film", "t.film", "--checkpoint-s", "0.1", "--out", "t.exr"]);
+        wait_for(&folder.join("t.film"));
+        send(signal, &child);
+        assert_eq!(child.wait().unwrap().code(), Some(1), "{signal}");
+        // The picture so far is there, and nothing else.
+        assert!(!bytes(folder, "t.exr").is_empty(), "{signal}");
+        assert_eq!(hidden(folder), Vec::<String>::new(), "{signal}");
+    }
+}
+
+/// Takes some seconds, and has its folder from the beginning.
+const SLOW: [&str; 9] =
+    ["sensor", "characterize", "pi_camera_3", "--out", "c", "-q", "--levels=200", "--region", "800"];
+
+fn characterize(folder: &Path, rows: &str) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_fluorspar"));
+    command.args(SLOW).arg(rows).current_dir(folder).stdout(Stdio::null()).stderr(Stdio::null());
+    command
+}
+
+fn wait_until_begun(folder: &Path) {
+    let begun = Instant::now();
+    while hidden(folder).is_empty() {
+        assert!(begun.elapsed() < Duration::from_secs(60), "no folder ever came");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+#[test]
+fn requests_to_end_remove_the_folder_in_work() {
+    for signal in ["-TERM", "-HUP", "-INT"] {
+        let folder = tempfile::tempdir().unwrap();
+        let mut child = characterize(folder.path(), "600").spawn().unwrap();
+        wait_until_begun(folder.path());
+        send(signal, &child);
+        assert_eq!(child.wait().unwrap().code(), Some(1), "{signal}");
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0, "{signal}");
+    }
+}
+
+#[test]
+fn a_folder_that_a_killed_process_left_goes_with_the_next_and_that_of_a_living_one_stays() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let mut killed = characterize(folder, "600").spawn().unwrap();
+    wait_until_begun(folder);
+    killed.kill().unwrap();
+    killed.wait().unwrap();
+    let left = hidden(folder);
+    assert_eq!(left.len(), 1);
+    // Another one in work, and a folder of the user's with a name that is nearly ours.
+    let mut living = characterize(folder, "600").spawn().unwrap();
+    let begun = Instant::now();
+    while hidden(folder) == left || hidden(folder).is_empty() {
+        assert!(begun.elapsed() < Duration::from_secs(60), "the folder that was left stays");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    let in_work = hidden(folder);
+    assert!(in_work.len() == 1 && in_work != left, "{in_work:?}");
+    fs::create_dir(folder.join(".c.partial-notes")).unwrap();
+    // A third, for the same place.
+    let third = characterize(folder, "16").status().unwrap();
+    assert!(third.code().is_some());
+    let running = living.try_wait().unwrap().is_none();
+    assert!(!running || hidden(folder).contains(&in_work[0]), "{:?}", hidden(folder));
+    assert!(folder.join(".c.partial-notes").is_dir());
+    living.kill().unwrap();
+    living.wait().unwrap();
+}
+
+#[test]
+fn what_was_started_with_nohup_goes_on_when_the_terminal_closes() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut child = Command::new("sh")
+        .args(["-c", "trap '' HUP; exec \"$0\" \"$@\"", env!("CARGO_BIN_EXE_fluorspar")])
+        .args(SLOW)
+        .arg("100")
+        .current_dir(folder.path())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    wait_until_begun(folder.path());
+    send("-HUP", &child);
+    assert_eq!(child.wait().unwrap().code(), Some(0));
+    assert!(folder.path().join("c/results.json").is_file());
 }
 
 #[test]
@@ -81,8 +187,7 @@ fn an_interrupted_render_ends_with_1_even_under_a_time_limit_and_goes_on_to_the_
     let film = ["--film", "f.film", "--resume", "--checkpoint-s", "0.1", "--out", "i.exr", limit];
     let mut child = start(folder, &film);
     wait_for(&folder.join("f.film"));
-    let sent = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
-    assert!(sent.success());
+    send("-INT", &child);
     assert_eq!(child.wait().unwrap().code(), Some(1));
     // The picture so far is there.
     assert!(!bytes(folder, "i.exr").is_empty());
@@ -262,8 +367,14 @@ fn what_fits_in_one_go_need_not_fit_in_bands() {
     // A film of 19 x 19 tiles takes 1.4 MiB; the maps that bands need beside theirs take 2.7 MiB.
     render(&["--set=render.memory_limit_gib=0.0015"]).well();
     let said = render(&["--set=render.memory_limit_gib=0.0013"]);
-    assert!(said.code == Some(2) && said.stderr.contains("need 0.0014 GiB"), "{}", said.stderr);
-    assert!(!said.stderr.contains("even in bands"), "{}", said.stderr);
+    assert!(
+        said.code == Some(2)
+            && said.stderr.contains("need 1.42 MiB")
+            && said.stderr.contains("limit of 1.34 MiB"),
+        "{}",
+        said.stderr
+    );
+    assert!(!said.stderr.contains("in bands"), "{}", said.stderr);
     // A folder asks for bands.
     fs::create_dir(folder.join("f.film")).unwrap();
     let film = ["--film", "f.film", "--resume", "--components", "--out", "f.exr"];
@@ -374,8 +485,11 @@ fn pictures_larger_than_the_limit_come_in_bands_to_the_same_bits() {
         (vec![limit, "--out", "a.npy"], "write an .exr file"),
         (vec![limit, "--set=render.time_limit_s=9"], "would lack rows"),
         (vec![limit, "--film", "whole.exr", "--resume"], "folder of films"),
-        (vec![limit, "--film", "s.film", "--shard", "1/2"], "without --shard"),
-        (vec!["--set=render.memory_limit_gib=0.001"], "even in bands of 16 rows"),
+        (vec![limit, "--film", "s.film", "--shard", "1/2"], "leave --shard out"),
+        (
+            vec!["--set=render.memory_limit_gib=0.001"],
+            "in bands of 16 rows, as `fluorspar render` would take them",
+        ),
     ] {
         let said = render(&more);
         assert!(said.code == Some(2) && said.stderr.contains(message), "{more:?}: {}", said.stderr);

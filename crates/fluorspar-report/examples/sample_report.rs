@@ -223,7 +223,7 @@ fn report(
                 analysis,
                 vec![ReportItem::Figure { figure: chromaticity_figure(analysis, map), caption: String::new() }],
             )
-                .show(histograms("blue", &channel_values(image), image.full_scale_dn), ""),
+                .show(histograms("blue", &channel_values(image), image.full_scale_dn, None), ""),
             radiance_section(),
             parts_section(),
             glossary_section(),
@@ -327,7 +327,7 @@ fn parts_section() -> Section {
                 &glow_curves(),
                 "the blue LED",
                 "each at its own assumed amount",
-                "W/(sr m² nm)",
+                ["spectral radiance", "W/(sr m² nm)"],
                 Some([450.0, 700.0]),
             ),
             "",

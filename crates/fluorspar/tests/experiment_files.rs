@@ -405,12 +405,9 @@ fn one_warning_names_all_spectra_that_the_grid_exceeds() {
         exceeded[0].contains("347.5 to 902.5 nm") && exceeded[0].contains("tongue_dorsum"),
         "{exceeded:?}"
     );
-    assert_eq!(
-        warnings_with(&warnings, "emission of").len() + warnings_with(&warnings, "fluorophores emit").len(),
-        1
-    );
-    let emission = warnings_with(&warnings, "fluorophores emit")[0];
-    assert!(emission.contains("of collagen (known from 290 to 750 nm)"), "{emission}");
+    assert_eq!(warnings_with(&warnings, "some fluorescence is extrapolated").len(), 1);
+    let emission = warnings_with(&warnings, "some fluorescence is extrapolated")[0];
+    assert!(emission.contains("of collagen (measured from 290 to 750 nm)"), "{emission}");
 }
 
 #[test]
@@ -423,10 +420,10 @@ fn light_beyond_either_end_of_the_excitation_data_is_warned_about() {
     };
     let warnings = |led: &str| parse_sample(&text(led), "s", Path::new("."), &[]).unwrap().warnings;
     let above = warnings("led_450");
-    let above = warnings_with(&above, "excitation of fluorophores");
-    assert!(above.len() == 1 && above[0].contains("for nadh (known from 250 to 430 nm)"), "{above:?}");
+    let above = warnings_with(&above, "excites is extrapolated");
+    assert!(above.len() == 1 && above[0].contains("% beyond 250 to 430 nm (nadh)"), "{above:?}");
     assert!(!above[0].contains("fad"), "{above:?}");
-    assert_eq!(warnings_with(&warnings("led_385"), "excitation of").len(), 0);
+    assert_eq!(warnings_with(&warnings("led_385"), "excites is").len(), 0);
     let below = text("led_385").replace("nadh = 1.0, fad", "protoporphyrin_ix");
     let below = below.replace(
         "\"led_385\"",
@@ -434,10 +431,21 @@ fn light_beyond_either_end_of_the_excitation_data_is_warned_about() {
     );
     let overrides = ["spectral.first_nm=250".to_string()];
     let below = parse_sample(&below, "s", Path::new("."), &overrides).unwrap().warnings;
+    assert!(warnings_with(&below, "% beyond 330 to 640 nm (protoporphyrin_ix)").len() == 1, "{below:?}");
+}
+
+#[test]
+fn a_warning_of_many_lights_and_fluorophores_can_be_read() {
+    let warnings = resolved("base = \"oraleye-2021\"\n", &[]).warnings;
+    let excitation = warnings_with(&warnings, "excites is extrapolated");
+    // One sentence per light, without the numbers of its emitters; fluorophores of one measurement together.
+    assert_eq!(excitation.len(), 1, "{warnings:#?}");
+    let text = excitation[0];
     assert!(
-        warnings_with(&below, "for protoporphyrin_ix (known from 330 to 640 nm)").len() == 1,
-        "{below:?}"
+        text.contains("of the light \"white\" 65 % beyond 250 to 520 nm (collagen, elastin), "),
+        "{text}"
     );
+    assert!(text.matches("of the light").count() == 1 && !text.contains("[0]"), "{text}");
 }
 
 #[test]

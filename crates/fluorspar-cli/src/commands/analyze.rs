@@ -53,7 +53,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let default = beside("experiment.toml").map(|path| path.display().to_string());
     let name = options.experiment.clone().or(default).unwrap_or_default();
     let source = ExperimentSource::find(Some(&name))?;
-    let experiment = source.resolve(&options.changes.set, true)?;
+    let experiment = source.resolve(&options.changes.overrides(), true)?;
     let Some(settings) = &experiment.analysis else {
         return Err(CliError::Input(format!(
             "{name}: the experiment asks for no analysis; add an [analysis] section"

@@ -18,6 +18,7 @@ use super::out_folder;
 use crate::args::{Changes, Seed, Talk};
 use crate::error::CliError;
 use crate::experiment_source::ExperimentSource;
+use crate::values::{Override, as_typed, sets};
 
 /// Options of `capture`.
 #[derive(Clone, Debug, clap::Args)]
@@ -107,8 +108,8 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
             Some(resolve(&parsed)?)
         }
     };
-    let overrides: Vec<String> =
-        options.changes.set.iter().cloned().chain(options.seed.overrides()).collect();
+    let overrides: Vec<Override> =
+        options.changes.overrides().into_iter().chain(options.seed.overrides()).collect();
     let mut inputs = vec![options.image.clone()];
     let (text, experiment) = match (&options.experiment, loaded.provenance) {
         (Some(name), _) => {
@@ -120,8 +121,9 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         (None, Some(provenance)) => {
             let text = provenance.resolved_experiment_toml;
             let name = format!("experiment in {image}");
-            let parsed = parse(&text, &name, std::path::Path::new("."), &overrides)?;
-            let experiment = resolve(&parsed)?;
+            let experiment = parse(&text, &name, std::path::Path::new("."), &sets(&overrides))
+                .and_then(|parsed| resolve(&parsed))
+                .map_err(|error| as_typed(error, &overrides))?;
             (text, experiment)
         }
         (None, None) => {

@@ -7,7 +7,7 @@ use fluorspar::experiment::is_sample;
 use fluorspar::scene::{Scene, Shape};
 use serde_json::json;
 
-use crate::args::Changes;
+use crate::args::{Changes, Talk};
 use crate::error::CliError;
 use crate::experiment_source::ExperimentSource;
 
@@ -19,17 +19,20 @@ pub(crate) struct Options {
     file: Option<String>,
     #[command(flatten)]
     changes: Changes,
-    /// Print what was found as JSON.
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    talk: Talk,
 }
 
 pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let source = ExperimentSource::find_either(options.file.as_deref())?;
+    let (json, silent) = (options.talk.json, options.talk.quiet && !options.talk.json);
+    // As JSON the warnings are part of the answer.
+    let quiet = options.talk.quiet || json;
+    let overrides = options.changes.overrides();
     let shown = options.file.as_ref().unwrap_or(&source.name);
     if is_sample(&source.text) {
-        let sample = source.resolve_sample(&options.changes.set, options.json)?;
-        if options.json {
+        let sample = source.resolve_sample(&overrides, quiet)?;
+        if json {
             super::print_json(&json!({
                 "file": shown,
                 "kind": "sample",
@@ -39,7 +42,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
                 "fluorophores": sample.fluorophores.iter().map(|(f, _)| &f.name).collect::<Vec<_>>(),
                 "warnings": sample.warnings,
             }))?;
-        } else {
+        } else if !silent {
             super::print_text(&format!(
                 "{}: valid. A flat sample with {} fluorophores, {} bands",
                 shown,
@@ -49,10 +52,10 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         }
         return Ok(ExitCode::SUCCESS);
     }
-    let experiment = source.resolve(&options.changes.set, options.json)?;
+    let experiment = source.resolve(&overrides, quiet)?;
     let scene = &experiment.scene;
     let needed = fluorspar::render::memory_bytes(scene, &experiment.render);
-    if options.json {
+    if json {
         super::print_json(&json!({
             "file": shown,
             "kind": "experiment",
@@ -67,9 +70,9 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
             "memory_bytes": fluorspar::render::memory_bytes(scene, &experiment.render),
             "warnings": experiment.warnings,
         }))?;
-    } else {
+    } else if !silent {
         super::print_text(&format!(
-            "{}: valid. {} objects{}, {} lights in {} groups, {} fluorophores, {} captures; images need {:.0} MiB{}",
+            "{}: valid. {} objects{}, {} lights in {} groups, {} fluorophores, {} captures; images need {}{}",
             shown,
             scene.objects.len(),
             match instances(scene) {
@@ -80,9 +83,9 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
             scene.light_groups.len(),
             scene.fluorophores.len(),
             experiment.captures.len(),
-            needed as f64 / f64::from(1 << 20),
+            fluorspar::units::memory_text(needed),
             if needed > experiment.render.memory_limit_bytes {
-                ", more than the limit: only `fluorspar render` takes them, in bands of rows"
+                ", more than the limit of render.memory_limit_gib: only `fluorspar render` takes them, in bands of rows"
             } else {
                 ""
             }

@@ -5,11 +5,12 @@ use std::process::ExitCode;
 
 use clap::ValueHint;
 use fluorspar::format::read_component_exr;
-use fluorspar::pipeline::{DenoiseSettings, denoise};
+use fluorspar::pipeline::{DenoiseError, DenoiseSettings, denoise};
 
 use super::image_output::{ImageOutput, Storage};
 use crate::args::Talk;
 use crate::error::CliError;
+use crate::values;
 
 /// Options of `denoise`.
 #[derive(Clone, Debug, clap::Args)]
@@ -18,10 +19,11 @@ pub(crate) struct Options {
     #[arg(value_name = "COMPONENTS.exr", value_hint = ValueHint::FilePath)]
     image: PathBuf,
     /// Pixels that may enter on each side.
-    #[arg(long, value_name = "N", default_value_t = 2)]
+    #[arg(long, value_name = "N", default_value_t = 2, value_parser = values::whole::<usize>,
+        allow_negative_numbers = true)]
     radius: usize,
     /// Differences count from this many standard deviations of the noise on: more is smoother.
-    #[arg(long, value_name = "K", default_value_t = 0.45)]
+    #[arg(long, value_name = "K", default_value_t = 0.45, value_parser = values::number, allow_negative_numbers = true)]
     strength: f64,
     /// Component image to write: .exr or .npy. It says that it is denoised.
     #[arg(long, value_name = "FILE", default_value = "denoised.exr", value_hint = ValueHint::FilePath)]
@@ -59,8 +61,12 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     };
     let settings =
         DenoiseSettings { radius: options.radius, strength: options.strength, ..DenoiseSettings::default() };
-    let image = denoise(&loaded.image, &settings)
-        .map_err(|error| CliError::Input(format!("{}: {error}", options.image.display())))?;
+    let image = denoise(&loaded.image, &settings).map_err(|error| match error {
+        DenoiseError::Setting { name, value, low, high } => {
+            CliError::Input(format!("--{name} {}: must be between {low} and {high}", values::as_text(value)))
+        }
+        error => CliError::Input(format!("{}: {error}", options.image.display())),
+    })?;
     output.write(&image, &provenance)?;
     if options.talk.json {
         let mut answer = output.describe(&image);

@@ -12,7 +12,7 @@ use fluorspar::pipeline::radiance_preview;
 use fluorspar::spectral::Radiance;
 use serde_json::{Value, json};
 
-use super::check_parent;
+use super::check_file;
 use crate::error::CliError;
 
 /// Where an image goes and in which form.
@@ -60,9 +60,9 @@ impl ImageOutput {
         if self.storage != Storage::Full && has_extension(&self.out, "npy") {
             return Err(CliError::Input("--storage is for .exr files; .npy keeps 32 bits".into()));
         }
-        check_parent(&self.out)?;
+        check_file(&self.out)?;
         if let Some(path) = &self.preview {
-            check_parent(path)?;
+            check_file(path)?;
             if !has_extension(path, "png") {
                 return Err(CliError::Input(format!(
                     "--preview {}: the name must end in .png",

@@ -7,7 +7,7 @@ use clap::ValueHint;
 use fluorspar::format::{Provenance, read_film, write_film};
 use fluorspar::image::Film;
 
-use super::check_parent;
+use super::check_file;
 use super::image_output::ImageOutput;
 use super::row_bands;
 use crate::args::Talk;
@@ -34,7 +34,7 @@ pub(crate) struct Options {
 pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     options.output.check()?;
     if let Some(path) = &options.film {
-        check_parent(path)?;
+        check_file(path)?;
     }
     let mut merged: Option<(Film, Option<Provenance>)> = None;
     let films = row_bands::films_of(&options.films)?;

@@ -26,6 +26,9 @@ pub(crate) mod table;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
+use fluorspar::experiment::ResolvedExperiment;
+use fluorspar::render::memory_bytes;
+use fluorspar::units::{memory_gib, memory_texts};
 use fluorspar_report::Figure;
 use serde::Serialize;
 
@@ -75,6 +78,22 @@ impl FigureFormat {
     }
 }
 
+/// Refuses images that don't fit into the memory limit. `instead` is what could be done with them.
+pub(crate) fn check_memory(experiment: &ResolvedExperiment, instead: &str) -> Result<(), CliError> {
+    let (scene, settings) = (&experiment.scene, &experiment.render);
+    let (needed, limit) = (memory_bytes(scene, settings), settings.memory_limit_bytes);
+    if needed <= limit {
+        return Ok(());
+    }
+    let [needed_text, limit] = memory_texts(needed, limit);
+    let (width, height, bands) = (scene.camera.width, scene.camera.height, scene.grid.len());
+    Err(CliError::Input(format!(
+        "the images of {width} x {height} pixels and {bands} bands need {needed_text}, more than the limit of {limit}; render \
+         fewer pixels, bands, light groups or fluorophores, raise render.memory_limit_gib to {} or more, {instead}",
+        memory_gib(needed)
+    )))
+}
+
 /// The same file name with a suffix before its ending.
 pub(crate) fn beside(path: &Path, suffix: &str) -> PathBuf {
     let part =
@@ -92,4 +111,13 @@ pub(crate) fn check_parent(path: &Path) -> Result<(), CliError> {
         ))),
         _ => Ok(()),
     }
+}
+
+/// The same for what can't be a folder itself.
+pub(crate) fn check_file(path: &Path) -> Result<(), CliError> {
+    if path.is_dir() {
+        let message = format!("{}: this is a folder; give the name of a file in it", path.display());
+        return Err(CliError::Input(message));
+    }
+    check_parent(path)
 }

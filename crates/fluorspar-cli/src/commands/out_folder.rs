@@ -4,7 +4,7 @@
 //! replaced, only while everything in it is in that list and unchanged, and only the files of the list are deleted.
 
 use std::collections::BTreeMap;
-use std::fs;
+use std::fs::{self, File};
 use std::io::{self, Write};
 use std::path::{Component, Path, PathBuf};
 
@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use crate::error::CliError;
-use crate::progress::set_unfinished;
+use crate::interrupt::set_unfinished;
 
 /// File that lists what this program wrote into a folder.
 const LIST: &str = "fluorspar-folder.json";
@@ -47,6 +47,10 @@ pub(crate) struct OutFolder {
     /// The same, absolute, without links and `..`.
     target: PathBuf,
     partial: PathBuf,
+    /// Held locked while this process lives, where folders can be locked: what no one holds is left over.
+    lock: Option<File>,
+    /// Folders around it that were made for it, the innermost first.
+    around: Vec<PathBuf>,
     done: bool,
 }
 
@@ -82,15 +86,28 @@ impl OutFolder {
         let (Some(parent), Some(name)) = (target.parent(), target.file_name()) else {
             return refuse("this is no folder for results".into());
         };
-        let partial = beside(parent, &name.to_string_lossy(), "partial");
-        fs::create_dir_all(&partial).map_err(|error| {
-            CliError::Input(format!(
-                "{}: can't make this folder: {error}. Choose another with --out",
-                shown.display()
-            ))
-        })?;
-        set_unfinished(Some(&partial));
-        Ok(Self { shown: shown.to_path_buf(), target, partial, done: false })
+        let name = name.to_string_lossy();
+        for left in left_over(parent, &name, PARTIAL) {
+            // What can't be removed is in no one's way.
+            let _ = fs::remove_dir_all(left);
+        }
+        let around: Vec<PathBuf> =
+            parent.ancestors().take_while(|folder| !folder.exists()).map(Path::to_path_buf).collect();
+        loop {
+            let partial = beside(parent, &name, PARTIAL);
+            fs::create_dir_all(&partial).map_err(|error| {
+                CliError::Input(format!(
+                    "{}: can't make this folder: {error}. Choose another with --out",
+                    shown.display()
+                ))
+            })?;
+            set_unfinished(Some(&partial), &around);
+            let lock = File::open(&partial).and_then(|folder| folder.lock().map(|()| folder)).ok();
+            // Another process may have taken it for left over before the lock was there.
+            if partial.is_dir() {
+                return Ok(Self { shown: shown.to_path_buf(), target, partial, lock, around, done: false });
+            }
+        }
     }
 
     /// Where to write.
@@ -120,7 +137,7 @@ impl OutFolder {
             )));
         }
         let (parent, name) = self.parent_and_name();
-        let old = beside(&parent, &name, "replaced");
+        let old = beside(&parent, &name, REPLACED);
         fs::rename(&self.target, &old).map_err(failed)?;
         if let Err(error) = fs::rename(&self.partial, &self.target) {
             // The old results belong where they were; if even that fails, the message names the first failure.
@@ -128,6 +145,12 @@ impl OutFolder {
             return Err(failed(error));
         }
         self.put();
+        for left in left_over(&parent, &name, REPLACED) {
+            if left != old {
+                // Results that were replaced by a process that was killed then; they may hold what is not ours.
+                let _ = remove_listed(&left);
+            }
+        }
         if let Err(error) = remove_listed(&old) {
             return Err(CliError::Failed(format!(
                 "{}: the results are here, but the earlier ones can't be removed and are now {}: {error}",
@@ -167,7 +190,8 @@ impl OutFolder {
 
     fn put(&mut self) {
         self.done = true;
-        set_unfinished(None);
+        self.lock = None;
+        set_unfinished(None, &[]);
     }
 }
 
@@ -176,9 +200,37 @@ impl Drop for OutFolder {
         if !self.done {
             // A folder that can't be removed is left; there is no one to tell.
             let _ = fs::remove_dir_all(&self.partial);
-            set_unfinished(None);
+            for folder in &self.around {
+                // Others may have put something there.
+                let _ = fs::remove_dir(folder);
+            }
+            set_unfinished(None, &[]);
         }
     }
+}
+
+/// Folders in work.
+const PARTIAL: &str = "partial";
+/// Folders on their way out.
+const REPLACED: &str = "replaced";
+
+/// Hidden folders of a kind beside a target that no process holds locked: theirs was killed.
+fn left_over(parent: &Path, name: &str, what: &str) -> Vec<PathBuf> {
+    let start = format!(".{name}.{what}-");
+    let of_a_process = |name: &str| {
+        let number = name.strip_prefix(&start);
+        number.is_some_and(|n| !n.is_empty() && n.chars().all(|c| c.is_ascii_digit() || c == '-'))
+    };
+    let unheld = |path: &Path| File::open(path).is_ok_and(|folder| folder.try_lock().is_ok());
+    fs::read_dir(parent)
+        .into_iter()
+        .flatten()
+        .flatten()
+        .filter(|entry| entry.file_name().to_str().is_some_and(of_a_process))
+        .filter(|entry| entry.file_type().is_ok_and(|kind| kind.is_dir()))
+        .map(|entry| entry.path())
+        .filter(|path| unheld(path))
+        .collect()
 }
 
 /// A hidden name in a folder that nothing has yet.

@@ -13,6 +13,7 @@ use super::table::{align, short};
 use crate::args::Talk;
 use crate::error::CliError;
 use crate::experiment_source::ExperimentSource;
+use crate::values::{self, Override, as_text, number};
 
 /// Options of `predict`.
 #[derive(Clone, Debug, clap::Args)]
@@ -27,7 +28,7 @@ pub(crate) struct Options {
     #[arg(long, value_name = "NAME|CSV")]
     light: Option<String>,
     /// Irradiance of the sample behind the light's filters, W/m².
-    #[arg(long, value_name = "W_PER_M2", allow_negative_numbers = true)]
+    #[arg(long, value_name = "W_PER_M2", value_parser = values::number, allow_negative_numbers = true)]
     irradiance: Option<f64>,
     /// Filter on the light, instead of those of the sample: a name of the catalogue, a CSV file or a number from 0 to 1. May
     /// be repeated; `none` is no filter.
@@ -46,7 +47,7 @@ pub(crate) struct Options {
     #[arg(long, value_name = "MS|auto", allow_negative_numbers = true)]
     exposure_ms: Option<String>,
     /// Width of a wavelength band, nm.
-    #[arg(long, value_name = "NM", allow_negative_numbers = true)]
+    #[arg(long, value_name = "NM", value_parser = values::number, allow_negative_numbers = true)]
     step_nm: Option<f64>,
     /// Whose equations to use: ours, ISETCam's sensor, or the normalised matrices of the authors' toolbox as well.
     #[arg(long, value_enum, value_name = "WHOSE")]
@@ -73,10 +74,8 @@ fn name_or_file(text: &str, folder: &Path) -> String {
 
 /// A number as TOML, or else a name or file.
 fn number_or(text: &str, other: impl Fn(&str) -> String) -> String {
-    match text.parse::<f64>() {
-        Ok(value) => toml::Value::Float(value).to_string(),
-        Err(_) => other(text),
-    }
+    // `nan` and `inf` are names that nothing has.
+    number(text).map_or_else(|_| other(text), as_text)
 }
 
 /// A list of filters as TOML.
@@ -86,23 +85,36 @@ pub(crate) fn filter_list(names: &[String], folder: &Path) -> String {
 }
 
 impl Options {
-    /// All changes in the form of `--set`; those that were given in that form come last and win.
-    fn overrides(&self, folder: &Path) -> Result<Vec<String>, CliError> {
+    /// All changes; those that were given as `--set` come last and win.
+    fn overrides(&self, folder: &Path) -> Result<Vec<Override>, CliError> {
         let mut all = Vec::new();
-        all.extend(self.light.as_ref().map(|name| format!("light.spectrum={}", name_or_file(name, folder))));
-        let number = |value: f64| toml::Value::Float(value).to_string();
-        all.extend(self.irradiance.map(|value| format!("light.irradiance_w_per_m2={}", number(value))));
-        if !self.light_filter.is_empty() {
-            all.push(format!("light.filters={}", filter_list(&self.light_filter, folder)));
-        }
+        let named = |path: &str, option: &str, text: &String, value: String| {
+            Override::of_option(path, value, format!("{option} {text}"))
+        };
+        let filters = |path: &str, option: &str, names: &[String]| {
+            let typed: Vec<String> = names.iter().map(|name| format!("{option} {name}")).collect();
+            (!names.is_empty())
+                .then(|| Override::of_option(path, filter_list(names, folder), typed.join(" ")))
+        };
+        all.extend(
+            self.light
+                .as_ref()
+                .map(|text| named("light.spectrum", "--light", text, name_or_file(text, folder))),
+        );
+        all.extend(
+            self.irradiance.map(|value| Override::number("light.irradiance_w_per_m2", value, "--irradiance")),
+        );
+        all.extend(filters("light.filters", "--light-filter", &self.light_filter));
         all.extend(self.reflectance.as_ref().map(|text| {
-            format!("sample.reflectance={}", number_or(text, |text| name_or_file(text, folder)))
+            let value = number_or(text, |text| name_or_file(text, folder));
+            named("sample.reflectance", "--reflectance", text, value)
         }));
         for text in &self.concentration {
-            let parts = text.split_once('=').map(|(name, value)| (name.trim(), value.trim().parse::<f64>()));
+            let parts = text.split_once('=').map(|(name, value)| (name.trim(), number(value)));
             match parts {
                 Some((name, Ok(value))) if !name.is_empty() && !name.contains('"') => {
-                    all.push(format!("sample.concentrations.\"{name}\"={}", number(value)));
+                    let path = format!("sample.concentrations.\"{name}\"");
+                    all.push(Override::of_option(&path, as_text(value), format!("--concentration {text}")));
                 }
                 _ => {
                     return Err(CliError::Input(format!(
@@ -111,22 +123,22 @@ impl Options {
                 }
             }
         }
-        if !self.view_filter.is_empty() {
-            all.push(format!("view_filter.filters={}", filter_list(&self.view_filter, folder)));
-        }
+        all.extend(filters("view_filter.filters", "--view-filter", &self.view_filter));
         all.extend(
-            self.exposure_ms.as_ref().map(|text| format!("exposure.exposure_ms={}", number_or(text, quoted))),
+            self.exposure_ms
+                .as_ref()
+                .map(|text| named("exposure.exposure_ms", "--exposure-ms", text, number_or(text, quoted))),
         );
-        all.extend(self.step_nm.map(|value| format!("spectral.step_nm={}", number(value))));
+        all.extend(self.step_nm.map(|value| Override::number("spectral.step_nm", value, "--step-nm")));
         all.extend(self.compatibility.map(|whose| {
-            let name = match whose {
-                Compatibility::None => "none",
-                Compatibility::Isetcam => "isetcam",
-                Compatibility::ToolboxEem => "toolbox_eem",
+            let (typed, value) = match whose {
+                Compatibility::None => ("none", "none"),
+                Compatibility::Isetcam => ("isetcam", "isetcam"),
+                Compatibility::ToolboxEem => ("toolbox-eem", "toolbox_eem"),
             };
-            format!("compatibility=\"{name}\"")
+            Override::of_option("compatibility", quoted(value), format!("--compatibility {typed}"))
         }));
-        all.extend(self.set.iter().cloned());
+        all.extend(self.set.iter().map(|text| Override::set(text)));
         Ok(all)
     }
 }

@@ -9,6 +9,7 @@ use clap::{ValueEnum, ValueHint};
 use fluorspar::format::{Provenance, read_film};
 use fluorspar::render::{FilmRenderer, Share, memory_bytes};
 use fluorspar::scene::{Scene, Shape};
+use fluorspar::units::memory_text;
 use serde_json::json;
 
 use super::check_parent;
@@ -17,7 +18,9 @@ use super::row_bands;
 use crate::args::{ExperimentArgs, Talk};
 use crate::error::CliError;
 use crate::experiment_source::ExperimentSource;
-use crate::progress::{Keep, fill_with_progress, interrupted};
+use crate::interrupt::interrupted;
+use crate::progress::{Keep, fill_with_progress};
+use crate::values;
 
 /// Options of `render`.
 #[derive(Clone, Debug, clap::Args)]
@@ -35,7 +38,8 @@ pub(crate) struct Options {
     #[arg(long, requires = "film")]
     resume: bool,
     /// Seconds between saves of the film.
-    #[arg(long, value_name = "SECONDS", default_value_t = 60.0, requires = "film")]
+    #[arg(long, value_name = "SECONDS", default_value_t = 60.0, requires = "film", value_parser = values::number,
+        allow_negative_numbers = true)]
     pub(super) checkpoint_s: f64,
     /// Render part I of N into the film, and no image; `fluorspar merge` puts the N films together.
     #[arg(long, value_name = "I/N", requires = "film")]
@@ -98,13 +102,7 @@ impl Options {
                 )));
             }
         }
-        if !(self.checkpoint_s >= 0.1 && self.checkpoint_s <= 1e6) {
-            return Err(CliError::Input(format!(
-                "--checkpoint-s {}: must be between 0.1 and 1e6 seconds",
-                self.checkpoint_s
-            )));
-        }
-        Ok(())
+        values::check_range("--checkpoint-s", self.checkpoint_s, [0.1, 1e6], "seconds")
     }
 }
 
@@ -119,11 +117,15 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     if in_bands && options.shard.is_none() {
         return row_bands::render(options, &source, &experiment);
     }
+    super::check_memory(
+        &experiment,
+        "or leave --shard out: without it, large images are rendered in bands of rows",
+    )?;
     if !quiet {
         eprintln!(
-            "Memory: {:.0} MiB for the film, and the scene; limit {:.0} MiB",
-            mib(needed),
-            mib(settings.memory_limit_bytes)
+            "Memory: {} for the film, and the scene; limit {}",
+            memory_text(needed),
+            memory_text(settings.memory_limit_bytes)
         );
     }
     let renderer = FilmRenderer::new(&experiment.scene, settings)?;
@@ -190,8 +192,8 @@ pub(super) fn say_surfaces(renderer: &FilmRenderer<'_>, scene: &Scene, quiet: bo
     });
     if instances > 0 && !quiet {
         eprintln!(
-            "Surfaces: {:.0} MiB; {instances} instances stand for {triangles} triangles",
-            mib(renderer.surface_bytes())
+            "Surfaces: {}; {instances} instances stand for {triangles} triangles",
+            memory_text(renderer.surface_bytes())
         );
     }
 }
@@ -202,8 +204,4 @@ pub(super) fn peak_memory_bytes() -> Option<u64> {
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
     let kib: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
     Some(kib << 10)
-}
-
-pub(super) fn mib(bytes: u64) -> f64 {
-    bytes as f64 / f64::from(1 << 20)
 }

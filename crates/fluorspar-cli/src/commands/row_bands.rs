@@ -12,8 +12,9 @@ use fluorspar::format::{
 };
 use fluorspar::image::{ComponentImage, FeatureMaps, Film, FilmLayout, SampleStatistics};
 use fluorspar::render::{FilmRenderer, Share, memory_bytes, tile_row_bytes, whole_image_bytes};
+use fluorspar::units::{memory_text, memory_texts};
 
-use super::render::{Options, mib, peak_memory_bytes, say_surfaces};
+use super::render::{Options, peak_memory_bytes, say_surfaces};
 use crate::error::CliError;
 use crate::experiment_source::ExperimentSource;
 use crate::progress::{Keep, fill_with_progress};
@@ -57,13 +58,12 @@ pub(super) fn render(
     let per_row = tile_row_bytes(scene, settings);
     if whole + per_row > limit {
         // Of few components and bands: one film is smaller than the maps that bands need beside theirs.
+        let [need, most] = memory_texts(whole + per_row, limit);
         return Err(CliError::Input(format!(
-            "--film {}: this is a folder, for films of bands of rows, which need {:.0} MiB, more than the limit of {:.0} MiB; \
-             name a file, as the whole film takes {:.0} MiB, or raise render.memory_limit_gib",
+            "--film {}: this is a folder, for films of bands of rows, which need {need}, more than the limit of {most}; \
+             name a file, as the whole film takes {}, or raise render.memory_limit_gib",
             options.film.as_deref().unwrap_or(Path::new("")).display(),
-            mib(whole + per_row).ceil(),
-            mib(limit),
-            mib(needed)
+            memory_text(needed)
         )));
     }
     let rows_at_once = ((limit - whole) / per_row.max(1)) as usize;
@@ -77,16 +77,15 @@ pub(super) fn render(
     let rows = layout.pixel_rows(0..1).len();
     let images = images(&layout, options.output.components);
     if !quiet {
+        let [film, most] = memory_texts(needed, limit);
         eprintln!(
-            "Memory: the film takes {:.0} MiB, {} of {:.0} MiB{}: {} bands of up to {} rows, one after the other; {:.0} MiB \
+            "Memory: the film takes {film}, {} of {most}{}: {} bands of up to {} rows, one after the other; {} \
              of finished rows wait beside {}",
-            mib(needed),
             if needed > limit { "more than the limit" } else { "and fits into the limit" },
-            mib(limit),
             if needed > limit { "" } else { ", but --film is a folder" },
             bands.len(),
             bands.iter().map(|band| band.len() * rows).max().unwrap_or(0),
-            mib(4 * (layout.width * layout.height * layout.grid.len() * images) as u64),
+            memory_text(4 * (layout.width * layout.height * layout.grid.len() * images) as u64),
             options.output.out.display()
         );
     }

@@ -16,7 +16,8 @@ use super::out_folder;
 use crate::args::{ExperimentArgs, OutFolder, Talk};
 use crate::error::CliError;
 use crate::experiment_source::{ExperimentSource, read_text};
-use crate::progress::{interrupted, render_with_progress};
+use crate::interrupt::interrupted;
+use crate::progress::render_with_progress;
 
 /// Options of `run`.
 #[derive(Clone, Debug, Default, clap::Args)]
@@ -38,6 +39,11 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     };
     let source = ExperimentSource::find(options.experiment.experiment.as_deref())?;
     let experiment = source.resolve(&options.experiment.overrides(), options.talk.quiet)?;
+    super::check_memory(
+        &experiment,
+        "or use `fluorspar render --components`, which goes through large images in bands of rows, and `capture` with what it \
+         wrote",
+    )?;
     let target = options
         .out
         .out
@@ -67,12 +73,15 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         let message = "interrupted before every pixel had a sample: there is nothing to develop, and nothing was written";
         return Err(CliError::Failed(message.into()));
     }
+    say(format!(
+        "Rendered in {:.1} s. Developing frames, writing images, figures and report",
+        started.elapsed().as_secs_f64()
+    ));
     components.round_to_24_bits();
-    say(format!("Rendered in {:.1} s", started.elapsed().as_secs_f64()));
 
     // What took the time is safe before anything else is tried.
     write_run_components(folder.path(), &experiment, &source.text, &components)?;
-    let analyzed = match take_and_write(&experiment, &source.text, &components, folder.path(), say) {
+    let analyzed = match take_and_write(&experiment, &source.text, &components, folder.path()) {
         Ok(analyzed) => analyzed,
         Err(error) => {
             let kept = folder.keep()?;
@@ -100,7 +109,6 @@ fn take_and_write(
     text: &str,
     components: &ComponentImage,
     folder: &Path,
-    say: impl Fn(String),
 ) -> Result<Option<AnalyzedFrame>, CliError> {
     let (frames, analyzed): (Vec<CapturedFrame>, Option<AnalyzedFrame>) = if experiment.captures.is_empty() {
         (Vec::new(), None)
@@ -120,7 +128,6 @@ fn take_and_write(
     for (frame, c) in frames.iter().zip(&experiment.captures) {
         leaks.extend(frame_leak(experiment, components, c, frame.raw.exposure_s, region)?);
     }
-    say("Writing images, figures and report".into());
     write_run_folder(
         folder,
         &RunResults {

@@ -8,6 +8,7 @@ use super::table::{align, short};
 use crate::args::{ExperimentArgs, Talk};
 use crate::error::CliError;
 use crate::experiment_source::ExperimentSource;
+use crate::values::{self, Override};
 
 /// Options of `safety`.
 #[derive(Clone, Debug, clap::Args)]
@@ -15,10 +16,10 @@ pub(crate) struct Options {
     #[command(flatten)]
     experiment: ExperimentArgs,
     /// Distance from the camera at which a patient's eye may look into the lights, mm.
-    #[arg(long, value_name = "MM", allow_negative_numbers = true)]
+    #[arg(long, value_name = "MM", value_parser = values::number, allow_negative_numbers = true)]
     patient_eye_mm: Option<f64>,
     /// Distance from the lit mouth to the operator's eye, mm.
-    #[arg(long, value_name = "MM", allow_negative_numbers = true)]
+    #[arg(long, value_name = "MM", value_parser = values::number, allow_negative_numbers = true)]
     operator_eye_mm: Option<f64>,
     #[command(flatten)]
     talk: Talk,
@@ -27,9 +28,9 @@ pub(crate) struct Options {
 pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let source = ExperimentSource::find(options.experiment.experiment.as_deref())?;
     let mut overrides = options.experiment.overrides();
-    let number = |key: &str, mm: Option<f64>| mm.map(|mm| format!("safety.{key}={}", toml::Value::Float(mm)));
-    overrides.extend(number("patient_eye_distance_mm", options.patient_eye_mm));
-    overrides.extend(number("operator_eye_distance_mm", options.operator_eye_mm));
+    let of = |path: &str, mm: Option<f64>, option: &str| mm.map(|mm| Override::number(path, mm, option));
+    overrides.extend(of("safety.patient_eye_distance_mm", options.patient_eye_mm, "--patient-eye-mm"));
+    overrides.extend(of("safety.operator_eye_distance_mm", options.operator_eye_mm, "--operator-eye-mm"));
     let experiment = source.resolve(&overrides, options.talk.quiet)?;
     if experiment.captures.is_empty() {
         return Err(CliError::Input(format!(
@@ -71,8 +72,7 @@ fn describe(title: &str, report: &SafetyReport) -> String {
         text += &format!("  {:<16} {times}\n", line.viewer.name());
     }
     if let Some(group) = report.risk_group {
-        let group = serde_json::to_value(group).ok().and_then(|v| v.as_str().map(String::from));
-        text += &format!("Risk group at 200 mm, continuous: {}\n", group.unwrap_or_default());
+        text += &format!("Risk group at 200 mm, continuous: {} ({})\n", group.name(), group.meaning());
     }
     text += "\nAssumed:\n";
     for line in &report.assumptions {

@@ -15,10 +15,11 @@ use fluorspar::spectral::{Curve, Radiance, Spectrum};
 use fluorspar_report::figures::{NamedCurve, spectral_readings};
 
 use super::table::{align, short};
-use super::{check_parent, quoted};
+use super::{check_file, quoted};
 use crate::args::Talk;
 use crate::error::CliError;
 use crate::experiment_source::ExperimentSource;
+use crate::values::{self, Override, as_text};
 
 /// Options of `spectroradiometer`.
 #[derive(Clone, Debug, clap::Args)]
@@ -35,34 +36,35 @@ pub(crate) struct Options {
     #[arg(long, value_name = "CAPTURE")]
     capture: Option<String>,
     /// Middle of its spot, from the left and the top of the picture, 0 to 1 [default: 0.5,0.5].
-    #[arg(long, value_name = "X,Y", value_delimiter = ',', num_args = 1, requires = "capture")]
+    #[arg(long, value_name = "X,Y", value_delimiter = ',', num_args = 1, requires = "capture", value_parser = values::number,
+        allow_negative_numbers = true)]
     aim: Vec<f64>,
     /// Parts of the scene that it averages over instead of a spot.
     #[arg(long, value_name = "PART", value_delimiter = ',', requires = "capture")]
     parts: Vec<String>,
     /// Full angle of its spot, degrees [default: 1].
-    #[arg(long, value_name = "DEG", requires = "capture")]
+    #[arg(long, value_name = "DEG", requires = "capture", value_parser = values::number, allow_negative_numbers = true)]
     acceptance_deg: Option<f64>,
     /// Filter in front of the instrument: a name of the catalogue or a CSV file. May be repeated.
     #[arg(long, value_name = "NAME|CSV")]
     filter: Vec<String>,
     /// Full width at half maximum of the slit, nm [default: 8].
-    #[arg(long, value_name = "NM")]
+    #[arg(long, value_name = "NM", value_parser = values::number, allow_negative_numbers = true)]
     bandwidth_nm: Option<f64>,
     /// Distance of the readings, nm [default: 2].
-    #[arg(long, value_name = "NM")]
+    #[arg(long, value_name = "NM", value_parser = values::number, allow_negative_numbers = true)]
     step_nm: Option<f64>,
     /// Noise of a reading without light, W/(sr m² nm) [default: 5e-7].
-    #[arg(long, value_name = "L")]
+    #[arg(long, value_name = "L", value_parser = values::number, allow_negative_numbers = true)]
     noise_floor: Option<f64>,
     /// Largest signal over the noise that it leaves [default: 1e4].
-    #[arg(long, value_name = "RATIO")]
+    #[arg(long, value_name = "RATIO", value_parser = values::number, allow_negative_numbers = true)]
     dynamic_range: Option<f64>,
     /// Readings that are averaged [default: 1].
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = values::whole::<u32>, allow_negative_numbers = true)]
     readings: Option<u32>,
     /// Seed of the noise of a sample's reading; an image has that of its experiment.
-    #[arg(long, value_name = "S", default_value_t = 1)]
+    #[arg(long, value_name = "S", default_value_t = 1, value_parser = values::whole::<u64>, allow_negative_numbers = true)]
     seed: u64,
     /// File for the spectra: .csv, or a plot .svg or .png.
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
@@ -96,6 +98,26 @@ impl Options {
         lines
     }
 
+    /// The option that stands for a field of an instrument, as it was typed.
+    fn typed(&self, field: &str) -> String {
+        let number = |value: Option<f64>| value.map(as_text);
+        let field = field.split('[').next().unwrap_or(field);
+        let (option, value) = match field {
+            "capture" => ("capture", self.capture.clone()),
+            "aim" => ("aim", Some(self.aim.iter().map(|&v| as_text(v)).collect::<Vec<_>>().join(","))),
+            "parts" => ("parts", Some(self.parts.join(","))),
+            "acceptance_deg" => ("acceptance-deg", number(self.acceptance_deg)),
+            "filters" => ("filter", Some(self.filter.join(" --filter "))),
+            "bandwidth_nm" => ("bandwidth-nm", number(self.bandwidth_nm)),
+            "step_nm" => ("step-nm", number(self.step_nm)),
+            "noise_floor" | "noise_floor_w_per_sr_m2_nm" => ("noise-floor", number(self.noise_floor)),
+            "dynamic_range" => ("dynamic-range", number(self.dynamic_range)),
+            "readings" => ("readings", self.readings.map(|n| n.to_string())),
+            other => (other, None),
+        };
+        format!("--{option} {}", value.unwrap_or_default()).trim_end().to_string()
+    }
+
     fn describes_an_instrument(&self) -> bool {
         !self.section().is_empty()
     }
@@ -121,7 +143,7 @@ fn output(path: &Path) -> Result<Output, CliError> {
 pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let target = match &options.out {
         Some(path) => {
-            check_parent(path)?;
+            check_file(path)?;
             Some((path, output(path)?))
         }
         None => None,
@@ -183,7 +205,18 @@ fn of_image(options: &Options, path: &Path) -> Result<Vec<SpectroradiometerReadi
         }
         None => text.clone(),
     };
-    let mut experiment = resolve(&parse(&text, &name, Path::new("."), &options.set)?)?;
+    let mut experiment = parse(&text, &name, Path::new("."), &options.set)
+        .and_then(|parsed| resolve(&parsed))
+        .map_err(|error| {
+            let details = error.details();
+            let own = details.entry.as_ref().is_some_and(|entry| entry.ends_with(&format!("\"{OWN}\"")));
+            match &details.field {
+                Some(field) if own => {
+                    CliError::Input(format!("{}: {}", options.typed(field), details.message))
+                }
+                _ => error.into(),
+            }
+        })?;
     check_same_scene(&rendered, &experiment)?;
     if options.capture.is_some() {
         experiment.spectroradiometers.retain(|device| device.name == OWN);
@@ -209,9 +242,11 @@ fn of_sample(options: &Options, name: Option<&str>) -> Result<Vec<Spectroradiome
     let mut overrides = Vec::new();
     if !options.filter.is_empty() {
         let items: Vec<String> = options.filter.iter().map(|name| quoted(name)).collect();
-        overrides.push(format!("view_filter.filters=[{}]", items.join(", ")));
+        let typed: Vec<String> = options.filter.iter().map(|name| format!("--filter {name}")).collect();
+        let list = format!("[{}]", items.join(", "));
+        overrides.push(Override::of_option("view_filter.filters", list, typed.join(" ")));
     }
-    overrides.extend(options.set.iter().cloned());
+    overrides.extend(options.set.iter().map(|text| Override::set(text)));
     let sample = source.resolve_sample(&overrides, options.talk.quiet)?;
     let filter = if options.filter.is_empty() { Curve::constant(1.0) } else { sample.view_filter.clone() };
     let instrument = Spectroradiometer {
@@ -226,7 +261,7 @@ fn of_sample(options: &Options, name: Option<&str>) -> Result<Vec<Spectroradiome
         filter,
     };
     instrument.validate().map_err(|problem| {
-        CliError::Input(format!("--{}: {}", problem.field.replace('_', "-"), problem.message))
+        CliError::Input(format!("{}: {}", options.typed(&problem.field), problem.message))
     })?;
     let prediction = predict(&FlatSample::new(&sample)?)?;
     let radiance = Spectrum::<Radiance>::new(sample.grid.clone(), prediction.radiance.total)

@@ -1,5 +1,7 @@
 //! Colours that readers with any colour vision can tell apart, on light and on dark paper.
 
+use super::Dash;
+
 /// A colour by role or by value. Roles change with the background, values do not.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ink {
@@ -31,11 +33,33 @@ impl Ink {
         Self::PALETTE[index % Self::PALETTE.len()]
     }
 
-    /// The colour that a fluorophore has in every figure: by its known name, else by its place in the list.
-    pub fn of_fluorophore(name: &str, index: usize) -> Self {
-        let name = name.to_lowercase();
-        let known = FLUOROPHORES.iter().find(|(known, _)| name.contains(known));
-        known.map_or_else(|| Self::cycle(index), |(_, place)| Self::PALETTE[*place])
+    /// The colours of the fluorophores of a figure. Those of the catalogue have their own in every figure; others get what
+    /// is left, so that no two are alike while there are colours.
+    pub fn of_fluorophores<'a>(names: impl IntoIterator<Item = &'a str>) -> Vec<Self> {
+        let known = |name: &str| {
+            let name = name.to_lowercase();
+            FLUOROPHORES.iter().find(|(part, _)| name.contains(part)).map(|(_, ink)| *ink)
+        };
+        let mut inks: Vec<Option<Self>> = names.into_iter().map(known).collect();
+        // A second one of a kind looks for another colour, too.
+        for index in 1..inks.len() {
+            if inks[..index].contains(&inks[index]) {
+                inks[index] = None;
+            }
+        }
+        for index in 0..inks.len() {
+            if inks[index].is_none() {
+                let free = |ink: &&(&str, Self)| !inks.contains(&Some(ink.1));
+                inks[index] =
+                    Some(FLUOROPHORES.iter().find(free).map_or_else(|| Self::cycle(index), |(_, ink)| *ink));
+            }
+        }
+        inks.into_iter().flatten().collect()
+    }
+
+    /// The stroke pattern that goes with the colour of a fluorophore, so that it is the same in every figure, too.
+    pub fn fluorophore_dash(self) -> Dash {
+        Dash::cycle(FLUOROPHORES.iter().position(|(_, ink)| *ink == self).unwrap_or(0))
     }
 
     /// The colour of a sensor channel: its own for R, G and B, else from the palette.
@@ -71,9 +95,19 @@ impl Ink {
     }
 }
 
-/// The five fluorophores of the paper, by what their names contain, and the palette colour of each.
-const FLUOROPHORES: [(&str, usize); 5] =
-    [("collagen", 0), ("elastin", 5), ("fad", 2), ("nad", 4), ("porphyrin", 1)];
+/// The fluorophores of the catalogue, by what their names contain, and the colour of each: the palette, and three more that
+/// stand apart from it in hue or lightness. Its pink is left for what is no fluorophore.
+const FLUOROPHORES: [(&str, Ink); 9] = [
+    ("collagen", Ink::PALETTE[0]),
+    ("elastin", Ink::PALETTE[5]),
+    ("fad", Ink::PALETTE[2]),
+    ("nad", Ink::PALETTE[4]),
+    ("porphyrin", Ink::PALETTE[1]),
+    ("keratin", Ink::Rgb(120, 94, 200)),
+    ("dentin", Ink::Rgb(150, 95, 60)),
+    ("enamel", Ink::Rgb(128, 134, 142)),
+    ("chlorophyll", Ink::Rgb(110, 140, 20)),
+];
 
 /// A sequence of colours for the values of a heat map, from low to high.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -144,7 +178,33 @@ mod tests {
 
     #[test]
     fn a_fluorophore_keeps_its_colour_whatever_its_place() {
-        assert_eq!(Ink::of_fluorophore("Porphyrins", 0), Ink::of_fluorophore("porphyrin_monici", 3));
-        assert_ne!(Ink::of_fluorophore("FAD", 0), Ink::of_fluorophore("NADH", 0));
+        let alone = |name| Ink::of_fluorophores([name])[0];
+        assert_eq!(alone("Porphyrins"), Ink::of_fluorophores(["FAD", "NADH", "porphyrin_monici"])[2]);
+        assert_ne!(alone("FAD"), alone("NADH"));
+    }
+
+    #[test]
+    fn no_two_fluorophores_of_a_figure_have_one_colour() {
+        let titles = [
+            "Collagen I",
+            "Elastin",
+            "FAD",
+            "Keratin (visible band)",
+            "Protoporphyrin IX",
+            "Dentine",
+            "Enamel",
+        ];
+        // Of the catalogue, unknown ones among them, and two of one kind.
+        for extra in [vec![], vec!["dye"], vec!["dye", "other dye"], vec!["collagen 4", "dye"]] {
+            let inks = Ink::of_fluorophores(titles.into_iter().chain(extra.iter().copied()));
+            assert_eq!(inks.len(), titles.len() + extra.len());
+            for (index, ink) in inks.iter().enumerate() {
+                assert!(!inks[..index].contains(ink), "{extra:?} {index}");
+                // That of reflected light and of ellipses.
+                assert_ne!(*ink, Ink::PALETTE[3]);
+            }
+        }
+        let many: Vec<String> = (0..30).map(|i| format!("dye {i}")).collect();
+        assert_eq!(Ink::of_fluorophores(many.iter().map(String::as_str)).len(), 30);
     }
 }

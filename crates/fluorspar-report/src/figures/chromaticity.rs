@@ -43,7 +43,7 @@ pub fn chromaticity(plot: &ChromaticityPlot) -> Figure {
         let points = plot.ellipse.iter().chain(plot.ellipse.first()).copied().collect();
         panel = panel.with(Series {
             name: Some("spread of the pixels".into()),
-            ink: Ink::Rgb(204, 121, 167),
+            ink: Ink::PALETTE[3],
             shape: Shape::Line { points, width: 1.5, dash: Dash::Solid },
         });
     }
@@ -51,9 +51,10 @@ pub fn chromaticity(plot: &ChromaticityPlot) -> Figure {
         let shape = Shape::Markers { points: vec![bulk], radius: 6.0, hollow: true };
         panel = panel.with(Series { name: Some("bulk, weighted sum".into()), ink: Ink::Muted, shape });
     }
-    for (index, (name, point)) in plot.fluorophores.iter().enumerate() {
+    let inks = Ink::of_fluorophores(plot.fluorophores.iter().map(|(name, _)| name.as_str()));
+    for ((_, point), ink) in plot.fluorophores.iter().zip(inks) {
         let shape = Shape::Markers { points: vec![*point], radius: 5.0, hollow: false };
-        panel = panel.with(Series::unnamed(Ink::of_fluorophore(name, index), shape));
+        panel = panel.with(Series::unnamed(ink, shape));
     }
     let label = |(name, at): &(String, [f64; 2])| Label { at: *at, text: name.clone() };
     let labels = plot.fluorophores.iter().map(label).collect();

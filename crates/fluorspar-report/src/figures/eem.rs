@@ -81,34 +81,39 @@ pub fn eem_maps(maps: &[EemMap], light_peak_nm: Option<f64>) -> Figure {
     ))
 }
 
-/// Emission of each fluorophore under one light; `amount` says how much of each, as in "each at concentration 1".
-/// Wavelengths outside `view_band_nm` do not reach the sensor and are grey.
+/// Emission of each fluorophore under one light; `amount` says how much of each, as in "each at concentration 1", `quantity`
+/// and `unit` what is drawn. `view_band_nm` is where a viewing filter passes at least half of its maximum; the rest is grey.
 pub fn emission(
     curves: &[NamedCurve],
     light: &str,
     amount: &str,
-    unit: &str,
+    [quantity, unit]: [&str; 2],
     view_band_nm: Option<[f64; 2]>,
 ) -> Figure {
     let limits = wavelength_limits(curves);
-    let y = Axis::from_zero("spectral radiance", unit, curves.iter().map(NamedCurve::peak));
+    let y = Axis::from_zero(quantity, unit, curves.iter().map(NamedCurve::peak));
     let mut panel = Panel::new(Axis::wavelength(limits), y);
     if let Some([low, high]) = view_band_nm {
         let blocked = [[limits[0], low.max(limits[0])], [high.min(limits[1]), limits[1]]];
         for x in blocked.into_iter().filter(|x| x[1] > x[0]) {
-            let name = Some("does not reach the sensor".to_owned());
+            let name = Some("viewing filter passes less than half".to_owned());
             panel = panel.with(Series { name, ink: Ink::Muted, shape: Shape::Span { x, opacity: 0.22 } });
         }
     }
-    for (index, curve) in curves.iter().enumerate() {
-        let ink = Ink::of_fluorophore(&curve.name, index);
-        panel = panel.with(Series::dashed(curve.name.clone(), ink, curve.points(), Dash::cycle(index)));
+    let inks = Ink::of_fluorophores(curves.iter().map(|curve| curve.name.as_str()));
+    for (curve, ink) in curves.iter().zip(inks) {
+        panel = panel.with(Series::dashed(curve.name.clone(), ink, curve.points(), ink.fluorophore_dash()));
     }
     let overlap = if curves.len() > 1 {
         " Where the curves overlap, a camera cannot tell the fluorophores apart."
     } else {
         ""
     };
+    let grey = if view_band_nm.is_some() {
+        " Little or nothing of what lies in the grey ranges reaches the sensor."
+    } else {
+        ""
+    };
     Figure::new(format!("Emission under {light}"), panel)
-        .explained(format!("What each fluorophore would give off under {light}, {amount}.{overlap}"))
+        .explained(format!("What each fluorophore would give off under {light}, {amount}.{overlap}{grey}"))
 }

@@ -14,8 +14,14 @@ pub struct ChannelValues {
     pub values: Vec<f32>,
 }
 
-/// Histograms of a capture's channels on one logarithmic count axis, from below black to saturation.
-pub fn histograms(capture: &str, channels: &[ChannelValues], full_scale_dn: f64) -> Figure {
+/// Histograms of a capture's channels on one logarithmic count axis, from below black to saturation. `subtracted` names the
+/// capture that was subtracted from it.
+pub fn histograms(
+    capture: &str,
+    channels: &[ChannelValues],
+    full_scale_dn: f64,
+    subtracted: Option<&str>,
+) -> Figure {
     let lowest = channels
         .iter()
         .flat_map(|channel| &channel.values)
@@ -56,8 +62,14 @@ pub fn histograms(capture: &str, channels: &[ChannelValues], full_scale_dn: f64)
         dash: Dash::Dashed,
     };
     panel = panel.with(Series { name: Some("saturation".into()), ink: Ink::Muted, shape });
-    Figure::new(format!("Levels of the capture \"{capture}\""), panel).explained(
+    let beyond = subtracted.map_or_else(String::new, |name| {
+        format!(
+            " Saturated pixels lie a little to both sides of the line, since the capture \"{name}\" was subtracted, which has \
+             noise of its own."
+        )
+    });
+    Figure::new(format!("Levels of the capture \"{capture}\""), panel).explained(format!(
         "How many pixels have which level, in digital numbers (DN) above the dark level. A pile at the dashed line is saturated: \
-         its true value is unknown. A capture that fills only the far left wastes the sensor's range.",
-    )
+         its true value is unknown.{beyond} A capture that fills only the far left wastes the sensor's range."
+    ))
 }

@@ -82,13 +82,13 @@ mod tests {
             filters(curves),
             eem_maps(std::slice::from_ref(map), Some(385.0)),
             eem_maps(&[], None),
-            emission(curves, "light", "each at concentration 1", "W", Some([450.0, 700.0])),
+            emission(curves, "light", "each at concentration 1", ["emission", "W"], Some([450.0, 700.0])),
             sensor_response(curves, curves),
             radiance_by_component(curves.first(), curves.last(), curves, "tongue", Scale::Linear),
             radiance_by_component(None, None, curves, "tongue", Scale::Log10),
             spectral_readings("readings", curves),
             chromaticity(plot),
-            histograms("blue", values, 4000.0),
+            histograms("blue", values, 4000.0, Some("ambient")),
             picture("picture", raster, Some([0.0, 0.0, 1.0, 1.0])),
         ]
     }

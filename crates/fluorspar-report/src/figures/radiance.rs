@@ -34,9 +34,9 @@ pub fn radiance_by_component(
             Dash::Dashed,
         ));
     }
-    for (index, curve) in fluorophores.iter().enumerate() {
-        let ink = Ink::of_fluorophore(&curve.name, index);
-        panel = panel.with(Series::dashed(curve.name.clone(), ink, curve.points(), Dash::cycle(index)));
+    let inks = Ink::of_fluorophores(fluorophores.iter().map(|curve| curve.name.as_str()));
+    for (curve, ink) in fluorophores.iter().zip(inks) {
+        panel = panel.with(Series::dashed(curve.name.clone(), ink, curve.points(), ink.fluorophore_dash()));
     }
     let logarithmic = match scale {
         Scale::Linear => "",

@@ -3,6 +3,7 @@
 use fluorspar::analysis::Statistics;
 use fluorspar::image::Light;
 use fluorspar::pipeline::{AnalyzedFrame, CapturedFrame, FrameLeak, RegionRadiance, assess_safety};
+use fluorspar::preset::{self, PresetKind};
 use fluorspar::sensor::SensorModel;
 use fluorspar::spectral::Curve;
 
@@ -307,11 +308,19 @@ fn camera_section(run: &RunResults<'_>, builder: &mut Builder) -> Section {
         .frames
         .iter()
         .zip(run.previews)
-        .filter_map(|(frame, preview)| {
+        .zip(&run.experiment.captures)
+        .filter_map(|((frame, preview), capture)| {
             let png = Raster::from_rgb8(preview.width, preview.height, &preview.rgb)?.to_png()?;
             let raw = &frame.raw;
+            let groups = &run.experiment.scene.light_groups;
+            let what = if groups.iter().any(|group| capture.frame.drive(&group.name) > 0.0) {
+                "Developed for the eye and scaled to its own brightest parts."
+            } else {
+                "No light is on: the coloured specks are nothing but the noise of the sensor, a few digital numbers, stretched \
+                 until they can be seen."
+            };
             let caption = format!(
-                "{:.1} ms, gain {}; {:.2} % of pixels saturated. Developed for the eye and scaled to its own brightest parts.",
+                "{:.1} ms, gain {}; {:.2} % of pixels saturated. {what}",
                 raw.exposure_s * 1e3,
                 raw.gain,
                 percent_saturated(frame)
@@ -368,7 +377,9 @@ fn camera_section(run: &RunResults<'_>, builder: &mut Builder) -> Section {
                 values: frame.developed.data.iter().copied().skip(c).step_by(n).collect(),
             })
             .collect();
-        let figure = histograms(&frame.raw.label, &channels, frame.developed.full_scale_dn);
+        let capture = run.experiment.captures.iter().find(|c| c.frame.label == frame.raw.label);
+        let subtracted = capture.and_then(|c| c.subtract.as_deref());
+        let figure = histograms(&frame.raw.label, &channels, frame.developed.full_scale_dn, subtracted);
         let stem = format!("histogram_{}", frame.raw.label);
         // The frame that is analysed is shown; the others are saved only.
         if run.experiment.analysis.as_ref().is_some_and(|a| a.frame == frame.raw.label) {
@@ -535,7 +546,11 @@ fn parts_section(run: &RunResults<'_>, builder: &mut Builder) -> Section {
             capture.is_some_and(|c| c.frame.drive(group) > 0.0)
         });
         let peak = lamp.map(|l| l.spectrum.peak_nm());
-        section = builder.show(section, "eem", eem_maps(&maps, peak), "");
+        let nominal = lamp.zip(peak).and_then(|(lamp, peak_nm)| {
+            let group = &scene.light_groups[lamp.group].name;
+            nominal_wavelength(&experiment.resolved_toml, group, peak_nm)
+        });
+        section = builder.show(section, "eem", eem_maps(&maps, peak), &nominal.unwrap_or_default());
         if let Some(lamp) = lamp {
             let photons = Curve::from_fn(range.0, range.1, |nm| lamp.spectrum.at(nm) * nm);
             let total = photons.total().max(f64::MIN_POSITIVE);
@@ -553,7 +568,7 @@ fn parts_section(run: &RunResults<'_>, builder: &mut Builder) -> Section {
                     &curves,
                     &format!("the light \"{name}\""),
                     "each at concentration 1",
-                    "photons per nm per photon that arrives",
+                    ["emitted photons", "per nm and photon that arrives"],
                     band,
                 ),
                 "",
@@ -576,6 +591,31 @@ fn parts_section(run: &RunResults<'_>, builder: &mut Builder) -> Section {
         section = builder.show(section, "sensor", sensor_response(&bare, &filtered), "");
     }
     section.with(ReportItem::Table(NumberTable { caption: "Camera".into(), rows: camera_rows(run) }))
+}
+
+/// The section of a light group in an experiment, its spectrum a name of the catalogue.
+fn catalogue_spectrum(experiment_toml: &str, group: &str) -> Option<String> {
+    let table: toml::Table = experiment_toml.parse().ok()?;
+    let text = |light: &toml::Value, key: &str| light.get(key).and_then(|v| v.as_str()).map(String::from);
+    let lights = table.get("light")?.as_array()?;
+    let light = lights.iter().find(|light| text(light, "group").as_deref() == Some(group))?;
+    text(light, "spectrum").filter(|name| preset::names(PresetKind::Light).contains(&name.as_str()))
+}
+
+/// Peaks that are this far from what the LED is sold as are pointed out, nm.
+const NOMINAL_TOLERANCE_NM: f64 = 1.0;
+
+/// Why the peak of an LED is not where its name says; nothing where it is.
+fn nominal_wavelength(experiment_toml: &str, group: &str, peak_nm: f64) -> Option<String> {
+    let name = catalogue_spectrum(experiment_toml, group)?;
+    let nominal_nm: f64 = name.strip_prefix("led_")?.parse().ok()?;
+    let source = preset::light_spectrum(&name).ok()?.source;
+    ((nominal_nm - peak_nm).abs() > NOMINAL_TOLERANCE_NM).then(|| {
+        format!(
+            "An LED is sold by the class of its wavelength: this one, {name}, as {nominal_nm:.0} nm, while the spectrum used here \
+             peaks at {peak_nm:.0} nm. {source}"
+        )
+    })
 }
 
 /// Where a filter passes at least half of its maximum.
@@ -608,53 +648,60 @@ fn camera_rows(run: &RunResults<'_>) -> Vec<Number> {
         ));
     }
     if let Some(sensor) = &experiment.sensor {
-        let m = sensor.model();
-        let published = SensorModel::default();
-        let table = |is_published: bool| match is_published {
-            true => Origin::Published("Table 1 of Lyu et al. 2021".into()),
-            false => assumed(),
-        };
-        rows.push(
-            Number::computed(
-                "Pixels",
-                format!("{} x {}", m.columns, m.rows),
-                "pixels",
-                "columns and rows of the sensor",
-            )
-            .from(assumed()),
-        );
-        rows.push(
-            Number::computed("Pixel pitch", format!("{}", m.pixel_size_um), "µm", "side of one pixel")
-                .from(table(m.pixel_size_um == published.pixel_size_um)),
-        );
-        rows.push(
-            Number::computed(
-                "Full well",
-                format!("{:.0}", m.well_capacity_e),
-                "e-",
-                "electrons that a pixel holds",
-            )
-            .from(table(m.well_capacity_e == published.well_capacity_e)),
-        );
-        rows.push(
-            Number::computed(
-                "Read noise",
-                format!("{:.1}", m.read_noise_electrons()),
-                "e-",
-                "noise of a dark pixel, rms",
-            )
-            .from(table(m.read_noise_electrons() == published.read_noise_electrons())),
-        );
-        rows.push(
-            Number::computed(
-                "PRNU",
-                format!("{}", m.prnu_percent),
-                "%",
-                "spread of sensitivity from pixel to pixel",
-            )
-            .from(table(m.prnu_percent == published.prnu_percent)),
-        );
+        rows.extend(sensor_rows(sensor.model()));
     }
+    rows
+}
+
+/// Rows of the sensor: published where a value is that of Table 1 of the paper, assumed where it is not.
+fn sensor_rows(m: &SensorModel) -> Vec<Number> {
+    let assumed = || Origin::Assumed("see the experiment below: its comments say what is published".into());
+    let mut rows = Vec::new();
+    let published = SensorModel::default();
+    let table = |is_published: bool| match is_published {
+        true => Origin::Published("Table 1 of Lyu et al. 2021".into()),
+        false => assumed(),
+    };
+    rows.push(
+        Number::computed(
+            "Pixels",
+            format!("{} x {}", m.columns, m.rows),
+            "pixels",
+            "columns and rows of the sensor",
+        )
+        .from(assumed()),
+    );
+    rows.push(
+        Number::computed("Pixel pitch", format!("{}", m.pixel_size_um), "µm", "side of one pixel")
+            .from(table(m.pixel_size_um == published.pixel_size_um)),
+    );
+    rows.push(
+        Number::computed(
+            "Full well",
+            format!("{:.0}", m.well_capacity_e),
+            "e-",
+            "electrons that a pixel holds",
+        )
+        .from(table(m.well_capacity_e == published.well_capacity_e)),
+    );
+    rows.push(
+        Number::computed(
+            "Read noise",
+            format!("{:.1}", m.read_noise_electrons()),
+            "e-",
+            "noise of a dark pixel, rms",
+        )
+        .from(table(m.read_noise_electrons() == published.read_noise_electrons())),
+    );
+    rows.push(
+        Number::computed(
+            "PRNU",
+            format!("{}", m.prnu_percent),
+            "%",
+            "spread of sensitivity from pixel to pixel",
+        )
+        .from(table(m.prnu_percent == published.prnu_percent)),
+    );
     rows
 }
 
@@ -700,4 +747,74 @@ fn assumptions_section(run: &RunResults<'_>) -> Section {
             .say(format!("Fluorophores that gave no light at all under some lamp: {}.", names.join(", ")));
     }
     section.with(ReportItem::Terms(terms))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn word(rows: &[Number], name: &str) -> &'static str {
+        match rows.iter().find(|row| row.name == name).unwrap().origin {
+            Origin::Published(_) => "published",
+            Origin::Assumed(_) => "assumed",
+            _ => "other",
+        }
+    }
+
+    fn of_catalogue(name: &str) -> SensorModel {
+        let text = format!("[sensor]\npreset = \"{name}\"\n");
+        let sensor =
+            fluorspar::experiment::parse_sensor(&text, "test", std::path::Path::new("."), &[]).unwrap();
+        sensor.sensor.model().clone()
+    }
+
+    #[test]
+    fn only_values_of_the_paper_are_marked_as_published() {
+        const NAMES: [&str; 4] = ["Pixel pitch", "Full well", "Read noise", "PRNU"];
+        let paper = of_catalogue("lyu_2021_table_1");
+        let rows = sensor_rows(&paper);
+        for name in NAMES {
+            assert_eq!(word(&rows, name), "published", "{name}");
+        }
+        // The paper does not say how many pixels there are.
+        assert_eq!(word(&rows, "Pixels"), "assumed");
+        // One value changed: its mark goes, the others stay.
+        let change: [fn(&mut SensorModel); 4] = [
+            |m| m.pixel_size_um += 0.5,
+            |m| m.well_capacity_e *= 1.001,
+            |m| m.read_noise_mv = m.read_noise_mv.map(|mv| 1.1 * mv),
+            |m| m.prnu_percent = 0.0,
+        ];
+        for (index, change) in change.into_iter().enumerate() {
+            let mut model = paper.clone();
+            change(&mut model);
+            let rows = sensor_rows(&model);
+            for (other, name) in NAMES.into_iter().enumerate() {
+                let expected = if other == index { "assumed" } else { "published" };
+                assert_eq!(word(&rows, name), expected, "{name} after change {index}");
+            }
+        }
+        // Another sensor of the catalogue.
+        let other = sensor_rows(&of_catalogue("pi_camera_3"));
+        for name in NAMES {
+            assert_eq!(word(&other, name), "assumed", "{name}");
+        }
+    }
+
+    #[test]
+    fn an_led_that_peaks_beside_its_name_is_explained() {
+        let toml = |spectrum: &str| {
+            format!("[[light]]\nname = \"a\"\ngroup = \"blue\"\nspectrum = \"{spectrum}\"\n")
+        };
+        let said = nominal_wavelength(&toml("led_385"), "blue", 381.7).unwrap();
+        assert!(said.contains("as 385 nm") && said.contains("382 nm") && said.contains("measure"), "{said}");
+        for (spectrum, group, peak_nm) in [
+            ("led_385", "blue", 385.4),
+            ("led_385", "white", 381.7),
+            ("white_led", "blue", 450.0),
+            ("led_385.csv", "blue", 381.7),
+        ] {
+            assert_eq!(nominal_wavelength(&toml(spectrum), group, peak_nm), None, "{spectrum}");
+        }
+    }
 }

@@ -1,9 +1,12 @@
 //! Photobiological safety in the report.
 
 use fluorspar::pipeline::{SafetyReport, ViewerSafety};
-use fluorspar::safety::Hazard;
+use fluorspar::safety::{Hazard, RiskGroup, RiskQuantity};
 
 use crate::{Number, NumberTable, Origin, ReportItem, Section};
+
+/// Doses are counted over 8 hours.
+const DAY_S: f64 = 8.0 * 3600.0;
 
 /// Margins of every capture and viewer; nothing when no light is on.
 pub(super) fn safety_section(report: &SafetyReport) -> Option<Section> {
@@ -17,7 +20,7 @@ pub(super) fn safety_section(report: &SafetyReport) -> Option<Section> {
     for capture in report.captures.iter().filter(|c| !c.viewers.is_empty()) {
         let mut rows = Vec::new();
         for viewer in &capture.viewers {
-            rows.extend(viewer_rows(viewer));
+            rows.extend(viewer_rows(viewer, capture.light_on_s));
         }
         let caption = format!(
             "Capture \"{}\", lights on for {} ms ({})",
@@ -41,22 +44,74 @@ pub(super) fn safety_section(report: &SafetyReport) -> Option<Section> {
         .chain(report.risk_group.map(|group| {
             Number::computed(
                 "Risk group",
-                match serde_json::to_value(group) {
-                    Ok(serde_json::Value::String(name)) => name,
-                    _ => String::new(),
-                },
+                group.name(),
                 "IEC 62471",
-                "of the lights of the brightest capture at 200 mm, as if they shone continuously",
+                "of the lights of the brightest capture at 200 mm, as if they shone continuously; see below",
             )
         }))
         .collect();
     section = section.with(ReportItem::Table(NumberTable { caption: "Over a day".into(), rows }));
-    Some(section.with(ReportItem::Terms(
-        report.assumptions.iter().map(|line| ("Assumed".to_string(), line.clone())).collect(),
-    )))
+    let mut terms: Vec<(String, String)> = risk_group_term(report).into_iter().collect();
+    terms.extend(report.assumptions.iter().map(|line| ("Assumed".to_string(), line.clone())));
+    Some(section.with(ReportItem::Terms(terms)))
 }
 
-fn viewer_rows(viewer: &ViewerSafety) -> Vec<Number> {
+/// What the risk group means, what decides it, and after which time.
+fn risk_group_term(report: &SafetyReport) -> Option<(String, String)> {
+    let group = report.risk_group?;
+    let title = match group {
+        RiskGroup::Exempt => "Exempt group".to_string(),
+        group => format!("Risk group {}", group.name()),
+    };
+    let mut text = format!("{}.", capital(group.meaning()));
+    // The worst of its group, measured by where the group below ends.
+    let below = match group {
+        RiskGroup::Exempt => None,
+        RiskGroup::Low => Some(0),
+        RiskGroup::Moderate => Some(1),
+        RiskGroup::High => Some(2),
+    };
+    let excess = |q: &RiskQuantity| below.map_or(0.0, |below: usize| q.value / q.group_limits[below]);
+    let worst = report
+        .risk_quantities
+        .iter()
+        .filter(|q| below.is_some() && q.group == group)
+        .max_by(|a, b| excess(a).total_cmp(&excess(b)));
+    if let (Some(worst), Some(below)) = (worst, below) {
+        let group_below = [RiskGroup::Exempt, RiskGroup::Low, RiskGroup::Moderate][below];
+        let ends = match group_below {
+            RiskGroup::Exempt => "the exempt group".to_string(),
+            group => format!("group {}", group.name()),
+        };
+        text += &format!(
+            " It comes from {}: {} {} at 200 mm, where {ends} ends at {}",
+            quantity_name(worst.quantity),
+            number(worst.value),
+            worst.unit,
+            number(worst.group_limits[below])
+        );
+        text += &match worst.seconds_to_limit() {
+            Some(seconds) => format!("; an eye there may take {} s of it in a day.", number(seconds)),
+            None => ".".into(),
+        };
+    }
+    text += " For medical equipment, IEC 60601-2-57 says which measures a group asks for.";
+    Some((title, text))
+}
+
+fn quantity_name(quantity: &str) -> String {
+    let name = match quantity {
+        "E_s" => "actinic ultraviolet",
+        "E_UVA" => "near ultraviolet",
+        "L_B" => "blue light",
+        "L_R" => "heat on the retina",
+        "E_IR" => "infrared",
+        other => return other.into(),
+    };
+    format!("{name} ({quantity})")
+}
+
+fn viewer_rows(viewer: &ViewerSafety, light_on_s: f64) -> Vec<Number> {
     let who = capital(viewer.viewer.name());
     if let Some(reason) = &viewer.not_assessed {
         return vec![
@@ -76,7 +131,14 @@ fn viewer_rows(viewer: &ViewerSafety) -> Vec<Number> {
                 a.unit,
                 number(a.limit),
                 a.unit,
-                a.exposures_per_day.map_or_else(String::new, |n| format!("; {n} such captures in 8 hours"))
+                a.exposures_per_day.map_or_else(String::new, |n| {
+                    // The day ends before the dose does.
+                    if (n + 1) as f64 * light_on_s > DAY_S {
+                        "; as many such captures as fit into 8 hours".into()
+                    } else {
+                        format!("; {n} such captures in 8 hours")
+                    }
+                })
             );
             let name = format!("{who}{place}: {}", name(a.hazard));
             Some(Number::computed(name, number(a.margin?), "margin", meaning))
@@ -123,4 +185,42 @@ fn number(value: f64) -> String {
     }
     let digits = (2.0 - value.abs().log10().floor()).clamp(0.0, 4.0) as usize;
     format!("{value:.digits$}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_risk_group_is_explained_with_what_decides_it() {
+        let quantity = |quantity, value, group_limits, group| RiskQuantity {
+            quantity,
+            value,
+            unit: "W/m²",
+            group_limits,
+            group,
+        };
+        let report = |group, quantities| SafetyReport {
+            standard: "",
+            caveat: "",
+            assumptions: Vec::new(),
+            captures: Vec::new(),
+            programme: Vec::new(),
+            risk_group: group,
+            risk_quantities: quantities,
+        };
+        let uva = |value, group| quantity("E_UVA", value, [10.0, 33.0, 100.0], group);
+        let ir = quantity("E_IR", 5000.0, [100.0, 570.0, 3200.0], RiskGroup::High);
+        let high = report(Some(RiskGroup::High), vec![ir, uva(400.0, RiskGroup::High)]);
+        let (title, text) = risk_group_term(&high).unwrap();
+        assert_eq!(title, "Risk group 3");
+        // 400 is four times 100; 5000 is 1.6 times 3200. 1e4 J/m² over 400 W/m² are 25 s.
+        for part in ["near ultraviolet (E_UVA): 400 W/m²", "group 2 ends at 100", "25.0 s", "High risk"] {
+            assert!(text.contains(part), "{part}: {text}");
+        }
+        let (title, text) =
+            risk_group_term(&report(Some(RiskGroup::Exempt), vec![uva(1.0, RiskGroup::Exempt)])).unwrap();
+        assert!(title == "Exempt group" && text.contains("No photobiological hazard"), "{text}");
+        assert_eq!(risk_group_term(&report(None, Vec::new())), None);
+    }
 }

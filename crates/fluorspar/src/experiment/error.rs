@@ -56,6 +56,13 @@ impl ExperimentError {
     }
 }
 
+impl From<ErrorDetails> for ExperimentError {
+    /// An error from its parts, for front ends that have other names for them.
+    fn from(details: ErrorDetails) -> Self {
+        Self(Box::new(details))
+    }
+}
+
 impl fmt::Display for ExperimentError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let details = self.details();

@@ -58,7 +58,7 @@ pub use exr::{
     ExrCompression, ExrOptions, read_component_exr, read_spectral_exr, write_component_exr,
     write_spectral_exr,
 };
-pub use file::write_atomically;
+pub use file::{remove_unfinished_files, write_atomically};
 pub use film::{read_film, read_film_layout, read_film_rows, write_film};
 pub use gltf::{read_gltf, read_gltf_instances, write_gltf};
 pub use lens::{AbbeGlass, LensFile, LensFileError, LensFileSurface, PublishedLens, read_lens};

@@ -119,22 +119,4 @@ impl<Q: Quantity> SpectralImage<Q> {
         let pixels = (self.width * self.height).max(1) as f64;
         Spectrum::from_parts(self.grid.clone(), sums.into_iter().map(|sum| sum / pixels).collect())
     }
-
-    /// The same numbers as another quantity, each band multiplied by a factor (for instance `L` to `E` by a lens).
-    pub fn map_bands<P: Quantity>(mut self, factor_per_band: &[f64]) -> SpectralImage<P> {
-        debug_assert_eq!(factor_per_band.len(), self.bands());
-        let factors: Vec<f32> = factor_per_band.iter().map(|&f| f as f32).collect();
-        for pixel in self.data.chunks_exact_mut(factors.len()) {
-            for (value, factor) in pixel.iter_mut().zip(&factors) {
-                *value *= factor;
-            }
-        }
-        SpectralImage {
-            grid: self.grid,
-            width: self.width,
-            height: self.height,
-            data: self.data,
-            quantity: PhantomData,
-        }
-    }
 }

@@ -74,14 +74,6 @@ impl PointSpread {
         Self { height_mm, rays: rays.iter().map(|ray| [ray.at_mm[0], ray.at_mm[1], ray.share]).collect() }
     }
 
-    /// Mean position and root mean square distance from it, mm.
-    pub fn centroid_and_rms_mm(&self) -> ([f64; 2], f64) {
-        let mean = |f: &dyn Fn(&[f64; 3]) -> f64| self.rays.iter().map(|ray| ray[2] * f(ray)).sum::<f64>();
-        let center = [mean(&|ray| ray[0]), mean(&|ray| ray[1])];
-        let square = mean(&|ray| (ray[0] - center[0]).powi(2) + (ray[1] - center[1]).powi(2));
-        (center, square.max(0.0).sqrt())
-    }
-
     /// Moves every ray by a random vector from the diffraction pattern of a round pupil (Airy): the convolution of both.
     #[must_use]
     fn with_airy(mut self, airy: &Airy) -> Self {

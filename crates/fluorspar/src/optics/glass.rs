@@ -44,9 +44,6 @@ pub enum Dispersion {
 }
 
 impl Dispersion {
-    /// Air: index 1, because all indices are relative to air.
-    pub const AIR: Self = Self::Constant { index: 1.0 };
-
     /// Refractive index at a wavelength in nm.
     pub fn index(&self, wavelength_nm: f64) -> f64 {
         match self {

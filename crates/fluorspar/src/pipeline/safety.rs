@@ -104,11 +104,6 @@ pub struct SafetyReport {
 }
 
 impl SafetyReport {
-    /// Whether any margin was computed.
-    pub fn has_margins(&self) -> bool {
-        self.captures.iter().flat_map(|c| &c.viewers).any(|v| v.not_assessed.is_none())
-    }
-
     /// Whether anything shines in any capture.
     pub fn has_light(&self) -> bool {
         self.captures.iter().any(|c| !c.viewers.is_empty())

@@ -22,6 +22,37 @@ pub enum RiskGroup {
     High,
 }
 
+impl RiskGroup {
+    /// `exempt`, `1`, `2` or `3`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Exempt => "exempt",
+            Self::Low => "1",
+            Self::Moderate => "2",
+            Self::High => "3",
+        }
+    }
+
+    /// What the group says about a lamp that shines continuously, and what follows for a device: IEC 62471:2006, 6.1.
+    pub fn meaning(self) -> &'static str {
+        match self {
+            Self::Exempt => "no photobiological hazard, however long one looks into it",
+            Self::Low => {
+                "low risk: no hazard as people usually behave, though there is one for those who look into it for long"
+            }
+            Self::Moderate => {
+                "moderate risk: no hazard as long as people turn away from glare or heat. Ultraviolet does neither, so let the \
+                 lamp shine no longer than the frames need, and warn of it"
+            }
+            Self::High => {
+                "high risk: a hazard even for a short look when the lamp shines continuously. Let it shine for the frames only, \
+                 with hardware that ends a pulse when the software does not, lower the power or put the lamp farther away, and \
+                 have eyes covered where it may stay on. What counts in use are the margins of the captures"
+            }
+        }
+    }
+}
+
 /// One quantity of the classification.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct RiskQuantity {
@@ -35,6 +66,20 @@ pub struct RiskQuantity {
     pub group_limits: [f64; 3],
     /// The group that it alone gives.
     pub group: RiskGroup,
+}
+
+impl RiskQuantity {
+    /// Time after which continuous light at this level reaches the exposure limit, s; `None` where it never does, and for
+    /// quantities that are limited at once. IEC 62471:2006, 4.3.1, 4.3.2 and 4.3.3.
+    pub fn seconds_to_limit(&self) -> Option<f64> {
+        let (dose, longest_s) = match self.quantity {
+            "E_s" => (30.0, 28_800.0),
+            "E_UVA" => (1e4, 1e3),
+            "L_B" => (1e6, 1e4),
+            _ => return None,
+        };
+        Some(dose / self.value).filter(|seconds| *seconds <= longest_s)
+    }
 }
 
 /// The group of a lamp, the worst of its quantities, from the light at the distance of the test (200 mm for lamps that
@@ -108,6 +153,9 @@ mod tests {
             let uva = list.iter().find(|q| q.quantity == "E_UVA").unwrap();
             assert!((uva.value - irradiance).abs() < 1e-6 * irradiance);
             assert_eq!(uva.group, expected);
+            // 1e4 J/m²; below 10 W/m² there is no end.
+            let seconds = (irradiance > 10.0).then_some(1e4 / irradiance);
+            assert_eq!(uva.seconds_to_limit().map(f64::round), seconds.map(f64::round));
             assert!(worst >= expected);
         }
         // 0.013 * 9 / 0.0025 = 47 W/(m² sr) and S: 5e-4 W/m²: exempt altogether.

@@ -71,10 +71,16 @@ pub enum SceneError {
 #[non_exhaustive]
 pub enum SceneWarning {
     /// Lights have power where the excitation spectrum of a fluorophore is not backed by data.
-    #[error("light lies where the excitation of fluorophores is not backed by data, but extrapolated: {}", list(.0))]
+    #[error(
+        "what some light excites is extrapolated, since its wavelengths lie beyond those at which the fluorophores were measured: {}",
+        excitation_text(.0)
+    )]
     ExcitationOutsideData(Vec<ExcitationOutsideData>),
     /// Fluorophores emit where their emission spectrum is not backed by data.
-    #[error("fluorophores emit where their emission is not backed by data, but extrapolated: {}", list(.0))]
+    #[error(
+        "some fluorescence is extrapolated, since its wavelengths lie beyond those at which the emission was measured: {}",
+        list(.0)
+    )]
     EmissionOutsideData(Vec<EmissionOutsideData>),
     /// Lights have power outside the wavelength grid, where nothing is rendered.
     #[error("light outside the rendered {from_nm} to {to_nm} nm is left out: {}", list(.lights))]
@@ -124,23 +130,50 @@ pub struct LightOutsideGrid {
     pub percent: f64,
 }
 
-impl fmt::Display for ExcitationOutsideData {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { light, fluorophore, percent, range_nm: (from, to) } = self;
-        write!(f, "{percent:.1} % of \"{light}\" for {fluorophore} (known from {from} to {to} nm)")
+/// Light by light; fluorophores that were measured over the same wavelengths together.
+fn excitation_text(cases: &[ExcitationOutsideData]) -> String {
+    let mut told: Vec<(&str, String, Vec<&str>)> = Vec::new();
+    for case in cases {
+        let (from, to) = case.range_nm;
+        let share = format!("{:.0} % beyond {from} to {to} nm", case.percent);
+        match told.iter_mut().find(|(light, other, _)| *light == case.light && *other == share) {
+            Some((.., names)) => names.push(&case.fluorophore),
+            None => told.push((&case.light, share, vec![&case.fluorophore])),
+        }
+    }
+    let mut text = String::new();
+    let mut last = None;
+    for (light, share, names) in told {
+        let start =
+            if last == Some(light) { ", ".into() } else { format!("of the light \"{}\" ", whole(light)) };
+        if last.is_some_and(|last| last != light) {
+            text += "; ";
+        }
+        text += &format!("{start}{share} ({})", names.join(", "));
+        last = Some(light);
+    }
+    text
+}
+
+/// The name of a light of several emitters, which are numbered.
+fn whole(light: &str) -> &str {
+    let numbered = light.strip_suffix(']').and_then(|rest| rest.rsplit_once('['));
+    match numbered {
+        Some((name, number)) if !number.is_empty() && number.bytes().all(|b| b.is_ascii_digit()) => name,
+        _ => light,
     }
 }
 
 impl fmt::Display for EmissionOutsideData {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { fluorophore, percent, range_nm: (from, to) } = self;
-        write!(f, "{percent:.1} % of {fluorophore} (known from {from} to {to} nm)")
+        write!(f, "{percent:.1} % of the light of {fluorophore} (measured from {from} to {to} nm)")
     }
 }
 
 impl fmt::Display for LightOutsideGrid {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{:.1} % of the power of \"{}\"", self.percent, self.light)
+        write!(f, "{:.1} % of the power of \"{}\"", self.percent, whole(&self.light))
     }
 }
 

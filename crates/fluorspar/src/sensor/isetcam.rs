@@ -37,11 +37,6 @@ pub fn mean_volts(model: &SensorModel, noise_flag: i8, exposure: &Exposure, elec
     chain.clipped(chain.amplified(electrons * chain.volts_per_e + chain.dark_v))
 }
 
-/// Digital number of a voltage, not clipped.
-pub fn dn_of_volts(model: &SensorModel, volts: f64) -> f64 {
-    (volts / model.volts_per_dn()).round()
-}
-
 /// Variance of the voltage of noise flag 2 before offset, gain and clipping, V²:
 /// `(g mu + read^2) (1 + p^2) + p^2 mu^2 + dsnu^2` for a mean `mu` that includes the dark signal, without column noise.
 pub fn volts_variance(model: &SensorModel, mean_volts: f64) -> f64 {

@@ -22,7 +22,7 @@ mod spectrum;
 mod wavelength_grid;
 
 pub use color_difference::{cie_lab, cie_luv, cie_uv_1960, cie_uv_1976, delta_e_1976};
-pub use colorimetry::{StandardObserver, daylight_d65, decode_srgb, encode_srgb, linear_srgb};
+pub use colorimetry::{StandardObserver, daylight_d65, encode_srgb, linear_srgb};
 pub use curve::{Curve, CurveError, FINE_STEP_NM};
 pub use curve_model::*;
 pub use eem::{EemError, EemTable, EnergyEem, PhotonEem, SeparableTerm, Stokes, YieldDensity};

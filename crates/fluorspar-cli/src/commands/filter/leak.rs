@@ -8,6 +8,7 @@ use crate::commands::table::{align, short};
 use crate::commands::{print_json, print_text};
 use crate::error::CliError;
 use crate::experiment_source::ExperimentSource;
+use crate::values::{self, Override, check_range};
 
 /// Options of `filter leak`.
 #[derive(Clone, Debug, clap::Args)]
@@ -23,7 +24,8 @@ pub(super) struct Options {
     #[arg(long, value_name = "NAME|CSV|T")]
     light_filter: Vec<String>,
     /// Angle of the light to the normal of the filters, degrees. May be repeated.
-    #[arg(long, value_name = "DEG", default_values_t = [0.0, 10.0, 20.0, 30.0], allow_negative_numbers = true)]
+    #[arg(long, value_name = "DEG", default_values_t = [0.0, 10.0, 20.0, 30.0],
+        value_parser = values::number, allow_negative_numbers = true)]
     angle_deg: Vec<f64>,
     /// Change one value, for instance `--set light.irradiance_w_per_m2=50`. May be repeated.
     #[arg(long = "set", value_name = "PATH=VALUE")]
@@ -38,20 +40,21 @@ const WANTED_LEAK: f64 = 0.01;
 
 pub(super) fn run(options: &Options) -> Result<(), CliError> {
     for angle in &options.angle_deg {
-        if !(0.0..=60.0).contains(angle) {
-            return Err(CliError::Input(format!("--angle-deg {angle}: give 0 to 60 degrees")));
-        }
+        check_range("--angle-deg", *angle, [0.0, 60.0], "degrees")?;
     }
     let source = ExperimentSource::find_sample(options.sample.as_deref())?;
     let mut overrides = Vec::new();
-    for (field, names) in
-        [("view_filter.filters", &options.view_filter), ("light.filters", &options.light_filter)]
-    {
+    for (field, option, names) in [
+        ("view_filter.filters", "--view-filter", &options.view_filter),
+        ("light.filters", "--light-filter", &options.light_filter),
+    ] {
         if !names.is_empty() {
-            overrides.push(format!("{field}={}", filter_list(names, &source.base_dir)));
+            let typed: Vec<String> = names.iter().map(|name| format!("{option} {name}")).collect();
+            let list = filter_list(names, &source.base_dir);
+            overrides.push(Override::of_option(field, list, typed.join(" ")));
         }
     }
-    overrides.extend(options.set.iter().cloned());
+    overrides.extend(options.set.iter().map(|text| Override::set(text)));
     let sample = source.resolve_sample(&overrides, options.json)?;
     let leak = filter_leak(&sample, &options.angle_deg)?;
     if options.json {

@@ -9,7 +9,7 @@ use fluorspar::format::write_atomically;
 
 use super::loading::{checked, everywhere_nm, from_file, peaks_nm, section_toml};
 use super::{FileOptions, StokesChoice};
-use crate::commands::{check_parent, print_text};
+use crate::commands::{check_file, print_text};
 use crate::error::CliError;
 
 /// Options of `fluorophore import`.
@@ -84,7 +84,7 @@ fn check_out(out: &Path) -> Result<(), CliError> {
             "--out {shown}: this exists already and is kept; choose another name, or append with --out - >> {shown}"
         )));
     }
-    check_parent(out)
+    check_file(out)
 }
 
 /// Makes the paths of a section relative to the folder of the file that it will stand in.

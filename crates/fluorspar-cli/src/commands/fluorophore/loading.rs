@@ -12,6 +12,7 @@ use super::measured::{Kind, Measured, read};
 use super::{FileOptions, StokesChoice, Unit};
 use crate::commands::quoted;
 use crate::error::CliError;
+use crate::values::as_text;
 
 /// Scale of a file that gives none: that of the catalogue.
 const ASSUMED_PHOTON_YIELD: f64 = 1e-3;
@@ -45,6 +46,11 @@ pub(super) fn load(name: &str, options: &FileOptions) -> Result<Loaded, CliError
         return Ok(Loaded { fluorophore: checked(path, &section)?, preset: None, measured: Some(measured) });
     }
     let preset = preset::fluorophore(name)?;
+    if let Some(option) = options.first_given() {
+        return Err(CliError::Input(format!(
+            "{option}: this says how a file is read, and {name} is of the catalogue; leave it out"
+        )));
+    }
     Ok(Loaded { fluorophore: preset.fluorophore(), preset: Some(preset), measured: None })
 }
 
@@ -57,7 +63,8 @@ pub(super) fn from_file(
     let photon_yield = options.photon_yield.unwrap_or(ASSUMED_PHOTON_YIELD);
     if !(photon_yield > 0.0 && photon_yield <= 1.0) {
         return Err(CliError::Input(format!(
-            "--photon-yield {photon_yield}: must be above 0 and at most 1 (photons out per photon in)"
+            "--photon-yield {}: must be above 0 and at most 1 (photons out per photon in)",
+            as_text(photon_yield)
         )));
     }
     if path.is_dir() {

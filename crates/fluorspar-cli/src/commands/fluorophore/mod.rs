@@ -12,6 +12,7 @@ use std::process::ExitCode;
 use clap::{Subcommand, ValueEnum};
 
 use crate::error::CliError;
+use crate::values;
 
 /// Options of `fluorophore`.
 #[derive(Clone, Debug, clap::Args)]
@@ -39,7 +40,7 @@ struct FileOptions {
     #[arg(long, value_enum)]
     unit: Option<Unit>,
     /// Photons out per photon in at the best excitation, concentration 1, of a file [default: 0.001, assumed].
-    #[arg(long, value_name = "Y", allow_negative_numbers = true)]
+    #[arg(long, value_name = "Y", value_parser = values::number, allow_negative_numbers = true)]
     photon_yield: Option<f64>,
     /// Whether emission below the excitation wavelength of a file is masked or used as it is.
     #[arg(long, value_enum, default_value = "mask")]
@@ -53,6 +54,22 @@ struct FileOptions {
     /// Take empty cells of a matrix as zero instead of refusing them.
     #[arg(long)]
     empty_as_zero: bool,
+}
+
+impl FileOptions {
+    /// The first option that was given and is not as without it.
+    fn first_given(&self) -> Option<&'static str> {
+        [
+            (self.unit.is_some(), "--unit"),
+            (self.photon_yield.is_some(), "--photon-yield"),
+            (self.stokes != StokesChoice::Mask, "--stokes off"),
+            (self.allow_negative, "--allow-negative"),
+            (self.allow_anti_stokes, "--allow-anti-stokes"),
+            (self.empty_as_zero, "--empty-as-zero"),
+        ]
+        .into_iter()
+        .find_map(|(given, option)| given.then_some(option))
+    }
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]

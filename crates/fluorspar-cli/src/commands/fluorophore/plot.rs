@@ -13,7 +13,7 @@ use fluorspar_report::figures::{EemMap, NamedCurve, eem_maps, emission};
 
 use super::FileOptions;
 use super::loading::load;
-use crate::commands::{FigureFormat, beside, check_parent};
+use crate::commands::{FigureFormat, beside, check_file};
 use crate::error::CliError;
 
 /// Width of a cell of a heat map, nm.
@@ -39,7 +39,7 @@ pub(super) struct Options {
 
 pub(super) fn run(options: &Options) -> Result<(), CliError> {
     let format = FigureFormat::of(&options.out)?;
-    check_parent(&options.out)?;
+    check_file(&options.out)?;
     let fluorophores = options
         .names
         .iter()
@@ -115,5 +115,7 @@ fn emission_figure(fluorophores: &[Fluorophore], light: &Curve, name: &str) -> F
     let curves: Vec<NamedCurve> = fluorophores.iter().map(curve).collect();
     let label = Path::new(name).file_stem().map_or_else(|| name.into(), |s| s.to_string_lossy().into_owned());
     let light = format!("{IRRADIANCE_W_PER_M2} W/m² of {label}");
-    emission(&curves, &light, "each at concentration 1 (the unit of the catalogue)", "W/(sr m² nm)", None)
+    let (amount, y) =
+        ("each at concentration 1 (the unit of the catalogue)", ["spectral radiance", "W/(sr m² nm)"]);
+    emission(&curves, &light, amount, y, None)
 }

@@ -10,8 +10,9 @@ use fluorspar::preset::{LensError, LoadedLens, lens_or_file};
 use fluorspar_report::figures::{lens_drawing, lens_field, lens_mtf, lens_spots};
 
 use crate::commands::table::{align, short};
-use crate::commands::{FigureFormat, beside, check_parent, print_json, print_text};
+use crate::commands::{FigureFormat, beside, check_file, print_json, print_text};
 use crate::error::CliError;
+use crate::values::{self, as_text, check_range};
 
 /// Options of `lens report`.
 #[derive(Clone, Debug, clap::Args)]
@@ -20,23 +21,23 @@ pub(super) struct Options {
     #[arg(value_name = "LENS", value_hint = ValueHint::FilePath)]
     lens: String,
     /// Stop down to this f-number [default: wide open].
-    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    #[arg(long, value_name = "N", value_parser = values::number, allow_negative_numbers = true)]
     f_number: Option<f64>,
     /// Distance in focus from the entrance pupil, mm [default: infinity].
-    #[arg(long, value_name = "MM", allow_negative_numbers = true)]
+    #[arg(long, value_name = "MM", value_parser = values::number, allow_negative_numbers = true)]
     focus_distance_mm: Option<f64>,
     /// Move the film away from the lens by this much, mm.
-    #[arg(long, value_name = "MM", default_value_t = 0.0, allow_negative_numbers = true)]
+    #[arg(long, value_name = "MM", default_value_t = 0.0, value_parser = values::number, allow_negative_numbers = true)]
     film_shift_mm: f64,
     /// Largest height on the film, half the diagonal of the sensor, mm [default: that of 20 degrees, or less where a fifth of
     /// the light of the axis is left].
-    #[arg(long, value_name = "MM", allow_negative_numbers = true)]
+    #[arg(long, value_name = "MM", value_parser = values::number, allow_negative_numbers = true)]
     image_height_mm: Option<f64>,
     /// Wavelength, nm [default: the design wavelength of the lens].
-    #[arg(long, value_name = "NM", allow_negative_numbers = true)]
+    #[arg(long, value_name = "NM", value_parser = values::number, allow_negative_numbers = true)]
     wavelength_nm: Option<f64>,
     /// Frequency of the MTF through focus, cycles per mm on the film; other curves go to twice this.
-    #[arg(long, value_name = "CYCLES", default_value_t = 50.0, allow_negative_numbers = true)]
+    #[arg(long, value_name = "CYCLES", default_value_t = 50.0, value_parser = values::number, allow_negative_numbers = true)]
     frequency: f64,
     /// Draw the lens with rays to this .svg or .png, and FILE_spots, FILE_mtf, FILE_field beside it.
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
@@ -46,24 +47,17 @@ pub(super) struct Options {
     json: bool,
 }
 
-fn check(name: &str, value: f64, range: [f64; 2], unit: &str) -> Result<(), CliError> {
-    if (range[0]..=range[1]).contains(&value) {
-        return Ok(());
-    }
-    Err(CliError::Input(format!("{name} {value}: give {} to {} {unit}", range[0], range[1])))
-}
-
 pub(super) fn run(options: &Options) -> Result<(), CliError> {
     if let Some(nm) = options.wavelength_nm {
-        check("--wavelength-nm", nm, [200.0, 1200.0], "nm")?;
+        check_range("--wavelength-nm", nm, [200.0, 1200.0], "nm")?;
     }
     if let Some(height) = options.image_height_mm {
-        check("--image-height-mm", height, [1e-3, 1e3], "mm")?;
+        check_range("--image-height-mm", height, [1e-3, 1e3], "mm")?;
     }
-    check("--frequency", options.frequency, [0.1, 1e4], "cycles per mm")?;
+    check_range("--frequency", options.frequency, [0.1, 1e4], "cycles per mm")?;
     let figures = match &options.out {
         Some(out) => {
-            check_parent(out)?;
+            check_file(out)?;
             Some((out, FigureFormat::of(out)?))
         }
         None => None,
@@ -74,8 +68,21 @@ pub(super) fn run(options: &Options) -> Result<(), CliError> {
         object_distance_mm: options.focus_distance_mm,
         film_shift_mm: options.film_shift_mm,
     };
-    let state = LensState::new(&loaded.lens, setting)
-        .map_err(|problem| LensError::Prescription { name: options.lens.clone(), problem })?;
+    let state = LensState::new(&loaded.lens, setting).map_err(|problem| {
+        let typed = match problem.place.as_str() {
+            "f_number" => Some(("--f-number", options.f_number)),
+            "focus_distance_mm" => Some(("--focus-distance-mm", options.focus_distance_mm)),
+            "film_shift_mm" => Some(("--film-shift-mm", Some(options.film_shift_mm))),
+            _ => None,
+        };
+        match typed {
+            Some((option, value)) => {
+                let value = value.map(as_text).unwrap_or_default();
+                CliError::Input(format!("{option} {value}: {}: {}", options.lens, problem.message))
+            }
+            None => LensError::Prescription { name: options.lens.clone(), problem }.into(),
+        }
+    })?;
     let settings = LensReportSettings {
         image_height_mm: options.image_height_mm,
         wavelength_nm: options.wavelength_nm,

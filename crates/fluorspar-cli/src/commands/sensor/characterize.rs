@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use clap::{ValueEnum, ValueHint};
 use fluorspar::experiment::ResolvedSensor;
-use fluorspar::sensor::{Characterization, CharacterizationSettings, characterize};
+use fluorspar::sensor::{Characterization, CharacterizationSettings, SensorProblem, characterize};
 use fluorspar_report::Figure;
 use fluorspar_report::figures::{PhotonTransferPlot, SnrPlot, photon_transfer, signal_to_noise};
 use serde_json::{Value, json};
@@ -16,6 +16,7 @@ use crate::commands::out_folder::OutFolder;
 use crate::commands::table::{align, short};
 use crate::commands::{print_json, print_text};
 use crate::error::CliError;
+use crate::values::{self, as_text};
 
 /// Options of `sensor characterize`.
 #[derive(Clone, Debug, clap::Args)]
@@ -29,22 +30,26 @@ pub(super) struct Options {
     #[arg(long, value_enum, default_value = "svg")]
     format: Format,
     /// Exposure time of the flats, ms.
-    #[arg(long, value_name = "MS", default_value_t = 10.0, allow_negative_numbers = true)]
+    #[arg(long, value_name = "MS", default_value_t = 10.0, value_parser = values::number, allow_negative_numbers = true)]
     exposure_ms: f64,
     /// Gain on top of the sensor's.
-    #[arg(long, value_name = "G", default_value_t = 1.0, allow_negative_numbers = true)]
+    #[arg(long, value_name = "G", default_value_t = 1.0, value_parser = values::number, allow_negative_numbers = true)]
     gain: f64,
     /// Columns and rows in the middle of the sensor that are measured.
-    #[arg(long, num_args = 2, value_names = ["COLUMNS", "ROWS"], default_values_t = [640, 480])]
+    #[arg(long, num_args = 2, value_names = ["COLUMNS", "ROWS"], default_values_t = [640, 480],
+        value_parser = values::whole::<usize>, allow_negative_numbers = true)]
     region: Vec<usize>,
     /// Steps of the light from dark to saturation.
-    #[arg(long, value_name = "N", default_value_t = 50)]
+    #[arg(long, value_name = "N", default_value_t = 50, value_parser = values::whole::<usize>,
+        allow_negative_numbers = true)]
     levels: usize,
     /// Frames that are averaged for the fixed patterns.
-    #[arg(long, value_name = "N", default_value_t = 32)]
+    #[arg(long, value_name = "N", default_value_t = 32, value_parser = values::whole::<usize>,
+        allow_negative_numbers = true)]
     stack: usize,
     /// Seed of the temporal noise.
-    #[arg(long, value_name = "S", default_value_t = 0)]
+    #[arg(long, value_name = "S", default_value_t = 0, value_parser = values::whole::<u64>,
+        allow_negative_numbers = true)]
     seed: u64,
     #[command(flatten)]
     talk: Talk,
@@ -55,6 +60,26 @@ enum Format {
     Svg,
     Png,
     Both,
+}
+
+impl Options {
+    /// A problem of a setting, about the option that was typed for it.
+    fn typed(&self, problem: &SensorProblem) -> String {
+        let [columns, rows] = [self.region[0], self.region[1]];
+        let typed = match problem.field.as_str() {
+            "characterization.region[0]" | "characterization.region[1]" => {
+                format!("--region {columns} {rows}")
+            }
+            "characterization.levels" => format!("--levels {}", self.levels),
+            "characterization.stack" => format!("--stack {}", self.stack),
+            "characterization.exposure_s" | "exposure.time_s" => {
+                return format!("--exposure-ms {}: give milliseconds above 0", as_text(self.exposure_ms));
+            }
+            "exposure.gain" => format!("--gain {}", as_text(self.gain)),
+            _ => return problem.to_string(),
+        };
+        format!("{typed}: {}", problem.message)
+    }
 }
 
 pub(super) fn run(options: &Options) -> Result<(), CliError> {
@@ -72,8 +97,8 @@ pub(super) fn run(options: &Options) -> Result<(), CliError> {
         .clone()
         .unwrap_or_else(|| Path::new("fluorspar-out").join(format!("{}-emva1288", options.sensor.stem())));
     let folder = OutFolder::prepare(&target, &options.sensor.files(&resolved))?;
-    let measured =
-        characterize(&resolved.sensor, &settings).map_err(|problem| CliError::Input(problem.to_string()))?;
+    let measured = characterize(&resolved.sensor, &settings)
+        .map_err(|problem| CliError::Input(options.typed(&problem)))?;
     let results = as_json(&resolved, &measured)?;
     let write = |name: &str, bytes: &[u8]| {
         let path = folder.path().join(name);

@@ -22,6 +22,7 @@ use crate::preset;
 use crate::render::{Estimator, RenderSettings};
 use crate::sensor::{Sensor, SensorModel, SpectralQe};
 use crate::spectral::{Curve, GridError, WavelengthGrid};
+use crate::units::{memory_gib, memory_texts};
 
 const LONGEST_SIDE_PX: u64 = 16_384;
 const MOST_SAMPLES: u64 = 1_000_000;
@@ -110,16 +111,21 @@ pub(super) fn check_memory(
     in_one_go: u64,
     in_bands: u64,
 ) -> Resolved<()> {
-    let needed = in_one_go.min(in_bands) as f64 / GIB;
-    if needed <= file.render.memory_limit_gib {
+    let limit = (file.render.memory_limit_gib * GIB) as u64;
+    if in_one_go.min(in_bands) <= limit {
         return Ok(());
     }
-    let digits = if needed < 1.0 { 4 } else { 1 };
+    let [needed, limit_text] = memory_texts(in_one_go, limit);
+    let bands = if in_bands < in_one_go {
+        let [needed, _] = memory_texts(in_bands, limit);
+        format!(", and still {needed} in bands of 16 rows, as `fluorspar render` would take them")
+    } else {
+        String::new()
+    };
     let message = format!(
-        "{}the images of the render need {needed:.digits$} GiB, more than the limit of {} GiB; render fewer pixels, bands, \
-         light groups or fluorophores, or raise render.memory_limit_gib",
-        if in_bands < in_one_go { "even in bands of 16 rows " } else { "" },
-        file.render.memory_limit_gib
+        "the images of the render need {needed}, more than the limit of {limit_text}{bands}; render fewer pixels, bands, \
+         light groups or fluorophores, or raise render.memory_limit_gib to {} or more",
+        memory_gib(in_one_go.min(in_bands))
     );
     context.fail(&steps!["render"], message)
 }

@@ -1,0 +1,99 @@
+//! Ctrl-C and requests to end: what was rendered is saved, and nothing unfinished is left behind.
+
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Rendering shall end: Ctrl-C, a request to end, or the time limit.
+pub(crate) static STOP: AtomicBool = AtomicBool::new(false);
+/// Someone asked the program to end.
+static INTERRUPTED: AtomicBool = AtomicBool::new(false);
+/// A picture is being made that is worth saving.
+static RENDERS: AtomicBool = AtomicBool::new(false);
+/// A folder that is not finished, and those around it that were made for it: removed when the program ends at once.
+static UNFINISHED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
+
+/// From here on the first Ctrl-C ends a render with the best picture so far; the second, and the first where nothing is
+/// rendered, ends the program. SIGTERM and SIGHUP count as Ctrl-C, unless they were ignored when the program started, as
+/// `nohup` has it.
+pub(crate) fn catch_interrupts() {
+    if let Err(error) = listen() {
+        eprintln!("warning: Ctrl-C will end the program at once and may leave unfinished files: {error}");
+    }
+}
+
+#[cfg(unix)]
+fn listen() -> std::io::Result<()> {
+    use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+
+    let ignored = ignored_signals();
+    let wanted = [SIGINT, SIGTERM, SIGHUP].into_iter().filter(|signal| ignored & (1 << (signal - 1)) == 0);
+    let mut signals = signal_hook::iterator::Signals::new(wanted)?;
+    std::thread::Builder::new().name("signals".into()).spawn(move || {
+        for _ in signals.forever() {
+            interrupt();
+        }
+    })?;
+    Ok(())
+}
+
+#[cfg(not(unix))]
+fn listen() -> Result<(), ctrlc::Error> {
+    ctrlc::set_handler(interrupt)
+}
+
+/// Signals that this process was started to ignore, bit by bit from 1; none where the system does not tell (it is Linux that
+/// does).
+#[cfg(unix)]
+fn ignored_signals() -> u64 {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).unwrap_or(0)
+}
+
+fn interrupt() {
+    STOP.store(true, Ordering::SeqCst);
+    let again = INTERRUPTED.swap(true, Ordering::SeqCst);
+    if again || !RENDERS.load(Ordering::SeqCst) {
+        fluorspar::format::remove_unfinished_files();
+        if let Ok(folders) = UNFINISHED.lock()
+            && let Some((folder, around)) = folders.split_first()
+        {
+            remove_folder(folder);
+            for folder in around {
+                // Others may have put something there.
+                let _ = std::fs::remove_dir(folder);
+            }
+        }
+        std::process::exit(1);
+    }
+    eprintln!("\nstopping: the picture so far will be saved. Press Ctrl-C again to quit at once");
+}
+
+/// Removes a folder into which another thread may still write: what comes in between is removed with it.
+fn remove_folder(path: &Path) {
+    for _ in 0..100 {
+        // Nothing more can be done about a folder that won't go away.
+        if std::fs::remove_dir_all(path).is_ok() || !path.exists() {
+            return;
+        }
+    }
+}
+
+/// Says that there is, from now on, something to save when the program is asked to end.
+pub(crate) fn save_when_interrupted() {
+    RENDERS.store(true, Ordering::SeqCst);
+}
+
+/// Whether the user asked to stop; a time limit that ran out does not count.
+pub(crate) fn interrupted() -> bool {
+    INTERRUPTED.load(Ordering::SeqCst)
+}
+
+/// Names the folder that is removed when the program ends at once, and those around it that go if nothing else is there,
+/// the innermost first.
+pub(crate) fn set_unfinished(folder: Option<&Path>, around: &[PathBuf]) {
+    if let Ok(mut unfinished) = UNFINISHED.lock() {
+        *unfinished = folder.into_iter().map(Path::to_path_buf).chain(around.iter().cloned()).collect();
+    }
+}

@@ -1,0 +1,109 @@
+//! docs/commands.md says what `--help` says: every option of every command stands in the section of the command, and
+//! nothing stands there that is no option.
+
+#![allow(clippy::unwrap_used, reason = "these are tests")]
+
+mod support;
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::Path;
+
+use support::fluorspar;
+
+/// Commands, and those within them.
+fn commands(within: &[&str]) -> Vec<Vec<String>> {
+    let help = help(within);
+    let Some(list) = help.split("\nCommands:\n").nth(1) else {
+        return vec![within.iter().map(|word| word.to_string()).collect()];
+    };
+    let names = list.lines().take_while(|line| !line.is_empty()).filter_map(|line| {
+        let name = line.strip_prefix("  ")?.split(' ').next()?;
+        (!name.is_empty() && name != "help").then(|| name.to_string())
+    });
+    names.flat_map(|name| commands(&[within, &[&name]].concat())).collect()
+}
+
+fn help(command: &[&str]) -> String {
+    let args: Vec<&str> = command.iter().copied().chain(["--help"]).collect();
+    fluorspar(Path::new("."), args).well().stdout
+}
+
+/// Words that begin with two dashes, in their order.
+fn options_in_order(text: &str) -> Vec<String> {
+    let mut found = Vec::new();
+    for (at, _) in text.match_indices("--") {
+        let before = text[..at].chars().next_back();
+        let name: String = text[at + 2..]
+            .chars()
+            .take_while(|c| c.is_ascii_lowercase() || *c == '-' || c.is_ascii_digit())
+            .collect();
+        let begins = before.is_none_or(|c| !c.is_alphanumeric() && c != '-');
+        if begins && name.starts_with(|c: char| c.is_ascii_lowercase()) {
+            found.push(format!("--{}", name.trim_end_matches('-')));
+        }
+    }
+    found
+}
+
+fn options(text: &str) -> BTreeSet<String> {
+    options_in_order(text).into_iter().collect()
+}
+
+/// Options of a command by its help, those of all commands left out. Only the lines that name them: explanations mention
+/// options of other commands.
+fn options_of(command: &[&str]) -> BTreeSet<String> {
+    let help = help(command);
+    let lines = help.lines().filter(|line| {
+        let line = line.trim_start();
+        line.starts_with("--")
+            || (line.starts_with('-') && line.get(2..).is_some_and(|rest| rest.starts_with(", --")))
+    });
+    let named: BTreeSet<String> =
+        lines.filter_map(|line| options_in_order(line).into_iter().next()).collect();
+    let of_all = ["--help", "--version", "--threads"];
+    named.into_iter().filter(|option| !of_all.contains(&option.as_str())).collect()
+}
+
+#[test]
+fn the_commands_of_the_documentation_have_the_options_of_the_help() {
+    let text =
+        fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/commands.md")).unwrap();
+    let (general, sections) = text.split_once("\n## ").unwrap();
+    let sections: Vec<(&str, &str)> =
+        sections.split("\n## ").map(|section| section.split_once('\n').unwrap()).collect();
+    // What [changes] stands for is said once, for all commands.
+    let changes: BTreeSet<String> =
+        ["--set", "--spp", "--seed", "--depth", "--error", "--statistics"].map(String::from).into();
+    assert!(changes.is_subset(&options(general)), "the beginning must name {changes:?}");
+
+    let (mut missing, mut all) = (Vec::new(), BTreeSet::new());
+    for command in commands(&[]) {
+        let words: Vec<&str> = command.iter().map(String::as_str).collect();
+        let section = sections
+            .iter()
+            .find(|(title, _)| title.split(", ").any(|name| name == words[0] || name == words.join(" ")));
+        let Some((title, body)) = section else {
+            missing.push(format!("a section for {}", words.join(" ")));
+            continue;
+        };
+        let mut said = options(body);
+        if body.contains("[changes]") {
+            said.extend(changes.iter().cloned());
+        }
+        if body.contains("-q") {
+            said.insert("--quiet".into());
+        }
+        let options = options_of(&words);
+        for option in options.difference(&said) {
+            missing.push(format!("{option} of {} in section \"{title}\"", words.join(" ")));
+        }
+        all.extend(options);
+    }
+    assert!(missing.is_empty(), "docs/commands.md lacks {missing:#?}");
+    all.extend(["--help".into(), "--version".into(), "--threads".into()]);
+    // Options of cargo, in the words about a checkout.
+    all.insert("--release".into());
+    let invented: Vec<String> = options(&text).difference(&all).cloned().collect();
+    assert!(invented.is_empty(), "docs/commands.md names {invented:?}, which no command has");
+}
