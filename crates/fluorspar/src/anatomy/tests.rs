@@ -229,11 +229,12 @@ fn patient_right_and_left_are_where_the_frame_says() {
     assert!(volume > 0.0);
 }
 
-/// Dimensions measured back that are more than 2 % off, all that the command prints. In poses other than rest the
-/// tongue is pressed and bent: there only what is hard counts, and the lips.
+/// Dimensions measured back that are more than 2 % off, 4 % on meshes coarser than 0.4, all that the command prints. In poses
+/// other than rest the tongue is pressed and bent: there only what is hard counts, and the lips.
 fn dimension_faults(mouth: &Mouth, p: &MouthParameters, at_rest: bool) -> Vec<String> {
     let d = mouth.dimensions();
     let soft = |value: f64| at_rest.then_some(value);
+    let tolerated = if p.detail < 0.4 { 0.04 } else { 0.02 };
     [
         ("opening", d.jaw_opening_mm, p.jaw_opening_mm),
         ("upper width", d.upper_arch_width_mm, p.upper_arch_width_mm),
@@ -248,7 +249,7 @@ fn dimension_faults(mouth: &Mouth, p: &MouthParameters, at_rest: bool) -> Vec<St
     ]
     .into_iter()
     .filter_map(|(name, measured, wanted)| Some((name, measured?, wanted)))
-    .filter(|(_, measured, wanted)| measured.is_nan() || (measured / wanted - 1.0).abs() >= 0.02)
+    .filter(|(_, measured, wanted)| measured.is_nan() || (measured / wanted - 1.0).abs() >= tolerated)
     .map(|(name, measured, wanted)| {
         format!("{name} {measured:.2} mm for {wanted:.2} ({:+.1} %)", 100.0 * (measured / wanted - 1.0))
     })
@@ -258,9 +259,17 @@ fn dimension_faults(mouth: &Mouth, p: &MouthParameters, at_rest: bool) -> Vec<St
 #[test]
 fn measured_dimensions_agree_with_the_parameters() {
     for p in [MouthParameters::default()].into_iter().chain((1..8).map(sample_person)) {
-        for detail in [0.5, 1.0] {
+        for detail in [0.25, 0.4, 0.5, 1.0] {
             let p = MouthParameters { detail, ..p.clone() };
-            let faults = dimension_faults(&mouth(&p), &p, true);
+            let made = mouth(&p);
+            let missing = |teeth: &[u8]| teeth.iter().any(|tooth| p.missing_teeth.contains(tooth));
+            let d = made.dimensions();
+            assert_eq!(d.jaw_opening_mm.is_none(), missing(&[11, 21, 31, 41]), "detail {detail}");
+            assert_eq!(d.upper_arch_width_mm.is_none(), missing(&[11, 21, 17, 27]), "detail {detail}");
+            assert_eq!(d.lower_arch_depth_mm.is_none(), missing(&[31, 41, 37, 47]), "detail {detail}");
+            assert_eq!(d.palate_height_mm.is_none(), missing(&[11, 21, 16, 26]), "detail {detail}");
+            assert_eq!(d.tongue_protrusion_mm.is_none(), missing(&[31, 41]), "detail {detail}");
+            let faults = dimension_faults(&made, &p, true);
             assert!(faults.is_empty(), "seed {}, detail {detail}: {}", p.seed, faults.join(", "));
         }
     }
