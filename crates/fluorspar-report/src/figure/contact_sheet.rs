@@ -32,7 +32,7 @@ impl ContactSheet {
     /// ```
     /// let sheet = fluorspar_report::ContactSheet::new(13, 240);
     /// // Five pictures above two rows of four larger ones.
-    /// assert_eq!(sheet.picture_sizes()[..6], [[240, 180], [240, 180], [240, 180], [240, 180], [240, 180], [301, 226]]);
+    /// assert_eq!(sheet.picture_sizes()[..6], [[240, 180], [240, 180], [240, 180], [240, 180], [240, 180], [301, 225]]);
     /// ```
     pub fn new(count: usize, picture_width: usize) -> Self {
         let count = count.max(1);
