@@ -709,3 +709,43 @@ fn the_mask_of_a_lesion_is_relative_to_the_experiment_file() {
     let mouth = experiment.file.mouth.as_ref().unwrap();
     assert_eq!(mouth.lesion[0].mask.as_deref(), Some("/patients/seven/spot.png"));
 }
+
+#[test]
+fn a_scan_in_a_wrong_unit_and_a_mask_in_colours_are_warned_of() {
+    let folder = tempfile::tempdir().unwrap();
+    // A prism of 60 mm, in a file in metres.
+    let scan = folder.path().join("arch.obj");
+    std::fs::write(
+        &scan,
+        "v 0 0 0\nv 0.06 0 0\nv 0 0.04 0\nv 0 0 0.01\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n",
+    )
+    .unwrap();
+    let of = |unit: &str| {
+        let text = format!(
+            "base = \"oraleye-2021\"\n[mouth]\ndetail = 0.25\n[[mouth.scan]]\nname = \"arch\"\nmesh = {scan:?}\n\
+             replaces = [\"tooth_1*\"]\nmaterial = \"tooth\"\n{unit}"
+        );
+        resolved(&text, &[]).warnings
+    };
+    let small = of("");
+    assert_eq!(warnings_with(&small, "unit_mm").len(), 1, "{small:?}");
+    assert!(warnings_with(&small, "unit_mm")[0].contains("set unit_mm = 1000.0"), "{small:?}");
+    let large = of("unit_mm = 1e6\n");
+    assert!(warnings_with(&large, "unit_mm")[0].contains("set unit_mm = 1000.0"), "{large:?}");
+    let right = of("unit_mm = 1000.0\n");
+    assert_eq!(warnings_with(&right, "unit_mm").len(), 0, "{right:?}");
+
+    let mask = folder.path().join("mask.png");
+    let of = |pixels: &[u8]| {
+        fluorspar::format::write_rgb_png(&mask, 2, 1, pixels).unwrap();
+        let text = format!(
+            "base = \"oraleye-2021\"\n[mouth]\ndetail = 0.25\n[[mouth.lesion]]\nname = \"spot\"\npart = \"cheek_left\"\n\
+             mask = {mask:?}\nblood_um = 5.0\n"
+        );
+        resolved(&text, &[]).warnings
+    };
+    let colored = of(&[255, 0, 0, 0, 0, 0]);
+    assert_eq!(warnings_with(&colored, "mean of red, green and blue").len(), 1, "{colored:?}");
+    let grey = of(&[255, 255, 255, 0, 0, 0]);
+    assert_eq!(warnings_with(&grey, "mean of red").len(), 0, "{grey:?}");
+}

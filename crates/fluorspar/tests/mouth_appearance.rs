@@ -83,7 +83,7 @@ fn there_is_no_porphyrin_on_sides_underside_palate_and_elsewhere() {
     }
 }
 
-/// The coating hangs on filiform papillae, which the map of pale keratin shows; the red fungiform ones stay clean.
+/// The coating hangs on filiform papillae, which the map of pale keratin shows; the fungiform ones stay clean.
 #[test]
 fn porphyrin_keeps_to_the_filiform_papillae() {
     let p = person(1);
@@ -91,7 +91,7 @@ fn porphyrin_keeps_to_the_filiform_papillae() {
     let places: Vec<[f64; 3]> = (0..160_000_u32)
         .map(|i| {
             let (u, v) = (0.42 + 0.16 * f64::from(i % 400) / 399.0, 0.4 + 0.25 * f64::from(i / 400) / 399.0);
-            [porphyrin(&p, u, v), map(SurfaceMap::Pallor, u, v), map(SurfaceMap::Redness, u, v)]
+            [porphyrin(&p, u, v), map(SurfaceMap::Pallor, u, v), map(SurfaceMap::Fungiform, u, v)]
         })
         .collect();
     let mean_where = |chosen: &dyn Fn(&[f64; 3]) -> bool| {

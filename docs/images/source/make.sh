@@ -27,7 +27,7 @@ for name in "$@"; do
         cp "$work/default/figures/chromaticity.png" "$images/chromaticity.png"
         ;;
     views)
-        "$fluorspar" mouth view --width 240 --spp 16 --out "$work/mouth_views.png" --quiet
+        "$fluorspar" mouth view --width 192 --spp 16 --out "$work/mouth_views.png" --quiet
         python3 "$here/shrink_png.py" "$work/mouth_views.png" 24
         cp "$work/mouth_views.png" "$images"
         ;;

@@ -1,6 +1,7 @@
 //! A small figure model: panels of axes and series, drawn the same way as SVG and as PNG.
 
 mod color;
+mod contact_sheet;
 mod drawing;
 mod labels;
 mod layout;
@@ -11,6 +12,7 @@ mod svg;
 mod text;
 
 pub use color::{ColorMap, Ink};
+pub use contact_sheet::ContactSheet;
 pub use png_file::FigureError;
 pub(crate) use png_file::png_size;
 pub use raster::Raster;

@@ -16,6 +16,12 @@ const SCALE: f64 = 2.0;
 #[error("the figure could not be drawn: {0}")]
 pub struct FigureError(String);
 
+impl FigureError {
+    pub(super) fn new(message: impl Into<String>) -> Self {
+        Self(message.into())
+    }
+}
+
 /// Width and height that the header of a PNG file states.
 pub(crate) fn png_size(file: &[u8]) -> Option<[u32; 2]> {
     let header = file.strip_prefix(b"\x89PNG\r\n\x1a\n")?.get(8..16)?;
@@ -31,7 +37,7 @@ pub(super) fn write(drawing: &Drawing) -> Result<Vec<u8>, FigureError> {
     RasterBackend { scale: SCALE as f32 }.render_scene(&scene).map_err(FigureError)
 }
 
-fn color(ink: Ink) -> Color {
+pub(super) fn color(ink: Ink) -> Color {
     let [r, g, b] = ink.rgb();
     Color::Rgb(r, g, b)
 }

@@ -1,5 +1,7 @@
 //! Pictures inside figures.
 
+use super::FigureError;
+
 /// Pixels, `[row, col]`, first row at the top, 8-bit red, green, blue.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Raster {
@@ -34,6 +36,21 @@ impl Raster {
     /// The colour at a pixel.
     pub fn at(&self, row: usize, col: usize) -> [u8; 3] {
         self.pixels[row * self.width + col]
+    }
+
+    /// The pixels of a PNG file of 8-bit colours; what is transparent keeps its colour.
+    pub(super) fn from_png(file: &[u8]) -> Result<Self, FigureError> {
+        let unreadable = |error: png::DecodingError| FigureError::new(error.to_string());
+        let mut reader = png::Decoder::new(std::io::Cursor::new(file)).read_info().map_err(unreadable)?;
+        let size = reader.output_buffer_size().ok_or_else(|| FigureError::new("a picture too large"))?;
+        let mut bytes = vec![0; size];
+        let info = reader.next_frame(&mut bytes).map_err(unreadable)?;
+        let channels = info.color_type.samples();
+        if info.bit_depth != png::BitDepth::Eight || channels < 3 {
+            return Err(FigureError::new(format!("a PNG file of {:?}", info.color_type)));
+        }
+        let pixels = bytes[..info.buffer_size()].chunks_exact(channels).map(|p| [p[0], p[1], p[2]]).collect();
+        Ok(Self { width: info.width as usize, height: info.height as usize, pixels })
     }
 
     /// The picture as a PNG file; `None` when it has no pixels.

@@ -1,7 +1,8 @@
 //! Maps over the texture coordinates of the parts: where mucosa is red or pale, where porphyrins and plaque sit, how
 //! wet a surface is. Pure anatomy: a map says how much, never in which colour.
 //!
-//! The maps of the tongue use the same papillae as its mesh: red on fungiform papillae, porphyrin on filiform ones.
+//! The maps of the tongue use the same papillae as its mesh: the fungiform ones have a map of their own, coating and
+//! porphyrin keep to the filiform ones.
 
 use rayon::prelude::*;
 use schemars::JsonSchema;
@@ -17,8 +18,10 @@ use super::{Tissue, tongue};
 #[serde(rename_all = "snake_case")]
 #[non_exhaustive]
 pub enum SurfaceMap {
-    /// Blood near the surface: vessels, fungiform papillae, the margin of the gums; 0 to 1.
+    /// Blood near the surface: vessels, the border of the tongue, the margin of the gums; 0 to 1.
     Redness,
+    /// Fungiform papillae on the back of the tongue: dense at the tip, rare behind; 0 between them to 1 on them.
+    Fungiform,
     /// Keratin and coating: filiform papillae, crests of the palatal folds, the line where teeth meet the cheek; 0 to 1.
     Pallor,
     /// Porphyrins of the tongue's coating: most in the middle and hind part, on filiform papillae, none on the sides,
@@ -33,8 +36,9 @@ pub enum SurfaceMap {
 }
 
 /// Every map with its name in files.
-pub const SURFACE_MAPS: [(SurfaceMap, &str); 6] = [
+pub const SURFACE_MAPS: [(SurfaceMap, &str); 7] = [
     (SurfaceMap::Redness, "redness"),
+    (SurfaceMap::Fungiform, "fungiform"),
     (SurfaceMap::Pallor, "pallor"),
     (SurfaceMap::Porphyrin, "porphyrin"),
     (SurfaceMap::Plaque, "plaque"),
@@ -67,6 +71,7 @@ pub fn surface_map(map: SurfaceMap, tissue: Tissue, p: &MouthParameters, u: f64,
     let place = Place::new(tissue, p, u, v);
     match map {
         SurfaceMap::Redness => place.redness(),
+        SurfaceMap::Fungiform => place.fungiform(),
         SurfaceMap::Pallor => place.pallor(),
         SurfaceMap::Porphyrin => place.porphyrin(),
         SurfaceMap::Plaque => place.plaque(),
@@ -128,9 +133,8 @@ impl<'a> Place<'a> {
         let mottled = 0.5 + 0.9 * self.noise(0x31, 6.0, 3);
         match self.tissue {
             Tissue::TongueDorsum => {
-                let red = smoothstep(0.05, 0.5, tongue::fungiform(self.p.seed, self.x, self.y, self.v));
                 let rim = smoothstep(0.35, 0.5, (self.u - 0.5).abs()) + 0.7 * smoothstep(0.12, 0.0, self.v);
-                0.25 * mottled + 0.75 * red + 0.35 * rim
+                0.25 * mottled + 0.35 * rim
             }
             Tissue::TongueVentral => {
                 let vein = tongue::vein_place(self.p.seed, self.y, self.x);
@@ -170,6 +174,14 @@ impl<'a> Place<'a> {
         }
     }
 
+    /// Fungiform papillae, 0 to 1.
+    fn fungiform(&self) -> f64 {
+        if self.tissue != Tissue::TongueDorsum {
+            return 0.0;
+        }
+        smoothstep(0.05, 0.5, tongue::fungiform(self.p.seed, self.x, self.y, self.v))
+    }
+
     /// Creases of the dry lip, 0 to 1: across the lip, a millimetre or two apart.
     fn crease(&self) -> f64 {
         crease(self.p.seed, self.x, self.v)
@@ -180,7 +192,8 @@ impl<'a> Place<'a> {
             Tissue::TongueDorsum => {
                 let hairs = tongue::filiform(self.p.seed, self.x, self.y);
                 let front = tongue::in_front_of_sulcus(self.x, self.v);
-                front * (0.75 * hairs * (0.35 + 0.65 * self.coating()) + 0.35 * self.coating())
+                let coated = 0.75 * hairs * (0.35 + 0.65 * self.coating()) + 0.35 * self.coating();
+                front * coated * (1.0 - self.fungiform())
             }
             Tissue::TongueVentral => 0.25 * smoothstep(0.0, 0.4, self.noise(0x41, 4.0, 2)),
             Tissue::Gingiva => {
@@ -235,8 +248,8 @@ impl<'a> Place<'a> {
         let ramp = ((self.v - 0.05) / 0.55).clamp(0.0, 1.0) * smoothstep(0.78, 0.68, self.v);
         let colonies = smoothstep(-0.14, 0.2, self.noise(0x4b, 8.0, 4));
         let hairs = tongue::filiform(self.p.seed, self.x, self.y);
-        let bald = smoothstep(0.05, 0.5, tongue::fungiform(self.p.seed, self.x, self.y, self.v));
-        middle * ramp * (0.12 + 0.88 * colonies) * lerp(0.45, 1.0, smoothstep(0.0, 0.6, hairs)) * (1.0 - bald)
+        let hung = lerp(0.45, 1.0, smoothstep(0.0, 0.6, hairs)) * (1.0 - self.fungiform());
+        middle * ramp * (0.12 + 0.88 * colonies) * hung
     }
 
     fn plaque(&self) -> f64 {

@@ -30,16 +30,22 @@ pub struct MouthDimensions {
     pub lip_opening_width_mm: f64,
 }
 
-/// Middle of the places of a mesh at a height of its texture, give or take a little.
+/// Middle of the row of a mesh at a height of its texture, between the rows above and below it.
 fn ring(mesh: &TriangleMesh, v: f32) -> Option<Vec3> {
-    let (mut sum, mut count) = (Vec3::ZERO, 0.0);
-    for (uv, position) in mesh.uvs.iter().zip(&mesh.positions) {
-        if (uv.y - v).abs() < 0.06 {
-            sum += *position;
-            count += 1.0;
-        }
-    }
-    (count > 0.0).then(|| sum / count)
+    let rows = || mesh.uvs.iter().map(|uv| uv.y);
+    let below = rows().filter(|row| *row <= v).reduce(f32::max)?;
+    let above = rows().filter(|row| *row >= v).reduce(f32::min)?;
+    let middle = |row: f32| {
+        let (sum, count) = mesh
+            .uvs
+            .iter()
+            .zip(&mesh.positions)
+            .filter(|(uv, _)| uv.y == row)
+            .fold((Vec3::ZERO, 0.0), |(sum, count), (_, position)| (sum + *position, count + 1.0));
+        sum / count
+    };
+    let share = if above > below { (v - below) / (above - below) } else { 0.0 };
+    Some(middle(below).lerp(middle(above), share))
 }
 
 /// Axis of a crown, from its neck to the middle of its biting surface, and that part of it that is next to its biting

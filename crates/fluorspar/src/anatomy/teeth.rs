@@ -84,8 +84,11 @@ const UPPER_MOLAR: Form = Form {
     fossa: 2.7,
     ..UPPER_PREMOLAR
 };
-const UPPER_SECOND_MOLAR: Form =
-    Form { taper: 0.18, cusps: &[[-0.42, 0.54, 0.1], [0.42, 0.5, 0.6], [-0.1, -0.5, 0.0]], ..UPPER_MOLAR };
+const UPPER_SECOND_MOLAR: Form = Form {
+    taper: 0.18,
+    cusps: &[[-0.42, 0.54, 0.1], [0.42, 0.5, 0.6], [-0.3, -0.5, 0.0], [0.46, -0.5, 1.3]],
+    ..UPPER_MOLAR
+};
 const LOWER_FIRST_MOLAR: Form = Form {
     squareness: 3.0,
     taper: 0.08,
@@ -136,9 +139,11 @@ fn relief(tooth: &Tooth, form: &Form, m: f64, b: f64) -> f64 {
             slope * ((away * away + 0.015).sqrt() - 0.12)
         }
         _ => {
-            // Soft maximum of pyramids at the cusps, the marginal ridges and the floor of the fossa. The ridges of a
-            // pyramid lead to the middle of the crown and along the rim.
-            const SHARPNESS: f64 = 3.2;
+            // Soft maximum of round cusps, the marginal ridges and the floor of the fossa. A weak ridge leads from each cusp
+            // to the middle of the crown, and weaker ones along the rim.
+            const SHARPNESS: f64 = 3.0;
+            /// How round the tip of a cusp is, mm.
+            const TIP_MM: f64 = 0.75;
             let (half_width, half_depth) = (0.5 * tooth.width, 0.5 * tooth.depth);
             let mut sum = 0.0;
             let (mut first, mut second) = (f64::NEG_INFINITY, f64::NEG_INFINITY);
@@ -146,10 +151,11 @@ fn relief(tooth: &Tooth, form: &Form, m: f64, b: f64) -> f64 {
                 let to_middle = DVec2::new(-cusp_m * half_width, -cusp_b * half_depth).normalize();
                 let from = DVec2::new((m - cusp_m) * half_width, (b - cusp_b) * half_depth);
                 let (along, across) = (from.dot(to_middle), from.perp_dot(to_middle));
-                let corner = (along * along * across * across + 0.01).sqrt() - 0.1;
+                let corner = (along * along * across * across + 0.09).sqrt() - 0.3;
                 // Steeper to the outside than to the fossa.
-                let slope = lerp(1.15, 0.74, smoothstep(-0.5, 0.5, along));
-                let distance = (along * along + across * across + 0.9 * corner + 0.16).sqrt() - 0.4;
+                let slope = lerp(1.15, 0.78, smoothstep(-1.0, 1.0, along));
+                let distance =
+                    (along * along + across * across + 0.3 * corner + TIP_MM * TIP_MM).sqrt() - TIP_MM;
                 let height = -below - slope * distance;
                 sum += exp(SHARPNESS * height);
                 if height > first {
@@ -159,9 +165,9 @@ fn relief(tooth: &Tooth, form: &Form, m: f64, b: f64) -> f64 {
                 }
             }
             let proximal = m.abs();
-            sum += exp(SHARPNESS * (-form.fossa + 1.25 * smoothstep(0.42, 0.72, proximal)));
+            sum += exp(SHARPNESS * (-form.fossa + 1.0 * smoothstep(0.4, 0.75, proximal)));
             // Fissures run where the slopes of two cusps meet, and end at the marginal ridges.
-            let fissure = 0.42 * bell((first - second) / 0.3) * (1.0 - smoothstep(0.46, 0.7, proximal));
+            let fissure = 0.4 * bell((first - second) / 0.4) * (1.0 - smoothstep(0.46, 0.7, proximal));
             fissure - ln(sum) / SHARPNESS
         }
     }
@@ -315,8 +321,8 @@ pub(super) fn tooth_mesh(tooth: &Tooth, pose: &JawPose, seed: u32, detail: f64) 
             level(tooth, form, -0.38 + 1.38 * (1.0 - (1.0 - x) * (1.0 - 0.55 * x)))
         })
         .collect();
-    let cap = if front { count(5, detail) } else { count(16, detail) };
-    let around = count(if front { 40 } else { 56 }, detail);
+    let cap = if front { count(5, detail) } else { count(20, detail) };
+    let around = count(if front { 40 } else { 72 }, detail);
     let meridians = meridians(form, around);
     let top_level = level(tooth, form, 1.0);
     let rounding = if front { ROUNDING_MM } else { 0.0 };

@@ -229,11 +229,12 @@ fn patient_right_and_left_are_where_the_frame_says() {
     assert!(volume > 0.0);
 }
 
-/// Dimensions measured back that are more than 2 % off, all that the command prints. In poses other than rest the
-/// tongue is pressed and bent: there only what is hard counts, and the lips.
+/// Dimensions measured back that are more than 2 % off, 4 % on meshes coarser than 0.4, all that the command prints. In poses
+/// other than rest the tongue is pressed and bent: there only what is hard counts, and the lips.
 fn dimension_faults(mouth: &Mouth, p: &MouthParameters, at_rest: bool) -> Vec<String> {
     let d = mouth.dimensions();
     let soft = |value: f64| at_rest.then_some(value);
+    let tolerated = if p.detail < 0.4 { 0.04 } else { 0.02 };
     [
         ("opening", d.jaw_opening_mm, p.jaw_opening_mm),
         ("upper width", d.upper_arch_width_mm, p.upper_arch_width_mm),
@@ -248,7 +249,7 @@ fn dimension_faults(mouth: &Mouth, p: &MouthParameters, at_rest: bool) -> Vec<St
     ]
     .into_iter()
     .filter_map(|(name, measured, wanted)| Some((name, measured?, wanted)))
-    .filter(|(_, measured, wanted)| measured.is_nan() || (measured / wanted - 1.0).abs() >= 0.02)
+    .filter(|(_, measured, wanted)| measured.is_nan() || (measured / wanted - 1.0).abs() >= tolerated)
     .map(|(name, measured, wanted)| {
         format!("{name} {measured:.2} mm for {wanted:.2} ({:+.1} %)", 100.0 * (measured / wanted - 1.0))
     })
@@ -258,9 +259,17 @@ fn dimension_faults(mouth: &Mouth, p: &MouthParameters, at_rest: bool) -> Vec<St
 #[test]
 fn measured_dimensions_agree_with_the_parameters() {
     for p in [MouthParameters::default()].into_iter().chain((1..8).map(sample_person)) {
-        for detail in [0.5, 1.0] {
+        for detail in [0.25, 0.4, 0.5, 1.0] {
             let p = MouthParameters { detail, ..p.clone() };
-            let faults = dimension_faults(&mouth(&p), &p, true);
+            let made = mouth(&p);
+            let missing = |teeth: &[u8]| teeth.iter().any(|tooth| p.missing_teeth.contains(tooth));
+            let d = made.dimensions();
+            assert_eq!(d.jaw_opening_mm.is_none(), missing(&[11, 21, 31, 41]), "detail {detail}");
+            assert_eq!(d.upper_arch_width_mm.is_none(), missing(&[11, 21, 17, 27]), "detail {detail}");
+            assert_eq!(d.lower_arch_depth_mm.is_none(), missing(&[31, 41, 37, 47]), "detail {detail}");
+            assert_eq!(d.palate_height_mm.is_none(), missing(&[11, 21, 16, 26]), "detail {detail}");
+            assert_eq!(d.tongue_protrusion_mm.is_none(), missing(&[31, 41]), "detail {detail}");
+            let faults = dimension_faults(&made, &p, true);
             assert!(faults.is_empty(), "seed {}, detail {detail}: {}", p.seed, faults.join(", "));
         }
     }
@@ -281,11 +290,54 @@ fn random_pose(seed: u32) -> MouthParameters {
     p
 }
 
-/// What is wrong with a person, in a random pose and at rest.
-fn faults(seed: u32) -> Vec<String> {
+/// Most that the rows of the tongue's underside may turn back: its veins and folds stand out by less.
+const DEEPEST_FOLD_MM: f64 = 0.1;
+
+/// How far the rows of the tongue's underside turn back behind one another, mm, and where in its texture: 0 for a body that
+/// nowhere folds over itself. The root, which nothing sees, does not count.
+fn deepest_fold(mouth: &Mouth) -> (f64, Vec2) {
+    const ROOT: f32 = 0.78;
+    let key = |v: f32| v.to_bits();
+    let mut rows: std::collections::BTreeMap<u32, (Vec3, f32)> = std::collections::BTreeMap::new();
+    let mut columns: std::collections::BTreeMap<u32, Vec<(f32, Vec3)>> = std::collections::BTreeMap::new();
+    for part in mouth.parts.iter().filter(|part| part.name.starts_with("tongue_")) {
+        for (uv, p) in part.mesh.uvs.iter().zip(&part.mesh.positions) {
+            // Vertices in the middle of back and underside say which way the body goes.
+            if (uv.x - 0.5).abs() < 1e-6 {
+                let row = rows.entry(key(uv.y)).or_insert((Vec3::ZERO, 0.0));
+                *row = (row.0 + *p, row.1 + 1.0);
+            }
+            if part.tissue == Tissue::TongueVentral {
+                columns.entry(key(uv.x)).or_default().push((uv.y, *p));
+            }
+        }
+    }
+    let middle: Vec<(f32, Vec3)> =
+        rows.iter().map(|(v, (sum, count))| (f32::from_bits(*v), *sum / *count)).collect();
+    let along = |v: f32| {
+        let at = |v: f32| middle[middle.partition_point(|row| row.0 < v).min(middle.len() - 1)].1;
+        (at((v + 0.05).min(1.0)) - at((v - 0.05).max(0.0))).normalize()
+    };
+    let mut deepest = (0.0_f64, Vec2::ZERO);
+    for (u, mut column) in columns {
+        column.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let mut back = 0.0_f64;
+        for pair in column.windows(2).filter(|pair| (0.05..ROOT).contains(&pair[0].0)) {
+            let step = 1e3 * f64::from((pair[1].1 - pair[0].1).dot(along(pair[0].0)));
+            back = (back - step).max(0.0);
+            if back > deepest.0 {
+                deepest = (back, Vec2::new(f32::from_bits(u), pair[0].0));
+            }
+        }
+    }
+    deepest
+}
+
+/// What is wrong with a person, in a random pose and at rest, at these levels of detail.
+fn faults(seed: u32, [posed, resting]: [f64; 2]) -> Vec<String> {
     let mut faults = Vec::new();
-    let posed = MouthParameters { detail: 0.4, ..random_pose(seed) };
-    let resting = MouthParameters { detail: 0.5, ..sample_person(seed) };
+    let posed = MouthParameters { detail: posed, ..random_pose(seed) };
+    let resting = MouthParameters { detail: resting, ..sample_person(seed) };
     if !(BOLTON_RANGE.0..=BOLTON_RANGE.1).contains(&posed.bolton_ratio()) {
         faults.push(format!("Bolton ratio {}", posed.bolton_ratio()));
     }
@@ -302,6 +354,10 @@ fn faults(seed: u32) -> Vec<String> {
         found.extend(overlap_faults(&mouth));
         found.extend(mouth.penetrations(0.2, 1).iter().map(|found| format!("{found:?}")));
         found.extend(dimension_faults(&mouth, &p, at_rest));
+        let (fold, place) = deepest_fold(&mouth);
+        if fold > DEEPEST_FOLD_MM {
+            found.push(format!("the underside of the tongue turns back by {fold:.2} mm at {place:.2}"));
+        }
         if generate_mouth(&p).as_ref() != Ok(&mouth) {
             found.push("not the same bits again".to_owned());
         }
@@ -310,21 +366,51 @@ fn faults(seed: u32) -> Vec<String> {
     faults.into_iter().map(|fault| format!("seed {seed} {fault}")).collect()
 }
 
-fn check_people(seeds: std::ops::Range<u32>) {
-    let found: Vec<String> = seeds.into_par_iter().flat_map_iter(faults).collect();
+fn check_people(seeds: std::ops::Range<u32>, details: [f64; 2]) {
+    let found: Vec<String> = seeds.into_par_iter().flat_map_iter(|seed| faults(seed, details)).collect();
     assert!(found.is_empty(), "{} faults\n{}", found.len(), found.join("\n"));
 }
 
 #[test]
 fn random_people_in_random_poses_are_sound_and_nothing_stands_in_anything_else() {
-    check_people(1..13);
+    check_people(1..13, [0.4, 0.5]);
 }
 
 /// The same over five hundred: a few minutes of one processor.
 #[test]
 #[ignore = "some minutes, release builds only: see docs/validation.md"]
 fn five_hundred_people_in_random_poses_are_sound() {
-    check_people(1000..1500);
+    check_people(1000..1500, [0.4, 0.5]);
+}
+
+/// A hundred of them as they are rendered.
+#[test]
+#[ignore = "some minutes, release builds only: see docs/validation.md"]
+fn a_hundred_people_at_full_detail_are_sound() {
+    check_people(1000..1100, [1.0, 1.0]);
+}
+
+/// Of the five hundred the one whose tongue bends most tightly: its sections would cross behind, and a tooth would look as if
+/// it stood in the fold.
+#[test]
+fn a_tongue_that_is_raised_and_put_out_far_does_not_fold_over_itself() {
+    for detail in [0.5, 1.0] {
+        let p = MouthParameters { detail, ..random_pose(1218) };
+        assert!(p.tongue_protrusion_mm > 22.0 && p.tongue_elevation_mm > 11.0, "{p:?}");
+        let mouth = mouth(&p);
+        let (fold, place) = deepest_fold(&mouth);
+        assert!(fold < DEEPEST_FOLD_MM, "turns back by {fold} mm at {place}, detail {detail}");
+        assert_eq!(mouth.penetrations(0.2, 1), Vec::new(), "detail {detail}");
+    }
+    // The check can fail: the underside pushed together behind.
+    let mut mouth = mouth(&coarse());
+    let under = mouth.parts.iter_mut().find(|part| part.name == "tongue_ventral").unwrap();
+    for (uv, position) in under.mesh.uvs.iter().zip(&mut under.mesh.positions) {
+        if (0.5..0.6).contains(&uv.y) {
+            position.z += 0.01;
+        }
+    }
+    assert!(deepest_fold(&mouth).0 > 1.0);
 }
 
 #[test]

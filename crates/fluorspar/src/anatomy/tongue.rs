@@ -21,6 +21,11 @@ const CLEARANCE_MM: f64 = 0.8;
 /// How far around the unpressed body is looked for what it may touch, mm.
 const NEAR_MM: f64 = 2.0;
 
+/// How much of the way to where neighbouring sections cross the underside may reach in a bend, and over how many steps of
+/// the table it is thinned toward it and away from it.
+const FREE_OF_BEND: f64 = 0.85;
+const THINNING_REACH: usize = 12;
+
 /// Where the front, the sides and the middle of the tongue's back meet, in its texture coordinates.
 pub(super) const TIP_END: f64 = 0.12;
 pub(super) const LATERAL_END: f64 = 0.09;
@@ -40,6 +45,8 @@ pub(super) struct Tongue<'a> {
     length: f64,
     /// Half width, height of the back and of the underside over the midline, at the steps of the table.
     sizes: Vec<[f64; 3]>,
+    /// Share of the height of the underside that its bends leave, at the steps of the table.
+    thinned: Vec<f64>,
     /// How far the back and the underside are pressed in, as a share of their distance from the midline: rows along
     /// the tongue, columns around it.
     pressed: Field,
@@ -126,6 +133,7 @@ impl<'a> Tongue<'a> {
             places: Vec::new(),
             length: 0.0,
             sizes,
+            thinned: vec![1.0; STEPS + 1],
             pressed,
             near: Vec::new(),
         };
@@ -286,12 +294,6 @@ impl<'a> Tongue<'a> {
             }
         }
         // A smooth rise that is nowhere less than needed: bends that are narrower than the body would fold its underside.
-        let window = |values: &[f64], reach: usize, of: &dyn Fn(&[f64]) -> f64| -> Vec<f64> {
-            (0..values.len())
-                .map(|i| of(&values[i.saturating_sub(reach)..(i + reach + 1).min(values.len())]))
-                .collect()
-        };
-        let mean = |near: &[f64]| near.iter().sum::<f64>() / near.len() as f64;
         lift = window(&lift, 7, &|near| near.iter().copied().fold(0.0, f64::max));
         lift = window(&lift, 7, &mean);
         most = window(&most, 2, &|near| near.iter().copied().fold(f64::INFINITY, f64::min));
@@ -354,6 +356,26 @@ impl<'a> Tongue<'a> {
         self.length = sums[STEPS];
         self.places =
             sums.iter().enumerate().map(|(i, s)| (s / self.length, i as f64 / STEPS as f64)).collect();
+        self.thin();
+    }
+
+    /// Thins the underside where the body bends around it so tightly that its sections would cross: it reaches at most
+    /// [`FREE_OF_BEND`] of the way to where they meet.
+    fn thin(&mut self) {
+        let frames: Vec<_> = (0..=STEPS).map(|i| self.frame(i as f64 / STEPS as f64)).collect();
+        let shares: Vec<f64> = (0..=STEPS)
+            .map(|i| {
+                let (a, b) = (i.saturating_sub(1), (i + 1).min(STEPS));
+                let ((from, _, up_before), (to, _, up_after)) = (frames[a], frames[b]);
+                let along = (to - from).normalize();
+                // How far the middle goes, and how much less a point 1 mm below it.
+                let bend = (up_after - up_before).dot(along) / (to - from).length();
+                let under = half_sizes(self.parameters, i as f64 / STEPS as f64)[2];
+                if bend * under > FREE_OF_BEND { FREE_OF_BEND / (bend * under) } else { 1.0 }
+            })
+            .collect();
+        let lowest = window(&shares, THINNING_REACH, &|near| near.iter().copied().fold(1.0, f64::min));
+        self.thinned = window(&lowest, THINNING_REACH, &mean);
     }
 
     /// Point of the midline, and the directions to the patient's left and to the back of the tongue.
@@ -371,6 +393,9 @@ impl<'a> Tongue<'a> {
     fn section(&self, t: f64) -> Section {
         let (centre, side, up) = self.frame(t);
         let [half_width, back, under] = half_sizes(self.parameters, t);
+        let x = t.clamp(0.0, 1.0) * STEPS as f64;
+        let i = (x.floor() as usize).min(STEPS - 1);
+        let under = under * lerp(self.thinned[i], self.thinned[i + 1], x - i as f64);
         Section { centre, side, up, half_width, back, under }
     }
 
@@ -602,6 +627,17 @@ impl<'a> Tongue<'a> {
             (edge + back * (lerp(depths[0], depths[1], v) * depth) + side * beside, DVec2::new(u, v))
         })
     }
+}
+
+/// What `of` says of every value with its neighbours up to `reach` places away.
+fn window(values: &[f64], reach: usize, of: &dyn Fn(&[f64]) -> f64) -> Vec<f64> {
+    (0..values.len())
+        .map(|i| of(&values[i.saturating_sub(reach)..(i + reach + 1).min(values.len())]))
+        .collect()
+}
+
+fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len() as f64
 }
 
 /// 0 at the tip, rising like the end of a superellipse to 1 at `reach`.

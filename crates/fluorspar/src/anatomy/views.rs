@@ -106,8 +106,8 @@ pub const EXAMINATION_VIEWS: [ExaminationView; 9] = [
         name: "dorsal-tongue",
         title: "Back of the tongue",
         camera_mm: [0.0, 20.0, 100.0],
-        look_at_mm: [0.0, -14.0, 0.0],
-        width_mm: 72.0,
+        look_at_mm: [0.0, -15.0, 0.0],
+        width_mm: 80.0,
         tongue_protrusion_mm: 22.0,
         ..REST
     },
@@ -147,13 +147,13 @@ pub const EXAMINATION_VIEWS: [ExaminationView; 9] = [
 /// Poses of tongue and jaw seen from several sides, in the manner of Fig. 2 of Lyu and others (2021), which shows such
 /// poses without numbers: the numbers are ours.
 pub const POSES: [ExaminationView; 4] = [
-    ExaminationView { name: "open", title: "Mouth open, tongue at rest", width_mm: 100.0, ..REST },
+    ExaminationView { name: "open", title: "Mouth open, tongue at rest", width_mm: 116.0, ..REST },
     ExaminationView {
         name: "tongue-out",
         title: "Tongue out, from the side",
         camera_mm: [75.0, 14.0, 86.0],
-        look_at_mm: [0.0, -12.0, 2.0],
-        width_mm: 95.0,
+        look_at_mm: [0.0, -6.0, -2.0],
+        width_mm: 116.0,
         tongue_protrusion_mm: 24.0,
         ..REST
     },
@@ -161,7 +161,8 @@ pub const POSES: [ExaminationView; 4] = [
         name: "tongue-aside",
         title: "Tongue to the patient's left, from above",
         camera_mm: [0.0, 55.0, 95.0],
-        width_mm: 95.0,
+        look_at_mm: [0.0, -8.0, -4.0],
+        width_mm: 112.0,
         tongue_protrusion_mm: 20.0,
         tongue_shift_mm: 18.0,
         ..REST
@@ -171,7 +172,7 @@ pub const POSES: [ExaminationView; 4] = [
         title: "Tip of the tongue raised, from the side",
         camera_mm: [-50.0, 8.0, 98.0],
         look_at_mm: [2.0, -1.0, -6.0],
-        width_mm: 84.0,
+        width_mm: 112.0,
         tongue_curl: 0.8,
         ..REST
     },

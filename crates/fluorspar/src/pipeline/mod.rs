@@ -44,7 +44,7 @@ pub use predict::{
     ChannelPrediction, Chromaticity, FlatSample, FluorescenceModel, PredictError, Prediction, RadianceSplit,
     predict,
 };
-pub use preview::{ColorRendering, Preview, preview, radiance_preview};
+pub use preview::{ColorRendering, Preview, light_group_preview, preview, radiance_preview};
 pub use region_radiance::RegionRadiance;
 pub use safety::{CaptureSafety, ProgrammeSafety, SafetyReport, Viewer, ViewerSafety, assess_safety};
 pub use scene_change::check_same_scene;

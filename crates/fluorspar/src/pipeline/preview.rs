@@ -1,5 +1,6 @@
 //! Pictures for people: developed frames and radiance images in 8-bit sRGB.
 
+use super::direct_light::group_spectrum;
 use crate::experiment::{Capture, ResolvedExperiment};
 use crate::image::{ChannelImage, SpectralImage};
 use crate::preset::{self, PresetKind};
@@ -126,11 +127,16 @@ impl ColorRendering {
         let own = Self { matrix, lift: LIFT_FLUORESCENT };
         let (Some(sensor), Some(lens)) = (&experiment.sensor, &experiment.lens) else { return own };
         let Some(lamp) = super::analyze::frame_lamp(experiment, capture, None) else { return own };
-        if lamp.integral(500.0, 650.0) < 0.2 * lamp.total() {
+        if !covers_the_visible_range(&lamp) {
             return own;
         }
         Self::for_reflectances(sensor, &lens.transmittance, &lamp, experiment).unwrap_or(own)
     }
+}
+
+/// Whether surfaces have colours under this lamp.
+fn covers_the_visible_range(lamp: &Curve) -> bool {
+    lamp.integral(500.0, 650.0) >= 0.2 * lamp.total()
 }
 
 /// The reflectances of the catalogue.
@@ -185,11 +191,34 @@ pub fn preview(image: &ChannelImage, rendering: &ColorRendering) -> Preview {
 
 /// Turns a radiance image into the picture that an eye would see (CIE 1931), scaled as [`preview`].
 pub fn radiance_preview(image: &SpectralImage<Radiance>) -> Preview {
+    balanced(image, [1.0; 3])
+}
+
+/// As [`radiance_preview`], of a scene under one light group alone, with white surfaces white as in [`preview`]: the
+/// colours of surfaces, not of the lamp. Light that leaves no surface a colour (that which excites fluorescence) is shown as
+/// it is.
+pub fn light_group_preview(
+    image: &SpectralImage<Radiance>,
+    experiment: &ResolvedExperiment,
+    group: &str,
+) -> Preview {
+    let white = group_spectrum(experiment, group).filter(covers_the_visible_range).map(|lamp| {
+        let lamp = lamp.on_grid::<Radiance>(image.grid());
+        let values: Vec<f32> = lamp.values().iter().map(|value| *value as f32).collect();
+        linear_srgb(StandardObserver::new(image.grid()).xyz(&values))
+    });
+    let white = white.filter(|white| white.iter().all(|channel| *channel > 0.0)).unwrap_or([1.0; 3]);
+    balanced(image, white)
+}
+
+/// The picture in which a surface of this colour is white.
+fn balanced(image: &SpectralImage<Radiance>, white: [f64; 3]) -> Preview {
     let observer = StandardObserver::new(image.grid());
     let linear: Vec<[f64; 3]> = image
         .data()
         .chunks_exact(image.bands())
         .map(|spectrum| linear_srgb(observer.xyz(spectrum)))
+        .map(|color| std::array::from_fn(|c| color[c] / white[c]))
         .collect();
     to_srgb(image.width(), image.height(), &linear, 0.0, LIFT_REFLECTED)
 }

@@ -27,6 +27,9 @@ pub(crate) struct Options {
     /// .ply file for each part (metres). May be repeated. Without it, only the dimensions are printed.
     #[arg(long, value_name = "PATH", value_hint = ValueHint::AnyPath)]
     out: Vec<PathBuf>,
+    /// Don't say what was written.
+    #[arg(long, short)]
+    quiet: bool,
     /// Print the parameters, dimensions and parts as JSON.
     #[arg(long)]
     json: bool,
@@ -85,6 +88,15 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
                 }
             }
         }
+        if !options.quiet {
+            match target {
+                Target::PlyFolder => eprintln!("Wrote {} .ply files to {}", meshes.len(), path.display()),
+                Target::Obj => {
+                    eprintln!("Wrote {} and {}", path.display(), path.with_extension("mtl").display());
+                }
+                Target::Glb | Target::Pbrt => eprintln!("Wrote {}", path.display()),
+            }
+        }
     }
     if options.json {
         return print_json(&parameters, &mouth);
@@ -125,72 +137,102 @@ fn tissue_colors() -> Result<BTreeMap<String, [f64; 3]>, CliError> {
     Ok(colors)
 }
 
-/// Name, wanted value, measured value, source.
-fn dimensions(p: &MouthParameters, mouth: &Mouth) -> Vec<(&'static str, f64, Option<f64>, &'static str)> {
+/// A length of a mouth.
+struct Dimension {
+    name: &'static str,
+    wanted_mm: f64,
+    /// Measured on the meshes, or why it can't be.
+    measured_mm: Result<f64, String>,
+    source: &'static str,
+}
+
+fn dimensions(p: &MouthParameters, mouth: &Mouth) -> Vec<Dimension> {
+    const CONTACTS: &str = "contact points; Braun 1998, Mina 2017";
     let d = mouth.dimensions();
-    vec![
-        ("jaw opening", p.jaw_opening_mm, d.jaw_opening_mm, "adults 45 to 57 mm at most"),
+    // Most lengths are measured between teeth.
+    let between = |value: Option<f64>, teeth: &[u8]| {
+        value.ok_or_else(|| {
+            let missing: Vec<String> =
+                teeth.iter().filter(|tooth| p.missing_teeth.contains(tooth)).map(u8::to_string).collect();
+            format!("no tooth {}", missing.join(", "))
+        })
+    };
+    let tip = if p.tongue_curl == 0.0 {
+        between(d.tongue_protrusion_mm, &[31, 41])
+    } else {
+        Err("the tip is raised".to_owned())
+    };
+    [
+        (
+            "jaw opening",
+            p.jaw_opening_mm,
+            between(d.jaw_opening_mm, &[11, 21, 31, 41]),
+            "adults 45 to 57 mm at most",
+        ),
         (
             "upper arch width",
             p.upper_arch_width_mm,
-            d.upper_arch_width_mm,
-            "contact points; Braun 1998, Mina 2017",
+            between(d.upper_arch_width_mm, &[11, 21, 17, 27]),
+            CONTACTS,
         ),
         (
             "upper arch depth",
             p.upper_arch_depth_mm,
-            d.upper_arch_depth_mm,
-            "contact points; Braun 1998, Mina 2017",
+            between(d.upper_arch_depth_mm, &[11, 21, 17, 27]),
+            CONTACTS,
         ),
         (
             "lower arch width",
             p.lower_arch_width_mm,
-            d.lower_arch_width_mm,
-            "contact points; Braun 1998, Mina 2017",
+            between(d.lower_arch_width_mm, &[31, 41, 37, 47]),
+            CONTACTS,
         ),
         (
             "lower arch depth",
             p.lower_arch_depth_mm,
-            d.lower_arch_depth_mm,
-            "contact points; Braun 1998, Mina 2017",
+            between(d.lower_arch_depth_mm, &[31, 41, 37, 47]),
+            CONTACTS,
         ),
         (
             "palate height",
             p.palate_height_mm,
-            d.palate_height_mm,
+            between(d.palate_height_mm, &[11, 21, 16, 26]),
             "42 % of the width at the molars; Korkhaus",
         ),
-        ("tongue width", p.tongue_width_mm, Some(d.tongue_width_mm), "45 to 55 mm, assumed"),
+        ("tongue width", p.tongue_width_mm, Ok(d.tongue_width_mm), "45 to 55 mm, assumed"),
         (
             "tongue length",
             p.tongue_length_in_pose_mm(),
-            Some(d.tongue_length_mm),
+            Ok(d.tongue_length_mm),
             "79 to 85 mm at rest; Edinburgh",
         ),
-        (
-            "tongue in front",
-            p.tongue_protrusion_mm,
-            // A raised tip has left the place that the parameter tells.
-            d.tongue_protrusion_mm.filter(|_| p.tongue_curl == 0.0),
-            "pose",
-        ),
+        ("tongue in front", p.tongue_protrusion_mm, tip, "pose"),
         (
             "width of the lips",
             p.lip_opening_width_mm,
-            Some(d.lip_opening_width_mm),
+            Ok(d.lip_opening_width_mm),
             "50 to 55 mm at rest; Farkas",
         ),
     ]
+    .into_iter()
+    .map(|(name, wanted_mm, measured_mm, source)| Dimension { name, wanted_mm, measured_mm, source })
+    .collect()
 }
 
 fn dimension_table(p: &MouthParameters, mouth: &Mouth) -> String {
     let cells = |cells: [&str; 4]| cells.map(String::from).to_vec();
     let mut rows = vec![cells(["dimension", "wanted mm", "measured mm", "source"])];
-    for (name, wanted, measured, source) in dimensions(p, mouth) {
-        let measured = measured.map_or_else(|| "-".into(), short);
-        rows.push(vec![name.into(), short(wanted), measured, source.into()]);
+    let dimensions = dimensions(p, mouth);
+    for dimension in &dimensions {
+        let measured = dimension.measured_mm.as_ref().map_or_else(|_| "-".into(), |value| short(*value));
+        rows.push(vec![dimension.name.into(), short(dimension.wanted_mm), measured, dimension.source.into()]);
     }
     let mut text = align(&rows, &[3]);
+    for dimension in &dimensions {
+        if let Err(why) = &dimension.measured_mm {
+            text += &format!("not measured: {}, {why}\n", dimension.name);
+        }
+    }
     text += &format!(
         "Bolton ratio {:.1} % (populations 92.3 to 93.4 %, Smith 2000)\n{} parts, {} triangles\n",
         100.0 * p.bolton_ratio(),
@@ -206,8 +248,18 @@ fn dimension_table(p: &MouthParameters, mouth: &Mouth) -> String {
 fn print_json(parameters: &MouthParameters, mouth: &Mouth) -> Result<ExitCode, CliError> {
     let list: Vec<_> = dimensions(parameters, mouth)
         .into_iter()
-        .map(|(name, wanted, measured, source)| {
-            json!({ "name": name, "wanted_mm": wanted, "measured_mm": measured, "source": source })
+        .map(|dimension| {
+            let (measured, why) = match dimension.measured_mm {
+                Ok(value) => (Some(value), None),
+                Err(why) => (None, Some(why)),
+            };
+            json!({
+                "name": dimension.name,
+                "wanted_mm": dimension.wanted_mm,
+                "measured_mm": measured,
+                "not_measured": why,
+                "source": dimension.source,
+            })
         })
         .collect();
     let parts: Vec<_> = mouth

@@ -7,8 +7,8 @@ use crate::error::CliError;
 /// Shape and pose of one mouth.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub(crate) struct PersonArgs {
-    /// A person drawn from the population with this seed, instead of the average adult.
-    #[arg(long, value_name = "SEED")]
+    /// A person drawn from the population, instead of the average adult: 7 is the seventh of `mouth sample`.
+    #[arg(long, value_name = "NUMBER", value_parser = parse_person)]
     person: Option<u32>,
     /// Change one parameter, for instance `--set tooth_scale=1.05`; see `fluorspar schema`. May be repeated.
     #[arg(long = "set", value_name = "FIELD=VALUE")]
@@ -55,6 +55,14 @@ impl PersonArgs {
         parameters.validate().map_err(|error| CliError::Input(format!("mouth: {error}")))?;
         Ok(parameters)
     }
+}
+
+/// Number of a person, counted from 1.
+pub(super) fn parse_person(text: &str) -> Result<u32, String> {
+    text.parse()
+        .ok()
+        .filter(|number| *number > 0)
+        .ok_or_else(|| format!("people are numbered by whole numbers from 1 to {}, for instance 7", u32::MAX))
 }
 
 /// A view or pose by name.

@@ -8,6 +8,7 @@ use clap::ValueHint;
 use fluorspar::anatomy::{MouthParameters, sample_person};
 use fluorspar::format::write_atomically;
 
+use super::person::parse_person;
 use crate::error::CliError;
 
 /// Most people at a time.
@@ -19,8 +20,8 @@ pub(crate) struct Options {
     /// How many people.
     #[arg(long, value_name = "N", default_value_t = 10)]
     count: u32,
-    /// Seed of the first; the others follow.
-    #[arg(long, value_name = "S", default_value_t = 1)]
+    /// Number of the first, which is its seed; the others follow.
+    #[arg(long, value_name = "S", default_value_t = 1, value_parser = parse_person)]
     seed: u32,
     /// Experiment on which each person's file is based.
     #[arg(long, value_name = "NAME", default_value = "oraleye-2021")]
@@ -67,7 +68,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         let fields = serde_json::to_value(MouthParameters::default())?;
         let names: Vec<&String> = fields.as_object().map(|f| f.keys().collect()).unwrap_or_default();
         let header: Vec<&str> = names.iter().map(|name| name.as_str()).collect();
-        writeln!(writer, "{},bolton_ratio", header.join(","))?;
+        writeln!(writer, "person,{},bolton_ratio", header.join(","))?;
         for person in &people {
             let values = serde_json::to_value(person)?;
             let cell = |name: &&String| match &values[name.as_str()] {
@@ -77,7 +78,8 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
                 other => other.to_string(),
             };
             let row: Vec<String> = names.iter().map(cell).collect();
-            writeln!(writer, "{},{:.4}", row.join(","), person.bolton_ratio())?;
+            // A person's number is the seed from which it is drawn.
+            writeln!(writer, "{},{},{:.4}", person.seed, row.join(","), person.bolton_ratio())?;
         }
         Ok(())
     })?;

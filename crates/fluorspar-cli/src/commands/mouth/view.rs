@@ -7,7 +7,8 @@ use clap::ValueHint;
 use fluorspar::anatomy::{EXAMINATION_VIEWS, ExaminationView, POSES};
 use fluorspar::experiment::{parse, resolve};
 use fluorspar::format::write_rgb_png;
-use fluorspar::pipeline::radiance_preview;
+use fluorspar::pipeline::light_group_preview;
+use fluorspar_report::{ContactSheet, Raster};
 
 use super::person::{PersonArgs, find_view};
 use crate::commands::table::align;
@@ -29,7 +30,7 @@ pub(crate) struct Options {
     /// Light group that is on.
     #[arg(long, value_name = "GROUP", default_value = "white")]
     light: String,
-    /// Width of each picture, pixels (64 to 2000); three quarters of it high.
+    /// Width of each picture, pixels (64 to 2000); three quarters of it high. Rows with fewer pictures have larger ones.
     #[arg(long, value_name = "PX", default_value_t = 240)]
     width: usize,
     /// Paths per pixel.
@@ -45,9 +46,6 @@ pub(crate) struct Options {
     #[arg(long, short)]
     quiet: bool,
 }
-
-/// Pixels between the pictures.
-const GAP: usize = 4;
 
 pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     if options.list {
@@ -75,23 +73,16 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     for view in &views {
         options.person.parameters(Some(view.name))?;
     }
-    let (width, height) = (options.width, options.width * 3 / 4);
-    let columns = (1..=views.len()).find(|n| n * n >= views.len()).unwrap_or(1);
-    let rows = views.len().div_ceil(columns);
-    let (whole_width, whole_height) = (columns * (width + GAP) - GAP, rows * (height + GAP) - GAP);
-    let mut sheet = vec![16_u8; 3 * whole_width * whole_height];
-    for (number, view) in views.iter().enumerate() {
+    let sheet = ContactSheet::new(views.len(), options.width);
+    let mut pictures: Vec<(&str, Raster)> = Vec::new();
+    for (view, [width, height]) in views.iter().zip(sheet.picture_sizes()) {
         if !options.quiet {
             eprintln!("{}: {}", view.name, view.title);
         }
-        let picture = picture(options, view, width, height)?;
-        let (left, top) = ((number % columns) * (width + GAP), (number / columns) * (height + GAP));
-        for row in 0..height {
-            let to = 3 * ((top + row) * whole_width + left);
-            sheet[to..to + 3 * width].copy_from_slice(&picture[3 * row * width..3 * (row + 1) * width]);
-        }
+        pictures.push((view.name, picture(options, view, width, height)?));
     }
-    write_rgb_png(&options.out, whole_width, whole_height, &sheet)?;
+    let sheet = sheet.compose(&pictures).map_err(|error| CliError::Failed(error.to_string()))?;
+    write_rgb_png(&options.out, sheet.width, sheet.height, sheet.pixels.as_flattened())?;
     if !options.quiet {
         eprintln!("Wrote {}", options.out.display());
     }
@@ -103,7 +94,7 @@ fn picture(
     view: &ExaminationView,
     width: usize,
     height: usize,
-) -> Result<Vec<u8>, CliError> {
+) -> Result<Raster, CliError> {
     let parameters = options.person.parameters(Some(view.name))?;
     let source = ExperimentSource::find(Some(&options.experiment))?;
     let mut overrides = vec![
@@ -135,5 +126,7 @@ fn picture(
     }
     let components = render_with_progress(&experiment.scene, &experiment.render, None, options.quiet)?;
     let sum = components.recombine(|component| f64::from(u8::from(component.light_group == options.light)));
-    Ok(radiance_preview(&sum).rgb)
+    let preview = light_group_preview(&sum, &experiment, &options.light);
+    Raster::from_rgb8(preview.width, preview.height, &preview.rgb)
+        .ok_or_else(|| CliError::Failed("a picture without pixels".into()))
 }

@@ -19,6 +19,9 @@ use crate::spectral::{Curve, WavelengthGrid, blood_transmittance};
 /// Pixels of the baked textures along each side.
 const SIDE: usize = 512;
 
+/// Shortest and longest axis of an ellipse, mm: from less than a pixel of the textures to more than any part is long.
+const SIZE_MM: [f64; 2] = [0.1, 200.0];
+
 /// Adds all lesions: the part gets a material of its own.
 pub(super) fn lesions(
     context: &mut Context<'_>,
@@ -186,6 +189,12 @@ impl Spot {
             context.note_input(&at, file)?;
             let image =
                 read_texture_png(file.as_ref(), Transfer::Linear).map_err(|e| context.file_error(&at, &e))?;
+            let colored = |pixel: &[f32]| pixel.len() > 2 && (pixel[0] != pixel[1] || pixel[1] != pixel[2]);
+            if image.data.chunks_exact(image.channels).any(colored) {
+                let message = "the picture has colours; the mean of red, green and blue is taken: white is inside, black \
+                               outside. Save it as a grey PNG";
+                context.warn(&at, message);
+            }
             let grey = image.data.chunks_exact(image.channels).map(super::spectrum::grey).collect();
             let image = ImageTexture::new(image.width, image.height, grey)
                 .map_err(|e| context.error(&at, e.to_string()))?;
@@ -195,7 +204,7 @@ impl Spot {
             context.within(&field("center"), value, [0.0, 1.0], "of the part")?;
         }
         for size in lesion.size_mm {
-            context.positive(&field("size_mm"), size, "millimetres")?;
+            context.within(&field("size_mm"), size, SIZE_MM, "mm")?;
         }
         context.within(&field("edge_mm"), lesion.edge_mm, [0.0, 100.0], "mm")?;
         context.within(&field("angle_deg"), lesion.angle_deg, [-360.0, 360.0], "degrees")?;

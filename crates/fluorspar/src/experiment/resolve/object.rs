@@ -666,6 +666,9 @@ fn scans(
             "millimetres per unit of the file",
         )?;
         let mut mesh = read_mesh(context, &field("mesh"), &scan.mesh, unit_mm)?;
+        if let Some(message) = unlikely_size(&mesh, unit_mm) {
+            context.warn(&field("mesh"), message);
+        }
         if mesh.normals.is_empty() {
             mesh.compute_smooth_normals();
         }
@@ -699,6 +702,26 @@ fn scans(
         });
     }
     Ok(())
+}
+
+/// Longest side of the box around a scan of one tooth or of a whole head, mm.
+const SCAN_MM: std::ops::RangeInclusive<f64> = 5.0..=500.0;
+
+/// A warning for a scan that is too small or too large for any part of a mouth, with the unit that would mend it.
+fn unlikely_size(mesh: &TriangleMesh, unit_mm: f64) -> Option<String> {
+    let (low, high) = mesh.bounds();
+    let longest_mm = 1e3 * f64::from((high - low).max_element());
+    if SCAN_MM.contains(&longest_mm) {
+        return None;
+    }
+    let unit = [(1.0, "millimetres"), (1000.0, "metres"), (0.001, "micrometres"), (10.0, "centimetres")]
+        .into_iter()
+        .find(|(unit, _)| SCAN_MM.contains(&(longest_mm / unit_mm * unit)));
+    let mending = unit.map_or_else(
+        || "look at the unit of the file and at unit_mm".to_owned(),
+        |(unit, name)| format!("if the file is in {name}, set unit_mm = {unit:?}"),
+    );
+    Some(format!("the scan is {longest_mm:.3e} mm long, a dental arch about 60 mm; {mending}"))
 }
 
 /// Texture coordinates along the two longest sides of the bounding box.

@@ -210,7 +210,7 @@ pub struct LesionSection {
     /// Default [0.5, 0.5].
     #[serde(default = "middle")]
     pub center: [f64; 2],
-    /// Lengths of the axes of the ellipse, mm, above 0. Default [8, 6].
+    /// Lengths of the axes of the ellipse, mm, 0.1 to 200. Default [8, 6].
     #[serde(default = "lesion_size")]
     pub size_mm: [f64; 2],
     /// Turn of the first axis from the direction of u toward that of v, degrees. Default 0.
@@ -219,7 +219,8 @@ pub struct LesionSection {
     /// Width over which it fades out, mm, 0 or more. Default 1.
     #[serde(default = "lesion_edge")]
     pub edge_mm: f64,
-    /// Path of a grey PNG on the texture coordinates of the part instead of the ellipse: white is inside.
+    /// Path of a grey PNG on the texture coordinates of the part instead of the ellipse: white is inside. Of colours the mean
+    /// of red, green and blue is taken, with a warning.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mask: Option<String>,
     /// Reflectance inside. Default: that of the part.

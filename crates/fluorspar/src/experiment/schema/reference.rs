@@ -95,9 +95,9 @@ pub struct TextureTable {
     /// Porphyrin on the back of the tongue: most along the midline and far back, none at the tip and the sides.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub dorsal_tongue: Option<DorsalTongueMap>,
-    /// A map of the mouth's anatomy, on the texture coordinates of its parts: `redness` (vessels, fungiform papillae),
-    /// `pallor` (keratin, coating), `porphyrin` (dorsal tongue), `plaque` and `dentine` (teeth), `dryness` (film of
-    /// saliva). Needs a `[mouth]`.
+    /// A map of the mouth's anatomy, on the texture coordinates of its parts: `redness` (vessels, margins),
+    /// `fungiform` (papillae of the dorsal tongue), `pallor` (keratin, coating), `porphyrin` (dorsal tongue), `plaque` and
+    /// `dentine` (teeth), `dryness` (film of saliva). Needs a `[mouth]`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub anatomy: Option<SurfaceMap>,
     /// Tissue whose map it is. Default: the tissue that uses the material.
