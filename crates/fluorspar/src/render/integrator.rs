@@ -443,8 +443,12 @@ impl<'a> FilmRenderer<'a> {
     }
 }
 
-/// SHA-256 of everything that decides the value of a sample: the scene with all its numbers, seed, depth, estimator and
-/// the version of the program. Lower-case hexadecimal.
+/// Number of the way in which paths are drawn: one more whenever the same scene and seed come to give other samples, so that
+/// films of before are not continued with samples that do not fit theirs.
+const SAMPLING: u32 = 2;
+
+/// SHA-256 of everything that decides the value of a sample: the scene with all its numbers, seed, depth, estimator,
+/// the version of the program and of its sampling. Lower-case hexadecimal.
 pub fn scene_digest(scene: &Scene, settings: &RenderSettings) -> String {
     struct Writer(Sha256);
     impl fmt::Write for Writer {
@@ -458,7 +462,7 @@ pub fn scene_digest(scene: &Scene, settings: &RenderSettings) -> String {
     let _ = fmt::Write::write_fmt(
         &mut writer,
         format_args!(
-            "{} {} {} {:?} {:?} {scene:?}",
+            "{} {SAMPLING} {} {} {:?} {:?} {scene:?}",
             env!("CARGO_PKG_VERSION"),
             settings.seed,
             settings.max_depth,
