@@ -115,10 +115,12 @@ fn flattened(many: MeshInstances) -> Shape {
     Shape::Mesh(Arc::new(many.flattened()))
 }
 
-/// Same paths up to rounding: nearly all pixels have nearly the same values, and the mean of the picture agrees. A path
+/// Same paths up to rounding: nearly all pixels have nearly the same values, and the mean of the picture agrees. A bounce
+/// off a small ball makes a difference in direction about ten times as large, so single precision may have become 1e-3
+/// after four of them. A path
 /// whose rounding decides otherwise (an edge, a hole, the end by roulette) moves its pixel by about a sample, one of 16.
-/// If that happens in 2 % of 48² pixels, with samples that scatter by twice their mean `m`, the mean of the picture moves
-/// by `sqrt(46) sqrt(2) 2 m / 16 / 48² = 5e-4 m`, and by 2e-3 `m` in less than one of 1000 cases.
+/// If that happens in 0.5 % of 48² pixels, with samples that scatter by four times their mean `m`, the mean of the picture
+/// moves by `sqrt(12) sqrt(2) 4 m / 16 / 48² = 5e-4 m`, and by 2e-3 `m` in less than one of 1000 cases.
 fn assert_same_picture(a: &ComponentImage, b: &ComponentImage) {
     assert_eq!(a.components, b.components);
     let parts = a.features.part.iter().zip(&b.features.part).filter(|(a, b)| a != b).count();
@@ -126,9 +128,9 @@ fn assert_same_picture(a: &ComponentImage, b: &ComponentImage) {
     for component in 0..a.components.len() {
         let (a, b) = (a.component(component), b.component(component));
         let mean = a.iter().map(|&v| f64::from(v)).sum::<f64>() / a.len() as f64;
-        let off = |(x, y): (&f32, &f32)| f64::from((x - y).abs()) > 1e-3 * f64::from(x.abs()) + 1e-4 * mean;
+        let off = |(x, y): (&f32, &f32)| f64::from((x - y).abs()) > 1e-2 * f64::from(x.abs()) + 1e-3 * mean;
         let different = a.iter().zip(b).filter(|&pair| off(pair)).count() as f64 / a.len() as f64;
-        assert!(different < 0.02, "component {component}: {different} of the values differ");
+        assert!(different < 0.005, "component {component}: {different} of the values differ");
         let other = b.iter().map(|&v| f64::from(v)).sum::<f64>() / b.len() as f64;
         assert!((other - mean).abs() <= 2e-3 * mean, "component {component}: {mean} {other}");
     }
