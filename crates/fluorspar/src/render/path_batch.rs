@@ -18,25 +18,48 @@ const ROULETTE_FROM: u32 = 3;
 /// Lowest chance to go on.
 const ROULETTE_FLOOR: f32 = 0.05;
 
-/// The random numbers of two neighbouring vertices, so that the light and the direction of both are even together.
+/// The random numbers of a vertex.
 #[derive(Clone, Copy, Debug, Default)]
 struct VertexNumbers {
-    /// Two for the direction of each vertex.
-    directions: [f32; 4],
-    /// Two for a point on a lamp, of each vertex.
-    lights: [f32; 4],
-    /// For the lobe and for the lamp, of each vertex.
-    choices: [f32; 4],
+    /// For the direction in which the path goes on.
+    direction: [f32; 2],
+    /// For the lobe that it follows.
+    lobe: f32,
+    /// For Russian roulette.
+    roulette: f32,
+    /// For the lamp of a group, then for a point on it. Groups are components of their own, and may share their numbers.
+    lamp: [f32; 3],
+    /// Numbers of vertices to come, where several share their sets: direction, point on a lamp, roulette.
+    next: ([f32; 2], [f32; 2], [f32; 3]),
 }
 
 impl VertexNumbers {
-    /// Set 0 of a stream belongs to the camera.
-    fn draw(stream: &SampleStream, depth: u32, chooses: bool) -> Self {
-        let first = 1 + 3 * (depth / 2);
-        Self {
-            directions: stream.set_4d(first),
-            lights: stream.set_4d(first + 1),
-            choices: if chooses { stream.set_4d(first + 2) } else { [0.0; 4] },
+    /// The numbers of the vertex after this one. Set 0 of a stream belongs to the camera. Where a path never `chooses`
+    /// between lobes and lamps, two vertices share a set for their directions and one for their points on lamps, and four
+    /// one for roulette; else choices are best even together with what they choose.
+    fn advance(&mut self, stream: &SampleStream, depth: u32, chooses: bool) {
+        let first = 1 + 3 * depth;
+        if chooses {
+            let [lobe, u, v, roulette] = stream.set_4d(first);
+            let [which, s, t, _] = stream.set_4d(first + 1);
+            (self.direction, self.lobe, self.roulette, self.lamp) = ([u, v], lobe, roulette, [which, s, t]);
+            return;
+        }
+        if depth.is_multiple_of(2) {
+            let [u, v, next_u, next_v] = stream.set_4d(first);
+            let [s, t, next_s, next_t] = stream.set_4d(first + 1);
+            (self.direction, self.lamp) = ([u, v], [0.0, s, t]);
+            (self.next.0, self.next.1) = ([next_u, next_v], [next_s, next_t]);
+        } else {
+            let (direction, [s, t], _) = self.next;
+            (self.direction, self.lamp) = (direction, [0.0, s, t]);
+        }
+        match depth.checked_sub(ROULETTE_FROM).map(|since| since as usize % 4) {
+            None => {}
+            Some(0) => {
+                [self.roulette, self.next.2[0], self.next.2[1], self.next.2[2]] = stream.set_4d(first + 2)
+            }
+            Some(place) => self.roulette = self.next.2[place - 1],
         }
     }
 }
@@ -207,11 +230,8 @@ impl CompiledScene<'_> {
         let (from, view) = (*origin, *direction);
         let Some(mut point) = self.surface(from, view, hit) else { return false };
 
-        let own = 2 * (depth % 2) as usize;
-        if own == 0 {
-            *numbers = VertexNumbers::draw(stream, depth, self.chooses);
-        }
-        let (mut choice, which) = (numbers.choices[own], numbers.choices[own + 1]);
+        numbers.advance(stream, depth, self.chooses);
+        let mut choice = numbers.lobe;
         let outermost = self.scene.objects[point.object].material;
         let material_index = self.material_at(outermost, point.uv, point.front, &mut choice);
         let material = &self.materials[material_index];
@@ -243,10 +263,8 @@ impl CompiledScene<'_> {
         }
 
         if estimator == Estimator::MultipleImportance {
-            // Groups are components of their own, and may share their numbers.
-            let u = [which, numbers.lights[own], numbers.lights[own + 1]];
             for group in 0..self.group_lights.len() {
-                let sample = self.sample_light(group, point.position, light_normal, u);
+                let sample = self.sample_light(group, point.position, light_normal, numbers.lamp);
                 let Some(light) = sample else { continue };
                 let local = point.to_local(light.direction);
                 if !is_consistent(light.direction, local) {
@@ -267,8 +285,9 @@ impl CompiledScene<'_> {
         }
 
         // Continue the path.
-        let u = [numbers.directions[own], numbers.directions[own + 1]];
-        let Some(ScatteringSample { incident, scattering: s, delta }) = bsdf.sample(choice, u) else {
+        let Some(ScatteringSample { incident, scattering: s, delta }) =
+            bsdf.sample(choice, numbers.direction)
+        else {
             return false;
         };
         let world = point.to_world(incident).normalize();
@@ -278,8 +297,8 @@ impl CompiledScene<'_> {
         let mut survival = 1.0;
         self.adjoint.scatter(importance, &s, &coarse, material.fluorophores.iter().map(|(f, _)| *f));
         if depth >= ROULETTE_FROM {
-            survival = self.adjoint.reach(importance).sqrt().clamp(ROULETTE_FLOOR, 1.0);
-            if stream.lone(depth) >= survival {
+            survival = self.adjoint.reach(importance).clamp(ROULETTE_FLOOR, 1.0);
+            if numbers.roulette >= survival {
                 return false;
             }
             importance.survive(survival);

@@ -44,13 +44,6 @@ impl SampleStream {
         self.set += 1;
         self.set_4d(set)
     }
-
-    /// A number in `[0, 1)` that does not know those of other samples: for choices that gain nothing by evenness.
-    #[inline]
-    pub fn lone(&self, index: u32) -> f32 {
-        let bits = hash_u64(hash_u64(self.seed ^ (u64::from(self.sample) << 32)) ^ u64::from(index));
-        (bits >> 40) as f32 * (1.0 / 16_777_216.0)
-    }
 }
 
 #[cfg(test)]
@@ -100,16 +93,15 @@ mod tests {
         }
     }
 
-    /// Sets of one path and lone numbers know nothing of each other.
+    /// Sets of one path know nothing of each other.
     #[test]
-    fn sets_and_lone_numbers_are_uncorrelated() {
+    fn sets_are_uncorrelated() {
         const COUNT: u32 = 4096;
         let numbers: Vec<[f32; 12]> = (0..COUNT)
             .map(|sample| {
                 let stream = SampleStream::new(2, 77, sample);
                 let sets = [0, 1, 40].map(|set| stream.set_4d(set));
-                let lone = [0, 1, 2].map(|index| stream.lone(index));
-                std::array::from_fn(|i| if i < 9 { sets[i / 3][i % 3] } else { lone[i - 9] })
+                std::array::from_fn(|i| sets[i / 4][i % 4])
             })
             .collect();
         for a in 0..12 {
@@ -125,9 +117,8 @@ mod tests {
     #[test]
     fn numbers_stay_in_the_unit_interval_beyond_the_first_scrambling() {
         let mut stream = SampleStream::new(3, 1, 70_000);
-        for index in 0..200 {
+        for _ in 0..200 {
             assert!(stream.next_4d().iter().all(|u| (0.0..1.0).contains(u)));
-            assert!((0.0..1.0).contains(&stream.lone(index)));
         }
     }
 }
