@@ -15,7 +15,8 @@ mod page;
 mod run;
 
 pub use figure::{
-    Axis, ColorBar, ColorMap, ContactSheet, Dash, Figure, FigureError, Ink, Label, Panel, Raster, Scale, Series, Shape,
+    Axis, ColorBar, ColorMap, ContactSheet, Dash, Figure, FigureError, Ink, Label, Panel, Raster, Scale,
+    Series, Shape,
 };
 pub use page::{
     Number, NumberTable, Origin, ReportData, ReportItem, ReportPicture, Section, analysis_section,
