@@ -6,7 +6,7 @@
 //! | what does this ray see? | [`TriangleBvh::closest`] | the nearest [`Hit`] |
 //! | is this light hidden? | [`TriangleBvh::occluded`] | `true` at the first triangle found |
 //! | one mesh at many places | [`InstanceBvh::build`] | a tree over placed meshes, asked in the same way |
-//! | the same of many rays | [`TriangleBvh::closest_each`], [`TriangleBvh::occluded_each`] | the same, faster if they are diffuse |
+//! | the same of many rays | [`TriangleBvh::closest_each`], [`TriangleBvh::occluded_each`] | the same, faster |
 //!
 //! What may be relied upon:
 //!
@@ -19,9 +19,13 @@
 //!
 //! Lengths are in the unit of the mesh (metres throughout Fluorspar), `t` too because directions have unit length.
 //!
+//! Programs that trace large meshes declare [`LargePageAllocator`] as their global allocator: trees and meshes then lie
+//! on large pages.
+//!
 //! Out of scope: motion, curves, and updating a tree after its mesh has moved.
 //!
-//! This is the only crate of the workspace that contains `unsafe` code, all of it in its `kernel` module.
+//! This is the only crate of the workspace that contains `unsafe` code, in its modules `kernel` and
+//! `large_pages`.
 //!
 //! ```
 //! use fluorspar_accel::{Ray, TriangleBvh};
@@ -43,11 +47,13 @@ pub mod bands;
 mod binary_tree;
 mod instance_bvh;
 mod kernel;
+mod large_pages;
 mod ray;
 mod triangle_bvh;
 mod wide_tree;
 
 pub use instance_bvh::{Instance, InstanceBvh, InstanceHit, is_invertible};
 pub use kernel::{Kernel, Lanes, Simd, Work, prefetch};
+pub use large_pages::LargePageAllocator;
 pub use ray::{Hit, Ray};
 pub use triangle_bvh::{BuildError, BuildOptions, LARGEST_COORDINATE, TriangleBvh};

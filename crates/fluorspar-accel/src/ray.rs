@@ -92,7 +92,8 @@ impl RayFrame {
     pub(crate) fn intersect(&self, pack: &TrianglePack, lane: usize) -> Option<(f32, f32, f32)> {
         let [kx, ky, kz] = self.axes;
         let [sx, sy, sz] = self.shear;
-        let relative = |axis: usize, corner: usize| pack.corners[axis][corner][lane] - self.origin[axis];
+        let vertices = [pack.vertex(0, lane), pack.vertex(1, lane), pack.vertex(2, lane)];
+        let relative = |axis: usize, corner: usize| pack.vertices[axis][vertices[corner]] - self.origin[axis];
         let z = [relative(kz, 0), relative(kz, 1), relative(kz, 2)];
         let x = [relative(kx, 0) - sx * z[0], relative(kx, 1) - sx * z[1], relative(kx, 2) - sx * z[2]];
         let y = [relative(ky, 0) - sy * z[0], relative(ky, 1) - sy * z[1], relative(ky, 2) - sy * z[2]];

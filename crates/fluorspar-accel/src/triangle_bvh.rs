@@ -160,8 +160,8 @@ impl TriangleBvh {
         self.dispatch.occluded(&self.tree, ray)
     }
 
-    /// [`TriangleBvh::closest`] of every ray, in their order. Several rays are on their way at a time and take turns, so
-    /// that one moves while another waits for memory: faster for rays that go different ways through large meshes.
+    /// [`TriangleBvh::closest`] of every ray, in their order. Up to 64 rays are on their way at a time and take turns, so
+    /// that some move while others wait: faster from a few rays on, most for rays that go different ways.
     pub fn closest_each(&self, rays: &[Ray], hits: &mut Vec<Option<Hit>>) {
         hits.clear();
         hits.resize(rays.len(), None);
@@ -310,8 +310,8 @@ mod tests {
         let frame = RayFrame::new(ray);
         let mut best: Option<Hit> = None;
         for (number, corners) in triangles.iter().enumerate() {
-            let mut pack = TrianglePack::UNUSED;
-            pack.set(0, *corners, number as u32);
+            let mut pack = TrianglePack::EMPTY;
+            assert!(pack.add(&mut 0, *corners, number as u32));
             if let Some((t, u, v)) = frame.intersect(&pack, 0)
                 && t > ray.t_min
                 && t < best.map_or(ray.t_max, |best| best.t)
@@ -346,7 +346,7 @@ mod tests {
             build_tree(40, corners, chain),
         ];
         for (tree, count) in trees.iter().zip([700, 700, 40]) {
-            check_invariants(tree, count);
+            check_invariants(tree, count, corners);
             for kernel in Kernel::available() {
                 let dispatch = Dispatch::new(kernel).unwrap();
                 let mut hits = 0;
@@ -388,7 +388,7 @@ mod tests {
     }
 
     /// What the unchecked reads of the kernels rely on, and that each triangle is in one leaf, within its boxes.
-    fn check_invariants(tree: &WideTree, count: usize) {
+    fn check_invariants(tree: &WideTree, count: usize, corners: impl Fn(u32) -> [Vec3; 3]) {
         assert!(wide_tree::stack_need(&tree.nodes) <= STACK_CAPACITY);
         assert!(!tree.nodes.is_empty() && !tree.packs.is_empty());
         let mut seen = vec![0; count];
@@ -415,10 +415,13 @@ mod tests {
                     continue;
                 }
                 let pack = &tree.packs[(child & !LEAF) as usize];
-                for lane in (0..PACK).filter(|&lane| pack.numbers[lane] != u32::MAX) {
-                    seen[pack.numbers[lane] as usize] += 1;
+                for lane in (0..PACK).filter(|&lane| pack.used() >> lane & 1 == 1) {
+                    let triangle = pack.numbers[lane] as usize;
+                    seen[triangle] += 1;
                     for corner in 0..3 {
-                        let position = Vec3::from([0, 1, 2].map(|axis| pack.corners[axis][corner][lane]));
+                        let vertex = pack.vertex(corner, lane);
+                        let position = Vec3::from(pack.vertices.map(|axis| axis[vertex]));
+                        assert_eq!(position, corners(triangle as u32)[corner]);
                         assert!(position.cmpgt(min).all() && position.cmplt(max).all());
                     }
                 }
@@ -434,6 +437,6 @@ mod tests {
         assert_eq!(wide_tree::stack_need(&build_tree(0, corners, chain).nodes), 0);
         assert_eq!(wide_tree::stack_need(&build_tree(4, corners, chain).nodes), WIDTH);
         assert!(wide_tree::stack_need(&build_tree(700, corners, chain).nodes) > STACK_CAPACITY);
-        check_invariants(&build_fitting_tree(700, corners, chain), 700);
+        check_invariants(&build_fitting_tree(700, corners, chain), 700, corners);
     }
 }

@@ -1,14 +1,14 @@
-//! The tree that rays traverse: up to eight boxes a node, up to four triangles a leaf.
+//! The tree that rays traverse: up to eight boxes a node, up to six triangles with eight vertices a leaf.
 
 use glam::Vec3;
 
 use crate::binary_tree::{BinaryNode, Bounds};
-use crate::kernel::on_large_pages;
-
 /// Boxes per node.
 pub(crate) const WIDTH: usize = 8;
 /// Triangles per leaf.
-pub(crate) const PACK: usize = 4;
+pub(crate) const PACK: usize = 6;
+/// Vertices that the triangles of a leaf may have together.
+pub(crate) const PACK_VERTICES: usize = 8;
 /// Set in a child reference that names a leaf.
 pub(crate) const LEAF: u32 = 1 << 31;
 /// References that a traversal can hold back.
@@ -24,15 +24,22 @@ pub(crate) struct WideNode {
     pub(crate) children: [u32; WIDTH],
 }
 
-/// Four triangles, one per column.
-#[repr(C, align(32))]
+/// Up to six triangles that have up to eight vertices together, as neighbours in a mesh do: each vertex is stored, and
+/// moved into the frame of a ray, once. Two cache lines.
+#[repr(C, align(64))]
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct TrianglePack {
-    /// Coordinates by axis, corner, column. Unused columns hold NaN, which nothing hits.
-    pub(crate) corners: [[[f32; PACK]; 3]; 3],
+    /// Coordinates by axis and vertex. Unused columns hold any finite number.
+    pub(crate) vertices: [[f32; PACK_VERTICES]; 3],
+    /// From the lowest bit on: three bits for each triangle that say which vertex its first corner is, the same for the
+    /// second and third corners, and a bit for each triangle that there is.
+    corners: u64,
     /// Numbers of the triangles in the input.
     pub(crate) numbers: [u32; PACK],
 }
+
+/// Bits of [`TrianglePack::corners`] for one corner.
+const CORNER_BITS: usize = 3 * PACK;
 
 /// Nodes, root first, and leaves.
 ///
@@ -67,16 +74,54 @@ impl WideNode {
 }
 
 impl TrianglePack {
-    pub(crate) const UNUSED: Self = Self { corners: [[[f32::NAN; PACK]; 3]; 3], numbers: [u32::MAX; PACK] };
+    pub(crate) const EMPTY: Self =
+        Self { vertices: [[0.0; PACK_VERTICES]; 3], corners: 0, numbers: [u32::MAX; PACK] };
 
-    /// Puts one triangle into a column.
-    pub(crate) fn set(&mut self, column: usize, corners: [Vec3; 3], number: u32) {
-        for axis in 0..3 {
-            for (corner, position) in corners.iter().enumerate() {
-                self.corners[axis][corner][column] = position[axis];
-            }
+    /// Adds a triangle; says whether there was room. `vertex_count` is how many columns are in use.
+    pub(crate) fn add(&mut self, vertex_count: &mut usize, corners: [Vec3; 3], number: u32) -> bool {
+        let triangle = self.used().count_ones() as usize;
+        if triangle == PACK {
+            return false;
         }
-        self.numbers[column] = number;
+        for (corner, position) in corners.iter().enumerate() {
+            // By bits, so that hits are computed from the very numbers that the input holds: 0.0 is not -0.0.
+            let is_here = |&column: &usize| {
+                (0..3).all(|axis| self.vertices[axis][column].to_bits() == position[axis].to_bits())
+            };
+            let vertex = match (0..*vertex_count).find(is_here) {
+                Some(known) => known,
+                None if *vertex_count == PACK_VERTICES => return false,
+                None => {
+                    for axis in 0..3 {
+                        self.vertices[axis][*vertex_count] = position[axis];
+                    }
+                    *vertex_count += 1;
+                    *vertex_count - 1
+                }
+            };
+            self.corners |= (vertex as u64) << (corner * CORNER_BITS + 3 * triangle);
+        }
+        self.corners |= 1 << (3 * CORNER_BITS + triangle);
+        self.numbers[triangle] = number;
+        true
+    }
+
+    /// A bit for each triangle that there is.
+    #[inline(always)]
+    pub(crate) fn used(&self) -> u32 {
+        (self.corners >> (3 * CORNER_BITS)) as u32
+    }
+
+    /// The vertices that are this corner of the triangles, in three bits each from the lowest on; bits beyond are others.
+    #[inline(always)]
+    pub(crate) fn vertices_at(&self, corner: usize) -> u32 {
+        (self.corners >> (corner * CORNER_BITS)) as u32
+    }
+
+    /// The vertex that is this corner of this triangle.
+    #[inline(always)]
+    pub(crate) fn vertex(&self, corner: usize, lane: usize) -> usize {
+        (self.vertices_at(corner) >> (3 * lane)) as usize % PACK_VERTICES
     }
 }
 
@@ -102,9 +147,10 @@ struct Plan {
 ///
 /// The surface area heuristic is minimised over all groupings of the given binary tree by dynamic programming:
 /// H. Ylitie, T. Karras, S. Laine, "Efficient Incoherent Ray Traversal on GPUs Through Compressed Wide BVHs", HPG 2017,
-/// section 3. Here a leaf costs the same whether it holds one triangle or four.
+/// section 3. Here a leaf costs the same whether it holds one triangle or six.
 ///
-/// `boxes` are those of the triangles, in the numbering of the leaves of `tree`.
+/// `boxes` are those of the triangles, in the numbering of the leaves of `tree`; `triangle` gives the corners of a
+/// triangle and its number in the input.
 pub(crate) fn collapse(
     tree: &[BinaryNode],
     boxes: &[Bounds],
@@ -113,16 +159,21 @@ pub(crate) fn collapse(
     if tree.is_empty() {
         return WideTree::default();
     }
-    let (bounds, plans) = plan_all(tree, boxes, PACK);
-    let (nodes, packs) = count_wide(tree, &plans);
-    let mut packs = on_large_pages(packs);
-    let nodes = group(tree, &bounds, &plans, on_large_pages(nodes), |member| {
-        let mut pack = TrianglePack::UNUSED;
-        let mut filled = 0;
+    let (bounds, plans) = plan_all(tree, boxes, PACK, |member| {
+        let (mut pack, mut vertex_count, mut fits) = (TrianglePack::EMPTY, 0, true);
         for_each_leaf(tree, member, &mut |item| {
             let (corners, number) = triangle(item);
-            pack.set(filled, corners, number);
-            filled += 1;
+            fits = fits && pack.add(&mut vertex_count, corners, number);
+        });
+        fits
+    });
+    let (nodes, packs) = count_wide(tree, &plans);
+    let mut packs = Vec::with_capacity(packs);
+    let nodes = group(tree, &bounds, &plans, Vec::with_capacity(nodes), |member| {
+        let (mut pack, mut vertex_count) = (TrianglePack::EMPTY, 0);
+        for_each_leaf(tree, member, &mut |item| {
+            let (corners, number) = triangle(item);
+            pack.add(&mut vertex_count, corners, number);
         });
         packs.push(pack);
         (packs.len() - 1) as u32
@@ -135,17 +186,23 @@ pub(crate) fn collapse_single(tree: &[BinaryNode], boxes: &[Bounds]) -> Vec<Wide
     if tree.is_empty() {
         return Vec::new();
     }
-    let (bounds, plans) = plan_all(tree, boxes, 1);
+    let (bounds, plans) = plan_all(tree, boxes, 1, |_| true);
     let (nodes, _) = count_wide(tree, &plans);
-    group(tree, &bounds, &plans, on_large_pages(nodes), |member| {
+    group(tree, &bounds, &plans, Vec::with_capacity(nodes), |member| {
         let mut only = 0;
         for_each_leaf(tree, member, &mut |item| only = item);
         only
     })
 }
 
-/// Boxes of all binary nodes, and how each is best represented when a leaf holds up to `most_in_leaf` boxes.
-fn plan_all(tree: &[BinaryNode], boxes: &[Bounds], most_in_leaf: usize) -> (Vec<Bounds>, Vec<Plan>) {
+/// Boxes of all binary nodes, and how each is best represented when a leaf holds up to `most_in_leaf` boxes of which
+/// `fits` says that they fit.
+fn plan_all(
+    tree: &[BinaryNode],
+    boxes: &[Bounds],
+    most_in_leaf: usize,
+    mut fits: impl FnMut(u32) -> bool,
+) -> (Vec<Bounds>, Vec<Plan>) {
     let whole = boxes.iter().fold(Bounds::EMPTY, |sum, &next| sum.union(next)).half_area();
     // A tree without any surface, or none that can be told from none, may be grouped anyhow.
     let relative = |bounds: &Bounds| if whole > 0.0 { (bounds.half_area() / whole) as f32 } else { 0.0 };
@@ -153,6 +210,8 @@ fn plan_all(tree: &[BinaryNode], boxes: &[Bounds], most_in_leaf: usize) -> (Vec<
     let mut counts = vec![1_u32; tree.len()];
     let unknown = Plan { cost: [0.0; WIDTH - 1], children: [1; WIDTH - 1], left: [0; WIDTH], leaf: true };
     let mut plans = vec![unknown; tree.len()];
+    // Subtrees that are no leaf, nor part of one.
+    const TOO_MANY: u32 = u32::MAX;
     for (number, node) in tree.iter().enumerate().rev() {
         match *node {
             BinaryNode::Leaf(item) => {
@@ -162,8 +221,9 @@ fn plan_all(tree: &[BinaryNode], boxes: &[Bounds], most_in_leaf: usize) -> (Vec<
             BinaryNode::Inner(children) => {
                 let [l, r] = children.map(|child| child as usize);
                 bounds[number] = bounds[l].union(bounds[r]);
-                counts[number] = counts[l] + counts[r];
-                let may_be_leaf = counts[number] as usize <= most_in_leaf;
+                let count = counts[l].saturating_add(counts[r]);
+                let may_be_leaf = count as usize <= most_in_leaf && fits(number as u32);
+                counts[number] = if may_be_leaf { count } else { TOO_MANY };
                 plans[number] = plan(&plans[l], &plans[r], relative(&bounds[number]), may_be_leaf);
             }
         }

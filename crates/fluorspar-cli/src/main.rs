@@ -12,9 +12,13 @@ use std::io::ErrorKind;
 use std::process::ExitCode;
 
 use clap::Parser;
+use fluorspar_accel::LargePageAllocator;
 
 use crate::args::{Args, Command};
 use crate::error::CliError;
+
+#[global_allocator]
+static ALLOCATOR: LargePageAllocator = LargePageAllocator;
 
 fn main() -> ExitCode {
     let args = match Args::try_parse() {

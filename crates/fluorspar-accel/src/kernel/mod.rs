@@ -1,29 +1,23 @@
-//! Traversal: one algorithm, and the code that tests eight boxes or four triangles at once for each instruction set.
+//! Traversal: one algorithm, and the code that tests eight boxes or triangles at once for each instruction set.
 //!
 //! A kernel only decides which boxes and triangles deserve a closer look; hits are computed by [`RayFrame::intersect`]
-//! alone. Box distances steer the order of traversal, so kernels compute them by the same operations and visit the same
-//! nodes.
-// The only place in the workspace where unsafe code is allowed: vector instructions that the processor must have, reads
-// without bounds checks whose bounds the builder establishes, and advice to the system about memory.
+//! alone. Box distances only steer the order of traversal.
+// Unsafe code is allowed here for vector instructions that the processor must have and for reads without bounds checks
+// whose bounds the builder establishes; elsewhere in the workspace only in `large_pages`.
 #![allow(unsafe_code)]
 
 use std::fmt;
 use std::mem::MaybeUninit;
-use std::ops::ControlFlow;
 
 use crate::instance_bvh::PlacedTrees;
 use crate::ray::{FAR_SLACK, Hit, Ray, RayFrame};
 use crate::wide_tree::{LEAF, PACK, STACK_CAPACITY, TrianglePack, WIDTH, WideNode, WideTree};
 
-#[cfg(target_arch = "x86_64")]
-mod avx2;
-#[cfg(target_arch = "x86_64")]
-mod avx512;
-mod large_pages;
 mod portable;
 mod simd;
+#[cfg(target_arch = "x86_64")]
+mod x86;
 
-pub(crate) use large_pages::on_large_pages;
 pub use simd::{Lanes, Simd, Work};
 
 /// The code that traverses a tree. All kernels give the same hits, bit for bit.
@@ -67,9 +61,9 @@ impl fmt::Display for Kernel {
 pub(crate) enum Dispatch {
     Portable,
     #[cfg(target_arch = "x86_64")]
-    Avx2(avx2::Detected),
+    Avx2(x86::Avx2),
     #[cfg(target_arch = "x86_64")]
-    Avx512(avx512::Detected),
+    Avx512(x86::Avx512),
 }
 
 impl Dispatch {
@@ -77,9 +71,9 @@ impl Dispatch {
         match kernel {
             Kernel::Portable => Some(Self::Portable),
             #[cfg(target_arch = "x86_64")]
-            Kernel::Avx2 => avx2::Detected::new().map(Self::Avx2),
+            Kernel::Avx2 => x86::Avx2::new().map(Self::Avx2),
             #[cfg(target_arch = "x86_64")]
-            Kernel::Avx512 => avx512::Detected::new().map(Self::Avx512),
+            Kernel::Avx512 => x86::Avx512::new().map(Self::Avx512),
             #[cfg(not(target_arch = "x86_64"))]
             Kernel::Avx2 | Kernel::Avx512 => None,
         }
@@ -174,8 +168,21 @@ trait Traversal: Copy {
     /// where a ray runs within a plane: that plane then does not count.
     fn boxes(self, node: &WideNode, ray: &RayFrame, limit: f32) -> (u32, Distances);
 
-    /// Asks for the memory of a node or leaf that is likely to be visited soon.
-    fn prefetch(self, tree: &WideTree, reference: u32);
+    /// Puts the children whose boxes the ray meets on the stack, the nearest on top, without a branch where the
+    /// processor has instructions for that. Alone, a ray does better with [`enter`], which is over earlier.
+    ///
+    /// # Safety
+    /// The stack must have room for [`WIDTH`] more entries.
+    #[inline(always)]
+    unsafe fn push_met(self, node: &WideNode, ray: &RayFrame, limit: f32, stack: &mut Stack) {
+        // SAFETY: as promised. What is returned had room, too.
+        unsafe {
+            let near = enter(self, node, ray, limit, stack, |_| {});
+            if near != NOTHING {
+                stack.push(Entry::new(0.0, near));
+            }
+        }
+    }
 
     /// The triangles whose edge functions, in single precision, do not differ in sign: a superset of those hit.
     fn candidates(self, pack: &TrianglePack, ray: &RayFrame) -> u32;
@@ -185,7 +192,8 @@ trait Traversal: Copy {
 #[repr(C, align(32))]
 struct Distances([f32; WIDTH]);
 
-/// A node or leaf to visit, and the distance at which the ray enters it, in one number that sorts by distance.
+/// A node or leaf to visit, and the distance at which the ray enters it or a little less, in one number that sorts by
+/// distance.
 #[derive(Clone, Copy, Debug, Eq, Ord, PartialEq, PartialOrd)]
 struct Entry(i64);
 
@@ -209,14 +217,28 @@ impl Entry {
 
 /// What is left to visit. Not initialised beforehand: that would cost as much as a short traversal.
 struct Stack {
-    entries: [MaybeUninit<Entry>; STACK_CAPACITY],
+    /// Kernels write [`WIDTH`] entries at a time, of which those beyond `len` do not count.
+    entries: [MaybeUninit<Entry>; STACK_CAPACITY + WIDTH],
     len: usize,
 }
 
 impl Stack {
     #[inline(always)]
     const fn new() -> Self {
-        Self { entries: [const { MaybeUninit::uninit() }; STACK_CAPACITY], len: 0 }
+        Self { entries: [const { MaybeUninit::uninit() }; STACK_CAPACITY + WIDTH], len: 0 }
+    }
+
+    /// As many as there is memory for. (`[const { Stack::new() }; N]` fills all of it with zeros, for a twentieth of the
+    /// time of a whole render.)
+    #[inline(always)]
+    fn all_empty<const N: usize>(memory: &mut MaybeUninit<[Self; N]>) -> &mut [Self; N] {
+        let first = memory.as_mut_ptr().cast::<Self>();
+        for number in 0..N {
+            // SAFETY: the number is less than N, and writing through a raw pointer needs no initialised memory.
+            unsafe { (&raw mut (*first.add(number)).len).write(0) };
+        }
+        // SAFETY: every `len` has been written, and entries may be uninitialised.
+        unsafe { memory.assume_init_mut() }
     }
 
     /// # Safety
@@ -252,16 +274,70 @@ impl Stack {
         self.len += 1;
     }
 
+    /// What to visit next, now that nothing entered beyond `limit` matters; [`NOTHING`] if nothing is left.
     #[inline(always)]
-    fn pop(&mut self) -> Option<Entry> {
-        if self.len == 0 {
-            return None;
+    fn pop_within(&mut self, limit: f32) -> u32 {
+        while self.len > 0 {
+            self.len -= 1;
+            // SAFETY: the entry at the new len was below the old len, hence initialised.
+            let entry = unsafe { self.entries.get_unchecked(self.len).assume_init() };
+            if entry.distance() <= limit {
+                return entry.reference();
+            }
         }
-        self.len -= 1;
-        // SAFETY: the entry at the new len was below the old len, hence initialised.
-        Some(unsafe { self.entries.get_unchecked(self.len).assume_init() })
+        NOTHING
     }
 }
+
+/// [`Traversal::push_met`] in branches. If there are one or two children, the nearest is returned instead of pushed;
+/// [`NOTHING`] if not. `fetch` is told of each.
+///
+/// # Safety
+/// The stack must have room for [`WIDTH`] more entries.
+#[inline(always)]
+unsafe fn enter<L: Traversal>(
+    lanes: L,
+    node: &WideNode,
+    ray: &RayFrame,
+    limit: f32,
+    stack: &mut Stack,
+    fetch: impl Fn(u32),
+) -> u32 {
+    let (mut met, distances) = lanes.boxes(node, ray, limit);
+    if met == 0 {
+        return NOTHING;
+    }
+    let entry = |met: u32| {
+        let column = met.trailing_zeros() as usize & (WIDTH - 1);
+        fetch(node.children[column]);
+        Entry::new(distances.0[column], node.children[column])
+    };
+    let first = entry(met);
+    met &= met - 1;
+    if met == 0 {
+        return first.reference();
+    }
+    let second = entry(met);
+    met &= met - 1;
+    let (near, far) = if first < second { (first, second) } else { (second, first) };
+    let base = stack.len;
+    // SAFETY, here and below: the caller guarantees room for all columns.
+    unsafe { stack.push(far) };
+    if met == 0 {
+        return near.reference();
+    }
+    // SAFETY: as above.
+    unsafe { stack.push(near) };
+    while met != 0 {
+        // SAFETY: as above; base was the length before this node.
+        unsafe { stack.insert(base, entry(met)) };
+        met &= met - 1;
+    }
+    NOTHING
+}
+
+/// A reference that names neither node nor leaf, with [`LEAF`] set: there are fewer leaves.
+const NOTHING: u32 = u32::MAX;
 
 impl WideTree {
     #[inline(always)]
@@ -297,8 +373,7 @@ pub fn prefetch<T>(items: &[T], index: usize) {
     let _ = (items, index);
 }
 
-/// Brings a node or leaf into the cache: all its lines, for none of them is of use alone.
-#[cfg(target_arch = "x86_64")]
+/// Asks for the memory of a node or leaf.
 #[inline(always)]
 fn prefetch_child(tree: &WideTree, reference: u32) {
     let number = (reference & !LEAF) as usize;
@@ -307,6 +382,23 @@ fn prefetch_child(tree: &WideTree, reference: u32) {
     } else {
         prefetch(&tree.packs, number);
     }
+}
+
+/// A question about a ray, and what is known so far.
+trait Search: Copy {
+    /// What is found out.
+    type Answer: Copy;
+
+    /// In a tree without triangles.
+    const NOTHING_FOUND: Self::Answer;
+
+    fn start(ray: &Ray) -> Self;
+    fn frame(&self) -> &RayFrame;
+    /// Nothing entered farther away matters any more.
+    fn limit(&self) -> f32;
+    /// Looks for hits in a leaf; says whether the search is over.
+    fn visit_leaf<L: Traversal>(&mut self, lanes: L, tree: &WideTree, reference: u32) -> bool;
+    fn answer(&self) -> Self::Answer;
 }
 
 /// What a search for the nearest hit knows of its ray.
@@ -319,127 +411,51 @@ struct ClosestSearch {
     limit: f32,
 }
 
-impl ClosestSearch {
+impl Search for ClosestSearch {
+    type Answer = Option<Hit>;
+    const NOTHING_FOUND: Option<Hit> = None;
+
     #[inline(always)]
-    fn new(ray: &Ray) -> Self {
+    fn start(ray: &Ray) -> Self {
         let frame = RayFrame::new(ray);
         let best = Hit { t: ray.t_max, u: 0.0, v: 0.0, triangle: 0 };
         Self { frame, best, found: false, limit: best.t * FAR_SLACK }
     }
 
     #[inline(always)]
-    fn hit(&self) -> Option<Hit> {
+    fn frame(&self) -> &RayFrame {
+        &self.frame
+    }
+
+    #[inline(always)]
+    fn limit(&self) -> f32 {
+        self.limit
+    }
+
+    #[inline(always)]
+    fn answer(&self) -> Option<Hit> {
         self.found.then_some(self.best)
     }
 
-    /// Visits one node or leaf, and says what to visit next.
     #[inline(always)]
-    fn visit<L: Traversal>(
-        &mut self,
-        lanes: L,
-        tree: &WideTree,
-        stack: &mut Stack,
-        current: u32,
-    ) -> Option<u32> {
-        if current & LEAF == 0 {
-            let fetch = |reference| lanes.prefetch(tree, reference);
-            // SAFETY: with all columns of this node on it, the stack holds at most `stack_need` entries, and the builder has
-            // checked that those fit.
-            let next = unsafe { enter(lanes, tree.node(current), &self.frame, self.limit, stack, fetch) };
-            if next.is_some() {
-                return next;
-            }
-        } else {
-            let pack = tree.pack(current);
-            let mut candidates = lanes.candidates(pack, &self.frame);
-            while candidates != 0 {
-                let lane = candidates.trailing_zeros() as usize & (PACK - 1);
-                candidates &= candidates - 1;
-                if let Some((t, u, v)) = self.frame.intersect(pack, lane) {
-                    let triangle = pack.numbers[lane];
-                    let nearer = t < self.best.t || (t == self.best.t && triangle < self.best.triangle);
-                    if t > self.frame.t_min && nearer {
-                        self.best = Hit { t, u, v, triangle };
-                        self.found = true;
-                        self.limit = t * FAR_SLACK;
-                    }
+    fn visit_leaf<L: Traversal>(&mut self, lanes: L, tree: &WideTree, reference: u32) -> bool {
+        let pack = tree.pack(reference);
+        let mut candidates = lanes.candidates(pack, &self.frame);
+        while candidates != 0 {
+            let lane = (candidates.trailing_zeros() as usize).min(PACK - 1);
+            candidates &= candidates - 1;
+            if let Some((t, u, v)) = self.frame.intersect(pack, lane) {
+                let triangle = pack.numbers[lane];
+                let nearer = t < self.best.t || (t == self.best.t && triangle < self.best.triangle);
+                if t > self.frame.t_min && nearer {
+                    self.best = Hit { t, u, v, triangle };
+                    self.found = true;
+                    self.limit = t * FAR_SLACK;
                 }
             }
         }
-        pop_within(stack, self.limit)
+        false
     }
-}
-
-/// What to visit next, now that nothing entered beyond `limit` matters.
-#[inline(always)]
-fn pop_within(stack: &mut Stack, limit: f32) -> Option<u32> {
-    loop {
-        let entry = stack.pop()?;
-        if entry.distance() <= limit {
-            return Some(entry.reference());
-        }
-    }
-}
-
-/// Puts the children of a node that the ray meets on the stack, the nearest on top, and asks for their memory. If there
-/// are one or two, the nearest is returned instead.
-///
-/// # Safety
-/// The stack must have room for [`WIDTH`] more entries.
-#[inline(always)]
-unsafe fn enter<L: Traversal>(
-    lanes: L,
-    node: &WideNode,
-    frame: &RayFrame,
-    limit: f32,
-    stack: &mut Stack,
-    fetch: impl Fn(u32),
-) -> Option<u32> {
-    let (mut met, distances) = lanes.boxes(node, frame, limit);
-    if met == 0 {
-        return None;
-    }
-    let entry = |met: u32| {
-        let column = met.trailing_zeros() as usize & (WIDTH - 1);
-        fetch(node.children[column]);
-        Entry::new(distances.0[column], node.children[column])
-    };
-    let first = entry(met);
-    met &= met - 1;
-    if met == 0 {
-        return Some(first.reference());
-    }
-    let second = entry(met);
-    met &= met - 1;
-    let (near, far) = if first < second { (first, second) } else { (second, first) };
-    let base = stack.len;
-    // SAFETY, here and below: the caller guarantees room for all columns.
-    unsafe { stack.push(far) };
-    if met == 0 {
-        return Some(near.reference());
-    }
-    // SAFETY: as above.
-    unsafe { stack.push(near) };
-    while met != 0 {
-        // SAFETY: as above; base was the length before this node.
-        unsafe { stack.insert(base, entry(met)) };
-        met &= met - 1;
-    }
-    None
-}
-
-#[inline(always)]
-fn closest<L: Traversal>(lanes: L, tree: &WideTree, ray: &Ray) -> Option<Hit> {
-    if tree.nodes.is_empty() {
-        return None;
-    }
-    let mut search = ClosestSearch::new(ray);
-    let mut stack = Stack::new();
-    let mut current = 0;
-    while let Some(next) = search.visit(lanes, tree, &mut stack, current) {
-        current = next;
-    }
-    search.hit()
 }
 
 /// What a search for any hit knows of its ray.
@@ -447,66 +463,76 @@ fn closest<L: Traversal>(lanes: L, tree: &WideTree, ray: &Ray) -> Option<Hit> {
 struct OcclusionSearch {
     frame: RayFrame,
     t_max: f32,
+    /// `t_max` with slack.
+    limit: f32,
+    blocked: bool,
 }
 
-impl OcclusionSearch {
+impl Search for OcclusionSearch {
+    type Answer = bool;
+    const NOTHING_FOUND: bool = false;
+
     #[inline(always)]
-    fn new(ray: &Ray) -> Self {
-        Self { frame: RayFrame::new(ray), t_max: ray.t_max }
+    fn start(ray: &Ray) -> Self {
+        Self { frame: RayFrame::new(ray), t_max: ray.t_max, limit: ray.t_max * FAR_SLACK, blocked: false }
     }
 
-    /// Visits one node or leaf; breaks with the answer, or says what to visit next.
     #[inline(always)]
-    fn visit<L: Traversal>(
-        &self,
-        lanes: L,
-        tree: &WideTree,
-        stack: &mut Stack,
-        current: u32,
-    ) -> ControlFlow<bool, u32> {
-        if current & LEAF == 0 {
-            let node = tree.node(current);
-            let (mut met, distances) = lanes.boxes(node, &self.frame, self.t_max * FAR_SLACK);
-            while met != 0 {
-                let column = met.trailing_zeros() as usize & (WIDTH - 1);
-                met &= met - 1;
-                lanes.prefetch(tree, node.children[column]);
-                // SAFETY: with all columns of this node on it, the stack holds at most `stack_need` entries, which the
-                // builder has checked.
-                unsafe { stack.push(Entry::new(distances.0[column], node.children[column])) };
-            }
-        } else {
-            let pack = tree.pack(current);
-            let mut candidates = lanes.candidates(pack, &self.frame);
-            while candidates != 0 {
-                let lane = candidates.trailing_zeros() as usize & (PACK - 1);
-                candidates &= candidates - 1;
-                if let Some((t, _, _)) = self.frame.intersect(pack, lane)
-                    && t > self.frame.t_min
-                    && t < self.t_max
-                {
-                    return ControlFlow::Break(true);
-                }
+    fn frame(&self) -> &RayFrame {
+        &self.frame
+    }
+
+    #[inline(always)]
+    fn limit(&self) -> f32 {
+        self.limit
+    }
+
+    #[inline(always)]
+    fn answer(&self) -> bool {
+        self.blocked
+    }
+
+    #[inline(always)]
+    fn visit_leaf<L: Traversal>(&mut self, lanes: L, tree: &WideTree, reference: u32) -> bool {
+        let pack = tree.pack(reference);
+        let mut candidates = lanes.candidates(pack, &self.frame);
+        while candidates != 0 {
+            let lane = (candidates.trailing_zeros() as usize).min(PACK - 1);
+            candidates &= candidates - 1;
+            if let Some((t, _, _)) = self.frame.intersect(pack, lane)
+                && t > self.frame.t_min
+                && t < self.t_max
+            {
+                self.blocked = true;
             }
         }
-        stack.pop().map_or(ControlFlow::Break(false), |entry| ControlFlow::Continue(entry.reference()))
+        self.blocked
     }
 }
 
+/// Searches along one ray.
 #[inline(always)]
-fn occluded<L: Traversal>(lanes: L, tree: &WideTree, ray: &Ray) -> bool {
+fn search<L: Traversal, S: Search>(lanes: L, tree: &WideTree, ray: &Ray) -> S::Answer {
     if tree.nodes.is_empty() {
-        return false;
+        return S::NOTHING_FOUND;
     }
-    let search = OcclusionSearch::new(ray);
+    let mut search = S::start(ray);
     let mut stack = Stack::new();
     let mut current = 0;
-    loop {
-        match search.visit(lanes, tree, &mut stack, current) {
-            ControlFlow::Continue(next) => current = next,
-            ControlFlow::Break(answer) => return answer,
+    while current != NOTHING {
+        let mut next = NOTHING;
+        if current & LEAF == 0 {
+            let fetch = |reference| prefetch_child(tree, reference);
+            let node = tree.node(current);
+            // SAFETY: with all columns of this node on it, the stack holds at most `stack_need` entries, and the builder
+            // has checked that those fit.
+            next = unsafe { enter(lanes, node, search.frame(), search.limit(), &mut stack, fetch) };
+        } else if search.visit_leaf(lanes, tree, current) {
+            break;
         }
+        current = if next == NOTHING { stack.pop_within(search.limit()) } else { next };
     }
+    search.answer()
 }
 
 /// The nearest hit in placed meshes, and the number of the instance; of those at the same `t`, the lowest numbers.
@@ -521,7 +547,7 @@ fn closest_placed<L: Traversal>(lanes: L, placed: &PlacedTrees, ray: &Ray) -> Op
     let mut stack = Stack::new();
     let mut current = 0;
     loop {
-        let mut next = None;
+        let mut next = NOTHING;
         if current & LEAF == 0 {
             let fetch = |reference| prefetch_place(placed, reference);
             let node = &placed.nodes[current as usize];
@@ -536,14 +562,14 @@ fn closest_placed<L: Traversal>(lanes: L, placed: &PlacedTrees, ray: &Ray) -> Op
                 _ => t_max,
             };
             let local = place.local_ray(ray, limit);
-            if let Some(hit) = closest(lanes, placed.tree(place), &local) {
+            if let Some(hit) = search::<L, ClosestSearch>(lanes, placed.tree(place), &local) {
                 t_max = hit.t;
                 best = Some((number, hit));
             }
         }
-        match next.or_else(|| pop_within(&mut stack, t_max * FAR_SLACK)) {
-            Some(reference) => current = reference,
-            None => return best,
+        current = if next == NOTHING { stack.pop_within(t_max * FAR_SLACK) } else { next };
+        if current == NOTHING {
+            return best;
         }
     }
 }
@@ -558,7 +584,7 @@ fn occluded_placed<L: Traversal>(lanes: L, placed: &PlacedTrees, ray: &Ray) -> b
     let mut stack = Stack::new();
     let mut current = 0;
     loop {
-        let mut next = None;
+        let mut next = NOTHING;
         if current & LEAF == 0 {
             let fetch = |reference| prefetch_place(placed, reference);
             let node = &placed.nodes[current as usize];
@@ -566,14 +592,99 @@ fn occluded_placed<L: Traversal>(lanes: L, placed: &PlacedTrees, ray: &Ray) -> b
             next = unsafe { enter(lanes, node, &frame, limit, &mut stack, fetch) };
         } else {
             let place = &placed.places[(current & !LEAF) as usize];
-            if occluded(lanes, placed.tree(place), &place.local_ray(ray, ray.t_max)) {
+            if search::<L, OcclusionSearch>(lanes, placed.tree(place), &place.local_ray(ray, ray.t_max)) {
                 return true;
             }
         }
-        match next.or_else(|| pop_within(&mut stack, limit)) {
-            Some(reference) => current = reference,
-            None => return false,
+        current = if next == NOTHING { stack.pop_within(limit) } else { next };
+        if current == NOTHING {
+            return false;
         }
+    }
+}
+
+/// Most rays that are on their way at a time.
+const IN_TURNS: usize = 64;
+
+/// Searches along several rays, which take turns: while one waits for memory, the others go on.
+///
+/// Rays that are at nodes and rays that are at leaves stand in queues of their own, and which queue is next is computed
+/// instead of branched on: with a branch, every second guess of the processor about the way of a ray would be wrong, and
+/// throw away what it had begun for the rays after it.
+#[inline(always)]
+fn search_each<L: Traversal, S: Search>(lanes: L, tree: &WideTree, rays: &[Ray], answers: &mut [S::Answer]) {
+    if tree.nodes.is_empty() {
+        answers.fill(S::NOTHING_FOUND);
+        return;
+    }
+    for (rays, answers) in rays.chunks(IN_TURNS).zip(answers.chunks_mut(IN_TURNS)) {
+        search_chunk::<L, S>(lanes, tree, rays, answers);
+    }
+}
+
+/// Numbers of rays in a queue, and room for one more.
+struct Queue {
+    numbers: [u8; IN_TURNS + 1],
+    len: usize,
+}
+
+impl Queue {
+    /// Adds a ray, if `really`. A queue of each kind holds a ray once, so that there is room.
+    #[inline(always)]
+    fn push_if(&mut self, number: u8, really: bool) {
+        self.numbers[self.len.min(IN_TURNS)] = number;
+        self.len += usize::from(really);
+    }
+}
+
+/// [`search_each`] of up to [`IN_TURNS`] rays, in a tree that is not empty.
+#[inline(always)]
+fn search_chunk<L: Traversal, S: Search>(lanes: L, tree: &WideTree, rays: &[Ray], answers: &mut [S::Answer]) {
+    let Some(first) = rays.first() else { return };
+    let mut stacks = MaybeUninit::<[Stack; IN_TURNS]>::uninit();
+    let stacks = Stack::all_empty(&mut stacks);
+    let mut searches = [S::start(first); IN_TURNS];
+    for (search, ray) in searches.iter_mut().zip(rays).skip(1) {
+        *search = S::start(ray);
+    }
+    let mut currents = [0_u32; IN_TURNS];
+    let mut at_nodes = Queue { numbers: std::array::from_fn(|number| number as u8), len: rays.len() };
+    let mut at_leaves = Queue { numbers: [0; IN_TURNS + 1], len: 0 };
+    while at_nodes.len + at_leaves.len > 0 {
+        for &ray in &at_nodes.numbers[..at_nodes.len] {
+            prefetch(&tree.nodes, currents[usize::from(ray) % IN_TURNS] as usize);
+        }
+        let visited = std::mem::take(&mut at_nodes.len);
+        for position in 0..visited {
+            let number = at_nodes.numbers[position % IN_TURNS];
+            let ray = usize::from(number) % IN_TURNS;
+            let (search, stack) = (&searches[ray], &mut stacks[ray]);
+            // SAFETY: as for a ray alone.
+            unsafe { lanes.push_met(tree.node(currents[ray]), search.frame(), search.limit(), stack) };
+            let next = stack.pop_within(search.limit());
+            currents[ray] = next;
+            at_nodes.push_if(number, next & LEAF == 0);
+            at_leaves.push_if(number, next & LEAF != 0 && next != NOTHING);
+        }
+        for &ray in &at_leaves.numbers[..at_leaves.len] {
+            prefetch(&tree.packs, (currents[usize::from(ray) % IN_TURNS] & !LEAF) as usize);
+        }
+        let visited = std::mem::take(&mut at_leaves.len);
+        for position in 0..visited {
+            let number = at_leaves.numbers[position % IN_TURNS];
+            let ray = usize::from(number) % IN_TURNS;
+            let (search, stack) = (&mut searches[ray], &mut stacks[ray]);
+            if search.visit_leaf(lanes, tree, currents[ray]) {
+                continue;
+            }
+            let next = stack.pop_within(search.limit());
+            currents[ray] = next;
+            at_nodes.push_if(number, next & LEAF == 0);
+            at_leaves.push_if(number, next & LEAF != 0 && next != NOTHING);
+        }
+    }
+    for (search, answer) in searches.iter().zip(answers) {
+        *answer = search.answer();
     }
 }
 
@@ -585,98 +696,5 @@ fn prefetch_place(placed: &PlacedTrees, reference: u32) {
         prefetch(&placed.nodes, number);
     } else {
         prefetch(&placed.places, number);
-    }
-}
-
-/// Rays that are traced in turns: while one waits for memory, the others go on.
-const IN_TURNS: usize = 8;
-
-/// [`closest`] for each of several rays.
-#[inline(always)]
-fn closest_each<L: Traversal>(lanes: L, tree: &WideTree, rays: &[Ray], hits: &mut [Option<Hit>]) {
-    if tree.nodes.is_empty() {
-        hits.fill(None);
-        return;
-    }
-    let mut stacks = [const { Stack::new() }; IN_TURNS];
-    let mut places = [(0_usize, 0_u32); IN_TURNS];
-    let started = rays.len().min(IN_TURNS);
-    let Some(first) = rays.first() else { return };
-    let mut searches = [ClosestSearch::new(first); IN_TURNS];
-    for (turn, ray) in rays[..started].iter().enumerate().skip(1) {
-        searches[turn] = ClosestSearch::new(ray);
-        places[turn] = (turn, 0);
-    }
-    let mut order: [usize; IN_TURNS] = std::array::from_fn(|turn| turn);
-    let (mut running, mut next_ray) = (started, started);
-    while running > 0 {
-        let mut position = 0;
-        while position < running {
-            let turn = order[position] & (IN_TURNS - 1);
-            let search = &mut searches[turn];
-            let (ray, current) = places[turn];
-            if let Some(next) = search.visit(lanes, tree, &mut stacks[turn], current) {
-                places[turn].1 = next;
-                position += 1;
-            } else {
-                hits[ray] = search.hit();
-                if next_ray < rays.len() {
-                    *search = ClosestSearch::new(&rays[next_ray]);
-                    places[turn] = (next_ray, 0);
-                    next_ray += 1;
-                    position += 1;
-                } else {
-                    running -= 1;
-                    order.swap(position, running);
-                }
-            }
-        }
-    }
-}
-
-/// [`occluded`] for each of several rays.
-#[inline(always)]
-fn occluded_each<L: Traversal>(lanes: L, tree: &WideTree, rays: &[Ray], answers: &mut [bool]) {
-    if tree.nodes.is_empty() {
-        answers.fill(false);
-        return;
-    }
-    let mut stacks = [const { Stack::new() }; IN_TURNS];
-    let mut places = [(0_usize, 0_u32); IN_TURNS];
-    let started = rays.len().min(IN_TURNS);
-    let Some(first) = rays.first() else { return };
-    let mut searches = [OcclusionSearch::new(first); IN_TURNS];
-    for (turn, ray) in rays[..started].iter().enumerate().skip(1) {
-        searches[turn] = OcclusionSearch::new(ray);
-        places[turn] = (turn, 0);
-    }
-    let mut order: [usize; IN_TURNS] = std::array::from_fn(|turn| turn);
-    let (mut running, mut next_ray) = (started, started);
-    while running > 0 {
-        let mut position = 0;
-        while position < running {
-            let turn = order[position] & (IN_TURNS - 1);
-            let search = &mut searches[turn];
-            let (ray, current) = places[turn];
-            match search.visit(lanes, tree, &mut stacks[turn], current) {
-                ControlFlow::Continue(next) => {
-                    places[turn].1 = next;
-                    position += 1;
-                }
-                ControlFlow::Break(answer) => {
-                    answers[ray] = answer;
-                    if next_ray < rays.len() {
-                        *search = OcclusionSearch::new(&rays[next_ray]);
-                        stacks[turn].len = 0;
-                        places[turn] = (next_ray, 0);
-                        next_ray += 1;
-                        position += 1;
-                    } else {
-                        running -= 1;
-                        order.swap(position, running);
-                    }
-                }
-            }
-        }
     }
 }

@@ -1,19 +1,19 @@
 //! Plain Rust on arrays, which compilers turn into the vector instructions of any target.
 
-use super::{Distances, Traversal};
+use super::{ClosestSearch, Distances, OcclusionSearch, Traversal};
 use crate::instance_bvh::PlacedTrees;
 use crate::ray::{FAR_SLACK, Hit, Ray, RayFrame};
-use crate::wide_tree::{PACK, TrianglePack, WIDTH, WideNode, WideTree};
+use crate::wide_tree::{PACK, PACK_VERTICES, TrianglePack, WIDTH, WideNode, WideTree};
 
 #[derive(Clone, Copy)]
 struct Arrays;
 
 pub(super) fn closest(tree: &WideTree, ray: &Ray) -> Option<Hit> {
-    super::closest(Arrays, tree, ray)
+    super::search::<_, ClosestSearch>(Arrays, tree, ray)
 }
 
 pub(super) fn occluded(tree: &WideTree, ray: &Ray) -> bool {
-    super::occluded(Arrays, tree, ray)
+    super::search::<_, OcclusionSearch>(Arrays, tree, ray)
 }
 
 pub(super) fn closest_placed(placed: &PlacedTrees, ray: &Ray) -> Option<(u32, Hit)> {
@@ -25,11 +25,11 @@ pub(super) fn occluded_placed(placed: &PlacedTrees, ray: &Ray) -> bool {
 }
 
 pub(super) fn closest_each(tree: &WideTree, rays: &[Ray], hits: &mut [Option<Hit>]) {
-    super::closest_each(Arrays, tree, rays, hits);
+    super::search_each::<_, ClosestSearch>(Arrays, tree, rays, hits);
 }
 
 pub(super) fn occluded_each(tree: &WideTree, rays: &[Ray], answers: &mut [bool]) {
-    super::occluded_each(Arrays, tree, rays, answers);
+    super::search_each::<_, OcclusionSearch>(Arrays, tree, rays, answers);
 }
 
 /// The second number if either is NaN, as the instructions of most processors have it.
@@ -64,30 +64,25 @@ impl Traversal for Arrays {
     }
 
     #[inline(always)]
-    fn prefetch(self, _: &WideTree, _: u32) {}
-
-    #[inline(always)]
     fn candidates(self, pack: &TrianglePack, ray: &RayFrame) -> u32 {
         let [kx, ky, kz] = ray.axes;
         let [sx, sy, _] = ray.shear;
-        let mut x = [[0.0; PACK]; 3];
-        let mut y = [[0.0; PACK]; 3];
-        for corner in 0..3 {
-            for lane in 0..PACK {
-                let z = pack.corners[kz][corner][lane] - ray.origin[kz];
-                x[corner][lane] = (pack.corners[kx][corner][lane] - ray.origin[kx]) - sx * z;
-                y[corner][lane] = (pack.corners[ky][corner][lane] - ray.origin[ky]) - sy * z;
-            }
+        let [mut x, mut y] = [[0.0; PACK_VERTICES]; 2];
+        for vertex in 0..PACK_VERTICES {
+            let z = pack.vertices[kz][vertex] - ray.origin[kz];
+            x[vertex] = (pack.vertices[kx][vertex] - ray.origin[kx]) - sx * z;
+            y[vertex] = (pack.vertices[ky][vertex] - ray.origin[ky]) - sy * z;
         }
         let mut inside = 0;
         for lane in 0..PACK {
-            let a = x[2][lane] * y[1][lane] - y[2][lane] * x[1][lane];
-            let b = x[0][lane] * y[2][lane] - y[0][lane] * x[2][lane];
-            let c = x[1][lane] * y[0][lane] - y[1][lane] * x[0][lane];
+            let [v0, v1, v2] = [0, 1, 2].map(|corner| pack.vertex(corner, lane));
+            let a = x[v2] * y[v1] - y[v2] * x[v1];
+            let b = x[v0] * y[v2] - y[v0] * x[v2];
+            let c = x[v1] * y[v0] - y[v1] * x[v0];
             let least = min(a, min(b, c));
             let greatest = max(a, max(b, c));
             inside |= u32::from((least >= 0.0) | (greatest <= 0.0)) << lane;
         }
-        inside
+        inside & pack.used()
     }
 }

@@ -123,16 +123,16 @@ impl Lanes for Arrays {
 mod x86 {
     use std::arch::x86_64::*;
 
-    use super::super::{avx2, avx512};
+    use super::super::x86::{Avx2, Avx512};
     use super::{BandBlock, Lanes, Work};
 
-    #[target_feature(enable = "avx2,bmi1")]
-    pub(super) fn with_avx2<W: Work>(work: W, detected: avx2::Detected) -> W::Output {
+    #[target_feature(enable = "avx2,bmi1,popcnt")]
+    pub(super) fn with_avx2<W: Work>(work: W, detected: Avx2) -> W::Output {
         work.run(detected)
     }
 
-    #[target_feature(enable = "avx512f,avx512bw,avx512cd,avx512dq,avx512vl,avx2,bmi1,bmi2")]
-    pub(super) fn with_avx512<W: Work>(work: W, detected: avx512::Detected) -> W::Output {
+    #[target_feature(enable = "avx512f,avx512bw,avx512cd,avx512dq,avx512vl,avx2,bmi1,bmi2,popcnt")]
+    pub(super) fn with_avx512<W: Work>(work: W, detected: Avx512) -> W::Output {
         work.run(detected)
     }
 
@@ -158,9 +158,9 @@ mod x86 {
         shifted
     }
 
-    // SAFETY of the blocks below: a value of type `Detected` proves that the processor has the instructions, and blocks
+    // SAFETY of the blocks below: a value of either type proves that the processor has the instructions, and blocks
     // are aligned to 64 bytes and 64 bytes long.
-    impl Lanes for avx2::Detected {
+    impl Lanes for Avx2 {
         type Vector = [__m256; 2];
 
         #[inline(always)]
@@ -227,7 +227,7 @@ mod x86 {
         }
     }
 
-    impl Lanes for avx512::Detected {
+    impl Lanes for Avx512 {
         type Vector = __m512;
 
         #[inline(always)]

@@ -13,7 +13,7 @@ use super::spectral_accumulation::SpectralState;
 use crate::sampling::SampleStream;
 
 /// Most paths in step: enough for rays to take turns until the last paths end.
-pub(super) const MOST_PATHS: usize = 64;
+pub(super) const MOST_PATHS: usize = 128;
 /// Memory for the direct light of the paths in step, bytes: little beside the images, whatever the number of sources.
 const DIRECT_LIGHT_BYTES: usize = 256 << 10;
 /// Vertices that a path is taken to have at most: few are longer, whatever `max_depth` allows.

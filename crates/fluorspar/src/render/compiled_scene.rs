@@ -177,8 +177,6 @@ pub(super) struct CompiledScene<'a> {
     bvh: TriangleBvh,
     /// Whether a path ever chooses between lobes or lamps.
     pub(super) chooses: bool,
-    /// Whether the tree is so large that rays wait for memory.
-    pub(super) turns_pay: bool,
     vertices: Vec<MeshVertex>,
     triangles: Vec<MeshTriangle>,
     /// Meshes at many places; `None` where there are none.
@@ -211,8 +209,6 @@ pub(super) struct CompiledScene<'a> {
     pub(super) plain_operators: Vec<FluorescenceOperator>,
 }
 
-/// A tree of this size stays in the second-level cache with what else a path needs.
-const CACHED_TREE_BYTES: usize = 512 << 10;
 /// What a fluorescent surface is taken to send on at least: its light matters even where it reflects little.
 const FLUORESCENT_ALBEDO: f32 = 0.25;
 
@@ -523,7 +519,6 @@ impl<'a> CompiledScene<'a> {
             bands: grid.len(),
             simd: Simd::detect(),
             clearance: (1e-6 * reach.max(shape_reach).max(instance_reach)).max(1e-9),
-            turns_pay: bvh.memory_bytes() > CACHED_TREE_BYTES,
             bvh,
             vertices,
             triangles,
@@ -620,16 +615,15 @@ impl<'a> CompiledScene<'a> {
         self.triangles[triangle].object as usize
     }
 
-    /// [`Self::closest`] of every ray, in their order. `in_turns` is faster for rays that go different ways.
+    /// [`Self::closest`] of every ray, in their order.
     pub(super) fn closest_each(
         &self,
         rays: &[Ray],
-        in_turns: bool,
         buffers: &mut TraceBuffers,
         found: &mut Vec<Option<Intersection>>,
     ) {
         found.clear();
-        if self.cutouts.is_empty() && in_turns {
+        if self.cutouts.is_empty() {
             self.bvh.closest_each(rays, &mut buffers.hits);
             found.extend(rays.iter().zip(&buffers.hits).map(|(ray, hit)| self.nearest_given(ray, *hit)));
         } else {
@@ -652,19 +646,17 @@ impl<'a> CompiledScene<'a> {
         }
     }
 
-    /// [`Self::visibility`] of every ray, in their order; `aimed_at` are the lights. `in_turns` is faster for rays that go
-    /// different ways.
+    /// [`Self::visibility`] of every ray, in their order; `aimed_at` are the lights.
     pub(super) fn visibility_each(
         &self,
         rays: &[Ray],
         aimed_at: impl Iterator<Item = usize>,
-        in_turns: bool,
         buffers: &mut TraceBuffers,
         visible: &mut Vec<f32>,
     ) {
         visible.clear();
         let rays_to_lights = rays.iter().zip(aimed_at);
-        if self.cutouts.is_empty() && in_turns {
+        if self.cutouts.is_empty() {
             self.bvh.occluded_each(rays, &mut buffers.blocked);
             visible.extend(rays_to_lights.zip(&buffers.blocked).map(|((ray, light), blocked)| {
                 if *blocked || self.occluded_elsewhere(ray, light) { 0.0 } else { 1.0 }

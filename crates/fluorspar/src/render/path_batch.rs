@@ -155,14 +155,12 @@ impl CompiledScene<'_> {
             if going.is_empty() {
                 return;
             }
-            // Neighbouring rays of the camera share their way through the tree: turns would only cost.
-            let in_turns = depth > 0 && self.turns_pay;
             rays.clear();
             rays.extend(going.iter().map(|&walk| {
                 let Walk { origin, direction, .. } = walks[walk as usize];
                 Ray { origin, direction, t_min: 0.0, t_max: f32::INFINITY }
             }));
-            self.closest_each(rays, in_turns, buffers, found);
+            self.closest_each(rays, buffers, found);
 
             rays.clear();
             aims.clear();
@@ -182,7 +180,7 @@ impl CompiledScene<'_> {
             });
 
             let lights = aims.iter().map(|aim| aim.light.light);
-            self.visibility_each(rays, lights, in_turns, buffers, visible);
+            self.visibility_each(rays, lights, buffers, visible);
             for (aim, &visible) in aims.iter().zip(visible.iter()) {
                 if visible > 0.0 {
                     self.add_direct(&mut walks[aim.walk as usize].path, aim, visible);
@@ -402,14 +400,12 @@ mod tests {
         }
     }
 
-    /// Rays in turns and paths in step change the order of work only.
+    /// Paths in step, whose rays take turns, change the order of work only.
     #[test]
     fn paths_are_the_same_in_step_and_alone() {
         let scene = room();
-        let mut compiled = CompiledScene::new(&scene, &[]).unwrap();
-        assert!(compiled.turns_pay, "the tree must be large enough to be traced in turns");
-        let mut paths = |turns_pay: bool, in_step: u32| -> Vec<String> {
-            compiled.turns_pay = turns_pay;
+        let compiled = CompiledScene::new(&scene, &[]).unwrap();
+        let paths = |in_step: u32| -> Vec<String> {
             let mut batch = PathBatch::default();
             let mut said = Vec::new();
             for first in (0..256).step_by(in_step as usize) {
@@ -427,11 +423,11 @@ mod tests {
             }
             said
         };
-        let alone = paths(false, 1);
+        let alone = paths(1);
         let longest = alone.iter().map(|path| path.matches("Vertex").count()).max();
         assert_eq!(longest, Some(8), "paths that end early test little");
-        for (turns_pay, in_step) in [(true, 1), (false, 64), (true, 4), (true, 64)] {
-            assert_eq!(paths(turns_pay, in_step), alone, "turns {turns_pay}, {in_step} in step");
+        for in_step in [4, 64, 128] {
+            assert_eq!(paths(in_step), alone, "{in_step} in step");
         }
     }
 }
