@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::clearance::{Field, Obstacles};
 use super::dental_arch::JawPose;
-use super::math::{PI, bell, curve, lerp, pow, signed_pow, sin_cos, smoothstep, spline};
+use super::math::{PI, bell, curve, lerp, mean, pow, signed_pow, sin_cos, smoothstep, spline, window};
 use super::noise::{bumps, fractal_noise};
 use super::parameters::MouthParameters;
 use super::surface::{Surface, count, linspace, surface_mesh};
@@ -627,17 +627,6 @@ impl<'a> Tongue<'a> {
             (edge + back * (lerp(depths[0], depths[1], v) * depth) + side * beside, DVec2::new(u, v))
         })
     }
-}
-
-/// What `of` says of every value with its neighbours up to `reach` places away.
-fn window(values: &[f64], reach: usize, of: &dyn Fn(&[f64]) -> f64) -> Vec<f64> {
-    (0..values.len())
-        .map(|i| of(&values[i.saturating_sub(reach)..(i + reach + 1).min(values.len())]))
-        .collect()
-}
-
-fn mean(values: &[f64]) -> f64 {
-    values.iter().sum::<f64>() / values.len() as f64
 }
 
 /// 0 at the tip, rising like the end of a superellipse to 1 at `reach`.
