@@ -48,7 +48,36 @@ pub(super) struct Sheet<'a> {
 
 impl<'a> Sheet<'a> {
     pub(super) fn new(parameters: &'a MouthParameters, obstacles: &Obstacles) -> Self {
-        let corner = 0.5 * parameters.lip_opening_width_mm;
+        const ENOUGH_MM: f64 = 0.15;
+        let wanted = 0.5 * parameters.lip_opening_width_mm;
+        let mut corner = wanted;
+        let mut sheet = Self::with_corner(corner, parameters, obstacles);
+        // Corners that give way widen the opening: they start from so much nearer to the middle.
+        for _ in 0..3 {
+            let excess = sheet.corner() - wanted;
+            if excess < ENOUGH_MM {
+                break;
+            }
+            corner -= excess;
+            sheet = Self::with_corner(corner, parameters, obstacles);
+        }
+        sheet
+    }
+
+    /// Mean distance of the innermost places of the lips' corners from the midline, mm.
+    fn corner(&self) -> f64 {
+        let innermost = |turn: f64| {
+            let knots: Vec<DVec3> = (0..self.rings.len()).map(|ring| self.ring_point(ring, turn)).collect();
+            linspace(VERMILION_BORDER as f64, INNER_LIP as f64, 25)
+                .into_iter()
+                .map(|place| self.point(&knots, place, turn).x.abs())
+                .fold(f64::INFINITY, f64::min)
+        };
+        0.5 * (innermost(0.0) + innermost(0.5))
+    }
+
+    /// The sheet with corners so far from the midline before they give way, mm.
+    fn with_corner(corner: f64, parameters: &'a MouthParameters, obstacles: &Obstacles) -> Self {
         let h = 0.5 * parameters.jaw_opening_mm;
         // Margins of the lips.
         let m = h + parameters.lip_retraction_mm;
@@ -128,7 +157,7 @@ impl<'a> Sheet<'a> {
             let whole = window(&whole, LIP_REACH, &mean);
             for ((column, lining), whole) in lip.zip(lining).zip(whole) {
                 let (sine, _) = sin_cos(2.0 * PI * column as f64 / CONTACT_COLUMNS as f64);
-                let pushed = lining.max(whole * smoothstep(0.1, 0.7, sine.abs()));
+                let pushed = lining.max(whole * smoothstep(0.4, 0.9, sine.abs()));
                 for row in 3..=24 {
                     let value = &mut self.pressed.values[at(row, column)];
                     *value = value.max(pushed);
