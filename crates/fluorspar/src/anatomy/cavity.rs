@@ -157,7 +157,7 @@ impl<'a> Sheet<'a> {
             let whole = window(&whole, LIP_REACH, &mean);
             for ((column, lining), whole) in lip.zip(lining).zip(whole) {
                 let (sine, _) = sin_cos(2.0 * PI * column as f64 / CONTACT_COLUMNS as f64);
-                let pushed = lining.max(whole * smoothstep(0.4, 0.9, sine.abs()));
+                let pushed = lining.max(whole * smoothstep(0.1, 0.7, sine.abs()));
                 for row in 3..=24 {
                     let value = &mut self.pressed.values[at(row, column)];
                     *value = value.max(pushed);
