@@ -5,7 +5,7 @@ use glam::{DVec2, DVec3};
 
 use super::appearance::crease;
 use super::clearance::{Field, Obstacles};
-use super::math::{PI, bell, lerp, pow, signed_pow, sin_cos, smoothstep, spline};
+use super::math::{PI, bell, curve, lerp, mean, pow, signed_pow, sin_cos, smoothstep, spline, window};
 use super::noise::fractal_noise;
 use super::parameters::MouthParameters;
 use super::surface::{count, linspace, surface_mesh};
@@ -28,10 +28,16 @@ const CONTACT_COLUMNS: usize = 144;
 /// Distance kept from teeth and gums, mm.
 const CLEARANCE_MM: f64 = 0.6;
 
+/// Columns over which a lip keeps its shape when it gives way.
+const LIP_REACH: usize = 14;
+
 /// Rings at which the sheet changes its part.
 const VERMILION_BORDER: usize = 4;
 const INNER_LIP: usize = 9;
 const THROAT: usize = 14;
+
+/// Half the power of the distance from the midline by which the rings fall back toward the corners.
+const BOW: &[(f64, f64)] = &[(7.0, 1.1), (10.0, 1.6)];
 
 /// The whole sheet, pressed outward where teeth and gums stand.
 pub(super) struct Sheet<'a> {
@@ -42,7 +48,36 @@ pub(super) struct Sheet<'a> {
 
 impl<'a> Sheet<'a> {
     pub(super) fn new(parameters: &'a MouthParameters, obstacles: &Obstacles) -> Self {
-        let corner = 0.5 * parameters.lip_opening_width_mm;
+        const ENOUGH_MM: f64 = 0.15;
+        let wanted = 0.5 * parameters.lip_opening_width_mm;
+        let mut corner = wanted;
+        let mut sheet = Self::with_corner(corner, parameters, obstacles);
+        // Corners that give way widen the opening: they start from so much nearer to the middle.
+        for _ in 0..3 {
+            let excess = sheet.corner() - wanted;
+            if excess < ENOUGH_MM {
+                break;
+            }
+            corner -= excess;
+            sheet = Self::with_corner(corner, parameters, obstacles);
+        }
+        sheet
+    }
+
+    /// Mean distance of the innermost places of the lips' corners from the midline, mm.
+    fn corner(&self) -> f64 {
+        let innermost = |turn: f64| {
+            let knots: Vec<DVec3> = (0..self.rings.len()).map(|ring| self.ring_point(ring, turn)).collect();
+            linspace(VERMILION_BORDER as f64, INNER_LIP as f64, 25)
+                .into_iter()
+                .map(|place| self.point(&knots, place, turn).x.abs())
+                .fold(f64::INFINITY, f64::min)
+        };
+        0.5 * (innermost(0.0) + innermost(0.5))
+    }
+
+    /// The sheet with corners so far from the midline before they give way, mm.
+    fn with_corner(corner: f64, parameters: &'a MouthParameters, obstacles: &Obstacles) -> Self {
         let h = 0.5 * parameters.jaw_opening_mm;
         // Margins of the lips.
         let m = h + parameters.lip_retraction_mm;
@@ -110,14 +145,28 @@ impl<'a> Sheet<'a> {
                 }
             }
         }
-        // The skin of the face goes with the lining behind it.
-        for column in 0..CONTACT_COLUMNS {
-            let at = |place: f64| (place * CONTACT_ROWS_PER_RING as f64) as usize * CONTACT_COLUMNS + column;
-            let lining =
-                (18..=46).map(|place| self.pressed.values[at(0.25 * f64::from(place))]).fold(0.0, f64::max);
-            for place in 3..=24 {
-                let value = &mut self.pressed.values[at(0.25 * f64::from(place))];
-                *value = value.max(lining);
+        // The skin of the face goes with the lining behind it, and either lip as a whole, less toward its corners.
+        let at = |place: usize, column: usize| place * CONTACT_COLUMNS + column;
+        let half = CONTACT_COLUMNS / 2;
+        for lip in [0..half, half..CONTACT_COLUMNS] {
+            let lining: Vec<f64> = lip
+                .clone()
+                .map(|column| (18..=46).map(|row| self.pressed.values[at(row, column)]).fold(0.0, f64::max))
+                .collect();
+            let whole = window(&lining, LIP_REACH, &|near| near.iter().copied().fold(0.0, f64::max));
+            let whole = window(&whole, LIP_REACH, &mean);
+            for ((column, lining), whole) in lip.zip(lining).zip(whole) {
+                let (sine, _) = sin_cos(2.0 * PI * column as f64 / CONTACT_COLUMNS as f64);
+                let pushed = lining.max(whole * smoothstep(0.1, 0.7, sine.abs()));
+                for row in 3..=24 {
+                    let value = &mut self.pressed.values[at(row, column)];
+                    *value = value.max(pushed);
+                }
+                let inside = &mut self.pressed.values;
+                for row in 25..=40 {
+                    let share = smoothstep(40.0, 24.0, row as f64);
+                    inside[at(row, column)] = inside[at(row, column)].max(pushed * share);
+                }
             }
         }
         if self.pressed.values.iter().any(|v| *v > 0.0) {
@@ -135,8 +184,10 @@ impl<'a> Sheet<'a> {
         let x = ring.half_width * signed_pow(cosine, power);
         let mut y = (if sine > 0.0 { ring.top } else { ring.bottom }) * rounded_pow(sine, power);
         let middle = if sine > 0.0 { ring.z[0] } else { ring.z[1] };
-        // Front rings follow the round of the dental arch, hind rings are flat; both run round the corner.
-        let mut z = lerp(ring.z[2], middle, 1.0 - pow((1.0 - sine * sine).max(0.0), 1.6));
+        // Front rings follow the round of the dental arch, hind rings are flat; both run round the corner. Seen from above
+        // lips and face are nearly parabolas, the fold of the vestibule is a U around the gums.
+        let bow = curve(BOW, number as f64);
+        let mut z = lerp(ring.z[2], middle, 1.0 - pow((1.0 - sine * sine).max(0.0), bow));
         if sine > 0.0 {
             match number {
                 // Cupid's bow and the tubercle of the upper lip.

@@ -46,6 +46,10 @@ impl<'a> Fauces<'a> {
         y += 0.5 * bell(x / 0.9) * (1.0 - k) * smoothstep(0.0, 0.2, k);
         y -= 0.8 * bell((x.abs() - 7.0) / 4.0) * 4.0 * k * (1.0 - k);
         let mut z = edge.z - 23.0 * k - 3.5 * (1.0 - a * a) * k + 9.5 * a * a * k * k;
+        // Its sides run forward into the cheeks behind the last molars: the fold over the pterygomandibular raphe.
+        let fold = smoothstep(0.84, 1.0, a) * smoothstep(0.0, 0.12, k);
+        let x = x + (7.0 * fold).copysign(across);
+        z += fold;
         let rough = smoothstep(0.0, 0.2, k) * smoothstep(1.5, 1.2, v);
         y += rough * 0.35 * fractal_noise(self.parameters.seed ^ 0x77, x * 0.25, z * 0.25, 3);
         // Small mucous glands.

@@ -11,7 +11,10 @@ use super::surface::{count, linspace, surface_mesh};
 use crate::geometry::TriangleMesh;
 
 /// Depth of the floor below the plane of the lower teeth, mm (10 to 15, assumed).
-const DEPTH_MM: f64 = 16.0;
+const DEPTH_MM: f64 = 14.0;
+
+/// Where the frenulum ends in its texture.
+const FRENULUM_FOOT: f64 = 0.2;
 
 /// Part of its texture that lies between the gums, and how far it reaches behind them, mm.
 const ALONG_GUMS: f64 = 0.8;
@@ -28,19 +31,19 @@ fn floor_point(p: &MouthParameters, arch: &Arch, across: f64, v: f64) -> DVec3 {
     let behind = front.z - base.z;
     let bowl = pow(1.0 - across * across, 0.6) * smoothstep(0.0, 9.0, behind);
     let mut depth = (DEPTH_MM - base.y).max(1.0) * bowl;
-    // Fold of the frenulum, the two sublingual folds beside it and the caruncles where their ducts open.
-    depth -= 2.0 * bell(base.x / 1.6) * bell((behind - 9.0) / 7.0);
-    let fold = 3.0 + 0.42 * behind;
-    let lumps = 1.0 + 0.35 * fractal_noise(p.seed ^ 0x67, behind * 0.5, base.x.signum() * 5.0, 2);
-    depth -= 3.2 * lumps * bell((base.x.abs() - fold) / 2.0) * smoothstep(3.0, 7.0, behind) * bowl;
-    depth -= 1.6 * bell((base.x.abs() - 2.6) / 1.3) * bell((behind - 6.5) / 1.8);
+    // Foot of the frenulum, the two sublingual folds beside it and the caruncles in front of them, where their ducts open.
+    depth -= 1.6 * bell(base.x / 1.4) * bell((behind - 9.0) / 6.0);
+    let fold = 2.2 + 0.42 * behind;
+    let lumps = 1.0 + 0.3 * fractal_noise(p.seed ^ 0x67, behind * 0.5, base.x.signum() * 5.0, 2);
+    depth -= 2.6 * lumps * bell((base.x.abs() - fold) / 1.9) * smoothstep(5.0, 10.0, behind) * bowl;
+    depth -= 2.2 * bell((base.x.abs() - 2.8) / 1.3) * bell((behind - 7.0) / 1.8);
     depth += 0.4 * fractal_noise(p.seed ^ 0x66, base.x * 0.3, base.z * 0.3, 2) * bowl;
     base + DVec3::Y * depth
 }
 
 /// Where the frenulum ends behind the lower incisors, in the frame of the mouth.
 pub(super) fn frenulum_foot(p: &MouthParameters, arch: &Arch, pose: &JawPose) -> DVec3 {
-    pose.point(floor_point(p, arch, 0.0, 0.3) + DVec3::Y * 1.0)
+    pose.point(floor_point(p, arch, 0.0, FRENULUM_FOOT) + DVec3::Y * 1.0)
 }
 
 /// Mesh of the floor of the mouth; u from the patient's right to left, v from the incisors to the back.

@@ -112,6 +112,18 @@ pub(super) fn curve(table: &[(f64, f64)], x: f64) -> f64 {
         + slope(i + 1) * width * (t3 - t2)
 }
 
+/// What `of` says of every value with its neighbours up to `reach` places away.
+pub(super) fn window(values: &[f64], reach: usize, of: &dyn Fn(&[f64]) -> f64) -> Vec<f64> {
+    (0..values.len())
+        .map(|i| of(&values[i.saturating_sub(reach)..(i + reach + 1).min(values.len())]))
+        .collect()
+}
+
+/// Mean of the values.
+pub(super) fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len() as f64
+}
+
 /// Point of the Catmull-Rom curve through `knots` with centripetal spacing; `x` counts knots from 0.
 pub(super) fn spline(knots: &[DVec3], x: f64) -> DVec3 {
     let last = knots.len() - 1;

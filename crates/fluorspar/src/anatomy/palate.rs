@@ -23,6 +23,8 @@ pub(super) struct Palate<'a> {
     /// Front of its border, and how far behind it the first molars stand, mm.
     front: DVec3,
     molars: f64,
+    /// Arc length from which on the border runs backward: in front of it the border itself is the first row.
+    start: f64,
     /// Height of the vault above the biting plane that gives the wanted height between the folds and unevenness.
     height: f64,
 }
@@ -41,7 +43,12 @@ impl<'a> Palate<'a> {
         let front = lingual_border(arch, 0.0);
         let first_molars = || arch.teeth.iter().filter(|t| t.kind == ToothKind::FirstMolar);
         let molars = first_molars().next().map_or(25.0, |t| front.z - t.edge.z);
-        let mut palate = Self { parameters, arch, front, molars, height: parameters.palate_height_mm };
+        let start = linspace(0.0, 16.0, 64)
+            .into_iter()
+            .rev()
+            .find(|&arc| lingual_border(arch, arc).z > front.z - 0.05)
+            .unwrap_or(0.0);
+        let mut palate = Self { parameters, arch, front, molars, start, height: parameters.palate_height_mm };
         // The height is that above the plane through the edges of incisors and first molars, in the middle between these.
         let origin = arch.incisors_edge();
         let back = first_molars().map(|t| t.edge).sum::<DVec3>() * 0.5 - origin;
@@ -72,8 +79,7 @@ impl<'a> Palate<'a> {
         let behind = self.front.z - base.z;
         let top = self.height * (1.0 + 0.02 * smoothstep(25.0, 45.0, behind))
             + self.arch.spee(base.z) * smoothstep(8.0, 24.0, behind);
-        let start = smoothstep(-0.4 * self.molars, self.molars, 0.0);
-        let rise = (smoothstep(-0.4 * self.molars, self.molars, behind) - start) / (1.0 - start);
+        let rise = 1.0 - pow((1.0 - behind / self.molars).max(0.0), 2.6);
         Line { right, left, behind, rise: (top - base.y) * rise.max(0.0) }
     }
 
@@ -88,7 +94,7 @@ impl<'a> Palate<'a> {
         if behind < 26.0 {
             let side = bell(x / 1.6);
             let mut fold = 0.0;
-            for (number, place) in [5.5, 9.5, 13.5, 17.5].into_iter().enumerate() {
+            for (number, place) in [6.5, 10.2, 13.9, 17.6].into_iter().enumerate() {
                 let number = number as f64;
                 let wander =
                     fractal_noise(seed ^ 0x75, x * 0.3 + 11.0 * number, if x > 0.0 { 3.5 } else { 8.5 }, 2);
@@ -99,11 +105,18 @@ impl<'a> Palate<'a> {
             height -= fold * (1.0 - 0.9 * side) * smoothstep(1.0, 0.75, across.abs());
         }
         // Incisive papilla and the ridge of the midline.
-        height -= 1.0 * bell(x / 1.7) * bell((behind - 2.6) / 2.0);
+        height -= 1.8 * bell(x / (2.4 - 0.2 * behind).max(0.9)) * bell((behind - 3.2) / 2.6);
         height -= 0.35 * bell(x / 0.9) * smoothstep(4.0, 9.0, behind) * smoothstep(50.0, 34.0, behind);
         height += 0.15 * fractal_noise(seed ^ 0x76, x * 0.35, base.z * 0.35, 3) * (1.0 - across * across);
-        // All columns start from one point behind the incisors.
-        base + DVec3::Y * (height * smoothstep(0.0, 1.2, line.behind))
+        // Behind the incisors it leaves the gums along their border, which is no straight line.
+        let fade = smoothstep(6.0, 0.0, line.behind);
+        let bow = if fade > 0.0 {
+            let at = |arc: f64| lingual_border(self.arch, arc);
+            at(across * self.start) - at(-self.start).lerp(at(self.start), 0.5 * (across + 1.0))
+        } else {
+            DVec3::ZERO
+        };
+        base + bow * fade + DVec3::Y * (height * smoothstep(0.0, 2.0, line.behind))
     }
 
     /// Its hind edge, where the soft palate begins.
@@ -115,7 +128,8 @@ impl<'a> Palate<'a> {
     pub(super) fn mesh(&self, pose: &JawPose, detail: f64) -> TriangleMesh {
         let end = end_of_border(self.arch);
         let rows = count(64, detail);
-        let lines: Vec<Line> = (0..=rows).map(|row| self.line(end * row as f64 / rows as f64)).collect();
+        let lines: Vec<Line> =
+            linspace(self.start, end, rows).into_iter().map(|arc| self.line(arc)).collect();
         let row_numbers: Vec<f64> = (0..=rows).map(|row| row as f64).collect();
         let u_values = linspace(0.0, 1.0, count(60, detail));
         surface_mesh(&row_numbers, &u_values, pose.mirrored, |row, u| {

@@ -413,6 +413,103 @@ fn a_tongue_that_is_raised_and_put_out_far_does_not_fold_over_itself() {
     assert!(deepest_fold(&mouth).0 > 1.0);
 }
 
+/// Distances of the floor's middle from the plane through the edges of the lower incisors and first molars, mm: its gutter
+/// beside the folds behind the incisors, and the folds themselves.
+#[test]
+fn the_floor_of_the_mouth_lies_10_to_15_mm_below_the_lower_teeth() {
+    for p in [MouthParameters::default()].into_iter().chain((1..8).map(sample_person)) {
+        let mouth = mouth(&MouthParameters { missing_teeth: vec![18, 28, 38, 48], detail: 0.5, ..p });
+        let top = |number: u8| {
+            let mesh = &mouth.part(&format!("tooth_{number}")).unwrap().mesh;
+            mesh.positions[mesh.uvs.iter().position(|uv| uv.y > 0.9999).unwrap()] * 1e3
+        };
+        let front = (top(31) + top(41)) * 0.5;
+        let normal = (top(46) - front).cross(top(36) - front).normalize();
+        let floor = &mouth.part("floor_of_mouth").unwrap().mesh;
+        let seen = floor
+            .uvs
+            .iter()
+            .zip(&floor.positions)
+            .filter(|(uv, _)| (0.25..0.6).contains(&uv.y) && (uv.x - 0.5).abs() < 0.35);
+        let depths: Vec<f32> = seen.map(|(_, at)| (*at * 1e3 - front).dot(normal).abs()).collect();
+        let mean = depths.iter().sum::<f32>() / depths.len() as f32;
+        let deepest = depths.iter().copied().fold(0.0, f32::max);
+        assert!((10.0..15.0).contains(&mean) && deepest < 15.0, "{mean} mm, deepest {deepest}");
+    }
+}
+
+/// Share of places of a part that nothing hides from the camera of a view, among those in the picture.
+fn seen_share(view: &str, name: &str, places: impl Fn(&Vec2) -> bool) -> f64 {
+    let view = ExaminationView::find(view).unwrap();
+    let mouth = mouth(&view.pose(&coarse()));
+    let (mut positions, mut triangles) = (Vec::new(), Vec::new());
+    for part in &mouth.parts {
+        let first = positions.len() as u32;
+        positions.extend_from_slice(&part.mesh.positions);
+        triangles.extend(part.mesh.triangles.iter().map(|t| t.map(|v| v + first)));
+    }
+    let bvh = fluorspar_accel::TriangleBvh::build(&positions, &triangles).unwrap();
+    let camera = Vec3::from_array(view.camera_mm.map(|c| c as f32 * 1e-3));
+    let mesh = &mouth.part(name).unwrap().mesh;
+    let of: Vec<bool> = mesh
+        .uvs
+        .iter()
+        .zip(&mesh.positions)
+        .filter(|(uv, _)| places(uv))
+        .map(|(_, at)| {
+            let way = *at - camera;
+            let (direction, t_max) = (way.normalize(), way.length() - 2e-4);
+            bvh.closest(&fluorspar_accel::Ray { origin: camera, direction, t_min: 0.0, t_max }).is_none()
+        })
+        .collect();
+    of.iter().filter(|seen| **seen).count() as f64 / of.len() as f64
+}
+
+#[test]
+fn frenulum_and_floor_of_the_mouth_are_seen_under_a_raised_tongue() {
+    let edge = seen_share("ventral-tongue", "frenulum", |uv| (uv.x - 0.5).abs() < 0.01);
+    assert!(edge > 0.7, "{edge} of the free edge of the frenulum");
+    let floor = seen_share("ventral-tongue", "floor_of_mouth", |uv| {
+        (0.2..0.4).contains(&uv.y) && (uv.x - 0.5).abs() < 0.3
+    });
+    assert!(floor > 0.3, "{floor} of the floor behind the incisors");
+}
+
+/// Largest turn between neighbouring stretches of 4 mm along the rows of the lower lip's red, degrees; its corners, which are
+/// folds, do not count, nor do the fine creases between.
+fn sharpest_turn_of_the_lower_lip(mouth: &Mouth) -> f32 {
+    let mesh = &mouth.part("lower_lip").unwrap().mesh;
+    let row = |v: f32| {
+        let mut row: Vec<(f32, Vec3)> = mesh
+            .uvs
+            .iter()
+            .zip(&mesh.positions)
+            .filter(|(uv, _)| uv.y == v && (uv.x - 0.5).abs() < 0.44)
+            .map(|(uv, at)| (uv.x, *at * 1e3))
+            .collect();
+        row.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let mut even = vec![row[0].1];
+        for (_, at) in row {
+            if at.distance(even[even.len() - 1]) > 4.0 {
+                even.push(at);
+            }
+        }
+        even.windows(3)
+            .map(|at| (at[1] - at[0]).angle_between(at[2] - at[1]).to_degrees())
+            .fold(0.0, f32::max)
+    };
+    // Its border, its fullest place and its margin.
+    [0.0, 0.2, 0.6].map(row).into_iter().fold(0.0, f32::max)
+}
+
+#[test]
+fn the_lower_lip_has_no_kinks_in_any_view() {
+    for view in EXAMINATION_VIEWS.iter().chain(&POSES) {
+        let turn = sharpest_turn_of_the_lower_lip(&mouth(&view.pose(&coarse())));
+        assert!(turn < 25.0, "{}: {turn} degrees", view.name);
+    }
+}
+
 #[test]
 fn a_tooth_moved_into_the_tongue_is_found() {
     let mut mouth = mouth(&MouthParameters { tongue_protrusion_mm: 15.0, ..coarse() });

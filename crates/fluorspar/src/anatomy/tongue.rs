@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::clearance::{Field, Obstacles};
 use super::dental_arch::JawPose;
-use super::math::{PI, bell, curve, lerp, pow, signed_pow, sin_cos, smoothstep, spline};
+use super::math::{PI, bell, curve, lerp, mean, pow, signed_pow, sin_cos, smoothstep, spline, window};
 use super::noise::{bumps, fractal_noise};
 use super::parameters::MouthParameters;
 use super::surface::{Surface, count, linspace, surface_mesh};
@@ -315,14 +315,14 @@ impl<'a> Tongue<'a> {
         let above = |z: f64, height: f64| pose.point(DVec3::new(0.0, -height, z));
         let half = 0.5 * p.jaw_opening_mm;
         let top = half - 8.5;
-        let foot = above(-26.0, 4.0);
+        let foot = above(-32.0, 4.0);
         let knots = [
             DVec3::new(0.0, top, -11.0),
-            DVec3::new(0.0, lerp(foot.y, top, 0.66), -13.5),
-            DVec3::new(0.0, lerp(foot.y, top, 0.3), -18.5),
+            DVec3::new(0.0, lerp(foot.y, top, 0.66), -14.5),
+            DVec3::new(0.0, lerp(foot.y, top, 0.3), -22.0),
             foot,
-            above(-36.0, -1.0),
-            above(-48.0, -4.0),
+            above(-41.0, 0.0),
+            above(-50.0, -4.0),
             above(-58.0, -8.0),
             above(-64.0, -16.0),
             above(-68.0, -28.0),
@@ -619,25 +619,14 @@ impl<'a> Tongue<'a> {
         let u_values = linspace(0.0, 1.0, count(16, detail));
         surface_mesh(&v_values, &u_values, false, |v, u| {
             let hollow = 4.0 * v * (1.0 - v);
-            let edge = top + down * (height * v) + back * (0.16 * height * hollow);
+            let edge = top + down * (height * v) + back * (0.1 * height * hollow);
             let w = 2.0 * u - 1.0;
-            let (depth, flare) = (w * w, 0.5 + 1.6 * (1.0 - hollow));
+            let (depth, flare) = (w * w, 0.8 + 1.8 * (1.0 - hollow));
             let (sine, _) = sin_cos(0.5 * PI * w);
             let beside = sine * (0.6 + flare * depth);
             (edge + back * (lerp(depths[0], depths[1], v) * depth) + side * beside, DVec2::new(u, v))
         })
     }
-}
-
-/// What `of` says of every value with its neighbours up to `reach` places away.
-fn window(values: &[f64], reach: usize, of: &dyn Fn(&[f64]) -> f64) -> Vec<f64> {
-    (0..values.len())
-        .map(|i| of(&values[i.saturating_sub(reach)..(i + reach + 1).min(values.len())]))
-        .collect()
-}
-
-fn mean(values: &[f64]) -> f64 {
-    values.iter().sum::<f64>() / values.len() as f64
 }
 
 /// 0 at the tip, rising like the end of a superellipse to 1 at `reach`.

@@ -134,12 +134,12 @@ pub const EXAMINATION_VIEWS: [ExaminationView; 9] = [
     ExaminationView {
         name: "ventral-tongue",
         title: "Underside of the tongue and floor of the mouth",
-        camera_mm: [0.0, 32.0, 94.0],
-        look_at_mm: [0.0, -7.0, -10.0],
-        width_mm: 64.0,
-        jaw_opening_mm: 48.0,
+        camera_mm: [0.0, 52.0, 82.0],
+        look_at_mm: [0.0, -9.5, -10.0],
+        width_mm: 66.0,
+        jaw_opening_mm: 50.0,
         tongue_curl: 1.0,
-        lip_retraction_mm: 9.0,
+        lip_retraction_mm: 11.0,
         ..REST
     },
 ];
