@@ -148,7 +148,7 @@ impl Changes {
 #[derive(Clone, Debug, Default, clap::Args)]
 pub(crate) struct Seed {
     /// Seed of all random numbers.
-    #[arg(long, value_name = "S", value_parser = values::whole::<u64>, allow_negative_numbers = true)]
+    #[arg(long, value_name = "S", value_parser = values::seed, allow_negative_numbers = true)]
     pub(crate) seed: Option<u64>,
 }
 

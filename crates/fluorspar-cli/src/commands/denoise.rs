@@ -6,6 +6,7 @@ use std::process::ExitCode;
 use clap::ValueHint;
 use fluorspar::format::read_component_exr;
 use fluorspar::pipeline::{DenoiseError, DenoiseSettings, denoise};
+use fluorspar::units::number_text;
 
 use super::image_output::{ImageOutput, Storage};
 use crate::args::Talk;
@@ -63,7 +64,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         DenoiseSettings { radius: options.radius, strength: options.strength, ..DenoiseSettings::default() };
     let image = denoise(&loaded.image, &settings).map_err(|error| match error {
         DenoiseError::Setting { name, value, low, high } => {
-            CliError::Input(format!("--{name} {}: must be between {low} and {high}", values::as_text(value)))
+            CliError::Input(format!("--{name} {}: must be between {low} and {high}", number_text(value)))
         }
         error => CliError::Input(format!("{}: {error}", options.image.display())),
     })?;

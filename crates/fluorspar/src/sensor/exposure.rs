@@ -34,21 +34,19 @@ impl Default for Exposure {
     }
 }
 
+/// Longest exposure, s: an hour.
+pub(super) const LONGEST_S: f64 = 3600.0;
+/// Smallest and largest gain of an exposure.
+pub(super) const GAIN: [f64; 2] = [0.01, 1e3];
+
 impl Exposure {
     /// Checks time and gain.
     ///
     /// # Errors
-    /// A time below zero or a gain that is not positive.
+    /// A time that is not from 0 s to an hour, or a gain that is not from 0.01 to 1000.
     pub fn validate(&self) -> Result<(), SensorProblem> {
-        if !(self.time_s >= 0.0 && self.time_s.is_finite()) {
-            let message = format!("{} is not a time; give seconds, 0 or more", self.time_s);
-            return Err(SensorProblem::new("exposure.time_s", message));
-        }
-        if !(self.gain > 0.0 && self.gain.is_finite()) {
-            let message = format!("{} is not above zero; give 1 for the base gain", self.gain);
-            return Err(SensorProblem::new("exposure.gain", message));
-        }
-        Ok(())
+        SensorProblem::unless_within("exposure.time_s", self.time_s, [0.0, LONGEST_S], "give seconds")?;
+        SensorProblem::unless_within("exposure.gain", self.gain, GAIN, "give 1 for the base gain")
     }
 }
 

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::{ValueEnum, ValueHint};
 use fluorspar::experiment::ResolvedSensor;
 use fluorspar::sensor::{Characterization, CharacterizationSettings, SensorProblem, characterize};
+use fluorspar::units::number_text;
 use fluorspar_report::Figure;
 use fluorspar_report::figures::{PhotonTransferPlot, SnrPlot, photon_transfer, signal_to_noise};
 use serde_json::{Value, json};
@@ -16,7 +17,7 @@ use crate::commands::out_folder::OutFolder;
 use crate::commands::table::{align, short};
 use crate::commands::{print_json, print_text};
 use crate::error::CliError;
-use crate::values::{self, as_text};
+use crate::values;
 
 /// Options of `sensor characterize`.
 #[derive(Clone, Debug, clap::Args)]
@@ -73,9 +74,10 @@ impl Options {
             "characterization.levels" => format!("--levels {}", self.levels),
             "characterization.stack" => format!("--stack {}", self.stack),
             "characterization.exposure_s" | "exposure.time_s" => {
-                return format!("--exposure-ms {}: give milliseconds above 0", as_text(self.exposure_ms));
+                let typed = number_text(self.exposure_ms);
+                return format!("--exposure-ms {typed}: must be above 0 and at most 3600000 milliseconds");
             }
-            "exposure.gain" => format!("--gain {}", as_text(self.gain)),
+            "exposure.gain" => format!("--gain {}", number_text(self.gain)),
             _ => return problem.to_string(),
         };
         format!("{typed}: {}", problem.message)

@@ -94,8 +94,7 @@ pub(super) fn captures(
             context.within(&at, *stops, [-16.0, 16.0], "stops")?;
         }
         if let Some(on_ms) = section.light_on_ms {
-            context.positive(&at("light_on_ms"), on_ms, "milliseconds")?;
-            context.within(&at("light_on_ms"), on_ms, [0.0, 3.6e6], "milliseconds")?;
+            context.within(&at("light_on_ms"), on_ms, [1e-6, 3.6e6], "milliseconds")?;
         }
         if let Some(other) = &section.subtract
             && !earlier.contains(&other.as_str())

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::context::{Context, Resolved};
+use super::context::{Context, Resolved, STRENGTH};
 use crate::anatomy::shared_surface_map;
 use crate::experiment::document::is_path;
 use crate::experiment::error::{Step, steps};
@@ -14,6 +14,7 @@ use crate::material::{ImageTexture, ScalarTexture};
 use crate::optics::Filter;
 use crate::preset::{self, CurvePreset};
 use crate::spectral::{Curve, CurveModel, MAX_WAVELENGTH_NM, MIN_WAVELENGTH_NM, WavelengthGrid};
+use crate::units::number_text;
 
 /// What a spectrum is used for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -121,10 +122,9 @@ impl Context<'_> {
         self.note_range(at, [first, last], grid);
         match table.scale {
             None => Ok(curve),
-            Some(scale) if scale > 0.0 && scale.is_finite() => Ok(curve.scaled(scale)),
-            Some(_) => {
+            Some(scale) => {
                 let at: Vec<Step> = at.iter().cloned().chain(steps!["scale"]).collect();
-                self.fail(&at, "must be positive (a factor on the values)")
+                Ok(curve.scaled(self.within(&at, scale, STRENGTH, "")?))
             }
         }
     }
@@ -152,7 +152,8 @@ impl Context<'_> {
     }
 
     fn check_values(&self, at: &[Step], curve: &Curve, role: Role) -> Resolved<()> {
-        let bad = |value: &f64| !(*value >= 0.0 && value.is_finite()) || (role.is_fraction() && *value > 1.0);
+        let most = if role.is_fraction() { 1.0 } else { STRENGTH[1] };
+        let bad = |value: &f64| !(0.0..=most).contains(value);
         let Some(index) = curve.values().iter().position(bad) else {
             if matches!(role, Role::Light | Role::Absolute)
                 && curve.integral(MIN_WAVELENGTH_NM, MAX_WAVELENGTH_NM) <= 0.0
@@ -162,12 +163,14 @@ impl Context<'_> {
             }
             return Ok(());
         };
-        let (nm, value) = (curve.wavelengths_nm()[index], curve.values()[index]);
+        let number = curve.values()[index];
+        let [value, nm] = [number, curve.wavelengths_nm()[index]].map(number_text);
         if role.is_fraction() {
-            let hint = if value > 1.0 && value <= 100.0 { "; percent? Give fractions" } else { "" };
+            let hint = if number > 1.0 && number <= 100.0 { "; percent? Give fractions" } else { "" };
             return self.fail(at, format!("the value {value} at {nm} nm is not between 0 and 1{hint}"));
         }
-        self.fail(at, format!("the value {value} at {nm} nm is no number from 0 up"))
+        let most = number_text(most);
+        self.fail(at, format!("the value {value} at {nm} nm is not between 0 and {most}"))
     }
 
     /// A texture from its reference. Values must be between 0 and `highest`.
