@@ -2,6 +2,8 @@
 //! 1e99 in turn (whole numbers to the largest one): each is refused with its name and what is allowed, in numbers that can
 //! be read, or is known to be fine.
 
+#![allow(clippy::unwrap_used, reason = "these are tests")]
+
 use std::collections::BTreeSet;
 use std::path::Path;
 

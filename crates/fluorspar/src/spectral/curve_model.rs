@@ -765,7 +765,7 @@ mod tests {
         }
         let (field, message) = problem(&curve);
         assert_eq!(field, "tails[0].decay_nm");
-        assert!(message.contains("positive"), "{message}");
+        assert!(message.contains("outside 1e-12 to 1e12"), "{message}");
 
         assert_eq!(problem(&CurveModel::Constant { value: f64::NAN }).0, "value");
         assert_eq!(problem(&CurveModel::Constant { value: -0.1 }).0, "value");

@@ -89,7 +89,8 @@ pub(super) fn error_target(
     if channels.is_empty() {
         let [low, high] = section.error_range_nm.unwrap_or([0.0, f64::MAX]);
         if low.is_nan() || high.is_nan() || low >= high {
-            return context.fail(&at("error_range_nm"), "must rise: [first, last] in nm");
+            let message = "must rise: [first, last] in nm, such as [500, 700]; the wavelengths lie between 200 and 1200 nm";
+            return context.fail(&at("error_range_nm"), message);
         }
         let weights: Vec<f64> = (0..grid.len())
             .map(|band| if (low..=high).contains(&grid.center_nm(band)) { grid.width_nm(band) } else { 0.0 })
