@@ -1,7 +1,6 @@
 //! Numbers on the command line, and errors that name what was typed.
 
 use std::fmt::Display;
-use std::str::FromStr;
 
 use fluorspar::experiment::ExperimentError;
 use fluorspar::units::number_text;
@@ -17,32 +16,25 @@ pub(crate) fn number(text: &str) -> Result<f64, String> {
     }
 }
 
-/// A number without sign and fraction.
-pub(crate) fn whole<T: FromStr>(text: &str) -> Result<T, String> {
-    let text = text.trim();
-    text.parse::<T>().map_err(|_| {
-        let digits = !text.is_empty() && text.chars().all(|c| c.is_ascii_digit());
-        if digits { "this is too large".into() } else { "give a whole number, 0 or more".into() }
-    })
+/// A whole number of a range, ends included.
+pub(crate) fn whole<T: TryFrom<u64>, const LEAST: u64, const MOST: u64>(text: &str) -> Result<T, String> {
+    let number = text.trim().parse::<u64>().ok().filter(|number| (LEAST..=MOST).contains(number));
+    number
+        .and_then(|number| T::try_from(number).ok())
+        .ok_or_else(|| format!("give a whole number from {LEAST} to {MOST}"))
 }
 
 /// A seed that an experiment file can hold.
 pub(crate) fn seed(text: &str) -> Result<u64, String> {
-    match whole(text) {
-        Ok(seed) if i64::try_from(seed).is_ok() => Ok(seed),
-        _ => Err(format!("give a whole number from 0 to {}", i64::MAX)),
-    }
+    whole::<u64, 0, { i64::MAX as u64 }>(text)
 }
 
 /// More threads only cost memory: no machine has as many cores.
-const MOST_THREADS: usize = 1024;
+const MOST_THREADS: u64 = 1024;
 
 /// A number of threads.
 pub(crate) fn threads(text: &str) -> Result<usize, String> {
-    match whole(text) {
-        Ok(threads @ 1..=MOST_THREADS) => Ok(threads),
-        _ => Err(format!("give a whole number from 1 to {MOST_THREADS}")),
-    }
+    whole::<usize, 1, MOST_THREADS>(text)
 }
 
 /// Refuses a number outside a range.
@@ -113,12 +105,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_no_number_is_told_from_what_is_too_large() {
-        assert_eq!(whole::<u32>("7"), Ok(7));
-        assert!(whole::<u32>("4294967296").unwrap_err().contains("too large"));
-        for text in ["-1", "1.5", "", "abc", "1e3"] {
-            assert!(whole::<u32>(text).unwrap_err().contains("whole number"), "{text}");
+    fn whole_numbers_outside_a_range_are_told_the_range() {
+        assert_eq!(whole::<u32, 1, 9>("7"), Ok(7));
+        for text in ["", "-1", "1.5", "1e9", "nan", "0", "10", "18446744073709551616"] {
+            assert_eq!(whole::<u32, 1, 9>(text), Err("give a whole number from 1 to 9".into()), "{text}");
         }
+    }
+
+    #[test]
+    fn numbers_are_finite_and_counts_fit() {
         for text in ["nan", "inf", "abc", "", "1e999"] {
             assert!(number(text).is_err(), "{text}");
         }

@@ -20,7 +20,7 @@ pub(crate) struct Options {
     #[arg(value_name = "COMPONENTS.exr", value_hint = ValueHint::FilePath)]
     image: PathBuf,
     /// Pixels that may enter on each side.
-    #[arg(long, value_name = "N", default_value_t = 2, value_parser = values::whole::<usize>,
+    #[arg(long, value_name = "N", default_value_t = 2, value_parser = values::whole::<usize, 1, 20>,
         allow_negative_numbers = true)]
     radius: usize,
     /// Differences count from this many standard deviations of the noise on: more is smoother.

@@ -62,10 +62,10 @@ pub(crate) struct Options {
     #[arg(long, value_name = "RATIO", value_parser = values::number, allow_negative_numbers = true)]
     dynamic_range: Option<f64>,
     /// Readings that are averaged [default: 1].
-    #[arg(long, value_name = "N", value_parser = values::whole::<u32>, allow_negative_numbers = true)]
+    #[arg(long, value_name = "N", value_parser = values::whole::<u32, 1, 1_000_000>, allow_negative_numbers = true)]
     readings: Option<u32>,
     /// Seed of the noise of a sample's reading; an image has that of its experiment.
-    #[arg(long, value_name = "S", default_value_t = 1, value_parser = values::whole::<u64>, allow_negative_numbers = true)]
+    #[arg(long, value_name = "S", default_value_t = 1, value_parser = values::whole::<u64, 0, { u64::MAX }>, allow_negative_numbers = true)]
     seed: u64,
     /// File for the spectra: .csv, or a plot .svg or .png.
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]

@@ -75,7 +75,7 @@ pub struct SampleMaterial {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SampleExposure {
-    /// Exposure time in milliseconds, above 0 and at most 3 600 000, or "auto". Default 30.
+    /// Exposure time in milliseconds, 1e-6 to 3 600 000, or "auto". Default 30.
     pub exposure_ms: ExposureTime,
     /// Analog gain, 0.01 to 1000. Default 1.
     pub gain: f64,

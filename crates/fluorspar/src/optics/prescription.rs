@@ -257,11 +257,11 @@ impl LensPrescription {
             if !(surface.curvature_per_mm.is_finite() && surface.curvature_per_mm.abs() <= 1e3) {
                 return fail(at("radius_mm"), "must be a number of mm, or left out for a plane".into());
             }
-            if !(surface.semi_diameter_mm > 0.0 && surface.semi_diameter_mm <= 1e5) {
+            if !(1e-6..=1e5).contains(&surface.semi_diameter_mm) {
                 let value = number_text(surface.semi_diameter_mm);
                 return fail(
                     at("semi_diameter_mm"),
-                    format!("{value} is not between 0 and 1e5 mm; give half the clear diameter"),
+                    format!("{value} is not between 1e-6 and 1e5 mm; give half the clear diameter"),
                 );
             }
             if !last && !(0.0..=1e5).contains(&surface.thickness_mm) {

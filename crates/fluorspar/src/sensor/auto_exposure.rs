@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::exposure::Chain;
+use super::exposure::{Chain, EXPOSURE_MS};
 use super::{ElectronRate, Exposure, Sensor, SensorProblem};
 
 /// Chooses the exposure that puts a percentile of the pixels at a fraction of full scale.
@@ -27,9 +27,6 @@ impl Default for AutoExposure {
         Self { percentile: 99.0, target_fraction: 0.8, min_exposure_ms: 0.01, max_exposure_ms: 1000.0 }
     }
 }
-
-/// Shortest and longest exposure that a rule may find, ms: a nanosecond and an hour.
-const EXPOSURE_MS: [f64; 2] = [1e-6, 3.6e6];
 
 impl AutoExposure {
     /// Checks every parameter.

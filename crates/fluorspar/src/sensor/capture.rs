@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::exposure::{GAIN, LONGEST_S};
+use super::exposure::{EXPOSURE_MS, GAIN};
 use super::{AutoExposure, ElectronRate, Exposure, Sensor, SensorProblem};
 use crate::image::SensorImage;
 
@@ -101,9 +101,10 @@ impl CaptureSequence {
                 )?;
             }
             match (frame.exposure_ms, &frame.auto_exposure) {
+                (Some(0.0), None) => {}
                 (Some(ms), None) => {
-                    let range = [0.0, LONGEST_S * 1e3];
-                    SensorProblem::unless_within(&field("exposure_ms"), ms, range, "give milliseconds")?;
+                    let mending = "give milliseconds, or 0 for the offset alone";
+                    SensorProblem::unless_within(&field("exposure_ms"), ms, EXPOSURE_MS, mending)?;
                 }
                 (None, Some(rule)) => rule
                     .validate()

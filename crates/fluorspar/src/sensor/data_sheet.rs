@@ -121,7 +121,7 @@ impl Emva1288 {
     pub fn dn_per_electron(&self) -> Result<f64, SensorProblem> {
         for (field, value) in [("gain_e_per_dn", self.gain_e_per_dn), ("gain_dn_per_e", self.gain_dn_per_e)] {
             let mending = "give the system gain or its reciprocal";
-            check_range(value.unwrap_or(1.0), [1e-4, 1e4], mending)
+            check_range(value.unwrap_or(1.0), [1e-8, 1e8], mending)
                 .map_err(|message| problem(field, message))?;
         }
         one_of(["gain_dn_per_e", "gain_e_per_dn"], [self.gain_dn_per_e, self.gain_e_per_dn], |inverse| {

@@ -34,8 +34,8 @@ impl Default for Exposure {
     }
 }
 
-/// Longest exposure, s: an hour.
-pub(super) const LONGEST_S: f64 = 3600.0;
+/// Shortest and longest exposure, ms: a nanosecond and an hour.
+pub(crate) const EXPOSURE_MS: [f64; 2] = [1e-6, 3.6e6];
 /// Smallest and largest gain of an exposure.
 pub(super) const GAIN: [f64; 2] = [0.01, 1e3];
 
@@ -43,9 +43,13 @@ impl Exposure {
     /// Checks time and gain.
     ///
     /// # Errors
-    /// A time that is not from 0 s to an hour, or a gain that is not from 0.01 to 1000.
+    /// A time that is neither 0 nor from a nanosecond to an hour, or a gain that is not from 0.01 to 1000.
     pub fn validate(&self) -> Result<(), SensorProblem> {
-        SensorProblem::unless_within("exposure.time_s", self.time_s, [0.0, LONGEST_S], "give seconds")?;
+        if self.time_s != 0.0 {
+            let range_s = EXPOSURE_MS.map(|ms| ms * 1e-3);
+            let mending = "give seconds, or 0 for the offset alone";
+            SensorProblem::unless_within("exposure.time_s", self.time_s, range_s, mending)?;
+        }
         SensorProblem::unless_within("exposure.gain", self.gain, GAIN, "give 1 for the base gain")
     }
 }

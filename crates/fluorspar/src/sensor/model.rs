@@ -455,9 +455,9 @@ impl SensorModel {
             [1e-6, 1.0],
             "give a fraction, not percent",
         )?;
-        if let Some(aperture) = self.aperture_um.filter(|a| !(*a > 0.0 && *a <= self.pixel_size_um)) {
+        if let Some(aperture) = self.aperture_um.filter(|a| !(1e-3..=self.pixel_size_um).contains(a)) {
             let message = format!(
-                "{} is outside 0 to the pixel size, {} um; give the side of the square that collects light",
+                "{} is outside 0.001 to the pixel size, {} um; give the side of the square that collects light",
                 number_text(aperture),
                 self.pixel_size_um
             );

@@ -75,13 +75,13 @@ impl Strobe {
     pub(super) fn validate(&self) -> Result<(), SensorProblem> {
         let within = SensorProblem::unless_within;
         within("strobe.delay_ms", self.delay_ms, [-1e9, 1e9], "give milliseconds")?;
-        for (field, value, mending) in [
-            ("strobe.duration_ms", self.duration_ms, "give milliseconds"),
-            ("strobe.frequency_hz", self.frequency_hz, "give Hz"),
+        for (field, value, range, mending) in [
+            ("strobe.duration_ms", self.duration_ms, [1e-12, 1e9], "give milliseconds"),
+            ("strobe.frequency_hz", self.frequency_hz, [1e-6, 1e9], "give Hz"),
         ] {
-            within(field, value.unwrap_or(1.0), [1e-6, 1e9], mending)?;
+            within(field, value.unwrap_or(1.0), range, mending)?;
         }
-        within("strobe.duty", self.duty, [1e-6, 1.0], "give a fraction, not percent")?;
+        within("strobe.duty", self.duty, [1e-12, 1.0], "give a fraction, not percent")?;
         if self.duty < 1.0 && self.frequency_hz.is_none() {
             let message = "a duty needs a frequency; give strobe.frequency_hz";
             return Err(SensorProblem::new("strobe.duty", message));

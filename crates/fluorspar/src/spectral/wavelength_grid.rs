@@ -12,6 +12,8 @@ use crate::units::number_text;
 pub const MAX_BINS: usize = 2048;
 /// Shortest wavelength supported, nm.
 pub const MIN_WAVELENGTH_NM: f64 = 200.0;
+/// Smallest and largest step between bins, nm.
+const STEP_NM: [f64; 2] = [1e-6, MAX_WAVELENGTH_NM - MIN_WAVELENGTH_NM];
 /// Longest wavelength supported, nm.
 pub const MAX_WAVELENGTH_NM: f64 = 1200.0;
 
@@ -53,10 +55,11 @@ pub enum GridError {
         text = number_text(*.0)
     )]
     OutOfRange(f64),
-    /// A step that is not positive.
+    /// A step outside 1e-6 to 1000 nm.
     #[error(
-        "the wavelength step must be above 0 and at most {} nm; got {text}",
-        MAX_WAVELENGTH_NM - MIN_WAVELENGTH_NM,
+        "the wavelength step must be between {} and {} nm; got {text}",
+        number_text(STEP_NM[0]),
+        number_text(STEP_NM[1]),
         text = number_text(*.0)
     )]
     BadStep(f64),
@@ -90,9 +93,9 @@ impl WavelengthGrid {
     /// Bins of one width centred on `first_nm`, `first_nm + step_nm`, ... up to `last_nm` (inclusive).
     ///
     /// # Errors
-    /// A step that is not positive or a range outside 200 to 1200 nm.
+    /// A step outside 1e-6 to 1000 nm, more than [`MAX_BINS`] bins, or a range outside 200 to 1200 nm.
     pub fn uniform(first_nm: f64, last_nm: f64, step_nm: f64) -> Result<Self, GridError> {
-        if !(step_nm > 0.0 && step_nm <= MAX_WAVELENGTH_NM - MIN_WAVELENGTH_NM) {
+        if !(STEP_NM[0]..=STEP_NM[1]).contains(&step_nm) {
             return Err(GridError::BadStep(step_nm));
         }
         for value in [first_nm, last_nm] {

@@ -61,9 +61,9 @@ pub(super) fn from_file(
     options: &FileOptions,
 ) -> Result<(FluorophoreSection, Measured), CliError> {
     let photon_yield = options.photon_yield.unwrap_or(ASSUMED_PHOTON_YIELD);
-    if !(photon_yield > 0.0 && photon_yield <= 1.0) {
+    if !(1e-12..=1.0).contains(&photon_yield) {
         return Err(CliError::Input(format!(
-            "--photon-yield {}: must be above 0 and at most 1 (photons out per photon in)",
+            "--photon-yield {}: must be between 1e-12 and 1 (photons out per photon in)",
             number_text(photon_yield)
         )));
     }

@@ -32,11 +32,11 @@ pub(crate) struct Options {
     #[arg(long, value_name = "GROUP", default_value = "white")]
     light: String,
     /// Width of each picture, pixels (64 to 2000); three quarters of it high. Rows with fewer pictures have larger ones.
-    #[arg(long, value_name = "PX", default_value_t = 240, value_parser = values::whole::<usize>,
+    #[arg(long, value_name = "PX", default_value_t = 240, value_parser = values::whole::<usize, 64, 2000>,
         allow_negative_numbers = true)]
     width: usize,
     /// Paths per pixel.
-    #[arg(long, value_name = "N", default_value_t = 16, value_parser = values::whole::<u32>, allow_negative_numbers = true)]
+    #[arg(long, value_name = "N", default_value_t = 16, value_parser = values::whole::<u32, 1, 1_000_000>, allow_negative_numbers = true)]
     spp: u32,
     /// PNG file.
     #[arg(long, value_name = "FILE", default_value = "mouth.png", value_hint = ValueHint::FilePath)]
@@ -58,9 +58,6 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
             .collect();
         crate::commands::print_text(&align(&rows, &[1]))?;
         return Ok(ExitCode::SUCCESS);
-    }
-    if !(64..=2000).contains(&options.width) {
-        return Err(CliError::Input(format!("--width {}: must be between 64 and 2000", options.width)));
     }
     crate::commands::check_parent(&options.out)?;
     if !options.out.extension().is_some_and(|e| e.eq_ignore_ascii_case("png")) {

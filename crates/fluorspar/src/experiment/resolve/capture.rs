@@ -14,7 +14,7 @@ use crate::material::Material;
 use crate::optics::PerspectiveCamera;
 use crate::preset::nearest_name;
 use crate::scene::{Object, Shape};
-use crate::sensor::{CaptureFrame, Sensor};
+use crate::sensor::{CaptureFrame, EXPOSURE_MS, Sensor};
 use crate::spectral::{Curve, WavelengthGrid};
 
 fn hint<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> String {
@@ -94,7 +94,7 @@ pub(super) fn captures(
             context.within(&at, *stops, [-16.0, 16.0], "stops")?;
         }
         if let Some(on_ms) = section.light_on_ms {
-            context.within(&at("light_on_ms"), on_ms, [1e-6, 3.6e6], "milliseconds")?;
+            context.within(&at("light_on_ms"), on_ms, EXPOSURE_MS, "milliseconds")?;
         }
         if let Some(other) = &section.subtract
             && !earlier.contains(&other.as_str())

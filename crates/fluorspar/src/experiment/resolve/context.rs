@@ -11,7 +11,7 @@ use crate::anatomy::{MouthParameters, Tissue};
 use crate::experiment::document::Document;
 use crate::experiment::error::{ExperimentError, Step};
 use crate::experiment::schema::ExposureTime;
-use crate::sensor::AutoExposure;
+use crate::sensor::{AutoExposure, EXPOSURE_MS};
 use crate::spectral::WavelengthGrid;
 use crate::units::number_text;
 
@@ -195,15 +195,10 @@ impl<'a> Context<'a> {
         time: ExposureTime,
         rule: AutoExposure,
     ) -> Resolved<(Option<f64>, Option<AutoExposure>)> {
-        /// One hour.
-        const LONGEST_MS: f64 = 3.6e6;
         match time {
             ExposureTime::Auto => Ok((None, Some(rule))),
-            ExposureTime::Milliseconds(value) if value > 0.0 && value <= LONGEST_MS => {
-                Ok((Some(value), None))
-            }
-            ExposureTime::Milliseconds(_) => {
-                self.fail(at, "must be above 0 and at most 3600000 milliseconds")
+            ExposureTime::Milliseconds(value) => {
+                Ok((Some(self.within(at, value, EXPOSURE_MS, "milliseconds")?), None))
             }
         }
     }

@@ -188,8 +188,9 @@ pub(super) fn camera(
             }
         }
         (FieldOfView::Degrees(value), _, _) => {
-            if !(value > 0.0 && value < 179.0) {
-                return context.fail(&at("horizontal_field_deg"), "must be above 0 and below 179 degrees");
+            if !(1e-6..179.0).contains(&value) {
+                return context
+                    .fail(&at("horizontal_field_deg"), "must be at least 1e-6 and below 179 degrees");
             }
             value
         }

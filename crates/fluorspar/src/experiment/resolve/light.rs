@@ -356,7 +356,9 @@ fn absolute_spectrum(
     grid: &WavelengthGrid,
 ) -> Resolved<Curve> {
     let field = |key: &str| [at, &steps![key]].concat();
-    let bare = context.spectrum(&field("spectrum"), &section.spectrum, Role::Light, 0.0, grid)?;
+    // A map of spectral radiances is multiplied as it is; all others are scaled to what the section states.
+    let role = if is_spectral_map(section) { Role::Absolute } else { Role::Light };
+    let bare = context.spectrum(&field("spectrum"), &section.spectrum, role, 0.0, grid)?;
     context.within(&field("filter_angle_deg"), section.filter_angle_deg, [0.0, 60.0], "degrees")?;
     let mut filtered = bare.clone();
     for (index, filter) in section.filters.iter().enumerate() {

@@ -16,6 +16,10 @@ use crate::preset::{self, CurvePreset};
 use crate::spectral::{Curve, CurveModel, MAX_WAVELENGTH_NM, MIN_WAVELENGTH_NM, WavelengthGrid};
 use crate::units::number_text;
 
+/// Largest value of a spectrum that is scaled to a power or a radiance, and largest factor on a file's values: counts and
+/// photons per second are beyond what a watt could be.
+const LARGEST_RELATIVE: f64 = 1e30;
+
 /// What a spectrum is used for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::experiment) enum Role {
@@ -124,7 +128,7 @@ impl Context<'_> {
             None => Ok(curve),
             Some(scale) => {
                 let at: Vec<Step> = at.iter().cloned().chain(steps!["scale"]).collect();
-                Ok(curve.scaled(self.within(&at, scale, STRENGTH, "")?))
+                Ok(curve.scaled(self.within(&at, scale, [1.0 / LARGEST_RELATIVE, LARGEST_RELATIVE], "")?))
             }
         }
     }
@@ -152,7 +156,11 @@ impl Context<'_> {
     }
 
     fn check_values(&self, at: &[Step], curve: &Curve, role: Role) -> Resolved<()> {
-        let most = if role.is_fraction() { 1.0 } else { STRENGTH[1] };
+        let most = match role {
+            Role::Filter | Role::Reflectance => 1.0,
+            Role::Light => LARGEST_RELATIVE,
+            Role::Absolute => STRENGTH[1],
+        };
         let bad = |value: &f64| !(0.0..=most).contains(value);
         let Some(index) = curve.values().iter().position(bad) else {
             if matches!(role, Role::Light | Role::Absolute)
