@@ -693,6 +693,8 @@ mod tests {
         let light = pattern(4, 4);
         for (exposure, field) in [
             (Exposure { time_s: -1.0, ..Exposure::default() }, "exposure.time_s"),
+            (Exposure { time_s: 1e-99, ..Exposure::default() }, "exposure.time_s"),
+            (Exposure { time_s: f64::NAN, ..Exposure::default() }, "exposure.time_s"),
             (Exposure { gain: 0.0, ..Exposure::default() }, "exposure.gain"),
         ] {
             assert_eq!(sensor.expose(&light, &exposure).unwrap_err().field, field);

@@ -92,6 +92,12 @@ pub(super) fn captures(
         for (number, stops) in section.bracket_ev.iter().enumerate() {
             let at = steps!["capture", index, "bracket_ev", number];
             context.within(&at, *stops, [-16.0, 16.0], "stops")?;
+            // An exposure that a rule finds is known only when light is.
+            if let Some(main_ms) = exposure_ms {
+                let [shortest, longest] = EXPOSURE_MS.map(|ms| (ms / main_ms).log2());
+                let message = "stops: an exposure lasts from 1e-6 to 3600000 milliseconds";
+                context.within(&at, *stops, [shortest.max(-16.0), longest.min(16.0)], message)?;
+            }
         }
         if let Some(on_ms) = section.light_on_ms {
             context.within(&at("light_on_ms"), on_ms, EXPOSURE_MS, "milliseconds")?;

@@ -16,8 +16,8 @@ use crate::preset::{self, CurvePreset};
 use crate::spectral::{Curve, CurveModel, MAX_WAVELENGTH_NM, MIN_WAVELENGTH_NM, WavelengthGrid};
 use crate::units::number_text;
 
-/// Largest value of a spectrum that is scaled to a power or a radiance, and largest factor on a file's values: counts and
-/// photons per second are beyond what a watt could be.
+/// Largest value of a spectrum that is scaled to a power or a radiance, and largest factor on a file's values: it leaves room for
+/// counts and photons per second.
 const LARGEST_RELATIVE: f64 = 1e30;
 
 /// What a spectrum is used for.
