@@ -85,10 +85,10 @@ pub(crate) struct ExperimentArgs {
     #[command(flatten)]
     pub(crate) seed: Seed,
     /// Paths per pixel: more is less noisy and takes longer.
-    #[arg(long, value_name = "N", value_parser = values::whole::<u32>, allow_negative_numbers = true)]
+    #[arg(long, value_name = "N", value_parser = values::whole::<u32, 1, 1_000_000>, allow_negative_numbers = true)]
     pub(crate) spp: Option<u32>,
     /// Most surfaces that light visits; 1 is direct light only.
-    #[arg(long, value_name = "D", value_parser = values::whole::<u32>, allow_negative_numbers = true)]
+    #[arg(long, value_name = "D", value_parser = values::whole::<u32, 1, 1000>, allow_negative_numbers = true)]
     pub(crate) depth: Option<u32>,
     /// Relative error at which a part of the picture gets no more paths; --spp is the most that it gets.
     #[arg(long, value_name = "E", value_parser = values::number, allow_negative_numbers = true)]
@@ -148,7 +148,7 @@ impl Changes {
 #[derive(Clone, Debug, Default, clap::Args)]
 pub(crate) struct Seed {
     /// Seed of all random numbers.
-    #[arg(long, value_name = "S", value_parser = values::whole::<u64>, allow_negative_numbers = true)]
+    #[arg(long, value_name = "S", value_parser = values::seed, allow_negative_numbers = true)]
     pub(crate) seed: Option<u64>,
 }
 

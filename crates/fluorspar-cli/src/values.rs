@@ -1,9 +1,9 @@
 //! Numbers on the command line, and errors that name what was typed.
 
 use std::fmt::Display;
-use std::str::FromStr;
 
 use fluorspar::experiment::ExperimentError;
+use fluorspar::units::number_text;
 
 use crate::error::CliError;
 
@@ -16,29 +16,25 @@ pub(crate) fn number(text: &str) -> Result<f64, String> {
     }
 }
 
-/// A number without sign and fraction.
-pub(crate) fn whole<T: FromStr>(text: &str) -> Result<T, String> {
-    let text = text.trim();
-    text.parse::<T>().map_err(|_| {
-        let digits = !text.is_empty() && text.chars().all(|c| c.is_ascii_digit());
-        if digits { "this is too large".into() } else { "give a whole number, 0 or more".into() }
-    })
+/// A whole number of a range, ends included.
+pub(crate) fn whole<T: TryFrom<u64>, const LEAST: u64, const MOST: u64>(text: &str) -> Result<T, String> {
+    let number = text.trim().parse::<u64>().ok().filter(|number| (LEAST..=MOST).contains(number));
+    number
+        .and_then(|number| T::try_from(number).ok())
+        .ok_or_else(|| format!("give a whole number from {LEAST} to {MOST}"))
+}
+
+/// A seed that an experiment file can hold.
+pub(crate) fn seed(text: &str) -> Result<u64, String> {
+    whole::<u64, 0, { i64::MAX as u64 }>(text)
 }
 
 /// More threads only cost memory: no machine has as many cores.
-const MOST_THREADS: usize = 1024;
+const MOST_THREADS: u64 = 1024;
 
 /// A number of threads.
 pub(crate) fn threads(text: &str) -> Result<usize, String> {
-    match whole(text) {
-        Ok(threads @ 1..=MOST_THREADS) => Ok(threads),
-        _ => Err(format!("give a whole number from 1 to {MOST_THREADS}")),
-    }
-}
-
-/// A number as short as it can be typed.
-pub(crate) fn as_text(value: f64) -> String {
-    if value == 0.0 || (1e-4..1e9).contains(&value.abs()) { value.to_string() } else { format!("{value:e}") }
+    whole::<usize, 1, MOST_THREADS>(text)
 }
 
 /// Refuses a number outside a range.
@@ -52,7 +48,7 @@ pub(crate) fn check_range(
         return Ok(());
     }
     let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
-    let (value, least, most) = (as_text(value), as_text(least), as_text(most));
+    let (value, least, most) = (number_text(value), number_text(least), number_text(most));
     Err(CliError::Input(format!("{option} {value}: must be between {least} and {most}{unit}")))
 }
 
@@ -78,7 +74,7 @@ impl Override {
 
     /// A field with a number.
     pub(crate) fn number(path: &str, value: f64, option: &str) -> Self {
-        Self::of_option(path, as_text(value), format!("{option} {}", as_text(value)))
+        Self::of_option(path, number_text(value), format!("{option} {}", number_text(value)))
     }
 }
 
@@ -109,22 +105,19 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_are_shown_as_they_would_be_typed() {
-        let shown = [0.0, 0.5, -3.0, 1e99, 1e-7, 1e6].map(as_text);
-        assert_eq!(shown, ["0", "0.5", "-3", "1e99", "1e-7", "1000000"]);
-        assert!(shown.iter().all(|text| format!("x = {text}").parse::<toml::Table>().is_ok()));
+    fn whole_numbers_outside_a_range_are_told_the_range() {
+        assert_eq!(whole::<u32, 1, 9>("7"), Ok(7));
+        for text in ["", "-1", "1.5", "1e9", "nan", "0", "10", "18446744073709551616"] {
+            assert_eq!(whole::<u32, 1, 9>(text), Err("give a whole number from 1 to 9".into()), "{text}");
+        }
     }
 
     #[test]
-    fn what_is_no_number_is_told_from_what_is_too_large() {
-        assert_eq!(whole::<u32>("7"), Ok(7));
-        assert!(whole::<u32>("4294967296").unwrap_err().contains("too large"));
-        for text in ["-1", "1.5", "", "abc", "1e3"] {
-            assert!(whole::<u32>(text).unwrap_err().contains("whole number"), "{text}");
-        }
+    fn numbers_are_finite_and_counts_fit() {
         for text in ["nan", "inf", "abc", "", "1e999"] {
             assert!(number(text).is_err(), "{text}");
         }
+        assert!(seed("-1").is_err() && seed("9223372036854775808").is_err() && seed("7") == Ok(7));
         assert!(threads("0").is_err() && threads("1025").is_err() && threads("2") == Ok(2));
     }
 }

@@ -105,9 +105,15 @@ fn bad_input_is_refused_and_leaves_nothing() {
         (vec!["show", "broken.toml"], "broken.toml:1"),
         (vec!["show", "good.toml", "--set", "sensor.full_well=9000"], "unknown field `full_well`"),
         (vec!["show", "good.toml", "--json", "--toml"], "cannot be used with"),
-        (vec!["characterize", "good.toml", "--levels", "2"], "--levels 2: 2 is outside 10"),
-        (vec!["characterize", "good.toml", "--stack", "1"], "--stack 1: 1 is outside 4"),
-        (vec!["characterize", "good.toml", "--region", "4", "4"], "--region 4 4: 4 is outside 16"),
+        (
+            vec!["characterize", "good.toml", "--levels", "2"],
+            "invalid value '2' for '--levels <N>': give a whole number from 10 to",
+        ),
+        (
+            vec!["characterize", "good.toml", "--stack", "1"],
+            "invalid value '1' for '--stack <N>': give a whole number from 4 to",
+        ),
+        (vec!["characterize", "good.toml", "--region", "4", "4"], "<ROWS>': give a whole number from 16 to"),
         (vec!["characterize", "good.toml", "--region", "64"], "2 values required"),
         (vec!["characterize", "good.toml", "--gain", "0"], "--gain 0: "),
         (vec!["characterize", "good.toml", "--out", "."], "the folder you are in"),

@@ -1,4 +1,5 @@
-//! Physical constants (exact SI values of 2019), conversions between energy and photons, sizes of memory in words.
+//! Physical constants (exact SI values of 2019), conversions between energy and photons, numbers and sizes of memory in
+//! words.
 
 /// Planck constant, J s (exact).
 pub const PLANCK_J_S: f64 = 6.626_070_15e-34;
@@ -27,6 +28,20 @@ pub fn photons_per_joule(wavelength_nm: f64) -> f64 {
 /// Vacuum wavenumber, 1/cm, of a wavelength in nm.
 pub fn wavenumber_per_cm(wavelength_nm: f64) -> f64 {
     1e7 / wavelength_nm
+}
+
+/// A number as short as it can be typed: `0.5`, `1000000`, `1e99`, `1e-7`.
+pub fn number_text(value: f64) -> String {
+    if value == 0.0 || (1e-4..1e9).contains(&value.abs()) { value.to_string() } else { format!("{value:e}") }
+}
+
+/// Refuses a number outside a range, ends included, and NaN: `1e99 is outside 0.1 to 1000; give kelvin`.
+pub(crate) fn check_range(value: f64, [low, high]: [f64; 2], mending: &str) -> Result<(), String> {
+    if (low..=high).contains(&value) {
+        return Ok(());
+    }
+    let [value, low, high] = [value, low, high].map(number_text);
+    Err(format!("{value} is outside {low} to {high}; {mending}"))
 }
 
 /// An amount of memory in words: `12.3 MiB`, three digits and rounded up, so that what is said suffices.
@@ -69,6 +84,13 @@ fn memory_with(bytes: u64, unit: usize, digits: usize) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn numbers_are_shown_as_they_would_be_typed() {
+        let shown = [0.0, 0.5, -3.0, 1e99, 1e-7, 1e6, f64::NAN, f64::INFINITY].map(number_text);
+        assert_eq!(shown, ["0", "0.5", "-3", "1e99", "1e-7", "1000000", "NaN", "inf"]);
+        assert!(shown[..6].iter().all(|text| format!("x = {text}").parse::<toml::Table>().is_ok()));
+    }
 
     #[test]
     fn memory_is_told_with_three_digits_and_never_too_little() {

@@ -302,8 +302,11 @@ fn experiments_place_meshes() {
 
     for (object, message) in [
         ("sphere = { radius_mm = 1 }\n[[object.instance]]\n", "only a mesh, a quad or a box"),
-        ("box = { size_mm = [1, 1, 1] }\n[[object.instance]]\nstretch = [1, 0, 1]\n", "not 0"),
-        ("box = { size_mm = [1, 1, 1] }\n[[object.instance]]\nscale = 0\n", "must be positive"),
+        (
+            "box = { size_mm = [1, 1, 1] }\n[[object.instance]]\nstretch = [1, 0, 1]\n",
+            "every factor must be between",
+        ),
+        ("box = { size_mm = [1, 1, 1] }\n[[object.instance]]\nscale = 0\n", "must be between 1e-6"),
         (
             "box = { size_mm = [1, 1, 1] }\n[[object.instance]]\nmaterial = \"whit\"\n",
             "did you mean \"white\"?",

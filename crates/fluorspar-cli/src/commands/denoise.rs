@@ -6,6 +6,7 @@ use std::process::ExitCode;
 use clap::ValueHint;
 use fluorspar::format::read_component_exr;
 use fluorspar::pipeline::{DenoiseError, DenoiseSettings, denoise};
+use fluorspar::units::number_text;
 
 use super::image_output::{ImageOutput, Storage};
 use crate::args::Talk;
@@ -19,7 +20,7 @@ pub(crate) struct Options {
     #[arg(value_name = "COMPONENTS.exr", value_hint = ValueHint::FilePath)]
     image: PathBuf,
     /// Pixels that may enter on each side.
-    #[arg(long, value_name = "N", default_value_t = 2, value_parser = values::whole::<usize>,
+    #[arg(long, value_name = "N", default_value_t = 2, value_parser = values::whole::<usize, 1, 20>,
         allow_negative_numbers = true)]
     radius: usize,
     /// Differences count from this many standard deviations of the noise on: more is smoother.
@@ -63,7 +64,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         DenoiseSettings { radius: options.radius, strength: options.strength, ..DenoiseSettings::default() };
     let image = denoise(&loaded.image, &settings).map_err(|error| match error {
         DenoiseError::Setting { name, value, low, high } => {
-            CliError::Input(format!("--{name} {}: must be between {low} and {high}", values::as_text(value)))
+            CliError::Input(format!("--{name} {}: must be between {low} and {high}", number_text(value)))
         }
         error => CliError::Input(format!("{}: {error}", options.image.display())),
     })?;

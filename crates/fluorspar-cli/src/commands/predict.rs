@@ -6,6 +6,7 @@ use std::process::ExitCode;
 use clap::{ValueEnum, ValueHint};
 use fluorspar::experiment::{ResolvedSample, SampleCompatibility};
 use fluorspar::pipeline::{ChannelPrediction, FlatSample, Prediction, predict};
+use fluorspar::units::number_text;
 use serde_json::{Value, json};
 
 use super::quoted;
@@ -13,7 +14,7 @@ use super::table::{align, short};
 use crate::args::Talk;
 use crate::error::CliError;
 use crate::experiment_source::ExperimentSource;
-use crate::values::{self, Override, as_text, number};
+use crate::values::{self, Override, number};
 
 /// Options of `predict`.
 #[derive(Clone, Debug, clap::Args)]
@@ -32,7 +33,7 @@ pub(crate) struct Options {
     irradiance: Option<f64>,
     /// Filter on the light, instead of those of the sample: a name of the catalogue, a CSV file or a number from 0 to 1. May
     /// be repeated; `none` is no filter.
-    #[arg(long, value_name = "NAME|CSV|T")]
+    #[arg(long, value_name = "NAME|CSV|T", allow_negative_numbers = true)]
     light_filter: Vec<String>,
     /// Diffuse reflectance: a name of the catalogue, a CSV file or a number from 0 to 1.
     #[arg(long, value_name = "NAME|CSV|R", allow_negative_numbers = true)]
@@ -41,7 +42,7 @@ pub(crate) struct Options {
     #[arg(long, value_name = "NAME=VALUE")]
     concentration: Vec<String>,
     /// Filter in front of the lens, instead of those of the sample. As `--light-filter`.
-    #[arg(long, value_name = "NAME|CSV|T")]
+    #[arg(long, value_name = "NAME|CSV|T", allow_negative_numbers = true)]
     view_filter: Vec<String>,
     /// Exposure time in milliseconds, or `auto`.
     #[arg(long, value_name = "MS|auto", allow_negative_numbers = true)]
@@ -75,7 +76,7 @@ fn name_or_file(text: &str, folder: &Path) -> String {
 /// A number as TOML, or else a name or file.
 fn number_or(text: &str, other: impl Fn(&str) -> String) -> String {
     // `nan` and `inf` are names that nothing has.
-    number(text).map_or_else(|_| other(text), as_text)
+    number(text).map_or_else(|_| other(text), number_text)
 }
 
 /// A list of filters as TOML.
@@ -114,7 +115,11 @@ impl Options {
             match parts {
                 Some((name, Ok(value))) if !name.is_empty() && !name.contains('"') => {
                     let path = format!("sample.concentrations.\"{name}\"");
-                    all.push(Override::of_option(&path, as_text(value), format!("--concentration {text}")));
+                    all.push(Override::of_option(
+                        &path,
+                        number_text(value),
+                        format!("--concentration {text}"),
+                    ));
                 }
                 _ => {
                     return Err(CliError::Input(format!(

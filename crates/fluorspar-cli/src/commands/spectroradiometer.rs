@@ -12,6 +12,7 @@ use fluorspar::pipeline::{
 };
 use fluorspar::sensor::Spectroradiometer;
 use fluorspar::spectral::{Curve, Radiance, Spectrum};
+use fluorspar::units::number_text;
 use fluorspar_report::figures::{NamedCurve, spectral_readings};
 
 use super::table::{align, short};
@@ -19,7 +20,7 @@ use super::{check_file, quoted};
 use crate::args::Talk;
 use crate::error::CliError;
 use crate::experiment_source::ExperimentSource;
-use crate::values::{self, Override, as_text};
+use crate::values::{self, Override};
 
 /// Options of `spectroradiometer`.
 #[derive(Clone, Debug, clap::Args)]
@@ -61,10 +62,10 @@ pub(crate) struct Options {
     #[arg(long, value_name = "RATIO", value_parser = values::number, allow_negative_numbers = true)]
     dynamic_range: Option<f64>,
     /// Readings that are averaged [default: 1].
-    #[arg(long, value_name = "N", value_parser = values::whole::<u32>, allow_negative_numbers = true)]
+    #[arg(long, value_name = "N", value_parser = values::whole::<u32, 1, 1_000_000>, allow_negative_numbers = true)]
     readings: Option<u32>,
     /// Seed of the noise of a sample's reading; an image has that of its experiment.
-    #[arg(long, value_name = "S", default_value_t = 1, value_parser = values::whole::<u64>, allow_negative_numbers = true)]
+    #[arg(long, value_name = "S", default_value_t = 1, value_parser = values::whole::<u64, 0, { u64::MAX }>, allow_negative_numbers = true)]
     seed: u64,
     /// File for the spectra: .csv, or a plot .svg or .png.
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
@@ -100,11 +101,11 @@ impl Options {
 
     /// The option that stands for a field of an instrument, as it was typed.
     fn typed(&self, field: &str) -> String {
-        let number = |value: Option<f64>| value.map(as_text);
+        let number = |value: Option<f64>| value.map(number_text);
         let field = field.split('[').next().unwrap_or(field);
         let (option, value) = match field {
             "capture" => ("capture", self.capture.clone()),
-            "aim" => ("aim", Some(self.aim.iter().map(|&v| as_text(v)).collect::<Vec<_>>().join(","))),
+            "aim" => ("aim", Some(self.aim.iter().map(|&v| number_text(v)).collect::<Vec<_>>().join(","))),
             "parts" => ("parts", Some(self.parts.join(","))),
             "acceptance_deg" => ("acceptance-deg", number(self.acceptance_deg)),
             "filters" => ("filter", Some(self.filter.join(" --filter "))),

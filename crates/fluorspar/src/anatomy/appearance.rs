@@ -35,17 +35,6 @@ pub enum SurfaceMap {
     Dryness,
 }
 
-/// Every map with its name in files.
-pub const SURFACE_MAPS: [(SurfaceMap, &str); 7] = [
-    (SurfaceMap::Redness, "redness"),
-    (SurfaceMap::Fungiform, "fungiform"),
-    (SurfaceMap::Pallor, "pallor"),
-    (SurfaceMap::Porphyrin, "porphyrin"),
-    (SurfaceMap::Plaque, "plaque"),
-    (SurfaceMap::Dentine, "dentine"),
-    (SurfaceMap::Dryness, "dryness"),
-];
-
 /// Samples a map at the centres of `columns` by `rows` pixels: rows from the top (v = 1), values 0 to 1.
 pub fn bake_surface_map(
     map: SurfaceMap,

@@ -40,7 +40,7 @@ static MOUTHS: Recent<Mouth> = Recent::new(2);
 static MAPS: Recent<BakedMap> = Recent::new(64);
 
 /// Digest of everything that a mouth depends on: equal digests, equal bits.
-pub fn mouth_digest(parameters: &MouthParameters) -> [u8; 32] {
+fn mouth_digest(parameters: &MouthParameters) -> [u8; 32] {
     // Debug text of finite numbers is exact: it reads back to the same bits.
     let text = format!("mouth 3 {parameters:?}");
     Sha256::digest(text.as_bytes()).into()

@@ -36,8 +36,8 @@ mod views;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-pub use appearance::{SURFACE_MAPS, SurfaceMap, bake_surface_map, surface_map};
-pub use cache::{BakedMap, mouth_digest, shared_mouth, shared_surface_map};
+pub use appearance::{SurfaceMap, bake_surface_map, surface_map};
+pub use cache::{BakedMap, shared_mouth, shared_surface_map};
 pub use dimensions::MouthDimensions;
 pub use parameters::{MouthParameters, ParameterError};
 pub use penetration::Penetration;

@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use super::dental_arch::{Arch, Jaw};
+use crate::units::number_text;
 
 /// A parameter outside of what the generator can build.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
@@ -170,7 +171,7 @@ impl MouthParameters {
             if !(low..=high).contains(&value) {
                 return Err(ParameterError {
                     field,
-                    message: format!("{value} is not between {low} and {high}"),
+                    message: format!("{} is not between {low} and {high}", number_text(value)),
                 });
             }
         }

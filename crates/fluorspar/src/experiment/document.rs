@@ -6,6 +6,7 @@ use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 use super::error::{ErrorDetails, ExperimentError, Step, path_text};
+use crate::units::number_text;
 
 /// Where values come from.
 #[derive(Clone, Debug, PartialEq)]
@@ -100,6 +101,23 @@ impl Node {
         }
     }
 
+    /// A value or a list of values as it would be typed: `0.5`, `1e99`, `[1, "a"]`.
+    fn as_typed(&self) -> String {
+        match &self.content {
+            Content::Array(items) => {
+                let items: Vec<String> = items.iter().map(Self::as_typed).collect();
+                format!("[{}]", items.join(", "))
+            }
+            // The writer of TOML spells large and small numbers out.
+            Content::Leaf(toml::Value::Float(value))
+                if value.is_finite() && *value != 0.0 && !(1e-4..1e9).contains(&value.abs()) =>
+            {
+                number_text(*value)
+            }
+            Content::Leaf(_) | Content::Table(_) => self.to_value().to_string(),
+        }
+    }
+
     /// Calls a function on every string below this node, with the key under which it stands.
     pub(super) fn visit_strings(&mut self, key: &str, visit: &mut impl FnMut(&str, &mut String)) {
         match &mut self.content {
@@ -139,11 +157,11 @@ impl Document {
         let source = &self.sources[node.origin.source];
         let (entry, field) = self.entry_and_field(path);
         let value = match &node.content {
-            Content::Leaf(value) if exists => Some(shortened(&value.to_string())),
+            Content::Leaf(_) if exists => Some(shortened(&node.as_typed())),
             Content::Array(items)
                 if exists && items.iter().all(|i| matches!(i.content, Content::Leaf(_))) =>
             {
-                Some(shortened(&node.to_value().to_string()))
+                Some(shortened(&node.as_typed()))
             }
             _ => None,
         };

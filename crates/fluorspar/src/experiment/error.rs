@@ -6,7 +6,8 @@ use thiserror::Error;
 
 /// A defect of an experiment file or of an override: where it is, what is wrong, how to mend it.
 ///
-/// Displayed as `my.toml:12: light[1] "blue": power_mw = -3: must be positive (milliwatts per emitter)`.
+/// Displayed as `my.toml:12: light[1] "blue": power_mw = -3: must be between 1e-12 and 1e12 milliwatts per
+/// emitter`.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 pub struct ExperimentError(pub(super) Box<ErrorDetails>);
 

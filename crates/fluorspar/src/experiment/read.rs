@@ -228,7 +228,9 @@ fn explain(document: &Document, mut steps: Vec<Step>, message: &str) -> Experime
     }
     let text = match message.split_once(", expected ") {
         Some((found, expected)) => {
-            let expected = if expected.trim() == "a sequence" {
+            let expected = if let Some(most) = largest_whole(found, expected.trim()) {
+                format!("a whole number from 0 to {most}")
+            } else if expected.trim() == "a sequence" {
                 format!("a list in [ ]{}", list_example(found))
             } else {
                 for_people(expected)
@@ -259,6 +261,17 @@ fn list_example(found: &str) -> String {
     let value = found.split_once(": ").map_or("", |(_, what)| what);
     let value = value.strip_prefix("string ").or_else(|| value.split('`').nth(1)).unwrap_or_default();
     if value.is_empty() || value.len() > 60 { String::new() } else { format!(", for instance [{value}]") }
+}
+
+/// The end of a type of whole numbers, where a number beyond it was found.
+fn largest_whole(found: &str, expected: &str) -> Option<u64> {
+    found.split('`').nth(1)?.parse::<u64>().ok().filter(|_| found.starts_with("invalid value: integer"))?;
+    match expected {
+        "u8" => Some(u8::MAX.into()),
+        "u16" => Some(u16::MAX.into()),
+        "u32" => Some(u32::MAX.into()),
+        _ => None,
+    }
 }
 
 /// What serde expects, in words.

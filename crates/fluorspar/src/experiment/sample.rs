@@ -12,7 +12,7 @@ use sha2::{Digest, Sha256};
 use super::document::Document;
 use super::error::{ExperimentError, steps};
 use super::read::{read_document, typed};
-use super::resolve::context::{Context, Resolved, hex};
+use super::resolve::context::{Context, Resolved, STRENGTH, hex};
 use super::resolve::spectrum::Role;
 use super::resolve::{device, material, replace_paths, without_name};
 use super::schema::{
@@ -75,7 +75,7 @@ pub struct SampleMaterial {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SampleExposure {
-    /// Exposure time in milliseconds, above 0 and at most 3 600 000, or "auto". Default 30.
+    /// Exposure time in milliseconds, 1e-6 to 3 600 000, or "auto". Default 30.
     pub exposure_ms: ExposureTime,
     /// Analog gain, 0.01 to 1000. Default 1.
     pub gain: f64,
@@ -316,7 +316,7 @@ fn irradiance(context: &mut Context<'_>, light: &SampleLight, grid: &WavelengthG
     match (light.irradiance_w_per_m2, light.measured) {
         (Some(value), None) => {
             let at = steps!["light", "irradiance_w_per_m2"];
-            Ok(curve.scaled(context.positive(&at, value, "W/m²")? / total))
+            Ok(curve.scaled(context.within(&at, value, STRENGTH, "W/m²")? / total))
         }
         (None, Some(MeasuredLight::Irradiance)) => Ok(curve),
         (None, Some(MeasuredLight::WhiteRadiance)) => Ok(curve.scaled(std::f64::consts::PI)),

@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::units::number_text;
+
 /// Fraunhofer d line (helium), nm: the wavelength of `n_d`.
 pub const D_LINE_NM: f64 = 587.5618;
 /// Fraunhofer F line (hydrogen), nm.
@@ -112,14 +114,16 @@ impl Dispersion {
             && !(*vd > 5.0 && *vd < 200.0)
         {
             return Err(format!(
-                "the Abbe number {vd} is not between 5 and 200; give (n_d - 1) / (n_F - n_C)"
+                "the Abbe number {} is not between 5 and 200; give (n_d - 1) / (n_F - n_C)",
+                number_text(*vd)
             ));
         }
         for nm in [400.0, D_LINE_NM, 700.0] {
             let n = self.index(nm);
             if !(1.0..=4.0).contains(&n) {
                 return Err(format!(
-                    "the index at {nm} nm is {n}, not between 1 and 4; check the coefficients"
+                    "the index at {nm} nm is {}, not between 1 and 4; check the coefficients",
+                    number_text(n)
                 ));
             }
         }

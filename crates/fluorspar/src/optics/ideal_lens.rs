@@ -11,6 +11,7 @@ use super::filter::AngleDistribution;
 use crate::image::SpectralImage;
 use crate::sampling::{SampleStream, warp};
 use crate::spectral::{Curve, Irradiance, Radiance, Spectrum, Transmittance, WavelengthGrid};
+use crate::units::{check_range, number_text};
 
 /// How irradiance falls off away from the optical axis.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -88,33 +89,25 @@ impl IdealLens {
     /// The first parameter that can't be used, with the way to mend it.
     pub fn validate(&self) -> Result<(), LensProblem> {
         let problem = |field, message: String| Err(LensProblem { field, message });
-        if !(self.focal_length_mm > 0.0 && self.focal_length_mm.is_finite()) {
-            return problem(
-                "focal_length_mm",
-                format!("{} is not a length; give a positive number of mm", self.focal_length_mm),
-            );
-        }
-        if !(0.5..=1000.0).contains(&self.f_number) {
-            return problem(
-                "f_number",
-                format!(
-                    "{} is outside 0.5 to 1000; no lens in air is faster than f/0.5. Give focal length over pupil \
-                     diameter",
-                    self.f_number
-                ),
-            );
-        }
-        if let Some(distance) = self.object_distance_mm
-            && !(distance > self.focal_length_mm && distance.is_finite())
-        {
-            return problem(
-                "object_distance_mm",
-                format!(
-                    "{distance} is not beyond the focal length of {} mm, so there is no real image; move the object \
-                     away, or leave the distance out for infinity",
-                    self.focal_length_mm
-                ),
-            );
+        check_range(self.focal_length_mm, [1e-3, 1e6], "give mm")
+            .or_else(|message| problem("focal_length_mm", message))?;
+        let mending = "no lens in air is faster than f/0.5. Give focal length over pupil diameter";
+        check_range(self.f_number, [0.5, 1e3], mending).or_else(|message| problem("f_number", message))?;
+        if let Some(distance) = self.object_distance_mm {
+            if distance <= self.focal_length_mm {
+                return problem(
+                    "object_distance_mm",
+                    format!(
+                        "{} is not beyond the focal length of {} mm, so there is no real image; move the object \
+                         away, or leave the distance out for infinity",
+                        number_text(distance),
+                        self.focal_length_mm
+                    ),
+                );
+            }
+            let mending = "give mm, or leave the distance out for infinity";
+            check_range(distance, [0.0, 1e9], mending)
+                .or_else(|message| problem("object_distance_mm", message))?;
         }
         self.validate_transmittance()
     }

@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use super::glass::{D_LINE_NM, Dispersion};
+use crate::units::number_text;
 
 /// The material behind a surface.
 #[derive(Clone, Debug, PartialEq)]
@@ -242,7 +243,8 @@ impl LensPrescription {
             return fail("surfaces".into(), message);
         }
         if !(200.0..=1200.0).contains(&self.design_wavelength_nm) {
-            let message = format!("{} is not between 200 and 1200 nm", self.design_wavelength_nm);
+            let value = number_text(self.design_wavelength_nm);
+            let message = format!("{value} is not between 200 and 1200 nm");
             return fail("design_wavelength_nm".into(), message);
         }
         let stops = self.surfaces.iter().filter(|surface| surface.is_stop).count();
@@ -255,19 +257,20 @@ impl LensPrescription {
             if !(surface.curvature_per_mm.is_finite() && surface.curvature_per_mm.abs() <= 1e3) {
                 return fail(at("radius_mm"), "must be a number of mm, or left out for a plane".into());
             }
-            if !(surface.semi_diameter_mm > 0.0 && surface.semi_diameter_mm <= 1e5) {
-                let value = surface.semi_diameter_mm;
+            if !(1e-6..=1e5).contains(&surface.semi_diameter_mm) {
+                let value = number_text(surface.semi_diameter_mm);
                 return fail(
                     at("semi_diameter_mm"),
-                    format!("{value} is no aperture; give half the clear diameter, mm"),
+                    format!("{value} is not between 1e-6 and 1e5 mm; give half the clear diameter"),
                 );
             }
             if !last && !(0.0..=1e5).contains(&surface.thickness_mm) {
-                let value = surface.thickness_mm;
+                let value = number_text(surface.thickness_mm);
                 return fail(at("thickness_mm"), format!("{value} is not between 0 and 1e5 mm"));
             }
             if !(surface.conic.is_finite() && surface.conic.abs() <= 1e4) {
-                return fail(at("conic"), format!("{} is no conic constant", surface.conic));
+                let value = number_text(surface.conic);
+                return fail(at("conic"), format!("{value} is not between -1e4 and 1e4"));
             }
             if surface.aspheric.len() > MOST_ASPHERIC_TERMS || surface.aspheric.iter().any(|a| !a.is_finite())
             {
@@ -307,9 +310,12 @@ impl LensPrescription {
                     return fail("focus, behind_surface".into(), message);
                 }
                 let nearest = self.surfaces[gap.behind_surface - 1].thickness_mm + gap.change_mm;
-                if !(nearest >= -1e-9 && nearest.is_finite()) {
-                    let message =
-                        format!("the gap behind surface {} would become {nearest} mm", gap.behind_surface);
+                if !(-1e-9..=1e5).contains(&nearest) {
+                    let message = format!(
+                        "the gap behind surface {} would become {} mm; it must stay between 0 and 1e5 mm",
+                        gap.behind_surface,
+                        number_text(nearest)
+                    );
                     return fail("focus, change_mm".into(), message);
                 }
             }

@@ -9,6 +9,7 @@ use super::paraxial::Paraxial;
 use super::prescription::{FocusMechanism, LensPrescription, PrescriptionError};
 use super::sequential_trace::{LensRay, SequentialTrace};
 use crate::sampling::SampleStream;
+use crate::units::{check_range, number_text};
 
 /// How a lens is set.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -63,11 +64,13 @@ impl LensState {
         }
         let (stop_semi_diameter_mm, f_number) = aperture(lens, &at_infinity, setting.f_number)?;
         let (lens, film_mm, focus_travel) = focus(lens, &at_infinity, setting)?;
-        if !setting.film_shift_mm.is_finite() || film_mm + setting.film_shift_mm <= at_infinity.last_vertex_mm
-        {
-            let message = format!("{} mm moves the film into the lens", setting.film_shift_mm);
+        let shift_mm = setting.film_shift_mm;
+        if film_mm + shift_mm <= at_infinity.last_vertex_mm {
+            let message = format!("{} mm moves the film into the lens", number_text(shift_mm));
             return Err(PrescriptionError::new("film_shift_mm", message));
         }
+        check_range(shift_mm, [-1e6, 1e6], "give mm")
+            .map_err(|message| PrescriptionError::new("film_shift_mm", message))?;
         let paraxial = Paraxial::new(&lens, nm);
         Ok(Self {
             setting,
@@ -145,7 +148,11 @@ fn aperture(
     let stop_at = |height: f64| open.to_stop(parallel(height)).map_or(widest, |point| point.x.abs());
     match wanted {
         None => Ok((stop_at(low).min(widest), fastest)),
-        Some(wanted) if wanted.is_finite() && wanted >= fastest * (1.0 - 1e-4) => {
+        Some(wanted) if wanted > 1e3 => {
+            let message = format!("{} is not available: give at most f/1000", number_text(wanted));
+            Err(PrescriptionError::new("f_number", message))
+        }
+        Some(wanted) if wanted >= fastest * (1.0 - 1e-4) => {
             let height = (focal_length_mm / (2.0 * wanted)).min(low);
             Ok((stop_at(height), focal_length_mm / (2.0 * height)))
         }
@@ -168,10 +175,8 @@ fn focus(
     };
     let nm = lens.design_wavelength_nm;
     let fail = |message: String| Err(PrescriptionError::new("focus_distance_mm", message));
-    if !(distance_mm > 0.0 && distance_mm.is_finite()) {
-        return fail(format!(
-            "{distance_mm} is no distance; give a positive number of mm, or leave it out for infinity"
-        ));
+    if let Err(message) = check_range(distance_mm, [1e-3, 1e9], "give mm, or leave it out for infinity") {
+        return fail(message);
     }
     let object_mm = at_infinity.entrance_pupil_mm - distance_mm;
     match &lens.focus {

@@ -5,7 +5,8 @@ use super::capture::flat_film_irradiance;
 use crate::experiment::{FlatFieldPlan, ResolvedExperiment};
 use crate::image::{SensorImage, SpectralImage};
 use crate::sensor::{
-    AutoExposure, BadPixels, Demosaicing, Development, ElectronRate, Exposure, FlatField, MasterFrame, Sensor,
+    AutoExposure, BadPixels, Demosaicing, Development, EXPOSURE_MS, ElectronRate, Exposure, FlatField,
+    MasterFrame, Sensor,
 };
 use crate::spectral::Radiance;
 
@@ -24,6 +25,8 @@ pub struct Calibration {
 
 /// Exposure of the frames of a flat field, s.
 const FLAT_EXPOSURE_S: f64 = 0.03;
+/// Electrons per second of the brightest pixel before the level is sought: every well fills within an hour.
+const FLAT_RATE: f64 = 1e7;
 /// Columns of the image of even light: its shading is smooth.
 const FLAT_COLUMNS: usize = 96;
 
@@ -169,21 +172,22 @@ fn flats(
     let grid = &experiment.scene.grid;
     let spectrum = plan.spectrum.on_grid::<Radiance>(grid);
     let mut radiance = SpectralImage::<Radiance>::zeros(grid.clone(), FLAT_COLUMNS, rows);
+    // Only the shape counts: units of any size stay within single precision.
+    let peak = spectrum.values().iter().copied().fold(0.0, f64::max).max(f64::MIN_POSITIVE);
     for pixel in radiance.data_mut().chunks_exact_mut(grid.len()) {
-        pixel.iter_mut().zip(spectrum.values()).for_each(|(value, s)| *value = *s as f32);
+        pixel.iter_mut().zip(spectrum.values()).for_each(|(value, s)| *value = (*s / peak) as f32);
     }
     let irradiance = flat_film_irradiance(experiment, lens, &radiance, film.width_mm);
     let mut rate = sensor.electron_rate_on_film(&irradiance, film)?;
-    let rule = AutoExposure {
-        percentile: 100.0,
-        target_fraction: plan.level,
-        min_exposure_ms: 1e-300,
-        max_exposure_ms: 1e300,
-    };
-    let scale = sensor.auto_exposure_s(&rate, 1.0, &rule)? / FLAT_EXPOSURE_S;
-    if !rate.data.iter().any(|&value| value > 0.0) {
+    let brightest = f64::from(rate.data.iter().copied().fold(0.0, f32::max));
+    if brightest <= 0.0 {
         return Err(PipelineError::DarkFlatField);
     }
+    rate.data.iter_mut().for_each(|value| *value = (f64::from(*value) * FLAT_RATE / brightest) as f32);
+    let [min_exposure_ms, max_exposure_ms] = EXPOSURE_MS;
+    let rule =
+        AutoExposure { percentile: 100.0, target_fraction: plan.level, min_exposure_ms, max_exposure_ms };
+    let scale = sensor.auto_exposure_s(&rate, 1.0, &rule)? / FLAT_EXPOSURE_S;
     rate.data.iter_mut().for_each(|value| *value = (f64::from(*value) * scale) as f32);
     MasterFrame::average((0..u64::from(plan.frames)).map(|frame| -> Result<SensorImage, PipelineError> {
         let exposure = Exposure {

@@ -23,6 +23,7 @@ use crate::image::{
 };
 use crate::scene::{Scene, SceneError};
 use crate::spectral::Radiance;
+use crate::units::memory_texts;
 
 /// How light transport is estimated.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -155,16 +156,18 @@ pub enum RenderError {
     },
     /// Images would not fit.
     #[error(
-        "the component images need {needed_gib:.1} GiB ({components} components of {width} x {height} pixels and \
-         {bands} bands), more than the limit of {limit_gib:.1} GiB. Render fewer pixels, bands, light groups or \
+        "the component images need {needed} ({components} components of {width} x {height} pixels and {bands} bands), more than \
+         the limit of {limit}. Render fewer pixels, bands, light groups or \
          fluorophores, raise render.memory_limit_gib, or use `fluorspar render` without --shard, which goes through such \
-         images in bands of rows"
+         images in bands of rows",
+        needed = memory_texts(*needed_bytes, *limit_bytes)[0],
+        limit = memory_texts(*needed_bytes, *limit_bytes)[1]
     )]
     TooLarge {
-        /// Memory needed, GiB.
-        needed_gib: f64,
-        /// Limit, GiB.
-        limit_gib: f64,
+        /// Memory needed, bytes.
+        needed_bytes: u64,
+        /// Limit, bytes.
+        limit_bytes: u64,
         /// Components.
         components: usize,
         /// Columns.
@@ -485,10 +488,9 @@ fn prepare<'a>(scene: &'a Scene, settings: &RenderSettings) -> Result<CompiledSc
 fn check_memory(scene: &Scene, settings: &RenderSettings) -> Result<(), RenderError> {
     let needed = memory_bytes(scene, settings);
     if needed > settings.memory_limit_bytes {
-        let gib = |bytes: u64| bytes as f64 / f64::from(1 << 30);
         return Err(RenderError::TooLarge {
-            needed_gib: gib(needed),
-            limit_gib: gib(settings.memory_limit_bytes),
+            needed_bytes: needed,
+            limit_bytes: settings.memory_limit_bytes,
             components: component_labels(scene, settings).len(),
             width: scene.camera.width,
             height: scene.camera.height,

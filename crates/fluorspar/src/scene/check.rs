@@ -11,6 +11,7 @@ use crate::geometry::MeshError;
 use crate::light::Emitter;
 use crate::material::{Material, ScalarTexture, Scattering};
 use crate::spectral::{Curve, Fluorophore};
+use crate::units::number_text;
 
 /// What makes a scene impossible to render.
 #[derive(Clone, Debug, Error, PartialEq)]
@@ -320,7 +321,10 @@ impl Scene {
                     ));
                 }
                 if let Some(value) = glass.transmittance.values().iter().find(|v| !(0.0..=1.0).contains(*v)) {
-                    return refuse(format!("the transmittance {value} is not between 0 and 1"));
+                    return refuse(format!(
+                        "the transmittance {} is not between 0 and 1",
+                        number_text(*value)
+                    ));
                 }
                 return fraction("roughness", &glass.roughness);
             }
@@ -337,7 +341,9 @@ impl Scene {
                     }
                     if let Some(value) = curve.values().iter().find(|v| !(**v >= least && **v <= 1e3)) {
                         return refuse(format!(
-                            "{name} of the metal is {value}; it must be between {least} and 1000"
+                            "{name} of the metal is {}; it must be between {} and 1000",
+                            number_text(*value),
+                            number_text(least)
                         ));
                     }
                 }

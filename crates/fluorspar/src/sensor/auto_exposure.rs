@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::exposure::Chain;
+use super::exposure::{Chain, EXPOSURE_MS};
 use super::{ElectronRate, Exposure, Sensor, SensorProblem};
 
 /// Chooses the exposure that puts a percentile of the pixels at a fraction of full scale.
@@ -34,19 +34,20 @@ impl AutoExposure {
     /// # Errors
     /// The first parameter that can't be used, with the way to mend it.
     pub fn validate(&self) -> Result<(), SensorProblem> {
-        if !(0.0..=100.0).contains(&self.percentile) {
-            let message = format!("{} is outside 0 to 100; give percent of the pixels", self.percentile);
-            return Err(SensorProblem::new("auto_exposure.percentile", message));
+        for (field, value, range, mending) in [
+            ("auto_exposure.percentile", self.percentile, [0.0, 100.0], "give percent of the pixels"),
+            (
+                "auto_exposure.target_fraction",
+                self.target_fraction,
+                [1e-6, 1.0],
+                "give a share of full scale",
+            ),
+            ("auto_exposure.min_exposure_ms", self.min_exposure_ms, EXPOSURE_MS, "give milliseconds"),
+            ("auto_exposure.max_exposure_ms", self.max_exposure_ms, EXPOSURE_MS, "give milliseconds"),
+        ] {
+            SensorProblem::unless_within(field, value, range, mending)?;
         }
-        if !(self.target_fraction > 0.0 && self.target_fraction <= 1.0) {
-            let message = format!("{} is outside 0 to 1; give a share of full scale", self.target_fraction);
-            return Err(SensorProblem::new("auto_exposure.target_fraction", message));
-        }
-        if !(self.min_exposure_ms > 0.0 && self.min_exposure_ms.is_finite()) {
-            let message = format!("{} is not above zero; give milliseconds", self.min_exposure_ms);
-            return Err(SensorProblem::new("auto_exposure.min_exposure_ms", message));
-        }
-        if !(self.max_exposure_ms >= self.min_exposure_ms && self.max_exposure_ms.is_finite()) {
+        if self.max_exposure_ms < self.min_exposure_ms {
             let message = format!(
                 "{} is below min_exposure_ms, {}; swap them or raise it",
                 self.max_exposure_ms, self.min_exposure_ms

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::exposure::{EXPOSURE_MS, GAIN};
 use super::{AutoExposure, ElectronRate, Exposure, Sensor, SensorProblem};
 use crate::image::SensorImage;
 
@@ -90,15 +91,20 @@ impl CaptureSequence {
                 let message = format!("\"{}\" is the label of an earlier frame; choose another", frame.label);
                 return Err(SensorProblem::new(field("label"), message));
             }
-            if let Some((name, drive)) = frame.lights.iter().find(|(_, d)| !(**d >= 0.0 && d.is_finite())) {
-                let message = format!("{drive} is no drive; give 0 or more, 1 for the power in the scene");
-                return Err(SensorProblem::new(field(&format!("lights.{name}")), message));
+            for (name, drive) in &frame.lights {
+                let field = field(&format!("lights.{name}"));
+                SensorProblem::unless_within(
+                    &field,
+                    *drive,
+                    [0.0, 1e6],
+                    "give 1 for the power in the scene",
+                )?;
             }
             match (frame.exposure_ms, &frame.auto_exposure) {
-                (Some(ms), None) if ms >= 0.0 && ms.is_finite() => {}
+                (Some(0.0), None) => {}
                 (Some(ms), None) => {
-                    let message = format!("{ms} is not a time; give milliseconds, 0 or more");
-                    return Err(SensorProblem::new(field("exposure_ms"), message));
+                    let mending = "give milliseconds, or 0 for the offset alone";
+                    SensorProblem::unless_within(&field("exposure_ms"), ms, EXPOSURE_MS, mending)?;
                 }
                 (None, Some(rule)) => rule
                     .validate()
@@ -112,10 +118,7 @@ impl CaptureSequence {
                     return Err(SensorProblem::new(field("auto_exposure"), message));
                 }
             }
-            if !(frame.gain > 0.0 && frame.gain.is_finite()) {
-                let message = format!("{} is not above zero; give 1 for the base gain", frame.gain);
-                return Err(SensorProblem::new(field("gain"), message));
-            }
+            SensorProblem::unless_within(&field("gain"), frame.gain, GAIN, "give 1 for the base gain")?;
         }
         Ok(())
     }

@@ -15,6 +15,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::adc::QUANTISATION_NOISE_DN;
+use super::exposure::EXPOSURE_MS;
 use super::photon_transfer::{Limit, saturation_capacity_e, sensitivity_threshold_e};
 use super::{Exposure, Sensor, SensorMode, SensorModel, SensorProblem, Shutter};
 use crate::image::SensorImage;
@@ -290,10 +291,13 @@ fn check(settings: &CharacterizationSettings) -> Result<(), SensorProblem> {
             return Err(SensorProblem::new(format!("characterization.{field}"), message));
         }
     }
-    if settings.exposure_s <= 0.0 || settings.exposure_s.is_nan() {
-        let message = format!("{} is not a time; give seconds above 0", settings.exposure_s);
-        return Err(SensorProblem::new("characterization.exposure_s", message));
-    }
+    let range_s = EXPOSURE_MS.map(|ms| ms * 1e-3);
+    SensorProblem::unless_within(
+        "characterization.exposure_s",
+        settings.exposure_s,
+        range_s,
+        "give seconds",
+    )?;
     Exposure { time_s: settings.exposure_s, gain: settings.gain, ..Exposure::default() }.validate()
 }
 

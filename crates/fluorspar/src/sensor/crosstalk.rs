@@ -12,6 +12,7 @@ use serde::{Deserialize, Serialize};
 use super::{ElectronRate, SensorProblem, SpectralQe};
 use crate::image::Mosaic;
 use crate::spectral::Curve;
+use crate::units::number_text;
 
 /// Shares of a pixel's electrons that end in its neighbours (physical and noise-free mode only).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -56,15 +57,17 @@ impl Crosstalk {
             ("electrical_corner_ratio", self.electrical_corner_ratio, 1.0),
         ] {
             if !(0.0..=most).contains(&value) {
-                return problem(field, format!("{value} is outside 0 to {most}"));
+                return problem(field, format!("{} is outside 0 to {most}", number_text(value)));
             }
         }
         let pairs = &self.electrical_side_percent;
         if let Some([nm, percent]) =
-            pairs.iter().find(|[nm, p]| !(nm.is_finite() && (0.0..=100.0).contains(p)))
+            pairs.iter().find(|[nm, p]| !((0.0..=1e5).contains(nm) && (0.0..=100.0).contains(p)))
         {
             let message = format!(
-                "[{nm}, {percent}] is no pair of a wavelength in nm and a share from 0 to 100 percent"
+                "[{}, {}] is no pair of a wavelength, 0 to 100000 nm, and a share, 0 to 100 percent",
+                number_text(*nm),
+                number_text(*percent)
             );
             return problem("electrical_side_percent", message);
         }

@@ -4,8 +4,10 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::adc::QUANTISATION_NOISE_DN;
+use super::model::{DOUBLING_K, TEMPERATURE_C};
 use super::photon_transfer::{Limit, saturation_capacity_e, sensitivity_threshold_e, well_for_saturation_e};
 use super::{SensorModel, SensorProblem, SpectralQe};
+use crate::units::{check_range, number_text};
 
 /// A data sheet in the terms of EMVA 1288 (release 4), at gain 1. It takes the place of the fields of the model that
 /// say the same; geometry, mosaic and everything else stay.
@@ -100,8 +102,11 @@ fn one_of(
             if (a - other).abs() <= PRINTED * a.abs().max(other.abs()) {
                 return Ok(a);
             }
-            let message =
-                format!("{b} contradicts {a_name} = {a}, which is {other:.4} by this; keep the right one");
+            let message = format!(
+                "{} contradicts {a_name} = {}, which is {other:.4} by this; keep the right one",
+                number_text(b),
+                number_text(a)
+            );
             Err(problem(b_name, message))
         }
         (None, None) => Err(problem(a_name, format!("is missing; give it, or {b_name}"))),
@@ -115,9 +120,9 @@ impl Emva1288 {
     /// No gain, or two that are not each other's reciprocal.
     pub fn dn_per_electron(&self) -> Result<f64, SensorProblem> {
         for (field, value) in [("gain_e_per_dn", self.gain_e_per_dn), ("gain_dn_per_e", self.gain_dn_per_e)] {
-            if let Some(value) = value.filter(|value| !(*value > 0.0 && value.is_finite())) {
-                return Err(problem(field, format!("{value} is not above zero; give a positive number")));
-            }
+            let mending = "give the system gain or its reciprocal";
+            check_range(value.unwrap_or(1.0), [1e-8, 1e8], mending)
+                .map_err(|message| problem(field, message))?;
         }
         one_of(["gain_dn_per_e", "gain_e_per_dn"], [self.gain_dn_per_e, self.gain_e_per_dn], |inverse| {
             1.0 / inverse
@@ -165,18 +170,26 @@ impl Emva1288 {
             ("dsnu_dn", self.dsnu_dn),
             ("prnu_percent", Some(self.prnu_percent)),
         ] {
-            if let Some(value) = value.filter(|value| !(*value >= 0.0 && value.is_finite())) {
-                return Err(problem(field, format!("{value} is below zero or no number; give 0 or more")));
-            }
+            check_range(value.unwrap_or(0.0), [0.0, 1e9], "give 0 or more")
+                .map_err(|message| problem(field, message))?;
         }
         if self.prnu_percent > 30.0 {
-            let message = format!("{} is no data sheet's value; give percent, 0 to 30", self.prnu_percent);
+            let message =
+                format!("{} is no data sheet's value; give percent, 0 to 30", number_text(self.prnu_percent));
             return Err(problem("prnu_percent", message));
         }
         let saturation = self.saturation_capacity_e;
-        if !(10.0..=1e8).contains(&saturation) {
-            let message = format!("{saturation} is outside 10 to 1e8; give electrons");
-            return Err(problem("saturation_capacity_e", message));
+        for (field, value, range, mending) in [
+            ("saturation_capacity_e", saturation, [10.0, 1e8], "give electrons"),
+            (
+                "dark_current_temperature_c",
+                self.dark_current_temperature_c,
+                TEMPERATURE_C,
+                "give degrees Celsius",
+            ),
+            ("doubling_temperature_k", self.doubling_temperature_k, DOUBLING_K, "give kelvin"),
+        ] {
+            check_range(value, range, mending).map_err(|message| problem(field, message))?;
         }
         if !(1..=16).contains(&self.bit_depth) {
             return Err(problem("bit_depth", format!("{} is outside 1 to 16", self.bit_depth)));
@@ -242,8 +255,9 @@ impl Emva1288 {
                 !agrees
             }) {
                 let message = format!(
-                    "{given} {unit} contradict the sheet: its saturation capacity, dark noise and gain give \
-                     {follows:.1} {unit}"
+                    "{} {unit} contradict the sheet: its saturation capacity, dark noise and gain give \
+                     {follows:.1} {unit}",
+                    number_text(given)
                 );
                 return Err(problem(field, message));
             }

@@ -34,21 +34,23 @@ impl Default for Exposure {
     }
 }
 
+/// Shortest and longest exposure, ms: a nanosecond and an hour.
+pub(crate) const EXPOSURE_MS: [f64; 2] = [1e-6, 3.6e6];
+/// Smallest and largest gain of an exposure.
+pub(super) const GAIN: [f64; 2] = [0.01, 1e3];
+
 impl Exposure {
     /// Checks time and gain.
     ///
     /// # Errors
-    /// A time below zero or a gain that is not positive.
+    /// A time that is neither 0 nor from a nanosecond to an hour, or a gain that is not from 0.01 to 1000.
     pub fn validate(&self) -> Result<(), SensorProblem> {
-        if !(self.time_s >= 0.0 && self.time_s.is_finite()) {
-            let message = format!("{} is not a time; give seconds, 0 or more", self.time_s);
-            return Err(SensorProblem::new("exposure.time_s", message));
+        if self.time_s != 0.0 {
+            let range_s = EXPOSURE_MS.map(|ms| ms * 1e-3);
+            let mending = "give seconds, or 0 for the offset alone";
+            SensorProblem::unless_within("exposure.time_s", self.time_s, range_s, mending)?;
         }
-        if !(self.gain > 0.0 && self.gain.is_finite()) {
-            let message = format!("{} is not above zero; give 1 for the base gain", self.gain);
-            return Err(SensorProblem::new("exposure.gain", message));
-        }
-        Ok(())
+        SensorProblem::unless_within("exposure.gain", self.gain, GAIN, "give 1 for the base gain")
     }
 }
 
@@ -691,6 +693,8 @@ mod tests {
         let light = pattern(4, 4);
         for (exposure, field) in [
             (Exposure { time_s: -1.0, ..Exposure::default() }, "exposure.time_s"),
+            (Exposure { time_s: 1e-99, ..Exposure::default() }, "exposure.time_s"),
+            (Exposure { time_s: f64::NAN, ..Exposure::default() }, "exposure.time_s"),
             (Exposure { gain: 0.0, ..Exposure::default() }, "exposure.gain"),
         ] {
             assert_eq!(sensor.expose(&light, &exposure).unwrap_err().field, field);

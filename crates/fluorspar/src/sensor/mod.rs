@@ -61,6 +61,7 @@ pub use crosstalk::Crosstalk;
 pub use data_sheet::Emva1288;
 pub use demosaic::Demosaicing;
 pub use develop::{DevelopError, Development, LinearMosaic, develop, develop_with_ambient, merge_exposures};
+pub(crate) use exposure::EXPOSURE_MS;
 pub use exposure::{DefectPixels, ElectronRate, Exposure, Sensor};
 pub use flat_response::FlatResponse;
 pub use model::{SensorMode, SensorModel, SensorProblem};

@@ -9,6 +9,7 @@ use thiserror::Error;
 use super::readout::Readout;
 use super::relative_illumination::RelativeIllumination;
 use super::{Binning, BinningKind, Crosstalk, Emva1288, Shutter, Strobe};
+use crate::units::{check_range, number_text};
 
 /// Table 1 of Lyu et al. 2021, where a value may be given in more than one unit.
 mod table_1 {
@@ -216,6 +217,11 @@ impl SensorProblem {
     pub(super) fn new(field: impl Into<String>, message: impl Into<String>) -> Self {
         Self { field: field.into(), message: message.into() }
     }
+
+    /// Refuses a number outside a range, ends included, and NaN.
+    pub(super) fn unless_within(field: &str, value: f64, range: [f64; 2], mending: &str) -> Result<(), Self> {
+        check_range(value, range, mending).map_err(|message| Self::new(field, message))
+    }
 }
 
 impl SensorModel {
@@ -354,17 +360,19 @@ impl SensorModel {
         if self.emva1288.is_some() {
             return self.with_data_sheet()?.validate();
         }
-        for (field, value, unit) in [
-            ("well_capacity_e", self.well_capacity_e, "electrons"),
-            ("voltage_swing_v", self.voltage_swing_v, "volts"),
-            ("conversion_gain_mv_per_e", self.conversion_gain_v_per_e() * 1e3, "mV per electron"),
-            ("analog_gain", self.analog_gain, "times"),
-            ("dark_doubling_temperature_k", self.dark_doubling_temperature_k, "kelvin"),
+        for (field, value, range, mending) in [
+            ("well_capacity_e", self.well_capacity_e, [1.0, 1e9], "give electrons"),
+            ("voltage_swing_v", self.voltage_swing_v, [1e-9, 1e6], "give volts"),
+            (
+                "conversion_gain_mv_per_e",
+                self.conversion_gain_v_per_e() * 1e3,
+                [1e-6, 1e6],
+                "give mV per electron",
+            ),
+            ("analog_gain", self.analog_gain, [1e-3, 1e6], "give 1 for the base gain"),
+            ("dark_doubling_temperature_k", self.dark_doubling_temperature_k, DOUBLING_K, "give kelvin"),
         ] {
-            if !(value > 0.0 && value.is_finite()) {
-                let message = format!("{value} is not above zero; give a positive number of {unit}");
-                return Err(SensorProblem::new(field, message));
-            }
+            SensorProblem::unless_within(field, value, range, mending)?;
         }
         for (mv_field, e_field, mv, e) in [
             ("read_noise_mv", "read_noise_e", self.read_noise_mv, self.read_noise_e),
@@ -380,36 +388,30 @@ impl SensorModel {
                 let message = format!("given together with {mv_field}; keep one of the two");
                 return Err(SensorProblem::new(e_field, message));
             }
-            not_negative(mv_field, mv.unwrap_or(0.0))?;
-            not_negative(e_field, e.unwrap_or(0.0))?;
+            noise_or_current(mv_field, mv.unwrap_or(0.0))?;
+            noise_or_current(e_field, e.unwrap_or(0.0))?;
         }
         for (field, value) in [
             ("post_gain_noise_mv", self.post_gain_noise_mv),
-            ("prnu_percent", self.prnu_percent),
             ("column_offset_mv", self.column_offset_mv),
-            ("column_gain_percent", self.column_gain_percent),
             ("row_offset_mv", self.row_offset_mv),
             ("column_noise_mv", self.column_noise_mv),
             ("row_noise_mv", self.row_noise_mv),
-            ("dark_current_log_spread", self.dark_current_log_spread),
             ("hot_pixel_dark_current_e_per_s", self.hot_pixel_dark_current_e_per_s),
         ] {
-            not_negative(field, value)?;
+            noise_or_current(field, value)?;
         }
-        for (field, value) in [
-            ("hot_pixels_per_million", self.hot_pixels_per_million),
-            ("dead_pixels_per_million", self.dead_pixels_per_million),
+        for (field, value, most, mending) in [
+            ("prnu_percent", self.prnu_percent, 100.0, "give percent"),
+            ("column_gain_percent", self.column_gain_percent, 100.0, "give percent"),
+            ("dark_current_log_spread", self.dark_current_log_spread, 10.0, "give a natural logarithm"),
+            ("hot_pixels_per_million", self.hot_pixels_per_million, 1e6, "give pixels in a million"),
+            ("dead_pixels_per_million", self.dead_pixels_per_million, 1e6, "give pixels in a million"),
         ] {
-            if !(0.0..=1e6).contains(&value) {
-                let message = format!("{value} is outside 0 to 1000000; give pixels in a million");
-                return Err(SensorProblem::new(field, message));
-            }
+            SensorProblem::unless_within(field, value, [0.0, most], mending)?;
         }
-        if !(self.well_knee > 0.0 && self.well_knee <= 1.0) {
-            let message =
-                format!("{} is outside 0 to 1; give a share of the well, 1 for a hard limit", self.well_knee);
-            return Err(SensorProblem::new("well_knee", message));
-        }
+        let mending = "give a share of the well, 1 for a hard limit";
+        SensorProblem::unless_within("well_knee", self.well_knee, [1e-6, 1.0], mending)?;
         if let Some(crosstalk) = &self.crosstalk {
             crosstalk.validate()?;
         }
@@ -419,14 +421,17 @@ impl SensorModel {
         }
         RelativeIllumination::validate(self)?;
         self.validate_isetcam()?;
-        for (field, value) in [
-            ("analog_offset_mv", self.analog_offset_mv),
-            ("temperature_c", self.temperature_c),
-            ("dark_reference_temperature_c", self.dark_reference_temperature_c),
+        for (field, value, range, mending) in [
+            ("analog_offset_mv", self.analog_offset_mv, [-1e6, 1e6], "give millivolts"),
+            ("temperature_c", self.temperature_c, TEMPERATURE_C, "give degrees Celsius"),
+            (
+                "dark_reference_temperature_c",
+                self.dark_reference_temperature_c,
+                TEMPERATURE_C,
+                "give degrees Celsius",
+            ),
         ] {
-            if !value.is_finite() {
-                return Err(SensorProblem::new(field, format!("{value} is not a number; give a finite one")));
-            }
+            SensorProblem::unless_within(field, value, range, mending)?;
         }
         self.validate_converter()
     }
@@ -438,17 +443,22 @@ impl SensorModel {
                 return Err(SensorProblem::new(field, message));
             }
         }
-        if !(0.1..=1000.0).contains(&self.pixel_size_um) {
-            let message = format!("{} is outside 0.1 to 1000; give the pitch in um", self.pixel_size_um);
-            return Err(SensorProblem::new("pixel_size_um", message));
-        }
-        if !(self.fill_factor > 0.0 && self.fill_factor <= 1.0) {
-            let message = format!("{} is outside 0 to 1; give a fraction, not percent", self.fill_factor);
-            return Err(SensorProblem::new("fill_factor", message));
-        }
-        if let Some(aperture) = self.aperture_um.filter(|a| !(*a > 0.0 && *a <= self.pixel_size_um)) {
+        SensorProblem::unless_within(
+            "pixel_size_um",
+            self.pixel_size_um,
+            [0.1, 1e3],
+            "give the pitch in um",
+        )?;
+        SensorProblem::unless_within(
+            "fill_factor",
+            self.fill_factor,
+            [1e-6, 1.0],
+            "give a fraction, not percent",
+        )?;
+        if let Some(aperture) = self.aperture_um.filter(|a| !(1e-3..=self.pixel_size_um).contains(a)) {
             let message = format!(
-                "{aperture} is outside 0 to the pixel size, {} um; give the side of the square that collects light",
+                "{} is outside 0.001 to the pixel size, {} um; give the side of the square that collects light",
+                number_text(aperture),
                 self.pixel_size_um
             );
             return Err(SensorProblem::new("aperture_um", message));
@@ -514,7 +524,7 @@ impl SensorModel {
         if !(0.0..f64::from(self.max_code())).contains(&self.black_level_dn) {
             let message = format!(
                 "{} is outside the {} codes of {} bits; give the digital number of a covered pixel",
-                self.black_level_dn,
+                number_text(self.black_level_dn),
                 u32::from(self.max_code()) + 1,
                 self.bit_depth
             );
@@ -539,12 +549,14 @@ impl SensorModel {
     }
 }
 
-fn not_negative(field: &str, value: f64) -> Result<(), SensorProblem> {
-    if value >= 0.0 && value.is_finite() {
-        Ok(())
-    } else {
-        Err(SensorProblem::new(field, format!("{value} can't be a noise or a current; give 0 or more")))
-    }
+/// Temperatures of sensors, degrees Celsius, from absolute zero up.
+pub(super) const TEMPERATURE_C: [f64; 2] = [-273.15, 1e3];
+
+/// Temperatures over which a dark current doubles, K.
+pub(super) const DOUBLING_K: [f64; 2] = [0.1, 1e3];
+
+fn noise_or_current(field: &str, value: f64) -> Result<(), SensorProblem> {
+    SensorProblem::unless_within(field, value, [0.0, 1e9], "a noise or a current is 0 or more")
 }
 
 #[cfg(test)]

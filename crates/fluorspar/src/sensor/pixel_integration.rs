@@ -22,10 +22,7 @@ impl FilmExtent {
 
     pub(super) fn validate(&self) -> Result<(), SensorProblem> {
         for (field, value) in [("film.width_mm", self.width_mm), ("film.height_mm", self.height_mm)] {
-            if !(value > 0.0 && value.is_finite()) {
-                let message = format!("{value} is not a length; give a positive number of mm");
-                return Err(SensorProblem::new(field, message));
-            }
+            SensorProblem::unless_within(field, value, [1e-6, 1e7], "give mm")?;
         }
         Ok(())
     }

@@ -87,10 +87,8 @@ impl Readout {
                     let message = "only charge binning adds electrons; remove it or set kind = \"charge\"";
                     return Err(SensorProblem::new("binning.well_capacity_e", message));
                 }
-                if !(well > 0.0 && well.is_finite()) {
-                    let message = format!("{well} is not above zero; give a positive number of electrons");
-                    return Err(SensorProblem::new("binning.well_capacity_e", message));
-                }
+                let (field, range) = ("binning.well_capacity_e", [1.0, 1e9]);
+                SensorProblem::unless_within(field, well, range, "give electrons")?;
             }
             for (field, first, count, step) in [
                 ("columns", first_column, width, binning.columns * cell[1]),

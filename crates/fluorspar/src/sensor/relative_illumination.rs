@@ -2,6 +2,7 @@
 
 use super::{SensorModel, SensorProblem};
 use crate::image::Mosaic;
+use crate::units::number_text;
 
 /// Key of coefficients that hold for every channel.
 const ALL: &str = "all";
@@ -30,6 +31,9 @@ impl RelativeIllumination {
             }
             if coefficients.len() > 8 {
                 return problem(format!("{} coefficients; give at most 8", coefficients.len()));
+            }
+            if let Some(a) = coefficients.iter().find(|a| !(-100.0..=100.0).contains(*a)) {
+                return problem(format!("the coefficient {} is outside -100 to 100", number_text(*a)));
             }
             for step in 0..=100 {
                 let value = polynomial(coefficients, f64::from(step) / 100.0);

@@ -58,17 +58,11 @@ impl Shutter {
     }
 
     pub(super) fn validate(&self) -> Result<(), SensorProblem> {
-        if !(0.0..=1e6).contains(&self.row_time_us) {
-            let message = format!("{} is outside 0 to 1e6; give microseconds per row", self.row_time_us);
-            return Err(SensorProblem::new("shutter.row_time_us", message));
-        }
+        let within = SensorProblem::unless_within;
+        within("shutter.row_time_us", self.row_time_us, [0.0, 1e6], "give microseconds per row")?;
         let sensitivity = self.parasitic_light_sensitivity;
-        if !(0.0..=1.0).contains(&sensitivity) {
-            let message = format!(
-                "{sensitivity} is outside 0 to 1; give a fraction, not percent or a ratio such as 1:10000"
-            );
-            return Err(SensorProblem::new("shutter.parasitic_light_sensitivity", message));
-        }
+        let mending = "give a fraction, not percent or a ratio such as 1:10000";
+        within("shutter.parasitic_light_sensitivity", sensitivity, [0.0, 1.0], mending)?;
         if self.kind == ShutterKind::Rolling && sensitivity > 0.0 {
             let message = "a rolling shutter has no storage node; remove it or set kind = \"global\"";
             return Err(SensorProblem::new("shutter.parasitic_light_sensitivity", message));
@@ -79,23 +73,15 @@ impl Shutter {
 
 impl Strobe {
     pub(super) fn validate(&self) -> Result<(), SensorProblem> {
-        if !self.delay_ms.is_finite() {
-            let message = format!("{} is not a time; give milliseconds", self.delay_ms);
-            return Err(SensorProblem::new("strobe.delay_ms", message));
-        }
-        for (field, value, unit) in [
-            ("strobe.duration_ms", self.duration_ms, "milliseconds"),
-            ("strobe.frequency_hz", self.frequency_hz, "Hz"),
+        let within = SensorProblem::unless_within;
+        within("strobe.delay_ms", self.delay_ms, [-1e9, 1e9], "give milliseconds")?;
+        for (field, value, range, mending) in [
+            ("strobe.duration_ms", self.duration_ms, [1e-12, 1e9], "give milliseconds"),
+            ("strobe.frequency_hz", self.frequency_hz, [1e-6, 1e9], "give Hz"),
         ] {
-            if let Some(value) = value.filter(|value| !(*value > 0.0 && *value <= 1e9)) {
-                let message = format!("{value} is outside 0 to 1e9; give a positive number of {unit}");
-                return Err(SensorProblem::new(field, message));
-            }
+            within(field, value.unwrap_or(1.0), range, mending)?;
         }
-        if !(self.duty > 0.0 && self.duty <= 1.0) {
-            let message = format!("{} is outside 0 to 1; give a fraction, not percent", self.duty);
-            return Err(SensorProblem::new("strobe.duty", message));
-        }
+        within("strobe.duty", self.duty, [1e-12, 1.0], "give a fraction, not percent")?;
         if self.duty < 1.0 && self.frequency_hz.is_none() {
             let message = "a duty needs a frequency; give strobe.frequency_hz";
             return Err(SensorProblem::new("strobe.duty", message));

@@ -6,6 +6,7 @@ use serde::Serialize;
 use super::SensorProblem;
 use crate::sampling::random::Key;
 use crate::spectral::{Curve, Radiance, Spectrum};
+use crate::units::number_text;
 
 /// An instrument that reads spectral radiance.
 ///
@@ -64,6 +65,7 @@ impl Spectroradiometer {
             if (low..=high).contains(&value) {
                 return Ok(());
             }
+            let [low, high] = [low, high].map(number_text);
             Err(SensorProblem::new(field, format!("must be between {low} and {high}{unit}")))
         };
         within("first_nm", self.first_nm, [200.0, 1200.0], " nm")?;
@@ -83,9 +85,7 @@ impl Spectroradiometer {
                 "makes more than 20000 readings; choose a larger step",
             ));
         }
-        if self.readings == 0 {
-            return Err(SensorProblem::new("readings", "must be at least 1"));
-        }
+        within("readings", self.readings.into(), [1.0, 1e6], "")?;
         Ok(())
     }
 

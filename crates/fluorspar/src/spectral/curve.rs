@@ -3,6 +3,7 @@
 use thiserror::Error;
 
 use super::{CurveModel, Quantity, Spectrum, WavelengthGrid};
+use crate::units::number_text;
 
 /// Step, nm, at which analytic models and products are sampled before they are averaged over bins.
 pub const FINE_STEP_NM: f64 = 0.5;
@@ -34,7 +35,9 @@ pub enum CurveError {
     TooFew(usize),
     /// Wavelengths that do not increase.
     #[error(
-        "wavelengths must increase: sample {index} is at {value} nm after {previous} nm. Sort the file by wavelength"
+        "wavelengths must increase: sample {index} is at {} nm after {} nm. Sort the file by wavelength",
+        number_text(*value),
+        number_text(*previous)
     )]
     NotIncreasing {
         /// Number of the sample, from 0.
@@ -45,7 +48,10 @@ pub enum CurveError {
         previous: f64,
     },
     /// NaN or infinite.
-    #[error("sample {index} (at {wavelength_nm} nm) is {value}; every value must be a finite number")]
+    #[error(
+        "sample {index} (at {} nm) is {value}; every value must be a finite number",
+        number_text(*wavelength_nm)
+    )]
     NotFinite {
         /// Number of the sample, from 0.
         index: usize,
@@ -56,7 +62,10 @@ pub enum CurveError {
     },
     /// A wavelength far from the optical range.
     #[error(
-        "wavelengths run from {first} to {last}; they must lie between 100 and 20000 nm. Are they in micrometres or metres? Give nanometres"
+        "wavelengths run from {} to {}; they must lie between 100 and 20000 nm. Are they in micrometres or metres? Give \
+         nanometres",
+        number_text(*first),
+        number_text(*last)
     )]
     NotNanometres {
         /// First wavelength.

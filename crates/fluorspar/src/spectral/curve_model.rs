@@ -10,6 +10,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::hemoglobin;
+use crate::units::check_range;
 
 /// Second radiation constant `h c / k` in nm K (CODATA 2018, exact SI constants).
 const SECOND_RADIATION_CONSTANT_NM_K: f64 = 1.438_776_877e7;
@@ -373,7 +374,7 @@ impl CurveModel {
     /// The first field that is wrong, and a sentence that says what is wrong and how to mend it.
     pub fn validate(&self) -> Result<(), CurveProblem> {
         match self {
-            Self::Constant { value } => at_least("value", *value, 0.0),
+            Self::Constant { value } => not_negative("value", *value),
             Self::Table { wavelength_nm, value } => check_table(wavelength_nm, value),
             Self::Led { peak_nm, fwhm_short_nm, fwhm_long_nm, shape, tails } => {
                 positive("peak_nm", *peak_nm)?;
@@ -398,12 +399,12 @@ impl CurveModel {
                 Ok(())
             }
             Self::Bands { base, bands } => {
-                at_least("base", *base, 0.0)?;
+                not_negative("base", *base)?;
                 for (i, band) in bands.iter().enumerate() {
                     positive(&format!("bands[{i}].peak_nm"), band.peak_nm)?;
                     positive(&format!("bands[{i}].fwhm_short_nm"), band.fwhm_short_nm)?;
                     positive(&format!("bands[{i}].fwhm_long_nm"), band.fwhm_long_nm)?;
-                    at_least(&format!("bands[{i}].weight"), band.weight, 0.0)?;
+                    not_negative(&format!("bands[{i}].weight"), band.weight)?;
                 }
                 Ok(())
             }
@@ -429,11 +430,11 @@ impl CurveModel {
                 Ok(())
             }
             Self::Sigmoids { base, steps } => {
-                at_least("base", *base, 0.0)?;
+                not_negative("base", *base)?;
                 for (i, step) in steps.iter().enumerate() {
                     positive(&format!("steps[{i}].center_nm"), step.center_nm)?;
                     positive(&format!("steps[{i}].width_nm"), step.width_nm)?;
-                    finite(&format!("steps[{i}].height"), step.height)?;
+                    within(&format!("steps[{i}].height"), step.height, -LARGEST, LARGEST)?;
                 }
                 Ok(())
             }
@@ -471,32 +472,6 @@ impl CurveModel {
             | Self::Blackbody { .. } => None,
         }
     }
-
-    /// Width in nm of the narrowest feature; a third of it is a good sampling step.
-    ///
-    /// Infinite for a curve without features (a constant, a band model without bands).
-    #[must_use]
-    pub fn feature_nm(&self) -> f64 {
-        let narrowest = |widths: &mut dyn Iterator<Item = f64>| widths.fold(f64::INFINITY, f64::min);
-        match self {
-            Self::Constant { .. } => f64::INFINITY,
-            Self::Table { wavelength_nm, .. } => {
-                narrowest(&mut wavelength_nm.windows(2).map(|pair| pair[1] - pair[0]))
-            }
-            Self::Led { fwhm_short_nm, fwhm_long_nm, .. } => fwhm_short_nm.min(*fwhm_long_nm),
-            Self::Bands { bands, .. } => {
-                narrowest(&mut bands.iter().map(|band| band.fwhm_short_nm.min(band.fwhm_long_nm)))
-            }
-            Self::Edges { edges, notches, .. } => narrowest(
-                &mut edges.iter().map(|edge| edge.width_nm).chain(notches.iter().map(|notch| notch.fwhm_nm)),
-            ),
-            Self::Sigmoids { steps, .. } => narrowest(&mut steps.iter().map(|step| step.width_nm)),
-            // Wien's displacement law puts the peak at c2 / (4.965 T); the curve turns over about that distance
-            Self::Blackbody { temperature_k, .. } => SECOND_RADIATION_CONSTANT_NM_K / (4.965 * temperature_k),
-            // the 577 nm band of HbO2 is 15 nm wide
-            Self::BloodDiffuse(_) => 15.0,
-        }
-    }
 }
 
 impl BloodDiffuse {
@@ -523,16 +498,16 @@ impl BloodDiffuse {
     fn validate(&self) -> Result<(), CurveProblem> {
         positive("scattering_per_cm", self.scattering_per_cm)?;
         within("scattering_power", self.scattering_power, 0.0, 6.0)?;
-        at_least("background_per_cm", self.background_per_cm, 0.0)?;
+        not_negative("background_per_cm", self.background_per_cm)?;
         // a shorter decay would let the exponential overflow in the far ultraviolet
         within("background_decay_nm", self.background_decay_nm, 5.0, 1e6)?;
         within("blood_fraction", self.blood_fraction, 0.0, 1.0)?;
         within("saturation", self.saturation, 0.0, 1.0)?;
-        at_least("vessel_radius_um", self.vessel_radius_um, 0.0)?;
-        at_least("superficial_blood_um", self.superficial_blood_um, 0.0)?;
-        at_least("hemoglobin_g_per_l", self.hemoglobin_g_per_l, 0.0)?;
+        not_negative("vessel_radius_um", self.vessel_radius_um)?;
+        not_negative("superficial_blood_um", self.superficial_blood_um)?;
+        not_negative("hemoglobin_g_per_l", self.hemoglobin_g_per_l)?;
         within("refractive_index", self.refractive_index, 1.0, 2.0)?;
-        at_least("melanin_depth", self.melanin_depth, 0.0)
+        not_negative("melanin_depth", self.melanin_depth)
     }
 }
 
@@ -543,42 +518,22 @@ fn packaging(absorption_per_cm: f64, radius_um: f64) -> f64 {
     if depth > 0.0 { -(-depth).exp_m1() / depth } else { 1.0 }
 }
 
-fn finite(field: &str, value: f64) -> Result<(), CurveProblem> {
-    if value.is_finite() {
-        Ok(())
-    } else {
-        Err((
-            field.to_owned(),
-            format!("{value} is not a number that can be computed with; give a finite one"),
-        ))
-    }
-}
+/// Largest number of a model: beyond any quantity of a curve, and far from the end of single precision.
+const LARGEST: f64 = 1e12;
+/// Smallest number that is told from zero where a width or a height is needed.
+const SMALLEST: f64 = 1e-12;
 
 fn positive(field: &str, value: f64) -> Result<(), CurveProblem> {
-    finite(field, value)?;
-    if value > 0.0 {
-        Ok(())
-    } else {
-        Err((field.to_owned(), format!("{value} is not above 0; give a positive number")))
-    }
+    within(field, value, SMALLEST, LARGEST)
 }
 
-fn at_least(field: &str, value: f64, low: f64) -> Result<(), CurveProblem> {
-    finite(field, value)?;
-    if value >= low {
-        Ok(())
-    } else {
-        Err((field.to_owned(), format!("{value} is below {low}; give {low} or more")))
-    }
+fn not_negative(field: &str, value: f64) -> Result<(), CurveProblem> {
+    within(field, value, 0.0, LARGEST)
 }
 
 fn within(field: &str, value: f64, low: f64, high: f64) -> Result<(), CurveProblem> {
-    finite(field, value)?;
-    if (low..=high).contains(&value) {
-        Ok(())
-    } else {
-        Err((field.to_owned(), format!("{value} is outside {low} to {high}; give a number in that range")))
-    }
+    check_range(value, [low, high], "give a number in that range")
+        .map_err(|message| (field.to_owned(), message))
 }
 
 fn check_table(wavelength_nm: &[f64], value: &[f64]) -> Result<(), CurveProblem> {
@@ -600,7 +555,7 @@ fn check_table(wavelength_nm: &[f64], value: &[f64]) -> Result<(), CurveProblem>
     }
     for (i, (at, v)) in wavelength_nm.iter().zip(value).enumerate() {
         positive(&format!("wavelength_nm[{i}]"), *at)?;
-        at_least(&format!("value[{i}]"), *v, 0.0)?;
+        not_negative(&format!("value[{i}]"), *v)?;
     }
     for (i, pair) in wavelength_nm.windows(2).enumerate() {
         if pair[1] <= pair[0] {
@@ -678,7 +633,6 @@ mod tests {
         close(led.eval(393.0), 0.5 + 0.5 * tail_at_half, 1e-12);
         close(led.eval(485.0), 0.05 * (-5.0f64).exp(), 1e-9);
         assert!(led.eval(350.0) < 1e-10, "no tail on the short side");
-        close(led.feature_nm(), 10.0, 0.0);
     }
 
     #[test]
@@ -690,7 +644,6 @@ mod tests {
         close(filter.eval(385.0), 1e-5, 1e-9);
         close(filter.eval(600.0), 0.95, 1e-6);
         close(filter.eval(700.0), 0.475, 1e-5);
-        close(filter.feature_nm(), 6.0, 0.0);
     }
 
     #[test]
@@ -741,7 +694,6 @@ mod tests {
         {
             close(curve.eval(at), want, 1e-12);
         }
-        close(curve.feature_nm(), 100.0, 0.0);
     }
 
     #[test]
@@ -813,7 +765,7 @@ mod tests {
         }
         let (field, message) = problem(&curve);
         assert_eq!(field, "tails[0].decay_nm");
-        assert!(message.contains("positive"), "{message}");
+        assert!(message.contains("outside 1e-12 to 1e12"), "{message}");
 
         assert_eq!(problem(&CurveModel::Constant { value: f64::NAN }).0, "value");
         assert_eq!(problem(&CurveModel::Constant { value: -0.1 }).0, "value");

@@ -6,10 +6,14 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use crate::units::number_text;
+
 /// Most bins a grid may have: 1 nm over the whole supported range and then some.
 pub const MAX_BINS: usize = 2048;
 /// Shortest wavelength supported, nm.
 pub const MIN_WAVELENGTH_NM: f64 = 200.0;
+/// Smallest and largest step between bins, nm.
+const STEP_NM: [f64; 2] = [1e-6, MAX_WAVELENGTH_NM - MIN_WAVELENGTH_NM];
 /// Longest wavelength supported, nm.
 pub const MAX_WAVELENGTH_NM: f64 = 1200.0;
 
@@ -32,10 +36,10 @@ pub enum GridError {
     #[error("a wavelength grid needs at least one bin, that is two edges; got {0} edge(s)")]
     TooFew(usize),
     /// More bins than supported.
-    #[error("a wavelength grid may have at most {MAX_BINS} bins; this one has {0}. Use a larger step")]
+    #[error("a wavelength grid may have at most {MAX_BINS} bins; this one has {text}. Use a larger step", text = number_text(*.0 as f64))]
     TooMany(usize),
     /// Edges are not strictly increasing or not finite.
-    #[error("wavelength edges must increase: edge {index} is {value} nm after {previous} nm")]
+    #[error("wavelength edges must increase: edge {index} is {} nm after {} nm", number_text(*value), number_text(*previous))]
     NotIncreasing {
         /// Number of the edge, from 0.
         index: usize,
@@ -46,12 +50,18 @@ pub enum GridError {
     },
     /// Outside the supported range.
     #[error(
-        "wavelength {0} nm is outside the supported {MIN_WAVELENGTH_NM} to {MAX_WAVELENGTH_NM} nm. \
-         Is it in micrometres or metres? Wavelengths are given in nanometres"
+        "wavelength {text} nm is outside the supported {MIN_WAVELENGTH_NM} to {MAX_WAVELENGTH_NM} nm. \
+         Is it in micrometres or metres? Wavelengths are given in nanometres",
+        text = number_text(*.0)
     )]
     OutOfRange(f64),
-    /// A step that is not positive.
-    #[error("the wavelength step must be a positive number of nanometres; got {0}")]
+    /// A step outside 1e-6 to 1000 nm.
+    #[error(
+        "the wavelength step must be between {} and {} nm; got {text}",
+        number_text(STEP_NM[0]),
+        number_text(STEP_NM[1]),
+        text = number_text(*.0)
+    )]
     BadStep(f64),
 }
 
@@ -83,9 +93,9 @@ impl WavelengthGrid {
     /// Bins of one width centred on `first_nm`, `first_nm + step_nm`, ... up to `last_nm` (inclusive).
     ///
     /// # Errors
-    /// A step that is not positive or a range outside 200 to 1200 nm.
+    /// A step outside 1e-6 to 1000 nm, more than [`MAX_BINS`] bins, or a range outside 200 to 1200 nm.
     pub fn uniform(first_nm: f64, last_nm: f64, step_nm: f64) -> Result<Self, GridError> {
-        if !(step_nm > 0.0 && step_nm.is_finite()) {
+        if !(STEP_NM[0]..=STEP_NM[1]).contains(&step_nm) {
             return Err(GridError::BadStep(step_nm));
         }
         for value in [first_nm, last_nm] {

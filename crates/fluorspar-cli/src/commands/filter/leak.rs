@@ -18,10 +18,10 @@ pub(super) struct Options {
     sample: Option<String>,
     /// Filter in front of the lens, instead of those of the sample: a name of the catalogue, a CSV file or a number from 0
     /// to 1. May be repeated; `none` is no filter.
-    #[arg(long, value_name = "NAME|CSV|T")]
+    #[arg(long, value_name = "NAME|CSV|T", allow_negative_numbers = true)]
     view_filter: Vec<String>,
     /// Filter on the light, instead of those of the sample. As `--view-filter`.
-    #[arg(long, value_name = "NAME|CSV|T")]
+    #[arg(long, value_name = "NAME|CSV|T", allow_negative_numbers = true)]
     light_filter: Vec<String>,
     /// Angle of the light to the normal of the filters, degrees. May be repeated.
     #[arg(long, value_name = "DEG", default_values_t = [0.0, 10.0, 20.0, 30.0],

@@ -6,13 +6,13 @@ use fluorspar::experiment::parse_sample;
 use fluorspar::experiment::schema::{FluorophoreSection, YieldUnit};
 use fluorspar::preset::{self, FluorophorePreset};
 use fluorspar::spectral::{Fluorophore, Stokes, YieldDensity};
+use fluorspar::units::number_text;
 use serde::Serialize;
 
 use super::measured::{Kind, Measured, read};
 use super::{FileOptions, StokesChoice, Unit};
 use crate::commands::quoted;
 use crate::error::CliError;
-use crate::values::as_text;
 
 /// Scale of a file that gives none: that of the catalogue.
 const ASSUMED_PHOTON_YIELD: f64 = 1e-3;
@@ -61,10 +61,10 @@ pub(super) fn from_file(
     options: &FileOptions,
 ) -> Result<(FluorophoreSection, Measured), CliError> {
     let photon_yield = options.photon_yield.unwrap_or(ASSUMED_PHOTON_YIELD);
-    if !(photon_yield > 0.0 && photon_yield <= 1.0) {
+    if !(1e-12..=1.0).contains(&photon_yield) {
         return Err(CliError::Input(format!(
-            "--photon-yield {}: must be above 0 and at most 1 (photons out per photon in)",
-            as_text(photon_yield)
+            "--photon-yield {}: must be between 1e-12 and 1 (photons out per photon in)",
+            number_text(photon_yield)
         )));
     }
     if path.is_dir() {

@@ -7,12 +7,13 @@ use clap::ValueHint;
 use fluorspar::format::write_atomically;
 use fluorspar::optics::{LensReport, LensReportSettings, LensSetting, LensState};
 use fluorspar::preset::{LensError, LoadedLens, lens_or_file};
+use fluorspar::units::number_text;
 use fluorspar_report::figures::{lens_drawing, lens_field, lens_mtf, lens_spots};
 
 use crate::commands::table::{align, short};
 use crate::commands::{FigureFormat, beside, check_file, print_json, print_text};
 use crate::error::CliError;
-use crate::values::{self, as_text, check_range};
+use crate::values::{self, check_range};
 
 /// Options of `lens report`.
 #[derive(Clone, Debug, clap::Args)]
@@ -77,7 +78,7 @@ pub(super) fn run(options: &Options) -> Result<(), CliError> {
         };
         match typed {
             Some((option, value)) => {
-                let value = value.map(as_text).unwrap_or_default();
+                let value = value.map(number_text).unwrap_or_default();
                 CliError::Input(format!("{option} {value}: {}: {}", options.lens, problem.message))
             }
             None => LensError::Prescription { name: options.lens.clone(), problem }.into(),

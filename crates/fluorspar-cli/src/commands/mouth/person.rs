@@ -1,20 +1,22 @@
 //! Whose mouth it is.
 
 use fluorspar::anatomy::{EXAMINATION_VIEWS, ExaminationView, MouthParameters, POSES, sample_person};
+use fluorspar::units::number_text;
 
 use crate::error::CliError;
+use crate::values;
 
 /// Shape and pose of one mouth.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub(crate) struct PersonArgs {
     /// A person drawn from the population, instead of the average adult: 7 is the seventh of `mouth sample`.
-    #[arg(long, value_name = "NUMBER", value_parser = parse_person)]
+    #[arg(long, value_name = "NUMBER", value_parser = parse_person, allow_negative_numbers = true)]
     person: Option<u32>,
     /// Change one parameter, for instance `--set tooth_scale=1.05`; see `fluorspar schema`. May be repeated.
     #[arg(long = "set", value_name = "FIELD=VALUE")]
     set: Vec<String>,
     /// Factor on the rows and columns of the meshes: 0.4 is a preview of 50 000 triangles, 4 shows every papilla.
-    #[arg(long, value_name = "D")]
+    #[arg(long, value_name = "D", value_parser = values::number, allow_negative_numbers = true)]
     pub(crate) detail: Option<f64>,
 }
 
@@ -52,7 +54,20 @@ impl PersonArgs {
         }
         let parameters: MouthParameters =
             serde_json::from_value(tree).map_err(|error| CliError::Input(format!("--set: {error}")))?;
-        parameters.validate().map_err(|error| CliError::Input(format!("mouth: {error}")))?;
+        parameters.validate().map_err(|error| {
+            let is_own = |change: &&String| {
+                change.split_once('=').is_some_and(|(field, _)| field.trim() == error.field)
+            };
+            // The last change of a field is the one that counts.
+            let typed = match (self.set.iter().rfind(is_own), self.detail) {
+                (Some(change), _) => format!("--set {change}"),
+                (None, Some(detail)) if error.field == "detail" => {
+                    format!("--detail {}", number_text(detail))
+                }
+                _ => format!("mouth: {}", error.field),
+            };
+            CliError::Input(format!("{typed}: {}", error.message))
+        })?;
         Ok(parameters)
     }
 }

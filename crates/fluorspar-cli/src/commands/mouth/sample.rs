@@ -10,18 +10,19 @@ use fluorspar::format::write_atomically;
 
 use super::person::parse_person;
 use crate::error::CliError;
+use crate::values;
 
 /// Most people at a time.
-const MOST: u32 = 100_000;
+const MOST: u64 = 100_000;
 
 /// Options of `mouth sample`.
 #[derive(Clone, Debug, clap::Args)]
 pub(crate) struct Options {
     /// How many people.
-    #[arg(long, value_name = "N", default_value_t = 10)]
+    #[arg(long, value_name = "N", default_value_t = 10, value_parser = values::whole::<u32, 1, MOST>, allow_negative_numbers = true)]
     count: u32,
     /// Number of the first, which is its seed; the others follow.
-    #[arg(long, value_name = "S", default_value_t = 1, value_parser = parse_person)]
+    #[arg(long, value_name = "S", default_value_t = 1, value_parser = parse_person, allow_negative_numbers = true)]
     seed: u32,
     /// Experiment on which each person's file is based.
     #[arg(long, value_name = "NAME", default_value = "oraleye-2021")]
@@ -32,11 +33,13 @@ pub(crate) struct Options {
 }
 
 pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
-    if !(1..=MOST).contains(&options.count) {
-        return Err(CliError::Input(format!("--count {}: must be between 1 and {MOST}", options.count)));
-    }
     let Some(last) = options.seed.checked_add(options.count - 1) else {
-        return Err(CliError::Input(format!("--seed {}: too large for so many people", options.seed)));
+        return Err(CliError::Input(format!(
+            "--seed {}: must be between 1 and {} for {} people",
+            options.seed,
+            u32::MAX - (options.count - 1),
+            options.count
+        )));
     };
     if options.out.exists() {
         return Err(CliError::Input(format!(

@@ -15,6 +15,7 @@ use crate::commands::table::align;
 use crate::error::CliError;
 use crate::experiment_source::ExperimentSource;
 use crate::progress::render_with_progress;
+use crate::values::{self, Override, as_typed, sets};
 
 /// Options of `mouth view`.
 #[derive(Clone, Debug, clap::Args)]
@@ -31,10 +32,11 @@ pub(crate) struct Options {
     #[arg(long, value_name = "GROUP", default_value = "white")]
     light: String,
     /// Width of each picture, pixels (64 to 2000); three quarters of it high. Rows with fewer pictures have larger ones.
-    #[arg(long, value_name = "PX", default_value_t = 240)]
+    #[arg(long, value_name = "PX", default_value_t = 240, value_parser = values::whole::<usize, 64, 2000>,
+        allow_negative_numbers = true)]
     width: usize,
     /// Paths per pixel.
-    #[arg(long, value_name = "N", default_value_t = 16)]
+    #[arg(long, value_name = "N", default_value_t = 16, value_parser = values::whole::<u32, 1, 1_000_000>, allow_negative_numbers = true)]
     spp: u32,
     /// PNG file.
     #[arg(long, value_name = "FILE", default_value = "mouth.png", value_hint = ValueHint::FilePath)]
@@ -56,9 +58,6 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
             .collect();
         crate::commands::print_text(&align(&rows, &[1]))?;
         return Ok(ExitCode::SUCCESS);
-    }
-    if !(64..=2000).contains(&options.width) {
-        return Err(CliError::Input(format!("--width {}: must be between 64 and 2000", options.width)));
     }
     crate::commands::check_parent(&options.out)?;
     if !options.out.extension().is_some_and(|e| e.eq_ignore_ascii_case("png")) {
@@ -98,23 +97,26 @@ fn picture(
     let parameters = options.person.parameters(Some(view.name))?;
     let source = ExperimentSource::find(Some(&options.experiment))?;
     let mut overrides = vec![
-        format!("render.width_px={width}"),
-        format!("render.height_px={height}"),
-        format!("render.samples_per_pixel={}", options.spp),
-        format!("camera.position_mm={:?}", view.camera_mm),
-        format!("camera.look_at_mm={:?}", view.look_at_mm),
-        format!("camera.horizontal_field_deg={}", view.horizontal_field_deg()),
+        Override::of_option("render.samples_per_pixel", options.spp, format!("--spp {}", options.spp)),
+        Override::set(&format!("render.width_px={width}")),
+        Override::set(&format!("render.height_px={height}")),
+        Override::set(&format!("camera.position_mm={:?}", view.camera_mm)),
+        Override::set(&format!("camera.look_at_mm={:?}", view.look_at_mm)),
+        Override::set(&format!("camera.horizontal_field_deg={}", view.horizontal_field_deg())),
     ];
     let mouth = toml::Value::try_from(&parameters)
         .map_err(|error| CliError::Failed(format!("can't write the parameters: {error}")))?;
     for (field, value) in mouth.as_table().into_iter().flatten() {
-        overrides.push(format!("mouth.{field}={value}"));
+        // The person was checked before: what does not fit is the experiment.
+        let typed = format!("--experiment {}", options.experiment);
+        overrides.push(Override::of_option(&format!("mouth.{field}"), value, typed));
     }
     let base: &Path = &source.base_dir;
-    let mut experiment = parse(&source.text, &source.name, base, &overrides)?;
+    let mut experiment = parse(&source.text, &source.name, base, &sets(&overrides))
+        .map_err(|error| as_typed(error, &overrides))?;
     // Only light is looked at: a region that this view does not see is no defect.
     experiment.file.analysis = None;
-    let experiment = resolve(&experiment)?;
+    let experiment = resolve(&experiment).map_err(|error| as_typed(error, &overrides))?;
     if !experiment.scene.light_groups.iter().any(|group| group.name == options.light) {
         let known: Vec<&str> =
             experiment.scene.light_groups.iter().map(|group| group.name.as_str()).collect();

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::{ValueEnum, ValueHint};
 use fluorspar::experiment::ResolvedSensor;
 use fluorspar::sensor::{Characterization, CharacterizationSettings, SensorProblem, characterize};
+use fluorspar::units::number_text;
 use fluorspar_report::Figure;
 use fluorspar_report::figures::{PhotonTransferPlot, SnrPlot, photon_transfer, signal_to_noise};
 use serde_json::{Value, json};
@@ -16,7 +17,7 @@ use crate::commands::out_folder::OutFolder;
 use crate::commands::table::{align, short};
 use crate::commands::{print_json, print_text};
 use crate::error::CliError;
-use crate::values::{self, as_text};
+use crate::values;
 
 /// Options of `sensor characterize`.
 #[derive(Clone, Debug, clap::Args)]
@@ -37,18 +38,18 @@ pub(super) struct Options {
     gain: f64,
     /// Columns and rows in the middle of the sensor that are measured.
     #[arg(long, num_args = 2, value_names = ["COLUMNS", "ROWS"], default_values_t = [640, 480],
-        value_parser = values::whole::<usize>, allow_negative_numbers = true)]
+        value_parser = values::whole::<usize, 16, 100_000>, allow_negative_numbers = true)]
     region: Vec<usize>,
     /// Steps of the light from dark to saturation.
-    #[arg(long, value_name = "N", default_value_t = 50, value_parser = values::whole::<usize>,
+    #[arg(long, value_name = "N", default_value_t = 50, value_parser = values::whole::<usize, 10, 100_000>,
         allow_negative_numbers = true)]
     levels: usize,
     /// Frames that are averaged for the fixed patterns.
-    #[arg(long, value_name = "N", default_value_t = 32, value_parser = values::whole::<usize>,
+    #[arg(long, value_name = "N", default_value_t = 32, value_parser = values::whole::<usize, 4, 100_000>,
         allow_negative_numbers = true)]
     stack: usize,
     /// Seed of the temporal noise.
-    #[arg(long, value_name = "S", default_value_t = 0, value_parser = values::whole::<u64>,
+    #[arg(long, value_name = "S", default_value_t = 0, value_parser = values::whole::<u64, 0, { u64::MAX }>,
         allow_negative_numbers = true)]
     seed: u64,
     #[command(flatten)]
@@ -73,9 +74,10 @@ impl Options {
             "characterization.levels" => format!("--levels {}", self.levels),
             "characterization.stack" => format!("--stack {}", self.stack),
             "characterization.exposure_s" | "exposure.time_s" => {
-                return format!("--exposure-ms {}: give milliseconds above 0", as_text(self.exposure_ms));
+                let typed = number_text(self.exposure_ms);
+                return format!("--exposure-ms {typed}: must be between 1e-6 and 3600000 milliseconds");
             }
-            "exposure.gain" => format!("--gain {}", as_text(self.gain)),
+            "exposure.gain" => format!("--gain {}", number_text(self.gain)),
             _ => return problem.to_string(),
         };
         format!("{typed}: {}", problem.message)

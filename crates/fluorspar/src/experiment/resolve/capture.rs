@@ -14,7 +14,7 @@ use crate::material::Material;
 use crate::optics::PerspectiveCamera;
 use crate::preset::nearest_name;
 use crate::scene::{Object, Shape};
-use crate::sensor::{CaptureFrame, Sensor};
+use crate::sensor::{CaptureFrame, EXPOSURE_MS, Sensor};
 use crate::spectral::{Curve, WavelengthGrid};
 
 fn hint<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> String {
@@ -92,10 +92,15 @@ pub(super) fn captures(
         for (number, stops) in section.bracket_ev.iter().enumerate() {
             let at = steps!["capture", index, "bracket_ev", number];
             context.within(&at, *stops, [-16.0, 16.0], "stops")?;
+            // An exposure that a rule finds is known only when light is.
+            if let Some(main_ms) = exposure_ms {
+                let [shortest, longest] = EXPOSURE_MS.map(|ms| (ms / main_ms).log2());
+                let message = "stops: an exposure lasts from 1e-6 to 3600000 milliseconds";
+                context.within(&at, *stops, [shortest.max(-16.0), longest.min(16.0)], message)?;
+            }
         }
         if let Some(on_ms) = section.light_on_ms {
-            context.positive(&at("light_on_ms"), on_ms, "milliseconds")?;
-            context.within(&at("light_on_ms"), on_ms, [0.0, 3.6e6], "milliseconds")?;
+            context.within(&at("light_on_ms"), on_ms, EXPOSURE_MS, "milliseconds")?;
         }
         if let Some(other) = &section.subtract
             && !earlier.contains(&other.as_str())

@@ -11,8 +11,19 @@ use crate::anatomy::{MouthParameters, Tissue};
 use crate::experiment::document::Document;
 use crate::experiment::error::{ExperimentError, Step};
 use crate::experiment::schema::ExposureTime;
-use crate::sensor::AutoExposure;
+use crate::sensor::{AutoExposure, EXPOSURE_MS};
 use crate::spectral::WavelengthGrid;
+use crate::units::number_text;
+
+/// Lengths and distances, mm: from a nanometre to the largest coordinate.
+pub(in crate::experiment) const LENGTH_MM: [f64; 2] = [1e-6, LARGEST_MM];
+/// Factors on lengths, and millimetres per unit of a file.
+pub(in crate::experiment) const SCALE: [f64; 2] = [1e-6, 1e6];
+/// Radiances, W/(sr m²), irradiances, W/m², powers, mW, and factors on them: far beyond any lamp on both sides, and so that
+/// the squares of what a pixel sees are numbers in single precision.
+pub(in crate::experiment) const STRENGTH: [f64; 2] = [1e-12, 1e12];
+/// Largest coordinate, mm.
+const LARGEST_MM: f64 = 1e7;
 
 pub(in crate::experiment) struct Context<'a> {
     pub(in crate::experiment) document: &'a Document,
@@ -100,13 +111,6 @@ impl<'a> Context<'a> {
         std::mem::take(&mut self.warnings)
     }
 
-    pub(in crate::experiment) fn positive(&self, at: &[Step], value: f64, unit: &str) -> Resolved<f64> {
-        if value > 0.0 && value.is_finite() {
-            return Ok(value);
-        }
-        self.fail(at, format!("must be positive ({unit})"))
-    }
-
     /// Checks a range, ends included; NaN is outside.
     pub(in crate::experiment) fn within(
         &self,
@@ -119,7 +123,7 @@ impl<'a> Context<'a> {
             return Ok(value);
         }
         let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
-        self.fail(at, format!("must be between {low} and {high}{unit}"))
+        self.fail(at, format!("must be between {} and {}{unit}", number_text(low), number_text(high)))
     }
 
     pub(in crate::experiment) fn whole_within(
@@ -136,7 +140,6 @@ impl<'a> Context<'a> {
 
     /// A point or displacement of the file, mm, in metres.
     pub(in crate::experiment) fn meters(&self, at: &[Step], value_mm: [f64; 3]) -> Resolved<Vec3> {
-        const LARGEST_MM: f64 = 1e7;
         if value_mm.iter().all(|v| v.abs() <= LARGEST_MM) {
             return Ok((DVec3::from_array(value_mm) * 1e-3).as_vec3());
         }
@@ -192,15 +195,10 @@ impl<'a> Context<'a> {
         time: ExposureTime,
         rule: AutoExposure,
     ) -> Resolved<(Option<f64>, Option<AutoExposure>)> {
-        /// One hour.
-        const LONGEST_MS: f64 = 3.6e6;
         match time {
             ExposureTime::Auto => Ok((None, Some(rule))),
-            ExposureTime::Milliseconds(value) if value > 0.0 && value <= LONGEST_MS => {
-                Ok((Some(value), None))
-            }
-            ExposureTime::Milliseconds(_) => {
-                self.fail(at, "must be above 0 and at most 3600000 milliseconds")
+            ExposureTime::Milliseconds(value) => {
+                Ok((Some(self.within(at, value, EXPOSURE_MS, "milliseconds")?), None))
             }
         }
     }

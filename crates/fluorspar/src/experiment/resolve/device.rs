@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use super::context::{Context, Resolved};
+use super::context::{Context, LENGTH_MM, Resolved};
 use super::error_target;
 use super::spectrum::Role;
 use crate::experiment::document::is_path;
@@ -79,7 +79,7 @@ pub(super) fn render_settings(context: &Context<'_>, section: &RenderSection) ->
     context.whole_within(&at("samples_per_pixel"), section.samples_per_pixel.into(), [1, MOST_SAMPLES])?;
     context.whole_within(&at("max_depth"), section.max_depth.into(), [1, 1000])?;
     if let Some(limit) = section.time_limit_s {
-        context.positive(&at("time_limit_s"), limit, "seconds")?;
+        context.within(&at("time_limit_s"), limit, [1e-6, 1e9], "seconds")?;
     }
     let gib = context.within(&at("memory_limit_gib"), section.memory_limit_gib, [0.001, 1024.0], "GiB")?;
     let edges = section.excitation_edges_nm.clone().unwrap_or_default();
@@ -188,8 +188,9 @@ pub(super) fn camera(
             }
         }
         (FieldOfView::Degrees(value), _, _) => {
-            if !(value > 0.0 && value < 179.0) {
-                return context.fail(&at("horizontal_field_deg"), "must be above 0 and below 179 degrees");
+            if !(1e-6..179.0).contains(&value) {
+                return context
+                    .fail(&at("horizontal_field_deg"), "must be at least 1e-6 and below 179 degrees");
             }
             value
         }
@@ -415,7 +416,7 @@ fn traced_lens(
         context.note_preset("lens", name, &text);
     }
     if let Some(wanted_mm) = section.focal_length_mm {
-        context.positive(&at("focal_length_mm"), wanted_mm, "mm")?;
+        context.within(&at("focal_length_mm"), wanted_mm, LENGTH_MM, "millimetres")?;
         let own_mm = Paraxial::new(&lens, lens.design_wavelength_nm).focal_length_mm;
         if own_mm > 0.0 && own_mm.is_finite() {
             lens = lens.scaled(wanted_mm / own_mm);

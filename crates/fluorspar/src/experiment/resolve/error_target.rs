@@ -88,8 +88,10 @@ pub(super) fn error_target(
     }
     if channels.is_empty() {
         let [low, high] = section.error_range_nm.unwrap_or([0.0, f64::MAX]);
-        if low.is_nan() || high.is_nan() || low >= high {
-            return context.fail(&at("error_range_nm"), "must rise: [first, last] in nm");
+        let is_wavelength = |nm: f64| (0.0..=1e5).contains(&nm);
+        if section.error_range_nm.is_some() && !(is_wavelength(low) && is_wavelength(high) && low < high) {
+            let message = "must rise, between 0 and 100000: [first, last] in nm, such as [500, 700]";
+            return context.fail(&at("error_range_nm"), message);
         }
         let weights: Vec<f64> = (0..grid.len())
             .map(|band| if (low..=high).contains(&grid.center_nm(band)) { grid.width_nm(band) } else { 0.0 })

@@ -1,6 +1,6 @@
 //! Development, motion, spectroradiometers and safety.
 
-use super::context::{Context, Resolved};
+use super::context::{Context, LENGTH_MM, Resolved};
 use super::spectrum::Role;
 use super::{Capture, FlatFieldPlan, ResolvedDevelop, ResolvedSpectroradiometer, SpotOrParts};
 use crate::experiment::error::steps;
@@ -106,7 +106,6 @@ pub(super) fn spectroradiometers(
             let at = steps!["spectroradiometer", index, "filters", number];
             filter = filter.times(&context.spectrum(&at, reference, Role::Filter, 0.0, grid)?);
         }
-        context.whole_within(&at("readings"), section.readings.into(), [1, 1_000_000])?;
         let instrument = Spectroradiometer {
             first_nm: section.first_nm,
             last_nm: section.last_nm,
@@ -148,7 +147,7 @@ pub(super) fn safety(context: &Context<'_>, file: &ExperimentFile) -> Resolved<S
         ("lit_diameter_mm", Some(section.lit_diameter_mm)),
     ] {
         if let Some(value) = value {
-            context.positive(&at(key), value, "millimetres")?;
+            context.within(&at(key), value, LENGTH_MM, "millimetres")?;
         }
     }
     context.within(&at("reflectance"), section.reflectance, [0.0, 1.0], "")?;

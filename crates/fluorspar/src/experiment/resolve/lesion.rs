@@ -22,7 +22,8 @@ const SIDE: usize = 512;
 /// Shortest and longest axis of an ellipse, mm: from less than a pixel of the textures to more than any part is long.
 const SIZE_MM: [f64; 2] = [0.1, 200.0];
 
-/// Adds all lesions: the part gets a material of its own.
+/// Adds all lesions: the part gets a material of its own, behind the others. Returns the number of the material that
+/// each of these was copied from.
 pub(super) fn lesions(
     context: &mut Context<'_>,
     file: &ExperimentFile,
@@ -31,7 +32,8 @@ pub(super) fn lesions(
     materials: &mut Vec<Material>,
     fluorophores: &mut Fluorophores,
     parts: &mut [Object],
-) -> Resolved<()> {
+) -> Resolved<Vec<usize>> {
+    let mut copied = Vec::new();
     for (index, lesion) in section.lesion.iter().enumerate() {
         let at = steps!["mouth", "lesion", index];
         let field = |key: &str| [&at[..], &steps![key]].concat();
@@ -65,10 +67,11 @@ pub(super) fn lesions(
             let material =
                 with_spot(&materials[object.material], &lesion.name, &mask, blood_um, &reflectance, &amounts);
             materials.push(material);
+            copied.push(object.material);
             object.material = materials.len() - 1;
         }
     }
-    Ok(())
+    Ok(copied)
 }
 
 /// The parts of the tongue's back, which share one map.

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
-use super::context::{Context, Resolved};
+use super::context::{Context, LENGTH_MM, Resolved, STRENGTH};
 use super::spectrum::{Role, grey};
 use crate::experiment::error::{Step, steps};
 use crate::experiment::schema::{LightFrame, LightSection, LightType};
@@ -244,7 +244,7 @@ fn emitters(
     };
     let place = |v: Vec3| if in_camera { camera.position + turn(v) } else { v };
     let length = |key: &str, value: Option<f64>| -> Resolved<f32> {
-        let value_mm = context.positive(&field(key), value.unwrap_or(f64::NAN), "millimetres")?;
+        let value_mm = context.within(&field(key), value.unwrap_or(f64::NAN), LENGTH_MM, "millimetres")?;
         Ok((value_mm * 1e-3) as f32)
     };
 
@@ -356,7 +356,9 @@ fn absolute_spectrum(
     grid: &WavelengthGrid,
 ) -> Resolved<Curve> {
     let field = |key: &str| [at, &steps![key]].concat();
-    let bare = context.spectrum(&field("spectrum"), &section.spectrum, Role::Light, 0.0, grid)?;
+    // A map of spectral radiances is multiplied as it is; all others are scaled to what the section states.
+    let role = if is_spectral_map(section) { Role::Absolute } else { Role::Light };
+    let bare = context.spectrum(&field("spectrum"), &section.spectrum, role, 0.0, grid)?;
     context.within(&field("filter_angle_deg"), section.filter_angle_deg, [0.0, 60.0], "degrees")?;
     let mut filtered = bare.clone();
     for (index, filter) in section.filters.iter().enumerate() {
@@ -369,7 +371,8 @@ fn absolute_spectrum(
         return context.fail(at, "nothing passes the filters of this light; check spectrum and filters");
     }
     if let Some(power_mw) = section.power_mw {
-        let power_w = context.positive(&field("power_mw"), power_mw, "milliwatts per emitter")? * 1e-3;
+        let power_w =
+            context.within(&field("power_mw"), power_mw, STRENGTH, "milliwatts per emitter")? * 1e-3;
         return Ok(filtered.scaled(power_w / total(&bare)));
     }
     if is_spectral_map(section) {
@@ -377,18 +380,18 @@ fn absolute_spectrum(
     }
     let unit = filtered.scaled(1.0 / total(&filtered));
     if let Some(radiance) = section.radiance_w_per_sr_m2 {
-        let radiance = context.positive(&field("radiance_w_per_sr_m2"), radiance, "W/(sr m²)")?;
+        let radiance = context.within(&field("radiance_w_per_sr_m2"), radiance, STRENGTH, "W/(sr m²)")?;
         return Ok(unit.scaled(radiance));
     }
     let irradiance = section.irradiance_w_per_m2.unwrap_or(f64::NAN);
-    let irradiance = context.positive(&field("irradiance_w_per_m2"), irradiance, "W/m²")?;
+    let irradiance = context.within(&field("irradiance_w_per_m2"), irradiance, STRENGTH, "W/m²")?;
     if section.kind == LightType::Distant {
         return Ok(unit.scaled(irradiance));
     }
     let Some(distance_mm) = section.at_distance_mm else {
         return context.fail(at, "`irradiance_w_per_m2` needs `at_distance_mm`, where it was measured");
     };
-    let distance_m = context.positive(&field("at_distance_mm"), distance_mm, "millimetres")? * 1e-3;
+    let distance_m = context.within(&field("at_distance_mm"), distance_mm, LENGTH_MM, "millimetres")? * 1e-3;
     let per_watt = irradiance_per_watt(emitters, distance_m);
     if per_watt <= 0.0 {
         return context.fail(&field("at_distance_mm"), "no light reaches the axis at this distance");

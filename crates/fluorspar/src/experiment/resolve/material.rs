@@ -102,10 +102,10 @@ pub(in crate::experiment) fn check_sections(
             return context.fail(&at, message);
         }
         if let Some(value) = section.photon_yield
-            && !(value > 0.0 && value <= 1.0)
+            && !(1e-12..=1.0).contains(&value)
         {
             let at = [at, steps!["photon_yield"]].concat();
-            return context.fail(&at, "must be above 0 and at most 1 (photons out per photon in)");
+            return context.fail(&at, "must be between 1e-12 and 1 (photons out per photon in)");
         }
         if let Some(name) = &section.from
             && let Err(error) = preset::fluorophore(name)

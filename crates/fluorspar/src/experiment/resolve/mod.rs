@@ -252,7 +252,7 @@ pub fn resolve(experiment: &Experiment) -> Result<ResolvedExperiment, Experiment
     material::check_sections(context, &file.fluorophore)?;
     let mut fluorophores = material::Fluorophores::default();
     let mut materials = material::materials(context, file, &grid, &mut fluorophores)?;
-    let objects =
+    let (objects, copied_materials) =
         object::objects(context, file, &mut materials, &mut fluorophores, &grid, &mut light_groups)?;
     let captures = capture::captures(context, file, &light_groups, &grid)?;
     let motion = instrument::motion(context, file)?;
@@ -275,7 +275,7 @@ pub fn resolve(experiment: &Experiment) -> Result<ResolvedExperiment, Experiment
     render.error_target = error_target::error_target(context, &file.render, &scene, &captures, optics)?;
     let in_bands = whole_image_bytes(&scene) + tile_row_bytes(&scene, &render);
     device::check_memory(context, file, memory_bytes(&scene, &render), in_bands)?;
-    warn_unused(context, file, &scene, analysis.as_ref());
+    warn_unused(context, file, &scene, &copied_materials, analysis.as_ref());
     for warning in scene.warnings() {
         context.push_warning(warning.to_string());
     }
@@ -345,14 +345,12 @@ fn warn_unused(
     context: &mut Context<'_>,
     file: &ExperimentFile,
     scene: &Scene,
+    copied_materials: &[usize],
     analysis: Option<&ResolvedAnalysis>,
 ) {
-    // Behind the materials of the file stand copies with spots of lesions, named after them: a material is used by those.
-    let (written, copies) = scene.materials.split_at(file.material.len().min(scene.materials.len()));
-    for (index, material) in written.iter().enumerate() {
-        let copy = format!("{} with ", material.name);
-        if !scene.objects.iter().any(|object| object.material == index)
-            && !copies.iter().any(|other| other.name.starts_with(&copy))
+    for (index, material) in file.material.iter().enumerate() {
+        // A material of which all parts have lesions is used by its copies only.
+        if !scene.objects.iter().any(|object| object.material == index) && !copied_materials.contains(&index)
         {
             context
                 .warn(&steps!["material", index], format!("no object uses material \"{}\"", material.name));

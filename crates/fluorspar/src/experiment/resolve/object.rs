@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use glam::{Affine3, Affine3A, EulerRot, Mat3, Quat, Vec2, Vec3};
 
-use super::context::{Context, Resolved};
+use super::context::{Context, LENGTH_MM, Resolved, SCALE, STRENGTH};
 use super::lesion;
 use super::light::group_index;
 use super::material::Fluorophores;
@@ -23,7 +23,8 @@ use crate::preset::nearest_name;
 use crate::scene::{Object, Shape, SurfaceEmission};
 use crate::spectral::{MAX_WAVELENGTH_NM, MIN_WAVELENGTH_NM, WavelengthGrid};
 
-/// All surfaces: parts of the mouth first, then the objects.
+/// All surfaces: parts of the mouth first, then the objects. With them the number of the material that each one added for
+/// a lesion was copied from.
 pub(super) fn objects(
     context: &mut Context<'_>,
     file: &ExperimentFile,
@@ -31,8 +32,9 @@ pub(super) fn objects(
     fluorophores: &mut Fluorophores,
     grid: &WavelengthGrid,
     groups: &mut Vec<LightGroup>,
-) -> Resolved<Vec<Object>> {
+) -> Resolved<(Vec<Object>, Vec<usize>)> {
     let mut objects: Vec<Object> = Vec::new();
+    let mut copied = Vec::new();
     for (index, section) in file.object.iter().enumerate() {
         let at = steps!["object", index];
         let earlier = file.object[..index].iter().map(|other| other.name.as_str());
@@ -48,7 +50,7 @@ pub(super) fn objects(
     if let Some(section) = &file.mouth {
         let mut parts = mouth(context, section, materials)?;
         scans(context, section, materials, &mut parts)?;
-        lesion::lesions(context, file, section, grid, materials, fluorophores, &mut parts)?;
+        copied = lesion::lesions(context, file, section, grid, materials, fluorophores, &mut parts)?;
         for object in &objects {
             if parts.iter().any(|part| part.name == object.name) {
                 // An object that is only named by its instances has no line of its own.
@@ -60,7 +62,7 @@ pub(super) fn objects(
         parts.append(&mut objects);
         objects = parts;
     }
-    Ok(objects)
+    Ok((objects, copied))
 }
 
 fn object(
@@ -118,7 +120,8 @@ fn object(
         } else {
             let file = section.mesh.as_deref().unwrap_or_default();
             let unit_mm = section.unit_mm.unwrap_or(1.0);
-            let unit_mm = context.positive(&field("unit_mm"), unit_mm, "millimetres per unit of the file")?;
+            let unit_mm =
+                context.within(&field("unit_mm"), unit_mm, SCALE, "millimetres per unit of the file")?;
             if section.displacement.is_none()
                 && let Some(shared) = read_shared_meshes(context, &field("mesh"), file, unit_mm)?
             {
@@ -296,6 +299,10 @@ fn instance_map(context: &Context<'_>, at: &[Step], section: &InstanceSection) -
             if *section != others {
                 return context.fail(&field("matrix"), "a matrix is all of a place; remove the other fields");
             }
+            if rows.iter().any(|row| row[..3].iter().any(|a| a.is_nan() || a.abs() > SCALE[1])) {
+                let message = "every number of the three axes must be between -1000000 and 1000000";
+                return context.fail(&field("matrix"), message);
+            }
             let axis = |column: usize| Vec3::from([0, 1, 2].map(|row| rows[row][column] as f32));
             Affine3 {
                 matrix3: Mat3::from_cols(axis(0), axis(1), axis(2)),
@@ -312,8 +319,9 @@ fn instance_map(context: &Context<'_>, at: &[Step], section: &InstanceSection) -
             };
             let (map, _) = affine(context, at, &turned)?;
             for factor in section.stretch {
-                if !factor.is_finite() || factor == 0.0 {
-                    let message = "factors must be finite and not 0: the mesh would have no volume";
+                if !(SCALE[0]..=SCALE[1]).contains(&factor.abs()) {
+                    let message =
+                        "every factor must be between 1e-6 and 1000000, or the negative of such a number";
                     return context.fail(&field("stretch"), message);
                 }
             }
@@ -411,7 +419,7 @@ fn material_index(context: &Context<'_>, at: &[Step], name: &str, materials: &[M
 
 fn affine(context: &Context<'_>, at: &[Step], section: &TransformSection) -> Resolved<(Affine3A, f32)> {
     let field = |key: &str| [at, &steps![key]].concat();
-    let scale = context.positive(&field("scale"), section.scale, "a factor on all lengths")? as f32;
+    let scale = context.within(&field("scale"), section.scale, SCALE, "as a factor on all lengths")? as f32;
     let translation = context.meters(&field("translate_mm"), section.translate_mm)?;
     for angle in section.rotate_deg {
         context.within(&field("rotate_deg"), angle, [-3600.0, 3600.0], "degrees")?;
@@ -432,7 +440,7 @@ fn affine(context: &Context<'_>, at: &[Step], section: &TransformSection) -> Res
 
 fn radius(context: &Context<'_>, at: &[Step], radius_mm: f64, scale: f32) -> Resolved<f32> {
     let at = [at, &steps!["radius_mm"]].concat();
-    Ok((context.positive(&at, radius_mm, "millimetres")? * 1e-3) as f32 * scale)
+    Ok((context.within(&at, radius_mm, LENGTH_MM, "millimetres")? * 1e-3) as f32 * scale)
 }
 
 fn sphere_shape(
@@ -489,7 +497,7 @@ fn box_mesh(context: &Context<'_>, at: &[Step], cuboid: &BoxShape) -> Resolved<T
     let center = context.meters(&[at, &steps!["center_mm"]].concat(), cuboid.center_mm)?;
     let size_at = [at, &steps!["size_mm"]].concat();
     for size in cuboid.size_mm {
-        context.positive(&size_at, size, "millimetres")?;
+        context.within(&size_at, size, LENGTH_MM, "millimetres")?;
     }
     let size = context.meters(&size_at, cuboid.size_mm)?;
     let mut mesh = TriangleMesh::default();
@@ -537,7 +545,7 @@ fn surface_emission(
 ) -> Resolved<SurfaceEmission> {
     let field = |key: &str| [at, &steps![key]].concat();
     let radiance = section.radiance_w_per_sr_m2;
-    let radiance = context.positive(&field("radiance_w_per_sr_m2"), radiance, "W/(sr m²)")?;
+    let radiance = context.within(&field("radiance_w_per_sr_m2"), radiance, STRENGTH, "W/(sr m²)")?;
     let curve = context.spectrum(&field("spectrum"), &section.spectrum, Role::Light, 0.0, grid)?;
     if section.group.is_empty() {
         return context.fail(&field("group"), "a light group needs a name");
@@ -660,9 +668,10 @@ fn scans(
                 return context.fail(&field("replaces"), format!("the mouth has no part \"{name}\"{hint}"));
             }
         }
-        let unit_mm = context.positive(
+        let unit_mm = context.within(
             &field("unit_mm"),
             scan.unit_mm.unwrap_or(1.0),
+            SCALE,
             "millimetres per unit of the file",
         )?;
         let mut mesh = read_mesh(context, &field("mesh"), &scan.mesh, unit_mm)?;

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::context::{Context, Resolved};
+use super::context::{Context, Resolved, STRENGTH};
 use crate::anatomy::shared_surface_map;
 use crate::experiment::document::is_path;
 use crate::experiment::error::{Step, steps};
@@ -14,6 +14,11 @@ use crate::material::{ImageTexture, ScalarTexture};
 use crate::optics::Filter;
 use crate::preset::{self, CurvePreset};
 use crate::spectral::{Curve, CurveModel, MAX_WAVELENGTH_NM, MIN_WAVELENGTH_NM, WavelengthGrid};
+use crate::units::number_text;
+
+/// Largest value of a spectrum that is scaled to a power or a radiance, and largest factor on a file's values: it leaves room for
+/// counts and photons per second.
+const LARGEST_RELATIVE: f64 = 1e30;
 
 /// What a spectrum is used for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -121,10 +126,9 @@ impl Context<'_> {
         self.note_range(at, [first, last], grid);
         match table.scale {
             None => Ok(curve),
-            Some(scale) if scale > 0.0 && scale.is_finite() => Ok(curve.scaled(scale)),
-            Some(_) => {
+            Some(scale) => {
                 let at: Vec<Step> = at.iter().cloned().chain(steps!["scale"]).collect();
-                self.fail(&at, "must be positive (a factor on the values)")
+                Ok(curve.scaled(self.within(&at, scale, [1.0 / LARGEST_RELATIVE, LARGEST_RELATIVE], "")?))
             }
         }
     }
@@ -152,7 +156,12 @@ impl Context<'_> {
     }
 
     fn check_values(&self, at: &[Step], curve: &Curve, role: Role) -> Resolved<()> {
-        let bad = |value: &f64| !(*value >= 0.0 && value.is_finite()) || (role.is_fraction() && *value > 1.0);
+        let most = match role {
+            Role::Filter | Role::Reflectance => 1.0,
+            Role::Light => LARGEST_RELATIVE,
+            Role::Absolute => STRENGTH[1],
+        };
+        let bad = |value: &f64| !(0.0..=most).contains(value);
         let Some(index) = curve.values().iter().position(bad) else {
             if matches!(role, Role::Light | Role::Absolute)
                 && curve.integral(MIN_WAVELENGTH_NM, MAX_WAVELENGTH_NM) <= 0.0
@@ -162,12 +171,14 @@ impl Context<'_> {
             }
             return Ok(());
         };
-        let (nm, value) = (curve.wavelengths_nm()[index], curve.values()[index]);
+        let number = curve.values()[index];
+        let [value, nm] = [number, curve.wavelengths_nm()[index]].map(number_text);
         if role.is_fraction() {
-            let hint = if value > 1.0 && value <= 100.0 { "; percent? Give fractions" } else { "" };
+            let hint = if number > 1.0 && number <= 100.0 { "; percent? Give fractions" } else { "" };
             return self.fail(at, format!("the value {value} at {nm} nm is not between 0 and 1{hint}"));
         }
-        self.fail(at, format!("the value {value} at {nm} nm is no number from 0 up"))
+        let most = number_text(most);
+        self.fail(at, format!("the value {value} at {nm} nm is not between 0 and {most}"))
     }
 
     /// A texture from its reference. Values must be between 0 and `highest`.

@@ -79,7 +79,7 @@ pub struct CaptureSection {
     /// Light groups that are on, with their drive relative to the stated power, 0 or more. Default: all dark.
     #[serde(default)]
     pub light_groups: BTreeMap<String, f64>,
-    /// Exposure time in milliseconds, above 0 and at most 3 600 000, or "auto". Default "auto".
+    /// Exposure time in milliseconds, 1e-6 to 3 600 000, or "auto". Default "auto".
     #[serde(default = "auto")]
     pub exposure_ms: ExposureTime,
     /// What "auto" aims at. Default: the 99th percentile of the pixels at 80 % of saturation, 0.01 to 1000 ms.
@@ -98,7 +98,7 @@ pub struct CaptureSection {
     /// of them are merged to one frame of higher dynamic range, weighted by their noise. At most 31. Default: none.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub bracket_ev: Vec<f64>,
-    /// How long the lights are on, ms, above 0 and at most 3 600 000: what the safety assessment counts. Default: the sum of the
+    /// How long the lights are on, ms, 1e-6 to 3 600 000: what the safety assessment counts. Default: the sum of the
     /// exposure times.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub light_on_ms: Option<f64>,

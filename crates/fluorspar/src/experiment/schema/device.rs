@@ -86,7 +86,7 @@ pub struct CameraSection {
     pub look_at_mm: [f64; 3],
     /// Direction that is up in the image. Default [0, 1, 0].
     pub up: [f64; 3],
-    /// Horizontal field of view, degrees, above 0 and below 179, or "from_lens": what `lens` and `sensor` see.
+    /// Horizontal field of view, degrees, at least 1e-6 and below 179, or "from_lens": what `lens` and `sensor` see.
     /// Default "from_lens".
     pub horizontal_field_deg: FieldOfView,
 }

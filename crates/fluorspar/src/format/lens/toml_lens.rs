@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Fault;
 use crate::optics::{D_LINE_NM, Dispersion, FocusGap, FocusMechanism, LensPrescription, LensSurface, Medium};
+use crate::units::check_range;
 
 /// A lens as a TOML file. Lengths in mm, surfaces from the object to the image.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -146,9 +147,8 @@ impl LensFile {
     /// # Errors
     /// What is wrong and how to mend it.
     pub fn to_prescription(&self) -> Result<LensPrescription, String> {
-        if !(self.scale > 0.0 && self.scale.is_finite()) {
-            return Err(format!("scale = {}: must be a positive number", self.scale));
-        }
+        check_range(self.scale, [1e-6, 1e6], "give a factor on all lengths")
+            .map_err(|message| format!("scale: {message}"))?;
         let mut surfaces = Vec::with_capacity(self.surfaces.len());
         for (index, s) in self.surfaces.iter().enumerate() {
             let given = [s.glass.is_some(), s.index.is_some(), s.abbe.is_some(), s.dispersion.is_some()];
