@@ -22,8 +22,11 @@ use std::time::Instant;
 
 use common::{Mesh, Random, closed_surface, ray};
 use embree::EmbreeScene;
-use fluorspar_accel::{BuildOptions, Hit, Kernel, Ray, TriangleBvh};
+use fluorspar_accel::{BuildOptions, Hit, Kernel, LargePageAllocator, Ray, TriangleBvh};
 use glam::Vec3;
+
+#[global_allocator]
+static ALLOCATOR: LargePageAllocator = LargePageAllocator;
 
 const IMAGE_SIDE: usize = 512;
 const BLOBS: usize = 24;
@@ -108,7 +111,7 @@ impl Contender {
     fn name(&self) -> String {
         match self {
             Self::Ours(bvh) => bvh.kernel().to_string(),
-            Self::InTurns(bvh) => format!("{} x8", bvh.kernel()),
+            Self::InTurns(bvh) => format!("{} each", bvh.kernel()),
             Self::Embree(_, name) => (*name).into(),
         }
     }

@@ -25,7 +25,11 @@ use std::alloc::{GlobalAlloc, Layout, System};
 #[derive(Clone, Copy, Debug, Default)]
 pub struct LargePageAllocator;
 
-#[cfg(all(target_os = "linux", any(target_arch = "x86_64", target_arch = "aarch64")))]
+#[cfg(all(
+    target_os = "linux",
+    target_pointer_width = "64",
+    any(target_arch = "x86_64", target_arch = "aarch64")
+))]
 mod linux {
     use std::alloc::Layout;
     use std::ffi::{c_int, c_void};
@@ -40,6 +44,7 @@ mod linux {
             file: c_int,
             offset: isize,
         ) -> *mut c_void;
+        fn mremap(start: *mut c_void, bytes: usize, new_bytes: usize, flags: c_int, ...) -> *mut c_void;
         fn munmap(start: *mut c_void, bytes: usize) -> c_int;
         fn madvise(start: *mut c_void, bytes: usize, advice: c_int) -> c_int;
     }
@@ -48,6 +53,7 @@ mod linux {
     const READ_WRITE: c_int = 1 | 2;
     const PRIVATE_ANONYMOUS: c_int = 0x02 | 0x20;
     const FAILED: usize = usize::MAX;
+    const MAY_MOVE_TO: c_int = 1 | 2;
     const HUGE_PAGE: c_int = 14;
 
     /// Size of a large page of x86-64, and of 64-bit ARM with small pages of 4 KiB.
@@ -96,6 +102,27 @@ mod linux {
         unsafe { unmap(start, taken(size).unwrap_or(0)) };
     }
 
+    /// Moves memory to where there is room for more, page by page without copying; null, and nothing changed, if it can't.
+    ///
+    /// # Safety
+    /// The pointer must come from [`allocate`] with `size`, which takes less than `new_size`, and not be used any more unless
+    /// null is returned.
+    pub(super) unsafe fn grow(start: *mut u8, size: usize, new_size: usize) -> *mut u8 {
+        let new_start = allocate(new_size);
+        let old = taken(size).unwrap_or(0);
+        if new_start.is_null() {
+            return null_mut();
+        }
+        // SAFETY: the pages, which the caller gives up, take the place of the first of the new ones, which nobody has seen.
+        let moved = unsafe { mremap(start.cast(), old, old, MAY_MOVE_TO, new_start.cast::<c_void>()) };
+        if moved as usize == FAILED {
+            // SAFETY: it has just been allocated, with this size.
+            unsafe { release(new_start, new_size) };
+            return null_mut();
+        }
+        new_start
+    }
+
     /// Gives back what a smaller size does not take.
     ///
     /// # Safety
@@ -117,9 +144,13 @@ mod linux {
     }
 }
 
-// SAFETY: `linux::is_large` depends on the layout alone, so that memory goes back to where it came from: to the system if
-// large, to `System` if not. Both give memory of the size and alignment asked for, or null.
-#[cfg(all(target_os = "linux", any(target_arch = "x86_64", target_arch = "aarch64")))]
+// SAFETY: `linux::is_large` depends on the layout alone, so that memory goes back to where it came from: mappings if large,
+// `System` if not. Both give memory of the size and alignment asked for, or null.
+#[cfg(all(
+    target_os = "linux",
+    target_pointer_width = "64",
+    any(target_arch = "x86_64", target_arch = "aarch64")
+))]
 unsafe impl GlobalAlloc for LargePageAllocator {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         if linux::is_large(layout) {
@@ -158,6 +189,8 @@ unsafe impl GlobalAlloc for LargePageAllocator {
                 unsafe { linux::shrink(start, layout.size(), new_size) };
                 return start;
             }
+            // SAFETY: the caller gives the memory up unless null is returned.
+            (true, true) => return unsafe { linux::grow(start, layout.size(), new_size) },
             _ => {}
         }
         // SAFETY: as the caller promises; the two do not overlap, and both hold the bytes copied.
@@ -173,7 +206,11 @@ unsafe impl GlobalAlloc for LargePageAllocator {
 }
 
 // SAFETY: `System` does it all.
-#[cfg(not(all(target_os = "linux", any(target_arch = "x86_64", target_arch = "aarch64"))))]
+#[cfg(not(all(
+    target_os = "linux",
+    target_pointer_width = "64",
+    any(target_arch = "x86_64", target_arch = "aarch64")
+)))]
 unsafe impl GlobalAlloc for LargePageAllocator {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         // SAFETY: the caller promises what `System` asks for.
@@ -207,7 +244,7 @@ mod tests {
         const SIZES: [usize; 9] =
             [1 << 10, 1 << 20, (1 << 20) - 1, 3 << 20, (4 << 20) + 5, (7 << 20) / 2, 2 << 20, 100, 5 << 20];
         let expected = |index: usize| (index % 251) as u8 + 1;
-        for align in [1, 64, 4096] {
+        for align in [1, 64, 4096, 2 << 20, 4 << 20] {
             let layout = |size: usize| Layout::from_size_align(size, align).unwrap();
             // SAFETY: layouts have sizes above zero and belong to the pointers; what is read has been written or zeroed.
             unsafe {

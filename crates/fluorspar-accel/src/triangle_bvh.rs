@@ -294,6 +294,26 @@ mod tests {
         )
     }
 
+    /// Triangles that share vertices, on a wavy sheet of `2 SIDE SIDE`.
+    fn sheet() -> Vec<[Vec3; 3]> {
+        const SIDE: usize = 18;
+        let vertex = |row: usize, column: usize| {
+            let (x, y) = (2.0 * column as f32 / SIDE as f32 - 1.0, 2.0 * row as f32 / SIDE as f32 - 1.0);
+            // Both zeros, which are one number but not one vertex.
+            Vec3::new(
+                x,
+                y,
+                if row.is_multiple_of(5) { -0.0 } else { 0.3 * (7.0 * x).sin() * (5.0 * y).cos() },
+            )
+        };
+        let cell = |row: usize, column: usize| {
+            let [a, b] = [vertex(row, column), vertex(row, column + 1)];
+            let [c, d] = [vertex(row + 1, column), vertex(row + 1, column + 1)];
+            [[a, b, d], [a, d, c]]
+        };
+        (0..SIDE * SIDE).flat_map(|number| cell(number / SIDE, number % SIDE)).collect()
+    }
+
     fn soup(count: usize) -> Vec<[Vec3; 3]> {
         let corner = |n: usize, k: usize| point(7 * n) + 0.2 * point(31 * n + 1009 * k + 5);
         (0..count).map(|n| [corner(n, 0), corner(n, 1), corner(n, 2)]).collect()
@@ -338,21 +358,32 @@ mod tests {
     /// The tree only saves work: it changes no bit of the hits, however it groups the triangles.
     #[test]
     fn hits_do_not_depend_on_the_tree() {
-        let triangles = soup(700);
-        let corners = |number: u32| triangles[number as usize];
-        let trees = [
-            build_tree(triangles.len(), corners, binary_tree::clustered),
-            build_tree(triangles.len(), corners, binary_tree::balanced),
-            build_tree(40, corners, chain),
+        let (apart, together) = (soup(700), sheet());
+        type Cluster = fn(&[Bounds]) -> BinaryTree;
+        let cases: [(&[[Vec3; 3]], Cluster); 5] = [
+            (&apart, binary_tree::clustered),
+            (&apart, binary_tree::balanced),
+            (&apart[..40], chain),
+            (&together, binary_tree::clustered),
+            (&together, binary_tree::balanced),
         ];
-        for (tree, count) in trees.iter().zip([700, 700, 40]) {
-            check_invariants(tree, count, corners);
+        for (triangles, cluster) in cases {
+            let corners = |number: u32| triangles[number as usize];
+            let tree = &build_tree(triangles.len(), corners, cluster);
+            check_invariants(tree, triangles.len(), corners);
+            let is_full = |pack: &TrianglePack| pack.used().count_ones() as usize == PACK;
+            let shares = std::ptr::eq(triangles, together.as_slice());
+            assert_eq!(
+                tree.packs.iter().any(is_full),
+                shares,
+                "leaves are full where triangles share vertices"
+            );
             for kernel in Kernel::available() {
                 let dispatch = Dispatch::new(kernel).unwrap();
                 let mut hits = 0;
                 for index in 0..4000 {
                     let ray = ray(index);
-                    let expected = brute_force(&triangles[..count], &ray);
+                    let expected = brute_force(triangles, &ray);
                     assert_eq!(dispatch.closest(tree, &ray), expected, "{kernel}: {ray:?}");
                     assert_eq!(dispatch.occluded(tree, &ray), expected.is_some(), "{kernel}: {ray:?}");
                     hits += usize::from(expected.is_some());
@@ -374,7 +405,7 @@ mod tests {
             let options = BuildOptions { kernel: Some(kernel) };
             let bvh = TriangleBvh::build_with(&positions, &numbers, &options).unwrap();
             let nothing = TriangleBvh::build_with(&[], &[], &options).unwrap();
-            for count in [0, 1, 7, 8, 9, 1500] {
+            for count in [0, 1, 2, 63, 64, 65, 128, 1500] {
                 let rays = &rays[..count];
                 bvh.closest_each(rays, &mut hits);
                 assert_eq!(hits, rays.iter().map(|ray| bvh.closest(ray)).collect::<Vec<_>>(), "{kernel}");
@@ -421,7 +452,8 @@ mod tests {
                     for corner in 0..3 {
                         let vertex = pack.vertex(corner, lane);
                         let position = Vec3::from(pack.vertices.map(|axis| axis[vertex]));
-                        assert_eq!(position, corners(triangle as u32)[corner]);
+                        let bits = |v: Vec3| v.to_array().map(f32::to_bits);
+                        assert_eq!(bits(position), bits(corners(triangle as u32)[corner]));
                         assert!(position.cmpgt(min).all() && position.cmplt(max).all());
                     }
                 }

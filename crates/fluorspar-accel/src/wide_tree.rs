@@ -3,6 +3,7 @@
 use glam::Vec3;
 
 use crate::binary_tree::{BinaryNode, Bounds};
+
 /// Boxes per node.
 pub(crate) const WIDTH: usize = 8;
 /// Triangles per leaf.
@@ -37,6 +38,8 @@ pub(crate) struct TrianglePack {
     /// Numbers of the triangles in the input.
     pub(crate) numbers: [u32; PACK],
 }
+
+const _: () = assert!(size_of::<TrianglePack>() == 128 && size_of::<WideNode>() == 256);
 
 /// Bits of [`TrianglePack::corners`] for one corner.
 const CORNER_BITS: usize = 3 * PACK;
@@ -78,11 +81,13 @@ impl TrianglePack {
         Self { vertices: [[0.0; PACK_VERTICES]; 3], corners: 0, numbers: [u32::MAX; PACK] };
 
     /// Adds a triangle; says whether there was room. `vertex_count` is how many columns are in use.
+    #[must_use]
     pub(crate) fn add(&mut self, vertex_count: &mut usize, corners: [Vec3; 3], number: u32) -> bool {
         let triangle = self.used().count_ones() as usize;
         if triangle == PACK {
             return false;
         }
+        let mut bits = 0;
         for (corner, position) in corners.iter().enumerate() {
             // By bits, so that hits are computed from the very numbers that the input holds: 0.0 is not -0.0.
             let is_here = |&column: &usize| {
@@ -99,9 +104,9 @@ impl TrianglePack {
                     *vertex_count - 1
                 }
             };
-            self.corners |= (vertex as u64) << (corner * CORNER_BITS + 3 * triangle);
+            bits |= (vertex as u64) << (corner * CORNER_BITS + 3 * triangle);
         }
-        self.corners |= 1 << (3 * CORNER_BITS + triangle);
+        self.corners |= bits | 1 << (3 * CORNER_BITS + triangle);
         self.numbers[triangle] = number;
         true
     }
@@ -173,7 +178,7 @@ pub(crate) fn collapse(
         let (mut pack, mut vertex_count) = (TrianglePack::EMPTY, 0);
         for_each_leaf(tree, member, &mut |item| {
             let (corners, number) = triangle(item);
-            pack.add(&mut vertex_count, corners, number);
+            assert!(pack.add(&mut vertex_count, corners, number), "leaves were planned to fit");
         });
         packs.push(pack);
         (packs.len() - 1) as u32

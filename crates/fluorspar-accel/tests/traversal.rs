@@ -25,6 +25,18 @@ fn bits(hit: Option<Hit>) -> Option<(u32, u32, u32, u32)> {
     hit.map(|hit| (hit.t.to_bits(), hit.u.to_bits(), hit.v.to_bits(), hit.triangle))
 }
 
+/// Rays in turns find what they find alone.
+fn check_in_turns(bvh: &TriangleBvh, rays: &[Ray]) {
+    let (mut hits, mut answers) = (Vec::new(), Vec::new());
+    bvh.closest_each(rays, &mut hits);
+    bvh.occluded_each(rays, &mut answers);
+    assert_eq!((hits.len(), answers.len()), (rays.len(), rays.len()));
+    for ((ray, hit), answer) in rays.iter().zip(hits).zip(answers) {
+        assert_eq!(bits(hit), bits(bvh.closest(ray)), "{}: {ray:?}", bvh.kernel());
+        assert_eq!(answer, bvh.occluded(ray), "{}: {ray:?}", bvh.kernel());
+    }
+}
+
 /// Weights of the three corners and distance, in double precision (Moeller and Trumbore 1997); `None` if parallel.
 fn meet_line(ray: &Ray, corners: [Vec3; 3]) -> Option<([f64; 3], f64)> {
     let [p0, p1, p2] = corners.map(Vec3::as_dvec3);
@@ -135,14 +147,15 @@ fn kernels_agree_bit_for_bit() {
     for (name, mesh) in meshes() {
         let each = build_each(&mesh);
         let mut random = Random(23);
-        for _ in 0..4000 {
-            let ray = aimed_ray(&mut random, &mesh);
-            let expected = bits(each[0].closest(&ray));
+        let rays: Vec<Ray> = (0..4000).map(|_| aimed_ray(&mut random, &mesh)).collect();
+        for ray in &rays {
+            let expected = bits(each[0].closest(ray));
             for bvh in &each {
-                assert_eq!(bits(bvh.closest(&ray)), expected, "{name}, {}: {ray:?}", bvh.kernel());
-                assert_eq!(bvh.occluded(&ray), expected.is_some(), "{name}, {}: {ray:?}", bvh.kernel());
+                assert_eq!(bits(bvh.closest(ray)), expected, "{name}, {}: {ray:?}", bvh.kernel());
+                assert_eq!(bvh.occluded(ray), expected.is_some(), "{name}, {}: {ray:?}", bvh.kernel());
             }
         }
+        each.iter().for_each(|bvh| check_in_turns(bvh, &rays));
     }
 }
 
@@ -162,12 +175,14 @@ fn closed_surfaces_are_watertight() {
         let size = mesh.positions[0].distance(centre);
         for bvh in build_each(&mesh) {
             let mut random = Random(31);
+            let mut rays = Vec::new();
             for source in 0..6 {
                 let origin = if source == 0 { centre } else { centre + 0.4 * size * random.cube() };
-                let aim = |target: Vec3| {
+                let mut aim = |target: Vec3| {
                     let ray = ray(origin, target - origin);
                     assert!(bvh.closest(&ray).is_some(), "{name}, {}: {ray:?}", bvh.kernel());
                     assert!(bvh.occluded(&ray), "{name}, {}: {ray:?}", bvh.kernel());
+                    rays.push(ray);
                 };
                 for &vertex in &mesh.positions {
                     aim(vertex);
@@ -180,6 +195,7 @@ fn closed_surfaces_are_watertight() {
                     }
                 }
             }
+            check_in_turns(&bvh, &rays);
         }
     }
 }
@@ -229,6 +245,7 @@ fn axis_parallel_rays() {
     for axis in 0..3 {
         let mesh = grid(8, axis, 0.5);
         for bvh in build_each(&mesh) {
+            let mut rays = Vec::new();
             for negative_zeros in [false, true] {
                 // Over vertices, edges, diagonals and cells, from both sides.
                 for row in -8..=8 {
@@ -243,6 +260,7 @@ fn axis_parallel_rays() {
                             let ray = Ray { origin, direction, t_min: 0.0, t_max: f32::INFINITY };
                             let hit = bvh.closest(&ray).unwrap_or_else(|| panic!("missed by {ray:?}"));
                             assert_eq!(hit.t, 2.0);
+                            rays.extend([ray, Ray { t_max: 2.0, ..ray }, Ray { t_min: 2.0, ..ray }]);
                             assert!(!bvh.occluded(&Ray { t_max: 2.0, ..ray }), "t_max is excluded");
                             assert!(!bvh.occluded(&Ray { t_min: 2.0, ..ray }), "t_min is excluded");
                             assert!(bvh.closest(&Ray { direction: -direction, ..ray }).is_none());
@@ -255,7 +273,9 @@ fn axis_parallel_rays() {
                 let mut direction = Vec3::ZERO;
                 direction[(axis + 1) % 3] = 1.0;
                 assert_eq!(bvh.closest(&ray(origin, direction)), None);
+                rays.push(ray(origin, direction));
             }
+            check_in_turns(&bvh, &rays);
         }
     }
 }
@@ -273,6 +293,7 @@ fn equal_distances_go_to_the_lowest_number() {
         mesh.append(&layer);
     }
     for bvh in build_each(&mesh) {
+        let mut rays = Vec::new();
         for _ in 0..500 {
             let target = random.cube() * Vec3::new(1.0, 1.0, 0.0);
             let ray = ray(target + Vec3::new(0.1, 0.2, 1.0), Vec3::new(-0.1, -0.2, -1.0));
@@ -281,7 +302,9 @@ fn equal_distances_go_to_the_lowest_number() {
             let copies: Vec<usize> = (0..mesh.triangles.len()).filter(same).collect();
             assert_eq!(copies.len(), 8);
             assert_eq!(hit.triangle as usize, copies[0]);
+            rays.push(ray);
         }
+        check_in_turns(&bvh, &rays);
     }
 }
 
@@ -313,15 +336,21 @@ fn rays_that_make_no_sense_hit_nothing() {
     let mesh = soup(100, 1.0, 3);
     let sane = ray(Vec3::ZERO, Vec3::X);
     for bvh in build_each(&mesh) {
+        let mut senseless = vec![
+            Ray { direction: Vec3::ZERO, ..sane },
+            Ray { t_max: f32::NAN, ..sane },
+            Ray { t_min: f32::NAN, ..sane },
+            Ray { t_max: -1.0, ..sane },
+            Ray { t_min: f32::INFINITY, ..sane },
+        ];
         for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
-            assert_eq!(bvh.closest(&Ray { origin: Vec3::splat(bad), ..sane }), None);
-            assert_eq!(bvh.closest(&Ray { direction: Vec3::splat(bad), ..sane }), None);
+            senseless.push(Ray { origin: Vec3::splat(bad), ..sane });
+            senseless.push(Ray { direction: Vec3::splat(bad), ..sane });
         }
-        assert_eq!(bvh.closest(&Ray { direction: Vec3::ZERO, ..sane }), None);
-        assert_eq!(bvh.closest(&Ray { t_max: f32::NAN, ..sane }), None);
-        assert_eq!(bvh.closest(&Ray { t_min: f32::NAN, ..sane }), None);
-        assert_eq!(bvh.closest(&Ray { t_max: -1.0, ..sane }), None);
-        assert_eq!(bvh.closest(&Ray { t_min: f32::INFINITY, ..sane }), None);
+        for ray in &senseless {
+            assert_eq!(bvh.closest(ray), None, "{ray:?}");
+        }
+        check_in_turns(&bvh, &senseless);
         let behind = Ray { t_min: -10.0, ..sane };
         assert_eq!(bvh.closest(&behind), bvh.closest(&sane), "a ray has nothing behind its origin");
     }

@@ -1,7 +1,8 @@
-//! Traversal: one algorithm, and the code that tests eight boxes or triangles at once for each instruction set.
+//! Traversal: one algorithm, and the code that tests all boxes of a node or triangles of a leaf at once for each
+//! instruction set.
 //!
 //! A kernel only decides which boxes and triangles deserve a closer look; hits are computed by [`RayFrame::intersect`]
-//! alone. Box distances only steer the order of traversal.
+//! alone. Box distances steer the order of traversal and, with [`FAR_SLACK`], tell what lies beyond the nearest hit.
 // Unsafe code is allowed here for vector instructions that the processor must have and for reads without bounds checks
 // whose bounds the builder establishes; elsewhere in the workspace only in `large_pages`.
 #![allow(unsafe_code)]
@@ -169,7 +170,8 @@ trait Traversal: Copy {
     fn boxes(self, node: &WideNode, ray: &RayFrame, limit: f32) -> (u32, Distances);
 
     /// Puts the children whose boxes the ray meets on the stack, the nearest on top, without a branch where the
-    /// processor has instructions for that. Alone, a ray does better with [`enter`], which is over earlier.
+    /// processor has instructions for that. Alone, a ray does better with [`enter`], whose time
+    /// depends on how few boxes are met.
     ///
     /// # Safety
     /// The stack must have room for [`WIDTH`] more entries.
@@ -194,6 +196,7 @@ struct Distances([f32; WIDTH]);
 
 /// A node or leaf to visit, and the distance at which the ray enters it or a little less, in one number that sorts by
 /// distance.
+#[repr(transparent)]
 #[derive(Clone, Copy, Debug, Eq, Ord, PartialEq, PartialOrd)]
 struct Entry(i64);
 
@@ -217,7 +220,8 @@ impl Entry {
 
 /// What is left to visit. Not initialised beforehand: that would cost as much as a short traversal.
 struct Stack {
-    /// Kernels write [`WIDTH`] entries at a time, of which those beyond `len` do not count.
+    /// Kernels write [`WIDTH`] entries at a time, of which those beyond `len` do not count. As many more than are ever needed
+    /// also keep neighbouring stacks from sharing the same few lines of the cache.
     entries: [MaybeUninit<Entry>; STACK_CAPACITY + WIDTH],
     len: usize,
 }
@@ -605,6 +609,7 @@ fn occluded_placed<L: Traversal>(lanes: L, placed: &PlacedTrees, ray: &Ray) -> b
 
 /// Most rays that are on their way at a time.
 const IN_TURNS: usize = 64;
+const _: () = assert!(IN_TURNS <= u8::MAX as usize, "queues hold bytes");
 
 /// Searches along several rays, which take turns: while one waits for memory, the others go on.
 ///

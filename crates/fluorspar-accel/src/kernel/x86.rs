@@ -1,11 +1,11 @@
-//! x86-64: eight boxes or triangles per instruction. With AVX-512, the same instructions have more registers and masks.
+//! x86-64: eight boxes or six triangles per instruction. With AVX-512, the same instructions have more registers and masks.
 
 use std::arch::x86_64::*;
 
 use super::{ClosestSearch, Distances, OcclusionSearch, Stack, Traversal};
 use crate::instance_bvh::PlacedTrees;
 use crate::ray::{FAR_SLACK, Hit, Ray, RayFrame};
-use crate::wide_tree::{TrianglePack, WIDTH, WideNode, WideTree};
+use crate::wide_tree::{STACK_CAPACITY, TrianglePack, WIDTH, WideNode, WideTree};
 
 /// A type whose values prove that the processor has some instructions, and the functions compiled for them.
 macro_rules! kernel {
@@ -130,7 +130,7 @@ kernel!(
     "avx512f", "avx512bw", "avx512cd", "avx512dq", "avx512vl", "avx2", "bmi1", "bmi2", "popcnt"
 );
 
-// Loads below stay within fixed-size arrays, whose type keeps them aligned: rows of `WideNode::planes` and of
+// Loads below stay within fixed-size arrays, whose type keeps them aligned: rows of `WideNode::planes`, its `children`, and rows of
 // `TrianglePack::vertices` start at multiples of 32 bytes in structs aligned to 64.
 
 /// Where the ray enters eight boxes, and all bits set for those that it meets.
@@ -165,7 +165,7 @@ unsafe fn boxes(node: &WideNode, ray: &RayFrame, limit: f32) -> (__m256, __m256)
 /// AVX2 and POPCNT must be there, and the stack must have room for eight more entries.
 #[inline(always)]
 unsafe fn push_met(node: &WideNode, ray: &RayFrame, limit: f32, stack: &mut Stack) {
-    debug_assert!(stack.len + node.children.len() <= stack.entries.len());
+    debug_assert!(stack.len + WIDTH <= STACK_CAPACITY);
     // SAFETY: the caller promises AVX2 and room for eight entries; the load is aligned, as said above.
     unsafe {
         let (enter, met) = boxes(node, ray, limit);

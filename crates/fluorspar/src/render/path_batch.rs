@@ -90,8 +90,8 @@ struct Aim {
     weight: f32,
 }
 
-/// Several paths that are sampled in step, vertex by vertex, so that their rays can be traced in turns: one moves while
-/// another waits for memory. Reused from batch to batch.
+/// Several paths that are sampled in step, vertex by vertex, so that their rays can be traced in turns: some move while
+/// others wait. Reused from batch to batch.
 #[derive(Debug, Default)]
 pub(super) struct PathBatch {
     /// All walks there ever were; the first `len` count.
