@@ -400,9 +400,28 @@ trait Search: Copy {
     fn frame(&self) -> &RayFrame;
     /// Nothing entered farther away matters any more.
     fn limit(&self) -> f32;
-    /// Looks for hits in a leaf; says whether the search is over.
-    fn visit_leaf<L: Traversal>(&mut self, lanes: L, tree: &WideTree, reference: u32) -> bool;
+    /// Takes note of a hit beyond `t_min`.
+    fn meet(&mut self, hit: Hit);
+    /// Does no other hit matter any more?
+    fn is_over(&self) -> bool;
     fn answer(&self) -> Self::Answer;
+
+    /// Looks for hits in a leaf; says whether the search is over.
+    #[inline(always)]
+    fn visit_leaf<L: Traversal>(&mut self, lanes: L, tree: &WideTree, reference: u32) -> bool {
+        let pack = tree.pack(reference);
+        let mut candidates = lanes.candidates(pack, self.frame());
+        while candidates != 0 {
+            let lane = (candidates.trailing_zeros() as usize).min(PACK - 1);
+            candidates &= candidates - 1;
+            if let Some((t, u, v)) = self.frame().intersect(pack, lane)
+                && t > self.frame().t_min
+            {
+                self.meet(Hit { t, u, v, triangle: pack.numbers[lane] });
+            }
+        }
+        self.is_over()
+    }
 }
 
 /// What a search for the nearest hit knows of its ray.
@@ -442,22 +461,16 @@ impl Search for ClosestSearch {
     }
 
     #[inline(always)]
-    fn visit_leaf<L: Traversal>(&mut self, lanes: L, tree: &WideTree, reference: u32) -> bool {
-        let pack = tree.pack(reference);
-        let mut candidates = lanes.candidates(pack, &self.frame);
-        while candidates != 0 {
-            let lane = (candidates.trailing_zeros() as usize).min(PACK - 1);
-            candidates &= candidates - 1;
-            if let Some((t, u, v)) = self.frame.intersect(pack, lane) {
-                let triangle = pack.numbers[lane];
-                let nearer = t < self.best.t || (t == self.best.t && triangle < self.best.triangle);
-                if t > self.frame.t_min && nearer {
-                    self.best = Hit { t, u, v, triangle };
-                    self.found = true;
-                    self.limit = t * FAR_SLACK;
-                }
-            }
+    fn meet(&mut self, hit: Hit) {
+        if hit.t < self.best.t || (hit.t == self.best.t && hit.triangle < self.best.triangle) {
+            self.best = hit;
+            self.found = true;
+            self.limit = hit.t * FAR_SLACK;
         }
+    }
+
+    #[inline(always)]
+    fn is_over(&self) -> bool {
         false
     }
 }
@@ -497,19 +510,12 @@ impl Search for OcclusionSearch {
     }
 
     #[inline(always)]
-    fn visit_leaf<L: Traversal>(&mut self, lanes: L, tree: &WideTree, reference: u32) -> bool {
-        let pack = tree.pack(reference);
-        let mut candidates = lanes.candidates(pack, &self.frame);
-        while candidates != 0 {
-            let lane = (candidates.trailing_zeros() as usize).min(PACK - 1);
-            candidates &= candidates - 1;
-            if let Some((t, _, _)) = self.frame.intersect(pack, lane)
-                && t > self.frame.t_min
-                && t < self.t_max
-            {
-                self.blocked = true;
-            }
-        }
+    fn meet(&mut self, hit: Hit) {
+        self.blocked |= hit.t < self.t_max;
+    }
+
+    #[inline(always)]
+    fn is_over(&self) -> bool {
         self.blocked
     }
 }
@@ -614,8 +620,8 @@ const _: () = assert!(IN_TURNS <= u8::MAX as usize, "queues hold bytes");
 /// Searches along several rays, which take turns: while one waits for memory, the others go on.
 ///
 /// Rays that are at nodes and rays that are at leaves stand in queues of their own, and which queue is next is computed
-/// instead of branched on: with a branch, every second guess of the processor about the way of a ray would be wrong, and
-/// throw away what it had begun for the rays after it.
+/// instead of branched on: the processor can't guess the way of a ray, and with each wrong guess it would throw away what it
+/// had begun for the rays after it.
 #[inline(always)]
 fn search_each<L: Traversal, S: Search>(lanes: L, tree: &WideTree, rays: &[Ray], answers: &mut [S::Answer]) {
     if tree.nodes.is_empty() {
@@ -640,6 +646,13 @@ impl Queue {
         self.numbers[self.len.min(IN_TURNS)] = number;
         self.len += usize::from(really);
     }
+}
+
+/// Puts a ray into the queue for what it visits next, if anything.
+#[inline(always)]
+fn wait_for(next: u32, number: u8, at_nodes: &mut Queue, at_leaves: &mut Queue) {
+    at_nodes.push_if(number, next & LEAF == 0);
+    at_leaves.push_if(number, next & LEAF != 0 && next != NOTHING);
 }
 
 /// [`search_each`] of up to [`IN_TURNS`] rays, in a tree that is not empty.
@@ -668,8 +681,7 @@ fn search_chunk<L: Traversal, S: Search>(lanes: L, tree: &WideTree, rays: &[Ray]
             unsafe { lanes.push_met(tree.node(currents[ray]), search.frame(), search.limit(), stack) };
             let next = stack.pop_within(search.limit());
             currents[ray] = next;
-            at_nodes.push_if(number, next & LEAF == 0);
-            at_leaves.push_if(number, next & LEAF != 0 && next != NOTHING);
+            wait_for(next, number, &mut at_nodes, &mut at_leaves);
         }
         for &ray in &at_leaves.numbers[..at_leaves.len] {
             prefetch(&tree.packs, (currents[usize::from(ray) % IN_TURNS] & !LEAF) as usize);
@@ -684,8 +696,7 @@ fn search_chunk<L: Traversal, S: Search>(lanes: L, tree: &WideTree, rays: &[Ray]
             }
             let next = stack.pop_within(search.limit());
             currents[ray] = next;
-            at_nodes.push_if(number, next & LEAF == 0);
-            at_leaves.push_if(number, next & LEAF != 0 && next != NOTHING);
+            wait_for(next, number, &mut at_nodes, &mut at_leaves);
         }
     }
     for (search, answer) in searches.iter().zip(answers) {
