@@ -14,7 +14,7 @@
 //! | analysis | [`analysis::analyse`] | [`analysis::Analysis`]: chromaticity, porphyrin fraction, with intervals |
 //!
 //! [`pipeline`] runs whole chains of them; [`pipeline::predict`] does so for a flat sample without geometry.
-//! [`safety`] assesses lamps for eyes and tissue. [`preset`] is the catalogue of fluorophores, lights, filters, reflectances, sensors and experiments;
+//! [`names`] suggests what a misspelt name may have meant. [`safety`] assesses lamps for eyes and tissue. [`preset`] is the catalogue of fluorophores, lights, filters, reflectances, sensors and experiments;
 //! [`format`](mod@format) reads and writes files; [`anatomy`] makes the mouth.
 //!
 //! Inside the library lengths are in metres, wavelengths in nanometres, power in watts; other units stand in the name
@@ -31,6 +31,7 @@ pub mod geometry;
 pub mod image;
 pub mod light;
 pub mod material;
+pub mod names;
 pub mod optics;
 pub mod pipeline;
 pub mod preset;

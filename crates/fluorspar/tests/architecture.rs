@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 /// Each module and the modules that it may use.
 const ALLOWED: &[(&str, &[&str])] = &[
     ("units", &[]),
+    ("names", &[]),
     ("spectral", &["units"]),
     ("image", &["units", "spectral"]),
     ("sampling", &["units"]),
@@ -26,14 +27,14 @@ const ALLOWED: &[(&str, &[&str])] = &[
         &["units", "spectral", "image", "sampling", "geometry", "material", "light", "optics", "scene"],
     ),
     ("sensor", &["units", "spectral", "image", "sampling"]),
-    ("analysis", &["units", "spectral", "image"]),
+    ("analysis", &["units", "names", "spectral", "image"]),
     ("format", &["units", "spectral", "image", "geometry", "optics"]),
-    ("preset", &["units", "spectral", "optics", "sensor", "format"]),
+    ("preset", &["units", "names", "spectral", "optics", "sensor", "format"]),
     (
         "experiment",
         &[
-            "units", "spectral", "image", "sampling", "geometry", "material", "light", "optics", "anatomy",
-            "scene", "render", "safety", "sensor", "analysis", "format", "preset",
+            "units", "names", "spectral", "image", "sampling", "geometry", "material", "light", "optics",
+            "anatomy", "scene", "render", "safety", "sensor", "analysis", "format", "preset",
         ],
     ),
     (

@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::image::ComponentImage;
+use crate::names::{nearest_name, suggestion};
 
 /// A rectangle in sensor pixels, counted from 0 at the top left corner.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -55,7 +56,7 @@ pub struct PixelSelection {
 #[non_exhaustive]
 pub enum RegionError {
     /// A part that the scene does not have.
-    #[error("the scene has no part \"{name}\"{} Its parts: {}", hint(.nearest.as_deref()), .available.join(", "))]
+    #[error("the scene has no part \"{name}\"{} Its parts: {}", suggestion(.nearest.as_deref()), .available.join(", "))]
     UnknownPart {
         /// The name asked for.
         name: String,
@@ -93,26 +94,12 @@ pub enum RegionError {
     },
 }
 
-fn hint(nearest: Option<&str>) -> String {
-    nearest.map_or_else(|| ".".into(), |name| format!("; did you mean \"{name}\"?"))
-}
-
 fn in_view(visible: &[String]) -> String {
     if visible.is_empty() {
         "no part is in view".into()
     } else {
         format!("the parts in view are: {}", visible.join(", "))
     }
-}
-
-/// The name closest in spelling, unless nothing is close.
-fn nearest_name(name: &str, available: &[String]) -> Option<String> {
-    available
-        .iter()
-        .map(|candidate| (strsim::jaro_winkler(&name.to_lowercase(), &candidate.to_lowercase()), candidate))
-        .filter(|(similarity, _)| *similarity > 0.7)
-        .max_by(|a, b| a.0.total_cmp(&b.0))
-        .map(|(_, candidate)| candidate.clone())
 }
 
 impl RegionOfInterest {
@@ -207,7 +194,7 @@ impl RegionOfInterest {
             if wanted.is_empty() {
                 return Err(RegionError::UnknownPart {
                     name: name.clone(),
-                    nearest: nearest_name(name, names),
+                    nearest: nearest_name(name, names.iter().map(String::as_str)).map(String::from),
                     available: names.clone(),
                 });
             }
@@ -339,7 +326,7 @@ mod tests {
             .unwrap_err();
         assert_eq!(
             error.to_string(),
-            "the scene has no part \"Tounge\"; did you mean \"tongue\"? Its parts: tongue, upper_teeth, palate"
+            "the scene has no part \"Tounge\", did you mean \"tongue\"? Its parts: tongue, upper_teeth, palate"
         );
         let error = RegionOfInterest::of_parts(["xyz"])
             .select(4, 2, Some(SceneOnSensor::filling(&scene())))

@@ -111,10 +111,52 @@ impl From<usize> for Step {
     }
 }
 
-/// A path from keys and indices: `steps!["light", 1, "power_mw"]`.
+/// A place in an experiment: the steps to it from the root. Every field and entry below it is one call away:
+/// `at.field("gloss").field("roughness")`, `at.index(2)`.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(super) struct Place(Vec<Step>);
+
+impl Place {
+    /// A field of this table.
+    pub(super) fn field(&self, key: impl Into<String>) -> Self {
+        self.then(Step::Key(key.into()))
+    }
+
+    /// An entry of this list, from 0.
+    pub(super) fn index(&self, index: usize) -> Self {
+        self.then(Step::Index(index))
+    }
+
+    /// What a path of keys with points between them leads to, such as `bands.0.weight` of an equation.
+    pub(super) fn fields(&self, path: &str) -> Self {
+        path.split('.').fold(self.clone(), |place, key| place.field(key))
+    }
+
+    fn then(&self, step: Step) -> Self {
+        let mut steps = self.0.clone();
+        steps.push(step);
+        Self(steps)
+    }
+}
+
+impl From<Vec<Step>> for Place {
+    fn from(steps: Vec<Step>) -> Self {
+        Self(steps)
+    }
+}
+
+impl std::ops::Deref for Place {
+    type Target = [Step];
+
+    fn deref(&self) -> &[Step] {
+        &self.0
+    }
+}
+
+/// A place from keys and indices: `steps!["light", 1, "power_mw"]`.
 macro_rules! steps {
     ($($step:expr),* $(,)?) => {
-        Vec::from([$($crate::experiment::error::Step::from($step)),*])
+        $crate::experiment::error::Place::from(Vec::from([$($crate::experiment::error::Step::from($step)),*]))
     };
 }
 pub(super) use steps;

@@ -3,7 +3,7 @@
 use super::document::{Content, Document, Node, Origin, Source, read_tree};
 use super::error::{ExperimentError, Step};
 use super::merge::replace;
-use crate::preset::nearest_name;
+use crate::names::did_you_mean;
 
 /// Applies one override such as `light.blue.power_mw=20` or `material[2].gloss.roughness=0.3`.
 ///
@@ -137,8 +137,7 @@ fn find_entry(items: &[Node], list: &str, step: &str, source: &Source) -> Result
             format!("`{list}` is a list; address its entries by number, as in {list}[0]"),
         ));
     }
-    let hint = nearest_name(step, names.iter().copied())
-        .map_or_else(|| ".".into(), |name| format!(", did you mean \"{name}\"?"));
+    let hint = did_you_mean(step, names.iter().copied());
     Err(bad(source, format!("there is no {list} \"{step}\"{hint} Known: {}", names.join(", "))))
 }
 

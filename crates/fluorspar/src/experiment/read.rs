@@ -12,6 +12,7 @@ use super::merge::merge;
 use super::overrides;
 use super::schema::{ExperimentFile, MouthSection, SensorSection};
 use crate::anatomy::MouthParameters;
+use crate::names::{did_you_mean, nearest_name};
 use crate::preset;
 use crate::sensor::SensorModel;
 
@@ -202,7 +203,7 @@ fn explain(document: &Document, mut steps: Vec<Step>, message: &str) -> Experime
         if known.is_empty() {
             known = flattened_fields(&steps);
         }
-        let hint = preset::nearest_name(&unknown, known.iter().map(String::as_str))
+        let hint = nearest_name(&unknown, known.iter().map(String::as_str))
             .map_or_else(|| ".".into(), |name| format!(", did you mean `{name}`?"));
         let known = if known.is_empty() { String::new() } else { format!(" Known: {}", known.join(", ")) };
         let mut at = steps.clone();
@@ -221,8 +222,7 @@ fn explain(document: &Document, mut steps: Vec<Step>, message: &str) -> Experime
     if message.starts_with("unknown variant") {
         let unknown = quoted.next().unwrap_or_default().to_string();
         let known: Vec<&str> = quoted.collect();
-        let hint = preset::nearest_name(&unknown, known.iter().copied())
-            .map_or_else(|| ".".into(), |name| format!(", did you mean \"{name}\"?"));
+        let hint = did_you_mean(&unknown, known.iter().copied());
         return document
             .error(&steps, format!("unknown value \"{unknown}\"{hint} Known: {}", known.join(", ")));
     }

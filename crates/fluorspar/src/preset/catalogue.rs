@@ -7,6 +7,8 @@ use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use thiserror::Error;
 
+use crate::names::{nearest_name, suggestion};
+
 static DATA: Dir<'static> = include_dir!("$CARGO_MANIFEST_DIR/data");
 
 /// What an entry of the catalogue describes.
@@ -92,7 +94,7 @@ impl fmt::Display for PresetKind {
 #[non_exhaustive]
 pub enum PresetError {
     /// There is no such entry.
-    #[error("there is no {kind} \"{name}\"{} Known: {}", hint(.nearest.as_deref()), .available.join(", "))]
+    #[error("there is no {kind} \"{name}\"{} Known: {}", suggestion(.nearest.as_deref()), .available.join(", "))]
     Unknown {
         /// What was asked for.
         kind: PresetKind,
@@ -111,10 +113,6 @@ pub enum PresetError {
         /// What is wrong.
         message: String,
     },
-}
-
-fn hint(nearest: Option<&str>) -> String {
-    nearest.map_or_else(|| ".".into(), |name| format!(", did you mean \"{name}\"?"))
 }
 
 /// What a list shows of an entry.
@@ -185,26 +183,6 @@ pub(super) fn damaged(kind: PresetKind, name: &str, message: impl Into<String>) 
     PresetError::Damaged { file: format!("{}/{name}.toml", kind.folder()), message: message.into() }
 }
 
-/// The candidate most similar to a name that was not found; `None` when nothing is similar.
-///
-/// Similar means: at most two edits, or a third of the letters, or one contains the other.
-pub fn nearest_name<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
-    let plain = |text: &str| text.to_lowercase().replace(['-', ' '], "_");
-    let wanted = plain(name);
-    let allowed = (wanted.chars().count() / 3).max(2);
-    candidates
-        .into_iter()
-        .filter_map(|candidate| {
-            let other = plain(candidate);
-            let distance = strsim::damerau_levenshtein(&wanted, &other);
-            let contained = wanted.len() >= 3 && (other.contains(&wanted) || wanted.contains(&other));
-            let close = distance <= allowed && distance < other.chars().count();
-            (close || contained).then_some((distance, candidate))
-        })
-        .min_by_key(|(distance, _)| *distance)
-        .map(|(_, candidate)| candidate)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -220,12 +198,6 @@ mod tests {
             message.starts_with("there is no light spectrum \"led385\", did you mean \"led_385\"? Known: ")
         );
         assert!(text(PresetKind::Light, "../lights/led_385").is_err());
-    }
-
-    #[test]
-    fn nothing_similar_is_not_guessed() {
-        assert_eq!(nearest_name("xenon", ["led_385", "halogen"]), None);
-        assert_eq!(nearest_name("powr_mw", ["power_mw", "count"]), Some("power_mw"));
     }
 
     #[test]

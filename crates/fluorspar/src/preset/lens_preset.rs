@@ -4,9 +4,10 @@ use std::path::Path;
 
 use thiserror::Error;
 
-use super::catalogue::{PresetError, PresetKind, damaged, names, nearest_name, parse, text};
+use super::catalogue::{PresetError, PresetKind, damaged, names, parse, text};
 use super::curve_preset::check_name;
 use crate::format::{LensFile, LensFileError, PublishedLens, read_lens};
+use crate::names::nearest_name;
 use crate::optics::{Dispersion, Glass, LensPrescription, PrescriptionError};
 
 /// A glass by its name in the catalogue, or by one that other programs use; capitals, hyphens and blanks do not matter.

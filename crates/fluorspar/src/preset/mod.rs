@@ -24,7 +24,7 @@ mod lens_preset;
 mod metal_preset;
 mod text_preset;
 
-pub use catalogue::{PresetError, PresetKind, PresetSummary, list, names, nearest_name};
+pub use catalogue::{PresetError, PresetKind, PresetSummary, list, names};
 pub use curve_preset::{
     CurveFit, CurvePreset, CurveQuantity, QuantumEfficiencyPreset, filter, light_spectrum,
     quantum_efficiency, reflectance,

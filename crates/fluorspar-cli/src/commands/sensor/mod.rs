@@ -9,6 +9,7 @@ use std::process::ExitCode;
 
 use clap::{Subcommand, ValueHint};
 use fluorspar::experiment::{ResolvedSensor, parse_sensor};
+use fluorspar::names::did_you_mean;
 use fluorspar::preset::{self, PresetKind};
 
 use crate::error::CliError;
@@ -52,8 +53,7 @@ impl SensorArgs {
         } else {
             let known = preset::names(PresetKind::Sensor);
             if !known.contains(&name) {
-                let hint = preset::nearest_name(name, known.iter().copied())
-                    .map_or_else(String::new, |near| format!(", did you mean \"{near}\"?"));
+                let hint = did_you_mean(name, known.iter().copied());
                 return Err(CliError::Input(format!(
                     "there is no sensor \"{name}\"{hint} Known: {}. A file ends in .toml",
                     known.join(", ")

@@ -7,18 +7,18 @@ use super::material::Fluorophores;
 use super::spectrum::Role;
 use super::surface_mean::surface_mean;
 use super::{Capture, ResolvedAnalysis};
-use crate::experiment::error::{Step, steps};
+use crate::experiment::error::{Place, Step, steps};
 use crate::experiment::schema::{AnalysisSection, ExperimentFile, ExposureTime, TextureReference};
 use crate::light::LightGroup;
 use crate::material::Material;
+use crate::names::did_you_mean;
 use crate::optics::PerspectiveCamera;
-use crate::preset::nearest_name;
 use crate::scene::{Object, Shape};
 use crate::sensor::{CaptureFrame, EXPOSURE_MS, Sensor};
 use crate::spectral::{Curve, WavelengthGrid};
 
 fn hint<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> String {
-    nearest_name(name, known).map_or_else(|| ".".into(), |name| format!(", did you mean \"{name}\"?"))
+    did_you_mean(name, known)
 }
 
 /// Longest name of a capture.
@@ -202,7 +202,7 @@ pub(super) fn analysis(
     context.within(&at("noise_threshold"), section.noise_threshold, [0.0, 1000.0], "standard deviations")?;
     // What the analysis names but no material holds is predicted as well: a control without porphyrin has a line, too.
     let mut absent = Fluorophores::default();
-    let mut note = |context: &mut Context<'_>, at: &[Step], name: &str| {
+    let mut note = |context: &mut Context<'_>, at: &Place, name: &str| {
         if seen.fluorophores.list.iter().any(|fluorophore| fluorophore.name == name) {
             return Ok(());
         }

@@ -7,7 +7,7 @@ use super::context::{Context, LENGTH_MM, Resolved};
 use super::error_target;
 use super::spectrum::Role;
 use crate::experiment::document::is_path;
-use crate::experiment::error::{Step, steps};
+use crate::experiment::error::{Place, steps};
 use crate::experiment::schema::{
     CameraSection, EfficiencyReference, ExperimentFile, FieldOfView, FilterAngles, FilterPosition,
     ImageFormation, LensSection, LensType, RenderSection, SensorSection, SpectralSection, SpectrumReference,
@@ -531,9 +531,7 @@ pub(in crate::experiment) fn filled(model: &SensorModel) -> SensorModel {
 }
 
 fn sensor_problem(context: &Context<'_>, field: &str, message: String) -> crate::experiment::ExperimentError {
-    let mut at = steps!["sensor"];
-    at.extend(field.split('.').map(Step::from));
-    context.error(&at, message)
+    context.error(&steps!["sensor"].fields(field), message)
 }
 
 /// Channels of a mosaic, each once.
@@ -550,17 +548,16 @@ fn channels_of(model: &SensorModel) -> Vec<String> {
 /// Quantum efficiencies given channel by channel.
 fn efficiencies(
     context: &mut Context<'_>,
-    at: &[Step],
+    at: &Place,
     table: &BTreeMap<String, SpectrumReference>,
     model: &SensorModel,
     grid: &WavelengthGrid,
 ) -> Resolved<Vec<(String, Curve)>> {
-    let below = |name: &str| -> Vec<Step> { at.iter().cloned().chain([Step::from(name)]).collect() };
     let wanted = channels_of(model);
     if let Some(unused) = table.keys().find(|name| !wanted.contains(name)) {
         let message =
             format!("no pixel of the mosaic has this channel; its channels are {}", wanted.join(", "));
-        return context.fail(&below(unused), message);
+        return context.fail(&at.field(unused), message);
     }
     let mut channels = Vec::new();
     for name in wanted {
@@ -571,9 +568,9 @@ fn efficiencies(
         if matches!(reference, SpectrumReference::Name(_)) {
             let message =
                 "give a number, an equation such as { kind = \"bands\", ... }, or { csv = \"FILE\" }";
-            return context.fail(&below(&name), message);
+            return context.fail(&at.field(&name), message);
         }
-        let curve = context.spectrum(&below(&name), reference, Role::Filter, 0.0, grid)?;
+        let curve = context.spectrum(&at.field(&name), reference, Role::Filter, 0.0, grid)?;
         channels.push((name, curve));
     }
     Ok(channels)
@@ -581,7 +578,7 @@ fn efficiencies(
 
 fn quantum_efficiency(
     context: &mut Context<'_>,
-    at: &[Step],
+    at: &Place,
     reference: &str,
     model: &SensorModel,
 ) -> Resolved<Vec<(String, Curve)>> {

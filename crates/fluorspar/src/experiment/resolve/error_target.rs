@@ -5,8 +5,8 @@ use super::context::{Context, Resolved};
 use crate::experiment::error::steps;
 use crate::experiment::schema::{RenderSection, StatisticsChoice};
 use crate::image::Statistics;
+use crate::names::did_you_mean;
 use crate::optics::IdealLens;
-use crate::preset::nearest_name;
 use crate::render::{ErrorChannel, ErrorTarget};
 use crate::scene::Scene;
 use crate::sensor::Sensor;
@@ -55,8 +55,7 @@ pub(super) fn error_target(
         }
         for (index, name) in wanted.iter().enumerate() {
             if !known().any(|label| label == name) {
-                let hint = nearest_name(name, known())
-                    .map_or_else(|| ".".into(), |near| format!(", did you mean \"{near}\"?"));
+                let hint = did_you_mean(name, known());
                 let list = known().collect::<Vec<_>>().join(", ");
                 let message = format!("there is no capture of this name{hint} Known: {list}");
                 return context.fail(&steps!["render", "error_captures", index], message);

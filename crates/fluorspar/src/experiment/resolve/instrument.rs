@@ -5,7 +5,7 @@ use super::spectrum::Role;
 use super::{Capture, FlatFieldPlan, ResolvedDevelop, ResolvedSpectroradiometer, SpotOrParts};
 use crate::experiment::error::steps;
 use crate::experiment::schema::{ExperimentFile, MotionSection, SafetySection};
-use crate::preset::nearest_name;
+use crate::names::did_you_mean;
 use crate::scene::Object;
 use crate::sensor::{Demosaicing, Sensor, Spectroradiometer};
 use crate::spectral::{Curve, WavelengthGrid};
@@ -79,16 +79,14 @@ pub(super) fn spectroradiometers(
         context.unique_name(&base, &section.name, earlier)?;
         let Some(capture) = captures.iter().find(|c| c.frame.label == section.capture) else {
             let known: Vec<&str> = captures.iter().map(|c| c.frame.label.as_str()).collect();
-            let near = nearest_name(&section.capture, known.iter().copied())
-                .map_or_else(|| ".".into(), |name| format!(", did you mean \"{name}\"?"));
+            let near = did_you_mean(&section.capture, known.iter().copied());
             let message = format!("there is no capture of this name{near} Known: {}", known.join(", "));
             return context.fail(&at("capture"), message);
         };
         for (number, part) in section.parts.iter().enumerate() {
             if !objects.iter().any(|object| object.name == *part) {
                 let known: Vec<&str> = objects.iter().map(|object| object.name.as_str()).collect();
-                let near = nearest_name(part, known.iter().copied())
-                    .map_or_else(|| ".".into(), |name| format!(", did you mean \"{name}\"?"));
+                let near = did_you_mean(part, known.iter().copied());
                 let message = format!("the scene has no part of this name{near} Known: {}", known.join(", "));
                 return context.fail(&steps!["spectroradiometer", index, "parts", number], message);
             }

@@ -7,12 +7,12 @@ use glam::{Vec2, Vec3};
 use super::context::{Context, Resolved};
 use super::material::Fluorophores;
 use super::spectrum::Role;
-use crate::experiment::error::{Step, steps};
+use crate::experiment::error::{Place, steps};
 use crate::experiment::schema::{ExperimentFile, LesionSection, MouthSection};
 use crate::format::{Transfer, read_texture_png};
 use crate::geometry::TriangleMesh;
 use crate::material::{FluorophoreAmount, ImageTexture, Material, ReflectanceTerm, ScalarTexture};
-use crate::preset::nearest_name;
+use crate::names::did_you_mean;
 use crate::scene::{Object, Shape};
 use crate::spectral::{Curve, WavelengthGrid, blood_transmittance};
 
@@ -36,27 +36,25 @@ pub(super) fn lesions(
     let mut copied = Vec::new();
     for (index, lesion) in section.lesion.iter().enumerate() {
         let at = steps!["mouth", "lesion", index];
-        let field = |key: &str| [&at[..], &steps![key]].concat();
         context.unique_name(&at, &lesion.name, section.lesion[..index].iter().map(|l| l.name.as_str()))?;
         let Some(object) = parts.iter().find(|part| part.name == lesion.part) else {
-            let hint = nearest_name(&lesion.part, parts.iter().map(|part| part.name.as_str()))
-                .map_or_else(|| ".".into(), |name| format!(", did you mean \"{name}\"?"));
-            return context.fail(&field("part"), format!("the mouth has no part of this name{hint}"));
+            let hint = did_you_mean(&lesion.part, parts.iter().map(|part| part.name.as_str()));
+            return context.fail(&at.field("part"), format!("the mouth has no part of this name{hint}"));
         };
         let Shape::Mesh(mesh) = &object.shape else {
-            return context.fail(&field("part"), "this part has no mesh");
+            return context.fail(&at.field("part"), "this part has no mesh");
         };
-        context.within(&field("blood_um"), lesion.blood_um, [0.0, 200.0], "µm")?;
+        context.within(&at.field("blood_um"), lesion.blood_um, [0.0, 200.0], "µm")?;
         let spot = Spot::new(context, &at, lesion, mesh)?;
         let reflectance = match &lesion.reflectance {
             Some(reference) => {
-                Some(context.spectrum(&field("reflectance"), reference, Role::Reflectance, 0.0, grid)?)
+                Some(context.spectrum(&at.field("reflectance"), reference, Role::Reflectance, 0.0, grid)?)
             }
             None => None,
         };
         let mut amounts = Vec::new();
         for (name, &inside) in &lesion.concentrations {
-            let at = [&field("concentrations")[..], &steps![name]].concat();
+            let at = at.field("concentrations").field(name);
             context.within(&at, inside, [0.0, 1e6], "")?;
             amounts.push((fluorophores.index(context, &at, &file.fluorophore, name)?, inside as f32));
         }
@@ -182,13 +180,12 @@ enum Spot {
 impl Spot {
     fn new(
         context: &mut Context<'_>,
-        at: &[Step],
+        at: &Place,
         lesion: &LesionSection,
         mesh: &TriangleMesh,
     ) -> Resolved<Self> {
-        let field = |key: &str| [at, &steps![key]].concat();
         if let Some(file) = &lesion.mask {
-            let at = field("mask");
+            let at = at.field("mask");
             context.note_input(&at, file)?;
             let image =
                 read_texture_png(file.as_ref(), Transfer::Linear).map_err(|e| context.file_error(&at, &e))?;
@@ -204,13 +201,13 @@ impl Spot {
             return Ok(Self::Painted(image));
         }
         for value in lesion.center {
-            context.within(&field("center"), value, [0.0, 1.0], "of the part")?;
+            context.within(&at.field("center"), value, [0.0, 1.0], "of the part")?;
         }
         for size in lesion.size_mm {
-            context.within(&field("size_mm"), size, SIZE_MM, "mm")?;
+            context.within(&at.field("size_mm"), size, SIZE_MM, "mm")?;
         }
-        context.within(&field("edge_mm"), lesion.edge_mm, [0.0, 100.0], "mm")?;
-        context.within(&field("angle_deg"), lesion.angle_deg, [-360.0, 360.0], "degrees")?;
+        context.within(&at.field("edge_mm"), lesion.edge_mm, [0.0, 100.0], "mm")?;
+        context.within(&at.field("angle_deg"), lesion.angle_deg, [-360.0, 360.0], "degrees")?;
         let center = Vec2::new(lesion.center[0] as f32, lesion.center[1] as f32);
         let Some((along_u, along_v)) = stretch(mesh, center) else {
             let [low, high] = uv_bounds(mesh);
@@ -219,7 +216,7 @@ impl Spot {
                  Choose another center",
                 low.x, low.y, high.x, high.y
             );
-            return context.fail(&field("center"), message);
+            return context.fail(&at.field("center"), message);
         };
         let (sine, cosine) = (lesion.angle_deg.to_radians() as f32).sin_cos();
         let (length_u, length_v) = (along_u.length(), along_v.length());

@@ -7,7 +7,7 @@ use glam::Vec3;
 
 use super::context::{Context, LENGTH_MM, Resolved, STRENGTH};
 use super::spectrum::{Role, grey};
-use crate::experiment::error::{Step, steps};
+use crate::experiment::error::{Place, steps};
 use crate::experiment::schema::{LightFrame, LightSection, LightType};
 use crate::format::{Transfer, read_spectral_exr, read_texture_png};
 use crate::light::{Emitter, EnvironmentLayer, EnvironmentMap, Light, LightGroup};
@@ -47,7 +47,7 @@ pub(super) fn lights(
         context.unique_name(&at, &section.name, sections[..index].iter().map(|other| other.name.as_str()))?;
         let group_name = section.group.as_deref().unwrap_or(&section.name);
         if group_name.is_empty() {
-            return context.fail(&[at, steps!["group"]].concat(), "a light group needs a name");
+            return context.fail(&at.field("group"), "a light group needs a name");
         }
         check_fields(context, &at, section)?;
         let mut emitters = emitters(context, &at, section, camera)?;
@@ -66,7 +66,7 @@ pub(super) fn lights(
 }
 
 /// Refuses fields that the type of a light does not have, and asks for those that it needs.
-fn check_fields(context: &Context<'_>, at: &[Step], section: &LightSection) -> Resolved<()> {
+fn check_fields(context: &Context<'_>, at: &Place, section: &LightSection) -> Resolved<()> {
     use LightType::{Disc, Distant, Environment, Point, Rectangle, Ring, Sphere};
     let given = [
         ("power_mw", section.power_mw.is_some(), &[Ring, Disc, Rectangle, Sphere, Point][..], &[][..]),
@@ -109,7 +109,7 @@ fn check_fields(context: &Context<'_>, at: &[Step], section: &LightSection) -> R
         if is_given && !allowed.contains(&section.kind) {
             let message =
                 format!("a light of type \"{name}\" has no such field; remove it or change the type");
-            return context.fail(&[at, &steps![field]].concat(), message);
+            return context.fail(&at.field(field), message);
         }
         if !is_given && needed.contains(&section.kind) {
             return context.fail(at, format!("a light of type \"{name}\" needs `{field}`"));
@@ -121,19 +121,18 @@ fn check_fields(context: &Context<'_>, at: &[Step], section: &LightSection) -> R
             .fail(at, "give the strength of the light: either `power_mw` or `irradiance_w_per_m2`");
     }
     if is_spectral_map(section) && section.radiance_w_per_sr_m2.is_some() {
-        let at = [at, &steps!["radiance_w_per_sr_m2"]].concat();
+        let at = at.field("radiance_w_per_sr_m2");
         return context.fail(&at, "the values of a spectral map are absolute; remove this field");
     }
     if section.map_rotation_deg.is_some() && section.map.is_none() {
-        return context
-            .fail(&[at, &steps!["map_rotation_deg"]].concat(), "there is no `map` to turn; give one");
+        return context.fail(&at.field("map_rotation_deg"), "there is no `map` to turn; give one");
     }
     if section.kind == Environment && section.frame == LightFrame::Camera {
-        let at = [at, &steps!["frame"]].concat();
+        let at = at.field("frame");
         return context.fail(&at, "an environment is the same from everywhere; remove the frame");
     }
     if section.power_mw.is_some() && section.at_distance_mm.is_some() {
-        let at = [at, &steps!["at_distance_mm"]].concat();
+        let at = at.field("at_distance_mm");
         let message = "goes with irradiance_w_per_m2, not with power_mw; remove one of the two";
         return context.fail(&at, message);
     }
@@ -143,13 +142,13 @@ fn check_fields(context: &Context<'_>, at: &[Step], section: &LightSection) -> R
             .into_iter()
             .find_map(|(field, value)| value.map(|_| field))
     {
-        let at = [at, &steps![field]].concat();
+        let at = at.field(field);
         let message =
             "a point without half_angle_deg shines evenly all around; remove this, or add half_angle_deg";
         return context.fail(&at, message);
     }
     if section.direction.is_some() && section.look_at_mm.is_some() {
-        let at = [at, &steps!["look_at_mm"]].concat();
+        let at = at.field("look_at_mm");
         return context.fail(&at, "given together with direction; keep one of the two");
     }
     Ok(())
@@ -163,13 +162,13 @@ fn is_spectral_map(section: &LightSection) -> bool {
 /// The map of an environment.
 fn environment_map(
     context: &mut Context<'_>,
-    at: &[Step],
+    at: &Place,
     section: &LightSection,
 ) -> Resolved<Option<EnvironmentMap>> {
     let Some(file) = &section.map else { return Ok(None) };
-    let at = [at, &steps!["map"]].concat();
     let rotation_deg = section.map_rotation_deg.unwrap_or(0.0);
-    let rotation_at = [&at[..at.len() - 1], &steps!["map_rotation_deg"]].concat();
+    let rotation_at = at.field("map_rotation_deg");
+    let at = at.field("map");
     context.within(&rotation_at, rotation_deg, [-3600.0, 3600.0], "degrees")?;
     let lower = file.to_lowercase();
     if !lower.ends_with(".png") && !lower.ends_with(".exr") {
@@ -233,28 +232,27 @@ fn kind_name(kind: LightType) -> &'static str {
 
 fn emitters(
     context: &Context<'_>,
-    at: &[Step],
+    at: &Place,
     section: &LightSection,
     camera: &PerspectiveCamera,
 ) -> Resolved<Emitters> {
-    let field = |key: &str| [at, &steps![key]].concat();
     let in_camera = section.frame == LightFrame::Camera;
     let turn = |v: Vec3| {
         if in_camera { camera.right * v.x + camera.up * v.y - camera.forward * v.z } else { v }
     };
     let place = |v: Vec3| if in_camera { camera.position + turn(v) } else { v };
     let length = |key: &str, value: Option<f64>| -> Resolved<f32> {
-        let value_mm = context.within(&field(key), value.unwrap_or(f64::NAN), LENGTH_MM, "millimetres")?;
+        let value_mm = context.within(&at.field(key), value.unwrap_or(f64::NAN), LENGTH_MM, "millimetres")?;
         Ok((value_mm * 1e-3) as f32)
     };
 
-    let center = place(context.meters(&field("position_mm"), section.position_mm.unwrap_or([0.0; 3]))?);
+    let center = place(context.meters(&at.field("position_mm"), section.position_mm.unwrap_or([0.0; 3]))?);
     let axis = if let Some(direction) = section.direction {
-        turn(context.direction(&field("direction"), direction)?)
+        turn(context.direction(&at.field("direction"), direction)?)
     } else if let Some(target) = section.look_at_mm {
-        let target = place(context.meters(&field("look_at_mm"), target)?);
+        let target = place(context.meters(&at.field("look_at_mm"), target)?);
         let Some(axis) = (target - center).try_normalize() else {
-            return context.fail(&field("look_at_mm"), "the light stands at the point at which it shines");
+            return context.fail(&at.field("look_at_mm"), "the light stands at the point at which it shines");
         };
         axis
     } else if in_camera {
@@ -267,19 +265,19 @@ fn emitters(
         }
         Vec3::NEG_Z
     };
-    let exponent = exponent(context, &field("half_angle_deg"), section)?;
+    let exponent = exponent(context, &at.field("half_angle_deg"), section)?;
 
     let list = match section.kind {
         LightType::Ring => {
             let count = context.whole_within(
-                &field("count"),
+                &at.field("count"),
                 section.count.unwrap_or(DEFAULT_COUNT).into(),
                 [1, 10_000],
             )?;
             let ring_radius_m = length("ring_radius_mm", section.ring_radius_mm)?;
             let radius_m = length("radius_mm", section.radius_mm)?;
             let start = section.start_angle_deg.unwrap_or(0.0);
-            context.within(&field("start_angle_deg"), start, [-360.0, 360.0], "degrees")?;
+            context.within(&at.field("start_angle_deg"), start, [-360.0, 360.0], "degrees")?;
             let aim_m = match section.aim_distance_mm {
                 None => None,
                 distance => Some(length("aim_distance_mm", distance)?),
@@ -322,7 +320,7 @@ fn emitters(
 }
 
 /// Exponent of the emission pattern.
-fn exponent(context: &Context<'_>, at: &[Step], section: &LightSection) -> Resolved<f32> {
+fn exponent(context: &Context<'_>, at: &Place, section: &LightSection) -> Resolved<f32> {
     let Some(half_angle_deg) = section.half_angle_deg else { return Ok(1.0) };
     if section.kind == LightType::Point {
         context.within(at, half_angle_deg, [NARROWEST_DEG, 90.0], "degrees")?;
@@ -350,19 +348,18 @@ fn ring_axes(axis: Vec3, right: Option<Vec3>) -> (Vec3, Vec3) {
 /// Spectrum behind the filters, in the unit that the emitter wants.
 fn absolute_spectrum(
     context: &mut Context<'_>,
-    at: &[Step],
+    at: &Place,
     section: &LightSection,
     emitters: &Emitters,
     grid: &WavelengthGrid,
 ) -> Resolved<Curve> {
-    let field = |key: &str| [at, &steps![key]].concat();
     // A map of spectral radiances is multiplied as it is; all others are scaled to what the section states.
     let role = if is_spectral_map(section) { Role::Absolute } else { Role::Light };
-    let bare = context.spectrum(&field("spectrum"), &section.spectrum, role, 0.0, grid)?;
-    context.within(&field("filter_angle_deg"), section.filter_angle_deg, [0.0, 60.0], "degrees")?;
+    let bare = context.spectrum(&at.field("spectrum"), &section.spectrum, role, 0.0, grid)?;
+    context.within(&at.field("filter_angle_deg"), section.filter_angle_deg, [0.0, 60.0], "degrees")?;
     let mut filtered = bare.clone();
     for (index, filter) in section.filters.iter().enumerate() {
-        let at = [at, &steps!["filters", index]].concat();
+        let at = at.field("filters").index(index);
         let filter = context.spectrum(&at, filter, Role::Filter, section.filter_angle_deg, grid)?;
         filtered = filtered.times(&filter);
     }
@@ -372,7 +369,7 @@ fn absolute_spectrum(
     }
     if let Some(power_mw) = section.power_mw {
         let power_w =
-            context.within(&field("power_mw"), power_mw, STRENGTH, "milliwatts per emitter")? * 1e-3;
+            context.within(&at.field("power_mw"), power_mw, STRENGTH, "milliwatts per emitter")? * 1e-3;
         return Ok(filtered.scaled(power_w / total(&bare)));
     }
     if is_spectral_map(section) {
@@ -380,21 +377,22 @@ fn absolute_spectrum(
     }
     let unit = filtered.scaled(1.0 / total(&filtered));
     if let Some(radiance) = section.radiance_w_per_sr_m2 {
-        let radiance = context.within(&field("radiance_w_per_sr_m2"), radiance, STRENGTH, "W/(sr m²)")?;
+        let radiance = context.within(&at.field("radiance_w_per_sr_m2"), radiance, STRENGTH, "W/(sr m²)")?;
         return Ok(unit.scaled(radiance));
     }
     let irradiance = section.irradiance_w_per_m2.unwrap_or(f64::NAN);
-    let irradiance = context.within(&field("irradiance_w_per_m2"), irradiance, STRENGTH, "W/m²")?;
+    let irradiance = context.within(&at.field("irradiance_w_per_m2"), irradiance, STRENGTH, "W/m²")?;
     if section.kind == LightType::Distant {
         return Ok(unit.scaled(irradiance));
     }
     let Some(distance_mm) = section.at_distance_mm else {
         return context.fail(at, "`irradiance_w_per_m2` needs `at_distance_mm`, where it was measured");
     };
-    let distance_m = context.within(&field("at_distance_mm"), distance_mm, LENGTH_MM, "millimetres")? * 1e-3;
+    let distance_m =
+        context.within(&at.field("at_distance_mm"), distance_mm, LENGTH_MM, "millimetres")? * 1e-3;
     let per_watt = irradiance_per_watt(emitters, distance_m);
     if per_watt <= 0.0 {
-        return context.fail(&field("at_distance_mm"), "no light reaches the axis at this distance");
+        return context.fail(&at.field("at_distance_mm"), "no light reaches the axis at this distance");
     }
     Ok(unit.scaled(irradiance / per_watt))
 }

@@ -4,7 +4,7 @@ use super::context::{Context, Resolved};
 use super::object;
 use super::spectrum::Role;
 use crate::experiment::document::is_path;
-use crate::experiment::error::{Step, steps};
+use crate::experiment::error::{Place, steps};
 use crate::experiment::schema::{
     ExperimentFile, FluorophoreSection, MaterialSection, NormalMapSection, ReflectanceReference,
     SpectrumReference, TextureReference, YieldUnit,
@@ -17,7 +17,8 @@ use crate::material::{
     Coat, Conductor, Dielectric, FluorophoreAmount, Material, NormalMap, ReflectanceTerm, ScalarTexture,
     Scattering,
 };
-use crate::preset::{self, PresetKind, nearest_name};
+use crate::names::did_you_mean;
+use crate::preset::{self, PresetKind};
 use crate::spectral::{
     Curve, EemTable, EnergyEem, Fluorophore, PhotonEem, SeparableTerm, Stokes, WavelengthGrid,
 };
@@ -36,7 +37,7 @@ impl Fluorophores {
     pub(in crate::experiment) fn index(
         &mut self,
         context: &mut Context<'_>,
-        at: &[Step],
+        at: &Place,
         sections: &[FluorophoreSection],
         name: &str,
     ) -> Resolved<usize> {
@@ -60,15 +61,14 @@ impl Fluorophores {
 
 pub(in crate::experiment) fn unknown(
     context: &Context<'_>,
-    at: &[Step],
+    at: &Place,
     sections: &[FluorophoreSection],
     name: &str,
 ) -> crate::experiment::ExperimentError {
     let mut known: Vec<&str> = sections.iter().map(|section| section.name.as_str()).collect();
     known.extend(preset::names(PresetKind::Fluorophore));
     known.dedup();
-    let hint = nearest_name(name, known.iter().copied())
-        .map_or_else(|| ".".into(), |name| format!(", did you mean \"{name}\"?"));
+    let hint = did_you_mean(name, known.iter().copied());
     context.error(at, format!("there is no fluorophore \"{name}\"{hint} Known: {}", known.join(", ")))
 }
 
@@ -104,13 +104,13 @@ pub(in crate::experiment) fn check_sections(
         if let Some(value) = section.photon_yield
             && !(1e-12..=1.0).contains(&value)
         {
-            let at = [at, steps!["photon_yield"]].concat();
+            let at = at.field("photon_yield");
             return context.fail(&at, "must be between 1e-12 and 1 (photons out per photon in)");
         }
         if let Some(name) = &section.from
             && let Err(error) = preset::fluorophore(name)
         {
-            return context.fail(&[at, steps!["from"]].concat(), error.to_string());
+            return context.fail(&at.field("from"), error.to_string());
         }
     }
     Ok(())
@@ -118,12 +118,12 @@ pub(in crate::experiment) fn check_sections(
 
 fn from_section(
     context: &mut Context<'_>,
-    at: &[Step],
+    at: &Place,
     section: &FluorophoreSection,
 ) -> Resolved<Fluorophore> {
-    let field = |key: &str| [at, &steps![key]].concat();
     if let Some(name) = &section.from {
-        let preset = preset::fluorophore(name).map_err(|e| context.error(&field("from"), e.to_string()))?;
+        let preset =
+            preset::fluorophore(name).map_err(|e| context.error(&at.field("from"), e.to_string()))?;
         context.note_preset("fluorophore", name, &preset);
         let photon_yield = section.photon_yield.unwrap_or(preset.photon_yield);
         let mut fluorophore = preset.fluorophore_with(photon_yield, section.stokes.unwrap_or(preset.stokes));
@@ -136,11 +136,11 @@ fn from_section(
     let stokes = section.stokes.unwrap_or_default();
     let photon_yield = section.photon_yield.unwrap_or(1e-3);
     let (eem, source) = if let Some(file) = &section.eem_csv {
-        (matrix_from_csv(context, &field("eem_csv"), file, section, stokes)?, file)
+        (matrix_from_csv(context, &at.field("eem_csv"), file, section, stokes)?, file)
     } else if let Some(file) = &section.mat {
-        (from_mat(context, &field("mat"), file, section, stokes)?, file)
+        (from_mat(context, &at.field("mat"), file, section, stokes)?, file)
     } else if let Some(file) = &section.csv {
-        let at = field("csv");
+        let at = at.field("csv");
         context.note_input(&at, file)?;
         let read = read_fluorophore_csv(file.as_ref(), Negative::ClipToZero)
             .map_err(|e| context.file_error(&at, &e))?;
@@ -158,8 +158,8 @@ fn from_section(
             negative: Negative::ClipToZero,
             ..CsvSpectrumOptions::default()
         };
-        let ex = context.csv(&field("excitation_csv"), excitation, &options)?.swap_remove(0).curve;
-        let em = context.csv(&field("emission_csv"), emission, &options)?.swap_remove(0).curve;
+        let ex = context.csv(&at.field("excitation_csv"), excitation, &options)?.swap_remove(0).curve;
+        let em = context.csv(&at.field("emission_csv"), emission, &options)?.swap_remove(0).curve;
         (separable(context, at, section, ex, em, stokes)?, emission)
     };
     let (excitation_range_nm, emission_range_nm) = ranges(&eem);
@@ -198,7 +198,7 @@ fn ranges(eem: &PhotonEem) -> ((f64, f64), (f64, f64)) {
 
 fn separable(
     context: &Context<'_>,
-    at: &[Step],
+    at: &Place,
     section: &FluorophoreSection,
     excitation: Curve,
     emission: Curve,
@@ -228,7 +228,7 @@ fn separable(
 
 fn matrix(
     context: &Context<'_>,
-    at: &[Step],
+    at: &Place,
     table: EemTable,
     unit: YieldUnit,
     stokes: Stokes,
@@ -242,7 +242,7 @@ fn matrix(
 
 fn matrix_from_csv(
     context: &mut Context<'_>,
-    at: &[Step],
+    at: &Place,
     file: &str,
     section: &FluorophoreSection,
     stokes: Stokes,
@@ -276,7 +276,7 @@ fn matrix_from_csv(
 /// Files of isetfluorescence hold photons.
 fn from_mat(
     context: &mut Context<'_>,
-    at: &[Step],
+    at: &Place,
     file: &str,
     section: &FluorophoreSection,
     stokes: Stokes,
@@ -329,12 +329,11 @@ pub(super) fn materials(
 /// How a material sends light on; exactly one way must be given.
 fn scattering(
     context: &mut Context<'_>,
-    at: &[Step],
+    at: &Place,
     section: &MaterialSection,
     file: &ExperimentFile,
     grid: &WavelengthGrid,
 ) -> Resolved<Scattering> {
-    let below = |steps: Vec<Step>| [at, &steps].concat();
     let ways = [
         section.reflectance.is_some(),
         section.dielectric.is_some(),
@@ -357,24 +356,22 @@ fn scattering(
     }
     if section.gloss.is_some() && section.reflectance.is_none() {
         return context
-            .fail(&below(steps!["gloss"]), "only a material with a `reflectance` has a gloss; remove it");
+            .fail(&at.field("gloss"), "only a material with a `reflectance` has a gloss; remove it");
     }
     let is_mixture = section.mix.is_some() || section.two_sided.is_some();
     if is_mixture && (!section.concentrations.is_empty() || section.normal_map.is_some()) {
         let key = if section.normal_map.is_some() { "normal_map" } else { "concentrations" };
-        return context.fail(
-            &below(steps![key]),
-            "a mixture has none of its own; give it to the materials it is made of",
-        );
+        return context
+            .fail(&at.field(key), "a mixture has none of its own; give it to the materials it is made of");
     }
     if let Some(glass) = &section.dielectric {
         let index = glass.refractive_index;
-        let index_at = below(steps!["dielectric", "refractive_index"]);
+        let index_at = at.field("dielectric").field("refractive_index");
         if !(index > 1.0 && index <= 3.0) {
             return context.fail(&index_at, "must be above 1 and at most 3");
         }
-        let roughness = context.texture(&below(steps!["dielectric", "roughness"]), &glass.roughness, 1.0)?;
-        let transmittance_at = below(steps!["dielectric", "transmittance"]);
+        let roughness = context.texture(&at.field("dielectric").field("roughness"), &glass.roughness, 1.0)?;
+        let transmittance_at = at.field("dielectric").field("transmittance");
         let transmittance =
             context.spectrum(&transmittance_at, &glass.transmittance, Role::Filter, 0.0, grid)?;
         return Ok(Scattering::Dielectric(Dielectric {
@@ -384,17 +381,17 @@ fn scattering(
         }));
     }
     if let Some(metal) = &section.conductor {
-        let roughness = context.texture(&below(steps!["conductor", "roughness"]), &metal.roughness, 1.0)?;
+        let roughness = context.texture(&at.field("conductor").field("roughness"), &metal.roughness, 1.0)?;
         let (n, k) = match (&metal.metal, &metal.n, &metal.k) {
             (Some(name), None, None) => {
-                let at = below(steps!["conductor", "metal"]);
+                let at = at.field("conductor").field("metal");
                 let preset = preset::metal(name).map_err(|error| context.error(&at, error.to_string()))?;
                 context.note_preset("metal", name, &preset);
                 preset.index()
             }
             (None, Some(n), Some(k)) => {
                 let mut part = |key: &str, reference: &SpectrumReference| {
-                    let at = below(steps!["conductor", key]);
+                    let at = at.field("conductor").field(key);
                     if matches!(reference, SpectrumReference::Name(name) if !is_path(name)) {
                         let message = "the catalogue has no single indices; give a number, a table, a CSV file, or \
                                        `metal` instead of n and k";
@@ -405,7 +402,7 @@ fn scattering(
                 (part("n", n)?, part("k", k)?)
             }
             _ => {
-                return context.fail(&below(steps!["conductor"]), "give either `metal`, or both `n` and `k`");
+                return context.fail(&at.field("conductor"), "give either `metal`, or both `n` and `k`");
             }
         };
         return Ok(Scattering::Conductor(Conductor { n, k, roughness }));
@@ -415,15 +412,14 @@ fn scattering(
             return Ok(index);
         }
         let known: Vec<&str> = file.material.iter().map(|other| other.name.as_str()).collect();
-        let hint = nearest_name(name, known.iter().copied())
-            .map_or_else(|| ".".into(), |name| format!(", did you mean \"{name}\"?"));
+        let hint = did_you_mean(name, known.iter().copied());
         let message = format!("there is no [[material]] of this name{hint} Known: {}", known.join(", "));
-        context.fail(&below(steps![way, key]), message)
+        context.fail(&at.field(way).field(key), message)
     };
     if let Some(mix) = &section.mix {
         let first = part(context, "mix", "first", &mix.first)?;
         let second = part(context, "mix", "second", &mix.second)?;
-        let amount = context.texture(&below(steps!["mix", "amount"]), &mix.amount, 1.0)?;
+        let amount = context.texture(&at.field("mix").field("amount"), &mix.amount, 1.0)?;
         return Ok(Scattering::Mix { first, second, amount });
     }
     if let Some(sides) = &section.two_sided {
@@ -434,10 +430,10 @@ fn scattering(
     Ok(Scattering::Diffuse)
 }
 
-fn normal_map(context: &mut Context<'_>, at: &[Step], section: &NormalMapSection) -> Resolved<NormalMap> {
-    let strength_at = [at, &steps!["strength"]].concat();
+fn normal_map(context: &mut Context<'_>, at: &Place, section: &NormalMapSection) -> Resolved<NormalMap> {
+    let strength_at = at.field("strength");
     let strength = context.within(&strength_at, section.strength, [0.0, 10.0], "")? as f32;
-    let at = [at, &steps!["image"]].concat();
+    let at = at.field("image");
     context.note_input(&at, &section.image)?;
     let image = read_texture_png(section.image.as_ref(), Transfer::Linear)
         .map_err(|e| context.file_error(&at, &e))?;
@@ -452,29 +448,31 @@ fn normal_map(context: &mut Context<'_>, at: &[Step], section: &NormalMapSection
 
 fn material(
     context: &mut Context<'_>,
-    at: &[Step],
+    at: &Place,
     section: &MaterialSection,
     scattering: Scattering,
     file: &ExperimentFile,
     grid: &WavelengthGrid,
     fluorophores: &mut Fluorophores,
 ) -> Resolved<Material> {
-    let below = |steps: Vec<Step>| [at, &steps].concat();
     let reflectance = match &section.reflectance {
         None => Vec::new(),
         Some(ReflectanceReference::Spectrum(reference)) => {
             let spectrum =
-                context.spectrum(&below(steps!["reflectance"]), reference, Role::Reflectance, 0.0, grid)?;
+                context.spectrum(&at.field("reflectance"), reference, Role::Reflectance, 0.0, grid)?;
             vec![ReflectanceTerm { spectrum, weight: ScalarTexture::Constant(1.0) }]
         }
         Some(ReflectanceReference::Sum(terms)) => {
             let mut sum = Vec::with_capacity(terms.len());
             for (index, term) in terms.iter().enumerate() {
-                let spectrum_at = below(steps!["reflectance", index, "spectrum"]);
+                let spectrum_at = at.field("reflectance").index(index).field("spectrum");
                 let spectrum =
                     context.spectrum(&spectrum_at, &term.spectrum, Role::Reflectance, 0.0, grid)?;
-                let weight =
-                    context.texture(&below(steps!["reflectance", index, "weight"]), &term.weight, 1e3)?;
+                let weight = context.texture(
+                    &at.field("reflectance").index(index).field("weight"),
+                    &term.weight,
+                    1e3,
+                )?;
                 sum.push(ReflectanceTerm { spectrum, weight });
             }
             sum
@@ -484,8 +482,8 @@ fn material(
         None => None,
         Some(gloss) => {
             let index = gloss.refractive_index;
-            context.within(&below(steps!["gloss", "refractive_index"]), index, [1.0, 3.0], "")?;
-            let roughness_at = below(steps!["gloss", "roughness"]);
+            context.within(&at.field("gloss").field("refractive_index"), index, [1.0, 3.0], "")?;
+            let roughness_at = at.field("gloss").field("roughness");
             let roughness = context.texture(&roughness_at, &gloss.roughness, 1.0)?;
             if roughness.max() <= 0.0 {
                 return context.fail(&roughness_at, "must be above 0 and at most 1; 0.01 is mirror-like");
@@ -495,7 +493,7 @@ fn material(
     };
     let mut amounts = Vec::new();
     for (name, reference) in &section.concentrations {
-        let at = below(steps!["concentrations", name]);
+        let at = at.field("concentrations").field(name);
         if matches!(reference, TextureReference::Constant(value) if *value < 0.0) {
             return context.fail(&at, "a concentration can't be negative; give 0 or more");
         }
@@ -509,11 +507,11 @@ fn material(
     }
     let opacity = match &section.opacity {
         None => None,
-        Some(opacity) => Some(context.texture(&below(steps!["opacity"]), opacity, 1.0)?),
+        Some(opacity) => Some(context.texture(&at.field("opacity"), opacity, 1.0)?),
     };
     let normal_map = match &section.normal_map {
         None => None,
-        Some(map) => Some(normal_map(context, &below(steps!["normal_map"]), map)?),
+        Some(map) => Some(normal_map(context, &at.field("normal_map"), map)?),
     };
     Ok(Material {
         name: section.name.clone(),

@@ -18,7 +18,7 @@ use std::sync::Arc;
 use sha2::{Digest, Sha256};
 
 use self::context::{Context, Resolved, hex};
-use super::error::{Step, steps};
+use super::error::{Place, steps};
 use super::schema::{ExperimentFile, LensType, MotionSection, SafetySection};
 use super::{Experiment, ExperimentError};
 use crate::optics::{CameraLens, FilterStack, IdealLens};
@@ -188,11 +188,11 @@ impl Context<'_> {
     /// Checks that an entry of a list has a name, and one of its own.
     pub(super) fn unique_name<'n>(
         &self,
-        at: &[Step],
+        at: &Place,
         name: &str,
         earlier: impl IntoIterator<Item = &'n str>,
     ) -> Resolved<()> {
-        let at = [at, &steps!["name"]].concat();
+        let at = at.field("name");
         if name.trim().is_empty() {
             return self.fail(&at, "must not be empty");
         }

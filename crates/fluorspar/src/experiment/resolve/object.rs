@@ -10,7 +10,7 @@ use super::light::group_index;
 use super::material::Fluorophores;
 use super::spectrum::Role;
 use crate::anatomy::{MouthParameters, Tissue, shared_mouth};
-use crate::experiment::error::{Step, steps};
+use crate::experiment::error::{Place, steps};
 use crate::experiment::schema::{
     BoxShape, DiscShape, DisplacementSection, EmissionSection, ExperimentFile, InstanceSection, MouthSection,
     ObjectSection, QuadShape, SphereShape, TransformSection,
@@ -19,7 +19,7 @@ use crate::format::{read_gltf, read_gltf_instances, read_obj, read_placements, r
 use crate::geometry::{MeshInstance, MeshInstances, TriangleMesh};
 use crate::light::LightGroup;
 use crate::material::{Material, ScalarTexture, Scattering};
-use crate::preset::nearest_name;
+use crate::names::did_you_mean;
 use crate::scene::{Object, Shape, SurfaceEmission};
 use crate::spectral::{MAX_WAVELENGTH_NM, MIN_WAVELENGTH_NM, WavelengthGrid};
 
@@ -67,14 +67,13 @@ pub(super) fn objects(
 
 fn object(
     context: &mut Context<'_>,
-    at: &[Step],
+    at: &Place,
     section: &ObjectSection,
     materials: &[Material],
     grid: &WavelengthGrid,
     groups: &mut Vec<LightGroup>,
 ) -> Resolved<Vec<Object>> {
-    let field = |key: &str| [at, &steps![key]].concat();
-    let material = material_index(context, &field("material"), &section.material, materials)?;
+    let material = material_index(context, &at.field("material"), &section.material, materials)?;
     let shapes = [
         section.mesh.is_some(),
         section.sphere.is_some(),
@@ -86,53 +85,53 @@ fn object(
         return context.fail(at, "give exactly one of mesh, sphere, quad, disc, box");
     }
     if section.unit_mm.is_some() && section.mesh.is_none() {
-        return context.fail(&field("unit_mm"), "only a mesh has a unit; remove it");
+        return context.fail(&at.field("unit_mm"), "only a mesh has a unit; remove it");
     }
     if section.displacement.is_some() && section.mesh.is_none() && section.quad.is_none() {
         return context.fail(
-            &field("displacement"),
+            &at.field("displacement"),
             "only a mesh or a quad can be displaced; export the shape as a mesh",
         );
     }
     let many = !section.instance.is_empty() || section.instance_file.is_some();
     if many && (section.sphere.is_some() || section.disc.is_some()) {
-        let at = if section.instance.is_empty() { field("instance_file") } else { field("instance") };
+        let at = if section.instance.is_empty() { at.field("instance_file") } else { at.field("instance") };
         let message = "only a mesh, a quad or a box can stand at several places; export the shape as a mesh";
         return context.fail(&at, message);
     }
     let (transform, scale) = match &section.transform {
-        Some(transform) => affine(context, &field("transform"), transform)?,
+        Some(transform) => affine(context, &at.field("transform"), transform)?,
         None => (Affine3A::IDENTITY, 1.0),
     };
     let emission = match &section.emission {
         None => None,
-        Some(emission) => Some(surface_emission(context, &field("emission"), emission, grid, groups)?),
+        Some(emission) => Some(surface_emission(context, &at.field("emission"), emission, grid, groups)?),
     };
     let shape = if let Some(sphere) = &section.sphere {
-        sphere_shape(context, &field("sphere"), sphere, &transform, scale)?
+        sphere_shape(context, &at.field("sphere"), sphere, &transform, scale)?
     } else if let Some(disc) = &section.disc {
-        disc_shape(context, &field("disc"), disc, &transform, scale)?
+        disc_shape(context, &at.field("disc"), disc, &transform, scale)?
     } else {
         let mut mesh = if let Some(quad) = &section.quad {
-            quad_mesh(context, &field("quad"), quad)?
+            quad_mesh(context, &at.field("quad"), quad)?
         } else if let Some(cuboid) = &section.cuboid {
-            box_mesh(context, &field("box"), cuboid)?
+            box_mesh(context, &at.field("box"), cuboid)?
         } else {
             let file = section.mesh.as_deref().unwrap_or_default();
             let unit_mm = section.unit_mm.unwrap_or(1.0);
             let unit_mm =
-                context.within(&field("unit_mm"), unit_mm, SCALE, "millimetres per unit of the file")?;
+                context.within(&at.field("unit_mm"), unit_mm, SCALE, "millimetres per unit of the file")?;
             if section.displacement.is_none()
-                && let Some(shared) = read_shared_meshes(context, &field("mesh"), file, unit_mm)?
+                && let Some(shared) = read_shared_meshes(context, &at.field("mesh"), file, unit_mm)?
             {
                 let source = PlacedObject { section, at, materials };
                 return placed_objects(context, &source, material, shared, &transform, emission.as_ref());
             }
-            read_mesh(context, &field("mesh"), file, unit_mm)?
+            read_mesh(context, &at.field("mesh"), file, unit_mm)?
         };
         if many {
             if let Some(displacement) = &section.displacement {
-                displace(context, &field("displacement"), displacement, &mut mesh)?;
+                displace(context, &at.field("displacement"), displacement, &mut mesh)?;
             }
             let instances = vec![MeshInstance { mesh: 0, to_world: Affine3::IDENTITY }];
             let once = MeshInstances { meshes: vec![Arc::new(mesh)], instances };
@@ -141,9 +140,9 @@ fn object(
         }
         mesh.transform(&transform);
         if let Some(displacement) = &section.displacement {
-            displace(context, &field("displacement"), displacement, &mut mesh)?;
+            displace(context, &at.field("displacement"), displacement, &mut mesh)?;
         }
-        check_textures(context, &field("mesh"), &mesh, material, materials)?;
+        check_textures(context, &at.field("mesh"), &mesh, material, materials)?;
         Shape::Mesh(Arc::new(mesh))
     };
     Ok(vec![Object { name: section.name.clone(), shape, material, emission }])
@@ -152,7 +151,7 @@ fn object(
 /// Refuses a material with textures on a mesh without texture coordinates.
 fn check_textures(
     context: &Context<'_>,
-    at: &[Step],
+    at: &Place,
     mesh: &TriangleMesh,
     material: usize,
     materials: &[Material],
@@ -172,7 +171,7 @@ fn check_textures(
 /// A section of an object with the materials that it may name.
 struct PlacedObject<'a> {
     section: &'a ObjectSection,
-    at: &'a [Step],
+    at: &'a Place,
     materials: &'a [Material],
 }
 
@@ -196,7 +195,6 @@ fn placed_objects(
     emission: Option<&SurfaceEmission>,
 ) -> Resolved<Vec<Object>> {
     let at = source.at;
-    let field = |key: &str| [at, &steps![key]].concat();
     let parts = parts(context, source, material, transform)?;
     let places: usize = parts.iter().map(|part| part.places.len()).sum();
     let instances = places.saturating_mul(shared.instances.len());
@@ -207,7 +205,7 @@ fn placed_objects(
     let mut objects = Vec::with_capacity(parts.len());
     for part in parts {
         for mesh in &shared.meshes {
-            check_textures(context, &field("mesh"), mesh, part.material, source.materials)?;
+            check_textures(context, &at.field("mesh"), mesh, part.material, source.materials)?;
         }
         let mut instances = Vec::with_capacity(part.places.len() * shared.instances.len());
         for place in &part.places {
@@ -241,10 +239,10 @@ fn parts(
     let whole = Affine3 { matrix3: transform.matrix3.into(), translation: transform.translation.into() };
     let mut parts: Vec<Part> = Vec::new();
     for (index, instance) in section.instance.iter().enumerate() {
-        let at = [at, &steps!["instance", index]].concat();
+        let at = at.field("instance").index(index);
         let name = instance.part.as_ref().unwrap_or(&section.name);
         let material = match &instance.material {
-            Some(name) => material_index(context, &[&at[..], &steps!["material"]].concat(), name, materials)?,
+            Some(name) => material_index(context, &at.field("material"), name, materials)?,
             None => material,
         };
         let place = whole * instance_map(context, &at, instance)?;
@@ -261,7 +259,7 @@ fn parts(
         }
     }
     if let Some(list) = &section.instance_file {
-        let at = [at, &steps!["instance_file"]].concat();
+        let at = at.field("instance_file");
         context.note_input(&at, list)?;
         let places = read_placements(list.as_ref(), 1e-3).map_err(|error| context.file_error(&at, &error))?;
         let flat = |place: &Affine3| !MeshInstance { mesh: 0, to_world: *place }.is_invertible();
@@ -286,8 +284,7 @@ fn parts(
     Ok(parts)
 }
 
-fn instance_map(context: &Context<'_>, at: &[Step], section: &InstanceSection) -> Resolved<Affine3> {
-    let field = |key: &str| [at, &steps![key]].concat();
+fn instance_map(context: &Context<'_>, at: &Place, section: &InstanceSection) -> Resolved<Affine3> {
     let map = match section.matrix {
         Some(rows) => {
             let others = InstanceSection {
@@ -297,16 +294,17 @@ fn instance_map(context: &Context<'_>, at: &[Step], section: &InstanceSection) -
                 ..InstanceSection::default()
             };
             if *section != others {
-                return context.fail(&field("matrix"), "a matrix is all of a place; remove the other fields");
+                return context
+                    .fail(&at.field("matrix"), "a matrix is all of a place; remove the other fields");
             }
             if rows.iter().any(|row| row[..3].iter().any(|a| a.is_nan() || a.abs() > SCALE[1])) {
                 let message = "every number of the three axes must be between -1000000 and 1000000";
-                return context.fail(&field("matrix"), message);
+                return context.fail(&at.field("matrix"), message);
             }
             let axis = |column: usize| Vec3::from([0, 1, 2].map(|row| rows[row][column] as f32));
             Affine3 {
                 matrix3: Mat3::from_cols(axis(0), axis(1), axis(2)),
-                translation: context.meters(&field("matrix"), [0, 1, 2].map(|row| rows[row][3]))?,
+                translation: context.meters(&at.field("matrix"), [0, 1, 2].map(|row| rows[row][3]))?,
             }
         }
         None => {
@@ -322,7 +320,7 @@ fn instance_map(context: &Context<'_>, at: &[Step], section: &InstanceSection) -
                 if !(SCALE[0]..=SCALE[1]).contains(&factor.abs()) {
                     let message =
                         "every factor must be between 1e-6 and 1000000, or the negative of such a number";
-                    return context.fail(&field("stretch"), message);
+                    return context.fail(&at.field("stretch"), message);
                 }
             }
             let [x, y, z] = section.stretch.map(|factor| factor as f32);
@@ -339,7 +337,7 @@ fn instance_map(context: &Context<'_>, at: &[Step], section: &InstanceSection) -
 /// Meshes of a file in which several nodes share some; `None` for all other files.
 fn read_shared_meshes(
     context: &mut Context<'_>,
-    at: &[Step],
+    at: &Place,
     file: &str,
     unit_mm: f64,
 ) -> Resolved<Option<MeshInstances>> {
@@ -383,22 +381,22 @@ const MOST_TRIANGLES: usize = 20_000_000;
 
 fn displace(
     context: &mut Context<'_>,
-    at: &[Step],
+    at: &Place,
     section: &DisplacementSection,
     mesh: &mut TriangleMesh,
 ) -> Resolved<()> {
-    let field = |key: &str| [at, &steps![key]].concat();
-    context.within(&field("amount_mm"), section.amount_mm, [-100.0, 100.0], "millimetres")?;
-    context.whole_within(&field("subdivisions"), section.subdivisions.into(), [0, 8])?;
-    let map = context.texture(&field("map"), &section.map, 1.0)?;
+    context.within(&at.field("amount_mm"), section.amount_mm, [-100.0, 100.0], "millimetres")?;
+    context.whole_within(&at.field("subdivisions"), section.subdivisions.into(), [0, 8])?;
+    let map = context.texture(&at.field("map"), &section.map, 1.0)?;
     if mesh.uvs.is_empty() && map.constant().is_none() {
-        return context.fail(&field("map"), "the mesh has no texture coordinates; export them with the mesh");
+        return context
+            .fail(&at.field("map"), "the mesh has no texture coordinates; export them with the mesh");
     }
     let triangles = mesh.triangles.len() << (2 * section.subdivisions);
     if triangles > MOST_TRIANGLES {
         let message =
             format!("{triangles} triangles are more than {MOST_TRIANGLES}; give fewer subdivisions");
-        return context.fail(&field("subdivisions"), message);
+        return context.fail(&at.field("subdivisions"), message);
     }
     mesh.subdivide(section.subdivisions);
     let amount_m = (section.amount_mm * 1e-3) as f32;
@@ -406,30 +404,29 @@ fn displace(
     Ok(())
 }
 
-fn material_index(context: &Context<'_>, at: &[Step], name: &str, materials: &[Material]) -> Resolved<usize> {
+fn material_index(context: &Context<'_>, at: &Place, name: &str, materials: &[Material]) -> Resolved<usize> {
     if let Some(index) = materials.iter().position(|material| material.name == name) {
         return Ok(index);
     }
     let known: Vec<&str> = materials.iter().map(|material| material.name.as_str()).collect();
-    let hint = nearest_name(name, known.iter().copied())
-        .map_or_else(|| ".".into(), |name| format!(", did you mean \"{name}\"?"));
+    let hint = did_you_mean(name, known.iter().copied());
     let known = if known.is_empty() { "none".into() } else { known.join(", ") };
     context.fail(at, format!("there is no [[material]] of this name{hint} Known: {known}"))
 }
 
-fn affine(context: &Context<'_>, at: &[Step], section: &TransformSection) -> Resolved<(Affine3A, f32)> {
-    let field = |key: &str| [at, &steps![key]].concat();
-    let scale = context.within(&field("scale"), section.scale, SCALE, "as a factor on all lengths")? as f32;
-    let translation = context.meters(&field("translate_mm"), section.translate_mm)?;
+fn affine(context: &Context<'_>, at: &Place, section: &TransformSection) -> Resolved<(Affine3A, f32)> {
+    let scale =
+        context.within(&at.field("scale"), section.scale, SCALE, "as a factor on all lengths")? as f32;
+    let translation = context.meters(&at.field("translate_mm"), section.translate_mm)?;
     for angle in section.rotate_deg {
-        context.within(&field("rotate_deg"), angle, [-3600.0, 3600.0], "degrees")?;
+        context.within(&at.field("rotate_deg"), angle, [-3600.0, 3600.0], "degrees")?;
     }
     let [x, y, z] = section.rotate_deg.map(|angle| angle.to_radians() as f32);
     let mut rotation = Quat::from_euler(EulerRot::ZYX, z, y, x);
     match (section.axis, section.angle_deg) {
         (Some(axis), Some(angle)) => {
-            let axis = context.direction(&field("axis"), axis)?;
-            context.within(&field("angle_deg"), angle, [-3600.0, 3600.0], "degrees")?;
+            let axis = context.direction(&at.field("axis"), axis)?;
+            context.within(&at.field("angle_deg"), angle, [-3600.0, 3600.0], "degrees")?;
             rotation = Quat::from_axis_angle(axis, angle.to_radians() as f32) * rotation;
         }
         (None, None) => {}
@@ -438,32 +435,32 @@ fn affine(context: &Context<'_>, at: &[Step], section: &TransformSection) -> Res
     Ok((Affine3A::from_scale_rotation_translation(Vec3::splat(scale), rotation, translation), scale))
 }
 
-fn radius(context: &Context<'_>, at: &[Step], radius_mm: f64, scale: f32) -> Resolved<f32> {
-    let at = [at, &steps!["radius_mm"]].concat();
+fn radius(context: &Context<'_>, at: &Place, radius_mm: f64, scale: f32) -> Resolved<f32> {
+    let at = at.field("radius_mm");
     Ok((context.within(&at, radius_mm, LENGTH_MM, "millimetres")? * 1e-3) as f32 * scale)
 }
 
 fn sphere_shape(
     context: &Context<'_>,
-    at: &[Step],
+    at: &Place,
     sphere: &SphereShape,
     transform: &Affine3A,
     scale: f32,
 ) -> Resolved<Shape> {
-    let center = context.meters(&[at, &steps!["center_mm"]].concat(), sphere.center_mm)?;
+    let center = context.meters(&at.field("center_mm"), sphere.center_mm)?;
     let radius_m = radius(context, at, sphere.radius_mm, scale)?;
     Ok(Shape::Sphere { center: transform.transform_point3(center), radius_m })
 }
 
 fn disc_shape(
     context: &Context<'_>,
-    at: &[Step],
+    at: &Place,
     disc: &DiscShape,
     transform: &Affine3A,
     scale: f32,
 ) -> Resolved<Shape> {
-    let center = context.meters(&[at, &steps!["center_mm"]].concat(), disc.center_mm)?;
-    let normal = context.direction(&[at, &steps!["normal"]].concat(), disc.normal)?;
+    let center = context.meters(&at.field("center_mm"), disc.center_mm)?;
+    let normal = context.direction(&at.field("normal"), disc.normal)?;
     let radius_m = radius(context, at, disc.radius_mm, scale)?;
     let normal = transform.transform_vector3(normal).normalize();
     Ok(Shape::Disc { center: transform.transform_point3(center), normal, radius_m })
@@ -480,10 +477,10 @@ fn add_quad(mesh: &mut TriangleMesh, corner: Vec3, edge_u: Vec3, edge_v: Vec3) {
     mesh.triangles.push([first, first + 2, first + 3]);
 }
 
-fn quad_mesh(context: &Context<'_>, at: &[Step], quad: &QuadShape) -> Resolved<TriangleMesh> {
-    let corner = context.meters(&[at, &steps!["corner_mm"]].concat(), quad.corner_mm)?;
-    let edge_u = context.meters(&[at, &steps!["edge_u_mm"]].concat(), quad.edge_u_mm)?;
-    let edge_v = context.meters(&[at, &steps!["edge_v_mm"]].concat(), quad.edge_v_mm)?;
+fn quad_mesh(context: &Context<'_>, at: &Place, quad: &QuadShape) -> Resolved<TriangleMesh> {
+    let corner = context.meters(&at.field("corner_mm"), quad.corner_mm)?;
+    let edge_u = context.meters(&at.field("edge_u_mm"), quad.edge_u_mm)?;
+    let edge_v = context.meters(&at.field("edge_v_mm"), quad.edge_v_mm)?;
     if edge_u.cross(edge_v).length() <= 1e-6 * edge_u.length() * edge_v.length() || edge_u == Vec3::ZERO {
         return context
             .fail(at, "edge_u_mm and edge_v_mm span no area; give two edges that are not parallel");
@@ -493,9 +490,9 @@ fn quad_mesh(context: &Context<'_>, at: &[Step], quad: &QuadShape) -> Resolved<T
     Ok(mesh)
 }
 
-fn box_mesh(context: &Context<'_>, at: &[Step], cuboid: &BoxShape) -> Resolved<TriangleMesh> {
-    let center = context.meters(&[at, &steps!["center_mm"]].concat(), cuboid.center_mm)?;
-    let size_at = [at, &steps!["size_mm"]].concat();
+fn box_mesh(context: &Context<'_>, at: &Place, cuboid: &BoxShape) -> Resolved<TriangleMesh> {
+    let center = context.meters(&at.field("center_mm"), cuboid.center_mm)?;
+    let size_at = at.field("size_mm");
     for size in cuboid.size_mm {
         context.within(&size_at, size, LENGTH_MM, "millimetres")?;
     }
@@ -516,7 +513,7 @@ fn box_mesh(context: &Context<'_>, at: &[Step], cuboid: &BoxShape) -> Resolved<T
     Ok(mesh)
 }
 
-fn read_mesh(context: &mut Context<'_>, at: &[Step], file: &str, unit_mm: f64) -> Resolved<TriangleMesh> {
+fn read_mesh(context: &mut Context<'_>, at: &Place, file: &str, unit_mm: f64) -> Resolved<TriangleMesh> {
     let lower = file.to_lowercase();
     let read = match lower.rsplit('.').next() {
         Some("ply") => read_ply,
@@ -538,21 +535,20 @@ fn read_mesh(context: &mut Context<'_>, at: &[Step], file: &str, unit_mm: f64) -
 
 fn surface_emission(
     context: &mut Context<'_>,
-    at: &[Step],
+    at: &Place,
     section: &EmissionSection,
     grid: &WavelengthGrid,
     groups: &mut Vec<LightGroup>,
 ) -> Resolved<SurfaceEmission> {
-    let field = |key: &str| [at, &steps![key]].concat();
     let radiance = section.radiance_w_per_sr_m2;
-    let radiance = context.within(&field("radiance_w_per_sr_m2"), radiance, STRENGTH, "W/(sr m²)")?;
-    let curve = context.spectrum(&field("spectrum"), &section.spectrum, Role::Light, 0.0, grid)?;
+    let radiance = context.within(&at.field("radiance_w_per_sr_m2"), radiance, STRENGTH, "W/(sr m²)")?;
+    let curve = context.spectrum(&at.field("spectrum"), &section.spectrum, Role::Light, 0.0, grid)?;
     if section.group.is_empty() {
-        return context.fail(&field("group"), "a light group needs a name");
+        return context.fail(&at.field("group"), "a light group needs a name");
     }
     let total = curve.integral(MIN_WAVELENGTH_NM, MAX_WAVELENGTH_NM);
     if total <= 0.0 {
-        return context.fail(&field("spectrum"), "the spectrum has no power between 200 and 1200 nm");
+        return context.fail(&at.field("spectrum"), "the spectrum has no power between 200 and 1200 nm");
     }
     Ok(SurfaceEmission {
         group: group_index(groups, &section.group),
@@ -593,8 +589,7 @@ fn mouth(context: &mut Context<'_>, section: &MouthSection, materials: &[Materia
                     .map(|t| -> &str { t.name() })
                     .chain(mouth.parts.iter().map(|p| p.name.as_str()))
             };
-            let hint = nearest_name(key, names())
-                .map_or_else(|| ".".into(), |name| format!(", did you mean \"{name}\"?"));
+            let hint = did_you_mean(key, names());
             let tissues: Vec<&str> = Tissue::ALL.into_iter().map(Tissue::name).collect();
             let message = format!(
                 "the mouth has neither a tissue nor a part \"{key}\"{hint} Tissues: {}",
@@ -649,13 +644,12 @@ fn scans(
 ) -> Resolved<()> {
     for (index, scan) in section.scan.iter().enumerate() {
         let at = steps!["mouth", "scan", index];
-        let field = |key: &str| [&at[..], &steps![key]].concat();
         context.unique_name(
             &at,
             &scan.name,
             section.scan[..index].iter().map(|other| other.name.as_str()),
         )?;
-        let material = material_index(context, &field("material"), &scan.material, materials)?;
+        let material = material_index(context, &at.field("material"), &scan.material, materials)?;
         for name in &scan.replaces {
             let before = parts.len();
             match name.strip_suffix('*') {
@@ -663,20 +657,20 @@ fn scans(
                 None => parts.retain(|part| part.name != *name),
             }
             if parts.len() == before {
-                let hint = nearest_name(name, parts.iter().map(|part| part.name.as_str()))
-                    .map_or_else(String::new, |name| format!(", did you mean \"{name}\"?"));
-                return context.fail(&field("replaces"), format!("the mouth has no part \"{name}\"{hint}"));
+                let hint = did_you_mean(name, parts.iter().map(|part| part.name.as_str()));
+                return context
+                    .fail(&at.field("replaces"), format!("the mouth has no part \"{name}\"{hint}"));
             }
         }
         let unit_mm = context.within(
-            &field("unit_mm"),
+            &at.field("unit_mm"),
             scan.unit_mm.unwrap_or(1.0),
             SCALE,
             "millimetres per unit of the file",
         )?;
-        let mut mesh = read_mesh(context, &field("mesh"), &scan.mesh, unit_mm)?;
+        let mut mesh = read_mesh(context, &at.field("mesh"), &scan.mesh, unit_mm)?;
         if let Some(message) = unlikely_size(&mesh, unit_mm) {
-            context.warn(&field("mesh"), message);
+            context.warn(&at.field("mesh"), message);
         }
         if mesh.normals.is_empty() {
             mesh.compute_smooth_normals();
@@ -686,10 +680,10 @@ fn scans(
             mesh.uvs = planar_coordinates(&mesh);
             let message =
                 "the file has no texture coordinates; textures are projected along its thinnest side";
-            context.warn(&field("mesh"), message);
+            context.warn(&at.field("mesh"), message);
         }
         let place = match &scan.transform {
-            Some(transform) => affine(context, &field("transform"), transform)?.0,
+            Some(transform) => affine(context, &at.field("transform"), transform)?.0,
             None => Affine3A::IDENTITY,
         };
         let whole = match &section.transform {
@@ -699,7 +693,7 @@ fn scans(
         mesh.transform(&(whole * place));
         if parts.iter().any(|part| part.name == scan.name) {
             return context.fail(
-                &field("name"),
+                &at.field("name"),
                 "the mouth has a part of this name; name it in `replaces`, or rename the scan",
             );
         }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::context::{Context, Resolved, STRENGTH};
 use crate::anatomy::shared_surface_map;
 use crate::experiment::document::is_path;
-use crate::experiment::error::{Step, steps};
+use crate::experiment::error::Place;
 use crate::experiment::schema::{SpectrumReference, SpectrumTable, TextureReference, TextureTable};
 use crate::format::{
     CsvColumns, CsvSpectrumOptions, FormatError, NamedCurve, Transfer, read_spectrum_csv, read_texture_png,
@@ -48,7 +48,7 @@ impl Context<'_> {
     /// The curve of a reference; an interference filter of the catalogue is taken at an angle.
     pub(in crate::experiment) fn spectrum(
         &mut self,
-        at: &[Step],
+        at: &Place,
         reference: &SpectrumReference,
         role: Role,
         angle_deg: f64,
@@ -82,7 +82,7 @@ impl Context<'_> {
     /// A filter of a reference, with the effective index of the catalogue, or the given one for files and equations.
     pub(in crate::experiment) fn filter(
         &mut self,
-        at: &[Step],
+        at: &Place,
         reference: &SpectrumReference,
         index_of_others: Option<f64>,
         grid: &WavelengthGrid,
@@ -98,7 +98,7 @@ impl Context<'_> {
         Ok(Filter { curve, effective_index })
     }
 
-    fn model(&self, at: &[Step], model: &CurveModel) -> Resolved<Curve> {
+    fn model(&self, at: &Place, model: &CurveModel) -> Resolved<Curve> {
         match model.validate() {
             Ok(()) => match model {
                 CurveModel::Table { wavelength_nm, value } => {
@@ -107,15 +107,11 @@ impl Context<'_> {
                 }
                 _ => Ok(Curve::from_model(model)),
             },
-            Err((field, message)) => {
-                let steps = field.split('.').map(Step::from);
-                let at: Vec<Step> = at.iter().cloned().chain(steps).collect();
-                self.fail(&at, message)
-            }
+            Err((field, message)) => self.fail(&at.fields(&field), message),
         }
     }
 
-    fn table(&mut self, at: &[Step], table: &SpectrumTable, grid: &WavelengthGrid) -> Resolved<Curve> {
+    fn table(&mut self, at: &Place, table: &SpectrumTable, grid: &WavelengthGrid) -> Resolved<Curve> {
         let columns = match &table.column {
             Some(name) => CsvColumns::Named(vec![name.clone()]),
             None => CsvColumns::Numbered(vec![1]),
@@ -127,7 +123,7 @@ impl Context<'_> {
         match table.scale {
             None => Ok(curve),
             Some(scale) => {
-                let at: Vec<Step> = at.iter().cloned().chain(steps!["scale"]).collect();
+                let at = at.field("scale");
                 Ok(curve.scaled(self.within(&at, scale, [1.0 / LARGEST_RELATIVE, LARGEST_RELATIVE], "")?))
             }
         }
@@ -136,7 +132,7 @@ impl Context<'_> {
     /// Columns of a CSV file of spectra, at least one.
     pub(in crate::experiment) fn csv(
         &mut self,
-        at: &[Step],
+        at: &Place,
         file: &str,
         options: &CsvSpectrumOptions,
     ) -> Resolved<Vec<NamedCurve>> {
@@ -149,13 +145,13 @@ impl Context<'_> {
     /// An error of a reader; it names its file itself.
     pub(in crate::experiment) fn file_error(
         &self,
-        at: &[Step],
+        at: &Place,
         error: &FormatError,
     ) -> crate::experiment::ExperimentError {
         self.error(at, error.to_string()).without_value()
     }
 
-    fn check_values(&self, at: &[Step], curve: &Curve, role: Role) -> Resolved<()> {
+    fn check_values(&self, at: &Place, curve: &Curve, role: Role) -> Resolved<()> {
         let most = match role {
             Role::Filter | Role::Reflectance => 1.0,
             Role::Light => LARGEST_RELATIVE,
@@ -184,7 +180,7 @@ impl Context<'_> {
     /// A texture from its reference. Values must be between 0 and `highest`.
     pub(in crate::experiment) fn texture(
         &mut self,
-        at: &[Step],
+        at: &Place,
         reference: &TextureReference,
         highest: f64,
     ) -> Resolved<ScalarTexture> {
@@ -197,8 +193,7 @@ impl Context<'_> {
         }
     }
 
-    fn texture_map(&mut self, at: &[Step], table: &TextureTable, highest: f64) -> Resolved<ScalarTexture> {
-        let below = |key: &str| -> Vec<Step> { at.iter().cloned().chain(steps![key]).collect() };
+    fn texture_map(&mut self, at: &Place, table: &TextureTable, highest: f64) -> Resolved<ScalarTexture> {
         let kinds = [
             table.image.is_some(),
             table.checker.is_some(),
@@ -210,7 +205,8 @@ impl Context<'_> {
             return self.fail(at, "give exactly one of image, checker, noise, dorsal_tongue, anatomy");
         }
         if table.tissue.is_some() && table.anatomy.is_none() {
-            return self.fail(&below("tissue"), "only a map of the anatomy belongs to a tissue; remove it");
+            return self
+                .fail(&at.field("tissue"), "only a map of the anatomy belongs to a tissue; remove it");
         }
         let names = ["image", "checker", "noise", "dorsal_tongue", "anatomy"];
         let map = names.into_iter().zip(kinds).find(|(_, given)| *given).map_or("", |(name, _)| name);
@@ -224,13 +220,13 @@ impl Context<'_> {
                 let inside =
                     if map == "dorsal_tongue" { ", which has its own fields inside its braces" } else { "" };
                 let message = format!("belongs to {}, not to {map}{inside}; remove it", maps.join(", "));
-                return self.fail(&below(key), message);
+                return self.fail(&at.field(key), message);
             }
         }
-        let low = self.within(&below("low"), table.low.unwrap_or(0.0), [0.0, highest], "")? as f32;
-        let high = self.within(&below("high"), table.high.unwrap_or(1.0), [0.0, highest], "")? as f32;
+        let low = self.within(&at.field("low"), table.low.unwrap_or(0.0), [0.0, highest], "")? as f32;
+        let high = self.within(&at.field("high"), table.high.unwrap_or(1.0), [0.0, highest], "")? as f32;
         let texture = if let Some(file) = &table.image {
-            let at = below("image");
+            let at = at.field("image");
             self.note_input(&at, file)?;
             let transfer = if table.srgb == Some(true) { Transfer::Srgb } else { Transfer::Linear };
             let image = read_texture_png(file.as_ref(), transfer).map_err(|e| self.file_error(&at, &e))?;
@@ -240,22 +236,21 @@ impl Context<'_> {
             ScalarTexture::Image { image: Arc::new(image), low, high }
         } else if let Some([columns, rows]) = table.checker {
             for fields in [columns, rows] {
-                self.whole_within(&below("checker"), u64::from(fields), [1, 10_000])?;
+                self.whole_within(&at.field("checker"), u64::from(fields), [1, 10_000])?;
             }
             ScalarTexture::Checker { columns, rows, low, high }
         } else if let Some(cells) = table.noise {
             for value in cells {
-                self.within(&below("noise"), value, [0.1, 1e4], "cells")?;
+                self.within(&at.field("noise"), value, [0.1, 1e4], "cells")?;
             }
             let cells = cells.map(|value| value as f32);
             ScalarTexture::Noise { cells, seed: table.seed.unwrap_or(1), low, high }
         } else if let Some(map) = &table.dorsal_tongue {
-            let field =
-                |key: &str| -> Vec<Step> { at.iter().cloned().chain(steps!["dorsal_tongue", key]).collect() };
-            self.within(&field("peak"), map.peak, [0.0, highest], "")?;
-            self.within(&field("sigma"), map.sigma, [0.01, 10.0], "of the tongue's width")?;
-            self.within(&field("full_at"), map.full_at, [0.01, 1.0], "of the tongue's length")?;
-            self.within(&field("patchiness"), map.patchiness, [0.0, 1.0], "")?;
+            let inner = at.field("dorsal_tongue");
+            self.within(&inner.field("peak"), map.peak, [0.0, highest], "")?;
+            self.within(&inner.field("sigma"), map.sigma, [0.01, 10.0], "of the tongue's width")?;
+            self.within(&inner.field("full_at"), map.full_at, [0.01, 1.0], "of the tongue's length")?;
+            self.within(&inner.field("patchiness"), map.patchiness, [0.0, 1.0], "")?;
             ScalarTexture::DorsalTongue {
                 peak: map.peak as f32,
                 sigma: map.sigma as f32,
@@ -264,7 +259,7 @@ impl Context<'_> {
                 seed: map.seed,
             }
         } else if let Some(map) = table.anatomy {
-            let at = below("anatomy");
+            let at = at.field("anatomy");
             let Some(mouth) = &self.mouth else {
                 return self
                     .fail(&at, "a map of the anatomy needs a [mouth]; add one, or use noise or an image");
@@ -285,7 +280,7 @@ impl Context<'_> {
         match &table.times {
             None => Ok(texture),
             Some(other) => {
-                let other = self.texture(&below("times"), other, highest)?;
+                let other = self.texture(&at.field("times"), other, highest)?;
                 Ok(ScalarTexture::Product(Box::new(texture), Box::new(other)))
             }
         }

@@ -1,0 +1,46 @@
+//! Names that nothing has: one measure of likeness, and one way to suggest what was meant.
+
+/// The candidate most similar to a name that was not found; `None` where nothing is similar.
+///
+/// Similar means a Damerau-Levenshtein distance of at most two, or of a third of the letters, or that one name contains
+/// the other. Capitals do not count, and `-`, ` ` and `_` are the same.
+pub fn nearest_name<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+    let plain = |text: &str| text.to_lowercase().replace(['-', ' '], "_");
+    let wanted = plain(name);
+    let allowed = (wanted.chars().count() / 3).max(2);
+    candidates
+        .into_iter()
+        .filter_map(|candidate| {
+            let other = plain(candidate);
+            let distance = strsim::damerau_levenshtein(&wanted, &other);
+            let contained = wanted.len() >= 3 && (other.contains(&wanted) || wanted.contains(&other));
+            let close = distance <= allowed && distance < other.chars().count();
+            (close || contained).then_some((distance, candidate))
+        })
+        .min_by_key(|(distance, _)| *distance)
+        .map(|(_, candidate)| candidate)
+}
+
+/// The end of a sentence about a name that was not found: `, did you mean "led_385"?`, or a full stop where no candidate
+/// is similar.
+pub fn did_you_mean<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> String {
+    suggestion(nearest_name(name, candidates))
+}
+
+/// The same for a suggestion that is known already.
+pub fn suggestion(nearest: Option<&str>) -> String {
+    nearest.map_or_else(|| ".".into(), |name| format!(", did you mean \"{name}\"?"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nothing_similar_is_not_guessed() {
+        assert_eq!(nearest_name("xenon", ["led_385", "halogen"]), None);
+        assert_eq!(nearest_name("powr_mw", ["power_mw", "count"]), Some("power_mw"));
+        assert_eq!(did_you_mean("Tounge", ["tongue", "palate"]), ", did you mean \"tongue\"?");
+        assert_eq!(did_you_mean("xenon", ["led_385"]), ".");
+    }
+}
