@@ -13,7 +13,8 @@ use thiserror::Error;
 
 use super::adaptive::{ErrorTarget, TileError};
 use super::camera_sample::{MOST_PATHS, PixelSampler};
-use super::compiled_scene::{CompiledScene, Target};
+use super::compiled_scene::CompiledScene;
+use super::surface::Target;
 use crate::image::EXCITATION_MARK;
 use crate::image::film::{
     BlockSign, FilmScale, FilmTile, TILE, TileMut, block_end, block_start, film_bytes, is_block_boundary,

@@ -4,7 +4,8 @@ use std::f32::consts::PI;
 
 use glam::Vec3;
 
-use super::compiled_scene::{AnalyticShape, CompiledEmitter, CompiledLight, CompiledScene, Target};
+use super::compiled_scene::{AnalyticShape, CompiledEmitter, CompiledLight, CompiledScene};
+use super::surface::Target;
 use crate::sampling::{SphericalEllipse, SphericalRectangle, warp};
 
 /// Light that may arrive at a point.

@@ -3,7 +3,10 @@
 //!
 //! | file | what |
 //! |---|---|
-//! | `compiled_scene` | plain buffers that rays and spectra need |
+//! | `compiled_scene` | a scene as plain buffers: what rays and spectra need |
+//! | `compile` | makes these buffers: geometry, lights, materials, fluorescence operators |
+//! | `instances` | meshes at many places |
+//! | `intersect` | the nearest surface or light along a ray, and visibility |
 //! | `fluorescence_operator` | an excitation-emission matrix applied to a band vector |
 //! | `light_sampling` | directions towards lights, with densities |
 //! | `surface` | what a ray finds: frame, texture coordinates, side |
@@ -18,10 +21,12 @@
 mod adaptive;
 mod adjoint;
 mod camera_sample;
+mod compile;
 mod compiled_scene;
 mod fluorescence_operator;
 mod instances;
 mod integrator;
+mod intersect;
 mod light_sampling;
 mod path;
 mod path_batch;

@@ -6,11 +6,13 @@ use fluorspar_accel::Ray;
 use glam::Vec3;
 
 use super::adjoint::{BINS, Importance};
-use super::compiled_scene::{CompiledScene, Intersection, TraceBuffers};
+use super::compiled_scene::CompiledScene;
 use super::integrator::Estimator;
+use super::intersect::TraceBuffers;
 use super::light_sampling::LightSample;
 use super::path::Path;
 use super::scattering::{Scattering, ScatteringSample};
+use super::surface::Intersection;
 use crate::sampling::SampleStream;
 
 /// From this vertex on, paths may end by Russian roulette.

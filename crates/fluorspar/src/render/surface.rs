@@ -2,8 +2,28 @@
 
 use glam::{Vec2, Vec3};
 
-use super::compiled_scene::{AnalyticShape, CompiledScene, Intersection, Target};
+use super::compiled_scene::{AnalyticShape, CompiledScene};
 use crate::sampling::warp;
+
+/// Where a ray ends.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Target {
+    /// A triangle, with barycentric coordinates.
+    Triangle { triangle: u32, u: f32, v: f32 },
+    /// A triangle of an instance of a mesh, with barycentric coordinates.
+    Instance { instance: u32, triangle: u32, u: f32, v: f32 },
+    /// An analytic shape of an object.
+    Shape(u32),
+    /// The surface of a light.
+    Light(u32),
+}
+
+/// A point on a surface that a ray found.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Intersection {
+    pub(super) t: f32,
+    pub(super) target: Target,
+}
 
 /// A point on an object, seen from one side.
 #[derive(Clone, Copy, Debug)]

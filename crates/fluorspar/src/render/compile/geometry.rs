@@ -1,0 +1,161 @@
+//! Surfaces as buffers, with the bounding volume hierarchies through which rays find them.
+
+use fluorspar_accel::{BuildError, TriangleBvh};
+use glam::{Vec2, Vec3};
+
+use crate::geometry::TriangleMesh;
+use crate::render::compiled_scene::{
+    AnalyticShape, CompiledEmitter, CompiledShape, MeshTriangle, MeshVertex,
+};
+use crate::render::instances::{CompiledInstances, InstanceList};
+use crate::sampling::warp;
+use crate::scene::{Scene, Shape};
+
+/// All surfaces of a scene.
+pub(super) struct Geometry {
+    /// Over the triangles of meshes.
+    pub(super) bvh: TriangleBvh,
+    pub(super) vertices: Vec<MeshVertex>,
+    pub(super) triangles: Vec<MeshTriangle>,
+    /// Meshes at many places; `None` where there are none.
+    pub(super) instances: Option<CompiledInstances>,
+    pub(super) shapes: Vec<CompiledShape>,
+}
+
+/// The surface of an object that emits.
+pub(super) struct EmissiveSurface {
+    pub(super) object: usize,
+    pub(super) emitter: CompiledEmitter,
+    pub(super) area_m2: f32,
+}
+
+/// Triangles and shapes as they are gathered, object by object.
+#[derive(Default)]
+struct Surfaces {
+    vertices: Vec<MeshVertex>,
+    corners: Vec<[u32; 3]>,
+    triangle_object: Vec<u32>,
+    shapes: Vec<CompiledShape>,
+}
+
+/// Compiles the surfaces of a scene; also returns those that emit, in the order of their objects.
+///
+/// # Errors
+/// Triangles that no hierarchy can be built over.
+pub(super) fn compile(scene: &Scene) -> Result<(Geometry, Vec<EmissiveSurface>), BuildError> {
+    let mut surfaces = Surfaces::default();
+    let mut instances = InstanceList::default();
+    let mut emissive = Vec::new();
+
+    // Gather the surface of every object
+    for (object, item) in scene.objects.iter().enumerate() {
+        let emits = item.emission.is_some();
+        let (emitter, area_m2) = match &item.shape {
+            Shape::Mesh(mesh) => {
+                let first_triangle = surfaces.add_mesh(object, mesh);
+                if !emits {
+                    continue;
+                }
+                emissive_mesh(mesh, first_triangle)
+            }
+            // Emissive instances are sampled triangle by triangle, by the areas that these have at their places.
+            Shape::Instances(many) if emits => {
+                let mesh = many.flattened();
+                emissive_mesh(&mesh, surfaces.add_mesh(object, &mesh))
+            }
+            Shape::Instances(many) => {
+                instances.add(object, many);
+                continue;
+            }
+            Shape::Sphere { center, radius_m } => {
+                let shape = AnalyticShape::Sphere { center: *center, radius: *radius_m };
+                let area = 4.0 * std::f32::consts::PI * radius_m * radius_m;
+                (surfaces.add_shape(object, shape), area)
+            }
+            Shape::Disc { center, normal, radius_m } => {
+                let tangents = warp::tangents(*normal);
+                let shape =
+                    AnalyticShape::Disc { center: *center, normal: *normal, tangents, radius: *radius_m };
+                (surfaces.add_shape(object, shape), std::f32::consts::PI * radius_m * radius_m)
+            }
+        };
+        if emits {
+            emissive.push(EmissiveSurface { object, emitter, area_m2 });
+        }
+    }
+
+    // Build the bounding volume hierarchies
+    let Surfaces { vertices, corners, triangle_object, shapes } = surfaces;
+    let positions: Vec<Vec3> = vertices.iter().map(|vertex| vertex.position).collect();
+    let bvh = TriangleBvh::build(&positions, &corners)?;
+    drop(positions);
+    let instances = instances.build()?;
+
+    let triangles = corners
+        .into_iter()
+        .zip(triangle_object)
+        .map(|(vertices, object)| MeshTriangle { vertices, object })
+        .collect();
+    Ok((Geometry { bvh, vertices, triangles, instances, shapes }, emissive))
+}
+
+impl Surfaces {
+    /// Adds the triangles of a mesh; returns the number of the first of them.
+    fn add_mesh(&mut self, object: usize, mesh: &TriangleMesh) -> usize {
+        let offset = self.vertices.len() as u32;
+        let first_triangle = self.corners.len();
+        self.vertices.extend(mesh.positions.iter().enumerate().map(|(index, &position)| MeshVertex {
+            position,
+            normal: mesh.normals.get(index).copied().unwrap_or(Vec3::ZERO),
+            uv: mesh.uvs.get(index).copied().unwrap_or(Vec2::ZERO),
+        }));
+        self.corners.extend(mesh.triangles.iter().map(|t| t.map(|v| v + offset)));
+        self.triangle_object.extend(std::iter::repeat_n(object as u32, mesh.triangles.len()));
+        first_triangle
+    }
+
+    /// Adds an analytic shape; returns how it emits, if it does.
+    fn add_shape(&mut self, object: usize, shape: AnalyticShape) -> CompiledEmitter {
+        self.shapes.push(CompiledShape { object, shape });
+        CompiledEmitter::ShapeObject { shape: self.shapes.len() - 1 }
+    }
+}
+
+/// How a mesh emits, and its area, m².
+fn emissive_mesh(mesh: &TriangleMesh, first_triangle: usize) -> (CompiledEmitter, f32) {
+    let mut sum = 0.0_f64;
+    let cumulative_area = mesh
+        .triangles
+        .iter()
+        .map(|t| {
+            sum += f64::from(mesh.triangle_cross(t).length()) * 0.5;
+            sum as f32
+        })
+        .collect();
+    let (low, high) = mesh.bounds();
+    let (center, radius) = (0.5 * (low + high), 0.5 * (high - low).length());
+    (CompiledEmitter::Mesh { first_triangle, cumulative_area, center, radius }, mesh.area_m2() as f32)
+}
+
+impl Geometry {
+    /// Largest absolute coordinate of any surface, m.
+    pub(super) fn largest_coordinate_m(&self) -> f32 {
+        let of_vertices = self.vertices.iter().map(|v| v.position.abs().max_element()).fold(0.0, f32::max);
+        let of_shapes = self
+            .shapes
+            .iter()
+            .map(|s| match &s.shape {
+                AnalyticShape::Sphere { center, radius } | AnalyticShape::Disc { center, radius, .. } => {
+                    center.abs().max_element() + radius
+                }
+            })
+            .fold(0.0, f32::max);
+        let of_instances = self.instances.as_ref().map_or(0.0, CompiledInstances::reach);
+        of_vertices.max(of_shapes).max(of_instances)
+    }
+
+    /// Corners of a triangle.
+    pub(super) fn corners(&self, triangle: u32) -> [Vec3; 3] {
+        self.triangles[triangle as usize].vertices.map(|v| self.vertices[v as usize].position)
+    }
+}

@@ -1,0 +1,42 @@
+//! How much interreflection adds to direct light, estimated from rays that leave the visible surfaces.
+
+use glam::Vec3;
+
+use super::visible_points::VIEW_RAYS;
+use crate::render::adjoint::{BINS, Coarse};
+use crate::render::compiled_scene::CompiledScene;
+use crate::sampling::{SampleStream, warp};
+
+/// Mean reflectance beyond which a room is not taken to be brighter.
+const LARGEST_REFLECTANCE: f32 = 0.95;
+
+/// Interreflection gain on coarse bins: all light that arrives at the visible surfaces over the light that arrives
+/// directly. That of a closed room, `1 / (1 - r)`, with the mean reflectance `r` of what rays find that leave the
+/// visible surfaces diffusely; rays that miss count as a reflectance of 0.
+pub(super) fn gain(scene: &CompiledScene<'_>) -> Coarse {
+    let camera = &scene.scene.camera;
+    let place = |i: usize, side: usize| (i as f32 + 0.5) / VIEW_RAYS as f32 * side as f32;
+    let (mut sum, mut rays) = ([0.0_f32; BINS], 0.0_f32);
+    for number in 0..VIEW_RAYS * VIEW_RAYS {
+        let (origin, direction) =
+            camera.ray(place(number % VIEW_RAYS, camera.width), place(number / VIEW_RAYS, camera.height));
+        let surface = |origin: Vec3, direction: Vec3| {
+            scene.closest(origin, direction).and_then(|hit| scene.surface(origin, direction, &hit))
+        };
+        let Some(seen) = surface(origin, direction) else { continue };
+        let mut stream = SampleStream::new(0, number as u64, 0);
+        let [u, v, mut choice, _] = stream.next_4d();
+        let away = seen.to_world(warp::cosine_hemisphere([u, v]));
+        rays += 1.0;
+        let Some(met) = surface(seen.leave(away, scene.clearance), away) else { continue };
+        let outermost = scene.scene.objects[met.object].material;
+        let material = &scene.materials[scene.material_at(outermost, met.uv, met.front, &mut choice)];
+        let bsdf = scene.bsdf(material, met.uv, met.front, met.to_local(-away));
+        let terms = material.reflectance.iter().zip(&material.coarse_reflectance).enumerate();
+        for (term, ((_, weight), coarse)) in terms {
+            let weight = bsdf.term_weight(term, weight.at(met.uv));
+            sum.iter_mut().zip(coarse).for_each(|(sum, value)| *sum += weight * value);
+        }
+    }
+    sum.map(|sum| 1.0 / (1.0 - (sum / rays.max(1.0)).clamp(0.0, LARGEST_REFLECTANCE)))
+}

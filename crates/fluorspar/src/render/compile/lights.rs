@@ -1,0 +1,137 @@
+//! Lights ready for sampling, and the distinct spectra that they emit.
+
+use std::sync::Arc;
+
+use super::band_blocks;
+use super::excitation_bins::excitation_slices;
+use super::geometry::EmissiveSurface;
+use crate::light::{Emitter, EnvironmentLayer};
+use crate::render::compiled_scene::{CompiledEmitter, CompiledLight, Source};
+use crate::render::fluorescence_operator::direct_exitance;
+use crate::sampling::{Rectangle, warp};
+use crate::scene::Scene;
+use crate::spectral::{Curve, Reflectance};
+
+/// All lights of a scene.
+pub(super) struct Lights {
+    /// Sources in runs of `slices`: the excitation bins of one lamp spectrum.
+    pub(super) sources: Vec<Source>,
+    /// Excitation bins of every lamp spectrum; 1 unless they are kept apart.
+    pub(super) slices: usize,
+    pub(super) lights: Vec<CompiledLight>,
+    /// Lights of each group that can be sampled.
+    pub(super) group_lights: Vec<Vec<usize>>,
+    /// Emissive objects: their light.
+    pub(super) object_light: Vec<Option<usize>>,
+    /// Sources that shine from every direction beyond the scene.
+    pub(super) environment: Vec<usize>,
+    /// Lights that are environment maps.
+    pub(super) environment_maps: Vec<usize>,
+}
+
+/// Compiles the lights of a scene: emissive objects first, then its light sources.
+pub(super) fn compile(scene: &Scene, emissive: Vec<EmissiveSurface>, excitation_edges_nm: &[f64]) -> Lights {
+    let mut list = SourceList::new(scene, excitation_edges_nm);
+    let mut lights = Vec::new();
+    let mut environment = Vec::new();
+    let mut environment_maps = Vec::new();
+    let mut object_light = vec![None; scene.objects.len()];
+
+    // Objects that emit
+    for EmissiveSurface { object, emitter, area_m2 } in emissive {
+        if let Some(emission) = &scene.objects[object].emission {
+            let source = list.source_of(emission.group, &emission.radiance);
+            object_light[object] = Some(lights.len());
+            let power =
+                (emission.radiance.total() as f32 * area_m2 * std::f32::consts::PI).max(f32::MIN_POSITIVE);
+            lights.push(CompiledLight { source, group: emission.group, emitter, power });
+        }
+    }
+
+    // Light sources
+    for light in &scene.lights {
+        let power = (light.spectrum.total() as f32).max(f32::MIN_POSITIVE);
+        let emitter = match &light.emitter {
+            Emitter::Disc { center, normal, radius_m, exponent } => CompiledEmitter::Disc {
+                center: *center,
+                normal: *normal,
+                tangents: warp::tangents(*normal),
+                radius: *radius_m,
+                exponent: *exponent,
+            },
+            Emitter::Rectangle { corner, edge_u, edge_v, exponent } => {
+                let shape = Rectangle::new(*corner, *edge_u, *edge_v);
+                CompiledEmitter::Rectangle { shape, exponent: *exponent }
+            }
+            Emitter::Sphere { center, radius_m } => {
+                CompiledEmitter::Sphere { center: *center, radius: *radius_m }
+            }
+            Emitter::Point { position, pattern } => {
+                CompiledEmitter::Point { position: *position, pattern: *pattern }
+            }
+            Emitter::Distant { direction } => CompiledEmitter::Distant { direction: *direction },
+            Emitter::Environment => {
+                let source = list.source_of(light.group, &light.spectrum);
+                environment.extend(source..source + list.slices);
+                continue;
+            }
+            Emitter::EnvironmentMap(map) => {
+                let layer_source = |layer: &EnvironmentLayer| {
+                    list.source_of(light.group, &light.spectrum.times(&layer.spectrum))
+                };
+                let sources: Vec<usize> = map.layers().iter().map(layer_source).collect();
+                let source = sources[0];
+                environment_maps.push(lights.len());
+                let emitter = CompiledEmitter::Environment { map: Arc::clone(map), sources };
+                let power = (light.whole_spectrum().total() as f32).max(f32::MIN_POSITIVE);
+                lights.push(CompiledLight { source, group: light.group, emitter, power });
+                continue;
+            }
+        };
+        let source = list.source_of(light.group, &light.spectrum);
+        lights.push(CompiledLight { source, group: light.group, emitter, power });
+    }
+
+    let group_lights = (0..scene.light_groups.len())
+        .map(|group| (0..lights.len()).filter(|&l| lights[l].group == group).collect())
+        .collect();
+    let SourceList { sources, slices, .. } = list;
+    Lights { sources, slices, lights, group_lights, object_light, environment, environment_maps }
+}
+
+/// Distinct spectra as they are gathered.
+struct SourceList<'a> {
+    scene: &'a Scene,
+    excitation_edges_nm: &'a [f64],
+    slices: usize,
+    /// Light group and spectrum of each run of sources.
+    known: Vec<(usize, Curve)>,
+    sources: Vec<Source>,
+}
+
+impl<'a> SourceList<'a> {
+    fn new(scene: &'a Scene, excitation_edges_nm: &'a [f64]) -> Self {
+        let slices = excitation_edges_nm.len().max(1);
+        Self { scene, excitation_edges_nm, slices, known: Vec::new(), sources: Vec::new() }
+    }
+
+    /// The first source of a spectrum of a light group: one that is known, or a new one.
+    fn source_of(&mut self, group: usize, curve: &Curve) -> usize {
+        if let Some(found) = self.known.iter().position(|(g, known)| *g == group && known == curve) {
+            return found * self.slices;
+        }
+        self.known.push((group, curve.clone()));
+        let grid = &self.scene.grid;
+        for (slice, curve) in excitation_slices(curve, self.excitation_edges_nm).into_iter().enumerate() {
+            let bands = band_blocks(curve.on_grid::<Reflectance>(grid).values());
+            let exitance = self
+                .scene
+                .fluorophores
+                .iter()
+                .map(|f| band_blocks(&direct_exitance(&f.eem, grid, &curve)))
+                .collect();
+            self.sources.push(Source { group: group * self.slices + slice, bands, exitance });
+        }
+        (self.known.len() - 1) * self.slices
+    }
+}

@@ -1,0 +1,90 @@
+//! Scene compilation: a scene becomes plain buffers, part by part.
+//!
+//! | file | what |
+//! |---|---|
+//! | `geometry` | triangles, instances, analytic shapes, bounding volume hierarchies |
+//! | `lights` | lights, and the distinct spectra that they emit |
+//! | `excitation_bins` | lamp spectra cut into excitation bins |
+//! | `visible_points` | points that the camera sees, which stand for the scene |
+//! | `operators` | fluorescence operators, weighted by the spectrum of each light group |
+//! | `materials` | band averages and tables of every material |
+//! | `interreflection` | how much interreflection adds to direct light |
+
+mod excitation_bins;
+mod geometry;
+mod interreflection;
+mod lights;
+mod materials;
+mod operators;
+mod visible_points;
+
+use fluorspar_accel::bands::{BandBlock, to_blocks};
+use fluorspar_accel::{BuildError, Simd};
+
+use super::adjoint::AdjointModel;
+use super::compiled_scene::{CompiledMaterial, CompiledScattering, CompiledScene};
+use crate::scene::Scene;
+
+impl<'a> CompiledScene<'a> {
+    /// `excitation_edges_nm` are the edges of the excitation bins to keep apart, increasing; none for one component per
+    /// light group.
+    pub(super) fn new(scene: &'a Scene, excitation_edges_nm: &[f64]) -> Result<Self, BuildError> {
+        // Compile surfaces and light sources
+        let (geometry, emissive) = geometry::compile(scene)?;
+        let lights = lights::compile(scene, emissive, excitation_edges_nm);
+
+        // Weight the excitation spectrum of each light group by what arrives at the visible points
+        let points = visible_points::on_fluorescent_surfaces(scene, &geometry);
+        let group_spectra = operators::group_spectra(scene, &points);
+        let lamp_operators = operators::of_lamps(scene, &group_spectra, excitation_edges_nm);
+        let plain_operators = operators::unweighted(scene);
+
+        // Compile materials
+        let adjoint = AdjointModel::new(&scene.grid);
+        let materials = materials::compile(scene, &adjoint);
+
+        let plain = |material: &CompiledMaterial| {
+            matches!(material.scattering, CompiledScattering::Diffuse) && material.coat.is_none()
+        };
+        let chooses =
+            !materials.materials.iter().all(plain) || lights.group_lights.iter().any(|group| group.len() > 1);
+        let mut compiled = Self {
+            scene,
+            chooses,
+            bands: scene.grid.len(),
+            simd: Simd::detect(),
+            clearance: (1e-6 * geometry.largest_coordinate_m()).max(1e-9),
+            bvh: geometry.bvh,
+            vertices: geometry.vertices,
+            triangles: geometry.triangles,
+            instances: geometry.instances,
+            shapes: geometry.shapes,
+            sources: lights.sources,
+            slices: lights.slices,
+            lights: lights.lights,
+            group_lights: lights.group_lights,
+            object_light: lights.object_light,
+            environment: lights.environment,
+            environment_maps: lights.environment_maps,
+            materials: materials.materials,
+            coats: materials.coats,
+            dielectrics: materials.dielectrics,
+            metals: materials.metals,
+            cutouts: materials.cutouts,
+            adjoint,
+            lamp_operators,
+            plain_operators,
+        };
+
+        // Estimate what paths can still carry, for Russian roulette
+        let gain = interreflection::gain(&compiled);
+        compiled.adjoint.fill_in(scene, &group_spectra, &gain);
+        Ok(compiled)
+    }
+}
+
+/// Band values in single precision, in blocks.
+fn band_blocks(values: &[f64]) -> Vec<BandBlock> {
+    let single: Vec<f32> = values.iter().map(|&value| value as f32).collect();
+    to_blocks(&single)
+}

@@ -1,0 +1,42 @@
+//! Fluorescence operators, weighted within each band by the spectrum that excites.
+
+use super::excitation_bins::excitation_slices;
+use crate::render::fluorescence_operator::FluorescenceOperator;
+use crate::scene::Scene;
+use crate::scene::irradiance::{SurfacePoint, direct_light, group_spectrum};
+use crate::spectral::Curve;
+
+/// Spectrum of each light group at points of the scene, on any scale; `None` for groups without light. Lights of all
+/// kinds are weighted by their unoccluded irradiance at the points.
+pub(super) fn group_spectra(scene: &Scene, points: &[SurfacePoint]) -> Vec<Option<Curve>> {
+    let parts = direct_light(scene, points);
+    (0..scene.light_groups.len()).map(|group| group_spectrum(&parts, group)).collect()
+}
+
+/// `[group and excitation bin][fluorophore]`, excitation weighted by the spectrum of the group.
+pub(super) fn of_lamps(
+    scene: &Scene,
+    group_spectra: &[Option<Curve>],
+    excitation_edges_nm: &[f64],
+) -> Vec<Vec<FluorescenceOperator>> {
+    let slices = excitation_edges_nm.len().max(1);
+    group_spectra
+        .iter()
+        .flat_map(|spectrum| match spectrum {
+            Some(spectrum) => {
+                excitation_slices(spectrum, excitation_edges_nm).into_iter().map(Some).collect()
+            }
+            None => vec![None; slices],
+        })
+        .map(|lamp| of_fluorophores(scene, lamp.as_ref()))
+        .collect()
+}
+
+/// `[fluorophore]`, evenly weighted, for light that already fluoresced.
+pub(super) fn unweighted(scene: &Scene) -> Vec<FluorescenceOperator> {
+    of_fluorophores(scene, None)
+}
+
+fn of_fluorophores(scene: &Scene, lamp: Option<&Curve>) -> Vec<FluorescenceOperator> {
+    scene.fluorophores.iter().map(|f| FluorescenceOperator::new(&f.eem, &scene.grid, lamp)).collect()
+}
