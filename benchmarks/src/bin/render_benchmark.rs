@@ -22,12 +22,12 @@ use fluorspar::image::{Component, ComponentImage};
 use fluorspar::render::{RenderControl, RenderSettings, render};
 use fluorspar::scene::Scene;
 use fluorspar::spectral::WavelengthGrid;
-use fluorspar_accel::LargePageAllocator;
+use fluorspar_accel::Allocator;
 use fluorspar_benchmarks::{BenchmarkScene, SceneOptions, export};
 use serde_json::{Value, json};
 
 #[global_allocator]
-static ALLOCATOR: LargePageAllocator = LargePageAllocator;
+static ALLOCATOR: Allocator = Allocator;
 
 struct Arguments {
     scene: BenchmarkScene,

@@ -22,11 +22,11 @@ use std::time::Instant;
 
 use common::{Mesh, Random, closed_surface, ray};
 use embree::EmbreeScene;
-use fluorspar_accel::{BuildOptions, Hit, Kernel, LargePageAllocator, Ray, TriangleBvh};
+use fluorspar_accel::{Allocator, BuildOptions, Hit, Kernel, Ray, TriangleBvh};
 use glam::Vec3;
 
 #[global_allocator]
-static ALLOCATOR: LargePageAllocator = LargePageAllocator;
+static ALLOCATOR: Allocator = Allocator;
 
 const IMAGE_SIDE: usize = 512;
 const BLOBS: usize = 24;

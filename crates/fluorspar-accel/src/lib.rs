@@ -19,13 +19,13 @@
 //!
 //! Lengths are in the unit of the mesh (metres throughout Fluorspar), `t` too because directions have unit length.
 //!
-//! Programs that trace large meshes declare [`LargePageAllocator`] as their global allocator: trees and meshes then lie
-//! on large pages.
+//! Programs that trace large meshes declare [`Allocator`] as their global allocator: trees and meshes then lie on large
+//! pages.
 //!
 //! Out of scope: motion, curves, and updating a tree after its mesh has moved.
 //!
 //! This is the only crate of the workspace that contains `unsafe` code, in its modules `kernel` and
-//! `large_pages`.
+//! `allocator`.
 //!
 //! ```
 //! use fluorspar_accel::{Ray, TriangleBvh};
@@ -43,17 +43,17 @@
 //! [^woop2013]: S. Woop, C. Benthin, I. Wald, "Watertight Ray/Triangle Intersection", JCGT 2(1), 65-82 (2013).
 //! [^ize2013]: T. Ize, "Robust BVH Ray Traversal", JCGT 2(2), 12-27 (2013).
 
+mod allocator;
 pub mod bands;
 mod binary_tree;
 mod instance_bvh;
 mod kernel;
-mod large_pages;
 mod ray;
 mod triangle_bvh;
 mod wide_tree;
 
+pub use allocator::{Allocator, return_freed_memory_at_once};
 pub use instance_bvh::{Instance, InstanceBvh, InstanceHit, is_invertible};
 pub use kernel::{Kernel, Lanes, Simd, Work, prefetch};
-pub use large_pages::LargePageAllocator;
 pub use ray::{Hit, Ray};
 pub use triangle_bvh::{BuildError, BuildOptions, LARGEST_COORDINATE, TriangleBvh};

@@ -12,15 +12,16 @@ use std::io::ErrorKind;
 use std::process::ExitCode;
 
 use clap::Parser;
-use fluorspar_accel::LargePageAllocator;
+use fluorspar_accel::{Allocator, return_freed_memory_at_once};
 
 use crate::args::{Args, Command};
 use crate::error::CliError;
 
 #[global_allocator]
-static ALLOCATOR: LargePageAllocator = LargePageAllocator;
+static ALLOCATOR: Allocator = Allocator;
 
 fn main() -> ExitCode {
+    return_freed_memory_at_once();
     let args = match Args::try_parse() {
         Ok(args) => args,
         // Help and version are no errors; everything else is exit code 2.

@@ -4,7 +4,7 @@
 //! A kernel only decides which boxes and triangles deserve a closer look; hits are computed by [`RayFrame::intersect`]
 //! alone. Box distances steer the order of traversal and, with [`FAR_SLACK`], tell what lies beyond the nearest hit.
 // Unsafe code is allowed here for vector instructions that the processor must have and for reads without bounds checks
-// whose bounds the builder establishes; elsewhere in the workspace only in `large_pages`.
+// whose bounds the builder establishes; elsewhere in the workspace only in `allocator`.
 #![allow(unsafe_code)]
 
 use std::fmt;
