@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use fluorspar::format::{FormatError, Provenance, write_film, write_rgb_png};
 use fluorspar::image::{ComponentImage, Film, SpectralImage};
 use fluorspar::pipeline::radiance_preview;
-use fluorspar::render::{FilmRenderer, FilmWatch, RenderControl, RenderProgress, RenderSettings, Share};
+use fluorspar::render::{Checkpoint, FilmRenderer, RenderControl, RenderProgress, RenderSettings, Share};
 use fluorspar::scene::Scene;
 use fluorspar::spectral::Radiance;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -112,7 +112,7 @@ pub(crate) fn render_with_progress(
 /// Renders what a film lacks, and saves film and preview on the way and at the end. The time limit holds from the first
 /// sample of every pixel on. Returns whether nothing is lacking.
 pub(crate) fn fill_with_progress(
-    renderer: &FilmRenderer<'_>,
+    renderer: &FilmRenderer,
     share: &Share,
     film: &mut Film,
     time_limit_s: Option<f64>,
@@ -193,7 +193,7 @@ pub(crate) fn fill_with_progress(
         failure.is_none()
     };
     let control = RenderControl { stop: &STOP, progress: &progress };
-    let filled = renderer.fill(share, film, &control, FilmWatch { due: &due, look: &mut look });
+    let filled = renderer.fill(share, film, &control, Checkpoint { is_due: &due, on_pause: &mut look });
     bar.finish_and_clear();
     let complete = filled?;
     if let Some(error) = failure {

@@ -12,7 +12,7 @@ use fluorspar::format::{
 use fluorspar::image::{ComponentImage, FeatureMaps, Film, Statistics};
 use fluorspar::pipeline::{DenoiseSettings, denoise};
 use fluorspar::render::{
-    ErrorChannel, ErrorTarget, FilmRenderer, FilmWatch, RenderControl, RenderError, RenderSettings, Share,
+    Checkpoint, ErrorChannel, ErrorTarget, FilmRenderer, RenderControl, RenderError, RenderSettings, Share,
     render,
 };
 use fluorspar::spectral::Curve;
@@ -42,7 +42,7 @@ fn image(experiment: &ResolvedExperiment, settings: &RenderSettings) -> Componen
 }
 
 /// Fills a film; stops after `tiles` tiles.
-fn fill(renderer: &FilmRenderer<'_>, share: &Share, film: &mut Film, tiles: u32) -> bool {
+fn fill(renderer: &FilmRenderer, share: &Share, film: &mut Film, tiles: u32) -> bool {
     let stop = AtomicBool::new(false);
     let done = AtomicU32::new(0);
     let progress = |_| {
@@ -51,7 +51,7 @@ fn fill(renderer: &FilmRenderer<'_>, share: &Share, film: &mut Film, tiles: u32)
         }
     };
     let control = RenderControl { stop: &stop, progress: &progress };
-    renderer.fill(share, film, &control, FilmWatch { due: &|| true, look: &mut |_| true }).unwrap()
+    renderer.fill(share, film, &control, Checkpoint { is_due: &|| true, on_pause: &mut |_| true }).unwrap()
 }
 
 #[test]
@@ -114,8 +114,8 @@ fn a_film_of_some_rows_is_filled_in_these_rows_only() {
     let mut film = empty.clone();
     let control = RenderControl { stop: &AtomicBool::new(false), progress: &|_| {} };
     for share in [Share::Whole, Share::Tiles { index: 1, count: 2 }, Share::TileRange(5..7)] {
-        let watch = FilmWatch { due: &|| false, look: &mut |_| true };
-        let refused = renderer.fill(&share, &mut film, &control, watch);
+        let checkpoint = Checkpoint { is_due: &|| false, on_pause: &mut |_| true };
+        let refused = renderer.fill(&share, &mut film, &control, checkpoint);
         assert!(matches!(refused, Err(RenderError::OutsideRows { row: 32, .. })), "{share:?}: {refused:?}");
         assert!(film == empty, "{share:?}");
     }

@@ -182,7 +182,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
 }
 
 /// Says what the surfaces take, where instances make that hard to guess.
-pub(super) fn say_surfaces(renderer: &FilmRenderer<'_>, scene: &Scene, quiet: bool) {
+pub(super) fn say_surfaces(renderer: &FilmRenderer, scene: &Scene, quiet: bool) {
     let many = scene.objects.iter().filter_map(|object| match &object.shape {
         Shape::Instances(many) => Some(many),
         _ => None,

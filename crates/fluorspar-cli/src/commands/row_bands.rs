@@ -164,7 +164,7 @@ pub(super) fn render(
 }
 
 /// Refuses a folder with films of another render or with other files only, before anything in it is changed.
-fn check_folder(renderer: &FilmRenderer<'_>, folder: &Path) -> Result<(), CliError> {
+fn check_folder(renderer: &FilmRenderer, folder: &Path) -> Result<(), CliError> {
     let films = films_in(folder)?;
     if films.is_empty() && fs::read_dir(folder).is_ok_and(|mut entries| entries.next().is_some()) {
         return Err(CliError::Input(format!(

@@ -10,7 +10,8 @@
 //! samples carry much of the light, tiles that have not met one yet stop earlier, and are too dark on average. A render
 //! with the same number of samples everywhere has no such bias: use it for validation.
 
-use super::integrator::RenderError;
+use thiserror::Error;
+
 use crate::image::FilmLayout;
 use crate::image::film::{FilmScale, FilmTile};
 
@@ -40,33 +41,70 @@ pub struct ErrorTarget {
     pub channels: Vec<ErrorChannel>,
 }
 
+/// Why an error target is invalid.
+#[derive(Clone, Debug, PartialEq, Error)]
+#[non_exhaustive]
+pub enum ErrorTargetError {
+    /// The relative error is out of range.
+    #[error("{relative_error} must be between 0 and 1")]
+    RelativeError {
+        /// What was asked for.
+        relative_error: f64,
+    },
+    /// There are no channels.
+    #[error("there is no channel to watch")]
+    NoChannels,
+    /// A channel has weights or drives for another scene.
+    #[error(
+        "channel \"{channel}\" has {weights} weights and {drives} drives for {bands} bands and {groups} light groups"
+    )]
+    Lengths {
+        /// Name of the channel.
+        channel: String,
+        /// Weights of the channel.
+        weights: usize,
+        /// Drives of the channel.
+        drives: usize,
+        /// Bands of the scene.
+        bands: usize,
+        /// Light groups of the scene.
+        groups: usize,
+    },
+    /// A weight is no weight.
+    #[error("channel \"{channel}\" has a negative or infinite weight")]
+    Weight {
+        /// Name of the channel.
+        channel: String,
+    },
+    /// A channel without light.
+    #[error("channel \"{channel}\" sees no light: all its weights are zero")]
+    Dark {
+        /// Name of the channel.
+        channel: String,
+    },
+}
+
 impl ErrorTarget {
-    pub(super) fn check(&self, bands: usize, groups: usize) -> Result<(), RenderError> {
-        let refuse = |message: String| Err(RenderError::Target { message });
-        if !(self.relative_error > 0.0 && self.relative_error < 1.0) {
-            return refuse(format!("{} must be between 0 and 1", self.relative_error));
+    /// Refuses targets that no tile of a scene can be held to.
+    pub(super) fn check(&self, bands: usize, groups: usize) -> Result<(), ErrorTargetError> {
+        let relative_error = self.relative_error;
+        if !(relative_error > 0.0 && relative_error < 1.0) {
+            return Err(ErrorTargetError::RelativeError { relative_error });
         }
         if self.channels.is_empty() {
-            return refuse("there is no channel to watch".into());
+            return Err(ErrorTargetError::NoChannels);
         }
-        for channel in &self.channels {
-            let (weights, drives) = (&channel.weights, &channel.drives);
+        for ErrorChannel { name, drives, weights } in &self.channels {
+            let channel = name.clone();
             if weights.len() != bands || drives.len() != groups {
-                return refuse(format!(
-                    "channel \"{}\" has {} weights and {} drives for {bands} bands and {groups} light groups",
-                    channel.name,
-                    weights.len(),
-                    drives.len()
-                ));
+                let (weights, drives) = (weights.len(), drives.len());
+                return Err(ErrorTargetError::Lengths { channel, weights, drives, bands, groups });
             }
             if weights.iter().chain(drives).any(|w| !w.is_finite() || *w < 0.0) {
-                return refuse(format!("channel \"{}\" has a negative or infinite weight", channel.name));
+                return Err(ErrorTargetError::Weight { channel });
             }
             if weights.iter().all(|&w| w == 0.0) || drives.iter().all(|&d| d == 0.0) {
-                return refuse(format!(
-                    "channel \"{}\" sees no light: all its weights are zero",
-                    channel.name
-                ));
+                return Err(ErrorTargetError::Dark { channel });
             }
         }
         Ok(())

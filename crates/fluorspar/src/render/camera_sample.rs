@@ -5,10 +5,10 @@ use std::ops::Range;
 
 use fluorspar_accel::bands::BandBlock;
 
-use super::RenderSettings;
 use super::compiled_scene::CompiledScene;
 use super::path::DirectLight;
 use super::path_batch::PathBatch;
+use super::settings::RenderSettings;
 use super::spectral_accumulation::SpectralState;
 use crate::sampling::SampleStream;
 
@@ -44,7 +44,7 @@ pub(super) struct PixelSampler {
 }
 
 impl PixelSampler {
-    pub(super) fn new(scene: &CompiledScene<'_>) -> Self {
+    pub(super) fn new(scene: &CompiledScene) -> Self {
         Self { batch: PathBatch::default(), origins: Vec::new(), state: SpectralState::new(scene) }
     }
 
@@ -58,13 +58,13 @@ impl PixelSampler {
     /// the values of all bands.
     pub(super) fn render(
         &mut self,
-        scene: &CompiledScene<'_>,
+        scene: &CompiledScene,
         settings: &RenderSettings,
         pixels: impl Iterator<Item = (usize, usize)>,
         samples: Range<u32>,
         mut add: impl FnMut(usize, usize, Range<usize>, f32, &[BandBlock]),
     ) {
-        let camera = &scene.scene.camera;
+        let camera = &scene.camera;
         let in_step = paths_in_step(scene.sources.len(), settings.max_depth);
         for (pixel, (row, col)) in pixels.enumerate() {
             for sample in samples.clone() {
@@ -90,7 +90,7 @@ impl PixelSampler {
     /// Traces the batch and empties it.
     fn finish(
         &mut self,
-        scene: &CompiledScene<'_>,
+        scene: &CompiledScene,
         settings: &RenderSettings,
         add: &mut impl FnMut(usize, usize, Range<usize>, f32, &[BandBlock]),
     ) {
@@ -98,7 +98,7 @@ impl PixelSampler {
         scene.trace(batch, settings.max_depth, settings.estimator);
         for (path, Origin { pixel, group, weight }) in batch.paths().zip(origins.drain(..)) {
             state.gather(scene, path);
-            let bands = match &scene.scene.camera.lens {
+            let bands = match &scene.camera.lens {
                 Some(lens) => lens.groups()[group].0.clone(),
                 None => 0..scene.bands,
             };

@@ -12,8 +12,9 @@ use super::instances::CompiledInstances;
 use crate::geometry::{intersect_disc, intersect_plane, intersect_sphere};
 use crate::light::EnvironmentMap;
 use crate::material::{CoatAlbedo, ConductorReflectance, DielectricAlbedo, NormalMap, ScalarTexture};
+use crate::optics::PerspectiveCamera;
 use crate::sampling::Rectangle;
-use crate::scene::Scene;
+use crate::spectral::WavelengthGrid;
 
 /// One distinct lamp spectrum of one light group.
 #[derive(Debug)]
@@ -171,9 +172,13 @@ pub(super) struct MeshTriangle {
 }
 
 #[derive(Debug)]
-pub(super) struct CompiledScene<'a> {
-    pub(super) scene: &'a Scene,
+pub(super) struct CompiledScene {
+    pub(super) camera: PerspectiveCamera,
+    pub(super) grid: WavelengthGrid,
+    /// Bands of the grid.
     pub(super) bands: usize,
+    /// Material of each object.
+    pub(super) object_material: Vec<usize>,
     /// Vector instructions for the spectra.
     pub(super) simd: Simd,
     /// How far rays start off the surface they leave, m: a millionth of the largest coordinate.
@@ -213,7 +218,7 @@ pub(super) struct CompiledScene<'a> {
     pub(super) plain_operators: Vec<FluorescenceOperator>,
 }
 
-impl CompiledScene<'_> {
+impl CompiledScene {
     /// Vertices of a triangle.
     #[inline]
     fn vertices_of(&self, triangle: usize) -> [&MeshVertex; 3] {

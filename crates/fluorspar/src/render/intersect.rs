@@ -14,7 +14,7 @@ pub(super) struct TraceBuffers {
     blocked: Vec<bool>,
 }
 
-impl CompiledScene<'_> {
+impl CompiledScene {
     /// [`Self::closest`] of every ray, in their order.
     pub(super) fn closest_each(
         &self,

@@ -53,7 +53,7 @@ const KNOWN_WEIGHTS: usize = 16;
 /// A floor on the weight of any light, so that none is ever left out.
 const LEAST_WEIGHT: f32 = 1e-3;
 
-impl CompiledScene<'_> {
+impl CompiledScene {
     /// Relative weight with which a light is chosen at a point: power over squared distance, and no more than a
     /// token for lights that lie behind the surface. A normal of zero stands for a surface that light passes.
     #[inline]

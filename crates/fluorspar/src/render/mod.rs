@@ -3,41 +3,62 @@
 //!
 //! | file | what |
 //! |---|---|
-//! | `compiled_scene` | a scene as plain buffers: what rays and spectra need |
+//! | `settings` | how much work a render does |
+//! | `error` | why a render cannot start |
+//! | `share` | shards: which samples of which tiles one process renders |
+//! | `memory` | memory estimates |
+//! | `component_labels` | labels of the components, in the order of the film |
+//! | `scene_digest` | digest of everything that decides the value of a sample |
+//! | `compiled_scene` | a scene as plain buffers |
 //! | `compile` | makes these buffers: geometry, lights, materials, fluorescence operators |
 //! | `instances` | meshes at many places |
-//! | `intersect` | the nearest surface or light along a ray, and visibility |
-//! | `fluorescence_operator` | an excitation-emission matrix applied to a band vector |
-//! | `light_sampling` | directions towards lights, with densities |
+//! | `fluorescence_operator` | an excitation-emission matrix applied to a band vector: Eq. 3 |
 //! | `surface` | what a ray finds: frame, texture coordinates, side |
+//! | `intersect` | the nearest surface or light along a ray, and visibility |
 //! | `scattering` | what a material does to light at a point |
-//! | `adjoint` | what a path can still carry, for Russian roulette |
-//! | `path` | samples one path and keeps its vertices |
+//! | `light_sampling` | directions towards lights, with densities |
+//! | `adjoint` | Russian roulette |
+//! | `path` | the vertices of a path |
+//! | `path_batch` | the path integrator |
 //! | `spectral_accumulation` | runs spectra backwards along a path |
 //! | `camera_sample` | one sample of one pixel, through pinhole or lens |
-//! | `integrator` | all pixels on all cores: passes, shards, progress, interruption |
+//! | `block_sum` | sums of a block of samples of a few pixels |
+//! | `pilot` | pilot samples, which find the quanta of the film |
+//! | `feature_maps` | geometry behind each pixel |
 //! | `adaptive` | when a tile has samples enough |
+//! | `film_renderer` | progressive tile renderer: multithreaded, resumable |
 
 mod adaptive;
 mod adjoint;
+mod block_sum;
 mod camera_sample;
 mod compile;
 mod compiled_scene;
+mod component_labels;
+mod error;
+mod feature_maps;
+mod film_renderer;
 mod fluorescence_operator;
 mod instances;
-mod integrator;
 mod intersect;
 mod light_sampling;
+mod memory;
 mod path;
 mod path_batch;
+mod pilot;
 mod scattering;
+mod scene_digest;
+mod settings;
+mod share;
 mod spectral_accumulation;
 mod surface;
 
-pub use adaptive::{ErrorChannel, ErrorTarget};
+pub use adaptive::{ErrorChannel, ErrorTarget, ErrorTargetError};
+pub use error::RenderError;
+pub use film_renderer::{Checkpoint, FilmRenderer, RenderControl, RenderProgress, render};
 pub use fluorescence_operator::FluorescenceOperator;
 pub(crate) use fluorescence_operator::direct_exitance;
-pub use integrator::{
-    Estimator, FilmRenderer, FilmWatch, RenderControl, RenderError, RenderProgress, RenderSettings, Share,
-    memory_bytes, render, scene_digest, tile_row_bytes, whole_image_bytes,
-};
+pub use memory::{memory_bytes, tile_row_bytes, whole_image_bytes};
+pub use scene_digest::scene_digest;
+pub use settings::{Estimator, RenderSettings};
+pub use share::Share;

@@ -7,11 +7,11 @@ use glam::Vec3;
 
 use super::adjoint::{BINS, Importance};
 use super::compiled_scene::CompiledScene;
-use super::integrator::Estimator;
 use super::intersect::TraceBuffers;
 use super::light_sampling::LightSample;
 use super::path::Path;
 use super::scattering::{Scattering, ScatteringSample};
+use super::settings::Estimator;
 use super::surface::Intersection;
 use crate::sampling::SampleStream;
 
@@ -147,7 +147,7 @@ impl PathBatch {
     }
 }
 
-impl CompiledScene<'_> {
+impl CompiledScene {
     /// Samples all paths of a batch to their ends.
     pub(super) fn trace(&self, batch: &mut PathBatch, max_depth: u32, estimator: Estimator) {
         let PathBatch { walks, len, going, rays, buffers, found, aims, visible } = batch;
@@ -232,7 +232,7 @@ impl CompiledScene<'_> {
 
         numbers.advance(stream, depth, self.chooses);
         let mut choice = numbers.lobe;
-        let outermost = self.scene.objects[point.object].material;
+        let outermost = self.object_material[point.object];
         let material_index = self.material_at(outermost, point.uv, point.front, &mut choice);
         let material = &self.materials[material_index];
         if let Some(map) = &material.normal_map {

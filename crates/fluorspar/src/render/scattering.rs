@@ -79,7 +79,7 @@ const LEAST_COSINE: f32 = 0.02;
 /// Share of samples for the fluorescence of clear bodies and metals.
 const FLUORESCENT_SHARE: f32 = 0.4;
 
-impl CompiledScene<'_> {
+impl CompiledScene {
     /// The material of an object at a point: draws one of a mixture and reuses what is left of the number.
     #[inline]
     pub(super) fn material_at(&self, mut material: usize, uv: Vec2, front: bool, choice: &mut f32) -> usize {

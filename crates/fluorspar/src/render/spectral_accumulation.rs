@@ -25,7 +25,7 @@ pub(super) struct SpectralState {
 }
 
 impl SpectralState {
-    pub(super) fn new(scene: &CompiledScene<'_>) -> Self {
+    pub(super) fn new(scene: &CompiledScene) -> Self {
         let kinds = scene.plain_operators.len() + 2;
         let blocks = scene.bands.div_ceil(BLOCK);
         let components = scene.lamp_operators.len() * kinds;
@@ -41,7 +41,7 @@ impl SpectralState {
     }
 
     /// Computes the radiance of every component that reaches the camera along the path.
-    pub(super) fn gather(&mut self, scene: &CompiledScene<'_>, path: &Path) {
+    pub(super) fn gather(&mut self, scene: &CompiledScene, path: &Path) {
         scene.simd.run(Gather { state: self, scene, path });
     }
 
@@ -72,7 +72,7 @@ impl SpectralState {
     }
 
     #[inline(always)]
-    fn add_emission<L: Lanes>(&mut self, lanes: L, scene: &CompiledScene<'_>, emission: &[(u32, f32)]) {
+    fn add_emission<L: Lanes>(&mut self, lanes: L, scene: &CompiledScene, emission: &[(u32, f32)]) {
         for &(source, factor) in emission {
             let source = &scene.sources[source as usize];
             bands::add_scaled(lanes, factor, &source.bands, self.light_up(lanes, source.group * self.kinds));
@@ -84,7 +84,7 @@ impl SpectralState {
     fn scatter<L: Lanes>(
         &mut self,
         lanes: L,
-        scene: &CompiledScene<'_>,
+        scene: &CompiledScene,
         material: &CompiledMaterial,
         concentrations: &[f32],
         vertex: &Vertex,
@@ -151,7 +151,7 @@ impl SpectralState {
 /// One path on one state, compiled for each instruction set.
 struct Gather<'a> {
     state: &'a mut SpectralState,
-    scene: &'a CompiledScene<'a>,
+    scene: &'a CompiledScene,
     path: &'a Path,
 }
 

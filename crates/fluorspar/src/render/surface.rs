@@ -77,7 +77,7 @@ impl SurfacePoint {
     }
 }
 
-impl CompiledScene<'_> {
+impl CompiledScene {
     /// The surface at an intersection with an object; `None` for lights.
     #[inline]
     pub(super) fn surface(&self, origin: Vec3, direction: Vec3, hit: &Intersection) -> Option<SurfacePoint> {

@@ -13,8 +13,8 @@ const LARGEST_REFLECTANCE: f32 = 0.95;
 /// Interreflection gain on coarse bins: all light that arrives at the visible surfaces over the light that arrives
 /// directly. That of a closed room, `1 / (1 - r)`, with the mean reflectance `r` of what rays find that leave the
 /// visible surfaces diffusely; rays that miss count as a reflectance of 0.
-pub(super) fn gain(scene: &CompiledScene<'_>) -> Coarse {
-    let camera = &scene.scene.camera;
+pub(super) fn gain(scene: &CompiledScene) -> Coarse {
+    let camera = &scene.camera;
     let place = |i: usize, side: usize| (i as f32 + 0.5) / VIEW_RAYS as f32 * side as f32;
     let (mut sum, mut rays) = ([0.0_f32; BINS], 0.0_f32);
     for number in 0..VIEW_RAYS * VIEW_RAYS {
@@ -29,7 +29,7 @@ pub(super) fn gain(scene: &CompiledScene<'_>) -> Coarse {
         let away = seen.to_world(warp::cosine_hemisphere([u, v]));
         rays += 1.0;
         let Some(met) = surface(seen.leave(away, scene.clearance), away) else { continue };
-        let outermost = scene.scene.objects[met.object].material;
+        let outermost = scene.object_material[met.object];
         let material = &scene.materials[scene.material_at(outermost, met.uv, met.front, &mut choice)];
         let bsdf = scene.bsdf(material, met.uv, met.front, met.to_local(-away));
         let terms = material.reflectance.iter().zip(&material.coarse_reflectance).enumerate();

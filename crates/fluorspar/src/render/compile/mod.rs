@@ -25,10 +25,10 @@ use super::adjoint::AdjointModel;
 use super::compiled_scene::{CompiledMaterial, CompiledScattering, CompiledScene};
 use crate::scene::Scene;
 
-impl<'a> CompiledScene<'a> {
+impl CompiledScene {
     /// `excitation_edges_nm` are the edges of the excitation bins to keep apart, increasing; none for one component per
     /// light group.
-    pub(super) fn new(scene: &'a Scene, excitation_edges_nm: &[f64]) -> Result<Self, BuildError> {
+    pub(super) fn new(scene: &Scene, excitation_edges_nm: &[f64]) -> Result<Self, BuildError> {
         // Compile surfaces and light sources
         let (geometry, emissive) = geometry::compile(scene)?;
         let lights = lights::compile(scene, emissive, excitation_edges_nm);
@@ -49,9 +49,11 @@ impl<'a> CompiledScene<'a> {
         let chooses =
             !materials.materials.iter().all(plain) || lights.group_lights.iter().any(|group| group.len() > 1);
         let mut compiled = Self {
-            scene,
-            chooses,
+            camera: scene.camera.clone(),
+            grid: scene.grid.clone(),
             bands: scene.grid.len(),
+            object_material: scene.objects.iter().map(|object| object.material).collect(),
+            chooses,
             simd: Simd::detect(),
             clearance: (1e-6 * geometry.largest_coordinate_m()).max(1e-9),
             bvh: geometry.bvh,

@@ -1,0 +1,361 @@
+//! Progressive tile renderer: multithreaded, resumable, pass by pass.
+
+use std::ops::Range;
+use std::sync::OnceLock;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+
+use rayon::prelude::*;
+
+use super::adaptive::TileError;
+use super::block_sum::BlockSum;
+use super::compiled_scene::CompiledScene;
+use super::error::RenderError;
+use super::feature_maps::feature_maps;
+use super::memory::check_memory;
+use super::pilot::film_layout;
+use super::scene_digest::scene_digest;
+use super::settings::RenderSettings;
+use super::share::Share;
+use crate::image::film::{
+    BlockSign, FilmScale, FilmTile, TileMut, block_end, block_start, is_block_boundary,
+};
+use crate::image::{ComponentImage, FeatureMaps, Film, FilmLayout, SpectralImage};
+use crate::scene::Scene;
+use crate::spectral::Radiance;
+
+/// Passes grow to this many samples: bounds the wait after a request to stop.
+const LARGEST_PASS: u32 = 64;
+
+/// How far a render has come.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RenderProgress {
+    /// Paths finished.
+    pub paths_done: u64,
+    /// Paths in all.
+    pub paths_total: u64,
+}
+
+/// Reporting and interruption of a render.
+pub struct RenderControl<'a> {
+    /// Set to stop: the picture so far is returned.
+    pub stop: &'a AtomicBool,
+    /// Called now and then, from any thread.
+    pub progress: &'a (dyn Fn(RenderProgress) + Sync),
+}
+
+/// Pauses of a render, in which its film is saved or shown.
+pub struct Checkpoint<'a> {
+    /// Called after every tile, from any thread: whether to pause.
+    pub is_due: &'a (dyn Fn() -> bool + Sync),
+    /// Called with the film while the render pauses; `false` ends the render.
+    pub on_pause: &'a mut dyn FnMut(&Film) -> bool,
+}
+
+/// Renders radiance, every component apart.
+///
+/// The result depends on scene, settings and seed only, never on the number of threads or on timing; an interrupted
+/// render returns the samples it has.
+///
+/// # Errors
+/// A scene that is not physical, settings out of range, or images larger than the memory limit.
+pub fn render(
+    scene: &Scene,
+    settings: &RenderSettings,
+    control: &RenderControl<'_>,
+) -> Result<ComponentImage, RenderError> {
+    let renderer = FilmRenderer::new(scene, settings)?;
+    // The film does not leave this function: it needs no digest.
+    let layout = film_layout(&renderer.compiled, scene, settings, String::new());
+    let mut film = Film::new(layout, renderer.features());
+    let checkpoint = Checkpoint { is_due: &|| false, on_pause: &mut |_| true };
+    fill(&renderer.compiled, settings, &Share::default(), &mut film, control, checkpoint);
+    drop(renderer);
+    Ok(film.into_image())
+}
+
+/// A scene made ready for rendering on films: what [`render`] does in one go, step by step.
+pub struct FilmRenderer {
+    compiled: CompiledScene,
+    scene: Scene,
+    settings: RenderSettings,
+    /// [`scene_digest`], once it was asked for: of large scenes it takes a while.
+    digest: OnceLock<String>,
+}
+
+impl FilmRenderer {
+    /// Checks and prepares a scene, of which it keeps a copy that shares its meshes and images.
+    ///
+    /// # Errors
+    /// As [`render`].
+    pub fn new(scene: &Scene, settings: &RenderSettings) -> Result<Self, RenderError> {
+        check_memory(scene, settings)?;
+        Self::for_rows(scene, settings)
+    }
+
+    /// Checks and prepares a scene for films of some rows at a time ([`Film::of_tile_rows`]); whether those fit into the
+    /// memory limit is for the caller to see to.
+    ///
+    /// # Errors
+    /// As [`render`], but for images larger than the memory limit.
+    pub fn for_rows(scene: &Scene, settings: &RenderSettings) -> Result<Self, RenderError> {
+        let compiled = prepare(scene, settings)?;
+        Ok(Self { compiled, scene: scene.clone(), settings: settings.clone(), digest: OnceLock::new() })
+    }
+
+    /// An empty film.
+    pub fn new_film(&self) -> Film {
+        Film::new(self.layout(), self.features())
+    }
+
+    /// What films are made for. Takes a moment: pilot samples find the quanta.
+    pub fn layout(&self) -> FilmLayout {
+        film_layout(&self.compiled, &self.scene, &self.settings, self.digest().into())
+    }
+
+    fn digest(&self) -> &str {
+        self.digest.get_or_init(|| scene_digest(&self.scene, &self.settings))
+    }
+
+    /// Geometry behind each pixel.
+    pub fn features(&self) -> FeatureMaps {
+        feature_maps(&self.compiled, &self.scene)
+    }
+
+    /// Memory that the surfaces take, with the trees through which rays find them, bytes.
+    pub fn surface_bytes(&self) -> u64 {
+        self.compiled.surface_bytes()
+    }
+
+    /// Refuses a film that this scene and these settings can't continue.
+    ///
+    /// # Errors
+    /// A film of another scene, seed, depth or version, or of other statistics.
+    pub fn check(&self, film: &Film) -> Result<(), RenderError> {
+        self.check_layout(film.layout())
+    }
+
+    /// Refuses what the films of another render are made for.
+    ///
+    /// # Errors
+    /// As [`Self::check`].
+    pub fn check_layout(&self, layout: &FilmLayout) -> Result<(), RenderError> {
+        if layout.scene_digest != self.digest() {
+            return Err(RenderError::OtherScene);
+        }
+        let wanted = self.settings.film_statistics();
+        if layout.statistics != wanted {
+            return Err(RenderError::OtherStatistics { film: layout.statistics, wanted });
+        }
+        Ok(())
+    }
+
+    /// Renders the samples of a share that a film does not hold yet, up to `samples_per_pixel`; returns whether all of
+    /// them are there now (they are not when the render was stopped).
+    ///
+    /// The film afterwards is the same to the last bit whatever was in it before: nothing, a part that an interrupted
+    /// render left, or the samples of a shorter render.
+    ///
+    /// # Errors
+    /// As [`Self::check`], and for shares that do not exist or reach beyond the rows that the film was made for. The film
+    /// is unchanged then.
+    pub fn fill(
+        &self,
+        share: &Share,
+        film: &mut Film,
+        control: &RenderControl<'_>,
+        checkpoint: Checkpoint<'_>,
+    ) -> Result<bool, RenderError> {
+        self.check(film)?;
+        share.check(&self.settings)?;
+        let len = film.pixel_len();
+        let without = |(number, (tile, sums)): &(usize, (&FilmTile, &[u64]))| {
+            share.holds(*number) && sums.len() < tile.pixels() * len
+        };
+        let without = film.tiles().enumerate().find(without);
+        if let Some((_, (tile, _))) = without {
+            return Err(RenderError::OutsideRows { row: tile.row, col: tile.col });
+        }
+        Ok(fill(&self.compiled, &self.settings, share, film, control, checkpoint))
+    }
+
+    /// Samples of each pixel that a share is to hold in the end.
+    pub fn samples_of(&self, share: &Share) -> Range<u32> {
+        share.samples(self.settings.samples_per_pixel)
+    }
+
+    /// The sum of all components in coarse pixels, at most `side` along each side of the image, one sample each: shown
+    /// while the first samples of the film are not there yet.
+    pub fn coarse_sum(&self, side: usize) -> SpectralImage<Radiance> {
+        let camera = &self.compiled.camera;
+        let step = camera.width.max(camera.height).div_ceil(side.max(1));
+        let (width, height) = (camera.width.div_ceil(step), camera.height.div_ceil(step));
+        let bands = self.compiled.bands;
+        let mut image = SpectralImage::zeros(self.compiled.grid.clone(), width, height);
+        image.data_mut().par_chunks_mut(bands * width).enumerate().for_each_init(
+            || BlockSum::new(&self.compiled),
+            |block, (row, pixels)| {
+                for (col, pixel) in pixels.chunks_mut(bands).enumerate() {
+                    let at = |i: usize, size: usize| (i * step + step / 2).min(size - 1);
+                    let (row, col) = (at(row, camera.height), at(col, camera.width));
+                    block.render(&self.compiled, &self.settings, std::iter::once((row, col)), 0..1);
+                    for component in block.values.chunks(bands) {
+                        pixel.iter_mut().zip(component).for_each(|(sum, value)| *sum += value);
+                    }
+                }
+            },
+        );
+        image
+    }
+}
+
+/// Checks a scene and compiles it.
+fn prepare(scene: &Scene, settings: &RenderSettings) -> Result<CompiledScene, RenderError> {
+    scene.check()?;
+    settings.check()?;
+    if let Some(target) = &settings.error_target {
+        target.check(scene.grid.len(), scene.light_groups.len())?;
+    }
+    Ok(CompiledScene::new(scene, &settings.excitation_edges_nm)?)
+}
+
+/// Renders what is missing, pass by pass; `false` if it was stopped before the end.
+fn fill(
+    scene: &CompiledScene,
+    settings: &RenderSettings,
+    share: &Share,
+    film: &mut Film,
+    control: &RenderControl<'_>,
+    checkpoint: Checkpoint<'_>,
+) -> bool {
+    let layout = film.layout().clone();
+    let samples = share.samples(settings.samples_per_pixel);
+    let target = TileError::new(settings.error_target.as_ref(), &layout);
+
+    // Count the paths that are wanted and those that the film holds already
+    let mut paths_total = 0;
+    let mut met = Vec::new();
+    let done = AtomicU64::new(0);
+    for (index, (tile, _)) in film.tiles().enumerate() {
+        met.push(AtomicBool::new(!share.holds(index)));
+        if share.holds(index) {
+            let held = end_of(&tile.samples, &samples) - samples.start;
+            done.fetch_add(tile.pixels() as u64 * u64::from(held), Ordering::Relaxed);
+            paths_total += tile.pixels() as u64 * u64::from(samples.end - samples.start);
+        }
+    }
+
+    // Double the samples of every pixel, pass by pass
+    let mut last = samples.start;
+    let mut pass = 1;
+    while last < samples.end {
+        last = block_end(last + pass - 1).min(samples.end);
+        pass = if last - samples.start < LARGEST_PASS { last - samples.start } else { LARGEST_PASS };
+        loop {
+            // Render the tiles that lack samples of this pass, until all are done or a checkpoint is due
+            let pause = AtomicBool::new(false);
+            let mut tasks = film.tiles_mut();
+            tasks.retain(|task| {
+                !met[task.number].load(Ordering::Relaxed) && end_of(&task.tile.samples, &samples) < last
+            });
+            tasks.par_iter_mut().for_each_init(
+                || (BlockSum::new(scene), FilmScale::new(&layout)),
+                |(block, scale), task| {
+                    if control.stop.load(Ordering::Relaxed) || pause.load(Ordering::Relaxed) {
+                        return;
+                    }
+                    let first = end_of(&task.tile.samples, &samples);
+                    let mut saved = last - first;
+                    if target.is_met(scale, task.tile, task.sums) {
+                        met[task.number].store(true, Ordering::Relaxed);
+                        saved = samples.end - first;
+                    } else {
+                        while let Some(range) = next_missing(&task.tile.samples, &samples, last) {
+                            fill_tile(scene, settings, task, range, block, scale);
+                        }
+                    }
+                    let paths = task.tile.pixels() as u64 * u64::from(saved);
+                    let paths_done = done.fetch_add(paths, Ordering::Relaxed) + paths;
+                    (control.progress)(RenderProgress { paths_done, paths_total });
+                    if (checkpoint.is_due)() {
+                        pause.store(true, Ordering::Relaxed);
+                    }
+                },
+            );
+            drop(tasks);
+
+            // Stop, pause, or go to the next pass
+            if control.stop.load(Ordering::Relaxed) {
+                return done.load(Ordering::Relaxed) >= paths_total;
+            }
+            if !pause.load(Ordering::Relaxed) {
+                break;
+            }
+            if !(checkpoint.on_pause)(film) {
+                return done.load(Ordering::Relaxed) >= paths_total;
+            }
+        }
+    }
+    true
+}
+
+/// Where the samples of a tile that lie in `wanted` and touch its start end.
+fn end_of(held: &[Range<u32>], wanted: &Range<u32>) -> u32 {
+    let range = held.iter().find(|range| range.start <= wanted.start && range.end > wanted.start);
+    range.map_or(wanted.start, |range| range.end.min(wanted.end))
+}
+
+/// The next samples to render on the way to `last`: up to there, or up to samples that are held already.
+fn next_missing(held: &[Range<u32>], wanted: &Range<u32>, last: u32) -> Option<Range<u32>> {
+    let first = end_of(held, wanted);
+    let next = held.iter().map(|range| range.start).find(|&start| start > first);
+    (first < last).then(|| first..next.map_or(last, |start| start.min(last)))
+}
+
+/// Adds samples to every pixel of a tile, block by block.
+fn fill_tile(
+    scene: &CompiledScene,
+    settings: &RenderSettings,
+    task: &mut TileMut<'_>,
+    samples: Range<u32>,
+    block: &mut BlockSum,
+    scale: &mut FilmScale,
+) {
+    let mut first = samples.start;
+    if !is_block_boundary(first) {
+        // An earlier render ended within a block: exchange the part for the whole.
+        let start = block_start(first);
+        fill_block(scene, settings, task, start..first, BlockSign::Remove, block, scale);
+        first = start;
+    }
+    while first < samples.end {
+        let end = block_end(first).min(samples.end);
+        fill_block(scene, settings, task, first..end, BlockSign::Add, block, scale);
+        first = end;
+    }
+    task.tile.add_samples(samples);
+}
+
+/// Adds one block of samples to every pixel of a tile, or takes it away.
+fn fill_block(
+    scene: &CompiledScene,
+    settings: &RenderSettings,
+    task: &mut TileMut<'_>,
+    samples: Range<u32>,
+    sign: BlockSign,
+    block: &mut BlockSum,
+    scale: &mut FilmScale,
+) {
+    let tile = &*task.tile;
+    let at_a_time = block.pixels_at_a_time(&samples);
+    let len = scale.pixel_len();
+    let position = |index: usize| (tile.row + index / tile.cols, tile.col + index % tile.cols);
+    let count = tile.rows * tile.cols;
+    for (chunk, sums) in task.sums[..count * len].chunks_mut(at_a_time * len).enumerate() {
+        let start = chunk * at_a_time;
+        let pixels = start..start + sums.len() / len;
+        block.render(scene, settings, pixels.map(position), samples.clone());
+        for ((values, lit), sums) in block.pixels().zip(sums.chunks_mut(len)) {
+            scale.add_block(sums, values, lit, samples.clone(), sign);
+        }
+    }
+}

@@ -1,0 +1,51 @@
+//! Memory estimates of a render, before it starts.
+
+use super::component_labels::component_labels;
+use super::error::RenderError;
+use super::settings::RenderSettings;
+use crate::image::Statistics;
+use crate::image::film::{TILE, film_bytes};
+use crate::scene::Scene;
+
+/// Memory that a render's images need, bytes: the film, from which the result is made in place.
+pub fn memory_bytes(scene: &Scene, settings: &RenderSettings) -> u64 {
+    let groups = scene.light_groups.len() * settings.excitation_edges_nm.len().max(1);
+    let components = groups * (scene.fluorophores.len() + 2);
+    let planes = components
+        + 2 * match settings.film_statistics() {
+            Statistics::None => 0,
+            Statistics::LightGroups => groups,
+            Statistics::Components => components,
+        };
+    film_bytes(scene.camera.width, scene.camera.height, scene.grid.len(), planes)
+}
+
+/// Memory of what belongs to the whole picture when it is rendered some rows at a time, bytes: feature maps, materials and
+/// numbers of samples of all pixels.
+pub fn whole_image_bytes(scene: &Scene) -> u64 {
+    const PER_PIXEL: u64 = 4 + 12 + 2 + 8 + 2 + 4;
+    PER_PIXEL * scene.camera.width as u64 * scene.camera.height as u64
+}
+
+/// Memory of the film of one row of tiles, bytes.
+pub fn tile_row_bytes(scene: &Scene, settings: &RenderSettings) -> u64 {
+    let height = scene.camera.height.max(1);
+    let rows = height.div_ceil(TILE.min(height)) as u64;
+    memory_bytes(scene, settings) / rows
+}
+
+/// Refuses films that are larger than the memory limit.
+pub(super) fn check_memory(scene: &Scene, settings: &RenderSettings) -> Result<(), RenderError> {
+    let needed = memory_bytes(scene, settings);
+    if needed > settings.memory_limit_bytes {
+        return Err(RenderError::TooLarge {
+            needed_bytes: needed,
+            limit_bytes: settings.memory_limit_bytes,
+            components: component_labels(scene, settings).len(),
+            width: scene.camera.width,
+            height: scene.camera.height,
+            bands: scene.grid.len(),
+        });
+    }
+    Ok(())
+}

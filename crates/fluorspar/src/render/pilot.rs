@@ -1,0 +1,115 @@
+//! Pilot samples, which find the quanta of the film.
+
+use fluorspar_accel::bands::{BandBlock, copy_bands};
+use rayon::prelude::*;
+
+use super::block_sum::BlockSum;
+use super::compiled_scene::CompiledScene;
+use super::component_labels::component_labels;
+use super::settings::RenderSettings;
+use crate::image::{Component, FilmLayout};
+use crate::scene::Scene;
+
+/// Pilot pixels along each side of the image.
+const PILOT_SIDE: usize = 32;
+/// Samples of each pilot pixel.
+const PILOT_SAMPLES: u32 = 4;
+
+/// Layout of the film, with quanta from pilot samples on a lattice of pixels.
+pub(super) fn film_layout(
+    compiled: &CompiledScene,
+    scene: &Scene,
+    settings: &RenderSettings,
+    scene_digest: String,
+) -> FilmLayout {
+    let camera = &compiled.camera;
+    let components = component_labels(scene, settings);
+    let bands = compiled.bands;
+    let lattice = |size: usize| -> Vec<usize> {
+        let count = size.min(PILOT_SIDE);
+        (0..count).map(|i| (2 * i + 1) * size / (2 * count)).collect()
+    };
+    let pixels: Vec<(usize, usize)> = lattice(camera.height)
+        .into_iter()
+        .flat_map(|row| lattice(camera.width).into_iter().map(move |col| (row, col)))
+        .collect();
+    // Fixed groups of pixels: sums of floats in an order that no scheduler decides.
+    let parts: Vec<(Vec<f32>, Vec<f64>)> = pixels
+        .par_chunks(PILOT_SIDE)
+        .map_init(
+            || BlockSum::new(compiled),
+            |block, pixels| {
+                let (mut brightest, mut sums) =
+                    (vec![0.0_f32; block.pixel_len()], vec![0.0; block.pixel_len()]);
+                for &(row, col) in pixels {
+                    for sample in 0..PILOT_SAMPLES {
+                        block.render(compiled, settings, std::iter::once((row, col)), sample..sample + 1);
+                        for ((most, sum), &value) in brightest.iter_mut().zip(&mut sums).zip(&block.values) {
+                            *most = most.max(value);
+                            *sum += f64::from(value);
+                        }
+                    }
+                }
+                (brightest, sums)
+            },
+        )
+        .collect();
+    let (mut brightest, mut levels) =
+        (vec![0.0_f32; components.len() * bands], vec![0.0; components.len() * bands]);
+    for (most, sums) in parts {
+        brightest.iter_mut().zip(&most).for_each(|(a, b)| *a = a.max(*b));
+        levels.iter_mut().zip(&sums).for_each(|(a, b)| *a += b);
+    }
+    let samples = f64::from(PILOT_SAMPLES) * pixels.len() as f64;
+    FilmLayout {
+        grid: compiled.grid.clone(),
+        width: camera.width,
+        height: camera.height,
+        exponents: exponents(compiled, &components, &brightest),
+        components,
+        statistics: settings.film_statistics(),
+        levels: levels.into_iter().map(|sum| ((sum / samples) as f32).min(f32::MAX)).collect(),
+        scene_digest,
+    }
+}
+
+/// Quanta as powers of two: 2^-30 of the brightest pilot sample of the component and band; where the pilot finds the
+/// band dark, 2^-50 of the component's brightest sample times the share that the band has in what the lamps emit or
+/// excite. A component without any light in the pilot is taken to be 2^-10 of its light group.
+fn exponents(scene: &CompiledScene, components: &[Component], brightest: &[f32]) -> Vec<i16> {
+    let bands = scene.bands;
+    let kinds = scene.plain_operators.len() + 2;
+    let most = |values: &[f32]| values.iter().copied().filter(|v| v.is_finite()).fold(0.0, f32::max);
+    let of_component: Vec<f32> = brightest.chunks(bands).map(most).collect();
+    let mut exponents = Vec::with_capacity(brightest.len());
+    for component in 0..components.len() {
+        let (group, kind) = (component / kinds, component % kinds);
+        let of_group = most(&of_component[group * kinds..(group + 1) * kinds]);
+        let level = match (of_component[component], of_group) {
+            (own, _) if own > 0.0 => f64::from(own),
+            (_, of_group) if of_group > 0.0 => f64::from(of_group) / 1024.0,
+            _ => 1.0,
+        };
+        let mut shape = vec![0.0_f32; bands];
+        for source in scene.sources.iter().filter(|source| source.group == group) {
+            let spectra: &[Vec<BandBlock>] = match kind {
+                0 => std::slice::from_ref(&source.bands),
+                kind if kind < kinds - 1 => &source.exitance[kind - 1..kind],
+                _ => &source.exitance,
+            };
+            let mut spectrum = vec![0.0; bands];
+            for blocks in spectra {
+                copy_bands(blocks, &mut spectrum);
+                shape.iter_mut().zip(&spectrum).for_each(|(a, b)| *a = a.max(*b));
+            }
+        }
+        let peak = most(&shape);
+        for (&value, &share) in brightest[component * bands..(component + 1) * bands].iter().zip(&shape) {
+            let share = if share > 0.0 && share.is_finite() { f64::from(share / peak) } else { 1.0 };
+            let floor = level * share.max(f64::MIN_POSITIVE) * 2_f64.powi(-20);
+            let value = if value.is_finite() { f64::from(value).max(floor) } else { level };
+            exponents.push((value.log2().ceil() as i32 - 30).clamp(-400, 400) as i16);
+        }
+    }
+    exponents
+}

@@ -1,0 +1,83 @@
+//! How much work a render does.
+
+use super::adaptive::ErrorTarget;
+use super::error::{MOST_DEPTH, MOST_SAMPLES_PER_PIXEL, RenderError};
+use crate::image::Statistics;
+
+/// How light transport is estimated.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Estimator {
+    /// Next-event estimation towards one light of every group, weighted against scattered directions.
+    #[default]
+    MultipleImportance,
+    /// Only scattered directions: slow, blind to point and distant lights, a reference for tests.
+    ScatteringOnly,
+}
+
+/// How much work a render does.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RenderSettings {
+    /// Paths per pixel, 1 or more; powers of two use the samples best.
+    pub samples_per_pixel: u32,
+    /// Maximum path depth (surface interactions): 1 is direct light only.
+    pub max_depth: u32,
+    /// Seed of all random numbers.
+    pub seed: u64,
+    /// How light transport is estimated.
+    pub estimator: Estimator,
+    /// Memory limit for the images, bytes.
+    pub memory_limit_bytes: u64,
+    /// Sample statistics that the film keeps.
+    pub statistics: Statistics,
+    /// Error at which a tile is done before it has all its samples; `None` gives all pixels the same number.
+    pub error_target: Option<ErrorTarget>,
+    /// Edges of excitation bins, nm, increasing. When given, each light group becomes one group per bin,
+    /// `GROUP@FIRST-LAST`, and `GROUP@rest` for its light outside all bins: the image can then be recombined for any lamp
+    /// spectrum that is constant relative to the rendered one within each bin.
+    pub excitation_edges_nm: Vec<f64>,
+}
+
+impl Default for RenderSettings {
+    /// 64 paths per pixel, depth 8, seed 1, at most 8 GiB.
+    fn default() -> Self {
+        Self {
+            samples_per_pixel: 64,
+            max_depth: 8,
+            seed: 1,
+            estimator: Estimator::default(),
+            memory_limit_bytes: 8 << 30,
+            statistics: Statistics::None,
+            error_target: None,
+            excitation_edges_nm: Vec::new(),
+        }
+    }
+}
+
+impl RenderSettings {
+    /// Sample statistics that the film keeps: an error target needs at least those of the light groups.
+    pub fn film_statistics(&self) -> Statistics {
+        match self.statistics {
+            Statistics::None if self.error_target.is_some() => Statistics::LightGroups,
+            statistics => statistics,
+        }
+    }
+
+    /// Refuses settings that are out of range.
+    pub(super) fn check(&self) -> Result<(), RenderError> {
+        let &Self { samples_per_pixel, max_depth, .. } = self;
+        if !(1..=MOST_SAMPLES_PER_PIXEL).contains(&samples_per_pixel) {
+            return Err(RenderError::SamplesPerPixel { samples_per_pixel });
+        }
+        let edges = &self.excitation_edges_nm;
+        if edges.len() == 1
+            || edges.iter().any(|edge| !edge.is_finite() || *edge <= 0.0)
+            || edges.windows(2).any(|pair| pair[0] >= pair[1])
+        {
+            return Err(RenderError::ExcitationEdges { edges_nm: edges.clone() });
+        }
+        if !(1..=MOST_DEPTH).contains(&max_depth) {
+            return Err(RenderError::MaxDepth { max_depth });
+        }
+        Ok(())
+    }
+}
