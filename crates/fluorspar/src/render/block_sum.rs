@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use fluorspar_accel::bands::{BandBlock, add_bands, add_scaled_range};
 
-use super::camera_sample::{MOST_PATHS, PixelSampler};
+use super::camera_sample::{LARGEST_BATCH, PixelSampler};
 use super::compiled_scene::CompiledScene;
 use super::settings::RenderSettings;
 
@@ -33,7 +33,7 @@ impl BlockSum {
 
     /// How many pixels to render at a time.
     pub(super) fn pixels_at_a_time(&self, samples: &Range<u32>) -> usize {
-        let wanted = MOST_PATHS / samples.len().max(1);
+        let wanted = LARGEST_BATCH / samples.len().max(1);
         wanted.min(SUMS_BYTES / (size_of::<f32>() * self.pixel_len().max(1))).max(1)
     }
 

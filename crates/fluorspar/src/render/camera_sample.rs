@@ -7,22 +7,22 @@ use fluorspar_accel::bands::BandBlock;
 
 use super::compiled_scene::CompiledScene;
 use super::path::DirectLight;
-use super::path_batch::PathBatch;
+use super::path_integrator::PathBatch;
 use super::settings::RenderSettings;
 use super::spectral_accumulation::SpectralState;
 use crate::sampling::SampleStream;
 
-/// Most paths in step: enough for rays to take turns until the last paths end.
-pub(super) const MOST_PATHS: usize = 128;
-/// Memory for the direct light of the paths in step, bytes: little beside the images, whatever the number of sources.
+/// Largest batch of paths: large enough for traversals to be interleaved until the last paths end.
+pub(super) const LARGEST_BATCH: usize = 128;
+/// Memory for the direct light of a batch, bytes: little beside the images, whatever the number of sources.
 const DIRECT_LIGHT_BYTES: usize = 256 << 10;
-/// Vertices that a path is taken to have at most: few are longer, whatever `max_depth` allows.
+/// Vertices that the memory of a path is planned for: few paths are longer, whatever `max_depth` allows.
 const LONG_PATH: u32 = 32;
 
-/// How many paths go in step. No result depends on it.
-fn paths_in_step(sources: usize, max_depth: u32) -> usize {
+/// Number of paths in a batch. No result depends on it.
+fn batch_size(sources: usize, max_depth: u32) -> usize {
     let bytes = size_of::<DirectLight>() * sources.max(1) * max_depth.clamp(1, LONG_PATH) as usize;
-    (DIRECT_LIGHT_BYTES / bytes).clamp(1, MOST_PATHS)
+    (DIRECT_LIGHT_BYTES / bytes).clamp(1, LARGEST_BATCH)
 }
 
 /// Where a path of the batch comes from.
@@ -65,7 +65,7 @@ impl PixelSampler {
         mut add: impl FnMut(usize, usize, Range<usize>, f32, &[BandBlock]),
     ) {
         let camera = &scene.camera;
-        let in_step = paths_in_step(scene.sources.len(), settings.max_depth);
+        let batch_size = batch_size(scene.sources.len(), settings.max_depth);
         for (pixel, (row, col)) in pixels.enumerate() {
             for sample in samples.clone() {
                 let mut stream = SampleStream::new(settings.seed, (row * camera.width + col) as u64, sample);
@@ -75,10 +75,10 @@ impl PixelSampler {
                     if ray.weight == 0.0 {
                         continue;
                     }
-                    // The groups of a pixel sample share their random numbers, so colours differ by the lens only.
+                    // The groups of a pixel sample share their random numbers, so colors differ by the lens only.
                     self.batch.start(ray.origin, ray.direction, stream.clone());
                     self.origins.push(Origin { pixel, group, weight: ray.weight });
-                    if self.batch.len() == in_step {
+                    if self.batch.len() == batch_size {
                         self.finish(scene, settings, &mut add);
                     }
                 }
@@ -95,7 +95,7 @@ impl PixelSampler {
         add: &mut impl FnMut(usize, usize, Range<usize>, f32, &[BandBlock]),
     ) {
         let Self { batch, origins, state } = self;
-        scene.trace(batch, settings.max_depth, settings.estimator);
+        scene.sample_paths(batch, settings.max_depth, settings.estimator);
         for (path, Origin { pixel, group, weight }) in batch.paths().zip(origins.drain(..)) {
             state.gather(scene, path);
             let bands = match &scene.camera.lens {

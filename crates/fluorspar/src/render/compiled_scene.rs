@@ -6,9 +6,9 @@ use fluorspar_accel::bands::BandBlock;
 use fluorspar_accel::{Simd, TriangleBvh};
 use glam::{Vec2, Vec3};
 
-use super::adjoint::{AdjointModel, Coarse};
 use super::fluorescence_operator::FluorescenceOperator;
 use super::instances::CompiledInstances;
+use super::russian_roulette::{Coarse, RouletteModel};
 use crate::geometry::{intersect_disc, intersect_plane, intersect_sphere};
 use crate::light::EnvironmentMap;
 use crate::material::{CoatAlbedo, ConductorReflectance, DielectricAlbedo, NormalMap, ScalarTexture};
@@ -184,8 +184,8 @@ pub(super) struct CompiledScene {
     /// How far rays start off the surface they leave, m: a millionth of the largest coordinate.
     pub(super) clearance: f32,
     pub(super) bvh: TriangleBvh,
-    /// Whether a path ever chooses between lobes or lamps.
-    pub(super) chooses: bool,
+    /// Whether any path chooses among lobes or lights.
+    pub(super) has_discrete_choices: bool,
     pub(super) vertices: Vec<MeshVertex>,
     pub(super) triangles: Vec<MeshTriangle>,
     /// Meshes at many places; `None` where there are none.
@@ -206,8 +206,8 @@ pub(super) struct CompiledScene {
     pub(super) coats: Vec<Arc<CoatAlbedo>>,
     pub(super) dielectrics: Vec<Arc<DielectricAlbedo>>,
     pub(super) metals: Vec<ConductorReflectance>,
-    /// What paths can still carry.
-    pub(super) adjoint: AdjointModel,
+    /// Expected remaining contribution of paths.
+    pub(super) roulette: RouletteModel,
     /// Opacity of each object whose material has holes; empty when there is none in the scene.
     pub(super) cutouts: Vec<Option<ScalarTexture>>,
     /// Lights that are environment maps.

@@ -17,9 +17,9 @@
 //! | `intersect` | the nearest surface or light along a ray, and visibility |
 //! | `scattering` | what a material does to light at a point |
 //! | `light_sampling` | directions towards lights, with densities |
-//! | `adjoint` | Russian roulette |
+//! | `russian_roulette` | expected remaining contribution of a path, which decides its survival |
 //! | `path` | the vertices of a path |
-//! | `path_batch` | the path integrator |
+//! | `path_integrator` | samples paths: direct illumination, continuation, Russian roulette |
 //! | `spectral_accumulation` | runs spectra backwards along a path |
 //! | `camera_sample` | one sample of one pixel, through pinhole or lens |
 //! | `block_sum` | sums of a block of samples of a few pixels |
@@ -29,7 +29,6 @@
 //! | `film_renderer` | progressive tile renderer: multithreaded, resumable |
 
 mod adaptive;
-mod adjoint;
 mod block_sum;
 mod camera_sample;
 mod compile;
@@ -44,8 +43,9 @@ mod intersect;
 mod light_sampling;
 mod memory;
 mod path;
-mod path_batch;
+mod path_integrator;
 mod pilot;
+mod russian_roulette;
 mod scattering;
 mod scene_digest;
 mod settings;

@@ -1,4 +1,4 @@
-//! What the spectra need to run back along a path.
+//! The vertices of a path, and what the spectra need to run back along it: scalars only.
 
 /// Direct light of one source at a vertex: factors on the source's spectrum.
 #[derive(Clone, Copy, Debug, Default)]
@@ -11,13 +11,13 @@ pub(super) struct DirectLight {
     pub(super) gloss: f32,
 }
 
-/// A vertex of the path: scalars only. What is a list lies in the path, and the vertex knows where.
+/// A vertex of the path. Its lists lie in the path, at the places that it holds.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Vertex {
     pub(super) material: u32,
     /// Start of its weights in [`Path::weights`]: reflectance terms of the material, then its concentrations.
     weights: u32,
-    /// Start of its emission in [`Path::emission`], and how much there is.
+    /// Start and number of its entries in [`Path::emission`].
     emission: (u32, u32),
     /// Factor on light that arrives along the continued path: times the reflectance.
     pub(super) diffuse: f32,
@@ -86,7 +86,7 @@ impl Path {
         self.weights.push(weight);
     }
 
-    /// Says how light arrives at the last vertex along the continued path.
+    /// Sets the factors on light that arrives at the last vertex along the continued path.
     pub(super) fn continue_with(&mut self, diffuse: f32, fluorescent: f32, gloss: f32) {
         if let Some(vertex) = self.vertices.last_mut() {
             (vertex.diffuse, vertex.fluorescent, vertex.gloss) = (diffuse, fluorescent, gloss);
@@ -98,8 +98,8 @@ impl Path {
         &mut self.direct[vertex * sources + source]
     }
 
-    /// Notes emission that a ray met, from the last vertex or from the camera.
-    pub(super) fn meet(&mut self, source: usize, factor: f32) {
+    /// Adds emission that a ray from the last vertex, or from the camera, meets.
+    pub(super) fn add_emission(&mut self, source: usize, factor: f32) {
         let met = (source as u32, factor);
         match self.vertices.last_mut() {
             None => self.seen.push(met),

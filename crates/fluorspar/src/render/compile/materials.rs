@@ -10,8 +10,8 @@ use crate::material::{
     Coat, CoatAlbedo, Conductor, ConductorReflectance, Dielectric, DielectricAlbedo, Material, ScalarTexture,
     Scattering,
 };
-use crate::render::adjoint::{AdjointModel, BINS, Coarse};
 use crate::render::compiled_scene::{CompiledMaterial, CompiledScattering};
+use crate::render::russian_roulette::{BINS, Coarse, RouletteModel};
 use crate::scene::Scene;
 use crate::spectral::{Curve, Reflectance, WavelengthGrid};
 
@@ -29,10 +29,10 @@ pub(super) struct Materials {
 }
 
 /// Compiles the materials of a scene.
-pub(super) fn compile(scene: &Scene, adjoint: &AdjointModel) -> Materials {
+pub(super) fn compile(scene: &Scene, roulette: &RouletteModel) -> Materials {
     let mut tables = Tables::default();
     let materials =
-        scene.materials.iter().map(|material| tables.compile(material, &scene.grid, adjoint)).collect();
+        scene.materials.iter().map(|material| tables.compile(material, &scene.grid, roulette)).collect();
     let mut cutouts: Vec<Option<ScalarTexture>> =
         scene.objects.iter().map(|object| scene.materials[object.material].opacity.clone()).collect();
     if cutouts.iter().all(Option::is_none) {
@@ -58,12 +58,12 @@ impl Tables {
         &mut self,
         material: &Material,
         grid: &WavelengthGrid,
-        adjoint: &AdjointModel,
+        roulette: &RouletteModel,
     ) -> CompiledMaterial {
         let (scattering, reflectance, coarse_reflectance) = match &material.scattering {
-            Scattering::Diffuse => diffuse(material, grid, adjoint),
-            Scattering::Dielectric(glass) => self.dielectric(glass, grid, adjoint),
-            Scattering::Conductor(conductor) => self.conductor(conductor, grid, adjoint),
+            Scattering::Diffuse => diffuse(material, grid, roulette),
+            Scattering::Dielectric(glass) => self.dielectric(glass, grid, roulette),
+            Scattering::Conductor(conductor) => self.conductor(conductor, grid, roulette),
             Scattering::Mix { first, second, amount } => (
                 CompiledScattering::Mix { first: *first, second: *second, amount: amount.clone() },
                 Vec::new(),
@@ -95,7 +95,7 @@ impl Tables {
         }
     }
 
-    fn dielectric(&mut self, glass: &Dielectric, grid: &WavelengthGrid, adjoint: &AdjointModel) -> Form {
+    fn dielectric(&mut self, glass: &Dielectric, grid: &WavelengthGrid, roulette: &RouletteModel) -> Form {
         let index = glass.refractive_index;
         let table =
             self.dielectrics.iter().position(|d| d.refractive_index() == index).unwrap_or_else(|| {
@@ -106,16 +106,16 @@ impl Tables {
         (
             CompiledScattering::Dielectric { table, roughness: glass.roughness.clone() },
             vec![(on_bands(&glass.transmittance, grid), uniform)],
-            vec![adjoint.coarse(&glass.transmittance)],
+            vec![roulette.coarse(&glass.transmittance)],
         )
     }
 
-    fn conductor(&mut self, conductor: &Conductor, grid: &WavelengthGrid, adjoint: &AdjointModel) -> Form {
+    fn conductor(&mut self, conductor: &Conductor, grid: &WavelengthGrid, roulette: &RouletteModel) -> Form {
         let metal = ConductorReflectance::new(conductor, grid, white_microfacets());
         let centers = grid.centers_nm();
         let coarse = |term: &Vec<f32>| {
             let values = term.iter().map(|&f| f64::from(f)).collect();
-            Curve::new(centers.clone(), values).map_or([0.0; BINS], |curve| adjoint.coarse(&curve))
+            Curve::new(centers.clone(), values).map_or([0.0; BINS], |curve| roulette.coarse(&curve))
         };
         let uniform = ScalarTexture::Constant(1.0);
         let terms = metal.basis().iter().map(|term| (to_blocks(term), uniform.clone())).collect();
@@ -135,12 +135,12 @@ impl Tables {
     }
 }
 
-fn diffuse(material: &Material, grid: &WavelengthGrid, adjoint: &AdjointModel) -> Form {
+fn diffuse(material: &Material, grid: &WavelengthGrid, roulette: &RouletteModel) -> Form {
     let terms = &material.reflectance;
     (
         CompiledScattering::Diffuse,
         terms.iter().map(|term| (on_bands(&term.spectrum, grid), term.weight.clone())).collect(),
-        terms.iter().map(|term| adjoint.coarse(&term.spectrum)).collect(),
+        terms.iter().map(|term| roulette.coarse(&term.spectrum)).collect(),
     )
 }
 

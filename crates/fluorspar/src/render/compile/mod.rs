@@ -21,8 +21,8 @@ mod visible_points;
 use fluorspar_accel::bands::{BandBlock, to_blocks};
 use fluorspar_accel::{BuildError, Simd};
 
-use super::adjoint::AdjointModel;
 use super::compiled_scene::{CompiledMaterial, CompiledScattering, CompiledScene};
+use super::russian_roulette::RouletteModel;
 use crate::scene::Scene;
 
 impl CompiledScene {
@@ -40,20 +40,20 @@ impl CompiledScene {
         let plain_operators = operators::unweighted(scene);
 
         // Compile materials
-        let adjoint = AdjointModel::new(&scene.grid);
-        let materials = materials::compile(scene, &adjoint);
+        let roulette = RouletteModel::new(&scene.grid);
+        let materials = materials::compile(scene, &roulette);
 
         let plain = |material: &CompiledMaterial| {
             matches!(material.scattering, CompiledScattering::Diffuse) && material.coat.is_none()
         };
-        let chooses =
+        let has_discrete_choices =
             !materials.materials.iter().all(plain) || lights.group_lights.iter().any(|group| group.len() > 1);
         let mut compiled = Self {
             camera: scene.camera.clone(),
             grid: scene.grid.clone(),
             bands: scene.grid.len(),
             object_material: scene.objects.iter().map(|object| object.material).collect(),
-            chooses,
+            has_discrete_choices,
             simd: Simd::detect(),
             clearance: (1e-6 * geometry.largest_coordinate_m()).max(1e-9),
             bvh: geometry.bvh,
@@ -73,14 +73,14 @@ impl CompiledScene {
             dielectrics: materials.dielectrics,
             metals: materials.metals,
             cutouts: materials.cutouts,
-            adjoint,
+            roulette,
             lamp_operators,
             plain_operators,
         };
 
-        // Estimate what paths can still carry, for Russian roulette
+        // Prepare Russian roulette
         let gain = interreflection::gain(&compiled);
-        compiled.adjoint.fill_in(scene, &group_spectra, &gain);
+        compiled.roulette.fill_in(scene, &group_spectra, &gain);
         Ok(compiled)
     }
 }

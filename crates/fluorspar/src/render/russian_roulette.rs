@@ -1,16 +1,17 @@
-//! What a path can still carry, for Russian roulette.
+//! Adjoint-driven Russian roulette (Vorba and Krivanek 2016, doi:10.1145/2897824.2925912): a path survives with the
+//! probability of its expected remaining contribution, estimated on coarse bins of wavelength.
 //!
-//! Light at one wavelength may matter only because it excites, light at another only because it is seen. So a path
-//! carries two coarse spectra of importance, from the camera on: that of light which has not fluoresced on the part of
-//! the path walked so far, and that of light which has done so once. They are compared with what may still arrive: the
-//! spectrum of every light group and the emission of every fluorophore of the scene. The largest of these products is
-//! the share of its own component that the path can still bring, and the chance to go on. Any chance above zero leaves
-//! the estimate unbiased; this one keeps a path whose blue can still excite though its red is spent, and the reverse.
+//! Light at one wavelength may matter only because it excites, light at another only because it is seen. A path
+//! therefore carries two coarse throughputs from the camera on: that of light which has not fluoresced on the sampled
+//! part of the path, and that of light which has fluoresced there once. Their products with the light that may still
+//! arrive, the spectrum of every light group and the emission of every fluorophore, are the shares of each component that
+//! the path can still contribute; the largest of them is the survival probability. Any probability above zero leaves the
+//! estimate unbiased. This one keeps a path whose blue can still excite though its red is absorbed, and the reverse.
 //!
-//! Each component is judged on its own scale, and paths do not depend on concentrations: a fluorophore counts as if all
-//! light of the lamps came back. Indirect light is taken to be as much as in a room of the reflectance that rays find
-//! which leave the visible surfaces: of the component of a fluorophore, a vertex that light excites sends only the part
-//! that has not come from elsewhere.
+//! Each component is judged on its own scale, and paths do not depend on concentrations: a fluorophore counts as if it
+//! returned all light of the light sources. Indirect light is estimated by the interreflection gain `1 / (1 - r)`, with
+//! the mean reflectance `r` around the visible surfaces; of the component of a fluorophore, a vertex that is excited
+//! sends only the part that has not come from elsewhere.
 
 use super::fluorescence_operator::FluorescenceOperator;
 use super::scattering::Scattering;
@@ -22,13 +23,13 @@ pub(super) const BINS: usize = 8;
 /// A coarse spectrum.
 pub(super) type Coarse = [f32; BINS];
 
-/// Share of a bin in the light of a lamp below which the lamp is dark there: chosen small beside the eighth that an even lamp
-/// has; it decides how long paths are, not what they are worth.
+/// Bins with less than this share of a light source's power are treated as dark. It is small beside the eighth of an even
+/// spectrum; it decides how long paths are, not their expected value.
 const DARK_SHARE: f32 = 1e-3;
 
-/// The fluorophores and lamps of a scene on coarse bins.
+/// The fluorophores and light sources of a scene on coarse bins.
 #[derive(Debug)]
-pub(super) struct AdjointModel {
+pub(super) struct RouletteModel {
     grid: Option<WavelengthGrid>,
     /// Light of each group that arrives at a surface, on a scale on which the bins of its direct light sum to 1. Dark
     /// groups are left out.
@@ -42,21 +43,21 @@ pub(super) struct AdjointModel {
     fluorescence: Vec<[Coarse; BINS]>,
 }
 
-/// The importance that a path has on its way from the camera.
+/// Throughput of a path from the camera on, on coarse bins.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Importance {
-    /// Of light that does not fluoresce on the part of the path that was walked.
+pub(super) struct CoarseThroughput {
+    /// Of light that does not fluoresce on the sampled part of the path.
     elastic: Coarse,
     /// Of light that fluoresces once there.
     fluorescent: Coarse,
 }
 
-impl Importance {
-    /// At the camera everything counts the same.
+impl CoarseThroughput {
+    /// That of a path that starts at the camera.
     pub(super) const CAMERA: Self = Self { elastic: [1.0; BINS], fluorescent: [0.0; BINS] };
 }
 
-impl AdjointModel {
+impl RouletteModel {
     /// Coarse bins on the grid of a scene, with everything left to [`Self::fill_in`].
     pub(super) fn new(grid: &WavelengthGrid) -> Self {
         let (start, end) = (grid.start_nm(), grid.end_nm());
@@ -65,14 +66,13 @@ impl AdjointModel {
         Self { grid, lamps: Vec::new(), lit: [0.0; BINS], emission: Vec::new(), fluorescence: Vec::new() }
     }
 
-    /// Lamps and fluorophores of a scene, from the spectrum of the light of each group, on any scale, and the
-    /// reverberation: all light that arrives at a surface over the light that arrives directly.
-    pub(super) fn fill_in(&mut self, scene: &Scene, lamps: &[Option<Curve>], reverberation: &Coarse) {
+    /// Sets light groups and fluorophores of a scene, from the spectrum of each light group, on any scale, and the
+    /// interreflection gain: all light that arrives at a surface over the light that arrives directly.
+    pub(super) fn fill_in(&mut self, scene: &Scene, lamps: &[Option<Curve>], gain: &Coarse) {
         for lamp in lamps.iter().flatten() {
-            if let Some(shares) = normalised(self.coarse(lamp)) {
-                self.lamps.push(product(&shares, reverberation));
+            if let Some(shares) = normalized(self.coarse(lamp)) {
+                self.lamps.push(product(&shares, gain));
                 for (lit, share) in self.lit.iter_mut().zip(&shares) {
-                    // What a lamp sends as good as nothing of is not worth a path.
                     if *share > DARK_SHARE {
                         *lit = 1.0;
                     }
@@ -94,7 +94,7 @@ impl AdjointModel {
                 for (share, column) in lamp.iter().zip(&matrix) {
                     sum.iter_mut().zip(column).for_each(|(sum, value)| *sum += share * value);
                 }
-                product(&sum, reverberation)
+                product(&sum, gain)
             };
             let best = self
                 .lamps
@@ -107,7 +107,7 @@ impl AdjointModel {
             } else {
                 matrix = [[0.0; BINS]; BINS];
             }
-            self.emission.push(best.and_then(normalised).unwrap_or([0.0; BINS]));
+            self.emission.push(best.and_then(normalized).unwrap_or([0.0; BINS]));
             self.fluorescence.push(matrix);
         }
     }
@@ -122,20 +122,20 @@ impl AdjointModel {
         values
     }
 
-    /// Carries the importance over a vertex: light that arrives there counts for what it becomes.
+    /// Multiplies the throughput by what a vertex scatters, in the direction in which the path continues.
     pub(super) fn scatter(
         &self,
-        importance: &mut Importance,
+        throughput: &mut CoarseThroughput,
         scattering: &Scattering,
         spectrum: &Coarse,
         fluorophores: impl Iterator<Item = usize>,
     ) {
         let factor = 1.0 / scattering.pdf;
-        let Importance { elastic, fluorescent } = *importance;
+        let CoarseThroughput { elastic, fluorescent } = *throughput;
         for bin in 0..BINS {
             let reflected = (scattering.diffuse * spectrum[bin] + scattering.gloss).max(0.0) * factor;
-            importance.elastic[bin] = reflected * elastic[bin];
-            importance.fluorescent[bin] = reflected * fluorescent[bin];
+            throughput.elastic[bin] = reflected * elastic[bin];
+            throughput.fluorescent[bin] = reflected * fluorescent[bin];
         }
         if scattering.fluorescent > 0.0 {
             // Each fluorophore is a component of its own: the one that gives most counts, not their sum.
@@ -146,25 +146,25 @@ impl AdjointModel {
                 }
             }
             let factor = scattering.fluorescent * factor;
-            for (sum, value) in importance.fluorescent.iter_mut().zip(&excites) {
+            for (sum, value) in throughput.fluorescent.iter_mut().zip(&excites) {
                 *sum += factor * value;
             }
         }
     }
 
-    /// The largest share of a component that may still arrive; of reflected light in the bin where it is largest, as every
-    /// band is looked at on its own scale.
-    pub(super) fn reach(&self, importance: &Importance) -> f32 {
+    /// Expected remaining contribution: the largest share of a component that the path can still contribute. Reflected light
+    /// counts in the bin where its share is largest, as every band is judged on its own scale.
+    pub(super) fn expected_contribution(&self, throughput: &CoarseThroughput) -> f32 {
         let mut largest = 0.0_f32;
-        for (&elastic, &lit) in importance.elastic.iter().zip(&self.lit) {
+        for (&elastic, &lit) in throughput.elastic.iter().zip(&self.lit) {
             largest = largest.max(elastic * lit);
         }
         let mut excites = 0.0_f32;
         for lamp in &self.lamps {
-            excites = excites.max(dot(lamp, &importance.fluorescent));
+            excites = excites.max(dot(lamp, &throughput.fluorescent));
         }
         for emission in &self.emission {
-            largest = largest.max(dot(emission, &importance.elastic) + excites);
+            largest = largest.max(dot(emission, &throughput.elastic) + excites);
         }
         largest
     }
@@ -174,10 +174,10 @@ fn product(a: &Coarse, b: &Coarse) -> Coarse {
     std::array::from_fn(|bin| a[bin] * b[bin])
 }
 
-impl Importance {
-    /// Divides by the chance with which the path went on.
-    pub(super) fn survive(&mut self, chance: f32) {
-        self.elastic.iter_mut().chain(&mut self.fluorescent).for_each(|value| *value /= chance);
+impl CoarseThroughput {
+    /// Divides by the probability with which the path survived.
+    pub(super) fn survive(&mut self, probability: f32) {
+        self.elastic.iter_mut().chain(&mut self.fluorescent).for_each(|value| *value /= probability);
     }
 }
 
@@ -185,7 +185,7 @@ fn dot(a: &Coarse, b: &Coarse) -> f32 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-fn normalised(values: Coarse) -> Option<Coarse> {
+fn normalized(values: Coarse) -> Option<Coarse> {
     let total: f32 = values.iter().sum();
     (total > 0.0).then(|| values.map(|value| value / total))
 }
@@ -204,7 +204,7 @@ mod tests {
     }
 
     /// A lamp at 390 nm and a dye that turns it into 640 nm, with a yield of a thousandth.
-    fn model(reverberation: f32) -> AdjointModel {
+    fn model(gain: f32) -> RouletteModel {
         let term =
             SeparableTerm { excitation: band(390.0).scaled(1e-3), emission: band(640.0).scaled(1.0 / 37.6) };
         let scene = Scene {
@@ -223,63 +223,85 @@ mod tests {
             lights: Vec::new(),
             camera: PerspectiveCamera::look_at(Vec3::Z, Vec3::ZERO, Vec3::Y, 50.0, 4, 4).unwrap(),
         };
-        let mut model = AdjointModel::new(&scene.grid);
-        model.fill_in(&scene, &[Some(band(390.0))], &[reverberation; BINS]);
+        let mut model = RouletteModel::new(&scene.grid);
+        model.fill_in(&scene, &[Some(band(390.0))], &[gain; BINS]);
         model
     }
 
     /// One bounce with a reflectance per coarse bin; a fluorescent surface takes part with its whole irradiance.
-    fn bounce(model: &AdjointModel, importance: &mut Importance, blue: f32, red: f32, fluoresces: bool) {
+    fn bounce(
+        model: &RouletteModel,
+        throughput: &mut CoarseThroughput,
+        blue: f32,
+        red: f32,
+        fluoresces: bool,
+    ) {
         let scattering = Scattering { diffuse: 1.0, fluorescent: 1.0, gloss: 0.0, pdf: 1.0 };
         let spectrum = std::array::from_fn(|bin| if bin < BINS / 2 { blue } else { red });
         let list: &[usize] = if fluoresces { &[0] } else { &[] };
-        model.scatter(importance, &scattering, &spectrum, list.iter().copied());
+        model.scatter(throughput, &scattering, &spectrum, list.iter().copied());
     }
 
     #[test]
     fn everything_counts_at_the_camera() {
-        assert!((model(1.0).reach(&Importance::CAMERA) - 1.0).abs() < 1e-5);
+        assert!((model(1.0).expected_contribution(&CoarseThroughput::CAMERA) - 1.0).abs() < 1e-5);
     }
 
     /// Surfaces that swallow the lamp but reflect the emission: the path can still meet something that fluoresces.
     #[test]
     fn a_path_whose_red_is_seen_goes_on_though_its_blue_is_spent() {
         let model = model(1.0);
-        let mut importance = Importance::CAMERA;
+        let mut throughput = CoarseThroughput::CAMERA;
         for _ in 0..4 {
-            bounce(&model, &mut importance, 0.01, 0.9, false);
+            bounce(&model, &mut throughput, 0.01, 0.9, false);
         }
-        assert!((model.reach(&importance) - 0.9_f32.powi(4)).abs() < 0.01, "{}", model.reach(&importance));
+        assert!(
+            (model.expected_contribution(&throughput) - 0.9_f32.powi(4)).abs() < 0.01,
+            "{}",
+            model.expected_contribution(&throughput)
+        );
     }
 
     /// After a surface that fluoresces, blue light excites it, whatever becomes of the red.
     #[test]
     fn a_path_whose_blue_excites_goes_on_though_its_red_is_spent() {
         let model = model(1.0);
-        let mut importance = Importance::CAMERA;
-        bounce(&model, &mut importance, 0.01, 0.01, true);
-        assert!((model.reach(&importance) - 1.0).abs() < 0.05, "{}", model.reach(&importance));
-        bounce(&model, &mut importance, 0.8, 0.01, false);
-        assert!((model.reach(&importance) - 0.8).abs() < 0.05, "{}", model.reach(&importance));
+        let mut throughput = CoarseThroughput::CAMERA;
+        bounce(&model, &mut throughput, 0.01, 0.01, true);
+        assert!(
+            (model.expected_contribution(&throughput) - 1.0).abs() < 0.05,
+            "{}",
+            model.expected_contribution(&throughput)
+        );
+        bounce(&model, &mut throughput, 0.8, 0.01, false);
+        assert!(
+            (model.expected_contribution(&throughput) - 0.8).abs() < 0.05,
+            "{}",
+            model.expected_contribution(&throughput)
+        );
     }
 
     /// Where indirect light is as bright as direct light, the fluorescence that arrives is twice what one vertex sends.
     #[test]
     fn one_vertex_excites_a_part_of_what_a_bright_room_sends() {
         let model = model(2.0);
-        assert!((model.reach(&Importance::CAMERA) - 1.0).abs() < 1e-5);
-        let mut importance = Importance::CAMERA;
-        bounce(&model, &mut importance, 0.0, 0.0, true);
-        assert!((model.reach(&importance) - 0.5).abs() < 0.05, "{}", model.reach(&importance));
+        assert!((model.expected_contribution(&CoarseThroughput::CAMERA) - 1.0).abs() < 1e-5);
+        let mut throughput = CoarseThroughput::CAMERA;
+        bounce(&model, &mut throughput, 0.0, 0.0, true);
+        assert!(
+            (model.expected_contribution(&throughput) - 0.5).abs() < 0.05,
+            "{}",
+            model.expected_contribution(&throughput)
+        );
     }
 
     #[test]
     fn a_path_that_can_do_neither_ends() {
         let model = model(1.0);
-        let mut importance = Importance::CAMERA;
+        let mut throughput = CoarseThroughput::CAMERA;
         for _ in 0..3 {
-            bounce(&model, &mut importance, 0.05, 0.05, false);
+            bounce(&model, &mut throughput, 0.05, 0.05, false);
         }
-        assert!(model.reach(&importance) < 2e-4);
+        assert!(model.expected_contribution(&throughput) < 2e-4);
     }
 }

@@ -1,0 +1,522 @@
+//! Path integrator: next-event estimation, multiple importance sampling and Russian roulette.
+//!
+//! Paths carry scalar densities and factors only; `spectral_accumulation` runs the spectra back along them. A batch of
+//! paths advances vertex by vertex, a wavefront, so that the traversals of its rays are interleaved, which hides memory
+//! latency. Each path is what it would be alone: the batch changes the order of work, not the results.
+
+use std::f32::consts::PI;
+
+use fluorspar_accel::Ray;
+use glam::Vec3;
+
+use super::compiled_scene::{CompiledMaterial, CompiledScene};
+use super::intersect::TraceBuffers;
+use super::light_sampling::LightSample;
+use super::path::Path;
+use super::russian_roulette::{BINS, CoarseThroughput};
+use super::scattering::{Bsdf, Scattering, ScatteringSample};
+use super::settings::Estimator;
+use super::surface::{Intersection, SurfacePoint};
+use crate::sampling::SampleStream;
+
+/// Vertices before this one never end a path by Russian roulette.
+const ROULETTE_FROM: u32 = 3;
+/// Least survival probability of Russian roulette.
+const LEAST_SURVIVAL: f32 = 0.05;
+
+/// The random numbers of a vertex, each in `[0, 1)`.
+#[derive(Clone, Copy, Debug, Default)]
+struct VertexSamples {
+    /// For the scattered direction.
+    direction: [f32; 2],
+    /// For the choice of the scattering lobe.
+    lobe: f32,
+    /// For Russian roulette.
+    roulette: f32,
+    /// For the choice of a light of a group, then for a point on it. Groups are components of their own, and may share
+    /// their numbers.
+    light: [f32; 3],
+    /// Numbers of vertices to come, where several share their sets: direction, point on a light, roulette.
+    next: ([f32; 2], [f32; 2], [f32; 3]),
+}
+
+impl VertexSamples {
+    /// Draws the numbers of the next vertex. Set 0 of a stream belongs to the camera.
+    ///
+    /// Without discrete choices (of lobes or lights), two vertices share a set for their directions and one for their
+    /// points on lights, and four vertices share one for roulette. With discrete choices every vertex has sets of its
+    /// own, since a choice is best stratified together with what it chooses.
+    fn advance(&mut self, stream: &SampleStream, depth: u32, has_discrete_choices: bool) {
+        let first = 1 + 3 * depth;
+        if has_discrete_choices {
+            let [lobe, u, v, roulette] = stream.set_4d(first);
+            let [which, s, t, _] = stream.set_4d(first + 1);
+            (self.direction, self.lobe, self.roulette, self.light) = ([u, v], lobe, roulette, [which, s, t]);
+            return;
+        }
+        if depth.is_multiple_of(2) {
+            let [u, v, next_u, next_v] = stream.set_4d(first);
+            let [s, t, next_s, next_t] = stream.set_4d(first + 1);
+            (self.direction, self.light) = ([u, v], [0.0, s, t]);
+            (self.next.0, self.next.1) = ([next_u, next_v], [next_s, next_t]);
+        } else {
+            let (direction, [s, t], _) = self.next;
+            (self.direction, self.light) = (direction, [0.0, s, t]);
+        }
+        match depth.checked_sub(ROULETTE_FROM).map(|since| since as usize % 4) {
+            None => {}
+            Some(0) => {
+                [self.roulette, self.next.2[0], self.next.2[1], self.next.2[2]] = stream.set_4d(first + 2)
+            }
+            Some(place) => self.roulette = self.next.2[place - 1],
+        }
+    }
+}
+
+/// Where a path scattered last: what weights the emission that its ray meets.
+#[derive(Clone, Copy, Debug)]
+struct ScatteringOrigin {
+    position: Vec3,
+    /// Normal by which lights are chosen there; zero where light may arrive from either side.
+    light_normal: Vec3,
+    /// Density of the scattered direction, 1/sr; infinite for delta lobes.
+    pdf: f32,
+}
+
+/// A path while it is being sampled.
+#[derive(Debug)]
+struct PathState {
+    path: Path,
+    stream: SampleStream,
+    samples: VertexSamples,
+    throughput: CoarseThroughput,
+    /// Origin of the next ray, m.
+    origin: Vec3,
+    /// Unit direction of the next ray.
+    direction: Vec3,
+    /// `None` for rays of the camera.
+    scattered: Option<ScatteringOrigin>,
+}
+
+/// Direct light that a vertex receives unless its shadow ray is blocked.
+#[derive(Clone, Copy, Debug)]
+struct ShadowRay {
+    /// Index of the path in the batch.
+    path: u32,
+    /// Index of the vertex on the path.
+    vertex: u32,
+    light: LightSample,
+    scattering: Scattering,
+    /// Weight of multiple importance sampling.
+    mis_weight: f32,
+}
+
+/// A wavefront of paths; reused from batch to batch.
+#[derive(Debug, Default)]
+pub(super) struct PathBatch {
+    /// States of this and of earlier, larger batches; the first `len` count.
+    states: Vec<PathState>,
+    len: usize,
+    /// Indices of the paths that have not ended.
+    active: Vec<u32>,
+    rays: Vec<Ray>,
+    buffers: TraceBuffers,
+    hits: Vec<Option<Intersection>>,
+    shadow_rays: Vec<ShadowRay>,
+    visibility: Vec<f32>,
+}
+
+impl PathBatch {
+    /// Removes all paths.
+    pub(super) fn clear(&mut self) {
+        self.len = 0;
+    }
+
+    /// Number of paths.
+    pub(super) fn len(&self) -> usize {
+        self.len
+    }
+
+    /// Adds a path that starts at the camera. `direction` is a unit vector.
+    pub(super) fn start(&mut self, origin: Vec3, direction: Vec3, stream: SampleStream) {
+        let state = PathState {
+            path: Path::default(),
+            stream,
+            samples: VertexSamples::default(),
+            throughput: CoarseThroughput::CAMERA,
+            origin,
+            direction,
+            scattered: None,
+        };
+        match self.states.get_mut(self.len) {
+            Some(old) => {
+                let mut path = std::mem::take(&mut old.path);
+                path.clear();
+                *old = PathState { path, ..state };
+            }
+            None => self.states.push(state),
+        }
+        self.len += 1;
+    }
+
+    /// The paths, in the order in which they were started.
+    pub(super) fn paths(&self) -> impl Iterator<Item = &Path> {
+        self.states[..self.len].iter().map(|state| &state.path)
+    }
+}
+
+/// A vertex while light is scattered there.
+struct ShadingPoint<'a> {
+    point: SurfacePoint,
+    material: &'a CompiledMaterial,
+    bsdf: Bsdf<'a>,
+    /// What is left of the number for the lobe, after it has chosen the material of a mixture.
+    lobe: f32,
+    /// The chromatic spectrum of the vertex on coarse bins.
+    coarse_spectrum: [f32; BINS],
+    /// Normal by which lights are chosen; zero where light may arrive from either side.
+    light_normal: Vec3,
+}
+
+impl ShadingPoint<'_> {
+    /// Whether a direction lies on the same side of the shading and of the geometric normal: others carry no light.
+    #[inline]
+    fn is_consistent(&self, world: Vec3, local: Vec3) -> bool {
+        world.dot(self.point.geometric) * local.z > 0.0 && (local.z > 0.0 || self.bsdf.transmits())
+    }
+}
+
+impl CompiledScene {
+    /// Samples all paths of a batch to their ends: at most `max_depth` vertices each.
+    pub(super) fn sample_paths(&self, batch: &mut PathBatch, max_depth: u32, estimator: Estimator) {
+        let PathBatch { states, len, active, rays, buffers, hits, shadow_rays, visibility } = batch;
+        active.clear();
+        active.extend(0..*len as u32);
+        for depth in 0..=max_depth {
+            if active.is_empty() {
+                return;
+            }
+
+            // Intersect the ray of every active path with the scene
+            rays.clear();
+            rays.extend(active.iter().map(|&index| {
+                let PathState { origin, direction, .. } = states[index as usize];
+                Ray { origin, direction, t_min: 0.0, t_max: f32::INFINITY }
+            }));
+            self.closest_each(rays, buffers, hits);
+
+            // Add emission at the hits, queue shadow rays and sample the next directions
+            rays.clear();
+            shadow_rays.clear();
+            let mut found = hits.iter();
+            active.retain(|&index| {
+                let state = &mut states[index as usize];
+                let Some(Some(hit)) = found.next() else {
+                    self.add_environment(state, estimator);
+                    return false;
+                };
+                self.add_emission(state, hit, estimator);
+                let queue = |ray: Ray, shadow_ray: ShadowRay| {
+                    rays.push(ray);
+                    shadow_rays.push(shadow_ray);
+                };
+                depth < max_depth && self.scatter(state, index, hit, depth, estimator, queue)
+            });
+
+            // Trace the shadow rays and add direct illumination
+            let lights = shadow_rays.iter().map(|shadow_ray| shadow_ray.light.light);
+            self.visibility_each(rays, lights, buffers, visibility);
+            for (shadow_ray, &visibility) in shadow_rays.iter().zip(visibility.iter()) {
+                if visibility > 0.0 {
+                    self.add_direct(&mut states[shadow_ray.path as usize].path, shadow_ray, visibility);
+                }
+            }
+        }
+    }
+
+    /// Adds the emission of the environment, for a ray that misses everything.
+    fn add_environment(&self, state: &mut PathState, estimator: Estimator) {
+        let PathState { path, origin, direction, scattered, .. } = state;
+        let (from, normal) = scattered.map_or((*origin, Vec3::ZERO), |s| (s.position, s.light_normal));
+        let add = |source, scale: f32, light_pdf| {
+            path.add_emission(source, scale * emission_weight(*scattered, light_pdf, estimator));
+        };
+        self.surroundings(from, normal, *direction, add);
+    }
+
+    /// Adds the emission of what a ray hits.
+    fn add_emission(&self, state: &mut PathState, hit: &Intersection, estimator: Estimator) {
+        let PathState { path, origin, direction, scattered, .. } = state;
+        let (from, normal) = scattered.map_or((*origin, Vec3::ZERO), |s| (s.position, s.light_normal));
+        let met = self.emission_along(from, normal, *direction, hit.t, hit.target);
+        if let Some((light, scale, light_pdf)) = met {
+            let scale = scale * emission_weight(*scattered, light_pdf, estimator);
+            let source = self.lights[light].source;
+            for source in source..source + self.slices {
+                path.add_emission(source, scale);
+            }
+        }
+    }
+
+    /// Adds a vertex to a path: samples direct illumination and the direction in which the path continues. Returns
+    /// whether it does.
+    #[inline]
+    fn scatter(
+        &self,
+        state: &mut PathState,
+        index: u32,
+        hit: &Intersection,
+        depth: u32,
+        estimator: Estimator,
+        queue: impl FnMut(Ray, ShadowRay),
+    ) -> bool {
+        // Find the surface, and the random numbers of the vertex
+        let Some(point) = self.surface(state.origin, state.direction, hit) else { return false };
+        state.samples.advance(&state.stream, depth, self.has_discrete_choices);
+
+        let vertex = self.add_vertex(state, hit, point);
+        if estimator == Estimator::MultipleImportance {
+            self.sample_direct(state, index, &vertex, queue);
+        }
+        self.continue_path(state, &vertex, depth)
+    }
+
+    /// Prepares shading at a hit and appends the vertex to the path, with the weights of its reflectance terms and its
+    /// concentrations.
+    #[inline]
+    fn add_vertex(
+        &self,
+        state: &mut PathState,
+        hit: &Intersection,
+        mut point: SurfacePoint,
+    ) -> ShadingPoint<'_> {
+        let PathState { path, samples, direction, .. } = state;
+        let view = *direction;
+
+        // Choose the material of mixtures, and bend the normal
+        let mut lobe = samples.lobe;
+        let outermost = self.object_material[point.object];
+        let material_index = self.material_at(outermost, point.uv, point.front, &mut lobe);
+        let material = &self.materials[material_index];
+        if let Some(map) = &material.normal_map {
+            let along = self.texture_directions(hit.target, point.position);
+            point.apply_normal_map(map.at(point.uv), along, -view);
+        }
+        let bsdf = self.bsdf(material, point.uv, point.front, point.to_local(-view));
+        let light_normal = if bsdf.transmits() { Vec3::ZERO } else { point.shading };
+
+        // Weight the reflectance terms and the fluorophores
+        path.push_vertex(material_index, self.sources.len());
+        let mut coarse_spectrum = [0.0; BINS];
+        let terms = material.reflectance.iter().zip(&material.coarse_reflectance);
+        for (term, ((_, weight), coarse_term)) in terms.enumerate() {
+            let weight = bsdf.term_weight(term, weight.at(point.uv));
+            path.push_weight(weight);
+            for (sum, value) in coarse_spectrum.iter_mut().zip(coarse_term) {
+                *sum += weight * value;
+            }
+        }
+        for (_, concentration) in &material.fluorophores {
+            path.push_weight(concentration.at(point.uv));
+        }
+        ShadingPoint { point, material, bsdf, lobe, coarse_spectrum, light_normal }
+    }
+
+    /// Next-event estimation: samples one light of every group and queues its shadow ray.
+    #[inline]
+    fn sample_direct(
+        &self,
+        state: &PathState,
+        index: u32,
+        vertex: &ShadingPoint<'_>,
+        mut queue: impl FnMut(Ray, ShadowRay),
+    ) {
+        let ShadingPoint { point, bsdf, .. } = vertex;
+        let number = state.path.vertices().len() as u32 - 1;
+        for group in 0..self.group_lights.len() {
+            // Sample a light of the group
+            let sample = self.sample_light(group, point.position, vertex.light_normal, state.samples.light);
+            let Some(light) = sample else { continue };
+            let local = point.to_local(light.direction);
+            if !vertex.is_consistent(light.direction, local) {
+                continue;
+            }
+
+            // Evaluate the material for light from there
+            let scattering = bsdf.evaluate(local);
+            if scattering.pdf <= 0.0 {
+                continue;
+            }
+
+            // Queue a shadow ray that stops short of the light's own surface
+            let short = light.distance - 2.0 * self.clearance.max(1e-5 * light.distance);
+            let t_max = if light.distance.is_finite() { short } else { f32::INFINITY };
+            let origin = point.leave(light.direction, self.clearance);
+            let mis_weight = if light.delta { 1.0 } else { power_heuristic(light.pdf, scattering.pdf) };
+            let ray = Ray { origin, direction: light.direction, t_min: 0.0, t_max };
+            queue(ray, ShadowRay { path: index, vertex: number, light, scattering, mis_weight });
+        }
+    }
+
+    /// Samples the direction in which a path continues, unless the material absorbs it or Russian roulette ends it.
+    /// Returns whether it continues.
+    #[inline]
+    fn continue_path(&self, state: &mut PathState, vertex: &ShadingPoint<'_>, depth: u32) -> bool {
+        let ShadingPoint { point, material, bsdf, .. } = vertex;
+
+        // Sample the material for the next direction
+        let sampled = bsdf.sample(vertex.lobe, state.samples.direction);
+        let Some(ScatteringSample { incident, scattering: s, delta }) = sampled else { return false };
+        let world = point.to_world(incident).normalize();
+        if !vertex.is_consistent(world, incident) {
+            return false;
+        }
+
+        // End the path by Russian roulette where little contribution is expected
+        let mut survival = 1.0;
+        let throughput = &mut state.throughput;
+        let fluorophores = material.fluorophores.iter().map(|(f, _)| *f);
+        self.roulette.scatter(throughput, &s, &vertex.coarse_spectrum, fluorophores);
+        if depth >= ROULETTE_FROM {
+            survival = self.roulette.expected_contribution(throughput).clamp(LEAST_SURVIVAL, 1.0);
+            if state.samples.roulette >= survival {
+                return false;
+            }
+            throughput.survive(survival);
+        }
+
+        // Record the factors of the vertex and set the next ray
+        let factor = 1.0 / (s.pdf * survival);
+        state.path.continue_with(s.diffuse * factor, s.fluorescent * factor, s.gloss * factor);
+        state.scattered = Some(ScatteringOrigin {
+            position: point.position,
+            light_normal: vertex.light_normal,
+            pdf: if delta { f32::INFINITY } else { s.pdf },
+        });
+        state.origin = point.leave(world, self.clearance);
+        state.direction = world;
+        true
+    }
+
+    /// Adds direct light, of which the share `visibility` arrives, to a vertex.
+    fn add_direct(&self, path: &mut Path, shadow_ray: &ShadowRay, visibility: f32) {
+        let s = &shadow_ray.scattering;
+        let factor = visibility * shadow_ray.mis_weight / shadow_ray.light.pdf;
+        self.each_source(&shadow_ray.light, |source, scale| {
+            // All excitation bins of a light share its geometry.
+            for source in source..source + self.slices {
+                let direct = path.direct_mut(shadow_ray.vertex as usize, self.sources.len(), source);
+                direct.diffuse += factor * scale * s.diffuse * PI;
+                direct.fluorescent += factor * scale * s.fluorescent * PI;
+                direct.gloss += factor * scale * s.gloss;
+            }
+        });
+    }
+}
+
+/// Weight of emission that a scattered ray meets, where next-event estimation would have sampled the direction with
+/// density `light_pdf`.
+fn emission_weight(scattered: Option<ScatteringOrigin>, light_pdf: f32, estimator: Estimator) -> f32 {
+    match (scattered, estimator) {
+        (Some(origin), Estimator::MultipleImportance) => power_heuristic(origin.pdf, light_pdf),
+        _ => 1.0,
+    }
+}
+
+/// Power heuristic with exponent 2 (Veach 1997): weight of the technique with density `own`.
+fn power_heuristic(own: f32, other: f32) -> f32 {
+    if own.is_infinite() {
+        return 1.0;
+    }
+    let (a, b) = (own * own, other * other);
+    if a + b > 0.0 { a / (a + b) } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use glam::Vec2;
+
+    use super::*;
+    use crate::geometry::TriangleMesh;
+    use crate::light::{Emitter, Light, LightGroup};
+    use crate::material::{Coat, Material, ScalarTexture};
+    use crate::optics::PerspectiveCamera;
+    use crate::scene::{Object, Scene, Shape};
+    use crate::spectral::{Curve, WavelengthGrid};
+
+    /// A closed room with wavy walls of 20 thousand triangles, glossy, with two lamps.
+    fn room() -> Scene {
+        const RINGS: u32 = 100;
+        let mut mesh = TriangleMesh::default();
+        for ring in 0..=RINGS {
+            for segment in 0..=RINGS {
+                let (u, v) = (segment as f32 / RINGS as f32, ring as f32 / RINGS as f32);
+                let ((sin_theta, cos_theta), (sin_phi, cos_phi)) =
+                    ((PI * v).sin_cos(), (2.0 * PI * u).sin_cos());
+                let radius = 1.0 + 0.1 * (9.0 * cos_theta).sin() * (2.0 * PI * 5.0 * u).cos();
+                mesh.positions.push(radius * Vec3::new(sin_theta * cos_phi, sin_theta * sin_phi, cos_theta));
+                mesh.uvs.push(Vec2::new(u, v));
+            }
+        }
+        for corner in (0..RINGS * RINGS).map(|cell| cell / RINGS * (RINGS + 1) + cell % RINGS) {
+            let below = corner + RINGS + 1;
+            mesh.triangles.extend([[corner, below + 1, below], [corner, corner + 1, below + 1]]);
+        }
+        let mut wall = Material::lambertian("wall", Curve::constant(0.7));
+        wall.coat = Some(Coat { refractive_index: 1.4, roughness: ScalarTexture::Constant(0.3) });
+        let lamp = |x: f32| Light {
+            name: format!("lamp at {x}"),
+            group: 0,
+            spectrum: Curve::constant(1.0),
+            emitter: Emitter::Disc {
+                center: Vec3::new(x, 0.0, 0.5),
+                normal: Vec3::NEG_Z,
+                radius_m: 0.1,
+                exponent: 1.0,
+            },
+        };
+        let shape = Shape::Mesh(Arc::new(mesh));
+        Scene {
+            grid: WavelengthGrid::uniform(500.0, 510.0, 5.0).unwrap(),
+            objects: vec![Object { name: "room".into(), shape, material: 0, emission: None }],
+            materials: vec![wall],
+            fluorophores: Vec::new(),
+            light_groups: vec![LightGroup { name: "g".into() }],
+            lights: vec![lamp(-0.2), lamp(0.2)],
+            camera: PerspectiveCamera::look_at(0.5 * Vec3::Z, Vec3::ZERO, Vec3::Y, 90.0, 16, 16).unwrap(),
+        }
+    }
+
+    /// Interleaved traversal changes the order of work only.
+    #[test]
+    fn paths_are_the_same_in_batches_and_alone() {
+        let scene = room();
+        let compiled = CompiledScene::new(&scene, &[]).unwrap();
+        let paths = |batch_size: u32| -> Vec<String> {
+            let mut batch = PathBatch::default();
+            let mut texts = Vec::new();
+            for first in (0..256).step_by(batch_size as usize) {
+                batch.clear();
+                for pixel in first..first + batch_size {
+                    let mut stream = SampleStream::new(1, u64::from(pixel), 0);
+                    let [x, y, ..] = stream.next_4d();
+                    let (col, row) = (pixel % 16, pixel / 16);
+                    let (origin, direction) = scene.camera.ray(col as f32 + x, row as f32 + y);
+                    batch.start(origin, direction, stream);
+                }
+                compiled.sample_paths(&mut batch, 8, Estimator::MultipleImportance);
+                // Debug output of floats is exact.
+                texts.extend(batch.paths().map(|path| format!("{path:?}")));
+            }
+            texts
+        };
+        let alone = paths(1);
+        let longest = alone.iter().map(|path| path.matches("Vertex").count()).max();
+        assert_eq!(longest, Some(8), "paths that end early test little");
+        for batch_size in [4, 64, 128] {
+            assert_eq!(paths(batch_size), alone, "batches of {batch_size}");
+        }
+    }
+}
