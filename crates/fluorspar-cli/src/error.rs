@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use fluorspar::experiment::ExperimentError;
+use fluorspar::experiment::{DEFAULT_EXPERIMENT, ExperimentError};
 use fluorspar::format::FormatError;
 use fluorspar::pipeline::{PipelineError, PredictError};
 use fluorspar::preset::{LensError, PresetError};
@@ -41,7 +41,7 @@ pub(crate) enum CliError {
     Lens(#[from] LensError),
     #[error(transparent)]
     Render(#[from] RenderError),
-    #[error(transparent)]
+    #[error("{0}{hint}", hint = section_hint(.0))]
     Pipeline(#[from] PipelineError),
     #[error(transparent)]
     Predict(#[from] PredictError),
@@ -53,6 +53,16 @@ pub(crate) enum CliError {
     Json(#[from] serde_json::Error),
     #[error("can't write to standard output: {0}")]
     Stdout(#[from] std::io::Error),
+}
+
+/// What to add to an experiment file that lacks something.
+fn section_hint(error: &PipelineError) -> String {
+    let section = match error {
+        PipelineError::Missing("captures") => "[[capture]]".into(),
+        PipelineError::Missing(what) => format!("[{what}]"),
+        _ => return String::new(),
+    };
+    format!("; add a {section} section, or start from `base = \"{DEFAULT_EXPERIMENT}\"`")
 }
 
 impl CliError {

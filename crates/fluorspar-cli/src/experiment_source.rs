@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use fluorspar::experiment::{
-    DEFAULT_EXPERIMENT, DEFAULT_SAMPLE, ResolvedExperiment, ResolvedSample, is_sample, parse, parse_sample,
-    resolve,
+    DEFAULT_EXPERIMENT, DEFAULT_SAMPLE, FileRecord, ResolvedExperiment, ResolvedSample, is_sample, parse,
+    parse_sample, resolve,
 };
 use fluorspar::preset::{self, ExperimentPreset, PresetError, PresetKind};
 use fluorspar_report::extract_experiment;
@@ -85,9 +85,9 @@ impl ExperimentSource {
     }
 
     /// Every file that an experiment was read from: its own, its bases, and the data that they name.
-    pub(crate) fn files(&self, experiment: &ResolvedExperiment) -> Vec<PathBuf> {
-        let inputs = experiment.inputs.iter().map(|input| &input.path);
-        self.file.iter().chain(&experiment.base_files).chain(inputs).cloned().collect()
+    pub(crate) fn files(&self, record: &FileRecord) -> Vec<PathBuf> {
+        let inputs = record.inputs.iter().map(|input| &input.path);
+        self.file.iter().chain(&record.base_files).chain(inputs).cloned().collect()
     }
 
     /// Reads and resolves the experiment with its changes, and prints its warnings.
@@ -105,7 +105,7 @@ impl ExperimentSource {
         let resolved = parse(&self.text, &self.name, &self.base_dir, &sets(overrides))
             .and_then(|experiment| resolve(&experiment))
             .map_err(|error| as_typed(error, overrides))?;
-        warn(&resolved.warnings, quiet);
+        warn(&resolved.record.warnings, quiet);
         Ok(resolved)
     }
 
@@ -134,7 +134,7 @@ impl ExperimentSource {
         }
         let sample = parse_sample(&self.text, &self.name, &self.base_dir, &sets(overrides))
             .map_err(|error| as_typed(error, overrides))?;
-        warn(&sample.warnings, quiet);
+        warn(&sample.record.warnings, quiet);
         Ok(sample)
     }
 }

@@ -8,7 +8,7 @@ use std::path::PathBuf;
 
 use fluorspar::analysis::{
     Analysis, AnalysisSettings, ChannelNoise, ChromaticityMap, FluorophoreResponse, MixtureLine,
-    MixtureModel, PorphyrinMap, Rectangle, RegionOfInterest, analyse,
+    MixtureModel, PorphyrinMap, Rectangle, RegionOfInterest, analyze_region,
 };
 use fluorspar::image::ChannelImage;
 use fluorspar_report::figures::{
@@ -29,7 +29,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let capture = capture();
     let region = RegionOfInterest::of_rectangle(Rectangle { col: 100, row: 70, width: 120, height: 130 });
     let settings = AnalysisSettings::new(region, noise());
-    let (analysis, map, porphyrin) = analyse(&capture, None, Some(&model()), None, &settings)?;
+    let (analysis, map, porphyrin) = analyze_region(&capture, None, Some(&model()), None, &settings)?;
     let report = report(&capture, &analysis, &map, porphyrin.as_ref());
     for (number, figure) in figures_of(&report).enumerate() {
         let name = format!("{number:02}-{}", figure.title.to_lowercase().replace([' ', '"', ',', '/'], "-"));

@@ -1,4 +1,4 @@
-//! A built-in experiment from code: render, capture, analyse, print the porphyrin fraction.
+//! A built-in experiment with a change: render, evaluate, print the porphyrin fraction.
 //!
 //! The patch holds 0.1 units of porphyrin beside one unit of bulk, so the fraction should be 0.1 / 1.1 = 0.091.
 
@@ -6,18 +6,16 @@ use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
 use fluorspar::experiment::{parse, resolve};
-use fluorspar::pipeline::{analyze, capture};
+use fluorspar::pipeline::evaluate;
 use fluorspar::render::{RenderControl, render};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let text = "base = \"flat-patch\"\n[[light]]\nname = \"blue\"\nirradiance_w_per_m2 = 500.0";
-    let experiment = resolve(&parse(text, "from code", Path::new("."), &[])?)?;
+    let study = resolve(&parse(text, "from code", Path::new("."), &[])?)?.study;
 
     let control = RenderControl { stop: &AtomicBool::new(false), progress: &|_| {} };
-    let components = render(&experiment.scene, &experiment.render, &control)?;
-    let frames = capture(&experiment, &components)?;
-
-    let analyzed = analyze(&experiment, Some(&components), &frames)?.ok_or("no [analysis] section")?;
+    let components = render(&study.scene, &study.render, &control)?;
+    let analyzed = evaluate(&study, &components)?.analysis.ok_or("no [analysis] section")?;
     let region = analyzed.analysis.mixture.and_then(|mixture| mixture.region).ok_or("no mixture line")?;
     let [low, high] = region.estimate.fraction_interval;
     #[expect(clippy::print_stdout, reason = "what an example is for")]

@@ -5,15 +5,15 @@
 //!
 //! | stage | call | gives |
 //! |---|---|---|
-//! | description | [`experiment::parse`], [`experiment::resolve`] | [`experiment::ResolvedExperiment`]: scene, lens, sensor, captures |
+//! | description | [`study::Study`] from code, or [`experiment::parse`] and [`experiment::resolve`] from a file | [`study::Study`]: scene, camera, captures |
 //! | light transport | [`render::render`] | [`image::ComponentImage`]: radiance, W/(sr m² nm), by light and fluorophore |
 //! | any mixture of the parts | [`image::ComponentImage::recombine`] | [`image::SpectralImage`] of radiance |
 //! | optics | [`optics::IdealLens::form_image`] | [`image::SpectralImage`] of irradiance, W/(m² nm) |
 //! | sensor | [`sensor::Sensor::expose`] | [`image::SensorImage`]: mosaic of digital numbers |
 //! | development | [`sensor::develop`] | [`image::ChannelImage`]: linear channels, black subtracted |
-//! | analysis | [`analysis::analyse`] | [`analysis::Analysis`]: chromaticity, porphyrin fraction, with intervals |
+//! | analysis | [`analysis::analyze_region`] | [`analysis::Analysis`]: chromaticity, porphyrin fraction, with intervals |
 //!
-//! [`pipeline`] runs whole chains of them; [`pipeline::predict`] does so for a flat sample without geometry.
+//! [`pipeline::evaluate`] runs everything after the render at once; [`pipeline::predict`] does so for a flat sample without geometry.
 //! [`names`] suggests what a misspelt name may have meant. [`safety`] assesses lamps for eyes and tissue. [`preset`] is the catalogue of fluorophores, lights, filters, reflectances, sensors and experiments;
 //! [`format`](mod@format) reads and writes files; [`anatomy`] makes the mouth.
 //!
@@ -41,4 +41,5 @@ pub mod sampling;
 pub mod scene;
 pub mod sensor;
 pub mod spectral;
+pub mod study;
 pub mod units;

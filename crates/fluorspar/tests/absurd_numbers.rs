@@ -174,10 +174,12 @@ fn with_small_mouth(text: &str) -> Value {
 fn resolved(text: &str) -> Result<String, String> {
     let folder = Path::new(".");
     if is_sample(text) {
-        return parse_sample(text, "x", folder, &[]).map(|s| s.resolved_toml).map_err(|e| e.to_string());
+        return parse_sample(text, "x", folder, &[])
+            .map(|s| s.record.resolved_toml)
+            .map_err(|e| e.to_string());
     }
     let experiment = parse(text, "x", folder, &[]).and_then(|experiment| resolve(&experiment));
-    experiment.map(|experiment| experiment.resolved_toml).map_err(|error| error.to_string())
+    experiment.map(|experiment| experiment.record.resolved_toml).map_err(|error| error.to_string())
 }
 
 #[test]

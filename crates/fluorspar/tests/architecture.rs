@@ -31,32 +31,25 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("format", &["units", "spectral", "image", "geometry", "optics"]),
     ("preset", &["units", "names", "spectral", "optics", "sensor", "format"]),
     (
-        "experiment",
+        "study",
         &[
-            "units", "names", "spectral", "image", "sampling", "geometry", "material", "light", "optics",
-            "anatomy", "scene", "render", "safety", "sensor", "analysis", "format", "preset",
+            "units", "spectral", "image", "sampling", "geometry", "material", "light", "optics", "scene",
+            "render", "safety", "sensor", "analysis",
         ],
     ),
     (
         "pipeline",
         &[
-            "units",
-            "spectral",
-            "image",
-            "sampling",
-            "geometry",
-            "material",
-            "light",
-            "optics",
-            "anatomy",
-            "scene",
-            "render",
-            "safety",
-            "sensor",
-            "analysis",
-            "format",
-            "preset",
-            "experiment",
+            "units", "spectral", "image", "sampling", "geometry", "material", "light", "optics", "scene",
+            "render", "safety", "sensor", "analysis", "study",
+        ],
+    ),
+    // A front: files become a study. No stage knows of it, nor of the formats and the catalogue below it.
+    (
+        "experiment",
+        &[
+            "units", "names", "spectral", "image", "sampling", "geometry", "material", "light", "optics",
+            "anatomy", "scene", "render", "safety", "sensor", "analysis", "study", "format", "preset",
         ],
     ),
 ];

@@ -74,13 +74,15 @@ subtract = "none"
     assert!(error.to_string().contains("no earlier capture"), "{error}");
     let text = text.replace("name = \"ambient\"\nremove = true", "name = \"unused\"");
     let experiment = resolved(&text, &[]);
-    assert_eq!(experiment.title, "mine");
-    let lens = experiment.lens.unwrap();
+    assert_eq!(experiment.record.title, "mine");
+    let lens = experiment.study.camera.lens.unwrap().equation;
     assert_eq!((lens.focal_length_mm, lens.f_number), (3.0, 2.0));
-    let groups: Vec<&str> = experiment.scene.light_groups.iter().map(|group| group.name.as_str()).collect();
+    let groups: Vec<&str> =
+        experiment.study.scene.light_groups.iter().map(|group| group.name.as_str()).collect();
     assert_eq!(groups, ["blue", "extra"]);
-    assert!((experiment.scene.lights[0].spectrum.peak_nm() - 405.0).abs() < 8.0);
-    let labels: Vec<&str> = experiment.captures.iter().map(|capture| capture.frame.label.as_str()).collect();
+    assert!((experiment.study.scene.lights[0].spectrum.peak_nm() - 405.0).abs() < 8.0);
+    let labels: Vec<&str> =
+        experiment.study.captures.iter().map(|capture| capture.frame.label.as_str()).collect();
     assert_eq!(labels, ["ambient", "blue", "unused"]);
 }
 
@@ -90,9 +92,11 @@ fn an_alternative_replaces_what_the_base_says() {
         "{FLAT}[[object]]\nname = \"patch\"\ndisc = {{ radius_mm = 50.0 }}\n[sensor]\nread_noise_e = 2.0\n[spectral]\nedges_nm = [380, 400, 480, 700]"
     );
     let experiment = resolved(&text, &[]);
-    assert!(matches!(experiment.scene.objects[0].shape, Shape::Disc { radius_m, .. } if radius_m == 0.05));
-    assert_eq!(experiment.sensor.unwrap().model().read_noise_electrons(), 2.0);
-    assert_eq!(experiment.scene.grid.len(), 3);
+    assert!(
+        matches!(experiment.study.scene.objects[0].shape, Shape::Disc { radius_m, .. } if radius_m == 0.05)
+    );
+    assert_eq!(experiment.study.camera.sensor.unwrap().model().read_noise_electrons(), 2.0);
+    assert_eq!(experiment.study.scene.grid.len(), 3);
 }
 
 #[test]
@@ -112,22 +116,25 @@ fn overrides_reach_every_value() {
             "title=any text, without quotes",
         ],
     );
-    assert_eq!(experiment.scene.camera.width, 32);
-    assert!((experiment.scene.lights[0].spectrum.total() - 20.0).abs() < 1e-9);
-    assert_eq!(experiment.sensor.unwrap().model().mosaic, [["R", "G"], ["G", "B"]]);
-    assert!(experiment.view_filter.at(450.0) > 0.8);
-    assert_eq!(experiment.scene.camera.position.z, 0.05);
-    assert_eq!(experiment.captures[1].frame.exposure_ms, None);
-    assert_eq!(experiment.title, "any text, without quotes");
+    assert_eq!(experiment.study.scene.camera.width, 32);
+    assert!((experiment.study.scene.lights[0].spectrum.total() - 20.0).abs() < 1e-9);
+    assert_eq!(experiment.study.camera.sensor.unwrap().model().mosaic, [["R", "G"], ["G", "B"]]);
+    assert!(experiment.study.camera.view_filter.transmittance.at(450.0) > 0.8);
+    assert_eq!(experiment.study.scene.camera.position.z, 0.05);
+    assert_eq!(experiment.study.captures[1].frame.exposure_ms, None);
+    assert_eq!(experiment.record.title, "any text, without quotes");
 }
 
 #[test]
 fn the_digest_follows_what_decides_the_result() {
     let base = resolved(SPHERE, &[]);
-    assert_eq!(base.sha256.len(), 64);
-    assert_eq!(base.sha256, resolved(SPHERE, &["title=other", "output.folder=elsewhere"]).sha256);
-    assert_ne!(base.sha256, resolved(SPHERE, &["render.seed=2"]).sha256);
-    assert_ne!(base.sha256, resolved(SPHERE, &["light.lamp.power_mw=100.1"]).sha256);
+    assert_eq!(base.record.sha256.len(), 64);
+    assert_eq!(
+        base.record.sha256,
+        resolved(SPHERE, &["title=other", "output.folder=elsewhere"]).record.sha256
+    );
+    assert_ne!(base.record.sha256, resolved(SPHERE, &["render.seed=2"]).record.sha256);
+    assert_ne!(base.record.sha256, resolved(SPHERE, &["light.lamp.power_mw=100.1"]).record.sha256);
 
     // The content of a file counts, not its place.
     let spectrum = "wavelength_nm,power\n400,1\n500,2\n600,1\n";
@@ -140,10 +147,10 @@ fn the_digest_follows_what_decides_the_result() {
         );
         let experiment = parse(&text, "t", folder.path(), &[]).unwrap();
         let first = resolve(&experiment).unwrap();
-        assert_eq!(first.inputs.len(), 1);
-        let again = resolve(&parse(&first.resolved_toml, "t", Path::new("/"), &[]).unwrap()).unwrap();
-        assert_eq!(again.sha256, first.sha256);
-        first.sha256
+        assert_eq!(first.record.inputs.len(), 1);
+        let again = resolve(&parse(&first.record.resolved_toml, "t", Path::new("/"), &[]).unwrap()).unwrap();
+        assert_eq!(again.record.sha256, first.record.sha256);
+        first.record.sha256
     };
     assert_eq!(digest(spectrum), digest(spectrum));
     assert_ne!(digest(spectrum), digest("wavelength_nm,power\n400,1\n500,3\n600,1\n"));
@@ -168,14 +175,14 @@ fn a_ring_gives_the_irradiance_of_eight_small_lamps() {
     let text = SPHERE
         .replace("type = \"disc\"", "type = \"ring\"\nring_radius_mm = 35.0")
         .replace("power_mw = 100.0", "power_mw = 1000.0");
-    let lights = resolved(&text, &[]).scene.lights;
+    let lights = resolved(&text, &[]).study.scene.lights;
     assert_eq!(lights.len(), 8);
     let irradiance = irradiance_w_per_m2(&lights, glam::DVec3::ZERO, glam::DVec3::NEG_Z);
     assert!((irradiance - 202.1).abs() < 0.1, "{irradiance}");
 
     // The same ring by its irradiance has the same power.
     let measured = text.replace("power_mw = 1000.0", "irradiance_w_per_m2 = 202.1\nat_distance_mm = 100.0");
-    let power = resolved(&measured, &[]).scene.lights[0].spectrum.total();
+    let power = resolved(&measured, &[]).study.scene.lights[0].spectrum.total();
     assert!((power - 1.0).abs() < 1e-3, "{power}");
 }
 
@@ -187,7 +194,7 @@ fn power_counts_before_the_filters_and_irradiance_behind_them() {
         .replace("type = \"disc\"", "type = \"distant\"\nfilters = [0.25]")
         .replace("radius_mm = 2.0\nposition_mm = [0.0, 0.0, 100.0]\n", "")
         .replace("power_mw = 100.0", "irradiance_w_per_m2 = 30.0");
-    assert!((resolved(&distant, &[]).scene.lights[0].spectrum.total() - 30.0).abs() < 1e-9);
+    assert!((resolved(&distant, &[]).study.scene.lights[0].spectrum.total() - 30.0).abs() < 1e-9);
 }
 
 #[test]
@@ -196,7 +203,7 @@ fn lights_of_the_camera_move_with_it() {
         .replace("name = \"lamp\"", "name = \"lamp\"\nframe = \"camera\"");
     let text = text.replace("position_mm = [0.0, 0.0, 100.0]", "position_mm = [10.0, 20.0, 0.0]");
     let experiment = resolved(&text, &["camera.position_mm=[100, 0, 0]", "light.lamp.direction=[0, 0, -1]"]);
-    let Emitter::Disc { center, normal, .. } = experiment.scene.lights[0].emitter else { panic!() };
+    let Emitter::Disc { center, normal, .. } = experiment.study.scene.lights[0].emitter else { panic!() };
     // Looking along -x with y up, right is -z.
     assert!((center - glam::Vec3::new(0.1, 0.02, -0.01)).length() < 1e-6, "{center}");
     assert!((normal + glam::Vec3::X).length() < 1e-6, "{normal}");
@@ -207,14 +214,14 @@ fn the_field_of_view_is_that_of_the_sensor() {
     let experiment = resolved(FLAT, &[]);
     // 320 pixels of 2.5 um, s = f (1 + m) with m = 3/97.
     let expected = 0.5 * 0.8 / (3.0 * (1.0 + 3.0 / 97.0));
-    assert!((f64::from(experiment.scene.camera.tan_half_width) - expected).abs() < 1e-6);
+    assert!((f64::from(experiment.study.scene.camera.tan_half_width) - expected).abs() < 1e-6);
 }
 
 #[test]
 fn a_box_is_closed_and_faces_outward() {
     let text = SPHERE
         .replace("sphere = { radius_mm = 10.0 }", "box = { center_mm = [1, 2, 3], size_mm = [10, 20, 30] }");
-    let scene = resolved(&text, &[]).scene;
+    let scene = resolved(&text, &[]).study.scene;
     let Shape::Mesh(mesh) = &scene.objects[0].shape else { panic!() };
     assert!((mesh.area_m2() - 2.0 * (0.01 * 0.02 + 0.02 * 0.03 + 0.01 * 0.03)).abs() < 1e-9);
     let center = glam::Vec3::new(0.001, 0.002, 0.003);
@@ -264,7 +271,7 @@ fn a_fluorophore_from_files_has_the_stated_yield() {
     );
     let overrides = ["material.grey.concentrations={ dye = 1.0, matrix = 2.0 }".to_string()];
     let experiment = parse(&text, "t", folder.path(), &overrides).unwrap();
-    let scene = resolve(&experiment).unwrap().scene;
+    let scene = resolve(&experiment).unwrap().study.scene;
     let best = |index: usize| {
         (350..460)
             .map(|nm| scene.fluorophores[index].photon_yield(f64::from(nm), 200.0, 1000.0))
@@ -300,7 +307,7 @@ fn a_dye_is_the_same_as_a_matrix_and_as_two_spectra_in_either_unit() {
              unit = \"{unit}\"\nphoton_yield = 0.1\n"
         );
         let overrides = ["material.grey.concentrations={ matrix = 1.0, spectra = 1.0 }".to_string()];
-        let scene = resolve(&parse(&text, "t", folder.path(), &overrides).unwrap()).unwrap().scene;
+        let scene = resolve(&parse(&text, "t", folder.path(), &overrides).unwrap()).unwrap().study.scene;
         let at = |dye: usize, em_nm: f64, ex_nm: f64| scene.fluorophores[dye].eem.at(em_nm, ex_nm);
         let scale = at(0, 520.0, 380.0);
         for ex_nm in [345.0, 360.0, 380.0, 400.0, 431.0] {
@@ -323,7 +330,7 @@ fn a_dye_is_the_same_as_a_matrix_and_as_two_spectra_in_either_unit() {
 #[test]
 fn another_sensor_takes_the_place_of_the_whole_section() {
     let size = |resolved: &ResolvedExperiment| {
-        let model = resolved.sensor.as_ref().unwrap().model();
+        let model = resolved.study.camera.sensor.as_ref().unwrap().model();
         (model.columns, model.rows)
     };
     let plain = resolved(FLAT, &[]);
@@ -353,7 +360,7 @@ fn another_sensor_takes_the_place_of_the_whole_section() {
     assert_eq!((section.model.columns, section.model.rows), (size(&own).0, 24));
     assert_eq!(size(&resolved(FLAT, &["sensor.preset=lyu_2021_table_1"])), (320, 240));
     let section =
-        parse(&plain.resolved_toml, "t", Path::new("."), &change[1..]).unwrap().file.sensor.unwrap();
+        parse(&plain.record.resolved_toml, "t", Path::new("."), &change[1..]).unwrap().file.sensor.unwrap();
     assert_eq!(section.quantum_efficiency, of_catalogue("monochrome_cmos"));
 }
 
@@ -361,9 +368,9 @@ fn another_sensor_takes_the_place_of_the_whole_section() {
 fn what_only_the_analysis_names_is_still_known_to_it() {
     let control = |change: &str| {
         let resolved = resolved(FLAT, &[change]);
-        let analysis = resolved.analysis.unwrap();
+        let analysis = resolved.study.analysis.unwrap();
         let names: Vec<String> = analysis.absent_fluorophores.iter().map(|f| f.name.clone()).collect();
-        (names, resolved.scene.fluorophores.len())
+        (names, resolved.study.scene.fluorophores.len())
     };
     assert_eq!(control("render.seed=1"), (vec![], 5));
     let none = "material.patch.concentrations.protoporphyrin_ix=0";
@@ -482,14 +489,17 @@ exposure_ms = 30.0
 "#;
     let sample = parse_sample(text, "sample.toml", Path::new("."), &["exposure.gain=2".into()])
         .unwrap_or_else(|e| panic!("{e}"));
-    assert!((sample.irradiance.total() - 100.0).abs() < 1e-9);
-    assert_eq!(sample.fluorophores.len(), 2);
-    assert_eq!(sample.fluorophores[1].1, 0.1);
-    assert_eq!(sample.exposure.gain, 2.0);
-    assert_eq!(sample.lens.as_ref().unwrap().object_distance_mm, None);
-    let again =
-        parse_sample(&sample.resolved_toml, "again", Path::new("/"), &[]).unwrap_or_else(|e| panic!("{e}"));
-    assert_eq!((&again.sha256, &again.resolved_toml), (&sample.sha256, &sample.resolved_toml));
+    assert!((sample.sample.irradiance.total() - 100.0).abs() < 1e-9);
+    assert_eq!(sample.sample.fluorophores.len(), 2);
+    assert_eq!(sample.sample.fluorophores[1].1, 0.1);
+    assert_eq!(sample.sample.exposure.gain, 2.0);
+    assert_eq!(sample.sample.camera.lens.as_ref().unwrap().equation.object_distance_mm, None);
+    let again = parse_sample(&sample.record.resolved_toml, "again", Path::new("/"), &[])
+        .unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!(
+        (&again.record.sha256, &again.record.resolved_toml),
+        (&sample.record.sha256, &sample.record.resolved_toml)
+    );
 
     let toolbox =
         parse_sample(text, "sample.toml", Path::new("."), &["compatibility=toolbox_eem".into()]).unwrap();
@@ -503,7 +513,7 @@ exposure_ms = 30.0
     let text =
         "[light]\nspectrum = \"white.csv\"\nmeasured = \"white_radiance\"\n[sample]\nreflectance = 0.1\n";
     let sample = parse_sample(text, "sample.toml", folder.path(), &[]).unwrap_or_else(|e| panic!("{e}"));
-    assert!((sample.irradiance.total() - 10.0 * std::f64::consts::PI).abs() < 1e-9);
+    assert!((sample.sample.irradiance.total() - 10.0 * std::f64::consts::PI).abs() < 1e-9);
 }
 
 #[test]
@@ -674,7 +684,7 @@ fn odd_values_anywhere_are_errors_and_never_panics() {
 fn oraleye_light_and_sensor_are_as_documented() {
     let text = "base = \"oraleye-2021\"";
     let experiment = parse(text, "t", Path::new("."), &[]).unwrap();
-    let scene = resolve(&experiment).unwrap().scene;
+    let scene = resolve(&experiment).unwrap().study.scene;
     let blue: Vec<_> = scene.lights.iter().filter(|light| light.name.starts_with("blue")).cloned().collect();
     assert_eq!(blue.len(), 8);
     let passed = blue[0].spectrum.total() / 2.0;

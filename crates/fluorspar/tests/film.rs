@@ -5,7 +5,7 @@
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
-use fluorspar::experiment::{ResolvedExperiment, parse, resolve};
+use fluorspar::experiment::{parse, resolve};
 use fluorspar::format::{
     ExrCompression, ExrOptions, read_component_exr, read_film, write_component_exr, write_film,
 };
@@ -16,29 +16,26 @@ use fluorspar::render::{
     render,
 };
 use fluorspar::spectral::Curve;
+use fluorspar::study::Study;
 
 /// Two coloured spheres that fluoresce, with two light groups, small enough for a test.
-fn experiment(width: u32, height: u32) -> ResolvedExperiment {
+fn experiment(width: u32, height: u32) -> Study {
     let changes = [
         format!("render.width_px={width}"),
         format!("render.height_px={height}"),
         "spectral.step_nm=20".into(),
     ];
     let text = "base = \"fluorescent-sphere\"";
-    resolve(&parse(text, "test", Path::new("."), &changes).unwrap()).unwrap()
+    resolve(&parse(text, "test", Path::new("."), &changes).unwrap()).unwrap().study
 }
 
-fn settings(
-    experiment: &ResolvedExperiment,
-    samples_per_pixel: u32,
-    statistics: Statistics,
-) -> RenderSettings {
-    RenderSettings { samples_per_pixel, statistics, ..experiment.render.clone() }
+fn settings(study: &Study, samples_per_pixel: u32, statistics: Statistics) -> RenderSettings {
+    RenderSettings { samples_per_pixel, statistics, ..study.render.clone() }
 }
 
-fn image(experiment: &ResolvedExperiment, settings: &RenderSettings) -> ComponentImage {
+fn image(study: &Study, settings: &RenderSettings) -> ComponentImage {
     let control = RenderControl { stop: &AtomicBool::new(false), progress: &|_| {} };
-    render(&experiment.scene, settings, &control).unwrap()
+    render(&study.scene, settings, &control).unwrap()
 }
 
 /// Fills a film; stops after `tiles` tiles.
@@ -56,10 +53,10 @@ fn fill(renderer: &FilmRenderer, share: &Share, film: &mut Film, tiles: u32) -> 
 
 #[test]
 fn interrupted_extended_and_sharded_renders_have_the_bits_of_the_whole() {
-    let experiment = experiment(40, 24);
-    let settings = settings(&experiment, 45, Statistics::LightGroups);
-    let renderer = FilmRenderer::new(&experiment.scene, &settings).unwrap();
-    let whole = image(&experiment, &settings);
+    let study = experiment(40, 24);
+    let settings = settings(&study, 45, Statistics::LightGroups);
+    let renderer = FilmRenderer::new(&study.scene, &settings).unwrap();
+    let whole = image(&study, &settings);
 
     let mut film = renderer.new_film();
     let mut interruptions = 0;
@@ -73,12 +70,7 @@ fn interrupted_extended_and_sharded_renders_have_the_bits_of_the_whole() {
     let mut film = renderer.new_film();
     for samples_per_pixel in [3, 22, 45] {
         let shorter = RenderSettings { samples_per_pixel, ..settings.clone() };
-        assert!(fill(
-            &FilmRenderer::new(&experiment.scene, &shorter).unwrap(),
-            &Share::Whole,
-            &mut film,
-            10_000
-        ));
+        assert!(fill(&FilmRenderer::new(&study.scene, &shorter).unwrap(), &Share::Whole, &mut film, 10_000));
     }
     assert!(film.into_image() == whole, "extended");
 
@@ -107,9 +99,9 @@ fn interrupted_extended_and_sharded_renders_have_the_bits_of_the_whole() {
 
 #[test]
 fn a_film_of_some_rows_is_filled_in_these_rows_only() {
-    let experiment = experiment(40, 40);
-    let settings = settings(&experiment, 1, Statistics::None);
-    let renderer = FilmRenderer::new(&experiment.scene, &settings).unwrap();
+    let study = experiment(40, 40);
+    let settings = settings(&study, 1, Statistics::None);
+    let renderer = FilmRenderer::new(&study.scene, &settings).unwrap();
     let empty = Film::of_tile_rows(renderer.layout(), FeatureMaps::default(), 0..2);
     let mut film = empty.clone();
     let control = RenderControl { stop: &AtomicBool::new(false), progress: &|_| {} };
@@ -125,25 +117,25 @@ fn a_film_of_some_rows_is_filled_in_these_rows_only() {
 
 #[test]
 fn a_changed_scene_is_refused() {
-    let mut experiment = experiment(16, 16);
-    let settings = settings(&experiment, 1, Statistics::None);
-    let renderer = FilmRenderer::new(&experiment.scene, &settings).unwrap();
+    let mut study = experiment(16, 16);
+    let settings = settings(&study, 1, Statistics::None);
+    let renderer = FilmRenderer::new(&study.scene, &settings).unwrap();
     let film = renderer.new_film();
     renderer.check(&film).unwrap();
     drop(renderer);
     let reseeded = RenderSettings { seed: 99, ..settings.clone() };
-    assert!(FilmRenderer::new(&experiment.scene, &reseeded).unwrap().check(&film).is_err());
+    assert!(FilmRenderer::new(&study.scene, &reseeded).unwrap().check(&film).is_err());
     let other = RenderSettings { statistics: Statistics::Components, ..settings.clone() };
-    assert!(FilmRenderer::new(&experiment.scene, &other).unwrap().check(&film).is_err());
-    experiment.scene.lights[0].spectrum = experiment.scene.lights[0].spectrum.scaled(1.001);
-    assert!(FilmRenderer::new(&experiment.scene, &settings).unwrap().check(&film).is_err());
+    assert!(FilmRenderer::new(&study.scene, &other).unwrap().check(&film).is_err());
+    study.scene.lights[0].spectrum = study.scene.lights[0].spectrum.scaled(1.001);
+    assert!(FilmRenderer::new(&study.scene, &settings).unwrap().check(&film).is_err());
 }
 
 #[test]
 fn films_and_statistics_survive_files_and_damage_is_noticed() {
-    let experiment = experiment(20, 18);
-    let settings = settings(&experiment, 5, Statistics::LightGroups);
-    let renderer = FilmRenderer::new(&experiment.scene, &settings).unwrap();
+    let study = experiment(20, 18);
+    let settings = settings(&study, 5, Statistics::LightGroups);
+    let renderer = FilmRenderer::new(&study.scene, &settings).unwrap();
     let mut film = renderer.new_film();
     fill(&renderer, &Share::Tiles { index: 1, count: 2 }, &mut film, 10_000);
     let folder = tempfile::tempdir().unwrap();
@@ -198,11 +190,11 @@ fn group_sums(values: &[f32], bands: usize) -> Vec<f64> {
 
 #[test]
 fn variance_and_half_buffers_tell_the_error() {
-    let experiment = experiment(16, 16);
-    let base = settings(&experiment, 64, Statistics::LightGroups);
+    let study = experiment(16, 16);
+    let base = settings(&study, 64, Statistics::LightGroups);
     let seeds = 24;
     let images: Vec<ComponentImage> =
-        (0..seeds).map(|seed| image(&experiment, &RenderSettings { seed, ..base.clone() })).collect();
+        (0..seeds).map(|seed| image(&study, &RenderSettings { seed, ..base.clone() })).collect();
     let bands = images[0].grid.len();
     let plane = 16 * 16 * bands;
     for group in 0..images[0].light_groups().len() {
@@ -239,17 +231,15 @@ fn variance_and_half_buffers_tell_the_error() {
     }
 }
 
-fn all_bands(experiment: &ResolvedExperiment, relative_error: f64) -> ErrorTarget {
-    let groups = experiment.scene.light_groups.len();
+fn all_bands(study: &Study, relative_error: f64) -> ErrorTarget {
+    let groups = study.scene.light_groups.len();
     ErrorTarget {
         relative_error,
         channels: (0..groups)
             .map(|group| ErrorChannel {
-                name: experiment.scene.light_groups[group].name.clone(),
+                name: study.scene.light_groups[group].name.clone(),
                 drives: (0..groups).map(|g| if g == group { 1.0 } else { 0.0 }).collect(),
-                weights: (0..experiment.scene.grid.len())
-                    .map(|b| experiment.scene.grid.width_nm(b))
-                    .collect(),
+                weights: (0..study.scene.grid.len()).map(|b| study.scene.grid.width_nm(b)).collect(),
             })
             .collect(),
     }
@@ -257,11 +247,10 @@ fn all_bands(experiment: &ResolvedExperiment, relative_error: f64) -> ErrorTarge
 
 #[test]
 fn adaptive_sampling_reaches_its_error_with_fewer_samples() {
-    let experiment = experiment(48, 32);
-    let target = all_bands(&experiment, 0.05);
-    let adaptive =
-        RenderSettings { error_target: Some(target), ..settings(&experiment, 512, Statistics::None) };
-    let picture = image(&experiment, &adaptive);
+    let study = experiment(48, 32);
+    let target = all_bands(&study, 0.05);
+    let adaptive = RenderSettings { error_target: Some(target), ..settings(&study, 512, Statistics::None) };
+    let picture = image(&study, &adaptive);
     let samples = &picture.samples;
     assert_eq!(samples.len(), 48 * 32, "all tiles took the same samples");
     assert!(samples.iter().all(|n| n.is_power_of_two() && (32..=512).contains(n)));
@@ -270,7 +259,7 @@ fn adaptive_sampling_reaches_its_error_with_fewer_samples() {
     assert!(mean < 300.0, "{mean}");
 
     // Interrupted, in shards, on one thread: the same bits.
-    let renderer = FilmRenderer::new(&experiment.scene, &adaptive).unwrap();
+    let renderer = FilmRenderer::new(&study.scene, &adaptive).unwrap();
     let mut merged = renderer.new_film();
     for index in 0..2 {
         let mut film = renderer.new_film();
@@ -281,8 +270,8 @@ fn adaptive_sampling_reaches_its_error_with_fewer_samples() {
 
     // The error is what was asked for where more samples were to be had: against an independent render with 4 times
     // the most samples, whose own error is at most half of the target.
-    let reference = RenderSettings { seed: 77, ..settings(&experiment, 2048, Statistics::None) };
-    let reference = image(&experiment, &reference);
+    let reference = RenderSettings { seed: 77, ..settings(&study, 2048, Statistics::None) };
+    let reference = image(&study, &reference);
     let bands = picture.grid.len();
     for group in picture.light_groups() {
         let (a, b) = (picture.light_group(&group), reference.light_group(&group));
@@ -307,7 +296,7 @@ fn adaptive_sampling_reaches_its_error_with_fewer_samples() {
 
 #[test]
 fn error_targets_that_make_no_sense_are_refused() {
-    let experiment = experiment(16, 16);
+    let study = experiment(16, 16);
     for spoil in [
         |t: &mut ErrorTarget| t.relative_error = 0.0,
         |t: &mut ErrorTarget| t.channels.clear(),
@@ -315,22 +304,21 @@ fn error_targets_that_make_no_sense_are_refused() {
         |t: &mut ErrorTarget| t.channels[0].drives[0] = f64::NAN,
         |t: &mut ErrorTarget| t.channels[0].weights.truncate(1),
     ] {
-        let mut target = all_bands(&experiment, 0.05);
+        let mut target = all_bands(&study, 0.05);
         spoil(&mut target);
-        let settings =
-            RenderSettings { error_target: Some(target), ..settings(&experiment, 1, Statistics::None) };
-        assert!(FilmRenderer::new(&experiment.scene, &settings).is_err());
+        let settings = RenderSettings { error_target: Some(target), ..settings(&study, 1, Statistics::None) };
+        assert!(FilmRenderer::new(&study.scene, &settings).is_err());
     }
 }
 
 #[test]
 fn excitation_bins_add_up_and_make_other_lamps() {
-    let mut experiment = experiment(12, 12);
-    let whole = settings(&experiment, 8, Statistics::None);
+    let mut study = experiment(12, 12);
+    let whole = settings(&study, 8, Statistics::None);
     let edges = vec![360.0, 375.0, 385.0, 395.0, 410.0, 700.0];
     let apart = RenderSettings { excitation_edges_nm: edges.clone(), ..whole.clone() };
-    let bins = image(&experiment, &apart);
-    let direct = image(&experiment, &whole);
+    let bins = image(&study, &apart);
+    let direct = image(&study, &whole);
     let peak = |values: &[f32]| values.iter().copied().fold(0.0, f32::max);
     // Same paths: only rounding differs; and for another lamp the flank of its step, 1e-6 of 20 nm wide, and the
     // excitation weights within a bin of the grid, which see another lamp.
@@ -350,18 +338,18 @@ fn excitation_bins_add_up_and_make_other_lamps() {
     // Another lamp: the rendered one times a step function of the bins.
     let group = direct.lamp_groups()[0].clone();
     let factor = |nm: f64| if nm < 385.0 { 0.25 } else { 1.5 };
-    let light = experiment.scene.lights.iter().position(|l| l.group == 0).unwrap();
-    let rendered = experiment.scene.lights[light].spectrum.clone();
+    let light = study.scene.lights.iter().position(|l| l.group == 0).unwrap();
+    let rendered = study.scene.lights[light].spectrum.clone();
     let step = Curve::new(
         vec![200.0, 385.0 - 1e-6, 385.0, 1200.0],
         vec![factor(300.0), factor(300.0), factor(400.0), factor(400.0)],
     );
     let wanted = rendered.times(&step.unwrap());
     let made = bins.recombine_lamp(&group, &rendered, &wanted).unwrap();
-    for light in experiment.scene.lights.iter_mut().filter(|l| l.group == 0) {
+    for light in study.scene.lights.iter_mut().filter(|l| l.group == 0) {
         light.spectrum = wanted.clone();
     }
-    let again = image(&experiment, &whole);
+    let again = image(&study, &whole);
     close(made.data(), again.light_group(&group).data(), 1e-4, "another lamp");
 
     let infrared = Curve::new(vec![900.0, 950.0], vec![1.0, 1.0]).unwrap();
@@ -371,10 +359,9 @@ fn excitation_bins_add_up_and_make_other_lamps() {
 
 #[test]
 fn denoising_lowers_the_error_and_keeps_parts_and_means() {
-    let experiment = experiment(48, 36);
-    let noisy = image(&experiment, &settings(&experiment, 16, Statistics::LightGroups));
-    let reference =
-        image(&experiment, &RenderSettings { seed: 5, ..settings(&experiment, 1024, Statistics::None) });
+    let study = experiment(48, 36);
+    let noisy = image(&study, &settings(&study, 16, Statistics::LightGroups));
+    let reference = image(&study, &RenderSettings { seed: 5, ..settings(&study, 1024, Statistics::None) });
     let smooth = denoise(&noisy, &DenoiseSettings::default()).unwrap();
     assert!(smooth.denoised.is_some() && smooth.statistics.is_none());
     let bands = noisy.grid.len();

@@ -282,7 +282,7 @@ fn experiments_place_meshes() {
                 matrix = [[1, 0, 0, 7], [0, 1, 0.5, 0], [0, 0, 1, 0]]\n";
     let resolved = experiment(folder, text).unwrap();
     let ((crowd, grey), (odd, white)) =
-        (instances_of(&resolved.scene, "crowd"), instances_of(&resolved.scene, "odd"));
+        (instances_of(&resolved.study.scene, "crowd"), instances_of(&resolved.study.scene, "odd"));
     assert_eq!((grey, white), ("grey", "white"));
     assert!(Arc::ptr_eq(&crowd.meshes[0], &odd.meshes[0]), "the mesh is there once");
     let map = |many: &MeshInstances, number: usize, p: Vec3| {
@@ -296,9 +296,9 @@ fn experiments_place_meshes() {
     near(map(crowd, 2, Vec3::splat(1e-3)), Vec3::new(3.0, 2.0, 3.0));
     near(map(odd, 0, Vec3::new(0.0, 0.0, 1e-3)), Vec3::new(8.0, 0.5, 1.0));
     // Written out and read again, it is the same experiment.
-    let again = parse(&resolved.resolved_toml, "again", Path::new("/"), &[]).unwrap();
-    assert_eq!(resolve(&again).unwrap().sha256, resolved.sha256);
-    assert!(resolved.inputs.iter().any(|input| input.path.ends_with("places.csv")));
+    let again = parse(&resolved.record.resolved_toml, "again", Path::new("/"), &[]).unwrap();
+    assert_eq!(resolve(&again).unwrap().record.sha256, resolved.record.sha256);
+    assert!(resolved.record.inputs.iter().any(|input| input.path.ends_with("places.csv")));
 
     for (object, message) in [
         ("sphere = { radius_mm = 1 }\n[[object.instance]]\n", "only a mesh, a quad or a box"),
@@ -426,7 +426,7 @@ fn gltf_meshes_of_several_nodes_are_kept_once() {
     // One mesh at one place stays a mesh; several are a crowd.
     let shape = |file: &str| {
         let resolved = experiment(folder, &format!("mesh = \"{file}\"\nunit_mm = 1\n")).unwrap();
-        resolved.scene.objects.iter().find(|object| object.name == "crowd").unwrap().shape.clone()
+        resolved.study.scene.objects.iter().find(|object| object.name == "crowd").unwrap().shape.clone()
     };
     assert!(matches!(shape("plain.glb"), Shape::Mesh(_)));
     let Shape::Instances(many) = shape("nodes.gltf") else { panic!() };

@@ -3,24 +3,25 @@
 
 use std::path::Path;
 
-use fluorspar::experiment::{ResolvedExperiment, parse, resolve};
+use fluorspar::experiment::{parse, resolve};
 use fluorspar::image::{Component, ComponentImage, FeatureMaps, Light};
 use fluorspar::pipeline::{analyze, capture};
 use fluorspar::preset;
+use fluorspar::study::Study;
 
 const RENDER: (usize, usize) = (64, 48);
 
 /// The flat patch under 475-700 nm light of its own, taken without noise.
-fn experiment(changes: &[&str]) -> ResolvedExperiment {
+fn experiment(changes: &[&str]) -> Study {
     let mut overrides: Vec<String> =
         ["sensor.mode.kind=\"noise_free\"", "capture.blue.exposure_ms=1"].map(String::from).to_vec();
     overrides.extend(changes.iter().map(|c| (*c).to_owned()));
     let text = preset::experiment("flat-patch").unwrap().text;
-    resolve(&parse(text, "flat-patch", Path::new("."), &overrides).unwrap()).unwrap()
+    resolve(&parse(text, "flat-patch", Path::new("."), &overrides).unwrap()).unwrap().study
 }
 
 /// Bright in the middle half of both axes ("middle"), dim around it ("rim"), as `rendered` would have seen it.
-fn image(rendered: &ResolvedExperiment) -> ComponentImage {
+fn image(rendered: &Study) -> ComponentImage {
     let label = Component { light_group: "blue".into(), light: Light::Fluorescence("fad".into()) };
     let (width, height) = RENDER;
     let mut image = ComponentImage::zeros(rendered.scene.grid.clone(), width, height, vec![label]);
@@ -42,7 +43,7 @@ fn image(rendered: &ResolvedExperiment) -> ComponentImage {
 }
 
 /// Share of the pixels of the blue frame that are brighter than half of the brightest.
-fn bright_share(taken_with: &ResolvedExperiment, image: &ComponentImage) -> f64 {
+fn bright_share(taken_with: &Study, image: &ComponentImage) -> f64 {
     let frames = capture(taken_with, image).unwrap();
     let frame = frames.iter().find(|f| f.raw.label == "blue").unwrap();
     let green: Vec<f32> = frame.developed.data.iter().skip(1).step_by(3).copied().collect();

@@ -1,9 +1,9 @@
 //! Are the intervals of a region's porphyrin fraction as wide as the sensor's noise makes them? Whole chain: expose a
-//! Bayer sensor, develop, analyse.
+//! Bayer sensor, develop, analyze.
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "these are tests")]
 
 use fluorspar::analysis::{
-    AnalysisSettings, ChannelNoise, FluorophoreResponse, MixtureModel, RegionOfInterest, analyse,
+    AnalysisSettings, ChannelNoise, FluorophoreResponse, MixtureModel, RegionOfInterest, analyze_region,
 };
 use fluorspar::sensor::{
     ElectronRate, Exposure, Sensor, SensorModel, SpectralQe, develop, develop_with_ambient,
@@ -60,7 +60,7 @@ fn mean_square_z(ambient_e_per_s: f64, subtract: bool) -> f64 {
         let sheet = sensor.model();
         let noise = ChannelNoise::of_image(&image, k, sheet.prnu_percent / 100.0, k * sheet.dsnu_electrons());
         let settings = AnalysisSettings::new(RegionOfInterest::whole_image(), noise);
-        let (analysis, ..) = analyse(&image, None, Some(&model), None, &settings).unwrap();
+        let (analysis, ..) = analyze_region(&image, None, Some(&model), None, &settings).unwrap();
         let estimate = analysis.mixture.unwrap().region.unwrap().estimate;
         let z = (estimate.fraction - truth) / estimate.fraction_standard_error;
         sum += z * z;

@@ -38,9 +38,9 @@ fn a_data_sheet_replaces_the_electronics_of_a_preset() {
     // In an experiment too, and its resolved file has the fields in place of the sheet.
     let text = format!("base = \"flat-patch\"\n{}", sheet.replace("preset = \"monochrome_4_8um\"\n", ""));
     let resolved = experiment(&text, &[]);
-    assert!(!resolved.resolved_toml.contains("emva1288"), "{}", resolved.resolved_toml);
-    let again = experiment(&resolved.resolved_toml, &[]);
-    assert_eq!(resolved.sensor, again.sensor);
+    assert!(!resolved.record.resolved_toml.contains("emva1288"), "{}", resolved.record.resolved_toml);
+    let again = experiment(&resolved.record.resolved_toml, &[]);
+    assert_eq!(resolved.study.camera.sensor, again.study.camera.sensor);
 }
 
 #[test]
@@ -74,10 +74,10 @@ fn a_filter_wheel_turns_between_captures() {
         "sensor.mode={ kind = \"noise_free\" }",
         "sensor.quantum_efficiency={ mono = 0.5 }",
     ];
-    let experiment = experiment(&format!("{patch}{captures}"), &overrides);
+    let study = experiment(&format!("{patch}{captures}"), &overrides).study;
     let control = RenderControl { stop: &AtomicBool::new(false), progress: &|_| {} };
-    let components = render(&experiment.scene, &experiment.render, &control).unwrap();
-    let frames = pipeline::capture(&experiment, &components).unwrap();
+    let components = render(&study.scene, &study.render, &control).unwrap();
+    let frames = pipeline::capture(&study, &components).unwrap();
     let signal = |name: &str| {
         let raw = &frames.iter().find(|frame| frame.raw.label == name).unwrap().raw;
         f64::from(raw.data[0]) - raw.black_level
@@ -98,10 +98,10 @@ fn a_region_and_binning_shrink_the_raw_image() {
     let text = "base = \"flat-patch\"\n[render]\nwidth_px = 4\nheight_px = 3\nsamples_per_pixel = 1\n\
         [sensor]\ncolumns = 16\nrows = 12\npixel_size_um = 50\nfill_factor = 0.004\nregion_px = [4, 4, 8, 8]\n\
         [sensor.binning]\nkind = \"charge\"\ncolumns = 2\nrows = 2\n[analysis]\nparts = []\nrectangle_px = [0, 0, 4, 4]\n";
-    let experiment = experiment(text, &[]);
+    let study = experiment(text, &[]).study;
     let control = RenderControl { stop: &AtomicBool::new(false), progress: &|_| {} };
-    let components = render(&experiment.scene, &experiment.render, &control).unwrap();
-    let frames = pipeline::capture(&experiment, &components).unwrap();
+    let components = render(&study.scene, &study.render, &control).unwrap();
+    let frames = pipeline::capture(&study, &components).unwrap();
     assert!(frames.iter().all(|frame| (frame.raw.width, frame.raw.height) == (4, 4)));
-    assert!(pipeline::analyze(&experiment, Some(&components), &frames).unwrap().is_some());
+    assert!(pipeline::analyze(&study, Some(&components), &frames).unwrap().is_some());
 }

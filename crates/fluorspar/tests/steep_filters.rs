@@ -6,13 +6,12 @@ use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
 use fluorspar::analysis::PixelSelection;
-use fluorspar::experiment::{ResolvedExperiment, parse, parse_sample, resolve};
+use fluorspar::experiment::{parse, parse_sample, resolve};
 use fluorspar::image::ComponentImage;
-use fluorspar::pipeline::{
-    FlatSample, RegionRadiance, capture, frame_leak, predict, read_spectroradiometers,
-};
+use fluorspar::pipeline::{RegionRadiance, capture, frame_leak, predict, read_spectroradiometers};
 use fluorspar::preset;
 use fluorspar::render::{RenderControl, render};
+use fluorspar::study::Study;
 
 /// Reflectance and emission differ a little over 10 nm; products of bin averages were off by factors of 1.3 and 2.2.
 const TOLERANCE: f64 = 0.03;
@@ -26,7 +25,7 @@ fn assert_invariant(what: &str, value: impl Fn(f64) -> f64) {
 }
 
 /// The flat patch under the steep pair, rendered with one path a pixel: direct parallel light has no noise.
-fn patch(step_nm: f64, changes: &[&str]) -> (ResolvedExperiment, ComponentImage) {
+fn patch(step_nm: f64, changes: &[&str]) -> (Study, ComponentImage) {
     let mut overrides: Vec<String> = [
         "light.blue.spectrum=led_450",
         "light.blue.filters=[\"short_pass_475\"]",
@@ -43,10 +42,10 @@ fn patch(step_nm: f64, changes: &[&str]) -> (ResolvedExperiment, ComponentImage)
     overrides.extend(changes.iter().map(|change| (*change).to_string()));
     overrides.push(format!("spectral.step_nm={step_nm}"));
     let text = preset::experiment("flat-patch").unwrap().text;
-    let experiment = resolve(&parse(text, "flat-patch", Path::new("."), &overrides).unwrap()).unwrap();
+    let study = resolve(&parse(text, "flat-patch", Path::new("."), &overrides).unwrap()).unwrap().study;
     let control = RenderControl { stop: &AtomicBool::new(false), progress: &|_| {} };
-    let image = render(&experiment.scene, &experiment.render, &control).unwrap();
-    (experiment, image)
+    let image = render(&study.scene, &study.render, &control).unwrap();
+    (study, image)
 }
 
 #[test]
@@ -59,17 +58,17 @@ fn the_leak_of_a_sample_does_not_depend_on_the_bands() {
         ];
         let text = preset::sample("tongue-385nm").unwrap().text;
         let sample = parse_sample(text, "test", Path::new("."), &overrides).unwrap();
-        predict(&FlatSample::new(&sample).unwrap()).unwrap().leak_ratio.unwrap()
+        predict(&sample.sample).unwrap().leak_ratio.unwrap()
     });
 }
 
 #[test]
 fn the_leak_of_a_region_does_not_depend_on_the_bands() {
     assert_invariant("region", |step_nm| {
-        let (experiment, image) = patch(step_nm, &[]);
-        let frame = &experiment.captures.iter().find(|c| c.frame.label == "blue").unwrap().frame;
+        let (study, image) = patch(step_nm, &[]);
+        let frame = &study.captures.iter().find(|c| c.frame.label == "blue").unwrap().frame;
         let region = RegionRadiance::new(&image, frame, &[5, 6]);
-        region.leak_ratio(&experiment).unwrap()
+        region.leak_ratio(&study).unwrap()
     });
 }
 
@@ -77,11 +76,11 @@ fn the_leak_of_a_region_does_not_depend_on_the_bands() {
 /// sensor writes down, and their ratio is that of the region's radiance.
 #[test]
 fn electrons_of_a_frame_are_leak_or_fluorescence() {
-    let (experiment, image) = patch(5.0, &[]);
-    let settings = experiment.captures.iter().find(|c| c.frame.label == "blue").unwrap();
-    let frames = capture(&experiment, &image).unwrap();
+    let (study, image) = patch(5.0, &[]);
+    let settings = study.captures.iter().find(|c| c.frame.label == "blue").unwrap();
+    let frames = capture(&study, &image).unwrap();
     let raw = &frames.iter().find(|f| f.raw.label == "blue").unwrap().raw;
-    let leak = frame_leak(&experiment, &image, settings, raw.exposure_s, None).unwrap().unwrap();
+    let leak = frame_leak(&study, &image, settings, raw.exposure_s, None).unwrap().unwrap();
     assert_eq!(leak.pixels, 16);
     assert!(raw.data.iter().all(|&dn| dn < raw.white_level), "{:?}", raw.data);
     for (channel, part) in leak.channels.iter().enumerate() {
@@ -96,24 +95,24 @@ fn electrons_of_a_frame_are_leak_or_fluorescence() {
         assert!(part.reflected_e > 0.0 && part.fluorescent_e > 0.0, "{part:?}");
     }
     let all: Vec<usize> = (0..image.width * image.height).collect();
-    let region = RegionRadiance::new(&image, &settings.frame, &all).leak_ratio(&experiment).unwrap();
+    let region = RegionRadiance::new(&image, &settings.frame, &all).leak_ratio(&study).unwrap();
     // The film is larger than the sensor, and light falls off towards its corners alike for both kinds of light.
     assert!((leak.leak_ratio.unwrap() / region - 1.0).abs() < 0.01, "{leak:?}, {region}");
     assert!(!leak.is_reflectance());
     // A selection of one pixel has one channel; a frame without light has no leak.
     let one = PixelSelection { width: raw.width, height: raw.height, pixels: vec![5] };
-    let one = frame_leak(&experiment, &image, settings, raw.exposure_s, Some(&one)).unwrap().unwrap();
+    let one = frame_leak(&study, &image, settings, raw.exposure_s, Some(&one)).unwrap().unwrap();
     assert_eq!((one.pixels, one.channels.len()), (1, 1));
     let mut dark = settings.clone();
     dark.frame.lights.clear();
-    assert_eq!(frame_leak(&experiment, &image, &dark, 0.03, None).unwrap(), None);
+    assert_eq!(frame_leak(&study, &image, &dark, 0.03, None).unwrap(), None);
 }
 
 #[test]
 fn frames_of_leaking_light_do_not_depend_on_the_bands() {
     // Nothing fluoresces, so all that the sensor sees is lamp.
     assert_invariant("frame", |step_nm| {
-        let (experiment, image) = patch(
+        let (study, image) = patch(
             step_nm,
             &[
                 "material.patch.concentrations={}",
@@ -121,7 +120,7 @@ fn frames_of_leaking_light_do_not_depend_on_the_bands() {
                 "capture.blue.exposure_ms=2000",
             ],
         );
-        let frames = capture(&experiment, &image).unwrap();
+        let frames = capture(&study, &image).unwrap();
         let frame = frames.iter().find(|f| f.raw.label == "blue").unwrap();
         let signal: f32 = frame.developed.data.iter().sum();
         assert!(signal > 300.0, "{signal}");
@@ -134,8 +133,8 @@ fn readings_behind_a_filter_do_not_depend_on_the_bands() {
     assert_invariant("spectroradiometer", |step_nm| {
         let spot = "spectroradiometer=[{ name = \"spot\", capture = \"blue\", filters = [\"long_pass_475\"], \
                     bandwidth_nm = 20.0, aim = [0.5, 0.5] }]";
-        let (experiment, image) = patch(step_nm, &[spot]);
-        let reading = &read_spectroradiometers(&experiment, &image).unwrap()[0].reading;
+        let (study, image) = patch(step_nm, &[spot]);
+        let reading = &read_spectroradiometers(&study, &image).unwrap()[0].reading;
         // Around the two edges the lamp is all that there is.
         let near = |nm: &f64| (455.0..=485.0).contains(nm);
         let seen = reading.wavelength_nm.iter().zip(&reading.expected).filter(|(nm, _)| near(nm));

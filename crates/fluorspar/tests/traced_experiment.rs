@@ -4,13 +4,14 @@
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
-use fluorspar::experiment::{ResolvedExperiment, parse, resolve};
+use fluorspar::experiment::{parse, resolve};
 use fluorspar::pipeline::capture;
 use fluorspar::preset;
 use fluorspar::render::{RenderControl, render};
+use fluorspar::study::Study;
 
 /// The flat patch, small and without noise, with another lens section.
-fn experiment(lens: &str, changes: &[&str]) -> ResolvedExperiment {
+fn experiment(lens: &str, changes: &[&str]) -> Study {
     let mut overrides: Vec<String> = [
         "sensor.mode.kind=\"noise_free\"",
         "capture.blue.exposure_ms=40",
@@ -27,15 +28,15 @@ fn experiment(lens: &str, changes: &[&str]) -> ResolvedExperiment {
     let ideal = "focal_length_mm = 3.0\nf_number = 4.0\nvignetting = \"none\"\n";
     assert!(text.contains(ideal));
     let text = text.replace(ideal, lens);
-    resolve(&parse(&text, "flat-patch", Path::new("."), &overrides).unwrap()).unwrap()
+    resolve(&parse(&text, "flat-patch", Path::new("."), &overrides).unwrap()).unwrap().study
 }
 
 /// Mean signal of the channels of the blue frame, DN.
-fn signal(experiment: &ResolvedExperiment) -> [f64; 3] {
+fn signal(study: &Study) -> [f64; 3] {
     let stop = AtomicBool::new(false);
     let control = RenderControl { stop: &stop, progress: &|_| {} };
-    let image = render(&experiment.scene, &experiment.render, &control).unwrap();
-    let frames = capture(experiment, &image).unwrap();
+    let image = render(&study.scene, &study.render, &control).unwrap();
+    let frames = capture(study, &image).unwrap();
     let data = &frames.iter().find(|f| f.raw.label == "blue").unwrap().developed.data;
     [0, 1, 2].map(|channel| {
         let values = data.iter().skip(channel).step_by(3);
@@ -50,7 +51,7 @@ fn both_ways_and_the_camera_equation_give_the_same_signal() {
     let rendered = signal(&experiment(TRACED, &[]));
     let spread = signal(&experiment(TRACED, &["lens.image_formation=\"point_spread\""]));
     let traced = experiment(TRACED, &[]);
-    assert!(traced.scene.camera.lens.is_some() && traced.traced_lens.is_some());
+    assert!(traced.scene.camera.lens.is_some() && traced.camera.traced_lens().is_some());
     // An ideal lens of the same focal length, working f-number and no falloff: the film is small beside the focal length.
     let ideal = "focal_length_mm = 3.502\nf_number = 4.002\nvignetting = \"none\"\n";
     let ideal = signal(&experiment(ideal, &[]));
@@ -69,7 +70,7 @@ fn filters_act_at_the_angles_of_the_lens_and_add_their_own_light() {
     // Behind an f/4 lens the cone is 7 degrees wide, so the edge of the long-pass at 475 nm moves by less than 1 nm; in front
     // of it the middle of the picture stays where it is and the corner moves.
     let at_edge = |changes: &[&str]| {
-        let lens = experiment(TRACED, changes).lens.unwrap();
+        let lens = experiment(TRACED, changes).camera.lens_behind_filters().unwrap();
         let corner = lens.field_transmittance.last().map(|(_, curve)| curve.at(474.0));
         [lens.transmittance.at(474.0), corner.unwrap_or_else(|| lens.transmittance.at(474.0))]
     };
@@ -80,7 +81,7 @@ fn filters_act_at_the_angles_of_the_lens_and_add_their_own_light() {
     assert!(behind[0] > 1.01 * still[0] && behind[0] < 1.5 * still[0], "{still:?} {behind:?}");
     // The corner sees through it at the angle of its chief ray: the edge moves by 475 sin² / 2 n², and its slope is
     // (1 - T / 0.95) T / s, with s = 8 nm / 2 ln 9.
-    let traced = experiment(TRACED, &[]).traced_lens.unwrap();
+    let traced = experiment(TRACED, &[]).camera.lens.unwrap().traced.unwrap();
     let corner_mm = 0.5 * traced.film_width_mm().hypot(traced.film_height_mm());
     let sine2 = traced.middle().chief_ray(corner_mm).unwrap().object_tangent.atan().sin().powi(2);
     let moved_nm = 475.0 * sine2 / (2.0 * 1.8_f64.powi(2));

@@ -4,10 +4,10 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::ValueHint;
-use fluorspar::experiment::{Capture, ResolvedExperiment};
 use fluorspar::format::{read_component_exr, read_sensor_image};
 use fluorspar::image::SensorImage;
 use fluorspar::pipeline::{Calibration, RawExposures, analyze, bracket_label, complete_raw, develop_frames};
+use fluorspar::study::{Capture, Study};
 
 use crate::args::{Changes, Talk};
 use crate::error::CliError;
@@ -53,8 +53,8 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let default = beside("experiment.toml").map(|path| path.display().to_string());
     let name = options.experiment.clone().or(default).unwrap_or_default();
     let source = ExperimentSource::find(Some(&name))?;
-    let experiment = source.resolve(&options.changes.overrides(), true)?;
-    let Some(settings) = &experiment.analysis else {
+    let study = source.resolve(&options.changes.overrides(), true)?.study;
+    let Some(settings) = &study.analysis else {
         return Err(CliError::Input(format!(
             "{name}: the experiment asks for no analysis; add an [analysis] section"
         )));
@@ -63,9 +63,9 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         let Some(folder) = &options.folder else {
             return Err(CliError::Input("give a folder, or frames with --frame CAPTURE=FILE".into()));
         };
-        frames_of_folder(&experiment, folder)?
+        frames_of_folder(&study, folder)?
     } else {
-        named_frames(options, &experiment, &settings.frame)?
+        named_frames(options, &study, &settings.frame)?
     };
     let image = options.components.clone().or_else(|| beside("components.exr").filter(|p| p.is_file()));
     if let (None, [part, ..]) = (&image, settings.parts.as_slice()) {
@@ -77,12 +77,12 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     }
     let components = image.map(|path| read_component_exr(&path)).transpose()?.map(|loaded| loaded.image);
     let calibration = if options.frame.is_empty() {
-        Calibration::of_experiment(&experiment, exposures.iter().flat_map(RawExposures::all))?
+        Calibration::of_study(&study, exposures.iter().flat_map(RawExposures::all))?
     } else {
         let read = |paths: &[PathBuf]| -> Result<Vec<SensorImage>, CliError> {
-            paths.iter().map(|path| read_raw(&experiment, path, None)).collect()
+            paths.iter().map(|path| read_raw(&study, path, None)).collect()
         };
-        let develop = &experiment.develop;
+        let develop = &study.develop;
         Calibration::of_frames(
             develop.demosaicing,
             read(&options.dark)?,
@@ -90,8 +90,8 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
             develop.bad_pixel_sigma,
         )?
     };
-    let frames = develop_frames(&experiment, exposures, &calibration)?;
-    let Some(analyzed) = analyze(&experiment, components.as_ref(), &frames)? else {
+    let frames = develop_frames(&study, exposures, &calibration)?;
+    let Some(analyzed) = analyze(&study, components.as_ref(), &frames)? else {
         return Err(CliError::Failed("the analysis gave nothing".into()));
     };
     if options.talk.json {
@@ -104,26 +104,21 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
 
 /// The raw frame in a file under the name of a capture. What a real camera does not tell of its conversion gain and noise, the
 /// sensor of the experiment does.
-fn read_raw(
-    experiment: &ResolvedExperiment,
-    path: &Path,
-    label: Option<&str>,
-) -> Result<SensorImage, CliError> {
+fn read_raw(study: &Study, path: &Path, label: Option<&str>) -> Result<SensorImage, CliError> {
     let mut raw = read_sensor_image(path)?.image;
     if let Some(label) = label {
         raw.label = label.into();
     }
-    complete_raw(experiment, &mut raw)
-        .map_err(|what| CliError::Input(format!("{}: {what}", path.display())))?;
+    complete_raw(study, &mut raw).map_err(|what| CliError::Input(format!("{}: {what}", path.display())))?;
     Ok(raw)
 }
 
-fn frames_of_folder(experiment: &ResolvedExperiment, folder: &Path) -> Result<Vec<RawExposures>, CliError> {
+fn frames_of_folder(study: &Study, folder: &Path) -> Result<Vec<RawExposures>, CliError> {
     let find = |label: &str| -> Result<SensorImage, CliError> {
         let candidates =
             ["tiff", "tif", "png", "dng", "raw"].map(|ending| folder.join(format!("raw_{label}.{ending}")));
         match candidates.iter().find(|path| path.is_file()) {
-            Some(path) => read_raw(experiment, path, Some(label)),
+            Some(path) => read_raw(study, path, Some(label)),
             None => Err(CliError::Input(format!(
                 "{}: there is no raw_{label}.tiff for the capture \"{label}\"",
                 folder.display()
@@ -135,15 +130,11 @@ fn frames_of_folder(experiment: &ResolvedExperiment, folder: &Path) -> Result<Ve
         let bracket = (0..c.bracket_ev.len()).map(|index| find(&bracket_label(label, &c.bracket_ev, index)));
         Ok(RawExposures { raw: find(label)?, bracket: bracket.collect::<Result<_, CliError>>()? })
     };
-    experiment.captures.iter().map(all).collect()
+    study.captures.iter().map(all).collect()
 }
 
-fn named_frames(
-    options: &Options,
-    experiment: &ResolvedExperiment,
-    wanted: &str,
-) -> Result<Vec<RawExposures>, CliError> {
-    let known: Vec<&str> = experiment.captures.iter().map(|c| c.frame.label.as_str()).collect();
+fn named_frames(options: &Options, study: &Study, wanted: &str) -> Result<Vec<RawExposures>, CliError> {
+    let known: Vec<&str> = study.captures.iter().map(|c| c.frame.label.as_str()).collect();
     let mut frames: Vec<RawExposures> = Vec::new();
     for text in &options.frame {
         let Some((label, file)) =
@@ -163,7 +154,7 @@ fn named_frames(
                 known.join(", ")
             )));
         };
-        let raw = read_raw(experiment, Path::new(file), Some(label))?;
+        let raw = read_raw(study, Path::new(file), Some(label))?;
         match frames.iter_mut().find(|frame| frame.raw.label == **capture) {
             Some(frame) if label != *capture => frame.bracket.push(raw),
             Some(_) => {

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{ValueEnum, ValueHint};
-use fluorspar::experiment::{parse, resolve};
+use fluorspar::experiment::{ResolvedExperiment, parse, resolve};
 use fluorspar::format::{
     DngColor, FormatError, Provenance, RawPacking, read_component_exr, write_atomically, write_packed_raw,
     write_rgb_png, write_sensor_dng, write_sensor_tiff,
@@ -105,7 +105,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         Some(provenance) => {
             let name = format!("experiment in {image}");
             let parsed = parse(&provenance.resolved_experiment_toml, &name, std::path::Path::new("."), &[])?;
-            Some(resolve(&parsed)?)
+            Some(resolve(&parsed)?.study)
         }
     };
     let overrides: Vec<Override> =
@@ -115,7 +115,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         (Some(name), _) => {
             let source = ExperimentSource::find(Some(name))?;
             let experiment = source.resolve(&overrides, options.talk.quiet)?;
-            inputs.extend(source.files(&experiment));
+            inputs.extend(source.files(&experiment.record));
             (source.text, experiment)
         }
         (None, Some(provenance)) => {
@@ -132,27 +132,24 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
             )));
         }
     };
+    let ResolvedExperiment { study, record } = experiment;
     if let Some(rendered) = &rendered {
-        check_same_scene(rendered, &experiment)?;
+        check_same_scene(rendered, &study)?;
     }
-    inputs.extend(experiment.inputs.iter().map(|input| input.path.clone()));
+    inputs.extend(record.inputs.iter().map(|input| input.path.clone()));
     let folder = out_folder::OutFolder::prepare(&options.out, &inputs)?;
-    let frames = capture(&experiment, &components)?;
-    let provenance = Provenance::new(
-        &text,
-        experiment.resolved_toml.clone(),
-        experiment.render.seed,
-        components.samples_per_pixel,
-    );
+    let frames = capture(&study, &components)?;
+    let provenance =
+        Provenance::new(&text, record.resolved_toml.clone(), study.render.seed, components.samples_per_pixel);
     let mut list = Vec::new();
-    for (frame, settings) in frames.iter().zip(&experiment.captures) {
-        let color = CameraColor::of_frame(&experiment, settings);
+    for (frame, settings) in frames.iter().zip(&study.captures) {
+        let color = CameraColor::of_frame(&study, settings);
         let name_of = |raw: &SensorImage| format!("raw_{}.{}", raw.label, options.format.ending());
         for raw in std::iter::once(&frame.raw).chain(&frame.bracket) {
             options.format.write(&folder.path().join(name_of(raw)), raw, color, &provenance)?;
         }
         let file = name_of(&frame.raw);
-        let picture = preview(&frame.developed, &ColorRendering::of_frame(&experiment, settings));
+        let picture = preview(&frame.developed, &ColorRendering::of_frame(&study, settings));
         let name = format!("preview_{}.png", frame.raw.label);
         write_rgb_png(&folder.path().join(name), picture.width, picture.height, &picture.rgb)?;
         let saturated = frame.developed.saturated.iter().filter(|s| **s).count();
@@ -166,7 +163,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         }));
     }
     write_atomically(&folder.path().join("experiment.toml"), |file| {
-        file.write_all(experiment.resolved_toml.as_bytes())
+        file.write_all(record.resolved_toml.as_bytes())
     })?;
     let target = folder.finish()?;
     if options.talk.json {

@@ -3,7 +3,7 @@
 use std::process::ExitCode;
 
 use clap::ValueHint;
-use fluorspar::experiment::is_sample;
+use fluorspar::experiment::{ResolvedExperiment, is_sample};
 use fluorspar::scene::{Scene, Shape};
 use serde_json::json;
 
@@ -37,38 +37,38 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
                 "file": shown,
                 "kind": "sample",
                 "valid": true,
-                "sha256": sample.sha256,
-                "bands": sample.grid.len(),
-                "fluorophores": sample.fluorophores.iter().map(|(f, _)| &f.name).collect::<Vec<_>>(),
-                "warnings": sample.warnings,
+                "sha256": sample.record.sha256,
+                "bands": sample.sample.grid.len(),
+                "fluorophores": sample.sample.fluorophores.iter().map(|(f, _)| &f.name).collect::<Vec<_>>(),
+                "warnings": sample.record.warnings,
             }))?;
         } else if !silent {
             super::print_text(&format!(
                 "{}: valid. A flat sample with {} fluorophores, {} bands",
                 shown,
-                sample.fluorophores.len(),
-                sample.grid.len()
+                sample.sample.fluorophores.len(),
+                sample.sample.grid.len()
             ))?;
         }
         return Ok(ExitCode::SUCCESS);
     }
-    let experiment = source.resolve(&overrides, quiet)?;
-    let scene = &experiment.scene;
-    let needed = fluorspar::render::memory_bytes(scene, &experiment.render);
+    let ResolvedExperiment { study, record } = source.resolve(&overrides, quiet)?;
+    let scene = &study.scene;
+    let needed = fluorspar::render::memory_bytes(scene, &study.render);
     if json {
         super::print_json(&json!({
             "file": shown,
             "kind": "experiment",
             "valid": true,
-            "sha256": experiment.sha256,
+            "sha256": record.sha256,
             "objects": scene.objects.len(),
             "lights": scene.lights.len(),
             "light_groups": scene.light_groups.iter().map(|g| &g.name).collect::<Vec<_>>(),
             "fluorophores": scene.fluorophores.iter().map(|f| &f.name).collect::<Vec<_>>(),
-            "captures": experiment.captures.iter().map(|c| &c.frame.label).collect::<Vec<_>>(),
+            "captures": study.captures.iter().map(|c| &c.frame.label).collect::<Vec<_>>(),
             "instances": instances(scene),
-            "memory_bytes": fluorspar::render::memory_bytes(scene, &experiment.render),
-            "warnings": experiment.warnings,
+            "memory_bytes": needed,
+            "warnings": record.warnings,
         }))?;
     } else if !silent {
         super::print_text(&format!(
@@ -82,9 +82,9 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
             scene.lights.len(),
             scene.light_groups.len(),
             scene.fluorophores.len(),
-            experiment.captures.len(),
+            study.captures.len(),
             fluorspar::units::memory_text(needed),
-            if needed > experiment.render.memory_limit_bytes {
+            if needed > study.render.memory_limit_bytes {
                 ", more than the limit of render.memory_limit_gib: only `fluorspar render` takes them, in bands of rows"
             } else {
                 ""

@@ -26,8 +26,8 @@ pub(crate) mod table;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use fluorspar::experiment::ResolvedExperiment;
 use fluorspar::render::memory_bytes;
+use fluorspar::study::Study;
 use fluorspar::units::{memory_gib, memory_texts};
 use fluorspar_report::Figure;
 use serde::Serialize;
@@ -79,8 +79,8 @@ impl FigureFormat {
 }
 
 /// Refuses images that don't fit into the memory limit. `instead` is what could be done with them.
-pub(crate) fn check_memory(experiment: &ResolvedExperiment, instead: &str) -> Result<(), CliError> {
-    let (scene, settings) = (&experiment.scene, &experiment.render);
+pub(crate) fn check_memory(study: &Study, instead: &str) -> Result<(), CliError> {
+    let (scene, settings) = (&study.scene, &study.render);
     let (needed, limit) = (memory_bytes(scene, settings), settings.memory_limit_bytes);
     if needed <= limit {
         return Ok(());

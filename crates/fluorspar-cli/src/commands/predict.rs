@@ -5,7 +5,8 @@ use std::process::ExitCode;
 
 use clap::{ValueEnum, ValueHint};
 use fluorspar::experiment::{ResolvedSample, SampleCompatibility};
-use fluorspar::pipeline::{ChannelPrediction, FlatSample, Prediction, predict};
+use fluorspar::pipeline::{ChannelPrediction, Prediction, predict};
+use fluorspar::study::FlatSample;
 use fluorspar::units::number_text;
 use serde_json::{Value, json};
 
@@ -152,7 +153,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let source = ExperimentSource::find_sample(options.sample.as_deref())?;
     let overrides = options.overrides(&source.base_dir)?;
     let sample = source.resolve_sample(&overrides, options.talk.quiet)?;
-    let prediction = predict(&FlatSample::new(&sample)?)?;
+    let prediction = predict(&sample.sample)?;
     if options.talk.json {
         super::print_json(&as_json(&sample, &prediction)?)?;
     } else if !options.talk.quiet {
@@ -166,7 +167,7 @@ fn as_json(sample: &ResolvedSample, prediction: &Prediction) -> Result<Value, Cl
     value["provenance"] = json!({
         "program": "fluorspar",
         "version": env!("CARGO_PKG_VERSION"),
-        "sha256": sample.sha256,
+        "sha256": sample.record.sha256,
         "compatibility": sample.compatibility,
         "units": {
             "wavelength_nm": "nm, centres of the bands",
@@ -182,8 +183,8 @@ fn as_json(sample: &ResolvedSample, prediction: &Prediction) -> Result<Value, Cl
             "leak_ratio": "1, reflected over fluorescent electrons",
             "photon_yield_500_700": "1, photons emitted per photon that arrives",
         },
-        "warnings": sample.warnings,
-        "sample_toml": sample.resolved_toml,
+        "warnings": sample.record.warnings,
+        "sample_toml": sample.record.resolved_toml,
     });
     Ok(value)
 }
@@ -197,7 +198,7 @@ fn in_usual_order(prediction: &Prediction) -> Vec<(&String, &ChannelPrediction)>
 }
 
 /// The irradiance, and how much of it the wavelengths of the sample leave out.
-fn light_on_sample(sample: &ResolvedSample, inside: f64) -> String {
+fn light_on_sample(sample: &FlatSample, inside: f64) -> String {
     let all = sample.irradiance.total();
     if (all - inside).abs() <= 1e-5 * all {
         return format!("{} W/m2", short(all));
@@ -206,7 +207,8 @@ fn light_on_sample(sample: &ResolvedSample, inside: f64) -> String {
     format!("{} W/m2 ({} of it between {from} and {to} nm, the rest is left out)", short(all), short(inside))
 }
 
-fn describe(sample: &ResolvedSample, source: &str, prediction: &Prediction) -> String {
+fn describe(resolved: &ResolvedSample, source: &str, prediction: &Prediction) -> String {
+    let sample = &resolved.sample;
     let integral =
         |values: &[f64]| -> f64 { values.iter().zip(sample.grid.widths_nm()).map(|(v, w)| v * w).sum() };
     let peak_nm = |values: &[f64]| {
@@ -217,12 +219,12 @@ fn describe(sample: &ResolvedSample, source: &str, prediction: &Prediction) -> S
             "-".into()
         }
     };
-    let title = if sample.title.is_empty() {
+    let title = if resolved.record.title.is_empty() {
         Path::new(source)
             .file_name()
             .map_or_else(|| source.into(), |name| name.to_string_lossy().into_owned())
     } else {
-        sample.title.clone()
+        resolved.record.title.clone()
     };
     let mut facts = vec![vec![
         "light on the sample".into(),
@@ -244,7 +246,7 @@ fn describe(sample: &ResolvedSample, source: &str, prediction: &Prediction) -> S
     if let Some(leak) = prediction.leak_ratio {
         facts.push(vec!["leak".into(), format!("{} reflected per fluorescent electron", short(leak))]);
     }
-    if sample.compatibility == SampleCompatibility::ToolboxEem {
+    if resolved.compatibility == SampleCompatibility::ToolboxEem {
         facts.push(vec![
             "equations".into(),
             "the authors' toolbox: matrices of peak 1, so fluorescence has no absolute level".into(),

@@ -111,14 +111,15 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let quiet = options.talk.quiet;
     let source = ExperimentSource::find(options.experiment.experiment.as_deref())?;
     let experiment = source.resolve(&options.experiment.overrides(), quiet)?;
-    let settings = &experiment.render;
-    let needed = memory_bytes(&experiment.scene, settings);
+    let study = &experiment.study;
+    let (scene, settings) = (&study.scene, &study.render);
+    let needed = memory_bytes(scene, settings);
     let in_bands = needed > settings.memory_limit_bytes || options.film.as_deref().is_some_and(Path::is_dir);
     if in_bands && options.shard.is_none() {
         return row_bands::render(options, &source, &experiment);
     }
     super::check_memory(
-        &experiment,
+        study,
         "or leave --shard out: without it, large images are rendered in bands of rows",
     )?;
     if !quiet {
@@ -128,8 +129,8 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
             memory_text(settings.memory_limit_bytes)
         );
     }
-    let renderer = FilmRenderer::new(&experiment.scene, settings)?;
-    say_surfaces(&renderer, &experiment.scene, quiet);
+    let renderer = FilmRenderer::new(scene, settings)?;
+    say_surfaces(&renderer, scene, quiet);
     let mut film = match options.film.as_deref().filter(|path| options.resume && path.exists()) {
         Some(path) => {
             let film = read_film(path)?.image;
@@ -142,7 +143,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     };
     let mut provenance = Provenance::new(
         &source.text,
-        experiment.resolved_toml.clone(),
+        experiment.record.resolved_toml.clone(),
         settings.seed,
         settings.samples_per_pixel,
     );
@@ -153,7 +154,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     };
     let share = options.share();
     let before = film.paths();
-    let complete = fill_with_progress(&renderer, &share, &mut film, experiment.time_limit_s, quiet, &keep)?;
+    let complete = fill_with_progress(&renderer, &share, &mut film, study.time_limit_s, quiet, &keep)?;
     drop(renderer);
     let code = if interrupted() && !complete { ExitCode::from(1) } else { ExitCode::SUCCESS };
     if options.shard.is_some() {
@@ -171,8 +172,8 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     options.output.write(&image, &provenance)?;
     if options.talk.json {
         let mut answer = options.output.describe(&image);
-        answer["experiment_sha256"] = experiment.sha256.into();
-        answer["film_bytes"] = memory_bytes(&experiment.scene, settings).into();
+        answer["experiment_sha256"] = experiment.record.sha256.clone().into();
+        answer["film_bytes"] = needed.into();
         answer["peak_memory_bytes"] = peak_memory_bytes().into();
         super::print_json(&answer)?;
     } else if !quiet {

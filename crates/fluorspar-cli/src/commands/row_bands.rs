@@ -30,7 +30,7 @@ pub(super) fn render(
     source: &ExperimentSource,
     experiment: &ResolvedExperiment,
 ) -> Result<ExitCode, CliError> {
-    let (scene, settings, quiet) = (&experiment.scene, &experiment.render, options.talk.quiet);
+    let (scene, settings, quiet) = (&experiment.study.scene, &experiment.study.render, options.talk.quiet);
     let (needed, limit) = (memory_bytes(scene, settings), settings.memory_limit_bytes);
     let (why, instead) = if needed > limit {
         ("the image does not fit into render.memory_limit_gib", "raise render.memory_limit_gib")
@@ -38,7 +38,7 @@ pub(super) fn render(
         ("--film names a folder", "name a file with --film")
     };
     options.output.check_for_bands(why, instead)?;
-    if experiment.time_limit_s.is_some() {
+    if experiment.study.time_limit_s.is_some() {
         return Err(CliError::Input(format!(
             "render.time_limit_s: {why}, so that the image is rendered in bands of rows and would lack rows if it were cut \
              short; leave the time limit away, or {instead}"
@@ -92,7 +92,7 @@ pub(super) fn render(
     say_surfaces(&renderer, scene, quiet);
     let mut provenance = Provenance::new(
         &source.text,
-        experiment.resolved_toml.clone(),
+        experiment.record.resolved_toml.clone(),
         settings.seed,
         settings.samples_per_pixel,
     );
@@ -279,9 +279,9 @@ impl Picture {
         options.output.write_spooled(&self.spool, &labels, provenance)?;
         if options.talk.json {
             let mut answer = options.output.describe_with(&labels, &mean);
-            answer["experiment_sha256"] = experiment.sha256.clone().into();
-            answer["film_bytes"] = memory_bytes(&experiment.scene, &experiment.render).into();
-            answer["memory_limit_bytes"] = experiment.render.memory_limit_bytes.into();
+            answer["experiment_sha256"] = experiment.record.sha256.clone().into();
+            answer["film_bytes"] = memory_bytes(&experiment.study.scene, &experiment.study.render).into();
+            answer["memory_limit_bytes"] = experiment.study.render.memory_limit_bytes.into();
             answer["peak_memory_bytes"] = peak_memory_bytes().into();
             super::print_json(&answer)?;
         } else if !options.talk.quiet {

@@ -6,10 +6,7 @@ use std::time::Instant;
 
 use fluorspar::experiment::ResolvedExperiment;
 use fluorspar::image::ComponentImage;
-use fluorspar::pipeline::{
-    AnalyzedFrame, CapturedFrame, ColorRendering, FrameLeak, Preview, analyze, capture, frame_leak, preview,
-    read_spectroradiometers,
-};
+use fluorspar::pipeline::{AnalyzedFrame, evaluate};
 use fluorspar_report::{RunResults, write_run_components, write_run_folder};
 
 use super::out_folder;
@@ -39,8 +36,9 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     };
     let source = ExperimentSource::find(options.experiment.experiment.as_deref())?;
     let experiment = source.resolve(&options.experiment.overrides(), options.talk.quiet)?;
+    let study = &experiment.study;
     super::check_memory(
-        &experiment,
+        study,
         "or use `fluorspar render --components`, which goes through large images in bands of rows, and `capture` with what it \
          wrote",
     )?;
@@ -48,27 +46,23 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         .out
         .out
         .clone()
-        .or_else(|| experiment.output_folder.clone())
+        .or_else(|| experiment.record.output_folder.clone())
         .unwrap_or_else(|| PathBuf::from("fluorspar-out").join(&source.stem));
-    let folder = out_folder::OutFolder::prepare(&target, &source.files(&experiment))?;
+    let folder = out_folder::OutFolder::prepare(&target, &source.files(&experiment.record))?;
 
-    let camera = &experiment.scene.camera;
+    let camera = &study.scene.camera;
     say(format!(
         "{}\n{} x {} pixels, {} bands, {} light groups, {} fluorophores, {} samples per pixel",
-        experiment.title,
+        experiment.record.title,
         camera.width,
         camera.height,
-        experiment.scene.grid.len(),
-        experiment.scene.light_groups.len(),
-        experiment.scene.fluorophores.len(),
-        experiment.render.samples_per_pixel
+        study.scene.grid.len(),
+        study.scene.light_groups.len(),
+        study.scene.fluorophores.len(),
+        study.render.samples_per_pixel
     ));
-    let mut components = render_with_progress(
-        &experiment.scene,
-        &experiment.render,
-        experiment.time_limit_s,
-        options.talk.quiet,
-    )?;
+    let mut components =
+        render_with_progress(&study.scene, &study.render, study.time_limit_s, options.talk.quiet)?;
     if components.samples_per_pixel == 0 {
         let message = "interrupted before every pixel had a sample: there is nothing to develop, and nothing was written";
         return Err(CliError::Failed(message.into()));
@@ -81,7 +75,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
 
     // What took the time is safe before anything else is tried.
     write_run_components(folder.path(), &experiment, &source.text, &components)?;
-    let analyzed = match take_and_write(&experiment, &source.text, &components, folder.path()) {
+    let analyzed = match evaluate_and_write(&experiment, &source.text, &components, folder.path()) {
         Ok(analyzed) => analyzed,
         Err(error) => {
             let kept = folder.keep()?;
@@ -93,10 +87,10 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         super::print_text(&read_text(&target.join("results.json"))?)?;
     }
     say(summary(&target, analyzed.as_ref(), started.elapsed().as_secs_f64()));
-    if interrupted() && components.samples_per_pixel < experiment.render.samples_per_pixel {
+    if interrupted() && components.samples_per_pixel < study.render.samples_per_pixel {
         say(format!(
             "interrupted after {} of {} samples per pixel",
-            components.samples_per_pixel, experiment.render.samples_per_pixel
+            components.samples_per_pixel, study.render.samples_per_pixel
         ));
         return Ok(ExitCode::from(1));
     }
@@ -104,44 +98,16 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
 }
 
 /// Everything after the render: frames, analysis, figures, report.
-fn take_and_write(
+fn evaluate_and_write(
     experiment: &ResolvedExperiment,
-    text: &str,
+    experiment_text: &str,
     components: &ComponentImage,
     folder: &Path,
 ) -> Result<Option<AnalyzedFrame>, CliError> {
-    let (frames, analyzed): (Vec<CapturedFrame>, Option<AnalyzedFrame>) = if experiment.captures.is_empty() {
-        (Vec::new(), None)
-    } else {
-        let frames = capture(experiment, components)?;
-        let analyzed = analyze(experiment, Some(components), &frames)?;
-        (frames, analyzed)
-    };
-    let spectra = read_spectroradiometers(experiment, components)?;
-    let previews: Vec<Preview> = frames
-        .iter()
-        .zip(&experiment.captures)
-        .map(|(frame, c)| preview(&frame.developed, &ColorRendering::of_frame(experiment, c)))
-        .collect();
-    let region = analyzed.as_ref().map(|a| &a.region);
-    let mut leaks: Vec<FrameLeak> = Vec::new();
-    for (frame, c) in frames.iter().zip(&experiment.captures) {
-        leaks.extend(frame_leak(experiment, components, c, frame.raw.exposure_s, region)?);
-    }
-    write_run_folder(
-        folder,
-        &RunResults {
-            experiment,
-            experiment_text: text,
-            components,
-            frames: &frames,
-            previews: &previews,
-            leaks: &leaks,
-            spectra: &spectra,
-            analysis: analyzed.as_ref(),
-        },
-    )?;
-    Ok(analyzed)
+    let evaluation = evaluate(&experiment.study, components)?;
+    let results = RunResults { experiment, experiment_text, components, evaluation: &evaluation };
+    write_run_folder(folder, &results)?;
+    Ok(evaluation.analysis)
 }
 
 fn summary(target: &Path, analyzed: Option<&AnalyzedFrame>, seconds: f64) -> String {

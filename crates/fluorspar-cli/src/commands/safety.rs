@@ -2,7 +2,8 @@
 
 use std::process::ExitCode;
 
-use fluorspar::pipeline::{SafetyReport, ViewerSafety, assess_safety};
+use fluorspar::experiment::ResolvedExperiment;
+use fluorspar::pipeline::{PipelineError, SafetyReport, ViewerSafety, assess_safety};
 
 use super::table::{align, short};
 use crate::args::{ExperimentArgs, Talk};
@@ -31,21 +32,21 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let of = |path: &str, mm: Option<f64>, option: &str| mm.map(|mm| Override::number(path, mm, option));
     overrides.extend(of("safety.patient_eye_distance_mm", options.patient_eye_mm, "--patient-eye-mm"));
     overrides.extend(of("safety.operator_eye_distance_mm", options.operator_eye_mm, "--operator-eye-mm"));
-    let experiment = source.resolve(&overrides, options.talk.quiet)?;
-    if experiment.captures.is_empty() {
+    let ResolvedExperiment { study, record } = source.resolve(&overrides, options.talk.quiet)?;
+    if study.captures.is_empty() {
         return Err(CliError::Input(format!(
             "{}: the experiment has no captures, so nothing says which lights are on and for how long; add [[capture]] \
              sections",
             source.name
         )));
     }
-    let report = assess_safety(&experiment, &[]);
+    let report = assess_safety(&study, &[]).ok_or(PipelineError::Missing("safety"))?;
     if options.talk.json {
         let mut value = serde_json::to_value(&report)?;
-        value["experiment_sha256"] = experiment.sha256.clone().into();
+        value["experiment_sha256"] = record.sha256.into();
         super::print_json(&value)?;
     } else if !options.talk.quiet {
-        super::print_text(&describe(&experiment.title, &report))?;
+        super::print_text(&describe(&record.title, &report))?;
     }
     Ok(ExitCode::SUCCESS)
 }

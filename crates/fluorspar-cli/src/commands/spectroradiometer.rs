@@ -7,9 +7,7 @@ use std::process::ExitCode;
 use clap::ValueHint;
 use fluorspar::experiment::{parse, resolve};
 use fluorspar::format::{read_component_exr, write_atomically};
-use fluorspar::pipeline::{
-    FlatSample, SpectroradiometerReading, check_same_scene, predict, read_spectroradiometers,
-};
+use fluorspar::pipeline::{SpectroradiometerReading, check_same_scene, predict, read_spectroradiometers};
 use fluorspar::sensor::Spectroradiometer;
 use fluorspar::spectral::{Curve, Radiance, Spectrum};
 use fluorspar::units::number_text;
@@ -188,7 +186,7 @@ fn of_image(options: &Options, path: &Path) -> Result<Vec<SpectroradiometerReadi
     };
     let name = format!("experiment in {shown}");
     let text = &provenance.resolved_experiment_toml;
-    let rendered = resolve(&parse(text, &name, Path::new("."), &[])?)?;
+    let rendered = resolve(&parse(text, &name, Path::new("."), &[])?)?.study;
     // A section of its own for the instrument of the options.
     const OWN: &str = "command line";
     let text = match &options.capture {
@@ -206,7 +204,7 @@ fn of_image(options: &Options, path: &Path) -> Result<Vec<SpectroradiometerReadi
         }
         None => text.clone(),
     };
-    let mut experiment = parse(&text, &name, Path::new("."), &options.set)
+    let mut study = parse(&text, &name, Path::new("."), &options.set)
         .and_then(|parsed| resolve(&parsed))
         .map_err(|error| {
             let details = error.details();
@@ -217,19 +215,20 @@ fn of_image(options: &Options, path: &Path) -> Result<Vec<SpectroradiometerReadi
                 }
                 _ => error.into(),
             }
-        })?;
-    check_same_scene(&rendered, &experiment)?;
+        })?
+        .study;
+    check_same_scene(&rendered, &study)?;
     if options.capture.is_some() {
-        experiment.spectroradiometers.retain(|device| device.name == OWN);
+        study.spectroradiometers.retain(|device| device.name == OWN);
     }
-    if experiment.spectroradiometers.is_empty() {
-        let captures: Vec<&str> = experiment.captures.iter().map(|c| c.frame.label.as_str()).collect();
+    if study.spectroradiometers.is_empty() {
+        let captures: Vec<&str> = study.captures.iter().map(|c| c.frame.label.as_str()).collect();
         return Err(CliError::Input(format!(
             "{shown}: the experiment has no [[spectroradiometer]]; point one with --capture ({})",
             captures.join(", ")
         )));
     }
-    Ok(read_spectroradiometers(&experiment, &loaded.image)?)
+    Ok(read_spectroradiometers(&study, &loaded.image)?)
 }
 
 /// A flat sample fills any spot.
@@ -248,8 +247,12 @@ fn of_sample(options: &Options, name: Option<&str>) -> Result<Vec<Spectroradiome
         overrides.push(Override::of_option("view_filter.filters", list, typed.join(" ")));
     }
     overrides.extend(options.set.iter().map(|text| Override::set(text)));
-    let sample = source.resolve_sample(&overrides, options.talk.quiet)?;
-    let filter = if options.filter.is_empty() { Curve::constant(1.0) } else { sample.view_filter.clone() };
+    let sample = source.resolve_sample(&overrides, options.talk.quiet)?.sample;
+    let filter = if options.filter.is_empty() {
+        Curve::constant(1.0)
+    } else {
+        sample.camera.view_filter.transmittance.clone()
+    };
     let instrument = Spectroradiometer {
         first_nm: 380.0,
         last_nm: 780.0,
@@ -264,7 +267,7 @@ fn of_sample(options: &Options, name: Option<&str>) -> Result<Vec<Spectroradiome
     instrument.validate().map_err(|problem| {
         CliError::Input(format!("{}: {}", options.typed(&problem.field), problem.message))
     })?;
-    let prediction = predict(&FlatSample::new(&sample)?)?;
+    let prediction = predict(&sample)?;
     let radiance = Spectrum::<Radiance>::new(sample.grid.clone(), prediction.radiance.total)
         .map_err(|error| CliError::Failed(error.to_string()))?;
     Ok(vec![SpectroradiometerReading {

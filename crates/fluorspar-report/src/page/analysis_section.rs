@@ -180,7 +180,7 @@ fn short(value: f64) -> String {
 
 #[cfg(test)]
 mod tests {
-    use fluorspar::analysis::{AnalysisSettings, ChannelNoise, RegionOfInterest, analyse};
+    use fluorspar::analysis::{AnalysisSettings, ChannelNoise, RegionOfInterest, analyze_region};
     use fluorspar::image::ChannelImage;
 
     use super::*;
@@ -209,7 +209,7 @@ mod tests {
         };
         let noise = ChannelNoise { floor_dn: 2.0, dn_per_electron: 0.5, gain_spread: 0.0 };
         let settings = AnalysisSettings::new(RegionOfInterest::whole_image(), noise);
-        let (analysis, ..) = analyse(&image, None, None, None, &settings).unwrap();
+        let (analysis, ..) = analyze_region(&image, None, None, None, &settings).unwrap();
         let section = analysis_section(&analysis, Vec::new());
         assert_eq!(section.title, "What the capture \"dark\" says");
         assert_eq!(section.items.len(), 3);

@@ -10,7 +10,7 @@ use fluorspar::format::{
     write_rgb_png, write_sensor_tiff, write_spectral_exr,
 };
 use fluorspar::image::ComponentImage;
-use fluorspar::pipeline::{RegionRadiance, assess_safety, frame_radiance};
+use fluorspar::pipeline::frame_radiance;
 use serde_json::{Value, json};
 use thiserror::Error;
 
@@ -60,14 +60,14 @@ pub fn write_run_components(
     let provenance = provenance(experiment, experiment_text, components);
     let options =
         ExrOptions { compression: ExrCompression::Rounded24, preview: None, provenance: Some(&provenance) };
-    write_text(&folder.join("experiment.toml"), &experiment.resolved_toml)?;
+    write_text(&folder.join("experiment.toml"), &experiment.record.resolved_toml)?;
     write_component_exr(&folder.join("components.exr"), components, &options)?;
     Ok(())
 }
 
 fn provenance(experiment: &ResolvedExperiment, text: &str, components: &ComponentImage) -> Provenance {
-    let seed = experiment.render.seed;
-    Provenance::new(text, experiment.resolved_toml.clone(), seed, components.samples_per_pixel)
+    let seed = experiment.study.render.seed;
+    Provenance::new(text, experiment.record.resolved_toml.clone(), seed, components.samples_per_pixel)
 }
 
 /// Writes the folder of a run, beside what [`write_run_components`] wrote, and returns the path of the report.
@@ -89,12 +89,12 @@ pub fn write_run_folder(folder: &Path, run: &RunResults<'_>) -> Result<PathBuf, 
     let figures = folder.join("figures");
     fs::create_dir_all(&figures)
         .map_err(|source| RunFolderError::Folder { path: figures.clone(), source })?;
-    let experiment = run.experiment;
-    let provenance = provenance(experiment, run.experiment_text, run.components);
+    let evaluation = run.evaluation;
+    let provenance = provenance(run.experiment, run.experiment_text, run.components);
     let options =
         ExrOptions { compression: ExrCompression::Zip, preview: None, provenance: Some(&provenance) };
 
-    for capture in &experiment.captures {
+    for capture in &run.experiment.study.captures {
         if capture.frame.lights.values().any(|&drive| drive > 0.0) {
             let radiance = frame_radiance(&capture.frame, run.components);
             write_spectral_exr(
@@ -104,13 +104,13 @@ pub fn write_run_folder(folder: &Path, run: &RunResults<'_>) -> Result<PathBuf, 
             )?;
         }
     }
-    for frame in run.frames {
+    for frame in &evaluation.frames {
         for raw in std::iter::once(&frame.raw).chain(&frame.bracket) {
             let path = folder.join(format!("raw_{}.tiff", raw.label));
             write_sensor_tiff(&path, raw, Some(&provenance))?;
         }
     }
-    for (frame, preview) in run.frames.iter().zip(run.previews) {
+    for (frame, preview) in evaluation.frames.iter().zip(&evaluation.previews) {
         let path = folder.join(format!("preview_{}.png", frame.raw.label));
         write_rgb_png(&path, preview.width, preview.height, &preview.rgb)?;
     }
@@ -137,8 +137,8 @@ fn write_text(path: &Path, text: &str) -> Result<(), FormatError> {
 
 /// The content of `results.json`.
 fn results_json(run: &RunResults<'_>) -> Result<Value, serde_json::Error> {
-    let experiment = run.experiment;
-    let frames: Vec<Value> = run
+    let (study, record, evaluation) = (&run.experiment.study, &run.experiment.record, run.evaluation);
+    let frames: Vec<Value> = evaluation
         .frames
         .iter()
         .map(|frame| {
@@ -158,26 +158,24 @@ fn results_json(run: &RunResults<'_>) -> Result<Value, serde_json::Error> {
             })
         })
         .collect();
-    let region =
-        run.analysis.and_then(|a| RegionRadiance::of_analysis(experiment, run.components, &a.region));
     Ok(json!({
         "program": "fluorspar",
         "version": env!("CARGO_PKG_VERSION"),
-        "title": experiment.title,
-        "experiment_sha256": experiment.sha256,
-        "seed": experiment.render.seed,
+        "title": record.title,
+        "experiment_sha256": record.sha256,
+        "seed": study.render.seed,
         "samples_per_pixel": run.components.samples_per_pixel,
         "width_px": run.components.width,
         "height_px": run.components.height,
-        "wavelength_edges_nm": experiment.scene.grid.edges_nm(),
+        "wavelength_edges_nm": study.scene.grid.edges_nm(),
         "components": run.components.components.iter().map(|c| c.label()).collect::<Vec<_>>(),
         "frames": frames,
-        "analysis": run.analysis.map(|a| serde_json::to_value(&a.analysis)).transpose()?,
-        "region_radiance_w_per_sr_m2_nm": region.as_ref().map(serde_json::to_value).transpose()?,
-        "leak_ratio": experiment.analysis.as_ref().and_then(|a| run.leaks.iter().find(|l| l.frame == a.frame)).and_then(|l| l.leak_ratio),
-        "leaks": serde_json::to_value(run.leaks)?,
-        "safety": serde_json::to_value(assess_safety(experiment, run.frames))?,
-        "spectroradiometers": serde_json::to_value(run.spectra)?,
-        "warnings": experiment.warnings,
+        "analysis": evaluation.analysis.as_ref().map(|a| serde_json::to_value(&a.analysis)).transpose()?,
+        "region_radiance_w_per_sr_m2_nm": evaluation.region_radiance.as_ref().map(serde_json::to_value).transpose()?,
+        "leak_ratio": evaluation.analyzed_leak().and_then(|leak| leak.leak_ratio),
+        "leaks": serde_json::to_value(&evaluation.leaks)?,
+        "safety": serde_json::to_value(&evaluation.safety)?,
+        "spectroradiometers": serde_json::to_value(&evaluation.spectra)?,
+        "warnings": record.warnings,
     }))
 }

@@ -9,7 +9,7 @@ pub use report::{NamedFigure, RunReport, run_report};
 
 use fluorspar::experiment::ResolvedExperiment;
 use fluorspar::image::ComponentImage;
-use fluorspar::pipeline::{AnalyzedFrame, CapturedFrame, FrameLeak, Preview, SpectroradiometerReading};
+use fluorspar::pipeline::Evaluation;
 
 /// Everything that one run produced.
 #[derive(Clone, Copy, Debug)]
@@ -20,14 +20,6 @@ pub struct RunResults<'a> {
     pub experiment_text: &'a str,
     /// The render.
     pub components: &'a ComponentImage,
-    /// Raw and developed frames.
-    pub frames: &'a [CapturedFrame],
-    /// Pictures of the developed frames, in the same order.
-    pub previews: &'a [Preview],
-    /// Reflected light against fluorescence in each frame that has light.
-    pub leaks: &'a [FrameLeak],
-    /// Readings of the experiment's spectroradiometers.
-    pub spectra: &'a [SpectroradiometerReading],
-    /// The analysed frame, if the experiment asks for one.
-    pub analysis: Option<&'a AnalyzedFrame>,
+    /// Everything that was computed from it.
+    pub evaluation: &'a Evaluation,
 }

@@ -1,11 +1,13 @@
 //! What a run's report shows and says.
 
 use fluorspar::analysis::Statistics;
+use fluorspar::experiment::ResolvedExperiment;
 use fluorspar::image::Light;
-use fluorspar::pipeline::{AnalyzedFrame, CapturedFrame, FrameLeak, RegionRadiance, assess_safety};
+use fluorspar::pipeline::{AnalyzedFrame, CapturedFrame, FrameLeak, RegionRadiance};
 use fluorspar::preset::{self, PresetKind};
 use fluorspar::sensor::SensorModel;
 use fluorspar::spectral::Curve;
+use fluorspar::study::Lens;
 
 use super::RunResults;
 use super::safety_section::safety_section;
@@ -57,46 +59,44 @@ impl Builder {
 /// Builds the page of a run and its figures.
 pub fn run_report(run: &RunResults<'_>) -> RunReport {
     let mut builder = Builder { figures: Vec::new() };
-    let experiment = run.experiment;
-    let frame_of_interest = experiment.analysis.as_ref().map(|a| a.frame.as_str());
-    let radiance =
-        run.analysis.and_then(|a| RegionRadiance::of_analysis(experiment, run.components, &a.region));
-    let leak = leak_of_interest(run).and_then(|leak| leak.leak_ratio);
+    let (study, record, evaluation) = (&run.experiment.study, &run.experiment.record, run.evaluation);
+    let frame_of_interest = study.analysis.as_ref().map(|a| a.frame.as_str());
+    let leak = evaluation.analyzed_leak().and_then(|leak| leak.leak_ratio);
 
     let mut sections = vec![camera_section(run, &mut builder)];
     sections.extend(leak_section(run));
-    if let Some(analyzed) = run.analysis {
+    if let Some(analyzed) = &run.evaluation.analysis {
         sections.push(result_section(run, analyzed, &mut builder));
     }
-    if let Some(radiance) = &radiance {
+    if let Some(radiance) = &evaluation.region_radiance {
         sections.push(radiance_section(run, radiance, leak, &mut builder));
     }
-    if !run.spectra.is_empty() {
+    if !run.evaluation.spectra.is_empty() {
         sections.push(spectroradiometer_section(run, &mut builder));
     }
-    sections.extend(safety_section(&assess_safety(experiment, run.frames)));
+    sections.extend(evaluation.safety.as_ref().and_then(safety_section));
     sections.push(parts_section(run, &mut builder));
     sections.push(assumptions_section(run));
     sections.push(glossary_section());
 
-    let mut warnings = experiment.warnings.clone();
-    if let Some(analyzed) = run.analysis {
+    let mut warnings = record.warnings.clone();
+    if let Some(analyzed) = &run.evaluation.analysis {
         warnings.extend(analyzed.analysis.warnings.iter().cloned());
     }
-    if run.components.samples_per_pixel < experiment.render.samples_per_pixel {
+    if run.components.samples_per_pixel < study.render.samples_per_pixel {
         warnings.push(format!(
             "The render was stopped early: {} of {} samples per pixel.",
-            run.components.samples_per_pixel, experiment.render.samples_per_pixel
+            run.components.samples_per_pixel, study.render.samples_per_pixel
         ));
     }
     let page = ReportData {
-        title: experiment.title.clone(),
+        title: record.title.clone(),
         lead: lead(run, frame_of_interest),
         headline: headline(run, leak),
         warnings,
         sections,
         provenance: provenance(run),
-        experiment_toml: experiment.resolved_toml.clone(),
+        experiment_toml: record.resolved_toml.clone(),
         rerun_command: "fluorspar run report.html".into(),
     };
     RunReport { page, figures: builder.figures }
@@ -104,8 +104,8 @@ pub fn run_report(run: &RunResults<'_>) -> RunReport {
 
 fn lead(run: &RunResults<'_>, frame: Option<&str>) -> Vec<String> {
     let mut lead = Vec::new();
-    if !run.experiment.description.is_empty() {
-        lead.push(run.experiment.description.clone());
+    if !run.experiment.record.description.is_empty() {
+        lead.push(run.experiment.record.description.clone());
     }
     lead.push(
         "Everything on this page was computed: a three-dimensional scene with lights of known power was rendered as \
@@ -124,18 +124,12 @@ fn lead(run: &RunResults<'_>, frame: Option<&str>) -> Vec<String> {
     lead
 }
 
-/// The leak of the analysed frame.
-fn leak_of_interest<'a>(run: &RunResults<'a>) -> Option<&'a FrameLeak> {
-    let frame = run.experiment.analysis.as_ref().map(|a| a.frame.as_str())?;
-    run.leaks.iter().find(|leak| leak.frame == frame)
-}
-
 /// Lamp light in the frames: what of the electrons is signal, and what is lamp light that came through the filters.
 fn leak_section(run: &RunResults<'_>) -> Option<Section> {
-    if run.leaks.is_empty() {
+    if run.evaluation.leaks.is_empty() {
         return None;
     }
-    let place = match run.analysis {
+    let place = match &run.evaluation.analysis {
         Some(analyzed) => format!("over {}", analyzed.analysis.region_description),
         None => "over the whole frame".into(),
     };
@@ -144,7 +138,7 @@ fn leak_section(run: &RunResults<'_>) -> Option<Section> {
          fluorescence frame reflected light is a disturbance, the leak: it adds to every channel, is shaped by gloss and \
          reflectance, and looks like fluorescence that is not there. Means {place}, without noise."
     ));
-    for leak in run.leaks {
+    for leak in &run.evaluation.leaks {
         let reflectance = leak.is_reflectance();
         let kind =
             if reflectance { "reflected light, here the signal" } else { "reflected lamp light: the leak" };
@@ -213,7 +207,7 @@ fn leak_section(run: &RunResults<'_>) -> Option<Section> {
 
 /// The title of a fluorophore, as the pictures of the matrices have it.
 fn title_of(run: &RunResults<'_>, name: &str) -> String {
-    let scene = &run.experiment.scene;
+    let scene = &run.experiment.study.scene;
     scene.fluorophores.iter().find(|f| f.name == name).map_or_else(|| name.to_owned(), |f| f.title.clone())
 }
 
@@ -236,7 +230,7 @@ fn percent(ratio: f64) -> String {
 
 fn headline(run: &RunResults<'_>, leak: Option<f64>) -> Vec<Number> {
     let mut numbers = Vec::new();
-    if let Some(analyzed) = run.analysis {
+    if let Some(analyzed) = &run.evaluation.analysis {
         let analysis = &analyzed.analysis;
         if let Some(region) = analysis.mixture.as_ref().and_then(|m| m.region) {
             let e = &region.estimate;
@@ -258,7 +252,7 @@ fn headline(run: &RunResults<'_>, leak: Option<f64>) -> Vec<Number> {
                 "median of R/(R+G+B) and G/(R+G+B) over the region",
             ));
         }
-        if let Some(frame) = run.frames.iter().find(|f| f.raw.label == analysis.frame) {
+        if let Some(frame) = run.evaluation.frames.iter().find(|f| f.raw.label == analysis.frame) {
             let green = analysis.channels.iter().find(|c| c.name == "G").and_then(|c| c.statistics.as_ref());
             if let Some(green) = green {
                 numbers.push(Number::computed(
@@ -282,12 +276,12 @@ fn headline(run: &RunResults<'_>, leak: Option<f64>) -> Vec<Number> {
 }
 
 fn provenance(run: &RunResults<'_>) -> Vec<(String, String)> {
-    let experiment = run.experiment;
-    let scene = &experiment.scene;
+    let ResolvedExperiment { study, record } = run.experiment;
+    let scene = &study.scene;
     vec![
         ("Fluorspar".into(), env!("CARGO_PKG_VERSION").into()),
-        ("Experiment SHA-256".into(), experiment.sha256.clone()),
-        ("Seed".into(), experiment.render.seed.to_string()),
+        ("Experiment SHA-256".into(), record.sha256.clone()),
+        ("Seed".into(), study.render.seed.to_string()),
         ("Samples per pixel".into(), run.components.samples_per_pixel.to_string()),
         (
             "Image".into(),
@@ -305,14 +299,15 @@ fn percent_saturated(frame: &CapturedFrame) -> f64 {
 
 fn camera_section(run: &RunResults<'_>, builder: &mut Builder) -> Section {
     let pictures = run
+        .evaluation
         .frames
         .iter()
-        .zip(run.previews)
-        .zip(&run.experiment.captures)
+        .zip(&run.evaluation.previews)
+        .zip(&run.experiment.study.captures)
         .filter_map(|((frame, preview), capture)| {
             let png = Raster::from_rgb8(preview.width, preview.height, &preview.rgb)?.to_png()?;
             let raw = &frame.raw;
-            let groups = &run.experiment.scene.light_groups;
+            let groups = &run.experiment.study.scene.light_groups;
             let what = if groups.iter().any(|group| capture.frame.drive(&group.name) > 0.0) {
                 "Developed for the eye and scaled to its own brightest parts."
             } else {
@@ -336,6 +331,7 @@ fn camera_section(run: &RunResults<'_>, builder: &mut Builder) -> Section {
         )
         .with(ReportItem::Pictures(pictures));
     let rows = run
+        .evaluation
         .frames
         .iter()
         .flat_map(|frame| {
@@ -365,7 +361,7 @@ fn camera_section(run: &RunResults<'_>, builder: &mut Builder) -> Section {
         })
         .collect();
     section = section.with(ReportItem::Table(NumberTable { caption: "Frames".into(), rows }));
-    for frame in run.frames {
+    for frame in &run.evaluation.frames {
         let n = frame.developed.channels.len();
         let channels: Vec<ChannelValues> = frame
             .developed
@@ -377,12 +373,12 @@ fn camera_section(run: &RunResults<'_>, builder: &mut Builder) -> Section {
                 values: frame.developed.data.iter().copied().skip(c).step_by(n).collect(),
             })
             .collect();
-        let capture = run.experiment.captures.iter().find(|c| c.frame.label == frame.raw.label);
+        let capture = run.experiment.study.captures.iter().find(|c| c.frame.label == frame.raw.label);
         let subtracted = capture.and_then(|c| c.subtract.as_deref());
         let figure = histograms(&frame.raw.label, &channels, frame.developed.full_scale_dn, subtracted);
         let stem = format!("histogram_{}", frame.raw.label);
         // The frame that is analysed is shown; the others are saved only.
-        if run.experiment.analysis.as_ref().is_some_and(|a| a.frame == frame.raw.label) {
+        if run.experiment.study.analysis.as_ref().is_some_and(|a| a.frame == frame.raw.label) {
             section = builder.show(section, &stem, figure, "");
         } else {
             builder.figures.push(NamedFigure { stem, figure });
@@ -407,7 +403,12 @@ fn result_section(run: &RunResults<'_>, analyzed: &AnalyzedFrame, builder: &mut 
     });
     let mut figures =
         vec![builder.item("chromaticity", plot, "The sensor's noise spreads pixels about the line.")];
-    let frame = run.frames.iter().zip(run.previews).find(|(f, _)| f.raw.label == analysis.frame);
+    let frame = run
+        .evaluation
+        .frames
+        .iter()
+        .zip(&run.evaluation.previews)
+        .find(|(f, _)| f.raw.label == analysis.frame);
     if let (Some(porphyrin), Some((frame, preview))) = (&analyzed.porphyrin, frame) {
         let grey: Vec<u8> = preview.rgb.chunks_exact(3).map(|p| p[1].max(p[0])).collect();
         let fractions = porphyrin.fractions_on_line();
@@ -419,7 +420,7 @@ fn result_section(run: &RunResults<'_>, analyzed: &AnalyzedFrame, builder: &mut 
             figures.push(builder.item("porphyrin_map", figure, ""));
         }
         if let (Some([col, row, w, h]), Some(raster)) = (
-            run.experiment.analysis.as_ref().and_then(|a| a.rectangle_px),
+            run.experiment.study.analysis.as_ref().and_then(|a| a.rectangle_px),
             Raster::from_rgb8(preview.width, preview.height, &preview.rgb),
         ) {
             let rectangle = [col, row, w, h].map(f64::from);
@@ -439,7 +440,8 @@ fn radiance_section(
         |name: &str, values: &[f64]| NamedCurve::new(name, radiance.wavelength_nm.clone(), values.to_vec());
     let glow: Vec<NamedCurve> =
         radiance.fluorescence.iter().map(|(name, v)| curve(&title_of(run, name), v)).collect();
-    let region = run.analysis.map_or_else(String::new, |a| a.analysis.region_description.clone());
+    let region =
+        run.evaluation.analysis.as_ref().map_or_else(String::new, |a| a.analysis.region_description.clone());
     let (reflected, total) = (curve("reflected", &radiance.reflected), curve("sum", &radiance.total));
     let mut section = Section::new("The light that leaves the tissue").say(format!(
         "Mean spectral radiance of {region} ({} pixels of the render), before filter and lens. It is the quantity that a \
@@ -473,7 +475,7 @@ fn spectroradiometer_section(run: &RunResults<'_>, builder: &mut Builder) -> Sec
         "Spectral radiance from the place of the camera, behind the instrument's filter, through its slit, with its stray \
          light and noise.",
     );
-    for (index, spectrum) in run.spectra.iter().enumerate() {
+    for (index, spectrum) in run.evaluation.spectra.iter().enumerate() {
         let reading = &spectrum.reading;
         let curve = |name: &str, values: &[f64]| {
             NamedCurve::new(name, reading.wavelength_nm.clone(), values.to_vec())
@@ -500,8 +502,9 @@ fn fine(name: &str, curve: &Curve, range: (f64, f64)) -> NamedCurve {
 }
 
 fn parts_section(run: &RunResults<'_>, builder: &mut Builder) -> Section {
-    let experiment = run.experiment;
-    let scene = &experiment.scene;
+    let study = &run.experiment.study;
+    let scene = &study.scene;
+    let view_filter = &study.camera.view_filter.transmittance;
     let range = (scene.grid.start_nm(), scene.grid.end_nm());
     let mut section = Section::new("Lights, filters, tissue and sensor");
 
@@ -513,7 +516,7 @@ fn parts_section(run: &RunResults<'_>, builder: &mut Builder) -> Section {
             lamps.push(fine(group, &light.spectrum.scaled(1.0 / peak), range));
         }
     }
-    let view = fine("in front of the lens", &experiment.view_filter, range);
+    let view = fine("in front of the lens", view_filter, range);
     if !lamps.is_empty() {
         section = builder.show(
             section,
@@ -539,16 +542,16 @@ fn parts_section(run: &RunResults<'_>, builder: &mut Builder) -> Section {
                 EemMap { name: f.title.clone(), excitation_nm: ex, emission_nm: em, columns, values }
             })
             .collect();
-        let frame = experiment.analysis.as_ref().map(|a| a.frame.as_str());
+        let frame = study.analysis.as_ref().map(|a| a.frame.as_str());
         let lamp = scene.lights.iter().find(|light| {
             let group = &scene.light_groups[light.group].name;
-            let capture = experiment.captures.iter().find(|c| Some(c.frame.label.as_str()) == frame);
+            let capture = study.captures.iter().find(|c| Some(c.frame.label.as_str()) == frame);
             capture.is_some_and(|c| c.frame.drive(group) > 0.0)
         });
         let peak = lamp.map(|l| l.spectrum.peak_nm());
         let nominal = lamp.zip(peak).and_then(|(lamp, peak_nm)| {
             let group = &scene.light_groups[lamp.group].name;
-            nominal_wavelength(&experiment.resolved_toml, group, peak_nm)
+            nominal_wavelength(&run.experiment.record.resolved_toml, group, peak_nm)
         });
         section = builder.show(section, "eem", eem_maps(&maps, peak), &nominal.unwrap_or_default());
         if let Some(lamp) = lamp {
@@ -559,7 +562,7 @@ fn parts_section(run: &RunResults<'_>, builder: &mut Builder) -> Section {
                 .iter()
                 .map(|f| fine(&f.title, &f.eem.photon_exitance(&photons.scaled(1.0 / total), range), range))
                 .collect();
-            let band = view_band(&experiment.view_filter, range);
+            let band = view_band(view_filter, range);
             let name = &scene.light_groups[lamp.group].name;
             section = builder.show(
                 section,
@@ -575,10 +578,10 @@ fn parts_section(run: &RunResults<'_>, builder: &mut Builder) -> Section {
             );
         }
     }
-    if let Some(sensor) = &experiment.sensor {
+    if let Some(sensor) = &study.camera.sensor {
         let bare: Vec<NamedCurve> =
             sensor.qe().channels().iter().map(|c| fine(&c.name, &c.curve, range)).collect();
-        let filtered: Vec<NamedCurve> = match &experiment.lens {
+        let filtered: Vec<NamedCurve> = match study.camera.lens_behind_filters() {
             Some(lens) => sensor
                 .qe()
                 .behind(&lens.transmittance)
@@ -628,10 +631,10 @@ fn view_band(filter: &Curve, range: (f64, f64)) -> Option<[f64; 2]> {
 }
 
 fn camera_rows(run: &RunResults<'_>) -> Vec<Number> {
-    let experiment = run.experiment;
+    let camera = &run.experiment.study.camera;
     let mut rows = Vec::new();
     let assumed = || Origin::Assumed("see the experiment below: its comments say what is published".into());
-    if let Some(lens) = &experiment.lens {
+    if let Some(Lens { equation: lens, .. }) = &camera.lens {
         rows.push(
             Number::computed("Focal length", format!("{}", lens.focal_length_mm), "mm", "of the ideal lens")
                 .from(assumed()),
@@ -647,7 +650,7 @@ fn camera_rows(run: &RunResults<'_>) -> Vec<Number> {
             "size of the image over that of the object",
         ));
     }
-    if let Some(sensor) = &experiment.sensor {
+    if let Some(sensor) = &camera.sensor {
         rows.extend(sensor_rows(sensor.model()));
     }
     rows
@@ -706,7 +709,7 @@ fn sensor_rows(m: &SensorModel) -> Vec<Number> {
 }
 
 fn assumptions_section(run: &RunResults<'_>) -> Section {
-    let scene = &run.experiment.scene;
+    let scene = &run.experiment.study.scene;
     let terms: Vec<(String, String)> = scene
         .fluorophores
         .iter()

@@ -8,7 +8,7 @@
 //! | [`RegionOfInterest::select`] | the pixels of a named part, of a rectangle, or of both |
 //! | [`RegionStatistics::new`] | mean, spread, percentiles, covariance ellipse of a region |
 //! | [`MixtureLine`] | the bulk-porphyrin line, and per pixel where on it a measurement lies |
-//! | [`analyse`] | all of it at once, as an [`Analysis`] that goes to `results.json` |
+//! | [`analyze_region`] | all of it at once, as an [`Analysis`] that goes to `results.json` |
 //!
 //! Out of scope: telling the four bulk fluorophores apart. Under one excitation light their chromaticities are too
 //! close, and three channels leave no room for five unknowns.
@@ -32,5 +32,5 @@ pub use region_of_interest::{PixelSelection, Rectangle, RegionError, RegionOfInt
 pub use statistics::{CovarianceEllipse, RegionStatistics, Statistics};
 pub use summary::{
     Analysis, AnalysisError, AnalysisSettings, ChannelStatistics, MixtureModel, MixtureSummary,
-    PredictedFluorophore, RegionFraction, analyse,
+    PredictedFluorophore, RegionFraction, analyze_region,
 };

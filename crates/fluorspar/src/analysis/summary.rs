@@ -128,7 +128,7 @@ pub struct Analysis {
     pub warnings: Vec<String>,
 }
 
-/// Why a frame cannot be analysed.
+/// Why a frame cannot be analyzed.
 #[derive(Clone, Debug, Error, PartialEq)]
 #[non_exhaustive]
 pub enum AnalysisError {
@@ -160,7 +160,7 @@ pub enum AnalysisError {
 ///
 /// # Errors
 /// A region without pixels, an image without R, G and B, or a model that names an unknown fluorophore.
-pub fn analyse(
+pub fn analyze_region(
     image: &ChannelImage,
     scene: Option<SceneOnSensor<'_>>,
     model: Option<&MixtureModel>,
@@ -364,7 +364,7 @@ mod tests {
     #[test]
     fn a_noise_free_gradient_is_measured_as_it_was_made() {
         let (analysis, _, map) =
-            analyse(&image(101, 1000.0), None, Some(&model()), None, &settings()).unwrap();
+            analyze_region(&image(101, 1000.0), None, Some(&model()), None, &settings()).unwrap();
         let mixture = analysis.mixture.unwrap();
         // f32 pixel values: relative 6e-8.
         assert!((mixture.fraction.unwrap().median - 0.2).abs() < 1e-6);
@@ -381,14 +381,14 @@ mod tests {
     fn json_holds_no_nan_and_reads_back_even_without_light() {
         for light_dn in [1000.0, 1.0, 0.0] {
             let (analysis, ..) =
-                analyse(&image(3, light_dn), None, Some(&model()), None, &settings()).unwrap();
+                analyze_region(&image(3, light_dn), None, Some(&model()), None, &settings()).unwrap();
             let json = serde_json::to_string(&analysis).unwrap();
             let back: Analysis = serde_json::from_str(&json).unwrap();
             assert_eq!(back, analysis, "{light_dn}");
         }
         let one_pixel = Rectangle { col: 0, row: 0, width: 1, height: 1 };
         let settings = AnalysisSettings { region: RegionOfInterest::of_rectangle(one_pixel), ..settings() };
-        let (analysis, ..) = analyse(&image(3, 1000.0), None, None, None, &settings).unwrap();
+        let (analysis, ..) = analyze_region(&image(3, 1000.0), None, None, None, &settings).unwrap();
         let back: Analysis = serde_json::from_str(&serde_json::to_string(&analysis).unwrap()).unwrap();
         assert_eq!(back, analysis);
     }
@@ -397,7 +397,7 @@ mod tests {
     fn lost_pixels_are_warned_about() {
         let mut image = image(100, 1000.0);
         image.saturated[..30].fill(true);
-        let (analysis, ..) = analyse(&image, None, None, None, &settings()).unwrap();
+        let (analysis, ..) = analyze_region(&image, None, None, None, &settings()).unwrap();
         assert_eq!(
             analysis.warnings,
             ["30 % of the region's pixels are left out: saturated. Shorten the exposure or lower the gain."]
@@ -408,7 +408,8 @@ mod tests {
     fn a_filter_that_blocks_the_porphyrin_costs_the_fraction_not_the_analysis() {
         let mut model = model();
         model.responses[2].rgb_per_amount = [0.0; 3];
-        let (analysis, _, map) = analyse(&image(5, 1000.0), None, Some(&model), None, &settings()).unwrap();
+        let (analysis, _, map) =
+            analyze_region(&image(5, 1000.0), None, Some(&model), None, &settings()).unwrap();
         assert!(analysis.mixture.is_none() && map.is_none());
         assert!(analysis.warnings[0].starts_with("No porphyrin fraction: the porphyrin response"));
         assert_eq!(analysis.fluorophores[2].chromaticity, None);
@@ -417,7 +418,8 @@ mod tests {
     #[test]
     fn no_bulk_is_not_blamed_on_the_filter() {
         let model = MixtureModel { bulk_weights: Vec::new(), ..model() };
-        let (analysis, ..) = analyse(&image(5, 1000.0), None, Some(&model), None, &settings()).unwrap();
+        let (analysis, ..) =
+            analyze_region(&image(5, 1000.0), None, Some(&model), None, &settings()).unwrap();
         let warning = &analysis.warnings[0];
         assert!(warning.contains("no fluorophore is named as the bulk"), "{warning}");
         assert!(!warning.contains("filter"), "{warning}");
@@ -425,8 +427,9 @@ mod tests {
 
     #[test]
     fn reflected_light_of_another_size_is_refused() {
-        let error =
-            analyse(&image(5, 9.0), None, None, Some(&image(4, 9.0)), &settings()).unwrap_err().to_string();
+        let error = analyze_region(&image(5, 9.0), None, None, Some(&image(4, 9.0)), &settings())
+            .unwrap_err()
+            .to_string();
         assert_eq!(
             error,
             "the image of reflected light has 4 x 1 pixels but the frame has 5 x 1; develop both with the same sensor"

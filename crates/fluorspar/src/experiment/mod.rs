@@ -1,11 +1,11 @@
-//! Experiments as TOML files: scene, lights, camera, captures and analysis, with units in every name.
+//! Experiments as TOML files, with units in every name: a front that makes a [`crate::study::Study`] from them.
 //!
 //! | step | call | file |
 //! |---|---|---|
 //! | text to tree, with the line of every value | [`parse`] | `document.rs` |
 //! | base experiment below, overrides above | [`parse`] | `merge.rs`, `overrides.rs` |
 //! | tree to typed sections | [`parse`] | `read.rs`, `schema/` |
-//! | sections to scene, lens, sensor, captures | [`resolve`] | `resolve/` |
+//! | sections to a study | [`resolve`] | `resolve/` |
 //! | the small file of a flat sample | [`parse_sample`] | `sample.rs` |
 //! | the small file of a sensor | [`parse_sensor`] | `sensor_file.rs` |
 //!
@@ -24,10 +24,7 @@ pub mod schema;
 
 pub use error::{ErrorDetails, ExperimentError};
 pub use read::{Experiment, parse};
-pub use resolve::{
-    Capture, FlatFieldPlan, InputFile, ResolvedAnalysis, ResolvedDevelop, ResolvedExperiment,
-    ResolvedSpectroradiometer, SpotOrParts, resolve,
-};
+pub use resolve::{FileRecord, InputFile, ResolvedExperiment, resolve};
 pub use sample::{
     MeasuredLight, ResolvedSample, SampleCompatibility, SampleExposure, SampleFile, SampleLight,
     SampleMaterial, is_sample, parse_sample,

@@ -14,7 +14,7 @@ use super::error::{ExperimentError, steps};
 use super::read::{read_document, typed};
 use super::resolve::context::{Context, Resolved, STRENGTH, hex};
 use super::resolve::spectrum::Role;
-use super::resolve::{device, material, replace_paths, without_name};
+use super::resolve::{FileRecord, device, material, replace_paths, without_name};
 use super::schema::{
     ExposureTime, FluorophoreSection, LensSection, SensorSection, SpectralSection, SpectrumReference,
     ViewFilterSection,
@@ -22,13 +22,14 @@ use super::schema::{
 use crate::geometry::TriangleMesh;
 use crate::light::{Emitter, Light, LightGroup};
 use crate::material::{FluorophoreAmount, Material, ScalarTexture};
-use crate::optics::{CameraLens, FilterStack, IdealLens, PerspectiveCamera};
+use crate::optics::PerspectiveCamera;
 use crate::scene::{Object, Scene, Shape};
-use crate::sensor::{AutoExposure, CaptureFrame, Sensor, SensorMode};
+use crate::sensor::{AutoExposure, CaptureFrame, SensorMode};
 use crate::spectral::{
     Curve, Fluorophore, MAX_WAVELENGTH_NM, MIN_WAVELENGTH_NM, TOOLBOX_SAMPLES, TOOLBOX_START_NM,
     TOOLBOX_STEP_NM, ToolboxEem, WavelengthGrid,
 };
+use crate::study::{Camera, FlatSample, FluorescenceModel};
 
 /// What a measured light spectrum holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -139,39 +140,15 @@ pub struct SampleFile {
     pub exposure: SampleExposure,
 }
 
-/// A sample as curves, ready to compute with.
+/// A flat sample ready to compute with: what it means, and the file that says so.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ResolvedSample {
-    /// Name for people.
-    pub title: String,
-    /// Whose equations to use.
+    /// The sample before its camera.
+    pub sample: FlatSample,
+    /// Whose equations the file asks for.
     pub compatibility: SampleCompatibility,
-    /// Wavelength bins.
-    pub grid: WavelengthGrid,
-    /// Irradiance of the sample, W/(m² nm).
-    pub irradiance: Curve,
-    /// Diffuse reflectance.
-    pub reflectance: Curve,
-    /// Fluorophores at unit concentration, and their concentrations.
-    pub fluorophores: Vec<(Fluorophore, f64)>,
-    /// Transmittance of the filters in front of the lens.
-    pub view_filter: Curve,
-    /// Those filters, one by one.
-    pub view_filters: FilterStack,
-    /// Lens, without those filters; of a traced lens its camera equation.
-    pub lens: Option<IdealLens>,
-    /// The rays of a traced lens on its axis.
-    pub traced_lens: Option<Arc<CameraLens>>,
-    /// Sensor.
-    pub sensor: Option<Sensor>,
-    /// Time and gain.
-    pub exposure: CaptureFrame,
-    /// What a user should know.
-    pub warnings: Vec<String>,
-    /// The complete sample as a file.
-    pub resolved_toml: String,
-    /// Digest of everything that decides the result.
-    pub sha256: String,
+    /// The file.
+    pub record: FileRecord,
 }
 
 /// Whether a text is the file of a flat sample: it has a `[sample]` table.
@@ -241,25 +218,24 @@ fn resolve_sample(document: &Document, file: &SampleFile) -> Resolved<ResolvedSa
         }
     }
 
-    let filters = device::view_filter(context, &file.view_filter, &grid)?;
-    let resolved_lens = match &file.lens {
+    let view_filter = device::view_filter(context, &file.view_filter, &grid)?;
+    let lens = match &file.lens {
         Some(section) => {
             if section.image_formation.is_some() {
                 let message = "a flat sample has no picture; remove this field";
                 return context.fail(&steps!["lens", "image_formation"], message);
             }
-            Some(device::lens(context, section, None, &filters, None, false, &grid)?)
+            Some(device::lens(context, section, None, None, &grid)?)
         }
-        None if filters.0.lens_angles => {
+        None if view_filter.stack.lens_angles => {
             let message = "there is no [lens] whose rays have angles";
             return context.fail(&steps!["view_filter", "angles"], message);
         }
         None => None,
     };
-    let (view_filters, fixed) = filters;
-    let (lens, traced_lens, view_filter) = match resolved_lens {
-        Some(lens) => (Some(lens.equation), lens.traced, lens.view_filter),
-        None => (None, None, fixed),
+    let view_filter = match &lens {
+        Some(lens) => view_filter.with_lens(lens, None),
+        None => view_filter,
     };
     let sensor = match &file.sensor {
         Some(section) => Some(device::sensor(context, section, &grid)?),
@@ -281,23 +257,29 @@ fn resolve_sample(document: &Document, file: &SampleFile) -> Resolved<ResolvedSa
     };
     let (resolved_toml, sha256) = write_out(context, file)?;
     let warnings = context.take_warnings(&grid);
-    Ok(ResolvedSample {
-        title: file.title.clone(),
-        compatibility: file.compatibility,
+    let sample = FlatSample {
         grid,
         irradiance,
         reflectance,
         fluorophores: fluorophores.list.into_iter().zip(concentrations).collect(),
-        view_filter,
-        view_filters,
-        lens,
-        traced_lens,
-        sensor,
+        model: match file.compatibility {
+            SampleCompatibility::ToolboxEem => FluorescenceModel::Toolbox,
+            SampleCompatibility::None | SampleCompatibility::Isetcam => FluorescenceModel::Physical,
+        },
+        camera: Camera { lens, view_filter, sensor, ..Camera::default() },
         exposure,
+    };
+    let record = FileRecord {
+        title: file.title.clone(),
+        description: file.description.clone(),
+        output_folder: None,
         warnings,
+        inputs: std::mem::take(&mut context.inputs),
+        base_files: document.base_files.clone(),
         resolved_toml,
         sha256,
-    })
+    };
+    Ok(ResolvedSample { sample, compatibility: file.compatibility, record })
 }
 
 fn irradiance(context: &mut Context<'_>, light: &SampleLight, grid: &WavelengthGrid) -> Resolved<Curve> {

@@ -56,6 +56,25 @@ pub enum MeshError {
 }
 
 impl TriangleMesh {
+    /// A parallelogram of two triangles, from a corner, m, and two edges, m. It faces to the side of `edge_u x edge_v`;
+    /// texture coordinates run along the edges.
+    pub fn quad(corner: Vec3, edge_u: Vec3, edge_v: Vec3) -> Self {
+        let mut mesh = Self::default();
+        mesh.add_quad(corner, edge_u, edge_v);
+        mesh
+    }
+
+    /// Adds a parallelogram as [`TriangleMesh::quad`] makes it to a mesh without normals.
+    pub fn add_quad(&mut self, corner: Vec3, edge_u: Vec3, edge_v: Vec3) {
+        let first = self.positions.len() as u32;
+        for (u, v) in [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)] {
+            self.positions.push(corner + u * edge_u + v * edge_v);
+            self.uvs.push(Vec2::new(u, v));
+        }
+        self.triangles.push([first, first + 1, first + 2]);
+        self.triangles.push([first, first + 2, first + 3]);
+    }
+
     /// Checks indices, finiteness and the lengths of the optional attributes.
     ///
     /// # Errors

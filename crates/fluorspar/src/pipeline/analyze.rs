@@ -5,16 +5,17 @@ use super::direct_light::{axis_point, irradiance_on, region_points};
 use super::{CapturedFrame, PipelineError};
 use crate::analysis::{
     Analysis, AnalysisSettings, ChannelNoise, ChromaticityMap, FluorophoreResponse, MixtureModel,
-    PixelSelection, PorphyrinMap, Rectangle, RegionOfInterest, SceneOnSensor, analyse, channel_response,
+    PixelSelection, PorphyrinMap, Rectangle, RegionOfInterest, SceneOnSensor, analyze_region,
+    channel_response,
 };
-use crate::experiment::{Capture, ResolvedAnalysis, ResolvedExperiment};
 use crate::image::ComponentImage;
 use crate::render::direct_exitance;
 use crate::scene::irradiance::SurfacePoint;
 use crate::sensor::Sensor;
 use crate::spectral::{Curve, QuantumEfficiency, Radiance, Spectrum};
+use crate::study::{AnalysisPlan, Capture, Study};
 
-/// The analysed frame: summary and the maps that it was made from.
+/// The analyzed frame: summary and the maps that it was made from.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AnalyzedFrame {
     /// Summary.
@@ -27,7 +28,7 @@ pub struct AnalyzedFrame {
     pub region: PixelSelection,
 }
 
-/// Analyses the frame that the experiment names. `None` when it asks for no analysis.
+/// Analyzes the frame that the study names. `None` when it asks for no analysis.
 ///
 /// The responses of the fluorophores are predicted for the light that reaches the region directly under the lights of
 /// the frame (those of a subtracted frame taken off), through the lens with its filters, to the sensor. Without a
@@ -36,23 +37,22 @@ pub struct AnalyzedFrame {
 /// # Errors
 /// A frame that is not there, a region without pixels, a sensor without R, G and B.
 pub fn analyze(
-    experiment: &ResolvedExperiment,
+    study: &Study,
     components: Option<&ComponentImage>,
     frames: &[CapturedFrame],
 ) -> Result<Option<AnalyzedFrame>, PipelineError> {
-    let Some(settings) = &experiment.analysis else { return Ok(None) };
-    let sensor = experiment.sensor.as_ref().ok_or(PipelineError::Missing("sensor", "[sensor]"))?;
+    let Some(settings) = &study.analysis else { return Ok(None) };
+    let sensor = study.camera.sensor.as_ref().ok_or(PipelineError::Missing("sensor"))?;
     let no_frame = || PipelineError::NoFrame {
         wanted: settings.frame.clone(),
         known: frames.iter().map(|f| f.raw.label.as_str()).collect::<Vec<_>>().join(", "),
     };
     let frame = frames.iter().find(|f| f.raw.label == settings.frame).ok_or_else(no_frame)?;
-    let capture =
-        experiment.captures.iter().find(|c| c.frame.label == settings.frame).ok_or_else(no_frame)?;
+    let capture = study.capture(&settings.frame).ok_or_else(no_frame)?;
 
     let (k, model) = (frame.raw.dn_per_electron, sensor.model());
     // A flat field takes the spread of the pixels' response out, dark frames that of their dark signal.
-    let develop = &experiment.develop;
+    let develop = &study.develop;
     let prnu = if develop.flat_field.is_some() { 0.0 } else { model.image_prnu_percent() / 100.0 };
     let dsnu = if develop.dark_frames > 0 { 0.0 } else { k * model.image_dsnu_electrons() };
     let noise = ChannelNoise::of_image(&frame.developed, k, prnu, dsnu);
@@ -62,15 +62,15 @@ pub fn analyze(
     }
     let analysis_settings = AnalysisSettings { region, noise, noise_threshold: settings.noise_threshold };
     let image = &frame.developed;
-    let scene = components.and_then(|components| on_sensor(experiment, components));
+    let scene = components.and_then(|components| on_sensor(study, components));
     let region = analysis_settings
         .region
         .select(image.width, image.height, scene)
         .map_err(crate::analysis::AnalysisError::from)?;
-    let lamp = frame_lamp(experiment, capture, scene.map(|scene| (scene, &region)));
-    let model = mixture_model(experiment, sensor, capture, lamp.as_ref(), settings);
+    let lamp = frame_lamp(study, capture, scene.map(|scene| (scene, &region)));
+    let model = mixture_model(study, sensor, capture, lamp.as_ref(), settings);
     let (analysis, chromaticity, porphyrin) =
-        analyse(image, scene, model.as_ref(), None, &analysis_settings)?;
+        analyze_region(image, scene, model.as_ref(), None, &analysis_settings)?;
     Ok(Some(AnalyzedFrame { analysis, chromaticity, porphyrin, region }))
 }
 
@@ -80,41 +80,40 @@ pub fn analyze(
 /// Direct light, unoccluded. Where no light meets the lit side of any point (a region in its own shadow), the surface
 /// is taken to face the camera: the proportions of the lights matter here, not the level.
 pub(crate) fn frame_lamp(
-    experiment: &ResolvedExperiment,
+    study: &Study,
     capture: &Capture,
     region: Option<(SceneOnSensor<'_>, &PixelSelection)>,
 ) -> Option<Curve> {
-    let mut points =
-        region.map(|(scene, region)| region_points(experiment, scene, region)).unwrap_or_default();
+    let mut points = region.map(|(scene, region)| region_points(study, scene, region)).unwrap_or_default();
     if points.is_empty() {
-        points.push(axis_point(experiment));
+        points.push(axis_point(study));
     }
-    irradiance_on(experiment, capture, &points).or_else(|| {
-        let camera = experiment.scene.camera.position.as_dvec3();
+    irradiance_on(study, capture, &points).or_else(|| {
+        let camera = study.scene.camera.position.as_dvec3();
         let toward = |point: &SurfacePoint| SurfacePoint {
             normal: (camera - point.position).try_normalize().unwrap_or(point.normal),
             ..*point
         };
         let facing: Vec<SurfacePoint> = points.iter().map(toward).collect();
-        irradiance_on(experiment, capture, &facing)
+        irradiance_on(study, capture, &facing)
     })
 }
 
 fn mixture_model(
-    experiment: &ResolvedExperiment,
+    study: &Study,
     sensor: &Sensor,
     capture: &Capture,
     lamp: Option<&Curve>,
-    settings: &ResolvedAnalysis,
+    settings: &AnalysisPlan,
 ) -> Option<MixtureModel> {
-    let (lens, lamp) = (experiment.lens.as_ref()?, lamp?);
-    let grid = &experiment.scene.grid;
-    let transmittance = behind_filter(lens, capture).transmittance_on(grid);
+    let (lens, lamp) = (study.camera.lens_behind_filters()?, lamp?);
+    let grid = &study.scene.grid;
+    let transmittance = behind_filter(&lens, capture).transmittance_on(grid);
     let qe = sensor.effective_qe();
     let channel =
         |name: &str| -> Option<Spectrum<QuantumEfficiency>> { Some(qe.on_grid(qe.find(name)?, grid)) };
     let [red, green, blue] = [channel("R")?, channel("G")?, channel("B")?];
-    let responses = experiment
+    let responses = study
         .scene
         .fluorophores
         .iter()

@@ -1,14 +1,14 @@
-//! Dark frames, flat fields and bad pixels of an experiment's own sensor, or of a real one.
+//! Dark frames, flat fields and bad pixels of a study's own sensor, or of a real one.
 
 use super::PipelineError;
 use super::capture::flat_film_irradiance;
-use crate::experiment::{FlatFieldPlan, ResolvedExperiment};
 use crate::image::{SensorImage, SpectralImage};
 use crate::sensor::{
     AutoExposure, BadPixels, Demosaicing, Development, EXPOSURE_MS, ElectronRate, Exposure, FlatField,
     MasterFrame, Sensor,
 };
 use crate::spectral::Radiance;
+use crate::study::{FlatFieldPlan, Study};
 
 /// What raw frames are developed with.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -31,22 +31,22 @@ const FLAT_RATE: f64 = 1e7;
 const FLAT_COLUMNS: usize = 96;
 
 impl Calibration {
-    /// Takes the dark and flat frames that the experiment asks for with its own sensor and lens, for the exposures given.
-    /// Their noise depends on the seed alone: the same experiment has the same calibration.
+    /// Takes the dark and flat frames that the study asks for with its own sensor and lens, for the exposures given.
+    /// Their noise depends on the seed alone: the same study has the same calibration.
     ///
     /// # Errors
-    /// An experiment without lens or sensor, exposures that can't be used.
-    pub fn of_experiment<'a>(
-        experiment: &ResolvedExperiment,
+    /// A study without lens or sensor, exposures that can't be used.
+    pub fn of_study<'a>(
+        study: &Study,
         exposures: impl IntoIterator<Item = &'a SensorImage>,
     ) -> Result<Self, PipelineError> {
-        let plan = &experiment.develop;
+        let plan = &study.develop;
         let mut calibration = Self { demosaicing: plan.demosaicing, ..Self::default() };
         if plan.dark_frames == 0 && plan.flat_field.is_none() {
             return Ok(calibration);
         }
-        let sensor = experiment.sensor.as_ref().ok_or(PipelineError::Missing("sensor", "[sensor]"))?;
-        let seed = experiment.render.seed;
+        let sensor = study.camera.sensor.as_ref().ok_or(PipelineError::Missing("sensor"))?;
+        let seed = study.render.seed;
         for raw in exposures {
             if plan.dark_frames > 0 && calibration.dark_for(raw).is_none() {
                 let gain = raw.gain / sensor.model().analog_gain;
@@ -55,7 +55,7 @@ impl Calibration {
         }
         let mut flat_frames = None;
         if let Some(flat) = &plan.flat_field {
-            let light = flats(experiment, sensor, flat)?;
+            let light = flats(study, sensor, flat)?;
             let dark = match plan.dark_frames {
                 0 => None,
                 frames => Some(darks(sensor, light.exposure_s, 1.0, frames, seed)?),
@@ -160,16 +160,12 @@ fn darks(
 
 /// Frames of light of the same radiance from everywhere, so bright that the brightest pixel of the middle is at the level that
 /// is asked for.
-fn flats(
-    experiment: &ResolvedExperiment,
-    sensor: &Sensor,
-    plan: &FlatFieldPlan,
-) -> Result<MasterFrame, PipelineError> {
-    let lens = experiment.lens.as_ref().ok_or(PipelineError::Missing("lens", "[lens]"))?;
+fn flats(study: &Study, sensor: &Sensor, plan: &FlatFieldPlan) -> Result<MasterFrame, PipelineError> {
+    let lens = study.camera.lens_behind_filters().ok_or(PipelineError::Missing("lens"))?;
     // Light from everywhere covers the sensor, whatever was rendered.
     let film = sensor.film_extent();
     let rows = (FLAT_COLUMNS as f64 * film.height_mm / film.width_mm).round().max(1.0) as usize;
-    let grid = &experiment.scene.grid;
+    let grid = &study.scene.grid;
     let spectrum = plan.spectrum.on_grid::<Radiance>(grid);
     let mut radiance = SpectralImage::<Radiance>::zeros(grid.clone(), FLAT_COLUMNS, rows);
     // Only the shape counts: units of any size stay within single precision.
@@ -177,7 +173,7 @@ fn flats(
     for pixel in radiance.data_mut().chunks_exact_mut(grid.len()) {
         pixel.iter_mut().zip(spectrum.values()).for_each(|(value, s)| *value = (*s / peak) as f32);
     }
-    let irradiance = flat_film_irradiance(experiment, lens, &radiance, film.width_mm);
+    let irradiance = flat_film_irradiance(study, &lens, &radiance, film.width_mm);
     let mut rate = sensor.electron_rate_on_film(&irradiance, film)?;
     let brightest = f64::from(rate.data.iter().copied().fold(0.0, f32::max));
     if brightest <= 0.0 {
@@ -193,7 +189,7 @@ fn flats(
         let exposure = Exposure {
             time_s: FLAT_EXPOSURE_S,
             gain: 1.0,
-            seed: experiment.render.seed,
+            seed: study.render.seed,
             frame,
             label: "flat field".into(),
         };

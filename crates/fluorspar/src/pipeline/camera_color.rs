@@ -1,13 +1,13 @@
-//! Colour of a camera: from CIE 1931 tristimulus values to its channels, fitted from its quantum efficiency.
+//! Color of a camera: from CIE 1931 tristimulus values to its channels, fitted from its quantum efficiency.
 
 use super::analyze::frame_lamp;
-use super::preview::{inverse, tissue_reflectances};
-use crate::experiment::{Capture, ResolvedExperiment};
+use super::preview::inverse;
 use crate::spectral::{
     Curve, QuantumEfficiency, Radiance, Spectrum, StandardObserver, WavelengthGrid, daylight_d65,
 };
+use crate::study::{Capture, Study};
 
-/// The colour of the camera of an experiment, for raw converters.
+/// The color of the camera of a study, for raw converters.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CameraColor {
     /// R, G, B of the camera, relative to the largest of a white surface under D65, from XYZ with Y = 1 for that surface; rows
@@ -17,17 +17,17 @@ pub struct CameraColor {
     pub neutral: [f64; 3],
 }
 
-/// Widths, nm, of the smooth bands that stand for coloured surfaces beside the tissues.
+/// Widths, nm, of the smooth bands that stand for colored surfaces beside the tissues.
 const BANDS_NM: [f64; 2] = [30.0, 70.0];
 
 impl CameraColor {
-    /// Fits the matrix by least squares over reflectances under D65: the tissues of the catalogue, bell-shaped bands and their
+    /// Fits the matrix by least squares over reflectances under D65: the training reflectances of the camera, bell-shaped bands and their
     /// complements at every 20 nm, and a white surface that counts as much as all of them. The lens with its filters stands
     /// before the sensor. The neutral is that of the frame's lights where they cover the visible range, else of D65.
     ///
     /// `None` without lens or sensor, without channels R, G and B, or where one of them sees nothing.
-    pub fn of_frame(experiment: &ResolvedExperiment, capture: &Capture) -> Option<Self> {
-        let (sensor, lens) = (experiment.sensor.as_ref()?, experiment.lens.as_ref()?);
+    pub fn of_frame(study: &Study, capture: &Capture) -> Option<Self> {
+        let (sensor, lens) = (study.camera.sensor.as_ref()?, study.camera.lens_behind_filters()?);
         let grid = WavelengthGrid::uniform(380.0, 780.0, 5.0).ok()?;
         let qe: Vec<Spectrum<QuantumEfficiency>> = ["R", "G", "B"]
             .iter()
@@ -49,7 +49,7 @@ impl CameraColor {
         if white.iter().any(|&w| w <= 1e-9 * largest) {
             return None;
         }
-        let mut surfaces = tissue_reflectances();
+        let mut surfaces = study.camera.training_reflectances.clone();
         for center in (400..=700).step_by(20) {
             for width in BANDS_NM {
                 let bell = move |nm: f64| (-0.5 * ((nm - f64::from(center)) / width).powi(2)).exp();
@@ -75,7 +75,7 @@ impl CameraColor {
         let xyz_to_camera = std::array::from_fn(|channel| {
             std::array::from_fn(|axis| (0..3).map(|k| inverse[axis][k] * right[k][channel]).sum())
         });
-        let lamp = frame_lamp(experiment, capture, None)
+        let lamp = frame_lamp(study, capture, None)
             .filter(|lamp| lamp.integral(500.0, 650.0) >= 0.2 * lamp.total())
             .map_or(white, |lamp| respond(&lamp));
         let most = lamp.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
@@ -93,9 +93,9 @@ mod tests {
     #[test]
     fn a_camera_matrix_predicts_the_channels() {
         let text = "base = \"oraleye-2021\"\n[view_filter]\nfilters = [\"uv_ir\"]";
-        let experiment = resolve(&parse(text, "test", std::path::Path::new("."), &[]).unwrap()).unwrap();
-        let capture = experiment.captures.iter().find(|c| c.frame.label == "white").unwrap();
-        let color = CameraColor::of_frame(&experiment, capture).unwrap();
+        let study = resolve(&parse(text, "test", std::path::Path::new("."), &[]).unwrap()).unwrap().study;
+        let capture = study.captures.iter().find(|c| c.frame.label == "white").unwrap();
+        let color = CameraColor::of_frame(&study, capture).unwrap();
         let xyz_of_d65 = [0.9505, 1.0, 1.0888];
         let camera: Vec<f64> = color
             .xyz_to_camera
@@ -109,8 +109,8 @@ mod tests {
         assert!(color.xyz_to_camera[0][0] > 0.0 && color.xyz_to_camera[2][2] > 0.0);
         assert!(color.neutral.iter().all(|v| (0.05..=1.0).contains(v)), "{:?}", color.neutral);
         // A frame without visible light takes the neutral of daylight.
-        let blue = experiment.captures.iter().find(|c| c.frame.label == "blue").unwrap();
-        let neutral = CameraColor::of_frame(&experiment, blue).unwrap().neutral;
+        let blue = study.captures.iter().find(|c| c.frame.label == "blue").unwrap();
+        let neutral = CameraColor::of_frame(&study, blue).unwrap().neutral;
         for (n, c) in neutral.iter().zip(&camera) {
             assert!((n - c / largest).abs() < 0.05, "{neutral:?} {camera:?}");
         }

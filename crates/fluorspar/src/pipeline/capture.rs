@@ -6,13 +6,13 @@ use super::light_by_shape::{ShapedRadiance, light_by_shape};
 use super::motion::{MotionPath, shifted};
 use super::{Calibration, PipelineError};
 use crate::analysis::SceneOnSensor;
-use crate::experiment::{Capture, ResolvedExperiment};
 use crate::image::{ChannelImage, ComponentImage, SensorImage, SpectralImage};
 use crate::optics::{FilterAutofluorescence, IdealLens};
 use crate::sensor::{
     CaptureFrame, ElectronRate, Exposure, FilmExtent, LinearMosaic, Sensor, merge_exposures,
 };
 use crate::spectral::{Irradiance, Radiance, Transmittance};
+use crate::study::{Capture, Study};
 
 /// One capture, raw and developed.
 #[derive(Clone, Debug, PartialEq)]
@@ -21,7 +21,7 @@ pub struct CapturedFrame {
     pub raw: SensorImage,
     /// Further exposures of a bracket, named `CAPTURE_ev+2` and the like.
     pub bracket: Vec<SensorImage>,
-    /// Linear channels: black subtracted, exposures merged, calibrated and less the ambient light, as the experiment says.
+    /// Linear channels: black subtracted, exposures merged, calibrated and less the ambient light, as the study says.
     pub developed: ChannelImage,
 }
 
@@ -41,19 +41,19 @@ impl RawExposures {
     }
 }
 
-/// Fills in what a real camera's file does not tell, conversion gain and read noise, from the sensor of an experiment. What it
+/// Fills in what a real camera's file does not tell, conversion gain and read noise, from the sensor of a study. What it
 /// tells is kept.
 ///
 /// # Errors
 /// In words: an exposure time that is missing, a sensor that is not there, channels that the sensor does not have.
-pub fn complete_raw(experiment: &ResolvedExperiment, raw: &mut SensorImage) -> Result<(), String> {
+pub fn complete_raw(study: &Study, raw: &mut SensorImage) -> Result<(), String> {
     if raw.exposure_s <= 0.0 {
         return Err("its exposure time is not known; describe it in a JSON file beside it".into());
     }
     if raw.dn_per_electron > 0.0 {
         return Ok(());
     }
-    let Some(sensor) = &experiment.sensor else {
+    let Some(sensor) = &study.camera.sensor else {
         return Err(
             "its conversion gain is not known, and the experiment has no [sensor] that tells it".into()
         );
@@ -88,35 +88,35 @@ pub fn frame_radiance(frame: &CaptureFrame, components: &ComponentImage) -> Spec
 
 /// Irradiance on the film from the radiance of a render, filters and their own light included.
 pub(super) fn film_irradiance(
-    experiment: &ResolvedExperiment,
+    study: &Study,
     lens: &IdealLens,
     light: &ShapedRadiance,
     tan_half_width: f64,
     film_width_mm: f64,
 ) -> SpectralImage<Irradiance> {
     let (radiance, shape) = (&light.radiance, light.shape.as_ref());
-    let mut irradiance = match &experiment.traced_lens {
+    let mut irradiance = match study.camera.traced_lens() {
         // A render through the lens holds lens radiance already.
-        Some(traced) if experiment.scene.camera.lens.is_none() => {
+        Some(traced) if study.scene.camera.lens.is_none() => {
             let lens_radiance = traced.lens_radiance(radiance, tan_half_width);
             lens.form_image_under(&lens_radiance, film_width_mm, shape)
         }
         _ => lens.form_image_under(radiance, film_width_mm, shape),
     };
-    if let Some(own) = &experiment.view_filters.autofluorescence {
-        add_veil(experiment, lens, own, light, tan_half_width, &mut irradiance);
+    if let Some(own) = &study.camera.view_filter.stack.autofluorescence {
+        add_veil(study, lens, own, light, tan_half_width, &mut irradiance);
     }
     irradiance
 }
 
 /// Irradiance on the film under a picture of the same radiance everywhere, without the filters' own light.
 pub(super) fn flat_film_irradiance(
-    experiment: &ResolvedExperiment,
+    study: &Study,
     lens: &IdealLens,
     radiance: &SpectralImage<Radiance>,
     film_width_mm: f64,
 ) -> SpectralImage<Irradiance> {
-    match &experiment.traced_lens {
+    match study.camera.traced_lens() {
         Some(traced) => {
             let mut darkened = radiance.clone();
             traced.darken(&mut darkened, film_width_mm);
@@ -129,7 +129,7 @@ pub(super) fn flat_film_irradiance(
 /// Adds the light of a fluorescing filter: excited by the mean radiance of the picture over the solid angle of its field,
 /// spread evenly over the film.
 fn add_veil(
-    experiment: &ResolvedExperiment,
+    study: &Study,
     lens: &IdealLens,
     own: &FilterAutofluorescence,
     light: &ShapedRadiance,
@@ -141,9 +141,10 @@ fn add_veil(
     let field_sr = projected_solid_angle(tan_half_width, tan_half_height);
     let grid = radiance.grid();
     let arriving: Vec<f64> = radiance.mean_spectrum().values().iter().map(|l| l * field_sr).collect();
+    let filter = &study.camera.view_filter.transmittance;
     let passed = match &light.shape {
-        Some(shape) => experiment.view_filter.on_grid_under::<Transmittance>(grid, shape),
-        None => experiment.view_filter.on_grid(grid),
+        Some(shape) => filter.on_grid_under::<Transmittance>(grid, shape),
+        None => filter.on_grid(grid),
     };
     let veil = own.veil_radiance(&arriving, passed.values(), grid);
     let solid_angle = lens.axial_solid_angle_sr();
@@ -165,22 +166,18 @@ pub(super) fn projected_solid_angle(x: f64, y: f64) -> f64 {
 }
 
 /// Tangent of half the horizontal field of the pinhole that rendered an image.
-pub(super) fn tan_half_width(experiment: &ResolvedExperiment, components: &ComponentImage) -> f64 {
-    let camera = &experiment.scene.camera;
+pub(super) fn tan_half_width(study: &Study, components: &ComponentImage) -> f64 {
+    let camera = &study.scene.camera;
     f64::from(components.features.view.map_or(camera.tan_half_width, |view| view.tan_half_width))
 }
 
 /// How large a rendered image lies on the film behind a lens: its field of view is that of the camera that rendered it,
-/// whatever lens or sensor the experiment has now.
-pub(super) fn film_extent(
-    experiment: &ResolvedExperiment,
-    components: &ComponentImage,
-    lens: &IdealLens,
-) -> FilmExtent {
-    if let Some(traced) = &experiment.traced_lens {
+/// whatever lens or sensor the study has now.
+pub(super) fn film_extent(study: &Study, components: &ComponentImage, lens: &IdealLens) -> FilmExtent {
+    if let Some(traced) = study.camera.traced_lens() {
         return FilmExtent::of_width(traced.film_width_mm(), components.width, components.height);
     }
-    let field_deg = 2.0 * tan_half_width(experiment, components).atan().to_degrees();
+    let field_deg = 2.0 * tan_half_width(study, components).atan().to_degrees();
     FilmExtent::of_width(lens.film_width_mm(field_deg), components.width, components.height)
 }
 
@@ -200,39 +197,33 @@ pub(super) fn behind_filter<'a>(lens: &'a IdealLens, capture: &Capture) -> Cow<'
 }
 
 /// The image on the film, relative to the sensor.
-pub(super) fn on_sensor<'a>(
-    experiment: &ResolvedExperiment,
-    components: &'a ComponentImage,
-) -> Option<SceneOnSensor<'a>> {
-    let film = film_extent(experiment, components, experiment.lens.as_ref()?);
-    let sensor = experiment.sensor.as_ref()?.film_extent();
+pub(super) fn on_sensor<'a>(study: &Study, components: &'a ComponentImage) -> Option<SceneOnSensor<'a>> {
+    let film = film_extent(study, components, &study.camera.lens.as_ref()?.equation);
+    let sensor = study.camera.sensor.as_ref()?.film_extent();
     let film_over_sensor = [film.width_mm / sensor.width_mm, film.height_mm / sensor.height_mm];
     Some(SceneOnSensor { components, film_over_sensor })
 }
 
-/// Takes all frames of an experiment: lights of the frame, lens, motion, sensor, brackets, development.
+/// Takes all frames of a study: lights of the frame, lens, motion, sensor, brackets, development.
 ///
 /// Lens and sensor may be others than those that the image was rendered for: the sensor then sees more or less of it.
 /// What lies beyond the rendered field is dark.
 ///
 /// # Errors
-/// An experiment without lens, sensor or captures; an image of another experiment or from another place; exposures that
+/// A study without lens, sensor or captures; an image of another study or from another place; exposures that
 /// can't be used.
-pub fn capture(
-    experiment: &ResolvedExperiment,
-    components: &ComponentImage,
-) -> Result<Vec<CapturedFrame>, PipelineError> {
-    let lens = experiment.lens.as_ref().ok_or(PipelineError::Missing("lens", "[lens]"))?;
-    let sensor = experiment.sensor.as_ref().ok_or(PipelineError::Missing("sensor", "[sensor]"))?;
-    if experiment.captures.is_empty() {
-        return Err(PipelineError::Missing("captures", "[[capture]]"));
+pub fn capture(study: &Study, components: &ComponentImage) -> Result<Vec<CapturedFrame>, PipelineError> {
+    let lens = study.camera.lens_behind_filters().ok_or(PipelineError::Missing("lens"))?;
+    let sensor = study.camera.sensor.as_ref().ok_or(PipelineError::Missing("sensor"))?;
+    if study.captures.is_empty() {
+        return Err(PipelineError::Missing("captures"));
     }
-    if components.grid != experiment.scene.grid {
-        let (image, experiment) = (components.grid.len(), experiment.scene.grid.len());
-        return Err(PipelineError::OtherGrid { image, experiment });
+    if components.grid != study.scene.grid {
+        let (image, study) = (components.grid.len(), study.scene.grid.len());
+        return Err(PipelineError::OtherGrid { image, study });
     }
     let known = components.lamp_groups();
-    for c in &experiment.captures {
+    for c in &study.captures {
         let frame = &c.frame;
         if let Some(group) = frame.lights.keys().find(|g| frame.drive(g) > 0.0 && !known.contains(g)) {
             let (frame, group) = (frame.label.clone(), group.clone());
@@ -240,7 +231,7 @@ pub fn capture(
         }
     }
     if let Some(view) = &components.features.view {
-        let now = experiment.scene.camera.view();
+        let now = study.scene.camera.view();
         let apart = |a: [f32; 3], b: [f32; 3]| a.iter().zip(b).any(|(a, b)| (a - b).abs() > 1e-6);
         if apart(view.position_m, now.position_m)
             || apart(view.forward, now.forward)
@@ -249,27 +240,27 @@ pub fn capture(
             return Err(PipelineError::OtherCamera);
         }
     }
-    experiment.capture_sequence().validate()?;
-    let film = film_extent(experiment, components, lens);
-    let mut path = MotionPath::new(experiment);
-    let mut exposures = Vec::with_capacity(experiment.captures.len());
-    for capture in &experiment.captures {
-        let lens = behind_filter(lens, capture);
-        let tan_half_width = tan_half_width(experiment, components);
+    study.capture_sequence().validate()?;
+    let film = film_extent(study, components, &lens);
+    let mut path = MotionPath::new(study);
+    let mut exposures = Vec::with_capacity(study.captures.len());
+    for capture in &study.captures {
+        let lens = behind_filter(&lens, capture);
+        let tan_half_width = tan_half_width(study, components);
         let mut irradiance =
             SpectralImage::zeros(components.grid.clone(), components.width, components.height);
-        for light in light_by_shape(experiment, &capture.frame, components) {
-            irradiance.add(&film_irradiance(experiment, &lens, &light, tan_half_width, film.width_mm));
+        for light in light_by_shape(study, &capture.frame, components) {
+            irradiance.add(&film_irradiance(study, &lens, &light, tan_half_width, film.width_mm));
         }
-        exposures.push(expose_capture(experiment, sensor, capture, &irradiance, film, &mut path)?);
+        exposures.push(expose_capture(study, sensor, capture, &irradiance, film, &mut path)?);
     }
-    let calibration = Calibration::of_experiment(experiment, exposures.iter().flat_map(RawExposures::all))?;
-    develop_frames(experiment, exposures, &calibration)
+    let calibration = Calibration::of_study(study, exposures.iter().flat_map(RawExposures::all))?;
+    develop_frames(study, exposures, &calibration)
 }
 
 /// All exposures of one capture. The exposure time of an automatic one is that of the image at rest.
 fn expose_capture(
-    experiment: &ResolvedExperiment,
+    study: &Study,
     sensor: &Sensor,
     capture: &Capture,
     irradiance: &SpectralImage<Irradiance>,
@@ -277,7 +268,7 @@ fn expose_capture(
     path: &mut MotionPath,
 ) -> Result<RawExposures, PipelineError> {
     let at_rest = sensor.electron_rate_on_film(irradiance, film)?;
-    let main = sensor.frame_exposure(&capture.frame, &at_rest, experiment.render.seed)?;
+    let main = sensor.frame_exposure(&capture.frame, &at_rest, study.render.seed)?;
     let sample_um = 1e3 * film.width_mm / irradiance.width() as f64;
     let samples_per_pixel = sensor.model().pixel_size_um / sample_um;
     let mut take = |exposure: &Exposure| -> Result<SensorImage, PipelineError> {
@@ -304,13 +295,13 @@ fn expose_capture(
     Ok(RawExposures { raw, bracket })
 }
 
-/// Develops raw frames: calibrates and merges the exposures of each, subtracts the frame that the experiment names for it,
-/// interpolates the colours.
+/// Develops raw frames: calibrates and merges the exposures of each, subtracts the frame that the study names for it,
+/// interpolates the colors.
 ///
 /// # Errors
 /// When a frame to subtract is missing, or frames and calibration do not fit.
 pub fn develop_frames(
-    experiment: &ResolvedExperiment,
+    study: &Study,
     exposures: Vec<RawExposures>,
     calibration: &Calibration,
 ) -> Result<Vec<CapturedFrame>, PipelineError> {
@@ -323,11 +314,7 @@ pub fn develop_frames(
         .collect::<Result<_, _>>()?;
     let mut developed = Vec::with_capacity(exposures.len());
     for frame in &linear {
-        let subtract = experiment
-            .captures
-            .iter()
-            .find(|c| c.frame.label == frame.label)
-            .and_then(|c| c.subtract.as_deref());
+        let subtract = study.capture(&frame.label).and_then(|c| c.subtract.as_deref());
         let light = match subtract {
             None => frame.demosaic(calibration.demosaicing)?,
             Some(label) => {

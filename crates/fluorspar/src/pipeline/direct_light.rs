@@ -1,10 +1,10 @@
 //! Irradiance under the lights of a capture, directly on the points of a region.
 
 use crate::analysis::{PixelSelection, SceneOnSensor};
-use crate::experiment::{Capture, ResolvedExperiment};
 use crate::scene::irradiance::{self, SurfacePoint, direct_light, sum_of_spectra};
 use crate::sensor::CaptureFrame;
 use crate::spectral::Curve;
+use crate::study::{Capture, Study};
 
 /// Points of a region that are looked at, at most: the mean over them is a mixing ratio, which needs no more.
 const MOST_POINTS: usize = 256;
@@ -17,17 +17,9 @@ fn remaining_drive(frame: &CaptureFrame, subtracted: Option<&CaptureFrame>, grou
 
 /// Mean irradiance spectrum on surface points under the lights that a developed frame holds, W/(m² nm); `None` when
 /// none of them sends light there.
-pub(crate) fn irradiance_on(
-    experiment: &ResolvedExperiment,
-    capture: &Capture,
-    points: &[SurfacePoint],
-) -> Option<Curve> {
-    let scene = &experiment.scene;
-    let subtracted = capture
-        .subtract
-        .as_ref()
-        .and_then(|label| experiment.captures.iter().find(|c| c.frame.label == *label))
-        .map(|c| &c.frame);
+pub(crate) fn irradiance_on(study: &Study, capture: &Capture, points: &[SurfacePoint]) -> Option<Curve> {
+    let scene = &study.scene;
+    let subtracted = capture.subtract.as_ref().and_then(|label| study.capture(label)).map(|c| &c.frame);
     let drive = |group: usize| remaining_drive(&capture.frame, subtracted, &scene.light_groups[group].name);
     let parts = direct_light(scene, points)
         .into_iter()
@@ -39,26 +31,30 @@ pub(crate) fn irradiance_on(
 /// Spectrum of the light that one light group throws on a surface point, up to a factor: the irradiance where the camera's
 /// axis meets the plane in focus, or of all lights at equal power where none reaches that place. `None` for a group without
 /// light.
-pub(crate) fn group_spectrum(experiment: &ResolvedExperiment, group: &str) -> Option<Curve> {
-    let scene = &experiment.scene;
+pub(crate) fn group_spectrum(study: &Study, group: &str) -> Option<Curve> {
+    let scene = &study.scene;
     let index = scene.light_groups.iter().position(|other| other.name == group)?;
-    irradiance::group_spectrum(&direct_light(scene, &[axis_point(experiment)]), index)
+    irradiance::group_spectrum(&direct_light(scene, &[axis_point(study)]), index)
 }
 
 /// Where the camera's axis meets the plane in focus, facing the camera.
-pub(crate) fn axis_point(experiment: &ResolvedExperiment) -> SurfacePoint {
+pub(crate) fn axis_point(study: &Study) -> SurfacePoint {
     /// Where a lens is focused at infinity, or there is none.
     const FAR_M: f64 = 1.0;
-    let camera = &experiment.scene.camera;
-    let distance_m =
-        experiment.lens.as_ref().and_then(|lens| lens.object_distance_mm).map_or(FAR_M, |mm| mm * 1e-3);
+    let camera = &study.scene.camera;
+    let distance_m = study
+        .camera
+        .lens
+        .as_ref()
+        .and_then(|lens| lens.equation.object_distance_mm)
+        .map_or(FAR_M, |mm| mm * 1e-3);
     let forward = camera.forward.as_dvec3();
     SurfacePoint { position: camera.position.as_dvec3() + forward * distance_m, normal: -forward }
 }
 
 /// Points of the scene that pixels of a sensor image show, by the depth and normals of the render.
 pub(crate) fn region_points(
-    experiment: &ResolvedExperiment,
+    study: &Study,
     scene: SceneOnSensor<'_>,
     region: &PixelSelection,
 ) -> Vec<SurfacePoint> {
@@ -68,7 +64,7 @@ pub(crate) fn region_points(
     if features.depth_m.len() != width * height || features.normal.len() != width * height {
         return Vec::new();
     }
-    let camera = &experiment.scene.camera;
+    let camera = &study.scene.camera;
     let tan_half_width = features.view.map_or(camera.tan_half_width, |view| view.tan_half_width);
     let scale = 2.0 * f64::from(tan_half_width) / width as f64;
     let (forward, right, up) = (camera.forward.as_dvec3(), camera.right.as_dvec3(), camera.up.as_dvec3());
@@ -131,10 +127,10 @@ mod tests {
             light_groups = { blue = 1.0, lamp = 2.0, room = 3.0, window = 1.0 }
         "#;
         let parsed = parse(text, "test", std::path::Path::new("."), &[]).unwrap();
-        let experiment = resolve(&parsed).unwrap();
-        let capture = experiment.captures.iter().find(|c| c.frame.label == "blue").unwrap();
+        let study = resolve(&parsed).unwrap().study;
+        let capture = study.captures.iter().find(|c| c.frame.label == "blue").unwrap();
         assert_eq!(capture.subtract.as_deref(), Some("ambient"));
-        let lamp = irradiance_on(&experiment, capture, &[UP]).unwrap();
+        let lamp = irradiance_on(&study, capture, &[UP]).unwrap();
         // Parallel light as stated, 2 W evenly from 100 mm, pi L of two of three units of room light, a sphere of 10 mm
         // at 200 mm.
         let expected = 1000.0 + 2.0 / (4.0 * PI * 0.01) + 2.0 * PI * 2.0 + 100.0 * PI * 0.0025;
@@ -143,6 +139,6 @@ mod tests {
         // Only the room and the subtracted ambient frame: nothing is left of equal drives.
         let mut dark = capture.clone();
         dark.frame.lights = [("room".to_string(), 1.0)].into();
-        assert!(irradiance_on(&experiment, &dark, &[UP]).is_none());
+        assert!(irradiance_on(&study, &dark, &[UP]).is_none());
     }
 }

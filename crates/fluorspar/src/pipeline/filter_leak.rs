@@ -2,9 +2,9 @@
 
 use serde::Serialize;
 
-use super::predict::{FlatSample, PredictError, predict};
-use crate::experiment::ResolvedSample;
+use super::predict::{PredictError, predict};
 use crate::spectral::{Curve, Transmittance};
+use crate::study::FlatSample;
 use crate::units::photons_per_joule;
 
 /// What the viewing filters of a flat sample let through. Photon radiances are photons/(s m² sr), all wavelengths of the
@@ -55,9 +55,9 @@ pub struct LeakBehindFilters {
 ///
 /// # Errors
 /// A sample that can't be predicted.
-pub fn filter_leak(sample: &ResolvedSample, angles_deg: &[f64]) -> Result<FilterLeak, PredictError> {
-    let flat = FlatSample::new(sample)?;
-    let prediction = predict(&flat)?;
+pub fn filter_leak(sample: &FlatSample, angles_deg: &[f64]) -> Result<FilterLeak, PredictError> {
+    let prediction = predict(sample)?;
+    let filter = &sample.camera.view_filter;
     let reflected = photons(sample, &prediction.radiance.reflected);
     let mut emitted = vec![0.0; reflected.len()];
     for spectrum in prediction.radiance.fluorescence.values() {
@@ -77,19 +77,16 @@ pub fn filter_leak(sample: &ResolvedSample, angles_deg: &[f64]) -> Result<Filter
         reflected: all_reflected,
         fluorescent: all_emitted,
         ratio_before: (all_emitted > 0.0).then(|| all_reflected / all_emitted),
-        as_stated: behind(&flat.view_filter),
+        as_stated: behind(&filter.transmittance),
         at_angles: angles_deg
             .iter()
-            .map(|&angle_deg| LeakAtAngle {
-                angle_deg,
-                behind: behind(&sample.view_filters.at_angle(angle_deg)),
-            })
+            .map(|&angle_deg| LeakAtAngle { angle_deg, behind: behind(&filter.stack.at_angle(angle_deg)) })
             .collect(),
     })
 }
 
 /// Photons of each band, photons/(s m² sr).
-fn photons(sample: &ResolvedSample, radiance: &[f64]) -> Vec<f64> {
+fn photons(sample: &FlatSample, radiance: &[f64]) -> Vec<f64> {
     let (centers, widths) = (sample.grid.centers_nm(), sample.grid.widths_nm());
     let bands = centers.iter().zip(widths);
     radiance.iter().zip(bands).map(|(l, (nm, width))| l * width * photons_per_joule(*nm)).collect()

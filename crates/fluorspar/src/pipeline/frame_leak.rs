@@ -1,4 +1,4 @@
-//! Reflected light against fluorescence in the frames of an experiment: what [`super::filter_leak()`] says of a flat sample,
+//! Reflected light against fluorescence in the frames of a study: what [`super::filter_leak()`] says of a flat sample,
 //! for a scene, and in electrons.
 
 use serde::Serialize;
@@ -9,9 +9,9 @@ use super::filter_leak::{LeakBehindFilters, behind_filters};
 use super::light_by_shape::{component_spectrum, light_by_shape};
 use super::region_radiance::RegionRadiance;
 use crate::analysis::PixelSelection;
-use crate::experiment::{Capture, ResolvedExperiment};
 use crate::image::ComponentImage;
 use crate::spectral::Transmittance;
+use crate::study::{Capture, Study};
 use crate::units::photons_per_joule;
 
 /// Where reflected light comes from and where it ends, in one frame.
@@ -62,23 +62,25 @@ impl FrameLeak {
 /// [`super::capture()`] does it, without noise and at rest. Means are over `region`, pixels of the developed frame, or over
 /// the whole sensor.
 ///
-/// `None` for an experiment without lens or sensor and for a frame without light.
+/// `None` for a study without lens or sensor and for a frame without light.
 ///
 /// # Errors
 /// A film that can't be used.
 pub fn frame_leak(
-    experiment: &ResolvedExperiment,
+    study: &Study,
     components: &ComponentImage,
     capture: &Capture,
     exposure_s: f64,
     region: Option<&PixelSelection>,
 ) -> Result<Option<FrameLeak>, PipelineError> {
-    let (Some(lens), Some(sensor)) = (&experiment.lens, &experiment.sensor) else { return Ok(None) };
+    let (Some(lens), Some(sensor)) = (study.camera.lens_behind_filters(), &study.camera.sensor) else {
+        return Ok(None);
+    };
     if capture.frame.lights.values().all(|&drive| drive == 0.0) {
         return Ok(None);
     }
-    let film = film_extent(experiment, components, lens);
-    let lens = behind_filter(lens, capture);
+    let film = film_extent(study, components, &lens);
+    let lens = behind_filter(&lens, capture);
     let names: Vec<String> = sensor.qe().channels().iter().map(|channel| channel.name.clone()).collect();
     let model = sensor.model();
     let (columns, rows) = (model.columns, model.rows);
@@ -99,10 +101,10 @@ pub fn frame_leak(
     }
     // Electrons by channel: reflected, fluorescent.
     let mut sums = vec![[0.0_f64; 2]; names.len()];
-    let tan_half_width = tan_half_width(experiment, components);
-    for light in light_by_shape(experiment, &capture.frame, components) {
+    let tan_half_width = tan_half_width(study, components);
+    for light in light_by_shape(study, &capture.frame, components) {
         let kind = usize::from(light.fluorescent);
-        let irradiance = film_irradiance(experiment, &lens, &light, tan_half_width, film.width_mm);
+        let irradiance = film_irradiance(study, &lens, &light, tan_half_width, film.width_mm);
         let rate = sensor.electron_rate_on_film(&irradiance, film)?;
         for (index, value) in rate.data.iter().enumerate().filter(|(index, _)| selected[*index]) {
             let channel = sensor.mosaic().channel(index / columns, index % columns);
@@ -120,7 +122,7 @@ pub fn frame_leak(
         .collect();
     let scene_pixels: Vec<usize> = match region {
         Some(region) => {
-            on_sensor(experiment, components).map(|scene| scene.scene_pixels(region)).unwrap_or_default()
+            on_sensor(study, components).map(|scene| scene.scene_pixels(region)).unwrap_or_default()
         }
         None => (0..components.width * components.height).collect(),
     };
@@ -132,7 +134,7 @@ pub fn frame_leak(
         channels,
         leak_ratio: None,
         ratio_before: None,
-        behind_filters: photons_behind(experiment, capture, components, &radiance),
+        behind_filters: photons_behind(study, capture, components, &radiance),
     };
     let [reflected, fluorescent] = leak.electrons();
     leak.leak_ratio = (fluorescent > 0.0).then(|| reflected / fluorescent);
@@ -154,14 +156,15 @@ fn in_photons(components: &ComponentImage, radiance: &mut dyn Iterator<Item = f6
 
 /// What the viewing filters, with that of the capture, let through of the mean radiance of a region.
 fn photons_behind(
-    experiment: &ResolvedExperiment,
+    study: &Study,
     capture: &Capture,
     components: &ComponentImage,
     radiance: &RegionRadiance,
 ) -> LeakBehindFilters {
+    let filter = &study.camera.view_filter.transmittance;
     let filter = match &capture.filter {
-        Some(own) => experiment.view_filter.times(own),
-        None => experiment.view_filter.clone(),
+        Some(own) => filter.times(own),
+        None => filter.clone(),
     };
     let even = filter.on_grid::<Transmittance>(&components.grid);
     let reflected = in_photons(components, &mut radiance.reflected.iter().copied());
@@ -170,7 +173,7 @@ fn photons_behind(
     // Each lamp has its own spectrum within a band.
     let mut passed = vec![0.0; reflected.len()];
     for (component, values) in &radiance.reflected_components {
-        let through = match component_spectrum(experiment, component) {
+        let through = match component_spectrum(study, component) {
             Some(shape) => filter.on_grid_under::<Transmittance>(&components.grid, &shape),
             None => even.clone(),
         };

@@ -5,10 +5,10 @@
 //! viewing filter, and the mean of a product is not the product of means. Fluorescence is smooth.
 
 use super::direct_light::group_spectrum;
-use crate::experiment::ResolvedExperiment;
 use crate::image::{Component, ComponentImage, Light, SpectralImage};
 use crate::sensor::CaptureFrame;
 use crate::spectral::{Curve, Radiance, Transmittance, WavelengthGrid};
+use crate::study::Study;
 
 /// Radiance of one shape.
 pub(super) struct ShapedRadiance {
@@ -22,7 +22,7 @@ pub(super) struct ShapedRadiance {
 /// Splits the light of a frame: all fluorescence, then reflected light by light group. The sum is
 /// [`super::frame_radiance`]. One image is made at a time.
 pub(super) fn light_by_shape<'a>(
-    experiment: &'a ResolvedExperiment,
+    study: &'a Study,
     frame: &'a CaptureFrame,
     components: &'a ComponentImage,
 ) -> impl Iterator<Item = ShapedRadiance> + 'a {
@@ -43,14 +43,14 @@ pub(super) fn light_by_shape<'a>(
                 },
             ),
             fluorescent: false,
-            shape: component_spectrum(experiment, component),
+            shape: component_spectrum(study, component),
         });
     fluorescence.chain(reflected)
 }
 
 /// Spectrum of the lamps that a component is lit by, up to a factor; only the bin of excitation where the render keeps bins.
-pub(super) fn component_spectrum(experiment: &ResolvedExperiment, component: &Component) -> Option<Curve> {
-    let lamp = group_spectrum(experiment, component.lamp_group())?;
+pub(super) fn component_spectrum(study: &Study, component: &Component) -> Option<Curve> {
+    let lamp = group_spectrum(study, component.lamp_group())?;
     Some(match component.excitation_bin_nm() {
         Some([first, last]) => lamp.clipped(first, last),
         None => lamp,

@@ -1,4 +1,4 @@
-//! Whole chains: a flat sample in numbers, an experiment from scene to analysis.
+//! Whole chains: a flat sample in numbers, a study from scene to analysis.
 //!
 //! | stage | call | gives |
 //! |---|---|---|
@@ -11,7 +11,8 @@
 //! | less noise, for pictures | [`denoise`] | [`crate::image::ComponentImage`], labelled |
 //! | pictures for people | [`preview`] | 8-bit sRGB |
 //! | reflected light against fluorescence behind filters | [`filter_leak`] | [`FilterLeak`] |
-//! | the same for the frames of an experiment, in electrons | [`frame_leak`] | [`FrameLeak`] |
+//! | the same for the frames of a study, in electrons | [`frame_leak`] | [`FrameLeak`] |
+//! | everything after the render, each result once | [`evaluate`] | [`Evaluation`] |
 //! | all of it for a flat sample | [`predict`] | [`Prediction`] |
 
 mod analyze;
@@ -20,6 +21,7 @@ mod camera_color;
 mod capture;
 mod denoise;
 mod direct_light;
+mod evaluate;
 mod filter_leak;
 mod frame_leak;
 mod light_by_shape;
@@ -38,12 +40,10 @@ pub use capture::{
     CapturedFrame, RawExposures, bracket_label, capture, complete_raw, develop_frames, frame_radiance,
 };
 pub use denoise::{DenoiseError, DenoiseSettings, denoise};
+pub use evaluate::{Evaluation, evaluate};
 pub use filter_leak::{FilterLeak, LeakAtAngle, LeakBehindFilters, filter_leak};
 pub use frame_leak::{ChannelLeak, FrameLeak, frame_leak};
-pub use predict::{
-    ChannelPrediction, Chromaticity, FlatSample, FluorescenceModel, PredictError, Prediction, RadianceSplit,
-    predict,
-};
+pub use predict::{ChannelPrediction, Chromaticity, PredictError, Prediction, RadianceSplit, predict};
 pub use preview::{ColorRendering, Preview, light_group_preview, preview, radiance_preview};
 pub use region_radiance::RegionRadiance;
 pub use safety::{CaptureSafety, ProgrammeSafety, SafetyReport, Viewer, ViewerSafety, assess_safety};
@@ -53,20 +53,20 @@ pub use spectroradiometer::{SpectroradiometerReading, read_spectroradiometers};
 use crate::analysis::AnalysisError;
 use crate::sensor::{DevelopError, SensorProblem};
 
-/// Why a stage of an experiment failed.
+/// Why a stage of a study failed.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum PipelineError {
-    /// The experiment lacks something that the stage needs.
-    #[error("the experiment has no {0}; add a {1} section, or start from `base = \"oraleye-2021\"`")]
-    Missing(&'static str, &'static str),
+    /// The study lacks something that the stage needs.
+    #[error("the experiment has no {0}")]
+    Missing(&'static str),
     /// The sensor can't take the frame.
     #[error(transparent)]
     Sensor(#[from] SensorProblem),
     /// A frame can't be developed.
     #[error(transparent)]
     Develop(#[from] DevelopError),
-    /// A frame can't be analysed.
+    /// A frame can't be analyzed.
     #[error(transparent)]
     Analysis(#[from] AnalysisError),
     /// A frame that another refers to is not there.
@@ -111,13 +111,13 @@ pub enum PipelineError {
     OtherCamera,
     /// Images that belong together differ in their wavelengths.
     #[error(
-        "the component image has {image} bands and the experiment {experiment}; they were made from different \
+        "the component image has {image} bands and the experiment {study}; they were made from different \
          experiments. Render again"
     )]
     OtherGrid {
         /// Bands of the image.
         image: usize,
-        /// Bands of the experiment.
-        experiment: usize,
+        /// Bands of the study.
+        study: usize,
     },
 }

@@ -2,24 +2,23 @@
 
 use rand_distr::{Distribution, StandardNormal};
 
-use crate::experiment::ResolvedExperiment;
-use crate::experiment::schema::MotionSection;
 use crate::image::SpectralImage;
 use crate::sampling::random::Key;
 use crate::spectral::Quantity;
+use crate::study::{Motion, Study};
 
 /// Where the image lies in each exposure: `drift * start of the exposure + jitter * N(0, 1)` in either direction. The
 /// first exposure starts at time 0.
 pub(super) struct MotionPath {
-    motion: Option<MotionSection>,
+    motion: Option<Motion>,
     seed: u64,
     exposure: u64,
     time_s: f64,
 }
 
 impl MotionPath {
-    pub(super) fn new(experiment: &ResolvedExperiment) -> Self {
-        Self { motion: experiment.motion.clone(), seed: experiment.render.seed, exposure: 0, time_s: 0.0 }
+    pub(super) fn new(study: &Study) -> Self {
+        Self { motion: study.motion.clone(), seed: study.render.seed, exposure: 0, time_s: 0.0 }
     }
 
     /// Shift of the next exposure, which takes `exposure_s`: pixels of the sensor to the right and down.
@@ -98,18 +97,14 @@ mod tests {
 
     #[test]
     fn drift_follows_time_and_jitter_its_spread() {
-        let section = MotionSection { drift_px_per_s: [10.0, -4.0], jitter_px: 0.0, interval_ms: 200.0 };
-        let path = |motion: &MotionSection| MotionPath {
-            motion: Some(motion.clone()),
-            seed: 3,
-            exposure: 0,
-            time_s: 0.0,
-        };
+        let section = Motion { drift_px_per_s: [10.0, -4.0], jitter_px: 0.0, interval_ms: 200.0 };
+        let path =
+            |motion: &Motion| MotionPath { motion: Some(motion.clone()), seed: 3, exposure: 0, time_s: 0.0 };
         let mut steady = path(&section);
         assert_eq!(steady.next(0.05), [0.0, 0.0]);
         let second = steady.next(0.05);
         assert!((second[0] - 2.5).abs() < 1e-12 && (second[1] + 1.0).abs() < 1e-12, "{second:?}");
-        let mut shaking = path(&MotionSection { drift_px_per_s: [0.0; 2], jitter_px: 3.0, ..section });
+        let mut shaking = path(&Motion { drift_px_per_s: [0.0; 2], jitter_px: 3.0, ..section });
         let draws: Vec<f64> = (0..2000).flat_map(|_| shaking.next(0.01)).collect();
         let variance = draws.iter().map(|d| d * d).sum::<f64>() / draws.len() as f64;
         // Variance of a normal: 9 (1 +- sqrt(2 / n)), four standard errors.

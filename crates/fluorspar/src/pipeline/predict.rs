@@ -6,84 +6,9 @@ use std::f64::consts::PI;
 use serde::Serialize;
 
 use crate::analysis::sensor_chromaticity;
-use crate::experiment::{ResolvedSample, SampleCompatibility};
-use crate::optics::IdealLens;
 use crate::sensor::{ElectronRate, Exposure, FlatResponse, Sensor, SensorProblem};
-use crate::spectral::{
-    Curve, Fluorophore, Irradiance, Radiance, Spectrum, ToolboxEem, Transmittance, WavelengthGrid,
-};
-
-/// How fluorescence is computed.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum FluorescenceModel {
-    /// `L_f = (1/pi) integral Y_e(lo|li) E(li) dli` with physical yields.
-    #[default]
-    Physical,
-    /// The authors' toolbox: each EEM on 365:5:705 nm with energy peak 1, `L_f(j) = c sum_i E_ji L_i` without a
-    /// wavelength step, `L` being the radiance of a perfect white under the light. Spectra are sampled at bin centres,
-    /// not averaged, and the sample's own grid must be 365:5:705 nm.
-    Toolbox,
-}
-
-/// A flat, evenly lit sample before a camera.
-#[derive(Clone, Debug, PartialEq)]
-pub struct FlatSample {
-    /// Wavelength bins.
-    pub grid: WavelengthGrid,
-    /// Irradiance on the sample behind all filters of the light, W/(m² nm).
-    pub irradiance: Curve,
-    /// Diffuse reflectance of the sample.
-    pub reflectance: Curve,
-    /// Fluorophores and their concentrations.
-    pub fluorophores: Vec<(Fluorophore, f64)>,
-    /// How fluorescence is computed.
-    pub model: FluorescenceModel,
-    /// Filters in front of the camera, multiplied.
-    pub view_filter: Curve,
-    /// Lens, without the filters. Without it radiances are all that is predicted.
-    pub lens: Option<IdealLens>,
-    /// Sensor. Without it the irradiance on the film is the last thing that is predicted.
-    pub sensor: Option<Sensor>,
-    /// Exposure.
-    pub exposure: Exposure,
-}
-
-impl FlatSample {
-    /// The sample of a file. An exposure of "auto" becomes the time that suits the sensor's brightest channel.
-    ///
-    /// # Errors
-    /// An exposure that can't be used.
-    pub fn new(sample: &ResolvedSample) -> Result<Self, PredictError> {
-        let frame = &sample.exposure;
-        let mut flat = Self {
-            grid: sample.grid.clone(),
-            irradiance: sample.irradiance.clone(),
-            reflectance: sample.reflectance.clone(),
-            fluorophores: sample.fluorophores.clone(),
-            model: match sample.compatibility {
-                SampleCompatibility::ToolboxEem => FluorescenceModel::Toolbox,
-                SampleCompatibility::None | SampleCompatibility::Isetcam => FluorescenceModel::Physical,
-            },
-            view_filter: sample.view_filter.clone(),
-            lens: sample.lens.clone(),
-            sensor: sample.sensor.clone(),
-            exposure: Exposure { gain: frame.gain, label: frame.label.clone(), ..Exposure::default() },
-        };
-        if let Some(milliseconds) = frame.exposure_ms {
-            flat.exposure.time_s = milliseconds * 1e-3;
-        } else if let (Some(rule), Some(sensor)) = (&frame.auto_exposure, &flat.sensor) {
-            let parts = parts(&flat)?;
-            if let Some(light) = on_film(&flat, parts.behind_filter()) {
-                let rates = sensor.flat_electron_rate(&light);
-                let mosaic = sensor.mosaic();
-                let data = mosaic.pattern.iter().map(|&channel| rates[usize::from(channel)] as f32).collect();
-                let cell = ElectronRate { columns: mosaic.cols, rows: mosaic.rows, data };
-                flat.exposure.time_s = sensor.auto_exposure_s(&cell, frame.gain, rule)?;
-            }
-        }
-        Ok(flat)
-    }
-}
+use crate::spectral::{Curve, Fluorophore, Irradiance, Radiance, Spectrum, ToolboxEem, Transmittance};
+use crate::study::{FlatSample, FluorescenceModel};
 
 /// Radiance that leaves the sample, before any viewing filter, W/(sr m² nm), one value per wavelength.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -127,7 +52,7 @@ pub struct Chromaticity {
 /// What the camera would record of a flat sample.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Prediction {
-    /// Bin centres, nm.
+    /// Bin centers, nm.
     pub wavelength_nm: Vec<f64>,
     /// Irradiance on the sample, W/(m² nm).
     pub irradiance: Vec<f64>,
@@ -170,6 +95,24 @@ pub enum PredictError {
     NoEmission(String),
 }
 
+/// Time and gain of a sample's exposure. An automatic exposure becomes the time that suits the sensor's brightest channel.
+fn exposure(sample: &FlatSample, parts: &Parts) -> Result<Exposure, PredictError> {
+    let frame = &sample.exposure;
+    let mut exposure = Exposure { gain: frame.gain, label: frame.label.clone(), ..Exposure::default() };
+    if let Some(milliseconds) = frame.exposure_ms {
+        exposure.time_s = milliseconds * 1e-3;
+    } else if let (Some(rule), Some(sensor)) = (&frame.auto_exposure, &sample.camera.sensor)
+        && let Some(light) = on_film(sample, parts.behind_filter())
+    {
+        let rates = sensor.flat_electron_rate(&light);
+        let mosaic = sensor.mosaic();
+        let data = mosaic.pattern.iter().map(|&channel| rates[usize::from(channel)] as f32).collect();
+        let cell = ElectronRate { columns: mosaic.cols, rows: mosaic.rows, data };
+        exposure.time_s = sensor.auto_exposure_s(&cell, frame.gain, rule)?;
+    }
+    Ok(exposure)
+}
+
 /// Carries light through a flat sample to mean sensor values.
 ///
 /// # Errors
@@ -197,9 +140,10 @@ pub fn predict(sample: &FlatSample) -> Result<Prediction, PredictError> {
             FluorescenceModel::Toolbox => None,
         },
     };
-    if let (Some(sensor), Some(light)) = (&sample.sensor, &light) {
-        let response = sensor.flat_response(light, &sample.exposure)?;
-        respond(&mut prediction, sample, sensor, &parts, &response);
+    let exposure = exposure(sample, &parts)?;
+    if let (Some(sensor), Some(light)) = (&sample.camera.sensor, &light) {
+        let response = sensor.flat_response(light, &exposure)?;
+        respond(&mut prediction, sample, sensor, &parts, exposure.time_s, &response);
     }
     Ok(prediction)
 }
@@ -210,9 +154,9 @@ fn respond(
     sample: &FlatSample,
     sensor: &Sensor,
     parts: &Parts,
+    time_s: f64,
     response: &FlatResponse,
 ) {
-    let time_s = sample.exposure.time_s;
     let electrons = |radiance: &[f64], view: &[f64]| -> Vec<f64> {
         on_film(sample, radiance.iter().zip(view).map(|(l, t)| l * t).collect())
             .map(|light| sensor.flat_electron_rate(&light).into_iter().map(|rate| rate * time_s).collect())
@@ -250,8 +194,8 @@ fn respond(
 
 /// Irradiance on the film from a radiance behind the view filter; none without a lens.
 fn on_film(sample: &FlatSample, filtered: Vec<f64>) -> Option<Spectrum<Irradiance>> {
-    let lens = sample.lens.as_ref()?;
-    Some(lens.axial_irradiance(&Spectrum::from_parts(sample.grid.clone(), filtered)))
+    let lens = sample.camera.lens.as_ref()?;
+    Some(lens.equation.axial_irradiance(&Spectrum::from_parts(sample.grid.clone(), filtered)))
 }
 
 /// Photons emitted within a band per photon that arrives within the grid, from fine samples.
@@ -313,16 +257,13 @@ fn physical_parts(sample: &FlatSample) -> Parts {
             (fluorophore.name.clone(), exitance.iter().map(|m| concentration * m / PI).collect())
         })
         .collect();
+    let filter = &sample.camera.view_filter.transmittance;
     Parts {
         irradiance: sample.irradiance.on_grid::<Irradiance>(grid).values().to_vec(),
         reflected: reflected.values().iter().map(|v| v / PI).collect(),
         fluorescence,
-        view: sample.view_filter.on_grid::<Transmittance>(grid).values().to_vec(),
-        view_of_reflected: sample
-            .view_filter
-            .on_grid_under::<Transmittance>(grid, &reflected_light)
-            .values()
-            .to_vec(),
+        view: filter.on_grid::<Transmittance>(grid).values().to_vec(),
+        view_of_reflected: filter.on_grid_under::<Transmittance>(grid, &reflected_light).values().to_vec(),
     }
 }
 
@@ -350,7 +291,7 @@ fn toolbox_parts(sample: &FlatSample) -> Result<Parts, PredictError> {
         irradiance,
         fluorescence,
         // The toolbox knows spectra at points, not bands.
-        view_of_reflected: at(&sample.view_filter),
-        view: at(&sample.view_filter),
+        view_of_reflected: at(&sample.camera.view_filter.transmittance),
+        view: at(&sample.camera.view_filter.transmittance),
     })
 }

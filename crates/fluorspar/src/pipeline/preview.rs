@@ -1,13 +1,12 @@
 //! Pictures for people: developed frames and radiance images in 8-bit sRGB.
 
 use super::direct_light::group_spectrum;
-use crate::experiment::{Capture, ResolvedExperiment};
 use crate::image::{ChannelImage, SpectralImage};
-use crate::preset::{self, PresetKind};
 use crate::sensor::Sensor;
 use crate::spectral::{
     Curve, QuantumEfficiency, Radiance, Spectrum, StandardObserver, encode_srgb, linear_srgb,
 };
+use crate::study::{Capture, Study};
 
 /// An 8-bit sRGB picture, `[row, col, channel]`, rows from the top.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -20,7 +19,7 @@ pub struct Preview {
     pub rgb: Vec<u8>,
 }
 
-/// How channel values become colours.
+/// How channel values become colors.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ColorRendering {
     /// Linear sRGB from R, G, B digital numbers, rows first, before the exposure scale.
@@ -37,22 +36,17 @@ const WHITE_PERCENTILE: f64 = 0.995;
 const LIFT_REFLECTED: f64 = 1.8;
 /// Lift of a fluorescence frame, where teeth are ten times brighter than tissue.
 const LIFT_FLUORESCENT: f64 = 2.5;
-/// Share of the full well that white surfaces are exposed to, for the noise of a colour.
+/// Share of the full well that white surfaces are exposed to, for the noise of a color.
 const EXPOSED_WELL: f64 = 0.8;
-/// Pixels over which an eye averages the noise of a colour.
+/// Pixels over which an eye averages the noise of a color.
 const PIXELS_SEEN_TOGETHER: f64 = 4.0;
 
 impl ColorRendering {
-    /// Least-squares map from the responses of the catalogue's reflectances under the frame's lamp to their colours under
-    /// an equal-energy light, the noise of the sensor included: a channel that says little about colour and much about noise
+    /// Least-squares map from the responses of the camera's training reflectances under the frame's lamp to their colors under
+    /// an equal-energy light, the noise of the sensor included: a channel that says little about color and much about noise
     /// (blue behind a long-pass filter) gets a small weight. `None` when the channels can't be told apart.
-    fn for_reflectances(
-        sensor: &Sensor,
-        filter: &Curve,
-        lamp: &Curve,
-        experiment: &ResolvedExperiment,
-    ) -> Option<Self> {
-        let grid = &experiment.scene.grid;
+    fn for_reflectances(sensor: &Sensor, filter: &Curve, lamp: &Curve, study: &Study) -> Option<Self> {
+        let grid = &study.scene.grid;
         let qe: Vec<Spectrum<QuantumEfficiency>> = ["R", "G", "B"]
             .iter()
             .map(|name| Some(sensor.qe().on_grid(sensor.qe().find(name)?, grid)))
@@ -67,7 +61,7 @@ impl ColorRendering {
                     .sum()
             })
         };
-        let colour = |reflectance: &dyn Fn(f64) -> f64| -> [f64; 3] {
+        let color = |reflectance: &dyn Fn(f64) -> f64| -> [f64; 3] {
             let even: Vec<f32> = (0..grid.len()).map(|b| reflectance(grid.center_nm(b)) as f32).collect();
             linear_srgb(observer.xyz(&even))
         };
@@ -75,7 +69,7 @@ impl ColorRendering {
         if white.iter().any(|&w| w <= 0.0) {
             return None;
         }
-        let white_colour = colour(&|_| 1.0);
+        let white_color = color(&|_| 1.0);
         let brightest = white.iter().copied().fold(0.0, f64::max);
         let model = sensor.model();
         // Variance of a response relative to that of a white surface: shot noise, read noise, gain spread.
@@ -89,21 +83,21 @@ impl ColorRendering {
         let mut normal = [[0.0; 3]; 3];
         let mut right = [[0.0; 3]; 3];
         let mut add = |reflectance: &dyn Fn(f64) -> f64, weight: f64| {
-            let (x, y) = (respond(reflectance), colour(reflectance));
+            let (x, y) = (respond(reflectance), color(reflectance));
             for i in 0..3 {
                 for j in 0..3 {
                     normal[i][j] += weight * x[i] / white[i] * x[j] / white[j];
-                    right[i][j] += weight * x[i] / white[i] * y[j] / white_colour[j];
+                    right[i][j] += weight * x[i] / white[i] * y[j] / white_color[j];
                 }
                 normal[i][i] += weight * variance(i, x[i] / white[i]) / PIXELS_SEEN_TOGETHER;
             }
         };
-        // The tissues of the catalogue, whose colours matter here, and a flat one that weighs as much as all others.
-        let tissues = tissue_reflectances();
-        for tissue in &tissues {
-            add(&|nm| tissue.at(nm), 1.0);
+        // The training reflectances, whose colors matter here, and a flat one that weighs as much as all others.
+        let training = &study.camera.training_reflectances;
+        for surface in training {
+            add(&|nm| surface.at(nm), 1.0);
         }
-        add(&|_| 1.0, tissues.len() as f64);
+        add(&|_| 1.0, training.len() as f64);
         let inverse = inverse(normal)?;
         let mut matrix = [[0.0; 3]; 3];
         for out in 0..3 {
@@ -111,7 +105,7 @@ impl ColorRendering {
                 let value: f64 = (0..3).map(|k| inverse[channel][k] * right[k][out]).sum();
                 matrix[out][channel] = value / white[channel];
             }
-            // The noise term takes a little from all colours; white stays white.
+            // The noise term takes a little from all colors; white stays white.
             let of_white: f64 = matrix[out].iter().zip(white).map(|(m, w)| m * w).sum();
             if of_white > 0.0 {
                 matrix[out].iter_mut().for_each(|m| *m /= of_white);
@@ -120,32 +114,25 @@ impl ColorRendering {
         Some(Self { matrix, lift: LIFT_REFLECTED })
     }
 
-    /// The rendering of one frame of an experiment: colours as under even light where the lamp covers the visible range;
+    /// The rendering of one frame of a study: colors as under even light where the lamp covers the visible range;
     /// the sensor's own channels where it does not (fluorescence), dim tissue lifted.
-    pub fn of_frame(experiment: &ResolvedExperiment, capture: &Capture) -> Self {
+    pub fn of_frame(study: &Study, capture: &Capture) -> Self {
         let matrix = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
         let own = Self { matrix, lift: LIFT_FLUORESCENT };
-        let (Some(sensor), Some(lens)) = (&experiment.sensor, &experiment.lens) else { return own };
-        let Some(lamp) = super::analyze::frame_lamp(experiment, capture, None) else { return own };
+        let (Some(sensor), Some(lens)) = (&study.camera.sensor, study.camera.lens_behind_filters()) else {
+            return own;
+        };
+        let Some(lamp) = super::analyze::frame_lamp(study, capture, None) else { return own };
         if !covers_the_visible_range(&lamp) {
             return own;
         }
-        Self::for_reflectances(sensor, &lens.transmittance, &lamp, experiment).unwrap_or(own)
+        Self::for_reflectances(sensor, &lens.transmittance, &lamp, study).unwrap_or(own)
     }
 }
 
-/// Whether surfaces have colours under this lamp.
+/// Whether surfaces have colors under this lamp.
 fn covers_the_visible_range(lamp: &Curve) -> bool {
     lamp.integral(500.0, 650.0) >= 0.2 * lamp.total()
-}
-
-/// The reflectances of the catalogue.
-pub(super) fn tissue_reflectances() -> Vec<Curve> {
-    preset::names(PresetKind::Reflectance)
-        .into_iter()
-        .filter_map(|name| preset::reflectance(name).ok())
-        .map(|entry| entry.curve())
-        .collect()
 }
 
 /// Inverse of a 3 x 3 matrix by cofactors; `None` when it is singular.
@@ -169,7 +156,7 @@ pub(super) fn inverse(m: [[f64; 3]; 3]) -> Option<[[f64; 3]; 3]> {
 }
 
 /// Turns a developed frame into a picture, scaled so that all but the brightest half percent fits.
-/// Frames without R, G and B become grey.
+/// Frames without R, G and B become gray.
 pub fn preview(image: &ChannelImage, rendering: &ColorRendering) -> Preview {
     let find = |name: &str| image.channels.iter().position(|c| c == name);
     let channels = match [find("R"), find("G"), find("B")] {
@@ -195,14 +182,10 @@ pub fn radiance_preview(image: &SpectralImage<Radiance>) -> Preview {
 }
 
 /// As [`radiance_preview`], of a scene under one light group alone, with white surfaces white as in [`preview`]: the
-/// colours of surfaces, not of the lamp. Light that leaves no surface a colour (that which excites fluorescence) is shown as
+/// colors of surfaces, not of the lamp. Light that leaves no surface a color (that which excites fluorescence) is shown as
 /// it is.
-pub fn light_group_preview(
-    image: &SpectralImage<Radiance>,
-    experiment: &ResolvedExperiment,
-    group: &str,
-) -> Preview {
-    let white = group_spectrum(experiment, group).filter(covers_the_visible_range).map(|lamp| {
+pub fn light_group_preview(image: &SpectralImage<Radiance>, study: &Study, group: &str) -> Preview {
+    let white = group_spectrum(study, group).filter(covers_the_visible_range).map(|lamp| {
         let lamp = lamp.on_grid::<Radiance>(image.grid());
         let values: Vec<f32> = lamp.values().iter().map(|value| *value as f32).collect();
         linear_srgb(StandardObserver::new(image.grid()).xyz(&values))

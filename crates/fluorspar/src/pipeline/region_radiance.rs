@@ -8,15 +8,15 @@ use serde::Serialize;
 use super::capture::{behind_filter, on_sensor};
 use super::light_by_shape::component_spectrum;
 use crate::analysis::{PixelSelection, channel_response};
-use crate::experiment::ResolvedExperiment;
 use crate::image::{Component, ComponentImage, Light};
 use crate::sensor::CaptureFrame;
 use crate::spectral::{Curve, QuantumEfficiency, Radiance, Spectrum};
+use crate::study::Study;
 
 /// Mean radiance that leaves a region under the lights of one frame, before filter and lens, W/(sr m² nm).
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct RegionRadiance {
-    /// Bin centres, nm.
+    /// Bin centers, nm.
     pub wavelength_nm: Vec<f64>,
     /// Light that never fluoresced.
     pub reflected: Vec<f64>,
@@ -34,16 +34,11 @@ pub struct RegionRadiance {
 }
 
 impl RegionRadiance {
-    /// The light of the frame that an experiment analyses, from the pixels behind the analysed region of the sensor.
+    /// The light of the frame that a study analyzes, from the pixels behind the analyzed region of the sensor.
     /// `None` without an analysis.
-    pub fn of_analysis(
-        experiment: &ResolvedExperiment,
-        components: &ComponentImage,
-        region: &PixelSelection,
-    ) -> Option<Self> {
-        let analysis = experiment.analysis.as_ref()?;
-        let capture = experiment.captures.iter().find(|c| c.frame.label == analysis.frame)?;
-        let pixels = on_sensor(experiment, components)?.scene_pixels(region);
+    pub fn of_analysis(study: &Study, components: &ComponentImage, region: &PixelSelection) -> Option<Self> {
+        let capture = study.analyzed_capture()?;
+        let pixels = on_sensor(study, components)?.scene_pixels(region);
         Some(Self::new(components, &capture.frame, &pixels))
     }
 
@@ -93,14 +88,11 @@ impl RegionRadiance {
 
     /// Reflected over fluorescent electrons, all colour channels together, behind lens and filters: the leak that the
     /// filters leave. `None` without a sensor, or without fluorescence.
-    pub fn leak_ratio(&self, experiment: &ResolvedExperiment) -> Option<f64> {
-        let (lens, sensor) = (experiment.lens.as_ref()?, experiment.sensor.as_ref()?);
-        let analysed = experiment
-            .analysis
-            .as_ref()
-            .and_then(|analysis| experiment.captures.iter().find(|c| c.frame.label == analysis.frame));
-        let lens = analysed.map_or(Cow::Borrowed(lens), |capture| behind_filter(lens, capture));
-        let (grid, qe) = (&experiment.scene.grid, sensor.effective_qe());
+    pub fn leak_ratio(&self, study: &Study) -> Option<f64> {
+        let (lens, sensor) = (study.camera.lens_behind_filters()?, study.camera.sensor.as_ref()?);
+        let analyzed = study.analyzed_capture();
+        let lens = analyzed.map_or(Cow::Borrowed(&lens), |capture| behind_filter(&lens, capture));
+        let (grid, qe) = (&study.scene.grid, sensor.effective_qe());
         let channels: Vec<Spectrum<QuantumEfficiency>> =
             (0..qe.channels().len()).map(|c| qe.on_grid(c, grid)).collect();
         let electrons = |values: &[f64], shape: Option<&Curve>| -> Option<f64> {
@@ -117,7 +109,7 @@ impl RegionRadiance {
         let fluorescent = electrons(&fluorescent, None)?;
         let mut reflected = 0.0;
         for (component, values) in &self.reflected_components {
-            reflected += electrons(values, component_spectrum(experiment, component).as_ref())?;
+            reflected += electrons(values, component_spectrum(study, component).as_ref())?;
         }
         (fluorescent > 0.0).then_some(reflected / fluorescent)
     }

@@ -1,4 +1,4 @@
-//! Photobiological safety of an experiment's captures, for patient, operator and mucosa.
+//! Photobiological safety of a study's captures, for patient, operator and mucosa.
 
 use std::f64::consts::PI;
 
@@ -6,7 +6,6 @@ use glam::{DVec3, Vec3};
 use serde::Serialize;
 
 use super::CapturedFrame;
-use crate::experiment::{Capture, ResolvedExperiment};
 use crate::light::Emitter;
 use crate::safety::{
     ApparentSource, Assessment, Hazard, Illumination, RetinalObserver, RiskGroup, RiskQuantity, Target,
@@ -15,6 +14,7 @@ use crate::safety::{
 use crate::scene::Shape;
 use crate::scene::irradiance::{SurfacePoint, emission_factor, light_factors, light_spectra};
 use crate::spectral::Curve;
+use crate::study::{Capture, SafetyPlan, Study};
 
 /// Whose safety it is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -84,7 +84,7 @@ pub struct ProgrammeSafety {
     pub sequences_per_day: Option<u64>,
 }
 
-/// The safety of an experiment.
+/// The safety of a study.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SafetyReport {
     /// Where the limits come from.
@@ -117,23 +117,23 @@ const CAVEAT: &str =
 /// Where lamps that are not for general lighting are classified: IEC 62471:2006, 6.1.
 const CLASSIFICATION_MM: f64 = 200.0;
 
-/// Assesses every capture of an experiment.
+/// Assesses every capture of a study; `None` where it has no safety plan.
 ///
 /// The light is that which reaches a place directly, unshaded. Patient's eye: on the axis of the camera at the stated distance,
 /// facing the camera. Mucosa: likewise at its distance. Operator's eye: sees a disc of the stated diameter and
 /// reflectance, lit as the mucosa is. Frames that were taken give the times of automatic exposures; without them their
 /// longest time is assumed.
-pub fn assess_safety(experiment: &ResolvedExperiment, frames: &[CapturedFrame]) -> SafetyReport {
-    let settings = &experiment.safety;
-    let mucosa_mm = settings.mucosa_distance_mm.unwrap_or(experiment.camera_distance_mm);
+pub fn assess_safety(study: &Study, frames: &[CapturedFrame]) -> Option<SafetyReport> {
+    let settings = study.safety.as_ref()?;
+    let mucosa_mm = settings.mucosa_distance_mm;
     let mut captures = Vec::new();
     let mut brightest: Option<(f64, Illumination)> = None;
-    for capture in &experiment.captures {
+    for capture in &study.captures {
         let (light_on_s, light_on_from) = light_on(capture, frames);
-        let at_mucosa = illumination(experiment, capture, axis_point(experiment, mucosa_mm));
+        let at_mucosa = illumination(study, capture, axis_point(study, mucosa_mm));
         let mut viewers = Vec::new();
         if !at_mucosa.sources.is_empty() {
-            let lamp = illumination(experiment, capture, axis_point(experiment, CLASSIFICATION_MM));
+            let lamp = illumination(study, capture, axis_point(study, CLASSIFICATION_MM));
             let level = lamp.total_irradiance();
             if brightest.as_ref().is_none_or(|(most, _)| level > *most) {
                 brightest = Some((level, lamp));
@@ -142,7 +142,7 @@ pub fn assess_safety(experiment: &ResolvedExperiment, frames: &[CapturedFrame]) 
             viewers.push(match settings.patient_eye_distance_mm {
                 None => refused(Viewer::PatientEye, "safety.patient_eye_distance_mm"),
                 Some(mm) => {
-                    let light = illumination(experiment, capture, axis_point(experiment, mm));
+                    let light = illumination(study, capture, axis_point(study, mm));
                     viewer(Viewer::PatientEye, mm, &light, light_on_s, Target::Eye(observer))
                 }
             });
@@ -172,19 +172,19 @@ pub fn assess_safety(experiment: &ResolvedExperiment, frames: &[CapturedFrame]) 
         None => (None, Vec::new()),
     };
     let programme = programme(&captures);
-    SafetyReport {
+    Some(SafetyReport {
         standard: STANDARD,
         caveat: CAVEAT,
-        assumptions: assumptions(experiment, mucosa_mm),
+        assumptions: assumptions(study, settings),
         captures,
         programme,
         risk_group,
         risk_quantities,
-    }
+    })
 }
 
-fn assumptions(experiment: &ResolvedExperiment, mucosa_mm: f64) -> Vec<String> {
-    let settings = &experiment.safety;
+fn assumptions(study: &Study, settings: &SafetyPlan) -> Vec<String> {
+    let mucosa_mm = settings.mucosa_distance_mm;
     let mut list = vec![
         "lights at the power that the experiment states, unshaded; objects that shine included".into(),
         format!(
@@ -204,7 +204,7 @@ fn assumptions(experiment: &ResolvedExperiment, mucosa_mm: f64) -> Vec<String> {
             "the patient is an infant or has no lens in the eye: A(lambda) in place of B(lambda)".into(),
         );
     }
-    if experiment.scene.lights.iter().any(|light| matches!(light.emitter, Emitter::Distant { .. })) {
+    if study.scene.lights.iter().any(|light| matches!(light.emitter, Emitter::Distant { .. })) {
         list.push("parallel light is taken as a point source".into());
     }
     list
@@ -266,15 +266,15 @@ fn light_on(capture: &Capture, frames: &[CapturedFrame]) -> (f64, String) {
     }
 }
 
-fn axis_point(experiment: &ResolvedExperiment, distance_mm: f64) -> SurfacePoint {
-    let camera = &experiment.scene.camera;
+fn axis_point(study: &Study, distance_mm: f64) -> SurfacePoint {
+    let camera = &study.scene.camera;
     let forward = camera.forward.as_dvec3();
     SurfacePoint { position: camera.position.as_dvec3() + forward * (1e-3 * distance_mm), normal: -forward }
 }
 
 /// Everything that shines at a point in a capture.
-fn illumination(experiment: &ResolvedExperiment, capture: &Capture, at: SurfacePoint) -> Illumination {
-    let scene = &experiment.scene;
+fn illumination(study: &Study, capture: &Capture, at: SurfacePoint) -> Illumination {
+    let scene = &study.scene;
     let mut light = Illumination::default();
     let mut add = |spectrum: &Curve, factor: f64, seen: Seen| {
         if factor <= 0.0 {
@@ -433,8 +433,8 @@ mod tests {
     use super::*;
     use crate::experiment::{parse, resolve};
 
-    fn experiment(text: &str) -> ResolvedExperiment {
-        resolve(&parse(text, "test", std::path::Path::new("."), &[]).unwrap()).unwrap()
+    fn study(text: &str) -> Study {
+        resolve(&parse(text, "test", std::path::Path::new("."), &[]).unwrap()).unwrap().study
     }
 
     fn find(viewer: &ViewerSafety, hazard: Hazard) -> &Assessment {
@@ -453,8 +453,8 @@ mod tests {
         light_groups = { ring = 1.0 }
     "#;
 
-    fn ring(safety: &str) -> ResolvedExperiment {
-        experiment(&format!("{RING}\n{safety}"))
+    fn ring(safety: &str) -> Study {
+        study(&format!("{RING}\n{safety}"))
     }
 
     #[test]
@@ -462,7 +462,8 @@ mod tests {
         let report = assess_safety(
             &ring("[safety]\npatient_eye_distance_mm = 100.0\noperator_eye_distance_mm = 300.0"),
             &[],
-        );
+        )
+        .unwrap();
         let capture = report.captures.iter().find(|c| c.name == "blue").unwrap();
         assert_eq!((capture.light_on_s, capture.light_on_from.as_str()), (0.03, "exposure time"));
         let [patient, operator, mucosa] = capture.viewers.as_slice() else { panic!("{capture:?}") };
@@ -499,7 +500,7 @@ mod tests {
 
     #[test]
     fn without_a_distance_there_is_no_margin() {
-        let report = assess_safety(&ring(""), &[]);
+        let report = assess_safety(&ring(""), &[]).unwrap();
         let capture = report.captures.iter().find(|c| c.name == "blue").unwrap();
         for (index, field) in ["patient_eye_distance_mm", "operator_eye_distance_mm"].into_iter().enumerate()
         {
@@ -517,7 +518,7 @@ mod tests {
         for light in &mut bright.scene.lights {
             light.spectrum = light.spectrum.scaled(1e5);
         }
-        let report = assess_safety(&bright, &[]);
+        let report = assess_safety(&bright, &[]).unwrap();
         let patient = &report.captures[1].viewers[0];
         assert!(patient.smallest_margin.unwrap() < 1.0);
         assert_eq!(patient.captures_per_day, Some(0));

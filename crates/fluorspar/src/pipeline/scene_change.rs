@@ -1,21 +1,18 @@
-//! What of an experiment is fixed in a component image that is there already.
+//! What of a study is fixed in a component image that is there already.
 
 use super::PipelineError;
-use crate::experiment::ResolvedExperiment;
+use crate::study::Study;
 
-/// Refuses an experiment whose scene differs from the one that a component image was rendered from: the image would show
+/// Refuses a study whose scene differs from the one that a component image was rendered from: the image would show
 /// the old scene under the new name.
 ///
-/// `rendered` is the experiment that the image carries. Lens, viewing filter, sensor, captures, analysis, the seed of the
+/// `rendered` is the study that the image carries. Lens, viewing filter, sensor, captures, analysis, the seed of the
 /// noise and the limits of the render may differ. So may the field of view where the lens and the sensor give it: the
 /// image keeps its own.
 ///
 /// # Errors
 /// The first part of the scene that differs.
-pub fn check_same_scene(
-    rendered: &ResolvedExperiment,
-    wanted: &ResolvedExperiment,
-) -> Result<(), PipelineError> {
+pub fn check_same_scene(rendered: &Study, wanted: &Study) -> Result<(), PipelineError> {
     match difference(rendered, wanted) {
         None => Ok(()),
         Some(what) => Err(PipelineError::OtherScene(what)),
@@ -38,7 +35,7 @@ fn named<'a, T: PartialEq>(
     }
 }
 
-fn difference(rendered: &ResolvedExperiment, wanted: &ResolvedExperiment) -> Option<String> {
+fn difference(rendered: &Study, wanted: &Study) -> Option<String> {
     let (old, new) = (&rendered.scene, &wanted.scene);
     if old.grid != new.grid {
         return Some("the wavelength grid ([spectral])".into());
@@ -60,7 +57,9 @@ fn difference(rendered: &ResolvedExperiment, wanted: &ResolvedExperiment) -> Opt
             "the lens through which the image was rendered ([lens], or the size of the [sensor])".into(),
         );
     }
-    if !(rendered.field_from_lens && wanted.field_from_lens) && a.tan_half_width != b.tan_half_width {
+    if !(rendered.camera.field_from_lens && wanted.camera.field_from_lens)
+        && a.tan_half_width != b.tan_half_width
+    {
         return Some("the field of view (camera.horizontal_field_deg)".into());
     }
     if (a.width, a.height) != (b.width, b.height) {
@@ -83,16 +82,16 @@ mod tests {
     use super::*;
     use crate::experiment::{parse, resolve};
 
-    fn experiment(overrides: &[&str]) -> ResolvedExperiment {
+    fn study(overrides: &[&str]) -> Study {
         let overrides: Vec<String> = overrides.iter().map(ToString::to_string).collect();
         let text = "base = \"flat-patch\"";
-        resolve(&parse(text, "test", std::path::Path::new("."), &overrides).unwrap()).unwrap()
+        resolve(&parse(text, "test", std::path::Path::new("."), &overrides).unwrap()).unwrap().study
     }
 
     #[test]
     fn changes_of_the_scene_are_named_and_changes_of_the_camera_behind_it_are_not() {
-        let rendered = experiment(&[]);
-        let said = |change: &str| difference(&rendered, &experiment(&[change])).unwrap_or_default();
+        let rendered = study(&[]);
+        let said = |change: &str| difference(&rendered, &study(&[change])).unwrap_or_default();
         for (change, what) in [
             ("light.blue.irradiance_w_per_m2=500", "light \"blue\""),
             ("light.blue.spectrum=\"led_405\"", "light \"blue\""),
@@ -120,7 +119,7 @@ mod tests {
             "analysis.noise_threshold=3",
         ] {
             assert_eq!(said(change), "", "{change}");
-            assert!(check_same_scene(&rendered, &experiment(&[change])).is_ok(), "{change}");
+            assert!(check_same_scene(&rendered, &study(&[change])).is_ok(), "{change}");
         }
     }
 }

@@ -1,14 +1,14 @@
-//! Readings of the spectroradiometers of an experiment.
+//! Readings of the spectroradiometers of a study.
 
 use serde::Serialize;
 
 use super::PipelineError;
 use super::light_by_shape::{light_by_shape, transmittance_ratio};
 use crate::analysis::{AnalysisError, RegionOfInterest, SceneOnSensor};
-use crate::experiment::{ResolvedExperiment, SpotOrParts};
 use crate::image::{ComponentImage, SpectralImage};
 use crate::sensor::SpectralReading;
 use crate::spectral::{Radiance, Spectrum};
+use crate::study::{SpectroradiometerTarget, Study};
 
 /// One reading and how it was taken.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -29,26 +29,26 @@ pub struct SpectroradiometerReading {
 /// Samples along each side of a pixel that decide how much of it lies in a spot.
 const SUB: usize = 4;
 
-/// Takes the reading of every spectroradiometer of the experiment, from the place of the camera.
+/// Takes the reading of every spectroradiometer of the study, from the place of the camera.
 ///
 /// # Errors
 /// Parts that nothing shows, an image of other wavelengths.
 pub fn read_spectroradiometers(
-    experiment: &ResolvedExperiment,
+    study: &Study,
     components: &ComponentImage,
 ) -> Result<Vec<SpectroradiometerReading>, PipelineError> {
-    if experiment.spectroradiometers.is_empty() {
+    if study.spectroradiometers.is_empty() {
         return Ok(Vec::new());
     }
-    if components.grid != experiment.scene.grid {
-        let (image, experiment) = (components.grid.len(), experiment.scene.grid.len());
-        return Err(PipelineError::OtherGrid { image, experiment });
+    if components.grid != study.scene.grid {
+        let (image, study) = (components.grid.len(), study.scene.grid.len());
+        return Err(PipelineError::OtherGrid { image, study });
     }
     let mut readings = Vec::new();
-    for device in &experiment.spectroradiometers {
+    for device in &study.spectroradiometers {
         let (weights, target) = match &device.target {
-            SpotOrParts::Spot { aim, acceptance_deg } => {
-                let camera = &experiment.scene.camera;
+            SpectroradiometerTarget::Spot { aim, acceptance_deg } => {
+                let camera = &study.scene.camera;
                 let view = components.features.view;
                 let tangent = f64::from(view.map_or(camera.tan_half_width, |view| view.tan_half_width));
                 let weights =
@@ -59,7 +59,7 @@ pub fn read_spectroradiometers(
                 );
                 (weights, place)
             }
-            SpotOrParts::Parts(parts) => {
+            SpectroradiometerTarget::Parts(parts) => {
                 let region = RegionOfInterest::of_parts(parts.iter().cloned());
                 let selection = region
                     .select(components.width, components.height, Some(SceneOnSensor::filling(components)))
@@ -69,7 +69,7 @@ pub fn read_spectroradiometers(
         };
         let grid = &components.grid;
         let mut mean = vec![0.0; grid.len()];
-        for light in light_by_shape(experiment, &device.frame, components) {
+        for light in light_by_shape(study, &device.frame, components) {
             let part = weighted_mean(&light.radiance, &weights);
             let ratio = transmittance_ratio(&device.instrument.filter, light.shape.as_ref(), grid);
             for (band, sum) in mean.iter_mut().enumerate() {
@@ -77,7 +77,7 @@ pub fn read_spectroradiometers(
             }
         }
         let mean = Spectrum::<Radiance>::from_parts(grid.clone(), mean);
-        let reading = device.instrument.read(&mean, experiment.render.seed, &device.name);
+        let reading = device.instrument.read(&mean, study.render.seed, &device.name);
         readings.push(SpectroradiometerReading {
             name: device.name.clone(),
             capture: device.frame.label.clone(),

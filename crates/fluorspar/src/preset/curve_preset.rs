@@ -161,6 +161,15 @@ pub fn reflectance(name: &str) -> Result<CurvePreset, PresetError> {
     curve(PresetKind::Reflectance, name, CurveQuantity::Reflectance)
 }
 
+/// All diffuse reflectances as curves, in the order of their names: the colors that matter to pictures of tissue.
+pub fn reflectance_curves() -> Vec<Curve> {
+    super::names(PresetKind::Reflectance)
+        .into_iter()
+        .filter_map(|name| reflectance(name).ok())
+        .map(|entry| entry.curve())
+        .collect()
+}
+
 /// Quantum efficiencies of a sensor.
 ///
 /// # Errors

@@ -27,7 +27,7 @@ mod text_preset;
 pub use catalogue::{PresetError, PresetKind, PresetSummary, list, names};
 pub use curve_preset::{
     CurveFit, CurvePreset, CurveQuantity, QuantumEfficiencyPreset, filter, light_spectrum,
-    quantum_efficiency, reflectance,
+    quantum_efficiency, reflectance, reflectance_curves,
 };
 pub use fluorophore_preset::{FluorophoreFit, FluorophoreMask, FluorophorePreset, fluorophore};
 pub use lens_preset::{LensError, LoadedLens, glass, is_lens_file, lens, lens_or_file};

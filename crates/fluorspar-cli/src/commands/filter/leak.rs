@@ -55,7 +55,7 @@ pub(super) fn run(options: &Options) -> Result<(), CliError> {
         }
     }
     overrides.extend(options.set.iter().map(|text| Override::set(text)));
-    let sample = source.resolve_sample(&overrides, options.json)?;
+    let sample = source.resolve_sample(&overrides, options.json)?.sample;
     let leak = filter_leak(&sample, &options.angle_deg)?;
     if options.json {
         return print_json(&leak);

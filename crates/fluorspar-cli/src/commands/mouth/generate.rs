@@ -111,7 +111,7 @@ const GREY: [f64; 3] = [0.5; 3];
 /// Mean colour of every tissue of the default experiment under even light, linear sRGB.
 fn tissue_colors() -> Result<BTreeMap<String, [f64; 3]>, CliError> {
     let source = ExperimentSource::find(None)?;
-    let scene = source.resolve(&[], true)?.scene;
+    let scene = source.resolve(&[], true)?.study.scene;
     let observer = StandardObserver::new(&scene.grid);
     let srgb = |spectrum: &[f32]| linear_srgb(observer.xyz(spectrum));
     let white = srgb(&vec![1.0; scene.grid.len()]);

@@ -116,19 +116,18 @@ fn picture(
         .map_err(|error| as_typed(error, &overrides))?;
     // Only light is looked at: a region that this view does not see is no defect.
     experiment.file.analysis = None;
-    let experiment = resolve(&experiment).map_err(|error| as_typed(error, &overrides))?;
-    if !experiment.scene.light_groups.iter().any(|group| group.name == options.light) {
-        let known: Vec<&str> =
-            experiment.scene.light_groups.iter().map(|group| group.name.as_str()).collect();
+    let study = resolve(&experiment).map_err(|error| as_typed(error, &overrides))?.study;
+    if !study.scene.light_groups.iter().any(|group| group.name == options.light) {
+        let known: Vec<&str> = study.scene.light_groups.iter().map(|group| group.name.as_str()).collect();
         return Err(CliError::Input(format!(
             "--light {}: the experiment has no such light group. Known: {}",
             options.light,
             known.join(", ")
         )));
     }
-    let components = render_with_progress(&experiment.scene, &experiment.render, None, options.quiet)?;
+    let components = render_with_progress(&study.scene, &study.render, None, options.quiet)?;
     let sum = components.recombine(|component| f64::from(u8::from(component.light_group == options.light)));
-    let preview = light_group_preview(&sum, &experiment, &options.light);
+    let preview = light_group_preview(&sum, &study, &options.light);
     Raster::from_rgb8(preview.width, preview.height, &preview.rgb)
         .ok_or_else(|| CliError::Failed("a picture without pixels".into()))
 }

@@ -6,7 +6,6 @@ use super::context::{Context, Resolved};
 use super::material::Fluorophores;
 use super::spectrum::Role;
 use super::surface_mean::surface_mean;
-use super::{Capture, ResolvedAnalysis};
 use crate::experiment::error::{Place, Step, steps};
 use crate::experiment::schema::{AnalysisSection, ExperimentFile, ExposureTime, TextureReference};
 use crate::light::LightGroup;
@@ -16,6 +15,7 @@ use crate::optics::PerspectiveCamera;
 use crate::scene::{Object, Shape};
 use crate::sensor::{CaptureFrame, EXPOSURE_MS, Sensor};
 use crate::spectral::{Curve, WavelengthGrid};
+use crate::study::{AnalysisPlan, Capture};
 
 fn hint<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> String {
     did_you_mean(name, known)
@@ -165,7 +165,7 @@ pub(super) fn analysis(
     file: &ExperimentFile,
     captures: &[Capture],
     seen: &Seen<'_>,
-) -> Resolved<Option<ResolvedAnalysis>> {
+) -> Resolved<Option<AnalysisPlan>> {
     let Some(section) = &file.analysis else { return Ok(None) };
     let at = |key: &str| steps!["analysis", key];
     let labels: Vec<&str> = captures.iter().map(|capture| capture.frame.label.as_str()).collect();
@@ -215,7 +215,7 @@ pub(super) fn analysis(
         note(context, &at, name)?;
         context.within(&at, *amount, [0.0, 1e6], "")?;
     }
-    Ok(Some(ResolvedAnalysis {
+    Ok(Some(AnalysisPlan {
         frame: section.frame.clone(),
         parts: section.parts.clone(),
         rectangle_px: section.rectangle_px,

@@ -22,6 +22,7 @@ use crate::preset;
 use crate::render::{Estimator, RenderSettings};
 use crate::sensor::{Sensor, SensorModel, SpectralQe};
 use crate::spectral::{Curve, GridError, WavelengthGrid};
+use crate::study::{Lens, ViewFilter};
 use crate::units::{memory_gib, memory_texts};
 
 const LONGEST_SIDE_PX: u64 = 16_384;
@@ -149,7 +150,7 @@ pub(super) fn check_camera(context: &Context<'_>, section: &CameraSection) -> Re
 pub(super) fn camera(
     context: &mut Context<'_>,
     file: &ExperimentFile,
-    lens: Option<&ResolvedLens>,
+    lens: Option<&Lens>,
     sensor: Option<&Sensor>,
 ) -> Resolved<PerspectiveCamera> {
     let at = |key: &str| steps!["camera", key];
@@ -225,12 +226,12 @@ pub(super) fn camera(
     }
 }
 
-/// The viewing filters, and their transmittance at the fixed angle.
+/// The viewing filters at the fixed angle.
 pub(in crate::experiment) fn view_filter(
     context: &mut Context<'_>,
     section: &ViewFilterSection,
     grid: &WavelengthGrid,
-) -> Resolved<(FilterStack, Curve)> {
+) -> Resolved<ViewFilter> {
     let field = |key: &str| steps!["view_filter", key];
     context.within(&field("angle_deg"), section.angle_deg, [0.0, 60.0], "degrees")?;
     if let Some(index) = section.effective_index {
@@ -275,33 +276,18 @@ pub(in crate::experiment) fn view_filter(
         behind_lens: section.position == FilterPosition::Rear,
         autofluorescence,
     };
-    Ok((stack, fixed))
+    Ok(ViewFilter { stack, transmittance: fixed, off_axis: Vec::new() })
 }
-
-/// A lens with its film: the camera equation, and rays where the lens is traced.
-pub(in crate::experiment) struct ResolvedLens {
-    /// The camera equation; of a traced lens that of its focal length, f-number and magnification. Filters included.
-    pub(in crate::experiment) equation: IdealLens,
-    /// Transmittance of the viewing filters on the axis.
-    pub(in crate::experiment) view_filter: Curve,
-    /// Rays of a traced lens.
-    pub(in crate::experiment) traced: Option<Arc<CameraLens>>,
-}
-
-/// Heights on the film at which filters are averaged over the angles of the rays.
-const FILTER_HEIGHTS: usize = 13;
 
 /// The lens, focused where the section says or else at a distance; `None` is infinity. `film_mm` is the size of the film;
-/// without one (a flat sample) only the axis matters. The viewing filters are part of its transmittance if `with_filters`.
+/// without one (a flat sample) only the axis matters.
 pub(in crate::experiment) fn lens(
     context: &mut Context<'_>,
     section: &LensSection,
     distance_mm: Option<f64>,
-    (stack, fixed): &(FilterStack, Curve),
     film_mm: Option<[f64; 2]>,
-    with_filters: bool,
     grid: &WavelengthGrid,
-) -> Resolved<ResolvedLens> {
+) -> Resolved<Lens> {
     check_lens_fields(context, section)?;
     let at = steps!["lens", "transmittance"];
     let glass = context.spectrum(&at, &section.transmittance, Role::Filter, 0.0, grid)?;
@@ -334,33 +320,11 @@ pub(in crate::experiment) fn lens(
             (equation, Some(Arc::new(traced)))
         }
     };
-    let angles = |height_mm: f64| match &traced {
-        Some(traced) => traced.filter_angles(height_mm, stack.behind_lens),
-        None => Some(equation.filter_angles(height_mm, stack.behind_lens)),
-    };
-    let moves = stack.filters.iter().any(|filter| filter.effective_index.is_some());
-    let mut view_filter = fixed.clone();
-    let mut field = Vec::new();
-    if stack.lens_angles && moves {
-        if let Some(axis) = angles(0.0) {
-            view_filter = stack.transmittance(&axis);
-        }
-        if let (true, Some([width_mm, height_mm])) = (with_filters, film_mm) {
-            let step_mm = 0.5 * width_mm.hypot(height_mm) / (FILTER_HEIGHTS - 1) as f64;
-            for node in 0..FILTER_HEIGHTS {
-                let at_mm = node as f64 * step_mm;
-                // Where no light arrives the filter does not matter.
-                let curve = angles(at_mm).map_or_else(|| view_filter.clone(), |a| stack.transmittance(&a));
-                field.push((at_mm, glass.times(&curve)));
-            }
-        }
-    }
-    equation.field_transmittance = field;
-    equation.transmittance = if with_filters { glass.times(&view_filter) } else { glass };
+    equation.transmittance = glass;
     equation
         .validate_transmittance()
         .map_err(|problem| context.error(&steps!["lens", problem.field], problem.message))?;
-    Ok(ResolvedLens { equation, view_filter, traced })
+    Ok(Lens { equation, traced })
 }
 
 /// Side of the film of a lens of which only the axis matters, mm.

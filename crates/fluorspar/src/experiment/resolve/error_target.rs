@@ -1,15 +1,13 @@
 //! The error at which a render is good enough, in the channels of captures or in a range of wavelengths.
 
-use super::Capture;
 use super::context::{Context, Resolved};
 use crate::experiment::error::steps;
 use crate::experiment::schema::{RenderSection, StatisticsChoice};
 use crate::image::Statistics;
 use crate::names::did_you_mean;
-use crate::optics::IdealLens;
 use crate::render::{ErrorChannel, ErrorTarget};
 use crate::scene::Scene;
-use crate::sensor::Sensor;
+use crate::study::{Camera, Capture};
 
 pub(super) fn statistics(section: &RenderSection) -> Statistics {
     match section.statistics {
@@ -24,7 +22,7 @@ pub(super) fn error_target(
     section: &RenderSection,
     scene: &Scene,
     captures: &[Capture],
-    optics: Option<(&IdealLens, &Sensor)>,
+    camera: &Camera,
 ) -> Resolved<Option<ErrorTarget>> {
     let at = |key: &str| steps!["render", key];
     let Some(error) = section.relative_error else {
@@ -41,6 +39,7 @@ pub(super) fn error_target(
     let relative_error = context.within(&at("relative_error"), error, [1e-4, 0.5], "")?;
     let grid = &scene.grid;
     let groups = &scene.light_groups;
+    let optics = camera.lens_behind_filters().zip(camera.sensor.as_ref());
     if section.error_captures.is_some() && section.error_range_nm.is_some() {
         return context.fail(&at("error_range_nm"), "excludes error_captures; give one of the two");
     }
@@ -63,7 +62,7 @@ pub(super) fn error_target(
         }
     }
     let mut channels = Vec::new();
-    if let (Some((lens, sensor)), None) = (optics, section.error_range_nm) {
+    if let (Some((lens, sensor)), None) = (&optics, section.error_range_nm) {
         let transmittance = lens.transmittance_on(grid);
         for capture in captures {
             let frame = &capture.frame;

@@ -2,15 +2,17 @@
 
 use super::context::{Context, LENGTH_MM, Resolved};
 use super::spectrum::Role;
-use super::{Capture, FlatFieldPlan, ResolvedDevelop, ResolvedSpectroradiometer, SpotOrParts};
 use crate::experiment::error::steps;
-use crate::experiment::schema::{ExperimentFile, MotionSection, SafetySection};
+use crate::experiment::schema::{ExperimentFile, SafetySection};
 use crate::names::did_you_mean;
 use crate::scene::Object;
 use crate::sensor::{Demosaicing, Sensor, Spectroradiometer};
 use crate::spectral::{Curve, WavelengthGrid};
+use crate::study::{
+    Capture, Develop, FlatFieldPlan, Motion, SafetyPlan, SpectroradiometerPlan, SpectroradiometerTarget,
+};
 
-pub(super) fn motion(context: &Context<'_>, file: &ExperimentFile) -> Resolved<Option<MotionSection>> {
+pub(super) fn motion(context: &Context<'_>, file: &ExperimentFile) -> Resolved<Option<Motion>> {
     let Some(section) = &file.motion else { return Ok(None) };
     for (index, drift) in section.drift_px_per_s.iter().enumerate() {
         context.within(
@@ -22,7 +24,11 @@ pub(super) fn motion(context: &Context<'_>, file: &ExperimentFile) -> Resolved<O
     }
     context.within(&steps!["motion", "jitter_px"], section.jitter_px, [0.0, 1000.0], "pixels")?;
     context.within(&steps!["motion", "interval_ms"], section.interval_ms, [0.0, 1e6], "ms")?;
-    Ok(Some(section.clone()))
+    Ok(Some(Motion {
+        drift_px_per_s: section.drift_px_per_s,
+        jitter_px: section.jitter_px,
+        interval_ms: section.interval_ms,
+    }))
 }
 
 pub(super) fn develop(
@@ -30,8 +36,8 @@ pub(super) fn develop(
     file: &ExperimentFile,
     sensor: Option<&Sensor>,
     grid: &WavelengthGrid,
-) -> Resolved<ResolvedDevelop> {
-    let Some(section) = &file.develop else { return Ok(ResolvedDevelop::default()) };
+) -> Resolved<Develop> {
+    let Some(section) = &file.develop else { return Ok(Develop::default()) };
     let at = |key: &str| steps!["develop", key];
     context.whole_within(&at("dark_frames"), section.dark_frames.into(), [0, 1000])?;
     if let (Demosaicing::GradientCorrected, Some(sensor)) = (section.demosaic, sensor)
@@ -56,7 +62,7 @@ pub(super) fn develop(
             return context.fail(&at("bad_pixel_sigma"), message);
         }
     }
-    Ok(ResolvedDevelop {
+    Ok(Develop {
         demosaicing: section.demosaic,
         dark_frames: section.dark_frames,
         flat_field,
@@ -70,7 +76,7 @@ pub(super) fn spectroradiometers(
     captures: &[Capture],
     objects: &[Object],
     grid: &WavelengthGrid,
-) -> Resolved<Vec<ResolvedSpectroradiometer>> {
+) -> Resolved<Vec<SpectroradiometerPlan>> {
     let mut list = Vec::new();
     for (index, section) in file.spectroradiometer.iter().enumerate() {
         let base = steps!["spectroradiometer", index];
@@ -121,11 +127,14 @@ pub(super) fn spectroradiometers(
             context.error(&at(field), problem.message.clone())
         })?;
         let target = if section.parts.is_empty() {
-            SpotOrParts::Spot { aim: section.aim.unwrap_or([0.5; 2]), acceptance_deg: section.acceptance_deg }
+            SpectroradiometerTarget::Spot {
+                aim: section.aim.unwrap_or([0.5; 2]),
+                acceptance_deg: section.acceptance_deg,
+            }
         } else {
-            SpotOrParts::Parts(section.parts.clone())
+            SpectroradiometerTarget::Parts(section.parts.clone())
         };
-        list.push(ResolvedSpectroradiometer {
+        list.push(SpectroradiometerPlan {
             name: section.name.clone(),
             frame: capture.frame.clone(),
             target,
@@ -135,8 +144,9 @@ pub(super) fn spectroradiometers(
     Ok(list)
 }
 
-pub(super) fn safety(context: &Context<'_>, file: &ExperimentFile) -> Resolved<SafetySection> {
-    let Some(section) = &file.safety else { return Ok(SafetySection::default()) };
+pub(super) fn safety(context: &Context<'_>, file: &ExperimentFile) -> Resolved<SafetyPlan> {
+    let defaults = SafetySection::default();
+    let section = file.safety.as_ref().unwrap_or(&defaults);
     let at = |key: &str| steps!["safety", key];
     for (key, value) in [
         ("patient_eye_distance_mm", section.patient_eye_distance_mm),
@@ -150,5 +160,13 @@ pub(super) fn safety(context: &Context<'_>, file: &ExperimentFile) -> Resolved<S
     }
     context.within(&at("reflectance"), section.reflectance, [0.0, 1.0], "")?;
     context.within(&at("mucosa_safety_factor"), section.mucosa_safety_factor, [1.0, 1000.0], "")?;
-    Ok(section.clone())
+    Ok(SafetyPlan {
+        patient_eye_distance_mm: section.patient_eye_distance_mm,
+        operator_eye_distance_mm: section.operator_eye_distance_mm,
+        mucosa_distance_mm: section.mucosa_distance_mm.unwrap_or_else(|| file.camera.distance_mm()),
+        lit_diameter_mm: section.lit_diameter_mm,
+        reflectance: section.reflectance,
+        mucosa_safety_factor: section.mucosa_safety_factor,
+        aphakic: section.aphakic,
+    })
 }

@@ -467,16 +467,6 @@ fn disc_shape(
 }
 
 /// Two triangles with texture coordinates along the edges.
-fn add_quad(mesh: &mut TriangleMesh, corner: Vec3, edge_u: Vec3, edge_v: Vec3) {
-    let first = mesh.positions.len() as u32;
-    for (u, v) in [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)] {
-        mesh.positions.push(corner + u * edge_u + v * edge_v);
-        mesh.uvs.push(Vec2::new(u, v));
-    }
-    mesh.triangles.push([first, first + 1, first + 2]);
-    mesh.triangles.push([first, first + 2, first + 3]);
-}
-
 fn quad_mesh(context: &Context<'_>, at: &Place, quad: &QuadShape) -> Resolved<TriangleMesh> {
     let corner = context.meters(&at.field("corner_mm"), quad.corner_mm)?;
     let edge_u = context.meters(&at.field("edge_u_mm"), quad.edge_u_mm)?;
@@ -485,9 +475,7 @@ fn quad_mesh(context: &Context<'_>, at: &Place, quad: &QuadShape) -> Resolved<Tr
         return context
             .fail(at, "edge_u_mm and edge_v_mm span no area; give two edges that are not parallel");
     }
-    let mut mesh = TriangleMesh::default();
-    add_quad(&mut mesh, corner, edge_u, edge_v);
-    Ok(mesh)
+    Ok(TriangleMesh::quad(corner, edge_u, edge_v))
 }
 
 fn box_mesh(context: &Context<'_>, at: &Place, cuboid: &BoxShape) -> Resolved<TriangleMesh> {
@@ -507,7 +495,7 @@ fn box_mesh(context: &Context<'_>, at: &Place, cuboid: &BoxShape) -> Resolved<Tr
             let mut edge_v = Vec3::ZERO;
             edge_v[(axis + 2) % 3] = size[(axis + 2) % 3];
             let corner = center + 0.5 * (normal * size[axis] - edge_u - edge_v);
-            add_quad(&mut mesh, corner, edge_u, edge_v);
+            mesh.add_quad(corner, edge_u, edge_v);
         }
     }
     Ok(mesh)

@@ -1,0 +1,69 @@
+//! Everything after the render, each result once.
+
+use super::{
+    AnalyzedFrame, CapturedFrame, ColorRendering, FrameLeak, PipelineError, Preview, RegionRadiance,
+    SafetyReport, SpectroradiometerReading, analyze, assess_safety, capture, frame_leak, preview,
+    read_spectroradiometers,
+};
+use crate::image::ComponentImage;
+use crate::study::Study;
+
+/// What a study gives, computed from its component image.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Evaluation {
+    /// Raw and developed frames, one for each capture.
+    pub frames: Vec<CapturedFrame>,
+    /// Pictures of the developed frames for people, in the same order.
+    pub previews: Vec<Preview>,
+    /// The analyzed frame, if the study asks for an analysis.
+    pub analysis: Option<AnalyzedFrame>,
+    /// Mean radiance of the analyzed region under the lights of the analyzed frame.
+    pub region_radiance: Option<RegionRadiance>,
+    /// Reflected light against fluorescence in each frame that has light, over the analyzed region or the whole frame.
+    pub leaks: Vec<FrameLeak>,
+    /// Readings of the spectroradiometers.
+    pub spectra: Vec<SpectroradiometerReading>,
+    /// Photobiological safety of the captures, if the study has a plan for it.
+    pub safety: Option<SafetyReport>,
+}
+
+impl Evaluation {
+    /// The leak of the analyzed frame.
+    pub fn analyzed_leak(&self) -> Option<&FrameLeak> {
+        let frame = &self.analysis.as_ref()?.analysis.frame;
+        self.leaks.iter().find(|leak| leak.frame == *frame)
+    }
+}
+
+/// Runs the whole chain of a study on its component image: captures, analysis, spectroradiometers, previews, leaks and
+/// safety. A study without captures has its spectroradiometers and its safety only.
+///
+/// # Errors
+/// The first stage that can't be run: captures without a lens or a sensor, an image of another study, a region without
+/// pixels.
+pub fn evaluate(study: &Study, components: &ComponentImage) -> Result<Evaluation, PipelineError> {
+    // Capture and analyze
+    let (frames, analysis) = if study.captures.is_empty() {
+        (Vec::new(), None)
+    } else {
+        let frames = capture(study, components)?;
+        let analysis = analyze(study, Some(components), &frames)?;
+        (frames, analysis)
+    };
+
+    // Measure the radiance itself
+    let spectra = read_spectroradiometers(study, components)?;
+    let region = analysis.as_ref().map(|analyzed| &analyzed.region);
+    let region_radiance = region.and_then(|region| RegionRadiance::of_analysis(study, components, region));
+
+    // Render the frames for people and split their electrons
+    let mut previews = Vec::with_capacity(frames.len());
+    let mut leaks = Vec::new();
+    for (frame, capture) in frames.iter().zip(&study.captures) {
+        previews.push(preview(&frame.developed, &ColorRendering::of_frame(study, capture)));
+        leaks.extend(frame_leak(study, components, capture, frame.raw.exposure_s, region)?);
+    }
+
+    let safety = assess_safety(study, &frames);
+    Ok(Evaluation { frames, previews, analysis, region_radiance, leaks, spectra, safety })
+}

@@ -1,0 +1,85 @@
+//! What an experiment means: scene, camera and program of captures as plain values.
+//!
+//! A study names no file and no format. Code builds one directly; a front such as [`crate::experiment`] makes one from
+//! a file. Everything in [`crate::pipeline`] takes a study or parts of it.
+//!
+//! | type | what | file |
+//! |---|---|---|
+//! | [`Study`] | scene, render settings, camera, captures, instruments, analysis | `mod.rs` |
+//! | [`Camera`], [`Lens`], [`ViewFilter`] | what stands between the scene and the digital numbers | `camera.rs` |
+//! | [`Capture`], [`Motion`], [`Develop`], [`FlatFieldPlan`] | the exposures and how they become linear channels | `program.rs` |
+//! | [`SpectroradiometerPlan`], [`SafetyPlan`], [`AnalysisPlan`] | what is measured and computed besides | `program.rs` |
+//! | [`FlatSample`] | the small study of a flat, homogeneous sample without geometry | `flat_sample.rs` |
+
+mod camera;
+mod flat_sample;
+mod program;
+
+pub use camera::{Camera, Lens, ViewFilter};
+pub use flat_sample::{FlatSample, FluorescenceModel};
+pub use program::{
+    AnalysisPlan, Capture, Develop, FlatFieldPlan, Motion, SafetyPlan, SpectroradiometerPlan,
+    SpectroradiometerTarget,
+};
+
+use crate::render::RenderSettings;
+use crate::scene::Scene;
+use crate::sensor::CaptureSequence;
+
+/// A scene, the camera that looks at it, and what is done with its light.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Study {
+    /// The scene.
+    pub scene: Scene,
+    /// Effort, seed and memory limit of the render.
+    pub render: RenderSettings,
+    /// Seconds after which to stop rendering.
+    pub time_limit_s: Option<f64>,
+    /// Lens, viewing filters and sensor.
+    pub camera: Camera,
+    /// Exposures, in order.
+    pub captures: Vec<Capture>,
+    /// Motion of the image between exposures.
+    pub motion: Option<Motion>,
+    /// How raw frames become linear channels.
+    pub develop: Develop,
+    /// Spectroradiometers in the place of the camera.
+    pub spectroradiometers: Vec<SpectroradiometerPlan>,
+    /// Distances and assumptions of a photobiological safety assessment, if one is wanted.
+    pub safety: Option<SafetyPlan>,
+    /// What to compute from the captures.
+    pub analysis: Option<AnalysisPlan>,
+}
+
+impl Study {
+    /// A study of a scene alone: default render settings, no lens, no sensor, no captures.
+    pub fn new(scene: Scene) -> Self {
+        Self {
+            scene,
+            render: RenderSettings::default(),
+            time_limit_s: None,
+            camera: Camera::default(),
+            captures: Vec::new(),
+            motion: None,
+            develop: Develop::default(),
+            spectroradiometers: Vec::new(),
+            safety: None,
+            analysis: None,
+        }
+    }
+
+    /// The frames of all captures.
+    pub fn capture_sequence(&self) -> CaptureSequence {
+        CaptureSequence { frames: self.captures.iter().map(|capture| capture.frame.clone()).collect() }
+    }
+
+    /// The capture of a name.
+    pub fn capture(&self, label: &str) -> Option<&Capture> {
+        self.captures.iter().find(|capture| capture.frame.label == label)
+    }
+
+    /// The capture that is analyzed.
+    pub fn analyzed_capture(&self) -> Option<&Capture> {
+        self.capture(&self.analysis.as_ref()?.frame)
+    }
+}

@@ -1,0 +1,144 @@
+//! What is captured, measured and computed.
+
+use crate::sensor::{CaptureFrame, Demosaicing, Spectroradiometer};
+use crate::spectral::{Curve, Fluorophore};
+
+/// One capture: an exposure, or a bracket of several that are merged.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Capture {
+    /// Lights, time and gain.
+    pub frame: CaptureFrame,
+    /// Label of the earlier frame whose image is subtracted.
+    pub subtract: Option<String>,
+    /// Filters in front of the sensor in this capture only, multiplied.
+    pub filter: Option<Curve>,
+    /// Further exposures, in stops from the first, that are merged with it.
+    pub bracket_ev: Vec<f64>,
+    /// How long the lights are on, ms, if it is not the time of the exposures.
+    pub light_on_ms: Option<f64>,
+}
+
+impl From<CaptureFrame> for Capture {
+    /// One exposure, nothing subtracted, no filter of its own.
+    fn from(frame: CaptureFrame) -> Self {
+        Self { frame, subtract: None, filter: None, bracket_ev: Vec::new(), light_on_ms: None }
+    }
+}
+
+/// How the image moves on the sensor between exposures: a hand that holds the camera, a tongue that does not keep still.
+///
+/// The whole image shifts evenly; within an exposure it stands still. Rotation, parallax and blur are left out.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Motion {
+    /// Steady motion of the image, pixels of the sensor per second: to the right, downward.
+    pub drift_px_per_s: [f64; 2],
+    /// Random shift of each exposure, standard deviation in either direction, pixels.
+    pub jitter_px: f64,
+    /// Time between the end of an exposure and the start of the next, ms.
+    pub interval_ms: f64,
+}
+
+/// How raw frames become linear channels.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Develop {
+    /// Interpolation of the colors.
+    pub demosaicing: Demosaicing,
+    /// Dark frames for each exposure time and gain; none are taken if 0.
+    pub dark_frames: u32,
+    /// Flat field.
+    pub flat_field: Option<FlatFieldPlan>,
+    /// Robust standard deviations from which a pixel counts as bad.
+    pub bad_pixel_sigma: Option<f64>,
+}
+
+/// Frames of even light.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FlatFieldPlan {
+    /// Frames averaged.
+    pub frames: u32,
+    /// Signal of the brightest channel on the axis, share of full scale.
+    pub level: f64,
+    /// Spectrum of the light, any scale.
+    pub spectrum: Curve,
+}
+
+/// A spectroradiometer and what it looks at.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SpectroradiometerPlan {
+    /// Name.
+    pub name: String,
+    /// The frame whose lights are on.
+    pub frame: CaptureFrame,
+    /// What it looks at.
+    pub target: SpectroradiometerTarget,
+    /// The instrument with its filters.
+    pub instrument: Spectroradiometer,
+}
+
+/// What a spectroradiometer looks at.
+#[derive(Clone, Debug, PartialEq)]
+pub enum SpectroradiometerTarget {
+    /// A round spot.
+    Spot {
+        /// Its center, from the left and the top edge of the picture, 0 to 1.
+        aim: [f64; 2],
+        /// Its full angle, degrees.
+        acceptance_deg: f64,
+    },
+    /// All pixels that show these parts.
+    Parts(Vec<String>),
+}
+
+/// What a photobiological safety assessment needs beside the lights. Without a distance there is no margin.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SafetyPlan {
+    /// Distance from the camera's pupil, along its axis, at which a patient's eye may look into the lights, mm.
+    pub patient_eye_distance_mm: Option<f64>,
+    /// Distance from the lit mouth to the eye of the operator, who sees it by reflected light, mm.
+    pub operator_eye_distance_mm: Option<f64>,
+    /// Distance from the camera's pupil, along its axis, to the nearest mucosa, mm.
+    pub mucosa_distance_mm: f64,
+    /// Diameter of what the operator sees lit, mm.
+    pub lit_diameter_mm: f64,
+    /// Diffuse reflectance of what the operator sees, 0 to 1.
+    pub reflectance: f64,
+    /// What the limits for skin are divided by for mucosa, for which there are none.
+    pub mucosa_safety_factor: f64,
+    /// Whether the patient may be an infant or have no lens in the eye.
+    pub aphakic: bool,
+}
+
+impl SafetyPlan {
+    /// Mucosa at a distance, mm, from the camera; distances of eyes unknown, a lit disc of 60 mm, reflectance 1 (the
+    /// upper bound), a safety factor of 10 for mucosa (assumed).
+    pub fn new(mucosa_distance_mm: f64) -> Self {
+        Self {
+            patient_eye_distance_mm: None,
+            operator_eye_distance_mm: None,
+            mucosa_distance_mm,
+            lit_diameter_mm: 60.0,
+            reflectance: 1.0,
+            mucosa_safety_factor: 10.0,
+            aphakic: false,
+        }
+    }
+}
+
+/// What to compute from the captures.
+#[derive(Clone, Debug, PartialEq)]
+pub struct AnalysisPlan {
+    /// Label of the frame that is analyzed.
+    pub frame: String,
+    /// Names of the parts that form the region of interest; empty means all.
+    pub parts: Vec<String>,
+    /// Rectangle of the sensor: column, row, width, height.
+    pub rectangle_px: Option<[u32; 4]>,
+    /// Name of the porphyrin.
+    pub porphyrin: String,
+    /// Fluorophores that form the bulk, with their amounts.
+    pub bulk: Vec<(String, f64)>,
+    /// Those of these fluorophores that no material of the scene holds: their responses are predicted as well.
+    pub absent_fluorophores: Vec<Fluorophore>,
+    /// Least channel sum that has a chromaticity, in standard deviations of its noise.
+    pub noise_threshold: f64,
+}
