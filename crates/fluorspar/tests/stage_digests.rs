@@ -10,10 +10,11 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::Path;
 
-use fluorspar::experiment::{ResolvedExperiment, parse, resolve};
+use fluorspar::experiment::{parse, resolve};
 use fluorspar::image::ComponentImage;
 use fluorspar::pipeline::{capture, frame_radiance};
 use fluorspar::preset;
+use fluorspar::study::Study;
 use sha2::{Digest, Sha256};
 use support::{LAMPS, MATERIALS, lit_box, run, settings};
 
@@ -54,18 +55,20 @@ fn mathematics() -> String {
     }))
 }
 
-fn with_changes(text: &str, changes: &[&str]) -> ResolvedExperiment {
+fn with_changes(text: &str, changes: &[&str]) -> Study {
     let changes: Vec<String> = changes.iter().map(|change| (*change).to_owned()).collect();
-    resolve(&parse(text, "digests", Path::new("."), &changes).unwrap()).unwrap()
+    resolve(&parse(text, "digests", Path::new("."), &changes).unwrap()).unwrap().study
 }
 
 /// Radiance, electron rates of the first capture behind the ideal lens, raw and developed values of an experiment.
-fn add_experiment(digests: &mut BTreeMap<String, String>, name: &str, experiment: &ResolvedExperiment) {
-    let image: ComponentImage = run(&experiment.scene, &experiment.render);
+fn add_experiment(digests: &mut BTreeMap<String, String>, name: &str, study: &Study) {
+    let image: ComponentImage = run(&study.scene, &study.render);
     digests.insert(format!("radiance {name}"), digest(image.data.iter().copied()));
-    let (Some(lens), Some(sensor)) = (&experiment.lens, &experiment.sensor) else { return };
+    let (Some(lens), Some(sensor)) = (study.camera.lens_behind_filters(), &study.camera.sensor) else {
+        return;
+    };
     let mut rates = Bits::default();
-    for capture in &experiment.captures {
+    for capture in &study.captures {
         let radiance = frame_radiance(&capture.frame, &image);
         let width_mm = sensor.model().width_mm();
         let rate = sensor.electron_rate(&lens.form_image(&radiance, width_mm));
@@ -73,7 +76,7 @@ fn add_experiment(digests: &mut BTreeMap<String, String>, name: &str, experiment
     }
     digests.insert(format!("electrons {name}"), rates.text());
     let (mut raw, mut developed) = (Bits::default(), Bits::default());
-    for frame in capture(experiment, &image).unwrap() {
+    for frame in capture(study, &image).unwrap() {
         raw.add(frame.raw.data.iter().map(|dn| f32::from(*dn)));
         frame.bracket.iter().for_each(|other| raw.add(other.data.iter().map(|dn| f32::from(*dn))));
         developed.add(frame.developed.data);

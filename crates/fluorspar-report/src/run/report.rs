@@ -3,7 +3,7 @@
 use fluorspar::analysis::Statistics;
 use fluorspar::experiment::ResolvedExperiment;
 use fluorspar::image::Light;
-use fluorspar::pipeline::{AnalyzedFrame, CapturedFrame, FrameLeak, RegionRadiance};
+use fluorspar::pipeline::{AnalyzedFrame, CapturedFrame, RegionRadiance};
 use fluorspar::preset::{self, PresetKind};
 use fluorspar::sensor::SensorModel;
 use fluorspar::spectral::Curve;

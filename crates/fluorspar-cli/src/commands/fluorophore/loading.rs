@@ -119,7 +119,7 @@ pub(super) fn checked(path: &Path, section: &FluorophoreSection) -> Result<Fluor
         let details = error.details();
         CliError::Input(format!("{}: {}", path.display(), details.message))
     })?;
-    let found = sample.fluorophores.into_iter().next();
+    let found = sample.sample.fluorophores.into_iter().next();
     found
         .map(|(fluorophore, _)| fluorophore)
         .ok_or_else(|| CliError::Failed(format!("{}: the file gave no fluorophore", path.display())))
