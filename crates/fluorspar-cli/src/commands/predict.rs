@@ -181,6 +181,7 @@ fn as_json(sample: &ResolvedSample, prediction: &Prediction) -> Result<Value, Cl
             "noise_dn": "DN rms, temporal noise of one pixel",
             "chromaticity": "1, share of R and of G in R + G + B, from photo-electrons",
             "leak_ratio": "1, reflected over fluorescent electrons",
+            "porphyrin": "1, fractions of porphyrin in porphyrin and bulk; electrons are means of one pixel in R, G, B",
             "photon_yield_500_700": "1, photons emitted per photon that arrives",
         },
         "warnings": sample.record.warnings,
@@ -245,6 +246,17 @@ fn describe(resolved: &ResolvedSample, source: &str, prediction: &Prediction) ->
     }
     if let Some(leak) = prediction.leak_ratio {
         facts.push(vec!["leak".into(), format!("{} reflected per fluorescent electron", short(leak))]);
+    }
+    if let Some(porphyrin) = &prediction.porphyrin {
+        let estimate = &porphyrin.measured.estimate;
+        let [low, high] = estimate.fraction_interval;
+        facts.push(vec![
+            "porphyrin fraction".into(),
+            format!(
+                "{:.4} from the color of one pixel ({low:.4} to {high:.4} by sensor noise), true {:.4}",
+                estimate.fraction, porphyrin.true_fraction
+            ),
+        ]);
     }
     if resolved.compatibility == SampleCompatibility::ToolboxEem {
         facts.push(vec![

@@ -16,8 +16,8 @@ use super::resolve::context::{Context, Resolved, STRENGTH, hex};
 use super::resolve::spectrum::Role;
 use super::resolve::{FileRecord, device, material, replace_paths, without_name};
 use super::schema::{
-    ExposureTime, FluorophoreSection, LensSection, SensorSection, SpectralSection, SpectrumReference,
-    ViewFilterSection,
+    DEFAULT_PORPHYRIN, ExposureTime, FluorophoreSection, LensSection, SensorSection, SpectralSection,
+    SpectrumReference, ViewFilterSection,
 };
 use crate::geometry::TriangleMesh;
 use crate::light::{Emitter, Light, LightGroup};
@@ -262,6 +262,7 @@ fn resolve_sample(document: &Document, file: &SampleFile) -> Resolved<ResolvedSa
         irradiance,
         reflectance,
         fluorophores: fluorophores.list.into_iter().zip(concentrations).collect(),
+        porphyrin: Some(DEFAULT_PORPHYRIN.into()),
         model: match file.compatibility {
             SampleCompatibility::ToolboxEem => FluorescenceModel::Toolbox,
             SampleCompatibility::None | SampleCompatibility::Isetcam => FluorescenceModel::Physical,

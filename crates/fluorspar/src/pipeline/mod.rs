@@ -12,6 +12,7 @@
 //! | pictures for people | [`preview`] | 8-bit sRGB |
 //! | reflected light against fluorescence behind filters | [`filter_leak`] | [`FilterLeak`] |
 //! | the same for the frames of a study, in electrons | [`frame_leak`] | [`FrameLeak`] |
+//! | one region for one design, in about a microsecond | [`estimate_porphyrin`] | [`PorphyrinEstimate`] |
 //! | everything after the render, each result once | [`evaluate`] | [`Evaluation`] |
 //! | all of it for a flat sample | [`predict`] | [`Prediction`] |
 
@@ -29,6 +30,7 @@ mod motion;
 mod predict;
 mod preview;
 mod region_radiance;
+mod region_signal;
 mod safety;
 mod scene_change;
 mod spectroradiometer;
@@ -43,9 +45,12 @@ pub use denoise::{DenoiseError, DenoiseSettings, denoise};
 pub use evaluate::{Evaluation, evaluate};
 pub use filter_leak::{FilterLeak, LeakAtAngle, LeakBehindFilters, filter_leak};
 pub use frame_leak::{ChannelLeak, FrameLeak, frame_leak};
-pub use predict::{ChannelPrediction, Chromaticity, PredictError, Prediction, RadianceSplit, predict};
+pub use predict::{
+    ChannelPrediction, Chromaticity, PredictError, PredictedPorphyrin, Prediction, RadianceSplit, predict,
+};
 pub use preview::{ColorRendering, Preview, light_group_preview, preview, radiance_preview};
 pub use region_radiance::RegionRadiance;
+pub use region_signal::{CameraResponse, MixtureSpectra, PorphyrinEstimate, estimate_porphyrin};
 pub use safety::{CaptureSafety, ProgrammeSafety, SafetyReport, Viewer, ViewerSafety, assess_safety};
 pub use scene_change::check_same_scene;
 pub use spectroradiometer::{SpectroradiometerReading, read_spectroradiometers};

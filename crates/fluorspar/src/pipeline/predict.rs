@@ -5,8 +5,9 @@ use std::f64::consts::PI;
 
 use serde::Serialize;
 
+use super::region_signal::{CameraResponse, MixtureSpectra, PorphyrinEstimate, estimate_porphyrin};
 use crate::analysis::sensor_chromaticity;
-use crate::sensor::{ElectronRate, Exposure, FlatResponse, Sensor, SensorProblem};
+use crate::sensor::{ElectronRate, Exposure, FlatResponse, SensorProblem};
 use crate::spectral::{Curve, Fluorophore, Irradiance, Radiance, Spectrum, ToolboxEem, Transmittance};
 use crate::study::{FlatSample, FluorescenceModel};
 
@@ -49,6 +50,18 @@ pub struct Chromaticity {
     pub g: f64,
 }
 
+/// The porphyrin fraction that one pixel's color would give, beside the true one.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct PredictedPorphyrin {
+    /// Name of the porphyrin; all other fluorophores form one unit of bulk.
+    pub name: String,
+    /// Its true fraction, `a_p / (a_b + a_p)`.
+    pub true_fraction: f64,
+    /// What the mixture line says; reflected light that leaks through the filters biases it.
+    #[serde(flatten)]
+    pub measured: PorphyrinEstimate,
+}
+
 /// What the camera would record of a flat sample.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Prediction {
@@ -70,6 +83,8 @@ pub struct Prediction {
     pub fluorophore_chromaticity: BTreeMap<String, Option<Chromaticity>>,
     /// Reflected over fluorescent electrons, all channels together; null without fluorescence.
     pub leak_ratio: Option<f64>,
+    /// Porphyrin fraction from the chromaticity; null without R, G and B or without a porphyrin beside a bulk.
+    pub porphyrin: Option<PredictedPorphyrin>,
     /// Photons emitted between 500 and 700 nm per photon that arrives; null where the model has no physical yields.
     pub photon_yield_500_700: Option<f64>,
 }
@@ -135,15 +150,18 @@ pub fn predict(sample: &FlatSample) -> Result<Prediction, PredictError> {
         chromaticity: None,
         fluorophore_chromaticity: BTreeMap::new(),
         leak_ratio: None,
+        porphyrin: None,
         photon_yield_500_700: match sample.model {
             FluorescenceModel::Physical => photon_yield(sample, YIELD_BAND_NM),
             FluorescenceModel::Toolbox => None,
         },
     };
     let exposure = exposure(sample, &parts)?;
-    if let (Some(sensor), Some(light)) = (&sample.camera.sensor, &light) {
+    if let (Some(sensor), Some(lens), Some(light)) = (&sample.camera.sensor, &sample.camera.lens, &light) {
         let response = sensor.flat_response(light, &exposure)?;
-        respond(&mut prediction, sample, sensor, &parts, exposure.time_s, &response);
+        let camera = CameraResponse::new(&lens.equation, sensor, &sample.grid, None);
+        respond(&mut prediction, &camera, &parts, exposure.time_s, &response);
+        prediction.porphyrin = porphyrin(sample, &camera, &parts, exposure.time_s);
     }
     Ok(prediction)
 }
@@ -151,17 +169,12 @@ pub fn predict(sample: &FlatSample) -> Result<Prediction, PredictError> {
 /// Fills in what the sensor makes of the light.
 fn respond(
     prediction: &mut Prediction,
-    sample: &FlatSample,
-    sensor: &Sensor,
+    camera: &CameraResponse,
     parts: &Parts,
     time_s: f64,
     response: &FlatResponse,
 ) {
-    let electrons = |radiance: &[f64], view: &[f64]| -> Vec<f64> {
-        on_film(sample, radiance.iter().zip(view).map(|(l, t)| l * t).collect())
-            .map(|light| sensor.flat_electron_rate(&light).into_iter().map(|rate| rate * time_s).collect())
-            .unwrap_or_default()
-    };
+    let electrons = |radiance: &[f64], view: &[f64]| camera.electrons(&filtered(radiance, view), time_s);
     let reflected_e = electrons(&parts.reflected, &parts.view_of_reflected);
     let fluorescent_e: Vec<(&String, Vec<f64>)> =
         parts.fluorescence.iter().map(|(name, values)| (name, electrons(values, &parts.view))).collect();
@@ -190,6 +203,35 @@ fn respond(
         fluorescent_e.iter().map(|(name, e)| ((*name).clone(), chromaticity(e))).collect();
     prediction.leak_ratio =
         (fluorescent_total > 0.0).then(|| reflected_e.iter().sum::<f64>() / fluorescent_total);
+}
+
+/// Porphyrin fraction that the color of one pixel gives: bulk and porphyrin as the sample holds them make the line.
+fn porphyrin(
+    sample: &FlatSample,
+    camera: &CameraResponse,
+    parts: &Parts,
+    time_s: f64,
+) -> Option<PredictedPorphyrin> {
+    let name = sample.porphyrin.as_ref()?;
+    let (_, amount) = sample.fluorophores.iter().find(|(fluorophore, _)| fluorophore.name == *name)?;
+    if *amount <= 0.0 {
+        return None;
+    }
+    let mut bulk = vec![0.0; parts.view.len()];
+    for (_, radiance) in parts.fluorescence.iter().filter(|(other, _)| other != name) {
+        bulk.iter_mut().zip(filtered(radiance, &parts.view)).for_each(|(sum, l)| *sum += l);
+    }
+    let (_, radiance) = parts.fluorescence.iter().find(|(other, _)| other == name)?;
+    let porphyrin = filtered(radiance, &parts.view).into_iter().map(|l| l / amount).collect();
+    let spectra = MixtureSpectra { bulk, porphyrin };
+    // A line that can't be drawn gives no fraction; the chromaticities beside it show why.
+    let measured = estimate_porphyrin(camera, &spectra, &parts.behind_filter(), time_s, 1.0).ok()??;
+    Some(PredictedPorphyrin { name: name.clone(), true_fraction: amount / (1.0 + amount), measured })
+}
+
+/// A radiance behind a filter.
+fn filtered(radiance: &[f64], transmittance: &[f64]) -> Vec<f64> {
+    radiance.iter().zip(transmittance).map(|(l, t)| l * t).collect()
 }
 
 /// Irradiance on the film from a radiance behind the view filter; none without a lens.

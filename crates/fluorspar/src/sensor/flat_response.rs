@@ -2,7 +2,7 @@
 
 use super::exposure::Chain;
 use super::{Exposure, Sensor, SensorProblem};
-use crate::spectral::{Irradiance, Spectrum};
+use crate::spectral::{Irradiance, Spectrum, WavelengthGrid};
 
 /// Response of every channel to a uniform irradiance, without noise.
 #[derive(Clone, Debug, PartialEq)]
@@ -32,7 +32,13 @@ impl Sensor {
     /// the sensor, crosstalk included.
     pub fn flat_electron_rate(&self, irradiance: &Spectrum<Irradiance>) -> Vec<f64> {
         let sum = |weights: Vec<f64>| weights.iter().zip(irradiance.values()).map(|(w, e)| w * e).sum();
-        self.weights_of(&self.effective_qe(), irradiance.grid()).into_iter().map(sum).collect()
+        self.flat_electron_weights(irradiance.grid()).into_iter().map(sum).collect()
+    }
+
+    /// Photo-electrons per second of every channel per uniform irradiance in each bin, e-/s per W/(m² nm), `[channel][bin]`:
+    /// at the center of the sensor, crosstalk included.
+    pub fn flat_electron_weights(&self, grid: &WavelengthGrid) -> Vec<Vec<f64>> {
+        self.weights_of(&self.effective_qe(), grid)
     }
 
     /// Electrons, volts and digital numbers of every channel under a uniform irradiance, in the model's mode.
@@ -91,7 +97,7 @@ mod tests {
     use super::*;
     use crate::image::SpectralImage;
     use crate::sensor::{SensorMode, SensorModel, SpectralQe};
-    use crate::spectral::{Curve, WavelengthGrid};
+    use crate::spectral::Curve;
 
     #[test]
     fn a_patch_and_an_image_of_it_agree_in_every_mode() {

@@ -27,6 +27,8 @@ pub struct FlatSample {
     pub reflectance: Curve,
     /// Fluorophores at unit concentration, and their concentrations.
     pub fluorophores: Vec<(Fluorophore, f64)>,
+    /// Name of the fluorophore whose fraction is estimated; all others form the bulk.
+    pub porphyrin: Option<String>,
     /// How fluorescence is computed.
     pub model: FluorescenceModel,
     /// The camera. Without a lens radiances are all that is predicted, without a sensor the irradiance on the film is the

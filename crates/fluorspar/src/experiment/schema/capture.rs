@@ -11,6 +11,9 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use super::SpectrumReference;
 use crate::sensor::AutoExposure;
 
+/// Name of the porphyrin in the catalogue.
+pub const DEFAULT_PORPHYRIN: &str = "protoporphyrin_ix";
+
 /// Exposure time: milliseconds, or chosen by the camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ExposureTime {
@@ -141,7 +144,7 @@ pub struct AnalysisSection {
 }
 
 fn porphyrin() -> String {
-    "protoporphyrin_ix".into()
+    DEFAULT_PORPHYRIN.into()
 }
 
 fn noise_threshold() -> f64 {

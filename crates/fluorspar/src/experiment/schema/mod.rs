@@ -13,7 +13,7 @@ mod settings;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-pub use capture::{AnalysisSection, CaptureSection, ExposureTime, OutputSection};
+pub use capture::{AnalysisSection, CaptureSection, DEFAULT_PORPHYRIN, ExposureTime, OutputSection};
 pub use develop::{DevelopSection, FlatFieldSection, MotionSection};
 pub use device::{
     AutofluorescenceSection, CameraSection, FieldOfView, FilterAngles, FilterPosition, ImageFormation,
