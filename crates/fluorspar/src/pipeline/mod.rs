@@ -13,6 +13,7 @@
 //! | reflected light against fluorescence behind filters | [`filter_leak`] | [`FilterLeak`] |
 //! | the same for the frames of a study, in electrons | [`frame_leak`] | [`FrameLeak`] |
 //! | one region for one design, in about a microsecond | [`estimate_porphyrin`] | [`PorphyrinEstimate`] |
+//! | pictures larger than the memory | [`render_row_bands`] | rows for a [`BandStore`] |
 //! | everything after the render, each result once | [`evaluate`] | [`Evaluation`] |
 //! | all of it for a flat sample | [`predict`] | [`Prediction`] |
 
@@ -31,6 +32,7 @@ mod predict;
 mod preview;
 mod region_radiance;
 mod region_signal;
+mod row_bands;
 mod safety;
 mod scene_change;
 mod spectroradiometer;
@@ -51,6 +53,10 @@ pub use predict::{
 pub use preview::{ColorRendering, Preview, light_group_preview, preview, radiance_preview};
 pub use region_radiance::RegionRadiance;
 pub use region_signal::{CameraResponse, MixtureSpectra, PorphyrinEstimate, estimate_porphyrin};
+pub use row_bands::{
+    BandPlanes, BandStore, BandedRender, FinishedBands, RowBandError, render_row_bands, row_bands,
+    tile_rows_at_once,
+};
 pub use safety::{CaptureSafety, ProgrammeSafety, SafetyReport, Viewer, ViewerSafety, assess_safety};
 pub use scene_change::check_same_scene;
 pub use spectroradiometer::{SpectroradiometerReading, read_spectroradiometers};
