@@ -84,7 +84,7 @@ fn camera() -> Result<Camera, Box<dyn Error>> {
 }
 
 /// The whole study: a dark and a lit frame, and the porphyrin fraction of their difference.
-pub fn study() -> Result<Study, Box<dyn Error>> {
+pub(crate) fn study() -> Result<Study, Box<dyn Error>> {
     let camera = camera()?;
     let (lens, sensor) = camera.lens.as_ref().zip(camera.sensor.as_ref()).ok_or("lens and sensor")?;
     let half_field = (0.5 * sensor.model().width_mm() / lens.equation.image_distance_mm()).atan();

@@ -189,7 +189,7 @@ fn a_ring_gives_the_irradiance_of_eight_small_lamps() {
 #[test]
 fn power_counts_before_the_filters_and_irradiance_behind_them() {
     let filtered = resolved(SPHERE, &["light.lamp.filters=[0.25]"]);
-    assert!((filtered.scene.lights[0].spectrum.total() - 0.025).abs() < 1e-9);
+    assert!((filtered.study.scene.lights[0].spectrum.total() - 0.025).abs() < 1e-9);
     let distant = SPHERE
         .replace("type = \"disc\"", "type = \"distant\"\nfilters = [0.25]")
         .replace("radius_mm = 2.0\nposition_mm = [0.0, 0.0, 100.0]\n", "")
@@ -240,7 +240,7 @@ fn warnings_name_what_is_left_over() {
     let text = format!(
         "{SPHERE}[[material]]\nname = \"spare\"\nreflectance = 0.5\n[[fluorophore]]\nname = \"dye\"\nfrom = \"fad\"\n"
     );
-    let warnings = resolved(&text, &["spectral.last_nm=900"]).warnings;
+    let warnings = resolved(&text, &["spectral.last_nm=900"]).record.warnings;
     assert!(
         warnings
             .iter()
@@ -382,7 +382,7 @@ fn what_only_the_analysis_names_is_still_known_to_it() {
 
 #[test]
 fn the_bulk_counts_maps_by_their_mean() {
-    let bulk = |change: &str| resolved(FLAT, &[change]).analysis.unwrap().bulk;
+    let bulk = |change: &str| resolved(FLAT, &[change]).study.analysis.unwrap().bulk;
     let amount = |bulk: &[(String, f64)], name: &str| bulk.iter().find(|(n, _)| n == name).map(|(_, a)| *a);
     let plain = bulk("render.seed=1");
     assert_eq!(amount(&plain, "elastin"), Some(1.0));
@@ -405,7 +405,7 @@ fn warnings_with<'w>(warnings: &'w [String], word: &str) -> Vec<&'w String> {
 
 #[test]
 fn one_warning_names_all_spectra_that_the_grid_exceeds() {
-    let warnings = resolved("base = \"oraleye-2021\"\n", &["spectral.last_nm=900"]).warnings;
+    let warnings = resolved("base = \"oraleye-2021\"\n", &["spectral.last_nm=900"]).record.warnings;
     let exceeded = warnings_with(&warnings, "beyond their own range");
     assert_eq!(exceeded.len(), 1, "{warnings:#?}");
     assert!(
@@ -425,7 +425,7 @@ fn light_beyond_either_end_of_the_excitation_data_is_warned_about() {
              concentrations = {{ nadh = 1.0, fad = 1.0 }}\n"
         )
     };
-    let warnings = |led: &str| parse_sample(&text(led), "s", Path::new("."), &[]).unwrap().warnings;
+    let warnings = |led: &str| parse_sample(&text(led), "s", Path::new("."), &[]).unwrap().record.warnings;
     let above = warnings("led_450");
     let above = warnings_with(&above, "excites is extrapolated");
     assert!(above.len() == 1 && above[0].contains("% beyond 250 to 430 nm (nadh)"), "{above:?}");
@@ -437,13 +437,13 @@ fn light_beyond_either_end_of_the_excitation_data_is_warned_about() {
         "{ kind = \"led\", peak_nm = 310.0, fwhm_short_nm = 10.0, fwhm_long_nm = 10.0 }",
     );
     let overrides = ["spectral.first_nm=250".to_string()];
-    let below = parse_sample(&below, "s", Path::new("."), &overrides).unwrap().warnings;
+    let below = parse_sample(&below, "s", Path::new("."), &overrides).unwrap().record.warnings;
     assert!(warnings_with(&below, "% beyond 330 to 640 nm (protoporphyrin_ix)").len() == 1, "{below:?}");
 }
 
 #[test]
 fn a_warning_of_many_lights_and_fluorophores_can_be_read() {
-    let warnings = resolved("base = \"oraleye-2021\"\n", &[]).warnings;
+    let warnings = resolved("base = \"oraleye-2021\"\n", &[]).record.warnings;
     let excitation = warnings_with(&warnings, "excites is extrapolated");
     // One sentence per light, without the numbers of its emitters; fluorophores of one measurement together.
     assert_eq!(excitation.len(), 1, "{warnings:#?}");
@@ -461,7 +461,7 @@ fn equations_that_stand_on_data_say_where_those_end() {
                  background_decay_nm = 100.0, blood_fraction = 0.03, saturation = 0.7, vessel_radius_um = 10.0, \
                  superficial_blood_um = 1.0 }";
     let change = format!("material.grey.reflectance={blood}");
-    let warnings = |last: &str| resolved(SPHERE, &[&change, last]).warnings;
+    let warnings = |last: &str| resolved(SPHERE, &[&change, last]).record.warnings;
     assert_eq!(warnings_with(&warnings("spectral.last_nm=750"), "their own range").len(), 0);
     let exceeded = warnings("spectral.last_nm=900");
     let exceeded = warnings_with(&exceeded, "their own range");
@@ -503,10 +503,10 @@ exposure_ms = 30.0
 
     let toolbox =
         parse_sample(text, "sample.toml", Path::new("."), &["compatibility=toolbox_eem".into()]).unwrap();
-    assert_eq!((toolbox.grid.len(), toolbox.grid.center_nm(0)), (69, 365.0));
+    assert_eq!((toolbox.sample.grid.len(), toolbox.sample.grid.center_nm(0)), (69, 365.0));
     let isetcam =
         parse_sample(text, "sample.toml", Path::new("."), &["compatibility=isetcam".into()]).unwrap();
-    assert_eq!(isetcam.sensor.unwrap().model().mode, SensorMode::Isetcam { noise_flag: 0 });
+    assert_eq!(isetcam.sample.camera.sensor.unwrap().model().mode, SensorMode::Isetcam { noise_flag: 0 });
 
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("white.csv"), "wavelength_nm,radiance\n380,0\n385,2\n390,0\n").unwrap();
@@ -706,7 +706,7 @@ fn oraleye_light_and_sensor_are_as_documented() {
 fn materials_under_a_lesion_are_not_left_over() {
     let text = "base = \"oraleye-2021\"\n[[mouth.lesion]]\nname = \"spot\"\npart = \"tongue_lateral_left\"\n\
                 center = [0.9, 0.5]\nsize_mm = [12, 7]\n[[material]]\nname = \"putty\"\nreflectance = 0.5\n";
-    let warnings = resolved(text, &["mouth.detail=0.25"]).warnings;
+    let warnings = resolved(text, &["mouth.detail=0.25"]).record.warnings;
     let unused = warnings_with(&warnings, "no object uses material");
     assert!(unused.len() == 1 && unused[0].contains("putty"), "{warnings:?}");
 }
@@ -735,7 +735,7 @@ fn a_scan_in_a_wrong_unit_and_a_mask_in_colours_are_warned_of() {
             "base = \"oraleye-2021\"\n[mouth]\ndetail = 0.25\n[[mouth.scan]]\nname = \"arch\"\nmesh = {scan:?}\n\
              replaces = [\"tooth_1*\"]\nmaterial = \"tooth\"\n{unit}"
         );
-        resolved(&text, &[]).warnings
+        resolved(&text, &[]).record.warnings
     };
     let small = of("");
     assert_eq!(warnings_with(&small, "unit_mm").len(), 1, "{small:?}");
@@ -752,7 +752,7 @@ fn a_scan_in_a_wrong_unit_and_a_mask_in_colours_are_warned_of() {
             "base = \"oraleye-2021\"\n[mouth]\ndetail = 0.25\n[[mouth.lesion]]\nname = \"spot\"\npart = \"cheek_left\"\n\
              mask = {mask:?}\nblood_um = 5.0\n"
         );
-        resolved(&text, &[]).warnings
+        resolved(&text, &[]).record.warnings
     };
     let colored = of(&[255, 0, 0, 0, 0, 0]);
     assert_eq!(warnings_with(&colored, "mean of red, green and blue").len(), 1, "{colored:?}");

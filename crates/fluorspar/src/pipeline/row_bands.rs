@@ -7,7 +7,7 @@
 use std::ops::Range;
 
 use crate::image::{ComponentImage, FeatureMaps, Film, FilmLayout, SampleStatistics};
-use crate::render::{FilmRenderer, RenderSettings, Share, tile_row_bytes, whole_image_bytes};
+use crate::render::{RenderSettings, Share, tile_row_bytes, whole_image_bytes};
 use crate::scene::Scene;
 
 /// Why a picture can't be divided into bands of tile rows.
@@ -116,7 +116,7 @@ pub trait BandStore {
     fn load(&mut self, band: &Range<usize>) -> Result<Option<Film>, Self::Error>;
 
     /// Renders what the film of a band lacks of a share, with the front's progress, checkpoints and way to stop
-    /// ([`FilmRenderer::fill`]). Returns whether nothing is lacking.
+    /// ([`crate::render::FilmRenderer::fill`]). Returns whether nothing is lacking.
     ///
     /// # Errors
     /// A render that can't start, a film that can't be saved.
@@ -243,9 +243,9 @@ pub fn render_row_bands<S: BandStore>(
 
         // Render the samples that it lacks
         let tiles = layout.tiles_of_rows(band.clone());
-        let mut held = film.tiles().skip(tiles.start).take(tiles.len());
-        let complete = held
-            .all(|(tile, _)| matches!(tile.samples.as_slice(), [held] if *held == (0..samples_per_pixel)));
+        let all = |held: &[Range<u32>]| matches!(held, [held] if *held == (0..samples_per_pixel));
+        let complete =
+            film.tiles().skip(tiles.start).take(tiles.len()).all(|(tile, _)| all(tile.samples.as_slice()));
         let rows = layout.pixel_rows(band.clone());
         if !complete && !store.fill(band, &Share::TileRange(tiles), &mut film)? {
             return Ok(BandedRender::Stopped(rows));
