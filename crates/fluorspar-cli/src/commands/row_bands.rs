@@ -164,7 +164,7 @@ fn write_whole_film(
 /// Films in a folder, finished rows in a temporary file, progress on standard error.
 struct Store<'a> {
     options: &'a Options,
-    renderer: &'a FilmRenderer<'a>,
+    renderer: &'a FilmRenderer,
     provenance: &'a Provenance,
     spool: SpooledImage,
 }
