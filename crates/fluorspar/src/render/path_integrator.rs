@@ -14,7 +14,7 @@ use super::intersect::TraceBuffers;
 use super::light_sampling::LightSample;
 use super::path::Path;
 use super::russian_roulette::{BINS, CoarseThroughput};
-use super::scattering::{Bsdf, Scattering, ScatteringSample};
+use super::scattering::{Bsdf, BsdfSample, BsdfValue};
 use super::settings::Estimator;
 use super::surface::{Intersection, SurfacePoint};
 use crate::sampling::SampleStream;
@@ -106,7 +106,7 @@ struct ShadowRay {
     /// Index of the vertex on the path.
     vertex: u32,
     light: LightSample,
-    scattering: Scattering,
+    scattering: BsdfValue,
     /// Weight of multiple importance sampling.
     mis_weight: f32,
 }
@@ -366,7 +366,7 @@ impl CompiledScene {
 
         // Sample the material for the next direction
         let sampled = bsdf.sample(vertex.lobe, state.samples.direction);
-        let Some(ScatteringSample { incident, scattering: s, delta }) = sampled else { return false };
+        let Some(BsdfSample { incident, value: s, delta }) = sampled else { return false };
         let world = point.to_world(incident).normalize();
         if !vertex.is_consistent(world, incident) {
             return false;

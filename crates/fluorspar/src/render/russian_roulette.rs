@@ -14,7 +14,7 @@
 //! sends only the part that has not come from elsewhere.
 
 use super::fluorescence_operator::FluorescenceOperator;
-use super::scattering::Scattering;
+use super::scattering::BsdfValue;
 use crate::scene::Scene;
 use crate::spectral::{Curve, Reflectance, WavelengthGrid};
 
@@ -126,7 +126,7 @@ impl RouletteModel {
     pub(super) fn scatter(
         &self,
         throughput: &mut CoarseThroughput,
-        scattering: &Scattering,
+        scattering: &BsdfValue,
         spectrum: &Coarse,
         fluorophores: impl Iterator<Item = usize>,
     ) {
@@ -236,7 +236,7 @@ mod tests {
         red: f32,
         fluoresces: bool,
     ) {
-        let scattering = Scattering { diffuse: 1.0, fluorescent: 1.0, gloss: 0.0, pdf: 1.0 };
+        let scattering = BsdfValue { diffuse: 1.0, fluorescent: 1.0, gloss: 0.0, pdf: 1.0 };
         let spectrum = std::array::from_fn(|bin| if bin < BINS / 2 { blue } else { red });
         let list: &[usize] = if fluoresces { &[0] } else { &[] };
         model.scatter(throughput, &scattering, &spectrum, list.iter().copied());

@@ -14,10 +14,10 @@ use crate::material::{
 };
 use crate::sampling::warp;
 
-/// Throughput factors for one incident direction, cosine included, in 1/sr; for a mirror direction without the delta
+/// Value of a BSDF for one incident direction: throughput factors, cosine included, in 1/sr; of a delta lobe without the delta
 /// function.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Scattering {
+pub(super) struct BsdfValue {
     /// Times the spectrum of the vertex. May be negative where `gloss` outweighs it.
     pub(super) diffuse: f32,
     /// Of the fluorescence operators.
@@ -30,11 +30,11 @@ pub(super) struct Scattering {
 
 /// A direction drawn for the path to go on.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct ScatteringSample {
+pub(super) struct BsdfSample {
     /// Unit direction of the arriving light, local, away from the surface.
     pub(super) incident: Vec3,
-    pub(super) scattering: Scattering,
-    /// A mirror direction: no light is found there on purpose.
+    pub(super) value: BsdfValue,
+    /// Delta lobe: skipped by next-event estimation.
     pub(super) delta: bool,
 }
 
@@ -167,20 +167,20 @@ impl Bsdf<'_> {
 
     /// Light from a direction, mirror directions left out.
     #[inline]
-    pub(super) fn evaluate(&self, incident: Vec3) -> Scattering {
+    pub(super) fn evaluate(&self, incident: Vec3) -> BsdfValue {
         let outgoing = self.outgoing;
         if incident.z == 0.0 || (incident.z < 0.0 && !self.transmits()) {
-            return Scattering::default();
+            return BsdfValue::default();
         }
         let lambert = incident.z.abs() / PI;
         match &self.form {
             Form::Lambertian => {
-                Scattering { diffuse: lambert, fluorescent: lambert, gloss: 0.0, pdf: lambert }
+                BsdfValue { diffuse: lambert, fluorescent: lambert, gloss: 0.0, pdf: lambert }
             }
             Form::Coated { table, alpha, pass_out, mean } => {
                 let pass_in = 1.0 - table.at(incident.z, *alpha).0;
                 let (gloss, pdf) = coat::eval_and_pdf(outgoing, incident, *alpha, table.refractive_index());
-                Scattering {
+                BsdfValue {
                     diffuse: lambert * pass_in * pass_out / (1.0 - mean),
                     fluorescent: lambert * pass_in,
                     gloss,
@@ -198,7 +198,7 @@ impl Bsdf<'_> {
                 };
                 let Some(alpha) = *alpha else {
                     let pdf = self.cosine_probability * 0.5 * lambert;
-                    return Scattering { diffuse: 0.0, fluorescent, gloss: 0.0, pdf };
+                    return BsdfValue { diffuse: 0.0, fluorescent, gloss: 0.0, pdf };
                 };
                 let (value, pdf) = if behind {
                     dielectric::transmission(outgoing, incident, alpha, *eta)
@@ -210,13 +210,13 @@ impl Bsdf<'_> {
                 let side = if behind { through } else { 1.0 - through };
                 let pdf = (1.0 - self.cosine_probability) * pdf + self.cosine_probability * side * lambert;
                 let (diffuse, gloss) = if behind { (value, 0.0) } else { (0.0, value) };
-                Scattering { diffuse, fluorescent, gloss, pdf }
+                BsdfValue { diffuse, fluorescent, gloss, pdf }
             }
             Form::Conductor { metal, viewer, white, alpha } => {
                 let fluorescent = lambert * (1.0 - metal.largest_at(incident.z));
                 let Some(alpha) = *alpha else {
                     let pdf = self.cosine_probability * lambert;
-                    return Scattering { diffuse: 0.0, fluorescent, gloss: 0.0, pdf };
+                    return BsdfValue { diffuse: 0.0, fluorescent, gloss: 0.0, pdf };
                 };
                 let half = (outgoing + incident).normalize_or_zero();
                 let (pdf, lobe) =
@@ -227,7 +227,7 @@ impl Bsdf<'_> {
                 let multiple =
                     lambert * (1.0 - albedo_o).max(0.0) * (1.0 - albedo_i).max(0.0) / (1.0 - mean).max(1e-6);
                 let (c, d) = metal.multiple(*viewer, alpha);
-                Scattering {
+                BsdfValue {
                     diffuse: lobe * a + multiple * c,
                     fluorescent,
                     gloss: lobe * b + multiple * d,
@@ -239,7 +239,7 @@ impl Bsdf<'_> {
 
     /// Draws a direction for the path to go on; `None` ends the path.
     #[inline]
-    pub(super) fn sample(&self, choice: f32, u: [f32; 2]) -> Option<ScatteringSample> {
+    pub(super) fn sample(&self, choice: f32, u: [f32; 2]) -> Option<BsdfSample> {
         let specular_probability = 1.0 - self.cosine_probability;
         if choice >= specular_probability {
             let rest = (choice - specular_probability) / self.cosine_probability;
@@ -262,7 +262,7 @@ impl Bsdf<'_> {
             }
             Form::Dielectric { alpha: None, eta, .. } => {
                 let reflected = coat::fresnel(outgoing.z, *eta);
-                let mut scattering = Scattering::default();
+                let mut scattering = BsdfValue::default();
                 let incident = if choice < reflected {
                     scattering.gloss = reflected;
                     scattering.pdf = reflected * specular_probability;
@@ -273,22 +273,22 @@ impl Bsdf<'_> {
                     scattering.pdf = (1.0 - reflected) * specular_probability;
                     dielectric::refract(outgoing, Vec3::Z, *eta)?
                 };
-                Some(ScatteringSample { incident, scattering, delta: true })
+                Some(BsdfSample { incident, value: scattering, delta: true })
             }
             Form::Conductor { metal, viewer, alpha: None, .. } => {
                 let (a, b) = metal.at_angle(*viewer, outgoing.z);
                 let scattering =
-                    Scattering { diffuse: a, fluorescent: 0.0, gloss: b, pdf: specular_probability };
+                    BsdfValue { diffuse: a, fluorescent: 0.0, gloss: b, pdf: specular_probability };
                 let incident = Vec3::new(-outgoing.x, -outgoing.y, outgoing.z);
-                Some(ScatteringSample { incident, scattering, delta: true })
+                Some(BsdfSample { incident, value: scattering, delta: true })
             }
         }
     }
 
     #[inline]
-    fn drawn(&self, incident: Vec3) -> Option<ScatteringSample> {
+    fn drawn(&self, incident: Vec3) -> Option<BsdfSample> {
         let scattering = self.evaluate(incident);
-        (scattering.pdf > 0.0).then_some(ScatteringSample { incident, scattering, delta: false })
+        (scattering.pdf > 0.0).then_some(BsdfSample { incident, value: scattering, delta: false })
     }
 
     /// Share of the cosine lobe that looks for light behind the surface.
