@@ -34,9 +34,12 @@ pub fn export(scene: &Scene, folder: &Path) -> io::Result<()> {
     }
     let mut materials = Vec::new();
     for material in &scene.materials {
+        let Some(base) = material.diffuse() else {
+            return Err(unsupported("materials without a diffuse base"));
+        };
         let spectra: Vec<Vec<f64>> =
-            material.reflectance.iter().map(|term| samples(&term.spectrum, scene)).collect();
-        let checker = match material.reflectance.as_slice() {
+            base.reflectance.iter().map(|term| samples(&term.spectrum, scene)).collect();
+        let checker = match base.reflectance.as_slice() {
             [one] if one.weight.constant() == Some(1.0) => Value::Null,
             [_, second] => match second.weight {
                 ScalarTexture::Checker { columns, rows, low: 0.0, high: 1.0 } => json!([columns, rows]),
@@ -44,7 +47,7 @@ pub fn export(scene: &Scene, folder: &Path) -> io::Result<()> {
             },
             _ => return Err(unsupported("sums of reflectances")),
         };
-        let coat = match &material.coat {
+        let coat = match material.coat() {
             None => Value::Null,
             Some(coat) => {
                 let roughness = coat.roughness.constant().ok_or_else(|| unsupported("textured roughness"))?;

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use fluorspar::anatomy::{MouthParameters, Tissue, generate_mouth};
 use fluorspar::geometry::TriangleMesh;
 use fluorspar::light::{Emitter, Light, LightGroup};
-use fluorspar::material::{Coat, FluorophoreAmount, Material, ReflectanceTerm, ScalarTexture};
+use fluorspar::material::{Coat, FluorophoreAmount, Lambertian, Material, ReflectanceTerm, ScalarTexture};
 use fluorspar::optics::{CameraLens, LensSetting, LensState, PerspectiveCamera};
 use fluorspar::preset;
 use fluorspar::scene::{Object, Scene, Shape};
@@ -184,27 +184,30 @@ fn cornell_box(options: &SceneOptions) -> Scene {
 }
 
 /// Two spectra in a checkerboard over the texture coordinates; the second must not be lower anywhere.
-fn checkered(name: &str, a: Curve, b: &Curve, columns: u32, rows: u32) -> Material {
+fn checkered(name: &str, a: Curve, b: &Curve, [columns, rows]: [u32; 2], coat: Option<Coat>) -> Material {
     let difference = Curve::from_fn(RANGE_NM.0, RANGE_NM.1, |nm| (b.at(nm) - a.at(nm)).max(0.0));
-    let mut material = Material::lambertian(name, a);
-    material.reflectance.push(ReflectanceTerm {
+    let mut base = Lambertian::uniform(a);
+    base.reflectance.push(ReflectanceTerm {
         spectrum: difference,
         weight: ScalarTexture::Checker { columns, rows, low: 0.0, high: 1.0 },
     });
-    material
+    Material::with_base(name, base, coat)
+}
+
+/// A film of saliva.
+fn wet(roughness: f32) -> Coat {
+    Coat { refractive_index: 1.4, roughness: ScalarTexture::Constant(roughness) }
 }
 
 fn closed_cavity(options: &SceneOptions, gloss: bool) -> Scene {
     let mut scene = empty(options, Vec3::new(0.0, 0.002, 0.032), Vec3::new(0.0, -0.002, -0.03), 75.0);
-    let mut mucosa = checkered("mucosa", rising(0.25, 0.6, 590.0), &rising(0.35, 0.7, 570.0), 24, 12);
-    let mut tooth = checkered("tooth", rising(0.4, 0.6, 490.0), &rising(0.45, 0.7, 480.0), 8, 4);
-    let mut tongue = checkered("tongue", rising(0.15, 0.4, 600.0), &rising(0.2, 0.5, 590.0), 16, 16);
-    if gloss {
-        for (material, roughness) in [(&mut mucosa, 0.3), (&mut tooth, 0.15), (&mut tongue, 0.4)] {
-            material.coat =
-                Some(Coat { refractive_index: 1.4, roughness: ScalarTexture::Constant(roughness) });
-        }
-    }
+    let coat = |roughness: f32| gloss.then(|| wet(roughness));
+    let mut mucosa =
+        checkered("mucosa", rising(0.25, 0.6, 590.0), &rising(0.35, 0.7, 570.0), [24, 12], coat(0.3));
+    let mut tooth =
+        checkered("tooth", rising(0.4, 0.6, 490.0), &rising(0.45, 0.7, 480.0), [8, 4], coat(0.15));
+    let mut tongue =
+        checkered("tongue", rising(0.15, 0.4, 600.0), &rising(0.2, 0.5, 590.0), [16, 16], coat(0.4));
     for material in [&mut mucosa, &mut tooth, &mut tongue] {
         material.fluorophores = amounts(0..options.fluorophores);
     }
@@ -269,9 +272,10 @@ fn mouth(options: &SceneOptions) -> Scene {
         _ => rising(0.18, 0.5, 590.0),
     };
     for (index, part) in mouth.parts.iter().enumerate() {
-        let mut material = Material::lambertian(&part.name, spectrum(part.tissue));
-        if part.tissue != Tissue::Skin {
-            material.coat = Some(Coat { refractive_index: 1.4, roughness: ScalarTexture::Constant(0.25) });
+        let is_wet = part.tissue != Tissue::Skin;
+        let base = Lambertian::uniform(spectrum(part.tissue));
+        let mut material = Material::with_base(&part.name, base, is_wet.then(|| wet(0.25)));
+        if is_wet {
             material.fluorophores = amounts(0..options.fluorophores);
         }
         scene.materials.push(material);

@@ -78,7 +78,7 @@ fn still_life(shape: impl Fn(MeshInstances) -> Shape, emission: Option<SurfaceEm
     scene.fluorophores = vec![dye("dye", 390.0, 500.0, 0.3)];
     let checker = ScalarTexture::Checker { columns: 8, rows: 4, low: 0.2, high: 1.0 };
     let mut spotted = with_dyes(coated(0.5, 0.2), &[(0, 0.6)]);
-    spotted.reflectance[0].weight = checker.clone();
+    spotted.diffuse_mut().unwrap().reflectance[0].weight = checker.clone();
     let net = Material {
         opacity: Some(ScalarTexture::Checker { columns: 6, rows: 6, low: 0.3, high: 1.0 }),
         ..Material::lambertian("net", flat(0.5))

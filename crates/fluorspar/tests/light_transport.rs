@@ -8,7 +8,7 @@ use std::sync::atomic::AtomicBool;
 
 use fluorspar::image::{ComponentImage, Light as Kind};
 use fluorspar::light::{Emitter, Light};
-use fluorspar::material::{Coat, Material, ScalarTexture};
+use fluorspar::material::{Coat, Lambertian, Material, ScalarTexture};
 use fluorspar::render::{Estimator, RenderControl, RenderSettings, render};
 use fluorspar::scene::{Scene, SceneError, Shape, SurfaceEmission};
 use fluorspar::spectral::{Curve, Fluorophore, WavelengthGrid};
@@ -32,9 +32,12 @@ fn white_furnace() {
             WavelengthGrid::uniform(400.0, 700.0, 100.0).unwrap(),
             camera(Vec3::new(0.0, 0.0, 3.0), Vec3::ZERO, 30.0, 16),
         );
-        let mut white = Material::lambertian("white", flat(1.0));
-        white.coat = roughness.map(|r| Coat { refractive_index: 1.5, roughness: ScalarTexture::Constant(r) });
-        scene.materials.push(white);
+        let coat = |r| Coat { refractive_index: 1.5, roughness: ScalarTexture::Constant(r) };
+        scene.materials.push(Material::with_base(
+            "white",
+            Lambertian::uniform(flat(1.0)),
+            roughness.map(coat),
+        ));
         scene.objects.push(object("sphere", Shape::Sphere { center: Vec3::ZERO, radius_m: 1.0 }, 0));
         scene.lights.push(Light {
             name: "sky".into(),
@@ -227,9 +230,9 @@ fn cornell(power: f64, concentration: f32) -> Scene {
     let grid = WavelengthGrid::uniform(360.0, 700.0, 20.0).unwrap();
     let mut scene = scene(grid, camera(Vec3::new(0.0, 0.0, 3.4), Vec3::ZERO, 40.0, 12));
     scene.fluorophores = vec![dye("a", 380.0, 450.0, 0.4), dye("b", 440.0, 560.0, 0.4)];
-    let mut floor =
-        with_dyes(Material::lambertian("floor", flat(0.4)), &[(0, concentration), (1, concentration)]);
-    floor.coat = Some(Coat { refractive_index: 1.4, roughness: ScalarTexture::Constant(0.3) });
+    let coat = Coat { refractive_index: 1.4, roughness: ScalarTexture::Constant(0.3) };
+    let dyes = [(0, concentration), (1, concentration)];
+    let floor = with_dyes(Material::coated("floor", flat(0.4), coat), &dyes);
     scene.materials = vec![Material::lambertian("wall", flat(0.6)), floor];
     let (x, y, z) = (Vec3::X * 2.0, Vec3::Y * 2.0, Vec3::Z * 2.0);
     let low = Vec3::new(-1.0, -1.0, -1.0);

@@ -1,11 +1,15 @@
-//! Metals.
+//! Conductors: metals.
 
-use std::sync::LazyLock;
+use glam::{Vec2, Vec3};
 
-use glam::Vec3;
-
-use super::ScalarTexture;
-use super::microfacet::{self, AlbedoTable};
+use super::bsdf::{
+    BsdfSample, BsdfValue, LEAST_COSINE, Lobe, SpectralTerm, choose_lobe, cosine_lobe, fluorescent_share,
+};
+use super::check::{ParameterError, at_most_one};
+use super::fresnel::conductor_fresnel;
+use super::microfacet::{self, AlbedoTable, mirror_lobe, white_microfacets};
+use super::texture::ScalarTexture;
+use crate::sampling::warp;
 use crate::spectral::{Curve, Reflectance, WavelengthGrid};
 
 /// A metal surface, smooth or rough: GGX microfacets with the Fresnel reflectance of a complex refractive index.
@@ -22,20 +26,21 @@ pub struct Conductor {
     pub roughness: ScalarTexture,
 }
 
-/// Unpolarised Fresnel reflectance of a conductor with the complex index `n + i k`; `cos` is that of the angle of
-/// incidence. Born and Wolf, Principles of Optics, Sec. 14.2, in real arithmetic.
-pub fn conductor_fresnel(cos: f64, n: f64, k: f64) -> f64 {
-    let cos2 = (cos * cos).clamp(0.0, 1.0);
-    let sin2 = 1.0 - cos2;
-    let (n2, k2) = (n * n, k * k);
-    let t0 = n2 - k2 - sin2;
-    let a2_b2 = (t0 * t0 + 4.0 * n2 * k2).sqrt();
-    let a = (0.5 * (a2_b2 + t0)).max(0.0).sqrt();
-    let perpendicular = (a2_b2 - 2.0 * a * cos + cos2) / (a2_b2 + 2.0 * a * cos + cos2);
-    let cross = 2.0 * a * cos * sin2;
-    let parallel =
-        perpendicular * (cos2 * a2_b2 + sin2 * sin2 - cross) / (cos2 * a2_b2 + sin2 * sin2 + cross);
-    0.5 * (perpendicular + parallel)
+impl Conductor {
+    /// Checks that n and k are those of a metal over all bands, and the roughness.
+    pub(super) fn check(&self, grid: &WavelengthGrid) -> Result<(), ParameterError> {
+        let (start_nm, end_nm) = (grid.start_nm(), grid.end_nm());
+        for (parameter, curve, least) in [("n", &self.n, 1e-6), ("k", &self.k, 0.0)] {
+            let (first_nm, last_nm) = curve.range_nm();
+            if first_nm > start_nm || last_nm < end_nm {
+                return Err(ParameterError::MetalRange { parameter, first_nm, last_nm, start_nm, end_nm });
+            }
+            if let Some(&value) = curve.values().iter().find(|v| !(**v >= least && **v <= 1e3)) {
+                return Err(ParameterError::MetalValue { parameter, value, least });
+            }
+        }
+        at_most_one("roughness", &self.roughness)
+    }
 }
 
 const COSINES: usize = 65;
@@ -209,24 +214,6 @@ fn node_coordinate(cos: f32) -> f32 {
     cos.clamp(0.0, 1.0).sqrt() * (COSINES - 1) as f32
 }
 
-/// Albedo of rough microfacets that reflect everything; made on first use.
-pub fn white_microfacets() -> &'static AlbedoTable {
-    static TABLE: LazyLock<AlbedoTable> = LazyLock::new(|| {
-        AlbedoTable::new(|outgoing, half, alpha| {
-            let incident = 2.0 * outgoing.dot(half) * half - outgoing;
-            if incident.z > 0.0 { microfacet::passing(outgoing, incident, alpha) } else { 0.0 }
-        })
-    });
-    &TABLE
-}
-
-/// Density with which microfacets mirror `outgoing` into `incident`, and the same with shadowing: BRDF times cosine of
-/// `incident` for a reflectance of one. 1/sr.
-pub fn mirror_lobe(outgoing: Vec3, incident: Vec3, half: Vec3, alpha: f32) -> (f32, f32) {
-    let pdf = microfacet::visible_normal_pdf(outgoing, half, alpha) / (4.0 * outgoing.dot(half));
-    (pdf, pdf * microfacet::passing(outgoing, incident, alpha))
-}
-
 fn cell(x: f32, nodes: usize) -> (usize, f32) {
     let cell = (x as usize).min(nodes - 2);
     (cell, x - cell as f32)
@@ -250,22 +237,127 @@ fn linear_fit(x: &[f64], y: &[f64]) -> (f64, f64, f64) {
     (a, b, error)
 }
 
+/// A metal with its reflectance on the bands of a grid.
+#[derive(Debug)]
+pub(super) struct PreparedConductor {
+    reflectance: ConductorReflectance,
+    roughness: ScalarTexture,
+    /// Albedo of microfacets that reflect everything.
+    white: &'static AlbedoTable,
+    fluoresces: bool,
+}
+
+impl Conductor {
+    /// Fits the reflectance over the bands of a grid; with it the terms of its spectra.
+    pub(super) fn prepare(
+        &self,
+        grid: &WavelengthGrid,
+        fluoresces: bool,
+    ) -> (PreparedConductor, Vec<SpectralTerm>) {
+        let white = white_microfacets();
+        let reflectance = ConductorReflectance::new(self, grid, white);
+        let centers = grid.centers_nm();
+        let term = |bands: &Vec<f32>| {
+            let values = bands.iter().map(|&value| f64::from(value)).collect();
+            // A single band makes no curve.
+            let spectrum = Curve::new(centers.clone(), values).unwrap_or_else(|_| Curve::constant(0.0));
+            SpectralTerm { spectrum, bands: bands.clone(), weight: ScalarTexture::Constant(1.0) }
+        };
+        let terms = reflectance.basis().iter().map(term).collect();
+        (PreparedConductor { reflectance, roughness: self.roughness.clone(), white, fluoresces }, terms)
+    }
+}
+
+impl PreparedConductor {
+    /// The metal at a point, seen from `outgoing`.
+    #[inline]
+    pub(super) fn bsdf(&self, uv: Vec2, outgoing: Vec3) -> ConductorBsdf<'_> {
+        let alpha = microfacet::rough(self.roughness.at(uv));
+        let lost = alpha.map_or(0.0, |a| (1.0 - self.white.at(outgoing.z, a).0).max(LEAST_COSINE));
+        ConductorBsdf {
+            metal: &self.reflectance,
+            viewer: self.reflectance.viewer(outgoing.z),
+            outgoing,
+            white: self.white,
+            alpha,
+            cosine_probability: lost.max(fluorescent_share(self.fluoresces)),
+        }
+    }
+}
+
+/// A metal at a point.
+pub(crate) struct ConductorBsdf<'a> {
+    metal: &'a ConductorReflectance,
+    viewer: usize,
+    outgoing: Vec3,
+    white: &'a AlbedoTable,
+    /// `None` is a mirror.
+    alpha: Option<f32>,
+    /// Probability to draw from the cosine lobe instead of the specular one.
+    cosine_probability: f32,
+}
+
+impl ConductorBsdf<'_> {
+    /// Weight of a term of the spectrum at the angle of view.
+    #[inline]
+    pub(super) fn term_weight(&self, term: usize) -> f32 {
+        self.metal.weights(self.viewer)[term]
+    }
+
+    /// Value for light from a direction; the delta lobe of a mirror is left out.
+    #[inline]
+    pub(super) fn evaluate(&self, incident: Vec3) -> BsdfValue {
+        if incident.z <= 0.0 {
+            return BsdfValue::default();
+        }
+        let Self { metal, outgoing, white, .. } = *self;
+        let lambert = cosine_lobe(incident);
+        let fluorescent = lambert * (1.0 - metal.largest_at(incident.z));
+        let Some(alpha) = self.alpha else {
+            let pdf = self.cosine_probability * lambert;
+            return BsdfValue { diffuse: 0.0, fluorescent, gloss: 0.0, pdf };
+        };
+        // Single scattering: the reflectance at the angle to the microfacet, a V + b.
+        let half = (outgoing + incident).normalize_or_zero();
+        let (pdf, lobe) =
+            if half.z > 0.0 { mirror_lobe(outgoing, incident, half, alpha) } else { (0.0, 0.0) };
+        let (a, b) = metal.at_angle(self.viewer, outgoing.dot(half));
+        // Multiple scattering between microfacets, c V + d.
+        let (albedo_o, mean) = white.at(outgoing.z, alpha);
+        let albedo_i = white.at(incident.z, alpha).0;
+        let multiple =
+            lambert * (1.0 - albedo_o).max(0.0) * (1.0 - albedo_i).max(0.0) / (1.0 - mean).max(1e-6);
+        let (c, d) = metal.multiple(self.viewer, alpha);
+        BsdfValue {
+            diffuse: lobe * a + multiple * c,
+            fluorescent,
+            gloss: lobe * b + multiple * d,
+            pdf: (1.0 - self.cosine_probability) * pdf + self.cosine_probability * lambert,
+        }
+    }
+
+    /// Draws a mirrored direction or one by the cosine; `None` ends the path.
+    #[inline]
+    pub(super) fn sample(&self, choice: f32, u: [f32; 2]) -> Option<BsdfSample> {
+        let incident = match (choose_lobe(choice, self.cosine_probability), self.alpha) {
+            (Lobe::Cosine(_), _) => warp::cosine_hemisphere(u),
+            (Lobe::Specular(_), Some(alpha)) => microfacet::sample_mirrored(self.outgoing, alpha, u)?,
+            (Lobe::Specular(_), None) => {
+                let (a, b) = self.metal.at_angle(self.viewer, self.outgoing.z);
+                let pdf = 1.0 - self.cosine_probability;
+                let value = BsdfValue { diffuse: a, fluorescent: 0.0, gloss: b, pdf };
+                return Some(BsdfSample::mirrored(self.outgoing, value));
+            }
+        };
+        BsdfSample::of_density(incident, self.evaluate(incident))
+    }
+}
+
 #[cfg(test)]
 mod tests {
+    use super::super::Scattering;
+    use super::super::testing::{assert_furnace, assert_samples_follow_density, plain_and_fluorescent};
     use super::*;
-
-    #[test]
-    fn a_conductor_without_extinction_is_a_dielectric() {
-        for cos in [0.05, 0.3, 0.7, 1.0] {
-            let dielectric = super::super::coat::fresnel(cos as f32, 1.5);
-            assert!((conductor_fresnel(cos, 1.5, 0.0) - f64::from(dielectric)).abs() < 1e-5, "{cos}");
-        }
-        // Normal incidence: ((n - 1)^2 + k^2) / ((n + 1)^2 + k^2).
-        let (n, k) = (0.789, 5.85);
-        let expected = ((n - 1.0_f64).powi(2) + k * k) / ((n + 1.0_f64).powi(2) + k * k);
-        assert!((conductor_fresnel(1.0, n, k) - expected).abs() < 1e-12);
-        assert!((conductor_fresnel(0.0, n, k) - 1.0).abs() < 1e-12);
-    }
 
     #[test]
     fn a_viewer_sees_the_exact_reflectance() {
@@ -283,6 +375,36 @@ mod tests {
                 let exact = conductor_fresnel(cos.into(), n.values()[band], k.values()[band]);
                 let fitted = f64::from(a * value + b);
                 assert!((fitted - exact).abs() < 2e-3, "{cos} {}: {fitted} {exact}", grid.center_nm(band));
+            }
+        }
+    }
+
+    fn metal(k: f64, roughness: f32) -> Scattering {
+        Scattering::Conductor(Conductor {
+            n: Curve::constant(1e-6),
+            k: Curve::constant(k),
+            roughness: ScalarTexture::Constant(roughness),
+        })
+    }
+
+    #[test]
+    fn sampled_directions_follow_their_density() {
+        let cases = [(0.0, 0.7), (0.2, 0.9), (0.5, 0.3), (1.0, 0.6)];
+        for (roughness, cos) in cases {
+            for material in plain_and_fluorescent(metal(3.0, roughness)) {
+                assert_samples_follow_density(&material, true, cos, 2 * cases.len());
+            }
+        }
+    }
+
+    /// Without absorption nothing is lost, smooth or rough. Tables of albedos hold to 2e-3, sums of spectra to 1e-3.
+    #[test]
+    fn a_metal_that_does_not_absorb_reflects_everything() {
+        for roughness in [0.0, 0.1, 0.4, 1.0] {
+            for cos in [0.1, 0.5, 1.0] {
+                for material in plain_and_fluorescent(metal(50.0, roughness)) {
+                    assert_furnace(&material, true, cos, 0.0, 1.0, 4e-3);
+                }
             }
         }
     }

@@ -4,7 +4,7 @@
 //! through rough surfaces, EGSR 2007; Heitz, Understanding the masking-shadowing function, JCGT 3(2), 2014.
 
 use std::f32::consts::PI;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, LazyLock, Mutex, PoisonError};
 
 use glam::Vec3;
 
@@ -12,6 +12,12 @@ use crate::sampling::warp;
 
 /// Smallest roughness of a rough surface; coats are clamped to it, dielectrics and conductors below it are smooth.
 pub const MIN_ROUGHNESS: f32 = 0.01;
+
+/// The roughness of a surface that may be smooth: `None` below [`MIN_ROUGHNESS`].
+#[inline]
+pub(super) fn rough(alpha: f32) -> Option<f32> {
+    (alpha >= MIN_ROUGHNESS).then_some(alpha.min(1.0))
+}
 
 /// Density of microfacet normals times their cosine, per projected area, 1/sr.
 pub fn distribution(half: Vec3, alpha: f32) -> f32 {
@@ -47,6 +53,14 @@ pub fn sample_visible_normal(outgoing: Vec3, alpha: f32, u: [f32; 2]) -> Vec3 {
     let z = (1.0 - disc.x * disc.x - y * y).max(0.0).sqrt();
     let normal = t1 * disc.x + t2 * y + stretched * z;
     Vec3::new(alpha * normal.x, alpha * normal.y, normal.z.max(0.0)).normalize_or_zero()
+}
+
+/// Mirrors `outgoing` at a visible microfacet. `None` when the mirrored direction points into the surface. Density of
+/// [`mirror_lobe`].
+pub fn sample_mirrored(outgoing: Vec3, alpha: f32, u: [f32; 2]) -> Option<Vec3> {
+    let half = sample_visible_normal(outgoing, alpha, u);
+    let incident = 2.0 * outgoing.dot(half) * half - outgoing;
+    (incident.z > 0.0).then_some(incident)
 }
 
 /// `G1(o) D(h) (o.h) / cos o`, 1/sr.
@@ -184,4 +198,22 @@ fn directional_albedo(cos: f32, alpha: f32, weight: &impl Fn(Vec3, Vec3, f32) ->
 /// may lie on different sides, where shadowing is taken as height-correlated as well.
 pub fn passing(outgoing: Vec3, incident: Vec3, alpha: f32) -> f32 {
     (1.0 + lambda(outgoing, alpha)) * shadowing(outgoing, incident, alpha)
+}
+
+/// Density with which microfacets mirror `outgoing` into `incident`, and the same with shadowing: BRDF times cosine of
+/// `incident` for a reflectance of one. 1/sr.
+pub fn mirror_lobe(outgoing: Vec3, incident: Vec3, half: Vec3, alpha: f32) -> (f32, f32) {
+    let pdf = visible_normal_pdf(outgoing, half, alpha) / (4.0 * outgoing.dot(half));
+    (pdf, pdf * passing(outgoing, incident, alpha))
+}
+
+/// Albedo of rough microfacets that reflect everything; made on first use.
+pub fn white_microfacets() -> &'static AlbedoTable {
+    static TABLE: LazyLock<AlbedoTable> = LazyLock::new(|| {
+        AlbedoTable::new(|outgoing, half, alpha| {
+            let incident = 2.0 * outgoing.dot(half) * half - outgoing;
+            if incident.z > 0.0 { passing(outgoing, incident, alpha) } else { 0.0 }
+        })
+    });
+    &TABLE
 }

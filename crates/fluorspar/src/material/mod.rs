@@ -1,84 +1,90 @@
-//! How surfaces turn arriving light into leaving light: Lambertian reflection, a rough dielectric coat, clear bodies,
-//! metals, mixtures of these, fluorescence.
+//! How surfaces turn arriving light into leaving light.
+//!
+//! | module | what |
+//! |---|---|
+//! | `lambertian` | diffuse reflection, a weighted sum of spectra |
+//! | `coated` | a diffuse base below a rough dielectric coat |
+//! | `dielectric` | smooth and rough surfaces that refract |
+//! | `conductor` | smooth and rough metals |
+//! | `mixture` | two materials side by side, or one on either side |
+//! | [`fresnel`], [`microfacet`] | what several of them share |
+//! | `texture`, `normal_map` | what varies over a surface |
+//! | `prepared`, `bsdf` | materials on the bands of a render; their values and samples at points |
+//! | `check` | ranges of parameters, conservation of photons |
 
-pub mod coat;
+mod bsdf;
+mod check;
+mod coated;
 pub mod conductor;
 pub mod dielectric;
+pub mod fresnel;
+mod lambertian;
 pub mod microfacet;
+mod mixture;
 mod normal_map;
+mod prepared;
+#[cfg(test)]
+mod testing;
 mod texture;
 
-pub use coat::{Coat, CoatAlbedo, CoatSample};
+pub(crate) use bsdf::{BsdfSample, BsdfValue};
+pub use check::{ParameterError, PhotonExcess};
+pub use coated::{Coat, CoatAlbedo, Coated};
 pub use conductor::{Conductor, ConductorReflectance};
 pub use dielectric::{Dielectric, DielectricAlbedo};
+pub use lambertian::{Lambertian, ReflectanceTerm};
 pub use microfacet::{AlbedoTable, MIN_ROUGHNESS};
+pub use mixture::{Mixture, TwoSided};
 pub use normal_map::{NormalMap, NormalMapError};
+pub(crate) use prepared::{Bsdf, PreparedMaterial, PreparedMaterials};
 pub use texture::{ImageTexture, ScalarTexture, TextureError};
 
 use crate::spectral::Curve;
 
 /// A surface material, Eq. 5 of the paper: `L = reflection + fluorescence`.
 ///
-/// - Reflection and transmission as [`Scattering`] says; by default a Lambertian base below an optional rough
-///   dielectric coat (saliva, enamel gloss).
-/// - Fluorescence comes from the irradiance that is not reflected by the coat, the metal or the surface of the clear
-///   body, is independent of the diffuse reflectance, and leaves as Lambertian light:
-///   `L_f = (1/pi) sum_j c_j integral Y_j(lo|li) E(li) dli`. On clear bodies one half leaves to either side.
-/// - Both sides of a surface are alike, but for [`Scattering::TwoSided`] and for clear bodies, whose inside is behind
-///   the geometric normal.
+/// - Reflection and transmission as [`Scattering`] says.
+/// - Fluorescence comes from the irradiance that is not reflected by the coat, the metal or the surface of the
+///   dielectric, is independent of the diffuse reflectance, and leaves as Lambertian light:
+///   `L_f = (1/pi) sum_j c_j integral Y_j(lo|li) E(li) dli`. On dielectrics one half leaves to either side.
+/// - Both sides of a surface are alike, but for [`TwoSided`] and for dielectrics, whose inside is behind the geometric
+///   normal.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Material {
     /// Name for error messages and maps.
     pub name: String,
-    /// How light is sent on.
+    /// How light is reflected and transmitted.
     pub scattering: Scattering,
-    /// Diffuse reflectance as a weighted sum of spectra; weights may vary over the surface. Diffuse materials only.
-    pub reflectance: Vec<ReflectanceTerm>,
-    /// Rough dielectric coat, if any. Diffuse materials only.
-    pub coat: Option<Coat>,
     /// Fluorophores and their concentrations, relative to the catalogue's unit. Not on mixtures: on their parts.
     pub fluorophores: Vec<FluorophoreAmount>,
-    /// Share of the surface that is there at all, 0 to 1: holes are 0. `None` is 1 everywhere.
+    /// Opacity (alpha mask), 0 to 1: holes are 0. `None` is 1 everywhere.
     pub opacity: Option<ScalarTexture>,
     /// Directions of the shading normal over the surface, if any. Not on mixtures: on their parts.
     pub normal_map: Option<NormalMap>,
 }
 
-/// How a material sends light on.
-#[derive(Clone, Debug, Default, PartialEq)]
+/// How a material reflects and transmits light.
+#[derive(Clone, Debug, PartialEq)]
 pub enum Scattering {
-    /// A Lambertian base below an optional coat.
-    #[default]
-    Diffuse,
-    /// A clear body.
+    /// Diffuse reflection.
+    Lambertian(Lambertian),
+    /// Diffuse reflection below a rough dielectric coat.
+    Coated(Coated),
+    /// Reflection and refraction.
     Dielectric(Dielectric),
-    /// A metal.
+    /// Reflection by a metal.
     Conductor(Conductor),
-    /// Two materials side by side, finer than a pixel: at every hit one of them is drawn.
-    Mix {
-        /// Index of the first material of the scene.
-        first: usize,
-        /// Index of the second one.
-        second: usize,
-        /// Share of the second one, 0 to 1.
-        amount: ScalarTexture,
-    },
+    /// Two materials side by side, finer than a pixel.
+    Mixture(Mixture),
     /// One material on either side.
-    TwoSided {
-        /// Index of the material on the side of the geometric normal.
-        front: usize,
-        /// Index of the one on the other side.
-        back: usize,
-    },
+    TwoSided(TwoSided),
 }
 
-/// One term of a reflectance: `weight(u, v) * spectrum(lambda)`.
-#[derive(Clone, Debug, PartialEq)]
-pub struct ReflectanceTerm {
-    /// Reflectance spectrum, 0 to 1.
-    pub spectrum: Curve,
-    /// Factor over the surface.
-    pub weight: ScalarTexture,
+impl Default for Scattering {
+    /// A black surface.
+    fn default() -> Self {
+        Self::Lambertian(Lambertian::default())
+    }
 }
 
 /// How much of a fluorophore a material holds.
@@ -91,15 +97,131 @@ pub struct FluorophoreAmount {
 }
 
 impl Material {
-    /// A matte material of one reflectance.
+    /// An opaque material without fluorophores and normal map.
+    pub fn new(name: &str, scattering: Scattering) -> Self {
+        Self { name: name.into(), scattering, ..Self::default() }
+    }
+
+    /// A matte material of one reflectance, 0 to 1.
     pub fn lambertian(name: &str, reflectance: Curve) -> Self {
-        Self {
-            name: name.into(),
-            reflectance: vec![ReflectanceTerm {
-                spectrum: reflectance,
-                weight: ScalarTexture::Constant(1.0),
-            }],
-            ..Self::default()
+        Self::new(name, Scattering::Lambertian(Lambertian::uniform(reflectance)))
+    }
+
+    /// A material of one diffuse reflectance, 0 to 1, below a coat.
+    pub fn coated(name: &str, reflectance: Curve, coat: Coat) -> Self {
+        Self::with_base(name, Lambertian::uniform(reflectance), Some(coat))
+    }
+
+    /// A diffuse material, below a coat if one is given.
+    pub fn with_base(name: &str, base: Lambertian, coat: Option<Coat>) -> Self {
+        let scattering = match coat {
+            None => Scattering::Lambertian(base),
+            Some(coat) => Scattering::Coated(Coated { base, coat }),
+        };
+        Self::new(name, scattering)
+    }
+
+    /// The diffuse reflection of a material that has one.
+    pub fn diffuse(&self) -> Option<&Lambertian> {
+        match &self.scattering {
+            Scattering::Lambertian(lambertian) => Some(lambertian),
+            Scattering::Coated(coated) => Some(&coated.base),
+            _ => None,
         }
+    }
+
+    /// The diffuse reflection of a material that has one, to change it.
+    pub fn diffuse_mut(&mut self) -> Option<&mut Lambertian> {
+        match &mut self.scattering {
+            Scattering::Lambertian(lambertian) => Some(lambertian),
+            Scattering::Coated(coated) => Some(&mut coated.base),
+            _ => None,
+        }
+    }
+
+    /// The coat of a material that has one.
+    pub fn coat(&self) -> Option<&Coat> {
+        match &self.scattering {
+            Scattering::Coated(coated) => Some(&coated.coat),
+            _ => None,
+        }
+    }
+
+    /// Indices of the two materials that a mixture or a two-sided material is made of.
+    pub fn parts(&self) -> Option<[usize; 2]> {
+        match &self.scattering {
+            Scattering::Mixture(mixture) => Some([mixture.first, mixture.second]),
+            Scattering::TwoSided(sides) => Some([sides.front, sides.back]),
+            _ => None,
+        }
+    }
+
+    /// Whether anything of the material varies over texture coordinates, its parts among `materials` included.
+    pub fn is_textured(&self, materials: &[Self]) -> bool {
+        self.any(materials, |material| {
+            material.normal_map.is_some()
+                || material.textures().iter().any(|texture| texture.constant().is_none())
+        })
+    }
+
+    /// Whether a condition holds for the material or for any that it is made of, at any depth. `materials` are those
+    /// that indices of parts refer to; indices beyond them and parts of themselves are passed over.
+    pub fn any(&self, materials: &[Self], condition: impl Fn(&Self) -> bool) -> bool {
+        let mut is_visited = vec![false; materials.len()];
+        let mut open = vec![self];
+        while let Some(material) = open.pop() {
+            if condition(material) {
+                return true;
+            }
+            for part in material.parts().into_iter().flatten() {
+                if let (Some(part), Some(visited)) = (materials.get(part), is_visited.get_mut(part))
+                    && !std::mem::replace(visited, true)
+                {
+                    open.push(part);
+                }
+            }
+        }
+        false
+    }
+
+    /// All textures of the material itself.
+    fn textures(&self) -> Vec<&ScalarTexture> {
+        let mut textures: Vec<&ScalarTexture> = match &self.scattering {
+            Scattering::Lambertian(lambertian) => lambertian.textures().collect(),
+            Scattering::Coated(coated) => coated.base.textures().chain([&coated.coat.roughness]).collect(),
+            Scattering::Dielectric(dielectric) => vec![&dielectric.roughness],
+            Scattering::Conductor(conductor) => vec![&conductor.roughness],
+            Scattering::Mixture(mixture) => vec![&mixture.amount],
+            Scattering::TwoSided(_) => Vec::new(),
+        };
+        textures.extend(self.fluorophores.iter().map(|amount| &amount.concentration));
+        textures.extend(&self.opacity);
+        textures
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn textures_are_found_at_any_depth() {
+        let checker = ScalarTexture::Checker { columns: 2, rows: 2, low: 0.2, high: 0.9 };
+        let mix = |first, second, amount| {
+            Material::new("mix", Scattering::Mixture(Mixture { first, second, amount }))
+        };
+        let grey = || Material::lambertian("grey", Curve::constant(0.5));
+        let half = || ScalarTexture::Constant(0.5);
+        let sides = Material::new("sides", Scattering::TwoSided(TwoSided { front: 0, back: 2 }));
+        let mut materials = vec![grey(), grey(), mix(0, 1, half()), sides];
+        assert!(!materials[3].is_textured(&materials));
+        materials[1].opacity = Some(checker.clone());
+        assert!(materials[3].is_textured(&materials));
+        materials[1].opacity = None;
+        materials[2] = mix(0, 1, checker);
+        assert!(materials[3].is_textured(&materials));
+        // A part of itself and parts that do not exist end the search.
+        materials[2] = mix(3, 9, half());
+        assert!(!materials[3].is_textured(&materials));
     }
 }

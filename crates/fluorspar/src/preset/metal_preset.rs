@@ -52,7 +52,8 @@ pub fn metal(name: &str) -> Result<MetalPreset, PresetError> {
 mod tests {
     use super::super::names;
     use super::*;
-    use crate::material::conductor::{conductor_fresnel, white_microfacets};
+    use crate::material::fresnel::conductor_fresnel;
+    use crate::material::microfacet::white_microfacets;
     use crate::material::{Conductor, ConductorReflectance, ScalarTexture};
     use crate::spectral::WavelengthGrid;
 

@@ -11,7 +11,7 @@ use super::instances::CompiledInstances;
 use super::russian_roulette::{Coarse, RouletteModel};
 use crate::geometry::{intersect_disc, intersect_plane, intersect_sphere};
 use crate::light::EnvironmentMap;
-use crate::material::{CoatAlbedo, ConductorReflectance, DielectricAlbedo, NormalMap, ScalarTexture};
+use crate::material::PreparedMaterials;
 use crate::optics::PerspectiveCamera;
 use crate::sampling::Rectangle;
 use crate::spectral::WavelengthGrid;
@@ -100,31 +100,15 @@ impl CompiledEmitter {
     }
 }
 
-/// How a material sends light on, with tables by index.
+/// The spectra of a material.
 #[derive(Debug)]
-pub(super) enum CompiledScattering {
-    Diffuse,
-    Dielectric { table: usize, roughness: ScalarTexture },
-    Conductor { metal: usize, roughness: ScalarTexture },
-    Mix { first: usize, second: usize, amount: ScalarTexture },
-    TwoSided { front: usize, back: usize },
-}
-
-/// Spectra, coat and fluorophores of a material.
-#[derive(Debug)]
-pub(super) struct CompiledMaterial {
-    pub(super) scattering: CompiledScattering,
-    /// Terms of the spectrum that colours the chromatic lobe: the diffuse reflectance, the transmittance of a clear
-    /// body, the basis of the reflectances of a metal.
-    pub(super) reflectance: Vec<(Vec<BandBlock>, ScalarTexture)>,
+pub(super) struct MaterialSpectra {
+    /// Terms of the spectrum of a point, see `PreparedMaterial::terms`.
+    pub(super) terms: Vec<Vec<BandBlock>>,
     /// The same terms on coarse bins.
-    pub(super) coarse_reflectance: Vec<Coarse>,
-    pub(super) normal_map: Option<NormalMap>,
-    pub(super) coat: Option<(usize, ScalarTexture)>,
-    pub(super) fluorophores: Vec<(usize, ScalarTexture)>,
-    /// Largest reflectance of any band, or a stand-in for surfaces that fluoresce, for choosing lobes. It does not depend
-    /// on concentrations, so that changing them leaves all paths as they are.
-    pub(super) albedo_bound: f32,
+    pub(super) coarse_terms: Vec<Coarse>,
+    /// Indices of the fluorophores.
+    pub(super) fluorophores: Vec<usize>,
 }
 
 /// An analytic shape of an object.
@@ -202,14 +186,13 @@ pub(super) struct CompiledScene {
     pub(super) object_light: Vec<Option<usize>>,
     /// Sources that shine from every direction beyond the scene.
     pub(super) environment: Vec<usize>,
-    pub(super) materials: Vec<CompiledMaterial>,
-    pub(super) coats: Vec<Arc<CoatAlbedo>>,
-    pub(super) dielectrics: Vec<Arc<DielectricAlbedo>>,
-    pub(super) metals: Vec<ConductorReflectance>,
+    pub(super) materials: PreparedMaterials,
+    /// `[material]`.
+    pub(super) material_spectra: Vec<MaterialSpectra>,
     /// Expected remaining contribution of paths.
     pub(super) roulette: RouletteModel,
-    /// Opacity of each object whose material has holes; empty when there is none in the scene.
-    pub(super) cutouts: Vec<Option<ScalarTexture>>,
+    /// Whether any surface has an opacity.
+    pub(super) has_holes: bool,
     /// Lights that are environment maps.
     pub(super) environment_maps: Vec<usize>,
     /// `[group and excitation bin][fluorophore]`, excitation weighted by the group's lamps.

@@ -23,7 +23,7 @@ impl CompiledScene {
         found: &mut Vec<Option<Intersection>>,
     ) {
         found.clear();
-        if self.cutouts.is_empty() {
+        if !self.has_holes {
             self.bvh.closest_each(rays, &mut buffers.hits);
             found.extend(rays.iter().zip(&buffers.hits).map(|(ray, hit)| self.nearest_given(ray, *hit)));
         } else {
@@ -56,7 +56,7 @@ impl CompiledScene {
     ) {
         visible.clear();
         let rays_to_lights = rays.iter().zip(aimed_at);
-        if self.cutouts.is_empty() {
+        if !self.has_holes {
             self.bvh.occluded_each(rays, &mut buffers.blocked);
             visible.extend(rays_to_lights.zip(&buffers.blocked).map(|((ray, light), blocked)| {
                 if *blocked || self.occluded_elsewhere(ray, light) { 0.0 } else { 1.0 }
@@ -73,7 +73,7 @@ impl CompiledScene {
     /// a hash of the ray and the place.
     pub(super) fn closest(&self, origin: Vec3, direction: Vec3) -> Option<Intersection> {
         let mut hit = self.nearest(origin, direction, f32::INFINITY)?;
-        if self.cutouts.is_empty() {
+        if !self.has_holes {
             return Some(hit);
         }
         let mut start = origin;
@@ -101,19 +101,20 @@ impl CompiledScene {
             },
             Target::Shape(index) => self.shapes[index as usize].object,
         };
-        match self.cutouts.get(object) {
-            Some(Some(texture)) => match self.surface(origin, direction, hit) {
-                Some(point) => texture.at(point.uv).clamp(0.0, 1.0),
-                None => 1.0,
-            },
-            _ => 1.0,
+        let material = self.object_material[object];
+        if !self.materials.has_opacity(material) {
+            return 1.0;
+        }
+        match self.surface(origin, direction, hit) {
+            Some(point) => self.materials.opacity(material, point.uv, point.front),
+            None => 1.0,
         }
     }
 
     /// Share of light that passes between a point and `t_max` along a direction: 0 behind opaque surfaces, between 0
     /// and 1 behind those with holes. The light aimed at does not count.
     pub(super) fn visibility(&self, origin: Vec3, direction: Vec3, t_max: f32, aimed_at: usize) -> f32 {
-        if self.cutouts.is_empty() {
+        if !self.has_holes {
             return if self.occluded(origin, direction, t_max, aimed_at) { 0.0 } else { 1.0 };
         }
         let (mut start, mut left, mut share) = (origin, t_max, 1.0);

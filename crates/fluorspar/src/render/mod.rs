@@ -15,7 +15,6 @@
 //! | `fluorescence_operator` | an excitation-emission matrix applied to a band vector: Eq. 3 |
 //! | `surface` | what a ray finds: frame, texture coordinates, side |
 //! | `intersect` | the nearest surface or light along a ray, and visibility |
-//! | `scattering` | what a material does to light at a point |
 //! | `light_sampling` | directions towards lights, with densities |
 //! | `russian_roulette` | expected remaining contribution of a path, which decides its survival |
 //! | `path` | the vertices of a path |
@@ -46,7 +45,6 @@ mod path;
 mod path_integrator;
 mod pilot;
 mod russian_roulette;
-mod scattering;
 mod scene_digest;
 mod settings;
 mod share;

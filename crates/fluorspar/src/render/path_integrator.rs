@@ -9,14 +9,14 @@ use std::f32::consts::PI;
 use fluorspar_accel::Ray;
 use glam::Vec3;
 
-use super::compiled_scene::{CompiledMaterial, CompiledScene};
+use super::compiled_scene::CompiledScene;
 use super::intersect::TraceBuffers;
 use super::light_sampling::LightSample;
 use super::path::Path;
 use super::russian_roulette::{BINS, CoarseThroughput};
-use super::scattering::{Bsdf, BsdfSample, BsdfValue};
 use super::settings::Estimator;
 use super::surface::{Intersection, SurfacePoint};
+use crate::material::{Bsdf, BsdfSample, BsdfValue, PreparedMaterial};
 use crate::sampling::SampleStream;
 
 /// Vertices before this one never end a path by Russian roulette.
@@ -168,7 +168,7 @@ impl PathBatch {
 /// A vertex while light is scattered there.
 struct ShadingPoint<'a> {
     point: SurfacePoint,
-    material: &'a CompiledMaterial,
+    material: &'a PreparedMaterial,
     bsdf: Bsdf<'a>,
     /// What is left of the number for the lobe, after it has chosen the material of a mixture.
     lobe: f32,
@@ -296,28 +296,28 @@ impl CompiledScene {
         // Choose the material of mixtures, and bend the normal
         let mut lobe = samples.lobe;
         let outermost = self.object_material[point.object];
-        let material_index = self.material_at(outermost, point.uv, point.front, &mut lobe);
-        let material = &self.materials[material_index];
-        if let Some(map) = &material.normal_map {
+        let chosen = self.materials.choose(outermost, point.uv, point.front, &mut lobe);
+        let material = &self.materials[chosen.index];
+        if let Some(map) = chosen.normal_map {
             let along = self.texture_directions(hit.target, point.position);
             point.apply_normal_map(map.at(point.uv), along, -view);
         }
-        let bsdf = self.bsdf(material, point.uv, point.front, point.to_local(-view));
+        let bsdf = material.bsdf(point.uv, point.front, point.to_local(-view));
         let light_normal = if bsdf.transmits() { Vec3::ZERO } else { point.shading };
 
         // Weight the reflectance terms and the fluorophores
-        path.push_vertex(material_index, self.sources.len());
+        path.push_vertex(chosen.index, self.sources.len());
         let mut coarse_spectrum = [0.0; BINS];
-        let terms = material.reflectance.iter().zip(&material.coarse_reflectance);
-        for (term, ((_, weight), coarse_term)) in terms.enumerate() {
-            let weight = bsdf.term_weight(term, weight.at(point.uv));
+        let coarse_terms = &self.material_spectra[chosen.index].coarse_terms;
+        for (index, (term, coarse_term)) in material.terms.iter().zip(coarse_terms).enumerate() {
+            let weight = bsdf.term_weight(index, term.weight.at(point.uv));
             path.push_weight(weight);
             for (sum, value) in coarse_spectrum.iter_mut().zip(coarse_term) {
                 *sum += weight * value;
             }
         }
-        for (_, concentration) in &material.fluorophores {
-            path.push_weight(concentration.at(point.uv));
+        for amount in &material.fluorophores {
+            path.push_weight(amount.concentration.at(point.uv));
         }
         ShadingPoint { point, material, bsdf, lobe, coarse_spectrum, light_normal }
     }
@@ -375,7 +375,7 @@ impl CompiledScene {
         // End the path by Russian roulette where little contribution is expected
         let mut survival = 1.0;
         let throughput = &mut state.throughput;
-        let fluorophores = material.fluorophores.iter().map(|(f, _)| *f);
+        let fluorophores = material.fluorophores.iter().map(|amount| amount.fluorophore);
         self.roulette.scatter(throughput, &s, &vertex.coarse_spectrum, fluorophores);
         if depth >= ROULETTE_FROM {
             survival = self.roulette.expected_contribution(throughput).clamp(LEAST_SURVIVAL, 1.0);
@@ -464,8 +464,8 @@ mod tests {
             let below = corner + RINGS + 1;
             mesh.triangles.extend([[corner, below + 1, below], [corner, corner + 1, below + 1]]);
         }
-        let mut wall = Material::lambertian("wall", Curve::constant(0.7));
-        wall.coat = Some(Coat { refractive_index: 1.4, roughness: ScalarTexture::Constant(0.3) });
+        let coat = Coat { refractive_index: 1.4, roughness: ScalarTexture::Constant(0.3) };
+        let wall = Material::coated("wall", Curve::constant(0.7), coat);
         let lamp = |x: f32| Light {
             name: format!("lamp at {x}"),
             group: 0,

@@ -14,7 +14,7 @@
 //! sends only the part that has not come from elsewhere.
 
 use super::fluorescence_operator::FluorescenceOperator;
-use super::scattering::BsdfValue;
+use crate::material::BsdfValue;
 use crate::scene::Scene;
 use crate::spectral::{Curve, Reflectance, WavelengthGrid};
 

@@ -6,7 +6,7 @@ use std::f32::consts::FRAC_1_PI;
 use fluorspar_accel::bands::{self, BLOCK, BandBlock};
 use fluorspar_accel::{Lanes, Work};
 
-use super::compiled_scene::{CompiledMaterial, CompiledScene};
+use super::compiled_scene::{CompiledScene, MaterialSpectra};
 use super::path::{Path, Vertex};
 
 /// Band vectors of all components while they travel, `[group][kind][band]` with kinds reflected, one per
@@ -85,7 +85,7 @@ impl SpectralState {
         &mut self,
         lanes: L,
         scene: &CompiledScene,
-        material: &CompiledMaterial,
+        material: &MaterialSpectra,
         concentrations: &[f32],
         vertex: &Vertex,
         reflectance: &[BandBlock],
@@ -112,7 +112,7 @@ impl SpectralState {
                 }
             }
             if fluoresces && self.lit[base] {
-                for ((fluorophore, _), concentration) in material.fluorophores.iter().zip(concentrations) {
+                for (fluorophore, concentration) in material.fluorophores.iter().zip(concentrations) {
                     if *concentration > 0.0 {
                         let kind = base + 1 + fluorophore;
                         self.light_up(lanes, kind);
@@ -129,7 +129,7 @@ impl SpectralState {
             if fluoresces && any_fluorescent {
                 self.light_up(lanes, base + kinds - 1);
                 let values = &mut self.values[(base + kinds - 1) * blocks..(base + kinds) * blocks];
-                for ((fluorophore, _), concentration) in material.fluorophores.iter().zip(concentrations) {
+                for (fluorophore, concentration) in material.fluorophores.iter().zip(concentrations) {
                     if *concentration > 0.0 {
                         scene.plain_operators[*fluorophore].add_product(
                             lanes,
@@ -166,16 +166,16 @@ impl Work for Gather<'_> {
         let mut mixed = std::mem::take(&mut state.reflectance);
         for (index, vertex) in path.vertices().iter().enumerate().rev() {
             state.add_emission(lanes, scene, path.emission(vertex));
-            let material = &scene.materials[vertex.material as usize];
-            let (weights, rest) = path.weights(vertex).split_at(material.reflectance.len());
+            let material = &scene.material_spectra[vertex.material as usize];
+            let (weights, rest) = path.weights(vertex).split_at(material.terms.len());
             let concentrations = &rest[..material.fluorophores.len()];
-            let reflectance = match material.reflectance.as_slice() {
-                [(first, _), ..] if weights[0] == 1.0 && weights[1..].iter().all(|&w| w == 0.0) => {
+            let reflectance = match material.terms.as_slice() {
+                [first, ..] if weights[0] == 1.0 && weights[1..].iter().all(|&w| w == 0.0) => {
                     first.as_slice()
                 }
                 terms => {
                     bands::clear(lanes, &mut mixed);
-                    for ((spectrum, _), weight) in terms.iter().zip(weights) {
+                    for (spectrum, weight) in terms.iter().zip(weights) {
                         if *weight != 0.0 {
                             bands::add_scaled(lanes, *weight, spectrum, &mut mixed);
                         }
@@ -200,7 +200,7 @@ impl Work for Gather<'_> {
                     &source.bands,
                     state.light_up(lanes, base),
                 );
-                for ((fluorophore, _), concentration) in material.fluorophores.iter().zip(concentrations) {
+                for (fluorophore, concentration) in material.fluorophores.iter().zip(concentrations) {
                     if *concentration > 0.0 {
                         let factor = direct.fluorescent * FRAC_1_PI * concentration;
                         let emitted = state.light_up(lanes, base + 1 + fluorophore);

@@ -3,15 +3,13 @@
 use std::borrow::Cow;
 use std::fmt;
 
-use glam::Vec2;
 use thiserror::Error;
 
 use super::{Scene, Shape};
 use crate::geometry::MeshError;
 use crate::light::Emitter;
-use crate::material::{Material, ScalarTexture, Scattering};
+use crate::material::{Material, PhotonExcess};
 use crate::spectral::{Curve, Fluorophore};
-use crate::units::number_text;
 
 /// What makes a scene impossible to render.
 #[derive(Clone, Debug, Error, PartialEq)]
@@ -192,8 +190,6 @@ const LEAST_EDGE: f64 = 0.05;
 const MOST_EMISSIVE_TRIANGLES: u64 = 20_000_000;
 /// Step at which photon conservation is checked, nm.
 const CHECK_STEP_NM: f64 = 1.0;
-/// Rounding allowed above 1: a perfectly white material must pass.
-const ROUNDING: f64 = 1e-6;
 
 /// Part numbers of images are 16-bit, and 0 is nothing.
 const MOST_OBJECTS: usize = u16::MAX as usize - 1;
@@ -230,7 +226,8 @@ impl Scene {
             index(what.clone(), "material", object.material, self.materials.len())?;
             if let Some(emission) = &object.emission {
                 index(what.clone(), "light group", emission.group, self.light_groups.len())?;
-                if self.materials[object.material].opacity.is_some() {
+                let material = &self.materials[object.material];
+                if material.any(&self.materials, |part| part.opacity.is_some()) {
                     let message = "a surface that emits can't have a material with holes; remove `opacity` or the emission";
                     return Err(SceneError::OutOfRange { what, message: message.into() });
                 }
@@ -266,7 +263,7 @@ impl Scene {
         }
         let nodes = self.conservation_nodes();
         let yields: Vec<Vec<f64>> = self.fluorophores.iter().map(|f| f.eem.total_yields(&nodes)).collect();
-        for material in &self.materials {
+        for (position, material) in self.materials.iter().enumerate() {
             for amount in &material.fluorophores {
                 index(
                     format!("material \"{}\"", material.name),
@@ -275,124 +272,35 @@ impl Scene {
                     self.fluorophores.len(),
                 )?;
             }
-            if let Some(coat) = &material.coat
-                && !(1.0..=3.0).contains(&coat.refractive_index)
-            {
-                return Err(SceneError::OutOfRange {
-                    what: format!("coat of material \"{}\"", material.name),
-                    message: format!("refractive index {} is not between 1 and 3", coat.refractive_index),
-                });
-            }
-            self.check_scattering(material)?;
-            check_photons(material, &nodes, &yields)?;
+            self.check_material(position, &nodes, &yields)?;
         }
         Ok(())
     }
 
-    /// Ranges of clear bodies and metals, parts of mixtures.
-    fn check_scattering(&self, material: &Material) -> Result<(), SceneError> {
-        let refuse = |message: String| {
-            Err(SceneError::OutOfRange { what: format!("material \"{}\"", material.name), message })
-        };
-        let fraction = |name: &str, texture: &crate::material::ScalarTexture| {
-            if texture.max() <= 1.0 {
-                Ok(())
-            } else {
-                refuse(format!("the {name} reaches {}, more than 1", texture.max()))
-            }
-        };
-        if let Some(opacity) = &material.opacity {
-            fraction("opacity", opacity)?;
+    /// Parameters, parts and conservation of photons of one material.
+    fn check_material(
+        &self,
+        position: usize,
+        nodes_nm: &[f64],
+        yields: &[Vec<f64>],
+    ) -> Result<(), SceneError> {
+        let material = &self.materials[position];
+        let what = || format!("material \"{}\"", material.name);
+        material
+            .check(&self.grid)
+            .map_err(|error| SceneError::OutOfRange { what: what(), message: error.to_string() })?;
+        let count = self.materials.len();
+        if let Some(&index) = material.parts().iter().flatten().find(|&&part| part >= count) {
+            return Err(SceneError::BadIndex { what: what(), target: "material", index, count });
         }
-        if !matches!(material.scattering, Scattering::Diffuse)
-            && (!material.reflectance.is_empty() || material.coat.is_some())
-        {
-            return refuse(
-                "only diffuse materials have a diffuse reflectance and a coat; remove them".into(),
-            );
+        if Material::is_part_of_itself(position, &self.materials) {
+            let message = "it is a part of itself".into();
+            return Err(SceneError::OutOfRange { what: what(), message });
         }
-        let parts = match &material.scattering {
-            Scattering::Diffuse => return Ok(()),
-            Scattering::Dielectric(glass) => {
-                let index = glass.refractive_index;
-                if !(index > 1.0 && index <= 3.0) {
-                    return refuse(format!(
-                        "the refractive index {index} of the clear body is not above 1 and at most 3"
-                    ));
-                }
-                if let Some(value) = glass.transmittance.values().iter().find(|v| !(0.0..=1.0).contains(*v)) {
-                    return refuse(format!(
-                        "the transmittance {} is not between 0 and 1",
-                        number_text(*value)
-                    ));
-                }
-                return fraction("roughness", &glass.roughness);
-            }
-            Scattering::Conductor(metal) => {
-                for (name, curve, least) in [("n", &metal.n, 1e-6), ("k", &metal.k, 0.0)] {
-                    let (first, last) = curve.range_nm();
-                    if first > self.grid.start_nm() || last < self.grid.end_nm() {
-                        return refuse(format!(
-                            "{name} of the metal is known from {first} to {last} nm, but the wavelengths run from {} to {} nm; \
-                             give a wider table or fewer wavelengths",
-                            self.grid.start_nm(),
-                            self.grid.end_nm()
-                        ));
-                    }
-                    if let Some(value) = curve.values().iter().find(|v| !(**v >= least && **v <= 1e3)) {
-                        return refuse(format!(
-                            "{name} of the metal is {}; it must be between {} and 1000",
-                            number_text(*value),
-                            number_text(least)
-                        ));
-                    }
-                }
-                return fraction("roughness", &metal.roughness);
-            }
-            Scattering::Mix { first, second, amount } => {
-                fraction("amount of the mixture", amount)?;
-                [*first, *second]
-            }
-            Scattering::TwoSided { front, back } => [*front, *back],
-        };
-        if !material.fluorophores.is_empty() || material.normal_map.is_some() {
-            return refuse(
-                "a mixture has no fluorophores and no normal map of its own; give them to its parts".into(),
-            );
-        }
-        for part in parts {
-            let Some(part) = self.materials.get(part) else {
-                return Err(SceneError::BadIndex {
-                    what: format!("material \"{}\"", material.name),
-                    target: "material",
-                    index: part,
-                    count: self.materials.len(),
-                });
-            };
-            if part.opacity.is_some() {
-                return refuse(format!(
-                    "its part \"{}\" has an opacity; give the opacity to the mixture instead",
-                    part.name
-                ));
-            }
-        }
-        // A chain of parts that is longer than the list comes back to where it was.
-        let mut reached = parts.to_vec();
-        for _ in 0..=self.materials.len() {
-            let next: Vec<usize> = reached
-                .iter()
-                .filter_map(|&part| self.materials.get(part))
-                .flat_map(|part| match part.scattering {
-                    Scattering::Mix { first, second, .. } => vec![first, second],
-                    Scattering::TwoSided { front, back } => vec![front, back],
-                    _ => Vec::new(),
-                })
-                .collect();
-            reached = next;
-            reached.sort_unstable();
-            reached.dedup();
-        }
-        if reached.is_empty() { Ok(()) } else { refuse("it is a part of itself".into()) }
+        let Some(excess) = material.photon_excess(nodes_nm, yields) else { return Ok(()) };
+        let PhotonExcess { wavelength_nm, reflectance, photon_yield, excess } = excess;
+        let material = material.name.clone();
+        Err(SceneError::CreatesPhotons { material, wavelength_nm, reflectance, photon_yield, excess })
     }
 
     /// Wavelengths at which photon conservation is checked, nm.
@@ -490,71 +398,6 @@ impl Scene {
         let breaks_off = yields.last().is_some_and(|last| *last > LEAST_EDGE * best);
         if breaks_off || 100.0 * beyond > LEAST_PERCENT * all { below + above } else { below }
     }
-}
-
-/// `R + sum_o Y <= 1` (`T + sum_o Y <= 1` for a clear body) for every excitation wavelength, with all textures at their largest value. `yields` holds those
-/// of each fluorophore at unit concentration.
-fn check_photons(material: &Material, nodes: &[f64], yields: &[Vec<f64>]) -> Result<(), SceneError> {
-    let mut worst = None;
-    let mut largest = ROUNDING;
-    for (node, &wavelength_nm) in nodes.iter().enumerate() {
-        let reflectance = elastic(material, wavelength_nm, |texture| f64::from(texture.max()));
-        let photon_yield: f64 = material
-            .fluorophores
-            .iter()
-            .map(|amount| yields[amount.fluorophore][node] * f64::from(amount.concentration.max()))
-            .sum();
-        let (mut reflectance, mut photon_yield) = (reflectance, photon_yield);
-        if reflectance + photon_yield - 1.0 > ROUNDING {
-            // Textures of one material often exclude each other: look where they are together.
-            (reflectance, photon_yield) = largest_sum(material, wavelength_nm, node, yields);
-        }
-        let excess = reflectance + photon_yield - 1.0;
-        if excess > largest {
-            largest = excess;
-            let material = material.name.clone();
-            worst = Some(SceneError::CreatesPhotons {
-                material,
-                wavelength_nm,
-                reflectance,
-                photon_yield,
-                excess,
-            });
-        }
-    }
-    worst.map_or(Ok(()), Err)
-}
-
-/// Share of light that a material passes on without fluorescence. Fluorophores on a metal or a clear body get what its
-/// surface does not reflect, and share it with what passes.
-fn elastic(material: &Material, wavelength_nm: f64, value: impl Fn(&ScalarTexture) -> f64) -> f64 {
-    match &material.scattering {
-        Scattering::Dielectric(glass) => glass.transmittance.at(wavelength_nm),
-        _ => material
-            .reflectance
-            .iter()
-            .map(|term| term.spectrum.at(wavelength_nm) * value(&term.weight))
-            .sum(),
-    }
-}
-
-/// Reflectance and photon yield where their sum is largest on a lattice over the textures.
-fn largest_sum(material: &Material, wavelength_nm: f64, node: usize, yields: &[Vec<f64>]) -> (f64, f64) {
-    const SIDE: u32 = 48;
-    let mut worst = (0.0, 0.0);
-    for i in 0..SIDE * SIDE {
-        let uv = Vec2::new((i % SIDE) as f32 + 0.5, (i / SIDE) as f32 + 0.5) / SIDE as f32;
-        let reflectance = elastic(material, wavelength_nm, |texture| f64::from(texture.at(uv)));
-        let photon_yield: f64 = material
-            .fluorophores
-            .iter()
-            .map(|amount| yields[amount.fluorophore][node] * f64::from(amount.concentration.at(uv)))
-            .sum();
-        if reflectance + photon_yield > worst.0 + worst.1 {
-            worst = (reflectance, photon_yield);
-        }
-    }
-    worst
 }
 
 fn positive(what: &str, quantity: &str, value: f32) -> Result<(), SceneError> {

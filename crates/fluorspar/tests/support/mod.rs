@@ -11,7 +11,8 @@ use fluorspar::geometry::TriangleMesh;
 use fluorspar::image::ComponentImage;
 use fluorspar::light::{Emitter, EnvironmentLayer, EnvironmentMap, Light, LightGroup};
 use fluorspar::material::{
-    Coat, Conductor, Dielectric, FluorophoreAmount, Material, NormalMap, ScalarTexture, Scattering,
+    Coat, Conductor, Dielectric, FluorophoreAmount, Material, Mixture, NormalMap, ScalarTexture, Scattering,
+    TwoSided,
 };
 use fluorspar::optics::PerspectiveCamera;
 use fluorspar::render::{Estimator, RenderControl, RenderSettings, render};
@@ -97,7 +98,7 @@ pub(crate) fn with_dyes(mut material: Material, amounts: &[(usize, f32)]) -> Mat
 
 pub(crate) fn coated(reflectance: f64, roughness: f32) -> Material {
     let coat = Coat { refractive_index: 1.4, roughness: ScalarTexture::Constant(roughness) };
-    Material { coat: Some(coat), ..Material::lambertian("coated", flat(reflectance)) }
+    Material::coated("coated", flat(reflectance), coat)
 }
 
 pub(crate) fn glass(index: f32, roughness: f32, transmittance: f64) -> Material {
@@ -106,17 +107,20 @@ pub(crate) fn glass(index: f32, roughness: f32, transmittance: f64) -> Material 
         roughness: ScalarTexture::Constant(roughness),
         transmittance: flat(transmittance),
     };
-    Material { name: "glass".into(), scattering: Scattering::Dielectric(glass), ..Material::default() }
+    Material::new("glass", Scattering::Dielectric(glass))
 }
 
 pub(crate) fn metal(n: Curve, k: Curve, roughness: f32) -> Material {
     let conductor = Conductor { n, k, roughness: ScalarTexture::Constant(roughness) };
-    Material { name: "metal".into(), scattering: Scattering::Conductor(conductor), ..Material::default() }
+    Material::new("metal", Scattering::Conductor(conductor))
 }
 
 pub(crate) fn mixed(first: usize, second: usize, amount: ScalarTexture) -> Material {
-    let scattering = Scattering::Mix { first, second, amount };
-    Material { name: "mixed".into(), scattering, ..Material::default() }
+    Material::new("mixed", Scattering::Mixture(Mixture { first, second, amount }))
+}
+
+pub(crate) fn two_sided(front: usize, back: usize) -> Material {
+    Material::new("sides", Scattering::TwoSided(TwoSided { front, back }))
 }
 
 /// A map with a bright pixel, some dim ones and some dark ones, of two spectra.
@@ -195,10 +199,7 @@ pub(crate) fn lit_box(lamp: &str, material: &str, concentration: f32) -> Scene {
         "rough metal" => with_dyes(metal(copper().0, copper().1, 0.35), &dyes),
         "mirror" => metal(copper().0, copper().1, 0.0),
         "mixed" => mixed(2, 3, ScalarTexture::Checker { columns: 3, rows: 3, low: 0.2, high: 0.9 }),
-        "two-sided" => {
-            let scattering = Scattering::TwoSided { front: 2, back: 3 };
-            Material { name: "sides".into(), scattering, ..Material::default() }
-        }
+        "two-sided" => two_sided(2, 3),
         "with holes" => {
             let opacity = Some(ScalarTexture::Checker { columns: 4, rows: 4, low: 0.3, high: 1.0 });
             Material { opacity, ..with_dyes(Material::lambertian("net", flat(0.5)), &dyes) }

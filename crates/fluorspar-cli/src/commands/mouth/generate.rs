@@ -122,7 +122,7 @@ fn tissue_colors() -> Result<BTreeMap<String, [f64; 3]>, CliError> {
     let mut colors = BTreeMap::new();
     for material in &scene.materials {
         let mut reflectance = vec![0.0_f32; scene.grid.len()];
-        for term in &material.reflectance {
+        for term in material.diffuse().map_or(&[][..], |diffuse| &diffuse.reflectance) {
             let weight =
                 lattice.iter().map(|uv| term.weight.at((*uv).into())).sum::<f32>() / lattice.len() as f32;
             let values = term.spectrum.on_grid::<Reflectance>(&scene.grid);

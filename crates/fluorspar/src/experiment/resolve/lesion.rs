@@ -62,6 +62,13 @@ pub(super) fn lesions(
             let Some(unfold) = continuation(&lesion.part, &object.name) else { continue };
             let Some(mask) = spot.bake(unfold) else { continue };
             let blood_um = lesion.blood_um;
+            if reflectance.is_some() && materials[object.material].diffuse().is_none() {
+                let message = format!(
+                    "material \"{}\" of part \"{}\" has no diffuse reflectance that a lesion could change; remove it",
+                    materials[object.material].name, object.name
+                );
+                return context.fail(&at.field("reflectance"), message);
+            }
             let material =
                 with_spot(&materials[object.material], &lesion.name, &mask, blood_um, &reflectance, &amounts);
             materials.push(material);
@@ -117,7 +124,7 @@ fn with_spot(
         curve.times(&Curve::from_fn(300.0, 1100.0, |nm| blood_transmittance(nm, 2.0 * blood_um)))
     };
     let mut terms = Vec::new();
-    for term in &around.reflectance {
+    for term in around.diffuse().map_or(&[][..], |base| &base.reflectance) {
         let weight = bake(&term.weight, mask, |w, m| w * (1.0 - m));
         terms.push(ReflectanceTerm { spectrum: term.spectrum.clone(), weight });
         if reflectance.is_none() {
@@ -129,7 +136,9 @@ fn with_spot(
         let weight = bake(&ScalarTexture::Constant(1.0), mask, |_, m| m);
         terms.push(ReflectanceTerm { spectrum: blood(spectrum), weight });
     }
-    material.reflectance = terms;
+    if let Some(base) = material.diffuse_mut() {
+        base.reflectance = terms;
+    }
     for &(fluorophore, inside) in amounts {
         match material.fluorophores.iter_mut().find(|amount| amount.fluorophore == fluorophore) {
             Some(amount) => {

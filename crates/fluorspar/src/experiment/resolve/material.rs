@@ -14,8 +14,8 @@ use crate::format::{
     read_fluorophore_csv, read_iset_fluorophore, read_texture_png,
 };
 use crate::material::{
-    Coat, Conductor, Dielectric, FluorophoreAmount, Material, NormalMap, ReflectanceTerm, ScalarTexture,
-    Scattering,
+    Coat, Coated, Conductor, Dielectric, FluorophoreAmount, Lambertian, Material, Mixture, NormalMap,
+    ReflectanceTerm, ScalarTexture, Scattering, TwoSided,
 };
 use crate::names::did_you_mean;
 use crate::preset::{self, PresetKind};
@@ -320,13 +320,13 @@ pub(super) fn materials(
         context.unique_name(&at, &section.name, earlier)?;
         context.tissue = object::only_tissue(file, &section.name);
         let scattering = scattering(context, &at, section, file, grid)?;
-        materials.push(material(context, &at, section, scattering, file, grid, fluorophores)?);
+        materials.push(material(context, &at, section, scattering, file, fluorophores)?);
     }
     context.tissue = None;
     Ok(materials)
 }
 
-/// How a material sends light on; exactly one way must be given.
+/// How a material reflects and transmits light; exactly one way must be given.
 fn scattering(
     context: &mut Context<'_>,
     at: &Place,
@@ -420,14 +420,61 @@ fn scattering(
         let first = part(context, "mix", "first", &mix.first)?;
         let second = part(context, "mix", "second", &mix.second)?;
         let amount = context.texture(&at.field("mix").field("amount"), &mix.amount, 1.0)?;
-        return Ok(Scattering::Mix { first, second, amount });
+        return Ok(Scattering::Mixture(Mixture { first, second, amount }));
     }
     if let Some(sides) = &section.two_sided {
         let front = part(context, "two_sided", "front", &sides.front)?;
         let back = part(context, "two_sided", "back", &sides.back)?;
-        return Ok(Scattering::TwoSided { front, back });
+        return Ok(Scattering::TwoSided(TwoSided { front, back }));
     }
-    Ok(Scattering::Diffuse)
+    diffuse(context, at, section, grid)
+}
+
+/// A diffuse reflectance, below a coat if the section has a gloss.
+fn diffuse(
+    context: &mut Context<'_>,
+    at: &Place,
+    section: &MaterialSection,
+    grid: &WavelengthGrid,
+) -> Resolved<Scattering> {
+    let reflectance = match &section.reflectance {
+        None => Vec::new(),
+        Some(ReflectanceReference::Spectrum(reference)) => {
+            let spectrum =
+                context.spectrum(&at.field("reflectance"), reference, Role::Reflectance, 0.0, grid)?;
+            vec![ReflectanceTerm { spectrum, weight: ScalarTexture::Constant(1.0) }]
+        }
+        Some(ReflectanceReference::Sum(terms)) => {
+            let mut sum = Vec::with_capacity(terms.len());
+            for (index, term) in terms.iter().enumerate() {
+                let spectrum_at = at.field("reflectance").index(index).field("spectrum");
+                let spectrum =
+                    context.spectrum(&spectrum_at, &term.spectrum, Role::Reflectance, 0.0, grid)?;
+                let weight = context.texture(
+                    &at.field("reflectance").index(index).field("weight"),
+                    &term.weight,
+                    1e3,
+                )?;
+                sum.push(ReflectanceTerm { spectrum, weight });
+            }
+            sum
+        }
+    };
+    let base = Lambertian { reflectance };
+    match &section.gloss {
+        None => Ok(Scattering::Lambertian(base)),
+        Some(gloss) => {
+            let index = gloss.refractive_index;
+            context.within(&at.field("gloss").field("refractive_index"), index, [1.0, 3.0], "")?;
+            let roughness_at = at.field("gloss").field("roughness");
+            let roughness = context.texture(&roughness_at, &gloss.roughness, 1.0)?;
+            if roughness.max() <= 0.0 {
+                return context.fail(&roughness_at, "must be above 0 and at most 1; 0.01 is mirror-like");
+            }
+            let coat = Coat { refractive_index: index as f32, roughness };
+            Ok(Scattering::Coated(Coated { base, coat }))
+        }
+    }
 }
 
 fn normal_map(context: &mut Context<'_>, at: &Place, section: &NormalMapSection) -> Resolved<NormalMap> {
@@ -452,45 +499,8 @@ fn material(
     section: &MaterialSection,
     scattering: Scattering,
     file: &ExperimentFile,
-    grid: &WavelengthGrid,
     fluorophores: &mut Fluorophores,
 ) -> Resolved<Material> {
-    let reflectance = match &section.reflectance {
-        None => Vec::new(),
-        Some(ReflectanceReference::Spectrum(reference)) => {
-            let spectrum =
-                context.spectrum(&at.field("reflectance"), reference, Role::Reflectance, 0.0, grid)?;
-            vec![ReflectanceTerm { spectrum, weight: ScalarTexture::Constant(1.0) }]
-        }
-        Some(ReflectanceReference::Sum(terms)) => {
-            let mut sum = Vec::with_capacity(terms.len());
-            for (index, term) in terms.iter().enumerate() {
-                let spectrum_at = at.field("reflectance").index(index).field("spectrum");
-                let spectrum =
-                    context.spectrum(&spectrum_at, &term.spectrum, Role::Reflectance, 0.0, grid)?;
-                let weight = context.texture(
-                    &at.field("reflectance").index(index).field("weight"),
-                    &term.weight,
-                    1e3,
-                )?;
-                sum.push(ReflectanceTerm { spectrum, weight });
-            }
-            sum
-        }
-    };
-    let coat = match &section.gloss {
-        None => None,
-        Some(gloss) => {
-            let index = gloss.refractive_index;
-            context.within(&at.field("gloss").field("refractive_index"), index, [1.0, 3.0], "")?;
-            let roughness_at = at.field("gloss").field("roughness");
-            let roughness = context.texture(&roughness_at, &gloss.roughness, 1.0)?;
-            if roughness.max() <= 0.0 {
-                return context.fail(&roughness_at, "must be above 0 and at most 1; 0.01 is mirror-like");
-            }
-            Some(Coat { refractive_index: index as f32, roughness })
-        }
-    };
     let mut amounts = Vec::new();
     for (name, reference) in &section.concentrations {
         let at = at.field("concentrations").field(name);
@@ -513,13 +523,5 @@ fn material(
         None => None,
         Some(map) => Some(normal_map(context, &at.field("normal_map"), map)?),
     };
-    Ok(Material {
-        name: section.name.clone(),
-        scattering,
-        reflectance,
-        coat,
-        fluorophores: amounts,
-        opacity,
-        normal_map,
-    })
+    Ok(Material { name: section.name.clone(), scattering, fluorophores: amounts, opacity, normal_map })
 }

@@ -18,7 +18,7 @@ use crate::experiment::schema::{
 use crate::format::{read_gltf, read_gltf_instances, read_obj, read_placements, read_ply, read_stl};
 use crate::geometry::{MeshInstance, MeshInstances, TriangleMesh};
 use crate::light::LightGroup;
-use crate::material::{Material, ScalarTexture, Scattering};
+use crate::material::Material;
 use crate::names::did_you_mean;
 use crate::scene::{Object, Shape, SurfaceEmission};
 use crate::spectral::{MAX_WAVELENGTH_NM, MIN_WAVELENGTH_NM, WavelengthGrid};
@@ -157,7 +157,7 @@ fn check_textures(
     materials: &[Material],
 ) -> Resolved<()> {
     let material = &materials[material];
-    if !(mesh.uvs.is_empty() && is_textured(material, materials)) {
+    if !(mesh.uvs.is_empty() && material.is_textured(materials)) {
         return Ok(());
     }
     let message = format!(
@@ -349,31 +349,6 @@ fn read_shared_meshes(
     let many =
         read_gltf_instances(file.as_ref(), unit_mm * 1e-3).map_err(|error| context.file_error(at, &error))?;
     Ok((many.instances.len() > 1).then_some(many))
-}
-
-fn is_textured(material: &Material, materials: &[Material]) -> bool {
-    let varies = |texture: &ScalarTexture| texture.constant().is_none();
-    // A part of a mixture that is a mixture again is looked at where it is used; only parts come first in scenes that
-    // pass the check, so that this ends.
-    let part = |index: usize| {
-        materials.get(index).is_some_and(|part| {
-            !matches!(part.scattering, Scattering::Mix { .. } | Scattering::TwoSided { .. })
-                && is_textured(part, materials)
-        })
-    };
-    let scattering = match &material.scattering {
-        Scattering::Diffuse => false,
-        Scattering::Dielectric(glass) => varies(&glass.roughness),
-        Scattering::Conductor(metal) => varies(&metal.roughness),
-        Scattering::Mix { first, second, amount } => varies(amount) || part(*first) || part(*second),
-        Scattering::TwoSided { front, back } => part(*front) || part(*back),
-    };
-    scattering
-        || material.normal_map.is_some()
-        || material.opacity.as_ref().is_some_and(varies)
-        || material.reflectance.iter().any(|term| varies(&term.weight))
-        || material.fluorophores.iter().any(|amount| varies(&amount.concentration))
-        || material.coat.as_ref().is_some_and(|coat| varies(&coat.roughness))
 }
 
 /// Most triangles of a displaced mesh.
@@ -663,7 +638,7 @@ fn scans(
         if mesh.normals.is_empty() {
             mesh.compute_smooth_normals();
         }
-        if mesh.uvs.is_empty() && is_textured(&materials[material], materials) {
+        if mesh.uvs.is_empty() && materials[material].is_textured(materials) {
             // Scans seldom have texture coordinates: maps are spread over the plane of their widest extents.
             mesh.uvs = planar_coordinates(&mesh);
             let message =

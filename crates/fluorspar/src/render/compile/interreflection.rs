@@ -30,11 +30,12 @@ pub(super) fn gain(scene: &CompiledScene) -> Coarse {
         rays += 1.0;
         let Some(met) = surface(seen.leave(away, scene.clearance), away) else { continue };
         let outermost = scene.object_material[met.object];
-        let material = &scene.materials[scene.material_at(outermost, met.uv, met.front, &mut choice)];
-        let bsdf = scene.bsdf(material, met.uv, met.front, met.to_local(-away));
-        let terms = material.reflectance.iter().zip(&material.coarse_reflectance).enumerate();
-        for (term, ((_, weight), coarse)) in terms {
-            let weight = bsdf.term_weight(term, weight.at(met.uv));
+        let chosen = scene.materials.choose(outermost, met.uv, met.front, &mut choice);
+        let material = &scene.materials[chosen.index];
+        let bsdf = material.bsdf(met.uv, met.front, met.to_local(-away));
+        let coarse_terms = &scene.material_spectra[chosen.index].coarse_terms;
+        for (index, (term, coarse)) in material.terms.iter().zip(coarse_terms).enumerate() {
+            let weight = bsdf.term_weight(index, term.weight.at(met.uv));
             sum.iter_mut().zip(coarse).for_each(|(sum, value)| *sum += weight * value);
         }
     }

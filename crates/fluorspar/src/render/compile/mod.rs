@@ -21,7 +21,7 @@ mod visible_points;
 use fluorspar_accel::bands::{BandBlock, to_blocks};
 use fluorspar_accel::{BuildError, Simd};
 
-use super::compiled_scene::{CompiledMaterial, CompiledScattering, CompiledScene};
+use super::compiled_scene::CompiledScene;
 use super::russian_roulette::RouletteModel;
 use crate::scene::Scene;
 
@@ -41,13 +41,11 @@ impl CompiledScene {
 
         // Compile materials
         let roulette = RouletteModel::new(&scene.grid);
-        let materials = materials::compile(scene, &roulette);
+        let (materials, material_spectra) = materials::compile(scene, &roulette);
+        let has_holes = scene.objects.iter().any(|object| materials.has_opacity(object.material));
 
-        let plain = |material: &CompiledMaterial| {
-            matches!(material.scattering, CompiledScattering::Diffuse) && material.coat.is_none()
-        };
         let has_discrete_choices =
-            !materials.materials.iter().all(plain) || lights.group_lights.iter().any(|group| group.len() > 1);
+            materials.has_discrete_choices() || lights.group_lights.iter().any(|group| group.len() > 1);
         let mut compiled = Self {
             camera: scene.camera.clone(),
             grid: scene.grid.clone(),
@@ -68,11 +66,9 @@ impl CompiledScene {
             object_light: lights.object_light,
             environment: lights.environment,
             environment_maps: lights.environment_maps,
-            materials: materials.materials,
-            coats: materials.coats,
-            dielectrics: materials.dielectrics,
-            metals: materials.metals,
-            cutouts: materials.cutouts,
+            materials,
+            material_spectra,
+            has_holes,
             roulette,
             lamp_operators,
             plain_operators,

@@ -3,13 +3,13 @@
 use fluorspar_accel::Ray;
 
 use super::geometry::Geometry;
-use crate::material::Scattering;
 use crate::render::compiled_scene::AnalyticShape;
 use crate::scene::Scene;
 use crate::scene::irradiance::SurfacePoint;
 
 /// Rays along each side of the image.
 pub(super) const VIEW_RAYS: usize = 12;
+
 /// Visible points, with normals to the side of the camera: those on surfaces that fluoresce, or all if none does. Holes
 /// and light sources are looked through.
 pub(super) fn on_fluorescent_surfaces(scene: &Scene, geometry: &Geometry) -> Vec<SurfacePoint> {
@@ -48,17 +48,8 @@ pub(super) fn on_fluorescent_surfaces(scene: &Scene, geometry: &Geometry) -> Vec
         })
         .collect();
     let fluoresces = |object: usize| {
-        let mut parts = vec![scene.objects[object].material];
-        while let Some(part) = parts.pop() {
-            let material = &scene.materials[part];
-            match &material.scattering {
-                Scattering::Mix { first, second, .. } => parts.extend([*first, *second]),
-                Scattering::TwoSided { front, back } => parts.extend([*front, *back]),
-                _ if !material.fluorophores.is_empty() => return true,
-                _ => {}
-            }
-        }
-        false
+        let material = &scene.materials[scene.objects[object].material];
+        material.any(&scene.materials, |part| !part.fluorophores.is_empty())
     };
     let any = hits.iter().any(|(object, _)| fluoresces(*object));
     hits.into_iter().filter(|(object, _)| !any || fluoresces(*object)).map(|(_, point)| point).collect()

@@ -1,0 +1,187 @@
+//! Whether a material is physical: ranges of its parameters, conservation of photons.
+
+use glam::Vec2;
+use thiserror::Error;
+
+use super::texture::ScalarTexture;
+use super::{Material, Scattering};
+use crate::spectral::WavelengthGrid;
+use crate::units::number_text;
+
+/// A parameter of a material out of its range.
+#[derive(Clone, Debug, Error, PartialEq)]
+#[non_exhaustive]
+pub enum ParameterError {
+    /// A share or a roughness above 1.
+    #[error("the {parameter} reaches {value}, more than 1")]
+    AboveOne {
+        /// Which parameter.
+        parameter: &'static str,
+        /// Its largest value.
+        value: f32,
+    },
+    /// An index of refraction that the layer or body can't have.
+    #[error("the refractive index {value} of the {layer} is not {range}")]
+    RefractiveIndex {
+        /// "coat" or "dielectric".
+        layer: &'static str,
+        /// The index.
+        value: f32,
+        /// What is allowed.
+        range: &'static str,
+    },
+    /// A transmittance beyond 0 to 1.
+    #[error("the transmittance {} is not between 0 and 1", number_text(*.0))]
+    Transmittance(f64),
+    /// A refractive index of a metal that does not cover the bands of the render.
+    #[error(
+        "{parameter} of the metal is known from {first_nm} to {last_nm} nm, but the wavelengths run from {start_nm} to \
+         {end_nm} nm; give a wider table or fewer wavelengths"
+    )]
+    MetalRange {
+        /// "n" or "k".
+        parameter: &'static str,
+        /// First wavelength of the data, nm.
+        first_nm: f64,
+        /// Last wavelength of the data, nm.
+        last_nm: f64,
+        /// Start of the bands, nm.
+        start_nm: f64,
+        /// End of the bands, nm.
+        end_nm: f64,
+    },
+    /// A refractive index that no metal has.
+    #[error(
+        "{parameter} of the metal is {}; it must be between {} and 1000",
+        number_text(*value),
+        number_text(*least)
+    )]
+    MetalValue {
+        /// "n" or "k".
+        parameter: &'static str,
+        /// The value.
+        value: f64,
+        /// The smallest that is allowed.
+        least: f64,
+    },
+    /// Fluorophores where there is no surface of its own.
+    #[error("a mixture has no fluorophores of its own; give them to its parts")]
+    FluorophoresOfMixture,
+}
+
+/// Refuses a texture that exceeds 1 somewhere.
+pub(super) fn at_most_one(parameter: &'static str, texture: &ScalarTexture) -> Result<(), ParameterError> {
+    let value = texture.max();
+    if value <= 1.0 { Ok(()) } else { Err(ParameterError::AboveOne { parameter, value }) }
+}
+
+/// A wavelength at which more photons leave a material than arrive.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PhotonExcess {
+    /// Wavelength of the arriving light, nm.
+    pub wavelength_nm: f64,
+    /// Share of light that is reflected or transmitted without fluorescence.
+    pub reflectance: f64,
+    /// Photon yield, summed over fluorophores.
+    pub photon_yield: f64,
+    /// Excess of their sum over 1.
+    pub excess: f64,
+}
+
+/// Rounding allowed above 1: a perfectly white material must pass.
+const ROUNDING: f64 = 1e-6;
+
+impl Material {
+    /// Checks the parameters of the material itself. Parts of mixtures are checked as materials of their own.
+    ///
+    /// # Errors
+    /// The first parameter that is out of its range, or data that do not cover the bands of `grid`.
+    pub fn check(&self, grid: &WavelengthGrid) -> Result<(), ParameterError> {
+        if let Some(opacity) = &self.opacity {
+            at_most_one("opacity", opacity)?;
+        }
+        match &self.scattering {
+            Scattering::Lambertian(_) => Ok(()),
+            Scattering::Coated(coated) => coated.coat.check(),
+            Scattering::Dielectric(dielectric) => dielectric.check(),
+            Scattering::Conductor(conductor) => conductor.check(grid),
+            Scattering::Mixture(mixture) => mixture.check(),
+            Scattering::TwoSided(_) => Ok(()),
+        }?;
+        if self.parts().is_some() && !self.fluorophores.is_empty() {
+            return Err(ParameterError::FluorophoresOfMixture);
+        }
+        Ok(())
+    }
+
+    /// Whether a mixture or two-sided material, at `index` of `materials`, is a part of itself at any depth.
+    pub fn is_part_of_itself(index: usize, materials: &[Self]) -> bool {
+        let has_part = |material: &Self| material.parts().is_some_and(|parts| parts.contains(&index));
+        materials.get(index).is_some_and(|material| material.any(materials, has_part))
+    }
+
+    /// Where the excess of photons is largest: `R + sum_o Y <= 1` (for dielectrics `T + sum_o Y <= 1`) must hold at
+    /// every wavelength of `nodes_nm`, with all textures at their largest value or, where that is too much, at every
+    /// point of a lattice over them. `yields` holds those of each fluorophore of the scene at the nodes, at unit
+    /// concentration.
+    pub fn photon_excess(&self, nodes_nm: &[f64], yields: &[Vec<f64>]) -> Option<PhotonExcess> {
+        let mut worst = None;
+        let mut largest = ROUNDING;
+        for (node, &wavelength_nm) in nodes_nm.iter().enumerate() {
+            let sum =
+                |value: &dyn Fn(&ScalarTexture) -> f64| self.photons(wavelength_nm, node, yields, value);
+            let (mut reflectance, mut photon_yield) = sum(&|texture| f64::from(texture.max()));
+            if reflectance + photon_yield - 1.0 > ROUNDING {
+                // Textures of one material often exclude each other: look where they are together.
+                (reflectance, photon_yield) = largest_sum(sum);
+            }
+            let excess = reflectance + photon_yield - 1.0;
+            if excess > largest {
+                largest = excess;
+                worst = Some(PhotonExcess { wavelength_nm, reflectance, photon_yield, excess });
+            }
+        }
+        worst
+    }
+
+    /// Elastic share of light and photon yield where textures have the given values.
+    fn photons(
+        &self,
+        wavelength_nm: f64,
+        node: usize,
+        yields: &[Vec<f64>],
+        value: &dyn Fn(&ScalarTexture) -> f64,
+    ) -> (f64, f64) {
+        let photon_yield = self
+            .fluorophores
+            .iter()
+            .map(|amount| yields[amount.fluorophore][node] * value(&amount.concentration))
+            .sum();
+        (self.elastic_share(wavelength_nm, value), photon_yield)
+    }
+
+    /// Share of light that is passed on without fluorescence. Fluorophores on a metal or a dielectric get what its
+    /// surface does not reflect, and share it with what crosses.
+    fn elastic_share(&self, wavelength_nm: f64, value: &dyn Fn(&ScalarTexture) -> f64) -> f64 {
+        match &self.scattering {
+            Scattering::Lambertian(lambertian) => lambertian.albedo(wavelength_nm, value),
+            Scattering::Coated(coated) => coated.base.albedo(wavelength_nm, value),
+            Scattering::Dielectric(dielectric) => dielectric.transmittance.at(wavelength_nm),
+            Scattering::Conductor(_) | Scattering::Mixture(_) | Scattering::TwoSided(_) => 0.0,
+        }
+    }
+}
+
+/// Elastic share and photon yield where their sum is largest on a lattice over the textures.
+fn largest_sum(sum: impl Fn(&dyn Fn(&ScalarTexture) -> f64) -> (f64, f64)) -> (f64, f64) {
+    const SIDE: u32 = 48;
+    let mut worst = (0.0, 0.0);
+    for i in 0..SIDE * SIDE {
+        let uv = Vec2::new((i % SIDE) as f32 + 0.5, (i / SIDE) as f32 + 0.5) / SIDE as f32;
+        let (reflectance, photon_yield) = sum(&|texture| f64::from(texture.at(uv)));
+        if reflectance + photon_yield > worst.0 + worst.1 {
+            worst = (reflectance, photon_yield);
+        }
+    }
+    worst
+}

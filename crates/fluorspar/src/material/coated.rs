@@ -1,0 +1,288 @@
+//! A rough dielectric coat over a diffuse base.
+
+use std::sync::Arc;
+
+use glam::{Vec2, Vec3};
+
+use super::bsdf::{BsdfSample, BsdfValue, Lobe, SpectralTerm, choose_lobe, cosine_lobe};
+use super::check::ParameterError;
+use super::fresnel::dielectric_fresnel;
+use super::lambertian::Lambertian;
+use super::microfacet::{self, AlbedoTable, MIN_ROUGHNESS, TableCache, distribution, lambda};
+use super::texture::ScalarTexture;
+use crate::sampling::warp;
+
+/// A thin, clear, rough dielectric layer: saliva on mucosa, gloss of enamel.
+///
+/// Microfacet reflection with the GGX distribution, height-correlated Smith shadowing and unpolarized Fresnel
+/// reflectance. Light that the coat does not reflect reaches the base, so no energy is lost.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Coat {
+    /// Refractive index of the layer against air, 1 to 3.
+    pub refractive_index: f32,
+    /// GGX roughness alpha, 0.01 (mirror-like) to 1.
+    pub roughness: ScalarTexture,
+}
+
+impl Coat {
+    /// Checks the index; roughnesses are clamped.
+    pub(super) fn check(&self) -> Result<(), ParameterError> {
+        let value = self.refractive_index;
+        if (1.0..=3.0).contains(&value) {
+            return Ok(());
+        }
+        Err(ParameterError::RefractiveIndex { layer: "coat", value, range: "between 1 and 3" })
+    }
+}
+
+/// A diffuse base below a coat.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Coated {
+    /// What light that passes the coat finds.
+    pub base: Lambertian,
+    /// The coat.
+    pub coat: Coat,
+}
+
+/// Directional albedo of the coat, tabulated over cosine and roughness for one refractive index.
+///
+/// The base below receives `1 - E(cos)` of the light and sends it out with the same factor, normalized so that a
+/// white base below any coat reflects everything (Kelemen and Szirmay-Kalos 2001):
+/// `f_base = R (1 - E(i)) (1 - E(o)) / (pi (1 - E_mean))`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CoatAlbedo {
+    refractive_index: f32,
+    table: AlbedoTable,
+}
+
+impl CoatAlbedo {
+    /// Integrates the coat's reflection numerically; deterministic.
+    pub fn new(refractive_index: f32) -> Self {
+        // f cos / pdf = F G2 / G1.
+        let table = AlbedoTable::new(|outgoing, half, alpha| {
+            let incident = 2.0 * outgoing.dot(half) * half - outgoing;
+            if incident.z <= 0.0 {
+                return 0.0;
+            }
+            dielectric_fresnel(outgoing.dot(half), refractive_index)
+                * microfacet::passing(outgoing, incident, alpha)
+        });
+        Self { refractive_index, table }
+    }
+
+    /// The table of a refractive index, shared by all scenes.
+    pub fn shared(refractive_index: f32) -> Arc<Self> {
+        static TABLES: TableCache<CoatAlbedo> = TableCache::new();
+        TABLES.get(refractive_index, Self::new)
+    }
+
+    /// The refractive index of the table.
+    pub fn refractive_index(&self) -> f32 {
+        self.refractive_index
+    }
+
+    /// Directional albedo `E(cos)` and its cosine-weighted mean for a roughness.
+    #[inline]
+    pub fn at(&self, cos: f32, alpha: f32) -> (f32, f32) {
+        self.table.at(cos, alpha)
+    }
+}
+
+/// What a fluorescent base is taken to reflect at least: its light matters even where it reflects little.
+const FLUORESCENT_ALBEDO: f32 = 0.25;
+
+/// A coated material with its table.
+#[derive(Debug)]
+pub(super) struct PreparedCoated {
+    table: Arc<CoatAlbedo>,
+    roughness: ScalarTexture,
+    /// Largest reflectance of any band of the base, or a stand-in for one that fluoresces, at most 1; for choosing
+    /// lobes. It does not depend on concentrations, so that changing them leaves all paths as they are.
+    base_albedo: f32,
+}
+
+impl Coated {
+    /// Makes the table of the coat; `terms` are those of the base.
+    pub(super) fn prepare(&self, terms: &[SpectralTerm], bands: usize, fluoresces: bool) -> PreparedCoated {
+        let elastic = (0..bands)
+            .map(|band| terms.iter().map(|term| term.bands[band] * term.weight.max()).sum())
+            .fold(0.0, f32::max);
+        let albedo = if fluoresces { elastic.max(FLUORESCENT_ALBEDO) } else { elastic };
+        PreparedCoated {
+            table: CoatAlbedo::shared(self.coat.refractive_index),
+            roughness: self.coat.roughness.clone(),
+            base_albedo: albedo.min(1.0),
+        }
+    }
+}
+
+impl PreparedCoated {
+    /// The material at a point, seen from `outgoing`.
+    #[inline]
+    pub(super) fn bsdf(&self, uv: Vec2, outgoing: Vec3) -> CoatedBsdf<'_> {
+        let alpha = self.roughness.at(uv).clamp(MIN_ROUGHNESS, 1.0);
+        let table = &*self.table;
+        let (albedo, mean) = table.at(outgoing.z, alpha);
+        let pass_out = 1.0 - albedo;
+        let base = pass_out * self.base_albedo;
+        let coat = if base <= 0.0 { 1.0 } else { (albedo / (albedo + base)).clamp(0.1, 0.9) };
+        CoatedBsdf { table, outgoing, alpha, pass_out, mean, cosine_probability: 1.0 - coat }
+    }
+}
+
+/// A coated material at a point.
+pub(crate) struct CoatedBsdf<'a> {
+    table: &'a CoatAlbedo,
+    outgoing: Vec3,
+    alpha: f32,
+    /// Share of light that passes the coat on the way out, and the mean share that it reflects.
+    pass_out: f32,
+    mean: f32,
+    /// Probability to draw from the cosine lobe instead of the coat's.
+    cosine_probability: f32,
+}
+
+impl CoatedBsdf<'_> {
+    /// Value for light from a direction: the coat, and the base below it (see [`CoatAlbedo`]).
+    #[inline]
+    pub(super) fn evaluate(&self, incident: Vec3) -> BsdfValue {
+        if incident.z <= 0.0 {
+            return BsdfValue::default();
+        }
+        let lambert = cosine_lobe(incident);
+        let pass_in = 1.0 - self.table.at(incident.z, self.alpha).0;
+        let (gloss, pdf) = lobe(self.outgoing, incident, self.alpha, self.table.refractive_index());
+        BsdfValue {
+            diffuse: lambert * pass_in * self.pass_out / (1.0 - self.mean),
+            fluorescent: lambert * pass_in,
+            gloss,
+            pdf: (1.0 - self.cosine_probability) * pdf + self.cosine_probability * lambert,
+        }
+    }
+
+    /// Draws a direction from the coat's lobe or by the cosine; `None` ends the path. A mirrored direction that points
+    /// into the surface is absorbed by nothing: that light belongs to the base, whose share is computed from
+    /// [`CoatAlbedo`].
+    #[inline]
+    pub(super) fn sample(&self, choice: f32, u: [f32; 2]) -> Option<BsdfSample> {
+        let incident = match choose_lobe(choice, self.cosine_probability) {
+            Lobe::Cosine(_) => warp::cosine_hemisphere(u),
+            Lobe::Specular(_) => microfacet::sample_mirrored(self.outgoing, self.alpha, u)?,
+        };
+        BsdfSample::of_density(incident, self.evaluate(incident))
+    }
+}
+
+/// BRDF of the coat times the cosine of the incident angle, 1/sr, and the density of [`microfacet::sample_mirrored`], 1/sr:
+/// `G1(o) D(h) / (4 cos o)`. Directions are local and point away.
+#[inline]
+fn lobe(outgoing: Vec3, incident: Vec3, alpha: f32, refractive_index: f32) -> (f32, f32) {
+    if outgoing.z <= 0.0 || incident.z <= 0.0 {
+        return (0.0, 0.0);
+    }
+    let half = (outgoing + incident).normalize_or_zero();
+    if half.z <= 0.0 {
+        return (0.0, 0.0);
+    }
+    let facets = distribution(half, alpha);
+    let masking = microfacet::shadowing(outgoing, incident, alpha);
+    let value =
+        dielectric_fresnel(outgoing.dot(half), refractive_index) * facets * masking / (4.0 * outgoing.z);
+    (value, facets / ((1.0 + lambda(outgoing, alpha)) * 4.0 * outgoing.z))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Scattering;
+    use super::super::testing::{assert_furnace, assert_samples_follow_density, plain_and_fluorescent};
+    use super::*;
+    use crate::spectral::Curve;
+
+    #[test]
+    fn a_smooth_coat_has_the_fresnel_albedo() {
+        let albedo = CoatAlbedo::new(1.4);
+        for cos in [1.0, 0.8, 0.5] {
+            let (e, _) = albedo.at(cos, MIN_ROUGHNESS);
+            assert!((e - dielectric_fresnel(cos, 1.4)).abs() < 2e-3, "{cos}: {e}");
+        }
+        // Diffuse mean of the external Fresnel reflectance at n = 1.40 is 0.07681.
+        assert!(
+            (albedo.at(1.0, MIN_ROUGHNESS).1 - 0.0768).abs() < 2e-3,
+            "{}",
+            albedo.at(1.0, MIN_ROUGHNESS).1
+        );
+    }
+
+    #[test]
+    fn sampled_directions_follow_their_density() {
+        use fluorspar_testkit::{chi_square_over_sphere, sidak};
+        let cases = [(0.2, 0.9), (0.5, 0.3), (1.0, 0.6), (0.35, 0.1)];
+        for (alpha, cos) in cases {
+            let outgoing = Vec3::new((1.0_f32 - cos * cos).sqrt(), 0.0, cos);
+            chi_square_over_sphere(
+                200_000,
+                40,
+                20,
+                16,
+                |i| {
+                    let bits = crate::sampling::hash_u64(i as u64 ^ 0xC0A7);
+                    let u = [(bits >> 40) as f32, (bits & 0xFF_FFFF) as f32].map(|b| b / 16_777_216.0);
+                    microfacet::sample_mirrored(outgoing, alpha, u)
+                        .map(|d| d.normalize().as_dvec3().to_array())
+                },
+                |d| {
+                    let incident = Vec3::new(d[0] as f32, d[1] as f32, d[2] as f32);
+                    f64::from(lobe(outgoing, incident, alpha, 1.4).1)
+                },
+            )
+            .assert_accepted(sidak(0.01, cases.len()));
+        }
+    }
+
+    fn coated(reflectance: f64, roughness: f32) -> Scattering {
+        let coat = Coat { refractive_index: 1.4, roughness: ScalarTexture::Constant(roughness) };
+        Scattering::Coated(Coated { base: Lambertian::uniform(Curve::constant(reflectance)), coat })
+    }
+
+    #[test]
+    fn directions_of_both_lobes_follow_their_density() {
+        let cases = [(0.2, 0.9), (0.5, 0.3), (1.0, 0.6)];
+        for (roughness, cos) in cases {
+            for material in plain_and_fluorescent(coated(0.5, roughness)) {
+                assert_samples_follow_density(&material, true, cos, 2 * cases.len());
+            }
+        }
+    }
+
+    /// A white base below a coat reflects everything. Tables of albedos hold to 2e-3.
+    #[test]
+    fn a_coat_on_a_white_base_loses_nothing() {
+        for roughness in [0.05, 0.3, 1.0] {
+            for cos in [0.1, 0.5, 1.0] {
+                for material in plain_and_fluorescent(coated(1.0, roughness)) {
+                    assert_furnace(&material, true, cos, 0.0, 1.0, 4e-3);
+                }
+            }
+        }
+    }
+
+    /// On a black base only the coat reflects: its albedo.
+    #[test]
+    fn a_coat_on_a_black_base_has_its_own_albedo() {
+        let albedo = CoatAlbedo::new(1.4);
+        for cos in [0.1, 0.5, 1.0] {
+            for material in plain_and_fluorescent(coated(0.0, 0.3)) {
+                assert_furnace(&material, true, cos, 0.0, albedo.at(cos, 0.3).0.into(), 4e-3);
+            }
+        }
+    }
+
+    #[test]
+    fn the_brdf_is_reciprocal() {
+        let o = Vec3::new(0.3, 0.1, 0.8).normalize();
+        let i = Vec3::new(-0.5, 0.4, 0.3).normalize();
+        let forward = lobe(o, i, 0.3, 1.4).0 / i.z;
+        let backward = lobe(i, o, 0.3, 1.4).0 / o.z;
+        assert!((forward / backward - 1.0).abs() < 1e-4);
+    }
+}
