@@ -636,6 +636,67 @@ fn lamp_and_camera_can_be_exchanged_precisely() {
     assert_reciprocal(2048, 8);
 }
 
+#[test]
+fn mixtures_with_holes_and_bumps_agree_with_brute_force() {
+    for material in ["mixed with holes", "bumpy mixture"] {
+        compare_estimators("disc", material, 8, 20, 5e-4);
+    }
+}
+
+/// The opacity and the normal map of a mixture or two-sided material are those of its parts: given to each part instead,
+/// the light is the same.
+#[test]
+fn what_is_given_to_a_mixture_is_given_to_its_parts() {
+    let net = || Some(ScalarTexture::Checker { columns: 4, rows: 4, low: 0.3, high: 1.0 });
+    let last = 4;
+    for kind in ["mixed", "two-sided"] {
+        let [whole, parts] = [&[last][..], &[2, 3]].map(|with_net| {
+            let mut scene = lit_box("disc", kind, 1.0);
+            for &material in with_net {
+                scene.materials[material].opacity = net();
+            }
+            scene
+        });
+        let whole = repeat(&whole, 20, &settings(8, 6));
+        let parts = repeat(&parts, 20, &RenderSettings { seed: 5, ..settings(8, 6) });
+        assert_same_light(&format!("{kind} with holes"), &whole, &parts, 5e-4);
+
+        let [whole, parts] = [&[last][..], &[2, 3]].map(|with_map| {
+            let mut scene = lit_box("disc", kind, 1.0);
+            for &material in with_map {
+                scene.materials[material].normal_map = Some(bumps());
+            }
+            run(&scene, &settings(8, 6))
+        });
+        assert_eq!(whole.data, parts.data, "{kind} with bumps");
+    }
+}
+
+/// Two parts alike but for their opacities are one material of the mean opacity, times that of the mixture.
+#[test]
+fn opacities_of_parts_are_mixed_by_their_shares() {
+    let grey = |opacity: f32| Material {
+        opacity: Some(ScalarTexture::Constant(opacity)),
+        ..Material::lambertian("grey", flat(0.5))
+    };
+    let [mixture, plain] = [true, false].map(|is_mixture| {
+        let mut scene = lit_box("disc", "lambertian", 1.0);
+        scene.materials[2] = grey(0.25);
+        scene.materials[3] = grey(0.75);
+        scene.materials[4] = if is_mixture {
+            let opacity = Some(ScalarTexture::Constant(0.8));
+            Material { opacity, ..mixed(2, 3, ScalarTexture::Constant(0.6)) }
+        } else {
+            // 0.8 (0.4 * 0.25 + 0.6 * 0.75)
+            grey(0.44)
+        };
+        scene
+    });
+    let mixture = repeat(&mixture, 20, &settings(8, 6));
+    let plain = repeat(&plain, 20, &RenderSettings { seed: 5, ..settings(8, 6) });
+    assert_same_light("opacities of parts", &mixture, &plain, 1e-3);
+}
+
 /// A displaced sphere of wax: mesh, displacement and shading normals keep the furnace white.
 #[test]
 fn a_displaced_white_surface_is_invisible() {
@@ -681,8 +742,11 @@ fn scenes_that_make_no_sense_are_refused() {
             broken(&|s| s.materials[last] = with_dyes(s.materials[last].clone(), &[(0, 1.0)])),
         ),
         (
-            "give the opacity to the mixture",
-            broken(&|s| s.materials[2].opacity = Some(ScalarTexture::Constant(0.5))),
+            "a material with holes",
+            broken(&|s| {
+                s.materials[2].opacity = Some(ScalarTexture::Constant(0.5));
+                s.objects[3].emission = Some(SurfaceEmission { group: 0, radiance: flat(1.0) });
+            }),
         ),
         ("refractive index 0.8", broken(&|s| s.materials[last] = glass(0.8, 0.1, 1.0))),
         ("transmittance 1.2", broken(&|s| s.materials[last] = glass(1.5, 0.1, 1.2))),

@@ -57,9 +57,11 @@ pub struct Material {
     pub scattering: Scattering,
     /// Fluorophores and their concentrations, relative to the catalogue's unit. Not on mixtures: on their parts.
     pub fluorophores: Vec<FluorophoreAmount>,
-    /// Opacity (alpha mask), 0 to 1: holes are 0. `None` is 1 everywhere.
+    /// Opacity (alpha mask), 0 to 1: holes are 0. `None` is 1 everywhere. That of a mixture or two-sided material
+    /// multiplies that of its parts.
     pub opacity: Option<ScalarTexture>,
-    /// Directions of the shading normal over the surface, if any. Not on mixtures: on their parts.
+    /// Directions of the shading normal over the surface, if any. That of a mixture or two-sided material holds for
+    /// those of its parts that have none of their own.
     pub normal_map: Option<NormalMap>,
 }
 

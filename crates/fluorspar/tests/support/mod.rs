@@ -204,6 +204,15 @@ pub(crate) fn lit_box(lamp: &str, material: &str, concentration: f32) -> Scene {
             let opacity = Some(ScalarTexture::Checker { columns: 4, rows: 4, low: 0.3, high: 1.0 });
             Material { opacity, ..with_dyes(Material::lambertian("net", flat(0.5)), &dyes) }
         }
+        "mixed with holes" => {
+            scene.materials[2].opacity =
+                Some(ScalarTexture::Checker { columns: 5, rows: 2, low: 0.2, high: 0.9 });
+            let opacity = Some(ScalarTexture::Checker { columns: 4, rows: 4, low: 0.5, high: 1.0 });
+            Material { opacity, ..mixed(2, 3, ScalarTexture::Constant(0.4)) }
+        }
+        "bumpy mixture" => {
+            Material { normal_map: Some(bumps()), ..mixed(2, 3, ScalarTexture::Constant(0.4)) }
+        }
         "bumpy" => Material { normal_map: Some(bumps()), ..with_dyes(coated(0.5, 0.3), &dyes) },
         other => panic!("no material {other}"),
     };

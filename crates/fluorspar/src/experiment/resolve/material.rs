@@ -359,10 +359,9 @@ fn scattering(
             .fail(&at.field("gloss"), "only a material with a `reflectance` has a gloss; remove it");
     }
     let is_mixture = section.mix.is_some() || section.two_sided.is_some();
-    if is_mixture && (!section.concentrations.is_empty() || section.normal_map.is_some()) {
-        let key = if section.normal_map.is_some() { "normal_map" } else { "concentrations" };
-        return context
-            .fail(&at.field(key), "a mixture has none of its own; give it to the materials it is made of");
+    if is_mixture && !section.concentrations.is_empty() {
+        let message = "a mixture has none of its own; give it to the materials it is made of";
+        return context.fail(&at.field("concentrations"), message);
     }
     if let Some(glass) = &section.dielectric {
         let index = glass.refractive_index;

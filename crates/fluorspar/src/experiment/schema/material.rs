@@ -177,10 +177,11 @@ pub struct MaterialSection {
     /// One material on either side.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub two_sided: Option<TwoSidedSection>,
-    /// Share of the surface that is there at all, 0 to 1; 0 is a hole. Default 1.
+    /// Opacity (alpha mask), 0 to 1; 0 is a hole. That of a mixture multiplies those of its parts. Default 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub opacity: Option<TextureReference>,
-    /// Directions of the normal over the surface. Default: those of the shape.
+    /// Directions of the normal over the surface. That of a mixture holds for parts without one. Default: those of the
+    /// shape.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub normal_map: Option<NormalMapSection>,
     /// Concentration of each fluorophore, relative to the unit of the catalogue, 0 or more. On a base, fluorophores that
