@@ -108,3 +108,48 @@ fn modules_use_only_what_lies_below_them() {
     assert_eq!(modules_seen.len(), ALLOWED.len(), "a module of the order does not exist: {modules_seen:?}");
     assert!(violations.is_empty(), "\n{}", violations.join("\n"));
 }
+
+/// Enums of models: only the module of the model and what makes them from experiment files name their variants. All
+/// else calls the methods of the type that holds the enum, so that a new variant is one file and a row of the schema.
+const CLOSED_ENUMS: &[(&str, &[&str])] = &[(
+    "Scattering",
+    &[
+        "crates/fluorspar/src/material/",
+        "crates/fluorspar/src/experiment/schema/material.rs",
+        "crates/fluorspar/src/experiment/resolve/material.rs",
+    ],
+)];
+
+/// Whether a line of code names an identifier, as a whole word.
+fn names(line: &str, identifier: &str) -> bool {
+    let is_part = |c: char| c.is_alphanumeric() || c == '_';
+    line.match_indices(identifier)
+        .any(|(at, _)| !line[..at].ends_with(is_part) && !line[at + identifier.len()..].starts_with(is_part))
+}
+
+#[test]
+fn variants_of_models_are_named_only_where_the_model_lives() {
+    let repository = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    let mut files = Vec::new();
+    for part in ["crates", "benchmarks"] {
+        sources(&repository.join(part), &mut files);
+    }
+    let mut violations = Vec::new();
+    for file in files {
+        let path = file.strip_prefix(&repository).unwrap().to_str().unwrap().replace('\\', "/");
+        // Tests and examples make models in code, as users of the library do.
+        if !path.contains("/src/") || file.file_stem().unwrap().to_str().unwrap().ends_with("tests") {
+            continue;
+        }
+        let text = fs::read_to_string(&file).unwrap();
+        for (number, line) in without_tests(&text).lines().enumerate() {
+            let code = line.split("//").next().unwrap();
+            for (name, homes) in CLOSED_ENUMS {
+                if names(code, name) && !homes.iter().any(|home| path.starts_with(home)) {
+                    violations.push(format!("{path}:{}: names {name}: {}", number + 1, line.trim()));
+                }
+            }
+        }
+    }
+    assert!(violations.is_empty(), "\n{}", violations.join("\n"));
+}
