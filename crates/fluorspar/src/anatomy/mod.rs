@@ -26,6 +26,7 @@ mod palate;
 mod parameters;
 mod penetration;
 mod people;
+mod porphyrin_ramp;
 mod surface;
 mod teeth;
 #[cfg(test)]
@@ -42,6 +43,7 @@ pub use dimensions::MouthDimensions;
 pub use parameters::{MouthParameters, ParameterError};
 pub use penetration::Penetration;
 pub use people::{BOLTON_RANGE, sample_person};
+pub use porphyrin_ramp::PorphyrinRamp;
 pub use views::{EXAMINATION_VIEWS, ExaminationView, POSES};
 
 use crate::geometry::TriangleMesh;

@@ -5,6 +5,8 @@ use std::sync::Arc;
 use glam::Vec2;
 use thiserror::Error;
 
+use crate::sampling::fractal_noise;
+
 /// A scalar that may vary over a surface. Texture coordinates outside `[0, 1]` repeat.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ScalarTexture {
@@ -40,21 +42,6 @@ pub enum ScalarTexture {
         low: f32,
         /// Value where the noise is highest.
         high: f32,
-    },
-    /// Porphyrin on the dorsal tongue: a mid-posterior maximum along the midline, none at the sides, broken into
-    /// patches by noise. With `u` across (0.5 = midline) and `v` from tip (0) to base (1):
-    /// `peak * exp(-(u-0.5)^2 / (2 sigma^2)) * ramp(v) * patches(u, v)`.
-    DorsalTongue {
-        /// Largest concentration.
-        peak: f32,
-        /// Standard deviation across, as a fraction of the tongue's width.
-        sigma: f32,
-        /// Fraction of the length at which the ramp from the tip is complete.
-        full_at: f32,
-        /// 0 = smooth, 1 = fully broken into patches.
-        patchiness: f32,
-        /// Which patches.
-        seed: u32,
     },
     /// Product of two textures.
     Product(Box<ScalarTexture>, Box<ScalarTexture>),
@@ -143,13 +130,6 @@ impl ScalarTexture {
             Self::Noise { cells, seed, low, high } => {
                 low + (high - low) * fractal_noise(uv * Vec2::from_array(*cells), *seed)
             }
-            Self::DorsalTongue { peak, sigma, full_at, patchiness, seed } => {
-                let across = (uv.x - 0.5) / sigma;
-                let ramp = smoothstep(uv.y / full_at) * (1.0 - 0.6 * smoothstep((uv.y - 0.9) / 0.1));
-                let noise = fractal_noise(uv * Vec2::new(9.0, 14.0), *seed);
-                let patches = smoothstep((noise - 0.38) / 0.3);
-                peak * (-0.5 * across * across).exp() * ramp * (1.0 - patchiness + patchiness * patches)
-            }
             Self::Product(a, b) => a.at(uv) * b.at(uv),
         }
     }
@@ -163,7 +143,6 @@ impl ScalarTexture {
                 white.max(*low)
             }
             Self::Checker { low, high, .. } | Self::Noise { low, high, .. } => low.max(*high),
-            Self::DorsalTongue { peak, .. } => *peak,
             Self::Product(a, b) => a.max() * b.max(),
         }
     }
@@ -175,45 +154,6 @@ impl ScalarTexture {
             _ => None,
         }
     }
-}
-
-fn smoothstep(x: f32) -> f32 {
-    let x = x.clamp(0.0, 1.0);
-    x * x * (3.0 - 2.0 * x)
-}
-
-/// Four octaves of value noise, 0 to 1.
-fn fractal_noise(p: Vec2, seed: u32) -> f32 {
-    let mut sum = 0.0;
-    let mut weight = 0.5;
-    let mut total = 0.0;
-    let mut q = p;
-    for octave in 0..4 {
-        sum += weight * value_noise(q, seed.wrapping_add(octave));
-        total += weight;
-        weight *= 0.5;
-        q = q * 2.0 + Vec2::new(17.0, 31.0);
-    }
-    sum / total
-}
-
-/// Lattice values from a hash, blended by a smooth step.
-fn value_noise(p: Vec2, seed: u32) -> f32 {
-    let cell = p.floor();
-    let f = p - cell;
-    let corner = |dx: f32, dy: f32| {
-        let (x, y) = ((cell.x + dx) as i64 as u64, (cell.y + dy) as i64 as u64);
-        let mixed = crate::sampling::hash_u64(
-            x.wrapping_mul(0x8DA6_B343)
-                ^ y.wrapping_mul(0xD816_3841).rotate_left(32)
-                ^ (u64::from(seed) << 48),
-        );
-        (mixed >> 40) as f32 / (1_u64 << 24) as f32
-    };
-    let (sx, sy) = (smoothstep(f.x), smoothstep(f.y));
-    let low = corner(0.0, 0.0) * (1.0 - sx) + corner(1.0, 0.0) * sx;
-    let high = corner(0.0, 1.0) * (1.0 - sx) + corner(1.0, 1.0) * sx;
-    low * (1.0 - sy) + high * sy
 }
 
 #[cfg(test)]
@@ -233,7 +173,6 @@ mod tests {
     fn procedural_maps_stay_within_their_bounds() {
         let maps = [
             ScalarTexture::Noise { cells: [5.0, 5.0], seed: 1, low: 0.2, high: 0.8 },
-            ScalarTexture::DorsalTongue { peak: 3.0, sigma: 0.25, full_at: 0.6, patchiness: 0.8, seed: 2 },
             ScalarTexture::Checker { columns: 4, rows: 4, low: 0.0, high: 1.0 },
         ];
         for map in maps {
@@ -243,14 +182,5 @@ mod tests {
                 assert!((0.0..=map.max()).contains(&value), "{map:?} at {uv}: {value}");
             }
         }
-    }
-
-    #[test]
-    fn porphyrin_avoids_tip_and_sides() {
-        let map =
-            ScalarTexture::DorsalTongue { peak: 1.0, sigma: 0.2, full_at: 0.6, patchiness: 0.0, seed: 0 };
-        assert_eq!(map.at(Vec2::new(0.5, 0.0)), 0.0);
-        assert!(map.at(Vec2::new(0.0, 0.7)) < 0.05);
-        assert!(map.at(Vec2::new(0.5, 0.7)) > 0.99);
     }
 }

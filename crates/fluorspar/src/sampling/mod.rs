@@ -1,11 +1,13 @@
-//! Low-discrepancy samples, counter-based random numbers and warps to directions and surfaces.
+//! Low-discrepancy samples, counter-based random numbers, noise and warps to directions and surfaces.
 
 pub mod random;
 mod sobol;
 mod spherical_ellipse;
 mod spherical_rectangle;
+mod value_noise;
 pub mod warp;
 
 pub use sobol::{SampleStream, hash_u64};
 pub use spherical_ellipse::SphericalEllipse;
 pub use spherical_rectangle::{Rectangle, SphericalRectangle};
+pub(crate) use value_noise::{fractal_noise, smoothstep};

@@ -3,10 +3,12 @@
 use std::sync::Arc;
 
 use super::context::{Context, Resolved, STRENGTH};
-use crate::anatomy::shared_surface_map;
+use crate::anatomy::{PorphyrinRamp, shared_surface_map};
 use crate::experiment::document::is_path;
 use crate::experiment::error::Place;
-use crate::experiment::schema::{SpectrumReference, SpectrumTable, TextureReference, TextureTable};
+use crate::experiment::schema::{
+    DorsalTongueMap, SpectrumReference, SpectrumTable, TextureReference, TextureTable,
+};
 use crate::format::{
     CsvColumns, CsvSpectrumOptions, FormatError, NamedCurve, Transfer, read_spectrum_csv, read_texture_png,
 };
@@ -193,6 +195,23 @@ impl Context<'_> {
         }
     }
 
+    /// Porphyrin on the back of a tongue as an image.
+    fn dorsal_tongue(&self, at: &Place, map: &DorsalTongueMap) -> Resolved<ScalarTexture> {
+        if map.peak == 0.0 {
+            return Ok(ScalarTexture::Constant(0.0));
+        }
+        let ramp = PorphyrinRamp {
+            sigma: map.sigma as f32,
+            full_at: map.full_at as f32,
+            patchiness: map.patchiness as f32,
+            seed: map.seed,
+        };
+        let [columns, rows] = DORSAL_TONGUE_PX;
+        let image = ImageTexture::new(columns, rows, ramp.bake(columns, rows))
+            .map_err(|error| self.error(at, error.to_string()))?;
+        Ok(ScalarTexture::Image { image: Arc::new(image), low: 0.0, high: map.peak as f32 })
+    }
+
     fn texture_map(&mut self, at: &Place, table: &TextureTable, highest: f64) -> Resolved<ScalarTexture> {
         let kinds = [
             table.image.is_some(),
@@ -251,13 +270,7 @@ impl Context<'_> {
             self.within(&inner.field("sigma"), map.sigma, [0.01, 10.0], "of the tongue's width")?;
             self.within(&inner.field("full_at"), map.full_at, [0.01, 1.0], "of the tongue's length")?;
             self.within(&inner.field("patchiness"), map.patchiness, [0.0, 1.0], "")?;
-            ScalarTexture::DorsalTongue {
-                peak: map.peak as f32,
-                sigma: map.sigma as f32,
-                full_at: map.full_at as f32,
-                patchiness: map.patchiness as f32,
-                seed: map.seed,
-            }
+            self.dorsal_tongue(&inner, map)?
         } else if let Some(map) = table.anatomy {
             let at = at.field("anatomy");
             let Some(mouth) = &self.mouth else {
@@ -286,6 +299,9 @@ impl Context<'_> {
         }
     }
 }
+
+/// Pixels across and along a map of the back of a tongue: seven to the finest features of its patches.
+const DORSAL_TONGUE_PX: [usize; 2] = [512, 1024];
 
 /// Grey value of a pixel: the only channel, or the mean of red, green and blue; alpha is left out.
 pub(super) fn grey(pixel: &[f32]) -> f32 {
