@@ -13,7 +13,7 @@ pub struct NormalMap {
     normals: Arc<Vec<Vec3>>,
 }
 
-/// Why pixels are no normal map.
+/// Invalid pixels of a normal map.
 #[derive(Clone, Debug, Error, PartialEq)]
 #[non_exhaustive]
 pub enum NormalMapError {
@@ -67,7 +67,7 @@ impl NormalMap {
         Ok(Self { width, height, normals: Arc::new(normals) })
     }
 
-    /// Unit normal at texture coordinates, bilinear between pixel centres; coordinates repeat, v = 0 is the bottom row.
+    /// Unit normal at texture coordinates, bilinear between pixel centers; coordinates repeat, v = 0 is the bottom row.
     pub fn at(&self, uv: Vec2) -> Vec3 {
         let x = uv.x * self.width as f32 - 0.5;
         let y = (1.0 - uv.y) * self.height as f32 - 0.5;

@@ -72,7 +72,7 @@ pub(super) fn assert_samples_follow_density(material: &Material, front: bool, co
 /// Furnace: radiance towards the viewer in surroundings of radiance 1 in front and of `behind` on the other side,
 /// estimated by samples, delta lobes included.
 pub(super) fn furnace(material: &Material, front: bool, cos: f32, behind: f64) -> MeanEstimate {
-    const SAMPLES: usize = 50_000;
+    const SAMPLES: usize = 20_000;
     with_bsdf(material, front, cos, |bsdf, spectrum| {
         let values: Vec<f64> = (0..SAMPLES)
             .map(|index| {

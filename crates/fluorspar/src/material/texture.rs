@@ -12,7 +12,7 @@ use crate::sampling::fractal_noise;
 pub enum ScalarTexture {
     /// The same everywhere.
     Constant(f32),
-    /// An image, bilinear between pixel centres, with black mapped to `low` and white to `high`.
+    /// An image, bilinear between pixel centers, with black mapped to `low` and white to `high`.
     Image {
         /// The pixels.
         image: Arc<ImageTexture>,
@@ -47,7 +47,7 @@ pub enum ScalarTexture {
     Product(Box<ScalarTexture>, Box<ScalarTexture>),
 }
 
-/// Grey image, rows from the top, values 0 to 1 linear.
+/// Gray image, rows from the top, values 0 to 1 linear.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ImageTexture {
     width: usize,
@@ -55,7 +55,7 @@ pub struct ImageTexture {
     data: Vec<f32>,
 }
 
-/// Why pixels are no texture.
+/// Invalid pixels of a texture.
 #[derive(Clone, Debug, Error, PartialEq)]
 #[error("a texture of {width} x {height} pixels needs {} values from 0 up; got {values}, first bad one: {bad:?}", width * height)]
 pub struct TextureError {
@@ -161,7 +161,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_image_is_exact_at_pixel_centres_with_v_up() {
+    fn an_image_is_exact_at_pixel_centers_with_v_up() {
         let image = ImageTexture::new(2, 2, vec![0.1, 0.2, 0.3, 0.4]).unwrap();
         assert_eq!(image.at(Vec2::new(0.25, 0.75)), 0.1);
         assert_eq!(image.at(Vec2::new(0.75, 0.25)), 0.4);
