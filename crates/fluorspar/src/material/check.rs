@@ -11,7 +11,7 @@ use crate::units::number_text;
 /// A parameter of a material out of its range.
 #[derive(Clone, Debug, Error, PartialEq)]
 #[non_exhaustive]
-pub enum ParameterError {
+pub enum MaterialError {
     /// A share or a roughness above 1.
     #[error("the {parameter} reaches {value}, more than 1")]
     AboveOne {
@@ -70,9 +70,9 @@ pub enum ParameterError {
 }
 
 /// Refuses a texture that exceeds 1 somewhere.
-pub(super) fn at_most_one(parameter: &'static str, texture: &ScalarTexture) -> Result<(), ParameterError> {
+pub(super) fn at_most_one(parameter: &'static str, texture: &ScalarTexture) -> Result<(), MaterialError> {
     let value = texture.max();
-    if value <= 1.0 { Ok(()) } else { Err(ParameterError::AboveOne { parameter, value }) }
+    if value <= 1.0 { Ok(()) } else { Err(MaterialError::AboveOne { parameter, value }) }
 }
 
 /// A wavelength at which more photons leave a material than arrive.
@@ -96,7 +96,7 @@ impl Material {
     ///
     /// # Errors
     /// The first parameter that is out of its range, or data that do not cover the bands of `grid`.
-    pub fn check(&self, grid: &WavelengthGrid) -> Result<(), ParameterError> {
+    pub fn check(&self, grid: &WavelengthGrid) -> Result<(), MaterialError> {
         if let Some(opacity) = &self.opacity {
             at_most_one("opacity", opacity)?;
         }
@@ -109,7 +109,7 @@ impl Material {
             Scattering::TwoSided(_) => Ok(()),
         }?;
         if self.parts().is_some() && !self.fluorophores.is_empty() {
-            return Err(ParameterError::FluorophoresOfMixture);
+            return Err(MaterialError::FluorophoresOfMixture);
         }
         Ok(())
     }

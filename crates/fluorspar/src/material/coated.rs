@@ -5,7 +5,7 @@ use std::sync::Arc;
 use glam::{Vec2, Vec3};
 
 use super::bsdf::{BsdfSample, BsdfValue, Lobe, SpectralTerm, choose_lobe, cosine_lobe};
-use super::check::ParameterError;
+use super::check::MaterialError;
 use super::fresnel::dielectric_fresnel;
 use super::lambertian::Lambertian;
 use super::microfacet::{self, AlbedoTable, MIN_ROUGHNESS, TableCache, distribution, lambda};
@@ -26,12 +26,12 @@ pub struct Coat {
 
 impl Coat {
     /// Checks the index; roughnesses are clamped.
-    pub(super) fn check(&self) -> Result<(), ParameterError> {
+    pub(super) fn check(&self) -> Result<(), MaterialError> {
         let value = self.refractive_index;
         if (1.0..=3.0).contains(&value) {
             return Ok(());
         }
-        Err(ParameterError::RefractiveIndex { layer: "coat", value, range: "between 1 and 3" })
+        Err(MaterialError::RefractiveIndex { layer: "coat", value, range: "between 1 and 3" })
     }
 }
 

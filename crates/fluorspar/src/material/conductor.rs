@@ -5,7 +5,7 @@ use glam::{Vec2, Vec3};
 use super::bsdf::{
     BsdfSample, BsdfValue, LEAST_COSINE, Lobe, SpectralTerm, choose_lobe, cosine_lobe, fluorescent_share,
 };
-use super::check::{ParameterError, at_most_one};
+use super::check::{MaterialError, at_most_one};
 use super::fresnel::conductor_fresnel;
 use super::microfacet::{self, AlbedoTable, mirror_lobe, white_microfacets};
 use super::texture::ScalarTexture;
@@ -28,15 +28,15 @@ pub struct Conductor {
 
 impl Conductor {
     /// Checks that n and k are those of a metal over all bands, and the roughness.
-    pub(super) fn check(&self, grid: &WavelengthGrid) -> Result<(), ParameterError> {
+    pub(super) fn check(&self, grid: &WavelengthGrid) -> Result<(), MaterialError> {
         let (start_nm, end_nm) = (grid.start_nm(), grid.end_nm());
         for (parameter, curve, least) in [("n", &self.n, 1e-6), ("k", &self.k, 0.0)] {
             let (first_nm, last_nm) = curve.range_nm();
             if first_nm > start_nm || last_nm < end_nm {
-                return Err(ParameterError::MetalRange { parameter, first_nm, last_nm, start_nm, end_nm });
+                return Err(MaterialError::MetalRange { parameter, first_nm, last_nm, start_nm, end_nm });
             }
             if let Some(&value) = curve.values().iter().find(|v| !(**v >= least && **v <= 1e3)) {
-                return Err(ParameterError::MetalValue { parameter, value, least });
+                return Err(MaterialError::MetalValue { parameter, value, least });
             }
         }
         at_most_one("roughness", &self.roughness)

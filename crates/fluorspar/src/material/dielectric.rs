@@ -8,7 +8,7 @@ use glam::{Vec2, Vec3};
 use super::bsdf::{
     BsdfSample, BsdfValue, LEAST_COSINE, Lobe, SpectralTerm, choose_lobe, cosine_lobe, fluorescent_share,
 };
-use super::check::{ParameterError, at_most_one};
+use super::check::{MaterialError, at_most_one};
 use super::fresnel::dielectric_fresnel;
 use super::microfacet::{self, AlbedoTable, TableCache, distribution};
 use super::texture::ScalarTexture;
@@ -33,14 +33,14 @@ pub struct Dielectric {
 
 impl Dielectric {
     /// Checks index, transmittance and roughness.
-    pub(super) fn check(&self) -> Result<(), ParameterError> {
+    pub(super) fn check(&self) -> Result<(), MaterialError> {
         let value = self.refractive_index;
         if !(value > 1.0 && value <= 3.0) {
             let range = "above 1 and at most 3";
-            return Err(ParameterError::RefractiveIndex { layer: "dielectric", value, range });
+            return Err(MaterialError::RefractiveIndex { layer: "dielectric", value, range });
         }
         if let Some(value) = self.transmittance.values().iter().find(|v| !(0.0..=1.0).contains(*v)) {
-            return Err(ParameterError::Transmittance(*value));
+            return Err(MaterialError::Transmittance(*value));
         }
         at_most_one("roughness", &self.roughness)
     }

@@ -2,7 +2,7 @@
 
 use glam::Vec2;
 
-use super::check::{ParameterError, at_most_one};
+use super::check::{MaterialError, at_most_one};
 use super::texture::ScalarTexture;
 
 /// Two materials side by side, finer than a pixel: at every hit one of them is drawn.
@@ -27,7 +27,7 @@ pub struct TwoSided {
 
 impl Mixture {
     /// Checks the share of the second material.
-    pub(super) fn check(&self) -> Result<(), ParameterError> {
+    pub(super) fn check(&self) -> Result<(), MaterialError> {
         at_most_one("amount of the mixture", &self.amount)
     }
 

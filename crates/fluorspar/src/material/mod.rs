@@ -28,7 +28,7 @@ mod testing;
 mod texture;
 
 pub(crate) use bsdf::{BsdfSample, BsdfValue};
-pub use check::{ParameterError, PhotonExcess};
+pub use check::{MaterialError, PhotonExcess};
 pub use coated::{Coat, CoatAlbedo, Coated};
 pub use conductor::{Conductor, ConductorReflectance};
 pub use dielectric::{Dielectric, DielectricAlbedo};
