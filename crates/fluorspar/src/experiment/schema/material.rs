@@ -78,7 +78,7 @@ fn mucosa_roughness() -> TextureReference {
     TextureReference::Constant(0.2)
 }
 
-/// A clear body that refracts: glass, water, plastic. The side of the geometric normal is air.
+/// A dielectric: a body that refracts, such as glass, water, plastic. The side of the geometric normal is air.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DielectricSection {
@@ -165,7 +165,7 @@ pub struct MaterialSection {
     /// Clear layer on top of a diffuse material. Default: none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gloss: Option<GlossSection>,
-    /// A clear body that refracts.
+    /// A dielectric: a body that refracts.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub dielectric: Option<DielectricSection>,
     /// A metal.
