@@ -15,7 +15,9 @@ use fluorspar::format::{
     write_sensor_dng, write_sensor_png, write_sensor_tiff, write_spectral_exr, write_spectral_npy,
 };
 use fluorspar::geometry::TriangleMesh;
-use fluorspar::image::{Component, ComponentImage, FeatureMaps, Light, Mosaic, SensorImage, SpectralImage};
+use fluorspar::image::{
+    Component, ComponentImage, FeatureMaps, LightPath, Mosaic, SensorImage, SpectralImage,
+};
 use fluorspar::spectral::{Radiance, WavelengthGrid};
 use glam::{Vec2, Vec3};
 
@@ -83,7 +85,7 @@ fn grid() -> WavelengthGrid {
 }
 
 fn components() -> ComponentImage {
-    let components = vec![Component { light_group: "blue".into(), light: Light::Reflected }];
+    let components = vec![Component { light_group: "blue".into(), light: LightPath::Reflected }];
     let mut image = ComponentImage::zeros(grid(), 3, 2, components);
     image.features = FeatureMaps { depth_m: vec![0.1; 6], part: vec![1; 6], ..Default::default() };
     image

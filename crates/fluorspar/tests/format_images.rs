@@ -12,7 +12,7 @@ use fluorspar::format::{
     write_spectral_exr, write_spectral_npy,
 };
 use fluorspar::image::{
-    Component, ComponentImage, FeatureMaps, Light, Mosaic, SensorImage, SpectralImage, View,
+    Component, ComponentImage, FeatureMaps, LightPath, Mosaic, SensorImage, SpectralImage, View,
 };
 use fluorspar::spectral::{Irradiance, Quantity, Radiance, Reflectance, WavelengthGrid};
 
@@ -31,7 +31,8 @@ fn spectral<Q: Quantity>() -> SpectralImage<Q> {
 }
 
 fn components() -> ComponentImage {
-    let labels = [Light::Reflected, Light::Fluorescence("FAD µ".into()), Light::MultipleFluorescence];
+    let labels =
+        [LightPath::Reflected, LightPath::Fluorescence("FAD µ".into()), LightPath::MultipleFluorescence];
     let components = labels.map(|light| Component { light_group: "blue".into(), light }).to_vec();
     let mut image = ComponentImage::zeros(grid(), 5, 3, components);
     for (i, value) in image.data.iter_mut().enumerate() {

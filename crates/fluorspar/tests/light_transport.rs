@@ -6,7 +6,7 @@ mod support;
 use std::f64::consts::PI;
 use std::sync::atomic::AtomicBool;
 
-use fluorspar::image::{ComponentImage, Light as Kind};
+use fluorspar::image::{ComponentImage, LightPath};
 use fluorspar::light::{Emitter, Light};
 use fluorspar::material::{Coat, Lambertian, Material, ScalarTexture};
 use fluorspar::render::{Estimator, RenderControl, RenderSettings, render};
@@ -131,7 +131,7 @@ fn fluorescent_furnace() {
         let z = z_score(sums[band], total[band], 2e-4 * total[band]);
         assert!(z < limit, "sum, band {band}: {:?}, expected {}", sums[band], total[band]);
     }
-    assert_eq!(image.components[3].light, Kind::MultipleFluorescence);
+    assert_eq!(image.components[3].light, LightPath::MultipleFluorescence);
 }
 
 /// Upper quantile of the standard normal distribution for a two-sided significance, by bisection of its tail.

@@ -2,7 +2,7 @@
 
 use fluorspar::analysis::Statistics;
 use fluorspar::experiment::ResolvedExperiment;
-use fluorspar::image::Light;
+use fluorspar::image::LightPath;
 use fluorspar::pipeline::{AnalyzedFrame, CapturedFrame, RegionRadiance};
 use fluorspar::preset::{self, PresetKind};
 use fluorspar::sensor::SensorModel;
@@ -731,7 +731,7 @@ fn assumptions_section(run: &RunResults<'_>) -> Section {
         .iter()
         .enumerate()
         .filter_map(|(index, component)| match &component.light {
-            Light::Fluorescence(name) if run.components.component(index).iter().all(|&v| v == 0.0) => {
+            LightPath::Fluorescence(name) if run.components.component(index).iter().all(|&v| v == 0.0) => {
                 Some(name.as_str())
             }
             _ => None,

@@ -186,13 +186,13 @@ fn read_at(mut file: &File, bytes: &mut [u8], offset: u64) -> io::Result<()> {
 mod tests {
     use super::*;
     use crate::format::{ExrCompression, write_component_exr, write_spectral_exr};
-    use crate::image::{Component, Light, SampleStatistics, Statistics};
+    use crate::image::{Component, LightPath, SampleStatistics, Statistics};
     use crate::spectral::Radiance;
 
     fn image() -> ComponentImage {
         let grid = WavelengthGrid::uniform(400.0, 420.0, 5.0).unwrap();
         let label = |light| Component { light_group: "blue".into(), light };
-        let components = vec![label(Light::Reflected), label(Light::MultipleFluorescence)];
+        let components = vec![label(LightPath::Reflected), label(LightPath::MultipleFluorescence)];
         let mut image = ComponentImage::zeros(grid, 21, 37, components);
         let value = |i: usize| ((i * 2_654_435_761) % 1009) as f32 * 0.37 / (1 + i % 7) as f32;
         image.data.iter_mut().enumerate().for_each(|(i, v)| *v = value(i));

@@ -8,10 +8,10 @@ use thiserror::Error;
 use super::SpectralImage;
 use crate::spectral::{Curve, Radiance, WavelengthGrid};
 
-/// What kind of light a component holds.
+/// Which light paths a component holds, by their fluorescence events.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Light {
+pub enum LightPath {
     /// Light that never fluoresced (R).
     Reflected,
     /// Light whose one fluorescence event was in the named fluorophore.
@@ -29,7 +29,7 @@ pub struct Component {
     /// Name of the light group.
     pub light_group: String,
     /// What happened to the light.
-    pub light: Light,
+    pub light: LightPath,
 }
 
 impl Component {
@@ -48,9 +48,9 @@ impl Component {
     /// `group.reflected`, `group.fluorescence.NAME` or `group.multiple`: used for file layers and tables.
     pub fn label(&self) -> String {
         match &self.light {
-            Light::Reflected => format!("{}.reflected", self.light_group),
-            Light::Fluorescence(name) => format!("{}.fluorescence.{name}", self.light_group),
-            Light::MultipleFluorescence => format!("{}.multiple", self.light_group),
+            LightPath::Reflected => format!("{}.reflected", self.light_group),
+            LightPath::Fluorescence(name) => format!("{}.fluorescence.{name}", self.light_group),
+            LightPath::MultipleFluorescence => format!("{}.multiple", self.light_group),
         }
     }
 }
@@ -299,7 +299,7 @@ mod tests {
 
     #[test]
     fn rounding_keeps_15_bits_of_mantissa() {
-        let labels = vec![Component { light_group: "blue".into(), light: Light::Reflected }];
+        let labels = vec![Component { light_group: "blue".into(), light: LightPath::Reflected }];
         let mut image = ComponentImage::zeros(WavelengthGrid::default(), 1, 1, labels);
         let values = [0.0, 1.0, -1.0, 1.234_567_8, 7.654_321e-20, 1e-42, f32::MAX, -f32::MAX];
         image.data[..values.len()].copy_from_slice(&values);

@@ -638,13 +638,13 @@ impl Film {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::Light;
+    use crate::image::LightPath;
 
     fn layout(statistics: Statistics) -> FilmLayout {
         let label = |light| Component { light_group: "blue".into(), light };
         let grid = WavelengthGrid::uniform(400.0, 410.0, 5.0).unwrap();
         FilmLayout {
-            components: vec![label(Light::Reflected), label(Light::MultipleFluorescence)],
+            components: vec![label(LightPath::Reflected), label(LightPath::MultipleFluorescence)],
             exponents: vec![-30; 2 * grid.len()],
             levels: vec![1.0; 2 * grid.len()],
             grid,

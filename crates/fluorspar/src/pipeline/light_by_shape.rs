@@ -5,7 +5,7 @@
 //! viewing filter, and the mean of a product is not the product of means. Fluorescence is smooth.
 
 use super::direct_light::group_spectrum;
-use crate::image::{Component, ComponentImage, Light, SpectralImage};
+use crate::image::{Component, ComponentImage, LightPath, SpectralImage};
 use crate::sensor::CaptureFrame;
 use crate::spectral::{Curve, Radiance, Transmittance, WavelengthGrid};
 use crate::study::Study;
@@ -28,13 +28,13 @@ pub(super) fn light_by_shape<'a>(
 ) -> impl Iterator<Item = ShapedRadiance> + 'a {
     let fluorescence = std::iter::once_with(move || ShapedRadiance {
         radiance: components.recombine(|c| match c.light {
-            Light::Reflected => 0.0,
+            LightPath::Reflected => 0.0,
             _ => frame.drive(c.lamp_group()),
         }),
         fluorescent: true,
         shape: None,
     });
-    let reflected = components.components.iter().filter(|c| c.light == Light::Reflected);
+    let reflected = components.components.iter().filter(|c| c.light == LightPath::Reflected);
     let reflected =
         reflected.filter(|c| frame.drive(c.lamp_group()) != 0.0).map(move |component| ShapedRadiance {
             radiance: components.recombine(

@@ -8,7 +8,7 @@ use serde::Serialize;
 use super::capture::{behind_filter, on_sensor};
 use super::light_by_shape::component_spectrum;
 use crate::analysis::{PixelSelection, channel_response};
-use crate::image::{Component, ComponentImage, Light};
+use crate::image::{Component, ComponentImage, LightPath};
 use crate::sensor::CaptureFrame;
 use crate::spectral::{Curve, QuantumEfficiency, Radiance, Spectrum};
 use crate::study::Study;
@@ -68,12 +68,12 @@ impl RegionRadiance {
             }
             mean.iter_mut().for_each(|sum| *sum /= pixels.len().max(1) as f64);
             let target = match &component.light {
-                Light::Reflected => {
+                LightPath::Reflected => {
                     radiance.reflected_components.push((component.clone(), mean.clone()));
                     &mut radiance.reflected
                 }
-                Light::MultipleFluorescence => &mut radiance.multiple_fluorescence,
-                Light::Fluorescence(name) => {
+                LightPath::MultipleFluorescence => &mut radiance.multiple_fluorescence,
+                LightPath::Fluorescence(name) => {
                     if mean.iter().all(|&v| v == 0.0) {
                         continue;
                     }

@@ -1,7 +1,7 @@
 //! Labels of the components of a render, in the order of the film.
 
 use super::settings::RenderSettings;
-use crate::image::{Component, EXCITATION_MARK, Light};
+use crate::image::{Component, EXCITATION_MARK, LightPath};
 use crate::scene::Scene;
 
 /// `[group and excitation bin][reflected, one per fluorophore, multiple]`.
@@ -10,9 +10,9 @@ pub(super) fn component_labels(scene: &Scene, settings: &RenderSettings) -> Vec<
     for group in &scene.light_groups {
         for name in excitation_names(&group.name, &settings.excitation_edges_nm) {
             let mut push = |light| labels.push(Component { light_group: name.clone(), light });
-            push(Light::Reflected);
-            scene.fluorophores.iter().for_each(|f| push(Light::Fluorescence(f.name.clone())));
-            push(Light::MultipleFluorescence);
+            push(LightPath::Reflected);
+            scene.fluorophores.iter().for_each(|f| push(LightPath::Fluorescence(f.name.clone())));
+            push(LightPath::MultipleFluorescence);
         }
     }
     labels
