@@ -3,8 +3,10 @@
 mod displacement;
 mod instances;
 mod mesh;
+mod oriented_point;
 mod ray_intersection;
 
 pub use instances::{InstancesError, MeshInstance, MeshInstances};
 pub use mesh::{MeshError, TriangleMesh};
+pub(crate) use oriented_point::OrientedPoint;
 pub(crate) use ray_intersection::{intersect_disc, intersect_plane, intersect_sphere};

@@ -8,9 +8,9 @@ use crate::analysis::{
     PixelSelection, PorphyrinMap, Rectangle, RegionOfInterest, SceneOnSensor, analyze_region,
     channel_response,
 };
+use crate::geometry::OrientedPoint;
 use crate::image::ComponentImage;
 use crate::render::direct_exitance;
-use crate::scene::irradiance::SurfacePoint;
 use crate::sensor::Sensor;
 use crate::spectral::{Curve, QuantumEfficiency, Radiance, Spectrum};
 use crate::study::{AnalysisPlan, Capture, Study};
@@ -90,11 +90,11 @@ pub(crate) fn frame_lamp(
     }
     irradiance_on(study, capture, &points).or_else(|| {
         let camera = study.scene.camera.position.as_dvec3();
-        let toward = |point: &SurfacePoint| SurfacePoint {
+        let toward = |point: &OrientedPoint| OrientedPoint {
             normal: (camera - point.position).try_normalize().unwrap_or(point.normal),
             ..*point
         };
-        let facing: Vec<SurfacePoint> = points.iter().map(toward).collect();
+        let facing: Vec<OrientedPoint> = points.iter().map(toward).collect();
         irradiance_on(study, capture, &facing)
     })
 }

@@ -1,7 +1,8 @@
 //! Irradiance under the lights of a capture, directly on the points of a region.
 
 use crate::analysis::{PixelSelection, SceneOnSensor};
-use crate::scene::irradiance::{self, SurfacePoint, direct_light, sum_of_spectra};
+use crate::geometry::OrientedPoint;
+use crate::scene::irradiance::{self, direct_irradiance, sum_of_spectra};
 use crate::sensor::CaptureFrame;
 use crate::spectral::Curve;
 use crate::study::{Capture, Study};
@@ -17,11 +18,11 @@ fn remaining_drive(frame: &CaptureFrame, subtracted: Option<&CaptureFrame>, grou
 
 /// Mean irradiance spectrum on surface points under the lights that a developed frame holds, W/(m² nm); `None` when
 /// none of them sends light there.
-pub(crate) fn irradiance_on(study: &Study, capture: &Capture, points: &[SurfacePoint]) -> Option<Curve> {
+pub(crate) fn irradiance_on(study: &Study, capture: &Capture, points: &[OrientedPoint]) -> Option<Curve> {
     let scene = &study.scene;
     let subtracted = capture.subtract.as_ref().and_then(|label| study.capture(label)).map(|c| &c.frame);
     let drive = |group: usize| remaining_drive(&capture.frame, subtracted, &scene.light_groups[group].name);
-    let parts = direct_light(scene, points)
+    let parts = direct_irradiance(scene, points)
         .into_iter()
         .map(|part| (part.spectrum, part.factor * drive(part.group)))
         .filter(|(_, weight)| *weight > 0.0);
@@ -34,11 +35,11 @@ pub(crate) fn irradiance_on(study: &Study, capture: &Capture, points: &[SurfaceP
 pub(crate) fn group_spectrum(study: &Study, group: &str) -> Option<Curve> {
     let scene = &study.scene;
     let index = scene.light_groups.iter().position(|other| other.name == group)?;
-    irradiance::group_spectrum(&direct_light(scene, &[axis_point(study)]), index)
+    irradiance::group_spectrum(&direct_irradiance(scene, &[axis_point(study)]), index)
 }
 
 /// Where the camera's axis meets the plane in focus, facing the camera.
-pub(crate) fn axis_point(study: &Study) -> SurfacePoint {
+pub(crate) fn axis_point(study: &Study) -> OrientedPoint {
     /// Where a lens is focused at infinity, or there is none.
     const FAR_M: f64 = 1.0;
     let camera = &study.scene.camera;
@@ -49,7 +50,7 @@ pub(crate) fn axis_point(study: &Study) -> SurfacePoint {
         .and_then(|lens| lens.equation.object_distance_mm)
         .map_or(FAR_M, |mm| mm * 1e-3);
     let forward = camera.forward.as_dvec3();
-    SurfacePoint { position: camera.position.as_dvec3() + forward * distance_m, normal: -forward }
+    OrientedPoint { position: camera.position.as_dvec3() + forward * distance_m, normal: -forward }
 }
 
 /// Points of the scene that pixels of a sensor image show, by the depth and normals of the render.
@@ -57,7 +58,7 @@ pub(crate) fn region_points(
     study: &Study,
     scene: SceneOnSensor<'_>,
     region: &PixelSelection,
-) -> Vec<SurfacePoint> {
+) -> Vec<OrientedPoint> {
     let components = scene.components;
     let features = &components.features;
     let (width, height) = (components.width, components.height);
@@ -82,7 +83,7 @@ pub(crate) fn region_points(
         let direction = (forward + right * dx + up * dy).normalize();
         // Materials are two-sided: the side that the camera sees counts.
         let normal = if normal.dot(direction) > 0.0 { -normal } else { normal };
-        Some(SurfacePoint { position: camera.position.as_dvec3() + direction * depth_m, normal })
+        Some(OrientedPoint { position: camera.position.as_dvec3() + direction * depth_m, normal })
     };
     pixels.iter().step_by(step).filter_map(point).collect()
 }
@@ -96,7 +97,7 @@ mod tests {
     use super::*;
     use crate::experiment::{parse, resolve};
 
-    const UP: SurfacePoint = SurfacePoint { position: DVec3::ZERO, normal: DVec3::Z };
+    const UP: OrientedPoint = OrientedPoint { position: DVec3::ZERO, normal: DVec3::Z };
 
     /// A patch 100 mm away under lights of three kinds, one of them an object that shines, one of them subtracted.
     #[test]

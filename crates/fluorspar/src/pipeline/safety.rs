@@ -6,13 +6,14 @@ use glam::{DVec3, Vec3};
 use serde::Serialize;
 
 use super::CapturedFrame;
+use crate::geometry::OrientedPoint;
 use crate::light::Emitter;
 use crate::safety::{
     ApparentSource, Assessment, Hazard, Illumination, RetinalObserver, RiskGroup, RiskQuantity, Target,
     assess, risk_group,
 };
 use crate::scene::Shape;
-use crate::scene::irradiance::{SurfacePoint, emission_factor, light_factors, light_spectra};
+use crate::scene::irradiance::{emission_factor, light_factors, light_spectra};
 use crate::spectral::Curve;
 use crate::study::{Capture, SafetyPlan, Study};
 
@@ -266,14 +267,14 @@ fn light_on(capture: &Capture, frames: &[CapturedFrame]) -> (f64, String) {
     }
 }
 
-fn axis_point(study: &Study, distance_mm: f64) -> SurfacePoint {
+fn axis_point(study: &Study, distance_mm: f64) -> OrientedPoint {
     let camera = &study.scene.camera;
     let forward = camera.forward.as_dvec3();
-    SurfacePoint { position: camera.position.as_dvec3() + forward * (1e-3 * distance_mm), normal: -forward }
+    OrientedPoint { position: camera.position.as_dvec3() + forward * (1e-3 * distance_mm), normal: -forward }
 }
 
 /// Everything that shines at a point in a capture.
-fn illumination(study: &Study, capture: &Capture, at: SurfacePoint) -> Illumination {
+fn illumination(study: &Study, capture: &Capture, at: OrientedPoint) -> Illumination {
     let scene = &study.scene;
     let mut light = Illumination::default();
     let mut add = |spectrum: &Curve, factor: f64, seen: Seen| {
@@ -339,7 +340,7 @@ struct Seen {
     solid_angle_sr: f64,
 }
 
-fn seen(emitter: &Emitter, at: SurfacePoint) -> Seen {
+fn seen(emitter: &Emitter, at: OrientedPoint) -> Seen {
     let patch = |center: DVec3, normal: Option<DVec3>, area: f64, sides: [f64; 2]| {
         let way = center - at.position;
         let Some(direction) = way.try_normalize() else {

@@ -7,15 +7,9 @@ use std::f64::consts::PI;
 use glam::{DVec3, Vec3};
 
 use super::{Scene, Shape};
+use crate::geometry::OrientedPoint;
 use crate::light::{Emitter, Light};
 use crate::spectral::Curve;
-
-/// A point of a surface, m, with the unit normal of its lit side.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct SurfacePoint {
-    pub(crate) position: DVec3,
-    pub(crate) normal: DVec3,
-}
 
 /// Rings of equal area, and points on each, at which a round emitter is sampled.
 const RINGS: (usize, usize) = (3, 8);
@@ -25,7 +19,7 @@ const SIDE: usize = 5;
 
 /// Geometric factor of a flat emitter that is sampled at points: `E = sum P/n (g + 1) / (2 pi) cos^g cos' / r²`, per
 /// watt of power, 1/m².
-fn flat_factor(at: SurfacePoint, samples: &[DVec3], normal: DVec3, exponent: f64) -> f64 {
+fn flat_factor(at: OrientedPoint, samples: &[DVec3], normal: DVec3, exponent: f64) -> f64 {
     let one = |sample: &DVec3| {
         let way = at.position - *sample;
         let Some(direction) = way.try_normalize() else { return 0.0 };
@@ -54,7 +48,7 @@ fn disc_samples(center: DVec3, normal: DVec3, radius_m: f64) -> Vec<DVec3> {
 
 /// Irradiance on a surface point per unit of the light's spectrum: 1/m² for spectra in W/nm, 1 for irradiance, sr for
 /// radiance. Unoccluded; an environment fills the hemisphere. Maps have a factor per layer, see [`light_factors`].
-fn emitter_factor(emitter: &Emitter, at: SurfacePoint) -> f64 {
+fn emitter_factor(emitter: &Emitter, at: OrientedPoint) -> f64 {
     match emitter {
         Emitter::Disc { center, normal, radius_m, exponent } => {
             let normal = normal.as_dvec3();
@@ -81,7 +75,7 @@ fn emitter_factor(emitter: &Emitter, at: SurfacePoint) -> f64 {
     }
 }
 
-fn point_factor(at: SurfacePoint, source: DVec3, pattern: Option<(DVec3, f64)>) -> f64 {
+fn point_factor(at: OrientedPoint, source: DVec3, pattern: Option<(DVec3, f64)>) -> f64 {
     match pattern {
         Some((axis, exponent)) => flat_factor(at, &[source], axis, exponent),
         None => {
@@ -93,7 +87,7 @@ fn point_factor(at: SurfacePoint, source: DVec3, pattern: Option<(DVec3, f64)>) 
 }
 
 /// Irradiance per unit of radiance of a surface that emits to both sides, sr.
-pub(crate) fn emission_factor(shape: &Shape, at: SurfacePoint) -> f64 {
+pub(crate) fn emission_factor(shape: &Shape, at: OrientedPoint) -> f64 {
     // A patch of area A at `center`: L cos cos' A / r², A bounded by the distance so that a point on the emitter itself
     // gets no more than a hemisphere.
     let patch = |center: DVec3, normal: DVec3, area: f64| {
@@ -140,7 +134,7 @@ pub(crate) fn light_spectra(light: &Light) -> Vec<Cow<'_, Curve>> {
 }
 
 /// Irradiance on a surface point per unit of each of [`light_spectra`].
-pub(crate) fn light_factors(light: &Light, at: SurfacePoint) -> Vec<f64> {
+pub(crate) fn light_factors(light: &Light, at: OrientedPoint) -> Vec<f64> {
     match &light.emitter {
         Emitter::EnvironmentMap(map) => map.irradiance_factors(at.normal),
         emitter => vec![emitter_factor(emitter, at)],
@@ -149,7 +143,7 @@ pub(crate) fn light_factors(light: &Light, at: SurfacePoint) -> Vec<f64> {
 
 /// A spectrum of a light group and the mean irradiance on some points per unit of it.
 #[derive(Clone, Debug)]
-pub(crate) struct DirectLight<'a> {
+pub(crate) struct DirectIrradiance<'a> {
     pub(crate) group: usize,
     pub(crate) spectrum: Cow<'a, Curve>,
     pub(crate) factor: f64,
@@ -157,14 +151,14 @@ pub(crate) struct DirectLight<'a> {
 
 /// Everything that shines in a scene: each distinct spectrum of each light group, with the sum of the factors of all
 /// lamps and objects that share it, averaged over the points.
-pub(crate) fn direct_light<'a>(scene: &'a Scene, points: &[SurfacePoint]) -> Vec<DirectLight<'a>> {
-    let mut parts: Vec<DirectLight<'a>> = Vec::new();
+pub(crate) fn direct_irradiance<'a>(scene: &'a Scene, points: &[OrientedPoint]) -> Vec<DirectIrradiance<'a>> {
+    let mut parts: Vec<DirectIrradiance<'a>> = Vec::new();
     let share = 1.0 / points.len().max(1) as f64;
     let mut add = |group: usize, spectrum: Cow<'a, Curve>, factor: f64| {
         // Emitters of one section share their spectrum.
         match parts.iter_mut().find(|p| p.group == group && p.spectrum == spectrum) {
             Some(part) => part.factor += factor * share,
-            None => parts.push(DirectLight { group, spectrum, factor: factor * share }),
+            None => parts.push(DirectIrradiance { group, spectrum, factor: factor * share }),
         }
     };
     for light in &scene.lights {
@@ -186,10 +180,10 @@ pub(crate) fn direct_light<'a>(scene: &'a Scene, points: &[SurfacePoint]) -> Vec
 
 /// Spectrum of the light of one group, up to a factor: the irradiance, or all at equal power where none reaches the
 /// points. `None` for a group without light.
-pub(crate) fn group_spectrum(parts: &[DirectLight<'_>], group: usize) -> Option<Curve> {
+pub(crate) fn group_spectrum(parts: &[DirectIrradiance<'_>], group: usize) -> Option<Curve> {
     let shining: Vec<_> = parts.iter().filter(|p| p.group == group && p.spectrum.total() > 0.0).collect();
     let dark = shining.iter().all(|part| part.factor <= 0.0);
-    let weight = |part: &DirectLight<'_>| if dark { 1.0 / part.spectrum.total() } else { part.factor };
+    let weight = |part: &DirectIrradiance<'_>| if dark { 1.0 / part.spectrum.total() } else { part.factor };
     sum_of_spectra(
         shining.into_iter().map(|part| (part.spectrum.clone(), weight(part))).filter(|(_, w)| *w > 0.0),
     )
@@ -216,7 +210,7 @@ mod tests {
     use super::*;
     use crate::light::{EnvironmentLayer, EnvironmentMap};
 
-    const UP: SurfacePoint = SurfacePoint { position: DVec3::ZERO, normal: DVec3::Z };
+    const UP: OrientedPoint = OrientedPoint { position: DVec3::ZERO, normal: DVec3::Z };
 
     #[test]
     fn factors_of_all_emitters_follow_closed_forms() {
@@ -248,7 +242,7 @@ mod tests {
         close(emitter_factor(&slant, UP), 0.8, 1e-6, "distant");
         close(emitter_factor(&Emitter::Environment, UP), PI, 1e-12, "environment");
         // From below nothing arrives.
-        let below = SurfacePoint { normal: DVec3::NEG_Z, ..UP };
+        let below = OrientedPoint { normal: DVec3::NEG_Z, ..UP };
         assert_eq!(emitter_factor(&beam, below), 0.0);
         assert_eq!(emitter_factor(&slant, below), 0.0);
         let shape = Shape::Sphere { center: Vec3::Z * 0.1, radius_m: 0.02 };
@@ -271,7 +265,7 @@ mod tests {
                 spectrum: Curve::constant(2.0),
                 emitter: Emitter::EnvironmentMap(Arc::new(map)),
             };
-            let up = SurfacePoint { position: DVec3::ZERO, normal: DVec3::Y };
+            let up = OrientedPoint { position: DVec3::ZERO, normal: DVec3::Y };
             assert_eq!(light_spectra(&light)[0].at(500.0), 2.0);
             light_factors(&light, up)[0]
         };

@@ -1,15 +1,16 @@
 //! Fluorescence operators, weighted within each band by the spectrum that excites.
 
 use super::excitation_bins::excitation_slices;
+use crate::geometry::OrientedPoint;
 use crate::render::fluorescence_operator::FluorescenceOperator;
 use crate::scene::Scene;
-use crate::scene::irradiance::{SurfacePoint, direct_light, group_spectrum};
+use crate::scene::irradiance::{direct_irradiance, group_spectrum};
 use crate::spectral::Curve;
 
 /// Spectrum of each light group at points of the scene, on any scale; `None` for groups without light. Lights of all
 /// kinds are weighted by their unoccluded irradiance at the points.
-pub(super) fn group_spectra(scene: &Scene, points: &[SurfacePoint]) -> Vec<Option<Curve>> {
-    let parts = direct_light(scene, points);
+pub(super) fn group_spectra(scene: &Scene, points: &[OrientedPoint]) -> Vec<Option<Curve>> {
+    let parts = direct_irradiance(scene, points);
     (0..scene.light_groups.len()).map(|group| group_spectrum(&parts, group)).collect()
 }
 

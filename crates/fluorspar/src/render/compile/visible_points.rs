@@ -3,19 +3,19 @@
 use fluorspar_accel::Ray;
 
 use super::geometry::Geometry;
+use crate::geometry::OrientedPoint;
 use crate::render::compiled_scene::AnalyticShape;
 use crate::scene::Scene;
-use crate::scene::irradiance::SurfacePoint;
 
 /// Rays along each side of the image.
 pub(super) const VIEW_RAYS: usize = 12;
 
 /// Visible points, with normals to the side of the camera: those on surfaces that fluoresce, or all if none does. Holes
 /// and light sources are looked through.
-pub(super) fn on_fluorescent_surfaces(scene: &Scene, geometry: &Geometry) -> Vec<SurfacePoint> {
+pub(super) fn on_fluorescent_surfaces(scene: &Scene, geometry: &Geometry) -> Vec<OrientedPoint> {
     let camera = &scene.camera;
     let step = |i: usize, side: usize| (i as f32 + 0.5) / VIEW_RAYS as f32 * side as f32;
-    let hits: Vec<(usize, SurfacePoint)> = (0..VIEW_RAYS * VIEW_RAYS)
+    let hits: Vec<(usize, OrientedPoint)> = (0..VIEW_RAYS * VIEW_RAYS)
         .filter_map(|i| {
             let (origin, direction) =
                 camera.ray(step(i % VIEW_RAYS, camera.width), step(i / VIEW_RAYS, camera.height));
@@ -44,7 +44,7 @@ pub(super) fn on_fluorescent_surfaces(scene: &Scene, geometry: &Geometry) -> Vec
             let (t, object, normal) = nearest?;
             let normal = normal.as_dvec3().try_normalize()?;
             let normal = if normal.dot(direction.as_dvec3()) > 0.0 { -normal } else { normal };
-            Some((object, SurfacePoint { position: (origin + direction * t).as_dvec3(), normal }))
+            Some((object, OrientedPoint { position: (origin + direction * t).as_dvec3(), normal }))
         })
         .collect();
     let fluoresces = |object: usize| {
