@@ -5,7 +5,7 @@ use std::io;
 use std::path::Path;
 
 use fluorspar::geometry::TriangleMesh;
-use fluorspar::light::Emitter;
+use fluorspar::light::{DiscEmitter, Emitter, RectangleEmitter};
 use fluorspar::material::ScalarTexture;
 use fluorspar::scene::{Scene, Shape};
 use fluorspar::spectral::Curve;
@@ -63,11 +63,11 @@ pub fn export(scene: &Scene, folder: &Path) -> io::Result<()> {
     for light in &scene.lights {
         // One-sided and Lambertian: radiance = power / (pi area).
         let shape = match &light.emitter {
-            Emitter::Disc { center, normal, radius_m, exponent: 1.0 } => json!({
+            Emitter::Disc(DiscEmitter { center, normal, radius_m, exponent: 1.0 }) => json!({
                 "shape": "disc", "center": center.to_array(), "normal": normal.to_array(), "radius": radius_m,
                 "area": std::f32::consts::PI * radius_m * radius_m,
             }),
-            Emitter::Rectangle { corner, edge_u, edge_v, exponent: 1.0 } => json!({
+            Emitter::Rectangle(RectangleEmitter { corner, edge_u, edge_v, exponent: 1.0 }) => json!({
                 "shape": "rectangle", "corner": corner.to_array(),
                 "edge_u": edge_u.to_array(), "edge_v": edge_v.to_array(),
                 "area": edge_u.cross(*edge_v).length(),

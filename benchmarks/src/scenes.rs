@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use fluorspar::anatomy::{MouthParameters, Tissue, generate_mouth};
 use fluorspar::geometry::TriangleMesh;
-use fluorspar::light::{Emitter, Light, LightGroup};
+use fluorspar::light::{DiscEmitter, Emitter, Light, LightGroup, RectangleEmitter};
 use fluorspar::material::{Coat, FluorophoreAmount, Lambertian, Material, ReflectanceTerm, ScalarTexture};
 use fluorspar::optics::{CameraLens, LensSetting, LensState, PerspectiveCamera};
 use fluorspar::preset;
@@ -173,12 +173,12 @@ fn cornell_box(options: &SceneOptions) -> Scene {
         name: "ceiling_lamp".into(),
         group: 0,
         spectrum: lamp_spectrum(10.0),
-        emitter: Emitter::Rectangle {
+        emitter: Emitter::Rectangle(RectangleEmitter {
             corner: Vec3::new(-0.25, 1.99, -0.2),
             edge_u: Vec3::X * 0.5,
             edge_v: Vec3::Z * 0.4,
             exponent: 1.0,
-        },
+        }),
     });
     scene
 }
@@ -239,7 +239,12 @@ fn closed_cavity(options: &SceneOptions, gloss: bool) -> Scene {
             name: name.into(),
             group: 0,
             spectrum: lamp_spectrum(0.05),
-            emitter: Emitter::Disc { center, normal: Vec3::NEG_Z, radius_m: 0.0025, exponent: 1.0 },
+            emitter: Emitter::Disc(DiscEmitter {
+                center,
+                normal: Vec3::NEG_Z,
+                radius_m: 0.0025,
+                exponent: 1.0,
+            }),
         });
     }
     scene
@@ -287,7 +292,12 @@ fn mouth(options: &SceneOptions) -> Scene {
             name: name.into(),
             group: 0,
             spectrum: lamp_spectrum(0.2),
-            emitter: Emitter::Disc { center, normal: (-center).normalize(), radius_m: 0.0025, exponent: 1.0 },
+            emitter: Emitter::Disc(DiscEmitter {
+                center,
+                normal: (-center).normalize(),
+                radius_m: 0.0025,
+                exponent: 1.0,
+            }),
         });
     }
     scene

@@ -8,7 +8,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use fluorspar::geometry::TriangleMesh;
-use fluorspar::light::{Emitter, Light, LightGroup};
+use fluorspar::light::{DistantEmitter, Emitter, Light, LightGroup};
 use fluorspar::material::{FluorophoreAmount, Material, ScalarTexture};
 use fluorspar::optics::{Filter, FilterStack, IdealLens, PerspectiveCamera, Vignetting};
 use fluorspar::pipeline::evaluate;
@@ -56,7 +56,7 @@ fn scene(camera: PerspectiveCamera) -> Result<Scene, Box<dyn Error>> {
             name: "blue".into(),
             group: 0,
             spectrum: blue,
-            emitter: Emitter::Distant { direction: Vec3::NEG_Z },
+            emitter: Emitter::Distant(DistantEmitter { direction: Vec3::NEG_Z }),
         }],
         camera,
     })

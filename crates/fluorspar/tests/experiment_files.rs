@@ -8,7 +8,7 @@ use fluorspar::experiment::{
     ResolvedExperiment, default_experiment_toml, json_schema, parse, parse_sample, resolve,
     sample_json_schema, sensor_json_schema,
 };
-use fluorspar::light::{Emitter, Light};
+use fluorspar::light::{DiscEmitter, Emitter, Light};
 use fluorspar::preset;
 use fluorspar::scene::Shape;
 use fluorspar::sensor::SensorMode;
@@ -159,7 +159,9 @@ fn the_digest_follows_what_decides_the_result() {
 /// Irradiance of small discs at a point, on a surface that faces against `direction`.
 fn irradiance_w_per_m2(lights: &[Light], point: glam::DVec3, direction: glam::DVec3) -> f64 {
     let one = |light: &Light| {
-        let Emitter::Disc { center, normal, exponent, .. } = &light.emitter else { panic!("no disc") };
+        let Emitter::Disc(DiscEmitter { center, normal, exponent, .. }) = &light.emitter else {
+            panic!("no disc")
+        };
         let way = point - center.as_dvec3();
         let cosine = way.normalize().dot(normal.as_dvec3());
         let g = f64::from(*exponent);
@@ -203,7 +205,9 @@ fn lights_of_the_camera_move_with_it() {
         .replace("name = \"lamp\"", "name = \"lamp\"\nframe = \"camera\"");
     let text = text.replace("position_mm = [0.0, 0.0, 100.0]", "position_mm = [10.0, 20.0, 0.0]");
     let experiment = resolved(&text, &["camera.position_mm=[100, 0, 0]", "light.lamp.direction=[0, 0, -1]"]);
-    let Emitter::Disc { center, normal, .. } = experiment.study.scene.lights[0].emitter else { panic!() };
+    let Emitter::Disc(DiscEmitter { center, normal, .. }) = experiment.study.scene.lights[0].emitter else {
+        panic!()
+    };
     // Looking along -x with y up, right is -z.
     assert!((center - glam::Vec3::new(0.1, 0.02, -0.01)).length() < 1e-6, "{center}");
     assert!((normal + glam::Vec3::X).length() < 1e-6, "{normal}");

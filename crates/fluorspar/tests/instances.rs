@@ -11,7 +11,7 @@ use fluorspar::experiment::{ResolvedExperiment, parse, resolve};
 use fluorspar::format::{NamedMesh, read_gltf, read_gltf_instances, read_placements, write_gltf, write_ply};
 use fluorspar::geometry::{MeshInstance, MeshInstances, TriangleMesh};
 use fluorspar::image::ComponentImage;
-use fluorspar::light::Emitter;
+use fluorspar::light::{DiscEmitter, Emitter};
 use fluorspar::material::{Material, ScalarTexture};
 use fluorspar::scene::{Object, Scene, Shape, SurfaceEmission};
 use fluorspar::spectral::WavelengthGrid;
@@ -96,12 +96,12 @@ fn still_life(shape: impl Fn(MeshInstances) -> Shape, emission: Option<SurfaceEm
     scene.objects.push(Object { emission, ..object("things", shape(many(things)), usize::from(!lamp)) });
     scene.objects.push(object("nets", shape(many(nets)), 0));
     if !lamp {
-        let disc = Emitter::Disc {
+        let disc = Emitter::Disc(DiscEmitter {
             center: Vec3::new(0.2, 0.95, 0.6),
             normal: Vec3::NEG_Y,
             radius_m: 0.5,
             exponent: 1.0,
-        };
+        });
         scene.lights.push(light(gaussian(390.0, 15.0, 1.0), disc));
     }
     scene

@@ -7,7 +7,7 @@ use std::f64::consts::PI;
 use std::sync::atomic::AtomicBool;
 
 use fluorspar::image::{ComponentImage, LightPath};
-use fluorspar::light::{Emitter, Light};
+use fluorspar::light::{DiscEmitter, DistantEmitter, Emitter, Light, RectangleEmitter};
 use fluorspar::material::{Coat, Lambertian, Material, ScalarTexture};
 use fluorspar::render::{Estimator, RenderControl, RenderSettings, render};
 use fluorspar::scene::{Scene, SceneError, Shape, SurfaceEmission};
@@ -160,7 +160,7 @@ fn patch(
 }
 
 fn distant(spectrum: Curve, direction: Vec3) -> Light {
-    Light { name: "sun".into(), group: 0, spectrum, emitter: Emitter::Distant { direction } }
+    Light { name: "sun".into(), group: 0, spectrum, emitter: Emitter::Distant(DistantEmitter { direction }) }
 }
 
 /// `L = R E cos / pi` and `L_f = M / pi`, independent of `R`, with `R = 0` too.
@@ -248,12 +248,12 @@ fn cornell(power: f64, concentration: f32) -> Scene {
         name: "lamp".into(),
         group: 0,
         spectrum: gaussian(390.0, 15.0, power),
-        emitter: Emitter::Rectangle {
+        emitter: Emitter::Rectangle(RectangleEmitter {
             corner: Vec3::new(-0.5, 0.99, -0.5),
             edge_u: Vec3::X,
             edge_v: Vec3::Z,
             exponent: 1.0,
-        },
+        }),
     }];
     scene
 }
@@ -340,12 +340,12 @@ fn a_disc_lamp_illuminates_by_its_view_factor() {
         name: "disc".into(),
         group: 0,
         spectrum: flat(power),
-        emitter: Emitter::Disc {
+        emitter: Emitter::Disc(DiscEmitter {
             center: Vec3::Z * distance,
             normal: Vec3::NEG_Z,
             radius_m: radius,
             exponent: 1.0,
-        },
+        }),
     });
     let image = run(&scene, &settings(256, 1));
     let (r2, d2) = (f64::from(radius).powi(2), f64::from(distance).powi(2));

@@ -10,7 +10,10 @@ use std::f64::consts::PI;
 use std::sync::Arc;
 
 use fluorspar::geometry::TriangleMesh;
-use fluorspar::light::{Emitter, EnvironmentLayer, EnvironmentMap, Light, LightGroup};
+use fluorspar::light::{
+    DiscEmitter, DistantEmitter, Emitter, EnvironmentLayer, EnvironmentMap, Light, LightGroup, PointEmitter,
+    RectangleEmitter, SphereEmitter,
+};
 use fluorspar::material::fresnel::conductor_fresnel;
 use fluorspar::material::{Material, ScalarTexture};
 use fluorspar::render::RenderSettings;
@@ -141,7 +144,9 @@ fn an_integrating_sphere_follows_its_series() {
     sphere.fluorophores = dyes.to_vec();
     sphere.materials = vec![with_dyes(Material::lambertian("wall", flat(reflectance)), &amounts)];
     sphere.objects.push(object("wall", Shape::Sphere { center: Vec3::ZERO, radius_m: 1.0 }, 0));
-    sphere.lights.push(light(flat(power), Emitter::Point { position: Vec3::ZERO, pattern: None }));
+    sphere
+        .lights
+        .push(light(flat(power), Emitter::Point(PointEmitter { position: Vec3::ZERO, pattern: None })));
 
     let arriving = vec![power / (4.0 * PI); n];
     let mut kinds = [arriving, vec![0.0; n], vec![0.0; n], vec![0.0; n]];
@@ -216,7 +221,7 @@ fn indirect_light_excites_as_direct_light_does() {
         } else {
             scene.objects.truncate(1);
         }
-        scene.lights.push(light(gaussian(385.0, 8.0, 1.0), Emitter::Distant { direction }));
+        scene.lights.push(light(gaussian(385.0, 8.0, 1.0), Emitter::Distant(DistantEmitter { direction })));
         let image = run(&scene, &settings(256, 2));
         (photons(&image, 0), photons(&image, 1))
     };
@@ -269,12 +274,12 @@ fn lamps_illuminate_by_their_form_factors() {
     {
         let z: f64 = h * h + a * a + r * r;
         let factor = 0.5 * (1.0 - (h * h + a * a - r * r) / (z * z - 4.0 * r * r * a * a).sqrt());
-        let disc = Emitter::Disc {
+        let disc = Emitter::Disc(DiscEmitter {
             center: Vec3::new(0.0, a as f32, h as f32),
             normal: Vec3::NEG_Z,
             radius_m: r as f32,
             exponent: 1.0,
-        };
+        });
         check(&format!("disc {r} {h} {a}"), disc, 2.0, 2.0 / (PI * r * r) * factor, 2e-3);
     }
     // Sphere above the horizon: E = M (r / d)^2 cos; its exitance is P / (4 pi r^2). Light from anywhere on it falls at
@@ -282,12 +287,12 @@ fn lamps_illuminate_by_their_form_factors() {
     for (r, center) in [(0.3, Vec3::new(0.2, 0.4, 0.8)), (1e-4, Vec3::new(0.0, 0.6, 0.8))] {
         let (d2, cos) = (f64::from(center.length_squared()), f64::from(center.z / center.length()));
         let expected = 2.0 / (4.0 * PI * d2) * cos;
-        check("sphere", Emitter::Sphere { center, radius_m: r }, 2.0, expected, 2e-3);
+        check("sphere", Emitter::Sphere(SphereEmitter { center, radius_m: r }), 2.0, expected, 2e-3);
     }
     for decade in 1..=5 {
         let ratio = 10.0_f64.powi(-decade);
         let center = Vec3::new(0.0, 0.6, 0.8);
-        let sphere = Emitter::Sphere { center, radius_m: ratio as f32 };
+        let sphere = Emitter::Sphere(SphereEmitter { center, radius_m: ratio as f32 });
         let expected = 2.0 / (4.0 * PI) * 0.8;
         check(&format!("sphere of r / d = {ratio}"), sphere, 2.0, expected, 2e-2 * ratio + 1e-6);
     }
@@ -298,20 +303,20 @@ fn lamps_illuminate_by_their_form_factors() {
         (x / p * (y / p).atan() + y / q * (x / q).atan()) / (2.0 * PI)
     };
     for (a, b, h) in [(0.5, 0.8, 0.4), (2.0, 3.0, 0.05), (1e-3, 2e-3, 1.0)] {
-        let rectangle = Emitter::Rectangle {
+        let rectangle = Emitter::Rectangle(RectangleEmitter {
             corner: Vec3::new(0.0, 0.0, h as f32),
             edge_u: Vec3::Y * b as f32,
             edge_v: Vec3::X * a as f32,
             exponent: 1.0,
-        };
+        });
         check(&format!("rectangle {a} {b} {h}"), rectangle, 3.0, 3.0 / (a * b) * corner(a, b, h), 4e-3);
     }
-    let beside = Emitter::Rectangle {
+    let beside = Emitter::Rectangle(RectangleEmitter {
         corner: Vec3::new(0.3, 0.0, 0.6),
         edge_u: Vec3::Y * 0.5,
         edge_v: Vec3::X * 0.4,
         exponent: 1.0,
-    };
+    });
     let factor = corner(0.7, 0.5, 0.6) - corner(0.3, 0.5, 0.6);
     check("rectangle beside", beside, 1.0, factor / (0.4 * 0.5), 2e-3);
     // A small lamp with a pattern cos^g: I = (g + 1) P / (2 pi) cos^g.
@@ -320,9 +325,9 @@ fn lamps_illuminate_by_their_form_factors() {
         let normal = Vec3::new(tilt.sin(), 0.0, -tilt.cos());
         let intensity = (g + 1.0) / (2.0 * PI) * f64::from(tilt.cos()).powf(g);
         let center = Vec3::Z * height;
-        let disc = Emitter::Disc { center, normal, radius_m: 1e-3, exponent: g as f32 };
+        let disc = Emitter::Disc(DiscEmitter { center, normal, radius_m: 1e-3, exponent: g as f32 });
         check(&format!("pattern {g}"), disc, 1.0, intensity / 4.0, 2e-3);
-        let point = Emitter::Point { position: center, pattern: Some((normal, g as f32)) };
+        let point = Emitter::Point(PointEmitter { position: center, pattern: Some((normal, g as f32)) });
         check(&format!("point {g}"), point, 1.0, intensity / 4.0, 1e-4);
     }
 }
@@ -368,7 +373,7 @@ fn lamps_of_different_kinds_share_a_group() {
         scene.objects.push(wall);
         // As much irradiance as from the wall: P / (4 pi r^2) = pi L.
         let power = 4.0 * PI * PI * f64::from(radius).powi(2);
-        let point = Emitter::Point { position: Vec3::ZERO, pattern: None };
+        let point = Emitter::Point(PointEmitter { position: Vec3::ZERO, pattern: None });
         scene.lights.push(Light { group: groups - 1, ..light(gaussian(393.0, 0.8, power), point) });
         let image = run(&scene, &settings(64, 12));
         let bands = image.grid.len();
@@ -562,16 +567,16 @@ fn lamps_without_area_are_small_lamps() {
     let pairs = [
         (
             "point",
-            Emitter::Point { position: near, pattern: None },
+            Emitter::Point(PointEmitter { position: near, pattern: None }),
             1.0,
-            Emitter::Sphere { center: near, radius_m: 1e-3 },
+            Emitter::Sphere(SphereEmitter { center: near, radius_m: 1e-3 }),
             1.0,
         ),
         (
             "parallel light",
-            Emitter::Distant { direction },
+            Emitter::Distant(DistantEmitter { direction }),
             1.0,
-            Emitter::Sphere { center: -far * direction, radius_m: 0.5 },
+            Emitter::Sphere(SphereEmitter { center: -far * direction, radius_m: 0.5 }),
             4.0 * PI * f64::from(far).powi(2),
         ),
     ];

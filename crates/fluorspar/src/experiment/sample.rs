@@ -20,7 +20,7 @@ use super::schema::{
     SpectrumReference, ViewFilterSection,
 };
 use crate::geometry::TriangleMesh;
-use crate::light::{Emitter, Light, LightGroup};
+use crate::light::{DistantEmitter, Light, LightGroup};
 use crate::material::{FluorophoreAmount, Material, ScalarTexture};
 use crate::optics::PerspectiveCamera;
 use crate::scene::{Object, Scene, Shape};
@@ -350,7 +350,7 @@ fn as_scene(
             name: "light".into(),
             group: 0,
             spectrum: irradiance.clone(),
-            emitter: Emitter::Distant { direction: Vec3::NEG_Z },
+            emitter: DistantEmitter { direction: Vec3::NEG_Z }.into(),
         }],
         camera,
     })

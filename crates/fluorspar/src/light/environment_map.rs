@@ -5,6 +5,8 @@ use std::f32::consts::PI;
 use glam::{DVec3, Quat, Vec3};
 use thiserror::Error;
 
+use super::{ApparentSize, EmitterSample};
+use crate::geometry::OrientedPoint;
 use crate::spectral::Curve;
 
 /// An equirectangular map of the radiance beyond the scene: the sum over layers of `factor(direction) * spectrum`.
@@ -180,6 +182,31 @@ impl EnvironmentMap {
         sums
     }
 
+    /// How large each layer looks: as if all of its light came from its brightest pixels, which are looked at.
+    pub(super) fn apparent_sizes(&self, at: OrientedPoint, factors: &[f64]) -> Vec<ApparentSize> {
+        let size = |(layer, factor): (&EnvironmentLayer, &f64)| {
+            let brightest = layer.factors.iter().copied().fold(0.0, f32::max);
+            let solid_angle_sr =
+                (factor / f64::from(brightest.max(f32::MIN_POSITIVE))).min(std::f64::consts::PI);
+            ApparentSize::of_solid_angle(at.normal, solid_angle_sr)
+        };
+        self.layers.iter().zip(factors).map(size).collect()
+    }
+
+    /// [`Self::sample`] for next-event estimation.
+    #[inline]
+    pub(super) fn sample_emitter(&self, u: [f32; 2], choice: f32) -> EmitterSample {
+        let (direction, pixel, density) = self.sample(u);
+        EmitterSample {
+            direction,
+            distance: f32::INFINITY,
+            scale: 1.0,
+            pdf: choice * density,
+            delta: false,
+            pixel,
+        }
+    }
+
     /// Number of the pixel that lies in a direction (of world, unit length).
     pub fn pixel(&self, direction: Vec3) -> usize {
         let d = self.rotation * direction;
@@ -294,6 +321,25 @@ mod tests {
             assert!((even.sample(u).2 * 4.0 * PI - 1.0).abs() < 1e-5);
         }
         assert_eq!(even.mean_spectrum().at(500.0), 2.0);
+    }
+
+    /// An even map is an environment; of one bright row the closed form is `pi (sin^2 b - sin^2 a)`.
+    #[test]
+    fn irradiance_follows_closed_forms() {
+        use std::f64::consts::PI;
+        let factor = |row: Option<usize>| {
+            let factors =
+                (0..16 * 8).map(|i| if row.is_none_or(|row| i / 16 == row) { 1.0 } else { 0.0 }).collect();
+            map(16, 8, factors, 30.0).irradiance_factors(DVec3::Y)[0]
+        };
+        // 32 strata along each axis, midpoint rule over a cosine that ends in a kink: better than 1 / 32^2 times 2 pi.
+        assert!((factor(None) - PI).abs() < 6e-3, "{}", factor(None));
+        for row in 0..4 {
+            let sine2 = |edge: usize| (PI * edge as f64 / 8.0).sin().powi(2);
+            let expected = PI * (sine2(row + 1) - sine2(row));
+            assert!((factor(Some(row)) - expected).abs() < 1e-3 * expected, "{row}: {}", factor(Some(row)));
+        }
+        assert_eq!(factor(Some(5)), 0.0);
     }
 
     #[test]

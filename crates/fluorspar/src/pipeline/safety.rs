@@ -2,18 +2,18 @@
 
 use std::f64::consts::PI;
 
-use glam::{DVec3, Vec3};
+use glam::Vec3;
 use serde::Serialize;
 
 use super::CapturedFrame;
 use crate::geometry::OrientedPoint;
-use crate::light::Emitter;
+use crate::light::ApparentSize;
 use crate::safety::{
     ApparentSource, Assessment, Hazard, Illumination, RetinalObserver, RiskGroup, RiskQuantity, Target,
     assess, risk_group,
 };
 use crate::scene::Shape;
-use crate::scene::irradiance::{emission_factor, light_factors, light_spectra};
+use crate::scene::irradiance::emission_factor;
 use crate::spectral::Curve;
 use crate::study::{Capture, SafetyPlan, Study};
 
@@ -205,7 +205,7 @@ fn assumptions(study: &Study, settings: &SafetyPlan) -> Vec<String> {
             "the patient is an infant or has no lens in the eye: A(lambda) in place of B(lambda)".into(),
         );
     }
-    if study.scene.lights.iter().any(|light| matches!(light.emitter, Emitter::Distant { .. })) {
+    if study.scene.lights.iter().any(|light| light.emitter.is_distant()) {
         list.push("parallel light is taken as a point source".into());
     }
     list
@@ -277,7 +277,7 @@ fn axis_point(study: &Study, distance_mm: f64) -> OrientedPoint {
 fn illumination(study: &Study, capture: &Capture, at: OrientedPoint) -> Illumination {
     let scene = &study.scene;
     let mut light = Illumination::default();
-    let mut add = |spectrum: &Curve, factor: f64, seen: Seen| {
+    let mut add = |spectrum: &Curve, factor: f64, size: ApparentSize| {
         if factor <= 0.0 {
             return;
         }
@@ -288,27 +288,18 @@ fn illumination(study: &Study, capture: &Capture, at: OrientedPoint) -> Illumina
         light.sources.push(ApparentSource {
             spectrum: index,
             irradiance_factor: factor,
-            direction: seen.direction.to_array(),
-            subtense_rad: seen.subtense_rad,
-            solid_angle_sr: seen.solid_angle_sr,
+            direction: size.direction.to_array(),
+            subtense_rad: size.subtense_rad,
+            solid_angle_sr: size.solid_angle_sr,
         });
     };
     for lamp in &scene.lights {
         let drive = capture.frame.drive(&scene.light_groups[lamp.group].name);
         if drive > 0.0 {
-            let spectra = light_spectra(lamp);
-            for (layer, (spectrum, factor)) in spectra.iter().zip(light_factors(lamp, at)).enumerate() {
-                let seen = match &lamp.emitter {
-                    // As if all of it came from its brightest place, which is looked at.
-                    Emitter::EnvironmentMap(map) => {
-                        let brightest = map.layers()[layer].factors.iter().copied().fold(0.0, f32::max);
-                        let solid_angle_sr = (factor / f64::from(brightest.max(f32::MIN_POSITIVE))).min(PI);
-                        let subtense_rad = 2.0 * (solid_angle_sr / PI).sqrt();
-                        Seen { direction: at.normal, subtense_rad, solid_angle_sr }
-                    }
-                    emitter => seen(emitter, at),
-                };
-                add(spectrum, drive * factor, seen);
+            let factors = lamp.emitter.irradiance_factors(at);
+            let sizes = lamp.emitter.apparent_sizes(at, &factors);
+            for ((spectrum, factor), size) in lamp.spectra().iter().zip(factors).zip(sizes) {
+                add(spectrum, drive * factor, size);
             }
         }
     }
@@ -325,57 +316,11 @@ fn illumination(study: &Study, capture: &Capture, at: OrientedPoint) -> Illumina
                 Shape::Instances(many) => middle(many.bounds()),
             };
             let direction = (center - at.position).try_normalize().unwrap_or(at.normal);
-            let subtense_rad = 2.0 * (solid_angle_sr / PI).sqrt();
-            add(&emission.radiance, drive * solid_angle_sr, Seen { direction, subtense_rad, solid_angle_sr });
+            let size = ApparentSize::of_solid_angle(direction, solid_angle_sr);
+            add(&emission.radiance, drive * solid_angle_sr, size);
         }
     }
     light
-}
-
-/// How a source looks from a place.
-struct Seen {
-    direction: DVec3,
-    subtense_rad: f64,
-    /// Projected on the plane of the place, as irradiance is, so that their ratio is the radiance.
-    solid_angle_sr: f64,
-}
-
-fn seen(emitter: &Emitter, at: OrientedPoint) -> Seen {
-    let patch = |center: DVec3, normal: Option<DVec3>, area: f64, sides: [f64; 2]| {
-        let way = center - at.position;
-        let Some(direction) = way.try_normalize() else {
-            return Seen { direction: at.normal, subtense_rad: PI, solid_angle_sr: PI };
-        };
-        let leaving = normal.map_or(1.0, |normal| (-direction.dot(normal)).max(0.0));
-        let arriving = direction.dot(at.normal).max(0.0);
-        Seen {
-            direction,
-            subtense_rad: 0.5 * (sides[0] + sides[1]) / way.length(),
-            solid_angle_sr: area * leaving * arriving / way.length_squared(),
-        }
-    };
-    match emitter {
-        Emitter::Disc { center, normal, radius_m, .. } => {
-            let radius = f64::from(*radius_m);
-            patch(center.as_dvec3(), Some(normal.as_dvec3()), PI * radius * radius, [2.0 * radius; 2])
-        }
-        Emitter::Rectangle { corner, edge_u, edge_v, .. } => {
-            let (u, v) = (edge_u.as_dvec3(), edge_v.as_dvec3());
-            let center = corner.as_dvec3() + 0.5 * (u + v);
-            patch(center, u.cross(v).try_normalize(), u.cross(v).length(), [u.length(), v.length()])
-        }
-        Emitter::Sphere { center, radius_m } => {
-            let radius = f64::from(*radius_m);
-            patch(center.as_dvec3(), None, PI * radius * radius, [2.0 * radius; 2])
-        }
-        Emitter::Point { position, .. } => patch(position.as_dvec3(), None, 0.0, [0.0; 2]),
-        Emitter::Distant { direction } => {
-            Seen { direction: -direction.as_dvec3(), subtense_rad: 0.0, solid_angle_sr: 0.0 }
-        }
-        Emitter::Environment | Emitter::EnvironmentMap(_) => {
-            Seen { direction: at.normal, subtense_rad: PI, solid_angle_sr: PI }
-        }
-    }
 }
 
 /// A lit disc seen from a distance: `L = R E / pi`, solid angle `pi r² / (r² + d²)`.

@@ -1,7 +1,5 @@
 //! A scene as plain buffers: what rays and spectra need, made once by `compile`.
 
-use std::sync::Arc;
-
 use fluorspar_accel::bands::BandBlock;
 use fluorspar_accel::{Simd, TriangleBvh};
 use glam::{Vec2, Vec3};
@@ -9,11 +7,10 @@ use glam::{Vec2, Vec3};
 use super::fluorescence_operator::FluorescenceOperator;
 use super::instances::CompiledInstances;
 use super::russian_roulette::{Coarse, RouletteModel};
-use crate::geometry::{intersect_disc, intersect_plane, intersect_sphere};
-use crate::light::EnvironmentMap;
+use crate::geometry::{intersect_disc, intersect_sphere};
+use crate::light::{LightBounds, PreparedEmitter};
 use crate::material::PreparedMaterials;
 use crate::optics::PerspectiveCamera;
-use crate::sampling::Rectangle;
 use crate::spectral::WavelengthGrid;
 
 /// One distinct lamp spectrum of one light group.
@@ -29,75 +26,16 @@ pub(super) struct Source {
 /// A light ready for sampling.
 #[derive(Debug)]
 pub(super) struct CompiledLight {
+    /// Source of its spectrum; of an environment map that of the first layer.
     pub(super) source: usize,
+    /// Sources of all its spectra.
+    pub(super) sources: Vec<usize>,
     pub(super) group: usize,
-    pub(super) emitter: CompiledEmitter,
-    /// Relative power, for choosing among lights.
+    pub(super) emitter: PreparedEmitter,
+    /// Place and direction, for choosing among lights.
+    pub(super) bounds: LightBounds,
+    /// Relative power, likewise.
     pub(super) power: f32,
-}
-
-#[derive(Debug)]
-pub(super) enum CompiledEmitter {
-    Disc {
-        center: Vec3,
-        normal: Vec3,
-        tangents: (Vec3, Vec3),
-        radius: f32,
-        exponent: f32,
-    },
-    Rectangle {
-        shape: Rectangle,
-        exponent: f32,
-    },
-    Sphere {
-        center: Vec3,
-        radius: f32,
-    },
-    Point {
-        position: Vec3,
-        pattern: Option<(Vec3, f32)>,
-    },
-    Distant {
-        direction: Vec3,
-    },
-    /// Emissive triangles of an object: first triangle in the scene's list, running areas, bounding sphere.
-    Mesh {
-        first_triangle: usize,
-        cumulative_area: Vec<f32>,
-        center: Vec3,
-        radius: f32,
-    },
-    /// Emissive analytic object.
-    ShapeObject {
-        shape: usize,
-    },
-    /// Radiance by direction, with the source of each layer of the map.
-    Environment {
-        map: Arc<EnvironmentMap>,
-        sources: Vec<usize>,
-    },
-}
-
-impl CompiledEmitter {
-    /// Distance to the surface of a light that is no object; both sides block.
-    #[inline]
-    pub(super) fn intersect(&self, origin: Vec3, direction: Vec3, limit: f32) -> Option<f32> {
-        match self {
-            Self::Disc { center, normal, radius, .. } => {
-                intersect_disc(origin, direction, *center, *normal, *radius, limit)
-            }
-            Self::Rectangle { shape, .. } => {
-                let t = intersect_plane(origin, direction, shape.corner(), shape.normal(), limit)?;
-                shape.contains(origin + direction * t).then_some(t)
-            }
-            Self::Sphere { center, radius } => intersect_sphere(origin, direction, *center, *radius, limit),
-            Self::Point { .. }
-            | Self::Distant { .. }
-            | Self::Mesh { .. }
-            | Self::ShapeObject { .. }
-            | Self::Environment { .. } => None,
-        }
-    }
 }
 
 /// The spectra of a material.
@@ -179,7 +117,10 @@ pub(super) struct CompiledScene {
     pub(super) sources: Vec<Source>,
     /// Excitation bins of every lamp spectrum; 1 unless they are kept apart.
     pub(super) slices: usize,
+    /// Emissive objects, then light sources.
     pub(super) lights: Vec<CompiledLight>,
+    /// Number of the first light source in `lights`: emissive objects are met as surfaces.
+    pub(super) first_light_source: usize,
     /// Lights of each group that can be sampled.
     pub(super) group_lights: Vec<Vec<usize>>,
     /// Emissive objects: their light.

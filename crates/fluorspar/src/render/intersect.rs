@@ -163,7 +163,7 @@ impl CompiledScene {
                 best = Some(Intersection { t, target: Target::Shape(index as u32) });
             }
         }
-        for (index, light) in self.lights.iter().enumerate() {
+        for (index, light) in self.lights.iter().enumerate().skip(self.first_light_source) {
             if let Some(t) = light.emitter.intersect(origin, direction, limit) {
                 limit = t;
                 best = Some(Intersection { t, target: Target::Light(index as u32) });
@@ -184,7 +184,7 @@ impl CompiledScene {
         let Ray { origin, direction, t_max, .. } = *ray;
         self.instances.as_ref().is_some_and(|instances| instances.bvh.occluded(ray))
             || self.shapes.iter().any(|s| s.shape.intersect(origin, direction, t_max).is_some())
-            || self.lights.iter().enumerate().any(|(l, light)| {
+            || self.lights.iter().enumerate().skip(self.first_light_source).any(|(l, light)| {
                 l != aimed_at && light.emitter.intersect(origin, direction, t_max).is_some()
             })
     }

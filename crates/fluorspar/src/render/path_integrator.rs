@@ -440,7 +440,7 @@ mod tests {
 
     use super::*;
     use crate::geometry::TriangleMesh;
-    use crate::light::{Emitter, Light, LightGroup};
+    use crate::light::{DiscEmitter, Emitter, Light, LightGroup};
     use crate::material::{Coat, Material, ScalarTexture};
     use crate::optics::PerspectiveCamera;
     use crate::scene::{Object, Scene, Shape};
@@ -470,12 +470,12 @@ mod tests {
             name: format!("lamp at {x}"),
             group: 0,
             spectrum: Curve::constant(1.0),
-            emitter: Emitter::Disc {
+            emitter: Emitter::Disc(DiscEmitter {
                 center: Vec3::new(x, 0.0, 0.5),
                 normal: Vec3::NEG_Z,
                 radius_m: 0.1,
                 exponent: 1.0,
-            },
+            }),
         };
         let shape = Shape::Mesh(Arc::new(mesh));
         Scene {

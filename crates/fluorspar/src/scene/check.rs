@@ -7,7 +7,6 @@ use thiserror::Error;
 
 use super::{Scene, Shape};
 use crate::geometry::MeshError;
-use crate::light::Emitter;
 use crate::material::{Material, PhotonExcess};
 use crate::spectral::{Curve, Fluorophore};
 
@@ -200,12 +199,7 @@ impl Scene {
     /// # Errors
     /// The first thing that makes the scene unphysical or impossible.
     pub fn check(&self) -> Result<(), SceneError> {
-        if self.objects.is_empty()
-            && !self
-                .lights
-                .iter()
-                .any(|l| matches!(l.emitter, Emitter::Environment | Emitter::EnvironmentMap(_)))
-        {
+        if self.objects.is_empty() && !self.lights.iter().any(|light| light.emitter.is_environment()) {
             return Err(SceneError::Nothing("objects"));
         }
         if self.light_groups.is_empty() {
@@ -259,7 +253,9 @@ impl Scene {
         for light in &self.lights {
             let what = format!("light \"{}\"", light.name);
             index(what.clone(), "light group", light.group, self.light_groups.len())?;
-            check_emitter(&what, &light.emitter)?;
+            if let Err(error) = light.emitter.check() {
+                return Err(SceneError::OutOfRange { what, message: error.to_string() });
+            }
         }
         let nodes = self.conservation_nodes();
         let yields: Vec<Vec<f64>> = self.fluorophores.iter().map(|f| f.eem.total_yields(&nodes)).collect();
@@ -406,34 +402,4 @@ fn positive(what: &str, quantity: &str, value: f32) -> Result<(), SceneError> {
     }
     let message = format!("the {quantity} must be a positive length; got {value} m");
     Err(SceneError::OutOfRange { what: what.into(), message })
-}
-
-fn check_emitter(what: &str, emitter: &Emitter) -> Result<(), SceneError> {
-    let exponent = |exponent: f32, lowest: f32| {
-        if (lowest..=Emitter::MAX_EXPONENT).contains(&exponent) {
-            return Ok(());
-        }
-        let message = format!(
-            "the emission exponent {exponent} is not between {lowest} and {}; for a flat source 1 is Lambertian (a half angle of 60 degrees)",
-            Emitter::MAX_EXPONENT
-        );
-        Err(SceneError::OutOfRange { what: what.into(), message })
-    };
-    match emitter {
-        Emitter::Disc { radius_m, exponent: g, .. } => {
-            positive(what, "radius", *radius_m)?;
-            exponent(*g, 1.0)
-        }
-        Emitter::Rectangle { edge_u, edge_v, exponent: g, .. } => {
-            positive(what, "first edge", edge_u.length())?;
-            positive(what, "second edge", edge_v.length())?;
-            exponent(*g, 1.0)
-        }
-        Emitter::Sphere { radius_m, .. } => positive(what, "radius", *radius_m),
-        Emitter::Point { pattern: Some((_, g)), .. } => exponent(*g, 0.0),
-        Emitter::Point { pattern: None, .. }
-        | Emitter::Distant { .. }
-        | Emitter::Environment
-        | Emitter::EnvironmentMap(_) => Ok(()),
-    }
 }

@@ -9,7 +9,10 @@ use std::sync::atomic::AtomicBool;
 use fluorspar::format::{write_component_npy, write_rgb_png};
 use fluorspar::geometry::TriangleMesh;
 use fluorspar::image::ComponentImage;
-use fluorspar::light::{Emitter, EnvironmentLayer, EnvironmentMap, Light, LightGroup};
+use fluorspar::light::{
+    DiscEmitter, Emitter, EnvironmentLayer, EnvironmentMap, Light, LightGroup, RectangleEmitter,
+    SphereEmitter,
+};
 use fluorspar::material::{
     Coat, Conductor, Dielectric, FluorophoreAmount, Material, Mixture, NormalMap, ScalarTexture, Scattering,
     TwoSided,
@@ -232,17 +235,19 @@ pub(crate) fn lit_box(lamp: &str, material: &str, concentration: f32) -> Scene {
         ),
     ];
     let blue = gaussian(390.0, 15.0, 1.0);
-    let disc = Emitter::Disc {
+    let disc = Emitter::Disc(DiscEmitter {
         center: Vec3::new(0.2, 0.95, 0.3),
         normal: Vec3::NEG_Y,
         radius_m: 0.6,
         exponent: 1.0,
-    };
-    let rectangle = |exponent: f32| Emitter::Rectangle {
-        corner: Vec3::new(-0.7, 0.98, -0.6),
-        edge_u: Vec3::X * 1.4,
-        edge_v: Vec3::Z * 1.2,
-        exponent,
+    });
+    let rectangle = |exponent: f32| {
+        Emitter::Rectangle(RectangleEmitter {
+            corner: Vec3::new(-0.7, 0.98, -0.6),
+            edge_u: Vec3::X * 1.4,
+            edge_v: Vec3::Z * 1.2,
+            exponent,
+        })
     };
     let bright = |name: &str, shape: Shape| {
         let emission = Some(SurfaceEmission { group: 0, radiance: gaussian(390.0, 15.0, 0.3) });
@@ -253,7 +258,7 @@ pub(crate) fn lit_box(lamp: &str, material: &str, concentration: f32) -> Scene {
         "rectangle" => scene.lights.push(light(blue, rectangle(1.0))),
         "narrow rectangle" => scene.lights.push(light(blue, rectangle(4.0))),
         "sphere" => {
-            let ball = Emitter::Sphere { center: Vec3::new(-0.3, 0.6, 0.4), radius_m: 0.35 };
+            let ball = Emitter::Sphere(SphereEmitter { center: Vec3::new(-0.3, 0.6, 0.4), radius_m: 0.35 });
             scene.lights.push(light(blue, ball));
         }
         "sky" => scene.lights.push(light(flat(1.0), patchy_sky(0.1))),

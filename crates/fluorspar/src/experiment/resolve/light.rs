@@ -10,7 +10,11 @@ use super::spectrum::{Role, grey};
 use crate::experiment::error::{Place, steps};
 use crate::experiment::schema::{LightFrame, LightSection, LightType};
 use crate::format::{Transfer, read_spectral_exr, read_texture_png};
-use crate::light::{Emitter, EnvironmentLayer, EnvironmentMap, Light, LightGroup};
+use crate::geometry::OrientedPoint;
+use crate::light::{
+    DiscEmitter, DistantEmitter, Emitter, EnvironmentLayer, EnvironmentMap, Light, LightGroup, PointEmitter,
+    RectangleEmitter, SphereEmitter,
+};
 use crate::optics::PerspectiveCamera;
 use crate::spectral::{Curve, MAX_WAVELENGTH_NM, MIN_WAVELENGTH_NM, Radiance, WavelengthGrid};
 
@@ -288,13 +292,13 @@ fn emitters(
                     let angle = (start.to_radians() + 2.0 * PI * i as f64 / count as f64) as f32;
                     let position = center + ring_radius_m * (right * angle.cos() + up * angle.sin());
                     let normal = aim_m.map_or(axis, |aim| (center + axis * aim - position).normalize());
-                    Emitter::Disc { center: position, normal, radius_m, exponent }
+                    Emitter::Disc(DiscEmitter { center: position, normal, radius_m, exponent })
                 })
                 .collect()
         }
         LightType::Disc => {
             let radius_m = length("radius_mm", section.radius_mm)?;
-            vec![Emitter::Disc { center, normal: axis, radius_m, exponent }]
+            vec![Emitter::Disc(DiscEmitter { center, normal: axis, radius_m, exponent })]
         }
         LightType::Rectangle => {
             let [width, height] = section.size_mm.unwrap_or([f64::NAN; 2]);
@@ -304,16 +308,21 @@ fn emitters(
             let (edge_u, edge_v) = (right * width, up * height);
             let (edge_u, edge_v) =
                 if edge_u.cross(edge_v).dot(axis) > 0.0 { (edge_u, edge_v) } else { (edge_v, edge_u) };
-            vec![Emitter::Rectangle { corner: center - 0.5 * (edge_u + edge_v), edge_u, edge_v, exponent }]
+            vec![Emitter::Rectangle(RectangleEmitter {
+                corner: center - 0.5 * (edge_u + edge_v),
+                edge_u,
+                edge_v,
+                exponent,
+            })]
         }
         LightType::Sphere => {
-            vec![Emitter::Sphere { center, radius_m: length("radius_mm", section.radius_mm)? }]
+            vec![Emitter::Sphere(SphereEmitter { center, radius_m: length("radius_mm", section.radius_mm)? })]
         }
         LightType::Point => {
             let pattern = section.half_angle_deg.map(|_| (axis, exponent));
-            vec![Emitter::Point { position: center, pattern }]
+            vec![Emitter::Point(PointEmitter { position: center, pattern })]
         }
-        LightType::Distant => vec![Emitter::Distant { direction: axis }],
+        LightType::Distant => vec![Emitter::Distant(DistantEmitter { direction: axis })],
         LightType::Environment => vec![Emitter::Environment],
     };
     Ok(Emitters { center, axis, list })
@@ -390,37 +399,13 @@ fn absolute_spectrum(
     };
     let distance_m =
         context.within(&at.field("at_distance_mm"), distance_mm, LENGTH_MM, "millimetres")? * 1e-3;
-    let per_watt = irradiance_per_watt(emitters, distance_m);
+    // On the axis, on a surface that faces the light, when every emitter sends one watt.
+    let axis = emitters.axis.as_dvec3();
+    let position = emitters.center.as_dvec3() + axis * distance_m;
+    let place = OrientedPoint { position, normal: -axis };
+    let per_watt: f64 = emitters.list.iter().map(|emitter| emitter.irradiance_per_watt(place)).sum();
     if per_watt <= 0.0 {
         return context.fail(&at.field("at_distance_mm"), "no light reaches the axis at this distance");
     }
     Ok(unit.scaled(irradiance / per_watt))
-}
-
-/// Irradiance on the axis of a light, 1/m², on a surface that faces it, when every emitter sends one watt. Emitters
-/// are taken as points, which is good to 1 % from five diameters on.
-fn irradiance_per_watt(emitters: &Emitters, distance_m: f64) -> f64 {
-    let point = emitters.center.as_dvec3() + emitters.axis.as_dvec3() * distance_m;
-    let one = |emitter: &Emitter| {
-        let (position, pattern) = match emitter {
-            Emitter::Disc { center, normal, exponent, .. } => (*center, Some((*normal, *exponent))),
-            Emitter::Rectangle { corner, edge_u, edge_v, exponent } => {
-                (*corner + 0.5 * (*edge_u + *edge_v), Some((edge_u.cross(*edge_v).normalize(), *exponent)))
-            }
-            Emitter::Sphere { center, .. } => (*center, None),
-            Emitter::Point { position, pattern } => (*position, *pattern),
-            Emitter::Distant { .. } | Emitter::Environment | Emitter::EnvironmentMap(_) => return 0.0,
-        };
-        let way = point - position.as_dvec3();
-        let Some(direction) = way.try_normalize() else { return 0.0 };
-        let intensity = match pattern {
-            None => 1.0 / (4.0 * PI),
-            Some((normal, g)) => {
-                let cosine = direction.dot(normal.as_dvec3()).max(0.0);
-                (f64::from(g) + 1.0) / (2.0 * PI) * cosine.powf(g.into())
-            }
-        };
-        intensity * direction.dot(emitters.axis.as_dvec3()).max(0.0) / way.length_squared()
-    };
-    emitters.list.iter().map(one).sum()
 }

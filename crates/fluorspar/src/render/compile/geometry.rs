@@ -4,9 +4,8 @@ use fluorspar_accel::{BuildError, TriangleBvh};
 use glam::{Vec2, Vec3};
 
 use crate::geometry::TriangleMesh;
-use crate::render::compiled_scene::{
-    AnalyticShape, CompiledEmitter, CompiledShape, MeshTriangle, MeshVertex,
-};
+use crate::light::PreparedEmitter;
+use crate::render::compiled_scene::{AnalyticShape, CompiledShape, MeshTriangle, MeshVertex};
 use crate::render::instances::{CompiledInstances, InstanceList};
 use crate::sampling::warp;
 use crate::scene::{Scene, Shape};
@@ -25,7 +24,7 @@ pub(super) struct Geometry {
 /// The surface of an object that emits.
 pub(super) struct EmissiveSurface {
     pub(super) object: usize,
-    pub(super) emitter: CompiledEmitter,
+    pub(super) emitter: PreparedEmitter,
     pub(super) area_m2: f32,
 }
 
@@ -56,12 +55,13 @@ pub(super) fn compile(scene: &Scene) -> Result<(Geometry, Vec<EmissiveSurface>),
                 if !emits {
                     continue;
                 }
-                emissive_mesh(mesh, first_triangle)
+                (PreparedEmitter::mesh(mesh, first_triangle), mesh.area_m2() as f32)
             }
             // Emissive instances are sampled triangle by triangle, by the areas that these have at their places.
             Shape::Instances(many) if emits => {
                 let mesh = many.flattened();
-                emissive_mesh(&mesh, surfaces.add_mesh(object, &mesh))
+                let first_triangle = surfaces.add_mesh(object, &mesh);
+                (PreparedEmitter::mesh(&mesh, first_triangle), mesh.area_m2() as f32)
             }
             Shape::Instances(many) => {
                 instances.add(object, many);
@@ -69,14 +69,17 @@ pub(super) fn compile(scene: &Scene) -> Result<(Geometry, Vec<EmissiveSurface>),
             }
             Shape::Sphere { center, radius_m } => {
                 let shape = AnalyticShape::Sphere { center: *center, radius: *radius_m };
+                surfaces.shapes.push(CompiledShape { object, shape });
                 let area = 4.0 * std::f32::consts::PI * radius_m * radius_m;
-                (surfaces.add_shape(object, shape), area)
+                (PreparedEmitter::sphere(*center, *radius_m), area)
             }
             Shape::Disc { center, normal, radius_m } => {
                 let tangents = warp::tangents(*normal);
                 let shape =
                     AnalyticShape::Disc { center: *center, normal: *normal, tangents, radius: *radius_m };
-                (surfaces.add_shape(object, shape), std::f32::consts::PI * radius_m * radius_m)
+                surfaces.shapes.push(CompiledShape { object, shape });
+                let area = std::f32::consts::PI * radius_m * radius_m;
+                (PreparedEmitter::disc(*center, *normal, *radius_m), area)
             }
         };
         if emits {
@@ -113,28 +116,6 @@ impl Surfaces {
         self.triangle_object.extend(std::iter::repeat_n(object as u32, mesh.triangles.len()));
         first_triangle
     }
-
-    /// Adds an analytic shape; returns how it emits, if it does.
-    fn add_shape(&mut self, object: usize, shape: AnalyticShape) -> CompiledEmitter {
-        self.shapes.push(CompiledShape { object, shape });
-        CompiledEmitter::ShapeObject { shape: self.shapes.len() - 1 }
-    }
-}
-
-/// How a mesh emits, and its area, m².
-fn emissive_mesh(mesh: &TriangleMesh, first_triangle: usize) -> (CompiledEmitter, f32) {
-    let mut sum = 0.0_f64;
-    let cumulative_area = mesh
-        .triangles
-        .iter()
-        .map(|t| {
-            sum += f64::from(mesh.triangle_cross(t).length()) * 0.5;
-            sum as f32
-        })
-        .collect();
-    let (low, high) = mesh.bounds();
-    let (center, radius) = (0.5 * (low + high), 0.5 * (high - low).length());
-    (CompiledEmitter::Mesh { first_triangle, cumulative_area, center, radius }, mesh.area_m2() as f32)
 }
 
 impl Geometry {

@@ -1,14 +1,11 @@
 //! Lights ready for sampling, and the distinct spectra that they emit.
 
-use std::sync::Arc;
-
 use super::band_blocks;
 use super::excitation_bins::excitation_slices;
 use super::geometry::EmissiveSurface;
-use crate::light::{Emitter, EnvironmentLayer};
-use crate::render::compiled_scene::{CompiledEmitter, CompiledLight, Source};
+use crate::light::PreparedEmitter;
+use crate::render::compiled_scene::{CompiledLight, Source};
 use crate::render::fluorescence_operator::direct_exitance;
-use crate::sampling::{Rectangle, warp};
 use crate::scene::Scene;
 use crate::spectral::{Curve, Reflectance};
 
@@ -18,7 +15,10 @@ pub(super) struct Lights {
     pub(super) sources: Vec<Source>,
     /// Excitation bins of every lamp spectrum; 1 unless they are kept apart.
     pub(super) slices: usize,
+    /// Emissive objects, then light sources.
     pub(super) lights: Vec<CompiledLight>,
+    /// Number of the first light source in `lights`.
+    pub(super) first_light_source: usize,
     /// Lights of each group that can be sampled.
     pub(super) group_lights: Vec<Vec<usize>>,
     /// Emissive objects: their light.
@@ -42,61 +42,53 @@ pub(super) fn compile(scene: &Scene, emissive: Vec<EmissiveSurface>, excitation_
         if let Some(emission) = &scene.objects[object].emission {
             let source = list.source_of(emission.group, &emission.radiance);
             object_light[object] = Some(lights.len());
-            let power =
-                (emission.radiance.total() as f32 * area_m2 * std::f32::consts::PI).max(f32::MIN_POSITIVE);
-            lights.push(CompiledLight { source, group: emission.group, emitter, power });
+            let power = emission.radiance.total() as f32 * area_m2 * std::f32::consts::PI;
+            lights.push(compiled_light(emission.group, &[source], emitter, power));
         }
     }
+    let first_light_source = lights.len();
 
     // Light sources
     for light in &scene.lights {
-        let power = (light.spectrum.total() as f32).max(f32::MIN_POSITIVE);
-        let emitter = match &light.emitter {
-            Emitter::Disc { center, normal, radius_m, exponent } => CompiledEmitter::Disc {
-                center: *center,
-                normal: *normal,
-                tangents: warp::tangents(*normal),
-                radius: *radius_m,
-                exponent: *exponent,
-            },
-            Emitter::Rectangle { corner, edge_u, edge_v, exponent } => {
-                let shape = Rectangle::new(*corner, *edge_u, *edge_v);
-                CompiledEmitter::Rectangle { shape, exponent: *exponent }
-            }
-            Emitter::Sphere { center, radius_m } => {
-                CompiledEmitter::Sphere { center: *center, radius: *radius_m }
-            }
-            Emitter::Point { position, pattern } => {
-                CompiledEmitter::Point { position: *position, pattern: *pattern }
-            }
-            Emitter::Distant { direction } => CompiledEmitter::Distant { direction: *direction },
-            Emitter::Environment => {
-                let source = list.source_of(light.group, &light.spectrum);
-                environment.extend(source..source + list.slices);
-                continue;
-            }
-            Emitter::EnvironmentMap(map) => {
-                let layer_source = |layer: &EnvironmentLayer| {
-                    list.source_of(light.group, &light.spectrum.times(&layer.spectrum))
-                };
-                let sources: Vec<usize> = map.layers().iter().map(layer_source).collect();
-                let source = sources[0];
-                environment_maps.push(lights.len());
-                let emitter = CompiledEmitter::Environment { map: Arc::clone(map), sources };
-                let power = (light.whole_spectrum().total() as f32).max(f32::MIN_POSITIVE);
-                lights.push(CompiledLight { source, group: light.group, emitter, power });
-                continue;
-            }
+        let sources: Vec<usize> =
+            light.spectra().iter().map(|spectrum| list.source_of(light.group, spectrum)).collect();
+        let Some(emitter) = light.emitter.prepare() else {
+            environment.extend(sources.into_iter().flat_map(|source| source..source + list.slices));
+            continue;
         };
-        let source = list.source_of(light.group, &light.spectrum);
-        lights.push(CompiledLight { source, group: light.group, emitter, power });
+        if emitter.environment_map().is_some() {
+            environment_maps.push(lights.len());
+        }
+        let power = light.whole_spectrum().total() as f32;
+        lights.push(compiled_light(light.group, &sources, emitter, power));
     }
 
     let group_lights = (0..scene.light_groups.len())
         .map(|group| (0..lights.len()).filter(|&l| lights[l].group == group).collect())
         .collect();
     let SourceList { sources, slices, .. } = list;
-    Lights { sources, slices, lights, group_lights, object_light, environment, environment_maps }
+    Lights {
+        sources,
+        slices,
+        lights,
+        first_light_source,
+        group_lights,
+        object_light,
+        environment,
+        environment_maps,
+    }
+}
+
+/// A light of given sources: one, or one per layer of an environment map.
+fn compiled_light(group: usize, sources: &[usize], emitter: PreparedEmitter, power: f32) -> CompiledLight {
+    CompiledLight {
+        source: sources.first().copied().unwrap_or_default(),
+        sources: sources.to_vec(),
+        group,
+        bounds: emitter.bounds(),
+        emitter,
+        power: power.max(f32::MIN_POSITIVE),
+    }
 }
 
 /// Distinct spectra as they are gathered.

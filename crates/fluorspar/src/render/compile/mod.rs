@@ -62,6 +62,7 @@ impl CompiledScene {
             sources: lights.sources,
             slices: lights.slices,
             lights: lights.lights,
+            first_light_source: lights.first_light_source,
             group_lights: lights.group_lights,
             object_light: lights.object_light,
             environment: lights.environment,
