@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use fluorspar::anatomy::{MouthParameters, Tissue, generate_mouth};
 use fluorspar::geometry::TriangleMesh;
-use fluorspar::light::{DiscEmitter, Emitter, Light, LightGroup, RectangleEmitter};
+use fluorspar::light::{DiscEmitter, Light, LightGroup, RectangleEmitter};
 use fluorspar::material::{Coat, FluorophoreAmount, Lambertian, Material, ReflectanceTerm, ScalarTexture};
 use fluorspar::optics::{CameraLens, LensSetting, LensState, PerspectiveCamera};
 use fluorspar::preset;
@@ -173,12 +173,13 @@ fn cornell_box(options: &SceneOptions) -> Scene {
         name: "ceiling_lamp".into(),
         group: 0,
         spectrum: lamp_spectrum(10.0),
-        emitter: Emitter::Rectangle(RectangleEmitter {
+        emitter: RectangleEmitter {
             corner: Vec3::new(-0.25, 1.99, -0.2),
             edge_u: Vec3::X * 0.5,
             edge_v: Vec3::Z * 0.4,
             exponent: 1.0,
-        }),
+        }
+        .into(),
     });
     scene
 }
@@ -239,12 +240,7 @@ fn closed_cavity(options: &SceneOptions, gloss: bool) -> Scene {
             name: name.into(),
             group: 0,
             spectrum: lamp_spectrum(0.05),
-            emitter: Emitter::Disc(DiscEmitter {
-                center,
-                normal: Vec3::NEG_Z,
-                radius_m: 0.0025,
-                exponent: 1.0,
-            }),
+            emitter: DiscEmitter { center, normal: Vec3::NEG_Z, radius_m: 0.0025, exponent: 1.0 }.into(),
         });
     }
     scene
@@ -292,12 +288,8 @@ fn mouth(options: &SceneOptions) -> Scene {
             name: name.into(),
             group: 0,
             spectrum: lamp_spectrum(0.2),
-            emitter: Emitter::Disc(DiscEmitter {
-                center,
-                normal: (-center).normalize(),
-                radius_m: 0.0025,
-                exponent: 1.0,
-            }),
+            emitter: DiscEmitter { center, normal: (-center).normalize(), radius_m: 0.0025, exponent: 1.0 }
+                .into(),
         });
     }
     scene
