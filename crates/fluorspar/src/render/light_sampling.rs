@@ -1,4 +1,5 @@
-//! Directions towards lights, with their densities, for next-event estimation and its weighting.
+//! Choice among the lights of a group, for next-event estimation and its weighting. How each light is sampled, with which
+//! density, is defined in [`crate::light`].
 
 use std::f32::consts::PI;
 
@@ -8,22 +9,23 @@ use super::compiled_scene::{CompiledLight, CompiledScene};
 use super::surface::Target;
 use crate::light::{Emission, EmitterSample, LightBounds};
 
-/// Light that may arrive at a point.
+/// A light that was chosen, and a direction towards it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LightSample {
+    /// Number of the light.
     pub(super) light: usize,
     /// Unit direction from the point to the light.
     pub(super) direction: Vec3,
     /// Distance to the light, m.
     pub(super) distance: f32,
-    /// Factor on the source's spectrum: radiance for lights with area, radiance times solid angle for point-like ones,
+    /// Factor on the source's spectrum: radiance for lights with area, radiance times solid angle for delta lights,
     /// 1 for environment maps, whose pixel holds the factors.
     pub(super) scale: f32,
     /// Pixel of an environment map.
     pub(super) pixel: usize,
-    /// Density, 1/sr, choice of the light included; for point-like lights the probability of the choice.
+    /// Density, 1/sr, choice of the light included; for delta lights the probability of the choice.
     pub(super) pdf: f32,
-    /// Point-like: no ray finds it by chance.
+    /// Delta light: no scattered ray meets it.
     pub(super) delta: bool,
 }
 
@@ -70,7 +72,7 @@ impl CompiledScene {
             [] => None,
             [only] => Some((*only, 1.0)),
             _ => {
-                // Weights of the first lights are kept between the two passes over them.
+                // Sum the weights of all lights; those of the first are kept for the second pass.
                 let mut known = [0.0; KNOWN_WEIGHTS];
                 let weight = |l: usize| self.light_weight(&self.lights[l], position, normal);
                 let mut total = 0.0;
@@ -81,6 +83,7 @@ impl CompiledScene {
                         *known = w;
                     }
                 }
+                // Invert the cumulative distribution; rounding may leave the last light.
                 let mut left = u * total;
                 let mut last = None;
                 for (index, &light) in lights.iter().enumerate() {
@@ -116,7 +119,10 @@ impl CompiledScene {
         normal: Vec3,
         u: [f32; 3],
     ) -> Option<LightSample> {
+        // Choose a light
         let (light, choice) = self.choose_light(group, position, normal, u[0])?;
+
+        // Sample a direction towards it
         let corners = |triangle| self.corners(triangle);
         let sample = self.lights[light].emitter.sample(position, [u[1], u[2]], choice, corners)?;
         let EmitterSample { direction, distance, scale, pixel, pdf, delta } = sample;
@@ -175,6 +181,7 @@ impl CompiledScene {
         distance: f32,
         target: Target,
     ) -> Option<(usize, f32, f32)> {
+        // Find the light that was met
         let light = match target {
             Target::Light(index) => index as usize,
             Target::Triangle { triangle, .. } => self.object_light[self.object_of(triangle as usize)]?,
@@ -182,6 +189,8 @@ impl CompiledScene {
             // Instances of lamps are triangles of their own.
             Target::Instance { .. } => return None,
         };
+
+        // Evaluate its emission and the density of next-event estimation
         let corners = || match target {
             Target::Triangle { triangle, .. } => Some(self.corners(triangle as usize)),
             _ => None,
