@@ -6,7 +6,7 @@ use super::cosine_lobe::{check_exponent, irradiance_factor, lobe_radiance, point
 use super::emitter_sample::toward;
 use super::{ApparentSize, Emission, EmitterError, EmitterSample, LightBounds, check_length};
 use crate::geometry::{OrientedPoint, intersect_plane};
-use crate::sampling::{Rectangle, SphericalRectangle};
+use crate::sampling::{FlatRectangle, SphericalRectangle};
 
 /// A flat rectangle that emits to the side of `edge_u x edge_v`. Spectrum: radiant power, W/nm.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -55,7 +55,7 @@ impl RectangleEmitter {
     }
 
     pub(super) fn prepare(&self) -> PreparedRectangle {
-        let shape = Rectangle::new(self.corner, self.edge_u, self.edge_v);
+        let shape = FlatRectangle::new(self.corner, self.edge_u, self.edge_v);
         PreparedRectangle { shape, exponent: self.exponent }
     }
 }
@@ -63,7 +63,7 @@ impl RectangleEmitter {
 /// A rectangle ready for intersection and sampling.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PreparedRectangle {
-    shape: Rectangle,
+    shape: FlatRectangle,
     exponent: f32,
 }
 

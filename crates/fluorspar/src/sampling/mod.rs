@@ -9,5 +9,5 @@ pub mod warp;
 
 pub use sobol::{SampleStream, hash_u64};
 pub use spherical_ellipse::SphericalEllipse;
-pub use spherical_rectangle::{Rectangle, SphericalRectangle};
+pub use spherical_rectangle::{FlatRectangle, SphericalRectangle};
 pub(crate) use value_noise::{fractal_noise, smoothstep};

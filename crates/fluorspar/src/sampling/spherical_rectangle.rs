@@ -4,7 +4,7 @@ use glam::{Vec2, Vec3};
 
 /// A flat rectangle in a frame of its own.
 #[derive(Clone, Copy, Debug)]
-pub struct Rectangle {
+pub struct FlatRectangle {
     corner: Vec3,
     /// Unit vectors along the edges, and perpendicular to both.
     axes: [Vec3; 3],
@@ -12,7 +12,7 @@ pub struct Rectangle {
     lengths: Vec2,
 }
 
-impl Rectangle {
+impl FlatRectangle {
     /// The rectangle at `corner` with two perpendicular edges that are not zero.
     pub fn new(corner: Vec3, edge_u: Vec3, edge_v: Vec3) -> Self {
         let (x, y) = (edge_u.normalize(), edge_v.normalize());
@@ -82,8 +82,8 @@ impl SphericalRectangle {
     /// A rectangle as seen from `eye`. `None` when it is seen edge-on, or so small and far that it is even in area to one
     /// part in 10^5.
     #[inline]
-    pub fn new(rectangle: &Rectangle, eye: Vec3) -> Option<Self> {
-        let Rectangle { corner, axes: [x, y, mut z], lengths } = *rectangle;
+    pub fn new(rectangle: &FlatRectangle, eye: Vec3) -> Option<Self> {
+        let FlatRectangle { corner, axes: [x, y, mut z], lengths } = *rectangle;
         let offset = corner - eye;
         let mut height = -offset.dot(z);
         if height < 0.0 {
@@ -250,7 +250,7 @@ mod tests {
             let [width, length] = random(4 * i + 1).map(|u| 10_f32.powf(3.0 * u - 2.0));
             let z = 10_f32.powf(4.0 * random(4 * i + 2)[0] - 3.0);
             let corner = Vec3::new(a, b, z);
-            let rectangle = Rectangle::new(corner, Vec3::X * width, Vec3::Y * length);
+            let rectangle = FlatRectangle::new(corner, Vec3::X * width, Vec3::Y * length);
             let expected = reference(
                 [f64::from(a), f64::from(a) + f64::from(width)],
                 [f64::from(b), f64::from(b) + f64::from(length)],
@@ -275,7 +275,7 @@ mod tests {
     fn the_solid_angle_of_a_square_on_its_axis() {
         for (a, h) in [(0.5, 1.0), (1.0, 0.01), (0.01, 1.0), (0.0001, 0.002), (300.0, 4000.0)] {
             let corner = Vec3::new(-a, -a, h);
-            let square = Rectangle::new(corner, Vec3::X * 2.0 * a, Vec3::Y * 2.0 * a);
+            let square = FlatRectangle::new(corner, Vec3::X * 2.0 * a, Vec3::Y * 2.0 * a);
             let seen = SphericalRectangle::new(&square, Vec3::ZERO).unwrap();
             let (a, h) = (f64::from(a), f64::from(h));
             let expected = 4.0 * (a * a / (a * a + h * h)).asin();
@@ -301,7 +301,7 @@ mod tests {
             (strip, Vec3::new(0.3, 1.0, 1.2)),
         ];
         for ([width, length], eye) in cases {
-            let rectangle = Rectangle::new(corner, Vec3::X * width, Vec3::Y * length);
+            let rectangle = FlatRectangle::new(corner, Vec3::X * width, Vec3::Y * length);
             let seen = SphericalRectangle::new(&rectangle, eye).unwrap();
             let mut observed = vec![0.0; SIDE * SIDE];
             for i in 0..POINTS {
