@@ -1,7 +1,7 @@
 //! A study built from code, without any file: scene, light, lens, filter, sensor, captures, analysis.
 //!
 //! It is the flat patch of the catalogue (`base = "flat-patch"`), and a test holds that both give the same bits. The patch
-//! holds 0.1 units of porphyrin beside 1.6 units of bulk, so the fraction should be 0.1 / 1.7 = 0.059.
+//! holds 0.1 units of porphyrin beside one unit of bulk, so the fraction should be 0.1 / 1.1 = 0.091.
 
 use std::error::Error;
 use std::sync::Arc;
