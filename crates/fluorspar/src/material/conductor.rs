@@ -10,7 +10,7 @@ use super::fresnel::conductor_fresnel;
 use super::microfacet::{self, AlbedoTable, mirror_lobe, white_microfacets};
 use super::texture::ScalarTexture;
 use crate::sampling::warp;
-use crate::spectral::{Curve, Reflectance, WavelengthGrid};
+use crate::spectral::{Curve, WavelengthGrid};
 
 /// A metal surface, smooth or rough: GGX microfacets with the Fresnel reflectance of a complex refractive index.
 ///
@@ -74,13 +74,12 @@ pub struct ConductorReflectance {
 impl ConductorReflectance {
     /// Fits a metal on the bands of a grid. `rough` holds the albedo of microfacets that reflect everything.
     pub fn new(conductor: &Conductor, grid: &WavelengthGrid, rough: &AlbedoTable) -> Self {
-        let n = conductor.n.on_grid::<Reflectance>(grid);
-        let k = conductor.k.on_grid::<Reflectance>(grid);
+        let (n, k) = (conductor.n.bin_averages(grid), conductor.k.bin_averages(grid));
         let bands = grid.len();
         let exact: Vec<Vec<f64>> = (0..COSINES)
             .map(|node| {
                 let cos = node_cosine(node);
-                (0..bands).map(|band| conductor_fresnel(cos, n.values()[band], k.values()[band])).collect()
+                (0..bands).map(|band| conductor_fresnel(cos, n[band], k[band])).collect()
             })
             .collect();
         // Mean over the hemisphere: 2 cos dcos, trapezoidal.
@@ -367,12 +366,12 @@ mod tests {
         let copper = Conductor { n, k, roughness: ScalarTexture::Constant(0.0) };
         let grid = WavelengthGrid::uniform(400.0, 700.0, 50.0).unwrap();
         let reflectance = ConductorReflectance::new(&copper, &grid, white_microfacets());
-        let (n, k) = (copper.n.on_grid::<Reflectance>(&grid), copper.k.on_grid::<Reflectance>(&grid));
+        let (n, k) = (copper.n.bin_averages(&grid), copper.k.bin_averages(&grid));
         for cos in [0.02_f32, 0.1, 0.33, 0.77, 1.0] {
             let viewer = reflectance.viewer(cos);
             let (a, b) = reflectance.at_angle(viewer, cos);
             for (band, value) in reflectance.spectrum(viewer).iter().enumerate() {
-                let exact = conductor_fresnel(cos.into(), n.values()[band], k.values()[band]);
+                let exact = conductor_fresnel(cos.into(), n[band], k[band]);
                 let fitted = f64::from(a * value + b);
                 assert!((fitted - exact).abs() < 2e-3, "{cos} {}: {fitted} {exact}", grid.center_nm(band));
             }

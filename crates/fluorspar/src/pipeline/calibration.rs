@@ -166,12 +166,12 @@ fn flats(study: &Study, sensor: &Sensor, plan: &FlatFieldPlan) -> Result<MasterF
     let film = sensor.film_extent();
     let rows = (FLAT_COLUMNS as f64 * film.height_mm / film.width_mm).round().max(1.0) as usize;
     let grid = &study.scene.grid;
-    let spectrum = plan.spectrum.on_grid::<Radiance>(grid);
+    let spectrum = plan.spectrum.bin_averages(grid);
     let mut radiance = SpectralImage::<Radiance>::zeros(grid.clone(), FLAT_COLUMNS, rows);
     // Only the shape counts: units of any size stay within single precision.
-    let peak = spectrum.values().iter().copied().fold(0.0, f64::max).max(f64::MIN_POSITIVE);
+    let peak = spectrum.iter().copied().fold(0.0, f64::max).max(f64::MIN_POSITIVE);
     for pixel in radiance.data_mut().chunks_exact_mut(grid.len()) {
-        pixel.iter_mut().zip(spectrum.values()).for_each(|(value, s)| *value = (*s / peak) as f32);
+        pixel.iter_mut().zip(&spectrum).for_each(|(value, s)| *value = (*s / peak) as f32);
     }
     let irradiance = flat_film_irradiance(study, &lens, &radiance, film.width_mm);
     let mut rate = sensor.electron_rate_on_film(&irradiance, film)?;

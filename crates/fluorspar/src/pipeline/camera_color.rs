@@ -2,10 +2,9 @@
 
 use super::analyze::frame_lamp;
 use super::preview::inverse;
-use crate::spectral::{
-    Curve, QuantumEfficiency, Radiance, Spectrum, StandardObserver, WavelengthGrid, daylight_d65,
-};
+use crate::spectral::{Curve, QuantumEfficiency, Spectrum, StandardObserver, WavelengthGrid, daylight_d65};
 use crate::study::{Capture, Study};
+use crate::units::photons_per_joule;
 
 /// The color of the camera of a study, for raw converters.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -34,13 +33,14 @@ impl CameraColor {
             .map(|name| Some(sensor.qe().on_grid(sensor.qe().find(name)?, &grid)))
             .collect::<Option<_>>()?;
         let respond = |light: &Curve| -> [f64; 3] {
-            let photons = light.times(&lens.transmittance).on_grid::<Radiance>(&grid).to_photons();
+            let photons: Vec<f64> = (light.times(&lens.transmittance).bin_averages(&grid).iter().enumerate())
+                .map(|(b, v)| v * photons_per_joule(grid.center_nm(b)))
+                .collect();
             std::array::from_fn(|c| (0..grid.len()).map(|b| photons[b] * qe[c][b] * grid.width_nm(b)).sum())
         };
         let observer = StandardObserver::new(&grid);
         let tristimulus = |light: &Curve| -> [f64; 3] {
-            let values: Vec<f32> =
-                light.on_grid::<Radiance>(&grid).values().iter().map(|v| *v as f32).collect();
+            let values: Vec<f32> = light.bin_averages(&grid).iter().map(|v| *v as f32).collect();
             observer.xyz(&values)
         };
         let daylight = daylight_d65();

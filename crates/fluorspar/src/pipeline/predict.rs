@@ -8,7 +8,7 @@ use serde::Serialize;
 use super::region_signal::{CameraResponse, MixtureSpectra, PorphyrinEstimate, estimate_porphyrin};
 use crate::analysis::sensor_chromaticity;
 use crate::sensor::{ElectronRate, Exposure, FlatResponse, SensorProblem};
-use crate::spectral::{Curve, Fluorophore, Irradiance, Radiance, Spectrum, ToolboxEem, Transmittance};
+use crate::spectral::{Curve, Fluorophore, Irradiance, Spectrum, ToolboxEem, Transmittance};
 use crate::study::{FlatSample, FluorescenceModel};
 
 /// Radiance that leaves the sample, before any viewing filter, W/(sr m² nm), one value per wavelength.
@@ -290,7 +290,7 @@ fn parts(sample: &FlatSample) -> Result<Parts, PredictError> {
 fn physical_parts(sample: &FlatSample) -> Parts {
     let grid = &sample.grid;
     let reflected_light = sample.irradiance.times(&sample.reflectance);
-    let reflected = reflected_light.on_grid::<Radiance>(grid);
+    let reflected = reflected_light.bin_averages(grid);
     let fluorescence = sample
         .fluorophores
         .iter()
@@ -301,10 +301,10 @@ fn physical_parts(sample: &FlatSample) -> Parts {
         .collect();
     let filter = &sample.camera.view_filter.transmittance;
     Parts {
-        irradiance: sample.irradiance.on_grid::<Irradiance>(grid).values().to_vec(),
-        reflected: reflected.values().iter().map(|v| v / PI).collect(),
+        irradiance: sample.irradiance.bin_averages(grid),
+        reflected: reflected.iter().map(|v| v / PI).collect(),
         fluorescence,
-        view: filter.on_grid::<Transmittance>(grid).values().to_vec(),
+        view: filter.bin_averages(grid),
         view_of_reflected: filter.on_grid_under::<Transmittance>(grid, &reflected_light).values().to_vec(),
     }
 }

@@ -7,6 +7,7 @@ use crate::spectral::{
     Curve, QuantumEfficiency, Radiance, Spectrum, StandardObserver, encode_srgb, linear_srgb,
 };
 use crate::study::{Capture, Study};
+use crate::units::photons_per_joule;
 
 /// An 8-bit sRGB picture, `[row, col, channel]`, rows from the top.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -51,8 +52,9 @@ impl ColorRendering {
             .iter()
             .map(|name| Some(sensor.qe().on_grid(sensor.qe().find(name)?, grid)))
             .collect::<Option<_>>()?;
-        let lit = lamp.times(filter).on_grid::<Radiance>(grid);
-        let photons = lit.to_photons();
+        let lit = lamp.times(filter).bin_averages(grid);
+        let photons: Vec<f64> =
+            lit.iter().enumerate().map(|(b, v)| v * photons_per_joule(grid.center_nm(b))).collect();
         let observer = StandardObserver::new(grid);
         let respond = |reflectance: &dyn Fn(f64) -> f64| -> [f64; 3] {
             std::array::from_fn(|c| {
@@ -186,8 +188,7 @@ pub fn radiance_preview(image: &SpectralImage<Radiance>) -> Preview {
 /// it is.
 pub fn light_group_preview(image: &SpectralImage<Radiance>, study: &Study, group: &str) -> Preview {
     let white = group_spectrum(study, group).filter(covers_the_visible_range).map(|lamp| {
-        let lamp = lamp.on_grid::<Radiance>(image.grid());
-        let values: Vec<f32> = lamp.values().iter().map(|value| *value as f32).collect();
+        let values: Vec<f32> = lamp.bin_averages(image.grid()).iter().map(|value| *value as f32).collect();
         linear_srgb(StandardObserver::new(image.grid()).xyz(&values))
     });
     let white = white.filter(|white| white.iter().all(|channel| *channel > 0.0)).unwrap_or([1.0; 3]);

@@ -126,7 +126,7 @@ pub(crate) fn direct_exitance(eem: &PhotonEem, grid: &WavelengthGrid, lamp: &Cur
     let (x, y) = (photons.wavelengths_nm(), photons.values());
     let energy = Curve::new(x.to_vec(), x.iter().zip(y).map(|(nm, value)| value / nm).collect());
     match energy {
-        Ok(curve) => curve.on_grid::<crate::spectral::Irradiance>(grid).values().to_vec(),
+        Ok(curve) => curve.bin_averages(grid),
         Err(_) => vec![0.0; grid.len()],
     }
 }

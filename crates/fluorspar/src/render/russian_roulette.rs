@@ -16,7 +16,7 @@
 use super::fluorescence_operator::FluorescenceOperator;
 use crate::material::BsdfValue;
 use crate::scene::Scene;
-use crate::spectral::{Curve, Reflectance, WavelengthGrid};
+use crate::spectral::{Curve, WavelengthGrid};
 
 /// Coarse bins of equal width.
 pub(super) const BINS: usize = 8;
@@ -116,8 +116,8 @@ impl RouletteModel {
     pub(super) fn coarse(&self, curve: &Curve) -> Coarse {
         let mut values = [0.0; BINS];
         if let Some(grid) = &self.grid {
-            let spectrum = curve.on_grid::<Reflectance>(grid);
-            values.iter_mut().zip(spectrum.values()).for_each(|(value, mean)| *value = *mean as f32);
+            let averages = curve.bin_averages(grid);
+            values.iter_mut().zip(&averages).for_each(|(value, mean)| *value = *mean as f32);
         }
         values
     }

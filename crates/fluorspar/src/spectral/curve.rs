@@ -207,14 +207,15 @@ impl Curve {
         self.integral(first, last)
     }
 
-    /// Bin averages on a grid: `(1/width) * integral over the bin`. The integral over the grid is kept exactly.
+    /// Averages over the bins of a grid, `(1/width) * integral over the bin`, in the unit of the curve. The integral over
+    /// the grid is kept exactly.
+    pub fn bin_averages(&self, grid: &WavelengthGrid) -> Vec<f64> {
+        grid.edges_nm().windows(2).map(|edge| self.integral(edge[0], edge[1]) / (edge[1] - edge[0])).collect()
+    }
+
+    /// [`Self::bin_averages`] of a curve that holds values of a quantity, in its unit.
     pub fn on_grid<Q: Quantity>(&self, grid: &WavelengthGrid) -> Spectrum<Q> {
-        let values = grid
-            .edges_nm()
-            .windows(2)
-            .map(|edge| self.integral(edge[0], edge[1]) / (edge[1] - edge[0]))
-            .collect();
-        Spectrum::from_parts(grid.clone(), values)
+        Spectrum::from_parts(grid.clone(), self.bin_averages(grid))
     }
 
     /// Bin averages weighted by the spectrum of the light that passes, `integral T w / integral w`: what a filter lets through

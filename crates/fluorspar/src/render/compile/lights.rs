@@ -7,7 +7,7 @@ use crate::light::PreparedEmitter;
 use crate::render::compiled_scene::{CompiledLight, Source};
 use crate::render::fluorescence_operator::direct_exitance;
 use crate::scene::Scene;
-use crate::spectral::{Curve, Reflectance};
+use crate::spectral::Curve;
 
 /// All lights of a scene.
 pub(super) struct Lights {
@@ -115,7 +115,7 @@ impl<'a> SourceList<'a> {
         self.known.push((group, curve.clone()));
         let grid = &self.scene.grid;
         for (slice, curve) in excitation_slices(curve, self.excitation_edges_nm).into_iter().enumerate() {
-            let bands = band_blocks(curve.on_grid::<Reflectance>(grid).values());
+            let bands = band_blocks(&curve.bin_averages(grid));
             let exitance = self
                 .scene
                 .fluorophores
