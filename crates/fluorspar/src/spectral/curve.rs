@@ -116,6 +116,13 @@ impl Curve {
         Self { wavelength_nm, value }
     }
 
+    /// A piecewise linear function through values at equal distances; at least two of them.
+    pub(super) fn evenly_spaced(first_nm: f64, step_nm: f64, values: impl IntoIterator<Item = f64>) -> Self {
+        let value: Vec<f64> = values.into_iter().collect();
+        let wavelength_nm = (0..value.len()).map(|i| first_nm + i as f64 * step_nm).collect();
+        Self { wavelength_nm, value }
+    }
+
     /// Samples an analytic model over 200 to 1200 nm. A `table` keeps its own samples and range.
     pub fn from_model(model: &CurveModel) -> Self {
         if let CurveModel::Table { wavelength_nm, value } = model

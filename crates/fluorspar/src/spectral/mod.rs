@@ -9,6 +9,7 @@
 //! | [`PhotonEem`], [`EnergyEem`] | excitation-emission (Donaldson) matrices, never mixed silently |
 //! | [`Fluorophore`] | a named photon yield density with source, range and scale |
 
+mod cie_tables;
 mod color_difference;
 mod colorimetry;
 mod curve;
