@@ -277,14 +277,18 @@ fn numpy_mistakes_are_explained() {
             array("'<f4'", "False", "(2, 2)"),
             "a.npy: the shape [2, 2] needs 16 bytes but 0 follow. Was it copied completely?",
         ),
-        (array("'<f8'", "False", "(2, 2)"), "a.npy: the elements are '<f8', not '<f4'. Save a.astype('<f4')"),
+        (
+            array("'<c8'", "False", "(2, 2)"),
+            "a.npy: the elements are '<c8', not '<f4' or '<f8'. Save a.astype('<f4')",
+        ),
+        (array("'<f4'", "False", "2, 2"), "a.npy: invalid header of a .npy file. Write it with numpy.save"),
         (
             array("'<f4'", "True", "(2, 2)"),
             "a.npy: the array is in Fortran order. Save numpy.ascontiguousarray(a)",
         ),
         (
             array("'<f4'", "False", "(9000000000, 9000000000)"),
-            "a.npy: the array claims the shape (9000000000, 9000000000); at most 8589934592 bytes is read. \
+            "a.npy: the array claims the shape [9000000000, 9000000000]; at most 8589934592 bytes is read. \
              The file is damaged or meant for something else",
         ),
         (

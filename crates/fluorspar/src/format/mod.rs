@@ -37,6 +37,7 @@ mod lens;
 mod mat;
 mod mesh_set;
 mod npy;
+mod npy_array;
 mod obj;
 mod packed_raw;
 mod placements;

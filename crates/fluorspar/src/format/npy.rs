@@ -1,16 +1,13 @@
 //! NumPy arrays: spectral and component images as f32 `.npy` with a JSON description beside them.
 
 use std::fs::File;
-use std::io::{BufReader, BufWriter, Read, Seek};
+use std::io::BufWriter;
 use std::path::Path;
 
-use npyz::WriterBuilder;
 use serde::{Deserialize, Serialize};
 
-use super::csv_table::shortened;
-use super::file::{
-    MAX_IMAGE_BYTES, check_image_size, guarded, read_sidecar, sidecar_path, write_atomically, write_sidecar,
-};
+use super::file::{check_image_size, read_sidecar, sidecar_path, write_atomically, write_sidecar};
+use super::npy_array::{read_npy, write_npy};
 use super::{FormatError, Loaded, Provenance};
 use crate::image::{Component, ComponentImage, FeatureMaps, SpectralImage};
 use crate::spectral::{Quantity, Radiance, WavelengthGrid};
@@ -100,12 +97,7 @@ fn write_array(path: &Path, description: &Description, data: &[f32]) -> Result<(
             "Give one value per component, row, column and band",
         ));
     }
-    write_atomically(path, |writer: &mut BufWriter<File>| {
-        let mut array =
-            npyz::WriteOptions::new().default_dtype().shape(&description.shape).writer(writer).begin_nd()?;
-        array.extend(data.iter().copied())?;
-        array.finish()
-    })?;
+    write_atomically(path, |writer: &mut BufWriter<File>| write_npy(writer, &description.shape, data))?;
     write_sidecar(path, description)
 }
 
@@ -199,88 +191,4 @@ fn read_array(
     }
     check_image_size(path, shape[axes - 2], shape[axes - 3], 4 * shape[axes - 1], u64::MAX)?;
     Ok((description, grid, data))
-}
-
-/// Shape and values of an f32 array in C order.
-pub(super) fn read_npy(path: &Path) -> Result<(Vec<u64>, Vec<f32>), FormatError> {
-    let failed = |source| FormatError::io(path, "read", source);
-    let file = File::open(path).map_err(failed)?;
-    let length = file.metadata().map_err(failed)?.len();
-    let mut reader = BufReader::new(file);
-    let mut start = [0; 12];
-    if length < 12 {
-        return Err(not_npy(path));
-    }
-    reader.read_exact(&mut start).map_err(failed)?;
-    let header_length = match (&start[..6], start[6]) {
-        (b"\x93NUMPY", 1) => u64::from(u16::from_le_bytes([start[8], start[9]])),
-        (b"\x93NUMPY", 2 | 3) => u64::from(u32::from_le_bytes([start[8], start[9], start[10], start[11]])),
-        _ => return Err(not_npy(path)),
-    };
-    if header_length + 10 > length || header_length > 1 << 20 {
-        return Err(FormatError::malformed(
-            path,
-            format!("the header claims {header_length} bytes in a file of {length}"),
-            "Was it copied completely?",
-        ));
-    }
-    let mut text = Vec::new();
-    Read::by_ref(&mut reader).take(header_length).read_to_end(&mut text).map_err(failed)?;
-    let expected = claimed_bytes(path, &String::from_utf8_lossy(&text), length)?;
-    reader.rewind().map_err(failed)?;
-    guarded(path, ".npy", || {
-        let damaged = |error: std::io::Error| {
-            FormatError::malformed(path, format!("the array can't be read: {error}"), "Write the file again")
-        };
-        let header = npyz::NpyHeader::from_reader(&mut reader).map_err(damaged)?;
-        let data_bytes = length - reader.stream_position().map_err(failed)?;
-        let shape = header.shape().to_vec();
-        if header.order() != npyz::Order::C {
-            return Err(FormatError::unsupported(
-                path,
-                "the array is in Fortran order",
-                "Save numpy.ascontiguousarray(a)",
-            ));
-        }
-        if header.dtype() != npyz::DType::Plain("<f4".parse().map_err(|_| not_npy(path))?) {
-            return Err(FormatError::unsupported(
-                path,
-                format!("the elements are {}, not '<f4'", header.dtype().descr()),
-                "Save a.astype('<f4')",
-            ));
-        }
-        if expected != data_bytes {
-            return Err(FormatError::malformed(
-                path,
-                format!("the shape {shape:?} needs {expected} bytes but {data_bytes} follow"),
-                "Was it copied completely?",
-            ));
-        }
-        let data = npyz::NpyFile::with_header(header, &mut reader).into_vec::<f32>().map_err(damaged)?;
-        Ok((shape, data))
-    })
-}
-
-/// Bytes of an f32 array with the shape that a header names, in a file of a length.
-fn claimed_bytes(path: &Path, header: &str, length: u64) -> Result<u64, FormatError> {
-    let shape = header.split_once("'shape'").and_then(|(_, rest)| rest.split_once('(')?.1.split_once(')'));
-    let Some((shape, _)) = shape else {
-        return Err(FormatError::malformed(path, "the header names no shape", "Write it with numpy.save"));
-    };
-    let mut bytes = Some(4_u64);
-    for extent in shape.split(',').map(str::trim).filter(|extent| !extent.is_empty()) {
-        bytes = extent.parse::<u64>().ok().and_then(|extent| bytes?.checked_mul(extent));
-    }
-    let most_bytes = MAX_IMAGE_BYTES.max(length);
-    bytes.filter(|&bytes| bytes <= most_bytes).ok_or_else(|| {
-        FormatError::too_large(
-            path,
-            format!("the array claims the shape ({})", shortened(shape)),
-            format!("{most_bytes} bytes"),
-        )
-    })
-}
-
-fn not_npy(path: &Path) -> FormatError {
-    FormatError::malformed(path, "this is not a NumPy .npy file", "Write it with numpy.save")
 }

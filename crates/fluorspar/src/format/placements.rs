@@ -6,7 +6,7 @@ use glam::{Affine3, Mat3, Vec3};
 
 use super::FormatError;
 use super::file::{MAX_TEXT_BYTES, as_text, read_file};
-use super::npy::read_npy;
+use super::npy_array::read_npy;
 
 /// Numbers of a place: three rows of four.
 const NUMBERS: usize = 12;
@@ -16,7 +16,7 @@ const NUMBERS: usize = 12;
 /// A place is a matrix of three rows and four columns, row by row: the columns are what becomes of the x, y and z axes,
 /// and the displacement in units of `unit_m`, m. A text file (`.csv`, `.txt`) has twelve numbers a line, separated by
 /// commas, semicolons, tabs or spaces; lines that begin with `#` are comments, and one line of names may come first. An array
-/// (`.npy`) holds f32 of shape `[n, 12]`, `[n, 3, 4]` or `[n, 4, 4]` with last rows 0, 0, 0, 1.
+/// (`.npy`) holds f32 or f64 of shape `[n, 12]`, `[n, 3, 4]` or `[n, 4, 4]` with last rows 0, 0, 0, 1.
 ///
 /// # Errors
 /// Other files, lines of other lengths, numbers that are not finite; each with its place.
