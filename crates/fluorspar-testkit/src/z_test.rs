@@ -1,6 +1,6 @@
 //! Means with standard errors.
 
-use statrs::distribution::{ContinuousCDF, StudentsT};
+use statrs::distribution::{ContinuousCDF, Normal, StudentsT};
 
 /// A mean and its standard error, from independent samples.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -29,6 +29,12 @@ pub fn z_score(estimate: MeanEstimate, truth: f64, rounding: f64) -> f64 {
     }
     let distance = ((estimate.mean - truth).abs() - rounding).max(0.0);
     if distance == 0.0 { 0.0 } else { distance / estimate.standard_error }
+}
+
+/// Standard errors that the estimate of a true mean exceeds, either way, with the probability `significance`: the
+/// two-sided quantile of the standard normal distribution. 1.96 at 0.05.
+pub fn z_limit(significance: f64) -> f64 {
+    Normal::standard().inverse_cdf(1.0 - 0.5 * significance)
 }
 
 /// Probability that two sets of independent, nearly normal measurements with equal means differ in their means by as
@@ -62,6 +68,14 @@ mod tests {
         assert_eq!(welch_t_test(&[1.0, 1.0], &[1.0, 1.0]), 1.0);
         assert_eq!(welch_t_test(&[1.0, 1.0], &[2.0, 2.0]), 0.0);
         assert!(welch_t_test(&[1.0], &[2.0, 2.0]).is_nan());
+    }
+
+    #[test]
+    fn limits_of_the_normal_distribution() {
+        // Abramowitz and Stegun, table 26.6.
+        for (significance, z) in [(0.05, 1.959_963_985), (1e-3, 3.290_526_731), (1e-6, 4.891_638_476)] {
+            assert!((z_limit(significance) - z).abs() < 1e-6, "{}", z_limit(significance));
+        }
     }
 
     #[test]

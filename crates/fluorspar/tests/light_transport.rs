@@ -12,7 +12,7 @@ use fluorspar::material::{Coat, Lambertian, Material, ScalarTexture};
 use fluorspar::render::{Estimator, RenderControl, RenderSettings, render};
 use fluorspar::scene::{Scene, SceneError, Shape, SurfaceEmission};
 use fluorspar::spectral::{Curve, Fluorophore, WavelengthGrid};
-use fluorspar_testkit::{MeanEstimate, sidak, z_score};
+use fluorspar_testkit::{MeanEstimate, sidak, z_limit, z_score};
 use glam::Vec3;
 use support::{camera, dye, flat, gaussian, object, quad, run, scene, settings, with_dyes};
 
@@ -111,7 +111,7 @@ fn fluorescent_furnace() {
 
     let image = run(&cavity, &settings(64, 100));
     // 3 components x 35 bands and the totals: all together reject a correct renderer once in a thousand seeds.
-    let limit = normal_quantile(sidak(1e-3, 4 * n));
+    let limit = z_limit(sidak(1e-3, 4 * n));
     let mut sums = vec![MeanEstimate::default(); n];
     for band in 0..n {
         let expected = [
@@ -132,18 +132,6 @@ fn fluorescent_furnace() {
         assert!(z < limit, "sum, band {band}: {:?}, expected {}", sums[band], total[band]);
     }
     assert_eq!(image.components[3].light, LightPath::MultipleFluorescence);
-}
-
-/// Upper quantile of the standard normal distribution for a two-sided significance, by bisection of its tail.
-fn normal_quantile(significance: f64) -> f64 {
-    // Mills-ratio bound: tail(z) < exp(-z^2/2) / (z sqrt(2 pi)); solving with the bound is slightly generous.
-    let tail = |z: f64| 2.0 * (-0.5 * z * z).exp() / (z * (2.0 * PI).sqrt());
-    let (mut low, mut high) = (0.5, 10.0);
-    for _ in 0..80 {
-        let middle = 0.5 * (low + high);
-        if tail(middle) > significance { low = middle } else { high = middle }
-    }
-    high
 }
 
 fn patch(
@@ -310,7 +298,7 @@ fn both_estimators_agree() {
     let guided = estimates(Estimator::MultipleImportance, 64);
     let blind = estimates(Estimator::ScatteringOnly, 256);
     let bands = scene.grid.len();
-    let limit = normal_quantile(sidak(1e-3, 4 * bands));
+    let limit = z_limit(sidak(1e-3, 4 * bands));
     for component in 0..4 {
         for band in 0..bands {
             let means = |images: &[ComponentImage]| {

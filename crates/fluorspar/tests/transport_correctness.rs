@@ -19,16 +19,10 @@ use fluorspar::material::{Material, ScalarTexture};
 use fluorspar::render::RenderSettings;
 use fluorspar::scene::{Object, Scene, SceneError, Shape, SurfaceEmission};
 use fluorspar::spectral::{Curve, Fluorophore, PhotonEem, SeparableTerm, Stokes, WavelengthGrid};
-use fluorspar_testkit::{MeanEstimate, sidak, z_score};
+use fluorspar_testkit::{MeanEstimate, sidak, z_limit, z_score};
 use glam::Vec3;
 
 use support::*;
-
-/// Standard errors that a correct estimate exceeds with the probability `overall` in any of `tests` tests: the
-/// Gaussian tail bounded by `exp(-z^2 / 2)`.
-fn limit(overall: f64, tests: usize) -> f64 {
-    (-2.0 * (0.5 * sidak(overall, tests)).ln()).sqrt()
-}
 
 fn three_bands() -> WavelengthGrid {
     WavelengthGrid::uniform(450.0, 650.0, 100.0).unwrap()
@@ -104,7 +98,7 @@ fn a_bright_mirrored_cavity_has_the_radiance_of_its_angle() {
             // The reflectance is kept to 2e-3, which many reflections multiply by 1 / (1 - F).
             let bias = 1e-3 * expected * expected / 2.0;
             let z = z_score(mean, expected, bias);
-            assert!(z < limit(1e-3, 14), "{sine} {nm} nm: {mean:?}, expected {expected}");
+            assert!(z < z_limit(sidak(1e-3, 14)), "{sine} {nm} nm: {mean:?}, expected {expected}");
         }
     }
 }
@@ -176,7 +170,7 @@ fn an_integrating_sphere_follows_its_series() {
                 // Bins of 20 nm are integrated with 8 points by the renderer: 1e-3 of the peak on the diagonal.
                 let z = z_score(mean, *expected, 2e-3 * peak.max(1e-9));
                 assert!(
-                    z < limit(1e-3, 5 * 4 * n),
+                    z < z_limit(sidak(1e-3, 5 * 4 * n)),
                     "depth {depth}, component {component}, band {band}: {mean:?}, expected {expected}"
                 );
             }

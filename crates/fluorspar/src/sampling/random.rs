@@ -99,6 +99,7 @@ impl TryRng for KeyedRng {
 
 #[cfg(test)]
 mod tests {
+    use fluorspar_testkit::chi_square;
     use rand::{Rng, RngExt};
 
     use super::*;
@@ -144,9 +145,10 @@ mod tests {
             counts[(draw * 100.0) as usize] += 1.0;
         }
         let expected = n as f64 / 100.0;
-        let chi2: f64 = counts.iter().map(|count| (count - expected).powi(2) / expected).sum();
-        // 99 degrees of freedom: mean 99, standard deviation sqrt(198) = 14.07; five of them.
-        assert!((chi2 - 99.0).abs() < 70.4, "chi-square {chi2} at 99 degrees of freedom");
+        let even = chi_square(&counts, &[expected; 100]);
+        even.assert_accepted(1e-6);
+        // Nor are they more even than chance.
+        assert!(even.p_value < 1.0 - 1e-6, "{even:?}");
         for lag in [1, 2, 64, 640] {
             let products = draws.iter().zip(&draws[lag..]).map(|(a, b)| (a - 0.5) * (b - 0.5));
             let correlation = 12.0 * products.sum::<f64>() / (n as f64 - lag as f64);

@@ -1,5 +1,7 @@
 //! The sensor measured as a laboratory would: photon transfer, fixed patterns, distributions.
 
+use fluorspar_testkit::{chi_square, sidak};
+
 use super::isetcam::IsetcamChain;
 use super::noise::poisson;
 use super::*;
@@ -62,35 +64,20 @@ fn correlation(a: &[f64], b: &[f64]) -> f64 {
 #[test]
 fn counts_follow_the_poisson_distribution() {
     let draws = 40_000u64;
-    for expected_e in [0.1, 1.0, 10.0, 1000.0] {
-        let mut counts = vec![0u32; 2000];
+    let means_e = [0.1, 1.0, 10.0, 1000.0];
+    for expected_e in means_e {
+        let (mut observed, mut expected) = (vec![0.0; 2000], vec![0.0; 2000]);
         for pixel in 0..draws {
-            counts[poisson(expected_e, Key::new(23).with(pixel)) as usize] += 1;
+            observed[poisson(expected_e, Key::new(23).with(pixel)) as usize] += 1.0;
         }
-        // Cells of at least 20 expected draws: consecutive counts are joined until they hold that many.
-        let (mut chi2, mut cells) = (0.0, 0);
-        let (mut observed, mut expected, mut left) = (0.0, 0.0, draws as f64);
         let mut ln_probability = -expected_e;
-        for (k, &count) in counts.iter().enumerate() {
+        for (k, count) in expected.iter_mut().enumerate() {
             if k > 0 {
                 ln_probability += expected_e.ln() - (k as f64).ln();
             }
-            observed += f64::from(count);
-            expected += draws as f64 * ln_probability.exp();
-            if expected >= 20.0 && left - expected >= 20.0 {
-                chi2 += (observed - expected).powi(2) / expected;
-                cells += 1;
-                left -= expected;
-                (observed, expected) = (0.0, 0.0);
-            }
+            *count = draws as f64 * ln_probability.exp();
         }
-        // The last cell takes the rest; cells - 1 degrees of freedom.
-        chi2 += (observed - left).powi(2) / left;
-        let freedom = f64::from(cells);
-        // Mean of chi-square is its degrees of freedom, variance twice that; five standard deviations (and the
-        // skewness of few degrees) above.
-        let limit = freedom + 5.0 * (2.0 * freedom).sqrt() + 10.0;
-        assert!(chi2 < limit, "mean {expected_e} e-: chi-square {chi2} at {freedom} degrees of freedom");
+        chi_square(&observed, &expected).assert_accepted(sidak(1e-3, means_e.len()));
     }
 }
 
