@@ -1,5 +1,7 @@
 //! Pictures for people: developed frames and radiance images in 8-bit sRGB.
 
+use glam::DMat3;
+
 use super::direct_light::group_spectrum;
 use crate::image::{ChannelImage, SpectralImage};
 use crate::sensor::Sensor;
@@ -137,24 +139,12 @@ fn covers_the_visible_range(lamp: &Curve) -> bool {
     lamp.integral(500.0, 650.0) >= 0.2 * lamp.total()
 }
 
-/// Inverse of a 3 x 3 matrix by cofactors; `None` when it is singular.
+/// Inverse of a 3 x 3 matrix; `None` when it is singular.
 pub(super) fn inverse(m: [[f64; 3]; 3]) -> Option<[[f64; 3]; 3]> {
-    let cofactor = |r: usize, c: usize| {
-        let (r1, r2, c1, c2) = ((r + 1) % 3, (r + 2) % 3, (c + 1) % 3, (c + 2) % 3);
-        m[r1][c1] * m[r2][c2] - m[r1][c2] * m[r2][c1]
-    };
-    let determinant: f64 = (0..3).map(|c| m[0][c] * cofactor(0, c)).sum();
+    // Columns for rows, there and back: the inverse of the transpose is the transpose of the inverse.
+    let matrix = DMat3::from_cols_array_2d(&m);
     let scale: f64 = m.iter().flatten().map(|v| v.abs()).sum::<f64>().powi(3);
-    if determinant.abs() <= 1e-12 * scale {
-        return None;
-    }
-    let mut out = [[0.0; 3]; 3];
-    for (r, row) in out.iter_mut().enumerate() {
-        for (c, value) in row.iter_mut().enumerate() {
-            *value = cofactor(c, r) / determinant;
-        }
-    }
-    Some(out)
+    (matrix.determinant().abs() > 1e-12 * scale).then(|| matrix.inverse().to_cols_array_2d())
 }
 
 /// Turns a developed frame into a picture, scaled so that all but the brightest half percent fits.
