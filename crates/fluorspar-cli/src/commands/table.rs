@@ -1,5 +1,35 @@
 //! Numbers for people, in columns.
 
+use serde_json::Value;
+
+use super::{print_json, print_text};
+use crate::error::CliError;
+
+/// Options of the commands that list a part of the catalogue.
+#[derive(Clone, Debug, clap::Args)]
+pub(crate) struct ListOptions {
+    /// Print the list as JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+impl ListOptions {
+    /// Prints a list as JSON or as lines of cells, their head first; the columns of `left` are left-aligned.
+    pub(crate) fn print(
+        &self,
+        list: &[Value],
+        head: &[&str],
+        mut rows: Vec<Vec<String>>,
+        left: &[usize],
+    ) -> Result<(), CliError> {
+        if self.json {
+            return print_json(&list);
+        }
+        rows.insert(0, head.iter().map(|&cell| cell.into()).collect());
+        print_text(&align(&rows, left))
+    }
+}
+
 /// Four digits, whatever the size.
 pub(crate) fn short(value: f64) -> String {
     let size = value.abs();

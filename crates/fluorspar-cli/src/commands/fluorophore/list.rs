@@ -4,22 +4,14 @@ use fluorspar::preset::{self, PresetKind};
 use serde_json::json;
 
 use super::loading::peaks_nm;
-use crate::commands::table::{align, short};
-use crate::commands::{print_json, print_text};
+use crate::commands::table::{ListOptions, short};
 use crate::error::CliError;
 
-/// Options of `fluorophore list`.
-#[derive(Clone, Debug, clap::Args)]
-pub(super) struct Options {
-    /// Print the list as JSON.
-    #[arg(long)]
-    json: bool,
-}
+const HEAD: [&str; 7] = ["name", "excitation", "emission", "peaks nm", "photon yield", "fit error", "title"];
 
-pub(super) fn run(options: &Options) -> Result<(), CliError> {
+pub(super) fn run(options: &ListOptions) -> Result<(), CliError> {
     let mut list = Vec::new();
-    let head = ["name", "excitation", "emission", "peaks nm", "photon yield", "fit error", "title"];
-    let mut rows = vec![head.map(String::from).to_vec()];
+    let mut rows = Vec::new();
     for name in preset::names(PresetKind::Fluorophore) {
         let preset = preset::fluorophore(name)?;
         let [excitation_nm, emission_nm] = peaks_nm(&preset.fluorophore());
@@ -49,5 +41,5 @@ pub(super) fn run(options: &Options) -> Result<(), CliError> {
             "relative_fit_error": (fit.cells > 0).then_some(fit.relative_frobenius),
         }));
     }
-    if options.json { print_json(&list) } else { print_text(&align(&rows, &[6])) }
+    options.print(&list, &HEAD, rows, &[6])
 }

@@ -11,6 +11,7 @@ use std::process::ExitCode;
 
 use clap::{Subcommand, ValueEnum};
 
+use crate::commands::table::ListOptions;
 use crate::error::CliError;
 use crate::values;
 
@@ -24,7 +25,7 @@ pub(crate) struct Options {
 #[derive(Clone, Debug, Subcommand)]
 enum Action {
     /// List the fluorophores of the catalogue.
-    List(list::Options),
+    List(ListOptions),
     /// Show source, range, yields and terms of a fluorophore.
     Show(show::Options),
     /// Draw excitation-emission matrices, and the emission under a light.

@@ -4,21 +4,14 @@ use fluorspar::optics::{LensSetting, LensState};
 use fluorspar::preset::{self, LensError, PresetKind};
 use serde_json::json;
 
-use crate::commands::table::{align, short};
-use crate::commands::{print_json, print_text};
+use crate::commands::table::{ListOptions, short};
 use crate::error::CliError;
 
-/// Options of `lens list`.
-#[derive(Clone, Debug, clap::Args)]
-pub(super) struct Options {
-    /// Print the list as JSON.
-    #[arg(long)]
-    json: bool,
-}
+const HEAD: [&str; 5] = ["name", "focal mm", "f-number", "surfaces", "title"];
 
-pub(super) fn run(options: &Options) -> Result<(), CliError> {
+pub(super) fn run(options: &ListOptions) -> Result<(), CliError> {
     let mut list = Vec::new();
-    let mut rows = vec![["name", "focal mm", "f-number", "surfaces", "title"].map(String::from).to_vec()];
+    let mut rows = Vec::new();
     for name in preset::names(PresetKind::Lens) {
         let loaded = preset::lens(name)?;
         let state = LensState::new(&loaded.lens, LensSetting::default())
@@ -44,5 +37,5 @@ pub(super) fn run(options: &Options) -> Result<(), CliError> {
             "surfaces": surfaces,
         }));
     }
-    if options.json { print_json(&list) } else { print_text(&align(&rows, &[4])) }
+    options.print(&list, &HEAD, rows, &[4])
 }

@@ -7,6 +7,7 @@ use std::process::ExitCode;
 
 use clap::Subcommand;
 
+use crate::commands::table::ListOptions;
 use crate::error::CliError;
 
 /// Options of `lens`.
@@ -19,7 +20,7 @@ pub(crate) struct Options {
 #[derive(Clone, Debug, Subcommand)]
 enum Action {
     /// List the lenses of the catalogue.
-    List(list::Options),
+    List(ListOptions),
     /// Trace a lens: focal length, pupils, illumination, distortion, field curvature, spots, MTF, drawings.
     Report(report::Options),
 }

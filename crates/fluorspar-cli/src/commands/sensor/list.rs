@@ -4,22 +4,15 @@ use fluorspar::preset::{self, PresetKind};
 use serde_json::json;
 
 use super::of_catalogue;
-use crate::commands::table::{align, short};
-use crate::commands::{print_json, print_text};
+use crate::commands::table::{ListOptions, short};
 use crate::error::CliError;
 
-/// Options of `sensor list`.
-#[derive(Clone, Debug, clap::Args)]
-pub(super) struct Options {
-    /// Print the list as JSON.
-    #[arg(long)]
-    json: bool,
-}
+const HEAD: [&str; 8] =
+    ["name", "channels", "pixels", "pitch um", "bits", "well e-", "dark noise e-", "title"];
 
-pub(super) fn run(options: &Options) -> Result<(), CliError> {
+pub(super) fn run(options: &ListOptions) -> Result<(), CliError> {
     let mut list = Vec::new();
-    let head = ["name", "channels", "pixels", "pitch um", "bits", "well e-", "dark noise e-", "title"];
-    let mut rows = vec![head.map(String::from).to_vec()];
+    let mut rows = Vec::new();
     for name in preset::names(PresetKind::Sensor) {
         let preset = preset::sensor(name)?;
         let sensor = of_catalogue(name, &[])?.sensor;
@@ -51,5 +44,5 @@ pub(super) fn run(options: &Options) -> Result<(), CliError> {
             "dark_noise_e": model.dark_noise_electrons(1.0),
         }));
     }
-    if options.json { print_json(&list) } else { print_text(&align(&rows, &[1, 2, 7])) }
+    options.print(&list, &HEAD, rows, &[1, 2, 7])
 }

@@ -12,6 +12,7 @@ use fluorspar::experiment::{ResolvedSensor, parse_sensor};
 use fluorspar::names::did_you_mean;
 use fluorspar::preset::{self, PresetKind};
 
+use crate::commands::table::ListOptions;
 use crate::error::CliError;
 use crate::experiment_source::read_text;
 
@@ -29,7 +30,7 @@ enum Action {
     /// Show a sensor in electrons and in the terms of a data sheet.
     Show(show::Options),
     /// List the sensors of the catalogue.
-    List(list::Options),
+    List(ListOptions),
 }
 
 /// Which sensor.
