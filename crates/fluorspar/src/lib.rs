@@ -25,6 +25,7 @@
 
 pub mod analysis;
 pub mod anatomy;
+pub mod digest;
 pub mod experiment;
 pub mod format;
 pub mod geometry;

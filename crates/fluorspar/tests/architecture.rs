@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 
 /// Each module and the modules that it may use.
 const ALLOWED: &[(&str, &[&str])] = &[
+    ("digest", &[]),
     ("units", &[]),
     ("names", &[]),
     ("spectral", &["units"]),
@@ -24,11 +25,14 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ),
     (
         "render",
-        &["units", "spectral", "image", "sampling", "geometry", "material", "light", "optics", "scene"],
+        &[
+            "digest", "units", "spectral", "image", "sampling", "geometry", "material", "light", "optics",
+            "scene",
+        ],
     ),
     ("sensor", &["units", "spectral", "image", "sampling"]),
     ("analysis", &["units", "names", "spectral", "image"]),
-    ("format", &["units", "spectral", "image", "geometry", "optics"]),
+    ("format", &["digest", "units", "spectral", "image", "geometry", "optics"]),
     ("preset", &["units", "names", "spectral", "optics", "sensor", "format"]),
     (
         "study",
@@ -48,8 +52,9 @@ const ALLOWED: &[(&str, &[&str])] = &[
     (
         "experiment",
         &[
-            "units", "names", "spectral", "image", "sampling", "geometry", "material", "light", "optics",
-            "anatomy", "scene", "render", "safety", "sensor", "analysis", "study", "format", "preset",
+            "digest", "units", "names", "spectral", "image", "sampling", "geometry", "material", "light",
+            "optics", "anatomy", "scene", "render", "safety", "sensor", "analysis", "study", "format",
+            "preset",
         ],
     ),
 ];

@@ -8,9 +8,9 @@ use std::fs::{self, File};
 use std::io::{self, Write};
 use std::path::{Component, Path, PathBuf};
 
+use fluorspar::digest::sha256_hex;
 use fluorspar::format::write_atomically;
 use serde::{Deserialize, Serialize};
-use sha2::{Digest, Sha256};
 
 use crate::error::CliError;
 use crate::interrupt::set_unfinished;
@@ -317,12 +317,7 @@ fn mark(path: &Path) -> io::Result<FileMark> {
         return Err(io::Error::other("no plain file"));
     }
     let bytes = metadata.len();
-    let sha256 = if bytes <= DIGEST_UP_TO_BYTES {
-        let digest = Sha256::digest(fs::read(path)?);
-        Some(digest.iter().map(|byte| format!("{byte:02x}")).collect())
-    } else {
-        None
-    };
+    let sha256 = if bytes <= DIGEST_UP_TO_BYTES { Some(sha256_hex([fs::read(path)?])) } else { None };
     Ok(FileMark { bytes, sha256 })
 }
 

@@ -7,14 +7,13 @@ use std::sync::Arc;
 use glam::Vec3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use sha2::{Digest, Sha256};
 
 use super::document::Document;
 use super::error::{ExperimentError, steps};
 use super::read::{read_document, typed};
-use super::resolve::context::{Context, Resolved, STRENGTH, hex};
+use super::resolve::context::{Context, Resolved, STRENGTH};
 use super::resolve::spectrum::Role;
-use super::resolve::{FileRecord, device, material, replace_paths, without_name};
+use super::resolve::{FileRecord, device, material, without_name};
 use super::schema::{
     DEFAULT_PORPHYRIN, ExposureTime, FluorophoreSection, LensSection, SensorSection, SpectralSection,
     SpectrumReference, ViewFilterSection,
@@ -372,10 +371,6 @@ fn write_out(context: &Context<'_>, file: &SampleFile) -> Resolved<(String, Stri
     let text = toml::to_string(&complete).map_err(failed)?;
     complete.title.clear();
     complete.description.clear();
-    let mut value = toml::Value::try_from(&complete).map_err(failed)?;
-    replace_paths(&mut value, context);
-    let mut digest = Sha256::new();
-    digest.update(toml::to_string(&value).map_err(failed)?.as_bytes());
-    context.digest_presets(&mut digest);
-    Ok((text, hex(&digest.finalize())))
+    let digest = context.digest(&complete).map_err(failed)?;
+    Ok((text, digest))
 }

@@ -9,8 +9,6 @@ use std::process;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use sha2::{Digest, Sha256};
-
 use super::FormatError;
 
 /// Most bytes an image may take in memory, where nothing else bounds it.
@@ -225,15 +223,6 @@ pub(super) fn check_packing(path: &Path, pixel_bytes: u64, length: u64) -> Resul
         format!("the header claims {pixel_bytes} bytes of pixels in a file of {length} bytes"),
         "Was it copied completely?",
     ))
-}
-
-/// SHA-256 of blocks of bytes, lower-case hexadecimal.
-pub(super) fn sha256_hex(blocks: impl IntoIterator<Item = impl AsRef<[u8]>>) -> String {
-    let mut hash = Sha256::new();
-    for block in blocks {
-        hash.update(block);
-    }
-    hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 /// Turns a panic of a third-party decoder, which only damaged files provoke, into an error.

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::file::sha256_hex;
+use crate::digest::sha256_hex;
 
 /// Program, version and complete configuration behind a result.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]

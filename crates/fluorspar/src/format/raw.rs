@@ -11,12 +11,13 @@ use tiff::encoder::{TiffEncoder, colortype::Gray16};
 
 use super::dng::{is_dng, read_dng};
 use super::file::{
-    MAX_IMAGE_BYTES, check_image_size, check_packing, guarded, read_file, read_sidecar, sha256_hex,
-    sidecar_path, write_atomically, write_sidecar,
+    MAX_IMAGE_BYTES, check_image_size, check_packing, guarded, read_file, read_sidecar, sidecar_path,
+    write_atomically, write_sidecar,
 };
 use super::packed_raw::{PackedRows, read_packed};
 use super::png::{read_png, write_png};
 use super::{FormatError, Loaded, Provenance};
+use crate::digest::sha256_hex;
 use crate::image::{Mosaic, SensorImage};
 
 const SCHEMA: &str = "fluorspar.sensor_image.1";

@@ -5,6 +5,7 @@ use std::fmt;
 use sha2::{Digest, Sha256};
 
 use super::settings::RenderSettings;
+use crate::digest::hex;
 use crate::scene::Scene;
 
 /// Number of the way in which paths are drawn: one more whenever the same scene and seed come to give other samples, so that
@@ -34,5 +35,5 @@ pub fn scene_digest(scene: &Scene, settings: &RenderSettings) -> String {
             settings.excitation_edges_nm
         ),
     );
-    writer.0.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
+    hex(&writer.0.finalize())
 }

@@ -4,10 +4,10 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use glam::{DVec3, Vec3};
-use sha2::{Digest, Sha256};
 
 use super::InputFile;
 use crate::anatomy::{MouthParameters, Tissue};
+use crate::digest::sha256_hex;
 use crate::experiment::document::Document;
 use crate::experiment::error::{ExperimentError, Step};
 use crate::experiment::schema::ExposureTime;
@@ -166,7 +166,7 @@ impl<'a> Context<'a> {
             }
             Err(error) => return self.fail(at, format!("the file can't be read: {error}")),
         };
-        self.inputs.push(InputFile { path: file.into(), sha256: hex(&Sha256::digest(&bytes)) });
+        self.inputs.push(InputFile { path: file.into(), sha256: sha256_hex([&bytes]) });
         Ok(())
     }
 
@@ -178,14 +178,20 @@ impl<'a> Context<'a> {
         content: &impl serde::Serialize,
     ) {
         let text = serde_json::to_string(content).unwrap_or_default();
-        self.presets.insert(format!("{what} {name}"), hex(&Sha256::digest(text.as_bytes())));
+        self.presets.insert(format!("{what} {name}"), sha256_hex([text]));
     }
 
-    /// Adds the entries of the catalogue in use to a digest.
-    pub(in crate::experiment) fn digest_presets(&self, digest: &mut Sha256) {
-        for (name, preset) in &self.presets {
-            digest.update(format!("\n{name} {preset}").as_bytes());
-        }
+    /// SHA-256 of a file and of the entries of the catalogue that it uses, as hexadecimal text. Paths count by the content of
+    /// their files: the same experiment elsewhere is the same experiment.
+    pub(in crate::experiment) fn digest(
+        &self,
+        file: &impl serde::Serialize,
+    ) -> Result<String, toml::ser::Error> {
+        let mut value = toml::Value::try_from(file)?;
+        replace_paths(&mut value, &self.inputs);
+        let text = toml::to_string(&value)?;
+        let presets = self.presets.iter().map(|(name, preset)| format!("\n{name} {preset}"));
+        Ok(sha256_hex(std::iter::once(text).chain(presets)))
     }
 
     /// Exposure time, ms, or the rule that finds it.
@@ -204,6 +210,16 @@ impl<'a> Context<'a> {
     }
 }
 
-pub(in crate::experiment) fn hex(bytes: &[u8]) -> String {
-    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+/// Replaces each path of a file that was read by the digest of that file.
+fn replace_paths(value: &mut toml::Value, inputs: &[InputFile]) {
+    match value {
+        toml::Value::String(text) => {
+            if let Some(input) = inputs.iter().find(|input| input.path.as_os_str() == text.as_str()) {
+                *text = format!("sha256:{}", input.sha256);
+            }
+        }
+        toml::Value::Array(items) => items.iter_mut().for_each(|item| replace_paths(item, inputs)),
+        toml::Value::Table(table) => table.iter_mut().for_each(|(_, item)| replace_paths(item, inputs)),
+        _ => {}
+    }
 }

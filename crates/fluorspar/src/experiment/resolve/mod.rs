@@ -14,9 +14,7 @@ mod surface_mean;
 
 use std::path::PathBuf;
 
-use sha2::{Digest, Sha256};
-
-use self::context::{Context, Resolved, hex};
+use self::context::{Context, Resolved};
 use super::error::{Place, steps};
 use super::schema::{ExperimentFile, FieldOfView, LensType};
 use super::{Experiment, ExperimentError};
@@ -276,24 +274,6 @@ fn write_out(context: &Context<'_>, file: &ExperimentFile) -> Resolved<(String, 
     complete.title.clear();
     complete.description.clear();
     complete.output = super::schema::OutputSection::default();
-    let mut value = toml::Value::try_from(&complete).map_err(failed)?;
-    replace_paths(&mut value, context);
-    let mut digest = Sha256::new();
-    digest.update(toml::to_string(&value).map_err(failed)?.as_bytes());
-    context.digest_presets(&mut digest);
-    Ok((text, hex(&digest.finalize())))
-}
-
-/// Puts the digest of a file where its path stands: the same experiment elsewhere is the same experiment.
-pub(super) fn replace_paths(value: &mut toml::Value, context: &Context<'_>) {
-    match value {
-        toml::Value::String(text) => {
-            if let Some(input) = context.inputs.iter().find(|input| input.path.as_os_str() == text.as_str()) {
-                *text = format!("sha256:{}", input.sha256);
-            }
-        }
-        toml::Value::Array(items) => items.iter_mut().for_each(|item| replace_paths(item, context)),
-        toml::Value::Table(table) => table.iter_mut().for_each(|(_, item)| replace_paths(item, context)),
-        _ => {}
-    }
+    let digest = context.digest(&complete).map_err(failed)?;
+    Ok((text, digest))
 }
