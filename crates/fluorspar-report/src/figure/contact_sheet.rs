@@ -1,10 +1,8 @@
 //! Pictures side by side, each with its name above it.
 
-use kuva::RasterBackend;
-use kuva::render::render::{Primitive, Scene, TextAnchor};
-
-use super::png_file::{FigureError, color};
-use super::{Ink, Raster, text};
+use super::canvas::{Canvas, FigureError};
+use super::drawing::{Anchor, Mark};
+use super::{Ink, Raster, font};
 
 /// Height of the strip with a name and size of its letters, px.
 const STRIP: usize = 20;
@@ -66,7 +64,7 @@ impl ContactSheet {
     /// The sheet with its pictures and their names.
     ///
     /// # Errors
-    /// Pictures that are not as many or not of the sizes that [`Self::picture_sizes`] says; letters that can't be drawn.
+    /// Pictures that are not as many or not of the sizes that [`Self::picture_sizes`] says; a sheet that is too large.
     pub fn compose(&self, pictures: &[(&str, Raster)]) -> Result<Raster, FigureError> {
         let sizes: Vec<[usize; 2]> =
             pictures.iter().map(|(_, picture)| [picture.width, picture.height]).collect();
@@ -76,36 +74,20 @@ impl ContactSheet {
                 "pictures of {sizes:?} px for a contact sheet of {wanted:?} px"
             )));
         }
-        let mut scene = Scene::new(self.width as f64, self.height as f64);
-        scene.elements.push(Primitive::Rect {
-            x: 0.0,
-            y: 0.0,
-            width: self.width as f64,
-            height: self.height as f64,
-            fill: color(Ink::Rgb(GROUND[0], GROUND[1], GROUND[2])),
-            stroke: None,
-            stroke_width: None,
-            opacity: None,
-        });
+        let [r, g, b] = GROUND;
+        let mut canvas = Canvas::new(self.width as f64, self.height as f64, 1.0, Ink::Rgb(r, g, b))?;
         for ((name, _), [left, top, width, _]) in pictures.iter().zip(&self.cells) {
             // Letters as large as the picture is wide enough for.
-            let fitting = LETTERS * (*width as f64 - 8.0) / text::width(name, LETTERS).max(1.0);
-            scene.elements.push(Primitive::Text {
-                x: *left as f64 + 0.5 * *width as f64,
-                y: *top as f64 - 6.0,
-                content: (*name).to_owned(),
+            let fitting = LETTERS * (*width as f64 - 8.0) / font::width(name, LETTERS).max(1.0);
+            canvas.draw(&Mark::Text {
+                at: [*left as f64 + 0.5 * *width as f64, *top as f64 - 6.0],
+                text: (*name).to_owned(),
                 size: fitting.clamp(5.0, LETTERS) as u32,
-                anchor: TextAnchor::Middle,
-                rotate: None,
-                bold: false,
-                color: Some(color(LETTER_INK)),
+                anchor: Anchor::Middle,
+                ink: LETTER_INK,
             });
         }
-        let file = RasterBackend { scale: 1.0 }.render_scene(&scene).map_err(FigureError::new)?;
-        let mut sheet = Raster::from_png(&file)?;
-        if [sheet.width, sheet.height] != [self.width, self.height] {
-            return Err(FigureError::new(format!("a sheet of {} x {} px", sheet.width, sheet.height)));
-        }
+        let mut sheet = canvas.into_raster();
         for ((_, picture), [left, top, width, height]) in pictures.iter().zip(&self.cells) {
             for row in 0..*height {
                 let to = (top + row) * sheet.width + left;

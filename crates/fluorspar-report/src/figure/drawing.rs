@@ -1,4 +1,4 @@
-//! What both back ends draw: marks in px from the top left corner, back to front.
+//! What SVG and PNG show: marks in px from the top left corner, back to front.
 
 use super::{Ink, Raster};
 
@@ -10,7 +10,7 @@ pub(super) enum Anchor {
     End,
 }
 
-/// One thing to draw. Dashes are cut into strokes before they come here, so that both back ends show the same ones.
+/// One thing to draw. Dashes are cut into strokes before they come here, so that both show the same ones.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Mark {
     Text { at: [f64; 2], text: String, size: u32, anchor: Anchor, ink: Ink },

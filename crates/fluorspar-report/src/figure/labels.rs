@@ -1,7 +1,7 @@
 //! Puts names beside points where they cover least.
 
 use super::drawing::{Anchor, Frame, Mark};
-use super::text;
+use super::font;
 use super::{Ink, Label};
 
 const SIZE: u32 = 12;
@@ -19,7 +19,7 @@ pub(super) fn place(
         .map(|(_, at)| Frame { left: at[0] - 7.0, top: at[1] - 7.0, width: 14.0, height: 14.0 })
         .collect();
     for (label, at) in labels {
-        let width = text::width(&label.text, f64::from(SIZE)) + 6.0;
+        let width = font::width(&label.text, f64::from(SIZE)) + 6.0;
         let height = f64::from(SIZE) + 5.0;
         let mut best: Option<(f64, Frame, bool)> = None;
         for (ring, reach) in [10.0, 24.0, 42.0, 64.0].into_iter().enumerate() {

@@ -4,7 +4,7 @@
 
 use super::drawing::{Anchor, Drawing, Frame, Mark, dashed};
 use super::scale::Tick;
-use super::{Axis, ColorBar, Figure, Ink, Label, Panel, Raster, Series, Shape, labels, text};
+use super::{Axis, ColorBar, Figure, Ink, Label, Panel, Raster, Series, Shape, font, labels};
 
 const TITLE_SIZE: u32 = 16;
 const LABEL_SIZE: u32 = 13;
@@ -47,7 +47,7 @@ pub(super) fn lay_out(figure: &Figure) -> Drawing {
         .collect();
 
     let panels_width: f64 = column_width.iter().sum();
-    let title_width = text::width(&figure.title, f64::from(TITLE_SIZE));
+    let title_width = font::width(&figure.title, f64::from(TITLE_SIZE));
     let width = (panels_width.max(title_width) + 2.0 * EDGE).ceil();
     let mut marks = Vec::new();
     let mut y = EDGE;
@@ -102,19 +102,19 @@ fn widest(ticks: &[Tick]) -> f64 {
     ticks
         .iter()
         .filter_map(|t| t.text.as_deref())
-        .map(|t| text::width(t, f64::from(TICK_SIZE)))
+        .map(|t| font::width(t, f64::from(TICK_SIZE)))
         .fold(0.0, f64::max)
 }
 
 fn heading_width(panel: &Panel) -> f64 {
-    let width = |text: &str| text::width(text, f64::from(LABEL_SIZE));
+    let width = |text: &str| font::width(text, f64::from(LABEL_SIZE));
     width(&panel.title).max(width(&panel.y.title())) + 12.0
 }
 
 fn margins(panel: &Panel) -> Margins {
     let bar = panel.color_bar.as_ref().map_or(0.0, |bar| {
         let ticks = widest(&y_ticks(&bar.axis, panel.size[1]));
-        let title = text::width(&bar.axis.title(), f64::from(LABEL_SIZE));
+        let title = font::width(&bar.axis.title(), f64::from(LABEL_SIZE));
         14.0 + (BAR_WIDTH + 7.0 + ticks).max(title)
     });
     Margins {
@@ -140,7 +140,7 @@ fn legend(figure: &Figure, width: f64, top: f64, marks: &mut Vec<Mark>) -> f64 {
     let (mut x, mut y) = (0.0, top + 12.0);
     for entry in entries {
         let name = entry.name.as_deref().unwrap_or_default();
-        let needed = 36.0 + text::width(name, f64::from(TICK_SIZE)) + 20.0;
+        let needed = 36.0 + font::width(name, f64::from(TICK_SIZE)) + 20.0;
         if x > 0.0 && x + needed - 20.0 > width {
             x = 0.0;
             y += 20.0;
@@ -400,7 +400,7 @@ mod tests {
         let drawing = lay_out(&figure);
         for mark in &drawing.marks {
             if let Mark::Text { at, text, size, anchor, .. } = mark {
-                let width = text::width(text, f64::from(*size));
+                let width = font::width(text, f64::from(*size));
                 let left = match anchor {
                     Anchor::Start => at[0],
                     Anchor::Middle => at[0] - 0.5 * width,

@@ -1,22 +1,28 @@
-//! A small figure model: panels of axes and series, drawn the same way as SVG and as PNG.
+//! A small figure model: panels of axes and series, laid out once as marks, which `svg.rs` writes as SVG and
+//! `canvas.rs` draws as pixels.
 
+mod canvas;
 mod color;
 mod contact_sheet;
 mod drawing;
+mod font;
 mod labels;
 mod layout;
-mod png_file;
 mod raster;
 mod scale;
 mod svg;
-mod text;
 
+pub use canvas::FigureError;
 pub use color::{ColorMap, Ink};
 pub use contact_sheet::ContactSheet;
-pub use png_file::FigureError;
-pub(crate) use png_file::png_size;
 pub use raster::Raster;
+pub(crate) use raster::png_size;
 pub use scale::{Axis, Scale};
+
+use canvas::Canvas;
+
+/// Device pixels per px of a figure as PNG.
+const PIXELS_PER_PX: f64 = 2.0;
 
 /// A figure: one or more panels under a title and one shared legend.
 #[derive(Clone, Debug, PartialEq)]
@@ -244,6 +250,14 @@ impl Figure {
     /// # Errors
     /// When the picture cannot be encoded, for instance because a panel has no size.
     pub fn to_png(&self) -> Result<Vec<u8>, FigureError> {
-        png_file::write(&layout::lay_out(self))
+        self.to_raster()?.to_png().ok_or_else(|| FigureError::new("it has no pixels"))
+    }
+
+    /// The figure as pixels, two per px.
+    fn to_raster(&self) -> Result<Raster, FigureError> {
+        let drawing = layout::lay_out(self);
+        let mut canvas = Canvas::new(drawing.width, drawing.height, PIXELS_PER_PX, Ink::Paper)?;
+        drawing.marks.iter().for_each(|mark| canvas.draw(mark));
+        Ok(canvas.into_raster())
     }
 }

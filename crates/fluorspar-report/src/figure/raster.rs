@@ -1,7 +1,5 @@
 //! Pictures inside figures.
 
-use super::FigureError;
-
 /// Pixels, `[row, col]`, first row at the top, 8-bit red, green, blue.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Raster {
@@ -38,21 +36,6 @@ impl Raster {
         self.pixels[row * self.width + col]
     }
 
-    /// The pixels of a PNG file of 8-bit colours; what is transparent keeps its colour.
-    pub(super) fn from_png(file: &[u8]) -> Result<Self, FigureError> {
-        let unreadable = |error: png::DecodingError| FigureError::new(error.to_string());
-        let mut reader = png::Decoder::new(std::io::Cursor::new(file)).read_info().map_err(unreadable)?;
-        let size = reader.output_buffer_size().ok_or_else(|| FigureError::new("a picture too large"))?;
-        let mut bytes = vec![0; size];
-        let info = reader.next_frame(&mut bytes).map_err(unreadable)?;
-        let channels = info.color_type.samples();
-        if info.bit_depth != png::BitDepth::Eight || channels < 3 {
-            return Err(FigureError::new(format!("a PNG file of {:?}", info.color_type)));
-        }
-        let pixels = bytes[..info.buffer_size()].chunks_exact(channels).map(|p| [p[0], p[1], p[2]]).collect();
-        Ok(Self { width: info.width as usize, height: info.height as usize, pixels })
-    }
-
     /// The picture as a PNG file; `None` when it has no pixels.
     pub fn to_png(&self) -> Option<Vec<u8>> {
         let mut file = Vec::new();
@@ -67,10 +50,16 @@ impl Raster {
     }
 }
 
+/// Width and height that the header of a PNG file states.
+pub(crate) fn png_size(file: &[u8]) -> Option<[u32; 2]> {
+    let header = file.strip_prefix(b"\x89PNG\r\n\x1a\n")?.get(8..16)?;
+    let word = |at: usize| header.get(at..at + 4).and_then(|b| b.try_into().ok()).map(u32::from_be_bytes);
+    Some([word(0)?, word(4)?])
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::figure::png_size;
 
     #[test]
     fn a_picture_becomes_a_png_of_its_size() {
@@ -79,5 +68,11 @@ mod tests {
         assert_eq!(png_size(&raster.to_png().unwrap()), Some([3, 2]));
         assert_eq!(Raster::from_rgb8(1, 1, &[1, 2, 3]).unwrap().at(0, 0), [1, 2, 3]);
         assert_eq!(Raster::from_rgb8(2, 1, &[1, 2, 3]), None);
+    }
+
+    #[test]
+    fn what_is_no_png_has_no_size() {
+        assert_eq!(png_size(b"GIF89a"), None);
+        assert_eq!(png_size(b"\x89PNG\r\n\x1a\n\0\0"), None);
     }
 }
