@@ -8,9 +8,7 @@ use super::{Calibration, PipelineError};
 use crate::analysis::SceneOnSensor;
 use crate::image::{ChannelImage, ComponentImage, SensorImage, SpectralImage};
 use crate::optics::{FilterAutofluorescence, IdealLens};
-use crate::sensor::{
-    CaptureFrame, ElectronRate, Exposure, FilmExtent, LinearMosaic, Sensor, merge_exposures,
-};
+use crate::sensor::{CaptureFrame, Exposure, FilmExtent, LinearMosaic, Sensor, ShutterKind, merge_exposures};
 use crate::spectral::{Irradiance, Radiance, Transmittance};
 use crate::study::{Capture, Study};
 
@@ -258,6 +256,23 @@ pub fn capture(study: &Study, components: &ComponentImage) -> Result<Vec<Capture
     develop_frames(study, exposures, &calibration)
 }
 
+/// Most steps in which an image moves while a rolling shutter runs.
+const MOST_STEPS: f64 = 64.0;
+
+/// Starts of the steps, s, in which an image that drifts is shown to a rolling shutter, from the first row's exposure to the
+/// end of the last row's: steps of half a pixel, as long as these are not too many. None where all rows are exposed at once
+/// or nothing drifts.
+fn rolling_steps(sensor: &Sensor, exposure: &Exposure, drift_px_per_s: [f64; 2]) -> Option<Vec<f64>> {
+    let model = sensor.model();
+    let speed_px_per_s = drift_px_per_s[0].hypot(drift_px_per_s[1]);
+    if model.shutter.kind != ShutterKind::Rolling || speed_px_per_s == 0.0 {
+        return None;
+    }
+    let frame_s = exposure.time_s + 1e-6 * model.shutter.row_time_us * model.rows as f64;
+    let steps = (2.0 * speed_px_per_s * frame_s).ceil().clamp(1.0, MOST_STEPS);
+    Some((0..steps as usize).map(|step| frame_s * step as f64 / steps).collect())
+}
+
 /// All exposures of one capture. The exposure time of an automatic one is that of the image at rest.
 fn expose_capture(
     study: &Study,
@@ -271,16 +286,26 @@ fn expose_capture(
     let main = sensor.frame_exposure(&capture.frame, &at_rest, study.render.seed)?;
     let sample_um = 1e3 * film.width_mm / irradiance.width() as f64;
     let samples_per_pixel = sensor.model().pixel_size_um / sample_um;
+    let rate_at = |shift_px: [f64; 2]| {
+        let [right, down] = shift_px.map(|pixels| pixels * samples_per_pixel);
+        sensor.electron_rate_on_film(&shifted(irradiance, right, down), film)
+    };
     let mut take = |exposure: &Exposure| -> Result<SensorImage, PipelineError> {
-        let [right, down] = path.next(exposure.time_s).map(|pixels| pixels * samples_per_pixel);
-        let moved: ElectronRate;
-        let rate = if (right, down) == (0.0, 0.0) {
-            &at_rest
+        let start_px = path.next(exposure.time_s);
+        let drift_px_per_s = path.drift_px_per_s();
+        let rate = if let Some(times_s) = rolling_steps(sensor, exposure, drift_px_per_s) {
+            Cow::Owned(sensor.rate_over_time(&times_s, exposure, |step| {
+                // Show the image where it is at half of the step.
+                let step_s = times_s.get(1).copied().unwrap_or(0.0);
+                let time_s = times_s[step] + 0.5 * step_s;
+                rate_at([0, 1].map(|axis| start_px[axis] + drift_px_per_s[axis] * time_s))
+            })?)
+        } else if start_px == [0.0; 2] {
+            Cow::Borrowed(&at_rest)
         } else {
-            moved = sensor.electron_rate_on_film(&shifted(irradiance, right, down), film)?;
-            &moved
+            Cow::Owned(rate_at(start_px)?)
         };
-        Ok(sensor.expose_rate(rate, exposure)?)
+        Ok(sensor.expose_rate(&rate, exposure)?)
     };
     let raw = take(&main)?;
     let mut bracket = Vec::with_capacity(capture.bracket_ev.len());
@@ -332,4 +357,58 @@ pub fn develop_frames(
         .zip(developed)
         .map(|(frame, developed)| CapturedFrame { raw: frame.raw, bracket: frame.bracket, developed })
         .collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sensor::{SensorModel, Shutter, SpectralQe};
+    use crate::spectral::{Curve, WavelengthGrid};
+
+    fn sensor(kind: ShutterKind) -> Sensor {
+        let shutter = Shutter { kind, row_time_us: 100.0, ..Shutter::default() };
+        let mosaic = vec![vec!["mono".into()]];
+        let model = SensorModel { columns: 60, rows: 40, mosaic, shutter, ..SensorModel::default() };
+        Sensor::new(model, SpectralQe::from_curves([("mono", Curve::constant(0.6))]).unwrap()).unwrap()
+    }
+
+    #[test]
+    fn a_rolling_shutter_sees_what_drifts_row_by_row() {
+        let exposure = Exposure { time_s: 0.001, ..Exposure::default() };
+        assert_eq!(rolling_steps(&sensor(ShutterKind::Global), &exposure, [1e3, 0.0]), None);
+        let rolling = sensor(ShutterKind::Rolling);
+        assert_eq!(rolling_steps(&rolling, &exposure, [0.0; 2]), None);
+        // 40 rows of 0.1 ms and the exposure: 5 ms, 5 pixels, ten steps.
+        let times_s = rolling_steps(&rolling, &exposure, [0.0, -1e3]).unwrap();
+        assert_eq!(times_s.len(), 10);
+        assert!((times_s[9] - 0.0045).abs() < 1e-12);
+        assert_eq!(rolling_steps(&rolling, &exposure, [1e9, 0.0]).unwrap().len(), 64);
+    }
+
+    #[test]
+    fn an_upright_edge_that_drifts_leans() {
+        let sensor = sensor(ShutterKind::Rolling);
+        let film = sensor.film_extent();
+        let grid = WavelengthGrid::uniform(550.0, 550.0, 10.0).unwrap();
+        let mut image: SpectralImage<Irradiance> = SpectralImage::zeros(grid, 60, 40);
+        for pixel in 0..60 * 40 {
+            image.data_mut()[pixel] = if pixel % 60 < 30 { 1e-3 } else { 0.0 };
+        }
+        let exposure = Exposure { time_s: 0.001, ..Exposure::default() };
+        let times_s = rolling_steps(&sensor, &exposure, [1000.0, 0.0]).unwrap();
+        let middle_s = |step: usize| times_s[step] + 0.5 * times_s[1];
+        let rate = sensor
+            .rate_over_time(&times_s, &exposure, |step| {
+                sensor.electron_rate_on_film(&shifted(&image, 1000.0 * middle_s(step), 0.0), film)
+            })
+            .unwrap();
+        let full = rate.data[0];
+        for (row, pixels) in rate.data.chunks_exact(60).enumerate() {
+            // Lit pixels: the mean place of the edge during the row's exposure, which begins 0.1 ms later in each row.
+            let lit = pixels.iter().map(|value| f64::from(value / full)).sum::<f64>();
+            let expected = 30.0 + 1000.0 * (1e-4 * row as f64 + 0.5e-3);
+            // Steps of half a pixel, of which a row sees two or three.
+            assert!((lit - expected).abs() < 0.25, "row {row}: {lit}, expected {expected}");
+        }
+    }
 }

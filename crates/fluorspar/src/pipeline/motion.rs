@@ -21,6 +21,11 @@ impl MotionPath {
         Self { motion: study.motion.clone(), seed: study.render.seed, exposure: 0, time_s: 0.0 }
     }
 
+    /// Steady motion during an exposure: pixels of the sensor per second to the right and down.
+    pub(super) fn drift_px_per_s(&self) -> [f64; 2] {
+        self.motion.as_ref().map_or([0.0; 2], |motion| motion.drift_px_per_s)
+    }
+
     /// Shift of the next exposure, which takes `exposure_s`: pixels of the sensor to the right and down.
     pub(super) fn next(&mut self, exposure_s: f64) -> [f64; 2] {
         let Some(motion) = &self.motion else { return [0.0; 2] };

@@ -1,5 +1,7 @@
 //! A sensor with its quantum efficiency, and the exposure of one frame.
 
+use std::cmp::Ordering;
+
 use rayon::prelude::*;
 
 use super::isetcam::IsetcamChain;
@@ -336,47 +338,50 @@ impl Sensor {
         ElectronRate { columns, rows, data }
     }
 
-    /// Mean electron rates of each pixel over its own exposure, of light that changes in steps: `moments` are rates and
-    /// the times from which they hold, s, rising; the first holds before its time too, the last for ever. Time 0 is the
-    /// start of the first row's exposure. With a rolling shutter rows see different moments; use it for moving scenes.
+    /// Mean electron rates of each pixel over its own exposure, of light that changes in steps: from each of the rising
+    /// `times_s` on, s, hold the rates that `rate_from` returns for its index; the first hold before its time too, the last
+    /// for ever. Time 0 is the start of the first row's exposure. With a rolling shutter rows see different steps. One step
+    /// is in memory at a time.
     ///
     /// # Errors
-    /// No moments, times that do not rise, rates of another sensor's size, an exposure that can't be used.
-    pub fn rate_over_time(
+    /// No times, times that do not rise, rates of another sensor's size, an exposure that can't be used; what `rate_from`
+    /// reports.
+    pub fn rate_over_time<E: From<SensorProblem>>(
         &self,
-        moments: &[(f64, &ElectronRate)],
+        times_s: &[f64],
         exposure: &Exposure,
-    ) -> Result<ElectronRate, SensorProblem> {
+        mut rate_from: impl FnMut(usize) -> Result<ElectronRate, E>,
+    ) -> Result<ElectronRate, E> {
         exposure.validate()?;
+        if times_s.is_empty() {
+            return Err(SensorProblem::new("times", "there is none; give one at least").into());
+        }
+        if times_s.windows(2).any(|pair| pair[1].partial_cmp(&pair[0]) != Some(Ordering::Greater)) {
+            return Err(SensorProblem::new("times", "they do not rise; sort them").into());
+        }
         let (columns, rows) = (self.model.columns, self.model.rows);
-        let Some((_, first)) = moments.first() else {
-            return Err(SensorProblem::new("moments", "there is none; give the rates at one time at least"));
-        };
-        for (_, rate) in moments {
-            self.check_size(rate)?;
-        }
-        let rise = moments.windows(2).all(|pair| pair[1].0 > pair[0].0);
-        if !rise {
-            return Err(SensorProblem::new("moments", "the times do not rise; sort them"));
-        }
         let timing = Timing { shutter: self.model.shutter, strobe: self.model.strobe };
         let mut data = vec![0.0f32; columns * rows];
-        data.par_chunks_exact_mut(columns).enumerate().for_each(|(row, out)| {
-            let read = row.saturating_sub(self.readout.first_row);
-            let total_s = timing.light_s(read, exposure.time_s);
-            if total_s <= 0.0 {
-                out.copy_from_slice(&first.data[row * columns..][..columns]);
-                return;
-            }
-            for (index, (start, rate)) in moments.iter().enumerate() {
-                let from = if index == 0 { f64::NEG_INFINITY } else { *start };
-                let to = moments.get(index + 1).map_or(f64::INFINITY, |next| next.0);
-                let share = (timing.light_s_between(read, exposure.time_s, [from, to]) / total_s) as f32;
+        for (index, start) in times_s.iter().enumerate() {
+            let rate = rate_from(index)?;
+            self.check_size(&rate)?;
+            let from = if index == 0 { f64::NEG_INFINITY } else { *start };
+            let to = times_s.get(index + 1).map_or(f64::INFINITY, |next| *next);
+            // Add the share of each row's light that falls into this step.
+            data.par_chunks_exact_mut(columns).enumerate().for_each(|(row, out)| {
+                let read = row.saturating_sub(self.readout.first_row);
+                let total_s = timing.light_s(read, exposure.time_s);
+                let share = if total_s > 0.0 {
+                    (timing.light_s_between(read, exposure.time_s, [from, to]) / total_s) as f32
+                } else {
+                    // A row without light takes the rates of the first step.
+                    f32::from(u8::from(index == 0))
+                };
                 for (out, rate) in out.iter_mut().zip(&rate.data[row * columns..]) {
                     *out += share * rate;
                 }
-            }
-        });
+            });
+        }
         Ok(ElectronRate { columns, rows, data })
     }
 

@@ -217,13 +217,18 @@ fn a_rolling_shutter_bands_pulsed_light_and_leaves_steady_light_alone() {
     let rate = |value: f32| ElectronRate { columns: 4, rows: 20, data: vec![value; 80] };
     let exposure = Exposure { time_s: 0.01, ..Exposure::default() };
     let (off, on) = (rate(0.0), rate(2e5));
-    let seen = steady.rate_over_time(&[(0.0, &off), (0.005, &on), (0.010, &off)], &exposure).unwrap();
+    let steps = |times_s: &[f64]| {
+        let rate_from = |index: usize| Ok(if index == 1 { on.clone() } else { off.clone() });
+        steady.rate_over_time::<SensorProblem>(times_s, &exposure, rate_from)
+    };
+    let seen = steps(&[0.0, 0.005, 0.010]).unwrap();
     for (row, pixel) in seen.data.chunks_exact(4).enumerate() {
         let on_ms = 10.0 - f32::max(5.0, row as f32).min(10.0);
         assert!((pixel[0] - 2e4 * on_ms).abs() < 1.0, "row {row}: {} e-/s", pixel[0]);
     }
-    assert_eq!(steady.rate_over_time(&[], &exposure).unwrap_err().field, "moments");
-    assert_eq!(steady.rate_over_time(&[(1.0, &on), (0.5, &off)], &exposure).unwrap_err().field, "moments");
+    assert_eq!(steps(&[]).unwrap_err().field, "times");
+    assert_eq!(steps(&[1.0, 0.5]).unwrap_err().field, "times");
+    assert_eq!(steps(&[0.0, f64::NAN]).unwrap_err().field, "times");
     let rule = AutoExposure::default();
     assert_eq!(pulsed.auto_exposure_s(&on, 1.0, &rule).unwrap_err().field, "auto_exposure");
 }
