@@ -38,10 +38,17 @@ pub(crate) enum Storage {
     /// 32 bits: nothing is lost.
     #[default]
     Full,
-    /// 24 bits: relative error up to 8e-6, a third of the size.
+    /// 24 bits.
+    #[value(help = lossy_help("24 bits", ExrCompression::Rounded24, "a third"))]
     Rounded24,
-    /// 16 bits at a scale per layer: relative error up to 4.9e-4, a sixth of the size.
+    /// 16 bits at a scale per layer.
+    #[value(help = lossy_help("16 bits at a scale per layer", ExrCompression::Half, "a sixth"))]
     Half,
+}
+
+/// Help of a form that rounds values.
+fn lossy_help(form: &str, compression: ExrCompression, share: &str) -> String {
+    format!("{form}: relative error up to {:.1e}, {share} of the size", compression.relative_error())
 }
 
 fn has_extension(path: &Path, wanted: &str) -> bool {

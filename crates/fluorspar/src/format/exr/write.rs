@@ -32,11 +32,24 @@ pub enum ExrCompression {
     #[default]
     Zip,
     /// Spectral values as 16-bit floats times a power of two for each part, then deflate: about a sixth of the size.
-    /// The relative error is at most 2^-11 = 4.9e-4 down to 2^-29 of the part's brightest value, and the absolute error
+    /// The relative error is at most 2^-11 down to 2^-29 of the part's brightest value, and the absolute error
     /// below that at most 2^-39 of it. The attributes `fluorsparScale` and `fluorsparStorageError` say so.
     Half,
-    /// Values rounded to 24 bits (15 of the mantissa: relative error up to 2^-16 = 1.5e-5), then deflate: a third of the size of noisy data.
+    /// Values rounded to 24 bits (15 of the mantissa: relative error up to 2^-16), then deflate: a third of the size of noisy data.
     Rounded24,
+}
+
+impl ExrCompression {
+    /// Largest relative error of a stored value: half a unit in the last place of its mantissa.
+    ///
+    /// For [`ExrCompression::Half`] down to 2^-29 of the brightest value of a part.
+    pub fn relative_error(self) -> f64 {
+        match self {
+            Self::Uncompressed | Self::Zip => 0.0,
+            Self::Rounded24 => 2f64.powi(-16),
+            Self::Half => 2f64.powi(-11),
+        }
+    }
 }
 
 /// What else goes into an OpenEXR file.
@@ -498,7 +511,8 @@ fn half_scale(brightest: f32) -> (f32, Vec<(&'static str, AttributeValue)>) {
     let exponent = if brightest > 0.0 { (brightest.log2().ceil() as i32 - 15).clamp(-126, 126) } else { 0 };
     let scale = 2_f64.powi(exponent);
     let error = format!(
-        "relative 4.9e-4; absolute {:e} below {:e}, in the unit of the values",
+        "relative {:.1e}; absolute {:e} below {:e}, in the unit of the values",
+        ExrCompression::Half.relative_error(),
         scale * 2_f64.powi(-25),
         scale * 2_f64.powi(-14)
     );
