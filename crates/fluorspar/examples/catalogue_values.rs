@@ -37,9 +37,6 @@ fn main() -> Result<(), Box<dyn Error>> {
         };
         fluorophores.insert(name, wavelength_nm.iter().map(row).collect::<Vec<_>>());
     }
-    println!(
-        "{}",
-        json!({ "wavelength_nm": wavelength_nm, "curves": curves, "fluorophores": fluorophores })
-    );
+    println!("{}", json!({ "wavelength_nm": wavelength_nm, "curves": curves, "fluorophores": fluorophores }));
     Ok(())
 }
