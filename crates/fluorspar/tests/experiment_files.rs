@@ -5,8 +5,7 @@ use std::path::Path;
 
 use fluorspar::experiment::schema::EfficiencyReference;
 use fluorspar::experiment::{
-    ResolvedExperiment, default_experiment_toml, json_schema, parse, parse_sample, resolve,
-    sample_json_schema, sensor_json_schema,
+    ResolvedExperiment, json_schema, parse, parse_sample, resolve, sample_json_schema, sensor_json_schema,
 };
 use fluorspar::light::{DiscEmitter, Emitter, Light};
 use fluorspar::preset;
@@ -518,14 +517,6 @@ exposure_ms = 30.0
         "[light]\nspectrum = \"white.csv\"\nmeasured = \"white_radiance\"\n[sample]\nreflectance = 0.1\n";
     let sample = parse_sample(text, "sample.toml", folder.path(), &[]).unwrap_or_else(|e| panic!("{e}"));
     assert!((sample.sample.irradiance.total() - 10.0 * std::f64::consts::PI).abs() < 1e-9);
-}
-
-#[test]
-fn the_file_to_start_from_works() {
-    let experiment = parse(&default_experiment_toml(), "start.toml", Path::new("."), &[]).unwrap();
-    assert_eq!(experiment.file.title, "My experiment");
-    assert_eq!(experiment.file.light.len(), 2);
-    assert_eq!(experiment.file.light[0].power_mw, Some(1500.0));
 }
 
 #[test]

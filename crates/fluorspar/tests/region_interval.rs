@@ -5,9 +5,7 @@
 use fluorspar::analysis::{
     AnalysisSettings, ChannelNoise, FluorophoreResponse, MixtureModel, RegionOfInterest, analyze_region,
 };
-use fluorspar::sensor::{
-    ElectronRate, Exposure, Sensor, SensorModel, SpectralQe, develop, develop_with_ambient,
-};
+use fluorspar::sensor::{ElectronRate, Exposure, Sensor, SensorModel, SpectralQe, develop};
 use fluorspar::spectral::Curve;
 
 const SIDE: usize = 24;
@@ -52,7 +50,9 @@ fn mean_square_z(ambient_e_per_s: f64, subtract: bool) -> f64 {
         };
         let frame = take("blue", light.map(|v| v + ambient_e_per_s));
         let image = if subtract {
-            develop_with_ambient(&frame, &take("ambient", [ambient_e_per_s; 3])).unwrap()
+            let linear = |frame: &SensorImage| Development::default().linearise(frame).unwrap();
+            let ambient = linear(&take("ambient", [ambient_e_per_s; 3]));
+            linear(&frame).without(&ambient).unwrap().demosaic(Demosaicing::Bilinear).unwrap()
         } else {
             develop(&frame)
         };

@@ -36,11 +36,6 @@ pub fn chromaticity_covariance(rgb: [f64; 3], variance: [f64; 3]) -> Option<[[f6
     Some([[product(by_r, by_r), cross], [cross, product(by_g, by_g)]])
 }
 
-/// Standard errors of `r` and `g`; see [`chromaticity_covariance`].
-pub fn chromaticity_standard_error(rgb: [f64; 3], variance: [f64; 3]) -> Option<[f64; 2]> {
-    chromaticity_covariance(rgb, variance).map(|c| [c[0][0].sqrt(), c[1][1].sqrt()])
-}
-
 /// Whether a pixel has a chromaticity, and if not, why.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -247,8 +242,6 @@ mod tests {
                 assert!((covariance[i][j] / expected[i][j] - 1.0).abs() < 1e-8);
             }
         }
-        let error = chromaticity_standard_error(rgb, variance).unwrap();
-        assert_eq!(error, [covariance[0][0].sqrt(), covariance[1][1].sqrt()]);
     }
 
     #[test]

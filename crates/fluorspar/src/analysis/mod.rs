@@ -23,7 +23,7 @@ mod summary;
 pub use channel_noise::ChannelNoise;
 pub use chromaticity::{
     ChromaticityMap, DEFAULT_NOISE_THRESHOLD, ExclusionCounts, MissingChannel, PixelValidity,
-    chromaticity_covariance, chromaticity_standard_error, rgb_channels, sensor_chromaticity,
+    chromaticity_covariance, rgb_channels, sensor_chromaticity,
 };
 pub use mixture_line::{
     FluorophoreResponse, LineEstimate, MixtureError, MixtureFit, MixtureLine, PorphyrinMap, channel_response,

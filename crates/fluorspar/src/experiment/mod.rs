@@ -63,27 +63,3 @@ pub const DEFAULT_EXPERIMENT: &str = "oraleye-2021";
 
 /// Name of the flat sample that is predicted when none is named.
 pub const DEFAULT_SAMPLE: &str = "tongue-385nm";
-
-/// A short file to start from: the default experiment as base, with a few values to play with.
-pub fn default_experiment_toml() -> String {
-    format!(
-        "# Everything that is not said here is as in the base experiment.\n\
-         base = \"{DEFAULT_EXPERIMENT}\"\n\
-         title = \"My experiment\"\n\
-         \n\
-         [render]\n\
-         samples_per_pixel = 64\n\
-         \n\
-         [mouth]\n\
-         tongue_protrusion_mm = 8.0\n\
-         \n\
-         # An entry of a list overrides the one of the same name.\n\
-         [[light]]\n\
-         name = \"blue\"\n\
-         power_mw = 1500.0\n\
-         \n\
-         [[capture]]\n\
-         name = \"blue\"\n\
-         exposure_ms = 30.0\n"
-    )
-}

@@ -14,11 +14,6 @@ pub struct Filter {
 }
 
 impl Filter {
-    /// A filter that does not move with the angle.
-    pub fn absorbing(curve: Curve) -> Self {
-        Self { curve, effective_index: None }
-    }
-
     /// Factor on every wavelength of the curve at the angle with this squared sine: `sqrt(1 - sin² / n²)`.
     pub fn shift(&self, sine2: f64) -> f64 {
         self.effective_index.map_or(1.0, |index| (1.0 - sine2 / (index * index)).max(0.0).sqrt())

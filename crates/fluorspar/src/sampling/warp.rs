@@ -30,15 +30,10 @@ fn sin_cos_eighth(angle: f32) -> (f32, f32) {
     (sin, cos)
 }
 
-/// Cosine-weighted direction on the upper hemisphere. Density [`cosine_hemisphere_pdf`].
+/// Cosine-weighted direction on the upper hemisphere. Density `cos(theta) / pi`, 1/sr.
 pub fn cosine_hemisphere(u: [f32; 2]) -> Vec3 {
     let d = concentric_disc(u);
     Vec3::new(d.x, d.y, (1.0 - d.length_squared()).max(0.0).sqrt())
-}
-
-/// `cos(theta) / pi`, 1/sr; zero below the horizon.
-pub fn cosine_hemisphere_pdf(direction: Vec3) -> f32 {
-    direction.z.max(0.0) / PI
 }
 
 /// Uniform direction on the sphere. Density `1 / (4 pi)`.
@@ -120,7 +115,7 @@ mod tests {
             20,
             32,
             |i| Some(array(cosine_hemisphere(random(i)))),
-            |d| f64::from(cosine_hemisphere_pdf(vector(d))),
+            |d| d[2].max(0.0) / std::f64::consts::PI,
         )
         .assert_accepted(sidak(0.01, TESTS));
     }

@@ -64,17 +64,6 @@ pub struct CaptureSequence {
 }
 
 impl CaptureSequence {
-    /// The three frames of Lyu et al. 2021, of one exposure: "ambient" with all lights of the device off, "white",
-    /// and "blue" for the excitation light, with light groups of these names. `ambient_lights` stay on throughout.
-    pub fn ambient_white_blue(exposure_ms: f64, ambient_lights: &[&str]) -> Self {
-        let frame = |label: &str| {
-            let device = (label != "ambient").then_some(label);
-            let lights = ambient_lights.iter().copied().chain(device).map(|name| (name, 1.0));
-            CaptureFrame::fixed(label, lights, exposure_ms)
-        };
-        Self { frames: ["ambient", "white", "blue"].map(frame).to_vec() }
-    }
-
     /// The frame of a label.
     pub fn find(&self, label: &str) -> Option<&CaptureFrame> {
         self.frames.iter().find(|frame| frame.label == label)
@@ -142,63 +131,11 @@ impl Sensor {
         };
         Ok(Exposure { time_s, gain: frame.gain, seed, frame: 0, label: frame.label.clone() })
     }
-
-    /// Takes all frames of a sequence. The function returns the electron rates under a frame's lights (from
-    /// [`Sensor::electron_rate`]); it is called once per frame, in order, so only one frame's light is in memory.
-    ///
-    /// # Errors
-    /// A sequence that can't be used, or what the function reports.
-    pub fn expose_sequence<E: From<SensorProblem>>(
-        &self,
-        sequence: &CaptureSequence,
-        seed: u64,
-        mut rate_of: impl FnMut(&CaptureFrame) -> Result<ElectronRate, E>,
-    ) -> Result<Vec<SensorImage>, E> {
-        sequence.validate()?;
-        let mut images = Vec::with_capacity(sequence.frames.len());
-        for frame in &sequence.frames {
-            let rate = rate_of(frame)?;
-            images.push(self.expose_rate(&rate, &self.frame_exposure(frame, &rate, seed)?)?);
-        }
-        Ok(images)
-    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sensor::{SensorModel, SpectralQe, develop_with_ambient};
-    use crate::spectral::Curve;
-
-    #[test]
-    fn a_sequence_is_exposed_frame_by_frame() {
-        let model = SensorModel {
-            columns: 64,
-            rows: 64,
-            mosaic: vec![vec!["mono".into()]],
-            ..SensorModel::default()
-        };
-        let qe = SpectralQe::from_curves([("mono", Curve::constant(0.6))]).unwrap();
-        let sensor = Sensor::new(model, qe).unwrap();
-        let mut sequence = CaptureSequence::ambient_white_blue(30.0, &["room"]);
-        sequence.frames[1].exposure_ms = None;
-        sequence.frames[1].auto_exposure = Some(AutoExposure::default());
-        let rate_of = |frame: &CaptureFrame| -> Result<ElectronRate, SensorProblem> {
-            let light = 2e4 * frame.drive("room") + 1e6 * frame.drive("white") + 3e4 * frame.drive("blue");
-            Ok(ElectronRate { columns: 64, rows: 64, data: vec![light as f32; 64 * 64] })
-        };
-        let images = sensor.expose_sequence(&sequence, 9, rate_of).unwrap();
-        assert_eq!(images.iter().map(|i| i.label.as_str()).collect::<Vec<_>>(), ["ambient", "white", "blue"]);
-        assert!(images[1].exposure_s < 0.01 && images[1].exposure_s > 0.001);
-        let blue = develop_with_ambient(&images[2], &images[0]).unwrap();
-        let mean = blue.data.iter().map(|&v| f64::from(v)).sum::<f64>() / 4096.0;
-        // 900 e-; temporal noise of both frames, PRNU of their difference: 51.7 e- over 64, five standard errors.
-        let expected = 900.0 * images[2].dn_per_electron;
-        assert!(
-            (mean - expected).abs() < 5.0 * 51.7 / 64.0 * images[2].dn_per_electron,
-            "{mean}, {expected}"
-        );
-    }
 
     #[test]
     fn files_are_checked() {

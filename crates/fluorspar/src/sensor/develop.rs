@@ -127,17 +127,6 @@ pub fn develop(raw: &SensorImage) -> ChannelImage {
     interpolate(&frame, &Demosaic::new(&frame.mosaic))
 }
 
-/// As [`develop`], with the light of an ambient frame subtracted before the mosaic is interpolated. The ambient frame
-/// is scaled by the ratio of exposure time times gain, so the two may be taken differently. Noise of both adds up.
-///
-/// # Errors
-/// Frames of different sensors, or an ambient frame without exposure.
-pub fn develop_with_ambient(raw: &SensorImage, ambient: &SensorImage) -> Result<ChannelImage, DevelopError> {
-    let plain = Development::default();
-    let frame = plain.linearise(raw)?.without(&plain.linearise(ambient)?)?;
-    frame.demosaic(Demosaicing::Bilinear)
-}
-
 impl Development<'_> {
     /// A raw frame in linear digital numbers: minus dark frame or black level, divided by the flat field, bad pixels
     /// replaced.
@@ -379,6 +368,10 @@ mod tests {
 
     #[test]
     fn ambient_light_is_scaled_by_exposure_and_gain() {
+        let develop_with_ambient = |raw: &SensorImage, ambient: &SensorImage| {
+            let plain = Development::default();
+            plain.linearise(raw)?.without(&plain.linearise(ambient)?)?.demosaic(Demosaicing::Bilinear)
+        };
         let frame = raw(vec![164; 16], Mosaic::bayer("grbg").unwrap(), 4);
         let mut ambient = raw(vec![74; 16], Mosaic::bayer("grbg").unwrap(), 4);
         // A tenth of the time at twice the gain: its 10 DN are 50 DN of the frame.

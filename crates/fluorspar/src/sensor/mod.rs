@@ -12,7 +12,7 @@
 //! | numbers without an image | [`Sensor::flat_response`] | `flat_response.rs` |
 //! | exposure time | [`AutoExposure`] | `auto_exposure.rs` |
 //! | several frames | [`CaptureSequence`] | `capture.rs` |
-//! | linear channels | [`develop`], [`develop_with_ambient`], [`Development`] | `develop.rs`, `demosaic.rs` |
+//! | linear channels | [`develop`], [`Development`], [`LinearMosaic::without`] | `develop.rs`, `demosaic.rs` |
 //! | dark frames, flat fields, bad pixels | [`MasterFrame`], [`FlatField`], [`BadPixels`] | `calibration.rs` |
 //! | a second instrument | [`Spectroradiometer`] | `spectroradiometer.rs` |
 //! | exposures merged to one | [`merge_exposures`] | `develop.rs` |
@@ -60,7 +60,7 @@ pub use characterization::{
 pub use crosstalk::Crosstalk;
 pub use data_sheet::Emva1288;
 pub use demosaic::Demosaicing;
-pub use develop::{DevelopError, Development, LinearMosaic, develop, develop_with_ambient, merge_exposures};
+pub use develop::{DevelopError, Development, LinearMosaic, develop, merge_exposures};
 pub(crate) use exposure::EXPOSURE_MS;
 pub use exposure::{DefectPixels, ElectronRate, Exposure, Sensor};
 pub use flat_response::FlatResponse;

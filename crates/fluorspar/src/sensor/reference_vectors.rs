@@ -11,8 +11,7 @@ use super::*;
 use crate::image::Mosaic;
 use crate::optics::IdealLens;
 use crate::spectral::{
-    Curve, CurveModel, Irradiance, Spectrum, StandardObserver, WavelengthGrid, cie_lab, cie_luv, cie_uv_1960,
-    daylight_d65, delta_e_1976,
+    Curve, CurveModel, Irradiance, Spectrum, StandardObserver, WavelengthGrid, daylight_d65,
 };
 
 /// A file below the folder that `FLUORSPAR_REFERENCE` names, or below a folder `shared` beside any folder above this
@@ -123,7 +122,8 @@ fn a_uniform_scene_gives_its_current() {
     let irradiance = Spectrum::<Irradiance>::constant(&grid, radiance * solid_angle);
     let qe = SpectralQe::from_curves([("mono", Curve::constant(1.0))]).unwrap();
     let sensor = Sensor::new(default_pixel(), qe).unwrap();
-    let current_a = sensor.flat_electron_rate(&irradiance)[0] * crate::units::ISETCAM_ELEMENTARY_CHARGE_C;
+    // Elementary charge of ISETCam, C.
+    let current_a = sensor.flat_electron_rate(&irradiance)[0] * 1.602_177e-19;
     // Its optical image loses 0.01 to 0.13 % to the dark border through the diffraction that we leave out.
     let peak = number(&data["current_center"]["values"][2]);
     let loss = 1.0 - peak / current_a;
@@ -404,7 +404,7 @@ fn noise_of_an_uneven_picture_follows_from_its_mean() {
 }
 
 #[test]
-fn tristimulus_values_and_colour_spaces() {
+fn tristimulus_values() {
     if let Some(data) = vector("metrics_xyz_from_energy_1d") {
         let observer = StandardObserver::new(&WavelengthGrid::uniform(360.0, 830.0, 1.0).unwrap());
         let mut spectrum = vec![0f32; 471];
@@ -415,30 +415,6 @@ fn tristimulus_values_and_colour_spaces() {
             // Means over 1 nm instead of samples, and tables rounded to five digits or more.
             assert_close(ours, expected, 1e-4, "XYZ");
         }
-    }
-    let triple = |value: &Value| -> [f64; 3] { numbers(value).try_into().unwrap() };
-    let close = |ours: &[f64], expected: &[f64]| {
-        // The file keeps eight digits.
-        assert!(
-            ours.iter().zip(expected).all(|(a, b)| (a - b).abs() <= 1e-7 * b.abs()),
-            "{ours:?}, {expected:?}"
-        );
-    };
-    if let Some(data) = vector("metrics_xyz_to_lab_1d") {
-        close(&cie_lab(triple(&data["xyz"]), triple(&data["white_point"])), &numbers(&data["lab"]));
-    }
-    if let Some(data) = vector("metrics_xyz_to_luv_1d") {
-        // Its file has the white of the file beside it.
-        let white = data.get("white_point").map_or([95.047, 100.0, 108.883], triple);
-        close(&cie_luv(triple(&data["xyz"]), white).unwrap(), &numbers(&data["luv"]));
-    }
-    if let Some(data) = vector("metrics_xyz_to_uv_1d") {
-        close(&cie_uv_1960(triple(&data["xyz"])).unwrap(), &numbers(&data["uv"]));
-    }
-    if let Some(data) = vector("metrics_delta_e_ab_1976_1d") {
-        let white = triple(&data["white_point"]);
-        let [a, b] = ["xyz1", "xyz2"].map(|key| cie_lab(triple(&data[key]), white));
-        close(&[delta_e_1976(a, b)], &[number(&data["delta_e"])]);
     }
 }
 

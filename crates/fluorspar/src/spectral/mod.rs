@@ -10,7 +10,6 @@
 //! | [`Fluorophore`] | a named photon yield density with source, range and scale |
 
 mod cie_tables;
-mod color_difference;
 mod colorimetry;
 mod curve;
 mod curve_model;
@@ -22,7 +21,6 @@ mod quantity;
 mod spectrum;
 mod wavelength_grid;
 
-pub use color_difference::{cie_lab, cie_luv, cie_uv_1960, cie_uv_1976, delta_e_1976};
 pub use colorimetry::{StandardObserver, daylight_d65, encode_srgb, linear_srgb};
 pub use curve::{Curve, CurveError, FINE_STEP_NM};
 pub use curve_model::*;
