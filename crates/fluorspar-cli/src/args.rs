@@ -95,13 +95,13 @@ pub(crate) struct ExperimentArgs {
     pub(crate) error: Option<f64>,
     /// Keep half-buffers and variance in component images.
     #[arg(long, value_enum, value_name = "WHAT")]
-    pub(crate) statistics: Option<Statistics>,
+    pub(crate) statistics: Option<StatisticsOption>,
 }
 
 /// What half-buffers and variance are kept for.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 #[value(rename_all = "snake_case")]
-pub(crate) enum Statistics {
+pub(crate) enum StatisticsOption {
     /// Nothing.
     None,
     /// Every light group.
@@ -172,7 +172,7 @@ pub(crate) struct Talk {
 
 /// A folder for results.
 #[derive(Clone, Debug, Default, clap::Args)]
-pub(crate) struct OutFolder {
+pub(crate) struct OutOption {
     /// Folder for the results [default: the experiment's own, else fluorspar-out/NAME].
     #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath)]
     pub(crate) out: Option<PathBuf>,

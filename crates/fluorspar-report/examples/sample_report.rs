@@ -12,7 +12,7 @@ use fluorspar::analysis::{
 };
 use fluorspar::image::ChannelImage;
 use fluorspar_report::figures::{
-    ChannelValues, ChromaticityPlot, EemMap, NamedCurve, chromaticity, eem_maps, emission, filters,
+    ChannelValues, ChromaticityPlot, EemMap, PlotCurve, chromaticity, eem_maps, emission, filters,
     histograms, lights, picture, porphyrin_map, radiance_by_component, sensor_response,
 };
 use fluorspar_report::{
@@ -49,10 +49,10 @@ fn noise() -> ChannelNoise {
     ChannelNoise { floor_dn: 6.3, dn_per_electron: 0.45, gain_spread: 0.0229 }
 }
 
-fn curve(name: &str, f: impl Fn(f64) -> f64) -> NamedCurve {
+fn curve(name: &str, f: impl Fn(f64) -> f64) -> PlotCurve {
     let wavelength_nm: Vec<f64> = (0..=200).map(|i| 350.0 + 2.0 * f64::from(i)).collect();
     let value = wavelength_nm.iter().map(|&nm| f(nm)).collect();
-    NamedCurve::new(name, wavelength_nm, value)
+    PlotCurve::new(name, wavelength_nm, value)
 }
 
 fn bell(nm: f64, peak: f64, width: f64) -> f64 {
@@ -254,7 +254,7 @@ fn chromaticity_figure(analysis: &Analysis, map: &ChromaticityMap) -> Figure {
     })
 }
 
-fn glow_curves() -> Vec<NamedCurve> {
+fn glow_curves() -> Vec<PlotCurve> {
     let amounts = [1.0, 8.0, 4.0, 0.8, 2.5];
     let curves = FLUOROPHORES.iter().zip(amounts);
     curves.map(|(f, amount)| curve(f.0, |nm| 1e-5 * amount * glow(f, 385.0, nm))).collect()
@@ -286,7 +286,7 @@ fn parts_section() -> Section {
                 .collect(),
         }
     };
-    let channels = |f: &dyn Fn(f64) -> f64| -> Vec<NamedCurve> {
+    let channels = |f: &dyn Fn(f64) -> f64| -> Vec<PlotCurve> {
         ["R", "G", "B"].iter().enumerate().map(|(i, name)| curve(name, |nm| channel(i, nm) * f(nm))).collect()
     };
     let table = NumberTable {

@@ -9,7 +9,7 @@ use fluorspar::experiment::{parse, resolve};
 use fluorspar::format::{
     ExrCompression, ExrOptions, read_component_exr, read_film, write_component_exr, write_film,
 };
-use fluorspar::image::{ComponentImage, FeatureMaps, Film, Statistics};
+use fluorspar::image::{ComponentImage, FeatureMaps, Film, StatisticsKind};
 use fluorspar::pipeline::{DenoiseSettings, denoise};
 use fluorspar::render::{
     Checkpoint, ErrorChannel, ErrorTarget, FilmRenderer, RenderControl, RenderError, RenderSettings, Share,
@@ -29,7 +29,7 @@ fn experiment(width: u32, height: u32) -> Study {
     resolve(&parse(text, "test", Path::new("."), &changes).unwrap()).unwrap().study
 }
 
-fn settings(study: &Study, samples_per_pixel: u32, statistics: Statistics) -> RenderSettings {
+fn settings(study: &Study, samples_per_pixel: u32, statistics: StatisticsKind) -> RenderSettings {
     RenderSettings { samples_per_pixel, statistics, ..study.render.clone() }
 }
 
@@ -54,7 +54,7 @@ fn fill(renderer: &FilmRenderer, share: &Share, film: &mut Film, tiles: u32) -> 
 #[test]
 fn interrupted_extended_and_sharded_renders_have_the_bits_of_the_whole() {
     let study = experiment(40, 24);
-    let settings = settings(&study, 45, Statistics::LightGroups);
+    let settings = settings(&study, 45, StatisticsKind::LightGroups);
     let renderer = FilmRenderer::new(&study.scene, &settings).unwrap();
     let whole = image(&study, &settings);
 
@@ -100,7 +100,7 @@ fn interrupted_extended_and_sharded_renders_have_the_bits_of_the_whole() {
 #[test]
 fn a_film_of_some_rows_is_filled_in_these_rows_only() {
     let study = experiment(40, 40);
-    let settings = settings(&study, 1, Statistics::None);
+    let settings = settings(&study, 1, StatisticsKind::None);
     let renderer = FilmRenderer::new(&study.scene, &settings).unwrap();
     let empty = Film::of_tile_rows(renderer.layout(), FeatureMaps::default(), 0..2);
     let mut film = empty.clone();
@@ -118,14 +118,14 @@ fn a_film_of_some_rows_is_filled_in_these_rows_only() {
 #[test]
 fn a_changed_scene_is_refused() {
     let mut study = experiment(16, 16);
-    let settings = settings(&study, 1, Statistics::None);
+    let settings = settings(&study, 1, StatisticsKind::None);
     let renderer = FilmRenderer::new(&study.scene, &settings).unwrap();
     let film = renderer.new_film();
     renderer.check(&film).unwrap();
     drop(renderer);
     let reseeded = RenderSettings { seed: 99, ..settings.clone() };
     assert!(FilmRenderer::new(&study.scene, &reseeded).unwrap().check(&film).is_err());
-    let other = RenderSettings { statistics: Statistics::Components, ..settings.clone() };
+    let other = RenderSettings { statistics: StatisticsKind::Components, ..settings.clone() };
     assert!(FilmRenderer::new(&study.scene, &other).unwrap().check(&film).is_err());
     study.scene.lights[0].spectrum = study.scene.lights[0].spectrum.scaled(1.001);
     assert!(FilmRenderer::new(&study.scene, &settings).unwrap().check(&film).is_err());
@@ -134,7 +134,7 @@ fn a_changed_scene_is_refused() {
 #[test]
 fn films_and_statistics_survive_files_and_damage_is_noticed() {
     let study = experiment(20, 18);
-    let settings = settings(&study, 5, Statistics::LightGroups);
+    let settings = settings(&study, 5, StatisticsKind::LightGroups);
     let renderer = FilmRenderer::new(&study.scene, &settings).unwrap();
     let mut film = renderer.new_film();
     fill(&renderer, &Share::Tiles { index: 1, count: 2 }, &mut film, 10_000);
@@ -191,7 +191,7 @@ fn group_sums(values: &[f32], bands: usize) -> Vec<f64> {
 #[test]
 fn variance_and_half_buffers_tell_the_error() {
     let study = experiment(16, 16);
-    let base = settings(&study, 64, Statistics::LightGroups);
+    let base = settings(&study, 64, StatisticsKind::LightGroups);
     let seeds = 24;
     let images: Vec<ComponentImage> =
         (0..seeds).map(|seed| image(&study, &RenderSettings { seed, ..base.clone() })).collect();
@@ -249,7 +249,8 @@ fn all_bands(study: &Study, relative_error: f64) -> ErrorTarget {
 fn adaptive_sampling_reaches_its_error_with_fewer_samples() {
     let study = experiment(48, 32);
     let target = all_bands(&study, 0.05);
-    let adaptive = RenderSettings { error_target: Some(target), ..settings(&study, 512, Statistics::None) };
+    let adaptive =
+        RenderSettings { error_target: Some(target), ..settings(&study, 512, StatisticsKind::None) };
     let picture = image(&study, &adaptive);
     let samples = &picture.samples;
     assert_eq!(samples.len(), 48 * 32, "all tiles took the same samples");
@@ -270,7 +271,7 @@ fn adaptive_sampling_reaches_its_error_with_fewer_samples() {
 
     // The error is what was asked for where more samples were to be had: against an independent render with 4 times
     // the most samples, whose own error is at most half of the target.
-    let reference = RenderSettings { seed: 77, ..settings(&study, 2048, Statistics::None) };
+    let reference = RenderSettings { seed: 77, ..settings(&study, 2048, StatisticsKind::None) };
     let reference = image(&study, &reference);
     let bands = picture.grid.len();
     for group in picture.light_groups() {
@@ -306,7 +307,8 @@ fn error_targets_that_make_no_sense_are_refused() {
     ] {
         let mut target = all_bands(&study, 0.05);
         spoil(&mut target);
-        let settings = RenderSettings { error_target: Some(target), ..settings(&study, 1, Statistics::None) };
+        let settings =
+            RenderSettings { error_target: Some(target), ..settings(&study, 1, StatisticsKind::None) };
         assert!(FilmRenderer::new(&study.scene, &settings).is_err());
     }
 }
@@ -314,7 +316,7 @@ fn error_targets_that_make_no_sense_are_refused() {
 #[test]
 fn excitation_bins_add_up_and_make_other_lamps() {
     let mut study = experiment(12, 12);
-    let whole = settings(&study, 8, Statistics::None);
+    let whole = settings(&study, 8, StatisticsKind::None);
     let edges = vec![360.0, 375.0, 385.0, 395.0, 410.0, 700.0];
     let apart = RenderSettings { excitation_edges_nm: edges.clone(), ..whole.clone() };
     let bins = image(&study, &apart);
@@ -360,8 +362,9 @@ fn excitation_bins_add_up_and_make_other_lamps() {
 #[test]
 fn denoising_lowers_the_error_and_keeps_parts_and_means() {
     let study = experiment(48, 36);
-    let noisy = image(&study, &settings(&study, 16, Statistics::LightGroups));
-    let reference = image(&study, &RenderSettings { seed: 5, ..settings(&study, 1024, Statistics::None) });
+    let noisy = image(&study, &settings(&study, 16, StatisticsKind::LightGroups));
+    let reference =
+        image(&study, &RenderSettings { seed: 5, ..settings(&study, 1024, StatisticsKind::None) });
     let smooth = denoise(&noisy, &DenoiseSettings::default()).unwrap();
     assert!(smooth.denoised.is_some() && smooth.statistics.is_none());
     let bands = noisy.grid.len();

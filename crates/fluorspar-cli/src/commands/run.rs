@@ -10,7 +10,7 @@ use fluorspar::pipeline::{AnalyzedFrame, evaluate};
 use fluorspar_report::{RunResults, write_run_components, write_run_folder};
 
 use super::out_folder;
-use crate::args::{ExperimentArgs, OutFolder, Talk};
+use crate::args::{ExperimentArgs, OutOption, Talk};
 use crate::error::CliError;
 use crate::experiment_source::{ExperimentSource, read_text};
 use crate::interrupt::interrupted;
@@ -22,7 +22,7 @@ pub(crate) struct Options {
     #[command(flatten)]
     experiment: ExperimentArgs,
     #[command(flatten)]
-    out: OutFolder,
+    out: OutOption,
     #[command(flatten)]
     talk: Talk,
 }

@@ -11,7 +11,7 @@ use fluorspar::pipeline::{SpectroradiometerReading, check_same_scene, predict, r
 use fluorspar::sensor::Spectroradiometer;
 use fluorspar::spectral::{Curve, Radiance, Spectrum};
 use fluorspar::units::number_text;
-use fluorspar_report::figures::{NamedCurve, spectral_readings};
+use fluorspar_report::figures::{PlotCurve, spectral_readings};
 
 use super::table::{align, short};
 use super::{check_file, quoted};
@@ -299,11 +299,11 @@ fn csv(readings: &[SpectroradiometerReading]) -> String {
 }
 
 fn plot(readings: &[SpectroradiometerReading]) -> fluorspar_report::Figure {
-    let curves: Vec<NamedCurve> = readings
+    let curves: Vec<PlotCurve> = readings
         .iter()
         .map(|r| {
             let name = format!("{}, {}", r.name, r.capture);
-            NamedCurve::new(name, r.reading.wavelength_nm.clone(), r.reading.reading.clone())
+            PlotCurve::new(name, r.reading.wavelength_nm.clone(), r.reading.reading.clone())
         })
         .collect();
     spectral_readings("Spectroradiometer readings", &curves)

@@ -1,6 +1,6 @@
 //! Excitation-emission matrices, and what they give under one light.
 
-use super::{NamedCurve, wavelength_limits};
+use super::{PlotCurve, wavelength_limits};
 use crate::{Axis, ColorBar, ColorMap, Dash, Figure, Ink, Panel, Raster, Series, Shape};
 
 /// The excitation-emission matrix of one fluorophore, on bins of equal width.
@@ -84,14 +84,14 @@ pub fn eem_maps(maps: &[EemMap], light_peak_nm: Option<f64>) -> Figure {
 /// Emission of each fluorophore under one light; `amount` says how much of each, as in "each at concentration 1", `quantity`
 /// and `unit` what is drawn. `view_band_nm` is where a viewing filter passes at least half of its maximum; the rest is grey.
 pub fn emission(
-    curves: &[NamedCurve],
+    curves: &[PlotCurve],
     light: &str,
     amount: &str,
     [quantity, unit]: [&str; 2],
     view_band_nm: Option<[f64; 2]>,
 ) -> Figure {
     let limits = wavelength_limits(curves);
-    let y = Axis::from_zero(quantity, unit, curves.iter().map(NamedCurve::peak));
+    let y = Axis::from_zero(quantity, unit, curves.iter().map(PlotCurve::peak));
     let mut panel = Panel::new(Axis::wavelength(limits), y);
     if let Some([low, high]) = view_band_nm {
         let blocked = [[limits[0], low.max(limits[0])], [high.min(limits[1]), limits[1]]];

@@ -1,13 +1,13 @@
 //! Filter transmittance, and its optical density where a plot of transmittance shows nothing.
 
-use super::{NamedCurve, wavelength_limits};
+use super::{PlotCurve, wavelength_limits};
 use crate::{Axis, Dash, Figure, Ink, Panel, Series};
 
 /// Least optical density at the top of the axis, so that weak filters do not look like strong ones.
 const LEAST_DENSITY: f64 = 4.0;
 
 /// Transmittance (left) and optical density, `-log10 T` (right), of each filter.
-pub fn filters(filters: &[NamedCurve]) -> Figure {
+pub fn filters(filters: &[PlotCurve]) -> Figure {
     let limits = wavelength_limits(filters);
     // A transmittance of exactly zero has no density; the line leaves through the top instead.
     let density = |transmittance: f64| -transmittance.max(1e-30).log10();

@@ -1,6 +1,6 @@
 //! Lights on a logarithmic axis, with the filters that stand before them and before the lens.
 
-use super::{NamedCurve, wavelength_limits};
+use super::{PlotCurve, wavelength_limits};
 use crate::{Axis, Dash, Figure, Ink, Panel, Series};
 
 /// Decades shown below the peak. Reflected light is up to four decades stronger than fluorescence, so a light's tail matters down to
@@ -8,7 +8,7 @@ use crate::{Axis, Dash, Figure, Ink, Panel, Series};
 pub const LIGHT_DECADES: i32 = 5;
 
 /// Spectral power of each light relative to its peak, with filter transmittances over it. Powers are energy, not photons.
-pub fn lights(lights: &[NamedCurve], filters: &[NamedCurve]) -> Figure {
+pub fn lights(lights: &[PlotCurve], filters: &[PlotCurve]) -> Figure {
     let x = Axis::wavelength(wavelength_limits(lights));
     let y = Axis::log10("relative spectral power; transmittance", "", [10f64.powi(-LIGHT_DECADES), 1.5]);
     let mut panel = Panel::new(x, y);

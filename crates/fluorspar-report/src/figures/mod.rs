@@ -27,7 +27,7 @@ pub use sensor::sensor_response;
 
 /// A function of wavelength with a name.
 #[derive(Clone, Debug, PartialEq)]
-pub struct NamedCurve {
+pub struct PlotCurve {
     /// Name, as it shall stand in the legend.
     pub name: String,
     /// Wavelengths, nm, increasing.
@@ -36,7 +36,7 @@ pub struct NamedCurve {
     pub value: Vec<f64>,
 }
 
-impl NamedCurve {
+impl PlotCurve {
     /// A curve from its samples.
     pub fn new(name: impl Into<String>, wavelength_nm: Vec<f64>, value: Vec<f64>) -> Self {
         Self { name: name.into(), wavelength_nm, value }
@@ -56,7 +56,7 @@ impl NamedCurve {
 }
 
 /// Wavelength limits that hold all curves, on multiples of 10 nm.
-fn wavelength_limits<'a>(curves: impl IntoIterator<Item = &'a NamedCurve>) -> [f64; 2] {
+fn wavelength_limits<'a>(curves: impl IntoIterator<Item = &'a PlotCurve>) -> [f64; 2] {
     let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
     for nm in curves.into_iter().flat_map(|curve| &curve.wavelength_nm) {
         low = low.min(*nm);
@@ -71,7 +71,7 @@ mod tests {
     use crate::{Figure, Raster, Scale};
 
     fn all(
-        curves: &[NamedCurve],
+        curves: &[PlotCurve],
         map: &EemMap,
         plot: &ChromaticityPlot,
         values: &[ChannelValues],
@@ -96,8 +96,8 @@ mod tests {
     #[test]
     fn every_figure_stands_any_data() {
         let nan = f64::NAN;
-        let curve = |value: [f64; 3]| NamedCurve::new("c", vec![400.0, 500.0, 600.0], value.to_vec());
-        let odd = [curve([0.0; 3]), curve([nan, -1.0, f64::INFINITY]), NamedCurve::new("", vec![], vec![])];
+        let curve = |value: [f64; 3]| PlotCurve::new("c", vec![400.0, 500.0, 600.0], value.to_vec());
+        let odd = [curve([0.0; 3]), curve([nan, -1.0, f64::INFINITY]), PlotCurve::new("", vec![], vec![])];
         let map = |values: Vec<f64>, columns| EemMap {
             name: "m".into(),
             excitation_nm: [300.0, 400.0],

@@ -1,6 +1,6 @@
 //! Spectral radiance of a region, split by where the light came from.
 
-use super::{NamedCurve, wavelength_limits};
+use super::{PlotCurve, wavelength_limits};
 use crate::{Axis, Dash, Figure, Ink, Panel, Scale, Series, Shape};
 
 /// Decades shown on a logarithmic radiance axis.
@@ -8,15 +8,15 @@ const RADIANCE_DECADES: i32 = 6;
 
 /// Mean spectral radiance of a region: the sum (black), reflected light (pink, dashed) and each fluorophore.
 pub fn radiance_by_component(
-    total: Option<&NamedCurve>,
-    reflected: Option<&NamedCurve>,
-    fluorophores: &[NamedCurve],
+    total: Option<&PlotCurve>,
+    reflected: Option<&PlotCurve>,
+    fluorophores: &[PlotCurve],
     region: &str,
     scale: Scale,
 ) -> Figure {
     let all = || total.into_iter().chain(reflected).chain(fluorophores);
     let (label, unit) = ("spectral radiance", "W/(sr m² nm)");
-    let peaks = all().map(NamedCurve::peak);
+    let peaks = all().map(PlotCurve::peak);
     let y = match scale {
         Scale::Linear => Axis::from_zero(label, unit, peaks),
         Scale::Log10 => Axis::decades(label, unit, peaks, RADIANCE_DECADES),
@@ -49,8 +49,8 @@ pub fn radiance_by_component(
 }
 
 /// Spectral radiance that a spectroradiometer reads, one line per reading.
-pub fn spectral_readings(title: impl Into<String>, curves: &[NamedCurve]) -> Figure {
-    let y = Axis::from_zero("spectral radiance", "W/(sr m² nm)", curves.iter().map(NamedCurve::peak));
+pub fn spectral_readings(title: impl Into<String>, curves: &[PlotCurve]) -> Figure {
+    let y = Axis::from_zero("spectral radiance", "W/(sr m² nm)", curves.iter().map(PlotCurve::peak));
     let mut panel = Panel::new(Axis::wavelength(wavelength_limits(curves)), y);
     for (index, curve) in curves.iter().enumerate() {
         let ink = Ink::PALETTE[index % Ink::PALETTE.len()];

@@ -1,13 +1,13 @@
 //! Quantum efficiency of the sensor, bare and behind the filters.
 
-use super::{NamedCurve, wavelength_limits};
+use super::{PlotCurve, wavelength_limits};
 use crate::{Axis, Dash, Figure, Ink, Panel, Series};
 
 /// Quantum efficiency of each channel (dashed) and the same behind the lens and its filters (solid). Curves of both lists pair up
 /// by place.
-pub fn sensor_response(bare: &[NamedCurve], filtered: &[NamedCurve]) -> Figure {
+pub fn sensor_response(bare: &[PlotCurve], filtered: &[PlotCurve]) -> Figure {
     let x = Axis::wavelength(wavelength_limits(bare.iter().chain(filtered)));
-    let peaks = bare.iter().chain(filtered).map(NamedCurve::peak);
+    let peaks = bare.iter().chain(filtered).map(PlotCurve::peak);
     let y = Axis::from_zero("quantum efficiency", "electrons per photon", peaks);
     let mut panel = Panel::new(x, y);
     for (index, channel) in bare.iter().enumerate() {

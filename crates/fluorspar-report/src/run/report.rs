@@ -12,7 +12,7 @@ use fluorspar::study::Lens;
 use super::RunResults;
 use super::safety_section::safety_section;
 use crate::figures::{
-    ChannelValues, ChromaticityPlot, EemMap, NamedCurve, chromaticity, eem_maps, emission, filters,
+    ChannelValues, ChromaticityPlot, EemMap, PlotCurve, chromaticity, eem_maps, emission, filters,
     histograms, lights, picture, porphyrin_map, radiance_by_component, sensor_response, spectral_readings,
 };
 use crate::{
@@ -437,8 +437,8 @@ fn radiance_section(
     builder: &mut Builder,
 ) -> Section {
     let curve =
-        |name: &str, values: &[f64]| NamedCurve::new(name, radiance.wavelength_nm.clone(), values.to_vec());
-    let glow: Vec<NamedCurve> =
+        |name: &str, values: &[f64]| PlotCurve::new(name, radiance.wavelength_nm.clone(), values.to_vec());
+    let glow: Vec<PlotCurve> =
         radiance.fluorescence.iter().map(|(name, v)| curve(&title_of(run, name), v)).collect();
     let region =
         run.evaluation.analysis.as_ref().map_or_else(String::new, |a| a.analysis.region_description.clone());
@@ -477,9 +477,8 @@ fn spectroradiometer_section(run: &RunResults<'_>, builder: &mut Builder) -> Sec
     );
     for (index, spectrum) in run.evaluation.spectra.iter().enumerate() {
         let reading = &spectrum.reading;
-        let curve = |name: &str, values: &[f64]| {
-            NamedCurve::new(name, reading.wavelength_nm.clone(), values.to_vec())
-        };
+        let curve =
+            |name: &str, values: &[f64]| PlotCurve::new(name, reading.wavelength_nm.clone(), values.to_vec());
         let curves = [curve("expected", &reading.expected), curve("reading", &reading.reading)];
         let title = format!("{}, with the lights of \"{}\"", spectrum.name, spectrum.capture);
         let figure = spectral_readings(title, &curves);
@@ -493,12 +492,12 @@ fn spectroradiometer_section(run: &RunResults<'_>, builder: &mut Builder) -> Sec
 }
 
 /// A curve on every nanometre of the rendered range.
-fn fine(name: &str, curve: &Curve, range: (f64, f64)) -> NamedCurve {
+fn fine(name: &str, curve: &Curve, range: (f64, f64)) -> PlotCurve {
     let steps = (range.1 - range.0).round() as usize;
     let nm: Vec<f64> =
         (0..=steps).map(|i| range.0 + i as f64 * (range.1 - range.0) / steps.max(1) as f64).collect();
     let values = nm.iter().map(|&x| curve.at(x)).collect();
-    NamedCurve::new(name, nm, values)
+    PlotCurve::new(name, nm, values)
 }
 
 fn parts_section(run: &RunResults<'_>, builder: &mut Builder) -> Section {
@@ -508,7 +507,7 @@ fn parts_section(run: &RunResults<'_>, builder: &mut Builder) -> Section {
     let range = (scene.grid.start_nm(), scene.grid.end_nm());
     let mut section = Section::new("Lights, filters, tissue and sensor");
 
-    let mut lamps: Vec<NamedCurve> = Vec::new();
+    let mut lamps: Vec<PlotCurve> = Vec::new();
     for light in &scene.lights {
         let group = &scene.light_groups[light.group].name;
         if !lamps.iter().any(|l| l.name == *group) {
@@ -557,7 +556,7 @@ fn parts_section(run: &RunResults<'_>, builder: &mut Builder) -> Section {
         if let Some(lamp) = lamp {
             let photons = Curve::from_fn(range.0, range.1, |nm| lamp.spectrum.at(nm) * nm);
             let total = photons.total().max(f64::MIN_POSITIVE);
-            let curves: Vec<NamedCurve> = scene
+            let curves: Vec<PlotCurve> = scene
                 .fluorophores
                 .iter()
                 .map(|f| fine(&f.title, &f.eem.photon_exitance(&photons.scaled(1.0 / total), range), range))
@@ -579,9 +578,9 @@ fn parts_section(run: &RunResults<'_>, builder: &mut Builder) -> Section {
         }
     }
     if let Some(sensor) = &study.camera.sensor {
-        let bare: Vec<NamedCurve> =
+        let bare: Vec<PlotCurve> =
             sensor.qe().channels().iter().map(|c| fine(&c.name, &c.curve, range)).collect();
-        let filtered: Vec<NamedCurve> = match study.camera.lens_behind_filters() {
+        let filtered: Vec<PlotCurve> = match study.camera.lens_behind_filters() {
             Some(lens) => sensor
                 .qe()
                 .behind(&lens.transmittance)

@@ -19,7 +19,7 @@ pub enum EemUnit {
 
 /// An excitation-emission matrix as stored in a file: neither normalised nor converted.
 #[derive(Clone, Debug, PartialEq)]
-pub struct EemTable {
+pub struct MeasuredEem {
     /// Emission wavelength of each row, nm.
     pub emission_nm: Vec<f64>,
     /// Excitation wavelength of each column, nm.
@@ -73,7 +73,7 @@ const CORNER: &str = "em_nm\\ex_nm";
 ///
 /// # Errors
 /// Anything that is not such a table, with file and line.
-pub fn read_eem_csv(path: &Path, options: &CsvEemOptions) -> Result<EemTable, FormatError> {
+pub fn read_eem_csv(path: &Path, options: &CsvEemOptions) -> Result<MeasuredEem, FormatError> {
     let table = Table::read(path)?;
     check_corner(path, &table)?;
     let unit = unit(path, &table, options.unit)?;
@@ -127,7 +127,7 @@ pub fn read_eem_csv(path: &Path, options: &CsvEemOptions) -> Result<EemTable, Fo
             values.push(table.checked_sign(path, row, column, value, options.negative)?);
         }
     }
-    let mut eem = EemTable { emission_nm, excitation_nm, values, unit };
+    let mut eem = MeasuredEem { emission_nm, excitation_nm, values, unit };
     check_stokes(path, &table, &mut eem, options.anti_stokes)?;
     Ok(eem)
 }
@@ -208,7 +208,12 @@ fn name(unit: EemUnit) -> &'static str {
     }
 }
 
-fn check_stokes(path: &Path, table: &Table, eem: &mut EemTable, rule: AntiStokes) -> Result<(), FormatError> {
+fn check_stokes(
+    path: &Path,
+    table: &Table,
+    eem: &mut MeasuredEem,
+    rule: AntiStokes,
+) -> Result<(), FormatError> {
     let columns = eem.excitation_nm.len();
     let (mut below, mut total, mut peak) = (0.0, 0.0, 0.0_f64);
     for (row, &emission) in eem.emission_nm.iter().enumerate() {

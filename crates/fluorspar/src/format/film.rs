@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 use super::file::{check_image_size, write_atomically};
 use super::{FormatError, Loaded, Provenance};
 use crate::image::film::film_bytes;
-use crate::image::{Component, FeatureMaps, Film, FilmLayout, Statistics, View};
+use crate::image::{Component, FeatureMaps, Film, FilmLayout, StatisticsKind, View};
 use crate::spectral::WavelengthGrid;
 
 const MAGIC: &[u8; 8] = b"FLSPFILM";
@@ -30,7 +30,7 @@ struct Header {
     height: usize,
     wavelength_edges_nm: Vec<f64>,
     components: Vec<Component>,
-    statistics: Statistics,
+    statistics: StatisticsKind,
     quantum_exponents: Vec<i16>,
     pilot_levels: Vec<f32>,
     scene_sha256: String,

@@ -49,7 +49,7 @@ mod spooled_image;
 mod stl;
 mod tiff_directory;
 
-pub use csv_eem::{AntiStokes, CsvEemOptions, EemTable, EemUnit, read_eem_csv};
+pub use csv_eem::{AntiStokes, CsvEemOptions, EemUnit, MeasuredEem, read_eem_csv};
 pub use csv_fluorophore::{CsvFluorophore, read_fluorophore_csv};
 pub use csv_spectrum::{CsvColumns, CsvSpectrumOptions, NamedCurve, read_spectrum_csv};
 pub use csv_table::Negative;

@@ -186,7 +186,7 @@ fn read_at(mut file: &File, bytes: &mut [u8], offset: u64) -> io::Result<()> {
 mod tests {
     use super::*;
     use crate::format::{ExrCompression, write_component_exr, write_spectral_exr};
-    use crate::image::{Component, LightPath, SampleStatistics, Statistics};
+    use crate::image::{Component, LightPath, SampleStatistics, StatisticsKind};
     use crate::spectral::Radiance;
 
     fn image() -> ComponentImage {
@@ -199,7 +199,7 @@ mod tests {
         let plane = image.data.len() / 2;
         let list = |seed: usize| (0..plane).map(|i| value(i + seed)).collect();
         image.statistics = Some(SampleStatistics {
-            of: Statistics::LightGroups,
+            of: StatisticsKind::LightGroups,
             names: vec!["blue".into()],
             half_a: list(5),
             half_b: list(6),

@@ -129,7 +129,7 @@ pub struct ComponentImage {
 /// Sums whose scatter a render keeps beside the components.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Statistics {
+pub enum StatisticsKind {
     /// None.
     #[default]
     None,
@@ -147,7 +147,7 @@ pub enum Statistics {
 #[derive(Clone, Debug, PartialEq)]
 pub struct SampleStatistics {
     /// Which sums these are.
-    pub of: Statistics,
+    pub of: StatisticsKind,
     /// Name of each light group, or label of each component.
     pub names: Vec<String>,
     /// Mean of the first half, W/(sr m² nm).

@@ -16,7 +16,7 @@ use std::ops::Range;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use super::{Component, ComponentImage, FeatureMaps, SampleStatistics, SpectralImage, Statistics};
+use super::{Component, ComponentImage, FeatureMaps, SampleStatistics, SpectralImage, StatisticsKind};
 use crate::spectral::{Radiance, WavelengthGrid};
 
 /// Side of a tile, pixels.
@@ -70,7 +70,7 @@ pub struct FilmLayout {
     /// Label of each component.
     pub components: Vec<Component>,
     /// What is kept about the scatter of samples.
-    pub statistics: Statistics,
+    pub statistics: StatisticsKind,
     /// Quantum of each component and band as a power of two, `[component][band]`.
     pub exponents: Vec<i16>,
     /// Mean radiance of the pilot samples, `[component][band]`, W/(sr m² nm): the level that errors are compared with.
@@ -83,11 +83,11 @@ impl FilmLayout {
     /// Components that each statistic sums: one list per light group or per component.
     pub fn statistic_members(&self) -> Vec<(String, Vec<usize>)> {
         match self.statistics {
-            Statistics::None => Vec::new(),
-            Statistics::Components => {
+            StatisticsKind::None => Vec::new(),
+            StatisticsKind::Components => {
                 self.components.iter().enumerate().map(|(i, c)| (c.label(), vec![i])).collect()
             }
-            Statistics::LightGroups => {
+            StatisticsKind::LightGroups => {
                 let mut groups: Vec<(String, Vec<usize>)> = Vec::new();
                 for (index, component) in self.components.iter().enumerate() {
                     match groups.iter_mut().find(|(name, _)| *name == component.light_group) {
@@ -640,7 +640,7 @@ mod tests {
     use super::*;
     use crate::image::LightPath;
 
-    fn layout(statistics: Statistics) -> FilmLayout {
+    fn layout(statistics: StatisticsKind) -> FilmLayout {
         let label = |light| Component { light_group: "blue".into(), light };
         let grid = WavelengthGrid::uniform(400.0, 410.0, 5.0).unwrap();
         FilmLayout {
@@ -711,7 +711,7 @@ mod tests {
 
     #[test]
     fn parts_in_any_order_and_an_extended_tail_give_the_bits_of_the_whole() {
-        for statistics in [Statistics::None, Statistics::LightGroups, Statistics::Components] {
+        for statistics in [StatisticsKind::None, StatisticsKind::LightGroups, StatisticsKind::Components] {
             let empty = Film::new(layout(statistics), FeatureMaps::default());
             let mut whole = empty.clone();
             fill(&mut whole, 0..100);
@@ -736,12 +736,12 @@ mod tests {
 
     #[test]
     fn what_does_not_belong_together_is_refused() {
-        let mut film = Film::new(layout(Statistics::None), FeatureMaps::default());
+        let mut film = Film::new(layout(StatisticsKind::None), FeatureMaps::default());
         fill(&mut film, 0..20);
-        let mut rest = Film::new(layout(Statistics::None), FeatureMaps::default());
+        let mut rest = Film::new(layout(StatisticsKind::None), FeatureMaps::default());
         fill(&mut rest, 20..32);
         assert_eq!(film.merge(&rest), Err(MergeError::Cut { row: 0, col: 0, sample: 20 }));
-        let mut other = layout(Statistics::None);
+        let mut other = layout(StatisticsKind::None);
         other.scene_digest = "b".into();
         let other = Film::new(other, FeatureMaps::default());
         assert_eq!(film.merge(&other), Err(MergeError::Different { what: "their scene, seed or depth" }));
@@ -749,7 +749,7 @@ mod tests {
 
     #[test]
     fn means_halves_and_variance_are_those_of_the_samples() {
-        let mut film = Film::new(layout(Statistics::Components), FeatureMaps::default());
+        let mut film = Film::new(layout(StatisticsKind::Components), FeatureMaps::default());
         fill(&mut film, 0..64);
         let image = film.into_image();
         let statistics = image.statistics.as_ref().unwrap();
@@ -777,7 +777,7 @@ mod tests {
 
     #[test]
     fn rows_are_those_of_the_image() {
-        let mut layout = layout(Statistics::LightGroups);
+        let mut layout = layout(StatisticsKind::LightGroups);
         (layout.width, layout.height) = (20, 40);
         let fill = |film: &mut Film| {
             let mut scale = FilmScale::new(film.layout());
@@ -816,7 +816,7 @@ mod tests {
 
     #[test]
     fn a_film_of_some_rows_takes_no_samples_of_others() {
-        let mut layout = layout(Statistics::None);
+        let mut layout = layout(StatisticsKind::None);
         (layout.width, layout.height) = (20, 40);
         let of = |tile_rows: Range<usize>, samples: Range<u32>| {
             let mut film = Film::of_tile_rows(layout.clone(), FeatureMaps::default(), tile_rows.clone());
@@ -847,7 +847,7 @@ mod tests {
 
     #[test]
     fn a_sum_that_leaves_the_range_is_infinite() {
-        let mut film = Film::new(layout(Statistics::None), FeatureMaps::default());
+        let mut film = Film::new(layout(StatisticsKind::None), FeatureMaps::default());
         let mut scale = FilmScale::new(film.layout());
         for task in film.tiles_mut() {
             let block = [f32::INFINITY, 1e38, 1.0, 1.0, 1.0, 1.0];

@@ -7,7 +7,7 @@ mod spectral_image;
 
 pub use component_image::{
     Component, ComponentImage, EXCITATION_MARK, FeatureMaps, LampOutOfSpan, LightPath, SampleStatistics,
-    Statistics, View,
+    StatisticsKind, View,
 };
 pub use film::{Film, FilmLayout, MergeError};
 pub use sensor_image::{ChannelImage, Mosaic, SensorImage, SubtractedLight};

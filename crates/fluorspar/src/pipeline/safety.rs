@@ -9,8 +9,8 @@ use super::CapturedFrame;
 use crate::geometry::OrientedPoint;
 use crate::light::ApparentSize;
 use crate::safety::{
-    ApparentSource, Assessment, Hazard, Illumination, RetinalObserver, RiskGroup, RiskQuantity, Target,
-    assess, risk_group,
+    ApparentSource, Assessment, ExposedTissue, Hazard, Illumination, RetinalObserver, RiskGroup,
+    RiskQuantity, assess, risk_group,
 };
 use crate::scene::Shape;
 use crate::scene::irradiance::emission_factor;
@@ -144,18 +144,18 @@ pub fn assess_safety(study: &Study, frames: &[CapturedFrame]) -> Option<SafetyRe
                 None => refused(Viewer::PatientEye, "safety.patient_eye_distance_mm"),
                 Some(mm) => {
                     let light = illumination(study, capture, axis_point(study, mm));
-                    viewer(Viewer::PatientEye, mm, &light, light_on_s, Target::Eye(observer))
+                    viewer(Viewer::PatientEye, mm, &light, light_on_s, ExposedTissue::Eye(observer))
                 }
             });
             viewers.push(match settings.operator_eye_distance_mm {
                 None => refused(Viewer::OperatorEye, "safety.operator_eye_distance_mm"),
                 Some(mm) => {
                     let light = reflected(&at_mucosa, mm, settings.lit_diameter_mm, settings.reflectance);
-                    let target = Target::Eye(RetinalObserver::Normal);
+                    let target = ExposedTissue::Eye(RetinalObserver::Normal);
                     viewer(Viewer::OperatorEye, mm, &light, light_on_s, target)
                 }
             });
-            let target = Target::Skin { safety_factor: settings.mucosa_safety_factor };
+            let target = ExposedTissue::Skin { safety_factor: settings.mucosa_safety_factor };
             viewers.push(viewer(Viewer::Mucosa, mucosa_mm, &at_mucosa, light_on_s, target));
         }
         captures.push(CaptureSafety {
@@ -225,7 +225,13 @@ fn refused(viewer: Viewer, field: &str) -> ViewerSafety {
     }
 }
 
-fn viewer(who: Viewer, mm: f64, light: &Illumination, light_on_s: f64, target: Target) -> ViewerSafety {
+fn viewer(
+    who: Viewer,
+    mm: f64,
+    light: &Illumination,
+    light_on_s: f64,
+    target: ExposedTissue,
+) -> ViewerSafety {
     let hazards = assess(light, light_on_s, target);
     let worst = hazards
         .iter()
@@ -239,7 +245,8 @@ fn viewer(who: Viewer, mm: f64, light: &Illumination, light_on_s: f64, target: T
         distance_mm: Some(mm),
         not_assessed: None,
         irradiance_w_per_m2: Some(light.total_irradiance()),
-        source_subtense_mrad: matches!(target, Target::Eye(_)).then(|| 1e3 * light.largest_subtense_rad()),
+        source_subtense_mrad: matches!(target, ExposedTissue::Eye(_))
+            .then(|| 1e3 * light.largest_subtense_rad()),
         hazards,
         smallest_margin: worst.map(|w| w.0),
         governing: worst.map(|w| w.1),

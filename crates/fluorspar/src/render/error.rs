@@ -4,7 +4,7 @@ use fluorspar_accel::BuildError;
 use thiserror::Error;
 
 use super::adaptive::ErrorTargetError;
-use crate::image::Statistics;
+use crate::image::StatisticsKind;
 use crate::scene::SceneError;
 use crate::units::memory_texts;
 
@@ -83,9 +83,9 @@ pub enum RenderError {
     )]
     OtherStatistics {
         /// What the film keeps.
-        film: Statistics,
+        film: StatisticsKind,
         /// What is wanted.
-        wanted: Statistics,
+        wanted: StatisticsKind,
     },
     /// The film was made for other rows than those that are to be rendered.
     #[error(

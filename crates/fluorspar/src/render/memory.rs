@@ -3,7 +3,7 @@
 use super::component_labels::component_labels;
 use super::error::RenderError;
 use super::settings::RenderSettings;
-use crate::image::Statistics;
+use crate::image::StatisticsKind;
 use crate::image::film::{TILE, film_bytes};
 use crate::scene::Scene;
 
@@ -13,9 +13,9 @@ pub fn memory_bytes(scene: &Scene, settings: &RenderSettings) -> u64 {
     let components = groups * (scene.fluorophores.len() + 2);
     let planes = components
         + 2 * match settings.film_statistics() {
-            Statistics::None => 0,
-            Statistics::LightGroups => groups,
-            Statistics::Components => components,
+            StatisticsKind::None => 0,
+            StatisticsKind::LightGroups => groups,
+            StatisticsKind::Components => components,
         };
     film_bytes(scene.camera.width, scene.camera.height, scene.grid.len(), planes)
 }

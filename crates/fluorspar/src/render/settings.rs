@@ -2,7 +2,7 @@
 
 use super::adaptive::ErrorTarget;
 use super::error::{MOST_DEPTH, MOST_SAMPLES_PER_PIXEL, RenderError};
-use crate::image::Statistics;
+use crate::image::StatisticsKind;
 
 /// How light transport is estimated.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -28,7 +28,7 @@ pub struct RenderSettings {
     /// Memory limit for the images, bytes.
     pub memory_limit_bytes: u64,
     /// Sample statistics that the film keeps.
-    pub statistics: Statistics,
+    pub statistics: StatisticsKind,
     /// Error at which a tile is done before it has all its samples; `None` gives all pixels the same number.
     pub error_target: Option<ErrorTarget>,
     /// Edges of excitation bins, nm, increasing. When given, each light group becomes one group per bin,
@@ -46,7 +46,7 @@ impl Default for RenderSettings {
             seed: 1,
             estimator: Estimator::default(),
             memory_limit_bytes: 8 << 30,
-            statistics: Statistics::None,
+            statistics: StatisticsKind::None,
             error_target: None,
             excitation_edges_nm: Vec::new(),
         }
@@ -55,9 +55,9 @@ impl Default for RenderSettings {
 
 impl RenderSettings {
     /// Sample statistics that the film keeps: an error target needs at least those of the light groups.
-    pub fn film_statistics(&self) -> Statistics {
+    pub fn film_statistics(&self) -> StatisticsKind {
         match self.statistics {
-            Statistics::None if self.error_target.is_some() => Statistics::LightGroups,
+            StatisticsKind::None if self.error_target.is_some() => StatisticsKind::LightGroups,
             statistics => statistics,
         }
     }

@@ -29,7 +29,7 @@ pub enum Hazard {
 
 /// What the light falls on.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Target {
+pub enum ExposedTissue {
     /// An eye that looks into the light.
     Eye(RetinalObserver),
     /// Skin, its limits divided by a factor: 1 for skin, more for mucosa.
@@ -84,10 +84,10 @@ const WEAK_STIMULUS_SHARE: f64 = 1e-3;
 ///
 /// Sources: IEC 62471:2006, 4.3.1 to 4.3.8. Durations beyond 8 hours count as 8 hours; thermal limits, which end at 10 s,
 /// hold on.
-pub fn assess(light: &Illumination, duration_s: f64, target: Target) -> Vec<Assessment> {
+pub fn assess(light: &Illumination, duration_s: f64, target: ExposedTissue) -> Vec<Assessment> {
     let duration_s = duration_s.min(DAY_S);
     match target {
-        Target::Eye(observer) => {
+        ExposedTissue::Eye(observer) => {
             let mut list = vec![
                 dose(
                     Hazard::ActinicUv,
@@ -116,7 +116,7 @@ pub fn assess(light: &Illumination, duration_s: f64, target: Target) -> Vec<Asse
             list.push(rate(Hazard::InfraredEye, "E_IR", infrared, limit, "W/m²"));
             list
         }
-        Target::Skin { safety_factor } => {
+        ExposedTissue::Skin { safety_factor } => {
             let actinic = light.irradiance(ActionSpectrum::ActinicUv);
             let all = light.irradiance(ActionSpectrum::SkinThermal);
             let thermal_j_per_m2 = 2e4 * duration_s.min(10.0).powf(0.25) / safety_factor;
@@ -249,7 +249,7 @@ mod tests {
     #[test]
     fn a_monochromatic_lamp_at_385_nm() {
         let light = line(385.0, 1000.0, 0.05);
-        let list = assess(&light, 10.0, Target::Eye(RetinalObserver::Normal));
+        let list = assess(&light, 10.0, ExposedTissue::Eye(RetinalObserver::Normal));
         let uva = find(&list, Hazard::NearUv);
         near(uva.value, 1e4);
         near(uva.margin.unwrap(), 1.0);
@@ -271,12 +271,12 @@ mod tests {
         let infrared = find(&list, Hazard::InfraredEye);
         assert_eq!((infrared.value, infrared.margin), (0.0, None));
         // Without a lens in the eye, 2.31 in place of 0.013.
-        let aphakic = assess(&light, 10.0, Target::Eye(RetinalObserver::Aphakic));
+        let aphakic = assess(&light, 10.0, ExposedTissue::Eye(RetinalObserver::Aphakic));
         near(find(&aphakic, Hazard::BlueLight).value, 2.31 * radiance * 10.0);
         // Skin: 2e4 t^0.25 / t = 3557 W/m² for 10 s; mucosa with its factor of ten.
-        let skin = assess(&light, 10.0, Target::Skin { safety_factor: 1.0 });
+        let skin = assess(&light, 10.0, ExposedTissue::Skin { safety_factor: 1.0 });
         near(find(&skin, Hazard::SkinThermal).margin.unwrap(), 3556.56 / 1000.0);
-        let mucosa = assess(&light, 10.0, Target::Skin { safety_factor: 10.0 });
+        let mucosa = assess(&light, 10.0, ExposedTissue::Skin { safety_factor: 10.0 });
         near(find(&mucosa, Hazard::SkinThermal).margin.unwrap(), 0.355_656);
         near(find(&mucosa, Hazard::ActinicUv).limit, 3.0);
     }
@@ -284,28 +284,29 @@ mod tests {
     #[test]
     fn short_and_long_exposures_have_their_own_limits() {
         // 30 ms: 3.3e5 W/m² of UV-A.
-        let list = assess(&line(385.0, 1e4 / 0.03, 0.05), 0.03, Target::Eye(RetinalObserver::Normal));
+        let list = assess(&line(385.0, 1e4 / 0.03, 0.05), 0.03, ExposedTissue::Eye(RetinalObserver::Normal));
         near(find(&list, Hazard::NearUv).margin.unwrap(), 1.0);
         // Beyond 1000 s: 10 W/m², and below it there is no end.
         for (irradiance, margin, day) in [(20.0, 0.5, 500.0), (5.0, 2.0, DAY_S)] {
-            let list = assess(&line(385.0, irradiance, 0.05), 2000.0, Target::Eye(RetinalObserver::Normal));
+            let list =
+                assess(&line(385.0, irradiance, 0.05), 2000.0, ExposedTissue::Eye(RetinalObserver::Normal));
             let uva = find(&list, Hazard::NearUv);
             near(uva.margin.unwrap(), margin);
             near(uva.daily_seconds.unwrap(), day);
         }
         // A small source at 440 nm: 100 J/m² up to 100 s; the radiance over 11 mrad says nearly the same:
         // 1e6 * pi/4 * 0.011² = 95 J/m².
-        let list = assess(&line(440.0, 10.0, 0.001), 10.0, Target::Eye(RetinalObserver::Normal));
+        let list = assess(&line(440.0, 10.0, 0.001), 10.0, ExposedTissue::Eye(RetinalObserver::Normal));
         near(find(&list, Hazard::BlueLightSmallSource).margin.unwrap(), 1.0);
         near(find(&list, Hazard::BlueLight).margin.unwrap(), 0.950_33);
         // Infrared for 100 s: 18000 * 100^-0.75 = 569.2 W/m²; and nothing visible: 6000 / alpha.
-        let list = assess(&line(850.0, 569.21, 0.05), 100.0, Target::Eye(RetinalObserver::Normal));
+        let list = assess(&line(850.0, 569.21, 0.05), 100.0, ExposedTissue::Eye(RetinalObserver::Normal));
         near(find(&list, Hazard::InfraredEye).margin.unwrap(), 1.0);
         let weak = find(&list, Hazard::RetinalThermalWeakStimulus);
         near(weak.limit, 1.2e5);
         near(weak.value, 569.21 / (0.25 * PI * 0.0025));
         // No light, no margin.
-        let list = assess(&Illumination::default(), 1.0, Target::Eye(RetinalObserver::Normal));
+        let list = assess(&Illumination::default(), 1.0, ExposedTissue::Eye(RetinalObserver::Normal));
         assert!(list.iter().all(|a| a.margin.is_none() && a.value == 0.0));
     }
 
@@ -320,7 +321,7 @@ mod tests {
             Illumination { spectra: vec![spectrum], ..line(nm, 100.0, 0.0) }
         };
         let seconds = |nm: f64, hazard: Hazard| {
-            let list = assess(&led(nm), 1.0, Target::Eye(RetinalObserver::Normal));
+            let list = assess(&led(nm), 1.0, ExposedTissue::Eye(RetinalObserver::Normal));
             find(&list, hazard).daily_seconds.unwrap()
         };
         for (nm, expected) in [(385.0, 55.0), (405.0, 3.9), (420.0, 1.2)] {

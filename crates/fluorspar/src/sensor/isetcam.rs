@@ -17,7 +17,7 @@
 //!     doi:10.1364/AO.51.000A80.
 
 use super::adc::Adc;
-use super::noise::{Source, frame_key, line_key, normal, poisson};
+use super::noise::{NoiseSource, frame_key, line_key, normal, poisson};
 use super::{Exposure, SensorMode, SensorModel};
 use crate::sampling::random::Key;
 use crate::units::{ISETCAM_PLANCK_J_S, LIGHT_SPEED_M_PER_S};
@@ -189,19 +189,19 @@ impl IsetcamChain {
         let place = self.frame.with(pixel);
         let mean_e = volts / self.volts_per_e;
         let counted_e = if mean_e >= NORMAL_ABOVE_E {
-            (mean_e + mean_e.sqrt() * normal(place, Source::Shot)).round()
+            (mean_e + mean_e.sqrt() * normal(place, NoiseSource::Shot)).round()
         } else {
             poisson(mean_e, place)
         };
         volts = counted_e * self.volts_per_e;
         if self.flag == 2 {
-            volts += self.read_v * normal(place, Source::Read);
-            volts *= 1.0 + self.prnu * normal(place, Source::Prnu);
-            volts += self.dsnu_v * normal(place, Source::Dsnu);
+            volts += self.read_v * normal(place, NoiseSource::Read);
+            volts *= 1.0 + self.prnu * normal(place, NoiseSource::Prnu);
+            volts += self.dsnu_v * normal(place, NoiseSource::Dsnu);
             if self.column_gain > 0.0 || self.column_offset_v > 0.0 {
                 let column = line_key(self.frame, col);
-                volts *= 1.0 + self.column_gain * normal(column, Source::ColumnGain);
-                volts += self.column_offset_v * normal(column, Source::ColumnOffset);
+                volts *= 1.0 + self.column_gain * normal(column, NoiseSource::ColumnGain);
+                volts += self.column_offset_v * normal(column, NoiseSource::ColumnOffset);
             }
         }
         volts

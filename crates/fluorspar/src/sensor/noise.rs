@@ -25,7 +25,7 @@ use crate::sampling::random::Key;
 
 /// What a random number is drawn for. The numbers are part of every result: never reuse or renumber them.
 #[derive(Clone, Copy)]
-pub(super) enum Source {
+pub(super) enum NoiseSource {
     Shot = 1,
     Read = 2,
     PostGain = 3,
@@ -43,7 +43,7 @@ pub(super) enum Source {
 
 /// A standard normal draw for one source at one place.
 #[inline]
-pub(super) fn normal(place: Key, source: Source) -> f64 {
+pub(super) fn normal(place: Key, source: NoiseSource) -> f64 {
     StandardNormal.sample(&mut place.with(source as u64).rng())
 }
 
@@ -53,7 +53,7 @@ pub(super) fn normal(place: Key, source: Source) -> f64 {
 pub(super) fn poisson(mean: f64, place: Key) -> f64 {
     if mean > 0.0 {
         match Poisson::new(mean) {
-            Ok(distribution) => distribution.sample(&mut place.with(Source::Shot as u64).rng()),
+            Ok(distribution) => distribution.sample(&mut place.with(NoiseSource::Shot as u64).rng()),
             Err(_) => mean,
         }
     } else {
@@ -85,7 +85,7 @@ impl Defects {
         if self.hot <= 0.0 {
             return 0.0;
         }
-        let mut rng = device.with(Source::HotPixel as u64).rng();
+        let mut rng = device.with(NoiseSource::HotPixel as u64).rng();
         if rng.random::<f64>() < self.hot {
             self.hot_e * <Exp1 as Distribution<f64>>::sample(&Exp1, &mut rng)
         } else {
@@ -94,7 +94,7 @@ impl Defects {
     }
 
     fn is_dead(&self, device: Key) -> bool {
-        self.dead > 0.0 && device.with(Source::DeadPixel as u64).rng().random::<f64>() < self.dead
+        self.dead > 0.0 && device.with(NoiseSource::DeadPixel as u64).rng().random::<f64>() < self.dead
     }
 }
 
@@ -204,13 +204,24 @@ impl PhysicalChain {
             adc: Adc { max_code: model.max_code() },
             column_offset_e: offsets(
                 model.columns,
-                Source::ColumnOffset,
+                NoiseSource::ColumnOffset,
                 column_e,
-                Source::ColumnNoise,
+                NoiseSource::ColumnNoise,
                 column_read_e,
             ),
-            column_gain: lines(model.columns, device, Source::ColumnGain, model.column_gain_percent * 1e-2),
-            row_offset_e: offsets(model.rows, Source::RowOffset, row_e, Source::RowNoise, row_read_e),
+            column_gain: lines(
+                model.columns,
+                device,
+                NoiseSource::ColumnGain,
+                model.column_gain_percent * 1e-2,
+            ),
+            row_offset_e: offsets(
+                model.rows,
+                NoiseSource::RowOffset,
+                row_e,
+                NoiseSource::RowNoise,
+                row_read_e,
+            ),
             line_noise_e: column_e
                 .hypot(row_e)
                 .hypot(model.well_capacity_e * model.column_gain_percent * 1e-2),
@@ -343,13 +354,13 @@ impl PhysicalChain {
             return self.collected(photo_e + self.dark_e);
         }
         let device = self.device.with(pixel);
-        let mut response = (1.0 + term(self.prnu, device, Source::Prnu)).max(0.0);
+        let mut response = (1.0 + term(self.prnu, device, NoiseSource::Prnu)).max(0.0);
         if self.defects.is_dead(device) {
             response = 0.0;
         }
         let mut dark_e = self.dark_e;
         if self.dark_log_spread > 0.0 {
-            let deviation = term(self.dark_log_spread, device, Source::DarkSpread);
+            let deviation = term(self.dark_log_spread, device, NoiseSource::DarkSpread);
             dark_e *= (deviation - 0.5 * self.dark_log_spread * self.dark_log_spread).exp();
         }
         dark_e += self.defects.hot_electrons(device);
@@ -365,16 +376,17 @@ impl PhysicalChain {
         }
         let pixel = (row * self.columns + col) as u64;
         let (device, frame) = (self.device.with(pixel), self.frame.with(pixel));
-        let pixel_e =
-            held_e + term(self.dsnu_e, device, Source::Dsnu) + term(self.read_e, frame, Source::Read);
+        let pixel_e = held_e
+            + term(self.dsnu_e, device, NoiseSource::Dsnu)
+            + term(self.read_e, frame, NoiseSource::Read);
         let input_e =
             pixel_e * (1.0 + self.column_gain[col]) + self.column_offset_e[col] + self.row_offset_e[row];
-        self.adc.code(self.k * input_e + term(self.post_gain_dn, frame, Source::PostGain) + self.black)
+        self.adc.code(self.k * input_e + term(self.post_gain_dn, frame, NoiseSource::PostGain) + self.black)
     }
 }
 
 /// A normal term of a standard deviation; nothing is drawn where that is zero.
 #[inline]
-fn term(sigma: f64, place: Key, source: Source) -> f64 {
+fn term(sigma: f64, place: Key, source: NoiseSource) -> f64 {
     if sigma > 0.0 { sigma * normal(place, source) } else { 0.0 }
 }

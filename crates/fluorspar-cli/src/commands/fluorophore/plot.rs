@@ -9,7 +9,7 @@ use fluorspar::format::{CsvColumns, CsvSpectrumOptions, read_spectrum_csv, write
 use fluorspar::preset;
 use fluorspar::spectral::{Curve, Fluorophore};
 use fluorspar_report::Figure;
-use fluorspar_report::figures::{EemMap, NamedCurve, eem_maps, emission};
+use fluorspar_report::figures::{EemMap, PlotCurve, eem_maps, emission};
 
 use super::FileOptions;
 use super::loading::load;
@@ -110,9 +110,9 @@ fn emission_figure(fluorophores: &[Fluorophore], light: &Curve, name: &str) -> F
     let curve = |f: &Fluorophore| {
         let exitance = f.eem.photon_exitance(&photons, (low, high));
         let radiance = nm.iter().map(|&x| exitance.at(x) / (x * PI)).collect();
-        NamedCurve::new(f.title.clone(), nm.clone(), radiance)
+        PlotCurve::new(f.title.clone(), nm.clone(), radiance)
     };
-    let curves: Vec<NamedCurve> = fluorophores.iter().map(curve).collect();
+    let curves: Vec<PlotCurve> = fluorophores.iter().map(curve).collect();
     let label = Path::new(name).file_stem().map_or_else(|| name.into(), |s| s.to_string_lossy().into_owned());
     let light = format!("{IRRADIANCE_W_PER_M2} W/m² of {label}");
     let (amount, y) =

@@ -35,19 +35,19 @@ pub(crate) struct Options {
     json: bool,
 }
 
-enum Target {
+enum OutputKind {
     Glb,
     Obj,
     Pbrt,
     PlyFolder,
 }
 
-fn target(path: &Path) -> Result<Target, CliError> {
+fn target(path: &Path) -> Result<OutputKind, CliError> {
     match path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase).as_deref() {
-        Some("glb") => Ok(Target::Glb),
-        Some("obj") => Ok(Target::Obj),
-        Some("pbrt") => Ok(Target::Pbrt),
-        None => Ok(Target::PlyFolder),
+        Some("glb") => Ok(OutputKind::Glb),
+        Some("obj") => Ok(OutputKind::Obj),
+        Some("pbrt") => Ok(OutputKind::Pbrt),
+        None => Ok(OutputKind::PlyFolder),
         Some(_) => Err(CliError::Input(format!(
             "--out {}: the name must end in .glb, .obj or .pbrt, or be a folder's for .ply files",
             path.display()
@@ -56,7 +56,7 @@ fn target(path: &Path) -> Result<Target, CliError> {
 }
 
 pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
-    let targets: Vec<Target> = options.out.iter().map(|path| target(path)).collect::<Result<_, _>>()?;
+    let targets: Vec<OutputKind> = options.out.iter().map(|path| target(path)).collect::<Result<_, _>>()?;
     for path in &options.out {
         crate::commands::check_parent(path)?;
     }
@@ -77,10 +77,10 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         .collect();
     for (path, target) in options.out.iter().zip(&targets) {
         match target {
-            Target::Glb => write_gltf(path, &meshes)?,
-            Target::Obj => write_obj(path, &meshes)?,
-            Target::Pbrt => write_pbrt(path, &meshes)?,
-            Target::PlyFolder => {
+            OutputKind::Glb => write_gltf(path, &meshes)?,
+            OutputKind::Obj => write_obj(path, &meshes)?,
+            OutputKind::Pbrt => write_pbrt(path, &meshes)?,
+            OutputKind::PlyFolder => {
                 std::fs::create_dir_all(path)
                     .map_err(|error| CliError::Failed(format!("can't make {}: {error}", path.display())))?;
                 for part in &meshes {
@@ -90,11 +90,11 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         }
         if !options.quiet {
             match target {
-                Target::PlyFolder => eprintln!("Wrote {} .ply files to {}", meshes.len(), path.display()),
-                Target::Obj => {
+                OutputKind::PlyFolder => eprintln!("Wrote {} .ply files to {}", meshes.len(), path.display()),
+                OutputKind::Obj => {
                     eprintln!("Wrote {} and {}", path.display(), path.with_extension("mtl").display());
                 }
-                Target::Glb | Target::Pbrt => eprintln!("Wrote {}", path.display()),
+                OutputKind::Glb | OutputKind::Pbrt => eprintln!("Wrote {}", path.display()),
             }
         }
     }

@@ -3,17 +3,17 @@
 use super::context::{Context, Resolved};
 use crate::experiment::error::steps;
 use crate::experiment::schema::{RenderSection, StatisticsChoice};
-use crate::image::Statistics;
+use crate::image::StatisticsKind;
 use crate::names::did_you_mean;
 use crate::render::{ErrorChannel, ErrorTarget};
 use crate::scene::Scene;
 use crate::study::{Camera, Capture};
 
-pub(super) fn statistics(section: &RenderSection) -> Statistics {
+pub(super) fn statistics(section: &RenderSection) -> StatisticsKind {
     match section.statistics {
-        StatisticsChoice::None => Statistics::None,
-        StatisticsChoice::LightGroups => Statistics::LightGroups,
-        StatisticsChoice::Components => Statistics::Components,
+        StatisticsChoice::None => StatisticsKind::None,
+        StatisticsChoice::LightGroups => StatisticsKind::LightGroups,
+        StatisticsChoice::Components => StatisticsKind::Components,
     }
 }
 

@@ -27,7 +27,7 @@ const PREVIEW: &str = "preview";
 /// Which plane of which statistic a part holds.
 #[derive(Debug, serde::Serialize, serde::Deserialize)]
 struct StatisticLabel {
-    of: crate::image::Statistics,
+    of: crate::image::StatisticsKind,
     name: String,
     holds: StatisticPlane,
 }

@@ -87,7 +87,7 @@ pub fn write_spectral_exr<Q: Quantity>(
 ) -> Result<(), FormatError> {
     let size = (image.width(), image.height());
     check(path, size, image.grid(), image.data().len(), 1, options)?;
-    spectral::<Q>(path, size, image.grid(), Source::Memory(image.data()), options)
+    spectral::<Q>(path, size, image.grid(), PixelSource::Memory(image.data()), options)
 }
 
 /// [`write_spectral_exr`] of the first image of a spool.
@@ -98,14 +98,14 @@ pub(in crate::format) fn write_spooled_spectral_exr<Q: Quantity>(
 ) -> Result<(), FormatError> {
     let (size, grid) = (spool.size(), spool.grid());
     check(path, size, grid, size.0 * size.1 * grid.len(), 1, options)?;
-    spectral::<Q>(path, size, grid, Source::Spool(spool, 0), options)
+    spectral::<Q>(path, size, grid, PixelSource::Spool(spool, 0), options)
 }
 
 fn spectral<Q: Quantity>(
     path: &Path,
     size: (usize, usize),
     grid: &WavelengthGrid,
-    source: Source<'_>,
+    source: PixelSource<'_>,
     options: &ExrOptions<'_>,
 ) -> Result<(), FormatError> {
     let (mut planes, storage) = band_planes::<Q>(grid, source, size.0, options.compression);
@@ -193,8 +193,10 @@ fn components(
                 "Give light groups and fluorophores names of their own",
             ));
         }
-        let source =
-            spool.map_or_else(|| Source::Memory(image.component(index)), |spool| Source::Spool(spool, index));
+        let source = spool.map_or_else(
+            || PixelSource::Memory(image.component(index)),
+            |spool| PixelSource::Spool(spool, index),
+        );
         let (planes, storage) = band_planes::<Radiance>(&image.grid, source, size.0, options.compression);
         let mut attributes = spectral_attributes::<Radiance>(&image.grid);
         attributes.extend(storage);
@@ -221,8 +223,8 @@ fn components(
         for (index, name) in statistics.names.iter().enumerate() {
             for (kind, (prefix, holds, data)) in planes.into_iter().enumerate() {
                 let source = spool.map_or_else(
-                    || Source::Memory(&data[index * plane..(index + 1) * plane]),
-                    |spool| Source::Spool(spool, image.components.len() + kind * count + index),
+                    || PixelSource::Memory(&data[index * plane..(index + 1) * plane]),
+                    |spool| PixelSource::Spool(spool, image.components.len() + kind * count + index),
                 );
                 let label = StatisticLabel { of: statistics.of, name: name.clone(), holds };
                 let mut attributes = spectral_attributes::<Radiance>(&image.grid);
@@ -375,14 +377,14 @@ struct Plane<'a> {
 
 /// Where the values of an image are.
 #[derive(Clone, Copy)]
-enum Source<'a> {
+enum PixelSource<'a> {
     /// `[row][col][band]`.
     Memory(&'a [f32]),
     /// One of the images of a spool.
     Spool(&'a SpooledImage, usize),
 }
 
-impl<'a> Source<'a> {
+impl<'a> PixelSource<'a> {
     fn spool(self) -> Option<&'a SpooledImage> {
         match self {
             Self::Memory(_) => None,
@@ -470,27 +472,27 @@ impl Part<'_> {
 /// Planes of all bands, and what a reader must know about the way they are stored.
 fn band_planes<'a, Q: Quantity>(
     grid: &WavelengthGrid,
-    source: Source<'a>,
+    source: PixelSource<'a>,
     width: usize,
     compression: ExrCompression,
 ) -> (Vec<Plane<'a>>, Vec<(&'static str, AttributeValue)>) {
     let (half, attributes) = match compression {
         ExrCompression::Half => {
             let (factor, attributes) = half_scale(match source {
-                Source::Memory(data) => {
+                PixelSource::Memory(data) => {
                     data.iter().map(|v| v.abs()).filter(|v| v.is_finite()).fold(0.0, f32::max)
                 }
-                Source::Spool(spool, image) => spool.brightest(image),
+                PixelSource::Spool(spool, image) => spool.brightest(image),
             });
             (Some(factor), attributes)
         }
         _ => (None, Vec::new()),
     };
     let values = |band| match (source, half) {
-        (Source::Memory(data), None) => Values::F32(data),
-        (Source::Memory(data), Some(factor)) => Values::F16(data, factor),
-        (Source::Spool(spool, image), None) => Values::Spool { spool, image, band },
-        (Source::Spool(spool, image), Some(factor)) => Values::SpoolF16 { spool, image, band, factor },
+        (PixelSource::Memory(data), None) => Values::F32(data),
+        (PixelSource::Memory(data), Some(factor)) => Values::F16(data, factor),
+        (PixelSource::Spool(spool, image), None) => Values::Spool { spool, image, band },
+        (PixelSource::Spool(spool, image), Some(factor)) => Values::SpoolF16 { spool, image, band, factor },
     };
     let prefix = if layout_unit(Q::UNIT).is_some() { "S0" } else { "T" };
     let stride = grid.len();
