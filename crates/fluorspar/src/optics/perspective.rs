@@ -85,6 +85,12 @@ impl PerspectiveCamera {
         let dy = (0.5 * self.height as f32 - y) * scale;
         (self.position, (self.forward + self.right * dx + self.up * dy).normalize())
     }
+
+    /// Origins and unit directions through the middles of `side` by `side` equal cells of the image, row by row.
+    pub fn lattice(&self, side: usize) -> impl Iterator<Item = (Vec3, Vec3)> {
+        let middle = move |cell: usize, pixels: usize| (cell as f32 + 0.5) / side as f32 * pixels as f32;
+        (0..side * side).map(move |i| self.ray(middle(i % side, self.width), middle(i / side, self.height)))
+    }
 }
 
 impl PerspectiveCamera {

@@ -7,7 +7,6 @@ use serde::{Deserialize, Serialize};
 
 use super::exposure::{EXPOSURE_MS, GAIN};
 use super::{AutoExposure, ElectronRate, Exposure, Sensor, SensorProblem};
-use crate::image::SensorImage;
 
 /// One frame of a capture sequence.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]

@@ -14,12 +14,8 @@ const LARGEST_REFLECTANCE: f32 = 0.95;
 /// directly. That of a closed room, `1 / (1 - r)`, with the mean reflectance `r` of what rays find that leave the
 /// visible surfaces diffusely; rays that miss count as a reflectance of 0.
 pub(super) fn gain(scene: &CompiledScene) -> Coarse {
-    let camera = &scene.camera;
-    let place = |i: usize, side: usize| (i as f32 + 0.5) / VIEW_RAYS as f32 * side as f32;
     let (mut sum, mut rays) = ([0.0_f32; BINS], 0.0_f32);
-    for number in 0..VIEW_RAYS * VIEW_RAYS {
-        let (origin, direction) =
-            camera.ray(place(number % VIEW_RAYS, camera.width), place(number / VIEW_RAYS, camera.height));
+    for (number, (origin, direction)) in scene.camera.lattice(VIEW_RAYS).enumerate() {
         let surface = |origin: Vec3, direction: Vec3| {
             scene.closest(origin, direction).and_then(|hit| scene.surface(origin, direction, &hit))
         };

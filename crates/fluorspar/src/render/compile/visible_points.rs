@@ -13,12 +13,8 @@ pub(super) const VIEW_RAYS: usize = 12;
 /// Visible points, with normals to the side of the camera: those on surfaces that fluoresce, or all if none does. Holes
 /// and light sources are looked through.
 pub(super) fn on_fluorescent_surfaces(scene: &Scene, geometry: &Geometry) -> Vec<OrientedPoint> {
-    let camera = &scene.camera;
-    let step = |i: usize, side: usize| (i as f32 + 0.5) / VIEW_RAYS as f32 * side as f32;
-    let hits: Vec<(usize, OrientedPoint)> = (0..VIEW_RAYS * VIEW_RAYS)
-        .filter_map(|i| {
-            let (origin, direction) =
-                camera.ray(step(i % VIEW_RAYS, camera.width), step(i / VIEW_RAYS, camera.height));
+    let hits: Vec<(usize, OrientedPoint)> = (scene.camera.lattice(VIEW_RAYS))
+        .filter_map(|(origin, direction)| {
             let ray = Ray { origin, direction, t_min: 0.0, t_max: f32::INFINITY };
             let mut nearest = geometry.bvh.closest(&ray).map(|hit| {
                 let [a, b, c] = geometry.corners(hit.triangle);
