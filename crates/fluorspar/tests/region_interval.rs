@@ -5,7 +5,10 @@
 use fluorspar::analysis::{
     AnalysisSettings, ChannelNoise, FluorophoreResponse, MixtureModel, RegionOfInterest, analyze_region,
 };
-use fluorspar::sensor::{ElectronRate, Exposure, Sensor, SensorModel, SpectralQe, develop};
+use fluorspar::image::SensorImage;
+use fluorspar::sensor::{
+    Demosaicing, Development, ElectronRate, Exposure, Sensor, SensorModel, SpectralQe, develop,
+};
 use fluorspar::spectral::Curve;
 
 const SIDE: usize = 24;

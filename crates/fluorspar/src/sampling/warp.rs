@@ -103,10 +103,6 @@ mod tests {
         v.as_dvec3().to_array()
     }
 
-    fn vector(v: [f64; 3]) -> Vec3 {
-        Vec3::new(v[0] as f32, v[1] as f32, v[2] as f32)
-    }
-
     #[test]
     fn cosine_hemisphere_follows_its_density() {
         chi_square_over_sphere(
