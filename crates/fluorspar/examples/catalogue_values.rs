@@ -16,7 +16,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let values = |curve: &Curve| -> Vec<f64> { wavelength_nm.iter().map(|&nm| curve.at(nm)).collect() };
     let mut curves = BTreeMap::new();
     for name in preset::names(PresetKind::Light) {
-        curves.insert(format!("lights/{name}"), values(&preset::light(name)?.curve()));
+        curves.insert(format!("lights/{name}"), values(&preset::light_spectrum(name)?.curve()));
     }
     for name in preset::names(PresetKind::Filter) {
         curves.insert(format!("filters/{name}"), values(&preset::filter(name)?.curve()));
