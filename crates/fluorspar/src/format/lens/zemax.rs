@@ -10,31 +10,49 @@ struct ZemaxSurface {
     terms: Vec<f64>,
 }
 
-pub(super) fn parse(text: &str, name: &str) -> Result<LensPrescription, Fault> {
-    let mut title = String::new();
-    let mut unit_mm = 1.0;
-    let mut wavelengths_um: Vec<(usize, f64)> = Vec::new();
-    let mut primary = 1;
-    let mut surfaces: Vec<ZemaxSurface> = Vec::new();
-    for (index, line) in text.lines().enumerate() {
-        let at = index + 1;
+/// The entries of a file.
+struct ZemaxFile {
+    title: String,
+    unit_mm: f64,
+    /// Numbers and values of the wavelengths.
+    wavelengths_um: Vec<(usize, f64)>,
+    /// Number of the design wavelength.
+    primary: usize,
+    surfaces: Vec<ZemaxSurface>,
+}
+
+impl Default for ZemaxFile {
+    fn default() -> Self {
+        Self {
+            title: String::new(),
+            unit_mm: 1.0,
+            wavelengths_um: Vec::new(),
+            primary: 1,
+            surfaces: Vec::new(),
+        }
+    }
+}
+
+impl ZemaxFile {
+    /// Reads one line: a key and its values. Keys that do not matter to a lens are skipped.
+    fn read_line(&mut self, line: &str, at: usize) -> Result<(), Fault> {
         let mut words = line.split_whitespace();
-        let Some(key) = words.next() else { continue };
+        let Some(key) = words.next() else { return Ok(()) };
         let rest: Vec<&str> = words.collect();
         let value = |number_of: usize, what: &str| -> Result<f64, Fault> {
             let word = rest.get(number_of).copied();
             number(word.ok_or_else(|| Fault::at(at, format!("{key} has no {what}")))?, what, at)
         };
-        match (key, surfaces.last_mut()) {
+        match (key, self.surfaces.last_mut()) {
             ("MODE", _) if rest.first() != Some(&"SEQ") => {
                 return Err(Fault::at(
                     at,
                     "the file is non-sequential; only sequential lenses are read (MODE SEQ)",
                 ));
             }
-            ("NAME", _) => title = rest.join(" "),
+            ("NAME", _) => self.title = rest.join(" "),
             ("UNIT", _) => {
-                unit_mm = match rest.first().copied() {
+                self.unit_mm = match rest.first().copied() {
                     Some("MM") => 1.0,
                     Some("CM") => 10.0,
                     Some("M" | "METER") => 1000.0,
@@ -48,9 +66,11 @@ pub(super) fn parse(text: &str, name: &str) -> Result<LensPrescription, Fault> {
                     }
                 }
             }
-            ("WAVM", _) => wavelengths_um.push((value(0, "number")? as usize, value(1, "wavelength")?)),
-            ("PWAV", _) => primary = value(0, "number")? as usize,
-            ("SURF", _) => surfaces.push(ZemaxSurface {
+            ("WAVM", _) => {
+                self.wavelengths_um.push((value(0, "number")? as usize, value(1, "wavelength")?));
+            }
+            ("PWAV", _) => self.primary = value(0, "number")? as usize,
+            ("SURF", _) => self.surfaces.push(ZemaxSurface {
                 line: at,
                 surface: LensSurface::spherical(0.0, 0.0, 0.0),
                 terms: Vec::new(),
@@ -99,21 +119,14 @@ pub(super) fn parse(text: &str, name: &str) -> Result<LensPrescription, Fault> {
             }
             _ => {}
         }
+        Ok(())
     }
-    if surfaces.len() < 3 {
-        let message =
-            format!("{} surfaces; there is no SURF block of a lens. Is this a .zmx file?", surfaces.len());
-        let message =
-            if surfaces.is_empty() { "no SURF block; is this a .zmx file?".into() } else { message };
-        return Err(Fault::anywhere(message));
-    }
-    // The first is the object, the last the image.
-    surfaces.pop();
-    surfaces.remove(0);
-    if !surfaces.iter().any(|s| s.surface.is_stop) {
-        return Err(Fault::anywhere("no STOP between object and image; mark the aperture stop"));
-    }
-    for ZemaxSurface { line, surface, terms } in &mut surfaces {
+}
+
+impl ZemaxSurface {
+    /// Checks a surface whose entries are all read, and puts the `r²` term into its curvature.
+    fn finish(&mut self) -> Result<(), Fault> {
+        let Self { line, surface, terms } = self;
         if surface.semi_diameter_mm <= 0.0 {
             return Err(Fault::at(*line, "the surface has no DIAM; write its semi-diameter into the file"));
         }
@@ -129,7 +142,36 @@ pub(super) fn parse(text: &str, name: &str) -> Result<LensPrescription, Fault> {
         if surface.thickness_mm.is_infinite() {
             return Err(Fault::at(*line, "an infinite distance inside the lens; give mm"));
         }
+        Ok(())
     }
+}
+
+pub(super) fn parse(text: &str, name: &str) -> Result<LensPrescription, Fault> {
+    // Read the entries, line by line
+    let mut file = ZemaxFile::default();
+    for (index, line) in text.lines().enumerate() {
+        file.read_line(line, index + 1)?;
+    }
+
+    // Keep the surfaces of the lens: the first is the object, the last the image
+    let ZemaxFile { title, unit_mm, wavelengths_um, primary, mut surfaces } = file;
+    if surfaces.len() < 3 {
+        let message =
+            format!("{} surfaces; there is no SURF block of a lens. Is this a .zmx file?", surfaces.len());
+        let message =
+            if surfaces.is_empty() { "no SURF block; is this a .zmx file?".into() } else { message };
+        return Err(Fault::anywhere(message));
+    }
+    surfaces.pop();
+    surfaces.remove(0);
+    if !surfaces.iter().any(|s| s.surface.is_stop) {
+        return Err(Fault::anywhere("no STOP between object and image; mark the aperture stop"));
+    }
+    for surface in &mut surfaces {
+        surface.finish()?;
+    }
+
+    // Set title, design wavelength and unit
     let title = if title.is_empty() { name.into() } else { title };
     let mut lens = LensPrescription::new(title, surfaces.into_iter().map(|s| s.surface).collect());
     if let Some((_, um)) = wavelengths_um.iter().find(|(number, _)| *number == primary) {
