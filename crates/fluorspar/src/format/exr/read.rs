@@ -59,13 +59,106 @@ pub fn read_component_exr(path: &Path) -> Result<Loaded<ComponentImage>, FormatE
     guarded(path, "OpenEXR", || read_component_parts(path))
 }
 
+/// Where the values of a part go, channel by channel.
+type PartTargets = Vec<Option<Target>>;
+
+/// What the parts with components have in common.
+struct ComponentParts {
+    grid: WavelengthGrid,
+    size: Vec2<usize>,
+    components: Vec<Component>,
+    samples_per_pixel: u32,
+    /// Of all parts of the file.
+    targets: Vec<PartTargets>,
+}
+
+impl ComponentParts {
+    /// Values of one component.
+    fn plane(&self) -> usize {
+        self.size.area() * self.grid.len()
+    }
+}
+
 fn read_component_parts(path: &Path) -> Result<Loaded<ComponentImage>, FormatError> {
+    // Read what each part of the file holds
     let headers = headers(path)?;
+    let mut parts = component_parts(path, &headers)?;
+    let plane = parts.plane();
+    let Vec2(width, height) = parts.size;
+    // Part, buffer and first value of everything that may be stored at a scale.
+    let mut scaled: Vec<(usize, usize, usize)> = (0..headers.len())
+        .filter(|part| attribute(&headers[*part], COMPONENT).is_some())
+        .enumerate()
+        .map(|(component, part)| (part, 0, component * plane))
+        .collect();
+    let mut statistics = statistic_parts(path, &headers, &mut parts, &mut scaled)?;
+
+    // Refuse images that the file is too short for, then allocate
+    let pixels = width * height;
+    let statistic_values = statistics.as_ref().map_or(0, |statistics| statistics.names.len() * plane);
+    let per_pixel = parts.grid.len() * parts.components.len()
+        + FEATURE_CHANNELS.len()
+        + 3 * statistic_values / pixels.max(1);
+    let bytes_per_pixel = 4 * per_pixel as u64;
+    let length = std::fs::metadata(path).map_err(|source| FormatError::io(path, "read", source))?.len();
+    check_image_size(path, width as u64, height as u64, bytes_per_pixel, most_image_bytes(length))?;
+    let mut buffers =
+        [parts.components.len() * plane, 0, statistic_values, statistic_values, statistic_values]
+            .map(|len| vec![0.0; len]);
+    let features_part = headers.iter().position(|header| part_name(header).as_deref() == Some(FEATURES));
+    if let Some(part) = features_part {
+        if headers[part].layer_size != parts.size {
+            return Err(FormatError::malformed(
+                path,
+                "the feature maps differ in size",
+                "Write the file again",
+            ));
+        }
+        parts.targets[part] = feature_targets(&headers[part], 1);
+        buffers[1] = vec![0.0; FEATURE_CHANNELS.len() * pixels];
+    }
+
+    // Decode all values
+    decode(path, &parts.targets, &mut buffers)?;
+    for (part, buffer, start) in scaled {
+        rescale(path, &headers[part], &mut buffers[buffer][start..start + plane])?;
+    }
+
+    // Assemble the image
+    let [data, maps, half_a, half_b, variance] = buffers;
+    if let Some(statistics) = &mut statistics {
+        (statistics.half_a, statistics.half_b, statistics.variance) = (half_a, half_b, variance);
+    }
+    let mut features = FeatureMaps::default();
+    let mut samples = Vec::new();
+    if let Some(part) = features_part {
+        features = feature_maps(path, &headers[part], &maps)?;
+        if has_channel(&headers[part], "samples") {
+            samples = maps.chunks_exact(FEATURE_CHANNELS.len()).map(|pixel| pixel[7] as u32).collect();
+        }
+    }
+    let image = ComponentImage {
+        grid: parts.grid,
+        width,
+        height,
+        components: parts.components,
+        data,
+        samples_per_pixel: parts.samples_per_pixel,
+        samples,
+        features,
+        statistics,
+        denoised: headers.iter().find_map(|header| attribute(header, DENOISED)),
+    };
+    Ok(Loaded { image, provenance: provenance(path, &headers)? })
+}
+
+/// Finds the parts that hold components, which must agree in size and wavelengths.
+fn component_parts(path: &Path, headers: &[Header]) -> Result<ComponentParts, FormatError> {
     let mut shared: Option<(WavelengthGrid, Vec2<usize>)> = None;
     let mut components = Vec::new();
     let mut samples_per_pixel = 0;
-    let mut targets: Vec<Vec<Option<Target>>> = Vec::new();
-    for header in &headers {
+    let mut targets: Vec<PartTargets> = Vec::new();
+    for header in headers {
         let Some(label) = attribute(header, COMPONENT) else {
             targets.push(vec![None; header.channels.list.len()]);
             continue;
@@ -88,27 +181,31 @@ fn read_component_parts(path: &Path) -> Result<Loaded<ComponentImage>, FormatErr
         components.push(component);
         shared.get_or_insert((grid, header.layer_size));
     }
-    let Some((grid, Vec2(width, height))) = shared else {
+    let Some((grid, size)) = shared else {
         return Err(FormatError::unsupported(
             path,
             "the file holds no components",
             "Read it as a spectral image, or render the components",
         ));
     };
-    let pixels = width * height;
-    let plane = pixels * grid.len();
+    Ok(ComponentParts { grid, size, components, samples_per_pixel, targets })
+}
+
+/// Finds the parts that hold sample statistics, and adds them to the targets and to what may be stored at a scale. The
+/// values of the statistics are left empty.
+fn statistic_parts(
+    path: &Path,
+    headers: &[Header],
+    parts: &mut ComponentParts,
+    scaled: &mut Vec<(usize, usize, usize)>,
+) -> Result<Option<SampleStatistics>, FormatError> {
+    let plane = parts.plane();
     let mut statistics: Option<SampleStatistics> = None;
-    // Part, buffer and first value of everything that may be stored at a scale.
-    let mut scaled: Vec<(usize, usize, usize)> = (0..headers.len())
-        .filter(|part| attribute(&headers[*part], COMPONENT).is_some())
-        .enumerate()
-        .map(|(component, part)| (part, 0, component * plane))
-        .collect();
     for (part, header) in headers.iter().enumerate() {
         let Some(label) = attribute(header, STATISTIC) else { continue };
         let label: StatisticLabel = parse_json(path, STATISTIC, &label)?;
         let (statistic_grid, bands) = bands::<Radiance>(path, header)?;
-        if statistic_grid != grid || header.layer_size != Vec2(width, height) {
+        if statistic_grid != parts.grid || header.layer_size != parts.size {
             return Err(FormatError::malformed(
                 path,
                 format!("the statistics of \"{}\" differ in size or wavelengths", label.name),
@@ -133,58 +230,10 @@ fn read_component_parts(path: &Path) -> Result<Loaded<ComponentImage>, FormatErr
             StatisticPlane::HalfB => 3,
             StatisticPlane::Variance => 4,
         };
-        targets[part] = band_targets(header, &bands, buffer, index * plane);
+        parts.targets[part] = band_targets(header, &bands, buffer, index * plane);
         scaled.push((part, buffer, index * plane));
     }
-    let statistic_values = statistics.as_ref().map_or(0, |statistics| statistics.names.len() * plane);
-    let per_pixel =
-        grid.len() * components.len() + FEATURE_CHANNELS.len() + 3 * statistic_values / pixels.max(1);
-    let bytes_per_pixel = 4 * per_pixel as u64;
-    let length = std::fs::metadata(path).map_err(|source| FormatError::io(path, "read", source))?.len();
-    check_image_size(path, width as u64, height as u64, bytes_per_pixel, most_image_bytes(length))?;
-    let mut buffers = [components.len() * plane, 0, statistic_values, statistic_values, statistic_values]
-        .map(|len| vec![0.0; len]);
-    let features_part = headers.iter().position(|header| part_name(header).as_deref() == Some(FEATURES));
-    let mut features = FeatureMaps::default();
-    if let Some(part) = features_part {
-        if headers[part].layer_size != Vec2(width, height) {
-            return Err(FormatError::malformed(
-                path,
-                "the feature maps differ in size",
-                "Write the file again",
-            ));
-        }
-        targets[part] = feature_targets(&headers[part], 1);
-        buffers[1] = vec![0.0; FEATURE_CHANNELS.len() * pixels];
-    }
-    decode(path, &targets, &mut buffers)?;
-    for (part, buffer, start) in scaled {
-        rescale(path, &headers[part], &mut buffers[buffer][start..start + plane])?;
-    }
-    let [data, maps, half_a, half_b, variance] = buffers;
-    if let Some(statistics) = &mut statistics {
-        (statistics.half_a, statistics.half_b, statistics.variance) = (half_a, half_b, variance);
-    }
-    let mut samples = Vec::new();
-    if let Some(part) = features_part {
-        features = feature_maps(path, &headers[part], &maps)?;
-        if has_channel(&headers[part], "samples") {
-            samples = maps.chunks_exact(FEATURE_CHANNELS.len()).map(|pixel| pixel[7] as u32).collect();
-        }
-    }
-    let image = ComponentImage {
-        grid,
-        width,
-        height,
-        components,
-        data,
-        samples_per_pixel,
-        samples,
-        features,
-        statistics,
-        denoised: headers.iter().find_map(|header| attribute(header, DENOISED)),
-    };
-    Ok(Loaded { image, provenance: provenance(path, &headers)? })
+    Ok(statistics)
 }
 
 const FEATURE_CHANNELS: [&str; 8] = ["Z", "N.X", "N.Y", "N.Z", "id", "U", "V", "samples"];
