@@ -434,6 +434,42 @@ fn vertex(points: &[PhotonTransferPoint]) -> Option<f64> {
     (root >= 0.0 && x.abs() <= 1.0).then_some(center + half * x)
 }
 
+/// Doubles the light until frames get no brighter: light beyond saturation, in electrons of the nominal response.
+fn light_beyond_saturation(bench: &Bench<'_>, dark_dn: f64) -> Result<f64, SensorProblem> {
+    let mut beyond_e = 64.0;
+    let mut brightest_dn = bench.pair("range", beyond_e, 0)?.0;
+    for step in 1..40 {
+        let (next_dn, _) = bench.pair("range", 2.0 * beyond_e, step)?;
+        let still_rises = next_dn > brightest_dn + 0.02 * (brightest_dn - dark_dn).max(1.0);
+        brightest_dn = next_dn;
+        if !still_rises {
+            break;
+        }
+        beyond_e *= 2.0;
+    }
+    Ok(beyond_e)
+}
+
+/// Temperature rise that doubles the dark current, K, from a sensor 10 K warmer; `None` without dark current.
+fn doubling_temperature_k(
+    bench: &Bench<'_>,
+    gain: f64,
+    most_dn: f64,
+    mean_slope: f64,
+) -> Result<Option<f64>, SensorProblem> {
+    let warmer_k = 10.0;
+    let model = bench.sensor.model();
+    Ok(if model.dark_electrons_per_s() > 0.0 {
+        let warm = SensorModel { temperature_c: model.temperature_c + warmer_k, ..model.clone() };
+        let warm = Sensor::new(warm, bench.sensor.qe().clone())?;
+        let (slope, _) = Bench { sensor: &warm, settings: bench.settings }.dark_slopes(gain, most_dn)?;
+        let doublings = (slope / mean_slope).log2();
+        (doublings > 0.0 && doublings.is_finite()).then_some(warmer_k / doublings)
+    } else {
+        None
+    })
+}
+
 /// Measures a sensor.
 ///
 /// The middle of the sensor is measured pixel by pixel in even, steady light: region, binning, shutter and strobe of
@@ -460,19 +496,8 @@ pub fn characterize(
         ));
     }
 
-    // Twice the light until frames get no brighter: beyond saturation.
     let (dark_dn, dark_dn2) = bench.pair("dark", 0.0, 0)?;
-    let mut beyond_e = 64.0;
-    let mut brightest_dn = bench.pair("range", beyond_e, 0)?.0;
-    for step in 1..40 {
-        let (next_dn, _) = bench.pair("range", 2.0 * beyond_e, step)?;
-        let still_rises = next_dn > brightest_dn + 0.02 * (brightest_dn - dark_dn).max(1.0);
-        brightest_dn = next_dn;
-        if !still_rises {
-            break;
-        }
-        beyond_e *= 2.0;
-    }
+    let beyond_e = light_beyond_saturation(&bench, dark_dn)?;
     // The last doubling crossed saturation: between half of it and all of it lies the largest variance.
     let sweep = |series: &str,
                  from_e: f64,
@@ -519,17 +544,7 @@ pub fn characterize(
     let most_dn = dark_dn + 0.5 * gain * saturation_e;
     let (mean_slope, variance_slope) = bench.dark_slopes(gain, most_dn)?;
     let dark_current = mean_slope / gain;
-    let warmer_k = 10.0;
-    let model = laboratory.model();
-    let doubling_temperature_k = if model.dark_electrons_per_s() > 0.0 {
-        let warm = SensorModel { temperature_c: model.temperature_c + warmer_k, ..model.clone() };
-        let warm = Sensor::new(warm, laboratory.qe().clone())?;
-        let (slope, _) = Bench { sensor: &warm, settings }.dark_slopes(gain, most_dn)?;
-        let doublings = (slope / mean_slope).log2();
-        (doublings > 0.0 && doublings.is_finite()).then_some(warmer_k / doublings)
-    } else {
-        None
-    };
+    let doubling_temperature_k = doubling_temperature_k(&bench, gain, most_dn, mean_slope)?;
 
     let in_range = |p: &&PhotonTransferPoint| (0.05..=0.95).contains(&(p.light_e / saturation_light_e));
     let range = photon_transfer.iter().filter(in_range);
