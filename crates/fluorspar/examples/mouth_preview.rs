@@ -6,7 +6,7 @@
 use std::fs::File;
 use std::io::BufWriter;
 
-use fluorspar::anatomy::{MouthParameters, Tissue, generate_mouth};
+use fluorspar::anatomy::{MouthParameters, Part, Tissue, generate_mouth};
 use glam::{Vec2, Vec3};
 
 const SIZE: usize = 1000;
@@ -20,7 +20,7 @@ struct View {
     field: f32,
 }
 
-fn colour(tissue: Tissue) -> Vec3 {
+fn color(tissue: Tissue) -> Vec3 {
     match tissue {
         Tissue::TongueDorsum => Vec3::new(0.78, 0.42, 0.42),
         Tissue::TongueVentral => Vec3::new(0.72, 0.32, 0.34),
@@ -53,8 +53,24 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mouth = generate_mouth(&parameters)?;
     eprintln!("{} triangles in {:.3} s", mouth.triangle_count(), start.elapsed().as_secs_f64());
     eprintln!("{:#?}", mouth.dimensions());
+    let mut picture = Picture::new(view_named(view)?);
+    for (number, part) in mouth.parts.iter().enumerate() {
+        for triangle in &part.mesh.triangles {
+            picture.draw(number, part, *triangle);
+        }
+    }
+    for (number, part) in mouth.parts.iter().enumerate() {
+        let samples = picture.hidden_side.iter().filter(|&&n| n == number).count();
+        if samples > 0 {
+            eprintln!("hidden side seen: {} in {samples} samples", part.name);
+        }
+    }
+    picture.write_png(output)
+}
+
+fn view_named(name: &str) -> Result<View, Box<dyn std::error::Error>> {
     let at = |x: f32, y: f32, z: f32| Vec3::new(x, y, z) * 1e-3;
-    let view = match view {
+    Ok(match name {
         "front" => View { eye: at(0.0, 0.0, 100.0), target: Vec3::ZERO, field: 0.078 },
         "wide" => View { eye: at(0.0, 0.0, 250.0), target: Vec3::ZERO, field: 0.14 },
         "oblique" => View { eye: at(70.0, 25.0, 90.0), target: at(0.0, 0.0, -5.0), field: 0.08 },
@@ -65,103 +81,132 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         "molars" => View { eye: at(-18.0, 25.0, 70.0), target: at(22.0, -16.0, -25.0), field: 0.035 },
         "incisors" => View { eye: at(15.0, 20.0, 60.0), target: at(0.0, 24.0, 0.0), field: 0.045 },
         other => return Err(format!("no view {other}").into()),
-    };
-    let forward = (view.target - view.eye).normalize();
-    let right = forward.cross(Vec3::Y).normalize();
-    let up = right.cross(forward);
-    let side = SIZE * FINE;
-    let focal = (view.target - view.eye).length() / view.field * side as f32;
-    let mut depth = vec![f32::INFINITY; side * side];
-    let mut hidden_side = vec![usize::MAX; side * side];
-    let mut picture = vec![Vec3::new(0.0, 0.0, 0.15); side * side];
-    for (number, part) in mouth.parts.iter().enumerate() {
+    })
+}
+
+/// A picture while it is being drawn.
+struct Picture {
+    view: View,
+    forward: Vec3,
+    right: Vec3,
+    up: Vec3,
+    /// Focal length in samples.
+    focal: f32,
+    depth: Vec<f32>,
+    /// Number of the part whose hidden side is seen, if any.
+    hidden_side: Vec<usize>,
+    picture: Vec<Vec3>,
+}
+
+/// Samples along each side.
+const SIDE: usize = SIZE * FINE;
+
+impl Picture {
+    fn new(view: View) -> Self {
+        let forward = (view.target - view.eye).normalize();
+        let right = forward.cross(Vec3::Y).normalize();
+        Self {
+            forward,
+            right,
+            up: right.cross(forward),
+            focal: (view.target - view.eye).length() / view.field * SIDE as f32,
+            depth: vec![f32::INFINITY; SIDE * SIDE],
+            hidden_side: vec![usize::MAX; SIDE * SIDE],
+            picture: vec![Vec3::new(0.0, 0.0, 0.15); SIDE * SIDE],
+            view,
+        }
+    }
+
+    /// Draws a triangle of a part into the depth buffer.
+    fn draw(&mut self, number: usize, part: &Part, triangle: [u32; 3]) {
         let mesh = &part.mesh;
-        for triangle in &mesh.triangles {
-            let corners = triangle.map(|v| mesh.positions[v as usize]);
-            let screen = corners.map(|p| {
-                let q = p - view.eye;
-                let z = q.dot(forward);
-                let half = side as f32 * 0.5;
-                Vec3::new(half + focal * q.dot(right) / z, half - focal * q.dot(up) / z, z)
-            });
-            if screen.iter().any(|s| s.z < 1e-3) {
-                continue;
-            }
-            let facing = mesh.triangle_cross(triangle).dot(view.eye - corners[0]) > 0.0;
-            let low = screen[0].min(screen[1]).min(screen[2]);
-            let high = screen[0].max(screen[1]).max(screen[2]);
-            let clamp = |x: f32| x.clamp(0.0, side as f32 - 1.0) as usize;
-            let edge = |a: Vec3, b: Vec3, p: Vec2| (b.x - a.x) * (p.y - a.y) - (b.y - a.y) * (p.x - a.x);
-            let area = edge(screen[0], screen[1], Vec2::new(screen[2].x, screen[2].y));
-            if area.abs() < 1e-9 || high.x < 0.0 || high.y < 0.0 || low.x > side as f32 || low.y > side as f32
-            {
-                continue;
-            }
-            for y in clamp(low.y)..=clamp(high.y) {
-                for x in clamp(low.x)..=clamp(high.x) {
-                    let p = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
-                    let w = [
-                        edge(screen[1], screen[2], p) / area,
-                        edge(screen[2], screen[0], p) / area,
-                        edge(screen[0], screen[1], p) / area,
-                    ];
-                    if w.iter().any(|&w| w < 0.0) {
-                        continue;
-                    }
-                    let z = 1.0 / (w[0] / screen[0].z + w[1] / screen[1].z + w[2] / screen[2].z);
-                    let pixel = y * side + x;
-                    if z >= depth[pixel] {
-                        continue;
-                    }
-                    depth[pixel] = z;
-                    hidden_side[pixel] = if facing { usize::MAX } else { number };
-                    if !facing {
-                        // The hidden side of a surface: should never be seen.
-                        picture[pixel] = Vec3::new(0.0, 0.4, 0.0);
-                        continue;
-                    }
-                    let mut normal = Vec3::ZERO;
-                    let mut position = Vec3::ZERO;
-                    for k in 0..3 {
-                        normal += mesh.normals[triangle[k] as usize] * w[k];
-                        position += corners[k] * w[k];
-                    }
-                    let normal = normal.normalize();
-                    let lamp = view.eye + right * 0.035 + up * 0.03;
-                    let to_lamp = lamp - position;
-                    let direction = to_lamp.normalize();
-                    let fall = 0.0105 / to_lamp.length_squared();
-                    let diffuse = normal.dot(direction).max(0.0);
-                    let half_way = (direction + (view.eye - position).normalize()).normalize();
-                    let shine = 0.25 * normal.dot(half_way).max(0.0).powi(60);
-                    picture[pixel] =
-                        colour(part.tissue) * (0.12 + 0.88 * diffuse) * fall + Vec3::splat(shine * fall);
+        let corners = triangle.map(|v| mesh.positions[v as usize]);
+        let screen = corners.map(|p| {
+            let q = p - self.view.eye;
+            let z = q.dot(self.forward);
+            let half = SIDE as f32 * 0.5;
+            Vec3::new(half + self.focal * q.dot(self.right) / z, half - self.focal * q.dot(self.up) / z, z)
+        });
+        if screen.iter().any(|s| s.z < 1e-3) {
+            return;
+        }
+        let facing = mesh.triangle_cross(&triangle).dot(self.view.eye - corners[0]) > 0.0;
+        let low = screen[0].min(screen[1]).min(screen[2]);
+        let high = screen[0].max(screen[1]).max(screen[2]);
+        let clamp = |x: f32| x.clamp(0.0, SIDE as f32 - 1.0) as usize;
+        let edge = |a: Vec3, b: Vec3, p: Vec2| (b.x - a.x) * (p.y - a.y) - (b.y - a.y) * (p.x - a.x);
+        let area = edge(screen[0], screen[1], Vec2::new(screen[2].x, screen[2].y));
+        if area.abs() < 1e-9 || high.x < 0.0 || high.y < 0.0 || low.x > SIDE as f32 || low.y > SIDE as f32 {
+            return;
+        }
+        for y in clamp(low.y)..=clamp(high.y) {
+            for x in clamp(low.x)..=clamp(high.x) {
+                let p = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
+                let w = [
+                    edge(screen[1], screen[2], p) / area,
+                    edge(screen[2], screen[0], p) / area,
+                    edge(screen[0], screen[1], p) / area,
+                ];
+                if w.iter().any(|&w| w < 0.0) {
+                    continue;
                 }
-            }
-        }
-    }
-    for (number, part) in mouth.parts.iter().enumerate() {
-        let samples = hidden_side.iter().filter(|&&n| n == number).count();
-        if samples > 0 {
-            eprintln!("hidden side seen: {} in {samples} samples", part.name);
-        }
-    }
-    let mut bytes = Vec::with_capacity(SIZE * SIZE * 3);
-    for y in 0..SIZE {
-        for x in 0..SIZE {
-            let mut sum = Vec3::ZERO;
-            for dy in 0..FINE {
-                for dx in 0..FINE {
-                    sum += picture[(y * FINE + dy) * side + x * FINE + dx];
+                let z = 1.0 / (w[0] / screen[0].z + w[1] / screen[1].z + w[2] / screen[2].z);
+                let pixel = y * SIDE + x;
+                if z >= self.depth[pixel] {
+                    continue;
                 }
+                self.depth[pixel] = z;
+                self.hidden_side[pixel] = if facing { usize::MAX } else { number };
+                if !facing {
+                    // The hidden side of a surface: should never be seen.
+                    self.picture[pixel] = Vec3::new(0.0, 0.4, 0.0);
+                    continue;
+                }
+                self.picture[pixel] = self.shade(part, triangle, w);
             }
-            let mean = sum / (FINE * FINE) as f32;
-            bytes.extend(mean.to_array().map(|c| (c.clamp(0.0, 1.0).powf(1.0 / 2.2) * 255.0).round() as u8));
         }
     }
-    let mut encoder = png::Encoder::new(BufWriter::new(File::create(output)?), SIZE as u32, SIZE as u32);
-    encoder.set_color(png::ColorType::Rgb);
-    encoder.set_depth(png::BitDepth::Eight);
-    encoder.write_header()?.write_image_data(&bytes)?;
-    Ok(())
+
+    /// Color of a point of a triangle with barycentric weights `w`.
+    fn shade(&self, part: &Part, triangle: [u32; 3], w: [f32; 3]) -> Vec3 {
+        let mesh = &part.mesh;
+        let mut normal = Vec3::ZERO;
+        let mut position = Vec3::ZERO;
+        for k in 0..3 {
+            normal += mesh.normals[triangle[k] as usize] * w[k];
+            position += mesh.positions[triangle[k] as usize] * w[k];
+        }
+        let normal = normal.normalize();
+        let lamp = self.view.eye + self.right * 0.035 + self.up * 0.03;
+        let to_lamp = lamp - position;
+        let direction = to_lamp.normalize();
+        let fall = 0.0105 / to_lamp.length_squared();
+        let diffuse = normal.dot(direction).max(0.0);
+        let half_way = (direction + (self.view.eye - position).normalize()).normalize();
+        let shine = 0.25 * normal.dot(half_way).max(0.0).powi(60);
+        color(part.tissue) * (0.12 + 0.88 * diffuse) * fall + Vec3::splat(shine * fall)
+    }
+
+    fn write_png(&self, output: &str) -> Result<(), Box<dyn std::error::Error>> {
+        let mut bytes = Vec::with_capacity(SIZE * SIZE * 3);
+        for y in 0..SIZE {
+            for x in 0..SIZE {
+                let mut sum = Vec3::ZERO;
+                for dy in 0..FINE {
+                    for dx in 0..FINE {
+                        sum += self.picture[(y * FINE + dy) * SIDE + x * FINE + dx];
+                    }
+                }
+                let mean = sum / (FINE * FINE) as f32;
+                bytes.extend(
+                    mean.to_array().map(|c| (c.clamp(0.0, 1.0).powf(1.0 / 2.2) * 255.0).round() as u8),
+                );
+            }
+        }
+        let mut encoder = png::Encoder::new(BufWriter::new(File::create(output)?), SIZE as u32, SIZE as u32);
+        encoder.set_color(png::ColorType::Rgb);
+        encoder.set_depth(png::BitDepth::Eight);
+        encoder.write_header()?.write_image_data(&bytes)?;
+        Ok(())
+    }
 }
