@@ -332,13 +332,13 @@ fn excitation_bins_add_up_and_make_other_lamps() {
         eprintln!("{what}: {worst:.1e} of the peak");
         assert!(worst < tolerance, "{what}: {worst}");
     };
-    for group in direct.lamp_groups() {
-        let sum = bins.recombine(|c| if c.lamp_group() == group { 1.0 } else { 0.0 });
+    for group in direct.light_groups() {
+        let sum = bins.recombine(|c| if c.light_group == group { 1.0 } else { 0.0 });
         close(sum.data(), direct.light_group(&group).data(), 1e-5, &group);
     }
 
     // Another lamp: the rendered one times a step function of the bins.
-    let group = direct.lamp_groups()[0].clone();
+    let group = direct.light_groups()[0].clone();
     let factor = |nm: f64| if nm < 385.0 { 0.25 } else { 1.5 };
     let light = study.scene.lights.iter().position(|l| l.group == 0).unwrap();
     let rendered = study.scene.lights[light].spectrum.clone();

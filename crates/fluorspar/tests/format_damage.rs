@@ -85,7 +85,7 @@ fn grid() -> WavelengthGrid {
 }
 
 fn components() -> ComponentImage {
-    let components = vec![Component { light_group: "blue".into(), light: LightPath::Reflected }];
+    let components = vec![Component::of_group("blue", LightPath::Reflected)];
     let mut image = ComponentImage::zeros(grid(), 3, 2, components);
     image.features = FeatureMaps { depth_m: vec![0.1; 6], part: vec![1; 6], ..Default::default() };
     image

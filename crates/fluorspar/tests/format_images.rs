@@ -31,9 +31,8 @@ fn spectral<Q: Quantity>() -> SpectralImage<Q> {
 }
 
 fn components() -> ComponentImage {
-    let labels =
-        [LightPath::Reflected, LightPath::Fluorescence("FAD µ".into()), LightPath::MultipleFluorescence];
-    let components = labels.map(|light| Component { light_group: "blue".into(), light }).to_vec();
+    let labels = [LightPath::Reflected, LightPath::Fluorescence("FAD µ".into()), LightPath::MultipleFluorescence];
+    let components = labels.map(|light| Component::of_group("blue", light)).to_vec();
     let mut image = ComponentImage::zeros(grid(), 5, 3, components);
     for (i, value) in image.data.iter_mut().enumerate() {
         *value = i as f32 * 0.125 - 3.0;

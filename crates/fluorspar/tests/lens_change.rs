@@ -22,7 +22,7 @@ fn experiment(changes: &[&str]) -> Study {
 
 /// Bright in the middle half of both axes ("middle"), dim around it ("rim"), as `rendered` would have seen it.
 fn image(rendered: &Study) -> ComponentImage {
-    let label = Component { light_group: "blue".into(), light: LightPath::Fluorescence("fad".into()) };
+    let label = Component::of_group("blue", LightPath::Fluorescence("fad".into()));
     let (width, height) = RENDER;
     let mut image = ComponentImage::zeros(rendered.scene.grid.clone(), width, height, vec![label]);
     let is_middle = |pixel: usize| {

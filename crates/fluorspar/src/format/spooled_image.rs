@@ -191,7 +191,7 @@ mod tests {
 
     fn image() -> ComponentImage {
         let grid = WavelengthGrid::uniform(400.0, 420.0, 5.0).unwrap();
-        let label = |light| Component { light_group: "blue".into(), light };
+        let label = |light| Component::of_group("blue", light);
         let components = vec![label(LightPath::Reflected), label(LightPath::MultipleFluorescence)];
         let mut image = ComponentImage::zeros(grid, 21, 37, components);
         let value = |i: usize| ((i * 2_654_435_761) % 1009) as f32 * 0.37 / (1 + i % 7) as f32;

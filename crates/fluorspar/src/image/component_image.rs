@@ -12,45 +12,86 @@ use crate::spectral::{Curve, Radiance, WavelengthGrid};
 #[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum LightPath {
-    /// Light that never fluoresced (R).
+    /// LightPath that never fluoresced (R).
     Reflected,
-    /// Light whose one fluorescence event was in the named fluorophore.
+    /// LightPath whose one fluorescence event was in the named fluorophore.
     Fluorescence(String),
-    /// Light that fluoresced more than once.
+    /// LightPath that fluoresced more than once.
     MultipleFluorescence,
 }
 
-/// Stands between the name of a light group and its excitation bin: `blue@380-390`.
-pub const EXCITATION_MARK: char = '@';
+/// A part of the spectrum of a light group, where a render keeps such parts apart.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum ExcitationBin {
+    /// Between two edges, nm.
+    Between([f64; 2]),
+    /// Outside all bins.
+    Outside,
+}
 
-/// Label of one component: which light group excited it and what happened to it.
-#[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+/// Label of one component: which light excited it and what happened to it.
+///
+/// In files, light group and excitation bin are one name: [`Component::group_label`].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(from = "ComponentText", into = "ComponentText")]
 pub struct Component {
-    /// Name of the light group.
+    /// Name of the light group in the scene.
     pub light_group: String,
+    /// Part of its spectrum; `None` is all of it.
+    pub excitation: Option<ExcitationBin>,
     /// What happened to the light.
     pub light: LightPath,
 }
 
 impl Component {
-    /// The light group in the scene: without the excitation bin, if the render kept bins apart.
-    pub fn lamp_group(&self) -> &str {
-        self.light_group.split_once(EXCITATION_MARK).map_or(&self.light_group, |(group, _)| group)
+    /// A component that all light of a group excites.
+    pub fn of_group(light_group: &str, light: LightPath) -> Self {
+        Self { light_group: light_group.into(), excitation: None, light }
     }
 
-    /// Edges of the excitation bin, nm; `None` for light outside all bins, and where no bins were kept apart.
-    pub fn excitation_bin_nm(&self) -> Option<[f64; 2]> {
-        let (_, bin) = self.light_group.split_once(EXCITATION_MARK)?;
-        let (first, last) = bin.split_once('-')?;
-        Some([first.parse().ok()?, last.parse().ok()?])
+    /// Name of the light group with the excitation bin, if any, as in files: `blue@380-390`, `blue@rest`.
+    pub fn group_label(&self) -> String {
+        let group = &self.light_group;
+        match self.excitation {
+            None => group.clone(),
+            Some(ExcitationBin::Between([first, last])) => format!("{group}@{first}-{last}"),
+            Some(ExcitationBin::Outside) => format!("{group}@rest"),
+        }
     }
 
     /// `group.reflected`, `group.fluorescence.NAME` or `group.multiple`: used for file layers and tables.
     pub fn label(&self) -> String {
         match &self.light {
-            LightPath::Reflected => format!("{}.reflected", self.light_group),
-            LightPath::Fluorescence(name) => format!("{}.fluorescence.{name}", self.light_group),
-            LightPath::MultipleFluorescence => format!("{}.multiple", self.light_group),
+            LightPath::Reflected => format!("{}.reflected", self.group_label()),
+            LightPath::Fluorescence(name) => format!("{}.fluorescence.{name}", self.group_label()),
+            LightPath::MultipleFluorescence => format!("{}.multiple", self.group_label()),
+        }
+    }
+}
+
+/// A component as it is written to files: its excitation bin is part of the group's name.
+#[derive(Serialize, Deserialize)]
+struct ComponentText {
+    light_group: String,
+    light: LightPath,
+}
+
+impl From<Component> for ComponentText {
+    fn from(component: Component) -> Self {
+        Self { light_group: component.group_label(), light: component.light }
+    }
+}
+
+impl From<ComponentText> for Component {
+    /// Names without a bin that can be read are those of light groups.
+    fn from(ComponentText { light_group, light }: ComponentText) -> Self {
+        let bin = |text: &str| match text.split_once('-') {
+            None => (text == "rest").then_some(ExcitationBin::Outside),
+            Some((first, last)) => Some(ExcitationBin::Between([first.parse().ok()?, last.parse().ok()?])),
+        };
+        match light_group.rsplit_once('@').and_then(|(group, text)| Some((group, bin(text)?))) {
+            Some((group, bin)) => Self { light_group: group.into(), excitation: Some(bin), light },
+            None => Self { light_group, excitation: None, light },
         }
     }
 }
@@ -191,7 +232,7 @@ impl ComponentImage {
         self.components.iter().position(|c| c == label)
     }
 
-    /// Names of all light groups, in order of first use.
+    /// Names of the light groups in the scene, in order of first use.
     pub fn light_groups(&self) -> Vec<String> {
         let mut names: Vec<String> = Vec::new();
         for component in &self.components {
@@ -202,15 +243,15 @@ impl ComponentImage {
         names
     }
 
-    /// Names of the light groups in the scene, excitation bins put together, in order of first use.
-    pub fn lamp_groups(&self) -> Vec<String> {
-        let mut names: Vec<String> = Vec::new();
-        for component in &self.components {
-            if !names.iter().any(|name| name == component.lamp_group()) {
-                names.push(component.lamp_group().into());
+    /// Labels of the light groups, each excitation bin that was kept apart by itself, in order of first use.
+    pub fn group_labels(&self) -> Vec<String> {
+        let mut labels: Vec<String> = Vec::new();
+        for label in self.components.iter().map(Component::group_label) {
+            if !labels.contains(&label) {
+                labels.push(label);
             }
         }
-        names
+        labels
     }
 
     /// What a light group would give with another lamp spectrum, from a render that kept excitation bins apart.
@@ -231,13 +272,12 @@ impl ComponentImage {
             let (rendered, wanted) = (rendered.integral(first, last), wanted.integral(first, last));
             if rendered > 0.0 { (wanted / rendered, wanted) } else { (0.0, 0.0) }
         };
+        let bin_of = |component: &Component| match component.excitation {
+            Some(ExcitationBin::Between(edges)) if component.light_group == group => Some(edges),
+            _ => None,
+        };
         let mut bins: Vec<[f64; 2]> = Vec::new();
-        for bin in self
-            .components
-            .iter()
-            .filter(|c| c.lamp_group() == group)
-            .filter_map(Component::excitation_bin_nm)
-        {
+        for bin in self.components.iter().filter_map(bin_of) {
             if !bins.contains(&bin) {
                 bins.push(bin);
             }
@@ -248,10 +288,7 @@ impl ComponentImage {
         if missing.is_nan() || missing > 1e-3 {
             return Err(LampOutOfSpan { group: group.into(), percent: 100.0 * missing });
         }
-        Ok(self.recombine(|component| match component.excitation_bin_nm() {
-            Some(bin) if component.lamp_group() == group => ratio(bin).0,
-            _ => 0.0,
-        }))
+        Ok(self.recombine(|component| bin_of(component).map_or(0.0, |bin| ratio(bin).0)))
     }
 
     /// `sum weight(component) * component`: any change of drive current or (to first order) concentration.
@@ -298,8 +335,27 @@ mod tests {
     use super::*;
 
     #[test]
+    fn excitation_bins_are_part_of_the_group_in_files() {
+        let bins = [
+            (None, "blue"),
+            (Some(ExcitationBin::Between([380.0, 390.5])), "blue@380-390.5"),
+            (Some(ExcitationBin::Outside), "blue@rest"),
+        ];
+        for (excitation, name) in bins {
+            let component = Component { excitation, ..Component::of_group("blue", LightPath::Reflected) };
+            let text = serde_json::to_string(&component).unwrap();
+            assert_eq!(text, format!(r#"{{"light_group":"{name}","light":"reflected"}}"#));
+            assert_eq!(serde_json::from_str::<Component>(&text).unwrap(), component);
+        }
+        // A name that only looks like one with a bin.
+        let named = Component::of_group("blue@night", LightPath::Reflected);
+        let text = serde_json::to_string(&named).unwrap();
+        assert_eq!(serde_json::from_str::<Component>(&text).unwrap(), named);
+    }
+
+    #[test]
     fn rounding_keeps_15_bits_of_mantissa() {
-        let labels = vec![Component { light_group: "blue".into(), light: LightPath::Reflected }];
+        let labels = vec![Component::of_group("blue", LightPath::Reflected)];
         let mut image = ComponentImage::zeros(WavelengthGrid::default(), 1, 1, labels);
         let values = [0.0, 1.0, -1.0, 1.234_567_8, 7.654_321e-20, 1e-42, f32::MAX, -f32::MAX];
         image.data[..values.len()].copy_from_slice(&values);

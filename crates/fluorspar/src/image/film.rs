@@ -90,9 +90,10 @@ impl FilmLayout {
             StatisticsKind::LightGroups => {
                 let mut groups: Vec<(String, Vec<usize>)> = Vec::new();
                 for (index, component) in self.components.iter().enumerate() {
-                    match groups.iter_mut().find(|(name, _)| *name == component.light_group) {
+                    let label = component.group_label();
+                    match groups.iter_mut().find(|(name, _)| *name == label) {
                         Some((_, members)) => members.push(index),
-                        None => groups.push((component.light_group.clone(), vec![index])),
+                        None => groups.push((label, vec![index])),
                     }
                 }
                 groups
@@ -641,7 +642,7 @@ mod tests {
     use crate::image::LightPath;
 
     fn layout(statistics: StatisticsKind) -> FilmLayout {
-        let label = |light| Component { light_group: "blue".into(), light };
+        let label = |light| Component::of_group("blue", light);
         let grid = WavelengthGrid::uniform(400.0, 410.0, 5.0).unwrap();
         FilmLayout {
             components: vec![label(LightPath::Reflected), label(LightPath::MultipleFluorescence)],

@@ -81,7 +81,7 @@ pub fn bracket_label(capture: &str, bracket_ev: &[f64], index: usize) -> String 
 
 /// Radiance under the lights of one frame: components weighted by the drive of their light group.
 pub fn frame_radiance(frame: &CaptureFrame, components: &ComponentImage) -> SpectralImage<Radiance> {
-    components.recombine(|component| frame.drive(component.lamp_group()))
+    components.recombine(|component| frame.drive(&component.light_group))
 }
 
 /// Irradiance on the film from the radiance of a render, filters and their own light included.
@@ -220,7 +220,7 @@ pub fn capture(study: &Study, components: &ComponentImage) -> Result<Vec<Capture
         let (image, study) = (components.grid.len(), study.scene.grid.len());
         return Err(PipelineError::OtherGrid { image, study });
     }
-    let known = components.lamp_groups();
+    let known = components.light_groups();
     for c in &study.captures {
         let frame = &c.frame;
         if let Some(group) = frame.lights.keys().find(|g| frame.drive(g) > 0.0 && !known.contains(g)) {

@@ -105,7 +105,7 @@ pub fn denoise(image: &ComponentImage, settings: &DenoiseSettings) -> Result<Com
         return Err(DenoiseError::Twice);
     }
     let statistics = image.statistics.as_ref().ok_or(DenoiseError::NoStatistics)?;
-    let groups = image.light_groups();
+    let groups = image.group_labels();
     if statistics.names != groups {
         return Err(DenoiseError::NoStatistics);
     }
@@ -124,7 +124,7 @@ pub fn denoise(image: &ComponentImage, settings: &DenoiseSettings) -> Result<Com
         let guides = halves.map(|half| guide(half, variance, width, height, bands));
         let weights = Weights { image, settings };
         let members: Vec<usize> =
-            (0..image.components.len()).filter(|&c| image.components[c].light_group == *group).collect();
+            (0..image.components.len()).filter(|&c| image.components[c].group_label() == *group).collect();
         let rows: Vec<Vec<f32>> = (0..height)
             .into_par_iter()
             .map(|row| {

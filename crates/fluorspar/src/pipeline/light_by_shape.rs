@@ -5,7 +5,7 @@
 //! viewing filter, and the mean of a product is not the product of means. Fluorescence is smooth.
 
 use super::direct_light::group_spectrum;
-use crate::image::{Component, ComponentImage, LightPath, SpectralImage};
+use crate::image::{Component, ComponentImage, ExcitationBin, LightPath, SpectralImage};
 use crate::sensor::CaptureFrame;
 use crate::spectral::{Curve, Radiance, Transmittance, WavelengthGrid};
 use crate::study::Study;
@@ -29,17 +29,17 @@ pub(super) fn light_by_shape<'a>(
     let fluorescence = std::iter::once_with(move || ShapedRadiance {
         radiance: components.recombine(|c| match c.light {
             LightPath::Reflected => 0.0,
-            _ => frame.drive(c.lamp_group()),
+            _ => frame.drive(&c.light_group),
         }),
         fluorescent: true,
         shape: None,
     });
     let reflected = components.components.iter().filter(|c| c.light == LightPath::Reflected);
     let reflected =
-        reflected.filter(|c| frame.drive(c.lamp_group()) != 0.0).map(move |component| ShapedRadiance {
+        reflected.filter(|c| frame.drive(&c.light_group) != 0.0).map(move |component| ShapedRadiance {
             radiance: components.recombine(
                 |c| {
-                    if c == component { frame.drive(c.lamp_group()) } else { 0.0 }
+                    if c == component { frame.drive(&c.light_group) } else { 0.0 }
                 },
             ),
             fluorescent: false,
@@ -50,10 +50,10 @@ pub(super) fn light_by_shape<'a>(
 
 /// Spectrum of the lamps that a component is lit by, up to a factor; only the bin of excitation where the render keeps bins.
 pub(super) fn component_spectrum(study: &Study, component: &Component) -> Option<Curve> {
-    let lamp = group_spectrum(study, component.lamp_group())?;
-    Some(match component.excitation_bin_nm() {
-        Some([first, last]) => lamp.clipped(first, last),
-        None => lamp,
+    let lamp = group_spectrum(study, &component.light_group)?;
+    Some(match component.excitation {
+        Some(ExcitationBin::Between([first, last])) => lamp.clipped(first, last),
+        _ => lamp,
     })
 }
 

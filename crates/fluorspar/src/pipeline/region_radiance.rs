@@ -55,7 +55,7 @@ impl RegionRadiance {
             pixels: pixels.len(),
         };
         for (index, component) in components.components.iter().enumerate() {
-            let drive = frame.drive(component.lamp_group());
+            let drive = frame.drive(&component.light_group);
             if drive == 0.0 {
                 continue;
             }

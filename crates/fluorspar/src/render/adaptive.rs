@@ -124,8 +124,8 @@ impl TileError {
         let Some(target) = target else { return Self { relative_error: 0.0, channels: Vec::new() } };
         let mut groups: Vec<&str> = Vec::new();
         for component in &layout.components {
-            if groups.last() != Some(&component.lamp_group()) {
-                groups.push(component.lamp_group());
+            if groups.last() != Some(&component.light_group.as_str()) {
+                groups.push(&component.light_group);
             }
         }
         let bands = layout.grid.len();
@@ -134,7 +134,7 @@ impl TileError {
             let of_component: Vec<f64> = layout
                 .components
                 .iter()
-                .map(|c| groups.iter().position(|group| *group == c.lamp_group()))
+                .map(|c| groups.iter().position(|group| *group == c.light_group))
                 .map(|group| group.map_or(0.0, |index| channel.drives[index]))
                 .collect();
             // All members of a statistic belong to one light group.
