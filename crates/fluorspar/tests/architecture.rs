@@ -1,7 +1,7 @@
 //! The order of the modules, read from their `use crate::` lines: nothing may reach upward.
 #![allow(clippy::unwrap_used)]
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -193,4 +193,260 @@ fn variants_of_models_are_named_only_where_the_model_lives() {
         }
     }
     assert!(violations.is_empty(), "\n{}", violations.join("\n"));
+}
+
+/// Modules whose files must import each other without circles.
+const WITHOUT_CIRCLES: &[&str] = &["render", "material", "light", "experiment"];
+
+/// The files of one module: what each of them imports from the others.
+struct ModuleFiles<'a> {
+    /// Name of the module, under the crate's root.
+    module: &'a str,
+    /// Path inside the module, `["compile", "lights"]`, to the code of the file; of a `mod.rs` the path of its folder.
+    code: BTreeMap<Vec<String>, String>,
+}
+
+/// The paths that the trees of `use` statements name: `a::{b, c::D}` is `a::b` and `a::c::D`.
+fn expand(tree: &str) -> Vec<Vec<String>> {
+    let tree = tree.trim();
+    let Some(open) = tree.find('{') else {
+        let path = tree.split(" as ").next().unwrap_or("");
+        return vec![path.split("::").map(|segment| segment.trim().to_string()).collect()];
+    };
+    let close = tree.rfind('}').unwrap();
+    let (mut depth, mut start, mut parts) = (0, open + 1, Vec::new());
+    for (at, letter) in tree[..close].char_indices().skip_while(|(at, _)| *at <= open) {
+        match letter {
+            '{' => depth += 1,
+            '}' => depth -= 1,
+            ',' if depth == 0 => {
+                parts.push(&tree[start..at]);
+                start = at + 1;
+            }
+            _ => {}
+        }
+    }
+    parts.push(&tree[start..close]);
+    let head = tree[..open].trim_end_matches("::");
+    let joined = |part: &&str| !part.trim().is_empty();
+    parts.iter().filter(|part| joined(part)).flat_map(|part| expand(&format!("{head}::{part}"))).collect()
+}
+
+impl<'a> ModuleFiles<'a> {
+    /// Reads a module's files from its folder.
+    fn read(root: &Path, module: &'a str) -> Self {
+        let folder = root.join(module);
+        let mut files = Vec::new();
+        sources(&folder, &mut files);
+        let mut code = BTreeMap::new();
+        for file in files {
+            let stem = file.file_stem().unwrap().to_str().unwrap().to_string();
+            if stem.ends_with("tests") {
+                continue;
+            }
+            let relative = file.strip_prefix(&folder).unwrap();
+            let mut path: Vec<String> =
+                relative.iter().map(|part| part.to_str().unwrap().trim_end_matches(".rs").into()).collect();
+            if stem == "mod" {
+                path.pop();
+            }
+            code.insert(path, fs::read_to_string(&file).unwrap());
+        }
+        Self::new(module, code)
+    }
+
+    fn new(module: &'a str, mut code: BTreeMap<Vec<String>, String>) -> Self {
+        for text in code.values_mut() {
+            let lines = without_tests(text).lines();
+            let lines = lines.filter(|line| !line.trim_start().starts_with("//"));
+            *text = lines.collect::<Vec<_>>().join("\n");
+        }
+        Self { module, code }
+    }
+
+    /// `use` statements of a file: whether they export what they import, and the paths that they name.
+    fn imports(&self, file: &[String]) -> Vec<(bool, Vec<String>)> {
+        let mut found = Vec::new();
+        for statement in self.code[file].split_inclusive(';') {
+            let line = statement.rfind("use ").map(|at| statement[..at].rfind('\n').map_or(0, |n| n + 1));
+            let Some(text) = line.map(|start| statement[start..].trim()) else { continue };
+            let exports = text.starts_with("pub");
+            let Some((before, tree)) = text.split_once("use ") else { continue };
+            if before.is_empty() || exports {
+                let tree = tree.trim_end_matches(';');
+                found.extend(expand(tree).into_iter().map(|path| (exports, path)));
+            }
+        }
+        found
+    }
+
+    /// A path as it is written in a file, from the module's root on; `None` where it leads out of the module.
+    fn absolute(&self, file: &[String], path: &[String]) -> Option<Vec<String>> {
+        let mut at: Vec<String> = file.to_vec();
+        let mut rest = path;
+        match path.first()?.as_str() {
+            "crate" if path.get(1).is_some_and(|name| name == self.module) => {
+                (at, rest) = (Vec::new(), &path[2..]);
+            }
+            "super" => {
+                while let Some(("super", after)) =
+                    rest.split_first().map(|(name, after)| (name.as_str(), after))
+                {
+                    at.pop()?;
+                    rest = after;
+                }
+            }
+            "self" => rest = &path[1..],
+            // A module below the one of the file.
+            name => {
+                let mut below = at.clone();
+                below.push(name.into());
+                self.code.contains_key(&below).then_some(())?;
+            }
+        }
+        at.extend(rest.iter().cloned());
+        Some(at)
+    }
+
+    /// The file that defines what a path from the module's root names, looked up through re-exports.
+    fn definition(&self, path: &[String]) -> Option<Vec<String>> {
+        let length = (0..=path.len()).rev().find(|&length| self.code.contains_key(&path[..length]))?;
+        let (file, rest) = path.split_at(length);
+        if let Some(item) = rest.first() {
+            for (exports, exported) in self.imports(file) {
+                if exports && exported.last() == Some(item) {
+                    let target = self.absolute(file, &exported)?;
+                    return if target == path { Some(file.to_vec()) } else { self.definition(&target) };
+                }
+            }
+        }
+        Some(file.to_vec())
+    }
+
+    /// The files that a file uses, itself left out: by `use` statements and by paths in its code.
+    fn used_by(&self, file: &[String]) -> BTreeSet<Vec<String>> {
+        let mut paths: Vec<Vec<String>> =
+            self.imports(file).into_iter().filter(|(exports, _)| !exports).map(|(_, path)| path).collect();
+        let is_name = |c: char| c.is_alphanumeric() || c == '_';
+        for line in self.code[file].lines().filter(|line| !line.contains("use ")) {
+            let mut words = line.split(|c| !is_name(c) && c != ':').filter(|word| word.contains("::"));
+            paths.extend(words.by_ref().map(|word| word.split("::").map(String::from).collect()));
+        }
+        let mut used: BTreeSet<Vec<String>> = paths
+            .iter()
+            .filter_map(|path| self.absolute(file, path))
+            .filter_map(|path| self.definition(&path))
+            .collect();
+        used.remove(file);
+        used
+    }
+
+    /// Circles among the files, and among the folders and files directly below the module: each as the names in it.
+    fn circles(&self) -> BTreeSet<Vec<String>> {
+        let edges: Vec<(Vec<String>, Vec<String>)> = self
+            .code
+            .keys()
+            .flat_map(|file| self.used_by(file).into_iter().map(|used| (file.clone(), used)))
+            .collect();
+        let mut found = BTreeSet::new();
+        for depth in [1, usize::MAX] {
+            let name = |path: &[String]| {
+                let shown = &path[..path.len().min(depth)];
+                if shown.is_empty() { "mod".to_string() } else { shown.join("/") }
+            };
+            let mut reached: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
+            for (file, used) in &edges {
+                if name(file) != name(used) {
+                    reached.entry(name(file)).or_default().insert(name(used));
+                }
+            }
+            // What a file reaches through others
+            loop {
+                let longer = reached.iter().map(|(file, used)| {
+                    let through = used.iter().filter_map(|other| reached.get(other)).flatten();
+                    (file.clone(), used.iter().chain(through).cloned().collect())
+                });
+                let longer: BTreeMap<String, BTreeSet<String>> = longer.collect();
+                if longer == reached {
+                    break;
+                }
+                reached = longer;
+            }
+            // Files that reach themselves, with those that reach them in turn
+            for (file, used) in reached.iter().filter(|(file, used)| used.contains(*file)) {
+                let back = |other: &&String| reached.get(*other).is_some_and(|used| used.contains(file));
+                found.insert(used.iter().filter(back).cloned().collect());
+            }
+        }
+        found
+    }
+}
+
+#[test]
+fn files_of_a_module_import_each_other_without_circles() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let mut found = Vec::new();
+    for module in WITHOUT_CIRCLES {
+        let circles = ModuleFiles::read(&root, module).circles();
+        found.extend(circles.iter().map(|circle| format!("{module}: {}", circle.join(", "))));
+    }
+    assert!(found.is_empty(), "circles of imports\n{}", found.join("\n"));
+}
+
+#[test]
+fn circles_of_imports_are_found() {
+    let circles = |files: &[(&str, &str)]| {
+        let path = |name: &str| name.split('/').filter(|part| !part.is_empty()).map(String::from).collect();
+        let code = files.iter().map(|(name, text)| (path(name), (*text).to_string())).collect();
+        Vec::from_iter(ModuleFiles::new("render", code).circles())
+    };
+    let facade = ("", "mod a;\nmod b;\npub use a::A;\npub use b::{B, C as D};\n");
+    // What a façade exports belongs to the file that defines it.
+    assert!(circles(&[facade, ("a", "struct A;"), ("b", "use super::A;\nstruct B;")]).is_empty());
+    assert_eq!(
+        circles(&[facade, ("a", "use super::{\n    B,\n};"), ("b", "use super::a::A;")]),
+        [["a", "b"]]
+    );
+    // Paths in code count, those of tests and comments do not.
+    assert_eq!(
+        circles(&[facade, ("a", "fn f() { super::b::g() }"), ("b", "use crate::render::A;")]),
+        [["a", "b"]]
+    );
+    let tests = "// super::b::g()\n#[cfg(test)]\nmod tests {\n    use super::super::b::B;\n}";
+    assert!(circles(&[facade, ("a", tests), ("b", "use super::a::A;")]).is_empty());
+    // A file that needs an item of the module's own page, which uses the file.
+    assert_eq!(circles(&[("", "mod a;\nfn f() { a::g() }"), ("a", "use super::f;")]), [["a", "mod"]]);
+    // Folders: no circle of files, but one of rooms.
+    let rooms = [("c", ""), ("c/one", "use super::super::d;"), ("c/two", ""), ("d", "use super::c::two::X;")];
+    assert_eq!(circles(&rooms), [["c", "d"]]);
+}
+
+/// The paths of files and folders that a page names in backticks: with a slash, and without spaces or wildcards.
+fn named_paths(page: &str) -> Vec<&str> {
+    let quoted = page.lines().filter(|line| !line.starts_with("    ")).flat_map(|line| {
+        // Every second piece between backticks is quoted.
+        line.split('`').skip(1).step_by(2)
+    });
+    let is_file = |name: &str| [".rs", ".md", ".toml", ".py"].iter().any(|end| name.ends_with(end));
+    let is_path = |name: &&str| (name.contains('/') || is_file(name)) && !name.contains([' ', '*', '{', '<']);
+    quoted.filter(is_path).collect()
+}
+
+#[test]
+fn files_that_the_architecture_page_names_exist() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    let mut bases = vec![root.clone()];
+    for entry in fs::read_dir(root.join("crates")).unwrap() {
+        let folder = entry.unwrap().path();
+        bases.extend([folder.join("src"), folder]);
+    }
+    bases.push(root.join("crates"));
+    let exists = |name: &str| bases.iter().any(|base| base.join(name).exists());
+    let page = fs::read_to_string(root.join("ARCHITECTURE.md")).unwrap();
+    let paths = named_paths(&page);
+    assert!(paths.len() > 50, "only {} paths were found on the page", paths.len());
+    let missing: Vec<&&str> = paths.iter().filter(|name| !exists(name)).collect();
+    assert!(missing.is_empty(), "ARCHITECTURE.md names what does not exist: {missing:?}");
+    // A file that is not there is found missing.
+    assert!(!exists("render/integrator.rs"));
 }
