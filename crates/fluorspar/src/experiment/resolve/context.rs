@@ -5,11 +5,11 @@ use std::path::Path;
 
 use glam::{DVec3, Vec3};
 
-use super::InputFile;
+use super::record::InputFile;
 use crate::anatomy::{MouthParameters, Tissue};
 use crate::digest::sha256_hex;
 use crate::experiment::document::Document;
-use crate::experiment::error::{ExperimentError, Step};
+use crate::experiment::error::{ExperimentError, Place, Step};
 use crate::experiment::schema::ExposureTime;
 use crate::sensor::{AutoExposure, EXPOSURE_MS};
 use crate::spectral::WavelengthGrid;
@@ -221,5 +221,24 @@ fn replace_paths(value: &mut toml::Value, inputs: &[InputFile]) {
         toml::Value::Array(items) => items.iter_mut().for_each(|item| replace_paths(item, inputs)),
         toml::Value::Table(table) => table.iter_mut().for_each(|(_, item)| replace_paths(item, inputs)),
         _ => {}
+    }
+}
+
+impl Context<'_> {
+    /// Checks that an entry of a list has a name, and one of its own.
+    pub(super) fn unique_name<'n>(
+        &self,
+        at: &Place,
+        name: &str,
+        earlier: impl IntoIterator<Item = &'n str>,
+    ) -> Resolved<()> {
+        let at = at.field("name");
+        if name.trim().is_empty() {
+            return self.fail(&at, "must not be empty");
+        }
+        if earlier.into_iter().any(|other| other == name) {
+            return self.fail(&at, "an earlier entry has this name; every entry needs its own");
+        }
+        Ok(())
     }
 }

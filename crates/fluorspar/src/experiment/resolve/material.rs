@@ -1,7 +1,7 @@
 //! Fluorophores and materials.
 
 use super::context::{Context, Resolved};
-use super::object;
+use super::mouth;
 use super::spectrum::Role;
 use crate::experiment::document::is_path;
 use crate::experiment::error::{Place, steps};
@@ -311,14 +311,14 @@ pub(super) fn materials(
 ) -> Resolved<Vec<Material>> {
     let mut materials = Vec::with_capacity(file.material.len());
     if let Some(mouth) = &file.mouth {
-        object::check_parameters(context, &mouth.parameters)?;
+        mouth::check_parameters(context, &mouth.parameters)?;
         context.mouth = Some(mouth.parameters.clone());
     }
     for (index, section) in file.material.iter().enumerate() {
         let at = steps!["material", index];
         let earlier = file.material[..index].iter().map(|other| other.name.as_str());
         context.unique_name(&at, &section.name, earlier)?;
-        context.tissue = object::only_tissue(file, &section.name);
+        context.tissue = mouth::only_tissue(file, &section.name);
         let scattering = scattering(context, &at, section, file, grid)?;
         materials.push(material(context, &at, section, scattering, file, fluorophores)?);
     }

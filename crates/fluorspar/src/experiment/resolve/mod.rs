@@ -8,14 +8,18 @@ mod instrument;
 mod lesion;
 mod light;
 pub(super) mod material;
+mod mouth;
 mod object;
+mod record;
 pub(super) mod spectrum;
 mod surface_mean;
+
+pub use self::record::{FileRecord, InputFile};
 
 use std::path::PathBuf;
 
 use self::context::{Context, Resolved};
-use super::error::{Place, steps};
+use super::error::steps;
 use super::schema::{ExperimentFile, FieldOfView, LensType};
 use super::{Experiment, ExperimentError};
 use crate::preset;
@@ -32,58 +36,8 @@ pub struct ResolvedExperiment {
     pub record: FileRecord,
 }
 
-/// What is known of a file that a study was made from.
-#[derive(Clone, Debug, PartialEq)]
-pub struct FileRecord {
-    /// Name for people.
-    pub title: String,
-    /// What the experiment shows.
-    pub description: String,
-    /// Folder for the results, if the file names one.
-    pub output_folder: Option<PathBuf>,
-    /// What a user should know.
-    pub warnings: Vec<String>,
-    /// Files that were read, with their digests.
-    pub inputs: Vec<InputFile>,
-    /// Files of base experiments that were read; they are part of `resolved_toml`.
-    pub base_files: Vec<PathBuf>,
-    /// The complete experiment as a file: base, overrides and defaults written out, paths absolute. Reading it
-    /// gives the same experiment and the same `sha256`.
-    pub resolved_toml: String,
-    /// Digest of everything that decides the result: the resolved file without title, description and output, the
-    /// contents (not the places) of all files it names, and the entries of the catalogue in use.
-    pub sha256: String,
-}
-
-/// A file that an experiment reads.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct InputFile {
-    /// Where it is.
-    pub path: PathBuf,
-    /// Digest of its content.
-    pub sha256: String,
-}
-
-impl Context<'_> {
-    /// Checks that an entry of a list has a name, and one of its own.
-    pub(super) fn unique_name<'n>(
-        &self,
-        at: &Place,
-        name: &str,
-        earlier: impl IntoIterator<Item = &'n str>,
-    ) -> Resolved<()> {
-        let at = at.field("name");
-        if name.trim().is_empty() {
-            return self.fail(&at, "must not be empty");
-        }
-        if earlier.into_iter().any(|other| other == name) {
-            return self.fail(&at, "an earlier entry has this name; every entry needs its own");
-        }
-        Ok(())
-    }
-}
-
-/// Turns the sections of an experiment into a study, and checks everything that can be checked before rendering. Reads the files that the experiment names and makes the mouth.
+/// Turns the sections of an experiment into a study, and checks everything that can be checked before rendering. Reads
+/// the files that the experiment names and makes the mouth.
 ///
 /// # Errors
 /// The first defect found.

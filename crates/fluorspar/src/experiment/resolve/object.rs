@@ -8,8 +8,9 @@ use super::context::{Context, LENGTH_MM, Resolved, SCALE, STRENGTH};
 use super::lesion;
 use super::light::group_index;
 use super::material::Fluorophores;
+use super::mouth;
 use super::spectrum::Role;
-use crate::anatomy::{MouthParameters, Tissue, shared_mouth};
+use crate::anatomy::{Tissue, shared_mouth};
 use crate::experiment::error::{Place, steps};
 use crate::experiment::schema::{
     BoxShape, DiscShape, DisplacementSection, EmissionSection, ExperimentFile, InstanceSection, MouthSection,
@@ -520,7 +521,7 @@ fn surface_emission(
 }
 
 fn mouth(context: &mut Context<'_>, section: &MouthSection, materials: &[Material]) -> Resolved<Vec<Object>> {
-    check_parameters(context, &section.parameters)?;
+    mouth::check_parameters(context, &section.parameters)?;
     let transform = match &section.transform {
         Some(transform) => affine(context, &steps!["mouth", "transform"], transform)?.0,
         None => Affine3A::IDENTITY,
@@ -583,19 +584,6 @@ fn mouth(context: &mut Context<'_>, section: &MouthSection, materials: &[Materia
         });
     }
     Ok(objects)
-}
-
-/// The tissue that uses a material, if it is the only one.
-pub(super) fn only_tissue(file: &ExperimentFile, material: &str) -> Option<Tissue> {
-    let given = &file.mouth.as_ref()?.materials;
-    let mut users = Tissue::ALL
-        .into_iter()
-        .filter(|tissue| given.get(tissue.name()).map_or(tissue.name(), String::as_str) == material);
-    let Some(first) = users.next() else {
-        // Nobody's: a misspelt line of [mouth.materials] is told later, and more plainly than a missing tissue.
-        return Tissue::ALL.into_iter().find(|tissue| tissue.name() == material);
-    };
-    users.next().is_none().then_some(first)
 }
 
 /// Puts meshes of the user in the place of parts.
@@ -698,8 +686,4 @@ fn planar_coordinates(mesh: &TriangleMesh) -> Vec<Vec2> {
     let (a, b) = ((thinnest + 1) % 3, (thinnest + 2) % 3);
     let share = |p: Vec3, axis: usize| (p[axis] - low[axis]) / size[axis].max(1e-9);
     mesh.positions.iter().map(|p| Vec2::new(share(*p, a), share(*p, b))).collect()
-}
-
-pub(super) fn check_parameters(context: &Context<'_>, parameters: &MouthParameters) -> Resolved<()> {
-    parameters.validate().map_err(|error| context.error(&steps!["mouth", error.field], error.message))
 }
