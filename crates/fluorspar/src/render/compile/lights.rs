@@ -1,6 +1,7 @@
 //! Lights ready for sampling, and the distinct spectra that they emit.
 
-use super::band_blocks;
+use fluorspar_accel::bands::{BandBlock, to_blocks};
+
 use super::excitation_bins::excitation_slices;
 use super::geometry::EmissiveSurface;
 use crate::light::PreparedEmitter;
@@ -126,4 +127,10 @@ impl<'a> SourceList<'a> {
         }
         (self.known.len() - 1) * self.slices
     }
+}
+
+/// Band values in single precision, in blocks.
+fn band_blocks(values: &[f64]) -> Vec<BandBlock> {
+    let single: Vec<f32> = values.iter().map(|&value| value as f32).collect();
+    to_blocks(&single)
 }

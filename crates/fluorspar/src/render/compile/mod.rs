@@ -18,7 +18,6 @@ mod materials;
 mod operators;
 mod visible_points;
 
-use fluorspar_accel::bands::{BandBlock, to_blocks};
 use fluorspar_accel::{BuildError, Simd};
 
 use super::compiled_scene::CompiledScene;
@@ -80,10 +79,4 @@ impl CompiledScene {
         compiled.roulette.fill_in(scene, &group_spectra, &gain);
         Ok(compiled)
     }
-}
-
-/// Band values in single precision, in blocks.
-fn band_blocks(values: &[f64]) -> Vec<BandBlock> {
-    let single: Vec<f32> = values.iter().map(|&value| value as f32).collect();
-    to_blocks(&single)
 }
