@@ -31,7 +31,8 @@ fn spectral<Q: Quantity>() -> SpectralImage<Q> {
 }
 
 fn components() -> ComponentImage {
-    let labels = [LightPath::Reflected, LightPath::Fluorescence("FAD µ".into()), LightPath::MultipleFluorescence];
+    let labels =
+        [LightPath::Reflected, LightPath::Fluorescence("FAD µ".into()), LightPath::MultipleFluorescence];
     let components = labels.map(|light| Component::of_group("blue", light)).to_vec();
     let mut image = ComponentImage::zeros(grid(), 5, 3, components);
     for (i, value) in image.data.iter_mut().enumerate() {
