@@ -1,8 +1,8 @@
 //! Adaptive sampling: a tile gets samples until its error is small enough.
 //!
-//! A tile is looked at when it holds 32, 64, 128, ... samples, and is done when in every channel the root mean square
+//! A tile is checked when it holds 32, 64, 128, ... samples, and is done when in every channel the root mean square
 //! over its pixels of the standard error is below the wanted share of the tile's mean. The standard error of a pixel
-//! comes from the difference of its half-buffers. Looked at by doubling and over a whole tile, so the results hold the
+//! comes from the difference of its half-buffers. Tiles are checked by doubling and as a whole, so the results hold the
 //! same bits for any number of threads, shards by tile and interruptions.
 //!
 //! Bias: whether a pixel gets more samples depends, through the error of its tile, on the samples that it keeps. One
@@ -15,8 +15,8 @@ use thiserror::Error;
 use crate::image::FilmLayout;
 use crate::image::film::{FilmScale, FilmTile};
 
-/// Samples at which a tile is looked at first; then at every doubling.
-const FIRST_LOOK: u32 = 32;
+/// Samples at which a tile is checked first; then at every doubling.
+const FIRST_CHECK: u32 = 32;
 /// Tiles darker than this share of the image are not asked for less absolute error than a tile at this share.
 const DARK: f64 = 0.01;
 
@@ -150,8 +150,8 @@ impl TileError {
     /// Whether a tile is done.
     pub(super) fn is_met(&self, scale: &FilmScale, tile: &FilmTile, sums: &[u64]) -> bool {
         let count = tile.count();
-        let looked_at = count >= FIRST_LOOK && count.is_power_of_two() && tile.samples.len() == 1;
-        if self.channels.is_empty() || !looked_at {
+        let is_checked = count >= FIRST_CHECK && count.is_power_of_two() && tile.samples.len() == 1;
+        if self.channels.is_empty() || !is_checked {
             return false;
         }
         let errors = self.channels.iter().map(|channel| relative_error(channel, scale, tile, sums));

@@ -13,7 +13,7 @@ use crate::material::PreparedMaterials;
 use crate::optics::PerspectiveCamera;
 use crate::spectral::WavelengthGrid;
 
-/// One distinct lamp spectrum of one light group.
+/// One distinct spectrum of the lights of one group.
 #[derive(Debug)]
 pub(super) struct Source {
     pub(super) group: usize,
@@ -113,9 +113,9 @@ pub(super) struct CompiledScene {
     /// Meshes at many places; `None` where there are none.
     pub(super) instances: Option<CompiledInstances>,
     pub(super) shapes: Vec<CompiledShape>,
-    /// Sources in runs of `slices`: the excitation bins of one lamp spectrum.
+    /// Sources in runs of `slices`: the excitation bins of one light spectrum.
     pub(super) sources: Vec<Source>,
-    /// Excitation bins of every lamp spectrum; 1 unless they are kept apart.
+    /// Excitation bins of every light spectrum; 1 unless they are kept apart.
     pub(super) slices: usize,
     /// Emissive objects, then light sources.
     pub(super) lights: Vec<CompiledLight>,
@@ -136,8 +136,8 @@ pub(super) struct CompiledScene {
     pub(super) has_holes: bool,
     /// Lights that are environment maps.
     pub(super) environment_maps: Vec<usize>,
-    /// `[group and excitation bin][fluorophore]`, excitation weighted by the group's lamps.
-    pub(super) lamp_operators: Vec<Vec<FluorescenceOperator>>,
+    /// `[group and excitation bin][fluorophore]`, excitation weighted by the spectrum of the group.
+    pub(super) group_operators: Vec<Vec<FluorescenceOperator>>,
     /// `[fluorophore]`, evenly weighted, for light that already fluoresced.
     pub(super) plain_operators: Vec<FluorescenceOperator>,
 }

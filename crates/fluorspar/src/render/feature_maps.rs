@@ -11,7 +11,7 @@ use crate::scene::Scene;
 pub(super) fn feature_maps(compiled: &CompiledScene, scene: &Scene) -> FeatureMaps {
     let camera = &compiled.camera;
     let pixels = camera.width * camera.height;
-    // In place: pictures that come in bands of rows have no memory for these maps twice.
+    // In place: images rendered in bands of rows have no memory for these maps twice.
     let mut maps = FeatureMaps {
         depth_m: vec![f32::INFINITY; pixels],
         normal: vec![[0.0; 3]; pixels],

@@ -37,7 +37,7 @@ pub struct RenderProgress {
 
 /// Reporting and interruption of a render.
 pub struct RenderControl<'a> {
-    /// Set to stop: the picture so far is returned.
+    /// Set to stop: the image so far is returned.
     pub stop: &'a AtomicBool,
     /// Called now and then, from any thread.
     pub progress: &'a (dyn Fn(RenderProgress) + Sync),
@@ -298,7 +298,7 @@ fn fill(
     true
 }
 
-/// Where the samples of a tile that lie in `wanted` and touch its start end.
+/// End of the samples that a tile holds from the start of `wanted` on, within `wanted`.
 fn end_of(held: &[Range<u32>], wanted: &Range<u32>) -> u32 {
     let range = held.iter().find(|range| range.start <= wanted.start && range.end > wanted.start);
     range.map_or(wanted.start, |range| range.end.min(wanted.end))
@@ -322,7 +322,7 @@ fn fill_tile(
 ) {
     let mut first = samples.start;
     if !is_block_boundary(first) {
-        // An earlier render ended within a block: exchange the part for the whole.
+        // Replace the part of a block at which an earlier render ended by the whole block
         let start = block_start(first);
         fill_block(scene, settings, task, start..first, BlockSign::Remove, block, scale);
         first = start;

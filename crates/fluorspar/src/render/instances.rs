@@ -24,7 +24,7 @@ pub(super) struct CompiledInstances {
 struct CenteredMesh {
     /// Normals, texture coordinates and triangles; its positions are as they were given.
     mesh: Arc<TriangleMesh>,
-    /// Positions about the centre.
+    /// Positions about the center.
     positions: Vec<Vec3>,
     /// What was subtracted from the positions.
     center: DVec3,

@@ -1,4 +1,4 @@
-//! What rays meet in a compiled scene: the nearest surface or light, and how much light passes between two points.
+//! Rays in a compiled scene: the nearest surface or light, and visibility between two points.
 
 use fluorspar_accel::{Hit, Ray, prefetch};
 use glam::Vec3;
@@ -7,7 +7,7 @@ use super::compiled_scene::CompiledScene;
 use super::surface::{Intersection, Target};
 use crate::sampling::hash_u64;
 
-/// Working memory for many rays at a time.
+/// Buffers of batches of rays.
 #[derive(Debug, Default)]
 pub(super) struct TraceBuffers {
     hits: Vec<Option<Hit>>,
@@ -29,7 +29,7 @@ impl CompiledScene {
         } else {
             found.extend(rays.iter().map(|ray| self.closest(ray.origin, ray.direction)));
         }
-        // What the hits need next is on its way while the first of them are worked on.
+        // Prefetch the triangles and vertices that shading needs
         let triangles = || {
             found.iter().filter_map(|hit| match hit {
                 Some(Intersection { target: Target::Triangle { triangle, .. }, .. }) => {
@@ -46,7 +46,7 @@ impl CompiledScene {
         }
     }
 
-    /// [`Self::visibility`] of every ray, in their order; `aimed_at` are the lights.
+    /// [`Self::visibility`] of every shadow ray, in their order, towards the lights `aimed_at`.
     pub(super) fn visibility_each(
         &self,
         rays: &[Ray],
@@ -69,22 +69,22 @@ impl CompiledScene {
         }
     }
 
-    /// Nearest surface or light along a ray. Surfaces with holes are there with the probability of their opacity, by
-    /// a hash of the ray and the place.
+    /// Nearest surface or light along a ray. A surface is accepted with the probability of its opacity, by a hash of the
+    /// ray and the place (stochastic alpha test).
     pub(super) fn closest(&self, origin: Vec3, direction: Vec3) -> Option<Intersection> {
         let mut hit = self.nearest(origin, direction, f32::INFINITY)?;
         if !self.has_holes {
             return Some(hit);
         }
         let mut start = origin;
-        let mut walked = 0.0;
+        let mut passed = 0.0;
         loop {
             let opacity = self.opacity(start, direction, &hit);
             if opacity >= 1.0 || chance(start, direction, hit.t) < opacity {
-                return Some(Intersection { t: walked + hit.t, target: hit.target });
+                return Some(Intersection { t: passed + hit.t, target: hit.target });
             }
             let step = hit.t + self.clearance.max(1e-6 * hit.t);
-            walked += step;
+            passed += step;
             start += direction * step;
             hit = self.nearest(start, direction, f32::INFINITY)?;
         }
@@ -111,8 +111,8 @@ impl CompiledScene {
         }
     }
 
-    /// Share of light that passes between a point and `t_max` along a direction: 0 behind opaque surfaces, between 0
-    /// and 1 behind those with holes. The light aimed at does not count.
+    /// Transmittance of a shadow ray up to `t_max`: 0 behind opaque surfaces, between 0 and 1 behind those with an opacity.
+    /// The light aimed at does not block.
     pub(super) fn visibility(&self, origin: Vec3, direction: Vec3, t_max: f32, aimed_at: usize) -> f32 {
         if !self.has_holes {
             return if self.occluded(origin, direction, t_max, aimed_at) { 0.0 } else { 1.0 };

@@ -20,7 +20,7 @@ pub fn memory_bytes(scene: &Scene, settings: &RenderSettings) -> u64 {
     film_bytes(scene.camera.width, scene.camera.height, scene.grid.len(), planes)
 }
 
-/// Memory of what belongs to the whole picture when it is rendered some rows at a time, bytes: feature maps, materials and
+/// Memory of what belongs to the whole image when it is rendered some rows at a time, bytes: feature maps, materials and
 /// numbers of samples of all pixels.
 pub fn whole_image_bytes(scene: &Scene) -> u64 {
     const PER_PIXEL: u64 = 4 + 12 + 2 + 8 + 2 + 4;

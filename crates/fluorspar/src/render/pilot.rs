@@ -74,7 +74,7 @@ pub(super) fn film_layout(
 }
 
 /// Quanta as powers of two: 2^-30 of the brightest pilot sample of the component and band; where the pilot finds the
-/// band dark, 2^-50 of the component's brightest sample times the share that the band has in what the lamps emit or
+/// band dark, 2^-50 of the component's brightest sample times the share that the band has in what the lights emit or
 /// excite. A component without any light in the pilot is taken to be 2^-10 of its light group.
 fn exponents(scene: &CompiledScene, components: &[Component], brightest: &[f32]) -> Vec<i16> {
     let bands = scene.bands;

@@ -33,13 +33,13 @@ pub(super) struct RouletteModel {
     grid: Option<WavelengthGrid>,
     /// Light of each group that arrives at a surface, on a scale on which the bins of its direct light sum to 1. Dark
     /// groups are left out.
-    lamps: Vec<Coarse>,
-    /// 1 where any lamp shines, else 0.
+    groups: Vec<Coarse>,
+    /// 1 where any light group shines, else 0.
     lit: Coarse,
-    /// For each fluorophore, the shares of the bins in its light that arrives at a surface; zero for one that no lamp of
+    /// For each fluorophore, the shares of the bins in its light that arrives at a surface; zero for one that no light group of
     /// the grid excites.
     emission: Vec<Coarse>,
-    /// For each fluorophore, `[excitation][emission]`; scaled so that the lamp that excites it best comes back whole.
+    /// For each fluorophore, `[excitation][emission]`; scaled so that the light group that excites it best comes back whole.
     fluorescence: Vec<[Coarse; BINS]>,
 }
 
@@ -63,15 +63,16 @@ impl RouletteModel {
         let (start, end) = (grid.start_nm(), grid.end_nm());
         let edges: Vec<f64> = (0..=BINS).map(|i| start + (end - start) * i as f64 / BINS as f64).collect();
         let grid = WavelengthGrid::from_edges(&edges).ok();
-        Self { grid, lamps: Vec::new(), lit: [0.0; BINS], emission: Vec::new(), fluorescence: Vec::new() }
+        Self { grid, groups: Vec::new(), lit: [0.0; BINS], emission: Vec::new(), fluorescence: Vec::new() }
     }
 
     /// Sets light groups and fluorophores of a scene, from the spectrum of each light group, on any scale, and the
     /// interreflection gain: all light that arrives at a surface over the light that arrives directly.
-    pub(super) fn fill_in(&mut self, scene: &Scene, lamps: &[Option<Curve>], gain: &Coarse) {
-        for lamp in lamps.iter().flatten() {
-            if let Some(shares) = normalized(self.coarse(lamp)) {
-                self.lamps.push(product(&shares, gain));
+    pub(super) fn fill_in(&mut self, scene: &Scene, groups: &[Option<Curve>], gain: &Coarse) {
+        // Put the light of each group on coarse bins, interreflection included
+        for spectrum in groups.iter().flatten() {
+            if let Some(shares) = normalized(self.coarse(spectrum)) {
+                self.groups.push(product(&shares, gain));
                 for (lit, share) in self.lit.iter_mut().zip(&shares) {
                     if *share > DARK_SHARE {
                         *lit = 1.0;
@@ -80,6 +81,7 @@ impl RouletteModel {
             }
         }
         for fluorophore in &scene.fluorophores {
+            // Tabulate the operator on coarse bins, column by column
             let mut matrix = [[0.0; BINS]; BINS];
             if let Some(grid) = &self.grid {
                 let operator = FluorescenceOperator::new(&fluorophore.eem, grid, None);
@@ -89,15 +91,17 @@ impl RouletteModel {
                     column.copy_from_slice(&operator.product(1.0, &unit));
                 }
             }
-            let arriving = |lamp: &Coarse| -> Coarse {
+
+            // Find the light group that excites it best, and scale the operator to return all of its light
+            let arriving = |group: &Coarse| -> Coarse {
                 let mut sum = [0.0; BINS];
-                for (share, column) in lamp.iter().zip(&matrix) {
+                for (share, column) in group.iter().zip(&matrix) {
                     sum.iter_mut().zip(column).for_each(|(sum, value)| *sum += share * value);
                 }
                 product(&sum, gain)
             };
             let best = self
-                .lamps
+                .groups
                 .iter()
                 .map(arriving)
                 .max_by(|a, b| a.iter().sum::<f32>().total_cmp(&b.iter().sum()));
@@ -160,8 +164,8 @@ impl RouletteModel {
             largest = largest.max(elastic * lit);
         }
         let mut excites = 0.0_f32;
-        for lamp in &self.lamps {
-            excites = excites.max(dot(lamp, &throughput.fluorescent));
+        for group in &self.groups {
+            excites = excites.max(dot(group, &throughput.fluorescent));
         }
         for emission in &self.emission {
             largest = largest.max(dot(emission, &throughput.elastic) + excites);

@@ -32,7 +32,7 @@ pub struct RenderSettings {
     /// Error at which a tile is done before it has all its samples; `None` gives all pixels the same number.
     pub error_target: Option<ErrorTarget>,
     /// Edges of excitation bins, nm, increasing. When given, each light group becomes one group per bin,
-    /// `GROUP@FIRST-LAST`, and `GROUP@rest` for its light outside all bins: the image can then be recombined for any lamp
+    /// `GROUP@FIRST-LAST`, and `GROUP@rest` for its light outside all bins: the image can then be recombined for any light
     /// spectrum that is constant relative to the rendered one within each bin.
     pub excitation_edges_nm: Vec<f64>,
 }

@@ -28,7 +28,7 @@ impl SpectralState {
     pub(super) fn new(scene: &CompiledScene) -> Self {
         let kinds = scene.plain_operators.len() + 2;
         let blocks = scene.bands.div_ceil(BLOCK);
-        let components = scene.lamp_operators.len() * kinds;
+        let components = scene.group_operators.len() * kinds;
         Self {
             values: vec![BandBlock::ZERO; components * blocks],
             lit: vec![false; components],
@@ -103,6 +103,7 @@ impl SpectralState {
             if fluoresces && any_fluorescent {
                 bands::clear(lanes, &mut self.fluoresced);
             }
+            // Scatter what fluoresced already, and sum it
             for kind in (base + 1..base + kinds).filter(|&kind| self.lit[kind]) {
                 let values = &mut self.values[kind * blocks..(kind + 1) * blocks];
                 if fluoresces {
@@ -111,13 +112,14 @@ impl SpectralState {
                     bands::multiply(lanes, &self.throughput, values);
                 }
             }
+            // Excite the fluorophores with light that did not fluoresce yet
             if fluoresces && self.lit[base] {
                 for (fluorophore, concentration) in material.fluorophores.iter().zip(concentrations) {
                     if *concentration > 0.0 {
                         let kind = base + 1 + fluorophore;
                         self.light_up(lanes, kind);
                         let (arriving, emitted) = self.values.split_at_mut(kind * blocks);
-                        scene.lamp_operators[group][*fluorophore].add_product(
+                        scene.group_operators[group][*fluorophore].add_product(
                             lanes,
                             vertex.fluorescent * concentration,
                             &arriving[base * blocks..(base + 1) * blocks],
@@ -126,6 +128,7 @@ impl SpectralState {
                     }
                 }
             }
+            // Excite them with what fluoresced already
             if fluoresces && any_fluorescent {
                 self.light_up(lanes, base + kinds - 1);
                 let values = &mut self.values[(base + kinds - 1) * blocks..(base + kinds) * blocks];
@@ -140,6 +143,7 @@ impl SpectralState {
                     }
                 }
             }
+            // Scatter what did not fluoresce
             if self.lit[base] {
                 let values = &mut self.values[base * blocks..(base + 1) * blocks];
                 bands::multiply(lanes, &self.throughput, values);
@@ -165,7 +169,10 @@ impl Work for Gather<'_> {
         // Lent out, so that the state can be changed meanwhile.
         let mut mixed = std::mem::take(&mut state.reflectance);
         for (index, vertex) in path.vertices().iter().enumerate().rev() {
+            // Add the emission that the continued path meets
             state.add_emission(lanes, scene, path.emission(vertex));
+
+            // Mix the reflectance of the vertex from its terms
             let material = &scene.material_spectra[vertex.material as usize];
             let (weights, rest) = path.weights(vertex).split_at(material.terms.len());
             let concentrations = &rest[..material.fluorophores.len()];
@@ -183,6 +190,8 @@ impl Work for Gather<'_> {
                     mixed.as_slice()
                 }
             };
+
+            // Scatter what arrives, then add direct light: reflected, and fluorescent
             if state.lit.contains(&true) {
                 state.scatter(lanes, scene, material, concentrations, vertex, reflectance);
             }

@@ -1,4 +1,4 @@
-//! What a ray finds on a surface: position, frame, texture coordinates, material.
+//! Where a ray ends, and the surface found there: position, frame, texture coordinates, object.
 
 use glam::{Vec2, Vec3};
 
@@ -130,7 +130,7 @@ impl CompiledScene {
         Some(SurfacePoint { position, geometric, shading, tangents, uv, object, front })
     }
 
-    /// Directions in which the texture coordinates u and v grow at an intersection, not normalised.
+    /// Directions in which the texture coordinates u and v grow at an intersection, not normalized.
     pub(super) fn texture_directions(&self, target: Target, position: Vec3) -> (Vec3, Vec3) {
         match target {
             Target::Light(_) => (Vec3::X, Vec3::Y),

@@ -1,8 +1,8 @@
-//! Lamp spectra cut into excitation bins, which are kept apart so that other lamps can be made up from them.
+//! Light spectra cut into excitation bins, which are kept apart so that other light spectra can be made up from them.
 
 use crate::spectral::Curve;
 
-/// A lamp spectrum cut at the edges, then what lies outside of them; their sum is the spectrum.
+/// A light spectrum cut at the edges, then what lies outside of them; their sum is the spectrum.
 pub(super) fn excitation_slices(curve: &Curve, edges_nm: &[f64]) -> Vec<Curve> {
     let [first, .., last] = edges_nm else { return vec![curve.clone()] };
     let mut slices: Vec<Curve> = edges_nm.windows(2).map(|edges| curve.clipped(edges[0], edges[1])).collect();

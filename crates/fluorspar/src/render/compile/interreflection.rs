@@ -16,6 +16,7 @@ const LARGEST_REFLECTANCE: f32 = 0.95;
 pub(super) fn gain(scene: &CompiledScene) -> Coarse {
     let (mut sum, mut rays) = ([0.0_f32; BINS], 0.0_f32);
     for (number, (origin, direction)) in scene.camera.lattice(VIEW_RAYS).enumerate() {
+        // Find a visible surface, and what a ray finds that leaves it diffusely
         let surface = |origin: Vec3, direction: Vec3| {
             scene.closest(origin, direction).and_then(|hit| scene.surface(origin, direction, &hit))
         };
@@ -25,6 +26,8 @@ pub(super) fn gain(scene: &CompiledScene) -> Coarse {
         let away = seen.to_world(warp::cosine_hemisphere([u, v]));
         rays += 1.0;
         let Some(met) = surface(seen.leave(away, scene.clearance), away) else { continue };
+
+        // Sum the reflectance found there
         let outermost = scene.object_material[met.object];
         let chosen = scene.materials.choose(outermost, met.uv, met.front, &mut choice);
         let material = &scene.materials[chosen.index];

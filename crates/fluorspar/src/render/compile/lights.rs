@@ -12,9 +12,9 @@ use crate::spectral::Curve;
 
 /// All lights of a scene.
 pub(super) struct Lights {
-    /// Sources in runs of `slices`: the excitation bins of one lamp spectrum.
+    /// Sources in runs of `slices`: the excitation bins of one light spectrum.
     pub(super) sources: Vec<Source>,
-    /// Excitation bins of every lamp spectrum; 1 unless they are kept apart.
+    /// Excitation bins of every light spectrum; 1 unless they are kept apart.
     pub(super) slices: usize,
     /// Emissive objects, then light sources.
     pub(super) lights: Vec<CompiledLight>,

@@ -4,7 +4,7 @@
 //! |---|---|
 //! | `geometry` | triangles, instances, analytic shapes, bounding volume hierarchies |
 //! | `lights` | lights, and the distinct spectra that they emit |
-//! | `excitation_bins` | lamp spectra cut into excitation bins |
+//! | `excitation_bins` | light spectra cut into excitation bins |
 //! | `visible_points` | points that the camera sees, which stand for the scene |
 //! | `operators` | fluorescence operators, weighted by the spectrum of each light group |
 //! | `materials` | band averages and tables of every material |
@@ -35,7 +35,7 @@ impl CompiledScene {
         // Weight the excitation spectrum of each light group by what arrives at the visible points
         let points = visible_points::on_fluorescent_surfaces(scene, &geometry);
         let group_spectra = operators::group_spectra(scene, &points);
-        let lamp_operators = operators::of_lamps(scene, &group_spectra, excitation_edges_nm);
+        let group_operators = operators::of_groups(scene, &group_spectra, excitation_edges_nm);
         let plain_operators = operators::unweighted(scene);
 
         // Compile materials
@@ -70,7 +70,7 @@ impl CompiledScene {
             material_spectra,
             has_holes,
             roulette,
-            lamp_operators,
+            group_operators,
             plain_operators,
         };
 

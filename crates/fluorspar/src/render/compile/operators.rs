@@ -15,7 +15,7 @@ pub(super) fn group_spectra(scene: &Scene, points: &[OrientedPoint]) -> Vec<Opti
 }
 
 /// `[group and excitation bin][fluorophore]`, excitation weighted by the spectrum of the group.
-pub(super) fn of_lamps(
+pub(super) fn of_groups(
     scene: &Scene,
     group_spectra: &[Option<Curve>],
     excitation_edges_nm: &[f64],
@@ -29,7 +29,7 @@ pub(super) fn of_lamps(
             }
             None => vec![None; slices],
         })
-        .map(|lamp| of_fluorophores(scene, lamp.as_ref()))
+        .map(|spectrum| of_fluorophores(scene, spectrum.as_ref()))
         .collect()
 }
 
@@ -38,6 +38,6 @@ pub(super) fn unweighted(scene: &Scene) -> Vec<FluorescenceOperator> {
     of_fluorophores(scene, None)
 }
 
-fn of_fluorophores(scene: &Scene, lamp: Option<&Curve>) -> Vec<FluorescenceOperator> {
-    scene.fluorophores.iter().map(|f| FluorescenceOperator::new(&f.eem, &scene.grid, lamp)).collect()
+fn of_fluorophores(scene: &Scene, spectrum: Option<&Curve>) -> Vec<FluorescenceOperator> {
+    scene.fluorophores.iter().map(|f| FluorescenceOperator::new(&f.eem, &scene.grid, spectrum)).collect()
 }

@@ -13,6 +13,7 @@ pub(super) const VIEW_RAYS: usize = 12;
 /// Visible points, with normals to the side of the camera: those on surfaces that fluoresce, or all if none does. Holes
 /// and light sources are looked through.
 pub(super) fn on_fluorescent_surfaces(scene: &Scene, geometry: &Geometry) -> Vec<OrientedPoint> {
+    // Intersect a lattice of camera rays with triangles, instances and shapes
     let hits: Vec<(usize, OrientedPoint)> = (scene.camera.lattice(VIEW_RAYS))
         .filter_map(|(origin, direction)| {
             let ray = Ray { origin, direction, t_min: 0.0, t_max: f32::INFINITY };
@@ -43,6 +44,8 @@ pub(super) fn on_fluorescent_surfaces(scene: &Scene, geometry: &Geometry) -> Vec
             Some((object, OrientedPoint { position: (origin + direction * t).as_dvec3(), normal }))
         })
         .collect();
+
+    // Keep the points on surfaces that fluoresce, if there are any
     let fluoresces = |object: usize| {
         let material = &scene.materials[scene.objects[object].material];
         material.any(&scene.materials, |part| !part.fluorophores.is_empty())
