@@ -5,9 +5,9 @@ use std::sync::Arc;
 use glam::{Vec2, Vec3};
 
 use super::bsdf::{BsdfSample, BsdfValue, Lobe, SpectralTerm, choose_lobe, cosine_lobe};
-use super::check::MaterialError;
 use super::fresnel::dielectric_fresnel;
 use super::lambertian::Lambertian;
+use super::material_error::MaterialError;
 use super::microfacet::{self, AlbedoTable, MIN_ROUGHNESS, TableCache, distribution, lambda};
 use super::texture::ScalarTexture;
 use crate::sampling::warp;

@@ -5,8 +5,8 @@ use glam::{Vec2, Vec3};
 use super::bsdf::{
     BsdfSample, BsdfValue, LEAST_COSINE, Lobe, SpectralTerm, choose_lobe, cosine_lobe, fluorescent_share,
 };
-use super::check::{MaterialError, at_most_one};
 use super::fresnel::conductor_fresnel;
+use super::material_error::{MaterialError, at_most_one};
 use super::microfacet::{self, AlbedoTable, mirror_lobe, white_microfacets};
 use super::texture::ScalarTexture;
 use crate::sampling::warp;

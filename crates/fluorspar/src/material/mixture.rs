@@ -2,7 +2,7 @@
 
 use glam::Vec2;
 
-use super::check::{MaterialError, at_most_one};
+use super::material_error::{MaterialError, at_most_one};
 use super::texture::ScalarTexture;
 
 /// Two materials side by side, finer than a pixel: at every hit one of them is drawn.

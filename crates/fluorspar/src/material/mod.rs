@@ -10,7 +10,7 @@
 //! | [`fresnel`], [`microfacet`] | what several of them share |
 //! | `texture`, `normal_map` | what varies over a surface |
 //! | `prepared`, `bsdf` | materials on the bands of a render; their values and samples at points |
-//! | `check` | ranges of parameters, conservation of photons |
+//! | `check`, `material_error` | ranges of parameters, conservation of photons |
 
 mod bsdf;
 mod check;
@@ -19,6 +19,7 @@ pub mod conductor;
 pub mod dielectric;
 pub mod fresnel;
 mod lambertian;
+mod material_error;
 pub mod microfacet;
 mod mixture;
 mod normal_map;
@@ -28,11 +29,12 @@ mod testing;
 mod texture;
 
 pub(crate) use bsdf::{BsdfSample, BsdfValue};
-pub use check::{MaterialError, PhotonExcess};
+pub use check::PhotonExcess;
 pub use coated::{Coat, CoatAlbedo, Coated};
 pub use conductor::{Conductor, ConductorReflectance};
 pub use dielectric::{Dielectric, DielectricAlbedo};
 pub use lambertian::{Lambertian, ReflectanceTerm};
+pub use material_error::MaterialError;
 pub use microfacet::{AlbedoTable, MIN_ROUGHNESS};
 pub use mixture::{Mixture, TwoSided};
 pub use normal_map::{NormalMap, NormalMapError};
