@@ -40,10 +40,10 @@ fn check(
     tests: usize,
 ) {
     chi_square_over_sphere(
-        20_000,
+        10_000,
         20,
         20,
-        48,
+        160,
         |i| {
             let bits = hash_u64(i as u64 ^ 0x1A3B);
             let u = [bits >> 40, bits & 0xFF_FFFF].map(|bits| bits as f32 / 16_777_216.0);
