@@ -4,6 +4,7 @@
 //! its irradiance and its apparent size, and the test that samples follow their density. This page dispatches over the
 //! shapes and is the only place that does.
 
+mod annulus;
 mod apparent_size;
 mod cosine_lobe;
 #[cfg(test)]
@@ -24,6 +25,7 @@ use std::sync::Arc;
 use glam::Vec3;
 use thiserror::Error;
 
+pub use annulus::AnnulusEmitter;
 pub(crate) use apparent_size::ApparentSize;
 pub use disc::DiscEmitter;
 pub(crate) use disc::emissive_disc_factor;
@@ -64,6 +66,8 @@ pub struct Light {
 pub enum Emitter {
     /// A flat disc that emits to one side.
     Disc(DiscEmitter),
+    /// A flat ring that emits to one side.
+    Annulus(AnnulusEmitter),
     /// A flat rectangle that emits to one side.
     Rectangle(RectangleEmitter),
     /// A sphere that emits evenly outward.
@@ -90,6 +94,14 @@ pub enum EmitterError {
         quantity: &'static str,
         /// Its value, m.
         value_m: f32,
+    },
+    /// The hole of a ring is as large as the ring, or larger.
+    #[error("the inner radius {inner_m} m must be smaller than the outer radius {outer_m} m")]
+    Hole {
+        /// Inner radius, m.
+        inner_m: f32,
+        /// Outer radius, m.
+        outer_m: f32,
     },
     /// The exponent of the emission pattern is out of range.
     #[error(
@@ -149,6 +161,7 @@ impl Emitter {
     pub fn check(&self) -> Result<(), EmitterError> {
         match self {
             Self::Disc(disc) => disc.check(),
+            Self::Annulus(annulus) => annulus.check(),
             Self::Rectangle(rectangle) => rectangle.check(),
             Self::Sphere(sphere) => sphere.check(),
             Self::Point(point) => point.check(),
@@ -171,6 +184,7 @@ impl Emitter {
     pub(crate) fn irradiance_factors(&self, at: OrientedPoint) -> Vec<f64> {
         let factor = match self {
             Self::Disc(disc) => disc.irradiance_factor(at),
+            Self::Annulus(annulus) => annulus.irradiance_factor(at),
             Self::Rectangle(rectangle) => rectangle.irradiance_factor(at),
             Self::Sphere(sphere) => sphere.irradiance_factor(at),
             Self::Point(point) => point.irradiance_factor(at),
@@ -186,6 +200,7 @@ impl Emitter {
     pub(crate) fn irradiance_per_watt(&self, at: OrientedPoint) -> f64 {
         match self {
             Self::Disc(disc) => disc.irradiance_per_watt(at),
+            Self::Annulus(annulus) => annulus.irradiance_factor(at),
             Self::Rectangle(rectangle) => rectangle.irradiance_per_watt(at),
             Self::Sphere(sphere) => sphere.irradiance_per_watt(at),
             Self::Point(point) => point.irradiance_per_watt(at),
@@ -198,6 +213,7 @@ impl Emitter {
     pub(crate) fn apparent_sizes(&self, at: OrientedPoint, factors: &[f64]) -> Vec<ApparentSize> {
         let size = match self {
             Self::Disc(disc) => disc.apparent_size(at),
+            Self::Annulus(annulus) => annulus.apparent_size(at),
             Self::Rectangle(rectangle) => rectangle.apparent_size(at),
             Self::Sphere(sphere) => sphere.apparent_size(at),
             Self::Point(point) => point.apparent_size(at),
@@ -212,6 +228,7 @@ impl Emitter {
     pub(crate) fn prepare(&self) -> Option<PreparedEmitter> {
         Some(match self {
             Self::Disc(disc) => PreparedEmitter::Disc(disc.prepare()),
+            Self::Annulus(annulus) => PreparedEmitter::Annulus(annulus.prepare()),
             Self::Rectangle(rectangle) => PreparedEmitter::Rectangle(rectangle.prepare()),
             Self::Sphere(sphere) => PreparedEmitter::Sphere(sphere.prepare()),
             Self::Point(point) => PreparedEmitter::Point(*point),
@@ -225,6 +242,12 @@ impl Emitter {
 impl From<DiscEmitter> for Emitter {
     fn from(disc: DiscEmitter) -> Self {
         Self::Disc(disc)
+    }
+}
+
+impl From<AnnulusEmitter> for Emitter {
+    fn from(annulus: AnnulusEmitter) -> Self {
+        Self::Annulus(annulus)
     }
 }
 
@@ -262,6 +285,7 @@ impl From<EnvironmentMap> for Emitter {
 #[derive(Debug)]
 pub(crate) enum PreparedEmitter {
     Disc(disc::PreparedDisc),
+    Annulus(annulus::PreparedAnnulus),
     Rectangle(rectangle::PreparedRectangle),
     Sphere(sphere::PreparedSphere),
     Point(PointEmitter),
@@ -299,6 +323,7 @@ impl PreparedEmitter {
     pub(crate) fn bounds(&self) -> LightBounds {
         match self {
             Self::Disc(disc) => disc.bounds(),
+            Self::Annulus(annulus) => annulus.bounds(),
             Self::Rectangle(rectangle) => rectangle.bounds(),
             Self::Sphere(sphere) => sphere.bounds(),
             Self::Point(point) => point.bounds(),
@@ -313,6 +338,7 @@ impl PreparedEmitter {
     pub(crate) fn intersect(&self, origin: Vec3, direction: Vec3, limit: f32) -> Option<f32> {
         match self {
             Self::Disc(disc) => disc.intersect(origin, direction, limit),
+            Self::Annulus(annulus) => annulus.intersect(origin, direction, limit),
             Self::Rectangle(rectangle) => rectangle.intersect(origin, direction, limit),
             Self::Sphere(sphere) => sphere.intersect(origin, direction, limit),
             Self::Point(_) | Self::Distant(_) | Self::Mesh(_) | Self::EnvironmentMap(_) => None,
@@ -332,6 +358,7 @@ impl PreparedEmitter {
     ) -> Option<EmitterSample> {
         match self {
             Self::Disc(disc) => disc.sample(position, u, choice),
+            Self::Annulus(annulus) => annulus.sample(position, u, choice),
             Self::Rectangle(rectangle) => rectangle.sample(position, u, choice),
             Self::Sphere(sphere) => sphere.sample(position, u, choice),
             Self::Point(point) => point.sample(position, choice),
@@ -354,6 +381,7 @@ impl PreparedEmitter {
     ) -> Option<Emission> {
         match self {
             Self::Disc(disc) => disc.emission(position, direction, distance),
+            Self::Annulus(annulus) => annulus.emission(direction, distance),
             Self::Rectangle(rectangle) => rectangle.emission(position, direction, distance),
             Self::Sphere(sphere) => sphere.emission(position, direction, distance),
             Self::Mesh(mesh) => mesh.emission(direction, distance, corners()?),

@@ -12,8 +12,8 @@ use crate::experiment::schema::{LightFrame, LightSection, LightType};
 use crate::format::{Transfer, read_spectral_exr, read_texture_png};
 use crate::geometry::OrientedPoint;
 use crate::light::{
-    DiscEmitter, DistantEmitter, Emitter, EnvironmentLayer, EnvironmentMap, Light, LightGroup, PointEmitter,
-    RectangleEmitter, SphereEmitter,
+    AnnulusEmitter, DiscEmitter, DistantEmitter, Emitter, EnvironmentLayer, EnvironmentMap, Light,
+    LightGroup, PointEmitter, RectangleEmitter, SphereEmitter,
 };
 use crate::optics::PerspectiveCamera;
 use crate::spectral::{Curve, MAX_WAVELENGTH_NM, MIN_WAVELENGTH_NM, Radiance, WavelengthGrid};
@@ -71,19 +71,24 @@ pub(super) fn lights(
 
 /// Refuses fields that the type of a light does not have, and asks for those that it needs.
 fn check_fields(context: &Context<'_>, at: &Place, section: &LightSection) -> Resolved<()> {
-    use LightType::{Disc, Distant, Environment, Point, Rectangle, Ring, Sphere};
+    use LightType::{Annulus, Disc, Distant, Environment, Point, Rectangle, Ring, Sphere};
     let given = [
-        ("power_mw", section.power_mw.is_some(), &[Ring, Disc, Rectangle, Sphere, Point][..], &[][..]),
+        (
+            "power_mw",
+            section.power_mw.is_some(),
+            &[Ring, Disc, Annulus, Rectangle, Sphere, Point][..],
+            &[][..],
+        ),
         (
             "irradiance_w_per_m2",
             section.irradiance_w_per_m2.is_some(),
-            &[Ring, Disc, Rectangle, Sphere, Point, Distant][..],
+            &[Ring, Disc, Annulus, Rectangle, Sphere, Point, Distant][..],
             &[Distant][..],
         ),
         (
             "at_distance_mm",
             section.at_distance_mm.is_some(),
-            &[Ring, Disc, Rectangle, Sphere, Point][..],
+            &[Ring, Disc, Annulus, Rectangle, Sphere, Point][..],
             &[][..],
         ),
         (
@@ -98,12 +103,28 @@ fn check_fields(context: &Context<'_>, at: &Place, section: &LightSection) -> Re
         ("ring_radius_mm", section.ring_radius_mm.is_some(), &[Ring][..], &[Ring][..]),
         ("start_angle_deg", section.start_angle_deg.is_some(), &[Ring][..], &[][..]),
         ("aim_distance_mm", section.aim_distance_mm.is_some(), &[Ring][..], &[][..]),
-        ("radius_mm", section.radius_mm.is_some(), &[Ring, Disc, Sphere][..], &[Ring, Disc, Sphere][..]),
+        (
+            "radius_mm",
+            section.radius_mm.is_some(),
+            &[Ring, Disc, Annulus, Sphere][..],
+            &[Ring, Disc, Annulus, Sphere][..],
+        ),
+        ("inner_radius_mm", section.inner_radius_mm.is_some(), &[Annulus][..], &[Annulus][..]),
         ("size_mm", section.size_mm.is_some(), &[Rectangle][..], &[Rectangle][..]),
-        ("position_mm", section.position_mm.is_some(), &[Ring, Disc, Rectangle, Sphere, Point][..], &[][..]),
-        ("half_angle_deg", section.half_angle_deg.is_some(), &[Ring, Disc, Rectangle, Point][..], &[][..]),
+        (
+            "position_mm",
+            section.position_mm.is_some(),
+            &[Ring, Disc, Annulus, Rectangle, Sphere, Point][..],
+            &[][..],
+        ),
+        (
+            "half_angle_deg",
+            section.half_angle_deg.is_some(),
+            &[Ring, Disc, Annulus, Rectangle, Point][..],
+            &[][..],
+        ),
     ];
-    let aims: &[LightType] = &[Ring, Disc, Rectangle, Point, Distant];
+    let aims: &[LightType] = &[Ring, Disc, Annulus, Rectangle, Point, Distant];
     let given = given.into_iter().chain([
         ("direction", section.direction.is_some(), aims, &[][..]),
         ("look_at_mm", section.look_at_mm.is_some(), aims, &[][..]),
@@ -226,6 +247,7 @@ fn kind_name(kind: LightType) -> &'static str {
     match kind {
         LightType::Ring => "ring",
         LightType::Disc => "disc",
+        LightType::Annulus => "annulus",
         LightType::Rectangle => "rectangle",
         LightType::Sphere => "sphere",
         LightType::Point => "point",
@@ -299,6 +321,17 @@ fn emitters(
         LightType::Disc => {
             let radius_m = length("radius_mm", section.radius_mm)?;
             vec![Emitter::Disc(DiscEmitter { center, normal: axis, radius_m, exponent })]
+        }
+        LightType::Annulus => {
+            let radius_m = length("radius_mm", section.radius_mm)?;
+            let inner_radius_m = length("inner_radius_mm", section.inner_radius_mm)?;
+            if inner_radius_m >= radius_m {
+                return context.fail(
+                    &at.field("inner_radius_mm"),
+                    "must be smaller than radius_mm, the outer radius of the annulus",
+                );
+            }
+            vec![AnnulusEmitter { center, normal: axis, inner_radius_m, radius_m, exponent }.into()]
         }
         LightType::Rectangle => {
             let [width, height] = section.size_mm.unwrap_or([f64::NAN; 2]);

@@ -13,6 +13,8 @@ pub enum LightType {
     Ring,
     /// One flat disc.
     Disc,
+    /// One flat ring with an even surface, as a ring light behind a diffuser.
+    Annulus,
     /// One flat rectangle.
     Rectangle,
     /// A sphere that emits evenly.
@@ -96,9 +98,12 @@ pub struct LightSection {
     /// Distance in front of the ring at which its emitters aim, mm. Default: they aim parallel to its axis.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub aim_distance_mm: Option<f64>,
-    /// Radius of a disc, of each emitter of a ring or of a sphere, mm.
+    /// Radius of a disc, of each emitter of a ring or of a sphere, outer radius of an annulus, mm.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub radius_mm: Option<f64>,
+    /// Radius of the hole of an annulus, mm; smaller than `radius_mm`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub inner_radius_mm: Option<f64>,
     /// Width and height of a rectangle, mm.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub size_mm: Option<[f64; 2]>,
