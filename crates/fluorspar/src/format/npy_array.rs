@@ -71,10 +71,12 @@ struct Header {
 /// Writes an array in C order as `.npy`, version 1.0, little-endian f32. The shape must hold as many values.
 pub(super) fn write_npy(writer: &mut impl Write, shape: &[u64], values: &[f32]) -> io::Result<()> {
     debug_assert_eq!(shape.iter().product::<u64>(), values.len() as u64);
-    // A tuple of one element has a comma as well.
-    let extents: String = shape.iter().map(|extent| format!("{extent}, ")).collect();
-    let mut header =
-        format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({}), }}", extents.trim_end());
+    let mut extents = shape.iter().map(u64::to_string).collect::<Vec<_>>().join(", ");
+    if shape.len() == 1 {
+        // A comma makes it a tuple.
+        extents.push(',');
+    }
+    let mut header = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({extents}), }}");
     let unpadded = MAGIC.len() + 4 + header.len() + 1;
     header.push_str(&" ".repeat(unpadded.next_multiple_of(ALIGNMENT) - unpadded));
     header.push('\n');
