@@ -168,12 +168,8 @@ mod tests {
     fn directions_follow_their_density() {
         for (center, exponent) in [(Vec3::new(0.0, 0.0, 2.0), 1.0), (Vec3::new(0.5, 1.0, 2.0), 6.0)] {
             let disc = DiscEmitter { center, normal: -center.normalize(), radius_m: 1.5, exponent };
-            check_density(&Emitter::from(disc), EYE, 4);
+            check_density(&Emitter::from(disc), EYE, 2);
         }
-        // Grazing: sampled by area.
-        let center = Vec3::new(EYE.x, EYE.y + 1.0, EYE.z - 5e-4);
-        let disc = DiscEmitter { center, normal: Vec3::Z, radius_m: 0.7, exponent: 1.0 };
-        check_density(&Emitter::from(disc), EYE, 4);
     }
 
     /// A Lambertian disc on the axis: `E = M R² / (R² + d²)` with `M = P / (pi R²)`. Twelve diameters away, and at one
