@@ -7,12 +7,12 @@ use std::f64::consts::PI;
 
 use glam::DVec3;
 
-use super::{Emitter, EmitterError};
+use super::emitter_error::{EmitterError, MAX_EXPONENT};
 use crate::geometry::OrientedPoint;
 
 /// Checks an exponent against its range.
 pub(super) fn check_exponent(exponent: f32, lowest: f32) -> Result<(), EmitterError> {
-    if (lowest..=Emitter::MAX_EXPONENT).contains(&exponent) {
+    if (lowest..=MAX_EXPONENT).contains(&exponent) {
         return Ok(());
     }
     Err(EmitterError::Exponent { exponent, lowest })

@@ -5,8 +5,9 @@ use std::f64::consts::PI;
 use glam::{DVec3, Vec3};
 
 use super::cosine_lobe::{FlatPattern, check_exponent, irradiance_factor, point_irradiance_per_watt};
+use super::emitter_error::check_length;
 use super::emitter_sample::toward;
-use super::{ApparentSize, Emission, EmitterError, EmitterSample, LightBounds, check_length};
+use super::{ApparentSize, Emission, EmitterError, EmitterSample, LightBounds};
 use crate::geometry::{OrientedPoint, intersect_disc};
 use crate::sampling::{SphericalEllipse, warp};
 

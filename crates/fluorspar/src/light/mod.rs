@@ -11,6 +11,7 @@ mod cosine_lobe;
 mod density_tests;
 mod disc;
 mod distant;
+mod emitter_error;
 mod emitter_sample;
 mod environment;
 mod environment_map;
@@ -23,13 +24,13 @@ use std::borrow::Cow;
 use std::sync::Arc;
 
 use glam::Vec3;
-use thiserror::Error;
 
 pub use annulus::AnnulusEmitter;
 pub(crate) use apparent_size::ApparentSize;
 pub use disc::DiscEmitter;
 pub(crate) use disc::emissive_disc_factor;
 pub use distant::DistantEmitter;
+pub use emitter_error::EmitterError;
 pub(crate) use emitter_sample::{Emission, EmitterSample, LightBounds};
 pub use environment_map::{EnvironmentLayer, EnvironmentMap, EnvironmentMapError};
 pub(crate) use mesh::emissive_triangles_factor;
@@ -83,47 +84,6 @@ pub enum Emitter {
     EnvironmentMap(Arc<EnvironmentMap>),
 }
 
-/// What is wrong with an emitter.
-#[derive(Clone, Copy, Debug, PartialEq, Error)]
-#[non_exhaustive]
-pub enum EmitterError {
-    /// A length is zero, negative or not finite.
-    #[error("the {quantity} must be a positive length; got {value_m} m")]
-    Length {
-        /// Which length.
-        quantity: &'static str,
-        /// Its value, m.
-        value_m: f32,
-    },
-    /// The hole of a ring is as large as the ring, or larger.
-    #[error("the inner radius {inner_m} m must be smaller than the outer radius {outer_m} m")]
-    Hole {
-        /// Inner radius, m.
-        inner_m: f32,
-        /// Outer radius, m.
-        outer_m: f32,
-    },
-    /// The exponent of the emission pattern is out of range.
-    #[error(
-        "the emission exponent {exponent} is not between {lowest} and {}; for a flat source 1 is Lambertian (a half angle of 60 degrees)",
-        Emitter::MAX_EXPONENT
-    )]
-    Exponent {
-        /// The exponent.
-        exponent: f32,
-        /// The lowest that the shape has.
-        lowest: f32,
-    },
-}
-
-/// Checks a length.
-fn check_length(quantity: &'static str, value_m: f32) -> Result<(), EmitterError> {
-    if value_m > 0.0 && value_m.is_finite() {
-        return Ok(());
-    }
-    Err(EmitterError::Length { quantity, value_m })
-}
-
 impl Light {
     /// Spectra of the light: one, and for an environment map one per layer.
     pub(crate) fn spectra(&self) -> Vec<Cow<'_, Curve>> {
@@ -146,7 +106,7 @@ impl Light {
 
 impl Emitter {
     /// Largest exponent of an emission pattern that is accepted: a half angle of about 3 degrees.
-    pub const MAX_EXPONENT: f32 = 1000.0;
+    pub const MAX_EXPONENT: f32 = emitter_error::MAX_EXPONENT;
 
     /// Exponent of `cos^g` whose intensity falls to one half at `half_angle_deg` from the axis: `ln 0.5 / ln cos`.
     /// 60 degrees is Lambertian.

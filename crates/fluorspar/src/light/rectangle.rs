@@ -3,8 +3,9 @@
 use glam::{DVec3, Vec3};
 
 use super::cosine_lobe::{check_exponent, irradiance_factor, lobe_radiance, point_irradiance_per_watt};
+use super::emitter_error::check_length;
 use super::emitter_sample::toward;
-use super::{ApparentSize, Emission, EmitterError, EmitterSample, LightBounds, check_length};
+use super::{ApparentSize, Emission, EmitterError, EmitterSample, LightBounds};
 use crate::geometry::{OrientedPoint, intersect_plane};
 use crate::sampling::{FlatRectangle, SphericalRectangle};
 

@@ -5,8 +5,9 @@ use std::f32::consts::PI;
 use glam::Vec3;
 
 use super::cosine_lobe::point_irradiance_per_watt;
+use super::emitter_error::check_length;
 use super::point::point_factor;
-use super::{ApparentSize, Emission, EmitterError, EmitterSample, LightBounds, check_length};
+use super::{ApparentSize, Emission, EmitterError, EmitterSample, LightBounds};
 use crate::geometry::{OrientedPoint, intersect_sphere};
 use crate::sampling::warp;
 
