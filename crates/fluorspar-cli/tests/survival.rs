@@ -314,7 +314,10 @@ fn films_of_other_scenes_and_films_in_the_way_are_refused() {
         (vec!["--resume", "--set", "light.0.power_mw=3"], ""),
         (vec!["--resume", "--statistics", "components"], "ask for the same"),
         (vec!["--resume", "--shard", "3/2"], "must be I/N"),
-        (vec!["--resume", "--shard", "1/9", "--shard-by", "samples"], "too many for so few samples"),
+        (
+            vec!["--resume", "--shard", "1/9", "--shard-by", "samples"],
+            "9 shards by samples are too many for 2 samples",
+        ),
         (vec!["--resume", "--checkpoint-s", "0"], "must be between"),
     ] {
         let said = run(&more);

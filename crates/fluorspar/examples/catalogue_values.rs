@@ -37,6 +37,12 @@ fn main() -> Result<(), Box<dyn Error>> {
         };
         fluorophores.insert(name, wavelength_nm.iter().map(row).collect::<Vec<_>>());
     }
-    println!("{}", json!({ "wavelength_nm": wavelength_nm, "curves": curves, "fluorophores": fluorophores }));
+    #[expect(clippy::print_stdout, reason = "what the example is for")]
+    {
+        println!(
+            "{}",
+            json!({ "wavelength_nm": wavelength_nm, "curves": curves, "fluorophores": fluorophores })
+        );
+    }
     Ok(())
 }
