@@ -71,7 +71,7 @@ def blood_diffuse(c, nm):
 
 def evaluate(c, nm):
     nm = np.asarray(nm, float)
-    kind = c["kind"]
+    kind = c["type"]
     if kind == "constant":
         return np.full(nm.shape, c["value"])
     if kind == "led":
@@ -126,7 +126,7 @@ def rounded(c, digits=4):
 def led(peak, short, long, shape=2.0, tails=()):
     tails = [{"side": s, "level": float(v), "decay_nm": float(d)} for s, v, d in tails]
     return {
-        "kind": "led",
+        "type": "led",
         "peak_nm": float(peak),
         "fwhm_short_nm": float(short),
         "fwhm_long_nm": float(long),
@@ -137,11 +137,11 @@ def led(peak, short, long, shape=2.0, tails=()):
 
 def bands(*rows, base=0.0):
     keys = ("peak_nm", "fwhm_short_nm", "fwhm_long_nm", "weight")
-    return {"kind": "bands", "base": float(base), "bands": [dict(zip(keys, map(float, r))) for r in rows]}
+    return {"type": "bands", "base": float(base), "bands": [dict(zip(keys, map(float, r))) for r in rows]}
 
 
 def edges(peak, optical_density, *rows, notches=()):
-    c = {"kind": "edges", "peak": float(peak), "optical_density": float(optical_density)}
+    c = {"type": "edges", "peak": float(peak), "optical_density": float(optical_density)}
     c["edges"] = [{"pass": p, "cut_nm": float(cut), "width_nm": float(w)} for p, cut, w in rows]
     if notches:
         c["notches"] = [{"center_nm": float(m), "fwhm_nm": float(w)} for m, w in notches]
@@ -150,7 +150,7 @@ def edges(peak, optical_density, *rows, notches=()):
 
 def sigmoids(base, *rows):
     keys = ("center_nm", "width_nm", "height")
-    return {"kind": "sigmoids", "base": float(base), "steps": [dict(zip(keys, map(float, r))) for r in rows]}
+    return {"type": "sigmoids", "base": float(base), "steps": [dict(zip(keys, map(float, r))) for r in rows]}
 
 
 TISSUE_KEYS = (
@@ -165,7 +165,7 @@ TISSUE_KEYS = (
 
 def tissue(values, scattering_per_cm=22.46, scattering_power=1.205, melanin_depth=0.0):
     c = {
-        "kind": "blood_diffuse",
+        "type": "blood_diffuse",
         "scattering_per_cm": scattering_per_cm,
         "scattering_power": scattering_power,
     }
@@ -350,7 +350,7 @@ class Item:
         self.source, self.quantity, self.assumed, self.extra = source, quantity, list(assumed), extra or {}
         self.valid_nm = valid_nm or WIDE
         self.fits = fit if isinstance(fit, dict) else {"": fit} if fit else {}
-        self.curves = curve if "kind" not in curve else {"": rounded(curve)}
+        self.curves = curve if "type" not in curve else {"": rounded(curve)}
 
 
 def fitted(folder, name, title, description, source, quantity, fit, **more):
@@ -475,7 +475,7 @@ def lights(ref):
         "A black body of 3000 K, scaled to 1 at 750 nm. The absorption of the bulb in the ultraviolet is left out.",
         "Planck's law.",
         q,
-        {"kind": "blackbody", "temperature_k": 3000.0, "reference_nm": 750.0},
+        {"type": "blackbody", "temperature_k": 3000.0, "reference_nm": 750.0},
         assumed=["curve.temperature_k"],
     )
     yield Item(
@@ -485,7 +485,7 @@ def lights(ref):
         "The same power in every nanometre.",
         "Definition.",
         q,
-        {"kind": "constant", "value": 1.0},
+        {"type": "constant", "value": 1.0},
     )
 
 
@@ -692,7 +692,7 @@ def filters(ref):
         "Passes everything.",
         "Definition.",
         q,
-        {"kind": "constant", "value": 1.0},
+        {"type": "constant", "value": 1.0},
     )
 
 
@@ -832,7 +832,7 @@ def reflectances(ref):
         "Sintered PTFE standard.",
         "Nominal value.",
         q,
-        {"kind": "constant", "value": 0.99},
+        {"type": "constant", "value": 0.99},
     )
     yield Item(
         "reflectances",
@@ -841,7 +841,7 @@ def reflectances(ref):
         "Photographic grey.",
         "Nominal value.",
         q,
-        {"kind": "constant", "value": 0.18},
+        {"type": "constant", "value": 0.18},
     )
     yield Item(
         "reflectances",
@@ -850,7 +850,7 @@ def reflectances(ref):
         "Matt black paint; velvet is darker (about 0.5 %).",
         OWN,
         q,
-        {"kind": "constant", "value": 0.03},
+        {"type": "constant", "value": 0.03},
         assumed=["curve.value"],
     )
 
@@ -1042,7 +1042,7 @@ def readme(items):
             "|---|---|---|---|---|---|",
         ]
         for item in (i for i in items if i.folder == folder):
-            kind = next(iter(item.curves.values()))["kind"]
+            kind = next(iter(item.curves.values()))["type"]
             if item.fits:
                 worst = max(item.fits.values(), key=lambda f: f.rms)
                 span = f"{worst.range_nm[0]:.0f}-{worst.range_nm[1]:.0f}"

@@ -14,42 +14,47 @@ use std::path::Path;
 
 use support::{fluorspar, library_test_data, listing, tiny};
 
-const SAMPLE: &str =
-    "[light]\nspectrum = \"led_385\"\nirradiance_w_per_m2 = 100\n[sample]\nreflectance = 0.1\n";
+const SAMPLE: &str = "format = 1\n[light]\nspectrum = \"led_385\"\nstrength.irradiance_w_per_m2 = 100\n[sample]\nreflectance = 0.1\n";
 
 /// Small files that are wrong, and some that are right.
 const FILES: [(&str, &str); 43] = [
     ("syntax.toml", "title = \"unfinished\n"),
-    ("unknown_field.toml", "base = \"flat-patch\"\n[render]\nwidht_px = 8\n"),
-    ("unknown_light.toml", "base = \"flat-patch\"\n[[light]]\nname = \"blue\"\nspectrum = \"led_358\"\n"),
-    ("negative_power.toml", "base = \"oraleye-2021\"\n[[light]]\nname = \"blue\"\npower_mw = -1\n"),
-    ("no_analysis.toml", "base = \"fluorescent-sphere\"\n"),
-    ("other_parts.toml", "base = \"flat-patch\"\n"),
+    ("unknown_field.toml", "format = 1\nbase = \"flat-patch\"\n[render]\nwidht_px = 8\n"),
+    (
+        "unknown_light.toml",
+        "format = 1\nbase = \"flat-patch\"\n[[light]]\nname = \"blue\"\nspectrum = \"led_358\"\n",
+    ),
+    (
+        "negative_power.toml",
+        "format = 1\nbase = \"oraleye-2021\"\n[[light]]\nname = \"blue\"\nstrength.power_mw = -1\n",
+    ),
+    ("no_analysis.toml", "format = 1\nbase = \"fluorescent-sphere\"\n"),
+    ("other_parts.toml", "format = 1\nbase = \"flat-patch\"\n"),
     ("page.html", "<!doctype html><title>Weather</title>\n"),
     ("sample.toml", SAMPLE),
     (
         "sample_creates.toml",
-        "[light]\nspectrum = \"led_385\"\nirradiance_w_per_m2 = 1\n[sample]\nreflectance = 1.0\nconcentrations = { enamel = 1 }\n",
+        "format = 1\n[light]\nspectrum = \"led_385\"\nstrength.irradiance_w_per_m2 = 1\n[sample]\nreflectance = 1.0\nconcentrations = { enamel = 1 }\n",
     ),
     (
         "sample_dark.toml",
-        "[light]\nspectrum = \"led_385\"\nfilters = [0.0]\nirradiance_w_per_m2 = 1\n[sample]\nreflectance = 0.1\n",
+        "format = 1\n[light]\nspectrum = \"led_385\"\nfilters = [0.0]\nstrength.irradiance_w_per_m2 = 1\n[sample]\nreflectance = 0.1\n",
     ),
     (
         "sample_sensor.toml",
-        "[light]\nspectrum = \"led_385\"\nirradiance_w_per_m2 = 1\n[sample]\nreflectance = 0.1\n[sensor]\n",
+        "format = 1\n[light]\nspectrum = \"led_385\"\nstrength.irradiance_w_per_m2 = 1\n[sample]\nreflectance = 0.1\n[sensor]\n",
     ),
     ("percent.csv", "wavelength_nm,reflectance\n400,10\n700,50\n"),
     ("micrometres.csv", "wavelength_um,power\n0.38,1\n0.39,2\n"),
     ("words.csv", "wavelength_nm,power\n380,much\n390,little\n"),
     ("occupied/letter.txt", "Dear Sir"),
-    ("other_grid.toml", "base = \"flat-patch\"\n[spectral]\nstep_nm = 10\n"),
+    ("other_grid.toml", "format = 1\nbase = \"flat-patch\"\n[spectral]\nstep_nm = 10\n"),
     (
         "other_lights.toml",
-        "base = \"oraleye-2021\"\n[[light]]\nname = \"blue\"\ngroup = \"violet\"\n[[capture]]\nname = \"blue\"\nlight_groups = { violet = 1.0 }\n",
+        "format = 1\nbase = \"oraleye-2021\"\n[[light]]\nname = \"blue\"\ngroup = \"violet\"\n[[capture]]\nname = \"blue\"\nlight_groups = { violet = 1.0 }\n",
     ),
     ("text.exr", "this is no image\n"),
-    ("no_raw/experiment.toml", "base = \"flat-patch\"\n[analysis]\nframe = \"blue\"\n"),
+    ("no_raw/experiment.toml", "format = 1\nbase = \"flat-patch\"\n[analysis]\nframe = \"blue\"\n"),
     ("eem/transposed_header.csv", "# unit: photons\nex_nm\\em_nm,500,510\n380,1,2\n390,3,4\n"),
     ("eem/transposed.csv", "# unit: photons\nem_nm\\ex_nm,500,510\n380,1,2\n390,3,4\n"),
     ("eem/unsorted.csv", "# unit: photons\nem_nm\\ex_nm,380,390\n510,1,2\n500,3,4\n"),

@@ -62,8 +62,8 @@ fn matrices_and_emission_are_drawn() {
 /// Adds the dye of a section to a flat sample and predicts it.
 fn predicted(folder: &Path, section: &str, name: &str) -> Value {
     let text = format!(
-        "[light]\nspectrum = {{ kind = \"table\", wavelength_nm = [384, 385, 386], value = [0, 1, 0] }}\n\
-         irradiance_w_per_m2 = 1\n[sample]\nreflectance = 0.1\nconcentrations = {{ {name} = 1.0 }}\n{section}"
+        "format = 1\n[light]\nspectrum = {{ type = \"table\", wavelength_nm = [384, 385, 386], value = [0, 1, 0] }}\n\
+         strength.irradiance_w_per_m2 = 1\n[sample]\nreflectance = 0.1\nconcentrations = {{ {name} = 1.0 }}\n{section}"
     );
     fs::write(folder.join("sample.toml"), text).unwrap();
     fluorspar(folder, ["predict", "sample.toml", "--json", "--step-nm", "1"]).json()
@@ -142,7 +142,9 @@ fn every_kind_of_file_is_imported() {
         fluorspar(folder, ["fluorophore", "import", "spectra.csv", "--allow-negative", "--out", "s.toml"])
             .well();
     assert!(said.stderr.contains("photons (assumed; --unit energy changes it)"), "{}", said.stderr);
-    assert!(fs::read_to_string(folder.join("s.toml")).unwrap().contains("\ncsv = \"spectra.csv\"\n"));
+    assert!(
+        fs::read_to_string(folder.join("s.toml")).unwrap().contains("source = { csv = \"spectra.csv\" }\n")
+    );
 
     let eem = "# unit: unknown\nem_nm\\ex_nm,380,505\n500,1,0.5\n510,,4\n";
     fs::write(folder.join("anti.csv"), eem).unwrap();

@@ -44,7 +44,7 @@ fn a_changed_scene_needs_a_new_render() {
         fluorspar(folder, args)
     };
     for (change, what) in [
-        (&["--set", "light.blue.irradiance_w_per_m2=500"][..], "light \"blue\""),
+        (&["--set", "light.blue.strength.irradiance_w_per_m2=500"][..], "light \"blue\""),
         (&["--set", "material.patch.concentrations.fad=0.9"], "material \"patch\""),
         (&["--set", "render.samples_per_pixel=8"], "render.samples_per_pixel"),
         (&["--experiment", "oraleye-2021"], "light"),
@@ -59,7 +59,7 @@ fn a_changed_scene_needs_a_new_render() {
     // The image keeps its field of view: behind twice the focal length the sensor sees its middle.
     capture(&["--set", "lens.focal_length_mm=6"]).well();
     let help = fluorspar(folder, ["capture", "--help"]).well().stdout;
-    assert!(!help.contains("light.blue.power_mw"), "{help}");
+    assert!(!help.contains("light.blue.strength.power_mw"), "{help}");
 }
 
 #[test]
@@ -102,12 +102,7 @@ fn frames_of_another_camera_are_analysed_by_a_description() {
     let analyze = |more: &[&str]| {
         let mut args = vec!["analyze", "--experiment", "flat-patch", "--set", "analysis.parts=[]"];
         args.extend(["--set", "sensor.columns=64", "--set", "sensor.rows=48"]);
-        args.extend([
-            "--set",
-            "analysis.rectangle_px=[8, 8, 40, 30]",
-            "--set",
-            "analysis.bulk_material=patch",
-        ]);
+        args.extend(["--set", "analysis.rectangle_px=[8, 8, 40, 30]", "--set", "analysis.bulk=patch"]);
         args.extend(more);
         fluorspar(folder, args)
     };
@@ -122,7 +117,7 @@ fn frames_of_another_camera_are_analysed_by_a_description() {
         "--set",
         "analysis.rectangle_px=[8, 8, 40, 30]",
         "--set",
-        "analysis.bulk_material=patch",
+        "analysis.bulk=patch",
     ];
     let expected = fluorspar(folder, args).json();
     assert_eq!(found["r"], expected["r"]);
@@ -277,7 +272,15 @@ fn a_spectroradiometer_reads_images_and_samples() {
         (&["spectroradiometer", "run/components.exr", "--aim", "0.5,0.5"][..], "--capture"),
         (&["spectroradiometer", "run/components.exr", "--capture", "green"], "no capture"),
         (&["spectroradiometer", "run/components.exr", "--bandwidth-nm", "4"], "--capture"),
-        (&["spectroradiometer", "run/components.exr", "--set", "light.blue.irradiance_w_per_m2=2"], "light"),
+        (
+            &[
+                "spectroradiometer",
+                "run/components.exr",
+                "--set",
+                "light.blue.strength.irradiance_w_per_m2=2",
+            ],
+            "light",
+        ),
         (&["spectroradiometer", "tongue-385nm", "--bandwidth-nm", "0"], "bandwidth"),
         (&["spectroradiometer", "tongue-385nm", "--capture", "blue"], "sample"),
         (&["spectroradiometer", "tongue-385nm", "--out", "a.txt"], ".csv"),

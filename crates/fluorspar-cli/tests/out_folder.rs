@@ -31,8 +31,8 @@ fn a_folder_of_the_user_is_never_replaced() {
     let folder = folder.path();
     fs::create_dir_all(folder.join("study/data")).unwrap();
     fs::create_dir_all(folder.join("bases")).unwrap();
-    fs::write(folder.join("bases/base.toml"), "base = \"oraleye-2021\"\n").unwrap();
-    fs::write(folder.join("study/experiment.toml"), "base = \"../bases/base.toml\"\n").unwrap();
+    fs::write(folder.join("bases/base.toml"), "format = 1\nbase = \"oraleye-2021\"\n").unwrap();
+    fs::write(folder.join("study/experiment.toml"), "format = 1\nbase = \"../bases/base.toml\"\n").unwrap();
     fs::write(folder.join("study/results.json"), "{}\n").unwrap();
     fs::write(folder.join("study/data/notes.txt"), "years of work\n").unwrap();
 
@@ -112,8 +112,8 @@ fn a_render_is_kept_when_a_later_stage_fails() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     // In front of the camera, but behind the patch: only the render finds out.
-    let hidden = "base = \"flat-patch\"\n[[object]]\nname = \"hidden\"\nmaterial = \"patch\"\n\
-                  sphere = { center_mm = [0.0, 0.0, -50.0], radius_mm = 5.0 }\n[analysis]\nparts = [\"hidden\"]\n";
+    let hidden = "format = 1\nbase = \"flat-patch\"\n[[object]]\nname = \"hidden\"\nmaterial = \"patch\"\n\
+                  type = \"sphere\"\ncenter_mm = [0.0, 0.0, -50.0]\nradius_mm = 5.0\n[analysis]\nparts = [\"hidden\"]\n";
     fs::write(folder.join("hidden.toml"), hidden).unwrap();
     for kept in ["out", "out-unfinished-1"] {
         let said = fluorspar(folder, [&["run", "hidden.toml", "--out", "out"], &QUICK[..]].concat());

@@ -62,7 +62,7 @@ fn emission_under_the_led_is_that_of_the_authors_toolbox() {
     for (name, file) in sources {
         let path = reference.join(format!("fluorophores/toolbox/{file}.csv"));
         text += &format!(
-            "[[fluorophore]]\nname = \"{name}\"\ncsv = \"{}\"\nphoton_yield = 1e-3\n",
+            "[[fluorophore]]\nname = \"{name}\"\nsource = { csv = \"{}\" }\nphoton_yield = 1e-3\n",
             path.display()
         );
     }
@@ -214,7 +214,7 @@ fn the_filters_in_front_of_the_lens_count_once() {
 fn options_are_overrides_of_the_file() {
     let folder = tempfile::tempdir().unwrap();
     fs::create_dir(folder.path().join("samples")).unwrap();
-    let sample = "[light]\nspectrum = \"led_450\"\nirradiance_w_per_m2 = 5\n[sample]\nreflectance = 0.5\n";
+    let sample = "format = 1\n[light]\nspectrum = \"led_450\"\nstrength.irradiance_w_per_m2 = 5\n[sample]\nreflectance = 0.5\n";
     fs::write(folder.path().join("samples/bare.toml"), sample).unwrap();
     fs::write(folder.path().join("grey.csv"), "wavelength_nm,r\n300,0.25\n800,0.25\n").unwrap();
     let bare = predicted(folder.path(), &["samples/bare.toml"]);

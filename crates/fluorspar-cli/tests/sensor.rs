@@ -8,7 +8,7 @@ use std::fs;
 
 use support::{fluorspar, listing};
 
-const SHEET: &str = "title = \"Test\"\n[sensor]\ncolumns = 128\nrows = 96\nmosaic = \"mono\"\n\
+const SHEET: &str = "format = 1\ntitle = \"Test\"\n[sensor]\ncolumns = 128\nrows = 96\nmosaic = \"mono\"\n\
     quantum_efficiency = { mono = 0.6 }\n[sensor.emva1288]\ngain_e_per_dn = 2.7\ndark_noise_e = 2.3\n\
     saturation_capacity_e = 10300\nbit_depth = 12\ndsnu_e = 0.9\nprnu_percent = 0.5\ndark_current_e_per_s = 5\n";
 
@@ -89,7 +89,7 @@ fn bad_input_is_refused_and_leaves_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let bad = SHEET.replace("saturation_capacity_e = 10300", "saturation_capacity_e = 13000");
     fs::write(folder.path().join("bad.toml"), bad).unwrap();
-    fs::write(folder.path().join("none.toml"), "title = \"no sensor\"\n").unwrap();
+    fs::write(folder.path().join("none.toml"), "format = 1\ntitle = \"no sensor\"\n").unwrap();
     fs::write(folder.path().join("odd.toml"), format!("pixels = 3\n{SHEET}")).unwrap();
     fs::write(folder.path().join("good.toml"), SHEET).unwrap();
     fs::write(folder.path().join("broken.toml"), "sensor = [\n").unwrap();
@@ -124,7 +124,7 @@ fn bad_input_is_refused_and_leaves_nothing() {
         (vec!["characterize", "inner/good.toml", "--out", "good.toml"], "this is a file"),
         (vec!["characterize", "good.toml", "--exposure-ms", "-1"], "--exposure-ms -1: "),
         (
-            vec!["characterize", "good.toml", "--set", "sensor.mode={ kind = \"noise_free\" }"],
+            vec!["characterize", "good.toml", "--set", "sensor.mode={ type = \"noise_free\" }"],
             "measure in that mode",
         ),
     ] {

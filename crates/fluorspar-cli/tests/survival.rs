@@ -311,7 +311,7 @@ fn films_of_other_scenes_and_films_in_the_way_are_refused() {
         (vec![], "add --resume"),
         (vec!["--resume", "--seed", "7"], "made for another scene, seed, depth"),
         (vec!["--resume", "--depth", "3"], "made for another scene, seed, depth"),
-        (vec!["--resume", "--set", "light.0.power_mw=3"], ""),
+        (vec!["--resume", "--set", "light.0.strength.power_mw=3"], ""),
         (vec!["--resume", "--statistics", "components"], "ask for the same"),
         (vec!["--resume", "--shard", "3/2"], "must be I/N"),
         (
@@ -332,22 +332,26 @@ fn films_of_other_scenes_and_films_in_the_way_are_refused() {
 
 /// Two components: light that a patch reflects once, and none that fluoresces.
 const PLAIN: &str = r#"
+format = 1
 spectral.edges_nm = [350.0, 420.0, 490.0, 560.0, 630.0, 700.0]
 render = { samples_per_pixel = 1, max_depth = 1, width_px = 300, height_px = 300 }
 camera = { position_mm = [0.0, 0.0, 100.0], horizontal_field_deg = 40.0 }
 [[light]]
 name = "lamp"
 type = "distant"
-direction = [0.0, 0.0, -1.0]
+aim.direction = [0.0, 0.0, -1.0]
 spectrum = "led_385"
-irradiance_w_per_m2 = 1000.0
+strength.irradiance_w_per_m2 = 1000.0
 [[material]]
 name = "patch"
 reflectance = "tongue_dorsum"
 [[object]]
 name = "patch"
 material = "patch"
-quad = { corner_mm = [-99.0, -99.0, 0.0], edge_u_mm = [198.0, 0.0, 0.0], edge_v_mm = [0.0, 198.0, 0.0] }
+type = "quad"
+corner_mm = [-99.0, -99.0, 0.0]
+edge_u_mm = [198.0, 0.0, 0.0]
+edge_v_mm = [0.0, 198.0, 0.0]
 "#;
 
 #[test]

@@ -10,7 +10,8 @@ use fluorspar::pipeline::evaluate;
 use fluorspar::render::{RenderControl, render};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let text = "base = \"flat-patch\"\n[[light]]\nname = \"blue\"\nirradiance_w_per_m2 = 500.0";
+    let text =
+        "format = 1\nbase = \"flat-patch\"\n[[light]]\nname = \"blue\"\nstrength.irradiance_w_per_m2 = 500.0";
     let study = resolve(&parse(text, "from code", Path::new("."), &[])?)?.study;
 
     let control = RenderControl { stop: &AtomicBool::new(false), progress: &|_| {} };

@@ -13,6 +13,7 @@ use toml::{Table, Value};
 
 /// Fields that the built-in experiments leave at their defaults.
 const RARE_FIELDS: &str = r#"
+format = 1
 base = "flat-patch"
 [render]
 time_limit_s = 100.0
@@ -26,9 +27,9 @@ autofluorescence = { photon_yield = 1e-6, spectrum = "led_450" }
 aperture_um = 1.0
 relative_illumination = { all = [-0.1] }
 crosstalk = { optical_side_percent = 0.5, electrical_side_percent = [[400.0, 0.5], [700.0, 1.0]] }
-shutter = { kind = "rolling", row_time_us = 20.0 }
+shutter = { type = "rolling", row_time_us = 20.0 }
 strobe = { delay_ms = 1.0, duration_ms = 5.0, frequency_hz = 1000.0, duty = 0.5 }
-binning = { kind = "charge", columns = 2, rows = 2, well_capacity_e = 20000.0 }
+binning = { type = "charge", columns = 2, rows = 2, well_capacity_e = 20000.0 }
 [motion]
 drift_px_per_s = [1.0, 2.0]
 jitter_px = 0.5
@@ -49,24 +50,29 @@ mucosa_distance_mm = 80.0
 name = "far"
 type = "disc"
 group = "blue"
-spectrum = { kind = "led", peak_nm = 400.0, fwhm_short_nm = 8.0, fwhm_long_nm = 12.0, tails = [{ side = "long", level = 0.01, decay_nm = 20.0 }] }
-irradiance_w_per_m2 = 3.0
-at_distance_mm = 1000.0
+spectrum = { type = "led", peak_nm = 400.0, fwhm_short_nm = 8.0, fwhm_long_nm = 12.0, tails = [{ side = "long", level = 0.01, decay_nm = 20.0 }] }
+strength.irradiance_w_per_m2 = 3.0
+strength.at_distance_mm = 1000.0
 radius_mm = 5.0
 position_mm = [0.0, 0.0, 1000.0]
-look_at_mm = [0.0, 0.0, 0.0]
+aim.look_at_mm = [0.0, 0.0, 0.0]
 [[material]]
 name = "stones"
-reflectance = { kind = "bands", base = 0.1, bands = [{ peak_nm = 500.0, fwhm_short_nm = 40.0, fwhm_long_nm = 60.0, weight = 0.2 }] }
+reflectance = { type = "bands", base = 0.1, bands = [{ peak_nm = 500.0, fwhm_short_nm = 40.0, fwhm_long_nm = 60.0, weight = 0.2 }] }
 [[object]]
 name = "stone"
 material = "stones"
-disc = { center_mm = [50.0, 0.0, 30.0], normal = [0.0, 0.0, 1.0], radius_mm = 2.0 }
+type = "disc"
+center_mm = [50.0, 0.0, 30.0]
+normal = [0.0, 0.0, 1.0]
+radius_mm = 2.0
 emission = { group = "blue", spectrum = "led_450", radiance_w_per_sr_m2 = 0.5 }
 [[object]]
 name = "crystal"
 material = "stones"
-box = { center_mm = [0.0, 0.0, 0.0], size_mm = [2.0, 2.0, 2.0] }
+type = "box"
+center_mm = [0.0, 0.0, 0.0]
+size_mm = [2.0, 2.0, 2.0]
 [[object.instance]]
 translate_mm = [-50.0, 0.0, 30.0]
 stretch = [1.0, 2.0, 1.0]
@@ -77,7 +83,10 @@ matrix = [[1.0, 0.0, 0.0, -60.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 30.0]]
 [[object]]
 name = "cloth"
 material = "stones"
-quad = { corner_mm = [60.0, 0.0, 30.0], edge_u_mm = [5.0, 0.0, 0.0], edge_v_mm = [0.0, 5.0, 0.0] }
+type = "quad"
+corner_mm = [60.0, 0.0, 30.0]
+edge_u_mm = [5.0, 0.0, 0.0]
+edge_v_mm = [0.0, 5.0, 0.0]
 [object.displacement]
 map = { noise = [4.0, 4.0], low = 0.0, high = 1.0 }
 amount_mm = 0.1
@@ -86,9 +95,10 @@ subdivisions = 1
 
 /// A sample with a data sheet.
 const DATA_SHEET: &str = r#"
+format = 1
 [light]
 spectrum = "led_385"
-irradiance_w_per_m2 = 10.0
+strength.irradiance_w_per_m2 = 10.0
 [sample]
 reflectance = 0.1
 [lens]
@@ -113,9 +123,9 @@ prnu_percent = 0.7
 /// Seeds may be any number, and directions of any length.
 const FINE: [&str; 8] = [
     "camera.up.#",
-    "light.#.direction.#",
+    "light.#.aim.direction.#",
     "mouth.seed",
-    "object.#.disc.normal.#",
+    "object.#.normal.#",
     "object.#.instance.#.axis.#",
     "object.#.transform.axis.#",
     "render.seed",

@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use fluorspar::experiment::schema::EfficiencyReference;
+use fluorspar::experiment::schema::{EfficiencyReference, FilePath, NameOrTable};
 use fluorspar::experiment::{
     ResolvedExperiment, json_schema, parse, parse_sample, resolve, sample_json_schema, sensor_json_schema,
 };
@@ -20,10 +20,11 @@ fn resolved(text: &str, overrides: &[&str]) -> ResolvedExperiment {
     resolve(&experiment).unwrap_or_else(|error| panic!("{error}"))
 }
 
-const FLAT: &str = "base = \"flat-patch\"\n";
+const FLAT: &str = "format = 1\nbase = \"flat-patch\"\n";
 
 /// A quick scene: one grey sphere without fluorophores.
 const SPHERE: &str = r#"
+format = 1
 [render]
 width_px = 8
 height_px = 6
@@ -32,23 +33,25 @@ horizontal_field_deg = 30.0
 [[light]]
 name = "lamp"
 type = "disc"
-spectrum = { kind = "led", peak_nm = 500.0, fwhm_short_nm = 20.0, fwhm_long_nm = 20.0 }
+spectrum = { type = "led", peak_nm = 500.0, fwhm_short_nm = 20.0, fwhm_long_nm = 20.0 }
 radius_mm = 2.0
 position_mm = [0.0, 0.0, 100.0]
-direction = [0.0, 0.0, -1.0]
-power_mw = 100.0
+aim.direction = [0.0, 0.0, -1.0]
+strength.power_mw = 100.0
 [[material]]
 name = "grey"
 reflectance = 0.18
 [[object]]
 name = "ball"
 material = "grey"
-sphere = { radius_mm = 10.0 }
+type = "sphere"
+radius_mm = 10.0
 "#;
 
 #[test]
 fn a_base_is_merged_by_key_and_by_name() {
     let text = r#"
+format = 1
 base = "flat-patch"
 title = "mine"
 [lens]
@@ -60,7 +63,7 @@ spectrum = "led_405"
 name = "extra"
 type = "environment"
 spectrum = 1.0
-radiance_w_per_sr_m2 = 0.1
+strength.radiance_w_per_sr_m2 = 0.1
 [[capture]]
 name = "ambient"
 remove = true
@@ -88,7 +91,7 @@ subtract = "none"
 #[test]
 fn an_alternative_replaces_what_the_base_says() {
     let text = format!(
-        "{FLAT}[[object]]\nname = \"patch\"\ndisc = {{ radius_mm = 50.0 }}\n[sensor]\nread_noise_e = 2.0\n[spectral]\nedges_nm = [380, 400, 480, 700]"
+        "{FLAT}[[object]]\nname = \"patch\"\ntype = \"disc\"\nradius_mm = 50.0\n[sensor]\nread_noise_e = 2.0\n[spectral]\nedges_nm = [380, 400, 480, 700]"
     );
     let experiment = resolved(&text, &[]);
     assert!(
@@ -104,7 +107,7 @@ fn overrides_reach_every_value() {
         FLAT,
         &[
             "render.width_px=32",
-            "light.blue.irradiance_w_per_m2=20",
+            "light.blue.strength.irradiance_w_per_m2=20",
             "light[0].spectrum=led_405",
             "material.patch.concentrations.fad = { checker = [2, 3], high = 0.5 }",
             "sensor.quantum_efficiency=consumer_rgb_cmos",
@@ -133,7 +136,7 @@ fn the_digest_follows_what_decides_the_result() {
         resolved(SPHERE, &["title=other", "output.folder=elsewhere"]).record.sha256
     );
     assert_ne!(base.record.sha256, resolved(SPHERE, &["render.seed=2"]).record.sha256);
-    assert_ne!(base.record.sha256, resolved(SPHERE, &["light.lamp.power_mw=100.1"]).record.sha256);
+    assert_ne!(base.record.sha256, resolved(SPHERE, &["light.lamp.strength.power_mw=100.1"]).record.sha256);
 
     // The content of a file counts, not its place.
     let spectrum = "wavelength_nm,power\n400,1\n500,2\n600,1\n";
@@ -141,7 +144,7 @@ fn the_digest_follows_what_decides_the_result() {
         let folder = tempfile::tempdir().unwrap();
         fs::write(folder.path().join("lamp.csv"), content).unwrap();
         let text = SPHERE.replace(
-            "{ kind = \"led\", peak_nm = 500.0, fwhm_short_nm = 20.0, fwhm_long_nm = 20.0 }",
+            "{ type = \"led\", peak_nm = 500.0, fwhm_short_nm = 20.0, fwhm_long_nm = 20.0 }",
             "\"lamp.csv\"",
         );
         let experiment = parse(&text, "t", folder.path(), &[]).unwrap();
@@ -175,14 +178,17 @@ fn a_ring_gives_the_irradiance_of_eight_small_lamps() {
     // Eight Lambertian watts on a circle of 35 mm: N P d^2 / (pi (d^2 + rho^2)^2) = 202 W/m2 at 100 mm.
     let text = SPHERE
         .replace("type = \"disc\"", "type = \"ring\"\nring_radius_mm = 35.0")
-        .replace("power_mw = 100.0", "power_mw = 1000.0");
+        .replace("strength.power_mw = 100.0", "strength.power_mw = 1000.0");
     let lights = resolved(&text, &[]).study.scene.lights;
     assert_eq!(lights.len(), 8);
     let irradiance = irradiance_w_per_m2(&lights, glam::DVec3::ZERO, glam::DVec3::NEG_Z);
     assert!((irradiance - 202.1).abs() < 0.1, "{irradiance}");
 
     // The same ring by its irradiance has the same power.
-    let measured = text.replace("power_mw = 1000.0", "irradiance_w_per_m2 = 202.1\nat_distance_mm = 100.0");
+    let measured = text.replace(
+        "strength.power_mw = 1000.0",
+        "strength.irradiance_w_per_m2 = 202.1\nstrength.at_distance_mm = 100.0",
+    );
     let power = resolved(&measured, &[]).study.scene.lights[0].spectrum.total();
     assert!((power - 1.0).abs() < 1e-3, "{power}");
 }
@@ -194,7 +200,7 @@ fn power_counts_before_the_filters_and_irradiance_behind_them() {
     let distant = SPHERE
         .replace("type = \"disc\"", "type = \"distant\"\nfilters = [0.25]")
         .replace("radius_mm = 2.0\nposition_mm = [0.0, 0.0, 100.0]\n", "")
-        .replace("power_mw = 100.0", "irradiance_w_per_m2 = 30.0");
+        .replace("strength.power_mw = 100.0", "strength.irradiance_w_per_m2 = 30.0");
     assert!((resolved(&distant, &[]).study.scene.lights[0].spectrum.total() - 30.0).abs() < 1e-9);
 }
 
@@ -203,7 +209,8 @@ fn lights_of_the_camera_move_with_it() {
     let text = format!("{SPHERE}\n[output]\nfolder = \"out\"")
         .replace("name = \"lamp\"", "name = \"lamp\"\nframe = \"camera\"");
     let text = text.replace("position_mm = [0.0, 0.0, 100.0]", "position_mm = [10.0, 20.0, 0.0]");
-    let experiment = resolved(&text, &["camera.position_mm=[100, 0, 0]", "light.lamp.direction=[0, 0, -1]"]);
+    let experiment =
+        resolved(&text, &["camera.position_mm=[100, 0, 0]", "light.lamp.aim.direction=[0, 0, -1]"]);
     let Emitter::Disc(DiscEmitter { center, normal, .. }) = experiment.study.scene.lights[0].emitter else {
         panic!()
     };
@@ -222,8 +229,10 @@ fn the_field_of_view_is_that_of_the_sensor() {
 
 #[test]
 fn a_box_is_closed_and_faces_outward() {
-    let text = SPHERE
-        .replace("sphere = { radius_mm = 10.0 }", "box = { center_mm = [1, 2, 3], size_mm = [10, 20, 30] }");
+    let text = SPHERE.replace(
+        "type = \"sphere\"\nradius_mm = 10.0",
+        "type = \"box\"\ncenter_mm = [1, 2, 3]\nsize_mm = [10, 20, 30]",
+    );
     let scene = resolved(&text, &[]).study.scene;
     let Shape::Mesh(mesh) = &scene.objects[0].shape else { panic!() };
     assert!((mesh.area_m2() - 2.0 * (0.01 * 0.02 + 0.02 * 0.03 + 0.01 * 0.03)).abs() < 1e-9);
@@ -241,7 +250,7 @@ fn a_box_is_closed_and_faces_outward() {
 #[test]
 fn warnings_name_what_is_left_over() {
     let text = format!(
-        "{SPHERE}[[material]]\nname = \"spare\"\nreflectance = 0.5\n[[fluorophore]]\nname = \"dye\"\nfrom = \"fad\"\n"
+        "{SPHERE}[[material]]\nname = \"spare\"\nreflectance = 0.5\n[[fluorophore]]\nname = \"dye\"\nsource = \"fad\"\n"
     );
     let warnings = resolved(&text, &["spectral.last_nm=900"]).record.warnings;
     assert!(
@@ -270,7 +279,7 @@ fn a_fluorophore_from_files_has_the_stated_yield() {
     )
     .unwrap();
     let text = format!(
-        "{SPHERE}[[fluorophore]]\nname = \"dye\"\ncsv = \"dye.csv\"\nphoton_yield = 0.1\n[[fluorophore]]\nname = \"matrix\"\neem_csv = \"eem.csv\"\nphoton_yield = 0.02\n"
+        "{SPHERE}[[fluorophore]]\nname = \"dye\"\nsource = {{ csv = \"dye.csv\" }}\nphoton_yield = 0.1\n[[fluorophore]]\nname = \"matrix\"\nsource = {{ eem_csv = \"eem.csv\" }}\nphoton_yield = 0.02\n"
     );
     let overrides = ["material.grey.concentrations={ dye = 1.0, matrix = 2.0 }".to_string()];
     let experiment = parse(&text, "t", folder.path(), &overrides).unwrap();
@@ -305,7 +314,7 @@ fn a_dye_is_the_same_as_a_matrix_and_as_two_spectra_in_either_unit() {
         let matrix = format!("# unit: {unit}\nem_nm\\ex_nm{header}\n{rows}");
         fs::write(folder.path().join("matrix.csv"), matrix).unwrap();
         let text = format!(
-            "{SPHERE}[[fluorophore]]\nname = \"matrix\"\neem_csv = \"matrix.csv\"\nphoton_yield = 0.1\n\
+            "{SPHERE}[[fluorophore]]\nname = \"matrix\"\nsource = {{ eem_csv = \"matrix.csv\" }}\nphoton_yield = 0.1\n\
              [[fluorophore]]\nname = \"spectra\"\nexcitation_csv = \"ex.csv\"\nemission_csv = \"em.csv\"\n\
              unit = \"{unit}\"\nphoton_yield = 0.1\n"
         );
@@ -339,13 +348,13 @@ fn another_sensor_takes_the_place_of_the_whole_section() {
     let plain = resolved(FLAT, &[]);
     assert_eq!(size(&plain), (320, 240));
     let own = resolved(
-        "[render]\nwidth_px = 64\nheight_px = 48\n[camera]\nhorizontal_field_deg = 40.0\n[lens]\n[sensor]\n\
+        "format = 1\n[render]\nwidth_px = 64\nheight_px = 48\n[camera]\nhorizontal_field_deg = 40.0\n[lens]\n[sensor]\n\
          preset = \"monochrome_4_8um\"\n[[light]]\nname = \"sun\"\ntype = \"distant\"\nspectrum = 1.0\n\
-         direction = [0.0, 0.0, -1.0]\nirradiance_w_per_m2 = 1.0\n[[material]]\nname = \"grey\"\nreflectance = 0.2\n\
-         [[object]]\nname = \"ball\"\nmaterial = \"grey\"\nsphere = { radius_mm = 10.0 }\n",
+         aim.direction = [0.0, 0.0, -1.0]\nstrength.irradiance_w_per_m2 = 1.0\n[[material]]\nname = \"grey\"\nreflectance = 0.2\n\
+         [[object]]\nname = \"ball\"\nmaterial = \"grey\"\ntype = \"sphere\"\nradius_mm = 10.0\n",
         &[],
     );
-    let of_catalogue = |name: &str| EfficiencyReference::Name(name.into());
+    let of_catalogue = |name: &str| EfficiencyReference::Text(NameOrTable::Name(name.into()));
     let no_analysis = FLAT.replace("flat-patch", "velscope-like");
     for text in [FLAT, &no_analysis] {
         let experiment =
@@ -408,7 +417,8 @@ fn warnings_with<'w>(warnings: &'w [String], word: &str) -> Vec<&'w String> {
 
 #[test]
 fn one_warning_names_all_spectra_that_the_grid_exceeds() {
-    let warnings = resolved("base = \"oraleye-2021\"\n", &["spectral.last_nm=900"]).record.warnings;
+    let warnings =
+        resolved("format = 1\nbase = \"oraleye-2021\"\n", &["spectral.last_nm=900"]).record.warnings;
     let exceeded = warnings_with(&warnings, "beyond their own range");
     assert_eq!(exceeded.len(), 1, "{warnings:#?}");
     assert!(
@@ -424,7 +434,7 @@ fn one_warning_names_all_spectra_that_the_grid_exceeds() {
 fn light_beyond_either_end_of_the_excitation_data_is_warned_about() {
     let text = |led: &str| {
         format!(
-            "[light]\nspectrum = \"{led}\"\nirradiance_w_per_m2 = 100.0\n[sample]\nreflectance = 0.1\n\
+            "format = 1\n[light]\nspectrum = \"{led}\"\nstrength.irradiance_w_per_m2 = 100.0\n[sample]\nreflectance = 0.1\n\
              concentrations = {{ nadh = 1.0, fad = 1.0 }}\n"
         )
     };
@@ -437,7 +447,7 @@ fn light_beyond_either_end_of_the_excitation_data_is_warned_about() {
     let below = text("led_385").replace("nadh = 1.0, fad", "protoporphyrin_ix");
     let below = below.replace(
         "\"led_385\"",
-        "{ kind = \"led\", peak_nm = 310.0, fwhm_short_nm = 10.0, fwhm_long_nm = 10.0 }",
+        "{ type = \"led\", peak_nm = 310.0, fwhm_short_nm = 10.0, fwhm_long_nm = 10.0 }",
     );
     let overrides = ["spectral.first_nm=250".to_string()];
     let below = parse_sample(&below, "s", Path::new("."), &overrides).unwrap().record.warnings;
@@ -446,7 +456,7 @@ fn light_beyond_either_end_of_the_excitation_data_is_warned_about() {
 
 #[test]
 fn a_warning_of_many_lights_and_fluorophores_can_be_read() {
-    let warnings = resolved("base = \"oraleye-2021\"\n", &[]).record.warnings;
+    let warnings = resolved("format = 1\nbase = \"oraleye-2021\"\n", &[]).record.warnings;
     let excitation = warnings_with(&warnings, "excites is extrapolated");
     // One sentence per light, without the numbers of its emitters; fluorophores of one measurement together.
     assert_eq!(excitation.len(), 1, "{warnings:#?}");
@@ -460,7 +470,7 @@ fn a_warning_of_many_lights_and_fluorophores_can_be_read() {
 
 #[test]
 fn equations_that_stand_on_data_say_where_those_end() {
-    let blood = "{ kind = \"blood_diffuse\", scattering_per_cm = 20.0, scattering_power = 1.0, background_per_cm = 0.3, \
+    let blood = "{ type = \"blood_diffuse\", scattering_per_cm = 20.0, scattering_power = 1.0, background_per_cm = 0.3, \
                  background_decay_nm = 100.0, blood_fraction = 0.03, saturation = 0.7, vessel_radius_um = 10.0, \
                  superficial_blood_um = 1.0 }";
     let change = format!("material.grey.reflectance={blood}");
@@ -474,10 +484,11 @@ fn equations_that_stand_on_data_say_where_those_end() {
 #[test]
 fn a_sample_becomes_curves() {
     let text = r#"
+format = 1
 [light]
 spectrum = "led_385"
 filters = ["short_pass_425"]
-irradiance_w_per_m2 = 100.0
+strength.irradiance_w_per_m2 = 100.0
 [sample]
 reflectance = "tongue_dorsum"
 concentrations = { elastin = 1.0, protoporphyrin_ix = 0.1 }
@@ -513,8 +524,7 @@ exposure_ms = 30.0
 
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("white.csv"), "wavelength_nm,radiance\n380,0\n385,2\n390,0\n").unwrap();
-    let text =
-        "[light]\nspectrum = \"white.csv\"\nmeasured = \"white_radiance\"\n[sample]\nreflectance = 0.1\n";
+    let text = "format = 1\n[light]\nspectrum = \"white.csv\"\nstrength.measured = \"white_radiance\"\n[sample]\nreflectance = 0.1\n";
     let sample = parse_sample(text, "sample.toml", folder.path(), &[]).unwrap_or_else(|e| panic!("{e}"));
     assert!((sample.sample.irradiance.total() - 10.0 * std::f64::consts::PI).abs() < 1e-9);
 }
@@ -642,7 +652,7 @@ fn odd_values_anywhere_are_errors_and_never_panics() {
         "[[[]]]",
     ];
     let scene = SPHERE.to_string()
-        + "[[fluorophore]]\nname = \"dye\"\nfrom = \"nadh\"\n[output]\nfolder = \"x\"\n[view_filter]\nangle_deg = 3.0\n";
+        + "[[fluorophore]]\nname = \"dye\"\nsource = \"nadh\"\n[output]\nfolder = \"x\"\n[view_filter]\nangle_deg = 3.0\n";
     let lines: Vec<&str> = scene.lines().collect();
     for (index, line) in lines.iter().enumerate() {
         for value in odd {
@@ -677,7 +687,7 @@ fn odd_values_anywhere_are_errors_and_never_panics() {
 
 #[test]
 fn oraleye_light_and_sensor_are_as_documented() {
-    let text = "base = \"oraleye-2021\"";
+    let text = "format = 1\nbase = \"oraleye-2021\"";
     let experiment = parse(text, "t", Path::new("."), &[]).unwrap();
     let scene = resolve(&experiment).unwrap().study.scene;
     let blue: Vec<_> = scene.lights.iter().filter(|light| light.name.starts_with("blue")).cloned().collect();
@@ -699,7 +709,7 @@ fn oraleye_light_and_sensor_are_as_documented() {
 /// Parts with a spot have copies of their materials: those in the file are used by them.
 #[test]
 fn materials_under_a_lesion_are_not_left_over() {
-    let text = "base = \"oraleye-2021\"\n[[mouth.lesion]]\nname = \"spot\"\npart = \"tongue_lateral_left\"\n\
+    let text = "format = 1\nbase = \"oraleye-2021\"\n[[mouth.lesion]]\nname = \"spot\"\npart = \"tongue_lateral_left\"\n\
                 center = [0.9, 0.5]\nsize_mm = [12, 7]\n[[material]]\nname = \"putty\"\nreflectance = 0.5\n";
     let warnings = resolved(text, &["mouth.detail=0.25"]).record.warnings;
     let unused = warnings_with(&warnings, "no object uses material");
@@ -709,10 +719,10 @@ fn materials_under_a_lesion_are_not_left_over() {
 /// A painted lesion lies beside its experiment, wherever the program is started.
 #[test]
 fn the_mask_of_a_lesion_is_relative_to_the_experiment_file() {
-    let text = "base = \"oraleye-2021\"\n[[mouth.lesion]]\nname = \"spot\"\npart = \"tongue_dorsum\"\nmask = \"spot.png\"\n";
+    let text = "format = 1\nbase = \"oraleye-2021\"\n[[mouth.lesion]]\nname = \"spot\"\npart = \"tongue_dorsum\"\nmask = \"spot.png\"\n";
     let experiment = parse(text, "test.toml", Path::new("/patients/seven"), &[]).unwrap();
     let mouth = experiment.file.mouth.as_ref().unwrap();
-    assert_eq!(mouth.lesion[0].mask.as_deref(), Some("/patients/seven/spot.png"));
+    assert_eq!(mouth.lesion[0].mask.as_ref().map(FilePath::as_str), Some("/patients/seven/spot.png"));
 }
 
 #[test]
@@ -727,7 +737,7 @@ fn a_scan_in_a_wrong_unit_and_a_mask_in_colours_are_warned_of() {
     .unwrap();
     let of = |unit: &str| {
         let text = format!(
-            "base = \"oraleye-2021\"\n[mouth]\ndetail = 0.25\n[[mouth.scan]]\nname = \"arch\"\nmesh = {scan:?}\n\
+            "format = 1\nbase = \"oraleye-2021\"\n[mouth]\ndetail = 0.25\n[[mouth.scan]]\nname = \"arch\"\nmesh = {scan:?}\n\
              replaces = [\"tooth_1*\"]\nmaterial = \"tooth\"\n{unit}"
         );
         resolved(&text, &[]).record.warnings
@@ -744,7 +754,7 @@ fn a_scan_in_a_wrong_unit_and_a_mask_in_colours_are_warned_of() {
     let of = |pixels: &[u8]| {
         fluorspar::format::write_rgb_png(&mask, 2, 1, pixels).unwrap();
         let text = format!(
-            "base = \"oraleye-2021\"\n[mouth]\ndetail = 0.25\n[[mouth.lesion]]\nname = \"spot\"\npart = \"cheek_left\"\n\
+            "format = 1\nbase = \"oraleye-2021\"\n[mouth]\ndetail = 0.25\n[[mouth.lesion]]\nname = \"spot\"\npart = \"cheek_left\"\n\
              mask = {mask:?}\nblood_um = 5.0\n"
         );
         resolved(&text, &[]).record.warnings

@@ -25,7 +25,7 @@ fn experiment(width: u32, height: u32) -> Study {
         format!("render.height_px={height}"),
         "spectral.step_nm=20".into(),
     ];
-    let text = "base = \"fluorescent-sphere\"";
+    let text = "format = 1\nbase = \"fluorescent-sphere\"";
     resolve(&parse(text, "test", Path::new("."), &changes).unwrap()).unwrap().study
 }
 

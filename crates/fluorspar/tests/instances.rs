@@ -252,7 +252,7 @@ fn objects_share_their_meshes_and_bad_instances_are_refused() {
 
 fn experiment(folder: &Path, object: &str) -> Result<ResolvedExperiment, String> {
     let text = format!(
-        "base = \"flat-patch\"\n[[material]]\nname = \"grey\"\nreflectance = 0.2\n[[material]]\nname = \"white\"\n\
+        "format = 1\nbase = \"flat-patch\"\n[[material]]\nname = \"grey\"\nreflectance = 0.2\n[[material]]\nname = \"white\"\n\
          reflectance = 0.8\n[[object]]\nname = \"crowd\"\nmaterial = \"grey\"\n{object}"
     );
     let parsed = parse(&text, "t.toml", folder, &[]).map_err(|error| error.to_string())?;
@@ -275,7 +275,7 @@ fn experiments_place_meshes() {
         "# rows of matrices, mm\nxx,xy,xz,x,yx,yy,yz,y,zx,zy,zz,z\n1,0,0,10, 0,1,0,20, 0,0,1,30\n2;0;0;0;0;2;0;0;0;0;-2;5\n",
     )
     .unwrap();
-    let text = "mesh = \"ball.ply\"\nunit_mm = 2.0\ninstance_file = \"places.csv\"\n\
+    let text = "type = \"mesh\"\nfile = \"ball.ply\"\nunit_mm = 2.0\ninstance_file = \"places.csv\"\n\
                 transform = { translate_mm = [1, 0, 0] }\n\
                 [[object.instance]]\ntranslate_mm = [0, 5, 0]\nrotate_deg = [0, 0, 90]\nstretch = [3, 1, -1]\n\
                 [[object.instance]]\npart = \"odd\"\nmaterial = \"white\"\n\
@@ -301,30 +301,30 @@ fn experiments_place_meshes() {
     assert!(resolved.record.inputs.iter().any(|input| input.path.ends_with("places.csv")));
 
     for (object, message) in [
-        ("sphere = { radius_mm = 1 }\n[[object.instance]]\n", "only a mesh, a quad or a box"),
+        ("type = \"sphere\"\nradius_mm = 1\n[[object.instance]]\n", "only a mesh, a quad or a box"),
         (
-            "box = { size_mm = [1, 1, 1] }\n[[object.instance]]\nstretch = [1, 0, 1]\n",
+            "type = \"box\"\nsize_mm = [1, 1, 1]\n[[object.instance]]\nstretch = [1, 0, 1]\n",
             "every factor must be between",
         ),
-        ("box = { size_mm = [1, 1, 1] }\n[[object.instance]]\nscale = 0\n", "must be between 1e-6"),
+        ("type = \"box\"\nsize_mm = [1, 1, 1]\n[[object.instance]]\nscale = 0\n", "must be between 1e-6"),
         (
-            "box = { size_mm = [1, 1, 1] }\n[[object.instance]]\nmaterial = \"whit\"\n",
+            "type = \"box\"\nsize_mm = [1, 1, 1]\n[[object.instance]]\nmaterial = \"whit\"\n",
             "did you mean \"white\"?",
         ),
         (
-            "box = { size_mm = [1, 1, 1] }\n[[object.instance]]\nmatrix = [[1,0,0,0],[0,1,0,0],[1,1,0,0]]\n",
+            "type = \"box\"\nsize_mm = [1, 1, 1]\n[[object.instance]]\nmatrix = [[1,0,0,0],[0,1,0,0],[1,1,0,0]]\n",
             "its axes must span a volume",
         ),
         (
-            "box = { size_mm = [1, 1, 1] }\n[[object.instance]]\nscale = 2\n\
+            "type = \"box\"\nsize_mm = [1, 1, 1]\n[[object.instance]]\nscale = 2\n\
              matrix = [[1,0,0,0],[0,1,0,0],[0,0,1,0]]\n",
             "remove the other fields",
         ),
         (
-            "box = { size_mm = [1, 1, 1] }\n[[object.instance]]\n[[object.instance]]\nmaterial = \"white\"\n",
+            "type = \"box\"\nsize_mm = [1, 1, 1]\n[[object.instance]]\n[[object.instance]]\nmaterial = \"white\"\n",
             "give this one a `part` of its own",
         ),
-        ("box = { size_mm = [1, 1, 1] }\ninstance_file = \"none.csv\"\n", "there is no such file"),
+        ("type = \"box\"\nsize_mm = [1, 1, 1]\ninstance_file = \"none.csv\"\n", "there is no such file"),
     ] {
         let error = experiment(folder, object).unwrap_err();
         assert!(error.contains(message) && error.contains("\"crowd\""), "{error}");
@@ -425,7 +425,8 @@ fn gltf_meshes_of_several_nodes_are_kept_once() {
 
     // One mesh at one place stays a mesh; several are a crowd.
     let shape = |file: &str| {
-        let resolved = experiment(folder, &format!("mesh = \"{file}\"\nunit_mm = 1\n")).unwrap();
+        let resolved =
+            experiment(folder, &format!("type = \"mesh\"\nfile = \"{file}\"\nunit_mm = 1\n")).unwrap();
         resolved.study.scene.objects.iter().find(|object| object.name == "crowd").unwrap().shape.clone()
     };
     assert!(matches!(shape("plain.glb"), Shape::Mesh(_)));

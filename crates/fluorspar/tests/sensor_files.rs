@@ -36,7 +36,10 @@ fn a_data_sheet_replaces_the_electronics_of_a_preset() {
     assert!((model.base_dn_per_electron() - 0.3).abs() < 1e-12);
     assert!((model.read_noise_electrons() - 3.0).abs() < 1e-12);
     // In an experiment too, and its resolved file has the fields in place of the sheet.
-    let text = format!("base = \"flat-patch\"\n{}", sheet.replace("preset = \"monochrome_4_8um\"\n", ""));
+    let text = format!(
+        "format = 1\nbase = \"flat-patch\"\n{}",
+        sheet.replace("preset = \"monochrome_4_8um\"\n", "")
+    );
     let resolved = experiment(&text, &[]);
     assert!(!resolved.record.resolved_toml.contains("emva1288"), "{}", resolved.record.resolved_toml);
     let again = experiment(&resolved.record.resolved_toml, &[]);
@@ -45,11 +48,14 @@ fn a_data_sheet_replaces_the_electronics_of_a_preset() {
 
 #[test]
 fn the_sensor_of_an_experiment_is_read_alone() {
-    let sensor = parse_sensor("base = \"oraleye-pi-2025\"\n", "x.toml", Path::new("."), &[]).unwrap().sensor;
+    let sensor = parse_sensor("format = 1\nbase = \"oraleye-pi-2025\"\n", "x.toml", Path::new("."), &[])
+        .unwrap()
+        .sensor;
     assert_eq!(sensor.model().pixel_size_um, 2.8);
     let overrides = ["sensor.mosaic=rgnb".to_string(), "sensor.quantum_efficiency=rgb_nir_cmos".to_string()];
-    let nir =
-        parse_sensor("base = \"oraleye-pi-2025\"\n", "x.toml", Path::new("."), &overrides).unwrap().sensor;
+    let nir = parse_sensor("format = 1\nbase = \"oraleye-pi-2025\"\n", "x.toml", Path::new("."), &overrides)
+        .unwrap()
+        .sensor;
     assert_eq!(nir.model().mosaic, [["R", "G"], ["NIR", "B"]]);
 }
 
@@ -60,7 +66,7 @@ fn a_filter_wheel_turns_between_captures() {
     let captures = "[[capture]]\nname = \"open\"\nlight_groups = { blue = 1.0 }\nexposure_ms = 200\n\
         [[capture]]\nname = \"half\"\nlight_groups = { blue = 1.0 }\nexposure_ms = 200\nfilters = [0.5]\n\
         [[capture]]\nname = \"red\"\nlight_groups = { blue = 1.0 }\nexposure_ms = 200\n\
-        filters = [{ kind = \"bands\", base = 0.0, bands = [{ peak_nm = 635.0, fwhm_short_nm = 20.0, fwhm_long_nm = 20.0, \
+        filters = [{ type = \"bands\", base = 0.0, bands = [{ peak_nm = 635.0, fwhm_short_nm = 20.0, fwhm_long_nm = 20.0, \
         weight = 0.9 }] }]\n";
     let overrides = [
         "render.width_px=4",
@@ -71,7 +77,7 @@ fn a_filter_wheel_turns_between_captures() {
         "sensor.pixel_size_um=100",
         "sensor.fill_factor=0.0001",
         "sensor.mosaic=mono",
-        "sensor.mode={ kind = \"noise_free\" }",
+        "sensor.mode={ type = \"noise_free\" }",
         "sensor.quantum_efficiency={ mono = 0.5 }",
     ];
     let study = experiment(&format!("{patch}{captures}"), &overrides).study;
@@ -95,9 +101,9 @@ fn a_filter_wheel_turns_between_captures() {
 
 #[test]
 fn a_region_and_binning_shrink_the_raw_image() {
-    let text = "base = \"flat-patch\"\n[render]\nwidth_px = 4\nheight_px = 3\nsamples_per_pixel = 1\n\
+    let text = "format = 1\nbase = \"flat-patch\"\n[render]\nwidth_px = 4\nheight_px = 3\nsamples_per_pixel = 1\n\
         [sensor]\ncolumns = 16\nrows = 12\npixel_size_um = 50\nfill_factor = 0.004\nregion_px = [4, 4, 8, 8]\n\
-        [sensor.binning]\nkind = \"charge\"\ncolumns = 2\nrows = 2\n[analysis]\nparts = []\nrectangle_px = [0, 0, 4, 4]\n";
+        [sensor.binning]\ntype = \"charge\"\ncolumns = 2\nrows = 2\n[analysis]\nparts = []\nrectangle_px = [0, 0, 4, 4]\n";
     let study = experiment(text, &[]).study;
     let control = RenderControl { stop: &AtomicBool::new(false), progress: &|_| {} };
     let components = render(&study.scene, &study.render, &control).unwrap();

@@ -764,7 +764,7 @@ mod tests {
     }
 
     fn of_catalogue(name: &str) -> SensorModel {
-        let text = format!("[sensor]\npreset = \"{name}\"\n");
+        let text = format!("format = 1\n[sensor]\npreset = \"{name}\"\n");
         let sensor =
             fluorspar::experiment::parse_sensor(&text, "test", std::path::Path::new("."), &[]).unwrap();
         sensor.sensor.model().clone()

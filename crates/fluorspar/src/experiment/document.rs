@@ -1,11 +1,11 @@
 //! An experiment as a tree that remembers which line of which file every value comes from.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-use super::error::{ErrorDetails, ExperimentError, Step, path_text};
+use super::error::{ErrorDetails, ExperimentError, Place, Step, path_text};
 use crate::units::number_text;
 
 /// Where values come from.
@@ -13,8 +13,10 @@ use crate::units::number_text;
 pub(super) struct Source {
     /// Name for messages: a file, a preset or an override.
     pub(super) name: String,
-    /// Whether line numbers mean anything.
+    /// Whether line numbers mean anything: not in an override.
     pub(super) has_lines: bool,
+    /// Where its relative paths start; the files of the catalogue name no others.
+    pub(super) folder: Option<PathBuf>,
 }
 
 /// Place of a value.
@@ -61,6 +63,13 @@ impl Node {
         match &mut self.content {
             Content::Table(entries) => entries.iter_mut().find(|(k, _)| k == key).map(|(_, node)| node),
             _ => None,
+        }
+    }
+
+    /// Adds a key that the table does not have yet.
+    pub(super) fn insert(&mut self, key: &str, value: Self) {
+        if let Content::Table(entries) = &mut self.content {
+            entries.push((key.into(), value));
         }
     }
 
@@ -117,20 +126,6 @@ impl Node {
             Content::Leaf(_) | Content::Table(_) => self.to_value().to_string(),
         }
     }
-
-    /// Calls a function on every string below this node, with the key under which it stands.
-    pub(super) fn visit_strings(&mut self, key: &str, visit: &mut impl FnMut(&str, &mut String)) {
-        match &mut self.content {
-            Content::Table(entries) => {
-                for (key, node) in entries {
-                    node.visit_strings(key, visit);
-                }
-            }
-            Content::Array(items) => items.iter_mut().for_each(|node| node.visit_strings(key, visit)),
-            Content::Leaf(toml::Value::String(text)) => visit(key, text),
-            Content::Leaf(_) => {}
-        }
-    }
 }
 
 impl Document {
@@ -175,6 +170,21 @@ impl Document {
             value,
             message: message.into(),
         }))
+    }
+
+    /// An error about a table, on the line of one of its keys.
+    pub(super) fn error_at_key(
+        &self,
+        table: &Place,
+        key: &Step,
+        message: impl Into<String>,
+    ) -> ExperimentError {
+        let key = [&table[..], std::slice::from_ref(key)].concat();
+        let place = self.error(&key, "");
+        let mut error = self.error(table, message).without_value();
+        error.0.source_name.clone_from(&place.0.source_name);
+        error.0.line = place.0.line;
+        error
     }
 
     /// Splits a path into the entry of a top-level list, with its name, and what follows.
@@ -263,52 +273,4 @@ pub(super) fn shortened(text: &str) -> String {
     let mut short: String = text.chars().take(longest - 3).collect();
     short.push_str("...");
     short.replace('\n', " ")
-}
-
-/// Keys whose strings are always paths of files.
-const PATH_KEYS: [&str; 10] = [
-    "mesh",
-    "instance_file",
-    "image",
-    "map",
-    "mask",
-    "csv",
-    "eem_csv",
-    "mat",
-    "excitation_csv",
-    "emission_csv",
-];
-/// Keys whose strings are names of the catalogue or paths of tables.
-const NAME_OR_PATH_KEYS: [&str; 9] = [
-    "n",
-    "k",
-    "spectrum",
-    "reflectance",
-    "transmittance",
-    "filters",
-    "quantum_efficiency",
-    "view_filters",
-    "light_filters",
-];
-
-/// Whether a spectrum reference is a path rather than a name of the catalogue.
-pub(super) fn is_path(reference: &str) -> bool {
-    let lower = reference.to_lowercase();
-    reference.contains(['/', '\\'])
-        || lower.ends_with(".csv")
-        || lower.ends_with(".txt")
-        || lower.ends_with(".tsv")
-}
-
-/// Makes every relative path below a node absolute.
-pub(super) fn anchor_paths(node: &mut Node, folder: &Path) {
-    let folder = std::path::absolute(folder).unwrap_or_else(|_| PathBuf::from(folder));
-    node.visit_strings("", &mut |key, text| {
-        let is_lens = key == "prescription" && crate::preset::is_lens_file(text);
-        let names_a_file =
-            is_lens || PATH_KEYS.contains(&key) || (NAME_OR_PATH_KEYS.contains(&key) && is_path(text));
-        if names_a_file && !text.is_empty() {
-            *text = folder.join(&*text).to_string_lossy().into_owned();
-        }
-    });
 }

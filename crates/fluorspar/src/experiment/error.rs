@@ -161,7 +161,7 @@ macro_rules! steps {
 }
 pub(super) use steps;
 
-/// A path as text: `light[1].power_mw`.
+/// A path as text: `light[1].strength.power_mw`.
 pub(super) fn path_text(path: &[Step]) -> String {
     let mut text = String::new();
     for step in path {

@@ -13,12 +13,15 @@
 
 mod document;
 mod error;
+mod fit;
+mod format_version;
 mod merge;
 mod overrides;
 mod read;
 mod resolve;
 mod sample;
 mod sensor_file;
+mod shape;
 
 pub mod schema;
 

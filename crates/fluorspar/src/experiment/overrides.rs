@@ -1,54 +1,35 @@
 //! `--set path=value`: single values on top of an experiment file.
 
+use std::path::Path;
+
 use super::document::{Content, Document, Node, Origin, Source, read_tree};
 use super::error::{ExperimentError, Step};
-use super::merge::replace;
+use super::merge::make_room;
+use super::shape::{Found, Schema, Shape};
 use crate::names::did_you_mean;
 
-/// Applies one override such as `light.blue.power_mw=20` or `material[2].gloss.roughness=0.3`.
+/// Applies one override such as `light.blue.strength.power_mw=20` or `material[2].gloss.roughness=0.3`.
 ///
 /// An entry of a list is addressed by its name or by its number from 0. The value is TOML; what is no TOML is
 /// taken as a string, so that `sensor.quantum_efficiency=monochrome_cmos` needs no quotes.
 pub(super) fn apply(
     document: &mut Document,
+    schema: &Schema,
     text: &str,
-    anchor: impl Fn(&mut Node),
+    base_dir: &Path,
 ) -> Result<(), ExperimentError> {
-    let source = Source { name: format!("--set {text}"), has_lines: false };
+    let source =
+        Source { name: format!("--set {text}"), has_lines: false, folder: Some(base_dir.to_path_buf()) };
     let (steps, value_text) = split(text, &source)?;
     let index = document.sources.len();
     let value = read_value(value_text, &source, index);
     let steps = resolve_names(&document.root, &steps, &source)?;
-
-    // A tree with nothing but this value in it, so that the rules of merging hold for overrides as well.
-    let origin = Origin { source: index, line: 1 };
     document.sources.push(source);
-    let key = steps.iter().rev().find_map(|step| match step {
-        Step::Key(key) => Some(key.clone()),
-        Step::Index(_) => None,
-    });
-    let mut value = Node { content: Content::Table(vec![(key.unwrap_or_default(), value)]), origin };
-    anchor(&mut value);
-    if steps == [Step::Key("sensor".into()), Step::Key("preset".into())] {
-        keep_only_overrides_of_sensor(document, &value);
-    }
-    let Content::Table(mut only) = value.content else { return Ok(()) };
-    let Some((_, value)) = only.pop() else { return Ok(()) };
-    put(&mut document.root, &steps, value, origin);
-    Ok(())
-}
-
-/// Another sensor of the catalogue takes the place of what files say about the sensor; earlier overrides stay.
-fn keep_only_overrides_of_sensor(document: &mut Document, value: &Node) {
     let sources = &document.sources;
-    let Some(section) = document.root.get_mut("sensor") else { return };
-    let name = |node: Option<&Node>| node.and_then(Node::as_str).map(String::from);
-    if name(section.get("preset")) == name(value.get("preset")) {
-        return;
-    }
-    if let Content::Table(entries) = &mut section.content {
-        entries.retain(|(_, node)| !sources[node.origin.source].has_lines);
-    }
+    // Another variant takes the place of what files say about the old one; earlier overrides stay.
+    let is_override = |node: &Node| !sources[node.origin.source].has_lines;
+    put(schema, Some(schema.root()), &mut document.root, &steps, value, &is_override);
+    Ok(())
 }
 
 fn bad(source: &Source, message: impl Into<String>) -> ExperimentError {
@@ -83,7 +64,10 @@ fn split<'a>(text: &'a str, source: &Source) -> Result<(Vec<String>, &'a str), E
             c => current.push(c),
         }
     }
-    Err(bad(source, "there is no `=`; write section.field=value, for instance light.blue.power_mw=20"))
+    Err(bad(
+        source,
+        "there is no `=`; write section.field=value, for instance light.blue.strength.power_mw=20",
+    ))
 }
 
 fn read_value(text: &str, source: &Source, index: usize) -> Node {
@@ -142,29 +126,55 @@ fn find_entry(items: &[Node], list: &str, step: &str, source: &Source) -> Result
 }
 
 /// Puts a value at a path, building the tables around it where they do not exist.
-fn put(node: &mut Node, steps: &[Step], value: Node, origin: Origin) {
+fn put(
+    schema: &Schema,
+    shape: Option<&Shape>,
+    node: &mut Node,
+    steps: &[Step],
+    value: Node,
+    keep: &impl Fn(&Node) -> bool,
+) {
     match steps {
         [] => *node = value,
         [Step::Index(index), rest @ ..] => {
             if let Content::Array(items) = &mut node.content
                 && let Some(item) = items.get_mut(*index)
             {
-                put(item, rest, value, origin);
+                put(schema, shape.and_then(|shape| schema.items(shape)), item, rest, value, keep);
             }
         }
         [Step::Key(key), rest @ ..] => {
+            // A tree with nothing but this value in it, so that the rules of merging hold for overrides as well.
+            let origin = value.origin;
+            let in_table = |inner: Node, step: &Step| match step {
+                Step::Key(key) => Node { content: Content::Table(vec![(key.clone(), inner)]), origin },
+                Step::Index(_) => inner,
+            };
+            let alone = steps.iter().rev().fold(value.clone(), in_table);
+            if !matches!(node.content, Content::Table(_)) {
+                *node = alone;
+                return;
+            }
+            let table = shape.and_then(|shape| schema.table(shape));
+            if let Some(table) = table {
+                make_room(table, node, &alone, keep);
+            }
+            let variant = table.and_then(|table| match table.variant_of(&alone) {
+                Found::Variant(index) => Some(index),
+                _ => table.variant_or_default(node),
+            });
+            let shape = table.and_then(|table| table.shape(variant, key));
             if let (false, Some(inner)) = (rest.is_empty(), node.get_mut(key))
                 && !matches!(inner.content, Content::Leaf(_))
             {
-                put(inner, rest, value, origin);
+                put(schema, shape, inner, rest, value, keep);
                 return;
             }
-            let mut value = value;
-            for step in rest.iter().rev() {
-                let Step::Key(key) = step else { return };
-                value = Node { content: Content::Table(vec![(key.clone(), value)]), origin };
+            let value = rest.iter().rev().fold(value, in_table);
+            match node.get_mut(key) {
+                Some(existing) => *existing = value,
+                None => node.insert(key, value),
             }
-            replace(node, key, value);
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::path::Path;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use glam::Vec3;
 use schemars::JsonSchema;
@@ -15,9 +15,10 @@ use super::resolve::context::{Context, Resolved, STRENGTH};
 use super::resolve::spectrum::Role;
 use super::resolve::{FileRecord, device, material, without_name};
 use super::schema::{
-    DEFAULT_PORPHYRIN, ExposureTime, FluorophoreSection, LensSection, SensorSection, SpectralSection,
-    SpectrumReference, ViewFilterSection,
+    DEFAULT_PORPHYRIN, ExposureTime, FluorophoreSection, FormatVersion, LensSection, SensorSection,
+    SpectralSection, SpectrumReference, UniformBins, ViewFilterSection,
 };
+use super::shape::Schema;
 use crate::geometry::TriangleMesh;
 use crate::light::{DistantEmitter, Light, LightGroup};
 use crate::material::{FluorophoreAmount, Material, ScalarTexture};
@@ -40,7 +41,7 @@ pub enum MeasuredLight {
     WhiteRadiance,
 }
 
-/// Light on a flat sample: a relative spectrum with `irradiance_w_per_m2`, or an absolute one with `measured`.
+/// Light on a flat sample.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SampleLight {
@@ -52,12 +53,24 @@ pub struct SampleLight {
     /// Angle at which light passes them, degrees, 0 to 60. Default 0.
     #[serde(default)]
     pub filter_angle_deg: f64,
-    /// Irradiance of the sample behind the filters, W/m², over 200 to 1200 nm; the spectrum is then relative.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub irradiance_w_per_m2: Option<f64>,
-    /// The spectrum is absolute, measured without the filters listed here: "irradiance" or "white_radiance".
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub measured: Option<MeasuredLight>,
+    /// How strong it is.
+    pub strength: SampleStrength,
+}
+
+/// Strength of the light: `irradiance_w_per_m2` (the spectrum is relative), or `measured` (it is absolute).
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged, deny_unknown_fields)]
+pub enum SampleStrength {
+    /// The spectrum is relative.
+    Irradiance {
+        /// Irradiance of the sample behind the filters, W/m², over 200 to 1200 nm.
+        irradiance_w_per_m2: f64,
+    },
+    /// The spectrum is absolute.
+    Measured {
+        /// What was measured, without the filters listed here.
+        measured: MeasuredLight,
+    },
 }
 
 /// A flat, homogeneous, matte material.
@@ -106,6 +119,8 @@ pub enum SampleCompatibility {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SampleFile {
+    /// Version of the form of this file: 1.
+    pub format: FormatVersion,
     /// Name for people. Default: empty.
     #[serde(default)]
     pub title: String,
@@ -165,15 +180,15 @@ pub fn parse_sample(
     base_dir: &Path,
     overrides: &[String],
 ) -> Result<ResolvedSample, ExperimentError> {
-    let document = read_document(text, source_name, base_dir, overrides)?;
-    let mut file: SampleFile = typed(&document)?;
+    let schema = sample_schema();
+    let mut document = read_document(schema, text, source_name, base_dir, overrides)?;
+    let mut file: SampleFile = typed(&mut document, schema)?;
     if file.compatibility == SampleCompatibility::ToolboxEem && file.spectral == SpectralSection::default() {
-        file.spectral = SpectralSection {
-            first_nm: Some(TOOLBOX_START_NM),
-            last_nm: Some(TOOLBOX_START_NM + TOOLBOX_STEP_NM * (TOOLBOX_SAMPLES - 1) as f64),
-            step_nm: Some(TOOLBOX_STEP_NM),
-            edges_nm: None,
-        };
+        file.spectral = SpectralSection::Uniform(UniformBins {
+            first_nm: TOOLBOX_START_NM,
+            last_nm: TOOLBOX_START_NM + TOOLBOX_STEP_NM * (TOOLBOX_SAMPLES - 1) as f64,
+            step_nm: TOOLBOX_STEP_NM,
+        });
     }
     if file.compatibility != SampleCompatibility::None
         && let Some(sensor) = &mut file.sensor
@@ -182,6 +197,12 @@ pub fn parse_sample(
         sensor.model.mode = SensorMode::Isetcam { noise_flag: 0 };
     }
     resolve_sample(&document, &file)
+}
+
+/// The shapes of the file of a flat sample.
+pub(super) fn sample_schema() -> &'static Schema {
+    static SCHEMA: OnceLock<Schema> = OnceLock::new();
+    SCHEMA.get_or_init(Schema::of::<SampleFile>)
 }
 
 fn resolve_sample(document: &Document, file: &SampleFile) -> Resolved<ResolvedSample> {
@@ -220,7 +241,7 @@ fn resolve_sample(document: &Document, file: &SampleFile) -> Resolved<ResolvedSa
     let view_filter = device::view_filter(context, &file.view_filter, &grid)?;
     let lens = match &file.lens {
         Some(section) => {
-            if section.image_formation.is_some() {
+            if section.image_formation().is_some() {
                 let message = "a flat sample has no picture; remove this field";
                 return context.fail(&steps!["lens", "image_formation"], message);
             }
@@ -283,7 +304,10 @@ fn resolve_sample(document: &Document, file: &SampleFile) -> Resolved<ResolvedSa
 }
 
 fn irradiance(context: &mut Context<'_>, light: &SampleLight, grid: &WavelengthGrid) -> Resolved<Curve> {
-    let role = if light.measured.is_some() { Role::Absolute } else { Role::Light };
+    let role = match light.strength {
+        SampleStrength::Measured { .. } => Role::Absolute,
+        SampleStrength::Irradiance { .. } => Role::Light,
+    };
     let mut curve = context.spectrum(&steps!["light", "spectrum"], &light.spectrum, role, 0.0, grid)?;
     let angle_deg = light.filter_angle_deg;
     context.within(&steps!["light", "filter_angle_deg"], angle_deg, [0.0, 60.0], "degrees")?;
@@ -295,17 +319,15 @@ fn irradiance(context: &mut Context<'_>, light: &SampleLight, grid: &WavelengthG
     if total <= 0.0 {
         return context.fail(&steps!["light"], "no light reaches the sample; check spectrum and filters");
     }
-    match (light.irradiance_w_per_m2, light.measured) {
-        (Some(value), None) => {
-            let at = steps!["light", "irradiance_w_per_m2"];
+    match light.strength {
+        SampleStrength::Irradiance { irradiance_w_per_m2: value } => {
+            let at = steps!["light", "strength", "irradiance_w_per_m2"];
             Ok(curve.scaled(context.within(&at, value, STRENGTH, "W/m²")? / total))
         }
-        (None, Some(MeasuredLight::Irradiance)) => Ok(curve),
-        (None, Some(MeasuredLight::WhiteRadiance)) => Ok(curve.scaled(std::f64::consts::PI)),
-        _ => context.fail(
-            &steps!["light"],
-            "give either `irradiance_w_per_m2` (the spectrum is relative) or `measured` (it is absolute)",
-        ),
+        SampleStrength::Measured { measured: MeasuredLight::Irradiance } => Ok(curve),
+        SampleStrength::Measured { measured: MeasuredLight::WhiteRadiance } => {
+            Ok(curve.scaled(std::f64::consts::PI))
+        }
     }
 }
 
@@ -357,12 +379,6 @@ fn as_scene(
 
 fn write_out(context: &Context<'_>, file: &SampleFile) -> Resolved<(String, String)> {
     let mut complete = file.clone();
-    complete.spectral.fill();
-    if let Some(lens) = &mut complete.lens {
-        let formation = lens.image_formation;
-        lens.fill();
-        lens.image_formation = formation;
-    }
     if let Some(sensor) = &mut complete.sensor {
         sensor.model = device::filled(&sensor.model);
     }

@@ -1,17 +1,19 @@
 //! Files that describe a sensor and nothing else, in the form of the catalogue's.
 
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::document::{Content, Node};
 use super::error::{ExperimentError, steps};
-use super::read::{field_names, read_document, typed};
+use super::read::{experiment_schema, read_document, typed};
 use super::resolve::context::Context;
 use super::resolve::device;
-use super::sample::SampleFile;
-use super::schema::{ExperimentFile, SensorSection};
+use super::sample::sample_schema;
+use super::schema::{FormatVersion, SensorSection};
+use super::shape::Schema;
 use crate::sensor::Sensor;
 use crate::spectral::WavelengthGrid;
 
@@ -19,6 +21,8 @@ use crate::spectral::WavelengthGrid;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SensorFile {
+    /// Version of the form of this file: 1.
+    pub format: FormatVersion,
     /// Short name. Default: empty.
     #[serde(default)]
     pub name: String,
@@ -53,6 +57,12 @@ pub struct ResolvedSensor {
     pub inputs: Vec<PathBuf>,
 }
 
+/// The shapes of a sensor file.
+fn sensor_schema() -> &'static Schema {
+    static SCHEMA: OnceLock<Schema> = OnceLock::new();
+    SCHEMA.get_or_init(Schema::of::<SensorFile>)
+}
+
 /// Reads the sensor of a sensor file, an experiment or a flat sample. Overrides and paths are as for an experiment;
 /// spectra are looked at on the default wavelengths.
 ///
@@ -64,7 +74,7 @@ pub fn parse_sensor(
     base_dir: &Path,
     overrides: &[String],
 ) -> Result<ResolvedSensor, ExperimentError> {
-    let mut document = read_document(text, source_name, base_dir, overrides)?;
+    let mut document = read_document(experiment_schema(), text, source_name, base_dir, overrides)?;
     if document.root.get("sensor").is_none() {
         return Err(
             document.error(&[], "there is no [sensor] section; add one, if only with preset = \"NAME\"")
@@ -72,11 +82,15 @@ pub fn parse_sensor(
     }
     if let Content::Table(entries) = &mut document.root.content {
         // Of an experiment or a sample only the sensor is read.
-        let mine = field_names::<SensorFile>();
-        let others = [field_names::<ExperimentFile>(), field_names::<SampleFile>()].concat();
-        entries.retain(|(key, _): &(String, Node)| mine.contains(key) || !others.contains(key));
+        let has = |schema: &Schema, key: &str| {
+            schema.table(schema.root()).is_some_and(|table| table.field(None, key).is_some())
+        };
+        let others = [experiment_schema(), sample_schema()];
+        entries.retain(|(key, _): &(String, Node)| {
+            has(sensor_schema(), key) || !others.iter().any(|schema| has(schema, key))
+        });
     }
-    let file: SensorFile = typed(&document)?;
+    let file: SensorFile = typed(&mut document, sensor_schema())?;
     let mut context = Context::new(&document);
     let sensor = device::sensor(&mut context, &file.sensor, &WavelengthGrid::default())?;
     let mut complete = file.clone();

@@ -13,7 +13,7 @@ pub const C_LINE_NM: f64 = 656.2725;
 
 /// How the refractive index, relative to air, depends on the wavelength.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
+#[serde(tag = "type", rename_all = "snake_case", deny_unknown_fields)]
 pub enum Dispersion {
     /// The same index at every wavelength.
     Constant {

@@ -92,7 +92,7 @@ mod tests {
     /// within some per cent of white.
     #[test]
     fn a_camera_matrix_predicts_the_channels() {
-        let text = "base = \"oraleye-2021\"\n[view_filter]\nfilters = [\"uv_ir\"]";
+        let text = "format = 1\nbase = \"oraleye-2021\"\n[view_filter]\nfilters = [\"uv_ir\"]";
         let study = resolve(&parse(text, "test", std::path::Path::new("."), &[]).unwrap()).unwrap().study;
         let capture = study.captures.iter().find(|c| c.frame.label == "white").unwrap();
         let color = CameraColor::of_frame(&study, capture).unwrap();

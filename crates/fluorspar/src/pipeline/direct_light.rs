@@ -103,22 +103,25 @@ mod tests {
     #[test]
     fn lights_of_different_kinds_mix_by_their_irradiance() {
         let text = r#"
+            format = 1
             base = "flat-patch"
             [[light]]
             name = "lamp"
             type = "point"
             spectrum = "led_405"
             position_mm = [0.0, 0.0, 100.0]
-            power_mw = 1000.0
+            strength.power_mw = 1000.0
             [[light]]
             name = "room"
             type = "environment"
             spectrum = "led_450"
-            radiance_w_per_sr_m2 = 2.0
+            strength.radiance_w_per_sr_m2 = 2.0
             [[object]]
             name = "window"
             material = "patch"
-            sphere = { center_mm = [0.0, 0.0, 200.0], radius_mm = 10.0 }
+            type = "sphere"
+            center_mm = [0.0, 0.0, 200.0]
+            radius_mm = 10.0
             emission = { group = "window", spectrum = "led_365", radiance_w_per_sr_m2 = 100.0 }
             [[capture]]
             name = "ambient"

@@ -396,10 +396,11 @@ mod tests {
 
     /// Eight discs of 1 W on a circle of 35 mm, 100 mm away: `N P d² / (pi (d² + rho²)²)` = 202 W/m² per watt each.
     const RING: &str = r#"
+        format = 1
         base = "flat-patch"
         light = [
             { name = "blue", remove = true },
-            { name = "ring", type = "ring", frame = "camera", spectrum = { kind = "led", peak_nm = 385.0, fwhm_short_nm = 2.0, fwhm_long_nm = 2.0 }, ring_radius_mm = 35.0, radius_mm = 2.5, power_mw = 1000.0 },
+            { name = "ring", type = "ring", frame = "camera", spectrum = { type = "led", peak_nm = 385.0, fwhm_short_nm = 2.0, fwhm_long_nm = 2.0 }, ring_radius_mm = 35.0, radius_mm = 2.5, strength.power_mw = 1000.0 },
         ]
         [[capture]]
         name = "blue"

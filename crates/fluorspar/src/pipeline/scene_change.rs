@@ -84,7 +84,7 @@ mod tests {
 
     fn study(overrides: &[&str]) -> Study {
         let overrides: Vec<String> = overrides.iter().map(ToString::to_string).collect();
-        let text = "base = \"flat-patch\"";
+        let text = "format = 1\nbase = \"flat-patch\"";
         resolve(&parse(text, "test", std::path::Path::new("."), &overrides).unwrap()).unwrap().study
     }
 
@@ -93,7 +93,7 @@ mod tests {
         let rendered = study(&[]);
         let said = |change: &str| difference(&rendered, &study(&[change])).unwrap_or_default();
         for (change, what) in [
-            ("light.blue.irradiance_w_per_m2=500", "light \"blue\""),
+            ("light.blue.strength.irradiance_w_per_m2=500", "light \"blue\""),
             ("light.blue.spectrum=\"led_405\"", "light \"blue\""),
             ("material.patch.concentrations.fad=0.3", "material \"patch\""),
             ("object.patch.transform={ translate_mm = [0.0, 0.0, 1.0] }", "object \"patch\""),

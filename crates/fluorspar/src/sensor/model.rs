@@ -20,7 +20,7 @@ mod table_1 {
 
 /// Which equations turn mean electrons into digital numbers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
+#[serde(tag = "type", rename_all = "snake_case", deny_unknown_fields)]
 pub enum SensorMode {
     /// Poisson electrons, full well, fixed patterns that stay, noise before and after the gain, black level.
     #[default]
@@ -76,17 +76,21 @@ pub struct SensorModel {
     pub black_level_dn: f64,
     /// Temporal noise before the gain, mV rms. Default 1.39.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("x-replaces" = ["read_noise_e"]))]
     pub read_noise_mv: Option<f64>,
     /// Temporal noise before the gain, e- rms; instead of `read_noise_mv`.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("x-replaces" = ["read_noise_mv"]))]
     pub read_noise_e: Option<f64>,
     /// Temporal noise after the gain, mV rms at the converter, quantisation excluded (physical mode only).
     pub post_gain_noise_mv: f64,
     /// Standard deviation of the pixels' offsets, mV. Default 0.2536.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("x-replaces" = ["dsnu_e"]))]
     pub dsnu_mv: Option<f64>,
     /// Standard deviation of the pixels' offsets, e-; instead of `dsnu_mv`.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("x-replaces" = ["dsnu_mv"]))]
     pub dsnu_e: Option<f64>,
     /// Standard deviation of the pixels' responsivities, percent.
     pub prnu_percent: f64,
@@ -104,9 +108,11 @@ pub struct SensorModel {
     pub row_noise_mv: f64,
     /// Dark signal at the reference temperature, mV/s. Default 0.15.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("x-replaces" = ["dark_current_e_per_s"]))]
     pub dark_voltage_mv_per_s: Option<f64>,
     /// Dark signal at the reference temperature, e-/s; instead of `dark_voltage_mv_per_s`.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("x-replaces" = ["dark_voltage_mv_per_s"]))]
     pub dark_current_e_per_s: Option<f64>,
     /// Spread of the pixels' dark currents: standard deviation of the logarithm of a log-normal distribution whose
     /// mean is the dark current (physical mode only).
@@ -128,6 +134,7 @@ pub struct SensorModel {
     /// squared distance from the centre over that of a corner. It comes on top of the lens (physical and noise-free mode
     /// only).
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    #[schemars(extend("x-merge" = "replace"))]
     pub relative_illumination: BTreeMap<String, Vec<f64>>,
     /// Crosstalk between neighbours. Default: none.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -146,6 +153,11 @@ pub struct SensorModel {
     pub binning: Option<Binning>,
     /// Electronics and noise as a data sheet after EMVA 1288, in place of the fields that say the same.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("x-replaces" = [
+        "well_capacity_e", "voltage_swing_v", "conversion_gain_mv_per_e", "bit_depth", "black_level_dn", "read_noise_mv",
+        "read_noise_e", "post_gain_noise_mv", "dsnu_mv", "dsnu_e", "prnu_percent", "dark_voltage_mv_per_s",
+        "dark_current_e_per_s", "dark_reference_temperature_c", "dark_doubling_temperature_k", "fill_factor", "well_knee",
+    ]))]
     pub emva1288: Option<Emva1288>,
     /// Which equations to use.
     pub mode: SensorMode,
@@ -580,7 +592,7 @@ mod tests {
     fn an_empty_file_is_the_default_and_a_resolved_one_says_so_in_full() {
         let model: SensorModel = serde_json::from_str("{}").unwrap();
         assert_eq!(model, SensorModel::default());
-        let text = r#"{"mode": {"kind": "isetcam", "noise_flag": -1}, "mosaic": [["mono"]]}"#;
+        let text = r#"{"mode": {"type": "isetcam", "noise_flag": -1}, "mosaic": [["mono"]]}"#;
         let mono: SensorModel = serde_json::from_str(text).unwrap();
         assert_eq!(mono.mode, SensorMode::Isetcam { noise_flag: -1 });
         let warm = SensorModel { temperature_c: 45.0, read_noise_e: Some(2.0), ..model };

@@ -26,6 +26,7 @@ pub enum BinningKind {
 #[serde(deny_unknown_fields)]
 pub struct Binning {
     /// Charge, digital_sum or digital_average.
+    #[serde(rename = "type")]
     pub kind: BinningKind,
     /// Columns that are joined, 1 to 16.
     pub columns: usize,
@@ -84,7 +85,7 @@ impl Readout {
             }
             if let Some(well) = binning.well_capacity_e {
                 if binning.kind != BinningKind::Charge {
-                    let message = "only charge binning adds electrons; remove it or set kind = \"charge\"";
+                    let message = "only charge binning adds electrons; remove it or set type = \"charge\"";
                     return Err(SensorProblem::new("binning.well_capacity_e", message));
                 }
                 let (field, range) = ("binning.well_capacity_e", [1.0, 1e9]);
@@ -109,7 +110,7 @@ impl Readout {
                     binning.pixels(),
                     model.bit_depth
                 );
-                return Err(SensorProblem::new("binning.kind", message));
+                return Err(SensorProblem::new("binning.type", message));
             }
             (columns, rows) = (width / binning.columns, height / binning.rows);
         }
@@ -189,7 +190,7 @@ mod tests {
         );
         assert_eq!(
             field(SensorModel { binning: joined(8, 5, BinningKind::DigitalSum), ..base() }),
-            "binning.kind"
+            "binning.type"
         );
     }
 }

@@ -21,6 +21,7 @@ pub enum ShutterKind {
 #[serde(default, deny_unknown_fields)]
 pub struct Shutter {
     /// Global or rolling. Default "global".
+    #[serde(rename = "type")]
     pub kind: ShutterKind,
     /// Time from reading one row to reading the next, us, 0 to 1e6. Default 0.
     pub row_time_us: f64,
@@ -64,7 +65,7 @@ impl Shutter {
         let mending = "give a fraction, not percent or a ratio such as 1:10000";
         within("shutter.parasitic_light_sensitivity", sensitivity, [0.0, 1.0], mending)?;
         if self.kind == ShutterKind::Rolling && sensitivity > 0.0 {
-            let message = "a rolling shutter has no storage node; remove it or set kind = \"global\"";
+            let message = "a rolling shutter has no storage node; remove it or set type = \"global\"";
             return Err(SensorProblem::new("shutter.parasitic_light_sensitivity", message));
         }
         Ok(())

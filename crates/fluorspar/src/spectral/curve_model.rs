@@ -26,7 +26,7 @@ const NOTCH_ORDER: i32 = 6;
 /// All wavelengths and widths are in nm, in vacuum and at normal incidence. The value has the unit that the
 /// file around the curve states (relative power, transmittance, reflectance, electrons per photon).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
+#[serde(tag = "type", rename_all = "snake_case", deny_unknown_fields)]
 pub enum CurveModel {
     /// The same value at every wavelength.
     Constant {
@@ -550,7 +550,7 @@ fn check_table(wavelength_nm: &[f64], value: &[f64]) -> Result<(), CurveProblem>
     if wavelength_nm.len() < 2 {
         return Err((
             "wavelength_nm".to_owned(),
-            "a table needs two points or more; use kind = \"constant\" for a single value".to_owned(),
+            "a table needs two points or more; use type = \"constant\" for a single value".to_owned(),
         ));
     }
     for (i, (at, v)) in wavelength_nm.iter().zip(value).enumerate() {

@@ -4,7 +4,7 @@ use std::io::Write;
 use std::path::{Component, Path, PathBuf};
 
 use clap::ValueHint;
-use fluorspar::experiment::schema::FluorophoreSection;
+use fluorspar::experiment::schema::{FilePath, FluorophoreSection};
 use fluorspar::format::write_atomically;
 
 use super::loading::{checked, everywhere_nm, from_file, peaks_nm, section_toml};
@@ -89,8 +89,8 @@ fn check_out(out: &Path) -> Result<(), CliError> {
 
 /// Makes the paths of a section relative to the folder of the file that it will stand in.
 fn refer_from(folder: &Path, section: &mut FluorophoreSection) {
-    for path in [&mut section.eem_csv, &mut section.csv, &mut section.mat].into_iter().flatten() {
-        *path = relative(folder, Path::new(path.as_str()));
+    for path in section.source.files_mut() {
+        *path = FilePath::from(relative(folder, path.as_ref()));
     }
 }
 

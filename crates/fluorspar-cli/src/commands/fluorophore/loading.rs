@@ -3,7 +3,9 @@
 use std::path::Path;
 
 use fluorspar::experiment::parse_sample;
-use fluorspar::experiment::schema::{FluorophoreSection, YieldUnit};
+use fluorspar::experiment::schema::{
+    FilePath, FluorophoreSection, FluorophoreSource, MatSource, MatrixSource, TableSource, YieldUnit,
+};
 use fluorspar::preset::{self, FluorophorePreset};
 use fluorspar::spectral::{Fluorophore, Stokes, YieldDensity};
 use fluorspar::units::number_text;
@@ -79,38 +81,32 @@ pub(super) fn from_file(
         ));
     }
     let file = std::path::absolute(path).unwrap_or_else(|_| path.into());
-    let file = Some(file.to_string_lossy().into_owned());
-    let mut section = FluorophoreSection {
+    let file = FilePath::from(file.to_string_lossy().into_owned());
+    let unit = Some(match measured.unit {
+        Unit::Photons => YieldUnit::Photons,
+        Unit::Energy => YieldUnit::Energy,
+    });
+    let section = FluorophoreSection {
         name,
         title: None,
-        from: None,
-        eem_csv: None,
-        csv: None,
-        mat: None,
-        excitation_csv: None,
-        emission_csv: None,
-        unit: Some(match measured.unit {
-            Unit::Photons => YieldUnit::Photons,
-            Unit::Energy => YieldUnit::Energy,
-        }),
+        source: match measured.kind {
+            Kind::MatrixCsv => FluorophoreSource::Matrix(MatrixSource { eem_csv: file, unit }),
+            Kind::SpectraCsv => FluorophoreSource::Table(TableSource { csv: file, unit }),
+            Kind::Mat => FluorophoreSource::Mat(MatSource { mat: file, unit }),
+        },
         photon_yield: Some(photon_yield),
         stokes: Some(match options.stokes {
             StokesChoice::Mask => Stokes::Mask,
             StokesChoice::Off => Stokes::Off,
         }),
     };
-    match measured.kind {
-        Kind::MatrixCsv => section.eem_csv = file,
-        Kind::SpectraCsv => section.csv = file,
-        Kind::Mat => section.mat = file,
-    }
     Ok((section, measured))
 }
 
 /// The fluorophore that an experiment makes of a section: on a black surface, at concentration 1.
 pub(super) fn checked(path: &Path, section: &FluorophoreSection) -> Result<Fluorophore, CliError> {
     let text = format!(
-        "[light]\nspectrum = \"equal_energy\"\nirradiance_w_per_m2 = 1.0\n[sample]\nreflectance = 0.0\n\
+        "format = 1\n[light]\nspectrum = \"equal_energy\"\nstrength.irradiance_w_per_m2 = 1.0\n[sample]\nreflectance = 0.0\n\
          [sample.concentrations]\n{} = 1.0\n{}",
         quoted(&section.name),
         section_toml(section)?

@@ -60,7 +60,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         write_atomically(&path, |writer| {
             writeln!(
                 writer,
-                "base = {}\ntitle = \"Person {}\"\n\n[mouth]\n{}",
+                "format = 1\nbase = {}\ntitle = \"Person {}\"\n\n[mouth]\n{}",
                 crate::commands::quoted(&options.base),
                 person.seed,
                 toml::to_string(&toml).unwrap_or_default().trim_end()

@@ -90,7 +90,7 @@ impl SensorArgs {
 fn of_catalogue(name: &str, changes: &[String]) -> Result<ResolvedSensor, CliError> {
     // Written by the serializer: a title may hold quotation marks.
     let title = toml::Value::String(preset::sensor(name)?.title);
-    let text = format!("title = {title}\n[sensor]\npreset = \"{name}\"\n");
+    let text = format!("format = 1\ntitle = {title}\n[sensor]\npreset = \"{name}\"\n");
     Ok(parse_sensor(&text, &format!("built-in {name}"), Path::new("."), changes)?)
 }
 

@@ -7,7 +7,9 @@ use super::material::Fluorophores;
 use super::spectrum::Role;
 use super::surface_mean::surface_mean;
 use crate::experiment::error::{Place, Step, steps};
-use crate::experiment::schema::{AnalysisSection, ExperimentFile, ExposureTime, TextureReference};
+use crate::experiment::schema::{
+    AnalysisSection, BulkReference, ExperimentFile, ExposureTime, TextureReference,
+};
 use crate::light::LightGroup;
 use crate::material::Material;
 use crate::names::did_you_mean;
@@ -300,20 +302,16 @@ fn bulk(
     section: &AnalysisSection,
     seen: &Seen<'_>,
 ) -> Resolved<Vec<(String, f64)>> {
-    if let Some(bulk) = &section.bulk {
-        if section.bulk_material.is_some() {
-            let at = steps!["analysis", "bulk_material"];
-            return context.fail(&at, "given together with bulk; keep one of the two");
+    let index = match &section.bulk {
+        Some(BulkReference::Concentrations(bulk)) => {
+            return Ok(bulk.iter().map(|(name, amount)| (name.clone(), *amount)).collect());
         }
-        return Ok(bulk.iter().map(|(name, amount)| (name.clone(), *amount)).collect());
-    }
-    let index = match &section.bulk_material {
-        Some(name) => {
+        Some(BulkReference::Material(name)) => {
             let found = file.material.iter().position(|material| material.name == *name);
             if found.is_none() {
                 let names = file.material.iter().map(|material| material.name.as_str());
                 let message = format!("there is no [[material]] of this name{}", hint(name, names));
-                return context.fail(&steps!["analysis", "bulk_material"], message);
+                return context.fail(&steps!["analysis", "bulk"], message);
             }
             found
         }
@@ -331,7 +329,7 @@ fn bulk(
         of_material().filter(move |object| !region_has_it || in_region(object)).map(|object| &object.shape)
     };
     let mut bulk = Vec::new();
-    for (name, reference) in &file.material[index].concentrations {
+    for (name, reference) in file.material[index].concentrations().into_iter().flatten() {
         if *name == section.porphyrin {
             continue;
         }

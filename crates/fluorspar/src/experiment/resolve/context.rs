@@ -10,7 +10,7 @@ use crate::anatomy::{MouthParameters, Tissue};
 use crate::digest::sha256_hex;
 use crate::experiment::document::Document;
 use crate::experiment::error::{ExperimentError, Place, Step};
-use crate::experiment::schema::ExposureTime;
+use crate::experiment::schema::{ExposureTime, FilePath};
 use crate::sensor::{AutoExposure, EXPOSURE_MS};
 use crate::spectral::WavelengthGrid;
 use crate::units::number_text;
@@ -155,8 +155,9 @@ impl<'a> Context<'a> {
     }
 
     /// Digest of a file, noted as an input of the experiment.
-    pub(in crate::experiment) fn note_input(&mut self, at: &[Step], file: &str) -> Resolved<()> {
-        if self.inputs.iter().any(|input| input.path == Path::new(file)) {
+    pub(in crate::experiment) fn note_input(&mut self, at: &[Step], file: &FilePath) -> Resolved<()> {
+        let file: &Path = file.as_ref();
+        if self.inputs.iter().any(|input| input.path == file) {
             return Ok(());
         }
         let bytes = match std::fs::read(file) {

@@ -6,12 +6,11 @@ use std::sync::Arc;
 use super::context::{Context, LENGTH_MM, Resolved};
 use super::error_target;
 use super::spectrum::Role;
-use crate::experiment::document::is_path;
 use crate::experiment::error::{Place, steps};
 use crate::experiment::schema::{
-    CameraSection, EfficiencyReference, ExperimentFile, FieldOfView, FilterAngles, FilterPosition,
-    ImageFormation, LensSection, LensType, RenderSection, SensorSection, SpectralSection, SpectrumReference,
-    ViewFilterSection,
+    CameraSection, EdgeBins, EfficiencyReference, ExperimentFile, FieldOfView, FilterAngles, FilterPosition,
+    ImageFormation, LensSection, NameOrLens, NameOrTable, RenderSection, SensorSection, SpectralSection,
+    SpectrumReference, TracedLensSection, UniformBins, ViewFilterSection,
 };
 use crate::format::{CsvColumns, CsvSpectrumOptions, Negative};
 use crate::optics::{
@@ -29,34 +28,17 @@ const LONGEST_SIDE_PX: u64 = 16_384;
 const MOST_SAMPLES: u64 = 1_000_000;
 const GIB: f64 = (1u64 << 30) as f64;
 
-impl SpectralSection {
-    /// Writes the defaults out.
-    pub(in crate::experiment) fn fill(&mut self) {
-        if self.edges_nm.is_none() {
-            self.first_nm.get_or_insert(350.0);
-            self.last_nm.get_or_insert(750.0);
-            self.step_nm.get_or_insert(5.0);
-        }
-    }
-}
-
 pub(in crate::experiment) fn grid(
     context: &Context<'_>,
     section: &SpectralSection,
 ) -> Resolved<WavelengthGrid> {
-    let uniform = section.first_nm.is_some() || section.last_nm.is_some() || section.step_nm.is_some();
-    if let Some(edges) = &section.edges_nm {
-        let at = steps!["spectral", "edges_nm"];
-        if uniform {
-            return context
-                .fail(&at, "given together with first_nm, last_nm or step_nm; keep one of the two ways");
+    let UniformBins { first_nm: first, last_nm: last, step_nm: step } = match section {
+        SpectralSection::Uniform(bins) => *bins,
+        SpectralSection::Edges(EdgeBins { edges_nm }) => {
+            let at = steps!["spectral", "edges_nm"];
+            return WavelengthGrid::from_edges(edges_nm)
+                .map_err(|error| context.error(&at, error.to_string()));
         }
-        return WavelengthGrid::from_edges(edges).map_err(|error| context.error(&at, error.to_string()));
-    }
-    let mut filled = section.clone();
-    filled.fill();
-    let (Some(first), Some(last), Some(step)) = (filled.first_nm, filled.last_nm, filled.step_nm) else {
-        return Ok(WavelengthGrid::default());
     };
     WavelengthGrid::uniform(first, last, step).map_err(|error| {
         if matches!(error, GridError::NotIncreasing { .. }) && last < first {
@@ -159,7 +141,7 @@ pub(super) fn camera(
     let target = context.meters(&at("look_at_mm"), section.look_at_mm)?;
     let up = context.direction(&at("up"), section.up)?;
     let traced = lens.and_then(|lens| lens.traced.as_ref());
-    let formation = file.lens.as_ref().and_then(|lens| lens.image_formation).unwrap_or_default();
+    let formation = file.lens.as_ref().and_then(LensSection::image_formation).unwrap_or_default();
     let field_deg = match (section.horizontal_field_deg, lens, sensor) {
         (given, _, _) if traced.is_some() => {
             let field_deg =
@@ -251,8 +233,7 @@ pub(in crate::experiment) fn view_filter(
     for (index, reference) in section.filters.iter().enumerate() {
         let at = steps!["view_filter", "filters", index];
         let filter = context.filter(&at, reference, section.effective_index, grid)?;
-        let of_catalogue = matches!(reference, SpectrumReference::Name(name) if !is_path(name));
-        let curve = if of_catalogue {
+        let curve = if reference.catalogue_name().is_some() {
             context.spectrum(&at, reference, Role::Filter, section.angle_deg, grid)?
         } else {
             filter.at_angle(section.angle_deg)
@@ -288,16 +269,17 @@ pub(in crate::experiment) fn lens(
     film_mm: Option<[f64; 2]>,
     grid: &WavelengthGrid,
 ) -> Resolved<Lens> {
-    check_lens_fields(context, section)?;
-    let at = steps!["lens", "transmittance"];
-    let glass = context.spectrum(&at, &section.transmittance, Role::Filter, 0.0, grid)?;
-    let distance_mm = section.focus_distance_mm.or(distance_mm);
-    let (mut equation, traced) = match section.kind {
-        LensType::Ideal => {
+    let transmittance = match section {
+        LensSection::Ideal(lens) => &lens.transmittance,
+        LensSection::Traced(lens) => &lens.transmittance,
+    };
+    let glass = context.spectrum(&steps!["lens", "transmittance"], transmittance, Role::Filter, 0.0, grid)?;
+    let (mut equation, traced) = match section {
+        LensSection::Ideal(section) => {
             let lens = IdealLens {
-                object_distance_mm: distance_mm,
-                vignetting: section.vignetting.unwrap_or_default(),
-                ..IdealLens::new(section.focal_length_mm.unwrap_or(3.0), section.f_number.unwrap_or(4.0))
+                object_distance_mm: section.focus_distance_mm.or(distance_mm),
+                vignetting: section.vignetting,
+                ..IdealLens::new(section.focal_length_mm, section.f_number)
             };
             lens.validate().map_err(|problem| {
                 let field =
@@ -306,7 +288,8 @@ pub(in crate::experiment) fn lens(
             })?;
             (lens, None)
         }
-        LensType::Traced => {
+        LensSection::Traced(section) => {
+            let distance_mm = section.focus_distance_mm.or(distance_mm);
             let film_mm = film_mm.unwrap_or([AXIS_FILM_MM; 2]);
             let traced = traced_lens(context, section, distance_mm, film_mm, grid)?;
             let state = traced.state();
@@ -330,45 +313,17 @@ pub(in crate::experiment) fn lens(
 /// Side of the film of a lens of which only the axis matters, mm.
 const AXIS_FILM_MM: f64 = 1e-3;
 
-/// Refuses fields that the type of lens does not have, and asks for those that it needs.
-fn check_lens_fields(context: &Context<'_>, section: &LensSection) -> Resolved<()> {
-    use LensType::{Ideal, Traced};
-    if section.kind == Traced && section.prescription.is_none() {
-        let message = format!(
-            "a lens of type \"traced\" needs `prescription`: a name of the catalogue ({}) or a lens file",
-            preset::names(preset::PresetKind::Lens).join(", ")
-        );
-        return context.fail(&steps!["lens"], message);
-    }
-    let given = [
-        ("prescription", section.prescription.is_some(), Traced),
-        ("film_shift_mm", section.film_shift_mm.is_some(), Traced),
-        ("image_formation", section.image_formation.is_some(), Traced),
-        ("band_groups", section.band_groups.is_some(), Traced),
-        ("vignetting", section.vignetting.is_some(), Ideal),
-    ];
-    for (field, is_given, of) in given {
-        if is_given && of != section.kind {
-            let (name, other) = if of == Traced { ("ideal", "traced") } else { ("traced", "ideal") };
-            let message =
-                format!("a lens of type \"{name}\" has no such field; remove it or set type = \"{other}\"");
-            return context.fail(&steps!["lens", field], message);
-        }
-    }
-    Ok(())
-}
-
 fn traced_lens(
     context: &mut Context<'_>,
-    section: &LensSection,
+    section: &TracedLensSection,
     distance_mm: Option<f64>,
     [width_mm, height_mm]: [f64; 2],
     grid: &WavelengthGrid,
 ) -> Resolved<CameraLens> {
     let at = |key: &str| steps!["lens", key];
-    let name = section.prescription.as_deref().unwrap_or_default();
-    if preset::is_lens_file(name) {
-        context.note_input(&at("prescription"), name)?;
+    let name = section.prescription.as_str();
+    if let NameOrLens::File(path) = &section.prescription {
+        context.note_input(&at("prescription"), path)?;
     }
     let loaded = preset::lens_or_file(name).map_err(|error| {
         let error = context.error(&at("prescription"), error.to_string());
@@ -386,7 +341,7 @@ fn traced_lens(
             lens = lens.scaled(wanted_mm / own_mm);
         }
     }
-    let groups = section.band_groups.unwrap_or(1);
+    let groups = section.band_groups;
     context.whole_within(&at("band_groups"), groups.into(), [1, 64])?;
     if groups > 1 && !lens.is_dispersive() {
         let message = "no glass of this lens disperses, so groups only cost time; remove this field";
@@ -395,7 +350,7 @@ fn traced_lens(
     let setting = LensSetting {
         f_number: section.f_number,
         object_distance_mm: distance_mm,
-        film_shift_mm: section.film_shift_mm.unwrap_or(0.0),
+        film_shift_mm: section.film_shift_mm,
     };
     let state = LensState::new(&lens, setting).map_err(|problem| match problem.place.as_str() {
         place @ ("f_number" | "focus_distance_mm" | "film_shift_mm") => {
@@ -412,24 +367,6 @@ fn traced_lens(
         context.warn(&at("prescription"), message);
     }
     Ok(traced)
-}
-
-impl LensSection {
-    /// Writes the defaults out.
-    pub(in crate::experiment) fn fill(&mut self) {
-        match self.kind {
-            LensType::Ideal => {
-                self.focal_length_mm.get_or_insert(3.0);
-                self.f_number.get_or_insert(4.0);
-                self.vignetting.get_or_insert_default();
-            }
-            LensType::Traced => {
-                self.film_shift_mm.get_or_insert(0.0);
-                self.image_formation.get_or_insert_default();
-                self.band_groups.get_or_insert(1);
-            }
-        }
-    }
 }
 
 impl CameraSection {
@@ -452,7 +389,7 @@ pub(in crate::experiment) fn sensor(
     }
     let at = steps!["sensor", "quantum_efficiency"];
     let channels = match &section.quantum_efficiency {
-        EfficiencyReference::Name(name) => quantum_efficiency(context, &at, name, model)?,
+        EfficiencyReference::Text(reference) => quantum_efficiency(context, &at, reference, model)?,
         EfficiencyReference::Channels(table) => efficiencies(context, &at, table, model, grid)?,
     };
     let mut qe = SpectralQe::from_curves(channels).map_err(|problem| context.error(&at, problem.message))?;
@@ -529,9 +466,9 @@ fn efficiencies(
             let message = format!("has no channel \"{name}\", which the mosaic of the sensor names; add it");
             return context.fail(at, message);
         };
-        if matches!(reference, SpectrumReference::Name(_)) {
+        if matches!(reference, SpectrumReference::Text(_)) {
             let message =
-                "give a number, an equation such as { kind = \"bands\", ... }, or { csv = \"FILE\" }";
+                "give a number, an equation such as { type = \"bands\", ... }, or { csv = \"FILE\" }";
             return context.fail(&at.field(&name), message);
         }
         let curve = context.spectrum(&at.field(&name), reference, Role::Filter, 0.0, grid)?;
@@ -543,16 +480,20 @@ fn efficiencies(
 fn quantum_efficiency(
     context: &mut Context<'_>,
     at: &Place,
-    reference: &str,
+    reference: &NameOrTable,
     model: &SensorModel,
 ) -> Resolved<Vec<(String, Curve)>> {
     let wanted = channels_of(model);
-    if is_path(reference) {
-        let columns = CsvColumns::Named(wanted);
-        let options = CsvSpectrumOptions { columns, negative: Negative::ClipToZero, skip_empty_cells: true };
-        let curves = context.csv(at, reference, &options)?;
-        return Ok(curves.into_iter().map(|column| (column.name, column.curve)).collect());
-    }
+    let reference = match reference {
+        NameOrTable::Name(name) => name,
+        NameOrTable::File(path) => {
+            let columns = CsvColumns::Named(wanted);
+            let options =
+                CsvSpectrumOptions { columns, negative: Negative::ClipToZero, skip_empty_cells: true };
+            let curves = context.csv(at, path, &options)?;
+            return Ok(curves.into_iter().map(|column| (column.name, column.curve)).collect());
+        }
+    };
     let preset =
         preset::quantum_efficiency(reference).map_err(|error| context.error(at, error.to_string()))?;
     context.note_preset("quantum efficiency", reference, &preset);

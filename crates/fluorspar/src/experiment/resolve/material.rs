@@ -3,11 +3,11 @@
 use super::context::{Context, Resolved};
 use super::mouth;
 use super::spectrum::Role;
-use crate::experiment::document::is_path;
 use crate::experiment::error::{Place, steps};
 use crate::experiment::schema::{
-    ExperimentFile, FluorophoreSection, MaterialSection, NormalMapSection, ReflectanceReference,
-    SpectrumReference, TextureReference, YieldUnit,
+    ExperimentFile, FilePath, FluorophoreSection, FluorophoreSource, GlossSection, MatSource,
+    MaterialSection, MatrixSource, MetalIndex, MetalReference, NormalMapSection, ReflectanceReference,
+    ScatteringSection, SpectraSource, SpectrumReference, TableSource, TextureReference, YieldUnit,
 };
 use crate::format::{
     AntiStokes, CsvColumns, CsvEemOptions, CsvSpectrumOptions, EemUnit, Negative, Transfer, read_eem_csv,
@@ -80,23 +80,7 @@ pub(in crate::experiment) fn check_sections(
     for (index, section) in sections.iter().enumerate() {
         let at = steps!["fluorophore", index];
         context.unique_name(&at, &section.name, sections[..index].iter().map(|other| other.name.as_str()))?;
-        let sources = [
-            section.from.is_some(),
-            section.eem_csv.is_some(),
-            section.csv.is_some(),
-            section.mat.is_some(),
-            section.excitation_csv.is_some() || section.emission_csv.is_some(),
-        ];
-        if sources.iter().filter(|given| **given).count() != 1 {
-            return context.fail(
-                &at,
-                "give exactly one of from, eem_csv, csv, mat, or excitation_csv with emission_csv",
-            );
-        }
-        if section.excitation_csv.is_some() != section.emission_csv.is_some() {
-            return context.fail(&at, "excitation_csv and emission_csv go together; give both");
-        }
-        if section.from.is_none() && section.photon_yield.is_none() {
+        if !matches!(section.source, FluorophoreSource::Catalogue(_)) && section.photon_yield.is_none() {
             let message = "a fluorophore from a file needs `photon_yield`: photons out per photon in at its best \
                            excitation, at concentration 1";
             return context.fail(&at, message);
@@ -107,10 +91,10 @@ pub(in crate::experiment) fn check_sections(
             let at = at.field("photon_yield");
             return context.fail(&at, "must be between 1e-12 and 1 (photons out per photon in)");
         }
-        if let Some(name) = &section.from
+        if let FluorophoreSource::Catalogue(name) = &section.source
             && let Err(error) = preset::fluorophore(name)
         {
-            return context.fail(&at.field("from"), error.to_string());
+            return context.fail(&at.field("source"), error.to_string());
         }
     }
     Ok(())
@@ -121,47 +105,42 @@ fn from_section(
     at: &Place,
     section: &FluorophoreSection,
 ) -> Resolved<Fluorophore> {
-    if let Some(name) = &section.from {
-        let preset =
-            preset::fluorophore(name).map_err(|e| context.error(&at.field("from"), e.to_string()))?;
-        context.note_preset("fluorophore", name, &preset);
-        let photon_yield = section.photon_yield.unwrap_or(preset.photon_yield);
-        let mut fluorophore = preset.fluorophore_with(photon_yield, section.stokes.unwrap_or(preset.stokes));
-        fluorophore.name.clone_from(&section.name);
-        if let Some(title) = &section.title {
-            fluorophore.title.clone_from(title);
-        }
-        return Ok(fluorophore);
-    }
+    let at_source = at.field("source");
     let stokes = section.stokes.unwrap_or_default();
-    let photon_yield = section.photon_yield.unwrap_or(1e-3);
-    let (eem, source) = if let Some(file) = &section.eem_csv {
-        (matrix_from_csv(context, &at.field("eem_csv"), file, section, stokes)?, file)
-    } else if let Some(file) = &section.mat {
-        (from_mat(context, &at.field("mat"), file, section, stokes)?, file)
-    } else if let Some(file) = &section.csv {
-        let at = at.field("csv");
-        context.note_input(&at, file)?;
-        let read = read_fluorophore_csv(file.as_ref(), Negative::ClipToZero)
-            .map_err(|e| context.file_error(&at, &e))?;
-        if read.emission_only {
-            return context
-                .fail(&at, "the excitation column is constant: it was never measured. Give a measured one");
+    let (eem, source) = match &section.source {
+        FluorophoreSource::Catalogue(name) => return of_catalogue(context, &at_source, section, name),
+        FluorophoreSource::Matrix(MatrixSource { eem_csv, unit }) => {
+            (matrix_from_csv(context, &at_source.field("eem_csv"), eem_csv, *unit, stokes)?, eem_csv)
         }
-        (separable(context, &at, section, read.excitation, read.emission, stokes)?, file)
-    } else {
-        let (Some(excitation), Some(emission)) = (&section.excitation_csv, &section.emission_csv) else {
-            return context.fail(at, "excitation_csv and emission_csv go together; give both");
-        };
-        let options = CsvSpectrumOptions {
-            columns: CsvColumns::Numbered(vec![1]),
-            negative: Negative::ClipToZero,
-            ..CsvSpectrumOptions::default()
-        };
-        let ex = context.csv(&at.field("excitation_csv"), excitation, &options)?.swap_remove(0).curve;
-        let em = context.csv(&at.field("emission_csv"), emission, &options)?.swap_remove(0).curve;
-        (separable(context, at, section, ex, em, stokes)?, emission)
+        FluorophoreSource::Mat(MatSource { mat, unit }) => {
+            (from_mat(context, &at_source.field("mat"), mat, *unit, stokes)?, mat)
+        }
+        FluorophoreSource::Table(TableSource { csv, unit }) => {
+            let at = at_source.field("csv");
+            context.note_input(&at, csv)?;
+            let read = read_fluorophore_csv(csv.as_ref(), Negative::ClipToZero)
+                .map_err(|e| context.file_error(&at, &e))?;
+            if read.emission_only {
+                let message = "the excitation column is constant: it was never measured. Give a measured one";
+                return context.fail(&at, message);
+            }
+            (separable(context, &at, *unit, read.excitation, read.emission, stokes)?, csv)
+        }
+        FluorophoreSource::Spectra(SpectraSource { excitation_csv, emission_csv, unit }) => {
+            let options = CsvSpectrumOptions {
+                columns: CsvColumns::Numbered(vec![1]),
+                negative: Negative::ClipToZero,
+                ..CsvSpectrumOptions::default()
+            };
+            let mut first = |key: &str, file: &FilePath| -> Resolved<Curve> {
+                Ok(context.csv(&at_source.field(key), file, &options)?.swap_remove(0).curve)
+            };
+            let excitation = first("excitation_csv", excitation_csv)?;
+            let emission = first("emission_csv", emission_csv)?;
+            (separable(context, at, *unit, excitation, emission, stokes)?, emission_csv)
+        }
     };
+    let photon_yield = section.photon_yield.unwrap_or(1e-3);
     let (excitation_range_nm, emission_range_nm) = ranges(&eem);
     let unmasked = eem.clone().with_stokes(Stokes::Off);
     let steps = ((excitation_range_nm.1 - excitation_range_nm.0).ceil() as usize).max(1);
@@ -180,8 +159,26 @@ fn from_section(
         eem: eem.scaled(photon_yield / best),
         excitation_range_nm,
         emission_range_nm,
-        source: source.clone(),
+        source: source.to_string(),
     })
+}
+
+/// A variant of a fluorophore of the catalogue.
+fn of_catalogue(
+    context: &mut Context<'_>,
+    at: &Place,
+    section: &FluorophoreSection,
+    name: &str,
+) -> Resolved<Fluorophore> {
+    let preset = preset::fluorophore(name).map_err(|e| context.error(at, e.to_string()))?;
+    context.note_preset("fluorophore", name, &preset);
+    let photon_yield = section.photon_yield.unwrap_or(preset.photon_yield);
+    let mut fluorophore = preset.fluorophore_with(photon_yield, section.stokes.unwrap_or(preset.stokes));
+    fluorophore.name.clone_from(&section.name);
+    if let Some(title) = &section.title {
+        fluorophore.title.clone_from(title);
+    }
+    Ok(fluorophore)
 }
 
 fn ranges(eem: &PhotonEem) -> ((f64, f64), (f64, f64)) {
@@ -199,13 +196,13 @@ fn ranges(eem: &PhotonEem) -> ((f64, f64), (f64, f64)) {
 fn separable(
     context: &Context<'_>,
     at: &Place,
-    section: &FluorophoreSection,
+    unit: Option<YieldUnit>,
     excitation: Curve,
     emission: Curve,
     stokes: Stokes,
 ) -> Resolved<PhotonEem> {
     // Y_q(lo|li) = Y_e(lo|li) lo / li, for the product of two spectra as for a matrix.
-    let weighted = |curve: Curve, weight: fn(f64) -> f64| match section.unit {
+    let weighted = |curve: Curve, weight: fn(f64) -> f64| match unit {
         Some(YieldUnit::Energy) => {
             let wavelengths = curve.wavelengths_nm().to_vec();
             let values =
@@ -243,13 +240,13 @@ fn matrix(
 fn matrix_from_csv(
     context: &mut Context<'_>,
     at: &Place,
-    file: &str,
-    section: &FluorophoreSection,
+    file: &FilePath,
+    unit: Option<YieldUnit>,
     stokes: Stokes,
 ) -> Resolved<PhotonEem> {
     context.note_input(at, file)?;
     let options = CsvEemOptions {
-        unit: section.unit.map(|unit| match unit {
+        unit: unit.map(|unit| match unit {
             YieldUnit::Photons => EemUnit::Photons,
             YieldUnit::Energy => EemUnit::Energy,
         }),
@@ -277,8 +274,8 @@ fn matrix_from_csv(
 fn from_mat(
     context: &mut Context<'_>,
     at: &Place,
-    file: &str,
-    section: &FluorophoreSection,
+    file: &FilePath,
+    unit: Option<YieldUnit>,
     stokes: Stokes,
 ) -> Resolved<PhotonEem> {
     context.note_input(at, file)?;
@@ -286,7 +283,7 @@ fn from_mat(
     if let Some(values) = read.eem {
         let values = values.into_iter().map(|value| value.max(0.0)).collect();
         let table = EemTable { emission_nm: read.wave_nm.clone(), excitation_nm: read.wave_nm, values };
-        return matrix(context, at, table, section.unit.unwrap_or(YieldUnit::Photons), stokes);
+        return matrix(context, at, table, unit.unwrap_or(YieldUnit::Photons), stokes);
     }
     if read.emission_only {
         return context
@@ -299,7 +296,7 @@ fn from_mat(
         let values = values.into_iter().map(|value| value.max(0.0)).collect();
         Curve::new(read.wave_nm.clone(), values).map_err(|error| context.error(at, error.to_string()))
     };
-    separable(context, at, section, curve(excitation)?, curve(emission)?, stokes)
+    separable(context, at, unit, curve(excitation)?, curve(emission)?, stokes)
 }
 
 /// All materials of the sections.
@@ -326,7 +323,7 @@ pub(super) fn materials(
     Ok(materials)
 }
 
-/// How a material reflects and transmits light; exactly one way must be given.
+/// How a material reflects and transmits light.
 fn scattering(
     context: &mut Context<'_>,
     at: &Place,
@@ -334,144 +331,82 @@ fn scattering(
     file: &ExperimentFile,
     grid: &WavelengthGrid,
 ) -> Resolved<Scattering> {
-    let ways = [
-        section.reflectance.is_some(),
-        section.dielectric.is_some(),
-        section.conductor.is_some(),
-        section.mix.is_some(),
-        section.two_sided.is_some(),
-    ];
-    match ways.iter().filter(|given| **given).count() {
-        0 => {
-            return context.fail(
-                at,
-                "the field `reflectance` is missing; or give one of dielectric, conductor, mix, two_sided",
-            );
-        }
-        1 => {}
-        _ => {
-            return context
-                .fail(at, "give exactly one of reflectance, dielectric, conductor, mix, two_sided");
-        }
-    }
-    if section.gloss.is_some() && section.reflectance.is_none() {
-        return context
-            .fail(&at.field("gloss"), "only a material with a `reflectance` has a gloss; remove it");
-    }
-    let is_mixture = section.mix.is_some() || section.two_sided.is_some();
-    if is_mixture && !section.concentrations.is_empty() {
-        let message = "a mixture has none of its own; give it to the materials it is made of";
-        return context.fail(&at.field("concentrations"), message);
-    }
-    if let Some(glass) = &section.dielectric {
-        let index = glass.refractive_index;
-        let index_at = at.field("dielectric").field("refractive_index");
-        if !(index > 1.0 && index <= 3.0) {
-            return context.fail(&index_at, "must be above 1 and at most 3");
-        }
-        let roughness = context.texture(&at.field("dielectric").field("roughness"), &glass.roughness, 1.0)?;
-        let transmittance_at = at.field("dielectric").field("transmittance");
-        let transmittance =
-            context.spectrum(&transmittance_at, &glass.transmittance, Role::Filter, 0.0, grid)?;
-        return Ok(Scattering::Dielectric(Dielectric {
-            refractive_index: index as f32,
-            roughness,
-            transmittance,
-        }));
-    }
-    if let Some(metal) = &section.conductor {
-        let roughness = context.texture(&at.field("conductor").field("roughness"), &metal.roughness, 1.0)?;
-        let (n, k) = match (&metal.metal, &metal.n, &metal.k) {
-            (Some(name), None, None) => {
-                let at = at.field("conductor").field("metal");
-                let preset = preset::metal(name).map_err(|error| context.error(&at, error.to_string()))?;
-                context.note_preset("metal", name, &preset);
-                preset.index()
-            }
-            (None, Some(n), Some(k)) => {
-                let mut part = |key: &str, reference: &SpectrumReference| {
-                    let at = at.field("conductor").field(key);
-                    if matches!(reference, SpectrumReference::Name(name) if !is_path(name)) {
-                        let message = "the catalogue has no single indices; give a number, a table, a CSV file, or \
-                                       `metal` instead of n and k";
-                        return context.fail(&at, message);
-                    }
-                    context.spectrum(&at, reference, Role::Absolute, 0.0, grid)
-                };
-                (part("n", n)?, part("k", k)?)
-            }
-            _ => {
-                return context.fail(&at.field("conductor"), "give either `metal`, or both `n` and `k`");
-            }
-        };
-        return Ok(Scattering::Conductor(Conductor { n, k, roughness }));
-    }
-    let part = |context: &Context<'_>, way: &str, key: &str, name: &str| -> Resolved<usize> {
+    let part = |context: &Context<'_>, key: &str, name: &str| -> Resolved<usize> {
         if let Some(index) = file.material.iter().position(|other| other.name == name) {
             return Ok(index);
         }
         let known: Vec<&str> = file.material.iter().map(|other| other.name.as_str()).collect();
         let hint = did_you_mean(name, known.iter().copied());
         let message = format!("there is no [[material]] of this name{hint} Known: {}", known.join(", "));
-        context.fail(&at.field(way).field(key), message)
+        context.fail(&at.field(key), message)
     };
-    if let Some(mix) = &section.mix {
-        let first = part(context, "mix", "first", &mix.first)?;
-        let second = part(context, "mix", "second", &mix.second)?;
-        let amount = context.texture(&at.field("mix").field("amount"), &mix.amount, 1.0)?;
-        return Ok(Scattering::Mixture(Mixture { first, second, amount }));
+    match &section.scattering {
+        ScatteringSection::Diffuse(diffuse) => {
+            let terms = reflectance(context, &at.field("reflectance"), &diffuse.reflectance, grid)?;
+            let base = Lambertian { reflectance: terms };
+            Ok(match gloss(context, &at.field("gloss"), diffuse.gloss.as_ref())? {
+                None => Scattering::Lambertian(base),
+                Some(coat) => Scattering::Coated(Coated { base, coat }),
+            })
+        }
+        ScatteringSection::Dielectric(glass) => {
+            let index = glass.refractive_index;
+            if !(index > 1.0 && index <= 3.0) {
+                return context.fail(&at.field("refractive_index"), "must be above 1 and at most 3");
+            }
+            let roughness = context.texture(&at.field("roughness"), &glass.roughness, 1.0)?;
+            let transmittance_at = at.field("transmittance");
+            let transmittance =
+                context.spectrum(&transmittance_at, &glass.transmittance, Role::Filter, 0.0, grid)?;
+            Ok(Scattering::Dielectric(Dielectric {
+                refractive_index: index as f32,
+                roughness,
+                transmittance,
+            }))
+        }
+        ScatteringSection::Conductor(metal) => {
+            let roughness = context.texture(&at.field("roughness"), &metal.roughness, 1.0)?;
+            let (n, k) = metal_index(context, &at.field("metal"), &metal.metal, grid)?;
+            Ok(Scattering::Conductor(Conductor { n, k, roughness }))
+        }
+        ScatteringSection::Mix(mix) => {
+            let first = part(context, "first", &mix.first)?;
+            let second = part(context, "second", &mix.second)?;
+            let amount = context.texture(&at.field("amount"), &mix.amount, 1.0)?;
+            Ok(Scattering::Mixture(Mixture { first, second, amount }))
+        }
+        ScatteringSection::TwoSided(sides) => {
+            let front = part(context, "front", &sides.front)?;
+            let back = part(context, "back", &sides.back)?;
+            Ok(Scattering::TwoSided(TwoSided { front, back }))
+        }
     }
-    if let Some(sides) = &section.two_sided {
-        let front = part(context, "two_sided", "front", &sides.front)?;
-        let back = part(context, "two_sided", "back", &sides.back)?;
-        return Ok(Scattering::TwoSided(TwoSided { front, back }));
-    }
-    diffuse(context, at, section, grid)
 }
 
-/// A diffuse reflectance, below a coat if the section has a gloss.
-fn diffuse(
+/// Real part of the refractive index and extinction coefficient of a metal.
+fn metal_index(
     context: &mut Context<'_>,
     at: &Place,
-    section: &MaterialSection,
+    reference: &MetalReference,
     grid: &WavelengthGrid,
-) -> Resolved<Scattering> {
-    let reflectance = match &section.reflectance {
-        None => Vec::new(),
-        Some(ReflectanceReference::Spectrum(reference)) => {
-            let spectrum =
-                context.spectrum(&at.field("reflectance"), reference, Role::Reflectance, 0.0, grid)?;
-            vec![ReflectanceTerm { spectrum, weight: ScalarTexture::Constant(1.0) }]
+) -> Resolved<(Curve, Curve)> {
+    match reference {
+        MetalReference::Name(name) => {
+            let preset = preset::metal(name).map_err(|error| context.error(at, error.to_string()))?;
+            context.note_preset("metal", name, &preset);
+            Ok(preset.index())
         }
-        Some(ReflectanceReference::Sum(terms)) => {
-            let mut sum = Vec::with_capacity(terms.len());
-            for (index, term) in terms.iter().enumerate() {
-                let spectrum_at = at.field("reflectance").index(index).field("spectrum");
-                let spectrum =
-                    context.spectrum(&spectrum_at, &term.spectrum, Role::Reflectance, 0.0, grid)?;
-                let weight = context.texture(
-                    &at.field("reflectance").index(index).field("weight"),
-                    &term.weight,
-                    1e3,
-                )?;
-                sum.push(ReflectanceTerm { spectrum, weight });
-            }
-            sum
-        }
-    };
-    let base = Lambertian { reflectance };
-    match &section.gloss {
-        None => Ok(Scattering::Lambertian(base)),
-        Some(gloss) => {
-            let index = gloss.refractive_index;
-            context.within(&at.field("gloss").field("refractive_index"), index, [1.0, 3.0], "")?;
-            let roughness_at = at.field("gloss").field("roughness");
-            let roughness = context.texture(&roughness_at, &gloss.roughness, 1.0)?;
-            if roughness.max() <= 0.0 {
-                return context.fail(&roughness_at, "must be above 0 and at most 1; 0.01 is mirror-like");
-            }
-            let coat = Coat { refractive_index: index as f32, roughness };
-            Ok(Scattering::Coated(Coated { base, coat }))
+        MetalReference::Index(MetalIndex { n, k }) => {
+            let mut part = |key: &str, reference: &SpectrumReference| {
+                let at = at.field(key);
+                if reference.catalogue_name().is_some() {
+                    let message = "the catalogue has no single indices; give a number, a table, a CSV file, or the name \
+                                   of a metal instead of n and k";
+                    return context.fail(&at, message);
+                }
+                context.spectrum(&at, reference, Role::Absolute, 0.0, grid)
+            };
+            Ok((part("n", n)?, part("k", k)?))
         }
     }
 }
@@ -492,6 +427,43 @@ fn normal_map(context: &mut Context<'_>, at: &Place, section: &NormalMapSection)
         .map_err(|error| context.error(&at, error.to_string()))
 }
 
+/// The terms of a reflectance.
+fn reflectance(
+    context: &mut Context<'_>,
+    at: &Place,
+    reference: &ReflectanceReference,
+    grid: &WavelengthGrid,
+) -> Resolved<Vec<ReflectanceTerm>> {
+    let terms = match reference {
+        ReflectanceReference::Spectrum(reference) => {
+            let spectrum = context.spectrum(at, reference, Role::Reflectance, 0.0, grid)?;
+            return Ok(vec![ReflectanceTerm { spectrum, weight: ScalarTexture::Constant(1.0) }]);
+        }
+        ReflectanceReference::Sum(terms) => terms,
+    };
+    let mut sum = Vec::with_capacity(terms.len());
+    for (index, term) in terms.iter().enumerate() {
+        let at = at.index(index);
+        let spectrum =
+            context.spectrum(&at.field("spectrum"), &term.spectrum, Role::Reflectance, 0.0, grid)?;
+        let weight = context.texture(&at.field("weight"), &term.weight, 1e3)?;
+        sum.push(ReflectanceTerm { spectrum, weight });
+    }
+    Ok(sum)
+}
+
+/// The clear layer on a diffuse surface.
+fn gloss(context: &mut Context<'_>, at: &Place, section: Option<&GlossSection>) -> Resolved<Option<Coat>> {
+    let Some(gloss) = section else { return Ok(None) };
+    let index = context.within(&at.field("refractive_index"), gloss.refractive_index, [1.0, 3.0], "")?;
+    let roughness_at = at.field("roughness");
+    let roughness = context.texture(&roughness_at, &gloss.roughness, 1.0)?;
+    if roughness.max() <= 0.0 {
+        return context.fail(&roughness_at, "must be above 0 and at most 1; 0.01 is mirror-like");
+    }
+    Ok(Some(Coat { refractive_index: index as f32, roughness }))
+}
+
 fn material(
     context: &mut Context<'_>,
     at: &Place,
@@ -501,7 +473,7 @@ fn material(
     fluorophores: &mut Fluorophores,
 ) -> Resolved<Material> {
     let mut amounts = Vec::new();
-    for (name, reference) in &section.concentrations {
+    for (name, reference) in section.concentrations().into_iter().flatten() {
         let at = at.field("concentrations").field(name);
         if matches!(reference, TextureReference::Constant(value) if *value < 0.0) {
             return context.fail(&at, "a concentration can't be negative; give 0 or more");

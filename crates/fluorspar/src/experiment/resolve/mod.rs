@@ -20,7 +20,7 @@ use std::path::PathBuf;
 
 use self::context::{Context, Resolved};
 use super::error::steps;
-use super::schema::{ExperimentFile, FieldOfView, LensType};
+use super::schema::{ExperimentFile, FieldOfView, LensSection};
 use super::{Experiment, ExperimentError};
 use crate::preset;
 use crate::render::{memory_bytes, tile_row_bytes, whole_image_bytes};
@@ -60,7 +60,7 @@ pub fn resolve(experiment: &Experiment) -> Result<ResolvedExperiment, Experiment
     });
     let lens = match &file.lens {
         Some(section) => {
-            if film_mm.is_none() && section.kind == LensType::Traced {
+            if film_mm.is_none() && matches!(section, LensSection::Traced(_)) {
                 let message = "a traced lens needs a [sensor]: its size is that of the film";
                 return context.fail(&steps!["lens"], message);
             }
@@ -210,13 +210,11 @@ fn warn_unused(
 fn write_out(context: &Context<'_>, file: &ExperimentFile) -> Resolved<(String, String)> {
     let mut complete = file.clone();
     complete.base = None;
-    complete.spectral.fill();
     for light in &mut complete.light {
         light.group.get_or_insert_with(|| light.name.clone());
     }
     if let Some(lens) = &mut complete.lens {
-        lens.focus_distance_mm.get_or_insert(complete.camera.distance_mm());
-        lens.fill();
+        lens.focus_distance_mm().get_or_insert(complete.camera.distance_mm());
     }
     if let Some(sensor) = &mut complete.sensor {
         sensor.model = device::filled(&sensor.model);

@@ -13,8 +13,8 @@ use super::spectrum::Role;
 use crate::anatomy::{Tissue, shared_mouth};
 use crate::experiment::error::{Place, steps};
 use crate::experiment::schema::{
-    BoxShape, DiscShape, DisplacementSection, EmissionSection, ExperimentFile, InstanceSection, MouthSection,
-    ObjectSection, QuadShape, SphereShape, TransformSection,
+    BoxShape, DiscShape, DisplacementSection, EmissionSection, ExperimentFile, FilePath, InstanceSection,
+    MouthSection, ObjectSection, PlacesSection, QuadShape, ShapeSection, SphereShape, TransformSection,
 };
 use crate::format::{read_gltf, read_gltf_instances, read_obj, read_placements, read_ply, read_stl};
 use crate::geometry::{MeshInstance, MeshInstances, TriangleMesh};
@@ -75,31 +75,6 @@ fn object(
     groups: &mut Vec<LightGroup>,
 ) -> Resolved<Vec<Object>> {
     let material = material_index(context, &at.field("material"), &section.material, materials)?;
-    let shapes = [
-        section.mesh.is_some(),
-        section.sphere.is_some(),
-        section.quad.is_some(),
-        section.disc.is_some(),
-        section.cuboid.is_some(),
-    ];
-    if shapes.iter().filter(|given| **given).count() != 1 {
-        return context.fail(at, "give exactly one of mesh, sphere, quad, disc, box");
-    }
-    if section.unit_mm.is_some() && section.mesh.is_none() {
-        return context.fail(&at.field("unit_mm"), "only a mesh has a unit; remove it");
-    }
-    if section.displacement.is_some() && section.mesh.is_none() && section.quad.is_none() {
-        return context.fail(
-            &at.field("displacement"),
-            "only a mesh or a quad can be displaced; export the shape as a mesh",
-        );
-    }
-    let many = !section.instance.is_empty() || section.instance_file.is_some();
-    if many && (section.sphere.is_some() || section.disc.is_some()) {
-        let at = if section.instance.is_empty() { at.field("instance_file") } else { at.field("instance") };
-        let message = "only a mesh, a quad or a box can stand at several places; export the shape as a mesh";
-        return context.fail(&at, message);
-    }
     let (transform, scale) = match &section.transform {
         Some(transform) => affine(context, &at.field("transform"), transform)?,
         None => (Affine3A::IDENTITY, 1.0),
@@ -108,44 +83,52 @@ fn object(
         None => None,
         Some(emission) => Some(surface_emission(context, &at.field("emission"), emission, grid, groups)?),
     };
-    let shape = if let Some(sphere) = &section.sphere {
-        sphere_shape(context, &at.field("sphere"), sphere, &transform, scale)?
-    } else if let Some(disc) = &section.disc {
-        disc_shape(context, &at.field("disc"), disc, &transform, scale)?
-    } else {
-        let mut mesh = if let Some(quad) = &section.quad {
-            quad_mesh(context, &at.field("quad"), quad)?
-        } else if let Some(cuboid) = &section.cuboid {
-            box_mesh(context, &at.field("box"), cuboid)?
-        } else {
-            let file = section.mesh.as_deref().unwrap_or_default();
-            let unit_mm = section.unit_mm.unwrap_or(1.0);
-            let unit_mm =
-                context.within(&at.field("unit_mm"), unit_mm, SCALE, "millimetres per unit of the file")?;
-            if section.displacement.is_none()
-                && let Some(shared) = read_shared_meshes(context, &at.field("mesh"), file, unit_mm)?
+    let (mut mesh, displacement, places) = match &section.shape {
+        ShapeSection::Sphere(sphere) => {
+            let shape = sphere_shape(context, at, sphere, &transform, scale)?;
+            return Ok(vec![Object { name: section.name.clone(), shape, material, emission }]);
+        }
+        ShapeSection::Disc(disc) => {
+            let shape = disc_shape(context, at, disc, &transform, scale)?;
+            return Ok(vec![Object { name: section.name.clone(), shape, material, emission }]);
+        }
+        ShapeSection::Quad(quad) => (quad_mesh(context, at, quad)?, quad.displacement.as_ref(), &quad.places),
+        ShapeSection::Box(cuboid) => (box_mesh(context, at, cuboid)?, None, &cuboid.places),
+        ShapeSection::Mesh(mesh) => {
+            let file_at = at.field("file");
+            let unit_mm = context.within(
+                &at.field("unit_mm"),
+                mesh.unit_mm,
+                SCALE,
+                "millimetres per unit of the file",
+            )?;
+            if mesh.displacement.is_none()
+                && let Some(shared) = read_shared_meshes(context, &file_at, &mesh.file, unit_mm)?
             {
-                let source = PlacedObject { section, at, materials };
+                let source = PlacedObject { section, places: &mesh.places, at, materials };
                 return placed_objects(context, &source, material, shared, &transform, emission.as_ref());
             }
-            read_mesh(context, &at.field("mesh"), file, unit_mm)?
-        };
-        if many {
-            if let Some(displacement) = &section.displacement {
-                displace(context, &at.field("displacement"), displacement, &mut mesh)?;
-            }
-            let instances = vec![MeshInstance { mesh: 0, to_world: Affine3::IDENTITY }];
-            let once = MeshInstances { meshes: vec![Arc::new(mesh)], instances };
-            let source = PlacedObject { section, at, materials };
-            return placed_objects(context, &source, material, once, &transform, emission.as_ref());
+            let read = read_mesh(context, &file_at, &mesh.file, unit_mm)?;
+            (read, mesh.displacement.as_ref(), &mesh.places)
         }
-        mesh.transform(&transform);
-        if let Some(displacement) = &section.displacement {
-            displace(context, &at.field("displacement"), displacement, &mut mesh)?;
-        }
-        check_textures(context, &at.field("mesh"), &mesh, material, materials)?;
-        Shape::Mesh(Arc::new(mesh))
     };
+    let displacement_at = at.field("displacement");
+    if !places.instance.is_empty() || places.instance_file.is_some() {
+        // The relief of a mesh at several places is in its own frame.
+        if let Some(displacement) = displacement {
+            displace(context, &displacement_at, displacement, &mut mesh)?;
+        }
+        let instances = vec![MeshInstance { mesh: 0, to_world: Affine3::IDENTITY }];
+        let once = MeshInstances { meshes: vec![Arc::new(mesh)], instances };
+        let source = PlacedObject { section, places, at, materials };
+        return placed_objects(context, &source, material, once, &transform, emission.as_ref());
+    }
+    mesh.transform(&transform);
+    if let Some(displacement) = displacement {
+        displace(context, &displacement_at, displacement, &mut mesh)?;
+    }
+    check_textures(context, &at.field("file"), &mesh, material, materials)?;
+    let shape = Shape::Mesh(Arc::new(mesh));
     Ok(vec![Object { name: section.name.clone(), shape, material, emission }])
 }
 
@@ -172,6 +155,7 @@ fn check_textures(
 /// A section of an object with the materials that it may name.
 struct PlacedObject<'a> {
     section: &'a ObjectSection,
+    places: &'a PlacesSection,
     at: &'a Place,
     materials: &'a [Material],
 }
@@ -206,7 +190,7 @@ fn placed_objects(
     let mut objects = Vec::with_capacity(parts.len());
     for part in parts {
         for mesh in &shared.meshes {
-            check_textures(context, &at.field("mesh"), mesh, part.material, source.materials)?;
+            check_textures(context, &at.field("file"), mesh, part.material, source.materials)?;
         }
         let mut instances = Vec::with_capacity(part.places.len() * shared.instances.len());
         for place in &part.places {
@@ -236,10 +220,10 @@ fn parts(
     material: usize,
     transform: &Affine3A,
 ) -> Resolved<Vec<Part>> {
-    let PlacedObject { section, at, materials } = *source;
+    let PlacedObject { section, places, at, materials } = *source;
     let whole = Affine3 { matrix3: transform.matrix3.into(), translation: transform.translation.into() };
     let mut parts: Vec<Part> = Vec::new();
-    for (index, instance) in section.instance.iter().enumerate() {
+    for (index, instance) in places.instance.iter().enumerate() {
         let at = at.field("instance").index(index);
         let name = instance.part.as_ref().unwrap_or(&section.name);
         let material = match &instance.material {
@@ -259,7 +243,7 @@ fn parts(
             None => parts.push(Part { name: name.clone(), material, places: vec![place] }),
         }
     }
-    if let Some(list) = &section.instance_file {
+    if let Some(list) = &places.instance_file {
         let at = at.field("instance_file");
         context.note_input(&at, list)?;
         let places = read_placements(list.as_ref(), 1e-3).map_err(|error| context.file_error(&at, &error))?;
@@ -339,11 +323,10 @@ fn instance_map(context: &Context<'_>, at: &Place, section: &InstanceSection) ->
 fn read_shared_meshes(
     context: &mut Context<'_>,
     at: &Place,
-    file: &str,
+    file: &FilePath,
     unit_mm: f64,
 ) -> Resolved<Option<MeshInstances>> {
-    let lower = file.to_lowercase();
-    if !lower.ends_with(".gltf") && !lower.ends_with(".glb") {
+    if !matches!(file.extension().as_deref(), Some("gltf" | "glb")) {
         return Ok(None);
     }
     context.note_input(at, file)?;
@@ -477,9 +460,8 @@ fn box_mesh(context: &Context<'_>, at: &Place, cuboid: &BoxShape) -> Resolved<Tr
     Ok(mesh)
 }
 
-fn read_mesh(context: &mut Context<'_>, at: &Place, file: &str, unit_mm: f64) -> Resolved<TriangleMesh> {
-    let lower = file.to_lowercase();
-    let read = match lower.rsplit('.').next() {
+fn read_mesh(context: &mut Context<'_>, at: &Place, file: &FilePath, unit_mm: f64) -> Resolved<TriangleMesh> {
+    let read = match file.extension().as_deref() {
         Some("ply") => read_ply,
         Some("obj") => read_obj,
         Some("stl") => read_stl,

@@ -4,10 +4,10 @@ use std::sync::Arc;
 
 use super::context::{Context, Resolved, STRENGTH};
 use crate::anatomy::{PorphyrinRamp, shared_surface_map};
-use crate::experiment::document::is_path;
 use crate::experiment::error::Place;
 use crate::experiment::schema::{
-    DorsalTongueMap, SpectrumReference, SpectrumTable, TextureReference, TextureTable,
+    AnatomyMap, CheckerMap, DorsalTongueMap, FilePath, NameOrTable, SpectrumReference, SpectrumTable,
+    TextureReference, TextureTable,
 };
 use crate::format::{
     CsvColumns, CsvSpectrumOptions, FormatError, NamedCurve, Transfer, read_spectrum_csv, read_texture_png,
@@ -65,11 +65,11 @@ impl Context<'_> {
                 }
                 curve
             }
-            SpectrumReference::Name(name) if is_path(name) => {
-                let table = SpectrumTable { csv: name.clone(), column: None, scale: None };
+            SpectrumReference::Text(NameOrTable::File(path)) => {
+                let table = SpectrumTable { csv: path.clone(), column: None, scale: None };
                 self.table(at, &table, grid)?
             }
-            SpectrumReference::Name(name) => {
+            SpectrumReference::Text(NameOrTable::Name(name)) => {
                 let preset = role.preset(name).map_err(|error| self.error(at, error.to_string()))?;
                 self.note_preset("curve", name, &preset);
                 self.note_range(at, preset.valid_nm, grid);
@@ -92,7 +92,7 @@ impl Context<'_> {
         let curve = self.spectrum(at, reference, Role::Filter, 0.0, grid)?;
         let effective_index = match reference {
             SpectrumReference::Constant(_) => None,
-            SpectrumReference::Name(name) if !is_path(name) => {
+            SpectrumReference::Text(NameOrTable::Name(name)) => {
                 preset::filter(name).ok().and_then(|preset| preset.effective_index)
             }
             _ => index_of_others,
@@ -135,7 +135,7 @@ impl Context<'_> {
     pub(in crate::experiment) fn csv(
         &mut self,
         at: &Place,
-        file: &str,
+        file: &FilePath,
         options: &CsvSpectrumOptions,
     ) -> Resolved<Vec<NamedCurve>> {
         self.note_input(at, file)?;
@@ -196,7 +196,11 @@ impl Context<'_> {
     }
 
     /// Porphyrin on the back of a tongue as an image.
-    fn dorsal_tongue(&self, at: &Place, map: &DorsalTongueMap) -> Resolved<ScalarTexture> {
+    fn dorsal_tongue(&self, at: &Place, map: &DorsalTongueMap, highest: f64) -> Resolved<ScalarTexture> {
+        self.within(&at.field("peak"), map.peak, [0.0, highest], "")?;
+        self.within(&at.field("sigma"), map.sigma, [0.01, 10.0], "of the tongue's width")?;
+        self.within(&at.field("full_at"), map.full_at, [0.01, 1.0], "of the tongue's length")?;
+        self.within(&at.field("patchiness"), map.patchiness, [0.0, 1.0], "")?;
         if map.peak == 0.0 {
             return Ok(ScalarTexture::Constant(0.0));
         }
@@ -213,90 +217,63 @@ impl Context<'_> {
     }
 
     fn texture_map(&mut self, at: &Place, table: &TextureTable, highest: f64) -> Resolved<ScalarTexture> {
-        let kinds = [
-            table.image.is_some(),
-            table.checker.is_some(),
-            table.noise.is_some(),
-            table.dorsal_tongue.is_some(),
-            table.anatomy.is_some(),
-        ];
-        if kinds.iter().filter(|given| **given).count() != 1 {
-            return self.fail(at, "give exactly one of image, checker, noise, dorsal_tongue, anatomy");
-        }
-        if table.tissue.is_some() && table.anatomy.is_none() {
-            return self
-                .fail(&at.field("tissue"), "only a map of the anatomy belongs to a tissue; remove it");
-        }
-        let names = ["image", "checker", "noise", "dorsal_tongue", "anatomy"];
-        let map = names.into_iter().zip(kinds).find(|(_, given)| *given).map_or("", |(name, _)| name);
-        for (key, is_given, maps) in [
-            ("low", table.low.is_some(), &["image", "checker", "noise", "anatomy"][..]),
-            ("high", table.high.is_some(), &["image", "checker", "noise", "anatomy"][..]),
-            ("seed", table.seed.is_some(), &["noise", "anatomy"][..]),
-            ("srgb", table.srgb.is_some(), &["image"][..]),
-        ] {
-            if is_given && !maps.contains(&map) {
-                let inside =
-                    if map == "dorsal_tongue" { ", which has its own fields inside its braces" } else { "" };
-                let message = format!("belongs to {}, not to {map}{inside}; remove it", maps.join(", "));
-                return self.fail(&at.field(key), message);
+        let [low, high] = table.range().unwrap_or([0.0, highest]);
+        let low = self.within(&at.field("low"), low, [0.0, highest], "")? as f32;
+        let high = self.within(&at.field("high"), high, [0.0, highest], "")? as f32;
+        let texture = match table {
+            TextureTable::Image(map) => {
+                let at = at.field("image");
+                self.note_input(&at, &map.image)?;
+                let transfer = if map.srgb { Transfer::Srgb } else { Transfer::Linear };
+                let image =
+                    read_texture_png(map.image.as_ref(), transfer).map_err(|e| self.file_error(&at, &e))?;
+                let grey = image.data.chunks_exact(image.channels).map(grey).collect();
+                let image = ImageTexture::new(image.width, image.height, grey)
+                    .map_err(|e| self.error(&at, e.to_string()))?;
+                ScalarTexture::Image { image: Arc::new(image), low, high }
             }
-        }
-        let low = self.within(&at.field("low"), table.low.unwrap_or(0.0), [0.0, highest], "")? as f32;
-        let high = self.within(&at.field("high"), table.high.unwrap_or(1.0), [0.0, highest], "")? as f32;
-        let texture = if let Some(file) = &table.image {
-            let at = at.field("image");
-            self.note_input(&at, file)?;
-            let transfer = if table.srgb == Some(true) { Transfer::Srgb } else { Transfer::Linear };
-            let image = read_texture_png(file.as_ref(), transfer).map_err(|e| self.file_error(&at, &e))?;
-            let grey = image.data.chunks_exact(image.channels).map(grey).collect();
-            let image = ImageTexture::new(image.width, image.height, grey)
-                .map_err(|e| self.error(&at, e.to_string()))?;
-            ScalarTexture::Image { image: Arc::new(image), low, high }
-        } else if let Some([columns, rows]) = table.checker {
-            for fields in [columns, rows] {
-                self.whole_within(&at.field("checker"), u64::from(fields), [1, 10_000])?;
+            TextureTable::Checker(CheckerMap { checker: [columns, rows], .. }) => {
+                for fields in [*columns, *rows] {
+                    self.whole_within(&at.field("checker"), u64::from(fields), [1, 10_000])?;
+                }
+                ScalarTexture::Checker { columns: *columns, rows: *rows, low, high }
             }
-            ScalarTexture::Checker { columns, rows, low, high }
-        } else if let Some(cells) = table.noise {
-            for value in cells {
-                self.within(&at.field("noise"), value, [0.1, 1e4], "cells")?;
+            TextureTable::Noise(map) => {
+                for value in map.noise {
+                    self.within(&at.field("noise"), value, [0.1, 1e4], "cells")?;
+                }
+                let cells = map.noise.map(|value| value as f32);
+                ScalarTexture::Noise { cells, seed: map.seed, low, high }
             }
-            let cells = cells.map(|value| value as f32);
-            ScalarTexture::Noise { cells, seed: table.seed.unwrap_or(1), low, high }
-        } else if let Some(map) = &table.dorsal_tongue {
-            let inner = at.field("dorsal_tongue");
-            self.within(&inner.field("peak"), map.peak, [0.0, highest], "")?;
-            self.within(&inner.field("sigma"), map.sigma, [0.01, 10.0], "of the tongue's width")?;
-            self.within(&inner.field("full_at"), map.full_at, [0.01, 1.0], "of the tongue's length")?;
-            self.within(&inner.field("patchiness"), map.patchiness, [0.0, 1.0], "")?;
-            self.dorsal_tongue(&inner, map)?
-        } else if let Some(map) = table.anatomy {
-            let at = at.field("anatomy");
-            let Some(mouth) = &self.mouth else {
-                return self
-                    .fail(&at, "a map of the anatomy needs a [mouth]; add one, or use noise or an image");
-            };
-            let Some(tissue) = table.tissue.or(self.tissue) else {
-                let message = "which tissue's map? Add tissue = \"tongue_dorsum\" or another";
-                return self.fail(&at, message);
-            };
-            let mut person = mouth.clone();
-            person.seed = table.seed.unwrap_or(person.seed);
-            let baked = shared_surface_map(map, tissue, &person);
-            let image = ImageTexture::new(baked.columns, baked.rows, baked.values.clone())
-                .map_err(|e| self.error(&at, e.to_string()))?;
-            ScalarTexture::Image { image: Arc::new(image), low, high }
-        } else {
-            return self.fail(at, "give exactly one of image, checker, noise, dorsal_tongue, anatomy");
+            TextureTable::DorsalTongue(map) => {
+                self.dorsal_tongue(&at.field("dorsal_tongue"), &map.dorsal_tongue, highest)?
+            }
+            TextureTable::Anatomy(map) => self.anatomy_map(at, map, [low, high])?,
         };
-        match &table.times {
+        match table.times() {
             None => Ok(texture),
             Some(other) => {
                 let other = self.texture(&at.field("times"), other, highest)?;
                 Ok(ScalarTexture::Product(Box::new(texture), Box::new(other)))
             }
         }
+    }
+
+    fn anatomy_map(&self, at: &Place, map: &AnatomyMap, [low, high]: [f32; 2]) -> Resolved<ScalarTexture> {
+        let at = at.field("anatomy");
+        let Some(mouth) = &self.mouth else {
+            return self.fail(&at, "a map of the anatomy needs a [mouth]; add one, or use noise or an image");
+        };
+        let Some(tissue) = map.tissue.or(self.tissue) else {
+            let message = "which tissue's map? Add tissue = \"tongue_dorsum\" or another";
+            return self.fail(&at, message);
+        };
+        let mut person = mouth.clone();
+        person.seed = map.seed.unwrap_or(person.seed);
+        let baked = shared_surface_map(map.anatomy, tissue, &person);
+        let image = ImageTexture::new(baked.columns, baked.rows, baked.values.clone())
+            .map_err(|e| self.error(&at, e.to_string()))?;
+        Ok(ScalarTexture::Image { image: Arc::new(image), low, high })
     }
 }
 

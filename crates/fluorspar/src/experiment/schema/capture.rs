@@ -69,7 +69,10 @@ impl JsonSchema for ExposureTime {
     }
 
     fn json_schema(_: &mut SchemaGenerator) -> Schema {
-        json_schema!({ "anyOf": [{ "type": "number", "exclusiveMinimum": 0 }, { "const": "auto" }] })
+        json_schema!({
+            "description": "A number of milliseconds, or \"auto\".",
+            "anyOf": [{ "type": "number", "exclusiveMinimum": 0 }, { "const": "auto" }]
+        })
     }
 }
 
@@ -81,6 +84,7 @@ pub struct CaptureSection {
     pub name: String,
     /// Light groups that are on, with their drive relative to the stated power, 0 or more. Default: all dark.
     #[serde(default)]
+    #[schemars(extend("x-merge" = "replace"))]
     pub light_groups: BTreeMap<String, f64>,
     /// Exposure time in milliseconds, 1e-6 to 3 600 000, or "auto". Default "auto".
     #[serde(default = "auto")]
@@ -130,17 +134,25 @@ pub struct AnalysisSection {
     /// Fluorophore whose share is estimated. Default "protoporphyrin_ix".
     #[serde(default = "porphyrin")]
     pub porphyrin: String,
-    /// Material whose fluorophores, without the porphyrin, form the bulk of the tissue; where a concentration is a map,
-    /// its mean over the region counts. Default: the material of the first part.
+    /// Fluorophores that form the bulk of the tissue: the name of a material, whose fluorophores count without the
+    /// porphyrin (where a concentration is a map, with its mean over the region), or a table of concentrations. Default: the
+    /// material of the first part.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub bulk_material: Option<String>,
-    /// Concentrations that form the bulk of the tissue, instead of `bulk_material`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub bulk: Option<BTreeMap<String, f64>>,
+    pub bulk: Option<BulkReference>,
     /// Pixels whose R + G + B is below this many standard deviations of its noise have no chromaticity, 0 to 1000.
     /// Default 5.
     #[serde(default = "noise_threshold")]
     pub noise_threshold: f64,
+}
+
+/// The name of a material, or a table of concentrations.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub enum BulkReference {
+    /// A material.
+    Material(String),
+    /// Concentrations by fluorophore.
+    Concentrations(BTreeMap<String, f64>),
 }
 
 fn porphyrin() -> String {

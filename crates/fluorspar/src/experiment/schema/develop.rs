@@ -51,7 +51,7 @@ fn half() -> f64 {
 }
 
 fn equal_energy() -> SpectrumReference {
-    SpectrumReference::Name("equal_energy".into())
+    SpectrumReference::named("equal_energy")
 }
 
 /// How raw frames become linear channels.

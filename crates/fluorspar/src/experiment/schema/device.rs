@@ -7,7 +7,7 @@ use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::{Error, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-use super::{EfficiencyReference, SpectrumReference};
+use super::{EfficiencyReference, NameOrLens, SpectrumReference};
 use crate::optics::Vignetting;
 use crate::sensor::SensorModel;
 
@@ -68,6 +68,7 @@ impl JsonSchema for FieldOfView {
 
     fn json_schema(_: &mut SchemaGenerator) -> Schema {
         json_schema!({
+            "description": "A number of degrees, or \"from_lens\".",
             "anyOf": [
                 { "type": "number", "exclusiveMinimum": 0, "exclusiveMaximum": 179 },
                 { "const": "from_lens" }
@@ -102,17 +103,6 @@ impl Default for CameraSection {
     }
 }
 
-/// How a lens is described.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum LensType {
-    /// Without aberrations: `E = pi L T / (1 + 4 N² (1 + |m|)²)`.
-    #[default]
-    Ideal,
-    /// Surfaces and glasses, traced.
-    Traced,
-}
-
 /// How a traced lens makes its picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
@@ -125,42 +115,98 @@ pub enum ImageFormation {
     PointSpread,
 }
 
-/// The lens.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+/// The types of lenses, each with its fields.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(tag = "type", rename_all = "snake_case")]
+#[schemars(extend("x-default" = "ideal"))]
+pub enum LensSection {
+    /// Without aberrations. The type of a lens that names none.
+    Ideal(IdealLensSection),
+    /// Surfaces and glasses, traced.
+    Traced(TracedLensSection),
+}
+
+/// A lens without aberrations: `E = pi L T / (1 + 4 N² (1 + |m|)²)`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
-pub struct LensSection {
-    /// How the lens is described. Default "ideal".
-    #[serde(rename = "type")]
-    pub kind: LensType,
-    /// Of a traced lens: a lens of the catalogue, or the path of a lens file (.toml, .dat of pbrt, .json of ISET, .zmx of
-    /// Zemax).
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub prescription: Option<String>,
-    /// Focal length, mm, above 0. Default of an ideal lens 3; a traced lens is scaled to it, by default not at all.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub focal_length_mm: Option<f64>,
-    /// Focal length over the diameter of the axial beam, 0.5 to 1000. Default of an ideal lens 4, of a traced one wide open.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub f_number: Option<f64>,
+pub struct IdealLensSection {
+    /// Focal length, mm, above 0. Default 3.
+    pub focal_length_mm: f64,
+    /// Focal length over the diameter of the axial beam, 0.5 to 1000. Default 4.
+    pub f_number: f64,
     /// Transmittance of the glass, without filters. Default 1.
     pub transmittance: SpectrumReference,
-    /// How irradiance of an ideal lens falls off away from the axis. Default "cos4".
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub vignetting: Option<Vignetting>,
+    /// How irradiance falls off away from the axis. Default "cos4".
+    pub vignetting: Vignetting,
     /// Distance of the plane in focus from the camera's position, mm, beyond the focal length. Default: the distance from
     /// camera to `look_at_mm`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub focus_distance_mm: Option<f64>,
-    /// Of a traced lens: shift of the film from the paraxial focus, away from the lens, mm. Default 0.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub film_shift_mm: Option<f64>,
-    /// Of a traced lens: how it makes its picture. Default "rendered".
-    #[serde(skip_serializing_if = "Option::is_none")]
+}
+
+impl Default for IdealLensSection {
+    fn default() -> Self {
+        Self {
+            focal_length_mm: 3.0,
+            f_number: 4.0,
+            transmittance: SpectrumReference::default(),
+            vignetting: Vignetting::default(),
+            focus_distance_mm: None,
+        }
+    }
+}
+
+/// A lens of surfaces and glasses, traced.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct TracedLensSection {
+    /// A lens of the catalogue, or the path of a lens file (.toml, .dat of pbrt, .json of ISET, .zmx of Zemax).
+    pub prescription: NameOrLens,
+    /// Focal length, mm, above 0, to which the lens is scaled. Default: that of the prescription.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub focal_length_mm: Option<f64>,
+    /// Focal length over the diameter of the axial beam, 0.5 to 1000. Default: wide open.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub f_number: Option<f64>,
+    /// Transmittance of the glass, without filters. Default 1.
+    #[serde(default)]
+    pub transmittance: SpectrumReference,
+    /// Distance of the plane in focus from the camera's position, mm, beyond the focal length. Default: the distance from
+    /// camera to `look_at_mm`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub focus_distance_mm: Option<f64>,
+    /// Shift of the film from the paraxial focus, away from the lens, mm. Default 0.
+    #[serde(default)]
+    pub film_shift_mm: f64,
+    /// How it makes its picture. Default "rendered".
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub image_formation: Option<ImageFormation>,
-    /// Of a traced lens: groups of bands that are traced apart, 1 to 64, to see dispersion; a render takes as many times as
-    /// long. Default 1: all bands at the design wavelength.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub band_groups: Option<u32>,
+    /// Groups of bands that are traced apart, 1 to 64, to see dispersion; a render takes as many times as long. Default 1:
+    /// all bands at the design wavelength.
+    #[serde(default = "one_group")]
+    pub band_groups: u32,
+}
+
+fn one_group() -> u32 {
+    1
+}
+
+impl LensSection {
+    /// Distance of the plane in focus, mm.
+    pub(in crate::experiment) fn focus_distance_mm(&mut self) -> &mut Option<f64> {
+        match self {
+            Self::Ideal(lens) => &mut lens.focus_distance_mm,
+            Self::Traced(lens) => &mut lens.focus_distance_mm,
+        }
+    }
+
+    /// How a traced lens makes its picture.
+    pub(in crate::experiment) fn image_formation(&self) -> Option<ImageFormation> {
+        match self {
+            Self::Ideal(_) => None,
+            Self::Traced(lens) => lens.image_formation,
+        }
+    }
 }
 
 /// Where the viewing filters stand.
@@ -226,6 +272,7 @@ fn is_default<T: Default + PartialEq>(value: &T) -> bool {
 /// Sensor: a preset of the catalogue and fields that override it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[schemars(extend("x-identity" = "preset"))]
 pub struct SensorSection {
     /// Sensor of the catalogue whose fields hold where this section gives none. On a base or by an override, another
     /// preset than before takes the place of the whole section: size, quantum efficiency and all. Default: Table 1 of

@@ -3,29 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::SpectrumReference;
-
-/// Shape of a light.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum LightType {
-    /// `count` discs evenly around a circle.
-    Ring,
-    /// One flat disc.
-    Disc,
-    /// One flat ring with an even surface, as a ring light behind a diffuser.
-    Annulus,
-    /// One flat rectangle.
-    Rectangle,
-    /// A sphere that emits evenly.
-    Sphere,
-    /// A point.
-    Point,
-    /// Parallel light.
-    Distant,
-    /// The same radiance from all directions.
-    Environment,
-}
+use super::{FilePath, SpectrumReference};
 
 /// What positions and directions of a light refer to.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -39,17 +17,15 @@ pub enum LightFrame {
 }
 
 /// A light source, or a ring of equal ones.
-///
-/// Its strength is `power_mw`, `irradiance_w_per_m2` or `radiance_w_per_sr_m2`: exactly one, by type.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[schemars(deny_unknown_fields)]
 pub struct LightSection {
     /// Name, unique among the lights.
     pub name: String,
     /// Lights of one group are switched together and form one excitation channel. Default: the name.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub group: Option<String>,
-    /// Relative spectral power: its scale does not matter, the strength below sets it.
+    /// Relative spectral power: its scale does not matter, the strength sets it.
     pub spectrum: SpectrumReference,
     /// Filters on the light, in any order. Default: none.
     #[serde(default)]
@@ -58,67 +34,315 @@ pub struct LightSection {
     /// there. Default 0.
     #[serde(default)]
     pub filter_angle_deg: f64,
-    /// Shape.
-    #[serde(rename = "type")]
-    pub kind: LightType,
-    /// What positions and directions refer to. Default "scene".
+    /// Shape, place and strength.
+    #[serde(flatten)]
+    pub emitter: EmitterSection,
+}
+
+/// The types of lights, each with its fields.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(tag = "type", rename_all = "snake_case")]
+pub enum EmitterSection {
+    /// Discs evenly around a circle.
+    Ring(RingLight),
+    /// A flat disc.
+    Disc(DiscLight),
+    /// A flat ring with an even surface, as a ring light behind a diffuser.
+    Annulus(AnnulusLight),
+    /// A flat rectangle.
+    Rectangle(RectangleLight),
+    /// A sphere that emits evenly.
+    Sphere(SphereLight),
+    /// A point that emits evenly in all directions.
+    Point(PointLight),
+    /// A point that emits about an axis.
+    Spot(SpotLight),
+    /// Parallel light.
+    Distant(DistantLight),
+    /// Light from all directions: the same radiance, or a map of one spectrum.
+    Environment(EnvironmentLight),
+    /// Light from all directions: a map of spectral radiances.
+    SpectralEnvironment(SpectralEnvironmentLight),
+}
+
+/// `count` discs evenly around a circle.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RingLight {
+    /// What position and direction refer to. Default "scene".
     #[serde(default)]
     pub frame: LightFrame,
-    /// Radiant power of each emitter before the filters, mW, over 200 to 1200 nm.
+    /// Center of the ring, mm. Default: the origin of its frame.
+    #[serde(default)]
+    pub position_mm: [f64; 3],
+    /// Where it shines. Default: forward in the frame of the camera, otherwise needed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub power_mw: Option<f64>,
-    /// Irradiance behind the filters, W/m², over 200 to 1200 nm: for a distant light on a surface that faces it,
-    /// for others on the axis at `at_distance_mm`, from all emitters together.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub irradiance_w_per_m2: Option<f64>,
-    /// Distance at which the irradiance was measured, mm from the centre of the light.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub at_distance_mm: Option<f64>,
-    /// Radiance of an environment behind the filters, W/(sr m²), over 200 to 1200 nm; with a grey map that of white.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub radiance_w_per_sr_m2: Option<f64>,
-    /// Map of the radiance of an environment, equirectangular: path of a grey PNG image, whose white has the radiance
-    /// and the spectrum given, or of a spectral OpenEXR image of radiance, W/(sr m² nm), on which `spectrum` and the
-    /// filters are factors. Rows from the top (+y); the middle lies towards -z, the right half towards +x.
-    /// Default: the same radiance everywhere.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub map: Option<String>,
-    /// Turn of the map about +y, degrees: at 90 the middle lies towards -x. Default 0.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub map_rotation_deg: Option<f64>,
-    /// Emitters of a ring, 1 to 10 000. Default 8.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub count: Option<u32>,
-    /// Radius of the circle on which the centres of the emitters lie, mm.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub ring_radius_mm: Option<f64>,
+    pub aim: Option<Aim>,
+    /// Number of emitters, 1 to 10 000. Default 8.
+    #[serde(default = "ring_count")]
+    pub count: u32,
+    /// Radius of the circle on which the centers of the emitters lie, mm.
+    pub ring_radius_mm: f64,
+    /// Radius of each emitter, mm.
+    pub radius_mm: f64,
     /// Angle of the first emitter from the x axis of the ring, degrees. Default 0.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub start_angle_deg: Option<f64>,
+    #[serde(default)]
+    pub start_angle_deg: f64,
     /// Distance in front of the ring at which its emitters aim, mm. Default: they aim parallel to its axis.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub aim_distance_mm: Option<f64>,
-    /// Radius of a disc, of each emitter of a ring or of a sphere, outer radius of an annulus, mm.
+    /// Angle from the axis at which the radiant intensity is one half, degrees, 2.2 to 60. Default 60 (Lambertian).
+    #[serde(default = "lambertian")]
+    pub half_angle_deg: f64,
+    /// Power of each emitter, or irradiance of all together.
+    pub strength: SourceStrength,
+}
+
+/// One flat disc.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct DiscLight {
+    /// What position and direction refer to. Default "scene".
+    #[serde(default)]
+    pub frame: LightFrame,
+    /// Center, mm. Default: the origin of its frame.
+    #[serde(default)]
+    pub position_mm: [f64; 3],
+    /// Where it shines. Default: forward in the frame of the camera, otherwise needed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub radius_mm: Option<f64>,
-    /// Radius of the hole of an annulus, mm; smaller than `radius_mm`.
+    pub aim: Option<Aim>,
+    /// Radius, mm.
+    pub radius_mm: f64,
+    /// Angle from the axis at which the radiant intensity is one half, degrees, 2.2 to 60. Default 60 (Lambertian).
+    #[serde(default = "lambertian")]
+    pub half_angle_deg: f64,
+    /// Power or irradiance.
+    pub strength: SourceStrength,
+}
+
+/// One flat ring with an even surface, as a ring light behind a diffuser.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct AnnulusLight {
+    /// What position and direction refer to. Default "scene".
+    #[serde(default)]
+    pub frame: LightFrame,
+    /// Center, mm. Default: the origin of its frame.
+    #[serde(default)]
+    pub position_mm: [f64; 3],
+    /// Where it shines. Default: forward in the frame of the camera, otherwise needed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub inner_radius_mm: Option<f64>,
-    /// Width and height of a rectangle, mm.
+    pub aim: Option<Aim>,
+    /// Outer radius, mm.
+    pub radius_mm: f64,
+    /// Radius of the hole, mm; smaller than `radius_mm`.
+    pub inner_radius_mm: f64,
+    /// Angle from the axis at which the radiant intensity is one half, degrees, 2.2 to 60. Default 60 (Lambertian).
+    #[serde(default = "lambertian")]
+    pub half_angle_deg: f64,
+    /// Power or irradiance.
+    pub strength: SourceStrength,
+}
+
+/// One flat rectangle.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RectangleLight {
+    /// What position and direction refer to. Default "scene".
+    #[serde(default)]
+    pub frame: LightFrame,
+    /// Center, mm. Default: the origin of its frame.
+    #[serde(default)]
+    pub position_mm: [f64; 3],
+    /// Where it shines. Default: forward in the frame of the camera, otherwise needed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub size_mm: Option<[f64; 2]>,
-    /// Centre of the light, mm. Default: the origin of its frame.
+    pub aim: Option<Aim>,
+    /// Width and height, mm.
+    pub size_mm: [f64; 2],
+    /// Angle from the axis at which the radiant intensity is one half, degrees, 2.2 to 60. Default 60 (Lambertian).
+    #[serde(default = "lambertian")]
+    pub half_angle_deg: f64,
+    /// Power or irradiance.
+    pub strength: SourceStrength,
+}
+
+/// A sphere that emits evenly.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SphereLight {
+    /// What the position refers to. Default "scene".
+    #[serde(default)]
+    pub frame: LightFrame,
+    /// Center, mm. Default: the origin of its frame.
+    #[serde(default)]
+    pub position_mm: [f64; 3],
+    /// Radius, mm.
+    pub radius_mm: f64,
+    /// Power, or irradiance towards -z of its frame.
+    pub strength: SourceStrength,
+}
+
+/// A point that emits evenly in all directions.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PointLight {
+    /// What the position refers to. Default "scene".
+    #[serde(default)]
+    pub frame: LightFrame,
+    /// Position, mm. Default: the origin of its frame.
+    #[serde(default)]
+    pub position_mm: [f64; 3],
+    /// Power or irradiance.
+    pub strength: SourceStrength,
+}
+
+/// A point that emits about an axis.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SpotLight {
+    /// What position and direction refer to. Default "scene".
+    #[serde(default)]
+    pub frame: LightFrame,
+    /// Position, mm. Default: the origin of its frame.
+    #[serde(default)]
+    pub position_mm: [f64; 3],
+    /// Where it shines. Default: forward in the frame of the camera, otherwise needed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub position_mm: Option<[f64; 3]>,
-    /// Direction in which it shines, of any length. Default: forward for the camera frame, otherwise needed (or
-    /// `look_at_mm`).
+    pub aim: Option<Aim>,
+    /// Angle from the axis at which the radiant intensity is one half, degrees, 2.2 to 90.
+    pub half_angle_deg: f64,
+    /// Power or irradiance.
+    pub strength: SourceStrength,
+}
+
+/// Parallel light.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct DistantLight {
+    /// What the direction refers to. Default "scene".
+    #[serde(default)]
+    pub frame: LightFrame,
+    /// Where it shines; a point is seen from the origin of the frame. Default: forward in the frame of the camera,
+    /// otherwise needed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub direction: Option<[f64; 3]>,
-    /// Point at which it shines, mm, instead of `direction`.
+    pub aim: Option<Aim>,
+    /// Irradiance of a surface that faces it.
+    pub strength: DistantStrength,
+}
+
+/// The same radiance from all directions, or a map of it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct EnvironmentLight {
+    /// Radiance; with a map that of white.
+    pub strength: EnvironmentStrength,
+    /// Grey map of the radiance. Default: the same everywhere.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub look_at_mm: Option<[f64; 3]>,
-    /// Angle from the axis at which the radiant intensity is one half, degrees. Flat emitters: 2.2 to 60, default
-    /// 60 (Lambertian). Points: 2.2 to 90; without it they emit evenly.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub half_angle_deg: Option<f64>,
+    pub map: Option<EnvironmentMapReference>,
+}
+
+/// A map of spectral radiances, on which the spectrum and the filters of the light are factors.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SpectralEnvironmentLight {
+    /// Spectral OpenEXR image of radiance, W/(sr m² nm).
+    pub map: EnvironmentMapReference,
+}
+
+/// The path of an equirectangular map, or a table of `file` and `rotation_deg`.
+///
+/// Rows from the top (+y); the middle lies towards -z, the right half towards +x.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub enum EnvironmentMapReference {
+    /// As it is.
+    File(FilePath),
+    /// Turned.
+    Turned(TurnedMap),
+}
+
+/// A map and its turn.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct TurnedMap {
+    /// Path of the map: a grey PNG image, or a spectral OpenEXR image for a spectral environment.
+    pub file: FilePath,
+    /// Turn about +y, degrees: at 90 the middle lies towards -x. Default 0.
+    #[serde(default)]
+    pub rotation_deg: f64,
+}
+
+impl EnvironmentMapReference {
+    /// The file.
+    pub fn file(&self) -> &FilePath {
+        match self {
+            Self::File(file) | Self::Turned(TurnedMap { file, .. }) => file,
+        }
+    }
+
+    /// The turn, degrees.
+    pub fn rotation_deg(&self) -> f64 {
+        match self {
+            Self::File(_) => 0.0,
+            Self::Turned(map) => map.rotation_deg,
+        }
+    }
+}
+
+/// Where a light shines: a `direction` or a point, `look_at_mm`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged, deny_unknown_fields)]
+pub enum Aim {
+    /// A direction.
+    Direction {
+        /// The direction, of any length.
+        direction: [f64; 3],
+    },
+    /// A point.
+    Point {
+        /// The point, mm.
+        look_at_mm: [f64; 3],
+    },
+}
+
+/// Strength of a light: `power_mw`, or `irradiance_w_per_m2` with `at_distance_mm`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged, deny_unknown_fields)]
+pub enum SourceStrength {
+    /// By its power.
+    Power {
+        /// Radiant power of each emitter before the filters, mW, over 200 to 1200 nm.
+        power_mw: f64,
+    },
+    /// By its effect.
+    Irradiance {
+        /// Irradiance behind the filters on the axis, from all emitters together, W/m², over 200 to 1200 nm.
+        irradiance_w_per_m2: f64,
+        /// Distance at which it holds, mm from the center of the light.
+        at_distance_mm: f64,
+    },
+}
+
+/// Strength of parallel light.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct DistantStrength {
+    /// Irradiance behind the filters on a surface that faces the light, W/m², over 200 to 1200 nm.
+    pub irradiance_w_per_m2: f64,
+}
+
+/// Strength of light from everywhere.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct EnvironmentStrength {
+    /// Radiance behind the filters, W/(sr m²), over 200 to 1200 nm; with a map that of white.
+    pub radiance_w_per_sr_m2: f64,
+}
+
+fn ring_count() -> u32 {
+    8
+}
+
+fn lambertian() -> f64 {
+    60.0
 }

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{ReflectanceReference, SpectrumReference, TextureReference};
+use super::{FilePath, ReflectanceReference, SpectrumReference, TextureReference};
 use crate::spectral::Stokes;
 
 /// What the values of a measured matrix or emission spectrum count.
@@ -18,7 +18,7 @@ pub enum YieldUnit {
     Energy,
 }
 
-/// A fluorophore: exactly one of `from`, `eem_csv`, `csv`, `mat`, or `excitation_csv` with `emission_csv`.
+/// A fluorophore.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FluorophoreSection {
@@ -27,28 +27,8 @@ pub struct FluorophoreSection {
     /// Name for people. Default: that of the source.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub title: Option<String>,
-    /// Name in the catalogue.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub from: Option<String>,
-    /// Path of a matrix: rows emission, columns excitation, corner cell `em_nm\ex_nm`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub eem_csv: Option<String>,
-    /// Path of a table with the columns `wavelength_nm`, `excitation`, `emission`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub csv: Option<String>,
-    /// Path of a MATLAB file of isetfluorescence.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub mat: Option<String>,
-    /// Path of a table whose first column of values is the excitation spectrum.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub excitation_csv: Option<String>,
-    /// Path of a table whose first column of values is the emission spectrum.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub emission_csv: Option<String>,
-    /// What the values count, emission and excitation alike; needed for matrices that do not say so. "energy" is energy
-    /// out per energy in, and becomes photons by the factor emission over excitation wavelength. Spectra: default photons.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub unit: Option<YieldUnit>,
+    /// Where its spectra come from.
+    pub source: FluorophoreSource,
     /// Photons out per photon in at the best excitation, at concentration 1, before the Stokes mask; above 0, at
     /// most 1. Default: that of the catalogue; needed for files.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -56,6 +36,82 @@ pub struct FluorophoreSection {
     /// Whether emission below the excitation wavelength is masked. Default: as in the catalogue, otherwise "mask".
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stokes: Option<Stokes>,
+}
+
+/// A name of the catalogue, or a table with `eem_csv`, `csv`, `mat`, or `excitation_csv` and `emission_csv`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub enum FluorophoreSource {
+    /// A name of the catalogue.
+    Catalogue(String),
+    /// A matrix.
+    Matrix(MatrixSource),
+    /// Excitation and emission in one table.
+    Table(TableSource),
+    /// A file of isetfluorescence.
+    Mat(MatSource),
+    /// Excitation and emission in tables of their own.
+    Spectra(SpectraSource),
+}
+
+impl FluorophoreSource {
+    /// The files that it names.
+    pub fn files_mut(&mut self) -> Vec<&mut FilePath> {
+        match self {
+            Self::Catalogue(_) => Vec::new(),
+            Self::Matrix(source) => vec![&mut source.eem_csv],
+            Self::Table(source) => vec![&mut source.csv],
+            Self::Mat(source) => vec![&mut source.mat],
+            Self::Spectra(source) => vec![&mut source.excitation_csv, &mut source.emission_csv],
+        }
+    }
+}
+
+/// A matrix.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct MatrixSource {
+    /// Path of a matrix: rows emission, columns excitation, corner cell `em_nm\ex_nm`.
+    pub eem_csv: FilePath,
+    /// What its values count; needed where the file does not say so. "energy" is energy out per energy in, and becomes
+    /// photons by the factor emission over excitation wavelength.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub unit: Option<YieldUnit>,
+}
+
+/// Excitation and emission in one table.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct TableSource {
+    /// Path of a table with the columns `wavelength_nm`, `excitation`, `emission`.
+    pub csv: FilePath,
+    /// What the values count, emission and excitation alike. Default "photons".
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub unit: Option<YieldUnit>,
+}
+
+/// A file of isetfluorescence.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct MatSource {
+    /// Path of a MATLAB file of isetfluorescence.
+    pub mat: FilePath,
+    /// What the values count. Default "photons".
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub unit: Option<YieldUnit>,
+}
+
+/// Excitation and emission in tables of their own.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SpectraSource {
+    /// Path of a table whose first column of values is the excitation spectrum.
+    pub excitation_csv: FilePath,
+    /// Path of a table whose first column of values is the emission spectrum.
+    pub emission_csv: FilePath,
+    /// What the values count, emission and excitation alike. Default "photons".
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub unit: Option<YieldUnit>,
 }
 
 /// Clear rough layer on a surface: saliva, enamel gloss.
@@ -78,6 +134,38 @@ fn mucosa_roughness() -> TextureReference {
     TextureReference::Constant(0.2)
 }
 
+/// The types of materials, each with its fields.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(tag = "type", rename_all = "snake_case")]
+#[schemars(extend("x-default" = "diffuse"))]
+pub enum ScatteringSection {
+    /// Diffuse, with or without gloss. The type of a material that names none.
+    Diffuse(DiffuseSection),
+    /// A dielectric: a body that refracts, such as glass, water, plastic.
+    Dielectric(DielectricSection),
+    /// A metal.
+    Conductor(ConductorSection),
+    /// Two materials side by side, finer than a pixel.
+    Mix(MixSection),
+    /// One material on either side of a surface.
+    TwoSided(TwoSidedSection),
+}
+
+/// A diffuse surface, with or without a clear layer on top.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct DiffuseSection {
+    /// Diffuse reflectance.
+    pub reflectance: ReflectanceReference,
+    /// Clear layer on top. Default: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gloss: Option<GlossSection>,
+    /// Concentration of each fluorophore, relative to the unit of the catalogue, 0 or more. On a base, fluorophores that
+    /// are not named here keep their concentration; give 0 to leave one out. Default: none.
+    #[serde(default)]
+    pub concentrations: BTreeMap<String, TextureReference>,
+}
+
 /// A dielectric: a body that refracts, such as glass, water, plastic. The side of the geometric normal is air.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -90,24 +178,45 @@ pub struct DielectricSection {
     /// Share of light that crosses the surface without being absorbed there, a spectrum from 0 to 1. Default 1.
     #[serde(default)]
     pub transmittance: SpectrumReference,
+    /// Concentration of each fluorophore, relative to the unit of the catalogue, 0 or more. On a base, fluorophores that
+    /// are not named here keep their concentration; give 0 to leave one out. Default: none.
+    #[serde(default)]
+    pub concentrations: BTreeMap<String, TextureReference>,
 }
 
-/// A metal: either `metal`, or `n` and `k`.
+/// A metal.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ConductorSection {
-    /// Name of a metal of the catalogue.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub metal: Option<String>,
-    /// Real part of the refractive index: a number, a table or a CSV file.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub n: Option<SpectrumReference>,
-    /// Extinction coefficient: a number, a table or a CSV file.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub k: Option<SpectrumReference>,
+    /// Refractive index.
+    pub metal: MetalReference,
     /// GGX roughness, 0 to 1; below 0.01 the surface is a mirror. Default 0.2 (brushed).
     #[serde(default = "mucosa_roughness")]
     pub roughness: TextureReference,
+    /// Concentration of each fluorophore, relative to the unit of the catalogue, 0 or more. On a base, fluorophores that
+    /// are not named here keep their concentration; give 0 to leave one out. Default: none.
+    #[serde(default)]
+    pub concentrations: BTreeMap<String, TextureReference>,
+}
+
+/// A metal of the catalogue, or a table of `n` and `k`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub enum MetalReference {
+    /// A name of the catalogue.
+    Name(String),
+    /// Its complex refractive index.
+    Index(MetalIndex),
+}
+
+/// Complex refractive index of a metal, `n + ik`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct MetalIndex {
+    /// Real part of the refractive index: a number, a table or a CSV file.
+    pub n: SpectrumReference,
+    /// Extinction coefficient: a number, a table or a CSV file.
+    pub k: SpectrumReference,
 }
 
 /// Two materials side by side, finer than a pixel.
@@ -136,9 +245,9 @@ pub struct TwoSidedSection {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct NormalMapSection {
-    /// Path of an RGB PNG image in tangent space, relative to the experiment file: x along u is red, y along v green,
-    /// outward blue, each `2 value - 1`.
-    pub image: String,
+    /// Path of an RGB PNG image in tangent space: x along u is red, y along v green, outward blue, each
+    /// `2 value - 1`.
+    pub image: FilePath,
     /// Factor on the slopes, 0 to 10. Default 1.
     #[serde(default = "as_stored")]
     pub strength: f64,
@@ -152,31 +261,12 @@ fn as_stored() -> f64 {
     1.0
 }
 
-/// A material: exactly one of `reflectance` (with an optional gloss), `dielectric`, `conductor`, `mix`, `two_sided`;
-/// and fluorophores.
+/// A material.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[schemars(deny_unknown_fields)]
 pub struct MaterialSection {
     /// Name by which objects refer to it.
     pub name: String,
-    /// Diffuse reflectance.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub reflectance: Option<ReflectanceReference>,
-    /// Clear layer on top of a diffuse material. Default: none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub gloss: Option<GlossSection>,
-    /// A dielectric: a body that refracts.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub dielectric: Option<DielectricSection>,
-    /// A metal.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub conductor: Option<ConductorSection>,
-    /// Two materials side by side.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub mix: Option<MixSection>,
-    /// One material on either side.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub two_sided: Option<TwoSidedSection>,
     /// Opacity (alpha mask), 0 to 1; 0 is a hole. That of a mixture multiplies those of its parts. Default 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub opacity: Option<TextureReference>,
@@ -184,8 +274,19 @@ pub struct MaterialSection {
     /// shape.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub normal_map: Option<NormalMapSection>,
-    /// Concentration of each fluorophore, relative to the unit of the catalogue, 0 or more. On a base, fluorophores that
-    /// are not named here keep their concentration; give 0 to leave one out. Default: none.
-    #[serde(default)]
-    pub concentrations: BTreeMap<String, TextureReference>,
+    /// How it sends light on.
+    #[serde(flatten)]
+    pub scattering: ScatteringSection,
+}
+
+impl MaterialSection {
+    /// Concentrations of its fluorophores; a mixture has none of its own.
+    pub(in crate::experiment) fn concentrations(&self) -> Option<&BTreeMap<String, TextureReference>> {
+        match &self.scattering {
+            ScatteringSection::Diffuse(section) => Some(&section.concentrations),
+            ScatteringSection::Dielectric(section) => Some(&section.concentrations),
+            ScatteringSection::Conductor(section) => Some(&section.concentrations),
+            ScatteringSection::Mix(_) | ScatteringSection::TwoSided(_) => None,
+        }
+    }
 }

@@ -7,39 +7,54 @@ mod instrument;
 mod light;
 mod material;
 mod object;
+mod path;
 mod reference;
 mod settings;
 
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
 
-pub use capture::{AnalysisSection, CaptureSection, DEFAULT_PORPHYRIN, ExposureTime, OutputSection};
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
+use serde::de::Error;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+pub use capture::{
+    AnalysisSection, BulkReference, CaptureSection, DEFAULT_PORPHYRIN, ExposureTime, OutputSection,
+};
 pub use develop::{DevelopSection, FlatFieldSection, MotionSection};
 pub use device::{
-    AutofluorescenceSection, CameraSection, FieldOfView, FilterAngles, FilterPosition, ImageFormation,
-    LensSection, LensType, SensorSection, ViewFilterSection,
+    AutofluorescenceSection, CameraSection, FieldOfView, FilterAngles, FilterPosition, IdealLensSection,
+    ImageFormation, LensSection, SensorSection, TracedLensSection, ViewFilterSection,
 };
 pub use instrument::{SafetySection, SpectroradiometerSection};
-pub use light::{LightFrame, LightSection, LightType};
+pub use light::{
+    Aim, AnnulusLight, DiscLight, DistantLight, DistantStrength, EmitterSection, EnvironmentLight,
+    EnvironmentMapReference, EnvironmentStrength, LightFrame, LightSection, PointLight, RectangleLight,
+    RingLight, SourceStrength, SpectralEnvironmentLight, SphereLight, SpotLight, TurnedMap,
+};
 pub use material::{
-    ConductorSection, DielectricSection, FluorophoreSection, GlossSection, MaterialSection, MixSection,
-    NormalMapSection, TwoSidedSection, YieldUnit,
+    ConductorSection, DielectricSection, DiffuseSection, FluorophoreSection, FluorophoreSource, GlossSection,
+    MatSource, MaterialSection, MatrixSource, MetalIndex, MetalReference, MixSection, NormalMapSection,
+    ScatteringSection, SpectraSource, TableSource, TwoSidedSection, YieldUnit,
 };
 pub use object::{
-    BoxShape, DiscShape, DisplacementSection, EmissionSection, InstanceSection, LesionSection, MouthSection,
-    ObjectSection, QuadShape, ScanSection, SphereShape, TransformSection,
+    BoxShape, DiscShape, DisplacementSection, EmissionSection, InstanceSection, LesionSection, MeshShape,
+    MouthSection, ObjectSection, PlacesSection, QuadShape, ScanSection, ShapeSection, SphereShape,
+    TransformSection,
 };
+pub use path::{FilePath, NameOrLens, NameOrTable};
 pub use reference::{
-    DorsalTongueMap, EfficiencyReference, ReflectanceReference, ReflectanceTermSection, SpectrumReference,
-    SpectrumTable, TextureReference, TextureTable,
+    AnatomyMap, CheckerMap, DorsalTongueMap, EfficiencyReference, ImageMap, NoiseMap, ReflectanceReference,
+    ReflectanceTermSection, SpectrumReference, SpectrumTable, TextureReference, TextureTable, TongueMap,
 };
-pub use settings::{RenderSection, SpectralSection, StatisticsChoice};
+pub use settings::{EdgeBins, RenderSection, SpectralSection, StatisticsChoice, UniformBins};
 
 /// An experiment: scene, lights, camera, captures and analysis. Lengths are in millimetres, wavelengths in
 /// nanometres; every other unit stands in the name of its field.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ExperimentFile {
+    /// Version of the form of this file: 1.
+    pub format: FormatVersion,
     /// Name of the experiment for people. Default: empty.
     #[serde(default)]
     pub title: String,
@@ -104,4 +119,42 @@ pub struct ExperimentFile {
     /// Where results go.
     #[serde(default)]
     pub output: OutputSection,
+}
+
+/// Version of the form of a file; there is one.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct FormatVersion;
+
+impl FormatVersion {
+    /// The version that is read and written.
+    pub const CURRENT: i64 = 1;
+}
+
+impl Serialize for FormatVersion {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_i64(Self::CURRENT)
+    }
+}
+
+impl<'de> Deserialize<'de> for FormatVersion {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        match i64::deserialize(deserializer)? {
+            Self::CURRENT => Ok(Self),
+            other => Err(D::Error::custom(format!("format {other} is not read; write format = 1"))),
+        }
+    }
+}
+
+impl JsonSchema for FormatVersion {
+    fn inline_schema() -> bool {
+        true
+    }
+
+    fn schema_name() -> Cow<'static, str> {
+        "FormatVersion".into()
+    }
+
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        json_schema!({ "type": "integer", "minimum": 1, "maximum": 1 })
+    }
 }

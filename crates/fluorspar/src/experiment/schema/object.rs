@@ -5,14 +5,47 @@ use std::collections::BTreeMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{SpectrumReference, TextureReference};
+use super::{FilePath, SpectrumReference, TextureReference};
 use crate::anatomy::MouthParameters;
+
+/// The shapes of objects, each with its fields.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(tag = "type", rename_all = "snake_case")]
+pub enum ShapeSection {
+    /// A mesh from a file.
+    Mesh(MeshShape),
+    /// A sphere.
+    Sphere(SphereShape),
+    /// A parallelogram.
+    Quad(QuadShape),
+    /// A flat disc.
+    Disc(DiscShape),
+    /// A box.
+    Box(BoxShape),
+}
+
+/// A mesh from a file.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[schemars(deny_unknown_fields)]
+pub struct MeshShape {
+    /// Path of a .ply, .stl, .obj, .gltf or .glb file.
+    pub file: FilePath,
+    /// Length of one unit of the file, mm; 1000 for metres. Default 1.
+    #[serde(default = "one_millimetre")]
+    pub unit_mm: f64,
+    /// Relief of the surface. Default: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub displacement: Option<DisplacementSection>,
+    /// Where it stands, if at several places.
+    #[serde(flatten)]
+    pub places: PlacesSection,
+}
 
 /// A sphere.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SphereShape {
-    /// Centre, mm. Default [0, 0, 0].
+    /// Center, mm. Default [0, 0, 0].
     #[serde(default)]
     pub center_mm: [f64; 3],
     /// Radius, mm, above 0.
@@ -21,7 +54,7 @@ pub struct SphereShape {
 
 /// A parallelogram that faces `edge_u × edge_v`; texture coordinates run along the edges.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[schemars(deny_unknown_fields)]
 pub struct QuadShape {
     /// One corner, mm.
     pub corner_mm: [f64; 3],
@@ -29,13 +62,19 @@ pub struct QuadShape {
     pub edge_u_mm: [f64; 3],
     /// Second edge from the corner, mm.
     pub edge_v_mm: [f64; 3],
+    /// Relief of the surface. Default: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub displacement: Option<DisplacementSection>,
+    /// Where it stands, if at several places.
+    #[serde(flatten)]
+    pub places: PlacesSection,
 }
 
 /// A flat disc; texture coordinates span its bounding square.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DiscShape {
-    /// Centre, mm. Default [0, 0, 0].
+    /// Center, mm. Default [0, 0, 0].
     #[serde(default)]
     pub center_mm: [f64; 3],
     /// Direction that it faces, of any length. Default [0, 0, 1].
@@ -49,15 +88,34 @@ fn towards_camera() -> [f64; 3] {
     [0.0, 0.0, 1.0]
 }
 
+fn one_millimetre() -> f64 {
+    1.0
+}
+
 /// An axis-parallel box; texture coordinates span every face.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[schemars(deny_unknown_fields)]
 pub struct BoxShape {
-    /// Centre, mm. Default [0, 0, 0].
+    /// Center, mm. Default [0, 0, 0].
     #[serde(default)]
     pub center_mm: [f64; 3],
     /// Lengths of the edges, mm, above 0.
     pub size_mm: [f64; 3],
+    /// Where it stands, if at several places.
+    #[serde(flatten)]
+    pub places: PlacesSection,
+}
+
+/// Places of one mesh, which is kept once.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[schemars(deny_unknown_fields)]
+pub struct PlacesSection {
+    /// Places, before `transform` moves them all. Default: one, as given.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub instance: Vec<InstanceSection>,
+    /// Path of a .csv, .txt or .npy file of more places: twelve numbers each, the three rows of `matrix`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub instance_file: Option<FilePath>,
 }
 
 /// Scales, then turns, then moves.
@@ -154,48 +212,23 @@ pub struct EmissionSection {
     pub radiance_w_per_sr_m2: f64,
 }
 
-/// A named surface: exactly one of `mesh`, `sphere`, `quad`, `disc`, `box`.
+/// A named surface.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[schemars(deny_unknown_fields)]
 pub struct ObjectSection {
     /// Name, unique among objects and parts of the mouth.
     pub name: String,
     /// Name of its material.
     pub material: String,
-    /// Path of a .ply, .stl, .obj, .gltf or .glb file, relative to the experiment file.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub mesh: Option<String>,
-    /// Length of one unit of the mesh file, mm; 1000 for metres. Default 1.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub unit_mm: Option<f64>,
-    /// A sphere.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub sphere: Option<SphereShape>,
-    /// A parallelogram.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub quad: Option<QuadShape>,
-    /// A flat disc.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub disc: Option<DiscShape>,
-    /// A box.
-    #[serde(default, rename = "box", skip_serializing_if = "Option::is_none")]
-    pub cuboid: Option<BoxShape>,
     /// Where it stands. Default: as given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub transform: Option<TransformSection>,
-    /// Places of the mesh, quad or box, before `transform` moves them all; the mesh is kept once. Default: one, as given.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub instance: Vec<InstanceSection>,
-    /// More places, from a .csv, .txt or .npy file: per place three rows of four numbers, the last of each a displacement in
-    /// mm. Default: none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub instance_file: Option<String>,
-    /// Moves the surface along its normals; for meshes and quads with texture coordinates. Default: none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub displacement: Option<DisplacementSection>,
     /// Light that it emits. Default: none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub emission: Option<EmissionSection>,
+    /// Its shape.
+    #[serde(flatten)]
+    pub shape: ShapeSection,
 }
 
 /// A spot on a part of the mouth with its own colour and fluorophores: an ellipse, or a painted mask.
@@ -222,7 +255,7 @@ pub struct LesionSection {
     /// Path of a grey PNG on the texture coordinates of the part instead of the ellipse: white is inside. Of colours the mean
     /// of red, green and blue is taken, with a warning.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub mask: Option<String>,
+    pub mask: Option<FilePath>,
     /// Reflectance inside. Default: that of the part.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reflectance: Option<SpectrumReference>,
@@ -252,8 +285,8 @@ fn lesion_edge() -> f64 {
 pub struct ScanSection {
     /// Name of the new part.
     pub name: String,
-    /// Path of a .ply, .stl, .obj, .gltf or .glb file, relative to the experiment file.
-    pub mesh: String,
+    /// Path of a .ply, .stl, .obj, .gltf or .glb file.
+    pub mesh: FilePath,
     /// Parts that it replaces; `tooth_*` stands for all whose names begin so. Default: none.
     #[serde(default)]
     pub replaces: Vec<String>,

@@ -1,38 +1,58 @@
 //! Spectra and textures as they are written in a file: a number, a name, a path or a table.
 
-use std::borrow::Cow;
 use std::collections::BTreeMap;
-use std::fmt;
 
-use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
-use serde::de::value::MapAccessDeserializer;
-use serde::de::{Error, MapAccess, SeqAccess, Visitor};
-use serde::{Deserialize, Deserializer, Serialize};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
+use super::{FilePath, NameOrTable};
 use crate::anatomy::{SurfaceMap, Tissue};
 use crate::spectral::CurveModel;
 
-/// A spectrum: a constant, a name of the catalogue, a CSV file or an equation.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+/// A spectrum: a number, a name of the catalogue, the path of a CSV file, a table with `csv` (one column of a file), or
+/// an equation such as { type = "led", ... }.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged)]
+#[schemars(extend("x-merge" = "replace"))]
 pub enum SpectrumReference {
     /// The same value at every wavelength.
     Constant(f64),
     /// A name of the catalogue, or the path of a CSV file (with a slash or the ending `.csv`) whose first column of
     /// values is used.
-    Name(String),
+    Text(NameOrTable),
     /// One column of a CSV file.
     Table(SpectrumTable),
-    /// An equation, as in the files of the catalogue: `{ kind = "led", peak_nm = 385.0, ... }`.
+    /// An equation, as in the files of the catalogue: `{ type = "led", peak_nm = 385.0, ... }`.
     Model(CurveModel),
+}
+
+impl SpectrumReference {
+    /// A name of the catalogue.
+    pub(in crate::experiment) fn named(name: &str) -> Self {
+        Self::Text(NameOrTable::Name(name.into()))
+    }
+
+    /// The name of the catalogue, if it is one.
+    pub(in crate::experiment) fn catalogue_name(&self) -> Option<&str> {
+        match self {
+            Self::Text(NameOrTable::Name(name)) => Some(name),
+            _ => None,
+        }
+    }
+}
+
+impl Default for SpectrumReference {
+    fn default() -> Self {
+        Self::Constant(1.0)
+    }
 }
 
 /// One column of a CSV file with wavelengths in nm in its first column.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SpectrumTable {
-    /// Path of the file, relative to the experiment file.
-    pub csv: String,
+    /// Path of the file.
+    pub csv: FilePath,
     /// Header of the column. Default: the only or first one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub column: Option<String>,
@@ -41,9 +61,11 @@ pub struct SpectrumTable {
     pub scale: Option<f64>,
 }
 
-/// Diffuse reflectance: one spectrum, or a list of spectra with weights that may vary over the surface.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+/// A reflectance: a number from 0 to 1, a name of the catalogue, the path of a CSV file, a table that describes a
+/// spectrum, or a list of { spectrum, weight }.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged)]
+#[schemars(extend("x-merge" = "replace"))]
 pub enum ReflectanceReference {
     /// One spectrum.
     Spectrum(SpectrumReference),
@@ -66,9 +88,10 @@ fn one() -> TextureReference {
     TextureReference::Constant(1.0)
 }
 
-/// A value over a surface: a number or a map.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+/// A number, or a map such as { image = "x.png" }, { checker = [8, 8] } or { noise = [5, 5] }.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged)]
+#[schemars(extend("x-merge" = "replace"))]
 pub enum TextureReference {
     /// The same everywhere.
     Constant(f64),
@@ -76,45 +99,144 @@ pub enum TextureReference {
     Map(Box<TextureTable>),
 }
 
-/// A map over texture coordinates: exactly one of `image`, `checker`, `noise`, `dorsal_tongue`.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+/// A map over texture coordinates.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub enum TextureTable {
+    /// A picture.
+    Image(ImageMap),
+    /// A checkerboard.
+    Checker(CheckerMap),
+    /// Smooth noise.
+    Noise(NoiseMap),
+    /// Porphyrin on the back of the tongue.
+    DorsalTongue(TongueMap),
+    /// A map of the mouth's anatomy.
+    Anatomy(AnatomyMap),
+}
+
+/// A grey picture.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct TextureTable {
-    /// Path of a grey PNG image, relative to the experiment file: black is `low`, white is `high`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub image: Option<String>,
+pub struct ImageMap {
+    /// Path of a grey PNG image: black is `low`, white is `high`.
+    pub image: FilePath,
     /// Whether the image is stored with the sRGB curve; otherwise its numbers are linear. Default false.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub srgb: Option<bool>,
-    /// A checkerboard: fields along u and v, 1 to 10 000.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub checker: Option<[u32; 2]>,
-    /// Smooth noise: cells along u and v, 0.1 to 10 000.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub noise: Option<[f64; 2]>,
-    /// Porphyrin on the back of the tongue: most along the midline and far back, none at the tip and the sides.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub dorsal_tongue: Option<DorsalTongueMap>,
-    /// A map of the mouth's anatomy, on the texture coordinates of its parts: `redness` (vessels, margins),
-    /// `fungiform` (papillae of the dorsal tongue), `pallor` (keratin, coating), `porphyrin` (dorsal tongue), `plaque` and
-    /// `dentine` (teeth), `dryness` (film of saliva). Needs a `[mouth]`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub anatomy: Option<SurfaceMap>,
-    /// Tissue whose map it is. Default: the tissue that uses the material.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub tissue: Option<Tissue>,
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub srgb: bool,
     /// Lowest value of the map. Default 0.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub low: Option<f64>,
+    #[serde(default)]
+    pub low: f64,
     /// Highest value of the map. Default 1.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub high: Option<f64>,
-    /// Seed of the noise. Default 1.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub seed: Option<u32>,
+    #[serde(default = "unity")]
+    pub high: f64,
     /// Another map by which this one is multiplied.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub times: Option<TextureReference>,
+}
+
+/// A checkerboard.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CheckerMap {
+    /// Fields along u and v, 1 to 10 000.
+    pub checker: [u32; 2],
+    /// Value of the first field. Default 0.
+    #[serde(default)]
+    pub low: f64,
+    /// Value of the field next to it. Default 1.
+    #[serde(default = "unity")]
+    pub high: f64,
+    /// Another map by which this one is multiplied.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub times: Option<TextureReference>,
+}
+
+/// Smooth noise.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct NoiseMap {
+    /// Cells along u and v, 0.1 to 10 000.
+    pub noise: [f64; 2],
+    /// Which noise. Default 1.
+    #[serde(default = "seed")]
+    pub seed: u32,
+    /// Lowest value of the map. Default 0.
+    #[serde(default)]
+    pub low: f64,
+    /// Highest value of the map. Default 1.
+    #[serde(default = "unity")]
+    pub high: f64,
+    /// Another map by which this one is multiplied.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub times: Option<TextureReference>,
+}
+
+/// Porphyrin on the back of the tongue: most along the midline and far back, none at the tip and the sides.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct TongueMap {
+    /// Where the porphyrin lies.
+    pub dorsal_tongue: DorsalTongueMap,
+    /// Another map by which this one is multiplied.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub times: Option<TextureReference>,
+}
+
+/// A map of the mouth's anatomy, on the texture coordinates of its parts. Needs a `[mouth]`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct AnatomyMap {
+    /// Which map: `redness` (vessels, margins), `fungiform` (papillae of the dorsal tongue), `pallor` (keratin, coating),
+    /// `porphyrin` (dorsal tongue), `plaque` and `dentine` (teeth), `dryness` (film of saliva).
+    pub anatomy: SurfaceMap,
+    /// Tissue whose map it is. Default: the tissue that uses the material.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tissue: Option<Tissue>,
+    /// Seed of the map. Default: that of the mouth.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub seed: Option<u32>,
+    /// Lowest value of the map. Default 0.
+    #[serde(default)]
+    pub low: f64,
+    /// Highest value of the map. Default 1.
+    #[serde(default = "unity")]
+    pub high: f64,
+    /// Another map by which this one is multiplied.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub times: Option<TextureReference>,
+}
+
+impl TextureTable {
+    /// The map by which this one is multiplied.
+    pub(in crate::experiment) fn times(&self) -> Option<&TextureReference> {
+        match self {
+            Self::Image(map) => map.times.as_ref(),
+            Self::Checker(map) => map.times.as_ref(),
+            Self::Noise(map) => map.times.as_ref(),
+            Self::DorsalTongue(map) => map.times.as_ref(),
+            Self::Anatomy(map) => map.times.as_ref(),
+        }
+    }
+
+    /// Lowest and highest value, of maps that have them as fields.
+    pub(in crate::experiment) fn range(&self) -> Option<[f64; 2]> {
+        match self {
+            Self::Image(ImageMap { low, high, .. })
+            | Self::Checker(CheckerMap { low, high, .. })
+            | Self::Noise(NoiseMap { low, high, .. })
+            | Self::Anatomy(AnatomyMap { low, high, .. }) => Some([*low, *high]),
+            Self::DorsalTongue(_) => None,
+        }
+    }
+}
+
+fn unity() -> f64 {
+    1.0
+}
+
+fn is_false(value: &bool) -> bool {
+    !value
 }
 
 /// Where porphyrin lies on the back of a tongue.
@@ -153,224 +275,19 @@ fn seed() -> u32 {
     1
 }
 
-/// Quantum efficiency of a sensor: a name of the catalogue, a CSV file, or one spectrum for each channel.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+/// A name of the catalogue, the path of a CSV file with one column per channel, or a table with one spectrum per channel.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged)]
+#[schemars(extend("x-merge" = "replace"))]
 pub enum EfficiencyReference {
     /// A name of the catalogue, or the path of a CSV file with one column per channel.
-    Name(String),
+    Text(NameOrTable),
     /// A number, an equation or a column of a CSV file by channel, in electrons per photon.
     Channels(BTreeMap<String, SpectrumReference>),
 }
 
 impl Default for EfficiencyReference {
     fn default() -> Self {
-        Self::Name("consumer_rgb_cmos".into())
-    }
-}
-
-struct EfficiencyVisitor;
-
-impl<'de> Visitor<'de> for EfficiencyVisitor {
-    type Value = EfficiencyReference;
-
-    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(
-            "a name of the catalogue, the path of a CSV file, or a table with one spectrum per channel",
-        )
-    }
-
-    fn visit_str<E: Error>(self, name: &str) -> Result<Self::Value, E> {
-        Ok(EfficiencyReference::Name(name.into()))
-    }
-
-    fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Self::Value, A::Error> {
-        BTreeMap::deserialize(MapAccessDeserializer::new(map)).map(EfficiencyReference::Channels)
-    }
-}
-
-impl<'de> Deserialize<'de> for EfficiencyReference {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        deserializer.deserialize_any(EfficiencyVisitor)
-    }
-}
-
-impl JsonSchema for EfficiencyReference {
-    fn schema_name() -> Cow<'static, str> {
-        "EfficiencyReference".into()
-    }
-
-    fn json_schema(generator: &mut SchemaGenerator) -> Schema {
-        let spectrum = generator.subschema_for::<SpectrumReference>();
-        json_schema!({
-            "description": "A name of the catalogue, the path of a CSV file, or one spectrum for each channel.",
-            "anyOf": [{ "type": "string" }, { "type": "object", "additionalProperties": spectrum }]
-        })
-    }
-}
-
-impl Default for SpectrumReference {
-    fn default() -> Self {
-        Self::Constant(1.0)
-    }
-}
-
-struct SpectrumVisitor;
-
-impl<'de> Visitor<'de> for SpectrumVisitor {
-    type Value = SpectrumReference;
-
-    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("a spectrum: a number, a name of the catalogue, the path of a CSV file, or a table with `kind` or `csv`")
-    }
-
-    fn visit_f64<E: Error>(self, value: f64) -> Result<Self::Value, E> {
-        Ok(SpectrumReference::Constant(value))
-    }
-
-    fn visit_i64<E: Error>(self, value: i64) -> Result<Self::Value, E> {
-        Ok(SpectrumReference::Constant(value as f64))
-    }
-
-    fn visit_u64<E: Error>(self, value: u64) -> Result<Self::Value, E> {
-        Ok(SpectrumReference::Constant(value as f64))
-    }
-
-    fn visit_str<E: Error>(self, name: &str) -> Result<Self::Value, E> {
-        Ok(SpectrumReference::Name(name.into()))
-    }
-
-    fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Self::Value, A::Error> {
-        let table = toml::Table::deserialize(MapAccessDeserializer::new(map))?;
-        if table.contains_key("kind") {
-            CurveModel::deserialize(table).map(SpectrumReference::Model).map_err(A::Error::custom)
-        } else if table.contains_key("csv") {
-            SpectrumTable::deserialize(table).map(SpectrumReference::Table).map_err(A::Error::custom)
-        } else {
-            Err(A::Error::custom(
-                "a table that describes a spectrum needs `kind` (an equation, as in { kind = \"led\", ... }) or `csv` (a file)",
-            ))
-        }
-    }
-}
-
-impl<'de> Deserialize<'de> for SpectrumReference {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        deserializer.deserialize_any(SpectrumVisitor)
-    }
-}
-
-impl JsonSchema for SpectrumReference {
-    fn schema_name() -> Cow<'static, str> {
-        "SpectrumReference".into()
-    }
-
-    fn json_schema(generator: &mut SchemaGenerator) -> Schema {
-        let table = generator.subschema_for::<SpectrumTable>();
-        let model = generator.subschema_for::<CurveModel>();
-        json_schema!({
-            "description": "A spectrum: a constant, a name of the catalogue or the path of a CSV file, one column of a CSV file, or an equation.",
-            "anyOf": [{ "type": "number" }, { "type": "string" }, table, model]
-        })
-    }
-}
-
-struct ReflectanceVisitor;
-
-impl<'de> Visitor<'de> for ReflectanceVisitor {
-    type Value = ReflectanceReference;
-
-    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("a reflectance: a number from 0 to 1, a name, the path of a CSV file, a table, or a list of { spectrum, weight }")
-    }
-
-    fn visit_f64<E: Error>(self, value: f64) -> Result<Self::Value, E> {
-        SpectrumVisitor.visit_f64(value).map(ReflectanceReference::Spectrum)
-    }
-
-    fn visit_i64<E: Error>(self, value: i64) -> Result<Self::Value, E> {
-        SpectrumVisitor.visit_i64(value).map(ReflectanceReference::Spectrum)
-    }
-
-    fn visit_str<E: Error>(self, name: &str) -> Result<Self::Value, E> {
-        SpectrumVisitor.visit_str(name).map(ReflectanceReference::Spectrum)
-    }
-
-    fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Self::Value, A::Error> {
-        SpectrumVisitor.visit_map(map).map(ReflectanceReference::Spectrum)
-    }
-
-    fn visit_seq<A: SeqAccess<'de>>(self, mut seq: A) -> Result<Self::Value, A::Error> {
-        let mut terms = Vec::new();
-        while let Some(term) = seq.next_element()? {
-            terms.push(term);
-        }
-        Ok(ReflectanceReference::Sum(terms))
-    }
-}
-
-impl<'de> Deserialize<'de> for ReflectanceReference {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        deserializer.deserialize_any(ReflectanceVisitor)
-    }
-}
-
-impl JsonSchema for ReflectanceReference {
-    fn schema_name() -> Cow<'static, str> {
-        "ReflectanceReference".into()
-    }
-
-    fn json_schema(generator: &mut SchemaGenerator) -> Schema {
-        let spectrum = generator.subschema_for::<SpectrumReference>();
-        let terms = generator.subschema_for::<Vec<ReflectanceTermSection>>();
-        json_schema!({
-            "description": "Diffuse reflectance: one spectrum, or a list of spectra with weights that may vary over the surface.",
-            "anyOf": [spectrum, terms]
-        })
-    }
-}
-
-struct TextureVisitor;
-
-impl<'de> Visitor<'de> for TextureVisitor {
-    type Value = TextureReference;
-
-    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(
-            "a number, or a map such as { image = \"x.png\" }, { checker = [8, 8] } or { noise = [5, 5] }",
-        )
-    }
-
-    fn visit_f64<E: Error>(self, value: f64) -> Result<Self::Value, E> {
-        Ok(TextureReference::Constant(value))
-    }
-
-    fn visit_i64<E: Error>(self, value: i64) -> Result<Self::Value, E> {
-        Ok(TextureReference::Constant(value as f64))
-    }
-
-    fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Self::Value, A::Error> {
-        TextureTable::deserialize(MapAccessDeserializer::new(map))
-            .map(|table| TextureReference::Map(Box::new(table)))
-    }
-}
-
-impl<'de> Deserialize<'de> for TextureReference {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        deserializer.deserialize_any(TextureVisitor)
-    }
-}
-
-impl JsonSchema for TextureReference {
-    fn schema_name() -> Cow<'static, str> {
-        "TextureReference".into()
-    }
-
-    fn json_schema(generator: &mut SchemaGenerator) -> Schema {
-        let table = generator.subschema_for::<TextureTable>();
-        json_schema!({
-            "description": "A value over a surface: a number, or a map over texture coordinates.",
-            "anyOf": [{ "type": "number" }, table]
-        })
+        Self::Text(NameOrTable::Name("consumer_rgb_cmos".into()))
     }
 }

@@ -3,22 +3,46 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Wavelength bins: `first_nm`, `last_nm` and `step_nm`, or explicit `edges_nm`.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+/// Wavelength bins: `first_nm`, `last_nm` and `step_nm`, or `edges_nm`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub enum SpectralSection {
+    /// Bins between edges.
+    Edges(EdgeBins),
+    /// Bins of one width.
+    Uniform(UniformBins),
+}
+
+/// Bins between edges.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct SpectralSection {
-    /// Centre of the first bin, nm, 200 to 1200. Default 350.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub first_nm: Option<f64>,
-    /// Centre of the last bin, nm, 200 to 1200. Default 750.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub last_nm: Option<f64>,
+pub struct EdgeBins {
+    /// Edges of the bins, nm, increasing; one more than there are bins.
+    pub edges_nm: Vec<f64>,
+}
+
+/// Bins of one width.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct UniformBins {
+    /// Center of the first bin, nm, 200 to 1200. Default 350.
+    pub first_nm: f64,
+    /// Center of the last bin, nm, 200 to 1200. Default 750.
+    pub last_nm: f64,
     /// Width of a bin, nm. Default 5.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub step_nm: Option<f64>,
-    /// Edges of the bins, nm, increasing; one more than there are bins. Instead of the other three.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub edges_nm: Option<Vec<f64>>,
+    pub step_nm: f64,
+}
+
+impl Default for UniformBins {
+    fn default() -> Self {
+        Self { first_nm: 350.0, last_nm: 750.0, step_nm: 5.0 }
+    }
+}
+
+impl Default for SpectralSection {
+    fn default() -> Self {
+        Self::Uniform(UniformBins::default())
+    }
 }
 
 /// What is kept about the scatter of samples.

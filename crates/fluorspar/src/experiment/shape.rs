@@ -1,0 +1,476 @@
+//! What may stand where in a file, read from the types of the schema.
+//!
+//! The sections derive a JSON schema; it is read once into [`Shape`]s, which know the fields of every table, the variants
+//! of every choice and which texts are paths. Everything that handles a file before it becomes typed sections follows
+//! them: merging with a base, overrides, anchoring of paths, and the check that explains what does not fit. A new field
+//! or variant needs no line in any of these.
+//!
+//! What a type can't express by itself it declares with an extension of its JSON schema, next to its fields:
+//!
+//! | extension | on | meaning |
+//! |---|---|---|
+//! | `x-default` | a tagged enum | the variant of a table without its tag |
+//! | `x-merge: "replace"` | a type | one value: an override replaces it as a whole |
+//! | `x-replaces` | a field | fields of the same table that it takes the place of |
+//! | `x-identity` | a section | field whose new value makes it another thing: nothing of the old one stays |
+//! | `format: "path"` | a text | path of a file, relative to the file in which it stands |
+//! | `format: "name-or-table-path"`, `"name-or-lens-path"` | a text | name of the catalogue, or such a path |
+
+use std::collections::BTreeMap;
+
+use schemars::JsonSchema;
+use serde_json::Value;
+
+use super::document::Node;
+
+/// The shapes of one kind of file.
+pub(super) struct Schema {
+    root: Shape,
+    named: BTreeMap<String, Shape>,
+}
+
+/// What may stand at one place.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Shape {
+    /// Whatever TOML can hold.
+    Anything,
+    Boolean,
+    Number,
+    /// A whole number between these, ends included.
+    Whole([i64; 2]),
+    Text(TextKind),
+    /// One of these texts.
+    Word(Vec<String>),
+    List {
+        items: Box<Shape>,
+        /// How many, where the number is fixed.
+        length: Option<usize>,
+    },
+    Table(Table),
+    Either(Either),
+    /// A shape of the schema by its name.
+    Named(String),
+}
+
+/// What a text means.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum TextKind {
+    Plain,
+    /// Path of a file.
+    Path,
+    /// Name of the catalogue, or path of a table of spectra.
+    NameOrTablePath,
+    /// Name of the catalogue, or path of a lens file.
+    NameOrLensPath,
+}
+
+/// Values of different types: a number, a name, a list, a table.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Either {
+    /// What to give, in words.
+    pub(super) expected: String,
+    /// All but the tables.
+    pub(super) values: Vec<Shape>,
+    /// What a table holds.
+    pub(super) table: Option<Table>,
+    /// Whether an override replaces it as a whole.
+    pub(super) whole: bool,
+}
+
+/// A table: fields that it always may have, and those of one variant.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Table {
+    pub(super) fields: Vec<Field>,
+    /// What stands under names that the user chooses.
+    pub(super) rest: Option<Box<Shape>>,
+    pub(super) variants: Vec<Variant>,
+    /// Number of the variant of a table that names none.
+    pub(super) default: Option<usize>,
+    /// Whether an override replaces it as a whole.
+    pub(super) whole: bool,
+    /// Field whose new value makes it another thing.
+    pub(super) identity: Option<String>,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Field {
+    pub(super) name: String,
+    pub(super) shape: Shape,
+    pub(super) required: bool,
+    /// Other fields of the table that it takes the place of.
+    pub(super) replaces: Vec<String>,
+}
+
+/// One variant of a choice.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Variant {
+    pub(super) mark: Mark,
+    /// Its fields; of a tagged variant without the tag.
+    pub(super) fields: Vec<Field>,
+}
+
+/// How a table says which variant it is.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) enum Mark {
+    /// By the value of a field: `type = "sphere"`.
+    Tag { field: String, value: String },
+    /// By a field that only it has, and must have: `power_mw`.
+    Field(String),
+    /// By nothing: any of its fields will do.
+    None,
+}
+
+/// Which variant a table is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Found<'a> {
+    /// The variant of this number.
+    Variant(usize),
+    /// The table says nothing about it.
+    Unsaid,
+    /// The tag has a value that no variant has.
+    UnknownTag(&'a str),
+    /// It has the marks of several variants.
+    Several,
+}
+
+impl Table {
+    /// Field by which variants are told apart, if it is one field.
+    pub(super) fn tag(&self) -> Option<&str> {
+        self.variants.iter().find_map(|variant| match &variant.mark {
+            Mark::Tag { field, .. } => Some(field.as_str()),
+            _ => None,
+        })
+    }
+
+    /// Which variant a table says it is.
+    pub(super) fn variant_of<'a>(&'a self, node: &Node) -> Found<'a> {
+        let has = |key: &str| node.get(key).is_some();
+        if let Some(tag) = self.tag()
+            && let Some(given) = node.get(tag)
+        {
+            let is_given = |variant: &Variant| match &variant.mark {
+                Mark::Tag { field, value } => field == tag && given.as_str() == Some(value),
+                _ => false,
+            };
+            return match self.variants.iter().position(is_given) {
+                Some(index) => Found::Variant(index),
+                None => Found::UnknownTag(tag),
+            };
+        }
+        let marked = |variant: &Variant| matches!(&variant.mark, Mark::Field(key) if has(key));
+        let mut marks = (0..self.variants.len()).filter(|index| marked(&self.variants[*index]));
+        match (marks.next(), marks.next()) {
+            (Some(index), None) => return Found::Variant(index),
+            (Some(_), Some(_)) => return Found::Several,
+            _ => {}
+        }
+        let unmarked = |variant: &Variant| {
+            variant.mark == Mark::None && variant.fields.iter().any(|field| has(&field.name))
+        };
+        self.variants.iter().position(unmarked).map_or(Found::Unsaid, Found::Variant)
+    }
+
+    /// The variant of a complete table: what it says, or the default.
+    pub(super) fn variant_or_default(&self, node: &Node) -> Option<usize> {
+        match self.variant_of(node) {
+            Found::Variant(index) => Some(index),
+            Found::Unsaid => self.default,
+            Found::UnknownTag(_) | Found::Several => None,
+        }
+    }
+
+    /// A field of a variant, or of all.
+    pub(super) fn field(&self, variant: Option<usize>, name: &str) -> Option<&Field> {
+        self.fields_of(variant).find(|field| field.name == name)
+    }
+
+    /// The fields of a variant, those that all have first.
+    pub(super) fn fields_of(&self, variant: Option<usize>) -> impl Iterator<Item = &Field> {
+        let of_variant = variant.and_then(|index| self.variants.get(index));
+        self.fields.iter().chain(of_variant.into_iter().flat_map(|variant| &variant.fields))
+    }
+
+    /// Shape of the value under a key.
+    pub(super) fn shape(&self, variant: Option<usize>, key: &str) -> Option<&Shape> {
+        self.field(variant, key).map(|field| &field.shape).or(self.rest.as_deref())
+    }
+}
+
+impl Schema {
+    /// The shapes of a type.
+    pub(super) fn of<T: JsonSchema>() -> Self {
+        let root = schemars::schema_for!(T).to_value();
+        let empty = serde_json::Map::new();
+        let definitions = root.get("$defs").and_then(Value::as_object).unwrap_or(&empty);
+        let reader = SchemaReader { definitions };
+        let named = definitions.iter().map(|(name, value)| (name.clone(), reader.shape(value))).collect();
+        Self { root: reader.shape(&root), named }
+    }
+
+    /// The shape of a whole file.
+    pub(super) fn root(&self) -> &Shape {
+        &self.root
+    }
+
+    /// The shape that a name stands for.
+    pub(super) fn resolve<'a>(&'a self, shape: &'a Shape) -> &'a Shape {
+        match shape {
+            Shape::Named(name) => self.named.get(name).map_or(&Shape::Anything, |shape| self.resolve(shape)),
+            _ => shape,
+        }
+    }
+
+    /// What a table of this shape holds.
+    pub(super) fn table<'a>(&'a self, shape: &'a Shape) -> Option<&'a Table> {
+        match self.resolve(shape) {
+            Shape::Table(table) => Some(table),
+            Shape::Either(either) => either.table.as_ref(),
+            _ => None,
+        }
+    }
+
+    /// What the entries of a list of this shape are.
+    pub(super) fn items<'a>(&'a self, shape: &'a Shape) -> Option<&'a Shape> {
+        match self.resolve(shape) {
+            Shape::List { items, .. } => Some(items),
+            Shape::Either(either) => either.values.iter().find_map(|value| self.items(value)),
+            _ => None,
+        }
+    }
+
+    /// Whether an override replaces what stands here as a whole.
+    pub(super) fn is_whole(&self, shape: &Shape) -> bool {
+        match self.resolve(shape) {
+            Shape::Table(table) => table.whole,
+            Shape::Either(either) => either.whole,
+            _ => false,
+        }
+    }
+}
+
+/// Reads shapes from JSON schemas.
+struct SchemaReader<'a> {
+    definitions: &'a serde_json::Map<String, Value>,
+}
+
+/// A part of a JSON schema, null if there is none.
+fn part<'v>(value: &'v Value, key: &str) -> &'v Value {
+    value.get(key).unwrap_or(&Value::Null)
+}
+
+/// Items of a list of a JSON schema.
+fn list<'v>(value: &'v Value, key: &str) -> impl Iterator<Item = &'v Value> {
+    part(value, key).as_array().into_iter().flatten()
+}
+
+fn texts(value: &Value, key: &str) -> Vec<String> {
+    list(value, key).filter_map(Value::as_str).map(String::from).collect()
+}
+
+impl SchemaReader<'_> {
+    fn shape(&self, value: &Value) -> Shape {
+        if let Some(name) = reference(value)
+            && value.get("properties").is_none()
+        {
+            return Shape::Named(name.into());
+        }
+        if let Some(words) = words(value) {
+            return Shape::Word(words);
+        }
+        if value.get("properties").is_some() {
+            return Shape::Table(self.table(value));
+        }
+        let alternatives = self.alternatives(value);
+        match alternatives.as_slice() {
+            [] => self.plain(value),
+            // An optional value.
+            [only] => self.shape(only),
+            _ => self.either(value, &alternatives),
+        }
+    }
+
+    /// What stands under `anyOf` and `oneOf`, null and nothing left out.
+    fn alternatives<'v>(&'v self, value: &'v Value) -> Vec<&'v Value> {
+        let is_null = |v: &Value| part(v, "type").as_str() == Some("null");
+        list(value, "anyOf").chain(list(value, "oneOf")).filter(|v| !is_null(v)).collect()
+    }
+
+    /// A value without alternatives.
+    fn plain(&self, value: &Value) -> Shape {
+        let kind = match part(value, "type") {
+            Value::String(kind) => kind.as_str(),
+            Value::Array(kinds) => {
+                kinds.iter().filter_map(Value::as_str).find(|k| *k != "null").unwrap_or("")
+            }
+            _ => "",
+        };
+        match kind {
+            "boolean" => Shape::Boolean,
+            "number" => Shape::Number,
+            "integer" => Shape::Whole(whole_range(value)),
+            "string" => Shape::Text(match part(value, "format").as_str() {
+                Some("path") => TextKind::Path,
+                Some("name-or-table-path") => TextKind::NameOrTablePath,
+                Some("name-or-lens-path") => TextKind::NameOrLensPath,
+                _ => TextKind::Plain,
+            }),
+            "array" => {
+                let length = |key: &str| part(value, key).as_u64();
+                let fixed = length("minItems").filter(|least| length("maxItems") == Some(*least));
+                Shape::List {
+                    items: Box::new(self.shape(part(value, "items"))),
+                    length: fixed.map(|length| length as usize),
+                }
+            }
+            "object" => Shape::Table(self.table(value)),
+            _ => Shape::Anything,
+        }
+    }
+
+    /// Values of different types.
+    fn either(&self, value: &Value, alternatives: &[&Value]) -> Shape {
+        let whole = is_whole(value);
+        let mut flat = Vec::new();
+        alternatives.iter().for_each(|alternative| self.flatten(alternative, &mut flat));
+        let is_table = |v: &&Value| part(v, "type").as_str() == Some("object");
+        let (tables, values): (Vec<&Value>, Vec<&Value>) = flat.into_iter().partition(is_table);
+        let table = match tables.as_slice() {
+            [] => None,
+            [only] => Some(self.table(only)),
+            _ => Some(self.choice(value, &tables)),
+        };
+        if values.is_empty()
+            && let Some(table) = table
+        {
+            return Shape::Table(Table { whole: whole || table.whole, ..table });
+        }
+        let description = part(value, "description").as_str().unwrap_or_default();
+        Shape::Either(Either {
+            expected: in_a_sentence(description),
+            values: values.into_iter().map(|value| self.shape(value)).collect(),
+            table,
+            whole,
+        })
+    }
+
+    /// The alternatives of an alternative.
+    fn flatten<'v>(&'v self, value: &'v Value, into: &mut Vec<&'v Value>) {
+        if let Some(definition) = reference(value).and_then(|name| self.definitions.get(name)) {
+            return self.flatten(definition, into);
+        }
+        let inner = if value.get("properties").is_some() { Vec::new() } else { self.alternatives(value) };
+        if inner.is_empty() || words(value).is_some() {
+            into.push(value);
+        } else {
+            inner.into_iter().for_each(|value| self.flatten(value, into));
+        }
+    }
+
+    /// A table, with its variants if it has any.
+    fn table(&self, value: &Value) -> Table {
+        let mut alternatives = Vec::new();
+        self.alternatives(value).into_iter().for_each(|inner| self.flatten(inner, &mut alternatives));
+        let mut table = self.choice(value, &alternatives);
+        if let Some(definition) = reference(value).and_then(|name| self.definitions.get(name)) {
+            table.fields.extend(self.table(definition).fields);
+        }
+        table.fields.extend(self.fields(value));
+        let rest = part(value, "additionalProperties");
+        table.rest = rest.is_object().then(|| Box::new(self.shape(rest)));
+        table.identity = part(value, "x-identity").as_str().map(String::from);
+        table
+    }
+
+    /// The variants of a choice.
+    fn choice(&self, value: &Value, alternatives: &[&Value]) -> Table {
+        let variants: Vec<Variant> = alternatives.iter().map(|variant| self.variant(variant)).collect();
+        let default = part(value, "x-default").as_str();
+        let is_default = |variant: &Variant| match &variant.mark {
+            Mark::Tag { value, .. } => Some(value.as_str()) == default,
+            Mark::Field(_) => false,
+            Mark::None => true,
+        };
+        Table {
+            default: variants.iter().position(is_default),
+            variants,
+            whole: is_whole(value),
+            ..Table::default()
+        }
+    }
+
+    fn variant(&self, value: &Value) -> Variant {
+        let properties = part(value, "properties").as_object().into_iter().flatten();
+        let constant = |v: &Value| part(v, "const").as_str().map(String::from);
+        let tag = properties
+            .filter_map(|(field, v)| Some(Mark::Tag { field: field.clone(), value: constant(v)? }))
+            .next();
+        let mut fields = self.table(value).fields;
+        if let Some(Mark::Tag { field: tag, .. }) = &tag {
+            fields.retain(|field| field.name != *tag);
+        }
+        let by_field =
+            || fields.iter().find(|field| field.required).map(|field| Mark::Field(field.name.clone()));
+        let mark = tag.or_else(by_field).unwrap_or(Mark::None);
+        Variant { mark, fields }
+    }
+
+    fn fields(&self, value: &Value) -> Vec<Field> {
+        let required = texts(value, "required");
+        let properties = part(value, "properties").as_object().into_iter().flatten();
+        properties
+            .map(|(name, value)| Field {
+                name: name.clone(),
+                shape: self.shape(value),
+                required: required.contains(name),
+                replaces: texts(value, "x-replaces"),
+            })
+            .collect()
+    }
+}
+
+fn is_whole(value: &Value) -> bool {
+    part(value, "x-merge").as_str() == Some("replace")
+}
+
+/// Name of the definition that a schema refers to.
+fn reference(value: &Value) -> Option<&str> {
+    part(value, "$ref").as_str()?.strip_prefix("#/$defs/")
+}
+
+/// The texts of an enum without data.
+fn words(value: &Value) -> Option<Vec<String>> {
+    if let Some(word) = part(value, "const").as_str() {
+        return Some(vec![word.into()]);
+    }
+    if value.get("enum").is_some() {
+        return Some(texts(value, "enum"));
+    }
+    let mut variants = list(value, "oneOf").peekable();
+    variants.peek()?;
+    let words: Option<Vec<Vec<String>>> = variants.map(words).collect();
+    words.map(|words| words.concat())
+}
+
+/// The whole numbers that a type holds.
+fn whole_range(value: &Value) -> [i64; 2] {
+    let most = match part(value, "format").as_str() {
+        Some("uint8") => i64::from(u8::MAX),
+        Some("uint16") => i64::from(u16::MAX),
+        Some("uint32") => i64::from(u32::MAX),
+        Some("int8") => i64::from(i8::MAX),
+        _ => i64::MAX,
+    };
+    let least = match part(value, "format").as_str() {
+        Some("int8") => i64::from(i8::MIN),
+        _ => part(value, "minimum").as_i64().unwrap_or(i64::MIN),
+    };
+    [least, most]
+}
+
+/// A description as a part of a sentence: `A spectrum: a number, ....` becomes `a spectrum: a number, ...`.
+fn in_a_sentence(description: &str) -> String {
+    let text = description.split("\n\n").next().unwrap_or_default().replace('\n', " ");
+    let text = text.trim().trim_end_matches('.');
+    let mut letters = text.chars();
+    letters.next().map_or_else(String::new, |first| first.to_lowercase().chain(letters).collect())
+}
