@@ -308,8 +308,10 @@ impl Fit<'_> {
                 .fields_of(variant)
                 .flat_map(|field| {
                     let inner = self.schema.table(&field.shape).into_iter();
-                    let fields = inner.flat_map(|table| table.variants.iter().flat_map(|v| &v.fields));
-                    fields.map(|inner| (format!("{}.{}", field.name, inner.name), inner.name.as_str()))
+                    let fields = inner.flat_map(|table| {
+                        table.fields.iter().chain(table.variants.iter().flat_map(|v| &v.fields))
+                    });
+                    fields.map(move |inner| (format!("{}.{}", field.name, inner.name), inner.name.as_str()))
                 })
                 .collect();
             let near = nearest_name(unknown, below.iter().map(|(_, name)| *name));
