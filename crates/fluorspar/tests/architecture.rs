@@ -329,6 +329,9 @@ impl<'a> ModuleFiles<'a> {
             self.imports(file).into_iter().filter(|(exports, _)| !exports).map(|(_, path)| path).collect();
         let is_name = |c: char| c.is_alphanumeric() || c == '_';
         for line in self.code[file].lines().filter(|line| !line.contains("use ")) {
+            // A visibility such as `pub(in crate::experiment)` uses nothing.
+            let visibility = line.trim_start().strip_prefix("pub(in ").and_then(|rest| rest.split_once(')'));
+            let line = visibility.map_or(line, |(_, item)| item);
             let mut words = line.split(|c| !is_name(c) && c != ':').filter(|word| word.contains("::"));
             paths.extend(words.by_ref().map(|word| word.split("::").map(String::from).collect()));
         }

@@ -256,7 +256,7 @@ fn warnings_name_what_is_left_over() {
     assert!(
         warnings
             .iter()
-            .any(|w| w == "test.toml:22: material[1] \"spare\": no object uses material \"spare\""),
+            .any(|w| w == "test.toml:24: material[1] \"spare\": no object uses material \"spare\""),
         "{warnings:?}"
     );
     assert!(
@@ -315,8 +315,8 @@ fn a_dye_is_the_same_as_a_matrix_and_as_two_spectra_in_either_unit() {
         fs::write(folder.path().join("matrix.csv"), matrix).unwrap();
         let text = format!(
             "{SPHERE}[[fluorophore]]\nname = \"matrix\"\nsource = {{ eem_csv = \"matrix.csv\" }}\nphoton_yield = 0.1\n\
-             [[fluorophore]]\nname = \"spectra\"\nexcitation_csv = \"ex.csv\"\nemission_csv = \"em.csv\"\n\
-             unit = \"{unit}\"\nphoton_yield = 0.1\n"
+             [[fluorophore]]\nname = \"spectra\"\nsource = {{ excitation_csv = \"ex.csv\", emission_csv = \"em.csv\", unit = \"{unit}\" }}\n\
+             photon_yield = 0.1\n"
         );
         let overrides = ["material.grey.concentrations={ matrix = 1.0, spectra = 1.0 }".to_string()];
         let scene = resolve(&parse(&text, "t", folder.path(), &overrides).unwrap()).unwrap().study.scene;

@@ -301,7 +301,10 @@ fn experiments_place_meshes() {
     assert!(resolved.record.inputs.iter().any(|input| input.path.ends_with("places.csv")));
 
     for (object, message) in [
-        ("type = \"sphere\"\nradius_mm = 1\n[[object.instance]]\n", "only a mesh, a quad or a box"),
+        (
+            "type = \"sphere\"\nradius_mm = 1\n[[object.instance]]\n",
+            "it belongs to type \"mesh\" or type \"quad\" or type \"box\"",
+        ),
         (
             "type = \"box\"\nsize_mm = [1, 1, 1]\n[[object.instance]]\nstretch = [1, 0, 1]\n",
             "every factor must be between",

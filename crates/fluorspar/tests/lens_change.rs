@@ -14,7 +14,7 @@ const RENDER: (usize, usize) = (64, 48);
 /// The flat patch under 475-700 nm light of its own, taken without noise.
 fn experiment(changes: &[&str]) -> Study {
     let mut overrides: Vec<String> =
-        ["sensor.mode.kind=\"noise_free\"", "capture.blue.exposure_ms=1"].map(String::from).to_vec();
+        ["sensor.mode.type=\"noise_free\"", "capture.blue.exposure_ms=1"].map(String::from).to_vec();
     overrides.extend(changes.iter().map(|c| (*c).to_owned()));
     let text = preset::experiment("flat-patch").unwrap().text;
     resolve(&parse(text, "flat-patch", Path::new("."), &overrides).unwrap()).unwrap().study

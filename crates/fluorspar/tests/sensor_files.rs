@@ -18,7 +18,7 @@ fn experiment(text: &str, overrides: &[&str]) -> ResolvedExperiment {
 #[test]
 fn every_sensor_of_the_catalogue_comes_back_from_its_resolved_file() {
     for name in preset::names(PresetKind::Sensor) {
-        let text = format!("[sensor]\npreset = \"{name}\"\n");
+        let text = format!("format = 1\n[sensor]\npreset = \"{name}\"\n");
         let first = parse_sensor(&text, name, Path::new("."), &[]).unwrap();
         let again = parse_sensor(&first.resolved_toml, name, Path::new("."), &[]).unwrap();
         assert_eq!(first.sensor, again.sensor, "{name}");
@@ -30,7 +30,8 @@ fn every_sensor_of_the_catalogue_comes_back_from_its_resolved_file() {
 fn a_data_sheet_replaces_the_electronics_of_a_preset() {
     let sheet = "[sensor]\npreset = \"monochrome_4_8um\"\n[sensor.emva1288]\ngain_dn_per_e = 0.3\ndark_noise_e = 3.0\n\
         saturation_capacity_e = 12000\nbit_depth = 12\ndsnu_e = 1.0\nprnu_percent = 0.7\n";
-    let sensor = parse_sensor(sheet, "sheet.toml", Path::new("."), &[]).unwrap().sensor;
+    let sensor =
+        parse_sensor(&format!("format = 1\n{sheet}"), "sheet.toml", Path::new("."), &[]).unwrap().sensor;
     let model = sensor.model();
     assert_eq!((model.columns, model.pixel_size_um, model.bit_depth), (1280, 4.8, 12));
     assert!((model.base_dn_per_electron() - 0.3).abs() < 1e-12);

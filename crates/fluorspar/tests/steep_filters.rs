@@ -32,7 +32,7 @@ fn patch(step_nm: f64, changes: &[&str]) -> (Study, ComponentImage) {
         "render.width_px=4",
         "render.height_px=3",
         "render.samples_per_pixel=1",
-        "sensor.mode.kind=\"noise_free\"",
+        "sensor.mode.type=\"noise_free\"",
         "sensor.columns=4",
         "sensor.rows=4",
         "capture.blue.exposure_ms=1",

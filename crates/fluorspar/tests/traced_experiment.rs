@@ -13,7 +13,7 @@ use fluorspar::study::Study;
 /// The flat patch, small and without noise, with another lens section.
 fn experiment(lens: &str, changes: &[&str]) -> Study {
     let mut overrides: Vec<String> = [
-        "sensor.mode.kind=\"noise_free\"",
+        "sensor.mode.type=\"noise_free\"",
         "capture.blue.exposure_ms=40",
         "render.width_px=16",
         "render.height_px=12",

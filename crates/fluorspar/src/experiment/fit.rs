@@ -241,6 +241,14 @@ impl Fit<'_> {
             let message = format!("unknown field `{unknown}`{hint} Give one of {}", known.join(", "));
             return Err(self.document.error_at_key(at, &Step::Key(unknown.into()), message));
         }
+        if table.variant_of(node) == Found::Unsaid
+            && let Some(tag) = table.tag()
+            && let Content::Table(entries) = &node.content
+            && let Some((old, _)) = entries.iter().find(|(key, _)| renamed(at, key) == Some(tag))
+        {
+            let message = format!("unknown field `{old}`; write {tag}");
+            return Err(self.document.error_at_key(at, &Step::Key(old.clone()), message));
+        }
         match table.variant_of(node) {
             Found::Variant(index) => Ok(Some(index)),
             Found::Unsaid if table.variants.is_empty() || table.default.is_some() => Ok(table.default),

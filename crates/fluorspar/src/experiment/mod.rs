@@ -36,17 +36,47 @@ pub use sensor_file::{ResolvedSensor, SensorFile, parse_sensor};
 
 /// JSON schema of an experiment file, with units, ranges and defaults as descriptions.
 pub fn json_schema() -> serde_json::Value {
-    with_mosaic_letters(schemars::schema_for!(schema::ExperimentFile).to_value())
+    published(schemars::schema_for!(schema::ExperimentFile).to_value())
 }
 
 /// JSON schema of the file of a flat sample.
 pub fn sample_json_schema() -> serde_json::Value {
-    with_mosaic_letters(schemars::schema_for!(SampleFile).to_value())
+    published(schemars::schema_for!(SampleFile).to_value())
 }
 
 /// JSON schema of a sensor file.
 pub fn sensor_json_schema() -> serde_json::Value {
-    with_mosaic_letters(schemars::schema_for!(SensorFile).to_value())
+    published(schemars::schema_for!(SensorFile).to_value())
+}
+
+/// The schema of the types with the short forms that are spelt out before the sections are typed.
+fn published(schema: serde_json::Value) -> serde_json::Value {
+    let mut schema = with_mosaic_letters(schema);
+    allow_default_variants_without_tag(&mut schema);
+    schema
+}
+
+/// Allows a table without its tag wherever one variant is the default.
+fn allow_default_variants_without_tag(schema: &mut serde_json::Value) {
+    let default = schema.get("x-default").cloned();
+    if let (Some(default), Some(variants)) =
+        (default, schema.get_mut("oneOf").and_then(serde_json::Value::as_array_mut))
+    {
+        for variant in variants {
+            let properties = variant.get("properties").and_then(serde_json::Value::as_object);
+            let tag =
+                properties.into_iter().flatten().find(|(_, value)| value.get("const") == Some(&default));
+            let Some(tag) = tag.map(|(name, _)| name.clone()) else { continue };
+            if let Some(required) = variant.get_mut("required").and_then(serde_json::Value::as_array_mut) {
+                required.retain(|name| *name != tag);
+            }
+        }
+    }
+    match schema {
+        serde_json::Value::Object(parts) => parts.values_mut().for_each(allow_default_variants_without_tag),
+        serde_json::Value::Array(parts) => parts.iter_mut().for_each(allow_default_variants_without_tag),
+        _ => {}
+    }
 }
 
 /// Allows a mosaic in letters, which is spelt out before the sections are typed.
