@@ -62,7 +62,7 @@ fn emission_under_the_led_is_that_of_the_authors_toolbox() {
     for (name, file) in sources {
         let path = reference.join(format!("fluorophores/toolbox/{file}.csv"));
         text += &format!(
-            "[[fluorophore]]\nname = \"{name}\"\nsource = { csv = \"{}\" }\nphoton_yield = 1e-3\n",
+            "[[fluorophore]]\nname = \"{name}\"\nsource = {{ csv = \"{}\" }}\nphoton_yield = 1e-3\n",
             path.display()
         );
     }
@@ -234,7 +234,7 @@ fn options_are_overrides_of_the_file() {
             "--concentration",
             "my dye=1",
             "--set",
-            "fluorophore=[{name=\"my dye\", from=\"elastin\"}]",
+            "fluorophore=[{name=\"my dye\", source=\"elastin\"}]",
             "--step-nm=10",
         ],
     );

@@ -103,9 +103,10 @@ impl Options {
                 .as_ref()
                 .map(|text| named("light.spectrum", "--light", text, name_or_file(text, folder))),
         );
-        all.extend(self.irradiance.map(|value| {
-            Override::number("light.strength.strength.irradiance_w_per_m2", value, "--irradiance")
-        }));
+        all.extend(
+            self.irradiance
+                .map(|value| Override::number("light.strength.irradiance_w_per_m2", value, "--irradiance")),
+        );
         all.extend(filters("light.filters", "--light-filter", &self.light_filter));
         all.extend(self.reflectance.as_ref().map(|text| {
             let value = number_or(text, |text| name_or_file(text, folder));

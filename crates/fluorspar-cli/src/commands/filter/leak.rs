@@ -27,7 +27,7 @@ pub(super) struct Options {
     #[arg(long, value_name = "DEG", default_values_t = [0.0, 10.0, 20.0, 30.0],
         value_parser = values::number, allow_negative_numbers = true)]
     angle_deg: Vec<f64>,
-    /// Change one value, for instance `--set light.strength.strength.irradiance_w_per_m2=50`. May be repeated.
+    /// Change one value, for instance `--set light.strength.irradiance_w_per_m2=50`. May be repeated.
     #[arg(long = "set", value_name = "PATH=VALUE")]
     set: Vec<String>,
     /// Print the answer as JSON.
