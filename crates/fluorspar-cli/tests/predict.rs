@@ -52,7 +52,7 @@ fn emission_under_the_led_is_that_of_the_authors_toolbox() {
         ("protoporphyrin", "protoporphyrin"),
     ];
     let mut text = format!(
-        "compatibility = \"toolbox_eem\"\n[light]\nspectrum = \"{}\"\nmeasured = \"white_radiance\"\n[sample]\n\
+        "format = 1\ncompatibility = \"toolbox_eem\"\n[light]\nspectrum = \"{}\"\nstrength.measured = \"white_radiance\"\n[sample]\n\
          reflectance = 0.0\n[sample.concentrations]\n",
         reference.join("lights/oraleye_led385.csv").display()
     );
@@ -155,7 +155,7 @@ fn mean_values_follow_isetcams_equations() {
 #[test]
 fn the_default_tongue_gives_off_as_many_photons_as_measured_ones() {
     let folder = tempfile::tempdir().unwrap();
-    let line = "light.spectrum={kind=\"table\",wavelength_nm=[403,405,407],value=[0,1,0]}";
+    let line = "light.spectrum={type=\"table\",wavelength_nm=[403,405,407],value=[0,1,0]}";
     let found = predicted(folder.path(), &["--set", line, "--light-filter", "none"]);
     let photon_yield = found["photon_yield_500_700"].as_f64().unwrap();
     assert!((2.5e-4..1e-3).contains(&photon_yield), "{photon_yield}");

@@ -97,7 +97,7 @@ fn bad_input_is_refused_and_leaves_nothing() {
     fs::write(folder.path().join("inner/good.toml"), SHEET).unwrap();
     let before = listing(folder.path());
     for (args, expected) in [
-        (vec!["characterize", "bad.toml"], "bad.toml:10: sensor.emva1288.saturation_capacity_e"),
+        (vec!["characterize", "bad.toml"], "bad.toml:11: sensor.emva1288.saturation_capacity_e"),
         (vec!["characterize", "none.toml"], "there is no [sensor] section"),
         (vec!["show", "odd.toml"], "unknown field `pixels`"),
         (vec!["show", "missing.toml"], "missing.toml"),

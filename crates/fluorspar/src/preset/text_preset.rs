@@ -9,6 +9,8 @@ use super::curve_preset::check_name;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SensorPreset {
+    /// Version of the form of its file: 1.
+    pub format: u32,
     /// Name by which files refer to it.
     pub name: String,
     /// Name for people.
