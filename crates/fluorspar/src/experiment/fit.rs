@@ -147,10 +147,10 @@ impl Fit<'_> {
                     return self.value(list, node, at);
                 }
             }
-            (Content::Leaf(_), _) => {
-                if either.values.iter().any(|shape| self.value(shape, node, at).is_ok()) {
-                    return Ok(());
-                }
+            (Content::Leaf(_), _)
+                if either.values.iter().any(|shape| self.value(shape, node, at).is_ok()) =>
+            {
+                return Ok(());
             }
             _ => {}
         }
