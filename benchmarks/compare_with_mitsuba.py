@@ -80,7 +80,7 @@ def mitsuba_scene(mi, np, folder, sampler, depth):
         return {"type": "regular", "wavelength_min": start, "wavelength_max": start + step * (len(values) - 1),
                 "values": ", ".join(f"{v:.9g}" for v in values)}
 
-    # One box per band; neighbours meet halfway in a ramp of a hundredth of a nanometre.
+    # One box per band; neighbors meet halfway in a ramp of a hundredth of a nanometer.
     film = {"type": "specfilm", "width": description["camera"]["width"], "height": description["camera"]["height"],
             "component_format": "float32", "rfilter": {"type": "box"}}
     ramp = 0.005

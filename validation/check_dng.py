@@ -23,7 +23,7 @@ import rawpy
 
 
 def strips_of_tiff(path):
-    """Pixels of our 16-bit grey TIFF: little-endian, uncompressed strips."""
+    """Pixels of our 16-bit gray TIFF: little-endian, uncompressed strips."""
     data = path.read_bytes()
     assert data[:4] == b"II*\0", path
     start = struct.unpack_from("<I", data, 4)[0]

@@ -18,7 +18,7 @@ every ex_k and em_k is a sum of log-normal bands in wavenumber nu = 1e7/nm
 
 Method
 ------
-1. Masked non-negative matrix factorisation of the measured matrix gives start
+1. Masked non-negative matrix factorization of the measured matrix gives start
    profiles (several seeds).
 2. Every profile is described by a few bands.
 3. All band parameters of all terms are refined together (bounded least squares,
@@ -230,7 +230,7 @@ def fit_eem(ex, em, d, mask, cfg):
         rng = np.random.default_rng(seed)
         p0 = np.zeros(layout.n)
         if seed % 2 and "start" in cfg:
-            # start from bands spread around given (excitation, emission) centres
+            # start from bands spread around given (excitation, emission) centers
             for k, side, i in layout.slots:
                 c = 1e4 / cfg["start"][k][side]
                 h = np.exp(rng.normal(np.log(4000.0), 0.2))
@@ -417,7 +417,7 @@ TEXT = {
                                      "Q bands (541, 575, 630 nm) are added with peak absorption ratios to the 505 nm band of 0.82, 0.53, 0.38 (dimethyl "
                                      "ester in chloroform, 14.15 : 11.6 : 7.44 : 5.38 per mM cm, Falk 1964) [literature from memory, widths assumed]. "
                                      "Cells with excitation below 330 nm hold no porphyrin emission (the second-order wedge hides it) and a "
-                                     "weak impurity near 320 nm; they count in the error and are not modelled. Bacterial porphyrin on "
+                                     "weak impurity near 320 nm; they count in the error and are not modeled. Bacterial porphyrin on "
                                      "tongues peaks near 635 nm, this sample at 631 nm."),
 }
 
@@ -485,14 +485,14 @@ def do_keratin(ref, out):
     write(out / "keratin.toml",
           dict(header="Keratin, the visible band (the 290/350 nm aromatic band has no part in 350 nm and above). Fitted to the six emission "
                       "curves of Wu & Qu 2006, display magnification removed. They are relative energy; they were converted to photons "
-                      "(times emission wavelength). The normalisation between excitations is not stated: curves are taken as emitted energy per "
+                      "(times emission wavelength). The normalization between excitations is not stated: curves are taken as emitted energy per "
                       "equal excitation ENERGY, therefore divided by the excitation wavelength to get photons per photon [assumption; with equal "
                       "excitation photons instead, 473 nm would be a factor 1.33 stronger relative to 355 nm]. Excitation between and "
                       "beyond the six wavelengths (355, 375, 405, 435, 457, 473 nm) is interpolation by smooth bands.",
                name="keratin", title="Keratin (visible band)", description="Keratin of epithelial tissue, excitation 355-473 nm, emission sliding from 415 to 530 nm.",
                source="Wu & Qu 2006, J. Biomed. Opt. 11(5):054023", excitation_range_nm=[350.0, 480.0],
                emission_range_nm=[385.0, 700.0], photon_yield=1e-3, yield_comment=YIELD, stokes="mask",
-               assumed=["photon_yield", "excitation normalisation (equal energy)", "emission unit (energy)"]), fit, terms)
+               assumed=["photon_yield", "excitation normalization (equal energy)", "emission unit (energy)"]), fit, terms)
 
 
 def do_chlorophyll(ref, out):

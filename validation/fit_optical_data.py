@@ -300,7 +300,7 @@ def fit_uv_ir(ref):
         )
 
     p = solve(lambda p: evaluate(smooth(p), nm) - y, [start], low, high)
-    return Fit(name, curve(p), nm, y, "The data were digitised from a plot, +-1 nm and +-0.02.")
+    return Fit(name, curve(p), nm, y, "The data were digitized from a plot, +-1 nm and +-0.02.")
 
 
 def fit_bands(name, nm, y, rows, note, anchors=(), ridge=2e-3):
@@ -325,7 +325,7 @@ def fit_bands(name, nm, y, rows, note, anchors=(), ridge=2e-3):
 
 OWN = "Own model."
 JACQUES = (
-    "Equation: Flock et al. 1989 with the packaging correction of Verkruysse et al. 1997; haemoglobin: Prahl's "
+    "Equation: Flock et al. 1989 with the packaging correction of Verkruysse et al. 1997; hemoglobin: Prahl's "
     "compilation; scattering prior: Jacques, Phys. Med. Biol. 58:R37 (2013)."
 )
 WIDE = [350.0, 750.0]
@@ -482,7 +482,7 @@ def lights(ref):
         "lights",
         "equal_energy",
         "Equal-energy light",
-        "The same power in every nanometre.",
+        "The same power in every nanometer.",
         "Definition.",
         q,
         {"type": "constant", "value": 1.0},
@@ -521,7 +521,7 @@ def filters(ref):
         "short_pass_475",
         "Short-pass 475 nm, on the LEDs",
         "Interference filter like the catalogue part 475 nm of Edmund Optics.",
-        "Own model fitted to a digitised curve.",
+        "Own model fitted to a digitized curve.",
         q,
         fit_edges(
             ref,
@@ -531,7 +531,7 @@ def filters(ref):
             4.0,
             ["short"],
             [(475, 3)],
-            "The data are digitised from a plot and scaled to a maximum of 1; their ripple of 0.02 is not modelled.",
+            "The data are digitized from a plot and scaled to a maximum of 1; their ripple of 0.02 is not modeled.",
         ),
         assumed=["curve.optical_density", *coating],
         extra=dichroic,
@@ -632,7 +632,7 @@ def filters(ref):
         "filters",
         "ir_cut_700",
         "Infrared cut 700 nm",
-        "Generic interference filter in front of a colour sensor.",
+        "Generic interference filter in front of a color sensor.",
         OWN,
         q,
         edges(0.97, 3, ("long", 390, 10), ("short", 700, 20)),
@@ -679,7 +679,7 @@ def filters(ref):
         "UV and infrared cut, Hoya UV&IR",
         "50 % at 388 and 691 nm. Floor 0.01 (optical density 2): "
         "its leak at 725 to 750 nm is real in the data.",
-        "Own model fitted to a digitised curve.",
+        "Own model fitted to a digitized curve.",
         q,
         fit_uv_ir(ref),
         assumed=["curve.base", *coating],
@@ -802,7 +802,7 @@ def reflectances(ref):
         assumed=["curve"],
     )
     teeth = (
-        "Assumed from the colour of natural teeth (L* 75 to 85, b* 10 to 20). Measured tooth radiances exist but their "
+        "Assumed from the color of natural teeth (L* 75 to 85, b* 10 to 20). Measured tooth radiances exist but their "
         "absolute scale is wrong by a factor of about 2 (geometry), so only the slope was looked at."
     )
     yield Item(
@@ -837,8 +837,8 @@ def reflectances(ref):
     yield Item(
         "reflectances",
         "grey_18",
-        "Grey card, 18 %",
-        "Photographic grey.",
+        "Gray card, 18 %",
+        "Photographic gray.",
         "Nominal value.",
         q,
         {"type": "constant", "value": 0.18},
@@ -907,7 +907,7 @@ def quantum_efficiencies(ref):
     yield Item(
         "qe",
         "consumer_rgb_cmos",
-        "Generic consumer colour CMOS, no infrared filter",
+        "Generic consumer color CMOS, no infrared filter",
         "A stand-in for a small-pixel RGB sensor without its infrared filter: put ir_cut_700, uv_ir or a viewing filter in "
         "front of it. The quantum efficiency of the OralEye sensor is not public. Below 380 nm the curves fall, as assumed, to about 0.04, 0.02 and 0.01 at 350 nm.",
         "Own model fitted to public stand-in data of a Sony-like sensor.",
@@ -923,7 +923,7 @@ def quantum_efficiencies(ref):
         nm[keep],
         y[keep],
         [(380, 60, 60, 0.15), (500, 150, 150, 0.4), (600, 120, 250, 0.3)],
-        "380 to 780 nm; the ripple of the cover layers (0.02) is not modelled.",
+        "380 to 780 nm; the ripple of the cover layers (0.02) is not modeled.",
     )
     yield Item(
         "qe",

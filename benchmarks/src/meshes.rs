@@ -15,7 +15,7 @@ pub(crate) fn parallelogram(corner: Vec3, edge_u: Vec3, edge_v: Vec3) -> Triangl
     }
 }
 
-/// A block on the plane y = 0: centre of its base, half sides, height, turned about +y.
+/// A block on the plane y = 0: center of its base, half sides, height, turned about +y.
 pub(crate) fn block(base: Vec3, half: f32, height: f32, turn: f32) -> TriangleMesh {
     let (sin, cos) = turn.sin_cos();
     let corner =
@@ -32,10 +32,10 @@ pub(crate) fn block(base: Vec3, half: f32, height: f32, turn: f32) -> TriangleMe
     mesh
 }
 
-/// The closed surface `centre + radius(direction) axes direction`, with rings of latitude about z and texture
+/// The closed surface `center + radius(direction) axes direction`, with rings of latitude about z and texture
 /// coordinates by longitude and latitude: `4 rings (rings - 1)` triangles, normals by finite differences.
 pub(crate) fn closed_surface(
-    centre: Vec3,
+    center: Vec3,
     axes: Vec3,
     rings: u32,
     inward: bool,
@@ -50,7 +50,7 @@ pub(crate) fn closed_surface(
                 let (sin_theta, cos_theta) = (PI * v).sin_cos();
                 let (sin_phi, cos_phi) = (TAU * u).sin_cos();
                 let direction = Vec3::new(sin_theta * cos_phi, sin_theta * sin_phi, cos_theta);
-                centre + axes * direction * radius(direction)
+                center + axes * direction * radius(direction)
             };
             mesh.positions.push(point(if segment == segments { 0.0 } else { u }, v));
             mesh.uvs.push(Vec2::new(u, v));

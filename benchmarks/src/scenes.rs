@@ -75,14 +75,14 @@ impl BenchmarkScene {
 const RANGE_NM: (f64, f64) = (330.0, 780.0);
 
 /// A smooth reflectance that rises from `low` to `high` around a wavelength.
-fn rising(low: f64, high: f64, centre_nm: f64) -> Curve {
-    Curve::from_fn(RANGE_NM.0, RANGE_NM.1, |nm| low + (high - low) / (1.0 + (-(nm - centre_nm) / 25.0).exp()))
+fn rising(low: f64, high: f64, center_nm: f64) -> Curve {
+    Curve::from_fn(RANGE_NM.0, RANGE_NM.1, |nm| low + (high - low) / (1.0 + (-(nm - center_nm) / 25.0).exp()))
 }
 
 /// A smooth hump of reflectance.
-fn hump(low: f64, high: f64, centre_nm: f64) -> Curve {
+fn hump(low: f64, high: f64, center_nm: f64) -> Curve {
     Curve::from_fn(RANGE_NM.0, RANGE_NM.1, |nm| {
-        low + (high - low) * (-((nm - centre_nm) / 50.0).powi(2)).exp()
+        low + (high - low) * (-((nm - center_nm) / 50.0).powi(2)).exp()
     })
 }
 
@@ -94,8 +94,8 @@ fn lamp_spectrum(power_w: f64) -> Curve {
     shape.scaled(power_w / shape.total())
 }
 
-fn gaussian(centre_nm: f64, sd_nm: f64, height: f64) -> Curve {
-    Curve::from_fn(250.0, 850.0, |nm| height * (-0.5 * ((nm - centre_nm) / sd_nm).powi(2)).exp())
+fn gaussian(center_nm: f64, sd_nm: f64, height: f64) -> Curve {
+    Curve::from_fn(250.0, 850.0, |nm| height * (-0.5 * ((nm - center_nm) / sd_nm).powi(2)).exp())
 }
 
 /// Separable dyes with one term each.
@@ -230,8 +230,8 @@ fn closed_cavity(options: &SceneOptions, gloss: bool) -> Scene {
         let upper = tooth < 8;
         let angle = TAU * 0.5 * ((tooth % 8) as f32 + 0.5) / 8.0 - FRAC_PI_2;
         let y = if upper { 0.0075 } else { -0.0065 };
-        let centre = Vec3::new(0.019 * angle.sin(), y, 0.004 - 0.022 * angle.cos());
-        let mesh = closed_surface(centre, Vec3::new(0.0028, 0.0042, 0.0026), 25, false, bumps(5.0, 0.05));
+        let center = Vec3::new(0.019 * angle.sin(), y, 0.004 - 0.022 * angle.cos());
+        let mesh = closed_surface(center, Vec3::new(0.0028, 0.0042, 0.0026), 25, false, bumps(5.0, 0.05));
         scene.objects.push(object(&format!("tooth_{}", tooth + 1), mesh, 1));
     }
     for (name, x) in [("left_lamp", -0.009_f32), ("right_lamp", 0.009)] {

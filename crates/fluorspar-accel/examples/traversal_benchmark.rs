@@ -7,7 +7,7 @@
 //! (bounce2), and from both generations of points to a small light around the camera (shadow1, shadow2). One thread;
 //! medians over the repetitions, in which kernels take turns. With the path of a shared library of Embree 4 (the
 //! Python package `embreex` brings one), Embree takes its turns, too, and a last table gives our rates over its robust
-//! ones, as medians of the ratios of neighbouring runs.
+//! ones, as medians of the ratios of neighboring runs.
 
 #![allow(clippy::print_stdout, reason = "printing is what a benchmark is for")]
 
@@ -48,10 +48,10 @@ fn scene(scale: f32) -> Mesh {
     let mut mesh = closed_surface(Vec3::ZERO, rings(115_000.0), bumps(9.0, 0.04));
     let mut random = Random(1);
     for _ in 0..BLOBS {
-        let centre = 0.75 * random.direction() * (0.4 + 0.6 * random.unit());
+        let center = 0.75 * random.direction() * (0.4 + 0.6 * random.unit());
         let size = 0.05 + 0.1 * random.unit();
         let shape = bumps(6.0, 0.15);
-        mesh.append(&closed_surface(centre, rings(3100.0), |d| size * shape(d)));
+        mesh.append(&closed_surface(center, rings(3100.0), |d| size * shape(d)));
     }
     mesh
 }

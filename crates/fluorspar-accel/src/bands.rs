@@ -11,7 +11,7 @@ use crate::Lanes;
 /// Bands per block: one vector register of AVX-512, two of AVX2.
 pub const BLOCK: usize = 16;
 
-/// Sixteen neighbouring bands.
+/// Sixteen neighboring bands.
 #[repr(C, align(64))]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BandBlock(pub [f32; BLOCK]);
@@ -382,8 +382,8 @@ mod tests {
     }
 
     fn outer_products(bands: usize) -> ([Vec<f32>; 3], [OuterProduct; 2]) {
-        let bump = |centre: f32, width: f32| {
-            (0..bands).map(move |band| (-((band as f32 / bands as f32 - centre) / width).powi(2)).exp())
+        let bump = |center: f32, width: f32| {
+            (0..bands).map(move |band| (-((band as f32 / bands as f32 - center) / width).powi(2)).exp())
         };
         let (excitation, emission): (Vec<f32>, Vec<f32>) =
             (bump(0.3, 0.06).collect(), bump(0.5, 0.1).collect());

@@ -48,7 +48,7 @@ const DISTURBANCE: f64 = 1.0 / 128.0;
 /// A tree of good quality: parallel locally-ordered clustering followed by reinsertion, both from `obvhs`.
 pub(crate) fn clustered(boxes: &[Bounds]) -> BinaryTree {
     // Only the shape of the tree is taken from the builder, so its boxes may be scaled, against overflow, and
-    // disturbed: clustering sorts boxes along a curve and merges mutual nearest neighbours, which takes quadratic time
+    // disturbed: clustering sorts boxes along a curve and merges mutual nearest neighbors, which takes quadratic time
     // where each box prefers the one before, as equal or steadily growing boxes do.
     let whole = boxes.iter().fold(Bounds::EMPTY, |sum, &next| sum.union(next));
     let largest = whole.min.abs().max(whole.max.abs()).max_element();
@@ -100,7 +100,7 @@ fn in_order(tree: &Bvh2) -> BinaryTree {
 
 /// A tree whose depth is the logarithm of the number of boxes, whatever they look like: halves along the longest axis.
 pub(crate) fn balanced(boxes: &[Bounds]) -> BinaryTree {
-    let centre = |number: u32| {
+    let center = |number: u32| {
         let b = &boxes[number as usize];
         b.min * 0.5 + b.max * 0.5
     };
@@ -119,13 +119,13 @@ pub(crate) fn balanced(boxes: &[Bounds]) -> BinaryTree {
         }
         let mut spread = Bounds::EMPTY;
         for &mut number in members.iter_mut() {
-            let centre = centre(number);
-            spread = spread.union(Bounds { min: centre, max: centre });
+            let center = center(number);
+            spread = spread.union(Bounds { min: center, max: center });
         }
         let axis = (spread.max - spread.min).max_position();
         let half = members.len() / 2;
         members.select_nth_unstable_by(half, |&l, &r| {
-            centre(l)[axis].total_cmp(&centre(r)[axis]).then(l.cmp(&r))
+            center(l)[axis].total_cmp(&center(r)[axis]).then(l.cmp(&r))
         });
         let child = ordered.len();
         ordered[target] = BinaryNode::Inner([child as u32, child as u32 + 1]);

@@ -17,7 +17,7 @@
 //! - **Ties have an order.** Of triangles hit at the same `t`, the one with the lowest number wins.
 //! - Triangles without area are never hit.
 //!
-//! Lengths are in the unit of the mesh (metres throughout Fluorspar), `t` too because directions have unit length.
+//! Lengths are in the unit of the mesh (meters throughout Fluorspar), `t` too because directions have unit length.
 //!
 //! Programs that trace large meshes declare [`Allocator`] as their global allocator: trees and meshes then lie on large
 //! pages.

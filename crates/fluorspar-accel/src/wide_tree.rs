@@ -25,7 +25,7 @@ pub(crate) struct WideNode {
     pub(crate) children: [u32; WIDTH],
 }
 
-/// Up to six triangles that have up to eight vertices together, as neighbours in a mesh do: each vertex is stored, and
+/// Up to six triangles that have up to eight vertices together, as neighbors in a mesh do: each vertex is stored, and
 /// moved into the frame of a ray, once. Two cache lines.
 #[repr(C, align(64))]
 #[derive(Clone, Copy, Debug)]
@@ -150,7 +150,7 @@ struct Plan {
 
 /// Groups a binary tree into nodes of up to eight children at the least expected cost.
 ///
-/// The surface area heuristic is minimised over all groupings of the given binary tree by dynamic programming:
+/// The surface area heuristic is minimized over all groupings of the given binary tree by dynamic programming:
 /// H. Ylitie, T. Karras, S. Laine, "Efficient Incoherent Ray Traversal on GPUs Through Compressed Wide BVHs", HPG 2017,
 /// section 3. Here a leaf costs the same whether it holds one triangle or six.
 ///

@@ -164,7 +164,7 @@ fn kernels_agree_bit_for_bit() {
 fn closed_surfaces_are_watertight() {
     let bumpy = |d: Vec3| 1.0 + 0.15 * (11.0 * d.x).sin() * (7.0 * d.y).cos() * (9.0 * d.z).sin();
     let far_away = Vec3::new(1000.0, -300.0, 70.0);
-    for (name, centre, mesh) in [
+    for (name, center, mesh) in [
         ("sphere", Vec3::ZERO, closed_surface(Vec3::ZERO, 32, |_| 1.0)),
         ("bumpy", Vec3::ZERO, closed_surface(Vec3::ZERO, 40, bumpy)),
         ("far from the origin", far_away, closed_surface(far_away, 32, |_| 1.0)),
@@ -172,12 +172,12 @@ fn closed_surfaces_are_watertight() {
         ("tiny", Vec3::ZERO, closed_surface(Vec3::ZERO, 32, |_| 1e-15)),
         ("huge", Vec3::ZERO, closed_surface(Vec3::ZERO, 32, |_| 1e17)),
     ] {
-        let size = mesh.positions[0].distance(centre);
+        let size = mesh.positions[0].distance(center);
         for bvh in build_each(&mesh) {
             let mut random = Random(31);
             let mut rays = Vec::new();
             for source in 0..6 {
-                let origin = if source == 0 { centre } else { centre + 0.4 * size * random.cube() };
+                let origin = if source == 0 { center } else { center + 0.4 * size * random.cube() };
                 let mut aim = |target: Vec3| {
                     let ray = ray(origin, target - origin);
                     assert!(bvh.closest(&ray).is_some(), "{name}, {}: {ray:?}", bvh.kernel());

@@ -37,7 +37,7 @@ pub(crate) enum Command {
     Denoise(denoise::Options),
     /// Take raw frames of a component image made by `run` or `render`.
     Capture(capture::Options),
-    /// Analyse raw frames made by `run` or `capture`.
+    /// Analyze raw frames made by `run` or `capture`.
     Analyze(analyze::Options),
     /// List, show, plot or import fluorophores.
     Fluorophore(fluorophore::Options),

@@ -112,7 +112,7 @@ fn imported_files_work_in_experiments() {
     let expected = 0.175 / 100.0 * 385.0 / 550.0 / std::f64::consts::PI;
     assert!((at_550 / expected - 1.0).abs() < 2e-3, "{at_550} and {expected}");
 
-    // As energy, the matrix favours long wavelengths: photons = energy * em / ex.
+    // As energy, the matrix favors long wavelengths: photons = energy * em / ex.
     let args = ["fluorophore", "import", "data/flat.csv", "--unit", "energy", "--name", "flat", "--out", "-"];
     let section = fluorspar(folder, args).well().stdout;
     let found = predicted(folder, &section, "flat");

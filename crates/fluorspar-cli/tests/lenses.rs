@@ -59,9 +59,9 @@ fn the_leak_is_what_the_filters_let_through() {
     let clear = leak(&["--view-filter", "none"]);
     let before = clear["ratio_before"].as_f64().unwrap();
     assert!((clear["as_stated"]["leak_ratio"].as_f64().unwrap() / before - 1.0).abs() < 1e-9);
-    let grey = leak(&["--view-filter", "0.1"]);
-    assert!((grey["as_stated"]["leak_ratio"].as_f64().unwrap() / before - 1.0).abs() < 1e-9);
-    assert!((grey["as_stated"]["reflected_density"].as_f64().unwrap() - 1.0).abs() < 1e-9);
+    let gray = leak(&["--view-filter", "0.1"]);
+    assert!((gray["as_stated"]["leak_ratio"].as_f64().unwrap() / before - 1.0).abs() < 1e-9);
+    assert!((gray["as_stated"]["reflected_density"].as_f64().unwrap() - 1.0).abs() < 1e-9);
     // A long-pass takes orders of magnitude; tilted, it lets more of the fluorescence through.
     let cut = leak(&["--view-filter", "long_pass_500", "--angle-deg", "0", "--angle-deg", "40"]);
     assert!(cut["as_stated"]["leak_ratio"].as_f64().unwrap() < 0.01 * before);

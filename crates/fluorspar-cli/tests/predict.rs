@@ -216,7 +216,7 @@ fn options_are_overrides_of_the_file() {
     fs::create_dir(folder.path().join("samples")).unwrap();
     let sample = "format = 1\n[light]\nspectrum = \"led_450\"\nstrength.irradiance_w_per_m2 = 5\n[sample]\nreflectance = 0.5\n";
     fs::write(folder.path().join("samples/bare.toml"), sample).unwrap();
-    fs::write(folder.path().join("grey.csv"), "wavelength_nm,r\n300,0.25\n800,0.25\n").unwrap();
+    fs::write(folder.path().join("gray.csv"), "wavelength_nm,r\n300,0.25\n800,0.25\n").unwrap();
     let bare = predicted(folder.path(), &["samples/bare.toml"]);
     for key in ["sensor_irradiance", "exposure_s", "chromaticity", "leak_ratio"] {
         assert_eq!(bare[key], Value::Null, "{key} without lens and sensor");
@@ -229,7 +229,7 @@ fn options_are_overrides_of_the_file() {
             "--light-filter=short_pass_425",
             "--light-filter=0.5",
             "--irradiance=100",
-            "--reflectance=grey.csv",
+            "--reflectance=gray.csv",
             "--concentration=fad=2",
             "--concentration",
             "my dye=1",

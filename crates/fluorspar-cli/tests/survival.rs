@@ -286,7 +286,7 @@ fn shards_merge_to_the_bytes_of_the_whole() {
     more(&["--out", "longer.exr"]);
     assert!(bytes(folder, "extended.exr") == bytes(folder, "longer.exr"));
 
-    // Denoised, and labelled so.
+    // Denoised, and labeled so.
     let said = fluorspar(folder, ["denoise", "longer.exr", "--out", "smooth.exr", "--json"]).json();
     assert!(said["denoised"].as_str().unwrap().contains("strength"), "{said}");
     let said = fluorspar(folder, ["denoise", "smooth.exr", "--out", "again.exr"]);

@@ -127,7 +127,7 @@ impl Draws {
     }
 }
 
-/// A tongue-like blob, brighter in the middle, with porphyrin towards its back.
+/// A tongue-like blob, brighter in the middle, with porphyrin toward its back.
 fn capture() -> ChannelImage {
     let model = model();
     let line = MixtureLine::from_fluorophores(&model.responses, &model.bulk_weights, &model.porphyrin);
@@ -196,10 +196,10 @@ fn report(
         ]))
         .show(picture("Region of interest", preview(image), Some([100.0, 70.0, 120.0, 130.0])), "The white box is the region.");
     if let Some(porphyrin) = porphyrin {
-        let grey: Vec<u8> = preview(image).pixels.iter().map(|pixel| pixel[1]).collect();
-        let figure = porphyrin_map(WIDTH, HEIGHT, &porphyrin.fractions_on_line(), Some(&grey), 0.5);
+        let gray: Vec<u8> = preview(image).pixels.iter().map(|pixel| pixel[1]).collect();
+        let figure = porphyrin_map(WIDTH, HEIGHT, &porphyrin.fractions_on_line(), Some(&gray), 0.5);
         if let Some(figure) = figure {
-            tongue = tongue.show(figure, "Porphyrin sits in patches towards the back.");
+            tongue = tongue.show(figure, "Porphyrin sits in patches toward the back.");
         }
     }
     let region = analysis.mixture.as_ref().and_then(|mixture| mixture.region);
@@ -207,12 +207,12 @@ fn report(
     ReportData {
         title: "Sample report: a tongue under 385 nm".into(),
         lead: vec![
-            "This page shows what a fluorescence camera would record of a tongue lit by a 385 nm lamp, and what the recorded colours \
+            "This page shows what a fluorescence camera would record of a tongue lit by a 385 nm lamp, and what the recorded colors \
              say about porphyrins. Everything on it is made up, to show what a report looks like."
                 .into(),
         ],
         headline: vec![
-            Number::computed("Porphyrin fraction", fraction, "", "of the region, from its mean colour"),
+            Number::computed("Porphyrin fraction", fraction, "", "of the region, from its mean color"),
             Number::computed("Pixels used", analysis.counts.valid.to_string(), "", "bright enough and not saturated"),
             Number::computed("Exposure", "30", "ms", "under the blue light"),
         ],

@@ -14,10 +14,10 @@
 //! | analysis | [`analysis::analyze_region`] | [`analysis::Analysis`]: chromaticity, porphyrin fraction, with intervals |
 //!
 //! [`pipeline::evaluate`] runs everything after the render at once; [`pipeline::predict`] does so for a flat sample without geometry.
-//! [`names`] suggests what a misspelt name may have meant. [`safety`] assesses lamps for eyes and tissue. [`preset`] is the catalogue of fluorophores, lights, filters, reflectances, sensors and experiments;
+//! [`names`] suggests what a misspelled name may have meant. [`safety`] assesses lamps for eyes and tissue. [`preset`] is the catalogue of fluorophores, lights, filters, reflectances, sensors and experiments;
 //! [`format`](mod@format) reads and writes files; [`anatomy`] makes the mouth.
 //!
-//! Inside the library lengths are in metres, wavelengths in nanometres, power in watts; other units stand in the name
+//! Inside the library lengths are in meters, wavelengths in nanometers, power in watts; other units stand in the name
 //! (`pixel_size_um`, `exposure_s`). The same seed gives the same bits for any number of threads.
 //!
 //! Out of scope: fluorescence lifetime, polarization, coherent imaging, photobleaching, light that travels sideways

@@ -22,7 +22,7 @@ fn resolved(text: &str, overrides: &[&str]) -> ResolvedExperiment {
 
 const FLAT: &str = "format = 1\nbase = \"flat-patch\"\n";
 
-/// A quick scene: one grey sphere without fluorophores.
+/// A quick scene: one gray sphere without fluorophores.
 const SPHERE: &str = r#"
 format = 1
 [render]
@@ -39,11 +39,11 @@ position_mm = [0.0, 0.0, 100.0]
 aim.direction = [0.0, 0.0, -1.0]
 strength.power_mw = 100.0
 [[material]]
-name = "grey"
+name = "gray"
 reflectance = 0.18
 [[object]]
 name = "ball"
-material = "grey"
+material = "gray"
 type = "sphere"
 radius_mm = 10.0
 "#;
@@ -281,7 +281,7 @@ fn a_fluorophore_from_files_has_the_stated_yield() {
     let text = format!(
         "{SPHERE}[[fluorophore]]\nname = \"dye\"\nsource = {{ csv = \"dye.csv\" }}\nphoton_yield = 0.1\n[[fluorophore]]\nname = \"matrix\"\nsource = {{ eem_csv = \"eem.csv\" }}\nphoton_yield = 0.02\n"
     );
-    let overrides = ["material.grey.concentrations={ dye = 1.0, matrix = 2.0 }".to_string()];
+    let overrides = ["material.gray.concentrations={ dye = 1.0, matrix = 2.0 }".to_string()];
     let experiment = parse(&text, "t", folder.path(), &overrides).unwrap();
     let scene = resolve(&experiment).unwrap().study.scene;
     let best = |index: usize| {
@@ -318,14 +318,14 @@ fn a_dye_is_the_same_as_a_matrix_and_as_two_spectra_in_either_unit() {
              [[fluorophore]]\nname = \"spectra\"\nsource = {{ excitation_csv = \"ex.csv\", emission_csv = \"em.csv\", unit = \"{unit}\" }}\n\
              photon_yield = 0.1\n"
         );
-        let overrides = ["material.grey.concentrations={ matrix = 1.0, spectra = 1.0 }".to_string()];
+        let overrides = ["material.gray.concentrations={ matrix = 1.0, spectra = 1.0 }".to_string()];
         let scene = resolve(&parse(&text, "t", folder.path(), &overrides).unwrap()).unwrap().study.scene;
         let at = |dye: usize, em_nm: f64, ex_nm: f64| scene.fluorophores[dye].eem.at(em_nm, ex_nm);
         let scale = at(0, 520.0, 380.0);
         for ex_nm in [345.0, 360.0, 380.0, 400.0, 431.0] {
             for em_nm in [490.0, 520.0, 555.0, 600.0] {
                 let (matrix, spectra) = (at(0, em_nm, ex_nm), at(1, em_nm, ex_nm));
-                // Both interpolate linearly between the same points; the yield of each is found on whole nanometres.
+                // Both interpolate linearly between the same points; the yield of each is found on whole nanometers.
                 assert!(
                     (matrix - spectra).abs() < 1e-3 * scale,
                     "{unit} {ex_nm} {em_nm}: {matrix} {spectra}"
@@ -350,8 +350,8 @@ fn another_sensor_takes_the_place_of_the_whole_section() {
     let own = resolved(
         "format = 1\n[render]\nwidth_px = 64\nheight_px = 48\n[camera]\nhorizontal_field_deg = 40.0\n[lens]\n[sensor]\n\
          preset = \"monochrome_4_8um\"\n[[light]]\nname = \"sun\"\ntype = \"distant\"\nspectrum = 1.0\n\
-         aim.direction = [0.0, 0.0, -1.0]\nstrength.irradiance_w_per_m2 = 1.0\n[[material]]\nname = \"grey\"\nreflectance = 0.2\n\
-         [[object]]\nname = \"ball\"\nmaterial = \"grey\"\ntype = \"sphere\"\nradius_mm = 10.0\n",
+         aim.direction = [0.0, 0.0, -1.0]\nstrength.irradiance_w_per_m2 = 1.0\n[[material]]\nname = \"gray\"\nreflectance = 0.2\n\
+         [[object]]\nname = \"ball\"\nmaterial = \"gray\"\ntype = \"sphere\"\nradius_mm = 10.0\n",
         &[],
     );
     let of_catalogue = |name: &str| EfficiencyReference::Text(NameOrTable::Name(name.into()));
@@ -473,7 +473,7 @@ fn equations_that_stand_on_data_say_where_those_end() {
     let blood = "{ type = \"blood_diffuse\", scattering_per_cm = 20.0, scattering_power = 1.0, background_per_cm = 0.3, \
                  background_decay_nm = 100.0, blood_fraction = 0.03, saturation = 0.7, vessel_radius_um = 10.0, \
                  superficial_blood_um = 1.0 }";
-    let change = format!("material.grey.reflectance={blood}");
+    let change = format!("material.gray.reflectance={blood}");
     let warnings = |last: &str| resolved(SPHERE, &[&change, last]).record.warnings;
     assert_eq!(warnings_with(&warnings("spectral.last_nm=750"), "their own range").len(), 0);
     let exceeded = warnings("spectral.last_nm=900");
@@ -726,9 +726,9 @@ fn the_mask_of_a_lesion_is_relative_to_the_experiment_file() {
 }
 
 #[test]
-fn a_scan_in_a_wrong_unit_and_a_mask_in_colours_are_warned_of() {
+fn a_scan_in_a_wrong_unit_and_a_mask_in_colors_are_warned_of() {
     let folder = tempfile::tempdir().unwrap();
-    // A prism of 60 mm, in a file in metres.
+    // A prism of 60 mm, in a file in meters.
     let scan = folder.path().join("arch.obj");
     std::fs::write(
         &scan,
@@ -761,6 +761,6 @@ fn a_scan_in_a_wrong_unit_and_a_mask_in_colours_are_warned_of() {
     };
     let colored = of(&[255, 0, 0, 0, 0, 0]);
     assert_eq!(warnings_with(&colored, "mean of red, green and blue").len(), 1, "{colored:?}");
-    let grey = of(&[255, 255, 255, 0, 0, 0]);
-    assert_eq!(warnings_with(&grey, "mean of red").len(), 0, "{grey:?}");
+    let gray = of(&[255, 255, 255, 0, 0, 0]);
+    assert_eq!(warnings_with(&gray, "mean of red").len(), 0, "{gray:?}");
 }

@@ -18,7 +18,7 @@ use fluorspar::render::{
 use fluorspar::spectral::Curve;
 use fluorspar::study::Study;
 
-/// Two coloured spheres that fluoresce, with two light groups, small enough for a test.
+/// Two colored spheres that fluoresce, with two light groups, small enough for a test.
 fn experiment(width: u32, height: u32) -> Study {
     let changes = [
         format!("render.width_px={width}"),

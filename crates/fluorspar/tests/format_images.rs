@@ -358,7 +358,7 @@ fn raw_mistakes_are_explained() {
         (
             "\"rows\": 2",
             "\"rows\": 3",
-            "f.tiff.json: the colour filter array of 3 by 2 pixels names 4 channels. Keep the two files of one frame together",
+            "f.tiff.json: the color filter array of 3 by 2 pixels names 4 channels. Keep the two files of one frame together",
         ),
     ];
     for (from, to, expected) in edits {
@@ -373,7 +373,7 @@ fn raw_mistakes_are_explained() {
          Keep the two files together; without it neither units nor exposure are known"
     );
     write_rgb_png(&path, 2, 1, &[1, 2, 3, 4, 5, 6]).unwrap();
-    assert_eq!(read(), "f.tiff: the picture is not 16-bit grey. Raw frames are 16-bit grey mosaics");
+    assert_eq!(read(), "f.tiff: the picture is not 16-bit gray. Raw frames are 16-bit gray mosaics");
 
     let target = folder.path().join("new.tiff");
     let mut bad = frame();
@@ -430,7 +430,7 @@ fn textures_of_every_kind_are_read() {
             assert_eq!(texture.channels, channels);
             let (stored, alpha) = (texture.data[0], texture.data[channels - 1]);
             assert!((stored - 0.216).abs() < 0.001, "{stored}");
-            // Alpha is a fraction, not a colour.
+            // Alpha is a fraction, not a color.
             assert_eq!(channels % 2 == 0, (alpha - 0.502).abs() < 0.001, "{alpha}");
         }
     }

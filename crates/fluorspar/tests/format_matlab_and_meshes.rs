@@ -132,7 +132,7 @@ const ASCII_PLY: &str = "ply\nformat ascii 1.0\ncomment made by hand\nelement ve
     4 0 1 2 3\n3 0 1 4\n";
 
 #[test]
-fn text_ply_in_millimetres_becomes_metres() {
+fn text_ply_in_millimeters_becomes_meters() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("m.ply");
     fs::write(&path, ASCII_PLY).unwrap();
@@ -229,7 +229,7 @@ fn bad_ply_files_are_explained() {
     assert!(said.starts_with("m.ply:18: this is no intact PLY file: "), "{said}");
     assert_eq!(
         complaint("m.ply", ASCII_PLY.as_bytes(), |path| read_ply(path, 0.0)),
-        "m.ply: the unit of length is 0 m. Give a positive length, for instance 0.001 for millimetres"
+        "m.ply: the unit of length is 0 m. Give a positive length, for instance 0.001 for millimeters"
     );
 }
 

@@ -78,7 +78,7 @@ fn another_reader_finds_the_tags_and_the_pixels() {
     let image = frame(36, 10, 12, Mosaic::bayer("gbrg").unwrap());
     let color = DngColor { neutral: [0.5, 1.0, 0.25], ..DngColor::default() };
     write_sensor_dng(&path, &image, &color, None).unwrap();
-    // The decoder opens no colour filter arrays, so it gets the file as a grey picture.
+    // The decoder opens no color filter arrays, so it gets the file as a gray picture.
     let mut bytes = fs::read(&path).unwrap();
     let photometric = photometric_at(&bytes);
     assert_eq!(u16::from_ne_bytes([bytes[photometric], bytes[photometric + 1]]), 32_803);
@@ -122,7 +122,7 @@ fn photometric_at(bytes: &[u8]) -> usize {
 }
 
 #[test]
-fn dng_refuses_other_colours() {
+fn dng_refuses_other_colors() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("f.dng");
     let mosaic =
@@ -260,7 +260,7 @@ fn a_foreign_dng_is_read_by_its_tags() {
     assert!(changed(row(5), &[0, 0, 8, 0]).to_string().contains("not in the file"));
     assert!(changed(row(0), &[0xff, 0xff, 0, 0]).to_string().contains("not in the file"));
     assert!(changed(row(4), &[0, 2, 0, 0]).to_string().contains("mosaic"));
-    assert!(changed(row(8), &[2, 1, 1, 5]).to_string().contains("colour filter array"));
+    assert!(changed(row(8), &[2, 1, 1, 5]).to_string().contains("color filter array"));
 }
 
 #[test]

@@ -45,7 +45,7 @@ fn spectra_are_read_by_name_and_by_number() {
 }
 
 #[test]
-fn every_way_to_say_nanometres_is_understood() {
+fn every_way_to_say_nanometers_is_understood() {
     for header in
         ["wavelength_nm", "wavelength [nm]", "wavelength (nm)", "wave_nm", "nm", "Lambda/nm", "Nanometers"]
     {
@@ -83,27 +83,27 @@ fn bad_spectra_are_explained() {
         ),
         (
             b"wavelength,a\n400,1\n410,2\n",
-            "t.csv:1: the first column \"wavelength\" states no unit. Call it \"wavelength_nm\" if it is in nanometres",
+            "t.csv:1: the first column \"wavelength\" states no unit. Call it \"wavelength_nm\" if it is in nanometers",
         ),
         (
             b"wavelength_um,a\n0.4,1\n0.5,2\n",
-            "t.csv:1: the first column \"wavelength_um\" is in micrometres. Multiply it by 1000 and call it \"wavelength_nm\"",
+            "t.csv:1: the first column \"wavelength_um\" is in micrometers. Multiply it by 1000 and call it \"wavelength_nm\"",
         ),
         (
             "wavelength [µm],a\n0.4,1\n0.5,2\n".as_bytes(),
-            "t.csv:1: the first column \"wavelength [µm]\" is in micrometres. Multiply it by 1000 and call it \"wavelength_nm\"",
+            "t.csv:1: the first column \"wavelength [µm]\" is in micrometers. Multiply it by 1000 and call it \"wavelength_nm\"",
         ),
         (
             b"wavelength_m,a\n4e-7,1\n5e-7,2\n",
-            "t.csv:1: the first column \"wavelength_m\" is in metres. Multiply it by 1e9 and call it \"wavelength_nm\"",
+            "t.csv:1: the first column \"wavelength_m\" is in meters. Multiply it by 1e9 and call it \"wavelength_nm\"",
         ),
         (
             b"nm,a\n0.4,1\n0.5,2\n",
-            "t.csv:2: the wavelengths run from 0.4 to 0.5, not between 100 and 20000 nm. They look like micrometres: multiply by 1000",
+            "t.csv:2: the wavelengths run from 0.4 to 0.5, not between 100 and 20000 nm. They look like micrometers: multiply by 1000",
         ),
         (
             b"nm,a\n4e-7,1\n5e-7,2\n",
-            "t.csv:2: the wavelengths run from 0.0000004 to 0.0000005, not between 100 and 20000 nm. They look like metres: multiply by 1e9",
+            "t.csv:2: the wavelengths run from 0.0000004 to 0.0000005, not between 100 and 20000 nm. They look like meters: multiply by 1e9",
         ),
         (
             b"sample,a\n400,1\n500,2\n",
@@ -262,7 +262,7 @@ fn bad_matrices_are_explained() {
         ),
         (
             "@em_nm\\ex_nm,0.35,0.4\n0.38,1,0\n0.45,2,3\n",
-            "t.csv:2: the excitation wavelengths run from 0.35 to 0.4, not between 100 and 20000 nm. They look like micrometres: multiply by 1000",
+            "t.csv:2: the excitation wavelengths run from 0.35 to 0.4, not between 100 and 20000 nm. They look like micrometers: multiply by 1000",
         ),
         (
             "@em_nm\\ex_nm,350,400\n380,1,0\n450,-2,3\n",

@@ -153,7 +153,7 @@ fn instances_look_like_the_flattened_scene() {
     assert!(turned <= 8, "{turned} normals differ");
 }
 
-/// A mesh modelled far from its origin and carried back is lit as one modelled where it stands: rays leave it without
+/// A mesh modeled far from its origin and carried back is lit as one modeled where it stands: rays leave it without
 /// hitting the triangle they start from.
 #[test]
 fn meshes_far_from_their_origin_do_not_shadow_themselves() {
@@ -252,8 +252,8 @@ fn objects_share_their_meshes_and_bad_instances_are_refused() {
 
 fn experiment(folder: &Path, object: &str) -> Result<ResolvedExperiment, String> {
     let text = format!(
-        "format = 1\nbase = \"flat-patch\"\n[[material]]\nname = \"grey\"\nreflectance = 0.2\n[[material]]\nname = \"white\"\n\
-         reflectance = 0.8\n[[object]]\nname = \"crowd\"\nmaterial = \"grey\"\n{object}"
+        "format = 1\nbase = \"flat-patch\"\n[[material]]\nname = \"gray\"\nreflectance = 0.2\n[[material]]\nname = \"white\"\n\
+         reflectance = 0.8\n[[object]]\nname = \"crowd\"\nmaterial = \"gray\"\n{object}"
     );
     let parsed = parse(&text, "t.toml", folder, &[]).map_err(|error| error.to_string())?;
     resolve(&parsed).map_err(|error| error.to_string())
@@ -281,9 +281,9 @@ fn experiments_place_meshes() {
                 [[object.instance]]\npart = \"odd\"\nmaterial = \"white\"\n\
                 matrix = [[1, 0, 0, 7], [0, 1, 0.5, 0], [0, 0, 1, 0]]\n";
     let resolved = experiment(folder, text).unwrap();
-    let ((crowd, grey), (odd, white)) =
+    let ((crowd, gray), (odd, white)) =
         (instances_of(&resolved.study.scene, "crowd"), instances_of(&resolved.study.scene, "odd"));
-    assert_eq!((grey, white), ("grey", "white"));
+    assert_eq!((gray, white), ("gray", "white"));
     assert!(Arc::ptr_eq(&crowd.meshes[0], &odd.meshes[0]), "the mesh is there once");
     let map = |many: &MeshInstances, number: usize, p: Vec3| {
         many.instances[number].to_world.transform_point3(p) * 1e3

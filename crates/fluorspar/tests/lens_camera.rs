@@ -205,7 +205,7 @@ fn the_picture_is_upright_and_where_the_pinhole_sees_it() {
     let at = Vec3::new(0.012, 0.008, 0.0);
     let spot = emitter("spot", Shape::Disc { center: at, normal: Vec3::Z, radius_m: 0.002 }, 1.0);
     let pinhole = PerspectiveCamera { lens: None, ..camera.clone() };
-    let centre = |image: &ComponentImage| {
+    let center = |image: &ComponentImage| {
         let (mut sum, mut x, mut y) = (0.0, 0.0, 0.0);
         for row in 0..45 {
             for col in 0..60 {
@@ -218,8 +218,8 @@ fn the_picture_is_upright_and_where_the_pinhole_sees_it() {
         [x / sum - 30.0, 22.5 - y / sum]
     };
     let lens = Arc::clone(camera.lens.as_ref().unwrap());
-    let through = centre(&run(&scene(camera, vec![spot.clone()]), 256));
-    let seen = centre(&run(&scene(pinhole, vec![spot]), 64));
+    let through = center(&run(&scene(camera, vec![spot.clone()]), 256));
+    let seen = center(&run(&scene(pinhole, vec![spot]), 64));
     assert!(through[0] > 0.0 && through[1] > 0.0, "{through:?}");
     // Pinhole pixels become film by tan, film by the chief rays: compare tangents.
     let tangent = lens.covering_tangent().unwrap();
@@ -232,7 +232,7 @@ fn the_picture_is_upright_and_where_the_pinhole_sees_it() {
 
 #[test]
 fn band_groups_see_the_dispersion_of_the_glasses() {
-    // Lateral colour: the same spot lies at another height in blue than in red. One group sees none of it.
+    // Lateral color: the same spot lies at another height in blue than in red. One group sees none of it.
     let spot = emitter(
         "spot",
         Shape::Disc { center: Vec3::new(0.035, 0.0, 0.0), normal: Vec3::Z, radius_m: 0.001 },

@@ -132,7 +132,7 @@ fn emitted(amounts: &[(EnergyEem, f64)], band_nm: [f64; 2], excitation_nm: f64) 
 
 /// Spectra of spots on tongues under 400 nm, published with the paper's data: radiance at 635 nm over that at 525 nm is
 /// 3.8 in a spot with much porphyrin and 0.5 to 1.3 in three with little. Later ones of four people, under 405 and 415 nm,
-/// give 0.6 to 1.7. A spot of a spectroradiometer at this distance is some millimetres wide.
+/// give 0.6 to 1.7. A spot of a spectroradiometer at this distance is some millimeters wide.
 #[test]
 fn the_densest_spot_of_the_default_tongue_glows_as_the_strongest_measured_one() {
     let amounts = concentrations("tongue_dorsum");

@@ -53,7 +53,7 @@ fn mean_square_z(ambient_e_per_s: f64, subtract: bool) -> f64 {
         };
         let frame = take("blue", light.map(|v| v + ambient_e_per_s));
         let image = if subtract {
-            let linear = |frame: &SensorImage| Development::default().linearise(frame).unwrap();
+            let linear = |frame: &SensorImage| Development::default().linearize(frame).unwrap();
             let ambient = linear(&take("ambient", [ambient_e_per_s; 3]));
             linear(&frame).without(&ambient).unwrap().demosaic(Demosaicing::Bilinear).unwrap()
         } else {

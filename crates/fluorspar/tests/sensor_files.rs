@@ -62,7 +62,7 @@ fn the_sensor_of_an_experiment_is_read_alone() {
 
 #[test]
 fn a_filter_wheel_turns_between_captures() {
-    // Colours are analysed, a monochrome sensor has none.
+    // Colors are analyzed, a monochrome sensor has none.
     let patch = preset::experiment("flat-patch").unwrap().text.split("[analysis]").next().unwrap();
     let captures = "[[capture]]\nname = \"open\"\nlight_groups = { blue = 1.0 }\nexposure_ms = 200\n\
         [[capture]]\nname = \"half\"\nlight_groups = { blue = 1.0 }\nexposure_ms = 200\nfilters = [0.5]\n\

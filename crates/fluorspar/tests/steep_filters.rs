@@ -96,7 +96,7 @@ fn electrons_of_a_frame_are_leak_or_fluorescence() {
     }
     let all: Vec<usize> = (0..image.width * image.height).collect();
     let region = RegionRadiance::new(&image, &settings.frame, &all).leak_ratio(&study).unwrap();
-    // The film is larger than the sensor, and light falls off towards its corners alike for both kinds of light.
+    // The film is larger than the sensor, and light falls off toward its corners alike for both kinds of light.
     assert!((leak.leak_ratio.unwrap() / region - 1.0).abs() < 0.01, "{leak:?}, {region}");
     assert!(!leak.is_reflectance());
     // A selection of one pixel has one channel; a frame without light has no leak.

@@ -82,7 +82,7 @@ fn a_lossless_ball_in_white_surroundings_is_invisible() {
 fn a_bright_mirrored_cavity_has_the_radiance_of_its_angle() {
     let (n, k) = (flat(1.9), Curve::new(vec![200.0, 1200.0], vec![1.5, 5.5]).unwrap());
     for (sine, position) in [(0.0, Vec3::new(0.0, 0.0, 0.001)), (0.6, Vec3::new(0.6, 0.0, 0.0))] {
-        // The line of sight passes the centre at a distance of `sine`.
+        // The line of sight passes the center at a distance of `sine`.
         let grid = WavelengthGrid::uniform(400.0, 700.0, 50.0).unwrap();
         let mut cavity = scene(grid, camera(position, position - Vec3::Z, 0.5, 4));
         cavity.materials = vec![metal(n.clone(), k.clone(), 0.0)];
@@ -277,7 +277,7 @@ fn lamps_illuminate_by_their_form_factors() {
         check(&format!("disc {r} {h} {a}"), disc, 2.0, 2.0 / (PI * r * r) * factor, 2e-3);
     }
     // Sphere above the horizon: E = M (r / d)^2 cos; its exitance is P / (4 pi r^2). Light from anywhere on it falls at
-    // an angle of at most r / d from its centre's, and E is all that is drawn from: small spheres leave no noise.
+    // an angle of at most r / d from its center's, and E is all that is drawn from: small spheres leave no noise.
     for (r, center) in [(0.3, Vec3::new(0.2, 0.4, 0.8)), (1e-4, Vec3::new(0.0, 0.6, 0.8))] {
         let (d2, cos) = (f64::from(center.length_squared()), f64::from(center.z / center.length()));
         let expected = 2.0 / (4.0 * PI * d2) * cos;
@@ -439,7 +439,7 @@ fn assert_reciprocal(samples: u32, runs: u64) {
             object("metal", ball(Vec3::new(-0.1, 0.7, 0.4), 0.3), 2),
             object("wall", quad(Vec3::new(-1.0, -0.5, -0.6), Vec3::X * 2.0, Vec3::Y * 2.0), 3),
         ];
-        // Pixels of the plate only, to first bounce and beyond; its own light towards the camera does not count.
+        // Pixels of the plate only, to first bounce and beyond; its own light toward the camera does not count.
         let values: Vec<f64> = repeat(&scene, runs, &settings(samples, 8))
             .iter()
             .map(|image| {
@@ -513,7 +513,7 @@ fn photons_balance() {
             .collect();
         let balance = MeanEstimate::of(&sums).mean / incoming;
         let error = MeanEstimate::of(&sums).standard_error / incoming;
-        // Bins of 10 nm against a lamp of 4 nm: their centres stand for the photons within 1e-3.
+        // Bins of 10 nm against a lamp of 4 nm: their centers stand for the photons within 1e-3.
         assert!(
             (balance - expected).abs() < 4e-3 + 4.0 * error,
             "{name}: {balance} +- {error}, expected {expected}"
@@ -674,20 +674,20 @@ fn what_is_given_to_a_mixture_is_given_to_its_parts() {
 /// Two parts alike but for their opacities are one material of the mean opacity, times that of the mixture.
 #[test]
 fn opacities_of_parts_are_mixed_by_their_shares() {
-    let grey = |opacity: f32| Material {
+    let gray = |opacity: f32| Material {
         opacity: Some(ScalarTexture::Constant(opacity)),
-        ..Material::lambertian("grey", flat(0.5))
+        ..Material::lambertian("gray", flat(0.5))
     };
     let [mixture, plain] = [true, false].map(|is_mixture| {
         let mut scene = lit_box("disc", "lambertian", 1.0);
-        scene.materials[2] = grey(0.25);
-        scene.materials[3] = grey(0.75);
+        scene.materials[2] = gray(0.25);
+        scene.materials[3] = gray(0.75);
         scene.materials[4] = if is_mixture {
             let opacity = Some(ScalarTexture::Constant(0.8));
             Material { opacity, ..mixed(2, 3, ScalarTexture::Constant(0.6)) }
         } else {
             // 0.8 (0.4 * 0.25 + 0.6 * 0.75)
-            grey(0.44)
+            gray(0.44)
         };
         scene
     });
@@ -717,7 +717,7 @@ fn a_displaced_white_surface_is_invisible() {
     let image = run(&scene, &settings(64, 100));
     let mean = band_mean(&image, 0, 1);
     // Shading normals that differ from those of the triangles lose light where they disagree on what is above: for
-    // facets of 1/32 of the sheet that is the angle between neighbours, some 0.03, cut off at grazing incidence.
+    // facets of 1/32 of the sheet that is the angle between neighbors, some 0.03, cut off at grazing incidence.
     assert!((mean.mean - 1.0).abs() < 1e-2 + 4.0 * mean.standard_error, "{mean:?}");
 }
 

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Paints two masks on the map of the tongue's back, as one would by hand: 256 x 256 grey pixels, u to the right from the
+"""Paints two masks on the map of the tongue's back, as one would by hand: 256 x 256 gray pixels, u to the right from the
 patient's right border to the left, v upwards from the tip to the base.
 
     paint_masks.py FOLDER
@@ -16,7 +16,7 @@ import zlib
 SIDE = 256
 
 
-def write_grey(path, value):
+def write_gray(path, value):
     """Rows from the top, v = 1."""
     rows = b""
     for row in range(SIDE):
@@ -47,5 +47,5 @@ def patches(u, v):
 
 
 folder = sys.argv[1]
-write_grey(f"{folder}/patches.png", patches)
-write_grey(f"{folder}/geographic.png", lambda u, v: blob(u, v, 0.62, 0.17, 0.09, 5, 0.5))
+write_gray(f"{folder}/patches.png", patches)
+write_gray(f"{folder}/geographic.png", lambda u, v: blob(u, v, 0.62, 0.17, 0.09, 5, 0.5))

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Makes what an intraoral scanner would: one mesh of some parts, in millimetres (glTF: metres), in a frame of its own.
+"""Makes what an intraoral scanner would: one mesh of some parts, in millimeters (glTF: meters), in a frame of its own.
 
     scanner_frame.py MOUTH.obj OUT.stl|.ply|.obj|.gltf PART... [--chip TOOTH]
 
@@ -105,7 +105,7 @@ def write(target, points, coordinates, triangles):
             for triangle in triangles:
                 file.write("f " + " ".join(f"{i + 1}/{i + 1}" for i in triangle) + "\n")
     elif ending == "gltf":
-        # glTF has metres as its unit; v runs downwards.
+        # glTF has meters as its unit; v runs downwards.
         buffers = [
             b"".join(struct.pack("<3f", *(1e-3 * c for c in p)) for p in points),
             b"".join(struct.pack("<2f", u, 1.0 - v) for u, v in coordinates),

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Makes a noisy PNG smaller: rounds its 8-bit colours to STEPS levels per channel and compresses it again.
+"""Makes a noisy PNG smaller: rounds its 8-bit colors to STEPS levels per channel and compresses it again.
 
     shrink_png.py FILE.png STEPS
 
@@ -19,8 +19,8 @@ def read_rgb(path):
         kind, content = data[at + 4 : at + 8], data[at + 8 : at + 8 + length]
         at += 12 + length
         if kind == b"IHDR":
-            width, height, depth, colour = struct.unpack(">IIBB", content[:10])
-            if (depth, colour) != (8, 2):
+            width, height, depth, color = struct.unpack(">IIBB", content[:10])
+            if (depth, color) != (8, 2):
                 sys.exit(f"{path}: not 8-bit RGB")
         elif kind == b"IDAT":
             packed += content

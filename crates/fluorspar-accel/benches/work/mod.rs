@@ -11,9 +11,9 @@ pub fn vector(bands: usize, phase: f32) -> Vec<f32> {
     (0..bands).map(|band| 0.6 + 0.3 * (0.2 * band as f32 + phase).sin()).collect()
 }
 
-fn bump(bands: usize, centre: f32, width: f32) -> Vec<f32> {
+fn bump(bands: usize, center: f32, width: f32) -> Vec<f32> {
     let nm = |band: usize| 350.0 + 400.0 * band as f32 / bands as f32;
-    (0..bands).map(|band| (-((nm(band) - centre) / width).powi(2)).exp()).collect()
+    (0..bands).map(|band| (-((nm(band) - center) / width).powi(2)).exp()).collect()
 }
 
 /// Fluorophores of one term each.

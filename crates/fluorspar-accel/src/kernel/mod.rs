@@ -218,10 +218,10 @@ impl Entry {
     }
 }
 
-/// What is left to visit. Not initialised beforehand: that would cost as much as a short traversal.
+/// What is left to visit. Not initialized beforehand: that would cost as much as a short traversal.
 struct Stack {
     /// Kernels write [`WIDTH`] entries at a time, of which those beyond `len` do not count. As many more than are ever needed
-    /// also keep neighbouring stacks from sharing the same few lines of the cache.
+    /// also keep neighboring stacks from sharing the same few lines of the cache.
     entries: [MaybeUninit<Entry>; STACK_CAPACITY + WIDTH],
     len: usize,
 }
@@ -238,10 +238,10 @@ impl Stack {
     fn all_empty<const N: usize>(memory: &mut MaybeUninit<[Self; N]>) -> &mut [Self; N] {
         let first = memory.as_mut_ptr().cast::<Self>();
         for number in 0..N {
-            // SAFETY: the number is less than N, and writing through a raw pointer needs no initialised memory.
+            // SAFETY: the number is less than N, and writing through a raw pointer needs no initialized memory.
             unsafe { (&raw mut (*first.add(number)).len).write(0) };
         }
-        // SAFETY: every `len` has been written, and entries may be uninitialised.
+        // SAFETY: every `len` has been written, and entries may be uninitialized.
         unsafe { memory.assume_init_mut() }
     }
 
@@ -264,7 +264,7 @@ impl Stack {
         debug_assert!(base <= self.len && self.len < STACK_CAPACITY);
         let mut position = self.len;
         while position > base {
-            // SAFETY: base <= position - 1 < len, and entries below len are initialised.
+            // SAFETY: base <= position - 1 < len, and entries below len are initialized.
             let below = unsafe { self.entries.get_unchecked(position - 1).assume_init() };
             if below >= entry {
                 break;
@@ -283,7 +283,7 @@ impl Stack {
     fn pop_within(&mut self, limit: f32) -> u32 {
         while self.len > 0 {
             self.len -= 1;
-            // SAFETY: the entry at the new len was below the old len, hence initialised.
+            // SAFETY: the entry at the new len was below the old len, hence initialized.
             let entry = unsafe { self.entries.get_unchecked(self.len).assume_init() };
             if entry.distance() <= limit {
                 return entry.reference();

@@ -208,18 +208,18 @@ unsafe fn sort_descending(keys: __m256i) -> __m256i {
         }
     }
     /// Partners within four columns.
-    const NEIGHBOUR: i32 = 0b10_11_00_01;
+    const NEIGHBOR: i32 = 0b10_11_00_01;
     const MIRROR_OF_FOUR: i32 = 0b00_01_10_11;
     const TWO_AWAY: i32 = 0b01_00_11_10;
     // SAFETY: the caller promises AVX2.
     unsafe {
-        let keys = exchange::<0b1010_1010>(keys, _mm256_shuffle_epi32::<NEIGHBOUR>(keys));
+        let keys = exchange::<0b1010_1010>(keys, _mm256_shuffle_epi32::<NEIGHBOR>(keys));
         let keys = exchange::<0b1100_1100>(keys, _mm256_shuffle_epi32::<MIRROR_OF_FOUR>(keys));
-        let keys = exchange::<0b1010_1010>(keys, _mm256_shuffle_epi32::<NEIGHBOUR>(keys));
+        let keys = exchange::<0b1010_1010>(keys, _mm256_shuffle_epi32::<NEIGHBOR>(keys));
         let mirror = _mm256_shuffle_epi32::<MIRROR_OF_FOUR>(_mm256_permute2x128_si256::<0x01>(keys, keys));
         let keys = exchange::<0b1111_0000>(keys, mirror);
         let keys = exchange::<0b1100_1100>(keys, _mm256_shuffle_epi32::<TWO_AWAY>(keys));
-        exchange::<0b1010_1010>(keys, _mm256_shuffle_epi32::<NEIGHBOUR>(keys))
+        exchange::<0b1010_1010>(keys, _mm256_shuffle_epi32::<NEIGHBOR>(keys))
     }
 }
 

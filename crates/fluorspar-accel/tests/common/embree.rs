@@ -69,7 +69,7 @@ impl EmbreeScene {
         robust: bool,
     ) -> Result<Self, libloading::Error> {
         // Never unloaded: its threads may still run when the program ends.
-        // SAFETY: the library is Embree 4, whose initialisers may run anywhere.
+        // SAFETY: the library is Embree 4, whose initializers may run anywhere.
         let library: &'static Library = Box::leak(Box::new(unsafe { Library::new(library)? }));
         // Embree reads 16 bytes at the last vertex.
         let mut positions = positions.to_vec();

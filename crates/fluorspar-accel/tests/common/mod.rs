@@ -76,12 +76,12 @@ pub fn ray(origin: Vec3, direction: Vec3) -> Ray {
     Ray { origin, direction: direction.normalize(), t_min: 0.0, t_max: f32::INFINITY }
 }
 
-/// A closed surface `centre + radius(direction) direction` of latitude rings, `2 rings (rings - 1)` times two triangles,
+/// A closed surface `center + radius(direction) direction` of latitude rings, `2 rings (rings - 1)` times two triangles,
 /// with one vertex at each pole.
-pub fn closed_surface(centre: Vec3, rings: u32, radius: impl Fn(Vec3) -> f32) -> Mesh {
+pub fn closed_surface(center: Vec3, rings: u32, radius: impl Fn(Vec3) -> f32) -> Mesh {
     let segments = 2 * rings;
     let mut mesh = Mesh::default();
-    let mut vertex = |direction: Vec3| mesh.positions.push(centre + radius(direction) * direction);
+    let mut vertex = |direction: Vec3| mesh.positions.push(center + radius(direction) * direction);
     vertex(Vec3::Z);
     for ring in 1..rings {
         let (sin_theta, cos_theta) = (PI * ring as f32 / rings as f32).sin_cos();
@@ -110,8 +110,8 @@ pub fn soup(count: usize, size: f32, seed: u64) -> Mesh {
     let mut random = Random(seed);
     let mut mesh = Mesh::default();
     for _ in 0..count {
-        let centre = random.cube();
-        mesh.add([(); 3].map(|()| centre + size * random.cube()));
+        let center = random.cube();
+        mesh.add([(); 3].map(|()| center + size * random.cube()));
     }
     mesh
 }

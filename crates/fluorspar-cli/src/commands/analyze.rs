@@ -20,7 +20,7 @@ pub(crate) struct Options {
     #[arg(value_name = "FOLDER", value_hint = ValueHint::DirPath, required_unless_present = "frame")]
     folder: Option<PathBuf>,
     /// Raw frame of a capture, of a simulated or a real camera; needs --experiment. May be repeated: one for the frame that
-    /// is analysed and one for each that is subtracted.
+    /// is analyzed and one for each that is subtracted.
     #[arg(long, value_name = "CAPTURE=FILE", requires = "experiment")]
     frame: Vec<String>,
     /// Raw dark frame of the real camera; frames of one exposure are averaged. May be repeated.

@@ -51,7 +51,7 @@ pub(crate) struct Options {
     /// Width of a wavelength band, nm.
     #[arg(long, value_name = "NM", value_parser = values::number, allow_negative_numbers = true)]
     step_nm: Option<f64>,
-    /// Whose equations to use: ours, ISETCam's sensor, or the normalised matrices of the authors' toolbox as well.
+    /// Whose equations to use: ours, ISETCam's sensor, or the normalized matrices of the authors' toolbox as well.
     #[arg(long, value_enum, value_name = "WHOSE")]
     compatibility: Option<Compatibility>,
     #[command(flatten)]
@@ -171,7 +171,7 @@ fn as_json(sample: &ResolvedSample, prediction: &Prediction) -> Result<Value, Cl
         "sha256": sample.record.sha256,
         "compatibility": sample.compatibility,
         "units": {
-            "wavelength_nm": "nm, centres of the bands",
+            "wavelength_nm": "nm, centers of the bands",
             "irradiance": "W/(m2 nm)",
             "radiance": "W/(sr m2 nm), from the sample, before any filter",
             "sensor_irradiance": "W/(m2 nm), behind viewing filter and lens",

@@ -68,7 +68,7 @@ fn describe(title: &str, report: &SafetyReport) -> String {
         }
     }
     text += "\nWhole sequence of captures, times in 8 hours:\n";
-    for line in &report.programme {
+    for line in &report.program {
         let times = line.sequences_per_day.map_or_else(|| "not assessed".into(), |n| n.to_string());
         text += &format!("  {:<16} {times}\n", line.viewer.name());
     }

@@ -1,8 +1,8 @@
-//! Colours that readers with any colour vision can tell apart, on light and on dark paper.
+//! Colors that readers with any color vision can tell apart, on light and on dark paper.
 
 use super::Dash;
 
-/// A colour by role or by value. Roles change with the background, values do not.
+/// A color by role or by value. Roles change with the background, values do not.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ink {
     /// Text, axes and data drawn in black.
@@ -28,20 +28,20 @@ impl Ink {
         Self::Rgb(86, 180, 233),
     ];
 
-    /// The `index`th colour of the palette, starting over when it is used up.
+    /// The `index`th color of the palette, starting over when it is used up.
     pub fn cycle(index: usize) -> Self {
         Self::PALETTE[index % Self::PALETTE.len()]
     }
 
-    /// The colours of the fluorophores of a figure. Those of the catalogue have their own in every figure; others get what
-    /// is left, so that no two are alike while there are colours.
+    /// The colors of the fluorophores of a figure. Those of the catalogue have their own in every figure; others get what
+    /// is left, so that no two are alike while there are colors.
     pub fn of_fluorophores<'a>(names: impl IntoIterator<Item = &'a str>) -> Vec<Self> {
         let known = |name: &str| {
             let name = name.to_lowercase();
             FLUOROPHORES.iter().find(|(part, _)| name.contains(part)).map(|(_, ink)| *ink)
         };
         let mut inks: Vec<Option<Self>> = names.into_iter().map(known).collect();
-        // A second one of a kind looks for another colour, too.
+        // A second one of a kind looks for another color, too.
         for index in 1..inks.len() {
             if inks[..index].contains(&inks[index]) {
                 inks[index] = None;
@@ -57,12 +57,12 @@ impl Ink {
         inks.into_iter().flatten().collect()
     }
 
-    /// The stroke pattern that goes with the colour of a fluorophore, so that it is the same in every figure, too.
+    /// The stroke pattern that goes with the color of a fluorophore, so that it is the same in every figure, too.
     pub fn fluorophore_dash(self) -> Dash {
         Dash::cycle(FLUOROPHORES.iter().position(|(_, ink)| *ink == self).unwrap_or(0))
     }
 
-    /// The colour of a sensor channel: its own for R, G and B, else from the palette.
+    /// The color of a sensor channel: its own for R, G and B, else from the palette.
     pub fn of_channel(name: &str, index: usize) -> Self {
         match name.to_lowercase().chars().next() {
             Some('r') => Self::Rgb(213, 64, 20),
@@ -95,7 +95,7 @@ impl Ink {
     }
 }
 
-/// The fluorophores of the catalogue, by what their names contain, and the colour of each: the palette, and three more that
+/// The fluorophores of the catalogue, by what their names contain, and the color of each: the palette, and three more that
 /// stand apart from it in hue or lightness. Its pink is left for what is no fluorophore.
 const FLUOROPHORES: [(&str, Ink); 9] = [
     ("collagen", Ink::PALETTE[0]),
@@ -109,10 +109,10 @@ const FLUOROPHORES: [(&str, Ink); 9] = [
     ("chlorophyll", Ink::Rgb(110, 140, 20)),
 ];
 
-/// A sequence of colours for the values of a heat map, from low to high.
+/// A sequence of colors for the values of a heat map, from low to high.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ColorMap {
-    /// Dark violet over teal to yellow: even steps in lightness, readable with any colour vision.
+    /// Dark violet over teal to yellow: even steps in lightness, readable with any color vision.
     Viridis,
     /// Black to white.
     Gray,
@@ -143,7 +143,7 @@ const VIRIDIS: [[u8; 3]; 20] = [
 ];
 
 impl ColorMap {
-    /// Colour of a value between 0 and 1; values outside take the colour of the nearer end.
+    /// Color of a value between 0 and 1; values outside take the color of the nearer end.
     pub fn color(self, value: f64) -> [u8; 3] {
         let value = if value.is_nan() { 0.0 } else { value.clamp(0.0, 1.0) };
         match self {
@@ -177,14 +177,14 @@ mod tests {
     }
 
     #[test]
-    fn a_fluorophore_keeps_its_colour_whatever_its_place() {
+    fn a_fluorophore_keeps_its_color_whatever_its_place() {
         let alone = |name| Ink::of_fluorophores([name])[0];
         assert_eq!(alone("Porphyrins"), Ink::of_fluorophores(["FAD", "NADH", "porphyrin_monici"])[2]);
         assert_ne!(alone("FAD"), alone("NADH"));
     }
 
     #[test]
-    fn no_two_fluorophores_of_a_figure_have_one_colour() {
+    fn no_two_fluorophores_of_a_figure_have_one_color() {
         let titles = [
             "Collagen I",
             "Elastin",

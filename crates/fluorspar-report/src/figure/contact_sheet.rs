@@ -7,7 +7,7 @@ use super::{Ink, Raster, font};
 /// Height of the strip with a name and size of its letters, px.
 const STRIP: usize = 20;
 const LETTERS: f64 = 13.0;
-/// Between neighbours, px.
+/// Between neighbors, px.
 const GAP: usize = 4;
 const GROUND: [u8; 3] = [16; 3];
 const LETTER_INK: Ink = Ink::Rgb(225, 225, 225);
@@ -125,7 +125,7 @@ mod tests {
     #[test]
     fn names_stand_above_their_pictures() {
         let sheet = ContactSheet::new(2, 120);
-        let picture = |grey: u8| Raster::from_fn(120, 90, |_, _| [grey; 3]);
+        let picture = |gray: u8| Raster::from_fn(120, 90, |_, _| [gray; 3]);
         let made = sheet.compose(&[("left-cheek", picture(100)), ("", picture(200))]).unwrap();
         assert_eq!([made.width, made.height], [244, 110]);
         assert_eq!((made.at(20, 0), made.at(109, 243)), ([100; 3], [200; 3]));

@@ -86,8 +86,8 @@ fn x_ticks(panel: &Panel) -> Vec<Tick> {
     let mut most = (panel.size[0] / 44.0) as usize;
     loop {
         let ticks = panel.x.ticks(most);
-        let labelled = ticks.iter().filter(|tick| tick.text.is_some()).count().max(2) - 1;
-        if most <= 2 || panel.size[0] / labelled as f64 >= widest(&ticks) + 16.0 {
+        let labeled = ticks.iter().filter(|tick| tick.text.is_some()).count().max(2) - 1;
+        if most <= 2 || panel.size[0] / labeled as f64 >= widest(&ticks) + 16.0 {
             return ticks;
         }
         most -= 1;
@@ -358,7 +358,7 @@ fn draw_color_bar(bar: &ColorBar, frame: Frame, marks: &mut Vec<Mark>) {
 }
 
 /// At most about [`Shape::MOST_DOTS`] of the points, chosen by a hash of their place in the list: no image row or column is
-/// favoured, and the choice is the same every time.
+/// favored, and the choice is the same every time.
 fn shown(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
     if points.len() <= Shape::MOST_DOTS {
         return points.to_vec();

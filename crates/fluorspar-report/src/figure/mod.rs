@@ -50,16 +50,16 @@ pub struct Panel {
     pub size: [f64; 2],
     /// What is drawn, first at the back.
     pub series: Vec<Series>,
-    /// A colour bar to the right.
+    /// A color bar to the right.
     pub color_bar: Option<ColorBar>,
 }
 
-/// What the colours of a heat map mean.
+/// What the colors of a heat map mean.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ColorBar {
     /// Label, unit and limits.
     pub axis: Axis,
-    /// The colours.
+    /// The colors.
     pub map: ColorMap,
 }
 
@@ -68,7 +68,7 @@ pub struct ColorBar {
 pub struct Series {
     /// Name in the legend; none to leave it out.
     pub name: Option<String>,
-    /// Colour.
+    /// Color.
     pub ink: Ink,
     /// What to draw.
     pub shape: Shape,
@@ -140,7 +140,7 @@ pub struct Label {
     pub text: String,
 }
 
-/// Stroke patterns, to tell lines apart without colour.
+/// Stroke patterns, to tell lines apart without color.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Dash {
     /// Without gaps.

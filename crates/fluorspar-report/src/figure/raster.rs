@@ -31,7 +31,7 @@ impl Raster {
         })
     }
 
-    /// The colour at a pixel.
+    /// The color at a pixel.
     pub fn at(&self, row: usize, col: usize) -> [u8; 3] {
         self.pixels[row * self.width + col]
     }

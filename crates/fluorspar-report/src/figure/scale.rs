@@ -139,9 +139,9 @@ impl Axis {
                 if value.log10() < low - 1e-9 || value.log10() > high + 1e-9 {
                     continue;
                 }
-                let labelled = digit == 1 && (exponent - first).rem_euclid(every) == 0;
-                if labelled || every == 1 {
-                    ticks.push(Tick { value, text: labelled.then(|| format_power(exponent)) });
+                let labeled = digit == 1 && (exponent - first).rem_euclid(every) == 0;
+                if labeled || every == 1 {
+                    ticks.push(Tick { value, text: labeled.then(|| format_power(exponent)) });
                 }
             }
         }

@@ -30,7 +30,7 @@ pub(super) fn write(drawing: &Drawing, title: &str, explanation: &str) -> String
     svg
 }
 
-/// A colour as attribute; roles also get a class, which a style sheet may override.
+/// A color as attribute; roles also get a class, which a style sheet may override.
 fn paint(attribute: &str, ink: Ink) -> String {
     let [r, g, b] = ink.rgb();
     let class = ink.class().map(|class| format!(" class=\"{class}-{attribute}\"")).unwrap_or_default();

@@ -61,8 +61,8 @@ pub fn chromaticity(plot: &ChromaticityPlot) -> Figure {
     panel = panel.with(Series::unnamed(Ink::Text, Shape::Labels(labels)));
     Figure::new("Sensor chromaticity", panel).explained(
         "Each small dot is one pixel. Its place shows which share of its signal is red (r) and which is green (g); how bright the \
-         pixel is does not matter. Coloured points show where each fluorophore alone would lie. Any mixture of two lies on the \
-         straight line between them, so pixels that stretch towards the porphyrin point contain more porphyrin. No pixel can \
-         lie in the grey corner, where r + g would exceed 1.",
+         pixel is does not matter. Colored points show where each fluorophore alone would lie. Any mixture of two lies on the \
+         straight line between them, so pixels that stretch toward the porphyrin point contain more porphyrin. No pixel can \
+         lie in the gray corner, where r + g would exceed 1.",
     )
 }

@@ -76,13 +76,13 @@ pub fn eem_maps(maps: &[EemMap], light_peak_nm: Option<f64>) -> Figure {
         .unwrap_or_default();
     Figure::grid("Excitation-emission matrices", panels, columns).explained(format!(
         "Each fluorophore takes in light at one wavelength (horizontal) and gives off light at a longer one (vertical). Brightness \
-         is the strength relative to that fluorophore's own maximum, so colours cannot be compared between the maps. The grey \
+         is the strength relative to that fluorophore's own maximum, so colors cannot be compared between the maps. The gray \
          triangle is where the emission would need more energy than the excitation brought.{line}"
     ))
 }
 
 /// Emission of each fluorophore under one light; `amount` says how much of each, as in "each at concentration 1", `quantity`
-/// and `unit` what is drawn. `view_band_nm` is where a viewing filter passes at least half of its maximum; the rest is grey.
+/// and `unit` what is drawn. `view_band_nm` is where a viewing filter passes at least half of its maximum; the rest is gray.
 pub fn emission(
     curves: &[PlotCurve],
     light: &str,
@@ -109,11 +109,11 @@ pub fn emission(
     } else {
         ""
     };
-    let grey = if view_band_nm.is_some() {
-        " Little or nothing of what lies in the grey ranges reaches the sensor."
+    let gray = if view_band_nm.is_some() {
+        " Little or nothing of what lies in the gray ranges reaches the sensor."
     } else {
         ""
     };
     Figure::new(format!("Emission under {light}"), panel)
-        .explained(format!("What each fluorophore would give off under {light}, {amount}.{overlap}{grey}"))
+        .explained(format!("What each fluorophore would give off under {light}, {amount}.{overlap}{gray}"))
 }

@@ -27,10 +27,10 @@ pub fn picture(title: &str, raster: Raster, region: Option<[f64; 4]>) -> Figure 
     Figure::new(title, panel)
 }
 
-/// Porphyrin fraction of each pixel, `[row, col]`, over a darkened grey picture (`underlay`, 0 to 255 per pixel) where there is
+/// Porphyrin fraction of each pixel, `[row, col]`, over a darkened gray picture (`underlay`, 0 to 255 per pixel) where there is
 /// none. `None` when the lists do not fill the picture.
 ///
-/// The colour scale ends at `top`, for instance the 99th percentile; larger fractions take its last colour.
+/// The color scale ends at `top`, for instance the 99th percentile; larger fractions take its last color.
 pub fn porphyrin_map(
     width: usize,
     height: usize,
@@ -39,7 +39,7 @@ pub fn porphyrin_map(
     top: f64,
 ) -> Option<Figure> {
     let pixels = width * height;
-    if fractions.len() != pixels || underlay.is_some_and(|grey| grey.len() != pixels) || pixels == 0 {
+    if fractions.len() != pixels || underlay.is_some_and(|gray| gray.len() != pixels) || pixels == 0 {
         return None;
     }
     let axis = Axis::from_zero("porphyrin fraction", "", [top.clamp(1e-3, 1.0)]);
@@ -48,15 +48,15 @@ pub fn porphyrin_map(
         let pixel = row * width + col;
         match (fractions[pixel], underlay) {
             (Some(fraction), _) => ColorMap::Viridis.color(f64::from(fraction) / full),
-            (None, Some(grey)) => [(f64::from(grey[pixel]) * 0.6) as u8; 3],
+            (None, Some(gray)) => [(f64::from(gray[pixel]) * 0.6) as u8; 3],
             (None, None) => [90; 3],
         }
     });
     let mut panel = frame(raster);
     panel.color_bar = Some(ColorBar { axis, map: ColorMap::Viridis });
     Some(Figure::new("Porphyrin fraction", panel).explained(
-        "Coloured pixels lie in the region and have a porphyrin fraction: the amount of porphyrin over the amount of porphyrin and \
-         bulk together, in the relative units of the fluorophore models. Grey pixels are outside the region, saturated, \
+        "Colored pixels lie in the region and have a porphyrin fraction: the amount of porphyrin over the amount of porphyrin and \
+         bulk together, in the relative units of the fluorophore models. Gray pixels are outside the region, saturated, \
          too dark, or hold other light.",
     ))
 }

@@ -43,7 +43,7 @@ pub fn radiance_by_component(
         Scale::Log10 => " The vertical axis is logarithmic: each step up is ten times as much light.",
     };
     Figure::new(format!("Light from {region}, by origin"), panel).explained(format!(
-        "The light that leaves {region} towards the camera, before any filter, split by what happened to it: light that was merely \
+        "The light that leaves {region} toward the camera, before any filter, split by what happened to it: light that was merely \
          reflected, and light that each fluorophore gave off.{logarithmic}"
     ))
 }

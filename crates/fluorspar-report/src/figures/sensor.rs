@@ -19,7 +19,7 @@ pub fn sensor_response(bare: &[PlotCurve], filtered: &[PlotCurve]) -> Figure {
         panel = panel.with(Series::line(name, ink, channel.points()));
     }
     Figure::new("Sensor response", panel).explained(
-        "How many electrons each colour channel collects per photon, without (dotted) and with (solid) the filters before the \
+        "How many electrons each color channel collects per photon, without (dotted) and with (solid) the filters before the \
          lens. Only what lies under the solid curves reaches the image.",
     )
 }

@@ -110,7 +110,7 @@ fn mixture_rows(mixture: &MixtureSummary, valid: usize) -> Vec<Number> {
             "Region as a whole",
             format!("{:.4} ({low:.4} to {high:.4})", estimate.fraction),
             "",
-            "Porphyrin over porphyrin and bulk, from the region's mean colour, with the 95 % interval that the sensor's noise \
+            "Porphyrin over porphyrin and bulk, from the region's mean color, with the 95 % interval that the sensor's noise \
              leaves. Errors of the model are not in it.",
         ));
     }

@@ -7,12 +7,12 @@ pub fn glossary_section() -> Section {
     let terms = [
         (
             "Fluorophore",
-            "A substance that takes in light of one colour and gives off light of a longer wavelength. Collagen, elastin, NADH, FAD \
+            "A substance that takes in light of one color and gives off light of a longer wavelength. Collagen, elastin, NADH, FAD \
              and porphyrins are the ones that glow in the mouth.",
         ),
         (
             "Bulk fluorescence",
-            "The glow of collagen, elastin, FAD and NADH together. Under a single excitation light their colours are too alike \
+            "The glow of collagen, elastin, FAD and NADH together. Under a single excitation light their colors are too alike \
              to tell apart.",
         ),
         (
@@ -21,8 +21,8 @@ pub fn glossary_section() -> Section {
         ),
         (
             "Spectral radiance",
-            "How much light of one wavelength a spot sends in one direction, in watts per square metre of surface, per \
-             steradian of direction and per nanometre of wavelength.",
+            "How much light of one wavelength a spot sends in one direction, in watts per square meter of surface, per \
+             steradian of direction and per nanometer of wavelength.",
         ),
         (
             "Digital number (DN)",

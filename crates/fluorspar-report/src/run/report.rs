@@ -110,14 +110,14 @@ fn lead(run: &RunResults<'_>, frame: Option<&str>) -> Vec<String> {
     lead.push(
         "Everything on this page was computed: a three-dimensional scene with lights of known power was rendered as \
          spectra, every kind of light kept apart; a lens and filters formed an image of it; a sensor model with its \
-         noise recorded it; and the recorded numbers were analysed as those of a real camera would be."
+         noise recorded it; and the recorded numbers were analyzed as those of a real camera would be."
             .into(),
     );
     if frame.is_some() {
         lead.push(
             "Under violet light, tissue glows faintly. Most of the glow is broad and green-blue and comes from several \
              molecules at once (the bulk: elastin, collagen, FAD, keratin). Porphyrins, made by bacteria on the tongue, \
-             glow red. The ratio of the colour channels tells the two apart, whatever the brightness."
+             glow red. The ratio of the color channels tells the two apart, whatever the brightness."
                 .into(),
         );
     }
@@ -239,7 +239,7 @@ fn headline(run: &RunResults<'_>, leak: Option<f64>) -> Vec<Number> {
                 format!("{:.3}", e.fraction),
                 "",
                 format!(
-                    "porphyrin over porphyrin and bulk, from the mean colour; sensor noise alone leaves {:.4} to {:.4} open",
+                    "porphyrin over porphyrin and bulk, from the mean color; sensor noise alone leaves {:.4} to {:.4} open",
                     e.fraction_interval[0], e.fraction_interval[1]
                 ),
             ));
@@ -311,7 +311,7 @@ fn camera_section(run: &RunResults<'_>, builder: &mut Builder) -> Section {
             let what = if groups.iter().any(|group| capture.frame.drive(&group.name) > 0.0) {
                 "Developed for the eye and scaled to its own brightest parts."
             } else {
-                "No light is on: the coloured specks are nothing but the noise of the sensor, a few digital numbers, stretched \
+                "No light is on: the colored specks are nothing but the noise of the sensor, a few digital numbers, stretched \
                  until they can be seen."
             };
             let caption = format!(
@@ -377,7 +377,7 @@ fn camera_section(run: &RunResults<'_>, builder: &mut Builder) -> Section {
         let subtracted = capture.and_then(|c| c.subtract.as_deref());
         let figure = histograms(&frame.raw.label, &channels, frame.developed.full_scale_dn, subtracted);
         let stem = format!("histogram_{}", frame.raw.label);
-        // The frame that is analysed is shown; the others are saved only.
+        // The frame that is analyzed is shown; the others are saved only.
         if run.experiment.study.analysis.as_ref().is_some_and(|a| a.frame == frame.raw.label) {
             section = builder.show(section, &stem, figure, "");
         } else {
@@ -410,13 +410,13 @@ fn result_section(run: &RunResults<'_>, analyzed: &AnalyzedFrame, builder: &mut 
         .zip(&run.evaluation.previews)
         .find(|(f, _)| f.raw.label == analysis.frame);
     if let (Some(porphyrin), Some((frame, preview))) = (&analyzed.porphyrin, frame) {
-        let grey: Vec<u8> = preview.rgb.chunks_exact(3).map(|p| p[1].max(p[0])).collect();
+        let gray: Vec<u8> = preview.rgb.chunks_exact(3).map(|p| p[1].max(p[0])).collect();
         let fractions = porphyrin.fractions_on_line();
         let mut sorted: Vec<f32> = fractions.iter().flatten().copied().collect();
         sorted.sort_by(f32::total_cmp);
         let top = sorted.get(sorted.len() * 99 / 100).copied().map_or(1.0, f64::from);
         let (width, height) = (frame.developed.width, frame.developed.height);
-        if let Some(figure) = porphyrin_map(width, height, &fractions, Some(&grey), top) {
+        if let Some(figure) = porphyrin_map(width, height, &fractions, Some(&gray), top) {
             figures.push(builder.item("porphyrin_map", figure, ""));
         }
         if let (Some([col, row, w, h]), Some(raster)) = (
@@ -491,7 +491,7 @@ fn spectroradiometer_section(run: &RunResults<'_>, builder: &mut Builder) -> Sec
     section
 }
 
-/// A curve on every nanometre of the rendered range.
+/// A curve on every nanometer of the rendered range.
 fn fine(name: &str, curve: &Curve, range: (f64, f64)) -> PlotCurve {
     let steps = (range.1 - range.0).round() as usize;
     let nm: Vec<f64> =

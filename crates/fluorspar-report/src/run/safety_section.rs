@@ -31,7 +31,7 @@ pub(super) fn safety_section(report: &SafetyReport) -> Option<Section> {
         section = section.with(ReportItem::Table(NumberTable { caption, rows }));
     }
     let rows: Vec<Number> = report
-        .programme
+        .program
         .iter()
         .filter_map(|line| {
             Some(Number::computed(
@@ -205,7 +205,7 @@ mod tests {
             caveat: "",
             assumptions: Vec::new(),
             captures: Vec::new(),
-            programme: Vec::new(),
+            program: Vec::new(),
             risk_group: group,
             risk_quantities: quantities,
         };

@@ -11,7 +11,7 @@ use crate::image::ChannelImage;
 /// `1/q` of the exposure time. Its shot noise is in both frames; its fixed pattern cancels.
 ///
 /// Each value counts as measured on its own. A bilinear demosaic averages two to four raw values into the missing
-/// channels, so for one pixel of such an image the variance is an upper bound. Neighbours are correlated, so for a
+/// channels, so for one pixel of such an image the variance is an upper bound. Neighbors are correlated, so for a
 /// mean over many the number of raw values counts: see [`ChannelImage::shares`].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ChannelNoise {

@@ -1,4 +1,4 @@
-//! Sensor chromaticity: what is left of a colour when the amount of light is divided out.
+//! Sensor chromaticity: what is left of a color when the amount of light is divided out.
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;

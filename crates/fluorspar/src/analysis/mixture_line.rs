@@ -357,7 +357,7 @@ impl PorphyrinMap {
         self.estimates.iter().map(|e| e.map(|estimate| estimate.fraction as f32)).collect()
     }
 
-    /// The same without pixels off the line, whose fraction is an artefact: rims of highlights, for instance.
+    /// The same without pixels off the line, whose fraction is an artifact: rims of highlights, for instance.
     pub fn fractions_on_line(&self) -> Vec<Option<f32>> {
         let on_line = |e: &Option<LineEstimate>| e.filter(|e| !e.is_off_line()).map(|e| e.fraction as f32);
         self.estimates.iter().map(on_line).collect()

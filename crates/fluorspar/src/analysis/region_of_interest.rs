@@ -139,7 +139,7 @@ impl RegionOfInterest {
 
     /// The pixels of the region in a sensor image of `width` columns and `height` rows.
     ///
-    /// Parts are looked up in the part map of the rendered scene: a sensor pixel takes the part at its own centre.
+    /// Parts are looked up in the part map of the rendered scene: a sensor pixel takes the part at its own center.
     /// Lens distortion is not followed.
     ///
     /// # Errors
@@ -210,7 +210,7 @@ impl RegionOfInterest {
 pub struct SceneOnSensor<'a> {
     /// The rendered image with its part map.
     pub components: &'a ComponentImage,
-    /// Width and height of the rendered image on the film over those of the sensor. Both are centred on the axis.
+    /// Width and height of the rendered image on the film over those of the sensor. Both are centered on the axis.
     pub film_over_sensor: [f64; 2],
 }
 
@@ -220,7 +220,7 @@ impl<'a> SceneOnSensor<'a> {
         Self { components, film_over_sensor: [1.0; 2] }
     }
 
-    /// Pixel of the rendered image behind the centre of a pixel of a sensor of `width` columns and `height` rows; none
+    /// Pixel of the rendered image behind the center of a pixel of a sensor of `width` columns and `height` rows; none
     /// beyond its border.
     pub fn scene_pixel(&self, row: usize, col: usize, width: usize, height: usize) -> Option<usize> {
         let place = |index: usize, sensor: usize, scene: usize, film: f64| {
@@ -246,7 +246,7 @@ impl<'a> SceneOnSensor<'a> {
         pixels
     }
 
-    /// Part number plus one behind the centre of a sensor pixel; 0 where nothing is seen.
+    /// Part number plus one behind the center of a sensor pixel; 0 where nothing is seen.
     fn part_at(&self, row: usize, col: usize, width: usize, height: usize) -> u16 {
         self.scene_pixel(row, col, width, height).map_or(0, |pixel| self.components.features.part[pixel])
     }
@@ -293,12 +293,12 @@ mod tests {
     }
 
     #[test]
-    fn a_sensor_of_another_resolution_takes_the_part_at_its_pixel_centres() {
+    fn a_sensor_of_another_resolution_takes_the_part_at_its_pixel_centers() {
         let scene = scene();
         let teeth = RegionOfInterest::of_parts(["upper_teeth"]);
         // Twice as fine: the one render pixel in column 3, row 0 covers four sensor pixels.
         assert_eq!(teeth.select(8, 4, Some(SceneOnSensor::filling(&scene))).unwrap().pixels, [6, 7, 14, 15]);
-        // Half as fine: centres fall on render columns 1 and 3, render row 1.
+        // Half as fine: centers fall on render columns 1 and 3, render row 1.
         let tongue = RegionOfInterest::of_parts(["tongue"]);
         assert_eq!(tongue.select(2, 1, Some(SceneOnSensor::filling(&scene))).unwrap().pixels, [0, 1]);
     }
@@ -320,7 +320,7 @@ mod tests {
     }
 
     #[test]
-    fn a_misspelt_part_is_answered_with_the_nearest_name_and_all_names() {
+    fn a_misspelled_part_is_answered_with_the_nearest_name_and_all_names() {
         let error = RegionOfInterest::of_parts(["Tounge"])
             .select(4, 2, Some(SceneOnSensor::filling(&scene())))
             .unwrap_err();

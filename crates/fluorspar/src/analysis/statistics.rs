@@ -72,7 +72,7 @@ pub struct CovarianceEllipse {
     pub covariance: [[f64; 2]; 2],
     /// Standard deviations along the long and the short axis.
     pub half_axes: [f64; 2],
-    /// Direction of the long axis, degrees from the r axis towards the g axis, above -90 and up to 90.
+    /// Direction of the long axis, degrees from the r axis toward the g axis, above -90 and up to 90.
     pub angle_deg: f64,
 }
 

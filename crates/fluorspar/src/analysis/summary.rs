@@ -194,7 +194,7 @@ pub fn analyze_region(
         let valid = |pixel| map.at(pixel).is_some();
         let estimates = PorphyrinMap::new(image, valid, &selection, line, &settings.noise, reflected)?;
         let mean = mean_pixel(image, &map, &selection, &settings.noise, reflected)?;
-        let summary = summarise(line, &estimates, mean, statistics.ellipse.as_ref());
+        let summary = summarize(line, &estimates, mean, statistics.ellipse.as_ref());
         if summary.off_line * 20 > statistics.counts.valid {
             warnings.push(format!(
                 "{} of {} valid pixels lie beside the bulk-porphyrin line by more than noise explains. Their light holds \
@@ -284,7 +284,7 @@ fn mean_pixel(
     Ok((n > 0.0).then(|| [sum.map(|s| s / n), [0, 1, 2].map(of_mean)]))
 }
 
-fn summarise(
+fn summarize(
     line: &MixtureLine,
     map: &PorphyrinMap,
     mean: Option<[[f64; 3]; 2]>,

@@ -1,5 +1,5 @@
 //! Maps over the texture coordinates of the parts: where mucosa is red or pale, where porphyrins and plaque sit, how
-//! wet a surface is. Pure anatomy: a map says how much, never in which colour.
+//! wet a surface is. Pure anatomy: a map says how much, never in which color.
 //!
 //! The maps of the tongue use the same papillae as its mesh: the fungiform ones have a map of their own, coating and
 //! porphyrin keep to the filiform ones.
@@ -35,7 +35,7 @@ pub enum SurfaceMap {
     Dryness,
 }
 
-/// Samples a map at the centres of `columns` by `rows` pixels: rows from the top (v = 1), values 0 to 1.
+/// Samples a map at the centers of `columns` by `rows` pixels: rows from the top (v = 1), values 0 to 1.
 pub fn bake_surface_map(
     map: SurfaceMap,
     tissue: Tissue,
@@ -171,7 +171,7 @@ impl<'a> Place<'a> {
         smoothstep(0.05, 0.5, tongue::fungiform(self.p.seed, self.x, self.y, self.v))
     }
 
-    /// Creases of the dry lip, 0 to 1: across the lip, a millimetre or two apart.
+    /// Creases of the dry lip, 0 to 1: across the lip, a millimeter or two apart.
     fn crease(&self) -> f64 {
         crease(self.p.seed, self.x, self.v)
     }
@@ -230,7 +230,7 @@ impl<'a> Place<'a> {
         if self.tissue != Tissue::TongueDorsum {
             return 0.0;
         }
-        // Colonies: patches of some millimetres within the coating, on the papillae that hold it.
+        // Colonies: patches of some millimeters within the coating, on the papillae that hold it.
         let across = (self.u - 0.5) / 0.2;
         let middle = exp(-0.5 * across * across) * smoothstep(0.4, 0.28, (self.u - 0.5).abs());
         // From none at the tip evenly to the most at six tenths of the length.

@@ -23,8 +23,8 @@ impl Obstacles {
         Self { bvh: TriangleBvh::build(&positions, &triangles).ok() }
     }
 
-    /// Distance in millimetres from `origin` along the unit vector `direction` to the first surface nearer than
-    /// `reach`, all in millimetres.
+    /// Distance in millimeters from `origin` along the unit vector `direction` to the first surface nearer than
+    /// `reach`, all in millimeters.
     pub(super) fn distance(&self, origin: DVec3, direction: DVec3, reach: f64) -> Option<f64> {
         let ray = Ray {
             origin: (origin * 1e-3).as_vec3(),
@@ -45,7 +45,7 @@ pub(super) struct Field {
 }
 
 impl Field {
-    /// Raises every value so that it falls from its neighbours by at most `slope` times their distance, given for one
+    /// Raises every value so that it falls from its neighbors by at most `slope` times their distance, given for one
     /// step along the rows and one along the columns; then blurs without sinking below what is needed.
     pub(super) fn spread(&mut self, slope: f64, row_step: f64, column_step: f64) {
         let needed = self.values.clone();
@@ -68,7 +68,7 @@ impl Field {
                     (-1, 1, diagonal),
                     (-1, -1, diagonal),
                 ] {
-                    if let Some(other) = self.neighbour(row + dr, column + dc) {
+                    if let Some(other) = self.neighbor(row + dr, column + dc) {
                         value = value.max(self.values[other] - slope * step);
                     }
                 }
@@ -82,7 +82,7 @@ impl Field {
                     let (mut sum, mut weight) = (0.0, 0.0);
                     for dr in -1..=1 {
                         for dc in -1..=1 {
-                            if let Some(other) = self.neighbour(row + dr, column + dc) {
+                            if let Some(other) = self.neighbor(row + dr, column + dc) {
                                 sum += before[other];
                                 weight += 1.0;
                             }
@@ -95,7 +95,7 @@ impl Field {
         }
     }
 
-    /// Raises the values to a smooth field over their largest neighbours within so many rows and columns: the mean, over
+    /// Raises the values to a smooth field over their largest neighbors within so many rows and columns: the mean, over
     /// the same window, of the largest values in it is nowhere below the value itself.
     pub(super) fn bridge(&mut self, rows: usize, columns: usize) {
         let pass = |values: &[f64], dr: isize, dc: isize, reach: usize, largest: bool| -> Vec<f64> {
@@ -105,7 +105,7 @@ impl Field {
                     let (row, column) = (i / self.columns as isize, i % self.columns as isize);
                     let (mut most, mut sum, mut count) = (0.0_f64, 0.0, 0.0);
                     for k in -reach..=reach {
-                        if let Some(other) = self.neighbour(row + k * dr, column + k * dc) {
+                        if let Some(other) = self.neighbor(row + k * dr, column + k * dc) {
                             most = most.max(values[other]);
                             sum += values[other];
                             count += 1.0;
@@ -119,7 +119,7 @@ impl Field {
         self.values = pass(&pass(&largest, 0, 1, columns, false), 1, 0, rows, false);
     }
 
-    fn neighbour(&self, row: isize, column: isize) -> Option<usize> {
+    fn neighbor(&self, row: isize, column: isize) -> Option<usize> {
         if row < 0 || row >= self.rows as isize {
             return None;
         }

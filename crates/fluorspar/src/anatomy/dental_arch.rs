@@ -1,6 +1,6 @@
 //! The two dental arches: where every tooth stands, and the poses of the two jaws.
 //!
-//! Each jaw has its own frame in millimetres, the same for both: x to the patient's left, z to the front, and y = `g`
+//! Each jaw has its own frame in millimeters, the same for both: x to the patient's left, z to the front, and y = `g`
 //! from the plane of the biting edges toward the gums (up in the upper jaw, down in the lower one). The origin is the
 //! front of the line of contact points.
 
@@ -182,7 +182,7 @@ impl Arch {
             }
         }
         arch.teeth.sort_by(|a, b| a.middle.total_cmp(&b.middle));
-        arch.part_neighbours();
+        arch.part_neighbors();
         // The edges of the central incisors are the origin: they define the opening.
         let mut shift = -arch.incisors_edge();
         shift.x = 0.0;
@@ -245,7 +245,7 @@ impl Arch {
         middle: f64,
         half_room: f64,
     ) {
-        // Small differences between neighbours, in -1..1.
+        // Small differences between neighbors, in -1..1.
         let amount = parameters.tooth_irregularity;
         let vary = |channel: u32| {
             amount * (2.0 * lattice(parameters.seed, i32::from(number), 0, 40 + channel) - 1.0)
@@ -269,7 +269,7 @@ impl Arch {
         let step = if self.jaw == Jaw::Upper && kind == ToothKind::LateralIncisor { 0.5 } else { 0.0 };
         let scale = 1.0 + 0.012 * vary(4);
         // A crown fills its room, or leaves the room that the arch has to spare.
-        // Neighbours that are turned need their corners' room.
+        // Neighbors that are turned need their corners' room.
         let contact = 1.02 - 0.014 * parameters.tooth_irregularity;
         let width = (size[1] * 1.05 * scale).min(2.0 * half_room * contact);
         let mut tooth = Tooth {
@@ -289,7 +289,7 @@ impl Arch {
             outward,
             biting,
         };
-        // Neighbours touch on the curve.
+        // Neighbors touch on the curve.
         tooth.edge -= outward * contact_outward(&tooth);
         // Width and depth of the arch are those between the outermost contacts of central incisors and second molars:
         // whatever their turn and width, these stand on the curve.
@@ -308,9 +308,9 @@ impl Arch {
         self.teeth.push(tooth);
     }
 
-    /// Makes crowns narrower until no two neighbours stand in each other: turned ones, and those around a bend, touch with
+    /// Makes crowns narrower until no two neighbors stand in each other: turned ones, and those around a bend, touch with
     /// their corners.
-    fn part_neighbours(&mut self) {
+    fn part_neighbors(&mut self) {
         const ENOUGH_MM: f64 = 0.02;
         const LEAST_MM: f64 = 0.08;
         for _ in 0..16 {

@@ -5,7 +5,7 @@ use glam::{Vec2, Vec3};
 use super::{Mouth, Tissue};
 use crate::geometry::TriangleMesh;
 
-/// Dimensions of a generated mouth in millimetres; `None` where the parts that define one are missing.
+/// Dimensions of a generated mouth in millimeters; `None` where the parts that define one are missing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MouthDimensions {
     /// Between the edges of the upper and lower central incisors.
@@ -49,7 +49,7 @@ fn ring(mesh: &TriangleMesh, v: f32) -> Option<Vec3> {
 }
 
 /// Axis of a crown, from its neck to the middle of its biting surface, and that part of it that is next to its biting
-/// edge or at its highest cusps, m: the middle of the places within a tenth of a millimetre of the highest one.
+/// edge or at its highest cusps, m: the middle of the places within a tenth of a millimeter of the highest one.
 fn axis_and_edge(mesh: &TriangleMesh) -> Option<(Vec3, Vec3)> {
     let at_middle = mesh.uvs.iter().position(|uv| uv.y > 0.9999)?;
     let axis = (mesh.positions[at_middle] - ring(mesh, 0.1)?).normalize();
@@ -116,7 +116,7 @@ fn palate_height(mouth: &Mouth) -> Option<f64> {
 pub(super) fn measure(mouth: &Mouth) -> MouthDimensions {
     let upper = arch(mouth, [11, 21], [17, 27]);
     let lower = arch(mouth, [41, 31], [47, 37]);
-    let millimetres = |metres: f32| f64::from(metres) * 1e3;
+    let millimeters = |meters: f32| f64::from(meters) * 1e3;
     let tongue =
         mouth.parts.iter().filter(|part| part.tissue == Tissue::TongueDorsum).map(|part| &part.mesh).fold(
             None,
@@ -166,17 +166,17 @@ pub(super) fn measure(mouth: &Mouth) -> MouthDimensions {
     MouthDimensions {
         jaw_opening_mm: middle(mouth, 11, 21)
             .zip(middle(mouth, 41, 31))
-            .map(|(upper, lower)| millimetres((upper - lower).length())),
+            .map(|(upper, lower)| millimeters((upper - lower).length())),
         upper_arch_width_mm: upper.map(|a| a.0),
         lower_arch_width_mm: lower.map(|a| a.0),
         upper_arch_depth_mm: upper.map(|a| a.1),
         lower_arch_depth_mm: lower.map(|a| a.1),
         palate_height_mm: palate_height(mouth),
-        tongue_width_mm: millimetres(width),
-        tongue_length_mm: millimetres(length),
+        tongue_width_mm: millimeters(width),
+        tongue_length_mm: millimeters(length),
         tongue_protrusion_mm: front
             .zip(middle(mouth, 41, 31))
-            .map(|(tongue, incisors)| millimetres(tongue - incisors.z)),
-        lip_opening_width_mm: millimetres(corners),
+            .map(|(tongue, incisors)| millimeters(tongue - incisors.z)),
+        lip_opening_width_mm: millimeters(corners),
     }
 }

@@ -103,14 +103,14 @@ impl<'a> Fauces<'a> {
             let around = if u >= 1.0 { 0.0 } else { u };
             let (sine, cosine) = sin_cos(2.0 * PI * around);
             let sway = 0.8 * fractal_noise(seed ^ 0x79, 0.5 + 2.0 * v, 7.5, 1);
-            let centre = root + DVec3::new(sway * v, -(length + 4.5) * v, 2.0 * v - 2.4 * v * v);
+            let center = root + DVec3::new(sway * v, -(length + 4.5) * v, 2.0 * v - 2.4 * v * v);
             let r = curve(RADIUS, v)
                 * (1.0 + 0.06 * fractal_noise(seed ^ 0x7a, 3.0 * cosine + 9.0, 3.0 * sine + 4.0 * v, 2));
             // Broad where it leaves the palate.
             let (wide, deep) =
                 (1.0 + 0.5 * smoothstep(0.35, 0.0, v), lerp(0.5, 1.0, smoothstep(0.0, 0.35, v)));
             (
-                self.pose.point(centre + DVec3::new(r * wide * cosine, 0.0, 0.85 * r * deep * sine)),
+                self.pose.point(center + DVec3::new(r * wide * cosine, 0.0, 0.85 * r * deep * sine)),
                 DVec2::new(u, v),
             )
         })
@@ -152,7 +152,7 @@ impl<'a> Fauces<'a> {
         let seed = self.parameters.seed ^ if side > 0.0 { 0x7d } else { 0x7e };
         let top = self.velum(1.0, 0.0);
         let size = self.parameters.tonsil_size;
-        let centre = DVec3::new(24.5 - 3.0 * size, top.y - 17.0, top.z + 2.5);
+        let center = DVec3::new(24.5 - 3.0 * size, top.y - 17.0, top.z + 2.5);
         let half = DVec3::new(4.5 + 2.5 * size, 8.0 + 2.0 * size, 4.5);
         let v_values = linspace(0.0, 1.0, count(30, detail));
         let u_values = linspace(0.0, 1.0, count(36, detail));
@@ -163,7 +163,7 @@ impl<'a> Fauces<'a> {
             let crypt = bumps(seed, 3.2 * ball.y + 2.0 * ball.x, 3.2 * ball.z + 9.0, 0.45, 0.7);
             let r = 1.0 - 0.16 * crypt
                 + 0.1 * fractal_noise(seed ^ 5, 2.0 * ball.y, 2.0 * ball.z + 1.5 * ball.x, 2);
-            let p = centre + ball * half * r;
+            let p = center + ball * half * r;
             (self.pose.point(DVec3::new(side * p.x, p.y, p.z)), DVec2::new(u, v))
         })
     }

@@ -1,7 +1,7 @@
 //! Parametric anatomy: meshes with named parts, texture coordinates and poses. Nothing here knows of light.
 //!
 //! # The frame of the mouth
-//! Metres. The origin is halfway between the edges of the upper and the lower central incisors; +z points out of the
+//! Meters. The origin is halfway between the edges of the upper and the lower central incisors; +z points out of the
 //! mouth toward the camera, +y up toward the nose, +x to the patient's left (the right of a picture of the patient).
 //! A camera at 10 cm stands at z = 0.10 m and looks to -z. Triangles are counter-clockwise seen from the side that
 //! can be seen: the inside for the walls of the cavity.
@@ -58,7 +58,7 @@ use tongue::Tongue;
 #[serde(rename_all = "snake_case")]
 #[non_exhaustive]
 pub enum Tissue {
-    /// Back of the tongue, keratinised, with papillae; where porphyrins are found.
+    /// Back of the tongue, keratinized, with papillae; where porphyrins are found.
     TongueDorsum,
     /// Underside of the tongue, thin smooth mucosa.
     TongueVentral,
@@ -66,7 +66,7 @@ pub enum Tissue {
     Gingiva,
     /// Crowns of teeth.
     Tooth,
-    /// Keratinised mucosa over bone.
+    /// Keratinized mucosa over bone.
     HardPalate,
     /// Soft palate and uvula.
     SoftPalate,

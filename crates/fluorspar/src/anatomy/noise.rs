@@ -44,11 +44,11 @@ pub(super) fn fractal_noise(seed: u32, x: f64, y: f64, octaves: u32) -> f64 {
 }
 
 /// Bumps scattered one per unit cell at jittered places, each kept with the probability `density`: the largest
-/// `height(r / radius)` over the bumps near the point, with the height falling from 1 at the centre to 0 at the rim.
+/// `height(r / radius)` over the bumps near the point, with the height falling from 1 at the center to 0 at the rim.
 pub(super) fn bumps(seed: u32, x: f64, y: f64, radius: f64, density: f64) -> f64 {
     let (column, row) = (x.floor() as i32, y.floor() as i32);
     let mut highest = 0.0_f64;
-    // Bumps keep off the borders of their cells: those of many neighbours can't reach here.
+    // Bumps keep off the borders of their cells: those of many neighbors can't reach here.
     let near = |d: i32, inside: f64| match d {
         -1 => inside + 0.15 < radius,
         1 => 1.15 - inside < radius,

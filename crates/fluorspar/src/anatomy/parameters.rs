@@ -17,7 +17,7 @@ pub struct ParameterError {
     pub message: String,
 }
 
-/// Shape and pose of a mouth. Lengths are in millimetres; the defaults describe an adult with all teeth but the
+/// Shape and pose of a mouth. Lengths are in millimeters; the defaults describe an adult with all teeth but the
 /// wisdom teeth, the mouth opened wide and the tongue slightly out.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
@@ -76,7 +76,7 @@ pub struct MouthParameters {
     /// Further factor on the widths of the lower teeth (default 1, 0.94 to 1.08): sets the overall Bolton ratio, which
     /// is 91.4 % for Wheeler's table and 92.3 to 93.4 % in populations.
     pub lower_tooth_factor: f64,
-    /// Factor on the small differences between neighbouring teeth in place, turn and size (default 1, 0 to 3).
+    /// Factor on the small differences between neighboring teeth in place, turn and size (default 1, 0 to 3).
     pub tooth_irregularity: f64,
     /// Teeth that are not there, as FDI numbers (default: the wisdom teeth 18, 28, 38 and 48).
     pub missing_teeth: Vec<u8>,
@@ -123,7 +123,7 @@ impl Default for MouthParameters {
 }
 
 impl MouthParameters {
-    /// Length of the back of the tongue in this pose, mm: a tongue that is put out is longer. By 0.9 mm per millimetre
+    /// Length of the back of the tongue in this pose, mm: a tongue that is put out is longer. By 0.9 mm per millimeter
     /// in front of the incisors (assumed).
     pub fn tongue_length_in_pose_mm(&self) -> f64 {
         self.tongue_length_mm + 0.9 * self.tongue_protrusion_mm.max(0.0)

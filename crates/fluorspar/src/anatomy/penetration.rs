@@ -20,7 +20,7 @@ pub struct Penetration {
     pub position: Vec3,
 }
 
-/// How far the surface of another part is looked for, m. A deeper vertex is missed, but its neighbours on the way in are
+/// How far the surface of another part is looked for, m. A deeper vertex is missed, but its neighbors on the way in are
 /// not.
 const REACH_M: f32 = 0.006;
 /// Border of the gums that lies in the fold of the vestibule, in their texture coordinates.
@@ -91,7 +91,7 @@ fn joined(a: Body, b: Body) -> bool {
         )
 }
 
-/// The 26 directions to the neighbours of a cell.
+/// The 26 directions to the neighbors of a cell.
 fn directions() -> Vec<Vec3> {
     (0..27)
         .filter(|i| *i != 13)

@@ -24,7 +24,7 @@ pub(super) struct Surface {
 }
 
 impl Surface {
-    /// Samples `surface(v, u)`, in millimetres, at the given parameters; rows in parallel.
+    /// Samples `surface(v, u)`, in millimeters, at the given parameters; rows in parallel.
     pub(super) fn new(
         v_values: &[f64],
         u_values: &[f64],

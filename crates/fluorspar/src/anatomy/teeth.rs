@@ -186,7 +186,7 @@ pub(super) fn edge_middle(tooth: &Tooth) -> DVec3 {
     tooth.edge + tooth.outward * (0.5 * tooth.depth * middle_of_rim(form))
 }
 
-/// How far outward of its axis a crown touches its neighbours, mm.
+/// How far outward of its axis a crown touches its neighbors, mm.
 pub(super) fn contact_outward(tooth: &Tooth) -> f64 {
     let form = form(tooth);
     0.25 * tooth.depth * (curve(form.outer, 0.7) - curve(form.inner, 0.7))

@@ -86,7 +86,7 @@ impl Boxes {
         (place[2] * self.counts[1] + place[1]) * self.counts[0] + place[0]
     }
 
-    /// Whether a ray hits anything, marching in steps smaller than the boxes with their neighbours included.
+    /// Whether a ray hits anything, marching in steps smaller than the boxes with their neighbors included.
     fn hit(&self, origin: Vec3, direction: Vec3) -> bool {
         let mut last = usize::MAX;
         for step in 0..3000 {
@@ -220,11 +220,11 @@ fn patient_right_and_left_are_where_the_frame_says() {
     }
     // Teeth face outward: their volume is positive but for the open root.
     let tooth = &mouth.part("tooth_46").unwrap().mesh;
-    let centre = (tooth.bounds().0 + tooth.bounds().1) * 0.5;
+    let center = (tooth.bounds().0 + tooth.bounds().1) * 0.5;
     let volume: f32 = tooth
         .triangles
         .iter()
-        .map(|t| (tooth.positions[t[0] as usize] - centre).dot(tooth.triangle_cross(t)))
+        .map(|t| (tooth.positions[t[0] as usize] - center).dot(tooth.triangle_cross(t)))
         .sum();
     assert!(volume > 0.0);
 }
@@ -475,7 +475,7 @@ fn frenulum_and_floor_of_the_mouth_are_seen_under_a_raised_tongue() {
     assert!(floor > 0.3, "{floor} of the floor behind the incisors");
 }
 
-/// Largest turn between neighbouring stretches of 4 mm along the rows of the lower lip's red, degrees; its corners, which are
+/// Largest turn between neighboring stretches of 4 mm along the rows of the lower lip's red, degrees; its corners, which are
 /// folds, do not count, nor do the fine creases between.
 fn sharpest_turn_of_the_lower_lip(mouth: &Mouth) -> f32 {
     let mesh = &mouth.part("lower_lip").unwrap().mesh;
@@ -621,7 +621,7 @@ fn the_parts_of_the_sheet_share_their_borders() {
 }
 
 /// Boundary loops of parts welded where their vertices coincide: a place of every loop, mm, whether an edge has more than two
-/// triangles, and whether two neighbours run along their edge the same way, so that one of them faces backward.
+/// triangles, and whether two neighbors run along their edge the same way, so that one of them faces backward.
 fn boundary_loops(parts: &[&Part]) -> (Vec<Vec3>, bool, bool) {
     let mut places: Vec<[u32; 3]> = Vec::new();
     let mut corners: Vec<[u32; 3]> = Vec::new();
@@ -700,7 +700,7 @@ fn opening_faults(mouth: &Mouth) -> Vec<String> {
             let wanted = usize::from(!name.starts_with("tonsil"));
             let (loops, crowded, turned) = boundary_loops(parts);
             (loops.len() != wanted || crowded || turned).then(|| {
-                format!("{name}: rims {loops:.2?} for {wanted}, crowded edges {crowded}, turned neighbours {turned}")
+                format!("{name}: rims {loops:.2?} for {wanted}, crowded edges {crowded}, turned neighbors {turned}")
             })
         })
         .collect()

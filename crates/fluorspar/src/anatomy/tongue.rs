@@ -21,7 +21,7 @@ const CLEARANCE_MM: f64 = 0.8;
 /// How far around the unpressed body is looked for what it may touch, mm.
 const NEAR_MM: f64 = 2.0;
 
-/// How much of the way to where neighbouring sections cross the underside may reach in a bend, and over how many steps of
+/// How much of the way to where neighboring sections cross the underside may reach in a bend, and over how many steps of
 /// the table it is thinned toward it and away from it.
 const FREE_OF_BEND: f64 = 0.85;
 const THINNING_REACH: usize = 12;
@@ -54,10 +54,10 @@ pub(super) struct Tongue<'a> {
     near: Vec<bool>,
 }
 
-/// One place along the tongue: centre, directions and half sizes.
+/// One place along the tongue: center, directions and half sizes.
 #[derive(Clone, Copy)]
 struct Section {
-    centre: DVec3,
+    center: DVec3,
     side: DVec3,
     up: DVec3,
     half_width: f64,
@@ -348,8 +348,8 @@ impl<'a> Tongue<'a> {
         self.midline = (0..=STEPS).map(|i| at_length(path, &sums, whole * i as f64 / STEPS as f64)).collect();
         let back: Vec<DVec3> = (0..=STEPS)
             .map(|i| {
-                let (centre, _, up) = self.frame(i as f64 / STEPS as f64);
-                centre + up * self.sizes[i][1]
+                let (center, _, up) = self.frame(i as f64 / STEPS as f64);
+                center + up * self.sizes[i][1]
             })
             .collect();
         let sums = lengths(&back);
@@ -391,12 +391,12 @@ impl<'a> Tongue<'a> {
     }
 
     fn section(&self, t: f64) -> Section {
-        let (centre, side, up) = self.frame(t);
+        let (center, side, up) = self.frame(t);
         let [half_width, back, under] = half_sizes(self.parameters, t);
         let x = t.clamp(0.0, 1.0) * STEPS as f64;
         let i = (x.floor() as usize).min(STEPS - 1);
         let under = under * lerp(self.thinned[i], self.thinned[i + 1], x - i as f64);
-        Section { centre, side, up, half_width, back, under }
+        Section { center, side, up, half_width, back, under }
     }
 
     /// Offset of the surface from the middle of a section, from what [`superellipse`] says of its angle.
@@ -405,7 +405,7 @@ impl<'a> Tongue<'a> {
         section.side * (section.half_width * across) + section.up * (height * upward)
     }
 
-    /// Finds how far every fibre from the midline to the surface can reach.
+    /// Finds how far every fiber from the midline to the surface can reach.
     fn press(&mut self, obstacles: &Obstacles) {
         let around: Vec<(f64, f64)> = (0..CONTACT_COLUMNS)
             .map(|column| {
@@ -423,8 +423,8 @@ impl<'a> Tongue<'a> {
                     if length < 0.3 {
                         return f64::NEG_INFINITY;
                     }
-                    match obstacles.distance(section.centre, offset / length, length + NEAR_MM) {
-                        // Rays that graze keep their distance along the normal, not along the fibre.
+                    match obstacles.distance(section.center, offset / length, length + NEAR_MM) {
+                        // Rays that graze keep their distance along the normal, not along the fiber.
                         Some(hit) => (length - (hit - CLEARANCE_MM * 1.6)).clamp(0.0, 0.97 * length),
                         None => f64::NEG_INFINITY,
                     }
@@ -444,12 +444,12 @@ impl<'a> Tongue<'a> {
         }
     }
 
-    /// Looks between the fibres that [`Self::press`] followed, where something was near: edges and cusps are thinner than
+    /// Looks between the fibers that [`Self::press`] followed, where something was near: edges and cusps are thinner than
     /// their distance. Presses the surface in around what they missed.
     fn press_between(&mut self, obstacles: &Obstacles) {
         let cell = |row: usize, column: usize| row * CONTACT_COLUMNS + column % CONTACT_COLUMNS;
         let body = &*self;
-        // What a fibre between others would have to be pressed in, if anything is in its way.
+        // What a fiber between others would have to be pressed in, if anything is in its way.
         let needed = |row: f64, column: f64| -> Option<f64> {
             let section = body.section(body.place(row / CONTACT_ROWS as f64));
             let (sine, cosine) = sin_cos(2.0 * PI * column / CONTACT_COLUMNS as f64);
@@ -461,7 +461,7 @@ impl<'a> Tongue<'a> {
             }
             let pressed = body.pressed.at(row, column);
             let reach = length - pressed + CLEARANCE_MM;
-            let hit = obstacles.distance(section.centre, offset / length, reach)?;
+            let hit = obstacles.distance(section.center, offset / length, reach)?;
             Some((pressed + reach - hit).min(0.97 * length))
         };
         // The root is held by the floor of the mouth.
@@ -523,7 +523,7 @@ impl<'a> Tongue<'a> {
         let free = smoothstep(0.97, 0.87, v);
         let pressed = free * self.pressed.at(v * CONTACT_ROWS as f64, turn * CONTACT_COLUMNS as f64);
         let remaining = if length > 1e-6 { ((length - pressed) / length).max(0.03) } else { 1.0 };
-        let mut point = section.centre + offset * remaining;
+        let mut point = section.center + offset * remaining;
         if !border {
             // Where the tongue is pressed against something it is smooth.
             let window = smoothstep(0.0, 0.035, v) * smoothstep(0.02, 0.3, sine) * bell(pressed / 0.8);

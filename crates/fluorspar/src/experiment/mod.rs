@@ -49,7 +49,7 @@ pub fn sensor_json_schema() -> serde_json::Value {
     published(schemars::schema_for!(SensorFile).to_value())
 }
 
-/// The schema of the types with the short forms that are spelt out before the sections are typed.
+/// The schema of the types with the short forms that are spelled out before the sections are typed.
 fn published(schema: serde_json::Value) -> serde_json::Value {
     let mut schema = with_mosaic_letters(schema);
     allow_default_variants_without_tag(&mut schema);
@@ -79,12 +79,12 @@ fn allow_default_variants_without_tag(schema: &mut serde_json::Value) {
     }
 }
 
-/// Allows a mosaic in letters, which is spelt out before the sections are typed.
+/// Allows a mosaic in letters, which is spelled out before the sections are typed.
 fn with_mosaic_letters(mut schema: serde_json::Value) -> serde_json::Value {
     if let Some(mosaic) = schema.pointer_mut("/$defs/SensorSection/properties/mosaic") {
         let rows = mosaic.take();
         *mosaic = serde_json::json!({
-            "description": "Repeating cell of the colour filter array: channel names by row, or letters such as \"grbg\", or \"mono\".",
+            "description": "Repeating cell of the color filter array: channel names by row, or letters such as \"grbg\", or \"mono\".",
             "anyOf": [rows, { "type": "string" }]
         });
     }

@@ -79,7 +79,7 @@ pub(super) fn read_document(
     Ok(document)
 }
 
-/// A mosaic of two rows and columns may be written as four letters, one without colour as "mono".
+/// A mosaic of two rows and columns may be written as four letters, one without color as "mono".
 fn spell_out_mosaic(document: &mut Document) -> Result<(), ExperimentError> {
     let Some(node) = document.root.get("sensor").and_then(|node| node.get("mosaic")) else { return Ok(()) };
     let Some(text) = node.as_str() else { return Ok(()) };

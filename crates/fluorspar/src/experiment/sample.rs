@@ -110,7 +110,7 @@ pub enum SampleCompatibility {
     /// ISETCam's constants and sensor equations: sensor mode `isetcam`, noise flag 0 unless the sensor says otherwise.
     Isetcam,
     /// Energy matrices of peak 1 on 365:5:705 nm without a wavelength step, as the authors' toolbox gives them to
-    /// their renderer: the normalisation under which the paper's weights hold. These are then the wavelengths, too; the
+    /// their renderer: the normalization under which the paper's weights hold. These are then the wavelengths, too; the
     /// sensor is that of "isetcam".
     ToolboxEem,
 }

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::FormatError;
 
-/// Checks that wavelengths increase and are in nanometres. `line` tells where each of them stands in a text file.
+/// Checks that wavelengths increase and are in nanometers. `line` tells where each of them stands in a text file.
 pub(super) fn check_axis(
     path: &Path,
     what: &str,
@@ -22,11 +22,11 @@ pub(super) fn check_axis(
         let (low, high) = (first.min(last), first.max(last));
         if low < 100.0 || high > 20_000.0 {
             let mend = if low > 0.0 && high < 1e-4 {
-                "They look like metres: multiply by 1e9"
+                "They look like meters: multiply by 1e9"
             } else if low > 0.0 && high < 30.0 {
-                "They look like micrometres: multiply by 1000"
+                "They look like micrometers: multiply by 1000"
             } else {
-                "Give them in nanometres"
+                "Give them in nanometers"
             };
             let what = format!("{what} wavelengths run from {first} to {last}, not between 100 and 20000 nm");
             return refuse(0, what, mend);

@@ -17,7 +17,7 @@ pub enum EemUnit {
     Unknown,
 }
 
-/// An excitation-emission matrix as stored in a file: neither normalised nor converted.
+/// An excitation-emission matrix as stored in a file: neither normalized nor converted.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MeasuredEem {
     /// Emission wavelength of each row, nm.

@@ -7,7 +7,7 @@ use super::csv_spectrum::{CsvColumns, CsvSpectrumOptions, read_spectrum_csv};
 use super::csv_table::Negative;
 use crate::spectral::Curve;
 
-/// Excitation and emission spectra of a fluorophore, as stored: neither normalised nor converted.
+/// Excitation and emission spectra of a fluorophore, as stored: neither normalized nor converted.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CsvFluorophore {
     /// Excitation.

@@ -197,17 +197,17 @@ fn check_wavelength_header(path: &Path, table: &Table) -> Result<(), FormatError
         "micrometre",
         "micrometres",
     ]) {
-        in_unit("micrometres", "Multiply it by 1000 and call it \"wavelength_nm\"")
+        in_unit("micrometers", "Multiply it by 1000 and call it \"wavelength_nm\"")
     } else if has(&["m", "meter", "meters", "metre", "metres"]) {
-        in_unit("metres", "Multiply it by 1e9 and call it \"wavelength_nm\"")
+        in_unit("meters", "Multiply it by 1e9 and call it \"wavelength_nm\"")
     } else if has(&["angstrom", "angstroms", "å", "aa"]) {
         in_unit("angstroms", "Divide it by 10 and call it \"wavelength_nm\"")
     } else if has(&["cm", "wavenumber", "ev"]) {
-        in_unit("wavenumbers or energies", "Convert it to nanometres and call it \"wavelength_nm\"")
+        in_unit("wavenumbers or energies", "Convert it to nanometers and call it \"wavelength_nm\"")
     } else if has(&["wavelength", "wavelengths", "wave", "lambda", "λ", "wl"]) {
         wrong(
             format!("the first column \"{header}\" states no unit"),
-            "Call it \"wavelength_nm\" if it is in nanometres",
+            "Call it \"wavelength_nm\" if it is in nanometers",
         )
     } else {
         wrong(

@@ -2,7 +2,7 @@
 //!
 //! The mosaic lies uncompressed in the first directory. The complete description of the frame (that of the TIFF form, with
 //! its provenance) rides in `DNGPrivateData`, so that what is written is read back whole; other programs find black and
-//! white level, colour filter array, colour matrix, neutral, exposure and noise in their own tags.
+//! white level, color filter array, color matrix, neutral, exposure and noise in their own tags.
 
 use std::io::{self, BufWriter};
 use std::path::Path;
@@ -21,7 +21,7 @@ const PRIVATE_MARK: &[u8] = b"Fluorspar\0";
 const CFA: u16 = 32_803;
 const LINEAR_RAW: u16 = 34_892;
 
-/// How a raw converter shall make colours of a frame.
+/// How a raw converter shall make colors of a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DngColor {
     /// Camera R, G, B from CIE 1931 XYZ under D65: `ColorMatrix1`, rows first.
@@ -82,7 +82,7 @@ macro_rules! rational_values {
 rational_values!(Rationals, RATIONAL);
 rational_values!(SignedRationals, SRATIONAL);
 
-/// Colour codes of TIFF/EP for the channels of a mosaic; `None` when it has others than R, G and B.
+/// Color codes of TIFF/EP for the channels of a mosaic; `None` when it has others than R, G and B.
 fn color_codes(mosaic: &Mosaic) -> Option<Vec<u8>> {
     let code = |name: &String| match name.as_str() {
         "R" => Some(0),
@@ -121,7 +121,7 @@ pub fn write_sensor_dng(
         }
     };
     if image.mosaic.rows.max(image.mosaic.cols) > 64 {
-        let what = "the cell of the colour filter array is larger than 64 x 64 pixels";
+        let what = "the cell of the color filter array is larger than 64 x 64 pixels";
         return Err(FormatError::unwritable(path, what, "Write a .tiff"));
     }
     let mut private = PRIVATE_MARK.to_vec();
@@ -292,7 +292,7 @@ fn mosaic_of(path: &Path, raw: &Directory<'_>) -> Result<Mosaic, FormatError> {
         _ => (0, 0),
     };
     if rows == 0 || pattern.len() != rows * cols || pattern.iter().any(|&code| code > 2) {
-        let what = "its colour filter array is missing or has other colours than red, green and blue";
+        let what = "its color filter array is missing or has other colors than red, green and blue";
         return Err(FormatError::unsupported(path, what, "Give a frame of an RGB or a monochrome sensor"));
     }
     let channels = ["R", "G", "B"].map(String::from).to_vec();

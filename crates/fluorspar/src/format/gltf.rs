@@ -28,7 +28,7 @@ const MAX_FLATTENED: u64 = 1 << 28;
 /// and the first texture coordinates are read; materials, skins and morphs are passed over. Buffers may be in the file
 /// (.glb) or in files beside it; buffers as data URIs and compressed ones are not supported.
 ///
-/// `unit_m` is the length of one unit of the file, m. The format says metres (1), but scanners write millimetres
+/// `unit_m` is the length of one unit of the file, m. The format says meters (1), but scanners write millimeters
 /// (0.001) all the same.
 ///
 /// # Errors
@@ -375,8 +375,8 @@ fn transform(node: &Value) -> Affine3A {
     )
 }
 
-/// Writes the meshes as a binary glTF file (.glb) in metres: one node for every mesh, with normals and texture
-/// coordinates where there are some, and one material in its colour for every name.
+/// Writes the meshes as a binary glTF file (.glb) in meters: one node for every mesh, with normals and texture
+/// coordinates where there are some, and one material in its color for every name.
 ///
 /// # Errors
 /// When a mesh is not valid or the file can't be written.

@@ -14,13 +14,13 @@ pub struct NamedMesh<'a> {
     pub name: &'a str,
     /// Name of its material.
     pub material: &'a str,
-    /// Diffuse colour of its material under even light: linear sRGB, 0 to 1. Meshes of one material share the first one's.
+    /// Diffuse color of its material under even light: linear sRGB, 0 to 1. Meshes of one material share the first one's.
     pub color: [f64; 3],
-    /// The mesh, in metres.
+    /// The mesh, in meters.
     pub mesh: &'a TriangleMesh,
 }
 
-/// Materials by name, each with the colour of the first mesh that has it.
+/// Materials by name, each with the color of the first mesh that has it.
 pub(super) fn materials<'a>(meshes: &[NamedMesh<'a>]) -> Vec<(&'a str, [f64; 3])> {
     let mut list: Vec<(&str, [f64; 3])> = meshes.iter().map(|part| (part.material, part.color)).collect();
     list.sort_by_key(|(name, _)| *name);
@@ -38,7 +38,7 @@ pub(super) fn check(path: &Path, meshes: &[NamedMesh<'_>]) -> Result<(), FormatE
             return refuse(format!("{}: {error}", part.name));
         }
         if !part.color.iter().all(|c| (0.0..=1.0).contains(c)) {
-            return refuse(format!("{}: the colour {:?} is not between 0 and 1", part.name, part.color));
+            return refuse(format!("{}: the color {:?} is not between 0 and 1", part.name, part.color));
         }
         for name in [part.name, part.material] {
             let fine = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '-');
@@ -50,7 +50,7 @@ pub(super) fn check(path: &Path, meshes: &[NamedMesh<'_>]) -> Result<(), FormatE
     Ok(())
 }
 
-/// Writes an OBJ file in millimetres: one object with its own `usemtl` for every mesh, with normals and texture
+/// Writes an OBJ file in millimeters: one object with its own `usemtl` for every mesh, with normals and texture
 /// coordinates where there are some. The materials stand in a file beside it, `NAME.mtl`.
 ///
 /// # Errors
@@ -66,7 +66,7 @@ pub fn write_obj(path: &Path, meshes: &[NamedMesh<'_>]) -> Result<(), FormatErro
         Ok(())
     })?;
     write_atomically(path, |writer| {
-        writeln!(writer, "# written by fluorspar, millimetres")?;
+        writeln!(writer, "# written by fluorspar, millimeters")?;
         if let Some(name) = library.file_name() {
             writeln!(writer, "mtllib {}", name.to_string_lossy())?;
         }
@@ -105,15 +105,15 @@ pub fn write_obj(path: &Path, meshes: &[NamedMesh<'_>]) -> Result<(), FormatErro
     })
 }
 
-/// Writes the meshes as a PBRT (version 4) file to be included in a scene: a named diffuse material in its colour for every
-/// material, and an attribute block with a `trianglemesh` for every mesh. Metres.
+/// Writes the meshes as a PBRT (version 4) file to be included in a scene: a named diffuse material in its color for every
+/// material, and an attribute block with a `trianglemesh` for every mesh. Meters.
 ///
 /// # Errors
 /// When a mesh is not valid or the file can't be written.
 pub fn write_pbrt(path: &Path, meshes: &[NamedMesh<'_>]) -> Result<(), FormatError> {
     check(path, meshes)?;
     write_atomically(path, |writer| {
-        writeln!(writer, "# written by fluorspar, metres")?;
+        writeln!(writer, "# written by fluorspar, meters")?;
         for (material, [r, g, b]) in materials(meshes) {
             writeln!(
                 writer,

@@ -20,7 +20,7 @@
 //! Every reader says what is wrong with a file, where, and how to mend it ([`FormatError`]), and survives any bytes.
 //! Every writer leaves a complete file or none ([`write_atomically`]). Equal results give equal bytes.
 //!
-//! Out of scope: what the numbers mean. Readers neither normalise nor convert.
+//! Out of scope: what the numbers mean. Readers neither normalize nor convert.
 
 mod axis;
 mod csv_eem;

@@ -12,7 +12,7 @@ use crate::geometry::TriangleMesh;
 /// Reads all shapes of an OBJ file as one mesh; polygons are split into triangles, materials are ignored. Normals and
 /// texture coordinates are kept when every corner has them.
 ///
-/// `unit_m` is the length of one unit of the file, m: 0.001 for a file in millimetres.
+/// `unit_m` is the length of one unit of the file, m: 0.001 for a file in millimeters.
 ///
 /// # Errors
 /// Anything that is not such a file, with the line where known.

@@ -14,7 +14,7 @@ use crate::geometry::TriangleMesh;
 /// Reads a PLY file: vertices with `x y z`, optionally `nx ny nz` and `u v`, `s t` or `texture_u texture_v`; faces
 /// with `vertex_indices` (or `vertex_index`), split into fans of triangles. Everything else is passed over.
 ///
-/// `unit_m` is the length of one unit of the file, m: 0.001 for a file in millimetres.
+/// `unit_m` is the length of one unit of the file, m: 0.001 for a file in millimeters.
 ///
 /// # Errors
 /// Anything that is not such a file, with the line where known.
@@ -128,7 +128,7 @@ fn push_fan(
     Ok(())
 }
 
-/// Scales a mesh to metres and checks it.
+/// Scales a mesh to meters and checks it.
 pub(super) fn finish_mesh(
     path: &Path,
     mut mesh: TriangleMesh,
@@ -138,7 +138,7 @@ pub(super) fn finish_mesh(
         return Err(FormatError::unit(
             path,
             format!("the unit of length is {unit_m} m"),
-            "Give a positive length, for instance 0.001 for millimetres",
+            "Give a positive length, for instance 0.001 for millimeters",
         ));
     }
     let scale = unit_m as f32;
@@ -150,7 +150,7 @@ pub(super) fn finish_mesh(
     Ok(mesh)
 }
 
-/// Writes a mesh as little-endian binary PLY, in metres.
+/// Writes a mesh as little-endian binary PLY, in meters.
 ///
 /// # Errors
 /// When the mesh is not valid or the file can't be written.
@@ -160,7 +160,7 @@ pub fn write_ply(path: &Path, mesh: &TriangleMesh) -> Result<(), FormatError> {
     write_atomically(path, |writer| {
         write!(
             writer,
-            "ply\nformat binary_little_endian 1.0\ncomment written by fluorspar, metres\nelement vertex {}\n",
+            "ply\nformat binary_little_endian 1.0\ncomment written by fluorspar, meters\nelement vertex {}\n",
             mesh.positions.len()
         )?;
         let groups: [(&[&str], bool); 3] = [

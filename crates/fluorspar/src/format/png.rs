@@ -14,7 +14,7 @@ use super::file::{MAX_IMAGE_BYTES, check_image_size, check_packing, guarded, wri
 pub enum Transfer {
     /// Proportionally.
     Linear,
-    /// By the sRGB curve (IEC 61966-2-1): photographs and painted colours.
+    /// By the sRGB curve (IEC 61966-2-1): photographs and painted colors.
     Srgb,
 }
 
@@ -25,7 +25,7 @@ pub struct TextureImage {
     pub width: usize,
     /// Rows.
     pub height: usize,
-    /// 1 grey, 2 grey and alpha, 3 RGB, 4 RGB and alpha.
+    /// 1 gray, 2 gray and alpha, 3 RGB, 4 RGB and alpha.
     pub channels: usize,
     /// Values.
     pub data: Vec<f32>,
@@ -114,8 +114,8 @@ pub(super) fn read_png(path: &Path) -> Result<RawPng, FormatError> {
     })
 }
 
-/// Reads an 8- or 16-bit grey or RGB picture, with or without alpha, as values proportional to light. Alpha is
-/// never decoded: it is a fraction. Embedded colour profiles are ignored: `transfer` decides.
+/// Reads an 8- or 16-bit gray or RGB picture, with or without alpha, as values proportional to light. Alpha is
+/// never decoded: it is a fraction. Embedded color profiles are ignored: `transfer` decides.
 ///
 /// # Errors
 /// A file that is not an intact PNG, or one too large.
@@ -132,9 +132,9 @@ pub fn read_texture_png(path: &Path, transfer: Transfer) -> Result<TextureImage,
     };
     if transfer == Transfer::Srgb {
         let has_alpha = matches!(raw.color, ColorType::GrayscaleAlpha | ColorType::Rgba);
-        let colours = channels - usize::from(has_alpha);
+        let colors = channels - usize::from(has_alpha);
         for pixel in data.chunks_exact_mut(channels) {
-            for value in &mut pixel[..colours] {
+            for value in &mut pixel[..colors] {
                 *value = srgb_to_linear(*value);
             }
         }

@@ -1,4 +1,4 @@
-//! Raw sensor frames: 16-bit grey TIFF or PNG, or packed, with a JSON description beside them; DNG with it inside.
+//! Raw sensor frames: 16-bit gray TIFF or PNG, or packed, with a JSON description beside them; DNG with it inside.
 
 use std::fs::File;
 use std::io::{self, BufReader, Read, Seek};
@@ -90,7 +90,7 @@ impl Description {
     }
 }
 
-/// Writes a raw frame as 16-bit grey TIFF, and its description to `PATH.json`.
+/// Writes a raw frame as 16-bit gray TIFF, and its description to `PATH.json`.
 ///
 /// # Errors
 /// When fields of the frame contradict each other or a file can't be written.
@@ -112,7 +112,7 @@ pub fn write_sensor_tiff(
     write_sidecar(path, &description)
 }
 
-/// Writes a raw frame as 16-bit grey PNG, and its description to `PATH.json`.
+/// Writes a raw frame as 16-bit gray PNG, and its description to `PATH.json`.
 ///
 /// # Errors
 /// When fields of the frame contradict each other or a file can't be written.
@@ -140,14 +140,14 @@ pub fn read_sensor_image(path: &Path) -> Result<Loaded<SensorImage>, FormatError
     let mut magic = Vec::new();
     Read::by_ref(&mut file).take(8).read_to_end(&mut magic).map_err(failed)?;
     let (width, height, data) = if magic.starts_with(b"\x89PNG") {
-        read_grey_png(path)?
+        read_gray_png(path)?
     } else if magic.starts_with(b"II") || magic.starts_with(b"MM") {
         let named = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("dng"));
         if named || (!sidecar_path(path).exists() && is_dng(&read_file(path, MAX_IMAGE_BYTES)?)) {
             return read_dng(path);
         }
         file.rewind().map_err(failed)?;
-        read_grey_tiff(path, file)?
+        read_gray_tiff(path, file)?
     } else {
         return read_by_description(path);
     };
@@ -283,7 +283,7 @@ fn contradiction(image: &SensorImage) -> Option<String> {
     }
     if mosaic.pattern.is_empty() || mosaic.rows.checked_mul(mosaic.cols) != Some(mosaic.pattern.len()) {
         return Some(format!(
-            "the colour filter array of {} by {} pixels names {} channels",
+            "the color filter array of {} by {} pixels names {} channels",
             mosaic.rows,
             mosaic.cols,
             mosaic.pattern.len()
@@ -305,8 +305,7 @@ fn contradiction(image: &SensorImage) -> Option<String> {
         ));
     }
     let wrong = mosaic.pattern.iter().find(|&&channel| usize::from(channel) >= mosaic.channels.len());
-    wrong
-        .map(|channel| format!("the colour filter array uses channel {channel} of {}", mosaic.channels.len()))
+    wrong.map(|channel| format!("the color filter array uses channel {channel} of {}", mosaic.channels.len()))
 }
 
 fn pixels_sha256(data: &[u16]) -> String {
@@ -315,16 +314,16 @@ fn pixels_sha256(data: &[u16]) -> String {
     )
 }
 
-fn read_grey_png(path: &Path) -> Result<(usize, usize, Vec<u16>), FormatError> {
+fn read_gray_png(path: &Path) -> Result<(usize, usize, Vec<u16>), FormatError> {
     let raw = read_png(path)?;
     if (raw.color, raw.depth) != (ColorType::Grayscale, BitDepth::Sixteen) {
-        return Err(not_grey16(path));
+        return Err(not_gray16(path));
     }
     let data = raw.bytes.chunks_exact(2).map(|pair| u16::from_be_bytes([pair[0], pair[1]])).collect();
     Ok((raw.width, raw.height, data))
 }
 
-fn read_grey_tiff(path: &Path, file: File) -> Result<(usize, usize, Vec<u16>), FormatError> {
+fn read_gray_tiff(path: &Path, file: File) -> Result<(usize, usize, Vec<u16>), FormatError> {
     guarded(path, "TIFF", || {
         let damaged = |error: tiff::TiffError| match error {
             tiff::TiffError::IoError(source) if source.kind() != io::ErrorKind::UnexpectedEof => {
@@ -342,7 +341,7 @@ fn read_grey_tiff(path: &Path, file: File) -> Result<(usize, usize, Vec<u16>), F
         check_image_size(path, u64::from(width), u64::from(height), 2, MAX_IMAGE_BYTES)?;
         check_packing(path, 2 * u64::from(width) * u64::from(height), length)?;
         if decoder.colortype().map_err(damaged)? != tiff::ColorType::Gray(16) {
-            return Err(not_grey16(path));
+            return Err(not_gray16(path));
         }
         let mut limits = Limits::default();
         limits.decoding_buffer_size = MAX_IMAGE_BYTES as usize;
@@ -351,11 +350,11 @@ fn read_grey_tiff(path: &Path, file: File) -> Result<(usize, usize, Vec<u16>), F
         decoder = decoder.with_limits(limits);
         match decoder.read_image().map_err(damaged)? {
             DecodingResult::U16(data) => Ok((width as usize, height as usize, data)),
-            _ => Err(not_grey16(path)),
+            _ => Err(not_gray16(path)),
         }
     })
 }
 
-fn not_grey16(path: &Path) -> FormatError {
-    FormatError::unsupported(path, "the picture is not 16-bit grey", "Raw frames are 16-bit grey mosaics")
+fn not_gray16(path: &Path) -> FormatError {
+    FormatError::unsupported(path, "the picture is not 16-bit gray", "Raw frames are 16-bit gray mosaics")
 }

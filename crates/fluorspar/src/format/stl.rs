@@ -17,7 +17,7 @@ const TRIANGLE: usize = 50;
 /// Reads an STL file. Corners at the same place become one vertex; the file's own normals are passed over, and there
 /// are no texture coordinates.
 ///
-/// `unit_m` is the length of one unit of the file, m: 0.001 for a file in millimetres.
+/// `unit_m` is the length of one unit of the file, m: 0.001 for a file in millimeters.
 ///
 /// # Errors
 /// Anything that is not such a file, with the line where known.

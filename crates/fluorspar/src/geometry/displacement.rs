@@ -33,7 +33,7 @@ impl TriangleMesh {
         }
     }
 
-    /// Moves every vertex along its normal by `height_m(uv)`; metres, outward. Vertices at the same place with the
+    /// Moves every vertex along its normal by `height_m(uv)`; meters, outward. Vertices at the same place with the
     /// same normal stay together where their heights agree. Normals are computed anew.
     pub fn displace(&mut self, height_m: impl Fn(Vec2) -> f32) {
         if self.normals.is_empty() {

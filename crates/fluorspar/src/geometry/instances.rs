@@ -127,7 +127,7 @@ impl MeshInstances {
         })
     }
 
-    /// Spheres around the instances: centres and radii, m.
+    /// Spheres around the instances: centers and radii, m.
     pub fn bounding_spheres(&self) -> impl Iterator<Item = (Vec3, f32)> + '_ {
         let of_mesh = |mesh: &Arc<TriangleMesh>| {
             let (low, high) = mesh.bounds();

@@ -3,7 +3,7 @@
 use glam::{Affine3A, Vec2, Vec3};
 use thiserror::Error;
 
-/// An indexed triangle mesh, in metres, right-handed; counter-clockwise triangles face outward.
+/// An indexed triangle mesh, in meters, right-handed; counter-clockwise triangles face outward.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct TriangleMesh {
     /// Vertex positions, m.
@@ -104,7 +104,7 @@ impl TriangleMesh {
         Ok(())
     }
 
-    /// Moves the mesh; normals are transformed by the inverse transpose and renormalised.
+    /// Moves the mesh; normals are transformed by the inverse transpose and renormalized.
     pub fn transform(&mut self, transform: &Affine3A) {
         let normal_matrix = transform.matrix3.inverse().transpose();
         for position in &mut self.positions {

@@ -1,4 +1,4 @@
-//! Triangle meshes, analytic shapes and transforms, in metres.
+//! Triangle meshes, analytic shapes and transforms, in meters.
 
 mod displacement;
 mod instances;

@@ -109,7 +109,7 @@ pub struct View {
     pub tan_half_width: f32,
 }
 
-/// Geometry seen by each pixel's centre, `[row, col]`.
+/// Geometry seen by each pixel's center, `[row, col]`.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FeatureMaps {
     /// Distance along the camera ray, m; infinite where nothing is seen.

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// A colour filter array: which channel each pixel of a repeating cell sees.
+/// A color filter array: which channel each pixel of a repeating cell sees.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Mosaic {
     /// Rows of the repeating cell.
@@ -71,7 +71,7 @@ pub struct SensorImage {
     pub height: usize,
     /// Digital numbers.
     pub data: Vec<u16>,
-    /// Colour filter array.
+    /// Color filter array.
     pub mosaic: Mosaic,
     /// Digital number of no light.
     pub black_level: f64,
@@ -85,7 +85,7 @@ pub struct SensorImage {
     pub gain: f64,
     /// Digital numbers per electron at this gain.
     pub dn_per_electron: f64,
-    /// Temporal read noise, digital numbers rms, quantisation excluded.
+    /// Temporal read noise, digital numbers rms, quantization excluded.
     pub read_noise_dn: f64,
     /// Seed of the temporal noise.
     pub seed: u64,
@@ -106,7 +106,7 @@ pub struct ChannelImage {
     pub data: Vec<f32>,
     /// Pixels for which any raw value that entered was saturated, `[row, col]`.
     pub saturated: Vec<bool>,
-    /// Standard deviation of the dark noise of one value (read noise and quantisation), digital numbers.
+    /// Standard deviation of the dark noise of one value (read noise and quantization), digital numbers.
     pub noise_floor_dn: f64,
     /// Digital numbers between black and saturation.
     pub full_scale_dn: f64,

@@ -22,7 +22,7 @@ pub(super) fn check_density(emitter: &Emitter, position: Vec3, tests: usize) {
     check_prepared(&emitter.prepare().unwrap(), position, tests);
 }
 
-/// Draws directions towards an emitter and compares them with the density that rays report on meeting it: the two must
+/// Draws directions toward an emitter and compares them with the density that rays report on meeting it: the two must
 /// be the same function for multiple importance sampling to be unbiased. One of `tests` checks of a test.
 pub(super) fn check_prepared(emitter: &PreparedEmitter, position: Vec3, tests: usize) {
     let no_triangles = |_| [Vec3::ZERO; 3];

@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-/// A direction towards an emitter, drawn for next-event estimation.
+/// A direction toward an emitter, drawn for next-event estimation.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct EmitterSample {
     /// Unit direction from the point to the emitter.

@@ -12,7 +12,7 @@ use crate::spectral::Curve;
 /// An equirectangular map of the radiance beyond the scene: the sum over layers of `factor(direction) * spectrum`.
 ///
 /// Rows from the top (+y) to the bottom, columns from left to right as seen from inside; the middle of the map lies
-/// towards -z and its right half towards +x. Pixels are constant: the map is sampled exactly in proportion to its
+/// toward -z and its right half toward +x. Pixels are constant: the map is sampled exactly in proportion to its
 /// radiance, summed over wavelengths.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EnvironmentMap {
@@ -72,7 +72,7 @@ pub enum EnvironmentMapError {
 
 impl EnvironmentMap {
     /// From layers of the same size, turned by `rotation_deg` about the +y axis: at 90 degrees the middle of the map
-    /// lies towards -x.
+    /// lies toward -x.
     ///
     /// # Errors
     /// Layers that do not fill the map, values that are negative or not finite, a map that is black.
@@ -306,10 +306,10 @@ mod tests {
         let mut factors = vec![0.0; 8 * 4];
         factors[8 + 4] = 1.0; // Just right of the middle, just above the horizon.
         let bright = map(8, 4, factors.clone(), 0.0);
-        let towards = |map: &EnvironmentMap, d: Vec3| map.layers()[0].factors[map.pixel(d.normalize())];
-        assert_eq!(towards(&bright, Vec3::new(0.1, 0.1, -1.0)), 1.0);
-        assert_eq!(towards(&bright, Vec3::new(-0.1, 0.1, -1.0)), 0.0);
-        assert_eq!(towards(&map(8, 4, factors, 90.0), Vec3::new(-1.0, 0.1, -0.1)), 1.0);
+        let toward = |map: &EnvironmentMap, d: Vec3| map.layers()[0].factors[map.pixel(d.normalize())];
+        assert_eq!(toward(&bright, Vec3::new(0.1, 0.1, -1.0)), 1.0);
+        assert_eq!(toward(&bright, Vec3::new(-0.1, 0.1, -1.0)), 0.0);
+        assert_eq!(toward(&map(8, 4, factors, 90.0), Vec3::new(-1.0, 0.1, -0.1)), 1.0);
     }
 
     #[test]

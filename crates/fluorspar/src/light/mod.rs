@@ -305,7 +305,7 @@ impl PreparedEmitter {
         }
     }
 
-    /// A direction from a point towards the emitter, from two uniform numbers. `choice` is the probability with which the
+    /// A direction from a point toward the emitter, from two uniform numbers. `choice` is the probability with which the
     /// emitter was chosen, a factor on the density; `corners` gives the triangles of meshes. `None` when the emitter
     /// does not shine there.
     #[inline]

@@ -204,7 +204,7 @@ fn orthonormal_basis(rows: &[Vec<f64>]) -> Vec<Vec<f64>> {
     basis
 }
 
-/// Nodes crowd towards grazing angles.
+/// Nodes crowd toward grazing angles.
 fn node_cosine(node: usize) -> f64 {
     (node as f64 / (COSINES - 1) as f64).powi(2)
 }

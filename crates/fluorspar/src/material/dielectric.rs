@@ -46,7 +46,7 @@ impl Dielectric {
     }
 }
 
-/// Half vector of a refraction: the normal of the microfacet that sends `incident` to `outgoing`, towards +z.
+/// Half vector of a refraction: the normal of the microfacet that sends `incident` to `outgoing`, toward +z.
 /// `eta` is the index on the side of `incident` over that on the side of `outgoing`.
 fn refraction_half(outgoing: Vec3, incident: Vec3, eta: f32) -> Option<Vec3> {
     let half = (outgoing + incident * eta).try_normalize()?;

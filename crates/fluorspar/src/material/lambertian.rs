@@ -80,13 +80,13 @@ mod tests {
     use super::super::testing::{assert_furnace, assert_samples_follow_density, plain_and_fluorescent};
     use super::*;
 
-    fn grey(reflectance: f64) -> Scattering {
+    fn gray(reflectance: f64) -> Scattering {
         Scattering::Lambertian(Lambertian::uniform(Curve::constant(reflectance)))
     }
 
     #[test]
     fn sampled_directions_follow_their_density() {
-        for material in plain_and_fluorescent(grey(0.5)) {
+        for material in plain_and_fluorescent(gray(0.5)) {
             assert_samples_follow_density(&material, true, 0.6, 2);
         }
     }
@@ -94,7 +94,7 @@ mod tests {
     #[test]
     fn the_reflectance_comes_back() {
         for (reflectance, cos) in [(1.0, 1.0), (0.5, 0.3), (0.0, 0.8)] {
-            for material in plain_and_fluorescent(grey(reflectance)) {
+            for material in plain_and_fluorescent(gray(reflectance)) {
                 assert_furnace(&material, true, cos, 0.0, reflectance, 1e-6);
             }
         }

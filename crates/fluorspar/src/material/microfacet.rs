@@ -152,7 +152,7 @@ fn split(x: f32, n: usize) -> (usize, f32) {
     (cell, x - cell as f32)
 }
 
-/// Nodes crowd towards grazing angles, where the albedo changes fastest.
+/// Nodes crowd toward grazing angles, where the albedo changes fastest.
 fn cosine_node(col: usize) -> f32 {
     let x = col as f32 / (COSINES - 1) as f32;
     (x * x).max(1e-4)
@@ -175,7 +175,7 @@ fn roughness_coordinate(alpha: f32) -> f32 {
 fn directional_albedo(cos: f32, alpha: f32, weight: &impl Fn(Vec3, Vec3, f32) -> f32) -> f64 {
     const SIDE: usize = 48;
     let outgoing = Vec3::new((1.0 - cos * cos).max(0.0).sqrt(), 0.0, cos);
-    // Nodes crowd towards the edges of the square, which map to the steep facets of the distribution's long tail: at
+    // Nodes crowd toward the edges of the square, which map to the steep facets of the distribution's long tail: at
     // roughness 0.1 one in a hundred facets tilts by more than 45 degrees.
     let node = |k: usize| {
         let v = (k as f64 + 0.5) / SIDE as f64;
@@ -194,7 +194,7 @@ fn directional_albedo(cos: f32, alpha: f32, weight: &impl Fn(Vec3, Vec3, f32) ->
     sum
 }
 
-/// Share of the light that meets a microfacet from `outgoing` and leaves towards `incident`: `G2 / G1(o)`; directions
+/// Share of the light that meets a microfacet from `outgoing` and leaves toward `incident`: `G2 / G1(o)`; directions
 /// may lie on different sides, where shadowing is taken as height-correlated as well.
 pub fn passing(outgoing: Vec3, incident: Vec3, alpha: f32) -> f32 {
     (1.0 + lambda(outgoing, alpha)) * shadowing(outgoing, incident, alpha)

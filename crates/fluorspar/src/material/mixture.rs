@@ -67,8 +67,8 @@ mod tests {
     use super::*;
     use crate::spectral::Curve;
 
-    fn grey() -> Material {
-        Material::lambertian("grey", Curve::constant(0.5))
+    fn gray() -> Material {
+        Material::lambertian("gray", Curve::constant(0.5))
     }
 
     fn with_opacity(material: Material, opacity: f32) -> Material {
@@ -100,30 +100,30 @@ mod tests {
 
     #[test]
     fn parts_are_drawn_by_their_shares() {
-        assert!((share_of(1, &[grey(), grey(), mix(0, 1, 0.3)]) - 0.3).abs() < TOLERANCE);
+        assert!((share_of(1, &[gray(), gray(), mix(0, 1, 0.3)]) - 0.3).abs() < TOLERANCE);
         // What is left of the number is even again: a mixture in a mixture.
-        let nested = [grey(), grey(), mix(0, 1, 0.3), mix(0, 2, 0.5)];
+        let nested = [gray(), gray(), mix(0, 1, 0.3), mix(0, 2, 0.5)];
         assert!((share_of(1, &nested) - 0.15).abs() < TOLERANCE);
-        assert_eq!(share_of(1, &[grey(), grey(), sides(1, 0)]), 1.0);
+        assert_eq!(share_of(1, &[gray(), gray(), sides(1, 0)]), 1.0);
     }
 
     /// Where the second part has holes, less of it is seen: `0.5 * 0.2 / (0.5 + 0.5 * 0.2)`.
     #[test]
     fn parts_with_holes_are_seen_less() {
-        let materials = [grey(), with_opacity(grey(), 0.2), mix(0, 1, 0.5)];
+        let materials = [gray(), with_opacity(gray(), 0.2), mix(0, 1, 0.5)];
         assert!((share_of(1, &materials) - 1.0 / 6.0).abs() < TOLERANCE);
         let opacity = |materials: &[Material], front: bool| {
             PreparedMaterials::new(materials, &grid()).opacity(materials.len() - 1, Vec2::ZERO, front)
         };
         assert!((opacity(&materials, true) - 0.6).abs() < 1e-6);
         // The outer opacity multiplies.
-        let outer = [grey(), with_opacity(grey(), 0.2), with_opacity(mix(0, 1, 0.5), 0.5)];
+        let outer = [gray(), with_opacity(gray(), 0.2), with_opacity(mix(0, 1, 0.5), 0.5)];
         assert!((opacity(&outer, true) - 0.3).abs() < 1e-6);
         assert!((share_of(1, &outer) - 1.0 / 6.0).abs() < TOLERANCE);
         // The side that is seen counts.
-        let outer = [grey(), with_opacity(grey(), 0.2), with_opacity(sides(0, 1), 0.5)];
+        let outer = [gray(), with_opacity(gray(), 0.2), with_opacity(sides(0, 1), 0.5)];
         assert!((opacity(&outer, true) - 0.5).abs() < 1e-6 && (opacity(&outer, false) - 0.1).abs() < 1e-6);
-        assert_eq!(opacity(&[grey(), mix(0, 0, 0.3)], true), 1.0);
+        assert_eq!(opacity(&[gray(), mix(0, 0, 0.3)], true), 1.0);
     }
 
     #[test]
@@ -134,10 +134,10 @@ mod tests {
             let prepared = PreparedMaterials::new(materials, &grid());
             prepared.choose(materials.len() - 1, Vec2::ZERO, true, &mut 0.9).normal_map.cloned()
         };
-        assert_eq!(chosen(&[grey(), sides(0, 0)]), None);
-        assert_eq!(chosen(&[grey(), with_map(sides(0, 0), 0.6)]), Some(map(0.6)));
-        assert_eq!(chosen(&[with_map(grey(), 0.7), with_map(sides(0, 0), 0.6)]), Some(map(0.7)));
-        let nested = [grey(), with_map(mix(0, 0, 0.5), 0.8), with_map(sides(1, 1), 0.6)];
+        assert_eq!(chosen(&[gray(), sides(0, 0)]), None);
+        assert_eq!(chosen(&[gray(), with_map(sides(0, 0), 0.6)]), Some(map(0.6)));
+        assert_eq!(chosen(&[with_map(gray(), 0.7), with_map(sides(0, 0), 0.6)]), Some(map(0.7)));
+        let nested = [gray(), with_map(mix(0, 0, 0.5), 0.8), with_map(sides(1, 1), 0.6)];
         assert_eq!(chosen(&nested), Some(map(0.8)));
     }
 }

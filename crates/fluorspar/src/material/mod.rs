@@ -214,10 +214,10 @@ mod tests {
         let mix = |first, second, amount| {
             Material::new("mix", Scattering::Mixture(Mixture { first, second, amount }))
         };
-        let grey = || Material::lambertian("grey", Curve::constant(0.5));
+        let gray = || Material::lambertian("gray", Curve::constant(0.5));
         let half = || ScalarTexture::Constant(0.5);
         let sides = Material::new("sides", Scattering::TwoSided(TwoSided { front: 0, back: 2 }));
-        let mut materials = vec![grey(), grey(), mix(0, 1, half()), sides];
+        let mut materials = vec![gray(), gray(), mix(0, 1, half()), sides];
         assert!(!materials[3].is_textured(&materials));
         materials[1].opacity = Some(checker.clone());
         assert!(materials[3].is_textured(&materials));

@@ -69,7 +69,7 @@ pub(super) fn assert_samples_follow_density(material: &Material, front: bool, co
     assert!(result.p_value >= sidak(0.01, tests), "{:?} {front} {cos}: {result:?}", material.scattering);
 }
 
-/// Furnace: radiance towards the viewer in surroundings of radiance 1 in front and of `behind` on the other side,
+/// Furnace: radiance toward the viewer in surroundings of radiance 1 in front and of `behind` on the other side,
 /// estimated by samples, delta lobes included.
 pub(super) fn furnace(material: &Material, front: bool, cos: f32, behind: f64) -> MeanEstimate {
     const SAMPLES: usize = 20_000;

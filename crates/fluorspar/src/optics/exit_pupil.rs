@@ -34,7 +34,7 @@ pub(super) struct PupilBounds {
 /// A direction from the film to the lens.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PupilSample {
-    /// From the film towards the lens.
+    /// From the film toward the lens.
     pub(super) ray: LensRay,
     /// `cos⁴ A / z²`: irradiance per radiance if every sample had this weight and passed, sr.
     pub(super) weight_sr: f64,
@@ -71,7 +71,7 @@ impl PupilBounds {
         Some(if height_mm < 0.0 { -center } else { center })
     }
 
-    /// A direction towards the pupil from a point of the film; `None` where no light arrives.
+    /// A direction toward the pupil from a point of the film; `None` where no light arrives.
     pub(super) fn sample(&self, film: DVec2, u: [f32; 2]) -> Option<PupilSample> {
         let radius = film.length();
         let bin = (radius / self.film_radius_mm * BINS as f64) as usize;

@@ -46,14 +46,14 @@ pub(super) struct LandedRay {
 pub(super) fn landed_rays(lens: &TracedLens, object_mm: f64, height_mm: f64, rays: u32) -> Vec<LandedRay> {
     let mut landed = Vec::new();
     let Some(chief) = lens.chief_ray(height_mm) else { return landed };
-    let towards_lens = -chief.object_side.direction;
+    let toward_lens = -chief.object_side.direction;
     let object = object_mm.is_finite().then(|| chief.object_side.at_z(object_mm));
     for sample in lens.pupil_rays(height_mm, rays) {
         // Through the same point in front of the lens as the ray that left the film point.
         let through = sample.ray.origin;
         let ray = match object {
             Some(object) => LensRay::between(object, through),
-            None => Some(LensRay { origin: through - towards_lens, direction: towards_lens }),
+            None => Some(LensRay { origin: through - toward_lens, direction: toward_lens }),
         };
         if let Some(Ok(out)) = ray.map(|ray| lens.surfaces().forward(ray)) {
             let at = out.at_z(lens.film_mm());
@@ -93,7 +93,7 @@ struct Airy {
     energy: Vec<f64>,
 }
 
-/// Largest `v` of the table: 97.9 % of the energy lie inside; the rest is left out and the pattern normalised.
+/// Largest `v` of the table: 97.9 % of the energy lie inside; the rest is left out and the pattern normalized.
 const AIRY_REACH: f64 = 30.0;
 const AIRY_STEPS: usize = 600;
 
@@ -185,7 +185,7 @@ impl CameraLens {
         picture
     }
 
-    /// Multiplies a picture of the given width on the film, centred on the axis, by the relative illumination.
+    /// Multiplies a picture of the given width on the film, centered on the axis, by the relative illumination.
     pub fn darken(&self, picture: &mut SpectralImage<Radiance>, film_width_mm: f64) {
         let (width, height, bands) = (picture.width(), picture.height(), picture.bands());
         let radius_mm = 0.5 * self.film_width_mm().hypot(self.film_height_mm());

@@ -159,7 +159,7 @@ impl FilterStack {
 ///
 /// Model: the filter stands close to the lens and is far out of focus, so its light is spread evenly. Of the photons that
 /// it stops (`1 - T`, at normal incidence: reflected ones count as stopped, which overstates interference filters) the
-/// share `photon_yield` is emitted again, half of it towards the lens, Lambertian and behind the layers that block: its
+/// share `photon_yield` is emitted again, half of it toward the lens, Lambertian and behind the layers that block: its
 /// own light is not filtered again. With the photon irradiance `E_q` on the filter its radiance is
 /// `L_q(lambda) = photon_yield e(lambda) / (2 pi) integral (1 - T) E_q`, with `e` of unit area.
 #[derive(Clone, Debug, PartialEq)]

@@ -20,7 +20,7 @@ pub enum Dispersion {
         /// Refractive index, 1 to 4.
         index: f64,
     },
-    /// `n² - 1 = sum_i b_i L² / (L² - c_i)`, `L` the wavelength in micrometres (Sellmeier 1871; the form of the glass
+    /// `n² - 1 = sum_i b_i L² / (L² - c_i)`, `L` the wavelength in micrometers (Sellmeier 1871; the form of the glass
     /// makers' catalogues).
     Sellmeier {
         /// Strengths `b_i`.

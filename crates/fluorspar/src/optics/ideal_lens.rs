@@ -213,7 +213,7 @@ impl IdealLens {
         Spectrum::from_parts(radiance.grid().clone(), values.collect())
     }
 
-    /// Irradiance on a film of the given width, centred on the axis, from the radiance that arrives along the chief
+    /// Irradiance on a film of the given width, centered on the axis, from the radiance that arrives along the chief
     /// ray of each of its (square) pixels. The image is upright: row 0 of the film is row 0 of the radiance.
     pub fn form_image(
         &self,
@@ -323,7 +323,7 @@ mod tests {
         let axis = f64::from(image.pixel(25, 50)[7]);
         assert!((axis - PI / 17.0).abs() < 1e-6 * axis);
         assert!((axis - lens.axial_irradiance(&radiance.mean_spectrum())[7]).abs() < 1e-6 * axis);
-        // The centre of the last column lies half a pixel inside the field of 30 degrees to each side.
+        // The center of the last column lies half a pixel inside the field of 30 degrees to each side.
         let x_mm: f64 = film_width_mm * (0.5 - 0.5 / 101.0);
         let cosine = 4.0 / (4.0f64).hypot(x_mm);
         let edge = f64::from(image.pixel(25, 100)[7]);

@@ -30,7 +30,7 @@ const FAN_RAYS: usize = 7;
 const OUTLINE_POINTS: usize = 41;
 
 /// A report on a lens at one wavelength. Positions along the axis are mm from the vertex of the first surface, positive
-/// towards the film; heights on the film are mm from the axis.
+/// toward the film; heights on the film are mm from the axis.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct LensReport {
     /// Name of the lens.
@@ -257,16 +257,16 @@ fn field_point(state: &LensState, lens: &TracedLens, axial_sr: f64, height_mm: f
     }
 }
 
-/// Foci of a narrow beam around a chief ray (given towards the object) in the plane of axis and field point and across it,
+/// Foci of a narrow beam around a chief ray (given toward the object) in the plane of axis and field point and across it,
 /// as positions along the axis, mm from the film.
-fn narrow_foci(state: &LensState, lens: &TracedLens, towards_object: &LensRay) -> Option<[f64; 2]> {
+fn narrow_foci(state: &LensState, lens: &TracedLens, toward_object: &LensRay) -> Option<[f64; 2]> {
     let trace = lens.surfaces();
-    let forward = -towards_object.direction;
+    let forward = -toward_object.direction;
     // Small beside every aperture, large beside rounding.
     let step = 1e-4 * state.stop_semi_diameter_mm;
-    let object = state.object_mm().is_finite().then(|| towards_object.at_z(state.object_mm()));
+    let object = state.object_mm().is_finite().then(|| toward_object.at_z(state.object_mm()));
     let through = |offset: DVec3| {
-        let point = towards_object.origin + offset;
+        let point = toward_object.origin + offset;
         let ray = match object {
             Some(object) => LensRay::between(object, point)?,
             None => LensRay { origin: point - forward, direction: forward },

@@ -5,7 +5,7 @@ use serde::Serialize;
 use super::prescription::LensPrescription;
 
 /// First-order properties of a lens in air at one wavelength. Positions are measured along the axis from the vertex
-/// of the first surface, positive towards the image, mm.
+/// of the first surface, positive toward the image, mm.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Paraxial {
     /// Effective focal length, mm; infinite for an afocal system.

@@ -20,7 +20,7 @@ pub enum Medium {
 /// One surface, the medium behind it, and the way to the next surface. Light comes from the side of the object.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LensSurface {
-    /// Curvature at the vertex, 1/mm: positive when the centre lies behind the surface; 0 is a plane.
+    /// Curvature at the vertex, 1/mm: positive when the center lies behind the surface; 0 is a plane.
     pub curvature_per_mm: f64,
     /// Conic constant `k`: 0 sphere, -1 paraboloid, below -1 hyperboloid.
     pub conic: f64,

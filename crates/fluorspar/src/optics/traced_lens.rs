@@ -241,7 +241,7 @@ pub struct TracedLens {
 /// A ray into the scene.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FilmSample {
-    /// The ray in front of the lens, towards the object.
+    /// The ray in front of the lens, toward the object.
     pub ray: LensRay,
     /// Cosine of its angle to the axis between lens and film.
     pub image_cosine: f64,
@@ -253,7 +253,7 @@ pub struct FilmSample {
 /// The ray through the middle of the stop.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ChiefRay {
-    /// In front of the lens, towards the object.
+    /// In front of the lens, toward the object.
     pub object_side: LensRay,
     /// Tangent of its angle to the axis in front of the lens; positive on the side opposite to the film point.
     pub object_tangent: f64,

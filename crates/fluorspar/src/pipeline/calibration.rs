@@ -13,7 +13,7 @@ use crate::study::{FlatFieldPlan, Study};
 /// What raw frames are developed with.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Calibration {
-    /// Interpolation of the colours.
+    /// Interpolation of the colors.
     pub demosaicing: Demosaicing,
     /// Averaged dark frames, one for each exposure time and gain.
     pub darks: Vec<MasterFrame>,

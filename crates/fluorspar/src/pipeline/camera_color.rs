@@ -88,7 +88,7 @@ mod tests {
     use super::*;
     use crate::experiment::{parse, resolve};
 
-    /// The camera of the paper without its viewing filter: white stays white to 2 %, and the colours of tissues come out
+    /// The camera of the paper without its viewing filter: white stays white to 2 %, and the colors of tissues come out
     /// within some per cent of white.
     #[test]
     fn a_camera_matrix_predicts_the_channels() {

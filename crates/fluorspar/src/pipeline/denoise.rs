@@ -1,7 +1,7 @@
 //! Noise reduction of component images, for pictures: never for validation or measurement.
 //!
 //! Joint non-local means (Rousselle, Knaus and Zwicker 2012[^nlm], with feature buffers as in 2013[^features]): every
-//! pixel becomes a weighted mean of its neighbourhood. The weights come from how much two patches differ beyond their
+//! pixel becomes a weighted mean of its neighborhood. The weights come from how much two patches differ beyond their
 //! noise, in the sum of one light group over eight ranges of wavelength, and from the surface behind the pixels. All
 //! bands and all components of a light group share them, so spectra keep their shape and components still add up.
 //! Pixels of different parts are never mixed. At the end each part gets back its mean, per component and band.
@@ -85,7 +85,7 @@ struct Guide {
     variance: Vec<f32>,
 }
 
-/// A copy of an image with less noise, labelled as such; its half-buffers and variance are gone.
+/// A copy of an image with less noise, labeled as such; its half-buffers and variance are gone.
 ///
 /// # Errors
 /// Images without the statistics of light groups, with too few samples, or denoised already; settings out of range.
@@ -202,7 +202,7 @@ struct Weights<'a> {
 }
 
 impl Weights<'_> {
-    /// Neighbours of a pixel with their weights, which add up to one: the mean of the weights that each half gives.
+    /// Neighbors of a pixel with their weights, which add up to one: the mean of the weights that each half gives.
     fn around(&self, guides: &[Guide; 2], row: usize, col: usize) -> Vec<(usize, f32)> {
         let (width, height) = (self.image.width, self.image.height);
         let mut near: Vec<(usize, [f32; 2])> = Vec::new();

@@ -23,7 +23,7 @@ pub struct FrameLeak {
     pub exposure_s: f64,
     /// Pixels of the sensor over which the mean is taken.
     pub pixels: usize,
-    /// Mean electrons per pixel by colour channel.
+    /// Mean electrons per pixel by color channel.
     pub channels: Vec<ChannelLeak>,
     /// Reflected over fluorescent electrons, the means of all channels added up: the leak as the sensor sees it; null
     /// without fluorescence.
@@ -34,7 +34,7 @@ pub struct FrameLeak {
     pub behind_filters: LeakBehindFilters,
 }
 
-/// Electrons of one colour channel.
+/// Electrons of one color channel.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ChannelLeak {
     /// Name of the channel.

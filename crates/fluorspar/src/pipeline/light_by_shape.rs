@@ -1,7 +1,7 @@
 //! The light of a frame, kept apart by what its spectrum looks like within a band.
 //!
 //! A band of a render holds one number. Behind a filter whose edge is steeper than a band is wide, it matters how the light
-//! is spread within it: reflected light has the shape of its lamp there, which may fall by decades towards the edge of the
+//! is spread within it: reflected light has the shape of its lamp there, which may fall by decades toward the edge of the
 //! viewing filter, and the mean of a product is not the product of means. Fluorescence is smooth.
 
 use super::direct_light::group_spectrum;

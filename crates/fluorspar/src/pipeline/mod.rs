@@ -8,7 +8,7 @@
 //! | spectroradiometers | [`read_spectroradiometers`] | [`SpectroradiometerReading`]s |
 //! | photobiological safety | [`assess_safety`] | [`SafetyReport`] |
 //! | chromaticity, porphyrin | [`analyze`] | [`AnalyzedFrame`] |
-//! | less noise, for pictures | [`denoise`] | [`crate::image::ComponentImage`], labelled |
+//! | less noise, for pictures | [`denoise`] | [`crate::image::ComponentImage`], labeled |
 //! | pictures for people | [`preview`] | 8-bit sRGB |
 //! | reflected light against fluorescence behind filters | [`filter_leak`] | [`FilterLeak`] |
 //! | the same for the frames of a study, in electrons | [`frame_leak`] | [`FrameLeak`] |
@@ -57,7 +57,7 @@ pub use row_bands::{
     BandPlanes, BandStore, BandedRender, FinishedBands, RowBandError, render_row_bands, row_bands,
     tile_rows_at_once,
 };
-pub use safety::{CaptureSafety, ProgrammeSafety, SafetyReport, Viewer, ViewerSafety, assess_safety};
+pub use safety::{CaptureSafety, ProgramSafety, SafetyReport, Viewer, ViewerSafety, assess_safety};
 pub use scene_change::check_same_scene;
 pub use spectroradiometer::{SpectroradiometerReading, read_spectroradiometers};
 

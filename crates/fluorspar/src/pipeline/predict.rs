@@ -106,7 +106,7 @@ pub enum PredictError {
     )]
     ToolboxGrid,
     /// An EEM vanishes on the toolbox's grid.
-    #[error("fluorophore \"{0}\" has no emission on 365 to 705 nm, so it can't be normalised to peak 1")]
+    #[error("fluorophore \"{0}\" has no emission on 365 to 705 nm, so it can't be normalized to peak 1")]
     NoEmission(String),
 }
 

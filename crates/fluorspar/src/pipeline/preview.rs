@@ -185,7 +185,7 @@ pub fn light_group_preview(image: &SpectralImage<Radiance>, study: &Study, group
     balanced(image, white)
 }
 
-/// The picture in which a surface of this colour is white.
+/// The picture in which a surface of this color is white.
 fn balanced(image: &SpectralImage<Radiance>, white: [f64; 3]) -> Preview {
     let observer = StandardObserver::new(image.grid());
     let linear: Vec<[f64; 3]> = image

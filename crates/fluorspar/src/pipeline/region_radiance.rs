@@ -86,7 +86,7 @@ impl RegionRadiance {
         radiance
     }
 
-    /// Reflected over fluorescent electrons, all colour channels together, behind lens and filters: the leak that the
+    /// Reflected over fluorescent electrons, all color channels together, behind lens and filters: the leak that the
     /// filters leave. `None` without a sensor, or without fluorescence.
     pub fn leak_ratio(&self, study: &Study) -> Option<f64> {
         let (lens, sensor) = (study.camera.lens_behind_filters()?, study.camera.sensor.as_ref()?);

@@ -78,7 +78,7 @@ pub struct CaptureSafety {
 
 /// All captures, one after the other.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct ProgrammeSafety {
+pub struct ProgramSafety {
     /// Who.
     pub viewer: Viewer,
     /// Whole sequences of captures in 8 hours that all limits allow.
@@ -97,7 +97,7 @@ pub struct SafetyReport {
     /// Each capture.
     pub captures: Vec<CaptureSafety>,
     /// All of them together.
-    pub programme: Vec<ProgrammeSafety>,
+    pub program: Vec<ProgramSafety>,
     /// Risk group of the lights of the brightest capture at 200 mm, in continuous operation; null when nothing shines.
     pub risk_group: Option<RiskGroup>,
     /// The quantities that it comes from.
@@ -172,13 +172,13 @@ pub fn assess_safety(study: &Study, frames: &[CapturedFrame]) -> Option<SafetyRe
         }
         None => (None, Vec::new()),
     };
-    let programme = programme(&captures);
+    let program = program(&captures);
     Some(SafetyReport {
         standard: STANDARD,
         caveat: CAVEAT,
         assumptions: assumptions(study, settings),
         captures,
-        programme,
+        program,
         risk_group,
         risk_quantities,
     })
@@ -349,7 +349,7 @@ fn reflected(mucosa: &Illumination, distance_mm: f64, diameter_mm: f64, reflecta
 }
 
 /// Doses add up: a sequence uses `light_on / daily seconds` of each budget, and the hazard that is used up first decides.
-fn programme(captures: &[CaptureSafety]) -> Vec<ProgrammeSafety> {
+fn program(captures: &[CaptureSafety]) -> Vec<ProgramSafety> {
     [Viewer::PatientEye, Viewer::OperatorEye, Viewer::Mucosa]
         .into_iter()
         .filter(|who| captures.iter().flat_map(|c| &c.viewers).any(|v| v.viewer == *who))
@@ -376,7 +376,7 @@ fn programme(captures: &[CaptureSafety]) -> Vec<ProgrammeSafety> {
                 (true, true) => Some(0),
                 (true, false) => (most > 0.0).then(|| ((1.0 + 1e-12) / most) as u64),
             };
-            ProgrammeSafety { viewer: who, sequences_per_day }
+            ProgramSafety { viewer: who, sequences_per_day }
         })
         .collect()
 }
@@ -449,7 +449,7 @@ mod tests {
         assert_eq!(report.risk_group, Some(RiskGroup::Moderate));
         // The dark capture has no viewers, and the sequence is as the one lit capture.
         assert!(report.captures[0].viewers.is_empty());
-        assert_eq!(report.programme[0].sequences_per_day, patient.captures_per_day);
+        assert_eq!(report.program[0].sequences_per_day, patient.captures_per_day);
     }
 
     #[test]
@@ -461,7 +461,7 @@ mod tests {
             let viewer = &capture.viewers[index];
             assert!(viewer.not_assessed.as_ref().unwrap().contains(field));
             assert!(viewer.hazards.is_empty() && viewer.smallest_margin.is_none());
-            assert_eq!(report.programme[index].sequences_per_day, None);
+            assert_eq!(report.program[index].sequences_per_day, None);
         }
         assert!(capture.viewers[2].not_assessed.is_none());
     }
@@ -476,7 +476,7 @@ mod tests {
         let patient = &report.captures[1].viewers[0];
         assert!(patient.smallest_margin.unwrap() < 1.0);
         assert_eq!(patient.captures_per_day, Some(0));
-        assert_eq!(report.programme[0].sequences_per_day, Some(0));
+        assert_eq!(report.program[0].sequences_per_day, Some(0));
         assert_eq!(report.risk_group, Some(RiskGroup::High));
     }
 }

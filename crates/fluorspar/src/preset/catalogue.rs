@@ -188,7 +188,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_misspelt_name_is_answered_with_the_nearest_one() {
+    fn a_misspelled_name_is_answered_with_the_nearest_one() {
         let error = text(PresetKind::Light, "led385").unwrap_err();
         let PresetError::Unknown { nearest, available, .. } = &error else { panic!("{error}") };
         assert_eq!(nearest.as_deref(), Some("led_385"));

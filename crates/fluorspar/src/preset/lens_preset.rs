@@ -187,7 +187,7 @@ mod tests {
         assert!((open("wide_3_5mm", None).f_number / 4.0 - 1.0).abs() < 1e-3);
         let infinity = open("macro_105mm", None);
         // The lens that is made from this patent focuses to life size at 314 mm from object to film; the example itself need
-        // not be the lens to the millimetre.
+        // not be the lens to the millimeter.
         let lens_105 = lens("macro_105mm").unwrap().lens;
         let focused = |distance: f64| {
             LensState::new(

@@ -18,7 +18,7 @@ pub(super) struct CompiledInstances {
 
 /// A mesh moved so that the origin is in the middle of its box; the places of its instances make up for it.
 ///
-/// Rays are rounded in the frame of the mesh. Near the origin that is as fine as at the place; a mesh modelled far from
+/// Rays are rounded in the frame of the mesh. Near the origin that is as fine as at the place; a mesh modeled far from
 /// its origin would be met off its surface by more than rays are lifted from it.
 #[derive(Debug)]
 struct CenteredMesh {

@@ -46,7 +46,7 @@ impl CompiledScene {
         }
     }
 
-    /// [`Self::visibility`] of every shadow ray, in their order, towards the lights `aimed_at`.
+    /// [`Self::visibility`] of every shadow ray, in their order, toward the lights `aimed_at`.
     pub(super) fn visibility_each(
         &self,
         rays: &[Ray],

@@ -9,7 +9,7 @@ use super::compiled_scene::{CompiledLight, CompiledScene};
 use super::surface::Target;
 use crate::light::{Emission, EmitterSample, LightBounds};
 
-/// A light that was chosen, and a direction towards it.
+/// A light that was chosen, and a direction toward it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LightSample {
     /// Number of the light.
@@ -51,7 +51,7 @@ impl CompiledScene {
         let to_light = center - position;
         let distance2 = to_light.length_squared().max(reach * reach).max(1e-12);
         let direction = to_light / distance2.sqrt();
-        // The whole light may be lower than its centre by its reach.
+        // The whole light may be lower than its center by its reach.
         let sine = reach / distance2.sqrt();
         let facing =
             if normal == Vec3::ZERO { 1.0 } else { (direction.dot(normal) + sine).clamp(LEAST_WEIGHT, 1.0) };
@@ -111,7 +111,7 @@ impl CompiledScene {
         weight(&light) / lights.iter().map(weight).sum::<f32>()
     }
 
-    /// A direction towards one light of a group. `None` when the chosen light does not shine there.
+    /// A direction toward one light of a group. `None` when the chosen light does not shine there.
     pub(super) fn sample_light(
         &self,
         group: usize,
@@ -122,7 +122,7 @@ impl CompiledScene {
         // Choose a light
         let (light, choice) = self.choose_light(group, position, normal, u[0])?;
 
-        // Sample a direction towards it
+        // Sample a direction toward it
         let corners = |triangle| self.corners(triangle);
         let sample = self.lights[light].emitter.sample(position, [u[1], u[2]], choice, corners)?;
         let EmitterSample { direction, distance, scale, pixel, pdf, delta } = sample;
@@ -237,7 +237,7 @@ mod tests {
         }
     }
 
-    /// Draws directions towards the lights and compares them with the density that rays report on meeting them:
+    /// Draws directions toward the lights and compares them with the density that rays report on meeting them:
     /// the two must be the same function for multiple importance sampling to be unbiased.
     fn check(scene: &Scene, position: Vec3, normal: Vec3, tests: usize) {
         let compiled = CompiledScene::new(scene, &[]).unwrap();

@@ -15,7 +15,7 @@
 //! | `fluorescence_operator` | an excitation-emission matrix applied to a band vector: Eq. 3 |
 //! | `surface` | what a ray finds: frame, texture coordinates, side |
 //! | `intersect` | the nearest surface or light along a ray, and visibility |
-//! | `light_sampling` | directions towards lights, with densities |
+//! | `light_sampling` | directions toward lights, with densities |
 //! | `russian_roulette` | expected remaining contribution of a path, which decides its survival |
 //! | `path` | the vertices of a path |
 //! | `path_integrator` | samples paths: direct illumination, continuation, Russian roulette |

@@ -7,7 +7,7 @@ use crate::image::StatisticsKind;
 /// How light transport is estimated.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Estimator {
-    /// Next-event estimation towards one light of every group, weighted against scattered directions.
+    /// Next-event estimation toward one light of every group, weighted against scattered directions.
     #[default]
     MultipleImportance,
     /// Only scattered directions: slow, blind to point and distant lights, a reference for tests.

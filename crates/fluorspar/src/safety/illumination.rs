@@ -59,8 +59,8 @@ impl Illumination {
 
     /// Largest weighted radiance, averaged over a round field of a full angle, W/(sr m²).
     ///
-    /// The field is centred on each source in turn. What it holds of a source larger than itself is the share of their
-    /// solid angles; sources whose centre lies in it count in full. For a lone source larger than the field that is its
+    /// The field is centered on each source in turn. What it holds of a source larger than itself is the share of their
+    /// solid angles; sources whose center lies in it count in full. For a lone source larger than the field that is its
     /// radiance, for a smaller one `E / (pi field² / 4)`.
     pub fn averaged_radiance(&self, weight: ActionSpectrum, field_rad: f64) -> f64 {
         let irradiance = self.weighted(weight);

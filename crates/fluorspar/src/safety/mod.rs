@@ -11,7 +11,7 @@
 //! Health Physics 105, 74 (2013), visible and infrared). There is no limit for oral mucosa; that for skin is divided by a
 //! factor that the user states.
 //!
-//! Out of scope: lasers (IEC 60825-1), photosensitised tissue, trains of pulses shorter than 10 µs. The numbers are no
+//! Out of scope: lasers (IEC 60825-1), photosensitized tissue, trains of pulses shorter than 10 µs. The numbers are no
 //! certificate: a certificate needs a measured lamp.
 
 mod action_spectrum;

@@ -137,7 +137,7 @@ mod tests {
     }
 
     #[test]
-    fn first_draws_of_neighbouring_pixels_are_uniform_and_uncorrelated() {
+    fn first_draws_of_neighboring_pixels_are_uniform_and_uncorrelated() {
         let n = 100_000;
         let draws: Vec<f64> = (0..n).map(|pixel| Key::new(11).with(pixel).rng().random::<f64>()).collect();
         let mut counts = [0.0f64; 100];

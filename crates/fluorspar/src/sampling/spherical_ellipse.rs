@@ -1,4 +1,4 @@
-//! Directions towards a flat disc, nearly uniform in solid angle.
+//! Directions toward a flat disc, nearly uniform in solid angle.
 
 use std::f32::consts::PI;
 
@@ -14,7 +14,7 @@ use glam::Vec3;
 /// than a quarter for the most extreme ones.
 #[derive(Clone, Copy, Debug)]
 pub struct SphericalEllipse {
-    /// Frame: along the semi-axis across the view, along the one in the plane of disc axis and eye, to the centre.
+    /// Frame: along the semi-axis across the view, along the one in the plane of disc axis and eye, to the center.
     across: Vec3,
     along: Vec3,
     axis: Vec3,
@@ -41,7 +41,7 @@ impl SphericalEllipse {
             return None;
         }
         let up = if signed_height > 0.0 { normal } else { -normal };
-        // Through the eye, across the disc: towards its centre.
+        // Through the eye, across the disc: toward its center.
         let lateral = offset - up * height;
         let distance = lateral.length();
         let side =
@@ -85,7 +85,7 @@ impl SphericalEllipse {
         (one_minus, flat2 / (PI * self.flat.0 * self.flat.1))
     }
 
-    /// A unit direction towards the disc and its density, 1/sr.
+    /// A unit direction toward the disc and its density, 1/sr.
     pub fn sample(&self, u: [f32; 2]) -> (Vec3, f32) {
         let (sin_t, cos_t) = (2.0 * PI * u[0]).sin_cos();
         let (x, y) = (self.flat.0 * cos_t, self.flat.1 * sin_t);

@@ -1,4 +1,4 @@
-//! Directions towards a flat rectangle, uniform in solid angle.
+//! Directions toward a flat rectangle, uniform in solid angle.
 
 use glam::{Vec2, Vec3};
 
@@ -34,12 +34,12 @@ impl FlatRectangle {
         self.corner
     }
 
-    /// Centre.
+    /// Center.
     pub fn center(&self) -> Vec3 {
         self.at([0.5, 0.5])
     }
 
-    /// Distance of the corners from the centre.
+    /// Distance of the corners from the center.
     pub fn radius(&self) -> f32 {
         0.5 * self.lengths.length()
     }

@@ -84,7 +84,7 @@ mod tests {
     }
 
     #[test]
-    fn the_centre_of_the_square_is_that_of_the_disc() {
+    fn the_center_of_the_square_is_that_of_the_disc() {
         assert_eq!(concentric_disc([0.5, 0.5]), Vec2::ZERO);
     }
     use crate::sampling::hash_u64;

@@ -15,7 +15,7 @@ use crate::material::Material;
 use crate::optics::PerspectiveCamera;
 use crate::spectral::{Curve, Fluorophore, WavelengthGrid};
 
-/// Everything that a render needs, in metres, watts and nanometres.
+/// Everything that a render needs, in meters, watts and nanometers.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scene {
     /// Wavelength bins of the render.
@@ -56,14 +56,14 @@ pub enum Shape {
     Instances(Arc<MeshInstances>),
     /// An exact sphere; texture coordinates are longitude and latitude.
     Sphere {
-        /// Centre, m.
+        /// Center, m.
         center: Vec3,
         /// Radius, m.
         radius_m: f32,
     },
     /// An exact flat disc; texture coordinates span its bounding square.
     Disc {
-        /// Centre, m.
+        /// Center, m.
         center: Vec3,
         /// Unit normal.
         normal: Vec3,

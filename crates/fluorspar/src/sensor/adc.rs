@@ -16,7 +16,7 @@ impl Adc {
 }
 
 /// Standard deviation of rounding to whole codes, DN: `1 / sqrt(12)`.
-pub(super) const QUANTISATION_NOISE_DN: f64 = 0.288_675_134_594_812_9;
+pub(super) const QUANTIZATION_NOISE_DN: f64 = 0.288_675_134_594_812_9;
 
 #[cfg(test)]
 mod tests {
@@ -26,6 +26,6 @@ mod tests {
     fn codes_are_rounded_and_clipped() {
         let adc = Adc { max_code: 4095 };
         assert_eq!([-3.0, 0.49, 0.5, 4094.5, 1e9].map(|dn| adc.code(dn)), [0, 0, 1, 4095, 4095]);
-        assert!((QUANTISATION_NOISE_DN - (1.0f64 / 12.0).sqrt()).abs() < 1e-16);
+        assert!((QUANTIZATION_NOISE_DN - (1.0f64 / 12.0).sqrt()).abs() < 1e-16);
     }
 }

@@ -11,7 +11,7 @@ pub struct MasterFrame {
     pub width: usize,
     /// Rows.
     pub height: usize,
-    /// Colour filter array.
+    /// Color filter array.
     pub mosaic: Mosaic,
     /// Mean digital number of each pixel, black level included, `[row, col]`.
     pub mean: Vec<f32>,
@@ -137,7 +137,7 @@ pub struct BadPixels {
     pub bad: Vec<bool>,
     /// How many the dark frames show: far from the median dark signal of their channel.
     pub in_dark: usize,
-    /// How many the flat field shows: far from the response of their neighbours of the same channel.
+    /// How many the flat field shows: far from the response of their neighbors of the same channel.
     pub in_flat: usize,
 }
 
@@ -391,14 +391,14 @@ mod tests {
 
         let correction = FlatField::new(&flat, Some(&dark)).unwrap();
         let raw = take(&sensor, 2000.0, 0.03, 7).unwrap();
-        let plain = Development::default().linearise(&raw).unwrap();
+        let plain = Development::default().linearize(&raw).unwrap();
         let development = Development {
             demosaicing: Demosaicing::Bilinear,
             dark: Some(&dark),
             flat: Some(&correction),
             bad_pixels: Some(&bad),
         };
-        let corrected = development.linearise(&raw).unwrap();
+        let corrected = development.linearize(&raw).unwrap();
         let spread = |frame: &LinearMosaic| {
             let mean = frame.values.iter().map(|&v| f64::from(v)).sum::<f64>() / frame.values.len() as f64;
             let squares = frame.values.iter().map(|&v| (f64::from(v) - mean).powi(2)).sum::<f64>();
@@ -423,11 +423,11 @@ mod tests {
         let dark = master(&sensor, 0.0, 0.03, 0, 2);
         let raw = take(&sensor, 100.0, 0.06, 0).unwrap();
         let development = Development { dark: Some(&dark), ..Development::default() };
-        let error = development.linearise(&raw).unwrap_err();
+        let error = development.linearize(&raw).unwrap_err();
         assert!(matches!(error, DevelopError::OtherExposure { .. }), "{error}");
         let small = BadPixels { width: 2, height: 2, bad: vec![false; 4], in_dark: 0, in_flat: 0 };
         let development = Development { bad_pixels: Some(&small), ..Development::default() };
-        assert!(matches!(development.linearise(&raw), Err(DevelopError::OtherCalibration { .. })));
+        assert!(matches!(development.linearize(&raw), Err(DevelopError::OtherCalibration { .. })));
         let mixed = [take(&sensor, 0.0, 0.03, 0), take(&sensor, 0.0, 0.04, 0)]
             .map(|frame| frame.map_err(Failed::Sensor));
         assert!(MasterFrame::average(mixed).is_err());

@@ -14,7 +14,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::adc::QUANTISATION_NOISE_DN;
+use super::adc::QUANTIZATION_NOISE_DN;
 use super::exposure::EXPOSURE_MS;
 use super::photon_transfer::{Limit, saturation_capacity_e, sensitivity_threshold_e};
 use super::{Exposure, Sensor, SensorMode, SensorModel, SensorProblem, Shutter};
@@ -105,7 +105,7 @@ pub struct Characterization {
     pub gain_dn_per_e: f64,
     /// Its inverse, e-/DN.
     pub gain_e_per_dn: f64,
-    /// Temporal dark noise, quantisation excluded, e- rms.
+    /// Temporal dark noise, quantization excluded, e- rms.
     pub dark_noise_e: f64,
     /// Temporal dark noise as measured, DN rms.
     pub dark_noise_dn: f64,
@@ -147,8 +147,8 @@ impl Characterization {
     /// Signal-to-noise ratio of one pixel at a mean signal: temporal noise only, or the fixed patterns of the whole
     /// image as well.
     pub fn snr(&self, signal_e: f64, with_patterns: bool) -> f64 {
-        let quantisation_e = QUANTISATION_NOISE_DN * self.gain_e_per_dn;
-        let mut variance_e2 = signal_e + self.dark_noise_e.powi(2) + quantisation_e.powi(2);
+        let quantization_e = QUANTIZATION_NOISE_DN * self.gain_e_per_dn;
+        let mut variance_e2 = signal_e + self.dark_noise_e.powi(2) + quantization_e.powi(2);
         if with_patterns {
             variance_e2 += self.dsnu_e.total.powi(2) + (self.prnu_percent.total * 1e-2 * signal_e).powi(2);
         }
@@ -390,7 +390,7 @@ fn photon_transfer_gain(
     Err(SensorProblem::new("characterization", message))
 }
 
-/// Number of the point of the largest variance, averaged with so many neighbours on each side.
+/// Number of the point of the largest variance, averaged with so many neighbors on each side.
 fn largest(points: &[PhotonTransferPoint], neighbors: usize) -> usize {
     let smooth =
         |i: usize| -> f64 { points[i - neighbors..=i + neighbors].iter().map(|p| p.variance_dn2).sum() };
@@ -533,7 +533,7 @@ pub fn characterize(
     let photon_transfer = sweep("transfer", 0.0, 1.1 * saturation_light_e, settings.levels)?;
 
     let gain = photon_transfer_gain(&photon_transfer, dark_dn2, 0.7 * saturation_light_e)?;
-    let dark_noise_e = (dark_dn2 - QUANTISATION_NOISE_DN.powi(2)).max(0.0).sqrt() / gain;
+    let dark_noise_e = (dark_dn2 - QUANTIZATION_NOISE_DN.powi(2)).max(0.0).sqrt() / gain;
     // Electrons per unit of light, from the digital numbers of the linear part.
     let linear = photon_transfer.iter().filter(|p| p.light_e <= 0.7 * saturation_light_e);
     let response = linear.clone().map(|p| p.signal_dn * p.light_e).sum::<f64>()

@@ -1,8 +1,8 @@
-//! Crosstalk: electrons that light of one pixel frees, or that drift, into its neighbours.
+//! Crosstalk: electrons that light of one pixel frees, or that drift, into its neighbors.
 //!
-//! A pixel that would collect `e` electrons hands `e s` to each of its four side neighbours and `e c` to each of the
-//! four at its corners. Both shares act behind the colour filter, so colours mix; nothing is lost. Optical shares are
-//! equal for all wavelengths and grow with the square of the distance from the centre (with the chief ray angle);
+//! A pixel that would collect `e` electrons hands `e s` to each of its four side neighbors and `e c` to each of the
+//! four at its corners. Both shares act behind the color filter, so colors mix; nothing is lost. Optical shares are
+//! equal for all wavelengths and grow with the square of the distance from the center (with the chief ray angle);
 //! electrical shares depend on the wavelength, because red light is absorbed deeper. At the border nothing leaves.
 
 use rayon::prelude::*;
@@ -14,20 +14,20 @@ use crate::image::Mosaic;
 use crate::spectral::Curve;
 use crate::units::number_text;
 
-/// Shares of a pixel's electrons that end in its neighbours (physical and noise-free mode only).
+/// Shares of a pixel's electrons that end in its neighbors (physical and noise-free mode only).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Crosstalk {
-    /// Optical crosstalk into each of the four side neighbours at the centre of the sensor, percent. Default 0.
+    /// Optical crosstalk into each of the four side neighbors at the center of the sensor, percent. Default 0.
     pub optical_side_percent: f64,
-    /// Optical crosstalk into each of the four corner neighbours at the centre of the sensor, percent. Default 0.
+    /// Optical crosstalk into each of the four corner neighbors at the center of the sensor, percent. Default 0.
     pub optical_corner_percent: f64,
-    /// Optical crosstalk in the corners of the sensor over that at its centre, 0 to 100. Default 1.
+    /// Optical crosstalk in the corners of the sensor over that at its center, 0 to 100. Default 1.
     pub optical_edge_factor: f64,
-    /// Electrical crosstalk into each of the four side neighbours: pairs of wavelength in nm and percent, wavelengths
+    /// Electrical crosstalk into each of the four side neighbors: pairs of wavelength in nm and percent, wavelengths
     /// rising; linear between them, constant outside. Default: none.
     pub electrical_side_percent: Vec<[f64; 2]>,
-    /// Electrical crosstalk into each of the four corner neighbours over that into a side neighbour, 0 to 1. Default 0.
+    /// Electrical crosstalk into each of the four corner neighbors over that into a side neighbor, 0 to 1. Default 0.
     pub electrical_corner_ratio: f64,
 }
 
@@ -43,7 +43,7 @@ impl Default for Crosstalk {
     }
 }
 
-/// Most that all eight neighbours may get, percent.
+/// Most that all eight neighbors may get, percent.
 const MOST_PERCENT: f64 = 80.0;
 
 impl Crosstalk {
@@ -83,14 +83,14 @@ impl Crosstalk {
         let total = optical + 4.0 * electrical * (1.0 + self.electrical_corner_ratio);
         if total > MOST_PERCENT {
             let message = format!(
-                "the eight neighbours get {total} percent of a pixel's electrons, more than {MOST_PERCENT}; lower the shares"
+                "the eight neighbors get {total} percent of a pixel's electrons, more than {MOST_PERCENT}; lower the shares"
             );
             return Err(SensorProblem::new("crosstalk", message));
         }
         Ok(())
     }
 
-    /// Electrical share of one side neighbour as a curve, if there is any.
+    /// Electrical share of one side neighbor as a curve, if there is any.
     pub(super) fn electrical_share(&self) -> Option<Curve> {
         let pairs = &self.electrical_side_percent;
         let first = pairs.first()?;
@@ -114,14 +114,14 @@ impl Crosstalk {
     }
 
     /// Moves electrons between the pixels of a frame. `electrical` holds the electrons that each pixel hands to one
-    /// side neighbour for electrical crosstalk, e-/s; empty if there is none.
+    /// side neighbor for electrical crosstalk, e-/s; empty if there is none.
     pub(super) fn spread(&self, rate: &ElectronRate, electrical: &[f32]) -> ElectronRate {
         let (columns, rows) = (rate.columns, rate.rows);
         let (side, corner) = (self.optical_side_percent * 1e-2, self.optical_corner_percent * 1e-2);
         let growth = self.optical_edge_factor - 1.0;
         let half_diagonal2 = 0.25 * ((columns * columns + rows * rows) as f64);
         let center = |index: usize, count: usize| index as f64 + 0.5 - 0.5 * count as f64;
-        // Electrons that a pixel hands to one side and to one corner neighbour.
+        // Electrons that a pixel hands to one side and to one corner neighbor.
         let handed = |row: usize, col: usize| {
             let pixel = row * columns + col;
             let value = f64::from(rate.data[pixel]);
@@ -158,8 +158,8 @@ impl Crosstalk {
         ElectronRate { columns, rows, data }
     }
 
-    /// Quantum efficiencies that a channel shows to a uniform field at the centre of the sensor, averaged over its
-    /// places in the mosaic: its own, less what leaves, plus what its neighbours hand over.
+    /// Quantum efficiencies that a channel shows to a uniform field at the center of the sensor, averaged over its
+    /// places in the mosaic: its own, less what leaves, plus what its neighbors hand over.
     pub(super) fn mixed(&self, qe: &SpectralQe, mosaic: &Mosaic) -> SpectralQe {
         let channels = qe.channels();
         let drift = self.electrical_share();
@@ -188,7 +188,7 @@ impl Crosstalk {
     }
 }
 
-/// Mean number of neighbours of each channel around the pixels of one channel.
+/// Mean number of neighbors of each channel around the pixels of one channel.
 struct NeighborCount {
     side: Vec<f64>,
     corner: Vec<f64>,
@@ -199,7 +199,7 @@ impl NeighborCount {
         let mut count =
             Self { side: vec![0.0; mosaic.channels.len()], corner: vec![0.0; mosaic.channels.len()] };
         let mut places = 0.0;
-        // One cell further on, so that every neighbour has a place.
+        // One cell further on, so that every neighbor has a place.
         for row in mosaic.rows..2 * mosaic.rows {
             for col in mosaic.cols..2 * mosaic.cols {
                 if mosaic.channel(row, col) != channel {
@@ -237,14 +237,14 @@ mod tests {
     }
 
     #[test]
-    fn a_point_spreads_over_its_neighbours_and_nothing_is_lost() {
+    fn a_point_spreads_over_its_neighbors_and_nothing_is_lost() {
         let mut rate = ElectronRate { columns: 7, rows: 5, data: vec![0.0; 35] };
         rate.data[2 * 7 + 3] = 1000.0;
         let mut drift = vec![0.0; 35];
         drift[2 * 7 + 3] = 30.0;
         let spread = strong().spread(&rate, &drift);
         let at = |row: usize, col: usize| spread.data[row * 7 + col];
-        // The centre pixel: 20 + 30 to each side, 5 + 7.5 to each corner.
+        // The center pixel: 20 + 30 to each side, 5 + 7.5 to each corner.
         assert_eq!([at(1, 3), at(3, 3), at(2, 2), at(2, 4)], [50.0; 4]);
         assert_eq!([at(1, 2), at(1, 4), at(3, 2), at(3, 4)], [12.5; 4]);
         assert_eq!(at(2, 3), 1000.0 - 4.0 * 62.5);

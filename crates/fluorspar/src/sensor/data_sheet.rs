@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::adc::QUANTISATION_NOISE_DN;
+use super::adc::QUANTIZATION_NOISE_DN;
 use super::model::{DOUBLING_K, TEMPERATURE_C};
 use super::photon_transfer::{Limit, saturation_capacity_e, sensitivity_threshold_e, well_for_saturation_e};
 use super::{SensorModel, SensorProblem, SpectralQe};
@@ -23,10 +23,10 @@ pub struct Emva1288 {
     /// System gain K, DN/e-; instead of `gain_e_per_dn`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gain_dn_per_e: Option<f64>,
-    /// Temporal dark noise, e- rms, quantisation excluded.
+    /// Temporal dark noise, e- rms, quantization excluded.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub dark_noise_e: Option<f64>,
-    /// Temporal dark noise as measured, DN rms, quantisation included; instead of `dark_noise_e`.
+    /// Temporal dark noise as measured, DN rms, quantization included; instead of `dark_noise_e`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub dark_noise_dn: Option<f64>,
     /// Saturation capacity, e-: the mean signal at which the temporal variance is largest. The well that gives it is
@@ -129,20 +129,20 @@ impl Emva1288 {
         })
     }
 
-    /// Temporal dark noise without quantisation, e- rms.
+    /// Temporal dark noise without quantization, e- rms.
     ///
     /// # Errors
-    /// No noise, two that disagree, or one that is smaller than quantisation alone.
+    /// No noise, two that disagree, or one that is smaller than quantization alone.
     pub fn dark_noise_electrons(&self) -> Result<f64, SensorProblem> {
         let gain = self.dn_per_electron()?;
-        if let Some(dn) = self.dark_noise_dn.filter(|dn| *dn < QUANTISATION_NOISE_DN) {
+        if let Some(dn) = self.dark_noise_dn.filter(|dn| *dn < QUANTIZATION_NOISE_DN) {
             let message = format!(
-                "{dn} DN are less than the {QUANTISATION_NOISE_DN:.4} DN of quantisation, which it includes; give \
-                 dark_noise_e if quantisation was taken off"
+                "{dn} DN are less than the {QUANTIZATION_NOISE_DN:.4} DN of quantization, which it includes; give \
+                 dark_noise_e if quantization was taken off"
             );
             return Err(problem("dark_noise_dn", message));
         }
-        let electrons = |dn: f64| (dn * dn - QUANTISATION_NOISE_DN.powi(2)).max(0.0).sqrt() / gain;
+        let electrons = |dn: f64| (dn * dn - QUANTIZATION_NOISE_DN.powi(2)).max(0.0).sqrt() / gain;
         one_of(["dark_noise_e", "dark_noise_dn"], [self.dark_noise_e, self.dark_noise_dn], electrons)
     }
 

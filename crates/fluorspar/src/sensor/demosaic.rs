@@ -6,14 +6,14 @@ use serde::{Deserialize, Serialize};
 
 use crate::image::Mosaic;
 
-/// How the colours that a pixel does not see are found.
+/// How the colors that a pixel does not see are found.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Demosaicing {
-    /// Weighted mean of the nearest pixels of each colour: any mosaic, no overshoot, colour fringes at edges.
+    /// Weighted mean of the nearest pixels of each color: any mosaic, no overshoot, color fringes at edges.
     #[default]
     Bilinear,
-    /// Bilinear plus the Laplacian of the colour that the pixel sees (Malvar, He, Cutler 2004): Bayer arrays only,
+    /// Bilinear plus the Laplacian of the color that the pixel sees (Malvar, He, Cutler 2004): Bayer arrays only,
     /// sharper, overshoots at edges.
     GradientCorrected,
 }
@@ -24,13 +24,13 @@ type Tap = (isize, isize, f32);
 /// Bilinear interpolation on any repeating cell.
 ///
 /// A pixel of the channel itself keeps its value. Elsewhere the pixels of the channel under a tent as wide as two cells
-/// are averaged by their weights (normalised convolution). On a Bayer array that is ISETCam's `ieBilinear` exactly:
+/// are averaged by their weights (normalized convolution). On a Bayer array that is ISETCam's `ieBilinear` exactly:
 /// `[0 1 0; 1 4 1; 0 1 0] / 4` for green, `[1 2 1]' [1 2 1] / 4` for red and blue. At the border the image is
-/// mirrored without repeating its edge where the cell has at most two rows (columns), which keeps the colours in
+/// mirrored without repeating its edge where the cell has at most two rows (columns), which keeps the colors in
 /// place; longer cells leave out what lies outside.
 pub(super) struct Demosaic<'a> {
     mosaic: &'a Mosaic,
-    /// Taps by `[row of cell, column of cell, channel]`, weights not normalised.
+    /// Taps by `[row of cell, column of cell, channel]`, weights not normalized.
     taps: Vec<Vec<Tap>>,
 }
 
@@ -90,7 +90,7 @@ impl<'a> Demosaic<'a> {
             return (data, mask);
         }
         let any_marked = marked.contains(&true);
-        let cells: Vec<Vec<(isize, f32)>> = self.taps.iter().map(|taps| normalised(taps, width)).collect();
+        let cells: Vec<Vec<(isize, f32)>> = self.taps.iter().map(|taps| normalized(taps, width)).collect();
         // Lines whose taps all lie inside of the image.
         let (margin_rows, margin_cols) = self.reach();
         let is_interior = |line: usize, margin: usize, lines: usize| line >= margin && line + margin < lines;
@@ -141,7 +141,7 @@ impl<'a> Demosaic<'a> {
 }
 
 /// Taps as offsets in the image and weights of sum 1.
-fn normalised(taps: &[Tap], width: usize) -> Vec<(isize, f32)> {
+fn normalized(taps: &[Tap], width: usize) -> Vec<(isize, f32)> {
     let total: f32 = taps.iter().map(|tap| tap.2).sum();
     taps.iter().map(|&(down, right, weight)| (down * width as isize + right, weight / total)).collect()
 }
@@ -277,7 +277,7 @@ mod tests {
         let reached: Vec<usize> = (0..36).filter(|&i| mask[i]).collect();
         assert_eq!(reached, [7, 8, 9, 13, 14, 15, 19, 20, 21]);
         let mut marked = vec![false; 36];
-        marked[2 * 6 + 3] = true; // a green pixel: not its green neighbours on the diagonals
+        marked[2 * 6 + 3] = true; // a green pixel: not its green neighbors on the diagonals
         let (_, mask) = Demosaic::new(&mosaic).interpolate(&[1.0; 36], &marked, 6, 6);
         let reached: Vec<usize> = (0..36).filter(|&i| mask[i]).collect();
         assert_eq!(reached, [9, 14, 15, 16, 21]);
@@ -305,7 +305,7 @@ mod tests {
 
     #[test]
     fn gradient_correction_has_the_published_filters() {
-        // One lit pixel in the middle of 9 x 9, on red of "rggb" (row 4, column 4): what it gives to its neighbours are the
+        // One lit pixel in the middle of 9 x 9, on red of "rggb" (row 4, column 4): what it gives to its neighbors are the
         // coefficients of the paper, in eighths.
         let mosaic = Mosaic::bayer("rggb").unwrap();
         let mut values = vec![0.0; 81];
@@ -322,7 +322,7 @@ mod tests {
     }
 
     #[test]
-    fn gradient_correction_is_exact_where_colours_change_alike_and_linearly() {
+    fn gradient_correction_is_exact_where_colors_change_alike_and_linearly() {
         let (width, height) = (12, 10);
         for order in ["rggb", "grbg", "gbrg", "bggr"] {
             let mosaic = Mosaic::bayer(order).unwrap();
@@ -349,7 +349,7 @@ mod tests {
         }
     }
 
-    /// A grey zone plate: where all channels are equal, gradient correction recovers far more than bilinear does.
+    /// A gray zone plate: where all channels are equal, gradient correction recovers far more than bilinear does.
     #[test]
     fn gradient_correction_beats_bilinear_on_fine_detail() {
         let (width, height) = (64, 64);

@@ -2,7 +2,7 @@
 
 use thiserror::Error;
 
-use super::adc::QUANTISATION_NOISE_DN;
+use super::adc::QUANTIZATION_NOISE_DN;
 use super::calibration::{BadPixels, FlatField, MasterFrame};
 use super::demosaic::{Demosaic, Demosaicing};
 use crate::image::{ChannelImage, Mosaic, SensorImage, SubtractedLight};
@@ -13,7 +13,7 @@ use crate::image::{ChannelImage, Mosaic, SensorImage, SubtractedLight};
 pub enum DevelopError {
     /// Frames of different sensors.
     #[error(
-        "frame \"{frame}\" and ambient frame \"{ambient}\" differ in size or colour filter array; take both with one \
+        "frame \"{frame}\" and ambient frame \"{ambient}\" differ in size or color filter array; take both with one \
          sensor"
     )]
     DifferentSensors {
@@ -34,7 +34,7 @@ pub enum DevelopError {
     },
     /// A calibration of another sensor.
     #[error(
-        "the {what} has {columns} x {rows} pixels or another colour filter array than frame \"{frame}\"; take both with \
+        "the {what} has {columns} x {rows} pixels or another color filter array than frame \"{frame}\"; take both with \
          one sensor"
     )]
     OtherCalibration {
@@ -81,13 +81,13 @@ pub enum DevelopError {
 /// How raw frames become linear channels. The default subtracts the black level and interpolates bilinearly.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Development<'a> {
-    /// Interpolation of the colours.
+    /// Interpolation of the colors.
     pub demosaicing: Demosaicing,
     /// Mean of dark frames of the same exposure and gain, subtracted in place of the black level.
     pub dark: Option<&'a MasterFrame>,
     /// Response of each pixel to even light, divided out.
     pub flat: Option<&'a FlatField>,
-    /// Pixels to be replaced by the mean of their nearest good neighbours of the same colour.
+    /// Pixels to be replaced by the mean of their nearest good neighbors of the same color.
     pub bad_pixels: Option<&'a BadPixels>,
 }
 
@@ -98,7 +98,7 @@ pub struct LinearMosaic {
     pub width: usize,
     /// Rows.
     pub height: usize,
-    /// Colour filter array.
+    /// Color filter array.
     pub mosaic: Mosaic,
     /// Digital numbers above black, `[row, col]`; may be below zero.
     pub values: Vec<f32>,
@@ -133,7 +133,7 @@ impl Development<'_> {
     ///
     /// # Errors
     /// Calibration frames that do not fit the frame.
-    pub fn linearise(&self, raw: &SensorImage) -> Result<LinearMosaic, DevelopError> {
+    pub fn linearize(&self, raw: &SensorImage) -> Result<LinearMosaic, DevelopError> {
         let fits = |what: &'static str, columns: usize, rows: usize, mosaic: Option<&Mosaic>| {
             if (columns, rows) == (raw.width, raw.height) && mosaic.is_none_or(|m| *m == raw.mosaic) {
                 return Ok(());
@@ -220,7 +220,7 @@ struct Bracketed {
     frame: LinearMosaic,
     exposure_s: f64,
     dn_per_electron: f64,
-    /// Read noise and quantisation, DN².
+    /// Read noise and quantization, DN².
     floor_dn2: f64,
 }
 
@@ -229,7 +229,7 @@ struct Bracketed {
 /// Every pixel is the mean of the light that its unsaturated exposures measured, `x_i / (t_i K_i)`, weighted by the inverse of
 /// their variance `(K_i² phi t_i + floor_i²) / (t_i K_i)²`. The light `phi` in it is that of all unsaturated exposures
 /// together, `sum x_i / sum t_i K_i`, the same for all of them: weights that came from each exposure's own noisy value would
-/// favour the low ones. A pixel that is saturated in every exposure takes the least exposed one and is marked.
+/// favor the low ones. A pixel that is saturated in every exposure takes the least exposed one and is marked.
 ///
 /// # Errors
 /// No exposure, one without exposure time or gain, frames of different sensors, calibrations that do not fit. `develop` gives the
@@ -240,7 +240,7 @@ pub fn merge_exposures<'a>(
 ) -> Result<LinearMosaic, DevelopError> {
     let mut bracket = Vec::with_capacity(exposures.len());
     for (index, raw) in exposures.iter().enumerate() {
-        let frame = develop(index).linearise(raw)?;
+        let frame = develop(index).linearize(raw)?;
         if frame.dn_s_per_electron.is_nan() || frame.dn_s_per_electron <= 0.0 {
             return Err(DevelopError::NoExposure { ambient: raw.label.clone(), exposure_s: raw.exposure_s });
         }
@@ -295,7 +295,7 @@ pub fn merge_exposures<'a>(
 }
 
 fn noise_floor_dn(raw: &SensorImage) -> f64 {
-    raw.read_noise_dn.hypot(QUANTISATION_NOISE_DN)
+    raw.read_noise_dn.hypot(QUANTIZATION_NOISE_DN)
 }
 
 fn linear(raw: &SensorImage, values: Vec<f32>, noise_floor_dn: f64) -> LinearMosaic {
@@ -370,7 +370,7 @@ mod tests {
     fn ambient_light_is_scaled_by_exposure_and_gain() {
         let develop_with_ambient = |raw: &SensorImage, ambient: &SensorImage| {
             let plain = Development::default();
-            plain.linearise(raw)?.without(&plain.linearise(ambient)?)?.demosaic(Demosaicing::Bilinear)
+            plain.linearize(raw)?.without(&plain.linearize(ambient)?)?.demosaic(Demosaicing::Bilinear)
         };
         let frame = raw(vec![164; 16], Mosaic::bayer("grbg").unwrap(), 4);
         let mut ambient = raw(vec![74; 16], Mosaic::bayer("grbg").unwrap(), 4);
@@ -379,8 +379,8 @@ mod tests {
         ambient.dn_per_electron = 1.0;
         let image = develop_with_ambient(&frame, &ambient).unwrap();
         assert!(image.data.iter().all(|&value| (value - 50.0).abs() < 1e-4), "{:?}", image.data);
-        let quantised = (36.0f64 + 1.0 / 12.0).sqrt();
-        assert!((image.noise_floor_dn - quantised.hypot(5.0 * quantised)).abs() < 1e-9);
+        let quantized = (36.0f64 + 1.0 / 12.0).sqrt();
+        assert!((image.noise_floor_dn - quantized.hypot(5.0 * quantized)).abs() < 1e-9);
         let subtracted = image.subtracted.unwrap();
         assert!(subtracted.dn.iter().all(|&value| (value - 50.0).abs() < 1e-4));
         assert!((subtracted.exposure_ratio - 10.0).abs() < 1e-12);
@@ -454,7 +454,7 @@ mod tests {
 
     #[test]
     fn gradient_correction_of_a_monochrome_frame_is_refused() {
-        let frame = Development::default().linearise(&raw(vec![64; 4], Mosaic::monochrome(), 2)).unwrap();
+        let frame = Development::default().linearize(&raw(vec![64; 4], Mosaic::monochrome(), 2)).unwrap();
         let error = frame.demosaic(Demosaicing::GradientCorrected).unwrap_err();
         assert!(error.to_string().contains("develop.demosaic"), "{error}");
         assert!(frame.demosaic(Demosaicing::Bilinear).is_ok());

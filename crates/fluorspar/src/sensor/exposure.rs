@@ -259,7 +259,7 @@ impl Sensor {
         Self { qe: self.qe.behind(filter), ..self.clone() }
     }
 
-    /// Quantum efficiency that a uniform field sees at the centre of the sensor: crosstalk included, averaged over the
+    /// Quantum efficiency that a uniform field sees at the center of the sensor: crosstalk included, averaged over the
     /// places of a channel in the mosaic.
     pub fn effective_qe(&self) -> SpectralQe {
         match &self.model.crosstalk {
@@ -273,7 +273,7 @@ impl Sensor {
         &self.qe
     }
 
-    /// The colour filter array of the whole sensor; channels are in the order of the quantum efficiency.
+    /// The color filter array of the whole sensor; channels are in the order of the quantum efficiency.
     pub fn mosaic(&self) -> &Mosaic {
         &self.mosaic
     }
@@ -306,7 +306,7 @@ impl Sensor {
         self.rate_on(irradiance, self.film_extent())
     }
 
-    /// Noise-free electron rates under an irradiance image of a given extent, centred on the sensor. Pixels
+    /// Noise-free electron rates under an irradiance image of a given extent, centered on the sensor. Pixels
     /// integrate over their full pitch (the fill factor scales the result), light is conserved at any ratio of
     /// sample to pixel, and pixels beyond the film are dark.
     ///
@@ -419,7 +419,7 @@ impl Sensor {
         self.expose_film(irradiance, self.film_extent(), exposure)
     }
 
-    /// Takes a frame of an irradiance image of a given extent, centred on the sensor.
+    /// Takes a frame of an irradiance image of a given extent, centered on the sensor.
     ///
     /// # Errors
     /// A time, gain or extent that can't be used.
@@ -474,7 +474,7 @@ pub struct DefectPixels {
     pub dead: Vec<usize>,
 }
 
-/// Where the electron rates of a row come from, and how they fall off towards the corners.
+/// Where the electron rates of a row come from, and how they fall off toward the corners.
 struct RateSource<'a> {
     spectra: SpectraSource<'a>,
     falloff: Option<RelativeIllumination>,
@@ -688,8 +688,8 @@ mod tests {
         let mono = SpectralQe::from_curves([("mono", Curve::constant(0.5))]).unwrap();
         let error = Sensor::new(small(4, 4), mono).unwrap_err();
         assert!(error.to_string().contains("\"G\"; there is one for mono"), "{error}");
-        let one_colour = SensorModel { mosaic: vec![vec!["G".into()]], ..small(4, 4) };
-        assert_eq!(Sensor::new(one_colour, rgb()).unwrap_err().field, "quantum_efficiency.R");
+        let one_color = SensorModel { mosaic: vec![vec!["G".into()]], ..small(4, 4) };
+        assert_eq!(Sensor::new(one_color, rgb()).unwrap_err().field, "quantum_efficiency.R");
     }
 
     #[test]

@@ -20,7 +20,7 @@ pub struct FlatResponse {
     pub dn: Vec<f64>,
     /// Digital number of no light.
     pub black_level: f64,
-    /// Temporal noise of a pixel of the raw image, DN rms: photon noise, read noise and quantisation. For the spread over pixels
+    /// Temporal noise of a pixel of the raw image, DN rms: photon noise, read noise and quantization. For the spread over pixels
     /// add PRNU and DSNU.
     pub noise_dn: Vec<f64>,
     /// Whether the mean fills the well or the converter.
@@ -28,7 +28,7 @@ pub struct FlatResponse {
 }
 
 impl Sensor {
-    /// Mean photo-electrons per second in one pixel of every channel under a uniform irradiance, e-/s: at the centre of
+    /// Mean photo-electrons per second in one pixel of every channel under a uniform irradiance, e-/s: at the center of
     /// the sensor, crosstalk included.
     pub fn flat_electron_rate(&self, irradiance: &Spectrum<Irradiance>) -> Vec<f64> {
         let sum = |weights: Vec<f64>| weights.iter().zip(irradiance.values()).map(|(w, e)| w * e).sum();

@@ -149,7 +149,7 @@ impl IsetcamChain {
     pub(super) fn temporal_noise_dn(&self, mean_e: f64) -> f64 {
         let shot_v2 = if matches!(self.flag, -2 | 1 | 2) { self.volts_per_e.powi(2) * mean_e } else { 0.0 };
         let shot_dn2 = shot_v2 / (self.gain * self.volts_per_dn).powi(2);
-        (shot_dn2 + self.read_noise_dn().powi(2) + super::adc::QUANTISATION_NOISE_DN.powi(2)).sqrt()
+        (shot_dn2 + self.read_noise_dn().powi(2) + super::adc::QUANTIZATION_NOISE_DN.powi(2)).sqrt()
     }
 
     /// Mean dark electrons of the exposure; none unless the flag is 2.

@@ -29,7 +29,7 @@ pub enum SensorMode {
     NoiseFree,
     /// ISETCam's formulas, peculiarities included; see [`isetcam`](super::isetcam).
     Isetcam {
-        /// ISETCam's noise flag: -2 photon noise only and no clipping, -1 nothing, 0 clipping and quantisation,
+        /// ISETCam's noise flag: -2 photon noise only and no clipping, -1 nothing, 0 clipping and quantization,
         /// 1 also photon noise, 2 everything.
         noise_flag: i8,
     },
@@ -46,7 +46,7 @@ pub struct SensorModel {
     pub columns: usize,
     /// Rows of pixels.
     pub rows: usize,
-    /// Repeating cell of the colour filter array: channel names by row. `[["mono"]]` has no colour.
+    /// Repeating cell of the color filter array: channel names by row. `[["mono"]]` has no color.
     pub mosaic: Vec<Vec<String>>,
     /// Side of a (square) pixel, um.
     pub pixel_size_um: f64,
@@ -82,7 +82,7 @@ pub struct SensorModel {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("x-replaces" = ["read_noise_mv"]))]
     pub read_noise_e: Option<f64>,
-    /// Temporal noise after the gain, mV rms at the converter, quantisation excluded (physical mode only).
+    /// Temporal noise after the gain, mV rms at the converter, quantization excluded (physical mode only).
     pub post_gain_noise_mv: f64,
     /// Standard deviation of the pixels' offsets, mV. Default 0.2536.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -131,12 +131,12 @@ pub struct SensorModel {
     /// Temperature step that doubles the dark signal, K (6 to 9 for silicon).
     pub dark_doubling_temperature_k: f64,
     /// Relative illumination by channel name, or by "all": coefficients a1, a2, ... of 1 + a1 x + a2 x^2 + ..., x the
-    /// squared distance from the centre over that of a corner. It comes on top of the lens (physical and noise-free mode
+    /// squared distance from the center over that of a corner. It comes on top of the lens (physical and noise-free mode
     /// only).
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     #[schemars(extend("x-merge" = "replace"))]
     pub relative_illumination: BTreeMap<String, Vec<f64>>,
-    /// Crosstalk between neighbours. Default: none.
+    /// Crosstalk between neighbors. Default: none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub crosstalk: Option<Crosstalk>,
     /// Shutter and readout timing. Default: all rows at once.
@@ -282,7 +282,7 @@ impl SensorModel {
     }
 
     /// Temporal dark noise of one pixel at an exposure's gain, e- rms: noise before and after the gain, of rows and of
-    /// columns. Shot noise of the dark current and quantisation excluded.
+    /// columns. Shot noise of the dark current and quantization excluded.
     pub fn dark_noise_electrons(&self, gain: f64) -> f64 {
         let electrons = |mv: f64| mv * 1e-3 / self.conversion_gain_v_per_e();
         let after_gain_dn = self.post_gain_noise_mv * 1e-3 / self.volts_per_dn();
@@ -478,7 +478,7 @@ impl SensorModel {
         let cell_columns = self.mosaic.first().map_or(0, Vec::len);
         if cell_columns == 0 || self.mosaic.iter().any(|row| row.len() != cell_columns) {
             let message = "the rows of the cell must have one length, at least 1; for instance \
-                           [[\"G\", \"R\"], [\"B\", \"G\"]], or [[\"mono\"]] for a sensor without colour";
+                           [[\"G\", \"R\"], [\"B\", \"G\"]], or [[\"mono\"]] for a sensor without color";
             return Err(SensorProblem::new("mosaic", message));
         }
         if self.mosaic.len() > self.rows || cell_columns > self.columns {

@@ -17,7 +17,7 @@
 use rand::RngExt;
 use rand_distr::{Distribution, Exp1, Poisson, StandardNormal};
 
-use super::adc::{Adc, QUANTISATION_NOISE_DN};
+use super::adc::{Adc, QUANTIZATION_NOISE_DN};
 use super::readout::Readout;
 use super::shutter::Timing;
 use super::{BinningKind, Exposure, SensorMode, SensorModel};
@@ -246,7 +246,7 @@ impl PhysicalChain {
         self.black * self.joined * self.share()
     }
 
-    /// Temporal dark noise of the output, DN rms, without shot noise and quantisation.
+    /// Temporal dark noise of the output, DN rms, without shot noise and quantization.
     pub(super) fn read_noise_dn(&self) -> f64 {
         if self.random {
             let one_read = (self.k * self.read_e.hypot(self.line_read_e)).hypot(self.post_gain_dn);
@@ -259,9 +259,9 @@ impl PhysicalChain {
     /// Temporal noise of a raw pixel around a mean of electrons of one of its pixels, dark ones included, DN rms.
     pub(super) fn temporal_noise_dn(&self, mean_e: f64) -> f64 {
         let shot_e2 = if self.random { self.added * self.joined * mean_e } else { 0.0 };
-        let rounding = QUANTISATION_NOISE_DN * self.joined.sqrt() * self.share();
+        let rounding = QUANTIZATION_NOISE_DN * self.joined.sqrt() * self.share();
         // An average is rounded once more.
-        let last = if self.averages { QUANTISATION_NOISE_DN } else { 0.0 };
+        let last = if self.averages { QUANTIZATION_NOISE_DN } else { 0.0 };
         (self.dn_per_electron().powi(2) * shot_e2
             + self.read_noise_dn().powi(2)
             + rounding.powi(2)

@@ -5,7 +5,7 @@ use std::ops::Range;
 use super::SensorProblem;
 use crate::image::Mosaic;
 
-/// Size of an irradiance image on the film, mm; its centre lies on the centre of the sensor.
+/// Size of an irradiance image on the film, mm; its center lies on the center of the sensor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FilmExtent {
     /// Width of all columns of the image, mm.
@@ -39,7 +39,7 @@ pub(super) struct AxisWeights {
 
 impl AxisWeights {
     /// `pixels` of `pitch_mm` that collect light over `aperture_mm` in their middle, against `samples` over `extent_mm`,
-    /// both centred on zero.
+    /// both centered on zero.
     pub(super) fn new(
         pixels: usize,
         pitch_mm: f64,

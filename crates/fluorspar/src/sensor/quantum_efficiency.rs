@@ -9,7 +9,7 @@ use crate::units::{ISETCAM_PLANCK_J_S, LIGHT_SPEED_M_PER_S, photons_per_joule};
 pub struct ChannelQe {
     /// Name of the channel, as in the mosaic.
     pub name: String,
-    /// Electrons per photon that falls on the collecting area, colour filter and cover glass included.
+    /// Electrons per photon that falls on the collecting area, color filter and cover glass included.
     pub curve: Curve,
 }
 
@@ -111,7 +111,7 @@ impl SpectralQe {
         grid.edges_nm().windows(2).map(integral).collect()
     }
 
-    /// The same weights as ISETCam forms them: efficiency and photon energy at the centre of the bin, its value of
+    /// The same weights as ISETCam forms them: efficiency and photon energy at the center of the bin, its value of
     /// the Planck constant, and the first step of the grid for all bins.
     pub fn isetcam_electron_weights(&self, channel: usize, grid: &WavelengthGrid, area_m2: f64) -> Vec<f64> {
         let step_nm = if grid.len() > 1 { grid.center_nm(1) - grid.center_nm(0) } else { grid.width_nm(0) };
@@ -135,7 +135,7 @@ mod tests {
         let grid = WavelengthGrid::from_edges(&[350.0, 352.5, 360.0, 390.0]).unwrap();
         let weights = qe.electron_weights(0, &grid, 2e-12);
         for (bin, weight) in weights.iter().enumerate() {
-            // lambda is linear, so its mean over a bin is that of the centre.
+            // lambda is linear, so its mean over a bin is that of the center.
             let photons = photons_per_joule(grid.center_nm(bin)) * grid.width_nm(bin);
             assert!((weight / (0.5 * 2e-12 * photons) - 1.0).abs() < 1e-12);
         }

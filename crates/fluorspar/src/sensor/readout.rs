@@ -18,9 +18,9 @@ pub enum BinningKind {
     DigitalAverage,
 }
 
-/// Joining of neighbouring pixels of one colour (physical and noise-free mode only).
+/// Joining of neighboring pixels of one color (physical and noise-free mode only).
 ///
-/// Pixels of the same place in the repeating cells of the colour filter array are joined, so that the result has the
+/// Pixels of the same place in the repeating cells of the color filter array are joined, so that the result has the
 /// same array. Numbers of rows and columns must be multiples of the cell times the binning.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -136,7 +136,7 @@ impl Readout {
         (0..self.binning.map_or(1, |b| b.columns)).map(move |k| first + k * step)
     }
 
-    /// The colour filter array as the raw image begins with it.
+    /// The color filter array as the raw image begins with it.
     pub(super) fn mosaic(&self, of_sensor: &Mosaic) -> Mosaic {
         // A binned region begins with a whole cell, so only the offset of the region turns the array.
         let (rows, cols) = (of_sensor.rows, of_sensor.cols);
@@ -150,7 +150,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn colours_stay_apart_when_pixels_are_joined() {
+    fn colors_stay_apart_when_pixels_are_joined() {
         let binning = Binning { kind: BinningKind::Charge, columns: 2, rows: 2, well_capacity_e: None };
         let model = SensorModel { columns: 8, rows: 8, binning: Some(binning), ..SensorModel::default() };
         let readout = Readout::of(&model).unwrap();
@@ -163,7 +163,7 @@ mod tests {
     }
 
     #[test]
-    fn a_region_begins_with_the_colour_that_lies_there() {
+    fn a_region_begins_with_the_color_that_lies_there() {
         let model = SensorModel { region_px: Some([3, 1, 5, 4]), ..SensorModel::default() };
         let readout = Readout::of(&model).unwrap();
         let grbg = Mosaic::bayer("grbg").unwrap();

@@ -155,7 +155,7 @@ fn patch_and_image_agree_for_binned_sensors() {
 }
 
 #[test]
-fn crosstalk_mixes_colours_as_the_effective_efficiency_says() {
+fn crosstalk_mixes_colors_as_the_effective_efficiency_says() {
     let crosstalk = Crosstalk {
         optical_side_percent: 1.0,
         optical_corner_percent: 0.2,

@@ -240,7 +240,7 @@ fn default_filters() -> Option<SpectralQe> {
 }
 
 #[test]
-fn a_colour_chart_gives_its_volts() {
+fn a_color_chart_gives_its_volts() {
     let (Some(qe), Some(optical), Some(sensor)) =
         (default_filters(), vector("oi_diffraction_limited_default"), vector("sensor_bayer_noiseless"))
     else {
@@ -317,7 +317,7 @@ fn tables_of_energy_become_photons_and_back() {
 
 /// Samples of a relative curve at wavelengths 10 nm apart, scaled to a luminance as ISETCam sums it.
 fn scaled_to_luminance(relative: impl Fn(f64) -> f64, wave: &[f64], luminance: f64) -> Vec<f64> {
-    // Bins of 1 nm hold the colour-matching functions at whole wavelengths to 1e-5.
+    // Bins of 1 nm hold the color-matching functions at whole wavelengths to 1e-5.
     let observer = StandardObserver::new(&WavelengthGrid::uniform(360.0, 830.0, 1.0).unwrap());
     let sampled = |f: &dyn Fn(f64) -> f64| {
         let mut spectrum = vec![0f32; 471];

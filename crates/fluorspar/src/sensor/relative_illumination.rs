@@ -1,4 +1,4 @@
-//! Fall-off of light towards the corners that belongs to the sensor: microlenses, angles of the chief rays.
+//! Fall-off of light toward the corners that belongs to the sensor: microlenses, angles of the chief rays.
 
 use super::{SensorModel, SensorProblem};
 use crate::image::Mosaic;
@@ -84,7 +84,7 @@ mod tests {
         let falloff = RelativeIllumination::of(&model("R", &[-0.4, 0.1]), &mosaic).unwrap();
         let mut rates = vec![100.0; 400];
         falloff.apply(&mosaic, 0, &mut rates);
-        // Column 399 of row 0 is red, half a pixel from the corner; its neighbour is green.
+        // Column 399 of row 0 is red, half a pixel from the corner; its neighbor is green.
         let x = (149.5f64.powi(2) + 199.5f64.powi(2)) / 62_500.0;
         assert!((f64::from(rates[399]) - 100.0 * (1.0 - 0.4 * x + 0.1 * x * x)).abs() < 1e-4);
         assert_eq!(rates[398], 100.0);

@@ -102,7 +102,7 @@ fn photon_transfer_recovers_gain_read_noise_and_fixed_patterns() {
     let tolerance = 5.0 * 1.25 * relative_error_of_variance / (levels.len() as f64).sqrt();
     assert!((mean(&gains) / base_k - 1.0).abs() < tolerance, "K {}, set {base_k}", mean(&gains));
 
-    // Quantisation adds 1/12 DN². A deviation has half the relative error of its variance.
+    // Quantization adds 1/12 DN². A deviation has half the relative error of its variance.
     let read_e = (dark_variance - 1.0 / 12.0).sqrt() / base_k;
     let set_e = sensor.model().read_noise_electrons();
     assert!((read_e / set_e - 1.0).abs() < 2.5 * relative_error_of_variance, "{read_e} e-, set {set_e}");
@@ -294,10 +294,10 @@ fn the_same_bits_for_any_number_of_threads() {
     for (index, value) in light.data_mut().iter_mut().enumerate() {
         *value = 1e-3 * ((index * 31 % 97) as f32);
     }
-    let colour =
+    let color =
         SensorModel { columns: 101, rows: 67, row_offset_mv: 0.1, column_gain_percent: 0.1, ..model(1) };
     for mode in [SensorMode::Physical, SensorMode::Isetcam { noise_flag: 2 }] {
-        let sensor = sensor(SensorModel { mode, ..colour.clone() });
+        let sensor = sensor(SensorModel { mode, ..color.clone() });
         let with_threads = |threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             pool.install(|| sensor.expose(&light, &Exposure::default()).unwrap())

@@ -62,12 +62,12 @@ pub enum CurveError {
     },
     /// A wavelength far from the optical range.
     #[error(
-        "wavelengths run from {} to {}; they must lie between 100 and 20000 nm. Are they in micrometres or metres? Give \
-         nanometres",
+        "wavelengths run from {} to {}; they must lie between 100 and 20000 nm. Are they in micrometers or meters? Give \
+         nanometers",
         number_text(*first),
         number_text(*last)
     )]
-    NotNanometres {
+    NotNanometers {
         /// First wavelength.
         first: f64,
         /// Last wavelength.
@@ -102,7 +102,7 @@ impl Curve {
         }
         let (first, last) = (wavelength_nm[0], wavelength_nm[wavelength_nm.len() - 1]);
         if first < 100.0 || last > 20_000.0 {
-            return Err(CurveError::NotNanometres { first, last });
+            return Err(CurveError::NotNanometers { first, last });
         }
         Ok(Self { wavelength_nm, value })
     }
@@ -310,7 +310,7 @@ mod tests {
 
     #[test]
     fn bad_samples_are_refused() {
-        assert!(matches!(Curve::new(vec![0.4, 0.5], vec![1.0, 1.0]), Err(CurveError::NotNanometres { .. })));
+        assert!(matches!(Curve::new(vec![0.4, 0.5], vec![1.0, 1.0]), Err(CurveError::NotNanometers { .. })));
         assert!(matches!(
             Curve::new(vec![400.0, 400.0], vec![1.0, 1.0]),
             Err(CurveError::NotIncreasing { index: 1, .. })

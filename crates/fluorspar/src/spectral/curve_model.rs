@@ -219,7 +219,7 @@ pub struct BloodDiffuse {
     /// Thickness in um to which the blood of the superficial capillaries would add up.
     #[serde(default)]
     pub superficial_blood_um: f64,
-    /// Haemoglobin in whole blood, g/L.
+    /// Hemoglobin in whole blood, g/L.
     #[serde(default = "whole_blood_g_per_l")]
     pub hemoglobin_g_per_l: f64,
     /// Refractive index of the tissue, 1 to 2.
@@ -449,7 +449,7 @@ impl CurveModel {
     /// Where the curve stands on data, nm; `None` for equations that hold at every wavelength.
     ///
     /// A table ends with its first and last point, unless it has fallen below 1 % of its maximum there; tissue ends with
-    /// the extinction of haemoglobin, which is held constant beyond.
+    /// the extinction of hemoglobin, which is held constant beyond.
     #[must_use]
     pub fn valid_nm(&self) -> Option<[f64; 2]> {
         match self {

@@ -1,4 +1,4 @@
-//! The normalisation under which the paper's weights are quoted: "peak 1 on 365:5:705 nm in energy".
+//! The normalization under which the paper's weights are quoted: "peak 1 on 365:5:705 nm in energy".
 
 use super::Curve;
 
@@ -73,7 +73,7 @@ mod tests {
         let peak =
             (0..69).flat_map(|r| (0..69).map(move |c| (r, c))).map(|(r, c)| eem.at(r, c)).fold(0.0, f64::max);
         assert_eq!(peak, 1.0);
-        // Flat spectra: the largest energy ratio li/lo is that of neighbours at the long end.
+        // Flat spectra: the largest energy ratio li/lo is that of neighbors at the long end.
         assert!((eem.at(68, 67) - 1.0).abs() < 1e-12);
     }
 }

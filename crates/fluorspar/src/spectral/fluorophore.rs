@@ -46,7 +46,7 @@ impl LogNormalBand {
     }
 }
 
-/// One separable term of a modelled fluorophore: sums of bands for excitation and emission.
+/// One separable term of a modeled fluorophore: sums of bands for excitation and emission.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct BandTerm {

@@ -1,12 +1,12 @@
-//! Molar extinction of oxygenated and reduced haemoglobin.
+//! Molar extinction of oxygenated and reduced hemoglobin.
 //!
 //! Source: the compilation of S. Prahl, "Tabulated molar extinction coefficient for hemoglobin in water"
 //! (Oregon Medical Laser Center, 1999; data of W. B. Gratzer and N. Kollias), base-10 logarithm, per mole of
-//! haemoglobin tetramer (64 500 g/mol). The compilation has a value every 2 nm. Kept here are every tenth
-//! nanometre and as many points between as it takes for linear interpolation to stay within 2 % of it everywhere
+//! hemoglobin tetramer (64 500 g/mol). The compilation has a value every 2 nm. Kept here are every tenth
+//! nanometer and as many points between as it takes for linear interpolation to stay within 2 % of it everywhere
 //! from 350 to 750 nm (values under 1500 /(cm M): within 30 /(cm M)).
 
-/// Molar mass of the haemoglobin tetramer to which the extinctions refer, in g/mol.
+/// Molar mass of the hemoglobin tetramer to which the extinctions refer, in g/mol.
 pub(crate) const MOLAR_MASS_G_PER_MOL: f64 = 64_500.0;
 
 /// Wavelengths of the table, nm; its ends are held constant beyond.
@@ -61,7 +61,7 @@ pub(crate) fn molar_extinction(wavelength_nm: f64) -> (f64, f64) {
     (low[1] + t * (high[1] - low[1]), low[2] + t * (high[2] - low[2]))
 }
 
-/// Absorption coefficient in 1/cm (natural logarithm) of blood with `grams_per_litre` of haemoglobin at the
+/// Absorption coefficient in 1/cm (natural logarithm) of blood with `grams_per_litre` of hemoglobin at the
 /// oxygen saturation `saturation` (0 to 1):
 /// `mua = ln(10) * (grams_per_litre / 64500) * [S eps_HbO2 + (1 - S) eps_Hb]`.
 #[must_use]
@@ -71,7 +71,7 @@ pub(crate) fn absorption_per_cm(wavelength_nm: f64, grams_per_litre: f64, satura
         * (saturation * oxy + (1.0 - saturation) * deoxy)
 }
 
-/// Transmittance of a layer of whole blood (150 g/l haemoglobin, saturation 0.9) of this thickness, µm, without
+/// Transmittance of a layer of whole blood (150 g/l hemoglobin, saturation 0.9) of this thickness, µm, without
 /// scattering: `exp(-mua d)`. Light that is reflected below the layer passes it twice.
 #[must_use]
 pub fn blood_transmittance(wavelength_nm: f64, thickness_um: f64) -> f64 {

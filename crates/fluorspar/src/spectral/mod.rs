@@ -1,4 +1,4 @@
-//! Wavelength grids, spectra that know their quantity, excitation-emission matrices, fluorophores and colour.
+//! Wavelength grids, spectra that know their quantity, excitation-emission matrices, fluorophores and color.
 //!
 //! | type | what it is |
 //! |---|---|

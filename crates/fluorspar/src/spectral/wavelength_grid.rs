@@ -51,7 +51,7 @@ pub enum GridError {
     /// Outside the supported range.
     #[error(
         "wavelength {text} nm is outside the supported {MIN_WAVELENGTH_NM} to {MAX_WAVELENGTH_NM} nm. \
-         Is it in micrometres or metres? Wavelengths are given in nanometres",
+         Is it in micrometers or meters? Wavelengths are given in nanometers",
         text = number_text(*.0)
     )]
     OutOfRange(f64),
@@ -90,7 +90,7 @@ impl WavelengthGrid {
         Ok(Self { edges_nm: edges_nm.into() })
     }
 
-    /// Bins of one width centred on `first_nm`, `first_nm + step_nm`, ... up to `last_nm` (inclusive).
+    /// Bins of one width centered on `first_nm`, `first_nm + step_nm`, ... up to `last_nm` (inclusive).
     ///
     /// # Errors
     /// A step outside 1e-6 to 1000 nm, more than [`MAX_BINS`] bins, or a range outside 200 to 1200 nm.
@@ -114,7 +114,7 @@ impl WavelengthGrid {
         Self::from_edges(&edges)
     }
 
-    /// Bins whose centres are the given wavelengths: edges lie half-way between neighbours.
+    /// Bins whose centers are the given wavelengths: edges lie half-way between neighbors.
     ///
     /// # Errors
     /// As [`WavelengthGrid::from_edges`]; one wavelength alone has no width.
@@ -145,12 +145,12 @@ impl WavelengthGrid {
         &self.edges_nm
     }
 
-    /// Centre of a bin, nm.
+    /// Center of a bin, nm.
     pub fn center_nm(&self, bin: usize) -> f64 {
         0.5 * (self.edges_nm[bin] + self.edges_nm[bin + 1])
     }
 
-    /// Centres of all bins, nm.
+    /// Centers of all bins, nm.
     pub fn centers_nm(&self) -> Vec<f64> {
         (0..self.len()).map(|bin| self.center_nm(bin)).collect()
     }
@@ -185,7 +185,7 @@ impl WavelengthGrid {
 }
 
 impl Default for WavelengthGrid {
-    /// 350 to 750 nm by 5 nm: 81 bins centred on the round numbers.
+    /// 350 to 750 nm by 5 nm: 81 bins centered on the round numbers.
     fn default() -> Self {
         let edges: Vec<f64> = (0..=81).map(|i| 347.5 + 5.0 * f64::from(i)).collect();
         Self { edges_nm: edges.into() }

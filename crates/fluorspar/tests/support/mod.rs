@@ -193,7 +193,7 @@ pub(crate) fn lit_box(lamp: &str, material: &str, concentration: f32) -> Scene {
         (n, k)
     };
     scene.materials =
-        vec![white, floor, with_dyes(coated(0.3, 0.3), &dyes), Material::lambertian("grey", flat(0.3))];
+        vec![white, floor, with_dyes(coated(0.3, 0.3), &dyes), Material::lambertian("gray", flat(0.3))];
     let thing = match material {
         "lambertian" => with_dyes(Material::lambertian("thing", flat(0.5)), &dyes),
         "coated" => with_dyes(coated(0.5, 0.25), &dyes),

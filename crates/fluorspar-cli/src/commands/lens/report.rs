@@ -111,7 +111,7 @@ fn describe(loaded: &LoadedLens, report: &LensReport) -> String {
     let mm = |value: f64| if value.is_finite() { format!("{} mm", short(value)) } else { "infinite".into() };
     let focus = report.object_distance_mm.map_or_else(|| "infinity".into(), mm);
     let mut text = format!(
-        "{} ({})\nSource: {}\nAt {} nm, focused at {focus}. Positions are from the first vertex, positive towards the film.\n\n",
+        "{} ({})\nSource: {}\nAt {} nm, focused at {focus}. Positions are from the first vertex, positive toward the film.\n\n",
         loaded.title,
         report.name,
         if loaded.lens.source.is_empty() { "not stated" } else { &loaded.lens.source },

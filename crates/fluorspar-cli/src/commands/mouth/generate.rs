@@ -23,8 +23,8 @@ pub(crate) struct Options {
     /// Pose of this view, for instance `ventral-tongue`; see `mouth view --list`.
     #[arg(long, value_name = "VIEW")]
     pose: Option<String>,
-    /// File or folder to write: .glb (all parts, metres), .obj (millimetres), .pbrt (metres), or a folder name for one
-    /// .ply file for each part (metres). May be repeated. Without it, only the dimensions are printed.
+    /// File or folder to write: .glb (all parts, meters), .obj (millimeters), .pbrt (meters), or a folder name for one
+    /// .ply file for each part (meters). May be repeated. Without it, only the dimensions are printed.
     #[arg(long, value_name = "PATH", value_hint = ValueHint::AnyPath)]
     out: Vec<PathBuf>,
     /// Don't say what was written.
@@ -71,7 +71,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         .map(|(part, material)| NamedMesh {
             name: &part.name,
             material,
-            color: colors.get(material).copied().unwrap_or(GREY),
+            color: colors.get(material).copied().unwrap_or(GRAY),
             mesh: &part.mesh,
         })
         .collect();
@@ -105,10 +105,10 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Colour of a tissue that the default experiment does not have.
-const GREY: [f64; 3] = [0.5; 3];
+/// Color of a tissue that the default experiment does not have.
+const GRAY: [f64; 3] = [0.5; 3];
 
-/// Mean colour of every tissue of the default experiment under even light, linear sRGB.
+/// Mean color of every tissue of the default experiment under even light, linear sRGB.
 fn tissue_colors() -> Result<BTreeMap<String, [f64; 3]>, CliError> {
     let source = ExperimentSource::find(None)?;
     let scene = source.resolve(&[], true)?.study.scene;

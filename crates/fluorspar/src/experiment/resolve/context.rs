@@ -15,9 +15,9 @@ use crate::sensor::{AutoExposure, EXPOSURE_MS};
 use crate::spectral::WavelengthGrid;
 use crate::units::number_text;
 
-/// Lengths and distances, mm: from a nanometre to the largest coordinate.
+/// Lengths and distances, mm: from a nanometer to the largest coordinate.
 pub(in crate::experiment) const LENGTH_MM: [f64; 2] = [1e-6, LARGEST_MM];
-/// Factors on lengths, and millimetres per unit of a file.
+/// Factors on lengths, and millimeters per unit of a file.
 pub(in crate::experiment) const SCALE: [f64; 2] = [1e-6, 1e6];
 /// Radiances, W/(sr m²), irradiances, W/m², powers, mW, and factors on them: far beyond any lamp on both sides, and so that
 /// the squares of what a pixel sees are numbers in single precision.
@@ -138,12 +138,12 @@ impl<'a> Context<'a> {
         self.fail(at, format!("must be a whole number between {low} and {high}"))
     }
 
-    /// A point or displacement of the file, mm, in metres.
+    /// A point or displacement of the file, mm, in meters.
     pub(in crate::experiment) fn meters(&self, at: &[Step], value_mm: [f64; 3]) -> Resolved<Vec3> {
         if value_mm.iter().all(|v| v.abs() <= LARGEST_MM) {
             return Ok((DVec3::from_array(value_mm) * 1e-3).as_vec3());
         }
-        self.fail(at, "every coordinate must be a number between -1e7 and 1e7 millimetres")
+        self.fail(at, "every coordinate must be a number between -1e7 and 1e7 millimeters")
     }
 
     /// A direction of any length.

@@ -335,7 +335,7 @@ fn traced_lens(
         context.note_preset("lens", name, &text);
     }
     if let Some(wanted_mm) = section.focal_length_mm {
-        context.within(&at("focal_length_mm"), wanted_mm, LENGTH_MM, "millimetres")?;
+        context.within(&at("focal_length_mm"), wanted_mm, LENGTH_MM, "millimeters")?;
         let own_mm = Paraxial::new(&lens, lens.design_wavelength_nm).focal_length_mm;
         if own_mm > 0.0 && own_mm.is_finite() {
             lens = lens.scaled(wanted_mm / own_mm);

@@ -155,7 +155,7 @@ pub(super) fn safety(context: &Context<'_>, file: &ExperimentFile) -> Resolved<S
         ("lit_diameter_mm", Some(section.lit_diameter_mm)),
     ] {
         if let Some(value) = value {
-            context.within(&at(key), value, LENGTH_MM, "millimetres")?;
+            context.within(&at(key), value, LENGTH_MM, "millimeters")?;
         }
     }
     context.within(&at("reflectance"), section.reflectance, [0.0, 1.0], "")?;

@@ -200,12 +200,12 @@ impl Spot {
                 read_texture_png(file.as_ref(), Transfer::Linear).map_err(|e| context.file_error(&at, &e))?;
             let colored = |pixel: &[f32]| pixel.len() > 2 && (pixel[0] != pixel[1] || pixel[1] != pixel[2]);
             if image.data.chunks_exact(image.channels).any(colored) {
-                let message = "the picture has colours; the mean of red, green and blue is taken: white is inside, black \
-                               outside. Save it as a grey PNG";
+                let message = "the picture has colors; the mean of red, green and blue is taken: white is inside, black \
+                               outside. Save it as a gray PNG";
                 context.warn(&at, message);
             }
-            let grey = image.data.chunks_exact(image.channels).map(super::spectrum::grey).collect();
-            let image = ImageTexture::new(image.width, image.height, grey)
+            let gray = image.data.chunks_exact(image.channels).map(super::spectrum::gray).collect();
+            let image = ImageTexture::new(image.width, image.height, gray)
                 .map_err(|e| context.error(&at, e.to_string()))?;
             return Ok(Self::Painted(image));
         }
@@ -343,7 +343,7 @@ mod tests {
         let pixel_mm2 = 60.0 * 80.0 / (SIDE * SIDE) as f32;
         let area = (back.iter().sum::<f32>() + under.iter().sum::<f32>()) * pixel_mm2;
         let whole = std::f32::consts::PI * 3.0 * 6.0;
-        // The edge is half a millimetre wide on each side, to first order in the distance from the rim.
+        // The edge is half a millimeter wide on each side, to first order in the distance from the rim.
         assert!((area / whole - 1.0).abs() < 0.03, "{area} mm2 of {whole}");
     }
 

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use glam::Vec3;
 
 use super::context::{Context, LENGTH_MM, Resolved, STRENGTH};
-use super::spectrum::{Role, grey};
+use super::spectrum::{Role, gray};
 use crate::experiment::error::{Place, steps};
 use crate::experiment::schema::{
     Aim, AnnulusLight, DistantStrength, EmitterSection, EnvironmentMapReference, EnvironmentStrength,
@@ -109,16 +109,16 @@ fn spectral_map(
         .map_err(|error| context.error(at, error.to_string()))
 }
 
-/// The grey map of an environment.
-fn grey_map(
+/// The gray map of an environment.
+fn gray_map(
     context: &mut Context<'_>,
     at: &Place,
     reference: &EnvironmentMapReference,
 ) -> Resolved<EnvironmentMap> {
-    let message = "a grey map is a .png file; a spectral .exr file is the map of a light of type \"spectral_environment\"";
+    let message = "a gray map is a .png file; a spectral .exr file is the map of a light of type \"spectral_environment\"";
     let file = map_file(context, at, reference, "png", message)?;
     let image = read_texture_png(file.as_ref(), Transfer::Linear).map_err(|e| context.file_error(at, &e))?;
-    let factors = image.data.chunks_exact(image.channels).map(grey).collect();
+    let factors = image.data.chunks_exact(image.channels).map(gray).collect();
     let layer = EnvironmentLayer { spectrum: Curve::constant(1.0), factors };
     EnvironmentMap::new(image.width, image.height, vec![layer], reference.rotation_deg())
         .map_err(|error| context.error(at, error.to_string()))
@@ -211,7 +211,7 @@ impl<'a> Frame<'a> {
 }
 
 fn length(context: &Context<'_>, at: &Place, key: &str, value_mm: f64) -> Resolved<f32> {
-    Ok((context.within(&at.field(key), value_mm, LENGTH_MM, "millimetres")? * 1e-3) as f32)
+    Ok((context.within(&at.field(key), value_mm, LENGTH_MM, "millimeters")? * 1e-3) as f32)
 }
 
 /// The emitters of a light, and how strong they are.
@@ -290,7 +290,7 @@ fn emitters(
         }
         EmitterSection::Environment(environment) => {
             let emitter = match &environment.map {
-                Some(map) => Emitter::EnvironmentMap(Arc::new(grey_map(context, &map_at, map)?)),
+                Some(map) => Emitter::EnvironmentMap(Arc::new(gray_map(context, &map_at, map)?)),
                 None => Emitter::Environment,
             };
             Ok((Emitters::everywhere(emitter), Strength::Environment(environment.strength)))
@@ -422,7 +422,7 @@ fn absolute_spectrum(
         Strength::Source(SourceStrength::Irradiance { irradiance_w_per_m2, at_distance_mm }) => {
             let irradiance = strong("irradiance_w_per_m2", irradiance_w_per_m2, "W/m²")?;
             let distance_at = at.field("at_distance_mm");
-            let distance_m = context.within(&distance_at, at_distance_mm, LENGTH_MM, "millimetres")? * 1e-3;
+            let distance_m = context.within(&distance_at, at_distance_mm, LENGTH_MM, "millimeters")? * 1e-3;
             // On the axis, on a surface that faces the light, when every emitter sends one watt.
             let axis = emitters.axis.as_dvec3();
             let position = emitters.center.as_dvec3() + axis * distance_m;

@@ -100,7 +100,7 @@ fn object(
                 &at.field("unit_mm"),
                 mesh.unit_mm,
                 SCALE,
-                "millimetres per unit of the file",
+                "millimeters per unit of the file",
             )?;
             if mesh.displacement.is_none()
                 && let Some(shared) = read_shared_meshes(context, &file_at, &mesh.file, unit_mm)?
@@ -344,7 +344,7 @@ fn displace(
     section: &DisplacementSection,
     mesh: &mut TriangleMesh,
 ) -> Resolved<()> {
-    context.within(&at.field("amount_mm"), section.amount_mm, [-100.0, 100.0], "millimetres")?;
+    context.within(&at.field("amount_mm"), section.amount_mm, [-100.0, 100.0], "millimeters")?;
     context.whole_within(&at.field("subdivisions"), section.subdivisions.into(), [0, 8])?;
     let map = context.texture(&at.field("map"), &section.map, 1.0)?;
     if mesh.uvs.is_empty() && map.constant().is_none() {
@@ -396,7 +396,7 @@ fn affine(context: &Context<'_>, at: &Place, section: &TransformSection) -> Reso
 
 fn radius(context: &Context<'_>, at: &Place, radius_mm: f64, scale: f32) -> Resolved<f32> {
     let at = at.field("radius_mm");
-    Ok((context.within(&at, radius_mm, LENGTH_MM, "millimetres")? * 1e-3) as f32 * scale)
+    Ok((context.within(&at, radius_mm, LENGTH_MM, "millimeters")? * 1e-3) as f32 * scale)
 }
 
 fn sphere_shape(
@@ -441,7 +441,7 @@ fn box_mesh(context: &Context<'_>, at: &Place, cuboid: &BoxShape) -> Resolved<Tr
     let center = context.meters(&at.field("center_mm"), cuboid.center_mm)?;
     let size_at = at.field("size_mm");
     for size in cuboid.size_mm {
-        context.within(&size_at, size, LENGTH_MM, "millimetres")?;
+        context.within(&size_at, size, LENGTH_MM, "millimeters")?;
     }
     let size = context.meters(&size_at, cuboid.size_mm)?;
     let mut mesh = TriangleMesh::default();
@@ -599,7 +599,7 @@ fn scans(
             &at.field("unit_mm"),
             scan.unit_mm.unwrap_or(1.0),
             SCALE,
-            "millimetres per unit of the file",
+            "millimeters per unit of the file",
         )?;
         let mut mesh = read_mesh(context, &at.field("mesh"), &scan.mesh, unit_mm)?;
         if let Some(message) = unlikely_size(&mesh, unit_mm) {
@@ -650,7 +650,7 @@ fn unlikely_size(mesh: &TriangleMesh, unit_mm: f64) -> Option<String> {
     if SCAN_MM.contains(&longest_mm) {
         return None;
     }
-    let unit = [(1.0, "millimetres"), (1000.0, "metres"), (0.001, "micrometres"), (10.0, "centimetres")]
+    let unit = [(1.0, "millimeters"), (1000.0, "meters"), (0.001, "micrometers"), (10.0, "centimeters")]
         .into_iter()
         .find(|(unit, _)| SCAN_MM.contains(&(longest_mm / unit_mm * unit)));
     let mending = unit.map_or_else(

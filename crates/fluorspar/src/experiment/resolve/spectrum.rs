@@ -164,7 +164,7 @@ impl Context<'_> {
             if matches!(role, Role::Light | Role::Absolute)
                 && curve.integral(MIN_WAVELENGTH_NM, MAX_WAVELENGTH_NM) <= 0.0
             {
-                let message = "the spectrum is zero from 200 to 1200 nm; are its wavelengths in nanometres?";
+                let message = "the spectrum is zero from 200 to 1200 nm; are its wavelengths in nanometers?";
                 return self.fail(at, message);
             }
             return Ok(());
@@ -227,8 +227,8 @@ impl Context<'_> {
                 let transfer = if map.srgb { Transfer::Srgb } else { Transfer::Linear };
                 let image =
                     read_texture_png(map.image.as_ref(), transfer).map_err(|e| self.file_error(&at, &e))?;
-                let grey = image.data.chunks_exact(image.channels).map(grey).collect();
-                let image = ImageTexture::new(image.width, image.height, grey)
+                let gray = image.data.chunks_exact(image.channels).map(gray).collect();
+                let image = ImageTexture::new(image.width, image.height, gray)
                     .map_err(|e| self.error(&at, e.to_string()))?;
                 ScalarTexture::Image { image: Arc::new(image), low, high }
             }
@@ -280,12 +280,12 @@ impl Context<'_> {
 /// Pixels across and along a map of the back of a tongue: seven to the finest features of its patches.
 const DORSAL_TONGUE_PX: [usize; 2] = [512, 1024];
 
-/// Grey value of a pixel: the only channel, or the mean of red, green and blue; alpha is left out.
-pub(super) fn grey(pixel: &[f32]) -> f32 {
-    let colours = match pixel.len() {
+/// Gray value of a pixel: the only channel, or the mean of red, green and blue; alpha is left out.
+pub(super) fn gray(pixel: &[f32]) -> f32 {
+    let colors = match pixel.len() {
         2 => 1,
         4 => 3,
         n => n,
     };
-    pixel[..colours].iter().sum::<f32>() / colours as f32
+    pixel[..colors].iter().sum::<f32>() / colors as f32
 }

@@ -123,7 +123,7 @@ fn unity() -> f64 {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct AnalysisSection {
-    /// Capture that is analysed.
+    /// Capture that is analyzed.
     pub frame: String,
     /// Parts of the scene, by object name, that form the region of interest. Default: all.
     #[serde(default)]

@@ -58,7 +58,7 @@ fn equal_energy() -> SpectrumReference {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct DevelopSection {
-    /// Interpolation of the colours: "bilinear", or "gradient_corrected" (Malvar, He, Cutler 2004; Bayer arrays only).
+    /// Interpolation of the colors: "bilinear", or "gradient_corrected" (Malvar, He, Cutler 2004; Bayer arrays only).
     /// Default "bilinear".
     pub demosaic: Demosaicing,
     /// Dark frames that are averaged and subtracted in place of the black level, for each exposure time and gain, 0 to
@@ -68,7 +68,7 @@ pub struct DevelopSection {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub flat_field: Option<FlatFieldSection>,
     /// Pixels whose dark signal or response lies farther from the others than this many robust standard deviations are
-    /// replaced by their neighbours, 1 to 1000; needs dark frames or a flat field. Default: none are replaced.
+    /// replaced by their neighbors, 1 to 1000; needs dark frames or a flat field. Default: none are replaced.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub bad_pixel_sigma: Option<f64>,
 }

@@ -178,7 +178,7 @@ pub struct SphereLight {
     pub position_mm: [f64; 3],
     /// Radius, mm.
     pub radius_mm: f64,
-    /// Power, or irradiance towards -z of its frame.
+    /// Power, or irradiance toward -z of its frame.
     pub strength: SourceStrength,
 }
 
@@ -236,7 +236,7 @@ pub struct DistantLight {
 pub struct EnvironmentLight {
     /// Radiance; with a map that of white.
     pub strength: EnvironmentStrength,
-    /// Grey map of the radiance. Default: the same everywhere.
+    /// Gray map of the radiance. Default: the same everywhere.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub map: Option<EnvironmentMapReference>,
 }
@@ -251,7 +251,7 @@ pub struct SpectralEnvironmentLight {
 
 /// The path of an equirectangular map, or a table of `file` and `rotation_deg`.
 ///
-/// Rows from the top (+y); the middle lies towards -z, the right half towards +x.
+/// Rows from the top (+y); the middle lies toward -z, the right half toward +x.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged)]
 pub enum EnvironmentMapReference {
@@ -265,9 +265,9 @@ pub enum EnvironmentMapReference {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TurnedMap {
-    /// Path of the map: a grey PNG image, or a spectral OpenEXR image for a spectral environment.
+    /// Path of the map: a gray PNG image, or a spectral OpenEXR image for a spectral environment.
     pub file: FilePath,
-    /// Turn about +y, degrees: at 90 the middle lies towards -x. Default 0.
+    /// Turn about +y, degrees: at 90 the middle lies toward -x. Default 0.
     #[serde(default)]
     pub rotation_deg: f64,
 }

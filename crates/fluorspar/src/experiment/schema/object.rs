@@ -30,8 +30,8 @@ pub enum ShapeSection {
 pub struct MeshShape {
     /// Path of a .ply, .stl, .obj, .gltf or .glb file.
     pub file: FilePath,
-    /// Length of one unit of the file, mm; 1000 for metres. Default 1.
-    #[serde(default = "one_millimetre")]
+    /// Length of one unit of the file, mm; 1000 for meters. Default 1.
+    #[serde(default = "one_millimeter")]
     pub unit_mm: f64,
     /// Relief of the surface. Default: none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -78,17 +78,17 @@ pub struct DiscShape {
     #[serde(default)]
     pub center_mm: [f64; 3],
     /// Direction that it faces, of any length. Default [0, 0, 1].
-    #[serde(default = "towards_camera")]
+    #[serde(default = "toward_camera")]
     pub normal: [f64; 3],
     /// Radius, mm, above 0.
     pub radius_mm: f64,
 }
 
-fn towards_camera() -> [f64; 3] {
+fn toward_camera() -> [f64; 3] {
     [0.0, 0.0, 1.0]
 }
 
-fn one_millimetre() -> f64 {
+fn one_millimeter() -> f64 {
     1.0
 }
 
@@ -231,7 +231,7 @@ pub struct ObjectSection {
     pub shape: ShapeSection,
 }
 
-/// A spot on a part of the mouth with its own colour and fluorophores: an ellipse, or a painted mask.
+/// A spot on a part of the mouth with its own color and fluorophores: an ellipse, or a painted mask.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LesionSection {
@@ -252,7 +252,7 @@ pub struct LesionSection {
     /// Width over which it fades out, mm, 0 or more. Default 1.
     #[serde(default = "lesion_edge")]
     pub edge_mm: f64,
-    /// Path of a grey PNG on the texture coordinates of the part instead of the ellipse: white is inside. Of colours the mean
+    /// Path of a gray PNG on the texture coordinates of the part instead of the ellipse: white is inside. Of colors the mean
     /// of red, green and blue is taken, with a warning.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mask: Option<FilePath>,
@@ -292,7 +292,7 @@ pub struct ScanSection {
     pub replaces: Vec<String>,
     /// Name of its material.
     pub material: String,
-    /// Length of one unit of the file, mm; 1000 for metres. Default 1.
+    /// Length of one unit of the file, mm; 1000 for meters. Default 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub unit_mm: Option<f64>,
     /// Where it stands in the frame of the mouth. Default: as given.

@@ -115,11 +115,11 @@ pub enum TextureTable {
     Anatomy(AnatomyMap),
 }
 
-/// A grey picture.
+/// A gray picture.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ImageMap {
-    /// Path of a grey PNG image: black is `low`, white is `high`.
+    /// Path of a gray PNG image: black is `low`, white is `high`.
     pub image: FilePath,
     /// Whether the image is stored with the sRGB curve; otherwise its numbers are linear. Default false.
     #[serde(default, skip_serializing_if = "is_false")]

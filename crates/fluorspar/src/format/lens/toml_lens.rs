@@ -70,7 +70,7 @@ pub struct AbbeGlass {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LensFileSurface {
-    /// Radius of curvature, positive when the centre lies behind. Default: a plane.
+    /// Radius of curvature, positive when the center lies behind. Default: a plane.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub radius_mm: Option<f64>,
     /// Conic constant. Default 0, a sphere.

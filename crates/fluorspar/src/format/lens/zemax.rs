@@ -1,4 +1,4 @@
-//! The sequential, centred, refracting subset of Zemax files: standard and even aspheric surfaces.
+//! The sequential, centered, refracting subset of Zemax files: standard and even aspheric surfaces.
 
 use super::{Fault, number};
 use crate::optics::{Dispersion, LensPrescription, LensSurface, Medium};
@@ -80,7 +80,7 @@ impl ZemaxFile {
                 let kind = rest.first().copied().unwrap_or_default();
                 if !["STANDARD", "EVENASPH"].contains(&kind) {
                     let message = format!(
-                        "surfaces of type {kind} are not supported; only STANDARD and EVENASPH, centred on one axis"
+                        "surfaces of type {kind} are not supported; only STANDARD and EVENASPH, centered on one axis"
                     );
                     return Err(Fault::at(at, message));
                 }

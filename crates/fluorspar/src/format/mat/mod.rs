@@ -33,7 +33,7 @@ enum MatValue {
 /// Variables or fields by name, in file order.
 type Fields = Vec<(String, MatValue)>;
 
-/// A fluorophore of the ISET toolboxes, as stored: neither normalised nor converted. Their convention is quanta.
+/// A fluorophore of the ISET toolboxes, as stored: neither normalized nor converted. Their convention is quanta.
 #[derive(Clone, Debug, PartialEq)]
 pub struct IsetFluorophore {
     /// Name; empty where the file gives none.
