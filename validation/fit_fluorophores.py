@@ -540,7 +540,7 @@ def do_tooth(name, out):
           dict(header=f"Sound {name}: a model, not a fit. Tooth fluorescence is not separable: the emission peak follows the excitation by 50 to 75 nm "
                       "(red-edge effect, J. Biomed. Opt. 16:071411). Seven terms whose excitation bands are 1700 /cm apart (Gaussian, 2800 /cm wide, so "
                       "that their sum is smooth) and whose emission bands slide with them. Excitation envelope: broad maximum at 340-370 nm as in Wozniak & Moore 1978, "
-                      "with a tail to 500 nm because teeth are bright under 405 nm and visible under 450 nm lamps [assumed]. Emission near 440 nm under UV, "
+                      "with a tail to 500 nm because teeth are bright under 405 nm and visible under 450 nm lights [assumed]. Emission near 440 nm under UV, "
                       "480 nm under 405 nm (one source reports 533 nm for enamel there; radiance of three subjects under a 395 nm LED shows 480-485 nm). Dentine is "
                       "about three times as bright as enamel (Lee 2015: 3x). Scale: the same radiances give 0.7e-2 to 1.3e-2 photons above 435 nm per "
                       "incident photon for whole front teeth (enamel over dentine), between the two values used here.",

@@ -14,7 +14,7 @@ use serde_json::{Value, json};
 /// Spectra are exported at these steps, nm.
 const STEP_NM: f64 = 1.0;
 
-/// Writes what an elastic renderer needs: meshes, reflectances, coats, disc and rectangle lamps, camera, bins.
+/// Writes what an elastic renderer needs: meshes, reflectances, coats, disc and rectangle lights, camera, bins.
 ///
 /// # Errors
 /// A file that cannot be written, or a feature that has no counterpart ([`io::ErrorKind::Unsupported`]).
@@ -72,7 +72,7 @@ pub fn export(scene: &Scene, folder: &Path) -> io::Result<()> {
                 "edge_u": edge_u.to_array(), "edge_v": edge_v.to_array(),
                 "area": edge_u.cross(*edge_v).length(),
             }),
-            _ => return Err(unsupported("lamps other than Lambertian discs and rectangles")),
+            _ => return Err(unsupported("lights other than Lambertian discs and rectangles")),
         };
         lights.push(json!({ "emitter": shape, "power_w_per_nm": samples(&light.spectrum, scene) }));
     }

@@ -2,8 +2,8 @@
 //!
 //! | scene | what |
 //! |---|---|
-//! | [`BenchmarkScene::CornellBox`] | 32 triangles, one ceiling lamp, matte |
-//! | [`BenchmarkScene::ClosedCavity`] | 230 thousand triangles, checkered and glossy, 16 teeth, two lamps of 5 mm |
+//! | [`BenchmarkScene::CornellBox`] | 32 triangles, one ceiling light, matte |
+//! | [`BenchmarkScene::ClosedCavity`] | 230 thousand triangles, checkered and glossy, 16 teeth, two lights of 5 mm |
 //! | [`BenchmarkScene::MatteCavity`] | the same without gloss, which every renderer models alike |
 //! | [`BenchmarkScene::CavityThroughLens`] | the closed cavity through the 3.5 mm lens of the catalogue, traced |
 //! | [`BenchmarkScene::Mouth`] | the parametric mouth with its default parameters, seen from outside |

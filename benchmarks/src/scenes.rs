@@ -19,7 +19,7 @@ use crate::meshes::{block, bumps, closed_surface, parallelogram};
 /// A scene of the benchmarks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BenchmarkScene {
-    /// Five walls, two blocks, one lamp below the ceiling.
+    /// Five walls, two blocks, one light below the ceiling.
     CornellBox,
     /// A bumpy closed cavity with checkered walls and glossy teeth, lit and seen from inside.
     ClosedCavity,
@@ -28,7 +28,7 @@ pub enum BenchmarkScene {
     /// [`BenchmarkScene::ClosedCavity`] seen through a traced lens prescription: the wide lens of 3.5 mm in the catalogue,
     /// in two groups of bands.
     CavityThroughLens,
-    /// The parametric mouth from 10 cm, with two lamps beside the camera.
+    /// The parametric mouth from 10 cm, with two lights beside the camera.
     Mouth,
 }
 
@@ -86,8 +86,8 @@ fn hump(low: f64, high: f64, center_nm: f64) -> Curve {
     })
 }
 
-/// A broad lamp, `power_w` watts in all.
-fn lamp_spectrum(power_w: f64) -> Curve {
+/// A broad light, `power_w` watts in all.
+fn light_spectrum(power_w: f64) -> Curve {
     let shape = Curve::from_fn(RANGE_NM.0, RANGE_NM.1, |nm| {
         1.0 + 0.5 * (nm / 90.0).sin() + 0.3 * (nm - 550.0) / 200.0
     });
@@ -170,9 +170,9 @@ fn cornell_box(options: &SceneOptions) -> Scene {
     scene.objects.push(object("short_block", block(Vec3::new(0.35, 0.0, 0.3), 0.3, 0.6, -0.3), 4));
     scene.objects.push(object("tall_block", block(Vec3::new(-0.35, 0.0, -0.3), 0.3, 1.2, 0.3), 0));
     scene.lights.push(Light {
-        name: "ceiling_lamp".into(),
+        name: "ceiling_light".into(),
         group: 0,
-        spectrum: lamp_spectrum(10.0),
+        spectrum: light_spectrum(10.0),
         emitter: RectangleEmitter {
             corner: Vec3::new(-0.25, 1.99, -0.2),
             edge_u: Vec3::X * 0.5,
@@ -234,12 +234,12 @@ fn closed_cavity(options: &SceneOptions, gloss: bool) -> Scene {
         let mesh = closed_surface(center, Vec3::new(0.0028, 0.0042, 0.0026), 25, false, bumps(5.0, 0.05));
         scene.objects.push(object(&format!("tooth_{}", tooth + 1), mesh, 1));
     }
-    for (name, x) in [("left_lamp", -0.009_f32), ("right_lamp", 0.009)] {
+    for (name, x) in [("left_light", -0.009_f32), ("right_light", 0.009)] {
         let center = Vec3::new(x, 0.002, 0.032);
         scene.lights.push(Light {
             name: name.into(),
             group: 0,
-            spectrum: lamp_spectrum(0.05),
+            spectrum: light_spectrum(0.05),
             emitter: DiscEmitter { center, normal: Vec3::NEG_Z, radius_m: 0.0025, exponent: 1.0 }.into(),
         });
     }
@@ -282,12 +282,12 @@ fn mouth(options: &SceneOptions) -> Scene {
         scene.materials.push(material);
         scene.objects.push(object(&part.name, part.mesh.clone(), index));
     }
-    for (name, x) in [("left_lamp", -0.03_f32), ("right_lamp", 0.03)] {
+    for (name, x) in [("left_light", -0.03_f32), ("right_light", 0.03)] {
         let center = Vec3::new(x, 0.0, 0.10);
         scene.lights.push(Light {
             name: name.into(),
             group: 0,
-            spectrum: lamp_spectrum(0.2),
+            spectrum: light_spectrum(0.2),
             emitter: DiscEmitter { center, normal: (-center).normalize(), radius_m: 0.0025, exponent: 1.0 }
                 .into(),
         });

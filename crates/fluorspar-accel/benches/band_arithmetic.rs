@@ -17,15 +17,15 @@ fn cases() -> Vec<(Kernel, usize)> {
     Kernel::available().into_iter().flat_map(|kernel| BANDS.map(|bands| (kernel, bands))).collect()
 }
 
-/// Reflection of what arrives and of one lamp.
+/// Reflection of what arrives and of one light.
 #[divan::bench(args = cases())]
 fn elastic_vertex(bencher: Bencher, (kernel, bands): (Kernel, usize)) {
     let Some(simd) = Simd::of(kernel) else { return };
-    let (r, lamp) = (bands::to_blocks(&vector(bands, 0.0)), bands::to_blocks(&vector(bands, 1.0)));
+    let (r, light) = (bands::to_blocks(&vector(bands, 0.0)), bands::to_blocks(&vector(bands, 1.0)));
     let mut v = bands::to_blocks(&vector(bands, 2.0));
     let mut factor = r.clone();
     bencher.bench_local(|| {
-        simd.run(Elastic(black_box(&r), black_box(&lamp), black_box(&mut v), black_box(&mut factor)));
+        simd.run(Elastic(black_box(&r), black_box(&light), black_box(&mut v), black_box(&mut factor)));
     });
 }
 

@@ -96,13 +96,13 @@ fn band_arithmetic(counter: &mut Counter) -> io::Result<()> {
         let Some(simd) = Simd::of(kernel) else { continue };
         for bands in BANDS {
             let r = bands::to_blocks(&vector(bands, 0.0));
-            let lamp = bands::to_blocks(&vector(bands, 1.0));
+            let light = bands::to_blocks(&vector(bands, 1.0));
             let mut out = bands::to_blocks(&vector(bands, 2.0));
             let mut factor = r.clone();
             let elastic = counter.count(|_| {
                 simd.run(Elastic(
                     black_box(&r),
-                    black_box(&lamp),
+                    black_box(&light),
                     black_box(&mut out),
                     black_box(&mut factor),
                 ));
@@ -115,13 +115,13 @@ fn band_arithmetic(counter: &mut Counter) -> io::Result<()> {
             ] {
                 let terms = terms(bands, count, masked);
                 let products = counter.count(|_| {
-                    simd.run(Products(black_box(&terms), black_box(&lamp), black_box(&mut out)))
+                    simd.run(Products(black_box(&terms), black_box(&light), black_box(&mut out)))
                 })?;
                 println!("{kernel:>8} {bands:>4} bands  {name:<23} {products:>9.1}");
             }
             let matrix = triangle(bands);
             let dense = counter
-                .count(|_| simd.run(Dense(black_box(&matrix), black_box(&lamp), black_box(&mut out))))?;
+                .count(|_| simd.run(Dense(black_box(&matrix), black_box(&light), black_box(&mut out))))?;
             println!("{kernel:>8} {bands:>4} bands  triangular matrix       {dense:>9.1}");
         }
     }

@@ -144,7 +144,7 @@ fn a_control_without_porphyrin_has_a_fraction_of_nothing() {
     let with = fraction("render.seed=1");
     for none in ["0", "{ dorsal_tongue = { peak = 0.0 } }"] {
         let control = fraction(&format!("material.patch.concentrations.protoporphyrin_ix={none}"));
-        // What the filter leaks of the lamp is part of the color, with porphyrin as without.
+        // Leaked excitation light is part of the color, with porphyrin as without.
         assert!((0.0..0.01).contains(&control) && with > control + 0.02, "{none}: {control}, {with}");
     }
 }

@@ -207,7 +207,7 @@ fn report(
     ReportData {
         title: "Sample report: a tongue under 385 nm".into(),
         lead: vec![
-            "This page shows what a fluorescence camera would record of a tongue lit by a 385 nm lamp, and what the recorded colors \
+            "This page shows what a fluorescence camera would record of a tongue lit by a 385 nm LED, and what the recorded colors \
              say about porphyrins. Everything on it is made up, to show what a report looks like."
                 .into(),
         ],

@@ -29,10 +29,10 @@ fn camera(study: &Study) -> CameraResponse {
     CameraResponse::new(&lens, study.camera.sensor.as_ref().unwrap(), &study.scene.grid, None)
 }
 
-fn spectra(study: &Study, lamp: &Curve) -> MixtureSpectra {
+fn spectra(study: &Study, light: &Curve) -> MixtureSpectra {
     let analysis = study.analysis.as_ref().unwrap();
     let scene = &study.scene;
-    MixtureSpectra::new(&scene.fluorophores, &analysis.bulk, &analysis.porphyrin, &scene.grid, lamp).unwrap()
+    MixtureSpectra::new(&scene.fluorophores, &analysis.bulk, &analysis.porphyrin, &scene.grid, light).unwrap()
 }
 
 /// One unit of bulk with 0.1 units of porphyrin.
@@ -72,6 +72,6 @@ fn another_camera(bencher: Bencher) {
 #[divan::bench]
 fn another_light(bencher: Bencher) {
     let study = study_from_code::study().unwrap();
-    let lamp = &study.scene.lights[0].spectrum;
-    bencher.bench_local(|| spectra(black_box(&study), black_box(lamp)));
+    let light = &study.scene.lights[0].spectrum;
+    bencher.bench_local(|| spectra(black_box(&study), black_box(light)));
 }

@@ -1,4 +1,4 @@
-//! Shaded previews of the generated mouth, without any physics: a depth buffer and one lamp beside the camera.
+//! Shaded previews of the generated mouth, without any physics: a depth buffer and one light beside the camera.
 //!
 //! Usage: `mouth_preview OUT.png [VIEW] [FIELD=VALUE ...]`, where VIEW is `front`, `oblique`, `below`, `above` or
 //! `upper`, and the fields are those of the mouth's parameters.
@@ -177,10 +177,10 @@ impl Picture {
             position += mesh.positions[triangle[k] as usize] * w[k];
         }
         let normal = normal.normalize();
-        let lamp = self.view.eye + self.right * 0.035 + self.up * 0.03;
-        let to_lamp = lamp - position;
-        let direction = to_lamp.normalize();
-        let fall = 0.0105 / to_lamp.length_squared();
+        let light = self.view.eye + self.right * 0.035 + self.up * 0.03;
+        let to_light = light - position;
+        let direction = to_light.normalize();
+        let fall = 0.0105 / to_light.length_squared();
         let diffuse = normal.dot(direction).max(0.0);
         let half_way = (direction + (self.view.eye - position).normalize()).normalize();
         let shine = 0.25 * normal.dot(half_way).max(0.0).powi(60);

@@ -28,9 +28,9 @@ const DISTANCE_MM: f64 = 100.0;
 
 /// A square of tissue-like material under parallel light that fills the picture.
 fn scene(camera: PerspectiveCamera) -> Result<Scene, Box<dyn Error>> {
-    // The lamp behind its filter, 1000 W/m² on a surface that faces it.
-    let lamp = preset::light_spectrum("led_385")?.curve().times(&preset::filter("short_pass_425")?.curve());
-    let blue = lamp.scaled(1.0 / lamp.integral(200.0, 1200.0)).scaled(1000.0);
+    // The light behind its filter, 1000 W/m² on a surface that faces it.
+    let light = preset::light_spectrum("led_385")?.curve().times(&preset::filter("short_pass_425")?.curve());
+    let blue = light.scaled(1.0 / light.integral(200.0, 1200.0)).scaled(1000.0);
 
     let mut patch = Material::lambertian("patch", preset::reflectance("tongue_dorsum")?.curve());
     let mut fluorophores = Vec::new();

@@ -14,7 +14,7 @@
 //! | analysis | [`analysis::analyze_region`] | [`analysis::Analysis`]: chromaticity, porphyrin fraction, with intervals |
 //!
 //! [`pipeline::evaluate`] runs everything after the render at once; [`pipeline::predict`] does so for a flat sample without geometry.
-//! [`names`] suggests what a misspelled name may have meant. [`safety`] assesses lamps for eyes and tissue. [`preset`] is the catalogue of fluorophores, lights, filters, reflectances, sensors and experiments;
+//! [`names`] suggests what a misspelled name may have meant. [`safety`] assesses light sources for the safety of eyes and skin. [`preset`] is the catalogue of fluorophores, lights, filters, reflectances, sensors and experiments;
 //! [`format`](mod@format) reads and writes files; [`anatomy`] makes the mouth.
 //!
 //! Inside the library lengths are in meters, wavelengths in nanometers, power in watts; other units stand in the name

@@ -174,7 +174,7 @@ fn irradiance_w_per_m2(lights: &[Light], point: glam::DVec3, direction: glam::DV
 }
 
 #[test]
-fn a_ring_gives_the_irradiance_of_eight_small_lamps() {
+fn a_ring_gives_the_irradiance_of_eight_small_lights() {
     // Eight Lambertian watts on a circle of 35 mm: N P d^2 / (pi (d^2 + rho^2)^2) = 202 W/m2 at 100 mm.
     let text = SPHERE
         .replace("type = \"disc\"", "type = \"ring\"\nring_radius_mm = 35.0")

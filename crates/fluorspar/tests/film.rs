@@ -314,7 +314,7 @@ fn error_targets_that_make_no_sense_are_refused() {
 }
 
 #[test]
-fn excitation_bins_add_up_and_make_other_lamps() {
+fn excitation_bins_add_up_and_make_other_lights() {
     let mut study = experiment(12, 12);
     let whole = settings(&study, 8, StatisticsKind::None);
     let edges = vec![360.0, 375.0, 385.0, 395.0, 410.0, 700.0];
@@ -322,8 +322,8 @@ fn excitation_bins_add_up_and_make_other_lamps() {
     let bins = image(&study, &apart);
     let direct = image(&study, &whole);
     let peak = |values: &[f32]| values.iter().copied().fold(0.0, f32::max);
-    // Same paths: only rounding differs; and for another lamp the flank of its step, 1e-6 of 20 nm wide, and the
-    // excitation weights within a bin of the grid, which see another lamp.
+    // Same paths: only rounding differs; and for another light the flank of its step, 1e-6 of 20 nm wide, and the
+    // excitation weights within a bin of the grid, which see another light.
     let close = |a: &[f32], b: &[f32], tolerance: f32, what: &str| {
         let (top, mut worst) = (peak(b), 0.0_f32);
         for (a, b) in a.iter().zip(b) {
@@ -337,7 +337,7 @@ fn excitation_bins_add_up_and_make_other_lamps() {
         close(sum.data(), direct.light_group(&group).data(), 1e-5, &group);
     }
 
-    // Another lamp: the rendered one times a step function of the bins.
+    // Another light: the rendered one times a step function of the bins.
     let group = direct.light_groups()[0].clone();
     let factor = |nm: f64| if nm < 385.0 { 0.25 } else { 1.5 };
     let light = study.scene.lights.iter().position(|l| l.group == 0).unwrap();
@@ -347,15 +347,15 @@ fn excitation_bins_add_up_and_make_other_lamps() {
         vec![factor(300.0), factor(300.0), factor(400.0), factor(400.0)],
     );
     let wanted = rendered.times(&step.unwrap());
-    let made = bins.recombine_lamp(&group, &rendered, &wanted).unwrap();
+    let made = bins.recombine_spectrum(&group, &rendered, &wanted).unwrap();
     for light in study.scene.lights.iter_mut().filter(|l| l.group == 0) {
         light.spectrum = wanted.clone();
     }
     let again = image(&study, &whole);
-    close(made.data(), again.light_group(&group).data(), 1e-4, "another lamp");
+    close(made.data(), again.light_group(&group).data(), 1e-4, "another light");
 
     let infrared = Curve::new(vec![900.0, 950.0], vec![1.0, 1.0]).unwrap();
-    let error = bins.recombine_lamp(&group, &rendered, &infrared).unwrap_err();
+    let error = bins.recombine_spectrum(&group, &rendered, &infrared).unwrap_err();
     assert!(error.to_string().contains("100.0 %"), "{error}");
 }
 

@@ -92,10 +92,10 @@ fn still_life(shape: impl Fn(MeshInstances) -> Shape, emission: Option<SurfaceEm
         object("left", quad(low, y, z), 0),
     ];
     let (things, nets) = (places()[..4].to_vec(), places()[4..].to_vec());
-    let lamp = emission.is_some();
-    scene.objects.push(Object { emission, ..object("things", shape(many(things)), usize::from(!lamp)) });
+    let emits = emission.is_some();
+    scene.objects.push(Object { emission, ..object("things", shape(many(things)), usize::from(!emits)) });
     scene.objects.push(object("nets", shape(many(nets)), 0));
-    if !lamp {
+    if !emits {
         let disc = Emitter::Disc(DiscEmitter {
             center: Vec3::new(0.2, 0.95, 0.6),
             normal: Vec3::NEG_Y,
@@ -204,7 +204,7 @@ fn instances_with_holes_let_as_much_light_through() {
 }
 
 #[test]
-fn lamps_at_many_places_are_each_a_lamp() {
+fn lights_at_many_places_are_each_a_light() {
     let emission = Some(SurfaceEmission { group: 0, radiance: gaussian(390.0, 15.0, 0.3) });
     let placed = still_life(instanced, emission.clone());
     // Sampled triangle by triangle, so that even the bits agree.
@@ -240,7 +240,7 @@ fn objects_share_their_meshes_and_bad_instances_are_refused() {
         let error = scene.check().unwrap_err().to_string();
         assert!(error.contains("object \"things\"") && error.contains(message), "{error}");
     }
-    // A lamp of very many triangles.
+    // A light of very many triangles.
     let place = MeshInstance { mesh: 0, to_world: Affine3::from_scale(Vec3::splat(0.01)) };
     let crowd = many(vec![place; 40_000]);
     scene.objects[3].shape = Shape::Instances(Arc::new(crowd));

@@ -154,19 +154,19 @@ fn distant(spectrum: Curve, direction: Vec3) -> Light {
 /// `L = R E cos / pi` and `L_f = M / pi`, independent of `R`, with `R = 0` too.
 #[test]
 fn flat_patch_under_a_distant_light() {
-    let lamp = gaussian(385.0, 6.0, 3.0);
+    let light = gaussian(385.0, 6.0, 3.0);
     let direction = Vec3::new(0.0, 0.6, -0.8);
     let expected_photons: f64 = {
         let curve = Curve::from_fn(347.5, 752.5, |nm| nm);
         let eem = dye("d", 390.0, 520.0, 0.3).eem;
-        0.8 * eem.photon_exitance(&lamp.times(&curve), (347.5, 752.5)).total()
+        0.8 * eem.photon_exitance(&light.times(&curve), (347.5, 752.5)).total()
     };
     for reflectance in [0.0, 0.5] {
         let mut scene =
             patch(WavelengthGrid::default(), reflectance, vec![dye("d", 390.0, 520.0, 0.3)], &[(0, 1.0)]);
-        scene.lights.push(distant(lamp.clone(), direction));
+        scene.lights.push(distant(light.clone(), direction));
         let image = run(&scene, &settings(1, 3));
-        let elastic = lamp.on_grid::<fluorspar::spectral::Irradiance>(&image.grid);
+        let elastic = light.on_grid::<fluorspar::spectral::Irradiance>(&image.grid);
         for band in 0..image.grid.len() {
             let expected = reflectance * elastic[band] * 0.8 / PI;
             let mean = band_mean(&image, 0, band).mean;
@@ -189,13 +189,13 @@ fn flat_patch_under_a_distant_light() {
 #[test]
 fn emitted_photons_do_not_depend_on_the_wavelength_step() {
     // A 10 nm LED behind a steep short-pass, and a dye whose excitation edge lies within it.
-    let lamp = Curve::from_fn(300.0, 800.0, |nm| {
+    let light = Curve::from_fn(300.0, 800.0, |nm| {
         (-0.5 * ((nm - 385.0) / 4.5).powi(2)).exp() / (1.0 + ((nm - 391.0) / 0.7).exp())
     });
     let photons = |step: f64| -> f64 {
         let grid = WavelengthGrid::uniform(350.0, 750.0, step).unwrap();
         let mut scene = patch(grid, 0.1, vec![dye("d", 400.0, 520.0, 0.3)], &[(0, 1.0)]);
-        scene.lights.push(distant(lamp.clone(), Vec3::NEG_Z));
+        scene.lights.push(distant(light.clone(), Vec3::NEG_Z));
         let image = run(&scene, &settings(1, 2));
         let sum = |component: usize| -> f64 {
             (0..image.grid.len())
@@ -213,7 +213,7 @@ fn emitted_photons_do_not_depend_on_the_wavelength_step() {
     }
 }
 
-/// A box with a glossy fluorescent floor under a small lamp: used for statistics and bookkeeping.
+/// A box with a glossy fluorescent floor under a small light: used for statistics and bookkeeping.
 fn cornell(power: f64, concentration: f32) -> Scene {
     let grid = WavelengthGrid::uniform(360.0, 700.0, 20.0).unwrap();
     let mut scene = scene(grid, camera(Vec3::new(0.0, 0.0, 3.4), Vec3::ZERO, 40.0, 12));
@@ -320,7 +320,7 @@ fn both_estimators_agree() {
 
 /// A Lambertian disc of exitance `M = P / (pi r^2)` gives `E = M r^2 / (r^2 + d^2)` on its axis, exactly.
 #[test]
-fn a_disc_lamp_illuminates_by_its_view_factor() {
+fn a_disc_light_illuminates_by_its_view_factor() {
     let (radius, distance, power) = (0.3_f32, 0.5_f32, 2.0);
     let mut scene = patch(WavelengthGrid::uniform(500.0, 600.0, 50.0).unwrap(), 0.5, vec![], &[]);
     scene.camera = camera(Vec3::new(0.0, 0.0, 0.4), Vec3::ZERO, 0.01, 16);

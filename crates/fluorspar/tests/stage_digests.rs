@@ -16,7 +16,7 @@ use fluorspar::pipeline::{capture, frame_radiance};
 use fluorspar::preset;
 use fluorspar::study::Study;
 use sha2::{Digest, Sha256};
-use support::{LAMPS, MATERIALS, lit_box, run, settings};
+use support::{LIGHTS, MATERIALS, lit_box, run, settings};
 
 /// Collects the bits of values.
 #[derive(Default)]
@@ -89,18 +89,18 @@ fn measured() -> BTreeMap<String, String> {
     let mut digests = BTreeMap::new();
     digests.insert("mathematics".into(), mathematics());
 
-    let mut by_lamp: Vec<Bits> = LAMPS.iter().map(|_| Bits::default()).collect();
+    let mut by_light: Vec<Bits> = LIGHTS.iter().map(|_| Bits::default()).collect();
     for material in MATERIALS {
         let mut by_material = Bits::default();
-        for (lamp, bits) in LAMPS.iter().zip(&mut by_lamp) {
-            let image = run(&lit_box(lamp, material, 1.0), &settings(4, 6));
+        for (light, bits) in LIGHTS.iter().zip(&mut by_light) {
+            let image = run(&lit_box(light, material, 1.0), &settings(4, 6));
             by_material.add(image.data.iter().copied());
             bits.add(image.data);
         }
         digests.insert(format!("radiance of {material} under all lamps"), by_material.text());
     }
-    for (lamp, bits) in LAMPS.iter().zip(by_lamp) {
-        digests.insert(format!("radiance of all materials under {lamp}"), bits.text());
+    for (light, bits) in LIGHTS.iter().zip(by_light) {
+        digests.insert(format!("radiance of all materials under {light}"), bits.text());
     }
 
     let small = ["render.width_px=24", "render.height_px=18", "render.samples_per_pixel=3"];

@@ -1,4 +1,4 @@
-//! A lamp whose own short-pass ends where the viewing filter begins: what leaks through both must not depend on how wide the
+//! A light whose own short-pass ends where the viewing filter begins: what leaks through both must not depend on how wide the
 //! bands are, though both edges fall within one of them.
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "these are tests")]
 
@@ -110,7 +110,7 @@ fn electrons_of_a_frame_are_leak_or_fluorescence() {
 
 #[test]
 fn frames_of_leaking_light_do_not_depend_on_the_bands() {
-    // Nothing fluoresces, so all that the sensor sees is lamp.
+    // Nothing fluoresces, so the sensor sees excitation light only.
     assert_invariant("frame", |step_nm| {
         let (study, image) = patch(
             step_nm,
@@ -135,7 +135,7 @@ fn readings_behind_a_filter_do_not_depend_on_the_bands() {
                     bandwidth_nm = 20.0, aim = [0.5, 0.5] }]";
         let (study, image) = patch(step_nm, &[spot]);
         let reading = &read_spectroradiometers(&study, &image).unwrap()[0].reading;
-        // Around the two edges the lamp is all that there is.
+        // Around the two edges there is nothing but excitation light.
         let near = |nm: &f64| (455.0..=485.0).contains(nm);
         let seen = reading.wavelength_nm.iter().zip(&reading.expected).filter(|(nm, _)| near(nm));
         seen.map(|(_, value)| value).sum()

@@ -1,4 +1,4 @@
-//! Light transport with every lamp and material against closed forms, conservation laws and brute force.
+//! Light transport with every light and material against closed forms, conservation laws and brute force.
 //!
 //! The tests that are ignored by default are the same ones with more samples and all combinations:
 //! `cargo test -p fluorspar --test transport_correctness -- --ignored`.
@@ -103,7 +103,7 @@ fn a_bright_mirrored_cavity_has_the_radiance_of_its_angle() {
     }
 }
 
-/// The integrating sphere, bounce by bounce: with `E0` from a lamp in the middle, exitances
+/// The integrating sphere, bounce by bounce: with `E0` from a light in the middle, exitances
 /// `r <- R r`, `phi_j <- R phi_j + F_j r`, `m <- R m + sum F (phi + m)`, summed and divided by pi.
 #[test]
 fn an_integrating_sphere_follows_its_series() {
@@ -178,7 +178,7 @@ fn an_integrating_sphere_follows_its_series() {
     }
 }
 
-/// A plane that the lamp reaches only by way of a wall: the fluorescence of the plane against what it reflects is
+/// A plane that the light reaches only by way of a wall: the fluorescence of the plane against what it reflects is
 /// `F s / (R s)`, as in direct light, and does not depend on the way the light came.
 #[test]
 fn indirect_light_excites_as_direct_light_does() {
@@ -237,7 +237,7 @@ fn indirect_light_excites_as_direct_light_does() {
     );
 }
 
-/// A Lambertian plate of reflectance 0.5 that faces +z, seen from close by: from below all lamps.
+/// A Lambertian plate of reflectance 0.5 that faces +z, seen from close by: from below all lights.
 fn plate() -> Scene {
     let mut scene = scene(three_bands(), camera(Vec3::new(0.03, -0.02, 0.01), Vec3::ZERO, 0.01, 8));
     scene.materials.push(Material::lambertian("plate", flat(0.5)));
@@ -253,10 +253,10 @@ fn irradiance(emitter: Emitter, spectrum: f64, samples: u32) -> MeanEstimate {
     MeanEstimate { mean: mean.mean * PI / 0.5, standard_error: mean.standard_error * PI / 0.5 }
 }
 
-/// Form factors from a point to lamps of every shape (J. R. Howell, A catalog of radiation heat transfer
+/// Form factors from a point to lights of every shape (J. R. Howell, A catalog of radiation heat transfer
 /// configuration factors), and the noise that sampling by solid angle leaves.
 #[test]
-fn lamps_illuminate_by_their_form_factors() {
+fn lights_illuminate_by_their_form_factors() {
     let check = |name: &str, emitter: Emitter, power: f64, expected: f64, largest_error: f64| {
         let mean = irradiance(emitter, power, 256);
         let tolerance = 4.0 * mean.standard_error + 3e-4 * expected;
@@ -313,7 +313,7 @@ fn lamps_illuminate_by_their_form_factors() {
     });
     let factor = corner(0.7, 0.5, 0.6) - corner(0.3, 0.5, 0.6);
     check("rectangle beside", beside, 1.0, factor / (0.4 * 0.5), 2e-3);
-    // A small lamp with a pattern cos^g: I = (g + 1) P / (2 pi) cos^g.
+    // A small light with a pattern cos^g: I = (g + 1) P / (2 pi) cos^g.
     for g in [1.0, 3.0, 40.0] {
         let (height, tilt) = (2.0_f32, 0.3_f32);
         let normal = Vec3::new(tilt.sin(), 0.0, -tilt.cos());
@@ -342,11 +342,11 @@ fn bright_balls_illuminate_by_their_form_factors() {
     }
 }
 
-/// A point lamp (W/nm) and a wall that shines (W/(sr m² nm)) share a light group: in a closed sphere they mix evenly
-/// everywhere, so one group gives the fluorescence of two, though bins are far wider than the lamps' lines and excitation
+/// A point light (W/nm) and a wall that shines (W/(sr m² nm)) share a light group: in a closed sphere they mix evenly
+/// everywhere, so one group gives the fluorescence of two, though bins are far wider than the lights' lines and excitation
 /// changes fivefold within a bin. Weights by plain sums of spectra, whose units differ, would be off by tens of percent.
 #[test]
-fn lamps_of_different_kinds_share_a_group() {
+fn lights_of_different_kinds_share_a_group() {
     let radius = 0.05_f32;
     let cavity = |groups: usize| -> MeanEstimate {
         let grid = WavelengthGrid::uniform(360.0, 680.0, 40.0).unwrap();
@@ -360,7 +360,7 @@ fn lamps_of_different_kinds_share_a_group() {
             eem: PhotonEem::separable(vec![term], Stokes::Mask),
             ..dye("steep", 380.0, 560.0, 0.1)
         }];
-        scene.light_groups = (0..groups).map(|i| LightGroup { name: format!("lamp {i}") }).collect();
+        scene.light_groups = (0..groups).map(|i| LightGroup { name: format!("light {i}") }).collect();
         scene.materials = vec![with_dyes(Material::lambertian("wall", flat(0.6)), &[(0, 1.0)])];
         let mut wall = object("wall", Shape::Sphere { center: Vec3::ZERO, radius_m: radius }, 0);
         wall.emission = Some(SurfaceEmission { group: 0, radiance: gaussian(367.0, 0.8, 1.0) });
@@ -418,7 +418,7 @@ fn a_map_illuminates_by_its_rows() {
 /// Light from plate A to plate B is light from B to A, whatever stands between.
 fn assert_reciprocal(samples: u32, runs: u64) {
     let (a, b) = (Vec3::new(-0.6, 0.0, 0.0), Vec3::new(0.6, 0.2, 0.1));
-    let side = |lamp: Vec3, seen: Vec3| -> MeanEstimate {
+    let side = |light: Vec3, seen: Vec3| -> MeanEstimate {
         let normal = |at: Vec3| (Vec3::new(0.0, 1.0, 0.4) - at).normalize();
         let position = seen + normal(seen) * 0.3;
         let mut scene = scene(three_bands(), camera(position, seen, 24.0, 8));
@@ -429,7 +429,7 @@ fn assert_reciprocal(samples: u32, runs: u64) {
             coated(0.6, 0.2),
         ];
         let disc = |at: Vec3| Shape::Disc { center: at, normal: normal(at), radius_m: 0.08 };
-        let mut bright = object("lamp", disc(lamp), 0);
+        let mut bright = object("lamp", disc(light), 0);
         bright.emission = Some(SurfaceEmission { group: 0, radiance: flat(1.0) });
         let ball = |center: Vec3, radius_m: f32| Shape::Sphere { center, radius_m };
         scene.objects = vec![
@@ -465,7 +465,7 @@ fn assert_reciprocal(samples: u32, runs: u64) {
 }
 
 #[test]
-fn lamp_and_camera_can_be_exchanged() {
+fn light_and_camera_can_be_exchanged() {
     assert_reciprocal(256, 6);
 }
 
@@ -473,15 +473,15 @@ fn lamp_and_camera_can_be_exchanged() {
 #[test]
 fn photons_balance() {
     let grid = WavelengthGrid::uniform(360.0, 680.0, 10.0).unwrap();
-    let lamp = gaussian(390.0, 4.0, 1.0);
+    let spectrum = gaussian(390.0, 4.0, 1.0);
     let probe = dye("probe", 390.0, 540.0, 0.4);
-    // Photons out per photon in under this lamp.
+    // Photons out per photon in under this light.
     let photons = Curve::from_fn(355.0, 685.0, |nm| nm);
-    let incoming = lamp.times(&photons).integral(355.0, 685.0);
-    let emitted = probe.eem.photon_exitance(&lamp.times(&photons), (355.0, 685.0)).total();
+    let incoming = spectrum.times(&photons).integral(355.0, 685.0);
+    let emitted = probe.eem.photon_exitance(&spectrum.times(&photons), (355.0, 685.0)).total();
     let share = emitted / incoming;
     let diffuse = |reflectance: f64| Material::lambertian("ball", flat(reflectance));
-    // The largest yield may exceed that under the lamp a little: leave room for it.
+    // The largest yield may exceed that under the light a little: leave room for it.
     let rest = 1.0 - 1.02 * share;
     let cases: Vec<(&str, Material, f64)> = vec![
         ("lambertian", diffuse(rest), rest + share),
@@ -494,7 +494,7 @@ fn photons_balance() {
         scene.fluorophores = vec![probe.clone()];
         scene.materials = vec![if with_probe { with_dyes(material, &[(0, 1.0)]) } else { material }];
         scene.objects.push(object("ball", Shape::Sphere { center: Vec3::ZERO, radius_m: 1.0 }, 0));
-        scene.lights.push(light(lamp.clone(), Emitter::Environment));
+        scene.lights.push(light(spectrum.clone(), Emitter::Environment));
         let image = run(&scene, &settings(64, 1));
         let bands = image.grid.len();
         // Off the rim, where pixels see some of the surroundings; an even ball is even all over.
@@ -513,7 +513,7 @@ fn photons_balance() {
             .collect();
         let balance = MeanEstimate::of(&sums).mean / incoming;
         let error = MeanEstimate::of(&sums).standard_error / incoming;
-        // Bins of 10 nm against a lamp of 4 nm: their centers stand for the photons within 1e-3.
+        // Bins of 10 nm against a light of 4 nm: their centers stand for the photons within 1e-3.
         assert!(
             (balance - expected).abs() < 4e-3 + 4.0 * error,
             "{name}: {balance} +- {error}, expected {expected}"
@@ -549,11 +549,11 @@ fn concentrations_leave_every_path_as_it_is() {
     }
 }
 
-/// Lamps without an area, which no scattered ray finds, against small lamps of the same power, which brute force
+/// Lights without an area, which no scattered ray finds, against small lights of the same power, which brute force
 /// confirms: a point against a sphere, parallel light against a sphere far away. Mirrors and smooth glass see the spheres
 /// themselves and are left out.
 #[test]
-fn lamps_without_area_are_small_lamps() {
+fn lights_without_area_are_small_lights() {
     let blue = |power: f64| gaussian(390.0, 15.0, power);
     let near = Vec3::new(0.2, 0.9, 0.5);
     let direction = Vec3::new(-0.3, -0.8, -0.5).normalize();
@@ -577,13 +577,13 @@ fn lamps_without_area_are_small_lamps() {
     let materials: Vec<&str> =
         MATERIALS.into_iter().filter(|name| !["smooth glass", "mirror"].contains(name)).collect();
     for material in &materials {
-        for (name, lamp, strength, small, power) in &pairs {
+        for (name, light, strength, small, power) in &pairs {
             let renders = |emitter: &Emitter, strength: f64, seed: u64| {
                 let mut scene = lit_box("disc", material, 1.0);
                 scene.lights = vec![light(blue(strength), emitter.clone())];
                 repeat(&scene, 16, &RenderSettings { seed, ..settings(8, 6) })
             };
-            let (a, b) = (renders(lamp, *strength, 3), renders(small, *power, 4));
+            let (a, b) = (renders(light, *strength, 3), renders(small, *power, 4));
             let significance = 1e-3 / (pairs.len() * materials.len()) as f64;
             assert_same_light(&format!("{name} on {material}"), &a, &b, significance);
         }
@@ -610,28 +610,28 @@ fn a_bias_is_noticed_and_its_maps_are_saved() {
     std::fs::remove_dir_all(folder).unwrap();
 }
 
-/// Every lamp once and every material once; the full table is a test that is ignored by default.
+/// Every light once and every material once; the full table is a test that is ignored by default.
 #[test]
-fn lamps_and_materials_agree_with_brute_force() {
+fn lights_and_materials_agree_with_brute_force() {
     for (index, material) in MATERIALS.iter().enumerate() {
-        compare_estimators(LAMPS[index % LAMPS.len()], material, 8, 20, 1e-3 / MATERIALS.len() as f64);
+        compare_estimators(LIGHTS[index % LIGHTS.len()], material, 8, 20, 1e-3 / MATERIALS.len() as f64);
     }
 }
 
 #[test]
-#[ignore = "heavy: every lamp with every material"]
-fn every_lamp_with_every_material_agrees_with_brute_force() {
-    for lamp in LAMPS {
+#[ignore = "heavy: every light with every material"]
+fn every_light_with_every_material_agrees_with_brute_force() {
+    for light in LIGHTS {
         for material in MATERIALS {
-            let significance = 1e-3 / (LAMPS.len() * MATERIALS.len()) as f64;
-            compare_estimators(lamp, material, 48, 24, significance);
+            let significance = 1e-3 / (LIGHTS.len() * MATERIALS.len()) as f64;
+            compare_estimators(light, material, 48, 24, significance);
         }
     }
 }
 
 #[test]
 #[ignore = "heavy: many samples"]
-fn lamp_and_camera_can_be_exchanged_precisely() {
+fn light_and_camera_can_be_exchanged_precisely() {
     assert_reciprocal(2048, 8);
 }
 

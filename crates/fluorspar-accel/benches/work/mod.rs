@@ -36,7 +36,7 @@ pub fn triangle(bands: usize) -> BandMatrix {
     BandMatrix::new(bands, |row, column| if row > column { 0.01 } else { 0.0 })
 }
 
-/// Reflection of what arrives and of one lamp; the last vector is working memory.
+/// Reflection of what arrives and of one light; the last vector is working memory.
 pub struct Elastic<'a>(
     pub &'a [BandBlock],
     pub &'a [BandBlock],

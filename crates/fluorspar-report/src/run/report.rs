@@ -124,7 +124,7 @@ fn lead(run: &RunResults<'_>, frame: Option<&str>) -> Vec<String> {
     lead
 }
 
-/// Lamp light in the frames: what of the electrons is signal, and what is lamp light that came through the filters.
+/// Excitation light in the frames: which electrons are signal, and which are excitation light that passed the filters.
 fn leak_section(run: &RunResults<'_>) -> Option<Section> {
     if run.evaluation.leaks.is_empty() {
         return None;
@@ -133,15 +133,18 @@ fn leak_section(run: &RunResults<'_>) -> Option<Section> {
         Some(analyzed) => format!("over {}", analyzed.analysis.region_description),
         None => "over the whole frame".into(),
     };
-    let mut section = Section::new("How much lamp light leaks through the filter").say(format!(
+    let mut section = Section::new("How much excitation light leaks through the filter").say(format!(
         "Every electron comes from light that was only reflected or from light that a fluorophore gave off. In a \
          fluorescence frame reflected light is a disturbance, the leak: it adds to every channel, is shaped by gloss and \
          reflectance, and looks like fluorescence that is not there. Means {place}, without noise."
     ));
     for leak in &run.evaluation.leaks {
         let reflectance = leak.is_reflectance();
-        let kind =
-            if reflectance { "reflected light, here the signal" } else { "reflected lamp light: the leak" };
+        let kind = if reflectance {
+            "reflected light, here the signal"
+        } else {
+            "reflected excitation light: the leak"
+        };
         let mut rows = Vec::new();
         for channel in &leak.channels {
             let name = &channel.name;
@@ -164,7 +167,7 @@ fn leak_section(run: &RunResults<'_>) -> Option<Section> {
                 percent(ratio),
                 "%",
                 "reflected per fluorescence electrons, all channels together; below 1 % it can be forgotten, at 100 % half of \
-                 the picture is lamp",
+                 the image is excitation light",
             ));
             if let Some(before) = leak.ratio_before {
                 rows.push(Number::computed(
@@ -177,7 +180,7 @@ fn leak_section(run: &RunResults<'_>) -> Option<Section> {
             let behind = &leak.behind_filters;
             if let Some(density) = behind.reflected_density {
                 rows.push(Number::computed(
-                    "Optical density for the lamp",
+                    "Optical density for the excitation light",
                     format!("{density:.2}"),
                     "",
                     "minus the decimal logarithm of the share of reflected photons that passes the filter: 3 is one in a thousand",
@@ -194,8 +197,8 @@ fn leak_section(run: &RunResults<'_>) -> Option<Section> {
                     "Leak inside the pass band",
                     format!("{:.0}", 100.0 * share),
                     "%",
-                    "share of the leaking photons at wavelengths that the filter is meant to pass: the tail of the lamp, which only a \
-                     filter on the lamp can remove",
+                    "share of the leaking photons at wavelengths that the filter is meant to pass: the tail of the light source, which only a \
+                     filter on the light source can remove",
                 ));
             }
         }
@@ -269,7 +272,7 @@ fn headline(run: &RunResults<'_>, leak: Option<f64>) -> Vec<Number> {
             "Filter leak",
             percent(leak),
             "%",
-            "electrons of reflected lamp light per electron of fluorescence in the region; 1 % can be forgotten, 100 % can't be used",
+            "electrons of reflected excitation light per electron of fluorescence in the region; 1 % can be forgotten, 100 % can't be used",
         ));
     }
     numbers
@@ -326,7 +329,7 @@ fn camera_section(run: &RunResults<'_>, builder: &mut Builder) -> Section {
     let mut section = Section::new("What the camera sees")
         .say(
             "One picture per exposure, each under its own lights. The white frame shows the mouth as the eye would see it. \
-             In the fluorescence frame the lamp's own light is blocked by the filter: what is left is the glow of teeth \
+             In the fluorescence frame the excitation light is blocked by the filter: what is left is the glow of teeth \
              (brightest) and tissue, red where porphyrins are.",
         )
         .with(ReportItem::Pictures(pictures));
@@ -450,7 +453,7 @@ fn radiance_section(
     ));
     if let Some(leak) = leak {
         section = section.say(format!(
-            "Through lens, filter and sensor, reflected lamp light makes {} % of the fluorescence signal of this region.",
+            "Through lens, filter and sensor, reflected excitation light makes {} % of the fluorescence signal of this region.",
             percent(leak)
         ));
     }
@@ -458,7 +461,7 @@ fn radiance_section(
         section,
         "radiance_log",
         radiance_by_component(Some(&total), Some(&reflected), &glow, &region, Scale::Log10),
-        "Logarithmic: reflected lamp light exceeds fluorescence by orders of magnitude, which is why the filters decide the \
+        "Logarithmic: reflected excitation light exceeds fluorescence by orders of magnitude, which is why the filters decide the \
          design. A fluorophore that this tissue does not hold glows elsewhere, as dentine and enamel do in the teeth; its light \
          is reflected here.",
     );
@@ -507,21 +510,21 @@ fn parts_section(run: &RunResults<'_>, builder: &mut Builder) -> Section {
     let range = (scene.grid.start_nm(), scene.grid.end_nm());
     let mut section = Section::new("Lights, filters, tissue and sensor");
 
-    let mut lamps: Vec<PlotCurve> = Vec::new();
+    let mut light_curves: Vec<PlotCurve> = Vec::new();
     for light in &scene.lights {
         let group = &scene.light_groups[light.group].name;
-        if !lamps.iter().any(|l| l.name == *group) {
+        if !light_curves.iter().any(|l| l.name == *group) {
             let peak = light.spectrum.max().max(f64::MIN_POSITIVE);
-            lamps.push(fine(group, &light.spectrum.scaled(1.0 / peak), range));
+            light_curves.push(fine(group, &light.spectrum.scaled(1.0 / peak), range));
         }
     }
     let view = fine("in front of the lens", view_filter, range);
-    if !lamps.is_empty() {
+    if !light_curves.is_empty() {
         section = builder.show(
             section,
             "lights",
-            lights(&lamps, std::slice::from_ref(&view)),
-            "Each lamp behind its own filters, relative to its maximum. Where a lamp and the viewing filter overlap, lamp light leaks.",
+            lights(&light_curves, std::slice::from_ref(&view)),
+            "Each light source behind its own filters, relative to its maximum. Where a light source and the viewing filter overlap, its light leaks.",
         );
     }
     section = builder.show(section, "view_filter", filters(std::slice::from_ref(&view)), "");
@@ -542,19 +545,19 @@ fn parts_section(run: &RunResults<'_>, builder: &mut Builder) -> Section {
             })
             .collect();
         let frame = study.analysis.as_ref().map(|a| a.frame.as_str());
-        let lamp = scene.lights.iter().find(|light| {
+        let light = scene.lights.iter().find(|light| {
             let group = &scene.light_groups[light.group].name;
             let capture = study.captures.iter().find(|c| Some(c.frame.label.as_str()) == frame);
             capture.is_some_and(|c| c.frame.drive(group) > 0.0)
         });
-        let peak = lamp.map(|l| l.spectrum.peak_nm());
-        let nominal = lamp.zip(peak).and_then(|(lamp, peak_nm)| {
-            let group = &scene.light_groups[lamp.group].name;
+        let peak = light.map(|l| l.spectrum.peak_nm());
+        let nominal = light.zip(peak).and_then(|(light, peak_nm)| {
+            let group = &scene.light_groups[light.group].name;
             nominal_wavelength(&run.experiment.record.resolved_toml, group, peak_nm)
         });
         section = builder.show(section, "eem", eem_maps(&maps, peak), &nominal.unwrap_or_default());
-        if let Some(lamp) = lamp {
-            let photons = Curve::from_fn(range.0, range.1, |nm| lamp.spectrum.at(nm) * nm);
+        if let Some(light) = light {
+            let photons = Curve::from_fn(range.0, range.1, |nm| light.spectrum.at(nm) * nm);
             let total = photons.total().max(f64::MIN_POSITIVE);
             let curves: Vec<PlotCurve> = scene
                 .fluorophores
@@ -562,7 +565,7 @@ fn parts_section(run: &RunResults<'_>, builder: &mut Builder) -> Section {
                 .map(|f| fine(&f.title, &f.eem.photon_exitance(&photons.scaled(1.0 / total), range), range))
                 .collect();
             let band = view_band(view_filter, range);
-            let name = &scene.light_groups[lamp.group].name;
+            let name = &scene.light_groups[light.group].name;
             section = builder.show(
                 section,
                 "emission",
@@ -739,14 +742,16 @@ fn assumptions_section(run: &RunResults<'_>) -> Section {
     let mut section = Section::new("Where the numbers come from").say(
         "Spectra of fluorophores, lights, filters and tissue are models: published measurements described by a few \
          numbers each. Absolute fluorescence yields are set to the level measured on tongues, lips and teeth; \
-         concentrations are relative to that. What nobody has published for this camera (lamp power, lens, quantum \
+         concentrations are relative to that. What nobody has published for this camera (power of the light sources, lens, quantum \
          efficiency) is assumed, marked so in the experiment file, and can be changed there.",
     );
     if !silent.is_empty() {
         let mut names = silent;
         names.dedup();
-        section = section
-            .say(format!("Fluorophores that gave no light at all under some lamp: {}.", names.join(", ")));
+        section = section.say(format!(
+            "Fluorophores that gave no light at all under some light source: {}.",
+            names.join(", ")
+        ));
     }
     section.with(ReportItem::Terms(terms))
 }

@@ -128,13 +128,13 @@ pub struct FeatureMaps {
     pub view: Option<View>,
 }
 
-/// A lamp spectrum that the excitation bins of a render can't make up.
+/// A light spectrum that the excitation bins of a render can't make up.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[error(
-    "{percent:.1} % of the lamp spectrum lies outside the excitation bins of light group \"{group}\" or where they were \
-     rendered without light; render with render.excitation_edges_nm around it and a lamp that covers it"
+    "{percent:.1} % of the light spectrum lies outside the excitation bins of light group \"{group}\" or where they were \
+     rendered without light; render with render.excitation_edges_nm around it and a light source that covers it"
 )]
-pub struct LampOutOfSpan {
+pub struct SpectrumOutOfSpan {
     /// The light group.
     pub group: String,
     /// Share that is not covered, %.
@@ -254,20 +254,20 @@ impl ComponentImage {
         labels
     }
 
-    /// What a light group would give with another lamp spectrum, from a render that kept excitation bins apart.
+    /// What a light group would give with another light spectrum, from a render that kept excitation bins apart.
     ///
-    /// `rendered` is the spectrum that the group's lamps had, `wanted` the one that they shall have, both as power (or
+    /// `rendered` is the spectrum that the group's lights had, `wanted` the one that they shall have, both as power (or
     /// irradiance, or radiance) per nm. Each bin is weighted by the ratio of the two integrals over it: exact where
     /// `wanted / rendered` is constant within each bin.
     ///
     /// # Errors
     /// When more than 1e-3 of `wanted` lies outside the bins or in bins that were rendered without light.
-    pub fn recombine_lamp(
+    pub fn recombine_spectrum(
         &self,
         group: &str,
         rendered: &Curve,
         wanted: &Curve,
-    ) -> Result<SpectralImage<Radiance>, LampOutOfSpan> {
+    ) -> Result<SpectralImage<Radiance>, SpectrumOutOfSpan> {
         let ratio = |[first, last]: [f64; 2]| {
             let (rendered, wanted) = (rendered.integral(first, last), wanted.integral(first, last));
             if rendered > 0.0 { (wanted / rendered, wanted) } else { (0.0, 0.0) }
@@ -286,7 +286,7 @@ impl ComponentImage {
         let missing = 1.0 - covered / wanted.total();
         // Also refuses a spectrum without light, whose share is not a number.
         if missing.is_nan() || missing > 1e-3 {
-            return Err(LampOutOfSpan { group: group.into(), percent: 100.0 * missing });
+            return Err(SpectrumOutOfSpan { group: group.into(), percent: 100.0 * missing });
         }
         Ok(self.recombine(|component| bin_of(component).map_or(0.0, |bin| ratio(bin).0)))
     }

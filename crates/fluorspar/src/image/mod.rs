@@ -6,7 +6,7 @@ mod sensor_image;
 mod spectral_image;
 
 pub use component_image::{
-    Component, ComponentImage, ExcitationBin, FeatureMaps, LampOutOfSpan, LightPath, SampleStatistics,
+    Component, ComponentImage, ExcitationBin, FeatureMaps, LightPath, SampleStatistics, SpectrumOutOfSpan,
     StatisticsKind, View,
 };
 pub use film::{Film, FilmLayout, MergeError};

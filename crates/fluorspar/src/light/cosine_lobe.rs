@@ -31,7 +31,7 @@ pub(super) fn lobe_radiance(cos: f32, exponent: f32, area: f32) -> f32 {
 /// How a flat emitter shines.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum FlatPattern {
-    /// A lamp given by its power: one side, intensity `I0 cos^g`.
+    /// A light given by its power: one side, intensity `I0 cos^g`.
     Lobe {
         /// The exponent g.
         exponent: f32,

@@ -1,4 +1,4 @@
-//! Flat discs: lamps with one emitting side, and emissive discs of a scene.
+//! Flat discs: lights with one emitting side, and emissive discs of a scene.
 
 use std::f64::consts::PI;
 

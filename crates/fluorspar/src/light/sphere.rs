@@ -1,4 +1,4 @@
-//! Spheres: lamps that emit outward, and emissive spheres of a scene.
+//! Spheres: lights that emit outward, and emissive spheres of a scene.
 
 use std::f32::consts::PI;
 

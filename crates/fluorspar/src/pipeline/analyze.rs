@@ -67,8 +67,8 @@ pub fn analyze(
         .region
         .select(image.width, image.height, scene)
         .map_err(crate::analysis::AnalysisError::from)?;
-    let lamp = frame_lamp(study, capture, scene.map(|scene| (scene, &region)));
-    let model = mixture_model(study, sensor, capture, lamp.as_ref(), settings);
+    let light = frame_light(study, capture, scene.map(|scene| (scene, &region)));
+    let model = mixture_model(study, sensor, capture, light.as_ref(), settings);
     let (analysis, chromaticity, porphyrin) =
         analyze_region(image, scene, model.as_ref(), None, &analysis_settings)?;
     Ok(Some(AnalyzedFrame { analysis, chromaticity, porphyrin, region }))
@@ -79,7 +79,7 @@ pub fn analyze(
 ///
 /// Direct light, unoccluded. Where no light meets the lit side of any point (a region in its own shadow), the surface
 /// is taken to face the camera: the proportions of the lights matter here, not the level.
-pub(crate) fn frame_lamp(
+pub(crate) fn frame_light(
     study: &Study,
     capture: &Capture,
     region: Option<(SceneOnSensor<'_>, &PixelSelection)>,
@@ -103,10 +103,10 @@ fn mixture_model(
     study: &Study,
     sensor: &Sensor,
     capture: &Capture,
-    lamp: Option<&Curve>,
+    light: Option<&Curve>,
     settings: &AnalysisPlan,
 ) -> Option<MixtureModel> {
-    let (lens, lamp) = (study.camera.lens_behind_filters()?, lamp?);
+    let (lens, light) = (study.camera.lens_behind_filters()?, light?);
     let grid = &study.scene.grid;
     let transmittance = behind_filter(&lens, capture).transmittance_on(grid);
     let qe = sensor.effective_qe();
@@ -119,7 +119,7 @@ fn mixture_model(
         .iter()
         .chain(&settings.absent_fluorophores)
         .filter_map(|fluorophore| {
-            let exitance = direct_exitance(&fluorophore.eem, grid, lamp);
+            let exitance = direct_exitance(&fluorophore.eem, grid, light);
             let seen = exitance.iter().zip(transmittance.values()).map(|(m, t)| m * t).collect();
             let radiance = Spectrum::<Radiance>::from_parts(grid.clone(), seen);
             let rgb_per_amount = channel_response(&radiance, [&red, &green, &blue]).ok()?;

@@ -1,6 +1,6 @@
 //! Color of a camera: from CIE 1931 tristimulus values to its channels, fitted from its quantum efficiency.
 
-use super::analyze::frame_lamp;
+use super::analyze::frame_light;
 use super::preview::inverse;
 use crate::spectral::{Curve, QuantumEfficiency, Spectrum, StandardObserver, WavelengthGrid, daylight_d65};
 use crate::study::{Capture, Study};
@@ -75,11 +75,11 @@ impl CameraColor {
         let xyz_to_camera = std::array::from_fn(|channel| {
             std::array::from_fn(|axis| (0..3).map(|k| inverse[axis][k] * right[k][channel]).sum())
         });
-        let lamp = frame_lamp(study, capture, None)
-            .filter(|lamp| lamp.integral(500.0, 650.0) >= 0.2 * lamp.total())
-            .map_or(white, |lamp| respond(&lamp));
-        let most = lamp.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
-        Some(Self { xyz_to_camera, neutral: lamp.map(|v| (v / most).max(1e-4)) })
+        let light = frame_light(study, capture, None)
+            .filter(|light| light.integral(500.0, 650.0) >= 0.2 * light.total())
+            .map_or(white, |light| respond(&light));
+        let most = light.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
+        Some(Self { xyz_to_camera, neutral: light.map(|v| (v / most).max(1e-4)) })
     }
 }
 

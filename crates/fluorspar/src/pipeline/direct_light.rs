@@ -134,12 +134,12 @@ mod tests {
         let study = resolve(&parsed).unwrap().study;
         let capture = study.captures.iter().find(|c| c.frame.label == "blue").unwrap();
         assert_eq!(capture.subtract.as_deref(), Some("ambient"));
-        let lamp = irradiance_on(&study, capture, &[UP]).unwrap();
+        let light = irradiance_on(&study, capture, &[UP]).unwrap();
         // Parallel light as stated, 2 W evenly from 100 mm, pi L of two of three units of room light, a sphere of 10 mm
         // at 200 mm.
         let expected = 1000.0 + 2.0 / (4.0 * PI * 0.01) + 2.0 * PI * 2.0 + 100.0 * PI * 0.0025;
         // Sum resampled on 0.5 nm: nearly exact.
-        assert!((lamp.total() - expected).abs() < 1e-3 * expected, "{}, {expected}", lamp.total());
+        assert!((light.total() - expected).abs() < 1e-3 * expected, "{}, {expected}", light.total());
         // Only the room and the subtracted ambient frame: nothing is left of equal drives.
         let mut dark = capture.clone();
         dark.frame.lights = [("room".to_string(), 1.0)].into();

@@ -67,7 +67,7 @@ pub fn filter_leak(sample: &FlatSample, angles_deg: &[f64]) -> Result<FilterLeak
     }
     let shape = sample.irradiance.times(&sample.reflectance);
     let behind = |filters: &Curve| {
-        // Reflected light has the spectrum of its lamp within a band, which may fall by decades there.
+        // Reflected light has the spectrum of its source within a band, which may fall by decades there.
         let of_reflected = filters.on_grid_under::<Transmittance>(&sample.grid, &shape);
         let even = filters.on_grid::<Transmittance>(&sample.grid);
         behind_filters(&reflected, &emitted, of_reflected.values(), even.values())

@@ -46,7 +46,7 @@ pub struct ChannelLeak {
 }
 
 impl FrameLeak {
-    /// Whether the viewing filters pass the lamp: more than a tenth of the reflected photons. Such a frame is a picture in
+    /// Whether the viewing filters pass the excitation light: more than a tenth of the reflected photons. Such a frame is an image in
     /// reflected light, which is its signal and no leak.
     pub fn is_reflectance(&self) -> bool {
         self.behind_filters.reflected_density.is_some_and(|density| density < 1.0)
@@ -170,7 +170,7 @@ fn photons_behind(
     let reflected = in_photons(components, &mut radiance.reflected.iter().copied());
     let emitted: Vec<f64> = radiance.total.iter().zip(&radiance.reflected).map(|(t, r)| t - r).collect();
     let emitted = in_photons(components, &mut emitted.into_iter());
-    // Each lamp has its own spectrum within a band.
+    // Each light source has its own spectrum within a band.
     let mut passed = vec![0.0; reflected.len()];
     for (component, values) in &radiance.reflected_components {
         let through = match component_spectrum(study, component) {

@@ -1,7 +1,7 @@
 //! The light of a frame, kept apart by what its spectrum looks like within a band.
 //!
 //! A band of a render holds one number. Behind a filter whose edge is steeper than a band is wide, it matters how the light
-//! is spread within it: reflected light has the shape of its lamp there, which may fall by decades toward the edge of the
+//! is spread within it: reflected light has the spectrum of its source there, which may fall by decades toward the edge of the
 //! viewing filter, and the mean of a product is not the product of means. Fluorescence is smooth.
 
 use super::direct_light::group_spectrum;
@@ -48,12 +48,12 @@ pub(super) fn light_by_shape<'a>(
     fluorescence.chain(reflected)
 }
 
-/// Spectrum of the lamps that a component is lit by, up to a factor; only the bin of excitation where the render keeps bins.
+/// Spectrum of the lights that a component is lit by, up to a factor; only the bin of excitation where the render keeps bins.
 pub(super) fn component_spectrum(study: &Study, component: &Component) -> Option<Curve> {
-    let lamp = group_spectrum(study, &component.light_group)?;
+    let light = group_spectrum(study, &component.light_group)?;
     Some(match component.excitation {
-        Some(ExcitationBin::Between([first, last])) => lamp.clipped(first, last),
-        _ => lamp,
+        Some(ExcitationBin::Between([first, last])) => light.clipped(first, last),
+        _ => light,
     })
 }
 

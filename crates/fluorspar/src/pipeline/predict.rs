@@ -258,7 +258,7 @@ struct Parts {
     fluorescence: Vec<(String, Vec<f64>)>,
     /// Transmittance of the view filter for even light in each band.
     view: Vec<f64>,
-    /// The same for the reflected light, which has the shape of the lamp.
+    /// The same for the reflected light, which has the spectral shape of its source.
     view_of_reflected: Vec<f64>,
 }
 

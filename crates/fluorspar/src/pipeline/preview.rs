@@ -45,16 +45,16 @@ const EXPOSED_WELL: f64 = 0.8;
 const PIXELS_SEEN_TOGETHER: f64 = 4.0;
 
 impl ColorRendering {
-    /// Least-squares map from the responses of the camera's training reflectances under the frame's lamp to their colors under
+    /// Least-squares map from the responses of the camera's training reflectances under the frame's light to their colors under
     /// an equal-energy light, the noise of the sensor included: a channel that says little about color and much about noise
     /// (blue behind a long-pass filter) gets a small weight. `None` when the channels can't be told apart.
-    fn for_reflectances(sensor: &Sensor, filter: &Curve, lamp: &Curve, study: &Study) -> Option<Self> {
+    fn for_reflectances(sensor: &Sensor, filter: &Curve, light: &Curve, study: &Study) -> Option<Self> {
         let grid = &study.scene.grid;
         let qe: Vec<Spectrum<QuantumEfficiency>> = ["R", "G", "B"]
             .iter()
             .map(|name| Some(sensor.qe().on_grid(sensor.qe().find(name)?, grid)))
             .collect::<Option<_>>()?;
-        let lit = lamp.times(filter).bin_averages(grid);
+        let lit = light.times(filter).bin_averages(grid);
         let photons: Vec<f64> =
             lit.iter().enumerate().map(|(b, v)| v * photons_per_joule(grid.center_nm(b))).collect();
         let observer = StandardObserver::new(grid);
@@ -118,7 +118,7 @@ impl ColorRendering {
         Some(Self { matrix, lift: LIFT_REFLECTED })
     }
 
-    /// The rendering of one frame of a study: colors as under even light where the lamp covers the visible range;
+    /// The rendering of one frame of a study: colors as under white light where the light source covers the visible range;
     /// the sensor's own channels where it does not (fluorescence), dim tissue lifted.
     pub fn of_frame(study: &Study, capture: &Capture) -> Self {
         let matrix = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
@@ -126,17 +126,17 @@ impl ColorRendering {
         let (Some(sensor), Some(lens)) = (&study.camera.sensor, study.camera.lens_behind_filters()) else {
             return own;
         };
-        let Some(lamp) = super::analyze::frame_lamp(study, capture, None) else { return own };
-        if !covers_the_visible_range(&lamp) {
+        let Some(light) = super::analyze::frame_light(study, capture, None) else { return own };
+        if !covers_the_visible_range(&light) {
             return own;
         }
-        Self::for_reflectances(sensor, &lens.transmittance, &lamp, study).unwrap_or(own)
+        Self::for_reflectances(sensor, &lens.transmittance, &light, study).unwrap_or(own)
     }
 }
 
-/// Whether surfaces have colors under this lamp.
-fn covers_the_visible_range(lamp: &Curve) -> bool {
-    lamp.integral(500.0, 650.0) >= 0.2 * lamp.total()
+/// Whether surfaces have colors under this light.
+fn covers_the_visible_range(light: &Curve) -> bool {
+    light.integral(500.0, 650.0) >= 0.2 * light.total()
 }
 
 /// Inverse of a 3 x 3 matrix; `None` when it is singular.
@@ -174,11 +174,11 @@ pub fn radiance_preview(image: &SpectralImage<Radiance>) -> Preview {
 }
 
 /// As [`radiance_preview`], of a scene under one light group alone, with white surfaces white as in [`preview`]: the
-/// colors of surfaces, not of the lamp. Light that leaves no surface a color (that which excites fluorescence) is shown as
+/// colors of surfaces, not of the light source. Light that leaves no surface a color (that which excites fluorescence) is shown as
 /// it is.
 pub fn light_group_preview(image: &SpectralImage<Radiance>, study: &Study, group: &str) -> Preview {
-    let white = group_spectrum(study, group).filter(covers_the_visible_range).map(|lamp| {
-        let values: Vec<f32> = lamp.bin_averages(image.grid()).iter().map(|value| *value as f32).collect();
+    let white = group_spectrum(study, group).filter(covers_the_visible_range).map(|light| {
+        let values: Vec<f32> = light.bin_averages(image.grid()).iter().map(|value| *value as f32).collect();
         linear_srgb(StandardObserver::new(image.grid()).xyz(&values))
     });
     let white = white.filter(|white| white.iter().all(|channel| *channel > 0.0)).unwrap_or([1.0; 3]);

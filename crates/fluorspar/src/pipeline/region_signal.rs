@@ -40,7 +40,7 @@ pub struct CameraResponse {
 
 impl CameraResponse {
     /// Prepares a lens (with its filters, see [`crate::study::Camera::lens_behind_filters`]) and a sensor. `light` is the
-    /// spectrum of the light within each bin, up to a factor: that of the lamp for reflected light behind a steep
+    /// spectrum of the light within each bin, up to a factor: that of the source for reflected light behind a steep
     /// filter; `None` is even.
     pub fn new(lens: &IdealLens, sensor: &Sensor, grid: &WavelengthGrid, light: Option<&Curve>) -> Self {
         let solid_angle_sr = lens.axial_solid_angle_sr();
@@ -208,9 +208,9 @@ mod tests {
         let camera = CameraResponse::new(&lens, &sensor, &grid, None);
 
         let fluorophores = [fluorophore("bulk", 520.0), fluorophore("porphyrin", 640.0)];
-        let lamp = bell(400.0, 10.0).scaled(50.0);
+        let light = bell(400.0, 10.0).scaled(50.0);
         let bulk = [("bulk".to_owned(), 0.8)];
-        let spectra = MixtureSpectra::new(&fluorophores, &bulk, "porphyrin", &grid, &lamp).unwrap();
+        let spectra = MixtureSpectra::new(&fluorophores, &bulk, "porphyrin", &grid, &light).unwrap();
         let mixed: Vec<f64> =
             spectra.bulk.iter().zip(&spectra.porphyrin).map(|(b, p)| 3.0 * (b + 0.25 * p)).collect();
         let found = estimate_porphyrin(&camera, &spectra, &mixed, 0.03, 400.0).unwrap().unwrap();
@@ -228,7 +228,7 @@ mod tests {
         let ratio = less.estimate.fraction_standard_error / more.estimate.fraction_standard_error;
         assert!((ratio - 10.0).abs() < 1e-9, "{ratio}");
         assert!(
-            MixtureSpectra::new(&fluorophores, &bulk, "none", &WavelengthGrid::default(), &lamp).is_err()
+            MixtureSpectra::new(&fluorophores, &bulk, "none", &WavelengthGrid::default(), &light).is_err()
         );
     }
 }

@@ -11,7 +11,7 @@ const SUBSAMPLES: usize = 8;
 /// Turns irradiance (W/(m² nm), bin averages) into fluorescent exitance in the same unit: `M_o = sum_i F_oi E_i`.
 ///
 /// The matrix is the energy form of the photon yield density, averaged over both bins and multiplied by the width
-/// of the excitation bin. Within an excitation bin the yield is weighted with a lamp's own spectrum, so that a
+/// of the excitation bin. Within an excitation bin the yield is weighted with the spectrum of the light, so that a
 /// line or a steep filter edge narrower than the bin loses no accuracy.
 #[derive(Clone, Debug)]
 pub struct FluorescenceOperator {
@@ -28,10 +28,10 @@ enum Form {
 }
 
 impl FluorescenceOperator {
-    /// The operator for a matrix at unit concentration, with excitation weighted by a lamp spectrum (any scale).
-    /// Bins in which the lamp is dark, and `None`, weight evenly.
-    pub fn new(eem: &PhotonEem, grid: &WavelengthGrid, lamp: Option<&Curve>) -> Self {
-        let weight = BinWeight::new(grid, lamp);
+    /// The operator for a matrix at unit concentration, with excitation weighted by a light spectrum (any scale).
+    /// Bins in which the light is dark, and `None`, weight evenly.
+    pub fn new(eem: &PhotonEem, grid: &WavelengthGrid, light: Option<&Curve>) -> Self {
+        let weight = BinWeight::new(grid, light);
         let form = match eem.density() {
             YieldDensity::Separable(terms) => {
                 let masked = eem.stokes() == Stokes::Mask;
@@ -116,10 +116,10 @@ impl FluorescenceOperator {
     }
 }
 
-/// `F s` for a fixed lamp spectrum, formed on fine samples before averaging over bins: exitance per unit
+/// `F s` for a fixed light spectrum, formed on fine samples before averaging over bins: exitance per unit
 /// concentration, W/(m² nm) for an irradiance `s` in W/(m² nm). Only excitation within the grid counts.
-pub(crate) fn direct_exitance(eem: &PhotonEem, grid: &WavelengthGrid, lamp: &Curve) -> Vec<f64> {
-    let within = lamp.clipped(grid.start_nm(), grid.end_nm());
+pub(crate) fn direct_exitance(eem: &PhotonEem, grid: &WavelengthGrid, light: &Curve) -> Vec<f64> {
+    let within = light.clipped(grid.start_nm(), grid.end_nm());
     // In units of 1/(h c): photons = energy * lambda.
     let wavelength = Curve::from_fn(grid.start_nm(), grid.end_nm(), |nm| nm);
     let photons = eem.photon_exitance(&within.times(&wavelength), (grid.start_nm(), grid.end_nm()));
@@ -145,15 +145,15 @@ struct BinWeight<'a> {
 }
 
 impl<'a> BinWeight<'a> {
-    fn new(grid: &'a WavelengthGrid, lamp: Option<&Curve>) -> Self {
+    fn new(grid: &'a WavelengthGrid, light: Option<&Curve>) -> Self {
         let even = [1.0 / SUBSAMPLES as f64; SUBSAMPLES];
         let weights = (0..grid.len())
             .map(|band| {
-                let Some(lamp) = lamp else { return even };
+                let Some(light) = light else { return even };
                 let (start, width) = (grid.edges_nm()[band], grid.width_nm(band));
                 let edge = |k: usize| start + width * k as f64 / SUBSAMPLES as f64;
                 let mut weights: [f64; SUBSAMPLES] =
-                    std::array::from_fn(|k| lamp.integral(edge(k), edge(k + 1)).max(0.0));
+                    std::array::from_fn(|k| light.integral(edge(k), edge(k + 1)).max(0.0));
                 let total: f64 = weights.iter().sum();
                 if total <= 0.0 {
                     return even;
@@ -213,8 +213,8 @@ mod tests {
         energy.into_iter().enumerate().map(|(b, e)| e * grid.center_nm(b) * grid.width_nm(b)).sum()
     }
 
-    /// A steep lamp: 10 nm LED behind a sharp short-pass.
-    fn lamp() -> Curve {
+    /// A steep spectrum: a 10 nm LED behind a sharp short-pass.
+    fn steep_spectrum() -> Curve {
         Curve::from_fn(300.0, 800.0, |nm| {
             (-0.5 * ((nm - 385.0) / 5.0).powi(2)).exp() / (1.0 + ((nm - 392.0) / 0.8).exp())
         })
@@ -228,10 +228,11 @@ mod tests {
             let mut indirect = Vec::new();
             for step in [1.0, 2.0, 5.0, 10.0] {
                 let grid = WavelengthGrid::uniform(350.0, 750.0, step).unwrap();
-                direct.push(photons(&grid, direct_exitance(&eem, &grid, &lamp())));
-                let light: Spectrum<Irradiance> = lamp().on_grid(&grid);
+                direct.push(photons(&grid, direct_exitance(&eem, &grid, &steep_spectrum())));
+                let light: Spectrum<Irradiance> = steep_spectrum().on_grid(&grid);
                 let light: Vec<f32> = light.values().iter().map(|&v| v as f32).collect();
-                let out = FluorescenceOperator::new(&eem, &grid, Some(&lamp())).product(1.0, &light);
+                let out =
+                    FluorescenceOperator::new(&eem, &grid, Some(&steep_spectrum())).product(1.0, &light);
                 indirect.push(photons(&grid, out.iter().map(|&e| f64::from(e))));
             }
             for values in [&direct, &indirect] {

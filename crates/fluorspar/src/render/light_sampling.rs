@@ -57,7 +57,7 @@ impl CompiledScene {
             if normal == Vec3::ZERO { 1.0 } else { (direction.dot(normal) + sine).clamp(LEAST_WEIGHT, 1.0) };
         let emission = lobe.map_or(1.0, |(axis, exponent)| {
             let cos = (-direction.dot(axis) + sine).min(1.0);
-            // Lambertian lamps are the common ones, and powf is slow.
+            // Most lights are Lambertian, and powf is slow.
             let lobe = if exponent == 1.0 { cos } else { cos.powf(exponent) };
             if cos <= 0.0 { LEAST_WEIGHT } else { lobe.max(LEAST_WEIGHT) * (exponent + 1.0) }
         });
@@ -186,7 +186,7 @@ impl CompiledScene {
             Target::Light(index) => index as usize,
             Target::Triangle { triangle, .. } => self.object_light[self.object_of(triangle as usize)]?,
             Target::Shape(index) => self.object_light[self.shapes[index as usize].object]?,
-            // Instances of lamps are triangles of their own.
+            // Emissive instances are flattened to triangles.
             Target::Instance { .. } => return None,
         };
 
@@ -251,7 +251,7 @@ mod tests {
                 let u = [a >> 40, a & 0xFF_FFFF, b >> 40].map(|bits| bits as f32 / 16_777_216.0);
                 compiled
                     .sample_light(0, position, normal, u)
-                    // A lamp in front of the surroundings hides them.
+                    // A light in front of the environment occludes it.
                     .filter(|s| s.distance.is_finite() || compiled.closest(position, s.direction).is_none())
                     .map(|s| s.direction.as_dvec3().normalize().to_array())
             },

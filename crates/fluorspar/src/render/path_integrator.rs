@@ -446,7 +446,7 @@ mod tests {
     use crate::scene::{Object, Scene, Shape};
     use crate::spectral::{Curve, WavelengthGrid};
 
-    /// A closed room with wavy walls of 20 thousand triangles, glossy, with two lamps.
+    /// A closed room with wavy walls of 20 thousand triangles, glossy, with two lights.
     fn room() -> Scene {
         const RINGS: u32 = 100;
         let mut mesh = TriangleMesh::default();
@@ -466,8 +466,8 @@ mod tests {
         }
         let coat = Coat { refractive_index: 1.4, roughness: ScalarTexture::Constant(0.3) };
         let wall = Material::coated("wall", Curve::constant(0.7), coat);
-        let lamp = |x: f32| Light {
-            name: format!("lamp at {x}"),
+        let light = |x: f32| Light {
+            name: format!("light at {x}"),
             group: 0,
             spectrum: Curve::constant(1.0),
             emitter: Emitter::Disc(DiscEmitter {
@@ -484,7 +484,7 @@ mod tests {
             materials: vec![wall],
             fluorophores: Vec::new(),
             light_groups: vec![LightGroup { name: "g".into() }],
-            lights: vec![lamp(-0.2), lamp(0.2)],
+            lights: vec![light(-0.2), light(0.2)],
             camera: PerspectiveCamera::look_at(0.5 * Vec3::Z, Vec3::ZERO, Vec3::Y, 90.0, 16, 16).unwrap(),
         }
     }

@@ -207,7 +207,7 @@ mod tests {
         Curve::from_fn(200.0, 1000.0, |nm| (-0.5 * ((nm - center) / 15.0).powi(2)).exp())
     }
 
-    /// A lamp at 390 nm and a dye that turns it into 640 nm, with a yield of a thousandth.
+    /// A light at 390 nm and a dye that emits at 640 nm, with a yield of a thousandth.
     fn model(gain: f32) -> RouletteModel {
         let term =
             SeparableTerm { excitation: band(390.0).scaled(1e-3), emission: band(640.0).scaled(1.0 / 37.6) };
@@ -251,7 +251,7 @@ mod tests {
         assert!((model(1.0).expected_contribution(&CoarseThroughput::CAMERA) - 1.0).abs() < 1e-5);
     }
 
-    /// Surfaces that swallow the lamp but reflect the emission: the path can still meet something that fluoresces.
+    /// Surfaces that absorb the light but reflect the emission: the path can still hit something that fluoresces.
     #[test]
     fn a_path_whose_red_is_seen_goes_on_though_its_blue_is_spent() {
         let model = model(1.0);

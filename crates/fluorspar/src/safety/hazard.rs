@@ -247,7 +247,7 @@ mod tests {
 
     /// 1000 W/m² at 385 nm for 10 s from a lamp of 50 mrad, by hand.
     #[test]
-    fn a_monochromatic_lamp_at_385_nm() {
+    fn a_monochromatic_source_at_385_nm() {
         let light = line(385.0, 1000.0, 0.05);
         let list = assess(&light, 10.0, ExposedTissue::Eye(RetinalObserver::Normal));
         let uva = find(&list, Hazard::NearUv);

@@ -185,7 +185,7 @@ const LEAST_PERCENT: f64 = 1.0;
 const LEAST_EMISSION_PERCENT: f64 = 2.0;
 /// Excitation that ends above this share of its maximum breaks off.
 const LEAST_EDGE: f64 = 0.05;
-/// Most triangles of the instances of a lamp.
+/// Most triangles of the instances of a light.
 const MOST_EMISSIVE_TRIANGLES: u64 = 20_000_000;
 /// Step at which photon conservation is checked, nm.
 const CHECK_STEP_NM: f64 = 1.0;
@@ -240,7 +240,7 @@ impl Scene {
                     let triangles = many.triangle_count();
                     if object.emission.is_some() && triangles > MOST_EMISSIVE_TRIANGLES {
                         return refuse(format!(
-                            "its instances have {triangles} triangles; lamps are kept triangle by triangle, up to \
+                            "its instances have {triangles} triangles; lights are kept triangle by triangle, up to \
                              {MOST_EMISSIVE_TRIANGLES}. Give fewer instances or a coarser mesh"
                         ));
                     }

@@ -30,7 +30,7 @@ pub(crate) struct DirectIrradiance<'a> {
 }
 
 /// Everything that shines in a scene: each distinct spectrum of each light group, with the sum of the factors of all
-/// lamps and objects that share it, averaged over the points.
+/// lights and objects that share it, averaged over the points.
 pub(crate) fn direct_irradiance<'a>(scene: &'a Scene, points: &[OrientedPoint]) -> Vec<DirectIrradiance<'a>> {
     let mut parts: Vec<DirectIrradiance<'a>> = Vec::new();
     let share = 1.0 / points.len().max(1) as f64;

@@ -1,4 +1,4 @@
-//! Scenes, lamps and statistics that the tests of light transport share.
+//! Scenes, lights and statistics that the tests of light transport share.
 #![allow(clippy::unwrap_used, dead_code)]
 
 use std::f64::consts::PI;
@@ -150,8 +150,8 @@ pub(crate) fn bumps() -> NormalMap {
     NormalMap::from_rgb(side, side, &rgb, 1.0).unwrap()
 }
 
-/// Lamps of every shape for the box of [`lit_box`], by name.
-pub(crate) const LAMPS: [&str; 9] = [
+/// Lights of every shape for the box of [`lit_box`], by name.
+pub(crate) const LIGHTS: [&str; 9] = [
     "disc",
     "rectangle",
     "narrow rectangle",
@@ -177,9 +177,9 @@ pub(crate) const MATERIALS: [&str; 10] = [
     "bumpy",
 ];
 
-/// An open box with a fluorescent floor, a ball and a tilted plate of one material, under one kind of lamp. Lamps are
+/// An open box with a fluorescent floor, a ball and a tilted plate of one material, under one kind of light. Lights are
 /// large, so that scattered rays find them.
-pub(crate) fn lit_box(lamp: &str, material: &str, concentration: f32) -> Scene {
+pub(crate) fn lit_box(light: &str, material: &str, concentration: f32) -> Scene {
     let grid = WavelengthGrid::uniform(360.0, 680.0, 40.0).unwrap();
     let mut scene = scene(grid, camera(Vec3::new(0.0, 0.0, 3.4), Vec3::ZERO, 40.0, 10));
     scene.fluorophores = vec![dye("a", 390.0, 450.0, 0.4), dye("b", 440.0, 560.0, 0.4)];
@@ -253,7 +253,7 @@ pub(crate) fn lit_box(lamp: &str, material: &str, concentration: f32) -> Scene {
         let emission = Some(SurfaceEmission { group: 0, radiance: gaussian(390.0, 15.0, 0.3) });
         Object { emission, ..object(name, shape, 0) }
     };
-    match lamp {
+    match light {
         "disc" => scene.lights.push(light(blue, disc)),
         "rectangle" => scene.lights.push(light(blue, rectangle(1.0))),
         "narrow rectangle" => scene.lights.push(light(blue, rectangle(4.0))),
@@ -278,7 +278,7 @@ pub(crate) fn lit_box(lamp: &str, material: &str, concentration: f32) -> Scene {
             let disc = Shape::Disc { center: Vec3::new(0.1, 0.8, 0.2), normal: Vec3::NEG_Y, radius_m: 0.6 };
             scene.objects.push(bright("lamp", disc));
         }
-        other => panic!("no lamp {other}"),
+        other => panic!("no light {other}"),
     }
     scene
 }
@@ -307,7 +307,7 @@ pub(crate) fn assert_same_light(name: &str, a: &[ComponentImage], b: &[Component
     let (bands, components) = (a[0].grid.len(), a[0].components.len());
     let level = sidak(significance, components * bands);
     let mut failures = Vec::new();
-    // Bands that hold less than 1e-5 of the brightest of their component are the far tails of lamps and emission spectra,
+    // Bands that hold less than 1e-5 of the brightest of their component are the far tails of lights and emission spectra,
     // where the quadrature of excitation within a band shows: no instrument sees that.
     let brightest: Vec<f64> = (0..components)
         .map(|component| {
@@ -387,10 +387,10 @@ fn save_difference_picture(path: &Path, a: &[ComponentImage], b: &[ComponentImag
 }
 
 /// Next-event estimation with multiple importance sampling against scattered directions alone.
-pub(crate) fn compare_estimators(lamp: &str, material: &str, samples: u32, runs: u64, significance: f64) {
-    let scene = lit_box(lamp, material, 1.0);
+pub(crate) fn compare_estimators(light: &str, material: &str, samples: u32, runs: u64, significance: f64) {
+    let scene = lit_box(light, material, 1.0);
     let guided = repeat(&scene, runs, &settings(samples, 6));
     let blind = RenderSettings { estimator: Estimator::ScatteringOnly, seed: 7, ..settings(4 * samples, 6) };
     let blind = repeat(&scene, runs, &blind);
-    assert_same_light(&format!("{lamp} on {material}"), &guided, &blind, significance);
+    assert_same_light(&format!("{light} on {material}"), &guided, &blind, significance);
 }

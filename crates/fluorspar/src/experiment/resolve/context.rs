@@ -19,7 +19,7 @@ use crate::units::number_text;
 pub(in crate::experiment) const LENGTH_MM: [f64; 2] = [1e-6, LARGEST_MM];
 /// Factors on lengths, and millimeters per unit of a file.
 pub(in crate::experiment) const SCALE: [f64; 2] = [1e-6, 1e6];
-/// Radiances, W/(sr m²), irradiances, W/m², powers, mW, and factors on them: far beyond any lamp on both sides, and so that
+/// Radiances, W/(sr m²), irradiances, W/m², powers, mW, and factors on them: far beyond any light on both sides, and so that
 /// the squares of what a pixel sees are numbers in single precision.
 pub(in crate::experiment) const STRENGTH: [f64; 2] = [1e-12, 1e12];
 /// Largest coordinate, mm.

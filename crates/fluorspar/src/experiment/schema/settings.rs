@@ -96,8 +96,8 @@ pub struct RenderSection {
     /// `error_captures`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub error_range_nm: Option<[f64; 2]>,
-    /// Edges of excitation bins, nm, increasing, 2 to 65 of them: keeps what each part of a lamp spectrum gives apart, so
-    /// that lamp spectra can be changed after the render. Memory grows by the number of edges. Default: none.
+    /// Edges of excitation bins, nm, increasing, 2 to 65 of them: keeps what each part of a light spectrum gives apart, so
+    /// that light spectra can be changed after the render. Memory grows by the number of edges. Default: none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub excitation_edges_nm: Option<Vec<f64>>,
 }
