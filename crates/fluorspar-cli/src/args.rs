@@ -14,7 +14,7 @@ use crate::values::{self, Override};
 /// Predicts what a fluorescence camera records, before the camera is built.
 ///
 /// Without a command, runs the built-in experiment "oraleye-2021": a mouth under white and 385 nm light.
-/// Exit codes: 0 done, 1 failed or interrupted, 2 something in the input must be mended.
+/// Exit codes: 0 done, 1 failed or interrupted, 2 something in the input must be fixed.
 #[derive(Debug, Parser)]
 #[command(name = "fluorspar", version, max_term_width = 110)]
 pub(crate) struct Args {

@@ -14,7 +14,7 @@ use thiserror::Error;
 /// Why a command did not succeed.
 #[derive(Debug, Error)]
 pub(crate) enum CliError {
-    /// Something that the user gave must be mended.
+    /// Something that the user gave must be fixed.
     #[error("{0}")]
     Input(String),
     /// The machine could not do it.
@@ -22,7 +22,7 @@ pub(crate) enum CliError {
     Failed(String),
     /// A stage after the render failed; what was rendered is kept.
     #[error(
-        "{error}\nThe render is kept. Mend the experiment and go on from it: fluorspar capture {} --experiment FILE",
+        "{error}\nThe render is kept. Fix the experiment and continue from it: fluorspar capture {} --experiment FILE",
         image.display()
     )]
     AfterRender {

@@ -120,7 +120,7 @@ fn a_render_is_kept_when_a_later_stage_fails() {
         assert_eq!(said.code, Some(2), "{said:?}");
         assert!(said.stderr.contains("no pixel of the region shows hidden"), "{}", said.stderr);
         let hint =
-            format!("The render is kept. Mend the experiment and go on from it: fluorspar capture {kept}");
+            format!("The render is kept. Fix the experiment and continue from it: fluorspar capture {kept}");
         assert!(said.stderr.contains(&hint), "{}", said.stderr);
         assert!(folder.join(kept).join("components.exr").is_file());
         assert!(!folder.join(kept).join("report.html").exists());

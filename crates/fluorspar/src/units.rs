@@ -32,12 +32,12 @@ pub fn number_text(value: f64) -> String {
 }
 
 /// Refuses a number outside a range, ends included, and NaN: `1e99 is outside 0.1 to 1000; give kelvin`.
-pub(crate) fn check_range(value: f64, [low, high]: [f64; 2], mending: &str) -> Result<(), String> {
+pub(crate) fn check_range(value: f64, [low, high]: [f64; 2], hint: &str) -> Result<(), String> {
     if (low..=high).contains(&value) {
         return Ok(());
     }
     let [value, low, high] = [value, low, high].map(number_text);
-    Err(format!("{value} is outside {low} to {high}; {mending}"))
+    Err(format!("{value} is outside {low} to {high}; {hint}"))
 }
 
 /// An amount of memory in words: `12.3 MiB`, three digits and rounded up, so that what is said suffices.

@@ -189,7 +189,7 @@ fn a_written_ply_comes_back() {
     let error = write_ply(&target, &mesh).unwrap_err().to_string();
     assert!(error.ends_with(
         "new.ply: nothing was written: triangle 0 uses vertex 9, but the mesh has only 4 vertices (numbered from 0). \
-         Mend the mesh first"
+         Fix the mesh first"
     ));
     assert!(!target.exists());
 }
@@ -206,7 +206,7 @@ fn bad_ply_files_are_explained() {
         ),
         (
             ply("3 0 1 4", "3 0 1 9"),
-            "m.ply: triangle 2 uses vertex 9, but the mesh has only 5 vertices (numbered from 0). Mend or export the mesh again",
+            "m.ply: triangle 2 uses vertex 9, but the mesh has only 5 vertices (numbered from 0). Fix the mesh or export it again",
         ),
         (
             ply("3 0 1 4", "3 0 -1 4"),
@@ -218,7 +218,7 @@ fn bad_ply_files_are_explained() {
         ),
         (
             ply("500 500 500", "500 nan 500"),
-            "m.ply:18: this is no intact PLY file: Couldn't read element line. Was it copied completely? Otherwise export the mesh again",
+            "m.ply:18: not a valid PLY file: Couldn't read element line. Was it copied completely? Otherwise export the mesh again",
         ),
     ];
     for (content, expected) in cases {
@@ -226,7 +226,7 @@ fn bad_ply_files_are_explained() {
     }
     let truncated = &ASCII_PLY.as_bytes()[..ASCII_PLY.len() - 20];
     let said = complaint("m.ply", truncated, |path| read_ply(path, 1.0));
-    assert!(said.starts_with("m.ply:18: this is no intact PLY file: "), "{said}");
+    assert!(said.starts_with("m.ply:18: not a valid PLY file: "), "{said}");
     assert_eq!(
         complaint("m.ply", ASCII_PLY.as_bytes(), |path| read_ply(path, 0.0)),
         "m.ply: the unit of length is 0 m. Give a positive length, for instance 0.001 for millimeters"
@@ -251,14 +251,14 @@ fn bad_obj_files_are_explained() {
     let obj = |from: &str, to: &str| OBJ.replacen(from, to, 1);
     let cases = [
         ("".to_string(), "m.obj: the file is empty. Was it copied completely?"),
-        ("v 0 0 0\n".into(), "m.obj: the mesh has no triangles. Mend or export the mesh again"),
+        ("v 0 0 0\n".into(), "m.obj: the mesh has no triangles. Fix the mesh or export it again"),
         (
             obj("v 10 10 0", "v 10 x 0"),
-            "m.obj:6: this is no intact OBJ file: position parse error. Export the mesh again",
+            "m.obj:6: not a valid OBJ file: position parse error. Export the mesh again",
         ),
         (
             obj("f 1/1 2/2 3/3", "f 1/1 2/2 9/3"),
-            "m.obj:13: this is no intact OBJ file: face vertex index out of bounds. Export the mesh again",
+            "m.obj:13: not a valid OBJ file: face vertex index out of bounds. Export the mesh again",
         ),
     ];
     for (content, expected) in cases {

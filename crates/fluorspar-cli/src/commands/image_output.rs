@@ -90,9 +90,9 @@ impl ImageOutput {
 
     /// Refuses what needs the whole image in memory. `why` is why it is not there, `instead` how it would be.
     pub(crate) fn check_for_bands(&self, why: &str, instead: &str) -> Result<(), CliError> {
-        let refuse = |what: String, mend: &str| {
+        let refuse = |what: String, hint: &str| {
             Err(CliError::Input(format!(
-                "{what}: {why}, so that the image is rendered in bands of rows; {mend}, or {instead}"
+                "{what}: {why}, so that the image is rendered in bands of rows; {hint}, or {instead}"
             )))
         };
         if has_extension(&self.out, "npy") {

@@ -87,12 +87,12 @@ pub(super) fn render(
     let finished = match rendered {
         BandedRender::Finished(finished) => finished,
         BandedRender::Stopped(rows) => {
-            let mend = match &options.film {
+            let hint = match &options.film {
                 Some(folder) => format!("go on with --resume --film {}", folder.display()),
                 None => "what was rendered is lost; with --film FOLDER it is kept".into(),
             };
             eprintln!(
-                "stopped within rows {} to {} of {}: no image was written; {mend}",
+                "stopped within rows {} to {} of {}: no image was written; {hint}",
                 rows.start,
                 rows.end - 1,
                 layout.height

@@ -141,7 +141,7 @@ impl<'a> Tongue<'a> {
         let wanted = parameters.tongue_length_in_pose_mm();
         let mut length = wanted;
         tongue.reach(tip, length, pose, obstacles);
-        // Path and length are mended until the surface, pressed and with its furrows, is as long and reaches as far as
+        // Correct path and length until the surface, pressed and with its furrows, is as long and reaches as far as
         // wanted. A raised tip, or one that is held back by what it touches, stays where it is.
         for _ in 0..3 {
             let missing = incisors_z + parameters.tongue_protrusion_mm - tongue.foremost();

@@ -1,10 +1,10 @@
-//! What is wrong with an experiment, said so that it can be mended.
+//! What is wrong with an experiment, said so that it can be fixed.
 
 use std::fmt;
 
 use thiserror::Error;
 
-/// A defect of an experiment file or of an override: where it is, what is wrong, how to mend it.
+/// A defect of an experiment file or of an override: where it is, what is wrong, how to fix it.
 ///
 /// Displayed as `my.toml:12: light[1] "blue": power_mw = -3: must be between 1e-12 and 1e12 milliwatts per
 /// emitter`.
@@ -24,7 +24,7 @@ pub struct ErrorDetails {
     pub field: Option<String>,
     /// The value as given, shortened.
     pub value: Option<String>,
-    /// What is wrong and how to mend it.
+    /// What is wrong and how to fix it.
     pub message: String,
 }
 

@@ -9,7 +9,7 @@
 //! | the small file of a flat sample | [`parse_sample`] | `sample.rs` |
 //! | the small file of a sensor | [`parse_sensor`] | `sensor_file.rs` |
 //!
-//! Every error names file, line, entry, field and value, says what is wrong and how to mend it.
+//! Every error names file, line, entry, field and value, says what is wrong and how to fix it.
 
 mod document;
 mod error;

@@ -11,8 +11,8 @@ pub(super) fn check_axis(
     wavelength_nm: &[f64],
     line: impl Fn(usize) -> Option<u64>,
 ) -> Result<(), FormatError> {
-    let refuse = |index: usize, what: String, mend: &str| {
-        Err(FormatError::Malformed { path: path.into(), line: line(index), what, mend: mend.into() })
+    let refuse = |index: usize, what: String, hint: &str| {
+        Err(FormatError::Malformed { path: path.into(), line: line(index), what, hint: hint.into() })
     };
     if let Some(index) = wavelength_nm.iter().position(|nm| !nm.is_finite()) {
         let what = format!("{what} wavelength number {} is {}", index + 1, wavelength_nm[index]);
@@ -21,7 +21,7 @@ pub(super) fn check_axis(
     if let (Some(&first), Some(&last)) = (wavelength_nm.first(), wavelength_nm.last()) {
         let (low, high) = (first.min(last), first.max(last));
         if low < 100.0 || high > 20_000.0 {
-            let mend = if low > 0.0 && high < 1e-4 {
+            let hint = if low > 0.0 && high < 1e-4 {
                 "They look like meters: multiply by 1e9"
             } else if low > 0.0 && high < 30.0 {
                 "They look like micrometers: multiply by 1000"
@@ -29,7 +29,7 @@ pub(super) fn check_axis(
                 "Give them in nanometers"
             };
             let what = format!("{what} wavelengths run from {first} to {last}, not between 100 and 20000 nm");
-            return refuse(0, what, mend);
+            return refuse(0, what, hint);
         }
     }
     for (index, pair) in wavelength_nm.windows(2).enumerate() {

@@ -138,7 +138,7 @@ fn check_corner(path: &Path, table: &Table) -> Result<(), FormatError> {
     if plain == CORNER {
         return Ok(());
     }
-    let (what, mend) = if plain == "ex_nm\\em_nm" {
+    let (what, hint) = if plain == "ex_nm\\em_nm" {
         (
             "the corner cell is \"ex_nm\\em_nm\": rows are excitation".to_string(),
             format!("Transpose the table so that rows are emission, and write \"{CORNER}\""),
@@ -156,7 +156,7 @@ fn check_corner(path: &Path, table: &Table) -> Result<(), FormatError> {
             format!("Write \"{CORNER}\" if rows are emission and columns excitation, both in nm"),
         )
     };
-    Err(FormatError::at_line(path, table.header.line, what, mend))
+    Err(FormatError::at_line(path, table.header.line, what, hint))
 }
 
 fn unit(path: &Path, table: &Table, given: Option<EemUnit>) -> Result<EemUnit, FormatError> {

@@ -166,7 +166,7 @@ fn shortened_list(names: &[String]) -> String {
 fn check_wavelength_header(path: &Path, table: &Table) -> Result<(), FormatError> {
     let header = table.header.cells[0].as_str();
     let wrong =
-        |what: String, mend: &str| Err(FormatError::at_line(path, table.header.line, what, mend.to_string()));
+        |what: String, hint: &str| Err(FormatError::at_line(path, table.header.line, what, hint.to_string()));
     if header.contains('\\') {
         return wrong(
             format!("the first cell is \"{}\": this is an excitation-emission matrix", shortened(header)),
@@ -183,7 +183,7 @@ fn check_wavelength_header(path: &Path, table: &Table) -> Result<(), FormatError
     let words: Vec<&str> =
         lower.split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty()).collect();
     let has = |names: &[&str]| words.iter().any(|word| names.contains(word));
-    let in_unit = |unit: &str, mend: &str| wrong(format!("the first column \"{header}\" is in {unit}"), mend);
+    let in_unit = |unit: &str, hint: &str| wrong(format!("the first column \"{header}\" is in {unit}"), hint);
     if has(&["nm", "nanometer", "nanometers", "nanometre", "nanometres"]) {
         Ok(())
     } else if has(&[

@@ -237,7 +237,7 @@ pub(super) fn read_dng(path: &Path) -> Result<Loaded<SensorImage>, FormatError> 
     if let Some(json) = private {
         let text = String::from_utf8_lossy(json);
         let description: Description = serde_json::from_str(text.trim_end_matches('\0'))
-            .map_err(|_| damaged("its description (DNGPrivateData) is not intact"))?;
+            .map_err(|_| damaged("its description (DNGPrivateData) is damaged"))?;
         return image_of(path, width, height, data, description);
     }
     let label = path.file_stem().map_or_else(|| "raw".into(), |s| s.to_string_lossy().into_owned());

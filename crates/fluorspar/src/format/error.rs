@@ -1,4 +1,4 @@
-//! What can go wrong with a file, said so that the file can be mended.
+//! What can go wrong with a file, said so that the file can be fixed.
 
 use std::fmt;
 use std::io;
@@ -21,7 +21,7 @@ pub enum FormatError {
         source: io::Error,
     },
     /// The content breaks the rules of its format or of this program.
-    #[error("{}{}: {what}. {mend}", path.display(), Place(*line))]
+    #[error("{}{}: {what}. {hint}", path.display(), Place(*line))]
     Malformed {
         /// The file.
         path: PathBuf,
@@ -30,17 +30,17 @@ pub enum FormatError {
         /// What is wrong.
         what: String,
         /// What to do about it.
-        mend: String,
+        hint: String,
     },
     /// The content is well-formed but of a kind that is not read here.
-    #[error("{}: {what}. {mend}", path.display())]
+    #[error("{}: {what}. {hint}", path.display())]
     Unsupported {
         /// The file.
         path: PathBuf,
         /// What was met.
         what: String,
         /// What to do about it.
-        mend: String,
+        hint: String,
     },
     /// The file asks for more memory than any sensible file.
     #[error(
@@ -55,14 +55,14 @@ pub enum FormatError {
         limit: String,
     },
     /// The unit of the values is missing or not the wanted one.
-    #[error("{}: {what}. {mend}", path.display())]
+    #[error("{}: {what}. {hint}", path.display())]
     Unit {
         /// The file.
         path: PathBuf,
         /// What was found and what was expected.
         what: String,
         /// What to do about it.
-        mend: String,
+        hint: String,
     },
     /// Most of an excitation-emission matrix lies at emission wavelengths below its excitation.
     #[error(
@@ -96,14 +96,14 @@ pub enum FormatError {
         percent_of_peak: f64,
     },
     /// What was to be written can't be: nothing was created.
-    #[error("{}: nothing was written: {what}. {mend}", path.display())]
+    #[error("{}: nothing was written: {what}. {hint}", path.display())]
     Unwritable {
         /// The file.
         path: PathBuf,
         /// What is wrong with the data.
         what: String,
         /// What to do about it.
-        mend: String,
+        hint: String,
     },
 }
 
@@ -126,28 +126,28 @@ impl FormatError {
         Self::Io { path: path.into(), action, source }
     }
 
-    pub(super) fn malformed(path: &Path, what: impl Into<String>, mend: impl Into<String>) -> Self {
-        Self::Malformed { path: path.into(), line: None, what: what.into(), mend: mend.into() }
+    pub(super) fn malformed(path: &Path, what: impl Into<String>, hint: impl Into<String>) -> Self {
+        Self::Malformed { path: path.into(), line: None, what: what.into(), hint: hint.into() }
     }
 
-    pub(super) fn at_line(path: &Path, line: u64, what: impl Into<String>, mend: impl Into<String>) -> Self {
-        Self::Malformed { path: path.into(), line: Some(line), what: what.into(), mend: mend.into() }
+    pub(super) fn at_line(path: &Path, line: u64, what: impl Into<String>, hint: impl Into<String>) -> Self {
+        Self::Malformed { path: path.into(), line: Some(line), what: what.into(), hint: hint.into() }
     }
 
-    pub(super) fn unsupported(path: &Path, what: impl Into<String>, mend: impl Into<String>) -> Self {
-        Self::Unsupported { path: path.into(), what: what.into(), mend: mend.into() }
+    pub(super) fn unsupported(path: &Path, what: impl Into<String>, hint: impl Into<String>) -> Self {
+        Self::Unsupported { path: path.into(), what: what.into(), hint: hint.into() }
     }
 
-    pub(super) fn unit(path: &Path, what: impl Into<String>, mend: impl Into<String>) -> Self {
-        Self::Unit { path: path.into(), what: what.into(), mend: mend.into() }
+    pub(super) fn unit(path: &Path, what: impl Into<String>, hint: impl Into<String>) -> Self {
+        Self::Unit { path: path.into(), what: what.into(), hint: hint.into() }
     }
 
     pub(super) fn too_large(path: &Path, what: impl Into<String>, limit: impl Into<String>) -> Self {
         Self::TooLarge { path: path.into(), what: what.into(), limit: limit.into() }
     }
 
-    pub(super) fn unwritable(path: &Path, what: impl Into<String>, mend: impl Into<String>) -> Self {
-        Self::Unwritable { path: path.into(), what: what.into(), mend: mend.into() }
+    pub(super) fn unwritable(path: &Path, what: impl Into<String>, hint: impl Into<String>) -> Self {
+        Self::Unwritable { path: path.into(), what: what.into(), hint: hint.into() }
     }
 }
 

@@ -121,8 +121,8 @@ fn read_content(path: &Path) -> Result<FileContent, FormatError> {
     let document: Value = serde_json::from_slice(text).map_err(|error| FormatError::Malformed {
         path: path.into(),
         line: Some(error.line() as u64),
-        what: format!("this is no intact glTF file: {error}"),
-        mend: "Export the mesh again".into(),
+        what: format!("not a valid glTF file: {error}"),
+        hint: "Export the mesh again".into(),
     })?;
     let buffers = buffers(path, &document, blob)?;
     guarded(path, "glTF", || {

@@ -29,7 +29,7 @@ pub(super) fn materials<'a>(meshes: &[NamedMesh<'a>]) -> Vec<(&'a str, [f64; 3])
 }
 
 pub(super) fn check(path: &Path, meshes: &[NamedMesh<'_>]) -> Result<(), FormatError> {
-    let refuse = |what: String| Err(FormatError::unwritable(path, what, "Mend the mesh first"));
+    let refuse = |what: String| Err(FormatError::unwritable(path, what, "Fix the mesh first"));
     if meshes.is_empty() {
         return refuse("there is no mesh to write".into());
     }

@@ -17,7 +17,7 @@
 //! | places, CSV or NumPy | [`read_placements`] | |
 //! | named meshes, OBJ, glTF, PBRT | | [`write_obj`], [`write_gltf`], [`write_pbrt`] |
 //!
-//! Every reader says what is wrong with a file, where, and how to mend it ([`FormatError`]), and survives any bytes.
+//! Every reader says what is wrong with a file, where, and how to fix it ([`FormatError`]), and survives any bytes.
 //! Every writer leaves a complete file or none ([`write_atomically`]). Equal results give equal bytes.
 //!
 //! Out of scope: what the numbers mean. Readers neither normalize nor convert.

@@ -156,7 +156,7 @@ fn read_array(
     let (shape, data) = read_npy(path)?;
     let description: Description = read_sidecar(path)?;
     let sidecar = sidecar_path(path);
-    let mismatch = |what: String, mend: &str| Err(FormatError::malformed(&sidecar, what, mend));
+    let mismatch = |what: String, hint: &str| Err(FormatError::malformed(&sidecar, what, hint));
     if description.schema != schema {
         return mismatch(
             format!("this describes \"{}\", not \"{schema}\"", description.schema),

@@ -31,8 +31,8 @@ pub fn read_obj(path: &Path, unit_m: f64) -> Result<TriangleMesh, FormatError> {
             Err(error) => Err(FormatError::Malformed {
                 path: path.into(),
                 line: suspicious_line(&bytes),
-                what: format!("this is no intact OBJ file: {error}"),
-                mend: "Export the mesh again".into(),
+                what: format!("not a valid OBJ file: {error}"),
+                hint: "Export the mesh again".into(),
             }),
         }
     })?;

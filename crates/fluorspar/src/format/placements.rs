@@ -41,10 +41,10 @@ pub fn read_placements(path: &Path, unit_m: f64) -> Result<Vec<Affine3>, FormatE
         let displacement = [m[3], m[7], m[11]].map(|x| (f64::from(x) * unit_m) as f32);
         if !m.iter().all(|x| x.is_finite()) {
             let what = format!("place {number} (counted from 0) holds a number that is not finite");
-            let mend = "Give twelve finite numbers";
+            let hint = "Give twelve finite numbers";
             return Err(match line_of.as_ref().and_then(|lines| lines.get(number)) {
-                Some(&line) => FormatError::at_line(path, line, what, mend),
-                None => FormatError::malformed(path, what, mend),
+                Some(&line) => FormatError::at_line(path, line, what, hint),
+                None => FormatError::malformed(path, what, hint),
             });
         }
         let matrix3 = Mat3::from_cols(row(0), row(1), row(2)).transpose();
@@ -57,7 +57,7 @@ pub fn read_placements(path: &Path, unit_m: f64) -> Result<Vec<Affine3>, FormatE
 type Lines = (Vec<[f32; NUMBERS]>, Vec<u64>);
 
 fn from_text(path: &Path, text: &str) -> Result<Lines, FormatError> {
-    const MEND: &str = "Give every line the three rows of a matrix: xx, xy, xz, displacement x, yx, ...";
+    const HINT: &str = "Give every line the three rows of a matrix: xx, xy, xz, displacement x, yx, ...";
     let (mut places, mut lines) = (Vec::new(), Vec::new());
     let mut names_seen = false;
     for (index, text) in text.lines().enumerate() {
@@ -76,7 +76,7 @@ fn from_text(path: &Path, text: &str) -> Result<Lines, FormatError> {
                     count = 0;
                     break;
                 }
-                return Err(FormatError::at_line(path, line, format!("\"{cell}\" is no number"), MEND));
+                return Err(FormatError::at_line(path, line, format!("\"{cell}\" is no number"), HINT));
             };
             if let Some(slot) = place.get_mut(count) {
                 *slot = value;
@@ -91,12 +91,12 @@ fn from_text(path: &Path, text: &str) -> Result<Lines, FormatError> {
             }
             _ => {
                 let what = format!("a place has {NUMBERS} numbers; this line has {count}");
-                return Err(FormatError::at_line(path, line, what, MEND));
+                return Err(FormatError::at_line(path, line, what, HINT));
             }
         }
     }
     if places.is_empty() {
-        return Err(FormatError::malformed(path, "the file holds no places", MEND));
+        return Err(FormatError::malformed(path, "the file holds no places", HINT));
     }
     Ok((places, lines))
 }

@@ -35,8 +35,8 @@ fn parse(path: &Path, bytes: &[u8]) -> Result<TriangleMesh, FormatError> {
     let damaged = |error: ParseError| FormatError::Malformed {
         path: path.into(),
         line: error.line().map(|line| line as u64),
-        what: format!("this is no intact PLY file: {}", first_sentence(&error)),
-        mend: "Was it copied completely? Otherwise export the mesh again".into(),
+        what: format!("not a valid PLY file: {}", first_sentence(&error)),
+        hint: "Was it copied completely? Otherwise export the mesh again".into(),
     };
     let mut reader = Reader::new(BufReader::new(bytes));
     let header = Parser::<Skipped>::new().read_header(&mut reader).map_err(damaged)?;
@@ -145,8 +145,9 @@ pub(super) fn finish_mesh(
     for position in &mut mesh.positions {
         *position *= scale;
     }
-    mesh.validate()
-        .map_err(|error| FormatError::malformed(path, error.to_string(), "Mend or export the mesh again"))?;
+    mesh.validate().map_err(|error| {
+        FormatError::malformed(path, error.to_string(), "Fix the mesh or export it again")
+    })?;
     Ok(mesh)
 }
 
@@ -156,7 +157,7 @@ pub(super) fn finish_mesh(
 /// When the mesh is not valid or the file can't be written.
 pub fn write_ply(path: &Path, mesh: &TriangleMesh) -> Result<(), FormatError> {
     mesh.validate()
-        .map_err(|error| FormatError::unwritable(path, error.to_string(), "Mend the mesh first"))?;
+        .map_err(|error| FormatError::unwritable(path, error.to_string(), "Fix the mesh first"))?;
     write_atomically(path, |writer| {
         write!(
             writer,

@@ -91,7 +91,7 @@ pub(super) fn read_png(path: &Path) -> Result<RawPng, FormatError> {
             }
             error => FormatError::malformed(
                 path,
-                format!("this is not an intact PNG: {error}"),
+                format!("not a valid PNG file: {error}"),
                 "Export the picture again",
             ),
         };
@@ -118,7 +118,7 @@ pub(super) fn read_png(path: &Path) -> Result<RawPng, FormatError> {
 /// never decoded: it is a fraction. Embedded color profiles are ignored: `transfer` decides.
 ///
 /// # Errors
-/// A file that is not an intact PNG, or one too large.
+/// A file that is not a valid PNG, or one too large.
 pub fn read_texture_png(path: &Path, transfer: Transfer) -> Result<TextureImage, FormatError> {
     let raw = read_png(path)?;
     let channels = raw.color.samples();

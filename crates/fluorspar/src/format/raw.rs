@@ -331,7 +331,7 @@ fn read_gray_tiff(path: &Path, file: File) -> Result<(usize, usize, Vec<u16>), F
             }
             error => FormatError::malformed(
                 path,
-                format!("this is not an intact TIFF: {error}"),
+                format!("not a valid TIFF file: {error}"),
                 "Was it copied completely?",
             ),
         };

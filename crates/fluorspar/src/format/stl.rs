@@ -36,7 +36,7 @@ pub fn read_stl(path: &Path, unit_m: f64) -> Result<TriangleMesh, FormatError> {
         } else {
             Err(FormatError::malformed(
                 path,
-                "this is no intact STL file: its length does not fit its number of triangles",
+                "not a valid STL file: its length does not fit its number of triangles",
                 "Was it copied completely? Otherwise export the mesh again",
             ))
         }
@@ -76,7 +76,7 @@ fn text_corners(path: &Path, bytes: &[u8]) -> Result<Vec<Vec3>, FormatError> {
                 path: path.into(),
                 line: Some(index as u64 + 1),
                 what: format!("\"{}\" is no vertex", line.trim()),
-                mend: "A vertex has three numbers: export the mesh again".into(),
+                hint: "A vertex has three numbers: export the mesh again".into(),
             });
         };
         corners.push(Vec3::new(x, y, z));

@@ -87,7 +87,7 @@ impl Dispersion {
     /// Checks the parameters.
     ///
     /// # Errors
-    /// What is wrong, where, and how to mend it.
+    /// What is wrong, where, and how to fix it.
     pub fn validate(&self) -> Result<(), String> {
         if let Self::Sellmeier { b, c_um2 } = self
             && (b.is_empty() || b.len() != c_um2.len())

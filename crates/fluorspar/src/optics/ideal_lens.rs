@@ -55,7 +55,7 @@ pub struct IdealLens {
 pub struct LensProblem {
     /// The field.
     pub field: &'static str,
-    /// What is wrong and how to mend it.
+    /// What is wrong and how to fix it.
     pub message: String,
 }
 
@@ -86,13 +86,13 @@ impl IdealLens {
     /// Checks every parameter.
     ///
     /// # Errors
-    /// The first parameter that can't be used, with the way to mend it.
+    /// The first parameter that can't be used, with the way to fix it.
     pub fn validate(&self) -> Result<(), LensProblem> {
         let problem = |field, message: String| Err(LensProblem { field, message });
         check_range(self.focal_length_mm, [1e-3, 1e6], "give mm")
             .or_else(|message| problem("focal_length_mm", message))?;
-        let mending = "no lens in air is faster than f/0.5. Give focal length over pupil diameter";
-        check_range(self.f_number, [0.5, 1e3], mending).or_else(|message| problem("f_number", message))?;
+        let hint = "no lens in air is faster than f/0.5. Give focal length over pupil diameter";
+        check_range(self.f_number, [0.5, 1e3], hint).or_else(|message| problem("f_number", message))?;
         if let Some(distance) = self.object_distance_mm {
             if distance <= self.focal_length_mm {
                 return problem(
@@ -105,8 +105,8 @@ impl IdealLens {
                     ),
                 );
             }
-            let mending = "give mm, or leave the distance out for infinity";
-            check_range(distance, [0.0, 1e9], mending)
+            let hint = "give mm, or leave the distance out for infinity";
+            check_range(distance, [0.0, 1e9], hint)
                 .or_else(|message| problem("object_distance_mm", message))?;
         }
         self.validate_transmittance()

@@ -78,7 +78,7 @@ pub struct LensPrescription {
 pub struct PrescriptionError {
     /// Where: "surface 3, semi_diameter_mm", for instance.
     pub place: String,
-    /// What is wrong and how to mend it.
+    /// What is wrong and how to fix it.
     pub message: String,
 }
 
@@ -235,7 +235,7 @@ impl LensPrescription {
     /// Checks every number.
     ///
     /// # Errors
-    /// The first surface and field that can't be used, with the way to mend it.
+    /// The first surface and field that can't be used, with the way to fix it.
     pub fn validate(&self) -> Result<(), PrescriptionError> {
         let fail = |place: String, message: String| Err(PrescriptionError { place, message });
         if self.surfaces.is_empty() || self.surfaces.len() > MOST_SURFACES {

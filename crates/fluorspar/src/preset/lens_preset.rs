@@ -112,7 +112,7 @@ pub fn is_lens_file(name: &str) -> bool {
 /// A lens of the catalogue by its name, or one from a file: `.toml`, `.dat`, `.json`, `.zmx`.
 ///
 /// # Errors
-/// What is wrong with name or file, where, and how to mend it.
+/// What is wrong with name or file, where, and how to fix it.
 pub fn lens_or_file(name: &str) -> Result<LoadedLens, LensError> {
     if !is_lens_file(name) {
         return Ok(lens(name)?);

@@ -32,9 +32,9 @@ impl AutoExposure {
     /// Checks every parameter.
     ///
     /// # Errors
-    /// The first parameter that can't be used, with the way to mend it.
+    /// The first parameter that can't be used, with the way to fix it.
     pub fn validate(&self) -> Result<(), SensorProblem> {
-        for (field, value, range, mending) in [
+        for (field, value, range, hint) in [
             ("auto_exposure.percentile", self.percentile, [0.0, 100.0], "give percent of the pixels"),
             (
                 "auto_exposure.target_fraction",
@@ -45,7 +45,7 @@ impl AutoExposure {
             ("auto_exposure.min_exposure_ms", self.min_exposure_ms, EXPOSURE_MS, "give milliseconds"),
             ("auto_exposure.max_exposure_ms", self.max_exposure_ms, EXPOSURE_MS, "give milliseconds"),
         ] {
-            SensorProblem::unless_within(field, value, range, mending)?;
+            SensorProblem::unless_within(field, value, range, hint)?;
         }
         if self.max_exposure_ms < self.min_exposure_ms {
             let message = format!(

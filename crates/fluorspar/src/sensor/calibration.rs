@@ -220,7 +220,7 @@ impl BadPixels {
         for pixel in (0..self.bad.len()).filter(|&pixel| self.bad[pixel]) {
             let (row, col) = (pixel / self.width, pixel % self.width);
             let channel = frame.mosaic.channel(row, col);
-            let mut mended = None;
+            let mut repaired = None;
             for ring in 1..=4isize {
                 let (mut sum, mut weights, mut saturated) = (0.0f64, 0.0f64, false);
                 for down in -ring * rows..=ring * rows {
@@ -242,11 +242,11 @@ impl BadPixels {
                     }
                 }
                 if weights > 0.0 {
-                    mended = Some(((sum / weights) as f32, saturated));
+                    repaired = Some(((sum / weights) as f32, saturated));
                     break;
                 }
             }
-            match mended {
+            match repaired {
                 Some((value, saturated)) => {
                     frame.values[pixel] = value;
                     frame.saturated[pixel] = saturated;

@@ -71,7 +71,7 @@ impl CaptureSequence {
     /// Checks every frame.
     ///
     /// # Errors
-    /// The first parameter that can't be used, with the way to mend it.
+    /// The first parameter that can't be used, with the way to fix it.
     pub fn validate(&self) -> Result<(), SensorProblem> {
         for (index, frame) in self.frames.iter().enumerate() {
             let field = |name: &str| format!("frames[{index}].{name}");
@@ -91,8 +91,8 @@ impl CaptureSequence {
             match (frame.exposure_ms, &frame.auto_exposure) {
                 (Some(0.0), None) => {}
                 (Some(ms), None) => {
-                    let mending = "give milliseconds, or 0 for the offset alone";
-                    SensorProblem::unless_within(&field("exposure_ms"), ms, EXPOSURE_MS, mending)?;
+                    let hint = "give milliseconds, or 0 for the offset alone";
+                    SensorProblem::unless_within(&field("exposure_ms"), ms, EXPOSURE_MS, hint)?;
                 }
                 (None, Some(rule)) => rule
                     .validate()

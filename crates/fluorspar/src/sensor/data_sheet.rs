@@ -120,8 +120,8 @@ impl Emva1288 {
     /// No gain, or two that are not each other's reciprocal.
     pub fn dn_per_electron(&self) -> Result<f64, SensorProblem> {
         for (field, value) in [("gain_e_per_dn", self.gain_e_per_dn), ("gain_dn_per_e", self.gain_dn_per_e)] {
-            let mending = "give the system gain or its reciprocal";
-            check_range(value.unwrap_or(1.0), [1e-8, 1e8], mending)
+            let hint = "give the system gain or its reciprocal";
+            check_range(value.unwrap_or(1.0), [1e-8, 1e8], hint)
                 .map_err(|message| problem(field, message))?;
         }
         one_of(["gain_dn_per_e", "gain_e_per_dn"], [self.gain_dn_per_e, self.gain_e_per_dn], |inverse| {
@@ -179,7 +179,7 @@ impl Emva1288 {
             return Err(problem("prnu_percent", message));
         }
         let saturation = self.saturation_capacity_e;
-        for (field, value, range, mending) in [
+        for (field, value, range, hint) in [
             ("saturation_capacity_e", saturation, [10.0, 1e8], "give electrons"),
             (
                 "dark_current_temperature_c",
@@ -189,7 +189,7 @@ impl Emva1288 {
             ),
             ("doubling_temperature_k", self.doubling_temperature_k, DOUBLING_K, "give kelvin"),
         ] {
-            check_range(value, range, mending).map_err(|message| problem(field, message))?;
+            check_range(value, range, hint).map_err(|message| problem(field, message))?;
         }
         if !(1..=16).contains(&self.bit_depth) {
             return Err(problem("bit_depth", format!("{} is outside 1 to 16", self.bit_depth)));

@@ -49,8 +49,8 @@ impl Exposure {
     pub fn validate(&self) -> Result<(), SensorProblem> {
         if self.time_s != 0.0 {
             let range_s = EXPOSURE_MS.map(|ms| ms * 1e-3);
-            let mending = "give seconds, or 0 for the offset alone";
-            SensorProblem::unless_within("exposure.time_s", self.time_s, range_s, mending)?;
+            let hint = "give seconds, or 0 for the offset alone";
+            SensorProblem::unless_within("exposure.time_s", self.time_s, range_s, hint)?;
         }
         SensorProblem::unless_within("exposure.gain", self.gain, GAIN, "give 1 for the base gain")
     }

@@ -221,7 +221,7 @@ impl Default for SensorModel {
 pub struct SensorProblem {
     /// The field.
     pub field: String,
-    /// What is wrong and how to mend it.
+    /// What is wrong and how to fix it.
     pub message: String,
 }
 
@@ -231,8 +231,8 @@ impl SensorProblem {
     }
 
     /// Refuses a number outside a range, ends included, and NaN.
-    pub(super) fn unless_within(field: &str, value: f64, range: [f64; 2], mending: &str) -> Result<(), Self> {
-        check_range(value, range, mending).map_err(|message| Self::new(field, message))
+    pub(super) fn unless_within(field: &str, value: f64, range: [f64; 2], hint: &str) -> Result<(), Self> {
+        check_range(value, range, hint).map_err(|message| Self::new(field, message))
     }
 }
 
@@ -366,13 +366,13 @@ impl SensorModel {
     /// Checks every parameter.
     ///
     /// # Errors
-    /// The first parameter that can't be used, with the way to mend it.
+    /// The first parameter that can't be used, with the way to fix it.
     pub fn validate(&self) -> Result<(), SensorProblem> {
         self.validate_geometry()?;
         if self.emva1288.is_some() {
             return self.with_data_sheet()?.validate();
         }
-        for (field, value, range, mending) in [
+        for (field, value, range, hint) in [
             ("well_capacity_e", self.well_capacity_e, [1.0, 1e9], "give electrons"),
             ("voltage_swing_v", self.voltage_swing_v, [1e-9, 1e6], "give volts"),
             (
@@ -384,7 +384,7 @@ impl SensorModel {
             ("analog_gain", self.analog_gain, [1e-3, 1e6], "give 1 for the base gain"),
             ("dark_doubling_temperature_k", self.dark_doubling_temperature_k, DOUBLING_K, "give kelvin"),
         ] {
-            SensorProblem::unless_within(field, value, range, mending)?;
+            SensorProblem::unless_within(field, value, range, hint)?;
         }
         for (mv_field, e_field, mv, e) in [
             ("read_noise_mv", "read_noise_e", self.read_noise_mv, self.read_noise_e),
@@ -413,17 +413,17 @@ impl SensorModel {
         ] {
             noise_or_current(field, value)?;
         }
-        for (field, value, most, mending) in [
+        for (field, value, most, hint) in [
             ("prnu_percent", self.prnu_percent, 100.0, "give percent"),
             ("column_gain_percent", self.column_gain_percent, 100.0, "give percent"),
             ("dark_current_log_spread", self.dark_current_log_spread, 10.0, "give a natural logarithm"),
             ("hot_pixels_per_million", self.hot_pixels_per_million, 1e6, "give pixels in a million"),
             ("dead_pixels_per_million", self.dead_pixels_per_million, 1e6, "give pixels in a million"),
         ] {
-            SensorProblem::unless_within(field, value, [0.0, most], mending)?;
+            SensorProblem::unless_within(field, value, [0.0, most], hint)?;
         }
-        let mending = "give a share of the well, 1 for a hard limit";
-        SensorProblem::unless_within("well_knee", self.well_knee, [1e-6, 1.0], mending)?;
+        let hint = "give a share of the well, 1 for a hard limit";
+        SensorProblem::unless_within("well_knee", self.well_knee, [1e-6, 1.0], hint)?;
         if let Some(crosstalk) = &self.crosstalk {
             crosstalk.validate()?;
         }
@@ -433,7 +433,7 @@ impl SensorModel {
         }
         RelativeIllumination::validate(self)?;
         self.validate_isetcam()?;
-        for (field, value, range, mending) in [
+        for (field, value, range, hint) in [
             ("analog_offset_mv", self.analog_offset_mv, [-1e6, 1e6], "give millivolts"),
             ("temperature_c", self.temperature_c, TEMPERATURE_C, "give degrees Celsius"),
             (
@@ -443,7 +443,7 @@ impl SensorModel {
                 "give degrees Celsius",
             ),
         ] {
-            SensorProblem::unless_within(field, value, range, mending)?;
+            SensorProblem::unless_within(field, value, range, hint)?;
         }
         self.validate_converter()
     }

@@ -62,8 +62,8 @@ impl Shutter {
         let within = SensorProblem::unless_within;
         within("shutter.row_time_us", self.row_time_us, [0.0, 1e6], "give microseconds per row")?;
         let sensitivity = self.parasitic_light_sensitivity;
-        let mending = "give a fraction, not percent or a ratio such as 1:10000";
-        within("shutter.parasitic_light_sensitivity", sensitivity, [0.0, 1.0], mending)?;
+        let hint = "give a fraction, not percent or a ratio such as 1:10000";
+        within("shutter.parasitic_light_sensitivity", sensitivity, [0.0, 1.0], hint)?;
         if self.kind == ShutterKind::Rolling && sensitivity > 0.0 {
             let message = "a rolling shutter has no storage node; remove it or set type = \"global\"";
             return Err(SensorProblem::new("shutter.parasitic_light_sensitivity", message));
@@ -76,11 +76,11 @@ impl Strobe {
     pub(super) fn validate(&self) -> Result<(), SensorProblem> {
         let within = SensorProblem::unless_within;
         within("strobe.delay_ms", self.delay_ms, [-1e9, 1e9], "give milliseconds")?;
-        for (field, value, range, mending) in [
+        for (field, value, range, hint) in [
             ("strobe.duration_ms", self.duration_ms, [1e-12, 1e9], "give milliseconds"),
             ("strobe.frequency_hz", self.frequency_hz, [1e-6, 1e9], "give Hz"),
         ] {
-            within(field, value.unwrap_or(1.0), range, mending)?;
+            within(field, value.unwrap_or(1.0), range, hint)?;
         }
         within("strobe.duty", self.duty, [1e-12, 1.0], "give a fraction, not percent")?;
         if self.duty < 1.0 && self.frequency_hz.is_none() {

@@ -59,7 +59,7 @@ impl Spectroradiometer {
     /// Checks every parameter.
     ///
     /// # Errors
-    /// The first parameter that can't be used, with the way to mend it.
+    /// The first parameter that can't be used, with the way to fix it.
     pub fn validate(&self) -> Result<(), SensorProblem> {
         let within = |field: &str, value: f64, [low, high]: [f64; 2], unit: &str| {
             if (low..=high).contains(&value) {

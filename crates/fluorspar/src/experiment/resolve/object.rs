@@ -643,7 +643,7 @@ fn scans(
 /// Longest side of the box around a scan of one tooth or of a whole head, mm.
 const SCAN_MM: std::ops::RangeInclusive<f64> = 5.0..=500.0;
 
-/// A warning for a scan that is too small or too large for any part of a mouth, with the unit that would mend it.
+/// A warning for a scan that is too small or too large for any part of a mouth, with the unit that would fix it.
 fn unlikely_size(mesh: &TriangleMesh, unit_mm: f64) -> Option<String> {
     let (low, high) = mesh.bounds();
     let longest_mm = 1e3 * f64::from((high - low).max_element());
@@ -653,11 +653,11 @@ fn unlikely_size(mesh: &TriangleMesh, unit_mm: f64) -> Option<String> {
     let unit = [(1.0, "millimeters"), (1000.0, "meters"), (0.001, "micrometers"), (10.0, "centimeters")]
         .into_iter()
         .find(|(unit, _)| SCAN_MM.contains(&(longest_mm / unit_mm * unit)));
-    let mending = unit.map_or_else(
+    let hint = unit.map_or_else(
         || "look at the unit of the file and at unit_mm".to_owned(),
         |(unit, name)| format!("if the file is in {name}, set unit_mm = {unit:?}"),
     );
-    Some(format!("the scan is {longest_mm:.3e} mm long, a dental arch about 60 mm; {mending}"))
+    Some(format!("the scan is {longest_mm:.3e} mm long, a dental arch about 60 mm; {hint}"))
 }
 
 /// Texture coordinates along the two longest sides of the bounding box.

@@ -341,11 +341,7 @@ fn headers(path: &Path) -> Result<Vec<Header>, FormatError> {
 }
 
 fn damaged(path: &Path, error: &exr::error::Error) -> FormatError {
-    FormatError::malformed(
-        path,
-        format!("this is not an intact OpenEXR file: {error}"),
-        "Was it copied completely?",
-    )
+    FormatError::malformed(path, format!("not a valid OpenEXR file: {error}"), "Was it copied completely?")
 }
 
 /// Where the samples of a channel go: `buffers[buffer][offset + stride * pixel]`.

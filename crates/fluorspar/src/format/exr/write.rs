@@ -334,7 +334,7 @@ fn check(
     components: usize,
     options: &ExrOptions<'_>,
 ) -> Result<(), FormatError> {
-    let refuse = |what: String, mend: &str| Err(FormatError::unwritable(path, what, mend));
+    let refuse = |what: String, hint: &str| Err(FormatError::unwritable(path, what, hint));
     if check_image_size(path, width as u64, height as u64, 1, MAX_IMAGE_BYTES).is_err() {
         return refuse(format!("an image can't have {height} rows and {width} columns"), "Give 1 to 100000");
     }

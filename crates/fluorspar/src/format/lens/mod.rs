@@ -26,7 +26,7 @@ pub struct LensFileError {
     pub file: String,
     /// Line, from 1, where one is to blame.
     pub line: Option<usize>,
-    /// What is wrong and how to mend it.
+    /// What is wrong and how to fix it.
     pub message: String,
 }
 
@@ -50,7 +50,7 @@ impl Fault {
 /// Reads a lens file by its ending: `.toml`, `.dat` (pbrt), `.json` (ISET, omni), `.zmx` (Zemax).
 ///
 /// # Errors
-/// What is wrong, in which line, and how to mend it.
+/// What is wrong, in which line, and how to fix it.
 pub fn read_lens(path: &Path) -> Result<LensPrescription, LensFileError> {
     let file = path.display().to_string();
     let error = |fault: Fault| LensFileError { file: file.clone(), line: fault.line, message: fault.message };

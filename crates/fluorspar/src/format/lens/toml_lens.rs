@@ -145,7 +145,7 @@ impl LensFile {
     /// The lens that the file describes; glasses of the catalogue stay names.
     ///
     /// # Errors
-    /// What is wrong and how to mend it.
+    /// What is wrong and how to fix it.
     pub fn to_prescription(&self) -> Result<LensPrescription, String> {
         check_range(self.scale, [1e-6, 1e6], "give a factor on all lengths")
             .map_err(|message| format!("scale: {message}"))?;

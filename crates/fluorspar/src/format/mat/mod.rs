@@ -134,7 +134,7 @@ pub fn read_mat_spectra(path: &Path) -> Result<MatSpectra, FormatError> {
             FormatError::malformed(
                 path,
                 format!("column {} of \"data\": {error}", column + 1),
-                "Mend the data",
+                "Fix the data",
             )
         })?);
     }
