@@ -215,7 +215,7 @@ fn plan_all(
     let mut counts = vec![1_u32; tree.len()];
     let unknown = Plan { cost: [0.0; WIDTH - 1], children: [1; WIDTH - 1], left: [0; WIDTH], leaf: true };
     let mut plans = vec![unknown; tree.len()];
-    // Subtrees that are no leaf, nor part of one.
+    // Subtrees that are neither a leaf nor part of one.
     const TOO_MANY: u32 = u32::MAX;
     for (number, node) in tree.iter().enumerate().rev() {
         match *node {

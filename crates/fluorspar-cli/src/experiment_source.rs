@@ -157,7 +157,7 @@ pub(crate) fn read_text(path: &Path) -> Result<String, CliError> {
     if metadata.len() > LARGEST_BYTES {
         let mib = metadata.len() >> 20;
         return Err(CliError::Input(format!(
-            "{shown}: {mib} MiB is no experiment file; the largest that is read has {} MiB",
+            "{shown}: {mib} MiB is not an experiment file; the largest that is read has {} MiB",
             LARGEST_BYTES >> 20
         )));
     }

@@ -24,7 +24,7 @@ fn main() -> ExitCode {
     return_freed_memory_at_once();
     let args = match Args::try_parse() {
         Ok(args) => args,
-        // Help and version are no errors; everything else is exit code 2.
+        // Help and version are not errors; everything else is exit code 2.
         Err(error) => {
             let code = if error.use_stderr() { ExitCode::from(2) } else { ExitCode::SUCCESS };
             return match error.print() {

@@ -95,7 +95,7 @@ fn duration(seconds: f64) -> String {
     }
 }
 
-/// Renders with a progress bar (or lines, where standard error is no terminal), Ctrl-C and a time limit.
+/// Renders with a progress bar (or lines, where standard error is not a terminal), Ctrl-C and a time limit.
 pub(crate) fn render_with_progress(
     scene: &Scene,
     settings: &RenderSettings,

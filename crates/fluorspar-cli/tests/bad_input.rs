@@ -53,7 +53,7 @@ const FILES: [(&str, &str); 43] = [
         "other_lights.toml",
         "format = 1\nbase = \"oraleye-2021\"\n[[light]]\nname = \"blue\"\ngroup = \"violet\"\n[[capture]]\nname = \"blue\"\nlight_groups = { violet = 1.0 }\n",
     ),
-    ("text.exr", "this is no image\n"),
+    ("text.exr", "this is not an image\n"),
     ("no_raw/experiment.toml", "format = 1\nbase = \"flat-patch\"\n[analysis]\nframe = \"blue\"\n"),
     ("eem/transposed_header.csv", "# unit: photons\nex_nm\\em_nm,500,510\n380,1,2\n390,3,4\n"),
     ("eem/transposed.csv", "# unit: photons\nem_nm\\ex_nm,500,510\n380,1,2\n390,3,4\n"),

@@ -1,5 +1,5 @@
 //! docs/commands.md says what `--help` says: every option of every command stands in the section of the command, and
-//! nothing stands there that is no option.
+//! nothing stands there that is not an option.
 
 #![allow(clippy::unwrap_used, reason = "these are tests")]
 

@@ -76,7 +76,7 @@ fn only_untouched_results_are_replaced() {
     refused(folder, &["capture", "done/components.exr", "--out", "done"], "");
 
     fs::write(folder.join("done/figures/notes.txt"), "mine").unwrap();
-    refused(folder, &["run", "--out", "done"], "figures/notes.txt, which is no result");
+    refused(folder, &["run", "--out", "done"], "figures/notes.txt, which is not a result");
     fs::remove_file(folder.join("done/figures/notes.txt")).unwrap();
 
     let experiment = fs::read_to_string(folder.join("done/experiment.toml")).unwrap();

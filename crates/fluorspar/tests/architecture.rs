@@ -138,7 +138,7 @@ const CLOSED_ENUMS: &[(&str, &[&str])] = &[
 ];
 
 /// Whether a line of code names a variant of an enum, imports variants, or imports the enum under another name.
-/// Functions and constants of the enum are no variants.
+/// Functions and constants of the enum are not variants.
 fn names_a_variant(line: &str, name: &str) -> bool {
     line.match_indices(name).any(|(at, _)| {
         let is_part_of_a_name = line[..at].ends_with(|c: char| c.is_alphanumeric() || c == '_');

@@ -586,7 +586,7 @@ fn check(schema: &Value, root: &Value, value: &Value, at: &str) -> Result<(), St
         _ => false,
     };
     if !kinds.is_empty() && !kinds.iter().any(fits) {
-        return Err(format!("{at}: {value} is no {kinds:?}"));
+        return Err(format!("{at}: {value} is not {kinds:?}"));
     }
     if let (Some(items), Some(list)) = (schema.get("items"), value.as_array()) {
         for (index, item) in list.iter().enumerate() {

@@ -75,7 +75,7 @@ fn bad_spectra_are_explained() {
         (b"nm,a\n", "t.csv:1: nothing follows the header line. Give at least two lines of numbers"),
         (
             b"nm,a\n400,1\n",
-            "t.csv: column \"a\" is no spectrum: a spectrum needs at least two samples; got 1. Check the column",
+            "t.csv: column \"a\" is not a valid spectrum: a spectrum needs at least two samples; got 1. Check the column",
         ),
         (
             b"400,1\n410,2\n",

@@ -261,7 +261,7 @@ fn experiment(folder: &Path, object: &str) -> Result<ResolvedExperiment, String>
 
 fn instances_of<'s>(scene: &'s Scene, name: &str) -> (&'s MeshInstances, &'s str) {
     let object = scene.objects.iter().find(|object| object.name == name).unwrap();
-    let Shape::Instances(many) = &object.shape else { panic!("{name} is no crowd") };
+    let Shape::Instances(many) = &object.shape else { panic!("{name} is not a crowd") };
     (many, &scene.materials[object.material].name)
 }
 
@@ -355,9 +355,13 @@ fn lists_of_places_are_read_and_explained() {
     let twelve = "1 0 0 0 0 1 0 0 0 0 1 0\n";
     for (name, text, message) in [
         ("a.csv", "1,2,3\n".to_string(), "a.csv:1: a place has 12 numbers; this line has 3"),
-        ("b.csv", format!("{twelve}{}", twelve.replace("0 0 1 0", "0 x 1 0")), "b.csv:2: \"x\" is no number"),
+        (
+            "b.csv",
+            format!("{twelve}{}", twelve.replace("0 0 1 0", "0 x 1 0")),
+            "b.csv:2: \"x\" is not a number",
+        ),
         ("c.csv", format!("{twelve}\n{}", twelve.replace("0 0 1 0", "0 inf 1 0")), "c.csv:3: place 1"),
-        ("d.txt", "# nothing\n".into(), "holds no places"),
+        ("d.txt", "# nothing\n".into(), "holds no placements"),
         ("e.json", String::new(), "no list of places"),
     ] {
         fs::write(path(name), text).unwrap();

@@ -45,7 +45,7 @@ pub(crate) struct Options {
 pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     if let Some(folder) = options.folder.as_ref().filter(|folder| !folder.is_dir()) {
         return Err(CliError::Input(format!(
-            "{}: this is no folder; give one that `run` or `capture` wrote, or name frames with --frame",
+            "{}: not a folder; give one that `run` or `capture` wrote, or name frames with --frame",
             folder.display()
         )));
     }

@@ -84,7 +84,7 @@ impl OutFolder {
             return refuse(foreign);
         }
         let (Some(parent), Some(name)) = (target.parent(), target.file_name()) else {
-            return refuse("this is no folder for results".into());
+            return refuse("not a result folder".into());
         };
         let name = name.to_string_lossy();
         for left in left_over(parent, &name, PARTIAL) {
@@ -198,7 +198,7 @@ impl OutFolder {
 impl Drop for OutFolder {
     fn drop(&mut self) {
         if !self.done {
-            // A folder that can't be removed is left; there is no one to tell.
+            // A folder that can't be removed is left; there is nobody to tell.
             let _ = fs::remove_dir_all(&self.partial);
             for folder in &self.around {
                 // Others may have put something there.
@@ -277,11 +277,11 @@ fn foreign_file(folder: &Path) -> Option<String> {
         return None;
     }
     let Some(list) = read_list(folder) else {
-        return Some("this folder holds files that are no results of fluorspar".into());
+        return Some("this folder holds files that are not results of fluorspar".into());
     };
     for name in entries.iter().filter(|name| *name != LIST) {
         let Some(written) = list.files.get(name) else {
-            return Some(format!("this folder holds {name}, which is no result of fluorspar"));
+            return Some(format!("this folder holds {name}, which is not a result of fluorspar"));
         };
         match mark(&folder.join(name)) {
             Ok(now) if now == *written => {}

@@ -33,7 +33,7 @@ pub(crate) struct Options {
     #[arg(long, value_name = "W_PER_M2", value_parser = values::number, allow_negative_numbers = true)]
     irradiance: Option<f64>,
     /// Filter on the light, instead of those of the sample: a name of the catalogue, a CSV file or a number from 0 to 1. May
-    /// be repeated; `none` is no filter.
+    /// be repeated; `none` means no filter.
     #[arg(long, value_name = "NAME|CSV|T", allow_negative_numbers = true)]
     light_filter: Vec<String>,
     /// Diffuse reflectance: a name of the catalogue, a CSV file or a number from 0 to 1.

@@ -96,7 +96,7 @@ impl Ink {
 }
 
 /// The fluorophores of the catalogue, by what their names contain, and the color of each: the palette, and three more that
-/// stand apart from it in hue or lightness. Its pink is left for what is no fluorophore.
+/// stand apart from it in hue or lightness. Its pink is left for what is not a fluorophore.
 const FLUOROPHORES: [(&str, Ink); 9] = [
     ("collagen", Ink::PALETTE[0]),
     ("elastin", Ink::PALETTE[5]),

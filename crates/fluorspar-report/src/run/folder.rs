@@ -40,7 +40,7 @@ pub enum RunFolderError {
         /// What went wrong.
         source: FigureError,
     },
-    /// Results that are no JSON.
+    /// Results that are not JSON.
     #[error("results.json: {0}")]
     Json(#[from] serde_json::Error),
 }

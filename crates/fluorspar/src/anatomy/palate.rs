@@ -108,7 +108,7 @@ impl<'a> Palate<'a> {
         height -= 1.8 * bell(x / (2.4 - 0.2 * behind).max(0.9)) * bell((behind - 3.2) / 2.6);
         height -= 0.35 * bell(x / 0.9) * smoothstep(4.0, 9.0, behind) * smoothstep(50.0, 34.0, behind);
         height += 0.15 * fractal_noise(seed ^ 0x76, x * 0.35, base.z * 0.35, 3) * (1.0 - across * across);
-        // Behind the incisors it leaves the gums along their border, which is no straight line.
+        // Behind the incisors it leaves the gums along their border, which is not a straight line.
         let fade = smoothstep(6.0, 0.0, line.behind);
         let bow = if fade > 0.0 {
             let at = |arc: f64| lingual_border(self.arch, arc);

@@ -201,7 +201,7 @@ impl Document {
 /// Reads a text into nodes of a given source.
 pub(super) fn read_tree(text: &str, source: &Source, index: usize) -> Result<Node, ExperimentError> {
     let table = DeTable::parse(text).map_err(|error| {
-        let message = format!("this is no valid TOML: {}", error.message().trim().replace('\n', ", "));
+        let message = format!("invalid TOML: {}", error.message().trim().replace('\n', ", "));
         let line = error.span().map(|span| Document::line_of(text, span.start));
         let error = ExperimentError::in_source(&source.name, message);
         match line {

@@ -10,7 +10,7 @@ use crate::names::did_you_mean;
 
 /// Applies one override such as `light.blue.strength.power_mw=20` or `material[2].gloss.roughness=0.3`.
 ///
-/// An entry of a list is addressed by its name or by its number from 0. The value is TOML; what is no TOML is
+/// An entry of a list is addressed by its name or by its number from 0. The value is TOML; what is not TOML is
 /// taken as a string, so that `sensor.quantum_efficiency=monochrome_cmos` needs no quotes.
 pub(super) fn apply(
     document: &mut Document,

@@ -97,7 +97,7 @@ fn read_column(
     let curve = Curve::new(at, values).map_err(|error| {
         FormatError::malformed(
             path,
-            format!("column {} is no spectrum: {error}", table.column_name(column)),
+            format!("column {} is not a valid spectrum: {error}", table.column_name(column)),
             "Check the column",
         )
     })?;

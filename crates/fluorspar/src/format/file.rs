@@ -57,7 +57,7 @@ pub fn write_atomically(
 pub fn remove_unfinished_files() {
     let unfinished = lock_unfinished();
     for path in &unfinished.files {
-        // There is no one left to tell.
+        // There is nobody left to tell.
         let _ = fs::remove_file(path);
     }
     // Whoever wants to begin a file waits for the end of the process.

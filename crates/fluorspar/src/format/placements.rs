@@ -31,7 +31,7 @@ pub fn read_placements(path: &Path, unit_m: f64) -> Result<Vec<Affine3>, FormatE
     } else {
         return Err(FormatError::unsupported(
             path,
-            "this is no list of places",
+            "not a list of placements",
             "Name a .csv, .txt or .npy file with twelve numbers a place",
         ));
     };
@@ -76,7 +76,7 @@ fn from_text(path: &Path, text: &str) -> Result<Lines, FormatError> {
                     count = 0;
                     break;
                 }
-                return Err(FormatError::at_line(path, line, format!("\"{cell}\" is no number"), HINT));
+                return Err(FormatError::at_line(path, line, format!("\"{cell}\" is not a number"), HINT));
             };
             if let Some(slot) = place.get_mut(count) {
                 *slot = value;
@@ -96,7 +96,7 @@ fn from_text(path: &Path, text: &str) -> Result<Lines, FormatError> {
         }
     }
     if places.is_empty() {
-        return Err(FormatError::malformed(path, "the file holds no places", HINT));
+        return Err(FormatError::malformed(path, "the file holds no placements", HINT));
     }
     Ok((places, lines))
 }
@@ -109,7 +109,7 @@ fn from_array(path: &Path) -> Result<Vec<[f32; NUMBERS]>, FormatError> {
         _ => {
             return Err(FormatError::unsupported(
                 path,
-                format!("an array of shape {shape:?} is no list of places"),
+                format!("an array of shape {shape:?} is not a list of placements"),
                 "Save an array of shape (n, 12), (n, 3, 4) or (n, 4, 4)",
             ));
         }
@@ -131,7 +131,7 @@ fn from_array(path: &Path) -> Result<Vec<[f32; NUMBERS]>, FormatError> {
         places.push(numbers);
     }
     if places.is_empty() {
-        return Err(FormatError::malformed(path, "the file holds no places", "Give at least one"));
+        return Err(FormatError::malformed(path, "the file holds no placements", "Give at least one"));
     }
     Ok(places)
 }

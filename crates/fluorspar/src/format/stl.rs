@@ -75,7 +75,7 @@ fn text_corners(path: &Path, bytes: &[u8]) -> Result<Vec<Vec3>, FormatError> {
             return Err(FormatError::Malformed {
                 path: path.into(),
                 line: Some(index as u64 + 1),
-                what: format!("\"{}\" is no vertex", line.trim()),
+                what: format!("\"{}\" is not a vertex", line.trim()),
                 hint: "A vertex has three numbers: export the mesh again".into(),
             });
         };
@@ -84,7 +84,7 @@ fn text_corners(path: &Path, bytes: &[u8]) -> Result<Vec<Vec3>, FormatError> {
     if corners.len() % 3 != 0 {
         return Err(FormatError::malformed(
             path,
-            format!("{} corners are no triangles", corners.len()),
+            format!("{} corners do not make triangles", corners.len()),
             "Was it copied completely? Otherwise export the mesh again",
         ));
     }

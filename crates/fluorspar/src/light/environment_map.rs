@@ -37,7 +37,7 @@ pub struct EnvironmentLayer {
     pub factors: Vec<f32>,
 }
 
-/// Why pixels are no environment map.
+/// Why pixels cannot be an environment map.
 #[derive(Clone, Debug, Error, PartialEq)]
 #[non_exhaustive]
 pub enum EnvironmentMapError {

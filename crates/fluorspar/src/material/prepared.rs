@@ -46,7 +46,7 @@ enum PreparedScattering {
     TwoSided(TwoSided),
 }
 
-/// The material of a point: one that is no mixture.
+/// The material of a point: one that is not a mixture.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ChosenMaterial<'a> {
     /// Index of the material.
@@ -180,7 +180,7 @@ impl PreparedMaterial {
         }
     }
 
-    /// The BSDF of a material that is no mixture at a point, seen from `outgoing` on the front or on the back.
+    /// The BSDF of a material that is not a mixture at a point, seen from `outgoing` on the front or on the back.
     #[inline]
     pub(crate) fn bsdf(&self, uv: Vec2, front: bool, outgoing: Vec3) -> Bsdf<'_> {
         match &self.scattering {

@@ -115,7 +115,7 @@ impl IdealLens {
     /// Checks the transmittance.
     ///
     /// # Errors
-    /// A value that is no fraction.
+    /// A value that is not a fraction.
     pub fn validate_transmittance(&self) -> Result<(), LensProblem> {
         let problem = |field, message: String| Err(LensProblem { field, message });
         let values = self.transmittance.values();

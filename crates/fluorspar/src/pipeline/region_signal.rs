@@ -142,7 +142,7 @@ pub struct PorphyrinEstimate {
 /// Estimates the porphyrin fraction of a region from its mean radiance, W/(sr m² nm), one value per bin: electrons in R, G
 /// and B, the mixture line of the same camera, the nearest point on it. `pixels` of the sensor are averaged.
 ///
-/// Light that is no fluorescence of bulk or porphyrin biases the estimate, as it does in a measurement.
+/// Light that is not fluorescence of bulk or porphyrin biases the estimate, as it does in a measurement.
 ///
 /// # Errors
 /// A line that can't be drawn. `Ok(None)` for a camera without R, G and B and for a region without light.

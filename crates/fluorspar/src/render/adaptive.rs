@@ -70,7 +70,7 @@ pub enum ErrorTargetError {
         /// Light groups of the scene.
         groups: usize,
     },
-    /// A weight is no weight.
+    /// A weight is invalid.
     #[error("channel \"{channel}\" has a negative or infinite weight")]
     Weight {
         /// Name of the channel.

@@ -76,7 +76,7 @@ const DAY_S: f64 = 8.0 * 3600.0;
 const LARGEST_SUBTENSE_RAD: f64 = 0.1;
 /// Sources below it are small, rad.
 const SMALL_SUBTENSE_RAD: f64 = 0.011;
-/// Luminance below which a source is no strong visual stimulus is 10 cd/m²; this share of the radiant power below 780 nm
+/// Luminance below which a source is not a strong visual stimulus is 10 cd/m²; this share of the radiant power below 780 nm
 /// stands for it.
 const WEAK_STIMULUS_SHARE: f64 = 1e-3;
 

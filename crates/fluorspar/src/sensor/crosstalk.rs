@@ -65,7 +65,7 @@ impl Crosstalk {
             pairs.iter().find(|[nm, p]| !((0.0..=1e5).contains(nm) && (0.0..=100.0).contains(p)))
         {
             let message = format!(
-                "[{}, {}] is no pair of a wavelength, 0 to 100000 nm, and a share, 0 to 100 percent",
+                "[{}, {}] is not a pair of a wavelength, 0 to 100000 nm, and a share, 0 to 100 percent",
                 number_text(*nm),
                 number_text(*percent)
             );

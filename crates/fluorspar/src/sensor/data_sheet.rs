@@ -174,8 +174,10 @@ impl Emva1288 {
                 .map_err(|message| problem(field, message))?;
         }
         if self.prnu_percent > 30.0 {
-            let message =
-                format!("{} is no data sheet's value; give percent, 0 to 30", number_text(self.prnu_percent));
+            let message = format!(
+                "{} is not a data sheet's value; give percent, 0 to 30",
+                number_text(self.prnu_percent)
+            );
             return Err(problem("prnu_percent", message));
         }
         let saturation = self.saturation_capacity_e;

@@ -64,7 +64,7 @@ pub enum DevelopError {
         /// Its gain, DN per electron.
         gain: f64,
     },
-    /// Gradient-corrected interpolation of something that is no Bayer array.
+    /// Gradient-corrected interpolation of something that is not a Bayer array.
     #[error(
         "frame \"{frame}\" has no two by two Bayer array; gradient-corrected interpolation needs one. Set develop.demosaic \
          = \"bilinear\""
@@ -204,7 +204,7 @@ impl LinearMosaic {
     /// Every channel at every pixel.
     ///
     /// # Errors
-    /// Gradient correction of a mosaic that is no Bayer array.
+    /// Gradient correction of a mosaic that is not a Bayer array.
     pub fn demosaic(&self, how: Demosaicing) -> Result<ChannelImage, DevelopError> {
         let method = match how {
             Demosaicing::Bilinear => Demosaic::new(&self.mosaic),

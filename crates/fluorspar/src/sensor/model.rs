@@ -530,7 +530,7 @@ impl SensorModel {
         if let SensorMode::Isetcam { noise_flag } = self.mode
             && !(-2..=2).contains(&noise_flag)
         {
-            let message = format!("{noise_flag} is no noise flag of ISETCam; give -2, -1, 0, 1 or 2");
+            let message = format!("{noise_flag} is not a noise flag of ISETCam; give -2, -1, 0, 1 or 2");
             return Err(SensorProblem::new("mode.noise_flag", message));
         }
         if !(0.0..f64::from(self.max_code())).contains(&self.black_level_dn) {

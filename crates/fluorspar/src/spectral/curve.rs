@@ -18,7 +18,7 @@ pub struct Curve {
     value: Vec<f64>,
 }
 
-/// Why samples are no curve.
+/// Why samples cannot be a curve.
 #[derive(Clone, Debug, Error, PartialEq)]
 #[non_exhaustive]
 pub enum CurveError {

@@ -49,7 +49,7 @@ pub enum YieldDensity {
     Table(EemTable),
 }
 
-/// Why a table is no excitation-emission matrix.
+/// Why a table cannot be an excitation-emission matrix.
 #[derive(Clone, Debug, Error, PartialEq)]
 #[non_exhaustive]
 pub enum EemError {

@@ -17,7 +17,7 @@ pub(super) struct Options {
     #[arg(value_name = "SAMPLE", value_hint = ValueHint::FilePath)]
     sample: Option<String>,
     /// Filter in front of the lens, instead of those of the sample: a name of the catalogue, a CSV file or a number from 0
-    /// to 1. May be repeated; `none` is no filter.
+    /// to 1. May be repeated; `none` means no filter.
     #[arg(long, value_name = "NAME|CSV|T", allow_negative_numbers = true)]
     view_filter: Vec<String>,
     /// Filter on the light, instead of those of the sample. As `--view-filter`.

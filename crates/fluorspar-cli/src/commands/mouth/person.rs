@@ -49,7 +49,7 @@ impl PersonArgs {
                 )));
             }
             tree[field] = serde_json::from_str(value).map_err(|_| {
-                CliError::Input(format!("--set {change}: \"{value}\" is no number, list or truth value"))
+                CliError::Input(format!("--set {change}: \"{value}\" is not a number, list or truth value"))
             })?;
         }
         let parameters: MouthParameters =

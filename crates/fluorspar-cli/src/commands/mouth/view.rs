@@ -114,7 +114,7 @@ fn picture(
     let base: &Path = &source.base_dir;
     let mut experiment = parse(&source.text, &source.name, base, &sets(&overrides))
         .map_err(|error| as_typed(error, &overrides))?;
-    // Only light is looked at: a region that this view does not see is no defect.
+    // Only light is looked at: a region that this view does not see is not a defect.
     experiment.file.analysis = None;
     let study = resolve(&experiment).map_err(|error| as_typed(error, &overrides))?.study;
     if !study.scene.light_groups.iter().any(|group| group.name == options.light) {

@@ -150,7 +150,7 @@ impl<'a> Context<'a> {
     pub(in crate::experiment) fn direction(&self, at: &[Step], value: [f64; 3]) -> Resolved<Vec3> {
         match DVec3::from_array(value).try_normalize() {
             Some(unit) => Ok(unit.as_vec3()),
-            None => self.fail(at, "this is no direction; give three finite numbers that are not all zero"),
+            None => self.fail(at, "invalid direction; give three finite numbers that are not all zero"),
         }
     }
 

@@ -43,7 +43,7 @@ pub(super) fn develop(
     if let (Demosaicing::GradientCorrected, Some(sensor)) = (section.demosaic, sensor)
         && !sensor.mosaic().is_bayer()
     {
-        let message = "the mosaic of the sensor is no two by two Bayer array; use \"bilinear\"";
+        let message = "the mosaic of the sensor is not a two by two Bayer array; use \"bilinear\"";
         return context.fail(&at("demosaic"), message);
     }
     let mut flat_field = None;

@@ -18,7 +18,7 @@ pub(super) fn only_tissue(file: &ExperimentFile, material: &str) -> Option<Tissu
     users.next().is_none().then_some(first)
 }
 
-/// Refuses parameters of a mouth that is no mouth.
+/// Refuses invalid parameters of a mouth.
 pub(super) fn check_parameters(context: &Context<'_>, parameters: &MouthParameters) -> Resolved<()> {
     parameters.validate().map_err(|error| context.error(&steps!["mouth", error.field], error.message))
 }

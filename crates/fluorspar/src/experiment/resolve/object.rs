@@ -467,10 +467,8 @@ fn read_mesh(context: &mut Context<'_>, at: &Place, file: &FilePath, unit_mm: f6
         Some("stl") => read_stl,
         Some("gltf" | "glb") => read_gltf,
         _ => {
-            return context.fail(
-                at,
-                "this is no .ply, .obj, .stl, .gltf or .glb file; export the mesh as one of these",
-            );
+            return context
+                .fail(at, "not a .ply, .obj, .stl, .gltf or .glb file; export the mesh as one of these");
         }
     };
     context.note_input(at, file)?;

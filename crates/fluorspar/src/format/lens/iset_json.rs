@@ -7,7 +7,7 @@ use crate::optics::{Dispersion, LensPrescription, LensSurface, Medium};
 
 pub(super) fn parse(text: &str, name: &str) -> Result<LensPrescription, Fault> {
     let root: Value = serde_json::from_str(text)
-        .map_err(|error| Fault::at(error.line(), format!("this is no JSON: {error}")))?;
+        .map_err(|error| Fault::at(error.line(), format!("invalid JSON: {error}")))?;
     let (list, older) = match (root.get("surfaces"), root.get("surfaceArray")) {
         (Some(list), _) => (list, false),
         (None, Some(list)) => (list, true),
@@ -71,7 +71,7 @@ impl Fields<'_> {
             None | Some(Value::Null) => Ok(None),
             Some(value) => match value.as_f64() {
                 Some(number) => Ok(Some(number)),
-                None => Err(self.fault(format!("\"{key}\" is {value}, no number"))),
+                None => Err(self.fault(format!("\"{key}\" is {value}, not a number"))),
             },
         }
     }
@@ -87,7 +87,7 @@ impl Fields<'_> {
             Some(Value::Array(items)) => items
                 .iter()
                 .map(|item| {
-                    item.as_f64().ok_or_else(|| self.fault(format!("\"{key}\" holds {item}, no number")))
+                    item.as_f64().ok_or_else(|| self.fault(format!("\"{key}\" holds {item}, not a number")))
                 })
                 .collect(),
             Some(other) => Err(self.fault(format!("\"{key}\" is {other}, no list of numbers"))),

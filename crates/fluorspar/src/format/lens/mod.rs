@@ -57,14 +57,14 @@ pub fn read_lens(path: &Path) -> Result<LensPrescription, LensFileError> {
     let ending = path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase).unwrap_or_default();
     if !["toml", "dat", "json", "zmx"].contains(&ending.as_str()) {
         let message =
-            "this is no lens file; the name must end in .toml, .dat (pbrt), .json (ISET) or .zmx (Zemax)";
+            "not a lens file; the name must end in .toml, .dat (pbrt), .json (ISET) or .zmx (Zemax)";
         return Err(error(Fault::anywhere(message)));
     }
     let unreadable = |e: std::io::Error| error(Fault::anywhere(format!("can't read this file: {e}")));
     let size = std::fs::metadata(path).map_err(unreadable)?.len();
     if size > LARGEST_BYTES {
         return Err(error(Fault::anywhere(format!(
-            "{size} bytes is no lens file; the largest that is read has 4 MiB"
+            "{size} bytes is not a lens file; the largest that is read has 4 MiB"
         ))));
     }
     let bytes = std::fs::read(path).map_err(unreadable)?;
@@ -112,7 +112,7 @@ fn decode(bytes: &[u8]) -> Result<String, Fault> {
 /// A finite number from a word.
 pub(super) fn number(word: &str, what: &str, line: usize) -> Result<f64, Fault> {
     let value = word.parse::<f64>().ok().filter(|value| value.is_finite());
-    value.ok_or_else(|| Fault::at(line, format!("{what}: \"{word}\" is no finite number")))
+    value.ok_or_else(|| Fault::at(line, format!("{what}: \"{word}\" is not a finite number")))
 }
 
 #[cfg(test)]
@@ -145,7 +145,7 @@ mod tests {
     #[test]
     fn bad_pbrt_tables_are_explained() {
         assert!(fault("40 6 1.6\n", "dat").starts_with("1: 3 numbers"), "{}", fault("40 6 1.6\n", "dat"));
-        assert!(fault("40 6 x 20\n", "dat").contains("\"x\" is no finite number"));
+        assert!(fault("40 6 x 20\n", "dat").contains("\"x\" is not a finite number"));
         assert!(fault("40 6 1.6 20\n-70 0 1 20\n", "dat").contains("no stop"));
         assert!(fault("# nothing\n", "dat").contains("no surface"));
         assert!(fault("40 6 1.6 -20\n", "dat").contains("aperture"));
@@ -208,7 +208,7 @@ mod tests {
         assert_eq!(
             (lens.name.as_str(), lens.surfaces.len()),
             ("Asphere", 2),
-            "object and image are no surfaces"
+            "object and image are not surfaces"
         );
         let first = &lens.surfaces[0];
         assert!(first.is_stop && first.conic == -0.5 && first.aspheric == [1e-6]);

@@ -167,7 +167,7 @@ impl LensFile {
             };
             if s.radius_mm.is_some_and(|radius| radius == 0.0 || radius.is_nan()) {
                 return Err(format!(
-                    "surface {}: a radius of 0 is no surface; leave it out for a plane",
+                    "surface {}: a radius of 0 is invalid; leave it out for a plane",
                     index + 1
                 ));
             }
