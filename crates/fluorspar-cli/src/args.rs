@@ -18,7 +18,7 @@ use crate::values::{self, Override};
 #[derive(Debug, Parser)]
 #[command(name = "fluorspar", version, max_term_width = 110)]
 pub(crate) struct Args {
-    /// Threads to use; all cores unless said otherwise. The results do not depend on it.
+    /// Threads to use; all cores by default. The results do not depend on it.
     #[arg(long, global = true, value_name = "N", value_parser = values::threads, allow_negative_numbers = true)]
     pub(crate) threads: Option<usize>,
     #[command(subcommand)]

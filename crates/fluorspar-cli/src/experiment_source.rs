@@ -72,7 +72,7 @@ impl ExperimentSource {
         let text = if is_report {
             extract_experiment(&text).ok_or_else(|| {
                 CliError::Input(format!(
-                    "{name}: this page carries no experiment; give a report.html that fluorspar wrote, or a .toml file"
+                    "{name}: this page holds no experiment; give a report.html that fluorspar wrote, or a .toml file"
                 ))
             })?
         } else {
@@ -157,7 +157,7 @@ pub(crate) fn read_text(path: &Path) -> Result<String, CliError> {
     if metadata.len() > LARGEST_BYTES {
         let mib = metadata.len() >> 20;
         return Err(CliError::Input(format!(
-            "{shown}: {mib} MiB is not an experiment file; the largest that is read has {} MiB",
+            "{shown}: {mib} MiB is too large for an experiment file; the limit is {} MiB",
             LARGEST_BYTES >> 20
         )));
     }

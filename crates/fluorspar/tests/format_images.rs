@@ -147,7 +147,7 @@ fn openexr_mistakes_are_explained() {
     fs::write(&path, b"not an image at all").unwrap();
     assert_eq!(
         said(folder.path(), read_spectral_exr::<Radiance>(&path)),
-        "i.exr: this is not an OpenEXR file. Name an .exr image"
+        "i.exr: this is not an OpenEXR file. Give an .exr image"
     );
     let options = ExrOptions { preview: Some(&[[0.0; 3]]), ..Default::default() };
     let target = folder.path().join("new.exr");

@@ -72,7 +72,7 @@ fn bad_spectra_are_explained() {
     let cases: &[(&[u8], &str)] = &[
         (b"", "t.csv: the file is empty. Was it copied completely?"),
         (b"# only this\n", "t.csv: the file holds no table. Give a header line and lines of numbers"),
-        (b"nm,a\n", "t.csv:1: nothing follows the header line. Give at least two lines of numbers"),
+        (b"nm,a\n", "t.csv:1: the file ends after the header line. Give at least two lines of numbers"),
         (
             b"nm,a\n400,1\n",
             "t.csv: column \"a\" is not a valid spectrum: a spectrum needs at least two samples; got 1. Check the column",
@@ -222,7 +222,7 @@ fn bad_matrices_are_explained() {
     let cases: &[(&str, &str)] = &[
         (
             "em_nm\\ex_nm,350,400\n380,1,0\n450,2,3\n",
-            "t.csv: nothing says whether the values count photons or energy (they differ by emission/excitation wavelength). Add a line \"# unit: photons\" or \"# unit: energy\", or say so when reading",
+            "t.csv: the unit of the values is unknown: photons or energy (they differ by emission/excitation wavelength). Add a line \"# unit: photons\" or \"# unit: energy\", or give the unit when reading",
         ),
         (
             "# unit: counts\nem_nm\\ex_nm,350\n380,1\n450,2\n",

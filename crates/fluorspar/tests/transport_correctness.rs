@@ -730,7 +730,7 @@ fn scenes_that_make_no_sense_are_refused() {
     };
     let last = 4;
     let cases: Vec<(&str, String)> = vec![
-        ("part of itself", broken(&|s| s.materials[last] = mixed(last, 0, ScalarTexture::Constant(0.5)))),
+        ("contains itself", broken(&|s| s.materials[last] = mixed(last, 0, ScalarTexture::Constant(0.5)))),
         (
             "refers to material number 9",
             broken(&|s| s.materials[last] = mixed(9, 0, ScalarTexture::Constant(0.5))),

@@ -55,9 +55,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let source = ExperimentSource::find(Some(&name))?;
     let study = source.resolve(&options.changes.overrides(), true)?.study;
     let Some(settings) = &study.analysis else {
-        return Err(CliError::Input(format!(
-            "{name}: the experiment asks for no analysis; add an [analysis] section"
-        )));
+        return Err(CliError::Input(format!("{name}: the experiment has no [analysis] section; add one")));
     };
     let exposures = if options.frame.is_empty() {
         let Some(folder) = &options.folder else {
@@ -70,7 +68,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let image = options.components.clone().or_else(|| beside("components.exr").filter(|p| p.is_file()));
     if let (None, [part, ..]) = (&image, settings.parts.as_slice()) {
         return Err(CliError::Input(format!(
-            "{name}: the region is the part \"{part}\", and nothing here tells which pixels show it; name the component image of \
+            "{name}: the region is the part \"{part}\", but its pixels are known only from the component image; give that of \
              the run with --components, or give a rectangle instead: --set analysis.parts=[] --set \
              analysis.rectangle_px=[COLUMN,ROW,WIDTH,HEIGHT]"
         )));

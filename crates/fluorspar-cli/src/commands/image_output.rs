@@ -60,7 +60,7 @@ impl ImageOutput {
     pub(crate) fn check(&self) -> Result<(), CliError> {
         if !has_extension(&self.out, "exr") && !has_extension(&self.out, "npy") {
             return Err(CliError::Input(format!(
-                "--out {}: the name must end in .exr or .npy, which keep every band; for a picture add --preview FILE.png",
+                "--out {}: the name must end in .exr or .npy, which keep every band; for an sRGB image add --preview FILE.png",
                 self.out.display()
             )));
         }

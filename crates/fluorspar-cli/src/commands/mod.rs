@@ -105,7 +105,7 @@ pub(crate) fn beside(path: &Path, suffix: &str) -> PathBuf {
 pub(crate) fn check_parent(path: &Path) -> Result<(), CliError> {
     match path.parent().filter(|p| !p.as_os_str().is_empty()) {
         Some(parent) if !parent.is_dir() => Err(CliError::Input(format!(
-            "{}: the folder {} does not exist; make it first",
+            "{}: the folder {} does not exist; create it first",
             path.display(),
             parent.display()
         ))),

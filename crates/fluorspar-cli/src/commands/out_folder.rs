@@ -63,7 +63,7 @@ impl OutFolder {
         };
         let target = match without_links(shown) {
             Ok(target) => target,
-            Err(error) => return refuse(format!("this place can't be looked at ({error})")),
+            Err(error) => return refuse(format!("cannot access this path ({error})")),
         };
         if target.is_file() {
             return refuse("this is a file".into());
@@ -271,7 +271,7 @@ fn foreign_file(folder: &Path) -> Option<String> {
     let entries = match files_below(folder) {
         Ok(entries) => entries,
         Err(error) if error.kind() == io::ErrorKind::NotFound => return None,
-        Err(error) => return Some(format!("this folder can't be looked at ({error})")),
+        Err(error) => return Some(format!("cannot access this folder ({error})")),
     };
     if entries.is_empty() {
         return None;
@@ -286,7 +286,7 @@ fn foreign_file(folder: &Path) -> Option<String> {
         match mark(&folder.join(name)) {
             Ok(now) if now == *written => {}
             Ok(_) => return Some(format!("{name} in this folder was changed since fluorspar wrote it")),
-            Err(error) => return Some(format!("{name} in this folder can't be looked at ({error})")),
+            Err(error) => return Some(format!("{name} in this folder cannot be read ({error})")),
         }
     }
     None

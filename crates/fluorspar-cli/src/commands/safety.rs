@@ -35,7 +35,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let ResolvedExperiment { study, record } = source.resolve(&overrides, options.talk.quiet)?;
     if study.captures.is_empty() {
         return Err(CliError::Input(format!(
-            "{}: the experiment has no captures, so nothing says which lights are on and for how long; add [[capture]] \
+            "{}: the experiment has no captures, so it is unknown which lights are on and for how long; add [[capture]] \
              sections",
             source.name
         )));

@@ -166,8 +166,8 @@ impl Fit<'_> {
         at: &Place,
     ) -> Result<(), ExperimentError> {
         let found = match &node.content {
-            Content::Table(_) => "a table stands here; ",
-            Content::Array(_) => "a list stands here; ",
+            Content::Table(_) => "found a table; ",
+            Content::Array(_) => "found a list; ",
             Content::Leaf(_) => "",
         };
         let example = match (&node.content, shape) {

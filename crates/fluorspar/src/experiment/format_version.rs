@@ -82,9 +82,9 @@ pub(super) fn check_format(root: &Node, source: &Source) -> Result<(), Experimen
             let rest = if named.is_empty() {
                 String::new()
             } else {
-                format!(". What changed with it: {}{more}", named.join("; "))
+                format!(". Also change {}{more}", named.join("; "))
             };
-            format!("the file does not say its format; write format = {current} as its first line{rest}")
+            format!("the file has no `format`; write format = {current} as its first line{rest}")
         }
     };
     let mut error = ExperimentError::in_source(&source.name, message);

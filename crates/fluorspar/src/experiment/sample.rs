@@ -212,7 +212,7 @@ fn resolve_sample(document: &Document, file: &SampleFile) -> Resolved<ResolvedSa
     if file.compatibility == SampleCompatibility::ToolboxEem
         && grid.centers_nm() != ToolboxEem::wavelengths_nm()
     {
-        let message = "compatibility \"toolbox_eem\" holds on 365:5:705 nm only; remove this section";
+        let message = "compatibility \"toolbox_eem\" requires the grid 365:5:705 nm; remove this section";
         return context.fail(&steps!["spectral"], message);
     }
     let irradiance = irradiance(context, &file.light, &grid)?;

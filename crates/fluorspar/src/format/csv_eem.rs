@@ -194,8 +194,8 @@ fn unit(path: &Path, table: &Table, given: Option<EemUnit>) -> Result<EemUnit, F
         (Some(unit), _) | (None, Some(unit)) => Ok(unit),
         (None, None) => Err(FormatError::unit(
             path,
-            "nothing says whether the values count photons or energy (they differ by emission/excitation wavelength)",
-            "Add a line \"# unit: photons\" or \"# unit: energy\", or say so when reading",
+            "the unit of the values is unknown: photons or energy (they differ by emission/excitation wavelength)",
+            "Add a line \"# unit: photons\" or \"# unit: energy\", or give the unit when reading",
         )),
     }
 }

@@ -100,7 +100,7 @@ impl Table {
             return Err(FormatError::at_line(
                 path,
                 header.line,
-                "nothing follows the header line",
+                "the file ends after the header line",
                 "Give at least two lines of numbers",
             ));
         }

@@ -165,7 +165,7 @@ fn io_advice(error: &io::Error) -> &'static str {
         io::ErrorKind::NotFound => " Check the path and its folder",
         io::ErrorKind::PermissionDenied => " Check who may use the file and its folder",
         io::ErrorKind::StorageFull => " Free some disk space",
-        io::ErrorKind::IsADirectory => " It is a folder: name a file",
+        io::ErrorKind::IsADirectory => " It is a folder: give a file",
         _ => " Check the disk and the path",
     }
 }

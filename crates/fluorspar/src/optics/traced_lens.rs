@@ -149,7 +149,7 @@ fn aperture(
     match wanted {
         None => Ok((stop_at(low).min(widest), fastest)),
         Some(wanted) if wanted > 1e3 => {
-            let message = format!("{} is not available: give at most f/1000", number_text(wanted));
+            let message = format!("{} is too large: give at most f/1000", number_text(wanted));
             Err(PrescriptionError::new("f_number", message))
         }
         Some(wanted) if wanted >= fastest * (1.0 - 1e-4) => {
@@ -158,7 +158,7 @@ fn aperture(
         }
         Some(wanted) => {
             let message =
-                format!("{wanted} is not available: the lens opens to f/{fastest:.3}; stop it down further");
+                format!("{wanted} is out of range: the lens opens to f/{fastest:.3}; stop it down further");
             Err(PrescriptionError::new("f_number", message))
         }
     }

@@ -51,7 +51,7 @@ pub enum DenoiseError {
     )]
     NoStatistics,
     /// There is too little to tell noise from picture.
-    #[error("the image has {0} samples per pixel; noise can be told from 16 on")]
+    #[error("the image has {0} samples per pixel; noise can be estimated from 16 on; render more samples")]
     TooFewSamples(u32),
     /// It was done already.
     #[error("the image is denoised already; start from the raw one")]

@@ -103,8 +103,8 @@ pub enum PipelineError {
     },
     /// A change that only a new render can follow.
     #[error(
-        "{0} is not as it was when the component image was rendered. The image would not show the change: run or render the \
-         experiment again, or take the change back. Drives can be changed without a render: \
+        "{0} has changed since the component image was rendered, and the image would not show it: run or render the \
+         experiment again, or undo the change. Drives can be changed without a render: \
          capture.NAME.light_groups.GROUP"
     )]
     OtherScene(String),

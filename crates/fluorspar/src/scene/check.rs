@@ -290,7 +290,7 @@ impl Scene {
             return Err(SceneError::BadIndex { what: what(), target: "material", index, count });
         }
         if Material::is_part_of_itself(position, &self.materials) {
-            let message = "it is a part of itself".into();
+            let message = "contains itself; remove the loop".into();
             return Err(SceneError::OutOfRange { what: what(), message });
         }
         let Some(excess) = material.photon_excess(nodes_nm, yields) else { return Ok(()) };

@@ -73,7 +73,7 @@ impl Sensor {
         let exposure = Exposure { gain, ..Exposure::default() };
         exposure.validate()?;
         if self.model().strobe.is_some() {
-            let message = "finds no exposure for pulsed light; give the exposure, or remove the strobe";
+            let message = "cannot meter pulsed light; give the exposure, or remove the strobe";
             return Err(SensorProblem::new("auto_exposure", message));
         }
         let full_e = Chain::new(self, &exposure).full_scale_e();

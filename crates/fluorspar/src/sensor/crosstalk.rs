@@ -73,7 +73,7 @@ impl Crosstalk {
         }
         if let Some(pair) = pairs.windows(2).find(|pair| pair[1][0] <= pair[0][0]) {
             let message =
-                format!("{} nm stands after {} nm; sort the pairs by wavelength", pair[1][0], pair[0][0]);
+                format!("{} nm follows {} nm; sort the pairs by wavelength", pair[1][0], pair[0][0]);
             return problem("electrical_side_percent", message);
         }
         let optical = 4.0

@@ -297,7 +297,7 @@ impl Emva1288 {
         ];
         match given.iter().find(|(_, is_given)| *is_given) {
             Some((field, _)) => {
-                let message = "stands beside emva1288, which takes its place; remove one of the two";
+                let message = "is also given by emva1288; remove one of the two";
                 Err(SensorProblem::new(*field, message))
             }
             None => Ok(()),

@@ -513,7 +513,7 @@ impl SensorModel {
         ];
         match unknown.iter().find(|(_, given)| *given) {
             Some((field, _)) => {
-                let message = "the mode isetcam has no equation for it; remove it or use the mode physical";
+                let message = "is not modeled in mode \"isetcam\"; remove it or use mode \"physical\"";
                 Err(SensorProblem::new(*field, message))
             }
             None => Ok(()),

@@ -50,7 +50,7 @@ pub(super) fn load(name: &str, options: &FileOptions) -> Result<Loaded, CliError
     let preset = preset::fluorophore(name)?;
     if let Some(option) = options.first_given() {
         return Err(CliError::Input(format!(
-            "{option}: this says how a file is read, and {name} is of the catalogue; leave it out"
+            "{option}: applies to files only, and {name} is in the catalogue; leave it out"
         )));
     }
     Ok(Loaded { fluorophore: preset.fluorophore(), preset: Some(preset), measured: None })

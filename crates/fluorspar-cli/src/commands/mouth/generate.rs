@@ -49,7 +49,7 @@ fn target(path: &Path) -> Result<OutputKind, CliError> {
         Some("pbrt") => Ok(OutputKind::Pbrt),
         None => Ok(OutputKind::PlyFolder),
         Some(_) => Err(CliError::Input(format!(
-            "--out {}: the name must end in .glb, .obj or .pbrt, or be a folder's for .ply files",
+            "--out {}: the name must end in .glb, .obj or .pbrt; for .ply files give a folder",
             path.display()
         ))),
     }

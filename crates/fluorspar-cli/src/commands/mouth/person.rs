@@ -77,7 +77,7 @@ pub(super) fn parse_person(text: &str) -> Result<u32, String> {
     text.parse()
         .ok()
         .filter(|number| *number > 0)
-        .ok_or_else(|| format!("people are numbered by whole numbers from 1 to {}, for instance 7", u32::MAX))
+        .ok_or_else(|| format!("give a whole number from 1 to {}, for instance 7", u32::MAX))
 }
 
 /// A view or pose by name.

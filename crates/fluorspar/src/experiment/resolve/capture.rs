@@ -30,17 +30,17 @@ const LONGEST_LABEL: usize = 80;
 fn check_label(context: &Context<'_>, at: &[Step], name: &str, earlier: &[&str]) -> Resolved<()> {
     let safe = |c: char| c.is_alphanumeric() || "_-+. ".contains(c);
     if !name.chars().all(safe) || name.trim() != name || name.ends_with('.') {
-        let message = "the files of the capture carry its name: give letters, digits, `_`, `-`, `+`, `.` or spaces \
+        let message = "file names contain this name: give letters, digits, `_`, `-`, `+`, `.` or spaces \
                        between them";
         return context.fail(at, message);
     }
     if name.chars().count() > LONGEST_LABEL {
         return context
-            .fail(at, format!("the files of the capture carry its name: at most {LONGEST_LABEL} letters"));
+            .fail(at, format!("file names contain this name: give at most {LONGEST_LABEL} letters"));
     }
     if let Some(other) = earlier.iter().find(|other| other.to_lowercase() == name.to_lowercase()) {
         let message = format!(
-            "differs from the capture \"{other}\" only in capitals, which many file systems take for the same; choose \
+            "differs from the capture \"{other}\" only in upper and lower case, which many file systems ignore; choose \
              another"
         );
         return context.fail(at, message);
@@ -116,7 +116,7 @@ pub(super) fn captures(
         if let (ExposureTime::Auto, Some(sensor)) = (section.exposure_ms, &file.sensor)
             && sensor.model.strobe.is_some()
         {
-            let message = "finds no exposure for pulsed light; give milliseconds, or remove sensor.strobe";
+            let message = "cannot meter pulsed light; give milliseconds, or remove sensor.strobe";
             return context.fail(&at("exposure_ms"), message);
         }
         let mut filter: Option<Curve> = None;
@@ -265,7 +265,7 @@ fn check_region(context: &Context<'_>, section: &AnalysisSection, seen: &Seen<'_
     if any_in_view {
         return Ok(());
     }
-    let message = "nothing of the region is in the image: it lies beside or behind what the camera sees. Turn the \
+    let message = "no part of the region is in the field of view of the camera. Turn the \
                    camera, widen the field of view or choose another part";
     context.fail(&steps!["analysis", "parts"], message)
 }

@@ -120,7 +120,7 @@ pub(super) fn check_camera(context: &Context<'_>, section: &CameraSection) -> Re
     let target = context.meters(&at("look_at_mm"), section.look_at_mm)?;
     let up = context.direction(&at("up"), section.up)?;
     let Some(forward) = (target - position).try_normalize() else {
-        let message = "the camera stands at the point that it looks at; move one of the two";
+        let message = "is the position of the camera itself; move one of the two";
         return context.fail(&at("look_at_mm"), message);
     };
     if forward.cross(up).length() < 1e-6 {
@@ -164,7 +164,7 @@ pub(super) fn camera(
                             "the film sees {field_deg:.2} degrees, distortion included; give as much, or \"from_lens\""
                         )
                     } else {
-                        "the field of view is that of the lens through which the render goes; set it to \"from_lens\"".into()
+                        "a traced lens sets the field of view; set this to \"from_lens\"".into()
                     };
                     return context.fail(&at("horizontal_field_deg"), message);
                 }
@@ -182,7 +182,7 @@ pub(super) fn camera(
             2.0 * half.atan().to_degrees()
         }
         (FieldOfView::FromLens, _, _) => {
-            let message = "nothing gives the field of view: there is no [lens] with a [sensor]; give degrees";
+            let message = "the field of view is unknown without a [lens] and a [sensor]; give degrees";
             return context.fail(&at("horizontal_field_deg"), message);
         }
     };
@@ -225,7 +225,7 @@ pub(in crate::experiment) fn view_filter(
         return context.fail(&field("angle_deg"), message);
     }
     if !lens_angles && section.position == FilterPosition::Rear {
-        let message = "matters only where light passes at the angles of the lens; add angles = \"lens\"";
+        let message = "has an effect only at the angles of the lens; add angles = \"lens\"";
         return context.fail(&field("position"), message);
     }
     let mut filters = Vec::with_capacity(section.filters.len());

@@ -31,7 +31,7 @@ pub(super) fn error_target(
             ("error_range_nm", section.error_range_nm.is_some()),
         ] {
             if given {
-                return context.fail(&at(key), "is the place of an error; give relative_error, too");
+                return context.fail(&at(key), "has an effect only with relative_error; give both");
             }
         }
         return Ok(None);

@@ -102,7 +102,7 @@ pub(super) fn spectroradiometers(
         }
         for (axis, value) in section.aim.unwrap_or([0.5; 2]).iter().enumerate() {
             let at = steps!["spectroradiometer", index, "aim", axis];
-            context.within(&at, *value, [0.0, 1.0], "of the picture")?;
+            context.within(&at, *value, [0.0, 1.0], "of the image")?;
         }
         context.within(&at("acceptance_deg"), section.acceptance_deg, [0.01, 60.0], "degrees")?;
         let mut filter = Curve::constant(1.0);

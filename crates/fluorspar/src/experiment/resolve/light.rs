@@ -193,7 +193,8 @@ impl<'a> Frame<'a> {
             }
             None if self.in_camera => Ok(self.camera.forward),
             None => {
-                let message = "nothing says where the light shines; give `aim.direction` or `aim.look_at_mm`";
+                let message =
+                    "the direction of the light is missing; give `aim.direction` or `aim.look_at_mm`";
                 context.fail(at, message)
             }
         }

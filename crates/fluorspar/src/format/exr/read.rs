@@ -296,7 +296,7 @@ fn headers(path: &Path) -> Result<Vec<Header>, FormatError> {
     let mut magic = Vec::new();
     Read::by_ref(&mut file).take(4).read_to_end(&mut magic).map_err(failed)?;
     if magic != [0x76, 0x2f, 0x31, 0x01] {
-        return Err(FormatError::malformed(path, "this is not an OpenEXR file", "Name an .exr image"));
+        return Err(FormatError::malformed(path, "this is not an OpenEXR file", "Give an .exr image"));
     }
     let file = File::open(path).map_err(failed)?;
     let meta =

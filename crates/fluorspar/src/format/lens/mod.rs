@@ -64,7 +64,7 @@ pub fn read_lens(path: &Path) -> Result<LensPrescription, LensFileError> {
     let size = std::fs::metadata(path).map_err(unreadable)?.len();
     if size > LARGEST_BYTES {
         return Err(error(Fault::anywhere(format!(
-            "{size} bytes is not a lens file; the largest that is read has 4 MiB"
+            "{size} bytes is too large for a lens file; the limit is 4 MiB"
         ))));
     }
     let bytes = std::fs::read(path).map_err(unreadable)?;
