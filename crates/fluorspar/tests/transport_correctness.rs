@@ -577,13 +577,13 @@ fn lights_without_area_are_small_lights() {
     let materials: Vec<&str> =
         MATERIALS.into_iter().filter(|name| !["smooth glass", "mirror"].contains(name)).collect();
     for material in &materials {
-        for (name, light, strength, small, power) in &pairs {
+        for (name, emitter, strength, small, power) in &pairs {
             let renders = |emitter: &Emitter, strength: f64, seed: u64| {
                 let mut scene = lit_box("disc", material, 1.0);
                 scene.lights = vec![light(blue(strength), emitter.clone())];
                 repeat(&scene, 16, &RenderSettings { seed, ..settings(8, 6) })
             };
-            let (a, b) = (renders(light, *strength, 3), renders(small, *power, 4));
+            let (a, b) = (renders(emitter, *strength, 3), renders(small, *power, 4));
             let significance = 1e-3 / (pairs.len() * materials.len()) as f64;
             assert_same_light(&format!("{name} on {material}"), &a, &b, significance);
         }

@@ -179,7 +179,7 @@ pub(crate) const MATERIALS: [&str; 10] = [
 
 /// An open box with a fluorescent floor, a ball and a tilted plate of one material, under one kind of light. Lights are
 /// large, so that scattered rays find them.
-pub(crate) fn lit_box(light: &str, material: &str, concentration: f32) -> Scene {
+pub(crate) fn lit_box(lighting: &str, material: &str, concentration: f32) -> Scene {
     let grid = WavelengthGrid::uniform(360.0, 680.0, 40.0).unwrap();
     let mut scene = scene(grid, camera(Vec3::new(0.0, 0.0, 3.4), Vec3::ZERO, 40.0, 10));
     scene.fluorophores = vec![dye("a", 390.0, 450.0, 0.4), dye("b", 440.0, 560.0, 0.4)];
@@ -253,7 +253,7 @@ pub(crate) fn lit_box(light: &str, material: &str, concentration: f32) -> Scene 
         let emission = Some(SurfaceEmission { group: 0, radiance: gaussian(390.0, 15.0, 0.3) });
         Object { emission, ..object(name, shape, 0) }
     };
-    match light {
+    match lighting {
         "disc" => scene.lights.push(light(blue, disc)),
         "rectangle" => scene.lights.push(light(blue, rectangle(1.0))),
         "narrow rectangle" => scene.lights.push(light(blue, rectangle(4.0))),
@@ -278,7 +278,7 @@ pub(crate) fn lit_box(light: &str, material: &str, concentration: f32) -> Scene 
             let disc = Shape::Disc { center: Vec3::new(0.1, 0.8, 0.2), normal: Vec3::NEG_Y, radius_m: 0.6 };
             scene.objects.push(bright("lamp", disc));
         }
-        other => panic!("no light {other}"),
+        other => panic!("no lighting {other}"),
     }
     scene
 }
@@ -387,10 +387,10 @@ fn save_difference_picture(path: &Path, a: &[ComponentImage], b: &[ComponentImag
 }
 
 /// Next-event estimation with multiple importance sampling against scattered directions alone.
-pub(crate) fn compare_estimators(light: &str, material: &str, samples: u32, runs: u64, significance: f64) {
-    let scene = lit_box(light, material, 1.0);
+pub(crate) fn compare_estimators(lighting: &str, material: &str, samples: u32, runs: u64, significance: f64) {
+    let scene = lit_box(lighting, material, 1.0);
     let guided = repeat(&scene, runs, &settings(samples, 6));
     let blind = RenderSettings { estimator: Estimator::ScatteringOnly, seed: 7, ..settings(4 * samples, 6) };
     let blind = repeat(&scene, runs, &blind);
-    assert_same_light(&format!("{light} on {material}"), &guided, &blind, significance);
+    assert_same_light(&format!("{lighting} on {material}"), &guided, &blind, significance);
 }
