@@ -9,6 +9,7 @@ use crate::commands::{
     analyze, capture, check, denoise, filter, fluorophore, lens, merge, mouth, predict, presets, render, run,
     safety, schema, sensor, spectroradiometer,
 };
+use crate::message::Messages;
 use crate::values::{self, Override};
 
 /// Predicts what a fluorescence camera records, before the camera is built.
@@ -168,6 +169,13 @@ pub(crate) struct Talk {
     /// Print the results as JSON on standard output.
     #[arg(long)]
     pub(crate) json: bool,
+}
+
+impl Talk {
+    /// What is said on standard error.
+    pub(crate) fn messages(&self) -> Messages {
+        Messages::unless(self.quiet)
+    }
 }
 
 /// A folder for results.

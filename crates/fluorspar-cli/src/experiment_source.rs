@@ -10,6 +10,7 @@ use fluorspar::preset::{self, ExperimentPreset, PresetError, PresetKind};
 use fluorspar_report::extract_experiment;
 
 use crate::error::CliError;
+use crate::message::Messages;
 use crate::values::{Override, as_typed, sets};
 
 /// Largest experiment file or report that is read.
@@ -94,7 +95,7 @@ impl ExperimentSource {
     pub(crate) fn resolve(
         &self,
         overrides: &[Override],
-        quiet: bool,
+        messages: Messages,
     ) -> Result<ResolvedExperiment, CliError> {
         if is_sample(&self.text) {
             return Err(CliError::Input(format!(
@@ -105,7 +106,7 @@ impl ExperimentSource {
         let resolved = parse(&self.text, &self.name, &self.base_dir, &sets(overrides))
             .and_then(|experiment| resolve(&experiment))
             .map_err(|error| as_typed(error, overrides))?;
-        warn(&resolved.record.warnings, quiet);
+        messages.warnings(&resolved.record.warnings);
         Ok(resolved)
     }
 
@@ -113,7 +114,7 @@ impl ExperimentSource {
     pub(crate) fn resolve_sample(
         &self,
         overrides: &[Override],
-        quiet: bool,
+        messages: Messages,
     ) -> Result<ResolvedSample, CliError> {
         let of_experiments = ["object", "mouth", "material", "capture", "camera", "render"];
         let experiments = preset::names(PresetKind::Experiment);
@@ -134,14 +135,8 @@ impl ExperimentSource {
         }
         let sample = parse_sample(&self.text, &self.name, &self.base_dir, &sets(overrides))
             .map_err(|error| as_typed(error, overrides))?;
-        warn(&sample.record.warnings, quiet);
+        messages.warnings(&sample.record.warnings);
         Ok(sample)
-    }
-}
-
-fn warn(warnings: &[String], quiet: bool) {
-    if !quiet {
-        warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
     }
 }
 

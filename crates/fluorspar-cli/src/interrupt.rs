@@ -4,6 +4,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use crate::message;
+
 /// Rendering shall end: Ctrl-C, a request to end, or the time limit.
 pub(crate) static STOP: AtomicBool = AtomicBool::new(false);
 /// Someone asked the program to end.
@@ -18,7 +20,8 @@ static UNFINISHED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 /// `nohup` has it.
 pub(crate) fn catch_interrupts() {
     if let Err(error) = listen() {
-        eprintln!("warning: Ctrl-C will end the program at once and may leave unfinished files: {error}");
+        let what = "Ctrl-C will end the program at once and may leave unfinished files";
+        message::notice(format!("warning: {what}: {error}"));
     }
 }
 
@@ -67,7 +70,7 @@ fn interrupt() {
         }
         std::process::exit(1);
     }
-    eprintln!("\nstopping: the picture so far will be saved. Press Ctrl-C again to quit at once");
+    message::notice("\nstopping: the picture so far will be saved. Press Ctrl-C again to quit at once");
 }
 
 /// Removes a folder into which another thread may still write: what comes in between is removed with it.

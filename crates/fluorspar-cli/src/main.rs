@@ -5,6 +5,7 @@ mod commands;
 mod error;
 mod experiment_source;
 mod interrupt;
+mod message;
 mod progress;
 mod values;
 
@@ -24,23 +25,27 @@ fn main() -> ExitCode {
     return_freed_memory_at_once();
     let args = match Args::try_parse() {
         Ok(args) => args,
-        // Help and version are not errors; everything else is exit code 2.
-        Err(error) => {
-            let code = if error.use_stderr() { ExitCode::from(2) } else { ExitCode::SUCCESS };
-            return match error.print() {
-                Err(error) if error.kind() != ErrorKind::BrokenPipe => ExitCode::from(1),
-                _ => code,
-            };
-        }
+        Err(answer) => return print_answer(&answer),
     };
-    match run(args) {
-        Ok(code) => code,
-        // The reader has seen enough: `fluorspar presets | head`.
-        Err(CliError::Stdout(error)) if error.kind() == ErrorKind::BrokenPipe => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("error: {error}");
+    run(args).unwrap_or_else(|error| {
+        message::error(&error);
+        error.exit_code()
+    })
+}
+
+/// Prints what the reading of the command line ended with: help and version are answers, everything else is wrong input.
+fn print_answer(answer: &clap::Error) -> ExitCode {
+    let printed = answer.print();
+    if answer.use_stderr() {
+        return ExitCode::from(2);
+    }
+    match printed {
+        Err(error) if error.kind() != ErrorKind::BrokenPipe => {
+            let error = CliError::Stdout(error);
+            message::error(&error);
             error.exit_code()
         }
+        _ => ExitCode::SUCCESS,
     }
 }
 

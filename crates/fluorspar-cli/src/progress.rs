@@ -16,6 +16,7 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use crate::error::CliError;
 use crate::interrupt::{STOP, save_when_interrupted};
+use crate::message::Messages;
 
 /// What is written while a film is being filled.
 #[derive(Debug, Default)]
@@ -100,11 +101,11 @@ pub(crate) fn render_with_progress(
     scene: &Scene,
     settings: &RenderSettings,
     time_limit_s: Option<f64>,
-    quiet: bool,
+    messages: Messages,
 ) -> Result<ComponentImage, CliError> {
     let renderer = FilmRenderer::new(scene, settings)?;
     let mut film = renderer.new_film();
-    fill_with_progress(&renderer, &Share::Whole, &mut film, time_limit_s, quiet, &Keep::default())?;
+    fill_with_progress(&renderer, &Share::Whole, &mut film, time_limit_s, messages, &Keep::default())?;
     drop(renderer);
     Ok(film.into_image())
 }
@@ -116,14 +117,14 @@ pub(crate) fn fill_with_progress(
     share: &Share,
     film: &mut Film,
     time_limit_s: Option<f64>,
-    quiet: bool,
+    messages: Messages,
     keep: &Keep<'_>,
 ) -> Result<bool, CliError> {
     save_when_interrupted();
     let started = Instant::now();
     let lines = !std::io::stderr().is_terminal();
     let bar = ProgressBar::new(1000);
-    if quiet || lines {
+    if messages.is_quiet() || lines {
         bar.set_draw_target(ProgressDrawTarget::hidden());
     }
     if let Ok(style) =
@@ -145,11 +146,12 @@ pub(crate) fn fill_with_progress(
         };
         if !lines {
             bar.set_message(left());
-        } else if !quiet {
+        } else if !messages.is_quiet() {
             let left = left();
             let tenth = (10.0 * share) as u64;
             if tenths.fetch_max(tenth, Ordering::Relaxed) < tenth {
-                eprintln!("Rendering {:>3} %, {} gone{left}", tenth * 10, duration(elapsed));
+                let gone = duration(elapsed);
+                messages.status(format!("Rendering {:>3} %, {gone} gone{left}", tenth * 10));
             }
         }
         // Pixels without any sample would be black, and numbers made from them wrong.

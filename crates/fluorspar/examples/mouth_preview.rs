@@ -3,6 +3,8 @@
 //! Usage: `mouth_preview OUT.png [VIEW] [FIELD=VALUE ...]`, where VIEW is `front`, `oblique`, `below`, `above` or
 //! `upper`, and the fields are those of the mouth's parameters.
 
+#![allow(clippy::print_stderr, reason = "what an example has to say")]
+
 use std::fs::File;
 use std::io::BufWriter;
 

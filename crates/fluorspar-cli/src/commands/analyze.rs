@@ -12,6 +12,7 @@ use fluorspar::study::{Capture, Study};
 use crate::args::{Changes, Talk};
 use crate::error::CliError;
 use crate::experiment_source::ExperimentSource;
+use crate::message::Messages;
 
 /// Options of `analyze`.
 #[derive(Clone, Debug, clap::Args)]
@@ -53,7 +54,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let default = beside("experiment.toml").map(|path| path.display().to_string());
     let name = options.experiment.clone().or(default).unwrap_or_default();
     let source = ExperimentSource::find(Some(&name))?;
-    let study = source.resolve(&options.changes.overrides(), true)?.study;
+    let study = source.resolve(&options.changes.overrides(), Messages::Quiet)?.study;
     let Some(settings) = &study.analysis else {
         return Err(CliError::Input(format!("{name}: the experiment has no [analysis] section; add one")));
     };

@@ -90,15 +90,13 @@ impl RawForm {
 pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let loaded = read_component_exr(&options.image)?;
     let mut components = loaded.image;
-    if components.denoised.is_some() && !options.talk.quiet {
-        eprintln!(
-            "warning: {}: this image is denoised: its frames are for pictures only",
-            options.image.display()
-        );
+    let messages = options.talk.messages();
+    let image = options.image.display();
+    if components.denoised.is_some() {
+        messages.warnings([format!("{image}: this image is denoised: its frames are for pictures only")]);
     }
     // As `run` has them, so that the frames are those of `run` whatever file they come from.
     components.round_to_24_bits();
-    let image = options.image.display();
     // What the image was rendered from; nothing that it fixes may be changed here.
     let rendered = match &loaded.provenance {
         None => None,
@@ -114,7 +112,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let (text, experiment) = match (&options.experiment, loaded.provenance) {
         (Some(name), _) => {
             let source = ExperimentSource::find(Some(name))?;
-            let experiment = source.resolve(&overrides, options.talk.quiet)?;
+            let experiment = source.resolve(&overrides, messages)?;
             inputs.extend(source.files(&experiment.record));
             (source.text, experiment)
         }
@@ -168,8 +166,8 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let target = folder.finish()?;
     if options.talk.json {
         super::print_json(&json!({ "folder": target, "frames": list }))?;
-    } else if !options.talk.quiet {
-        eprintln!("Wrote {} frames to {}", frames.len(), target.display());
+    } else {
+        messages.status(format!("Wrote {} frames to {}", frames.len(), target.display()));
     }
     Ok(ExitCode::SUCCESS)
 }

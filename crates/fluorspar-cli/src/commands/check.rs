@@ -10,6 +10,7 @@ use serde_json::json;
 use crate::args::{Changes, Talk};
 use crate::error::CliError;
 use crate::experiment_source::ExperimentSource;
+use crate::message::Messages;
 
 /// Options of `check`.
 #[derive(Clone, Debug, clap::Args)]
@@ -27,11 +28,11 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let source = ExperimentSource::find_either(options.file.as_deref())?;
     let (json, silent) = (options.talk.json, options.talk.quiet && !options.talk.json);
     // As JSON the warnings are part of the answer.
-    let quiet = options.talk.quiet || json;
+    let messages = Messages::unless(options.talk.quiet || json);
     let overrides = options.changes.overrides();
     let shown = options.file.as_ref().unwrap_or(&source.name);
     if is_sample(&source.text) {
-        let sample = source.resolve_sample(&overrides, quiet)?;
+        let sample = source.resolve_sample(&overrides, messages)?;
         if json {
             super::print_json(&json!({
                 "file": shown,
@@ -52,7 +53,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         }
         return Ok(ExitCode::SUCCESS);
     }
-    let ResolvedExperiment { study, record } = source.resolve(&overrides, quiet)?;
+    let ResolvedExperiment { study, record } = source.resolve(&overrides, messages)?;
     let scene = &study.scene;
     let needed = fluorspar::render::memory_bytes(scene, &study.render);
     if json {

@@ -73,8 +73,9 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         let mut answer = output.describe(&image);
         answer["denoised"] = image.denoised.clone().into();
         super::print_json(&answer)?;
-    } else if !options.talk.quiet {
-        eprintln!("Wrote {}: denoised, for pictures only", options.out.display());
+    } else {
+        let what = format!("Wrote {}: denoised, for pictures only", options.out.display());
+        options.talk.messages().status(what);
     }
     Ok(ExitCode::SUCCESS)
 }

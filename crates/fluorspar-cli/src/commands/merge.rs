@@ -61,8 +61,8 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     options.output.write(&image, &provenance)?;
     if options.talk.json {
         super::print_json(&options.output.describe(&image))?;
-    } else if !options.talk.quiet {
-        eprintln!("Wrote {}", options.output.out.display());
+    } else {
+        options.talk.messages().status(format!("Wrote {}", options.output.out.display()));
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -23,7 +23,6 @@ pub(crate) mod sensor;
 pub(crate) mod spectroradiometer;
 pub(crate) mod table;
 
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use fluorspar::render::memory_bytes;
@@ -33,6 +32,7 @@ use fluorspar_report::Figure;
 use serde::Serialize;
 
 use crate::error::CliError;
+use crate::message;
 
 /// Prints a value as JSON on standard output.
 pub(crate) fn print_json(value: &impl Serialize) -> Result<(), CliError> {
@@ -42,9 +42,7 @@ pub(crate) fn print_json(value: &impl Serialize) -> Result<(), CliError> {
 
 /// Prints lines on standard output.
 pub(crate) fn print_text(text: &str) -> Result<(), CliError> {
-    let mut out = std::io::stdout().lock();
-    writeln!(out, "{}", text.trim_end())?;
-    Ok(())
+    Ok(message::answer(text)?)
 }
 
 /// A text as TOML.

@@ -19,6 +19,7 @@ use crate::args::{ExperimentArgs, Talk};
 use crate::error::CliError;
 use crate::experiment_source::ExperimentSource;
 use crate::interrupt::interrupted;
+use crate::message::Messages;
 use crate::progress::{Keep, fill_with_progress};
 use crate::values;
 
@@ -108,9 +109,9 @@ impl Options {
 
 pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     options.check()?;
-    let quiet = options.talk.quiet;
+    let messages = options.talk.messages();
     let source = ExperimentSource::find(options.experiment.experiment.as_deref())?;
-    let experiment = source.resolve(&options.experiment.overrides(), quiet)?;
+    let experiment = source.resolve(&options.experiment.overrides(), messages)?;
     let study = &experiment.study;
     let (scene, settings) = (&study.scene, &study.render);
     let needed = memory_bytes(scene, settings);
@@ -122,15 +123,13 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         study,
         "or leave --shard out: without it, large images are rendered in bands of rows",
     )?;
-    if !quiet {
-        eprintln!(
-            "Memory: {} for the film, and the scene; limit {}",
-            memory_text(needed),
-            memory_text(settings.memory_limit_bytes)
-        );
-    }
+    messages.status(format!(
+        "Memory: {} for the film, and the scene; limit {}",
+        memory_text(needed),
+        memory_text(settings.memory_limit_bytes)
+    ));
     let renderer = FilmRenderer::new(scene, settings)?;
-    say_surfaces(&renderer, scene, quiet);
+    say_surfaces(&renderer, scene, messages);
     let mut film = match options.film.as_deref().filter(|path| options.resume && path.exists()) {
         Some(path) => {
             let film = read_film(path)?.image;
@@ -154,7 +153,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     };
     let share = options.share();
     let before = film.paths();
-    let complete = fill_with_progress(&renderer, &share, &mut film, study.time_limit_s, quiet, &keep)?;
+    let complete = fill_with_progress(&renderer, &share, &mut film, study.time_limit_s, messages, &keep)?;
     drop(renderer);
     let code = if interrupted() && !complete { ExitCode::from(1) } else { ExitCode::SUCCESS };
     if options.shard.is_some() {
@@ -162,8 +161,8 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
             super::print_json(
                 &json!({ "film": options.film, "paths": film.paths(), "new_paths": film.paths() - before }),
             )?;
-        } else if let (Some(path), false) = (&options.film, quiet) {
-            eprintln!("Wrote {}", path.display());
+        } else if let Some(path) = &options.film {
+            messages.status(format!("Wrote {}", path.display()));
         }
         return Ok(code);
     }
@@ -176,14 +175,14 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         answer["film_bytes"] = needed.into();
         answer["peak_memory_bytes"] = peak_memory_bytes().into();
         super::print_json(&answer)?;
-    } else if !quiet {
-        eprintln!("Wrote {}", options.output.out.display());
+    } else {
+        messages.status(format!("Wrote {}", options.output.out.display()));
     }
     Ok(code)
 }
 
 /// Says what the surfaces take, where instances make that hard to guess.
-pub(super) fn say_surfaces(renderer: &FilmRenderer, scene: &Scene, quiet: bool) {
+pub(super) fn say_surfaces(renderer: &FilmRenderer, scene: &Scene, messages: Messages) {
     let many = scene.objects.iter().filter_map(|object| match &object.shape {
         Shape::Instances(many) => Some(many),
         _ => None,
@@ -191,11 +190,11 @@ pub(super) fn say_surfaces(renderer: &FilmRenderer, scene: &Scene, quiet: bool) 
     let (instances, triangles) = many.fold((0, 0), |(instances, triangles), many| {
         (instances + many.instances.len(), triangles + many.triangle_count())
     });
-    if instances > 0 && !quiet {
-        eprintln!(
+    if instances > 0 {
+        messages.status(format!(
             "Surfaces: {}; {instances} instances stand for {triangles} triangles",
             memory_text(renderer.surface_bytes())
-        );
+        ));
     }
 }
 

@@ -18,6 +18,7 @@ use fluorspar::units::{memory_text, memory_texts};
 use super::render::{Options, peak_memory_bytes, say_surfaces};
 use crate::error::CliError;
 use crate::experiment_source::ExperimentSource;
+use crate::message;
 use crate::progress::{Keep, fill_with_progress};
 
 /// The film of a folder that holds no samples but what belongs to the whole picture.
@@ -31,7 +32,8 @@ pub(super) fn render(
     source: &ExperimentSource,
     experiment: &ResolvedExperiment,
 ) -> Result<ExitCode, CliError> {
-    let (scene, settings, quiet) = (&experiment.study.scene, &experiment.study.render, options.talk.quiet);
+    let (scene, settings) = (&experiment.study.scene, &experiment.study.render);
+    let messages = options.talk.messages();
     let (needed, limit) = (memory_bytes(scene, settings), settings.memory_limit_bytes);
     check_options(options, experiment, needed > limit)?;
     let rows_at_once =
@@ -51,20 +53,18 @@ pub(super) fn render(
     let rows = layout.pixel_rows(0..1).len();
     let planes = if options.output.components { BandPlanes::Components } else { BandPlanes::Sum };
     let images = planes.count(&layout);
-    if !quiet {
-        let [film, most] = memory_texts(needed, limit);
-        eprintln!(
-            "Memory: the film takes {film}, {} of {most}{}: {} bands of up to {} rows, one after the other; {} \
-             of finished rows wait beside {}",
-            if needed > limit { "more than the limit" } else { "and fits into the limit" },
-            if needed > limit { "" } else { ", but --film is a folder" },
-            bands.len(),
-            bands.iter().map(|band| band.len() * rows).max().unwrap_or(0),
-            memory_text(4 * (layout.width * layout.height * layout.grid.len() * images) as u64),
-            options.output.out.display()
-        );
-    }
-    say_surfaces(&renderer, scene, quiet);
+    let [film, most] = memory_texts(needed, limit);
+    messages.status(format!(
+        "Memory: the film takes {film}, {} of {most}{}: {} bands of up to {} rows, one after the other; {} of \
+         finished rows wait beside {}",
+        if needed > limit { "more than the limit" } else { "and fits into the limit" },
+        if needed > limit { "" } else { ", but --film is a folder" },
+        bands.len(),
+        bands.iter().map(|band| band.len() * rows).max().unwrap_or(0),
+        memory_text(4 * (layout.width * layout.height * layout.grid.len() * images) as u64),
+        options.output.out.display()
+    ));
+    say_surfaces(&renderer, scene, messages);
     let mut provenance = Provenance::new(
         &source.text,
         experiment.record.resolved_toml.clone(),
@@ -91,12 +91,12 @@ pub(super) fn render(
                 Some(folder) => format!("go on with --resume --film {}", folder.display()),
                 None => "what was rendered is lost; with --film FOLDER it is kept".into(),
             };
-            eprintln!(
+            message::notice(format!(
                 "stopped within rows {} to {} of {}: no image was written; {hint}",
                 rows.start,
                 rows.end - 1,
                 layout.height
-            );
+            ));
             return Ok(ExitCode::from(1));
         }
     };
@@ -112,8 +112,8 @@ pub(super) fn render(
         answer["memory_limit_bytes"] = settings.memory_limit_bytes.into();
         answer["peak_memory_bytes"] = peak_memory_bytes().into();
         super::print_json(&answer)?;
-    } else if !quiet {
-        eprintln!("Wrote {}", options.output.out.display());
+    } else {
+        messages.status(format!("Wrote {}", options.output.out.display()));
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -179,11 +179,10 @@ impl BandStore for Store<'_> {
     type Error = CliError;
 
     fn load(&mut self, band: &Range<usize>) -> Result<Option<Film>, CliError> {
-        if !self.options.talk.quiet {
-            let layout = self.renderer.layout();
-            let rows = layout.pixel_rows(band.clone());
-            eprintln!("Rows {} to {} of {}", rows.start, rows.end - 1, layout.height);
-        }
+        let layout = self.renderer.layout();
+        let rows = layout.pixel_rows(band.clone());
+        let what = format!("Rows {} to {} of {}", rows.start, rows.end - 1, layout.height);
+        self.options.talk.messages().status(what);
         let Some(path) = self.film_of(band).filter(|path| path.exists()) else { return Ok(None) };
         let film = read_film_rows(&path, band.clone())?.image;
         self.renderer.check(&film).map_err(|error| in_film(&path, &error))?;
@@ -198,7 +197,7 @@ impl BandStore for Store<'_> {
             provenance: Some(self.provenance),
             preview: None,
         };
-        fill_with_progress(self.renderer, share, film, None, self.options.talk.quiet, &keep)
+        fill_with_progress(self.renderer, share, film, None, self.options.talk.messages(), &keep)
     }
 
     fn store_rows(&mut self, plane: usize, first_row: usize, values: &[f32]) -> Result<(), CliError> {

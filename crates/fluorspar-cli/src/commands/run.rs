@@ -29,13 +29,9 @@ pub(crate) struct Options {
 
 pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let started = Instant::now();
-    let say = |text: String| {
-        if !options.talk.quiet {
-            eprintln!("{text}");
-        }
-    };
+    let messages = options.talk.messages();
     let source = ExperimentSource::find(options.experiment.experiment.as_deref())?;
-    let experiment = source.resolve(&options.experiment.overrides(), options.talk.quiet)?;
+    let experiment = source.resolve(&options.experiment.overrides(), messages)?;
     let study = &experiment.study;
     super::check_memory(
         study,
@@ -51,7 +47,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let folder = out_folder::OutFolder::prepare(&target, &source.files(&experiment.record))?;
 
     let camera = &study.scene.camera;
-    say(format!(
+    messages.status(format!(
         "{}\n{} x {} pixels, {} bands, {} light groups, {} fluorophores, {} samples per pixel",
         experiment.record.title,
         camera.width,
@@ -61,13 +57,12 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         study.scene.fluorophores.len(),
         study.render.samples_per_pixel
     ));
-    let mut components =
-        render_with_progress(&study.scene, &study.render, study.time_limit_s, options.talk.quiet)?;
+    let mut components = render_with_progress(&study.scene, &study.render, study.time_limit_s, messages)?;
     if components.samples_per_pixel == 0 {
         let message = "interrupted before every pixel had a sample: there is nothing to develop, and nothing was written";
         return Err(CliError::Failed(message.into()));
     }
-    say(format!(
+    messages.status(format!(
         "Rendered in {:.1} s. Developing frames, writing images, figures and report",
         started.elapsed().as_secs_f64()
     ));
@@ -86,9 +81,9 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     if options.talk.json {
         super::print_text(&read_text(&target.join("results.json"))?)?;
     }
-    say(summary(&target, analyzed.as_ref(), started.elapsed().as_secs_f64()));
+    messages.status(summary(&target, analyzed.as_ref(), started.elapsed().as_secs_f64()));
     if interrupted() && components.samples_per_pixel < study.render.samples_per_pixel {
-        say(format!(
+        messages.status(format!(
             "interrupted after {} of {} samples per pixel",
             components.samples_per_pixel, study.render.samples_per_pixel
         ));

@@ -162,9 +162,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
             Output::Png => plot(&readings).to_png()?,
         };
         write_atomically(path, |file| file.write_all(&bytes))?;
-        if !options.talk.quiet {
-            eprintln!("Wrote {}", path.display());
-        }
+        options.talk.messages().status(format!("Wrote {}", path.display()));
     }
     if options.talk.json {
         super::print_json(&readings)?;
@@ -247,7 +245,7 @@ fn of_sample(options: &Options, name: Option<&str>) -> Result<Vec<Spectroradiome
         overrides.push(Override::of_option("view_filter.filters", list, typed.join(" ")));
     }
     overrides.extend(options.set.iter().map(|text| Override::set(text)));
-    let sample = source.resolve_sample(&overrides, options.talk.quiet)?.sample;
+    let sample = source.resolve_sample(&overrides, options.talk.messages())?.sample;
     let filter = if options.filter.is_empty() {
         Curve::constant(1.0)
     } else {

@@ -8,6 +8,7 @@ use crate::commands::table::{align, short};
 use crate::commands::{print_json, print_text};
 use crate::error::CliError;
 use crate::experiment_source::ExperimentSource;
+use crate::message::Messages;
 use crate::values::{self, Override, check_range};
 
 /// Options of `filter leak`.
@@ -55,7 +56,7 @@ pub(super) fn run(options: &Options) -> Result<(), CliError> {
         }
     }
     overrides.extend(options.set.iter().map(|text| Override::set(text)));
-    let sample = source.resolve_sample(&overrides, options.json)?.sample;
+    let sample = source.resolve_sample(&overrides, Messages::unless(options.json))?.sample;
     let leak = filter_leak(&sample, &options.angle_deg)?;
     if options.json {
         return print_json(&leak);

@@ -11,6 +11,7 @@ use super::loading::{checked, everywhere_nm, from_file, peaks_nm, section_toml};
 use super::{FileOptions, StokesChoice};
 use crate::commands::{check_file, print_text};
 use crate::error::CliError;
+use crate::message::Messages;
 
 /// Options of `fluorophore import`.
 #[derive(Clone, Debug, clap::Args)]
@@ -46,29 +47,30 @@ pub(super) fn run(options: &Options) -> Result<(), CliError> {
         if options.file.photon_yield.is_some() { "" } else { " [assumed]" },
         section_toml(&section)?
     );
-    eprintln!("{}", options.input.display());
+    let messages = Messages::default();
+    messages.status(options.input.display());
     for (what, value) in &measured.findings {
-        eprintln!("  {what:<16} {value}");
+        messages.status(format!("  {what:<16} {value}"));
     }
     let [excitation_nm, emission_nm] = peaks_nm(&fluorophore);
     let (from_nm, to_nm) = everywhere_nm(&fluorophore);
     let total = fluorophore.photon_yield(excitation_nm, from_nm, to_nm);
     let masked = if options.file.stokes == StokesChoice::Mask { ", emission below it masked" } else { "" };
-    eprintln!(
+    messages.status(format!(
         "  {:<16} {total:.3e} photons out per photon in at {excitation_nm:.0} nm, most of them near {emission_nm:.0} nm{masked}",
         "total yield"
-    );
+    ));
     if options.file.photon_yield.is_none() {
-        eprintln!(
+        messages.status(format!(
             "  {:<16} assumed, as for the catalogue; give --photon-yield where it is known",
             "its scale"
-        );
+        ));
     }
     if to_stdout {
         return print_text(&text);
     }
     write_atomically(&options.out, |file| file.write_all(text.as_bytes()))?;
-    eprintln!("Wrote fluorophore \"{}\" to {}", section.name, options.out.display());
+    messages.status(format!("Wrote fluorophore \"{}\" to {}", section.name, options.out.display()));
     Ok(())
 }
 

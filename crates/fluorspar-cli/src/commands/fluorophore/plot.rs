@@ -15,6 +15,7 @@ use super::FileOptions;
 use super::loading::load;
 use crate::commands::{FigureFormat, beside, check_file};
 use crate::error::CliError;
+use crate::message::Messages;
 
 /// Width of a cell of a heat map, nm.
 const CELL_NM: f64 = 2.5;
@@ -54,7 +55,7 @@ pub(super) fn run(options: &Options) -> Result<(), CliError> {
     for (path, figure) in &figures {
         let bytes = format.bytes(figure)?;
         write_atomically(path, |file| file.write_all(&bytes))?;
-        eprintln!("Wrote {}", path.display());
+        Messages::default().status(format!("Wrote {}", path.display()));
     }
     Ok(())
 }

@@ -13,6 +13,7 @@ use fluorspar_report::figures::{lens_drawing, lens_field, lens_mtf, lens_spots};
 use crate::commands::table::{align, short};
 use crate::commands::{FigureFormat, beside, check_file, print_json, print_text};
 use crate::error::CliError;
+use crate::message::Messages;
 use crate::values::{self, check_range};
 
 /// Options of `lens report`.
@@ -100,7 +101,7 @@ pub(super) fn run(options: &Options) -> Result<(), CliError> {
         for (path, figure) in &all {
             let bytes = format.bytes(figure)?;
             write_atomically(path, |file| file.write_all(&bytes))?;
-            eprintln!("Wrote {}", path.display());
+            Messages::default().status(format!("Wrote {}", path.display()));
         }
     }
     if options.json { print_json(&report) } else { print_text(&describe(&loaded, &report)) }

@@ -14,6 +14,7 @@ use super::person::PersonArgs;
 use crate::commands::table::{align, short};
 use crate::error::CliError;
 use crate::experiment_source::ExperimentSource;
+use crate::message::Messages;
 
 /// Options of `mouth generate`.
 #[derive(Clone, Debug, clap::Args)]
@@ -88,15 +89,13 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
                 }
             }
         }
-        if !options.quiet {
-            match target {
-                OutputKind::PlyFolder => eprintln!("Wrote {} .ply files to {}", meshes.len(), path.display()),
-                OutputKind::Obj => {
-                    eprintln!("Wrote {} and {}", path.display(), path.with_extension("mtl").display());
-                }
-                OutputKind::Glb | OutputKind::Pbrt => eprintln!("Wrote {}", path.display()),
+        Messages::unless(options.quiet).status(match target {
+            OutputKind::PlyFolder => format!("Wrote {} .ply files to {}", meshes.len(), path.display()),
+            OutputKind::Obj => {
+                format!("Wrote {} and {}", path.display(), path.with_extension("mtl").display())
             }
-        }
+            OutputKind::Glb | OutputKind::Pbrt => format!("Wrote {}", path.display()),
+        });
     }
     if options.json {
         return print_json(&parameters, &mouth);
@@ -111,7 +110,7 @@ const GRAY: [f64; 3] = [0.5; 3];
 /// Mean color of every tissue of the default experiment under even light, linear sRGB.
 fn tissue_colors() -> Result<BTreeMap<String, [f64; 3]>, CliError> {
     let source = ExperimentSource::find(None)?;
-    let scene = source.resolve(&[], true)?.study.scene;
+    let scene = source.resolve(&[], Messages::Quiet)?.study.scene;
     let observer = StandardObserver::new(&scene.grid);
     let srgb = |spectrum: &[f32]| linear_srgb(observer.xyz(spectrum));
     let white = srgb(&vec![1.0; scene.grid.len()]);

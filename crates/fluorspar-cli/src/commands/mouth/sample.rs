@@ -10,6 +10,7 @@ use fluorspar::format::write_atomically;
 
 use super::person::parse_person;
 use crate::error::CliError;
+use crate::message::Messages;
 use crate::values;
 
 /// Most people at a time.
@@ -86,6 +87,6 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         }
         Ok(())
     })?;
-    eprintln!("Wrote {} people to {}", people.len(), options.out.display());
+    Messages::default().status(format!("Wrote {} people to {}", people.len(), options.out.display()));
     Ok(ExitCode::SUCCESS)
 }

@@ -14,6 +14,7 @@ use super::person::{PersonArgs, find_view};
 use crate::commands::table::align;
 use crate::error::CliError;
 use crate::experiment_source::ExperimentSource;
+use crate::message::Messages;
 use crate::progress::render_with_progress;
 use crate::values::{self, Override, as_typed, sets};
 
@@ -72,19 +73,16 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     for view in &views {
         options.person.parameters(Some(view.name))?;
     }
+    let messages = Messages::unless(options.quiet);
     let sheet = ContactSheet::new(views.len(), options.width);
     let mut pictures: Vec<(&str, Raster)> = Vec::new();
     for (view, [width, height]) in views.iter().zip(sheet.picture_sizes()) {
-        if !options.quiet {
-            eprintln!("{}: {}", view.name, view.title);
-        }
+        messages.status(format!("{}: {}", view.name, view.title));
         pictures.push((view.name, picture(options, view, width, height)?));
     }
     let sheet = sheet.compose(&pictures).map_err(|error| CliError::Failed(error.to_string()))?;
     write_rgb_png(&options.out, sheet.width, sheet.height, sheet.pixels.as_flattened())?;
-    if !options.quiet {
-        eprintln!("Wrote {}", options.out.display());
-    }
+    messages.status(format!("Wrote {}", options.out.display()));
     Ok(ExitCode::SUCCESS)
 }
 
@@ -125,7 +123,8 @@ fn picture(
             known.join(", ")
         )));
     }
-    let components = render_with_progress(&study.scene, &study.render, None, options.quiet)?;
+    let components =
+        render_with_progress(&study.scene, &study.render, None, Messages::unless(options.quiet))?;
     let sum = components.recombine(|component| f64::from(u8::from(component.light_group == options.light)));
     let preview = light_group_preview(&sum, &study, &options.light);
     Raster::from_rgb8(preview.width, preview.height, &preview.rgb)

@@ -85,7 +85,8 @@ impl Options {
 }
 
 pub(super) fn run(options: &Options) -> Result<(), CliError> {
-    let resolved = options.sensor.resolve(options.talk.quiet)?;
+    let messages = options.talk.messages();
+    let resolved = options.sensor.resolve(messages)?;
     let settings = CharacterizationSettings {
         region: [options.region[0], options.region[1]],
         exposure_s: options.exposure_ms * 1e-3,
@@ -120,9 +121,9 @@ pub(super) fn run(options: &Options) -> Result<(), CliError> {
     if options.talk.json {
         print_json(&results)?;
     } else if !options.talk.quiet {
-        measured.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
+        messages.warnings(&measured.warnings);
         print_text(&describe(&resolved, &measured))?;
-        eprintln!("Wrote {}", place.display());
+        messages.status(format!("Wrote {}", place.display()));
     }
     Ok(())
 }

@@ -15,6 +15,7 @@ use fluorspar::preset::{self, PresetKind};
 use crate::commands::table::ListOptions;
 use crate::error::CliError;
 use crate::experiment_source::read_text;
+use crate::message::Messages;
 
 /// Options of `sensor`.
 #[derive(Clone, Debug, clap::Args)]
@@ -46,7 +47,7 @@ struct SensorArgs {
 
 impl SensorArgs {
     /// Reads the sensor and prints its warnings.
-    fn resolve(&self, quiet: bool) -> Result<ResolvedSensor, CliError> {
+    fn resolve(&self, messages: Messages) -> Result<ResolvedSensor, CliError> {
         let (name, path) = (self.sensor.as_str(), Path::new(&self.sensor));
         let resolved = if self.is_file() {
             let base_dir = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
@@ -62,9 +63,7 @@ impl SensorArgs {
             }
             of_catalogue(name, &self.set)?
         };
-        if !quiet {
-            resolved.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
-        }
+        messages.warnings(&resolved.warnings);
         Ok(resolved)
     }
 

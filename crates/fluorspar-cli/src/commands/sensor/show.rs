@@ -8,6 +8,7 @@ use super::SensorArgs;
 use crate::commands::table::{align, short};
 use crate::commands::{print_json, print_text};
 use crate::error::CliError;
+use crate::message::Messages;
 
 /// Options of `sensor show`.
 #[derive(Clone, Debug, clap::Args)]
@@ -23,7 +24,7 @@ pub(super) struct Options {
 }
 
 pub(super) fn run(options: &Options) -> Result<(), CliError> {
-    let resolved = options.sensor.resolve(options.json || options.toml)?;
+    let resolved = options.sensor.resolve(Messages::unless(options.json || options.toml))?;
     if options.toml {
         print_text(&resolved.resolved_toml)
     } else if options.json {
