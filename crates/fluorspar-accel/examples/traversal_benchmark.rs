@@ -11,9 +11,9 @@
 
 #![allow(clippy::print_stdout, reason = "printing is what a benchmark is for")]
 
-#[path = "../tests/common/mod.rs"]
+#[path = "../tests/suite/common/mod.rs"]
 mod common;
-#[path = "../tests/common/embree.rs"]
+#[path = "../tests/suite/common/embree.rs"]
 mod embree;
 
 use std::error::Error;

@@ -7,12 +7,10 @@
 #![cfg(unix)] // The words of the operating system are part of the answers.
 #![allow(clippy::unwrap_used, reason = "these are tests")]
 
-mod support;
-
 use std::fs;
 use std::path::Path;
 
-use support::{fluorspar, library_test_data, listing, tiny};
+use crate::support::{fluorspar, library_test_data, listing, tiny};
 
 const SAMPLE: &str = "format = 1\n[light]\nspectrum = \"led_385\"\nstrength.irradiance_w_per_m2 = 100\n[sample]\nreflectance = 0.1\n";
 
@@ -127,7 +125,7 @@ fn words(line: &str) -> Vec<String> {
         } else {
             for word in part.split_whitespace() {
                 if word == "TINY" {
-                    words.extend(support::TINY.map(String::from));
+                    words.extend(crate::support::TINY.map(String::from));
                 } else {
                     words.push(word.into());
                 }

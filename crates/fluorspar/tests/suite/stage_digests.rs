@@ -4,19 +4,17 @@
 //! than those of the machine that stored the digests, the comparison says so and is left out.
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "these are tests")]
 
-mod support;
-
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::Path;
 
+use crate::support::{LIGHTS, MATERIALS, lit_box, run, settings};
 use fluorspar::experiment::{parse, resolve};
 use fluorspar::image::ComponentImage;
 use fluorspar::pipeline::{capture, frame_radiance};
 use fluorspar::preset;
 use fluorspar::study::Study;
 use sha2::{Digest, Sha256};
-use support::{LIGHTS, MATERIALS, lit_box, run, settings};
 
 /// Collects the bits of values.
 #[derive(Default)]
@@ -127,7 +125,7 @@ fn measured() -> BTreeMap<String, String> {
 
 #[test]
 fn every_stage_gives_the_stored_bits() {
-    let stored: BTreeMap<String, String> = include_str!("data/stage_digests.txt")
+    let stored: BTreeMap<String, String> = include_str!("../data/stage_digests.txt")
         .lines()
         .filter_map(|line| line.split_once(": "))
         .map(|(name, digest)| (name.to_owned(), digest.to_owned()))

@@ -2,13 +2,11 @@
 
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "these are tests")]
 
-mod support;
-
 use std::fs;
 use std::path::Path;
 
+use crate::support::{fluorspar, library_test_data, listing, reference};
 use serde_json::Value;
-use support::{fluorspar, library_test_data, listing, reference};
 
 #[test]
 fn the_catalogue_is_listed_and_shown() {

@@ -3,13 +3,11 @@
 
 #![allow(clippy::unwrap_used, reason = "these are tests")]
 
-mod support;
-
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
 
-use support::fluorspar;
+use crate::support::fluorspar;
 
 /// Commands, and those within them.
 fn commands(within: &[&str]) -> Vec<Vec<String>> {

@@ -1,12 +1,13 @@
 //! Meshes at many places: the picture of the flattened scene, files, and what they refuse.
 #![allow(clippy::unwrap_used, reason = "these are tests")]
 
-mod support;
-
 use std::fs;
 use std::path::Path;
 use std::sync::Arc;
 
+use crate::support::{
+    camera, coated, dye, flat, gaussian, light, object, quad, run, scene, settings, with_dyes,
+};
 use fluorspar::experiment::{ResolvedExperiment, parse, resolve};
 use fluorspar::format::{NamedMesh, read_gltf, read_gltf_instances, read_placements, write_gltf, write_ply};
 use fluorspar::geometry::{MeshInstance, MeshInstances, TriangleMesh};
@@ -16,7 +17,6 @@ use fluorspar::material::{Material, ScalarTexture};
 use fluorspar::scene::{Object, Scene, Shape, SurfaceEmission};
 use fluorspar::spectral::WavelengthGrid;
 use glam::{Affine3, Mat3, Quat, Vec2, Vec3};
-use support::{camera, coated, dye, flat, gaussian, light, object, quad, run, scene, settings, with_dyes};
 
 /// A smooth bumpy ball with texture coordinates.
 fn ball() -> Arc<TriangleMesh> {

@@ -3,14 +3,12 @@
 #![cfg(unix)]
 #![allow(clippy::unwrap_used, reason = "these are tests")]
 
-mod support;
-
 use std::fs::{self, File};
 use std::io::Read;
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
 
-use support::{fluorspar, tiny};
+use crate::support::{fluorspar, tiny};
 
 /// The program in a folder.
 fn program<'a>(folder: &Path, args: impl IntoIterator<Item = &'a str>) -> Command {

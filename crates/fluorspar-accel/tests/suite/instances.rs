@@ -2,11 +2,9 @@
 
 #![allow(clippy::unwrap_used, reason = "a panic is how a test fails")]
 
-mod common;
-
 use std::sync::Arc;
 
-use common::{Mesh, Random, closed_surface, grid, ray, soup};
+use crate::common::{Mesh, Random, closed_surface, grid, ray, soup};
 use fluorspar_accel::{
     BuildError, BuildOptions, Instance, InstanceBvh, InstanceHit, Kernel, LARGEST_COORDINATE, Ray,
     TriangleBvh,

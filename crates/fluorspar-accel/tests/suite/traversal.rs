@@ -2,9 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "a panic is how a test fails")]
 
-mod common;
-
-use common::{Mesh, Random, closed_surface, grid, ray, soup};
+use crate::common::{Mesh, Random, closed_surface, grid, ray, soup};
 use fluorspar_accel::{BuildError, BuildOptions, Hit, Kernel, Ray, TriangleBvh};
 use glam::Vec3;
 

@@ -2,11 +2,9 @@
 
 #![allow(clippy::unwrap_used, reason = "these are tests")]
 
-mod support;
-
 use std::fs;
 
-use support::{fluorspar, listing};
+use crate::support::{fluorspar, listing};
 
 #[test]
 fn lenses_are_listed_with_what_was_published() {

@@ -2,14 +2,12 @@
 
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "these are tests")]
 
-mod support;
-
 use std::f64::consts::PI;
 use std::fs;
 use std::path::Path;
 
+use crate::support::{fluorspar, reference};
 use serde_json::Value;
-use support::{fluorspar, reference};
 
 fn predicted(folder: &Path, args: &[&str]) -> Value {
     let mut all = vec!["predict", "--json"];
@@ -279,7 +277,7 @@ fn people_read_a_table() {
     assert_eq!(named.stdout, said.stdout);
     let quiet = fluorspar(folder.path(), ["predict", "-q"]).well();
     assert_eq!((quiet.stdout.as_str(), quiet.stderr.as_str()), ("", ""));
-    assert!(support::listing(folder.path()).is_empty());
+    assert!(crate::support::listing(folder.path()).is_empty());
 }
 
 #[test]

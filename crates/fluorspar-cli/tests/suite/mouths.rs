@@ -2,11 +2,9 @@
 
 #![allow(clippy::unwrap_used, reason = "these are tests")]
 
-mod support;
-
 use std::fs;
 
-use support::fluorspar;
+use crate::support::fluorspar;
 
 #[test]
 fn every_length_is_measured_or_the_reason_told() {

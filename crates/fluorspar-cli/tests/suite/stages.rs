@@ -2,13 +2,11 @@
 
 #![allow(clippy::unwrap_used, reason = "these are tests")]
 
-mod support;
-
 use std::fs;
 use std::path::Path;
 
+use crate::support::{fluorspar, listing, tiny};
 use serde_json::Value;
-use support::{fluorspar, listing, tiny};
 
 fn bytes(folder: &Path, name: &str) -> Vec<u8> {
     fs::read(folder.join(name)).unwrap_or_else(|error| panic!("{name}: {error}"))

@@ -2,13 +2,11 @@
 
 #![allow(clippy::unwrap_used, reason = "these are tests")]
 
-mod support;
-
 use std::fs;
 use std::path::Path;
 
+use crate::support::{fluorspar, listing};
 use fluorspar::format::{RawPacking, read_sensor_image, write_packed_raw};
-use support::{fluorspar, listing};
 
 /// A run of the flat patch, which takes a second.
 fn patch(folder: &Path, more: &[&str]) {

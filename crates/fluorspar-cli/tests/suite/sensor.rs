@@ -2,11 +2,9 @@
 
 #![allow(clippy::unwrap_used, reason = "these are tests")]
 
-mod support;
-
 use std::fs;
 
-use support::{fluorspar, listing};
+use crate::support::{fluorspar, listing};
 
 const SHEET: &str = "format = 1\ntitle = \"Test\"\n[sensor]\ncolumns = 128\nrows = 96\nmosaic = \"mono\"\n\
     quantum_efficiency = { mono = 0.6 }\n[sensor.emva1288]\ngain_e_per_dn = 2.7\ndark_noise_e = 2.3\n\

@@ -10,14 +10,14 @@ use fluorspar::preset;
 use fluorspar::render::{RenderControl, render};
 
 #[allow(dead_code, reason = "the main function of the example")]
-#[path = "../examples/study_from_code.rs"]
-mod study_from_code;
+#[path = "../../examples/study_from_code.rs"]
+mod example;
 
 #[test]
 fn a_flat_patch_is_the_same_from_file_and_from_code() {
     let text = preset::experiment("flat-patch").unwrap().text;
     let from_file = resolve(&parse(text, "flat-patch", Path::new("."), &[]).unwrap()).unwrap().study;
-    let from_code = study_from_code::study().unwrap();
+    let from_code = example::study().unwrap();
     assert_eq!(from_code.scene.fluorophores, from_file.scene.fluorophores);
     assert_eq!(from_code.scene.camera, from_file.scene.camera);
     assert!(from_code.scene == from_file.scene, "the scenes differ");

@@ -1,11 +1,10 @@
 //! Light transport against closed forms: physics that the code cannot argue with.
 #![allow(clippy::unwrap_used)]
 
-mod support;
-
 use std::f64::consts::PI;
 use std::sync::atomic::AtomicBool;
 
+use crate::support::{camera, dye, flat, gaussian, object, quad, run, scene, settings, with_dyes};
 use fluorspar::image::{ComponentImage, LightPath};
 use fluorspar::light::{DiscEmitter, DistantEmitter, Emitter, Light, RectangleEmitter};
 use fluorspar::material::{Coat, Lambertian, Material, ScalarTexture};
@@ -14,7 +13,6 @@ use fluorspar::scene::{Scene, SceneError, Shape, SurfaceEmission};
 use fluorspar::spectral::{Curve, Fluorophore, WavelengthGrid};
 use fluorspar_testkit::{MeanEstimate, sidak, z_limit, z_score};
 use glam::Vec3;
-use support::{camera, dye, flat, gaussian, object, quad, run, scene, settings, with_dyes};
 
 /// Means of one component and band over pixels, with the standard error from pixel to pixel.
 fn band_mean(image: &ComponentImage, component: usize, band: usize) -> MeanEstimate {

@@ -4,8 +4,6 @@
 //! `cargo test -p fluorspar --test transport_correctness -- --ignored`.
 #![allow(clippy::unwrap_used)]
 
-mod support;
-
 use std::f64::consts::PI;
 use std::sync::Arc;
 
@@ -22,7 +20,7 @@ use fluorspar::spectral::{Curve, Fluorophore, PhotonEem, SeparableTerm, Stokes, 
 use fluorspar_testkit::{MeanEstimate, sidak, z_limit, z_score};
 use glam::Vec3;
 
-use support::*;
+use crate::support::*;
 
 fn three_bands() -> WavelengthGrid {
     WavelengthGrid::uniform(450.0, 650.0, 100.0).unwrap()

@@ -1,0 +1,16 @@
+//! Tests of the command, in one program. What a signal, a limit or the environment changes is a process of its own, which
+//! a test starts.
+
+mod bad_input;
+mod documentation;
+mod fluorophores;
+mod instruments;
+mod lenses;
+mod mouths;
+mod out_folder;
+mod predict;
+mod sensor;
+mod stages;
+mod streams;
+mod support;
+mod survival;
