@@ -5,9 +5,15 @@
 //! The scene is a bumpy closed cavity seen from inside, with 24 bumpy blobs in it: 190 thousand triangles times SCALE.
 //! Kinds of rays: from a pinhole camera (primary), cosine-distributed from what those hit (bounce1) and again from there
 //! (bounce2), and from both generations of points to a small light around the camera (shadow1, shadow2). One thread;
-//! medians over the repetitions, in which kernels take turns. With the path of a shared library of Embree 4 (the
-//! Python package `embreex` brings one), Embree takes its turns, too, and a last table gives our rates over its robust
-//! ones, as medians of the ratios of neighboring runs.
+//! medians over the repetitions, in which contenders alternate.
+//!
+//! Our kernels trace ray by ray and interleaved, in batches of 64. With the path of a shared library of Embree 4 (the
+//! Python package `embreex` brings one), Embree traces ray by ray and in packets of sixteen (`rtcIntersect16`,
+//! `rtcOccluded16`) that are declared coherent or incoherent. Embree 4 has no ray streams. Every contender starts from
+//! the same slice of rays: filling batches and packets is part of the time. The last tables are rows of
+//! docs/performance.md: our rates over those of Embree with its robust flag, each the median of the ratios of
+//! neighboring runs with its standard error, 1.25 standard deviations (from the median absolute deviation) over the
+//! square root of the number of repetitions.
 
 #![allow(clippy::print_stdout, reason = "printing is what a benchmark is for")]
 
@@ -18,10 +24,11 @@ mod embree;
 
 use std::error::Error;
 use std::hint::black_box;
+use std::rc::Rc;
 use std::time::Instant;
 
 use common::{Mesh, Random, closed_surface, ray};
-use embree::EmbreeScene;
+use embree::{Coherence, EmbreeScene};
 use fluorspar_accel::{Allocator, BuildOptions, Hit, Kernel, Ray, TriangleBvh};
 use glam::Vec3;
 
@@ -30,8 +37,8 @@ static ALLOCATOR: Allocator = Allocator;
 
 const IMAGE_SIDE: usize = 512;
 const BLOBS: usize = 24;
-/// Rays of one call of those that are traced in turns.
-const CALL: usize = 64;
+/// Rays of an interleaved batch.
+const BATCH: usize = 64;
 /// Distance by which rays start off a surface, as a fraction of the cavity's radius.
 const OFFSET: f32 = 1e-4;
 
@@ -100,46 +107,79 @@ fn mega_rays_per_second(count: usize, run: impl FnOnce() -> usize) -> f64 {
     count as f64 / start.elapsed().as_secs_f64() / 1e6
 }
 
+/// How Embree gets its rays.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Query {
+    Single,
+    Packets(Coherence),
+}
+
 enum Contender {
-    Ours(TriangleBvh),
-    /// The same, many rays a call.
-    InTurns(TriangleBvh),
-    Embree(EmbreeScene, &'static str),
+    /// Ours, ray by ray.
+    Single(TriangleBvh),
+    /// Ours, many rays a call.
+    Interleaved(TriangleBvh),
+    Embree {
+        scene: Rc<EmbreeScene>,
+        robust: bool,
+        query: Query,
+    },
 }
 
 impl Contender {
     fn name(&self) -> String {
         match self {
-            Self::Ours(bvh) => bvh.kernel().to_string(),
-            Self::InTurns(bvh) => format!("{} each", bvh.kernel()),
-            Self::Embree(_, name) => (*name).into(),
+            Self::Single(bvh) => format!("{}, ray by ray", bvh.kernel()),
+            Self::Interleaved(bvh) => format!("{}, interleaved", bvh.kernel()),
+            Self::Embree { robust, query, .. } => {
+                let robust = if *robust { "Embree robust" } else { "Embree" };
+                format!("{robust}, {}", query_name(*query))
+            }
         }
     }
 
     /// Hits, so that no work can be left out.
     fn trace(&self, rays: &[Ray], any: bool) -> usize {
         match (self, any) {
-            (Self::Ours(bvh), false) => rays.iter().filter(|ray| bvh.closest(ray).is_some()).count(),
-            (Self::Ours(bvh), true) => rays.iter().filter(|ray| bvh.occluded(ray)).count(),
-            (Self::InTurns(bvh), false) => {
+            (Self::Single(bvh), false) => rays.iter().filter(|ray| bvh.closest(ray).is_some()).count(),
+            (Self::Single(bvh), true) => rays.iter().filter(|ray| bvh.occluded(ray)).count(),
+            (Self::Interleaved(bvh), false) => {
                 let mut hits = Vec::new();
-                let in_turns = |rays: &[Ray]| {
+                let batch = |rays: &[Ray]| {
                     bvh.closest_each(rays, &mut hits);
                     hits.iter().flatten().count()
                 };
-                rays.chunks(CALL).map(in_turns).sum()
+                rays.chunks(BATCH).map(batch).sum()
             }
-            (Self::InTurns(bvh), true) => {
+            (Self::Interleaved(bvh), true) => {
                 let mut answers = Vec::new();
-                let in_turns = |rays: &[Ray]| {
+                let batch = |rays: &[Ray]| {
                     bvh.occluded_each(rays, &mut answers);
                     answers.iter().filter(|&&occluded| occluded).count()
                 };
-                rays.chunks(CALL).map(in_turns).sum()
+                rays.chunks(BATCH).map(batch).sum()
             }
-            (Self::Embree(scene, _), false) => rays.iter().filter(|ray| scene.closest(ray).is_some()).count(),
-            (Self::Embree(scene, _), true) => rays.iter().filter(|ray| scene.occluded(ray)).count(),
+            (Self::Embree { scene, query: Query::Single, .. }, false) => {
+                rays.iter().filter(|ray| scene.closest(ray).is_some()).count()
+            }
+            (Self::Embree { scene, query: Query::Single, .. }, true) => {
+                rays.iter().filter(|ray| scene.occluded(ray)).count()
+            }
+            (Self::Embree { scene, query: Query::Packets(coherence), .. }, false) => {
+                scene.closest_in_packets(rays, *coherence)
+            }
+            (Self::Embree { scene, query: Query::Packets(coherence), .. }, true) => {
+                scene.occluded_in_packets(rays, *coherence)
+            }
         }
+    }
+}
+
+fn query_name(query: Query) -> &'static str {
+    match query {
+        Query::Single => "ray by ray",
+        Query::Packets(Coherence::Coherent) => "coherent packets",
+        Query::Packets(Coherence::Incoherent) => "incoherent packets",
     }
 }
 
@@ -148,20 +188,61 @@ fn median(mut values: Vec<f64>) -> f64 {
     values[values.len() / 2]
 }
 
+/// Standard error of the median of normal deviates, the standard deviation taken from the median absolute deviation.
+fn standard_error(values: &[f64]) -> f64 {
+    let middle = median(values.to_vec());
+    let deviation = median(values.iter().map(|value| (value - middle).abs()).collect());
+    1.253 * 1.483 * deviation / (values.len() as f64).sqrt()
+}
+
+/// Embree's scenes and queries, from the library at this path.
+fn embree_contenders(library: &str, mesh: &Mesh) -> Result<Vec<Contender>, Box<dyn Error>> {
+    let mut contenders = Vec::new();
+    for robust in [false, true] {
+        let start = Instant::now();
+        let scene = Rc::new(EmbreeScene::build(library, &mesh.positions, &mesh.triangles, robust)?);
+        let kind = if robust { "Embree robust" } else { "Embree" };
+        let packets = if scene.has_native_packets() { "native" } else { "split" };
+        println!("{kind}: built in {:.2} s, packets of 16 are {packets}", start.elapsed().as_secs_f64());
+        let coherences = [Coherence::Coherent, Coherence::Incoherent].map(Query::Packets);
+        for query in [Query::Single].into_iter().chain(coherences) {
+            contenders.push(Contender::Embree { scene: Rc::clone(&scene), robust, query });
+        }
+    }
+    Ok(contenders)
+}
+
+type Rates = [Vec<f64>; 5];
+
+/// Rows of docs/performance.md: our rates over those of one kind of query of Embree with its robust flag.
+fn print_ratios(contenders: &[Contender], rates: &[Rates], names: [&str; 5], wanted: Query) {
+    let is_peer =
+        |c: &Contender| matches!(c, Contender::Embree { robust: true, query, .. } if *query == wanted);
+    let Some(peer) = contenders.iter().position(is_peer) else { return };
+    println!("\n| over Embree robust, {} | {} |", query_name(wanted), names.join(" | "));
+    println!("|---|---|---|---|---|---|");
+    for (contender, own) in contenders.iter().zip(rates) {
+        if matches!(contender, Contender::Embree { .. }) {
+            continue;
+        }
+        print!("| {} |", contender.name());
+        for (own, peer) in own.iter().zip(&rates[peer]) {
+            let ratios: Vec<f64> = own.iter().zip(peer).map(|(own, peer)| own / peer).collect();
+            print!(" {:.2} ± {:.2} |", median(ratios.clone()), standard_error(&ratios));
+        }
+        println!();
+    }
+}
+
 fn main() -> Result<(), Box<dyn Error>> {
     let mut arguments = std::env::args().skip(1);
     let scale: f32 = arguments.next().map_or(Ok(1.0), |text| text.parse())?;
     let repetitions: usize = arguments.next().map_or(Ok(7), |text| text.parse())?;
     let mesh = scene(scale);
-    let mut contenders = Vec::new();
-    if let Some(library) = arguments.next() {
-        for (robust, name) in [(false, "Embree"), (true, "robust")] {
-            let start = Instant::now();
-            let scene = EmbreeScene::build(&library, &mesh.positions, &mesh.triangles, robust)?;
-            println!("Embree, {name}: built in {:.2} s", start.elapsed().as_secs_f64());
-            contenders.push(Contender::Embree(scene, name));
-        }
-    }
+    let mut contenders = match arguments.next() {
+        Some(library) => embree_contenders(&library, &mesh)?,
+        None => Vec::new(),
+    };
     let mut built = None;
     for kernel in Kernel::available() {
         let start = Instant::now();
@@ -176,8 +257,8 @@ fn main() -> Result<(), Box<dyn Error>> {
             );
         }
         built = Some(bvh.clone());
-        contenders.push(Contender::Ours(bvh.clone()));
-        contenders.push(Contender::InTurns(bvh));
+        contenders.push(Contender::Single(bvh.clone()));
+        contenders.push(Contender::Interleaved(bvh));
     }
     let Some(bvh) = built else { return Ok(()) };
 
@@ -196,12 +277,12 @@ fn main() -> Result<(), Box<dyn Error>> {
         let hits: Vec<usize> = contenders.iter().map(|contender| contender.trace(rays, any)).collect();
         println!("{name}: hits of {} rays: {hits:?}", rays.len());
     }
-    print!("{:13}", "");
+    print!("{:34}", "");
     for (name, ..) in sets {
         print!("{name:>9}");
     }
     println!();
-    let mut rates = vec![[const { Vec::new() }; 5]; contenders.len()];
+    let mut rates: Vec<Rates> = vec![[const { Vec::new() }; 5]; contenders.len()];
     for _ in 0..repetitions {
         for (set, &(_, rays, any)) in sets.iter().enumerate() {
             for (contender, rates) in contenders.iter().zip(&mut rates) {
@@ -210,20 +291,16 @@ fn main() -> Result<(), Box<dyn Error>> {
         }
     }
     for (contender, rates) in contenders.iter().zip(&rates) {
-        print!("{:13}", contender.name());
+        print!("{:34}", contender.name());
         for rates in rates {
             print!("{:9.2}", median(rates.clone()));
         }
         println!();
     }
-    let peer = contenders.iter().position(|c| matches!(c, Contender::Embree(_, "robust")));
-    for (contender, own) in contenders.iter().zip(&rates) {
-        let (Some(peer), Contender::Ours(_) | Contender::InTurns(_)) = (peer, contender) else { continue };
-        print!("{:13}", format!("{}/r", contender.name()));
-        for (own, peer) in own.iter().zip(&rates[peer]) {
-            print!("{:9.2}", median(own.iter().zip(peer).map(|(own, peer)| own / peer).collect()));
-        }
-        println!();
+    let names = sets.map(|(name, ..)| name);
+    let packets = [Coherence::Coherent, Coherence::Incoherent].map(Query::Packets);
+    for query in [Query::Single].into_iter().chain(packets) {
+        print_ratios(&contenders, &rates, names, query);
     }
     Ok(())
 }
