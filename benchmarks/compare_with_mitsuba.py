@@ -3,11 +3,19 @@
 
 cost = relative variance x net CPU seconds; lower is better, and it does not depend on the number of samples.
 Relative variance: over independent renders, variance / mean^2 of every pixel and band, with the mean not below 5 % of
-the band's, averaged over pixels and bands. Net: CPU seconds at N samples less those at one sample, scaled to N.
-Renders of the two programs take turns. Mitsuba renders with `path`, `independent` sampler, four hero wavelengths, the
-same depth and resolution, and a film with one box response per band.
+the band's, averaged over pixels and bands. Net: CPU seconds at N samples less those at the fewest, scaled to N; the
+mean of the runs. Renders of the two programs alternate. Standard errors are jackknifed: run i of both programs is left
+out together.
 
-    benchmarks/compare_with_mitsuba.py [--scene cornell_box] [--bands 31] [--spp 64] [--mitsuba-spp 256] [--runs 4]
+Mitsuba renders with `path`, four hero wavelengths, the same depth and resolution, a film with one box response per
+band, and one or both of its samplers: `independent` random numbers and the low-discrepancy `ldsampler`, whose numbers
+of samples are powers of four. Fluorspar draws Owen-scrambled Sobol points: `ldsampler` is the like-for-like peer.
+
+    benchmarks/compare_with_mitsuba.py [--scene cornell_box] [--bands 31] [--spp 64] [--mitsuba-spp 256] [--runs 8]
+                                       [--sampler independent|ldsampler]
+
+`--sampler` may be repeated; without it both samplers are compared. The last lines are rows of the table of
+docs/performance.md.
 
 Needs Python 3.9 or newer and a network: mitsuba and numpy are installed into a temporary virtual environment, unless
 the interpreter has them (or --venv names one). The LLVM variant needs the LLVM library (Debian: libllvm19); without
@@ -23,6 +31,8 @@ import tempfile
 import time
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
+# Samplers of Mitsuba and the fewest samples per pixel that each can render: the time of those is set-up.
+FEWEST_SAMPLES = {"independent": 1, "ldsampler": 4}
 
 
 def arguments():
@@ -30,15 +40,25 @@ def arguments():
     parser.add_argument("--scene", default="cornell_box", choices=["cornell_box", "closed_cavity", "matte_cavity"])
     parser.add_argument("--bands", type=int, default=31, help="31, 69 or any number of 5 nm bins (default 31)")
     parser.add_argument("--side", type=int, default=128, help="columns and rows (default 128)")
-    parser.add_argument("--depth", type=int, default=8, help="surfaces that a path visits (default 8)")
+    parser.add_argument("--depth", type=int, default=8, help="maximum path depth, surface interactions (default 8)")
     parser.add_argument("--spp", type=int, default=64, help="samples a pixel of Fluorspar (default 64)")
     parser.add_argument("--mitsuba-spp", type=int, default=64, help="samples a pixel of Mitsuba (default 64)")
-    parser.add_argument("--runs", type=int, default=4, help="independent renders of each (default 4)")
+    parser.add_argument("--runs", type=int, default=8, help="independent renders of each, at least 3 (default 8)")
     parser.add_argument("--variant", default="llvm_ad_spectral", help="Mitsuba variant (default llvm_ad_spectral)")
-    parser.add_argument("--sampler", default="independent", help="Mitsuba sampler (default independent)")
+    parser.add_argument("--sampler", action="append", choices=list(FEWEST_SAMPLES),
+                        help="Mitsuba sampler; may be repeated (default both)")
     parser.add_argument("--binary", help="render_benchmark, if it is built already")
     parser.add_argument("--venv", help="a virtual environment that has mitsuba and numpy")
-    return parser.parse_args()
+    options = parser.parse_args()
+    options.sampler = list(dict.fromkeys(options.sampler or FEWEST_SAMPLES))
+    if options.runs < 3:
+        parser.error("--runs must be at least 3: the standard errors come from leaving runs out")
+    for sampler in options.sampler:
+        if options.mitsuba_spp <= FEWEST_SAMPLES[sampler]:
+            parser.error(f"--mitsuba-spp must be more than {FEWEST_SAMPLES[sampler]}")
+    if "ldsampler" in options.sampler and options.mitsuba_spp not in [4 ** k for k in range(1, 16)]:
+        parser.error("--mitsuba-spp must be a power of four with ldsampler, which rounds up to one: 64, 256, 1024")
+    return options
 
 
 def in_environment(options):
@@ -155,13 +175,87 @@ def mitsuba_scene(mi, np, folder, sampler, depth):
     return mi.load_dict(scene), np.array(edges)
 
 
-def relative_variance(np, images):
-    """Mean over pixels and bands, and of the median pixel."""
-    images = np.asarray(images, dtype=np.float64)
-    mean = images.mean(axis=0)
-    floor = 0.05 * mean.mean(axis=(0, 1))
-    relative = images.var(axis=0, ddof=1) / np.maximum(mean, floor) ** 2
-    return relative.mean(), np.median(relative.mean(axis=2))
+class Renders:
+    """Independent renders of one program: images, [run, row, column, band], and net CPU seconds."""
+
+    def __init__(self, name, spp):
+        self.name, self.spp, self.images, self.cpu_s = name, spp, [], []
+
+    def add(self, image, cpu_s):
+        self.images.append(image)
+        self.cpu_s.append(cpu_s)
+
+    def cost(self, np, left_out=None):
+        """Relative variance x CPU seconds, of the mean over pixels and of the median pixel; both variances; the seconds."""
+        kept = [run for run in range(len(self.images)) if run != left_out]
+        images = np.asarray([self.images[run] for run in kept], dtype=np.float64)
+        mean = images.mean(axis=0)
+        floor = 0.05 * mean.mean(axis=(0, 1))
+        relative = images.var(axis=0, ddof=1) / np.maximum(mean, floor) ** 2
+        variances = np.array([relative.mean(), np.median(relative.mean(axis=2))])
+        cpu_s = np.mean([self.cpu_s[run] for run in kept])
+        return variances * cpu_s, variances, cpu_s
+
+    def microseconds(self, np):
+        """CPU time of a path, us, and its standard error."""
+        pixels = self.images[0].shape[0] * self.images[0].shape[1]
+        us = 1e6 * np.array(self.cpu_s) / (self.spp * pixels)
+        return us.mean(), us.std(ddof=1) / np.sqrt(len(us))
+
+
+def jackknife(np, runs, statistic):
+    """A statistic of all runs, and its standard error from leaving out one run after the other."""
+    parts = np.array([statistic(run) for run in range(runs)])
+    error = np.sqrt((runs - 1) / runs * ((parts - parts.mean(axis=0)) ** 2).sum(axis=0))
+    return np.asarray(statistic(None)), error
+
+
+def print_band_means(np, ours, theirs, edges, compared):
+    """Ratios of the band means of the two programs. Returns whether they agree."""
+    # Mitsuba's film integrates over the band: divide by its width.
+    our_images, their_images = np.array(ours.images), np.array(theirs.images)
+    our_means = our_images.mean(axis=(0, 1, 2), dtype=np.float64)
+    their_means = their_images.mean(axis=(0, 1, 2), dtype=np.float64)
+    candidates = {"integral": their_means / np.diff(edges), "average": their_means}
+    kind = min(candidates, key=lambda k: abs(np.log(candidates[k].mean() / our_means.mean())))
+    ratio = candidates[kind] / our_means
+    error, own_error = (
+        images.mean(axis=(1, 2), dtype=np.float64).std(axis=0, ddof=1) / np.sqrt(len(images)) / means
+        for images, means in [(their_images, their_means), (our_images, our_means)])
+    print(f"band means, {theirs.name} ({kind} over the band) / Fluorspar: mean {ratio.mean():.5f}, "
+          f"least {ratio.min():.5f}, greatest {ratio.max():.5f}; standard errors of a band: Mitsuba {error.mean():.5f}, "
+          f"Fluorspar {own_error.mean():.5f}")
+    worst = np.abs(ratio - 1).max()
+    limit = 0.005 + 4 * error.max()
+    print(f"largest difference of a band {100 * worst:.2f} %, allowed 0.5 % + 4 standard errors = {100 * limit:.2f} %")
+    if not compared:
+        print("(band means of the glossy cavity are not compared: Mitsuba's roughplastic is another model of a coat)")
+    return worst <= limit or not compared
+
+
+def report(np, options, ours, peers, edges):
+    """Prints costs and band means, and the rows of the table. Returns whether the band means agree."""
+    compared = options.scene != "closed_cavity"
+    agree, rows = True, []
+    for renders in [ours, *peers]:
+        cost, variance, cpu_s = renders.cost(np)
+        us, us_error = renders.microseconds(np)
+        print(f"{renders.name}: {renders.spp} spp, {cpu_s:.2f} CPU s, {us:.2f} ± {us_error:.2f} us a path, relative "
+              f"variance {variance[0]:.4g} (median pixel {variance[1]:.4g}), cost {cost[0]:.4g} ({cost[1]:.4g})")
+    our_us = "{:.2f} ± {:.2f}".format(*ours.microseconds(np))
+    for sampler, theirs in zip(options.sampler, peers):
+        ratio, error = jackknife(
+            np, options.runs, lambda run, theirs=theirs: theirs.cost(np, run)[0] / ours.cost(np, run)[0])
+        their_us = "{:.2f} ± {:.2f}".format(*theirs.microseconds(np))
+        coat = {"closed_cavity": "ours; Mitsuba `roughplastic`"}.get(options.scene, "none")
+        rows.append(f"| {options.scene}, {ours.spp} samples here, {theirs.spp} there, {options.runs} runs | {coat} "
+                    f"| {options.bands} | {sampler} | {our_us} | {their_us} "
+                    f"| {ratio[0]:.1f} ± {error[0]:.1f} | {ratio[1]:.1f} ± {error[1]:.1f} |")
+        agree &= print_band_means(np, ours, theirs, edges, compared)
+    print("\n| scene | coat | bands | Mitsuba's sampler | us a path, here | us a path, Mitsuba | cost ratio, mean "
+          "| cost ratio, median pixel |\n|---|---|---|---|---|---|---|---|")
+    print("\n".join(rows))
+    return agree
 
 
 def main():
@@ -198,61 +292,37 @@ def main():
         folder = pathlib.Path(name)
         subprocess.run([binary, *shared, "--export", str(folder / "scene")], check=True)
         before = time.process_time()
-        scene, edges = mitsuba_scene(mi, np, folder / "scene", options.sampler, options.depth)
+        scenes = {}
+        for sampler in options.sampler:
+            scenes[sampler], edges = mitsuba_scene(mi, np, folder / "scene", sampler, options.depth)
 
-        def mitsuba(spp, seed):
+        def mitsuba(sampler, spp, seed):
             start = time.process_time()
-            image = np.array(mi.render(scene, spp=spp, seed=seed))
+            image = np.array(mi.render(scenes[sampler], spp=spp, seed=seed))
             return image, time.process_time() - start
 
-        for warm_up in (1, options.mitsuba_spp):  # compiles the kernels
-            mitsuba(warm_up, 0)
-        setup = time.process_time() - before
-        ours, theirs, our_cpu, their_cpu = [], [], [], []
+        # Compile the kernels
+        for sampler in options.sampler:
+            for spp in (FEWEST_SAMPLES[sampler], options.mitsuba_spp):
+                mitsuba(sampler, spp, 0)
+        print(f"Mitsuba's set-up: {time.process_time() - before:.1f} CPU s, not counted")
+
+        # Alternate the programs, so that disturbances of the machine affect all of them
+        ours = Renders("Fluorspar", options.spp)
+        peers = [Renders(f"Mitsuba {mi.__version__} {variant} {sampler}", options.mitsuba_spp)
+                 for sampler in options.sampler]
         for run in range(options.runs):
             command = [binary, *shared, "--spp", str(options.spp), "--runs", "1", "--seed", str(run + 1),
                        "--images", str(folder / f"images_{run}")]
-            report = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
-            our_cpu.append(report["cpu_s"])
+            result = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
             raw = np.fromfile(folder / f"images_{run}" / "0.f32", dtype="<f4")
-            ours.append(raw.reshape(options.side, options.side, -1))
-            base = mitsuba(1, 1000 + run)[1]
-            image, cpu = mitsuba(options.mitsuba_spp, 1 + run)
-            theirs.append(image)
-            their_cpu.append((cpu - base) * options.mitsuba_spp / (options.mitsuba_spp - 1))
-
-    ours, theirs = np.array(ours), np.array(theirs)
-    rows = []
-    for label, images, cpu, spp in [("Fluorspar", ours, np.median(our_cpu), options.spp),
-                                    (f"Mitsuba {mi.__version__} {variant} {options.sampler}", theirs,
-                                     np.median(their_cpu), options.mitsuba_spp)]:
-        mean, median = relative_variance(np, images)
-        rows.append((mean * cpu, median * cpu))
-        print(f"{label}: {spp} spp, {cpu:.2f} CPU s, {1e6 * cpu / (spp * options.side ** 2):.2f} us a path, "
-              f"relative variance {mean:.4g} (median pixel {median:.4g}), cost {mean * cpu:.4g} ({median * cpu:.4g})")
-    print(f"Mitsuba's set-up: {setup:.1f} CPU s, not counted")
-    print(f"{options.scene}, {options.bands} bands: cost ratio Mitsuba / Fluorspar "
-          f"{rows[1][0] / rows[0][0]:.1f} (mean), {rows[1][1] / rows[0][1]:.1f} (median pixel)")
-
-    # Mitsuba's film integrates over the band: divide by its width.
-    widths = np.diff(edges)
-    our_means = ours.mean(axis=(0, 1, 2), dtype=np.float64)
-    their_means = theirs.mean(axis=(0, 1, 2), dtype=np.float64)
-    candidates = {"integral": their_means / widths, "average": their_means}
-    kind = min(candidates, key=lambda k: abs(np.log(candidates[k].mean() / our_means.mean())))
-    ratio = candidates[kind] / our_means
-    error, own_error = (
-        images.mean(axis=(1, 2), dtype=np.float64).std(axis=0, ddof=1) / np.sqrt(len(images)) / means
-        for images, means in [(theirs, their_means), (ours, our_means)])
-    print(f"band means, Mitsuba ({kind} over the band) / Fluorspar: mean {ratio.mean():.5f}, "
-          f"least {ratio.min():.5f}, greatest {ratio.max():.5f}; standard errors a band: Mitsuba {error.mean():.5f}, "
-          f"Fluorspar {own_error.mean():.5f}")
-    worst = np.abs(ratio - 1).max()
-    limit = 0.005 + 4 * error.max()
-    print(f"largest difference of a band {100 * worst:.2f} %, allowed 0.5 % + 4 standard errors = {100 * limit:.2f} %")
-    if options.scene == "closed_cavity":
-        print("(the glossy cavity is not compared: Mitsuba's roughplastic is another model of a coat)")
-    elif worst > limit:
+            ours.add(raw.reshape(options.side, options.side, -1), result["cpu_s"])
+            for sampler, theirs in zip(options.sampler, peers):
+                fewest = FEWEST_SAMPLES[sampler]
+                base = mitsuba(sampler, fewest, 1000 + run)[1]
+                image, cpu = mitsuba(sampler, options.mitsuba_spp, 1 + run)
+                theirs.add(image, (cpu - base) * options.mitsuba_spp / (options.mitsuba_spp - fewest))
+    if not report(np, options, ours, peers, edges):
         sys.exit("band means disagree")
 
 
