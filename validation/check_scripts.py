@@ -4,7 +4,7 @@
     check_scripts.py VALUES
 
 Every script must compile. Those that fit the catalogue repeat equations of the library: VALUES, what
-`cargo run -p fluorspar --example catalogue_values` prints, is compared with what they make of the same files.
+`cargo run -p fluorspar-experiment --example catalogue_values` prints, is compared with what they make of the same files.
 That comparison needs numpy and scipy and is skipped without them, with a line that says so.
 """
 

@@ -5,7 +5,7 @@
 
 REFERENCE is the folder of reference spectra (the one that holds eem/ and
 fluorophores/).  One TOML file per fluorophore is written to --out (default:
-../crates/fluorspar/data/fluorophores next to this script).  Needs Python 3.11,
+../crates/fluorspar-experiment/data/fluorophores next to this script).  Needs Python 3.11,
 numpy and scipy; a single thread is enough (export OMP_NUM_THREADS=1).
 
 Model, identical to the one the Rust code evaluates
@@ -575,7 +575,7 @@ def main():
     ap = argparse.ArgumentParser(description="Fit the analytic fluorophore catalogue.")
     ap.add_argument("reference", type=pathlib.Path, help="folder of reference spectra")
     ap.add_argument("--out", type=pathlib.Path,
-                    default=pathlib.Path(__file__).resolve().parent.parent / "crates/fluorspar/data/fluorophores")
+                    default=pathlib.Path(__file__).resolve().parent.parent / "crates/fluorspar-experiment/data/fluorophores")
     ap.add_argument("--only", default="", help="comma-separated names; 'none' only reports")
     a = ap.parse_args()
     a.out.mkdir(parents=True, exist_ok=True)

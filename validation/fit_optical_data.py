@@ -6,7 +6,7 @@
 REFERENCE is a folder of measured spectra as CSV (first column wavelength_nm, then values). It is read and never
 copied: what is written are the parameters of equations. Without --write the script only fits, prints the errors
 and the leak of the default filter pairs; with --write it replaces the TOML files and the README under
-crates/fluorspar/data. Everything that is not fitted is typed in below, with its source.
+crates/fluorspar-experiment/data. Everything that is not fitted is typed in below, with its source.
 
 Needs numpy and scipy; matplotlib for --plots.
 """
@@ -1105,7 +1105,7 @@ def plot(items, folder):
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("reference", help="folder of measured spectra")
-    parser.add_argument("--write", action="store_true", help="replace the files under crates/fluorspar/data")
+    parser.add_argument("--write", action="store_true", help="replace the files under crates/fluorspar-experiment/data")
     parser.add_argument("--plots", metavar="FOLDER", help="draw models and data into this folder")
     arguments = parser.parse_args()
     ref = Reference(arguments.reference)

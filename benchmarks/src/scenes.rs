@@ -9,9 +9,9 @@ use fluorspar::geometry::TriangleMesh;
 use fluorspar::light::{DiscEmitter, Light, LightGroup, RectangleEmitter};
 use fluorspar::material::{Coat, FluorophoreAmount, Lambertian, Material, ReflectanceTerm, ScalarTexture};
 use fluorspar::optics::{CameraLens, LensSetting, LensState, PerspectiveCamera};
-use fluorspar::preset;
 use fluorspar::scene::{Object, Scene, Shape};
 use fluorspar::spectral::{Curve, Fluorophore, PhotonEem, SeparableTerm, Stokes, WavelengthGrid};
+use fluorspar_experiment::preset;
 use glam::Vec3;
 
 use crate::meshes::{block, bumps, closed_surface, parallelogram};

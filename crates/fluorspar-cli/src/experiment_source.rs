@@ -2,11 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
-use fluorspar::experiment::{
+use fluorspar_experiment::preset::{self, ExperimentPreset, PresetError, PresetKind};
+use fluorspar_experiment::{
     DEFAULT_EXPERIMENT, DEFAULT_SAMPLE, FileRecord, ResolvedExperiment, ResolvedSample, is_sample, parse,
     parse_sample, resolve,
 };
-use fluorspar::preset::{self, ExperimentPreset, PresetError, PresetKind};
 use fluorspar_report::extract_experiment;
 
 use crate::error::CliError;

@@ -2,8 +2,8 @@
 
 use std::fmt::Display;
 
-use fluorspar::experiment::ExperimentError;
 use fluorspar::units::number_text;
+use fluorspar_experiment::ExperimentError;
 
 use crate::error::CliError;
 

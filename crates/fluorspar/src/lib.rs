@@ -5,7 +5,7 @@
 //!
 //! | stage | call | gives |
 //! |---|---|---|
-//! | description | [`study::Study`] from code, or [`experiment::parse`] and [`experiment::resolve`] from a file | [`study::Study`]: scene, camera, captures |
+//! | description | [`study::Study`] from code, or from a file by `fluorspar-experiment` | [`study::Study`]: scene, camera, captures |
 //! | light transport | [`render::render`] | [`image::ComponentImage`]: radiance, W/(sr m² nm), by light and fluorophore |
 //! | any mixture of the parts | [`image::ComponentImage::recombine`] | [`image::SpectralImage`] of radiance |
 //! | optics | [`optics::IdealLens::form_image`] | [`image::SpectralImage`] of irradiance, W/(m² nm) |
@@ -14,8 +14,11 @@
 //! | analysis | [`analysis::analyze_region`] | [`analysis::Analysis`]: chromaticity, porphyrin fraction, with intervals |
 //!
 //! [`pipeline::evaluate`] runs everything after the render at once; [`pipeline::predict`] does so for a flat sample without geometry.
-//! [`names`] suggests what a misspelled name may have meant. [`safety`] assesses light sources for the safety of eyes and skin. [`preset`] is the catalogue of fluorophores, lights, filters, reflectances, sensors and experiments;
+//! [`names`] suggests what a misspelled name may have meant. [`safety`] assesses light sources for the safety of eyes and skin.
 //! [`format`](mod@format) reads and writes files; [`anatomy`] makes the mouth.
+//!
+//! TOML files of experiments and the catalogue of fluorophores, lights, filters, reflectances, sensors and lenses are in the
+//! crate `fluorspar-experiment`.
 //!
 //! Inside the library lengths are in meters, wavelengths in nanometers, power in watts; other units stand in the name
 //! (`pixel_size_um`, `exposure_s`). The same seed gives the same bits for any number of threads.
@@ -26,7 +29,6 @@
 pub mod analysis;
 pub mod anatomy;
 pub mod digest;
-pub mod experiment;
 pub mod format;
 pub mod geometry;
 pub mod image;
@@ -35,7 +37,6 @@ pub mod material;
 pub mod names;
 pub mod optics;
 pub mod pipeline;
-pub mod preset;
 pub mod render;
 pub mod safety;
 pub mod sampling;

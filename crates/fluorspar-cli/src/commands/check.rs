@@ -3,8 +3,8 @@
 use std::process::ExitCode;
 
 use clap::ValueHint;
-use fluorspar::experiment::{ResolvedExperiment, is_sample};
 use fluorspar::scene::{Scene, Shape};
+use fluorspar_experiment::{ResolvedExperiment, is_sample};
 use serde_json::json;
 
 use crate::args::{Changes, Talk};

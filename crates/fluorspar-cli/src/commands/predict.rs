@@ -4,10 +4,10 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use clap::{ValueEnum, ValueHint};
-use fluorspar::experiment::{ResolvedSample, SampleCompatibility};
 use fluorspar::pipeline::{ChannelPrediction, Prediction, predict};
 use fluorspar::study::FlatSample;
 use fluorspar::units::number_text;
+use fluorspar_experiment::{ResolvedSample, SampleCompatibility};
 use serde_json::{Value, json};
 
 use super::quoted;

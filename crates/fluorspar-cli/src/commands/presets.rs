@@ -2,7 +2,7 @@
 
 use std::process::ExitCode;
 
-use fluorspar::preset::{self, PresetKind};
+use fluorspar_experiment::preset::{self, PresetKind};
 use serde_json::json;
 
 use crate::error::CliError;

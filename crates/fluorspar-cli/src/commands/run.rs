@@ -4,9 +4,9 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
 
-use fluorspar::experiment::ResolvedExperiment;
 use fluorspar::image::ComponentImage;
 use fluorspar::pipeline::{AnalyzedFrame, evaluate};
+use fluorspar_experiment::ResolvedExperiment;
 use fluorspar_report::{RunResults, write_run_components, write_run_folder};
 
 use super::out_folder;

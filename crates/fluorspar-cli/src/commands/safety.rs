@@ -2,8 +2,8 @@
 
 use std::process::ExitCode;
 
-use fluorspar::experiment::ResolvedExperiment;
 use fluorspar::pipeline::{PipelineError, SafetyReport, ViewerSafety, assess_safety};
+use fluorspar_experiment::ResolvedExperiment;
 
 use super::table::{align, short};
 use crate::args::{ExperimentArgs, Talk};

@@ -2,7 +2,7 @@
 
 use std::process::ExitCode;
 
-use fluorspar::experiment::{json_schema, sample_json_schema, sensor_json_schema};
+use fluorspar_experiment::{json_schema, sample_json_schema, sensor_json_schema};
 
 use crate::error::CliError;
 

@@ -7,9 +7,9 @@ mod safety_section;
 pub use folder::{RunFolderError, write_run_components, write_run_folder};
 pub use report::{NamedFigure, RunReport, run_report};
 
-use fluorspar::experiment::ResolvedExperiment;
 use fluorspar::image::ComponentImage;
 use fluorspar::pipeline::Evaluation;
+use fluorspar_experiment::ResolvedExperiment;
 
 /// Everything that one run produced.
 #[derive(Clone, Copy, Debug)]

@@ -1,13 +1,13 @@
 //! What a run's report shows and says.
 
 use fluorspar::analysis::Statistics;
-use fluorspar::experiment::ResolvedExperiment;
 use fluorspar::image::LightPath;
 use fluorspar::pipeline::{AnalyzedFrame, CapturedFrame, RegionRadiance};
-use fluorspar::preset::{self, PresetKind};
 use fluorspar::sensor::SensorModel;
 use fluorspar::spectral::Curve;
 use fluorspar::study::Lens;
+use fluorspar_experiment::ResolvedExperiment;
+use fluorspar_experiment::preset::{self, PresetKind};
 
 use super::RunResults;
 use super::safety_section::safety_section;
@@ -771,7 +771,7 @@ mod tests {
     fn of_catalogue(name: &str) -> SensorModel {
         let text = format!("format = 1\n[sensor]\npreset = \"{name}\"\n");
         let sensor =
-            fluorspar::experiment::parse_sensor(&text, "test", std::path::Path::new("."), &[]).unwrap();
+            fluorspar_experiment::parse_sensor(&text, "test", std::path::Path::new("."), &[]).unwrap();
         sensor.sensor.model().clone()
     }
 

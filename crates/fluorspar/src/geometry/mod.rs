@@ -8,5 +8,5 @@ mod ray_intersection;
 
 pub use instances::{InstancesError, MeshInstance, MeshInstances};
 pub use mesh::{MeshError, TriangleMesh};
-pub(crate) use oriented_point::OrientedPoint;
+pub use oriented_point::OrientedPoint;
 pub(crate) use ray_intersection::{intersect_disc, intersect_plane, intersect_sphere};

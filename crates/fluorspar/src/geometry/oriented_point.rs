@@ -4,9 +4,9 @@ use glam::DVec3;
 
 /// A point of a surface and the unit normal of the side from which light arrives.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct OrientedPoint {
+pub struct OrientedPoint {
     /// Position, m.
-    pub(crate) position: DVec3,
+    pub position: DVec3,
     /// Unit normal.
-    pub(crate) normal: DVec3,
+    pub normal: DVec3,
 }

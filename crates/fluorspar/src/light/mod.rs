@@ -157,7 +157,7 @@ impl Emitter {
 
     /// Irradiance per watt at a point on the axis, 1/m², by which a light is calibrated from a measured irradiance; 0 for
     /// lights that have no power. Discs and rectangles are taken as points, which is good to 1 % from five diameters on.
-    pub(crate) fn irradiance_per_watt(&self, at: OrientedPoint) -> f64 {
+    pub fn irradiance_per_watt(&self, at: OrientedPoint) -> f64 {
         match self {
             Self::Disc(disc) => disc.irradiance_per_watt(at),
             Self::Annulus(annulus) => annulus.irradiance_factor(at),

@@ -92,56 +92,70 @@ pub(crate) fn region_points(
 mod tests {
     use std::f64::consts::PI;
 
-    use glam::DVec3;
+    use glam::{DVec3, Vec3};
 
     use super::*;
-    use crate::experiment::{parse, resolve};
+    use crate::light::{DistantEmitter, Emitter, Light, LightGroup, PointEmitter};
+    use crate::material::Material;
+    use crate::optics::PerspectiveCamera;
+    use crate::scene::{Object, Scene, Shape, SurfaceEmission};
+    use crate::spectral::WavelengthGrid;
 
     const UP: OrientedPoint = OrientedPoint { position: DVec3::ZERO, normal: DVec3::Z };
 
-    /// A patch 100 mm away under lights of three kinds, one of them an object that shines, one of them subtracted.
+    /// The spectrum of an LED whose integral is `total`.
+    fn led(peak_nm: f64, total: f64) -> Curve {
+        let shape = Curve::from_fn(300.0, 800.0, |nm| (-0.5 * ((nm - peak_nm) / 8.0).powi(2)).exp());
+        shape.scaled(total / shape.total())
+    }
+
+    /// A patch under parallel light of 1000 W/m², a point of 1 W 100 mm above it, a room of 2 W/(sr m²), and a ball of
+    /// 10 mm that shines with 100 W/(sr m²) 200 mm above it.
+    fn patch() -> Scene {
+        let groups = ["blue", "lamp", "room", "window"];
+        let light = |group: usize, spectrum: Curve, emitter: Emitter| Light {
+            name: groups[group].into(),
+            group,
+            spectrum,
+            emitter,
+        };
+        let window = Object {
+            name: "window".into(),
+            shape: Shape::Sphere { center: 0.2 * Vec3::Z, radius_m: 0.01 },
+            material: 0,
+            emission: Some(SurfaceEmission { group: 3, radiance: led(365.0, 100.0) }),
+        };
+        Scene {
+            grid: WavelengthGrid::uniform(350.0, 700.0, 10.0).unwrap(),
+            objects: vec![window],
+            materials: vec![Material::lambertian("patch", Curve::constant(0.5))],
+            fluorophores: Vec::new(),
+            light_groups: groups.map(|name| LightGroup { name: name.into() }).into(),
+            lights: vec![
+                light(0, led(385.0, 1000.0), DistantEmitter { direction: Vec3::NEG_Z }.into()),
+                light(1, led(405.0, 1.0), PointEmitter { position: 0.1 * Vec3::Z, pattern: None }.into()),
+                light(2, led(450.0, 2.0), Emitter::Environment),
+            ],
+            camera: PerspectiveCamera::look_at(Vec3::Z, Vec3::ZERO, Vec3::Y, 30.0, 4, 4).unwrap(),
+        }
+    }
+
+    /// Lights of three kinds, one of them an object that shines, one of them subtracted.
     #[test]
     fn lights_of_different_kinds_mix_by_their_irradiance() {
-        let text = r#"
-            format = 1
-            base = "flat-patch"
-            [[light]]
-            name = "lamp"
-            type = "point"
-            spectrum = "led_405"
-            position_mm = [0.0, 0.0, 100.0]
-            strength.power_mw = 1000.0
-            [[light]]
-            name = "room"
-            type = "environment"
-            spectrum = "led_450"
-            strength.radiance_w_per_sr_m2 = 2.0
-            [[object]]
-            name = "window"
-            material = "patch"
-            type = "sphere"
-            center_mm = [0.0, 0.0, 200.0]
-            radius_mm = 10.0
-            emission = { group = "window", spectrum = "led_365", radiance_w_per_sr_m2 = 100.0 }
-            [[capture]]
-            name = "ambient"
-            light_groups = { room = 1.0 }
-            [[capture]]
-            name = "blue"
-            light_groups = { blue = 1.0, lamp = 2.0, room = 3.0, window = 1.0 }
-        "#;
-        let parsed = parse(text, "test", std::path::Path::new("."), &[]).unwrap();
-        let study = resolve(&parsed).unwrap().study;
-        let capture = study.captures.iter().find(|c| c.frame.label == "blue").unwrap();
-        assert_eq!(capture.subtract.as_deref(), Some("ambient"));
-        let light = irradiance_on(&study, capture, &[UP]).unwrap();
+        let ambient = CaptureFrame::fixed("ambient", [("room", 1.0)], 30.0);
+        let drives = [("blue", 1.0), ("lamp", 2.0), ("room", 3.0), ("window", 1.0)];
+        let blue = CaptureFrame::fixed("blue", drives, 30.0);
+        let capture = Capture { subtract: Some("ambient".into()), ..Capture::from(blue) };
+        let study = Study { captures: vec![Capture::from(ambient), capture.clone()], ..Study::new(patch()) };
+        let light = irradiance_on(&study, &capture, &[UP]).unwrap();
         // Parallel light as stated, 2 W evenly from 100 mm, pi L of two of three units of room light, a sphere of 10 mm
         // at 200 mm.
         let expected = 1000.0 + 2.0 / (4.0 * PI * 0.01) + 2.0 * PI * 2.0 + 100.0 * PI * 0.0025;
         // Sum resampled on 0.5 nm: nearly exact.
         assert!((light.total() - expected).abs() < 1e-3 * expected, "{}, {expected}", light.total());
         // Only the room and the subtracted ambient frame: nothing is left of equal drives.
-        let mut dark = capture.clone();
+        let mut dark = capture;
         dark.frame.lights = [("room".to_string(), 1.0)].into();
         assert!(irradiance_on(&study, &dark, &[UP]).is_none());
     }

@@ -37,7 +37,7 @@ impl Default for Exposure {
 }
 
 /// Shortest and longest exposure, ms: a nanosecond and an hour.
-pub(crate) const EXPOSURE_MS: [f64; 2] = [1e-6, 3.6e6];
+pub const EXPOSURE_MS: [f64; 2] = [1e-6, 3.6e6];
 /// Smallest and largest gain of an exposure.
 pub(super) const GAIN: [f64; 2] = [0.01, 1e3];
 

@@ -1,7 +1,7 @@
 //! What an experiment means: scene, camera and program of captures as plain values.
 //!
-//! A study names no file and no format. Code builds one directly; a front such as [`crate::experiment`] makes one from
-//! a file. Everything in [`crate::pipeline`] takes a study or parts of it.
+//! A study names no file and no format. Code builds one directly; a front such as `fluorspar-experiment` makes one
+//! from a file. Everything in [`crate::pipeline`] takes a study or parts of it.
 //!
 //! | type | what | file |
 //! |---|---|---|

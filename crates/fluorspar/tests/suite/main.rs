@@ -1,29 +1,14 @@
-//! Tests of the library from outside, in one program: it links once. `cargo test -p fluorspar --test suite film` runs one
-//! file.
+//! Tests of the library from outside, in one program: it links once. `cargo test -p fluorspar --test suite light_transport::`
+//! runs one file.
 
-mod absurd_numbers;
 mod architecture;
-mod bad_experiments;
-mod experiment_files;
-mod experiment_presets;
-mod film;
 mod format_damage;
 mod format_images;
 mod format_matlab_and_meshes;
 mod format_raw;
 mod format_tables;
-mod instances;
-mod lens_camera;
-mod lens_catalogue;
-mod lens_change;
 mod light_transport;
 mod mesh_files;
-mod mouth_appearance;
 mod region_interval;
-mod sensor_files;
-mod stage_digests;
-mod steep_filters;
-mod study_from_code;
 mod support;
-mod traced_experiment;
 mod transport_correctness;

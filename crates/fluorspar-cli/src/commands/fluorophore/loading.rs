@@ -2,13 +2,13 @@
 
 use std::path::Path;
 
-use fluorspar::experiment::parse_sample;
-use fluorspar::experiment::schema::{
-    FilePath, FluorophoreSection, FluorophoreSource, MatSource, MatrixSource, TableSource, YieldUnit,
-};
-use fluorspar::preset::{self, FluorophorePreset};
 use fluorspar::spectral::{Fluorophore, Stokes, YieldDensity};
 use fluorspar::units::number_text;
+use fluorspar_experiment::parse_sample;
+use fluorspar_experiment::preset::{self, FluorophorePreset};
+use fluorspar_experiment::schema::{
+    FilePath, FluorophoreSection, FluorophoreSource, MatSource, MatrixSource, TableSource, YieldUnit,
+};
 use serde::Serialize;
 
 use super::measured::{Kind, Measured, read};

@@ -1,7 +1,7 @@
 //! `fluorspar fluorophore show`.
 
-use fluorspar::preset::FluorophorePreset;
 use fluorspar::spectral::{Fluorophore, Stokes, YieldDensity};
+use fluorspar_experiment::preset::FluorophorePreset;
 use serde_json::{Value, json};
 
 use super::FileOptions;

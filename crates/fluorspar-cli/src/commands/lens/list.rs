@@ -1,7 +1,7 @@
 //! `fluorspar lens list`.
 
 use fluorspar::optics::{LensSetting, LensState};
-use fluorspar::preset::{self, LensError, PresetKind};
+use fluorspar_experiment::preset::{self, LensError, PresetKind};
 use serde_json::json;
 
 use crate::commands::table::{ListOptions, short};

@@ -4,9 +4,9 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use clap::{ValueEnum, ValueHint};
-use fluorspar::experiment::ResolvedSensor;
 use fluorspar::sensor::{Characterization, CharacterizationSettings, SensorProblem, characterize};
 use fluorspar::units::number_text;
+use fluorspar_experiment::ResolvedSensor;
 use fluorspar_report::Figure;
 use fluorspar_report::figures::{PhotonTransferPlot, SnrPlot, photon_transfer, signal_to_noise};
 use serde_json::{Value, json};

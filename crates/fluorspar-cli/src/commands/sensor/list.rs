@@ -1,6 +1,6 @@
 //! `fluorspar sensor list`.
 
-use fluorspar::preset::{self, PresetKind};
+use fluorspar_experiment::preset::{self, PresetKind};
 use serde_json::json;
 
 use super::of_catalogue;

@@ -8,9 +8,9 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::{Subcommand, ValueHint};
-use fluorspar::experiment::{ResolvedSensor, parse_sensor};
 use fluorspar::names::did_you_mean;
-use fluorspar::preset::{self, PresetKind};
+use fluorspar_experiment::preset::{self, PresetKind};
+use fluorspar_experiment::{ResolvedSensor, parse_sensor};
 
 use crate::commands::table::ListOptions;
 use crate::error::CliError;

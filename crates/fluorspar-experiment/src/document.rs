@@ -1,0 +1,276 @@
+//! An experiment as a tree that remembers which line of which file every value comes from.
+
+use std::path::PathBuf;
+
+use toml::Spanned;
+use toml::de::{DeTable, DeValue};
+
+use super::error::{ErrorDetails, ExperimentError, Place, Step, path_text};
+use fluorspar::units::number_text;
+
+/// Where values come from.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Source {
+    /// Name for messages: a file, a preset or an override.
+    pub(super) name: String,
+    /// Whether line numbers mean anything: not in an override.
+    pub(super) has_lines: bool,
+    /// Where its relative paths start; the files of the catalogue name no others.
+    pub(super) folder: Option<PathBuf>,
+}
+
+/// Place of a value.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Origin {
+    /// Index into the sources of the document.
+    pub(super) source: usize,
+    /// Line, from 1.
+    pub(super) line: usize,
+}
+
+/// A value with its place.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Node {
+    pub(super) content: Content,
+    pub(super) origin: Origin,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Content {
+    Table(Vec<(String, Node)>),
+    Array(Vec<Node>),
+    Leaf(toml::Value),
+}
+
+/// A tree and the sources it was merged from.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Document {
+    pub(super) sources: Vec<Source>,
+    /// Files of base experiments that were read.
+    pub(super) base_files: Vec<PathBuf>,
+    pub(super) root: Node,
+}
+
+impl Node {
+    pub(super) fn get(&self, key: &str) -> Option<&Self> {
+        match &self.content {
+            Content::Table(entries) => entries.iter().find(|(k, _)| k == key).map(|(_, node)| node),
+            _ => None,
+        }
+    }
+
+    pub(super) fn get_mut(&mut self, key: &str) -> Option<&mut Self> {
+        match &mut self.content {
+            Content::Table(entries) => entries.iter_mut().find(|(k, _)| k == key).map(|(_, node)| node),
+            _ => None,
+        }
+    }
+
+    /// Adds a key that the table does not have yet.
+    pub(super) fn insert(&mut self, key: &str, value: Self) {
+        if let Content::Table(entries) = &mut self.content {
+            entries.push((key.into(), value));
+        }
+    }
+
+    /// Removes a key of a table.
+    pub(super) fn take(&mut self, key: &str) -> Option<Self> {
+        let Content::Table(entries) = &mut self.content else { return None };
+        let index = entries.iter().position(|(k, _)| k == key)?;
+        Some(entries.remove(index).1)
+    }
+
+    pub(super) fn step(&self, step: &Step) -> Option<&Self> {
+        match (step, &self.content) {
+            (Step::Key(key), _) => self.get(key),
+            (Step::Index(index), Content::Array(items)) => items.get(*index),
+            _ => None,
+        }
+    }
+
+    pub(super) fn as_str(&self) -> Option<&str> {
+        match &self.content {
+            Content::Leaf(toml::Value::String(text)) => Some(text),
+            _ => None,
+        }
+    }
+
+    /// Name of an entry of a list, where it has one.
+    pub(super) fn name(&self) -> Option<&str> {
+        self.get("name")?.as_str()
+    }
+
+    pub(super) fn to_value(&self) -> toml::Value {
+        match &self.content {
+            Content::Table(entries) => {
+                toml::Value::Table(entries.iter().map(|(key, node)| (key.clone(), node.to_value())).collect())
+            }
+            Content::Array(items) => toml::Value::Array(items.iter().map(Self::to_value).collect()),
+            Content::Leaf(value) => value.clone(),
+        }
+    }
+
+    /// A value or a list of values as it would be typed: `0.5`, `1e99`, `[1, "a"]`.
+    fn as_typed(&self) -> String {
+        match &self.content {
+            Content::Array(items) => {
+                let items: Vec<String> = items.iter().map(Self::as_typed).collect();
+                format!("[{}]", items.join(", "))
+            }
+            // The writer of TOML spells large and small numbers out.
+            Content::Leaf(toml::Value::Float(value))
+                if value.is_finite() && *value != 0.0 && !(1e-4..1e9).contains(&value.abs()) =>
+            {
+                number_text(*value)
+            }
+            Content::Leaf(_) | Content::Table(_) => self.to_value().to_string(),
+        }
+    }
+}
+
+impl Document {
+    /// The line that a byte of a text lies on, from 1.
+    fn line_of(text: &str, byte: usize) -> usize {
+        1 + text.as_bytes()[..byte.min(text.len())].iter().filter(|&&b| b == b'\n').count()
+    }
+
+    /// Reads a text into a tree.
+    pub(super) fn read(text: &str, source: Source) -> Result<Self, ExperimentError> {
+        let root = read_tree(text, &source, 0)?;
+        Ok(Self { sources: vec![source], base_files: Vec::new(), root })
+    }
+
+    /// An error about the value at a path, or about the nearest thing around it that exists.
+    pub(super) fn error(&self, path: &[Step], message: impl Into<String>) -> ExperimentError {
+        let mut node = &self.root;
+        let mut depth = 0;
+        while let Some(inner) = path.get(depth).and_then(|step| node.step(step)) {
+            node = inner;
+            depth += 1;
+        }
+        let exists = depth == path.len();
+        let source = &self.sources[node.origin.source];
+        let (entry, field) = self.entry_and_field(path);
+        let value = match &node.content {
+            Content::Leaf(_) if exists => Some(shortened(&node.as_typed())),
+            Content::Array(items)
+                if exists && items.iter().all(|i| matches!(i.content, Content::Leaf(_))) =>
+            {
+                Some(shortened(&node.as_typed()))
+            }
+            _ => None,
+        };
+        let value = if field.is_some() { value } else { None };
+        let line = (source.has_lines && depth > 0).then_some(node.origin.line);
+        ExperimentError(Box::new(ErrorDetails {
+            source_name: source.name.clone(),
+            line,
+            entry,
+            field,
+            value,
+            message: message.into(),
+        }))
+    }
+
+    /// An error about a table, on the line of one of its keys.
+    pub(super) fn error_at_key(
+        &self,
+        table: &Place,
+        key: &Step,
+        message: impl Into<String>,
+    ) -> ExperimentError {
+        let key = [&table[..], std::slice::from_ref(key)].concat();
+        let place = self.error(&key, "");
+        let mut error = self.error(table, message).without_value();
+        error.0.source_name.clone_from(&place.0.source_name);
+        error.0.line = place.0.line;
+        error
+    }
+
+    /// Splits a path into the entry of a top-level list, with its name, and what follows.
+    fn entry_and_field(&self, path: &[Step]) -> (Option<String>, Option<String>) {
+        let text = |path: &[Step]| (!path.is_empty()).then(|| path_text(path));
+        let [Step::Key(list), Step::Index(index), rest @ ..] = path else { return (None, text(path)) };
+        let name = self.root.get(list).and_then(|node| node.step(&Step::Index(*index))).and_then(Node::name);
+        let name = name.filter(|name| !name.is_empty());
+        let name = name.map_or_else(String::new, |name| format!(" \"{}\"", shortened(name)));
+        (Some(format!("{list}[{index}]{name}")), text(rest))
+    }
+}
+
+/// Reads a text into nodes of a given source.
+pub(super) fn read_tree(text: &str, source: &Source, index: usize) -> Result<Node, ExperimentError> {
+    let table = DeTable::parse(text).map_err(|error| {
+        let message = format!("invalid TOML: {}", error.message().trim().replace('\n', ", "));
+        let line = error.span().map(|span| Document::line_of(text, span.start));
+        let error = ExperimentError::in_source(&source.name, message);
+        match line {
+            Some(line) if source.has_lines => error.at_line(line),
+            _ => error,
+        }
+    })?;
+    let reader = Reader { text, source, index };
+    let origin = Origin { source: index, line: 1 };
+    Ok(Node { content: reader.table(table.get_ref())?, origin })
+}
+
+struct Reader<'a> {
+    text: &'a str,
+    source: &'a Source,
+    index: usize,
+}
+
+impl Reader<'_> {
+    fn table(&self, table: &DeTable<'_>) -> Result<Content, ExperimentError> {
+        let mut entries = Vec::with_capacity(table.len());
+        for (key, value) in table {
+            let line = Document::line_of(self.text, key.span().start);
+            let mut node = self.value(value)?;
+            // The header of a table or the key of a value is what a reader looks for.
+            if !matches!(node.content, Content::Array(_)) {
+                node.origin.line = line;
+            }
+            entries.push((key.get_ref().to_string(), node));
+        }
+        Ok(Content::Table(entries))
+    }
+
+    fn value(&self, value: &Spanned<DeValue<'_>>) -> Result<Node, ExperimentError> {
+        let line = Document::line_of(self.text, value.span().start);
+        let number = |what: &str, text: &str| {
+            let message = format!("{} is too large for {what}", shortened(text));
+            ExperimentError::in_source(&self.source.name, message).at_line(line)
+        };
+        let content = match value.get_ref() {
+            DeValue::Table(table) => self.table(table)?,
+            DeValue::Array(items) => {
+                Content::Array(items.iter().map(|item| self.value(item)).collect::<Result<_, _>>()?)
+            }
+            DeValue::String(text) => Content::Leaf(toml::Value::String(text.to_string())),
+            DeValue::Boolean(value) => Content::Leaf(toml::Value::Boolean(*value)),
+            DeValue::Integer(integer) => {
+                let value = i64::from_str_radix(integer.as_str(), integer.radix())
+                    .map_err(|_| number("a whole number", integer.as_str()))?;
+                Content::Leaf(toml::Value::Integer(value))
+            }
+            DeValue::Float(float) => {
+                let value = float.as_str().parse().map_err(|_| number("a number", float.as_str()))?;
+                Content::Leaf(toml::Value::Float(value))
+            }
+            DeValue::Datetime(datetime) => Content::Leaf(toml::Value::Datetime(*datetime)),
+        };
+        Ok(Node { content, origin: Origin { source: self.index, line } })
+    }
+}
+
+/// A text short enough for a message.
+pub(super) fn shortened(text: &str) -> String {
+    // Paths are looked for by their end.
+    let longest = if text.contains('/') { 400 } else { 60 };
+    if text.chars().count() <= longest {
+        return text.replace('\n', " ");
+    }
+    let mut short: String = text.chars().take(longest - 3).collect();
+    short.push_str("...");
+    short.replace('\n', " ")
+}

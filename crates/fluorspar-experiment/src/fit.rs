@@ -1,0 +1,384 @@
+//! Whether a tree fits the shapes of its file, and what does not is explained at its place.
+
+use std::path::PathBuf;
+
+use super::document::{Content, Document, Node, Source};
+use super::error::{ExperimentError, Place, Step};
+use super::format_version::renamed;
+use super::schema::NameOrTable;
+use super::shape::{Either, Field, Found, Mark, Schema, Shape, Table, TextKind, Variant};
+use crate::preset::is_lens_file;
+use fluorspar::names::{did_you_mean, nearest_name, suggestion};
+
+/// Makes a merged tree complete: relative paths start where they were written, and tables that leave the tag of their
+/// variant out get that of the default.
+pub(super) fn complete(schema: &Schema, shape: &Shape, node: &mut Node, sources: &[Source]) {
+    let origin = node.origin;
+    match (schema.resolve(shape), &mut node.content) {
+        (Shape::Text(kind), Content::Leaf(toml::Value::String(text))) => {
+            anchor(*kind, text, sources[origin.source].folder.as_ref());
+        }
+        (Shape::Either(either), Content::Leaf(toml::Value::String(text))) => {
+            for value in &either.values {
+                if let Shape::Text(kind) = schema.resolve(value) {
+                    anchor(*kind, text, sources[origin.source].folder.as_ref());
+                }
+            }
+        }
+        (shape @ (Shape::List { .. } | Shape::Either(_)), Content::Array(items)) => {
+            if let Some(of_items) = schema.items(shape) {
+                items.iter_mut().for_each(|item| complete(schema, of_items, item, sources));
+            }
+        }
+        (shape @ (Shape::Table(_) | Shape::Either(_)), Content::Table(_)) => {
+            if let Some(table) = schema.table(shape) {
+                complete_table(schema, table, node, sources);
+            }
+        }
+        _ => {}
+    }
+}
+
+fn complete_table(schema: &Schema, table: &Table, node: &mut Node, sources: &[Source]) {
+    let variant = table.variant_or_default(node);
+    if let Some(Mark::Tag { field, value }) = variant.map(|index| &table.variants[index].mark)
+        && node.get(field).is_none()
+    {
+        let content = Content::Leaf(toml::Value::String(value.clone()));
+        node.insert(field, Node { content, origin: node.origin });
+    }
+    let Content::Table(entries) = &mut node.content else { return };
+    for (key, inner) in entries {
+        if let Some(shape) = table.shape(variant, key) {
+            complete(schema, shape, inner, sources);
+        }
+    }
+}
+
+fn anchor(kind: TextKind, text: &mut String, folder: Option<&PathBuf>) {
+    let is_path = match kind {
+        TextKind::Plain => false,
+        TextKind::Path => true,
+        TextKind::NameOrTablePath => NameOrTable::is_path(text),
+        TextKind::NameOrLensPath => is_lens_file(text),
+    };
+    if let (true, false, Some(folder)) = (is_path, text.is_empty(), folder) {
+        let folder = std::path::absolute(folder).unwrap_or_else(|_| folder.clone());
+        *text = folder.join(&*text).to_string_lossy().into_owned();
+    }
+}
+
+/// Checks that a tree is of the shape of its file.
+///
+/// # Errors
+/// The first thing that does not fit.
+pub(super) fn check(schema: &Schema, document: &Document) -> Result<(), ExperimentError> {
+    Fit { schema, document }.value(schema.root(), &document.root, &Place::default())
+}
+
+struct Fit<'a> {
+    schema: &'a Schema,
+    document: &'a Document,
+}
+
+impl Fit<'_> {
+    fn value(&self, shape: &Shape, node: &Node, at: &Place) -> Result<(), ExperimentError> {
+        use toml::Value::{Boolean, Float, Integer, String};
+        let shape = self.schema.resolve(shape);
+        match (shape, &node.content) {
+            (Shape::Anything, _)
+            | (Shape::Boolean, Content::Leaf(Boolean(_)))
+            | (Shape::Number, Content::Leaf(Float(_) | Integer(_)))
+            | (Shape::Text(_), Content::Leaf(String(_))) => Ok(()),
+            (Shape::Whole([least, most]), Content::Leaf(Integer(value))) => {
+                if (*least..=*most).contains(value) {
+                    return Ok(());
+                }
+                let range = match *most {
+                    i64::MAX => "a whole number, 0 or more".into(),
+                    most => format!("a whole number from {least} to {most}"),
+                };
+                self.fail(at, format!("expected {range}"))
+            }
+            (Shape::Word(words), Content::Leaf(String(text))) => self.word(words, text, at),
+            (Shape::List { items, length }, Content::Array(nodes)) => {
+                self.list(shape, items, *length, nodes, at)
+            }
+            (Shape::Table(table), Content::Table(entries)) => self.table(table, node, entries, at),
+            (Shape::Either(either), _) => self.either(either, node, at),
+            _ => self.other_type(&self.expected(shape), Some(shape), node, at),
+        }
+    }
+
+    fn fail<T>(&self, at: &Place, message: std::string::String) -> Result<T, ExperimentError> {
+        Err(self.document.error(at, message))
+    }
+
+    fn word(&self, words: &[String], text: &str, at: &Place) -> Result<(), ExperimentError> {
+        if words.iter().any(|word| word == text) {
+            return Ok(());
+        }
+        let hint = did_you_mean(text, words.iter().map(String::as_str));
+        self.fail(at, format!("unknown value \"{text}\"{hint} Known: {}", words.join(", ")))
+    }
+
+    fn list(
+        &self,
+        shape: &Shape,
+        items: &Shape,
+        length: Option<usize>,
+        nodes: &[Node],
+        at: &Place,
+    ) -> Result<(), ExperimentError> {
+        if length.is_some_and(|length| length != nodes.len()) {
+            let message = format!("this list has {} entries; expected {}", nodes.len(), self.expected(shape));
+            return self.fail(at, message);
+        }
+        nodes.iter().enumerate().try_for_each(|(index, node)| self.value(items, node, &at.index(index)))
+    }
+
+    /// Values of different types: the one that the value is of is looked at.
+    fn either(&self, either: &Either, node: &Node, at: &Place) -> Result<(), ExperimentError> {
+        match (&node.content, &either.table) {
+            (Content::Table(entries), Some(table)) => return self.table(table, node, entries, at),
+            (Content::Array(_), _) => {
+                let is_list = |shape: &&Shape| matches!(self.schema.resolve(shape), Shape::List { .. });
+                if let Some(list) = either.values.iter().find(is_list) {
+                    return self.value(list, node, at);
+                }
+            }
+            (Content::Leaf(_), _)
+                if either.values.iter().any(|shape| self.value(shape, node, at).is_ok()) =>
+            {
+                return Ok(());
+            }
+            _ => {}
+        }
+        self.other_type(&either.expected, None, node, at)
+    }
+
+    /// A value of another type than the one that is wanted.
+    fn other_type(
+        &self,
+        expected: &str,
+        shape: Option<&Shape>,
+        node: &Node,
+        at: &Place,
+    ) -> Result<(), ExperimentError> {
+        let found = match &node.content {
+            Content::Table(_) => "found a table; ",
+            Content::Array(_) => "found a list; ",
+            Content::Leaf(_) => "",
+        };
+        let example = match (&node.content, shape) {
+            (Content::Leaf(value), Some(Shape::List { length: None, .. }))
+                if value.to_string().len() <= 60 =>
+            {
+                format!(", for instance [{value}]")
+            }
+            _ => String::new(),
+        };
+        self.fail(at, format!("{found}expected {expected}{example}"))
+    }
+
+    /// What a shape wants, in words.
+    fn expected(&self, shape: &Shape) -> String {
+        match self.schema.resolve(shape) {
+            Shape::Anything => "a value".into(),
+            Shape::Boolean => "true or false".into(),
+            Shape::Number => "a number".into(),
+            Shape::Whole([least, _]) if *least >= 0 => "a whole number, 0 or more".into(),
+            Shape::Whole(_) => "a whole number".into(),
+            Shape::Text(_) => "a text in quotes".into(),
+            Shape::Word(words) => format!("one of the texts {}", words.join(", ")),
+            Shape::List { items, length: Some(length) } => {
+                let what = match self.schema.resolve(items) {
+                    Shape::Number => "numbers",
+                    Shape::Whole(_) => "whole numbers",
+                    _ => "entries",
+                };
+                format!("a list of {length} {what}")
+            }
+            Shape::List { .. } => "a list in [ ]".into(),
+            Shape::Table(_) | Shape::Named(_) => "a table".into(),
+            Shape::Either(either) => either.expected.clone(),
+        }
+    }
+
+    fn table(
+        &self,
+        table: &Table,
+        node: &Node,
+        entries: &[(String, Node)],
+        at: &Place,
+    ) -> Result<(), ExperimentError> {
+        let variant = self.variant(table, node, at)?;
+        for (key, inner) in entries {
+            if Some(key.as_str()) == table.tag() {
+                continue;
+            }
+            match table.shape(variant, key) {
+                Some(shape) => self.value(shape, inner, &at.field(key))?,
+                None => return Err(self.unknown_field(table, variant, key, at)),
+            }
+        }
+        let is_missing = |field: &&Field| field.required && node.get(&field.name).is_none();
+        if let Some(missing) = table.fields_of(variant).find(is_missing) {
+            return Err(self.missing_field(table, variant, missing, at));
+        }
+        Ok(())
+    }
+
+    /// The variant of a table, if it has variants.
+    fn variant(&self, table: &Table, node: &Node, at: &Place) -> Result<Option<usize>, ExperimentError> {
+        let marks = || table.variants.iter().map(mark_name).collect::<Vec<_>>();
+        if table.variant_of(node) == Found::Unsaid
+            && table.default.is_none()
+            && let Some(unknown) = self.unknown_mark(table, node)
+        {
+            let known: Vec<String> = marks();
+            let hint = did_you_mean(unknown, known.iter().map(String::as_str));
+            let message = format!("unknown field `{unknown}`{hint} Give one of {}", known.join(", "));
+            return Err(self.document.error_at_key(at, &Step::Key(unknown.into()), message));
+        }
+        if table.variant_of(node) == Found::Unsaid
+            && let Some(tag) = table.tag()
+            && let Content::Table(entries) = &node.content
+            && let Some((old, _)) = entries.iter().find(|(key, _)| renamed(at, key) == Some(tag))
+        {
+            let message = format!("unknown field `{old}`; write {tag}");
+            return Err(self.document.error_at_key(at, &Step::Key(old.clone()), message));
+        }
+        match table.variant_of(node) {
+            Found::Variant(index) => Ok(Some(index)),
+            Found::Unsaid if table.variants.is_empty() || table.default.is_some() => Ok(table.default),
+            Found::Unsaid | Found::Several => match table.tag() {
+                Some(tag) => {
+                    let message = format!("the field `{tag}` is missing; give one of {}", marks().join(", "));
+                    Err(self.document.error(at, message).without_value())
+                }
+                None => {
+                    let message = format!("give exactly one of {}", marks().join(", "));
+                    Err(self.document.error(at, message).without_value())
+                }
+            },
+            Found::UnknownTag(tag) => {
+                let at = at.field(tag);
+                match node.get(tag).and_then(Node::as_str) {
+                    Some(text) => self.word(&marks(), text, &at).map(|()| None),
+                    None => self.fail(&at, "expected a text in quotes".into()),
+                }
+            }
+        }
+    }
+
+    /// The first field of a table without a variant that no variant has.
+    fn unknown_mark<'n>(&self, table: &Table, node: &'n Node) -> Option<&'n str> {
+        let Content::Table(entries) = &node.content else { return None };
+        let of_any = |key: &str| {
+            let fields = table.variants.iter().flat_map(|variant| &variant.fields);
+            table.fields.iter().chain(fields).any(|field| field.name == key)
+        };
+        let unknown = entries.iter().find(|(key, _)| !of_any(key) && table.variants.iter().any(by_field));
+        unknown.map(|(key, _)| key.as_str())
+    }
+
+    fn unknown_field(
+        &self,
+        table: &Table,
+        variant: Option<usize>,
+        unknown: &str,
+        at: &Place,
+    ) -> ExperimentError {
+        let has_it = |variant: &&Variant| variant.fields.iter().any(|field| field.name == unknown);
+        let others: Vec<String> = table.variants.iter().filter(has_it).map(in_words).collect();
+        let this = variant.map(|index| &table.variants[index]);
+        let message = match (this, renamed(at, unknown)) {
+            (_, Some(now)) => format!("unknown field `{unknown}`; write {now}"),
+            (Some(this), None) if !others.is_empty() => {
+                let fix = if table.tag().is_some() { "remove it or change the type" } else { "remove it" };
+                let others = others.join(" or ");
+                format!("{} has no field `{unknown}`, it belongs to {others}; {fix}", in_words(this))
+            }
+            _ => self.not_known(table, variant, unknown),
+        };
+        self.document.error_at_key(at, &Step::Key(unknown.into()), message)
+    }
+
+    /// A field that no variant has, with the fields that there are and the one that may be meant.
+    fn not_known(&self, table: &Table, variant: Option<usize>, unknown: &str) -> String {
+        let tag = table.tag().into_iter();
+        let known: Vec<&str> = tag.chain(table.fields_of(variant).map(|field| field.name.as_str())).collect();
+        let mut hint = did_you_mean(unknown, known.iter().copied());
+        if hint == "." {
+            // What is written one level further down.
+            let below: Vec<(String, &str)> = table
+                .fields_of(variant)
+                .flat_map(|field| {
+                    let inner = self.schema.table(&field.shape).into_iter();
+                    let fields = inner.flat_map(|table| {
+                        table.fields.iter().chain(table.variants.iter().flat_map(|v| &v.fields))
+                    });
+                    fields.map(move |inner| (format!("{}.{}", field.name, inner.name), inner.name.as_str()))
+                })
+                .collect();
+            let near = nearest_name(unknown, below.iter().map(|(_, name)| *name));
+            let path = below.iter().find(|(_, name)| Some(*name) == near).map(|(path, _)| path.as_str());
+            hint = suggestion(path);
+        }
+        format!("unknown field `{unknown}`{hint} Known: {}", known.join(", "))
+    }
+
+    /// What to write for a field that is missing.
+    fn example(&self, field: &Field) -> String {
+        let shape = self.schema.resolve(&field.shape);
+        match shape {
+            Shape::Either(either) => format!(": {}", either.expected),
+            Shape::Text(TextKind::NameOrLensPath) => {
+                let lenses = crate::preset::names(crate::preset::PresetKind::Lens).join(", ");
+                format!(": a lens of the catalogue ({lenses}) or a lens file")
+            }
+            Shape::Table(table) if table.tag().is_none() && !table.variants.is_empty() => {
+                let marks = table.variants.iter().map(|v| format!("{}.{}", field.name, mark_name(v)));
+                format!("; give {}", marks.collect::<Vec<_>>().join(" or "))
+            }
+            _ => String::new(),
+        }
+    }
+
+    fn missing_field(
+        &self,
+        table: &Table,
+        variant: Option<usize>,
+        missing: &Field,
+        at: &Place,
+    ) -> ExperimentError {
+        let of_all = table.fields.iter().any(|field| field.name == missing.name);
+        let who = variant.filter(|_| !of_all).map(|index| &table.variants[index]);
+        let who = who.map_or_else(String::new, |who| format!(", which {} needs", in_words(who)));
+        let message = format!("the field `{}` is missing{who}{}", missing.name, self.example(missing));
+        self.document.error(at, message).without_value()
+    }
+}
+
+/// Whether a variant is marked by a field of its own.
+fn by_field(variant: &Variant) -> bool {
+    matches!(variant.mark, Mark::Field(_))
+}
+
+/// What marks a variant.
+fn mark_name(variant: &Variant) -> String {
+    match &variant.mark {
+        Mark::Tag { value, .. } => value.clone(),
+        Mark::Field(key) => key.clone(),
+        Mark::None => variant.fields.iter().map(|f| f.name.as_str()).collect::<Vec<_>>().join(", "),
+    }
+}
+
+/// A variant in a sentence.
+fn in_words(variant: &Variant) -> String {
+    match &variant.mark {
+        Mark::Tag { field, value } => format!("{field} \"{value}\""),
+        Mark::Field(_) | Mark::None => mark_name(variant),
+    }
+}

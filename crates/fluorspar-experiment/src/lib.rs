@@ -1,0 +1,102 @@
+//! Experiments as TOML files, with units in every name: a front that makes a [`fluorspar::study::Study`] from them,
+//! and the catalogue that ships with it.
+//!
+//! | step | call | file |
+//! |---|---|---|
+//! | text to tree, with the line of every value | [`parse`] | `document.rs` |
+//! | base experiment below, overrides above | [`parse`] | `merge.rs`, `overrides.rs` |
+//! | tree to typed sections | [`parse`] | `read.rs`, `schema/` |
+//! | sections to a study | [`resolve`] | `resolve/` |
+//! | the small file of a flat sample | [`parse_sample`] | `sample.rs` |
+//! | the small file of a sensor | [`parse_sensor`] | `sensor_file.rs` |
+//! | catalogue: lights, filters, tissues, sensors, lenses, experiments | [`preset`] | `preset/`, `data/` |
+//!
+//! Every error names file, line, entry, field and value, says what is wrong and how to fix it. No stage of the physics
+//! knows of this crate.
+
+mod document;
+mod error;
+mod fit;
+mod format_version;
+mod merge;
+mod overrides;
+mod read;
+mod resolve;
+mod sample;
+mod sensor_file;
+mod shape;
+
+pub mod preset;
+pub mod schema;
+
+pub use error::{ErrorDetails, ExperimentError};
+pub use read::{Experiment, parse};
+pub use resolve::{FileRecord, InputFile, ResolvedExperiment, resolve};
+pub use sample::{
+    MeasuredLight, ResolvedSample, SampleCompatibility, SampleExposure, SampleFile, SampleLight,
+    SampleMaterial, is_sample, parse_sample,
+};
+pub use sensor_file::{ResolvedSensor, SensorFile, parse_sensor};
+
+/// JSON schema of an experiment file, with units, ranges and defaults as descriptions.
+pub fn json_schema() -> serde_json::Value {
+    published(schemars::schema_for!(schema::ExperimentFile).to_value())
+}
+
+/// JSON schema of the file of a flat sample.
+pub fn sample_json_schema() -> serde_json::Value {
+    published(schemars::schema_for!(SampleFile).to_value())
+}
+
+/// JSON schema of a sensor file.
+pub fn sensor_json_schema() -> serde_json::Value {
+    published(schemars::schema_for!(SensorFile).to_value())
+}
+
+/// The schema of the types with the short forms that are spelled out before the sections are typed.
+fn published(schema: serde_json::Value) -> serde_json::Value {
+    let mut schema = with_mosaic_letters(schema);
+    allow_default_variants_without_tag(&mut schema);
+    schema
+}
+
+/// Allows a table without its tag wherever one variant is the default.
+fn allow_default_variants_without_tag(schema: &mut serde_json::Value) {
+    let default = schema.get("x-default").cloned();
+    if let (Some(default), Some(variants)) =
+        (default, schema.get_mut("oneOf").and_then(serde_json::Value::as_array_mut))
+    {
+        for variant in variants {
+            let properties = variant.get("properties").and_then(serde_json::Value::as_object);
+            let tag =
+                properties.into_iter().flatten().find(|(_, value)| value.get("const") == Some(&default));
+            let Some(tag) = tag.map(|(name, _)| name.clone()) else { continue };
+            if let Some(required) = variant.get_mut("required").and_then(serde_json::Value::as_array_mut) {
+                required.retain(|name| *name != tag);
+            }
+        }
+    }
+    match schema {
+        serde_json::Value::Object(parts) => parts.values_mut().for_each(allow_default_variants_without_tag),
+        serde_json::Value::Array(parts) => parts.iter_mut().for_each(allow_default_variants_without_tag),
+        _ => {}
+    }
+}
+
+/// Allows a mosaic in letters, which is spelled out before the sections are typed.
+fn with_mosaic_letters(mut schema: serde_json::Value) -> serde_json::Value {
+    if let Some(mosaic) = schema.pointer_mut("/$defs/SensorSection/properties/mosaic") {
+        let rows = mosaic.take();
+        *mosaic = serde_json::json!({
+            "description": "Repeating cell of the color filter array: channel names by row, or letters such as \"grbg\", or \"mono\".",
+            "anyOf": [rows, { "type": "string" }]
+        });
+    }
+    schema
+}
+
+/// Name of the experiment that runs when none is named.
+pub const DEFAULT_EXPERIMENT: &str = "oraleye-2021";
+
+/// Name of the flat sample that is predicted when none is named.
+pub const DEFAULT_SAMPLE: &str = "tongue-385nm";

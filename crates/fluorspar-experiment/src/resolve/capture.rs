@@ -1,0 +1,347 @@
+//! Exposures and analysis.
+
+use glam::Vec3;
+
+use super::context::{Context, Resolved};
+use super::material::Fluorophores;
+use super::spectrum::Role;
+use super::surface_mean::surface_mean;
+use crate::error::{Place, Step, steps};
+use crate::schema::{AnalysisSection, BulkReference, ExperimentFile, ExposureTime, TextureReference};
+use fluorspar::light::LightGroup;
+use fluorspar::material::Material;
+use fluorspar::names::did_you_mean;
+use fluorspar::optics::PerspectiveCamera;
+use fluorspar::scene::{Object, Shape};
+use fluorspar::sensor::{CaptureFrame, EXPOSURE_MS, Sensor};
+use fluorspar::spectral::{Curve, WavelengthGrid};
+use fluorspar::study::{AnalysisPlan, Capture};
+
+fn hint<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> String {
+    did_you_mean(name, known)
+}
+
+/// Longest name of a capture.
+const LONGEST_LABEL: usize = 80;
+
+/// Names of captures become names of files: `raw_NAME.tiff`.
+fn check_label(context: &Context<'_>, at: &[Step], name: &str, earlier: &[&str]) -> Resolved<()> {
+    let safe = |c: char| c.is_alphanumeric() || "_-+. ".contains(c);
+    if !name.chars().all(safe) || name.trim() != name || name.ends_with('.') {
+        let message = "file names contain this name: give letters, digits, `_`, `-`, `+`, `.` or spaces \
+                       between them";
+        return context.fail(at, message);
+    }
+    if name.chars().count() > LONGEST_LABEL {
+        return context
+            .fail(at, format!("file names contain this name: give at most {LONGEST_LABEL} letters"));
+    }
+    if let Some(other) = earlier.iter().find(|other| other.to_lowercase() == name.to_lowercase()) {
+        let message = format!(
+            "differs from the capture \"{other}\" only in upper and lower case, which many file systems ignore; choose \
+             another"
+        );
+        return context.fail(at, message);
+    }
+    Ok(())
+}
+
+pub(super) fn captures(
+    context: &mut Context<'_>,
+    file: &ExperimentFile,
+    groups: &[LightGroup],
+    grid: &WavelengthGrid,
+) -> Resolved<Vec<Capture>> {
+    if !file.capture.is_empty() && (file.sensor.is_none() || file.lens.is_none()) {
+        let missing = if file.sensor.is_none() { "sensor" } else { "lens" };
+        return context.fail(&steps!["capture", 0], format!("a capture needs a [{missing}] section"));
+    }
+    let mut captures: Vec<Capture> = Vec::with_capacity(file.capture.len());
+    for (index, section) in file.capture.iter().enumerate() {
+        let at = |key: &str| steps!["capture", index, key];
+        let earlier: Vec<&str> = file.capture[..index].iter().map(|other| other.name.as_str()).collect();
+        context.unique_name(&steps!["capture", index], &section.name, earlier.iter().copied())?;
+        check_label(context, &at("name"), &section.name, &earlier)?;
+        for (name, drive) in &section.light_groups {
+            let at = steps!["capture", index, "light_groups", name];
+            if !groups.iter().any(|group| group.name == *name) {
+                let known: Vec<&str> = groups.iter().map(|group| group.name.as_str()).collect();
+                let message = format!(
+                    "there is no light group \"{name}\"{} Known: {}",
+                    hint(name, known.iter().copied()),
+                    known.join(", ")
+                );
+                return context.fail(&at, message);
+            }
+            context.within(&at, *drive, [0.0, 1e6], "times the stated power")?;
+        }
+        let rule = section.auto_exposure.unwrap_or_default();
+        if section.auto_exposure.is_some() && section.exposure_ms != ExposureTime::Auto {
+            return context
+                .fail(&at("auto_exposure"), "exposure_ms is fixed; set it to \"auto\" or remove the rule");
+        }
+        rule.validate().map_err(|problem| {
+            let field = problem.field.rsplit('.').next().unwrap_or_default().to_string();
+            context.error(&steps!["capture", index, "auto_exposure", &field], problem.message)
+        })?;
+        let (exposure_ms, auto_exposure) = context.exposure(&at("exposure_ms"), section.exposure_ms, rule)?;
+        context.within(&at("gain"), section.gain, [0.01, 1000.0], "")?;
+        if section.bracket_ev.len() > 31 {
+            return context.fail(&at("bracket_ev"), "has more than 31 exposures; give fewer");
+        }
+        for (number, stops) in section.bracket_ev.iter().enumerate() {
+            let at = steps!["capture", index, "bracket_ev", number];
+            context.within(&at, *stops, [-16.0, 16.0], "stops")?;
+            // An exposure that a rule finds is known only when light is.
+            if let Some(main_ms) = exposure_ms {
+                let [shortest, longest] = EXPOSURE_MS.map(|ms| (ms / main_ms).log2());
+                let message = "stops: an exposure lasts from 1e-6 to 3600000 milliseconds";
+                context.within(&at, *stops, [shortest.max(-16.0), longest.min(16.0)], message)?;
+            }
+        }
+        if let Some(on_ms) = section.light_on_ms {
+            context.within(&at("light_on_ms"), on_ms, EXPOSURE_MS, "milliseconds")?;
+        }
+        if let Some(other) = &section.subtract
+            && !earlier.contains(&other.as_str())
+        {
+            let message = format!(
+                "no earlier capture has this name{} A capture can subtract only what was taken before it",
+                hint(other, earlier.iter().copied())
+            );
+            return context.fail(&at("subtract"), message);
+        }
+        if let (ExposureTime::Auto, Some(sensor)) = (section.exposure_ms, &file.sensor)
+            && sensor.model.strobe.is_some()
+        {
+            let message = "cannot meter pulsed light; give milliseconds, or remove sensor.strobe";
+            return context.fail(&at("exposure_ms"), message);
+        }
+        let mut filter: Option<Curve> = None;
+        for (number, reference) in section.filters.iter().enumerate() {
+            let at = steps!["capture", index, "filters", number];
+            let curve = context.spectrum(&at, reference, Role::Filter, 0.0, grid)?;
+            filter = Some(filter.map_or_else(|| curve.clone(), |product| product.times(&curve)));
+        }
+        captures.push(Capture {
+            filter,
+            frame: CaptureFrame {
+                label: section.name.clone(),
+                lights: section.light_groups.clone(),
+                exposure_ms,
+                auto_exposure,
+                gain: section.gain,
+            },
+            subtract: section.subtract.clone(),
+            bracket_ev: section.bracket_ev.clone(),
+            light_on_ms: section.light_on_ms,
+        });
+    }
+    if !captures.is_empty() {
+        for group in groups {
+            if !captures.iter().any(|capture| capture.frame.drive(&group.name) > 0.0) {
+                context.push_warning(format!(
+                    "light group \"{}\" is rendered, but no capture switches it on; remove its lights to save time",
+                    group.name
+                ));
+            }
+        }
+    }
+    Ok(captures)
+}
+
+/// What an analysis looks at.
+pub(super) struct Seen<'a> {
+    pub(super) objects: &'a [Object],
+    pub(super) materials: &'a [Material],
+    pub(super) camera: &'a PerspectiveCamera,
+    pub(super) sensor: Option<&'a Sensor>,
+    /// Fluorophores of the scene.
+    pub(super) fluorophores: &'a Fluorophores,
+}
+
+pub(super) fn analysis(
+    context: &mut Context<'_>,
+    file: &ExperimentFile,
+    captures: &[Capture],
+    seen: &Seen<'_>,
+) -> Resolved<Option<AnalysisPlan>> {
+    let Some(section) = &file.analysis else { return Ok(None) };
+    let at = |key: &str| steps!["analysis", key];
+    let labels: Vec<&str> = captures.iter().map(|capture| capture.frame.label.as_str()).collect();
+    if !labels.contains(&section.frame.as_str()) {
+        let known = if labels.is_empty() { "none".into() } else { labels.join(", ") };
+        let message = format!(
+            "there is no capture of this name{} Known: {known}",
+            hint(&section.frame, labels.iter().copied())
+        );
+        return context.fail(&at("frame"), message);
+    }
+    check_channels(context, seen.sensor)?;
+    check_region(context, section, seen)?;
+    let reads_a_part = |sensor: &Sensor| {
+        let model = sensor.model();
+        model.region_px.is_some_and(|region| region != [0, 0, model.columns, model.rows])
+    };
+    if !section.parts.is_empty() && seen.sensor.is_some_and(reads_a_part) {
+        let message = "parts are found in frames of the whole sensor only; give rectangle_px, or remove sensor.region_px";
+        return context.fail(&at("parts"), message);
+    }
+    if let (Some([column, row, width, height]), Some(sensor)) = (section.rectangle_px, &file.sensor) {
+        let size = sensor.model.image_size();
+        let [columns, rows] = size.unwrap_or([sensor.model.columns, sensor.model.rows]).map(|n| n as u64);
+        let outside =
+            u64::from(column) + u64::from(width) > columns || u64::from(row) + u64::from(height) > rows;
+        if outside || width == 0 || height == 0 {
+            let message = format!(
+                "is not inside the {columns} x {rows} pixels of the raw images; give column, row, width, height"
+            );
+            return context.fail(&at("rectangle_px"), message);
+        }
+    }
+    context.within(&at("noise_threshold"), section.noise_threshold, [0.0, 1000.0], "standard deviations")?;
+    // What the analysis names but no material holds is predicted as well: a control without porphyrin has a line, too.
+    let mut absent = Fluorophores::default();
+    let mut note = |context: &mut Context<'_>, at: &Place, name: &str| {
+        if seen.fluorophores.list.iter().any(|fluorophore| fluorophore.name == name) {
+            return Ok(());
+        }
+        absent.index(context, at, &file.fluorophore, name).map(|_| ())
+    };
+    note(context, &at("porphyrin"), &section.porphyrin)?;
+    let bulk = bulk(context, file, section, seen)?;
+    for (name, amount) in &bulk {
+        let at = steps!["analysis", "bulk", name];
+        note(context, &at, name)?;
+        context.within(&at, *amount, [0.0, 1e6], "")?;
+    }
+    Ok(Some(AnalysisPlan {
+        frame: section.frame.clone(),
+        parts: section.parts.clone(),
+        rectangle_px: section.rectangle_px,
+        porphyrin: section.porphyrin.clone(),
+        bulk,
+        absent_fluorophores: absent.list,
+        noise_threshold: section.noise_threshold,
+    }))
+}
+
+/// Chromaticity needs three channels.
+fn check_channels(context: &Context<'_>, sensor: Option<&Sensor>) -> Resolved<()> {
+    let Some(sensor) = sensor else { return Ok(()) };
+    match ["R", "G", "B"].iter().find(|name| sensor.qe().find(name).is_none()) {
+        None => Ok(()),
+        Some(missing) => {
+            let names: Vec<&str> =
+                sensor.qe().channels().iter().map(|channel| channel.name.as_str()).collect();
+            let message = format!(
+                "chromaticity needs the channels R, G and B, but the sensor has no {missing}, only {}; remove [analysis], or \
+                 give the sensor another mosaic, such as \"grbg\"",
+                names.join(", ")
+            );
+            context.fail(&steps!["analysis"], message)
+        }
+    }
+}
+
+/// Refuses parts that do not exist, and regions of which no part can be in the image.
+fn check_region(context: &Context<'_>, section: &AnalysisSection, seen: &Seen<'_>) -> Resolved<()> {
+    let mut any_in_view = section.parts.is_empty();
+    for (index, part) in section.parts.iter().enumerate() {
+        let mut found = seen.objects.iter().filter(|object| object.name == *part).peekable();
+        if found.peek().is_none() {
+            let names: Vec<&str> = seen.objects.iter().map(|object| object.name.as_str()).collect();
+            let message = format!(
+                "the scene has no part of this name{} Known: {}",
+                hint(part, names.iter().copied()),
+                names.join(", ")
+            );
+            return context.fail(&steps!["analysis", "parts", index], message);
+        }
+        any_in_view |= found.any(|object| may_be_in_view(&object.shape, seen.camera));
+    }
+    if any_in_view {
+        return Ok(());
+    }
+    let message = "no part of the region is in the field of view of the camera. Turn the \
+                   camera, widen the field of view or choose another part";
+    context.fail(&steps!["analysis", "parts"], message)
+}
+
+/// Whether a shape is not wholly beyond one edge of the image or behind the camera. What hides it is not looked at.
+fn may_be_in_view(shape: &Shape, camera: &PerspectiveCamera) -> bool {
+    let tan_half_height = camera.tan_half_width * camera.height as f32 / camera.width as f32;
+    let side = |across: Vec3, tan: f32| (camera.forward * tan + across).normalize();
+    // Inward normals of the pyramid of view.
+    let planes = [
+        camera.forward,
+        side(camera.right, camera.tan_half_width),
+        side(-camera.right, camera.tan_half_width),
+        side(camera.up, tan_half_height),
+        side(-camera.up, tan_half_height),
+    ];
+    planes.iter().all(|normal| {
+        let inside = |point: Vec3, radius: f32| (point - camera.position).dot(*normal) > -radius;
+        match shape {
+            Shape::Instances(many) => many.bounding_spheres().any(|(center, radius)| inside(center, radius)),
+            Shape::Mesh(mesh) => mesh.positions.iter().any(|position| inside(*position, 0.0)),
+            Shape::Sphere { center, radius_m } | Shape::Disc { center, radius_m, .. } => {
+                inside(*center, *radius_m)
+            }
+        }
+    })
+}
+
+/// Concentrations that form the bulk: as given, or those of a material without the porphyrin, where they vary their
+/// mean over the surfaces of the region that are made of it.
+fn bulk(
+    context: &Context<'_>,
+    file: &ExperimentFile,
+    section: &AnalysisSection,
+    seen: &Seen<'_>,
+) -> Resolved<Vec<(String, f64)>> {
+    let index = match &section.bulk {
+        Some(BulkReference::Concentrations(bulk)) => {
+            return Ok(bulk.iter().map(|(name, amount)| (name.clone(), *amount)).collect());
+        }
+        Some(BulkReference::Material(name)) => {
+            let found = file.material.iter().position(|material| material.name == *name);
+            if found.is_none() {
+                let names = file.material.iter().map(|material| material.name.as_str());
+                let message = format!("there is no [[material]] of this name{}", hint(name, names));
+                return context.fail(&steps!["analysis", "bulk"], message);
+            }
+            found
+        }
+        None => section
+            .parts
+            .first()
+            .and_then(|part| seen.objects.iter().find(|object| object.name == *part))
+            .map(|object| object.material),
+    };
+    let Some(index) = index else { return Ok(Vec::new()) };
+    let of_material = || seen.objects.iter().filter(move |object| object.material == index);
+    let in_region = |object: &&Object| section.parts.contains(&object.name);
+    let shapes = || {
+        let region_has_it = of_material().any(|object| in_region(&object));
+        of_material().filter(move |object| !region_has_it || in_region(object)).map(|object| &object.shape)
+    };
+    let mut bulk = Vec::new();
+    for (name, reference) in file.material[index].concentrations().into_iter().flatten() {
+        if *name == section.porphyrin {
+            continue;
+        }
+        let amount = match reference {
+            TextureReference::Constant(amount) => *amount,
+            TextureReference::Map(_) => {
+                let held = seen.materials[index].fluorophores.iter();
+                let held = held.filter(|held| seen.fluorophores.list[held.fluorophore].name == *name);
+                held.map(|held| surface_mean(&held.concentration, shapes())).sum()
+            }
+        };
+        if amount > 0.0 {
+            bulk.push((name.clone(), amount));
+        }
+    }
+    Ok(bulk)
+}

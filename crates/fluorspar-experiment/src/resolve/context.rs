@@ -1,0 +1,221 @@
+//! What all steps of resolving share: where values come from, warnings, files that were read.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use glam::{DVec3, Vec3};
+
+use super::record::InputFile;
+use crate::document::Document;
+use crate::error::{ExperimentError, Place, Step};
+use crate::schema::{ExposureTime, FilePath};
+use fluorspar::anatomy::{MouthParameters, Tissue};
+use fluorspar::digest::sha256_hex;
+use fluorspar::sensor::{AutoExposure, EXPOSURE_MS};
+use fluorspar::spectral::WavelengthGrid;
+use fluorspar::units::number_text;
+
+/// Lengths and distances, mm: from a nanometer to the largest coordinate.
+pub(crate) const LENGTH_MM: [f64; 2] = [1e-6, LARGEST_MM];
+/// Factors on lengths, and millimeters per unit of a file.
+pub(crate) const SCALE: [f64; 2] = [1e-6, 1e6];
+/// Radiances, W/(sr m²), irradiances, W/m², powers, mW, and factors on them: far beyond any light on both sides, and so that
+/// the squares of what a pixel sees are numbers in single precision.
+pub(crate) const STRENGTH: [f64; 2] = [1e-12, 1e12];
+/// Largest coordinate, mm.
+const LARGEST_MM: f64 = 1e7;
+
+pub(crate) struct Context<'a> {
+    pub(crate) document: &'a Document,
+    pub(crate) warnings: Vec<String>,
+    /// Spectra that the wavelengths of the experiment exceed: what each is called, and the range that it holds over.
+    exceeded: Vec<(String, [f64; 2])>,
+    pub(crate) inputs: Vec<InputFile>,
+    /// Entries of the catalogue in use, with the digest of their files.
+    pub(crate) presets: BTreeMap<String, String>,
+    /// The mouth, for maps of its anatomy.
+    pub(crate) mouth: Option<MouthParameters>,
+    /// The only tissue that uses the material that is being resolved.
+    pub(crate) tissue: Option<Tissue>,
+}
+
+pub(crate) type Resolved<T> = Result<T, ExperimentError>;
+
+impl<'a> Context<'a> {
+    pub(crate) fn new(document: &'a Document) -> Self {
+        Self {
+            document,
+            warnings: Vec::new(),
+            mouth: None,
+            tissue: None,
+            exceeded: Vec::new(),
+            inputs: Vec::new(),
+            presets: BTreeMap::new(),
+        }
+    }
+
+    pub(crate) fn error(&self, at: &[Step], message: impl Into<String>) -> ExperimentError {
+        self.document.error(at, message)
+    }
+
+    pub(crate) fn fail<T>(&self, at: &[Step], message: impl Into<String>) -> Resolved<T> {
+        Err(self.error(at, message))
+    }
+
+    /// Adds a warning that names its place.
+    pub(crate) fn warn(&mut self, at: &[Step], message: impl Into<String>) {
+        let place = self.document.error(at, message).without_value();
+        self.push_warning(place.to_string());
+    }
+
+    pub(crate) fn push_warning(&mut self, warning: String) {
+        if !self.warnings.contains(&warning) {
+            self.warnings.push(warning);
+        }
+    }
+
+    /// Notes a spectrum where the grid reaches beyond its data by more than half a usual bin.
+    pub(crate) fn note_range(&mut self, at: &[Step], [first, last]: [f64; 2], grid: &WavelengthGrid) {
+        const TOLERANCE_NM: f64 = 5.0;
+        if grid.start_nm() >= first - TOLERANCE_NM && grid.end_nm() <= last + TOLERANCE_NM {
+            return;
+        }
+        let place = self.document.error(at, "").0;
+        let parts = [place.entry, place.field, place.value];
+        let what = parts.into_iter().flatten().collect::<Vec<_>>().join(" ");
+        let range = [first.max(grid.start_nm()), last.min(grid.end_nm())];
+        if !self.exceeded.contains(&(what.clone(), range)) {
+            self.exceeded.push((what, range));
+        }
+    }
+
+    /// All warnings, those of one cause together.
+    pub(crate) fn take_warnings(&mut self, grid: &WavelengthGrid) -> Vec<String> {
+        let exceeded = std::mem::take(&mut self.exceeded);
+        if !exceeded.is_empty() {
+            let list: Vec<String> =
+                exceeded.iter().map(|(what, [from, to])| format!("{what} ({from} to {to} nm)")).collect();
+            self.push_warning(format!(
+                "the wavelengths of the experiment run from {} to {} nm; beyond their own range these spectra are \
+                 extrapolated or taken as zero: {}",
+                grid.start_nm(),
+                grid.end_nm(),
+                list.join("; ")
+            ));
+        }
+        std::mem::take(&mut self.warnings)
+    }
+
+    /// Checks a range, ends included; NaN is outside.
+    pub(crate) fn within(&self, at: &[Step], value: f64, [low, high]: [f64; 2], unit: &str) -> Resolved<f64> {
+        if (low..=high).contains(&value) {
+            return Ok(value);
+        }
+        let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
+        self.fail(at, format!("must be between {} and {}{unit}", number_text(low), number_text(high)))
+    }
+
+    pub(crate) fn whole_within(&self, at: &[Step], value: u64, [low, high]: [u64; 2]) -> Resolved<u64> {
+        if (low..=high).contains(&value) {
+            return Ok(value);
+        }
+        self.fail(at, format!("must be a whole number between {low} and {high}"))
+    }
+
+    /// A point or displacement of the file, mm, in meters.
+    pub(crate) fn meters(&self, at: &[Step], value_mm: [f64; 3]) -> Resolved<Vec3> {
+        if value_mm.iter().all(|v| v.abs() <= LARGEST_MM) {
+            return Ok((DVec3::from_array(value_mm) * 1e-3).as_vec3());
+        }
+        self.fail(at, "every coordinate must be a number between -1e7 and 1e7 millimeters")
+    }
+
+    /// A direction of any length.
+    pub(crate) fn direction(&self, at: &[Step], value: [f64; 3]) -> Resolved<Vec3> {
+        match DVec3::from_array(value).try_normalize() {
+            Some(unit) => Ok(unit.as_vec3()),
+            None => self.fail(at, "invalid direction; give three finite numbers that are not all zero"),
+        }
+    }
+
+    /// Digest of a file, noted as an input of the experiment.
+    pub(crate) fn note_input(&mut self, at: &[Step], file: &FilePath) -> Resolved<()> {
+        let file: &Path = file.as_ref();
+        if self.inputs.iter().any(|input| input.path == file) {
+            return Ok(());
+        }
+        let bytes = match std::fs::read(file) {
+            Ok(bytes) => bytes,
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
+                return self.fail(at, "there is no such file; paths are relative to the experiment file");
+            }
+            Err(error) => return self.fail(at, format!("the file can't be read: {error}")),
+        };
+        self.inputs.push(InputFile { path: file.into(), sha256: sha256_hex([&bytes]) });
+        Ok(())
+    }
+
+    /// Notes an entry of the catalogue as an input.
+    pub(crate) fn note_preset(&mut self, what: &str, name: &str, content: &impl serde::Serialize) {
+        let text = serde_json::to_string(content).unwrap_or_default();
+        self.presets.insert(format!("{what} {name}"), sha256_hex([text]));
+    }
+
+    /// SHA-256 of a file and of the entries of the catalogue that it uses, as hexadecimal text. Paths count by the content of
+    /// their files: the same experiment elsewhere is the same experiment.
+    pub(crate) fn digest(&self, file: &impl serde::Serialize) -> Result<String, toml::ser::Error> {
+        let mut value = toml::Value::try_from(file)?;
+        replace_paths(&mut value, &self.inputs);
+        let text = toml::to_string(&value)?;
+        let presets = self.presets.iter().map(|(name, preset)| format!("\n{name} {preset}"));
+        Ok(sha256_hex(std::iter::once(text).chain(presets)))
+    }
+
+    /// Exposure time, ms, or the rule that finds it.
+    pub(crate) fn exposure(
+        &self,
+        at: &[Step],
+        time: ExposureTime,
+        rule: AutoExposure,
+    ) -> Resolved<(Option<f64>, Option<AutoExposure>)> {
+        match time {
+            ExposureTime::Auto => Ok((None, Some(rule))),
+            ExposureTime::Milliseconds(value) => {
+                Ok((Some(self.within(at, value, EXPOSURE_MS, "milliseconds")?), None))
+            }
+        }
+    }
+}
+
+/// Replaces each path of a file that was read by the digest of that file.
+fn replace_paths(value: &mut toml::Value, inputs: &[InputFile]) {
+    match value {
+        toml::Value::String(text) => {
+            if let Some(input) = inputs.iter().find(|input| input.path.as_os_str() == text.as_str()) {
+                *text = format!("sha256:{}", input.sha256);
+            }
+        }
+        toml::Value::Array(items) => items.iter_mut().for_each(|item| replace_paths(item, inputs)),
+        toml::Value::Table(table) => table.iter_mut().for_each(|(_, item)| replace_paths(item, inputs)),
+        _ => {}
+    }
+}
+
+impl Context<'_> {
+    /// Checks that an entry of a list has a name, and one of its own.
+    pub(super) fn unique_name<'n>(
+        &self,
+        at: &Place,
+        name: &str,
+        earlier: impl IntoIterator<Item = &'n str>,
+    ) -> Resolved<()> {
+        let at = at.field("name");
+        if name.trim().is_empty() {
+            return self.fail(&at, "must not be empty");
+        }
+        if earlier.into_iter().any(|other| other == name) {
+            return self.fail(&at, "an earlier entry has this name; every entry needs its own");
+        }
+        Ok(())
+    }
+}

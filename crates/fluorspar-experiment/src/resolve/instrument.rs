@@ -1,0 +1,172 @@
+//! Development, motion, spectroradiometers and safety.
+
+use super::context::{Context, LENGTH_MM, Resolved};
+use super::spectrum::Role;
+use crate::error::steps;
+use crate::schema::{ExperimentFile, SafetySection};
+use fluorspar::names::did_you_mean;
+use fluorspar::scene::Object;
+use fluorspar::sensor::{Demosaicing, Sensor, Spectroradiometer};
+use fluorspar::spectral::{Curve, WavelengthGrid};
+use fluorspar::study::{
+    Capture, Develop, FlatFieldPlan, Motion, SafetyPlan, SpectroradiometerPlan, SpectroradiometerTarget,
+};
+
+pub(super) fn motion(context: &Context<'_>, file: &ExperimentFile) -> Resolved<Option<Motion>> {
+    let Some(section) = &file.motion else { return Ok(None) };
+    for (index, drift) in section.drift_px_per_s.iter().enumerate() {
+        context.within(
+            &steps!["motion", "drift_px_per_s", index],
+            *drift,
+            [-1e6, 1e6],
+            "pixels per second",
+        )?;
+    }
+    context.within(&steps!["motion", "jitter_px"], section.jitter_px, [0.0, 1000.0], "pixels")?;
+    context.within(&steps!["motion", "interval_ms"], section.interval_ms, [0.0, 1e6], "ms")?;
+    Ok(Some(Motion {
+        drift_px_per_s: section.drift_px_per_s,
+        jitter_px: section.jitter_px,
+        interval_ms: section.interval_ms,
+    }))
+}
+
+pub(super) fn develop(
+    context: &mut Context<'_>,
+    file: &ExperimentFile,
+    sensor: Option<&Sensor>,
+    grid: &WavelengthGrid,
+) -> Resolved<Develop> {
+    let Some(section) = &file.develop else { return Ok(Develop::default()) };
+    let at = |key: &str| steps!["develop", key];
+    context.whole_within(&at("dark_frames"), section.dark_frames.into(), [0, 1000])?;
+    if let (Demosaicing::GradientCorrected, Some(sensor)) = (section.demosaic, sensor)
+        && !sensor.mosaic().is_bayer()
+    {
+        let message = "the mosaic of the sensor is not a two by two Bayer array; use \"bilinear\"";
+        return context.fail(&at("demosaic"), message);
+    }
+    let mut flat_field = None;
+    if let Some(flat) = &section.flat_field {
+        let inner = |key: &str| steps!["develop", "flat_field", key];
+        context.whole_within(&inner("frames"), flat.frames.into(), [1, 1000])?;
+        context.within(&inner("level"), flat.level, [0.01, 0.95], "of full scale")?;
+        let spectrum = context.spectrum(&inner("spectrum"), &flat.spectrum, Role::Light, 0.0, grid)?;
+        flat_field = Some(FlatFieldPlan { frames: flat.frames, level: flat.level, spectrum });
+    }
+    if let Some(sigma) = section.bad_pixel_sigma {
+        context.within(&at("bad_pixel_sigma"), sigma, [1.0, 1000.0], "robust standard deviations")?;
+        if section.dark_frames == 0 && flat_field.is_none() {
+            let message = "bad pixels are found in dark frames or a flat field; set develop.dark_frames, or add \
+                           [develop.flat_field]";
+            return context.fail(&at("bad_pixel_sigma"), message);
+        }
+    }
+    Ok(Develop {
+        demosaicing: section.demosaic,
+        dark_frames: section.dark_frames,
+        flat_field,
+        bad_pixel_sigma: section.bad_pixel_sigma,
+    })
+}
+
+pub(super) fn spectroradiometers(
+    context: &mut Context<'_>,
+    file: &ExperimentFile,
+    captures: &[Capture],
+    objects: &[Object],
+    grid: &WavelengthGrid,
+) -> Resolved<Vec<SpectroradiometerPlan>> {
+    let mut list = Vec::new();
+    for (index, section) in file.spectroradiometer.iter().enumerate() {
+        let base = steps!["spectroradiometer", index];
+        let at = |key: &str| steps!["spectroradiometer", index, key];
+        let earlier = file.spectroradiometer[..index].iter().map(|other| other.name.as_str());
+        context.unique_name(&base, &section.name, earlier)?;
+        let Some(capture) = captures.iter().find(|c| c.frame.label == section.capture) else {
+            let known: Vec<&str> = captures.iter().map(|c| c.frame.label.as_str()).collect();
+            let near = did_you_mean(&section.capture, known.iter().copied());
+            let message = format!("there is no capture of this name{near} Known: {}", known.join(", "));
+            return context.fail(&at("capture"), message);
+        };
+        for (number, part) in section.parts.iter().enumerate() {
+            if !objects.iter().any(|object| object.name == *part) {
+                let known: Vec<&str> = objects.iter().map(|object| object.name.as_str()).collect();
+                let near = did_you_mean(part, known.iter().copied());
+                let message = format!("the scene has no part of this name{near} Known: {}", known.join(", "));
+                return context.fail(&steps!["spectroradiometer", index, "parts", number], message);
+            }
+        }
+        if section.aim.is_some() && !section.parts.is_empty() {
+            return context.fail(&at("aim"), "given together with parts; keep one of the two");
+        }
+        for (axis, value) in section.aim.unwrap_or([0.5; 2]).iter().enumerate() {
+            let at = steps!["spectroradiometer", index, "aim", axis];
+            context.within(&at, *value, [0.0, 1.0], "of the image")?;
+        }
+        context.within(&at("acceptance_deg"), section.acceptance_deg, [0.01, 60.0], "degrees")?;
+        let mut filter = Curve::constant(1.0);
+        for (number, reference) in section.filters.iter().enumerate() {
+            let at = steps!["spectroradiometer", index, "filters", number];
+            filter = filter.times(&context.spectrum(&at, reference, Role::Filter, 0.0, grid)?);
+        }
+        let instrument = Spectroradiometer {
+            first_nm: section.first_nm,
+            last_nm: section.last_nm,
+            step_nm: section.step_nm,
+            bandwidth_nm: section.bandwidth_nm,
+            noise_floor: section.noise_floor_w_per_sr_m2_nm,
+            dynamic_range: section.dynamic_range,
+            stray_light: section.stray_light,
+            readings: section.readings,
+            filter,
+        };
+        instrument.validate().map_err(|problem| {
+            let field =
+                if problem.field == "noise_floor" { "noise_floor_w_per_sr_m2_nm" } else { &problem.field };
+            context.error(&at(field), problem.message.clone())
+        })?;
+        let target = if section.parts.is_empty() {
+            SpectroradiometerTarget::Spot {
+                aim: section.aim.unwrap_or([0.5; 2]),
+                acceptance_deg: section.acceptance_deg,
+            }
+        } else {
+            SpectroradiometerTarget::Parts(section.parts.clone())
+        };
+        list.push(SpectroradiometerPlan {
+            name: section.name.clone(),
+            frame: capture.frame.clone(),
+            target,
+            instrument,
+        });
+    }
+    Ok(list)
+}
+
+pub(super) fn safety(context: &Context<'_>, file: &ExperimentFile) -> Resolved<SafetyPlan> {
+    let defaults = SafetySection::default();
+    let section = file.safety.as_ref().unwrap_or(&defaults);
+    let at = |key: &str| steps!["safety", key];
+    for (key, value) in [
+        ("patient_eye_distance_mm", section.patient_eye_distance_mm),
+        ("operator_eye_distance_mm", section.operator_eye_distance_mm),
+        ("mucosa_distance_mm", section.mucosa_distance_mm),
+        ("lit_diameter_mm", Some(section.lit_diameter_mm)),
+    ] {
+        if let Some(value) = value {
+            context.within(&at(key), value, LENGTH_MM, "millimeters")?;
+        }
+    }
+    context.within(&at("reflectance"), section.reflectance, [0.0, 1.0], "")?;
+    context.within(&at("mucosa_safety_factor"), section.mucosa_safety_factor, [1.0, 1000.0], "")?;
+    Ok(SafetyPlan {
+        patient_eye_distance_mm: section.patient_eye_distance_mm,
+        operator_eye_distance_mm: section.operator_eye_distance_mm,
+        mucosa_distance_mm: section.mucosa_distance_mm.unwrap_or_else(|| file.camera.distance_mm()),
+        lit_diameter_mm: section.lit_diameter_mm,
+        reflectance: section.reflectance,
+        mucosa_safety_factor: section.mucosa_safety_factor,
+        aphakic: section.aphakic,
+    })
+}

@@ -1,0 +1,231 @@
+//! From the sections of an experiment to a study.
+
+mod capture;
+pub(super) mod context;
+pub(super) mod device;
+mod error_target;
+mod instrument;
+mod lesion;
+mod light;
+pub(super) mod material;
+mod mouth;
+mod object;
+mod record;
+pub(super) mod spectrum;
+mod surface_mean;
+
+pub use self::record::{FileRecord, InputFile};
+
+use std::path::PathBuf;
+
+use self::context::{Context, Resolved};
+use super::error::steps;
+use super::schema::{ExperimentFile, FieldOfView, LensSection};
+use super::{Experiment, ExperimentError};
+use crate::preset;
+use fluorspar::render::{memory_bytes, tile_row_bytes, whole_image_bytes};
+use fluorspar::scene::{Scene, SceneError};
+use fluorspar::study::{AnalysisPlan, Camera, Study};
+
+/// An experiment ready to run: what it means, and the file that says so.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ResolvedExperiment {
+    /// Scene, camera and captures, checked.
+    pub study: Study,
+    /// The file.
+    pub record: FileRecord,
+}
+
+/// Turns the sections of an experiment into a study, and checks everything that can be checked before rendering. Reads
+/// the files that the experiment names and makes the mouth.
+///
+/// # Errors
+/// The first defect found.
+pub fn resolve(experiment: &Experiment) -> Result<ResolvedExperiment, ExperimentError> {
+    let file = &experiment.file;
+    let mut context = Context::new(&experiment.document);
+    let context = &mut context;
+
+    let grid = device::grid(context, &file.spectral)?;
+    let mut render = device::render_settings(context, &file.render)?;
+    device::check_camera(context, &file.camera)?;
+    let sensor = match &file.sensor {
+        Some(section) => Some(device::sensor(context, section, &grid)?),
+        None => None,
+    };
+    let view_filter = device::view_filter(context, &file.view_filter, &grid)?;
+    let film_mm = sensor.as_ref().map(|sensor| {
+        let width_mm = sensor.model().width_mm();
+        [width_mm, width_mm * f64::from(file.render.height_px) / f64::from(file.render.width_px)]
+    });
+    let lens = match &file.lens {
+        Some(section) => {
+            if film_mm.is_none() && matches!(section, LensSection::Traced(_)) {
+                let message = "a traced lens needs a [sensor]: its size is that of the film";
+                return context.fail(&steps!["lens"], message);
+            }
+            Some(device::lens(context, section, Some(file.camera.distance_mm()), film_mm, &grid)?)
+        }
+        None if view_filter.stack.lens_angles => {
+            let message = "there is no [lens] whose rays have angles";
+            return context.fail(&steps!["view_filter", "angles"], message);
+        }
+        None => None,
+    };
+    let view_filter = match &lens {
+        Some(lens) => view_filter.with_lens(lens, film_mm),
+        None => view_filter,
+    };
+    let view = device::camera(context, file, lens.as_ref(), sensor.as_ref())?;
+    let camera = Camera {
+        lens,
+        view_filter,
+        sensor,
+        field_from_lens: file.camera.horizontal_field_deg == FieldOfView::FromLens,
+        training_reflectances: preset::reflectance_curves(),
+    };
+    let sensor = camera.sensor.as_ref();
+
+    let mut light_groups = Vec::new();
+    let lights = light::lights(context, &file.light, &view, &grid, &mut light_groups)?;
+    material::check_sections(context, &file.fluorophore)?;
+    let mut fluorophores = material::Fluorophores::default();
+    let mut materials = material::materials(context, file, &grid, &mut fluorophores)?;
+    let (objects, copied_materials) =
+        object::objects(context, file, &mut materials, &mut fluorophores, &grid, &mut light_groups)?;
+    let captures = capture::captures(context, file, &light_groups, &grid)?;
+    let motion = instrument::motion(context, file)?;
+    let develop = instrument::develop(context, file, sensor, &grid)?;
+    let spectroradiometers = instrument::spectroradiometers(context, file, &captures, &objects, &grid)?;
+    let safety = instrument::safety(context, file)?;
+    let seen = capture::Seen {
+        objects: &objects,
+        materials: &materials,
+        camera: &view,
+        sensor,
+        fluorophores: &fluorophores,
+    };
+    let analysis = capture::analysis(context, file, &captures, &seen)?;
+
+    let scene = Scene {
+        grid,
+        objects,
+        materials,
+        fluorophores: fluorophores.list,
+        light_groups,
+        lights,
+        camera: view,
+    };
+    scene.check().map_err(|error| scene_error(context, file, &error))?;
+    render.error_target = error_target::error_target(context, &file.render, &scene, &captures, &camera)?;
+    let in_bands = whole_image_bytes(&scene) + tile_row_bytes(&scene, &render);
+    device::check_memory(context, file, memory_bytes(&scene, &render), in_bands)?;
+    warn_unused(context, file, &scene, &copied_materials, analysis.as_ref());
+    for warning in scene.warnings() {
+        context.push_warning(warning.to_string());
+    }
+
+    let (resolved_toml, sha256) = write_out(context, file)?;
+    let warnings = context.take_warnings(&scene.grid);
+    let study = Study {
+        scene,
+        render,
+        time_limit_s: file.render.time_limit_s,
+        camera,
+        captures,
+        motion,
+        develop,
+        spectroradiometers,
+        safety: Some(safety),
+        analysis,
+    };
+    let record = FileRecord {
+        title: file.title.clone(),
+        description: file.description.clone(),
+        output_folder: file.output.folder.as_ref().map(PathBuf::from),
+        warnings,
+        inputs: std::mem::take(&mut context.inputs),
+        base_files: experiment.document.base_files.clone(),
+        resolved_toml,
+        sha256,
+    };
+    Ok(ResolvedExperiment { study, record })
+}
+
+/// The message of an error without the name in front, which the place in the file gives already.
+pub(super) fn without_name(error: &SceneError, name: &str) -> String {
+    let message = error.to_string();
+    message.strip_prefix(name).map_or_else(|| message.clone(), String::from)
+}
+
+/// Puts an error of the finished scene where it belongs in the file.
+fn scene_error(context: &Context<'_>, file: &ExperimentFile, error: &SceneError) -> ExperimentError {
+    match error {
+        SceneError::CreatesPhotons { material, .. } => {
+            let index = file.material.iter().position(|section| section.name == *material).unwrap_or(0);
+            let message = without_name(error, &format!("material \"{material}\" "));
+            context.error(&steps!["material", index], message).without_value()
+        }
+        SceneError::Mesh { object, .. } => {
+            match file.object.iter().position(|section| section.name == *object) {
+                Some(index) => {
+                    let message = without_name(error, &format!("object \"{object}\": "));
+                    context.error(&steps!["object", index], message)
+                }
+                None => context.error(&steps!["mouth"], error.to_string()),
+            }
+        }
+        SceneError::Nothing(what) => {
+            let section = if *what == "lights" { "a [[light]]" } else { "an [[object]] or a [mouth]" };
+            context.error(&[], format!("{error}; add {section} section"))
+        }
+        _ => context.error(&[], error.to_string()),
+    }
+}
+
+fn warn_unused(
+    context: &mut Context<'_>,
+    file: &ExperimentFile,
+    scene: &Scene,
+    copied_materials: &[usize],
+    analysis: Option<&AnalysisPlan>,
+) {
+    for (index, material) in file.material.iter().enumerate() {
+        // A material of which all parts have lesions is used by its copies only.
+        if !scene.objects.iter().any(|object| object.material == index) && !copied_materials.contains(&index)
+        {
+            context
+                .warn(&steps!["material", index], format!("no object uses material \"{}\"", material.name));
+        }
+    }
+    for (index, section) in file.fluorophore.iter().enumerate() {
+        let absent = analysis.iter().flat_map(|analysis| &analysis.absent_fluorophores);
+        if !scene.fluorophores.iter().chain(absent).any(|fluorophore| fluorophore.name == section.name) {
+            context.warn(&steps!["fluorophore", index], "no material contains it");
+        }
+    }
+}
+
+/// The resolved file and its digest.
+fn write_out(context: &Context<'_>, file: &ExperimentFile) -> Resolved<(String, String)> {
+    let mut complete = file.clone();
+    complete.base = None;
+    for light in &mut complete.light {
+        light.group.get_or_insert_with(|| light.name.clone());
+    }
+    if let Some(lens) = &mut complete.lens {
+        lens.focus_distance_mm().get_or_insert(complete.camera.distance_mm());
+    }
+    if let Some(sensor) = &mut complete.sensor {
+        sensor.model = device::filled(&sensor.model);
+    }
+    let failed =
+        |error: toml::ser::Error| context.error(&[], format!("the experiment can't be written out: {error}"));
+    let text = toml::to_string(&complete).map_err(failed)?;
+
+    complete.title.clear();
+    complete.description.clear();
+    complete.output = super::schema::OutputSection::default();
+    let digest = context.digest(&complete).map_err(failed)?;
+    Ok((text, digest))
+}

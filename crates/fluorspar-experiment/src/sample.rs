@@ -1,0 +1,392 @@
+//! The small file of a flat sample: one light, one homogeneous material, one camera, no geometry.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::{Arc, OnceLock};
+
+use glam::Vec3;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::document::Document;
+use super::error::{ExperimentError, steps};
+use super::read::{read_document, typed};
+use super::resolve::context::{Context, Resolved, STRENGTH};
+use super::resolve::spectrum::Role;
+use super::resolve::{FileRecord, device, material, without_name};
+use super::schema::{
+    DEFAULT_PORPHYRIN, ExposureTime, FluorophoreSection, FormatVersion, LensSection, SensorSection,
+    SpectralSection, SpectrumReference, UniformBins, ViewFilterSection,
+};
+use super::shape::Schema;
+use fluorspar::geometry::TriangleMesh;
+use fluorspar::light::{DistantEmitter, Light, LightGroup};
+use fluorspar::material::{FluorophoreAmount, Material, ScalarTexture};
+use fluorspar::optics::PerspectiveCamera;
+use fluorspar::scene::{Object, Scene, Shape};
+use fluorspar::sensor::{AutoExposure, CaptureFrame, SensorMode};
+use fluorspar::spectral::{
+    Curve, Fluorophore, MAX_WAVELENGTH_NM, MIN_WAVELENGTH_NM, TOOLBOX_SAMPLES, TOOLBOX_START_NM,
+    TOOLBOX_STEP_NM, ToolboxEem, WavelengthGrid,
+};
+use fluorspar::study::{Camera, FlatSample, FluorescenceModel};
+
+/// What a measured light spectrum holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum MeasuredLight {
+    /// Irradiance of the sample, W/(m² nm).
+    Irradiance,
+    /// Radiance of a white reference in place of the sample, W/(sr m² nm): pi times smaller than the irradiance.
+    WhiteRadiance,
+}
+
+/// Light on a flat sample.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SampleLight {
+    /// Spectrum per nm.
+    pub spectrum: SpectrumReference,
+    /// Filters between light and sample. Default: none.
+    #[serde(default)]
+    pub filters: Vec<SpectrumReference>,
+    /// Angle at which light passes them, degrees, 0 to 60. Default 0.
+    #[serde(default)]
+    pub filter_angle_deg: f64,
+    /// How strong it is.
+    pub strength: SampleStrength,
+}
+
+/// Strength of the light: `irradiance_w_per_m2` (the spectrum is relative), or `measured` (it is absolute).
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged, deny_unknown_fields)]
+pub enum SampleStrength {
+    /// The spectrum is relative.
+    Irradiance {
+        /// Irradiance of the sample behind the filters, W/m², over 200 to 1200 nm.
+        irradiance_w_per_m2: f64,
+    },
+    /// The spectrum is absolute.
+    Measured {
+        /// What was measured, without the filters listed here.
+        measured: MeasuredLight,
+    },
+}
+
+/// A flat, homogeneous, matte material.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SampleMaterial {
+    /// Diffuse reflectance, 0 to 1.
+    pub reflectance: SpectrumReference,
+    /// Concentration of each fluorophore, relative to the unit of the catalogue, 0 or more. Default: none.
+    #[serde(default)]
+    pub concentrations: BTreeMap<String, f64>,
+}
+
+/// How the sensor is exposed.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct SampleExposure {
+    /// Exposure time in milliseconds, 1e-6 to 3 600 000, or "auto". Default 30.
+    pub exposure_ms: ExposureTime,
+    /// Analog gain, 0.01 to 1000. Default 1.
+    pub gain: f64,
+}
+
+impl Default for SampleExposure {
+    fn default() -> Self {
+        Self { exposure_ms: ExposureTime::Milliseconds(30.0), gain: 1.0 }
+    }
+}
+
+/// Whose equations to use.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum SampleCompatibility {
+    /// Ours: photon yield densities integrated over wavelength.
+    #[default]
+    None,
+    /// ISETCam's constants and sensor equations: sensor mode `isetcam`, noise flag 0 unless the sensor says otherwise.
+    Isetcam,
+    /// Energy matrices of peak 1 on 365:5:705 nm without a wavelength step, as the authors' toolbox gives them to
+    /// their renderer: the normalization under which the paper's weights hold. These are then the wavelengths, too; the
+    /// sensor is that of "isetcam".
+    ToolboxEem,
+}
+
+/// A flat sample: light, material, camera.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SampleFile {
+    /// Version of the form of this file: 1.
+    pub format: FormatVersion,
+    /// Name for people. Default: empty.
+    #[serde(default)]
+    pub title: String,
+    /// What the sample shows. Default: empty.
+    #[serde(default)]
+    pub description: String,
+    /// Whose equations to use. Default "none": ours.
+    #[serde(default)]
+    pub compatibility: SampleCompatibility,
+    /// Wavelengths.
+    #[serde(default)]
+    pub spectral: SpectralSection,
+    /// Light.
+    pub light: SampleLight,
+    /// Material.
+    pub sample: SampleMaterial,
+    /// Fluorophores besides those of the catalogue, or variants of those.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub fluorophore: Vec<FluorophoreSection>,
+    /// Filters in front of the lens.
+    #[serde(default)]
+    pub view_filter: ViewFilterSection,
+    /// Lens; without it radiances are all that is computed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lens: Option<LensSection>,
+    /// Sensor.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sensor: Option<SensorSection>,
+    /// Exposure.
+    #[serde(default)]
+    pub exposure: SampleExposure,
+}
+
+/// A flat sample ready to compute with: what it means, and the file that says so.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ResolvedSample {
+    /// The sample before its camera.
+    pub sample: FlatSample,
+    /// Whose equations the file asks for.
+    pub compatibility: SampleCompatibility,
+    /// The file.
+    pub record: FileRecord,
+}
+
+/// Whether a text is the file of a flat sample: it has a `[sample]` table.
+pub fn is_sample(text: &str) -> bool {
+    text.parse::<toml::Table>().is_ok_and(|table| table.get("sample").is_some_and(toml::Value::is_table))
+}
+
+/// Reads the file of a flat sample and turns it into curves. Overrides and paths are as for an experiment.
+///
+/// # Errors
+/// The first defect found.
+pub fn parse_sample(
+    text: &str,
+    source_name: &str,
+    base_dir: &Path,
+    overrides: &[String],
+) -> Result<ResolvedSample, ExperimentError> {
+    let schema = sample_schema();
+    let mut document = read_document(schema, text, source_name, base_dir, overrides)?;
+    let mut file: SampleFile = typed(&mut document, schema)?;
+    if file.compatibility == SampleCompatibility::ToolboxEem && file.spectral == SpectralSection::default() {
+        file.spectral = SpectralSection::Uniform(UniformBins {
+            first_nm: TOOLBOX_START_NM,
+            last_nm: TOOLBOX_START_NM + TOOLBOX_STEP_NM * (TOOLBOX_SAMPLES - 1) as f64,
+            step_nm: TOOLBOX_STEP_NM,
+        });
+    }
+    if file.compatibility != SampleCompatibility::None
+        && let Some(sensor) = &mut file.sensor
+        && sensor.model.mode == SensorMode::Physical
+    {
+        sensor.model.mode = SensorMode::Isetcam { noise_flag: 0 };
+    }
+    resolve_sample(&document, &file)
+}
+
+/// The shapes of the file of a flat sample.
+pub(super) fn sample_schema() -> &'static Schema {
+    static SCHEMA: OnceLock<Schema> = OnceLock::new();
+    SCHEMA.get_or_init(Schema::of::<SampleFile>)
+}
+
+fn resolve_sample(document: &Document, file: &SampleFile) -> Resolved<ResolvedSample> {
+    let mut context = Context::new(document);
+    let context = &mut context;
+    let grid = device::grid(context, &file.spectral)?;
+    if file.compatibility == SampleCompatibility::ToolboxEem
+        && grid.centers_nm() != ToolboxEem::wavelengths_nm()
+    {
+        let message = "compatibility \"toolbox_eem\" requires the grid 365:5:705 nm; remove this section";
+        return context.fail(&steps!["spectral"], message);
+    }
+    let irradiance = irradiance(context, &file.light, &grid)?;
+    let at = steps!["sample", "reflectance"];
+    let reflectance = context.spectrum(&at, &file.sample.reflectance, Role::Reflectance, 0.0, &grid)?;
+
+    material::check_sections(context, &file.fluorophore)?;
+    let mut fluorophores = material::Fluorophores::default();
+    let mut concentrations = Vec::new();
+    for (name, &amount) in &file.sample.concentrations {
+        let at = steps!["sample", "concentrations", name];
+        context.within(&at, amount, [0.0, 1e6], "")?;
+        fluorophores.index(context, &at, &file.fluorophore, name)?;
+        concentrations.push(amount);
+    }
+    let scene = as_scene(&grid, &irradiance, &reflectance, &fluorophores.list, &concentrations);
+    if let Some(scene) = &scene {
+        scene.check().map_err(|error| {
+            context.error(&steps!["sample"], without_name(&error, "material \"sample\" "))
+        })?;
+        for warning in scene.warnings() {
+            context.push_warning(warning.to_string());
+        }
+    }
+
+    let view_filter = device::view_filter(context, &file.view_filter, &grid)?;
+    let lens = match &file.lens {
+        Some(section) => {
+            if section.image_formation().is_some() {
+                let message = "a flat sample has no picture; remove this field";
+                return context.fail(&steps!["lens", "image_formation"], message);
+            }
+            Some(device::lens(context, section, None, None, &grid)?)
+        }
+        None if view_filter.stack.lens_angles => {
+            let message = "there is no [lens] whose rays have angles";
+            return context.fail(&steps!["view_filter", "angles"], message);
+        }
+        None => None,
+    };
+    let view_filter = match &lens {
+        Some(lens) => view_filter.with_lens(lens, None),
+        None => view_filter,
+    };
+    let sensor = match &file.sensor {
+        Some(section) => Some(device::sensor(context, section, &grid)?),
+        None => None,
+    };
+    if sensor.is_some() && lens.is_none() {
+        return context.fail(&steps!["sensor"], "a sensor needs a [lens] section");
+    }
+    let at = |key: &str| steps!["exposure", key];
+    context.within(&at("gain"), file.exposure.gain, [0.01, 1000.0], "")?;
+    let (exposure_ms, auto_exposure) =
+        context.exposure(&at("exposure_ms"), file.exposure.exposure_ms, AutoExposure::default())?;
+    let exposure = CaptureFrame {
+        label: "sample".into(),
+        lights: BTreeMap::new(),
+        exposure_ms,
+        auto_exposure,
+        gain: file.exposure.gain,
+    };
+    let (resolved_toml, sha256) = write_out(context, file)?;
+    let warnings = context.take_warnings(&grid);
+    let sample = FlatSample {
+        grid,
+        irradiance,
+        reflectance,
+        fluorophores: fluorophores.list.into_iter().zip(concentrations).collect(),
+        porphyrin: Some(DEFAULT_PORPHYRIN.into()),
+        model: match file.compatibility {
+            SampleCompatibility::ToolboxEem => FluorescenceModel::Toolbox,
+            SampleCompatibility::None | SampleCompatibility::Isetcam => FluorescenceModel::Physical,
+        },
+        camera: Camera { lens, view_filter, sensor, ..Camera::default() },
+        exposure,
+    };
+    let record = FileRecord {
+        title: file.title.clone(),
+        description: file.description.clone(),
+        output_folder: None,
+        warnings,
+        inputs: std::mem::take(&mut context.inputs),
+        base_files: document.base_files.clone(),
+        resolved_toml,
+        sha256,
+    };
+    Ok(ResolvedSample { sample, compatibility: file.compatibility, record })
+}
+
+fn irradiance(context: &mut Context<'_>, light: &SampleLight, grid: &WavelengthGrid) -> Resolved<Curve> {
+    let role = match light.strength {
+        SampleStrength::Measured { .. } => Role::Absolute,
+        SampleStrength::Irradiance { .. } => Role::Light,
+    };
+    let mut curve = context.spectrum(&steps!["light", "spectrum"], &light.spectrum, role, 0.0, grid)?;
+    let angle_deg = light.filter_angle_deg;
+    context.within(&steps!["light", "filter_angle_deg"], angle_deg, [0.0, 60.0], "degrees")?;
+    for (index, filter) in light.filters.iter().enumerate() {
+        let at = steps!["light", "filters", index];
+        curve = curve.times(&context.spectrum(&at, filter, Role::Filter, angle_deg, grid)?);
+    }
+    let total = curve.integral(MIN_WAVELENGTH_NM, MAX_WAVELENGTH_NM);
+    if total <= 0.0 {
+        return context.fail(&steps!["light"], "no light reaches the sample; check spectrum and filters");
+    }
+    match light.strength {
+        SampleStrength::Irradiance { irradiance_w_per_m2: value } => {
+            let at = steps!["light", "strength", "irradiance_w_per_m2"];
+            Ok(curve.scaled(context.within(&at, value, STRENGTH, "W/m²")? / total))
+        }
+        SampleStrength::Measured { measured: MeasuredLight::Irradiance } => Ok(curve),
+        SampleStrength::Measured { measured: MeasuredLight::WhiteRadiance } => {
+            Ok(curve.scaled(std::f64::consts::PI))
+        }
+    }
+}
+
+/// A scene that holds nothing but the sample and its light, for the checks that scenes have.
+fn as_scene(
+    grid: &WavelengthGrid,
+    irradiance: &Curve,
+    reflectance: &Curve,
+    fluorophores: &[Fluorophore],
+    concentrations: &[f64],
+) -> Option<Scene> {
+    let mut material = Material::lambertian("sample", reflectance.clone());
+    let held = fluorophores.iter().zip(concentrations).filter(|(_, amount)| **amount > 0.0);
+    let (fluorophores, amounts): (Vec<_>, Vec<_>) = held.map(|(f, amount)| (f.clone(), *amount)).unzip();
+    material.fluorophores = amounts
+        .into_iter()
+        .enumerate()
+        .map(|(fluorophore, amount)| FluorophoreAmount {
+            fluorophore,
+            concentration: ScalarTexture::Constant(amount as f32),
+        })
+        .collect();
+    let mesh = TriangleMesh {
+        positions: vec![Vec3::ZERO, Vec3::X, Vec3::Y],
+        triangles: vec![[0, 1, 2]],
+        ..TriangleMesh::default()
+    };
+    let camera = PerspectiveCamera::look_at(Vec3::Z, Vec3::ZERO, Vec3::Y, 40.0, 1, 1)?;
+    Some(Scene {
+        grid: grid.clone(),
+        objects: vec![Object {
+            name: "sample".into(),
+            shape: Shape::Mesh(Arc::new(mesh)),
+            material: 0,
+            emission: None,
+        }],
+        materials: vec![material],
+        fluorophores,
+        light_groups: vec![LightGroup { name: "light".into() }],
+        lights: vec![Light {
+            name: "light".into(),
+            group: 0,
+            spectrum: irradiance.clone(),
+            emitter: DistantEmitter { direction: Vec3::NEG_Z }.into(),
+        }],
+        camera,
+    })
+}
+
+fn write_out(context: &Context<'_>, file: &SampleFile) -> Resolved<(String, String)> {
+    let mut complete = file.clone();
+    if let Some(sensor) = &mut complete.sensor {
+        sensor.model = device::filled(&sensor.model);
+    }
+    let failed =
+        |error: toml::ser::Error| context.error(&[], format!("the sample can't be written out: {error}"));
+    let text = toml::to_string(&complete).map_err(failed)?;
+    complete.title.clear();
+    complete.description.clear();
+    let digest = context.digest(&complete).map_err(failed)?;
+    Ok((text, digest))
+}

@@ -1,0 +1,173 @@
+//! Exposures, analysis and output.
+
+use std::borrow::Cow;
+use std::collections::BTreeMap;
+use std::fmt;
+
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
+use serde::de::{Error, Visitor};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+use super::SpectrumReference;
+use fluorspar::sensor::AutoExposure;
+
+/// Name of the porphyrin in the catalogue.
+pub const DEFAULT_PORPHYRIN: &str = "protoporphyrin_ix";
+
+/// Exposure time: milliseconds, or chosen by the camera.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum ExposureTime {
+    /// Milliseconds.
+    Milliseconds(f64),
+    /// So that the brightest part of the image is just below saturation.
+    Auto,
+}
+
+impl Serialize for ExposureTime {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match self {
+            Self::Milliseconds(value) => serializer.serialize_f64(*value),
+            Self::Auto => serializer.serialize_str("auto"),
+        }
+    }
+}
+
+struct ExposureVisitor;
+
+impl Visitor<'_> for ExposureVisitor {
+    type Value = ExposureTime;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("a number of milliseconds or \"auto\"")
+    }
+
+    fn visit_f64<E: Error>(self, value: f64) -> Result<Self::Value, E> {
+        Ok(ExposureTime::Milliseconds(value))
+    }
+
+    fn visit_i64<E: Error>(self, value: i64) -> Result<Self::Value, E> {
+        Ok(ExposureTime::Milliseconds(value as f64))
+    }
+
+    fn visit_str<E: Error>(self, text: &str) -> Result<Self::Value, E> {
+        match text {
+            "auto" => Ok(ExposureTime::Auto),
+            _ => Err(E::invalid_value(serde::de::Unexpected::Str(text), &self)),
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for ExposureTime {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_any(ExposureVisitor)
+    }
+}
+
+impl JsonSchema for ExposureTime {
+    fn schema_name() -> Cow<'static, str> {
+        "ExposureTime".into()
+    }
+
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        json_schema!({
+            "description": "A number of milliseconds, or \"auto\".",
+            "anyOf": [{ "type": "number", "exclusiveMinimum": 0 }, { "const": "auto" }]
+        })
+    }
+}
+
+/// One exposure of the sensor.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CaptureSection {
+    /// Name, unique among the captures: letters, digits, `_`, `-`, `+`, `.` and spaces between them; files carry it.
+    pub name: String,
+    /// Light groups that are on, with their drive relative to the stated power, 0 or more. Default: all dark.
+    #[serde(default)]
+    #[schemars(extend("x-merge" = "replace"))]
+    pub light_groups: BTreeMap<String, f64>,
+    /// Exposure time in milliseconds, 1e-6 to 3 600 000, or "auto". Default "auto".
+    #[serde(default = "auto")]
+    pub exposure_ms: ExposureTime,
+    /// What "auto" aims at. Default: the 99th percentile of the pixels at 80 % of saturation, 0.01 to 1000 ms.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub auto_exposure: Option<AutoExposure>,
+    /// Analog gain, 0.01 to 1000. Default 1.
+    #[serde(default = "unity")]
+    pub gain: f64,
+    /// Filters in front of the sensor in this capture only, multiplied: a place of a filter wheel. Default: none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub filters: Vec<SpectrumReference>,
+    /// Name of an earlier capture whose image is subtracted, scaled by exposure time: ambient light. Default: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub subtract: Option<String>,
+    /// Further exposures of the same view and gain, in stops (factors of two in time) from the exposure time, -16 to 16; all
+    /// of them are merged to one frame of higher dynamic range, weighted by their noise. At most 31. Default: none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub bracket_ev: Vec<f64>,
+    /// How long the lights are on, ms, 1e-6 to 3 600 000: what the safety assessment counts. Default: the sum of the
+    /// exposure times.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub light_on_ms: Option<f64>,
+}
+
+fn auto() -> ExposureTime {
+    ExposureTime::Auto
+}
+
+fn unity() -> f64 {
+    1.0
+}
+
+/// What is computed from the captures.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct AnalysisSection {
+    /// Capture that is analyzed.
+    pub frame: String,
+    /// Parts of the scene, by object name, that form the region of interest. Default: all.
+    #[serde(default)]
+    pub parts: Vec<String>,
+    /// Only pixels of this rectangle of the sensor: column, row, width, height.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rectangle_px: Option<[u32; 4]>,
+    /// Fluorophore whose share is estimated. Default "protoporphyrin_ix".
+    #[serde(default = "porphyrin")]
+    pub porphyrin: String,
+    /// Fluorophores that form the bulk of the tissue: the name of a material, whose fluorophores count without the
+    /// porphyrin (where a concentration is a map, with its mean over the region), or a table of concentrations. Default: the
+    /// material of the first part.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bulk: Option<BulkReference>,
+    /// Pixels whose R + G + B is below this many standard deviations of its noise have no chromaticity, 0 to 1000.
+    /// Default 5.
+    #[serde(default = "noise_threshold")]
+    pub noise_threshold: f64,
+}
+
+/// The name of a material, or a table of concentrations.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub enum BulkReference {
+    /// A material.
+    Material(String),
+    /// Concentrations by fluorophore.
+    Concentrations(BTreeMap<String, f64>),
+}
+
+fn porphyrin() -> String {
+    DEFAULT_PORPHYRIN.into()
+}
+
+fn noise_threshold() -> f64 {
+    5.0
+}
+
+/// Where results go.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct OutputSection {
+    /// Folder for the results, relative to where the program runs. Default: chosen by the program.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub folder: Option<String>,
+}

@@ -1,0 +1,292 @@
+//! Camera, lens, viewing filter and sensor.
+
+use std::borrow::Cow;
+use std::fmt;
+
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
+use serde::de::{Error, Visitor};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+use super::{EfficiencyReference, NameOrLens, SpectrumReference};
+use fluorspar::optics::Vignetting;
+use fluorspar::sensor::SensorModel;
+
+/// Horizontal field of view: degrees, or what lens and sensor see.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum FieldOfView {
+    /// The field of view of the sensor behind the lens.
+    #[default]
+    FromLens,
+    /// Degrees.
+    Degrees(f64),
+}
+
+impl Serialize for FieldOfView {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match self {
+            Self::Degrees(value) => serializer.serialize_f64(*value),
+            Self::FromLens => serializer.serialize_str("from_lens"),
+        }
+    }
+}
+
+struct FieldVisitor;
+
+impl Visitor<'_> for FieldVisitor {
+    type Value = FieldOfView;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("a number of degrees or \"from_lens\"")
+    }
+
+    fn visit_f64<E: Error>(self, value: f64) -> Result<Self::Value, E> {
+        Ok(FieldOfView::Degrees(value))
+    }
+
+    fn visit_i64<E: Error>(self, value: i64) -> Result<Self::Value, E> {
+        Ok(FieldOfView::Degrees(value as f64))
+    }
+
+    fn visit_str<E: Error>(self, text: &str) -> Result<Self::Value, E> {
+        match text {
+            "from_lens" => Ok(FieldOfView::FromLens),
+            _ => Err(E::invalid_value(serde::de::Unexpected::Str(text), &self)),
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for FieldOfView {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_any(FieldVisitor)
+    }
+}
+
+impl JsonSchema for FieldOfView {
+    fn schema_name() -> Cow<'static, str> {
+        "FieldOfView".into()
+    }
+
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        json_schema!({
+            "description": "A number of degrees, or \"from_lens\".",
+            "anyOf": [
+                { "type": "number", "exclusiveMinimum": 0, "exclusiveMaximum": 179 },
+                { "const": "from_lens" }
+            ]
+        })
+    }
+}
+
+/// Where the radiance image is rendered from.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct CameraSection {
+    /// Position of the entrance pupil, mm. Default [0, 0, 100].
+    pub position_mm: [f64; 3],
+    /// Point in the middle of the image, mm. Default [0, 0, 0].
+    pub look_at_mm: [f64; 3],
+    /// Direction that is up in the image. Default [0, 1, 0].
+    pub up: [f64; 3],
+    /// Horizontal field of view, degrees, at least 1e-6 and below 179, or "from_lens": what `lens` and `sensor` see.
+    /// Default "from_lens".
+    pub horizontal_field_deg: FieldOfView,
+}
+
+impl Default for CameraSection {
+    fn default() -> Self {
+        Self {
+            position_mm: [0.0, 0.0, 100.0],
+            look_at_mm: [0.0; 3],
+            up: [0.0, 1.0, 0.0],
+            horizontal_field_deg: FieldOfView::FromLens,
+        }
+    }
+}
+
+/// How a traced lens makes its picture.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ImageFormation {
+    /// Every path of the render starts on the film and goes through the lens: depth of field, aberrations, vignetting.
+    #[default]
+    Rendered,
+    /// The render sees a pinhole; distortion, point spreads (diffraction included) and relative illumination of the
+    /// plane in focus are applied to its picture. The lens can be changed without a new render, within the field.
+    PointSpread,
+}
+
+/// The types of lenses, each with its fields.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(tag = "type", rename_all = "snake_case")]
+#[schemars(extend("x-default" = "ideal"))]
+pub enum LensSection {
+    /// Without aberrations. The type of a lens that names none.
+    Ideal(IdealLensSection),
+    /// Surfaces and glasses, traced.
+    Traced(TracedLensSection),
+}
+
+/// A lens without aberrations: `E = pi L T / (1 + 4 N² (1 + |m|)²)`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct IdealLensSection {
+    /// Focal length, mm, above 0. Default 3.
+    pub focal_length_mm: f64,
+    /// Focal length over the diameter of the axial beam, 0.5 to 1000. Default 4.
+    pub f_number: f64,
+    /// Transmittance of the glass, without filters. Default 1.
+    pub transmittance: SpectrumReference,
+    /// How irradiance falls off away from the axis. Default "cos4".
+    pub vignetting: Vignetting,
+    /// Distance of the plane in focus from the camera's position, mm, beyond the focal length. Default: the distance from
+    /// camera to `look_at_mm`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub focus_distance_mm: Option<f64>,
+}
+
+impl Default for IdealLensSection {
+    fn default() -> Self {
+        Self {
+            focal_length_mm: 3.0,
+            f_number: 4.0,
+            transmittance: SpectrumReference::default(),
+            vignetting: Vignetting::default(),
+            focus_distance_mm: None,
+        }
+    }
+}
+
+/// A lens of surfaces and glasses, traced.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct TracedLensSection {
+    /// A lens of the catalogue, or the path of a lens file (.toml, .dat of pbrt, .json of ISET, .zmx of Zemax).
+    pub prescription: NameOrLens,
+    /// Focal length, mm, above 0, to which the lens is scaled. Default: that of the prescription.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub focal_length_mm: Option<f64>,
+    /// Focal length over the diameter of the axial beam, 0.5 to 1000. Default: wide open.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub f_number: Option<f64>,
+    /// Transmittance of the glass, without filters. Default 1.
+    #[serde(default)]
+    pub transmittance: SpectrumReference,
+    /// Distance of the plane in focus from the camera's position, mm, beyond the focal length. Default: the distance from
+    /// camera to `look_at_mm`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub focus_distance_mm: Option<f64>,
+    /// Shift of the film from the paraxial focus, away from the lens, mm. Default 0.
+    #[serde(default)]
+    pub film_shift_mm: f64,
+    /// How it makes its picture. Default "rendered".
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub image_formation: Option<ImageFormation>,
+    /// Groups of bands that are traced apart, 1 to 64, to see dispersion; a render takes as many times as long. Default 1:
+    /// all bands at the design wavelength.
+    #[serde(default = "one_group")]
+    pub band_groups: u32,
+}
+
+fn one_group() -> u32 {
+    1
+}
+
+impl LensSection {
+    /// Distance of the plane in focus, mm.
+    pub(crate) fn focus_distance_mm(&mut self) -> &mut Option<f64> {
+        match self {
+            Self::Ideal(lens) => &mut lens.focus_distance_mm,
+            Self::Traced(lens) => &mut lens.focus_distance_mm,
+        }
+    }
+
+    /// How a traced lens makes its picture.
+    pub(crate) fn image_formation(&self) -> Option<ImageFormation> {
+        match self {
+            Self::Ideal(_) => None,
+            Self::Traced(lens) => lens.image_formation,
+        }
+    }
+}
+
+/// Where the viewing filters stand.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum FilterPosition {
+    /// In front of the lens: light passes at the angle of the field.
+    #[default]
+    Front,
+    /// Between lens and film: light passes in the cone of the f-number about the chief ray.
+    Rear,
+}
+
+/// At which angles light passes the viewing filters.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum FilterAngles {
+    /// All light at `angle_deg`.
+    #[default]
+    Fixed,
+    /// At the angles of the rays that the lens takes to each point of the film, averaged.
+    Lens,
+}
+
+/// Fluorescence of the viewing filter itself.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct AutofluorescenceSection {
+    /// Photons emitted per photon that the filters stop, 0 to 1.
+    pub photon_yield: f64,
+    /// Emission spectrum, photons per nm, any scale.
+    pub spectrum: SpectrumReference,
+}
+
+/// Filters in front of the lens, or behind it.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct ViewFilterSection {
+    /// Transmittances that are multiplied. Default: none.
+    pub filters: Vec<SpectrumReference>,
+    /// Angle at which light passes them, degrees, 0 to 60; interference filters pass shorter wavelengths there.
+    /// Default 0.
+    pub angle_deg: f64,
+    /// At which angles light passes them. Default "fixed".
+    #[serde(skip_serializing_if = "is_default")]
+    pub angles: FilterAngles,
+    /// Where they stand; matters for `angles = "lens"` only. Default "front".
+    #[serde(skip_serializing_if = "is_default")]
+    pub position: FilterPosition,
+    /// Effective refractive index, 1 to 4, of those filters that have none of their own (CSV files and equations). Default:
+    /// they do not move with the angle.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub effective_index: Option<f64>,
+    /// Fluorescence of the filters themselves. Default: none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub autofluorescence: Option<AutofluorescenceSection>,
+}
+
+fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
+}
+
+/// Sensor: a preset of the catalogue and fields that override it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(extend("x-identity" = "preset"))]
+pub struct SensorSection {
+    /// Sensor of the catalogue whose fields hold where this section gives none. On a base or by an override, another
+    /// preset than before takes the place of the whole section: size, quantum efficiency and all. Default: Table 1 of
+    /// Lyu et al. 2021.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub preset: Option<String>,
+    /// Quantum efficiency: a name of the catalogue, the path of a CSV file with one column per channel of the mosaic, or
+    /// a table of spectra by channel. Default "consumer_rgb_cmos".
+    #[serde(default)]
+    pub quantum_efficiency: EfficiencyReference,
+    /// Filters on the sensor, for instance an infrared cut. Default: none.
+    #[serde(default)]
+    pub filters: Vec<SpectrumReference>,
+    /// Geometry, electronics and noise.
+    #[serde(flatten)]
+    pub model: SensorModel,
+}

@@ -1,0 +1,292 @@
+//! Fluorophores and materials.
+
+use std::collections::BTreeMap;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::{FilePath, ReflectanceReference, SpectrumReference, TextureReference};
+use fluorspar::spectral::Stokes;
+
+/// What the values of a measured matrix or emission spectrum count.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum YieldUnit {
+    /// Photons out per photon in.
+    Photons,
+    /// Energy out per energy in.
+    Energy,
+}
+
+/// A fluorophore.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct FluorophoreSection {
+    /// Name by which materials refer to it.
+    pub name: String,
+    /// Name for people. Default: that of the source.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub title: Option<String>,
+    /// Where its spectra come from.
+    pub source: FluorophoreSource,
+    /// Photons out per photon in at the best excitation, at concentration 1, before the Stokes mask; above 0, at
+    /// most 1. Default: that of the catalogue; needed for files.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub photon_yield: Option<f64>,
+    /// Whether emission below the excitation wavelength is masked. Default: as in the catalogue, otherwise "mask".
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stokes: Option<Stokes>,
+}
+
+/// A name of the catalogue, or a table with `eem_csv`, `csv`, `mat`, or `excitation_csv` and `emission_csv`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub enum FluorophoreSource {
+    /// A name of the catalogue.
+    Catalogue(String),
+    /// A matrix.
+    Matrix(MatrixSource),
+    /// Excitation and emission in one table.
+    Table(TableSource),
+    /// A file of isetfluorescence.
+    Mat(MatSource),
+    /// Excitation and emission in tables of their own.
+    Spectra(SpectraSource),
+}
+
+impl FluorophoreSource {
+    /// The files that it names.
+    pub fn files_mut(&mut self) -> Vec<&mut FilePath> {
+        match self {
+            Self::Catalogue(_) => Vec::new(),
+            Self::Matrix(source) => vec![&mut source.eem_csv],
+            Self::Table(source) => vec![&mut source.csv],
+            Self::Mat(source) => vec![&mut source.mat],
+            Self::Spectra(source) => vec![&mut source.excitation_csv, &mut source.emission_csv],
+        }
+    }
+}
+
+/// A matrix.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct MatrixSource {
+    /// Path of a matrix: rows emission, columns excitation, corner cell `em_nm\ex_nm`.
+    pub eem_csv: FilePath,
+    /// What its values count; needed where the file does not say so. "energy" is energy out per energy in, and becomes
+    /// photons by the factor emission over excitation wavelength.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub unit: Option<YieldUnit>,
+}
+
+/// Excitation and emission in one table.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct TableSource {
+    /// Path of a table with the columns `wavelength_nm`, `excitation`, `emission`.
+    pub csv: FilePath,
+    /// What the values count, emission and excitation alike. Default "photons".
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub unit: Option<YieldUnit>,
+}
+
+/// A file of isetfluorescence.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct MatSource {
+    /// Path of a MATLAB file of isetfluorescence.
+    pub mat: FilePath,
+    /// What the values count. Default "photons".
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub unit: Option<YieldUnit>,
+}
+
+/// Excitation and emission in tables of their own.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SpectraSource {
+    /// Path of a table whose first column of values is the excitation spectrum.
+    pub excitation_csv: FilePath,
+    /// Path of a table whose first column of values is the emission spectrum.
+    pub emission_csv: FilePath,
+    /// What the values count, emission and excitation alike. Default "photons".
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub unit: Option<YieldUnit>,
+}
+
+/// Clear rough layer on a surface: saliva, enamel gloss.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct GlossSection {
+    /// Refractive index against air, 1 to 3. Default 1.4 (wet mucosa, assumed).
+    #[serde(default = "mucosa_index")]
+    pub refractive_index: f64,
+    /// GGX roughness, 0.01 (mirror-like) to 1. Default 0.2 (assumed).
+    #[serde(default = "mucosa_roughness")]
+    pub roughness: TextureReference,
+}
+
+fn mucosa_index() -> f64 {
+    1.4
+}
+
+fn mucosa_roughness() -> TextureReference {
+    TextureReference::Constant(0.2)
+}
+
+/// The types of materials, each with its fields.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(tag = "type", rename_all = "snake_case")]
+#[schemars(extend("x-default" = "diffuse"))]
+pub enum ScatteringSection {
+    /// Diffuse, with or without gloss. The type of a material that names none.
+    Diffuse(DiffuseSection),
+    /// A dielectric: a body that refracts, such as glass, water, plastic.
+    Dielectric(DielectricSection),
+    /// A metal.
+    Conductor(ConductorSection),
+    /// Two materials side by side, finer than a pixel.
+    Mix(MixSection),
+    /// One material on either side of a surface.
+    TwoSided(TwoSidedSection),
+}
+
+/// A diffuse surface, with or without a clear layer on top.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct DiffuseSection {
+    /// Diffuse reflectance.
+    pub reflectance: ReflectanceReference,
+    /// Clear layer on top. Default: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gloss: Option<GlossSection>,
+    /// Concentration of each fluorophore, relative to the unit of the catalogue, 0 or more. On a base, fluorophores that
+    /// are not named here keep their concentration; give 0 to leave one out. Default: none.
+    #[serde(default)]
+    pub concentrations: BTreeMap<String, TextureReference>,
+}
+
+/// A dielectric: a body that refracts, such as glass, water, plastic. The side of the geometric normal is air.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct DielectricSection {
+    /// Refractive index against air, above 1 to 3; the same for all wavelengths.
+    pub refractive_index: f64,
+    /// GGX roughness, 0 to 1; below 0.01 the surface is smooth. Default 0.
+    #[serde(default = "smooth")]
+    pub roughness: TextureReference,
+    /// Share of light that crosses the surface without being absorbed there, a spectrum from 0 to 1. Default 1.
+    #[serde(default)]
+    pub transmittance: SpectrumReference,
+    /// Concentration of each fluorophore, relative to the unit of the catalogue, 0 or more. On a base, fluorophores that
+    /// are not named here keep their concentration; give 0 to leave one out. Default: none.
+    #[serde(default)]
+    pub concentrations: BTreeMap<String, TextureReference>,
+}
+
+/// A metal.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ConductorSection {
+    /// Refractive index.
+    pub metal: MetalReference,
+    /// GGX roughness, 0 to 1; below 0.01 the surface is a mirror. Default 0.2 (brushed).
+    #[serde(default = "mucosa_roughness")]
+    pub roughness: TextureReference,
+    /// Concentration of each fluorophore, relative to the unit of the catalogue, 0 or more. On a base, fluorophores that
+    /// are not named here keep their concentration; give 0 to leave one out. Default: none.
+    #[serde(default)]
+    pub concentrations: BTreeMap<String, TextureReference>,
+}
+
+/// A metal of the catalogue, or a table of `n` and `k`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub enum MetalReference {
+    /// A name of the catalogue.
+    Name(String),
+    /// Its complex refractive index.
+    Index(MetalIndex),
+}
+
+/// Complex refractive index of a metal, `n + ik`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct MetalIndex {
+    /// Real part of the refractive index: a number, a table or a CSV file.
+    pub n: SpectrumReference,
+    /// Extinction coefficient: a number, a table or a CSV file.
+    pub k: SpectrumReference,
+}
+
+/// Two materials side by side, finer than a pixel.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct MixSection {
+    /// Name of the first material.
+    pub first: String,
+    /// Name of the second material.
+    pub second: String,
+    /// Share of the second one, 0 to 1.
+    pub amount: TextureReference,
+}
+
+/// One material on either side of a surface.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct TwoSidedSection {
+    /// Name of the material on the side of the geometric normal.
+    pub front: String,
+    /// Name of the material on the other side.
+    pub back: String,
+}
+
+/// Directions of the normal over the surface, from a picture.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct NormalMapSection {
+    /// Path of an RGB PNG image in tangent space: x along u is red, y along v green, outward blue, each
+    /// `2 value - 1`.
+    pub image: FilePath,
+    /// Factor on the slopes, 0 to 10. Default 1.
+    #[serde(default = "as_stored")]
+    pub strength: f64,
+}
+
+fn smooth() -> TextureReference {
+    TextureReference::Constant(0.0)
+}
+
+fn as_stored() -> f64 {
+    1.0
+}
+
+/// A material.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[schemars(deny_unknown_fields)]
+pub struct MaterialSection {
+    /// Name by which objects refer to it.
+    pub name: String,
+    /// Opacity (alpha mask), 0 to 1; 0 is a hole. That of a mixture multiplies those of its parts. Default 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub opacity: Option<TextureReference>,
+    /// Directions of the normal over the surface. That of a mixture holds for parts without one. Default: those of the
+    /// shape.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub normal_map: Option<NormalMapSection>,
+    /// How it sends light on.
+    #[serde(flatten)]
+    pub scattering: ScatteringSection,
+}
+
+impl MaterialSection {
+    /// Concentrations of its fluorophores; a mixture has none of its own.
+    pub(crate) fn concentrations(&self) -> Option<&BTreeMap<String, TextureReference>> {
+        match &self.scattering {
+            ScatteringSection::Diffuse(section) => Some(&section.concentrations),
+            ScatteringSection::Dielectric(section) => Some(&section.concentrations),
+            ScatteringSection::Conductor(section) => Some(&section.concentrations),
+            ScatteringSection::Mix(_) | ScatteringSection::TwoSided(_) => None,
+        }
+    }
+}

@@ -1,0 +1,156 @@
+//! Paths in a file, and texts that are a name of the catalogue or a path.
+
+use std::borrow::Cow;
+use std::fmt;
+use std::path::Path;
+
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
+use serde::{Deserialize, Serialize};
+
+use crate::preset::is_lens_file;
+
+/// Path of a file. In a file relative to the folder of the file in which it stands, in an override to the folder of the
+/// experiment file; absolute once it is read.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct FilePath(String);
+
+impl FilePath {
+    /// The path as text.
+    pub fn as_str(&self) -> &str {
+        &self.0
+    }
+
+    /// The ending of the name in small letters, for instance `png`.
+    pub fn extension(&self) -> Option<String> {
+        Path::new(&self.0).extension().map(|ending| ending.to_string_lossy().to_lowercase())
+    }
+}
+
+impl From<String> for FilePath {
+    fn from(path: String) -> Self {
+        Self(path)
+    }
+}
+
+impl AsRef<Path> for FilePath {
+    fn as_ref(&self) -> &Path {
+        Path::new(&self.0)
+    }
+}
+
+impl fmt::Display for FilePath {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+impl JsonSchema for FilePath {
+    fn schema_name() -> Cow<'static, str> {
+        "FilePath".into()
+    }
+
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        json_schema!({
+            "description": "Path of a file, relative to the file in which it stands.",
+            "type": "string",
+            "format": "path"
+        })
+    }
+}
+
+/// A text that is a name of the catalogue or the path of a table of spectra.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(from = "String", into = "String")]
+pub enum NameOrTable {
+    /// A name of the catalogue.
+    Name(String),
+    /// A path: with a slash, or the ending `.csv`, `.txt` or `.tsv`.
+    File(FilePath),
+}
+
+impl NameOrTable {
+    /// Whether a text is the path of a table rather than a name.
+    pub(crate) fn is_path(text: &str) -> bool {
+        let lower = text.to_lowercase();
+        text.contains(['/', '\\']) || [".csv", ".txt", ".tsv"].iter().any(|ending| lower.ends_with(ending))
+    }
+}
+
+impl From<String> for NameOrTable {
+    fn from(text: String) -> Self {
+        if Self::is_path(&text) { Self::File(FilePath(text)) } else { Self::Name(text) }
+    }
+}
+
+impl From<NameOrTable> for String {
+    fn from(reference: NameOrTable) -> Self {
+        match reference {
+            NameOrTable::Name(name) => name,
+            NameOrTable::File(FilePath(path)) => path,
+        }
+    }
+}
+
+impl JsonSchema for NameOrTable {
+    fn schema_name() -> Cow<'static, str> {
+        "NameOrTable".into()
+    }
+
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        json_schema!({
+            "description": "A name of the catalogue or the path of a CSV file.",
+            "type": "string",
+            "format": "name-or-table-path"
+        })
+    }
+}
+
+/// A text that is a lens of the catalogue or the path of a lens file.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(from = "String", into = "String")]
+pub enum NameOrLens {
+    /// A name of the catalogue.
+    Name(String),
+    /// A path: with a slash, or the ending of a lens file.
+    File(FilePath),
+}
+
+impl NameOrLens {
+    /// The name or the path.
+    pub fn as_str(&self) -> &str {
+        match self {
+            Self::Name(name) => name,
+            Self::File(path) => path.as_str(),
+        }
+    }
+}
+
+impl From<String> for NameOrLens {
+    fn from(text: String) -> Self {
+        if is_lens_file(&text) { Self::File(FilePath(text)) } else { Self::Name(text) }
+    }
+}
+
+impl From<NameOrLens> for String {
+    fn from(reference: NameOrLens) -> Self {
+        match reference {
+            NameOrLens::Name(name) => name,
+            NameOrLens::File(FilePath(path)) => path,
+        }
+    }
+}
+
+impl JsonSchema for NameOrLens {
+    fn schema_name() -> Cow<'static, str> {
+        "NameOrLens".into()
+    }
+
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        json_schema!({
+            "description": "A lens of the catalogue or the path of a lens file.",
+            "type": "string",
+            "format": "name-or-lens-path"
+        })
+    }
+}

@@ -1,0 +1,293 @@
+//! Spectra and textures as they are written in a file: a number, a name, a path or a table.
+
+use std::collections::BTreeMap;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::{FilePath, NameOrTable};
+use fluorspar::anatomy::{SurfaceMap, Tissue};
+use fluorspar::spectral::CurveModel;
+
+/// A spectrum: a number, a name of the catalogue, the path of a CSV file, a table with `csv` (one column of a file), or
+/// an equation such as { type = "led", ... }.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+#[schemars(extend("x-merge" = "replace"))]
+pub enum SpectrumReference {
+    /// The same value at every wavelength.
+    Constant(f64),
+    /// A name of the catalogue, or the path of a CSV file (with a slash or the ending `.csv`) whose first column of
+    /// values is used.
+    Text(NameOrTable),
+    /// One column of a CSV file.
+    Table(SpectrumTable),
+    /// An equation, as in the files of the catalogue: `{ type = "led", peak_nm = 385.0, ... }`.
+    Model(CurveModel),
+}
+
+impl SpectrumReference {
+    /// A name of the catalogue.
+    pub(crate) fn named(name: &str) -> Self {
+        Self::Text(NameOrTable::Name(name.into()))
+    }
+
+    /// The name of the catalogue, if it is one.
+    pub(crate) fn catalogue_name(&self) -> Option<&str> {
+        match self {
+            Self::Text(NameOrTable::Name(name)) => Some(name),
+            _ => None,
+        }
+    }
+}
+
+impl Default for SpectrumReference {
+    fn default() -> Self {
+        Self::Constant(1.0)
+    }
+}
+
+/// One column of a CSV file with wavelengths in nm in its first column.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SpectrumTable {
+    /// Path of the file.
+    pub csv: FilePath,
+    /// Header of the column. Default: the only or first one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub column: Option<String>,
+    /// Factor on the values, for instance 0.01 for percent. Default 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scale: Option<f64>,
+}
+
+/// A reflectance: a number from 0 to 1, a name of the catalogue, the path of a CSV file, a table that describes a
+/// spectrum, or a list of { spectrum, weight }.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+#[schemars(extend("x-merge" = "replace"))]
+pub enum ReflectanceReference {
+    /// One spectrum.
+    Spectrum(SpectrumReference),
+    /// A weighted sum.
+    Sum(Vec<ReflectanceTermSection>),
+}
+
+/// One term of a reflectance.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ReflectanceTermSection {
+    /// Reflectance spectrum, 0 to 1.
+    pub spectrum: SpectrumReference,
+    /// Factor over the surface. Default 1.
+    #[serde(default = "one")]
+    pub weight: TextureReference,
+}
+
+fn one() -> TextureReference {
+    TextureReference::Constant(1.0)
+}
+
+/// A number, or a map such as { image = "x.png" }, { checker = [8, 8] } or { noise = [5, 5] }.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+#[schemars(extend("x-merge" = "replace"))]
+pub enum TextureReference {
+    /// The same everywhere.
+    Constant(f64),
+    /// A map over texture coordinates.
+    Map(Box<TextureTable>),
+}
+
+/// A map over texture coordinates.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub enum TextureTable {
+    /// A picture.
+    Image(ImageMap),
+    /// A checkerboard.
+    Checker(CheckerMap),
+    /// Smooth noise.
+    Noise(NoiseMap),
+    /// Porphyrin on the back of the tongue.
+    DorsalTongue(TongueMap),
+    /// A map of the mouth's anatomy.
+    Anatomy(AnatomyMap),
+}
+
+/// A gray picture.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ImageMap {
+    /// Path of a gray PNG image: black is `low`, white is `high`.
+    pub image: FilePath,
+    /// Whether the image is stored with the sRGB curve; otherwise its numbers are linear. Default false.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub srgb: bool,
+    /// Lowest value of the map. Default 0.
+    #[serde(default)]
+    pub low: f64,
+    /// Highest value of the map. Default 1.
+    #[serde(default = "unity")]
+    pub high: f64,
+    /// Another map by which this one is multiplied.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub times: Option<TextureReference>,
+}
+
+/// A checkerboard.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CheckerMap {
+    /// Fields along u and v, 1 to 10 000.
+    pub checker: [u32; 2],
+    /// Value of the first field. Default 0.
+    #[serde(default)]
+    pub low: f64,
+    /// Value of the field next to it. Default 1.
+    #[serde(default = "unity")]
+    pub high: f64,
+    /// Another map by which this one is multiplied.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub times: Option<TextureReference>,
+}
+
+/// Smooth noise.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct NoiseMap {
+    /// Cells along u and v, 0.1 to 10 000.
+    pub noise: [f64; 2],
+    /// Which noise. Default 1.
+    #[serde(default = "seed")]
+    pub seed: u32,
+    /// Lowest value of the map. Default 0.
+    #[serde(default)]
+    pub low: f64,
+    /// Highest value of the map. Default 1.
+    #[serde(default = "unity")]
+    pub high: f64,
+    /// Another map by which this one is multiplied.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub times: Option<TextureReference>,
+}
+
+/// Porphyrin on the back of the tongue: most along the midline and far back, none at the tip and the sides.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct TongueMap {
+    /// Where the porphyrin lies.
+    pub dorsal_tongue: DorsalTongueMap,
+    /// Another map by which this one is multiplied.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub times: Option<TextureReference>,
+}
+
+/// A map of the mouth's anatomy, on the texture coordinates of its parts. Needs a `[mouth]`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct AnatomyMap {
+    /// Which map: `redness` (vessels, margins), `fungiform` (papillae of the dorsal tongue), `pallor` (keratin, coating),
+    /// `porphyrin` (dorsal tongue), `plaque` and `dentine` (teeth), `dryness` (film of saliva).
+    pub anatomy: SurfaceMap,
+    /// Tissue whose map it is. Default: the tissue that uses the material.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tissue: Option<Tissue>,
+    /// Seed of the map. Default: that of the mouth.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub seed: Option<u32>,
+    /// Lowest value of the map. Default 0.
+    #[serde(default)]
+    pub low: f64,
+    /// Highest value of the map. Default 1.
+    #[serde(default = "unity")]
+    pub high: f64,
+    /// Another map by which this one is multiplied.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub times: Option<TextureReference>,
+}
+
+impl TextureTable {
+    /// The map by which this one is multiplied.
+    pub(crate) fn times(&self) -> Option<&TextureReference> {
+        match self {
+            Self::Image(map) => map.times.as_ref(),
+            Self::Checker(map) => map.times.as_ref(),
+            Self::Noise(map) => map.times.as_ref(),
+            Self::DorsalTongue(map) => map.times.as_ref(),
+            Self::Anatomy(map) => map.times.as_ref(),
+        }
+    }
+
+    /// Lowest and highest value, of maps that have them as fields.
+    pub(crate) fn range(&self) -> Option<[f64; 2]> {
+        match self {
+            Self::Image(ImageMap { low, high, .. })
+            | Self::Checker(CheckerMap { low, high, .. })
+            | Self::Noise(NoiseMap { low, high, .. })
+            | Self::Anatomy(AnatomyMap { low, high, .. }) => Some([*low, *high]),
+            Self::DorsalTongue(_) => None,
+        }
+    }
+}
+
+fn unity() -> f64 {
+    1.0
+}
+
+fn is_false(value: &bool) -> bool {
+    !value
+}
+
+/// Where porphyrin lies on the back of a tongue.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct DorsalTongueMap {
+    /// Largest concentration, in the unit of the catalogue; 0.5 to 0.7 is a strong patch.
+    pub peak: f64,
+    /// Standard deviation across the tongue, as a fraction of its width, 0.01 to 10. Default 0.3 (assumed).
+    #[serde(default = "sigma")]
+    pub sigma: f64,
+    /// Fraction of the length from the tip at which the map reaches its full height, 0.01 to 1. Default 0.6.
+    #[serde(default = "full_at")]
+    pub full_at: f64,
+    /// 0 = smooth, 1 = broken into patches. Default 0.6 (assumed).
+    #[serde(default = "patchiness")]
+    pub patchiness: f64,
+    /// Which patches. Default 1.
+    #[serde(default = "seed")]
+    pub seed: u32,
+}
+
+fn sigma() -> f64 {
+    0.3
+}
+
+fn full_at() -> f64 {
+    0.6
+}
+
+fn patchiness() -> f64 {
+    0.6
+}
+
+fn seed() -> u32 {
+    1
+}
+
+/// A name of the catalogue, the path of a CSV file with one column per channel, or a table with one spectrum per channel.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+#[schemars(extend("x-merge" = "replace"))]
+pub enum EfficiencyReference {
+    /// A name of the catalogue, or the path of a CSV file with one column per channel.
+    Text(NameOrTable),
+    /// A number, an equation or a column of a CSV file by channel, in electrons per photon.
+    Channels(BTreeMap<String, SpectrumReference>),
+}
+
+impl Default for EfficiencyReference {
+    fn default() -> Self {
+        Self::Text(NameOrTable::Name("consumer_rgb_cmos".into()))
+    }
+}

@@ -1,0 +1,110 @@
+//! Files that describe a sensor and nothing else, in the form of the catalogue's.
+
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::document::{Content, Node};
+use super::error::{ExperimentError, steps};
+use super::read::{experiment_schema, read_document, typed};
+use super::resolve::context::Context;
+use super::resolve::device;
+use super::sample::sample_schema;
+use super::schema::{FormatVersion, SensorSection};
+use super::shape::Schema;
+use fluorspar::sensor::Sensor;
+use fluorspar::spectral::WavelengthGrid;
+
+/// A sensor file: the `[sensor]` section of an experiment, with a title and sources for people.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SensorFile {
+    /// Version of the form of this file: 1.
+    pub format: FormatVersion,
+    /// Short name. Default: empty.
+    #[serde(default)]
+    pub name: String,
+    /// Name for people. Default: empty.
+    #[serde(default)]
+    pub title: String,
+    /// What it is and what to know before use. Default: empty.
+    #[serde(default)]
+    pub description: String,
+    /// Where the numbers come from. Default: empty.
+    #[serde(default)]
+    pub source: String,
+    /// Fields that are assumed rather than measured. Default: none.
+    #[serde(default)]
+    pub assumed: Vec<String>,
+    /// The sensor.
+    pub sensor: SensorSection,
+}
+
+/// A sensor read from a file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ResolvedSensor {
+    /// Name for people; may be empty.
+    pub title: String,
+    /// The sensor.
+    pub sensor: Sensor,
+    /// What a user should know.
+    pub warnings: Vec<String>,
+    /// The complete `[sensor]` section as a file.
+    pub resolved_toml: String,
+    /// Files that it was read from beside the text itself: bases and spectra.
+    pub inputs: Vec<PathBuf>,
+}
+
+/// The shapes of a sensor file.
+fn sensor_schema() -> &'static Schema {
+    static SCHEMA: OnceLock<Schema> = OnceLock::new();
+    SCHEMA.get_or_init(Schema::of::<SensorFile>)
+}
+
+/// Reads the sensor of a sensor file, an experiment or a flat sample. Overrides and paths are as for an experiment;
+/// spectra are looked at on the default wavelengths.
+///
+/// # Errors
+/// The first defect found.
+pub fn parse_sensor(
+    text: &str,
+    source_name: &str,
+    base_dir: &Path,
+    overrides: &[String],
+) -> Result<ResolvedSensor, ExperimentError> {
+    let mut document = read_document(experiment_schema(), text, source_name, base_dir, overrides)?;
+    if document.root.get("sensor").is_none() {
+        return Err(
+            document.error(&[], "there is no [sensor] section; add one, if only with preset = \"NAME\"")
+        );
+    }
+    if let Content::Table(entries) = &mut document.root.content {
+        // Of an experiment or a sample only the sensor is read.
+        let has = |schema: &Schema, key: &str| {
+            schema.table(schema.root()).is_some_and(|table| table.field(None, key).is_some())
+        };
+        let others = [experiment_schema(), sample_schema()];
+        entries.retain(|(key, _): &(String, Node)| {
+            has(sensor_schema(), key) || !others.iter().any(|schema| has(schema, key))
+        });
+    }
+    let file: SensorFile = typed(&mut document, sensor_schema())?;
+    let mut context = Context::new(&document);
+    let sensor = device::sensor(&mut context, &file.sensor, &WavelengthGrid::default())?;
+    let mut complete = file.clone();
+    complete.sensor.model = device::filled(&complete.sensor.model);
+    let resolved_toml = toml::to_string(&complete).map_err(|error| {
+        document.error(&steps!["sensor"], format!("the sensor can't be written out: {error}"))
+    })?;
+    let base_files = document.base_files.iter().cloned();
+    let spectra = std::mem::take(&mut context.inputs).into_iter().map(|input| input.path);
+    Ok(ResolvedSensor {
+        title: file.title,
+        sensor,
+        warnings: std::mem::take(&mut context.warnings),
+        resolved_toml,
+        inputs: base_files.chain(spectra).collect(),
+    })
+}

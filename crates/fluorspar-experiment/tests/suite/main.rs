@@ -1,0 +1,22 @@
+//! Tests of experiment files and the catalogue, down to the pictures that come of them, in one program.
+
+mod absurd_numbers;
+mod bad_experiments;
+mod camera_color;
+mod experiment_files;
+mod experiment_presets;
+mod film;
+mod instances;
+mod lens_camera;
+mod lens_catalogue;
+mod lens_change;
+mod mouth_appearance;
+mod safety_of_captures;
+mod scene_change;
+mod sensor_files;
+mod stage_digests;
+mod steep_filters;
+mod study_from_code;
+#[path = "../../../fluorspar/tests/suite/support.rs"]
+mod support;
+mod traced_experiment;

@@ -1,0 +1,53 @@
+//! Which changes of a study a component image can follow, and which need a new render.
+#![allow(clippy::unwrap_used, reason = "these are tests")]
+
+use fluorspar::pipeline::check_same_scene;
+use fluorspar::study::Study;
+use fluorspar_experiment::{parse, resolve};
+
+/// What differs, in the words of the error.
+fn difference(rendered: &Study, wanted: &Study) -> Option<String> {
+    let error = check_same_scene(rendered, wanted).err()?.to_string();
+    error.split(" is not as it was").next().map(String::from)
+}
+
+fn study(overrides: &[&str]) -> Study {
+    let overrides: Vec<String> = overrides.iter().map(ToString::to_string).collect();
+    let text = "format = 1\nbase = \"flat-patch\"";
+    resolve(&parse(text, "test", std::path::Path::new("."), &overrides).unwrap()).unwrap().study
+}
+
+#[test]
+fn changes_of_the_scene_are_named_and_changes_of_the_camera_behind_it_are_not() {
+    let rendered = study(&[]);
+    let said = |change: &str| difference(&rendered, &study(&[change])).unwrap_or_default();
+    for (change, what) in [
+        ("light.blue.strength.irradiance_w_per_m2=500", "light \"blue\""),
+        ("light.blue.spectrum=\"led_405\"", "light \"blue\""),
+        ("material.patch.concentrations.fad=0.3", "material \"patch\""),
+        ("object.patch.transform={ translate_mm = [0.0, 0.0, 1.0] }", "object \"patch\""),
+        ("spectral.step_nm=10", "the wavelength grid ([spectral])"),
+        ("camera.position_mm=[0, 0, 90]", "place or direction of the camera"),
+        ("camera.horizontal_field_deg=30", "the field of view (camera.horizontal_field_deg)"),
+        ("render.width_px=32", "the size of the image (render.width_px, render.height_px)"),
+        ("render.samples_per_pixel=4", "render.samples_per_pixel"),
+        ("render.max_depth=3", "render.max_depth"),
+    ] {
+        let found = said(change);
+        // A camera elsewhere moves what hangs on it first; here nothing does.
+        assert_eq!(found, what, "{change}");
+    }
+    for change in [
+        "capture.blue.light_groups.blue=0.5",
+        "capture.blue.exposure_ms=10",
+        "view_filter.filters=[\"view_425_700\"]",
+        "lens.f_number=2",
+        "lens.focal_length_mm=4",
+        "sensor.columns=160",
+        "render.seed=9",
+        "analysis.noise_threshold=3",
+    ] {
+        assert_eq!(said(change), "", "{change}");
+        assert!(check_same_scene(&rendered, &study(&[change])).is_ok(), "{change}");
+    }
+}
