@@ -3,11 +3,11 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use fluorspar::format::FormatError;
 use fluorspar::pipeline::{PipelineError, PredictError};
 use fluorspar::render::RenderError;
 use fluorspar_experiment::preset::{LensError, PresetError};
 use fluorspar_experiment::{DEFAULT_EXPERIMENT, ExperimentError};
+use fluorspar_format::FormatError;
 use fluorspar_report::{FigureError, RunFolderError};
 use thiserror::Error;
 

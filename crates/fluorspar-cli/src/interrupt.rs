@@ -58,7 +58,7 @@ fn interrupt() {
     STOP.store(true, Ordering::SeqCst);
     let again = INTERRUPTED.swap(true, Ordering::SeqCst);
     if again || !RENDERS.load(Ordering::SeqCst) {
-        fluorspar::format::remove_unfinished_files();
+        fluorspar_format::remove_unfinished_files();
         if let Ok(folders) = UNFINISHED.lock()
             && let Some((folder, around)) = folders.split_first()
         {

@@ -6,12 +6,12 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-use fluorspar::format::{FormatError, Provenance, write_film, write_rgb_png};
 use fluorspar::image::{ComponentImage, Film, SpectralImage};
 use fluorspar::pipeline::radiance_preview;
 use fluorspar::render::{Checkpoint, FilmRenderer, RenderControl, RenderProgress, RenderSettings, Share};
 use fluorspar::scene::Scene;
 use fluorspar::spectral::Radiance;
+use fluorspar_format::{FormatError, Provenance, write_film, write_rgb_png};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use crate::error::CliError;

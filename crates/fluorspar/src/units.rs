@@ -32,7 +32,10 @@ pub fn number_text(value: f64) -> String {
 }
 
 /// Refuses a number outside a range, ends included, and NaN: `1e99 is outside 0.1 to 1000; give kelvin`.
-pub(crate) fn check_range(value: f64, [low, high]: [f64; 2], hint: &str) -> Result<(), String> {
+///
+/// # Errors
+/// That sentence, for a number outside the range.
+pub fn check_range(value: f64, [low, high]: [f64; 2], hint: &str) -> Result<(), String> {
     if (low..=high).contains(&value) {
         return Ok(());
     }
@@ -85,7 +88,7 @@ mod tests {
     fn numbers_are_shown_as_they_would_be_typed() {
         let shown = [0.0, 0.5, -3.0, 1e99, 1e-7, 1e6, f64::NAN, f64::INFINITY].map(number_text);
         assert_eq!(shown, ["0", "0.5", "-3", "1e99", "1e-7", "1000000", "NaN", "inf"]);
-        assert!(shown[..6].iter().all(|text| format!("x = {text}").parse::<toml::Table>().is_ok()));
+        assert!(shown.iter().all(|text| text.parse::<f64>().is_ok()));
     }
 
     #[test]

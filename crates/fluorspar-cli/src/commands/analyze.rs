@@ -4,10 +4,10 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::ValueHint;
-use fluorspar::format::{read_component_exr, read_sensor_image};
 use fluorspar::image::SensorImage;
 use fluorspar::pipeline::{Calibration, RawExposures, analyze, bracket_label, complete_raw, develop_frames};
 use fluorspar::study::{Capture, Study};
+use fluorspar_format::{read_component_exr, read_sensor_image};
 
 use crate::args::{Changes, Talk};
 use crate::error::CliError;

@@ -4,13 +4,13 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{ValueEnum, ValueHint};
-use fluorspar::format::{
-    DngColor, FormatError, Provenance, RawPacking, read_component_exr, write_atomically, write_packed_raw,
-    write_rgb_png, write_sensor_dng, write_sensor_tiff,
-};
 use fluorspar::image::SensorImage;
 use fluorspar::pipeline::{CameraColor, ColorRendering, capture, check_same_scene, preview};
 use fluorspar_experiment::{ResolvedExperiment, parse, resolve};
+use fluorspar_format::{
+    DngColor, FormatError, Provenance, RawPacking, read_component_exr, write_atomically, write_packed_raw,
+    write_rgb_png, write_sensor_dng, write_sensor_tiff,
+};
 use serde_json::json;
 use std::io::Write;
 

@@ -4,9 +4,9 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::ValueHint;
-use fluorspar::format::read_component_exr;
 use fluorspar::pipeline::{DenoiseError, DenoiseSettings, denoise};
 use fluorspar::units::number_text;
+use fluorspar_format::read_component_exr;
 
 use super::image_output::{ImageOutput, Storage};
 use crate::args::Talk;

@@ -3,13 +3,13 @@
 use std::path::{Path, PathBuf};
 
 use clap::{ValueEnum, ValueHint};
-use fluorspar::format::{
-    ExrCompression, ExrOptions, Provenance, SpooledImage, write_component_exr, write_component_npy,
-    write_rgb_png, write_spectral_exr, write_spectral_npy,
-};
 use fluorspar::image::ComponentImage;
 use fluorspar::pipeline::radiance_preview;
 use fluorspar::spectral::Radiance;
+use fluorspar_format::{
+    ExrCompression, ExrOptions, Provenance, SpooledImage, write_component_exr, write_component_npy,
+    write_rgb_png, write_spectral_exr, write_spectral_npy,
+};
 use serde_json::{Value, json};
 
 use super::check_file;

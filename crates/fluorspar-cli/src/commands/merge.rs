@@ -4,8 +4,8 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::ValueHint;
-use fluorspar::format::{Provenance, read_film, write_film};
 use fluorspar::image::Film;
+use fluorspar_format::{Provenance, read_film, write_film};
 
 use super::check_file;
 use super::image_output::ImageOutput;

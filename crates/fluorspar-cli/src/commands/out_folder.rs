@@ -9,7 +9,7 @@ use std::io::{self, Write};
 use std::path::{Component, Path, PathBuf};
 
 use fluorspar::digest::sha256_hex;
-use fluorspar::format::write_atomically;
+use fluorspar_format::write_atomically;
 use serde::{Deserialize, Serialize};
 
 use crate::error::CliError;

@@ -6,10 +6,10 @@ use std::str::FromStr;
 use std::time::Duration;
 
 use clap::{ValueEnum, ValueHint};
-use fluorspar::format::{Provenance, read_film};
 use fluorspar::render::{FilmRenderer, Share, memory_bytes};
 use fluorspar::scene::{Scene, Shape};
 use fluorspar::units::memory_text;
+use fluorspar_format::{Provenance, read_film};
 use serde_json::json;
 
 use super::check_parent;

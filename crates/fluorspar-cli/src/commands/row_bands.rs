@@ -6,7 +6,6 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Duration;
 
-use fluorspar::format::{Provenance, SpooledImage, read_film_layout, read_film_rows, write_film};
 use fluorspar::image::{FeatureMaps, Film, FilmLayout};
 use fluorspar::pipeline::{
     BandPlanes, BandStore, BandedRender, RowBandError, render_row_bands, row_bands, tile_rows_at_once,
@@ -14,6 +13,7 @@ use fluorspar::pipeline::{
 use fluorspar::render::{FilmRenderer, Share, memory_bytes};
 use fluorspar::units::{memory_text, memory_texts};
 use fluorspar_experiment::ResolvedExperiment;
+use fluorspar_format::{Provenance, SpooledImage, read_film_layout, read_film_rows, write_film};
 
 use super::render::{Options, peak_memory_bytes, say_surfaces};
 use crate::error::CliError;

@@ -5,12 +5,12 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::ValueHint;
-use fluorspar::format::{read_component_exr, write_atomically};
 use fluorspar::pipeline::{SpectroradiometerReading, check_same_scene, predict, read_spectroradiometers};
 use fluorspar::sensor::Spectroradiometer;
 use fluorspar::spectral::{Curve, Radiance, Spectrum};
 use fluorspar::units::number_text;
 use fluorspar_experiment::{parse, resolve};
+use fluorspar_format::{read_component_exr, write_atomically};
 use fluorspar_report::figures::{PlotCurve, spectral_readings};
 
 use super::table::{align, short};

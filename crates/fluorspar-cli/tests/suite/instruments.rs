@@ -6,7 +6,7 @@ use std::fs;
 use std::path::Path;
 
 use crate::support::{fluorspar, listing};
-use fluorspar::format::{RawPacking, read_sensor_image, write_packed_raw};
+use fluorspar_format::{RawPacking, read_sensor_image, write_packed_raw};
 
 /// A run of the flat patch, which takes a second.
 fn patch(folder: &Path, more: &[&str]) {

@@ -90,9 +90,9 @@ pub(crate) fn tiny<'a>(args: &[&'a str]) -> Vec<&'a str> {
     all
 }
 
-/// A file that belongs to the tests of the library.
+/// A file that belongs to the tests of the file formats.
 pub(crate) fn library_test_data(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../fluorspar/tests/data").join(name)
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../fluorspar-format/tests/data").join(name)
 }
 
 /// The folder of reference data: `FLUORSPAR_REFERENCE`, or `shared/reference` beside the repository.

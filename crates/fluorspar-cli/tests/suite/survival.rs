@@ -9,9 +9,9 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use crate::support::{fluorspar, tiny};
-use fluorspar::format::{read_component_exr, read_spectral_exr};
 use fluorspar::image::ComponentImage;
 use fluorspar::spectral::Radiance;
+use fluorspar_format::{read_component_exr, read_spectral_exr};
 
 fn bytes(folder: &Path, name: &str) -> Vec<u8> {
     fs::read(folder.join(name)).unwrap_or_else(|error| panic!("{name}: {error}"))

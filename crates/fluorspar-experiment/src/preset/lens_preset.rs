@@ -6,9 +6,9 @@ use thiserror::Error;
 
 use super::catalogue::{PresetError, PresetKind, damaged, names, parse, text};
 use super::curve_preset::check_name;
-use fluorspar::format::{LensFile, LensFileError, PublishedLens, read_lens};
 use fluorspar::names::nearest_name;
 use fluorspar::optics::{Dispersion, Glass, LensPrescription, PrescriptionError};
+use fluorspar_format::{LensFile, LensFileError, PublishedLens, read_lens};
 
 /// A glass by its name in the catalogue, or by one that other programs use; capitals, hyphens and blanks do not matter.
 ///

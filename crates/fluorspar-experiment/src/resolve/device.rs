@@ -13,7 +13,6 @@ use crate::schema::{
     ImageFormation, LensSection, NameOrLens, NameOrTable, RenderSection, SensorSection, SpectralSection,
     SpectrumReference, TracedLensSection, UniformBins, ViewFilterSection,
 };
-use fluorspar::format::{CsvColumns, CsvSpectrumOptions, Negative};
 use fluorspar::optics::{
     CameraLens, FilterAutofluorescence, FilterStack, IdealLens, LensSetting, LensState, Paraxial,
     PerspectiveCamera, Vignetting,
@@ -23,6 +22,7 @@ use fluorspar::sensor::{Sensor, SensorModel, SpectralQe};
 use fluorspar::spectral::{Curve, GridError, WavelengthGrid};
 use fluorspar::study::{Lens, ViewFilter};
 use fluorspar::units::{memory_gib, memory_texts};
+use fluorspar_format::{CsvColumns, CsvSpectrumOptions, Negative};
 
 const LONGEST_SIDE_PX: u64 = 16_384;
 const MOST_SAMPLES: u64 = 1_000_000;

@@ -9,12 +9,12 @@ use super::material::Fluorophores;
 use super::spectrum::Role;
 use crate::error::{Place, steps};
 use crate::schema::{ExperimentFile, LesionSection, MouthSection};
-use fluorspar::format::{Transfer, read_texture_png};
 use fluorspar::geometry::TriangleMesh;
 use fluorspar::material::{FluorophoreAmount, ImageTexture, Material, ReflectanceTerm, ScalarTexture};
 use fluorspar::names::did_you_mean;
 use fluorspar::scene::{Object, Shape};
 use fluorspar::spectral::{Curve, WavelengthGrid, blood_transmittance};
+use fluorspar_format::{Transfer, read_texture_png};
 
 /// Pixels of the baked textures along each side.
 const SIDE: usize = 512;

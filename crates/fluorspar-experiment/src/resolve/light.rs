@@ -12,7 +12,6 @@ use crate::schema::{
     Aim, AnnulusLight, DistantStrength, EmitterSection, EnvironmentMapReference, EnvironmentStrength,
     FilePath, LightFrame, LightSection, RingLight, SourceStrength,
 };
-use fluorspar::format::{Transfer, read_spectral_exr, read_texture_png};
 use fluorspar::geometry::OrientedPoint;
 use fluorspar::light::{
     AnnulusEmitter, DiscEmitter, DistantEmitter, Emitter, EnvironmentLayer, EnvironmentMap, Light,
@@ -20,6 +19,7 @@ use fluorspar::light::{
 };
 use fluorspar::optics::PerspectiveCamera;
 use fluorspar::spectral::{Curve, MAX_WAVELENGTH_NM, MIN_WAVELENGTH_NM, Radiance, WavelengthGrid};
+use fluorspar_format::{Transfer, read_spectral_exr, read_texture_png};
 
 /// Half angle of the narrowest pattern that a light may have.
 const NARROWEST_DEG: f64 = 2.2;

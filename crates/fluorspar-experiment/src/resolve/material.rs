@@ -10,10 +10,6 @@ use crate::schema::{
     MaterialSection, MatrixSource, MetalIndex, MetalReference, NormalMapSection, ReflectanceReference,
     ScatteringSection, SpectraSource, SpectrumReference, TableSource, TextureReference, YieldUnit,
 };
-use fluorspar::format::{
-    AntiStokes, CsvColumns, CsvEemOptions, CsvSpectrumOptions, EemUnit, Negative, Transfer, read_eem_csv,
-    read_fluorophore_csv, read_iset_fluorophore, read_texture_png,
-};
 use fluorspar::material::{
     Coat, Coated, Conductor, Dielectric, FluorophoreAmount, Lambertian, Material, Mixture, NormalMap,
     ReflectanceTerm, ScalarTexture, Scattering, TwoSided,
@@ -21,6 +17,10 @@ use fluorspar::material::{
 use fluorspar::names::did_you_mean;
 use fluorspar::spectral::{
     Curve, EemTable, EnergyEem, Fluorophore, PhotonEem, SeparableTerm, Stokes, WavelengthGrid,
+};
+use fluorspar_format::{
+    AntiStokes, CsvColumns, CsvEemOptions, CsvSpectrumOptions, EemUnit, Negative, Transfer, read_eem_csv,
+    read_fluorophore_csv, read_iset_fluorophore, read_texture_png,
 };
 
 /// Largest concentration that is accepted.

@@ -10,13 +10,13 @@ use crate::schema::{
     TextureReference, TextureTable,
 };
 use fluorspar::anatomy::{PorphyrinRamp, shared_surface_map};
-use fluorspar::format::{
-    CsvColumns, CsvSpectrumOptions, FormatError, NamedCurve, Transfer, read_spectrum_csv, read_texture_png,
-};
 use fluorspar::material::{ImageTexture, ScalarTexture};
 use fluorspar::optics::Filter;
 use fluorspar::spectral::{Curve, CurveModel, MAX_WAVELENGTH_NM, MIN_WAVELENGTH_NM, WavelengthGrid};
 use fluorspar::units::number_text;
+use fluorspar_format::{
+    CsvColumns, CsvSpectrumOptions, FormatError, NamedCurve, Transfer, read_spectrum_csv, read_texture_png,
+};
 
 /// Largest value of a spectrum that is scaled to a power or a radiance, and largest factor on a file's values: it leaves room for
 /// counts and photons per second.

@@ -5,9 +5,6 @@
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
-use fluorspar::format::{
-    ExrCompression, ExrOptions, read_component_exr, read_film, write_component_exr, write_film,
-};
 use fluorspar::image::{ComponentImage, FeatureMaps, Film, StatisticsKind};
 use fluorspar::pipeline::{DenoiseSettings, denoise};
 use fluorspar::render::{
@@ -17,6 +14,9 @@ use fluorspar::render::{
 use fluorspar::spectral::Curve;
 use fluorspar::study::Study;
 use fluorspar_experiment::{parse, resolve};
+use fluorspar_format::{
+    ExrCompression, ExrOptions, read_component_exr, read_film, write_component_exr, write_film,
+};
 
 /// Two colored spheres that fluoresce, with two light groups, small enough for a test.
 fn experiment(width: u32, height: u32) -> Study {

@@ -8,7 +8,6 @@ use std::sync::Arc;
 use crate::support::{
     camera, coated, dye, flat, gaussian, light, object, quad, run, scene, settings, with_dyes,
 };
-use fluorspar::format::{NamedMesh, read_gltf, read_gltf_instances, read_placements, write_gltf, write_ply};
 use fluorspar::geometry::{MeshInstance, MeshInstances, TriangleMesh};
 use fluorspar::image::ComponentImage;
 use fluorspar::light::{DiscEmitter, Emitter};
@@ -16,6 +15,7 @@ use fluorspar::material::{Material, ScalarTexture};
 use fluorspar::scene::{Object, Scene, Shape, SurfaceEmission};
 use fluorspar::spectral::WavelengthGrid;
 use fluorspar_experiment::{ResolvedExperiment, parse, resolve};
+use fluorspar_format::{NamedMesh, read_gltf, read_gltf_instances, read_placements, write_gltf, write_ply};
 use glam::{Affine3, Mat3, Quat, Vec2, Vec3};
 
 /// A smooth bumpy ball with texture coordinates.

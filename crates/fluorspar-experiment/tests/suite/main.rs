@@ -10,6 +10,7 @@ mod instances;
 mod lens_camera;
 mod lens_catalogue;
 mod lens_change;
+mod mesh_files;
 mod mouth_appearance;
 mod safety_of_captures;
 mod scene_change;

@@ -4,13 +4,13 @@ use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use fluorspar::format::{
-    ExrCompression, ExrOptions, FormatError, Provenance, write_atomically, write_component_exr,
-    write_rgb_png, write_sensor_tiff, write_spectral_exr,
-};
 use fluorspar::image::ComponentImage;
 use fluorspar::pipeline::frame_radiance;
 use fluorspar_experiment::ResolvedExperiment;
+use fluorspar_format::{
+    ExrCompression, ExrOptions, FormatError, Provenance, write_atomically, write_component_exr,
+    write_rgb_png, write_sensor_tiff, write_spectral_exr,
+};
 use serde_json::{Value, json};
 use thiserror::Error;
 

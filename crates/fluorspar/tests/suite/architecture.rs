@@ -32,7 +32,6 @@ const MODULES: &[(&str, &[&str])] = &[
     ),
     ("sensor", &["units", "spectral", "image", "sampling"]),
     ("analysis", &["units", "names", "spectral", "image"]),
-    ("format", &["digest", "units", "spectral", "image", "geometry", "optics"]),
     (
         "study",
         &[
@@ -52,15 +51,20 @@ const MODULES: &[(&str, &[&str])] = &[
 /// Crates above the library, or folders of them: the modules of the library that they may use, and the other crates of
 /// this workspace. What stands first is looked up first.
 const FRONTS: &[(&str, &[&str], &[&str])] = &[
-    ("fluorspar-experiment/src/preset/", &["units", "names", "spectral", "optics", "sensor", "format"], &[]),
+    ("fluorspar-format/src/", &["digest", "units", "spectral", "image", "geometry", "optics"], &[]),
+    (
+        "fluorspar-experiment/src/preset/",
+        &["units", "names", "spectral", "optics", "sensor"],
+        &["fluorspar_format"],
+    ),
     // Files become a study. What is done with a study is none of its business.
     (
         "fluorspar-experiment/src/",
         &[
             "digest", "units", "names", "spectral", "image", "sampling", "geometry", "material", "light",
-            "optics", "anatomy", "scene", "render", "safety", "sensor", "analysis", "study", "format",
+            "optics", "anatomy", "scene", "render", "safety", "sensor", "analysis", "study",
         ],
-        &[],
+        &["fluorspar_format"],
     ),
 ];
 
@@ -69,9 +73,13 @@ const CRATES: &[(&str, &[&str])] = &[
     ("fluorspar-accel", &[]),
     ("fluorspar-testkit", &[]),
     ("fluorspar", &["fluorspar-accel"]),
-    ("fluorspar-experiment", &["fluorspar"]),
-    ("fluorspar-report", &["fluorspar", "fluorspar-experiment"]),
-    ("fluorspar-cli", &["fluorspar-accel", "fluorspar", "fluorspar-experiment", "fluorspar-report"]),
+    ("fluorspar-format", &["fluorspar"]),
+    ("fluorspar-experiment", &["fluorspar", "fluorspar-format"]),
+    ("fluorspar-report", &["fluorspar", "fluorspar-format", "fluorspar-experiment"]),
+    (
+        "fluorspar-cli",
+        &["fluorspar-accel", "fluorspar", "fluorspar-format", "fluorspar-experiment", "fluorspar-report"],
+    ),
 ];
 
 fn crates() -> PathBuf {

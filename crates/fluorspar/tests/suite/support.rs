@@ -6,7 +6,6 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-use fluorspar::format::{write_component_npy, write_rgb_png};
 use fluorspar::geometry::TriangleMesh;
 use fluorspar::image::ComponentImage;
 use fluorspar::light::{
@@ -342,8 +341,8 @@ pub(crate) fn assert_same_light(name: &str, a: &[ComponentImage], b: &[Component
     }
 }
 
-/// Saves the means of both sets, and for every component a picture of the differences in standard errors: white is
-/// none, red is 4 or more too bright in the first set, blue too dark. Returns the folder.
+/// Saves the means of both sets as tables, and for every component a picture (PPM) of the differences in standard errors:
+/// white is none, red is 4 or more too bright in the first set, blue too dark. Returns the folder.
 pub(crate) fn save_error_maps(name: &str, a: &[ComponentImage], b: &[ComponentImage]) -> PathBuf {
     let folder = std::env::temp_dir().join(format!("fluorspar-transport-{}", name.replace([' ', '/'], "-")));
     std::fs::create_dir_all(&folder).unwrap();
@@ -355,12 +354,27 @@ pub(crate) fn save_error_maps(name: &str, a: &[ComponentImage], b: &[ComponentIm
         mean
     };
     for (set, images) in [("first", a), ("second", b)] {
-        write_component_npy(&folder.join(format!("{set}.npy")), &average(images), None).unwrap();
+        std::fs::write(folder.join(format!("{set}.csv")), table(&average(images))).unwrap();
     }
     for component in 0..a[0].components.len() {
-        save_difference_picture(&folder.join(format!("component-{component}.png")), a, b, component);
+        save_difference_picture(&folder.join(format!("component-{component}.ppm")), a, b, component);
     }
     folder
+}
+
+/// Radiance of every component and band, one line per pixel of a component.
+fn table(image: &ComponentImage) -> String {
+    let bands = image.grid.len();
+    let centers: Vec<String> = (0..bands).map(|band| format!("{} nm", image.grid.center_nm(band))).collect();
+    let mut text = format!("component,row,column,{}\n", centers.join(","));
+    for component in 0..image.components.len() {
+        for (pixel, values) in image.component(component).chunks(bands).enumerate() {
+            let (row, column) = (pixel / image.width, pixel % image.width);
+            let values: Vec<String> = values.iter().map(f32::to_string).collect();
+            text += &format!("{component},{row},{column},{}\n", values.join(","));
+        }
+    }
+    text
 }
 
 fn save_difference_picture(path: &Path, a: &[ComponentImage], b: &[ComponentImage], component: usize) {
@@ -383,7 +397,8 @@ fn save_difference_picture(path: &Path, a: &[ComponentImage], b: &[ComponentImag
             if z > 0.0 { [255, fade, fade] } else { [fade, fade, 255] }
         })
         .collect();
-    write_rgb_png(path, width, height, &rgb).unwrap();
+    let head = format!("P6\n{width} {height}\n255\n").into_bytes();
+    std::fs::write(path, [head, rgb].concat()).unwrap();
 }
 
 /// Next-event estimation with multiple importance sampling against scattered directions alone.

@@ -602,7 +602,7 @@ fn a_bias_is_noticed_and_its_maps_are_saved() {
     let outcome = std::panic::catch_unwind(|| assert_same_light("biased", &honest, &biased, 1e-3));
     let message = *outcome.unwrap_err().downcast::<String>().unwrap();
     let folder = std::path::PathBuf::from(message.rsplit("maps in ").next().unwrap());
-    for file in ["first.npy", "second.npy", "component-0.png", "component-3.png"] {
+    for file in ["first.csv", "second.csv", "component-0.ppm", "component-3.ppm"] {
         assert!(folder.join(file).is_file(), "{message}: no {file}");
     }
     std::fs::remove_dir_all(folder).unwrap();

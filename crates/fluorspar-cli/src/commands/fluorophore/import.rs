@@ -4,8 +4,8 @@ use std::io::Write;
 use std::path::{Component, Path, PathBuf};
 
 use clap::ValueHint;
-use fluorspar::format::write_atomically;
 use fluorspar_experiment::schema::{FilePath, FluorophoreSection};
+use fluorspar_format::write_atomically;
 
 use super::loading::{checked, everywhere_nm, from_file, peaks_nm, section_toml};
 use super::{FileOptions, StokesChoice};

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use fluorspar::format::{
+use fluorspar_format::{
     AntiStokes, CsvEemOptions, EemUnit, FormatError, Negative, read_eem_csv, read_fluorophore_csv,
     read_iset_fluorophore,
 };

@@ -5,9 +5,9 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use clap::ValueHint;
-use fluorspar::format::{CsvColumns, CsvSpectrumOptions, read_spectrum_csv, write_atomically};
 use fluorspar::spectral::{Curve, Fluorophore};
 use fluorspar_experiment::preset;
+use fluorspar_format::{CsvColumns, CsvSpectrumOptions, read_spectrum_csv, write_atomically};
 use fluorspar_report::Figure;
 use fluorspar_report::figures::{EemMap, PlotCurve, eem_maps, emission};
 

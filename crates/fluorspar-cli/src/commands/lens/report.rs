@@ -4,10 +4,10 @@ use std::io::Write;
 use std::path::PathBuf;
 
 use clap::ValueHint;
-use fluorspar::format::write_atomically;
 use fluorspar::optics::{LensReport, LensReportSettings, LensSetting, LensState};
 use fluorspar::units::number_text;
 use fluorspar_experiment::preset::{LensError, LoadedLens, lens_or_file};
+use fluorspar_format::write_atomically;
 use fluorspar_report::figures::{lens_drawing, lens_field, lens_mtf, lens_spots};
 
 use crate::commands::table::{align, short};

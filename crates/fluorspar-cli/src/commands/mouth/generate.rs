@@ -6,8 +6,8 @@ use std::process::ExitCode;
 
 use clap::ValueHint;
 use fluorspar::anatomy::{Mouth, MouthParameters, generate_mouth};
-use fluorspar::format::{NamedMesh, write_gltf, write_obj, write_pbrt, write_ply};
 use fluorspar::spectral::{Reflectance, StandardObserver, linear_srgb};
+use fluorspar_format::{NamedMesh, write_gltf, write_obj, write_pbrt, write_ply};
 use serde_json::json;
 
 use super::person::PersonArgs;

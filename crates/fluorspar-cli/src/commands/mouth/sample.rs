@@ -6,7 +6,7 @@ use std::process::ExitCode;
 
 use clap::ValueHint;
 use fluorspar::anatomy::{MouthParameters, sample_person};
-use fluorspar::format::write_atomically;
+use fluorspar_format::write_atomically;
 
 use super::person::parse_person;
 use crate::error::CliError;

@@ -5,9 +5,9 @@ use std::process::ExitCode;
 
 use clap::ValueHint;
 use fluorspar::anatomy::{EXAMINATION_VIEWS, ExaminationView, POSES};
-use fluorspar::format::write_rgb_png;
 use fluorspar::pipeline::light_group_preview;
 use fluorspar_experiment::{parse, resolve};
+use fluorspar_format::write_rgb_png;
 use fluorspar_report::{ContactSheet, Raster};
 
 use super::person::{PersonArgs, find_view};

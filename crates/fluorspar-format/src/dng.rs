@@ -1,0 +1,408 @@
+//! Raw frames as Adobe Digital Negatives (DNG 1.4): one file that raw converters open.
+//!
+//! The mosaic lies uncompressed in the first directory. The complete description of the frame (that of the TIFF form, with
+//! its provenance) rides in `DNGPrivateData`, so that what is written is read back whole; other programs find black and
+//! white level, color filter array, color matrix, neutral, exposure and noise in their own tags.
+
+use std::io::{self, BufWriter};
+use std::path::Path;
+
+use tiff::encoder::{Rational, TiffEncoder, TiffValue};
+use tiff::tags::{Tag, Type};
+
+use super::file::{MAX_IMAGE_BYTES, check_image_size, read_file, write_atomically};
+use super::raw::{Description, description, image_of};
+use super::tiff_directory::{Directory, TiffBytes};
+use super::{FormatError, Loaded, Provenance};
+use fluorspar::image::{Mosaic, SensorImage};
+
+/// Name that opens our private data; a zero byte ends it.
+const PRIVATE_MARK: &[u8] = b"Fluorspar\0";
+const CFA: u16 = 32_803;
+const LINEAR_RAW: u16 = 34_892;
+
+/// How a raw converter shall make colors of a frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DngColor {
+    /// Camera R, G, B from CIE 1931 XYZ under D65: `ColorMatrix1`, rows first.
+    pub xyz_to_camera: [[f64; 3]; 3],
+    /// R, G, B that a neutral surface gives under the light of the frame, largest 1: `AsShotNeutral`.
+    pub neutral: [f64; 3],
+}
+
+impl Default for DngColor {
+    /// Camera primaries as those of sRGB (IEC 61966-2-1), neutral where R, G and B are equal.
+    fn default() -> Self {
+        Self {
+            xyz_to_camera: [
+                [3.240_97, -1.537_383, -0.498_611],
+                [-0.969_244, 1.875_968, 0.041_555],
+                [0.055_63, -0.203_977, 1.056_972],
+            ],
+            neutral: [1.0; 3],
+        }
+    }
+}
+
+/// Values of type RATIONAL.
+struct Rationals(Vec<u8>);
+/// Values of type SRATIONAL.
+struct SignedRationals(Vec<u8>);
+
+/// A number as a fraction with six digits, whole numbers exactly.
+fn fraction(value: f64) -> [i32; 2] {
+    if value.fract() == 0.0 && value.abs() < f64::from(i32::MAX) {
+        return [value as i32, 1];
+    }
+    let mut denominator = 1_000_000.0;
+    while (value * denominator).abs() > f64::from(i32::MAX) && denominator > 1.0 {
+        denominator /= 10.0;
+    }
+    [(value * denominator).round() as i32, denominator as i32]
+}
+
+fn fractions(values: &[f64]) -> Vec<u8> {
+    values.iter().flat_map(|&value| fraction(value)).flat_map(i32::to_ne_bytes).collect()
+}
+
+macro_rules! rational_values {
+    ($name:ident, $kind:ident) => {
+        impl TiffValue for $name {
+            const BYTE_LEN: u8 = 8;
+            const FIELD_TYPE: Type = Type::$kind;
+            fn count(&self) -> usize {
+                self.0.len() / 8
+            }
+            fn data(&self) -> std::borrow::Cow<'_, [u8]> {
+                (&self.0).into()
+            }
+        }
+    };
+}
+rational_values!(Rationals, RATIONAL);
+rational_values!(SignedRationals, SRATIONAL);
+
+/// Color codes of TIFF/EP for the channels of a mosaic; `None` when it has others than R, G and B.
+fn color_codes(mosaic: &Mosaic) -> Option<Vec<u8>> {
+    let code = |name: &String| match name.as_str() {
+        "R" => Some(0),
+        "G" => Some(1),
+        "B" => Some(2),
+        _ => None,
+    };
+    mosaic.channels.iter().map(code).collect()
+}
+
+/// Writes a raw frame as DNG. A monochrome frame becomes a `LinearRaw` image of one channel.
+///
+/// # Errors
+/// When fields of the frame contradict each other, its channels are neither one nor R, G and B, or the file can't be
+/// written.
+pub fn write_sensor_dng(
+    path: &Path,
+    image: &SensorImage,
+    color: &DngColor,
+    provenance: Option<&Provenance>,
+) -> Result<(), FormatError> {
+    let description = description(path, image, provenance)?;
+    let codes = color_codes(&image.mosaic);
+    let is_color = match (&codes, image.mosaic.channels.len()) {
+        (Some(codes), 3) if (0..3).all(|c| codes.contains(&c)) => true,
+        (_, 1) => false,
+        _ => {
+            return Err(FormatError::unwritable(
+                path,
+                format!(
+                    "DNG knows the channels R, G and B or one alone, not {}",
+                    image.mosaic.channels.join(", ")
+                ),
+                "Write a .tiff",
+            ));
+        }
+    };
+    if image.mosaic.rows.max(image.mosaic.cols) > 64 {
+        let what = "the cell of the color filter array is larger than 64 x 64 pixels";
+        return Err(FormatError::unwritable(path, what, "Write a .tiff"));
+    }
+    let mut private = PRIVATE_MARK.to_vec();
+    serde_json::to_writer(&mut private, &description)
+        .map_err(|error| FormatError::io(path, "write", io::Error::other(error)))?;
+    let pattern: Vec<u8> = match (&codes, is_color) {
+        (Some(codes), true) => {
+            image.mosaic.pattern.iter().map(|&channel| codes[usize::from(channel)]).collect()
+        }
+        _ => Vec::new(),
+    };
+    write_atomically(path, |writer| {
+        let result = encode(writer, image, color, is_color, &pattern, &private);
+        result.map_err(|error| match error {
+            tiff::TiffError::IoError(source) => source,
+            other => io::Error::other(other),
+        })
+    })
+}
+
+fn encode(
+    writer: &mut BufWriter<std::fs::File>,
+    image: &SensorImage,
+    color: &DngColor,
+    is_color: bool,
+    pattern: &[u8],
+    private: &[u8],
+) -> tiff::TiffResult<()> {
+    let tag = Tag::Unknown;
+    let mut encoder = TiffEncoder::new(writer)?;
+    let mut exif = encoder.extra_directory()?;
+    exif.write_tag(tag(33_434), Rationals(fractions(&[image.exposure_s])))?;
+    // Base gain is called ISO 100: a name, not a measured sensitivity.
+    exif.write_tag(tag(34_855), (100.0 * image.gain).round().clamp(1.0, 65_535.0) as u16)?;
+    let exif = exif.finish_with_offsets()?;
+
+    let (width, height) = (image.width as u32, image.height as u32);
+    let mut main = encoder.image_directory()?;
+    let pixels = main.write_data(&image.data[..])?;
+    main.write_tag(Tag::NewSubfileType, 0u32)?;
+    main.write_tag(Tag::ImageWidth, width)?;
+    main.write_tag(Tag::ImageLength, height)?;
+    main.write_tag(Tag::BitsPerSample, 16u16)?;
+    main.write_tag(Tag::SampleFormat, 1u16)?;
+    main.write_tag(Tag::Compression, 1u16)?;
+    main.write_tag(Tag::PhotometricInterpretation, if is_color { CFA } else { LINEAR_RAW })?;
+    main.write_tag(Tag::Make, "Fluorspar")?;
+    main.write_tag(Tag::Model, "simulated sensor")?;
+    main.write_tag(Tag::StripOffsets, pixels as u32)?;
+    main.write_tag(Tag::Orientation, 1u16)?;
+    main.write_tag(Tag::SamplesPerPixel, 1u16)?;
+    main.write_tag(Tag::RowsPerStrip, height)?;
+    main.write_tag(Tag::StripByteCounts, 2 * width * height)?;
+    main.write_tag(Tag::XResolution, Rational { n: 1, d: 1 })?;
+    main.write_tag(Tag::YResolution, Rational { n: 1, d: 1 })?;
+    main.write_tag(Tag::PlanarConfiguration, 1u16)?;
+    main.write_tag(Tag::ResolutionUnit, 1u16)?;
+    main.write_tag(Tag::Software, concat!("Fluorspar ", env!("CARGO_PKG_VERSION")))?;
+    main.write_tag(Tag::ImageDescription, image.label.as_str())?;
+    if is_color {
+        main.write_tag(tag(33_421), &[image.mosaic.rows as u16, image.mosaic.cols as u16][..])?;
+        main.write_tag(tag(33_422), pattern)?;
+        main.write_tag(tag(50_710), &[0u8, 1, 2][..])?;
+        main.write_tag(tag(50_711), 1u16)?;
+        let matrix: Vec<f64> = color.xyz_to_camera.concat();
+        main.write_tag(tag(50_721), SignedRationals(fractions(&matrix)))?;
+        main.write_tag(tag(50_728), Rationals(fractions(&color.neutral)))?;
+        main.write_tag(tag(50_778), 21u16)?; // D65
+    }
+    main.write_tag(Tag::ExifDirectory, exif.pointer.0 as u32)?;
+    main.write_tag(tag(50_706), &[1u8, 4, 0, 0][..])?;
+    main.write_tag(tag(50_707), &[1u8, 1, 0, 0][..])?;
+    main.write_tag(tag(50_708), "Fluorspar simulated sensor")?;
+    main.write_tag(tag(50_713), &[1u16, 1][..])?;
+    main.write_tag(tag(50_714), Rationals(fractions(&[image.black_level.max(0.0)])))?;
+    main.write_tag(tag(50_717), u32::from(image.white_level))?;
+    main.write_tag(tag(50_718), Rationals(fractions(&[1.0, 1.0])))?;
+    main.write_tag(tag(50_719), &[0u32, 0][..])?;
+    main.write_tag(tag(50_720), &[width, height][..])?;
+    main.write_tag(tag(50_829), &[0u32, 0, height, width][..])?;
+    // NoiseProfile: variance = S x + O of values on 0 to 1.
+    let range = f64::from(image.white_level) - image.black_level;
+    let profile = [image.dn_per_electron / range, (image.read_noise_dn / range).powi(2)];
+    if profile.iter().all(|v| *v > 0.0) {
+        main.write_tag(tag(51_041), &profile[..])?;
+    }
+    main.write_tag(tag(50_740), private)?;
+    main.finish()
+}
+
+/// Whether bytes are a DNG: a TIFF whose first directory tells a DNG version.
+pub(super) fn is_dng(bytes: &[u8]) -> bool {
+    TiffBytes::new(bytes).is_some_and(|tiff| tiff.directories().iter().any(|d| d.data(50_706).is_some()))
+}
+
+/// Reads a DNG: ours whole, another camera's as far as its tags tell. What they do not tell (`dn_per_electron`,
+/// `read_noise_dn`) is 0.
+pub(super) fn read_dng(path: &Path) -> Result<Loaded<SensorImage>, FormatError> {
+    let bytes = read_file(path, MAX_IMAGE_BYTES)?;
+    let damaged = |what: &str| FormatError::malformed(path, what, "Was it copied completely?");
+    let tiff = TiffBytes::new(&bytes).ok_or_else(|| damaged("this does not begin as a DNG does"))?;
+    let directories = tiff.directories();
+    let first = directories.first().ok_or_else(|| damaged("the file has no directory"))?;
+    let is_raw = |d: &&Directory<'_>| {
+        d.first(262).is_some_and(|p| p == u64::from(CFA) || (p == u64::from(LINEAR_RAW) && samples(d) == 1))
+    };
+    let raw = directories.iter().find(is_raw).ok_or_else(|| {
+        let what = "no directory of it holds a mosaic or a monochrome raw image";
+        FormatError::unsupported(path, what, "Give the raw file of the camera, not a picture made of it")
+    })?;
+    let (width, height, data) = pixels(path, &tiff, raw)?;
+    let private = first.data(50_740).and_then(|data| data.strip_prefix(PRIVATE_MARK));
+    if let Some(json) = private {
+        let text = String::from_utf8_lossy(json);
+        let description: Description = serde_json::from_str(text.trim_end_matches('\0'))
+            .map_err(|_| damaged("its description (DNGPrivateData) is damaged"))?;
+        return image_of(path, width, height, data, description);
+    }
+    let label = path.file_stem().map_or_else(|| "raw".into(), |s| s.to_string_lossy().into_owned());
+    let image = from_tags(path, &tiff, first, raw, (width, height, data), label)?;
+    Ok(Loaded { image, provenance: None })
+}
+
+fn samples(directory: &Directory<'_>) -> u64 {
+    directory.first(277).unwrap_or(1)
+}
+
+/// The frame as the tags of another camera describe it.
+fn from_tags(
+    path: &Path,
+    tiff: &TiffBytes<'_>,
+    first: &Directory<'_>,
+    raw: &Directory<'_>,
+    (width, height, data): (usize, usize, Vec<u16>),
+    label: String,
+) -> Result<SensorImage, FormatError> {
+    let bits = raw.first(258).unwrap_or(16).clamp(1, 16) as u8;
+    let most = ((1u32 << bits) - 1) as u16;
+    let white_level = raw.first(50_717).unwrap_or(u64::from(most)).clamp(1, 65_535) as u16;
+    let black = raw.numbers(50_714);
+    let black_level = if black.is_empty() { 0.0 } else { black.iter().sum::<f64>() / black.len() as f64 };
+    let is_color = raw.first(262) == Some(u64::from(CFA));
+    let mosaic = if is_color { mosaic_of(path, raw)? } else { Mosaic::monochrome() };
+    let exif = first.first(34_665).and_then(|offset| tiff.directory(offset));
+    let exif_number = |tag: u16| exif.as_ref().and_then(|exif| exif.numbers(tag).first().copied());
+    let exposure_s = exif_number(33_434).filter(|v| v.is_finite()).unwrap_or(0.0);
+    let gain = exif_number(34_855).filter(|iso| *iso > 0.0).map_or(1.0, |iso| iso / 100.0);
+    let range = f64::from(white_level) - black_level;
+    let profile = [raw, first].map(|d| d.numbers(51_041)).into_iter().find(|p| p.len() >= 2);
+    let noise = |index: usize| profile.as_ref().map_or(0.0, |p| p[index]).max(0.0);
+    let description = Description::of_camera(
+        label,
+        width,
+        height,
+        mosaic,
+        [black_level, exposure_s, gain, noise(0) * range, noise(1).sqrt() * range],
+        white_level,
+        bits,
+    );
+    image_of(path, width, height, data, description).map(|loaded| loaded.image)
+}
+
+fn mosaic_of(path: &Path, raw: &Directory<'_>) -> Result<Mosaic, FormatError> {
+    let size = raw.unsigned(33_421);
+    let pattern = raw.data(33_422).unwrap_or_default();
+    let (rows, cols) = match size.as_slice() {
+        [rows @ 1..=64, cols @ 1..=64] => (*rows as usize, *cols as usize),
+        _ => (0, 0),
+    };
+    if rows == 0 || pattern.len() != rows * cols || pattern.iter().any(|&code| code > 2) {
+        let what = "its color filter array is missing or has other colors than red, green and blue";
+        return Err(FormatError::unsupported(path, what, "Give a frame of an RGB or a monochrome sensor"));
+    }
+    let channels = ["R", "G", "B"].map(String::from).to_vec();
+    Ok(Mosaic { rows, cols, pattern: pattern.to_vec(), channels })
+}
+
+/// Uncompressed pixels in strips, 8 to 16 bits each; other depths than 8 and 16 are packed, most significant bit first.
+fn pixels(
+    path: &Path,
+    tiff: &TiffBytes<'_>,
+    raw: &Directory<'_>,
+) -> Result<(usize, usize, Vec<u16>), FormatError> {
+    let damaged = |what: String| FormatError::malformed(path, what, "Was it copied completely?");
+    let unsupported = |what: String| {
+        FormatError::unsupported(path, what, "Convert it to an uncompressed DNG of one strip or several")
+    };
+    let (width, height) = (raw.first(256).unwrap_or(0), raw.first(257).unwrap_or(0));
+    check_image_size(path, width, height, 2, MAX_IMAGE_BYTES)?;
+    match raw.first(259) {
+        None | Some(1) => {}
+        Some(other) => {
+            return Err(unsupported(format!("the pixels are compressed (TIFF compression {other})")));
+        }
+    }
+    if samples(raw) != 1 {
+        return Err(unsupported(format!("it has {} values a pixel", samples(raw))));
+    }
+    let bits = raw.first(258).unwrap_or(1);
+    if !(8..=16).contains(&bits) {
+        return Err(unsupported(format!("it has {bits} bits a pixel")));
+    }
+    let (offsets, counts) = (raw.unsigned(273), raw.unsigned(279));
+    if offsets.is_empty() || offsets.len() != counts.len() {
+        return Err(if raw.data(324).is_some() {
+            unsupported("the pixels are stored in tiles".into())
+        } else {
+            damaged(format!("it has {} strips and {} lengths", offsets.len(), counts.len()))
+        });
+    }
+    let (columns, rows) = (width as usize, height as usize);
+    let row_bytes = (columns * bits as usize).div_ceil(8);
+    let rows_per_strip = raw.first(278).unwrap_or(height).clamp(1, height) as usize;
+    let mut data = Vec::new();
+    let mut left = rows;
+    for (&offset, &count) in offsets.iter().zip(&counts) {
+        let here = left.min(rows_per_strip);
+        let needed = here * row_bytes;
+        let strip = usize::try_from(offset)
+            .ok()
+            .filter(|_| count as usize >= needed)
+            .and_then(|start| tiff.bytes().get(start..start.checked_add(needed)?))
+            .ok_or_else(|| damaged(format!("rows from {} on are not in the file", rows - left)))?;
+        for row in strip.chunks_exact(row_bytes.max(1)) {
+            unpack_row(row, columns, bits as u32, tiff.is_big_endian(), &mut data);
+        }
+        left -= here;
+    }
+    if left > 0 {
+        return Err(damaged(format!("{left} of {rows} rows are missing")));
+    }
+    Ok((columns, rows, data))
+}
+
+fn unpack_row(row: &[u8], columns: usize, bits: u32, big_endian: bool, out: &mut Vec<u16>) {
+    match bits {
+        8 => out.extend(row[..columns].iter().map(|&byte| u16::from(byte))),
+        16 => out.extend(row.chunks_exact(2).map(|pair| {
+            let pair = [pair[0], pair[1]];
+            if big_endian { u16::from_be_bytes(pair) } else { u16::from_le_bytes(pair) }
+        })),
+        _ => {
+            let (mut held, mut count) = (0u32, 0u32);
+            let mut bytes = row.iter();
+            for _ in 0..columns {
+                while count < bits {
+                    held = (held << 8) | u32::from(*bytes.next().unwrap_or(&0));
+                    count += 8;
+                }
+                count -= bits;
+                out.push(((held >> count) & ((1 << bits) - 1)) as u16);
+                held &= (1 << count) - 1;
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn fractions_keep_whole_numbers_and_six_digits() {
+        assert_eq!(fraction(64.0), [64, 1]);
+        assert_eq!(fraction(-0.25), [-250_000, 1_000_000]);
+        assert_eq!(fraction(0.03), [30_000, 1_000_000]);
+        let [n, d] = fraction(123_456.789);
+        assert!((f64::from(n) / f64::from(d) - 123_456.789).abs() < 1e-3);
+    }
+
+    #[test]
+    fn packed_rows_are_most_significant_bit_first() {
+        // 10 bits: 0x3ff, 0x000, 0x155 in 4 bytes (two bits to spare).
+        let mut out = Vec::new();
+        unpack_row(&[0b1111_1111, 0b1100_0000, 0b0000_0101, 0b0101_0100], 3, 10, false, &mut out);
+        assert_eq!(out, [0x3ff, 0, 0x155]);
+        out.clear();
+        unpack_row(&[0xab, 0xcd, 0xef], 2, 12, false, &mut out);
+        assert_eq!(out, [0xabc, 0xdef]);
+        out.clear();
+        unpack_row(&[1, 2], 1, 16, true, &mut out);
+        assert_eq!(out, [0x102]);
+    }
+}

@@ -1,0 +1,181 @@
+//! The sequential, centered, refracting subset of Zemax files: standard and even aspheric surfaces.
+
+use super::{Fault, number};
+use fluorspar::optics::{Dispersion, LensPrescription, LensSurface, Medium};
+
+struct ZemaxSurface {
+    line: usize,
+    surface: LensSurface,
+    /// Terms `a2, a4, ...`.
+    terms: Vec<f64>,
+}
+
+/// The entries of a file.
+struct ZemaxFile {
+    title: String,
+    unit_mm: f64,
+    /// Numbers and values of the wavelengths.
+    wavelengths_um: Vec<(usize, f64)>,
+    /// Number of the design wavelength.
+    primary: usize,
+    surfaces: Vec<ZemaxSurface>,
+}
+
+impl Default for ZemaxFile {
+    fn default() -> Self {
+        Self {
+            title: String::new(),
+            unit_mm: 1.0,
+            wavelengths_um: Vec::new(),
+            primary: 1,
+            surfaces: Vec::new(),
+        }
+    }
+}
+
+impl ZemaxFile {
+    /// Reads one line: a key and its values. Keys that do not matter to a lens are skipped.
+    fn read_line(&mut self, line: &str, at: usize) -> Result<(), Fault> {
+        let mut words = line.split_whitespace();
+        let Some(key) = words.next() else { return Ok(()) };
+        let rest: Vec<&str> = words.collect();
+        let value = |number_of: usize, what: &str| -> Result<f64, Fault> {
+            let word = rest.get(number_of).copied();
+            number(word.ok_or_else(|| Fault::at(at, format!("{key} has no {what}")))?, what, at)
+        };
+        match (key, self.surfaces.last_mut()) {
+            ("MODE", _) if rest.first() != Some(&"SEQ") => {
+                return Err(Fault::at(
+                    at,
+                    "the file is non-sequential; only sequential lenses are read (MODE SEQ)",
+                ));
+            }
+            ("NAME", _) => self.title = rest.join(" "),
+            ("UNIT", _) => {
+                self.unit_mm = match rest.first().copied() {
+                    Some("MM") => 1.0,
+                    Some("CM") => 10.0,
+                    Some("M" | "METER") => 1000.0,
+                    Some("IN" | "INCH") => 25.4,
+                    other => {
+                        let unit = other.unwrap_or_default();
+                        return Err(Fault::at(
+                            at,
+                            format!("the unit \"{unit}\" is not known; use MM, CM, M or IN"),
+                        ));
+                    }
+                }
+            }
+            ("WAVM", _) => {
+                self.wavelengths_um.push((value(0, "number")? as usize, value(1, "wavelength")?));
+            }
+            ("PWAV", _) => self.primary = value(0, "number")? as usize,
+            ("SURF", _) => self.surfaces.push(ZemaxSurface {
+                line: at,
+                surface: LensSurface::spherical(0.0, 0.0, 0.0),
+                terms: Vec::new(),
+            }),
+            ("STOP", Some(current)) => current.surface.is_stop = true,
+            ("TYPE", Some(_)) => {
+                let kind = rest.first().copied().unwrap_or_default();
+                if !["STANDARD", "EVENASPH"].contains(&kind) {
+                    let message = format!(
+                        "surfaces of type {kind} are not supported; only STANDARD and EVENASPH, centered on one axis"
+                    );
+                    return Err(Fault::at(at, message));
+                }
+            }
+            ("CURV", Some(current)) => current.surface.curvature_per_mm = value(0, "curvature")?,
+            ("CONI", Some(current)) => current.surface.conic = value(0, "conic constant")?,
+            ("PARM", Some(current)) => {
+                let term = value(0, "number")? as usize;
+                let coefficient = value(1, "coefficient")?;
+                if (1..=12).contains(&term) && coefficient != 0.0 {
+                    current.terms.resize(current.terms.len().max(term), 0.0);
+                    current.terms[term - 1] = coefficient;
+                }
+            }
+            ("DISZ", Some(current)) => {
+                current.surface.thickness_mm =
+                    if rest.first() == Some(&"INFINITY") { f64::INFINITY } else { value(0, "thickness")? };
+            }
+            ("DIAM", Some(current)) => current.surface.semi_diameter_mm = value(0, "semi-diameter")?,
+            ("GLAS", Some(current)) => {
+                let glass = rest.first().copied().unwrap_or_default();
+                if glass == "MIRROR" {
+                    return Err(Fault::at(at, "a mirror; only refracting lenses are read"));
+                }
+                // "1" in the second column: the index and the Abbe number beside it are the glass.
+                current.surface.medium = if rest.get(1) == Some(&"1") || glass.starts_with("___") {
+                    let (nd, vd) = (value(3, "index")?, value(4, "Abbe number")?);
+                    Medium::Known(if vd == 0.0 {
+                        Dispersion::Constant { index: nd }
+                    } else {
+                        Dispersion::Abbe { nd, vd }
+                    })
+                } else {
+                    Medium::Named(glass.into())
+                };
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+}
+
+impl ZemaxSurface {
+    /// Checks a surface whose entries are all read, and puts the `r²` term into its curvature.
+    fn finish(&mut self) -> Result<(), Fault> {
+        let Self { line, surface, terms } = self;
+        if surface.semi_diameter_mm <= 0.0 {
+            return Err(Fault::at(*line, "the surface has no DIAM; write its semi-diameter into the file"));
+        }
+        if let Some((a2, rest)) = terms.split_first() {
+            if *a2 != 0.0 && surface.conic != 0.0 {
+                let message =
+                    "an r² term (PARM 1) together with a conic constant is not supported; put it in CURV";
+                return Err(Fault::at(*line, message));
+            }
+            surface.curvature_per_mm += 2.0 * a2;
+            surface.aspheric = rest.to_vec();
+        }
+        if surface.thickness_mm.is_infinite() {
+            return Err(Fault::at(*line, "an infinite distance inside the lens; give mm"));
+        }
+        Ok(())
+    }
+}
+
+pub(super) fn parse(text: &str, name: &str) -> Result<LensPrescription, Fault> {
+    // Read the entries, line by line
+    let mut file = ZemaxFile::default();
+    for (index, line) in text.lines().enumerate() {
+        file.read_line(line, index + 1)?;
+    }
+
+    // Keep the surfaces of the lens: the first is the object, the last the image
+    let ZemaxFile { title, unit_mm, wavelengths_um, primary, mut surfaces } = file;
+    if surfaces.len() < 3 {
+        let message =
+            format!("{} surfaces; there is no SURF block of a lens. Is this a .zmx file?", surfaces.len());
+        let message =
+            if surfaces.is_empty() { "no SURF block; is this a .zmx file?".into() } else { message };
+        return Err(Fault::anywhere(message));
+    }
+    surfaces.pop();
+    surfaces.remove(0);
+    if !surfaces.iter().any(|s| s.surface.is_stop) {
+        return Err(Fault::anywhere("no STOP between object and image; mark the aperture stop"));
+    }
+    for surface in &mut surfaces {
+        surface.finish()?;
+    }
+
+    // Set title, design wavelength and unit
+    let title = if title.is_empty() { name.into() } else { title };
+    let mut lens = LensPrescription::new(title, surfaces.into_iter().map(|s| s.surface).collect());
+    if let Some((_, um)) = wavelengths_um.iter().find(|(number, _)| *number == primary) {
+        lens.design_wavelength_nm = (um * 1e7).round() / 1e4;
+    }
+    Ok(if unit_mm == 1.0 { lens } else { lens.scaled(unit_mm) })
+}

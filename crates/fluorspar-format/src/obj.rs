@@ -1,0 +1,84 @@
+//! Wavefront OBJ meshes.
+
+use std::path::Path;
+
+use glam::{Vec2, Vec3};
+
+use super::FormatError;
+use super::file::{MAX_MESH_BYTES, guarded, read_file};
+use super::ply::finish_mesh;
+use fluorspar::geometry::TriangleMesh;
+
+/// Reads all shapes of an OBJ file as one mesh; polygons are split into triangles, materials are ignored. Normals and
+/// texture coordinates are kept when every corner has them.
+///
+/// `unit_m` is the length of one unit of the file, m: 0.001 for a file in millimeters.
+///
+/// # Errors
+/// Anything that is not such a file, with the line where known.
+pub fn read_obj(path: &Path, unit_m: f64) -> Result<TriangleMesh, FormatError> {
+    let bytes = read_file(path, MAX_MESH_BYTES)?;
+    let models = guarded(path, "OBJ", || {
+        let options = tobj::LoadOptions {
+            single_index: true,
+            triangulate: true,
+            ignore_points: true,
+            ignore_lines: true,
+        };
+        let no_materials = |_: &Path| Ok((Vec::new(), Default::default()));
+        match tobj::load_obj_buf(&mut bytes.as_slice(), &options, no_materials) {
+            Ok((models, _)) => Ok(models),
+            Err(error) => Err(FormatError::Malformed {
+                path: path.into(),
+                line: suspicious_line(&bytes),
+                what: format!("not a valid OBJ file: {error}"),
+                hint: "Export the mesh again".into(),
+            }),
+        }
+    })?;
+    let mut mesh = TriangleMesh::default();
+    for model in models.into_iter().map(|model| model.mesh).filter(|mesh| !mesh.indices.is_empty()) {
+        let mut part = TriangleMesh {
+            positions: model.positions.chunks_exact(3).map(Vec3::from_slice).collect(),
+            normals: model.normals.chunks_exact(3).map(Vec3::from_slice).collect(),
+            uvs: model.texcoords.chunks_exact(2).map(Vec2::from_slice).collect(),
+            triangles: model.indices.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect(),
+        };
+        // Where only some corners of a shape have them, the reader's lists are too short to tell which.
+        let vertices = part.positions.len();
+        part.normals.truncate(if part.normals.len() == vertices { vertices } else { 0 });
+        part.uvs.truncate(if part.uvs.len() == vertices { vertices } else { 0 });
+        part.validate().map_err(|error| {
+            FormatError::malformed(path, format!("a shape is damaged: {error}"), "Export the mesh again")
+        })?;
+        mesh.append(&part);
+    }
+    finish_mesh(path, mesh, unit_m)
+}
+
+/// The first vertex or face line whose numbers can't be read, from 1.
+fn suspicious_line(bytes: &[u8]) -> Option<u64> {
+    let lines = bytes.split(|&byte| byte == b'\n').enumerate();
+    let mut vertices = 0_i64;
+    for (index, line) in lines {
+        let text = String::from_utf8_lossy(line);
+        let mut words = text.split_whitespace();
+        let kind = words.next().unwrap_or_default();
+        let fine = match kind {
+            "v" | "vn" | "vt" => {
+                vertices += i64::from(kind == "v");
+                let numbers: Vec<_> = words.map(str::parse::<f64>).collect();
+                numbers.len() >= if kind == "vt" { 1 } else { 3 } && numbers.iter().all(Result::is_ok)
+            }
+            "f" => words.all(|corner| {
+                let vertex = corner.split('/').next().unwrap_or_default().parse::<i64>();
+                vertex.is_ok_and(|vertex| vertex != 0 && vertex.abs() <= vertices)
+            }),
+            _ => std::str::from_utf8(line).is_ok(),
+        };
+        if !fine {
+            return Some(index as u64 + 1);
+        }
+    }
+    None
+}

@@ -1,0 +1,360 @@
+//! Raw sensor frames: 16-bit gray TIFF or PNG, or packed, with a JSON description beside them; DNG with it inside.
+
+use std::fs::File;
+use std::io::{self, BufReader, Read, Seek};
+use std::path::Path;
+
+use png::{BitDepth, ColorType};
+use serde::{Deserialize, Serialize};
+use tiff::decoder::{Decoder, DecodingResult, Limits};
+use tiff::encoder::{TiffEncoder, colortype::Gray16};
+
+use super::dng::{is_dng, read_dng};
+use super::file::{
+    MAX_IMAGE_BYTES, check_image_size, check_packing, guarded, read_file, read_sidecar, sidecar_path,
+    write_atomically, write_sidecar,
+};
+use super::packed_raw::{PackedRows, read_packed};
+use super::png::{read_png, write_png};
+use super::{FormatError, Loaded, Provenance};
+use fluorspar::digest::sha256_hex;
+use fluorspar::image::{Mosaic, SensorImage};
+
+const SCHEMA: &str = "fluorspar.sensor_image.1";
+
+/// What the JSON file beside a raw frame says.
+///
+/// Of a real camera, gain, conversion gain and noise may be left out: the sensor of an experiment then tells them.
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Description {
+    schema: String,
+    label: String,
+    pub(super) width: u64,
+    pub(super) height: u64,
+    mosaic: Mosaic,
+    black_level: f64,
+    white_level: u16,
+    bit_depth: u8,
+    exposure_s: f64,
+    #[serde(default = "unity")]
+    gain: f64,
+    #[serde(default)]
+    dn_per_electron: f64,
+    #[serde(default)]
+    read_noise_dn: f64,
+    #[serde(default)]
+    seed: u64,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) packing: Option<PackedRows>,
+    /// Of the pixels as little-endian 16-bit numbers, row by row.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pixels_sha256: Option<String>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    provenance: Option<Provenance>,
+}
+
+fn unity() -> f64 {
+    1.0
+}
+
+impl Description {
+    /// The frame of a camera that tells: black level, exposure (s), gain, DN per electron and read noise (DN), 0 where unknown.
+    pub(super) fn of_camera(
+        label: String,
+        width: usize,
+        height: usize,
+        mosaic: Mosaic,
+        [black_level, exposure_s, gain, dn_per_electron, read_noise_dn]: [f64; 5],
+        white_level: u16,
+        bit_depth: u8,
+    ) -> Self {
+        Self {
+            schema: SCHEMA.into(),
+            label,
+            width: width as u64,
+            height: height as u64,
+            mosaic,
+            black_level,
+            white_level,
+            bit_depth,
+            exposure_s,
+            gain,
+            dn_per_electron,
+            read_noise_dn,
+            seed: 0,
+            packing: None,
+            pixels_sha256: None,
+            provenance: None,
+        }
+    }
+}
+
+/// Writes a raw frame as 16-bit gray TIFF, and its description to `PATH.json`.
+///
+/// # Errors
+/// When fields of the frame contradict each other or a file can't be written.
+pub fn write_sensor_tiff(
+    path: &Path,
+    image: &SensorImage,
+    provenance: Option<&Provenance>,
+) -> Result<(), FormatError> {
+    let description = description(path, image, provenance)?;
+    write_atomically(path, |writer| {
+        let result = TiffEncoder::new(writer).and_then(|mut encoder| {
+            encoder.write_image::<Gray16>(image.width as u32, image.height as u32, &image.data)
+        });
+        result.map_err(|error| match error {
+            tiff::TiffError::IoError(source) => source,
+            other => io::Error::other(other),
+        })
+    })?;
+    write_sidecar(path, &description)
+}
+
+/// Writes a raw frame as 16-bit gray PNG, and its description to `PATH.json`.
+///
+/// # Errors
+/// When fields of the frame contradict each other or a file can't be written.
+pub fn write_sensor_png(
+    path: &Path,
+    image: &SensorImage,
+    provenance: Option<&Provenance>,
+) -> Result<(), FormatError> {
+    let description = description(path, image, provenance)?;
+    let bytes: Vec<u8> = image.data.iter().flat_map(|value| value.to_be_bytes()).collect();
+    write_png(path, image.width, image.height, ColorType::Grayscale, BitDepth::Sixteen, &bytes)?;
+    write_sidecar(path, &description)
+}
+
+/// Reads what [`write_sensor_tiff`], [`write_sensor_png`], [`super::write_sensor_dng`] or [`super::write_packed_raw`] wrote, and raw
+/// frames of cameras: uncompressed DNG, or the other forms with a description beside them.
+///
+/// What a camera does not tell of its conversion gain and noise is 0.
+///
+/// # Errors
+/// A missing or mismatched description, another kind of picture, damaged files.
+pub fn read_sensor_image(path: &Path) -> Result<Loaded<SensorImage>, FormatError> {
+    let failed = |source| FormatError::io(path, "read", source);
+    let mut file = File::open(path).map_err(failed)?;
+    let mut magic = Vec::new();
+    Read::by_ref(&mut file).take(8).read_to_end(&mut magic).map_err(failed)?;
+    let (width, height, data) = if magic.starts_with(b"\x89PNG") {
+        read_gray_png(path)?
+    } else if magic.starts_with(b"II") || magic.starts_with(b"MM") {
+        let named = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("dng"));
+        if named || (!sidecar_path(path).exists() && is_dng(&read_file(path, MAX_IMAGE_BYTES)?)) {
+            return read_dng(path);
+        }
+        file.rewind().map_err(failed)?;
+        read_gray_tiff(path, file)?
+    } else {
+        return read_by_description(path);
+    };
+    let description: Description = read_sidecar(path)?;
+    image_of(path, width, height, data, description)
+}
+
+/// A file that does not tell its format: its description does.
+fn read_by_description(path: &Path) -> Result<Loaded<SensorImage>, FormatError> {
+    let unknown = || {
+        FormatError::malformed(
+            path,
+            "this is neither TIFF, PNG nor DNG, and no description beside it says how its pixels are packed",
+            "Name a raw frame, or write a description with \"packing\"",
+        )
+    };
+    if !sidecar_path(path).exists() {
+        return Err(unknown());
+    }
+    let description: Description = read_sidecar(path)?;
+    check_schema(path, &description)?;
+    match description.packing {
+        Some(rows) => read_packed(path, description, rows),
+        None => Err(unknown()),
+    }
+}
+
+fn check_schema(path: &Path, description: &Description) -> Result<(), FormatError> {
+    if description.schema == SCHEMA {
+        return Ok(());
+    }
+    let what = format!("this describes \"{}\", not \"{SCHEMA}\"", description.schema);
+    Err(FormatError::malformed(&sidecar_path(path), what, "Keep the two files of one frame together"))
+}
+
+/// Joins pixels and their description, which must fit.
+pub(super) fn image_of(
+    path: &Path,
+    width: usize,
+    height: usize,
+    data: Vec<u16>,
+    d: Description,
+) -> Result<Loaded<SensorImage>, FormatError> {
+    check_schema(path, &d)?;
+    // The description of a DNG is inside.
+    let beside = sidecar_path(path);
+    let sidecar = if beside.exists() { beside } else { path.to_path_buf() };
+    let wrong =
+        |what: String| FormatError::malformed(&sidecar, what, "Keep the two files of one frame together");
+    if (d.width, d.height) != (width as u64, height as u64) {
+        return Err(wrong(format!(
+            "{} rows and {} columns are described but the picture has {height} and {width}",
+            d.height, d.width
+        )));
+    }
+    if let Some(expected) = &d.pixels_sha256
+        && *expected != pixels_sha256(&data)
+    {
+        return Err(wrong("the pixels are not those that were described (their SHA-256 differs)".into()));
+    }
+    let image = SensorImage {
+        width,
+        height,
+        data,
+        mosaic: d.mosaic,
+        black_level: d.black_level,
+        white_level: d.white_level,
+        bit_depth: d.bit_depth,
+        exposure_s: d.exposure_s,
+        gain: d.gain,
+        dn_per_electron: d.dn_per_electron,
+        read_noise_dn: d.read_noise_dn,
+        seed: d.seed,
+        label: d.label,
+    };
+    if let Some(problem) = contradiction(&image) {
+        return Err(wrong(problem));
+    }
+    Ok(Loaded { image, provenance: d.provenance })
+}
+
+pub(super) fn description(
+    path: &Path,
+    image: &SensorImage,
+    provenance: Option<&Provenance>,
+) -> Result<Description, FormatError> {
+    if let Some(problem) = contradiction(image) {
+        return Err(FormatError::unwritable(path, problem, "Correct the frame before writing it"));
+    }
+    Ok(Description {
+        schema: SCHEMA.into(),
+        label: image.label.clone(),
+        width: image.width as u64,
+        height: image.height as u64,
+        mosaic: image.mosaic.clone(),
+        black_level: image.black_level,
+        white_level: image.white_level,
+        bit_depth: image.bit_depth,
+        exposure_s: image.exposure_s,
+        gain: image.gain,
+        dn_per_electron: image.dn_per_electron,
+        read_noise_dn: image.read_noise_dn,
+        seed: image.seed,
+        packing: None,
+        pixels_sha256: Some(pixels_sha256(&image.data)),
+        provenance: provenance.cloned(),
+    })
+}
+
+/// The first thing in a frame that can't be, if any.
+fn contradiction(image: &SensorImage) -> Option<String> {
+    let numbers = [
+        ("black level", image.black_level),
+        ("exposure", image.exposure_s),
+        ("gain", image.gain),
+        ("conversion gain", image.dn_per_electron),
+        ("read noise", image.read_noise_dn),
+    ];
+    let mosaic = &image.mosaic;
+    if image.width == 0 || image.height == 0 || image.width.max(image.height) > 100_000 {
+        return Some(format!("a frame can't have {} rows and {} columns", image.height, image.width));
+    }
+    if image.data.len() != image.width * image.height {
+        return Some(format!(
+            "{} numbers do not fill {} rows and {} columns",
+            image.data.len(),
+            image.height,
+            image.width
+        ));
+    }
+    if let Some((name, value)) = numbers.iter().find(|(_, value)| !value.is_finite()) {
+        return Some(format!("the {name} is {value}"));
+    }
+    if mosaic.pattern.is_empty() || mosaic.rows.checked_mul(mosaic.cols) != Some(mosaic.pattern.len()) {
+        return Some(format!(
+            "the color filter array of {} by {} pixels names {} channels",
+            mosaic.rows,
+            mosaic.cols,
+            mosaic.pattern.len()
+        ));
+    }
+    let negative = [
+        ("exposure", image.exposure_s),
+        ("gain", image.gain),
+        ("conversion gain", image.dn_per_electron),
+        ("read noise", image.read_noise_dn),
+    ];
+    if let Some((name, value)) = negative.iter().find(|(_, value)| *value < 0.0) {
+        return Some(format!("the {name} is {value}, below zero"));
+    }
+    if f64::from(image.white_level) <= image.black_level {
+        return Some(format!(
+            "the white level, {}, is not above the black level, {}",
+            image.white_level, image.black_level
+        ));
+    }
+    let wrong = mosaic.pattern.iter().find(|&&channel| usize::from(channel) >= mosaic.channels.len());
+    wrong.map(|channel| format!("the color filter array uses channel {channel} of {}", mosaic.channels.len()))
+}
+
+fn pixels_sha256(data: &[u16]) -> String {
+    sha256_hex(
+        data.chunks(1 << 15).map(|block| -> Vec<u8> { block.iter().flat_map(|v| v.to_le_bytes()).collect() }),
+    )
+}
+
+fn read_gray_png(path: &Path) -> Result<(usize, usize, Vec<u16>), FormatError> {
+    let raw = read_png(path)?;
+    if (raw.color, raw.depth) != (ColorType::Grayscale, BitDepth::Sixteen) {
+        return Err(not_gray16(path));
+    }
+    let data = raw.bytes.chunks_exact(2).map(|pair| u16::from_be_bytes([pair[0], pair[1]])).collect();
+    Ok((raw.width, raw.height, data))
+}
+
+fn read_gray_tiff(path: &Path, file: File) -> Result<(usize, usize, Vec<u16>), FormatError> {
+    guarded(path, "TIFF", || {
+        let damaged = |error: tiff::TiffError| match error {
+            tiff::TiffError::IoError(source) if source.kind() != io::ErrorKind::UnexpectedEof => {
+                FormatError::io(path, "read", source)
+            }
+            error => FormatError::malformed(
+                path,
+                format!("not a valid TIFF file: {error}"),
+                "Was it copied completely?",
+            ),
+        };
+        let length = file.metadata().map_err(|source| FormatError::io(path, "read", source))?.len();
+        let mut decoder = Decoder::new(BufReader::new(file)).map_err(damaged)?;
+        let (width, height) = decoder.dimensions().map_err(damaged)?;
+        check_image_size(path, u64::from(width), u64::from(height), 2, MAX_IMAGE_BYTES)?;
+        check_packing(path, 2 * u64::from(width) * u64::from(height), length)?;
+        if decoder.colortype().map_err(damaged)? != tiff::ColorType::Gray(16) {
+            return Err(not_gray16(path));
+        }
+        let mut limits = Limits::default();
+        limits.decoding_buffer_size = MAX_IMAGE_BYTES as usize;
+        limits.intermediate_buffer_size = MAX_IMAGE_BYTES as usize;
+        limits.ifd_value_size = limits.ifd_value_size.max(length.min(MAX_IMAGE_BYTES) as usize);
+        decoder = decoder.with_limits(limits);
+        match decoder.read_image().map_err(damaged)? {
+            DecodingResult::U16(data) => Ok((width as usize, height as usize, data)),
+            _ => Err(not_gray16(path)),
+        }
+    })
+}
+
+fn not_gray16(path: &Path) -> FormatError {
+    FormatError::unsupported(path, "the picture is not 16-bit gray", "Raw frames are 16-bit gray mosaics")
+}

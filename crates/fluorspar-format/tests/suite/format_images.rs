@@ -1,0 +1,463 @@
+//! Spectral, component and raw images: what is written comes back, and what can't be is explained.
+
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout, reason = "these are tests")]
+
+use std::fs;
+use std::path::Path;
+
+use fluorspar::image::{
+    Component, ComponentImage, FeatureMaps, LightPath, Mosaic, SensorImage, SpectralImage, View,
+};
+use fluorspar::spectral::{Irradiance, Quantity, Radiance, Reflectance, WavelengthGrid};
+use fluorspar_format::{
+    ExrCompression, ExrOptions, FormatError, Provenance, Transfer, read_component_exr, read_component_npy,
+    read_sensor_image, read_spectral_exr, read_spectral_npy, read_texture_png, write_atomically,
+    write_component_exr, write_component_npy, write_rgb_png, write_sensor_png, write_sensor_tiff,
+    write_spectral_exr, write_spectral_npy,
+};
+
+fn grid() -> WavelengthGrid {
+    WavelengthGrid::from_edges(&[380.0, 382.5, 390.0, 401.1, 1100.0]).unwrap()
+}
+
+fn provenance() -> Provenance {
+    Provenance::new("camera.name = 1", "[camera]\nname = \"µ-camera\"\n", 7, 16)
+}
+
+fn spectral<Q: Quantity>() -> SpectralImage<Q> {
+    let (width, height) = (5, 37);
+    let data = (0..width * height * 4).map(|i| (i as f32 * 0.37).sin().exp() * 1e-3).collect();
+    SpectralImage::from_data(grid(), width, height, data).unwrap()
+}
+
+fn components() -> ComponentImage {
+    let labels =
+        [LightPath::Reflected, LightPath::Fluorescence("FAD µ".into()), LightPath::MultipleFluorescence];
+    let components = labels.map(|light| Component::of_group("blue", light)).to_vec();
+    let mut image = ComponentImage::zeros(grid(), 5, 3, components);
+    for (i, value) in image.data.iter_mut().enumerate() {
+        *value = i as f32 * 0.125 - 3.0;
+    }
+    image.samples_per_pixel = 64;
+    image.features = FeatureMaps {
+        depth_m: (0..15).map(|i| if i == 3 { f32::INFINITY } else { i as f32 * 0.01 }).collect(),
+        normal: (0..15).map(|i| [0.0, i as f32, -1.0]).collect(),
+        part: (0..15).map(|i| i as u16 * 4000).collect(),
+        uv: (0..15).map(|i| [i as f32, 0.5]).collect(),
+        part_names: vec!["tongue".into(), "lip".into()],
+        material_names: vec!["mucosa".into(), "µ-skin".into()],
+        view: Some(View {
+            position_m: [0.0, 0.01, 0.1],
+            forward: [0.0, 0.0, -1.0],
+            right: [1.0, 0.0, 0.0],
+            tan_half_width: 0.37,
+        }),
+    };
+    image
+}
+
+fn frame() -> SensorImage {
+    SensorImage {
+        width: 6,
+        height: 4,
+        data: (0..24).map(|i| i * 2731).collect(),
+        mosaic: Mosaic::bayer("grbg").unwrap(),
+        black_level: 64.25,
+        white_level: 1023,
+        bit_depth: 10,
+        exposure_s: 0.03,
+        gain: 2.0,
+        dn_per_electron: 0.1,
+        read_noise_dn: 1.5,
+        seed: u64::MAX,
+        label: "blue".into(),
+    }
+}
+
+/// What an action says about a file, its folder left out.
+fn said<T: std::fmt::Debug>(folder: &Path, result: Result<T, FormatError>) -> String {
+    result.expect_err("this should fail").to_string().replace(&format!("{}/", folder.display()), "")
+}
+
+fn round_trip_exr<Q: Quantity + std::fmt::Debug + PartialEq>() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("i.exr");
+    let (image, provenance) = (spectral::<Q>(), provenance());
+    let preview = vec![[0.1, 0.2, 0.3]; 5 * 37];
+    for compression in [ExrCompression::Uncompressed, ExrCompression::Zip] {
+        let options = ExrOptions { compression, preview: Some(&preview), provenance: Some(&provenance) };
+        write_spectral_exr(&path, &image, &options).unwrap();
+        let back = read_spectral_exr::<Q>(&path).unwrap();
+        assert_eq!(back.image, image);
+        assert_eq!(back.provenance.as_ref(), Some(&provenance));
+        let first = fs::read(&path).unwrap();
+        write_spectral_exr(&path, &image, &options).unwrap();
+        assert!(fs::read(&path).unwrap() == first, "equal images give equal bytes");
+    }
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1, "nothing else is left behind");
+}
+
+#[test]
+fn spectral_images_survive_openexr() {
+    round_trip_exr::<Radiance>();
+    round_trip_exr::<Irradiance>();
+    round_trip_exr::<Reflectance>();
+}
+
+#[test]
+fn component_images_survive_openexr_with_their_features() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("c.exr");
+    let mut image = components();
+    let provenance = provenance();
+    let preview = vec![[0.5; 3]; 15];
+    let options = ExrOptions { preview: Some(&preview), provenance: Some(&provenance), ..Default::default() };
+    write_component_exr(&path, &image, &options).unwrap();
+    let back = read_component_exr(&path).unwrap();
+    assert_eq!((&back.image, back.provenance.as_ref()), (&image, Some(&provenance)));
+    let bytes = fs::read(&path).unwrap();
+    write_component_exr(&path, &image, &options).unwrap();
+    assert!(fs::read(&path).unwrap() == bytes, "equal images give equal bytes");
+    image.features = FeatureMaps::default();
+    image.components.truncate(1);
+    image.data.truncate(5 * 3 * 4);
+    write_component_exr(&path, &image, &ExrOptions::default()).unwrap();
+    let back = read_component_exr(&path).unwrap();
+    assert_eq!((back.image, back.provenance), (image, None));
+}
+
+#[test]
+fn openexr_mistakes_are_explained() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("i.exr");
+    write_spectral_exr(&path, &spectral::<Irradiance>(), &ExrOptions::default()).unwrap();
+    assert_eq!(
+        said(folder.path(), read_spectral_exr::<Radiance>(&path)),
+        "i.exr: the image holds irradiance, not radiance in W/(sr m^2 nm). Read it as what it is"
+    );
+    assert_eq!(
+        said(folder.path(), read_component_exr(&path)),
+        "i.exr: the file holds no components. Read it as a spectral image, or render the components"
+    );
+    write_component_exr(&path, &components(), &ExrOptions::default()).unwrap();
+    assert_eq!(
+        said(folder.path(), read_spectral_exr::<Radiance>(&path)),
+        "i.exr: the file has 4 parts. Read it as a component image, or save one part alone"
+    );
+    fs::write(&path, b"not an image at all").unwrap();
+    assert_eq!(
+        said(folder.path(), read_spectral_exr::<Radiance>(&path)),
+        "i.exr: this is not an OpenEXR file. Give an .exr image"
+    );
+    let options = ExrOptions { preview: Some(&[[0.0; 3]]), ..Default::default() };
+    let target = folder.path().join("new.exr");
+    assert_eq!(
+        said(folder.path(), write_spectral_exr(&target, &spectral::<Radiance>(), &options)),
+        "new.exr: nothing was written: the preview has 1 pixels for 37 rows and 5 columns. Give one R, G, B per pixel"
+    );
+    let mut twice = components();
+    twice.components[1] = twice.components[0].clone();
+    assert_eq!(
+        said(folder.path(), write_component_exr(&target, &twice, &ExrOptions::default())),
+        "new.exr: nothing was written: two components are called \"blue.reflected\". \
+         Give light groups and fluorophores names of their own"
+    );
+    let mut ragged = components();
+    ragged.data.pop();
+    assert!(
+        said(folder.path(), write_component_exr(&target, &ragged, &ExrOptions::default()))
+            .contains("do not fill")
+    );
+    assert!(!target.exists());
+}
+
+#[test]
+fn absurd_sizes_are_refused_before_memory_is_taken() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("i.exr");
+    write_spectral_exr(&path, &spectral::<Radiance>(), &ExrOptions::default()).unwrap();
+    let mut bytes = fs::read(&path).unwrap();
+    let name = b"dataWindow\0box2i\0";
+    let at = bytes.windows(name.len()).position(|window| window == name).unwrap() + name.len() + 12;
+    for (last, expected) in [
+        (
+            99_999_i32,
+            "i.exr: the image claims 100000 rows and 100000 columns of 16 bytes; at most 8589934592 bytes is read. The file is damaged or meant for something else",
+        ),
+        (
+            199_999,
+            "i.exr: the image claims 200000 rows and 200000 columns; at most 100000 a side is read. The file is damaged or meant for something else",
+        ),
+    ] {
+        bytes[at..at + 4].copy_from_slice(&last.to_le_bytes());
+        bytes[at + 4..at + 8].copy_from_slice(&last.to_le_bytes());
+        fs::write(&path, &bytes).unwrap();
+        assert_eq!(said(folder.path(), read_spectral_exr::<Radiance>(&path)), expected);
+    }
+
+    let path = folder.path().join("f.tiff");
+    write_sensor_tiff(&path, &frame(), None).unwrap();
+    let mut bytes = fs::read(&path).unwrap();
+    // Entries of 12 bytes follow their number; tag 256 is the width, its value the last four bytes.
+    let directory = u32::from_le_bytes([bytes[4], bytes[5], bytes[6], bytes[7]]) as usize;
+    let at = (directory + 2..).step_by(12).find(|&at| bytes[at..at + 2] == [0, 1]).unwrap() + 8;
+    bytes[at..at + 4].copy_from_slice(&3_000_000_u32.to_le_bytes());
+    fs::write(&path, &bytes).unwrap();
+    assert_eq!(
+        said(folder.path(), read_sensor_image(&path)),
+        "f.tiff: the image claims 4 rows and 3000000 columns; at most 100000 a side is read. \
+         The file is damaged or meant for something else"
+    );
+
+    bytes[at..at + 4].copy_from_slice(&90_000_u32.to_le_bytes());
+    fs::write(&path, &bytes).unwrap();
+    let expected =
+        "f.tiff: the header claims 720000 bytes of pixels in a file of 246 bytes. Was it copied completely?";
+    assert_eq!(said(folder.path(), read_sensor_image(&path)), expected);
+
+    let path = folder.path().join("t.png");
+    let mut encoder = png::Encoder::new(fs::File::create(&path).unwrap(), 100_001, 1);
+    encoder.set_color(png::ColorType::Grayscale);
+    encoder.write_header().unwrap().write_image_data(&[0; 100_001]).unwrap();
+    assert_eq!(
+        said(folder.path(), read_texture_png(&path, Transfer::Linear)),
+        "t.png: the image claims 1 rows and 100001 columns; at most 100000 a side is read. \
+         The file is damaged or meant for something else"
+    );
+}
+
+#[test]
+fn arrays_survive_numpy_files() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.npy");
+    let (image, provenance) = (spectral::<Radiance>(), provenance());
+    write_spectral_npy(&path, &image, Some(&provenance)).unwrap();
+    let back = read_spectral_npy::<Radiance>(&path).unwrap();
+    assert_eq!((back.image, back.provenance), (image, Some(provenance)));
+    let mut image = components();
+    write_component_npy(&path, &image, None).unwrap();
+    image.features = FeatureMaps::default();
+    assert_eq!(read_component_npy(&path).unwrap().image, image);
+}
+
+#[test]
+fn numpy_mistakes_are_explained() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.npy");
+    let read = || said(folder.path(), read_spectral_npy::<Radiance>(&path));
+    write_spectral_npy(&path, &spectral::<Irradiance>(), None).unwrap();
+    assert_eq!(
+        read(),
+        "a.npy.json: the file holds irradiance in W/(m^2 nm), not radiance in W/(sr m^2 nm). Read it as what it is"
+    );
+    write_spectral_npy(&path, &spectral::<Radiance>(), None).unwrap();
+    let sidecar = folder.path().join("a.npy.json");
+    let text = fs::read_to_string(&sidecar).unwrap();
+    fs::write(&sidecar, text.replacen("37", "38", 1)).unwrap();
+    assert_eq!(
+        read(),
+        "a.npy.json: the description has shape [38, 5, 4] but the array has [37, 5, 4]. Keep the two files of one run together"
+    );
+    fs::write(&sidecar, "{\n\"schema\": 3\n}").unwrap();
+    assert_eq!(
+        read(),
+        "a.npy.json:2: invalid type: integer `3`, expected a string. Restore the file as it was written"
+    );
+    fs::remove_file(&sidecar).unwrap();
+    assert!(read().starts_with("a.npy: its description"), "{}", read());
+    let array = |descr: &str, order: &str, shape: &str| {
+        let header = format!("{{'descr': {descr}, 'fortran_order': {order}, 'shape': {shape}, }}\n");
+        let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
+        bytes.extend((header.len() as u16).to_le_bytes());
+        bytes.extend(header.bytes());
+        bytes
+    };
+    let cases = [
+        (
+            array("'<f4'", "False", "(2, 2)"),
+            "a.npy: the shape [2, 2] needs 16 bytes but 0 follow. Was it copied completely?",
+        ),
+        (
+            array("'<c8'", "False", "(2, 2)"),
+            "a.npy: the elements are '<c8', not '<f4' or '<f8'. Save a.astype('<f4')",
+        ),
+        (array("'<f4'", "False", "2, 2"), "a.npy: invalid header of a .npy file. Write it with numpy.save"),
+        (
+            array("'<f4'", "True", "(2, 2)"),
+            "a.npy: the array is in Fortran order. Save numpy.ascontiguousarray(a)",
+        ),
+        (
+            array("'<f4'", "False", "(9000000000, 9000000000)"),
+            "a.npy: the array claims the shape [9000000000, 9000000000]; at most 8589934592 bytes is read. \
+             The file is damaged or meant for something else",
+        ),
+        (
+            b"\x93NUMPY\x02\x00\xff\xff\xff\xff".to_vec(),
+            "a.npy: the header claims 4294967295 bytes in a file of 12. Was it copied completely?",
+        ),
+        (
+            b"PK\x03\x04 and so on, no array".to_vec(),
+            "a.npy: this is not a NumPy .npy file. Write it with numpy.save",
+        ),
+        (b"\x93NUM".to_vec(), "a.npy: this is not a NumPy .npy file. Write it with numpy.save"),
+    ];
+    for (bytes, expected) in cases {
+        fs::write(&path, bytes).unwrap();
+        assert_eq!(read(), expected);
+    }
+}
+
+#[test]
+fn raw_frames_survive_tiff_and_png() {
+    let folder = tempfile::tempdir().unwrap();
+    let (image, provenance) = (frame(), provenance());
+    for (name, write) in [("f.tiff", write_sensor_tiff as fn(&_, &_, _) -> _), ("f.png", write_sensor_png)] {
+        let path = folder.path().join(name);
+        write(&path, &image, Some(&provenance)).unwrap();
+        let back = read_sensor_image(&path).unwrap();
+        assert_eq!((back.image, back.provenance.as_ref()), (image.clone(), Some(&provenance)));
+    }
+}
+
+#[test]
+fn raw_mistakes_are_explained() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("f.tiff");
+    let sidecar = folder.path().join("f.tiff.json");
+    let read = || said(folder.path(), read_sensor_image(&path));
+    write_sensor_tiff(&path, &frame(), None).unwrap();
+    let text = fs::read_to_string(&sidecar).unwrap();
+    let pixels = fs::read(&path).unwrap();
+
+    let mut other = frame();
+    other.data[5] ^= 1;
+    write_sensor_tiff(&path, &other, None).unwrap();
+    fs::write(&sidecar, &text).unwrap();
+    assert_eq!(
+        read(),
+        "f.tiff.json: the pixels are not those that were described (their SHA-256 differs). \
+         Keep the two files of one frame together"
+    );
+    fs::write(&path, pixels).unwrap();
+    let edits = [
+        (
+            "\"width\": 6",
+            "\"width\": 7",
+            "f.tiff.json: 4 rows and 7 columns are described but the picture has 4 and 6. Keep the two files of one frame together",
+        ),
+        (
+            "sensor_image.1",
+            "sensor_image.9",
+            "f.tiff.json: this describes \"fluorspar.sensor_image.9\", not \"fluorspar.sensor_image.1\". Keep the two files of one frame together",
+        ),
+        (
+            "\"gain\": 2.0",
+            "\"gian\": 2.0",
+            "f.tiff.json:25: unknown field `gian`, expected one of `schema`, `label`, `width`, `height`, `mosaic`, `black_level`, `white_level`, `bit_depth`, `exposure_s`, `gain`, `dn_per_electron`, `read_noise_dn`, `seed`, `packing`, `pixels_sha256`, `provenance`. Restore the file as it was written",
+        ),
+        (
+            "\"rows\": 2",
+            "\"rows\": 3",
+            "f.tiff.json: the color filter array of 3 by 2 pixels names 4 channels. Keep the two files of one frame together",
+        ),
+    ];
+    for (from, to, expected) in edits {
+        assert!(text.contains(from), "{text}");
+        fs::write(&sidecar, text.replacen(from, to, 1)).unwrap();
+        assert_eq!(read(), expected);
+    }
+    fs::remove_file(&sidecar).unwrap();
+    assert_eq!(
+        read().replace(&sidecar.display().to_string(), "f.tiff.json"),
+        "f.tiff: its description f.tiff.json is missing. \
+         Keep the two files together; without it neither units nor exposure are known"
+    );
+    write_rgb_png(&path, 2, 1, &[1, 2, 3, 4, 5, 6]).unwrap();
+    assert_eq!(read(), "f.tiff: the picture is not 16-bit gray. Raw frames are 16-bit gray mosaics");
+
+    let target = folder.path().join("new.tiff");
+    let mut bad = frame();
+    bad.gain = f64::NAN;
+    assert_eq!(
+        said(folder.path(), write_sensor_tiff(&target, &bad, None)),
+        "new.tiff: nothing was written: the gain is NaN. Correct the frame before writing it"
+    );
+    bad = frame();
+    bad.data.pop();
+    assert_eq!(
+        said(folder.path(), write_sensor_png(&target, &bad, None)),
+        "new.tiff: nothing was written: 23 numbers do not fill 4 rows and 6 columns. Correct the frame before writing it"
+    );
+    assert!(!target.exists());
+}
+
+#[test]
+fn textures_are_decoded_to_light() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("t.png");
+    write_rgb_png(&path, 2, 1, &[0, 128, 255, 10, 20, 30]).unwrap();
+    let linear = read_texture_png(&path, Transfer::Linear).unwrap();
+    assert_eq!((linear.width, linear.height, linear.channels), (2, 1, 3));
+    assert_eq!(linear.data[..3], [0.0, 128.0 / 255.0, 1.0]);
+    let light = read_texture_png(&path, Transfer::Srgb).unwrap();
+    // sRGB 128 is 0.2158605 of white; 10 lies on the straight part.
+    assert!((light.data[1] - 0.215_860_5).abs() < 1e-6 && (light.data[2] - 1.0).abs() < 1e-6);
+    assert!((light.data[3] - 10.0 / 255.0 / 12.92).abs() < 1e-7);
+    assert_eq!(
+        said(folder.path(), write_rgb_png(&folder.path().join("n.png"), 2, 2, &[0; 3])),
+        "n.png: nothing was written: 3 numbers do not fill 2 rows and 2 columns of R, G, B. Give three numbers per pixel"
+    );
+}
+
+#[test]
+fn textures_of_every_kind_are_read() {
+    use png::{BitDepth, ColorType};
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("t.png");
+    let kinds = [
+        (ColorType::Grayscale, 1),
+        (ColorType::GrayscaleAlpha, 2),
+        (ColorType::Rgb, 3),
+        (ColorType::Rgba, 4),
+    ];
+    for (color, channels) in kinds {
+        for (depth, bytes) in [(BitDepth::Eight, 1), (BitDepth::Sixteen, 2)] {
+            let mut encoder = png::Encoder::new(fs::File::create(&path).unwrap(), 1, 1);
+            encoder.set_color(color);
+            encoder.set_depth(depth);
+            encoder.write_header().unwrap().write_image_data(&vec![0x80; channels * bytes]).unwrap();
+            let texture = read_texture_png(&path, Transfer::Srgb).unwrap();
+            assert_eq!(texture.channels, channels);
+            let (stored, alpha) = (texture.data[0], texture.data[channels - 1]);
+            assert!((stored - 0.216).abs() < 0.001, "{stored}");
+            // Alpha is a fraction, not a color.
+            assert_eq!(channels % 2 == 0, (alpha - 0.502).abs() < 0.001, "{alpha}");
+        }
+    }
+}
+
+#[test]
+fn a_failed_write_leaves_what_was_there() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("r.txt");
+    let write = |text: &'static str, fail: bool| {
+        write_atomically(&path, |writer| {
+            std::io::Write::write_all(writer, text.as_bytes())?;
+            if fail { Err(std::io::Error::other("out of ideas")) } else { Ok(()) }
+        })
+    };
+    write("first", false).unwrap();
+    assert_eq!(
+        said(folder.path(), write("second", true)),
+        "r.txt: can't write it: out of ideas. Check the disk and the path"
+    );
+    let panicked = std::panic::catch_unwind(|| write_atomically(&path, |_| panic!("on purpose")));
+    assert!(panicked.is_err());
+    assert_eq!(fs::read_to_string(&path).unwrap(), "first");
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+    let lost = folder.path().join("missing/r.txt");
+    assert_eq!(
+        said(folder.path(), write_atomically(&lost, |_| Ok(()))),
+        "missing/r.txt: can't create it: No such file or directory (os error 2). Check the path and its folder"
+    );
+}

@@ -1,0 +1,361 @@
+//! Spectra, fluorophores and excitation-emission matrices as CSV.
+
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout, reason = "these are tests")]
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use fluorspar_format::{
+    AntiStokes, CsvColumns, CsvEemOptions, CsvSpectrumOptions, EemUnit, Negative, read_eem_csv,
+    read_fluorophore_csv, read_spectrum_csv,
+};
+
+/// What a reader says about a file with this content, its folder left out.
+fn complaint<T: std::fmt::Debug>(
+    content: &[u8],
+    read: impl Fn(&Path) -> Result<T, fluorspar_format::FormatError>,
+) -> String {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("t.csv");
+    fs::write(&path, content).unwrap();
+    let error = read(&path).expect_err("a bad file was read");
+    assert_eq!(error.path(), path);
+    error.to_string().replace(&format!("{}/", folder.path().display()), "")
+}
+
+fn loaded<T>(content: &str, read: impl Fn(&Path) -> Result<T, fluorspar_format::FormatError>) -> T {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("t.csv");
+    fs::write(&path, content).unwrap();
+    read(&path).unwrap_or_else(|error| panic!("{error}"))
+}
+
+#[test]
+fn spectra_are_read_by_name_and_by_number() {
+    let text = "\u{feff}# a comment\nWavelength [nm], red ,green\n400,0.1,1\n\n# another\n410,0.2,2\n";
+    let all = loaded(text, |path| read_spectrum_csv(path, &CsvSpectrumOptions::default()));
+    assert_eq!(all.iter().map(|c| c.name.as_str()).collect::<Vec<_>>(), ["red", "green"]);
+    assert_eq!(all[0].curve.wavelengths_nm(), [400.0, 410.0]);
+    assert_eq!(all[1].curve.values(), [1.0, 2.0]);
+    for columns in [CsvColumns::Named(vec!["green".into()]), CsvColumns::Numbered(vec![2])] {
+        let options = CsvSpectrumOptions { columns, ..Default::default() };
+        let one = loaded(text, |path| read_spectrum_csv(path, &options));
+        assert_eq!(one, all[1..]);
+    }
+}
+
+#[test]
+fn every_way_to_say_nanometers_is_understood() {
+    for header in
+        ["wavelength_nm", "wavelength [nm]", "wavelength (nm)", "wave_nm", "nm", "Lambda/nm", "Nanometers"]
+    {
+        let text = format!("{header}\tvalue\n400\t1\n500\t2e-3\n");
+        let curves = loaded(&text, |path| read_spectrum_csv(path, &CsvSpectrumOptions::default()));
+        assert_eq!(curves[0].curve.values(), [1.0, 0.002], "{header}");
+    }
+}
+
+#[test]
+fn empty_cells_and_negative_values_follow_the_options() {
+    let text = "nm,a,b\n400,,-1\n410,2,2\n420,3,4\n";
+    let options =
+        CsvSpectrumOptions { skip_empty_cells: true, negative: Negative::ClipToZero, ..Default::default() };
+    let curves = loaded(text, |path| read_spectrum_csv(path, &options));
+    assert_eq!(curves[0].curve.wavelengths_nm(), [410.0, 420.0]);
+    assert_eq!(curves[1].curve.values(), [0.0, 2.0, 4.0]);
+    let options = CsvSpectrumOptions { negative: Negative::Keep, ..options };
+    assert_eq!(loaded(text, |path| read_spectrum_csv(path, &options))[1].curve.values(), [-1.0, 2.0, 4.0]);
+}
+
+#[test]
+fn bad_spectra_are_explained() {
+    let cases: &[(&[u8], &str)] = &[
+        (b"", "t.csv: the file is empty. Was it copied completely?"),
+        (b"# only this\n", "t.csv: the file holds no table. Give a header line and lines of numbers"),
+        (b"nm,a\n", "t.csv:1: the file ends after the header line. Give at least two lines of numbers"),
+        (
+            b"nm,a\n400,1\n",
+            "t.csv: column \"a\" is not a valid spectrum: a spectrum needs at least two samples; got 1. Check the column",
+        ),
+        (
+            b"400,1\n410,2\n",
+            "t.csv:1: the header line is missing: the file begins with numbers. Put a line such as \"wavelength_nm,transmittance\" above them",
+        ),
+        (
+            b"wavelength,a\n400,1\n410,2\n",
+            "t.csv:1: the first column \"wavelength\" states no unit. Call it \"wavelength_nm\" if it is in nanometers",
+        ),
+        (
+            b"wavelength_um,a\n0.4,1\n0.5,2\n",
+            "t.csv:1: the first column \"wavelength_um\" is in micrometers. Multiply it by 1000 and call it \"wavelength_nm\"",
+        ),
+        (
+            "wavelength [µm],a\n0.4,1\n0.5,2\n".as_bytes(),
+            "t.csv:1: the first column \"wavelength [µm]\" is in micrometers. Multiply it by 1000 and call it \"wavelength_nm\"",
+        ),
+        (
+            b"wavelength_m,a\n4e-7,1\n5e-7,2\n",
+            "t.csv:1: the first column \"wavelength_m\" is in meters. Multiply it by 1e9 and call it \"wavelength_nm\"",
+        ),
+        (
+            b"nm,a\n0.4,1\n0.5,2\n",
+            "t.csv:2: the wavelengths run from 0.4 to 0.5, not between 100 and 20000 nm. They look like micrometers: multiply by 1000",
+        ),
+        (
+            b"nm,a\n4e-7,1\n5e-7,2\n",
+            "t.csv:2: the wavelengths run from 0.0000004 to 0.0000005, not between 100 and 20000 nm. They look like meters: multiply by 1e9",
+        ),
+        (
+            b"sample,a\n400,1\n500,2\n",
+            "t.csv:1: the first column is \"sample\", not a wavelength. Put the wavelength first and call it \"wavelength_nm\"",
+        ),
+        (
+            b"em_nm\\ex_nm,400\n500,2\n",
+            "t.csv:1: the first cell is \"em_nm\\ex_nm\": this is an excitation-emission matrix. Read it as a matrix, or give a first column \"wavelength_nm\"",
+        ),
+        (
+            b"nm,a\n400,1\n390,2\n",
+            "t.csv:3: the wavelength 390 nm follows 400 nm. Sort by wavelength, shortest first",
+        ),
+        (
+            b"nm,a\n400,1\n# c\n400,2\n",
+            "t.csv:4: the wavelength 400 nm appears twice. Keep one value per wavelength",
+        ),
+        (
+            b"nm,a\n400,1\n410,-2\n",
+            "t.csv:3: column \"a\" holds -2, below zero. Subtract the background correctly, or allow or clip negative values on purpose",
+        ),
+        (
+            b"nm,a\n400,1\n410,NaN\n",
+            "t.csv:3: column \"a\" holds NaN. Every value must be a finite number: remove the line or leave the cell empty and skip empty cells",
+        ),
+        (
+            b"nm,a\n400,1\n410,\n",
+            "t.csv:3: column \"a\" is empty at 410 nm. Fill the cell, remove the line, or skip empty cells on purpose",
+        ),
+        (b"nm,a\n400,1\n,2\n", "t.csv:3: the wavelength is empty. Give every line a wavelength in nm"),
+        (
+            b"nm,a\n400,1\n410,high\n",
+            "t.csv:3: column \"a\" holds \"high\", which is not a number. Write numbers like 385 or 1.5e-3",
+        ),
+        (
+            b"nm;a\n400;0,1\n410;0,2\n",
+            "t.csv:2: column \"a\" holds \"0,1\", which is not a number. Write decimals with a point",
+        ),
+        (
+            b"nm,a\n400,1\n410,2,3\n",
+            "t.csv:3: this line has 3 cells but the header has 2. Give every line one cell per column",
+        ),
+        (
+            b"nm\n400\n410\n",
+            "t.csv:1: there is only a wavelength column. Give at least one column of values; cells are separated by commas",
+        ),
+        (b"nm,a\n400,\xff\n", "t.csv:2: this is not UTF-8 text. Save the file as plain UTF-8 text"),
+        (b"\xff\xfen\x00m\x00", "t.csv: the text is UTF-16. Save it as UTF-8"),
+    ];
+    for (content, expected) in cases {
+        let said = complaint(content, |path| read_spectrum_csv(path, &CsvSpectrumOptions::default()));
+        assert_eq!(said, *expected, "for {:?}", String::from_utf8_lossy(content));
+    }
+    let named = |name: &str| CsvSpectrumOptions {
+        columns: CsvColumns::Named(vec![name.into()]),
+        ..Default::default()
+    };
+    let text = b"nm,a,b,b\n400,1,2,3\n410,1,2,3\n";
+    assert_eq!(
+        complaint(text, |path| read_spectrum_csv(path, &named("c"))),
+        "t.csv:1: there is no column \"c\". Columns are: a, b, b"
+    );
+    assert_eq!(
+        complaint(text, |path| read_spectrum_csv(path, &named("b"))),
+        "t.csv:1: two columns are called \"b\". Give each column its own name or choose the column by number"
+    );
+    let numbered = CsvSpectrumOptions { columns: CsvColumns::Numbered(vec![0]), ..Default::default() };
+    assert_eq!(
+        complaint(text, |path| read_spectrum_csv(path, &numbered)),
+        "t.csv:1: there is no value column number 0. Columns are numbered from 1 after the wavelength: a, b, b"
+    );
+}
+
+#[test]
+fn a_missing_file_is_named() {
+    let error = read_spectrum_csv(Path::new("/nowhere/x.csv"), &CsvSpectrumOptions::default()).unwrap_err();
+    assert_eq!(
+        error.to_string(),
+        "/nowhere/x.csv: can't read it: No such file or directory (os error 2). Check the path and its folder"
+    );
+}
+
+#[test]
+fn fluorophores_know_when_they_have_no_excitation() {
+    let read = |path: &Path| read_fluorophore_csv(path, Negative::Refuse);
+    let full = loaded("wavelength_nm,excitation,emission\n400,1,\n410,0.5,0\n420,,1\n", read);
+    assert_eq!((full.excitation.values(), full.emission.values()), (&[1.0, 0.5][..], &[0.0, 1.0][..]));
+    assert!(!full.emission_only);
+    assert!(loaded("wavelength_nm,emission,excitation\n400,0,1\n410,1,1\n", read).emission_only);
+}
+
+#[test]
+fn matrices_keep_rows_as_emission() {
+    let text = "# unit: photons\nem_nm\\ex_nm,350,400\n380,1,0\n450,2,3\n";
+    let eem = loaded(text, |path| read_eem_csv(path, &CsvEemOptions::default()));
+    assert_eq!((eem.emission_nm, eem.excitation_nm), (vec![380.0, 450.0], vec![350.0, 400.0]));
+    assert_eq!((eem.values, eem.unit), (vec![1.0, 0.0, 2.0, 3.0], EemUnit::Photons));
+}
+
+#[test]
+fn anti_stokes_cells_follow_the_options() {
+    let text = "em_nm\\ex_nm,350,400\n380,1,0.5\n450,-2,3\n470,,3\n";
+    let read = |anti_stokes, negative| {
+        let options =
+            CsvEemOptions { unit: Some(EemUnit::Energy), anti_stokes, negative, empty_as_zero: true };
+        loaded(text, |path| read_eem_csv(path, &options)).values
+    };
+    assert_eq!(read(AntiStokes::Keep, Negative::Keep), [1.0, 0.5, -2.0, 3.0, 0.0, 3.0]);
+    assert_eq!(read(AntiStokes::SetToZero, Negative::ClipToZero), [1.0, 0.0, 0.0, 3.0, 0.0, 3.0]);
+    assert_eq!(read(AntiStokes::Refuse(0.2), Negative::ClipToZero), [1.0, 0.5, 0.0, 3.0, 0.0, 3.0]);
+}
+
+#[test]
+fn bad_matrices_are_explained() {
+    let photons = "# unit: photons\n";
+    let cases: &[(&str, &str)] = &[
+        (
+            "em_nm\\ex_nm,350,400\n380,1,0\n450,2,3\n",
+            "t.csv: the unit of the values is unknown: photons or energy (they differ by emission/excitation wavelength). Add a line \"# unit: photons\" or \"# unit: energy\", or give the unit when reading",
+        ),
+        (
+            "# unit: counts\nem_nm\\ex_nm,350\n380,1\n450,2\n",
+            "t.csv:1: the unit \"counts\" is not known. Write \"# unit: photons\" or \"# unit: energy\"",
+        ),
+        (
+            ",350,400\n380,1,0\n450,2,3\n",
+            "t.csv:1: the corner cell is missing. Write \"em_nm\\ex_nm\" there: it says that rows are emission, columns excitation, both in nm",
+        ),
+        (
+            "ex_nm\\em_nm,380,450\n350,1,2\n400,0,3\n",
+            "t.csv:1: the corner cell is \"ex_nm\\em_nm\": rows are excitation. Transpose the table so that rows are emission, and write \"em_nm\\ex_nm\"",
+        ),
+        (
+            "nm,350,400\n380,1,0\n",
+            "t.csv:1: the corner cell is \"nm\". Write \"em_nm\\ex_nm\" if rows are emission and columns excitation, both in nm",
+        ),
+        (
+            "@em_nm\\ex_nm,380,450\n350,1,2\n400,0,3\n",
+            "t.csv: 100 % of the matrix lies at emission wavelengths below the excitation. Rows are emission, columns are excitation: is the table transposed?",
+        ),
+        (
+            "@em_nm\\ex_nm,350,400\n380,1,0.03\n450,2,3\n",
+            "t.csv:3: emission at 380 nm is below its excitation at 400 nm but holds 0.03 (1.00 % of the peak). Remove scattered light, set such cells to 0 or allow anti-Stokes values",
+        ),
+        (
+            "@em_nm\\ex_nm,400,350\n380,1,0\n450,2,3\n",
+            "t.csv:2: the excitation wavelength 350 nm follows 400 nm. Sort by wavelength, shortest first",
+        ),
+        (
+            "@em_nm\\ex_nm,350,400\n450,1,0\n380,2,3\n",
+            "t.csv:4: the emission wavelength 380 nm follows 450 nm. Sort by wavelength, shortest first",
+        ),
+        (
+            "@em_nm\\ex_nm,350,400\n380,1,0\n380,2,3\n",
+            "t.csv:4: the emission wavelength 380 nm appears twice. Keep one value per wavelength",
+        ),
+        (
+            "@em_nm\\ex_nm,0.35,0.4\n0.38,1,0\n0.45,2,3\n",
+            "t.csv:2: the excitation wavelengths run from 0.35 to 0.4, not between 100 and 20000 nm. They look like micrometers: multiply by 1000",
+        ),
+        (
+            "@em_nm\\ex_nm,350,400\n380,1,0\n450,-2,3\n",
+            "t.csv:4: column \"350\" holds -2, below zero. Subtract the background correctly, or allow or clip negative values on purpose",
+        ),
+        (
+            "@em_nm\\ex_nm,350,400\n380,1,0\n450,nan,3\n",
+            "t.csv:4: column \"350\" holds nan. Every value must be a finite number: remove the line or leave the cell empty and skip empty cells",
+        ),
+        (
+            "@em_nm\\ex_nm,350,400\n380,1,0\n450,,3\n",
+            "t.csv:4: the cell at excitation 350 nm is empty. Fill it, or take empty cells as zero on purpose",
+        ),
+        (
+            "@em_nm\\ex_nm,350,400\n380,1,0\n450,2\n",
+            "t.csv:4: this line has 2 cells but the header has 3. Give every line one cell per column",
+        ),
+        (
+            "@em_nm\\ex_nm,350,\n380,1,0\n",
+            "t.csv:2: excitation wavelength 2 is empty. Give every column its excitation wavelength in nm",
+        ),
+        (
+            "@em_nm\\ex_nm\n380\n450\n",
+            "t.csv:2: there is no excitation wavelength. Put them on the first line after \"em_nm\\ex_nm\", separated by commas",
+        ),
+    ];
+    for (content, expected) in cases {
+        let content = content.replace('@', photons);
+        let said = complaint(content.as_bytes(), |path| read_eem_csv(path, &CsvEemOptions::default()));
+        assert_eq!(said, *expected, "for {content:?}");
+    }
+    let energy = CsvEemOptions { unit: Some(EemUnit::Energy), ..Default::default() };
+    assert_eq!(
+        complaint(b"# unit: photons\nem_nm\\ex_nm,350\n380,1\n390,1\n", |path| read_eem_csv(path, &energy)),
+        "t.csv: the file says that its values count photons, but energy was asked for. \
+         Leave the choice to the file, or correct its comment"
+    );
+}
+
+#[test]
+fn a_unit_that_the_file_does_not_know_is_decided_by_the_reader() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("t.csv");
+    fs::write(&path, "# unit: unknown\nem_nm\\ex_nm,380,390\n500,1,2\n510,3,4\n").unwrap();
+    let unit = |unit| read_eem_csv(&path, &CsvEemOptions { unit, ..Default::default() }).unwrap().unit;
+    assert_eq!([unit(None), unit(Some(EemUnit::Energy))], [EemUnit::Unknown, EemUnit::Energy]);
+}
+
+fn reference() -> Option<PathBuf> {
+    let found = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .ancestors()
+        .map(|folder| folder.join("shared/reference"))
+        .find(|folder| folder.is_dir());
+    if found.is_none() {
+        println!("skipped: there is no shared/reference beside the repository");
+    }
+    found
+}
+
+fn csv_files(folder: &Path) -> Vec<PathBuf> {
+    let files = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    files.filter(|path| path.extension().is_some_and(|extension| extension == "csv")).collect()
+}
+
+#[test]
+fn measured_spectra_and_matrices_load() {
+    let Some(reference) = reference() else { return };
+    let options = CsvEemOptions { unit: Some(EemUnit::Unknown), ..Default::default() };
+    let mut matrices = 0;
+    for path in csv_files(&reference.join("eem")) {
+        if path.file_name().unwrap().to_string_lossy().starts_with("webfluor_") {
+            let eem = read_eem_csv(&path, &options).unwrap_or_else(|error| panic!("{error}"));
+            assert_eq!(eem.values.len(), eem.emission_nm.len() * eem.excitation_nm.len());
+            matrices += 1;
+        }
+    }
+    assert!(matrices > 10, "{matrices} matrices");
+    let options =
+        CsvSpectrumOptions { negative: Negative::Keep, skip_empty_cells: true, ..Default::default() };
+    for folder in ["lights", "filters", "sensors", "blood"] {
+        for path in csv_files(&reference.join(folder)) {
+            if !path.file_name().unwrap().to_string_lossy().ends_with("_index.csv") {
+                let curves = read_spectrum_csv(&path, &options).unwrap_or_else(|error| panic!("{error}"));
+                assert!(!curves.is_empty());
+            }
+        }
+    }
+    let read =
+        |path: &Path| read_fluorophore_csv(path, Negative::Keep).unwrap_or_else(|error| panic!("{error}"));
+    assert!(csv_files(&reference.join("dyes")).iter().all(|path| !read(path).emission_only));
+    let alfano = csv_files(&reference.join("fluorophores/toolbox"))
+        .into_iter()
+        .filter(|path| read(path).emission_only)
+        .count();
+    assert!(alfano > 0, "some sources have no excitation data");
+}

@@ -1,0 +1,7 @@
+//! Tests of files from outside, in one program.
+
+mod format_damage;
+mod format_images;
+mod format_matlab_and_meshes;
+mod format_raw;
+mod format_tables;
