@@ -995,7 +995,7 @@ def to_toml(item):
 FOLDERS = {
     "lights": (
         "Lights",
-        "Relative spectral power of emitters, 1 at the peak; the power in watts stands in the scene.",
+        "Relative spectral power of emitters, 1 at the peak; the power in watts is part of the scene.",
     ),
     "filters": (
         "Filters",
@@ -1029,7 +1029,7 @@ def readme(items):
         "  the lens are assumptions that decide how much reflected light leaks; set them to those of your parts.",
         "- Filters are given at normal incidence. A short-pass on an LED at 30 degrees cuts 4 % earlier, a long-pass passes 4 % earlier.",
         "- Tissue parameters describe a curve. Sites other than tongue and inner lip are assumed.",
-        "- The OralEye's sensor, white LED and filters are not public; what stands for them here is generic.",
+        "- The OralEye's sensor, white LED and filters are not public; generic models replace them here.",
         "",
     ]
     for folder, (title, text) in FOLDERS.items():

@@ -4,7 +4,7 @@
 //! `cargo bench -p fluorspar-accel --bench instruction_counts`
 //!
 //! The kernel of Linux counts them (`perf_event_open`), in user mode only, where the processor has counters that it may use.
-//! Virtual machines often have none, and other systems are not asked: then this says so and ends well.
+//! Virtual machines often have none, and other systems have no such interface: then the program says so and exits with 0.
 
 #![allow(clippy::print_stdout, reason = "printing is what a benchmark is for")]
 
@@ -53,7 +53,7 @@ struct Counter;
 #[cfg(not(target_os = "linux"))]
 impl Counter {
     fn new() -> io::Result<Self> {
-        Err(io::Error::new(io::ErrorKind::Unsupported, "only Linux is asked to count them"))
+        Err(io::Error::new(io::ErrorKind::Unsupported, "instructions are counted on Linux only"))
     }
 
     fn count(&mut self, _: impl FnMut(u64)) -> io::Result<f64> {

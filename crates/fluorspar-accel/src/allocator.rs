@@ -1,4 +1,4 @@
-//! The allocator of the programs: mimalloc, which asks the system for large pages. A renderer jumps about in megabytes of
+//! The allocator of the programs: mimalloc, which requests large pages. A renderer reads at random from megabytes of
 //! tree, mesh and texture, and looking up small pages costs as much as reading them.
 #![allow(unsafe_code)]
 

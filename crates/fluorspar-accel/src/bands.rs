@@ -344,7 +344,7 @@ mod tests {
         (0..bands).map(|band| 0.6 + 0.5 * (0.7 * band as f32 + phase).sin()).collect()
     }
 
-    /// Everything in this module, in turn.
+    /// Every operation of this module, one after the other.
     struct All<'a> {
         vectors: [&'a [BandBlock]; 2],
         products: &'a [OuterProduct],

@@ -5,7 +5,7 @@
 //! | prepare a mesh | [`TriangleBvh::build`] | an eight-wide bounding volume hierarchy |
 //! | what does this ray see? | [`TriangleBvh::closest`] | the nearest [`Hit`] |
 //! | is this light hidden? | [`TriangleBvh::occluded`] | `true` at the first triangle found |
-//! | one mesh at many places | [`InstanceBvh::build`] | a tree over placed meshes, asked in the same way |
+//! | one mesh at many places | [`InstanceBvh::build`] | a tree over placed meshes, with the same queries |
 //! | the same of many rays | [`TriangleBvh::closest_each`], [`TriangleBvh::occluded_each`] | the same, faster |
 //!
 //! What may be relied upon:

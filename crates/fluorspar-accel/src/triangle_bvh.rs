@@ -88,12 +88,12 @@ pub enum BuildError {
         /// How many there are.
         count: usize,
     },
-    /// The kernel asked for needs instructions that this processor does not have.
+    /// The requested kernel needs instructions that this processor does not have.
     #[error(
         "this processor cannot run the {kernel} kernel; leave the choice open, or take one of Kernel::available()"
     )]
     KernelUnavailable {
-        /// The kernel asked for.
+        /// The requested kernel.
         kernel: Kernel,
     },
 }
@@ -160,7 +160,7 @@ impl TriangleBvh {
         self.dispatch.occluded(&self.tree, ray)
     }
 
-    /// [`TriangleBvh::closest`] of every ray, in their order. Up to 64 rays are on their way at a time and take turns, so
+    /// [`TriangleBvh::closest`] of every ray, in their order. Up to 64 traversals are interleaved, so
     /// that some move while others wait: faster from a few rays on, most for rays that go different ways.
     pub fn closest_each(&self, rays: &[Ray], hits: &mut Vec<Option<Hit>>) {
         hits.clear();
@@ -393,7 +393,7 @@ mod tests {
         }
     }
 
-    /// Rays in turns find what they find alone, whether they are fewer or more than the turns.
+    /// Batched traversal agrees with single rays, for batches smaller and larger than the number of slots.
     #[test]
     fn rays_in_turns_find_the_same() {
         let triangles = soup(700);

@@ -209,7 +209,7 @@ fn plan_all(
     mut fits: impl FnMut(u32) -> bool,
 ) -> (Vec<Bounds>, Vec<Plan>) {
     let whole = boxes.iter().fold(Bounds::EMPTY, |sum, &next| sum.union(next)).half_area();
-    // A tree without any surface, or none that can be told from none, may be grouped anyhow.
+    // A tree whose surface area is zero or too small to compare may be grouped arbitrarily.
     let relative = |bounds: &Bounds| if whole > 0.0 { (bounds.half_area() / whole) as f32 } else { 0.0 };
     let mut bounds = vec![Bounds::EMPTY; tree.len()];
     let mut counts = vec![1_u32; tree.len()];
@@ -236,7 +236,7 @@ fn plan_all(
     (bounds, plans)
 }
 
-/// Carries the plans out: fills `nodes`, root first, and asks `leaf` for the number of each leaf.
+/// Executes the plans: fills `nodes`, root first, and calls `leaf` for the number of each leaf.
 fn group(
     tree: &[BinaryNode],
     bounds: &[Bounds],

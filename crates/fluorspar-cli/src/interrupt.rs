@@ -8,7 +8,7 @@ use crate::message;
 
 /// Rendering shall end: Ctrl-C, a request to end, or the time limit.
 pub(crate) static STOP: AtomicBool = AtomicBool::new(false);
-/// Someone asked the program to end.
+/// A signal requested the end of the program.
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 /// A picture is being made that is worth saving.
 static RENDERS: AtomicBool = AtomicBool::new(false);
@@ -88,7 +88,7 @@ pub(crate) fn save_when_interrupted() {
     RENDERS.store(true, Ordering::SeqCst);
 }
 
-/// Whether the user asked to stop; a time limit that ran out does not count.
+/// Whether the user stopped the render; an expired time limit does not count.
 pub(crate) fn interrupted() -> bool {
     INTERRUPTED.load(Ordering::SeqCst)
 }

@@ -19,7 +19,7 @@ pub(crate) enum Messages {
 }
 
 impl Messages {
-    /// What `--quiet` asks for.
+    /// What `--quiet` selects.
     pub(crate) fn unless(quiet: bool) -> Self {
         if quiet { Self::Quiet } else { Self::Short }
     }

@@ -83,7 +83,7 @@ pub(crate) fn sets(overrides: &[Override]) -> Vec<String> {
     overrides.iter().map(|one| one.set.clone()).collect()
 }
 
-/// The same error, about the options that were typed instead of the fields that they stand for.
+/// The same error, with the options that were typed instead of the fields that they set.
 pub(crate) fn as_typed(error: ExperimentError, overrides: &[Override]) -> ExperimentError {
     let mut details = error.details().clone();
     let of_error = overrides.iter().find(|one| details.source_name == format!("--set {}", one.set));

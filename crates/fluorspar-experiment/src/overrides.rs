@@ -57,7 +57,7 @@ fn split<'a>(text: &'a str, source: &Source) -> Result<(Vec<String>, &'a str), E
                     steps.push(current.trim().to_string());
                 }
                 if steps.is_empty() {
-                    return Err(bad(source, "nothing stands before `=`; write section.field=value"));
+                    return Err(bad(source, "the path before `=` is missing; write section.field=value"));
                 }
                 return Ok((steps, text[at + 1..].trim()));
             }

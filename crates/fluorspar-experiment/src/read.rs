@@ -115,7 +115,7 @@ fn put_on_bases(document: &mut Document, schema: &Schema, base_dir: &Path) -> Re
             );
         };
         if seen.len() >= MAX_BASES {
-            let message = format!("more than {MAX_BASES} experiments stand on each other; use fewer");
+            let message = format!("more than {MAX_BASES} experiments in the chain of bases; use fewer");
             return Err(document.error(&steps!["base"], message));
         }
         let is_file = name.contains(['/', '\\']) || name.ends_with(".toml");

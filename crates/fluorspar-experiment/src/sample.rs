@@ -159,7 +159,7 @@ pub struct SampleFile {
 pub struct ResolvedSample {
     /// The sample before its camera.
     pub sample: FlatSample,
-    /// Whose equations the file asks for.
+    /// The compatibility mode of the file.
     pub compatibility: SampleCompatibility,
     /// The file.
     pub record: FileRecord,

@@ -1,4 +1,4 @@
-//! What may stand where in a file, read from the types of the schema.
+//! The shape of a file, read from the types of the schema.
 //!
 //! The sections derive a JSON schema; it is read once into [`Shape`]s, which know the fields of every table, the variants
 //! of every choice and which texts are paths. Everything that handles a file before it becomes typed sections follows
@@ -13,7 +13,7 @@
 //! | `x-merge: "replace"` | a type | one value: an override replaces it as a whole |
 //! | `x-replaces` | a field | fields of the same table that it takes the place of |
 //! | `x-identity` | a section | field whose new value makes it another thing: nothing of the old one stays |
-//! | `format: "path"` | a text | path of a file, relative to the file in which it stands |
+//! | `format: "path"` | a text | path of a file, relative to the file that names it |
 //! | `format: "name-or-table-path"`, `"name-or-lens-path"` | a text | name of the catalogue, or such a path |
 
 use std::collections::BTreeMap;
@@ -29,7 +29,7 @@ pub(super) struct Schema {
     named: BTreeMap<String, Shape>,
 }
 
-/// What may stand at one place.
+/// What is allowed at one place.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Shape {
     /// Whatever TOML can hold.
@@ -81,7 +81,7 @@ pub(super) struct Either {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Table {
     pub(super) fields: Vec<Field>,
-    /// What stands under names that the user chooses.
+    /// Entries under names that the user chooses.
     pub(super) rest: Option<Box<Shape>>,
     pub(super) variants: Vec<Variant>,
     /// Number of the variant of a table that names none.
@@ -134,7 +134,7 @@ pub(super) enum Found<'a> {
 }
 
 impl Table {
-    /// Field by which variants are told apart, if it is one field.
+    /// Field that selects the variant, if it is one field.
     pub(super) fn tag(&self) -> Option<&str> {
         self.variants.iter().find_map(|variant| match &variant.mark {
             Mark::Tag { field, .. } => Some(field.as_str()),
@@ -212,7 +212,7 @@ impl Schema {
         &self.root
     }
 
-    /// The shape that a name stands for.
+    /// The shape that a name refers to.
     pub(super) fn resolve<'a>(&'a self, shape: &'a Shape) -> &'a Shape {
         match shape {
             Shape::Named(name) => self.named.get(name).map_or(&Shape::Anything, |shape| self.resolve(shape)),
@@ -238,7 +238,7 @@ impl Schema {
         }
     }
 
-    /// Whether an override replaces what stands here as a whole.
+    /// Whether an override replaces the value as a whole.
     pub(super) fn is_whole(&self, shape: &Shape) -> bool {
         match self.resolve(shape) {
             Shape::Table(table) => table.whole,
@@ -289,7 +289,7 @@ impl SchemaReader<'_> {
         }
     }
 
-    /// What stands under `anyOf` and `oneOf`, null and nothing left out.
+    /// The entries of `anyOf` and `oneOf`, without null.
     fn alternatives<'v>(&'v self, value: &'v Value) -> Vec<&'v Value> {
         let is_null = |v: &Value| part(v, "type").as_str() == Some("null");
         list(value, "anyOf").chain(list(value, "oneOf")).filter(|v| !is_null(v)).collect()

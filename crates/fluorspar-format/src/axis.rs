@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::FormatError;
 
-/// Checks that wavelengths increase and are in nanometers. `line` tells where each of them stands in a text file.
+/// Checks that wavelengths increase and are in nanometers. `line` gives the line of each of them in a text file.
 pub(super) fn check_axis(
     path: &Path,
     what: &str,

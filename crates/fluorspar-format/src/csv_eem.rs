@@ -185,7 +185,7 @@ fn unit(path: &Path, table: &Table, given: Option<EemUnit>) -> Result<EemUnit, F
         (Some(stated), Some(given)) if stated != given => Err(FormatError::unit(
             path,
             format!(
-                "the file says that its values count {}, but {} was asked for",
+                "the file says that its values count {}, but {} was requested",
                 name(stated),
                 name(given)
             ),

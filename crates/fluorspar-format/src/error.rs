@@ -37,12 +37,12 @@ pub enum FormatError {
     Unsupported {
         /// The file.
         path: PathBuf,
-        /// What was met.
+        /// What was found.
         what: String,
         /// What to do about it.
         hint: String,
     },
-    /// The file asks for more memory than any sensible file.
+    /// The file requires more memory than any sensible file.
     #[error(
         "{}: {what}; at most {limit} is read. The file is damaged or meant for something else", path.display()
     )]

@@ -46,7 +46,7 @@ pub fn read_gltf(path: &Path, unit_m: f64) -> Result<TriangleMesh, FormatError> 
     finish_mesh(path, content.flattened(), unit_m)
 }
 
-/// Reads a glTF file as [`read_gltf`] does, but keeps meshes that stand at several places once: meshes that several
+/// Reads a glTF file as [`read_gltf`] does, but keeps instanced meshes once: meshes that several
 /// nodes name, and those of nodes with the extension EXT_mesh_gpu_instancing. A file without such meshes gives one mesh at
 /// one place.
 ///
@@ -83,7 +83,7 @@ pub fn read_gltf_instances(path: &Path, unit_m: f64) -> Result<MeshInstances, Fo
     Ok(many)
 }
 
-/// Meshes of a file by number, each as its parts, and where they stand; in units of the file.
+/// Meshes of a file by number, each as its parts, and their placements; in units of the file.
 struct FileContent {
     meshes: Vec<Vec<TriangleMesh>>,
     places: Vec<(usize, Affine3A)>,

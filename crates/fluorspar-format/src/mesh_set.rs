@@ -51,7 +51,7 @@ pub(super) fn check(path: &Path, meshes: &[NamedMesh<'_>]) -> Result<(), FormatE
 }
 
 /// Writes an OBJ file in millimeters: one object with its own `usemtl` for every mesh, with normals and texture
-/// coordinates where there are some. The materials stand in a file beside it, `NAME.mtl`.
+/// coordinates where there are some. The materials are in a file next to it, `NAME.mtl`.
 ///
 /// # Errors
 /// When a mesh is not valid or a file can't be written.

@@ -53,7 +53,7 @@ pub fn read_placements(path: &Path, unit_m: f64) -> Result<Vec<Affine3>, FormatE
     Ok(maps)
 }
 
-/// Places and the lines on which they stand, from 1.
+/// Placements and their lines, from 1.
 type Lines = (Vec<[f32; NUMBERS]>, Vec<u64>);
 
 fn from_text(path: &Path, text: &str) -> Result<Lines, FormatError> {

@@ -19,7 +19,7 @@ pub struct Provenance {
     pub seed: u64,
     /// Paths averaged per pixel.
     pub samples_per_pixel: u32,
-    /// Time of creation, UTC, ISO 8601. Left out unless asked for, so that equal runs give equal files.
+    /// Time of creation, UTC, ISO 8601. Left out by default, so that equal runs give equal files.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub created_utc: Option<String>,
 }

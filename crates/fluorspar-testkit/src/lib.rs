@@ -1,6 +1,6 @@
 //! Statistical tests for stochastic code: fixed seeds, derived thresholds, failures that say where to look.
 //!
-//! | test | asks |
+//! | test | question |
 //! |---|---|
 //! | [`chi_square`] | do counts follow expected counts? |
 //! | [`chi_square_over_sphere`] | do directions follow their density? |

@@ -19,7 +19,7 @@
 //! TOML files of experiments and the catalogue of fluorophores, lights, filters, reflectances, sensors and lenses are in the
 //! crate `fluorspar-experiment`; images, films, meshes, measured spectra and lenses are read and written by `fluorspar-format`.
 //!
-//! Inside the library lengths are in meters, wavelengths in nanometers, power in watts; other units stand in the name
+//! Inside the library lengths are in meters, wavelengths in nanometers, power in watts; other units are in the name
 //! (`pixel_size_um`, `exposure_s`). The same seed gives the same bits for any number of threads.
 //!
 //! Out of scope: fluorescence lifetime, polarization, coherent imaging, photobleaching, light that travels sideways

@@ -4,7 +4,7 @@
     scanner_frame.py MOUTH.obj OUT.stl|.ply|.obj|.gltf PART... [--chip TOOTH]
 
 PART may end in `*`. The biting edges of the upper teeth are turned up (+z) and the incisors to +y. `--chip` breaks a
-corner off a tooth, so that the scan can be told from the mouth it was made of. Needs Python only.
+corner off a tooth, so that the scan differs from the mouth it was made of. Needs Python only.
 """
 
 import fnmatch

@@ -171,7 +171,7 @@ trait Traversal: Copy {
 
     /// Puts the children whose boxes the ray meets on the stack, the nearest on top, without a branch where the
     /// processor has instructions for that. Alone, a ray does better with [`enter`], whose time
-    /// depends on how few boxes are met.
+    /// depends on how few boxes are hit.
     ///
     /// # Safety
     /// The stack must have room for [`WIDTH`] more entries.
@@ -294,7 +294,7 @@ impl Stack {
 }
 
 /// [`Traversal::push_met`] in branches. If there are one or two children, the nearest is returned instead of pushed;
-/// [`NOTHING`] if not. `fetch` is told of each.
+/// [`NOTHING`] if not. `fetch` is called for each.
 ///
 /// # Safety
 /// The stack must have room for [`WIDTH`] more entries.
@@ -307,35 +307,35 @@ unsafe fn enter<L: Traversal>(
     stack: &mut Stack,
     fetch: impl Fn(u32),
 ) -> u32 {
-    let (mut met, distances) = lanes.boxes(node, ray, limit);
-    if met == 0 {
+    let (mut entered, distances) = lanes.boxes(node, ray, limit);
+    if entered == 0 {
         return NOTHING;
     }
-    let entry = |met: u32| {
-        let column = met.trailing_zeros() as usize & (WIDTH - 1);
+    let entry = |entered: u32| {
+        let column = entered.trailing_zeros() as usize & (WIDTH - 1);
         fetch(node.children[column]);
         Entry::new(distances.0[column], node.children[column])
     };
-    let first = entry(met);
-    met &= met - 1;
-    if met == 0 {
+    let first = entry(entered);
+    entered &= entered - 1;
+    if entered == 0 {
         return first.reference();
     }
-    let second = entry(met);
-    met &= met - 1;
+    let second = entry(entered);
+    entered &= entered - 1;
     let (near, far) = if first < second { (first, second) } else { (second, first) };
     let base = stack.len;
     // SAFETY, here and below: the caller guarantees room for all columns.
     unsafe { stack.push(far) };
-    if met == 0 {
+    if entered == 0 {
         return near.reference();
     }
     // SAFETY: as above.
     unsafe { stack.push(near) };
-    while met != 0 {
+    while entered != 0 {
         // SAFETY: as above; base was the length before this node.
-        unsafe { stack.insert(base, entry(met)) };
-        met &= met - 1;
+        unsafe { stack.insert(base, entry(entered)) };
+        entered &= entered - 1;
     }
     NOTHING
 }
@@ -359,7 +359,7 @@ impl WideTree {
     }
 }
 
-/// Asks for the memory of an element that will be read soon, where the processor can be asked; nothing else happens, also
+/// Prefetches the memory of an element that will be read soon, where the processor can; nothing else happens, also
 /// beyond the end.
 #[inline(always)]
 pub fn prefetch<T>(items: &[T], index: usize) {
@@ -377,7 +377,7 @@ pub fn prefetch<T>(items: &[T], index: usize) {
     let _ = (items, index);
 }
 
-/// Asks for the memory of a node or leaf.
+/// Prefetches a node or leaf.
 #[inline(always)]
 fn prefetch_child(tree: &WideTree, reference: u32) {
     let number = (reference & !LEAF) as usize;
@@ -617,7 +617,7 @@ fn occluded_placed<L: Traversal>(lanes: L, placed: &PlacedTrees, ray: &Ray) -> b
 const IN_TURNS: usize = 64;
 const _: () = assert!(IN_TURNS <= u8::MAX as usize, "queues hold bytes");
 
-/// Searches along several rays, which take turns: while one waits for memory, the others go on.
+/// Interleaved traversal of several rays: while one waits for memory, the others advance.
 ///
 /// Rays that are at nodes and rays that are at leaves stand in queues of their own, and which queue is next is computed
 /// instead of branched on: the processor can't guess the way of a ray, and with each wrong guess it would throw away what it

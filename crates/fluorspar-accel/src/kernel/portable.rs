@@ -56,11 +56,11 @@ impl Traversal for Arrays {
                 leave[column] = min((far[column] - ray.origin[axis]) * ray.inverse[axis], leave[column]);
             }
         }
-        let mut met = 0;
+        let mut entered = 0;
         for column in 0..WIDTH {
-            met |= u32::from(enter[column] <= min(leave[column] * FAR_SLACK, limit)) << column;
+            entered |= u32::from(enter[column] <= min(leave[column] * FAR_SLACK, limit)) << column;
         }
-        (met, Distances(enter))
+        (entered, Distances(enter))
     }
 
     #[inline(always)]

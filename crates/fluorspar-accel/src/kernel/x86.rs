@@ -63,12 +63,12 @@ macro_rules! kernel {
                 let mut distances = Distances([0.0; WIDTH]);
                 // SAFETY: `self` proves that the processor has the instructions; the array holds eight numbers and is
                 // aligned to 32 bytes.
-                let met = unsafe {
-                    let (enter, met) = boxes(node, ray, limit);
+                let entered = unsafe {
+                    let (enter, entered) = boxes(node, ray, limit);
                     _mm256_store_ps(distances.0.as_mut_ptr(), enter);
-                    _mm256_movemask_ps(met)
+                    _mm256_movemask_ps(entered)
                 };
-                (met.cast_unsigned(), distances)
+                (entered.cast_unsigned(), distances)
             }
 
             #[inline(always)]
@@ -168,14 +168,14 @@ unsafe fn push_met(node: &WideNode, ray: &RayFrame, limit: f32, stack: &mut Stac
     debug_assert!(stack.len + WIDTH <= STACK_CAPACITY);
     // SAFETY: the caller promises AVX2 and room for eight entries; the load is aligned, as said above.
     unsafe {
-        let (enter, met) = boxes(node, ray, limit);
+        let (enter, entered) = boxes(node, ray, limit);
         // Distances are not negative, so their bits sort as they do. The lowest three bits give way to the number of the
-        // column; the highest tells boxes that are met from the others, which go to the end.
+        // column; the highest bit marks boxes that are hit; the others go to the end.
         let distance_bits = _mm256_set1_epi32(0x7fff_fff8);
         let column = _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7);
         let mark = _mm256_or_si256(column, _mm256_set1_epi32(i32::MIN));
         let bits = _mm256_and_si256(_mm256_castps_si256(enter), distance_bits);
-        let keys = _mm256_and_si256(_mm256_or_si256(bits, mark), _mm256_castps_si256(met));
+        let keys = _mm256_and_si256(_mm256_or_si256(bits, mark), _mm256_castps_si256(entered));
         let keys = sort_descending(keys);
         let children = _mm256_load_si256(node.children.as_ptr().cast());
         // The permutation looks at the lowest three bits only.
@@ -187,7 +187,7 @@ unsafe fn push_met(node: &WideNode, ray: &RayFrame, limit: f32, stack: &mut Stac
         let top = stack.entries.as_mut_ptr().add(stack.len);
         _mm256_storeu_si256(top.cast(), _mm256_permute2x128_si256::<0x20>(outer, inner));
         _mm256_storeu_si256(top.add(4).cast(), _mm256_permute2x128_si256::<0x31>(outer, inner));
-        stack.len += _mm256_movemask_ps(met).count_ones() as usize;
+        stack.len += _mm256_movemask_ps(entered).count_ones() as usize;
     }
 }
 

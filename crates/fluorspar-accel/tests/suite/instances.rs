@@ -11,7 +11,7 @@ use fluorspar_accel::{
 };
 use glam::{Affine3, Mat3, Quat, Vec3};
 
-/// Meshes, their trees, and where they stand.
+/// Meshes, their trees and their placements.
 struct Placed {
     meshes: Vec<Mesh>,
     trees: Vec<Arc<TriangleBvh>>,

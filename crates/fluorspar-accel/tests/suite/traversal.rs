@@ -23,7 +23,7 @@ fn bits(hit: Option<Hit>) -> Option<(u32, u32, u32, u32)> {
     hit.map(|hit| (hit.t.to_bits(), hit.u.to_bits(), hit.v.to_bits(), hit.triangle))
 }
 
-/// Rays in turns find what they find alone.
+/// Batched traversal agrees with single rays.
 fn check_in_turns(bvh: &TriangleBvh, rays: &[Ray]) {
     let (mut hits, mut answers) = (Vec::new(), Vec::new());
     bvh.closest_each(rays, &mut hits);

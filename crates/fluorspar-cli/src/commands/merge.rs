@@ -16,7 +16,7 @@ use crate::error::CliError;
 /// Options of `merge`.
 #[derive(Clone, Debug, clap::Args)]
 pub(crate) struct Options {
-    /// Films that `render --film` wrote: all shards of one render. A folder stands for the films in it.
+    /// Films that `render --film` wrote: all shards of one render. A folder means the films in it.
     #[arg(value_name = "FILM", required = true, value_hint = ValueHint::FilePath)]
     films: Vec<PathBuf>,
     /// Also write the merged film, to be given more samples or merged further.

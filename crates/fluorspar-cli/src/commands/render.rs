@@ -192,7 +192,7 @@ pub(super) fn say_surfaces(renderer: &FilmRenderer, scene: &Scene, messages: Mes
     });
     if instances > 0 {
         messages.status(format!(
-            "Surfaces: {}; {instances} instances stand for {triangles} triangles",
+            "Surfaces: {}; {instances} instances of {triangles} triangles in all",
             memory_text(renderer.surface_bytes())
         ));
     }

@@ -97,7 +97,7 @@ impl Options {
         lines
     }
 
-    /// The option that stands for a field of an instrument, as it was typed.
+    /// The option that sets a field of an instrument, as it was typed.
     fn typed(&self, field: &str) -> String {
         let number = |value: Option<f64>| value.map(number_text);
         let field = field.split('[').next().unwrap_or(field);

@@ -1,5 +1,5 @@
 //! docs/commands.md says what `--help` says: every option of every command stands in the section of the command, and
-//! nothing stands there that is not an option.
+//! and names no option that does not exist.
 
 #![allow(clippy::unwrap_used, reason = "these are tests")]
 
@@ -70,7 +70,7 @@ fn the_commands_of_the_documentation_have_the_options_of_the_help() {
     let (general, sections) = text.split_once("\n## ").unwrap();
     let sections: Vec<(&str, &str)> =
         sections.split("\n## ").map(|section| section.split_once('\n').unwrap()).collect();
-    // What [changes] stands for is said once, for all commands.
+    // [changes] is explained once, for all commands.
     let changes: BTreeSet<String> =
         ["--set", "--spp", "--seed", "--depth", "--error", "--statistics"].map(String::from).into();
     assert!(changes.is_subset(&options(general)), "the beginning must name {changes:?}");

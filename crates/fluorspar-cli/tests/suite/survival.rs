@@ -309,7 +309,7 @@ fn films_of_other_scenes_and_films_in_the_way_are_refused() {
         (vec!["--resume", "--seed", "7"], "made for another scene, seed, depth"),
         (vec!["--resume", "--depth", "3"], "made for another scene, seed, depth"),
         (vec!["--resume", "--set", "light.0.strength.power_mw=3"], ""),
-        (vec!["--resume", "--statistics", "components"], "ask for the same"),
+        (vec!["--resume", "--statistics", "components"], "request the same"),
         (vec!["--resume", "--shard", "3/2"], "must be I/N"),
         (
             vec!["--resume", "--shard", "1/9", "--shard-by", "samples"],
@@ -394,7 +394,7 @@ fn what_fits_in_one_go_need_not_fit_in_bands() {
         said.stderr
     );
     assert!(!said.stderr.contains("in bands"), "{}", said.stderr);
-    // A folder asks for bands.
+    // A folder selects bands.
     fs::create_dir(folder.join("f.film")).unwrap();
     let film = ["--film", "f.film", "--resume", "--components", "--out", "f.exr"];
     let said = render(&[&film[..], &["--set=render.memory_limit_gib=0.0015"]].concat());
@@ -544,7 +544,7 @@ fn a_killed_render_in_bands_goes_on_to_the_same_bits() {
     assert!(start(folder, &film).wait().unwrap().success());
     assert!(start(folder, &["--out", "whole.exr"]).wait().unwrap().success());
     assert!(image(folder, "k.exr") == image(folder, "whole.exr"));
-    // Nothing is left but what was asked for.
+    // Nothing but the requested output is left.
     let mut names: Vec<_> = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name()).collect();
     names.sort();
     assert_eq!(names, ["k.exr", "k.film", "whole.exr"]);

@@ -96,9 +96,9 @@ pub enum PresetError {
     /// There is no such entry.
     #[error("there is no {kind} \"{name}\"{} Known: {}", suggestion(.nearest.as_deref()), .available.join(", "))]
     Unknown {
-        /// What was asked for.
+        /// The requested value.
         kind: PresetKind,
-        /// The name asked for.
+        /// The requested name.
         name: String,
         /// The most similar name, if one is similar.
         nearest: Option<String>,

@@ -188,7 +188,8 @@ impl<'a> Frame<'a> {
                 let target = self.point(context, &aim_at, look_at_mm)?;
                 match (target - center).try_normalize() {
                     Some(axis) => Ok(axis),
-                    None => context.fail(&aim_at, "the light stands at the point at which it shines"),
+                    None => context
+                        .fail(&aim_at, "the light is at the point at which it aims; move one of the two"),
                 }
             }
             None if self.in_camera => Ok(self.camera.forward),

@@ -12,7 +12,7 @@ pub(super) fn only_tissue(file: &ExperimentFile, material: &str) -> Option<Tissu
         .into_iter()
         .filter(|tissue| given.get(tissue.name()).map_or(tissue.name(), String::as_str) == material);
     let Some(first) = users.next() else {
-        // Nobody's: a misspelled line of [mouth.materials] is told later, and more plainly than a missing tissue.
+        // Unused: a misspelled line of [mouth.materials] is reported later, more plainly than a missing tissue.
         return Tissue::ALL.into_iter().find(|tissue| tissue.name() == material);
     };
     users.next().is_none().then_some(first)

@@ -199,7 +199,7 @@ mod tests {
 
     #[test]
     fn instances_that_are_left_out_do_not_shift_the_mean() {
-        // Squares in fields of 0 and of 1, in turns; the ones are twice as large, and every other one of them six times.
+        // Squares in alternating fields of 0 and 1; the ones are twice as large, and every other one of them six times.
         let square = |u: f32| TriangleMesh {
             positions: [Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y].map(|p| p.extend(0.0)).to_vec(),
             uvs: vec![Vec2::new(u, 0.1); 4],

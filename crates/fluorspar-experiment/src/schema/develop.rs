@@ -8,7 +8,7 @@ use fluorspar::sensor::Demosaicing;
 
 /// How the image moves on the sensor between exposures: a hand that holds the camera, a tongue that does not keep still.
 ///
-/// The whole image shifts, evenly. With a global shutter it stands still within an exposure; with a rolling shutter it drifts
+/// The whole image shifts, evenly. With a global shutter it is at rest within an exposure; with a rolling shutter it drifts
 /// on while row after row is exposed, so that it leans and blurs. Rotation and parallax are left out.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]

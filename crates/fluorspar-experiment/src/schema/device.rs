@@ -209,7 +209,7 @@ impl LensSection {
     }
 }
 
-/// Where the viewing filters stand.
+/// Where the viewing filters are.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum FilterPosition {
@@ -253,7 +253,7 @@ pub struct ViewFilterSection {
     /// At which angles light passes them. Default "fixed".
     #[serde(skip_serializing_if = "is_default")]
     pub angles: FilterAngles,
-    /// Where they stand; matters for `angles = "lens"` only. Default "front".
+    /// Where they are; has an effect with `angles = "lens"` only. Default "front".
     #[serde(skip_serializing_if = "is_default")]
     pub position: FilterPosition,
     /// Effective refractive index, 1 to 4, of those filters that have none of their own (CSV files and equations). Default:

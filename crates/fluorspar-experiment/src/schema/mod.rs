@@ -49,7 +49,7 @@ pub use reference::{
 pub use settings::{EdgeBins, RenderSection, SpectralSection, StatisticsChoice, UniformBins};
 
 /// An experiment: scene, lights, camera, captures and analysis. Lengths are in millimeters, wavelengths in
-/// nanometers; every other unit stands in the name of its field.
+/// nanometers; every other unit is in the name of its field.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ExperimentFile {

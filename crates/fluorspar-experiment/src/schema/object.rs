@@ -36,7 +36,7 @@ pub struct MeshShape {
     /// Relief of the surface. Default: none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub displacement: Option<DisplacementSection>,
-    /// Where it stands, if at several places.
+    /// Its placements, if there are several.
     #[serde(flatten)]
     pub places: PlacesSection,
 }
@@ -65,7 +65,7 @@ pub struct QuadShape {
     /// Relief of the surface. Default: none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub displacement: Option<DisplacementSection>,
-    /// Where it stands, if at several places.
+    /// Its placements, if there are several.
     #[serde(flatten)]
     pub places: PlacesSection,
 }
@@ -101,7 +101,7 @@ pub struct BoxShape {
     pub center_mm: [f64; 3],
     /// Lengths of the edges, mm, above 0.
     pub size_mm: [f64; 3],
-    /// Where it stands, if at several places.
+    /// Its placements, if there are several.
     #[serde(flatten)]
     pub places: PlacesSection,
 }
@@ -220,7 +220,7 @@ pub struct ObjectSection {
     pub name: String,
     /// Name of its material.
     pub material: String,
-    /// Where it stands. Default: as given.
+    /// Its placement. Default: as given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub transform: Option<TransformSection>,
     /// Light that it emits. Default: none.
@@ -295,7 +295,7 @@ pub struct ScanSection {
     /// Length of one unit of the file, mm; 1000 for meters. Default 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub unit_mm: Option<f64>,
-    /// Where it stands in the frame of the mouth. Default: as given.
+    /// Its placement in the frame of the mouth. Default: as given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub transform: Option<TransformSection>,
 }
@@ -314,7 +314,7 @@ pub struct MouthSection {
     /// Own scans in place of parts. Default: none.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub scan: Vec<ScanSection>,
-    /// Where the mouth stands. Default: in its own frame.
+    /// Placement of the mouth. Default: in its own frame.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub transform: Option<TransformSection>,
     /// Shape and pose.

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::preset::is_lens_file;
 
-/// Path of a file. In a file relative to the folder of the file in which it stands, in an override to the folder of the
+/// Path of a file. In a file relative to the folder of that file, in an override to the folder of the
 /// experiment file; absolute once it is read.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(transparent)]
@@ -52,7 +52,7 @@ impl JsonSchema for FilePath {
 
     fn json_schema(_: &mut SchemaGenerator) -> Schema {
         json_schema!({
-            "description": "Path of a file, relative to the file in which it stands.",
+            "description": "Path of a file, relative to the file that names it.",
             "type": "string",
             "format": "path"
         })

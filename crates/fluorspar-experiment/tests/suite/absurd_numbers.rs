@@ -202,7 +202,7 @@ fn absurd_numbers_are_refused_in_words_that_can_be_read() {
     let mut wrong = String::new();
     for text in [RARE_FIELDS, DATA_SHEET].into_iter().chain(samples).chain(experiments) {
         let complete = resolved(&toml::to_string(&with_small_mouth(text)).unwrap()).unwrap();
-        // What stands in the text but not in the complete file is of the text alone, such as a data sheet.
+        // Fields in the text but not in the complete file belong to the text alone, such as a data sheet.
         for text in [text, &complete] {
             let root = with_small_mouth(text);
             let mut found = Vec::new();

@@ -366,7 +366,7 @@ fn another_sensor_takes_the_place_of_the_whole_section() {
     let over = format!("{FLAT}[sensor]\npreset = \"monochrome_4_8um\"\nrows = 100\n");
     let section = parse(&over, "t", Path::new("."), &[]).unwrap().file.sensor.unwrap();
     assert_eq!((section.model.columns, section.model.rows), (size(&own).0, 100));
-    // What was said by hand stays, in any order; the same preset changes nothing; a resolved file obeys, too.
+    // Values given by the user are kept, in any order; the same preset changes nothing; a resolved file behaves the same.
     let change = ["sensor.rows=24".to_string(), "sensor.preset=monochrome_4_8um".to_string()];
     let section = parse(FLAT, "t", Path::new("."), &change).unwrap().file.sensor.unwrap();
     assert_eq!((section.model.columns, section.model.rows), (size(&own).0, 24));

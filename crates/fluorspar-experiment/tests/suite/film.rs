@@ -202,7 +202,7 @@ fn variance_and_half_buffers_tell_the_error() {
         let name = &images[0].light_groups()[group];
         let sums: Vec<Vec<f64>> =
             images.iter().map(|image| group_sums(image.light_group(name).data(), bands)).collect();
-        let (mut truth, mut told, mut halves) = (0.0, 0.0, 0.0);
+        let (mut truth, mut variance, mut halves) = (0.0, 0.0, 0.0);
         let n = seeds as f64;
         for pixel in 0..256 {
             let values = sums.iter().map(|image| image[pixel]);
@@ -214,7 +214,7 @@ fn variance_and_half_buffers_tell_the_error() {
             let range = group * plane..(group + 1) * plane;
             // All bands ride on the same paths: their standard deviations add.
             for pixel in statistics.variance[range.clone()].chunks(bands) {
-                told += pixel.iter().map(|&v| f64::from(v).sqrt()).sum::<f64>().powi(2) / n;
+                variance += pixel.iter().map(|&v| f64::from(v).sqrt()).sum::<f64>().powi(2) / n;
             }
             let a = group_sums(&statistics.half_a[range.clone()], bands);
             let b = group_sums(&statistics.half_b[range], bands);
@@ -222,12 +222,12 @@ fn variance_and_half_buffers_tell_the_error() {
             let weight = 27.0 * 37.0 / (64.0 * 64.0);
             halves += a.iter().zip(&b).map(|(a, b)| weight * (a - b).powi(2)).sum::<f64>() / n;
         }
-        let (told, halves) = (told / truth, halves / truth);
-        eprintln!("{name}: variance {told:.2} and half-buffers {halves:.2} of the truth");
+        let (variance, halves) = (variance / truth, halves / truth);
+        eprintln!("{name}: variance {variance:.2} and half-buffers {halves:.2} of the truth");
         // Stratification makes both too large, never too small. A sample variance over 24 seeds and 256 pixels has a
         // standard error of sqrt(2 / (23 * 256)) = 1.8 %, more for heavy tails: 15 % are left for those.
-        assert!(told > 0.85 && halves > 0.85, "{name}: {told} {halves}");
-        assert!(told < 12.0 && halves < 12.0, "{name}: {told} {halves}");
+        assert!(variance > 0.85 && halves > 0.85, "{name}: {variance} {halves}");
+        assert!(variance < 12.0 && halves < 12.0, "{name}: {variance} {halves}");
     }
 }
 
@@ -269,7 +269,7 @@ fn adaptive_sampling_reaches_its_error_with_fewer_samples() {
     }
     assert!(merged.into_image() == picture);
 
-    // The error is what was asked for where more samples were to be had: against an independent render with 4 times
+    // The error is the target where more samples were allowed: against an independent render with 4 times
     // the most samples, whose own error is at most half of the target.
     let reference = RenderSettings { seed: 77, ..settings(&study, 2048, StatisticsKind::None) };
     let reference = image(&study, &reference);

@@ -113,7 +113,7 @@ fn first(value: &Value) -> &Value {
 }
 
 /// Straight from the bytes of the first directory.
-/// Where the value of PhotometricInterpretation stands.
+/// Offset of the value of PhotometricInterpretation.
 fn photometric_at(bytes: &[u8]) -> usize {
     let u16_at = |at: usize| u16::from_ne_bytes([bytes[at], bytes[at + 1]]);
     let start = u32::from_ne_bytes(bytes[4..8].try_into().unwrap()) as usize;

@@ -297,7 +297,7 @@ fn bad_matrices_are_explained() {
     let energy = CsvEemOptions { unit: Some(EemUnit::Energy), ..Default::default() };
     assert_eq!(
         complaint(b"# unit: photons\nem_nm\\ex_nm,350\n380,1\n390,1\n", |path| read_eem_csv(path, &energy)),
-        "t.csv: the file says that its values count photons, but energy was asked for. \
+        "t.csv: the file says that its values count photons, but energy was requested. \
          Leave the choice to the file, or correct its comment"
     );
 }

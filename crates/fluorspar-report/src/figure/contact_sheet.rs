@@ -12,7 +12,7 @@ const GAP: usize = 4;
 const GROUND: [u8; 3] = [16; 3];
 const LETTER_INK: Ink = Ink::Rgb(225, 225, 225);
 
-/// Where the pictures of a contact sheet stand: in rows that fill the width of the sheet.
+/// Layout of the images of a contact sheet: in rows that fill the width of the sheet.
 ///
 /// Rows hold equally many pictures, the first ones one more where the number does not divide. A row with fewer of them has
 /// larger ones, so that no cell stays empty.

@@ -1,6 +1,6 @@
-//! Turns a figure into marks: where panels, axes, legend and series stand.
+//! Lays a figure out as marks: panels, axes, legend and series.
 //!
-//! The name of a vertical axis stands upright above it: a reader need not tilt the head, and no text is rotated.
+//! The name of a vertical axis is set upright above it: a reader need not tilt the head, and no text is rotated.
 
 use super::drawing::{Anchor, Drawing, Frame, Mark, dashed};
 use super::scale::Tick;

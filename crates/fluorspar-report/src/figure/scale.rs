@@ -1,4 +1,4 @@
-//! Axes: limits, linear or logarithmic, and where their ticks stand.
+//! Axes: limits, linear or logarithmic, and their ticks.
 
 /// How values are spread along an axis.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

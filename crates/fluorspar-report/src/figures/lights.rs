@@ -1,4 +1,4 @@
-//! Lights on a logarithmic axis, with the filters that stand before them and before the lens.
+//! Lights on a logarithmic axis, with the filters in front of them and of the lens.
 
 use super::{PlotCurve, wavelength_limits};
 use crate::{Axis, Dash, Figure, Ink, Panel, Series};

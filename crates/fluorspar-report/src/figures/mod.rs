@@ -28,7 +28,7 @@ pub use sensor::sensor_response;
 /// A function of wavelength with a name.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlotCurve {
-    /// Name, as it shall stand in the legend.
+    /// Name in the legend.
     pub name: String,
     /// Wavelengths, nm, increasing.
     pub wavelength_nm: Vec<f64>,

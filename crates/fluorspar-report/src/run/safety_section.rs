@@ -95,7 +95,7 @@ fn risk_group_term(report: &SafetyReport) -> Option<(String, String)> {
             None => ".".into(),
         };
     }
-    text += " For medical equipment, IEC 60601-2-57 says which measures a group asks for.";
+    text += " For medical equipment, IEC 60601-2-57 says which measures a group requires.";
     Some((title, text))
 }
 

@@ -107,7 +107,7 @@ fn list(names: &[String]) -> String {
     names.iter().map(|name| format!("\"{name}\"")).collect::<Vec<_>>().join(", ")
 }
 
-/// Where R, G and B stand among the channels of an image; upper and lower case count the same.
+/// Indices of R, G and B among the channels of an image; upper and lower case count the same.
 ///
 /// # Errors
 /// When one of them is missing.

@@ -76,7 +76,7 @@ pub enum MixtureError {
     /// Both ends have the same chromaticity.
     #[error(
         "bulk and porphyrin have the same sensor chromaticity ({r:.4}, {g:.4}) through these filters and this sensor; \
-         no mixture can be told from another"
+         mixtures cannot be distinguished"
     )]
     SameChromaticity {
         /// r of both.
@@ -260,7 +260,7 @@ impl MixtureLine {
     }
 
     /// Fits amounts of bulk and porphyrin to R, G, B, each weighted by its inverse variance; neither goes below zero.
-    /// `None` when a variance is not positive or the responses cannot be told apart under these weights.
+    /// `None` when a variance is not positive or the responses cannot be distinguished under these weights.
     pub fn fit(&self, rgb: [f64; 3], variance: [f64; 3]) -> Option<MixtureFit> {
         if variance.iter().any(|&v| !(v > 0.0 && v.is_finite())) || rgb.iter().any(|v| !v.is_finite()) {
             return None;

@@ -58,7 +58,7 @@ pub enum RegionError {
     /// A part that the scene does not have.
     #[error("the scene has no part \"{name}\"{} Its parts: {}", suggestion(.nearest.as_deref()), .available.join(", "))]
     UnknownPart {
-        /// The name asked for.
+        /// The requested name.
         name: String,
         /// The name that may have been meant.
         nearest: Option<String>,
@@ -87,7 +87,7 @@ pub enum RegionError {
     /// The parts exist, but no pixel of the region shows them.
     #[error("no pixel of the region shows {}; {}", .parts.join(" or "), in_view(.visible))]
     NothingInView {
-        /// The parts asked for.
+        /// The requested parts.
         parts: Vec<String>,
         /// Parts that some pixel of the image shows.
         visible: Vec<String>,

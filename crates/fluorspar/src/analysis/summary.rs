@@ -106,7 +106,7 @@ pub struct Analysis {
     pub frame: String,
     /// The region in words.
     pub region_description: String,
-    /// What was asked for.
+    /// The requested value.
     pub settings: AnalysisSettings,
     /// Least channel sum that counted as light, DN.
     pub least_sum_dn: f64,

@@ -1,4 +1,4 @@
-//! Keeps soft parts out of hard ones: rays against what stands already.
+//! Keeps soft parts out of hard ones: rays against the parts that are placed already.
 
 use fluorspar_accel::{Ray, TriangleBvh};
 use glam::{DVec3, Vec3};

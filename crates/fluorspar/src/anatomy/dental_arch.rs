@@ -1,4 +1,4 @@
-//! The two dental arches: where every tooth stands, and the poses of the two jaws.
+//! The two dental arches: positions of the teeth, and the poses of the two jaws.
 //!
 //! Each jaw has its own frame in millimeters, the same for both: x to the patient's left, z to the front, and y = `g`
 //! from the plane of the biting edges toward the gums (up in the upper jaw, down in the lower one). The origin is the
@@ -308,7 +308,7 @@ impl Arch {
         self.teeth.push(tooth);
     }
 
-    /// Makes crowns narrower until no two neighbors stand in each other: turned ones, and those around a bend, touch with
+    /// Makes crowns narrower until no two neighbors intersect: turned ones, and those around a bend, touch with
     /// their corners.
     fn part_neighbors(&mut self) {
         const ENOUGH_MM: f64 = 0.02;

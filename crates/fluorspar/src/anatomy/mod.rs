@@ -145,7 +145,7 @@ impl Mouth {
         self.parts.iter().map(|part| part.mesh.triangles.len()).sum()
     }
 
-    /// Places where a part stands in another by more than `tolerance_mm`, the deepest first, one for every pair of parts;
+    /// Places where a part penetrates another by more than `tolerance_mm`, the deepest first, one for every pair of parts;
     /// places where they grow together (teeth in gums, the root of the tongue, the folds) do not count. Looks at every
     /// `stride`-th vertex.
     pub fn penetrations(&self, tolerance_mm: f64, stride: usize) -> Vec<Penetration> {

@@ -1,4 +1,4 @@
-//! Where parts of a mouth stand in each other.
+//! Where parts of a mouth intersect.
 
 use fluorspar_accel::{Ray, TriangleBvh};
 use glam::{Vec2, Vec3};
@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::{Mouth, Part, Tissue};
 use crate::geometry::TriangleMesh;
 
-/// A place where one part stands in another.
+/// A place where one part penetrates another.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Penetration {
     /// Name of the part whose vertex is inside the other.

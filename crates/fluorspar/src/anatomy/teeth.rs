@@ -238,7 +238,7 @@ fn meridians(form: &Form, around: usize) -> Vec<Meridian> {
         .collect()
 }
 
-/// How deep the wall of a crown stands in that of another one, mm: the deepest of its places, each by the shorter of the
+/// How deep the wall of a crown penetrates that of another one, mm: the deepest of its places, each by the shorter of the
 /// ways out along the arch and across it.
 pub(super) fn overlap(tooth: &Tooth, other: &Tooth) -> f64 {
     let (own_form, form) = (form(tooth), form(other));

@@ -11,7 +11,7 @@ fn mouth(parameters: &MouthParameters) -> Mouth {
     generate_mouth(parameters).unwrap()
 }
 
-/// Parameters at the ends of what users may ask for.
+/// Parameters at the ends of their ranges.
 fn extremes() -> Vec<MouthParameters> {
     vec![
         MouthParameters { jaw_opening_mm: 20.0, tongue_protrusion_mm: -10.0, ..coarse() },
@@ -569,7 +569,7 @@ fn no_ray_that_enters_the_mouth_escapes() {
         [coarse(), MouthParameters { jaw_opening_mm: 25.0, lip_opening_width_mm: 45.0, ..coarse() }]
     {
         let mouth = mouth(&parameters);
-        // The sheet of face, lips, cheeks and throat must be closed even without what stands inside it.
+        // The sheet of face, lips, cheeks and throat must be closed even without the parts inside it.
         let sheet = [Tissue::Skin, Tissue::Lip, Tissue::Cheek, Tissue::Throat];
         let boxes = Boxes::new(mouth.parts.iter().filter(|part| sheet.contains(&part.tissue)));
         let camera = Vec3::new(0.0, 0.0, 0.1);

@@ -1,4 +1,4 @@
-//! Meshes that stand at many places.
+//! Instances: one mesh at many places.
 
 use std::sync::Arc;
 
@@ -22,7 +22,7 @@ pub struct MeshInstance {
 pub struct MeshInstances {
     /// The meshes; those that several objects share are prepared for rendering once.
     pub meshes: Vec<Arc<TriangleMesh>>,
-    /// Where they stand.
+    /// Their placements.
     pub instances: Vec<MeshInstance>,
 }
 

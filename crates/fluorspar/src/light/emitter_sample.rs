@@ -48,7 +48,7 @@ impl EmitterSample {
     }
 }
 
-/// Emission that a scattered ray met by chance.
+/// Emission that a scattered ray hit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Emission {
     /// Radiance per unit of the light's spectrum.

@@ -329,7 +329,7 @@ impl PreparedEmitter {
     }
 
     /// Emission that a ray from `position` meets at a distance, and the density with which [`Self::sample`] draws its
-    /// direction. `corners` gives the corners of the triangle of a mesh that was met. `None` for a dark side, and for
+    /// direction. `corners` gives the corners of the triangle of a mesh that was hit. `None` for a dark side, and for
     /// delta lights and environments, which have no surface.
     #[inline]
     pub(crate) fn emission(

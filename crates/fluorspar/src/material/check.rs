@@ -54,7 +54,7 @@ impl Material {
 
     /// Where the excess of photons is largest: `R + sum_o Y <= 1` (for dielectrics `T + sum_o Y <= 1`) must hold at
     /// every wavelength of `nodes_nm`, with all textures at their largest value or, where that is too much, at every
-    /// point of a lattice over them. `yields` holds those of each fluorophore of the scene at the nodes, at unit
+    /// point of a grid over them. `yields` holds those of each fluorophore of the scene at the nodes, at unit
     /// concentration.
     pub fn photon_excess(&self, nodes_nm: &[f64], yields: &[Vec<f64>]) -> Option<PhotonExcess> {
         let mut worst = None;
@@ -104,7 +104,7 @@ impl Material {
     }
 }
 
-/// Elastic share and photon yield where their sum is largest on a lattice over the textures.
+/// Elastic share and photon yield where their sum is largest on a grid over the textures.
 fn largest_sum(sum: impl Fn(&dyn Fn(&ScalarTexture) -> f64) -> (f64, f64)) -> (f64, f64) {
     const SIDE: u32 = 48;
     let mut worst = (0.0, 0.0);

@@ -110,7 +110,7 @@ pub struct AlbedoTable {
 }
 
 impl AlbedoTable {
-    /// Tabulates `weight(outgoing, half, alpha)` averaged over visible normals, on a regular lattice; deterministic.
+    /// Tabulates `weight(outgoing, half, alpha)` averaged over visible normals, on a regular grid; deterministic.
     /// The weight is the share of light that a microfacet with this normal sends on and that leaves the surface.
     pub fn new(weight: impl Fn(Vec3, Vec3, f32) -> f32) -> Self {
         let mut table = Vec::with_capacity(COSINES * ROUGHNESSES);

@@ -135,7 +135,7 @@ pub struct FilterStack {
     pub angle_deg: f64,
     /// Whether light passes at the angles of the rays of the lens.
     pub lens_angles: bool,
-    /// Whether the filters stand between lens and film rather than in front of the lens.
+    /// Whether the filters are between lens and film rather than in front of the lens.
     pub behind_lens: bool,
     /// Fluorescence of the filters.
     pub autofluorescence: Option<FilterAutofluorescence>,
@@ -157,7 +157,7 @@ impl FilterStack {
 
 /// A filter that fluoresces: what it absorbs comes back, in part, at longer wavelengths, and veils the picture.
 ///
-/// Model: the filter stands close to the lens and is far out of focus, so its light is spread evenly. Of the photons that
+/// Model: the filter is close to the lens and far out of focus, so its light is spread evenly. Of the photons that
 /// it stops (`1 - T`, at normal incidence: reflected ones count as stopped, which overstates interference filters) the
 /// share `photon_yield` is emitted again, half of it toward the lens, Lambertian and behind the layers that block: its
 /// own light is not filtered again. With the photon irradiance `E_q` on the filter its radiance is

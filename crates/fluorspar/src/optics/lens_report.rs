@@ -1,4 +1,4 @@
-//! What a designer asks of a lens: first-order data, illumination, distortion, field curvature, spots, MTF.
+//! Report on a lens: first-order data, illumination, distortion, field curvature, spots, MTF.
 
 use std::f64::consts::PI;
 

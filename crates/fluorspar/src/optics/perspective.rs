@@ -7,7 +7,7 @@ use glam::Vec3;
 use super::camera_lens::CameraLens;
 use crate::image::View;
 
-/// A camera: a pinhole, or film behind a traced lens whose entrance pupil stands where the pinhole would.
+/// A camera: a pinhole, or film behind a traced lens whose entrance pupil is where the pinhole would be.
 ///
 /// The pinhole records radiance. The film records lens radiance, see [`CameraLens`]; its field of view is that of the lens,
 /// and the pinhole serves for the feature maps only.
@@ -87,7 +87,7 @@ impl PerspectiveCamera {
     }
 
     /// Origins and unit directions through the middles of `side` by `side` equal cells of the image, row by row.
-    pub fn lattice(&self, side: usize) -> impl Iterator<Item = (Vec3, Vec3)> {
+    pub fn ray_grid(&self, side: usize) -> impl Iterator<Item = (Vec3, Vec3)> {
         let middle = move |cell: usize, pixels: usize| (cell as f32 + 0.5) / side as f32 * pixels as f32;
         (0..side * side).map(move |i| self.ray(middle(i % side, self.width), middle(i / side, self.height)))
     }

@@ -28,7 +28,7 @@ pub struct AnalyzedFrame {
     pub region: PixelSelection,
 }
 
-/// Analyzes the frame that the study names. `None` when it asks for no analysis.
+/// Analyzes the frame that the study names. `None` without an analysis.
 ///
 /// The responses of the fluorophores are predicted for the light that reaches the region directly under the lights of
 /// the frame (those of a subtracted frame taken off), through the lens with its filters, to the sensor. Without a

@@ -31,7 +31,7 @@ const FLAT_RATE: f64 = 1e7;
 const FLAT_COLUMNS: usize = 96;
 
 impl Calibration {
-    /// Takes the dark and flat frames that the study asks for with its own sensor and lens, for the exposures given.
+    /// Takes the study's dark and flat frames with its own sensor and lens, for the given exposures.
     /// Their noise depends on the seed alone: the same study has the same calibration.
     ///
     /// # Errors

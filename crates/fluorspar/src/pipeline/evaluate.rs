@@ -15,7 +15,7 @@ pub struct Evaluation {
     pub frames: Vec<CapturedFrame>,
     /// Pictures of the developed frames for people, in the same order.
     pub previews: Vec<Preview>,
-    /// The analyzed frame, if the study asks for an analysis.
+    /// The analyzed frame, if the study has an analysis.
     pub analysis: Option<AnalyzedFrame>,
     /// Mean radiance of the analyzed region under the lights of the analyzed frame.
     pub region_radiance: Option<RegionRadiance>,

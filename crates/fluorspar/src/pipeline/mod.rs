@@ -83,7 +83,7 @@ pub enum PipelineError {
     /// A frame that another refers to is not there.
     #[error("there is no frame \"{wanted}\"; the frames are: {known}")]
     NoFrame {
-        /// The name asked for.
+        /// The requested name.
         wanted: String,
         /// The names that exist.
         known: String,

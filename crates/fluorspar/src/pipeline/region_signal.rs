@@ -1,6 +1,6 @@
 //! One region before one camera, in numbers: from its mean radiance to electrons to the porphyrin fraction.
 //!
-//! A design search asks this thousands of times per second, so every step works on plain values that are prepared once:
+//! A design search evaluates this thousands of times per second, so every step works on plain values that are prepared once:
 //!
 //! | step | prepared by | costs |
 //! |---|---|---|

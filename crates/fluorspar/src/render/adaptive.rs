@@ -7,7 +7,7 @@
 //!
 //! Bias: whether a pixel gets more samples depends, through the error of its tile, on the samples that it keeps. One
 //! pixel is one of 256 in that error, and what is compared is the spread, not the value; still, where rare bright
-//! samples carry much of the light, tiles that have not met one yet stop earlier, and are too dark on average. A render
+//! samples carry much of the light, tiles that have not found one yet stop earlier, and are too dark on average. A render
 //! with the same number of samples everywhere has no such bias: use it for validation.
 
 use thiserror::Error;
@@ -17,7 +17,7 @@ use crate::image::film::{FilmScale, FilmTile};
 
 /// Samples at which a tile is checked first; then at every doubling.
 const FIRST_CHECK: u32 = 32;
-/// Tiles darker than this share of the image are not asked for less absolute error than a tile at this share.
+/// Tiles darker than this share of the image need no smaller absolute error than a tile at this share.
 const DARK: f64 = 0.01;
 
 /// One weighted sum over light groups and bands: what a pixel of a sensor sees, or the radiance in some bands.
@@ -48,7 +48,7 @@ pub enum ErrorTargetError {
     /// The relative error is out of range.
     #[error("{relative_error} must be between 0 and 1")]
     RelativeError {
-        /// What was asked for.
+        /// The requested value.
         relative_error: f64,
     },
     /// There are no channels.

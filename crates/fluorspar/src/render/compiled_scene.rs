@@ -119,7 +119,7 @@ pub(super) struct CompiledScene {
     pub(super) slices: usize,
     /// Emissive objects, then light sources.
     pub(super) lights: Vec<CompiledLight>,
-    /// Number of the first light source in `lights`: emissive objects are met as surfaces.
+    /// Number of the first light source in `lights`: emissive objects are hit as surfaces.
     pub(super) first_light_source: usize,
     /// Lights of each group that can be sampled.
     pub(super) group_lights: Vec<Vec<usize>>,

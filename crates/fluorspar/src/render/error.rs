@@ -26,13 +26,13 @@ pub enum RenderError {
     /// The number of samples is out of range.
     #[error("samples_per_pixel = {samples_per_pixel}: must be between 1 and {most}", most = MOST_SAMPLES_PER_PIXEL)]
     SamplesPerPixel {
-        /// What was asked for.
+        /// The requested value.
         samples_per_pixel: u32,
     },
     /// The path depth is out of range.
     #[error("max_depth = {max_depth}: must be between 1 (direct light only) and {most}", most = MOST_DEPTH)]
     MaxDepth {
-        /// What was asked for.
+        /// The requested value.
         max_depth: u32,
     },
     /// The edges of the excitation bins bound no bins.
@@ -79,7 +79,7 @@ pub enum RenderError {
     OtherScene,
     /// The film keeps other statistics.
     #[error(
-        "the film keeps {film:?} statistics, but {wanted:?} are wanted: ask for the same, or render anew"
+        "the film keeps {film:?} statistics, but {wanted:?} are requested: request the same, or start a new render"
     )]
     OtherStatistics {
         /// What the film keeps.

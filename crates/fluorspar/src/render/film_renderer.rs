@@ -78,7 +78,7 @@ pub struct FilmRenderer {
     compiled: CompiledScene,
     scene: Scene,
     settings: RenderSettings,
-    /// [`scene_digest`], once it was asked for: of large scenes it takes a while.
+    /// [`scene_digest`], computed on first use: large scenes take a while.
     digest: OnceLock<String>,
 }
 
@@ -233,10 +233,10 @@ fn fill(
 
     // Count the paths that are wanted and those that the film holds already
     let mut paths_total = 0;
-    let mut met = Vec::new();
+    let mut converged = Vec::new();
     let done = AtomicU64::new(0);
     for (index, (tile, _)) in film.tiles().enumerate() {
-        met.push(AtomicBool::new(!share.holds(index)));
+        converged.push(AtomicBool::new(!share.holds(index)));
         if share.holds(index) {
             let held = end_of(&tile.samples, &samples) - samples.start;
             done.fetch_add(tile.pixels() as u64 * u64::from(held), Ordering::Relaxed);
@@ -255,7 +255,7 @@ fn fill(
             let pause = AtomicBool::new(false);
             let mut tasks = film.tiles_mut();
             tasks.retain(|task| {
-                !met[task.number].load(Ordering::Relaxed) && end_of(&task.tile.samples, &samples) < last
+                !converged[task.number].load(Ordering::Relaxed) && end_of(&task.tile.samples, &samples) < last
             });
             tasks.par_iter_mut().for_each_init(
                 || (BlockSum::new(scene), FilmScale::new(&layout)),
@@ -266,7 +266,7 @@ fn fill(
                     let first = end_of(&task.tile.samples, &samples);
                     let mut saved = last - first;
                     if target.is_met(scale, task.tile, task.sums) {
-                        met[task.number].store(true, Ordering::Relaxed);
+                        converged[task.number].store(true, Ordering::Relaxed);
                         saved = samples.end - first;
                     } else {
                         while let Some(range) = next_missing(&task.tile.samples, &samples, last) {

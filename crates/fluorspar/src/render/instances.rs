@@ -19,7 +19,7 @@ pub(super) struct CompiledInstances {
 /// A mesh moved so that the origin is in the middle of its box; the places of its instances make up for it.
 ///
 /// Rays are rounded in the frame of the mesh. Near the origin that is as fine as at the place; a mesh modeled far from
-/// its origin would be met off its surface by more than rays are lifted from it.
+/// its origin would be hit off its surface by more than the offset of ray origins.
 #[derive(Debug)]
 struct CenteredMesh {
     /// Normals, texture coordinates and triangles; its positions are as they were given.
@@ -40,7 +40,7 @@ impl CenteredMesh {
         Self { mesh, positions, center }
     }
 
-    /// Where the moved mesh stands if the given one stands at `to_world`: `t' = M c + t`.
+    /// The transform of the moved mesh if that of the given one is `to_world`: `t' = M c + t`.
     fn place(&self, to_world: &Affine3) -> Affine3 {
         let moved = to_world.matrix3.as_dmat3() * self.center + to_world.translation.as_dvec3();
         Affine3 { matrix3: to_world.matrix3, translation: moved.as_vec3() }

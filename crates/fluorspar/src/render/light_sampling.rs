@@ -36,7 +36,7 @@ const LEAST_WEIGHT: f32 = 1e-3;
 
 impl CompiledScene {
     /// Relative weight with which a light is chosen at a point: power over squared distance, and no more than a
-    /// token for lights that lie behind the surface. A normal of zero stands for a surface that light passes.
+    /// token for lights that lie behind the surface. A zero normal marks a surface that transmits light.
     #[inline]
     fn light_weight(&self, light: &CompiledLight, position: Vec3, normal: Vec3) -> f32 {
         let (center, reach, lobe) = match light.bounds {
@@ -144,7 +144,7 @@ impl CompiledScene {
         }
     }
 
-    /// Emission of the surroundings met by a ray that leaves the scene: calls `add` with source, factor on its
+    /// Emission of the environment along a ray that leaves the scene: calls `add` with source, factor on its
     /// spectrum, and the density, 1/sr, with which [`Self::sample_light`] would have chosen this direction; zero where
     /// it never does.
     pub(super) fn surroundings(
@@ -171,7 +171,7 @@ impl CompiledScene {
         }
     }
 
-    /// Emission met by a ray that was not aimed at a light: light, factor on its spectrum, and the density, 1/sr,
+    /// Emission hit by a scattered ray: light, factor on its spectrum, and the density, 1/sr,
     /// with which [`Self::sample_light`] would have chosen this direction from `position`.
     pub(super) fn emission_along(
         &self,
@@ -181,7 +181,7 @@ impl CompiledScene {
         distance: f32,
         target: Target,
     ) -> Option<(usize, f32, f32)> {
-        // Find the light that was met
+        // Find the light that was hit
         let light = match target {
             Target::Light(index) => index as usize,
             Target::Triangle { triangle, .. } => self.object_light[self.object_of(triangle as usize)]?,

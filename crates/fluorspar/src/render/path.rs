@@ -100,15 +100,15 @@ impl Path {
 
     /// Adds emission that a ray from the last vertex, or from the camera, meets.
     pub(super) fn add_emission(&mut self, source: usize, factor: f32) {
-        let met = (source as u32, factor);
+        let entry = (source as u32, factor);
         match self.vertices.last_mut() {
-            None => self.seen.push(met),
+            None => self.seen.push(entry),
             Some(vertex) => {
                 if vertex.emission.1 == 0 {
                     vertex.emission.0 = self.emission.len() as u32;
                 }
                 vertex.emission.1 += 1;
-                self.emission.push(met);
+                self.emission.push(entry);
             }
         }
     }

@@ -248,8 +248,8 @@ impl CompiledScene {
     fn add_emission(&self, state: &mut PathState, hit: &Intersection, estimator: Estimator) {
         let PathState { path, origin, direction, scattered, .. } = state;
         let (from, normal) = scattered.map_or((*origin, Vec3::ZERO), |s| (s.position, s.light_normal));
-        let met = self.emission_along(from, normal, *direction, hit.t, hit.target);
-        if let Some((light, scale, light_pdf)) = met {
+        let emission = self.emission_along(from, normal, *direction, hit.t, hit.target);
+        if let Some((light, scale, light_pdf)) = emission {
             let scale = scale * emission_weight(*scattered, light_pdf, estimator);
             let source = self.lights[light].source;
             for source in source..source + self.slices {

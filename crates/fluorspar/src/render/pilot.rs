@@ -15,7 +15,7 @@ const PILOT_SIDE: usize = 32;
 /// Samples of each pilot pixel.
 const PILOT_SAMPLES: u32 = 4;
 
-/// Layout of the film, with quanta from pilot samples on a lattice of pixels.
+/// Layout of the film, with quanta from pilot samples on a grid of pixels.
 pub(super) fn film_layout(
     compiled: &CompiledScene,
     scene: &Scene,
@@ -25,13 +25,13 @@ pub(super) fn film_layout(
     let camera = &compiled.camera;
     let components = component_labels(scene, settings);
     let bands = compiled.bands;
-    let lattice = |size: usize| -> Vec<usize> {
+    let grid = |size: usize| -> Vec<usize> {
         let count = size.min(PILOT_SIDE);
         (0..count).map(|i| (2 * i + 1) * size / (2 * count)).collect()
     };
-    let pixels: Vec<(usize, usize)> = lattice(camera.height)
+    let pixels: Vec<(usize, usize)> = grid(camera.height)
         .into_iter()
-        .flat_map(|row| lattice(camera.width).into_iter().map(move |col| (row, col)))
+        .flat_map(|row| grid(camera.width).into_iter().map(move |col| (row, col)))
         .collect();
     // Fixed groups of pixels: sums of floats in an order that no scheduler decides.
     let parts: Vec<(Vec<f32>, Vec<f64>)> = pixels

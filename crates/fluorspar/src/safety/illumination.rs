@@ -1,4 +1,4 @@
-//! What stands before an eye or falls on a surface.
+//! Light sources as seen by an eye, and irradiance of a surface.
 
 use std::f64::consts::PI;
 

@@ -3,7 +3,7 @@
 //! | step | call | file |
 //! |---|---|---|
 //! | what weighs a wavelength | [`ActionSpectrum`] | `action_spectrum.rs` |
-//! | what stands before an eye or a surface | [`Illumination`], [`ApparentSource`] | `illumination.rs` |
+//! | light at an eye or a surface | [`Illumination`], [`ApparentSource`] | `illumination.rs` |
 //! | quantity, limit, margin of every hazard | [`assess`] | `hazard.rs` |
 //! | risk group of a lamp | [`RiskGroup`] | `risk_group.rs` |
 //!

@@ -130,18 +130,18 @@ pub struct LightOutsideGrid {
 
 /// Light by light; fluorophores that were measured over the same wavelengths together.
 fn excitation_text(cases: &[ExcitationOutsideData]) -> String {
-    let mut told: Vec<(&str, String, Vec<&str>)> = Vec::new();
+    let mut reported: Vec<(&str, String, Vec<&str>)> = Vec::new();
     for case in cases {
         let (from, to) = case.range_nm;
         let share = format!("{:.0} % beyond {from} to {to} nm", case.percent);
-        match told.iter_mut().find(|(light, other, _)| *light == case.light && *other == share) {
+        match reported.iter_mut().find(|(light, other, _)| *light == case.light && *other == share) {
             Some((.., names)) => names.push(&case.fluorophore),
-            None => told.push((&case.light, share, vec![&case.fluorophore])),
+            None => reported.push((&case.light, share, vec![&case.fluorophore])),
         }
     }
     let mut text = String::new();
     let mut last = None;
-    for (light, share, names) in told {
+    for (light, share, names) in reported {
         let start =
             if last == Some(light) { ", ".into() } else { format!("of the light \"{}\" ", whole(light)) };
         if last.is_some_and(|last| last != light) {
@@ -306,7 +306,7 @@ impl Scene {
         (0..=steps).map(|step| (start + CHECK_STEP_NM * step as f64).min(end)).collect()
     }
 
-    /// What a user should know about lights and fluorophores: what is left out, and what stands on no data.
+    /// What a user should know about lights and fluorophores: what is left out, and what rests on no data.
     pub fn warnings(&self) -> Vec<SceneWarning> {
         let (from_nm, to_nm) = (self.grid.start_nm(), self.grid.end_nm());
         let (mut outside_grid, mut dark) = (Vec::new(), Vec::new());

@@ -87,7 +87,7 @@ impl SpectralQe {
     }
 
     /// Channels whose data end inside a grid while still above 1 % of their peak: their name and measured range, nm.
-    /// The efficiency is taken as zero outside its data, so a user should be told.
+    /// The efficiency is taken as zero outside its data, so a user should be warned.
     pub fn truncated_on(&self, grid: &WavelengthGrid) -> Vec<(String, [f64; 2])> {
         let is_cut = |curve: &Curve| {
             let (first, last) = curve.range_nm();

@@ -446,7 +446,7 @@ impl CurveModel {
         }
     }
 
-    /// Where the curve stands on data, nm; `None` for equations that hold at every wavelength.
+    /// Where the curve rests on data, nm; `None` for equations that hold at every wavelength.
     ///
     /// A table ends with its first and last point, unless it has fallen below 1 % of its maximum there; tissue ends with
     /// the extinction of hemoglobin, which is held constant beyond.
@@ -520,7 +520,7 @@ fn packaging(absorption_per_cm: f64, radius_um: f64) -> f64 {
 
 /// Largest number of a model: beyond any quantity of a curve, and far from the end of single precision.
 const LARGEST: f64 = 1e12;
-/// Smallest number that is told from zero where a width or a height is needed.
+/// Smallest width or height that counts as positive.
 const SMALLEST: f64 = 1e-12;
 
 fn positive(field: &str, value: f64) -> Result<(), CurveProblem> {
@@ -541,7 +541,7 @@ fn check_table(wavelength_nm: &[f64], value: &[f64]) -> Result<(), CurveProblem>
         return Err((
             "value".to_owned(),
             format!(
-                "{} values stand against {} wavelengths; give one value for each wavelength",
+                "{} values for {} wavelengths; give one value for each wavelength",
                 value.len(),
                 wavelength_nm.len()
             ),

@@ -6,7 +6,7 @@ use crate::optics::{CameraLens, FilterStack, IdealLens};
 use crate::sensor::Sensor;
 use crate::spectral::Curve;
 
-/// Lens, viewing filters and sensor. Where it stands and where it looks is part of the scene
+/// Lens, viewing filters and sensor. Position and direction are part of the scene
 /// ([`crate::scene::Scene::camera`]).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Camera {

@@ -6,7 +6,7 @@
 //! | type | what | file |
 //! |---|---|---|
 //! | [`Study`] | scene, render settings, camera, captures, instruments, analysis | `mod.rs` |
-//! | [`Camera`], [`Lens`], [`ViewFilter`] | what stands between the scene and the digital numbers | `camera.rs` |
+//! | [`Camera`], [`Lens`], [`ViewFilter`] | from the scene to the digital numbers | `camera.rs` |
 //! | [`Capture`], [`Motion`], [`Develop`], [`FlatFieldPlan`] | the exposures and how they become linear channels | `program.rs` |
 //! | [`SpectroradiometerPlan`], [`SafetyPlan`], [`AnalysisPlan`] | what is measured and computed besides | `program.rs` |
 //! | [`FlatSample`] | the small study of a flat, homogeneous sample without geometry | `flat_sample.rs` |

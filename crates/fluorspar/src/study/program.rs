@@ -27,7 +27,7 @@ impl From<CaptureFrame> for Capture {
 
 /// How the image moves on the sensor between exposures: a hand that holds the camera, a tongue that does not keep still.
 ///
-/// The whole image shifts evenly; within an exposure it stands still. Rotation, parallax and blur are left out.
+/// The whole image shifts evenly; within an exposure it is at rest. Rotation, parallax and blur are left out.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Motion {
     /// Steady motion of the image, pixels of the sensor per second: to the right, downward.

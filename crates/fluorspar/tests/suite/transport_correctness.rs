@@ -413,7 +413,7 @@ fn a_map_illuminates_by_its_rows() {
     }
 }
 
-/// Light from plate A to plate B is light from B to A, whatever stands between.
+/// Reciprocity: light from plate A to plate B is light from B to A, whatever lies between.
 fn assert_reciprocal(samples: u32, runs: u64) {
     let (a, b) = (Vec3::new(-0.6, 0.0, 0.0), Vec3::new(0.6, 0.2, 0.1));
     let side = |light: Vec3, seen: Vec3| -> MeanEstimate {

@@ -117,7 +117,7 @@ impl RayHit16 {
     }
 }
 
-/// What Embree is told about the rays of a packet.
+/// The query flag of a packet: how alike its rays are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Coherence {
     /// Neighboring rays run alike: they descend the tree together.
@@ -161,7 +161,7 @@ pub struct EmbreeScene {
 }
 
 impl EmbreeScene {
-    /// Builds the mesh; `robust` asks for the watertight kernels.
+    /// Builds the mesh; `robust` selects the watertight kernels.
     pub fn build(
         library: &str,
         positions: &[Vec3],

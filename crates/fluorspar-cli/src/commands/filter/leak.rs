@@ -36,7 +36,7 @@ pub(super) struct Options {
     json: bool,
 }
 
-/// Leak that is asked for in the text, reflected over fluorescent photons.
+/// Leak up to which the text proposes filters, reflected over fluorescent photons.
 const WANTED_LEAK: f64 = 0.01;
 
 pub(super) fn run(options: &Options) -> Result<(), CliError> {

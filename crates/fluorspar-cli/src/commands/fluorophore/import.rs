@@ -89,7 +89,7 @@ fn check_out(out: &Path) -> Result<(), CliError> {
     check_file(out)
 }
 
-/// Makes the paths of a section relative to the folder of the file that it will stand in.
+/// Makes the paths of a section relative to the folder of the file that it will be in.
 fn refer_from(folder: &Path, section: &mut FluorophoreSection) {
     for path in section.source.files_mut() {
         *path = FilePath::from(relative(folder, path.as_ref()));

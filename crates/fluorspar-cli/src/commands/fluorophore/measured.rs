@@ -95,14 +95,14 @@ fn negative(options: &FileOptions) -> Negative {
 }
 
 fn matrix_csv(path: &Path, options: &FileOptions) -> Result<Measured, CliError> {
-    let asked = options.unit.map(|unit| match unit {
+    let given = options.unit.map(|unit| match unit {
         Unit::Photons => EemUnit::Photons,
         Unit::Energy => EemUnit::Energy,
     });
     let read = read_eem_csv(
         path,
         &CsvEemOptions {
-            unit: asked,
+            unit: given,
             anti_stokes: if options.allow_anti_stokes {
                 AntiStokes::Keep
             } else {
@@ -200,11 +200,8 @@ fn mat(path: &Path, options: &FileOptions) -> Result<Measured, CliError> {
     } else {
         return Err(emission_only(path));
     }
-    let by_convention = if options.unit.is_some() {
-        "as asked for"
-    } else {
-        "the convention of those files; --unit changes it"
-    };
+    let by_convention =
+        if options.unit.is_some() { "as given" } else { "the convention of those files; --unit changes it" };
     findings.push(("unit".into(), format!("{} ({by_convention})", word(unit))));
     Ok(Measured { kind: Kind::Mat, name, unit, findings })
 }
@@ -216,8 +213,8 @@ fn word(unit: Unit) -> &'static str {
     }
 }
 
-fn taken_as(unit: Unit, asked: bool) -> String {
-    format!("{} ({})", word(unit), if asked { "as asked for" } else { "assumed; --unit energy changes it" })
+fn taken_as(unit: Unit, given: bool) -> String {
+    format!("{} ({})", word(unit), if given { "as given" } else { "assumed; --unit energy changes it" })
 }
 
 fn emission_only(path: &Path) -> CliError {

@@ -115,15 +115,14 @@ fn tissue_colors() -> Result<BTreeMap<String, [f64; 3]>, CliError> {
     let srgb = |spectrum: &[f32]| linear_srgb(observer.xyz(spectrum));
     let white = srgb(&vec![1.0; scene.grid.len()]);
     const SIDE: u16 = 16;
-    let lattice: Vec<[f32; 2]> = (0..SIDE * SIDE)
+    let grid: Vec<[f32; 2]> = (0..SIDE * SIDE)
         .map(|i| [i % SIDE, i / SIDE].map(|k| (f32::from(k) + 0.5) / f32::from(SIDE)))
         .collect();
     let mut colors = BTreeMap::new();
     for material in &scene.materials {
         let mut reflectance = vec![0.0_f32; scene.grid.len()];
         for term in material.diffuse().map_or(&[][..], |diffuse| &diffuse.reflectance) {
-            let weight =
-                lattice.iter().map(|uv| term.weight.at((*uv).into())).sum::<f32>() / lattice.len() as f32;
+            let weight = grid.iter().map(|uv| term.weight.at((*uv).into())).sum::<f32>() / grid.len() as f32;
             let values = term.spectrum.on_grid::<Reflectance>(&scene.grid);
             reflectance
                 .iter_mut()
@@ -239,7 +238,7 @@ fn dimension_table(p: &MouthParameters, mouth: &Mouth) -> String {
         mouth.triangle_count()
     );
     for p in mouth.penetrations(0.2, 2) {
-        text += &format!("warning: {} stands {:.1} mm deep in {}\n", p.part, p.depth_mm, p.other);
+        text += &format!("warning: {} penetrates {:.1} mm into {}\n", p.part, p.depth_mm, p.other);
     }
     text
 }

@@ -15,7 +15,7 @@ const LARGEST_REFLECTANCE: f32 = 0.95;
 /// visible surfaces diffusely; rays that miss count as a reflectance of 0.
 pub(super) fn gain(scene: &CompiledScene) -> Coarse {
     let (mut sum, mut rays) = ([0.0_f32; BINS], 0.0_f32);
-    for (number, (origin, direction)) in scene.camera.lattice(VIEW_RAYS).enumerate() {
+    for (number, (origin, direction)) in scene.camera.ray_grid(VIEW_RAYS).enumerate() {
         // Find a visible surface, and what a ray finds that leaves it diffusely
         let surface = |origin: Vec3, direction: Vec3| {
             scene.closest(origin, direction).and_then(|hit| scene.surface(origin, direction, &hit))
@@ -25,16 +25,16 @@ pub(super) fn gain(scene: &CompiledScene) -> Coarse {
         let [u, v, mut choice, _] = stream.next_4d();
         let away = seen.to_world(warp::cosine_hemisphere([u, v]));
         rays += 1.0;
-        let Some(met) = surface(seen.leave(away, scene.clearance), away) else { continue };
+        let Some(hit) = surface(seen.leave(away, scene.clearance), away) else { continue };
 
         // Sum the reflectance found there
-        let outermost = scene.object_material[met.object];
-        let chosen = scene.materials.choose(outermost, met.uv, met.front, &mut choice);
+        let outermost = scene.object_material[hit.object];
+        let chosen = scene.materials.choose(outermost, hit.uv, hit.front, &mut choice);
         let material = &scene.materials[chosen.index];
-        let bsdf = material.bsdf(met.uv, met.front, met.to_local(-away));
+        let bsdf = material.bsdf(hit.uv, hit.front, hit.to_local(-away));
         let coarse_terms = &scene.material_spectra[chosen.index].coarse_terms;
         for (index, (term, coarse)) in material.terms.iter().zip(coarse_terms).enumerate() {
-            let weight = bsdf.term_weight(index, term.weight.at(met.uv));
+            let weight = bsdf.term_weight(index, term.weight.at(hit.uv));
             sum.iter_mut().zip(coarse).for_each(|(sum, value)| *sum += weight * value);
         }
     }

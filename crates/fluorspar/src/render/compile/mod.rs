@@ -5,7 +5,7 @@
 //! | `geometry` | triangles, instances, analytic shapes, bounding volume hierarchies |
 //! | `lights` | lights, and the distinct spectra that they emit |
 //! | `excitation_bins` | light spectra cut into excitation bins |
-//! | `visible_points` | points that the camera sees, which stand for the scene |
+//! | `visible_points` | points that the camera sees, samples of the scene |
 //! | `operators` | fluorescence operators, weighted by the spectrum of each light group |
 //! | `materials` | band averages and tables of every material |
 //! | `interreflection` | how much interreflection adds to direct light |

@@ -1,4 +1,4 @@
-//! Points that the camera sees, which stand for the scene when lights are weighted against each other.
+//! Points that the camera sees: lights are weighted by their irradiance there.
 
 use fluorspar_accel::Ray;
 
@@ -13,8 +13,8 @@ pub(super) const VIEW_RAYS: usize = 12;
 /// Visible points, with normals to the side of the camera: those on surfaces that fluoresce, or all if none does. Holes
 /// and light sources are looked through.
 pub(super) fn on_fluorescent_surfaces(scene: &Scene, geometry: &Geometry) -> Vec<OrientedPoint> {
-    // Intersect a lattice of camera rays with triangles, instances and shapes
-    let hits: Vec<(usize, OrientedPoint)> = (scene.camera.lattice(VIEW_RAYS))
+    // Intersect a grid of camera rays with triangles, instances and shapes
+    let hits: Vec<(usize, OrientedPoint)> = (scene.camera.ray_grid(VIEW_RAYS))
         .filter_map(|(origin, direction)| {
             let ray = Ray { origin, direction, t_min: 0.0, t_max: f32::INFINITY };
             let mut nearest = geometry.bvh.closest(&ray).map(|hit| {
