@@ -22,6 +22,9 @@ pub(crate) struct Args {
     /// Threads to use; all cores by default. The results do not depend on it.
     #[arg(long, global = true, value_name = "N", value_parser = values::threads, allow_negative_numbers = true)]
     pub(crate) threads: Option<usize>,
+    /// Say warnings with every name and number, instead of one line for each.
+    #[arg(long, short, global = true)]
+    pub(crate) verbose: bool,
     #[command(subcommand)]
     pub(crate) command: Option<Command>,
 }
@@ -163,7 +166,7 @@ impl Seed {
 /// How much is said.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub(crate) struct Talk {
-    /// No progress and no summary.
+    /// No progress, no warnings and no summary.
     #[arg(long, short)]
     pub(crate) quiet: bool,
     /// Print the results as JSON on standard output.

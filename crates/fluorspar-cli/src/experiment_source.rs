@@ -10,7 +10,6 @@ use fluorspar_experiment::{
 use fluorspar_report::extract_experiment;
 
 use crate::error::CliError;
-use crate::message::Messages;
 use crate::values::{Override, as_typed, sets};
 
 /// Largest experiment file or report that is read.
@@ -91,31 +90,21 @@ impl ExperimentSource {
         self.file.iter().chain(&record.base_files).chain(inputs).cloned().collect()
     }
 
-    /// Reads and resolves the experiment with its changes, and prints its warnings.
-    pub(crate) fn resolve(
-        &self,
-        overrides: &[Override],
-        messages: Messages,
-    ) -> Result<ResolvedExperiment, CliError> {
+    /// Reads and resolves the experiment with its changes. Its warnings are the caller's to print.
+    pub(crate) fn resolve(&self, overrides: &[Override]) -> Result<ResolvedExperiment, CliError> {
         if is_sample(&self.text) {
             return Err(CliError::Input(format!(
                 "{}: this is a flat sample without a scene; `fluorspar predict` takes it",
                 self.name
             )));
         }
-        let resolved = parse(&self.text, &self.name, &self.base_dir, &sets(overrides))
+        Ok(parse(&self.text, &self.name, &self.base_dir, &sets(overrides))
             .and_then(|experiment| resolve(&experiment))
-            .map_err(|error| as_typed(error, overrides))?;
-        messages.warnings(&resolved.record.warnings);
-        Ok(resolved)
+            .map_err(|error| as_typed(error, overrides))?)
     }
 
-    /// Reads and resolves the flat sample with its changes, and prints its warnings.
-    pub(crate) fn resolve_sample(
-        &self,
-        overrides: &[Override],
-        messages: Messages,
-    ) -> Result<ResolvedSample, CliError> {
+    /// Reads and resolves the flat sample with its changes. Its warnings are the caller's to print.
+    pub(crate) fn resolve_sample(&self, overrides: &[Override]) -> Result<ResolvedSample, CliError> {
         let of_experiments = ["object", "mouth", "material", "capture", "camera", "render"];
         let experiments = preset::names(PresetKind::Experiment);
         let is_experiment = !is_sample(&self.text)
@@ -133,10 +122,8 @@ impl ExperimentSource {
                 self.name
             )));
         }
-        let sample = parse_sample(&self.text, &self.name, &self.base_dir, &sets(overrides))
-            .map_err(|error| as_typed(error, overrides))?;
-        messages.warnings(&sample.record.warnings);
-        Ok(sample)
+        Ok(parse_sample(&self.text, &self.name, &self.base_dir, &sets(overrides))
+            .map_err(|error| as_typed(error, overrides))?)
     }
 }
 

@@ -54,6 +54,9 @@ fn run(args: Args) -> Result<ExitCode, CliError> {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build_global();
         pool.map_err(|error| CliError::Failed(format!("can't start {threads} threads: {error}")))?;
     }
+    if args.verbose {
+        message::be_verbose();
+    }
     interrupt::catch_interrupts();
     match args.command.unwrap_or_default() {
         Command::Run(options) => commands::run::run(&options),

@@ -7,21 +7,46 @@
 
 use std::fmt::Display;
 use std::io::{self, ErrorKind, Write};
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use fluorspar_experiment::Warning;
+
+/// Whether warnings are said in full.
+static VERBOSE: AtomicBool = AtomicBool::new(false);
+/// Whether the way to the whole warnings was told.
+static HINTED: AtomicBool = AtomicBool::new(false);
 
 /// How much is said on standard error. Errors are always said.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Messages {
     /// Neither status nor warnings.
     Quiet,
     /// Status, and one line for each warning.
-    #[default]
     Short,
+    /// Status, and warnings with all that they name.
+    Full,
+}
+
+/// What a command says that has no `--quiet`.
+impl Default for Messages {
+    fn default() -> Self {
+        Self::unless(false)
+    }
+}
+
+/// From here on warnings are said in full, as `--verbose` asks for.
+pub(crate) fn be_verbose() {
+    VERBOSE.store(true, Ordering::Relaxed);
 }
 
 impl Messages {
-    /// What `--quiet` selects.
+    /// What `--quiet` and `--verbose` select.
     pub(crate) fn unless(quiet: bool) -> Self {
-        if quiet { Self::Quiet } else { Self::Short }
+        match quiet {
+            true => Self::Quiet,
+            false if VERBOSE.load(Ordering::Relaxed) => Self::Full,
+            false => Self::Short,
+        }
     }
 
     /// Whether only errors are said.
@@ -29,32 +54,40 @@ impl Messages {
         self == Self::Quiet
     }
 
-    /// Says what is being done or was done: one or more lines.
+    /// Says what is being done or was done: one or more lines, or none.
     pub(crate) fn status(self, text: impl Display) {
-        if !self.is_quiet() {
-            say(&text.to_string());
+        let text = text.to_string();
+        if !self.is_quiet() && !text.is_empty() {
+            say(&text);
         }
     }
 
-    /// Warns of something that the user should know. Equal warnings are said once, with their number.
-    pub(crate) fn warnings<W: Display>(self, warnings: impl IntoIterator<Item = W>) {
-        if self.is_quiet() {
-            return;
-        }
-        for (warning, count) in counted(warnings) {
+    /// Warns of what the user should know. Equal lines are said once, with their number; where lines are shortened, a hint
+    /// tells, once, how to see all of them.
+    pub(crate) fn warnings(self, warnings: &[Warning]) {
+        let shown = |warning: &Warning| match self {
+            Self::Full => warning.text().to_string(),
+            _ => warning.summary().to_string(),
+        };
+        for (line, count) in with_counts(warnings.iter().map(shown)) {
             match count {
-                1 => say(&format!("warning: {warning}")),
-                _ => say(&format!("warning: {warning} ({count} times)")),
+                1 => self.status(format!("warning: {line}")),
+                _ => self.status(format!("warning: {line} ({count} times)")),
             }
+        }
+        let shortened = self == Self::Short && warnings.iter().any(Warning::has_details);
+        if shortened && !HINTED.swap(true, Ordering::Relaxed) {
+            self.status(
+                "hint: --verbose, `fluorspar check` and the report name all that these warnings count",
+            );
         }
     }
 }
 
-/// Texts in their order, each once with the number of times it came.
-fn counted<W: Display>(texts: impl IntoIterator<Item = W>) -> Vec<(String, usize)> {
+/// Lines in their order, each once with the number of times it came.
+fn with_counts(lines: impl IntoIterator<Item = String>) -> Vec<(String, usize)> {
     let mut counted: Vec<(String, usize)> = Vec::new();
-    for text in texts {
-        let text = text.to_string();
+    for text in lines {
         match counted.iter_mut().find(|(known, _)| *known == text) {
             Some((_, count)) => *count += 1,
             None => counted.push((text, 1)),
@@ -114,7 +147,7 @@ mod tests {
 
     #[test]
     fn equal_texts_are_counted_where_they_came_first() {
-        let counted = counted(["a", "b", "a", "c", "a"]);
+        let counted = with_counts(["a", "b", "a", "c", "a"].map(String::from));
         assert_eq!(counted, [("a".into(), 3), ("b".into(), 1), ("c".into(), 1)]);
     }
 

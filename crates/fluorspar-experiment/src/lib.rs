@@ -25,6 +25,7 @@ mod resolve;
 mod sample;
 mod sensor_file;
 mod shape;
+mod warning;
 
 pub mod preset;
 pub mod schema;
@@ -37,6 +38,7 @@ pub use sample::{
     SampleMaterial, is_sample, parse_sample,
 };
 pub use sensor_file::{ResolvedSensor, SensorFile, parse_sensor};
+pub use warning::Warning;
 
 /// JSON schema of an experiment file, with units, ranges and defaults as descriptions.
 pub fn json_schema() -> serde_json::Value {

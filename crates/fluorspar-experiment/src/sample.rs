@@ -19,6 +19,7 @@ use super::schema::{
     SpectralSection, SpectrumReference, UniformBins, ViewFilterSection,
 };
 use super::shape::Schema;
+use crate::warning::Warning;
 use fluorspar::geometry::TriangleMesh;
 use fluorspar::light::{DistantEmitter, Light, LightGroup};
 use fluorspar::material::{FluorophoreAmount, Material, ScalarTexture};
@@ -234,7 +235,7 @@ fn resolve_sample(document: &Document, file: &SampleFile) -> Resolved<ResolvedSa
             context.error(&steps!["sample"], without_name(&error, "material \"sample\" "))
         })?;
         for warning in scene.warnings() {
-            context.push_warning(warning.to_string());
+            context.push_warning(Warning::summarized(warning.to_string(), warning.summary()));
         }
     }
 

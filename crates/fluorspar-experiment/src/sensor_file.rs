@@ -14,6 +14,7 @@ use super::resolve::device;
 use super::sample::sample_schema;
 use super::schema::{FormatVersion, SensorSection};
 use super::shape::Schema;
+use crate::warning::Warning;
 use fluorspar::sensor::Sensor;
 use fluorspar::spectral::WavelengthGrid;
 
@@ -50,7 +51,7 @@ pub struct ResolvedSensor {
     /// The sensor.
     pub sensor: Sensor,
     /// What a user should know.
-    pub warnings: Vec<String>,
+    pub warnings: Vec<Warning>,
     /// The complete `[sensor]` section as a file.
     pub resolved_toml: String,
     /// Files that it was read from beside the text itself: bases and spectra.

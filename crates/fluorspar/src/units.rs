@@ -31,6 +31,11 @@ pub fn number_text(value: f64) -> String {
     if value == 0.0 || (1e-4..1e9).contains(&value.abs()) { value.to_string() } else { format!("{value:e}") }
 }
 
+/// A number of things in words: `1 light`, `3 lights`.
+pub fn counted(number: usize, one: &str, many: &str) -> String {
+    format!("{number} {}", if number == 1 { one } else { many })
+}
+
 /// Refuses a number outside a range, ends included, and NaN: `1e99 is outside 0.1 to 1000; give kelvin`.
 ///
 /// # Errors

@@ -12,7 +12,6 @@ use fluorspar_format::{read_component_exr, read_sensor_image};
 use crate::args::{Changes, Talk};
 use crate::error::CliError;
 use crate::experiment_source::ExperimentSource;
-use crate::message::Messages;
 
 /// Options of `analyze`.
 #[derive(Clone, Debug, clap::Args)]
@@ -54,7 +53,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let default = beside("experiment.toml").map(|path| path.display().to_string());
     let name = options.experiment.clone().or(default).unwrap_or_default();
     let source = ExperimentSource::find(Some(&name))?;
-    let study = source.resolve(&options.changes.overrides(), Messages::Quiet)?.study;
+    let study = source.resolve(&options.changes.overrides())?.study;
     let Some(settings) = &study.analysis else {
         return Err(CliError::Input(format!("{name}: the experiment has no [analysis] section; add one")));
     };

@@ -93,7 +93,8 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let messages = options.talk.messages();
     let image = options.image.display();
     if components.denoised.is_some() {
-        messages.warnings([format!("{image}: this image is denoised: its frames are for pictures only")]);
+        let warning = format!("{image}: this image is denoised: its frames are for pictures only");
+        messages.warnings(&[warning.into()]);
     }
     // As `run` has them, so that the frames are those of `run` whatever file they come from.
     components.round_to_24_bits();
@@ -112,7 +113,8 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let (text, experiment) = match (&options.experiment, loaded.provenance) {
         (Some(name), _) => {
             let source = ExperimentSource::find(Some(name))?;
-            let experiment = source.resolve(&overrides, messages)?;
+            let experiment = source.resolve(&overrides)?;
+            messages.warnings(&experiment.record.warnings);
             inputs.extend(source.files(&experiment.record));
             (source.text, experiment)
         }

@@ -27,12 +27,13 @@ pub(crate) struct Options {
 pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let source = ExperimentSource::find_either(options.file.as_deref())?;
     let (json, silent) = (options.talk.json, options.talk.quiet && !options.talk.json);
-    // As JSON the warnings are part of the answer.
-    let messages = Messages::unless(options.talk.quiet || json);
+    // They are what is asked for: all of them, as part of the answer or in full.
+    let messages = if options.talk.quiet || json { Messages::Quiet } else { Messages::Full };
     let overrides = options.changes.overrides();
     let shown = options.file.as_ref().unwrap_or(&source.name);
     if is_sample(&source.text) {
-        let sample = source.resolve_sample(&overrides, messages)?;
+        let sample = source.resolve_sample(&overrides)?;
+        messages.warnings(&sample.record.warnings);
         if json {
             super::print_json(&json!({
                 "file": shown,
@@ -53,7 +54,8 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         }
         return Ok(ExitCode::SUCCESS);
     }
-    let ResolvedExperiment { study, record } = source.resolve(&overrides, messages)?;
+    let ResolvedExperiment { study, record } = source.resolve(&overrides)?;
+    messages.warnings(&record.warnings);
     let scene = &study.scene;
     let needed = fluorspar::render::memory_bytes(scene, &study.render);
     if json {

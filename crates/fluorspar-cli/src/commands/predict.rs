@@ -153,7 +153,8 @@ impl Options {
 pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let source = ExperimentSource::find_sample(options.sample.as_deref())?;
     let overrides = options.overrides(&source.base_dir)?;
-    let sample = source.resolve_sample(&overrides, options.talk.messages())?;
+    let sample = source.resolve_sample(&overrides)?;
+    options.talk.messages().warnings(&sample.record.warnings);
     let prediction = predict(&sample.sample)?;
     if options.talk.json {
         super::print_json(&as_json(&sample, &prediction)?)?;

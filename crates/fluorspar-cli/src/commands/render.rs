@@ -111,7 +111,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     options.check()?;
     let messages = options.talk.messages();
     let source = ExperimentSource::find(options.experiment.experiment.as_deref())?;
-    let experiment = source.resolve(&options.experiment.overrides(), messages)?;
+    let experiment = source.resolve(&options.experiment.overrides())?;
     let study = &experiment.study;
     let (scene, settings) = (&study.scene, &study.render);
     let needed = memory_bytes(scene, settings);
@@ -128,6 +128,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         memory_text(needed),
         memory_text(settings.memory_limit_bytes)
     ));
+    messages.warnings(&experiment.record.warnings);
     let renderer = FilmRenderer::new(scene, settings)?;
     say_surfaces(&renderer, scene, messages);
     let mut film = match options.film.as_deref().filter(|path| options.resume && path.exists()) {

@@ -64,6 +64,7 @@ pub(super) fn render(
         memory_text(4 * (layout.width * layout.height * layout.grid.len() * images) as u64),
         options.output.out.display()
     ));
+    messages.warnings(&experiment.record.warnings);
     say_surfaces(&renderer, scene, messages);
     let mut provenance = Provenance::new(
         &source.text,

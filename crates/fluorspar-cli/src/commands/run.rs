@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use fluorspar::image::ComponentImage;
 use fluorspar::pipeline::{AnalyzedFrame, evaluate};
-use fluorspar_experiment::ResolvedExperiment;
+use fluorspar_experiment::{ResolvedExperiment, Warning};
 use fluorspar_report::{RunResults, write_run_components, write_run_folder};
 
 use super::out_folder;
@@ -31,7 +31,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let started = Instant::now();
     let messages = options.talk.messages();
     let source = ExperimentSource::find(options.experiment.experiment.as_deref())?;
-    let experiment = source.resolve(&options.experiment.overrides(), messages)?;
+    let experiment = source.resolve(&options.experiment.overrides())?;
     let study = &experiment.study;
     super::check_memory(
         study,
@@ -57,6 +57,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         study.scene.fluorophores.len(),
         study.render.samples_per_pixel
     ));
+    messages.warnings(&experiment.record.warnings);
     let mut components = render_with_progress(&study.scene, &study.render, study.time_limit_s, messages)?;
     if components.samples_per_pixel == 0 {
         let message = "interrupted before every pixel had a sample: there is nothing to develop, and nothing was written";
@@ -81,7 +82,13 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     if options.talk.json {
         super::print_text(&read_text(&target.join("results.json"))?)?;
     }
-    messages.status(summary(&target, analyzed.as_ref(), started.elapsed().as_secs_f64()));
+    if let Some(analyzed) = &analyzed {
+        messages.status(summary(analyzed));
+        let warnings: Vec<Warning> = analyzed.analysis.warnings.iter().map(Warning::of_sentences).collect();
+        messages.warnings(&warnings);
+    }
+    let seconds = started.elapsed().as_secs_f64();
+    messages.status(format!("Done in {seconds:.1} s. Open {}", target.join("report.html").display()));
     if interrupted() && components.samples_per_pixel < study.render.samples_per_pixel {
         messages.status(format!(
             "interrupted after {} of {} samples per pixel",
@@ -105,23 +112,22 @@ fn evaluate_and_write(
     Ok(evaluation.analysis)
 }
 
-fn summary(target: &Path, analyzed: Option<&AnalyzedFrame>, seconds: f64) -> String {
-    let mut text = String::new();
-    if let Some(analyzed) = analyzed {
-        let analysis = &analyzed.analysis;
-        if let (Some(r), Some(g)) = (&analysis.r, &analysis.g) {
-            text += &format!(
-                "Chromaticity of {}: r = {:.3}, g = {:.3} (medians)\n",
-                analysis.region_description, r.median, g.median
-            );
-        }
-        if let Some(region) = analysis.mixture.as_ref().and_then(|m| m.region) {
-            let e = region.estimate;
-            text += &format!(
-                "Porphyrin fraction: {:.3} ({:.3} to {:.3} by sensor noise)\n",
-                e.fraction, e.fraction_interval[0], e.fraction_interval[1]
-            );
-        }
+/// The numbers of the analysis, one line each.
+fn summary(analyzed: &AnalyzedFrame) -> String {
+    let analysis = &analyzed.analysis;
+    let mut lines = Vec::new();
+    if let (Some(r), Some(g)) = (&analysis.r, &analysis.g) {
+        lines.push(format!(
+            "Chromaticity of {}: r = {:.3}, g = {:.3} (medians)",
+            analysis.region_description, r.median, g.median
+        ));
     }
-    text + &format!("Done in {seconds:.1} s. Open {}", target.join("report.html").display())
+    if let Some(region) = analysis.mixture.as_ref().and_then(|m| m.region) {
+        let e = region.estimate;
+        lines.push(format!(
+            "Porphyrin fraction: {:.3} ({:.3} to {:.3} by sensor noise)",
+            e.fraction, e.fraction_interval[0], e.fraction_interval[1]
+        ));
+    }
+    lines.join("\n")
 }

@@ -32,7 +32,8 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let of = |path: &str, mm: Option<f64>, option: &str| mm.map(|mm| Override::number(path, mm, option));
     overrides.extend(of("safety.patient_eye_distance_mm", options.patient_eye_mm, "--patient-eye-mm"));
     overrides.extend(of("safety.operator_eye_distance_mm", options.operator_eye_mm, "--operator-eye-mm"));
-    let ResolvedExperiment { study, record } = source.resolve(&overrides, options.talk.messages())?;
+    let ResolvedExperiment { study, record } = source.resolve(&overrides)?;
+    options.talk.messages().warnings(&record.warnings);
     if study.captures.is_empty() {
         return Err(CliError::Input(format!(
             "{}: the experiment has no captures, so it is unknown which lights are on and for how long; add [[capture]] \

@@ -9,7 +9,7 @@ use fluorspar::pipeline::{SpectroradiometerReading, check_same_scene, predict, r
 use fluorspar::sensor::Spectroradiometer;
 use fluorspar::spectral::{Curve, Radiance, Spectrum};
 use fluorspar::units::number_text;
-use fluorspar_experiment::{parse, resolve};
+use fluorspar_experiment::{ResolvedSample, parse, resolve};
 use fluorspar_format::{read_component_exr, write_atomically};
 use fluorspar_report::figures::{PlotCurve, spectral_readings};
 
@@ -245,7 +245,8 @@ fn of_sample(options: &Options, name: Option<&str>) -> Result<Vec<Spectroradiome
         overrides.push(Override::of_option("view_filter.filters", list, typed.join(" ")));
     }
     overrides.extend(options.set.iter().map(|text| Override::set(text)));
-    let sample = source.resolve_sample(&overrides, options.talk.messages())?.sample;
+    let ResolvedSample { sample, record, .. } = source.resolve_sample(&overrides)?;
+    options.talk.messages().warnings(&record.warnings);
     let filter = if options.filter.is_empty() {
         Curve::constant(1.0)
     } else {

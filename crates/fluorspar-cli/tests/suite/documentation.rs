@@ -48,6 +48,9 @@ fn options(text: &str) -> BTreeSet<String> {
     options_in_order(text).into_iter().collect()
 }
 
+/// Options of all commands.
+const OF_ALL: [&str; 4] = ["--help", "--version", "--threads", "--verbose"];
+
 /// Options of a command by its help, those of all commands left out. Only the lines that name them: explanations mention
 /// options of other commands.
 fn options_of(command: &[&str]) -> BTreeSet<String> {
@@ -59,8 +62,7 @@ fn options_of(command: &[&str]) -> BTreeSet<String> {
     });
     let named: BTreeSet<String> =
         lines.filter_map(|line| options_in_order(line).into_iter().next()).collect();
-    let of_all = ["--help", "--version", "--threads"];
-    named.into_iter().filter(|option| !of_all.contains(&option.as_str())).collect()
+    named.into_iter().filter(|option| !OF_ALL.contains(&option.as_str())).collect()
 }
 
 #[test]
@@ -99,7 +101,7 @@ fn the_commands_of_the_documentation_have_the_options_of_the_help() {
         all.extend(options);
     }
     assert!(missing.is_empty(), "docs/commands.md lacks {missing:#?}");
-    all.extend(["--help".into(), "--version".into(), "--threads".into()]);
+    all.extend(OF_ALL.map(String::from));
     // Options of cargo, in the words about a checkout.
     all.insert("--release".into());
     let invented: Vec<String> = options(&text).difference(&all).cloned().collect();

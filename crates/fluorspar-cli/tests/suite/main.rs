@@ -6,6 +6,7 @@ mod documentation;
 mod fluorophores;
 mod instruments;
 mod lenses;
+mod messages;
 mod mouths;
 mod out_folder;
 mod predict;

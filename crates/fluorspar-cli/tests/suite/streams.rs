@@ -106,7 +106,11 @@ fn exit_codes_do_not_depend_on_a_reader_of_the_messages() {
             let said = redirected(folder.path(), redirections, &args);
             assert_eq!(said.status.code(), Some(code), "{args:?} {redirections}");
         }
-        let mut child = program(folder.path(), args.iter().copied()).stderr(Stdio::piped()).spawn().unwrap();
+        let mut child = program(folder.path(), args.iter().copied())
+            .stdout(Stdio::null())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
         drop(child.stderr.take());
         assert_eq!(child.wait().unwrap().code(), Some(code), "{args:?}");
     }

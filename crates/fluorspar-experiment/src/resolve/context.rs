@@ -9,11 +9,12 @@ use super::record::InputFile;
 use crate::document::Document;
 use crate::error::{ExperimentError, Place, Step};
 use crate::schema::{ExposureTime, FilePath};
+use crate::warning::Warning;
 use fluorspar::anatomy::{MouthParameters, Tissue};
 use fluorspar::digest::sha256_hex;
 use fluorspar::sensor::{AutoExposure, EXPOSURE_MS};
 use fluorspar::spectral::WavelengthGrid;
-use fluorspar::units::number_text;
+use fluorspar::units::{counted, number_text};
 
 /// Lengths and distances, mm: from a nanometer to the largest coordinate.
 pub(crate) const LENGTH_MM: [f64; 2] = [1e-6, LARGEST_MM];
@@ -27,7 +28,7 @@ const LARGEST_MM: f64 = 1e7;
 
 pub(crate) struct Context<'a> {
     pub(crate) document: &'a Document,
-    pub(crate) warnings: Vec<String>,
+    pub(crate) warnings: Vec<Warning>,
     /// Spectra that the wavelengths of the experiment exceed: what each is called, and the range that it holds over.
     exceeded: Vec<(String, [f64; 2])>,
     pub(crate) inputs: Vec<InputFile>,
@@ -68,7 +69,8 @@ impl<'a> Context<'a> {
         self.push_warning(place.to_string());
     }
 
-    pub(crate) fn push_warning(&mut self, warning: String) {
+    pub(crate) fn push_warning(&mut self, warning: impl Into<Warning>) {
+        let warning = warning.into();
         if !self.warnings.contains(&warning) {
             self.warnings.push(warning);
         }
@@ -90,18 +92,23 @@ impl<'a> Context<'a> {
     }
 
     /// All warnings, those of one cause together.
-    pub(crate) fn take_warnings(&mut self, grid: &WavelengthGrid) -> Vec<String> {
+    pub(crate) fn take_warnings(&mut self, grid: &WavelengthGrid) -> Vec<Warning> {
         let exceeded = std::mem::take(&mut self.exceeded);
         if !exceeded.is_empty() {
             let list: Vec<String> =
                 exceeded.iter().map(|(what, [from, to])| format!("{what} ({from} to {to} nm)")).collect();
-            self.push_warning(format!(
-                "the wavelengths of the experiment run from {} to {} nm; beyond their own range these spectra are \
+            let (start, end) = (grid.start_nm(), grid.end_nm());
+            let text = format!(
+                "the wavelengths of the experiment run from {start} to {end} nm; beyond their own range these spectra are \
                  extrapolated or taken as zero: {}",
-                grid.start_nm(),
-                grid.end_nm(),
                 list.join("; ")
-            ));
+            );
+            let spectra = counted(list.len(), "spectrum", "spectra");
+            let verb = if list.len() == 1 { "is" } else { "are" };
+            let summary = format!(
+                "{spectra} {verb} extrapolated or taken as zero beyond the data, within {start} to {end} nm"
+            );
+            self.push_warning(Warning::summarized(text, summary));
         }
         std::mem::take(&mut self.warnings)
     }

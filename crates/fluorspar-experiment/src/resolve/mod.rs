@@ -21,6 +21,7 @@ use std::path::PathBuf;
 use self::context::{Context, Resolved};
 use super::error::steps;
 use super::schema::{ExperimentFile, FieldOfView, LensSection};
+use super::warning::Warning;
 use super::{Experiment, ExperimentError};
 use crate::preset;
 use fluorspar::render::{memory_bytes, tile_row_bytes, whole_image_bytes};
@@ -122,7 +123,7 @@ pub fn resolve(experiment: &Experiment) -> Result<ResolvedExperiment, Experiment
     device::check_memory(context, file, memory_bytes(&scene, &render), in_bands)?;
     warn_unused(context, file, &scene, &copied_materials, analysis.as_ref());
     for warning in scene.warnings() {
-        context.push_warning(warning.to_string());
+        context.push_warning(Warning::summarized(warning.to_string(), warning.summary()));
     }
 
     let (resolved_toml, sha256) = write_out(context, file)?;

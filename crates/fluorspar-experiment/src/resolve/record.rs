@@ -2,6 +2,8 @@
 
 use std::path::PathBuf;
 
+use crate::warning::Warning;
+
 /// What is known of a file that a study was made from.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FileRecord {
@@ -12,7 +14,7 @@ pub struct FileRecord {
     /// Folder for the results, if the file names one.
     pub output_folder: Option<PathBuf>,
     /// What a user should know.
-    pub warnings: Vec<String>,
+    pub warnings: Vec<Warning>,
     /// Files that were read, with their digests.
     pub inputs: Vec<InputFile>,
     /// Files of base experiments that were read; they are part of `resolved_toml`.

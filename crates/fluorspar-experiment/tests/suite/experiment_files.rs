@@ -9,7 +9,8 @@ use fluorspar::sensor::SensorMode;
 use fluorspar_experiment::preset;
 use fluorspar_experiment::schema::{EfficiencyReference, FilePath, NameOrTable};
 use fluorspar_experiment::{
-    ResolvedExperiment, json_schema, parse, parse_sample, resolve, sample_json_schema, sensor_json_schema,
+    ResolvedExperiment, Warning, json_schema, parse, parse_sample, resolve, sample_json_schema,
+    sensor_json_schema,
 };
 use serde_json::Value;
 
@@ -256,7 +257,7 @@ fn warnings_name_what_is_left_over() {
     assert!(
         warnings
             .iter()
-            .any(|w| w == "test.toml:24: material[1] \"spare\": no object uses material \"spare\""),
+            .any(|w| w.text() == "test.toml:24: material[1] \"spare\": no object uses material \"spare\""),
         "{warnings:?}"
     );
     assert!(
@@ -411,7 +412,7 @@ fn the_bulk_counts_maps_by_their_mean() {
 }
 
 /// The warnings that hold a word.
-fn warnings_with<'w>(warnings: &'w [String], word: &str) -> Vec<&'w String> {
+fn warnings_with<'w>(warnings: &'w [Warning], word: &str) -> Vec<&'w Warning> {
     warnings.iter().filter(|warning| warning.contains(word)).collect()
 }
 
@@ -466,6 +467,10 @@ fn a_warning_of_many_lights_and_fluorophores_can_be_read() {
         "{text}"
     );
     assert!(text.matches("of the light").count() == 1 && !text.contains("[0]"), "{text}");
+    // Names become numbers where one line must do.
+    let summary = excitation[0].summary();
+    assert!(summary.starts_with("the excitation of ") && summary.contains("by 1 light is"), "{summary}");
+    assert!(summary.len() < 100 && excitation[0].has_details(), "{summary}");
 }
 
 #[test]

@@ -79,7 +79,7 @@ pub fn run_report(run: &RunResults<'_>) -> RunReport {
     sections.push(assumptions_section(run));
     sections.push(glossary_section());
 
-    let mut warnings = record.warnings.clone();
+    let mut warnings: Vec<String> = record.warnings.iter().map(ToString::to_string).collect();
     if let Some(analyzed) = &run.evaluation.analysis {
         warnings.extend(analyzed.analysis.warnings.iter().cloned());
     }

@@ -1,6 +1,7 @@
 //! Checks that a scene is physical before anything is rendered.
 
 use std::borrow::Cow;
+use std::collections::BTreeSet;
 use std::fmt;
 
 use thiserror::Error;
@@ -9,6 +10,7 @@ use super::{Scene, Shape};
 use crate::geometry::MeshError;
 use crate::material::{Material, PhotonExcess};
 use crate::spectral::{Curve, Fluorophore};
+use crate::units::counted;
 
 /// What makes a scene impossible to render.
 #[derive(Clone, Debug, Error, PartialEq)]
@@ -93,6 +95,39 @@ pub enum SceneWarning {
     /// A light sends nothing.
     #[error("light \"{0}\" has no power within the rendered wavelengths")]
     DarkLight(String),
+}
+
+impl SceneWarning {
+    /// The warning on one line: numbers of lights and fluorophores instead of their names.
+    pub fn summary(&self) -> String {
+        match self {
+            Self::ExcitationOutsideData(cases) => {
+                let lights = number_of(cases.iter().map(|case| whole(&case.light)));
+                let fluorophores = number_of(cases.iter().map(|case| case.fluorophore.as_str()));
+                format!(
+                    "the excitation of {} by {} is extrapolated beyond its data",
+                    counted(fluorophores, "fluorophore", "fluorophores"),
+                    counted(lights, "light", "lights")
+                )
+            }
+            Self::EmissionOutsideData(cases) => format!(
+                "the emission of {} is extrapolated beyond its data, up to {:.1} % of it",
+                counted(cases.len(), "fluorophore", "fluorophores"),
+                cases.iter().fold(0.0, |most: f64, case| most.max(case.percent))
+            ),
+            Self::LightOutsideGrid { lights, from_nm, to_nm } => format!(
+                "up to {:.1} % of the power of {} lies outside the rendered {from_nm} to {to_nm} nm and is left out",
+                lights.iter().fold(0.0, |most: f64, light| most.max(light.percent)),
+                counted(number_of(lights.iter().map(|light| whole(&light.light))), "light", "lights")
+            ),
+            Self::DarkLight(_) => self.to_string(),
+        }
+    }
+}
+
+/// How many different names there are.
+fn number_of<'a>(names: impl Iterator<Item = &'a str>) -> usize {
+    names.collect::<BTreeSet<_>>().len()
 }
 
 /// A light and a fluorophore whose data do not reach as far.

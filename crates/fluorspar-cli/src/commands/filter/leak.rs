@@ -2,6 +2,7 @@
 
 use clap::ValueHint;
 use fluorspar::pipeline::{LeakBehindFilters, filter_leak};
+use fluorspar_experiment::ResolvedSample;
 
 use crate::commands::predict::filter_list;
 use crate::commands::table::{align, short};
@@ -56,7 +57,8 @@ pub(super) fn run(options: &Options) -> Result<(), CliError> {
         }
     }
     overrides.extend(options.set.iter().map(|text| Override::set(text)));
-    let sample = source.resolve_sample(&overrides, Messages::unless(options.json))?.sample;
+    let ResolvedSample { sample, record, .. } = source.resolve_sample(&overrides)?;
+    Messages::unless(options.json).warnings(&record.warnings);
     let leak = filter_leak(&sample, &options.angle_deg)?;
     if options.json {
         return print_json(&leak);

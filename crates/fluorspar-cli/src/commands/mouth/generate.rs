@@ -110,7 +110,7 @@ const GRAY: [f64; 3] = [0.5; 3];
 /// Mean color of every tissue of the default experiment under even light, linear sRGB.
 fn tissue_colors() -> Result<BTreeMap<String, [f64; 3]>, CliError> {
     let source = ExperimentSource::find(None)?;
-    let scene = source.resolve(&[], Messages::Quiet)?.study.scene;
+    let scene = source.resolve(&[])?.study.scene;
     let observer = StandardObserver::new(&scene.grid);
     let srgb = |spectrum: &[f32]| linear_srgb(observer.xyz(spectrum));
     let white = srgb(&vec![1.0; scene.grid.len()]);

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::{ValueEnum, ValueHint};
 use fluorspar::sensor::{Characterization, CharacterizationSettings, SensorProblem, characterize};
 use fluorspar::units::number_text;
-use fluorspar_experiment::ResolvedSensor;
+use fluorspar_experiment::{ResolvedSensor, Warning};
 use fluorspar_report::Figure;
 use fluorspar_report::figures::{PhotonTransferPlot, SnrPlot, photon_transfer, signal_to_noise};
 use serde_json::{Value, json};
@@ -121,7 +121,8 @@ pub(super) fn run(options: &Options) -> Result<(), CliError> {
     if options.talk.json {
         print_json(&results)?;
     } else if !options.talk.quiet {
-        messages.warnings(&measured.warnings);
+        let warnings: Vec<Warning> = measured.warnings.iter().map(Warning::of_sentences).collect();
+        messages.warnings(&warnings);
         print_text(&describe(&resolved, &measured))?;
         messages.status(format!("Wrote {}", place.display()));
     }

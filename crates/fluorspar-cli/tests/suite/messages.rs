@@ -1,0 +1,62 @@
+//! What is said on standard error: title first, warnings short and where they matter, all of them on request.
+
+#![allow(clippy::unwrap_used, reason = "these are tests")]
+
+use std::fs;
+
+use crate::support::{fluorspar, tiny};
+
+/// Longest line of a warning that is not asked for in full.
+const LINE: usize = 140;
+
+fn warnings(stderr: &str) -> Vec<&str> {
+    stderr.lines().filter(|line| line.starts_with("warning: ")).collect()
+}
+
+#[test]
+fn a_run_begins_with_its_title_and_warns_in_short_lines() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    // Blue light beyond 750 nm, and spectra that end before 900 nm: more to name than fits on a line.
+    let wide = ["--set=spectral.last_nm=900", "--out=out"];
+    let args = tiny(&[&["run", "oraleye-2021"], &wide[..]].concat());
+    let said = fluorspar(folder, &args).well();
+    let lines: Vec<&str> = said.stderr.lines().collect();
+    assert!(lines[0].contains("OralEye"), "{}", said.stderr);
+    assert!(lines[1].starts_with("16 x 12 pixels"), "{}", said.stderr);
+    let short = warnings(&said.stderr);
+    assert!(!short.is_empty() && short.iter().all(|line| line.len() <= LINE), "{short:#?}");
+    assert!(short.iter().any(|line| line.contains("spectra are extrapolated")), "{short:#?}");
+    assert_eq!(lines.iter().filter(|line| line.starts_with("hint: --verbose")).count(), 1, "{lines:#?}");
+    // Before the render and before what comes of it.
+    let last = lines.iter().position(|line| line.starts_with("hint: ")).unwrap();
+    let render = lines.iter().position(|line| line.starts_with("Render")).unwrap();
+    assert!(last < render, "{lines:#?}");
+
+    // In full: as `check` has them, in the report and in the results.
+    let whole = fluorspar(folder, [&args[..], &["--verbose"]].concat()).well();
+    let whole = warnings(&whole.stderr);
+    assert_eq!(whole.len(), short.len(), "{whole:#?}");
+    assert!(whole.iter().any(|line| line.contains("tongue_dorsum")), "{whole:#?}");
+    let changes: Vec<&str> = args.iter().copied().skip(1).filter(|arg| *arg != "--out=out").collect();
+    let check = fluorspar(folder, [&["check"], &changes[..]].concat()).well();
+    assert_eq!(warnings(&check.stderr)[..], whole[..check.stderr.matches("warning: ").count()]);
+    assert!(!check.stderr.contains("hint: "), "{}", check.stderr);
+    let results: serde_json::Value =
+        serde_json::from_slice(&fs::read(folder.join("out/results.json")).unwrap()).unwrap();
+    let stored = results["warnings"].as_array().unwrap();
+    assert!(whole.iter().any(|line| line.strip_prefix("warning: ") == stored[0].as_str()), "{stored:#?}");
+    let report = fs::read_to_string(folder.join("out/report.html")).unwrap();
+    assert!(report.contains("spectra are extrapolated or taken as zero: "), "the report lacks the text");
+
+    let silent = fluorspar(folder, [&args[..], &["--quiet"]].concat()).well();
+    assert_eq!(silent.stderr, "");
+}
+
+#[test]
+fn names_and_cells_can_not_steer_the_terminal() {
+    let folder = tempfile::tempdir().unwrap();
+    let said = fluorspar(folder.path(), ["check", "red\u{1b}[31m.toml"]);
+    assert_eq!(said.code, Some(2));
+    assert!(said.stderr.starts_with("error: red\\u{1b}[31m.toml: "), "{}", said.stderr);
+}
