@@ -4,13 +4,13 @@ use std::f32::consts::{FRAC_PI_2, TAU};
 use std::f64::consts::PI;
 use std::sync::Arc;
 
-use fluorspar::anatomy::{MouthParameters, Tissue, generate_mouth};
 use fluorspar::geometry::TriangleMesh;
 use fluorspar::light::{DiscEmitter, Light, LightGroup, RectangleEmitter};
 use fluorspar::material::{Coat, FluorophoreAmount, Lambertian, Material, ReflectanceTerm, ScalarTexture};
 use fluorspar::optics::{CameraLens, LensSetting, LensState, PerspectiveCamera};
 use fluorspar::scene::{Object, Scene, Shape};
 use fluorspar::spectral::{Curve, Fluorophore, PhotonEem, SeparableTerm, Stokes, WavelengthGrid};
+use fluorspar_anatomy::{MouthParameters, Tissue, generate_mouth};
 use fluorspar_experiment::preset;
 use glam::Vec3;
 

@@ -14,10 +14,11 @@
 //! | analysis | [`analysis::analyze_region`] | [`analysis::Analysis`]: chromaticity, porphyrin fraction, with intervals |
 //!
 //! [`pipeline::evaluate`] runs everything after the render at once; [`pipeline::predict`] does so for a flat sample without geometry.
-//! [`names`] suggests what a misspelled name may have meant. [`safety`] assesses light sources for the safety of eyes and skin. [`anatomy`] makes the mouth.
+//! [`names`] suggests what a misspelled name may have meant. [`safety`] assesses light sources for the safety of eyes and skin.
 //!
 //! TOML files of experiments and the catalogue of fluorophores, lights, filters, reflectances, sensors and lenses are in the
-//! crate `fluorspar-experiment`; images, films, meshes, measured spectra and lenses are read and written by `fluorspar-format`.
+//! crate `fluorspar-experiment`; images, films, meshes, measured spectra and lenses are read and written by `fluorspar-format`;
+//! `fluorspar-anatomy` makes the mouth.
 //!
 //! Inside the library lengths are in meters, wavelengths in nanometers, power in watts; other units are in the name
 //! (`pixel_size_um`, `exposure_s`). The same seed gives the same bits for any number of threads.
@@ -26,7 +27,6 @@
 //! inside tissue.
 
 pub mod analysis;
-pub mod anatomy;
 pub mod digest;
 pub mod geometry;
 pub mod image;

@@ -10,11 +10,11 @@ use crate::document::Document;
 use crate::error::{ExperimentError, Place, Step};
 use crate::schema::{ExposureTime, FilePath};
 use crate::warning::Warning;
-use fluorspar::anatomy::{MouthParameters, Tissue};
 use fluorspar::digest::sha256_hex;
 use fluorspar::sensor::{AutoExposure, EXPOSURE_MS};
 use fluorspar::spectral::WavelengthGrid;
 use fluorspar::units::{counted, number_text};
+use fluorspar_anatomy::{MouthParameters, Tissue};
 
 /// Lengths and distances, mm: from a nanometer to the largest coordinate.
 pub(crate) const LENGTH_MM: [f64; 2] = [1e-6, LARGEST_MM];

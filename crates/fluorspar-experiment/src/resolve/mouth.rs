@@ -3,7 +3,7 @@
 use super::context::{Context, Resolved};
 use crate::error::steps;
 use crate::schema::ExperimentFile;
-use fluorspar::anatomy::{MouthParameters, Tissue};
+use fluorspar_anatomy::{MouthParameters, Tissue};
 
 /// The tissue that uses a material, if it is the only one.
 pub(super) fn only_tissue(file: &ExperimentFile, material: &str) -> Option<Tissue> {

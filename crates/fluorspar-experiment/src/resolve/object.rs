@@ -15,13 +15,13 @@ use crate::schema::{
     BoxShape, DiscShape, DisplacementSection, EmissionSection, ExperimentFile, FilePath, InstanceSection,
     MouthSection, ObjectSection, PlacesSection, QuadShape, ShapeSection, SphereShape, TransformSection,
 };
-use fluorspar::anatomy::{Tissue, shared_mouth};
 use fluorspar::geometry::{MeshInstance, MeshInstances, TriangleMesh};
 use fluorspar::light::LightGroup;
 use fluorspar::material::Material;
 use fluorspar::names::did_you_mean;
 use fluorspar::scene::{Object, Shape, SurfaceEmission};
 use fluorspar::spectral::{MAX_WAVELENGTH_NM, MIN_WAVELENGTH_NM, WavelengthGrid};
+use fluorspar_anatomy::{Tissue, shared_mouth};
 use fluorspar_format::{read_gltf, read_gltf_instances, read_obj, read_placements, read_ply, read_stl};
 
 /// All surfaces: parts of the mouth first, then the objects. With them the number of the material that each one added for

@@ -9,11 +9,11 @@ use crate::schema::{
     AnatomyMap, CheckerMap, DorsalTongueMap, FilePath, NameOrTable, SpectrumReference, SpectrumTable,
     TextureReference, TextureTable,
 };
-use fluorspar::anatomy::{PorphyrinRamp, shared_surface_map};
 use fluorspar::material::{ImageTexture, ScalarTexture};
 use fluorspar::optics::Filter;
 use fluorspar::spectral::{Curve, CurveModel, MAX_WAVELENGTH_NM, MIN_WAVELENGTH_NM, WavelengthGrid};
 use fluorspar::units::number_text;
+use fluorspar_anatomy::{PorphyrinRamp, shared_surface_map};
 use fluorspar_format::{
     CsvColumns, CsvSpectrumOptions, FormatError, NamedCurve, Transfer, read_spectrum_csv, read_texture_png,
 };

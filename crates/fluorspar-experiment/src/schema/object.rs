@@ -6,7 +6,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{FilePath, SpectrumReference, TextureReference};
-use fluorspar::anatomy::MouthParameters;
+use fluorspar_anatomy::MouthParameters;
 
 /// The shapes of objects, each with its fields.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]

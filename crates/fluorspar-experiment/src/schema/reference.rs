@@ -6,8 +6,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{FilePath, NameOrTable};
-use fluorspar::anatomy::{SurfaceMap, Tissue};
 use fluorspar::spectral::CurveModel;
+use fluorspar_anatomy::{SurfaceMap, Tissue};
 
 /// A spectrum: a number, a name of the catalogue, the path of a CSV file, a table with `csv` (one column of a file), or
 /// an equation such as { type = "led", ... }.

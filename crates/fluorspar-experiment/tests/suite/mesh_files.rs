@@ -3,7 +3,7 @@
 
 use std::fs;
 
-use fluorspar::anatomy::{MouthParameters, generate_mouth};
+use fluorspar_anatomy::{MouthParameters, generate_mouth};
 use fluorspar_format::{NamedMesh, read_gltf, read_obj, write_gltf, write_obj, write_pbrt};
 
 #[test]

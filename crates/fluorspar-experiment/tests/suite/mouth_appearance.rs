@@ -2,8 +2,8 @@
 //! order of brightness of its tissues, against what is published.
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "these are tests")]
 
-use fluorspar::anatomy::{MouthParameters, SurfaceMap, Tissue, surface_map};
 use fluorspar::spectral::{EnergyEem, PhotonEem};
+use fluorspar_anatomy::{MouthParameters, SurfaceMap, Tissue, surface_map};
 use fluorspar_experiment::preset;
 
 fn person(seed: u32) -> MouthParameters {

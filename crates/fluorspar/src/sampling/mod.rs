@@ -10,4 +10,4 @@ pub mod warp;
 pub use sobol::{SampleStream, hash_u64};
 pub use spherical_ellipse::SphericalEllipse;
 pub use spherical_rectangle::{FlatRectangle, SphericalRectangle};
-pub(crate) use value_noise::{fractal_noise, smoothstep};
+pub use value_noise::{fractal_noise, smoothstep};

@@ -5,13 +5,15 @@ use glam::Vec2;
 use super::sobol::hash_u64;
 
 /// Cubic step from 0 to 1 between 0 and 1.
-pub(crate) fn smoothstep(x: f32) -> f32 {
+#[inline]
+pub fn smoothstep(x: f32) -> f32 {
     let x = x.clamp(0.0, 1.0);
     x * x * (3.0 - 2.0 * x)
 }
 
 /// Four octaves of value noise over the plane, 0 to 1: features of about one unit and finer.
-pub(crate) fn fractal_noise(p: Vec2, seed: u32) -> f32 {
+#[inline]
+pub fn fractal_noise(p: Vec2, seed: u32) -> f32 {
     let mut sum = 0.0;
     let mut weight = 0.5;
     let mut total = 0.0;

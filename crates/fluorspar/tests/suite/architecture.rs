@@ -18,11 +18,7 @@ const MODULES: &[(&str, &[&str])] = &[
     ("material", &["units", "spectral", "image", "sampling", "geometry"]),
     ("light", &["units", "spectral", "image", "sampling", "geometry"]),
     ("optics", &["units", "spectral", "image", "sampling", "geometry"]),
-    ("anatomy", &["units", "sampling", "geometry"]),
-    (
-        "scene",
-        &["units", "spectral", "image", "sampling", "geometry", "material", "light", "optics", "anatomy"],
-    ),
+    ("scene", &["units", "spectral", "image", "sampling", "geometry", "material", "light", "optics"]),
     (
         "render",
         &[
@@ -51,6 +47,7 @@ const MODULES: &[(&str, &[&str])] = &[
 /// Crates above the library, or folders of them: the modules of the library that they may use, and the other crates of
 /// this workspace. What stands first is looked up first.
 const FRONTS: &[(&str, &[&str], &[&str])] = &[
+    ("fluorspar-anatomy/src/", &["units", "sampling", "geometry"], &["fluorspar_accel"]),
     ("fluorspar-format/src/", &["digest", "units", "spectral", "image", "geometry", "optics"], &[]),
     (
         "fluorspar-experiment/src/preset/",
@@ -62,9 +59,9 @@ const FRONTS: &[(&str, &[&str], &[&str])] = &[
         "fluorspar-experiment/src/",
         &[
             "digest", "units", "names", "spectral", "image", "sampling", "geometry", "material", "light",
-            "optics", "anatomy", "scene", "render", "safety", "sensor", "analysis", "study",
+            "optics", "scene", "render", "safety", "sensor", "analysis", "study",
         ],
-        &["fluorspar_format"],
+        &["fluorspar_anatomy", "fluorspar_format"],
     ),
 ];
 
@@ -73,12 +70,20 @@ const CRATES: &[(&str, &[&str])] = &[
     ("fluorspar-accel", &[]),
     ("fluorspar-testkit", &[]),
     ("fluorspar", &["fluorspar-accel"]),
+    ("fluorspar-anatomy", &["fluorspar-accel", "fluorspar"]),
     ("fluorspar-format", &["fluorspar"]),
-    ("fluorspar-experiment", &["fluorspar", "fluorspar-format"]),
+    ("fluorspar-experiment", &["fluorspar", "fluorspar-anatomy", "fluorspar-format"]),
     ("fluorspar-report", &["fluorspar", "fluorspar-format", "fluorspar-experiment"]),
     (
         "fluorspar-cli",
-        &["fluorspar-accel", "fluorspar", "fluorspar-format", "fluorspar-experiment", "fluorspar-report"],
+        &[
+            "fluorspar-accel",
+            "fluorspar",
+            "fluorspar-anatomy",
+            "fluorspar-format",
+            "fluorspar-experiment",
+            "fluorspar-report",
+        ],
     ),
 ];
 

@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::ValueHint;
-use fluorspar::anatomy::{Mouth, MouthParameters, generate_mouth};
 use fluorspar::spectral::{Reflectance, StandardObserver, linear_srgb};
+use fluorspar_anatomy::{Mouth, MouthParameters, generate_mouth};
 use fluorspar_format::{NamedMesh, write_gltf, write_obj, write_pbrt, write_ply};
 use serde_json::json;
 

@@ -1,7 +1,7 @@
 //! Whose mouth it is.
 
-use fluorspar::anatomy::{EXAMINATION_VIEWS, ExaminationView, MouthParameters, POSES, sample_person};
 use fluorspar::units::number_text;
+use fluorspar_anatomy::{EXAMINATION_VIEWS, ExaminationView, MouthParameters, POSES, sample_person};
 
 use crate::error::CliError;
 use crate::values;

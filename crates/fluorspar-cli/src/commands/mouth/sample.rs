@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::ValueHint;
-use fluorspar::anatomy::{MouthParameters, sample_person};
+use fluorspar_anatomy::{MouthParameters, sample_person};
 use fluorspar_format::write_atomically;
 
 use super::person::parse_person;

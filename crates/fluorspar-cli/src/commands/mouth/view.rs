@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::ValueHint;
-use fluorspar::anatomy::{EXAMINATION_VIEWS, ExaminationView, POSES};
 use fluorspar::pipeline::light_group_preview;
+use fluorspar_anatomy::{EXAMINATION_VIEWS, ExaminationView, POSES};
 use fluorspar_experiment::{parse, resolve};
 use fluorspar_format::write_rgb_png;
 use fluorspar_report::{ContactSheet, Raster};

@@ -8,7 +8,7 @@ use super::noise::{bumps, fractal_noise};
 use super::palate::{Line, Palate};
 use super::parameters::MouthParameters;
 use super::surface::{Surface, count, linspace, surface_mesh};
-use crate::geometry::TriangleMesh;
+use fluorspar::geometry::TriangleMesh;
 
 /// Where the soft palate goes over into the arches beside it, as a share of its half width.
 const ARCH_FROM: f64 = 0.62;

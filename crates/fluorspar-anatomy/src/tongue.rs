@@ -9,7 +9,7 @@ use super::math::{PI, bell, curve, lerp, mean, pow, signed_pow, sin_cos, smooths
 use super::noise::{bumps, fractal_noise};
 use super::parameters::MouthParameters;
 use super::surface::{Surface, count, linspace, surface_mesh};
-use crate::geometry::TriangleMesh;
+use fluorspar::geometry::TriangleMesh;
 
 /// Steps of the table that turns length along the tongue into place on its midline curve.
 const STEPS: usize = 240;

@@ -6,7 +6,7 @@ use super::dental_arch::{Arch, JawPose, Station};
 use super::math::{bell, lerp, pow, smoothstep, spline};
 use super::noise::fractal_noise;
 use super::surface::{count, linspace, surface_mesh};
-use crate::geometry::TriangleMesh;
+use fluorspar::geometry::TriangleMesh;
 
 /// How far the gums reach behind the arch, mm.
 const BEHIND_MM: f64 = 2.0;

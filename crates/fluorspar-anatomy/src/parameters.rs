@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use super::dental_arch::{Arch, Jaw};
-use crate::units::number_text;
+use fluorspar::units::number_text;
 
 /// A parameter outside of what the generator can build.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]

@@ -4,7 +4,7 @@
 use glam::Vec2;
 use rayon::prelude::*;
 
-use crate::sampling::{fractal_noise, smoothstep};
+use fluorspar::sampling::{fractal_noise, smoothstep};
 
 /// A mid-posterior maximum along the midline, none at the sides, broken into patches by noise. With `u` across (0.5 is
 /// the midline) and `v` from tip (0) to base (1): `exp(-(u - 0.5)^2 / (2 sigma^2)) * ramp(v) * patches(u, v)`, 0 to 1.

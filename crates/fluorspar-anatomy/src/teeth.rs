@@ -6,7 +6,7 @@ use super::dental_arch::{Jaw, JawPose, Tooth, ToothKind};
 use super::math::{PI, bell, curve, exp, lerp, ln, pow, signed_pow, sin_cos, smoothstep};
 use super::noise::value_noise;
 use super::surface::{count, surface_mesh};
-use crate::geometry::TriangleMesh;
+use fluorspar::geometry::TriangleMesh;
 
 /// Curve over the height of the crown: 0 at the neck, 1 at the biting edge.
 type Table = &'static [(f64, f64)];

@@ -3,7 +3,7 @@
 use glam::{Vec2, Vec3};
 
 use super::{Mouth, Tissue};
-use crate::geometry::TriangleMesh;
+use fluorspar::geometry::TriangleMesh;
 
 /// Dimensions of a generated mouth in millimeters; `None` where the parts that define one are missing.
 #[derive(Clone, Copy, Debug, PartialEq)]

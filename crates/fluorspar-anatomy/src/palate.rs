@@ -8,7 +8,7 @@ use super::math::{bell, pow, smoothstep};
 use super::noise::fractal_noise;
 use super::parameters::MouthParameters;
 use super::surface::{count, linspace, surface_mesh};
-use crate::geometry::TriangleMesh;
+use fluorspar::geometry::TriangleMesh;
 
 /// How much of the vault's height is reached at a place across: 1 in the middle, 0 at the gums.
 fn vault(across: f64) -> f64 {

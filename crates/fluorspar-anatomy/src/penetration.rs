@@ -5,7 +5,7 @@ use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
 use super::{Mouth, Part, Tissue};
-use crate::geometry::TriangleMesh;
+use fluorspar::geometry::TriangleMesh;
 
 /// A place where one part penetrates another.
 #[derive(Clone, Debug, PartialEq)]

@@ -46,10 +46,10 @@ pub use people::{BOLTON_RANGE, sample_person};
 pub use porphyrin_ramp::PorphyrinRamp;
 pub use views::{EXAMINATION_VIEWS, ExaminationView, POSES};
 
-use crate::geometry::TriangleMesh;
 use clearance::Obstacles;
 use dental_arch::{Arch, Jaw, JawPose, jaw_poses};
 use fauces::Fauces;
+use fluorspar::geometry::TriangleMesh;
 use palate::Palate;
 use tongue::Tongue;
 

@@ -8,7 +8,7 @@ use super::math::{bell, pow, smoothstep};
 use super::noise::fractal_noise;
 use super::parameters::MouthParameters;
 use super::surface::{count, linspace, surface_mesh};
-use crate::geometry::TriangleMesh;
+use fluorspar::geometry::TriangleMesh;
 
 /// Depth of the floor below the plane of the lower teeth, mm (10 to 15, assumed).
 const DEPTH_MM: f64 = 14.0;

@@ -6,7 +6,7 @@ use glam::{DVec2, DVec3, Vec2, Vec3};
 use rayon::prelude::*;
 
 use super::Part;
-use crate::geometry::TriangleMesh;
+use fluorspar::geometry::TriangleMesh;
 
 /// Triangles smaller than this are dropped, m²: they come from the poles of a grid.
 const SMALLEST_AREA_M2: f32 = 1e-13;

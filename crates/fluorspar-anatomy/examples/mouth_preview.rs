@@ -8,7 +8,7 @@
 use std::fs::File;
 use std::io::BufWriter;
 
-use fluorspar::anatomy::{MouthParameters, Part, Tissue, generate_mouth};
+use fluorspar_anatomy::{MouthParameters, Part, Tissue, generate_mouth};
 use glam::{Vec2, Vec3};
 
 const SIZE: usize = 1000;

@@ -3,7 +3,7 @@
 use fluorspar_accel::{Ray, TriangleBvh};
 use glam::{DVec3, Vec3};
 
-use crate::geometry::TriangleMesh;
+use fluorspar::geometry::TriangleMesh;
 
 /// Surfaces that may not be entered, in the frame of the mouth.
 pub(super) struct Obstacles {
