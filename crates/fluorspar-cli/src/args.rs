@@ -12,12 +12,19 @@ use crate::commands::{
 use crate::message::Messages;
 use crate::values::{self, Override};
 
+/// How the program can end.
+const EXIT_CODES: &str = "\
+Exit codes:
+   0  done, also when a time limit ended the render
+   1  the machine failed: no memory, no room on the disk, a defect of the program
+   2  something in the input must be fixed
+  75  a signal stopped the work (Ctrl-C, SIGTERM, SIGHUP): the same command later, with --resume where a film is kept, goes on";
+
 /// Predicts what a fluorescence camera records, before the camera is built.
 ///
 /// Without a command, runs the built-in experiment "oraleye-2021": a mouth under white and 385 nm light.
-/// Exit codes: 0 done, 1 failed or interrupted, 2 something in the input must be fixed.
 #[derive(Debug, Parser)]
-#[command(name = "fluorspar", version, max_term_width = 110)]
+#[command(name = "fluorspar", version, max_term_width = 110, after_help = EXIT_CODES)]
 pub(crate) struct Args {
     /// Threads to use; all cores by default. The results do not depend on it.
     #[arg(long, global = true, value_name = "N", value_parser = values::threads, allow_negative_numbers = true)]

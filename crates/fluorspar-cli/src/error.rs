@@ -11,6 +11,14 @@ use fluorspar_format::FormatError;
 use fluorspar_report::{FigureError, RunFolderError};
 use thiserror::Error;
 
+/// Exit code of wrong input: something that the user gave must be fixed.
+pub(crate) const WRONG_INPUT: u8 = 2;
+/// Exit code where the machine failed.
+pub(crate) const FAILED: u8 = 1;
+/// Exit code of work that a signal stopped, EX_TEMPFAIL of sysexits.h: the same command later can go on with it or do it anew.
+/// Schedulers repeat jobs that end so.
+pub(crate) const STOPPED: u8 = 75;
+
 /// Why a command did not succeed.
 #[derive(Debug, Error)]
 pub(crate) enum CliError {
@@ -20,6 +28,9 @@ pub(crate) enum CliError {
     /// The machine could not do it.
     #[error("{0}")]
     Failed(String),
+    /// A signal stopped the work before there was something to save.
+    #[error("{0}")]
+    Stopped(String),
     /// A stage after the render failed; what was rendered is kept.
     #[error(
         "{error}\nThe render is kept. Fix the experiment and continue from it: fluorspar capture {} --experiment FILE",
@@ -69,8 +80,9 @@ impl CliError {
     pub(crate) fn exit_code(&self) -> ExitCode {
         match self {
             Self::AfterRender { error, .. } => error.exit_code(),
-            Self::Failed(_) | Self::Figure(_) | Self::Json(_) | Self::Stdout(_) => ExitCode::from(1),
-            _ => ExitCode::from(2),
+            Self::Failed(_) | Self::Figure(_) | Self::Json(_) | Self::Stdout(_) => ExitCode::from(FAILED),
+            Self::Stopped(_) => ExitCode::from(STOPPED),
+            _ => ExitCode::from(WRONG_INPUT),
         }
     }
 }

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use crate::error::STOPPED;
 use crate::message;
 
 /// Rendering shall end: Ctrl-C, a request to end, or the time limit.
@@ -68,7 +69,7 @@ fn interrupt() {
                 let _ = std::fs::remove_dir(folder);
             }
         }
-        std::process::exit(1);
+        std::process::exit(i32::from(STOPPED));
     }
     message::notice("\nstopping: the picture so far will be saved. Press Ctrl-C again to quit at once");
 }

@@ -10,13 +10,14 @@ mod progress;
 mod values;
 
 use std::io::ErrorKind;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::process::ExitCode;
 
 use clap::Parser;
 use fluorspar_accel::{Allocator, return_freed_memory_at_once};
 
 use crate::args::{Args, Command};
-use crate::error::CliError;
+use crate::error::{CliError, FAILED, WRONG_INPUT};
 
 #[global_allocator]
 static ALLOCATOR: Allocator = Allocator;
@@ -27,17 +28,27 @@ fn main() -> ExitCode {
         Ok(args) => args,
         Err(answer) => return print_answer(&answer),
     };
-    run(args).unwrap_or_else(|error| {
-        message::error(&error);
-        error.exit_code()
-    })
+    match catch_unwind(AssertUnwindSafe(|| run(args))) {
+        Ok(Ok(code)) => code,
+        Ok(Err(error)) => {
+            message::error(&error);
+            error.exit_code()
+        }
+        // The panic has been printed. What was unfinished went with the stack.
+        Err(_) => {
+            message::error(
+                "this is a defect of Fluorspar; please report the lines above, the command and its input",
+            );
+            ExitCode::from(FAILED)
+        }
+    }
 }
 
 /// Prints what the reading of the command line ended with: help and version are answers, everything else is wrong input.
 fn print_answer(answer: &clap::Error) -> ExitCode {
     let printed = answer.print();
     if answer.use_stderr() {
-        return ExitCode::from(2);
+        return ExitCode::from(WRONG_INPUT);
     }
     match printed {
         Err(error) if error.kind() != ErrorKind::BrokenPipe => {

@@ -16,7 +16,7 @@ use super::check_parent;
 use super::image_output::ImageOutput;
 use super::row_bands;
 use crate::args::{ExperimentArgs, Talk};
-use crate::error::CliError;
+use crate::error::{CliError, STOPPED};
 use crate::experiment_source::ExperimentSource;
 use crate::interrupt::interrupted;
 use crate::message::Messages;
@@ -156,7 +156,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let before = film.paths();
     let complete = fill_with_progress(&renderer, &share, &mut film, study.time_limit_s, messages, &keep)?;
     drop(renderer);
-    let code = if interrupted() && !complete { ExitCode::from(1) } else { ExitCode::SUCCESS };
+    let code = if interrupted() && !complete { ExitCode::from(STOPPED) } else { ExitCode::SUCCESS };
     if options.shard.is_some() {
         if options.talk.json {
             super::print_json(

@@ -16,7 +16,7 @@ use fluorspar_experiment::ResolvedExperiment;
 use fluorspar_format::{Provenance, SpooledImage, read_film_layout, read_film_rows, write_film};
 
 use super::render::{Options, peak_memory_bytes, say_surfaces};
-use crate::error::CliError;
+use crate::error::{CliError, STOPPED};
 use crate::experiment_source::ExperimentSource;
 use crate::message;
 use crate::progress::{Keep, fill_with_progress};
@@ -98,7 +98,7 @@ pub(super) fn render(
                 rows.end - 1,
                 layout.height
             ));
-            return Ok(ExitCode::from(1));
+            return Ok(ExitCode::from(STOPPED));
         }
     };
     drop(renderer);

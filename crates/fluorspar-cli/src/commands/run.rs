@@ -11,7 +11,7 @@ use fluorspar_report::{RunResults, write_run_components, write_run_folder};
 
 use super::out_folder;
 use crate::args::{ExperimentArgs, OutOption, Talk};
-use crate::error::CliError;
+use crate::error::{CliError, STOPPED};
 use crate::experiment_source::{ExperimentSource, read_text};
 use crate::interrupt::interrupted;
 use crate::progress::render_with_progress;
@@ -61,7 +61,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let mut components = render_with_progress(&study.scene, &study.render, study.time_limit_s, messages)?;
     if components.samples_per_pixel == 0 {
         let message = "interrupted before every pixel had a sample: there is nothing to develop, and nothing was written";
-        return Err(CliError::Failed(message.into()));
+        return Err(CliError::Stopped(message.into()));
     }
     messages.status(format!(
         "Rendered in {:.1} s. Developing frames, writing images, figures and report",
@@ -94,7 +94,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
             "interrupted after {} of {} samples per pixel",
             components.samples_per_pixel, study.render.samples_per_pixel
         ));
-        return Ok(ExitCode::from(1));
+        return Ok(ExitCode::from(STOPPED));
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -106,7 +106,7 @@ fn requests_to_end_save_a_render_and_leave_nothing_unfinished() {
         let mut child = start(folder, &["--film", "t.film", "--checkpoint-s", "0.1", "--out", "t.exr"]);
         wait_for(&folder.join("t.film"));
         send(signal, &child);
-        assert_eq!(child.wait().unwrap().code(), Some(1), "{signal}");
+        assert_eq!(child.wait().unwrap().code(), Some(75), "{signal}");
         // The picture so far is there, and nothing else.
         assert!(!bytes(folder, "t.exr").is_empty(), "{signal}");
         assert_eq!(hidden(folder), Vec::<String>::new(), "{signal}");
@@ -138,7 +138,7 @@ fn requests_to_end_remove_the_folder_in_work() {
         let mut child = characterize(folder.path(), "600").spawn().unwrap();
         wait_until_begun(folder.path());
         send(signal, &child);
-        assert_eq!(child.wait().unwrap().code(), Some(1), "{signal}");
+        assert_eq!(child.wait().unwrap().code(), Some(75), "{signal}");
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0, "{signal}");
     }
 }
@@ -192,7 +192,7 @@ fn what_was_started_with_nohup_goes_on_when_the_terminal_closes() {
 }
 
 #[test]
-fn an_interrupted_render_ends_with_1_even_under_a_time_limit_and_goes_on_to_the_same_bytes() {
+fn an_interrupted_render_ends_with_75_even_under_a_time_limit_and_goes_on_to_the_same_bytes() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let limit = "--set=render.time_limit_s=1000";
@@ -200,12 +200,56 @@ fn an_interrupted_render_ends_with_1_even_under_a_time_limit_and_goes_on_to_the_
     let mut child = start(folder, &film);
     wait_for(&folder.join("f.film"));
     send(heeded()[0], &child);
-    assert_eq!(child.wait().unwrap().code(), Some(1));
+    assert_eq!(child.wait().unwrap().code(), Some(75));
     // The picture so far is there.
     assert!(!bytes(folder, "i.exr").is_empty());
     assert!(start(folder, &film).wait().unwrap().success());
     assert!(start(folder, &["--out", "whole.exr", limit]).wait().unwrap().success());
     assert!(bytes(folder, "i.exr") == bytes(folder, "whole.exr"));
+}
+
+#[test]
+fn exit_codes_tell_a_time_limit_from_a_signal() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let mut limited = start(folder, &["--out", "l.exr", "--set=render.time_limit_s=0.2"]);
+    assert_eq!(limited.wait().unwrap().code(), Some(0));
+    assert!(image(folder, "l.exr").samples_per_pixel < 1500);
+
+    // In bands of rows, where the film is a folder.
+    let bands = ["--film", "b.film", "--out", "b.exr", "--set=render.memory_limit_gib=0.004"];
+    let mut child = start(folder, &bands);
+    wait_for(&folder.join("b.film/picture.film"));
+    send(heeded()[0], &child);
+    assert_eq!(child.wait().unwrap().code(), Some(75));
+    assert!(!folder.join("b.exr").exists());
+
+    // A run, which writes what it has.
+    let mut run = LONG.to_vec();
+    run[0] = "run";
+    run.retain(|arg| *arg != "--components");
+    let mut child = Command::new(env!("CARGO_BIN_EXE_fluorspar"))
+        .args(run)
+        .args(["--out", "results"])
+        .current_dir(folder)
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    wait_until_begun(folder);
+    std::thread::sleep(Duration::from_millis(300));
+    send(heeded()[0], &child);
+    assert_eq!(child.wait().unwrap().code(), Some(75));
+    assert_eq!(hidden(folder), Vec::<String>::new());
+}
+
+#[test]
+fn the_help_lists_the_exit_codes() {
+    let folder = tempfile::tempdir().unwrap();
+    let help = fluorspar(folder.path(), ["--help"]).well().stdout;
+    for code in ["0  done", "1  the machine", "2  something", "75  a signal"] {
+        assert!(help.contains(code), "{help}");
+    }
 }
 
 #[test]

@@ -14,6 +14,7 @@ use super::person::{PersonArgs, find_view};
 use crate::commands::table::align;
 use crate::error::CliError;
 use crate::experiment_source::ExperimentSource;
+use crate::interrupt::interrupted;
 use crate::message::Messages;
 use crate::progress::render_with_progress;
 use crate::values::{self, Override, as_typed, sets};
@@ -125,6 +126,9 @@ fn picture(
     }
     let components =
         render_with_progress(&study.scene, &study.render, None, Messages::unless(options.quiet))?;
+    if interrupted() {
+        return Err(CliError::Stopped("interrupted: a picture is missing, and nothing was written".into()));
+    }
     let sum = components.recombine(|component| f64::from(u8::from(component.light_group == options.light)));
     let preview = light_group_preview(&sum, &study, &options.light);
     Raster::from_rgb8(preview.width, preview.height, &preview.rgb)
