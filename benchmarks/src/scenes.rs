@@ -39,7 +39,7 @@ pub struct SceneOptions {
     pub grid: WavelengthGrid,
     /// Separable fluorophores, 0 to 5.
     pub fluorophores: usize,
-    /// Columns and rows of the picture.
+    /// Columns and rows of the image.
     pub side: usize,
 }
 

@@ -6,7 +6,7 @@
 //! Bands: 31 (395-705 nm by 10), 69 (365-705 by 5), or N bins of 5 nm centered from 350 nm on. Times are net of
 //! set-up: those of N samples less those of one sample, per path of the difference. From two runs on, the relative
 //! variance of the pixels of each component, all bands added, is printed as well, mean over pixels, and its product with
-//! the CPU seconds: the cost of a component, which does not depend on the number of samples. `--images` writes the picture of
+//! the CPU seconds: the cost of a component, which does not depend on the number of samples. `--images` writes the image of
 //! each run, all components added, as raw little-endian f32 `[row][col][band]`; `--export` writes the scene for other
 //! renderers and renders nothing.
 

@@ -2,7 +2,7 @@
 //!
 //! # The frame of the mouth
 //! Meters. The origin is halfway between the edges of the upper and the lower central incisors; +z points out of the
-//! mouth toward the camera, +y up toward the nose, +x to the patient's left (the right of a picture of the patient).
+//! mouth toward the camera, +y up toward the nose, +x to the patient's left (the right of an image of the patient).
 //! A camera at 10 cm stands at z = 0.10 m and looks to -z. Triangles are counter-clockwise seen from the side that
 //! can be seen: the inside for the walls of the cavity.
 //!

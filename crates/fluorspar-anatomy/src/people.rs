@@ -72,7 +72,7 @@ pub fn sample_person(seed: u32) -> MouthParameters {
     p.uvula_length_mm = draw(12.0, 1.8, 0.1, 15).clamp(8.0, 16.0);
     p.tonsil_size = draw(0.4, 0.2, 0.0, 16).clamp(0.0, 1.0);
     p.papilla_scale = draw(1.0, 0.2, 0.0, 17).clamp(0.5, 1.5);
-    // How far people can open: 51 ± 6 mm in men, 45 ± 5.5 mm in women; nine tenths of it for the picture.
+    // How far people can open: 51 ± 6 mm in men, 45 ± 5.5 mm in women; nine tenths of it for the image.
     let most = if female { 45.0 + 5.5 * normal(seed, 18) } else { 51.0 + 6.0 * normal(seed, 18) };
     p.jaw_opening_mm = (0.9 * most).clamp(30.0, 58.0);
     // Wisdom teeth in a quarter of all places; now and then another tooth is lost.

@@ -438,7 +438,7 @@ fn the_floor_of_the_mouth_lies_10_to_15_mm_below_the_lower_teeth() {
     }
 }
 
-/// Share of places of a part that nothing hides from the camera of a view, among those in the picture.
+/// Share of places of a part that nothing hides from the camera of a view, among those in the image.
 fn seen_share(view: &str, name: &str, places: impl Fn(&Vec2) -> bool) -> f64 {
     let view = ExaminationView::find(view).unwrap();
     let mouth = mouth(&view.pose(&coarse()));

@@ -1,4 +1,4 @@
-//! The views of an oral examination, and other poses worth a picture.
+//! The views of an oral examination, and other poses worth an image.
 
 use super::MouthParameters;
 
@@ -13,7 +13,7 @@ pub struct ExaminationView {
     pub camera_mm: [f64; 3],
     /// What it looks at, mm.
     pub look_at_mm: [f64; 3],
-    /// Width of the picture at that point, mm.
+    /// Width of the image at that point, mm.
     pub width_mm: f64,
     /// Jaw opening, mm.
     pub jaw_opening_mm: f64,

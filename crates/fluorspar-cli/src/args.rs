@@ -1,4 +1,4 @@
-//! What can be typed.
+//! Command-line arguments.
 
 use std::path::PathBuf;
 
@@ -42,9 +42,9 @@ pub(crate) enum Command {
     Run(run::Options),
     /// Render the spectral radiance of a scene, every band kept.
     Render(render::Options),
-    /// Put the films of several `render --shard` processes together.
+    /// Merge the films of several `render --shard` processes.
     Merge(merge::Options),
-    /// Reduce the noise of a component image, for pictures.
+    /// Denoise a component image, for display only.
     Denoise(denoise::Options),
     /// Take raw frames of a component image made by `run` or `render`.
     Capture(capture::Options),
@@ -52,13 +52,13 @@ pub(crate) enum Command {
     Analyze(analyze::Options),
     /// List, show, plot or import fluorophores.
     Fluorophore(fluorophore::Options),
-    /// Show sensors and measure them as EMVA 1288 says.
+    /// List, show and characterize sensors (EMVA 1288).
     Sensor(sensor::Options),
     /// Trace a lens, list the lenses of the catalogue.
     Lens(lens::Options),
     /// Assess viewing filters.
     Filter(filter::Options),
-    /// Make mouths: meshes, contact sheets of views, cohorts of people.
+    /// Generate mouths: meshes, contact sheets of views, cohorts of people.
     Mouth(mouth::Options),
     /// Predict spectra and mean sensor values of a flat sample, without geometry.
     Predict(predict::Options),
@@ -66,7 +66,7 @@ pub(crate) enum Command {
     Safety(safety::Options),
     /// Read spectra of a component image or a flat sample as a spectroradiometer would.
     Spectroradiometer(spectroradiometer::Options),
-    /// List what is built in: lights, filters, reflectances, sensors, fluorophores, experiments, flat samples.
+    /// List the catalogue: lights, filters, reflectances, sensors, fluorophores, experiments, flat samples.
     Presets(presets::Options),
     /// Check an experiment or sample file without running it.
     Check(check::Options),
@@ -95,13 +95,13 @@ pub(crate) struct ExperimentArgs {
     pub(crate) changes: Changes,
     #[command(flatten)]
     pub(crate) seed: Seed,
-    /// Paths per pixel: more is less noisy and takes longer.
+    /// Samples (paths) per pixel: more samples take longer and give less noise.
     #[arg(long, value_name = "N", value_parser = values::whole::<u32, 1, 1_000_000>, allow_negative_numbers = true)]
     pub(crate) spp: Option<u32>,
-    /// Most surfaces that light visits; 1 is direct light only.
+    /// Maximum path depth (surface interactions); 1 is direct light only.
     #[arg(long, value_name = "D", value_parser = values::whole::<u32, 1, 1000>, allow_negative_numbers = true)]
     pub(crate) depth: Option<u32>,
-    /// Relative error at which a part of the picture gets no more paths; --spp is the most that it gets.
+    /// Stop sampling a tile once its relative error is below E; --spp is the maximum.
     #[arg(long, value_name = "E", value_parser = values::number, allow_negative_numbers = true)]
     pub(crate) error: Option<f64>,
     /// Keep half-buffers and variance in component images.
@@ -173,7 +173,7 @@ impl Seed {
 /// How much is said.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub(crate) struct Talk {
-    /// No progress, no warnings and no summary.
+    /// Print no progress, no warnings and no summary.
     #[arg(long, short)]
     pub(crate) quiet: bool,
     /// Print the results as JSON on standard output.

@@ -11,12 +11,12 @@ use crate::message;
 pub(crate) static STOP: AtomicBool = AtomicBool::new(false);
 /// A signal requested the end of the program.
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
-/// A picture is being made that is worth saving.
+/// An image is being made that is worth saving.
 static RENDERS: AtomicBool = AtomicBool::new(false);
 /// A folder that is not finished, and those around it that were made for it: removed when the program ends at once.
 static UNFINISHED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
-/// From here on the first Ctrl-C ends a render with the best picture so far; the second, and the first where nothing is
+/// From here on the first Ctrl-C ends a render with the best image so far; the second, and the first where nothing is
 /// rendered, ends the program. SIGTERM and SIGHUP count as Ctrl-C, unless they were ignored when the program started, as
 /// `nohup` has it.
 pub(crate) fn catch_interrupts() {
@@ -71,7 +71,7 @@ fn interrupt() {
         }
         std::process::exit(i32::from(STOPPED));
     }
-    message::notice("\nstopping: the picture so far will be saved. Press Ctrl-C again to quit at once");
+    message::notice("\nstopping: the image so far will be saved. Press Ctrl-C again to quit at once");
 }
 
 /// Removes a folder into which another thread may still write: what comes in between is removed with it.

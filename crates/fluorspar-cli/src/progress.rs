@@ -25,11 +25,11 @@ pub(crate) struct Keep<'a> {
     pub(crate) film: Option<(&'a Path, Duration)>,
     /// What rides on it.
     pub(crate) provenance: Option<&'a Provenance>,
-    /// A picture of the sum, renewed as it gets better.
+    /// An image of the sum, renewed as it gets better.
     pub(crate) preview: Option<&'a Path>,
 }
 
-/// A picture can be looked at after this time at the latest.
+/// An image can be looked at after this time at the latest.
 const FIRST_PREVIEW: Duration = Duration::from_millis(700);
 /// Making a preview takes at most this share of the time.
 const PREVIEW_SHARE: u32 = 20;

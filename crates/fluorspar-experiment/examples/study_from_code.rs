@@ -26,7 +26,7 @@ const FLUOROPHORES: [(&str, f64); 5] =
 /// From the camera to the patch, mm.
 const DISTANCE_MM: f64 = 100.0;
 
-/// A square of tissue-like material under parallel light that fills the picture.
+/// A square of tissue-like material under parallel light that fills the image.
 fn scene(camera: PerspectiveCamera) -> Result<Scene, Box<dyn Error>> {
     // The light behind its filter, 1000 W/m² on a surface that faces it.
     let light = preset::light_spectrum("led_385")?.curve().times(&preset::filter("short_pass_425")?.curve());

@@ -243,7 +243,7 @@ fn resolve_sample(document: &Document, file: &SampleFile) -> Resolved<ResolvedSa
     let lens = match &file.lens {
         Some(section) => {
             if section.image_formation().is_some() {
-                let message = "a flat sample has no picture; remove this field";
+                let message = "a flat sample has no image; remove this field";
                 return context.fail(&steps!["lens", "image_formation"], message);
             }
             Some(device::lens(context, section, None, None, &grid)?)

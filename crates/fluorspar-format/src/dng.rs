@@ -230,7 +230,7 @@ pub(super) fn read_dng(path: &Path) -> Result<Loaded<SensorImage>, FormatError> 
     };
     let raw = directories.iter().find(is_raw).ok_or_else(|| {
         let what = "no directory of it holds a mosaic or a monochrome raw image";
-        FormatError::unsupported(path, what, "Give the raw file of the camera, not a picture made of it")
+        FormatError::unsupported(path, what, "Give the raw file of the camera, not an image made of it")
     })?;
     let (width, height, data) = pixels(path, &tiff, raw)?;
     let private = first.data(50_740).and_then(|data| data.strip_prefix(PRIVATE_MARK));

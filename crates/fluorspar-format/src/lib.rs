@@ -10,7 +10,7 @@
 //! | component image, OpenEXR or NumPy | [`read_component_exr`], [`read_component_npy`] | [`write_component_exr`], [`write_component_npy`] |
 //! | film (exact sums of a render) | [`read_film`] | [`write_film`] |
 //! | raw sensor frame, TIFF, PNG, DNG or packed | [`read_sensor_image`] | [`write_sensor_tiff`], [`write_sensor_png`], [`write_sensor_dng`], [`write_packed_raw`] |
-//! | texture, picture, PNG | [`read_texture_png`] | [`write_rgb_png`] |
+//! | texture, image, PNG | [`read_texture_png`] | [`write_rgb_png`] |
 //! | lens, TOML, pbrt, ISET JSON or Zemax | [`read_lens`] | [`LensFile::to_toml`] |
 //! | mesh, PLY, OBJ, STL, glTF | [`read_ply`], [`read_obj`], [`read_stl`], [`read_gltf`] | [`write_ply`] |
 //! | meshes at many places, glTF | [`read_gltf_instances`] | |

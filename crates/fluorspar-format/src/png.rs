@@ -1,4 +1,4 @@
-//! PNG pictures: previews out, textures in.
+//! PNG images: previews out, textures in.
 
 use std::fs::File;
 use std::io::{self, BufReader};
@@ -31,10 +31,10 @@ pub struct TextureImage {
     pub data: Vec<f32>,
 }
 
-/// Writes an 8-bit RGB picture from `[row, col, channel]`, rows from the top. The numbers are stored as they are.
+/// Writes an 8-bit RGB image from `[row, col, channel]`, rows from the top. The numbers are stored as they are.
 ///
 /// # Errors
-/// When the data do not fill the picture or the file can't be written.
+/// When the data do not fill the image or the file can't be written.
 pub fn write_rgb_png(path: &Path, width: usize, height: usize, rgb: &[u8]) -> Result<(), FormatError> {
     if width.checked_mul(height).and_then(|n| n.checked_mul(3)) != Some(rgb.len()) {
         return Err(FormatError::unwritable(
@@ -57,7 +57,7 @@ pub(super) fn write_png(
     check_image_size(path, width as u64, height as u64, 1, MAX_IMAGE_BYTES).map_err(|_| {
         FormatError::unwritable(
             path,
-            format!("a picture can't have {height} rows and {width} columns"),
+            format!("an image can't have {height} rows and {width} columns"),
             "Give 1 to 100000 rows and columns",
         )
     })?;
@@ -92,7 +92,7 @@ pub(super) fn read_png(path: &Path) -> Result<RawPng, FormatError> {
             error => FormatError::malformed(
                 path,
                 format!("not a valid PNG file: {error}"),
-                "Export the picture again",
+                "Export the image again",
             ),
         };
         let limits = png::Limits { bytes: MAX_IMAGE_BYTES as usize };
@@ -114,7 +114,7 @@ pub(super) fn read_png(path: &Path) -> Result<RawPng, FormatError> {
     })
 }
 
-/// Reads an 8- or 16-bit gray or RGB picture, with or without alpha, as values proportional to light. Alpha is
+/// Reads an 8- or 16-bit gray or RGB image, with or without alpha, as values proportional to light. Alpha is
 /// never decoded: it is a fraction. Embedded color profiles are ignored: `transfer` decides.
 ///
 /// # Errors

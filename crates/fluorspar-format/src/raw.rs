@@ -133,7 +133,7 @@ pub fn write_sensor_png(
 /// What a camera does not tell of its conversion gain and noise is 0.
 ///
 /// # Errors
-/// A missing or mismatched description, another kind of picture, damaged files.
+/// A missing or mismatched description, another kind of image, damaged files.
 pub fn read_sensor_image(path: &Path) -> Result<Loaded<SensorImage>, FormatError> {
     let failed = |source| FormatError::io(path, "read", source);
     let mut file = File::open(path).map_err(failed)?;
@@ -199,7 +199,7 @@ pub(super) fn image_of(
         |what: String| FormatError::malformed(&sidecar, what, "Keep the two files of one frame together");
     if (d.width, d.height) != (width as u64, height as u64) {
         return Err(wrong(format!(
-            "{} rows and {} columns are described but the picture has {height} and {width}",
+            "{} rows and {} columns are described but the image has {height} and {width}",
             d.height, d.width
         )));
     }
@@ -356,5 +356,5 @@ fn read_gray_tiff(path: &Path, file: File) -> Result<(usize, usize, Vec<u16>), F
 }
 
 fn not_gray16(path: &Path) -> FormatError {
-    FormatError::unsupported(path, "the picture is not 16-bit gray", "Raw frames are 16-bit gray mosaics")
+    FormatError::unsupported(path, "the image is not 16-bit gray", "Raw frames are 16-bit gray mosaics")
 }

@@ -12,7 +12,7 @@ use fluorspar::spectral::{Quantity, WavelengthGrid};
 
 /// Spectral images of one size, row by row in a file without a name, which goes with the process, however that ends.
 ///
-/// The rows of a band of the picture are added as they get finished, in any order. What is written in the end has the
+/// The rows of a band of the image are added as they get finished, in any order. What is written in the end has the
 /// bytes that the same image in memory gives. Values are kept as `[row][image][band][col]`, so that the lines of an
 /// OpenEXR file, one band of one row each, lie in one piece.
 #[derive(Debug)]

@@ -3,8 +3,8 @@
 //! | stage | call | gives |
 //! |---|---|---|
 //! | draw | [`figures`], or a [`Figure`] of your own | axes with units and explicit limits, series, heat maps |
-//! | export | [`Figure::to_svg`], [`Figure::to_png`] | the same picture as vector text or as pixels |
-//! | write | [`ReportData::to_html`] | one file: text, pictures, figures, tables, the experiment itself |
+//! | export | [`Figure::to_svg`], [`Figure::to_png`] | the same image as vector text or as pixels |
+//! | write | [`ReportData::to_html`] | one file: text, images, figures, tables, the experiment itself |
 //! | read back | [`extract_experiment`] | the TOML that a report was made from |
 //!
 //! Out of scope: physics. Everything here draws and explains numbers that were computed elsewhere.

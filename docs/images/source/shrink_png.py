@@ -3,7 +3,7 @@
 
     shrink_png.py FILE.png STEPS
 
-The noise of the picture hides the steps. Reads 8-bit RGB as Fluorspar writes it. Needs Python only.
+The noise of the image hides the steps. Reads 8-bit RGB as Fluorspar writes it. Needs Python only.
 """
 
 import struct

@@ -33,7 +33,7 @@ pub(crate) struct Options {
     changes: Changes,
     #[command(flatten)]
     seed: Seed,
-    /// Form of the raw frames: TIFF with a description beside it, DNG for raw converters, or packed as camera modules do.
+    /// Format of the raw frames: TIFF with a .json description, DNG for raw converters, or packed as camera modules do.
     #[arg(long, value_enum, value_name = "FORM", default_value_t = RawForm::Tiff)]
     format: RawForm,
     /// Folder for the frames.
@@ -93,7 +93,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let messages = options.talk.messages();
     let image = options.image.display();
     if components.denoised.is_some() {
-        let warning = format!("{image}: this image is denoised: its frames are for pictures only");
+        let warning = format!("{image}: this image is denoised: its frames are for display only");
         messages.warnings(&[warning.into()]);
     }
     // As `run` has them, so that the frames are those of `run` whatever file they come from.

@@ -1,4 +1,4 @@
-//! `fluorspar denoise`: less noise, for pictures.
+//! `fluorspar denoise`: less noise, for display.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -19,17 +19,17 @@ pub(crate) struct Options {
     /// Component image with half-buffers: `render --components --statistics light_groups`. It is left as it is.
     #[arg(value_name = "COMPONENTS.exr", value_hint = ValueHint::FilePath)]
     image: PathBuf,
-    /// Pixels that may enter on each side.
+    /// Radius of the filter, pixels.
     #[arg(long, value_name = "N", default_value_t = 2, value_parser = values::whole::<usize, 1, 20>,
         allow_negative_numbers = true)]
     radius: usize,
     /// Differences count from this many standard deviations of the noise on: more is smoother.
     #[arg(long, value_name = "K", default_value_t = 0.45, value_parser = values::number, allow_negative_numbers = true)]
     strength: f64,
-    /// Component image to write: .exr or .npy. It says that it is denoised.
+    /// Component image to write: .exr or .npy. It is marked as denoised.
     #[arg(long, value_name = "FILE", default_value = "denoised.exr", value_hint = ValueHint::FilePath)]
     out: PathBuf,
-    /// Also write a PNG as the eye would see the sum.
+    /// Also write an sRGB preview (PNG).
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     preview: Option<PathBuf>,
     #[command(flatten)]
@@ -74,7 +74,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         answer["denoised"] = image.denoised.clone().into();
         super::print_json(&answer)?;
     } else {
-        let what = format!("Wrote {}: denoised, for pictures only", options.out.display());
+        let what = format!("Wrote {}: denoised, for display only", options.out.display());
         options.talk.messages().status(what);
     }
     Ok(ExitCode::SUCCESS)

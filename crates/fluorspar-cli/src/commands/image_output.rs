@@ -18,16 +18,16 @@ use crate::error::CliError;
 /// Where an image goes and in which form.
 #[derive(Clone, Debug, clap::Args)]
 pub(crate) struct ImageOutput {
-    /// Image file: .exr (spectral OpenEXR) or .npy (NumPy, with a .json beside it).
+    /// Image file: .exr (spectral OpenEXR) or .npy (NumPy, with a .json next to it).
     #[arg(long, value_name = "FILE", default_value = "radiance.exr", value_hint = ValueHint::FilePath)]
     pub(crate) out: PathBuf,
-    /// Keep light groups and fluorophores apart, one layer each, instead of their sum.
+    /// Write one layer per light group and fluorophore instead of their sum.
     #[arg(long)]
     pub(crate) components: bool,
-    /// How OpenEXR keeps the values.
+    /// Storage of the values in OpenEXR.
     #[arg(long, value_enum, default_value_t)]
     pub(crate) storage: Storage,
-    /// Also write a PNG as the eye would see the sum.
+    /// Also write an sRGB preview (PNG).
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     pub(crate) preview: Option<PathBuf>,
 }

@@ -22,7 +22,7 @@ pub(crate) struct Options {
     /// Also write the merged film, to be given more samples or merged further.
     #[arg(long, value_name = "FILE.film", value_hint = ValueHint::FilePath)]
     film: Option<PathBuf>,
-    /// Accept that shards are missing: pixels without samples stay black, and the bits are not those of the whole.
+    /// Accept missing shards: pixels without samples stay black, and the bits are not those of the whole.
     #[arg(long)]
     incomplete: bool,
     #[command(flatten)]

@@ -51,7 +51,7 @@ pub(crate) struct Options {
     /// Width of a wavelength band, nm.
     #[arg(long, value_name = "NM", value_parser = values::number, allow_negative_numbers = true)]
     step_nm: Option<f64>,
-    /// Whose equations to use: ours, ISETCam's sensor, or the normalized matrices of the authors' toolbox as well.
+    /// Equations to use: Fluorspar's, ISETCam's sensor, or the normalized matrices of the authors' toolbox as well.
     #[arg(long, value_enum, value_name = "WHOSE")]
     compatibility: Option<Compatibility>,
     #[command(flatten)]

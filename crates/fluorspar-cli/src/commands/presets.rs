@@ -10,10 +10,10 @@ use crate::error::CliError;
 /// Options of `presets`.
 #[derive(Clone, Debug, clap::Args)]
 pub(crate) struct Options {
-    /// Print this experiment's file instead, to start one's own from.
+    /// Print this experiment's file instead, as a template.
     #[arg(long, value_name = "NAME")]
     experiment: Option<String>,
-    /// Print this flat sample's file instead, to start one's own from.
+    /// Print this flat sample's file instead, as a template.
     #[arg(long, value_name = "NAME", conflicts_with = "experiment")]
     sample: Option<String>,
     /// Print the list as JSON.

@@ -31,11 +31,11 @@ pub(crate) struct Options {
     #[command(flatten)]
     pub(super) output: ImageOutput,
     /// Keep the exact sums of the render in this file: saved while rendering and at the end, so that the render can be
-    /// resumed after any interruption, given more samples, or merged. Of a picture that does not fit into the memory limit it
+    /// resumed after any interruption, given more samples, or merged. Of an image that does not fit into the memory limit it
     /// is a folder of films, one for each band of rows.
     #[arg(long, value_name = "FILE.film", value_hint = ValueHint::AnyPath)]
     pub(super) film: Option<PathBuf>,
-    /// Go on with the film if it is there: same scene, seed and depth. The result has the bits of an uninterrupted render.
+    /// Resume from the film if it exists: same scene, seed and depth. The result has the bits of an uninterrupted render.
     #[arg(long, requires = "film")]
     resume: bool,
     /// Seconds between saves of the film.
@@ -45,7 +45,7 @@ pub(crate) struct Options {
     /// Render part I of N into the film, and no image; `fluorspar merge` puts the N films together.
     #[arg(long, value_name = "I/N", requires = "film")]
     shard: Option<Shard>,
-    /// What the parts are.
+    /// How samples are divided among the parts.
     #[arg(long, value_enum, default_value_t, requires = "shard")]
     shard_by: ShardBy,
     #[command(flatten)]

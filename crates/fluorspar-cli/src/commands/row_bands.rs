@@ -1,4 +1,4 @@
-//! Pictures that do not fit into memory: rendered band of rows by band of rows.
+//! Images that do not fit into memory: rendered band of rows by band of rows.
 
 use std::fs;
 use std::ops::Range;
@@ -21,12 +21,12 @@ use crate::experiment_source::ExperimentSource;
 use crate::message;
 use crate::progress::{Keep, fill_with_progress};
 
-/// The film of a folder that holds no samples but what belongs to the whole picture.
+/// The film of a folder that holds no samples but what belongs to the whole image.
 const WHOLE: &str = "picture.film";
 
-/// Renders a picture whose film is larger than the memory limit: bands of tile rows one after the other, each with all
+/// Renders an image whose film is larger than the memory limit: bands of tile rows one after the other, each with all
 /// its samples. Finished rows wait in a temporary file beside the output. The result is the same image as that of a render
-/// in one go, bit for bit. So is a picture rendered whose `--film` is a folder already.
+/// in one go, bit for bit. So is an image rendered whose `--film` is a folder already.
 pub(super) fn render(
     options: &Options,
     source: &ExperimentSource,
@@ -119,7 +119,7 @@ pub(super) fn render(
     Ok(ExitCode::SUCCESS)
 }
 
-/// Refuses options that a picture in bands of rows can't follow.
+/// Refuses options that an image in bands of rows can't follow.
 fn check_options(
     options: &Options,
     experiment: &ResolvedExperiment,
@@ -139,7 +139,7 @@ fn check_options(
     }
     match &options.film {
         Some(path) if path.exists() && !path.is_dir() => Err(CliError::Input(format!(
-            "--film {}: this is one film of the whole picture, and the picture is rendered in bands of rows; raise \
+            "--film {}: this is one film of the whole image, and the image is rendered in bands of rows; raise \
              render.memory_limit_gib, or name another place for a folder of films",
             path.display()
         ))),
@@ -206,7 +206,7 @@ impl BandStore for Store<'_> {
     }
 }
 
-/// Why the picture can't be rendered in bands, in the words of the options.
+/// Why the image can't be rendered in bands, in the words of the options.
 fn in_bands(options: &Options, error: &RowBandError, film_bytes: u64) -> CliError {
     let folder = options.film.as_deref().unwrap_or(Path::new("")).display();
     CliError::Input(match error {

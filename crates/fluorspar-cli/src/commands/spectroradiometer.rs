@@ -34,7 +34,7 @@ pub(crate) struct Options {
     /// Capture whose lights are on: points an instrument besides those of the experiment. Not for samples.
     #[arg(long, value_name = "CAPTURE")]
     capture: Option<String>,
-    /// Middle of its spot, from the left and the top of the picture, 0 to 1 [default: 0.5,0.5].
+    /// Center of its spot, as fractions of the image from the left and the top [default: 0.5,0.5].
     #[arg(long, value_name = "X,Y", value_delimiter = ',', num_args = 1, requires = "capture", value_parser = values::number,
         allow_negative_numbers = true)]
     aim: Vec<f64>,
@@ -50,13 +50,13 @@ pub(crate) struct Options {
     /// Full width at half maximum of the slit, nm [default: 8].
     #[arg(long, value_name = "NM", value_parser = values::number, allow_negative_numbers = true)]
     bandwidth_nm: Option<f64>,
-    /// Distance of the readings, nm [default: 2].
+    /// Spacing of the readings, nm [default: 2].
     #[arg(long, value_name = "NM", value_parser = values::number, allow_negative_numbers = true)]
     step_nm: Option<f64>,
     /// Noise of a reading without light, W/(sr m² nm) [default: 5e-7].
     #[arg(long, value_name = "L", value_parser = values::number, allow_negative_numbers = true)]
     noise_floor: Option<f64>,
-    /// Largest signal over the noise that it leaves [default: 1e4].
+    /// Largest ratio of signal to noise floor [default: 1e4].
     #[arg(long, value_name = "RATIO", value_parser = values::number, allow_negative_numbers = true)]
     dynamic_range: Option<f64>,
     /// Readings that are averaged [default: 1].

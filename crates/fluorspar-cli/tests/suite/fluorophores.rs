@@ -1,4 +1,4 @@
-//! `fluorspar fluorophore`: the catalogue, pictures, and the way of measured files into experiments.
+//! `fluorspar fluorophore`: the catalogue, images, and the way of measured files into experiments.
 
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "these are tests")]
 

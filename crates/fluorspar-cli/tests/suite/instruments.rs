@@ -256,7 +256,7 @@ fn a_spectroradiometer_reads_images_and_samples() {
     let parts = read(&["--capture", "blue", "--parts", "patch", "--readings", "4", "--json"]).json();
     assert_eq!(parts[0]["target"], "patch");
 
-    // The flat patch is the flat sample: same light, same radiance within the noise of a picture without any.
+    // The flat patch is the flat sample: same light, same radiance within the noise of an image without any.
     read(&["--out", "spectrum.csv"]).well();
     let csv = fs::read_to_string(folder.join("spectrum.csv")).unwrap();
     assert!(csv.lines().count() > 100 && csv.contains("wavelength_nm,expected,reading"), "{csv}");

@@ -54,13 +54,13 @@ fn people_of_a_table_are_those_of_their_number() {
 }
 
 #[test]
-fn a_contact_sheet_has_a_name_above_every_picture() {
+fn a_contact_sheet_has_a_name_above_every_image() {
     let folder = tempfile::tempdir().unwrap();
     let args =
         ["mouth", "view", "--views=lips,open,throat", "--width=64", "--spp=1", "--detail=0.25", "--quiet"];
     fluorspar(folder.path(), args).well();
     let file = fs::read(folder.path().join("mouth.png")).unwrap();
     let size = |at: usize| u32::from_be_bytes(file[at..at + 4].try_into().unwrap());
-    // Two pictures of 64 x 48 above one of twice the width, each below a strip of 20 pixels.
+    // Two images of 64 x 48 above one of twice the width, each below a strip of 20 pixels.
     assert_eq!((size(16), size(20)), (132, 20 + 48 + 4 + 20 + 99));
 }

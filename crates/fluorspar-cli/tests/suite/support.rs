@@ -63,7 +63,7 @@ pub(crate) fn listing(folder: &Path) -> BTreeMap<PathBuf, u64> {
     found
 }
 
-/// The default experiment in a few thousand paths: a small picture and a sensor of 32 x 24 pixels that are as wide as
+/// The default experiment in a few thousand paths: a small image and a sensor of 32 x 24 pixels that are as wide as
 /// the real sensor together and as sensitive as real pixels each.
 pub(crate) const TINY: [&str; 15] = [
     "--set",

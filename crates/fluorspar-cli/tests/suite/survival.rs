@@ -107,7 +107,7 @@ fn requests_to_end_save_a_render_and_leave_nothing_unfinished() {
         wait_for(&folder.join("t.film"));
         send(signal, &child);
         assert_eq!(child.wait().unwrap().code(), Some(75), "{signal}");
-        // The picture so far is there, and nothing else.
+        // The image so far is there, and nothing else.
         assert!(!bytes(folder, "t.exr").is_empty(), "{signal}");
         assert_eq!(hidden(folder), Vec::<String>::new(), "{signal}");
     }
@@ -201,7 +201,7 @@ fn an_interrupted_render_ends_with_75_even_under_a_time_limit_and_goes_on_to_the
     wait_for(&folder.join("f.film"));
     send(heeded()[0], &child);
     assert_eq!(child.wait().unwrap().code(), Some(75));
-    // The picture so far is there.
+    // The image so far is there.
     assert!(!bytes(folder, "i.exr").is_empty());
     assert!(start(folder, &film).wait().unwrap().success());
     assert!(start(folder, &["--out", "whole.exr", limit]).wait().unwrap().success());
@@ -485,7 +485,7 @@ fn image(folder: &Path, name: &str) -> ComponentImage {
 }
 
 #[test]
-fn pictures_larger_than_the_limit_come_in_bands_to_the_same_bits() {
+fn images_larger_than_the_limit_come_in_bands_to_the_same_bits() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let limit = "--set=render.memory_limit_gib=0.006";
@@ -573,7 +573,7 @@ fn a_killed_render_in_bands_goes_on_to_the_same_bits() {
         let mut child = start(folder, &film);
         let begun = Instant::now();
         let films = || fs::read_dir(folder.join("k.film")).map_or(0, |films| films.count());
-        // The whole picture's, and that of the band in work.
+        // The whole image's, and that of the band in work.
         while films() < 2 + band && child.try_wait().unwrap().is_none() {
             assert!(begun.elapsed() < Duration::from_secs(60), "{} films", films());
             std::thread::sleep(Duration::from_millis(10));

@@ -161,7 +161,7 @@ pub fn reflectance(name: &str) -> Result<CurvePreset, PresetError> {
     curve(PresetKind::Reflectance, name, CurveQuantity::Reflectance)
 }
 
-/// All diffuse reflectances as curves, in the order of their names: the colors that matter to pictures of tissue.
+/// All diffuse reflectances as curves, in the order of their names: the colors that matter to images of tissue.
 pub fn reflectance_curves() -> Vec<Curve> {
     super::names(PresetKind::Reflectance)
         .into_iter()

@@ -200,7 +200,7 @@ impl Spot {
                 read_texture_png(file.as_ref(), Transfer::Linear).map_err(|e| context.file_error(&at, &e))?;
             let colored = |pixel: &[f32]| pixel.len() > 2 && (pixel[0] != pixel[1] || pixel[1] != pixel[2]);
             if image.data.chunks_exact(image.channels).any(colored) {
-                let message = "the picture has colors; the mean of red, green and blue is taken: white is inside, black \
+                let message = "the image has colors; the mean of red, green and blue is taken: white is inside, black \
                                outside. Save it as a gray PNG";
                 context.warn(&at, message);
             }

@@ -416,7 +416,7 @@ fn normal_map(context: &mut Context<'_>, at: &Place, section: &NormalMapSection)
     let image = read_texture_png(section.image.as_ref(), Transfer::Linear)
         .map_err(|e| context.file_error(&at, &e))?;
     if image.channels < 3 {
-        return context.fail(&at, "a normal map has red, green and blue; this picture is gray");
+        return context.fail(&at, "a normal map has red, green and blue; this image is gray");
     }
     let rgb: Vec<f32> =
         image.data.chunks_exact(image.channels).flat_map(|pixel| pixel[..3].to_vec()).collect();

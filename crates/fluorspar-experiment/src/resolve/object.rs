@@ -160,7 +160,7 @@ struct PlacedObject<'a> {
     materials: &'a [Material],
 }
 
-/// Instances that are one part of the picture.
+/// Instances that are one part of the image.
 struct Part {
     name: String,
     material: usize,

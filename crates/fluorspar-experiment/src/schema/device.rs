@@ -103,7 +103,7 @@ impl Default for CameraSection {
     }
 }
 
-/// How a traced lens makes its picture.
+/// How a traced lens makes its image.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ImageFormation {
@@ -111,7 +111,7 @@ pub enum ImageFormation {
     #[default]
     Rendered,
     /// The render sees a pinhole; distortion, point spreads (diffraction included) and relative illumination of the
-    /// plane in focus are applied to its picture. The lens can be changed without a new render, within the field.
+    /// plane in focus are applied to its image. The lens can be changed without a new render, within the field.
     PointSpread,
 }
 
@@ -178,7 +178,7 @@ pub struct TracedLensSection {
     /// Shift of the film from the paraxial focus, away from the lens, mm. Default 0.
     #[serde(default)]
     pub film_shift_mm: f64,
-    /// How it makes its picture. Default "rendered".
+    /// How it makes its image. Default "rendered".
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub image_formation: Option<ImageFormation>,
     /// Groups of bands that are traced apart, 1 to 64, to see dispersion; a render takes as many times as long. Default 1:
@@ -200,7 +200,7 @@ impl LensSection {
         }
     }
 
-    /// How a traced lens makes its picture.
+    /// How a traced lens makes its image.
     pub(crate) fn image_formation(&self) -> Option<ImageFormation> {
         match self {
             Self::Ideal(_) => None,

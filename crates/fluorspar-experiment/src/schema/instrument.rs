@@ -16,7 +16,7 @@ pub struct SpectroradiometerSection {
     pub name: String,
     /// Capture whose lights are on.
     pub capture: String,
-    /// Where the middle of the spot lies in the picture, from its left and its top edge, 0 to 1. Default: the middle,
+    /// Where the middle of the spot lies in the image, from its left and its top edge, 0 to 1. Default: the middle,
     /// unless `parts` are given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub aim: Option<[f64; 2]>,
@@ -36,7 +36,7 @@ pub struct SpectroradiometerSection {
     /// are left out.
     #[serde(default = "last")]
     pub last_nm: f64,
-    /// Distance of the readings, nm, 0.1 to 100. Default 2.
+    /// Spacing of the readings, nm, 0.1 to 100. Default 2.
     #[serde(default = "step")]
     pub step_nm: f64,
     /// Full width at half maximum of the triangular slit function, nm, 0.1 to 100. Default 8.
@@ -45,7 +45,7 @@ pub struct SpectroradiometerSection {
     /// Noise of a reading without light, W/(sr m² nm) rms, 0 to 1e6. Default 5e-7.
     #[serde(default = "floor")]
     pub noise_floor_w_per_sr_m2_nm: f64,
-    /// Largest signal over the noise that it leaves at every wavelength: the darkest part of a spectrum that can be told
+    /// Largest ratio of signal to noise floor at every wavelength: the darkest part of a spectrum that can be told
     /// beside its peak, 1 to 1e12. Default 1e4.
     #[serde(default = "range")]
     pub dynamic_range: f64,

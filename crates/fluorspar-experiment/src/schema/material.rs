@@ -241,7 +241,7 @@ pub struct TwoSidedSection {
     pub back: String,
 }
 
-/// Directions of the normal over the surface, from a picture.
+/// Directions of the normal over the surface, from an image.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct NormalMapSection {

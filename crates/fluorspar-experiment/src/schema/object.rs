@@ -163,7 +163,7 @@ pub struct InstanceSection {
     /// Any affine map instead of all these: three rows of four numbers, the last of each a displacement in mm.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub matrix: Option<[[f64; 4]; 3]>,
-    /// Part of the picture that it belongs to; instances of one name are one part. Default: the name of the object.
+    /// Part of the image that it belongs to; instances of one name are one part. Default: the name of the object.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub part: Option<String>,
     /// Material of its part, the same for all instances of the part. Default: that of the object.

@@ -103,7 +103,7 @@ pub enum TextureReference {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged)]
 pub enum TextureTable {
-    /// A picture.
+    /// An image.
     Image(ImageMap),
     /// A checkerboard.
     Checker(CheckerMap),
@@ -115,7 +115,7 @@ pub enum TextureTable {
     Anatomy(AnatomyMap),
 }
 
-/// A gray picture.
+/// A gray image.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ImageMap {

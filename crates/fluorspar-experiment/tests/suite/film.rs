@@ -1,5 +1,5 @@
 //! Films: the same bits whatever happens on the way, honest error bars, files that notice damage, and what is made of
-//! them: excitation bins, adaptive renders, denoised pictures.
+//! them: excitation bins, adaptive renders, denoised images.
 #![allow(clippy::unwrap_used)]
 
 use std::path::Path;

@@ -1,4 +1,4 @@
-//! Meshes at many places: the picture of the flattened scene, files, and what they refuse.
+//! Meshes at many places: the image of the flattened scene, files, and what they refuse.
 #![allow(clippy::unwrap_used, reason = "these are tests")]
 
 use std::fs;
@@ -115,13 +115,13 @@ fn flattened(many: MeshInstances) -> Shape {
     Shape::Mesh(Arc::new(many.flattened()))
 }
 
-/// Same paths up to rounding: nearly all pixels have nearly the same values, and the mean of the picture agrees. A bounce
+/// Same paths up to rounding: nearly all pixels have nearly the same values, and the mean of the image agrees. A bounce
 /// off a small ball makes a difference in direction about ten times as large, so single precision may have become 1e-3
 /// after four of them. A path
 /// whose rounding decides otherwise (an edge, a hole, the end by roulette) moves its pixel by about a sample, one of 16.
-/// If that happens in 0.5 % of 48² pixels, with samples that scatter by four times their mean `m`, the mean of the picture
+/// If that happens in 0.5 % of 48² pixels, with samples that scatter by four times their mean `m`, the mean of the image
 /// moves by `sqrt(12) sqrt(2) 4 m / 16 / 48² = 5e-4 m`, and by 2e-3 `m` in less than one of 1000 cases.
-fn assert_same_picture(a: &ComponentImage, b: &ComponentImage) {
+fn assert_same_image(a: &ComponentImage, b: &ComponentImage) {
     assert_eq!(a.components, b.components);
     let parts = a.features.part.iter().zip(&b.features.part).filter(|(a, b)| a != b).count();
     assert!(parts <= 8, "{parts} pixels show another part");
@@ -143,7 +143,7 @@ fn instances_look_like_the_flattened_scene() {
     let flat = run(&still_life(flattened, None), &settings);
     assert!(placed.component(1).iter().any(|&v| v > 0.0), "nothing fluoresces");
     assert!(placed.features.part.iter().filter(|&&part| part == 4).count() > 100);
-    assert_same_picture(&placed, &flat);
+    assert_same_image(&placed, &flat);
     let close = |(a, b): (&f32, &f32)| a == b || (a - b).abs() < 1e-5 * a.abs();
     let maps = (&placed.features, &flat.features);
     let depths = maps.0.depth_m.iter().zip(&maps.1.depth_m).filter(|&pair| close(pair)).count();
@@ -182,7 +182,7 @@ fn meshes_far_from_their_origin_do_not_shadow_themselves() {
         let mut near = far.clone();
         // No rounding: the coordinates are smaller and as coarse.
         near.positions.iter_mut().for_each(|p| *p -= origin);
-        assert_same_picture(&picture(far, origin), &picture(near, Vec3::ZERO));
+        assert_same_image(&picture(far, origin), &picture(near, Vec3::ZERO));
     }
 }
 
@@ -199,7 +199,7 @@ fn instances_with_holes_let_as_much_light_through() {
     let ((a, part), (b, other)) = (with_holes(instanced), with_holes(flattened));
     // About 300 pixels of which each shows the thing or what is behind it: a standard deviation of 12 on the difference.
     assert!((part - other).abs() < 60.0, "{part} {other} pixels");
-    // Paths differ where the thing is met: the error of the picture's mean is far below a percent.
+    // Paths differ where the thing is met: the error of the image's mean is far below a percent.
     assert!((a - b).abs() < 0.01 * a, "{a} {b}");
 }
 

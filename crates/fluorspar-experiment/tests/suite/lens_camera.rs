@@ -199,7 +199,7 @@ fn a_slanted_edge_is_the_same_rendered_and_computed() {
 }
 
 #[test]
-fn the_picture_is_upright_and_where_the_pinhole_sees_it() {
+fn the_image_is_upright_and_where_the_pinhole_sees_it() {
     // A small disc up and to the right of the middle, in focus.
     let camera = camera("wide_3_5mm", close_up(None), 3.0, [60, 45], 1);
     let at = Vec3::new(0.012, 0.008, 0.0);

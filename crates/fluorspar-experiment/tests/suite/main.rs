@@ -1,4 +1,4 @@
-//! Tests of experiment files and the catalogue, down to the pictures that come of them, in one program.
+//! Tests of experiment files and the catalogue, down to the images that come of them, in one program.
 
 mod absurd_numbers;
 mod bad_experiments;

@@ -68,7 +68,7 @@ fn filters_act_at_the_angles_of_the_lens_and_add_their_own_light() {
     let spread = "lens.image_formation=\"point_spread\"";
     let fixed = signal(&experiment(TRACED, &[spread]));
     // Behind an f/4 lens the cone is 7 degrees wide, so the edge of the long-pass at 475 nm moves by less than 1 nm; in front
-    // of it the middle of the picture stays where it is and the corner moves.
+    // of it the middle of the image stays where it is and the corner moves.
     let at_edge = |changes: &[&str]| {
         let lens = experiment(TRACED, changes).camera.lens_behind_filters().unwrap();
         let corner = lens.field_transmittance.last().map(|(_, curve)| curve.at(474.0));

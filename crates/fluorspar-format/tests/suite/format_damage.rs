@@ -139,7 +139,7 @@ fn numpy() {
 }
 
 #[test]
-fn raw_frames_and_pictures() {
+fn raw_frames_and_images() {
     let (_guard, folder) = folder();
     let path = folder.join("f.tiff");
     write_sensor_tiff(&path, &frame(), None).unwrap();

@@ -343,7 +343,7 @@ fn raw_mistakes_are_explained() {
         (
             "\"width\": 6",
             "\"width\": 7",
-            "f.tiff.json: 4 rows and 7 columns are described but the picture has 4 and 6. Keep the two files of one frame together",
+            "f.tiff.json: 4 rows and 7 columns are described but the image has 4 and 6. Keep the two files of one frame together",
         ),
         (
             "sensor_image.1",
@@ -373,7 +373,7 @@ fn raw_mistakes_are_explained() {
          Keep the two files together; without it neither units nor exposure are known"
     );
     write_rgb_png(&path, 2, 1, &[1, 2, 3, 4, 5, 6]).unwrap();
-    assert_eq!(read(), "f.tiff: the picture is not 16-bit gray. Raw frames are 16-bit gray mosaics");
+    assert_eq!(read(), "f.tiff: the image is not 16-bit gray. Raw frames are 16-bit gray mosaics");
 
     let target = folder.path().join("new.tiff");
     let mut bad = frame();

@@ -78,7 +78,7 @@ fn another_reader_finds_the_tags_and_the_pixels() {
     let image = frame(36, 10, 12, Mosaic::bayer("gbrg").unwrap());
     let color = DngColor { neutral: [0.5, 1.0, 0.25], ..DngColor::default() };
     write_sensor_dng(&path, &image, &color, None).unwrap();
-    // The decoder opens no color filter arrays, so it gets the file as a gray picture.
+    // The decoder opens no color filter arrays, so it gets the file as a gray image.
     let mut bytes = fs::read(&path).unwrap();
     let photometric = photometric_at(&bytes);
     assert_eq!(u16::from_ne_bytes([bytes[photometric], bytes[photometric + 1]]), 32_803);

@@ -226,7 +226,7 @@ fn outline(frame: Frame) -> Vec<[f64; 2]> {
     vec![[left, top], [right, top], [right, bottom], [left, bottom], [left, top]]
 }
 
-/// Grid lines, ticks and their texts. Under a picture the grid would not show, so ticks point outwards there.
+/// Grid lines, ticks and their texts. Under an image the grid would not show, so ticks point outwards there.
 fn draw_axes(panel: &Panel, frame: Frame, covered: bool, marks: &mut Vec<Mark>) {
     let (mut major, mut minor, mut outward) = (Vec::new(), Vec::new(), Vec::new());
     for tick in x_ticks(panel) {

@@ -1,4 +1,4 @@
-//! Pictures inside figures.
+//! Images inside figures.
 
 /// Pixels, `[row, col]`, first row at the top, 8-bit red, green, blue.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -12,7 +12,7 @@ pub struct Raster {
 }
 
 impl Raster {
-    /// A picture from a function of row and column.
+    /// An image from a function of row and column.
     pub fn from_fn(width: usize, height: usize, mut color: impl FnMut(usize, usize) -> [u8; 3]) -> Self {
         let mut pixels = Vec::with_capacity(width * height);
         for row in 0..height {
@@ -23,7 +23,7 @@ impl Raster {
         Self { width, height, pixels }
     }
 
-    /// A picture from interleaved bytes; `None` when they do not fill it.
+    /// An image from interleaved bytes; `None` when they do not fill it.
     pub fn from_rgb8(width: usize, height: usize, bytes: &[u8]) -> Option<Self> {
         (bytes.len() == width * height * 3 && width > 0 && height > 0).then(|| {
             let pixels = bytes.chunks_exact(3).map(|pixel| [pixel[0], pixel[1], pixel[2]]).collect();
@@ -36,7 +36,7 @@ impl Raster {
         self.pixels[row * self.width + col]
     }
 
-    /// The picture as a PNG file; `None` when it has no pixels.
+    /// The image as a PNG file; `None` when it has no pixels.
     pub fn to_png(&self) -> Option<Vec<u8>> {
         let mut file = Vec::new();
         let mut encoder =

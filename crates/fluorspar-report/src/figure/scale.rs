@@ -45,7 +45,7 @@ impl Axis {
         Self::linear("wavelength", "nm", limits)
     }
 
-    /// An axis without label and ticks, for pictures.
+    /// An axis without label and ticks, for display.
     pub fn hidden(limits: [f64; 2]) -> Self {
         Self::linear("", "", limits)
     }

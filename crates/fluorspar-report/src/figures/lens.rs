@@ -78,13 +78,13 @@ pub fn lens_drawing(report: &LensReport) -> Figure {
     Figure::new(format!("{}: {} mm f/{}", report.name, digits(report.paraxial.focal_length_mm), digits(report.f_number)), panel)
         .explained(format!(
             "The lens cut along its axis, drawn to scale: glass shaded, the stop as thick bars, the film on the right. Rays \
-             at {} nm come from the object on the left and meet the film at three heights; the picture is upside down. \
+             at {} nm come from the object on the left and meet the film at three heights; the image is upside down. \
              Rays that the rims or the stop block are left out.",
             digits(report.wavelength_nm)
         ))
 }
 
-/// A line cut off where it enters the picture: at `left`, and where it comes nearer to the axis than `half`.
+/// A line cut off where it enters the image: at `left`, and where it comes nearer to the axis than `half`.
 fn clipped(points: &[[f64; 2]], left: f64, half: f64) -> Vec<[f64; 2]> {
     let mut points = points.to_vec();
     if let [a, b, ..] = points.as_slice() {
@@ -230,7 +230,7 @@ pub fn lens_field(report: &LensReport) -> Figure {
     ];
     let panels = panels.into_iter().map(|panel| panel.sized(280.0, 260.0)).collect();
     Figure::grid(format!("{}: field", report.name), panels, 3).explained(
-        "Along the radius of the field: irradiance under an even scene over that on the axis; height over that of a picture \
+        "Along the radius of the field: irradiance under an even scene over that on the axis; height over that of an image \
          without distortion; where narrow beams come to a focus.",
     )
 }

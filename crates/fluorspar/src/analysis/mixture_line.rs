@@ -352,7 +352,7 @@ impl PorphyrinMap {
         Ok(Self { width: image.width, height: image.height, estimates })
     }
 
-    /// Fractions, `[row, col]`, for a picture.
+    /// Fractions, `[row, col]`, for an image.
     pub fn fractions(&self) -> Vec<Option<f32>> {
         self.estimates.iter().map(|e| e.map(|estimate| estimate.fraction as f32)).collect()
     }

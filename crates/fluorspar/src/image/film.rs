@@ -404,7 +404,7 @@ pub enum MergeError {
     /// The film has no memory for samples of the other.
     #[error(
         "samples of the tile at row {row}, column {col} have no place in the film, which was made for other rows. Merge into a \
-         film of the whole picture"
+         film of the whole image"
     )]
     OutsideRows {
         /// Row of the tile.

@@ -69,7 +69,7 @@ pub fn visible_normal_pdf(outgoing: Vec3, half: Vec3, alpha: f32) -> f32 {
 }
 
 /// Tables made for a refractive index, kept for the next scene of the process: they take longer to make than a small
-/// picture to render.
+/// image to render.
 pub(super) struct TableCache<T>(Mutex<Vec<(u32, Arc<T>)>>);
 
 /// Most tables that are kept.

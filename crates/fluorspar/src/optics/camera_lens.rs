@@ -93,10 +93,10 @@ impl CameraLens {
         self.axial_solid_angle_sr
     }
 
-    /// A ray from a point of the upright picture (mm right of and above its middle) for a group of bands; `None` where
+    /// A ray from a point of the upright image (mm right of and above its middle) for a group of bands; `None` where
     /// the lens blocks it, which counts as black.
     pub fn sample(&self, group: usize, right_mm: f64, up_mm: f64, u: [f32; 2]) -> Option<CameraLensRay> {
-        // The lens turns the picture around.
+        // The lens turns the image around.
         let FilmSample { ray, weight_sr, .. } =
             self.groups[group].1.sample(DVec2::new(-right_mm, -up_mm), u)?;
         let forward_mm = self.state.reference_mm - ray.origin.z;
@@ -122,7 +122,7 @@ impl CameraLens {
         }))
     }
 
-    /// Tangent of half the horizontal field of a pinhole whose picture of the film's proportions holds everything that
+    /// Tangent of half the horizontal field of a pinhole whose image of the film's proportions holds everything that
     /// the film sees, distortion included. `None` where chief rays miss the lens.
     pub fn covering_tangent(&self) -> Option<f64> {
         let (w, h) = (0.5 * self.film_width_mm, 0.5 * self.film_height_mm);

@@ -1,4 +1,4 @@
-//! The picture of a traced lens without rendering through it: a pinhole's radiance, moved by the distortion, blurred by
+//! The image of a traced lens without rendering through it: a pinhole's radiance, moved by the distortion, blurred by
 //! the point spread of each field point, darkened by the relative illumination.
 
 use std::f64::consts::PI;
@@ -185,7 +185,7 @@ impl CameraLens {
         picture
     }
 
-    /// Multiplies a picture of the given width on the film, centered on the axis, by the relative illumination.
+    /// Multiplies an image of the given width on the film, centered on the axis, by the relative illumination.
     pub fn darken(&self, picture: &mut SpectralImage<Radiance>, film_width_mm: f64) {
         let (width, height, bands) = (picture.width(), picture.height(), picture.bands());
         let radius_mm = 0.5 * self.film_width_mm().hypot(self.film_height_mm());
@@ -204,13 +204,13 @@ impl CameraLens {
         0.5 / (self.axial_solid_angle_sr() / PI).sqrt()
     }
 
-    /// Middle of a (square) pixel on the upright picture, mm to the right and up.
+    /// Middle of a (square) pixel on the upright image, mm to the right and up.
     fn place_mm(&self, row: usize, col: usize, width: usize, height: usize) -> DVec2 {
         let pitch_mm = self.film_width_mm() / width as f64;
         DVec2::new(col as f64 + 0.5 - 0.5 * width as f64, 0.5 * height as f64 - row as f64 - 0.5) * pitch_mm
     }
 
-    /// The pinhole's picture where chief rays put it, `[row, col, band of the range]`.
+    /// The pinhole's image where chief rays put it, `[row, col, band of the range]`.
     fn undistorted(
         &self,
         pinhole: &SpectralImage<Radiance>,

@@ -155,7 +155,7 @@ impl FilterStack {
     }
 }
 
-/// A filter that fluoresces: what it absorbs comes back, in part, at longer wavelengths, and veils the picture.
+/// A filter that fluoresces: what it absorbs comes back, in part, at longer wavelengths, and veils the image.
 ///
 /// Model: the filter is close to the lens and far out of focus, so its light is spread evenly. Of the photons that
 /// it stops (`1 - T`, at normal incidence: reflected ones count as stopped, which overstates interference filters) the

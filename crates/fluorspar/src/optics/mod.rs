@@ -4,7 +4,7 @@
 //! |---|---|
 //! | `perspective` | the camera of a scene: a pinhole, or film behind a traced lens |
 //! | `ideal_lens` | the camera equation: irradiance from radiance without aberrations |
-//! | `field_psf` | the picture of a traced lens from a pinhole's radiance and point spreads |
+//! | `field_psf` | the image of a traced lens from a pinhole's radiance and point spreads |
 //! | `filter` | transmittance averaged over the angles of the rays, autofluorescence |
 //! | `glass`, `prescription` | a lens as its maker describes it |
 //! | `paraxial` | first-order properties |

@@ -27,7 +27,7 @@ pub struct PerspectiveCamera {
     pub width: usize,
     /// Rows.
     pub height: usize,
-    /// Lens through which the picture is rendered; none is a pinhole.
+    /// Lens through which the image is rendered; none is a pinhole.
     pub lens: Option<Arc<CameraLens>>,
 }
 

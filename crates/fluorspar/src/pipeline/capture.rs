@@ -107,7 +107,7 @@ pub(super) fn film_irradiance(
     irradiance
 }
 
-/// Irradiance on the film under a picture of the same radiance everywhere, without the filters' own light.
+/// Irradiance on the film under an image of the same radiance everywhere, without the filters' own light.
 pub(super) fn flat_film_irradiance(
     study: &Study,
     lens: &IdealLens,
@@ -124,7 +124,7 @@ pub(super) fn flat_film_irradiance(
     }
 }
 
-/// Adds the light of a fluorescing filter: excited by the mean radiance of the picture over the solid angle of its field,
+/// Adds the light of a fluorescing filter: excited by the mean radiance of the image over the solid angle of its field,
 /// spread evenly over the film.
 fn add_veil(
     study: &Study,

@@ -1,4 +1,4 @@
-//! Noise reduction of component images, for pictures: never for validation or measurement.
+//! Noise reduction of component images, for display: never for validation or measurement.
 //!
 //! Joint non-local means (Rousselle, Knaus and Zwicker 2012[^nlm], with feature buffers as in 2013[^features]): every
 //! pixel becomes a weighted mean of its neighborhood. The weights come from how much two patches differ beyond their
@@ -21,7 +21,7 @@ use crate::image::ComponentImage;
 /// How strongly noise is reduced.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DenoiseSettings {
-    /// Pixels that may enter on each side, 1 to 20.
+    /// Radius of the filter, pixels, 1 to 20.
     pub radius: usize,
     /// Differences count from this many standard deviations of the noise on, 0.1 to 10: more is smoother.
     pub strength: f64,
@@ -50,7 +50,7 @@ pub enum DenoiseError {
          `--statistics light_groups`"
     )]
     NoStatistics,
-    /// There is too little to tell noise from picture.
+    /// There is too little to tell noise from signal.
     #[error("the image has {0} samples per pixel; noise can be estimated from 16 on; render more samples")]
     TooFewSamples(u32),
     /// It was done already.

@@ -13,7 +13,7 @@ use crate::study::Study;
 pub struct Evaluation {
     /// Raw and developed frames, one for each capture.
     pub frames: Vec<CapturedFrame>,
-    /// Pictures of the developed frames for people, in the same order.
+    /// Images of the developed frames for people, in the same order.
     pub previews: Vec<Preview>,
     /// The analyzed frame, if the study has an analysis.
     pub analysis: Option<AnalyzedFrame>,

@@ -8,12 +8,12 @@
 //! | spectroradiometers | [`read_spectroradiometers`] | [`SpectroradiometerReading`]s |
 //! | photobiological safety | [`assess_safety`] | [`SafetyReport`] |
 //! | chromaticity, porphyrin | [`analyze`] | [`AnalyzedFrame`] |
-//! | less noise, for pictures | [`denoise`] | [`crate::image::ComponentImage`], labeled |
-//! | pictures for people | [`preview`] | 8-bit sRGB |
+//! | less noise, for display | [`denoise`] | [`crate::image::ComponentImage`], labeled |
+//! | previews | [`preview`] | 8-bit sRGB |
 //! | reflected light against fluorescence behind filters | [`filter_leak`] | [`FilterLeak`] |
 //! | the same for the frames of a study, in electrons | [`frame_leak`] | [`FrameLeak`] |
 //! | one region for one design, in about a microsecond | [`estimate_porphyrin`] | [`PorphyrinEstimate`] |
-//! | pictures larger than the memory | [`render_row_bands`] | rows for a [`BandStore`] |
+//! | images larger than the memory | [`render_row_bands`] | rows for a [`BandStore`] |
 //! | everything after the render, each result once | [`evaluate`] | [`Evaluation`] |
 //! | all of it for a flat sample | [`predict`] | [`Prediction`] |
 

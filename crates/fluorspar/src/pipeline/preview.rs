@@ -1,4 +1,4 @@
-//! Pictures for people: developed frames and radiance images in 8-bit sRGB.
+//! Previews: developed frames and radiance images in 8-bit sRGB.
 
 use glam::DMat3;
 
@@ -11,7 +11,7 @@ use crate::spectral::{
 use crate::study::{Capture, Study};
 use crate::units::photons_per_joule;
 
-/// An 8-bit sRGB picture, `[row, col, channel]`, rows from the top.
+/// An 8-bit sRGB image, `[row, col, channel]`, rows from the top.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Preview {
     /// Columns.
@@ -34,7 +34,7 @@ pub struct ColorRendering {
 /// Percentile of the brightest channel that becomes white.
 const WHITE_PERCENTILE: f64 = 0.995;
 
-// The next four were chosen by eye on the default experiment; pictures for people depend on them, and no number does.
+// The next four were chosen by eye on the default experiment; previews depend on them, and no number does.
 /// Lift of a frame under visible light.
 const LIFT_REFLECTED: f64 = 1.8;
 /// Lift of a fluorescence frame, where teeth are ten times brighter than tissue.
@@ -147,7 +147,7 @@ pub(super) fn inverse(m: [[f64; 3]; 3]) -> Option<[[f64; 3]; 3]> {
     (matrix.determinant().abs() > 1e-12 * scale).then(|| matrix.inverse().to_cols_array_2d())
 }
 
-/// Turns a developed frame into a picture, scaled so that all but the brightest half percent fits.
+/// Turns a developed frame into an image, scaled so that all but the brightest half percent fits.
 /// Frames without R, G and B become gray.
 pub fn preview(image: &ChannelImage, rendering: &ColorRendering) -> Preview {
     let find = |name: &str| image.channels.iter().position(|c| c == name);
@@ -168,7 +168,7 @@ pub fn preview(image: &ChannelImage, rendering: &ColorRendering) -> Preview {
     to_srgb(image.width, image.height, &linear, 50.0 * image.noise_floor_dn * gain, rendering.lift)
 }
 
-/// Turns a radiance image into the picture that an eye would see (CIE 1931), scaled as [`preview`].
+/// Turns a radiance image into the image that an eye would see (CIE 1931), scaled as [`preview`].
 pub fn radiance_preview(image: &SpectralImage<Radiance>) -> Preview {
     balanced(image, [1.0; 3])
 }
@@ -185,7 +185,7 @@ pub fn light_group_preview(image: &SpectralImage<Radiance>, study: &Study, group
     balanced(image, white)
 }
 
-/// The picture in which a surface of this color is white.
+/// The image in which a surface of this color is white.
 fn balanced(image: &SpectralImage<Radiance>, white: [f64; 3]) -> Preview {
     let observer = StandardObserver::new(image.grid());
     let linear: Vec<[f64; 3]> = image

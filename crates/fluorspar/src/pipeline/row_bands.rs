@@ -1,4 +1,4 @@
-//! Pictures whose film is larger than the memory limit: rendered in bands of tile rows, one after the other.
+//! Images whose film is larger than the memory limit: rendered in bands of tile rows, one after the other.
 //!
 //! Each band gets all its samples before the next one begins, and its finished rows go to a [`BandStore`] at once, so the
 //! film of one band is all that stays in memory besides the maps of all pixels. The rows are those of a render in one go,
@@ -10,7 +10,7 @@ use crate::image::{ComponentImage, FeatureMaps, Film, FilmLayout, SampleStatisti
 use crate::render::{RenderSettings, Share, tile_row_bytes, whole_image_bytes};
 use crate::scene::Scene;
 
-/// Why a picture can't be divided into bands of tile rows.
+/// Why an image can't be divided into bands of tile rows.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum RowBandError {
@@ -24,7 +24,7 @@ pub enum RowBandError {
         /// Limit, bytes.
         limit: u64,
     },
-    /// A band that was begun before overlaps another one or lies outside of the picture.
+    /// A band that was begun before overlaps another one or lies outside of the image.
     #[error("the tile rows {} to {} do not fit to the other bands", .0.start, .0.end)]
     Overlap(Range<usize>),
     /// A band that was begun before is larger than what fits into the limit now.
@@ -54,7 +54,7 @@ pub fn tile_rows_at_once(scene: &Scene, settings: &RenderSettings) -> Result<usi
 /// and between them new ones.
 ///
 /// # Errors
-/// Bands that overlap, lie outside of the picture, are empty, or do not fit.
+/// Bands that overlap, lie outside of the image, are empty, or do not fit.
 pub fn row_bands(
     tile_rows: usize,
     at_once: usize,
@@ -85,7 +85,7 @@ pub fn row_bands(
     Ok(bands)
 }
 
-/// Which planes of a picture in bands are kept.
+/// Which planes of an image in bands are kept.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BandPlanes {
     /// Every component, and the two halves and the variance of each statistic.
@@ -95,7 +95,7 @@ pub enum BandPlanes {
 }
 
 impl BandPlanes {
-    /// Planes of a picture: the components, then the first half, the second half and the variance of all statistics; or one.
+    /// Planes of an image: the components, then the first half, the second half and the variance of all statistics; or one.
     pub fn count(self, layout: &FilmLayout) -> usize {
         match self {
             Self::Components => layout.components.len() + 3 * layout.statistic_members().len(),
@@ -129,7 +129,7 @@ pub trait BandStore {
     fn store_rows(&mut self, plane: usize, first_row: usize, values: &[f32]) -> Result<(), Self::Error>;
 }
 
-/// What is left in memory of a picture that was rendered in bands.
+/// What is left in memory of an image that was rendered in bands.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FinishedBands {
     /// Samples of every pixel, `[row, col]`.
@@ -139,7 +139,7 @@ pub struct FinishedBands {
 }
 
 impl FinishedBands {
-    /// Mean spectrum of the picture, W/(sr m² nm).
+    /// Mean spectrum of the image, W/(sr m² nm).
     pub fn mean_spectrum(&self) -> Vec<f64> {
         let pixels = self.samples.len().max(1) as f64;
         self.sums.iter().map(|sum| sum / pixels).collect()
@@ -222,7 +222,7 @@ pub enum BandedRender {
     Stopped(Range<usize>),
 }
 
-/// Renders a picture in bands of tile rows ([`row_bands`]) and stores their finished rows.
+/// Renders an image in bands of tile rows ([`row_bands`]) and stores their finished rows.
 ///
 /// # Errors
 /// Those of the store.

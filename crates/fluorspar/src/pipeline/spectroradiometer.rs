@@ -54,7 +54,7 @@ pub fn read_spectroradiometers(
                 let weights =
                     spot_weights(components.width, components.height, tangent, *aim, *acceptance_deg);
                 let place = format!(
-                    "a spot of {acceptance_deg} degrees at {:.3}, {:.3} of the picture",
+                    "a spot of {acceptance_deg} degrees at {:.3}, {:.3} of the image",
                     aim[0], aim[1]
                 );
                 (weights, place)

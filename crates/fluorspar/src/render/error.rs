@@ -90,7 +90,7 @@ pub enum RenderError {
     /// The film was made for other rows than those that are to be rendered.
     #[error(
         "the film was made for some rows only and has no memory for the tile at row {row}, column {col}. Render the tiles of \
-         its rows only (Share::TileRange), or make a film of the whole picture"
+         its rows only (Share::TileRange), or make a film of the whole image"
     )]
     OutsideRows {
         /// Row of the first such tile.

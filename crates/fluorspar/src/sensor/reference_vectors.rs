@@ -387,13 +387,13 @@ fn illuminants_of_a_luminance() {
 }
 
 #[test]
-fn noise_of_an_uneven_picture_follows_from_its_mean() {
+fn noise_of_an_uneven_image_follows_from_its_mean() {
     let Some(data) = vector("sensor_noise_samples_small") else { return };
     // The variance of each pixel is linear in its mean, so the mean variance is that of the mean voltage, which the dark
     // voltage of 50 ms raises.
     let mean_v = number(&data["noise_free_mean"]) + 1e-3 * 0.05;
     let deviation_v = isetcam::volts_variance(&default_pixel(), mean_v).sqrt();
-    // The tolerance of the file. Its picture has dark pixels, whose noise is cut at zero.
+    // The tolerance of the file. Its image has dark pixels, whose noise is cut at zero.
     assert_close(deviation_v, number(&data["noise_distribution_stats"][0]), 0.05, "deviation");
     assert_close(
         deviation_v * 2f64.sqrt(),
@@ -431,7 +431,7 @@ fn light_falls_off_from_the_axis() {
         for (um, lux) in position.iter().zip(&light).filter(|(_, lux)| **lux > 0.01) {
             let ours = lens.relative_illumination(um.abs() * 1e-3);
             // At f/4 its finite pupil keeps up to 3e-4 more light at 40 degrees than cos⁴ does; diffraction takes some
-            // at the edge of the picture, which is left out.
+            // at the edge of the image, which is left out.
             if um.abs() < 0.95 * position.iter().copied().fold(0.0, f64::max) * 0.8 {
                 assert_close(ours, lux / light[axis], 4e-4, "fall-off");
             }

@@ -21,7 +21,7 @@ pub struct Spectroradiometer {
     pub first_nm: f64,
     /// Last wavelength, nm.
     pub last_nm: f64,
-    /// Distance of the readings, nm.
+    /// Spacing of the readings, nm.
     pub step_nm: f64,
     /// Full width at half maximum of the slit function, nm.
     pub bandwidth_nm: f64,

@@ -16,7 +16,7 @@ pub enum Stokes {
     /// Nothing is emitted below the excitation wavelength.
     #[default]
     Mask,
-    /// The density is used as it is.
+    /// The density is used unchanged.
     Off,
 }
 

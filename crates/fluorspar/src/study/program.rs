@@ -80,7 +80,7 @@ pub struct SpectroradiometerPlan {
 pub enum SpectroradiometerTarget {
     /// A round spot.
     Spot {
-        /// Its center, from the left and the top edge of the picture, 0 to 1.
+        /// Its center, from the left and the top edge of the image, 0 to 1.
         aim: [f64; 2],
         /// Its full angle, degrees.
         acceptance_deg: f64,

@@ -341,7 +341,7 @@ pub(crate) fn assert_same_light(name: &str, a: &[ComponentImage], b: &[Component
     }
 }
 
-/// Saves the means of both sets as tables, and for every component a picture (PPM) of the differences in standard errors:
+/// Saves the means of both sets as tables, and for every component an image (PPM) of the differences in standard errors:
 /// white is none, red is 4 or more too bright in the first set, blue too dark. Returns the folder.
 pub(crate) fn save_error_maps(name: &str, a: &[ComponentImage], b: &[ComponentImage]) -> PathBuf {
     let folder = std::env::temp_dir().join(format!("fluorspar-transport-{}", name.replace([' ', '/'], "-")));
@@ -357,7 +357,7 @@ pub(crate) fn save_error_maps(name: &str, a: &[ComponentImage], b: &[ComponentIm
         std::fs::write(folder.join(format!("{set}.csv")), table(&average(images))).unwrap();
     }
     for component in 0..a[0].components.len() {
-        save_difference_picture(&folder.join(format!("component-{component}.ppm")), a, b, component);
+        save_difference_image(&folder.join(format!("component-{component}.ppm")), a, b, component);
     }
     folder
 }
@@ -377,7 +377,7 @@ fn table(image: &ComponentImage) -> String {
     text
 }
 
-fn save_difference_picture(path: &Path, a: &[ComponentImage], b: &[ComponentImage], component: usize) {
+fn save_difference_image(path: &Path, a: &[ComponentImage], b: &[ComponentImage], component: usize) {
     let (width, height, bands) = (a[0].width, a[0].height, a[0].grid.len());
     let at = |images: &[ComponentImage], pixel: usize| {
         let sums: Vec<f64> = images

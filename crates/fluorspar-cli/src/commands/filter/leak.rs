@@ -32,7 +32,7 @@ pub(super) struct Options {
     /// Change one value, for instance `--set light.strength.irradiance_w_per_m2=50`. May be repeated.
     #[arg(long = "set", value_name = "PATH=VALUE")]
     set: Vec<String>,
-    /// Print the answer as JSON.
+    /// Print the result as JSON.
     #[arg(long)]
     json: bool,
 }

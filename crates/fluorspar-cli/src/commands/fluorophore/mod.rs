@@ -30,20 +30,20 @@ enum Action {
     Show(show::Options),
     /// Draw excitation-emission matrices, and the emission under a light.
     Plot(plot::Options),
-    /// Check a measured fluorophore and write the section that brings it into an experiment.
+    /// Check a measured fluorophore and write its section of an experiment.
     Import(import::Options),
 }
 
 /// How a file is read.
 #[derive(Clone, Debug, clap::Args)]
 struct FileOptions {
-    /// What the values of a file count, where it does not say.
+    /// Unit of the values of a file that does not state it.
     #[arg(long, value_enum)]
     unit: Option<Unit>,
     /// Photons out per photon in at the best excitation, concentration 1, of a file [default: 0.001, assumed].
     #[arg(long, value_name = "Y", value_parser = values::number, allow_negative_numbers = true)]
     photon_yield: Option<f64>,
-    /// Whether emission below the excitation wavelength of a file is masked or used as it is.
+    /// Whether emission below the excitation wavelength of a file is masked or used unchanged.
     #[arg(long, value_enum, default_value = "mask")]
     stokes: StokesChoice,
     /// Take negative values of a file as zero instead of refusing them.

@@ -41,7 +41,7 @@ pub(super) struct Options {
     /// Frequency of the MTF through focus, cycles per mm on the film; other curves go to twice this.
     #[arg(long, value_name = "CYCLES", default_value_t = 50.0, value_parser = values::number, allow_negative_numbers = true)]
     frequency: f64,
-    /// Draw the lens with rays to this .svg or .png, and FILE_spots, FILE_mtf, FILE_field beside it.
+    /// Draw the lens with rays to this .svg or .png, and FILE_spots, FILE_mtf, FILE_field next to it.
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     out: Option<PathBuf>,
     /// Print the report as JSON.

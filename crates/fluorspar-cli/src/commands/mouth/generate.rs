@@ -28,7 +28,7 @@ pub(crate) struct Options {
     /// .ply file for each part (meters). May be repeated. Without it, only the dimensions are printed.
     #[arg(long, value_name = "PATH", value_hint = ValueHint::AnyPath)]
     out: Vec<PathBuf>,
-    /// Don't say what was written.
+    /// Print no list of the written files.
     #[arg(long, short)]
     quiet: bool,
     /// Print the parameters, dimensions and parts as JSON.

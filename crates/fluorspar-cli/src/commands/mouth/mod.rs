@@ -18,11 +18,11 @@ pub(crate) struct Options {
 
 #[derive(Clone, Debug, clap::Subcommand)]
 enum Command {
-    /// Write the meshes of one mouth, and print its dimensions measured back beside their sources.
+    /// Write the meshes of one mouth, and print its measured dimensions next to their sources.
     Generate(generate::Options),
     /// Draw a contact sheet of views and poses.
     View(view::Options),
-    /// Draw plausible people: one experiment file for each, and a table.
+    /// Draw people from the population: one experiment file for each, and a table.
     Sample(sample::Options),
 }
 

@@ -15,7 +15,7 @@ pub(crate) struct PersonArgs {
     /// Change one parameter, for instance `--set tooth_scale=1.05`; see `fluorspar schema`. May be repeated.
     #[arg(long = "set", value_name = "FIELD=VALUE")]
     set: Vec<String>,
-    /// Factor on the rows and columns of the meshes: 0.4 is a preview of 50 000 triangles, 4 shows every papilla.
+    /// Factor on the rows and columns of the meshes: 0.4 gives a preview of 50 000 triangles, 4 shows every papilla.
     #[arg(long, value_name = "D", value_parser = values::number, allow_negative_numbers = true)]
     pub(crate) detail: Option<f64>,
 }

@@ -19,7 +19,7 @@ const MOST: u64 = 100_000;
 /// Options of `mouth sample`.
 #[derive(Clone, Debug, clap::Args)]
 pub(crate) struct Options {
-    /// How many people.
+    /// Number of people.
     #[arg(long, value_name = "N", default_value_t = 10, value_parser = values::whole::<u32, 1, MOST>, allow_negative_numbers = true)]
     count: u32,
     /// Number of the first, which is its seed; the others follow.

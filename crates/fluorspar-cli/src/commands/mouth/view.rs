@@ -33,7 +33,7 @@ pub(crate) struct Options {
     /// Light group that is on.
     #[arg(long, value_name = "GROUP", default_value = "white")]
     light: String,
-    /// Width of each picture, pixels (64 to 2000); three quarters of it high. Rows with fewer pictures have larger ones.
+    /// Width of each image, pixels (64 to 2000); three quarters as high. Rows with fewer images have larger ones.
     #[arg(long, value_name = "PX", default_value_t = 240, value_parser = values::whole::<usize, 64, 2000>,
         allow_negative_numbers = true)]
     width: usize,
@@ -70,7 +70,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     } else {
         options.views.iter().map(|name| find_view(name)).collect::<Result<_, _>>()?
     };
-    // All poses are checked before the first picture is made.
+    // All poses are checked before the first image is made.
     for view in &views {
         options.person.parameters(Some(view.name))?;
     }
@@ -132,5 +132,5 @@ fn picture(
     let sum = components.recombine(|component| f64::from(u8::from(component.light_group == options.light)));
     let preview = light_group_preview(&sum, &study, &options.light);
     Raster::from_rgb8(preview.width, preview.height, &preview.rgb)
-        .ok_or_else(|| CliError::Failed("a picture without pixels".into()))
+        .ok_or_else(|| CliError::Failed("an image without pixels".into()))
 }

@@ -26,9 +26,9 @@ pub(crate) struct Options {
 
 #[derive(Clone, Debug, Subcommand)]
 enum Action {
-    /// Measure a sensor with simulated flats and darks, as EMVA 1288 says, and draw its photon-transfer curve.
+    /// Characterize a sensor with simulated flats and darks as in EMVA 1288, and draw its photon-transfer curve.
     Characterize(characterize::Options),
-    /// Show a sensor in electrons and in the terms of a data sheet.
+    /// Show a sensor in electrons and as an EMVA 1288 data sheet.
     Show(show::Options),
     /// List the sensors of the catalogue.
     List(ListOptions),
@@ -37,7 +37,7 @@ enum Action {
 /// Which sensor.
 #[derive(Clone, Debug, clap::Args)]
 struct SensorArgs {
-    /// Sensor file (.toml with a [sensor] section; an experiment will do), or the name of a built-in sensor.
+    /// Sensor file (.toml with a [sensor] section; or an experiment), or the name of a built-in sensor.
     #[arg(value_name = "SENSOR", value_hint = ValueHint::FilePath)]
     sensor: String,
     /// Change one value, for instance `--set sensor.read_noise_e=2`. May be repeated.
