@@ -11,7 +11,7 @@
 //! |---|---|---|
 //! | `x-default` | a tagged enum | the variant of a table without its tag |
 //! | `x-merge: "replace"` | a type | one value: an override replaces it as a whole |
-//! | `x-replaces` | a field | fields of the same table that it takes the place of |
+//! | `x-mutually-exclusive-with` | a field | fields of the same table that can't be given with it; an override removes them |
 //! | `x-identity` | a section | field whose new value makes it another thing: nothing of the old one stays |
 //! | `format: "path"` | a text | path of a file, relative to the file that names it |
 //! | `format: "name-or-table-path"`, `"name-or-lens-path"` | a text | name of the catalogue, or such a path |
@@ -422,7 +422,7 @@ impl SchemaReader<'_> {
                 name: name.clone(),
                 shape: self.shape(value),
                 required: required.contains(name),
-                replaces: texts(value, "x-replaces"),
+                replaces: texts(value, "x-mutually-exclusive-with"),
             })
             .collect()
     }

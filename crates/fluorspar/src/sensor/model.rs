@@ -76,21 +76,21 @@ pub struct SensorModel {
     pub black_level_dn: f64,
     /// Temporal noise before the gain, mV rms. Default 1.39.
     #[serde(skip_serializing_if = "Option::is_none")]
-    #[schemars(extend("x-replaces" = ["read_noise_e"]))]
+    #[schemars(extend("x-mutually-exclusive-with" = ["read_noise_e"]))]
     pub read_noise_mv: Option<f64>,
     /// Temporal noise before the gain, e- rms; instead of `read_noise_mv`.
     #[serde(skip_serializing_if = "Option::is_none")]
-    #[schemars(extend("x-replaces" = ["read_noise_mv"]))]
+    #[schemars(extend("x-mutually-exclusive-with" = ["read_noise_mv"]))]
     pub read_noise_e: Option<f64>,
     /// Temporal noise after the gain, mV rms at the converter, quantization excluded (physical mode only).
     pub post_gain_noise_mv: f64,
     /// Standard deviation of the pixels' offsets, mV. Default 0.2536.
     #[serde(skip_serializing_if = "Option::is_none")]
-    #[schemars(extend("x-replaces" = ["dsnu_e"]))]
+    #[schemars(extend("x-mutually-exclusive-with" = ["dsnu_e"]))]
     pub dsnu_mv: Option<f64>,
     /// Standard deviation of the pixels' offsets, e-; instead of `dsnu_mv`.
     #[serde(skip_serializing_if = "Option::is_none")]
-    #[schemars(extend("x-replaces" = ["dsnu_mv"]))]
+    #[schemars(extend("x-mutually-exclusive-with" = ["dsnu_mv"]))]
     pub dsnu_e: Option<f64>,
     /// Standard deviation of the pixels' responsivities, percent.
     pub prnu_percent: f64,
@@ -108,11 +108,11 @@ pub struct SensorModel {
     pub row_noise_mv: f64,
     /// Dark signal at the reference temperature, mV/s. Default 0.15.
     #[serde(skip_serializing_if = "Option::is_none")]
-    #[schemars(extend("x-replaces" = ["dark_current_e_per_s"]))]
+    #[schemars(extend("x-mutually-exclusive-with" = ["dark_current_e_per_s"]))]
     pub dark_voltage_mv_per_s: Option<f64>,
     /// Dark signal at the reference temperature, e-/s; instead of `dark_voltage_mv_per_s`.
     #[serde(skip_serializing_if = "Option::is_none")]
-    #[schemars(extend("x-replaces" = ["dark_voltage_mv_per_s"]))]
+    #[schemars(extend("x-mutually-exclusive-with" = ["dark_voltage_mv_per_s"]))]
     pub dark_current_e_per_s: Option<f64>,
     /// Spread of the pixels' dark currents: standard deviation of the logarithm of a log-normal distribution whose
     /// mean is the dark current (physical mode only).
@@ -153,7 +153,7 @@ pub struct SensorModel {
     pub binning: Option<Binning>,
     /// Electronics and noise as a data sheet after EMVA 1288, in place of the fields that say the same.
     #[serde(skip_serializing_if = "Option::is_none")]
-    #[schemars(extend("x-replaces" = [
+    #[schemars(extend("x-mutually-exclusive-with" = [
         "well_capacity_e", "voltage_swing_v", "conversion_gain_mv_per_e", "bit_depth", "black_level_dn", "read_noise_mv",
         "read_noise_e", "post_gain_noise_mv", "dsnu_mv", "dsnu_e", "prnu_percent", "dark_voltage_mv_per_s",
         "dark_current_e_per_s", "dark_reference_temperature_c", "dark_doubling_temperature_k", "fill_factor", "well_knee",
