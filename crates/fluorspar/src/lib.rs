@@ -16,9 +16,13 @@
 //! [`pipeline::evaluate`] runs everything after the render at once; [`pipeline::predict`] does so for a flat sample without geometry.
 //! [`names`] suggests what a misspelled name may have meant. [`safety`] assesses light sources for the safety of eyes and skin.
 //!
-//! TOML files of experiments and the catalogue of fluorophores, lights, filters, reflectances, sensors and lenses are in the
-//! crate `fluorspar-experiment`; images, films, meshes, measured spectra and lenses are read and written by `fluorspar-format`;
-//! `fluorspar-anatomy` makes the mouth.
+//! The physics knows no files. What lies around it:
+//!
+//! | crate | what |
+//! |---|---|
+//! | `fluorspar-experiment` | experiment files (TOML), and the catalogue of lights, filters, reflectances, sensors, fluorophores, lenses |
+//! | `fluorspar-format` | images, films, raw frames, meshes, measured spectra and lenses, read and written |
+//! | `fluorspar-anatomy` | a parametric mouth |
 //!
 //! Inside the library lengths are in meters, wavelengths in nanometers, power in watts; other units are in the name
 //! (`pixel_size_um`, `exposure_s`). The same seed gives the same bits for any number of threads.

@@ -139,10 +139,10 @@ fn uses_outside(code: &str, root: &str, modules: &[&str], others: &[&str]) -> BT
     outside
 }
 
-/// Tests in files of their own.
+/// Tests in files of their own, and what they share.
 fn is_test(file: &Path) -> bool {
     let stem = file.file_stem().unwrap().to_str().unwrap();
-    stem.ends_with("tests") || stem == "reference_vectors"
+    stem.ends_with("tests") || stem == "reference_vectors" || stem == "testing"
 }
 
 #[test]
