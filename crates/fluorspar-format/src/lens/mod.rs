@@ -149,7 +149,7 @@ mod tests {
         assert!(fault("40 6 1.6 20\n-70 0 1 20\n", "dat").contains("no stop"));
         assert!(fault("# nothing\n", "dat").contains("no surface"));
         assert!(fault("40 6 1.6 -20\n", "dat").contains("aperture"));
-        assert!(fault("40 6 NaN 20\n", "dat").contains("no finite number"));
+        assert!(fault("40 6 NaN 20\n", "dat").contains("is not a finite number"));
     }
 
     #[test]
