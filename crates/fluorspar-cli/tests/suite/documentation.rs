@@ -1,9 +1,9 @@
-//! docs/commands.md says what `--help` says: every option of every command stands in the section of the command, and
-//! and names no option that does not exist.
+//! docs/commands.md agrees with `--help`: the section of a command names all its options, and no option that does not
+//! exist. The command lines of all documents name commands and options that exist.
 
 #![allow(clippy::unwrap_used, reason = "these are tests")]
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::Path;
 
@@ -106,4 +106,76 @@ fn the_commands_of_the_documentation_have_the_options_of_the_help() {
     all.insert("--release".into());
     let invented: Vec<String> = options(&text).difference(&all).cloned().collect();
     assert!(invented.is_empty(), "docs/commands.md names {invented:?}, which no command has");
+}
+
+/// Command lines of a document: in indented blocks and in blocks of a shell, continued lines joined, comments cut off.
+/// What precedes the name of the program is left out.
+fn command_lines(text: &str) -> Vec<String> {
+    let mut lines: Vec<String> = Vec::new();
+    let (mut shell, mut continued) = (false, false);
+    for line in text.lines() {
+        if line.starts_with("```") {
+            shell = line == "```sh";
+            continue;
+        }
+        if !shell && !line.starts_with("    ") {
+            continued = false;
+            continue;
+        }
+        let line =
+            line.split(" # ").next().unwrap_or(line).split("   ").filter(|part| !part.trim().is_empty());
+        let line = line.take(1).collect::<String>();
+        let line = line.trim();
+        match lines.last_mut().filter(|_| continued) {
+            Some(last) => *last += &format!(" {}", line.trim_end_matches('\\')),
+            None => lines.push(line.trim_end_matches('\\').into()),
+        }
+        continued = line.ends_with('\\');
+    }
+    let program = |line: String| {
+        let rest = line.strip_prefix("cargo run --release -- ").or_else(|| line.strip_prefix("fluorspar "));
+        rest.map(str::to_string)
+    };
+    lines
+        .into_iter()
+        .flat_map(|line| line.split(" && ").map(String::from).collect::<Vec<_>>())
+        .filter_map(program)
+        .collect()
+}
+
+#[test]
+fn the_command_lines_of_the_documents_exist() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    let known: BTreeMap<String, BTreeSet<String>> = commands(&[])
+        .into_iter()
+        .map(|words| {
+            let options = options_of(&words.iter().map(String::as_str).collect::<Vec<_>>());
+            (words.join(" "), options)
+        })
+        .collect();
+    let documents = fs::read_dir(root.join("docs")).unwrap().map(|entry| entry.unwrap().path());
+    let documents = documents.filter(|path| path.extension().is_some_and(|ending| ending == "md"));
+    let (mut wrong, mut read) = (Vec::new(), 0);
+    for path in documents.chain([root.join("README.md")]) {
+        for line in command_lines(&fs::read_to_string(&path).unwrap()) {
+            // A synopsis begins with brackets: docs/commands.md is held to the help by another test.
+            if line.starts_with('[') {
+                continue;
+            }
+            let mut words = line.split_whitespace();
+            let first = words.next().unwrap_or_default().to_string();
+            let both = format!("{first} {}", words.next().unwrap_or_default());
+            let Some(options) = known.get(&both).or_else(|| known.get(&first)) else {
+                wrong.push(format!("{}: no command {both}: {line}", path.display()));
+                continue;
+            };
+            let unknown = self::options(&line)
+                .into_iter()
+                .filter(|o| !options.contains(o) && !OF_ALL.contains(&o.as_str()));
+            wrong.extend(unknown.map(|option| format!("{}: no option {option}: {line}", path.display())));
+            read += 1;
+        }
+    }
+    assert!(wrong.is_empty(), "{wrong:#?}");
+    assert!(read >= 40, "{read} command lines");
 }
