@@ -135,6 +135,7 @@ impl InstanceBvh {
         if instances.len() > MOST_TRIANGLES {
             return Err(BuildError::TooManyInstances { count: instances.len() });
         }
+        // Bound every instance in the scene
         let mut places = Vec::with_capacity(instances.len());
         // Instances of meshes without triangles have no box and are left out of the tree.
         let mut numbers = Vec::with_capacity(instances.len());
@@ -158,6 +159,7 @@ impl InstanceBvh {
             numbers.push(number as u32);
             boxes.push((low, high));
         }
+        // Pad the boxes by the rounding of transformed rays
         let pad = DVec3::splat(PADDING * reach);
         let outward = |low: DVec3, high: DVec3| Bounds {
             min: (low - pad).as_vec3().to_array().map(f32::next_down).into(),
@@ -168,7 +170,9 @@ impl InstanceBvh {
             .map(|&(low, high)| Bounds { min: low.as_vec3(), max: high.as_vec3() })
             .reduce(Bounds::union);
         let boxes: Vec<Bounds> = boxes.par_iter().map(|&(low, high)| outward(low, high)).collect();
+        // Build the tree over the boxes
         let mut nodes = fitting_nodes(&boxes, binary_tree::clustered);
+        // Renumber the leaves where instances were left out
         if numbers.len() < instances.len() {
             for child in nodes.iter_mut().flat_map(|node| &mut node.children) {
                 if *child & wide_tree::LEAF != 0 {

@@ -75,6 +75,7 @@ impl Field {
                 self.values[i as usize] = value;
             }
         }
+        // Smooth, but never below the needed clearance
         for _ in 0..3 {
             let before = self.values.clone();
             for row in 0..rows {

@@ -126,6 +126,7 @@ fn depth_inside(solid: &Solid, point: Vec3, directions: &[Vec3]) -> Option<(f32,
 /// parts. Every `stride`-th vertex is looked at.
 pub(super) fn penetrations(mouth: &Mouth, tolerance_mm: f64, stride: usize) -> Vec<Penetration> {
     let mut solids: Vec<Solid> = Vec::new();
+    // Join the parts of one body
     for part in &mouth.parts {
         let of = body(part);
         let shared = !matches!(of, Body::Tooth | Body::Gums);
@@ -141,6 +142,7 @@ pub(super) fn penetrations(mouth: &Mouth, tolerance_mm: f64, stride: usize) -> V
             solids.push(Solid { body: of, mesh, names, bvh, low: Vec3::ZERO, high: Vec3::ZERO });
         }
     }
+    // Build a tree and bounds per body
     for solid in &mut solids {
         let Ok(bvh) = TriangleBvh::build(&solid.mesh.positions, &solid.mesh.triangles) else {
             return Vec::new();
@@ -149,6 +151,7 @@ pub(super) fn penetrations(mouth: &Mouth, tolerance_mm: f64, stride: usize) -> V
         (solid.low, solid.high) = solid.mesh.bounds();
     }
     let directions = directions();
+    // Measure how deep a vertex lies inside other bodies
     let look = &|part: &Part, vertex: usize| -> Vec<Penetration> {
         if hidden(part, part.mesh.uvs[vertex]) {
             return Vec::new();
@@ -180,6 +183,7 @@ pub(super) fn penetrations(mouth: &Mouth, tolerance_mm: f64, stride: usize) -> V
             })
             .collect()
     };
+    // Test all vertices, deepest first, one result per pair of parts
     let mut all: Vec<Penetration> = mouth
         .parts
         .par_iter()

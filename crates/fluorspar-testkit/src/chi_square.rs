@@ -91,6 +91,7 @@ pub fn chi_square_over_sphere(
     density: impl Fn([f64; 3]) -> f64,
 ) -> ChiSquare {
     let mut observed = vec![0.0; rows * columns + 1];
+    // Count the samples in equal cells of z and azimuth; the last cell counts absorbed ones
     for index in 0..samples {
         let cell = match draw(index) {
             None => rows * columns,
@@ -103,6 +104,7 @@ pub fn chi_square_over_sphere(
         observed[cell] += 1.0;
     }
     let mut expected = vec![0.0; rows * columns + 1];
+    // Integrate the density over the cells
     let solid_angle = 4.0 * PI / (rows * columns) as f64;
     let mut total = 0.0;
     for row in 0..rows {

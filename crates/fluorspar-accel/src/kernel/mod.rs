@@ -176,7 +176,7 @@ trait Traversal: Copy {
     /// # Safety
     /// The stack must have room for [`WIDTH`] more entries.
     #[inline(always)]
-    unsafe fn push_met(self, node: &WideNode, ray: &RayFrame, limit: f32, stack: &mut Stack) {
+    unsafe fn push_hit(self, node: &WideNode, ray: &RayFrame, limit: f32, stack: &mut Stack) {
         // SAFETY: as promised. What is returned had room, too.
         unsafe {
             let near = enter(self, node, ray, limit, stack, |_| {});
@@ -293,7 +293,7 @@ impl Stack {
     }
 }
 
-/// [`Traversal::push_met`] in branches. If there are one or two children, the nearest is returned instead of pushed;
+/// [`Traversal::push_hit`] in branches. If there are one or two children, the nearest is returned instead of pushed;
 /// [`NOTHING`] if not. `fetch` is called for each.
 ///
 /// # Safety
@@ -614,8 +614,8 @@ fn occluded_placed<L: Traversal>(lanes: L, placed: &PlacedTrees, ray: &Ray) -> b
 }
 
 /// Most rays that are on their way at a time.
-const IN_TURNS: usize = 64;
-const _: () = assert!(IN_TURNS <= u8::MAX as usize, "queues hold bytes");
+const IN_FLIGHT: usize = 64;
+const _: () = assert!(IN_FLIGHT <= u8::MAX as usize, "queues hold bytes");
 
 /// Interleaved traversal of several rays: while one waits for memory, the others advance.
 ///
@@ -628,14 +628,14 @@ fn search_each<L: Traversal, S: Search>(lanes: L, tree: &WideTree, rays: &[Ray],
         answers.fill(S::NOTHING_FOUND);
         return;
     }
-    for (rays, answers) in rays.chunks(IN_TURNS).zip(answers.chunks_mut(IN_TURNS)) {
+    for (rays, answers) in rays.chunks(IN_FLIGHT).zip(answers.chunks_mut(IN_FLIGHT)) {
         search_chunk::<L, S>(lanes, tree, rays, answers);
     }
 }
 
 /// Numbers of rays in a queue, and room for one more.
 struct Queue {
-    numbers: [u8; IN_TURNS + 1],
+    numbers: [u8; IN_FLIGHT + 1],
     len: usize,
 }
 
@@ -643,7 +643,7 @@ impl Queue {
     /// Adds a ray, if `really`. A queue of each kind holds a ray once, so that there is room.
     #[inline(always)]
     fn push_if(&mut self, number: u8, really: bool) {
-        self.numbers[self.len.min(IN_TURNS)] = number;
+        self.numbers[self.len.min(IN_FLIGHT)] = number;
         self.len += usize::from(really);
     }
 }
@@ -655,41 +655,44 @@ fn wait_for(next: u32, number: u8, at_nodes: &mut Queue, at_leaves: &mut Queue) 
     at_leaves.push_if(number, next & LEAF != 0 && next != NOTHING);
 }
 
-/// [`search_each`] of up to [`IN_TURNS`] rays, in a tree that is not empty.
+/// [`search_each`] of up to [`IN_FLIGHT`] rays, in a tree that is not empty.
 #[inline(always)]
 fn search_chunk<L: Traversal, S: Search>(lanes: L, tree: &WideTree, rays: &[Ray], answers: &mut [S::Answer]) {
     let Some(first) = rays.first() else { return };
-    let mut stacks = MaybeUninit::<[Stack; IN_TURNS]>::uninit();
+    let mut stacks = MaybeUninit::<[Stack; IN_FLIGHT]>::uninit();
     let stacks = Stack::all_empty(&mut stacks);
-    let mut searches = [S::start(first); IN_TURNS];
+    let mut searches = [S::start(first); IN_FLIGHT];
     for (search, ray) in searches.iter_mut().zip(rays).skip(1) {
         *search = S::start(ray);
     }
-    let mut currents = [0_u32; IN_TURNS];
+    let mut currents = [0_u32; IN_FLIGHT];
     let mut at_nodes = Queue { numbers: std::array::from_fn(|number| number as u8), len: rays.len() };
-    let mut at_leaves = Queue { numbers: [0; IN_TURNS + 1], len: 0 };
+    let mut at_leaves = Queue { numbers: [0; IN_FLIGHT + 1], len: 0 };
+    // Alternate between rays at nodes and rays at leaves until both queues are empty
     while at_nodes.len + at_leaves.len > 0 {
         for &ray in &at_nodes.numbers[..at_nodes.len] {
-            prefetch(&tree.nodes, currents[usize::from(ray) % IN_TURNS] as usize);
+            prefetch(&tree.nodes, currents[usize::from(ray) % IN_FLIGHT] as usize);
         }
+        // Visit one node per ray, queue it for its next element
         let visited = std::mem::take(&mut at_nodes.len);
         for position in 0..visited {
-            let number = at_nodes.numbers[position % IN_TURNS];
-            let ray = usize::from(number) % IN_TURNS;
+            let number = at_nodes.numbers[position % IN_FLIGHT];
+            let ray = usize::from(number) % IN_FLIGHT;
             let (search, stack) = (&searches[ray], &mut stacks[ray]);
             // SAFETY: as for a ray alone.
-            unsafe { lanes.push_met(tree.node(currents[ray]), search.frame(), search.limit(), stack) };
+            unsafe { lanes.push_hit(tree.node(currents[ray]), search.frame(), search.limit(), stack) };
             let next = stack.pop_within(search.limit());
             currents[ray] = next;
             wait_for(next, number, &mut at_nodes, &mut at_leaves);
         }
         for &ray in &at_leaves.numbers[..at_leaves.len] {
-            prefetch(&tree.packs, (currents[usize::from(ray) % IN_TURNS] & !LEAF) as usize);
+            prefetch(&tree.packs, (currents[usize::from(ray) % IN_FLIGHT] & !LEAF) as usize);
         }
+        // Visit one leaf per ray; finished rays leave the queues
         let visited = std::mem::take(&mut at_leaves.len);
         for position in 0..visited {
-            let number = at_leaves.numbers[position % IN_TURNS];
-            let ray = usize::from(number) % IN_TURNS;
+            let number = at_leaves.numbers[position % IN_FLIGHT];
+            let ray = usize::from(number) % IN_FLIGHT;
             let (search, stack) = (&mut searches[ray], &mut stacks[ray]);
             if search.visit_leaf(lanes, tree, currents[ray]) {
                 continue;

@@ -72,9 +72,9 @@ macro_rules! kernel {
             }
 
             #[inline(always)]
-            unsafe fn push_met(self, node: &WideNode, ray: &RayFrame, limit: f32, stack: &mut Stack) {
+            unsafe fn push_hit(self, node: &WideNode, ray: &RayFrame, limit: f32, stack: &mut Stack) {
                 // SAFETY: `self` proves that the processor has the instructions, and the caller that there is room.
-                unsafe { push_met(node, ray, limit, stack) }
+                unsafe { push_hit(node, ray, limit, stack) }
             }
 
             #[inline(always)]
@@ -159,12 +159,12 @@ unsafe fn boxes(node: &WideNode, ray: &RayFrame, limit: f32) -> (__m256, __m256)
     }
 }
 
-/// [`Traversal::push_met`].
+/// [`Traversal::push_hit`].
 ///
 /// # Safety
 /// AVX2 and POPCNT must be there, and the stack must have room for eight more entries.
 #[inline(always)]
-unsafe fn push_met(node: &WideNode, ray: &RayFrame, limit: f32, stack: &mut Stack) {
+unsafe fn push_hit(node: &WideNode, ray: &RayFrame, limit: f32, stack: &mut Stack) {
     debug_assert!(stack.len + WIDTH <= STACK_CAPACITY);
     // SAFETY: the caller promises AVX2 and room for eight entries; the load is aligned, as said above.
     unsafe {

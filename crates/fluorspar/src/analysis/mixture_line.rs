@@ -265,6 +265,7 @@ impl MixtureLine {
         if variance.iter().any(|&v| !(v > 0.0 && v.is_finite())) || rgb.iter().any(|v| !v.is_finite()) {
             return None;
         }
+        // Form the normal equations, weighted by inverse variance
         let inner = |a: [f64; 3], b: [f64; 3]| (0..3).map(|c| a[c] * b[c] / variance[c]).sum::<f64>();
         let (b, p) = (self.bulk_rgb, self.porphyrin_rgb);
         let (bb, bp, pp) = (inner(b, b), inner(b, p), inner(p, p));
@@ -278,6 +279,7 @@ impl MixtureLine {
             let residual = std::array::from_fn(|c| rgb[c] - model[c]);
             inner(residual, residual)
         };
+        // Solve them, with amounts clamped to zero
         let free = [(pp * by - bp * py) / determinant, (bb * py - bp * by) / determinant];
         let clamped = free.iter().any(|&amount| amount < 0.0);
         let amounts = if clamped {
@@ -286,6 +288,7 @@ impl MixtureLine {
         } else {
             free
         };
+        // Propagate the variances to amounts and fraction
         let covariance = [pp / determinant, -bp / determinant, bb / determinant];
         let standard_errors = [covariance[0].sqrt(), covariance[2].sqrt()];
         let interval =

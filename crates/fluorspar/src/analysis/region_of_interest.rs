@@ -150,6 +150,7 @@ impl RegionOfInterest {
         height: usize,
         scene: Option<SceneOnSensor<'_>>,
     ) -> Result<PixelSelection, RegionError> {
+        // Check the rectangle
         let area = self.rectangle.unwrap_or(Rectangle { col: 0, row: 0, width, height });
         let fits = |start: usize, len: usize, end: usize| {
             len > 0 && start.checked_add(len).is_some_and(|stop| stop <= end)
@@ -157,6 +158,7 @@ impl RegionOfInterest {
         if !fits(area.col, area.width, width) || !fits(area.row, area.height, height) {
             return Err(RegionError::OutsideImage { rectangle: area, width, height });
         }
+        // Collect its pixels that show the parts
         let wanted = self.part_numbers(scene.map(|s| s.components))?;
         let mut pixels = Vec::new();
         for row in area.row..area.row + area.height {

@@ -167,6 +167,7 @@ pub fn analyze_region(
     reflected: Option<&ChannelImage>,
     settings: &AnalysisSettings,
 ) -> Result<(Analysis, ChromaticityMap, Option<PorphyrinMap>), AnalysisError> {
+    // Select the pixels of the region
     if let Some(leak) = reflected.filter(|l| (l.width, l.height) != (image.width, image.height)) {
         return Err(AnalysisError::ReflectedSize {
             reflected: [leak.width, leak.height],
@@ -174,10 +175,12 @@ pub fn analyze_region(
         });
     }
     let selection = settings.region.select(image.width, image.height, scene)?;
+    // Compute chromaticities and their statistics
     let map = ChromaticityMap::new(image, settings.noise_threshold)?;
     let statistics = RegionStatistics::new(image, &map, &selection);
     let mut warnings = exclusion_warnings(&statistics.counts);
 
+    // Predict the mixture line from the fluorophores
     let line =
         match model.map(|m| MixtureLine::from_fluorophores(&m.responses, &m.bulk_weights, &m.porphyrin)) {
             None => None,
@@ -188,6 +191,7 @@ pub fn analyze_region(
                 None
             }
         };
+    // Estimate the porphyrin fraction per pixel and of the region's mean
     let mut porphyrin = None;
     let mut mixture = None;
     if let Some(line) = &line {
@@ -205,6 +209,7 @@ pub fn analyze_region(
         mixture = Some(summary);
         porphyrin = Some(estimates);
     }
+    // Collect the results
     let analysis = Analysis {
         frame: image.label.clone(),
         region_description: settings.region.describe(),

@@ -504,6 +504,7 @@ impl Film {
     /// Films of different renders, samples that both hold, samples that end within a block, samples outside of the rows
     /// that this film was made for ([`Self::of_tile_rows`]). The film is unchanged then.
     pub fn merge(&mut self, other: &Self) -> Result<(), MergeError> {
+        // Check that both films belong to one render
         let differs = |what| Err(MergeError::Different { what });
         let (a, b) = (&self.layout, &other.layout);
         if (a.width, a.height) != (b.width, b.height) {
@@ -518,6 +519,7 @@ impl Film {
         if a != b {
             return differs("their components, wavelengths or quanta");
         }
+        // Check that no sample is in both, and that ranges end at blocks
         for ((mine, own), (theirs, sums)) in self.tiles().zip(other.tiles()) {
             if !theirs.samples.is_empty() && own.len() != sums.len() {
                 return Err(MergeError::OutsideRows { row: mine.row, col: mine.col });
@@ -534,6 +536,7 @@ impl Film {
                 }
             }
         }
+        // Add the sums
         for (mine, (theirs, sums)) in self.tiles_mut().into_iter().zip(other.tiles()) {
             if theirs.samples.is_empty() {
                 continue;

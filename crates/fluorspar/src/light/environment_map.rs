@@ -82,6 +82,7 @@ impl EnvironmentMap {
         layers: Vec<EnvironmentLayer>,
         rotation_deg: f64,
     ) -> Result<Self, EnvironmentMapError> {
+        // Check the layers
         for (number, layer) in layers.iter().enumerate() {
             let values = layer.factors.len();
             if width == 0 || height == 0 || values != width * height {
@@ -92,6 +93,7 @@ impl EnvironmentMap {
                 return Err(EnvironmentMapError::Value { col, row, layer: number, value });
             }
         }
+        // Weight layers by the power of their spectra
         let weights: Vec<f64> = layers.iter().map(|layer| layer.spectrum.total()).collect();
         let power = |pixel: usize| -> f64 {
             layers.iter().zip(&weights).map(|(layer, weight)| weight * f64::from(layer.factors[pixel])).sum()
@@ -99,6 +101,7 @@ impl EnvironmentMap {
         let mut columns = Vec::with_capacity(width * height);
         let mut rows = Vec::with_capacity(height);
         let mut total = 0.0;
+        // Tabulate distributions: columns within each row, rows by their power times solid angle
         for row in 0..height {
             let solid_angle = row_solid_angle(row, width, height);
             let mut sum = 0.0;

@@ -76,6 +76,7 @@ impl ConductorReflectance {
     pub fn new(conductor: &Conductor, grid: &WavelengthGrid, rough: &AlbedoTable) -> Self {
         let (n, k) = (conductor.n.bin_averages(grid), conductor.k.bin_averages(grid));
         let bands = grid.len();
+        // Tabulate the reflectance over angles
         let exact: Vec<Vec<f64>> = (0..COSINES)
             .map(|node| {
                 let cos = node_cosine(node);
@@ -93,6 +94,7 @@ impl ConductorReflectance {
                     .sum()
             })
             .collect();
+        // Compute the color of multiple scattering between microfacets
         let tints: Vec<Vec<f64>> = (0..ROUGHNESSES)
             .map(|node| {
                 let alpha = node as f32 / (ROUGHNESSES - 1) as f32;
@@ -100,11 +102,13 @@ impl ConductorReflectance {
                 mean.iter().map(|f| f * f * albedo / (1.0 - f * (1.0 - albedo))).collect()
             })
             .collect();
+        // Project the tables onto a few spectra
         let basis = orthonormal_basis(&exact);
         let weights: Vec<[f32; TERMS]> =
             exact.iter().map(|row| std::array::from_fn(|term| dot(row, &basis[term]) as f32)).collect();
         let (mut angles, mut multiple) = (Vec::new(), Vec::new());
         let (mut largest_error, mut sum_error) = (0.0_f64, 0.0);
+        // Fit reflectances at other angles to that at the angle of view
         for view in &exact {
             for reflected in &exact {
                 let (a, b, error) = linear_fit(view, reflected);

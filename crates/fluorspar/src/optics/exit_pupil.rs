@@ -107,6 +107,7 @@ fn passing(trace: &SequentialTrace, height: f64, film_mm: f64, plane_mm: f64, wi
     let mut low = DVec2::new(center - half, 0.0);
     let mut high = DVec2::new(center + half, half);
     let mut found = Vec::new();
+    // Trace grids of rays over shrinking boxes around those that pass
     for pass in 0..=LATER_PASSES {
         let side = if pass == 0 { FIRST_GRID } else { LATER_GRID };
         let step = (high - low) / DVec2::new(side as f64, side as f64);
@@ -124,6 +125,7 @@ fn passing(trace: &SequentialTrace, height: f64, film_mm: f64, plane_mm: f64, wi
         if found.is_empty() {
             return found;
         }
+        // Shrink the box to the passing rays, one cell wider
         let least = found.iter().fold(DVec2::INFINITY, |a, b| a.min(*b));
         let most = found.iter().fold(DVec2::NEG_INFINITY, |a, b| a.max(*b));
         (low, high) = (least - step, most + step);

@@ -168,10 +168,12 @@ impl CameraLens {
         let radius_mm = 0.5 * self.film_width_mm().hypot(self.film_height_mm());
         let illumination = ByHeight::new(radius_mm, 33, |height_mm| self.relative_illumination(height_mm));
         for (range, lens) in self.groups() {
+            // Look pixels up where their chief rays go
             let tangent = ByHeight::new(radius_mm, 65, |height_mm| {
                 lens.chief_ray(height_mm).map_or(f64::NAN, |chief| chief.object_tangent)
             });
             let ideal = self.undistorted(pinhole, tan_half_width, &tangent, range);
+            // Convolve traced point spreads with the Airy pattern
             let airy = Airy::new(lens.wavelength_nm(), self.working_f_number());
             let spreads: Vec<PointSpread> = (0..FIELD_NODES)
                 .into_par_iter()
@@ -180,6 +182,7 @@ impl CameraLens {
                     PointSpread::new(lens, self.state().object_mm(), height_mm, RAYS).with_airy(&airy)
                 })
                 .collect();
+            // Blur and darken
             self.blur(&ideal, &spreads, &illumination, range, &mut picture);
         }
         picture
@@ -271,12 +274,14 @@ impl CameraLens {
         picture.data_mut().par_chunks_exact_mut(width * bands).enumerate().for_each(|(row, out)| {
             let mut kernel = Kernel::default();
             for (col, out) in out.chunks_exact_mut(bands).enumerate() {
+                // Find the field height of the pixel between two nodes
                 let place = self.place_mm(row, col, width, height);
                 let at = place.length();
                 let position = (at / radius_mm * (FIELD_NODES - 1) as f64).min((FIELD_NODES - 1) as f64);
                 let left = (position as usize).min(FIELD_NODES - 2);
                 let t = position - left as f64;
                 let radial = if at > 0.0 { place / at } else { DVec2::X };
+                // Rotate both point spreads to the pixel's radius and bin them to pixels
                 kernel.clear();
                 for (spread, share) in [(&spreads[left], 1.0 - t), (&spreads[left + 1], t)] {
                     for ray in &spread.rays {
@@ -285,6 +290,7 @@ impl CameraLens {
                         kernel.add(-offset.x / pitch_mm, offset.y / pitch_mm, share * ray[2]);
                     }
                 }
+                // Gather the ideal image, darkened by the relative illumination
                 let brightness = illumination.at(at) as f32 / kernel.total.max(f32::MIN_POSITIVE);
                 for (dx, dy, weight) in kernel.entries() {
                     let c = (col as i32 + dx).clamp(0, width as i32 - 1) as usize;

@@ -235,6 +235,7 @@ impl IdealLens {
         let factors = |transmittance: &Spectrum<Transmittance>| -> Vec<f32> {
             transmittance.values().iter().map(|t| (solid_angle * t) as f32).collect()
         };
+        // Average the transmittance over the bands, per field height
         let on_axis = factors(&self.transmittance_under(radiance.grid(), light));
         let by_height: Vec<(f64, Vec<f32>)> = self
             .field_transmittance
@@ -246,6 +247,7 @@ impl IdealLens {
         if radiance.data().is_empty() {
             return image;
         }
+        // Scale every pixel by solid angle, transmittance and falloff
         let rows = image.data_mut().par_chunks_exact_mut(width * bands);
         rows.zip(radiance.data().par_chunks_exact(width * bands)).enumerate().for_each(
             |(row, (out, light))| {

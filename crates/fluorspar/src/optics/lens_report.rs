@@ -185,12 +185,14 @@ impl LensReport {
         let traced = TracedLens::new(state, nm, height_mm);
         let axial_solid_angle_sr = state.axial_solid_angle_sr(nm);
         let working_f_number = 0.5 / (axial_solid_angle_sr / PI).sqrt();
+        // Trace spots
         let rays: Vec<(f64, Vec<LandedRay>)> = SPOT_FIELDS
             .into_par_iter()
             .map(|part| {
                 (part * height_mm, landed_rays(&traced, state.object_mm(), part * height_mm, SPOT_RAYS))
             })
             .collect();
+        // Trace illumination, distortion and foci along the field
         let field = (0..FIELD_STEPS)
             .into_par_iter()
             .map(|step| {
@@ -321,6 +323,7 @@ fn mtf(fields: &[(f64, Vec<LandedRay>)], nm: f64, working_f_number: f64, frequen
     let reach = 2.0 * working_f_number / frequency_per_mm;
     let middle = (FOCUS_STEPS / 2) as f64;
     let shifts: Vec<f64> = (0..FOCUS_STEPS).map(|i| reach * (i as f64 - middle) / middle).collect();
+    // Compute MTF over frequency and through focus for every field
     let curves: Vec<FieldMtf> = fields
         .par_iter()
         .map(|(height_mm, rays)| {
@@ -345,6 +348,7 @@ fn mtf(fields: &[(f64, Vec<LandedRay>)], nm: f64, working_f_number: f64, frequen
         })
         .collect();
     let on_axis = curves.first().map(|c| (&c.through_focus_tangential, &c.through_focus_sagittal));
+    // Find the best focus on the axis
     let best = on_axis.map_or(0.0, |(t, s)| {
         let sums = t.iter().zip(s).map(|(t, s)| t + s);
         let best = sums.enumerate().fold((0, f64::MIN), |a, b| if b.1 > a.1 { b } else { a });

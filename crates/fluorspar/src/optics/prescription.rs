@@ -238,6 +238,7 @@ impl LensPrescription {
     /// The first surface and field that can't be used, with the way to fix it.
     pub fn validate(&self) -> Result<(), PrescriptionError> {
         let fail = |place: String, message: String| Err(PrescriptionError { place, message });
+        // Check the lens as a whole
         if self.surfaces.is_empty() || self.surfaces.len() > MOST_SURFACES {
             let message = format!("{} surfaces; a lens has 1 to {MOST_SURFACES}", self.surfaces.len());
             return fail("surfaces".into(), message);
@@ -251,6 +252,7 @@ impl LensPrescription {
         if stops != 1 {
             return fail("stop".into(), format!("{stops} surfaces are the aperture stop; mark exactly one"));
         }
+        // Check each surface
         for (index, surface) in self.surfaces.iter().enumerate() {
             let at = |field: &str| format!("surface {}, {field}", index + 1);
             let last = index + 1 == self.surfaces.len();
@@ -297,6 +299,7 @@ impl LensPrescription {
                 return fail(at("semi_diameter_mm"), message);
             }
         }
+        // Check the space behind the lens and the gaps that focus it
         let last = self.surfaces.len() - 1;
         if (self.index_behind(last, self.design_wavelength_nm) - 1.0).abs() > 1e-12 {
             let message = "there must be air behind the last surface; add the rear face of the last glass";

@@ -134,6 +134,7 @@ fn aperture(
     let open = SequentialTrace::new(lens, nm, widest);
     let parallel = |height: f64| LensRay { origin: DVec3::new(height, 0.0, -1.0), direction: DVec3::Z };
     let passes = |height: f64| open.forward(parallel(height)).is_ok();
+    // Bisect the largest height at which a parallel ray passes
     let (mut low, mut high) = (0.0, lens.surfaces[0].semi_diameter_mm * 1.01);
     for _ in 0..60 {
         let middle = 0.5 * (low + high);
@@ -145,6 +146,7 @@ fn aperture(
             "no light of a distant object on the axis passes; check the semi-diameters and the stop";
         return Err(PrescriptionError::new("semi_diameter_mm", message));
     }
+    // Set the stop for the wanted f-number
     let stop_at = |height: f64| open.to_stop(parallel(height)).map_or(widest, |point| point.x.abs());
     match wanted {
         None => Ok((stop_at(low).min(widest), fastest)),

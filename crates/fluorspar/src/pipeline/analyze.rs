@@ -113,6 +113,7 @@ fn mixture_model(
     let channel =
         |name: &str| -> Option<Spectrum<QuantumEfficiency>> { Some(qe.on_grid(qe.find(name)?, grid)) };
     let [red, green, blue] = [channel("R")?, channel("G")?, channel("B")?];
+    // Predict the response to each fluorophore at unit amount
     let responses = study
         .scene
         .fluorophores

@@ -83,6 +83,7 @@ impl Calibration {
         flat_frames: Vec<SensorImage>,
         bad_pixel_sigma: Option<f64>,
     ) -> Result<Self, PipelineError> {
+        // Average dark frames of equal exposure
         let mut groups: Vec<Vec<SensorImage>> = Vec::new();
         for frame in dark_frames {
             let same = |g: &&mut Vec<SensorImage>| {
@@ -101,6 +102,7 @@ impl Calibration {
         for group in groups {
             calibration.darks.push(average(group)?);
         }
+        // Make the flat field
         let mut flat_master = None;
         if !flat_frames.is_empty() {
             let light = average(flat_frames)?;
@@ -108,6 +110,7 @@ impl Calibration {
             calibration.flat = Some(FlatField::new(&light, dark)?);
             flat_master = Some(light);
         }
+        // Detect bad pixels in the longest dark frame and the flat field
         if let Some(sigma) = bad_pixel_sigma {
             let longest = calibration.darks.iter().max_by(|a, b| a.exposure_s.total_cmp(&b.exposure_s));
             let flat = flat_master

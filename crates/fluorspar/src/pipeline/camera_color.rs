@@ -32,6 +32,7 @@ impl CameraColor {
             .iter()
             .map(|name| Some(sensor.qe().on_grid(sensor.qe().find(name)?, &grid)))
             .collect::<Option<_>>()?;
+        // Define the responses of the camera and of the standard observer
         let respond = |light: &Curve| -> [f64; 3] {
             let photons: Vec<f64> = (light.times(&lens.transmittance).bin_averages(&grid).iter().enumerate())
                 .map(|(b, v)| v * photons_per_joule(grid.center_nm(b)))
@@ -43,12 +44,14 @@ impl CameraColor {
             let values: Vec<f32> = light.bin_averages(&grid).iter().map(|v| *v as f32).collect();
             observer.xyz(&values)
         };
+        // Normalize both to D65
         let daylight = daylight_d65();
         let (white, white_xyz) = (respond(&daylight), tristimulus(&daylight));
         let largest = white.iter().copied().fold(0.0, f64::max);
         if white.iter().any(|&w| w <= 1e-9 * largest) {
             return None;
         }
+        // Collect training surfaces: reflectances, and smooth bands with their complements
         let mut surfaces = study.camera.training_reflectances.clone();
         for center in (400..=700).step_by(20) {
             for width in BANDS_NM {
@@ -57,6 +60,7 @@ impl CameraColor {
                 surfaces.push(Curve::from_fn(380.0, 780.0, move |nm| 1.0 - bell(nm)));
             }
         }
+        // Accumulate and solve the normal equations of XYZ to camera
         let (mut normal, mut right) = ([[0.0; 3]; 3], [[0.0; 3]; 3]);
         let mut add = |surface: &Curve, weight: f64| {
             let light = daylight.times(surface);
@@ -75,6 +79,7 @@ impl CameraColor {
         let xyz_to_camera = std::array::from_fn(|channel| {
             std::array::from_fn(|axis| (0..3).map(|k| inverse[axis][k] * right[k][channel]).sum())
         });
+        // Respond to the light of the frame for the neutral point
         let light = frame_light(study, capture, None)
             .filter(|light| light.integral(500.0, 650.0) >= 0.2 * light.total())
             .map_or(white, |light| respond(&light));

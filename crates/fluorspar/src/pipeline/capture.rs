@@ -220,6 +220,7 @@ pub fn capture(study: &Study, components: &ComponentImage) -> Result<Vec<Capture
         let (image, study) = (components.grid.len(), study.scene.grid.len());
         return Err(PipelineError::OtherGrid { image, study });
     }
+    // Check that the component image fits the study
     let known = components.light_groups();
     for c in &study.captures {
         let frame = &c.frame;
@@ -239,6 +240,7 @@ pub fn capture(study: &Study, components: &ComponentImage) -> Result<Vec<Capture
         }
     }
     study.capture_sequence().validate()?;
+    // Expose each capture in sequence
     let film = film_extent(study, components, &lens);
     let mut path = MotionPath::new(study);
     let mut exposures = Vec::with_capacity(study.captures.len());
@@ -247,11 +249,13 @@ pub fn capture(study: &Study, components: &ComponentImage) -> Result<Vec<Capture
         let tan_half_width = tan_half_width(study, components);
         let mut irradiance =
             SpectralImage::zeros(components.grid.clone(), components.width, components.height);
+        // Form the irradiance on the film
         for light in light_by_shape(study, &capture.frame, components) {
             irradiance.add(&film_irradiance(study, &lens, &light, tan_half_width, film.width_mm));
         }
         exposures.push(expose_capture(study, sensor, capture, &irradiance, film, &mut path)?);
     }
+    // Develop with calibration frames of the same exposures
     let calibration = Calibration::of_study(study, exposures.iter().flat_map(RawExposures::all))?;
     develop_frames(study, exposures, &calibration)
 }
@@ -330,6 +334,7 @@ pub fn develop_frames(
     exposures: Vec<RawExposures>,
     calibration: &Calibration,
 ) -> Result<Vec<CapturedFrame>, PipelineError> {
+    // Calibrate and merge the exposures of each frame
     let linear: Vec<LinearMosaic> = exposures
         .iter()
         .map(|frame| {
@@ -337,6 +342,7 @@ pub fn develop_frames(
             merge_exposures(&all, |index| calibration.development(all[index]))
         })
         .collect::<Result<_, _>>()?;
+    // Subtract ambient frames and demosaic
     let mut developed = Vec::with_capacity(exposures.len());
     for frame in &linear {
         let subtract = study.capture(&frame.label).and_then(|c| c.subtract.as_deref());

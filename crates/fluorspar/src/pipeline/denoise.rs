@@ -90,6 +90,7 @@ struct Guide {
 /// # Errors
 /// Images without the statistics of light groups, with too few samples, or denoised already; settings out of range.
 pub fn denoise(image: &ComponentImage, settings: &DenoiseSettings) -> Result<ComponentImage, DenoiseError> {
+    // Check settings and statistics
     let ranges = [
         ("radius", settings.radius as f64, 1.0, 20.0),
         ("strength", settings.strength, 0.1, 10.0),
@@ -112,6 +113,7 @@ pub fn denoise(image: &ComponentImage, settings: &DenoiseSettings) -> Result<Com
     if image.samples_per_pixel < LEAST_SAMPLES {
         return Err(DenoiseError::TooFewSamples(image.samples_per_pixel));
     }
+    // Filter every light group with the guides of its two half-buffers
     let (width, height, bands) = (image.width, image.height, image.grid.len());
     let plane = width * height * bands;
     let mut result = image.clone();
@@ -122,6 +124,7 @@ pub fn denoise(image: &ComponentImage, settings: &DenoiseSettings) -> Result<Com
         let variance = &statistics.variance[of_group.clone()];
         let halves = [&statistics.half_a[of_group.clone()], &statistics.half_b[of_group]];
         let guides = halves.map(|half| guide(half, variance, width, height, bands));
+        // Share the weights of a pixel among all components of the group
         let weights = Weights { image, settings };
         let members: Vec<usize> =
             (0..image.components.len()).filter(|&c| image.components[c].group_label() == *group).collect();
@@ -130,6 +133,7 @@ pub fn denoise(image: &ComponentImage, settings: &DenoiseSettings) -> Result<Com
             .map(|row| {
                 let mut out = vec![0.0; members.len() * width * bands];
                 for col in 0..width {
+                    // Average the neighbors with their weights
                     let near = weights.around(&guides, row, col);
                     for (m, &component) in members.iter().enumerate() {
                         let source = image.component(component);
@@ -144,6 +148,7 @@ pub fn denoise(image: &ComponentImage, settings: &DenoiseSettings) -> Result<Com
                 out
             })
             .collect();
+        // Copy the rows into the result
         for (row, values) in rows.iter().enumerate() {
             for (m, &component) in members.iter().enumerate() {
                 let to = component * plane + row * width * bands;
@@ -152,6 +157,7 @@ pub fn denoise(image: &ComponentImage, settings: &DenoiseSettings) -> Result<Com
             }
         }
     }
+    // Restore the mean of every part per component and band
     give_back_means(image, &mut result);
     Ok(result)
 }

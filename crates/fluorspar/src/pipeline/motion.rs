@@ -50,6 +50,7 @@ impl MotionPath {
 pub(super) fn shifted<Q: Quantity>(image: &SpectralImage<Q>, right: f64, down: f64) -> SpectralImage<Q> {
     let (width, height) = (image.width(), image.height());
     let mut out = SpectralImage::zeros(image.grid().clone(), width, height);
+    // Split the shift into whole pixels and a fraction
     let split = |shift: f64| {
         let whole = shift.floor();
         (whole as i64, (shift - whole) as f32)
@@ -62,6 +63,7 @@ pub(super) fn shifted<Q: Quantity>(image: &SpectralImage<Q>, right: f64, down: f
         for col in 0..width {
             let before = clamp(col as i64 - cols - 1, width);
             let after = clamp(col as i64 - cols, width);
+            // Average the four pixels that overlap the shifted one
             let corners = [
                 (image.pixel(below, after), (1.0 - row_part) * (1.0 - col_part)),
                 (image.pixel(below, before), (1.0 - row_part) * col_part),

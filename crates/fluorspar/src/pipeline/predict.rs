@@ -175,6 +175,7 @@ fn respond(
     response: &FlatResponse,
 ) {
     let electrons = |radiance: &[f64], view: &[f64]| camera.electrons(&filtered(radiance, view), time_s);
+    // Separate reflected and fluorescent electrons
     let reflected_e = electrons(&parts.reflected, &parts.view_of_reflected);
     let fluorescent_e: Vec<(&String, Vec<f64>)> =
         parts.fluorescence.iter().map(|(name, values)| (name, electrons(values, &parts.view))).collect();
@@ -191,6 +192,7 @@ fn respond(
         };
         prediction.channels.insert(name.clone(), channel);
     }
+    // Compute chromaticities and the leak ratio
     let chromaticity = |electrons: &[f64]| {
         let pick = |name: &str| names.iter().position(|n| n == name).map(|c| electrons[c]);
         let [r, g] = sensor_chromaticity([pick("R")?, pick("G")?, pick("B")?])?;

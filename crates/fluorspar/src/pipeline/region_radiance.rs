@@ -59,6 +59,7 @@ impl RegionRadiance {
             if drive == 0.0 {
                 continue;
             }
+            // Average the component over the region
             let values = components.component(index);
             let mut mean = vec![0.0; bands];
             for &pixel in pixels {
@@ -67,6 +68,7 @@ impl RegionRadiance {
                 }
             }
             mean.iter_mut().for_each(|sum| *sum /= pixels.len().max(1) as f64);
+            // Add it to its term and to the total
             let target = match &component.light {
                 LightPath::Reflected => {
                     radiance.reflected_components.push((component.clone(), mean.clone()));

@@ -130,14 +130,15 @@ pub fn assess_safety(study: &Study, frames: &[CapturedFrame]) -> Option<SafetyRe
     let mut captures = Vec::new();
     let mut brightest: Option<(f64, Illumination)> = None;
     for capture in &study.captures {
+        // Assess each viewer of a capture
         let (light_on_s, light_on_from) = light_on(capture, frames);
         let at_mucosa = illumination(study, capture, axis_point(study, mucosa_mm));
         let mut viewers = Vec::new();
         if !at_mucosa.sources.is_empty() {
-            let lamp = illumination(study, capture, axis_point(study, CLASSIFICATION_MM));
-            let level = lamp.total_irradiance();
+            let source = illumination(study, capture, axis_point(study, CLASSIFICATION_MM));
+            let level = source.total_irradiance();
             if brightest.as_ref().is_none_or(|(most, _)| level > *most) {
-                brightest = Some((level, lamp));
+                brightest = Some((level, source));
             }
             let observer = if settings.aphakic { RetinalObserver::Aphakic } else { RetinalObserver::Normal };
             viewers.push(match settings.patient_eye_distance_mm {
@@ -165,9 +166,10 @@ pub fn assess_safety(study: &Study, frames: &[CapturedFrame]) -> Option<SafetyRe
             viewers,
         });
     }
+    // Classify the brightest capture as continuous light
     let (risk_group, risk_quantities) = match brightest {
-        Some((_, lamp)) => {
-            let (group, list) = risk_group(&lamp);
+        Some((_, source)) => {
+            let (group, list) = risk_group(&source);
             (Some(group), list)
         }
         None => (None, Vec::new()),
@@ -300,16 +302,18 @@ fn illumination(study: &Study, capture: &Capture, at: OrientedPoint) -> Illumina
             solid_angle_sr: size.solid_angle_sr,
         });
     };
-    for lamp in &scene.lights {
-        let drive = capture.frame.drive(&scene.light_groups[lamp.group].name);
+    // Add the lights that are on
+    for source in &scene.lights {
+        let drive = capture.frame.drive(&scene.light_groups[source.group].name);
         if drive > 0.0 {
-            let factors = lamp.emitter.irradiance_factors(at);
-            let sizes = lamp.emitter.apparent_sizes(at, &factors);
-            for ((spectrum, factor), size) in lamp.spectra().iter().zip(factors).zip(sizes) {
+            let factors = source.emitter.irradiance_factors(at);
+            let sizes = source.emitter.apparent_sizes(at, &factors);
+            for ((spectrum, factor), size) in source.spectra().iter().zip(factors).zip(sizes) {
                 add(spectrum, drive * factor, size);
             }
         }
     }
+    // Add emissive objects
     for object in &scene.objects {
         let Some(emission) = &object.emission else { continue };
         let drive = capture.frame.drive(&scene.light_groups[emission.group].name);

@@ -46,6 +46,7 @@ pub fn read_spectroradiometers(
     }
     let mut readings = Vec::new();
     for device in &study.spectroradiometers {
+        // Weight the pixels of the spot or the parts
         let (weights, target) = match &device.target {
             SpectroradiometerTarget::Spot { aim, acceptance_deg } => {
                 let camera = &study.scene.camera;
@@ -68,6 +69,7 @@ pub fn read_spectroradiometers(
             }
         };
         let grid = &components.grid;
+        // Average the radiance behind the instrument's filter
         let mut mean = vec![0.0; grid.len()];
         for light in light_by_shape(study, &device.frame, components) {
             let part = weighted_mean(&light.radiance, &weights);
@@ -77,6 +79,7 @@ pub fn read_spectroradiometers(
             }
         }
         let mean = Spectrum::<Radiance>::from_parts(grid.clone(), mean);
+        // Read the spectrum
         let reading = device.instrument.read(&mean, study.render.seed, &device.name);
         readings.push(SpectroradiometerReading {
             name: device.name.clone(),
@@ -122,6 +125,7 @@ fn spot_weights(
     let mut weights = Vec::new();
     for row in 0..height {
         for col in 0..width {
+            // Integrate the solid angle of the pixel within the acceptance cone
             let mut share = 0.0;
             for sub in 0..SUB * SUB {
                 let place = |i: usize| (i as f64 + 0.5) / SUB as f64;
@@ -136,6 +140,7 @@ fn spot_weights(
             }
         }
     }
+    // Take the pixel at the aim where the spot is smaller than a pixel
     if weights.is_empty() {
         let at = |value: f64, count: usize| (value.max(0.0) as usize).min(count - 1);
         weights.push((at(aim_px[1], height) * width + at(aim_px[0], width), 1.0));

@@ -35,11 +35,13 @@ impl FluorescenceOperator {
         let form = match eem.density() {
             YieldDensity::Separable(terms) => {
                 let masked = eem.stokes() == Stokes::Mask;
+                // Integrate the Stokes mask on the diagonal
                 let mut diagonal: Vec<f32> =
                     (0..grid.len()).map(|band| diagonal_entry(eem, grid, &weight, band) as f32).collect();
                 let terms = terms
                     .iter()
                     .map(|term| {
+                        // Average excitation and emission over the bins
                         let excitation: Vec<f32> = (0..grid.len())
                             .map(|band| {
                                 let average = weight.average(band, |nm| term.excitation.at(nm) * nm);
@@ -52,6 +54,7 @@ impl FluorescenceOperator {
                         if !masked {
                             return OuterProduct::new(&excitation, &emission);
                         }
+                        // Add the diagonal to the first term only
                         let product = OuterProduct::below_diagonal(&excitation, &emission, &diagonal);
                         diagonal.fill(0.0);
                         product
@@ -64,6 +67,7 @@ impl FluorescenceOperator {
                 let mut columns = vec![0.0; n * n];
                 for excitation in 0..n {
                     for emission in 0..n {
+                        // Average each entry over both bins
                         let entry = if emission == excitation && eem.stokes() == Stokes::Mask {
                             diagonal_entry(eem, grid, &weight, emission)
                         } else {

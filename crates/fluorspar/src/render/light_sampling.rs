@@ -39,7 +39,7 @@ impl CompiledScene {
     /// token for lights that lie behind the surface. A zero normal marks a surface that transmits light.
     #[inline]
     fn light_weight(&self, light: &CompiledLight, position: Vec3, normal: Vec3) -> f32 {
-        let (center, reach, lobe) = match light.bounds {
+        let (center, radius, lobe) = match light.bounds {
             // The others' weight is 2 pi times their irradiance.
             LightBounds::Distant { direction } => {
                 let facing = if normal == Vec3::ZERO { 1.0 } else { -direction.dot(normal) };
@@ -49,10 +49,10 @@ impl CompiledScene {
             LightBounds::Local { center, radius, lobe } => (center, radius, lobe),
         };
         let to_light = center - position;
-        let distance2 = to_light.length_squared().max(reach * reach).max(1e-12);
+        let distance2 = to_light.length_squared().max(radius * radius).max(1e-12);
         let direction = to_light / distance2.sqrt();
-        // The whole light may be lower than its center by its reach.
-        let sine = reach / distance2.sqrt();
+        // The whole light may be lower than its center by its radius.
+        let sine = radius / distance2.sqrt();
         let facing =
             if normal == Vec3::ZERO { 1.0 } else { (direction.dot(normal) + sine).clamp(LEAST_WEIGHT, 1.0) };
         let emission = lobe.map_or(1.0, |(axis, exponent)| {

@@ -25,6 +25,7 @@ pub(super) fn film_layout(
     let camera = &compiled.camera;
     let components = component_labels(scene, settings);
     let bands = compiled.bands;
+    // Choose a grid of pilot pixels
     let grid = |size: usize| -> Vec<usize> {
         let count = size.min(PILOT_SIDE);
         (0..count).map(|i| (2 * i + 1) * size / (2 * count)).collect()
@@ -54,6 +55,7 @@ pub(super) fn film_layout(
             },
         )
         .collect();
+    // Reduce brightest samples and sums in a fixed order
     let (mut brightest, mut levels) =
         (vec![0.0_f32; components.len() * bands], vec![0.0; components.len() * bands]);
     for (most, sums) in parts {

@@ -81,6 +81,7 @@ impl CompiledScene {
     /// The surface at an intersection with an object; `None` for lights.
     #[inline]
     pub(super) fn surface(&self, origin: Vec3, direction: Vec3, hit: &Intersection) -> Option<SurfacePoint> {
+        // Interpolate position, normals and texture coordinates at the hit
         let (position, geometric, shading, uv, object) = match hit.target {
             Target::Light(_) => return None,
             Target::Triangle { triangle, u, v } => {

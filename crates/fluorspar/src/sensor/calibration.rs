@@ -41,6 +41,7 @@ impl MasterFrame {
         let mut sums: Vec<u64> = first.data.iter().map(|&dn| u64::from(dn)).collect();
         let mut saturated: Vec<bool> = first.data.iter().map(|&dn| dn >= first.white_level).collect();
         let mut count = 1usize;
+        // Add the frames, which must share sensor and exposure
         for frame in frames {
             let frame = frame?;
             if (frame.width, frame.height) != (first.width, first.height) || frame.mosaic != first.mosaic {
@@ -171,6 +172,7 @@ impl BadPixels {
             in_flat: 0,
         };
         let sigma = sigma as f32;
+        // Mark outliers of the dark signal, per channel
         if let Some(dark) = dark {
             for channel in 0..dark.mosaic.channels.len() {
                 let mut values: Vec<f32> = dark.pixels_of(channel).map(|p| dark.mean[p]).collect();
@@ -184,6 +186,7 @@ impl BadPixels {
                 }
             }
         }
+        // Mark outliers of the relative response to even light, per channel
         if let Some((flat, flat_dark)) = flat {
             if (flat.width, flat.height) != (any.width, any.height) || flat.mosaic != any.mosaic {
                 let label = |frame: &MasterFrame| format!("mean of {} frames", frame.frames);
@@ -221,6 +224,7 @@ impl BadPixels {
             let (row, col) = (pixel / self.width, pixel % self.width);
             let channel = frame.mosaic.channel(row, col);
             let mut repaired = None;
+            // Search growing rings of cells for good pixels of the same channel
             for ring in 1..=4isize {
                 let (mut sum, mut weights, mut saturated) = (0.0f64, 0.0f64, false);
                 for down in -ring * rows..=ring * rows {
@@ -241,6 +245,7 @@ impl BadPixels {
                         saturated |= full[other];
                     }
                 }
+                // Stop at the first ring that has any
                 if weights > 0.0 {
                     repaired = Some(((sum / weights) as f32, saturated));
                     break;

@@ -344,6 +344,7 @@ impl Bench<'_> {
         };
         let shortest_s = 1e-4;
         let (zero_dn, _) = dark(shortest_s, 0)?;
+        // Find the longest time whose dark signal is large but below the limit
         let mut longest_s = 0.1;
         let mut step = 1;
         loop {
@@ -358,6 +359,7 @@ impl Bench<'_> {
             longest_s *= 4.0;
             step += 1;
         }
+        // Fit mean and variance over time
         let mut points = Vec::new();
         for k in 0..6 {
             let time_s = shortest_s + (longest_s - shortest_s) * k as f64 / 5.0;
@@ -602,6 +604,7 @@ fn recovered(laboratory: &Sensor, measured: &Characterization, time_s: f64) -> V
     if !simple {
         return Vec::new();
     }
+    // Compute the set values in the units of the measurement
     let electrons = |mv: f64| mv * 1e-3 / model.conversion_gain_v_per_e();
     let gain = model.base_dn_per_electron() * model.analog_gain * measured.settings.gain;
     let dark_e = model.dark_electrons_per_s() * time_s;

@@ -131,6 +131,7 @@ impl Crosstalk {
             [side * optical + drift, corner * optical + self.electrical_corner_ratio * drift]
         };
         let mut data = vec![0.0f32; columns * rows];
+        // Add what each pixel receives from its neighbors and subtract what it hands to them
         data.par_chunks_exact_mut(columns).enumerate().for_each(|(row, out)| {
             for (col, out) in out.iter_mut().enumerate() {
                 let own = handed(row, col);

@@ -161,6 +161,7 @@ impl Emva1288 {
     /// A value that can't be, values that contradict each other, or a field of the model that says otherwise.
     pub fn applied_to(&self, model: &SensorModel) -> Result<SensorModel, SensorProblem> {
         let black = self.black_level_dn.unwrap_or(SensorModel::default().black_level_dn);
+        // Check every number on its own
         for (field, value) in [
             ("dark_noise_e", self.dark_noise_e),
             ("dark_noise_dn", self.dark_noise_dn),
@@ -196,6 +197,7 @@ impl Emva1288 {
         if !(1..=16).contains(&self.bit_depth) {
             return Err(problem("bit_depth", format!("{} is outside 1 to 16", self.bit_depth)));
         }
+        // Check the numbers against each other and against the model
         let (gain, dark_noise, dsnu) =
             (self.dn_per_electron()?, self.dark_noise_electrons()?, self.dsnu_electrons()?);
         let codes = 2f64.powi(i32::from(self.bit_depth));
@@ -221,6 +223,7 @@ impl Emva1288 {
         }
         self.check_derived(gain, dark_noise)?;
         self.check_model(model)?;
+        // Replace the equivalent fields of the model
         Ok(SensorModel {
             fill_factor: 1.0,
             conversion_gain_mv_per_e: Some(VOLTS_PER_E * 1e3),

@@ -100,6 +100,7 @@ impl<'a> Demosaic<'a> {
             for (col, (out, mask)) in data.chunks_exact_mut(channels).zip(mask).enumerate() {
                 let cell = (row % self.mosaic.rows) * self.mosaic.cols + col % self.mosaic.cols;
                 let first = cell * channels;
+                // Apply the precomputed offsets inside the image
                 if interior_row && is_interior(col, margin_cols, width) {
                     let pixel = row * width + col;
                     let at = |offset: isize| pixel.wrapping_add_signed(offset);
@@ -109,6 +110,7 @@ impl<'a> Demosaic<'a> {
                     }
                 } else {
                     for (out, taps) in out.iter_mut().zip(&self.taps[first..]) {
+                        // Renormalize the taps that lie inside at the border
                         let entering = || self.entering(taps, row, col, width, height);
                         let (sum, total) = entering().fold((0.0, 0.0), |(sum, total), (pixel, weight)| {
                             (sum + weight * values[pixel], total + weight)

@@ -238,6 +238,7 @@ pub fn merge_exposures<'a>(
     exposures: &[&SensorImage],
     develop: impl Fn(usize) -> Development<'a>,
 ) -> Result<LinearMosaic, DevelopError> {
+    // Linearize every exposure
     let mut bracket = Vec::with_capacity(exposures.len());
     for (index, raw) in exposures.iter().enumerate() {
         let frame = develop(index).linearize(raw)?;
@@ -253,6 +254,7 @@ pub fn merge_exposures<'a>(
     if bracket.len() == 1 {
         return Ok(merged);
     }
+    // Check that all come from one sensor
     for other in &bracket[1..] {
         let (a, b) = (&first.frame, &other.frame);
         if (a.width, a.height) != (b.width, b.height) || a.mosaic != b.mosaic {
@@ -260,22 +262,26 @@ pub fn merge_exposures<'a>(
             return Err(DevelopError::DifferentSensors { frame, ambient });
         }
     }
+    // Express the result in the scale of the first exposure
     let reference = merged.dn_s_per_electron;
     let shortest = (0..bracket.len()).fold(0, |best, i| {
         let light = |i: usize| bracket[i].frame.dn_s_per_electron;
         if light(i) < light(best) { i } else { best }
     });
+    // Merge each pixel over its unsaturated exposures
     for pixel in 0..merged.values.len() {
         let usable = || bracket.iter().filter(|b| !b.frame.saturated[pixel]);
         let value = |b: &Bracketed| f64::from(b.frame.values[pixel]);
         let (signal, light) = usable()
             .fold((0.0, 0.0), |(signal, light), b| (signal + value(b), light + b.frame.dn_s_per_electron));
         merged.saturated[pixel] = light == 0.0;
+        // Fall back to the least exposed value where all are saturated
         if light == 0.0 {
             let least = &bracket[shortest];
             merged.values[pixel] = (value(least) * reference / least.frame.dn_s_per_electron) as f32;
             continue;
         }
+        // Weight by inverse variance: shot noise of the common estimate, and the noise floor
         let electrons_per_s = (signal / light).max(0.0);
         let (sum, weights) = usable().fold((0.0, 0.0), |(sum, weights), b| {
             let shot_dn2 = b.dn_per_electron.powi(2) * electrons_per_s * b.exposure_s;

@@ -146,6 +146,7 @@ impl Chain {
                 chain.expose_row(row, first, &rates[first..first + out.len()], out);
             }
             (Self::Physical(chain), Some(binning)) if binning.kind == BinningKind::Charge => {
+                // Collect the charges of the joined pixels, and read their sum once
                 let mut charges = vec![0.0; out.len()];
                 let mut read_row = readout.first_row;
                 for (index, row) in readout.rows_of(row).enumerate() {
@@ -163,6 +164,7 @@ impl Chain {
                 }
             }
             (Self::Physical(chain), Some(binning)) => {
+                // Read every pixel, and add or average the codes
                 let mut sums = vec![0u32; out.len()];
                 let mut codes = vec![0u16; rates.len()];
                 for row in readout.rows_of(row) {

@@ -52,6 +52,7 @@ impl Sensor {
     ) -> Result<FlatResponse, SensorProblem> {
         exposure.validate()?;
         let model = self.model();
+        // Integrate spectra to electrons
         let rates = self.flat_electron_rate(irradiance);
         let chain = Chain::new(self, exposure);
         let light_s = match &chain {
@@ -61,6 +62,7 @@ impl Sensor {
         let electrons: Vec<f64> = rates.iter().map(|rate| rate * light_s).collect();
         let volts_per_dn = model.volts_per_dn();
         let each = |f: &dyn Fn(f64) -> f64| -> Vec<f64> { electrons.iter().map(|&e| f(e)).collect() };
+        // Take the mean of every random term of the chain
         let (dark_electrons, volts, dn, black_level, noise_dn) = match &chain {
             Chain::Physical(chain) => {
                 let dark = chain.dark_electrons();

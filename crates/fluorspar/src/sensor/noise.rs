@@ -169,8 +169,10 @@ impl PhysicalChain {
                 .zip(lines(count, frame, temporal, temporal_e));
             both.map(|(fixed, temporal)| fixed + temporal).collect()
         };
+        // Convert offsets and noise from millivolts to electrons
         let (column_e, row_e) = (electrons(model.column_offset_mv), electrons(model.row_offset_mv));
         let (column_read_e, row_read_e) = (electrons(model.column_noise_mv), electrons(model.row_noise_mv));
+        // Find how many pixels share a well and a read
         let pixels = readout.binning.map_or(1.0, |binning| binning.pixels() as f64);
         let kind = readout.binning.map(|binning| binning.kind);
         let added = if kind == Some(BinningKind::Charge) { pixels } else { 1.0 };

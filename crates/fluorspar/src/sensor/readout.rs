@@ -66,6 +66,7 @@ impl Readout {
         let fits = |first: usize, count: usize, all: usize| {
             count > 0 && first.checked_add(count).is_some_and(|end| end <= all)
         };
+        // Check the region
         if !fits(first_column, width, model.columns) || !fits(first_row, height, model.rows) {
             let message = format!(
                 "column {first_column}, row {first_row}, width {width} and height {height} are not inside the {} x {} \
@@ -76,6 +77,7 @@ impl Readout {
         }
         let (mut columns, mut rows) = (width, height);
         if let Some(binning) = &model.binning {
+            // Check the binning against region, mosaic and number range
             for (field, joined) in [("columns", binning.columns), ("rows", binning.rows)] {
                 if !(1..=16).contains(&joined) {
                     let message =

@@ -101,10 +101,12 @@ impl Spectroradiometer {
         };
         let count = ((self.last_nm - self.first_nm) / self.step_nm + 1e-9).floor() as usize;
         let b = self.bandwidth_nm;
+        // List the wavelengths whose slit lies within the bands
         let wavelength_nm: Vec<f64> = (0..=count)
             .map(|i| self.first_nm + i as f64 * self.step_nm)
             .filter(|nm| nm - b >= start - 1e-9 && nm + b <= end + 1e-9)
             .collect();
+        // Integrate over the triangular slit
         let expected: Vec<f64> = wavelength_nm
             .iter()
             .map(|&nm| {
@@ -120,9 +122,11 @@ impl Spectroradiometer {
                 sum / weights
             })
             .collect();
+        // Add stray light
         let mean = expected.iter().sum::<f64>() / expected.len().max(1) as f64;
         let stray = self.stray_light * mean;
         let peak = expected.iter().fold(0.0, |peak: f64, value| peak.max(value + stray));
+        // Draw the noise
         let standard_deviation =
             self.noise_floor.hypot(peak / self.dynamic_range) / f64::from(self.readings.max(1)).sqrt();
         let key = Key::new(seed).with_text("spectroradiometer").with_text(name);
