@@ -803,7 +803,7 @@ def reflectances(ref):
     )
     teeth = (
         "Assumed from the color of natural teeth (L* 75 to 85, b* 10 to 20). Measured tooth radiances exist but their "
-        "absolute scale is wrong by a factor of about 2 (geometry), so only the slope was looked at."
+        "absolute scale is wrong by a factor of about 2 (geometry), so only the slope was compared."
     )
     yield Item(
         "reflectances",

@@ -44,7 +44,7 @@ pub struct InstanceHit {
 
 /// Meshes, each prepared once, at any number of places.
 ///
-/// Rays are carried into the frame of a mesh, where they meet it as [`TriangleBvh`] says: watertight within a mesh, but
+/// Rays are carried into the frame of a mesh, where they intersect it as in [`TriangleBvh`]: watertight within a mesh, but
 /// not between neighboring instances that only touch. Directions are not normalized on the way, so `t` stays what it
 /// is. Of instances hit at the same `t`, the one with the lowest number wins; all kernels give the same bits.
 ///

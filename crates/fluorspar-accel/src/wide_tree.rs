@@ -80,7 +80,7 @@ impl TrianglePack {
     pub(crate) const EMPTY: Self =
         Self { vertices: [[0.0; PACK_VERTICES]; 3], corners: 0, numbers: [u32::MAX; PACK] };
 
-    /// Adds a triangle; says whether there was room. `vertex_count` is how many columns are in use.
+    /// Adds a triangle; returns whether there was room. `vertex_count` is how many columns are in use.
     #[must_use]
     pub(crate) fn add(&mut self, vertex_count: &mut usize, corners: [Vec3; 3], number: u32) -> bool {
         let triangle = self.used().count_ones() as usize;
@@ -201,7 +201,7 @@ pub(crate) fn collapse_single(tree: &[BinaryNode], boxes: &[Bounds]) -> Vec<Wide
 }
 
 /// Boxes of all binary nodes, and how each is best represented when a leaf holds up to `most_in_leaf` boxes of which
-/// `fits` says that they fit.
+/// `fits` reports whether they fit.
 fn plan_all(
     tree: &[BinaryNode],
     boxes: &[Bounds],

@@ -1,5 +1,5 @@
 //! Maps over the texture coordinates of the parts: where mucosa is red or pale, where porphyrins and plaque sit, how
-//! wet a surface is. Pure anatomy: a map says how much, never in which color.
+//! wet a surface is. Anatomy only: a map gives amounts, never colors.
 //!
 //! The maps of the tongue use the same papillae as its mesh: the fungiform ones have a map of their own, coating and
 //! porphyrin keep to the filiform ones.

@@ -24,7 +24,7 @@ const BEHIND_MM: f64 = 14.0;
 fn floor_point(p: &MouthParameters, arch: &Arch, across: f64, v: f64) -> DVec3 {
     let end = end_of_border(arch);
     let front = lingual_border(arch, 0.0);
-    // Behind the gums it goes on to the root of the tongue.
+    // Behind the gums it continues to the root of the tongue.
     let (arc, beyond) = (end * (v / ALONG_GUMS).min(1.0), (v - ALONG_GUMS).max(0.0) / (1.0 - ALONG_GUMS));
     let (right, left) = (lingual_border(arch, -arc), lingual_border(arch, arc));
     let base = right.lerp(left, 0.5 * (across + 1.0)) - DVec3::Z * (BEHIND_MM * beyond);

@@ -112,7 +112,7 @@ pub(super) fn curve(table: &[(f64, f64)], x: f64) -> f64 {
         + slope(i + 1) * width * (t3 - t2)
 }
 
-/// What `of` says of every value with its neighbors up to `reach` places away.
+/// `of` every value with its neighbors up to `reach` places away.
 pub(super) fn window(values: &[f64], reach: usize, of: &dyn Fn(&[f64]) -> f64) -> Vec<f64> {
     (0..values.len())
         .map(|i| of(&values[i.saturating_sub(reach)..(i + reach + 1).min(values.len())]))

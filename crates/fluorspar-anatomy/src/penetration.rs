@@ -123,7 +123,7 @@ fn depth_inside(solid: &Solid, point: Vec3, directions: &[Vec3]) -> Option<(f32,
 }
 
 /// Finds vertices that lie in another body by more than `tolerance_mm`, the deepest first, one for every pair of
-/// parts. Every `stride`-th vertex is looked at.
+/// parts. Every `stride`-th vertex is tested.
 pub(super) fn penetrations(mouth: &Mouth, tolerance_mm: f64, stride: usize) -> Vec<Penetration> {
     let mut solids: Vec<Solid> = Vec::new();
     // Join the parts of one body
@@ -169,7 +169,7 @@ pub(super) fn penetrations(mouth: &Mouth, tolerance_mm: f64, stride: usize) -> V
                 let (depth, triangle) = depth_inside(solid, position, &directions)?;
                 let depth_mm = f64::from(depth) * 1e3;
                 let name = solid.names.iter().rev().find(|(first, _)| *first <= triangle as usize)?;
-                // What is hidden by design may be passed by.
+                // Penetration of parts that are hidden by design is allowed
                 let uv = solid.mesh.uvs[solid.mesh.triangles[triangle as usize][0] as usize];
                 let other = mouth.part(&name.1)?;
                 let counts =

@@ -399,7 +399,7 @@ impl<'a> Tongue<'a> {
         Section { center, side, up, half_width, back, under }
     }
 
-    /// Offset of the surface from the middle of a section, from what [`superellipse`] says of its angle.
+    /// Offset of the surface from the middle of a section, from [`superellipse`] at its angle.
     fn offset(section: &Section, across: f64, upward: f64) -> DVec3 {
         let height = if upward > 0.0 { section.back } else { section.under };
         section.side * (section.half_width * across) + section.up * (height * upward)

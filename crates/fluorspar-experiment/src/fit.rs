@@ -137,7 +137,7 @@ impl Fit<'_> {
         nodes.iter().enumerate().try_for_each(|(index, node)| self.value(items, node, &at.index(index)))
     }
 
-    /// Values of different types: the one that the value is of is looked at.
+    /// Values of different types: the value is checked against its own type.
     fn either(&self, either: &Either, node: &Node, at: &Place) -> Result<(), ExperimentError> {
         match (&node.content, &either.table) {
             (Content::Table(entries), Some(table)) => return self.table(table, node, entries, at),

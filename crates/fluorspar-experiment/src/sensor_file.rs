@@ -65,7 +65,7 @@ fn sensor_schema() -> &'static Schema {
 }
 
 /// Reads the sensor of a sensor file, an experiment or a flat sample. Overrides and paths are as for an experiment;
-/// spectra are looked at on the default wavelengths.
+/// spectra are checked on the default wavelengths.
 ///
 /// # Errors
 /// The first defect found.

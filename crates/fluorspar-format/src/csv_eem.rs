@@ -45,7 +45,7 @@ pub enum AntiStokes {
 /// cells, and takes the unit from the file.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CsvEemOptions {
-    /// What the values count, where the file does not say or says that it does not know.
+    /// Unit of the values of a file that does not state it.
     pub unit: Option<EemUnit>,
     /// What to do with values at emission wavelengths below the excitation.
     pub anti_stokes: AntiStokes,
@@ -146,9 +146,7 @@ fn check_corner(path: &Path, table: &Table) -> Result<(), FormatError> {
     } else if corner.is_empty() || corner.parse::<f64>().is_ok() {
         (
             "the corner cell is missing".to_string(),
-            format!(
-                "Write \"{CORNER}\" there: it says that rows are emission, columns excitation, both in nm"
-            ),
+            format!("Write \"{CORNER}\" there: rows are emission, columns excitation, both in nm"),
         )
     } else {
         (
@@ -185,7 +183,7 @@ fn unit(path: &Path, table: &Table, given: Option<EemUnit>) -> Result<EemUnit, F
         (Some(stated), Some(given)) if stated != given => Err(FormatError::unit(
             path,
             format!(
-                "the file says that its values count {}, but {} was requested",
+                "the file states that its values count {}, but {} was requested",
                 name(stated),
                 name(given)
             ),

@@ -27,7 +27,7 @@ pub(super) const MAX_MESH_BYTES: u64 = 4 << 30;
 
 /// Writes a file completely or not at all.
 ///
-/// `write` fills a temporary file beside `path`, which is renamed into place when all went well. On an error, or
+/// `write` fills a temporary file next to `path`, which is renamed into place when all went well. On an error, or
 /// if `write` panics, the temporary file is removed and whatever stood at `path` before is untouched. A process that is
 /// ended calls [`remove_unfinished_files`]; what one that was killed has left in the folder is removed by the next that
 /// writes there.
@@ -240,7 +240,7 @@ pub(super) fn guarded<T>(
     })
 }
 
-/// The sidecar of a data file: `NAME.json` beside `NAME`.
+/// The sidecar of a data file: `NAME.json` next to `NAME`.
 pub(super) fn sidecar_path(path: &Path) -> PathBuf {
     let mut name = path.as_os_str().to_os_string();
     name.push(".json");

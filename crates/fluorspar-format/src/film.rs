@@ -303,7 +303,7 @@ fn read(path: &Path, tile_rows: Option<Range<usize>>) -> Result<Loaded<Film>, Fo
         task.tile.samples = samples;
     }
     if reader.read(&mut [0]).map_err(failed)? != 0 {
-        return Err(damaged("the file goes on behind its end".into()));
+        return Err(damaged("the file has data behind its end".into()));
     }
     drop(tiles);
     Ok(Loaded { image: film, provenance: header.provenance })

@@ -28,7 +28,7 @@ const MAX_FLATTENED: u64 = 1 << 28;
 /// and the first texture coordinates are read; materials, skins and morphs are passed over. Buffers may be in the file
 /// (.glb) or in files beside it; buffers as data URIs and compressed ones are not supported.
 ///
-/// `unit_m` is the length of one unit of the file, m. The format says meters (1), but scanners write millimeters
+/// `unit_m` is the length of one unit of the file, m. The format defines meters (1), but scanners write millimeters
 /// (0.001) all the same.
 ///
 /// # Errors
@@ -185,14 +185,14 @@ fn buffers(path: &Path, document: &Value, blob: Option<&[u8]>) -> Result<Vec<Vec
             (Some(uri), _) if !uri.starts_with("data:") => {
                 let plain = !uri.contains("..") && !uri.starts_with(['/', '\\']) && !uri.contains(':');
                 if !plain {
-                    return Err(broken(path, format!("the buffer {uri} does not lie beside the file")));
+                    return Err(broken(path, format!("the buffer {uri} is not next to the file")));
                 }
                 read_file(&path.with_file_name(uri), MAX_MESH_BYTES)?
             }
             _ => {
                 return Err(FormatError::malformed(
                     path,
-                    format!("buffer {number} is neither in the file nor beside it"),
+                    format!("buffer {number} is neither in the file nor next to it"),
                     "Export the mesh as .glb",
                 ));
             }

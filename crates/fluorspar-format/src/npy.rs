@@ -1,4 +1,4 @@
-//! NumPy arrays: spectral and component images as f32 `.npy` with a JSON description beside them.
+//! NumPy arrays: spectral and component images as f32 `.npy` with a JSON description next to them.
 
 use std::fs::File;
 use std::io::BufWriter;
@@ -15,7 +15,7 @@ use fluorspar::spectral::{Quantity, Radiance, WavelengthGrid};
 const SPECTRAL_SCHEMA: &str = "fluorspar.spectral_image.1";
 const COMPONENT_SCHEMA: &str = "fluorspar.component_image.1";
 
-/// What the JSON file beside a `.npy` says.
+/// Contents of the JSON description of a `.npy` file.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Description {

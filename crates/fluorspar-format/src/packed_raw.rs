@@ -1,4 +1,4 @@
-//! Packed raw frames as camera modules deliver them (MIPI CSI-2), with a JSON description beside them.
+//! Packed raw frames as camera modules deliver them (MIPI CSI-2), with a JSON description next to them.
 //!
 //! RAW10: four pixels in five bytes, the eight high bits of each, then the low bits of all, the first pixel lowest. RAW12: two
 //! pixels in three bytes likewise. Rows may be padded to a stride.

@@ -1,4 +1,4 @@
-//! Raw sensor frames: 16-bit gray TIFF or PNG, or packed, with a JSON description beside them; DNG with it inside.
+//! Raw sensor frames: 16-bit gray TIFF or PNG, or packed, with a JSON description next to them; DNG with it inside.
 
 use std::fs::File;
 use std::io::{self, BufReader, Read, Seek};
@@ -22,7 +22,7 @@ use fluorspar::image::{Mosaic, SensorImage};
 
 const SCHEMA: &str = "fluorspar.sensor_image.1";
 
-/// What the JSON file beside a raw frame says.
+/// Contents of the JSON description of a raw frame.
 ///
 /// Of a real camera, gain, conversion gain and noise may be left out: the sensor of an experiment then tells them.
 #[derive(Debug, Serialize, Deserialize)]
@@ -160,7 +160,7 @@ fn read_by_description(path: &Path) -> Result<Loaded<SensorImage>, FormatError> 
     let unknown = || {
         FormatError::malformed(
             path,
-            "this is neither TIFF, PNG nor DNG, and no description beside it says how its pixels are packed",
+            "this is neither TIFF, PNG nor DNG, and no JSON description of its packing is next to it",
             "Name a raw frame, or write a description with \"packing\"",
         )
     };

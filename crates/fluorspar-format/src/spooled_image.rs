@@ -103,7 +103,7 @@ impl SpooledImage {
     /// Writes all images as the components of `labels`, then the half-buffers and the variance of its statistics, as
     /// [`crate::write_component_exr`] does: image `c` is component `c`, and after the components follow the first
     /// half-buffers of all statistics, the second ones, and the variances. `labels` holds everything else of the image;
-    /// its own data and those of its statistics are not looked at.
+    /// its own data and those of its statistics are ignored.
     ///
     /// # Errors
     /// As there, when the number of images is another, and when the rows can't be read back.

@@ -1,6 +1,6 @@
 //! Directories of TIFF files, read from bytes: every offset and count is checked against the file.
 
-/// Most entries of a directory, and most directories of a file, that are looked at.
+/// Most entries of a directory, and most directories of a file, that are read.
 const MOST_ENTRIES: usize = 4096;
 const MOST_DIRECTORIES: usize = 64;
 

@@ -48,7 +48,7 @@ pub fn check_range(value: f64, [low, high]: [f64; 2], hint: &str) -> Result<(), 
     Err(format!("{value} is outside {low} to {high}; {hint}"))
 }
 
-/// An amount of memory in words: `12.3 MiB`, three digits and rounded up, so that what is said suffices.
+/// An amount of memory in words: `12.3 MiB`, three digits and rounded up, so that the stated amount suffices.
 pub fn memory_text(bytes: u64) -> String {
     memory_with(bytes, memory_unit(bytes), 2)
 }

@@ -406,7 +406,7 @@ trait Search: Copy {
     fn is_over(&self) -> bool;
     fn answer(&self) -> Self::Answer;
 
-    /// Looks for hits in a leaf; says whether the search is over.
+    /// Looks for hits in a leaf; returns whether the search is over.
     #[inline(always)]
     fn visit_leaf<L: Traversal>(&mut self, lanes: L, tree: &WideTree, reference: u32) -> bool {
         let pack = tree.pack(reference);

@@ -166,14 +166,14 @@ mod x86 {
         #[inline(always)]
         fn load(self, block: &BandBlock) -> [__m256; 2] {
             let start = block.0.as_ptr();
-            // SAFETY: as said above.
+            // SAFETY: as above.
             unsafe { [_mm256_load_ps(start), _mm256_load_ps(start.add(8))] }
         }
 
         #[inline(always)]
         fn store(self, [low, high]: [__m256; 2], block: &mut BandBlock) {
             let start = block.0.as_mut_ptr();
-            // SAFETY: as said above.
+            // SAFETY: as above.
             unsafe {
                 _mm256_store_ps(start, low);
                 _mm256_store_ps(start.add(8), high);
@@ -182,25 +182,25 @@ mod x86 {
 
         #[inline(always)]
         fn splat(self, value: f32) -> [__m256; 2] {
-            // SAFETY: as said above.
+            // SAFETY: as above.
             [unsafe { _mm256_set1_ps(value) }; 2]
         }
 
         #[inline(always)]
         fn add(self, a: [__m256; 2], b: [__m256; 2]) -> [__m256; 2] {
-            // SAFETY: as said above.
+            // SAFETY: as above.
             unsafe { [_mm256_add_ps(a[0], b[0]), _mm256_add_ps(a[1], b[1])] }
         }
 
         #[inline(always)]
         fn mul(self, a: [__m256; 2], b: [__m256; 2]) -> [__m256; 2] {
-            // SAFETY: as said above.
+            // SAFETY: as above.
             unsafe { [_mm256_mul_ps(a[0], b[0]), _mm256_mul_ps(a[1], b[1])] }
         }
 
         #[inline(always)]
         fn shift<const BY: usize>(self, [low, high]: [__m256; 2]) -> [__m256; 2] {
-            // SAFETY: as said above.
+            // SAFETY: as above.
             unsafe {
                 if BY == 8 {
                     return [_mm256_setzero_ps(), low];
@@ -222,7 +222,7 @@ mod x86 {
 
         #[inline(always)]
         fn splat_last(self, [_, high]: [__m256; 2]) -> [__m256; 2] {
-            // SAFETY: as said above.
+            // SAFETY: as above.
             [unsafe { _mm256_permutevar8x32_ps(high, _mm256_set1_epi32(7)) }; 2]
         }
     }
@@ -232,37 +232,37 @@ mod x86 {
 
         #[inline(always)]
         fn load(self, block: &BandBlock) -> __m512 {
-            // SAFETY: as said above.
+            // SAFETY: as above.
             unsafe { _mm512_load_ps(block.0.as_ptr()) }
         }
 
         #[inline(always)]
         fn store(self, vector: __m512, block: &mut BandBlock) {
-            // SAFETY: as said above.
+            // SAFETY: as above.
             unsafe { _mm512_store_ps(block.0.as_mut_ptr(), vector) }
         }
 
         #[inline(always)]
         fn splat(self, value: f32) -> __m512 {
-            // SAFETY: as said above.
+            // SAFETY: as above.
             unsafe { _mm512_set1_ps(value) }
         }
 
         #[inline(always)]
         fn add(self, a: __m512, b: __m512) -> __m512 {
-            // SAFETY: as said above.
+            // SAFETY: as above.
             unsafe { _mm512_add_ps(a, b) }
         }
 
         #[inline(always)]
         fn mul(self, a: __m512, b: __m512) -> __m512 {
-            // SAFETY: as said above.
+            // SAFETY: as above.
             unsafe { _mm512_mul_ps(a, b) }
         }
 
         #[inline(always)]
         fn shift<const BY: usize>(self, vector: __m512) -> __m512 {
-            // SAFETY: as said above.
+            // SAFETY: as above.
             unsafe {
                 match BY {
                     1 => align_with_zeros::<15>(vector),
@@ -275,7 +275,7 @@ mod x86 {
 
         #[inline(always)]
         fn splat_last(self, vector: __m512) -> __m512 {
-            // SAFETY: as said above.
+            // SAFETY: as above.
             unsafe { _mm512_permutexvar_ps(_mm512_set1_epi32(15), vector) }
         }
     }

@@ -139,7 +139,7 @@ kernel!(
 /// AVX2 must be there.
 #[inline(always)]
 unsafe fn boxes(node: &WideNode, ray: &RayFrame, limit: f32) -> (__m256, __m256) {
-    // SAFETY: the caller promises AVX2; loads are aligned and within bounds, as said above.
+    // SAFETY: the caller promises AVX2; loads are aligned and within bounds, as above.
     unsafe {
         let mut enter = _mm256_set1_ps(ray.t_min);
         let mut leave = _mm256_set1_ps(f32::INFINITY);
@@ -166,7 +166,7 @@ unsafe fn boxes(node: &WideNode, ray: &RayFrame, limit: f32) -> (__m256, __m256)
 #[inline(always)]
 unsafe fn push_hit(node: &WideNode, ray: &RayFrame, limit: f32, stack: &mut Stack) {
     debug_assert!(stack.len + WIDTH <= STACK_CAPACITY);
-    // SAFETY: the caller promises AVX2 and room for eight entries; the load is aligned, as said above.
+    // SAFETY: the caller promises AVX2 and room for eight entries; the load is aligned, as above.
     unsafe {
         let (enter, entered) = boxes(node, ray, limit);
         // Distances are not negative, so their bits sort as they do. The lowest three bits give way to the number of the
@@ -261,7 +261,7 @@ unsafe fn candidates(pack: &TrianglePack, ray: &RayFrame) -> u32 {
 #[inline(always)]
 unsafe fn relative(pack: &TrianglePack, ray: &RayFrame, axis: usize) -> __m256 {
     let axis = ray.axes[axis];
-    // SAFETY: the caller promises AVX2; the load is aligned and within bounds, as said above.
+    // SAFETY: the caller promises AVX2; the load is aligned and within bounds, as above.
     unsafe { _mm256_sub_ps(_mm256_load_ps(pack.vertices[axis].as_ptr()), _mm256_set1_ps(ray.origin[axis])) }
 }
 

@@ -268,7 +268,7 @@ fn check_region(context: &Context<'_>, section: &AnalysisSection, seen: &Seen<'_
     context.fail(&steps!["analysis", "parts"], message)
 }
 
-/// Whether a shape is not wholly beyond one edge of the image or behind the camera. What hides it is not looked at.
+/// Whether a shape is not wholly beyond one edge of the image or behind the camera. Occlusion is not checked.
 fn may_be_in_view(shape: &Shape, camera: &PerspectiveCamera) -> bool {
     let tan_half_height = camera.tan_half_width * camera.height as f32 / camera.width as f32;
     let side = |across: Vec3, tan: f32| (camera.forward * tan + across).normalize();

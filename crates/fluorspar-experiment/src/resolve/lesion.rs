@@ -92,7 +92,7 @@ enum Unfold {
     AcrossBorder,
 }
 
-/// How a spot on a part goes on over another one; `None` where it ends.
+/// How a lesion on a part continues on another one; `None` where it ends.
 fn continuation(of: &str, over: &str) -> Option<Unfold> {
     if of == over {
         return Some(Unfold::Same);

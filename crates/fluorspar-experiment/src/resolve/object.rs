@@ -652,7 +652,7 @@ fn unlikely_size(mesh: &TriangleMesh, unit_mm: f64) -> Option<String> {
         .into_iter()
         .find(|(unit, _)| SCAN_MM.contains(&(longest_mm / unit_mm * unit)));
     let hint = unit.map_or_else(
-        || "look at the unit of the file and at unit_mm".to_owned(),
+        || "check the unit of the file and unit_mm".to_owned(),
         |(unit, name)| format!("if the file is in {name}, set unit_mm = {unit:?}"),
     );
     Some(format!("the scan is {longest_mm:.3e} mm long, a dental arch about 60 mm; {hint}"))

@@ -88,7 +88,7 @@ fn over_samples(integral: &mut Integral, texture: &ScalarTexture, mesh: &Triangl
     }
 }
 
-/// Triangles of instances that are looked at, about.
+/// Approximate number of sampled triangles of instances.
 const MOST_TRIANGLES: usize = 10_000_000;
 
 /// Every triangle by the mean of the texture over it and its area at its place. Of more than `most` triangles, every so

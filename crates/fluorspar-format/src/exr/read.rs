@@ -449,7 +449,7 @@ fn check_quantity<Q: Quantity>(path: &Path, header: &Header) -> Result<(), Forma
     let Some(found) = attribute(header, UNITS) else {
         return Err(FormatError::unit(
             path,
-            format!("no \"{UNITS}\" attribute says what the values are"),
+            format!("no \"{UNITS}\" attribute states what the values are"),
             format!("Add it: \"{expected}\" for {}", wanted()),
         ));
     };

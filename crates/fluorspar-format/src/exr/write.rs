@@ -23,7 +23,7 @@ use crate::{FormatError, Provenance, SpooledImage};
 use fluorspar::image::{ComponentImage, FeatureMaps, SpectralImage};
 use fluorspar::spectral::{Quantity, Radiance, WavelengthGrid};
 
-/// How pixels are packed; nothing is lost unless the variant says so.
+/// How pixels are packed; lossless unless the variant states otherwise.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ExrCompression {
     /// Not at all: fastest, largest.

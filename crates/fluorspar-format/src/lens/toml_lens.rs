@@ -32,7 +32,7 @@ pub struct LensFile {
     /// Factor on all lengths of surfaces and focus, above 0. Default 1.
     #[serde(default = "unity", skip_serializing_if = "is_unity")]
     pub scale: f64,
-    /// What the source says about the whole lens, after scaling.
+    /// Published values of the whole lens, after scaling.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub published: Option<PublishedLens>,
     /// Gaps that change to focus; none: the film moves.
@@ -43,7 +43,7 @@ pub struct LensFile {
     pub surfaces: Vec<LensFileSurface>,
 }
 
-/// What a source says about a lens.
+/// Published values of a lens.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PublishedLens {

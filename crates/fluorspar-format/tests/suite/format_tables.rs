@@ -230,7 +230,7 @@ fn bad_matrices_are_explained() {
         ),
         (
             ",350,400\n380,1,0\n450,2,3\n",
-            "t.csv:1: the corner cell is missing. Write \"em_nm\\ex_nm\" there: it says that rows are emission, columns excitation, both in nm",
+            "t.csv:1: the corner cell is missing. Write \"em_nm\\ex_nm\" there: rows are emission, columns excitation, both in nm",
         ),
         (
             "ex_nm\\em_nm,380,450\n350,1,2\n400,0,3\n",
@@ -297,7 +297,7 @@ fn bad_matrices_are_explained() {
     let energy = CsvEemOptions { unit: Some(EemUnit::Energy), ..Default::default() };
     assert_eq!(
         complaint(b"# unit: photons\nem_nm\\ex_nm,350\n380,1\n390,1\n", |path| read_eem_csv(path, &energy)),
-        "t.csv: the file says that its values count photons, but energy was requested. \
+        "t.csv: the file states that its values count photons, but energy was requested. \
          Leave the choice to the file, or correct its comment"
     );
 }

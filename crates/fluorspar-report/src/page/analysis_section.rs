@@ -47,7 +47,7 @@ fn pixel_rows(analysis: &Analysis) -> Vec<Number> {
     let pixels =
         |name: &str, n: usize, meaning: String| Number::computed(name, n.to_string(), "pixels", meaning);
     let mut rows = vec![
-        pixels("In the region", counts.total(), "All pixels looked at.".into()),
+        pixels("In the region", counts.total(), "All pixels of the region.".into()),
         pixels("Used", counts.valid, "Pixels bright enough and not saturated.".into()),
         pixels("Saturated", counts.saturated, "Left out: their true value is unknown.".into()),
         pixels(

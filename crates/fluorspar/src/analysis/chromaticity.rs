@@ -23,7 +23,7 @@ pub fn sensor_chromaticity([r, g, b]: [f64; 3]) -> Option<[f64; 2]> {
 /// Covariance matrix of `(r, g)` to first order in the noise, from independent channel variances.
 ///
 /// `dr/dR = (1 - r)/S`, `dr/dG = dr/dB = -r/S` with `S = R + G + B`, and the same with `g`. Good where the noise of
-/// the sum is small beside the sum.
+/// the sum is small compared with the sum.
 pub fn chromaticity_covariance(rgb: [f64; 3], variance: [f64; 3]) -> Option<[[f64; 2]; 2]> {
     let [r, g] = sensor_chromaticity(rgb)?;
     let inverse_square = rgb.iter().sum::<f64>().powi(-2);
@@ -78,7 +78,7 @@ impl ExclusionCounts {
         counts
     }
 
-    /// All pixels looked at.
+    /// All pixels of the region.
     pub fn total(&self) -> usize {
         self.valid + self.excluded()
     }

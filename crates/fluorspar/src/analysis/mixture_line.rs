@@ -148,7 +148,7 @@ pub struct MixtureFit {
 }
 
 impl LineEstimate {
-    /// Whether the pixel lies farther beside the line than noise explains: more than three standard errors, as 0.3 % do by
+    /// Whether the pixel lies farther off the line than noise explains: more than three standard errors, as 0.3 % do by
     /// chance. Something else is in its light then, for instance a highlight, and its fraction means little.
     pub fn is_off_line(&self) -> bool {
         self.distance.abs() > 3.0 * self.distance_standard_error

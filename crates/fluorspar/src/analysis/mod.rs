@@ -1,4 +1,4 @@
-//! What a developed sensor image says about the tissue: sensor chromaticity, regions of interest, and the share of
+//! Analysis of developed sensor images: sensor chromaticity, regions of interest, and the share of
 //! porphyrin in the fluorescence.
 //!
 //! | call | gives |

@@ -74,7 +74,7 @@ pub struct RegionFraction {
     pub estimate: LineEstimate,
 }
 
-/// What the bulk-porphyrin line says about the region.
+/// The region on the bulk-porphyrin line.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MixtureSummary {
     /// `(r, g)` of bulk alone.
@@ -93,7 +93,7 @@ pub struct MixtureSummary {
     pub distance: Option<Statistics>,
     /// Pixels beyond an end of the line, counted as lying at that end.
     pub clamped: usize,
-    /// Pixels farther beside the line than three standard errors.
+    /// Pixels farther off the line than three standard errors.
     pub off_line: usize,
     /// Angle between the long axis of the pixel cloud and the line, degrees, 0 to 90.
     pub angle_to_line_deg: Option<f64>,
@@ -201,7 +201,7 @@ pub fn analyze_region(
         let summary = summarize(line, &estimates, mean, statistics.ellipse.as_ref());
         if summary.off_line * 20 > statistics.counts.valid {
             warnings.push(format!(
-                "{} of {} valid pixels lie beside the bulk-porphyrin line by more than noise explains. Their light holds \
+                "{} of {} valid pixels lie off the bulk-porphyrin line by more than noise explains. Their light contains \
                  something else: reflected light, or another bulk than assumed. Their porphyrin fractions are biased.",
                 summary.off_line, statistics.counts.valid
             ));

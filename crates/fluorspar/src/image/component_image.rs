@@ -167,7 +167,7 @@ pub struct ComponentImage {
     pub denoised: Option<String>,
 }
 
-/// Sums whose scatter a render keeps beside the components.
+/// Sums whose statistics a render keeps besides the components.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum StatisticsKind {

@@ -185,7 +185,7 @@ impl EnvironmentMap {
         sums
     }
 
-    /// How large each layer looks: as if all of its light came from its brightest pixels, which are looked at.
+    /// Apparent size of each layer: as if all of its light came from its brightest pixels, which an eye looks at.
     pub(super) fn apparent_sizes(&self, at: OrientedPoint, factors: &[f64]) -> Vec<ApparentSize> {
         let size = |(layer, factor): (&EnvironmentLayer, &f64)| {
             let brightest = layer.factors.iter().copied().fold(0.0, f32::max);

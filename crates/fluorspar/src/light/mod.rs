@@ -62,7 +62,7 @@ pub struct Light {
     pub emitter: Emitter,
 }
 
-/// Where and how a light emits. Every shape says what the spectrum of its light measures.
+/// Where and how a light emits. Every shape states the quantity of its light's spectrum.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Emitter {
     /// A flat disc that emits to one side.

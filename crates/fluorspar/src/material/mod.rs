@@ -45,7 +45,7 @@ use crate::spectral::Curve;
 
 /// A surface material, Eq. 5 of the paper: `L = reflection + fluorescence`.
 ///
-/// - Reflection and transmission as [`Scattering`] says.
+/// - Reflection and transmission of [`Scattering`].
 /// - Fluorescence comes from the irradiance that is not reflected by the coat, the metal or the surface of the
 ///   dielectric, is independent of the diffuse reflectance, and leaves as Lambertian light:
 ///   `L_f = (1/pi) sum_j c_j integral Y_j(lo|li) E(li) dli`. On dielectrics one half leaves to either side.

@@ -56,7 +56,7 @@ impl PupilBounds {
             .map(|node| {
                 let height = film_radius_mm * node as f64 / BINS as f64;
                 let found = passing(trace, height, film_mm, plane_mm, rear);
-                // A pupil that is small beside the rear element slips through the first grid.
+                // The first grid may miss a pupil that is small compared with the rear element.
                 if found.is_empty() { passing(trace, height, film_mm, plane_mm, pupil) } else { found }
             })
             .collect();

@@ -264,7 +264,7 @@ fn field_point(state: &LensState, lens: &TracedLens, axial_sr: f64, height_mm: f
 fn narrow_foci(state: &LensState, lens: &TracedLens, toward_object: &LensRay) -> Option<[f64; 2]> {
     let trace = lens.surfaces();
     let forward = -toward_object.direction;
-    // Small beside every aperture, large beside rounding.
+    // Small compared with every aperture, large compared with rounding.
     let step = 1e-4 * state.stop_semi_diameter_mm;
     let object = state.object_mm().is_finite().then(|| toward_object.at_z(state.object_mm()));
     let through = |offset: DVec3| {

@@ -19,7 +19,7 @@ pub struct CapturedFrame {
     pub raw: SensorImage,
     /// Further exposures of a bracket, named `CAPTURE_ev+2` and the like.
     pub bracket: Vec<SensorImage>,
-    /// Linear channels: black subtracted, exposures merged, calibrated and less the ambient light, as the study says.
+    /// Linear channels: black subtracted, exposures merged, calibrated and less the ambient light, as in the study.
     pub developed: ChannelImage,
 }
 
@@ -46,7 +46,7 @@ impl RawExposures {
 /// In words: an exposure time that is missing, a sensor that is not there, channels that the sensor does not have.
 pub fn complete_raw(study: &Study, raw: &mut SensorImage) -> Result<(), String> {
     if raw.exposure_s <= 0.0 {
-        return Err("its exposure time is not known; describe it in a JSON file beside it".into());
+        return Err("its exposure time is not known; describe it in a JSON file next to it".into());
     }
     if raw.dn_per_electron > 0.0 {
         return Ok(());

@@ -34,7 +34,7 @@ pub struct DenoiseSettings {
 impl Default for DenoiseSettings {
     /// 5 x 5 pixels, strength 0.45 (that of Rousselle et al. 2012), normals to 0.2, depth to 1 %. Measured on a smooth sphere at
     /// 16 and 64 samples: larger windows and strengths blur more than they smooth, because stratified samples err less than
-    /// their variance says.
+    /// their variance predicts.
     fn default() -> Self {
         Self { radius: 2, strength: 0.45, normal: 0.2, depth: 0.01 }
     }

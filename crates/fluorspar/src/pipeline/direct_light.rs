@@ -7,7 +7,7 @@ use crate::sensor::CaptureFrame;
 use crate::spectral::Curve;
 use crate::study::{Capture, Study};
 
-/// Points of a region that are looked at, at most: the mean over them is a mixing ratio, which needs no more.
+/// Largest number of sampled points of a region: the mean over them is a mixing ratio, which needs no more.
 const MOST_POINTS: usize = 256;
 
 /// Drives of a frame without those of the frame that is subtracted from it: development scales that frame to the same
@@ -29,7 +29,7 @@ pub(crate) fn irradiance_on(study: &Study, capture: &Capture, points: &[Oriented
     sum_of_spectra(parts)
 }
 
-/// Spectrum of the light that one light group throws on a surface point, up to a factor: the irradiance where the camera's
+/// Spectrum of the irradiance of one light group on a surface point, up to a factor: the irradiance where the camera's
 /// axis meets the plane in focus, or of all lights at equal power where none reaches that place. `None` for a group without
 /// light.
 pub(crate) fn group_spectrum(study: &Study, group: &str) -> Option<Curve> {

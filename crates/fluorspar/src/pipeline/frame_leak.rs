@@ -1,4 +1,4 @@
-//! Reflected light against fluorescence in the frames of a study: what [`super::filter_leak()`] says of a flat sample,
+//! Reflected light against fluorescence in the frames of a study, as [`super::filter_leak()`] for a flat sample,
 //! for a scene, and in electrons.
 
 use serde::Serialize;

@@ -57,7 +57,7 @@ pub struct PredictedPorphyrin {
     pub name: String,
     /// Its true fraction, `a_p / (a_b + a_p)`.
     pub true_fraction: f64,
-    /// What the mixture line says; reflected light that leaks through the filters biases it.
+    /// Estimate from the mixture line; reflected light that leaks through the filters biases it.
     #[serde(flatten)]
     pub measured: PorphyrinEstimate,
 }

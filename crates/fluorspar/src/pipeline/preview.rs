@@ -46,7 +46,7 @@ const PIXELS_SEEN_TOGETHER: f64 = 4.0;
 
 impl ColorRendering {
     /// Least-squares map from the responses of the camera's training reflectances under the frame's light to their colors under
-    /// an equal-energy light, the noise of the sensor included: a channel that says little about color and much about noise
+    /// an equal-energy light, the noise of the sensor included: a channel with little color and much noise
     /// (blue behind a long-pass filter) gets a small weight. `None` when the channels can't be distinguished.
     fn for_reflectances(sensor: &Sensor, filter: &Curve, light: &Curve, study: &Study) -> Option<Self> {
         let grid = &study.scene.grid;

@@ -37,7 +37,7 @@ pub enum RowBandError {
     },
 }
 
-/// Rows of tiles whose film fits into the memory limit at once, beside the maps of all pixels: at least 1.
+/// Rows of tiles whose film fits into the memory limit at once, besides the maps of all pixels: at least 1.
 ///
 /// # Errors
 /// A limit below one row of tiles.

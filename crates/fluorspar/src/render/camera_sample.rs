@@ -14,7 +14,7 @@ use crate::sampling::SampleStream;
 
 /// Largest batch of paths: large enough for traversals to be interleaved until the last paths end.
 pub(super) const LARGEST_BATCH: usize = 128;
-/// Memory for the direct light of a batch, bytes: little beside the images, whatever the number of sources.
+/// Memory for the direct light of a batch, bytes: little compared with the images, for any number of sources.
 const DIRECT_LIGHT_BYTES: usize = 256 << 10;
 /// Vertices that the memory of a path is planned for: few paths are longer, whatever `max_depth` allows.
 const LONG_PATH: u32 = 32;

@@ -23,7 +23,7 @@ pub(super) const BINS: usize = 8;
 /// A coarse spectrum.
 pub(super) type Coarse = [f32; BINS];
 
-/// Bins with less than this share of a light source's power are treated as dark. It is small beside the eighth of an even
+/// Bins with less than this share of a light source's power are treated as dark. It is small compared with the eighth of an even
 /// spectrum; it decides how long paths are, not their expected value.
 const DARK_SHARE: f32 = 1e-3;
 

@@ -138,7 +138,7 @@ const APHAKIC: [(f64, f64); 23] = [
     (440.0, 1.00),
 ];
 
-/// Wavelengths at which products are sampled, nm: fine beside the 5 nm of the tables.
+/// Wavelengths at which products are sampled, nm: fine compared with the 5 nm of the tables.
 const STEP_NM: f64 = 0.5;
 
 impl ActionSpectrum {
@@ -156,7 +156,7 @@ impl ActionSpectrum {
         }
     }
 
-    /// Weight at a wavelength; 0 outside of the range. `S` is interpolated in its logarithm, as its source says, the
+    /// Weight at a wavelength; 0 outside of the range. `S` is interpolated in its logarithm, as in its source, the
     /// others linearly.
     pub fn at(self, wavelength_nm: f64) -> f64 {
         let (first, last) = self.range_nm();

@@ -33,7 +33,7 @@ impl RiskGroup {
         }
     }
 
-    /// What the group says about a lamp that shines continuously, and what follows for a device: IEC 62471:2006, 6.1.
+    /// Meaning of the group for a lamp in continuous operation, and its consequences for a device: IEC 62471:2006, 6.1.
     pub fn meaning(self) -> &'static str {
         match self {
             Self::Exempt => "no photobiological hazard, however long one looks into it",

@@ -1,4 +1,4 @@
-//! Irradiance that lights throw directly on points of the scene, shadows and inter-reflections left out: weights with
+//! Unoccluded direct irradiance of lights on points of the scene, without interreflections: weights with
 //! which lights of different kinds, whose spectra have different units, are mixed.
 
 use std::borrow::Cow;

@@ -139,7 +139,7 @@ pub struct Characterization {
     pub photon_transfer: Vec<PhotonTransferPoint>,
     /// What a reader should know.
     pub warnings: Vec<String>,
-    /// What was put in beside what came out. Empty with hot or dead pixels or a soft well, which have no closed form.
+    /// Set values next to measured ones. Empty with hot or dead pixels or a soft well, which have no closed form.
     pub recovered: Vec<Recovered>,
 }
 
@@ -596,7 +596,7 @@ fn channels(sensor: &Sensor, threshold_e: f64) -> Vec<ChannelSensitivity> {
     qe.channels().iter().map(channel).collect()
 }
 
-/// What the model says of the quantities that were measured.
+/// The set values of the measured quantities.
 fn recovered(laboratory: &Sensor, measured: &Characterization, time_s: f64) -> Vec<Recovered> {
     let model = laboratory.model();
     let simple =

@@ -1,4 +1,4 @@
-//! The closed loop: what a data sheet says is what the estimator of EMVA 1288 finds.
+//! The closed loop: the estimator of EMVA 1288 recovers the values of a data sheet.
 
 use super::*;
 use crate::spectral::Curve;

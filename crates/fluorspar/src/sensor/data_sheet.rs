@@ -158,7 +158,7 @@ impl Emva1288 {
     /// The model with the fields of this sheet in place of its own.
     ///
     /// # Errors
-    /// A value that can't be, values that contradict each other, or a field of the model that says otherwise.
+    /// A value that can't be, values that contradict each other, or a field of the model that contradicts them.
     pub fn applied_to(&self, model: &SensorModel) -> Result<SensorModel, SensorProblem> {
         let black = self.black_level_dn.unwrap_or(SensorModel::default().black_level_dn);
         // Check every number on its own

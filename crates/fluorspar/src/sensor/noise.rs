@@ -162,7 +162,7 @@ impl PhysicalChain {
             let sigma = if random { sigma } else { 0.0 };
             (0..count).map(|line| term(sigma, line_key(key, line), source)).collect()
         };
-        // What a line has for ever and what it has in this frame.
+        // Fixed pattern of a line plus its noise in this frame
         let offsets = |count: usize, fixed, fixed_e: f64, temporal, temporal_e: f64| -> Vec<f64> {
             let both = lines(count, device, fixed, fixed_e)
                 .into_iter()

@@ -1,4 +1,4 @@
-//! Comparisons with numbers of ISETCam, kept in a folder beside the repository. Where it is absent, the tests say so
+//! Comparisons with numbers of ISETCam, kept in a folder next to the repository. Where it is absent, the tests say so
 //! and pass.
 
 use std::path::{Path, PathBuf};

@@ -230,7 +230,7 @@ pub struct BloodDiffuse {
     pub melanin_depth: f64,
 }
 
-/// What is wrong with a curve: the field, and a sentence that says what is wrong and how to fix it.
+/// What is wrong with a curve: the field, and a sentence that states the problem and how to fix it.
 pub type CurveProblem = (String, String);
 
 /// Radius in um of the capillaries in the superficial layer of [`BloodDiffuse`].
@@ -371,7 +371,7 @@ impl CurveModel {
     /// what it stands for.
     ///
     /// # Errors
-    /// The first field that is wrong, and a sentence that says what is wrong and how to fix it.
+    /// The first invalid field, and a sentence that states the problem and how to fix it.
     pub fn validate(&self) -> Result<(), CurveProblem> {
         match self {
             Self::Constant { value } => not_negative("value", *value),

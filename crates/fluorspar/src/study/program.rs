@@ -89,7 +89,7 @@ pub enum SpectroradiometerTarget {
     Parts(Vec<String>),
 }
 
-/// What a photobiological safety assessment needs beside the lights. Without a distance there is no margin.
+/// What a photobiological safety assessment needs besides the lights. Without a distance there is no margin.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SafetyPlan {
     /// Distance from the camera's pupil, along its axis, at which a patient's eye may look into the lights, mm.
