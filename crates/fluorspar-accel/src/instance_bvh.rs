@@ -58,7 +58,7 @@ pub struct InstanceBvh {
     dispatch: Dispatch,
 }
 
-/// What traversal needs. The stack that `nodes` need fits [`STACK_CAPACITY`], and references in them name existing
+/// Data of the traversal. The stack that `nodes` need fits [`STACK_CAPACITY`], and references in them name existing
 /// nodes, or with [`wide_tree::LEAF`] set existing places.
 #[derive(Clone, Debug)]
 pub(crate) struct PlacedTrees {

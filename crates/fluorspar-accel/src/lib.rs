@@ -8,7 +8,7 @@
 //! | one mesh at many places | [`InstanceBvh::build`] | a tree over placed meshes, with the same queries |
 //! | the same of many rays | [`TriangleBvh::closest_each`], [`TriangleBvh::occluded_each`] | the same, faster |
 //!
-//! What may be relied upon:
+//! Guarantees:
 //!
 //! - **Watertight.** A ray that meets the interior of a closed surface meets a triangle, also through shared edges and
 //!   vertices: the triangle test is that of Woop, Benthin and Wald [^woop2013], the box test that of Ize [^ize2013].

@@ -30,7 +30,7 @@ pub struct Hit {
     pub triangle: u32,
 }
 
-/// What is computed once per ray.
+/// Values computed once per ray.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct RayFrame {
     /// Origin, x y z.

@@ -47,13 +47,13 @@ pub enum BuildError {
         triangle: usize,
         /// The vertex it names.
         vertex: u32,
-        /// How many vertices there are.
+        /// Number of vertices.
         count: usize,
     },
     /// There are more triangles than can be numbered.
     #[error("{count} triangles are too many: a tree holds up to {MOST_TRIANGLES}")]
     TooManyTriangles {
-        /// How many there are.
+        /// Number of triangles.
         count: usize,
     },
     /// An instance names a mesh that does not exist.
@@ -63,7 +63,7 @@ pub enum BuildError {
         instance: usize,
         /// The mesh it names.
         mesh: u32,
-        /// How many meshes there are.
+        /// Number of meshes.
         count: usize,
     },
     /// The transform of an instance can't be inverted: it flattens the mesh, or it is not finite.
@@ -85,7 +85,7 @@ pub enum BuildError {
     /// There are more instances than can be numbered.
     #[error("{count} instances are too many: a tree holds up to {MOST_TRIANGLES}")]
     TooManyInstances {
-        /// How many there are.
+        /// Number of instances.
         count: usize,
     },
     /// The requested kernel needs instructions that this processor does not have.

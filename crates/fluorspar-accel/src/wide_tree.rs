@@ -140,7 +140,7 @@ const LEAF_COST: f32 = 1.0;
 struct Plan {
     /// Expected cost with up to `i + 1` children, relative to the surface of the whole tree.
     cost: [f32; WIDTH - 1],
-    /// How many children attain it.
+    /// Number of children that attain it.
     children: [u8; WIDTH - 1],
     /// With `i + 1` children: how many of them are in the left subtree.
     left: [u8; WIDTH],
@@ -359,7 +359,7 @@ fn for_each_leaf(tree: &[BinaryNode], node: u32, act: &mut impl FnMut(u32)) {
     }
 }
 
-/// How many references a traversal can at most hold back: all but one child on each level of the worst path, plus the
+/// Largest number of references on the stack of a traversal: all but one child on each level of the worst path, plus the
 /// one that is about to be taken.
 pub(crate) fn stack_need(nodes: &[WideNode]) -> usize {
     let mut need = vec![0_usize; nodes.len()];

@@ -30,7 +30,7 @@ pub struct SensorFile {
     /// Name for people. Default: empty.
     #[serde(default)]
     pub title: String,
-    /// What it is and what to know before use. Default: empty.
+    /// Description and caveats. Default: empty.
     #[serde(default)]
     pub description: String,
     /// Where the numbers come from. Default: empty.

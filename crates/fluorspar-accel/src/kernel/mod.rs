@@ -218,7 +218,7 @@ impl Entry {
     }
 }
 
-/// What is left to visit. Not initialized beforehand: that would cost as much as a short traversal.
+/// Stack of elements to visit. Not initialized beforehand: that would cost as much as a short traversal.
 struct Stack {
     /// Kernels write [`WIDTH`] entries at a time, of which those beyond `len` do not count. As many more than are ever needed
     /// also keep neighboring stacks from sharing the same few lines of the cache.
@@ -278,7 +278,7 @@ impl Stack {
         self.len += 1;
     }
 
-    /// What to visit next, now that nothing entered beyond `limit` matters; [`NOTHING`] if nothing is left.
+    /// Next element to visit that is entered before `limit`; [`NOTHING`] if nothing is left.
     #[inline(always)]
     fn pop_within(&mut self, limit: f32) -> u32 {
         while self.len > 0 {
@@ -390,7 +390,7 @@ fn prefetch_child(tree: &WideTree, reference: u32) {
 
 /// A question about a ray, and what is known so far.
 trait Search: Copy {
-    /// What is found out.
+    /// Result of the search.
     type Answer: Copy;
 
     /// In a tree without triangles.
@@ -424,7 +424,7 @@ trait Search: Copy {
     }
 }
 
-/// What a search for the nearest hit knows of its ray.
+/// State of a search for the nearest hit.
 #[derive(Clone, Copy)]
 struct ClosestSearch {
     frame: RayFrame,
@@ -475,7 +475,7 @@ impl Search for ClosestSearch {
     }
 }
 
-/// What a search for any hit knows of its ray.
+/// State of a search for any hit.
 #[derive(Clone, Copy)]
 struct OcclusionSearch {
     frame: RayFrame,

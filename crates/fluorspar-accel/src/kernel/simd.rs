@@ -31,7 +31,7 @@ pub trait Lanes: Copy {
 ///
 /// `run` must be marked `#[inline(always)]`, and so must everything generic over [`Lanes`] that it calls.
 pub trait Work {
-    /// What comes out.
+    /// Result.
     type Output;
 
     /// Does the work with these instructions.

@@ -124,7 +124,7 @@ pub struct PresetSummary {
     pub name: String,
     /// Name for people.
     pub title: String,
-    /// What it is and what to know before use.
+    /// Description and caveats.
     pub description: String,
     /// Where the numbers come from.
     pub source: String,

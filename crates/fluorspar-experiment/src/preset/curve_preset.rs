@@ -48,7 +48,7 @@ pub struct CurvePreset {
     pub name: String,
     /// Name for people.
     pub title: String,
-    /// What it is and what to know before use.
+    /// Description and caveats.
     pub description: String,
     /// Where the numbers come from.
     pub source: String,
@@ -93,7 +93,7 @@ pub struct QuantumEfficiencyPreset {
     pub name: String,
     /// Name for people.
     pub title: String,
-    /// What it is and what to know before use.
+    /// Description and caveats.
     pub description: String,
     /// Where the numbers come from.
     pub source: String,

@@ -14,7 +14,7 @@ pub struct MetalPreset {
     pub name: String,
     /// Name for people.
     pub title: String,
-    /// What it is and what to know before use.
+    /// Description and caveats.
     pub description: String,
     /// Where the numbers come from.
     pub source: String,

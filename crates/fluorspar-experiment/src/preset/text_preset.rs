@@ -15,7 +15,7 @@ pub struct SensorPreset {
     pub name: String,
     /// Name for people.
     pub title: String,
-    /// What it is and what to know before use.
+    /// Description and caveats.
     pub description: String,
     /// Where the numbers come from.
     pub source: String,
@@ -32,7 +32,7 @@ pub struct ExperimentPreset {
     pub name: String,
     /// Name for people.
     pub title: String,
-    /// What it is and what to know before use.
+    /// Description and caveats.
     pub description: String,
     /// The file, comments included.
     pub text: &'static str,

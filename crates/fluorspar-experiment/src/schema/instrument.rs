@@ -85,7 +85,7 @@ fn once() -> u32 {
     1
 }
 
-/// What a photobiological safety assessment needs besides the lights. Without a distance there is no margin.
+/// Settings of the photobiological safety assessment. Without a distance there is no margin.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SafetySection {

@@ -17,7 +17,7 @@ pub struct LensFile {
     /// Name for people. Default: empty.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub title: String,
-    /// What it is and what to know before use. Default: empty.
+    /// Description and caveats. Default: empty.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub description: String,
     /// Where the numbers come from. Default: empty.

@@ -11,7 +11,7 @@ pub struct ReportData {
     pub lead: Vec<String>,
     /// The few numbers that matter most.
     pub headline: Vec<Number>,
-    /// What a reader should know before trusting the numbers.
+    /// Warnings about the reliability of the numbers.
     pub warnings: Vec<String>,
     /// The body.
     pub sections: Vec<Section>,

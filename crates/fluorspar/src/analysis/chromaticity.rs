@@ -50,7 +50,7 @@ pub enum PixelValidity {
     BelowNoiseFloor,
 }
 
-/// How many pixels have a chromaticity, and how many do not, by reason.
+/// Counts of pixels with a chromaticity, and of those without, by reason.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ExclusionCounts {
     /// Pixels with a chromaticity.
@@ -177,7 +177,7 @@ impl ChromaticityMap {
         (self.validity[pixel] == PixelValidity::Valid).then(|| self.chromaticity[pixel].map(f64::from))
     }
 
-    /// How many pixels of the whole image are valid, and how many are not, by reason.
+    /// Counts of valid pixels of the whole image, and of the others by reason.
     pub fn counts(&self) -> ExclusionCounts {
         ExclusionCounts::count(self.validity.iter().copied())
     }

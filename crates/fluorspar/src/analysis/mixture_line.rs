@@ -36,7 +36,7 @@ pub fn channel_response(
     Ok(response)
 }
 
-/// What one fluorophore alone gives in the three channels.
+/// Response of the three channels to a single fluorophore.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FluorophoreResponse {
     /// Name.

@@ -8,7 +8,7 @@ use crate::image::ChannelImage;
 /// Five percentiles, mean and spread of a list of numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Statistics {
-    /// How many numbers.
+    /// Number of values.
     pub n: usize,
     /// Mean.
     pub mean: f64,
@@ -114,7 +114,7 @@ impl CovarianceEllipse {
     }
 }
 
-/// What a region holds.
+/// Statistics of a region.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RegionStatistics {
     /// Pixels of the region with and without a chromaticity, by reason.

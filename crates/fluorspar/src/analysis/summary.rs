@@ -11,7 +11,7 @@ use super::{
 };
 use crate::image::ChannelImage;
 
-/// What to measure.
+/// Settings of an analysis.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct AnalysisSettings {
     /// Which pixels.
@@ -99,7 +99,7 @@ pub struct MixtureSummary {
     pub angle_to_line_deg: Option<f64>,
 }
 
-/// What was measured on one frame.
+/// Analysis of one frame.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Analysis {
     /// Name of the frame.
@@ -124,7 +124,7 @@ pub struct Analysis {
     pub fluorophores: Vec<PredictedFluorophore>,
     /// The bulk-porphyrin line, where both ends are lit and apart.
     pub mixture: Option<MixtureSummary>,
-    /// What a reader should know before trusting the numbers.
+    /// Warnings about the reliability of the numbers.
     pub warnings: Vec<String>,
 }
 

@@ -26,7 +26,7 @@ pub struct MeshInstances {
     pub instances: Vec<MeshInstance>,
 }
 
-/// What is wrong with instances.
+/// An error of instances.
 #[derive(Clone, Debug, Error, PartialEq)]
 #[non_exhaustive]
 pub enum InstancesError {
@@ -48,7 +48,7 @@ pub enum InstancesError {
         instance: usize,
         /// The mesh it names.
         mesh: u32,
-        /// How many meshes there are.
+        /// Number of meshes.
         count: usize,
     },
     /// A transform has no inverse.

@@ -16,7 +16,7 @@ pub struct TriangleMesh {
     pub triangles: Vec<[u32; 3]>,
 }
 
-/// What is wrong with a mesh.
+/// An error of a mesh.
 #[derive(Clone, Debug, Error, PartialEq)]
 #[non_exhaustive]
 pub enum MeshError {
@@ -32,7 +32,7 @@ pub enum MeshError {
         triangle: usize,
         /// The vertex it names.
         vertex: u32,
-        /// How many vertices there are.
+        /// Number of vertices.
         count: usize,
     },
     /// A coordinate is NaN or infinite.
@@ -48,9 +48,9 @@ pub enum MeshError {
     CountMismatch {
         /// "normals" or "texture coordinates".
         what: &'static str,
-        /// How many were given.
+        /// Given number.
         count: usize,
-        /// How many vertices there are.
+        /// Number of vertices.
         expected: usize,
     },
 }

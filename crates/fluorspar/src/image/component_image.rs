@@ -1,4 +1,4 @@
-//! What a render produces: radiance kept apart by light group and by fluorescence event.
+//! The result of a render: radiance by light group and fluorescence event.
 
 use std::ops::Range;
 
@@ -39,7 +39,7 @@ pub struct Component {
     pub light_group: String,
     /// Part of its spectrum; `None` is all of it.
     pub excitation: Option<ExcitationBin>,
-    /// What happened to the light.
+    /// Light path: reflected, or its fluorescence events.
     pub light: LightPath,
 }
 
@@ -254,7 +254,7 @@ impl ComponentImage {
         labels
     }
 
-    /// What a light group would give with another light spectrum, from a render that kept excitation bins apart.
+    /// Image of a light group under another light spectrum, from a render with excitation bins.
     ///
     /// `rendered` is the spectrum that the group's lights had, `wanted` the one that they shall have, both as power (or
     /// irradiance, or radiance) per nm. Each bin is weighted by the ratio of the two integrals over it: exact where

@@ -58,7 +58,7 @@ pub fn is_block_boundary(sample: u32) -> bool {
     block_start(sample) == sample
 }
 
-/// What a film is made for: everything but the samples.
+/// Layout and identity of a film: everything but the samples.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FilmLayout {
     /// The wavelength grid.
@@ -69,7 +69,7 @@ pub struct FilmLayout {
     pub height: usize,
     /// Label of each component.
     pub components: Vec<Component>,
-    /// What is kept about the scatter of samples.
+    /// Statistics of the samples.
     pub statistics: StatisticsKind,
     /// Quantum of each component and band as a power of two, `[component][band]`.
     pub exponents: Vec<i16>,
@@ -445,7 +445,7 @@ impl Film {
         Self { layout, features, tile_len, slabs }
     }
 
-    /// What the film is made for.
+    /// Layout of the film.
     pub fn layout(&self) -> &FilmLayout {
         &self.layout
     }

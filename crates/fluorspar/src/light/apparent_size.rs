@@ -1,4 +1,4 @@
-//! How large a light looks from a place, which the limits for the eye depend on.
+//! Apparent size of a light source, on which the limits for the eye depend.
 
 use std::f64::consts::PI;
 

@@ -5,7 +5,7 @@ use thiserror::Error;
 /// Largest exponent of an emission pattern that is accepted: a half angle of about 3 degrees.
 pub(super) const MAX_EXPONENT: f32 = 1000.0;
 
-/// What is wrong with an emitter.
+/// An error of an emitter.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum EmitterError {

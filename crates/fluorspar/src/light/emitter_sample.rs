@@ -1,4 +1,4 @@
-//! What sampling a light, and meeting one by chance, report.
+//! Results of sampling a light, and of a scattered ray that hits one.
 
 use glam::Vec3;
 

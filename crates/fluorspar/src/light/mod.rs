@@ -168,7 +168,7 @@ impl Emitter {
         }
     }
 
-    /// How large the light looks from a point: one size for each of [`Light::spectra`], whose irradiance factors are
+    /// Apparent size of the light from a point: one size for each of [`Light::spectra`], whose irradiance factors are
     /// `factors`.
     pub(crate) fn apparent_sizes(&self, at: OrientedPoint, factors: &[f64]) -> Vec<ApparentSize> {
         let size = match self {

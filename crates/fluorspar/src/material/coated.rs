@@ -38,7 +38,7 @@ impl Coat {
 /// A diffuse base below a coat.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Coated {
-    /// What light that passes the coat finds.
+    /// Material below the coat.
     pub base: Lambertian,
     /// The coat.
     pub coat: Coat,
@@ -88,7 +88,7 @@ impl CoatAlbedo {
     }
 }
 
-/// What a fluorescent base is taken to reflect at least: its light matters even where it reflects little.
+/// Least reflectance of a fluorescent base for the choice of lobes: it emits even where it reflects little.
 const FLUORESCENT_ALBEDO: f32 = 0.25;
 
 /// A coated material with its table.

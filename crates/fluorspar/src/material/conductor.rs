@@ -14,7 +14,7 @@ use crate::spectral::{Curve, WavelengthGrid};
 
 /// A metal surface, smooth or rough: GGX microfacets with the Fresnel reflectance of a complex refractive index.
 ///
-/// What single scattering between rough microfacets drops comes back diffusely, tinted by repeated reflection (Kulla
+/// Energy that single scattering between rough microfacets loses is returned diffusely, tinted by repeated reflection (Kulla
 /// and Conty 2017).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Conductor {

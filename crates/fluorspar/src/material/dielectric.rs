@@ -114,7 +114,7 @@ fn sample_rough(outgoing: Vec3, alpha: f32, eta: f32, choice: f32, u: [f32; 2]) 
     }
 }
 
-/// What single scattering drops on either side of a rough surface, and the diffuse lobes that bring it back.
+/// Energy lost by single scattering on either side of a rough surface, and the diffuse lobes that return it.
 ///
 /// With `m_a(cos) = 1 - E_a(cos)` the loss of light that arrives from side a (n_a its index) and `M_a` its
 /// cosine-weighted mean, the lobe for light from side a that leaves to side b is

@@ -1,4 +1,4 @@
-//! What makes the parameters of a material unphysical.
+//! Errors of unphysical material parameters.
 
 use thiserror::Error;
 

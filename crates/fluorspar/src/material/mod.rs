@@ -91,7 +91,7 @@ impl Default for Scattering {
     }
 }
 
-/// How much of a fluorophore a material holds.
+/// Amount of a fluorophore in a material.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FluorophoreAmount {
     /// Index into the scene's fluorophores.

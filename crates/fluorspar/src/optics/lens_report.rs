@@ -155,7 +155,7 @@ pub struct RayFan {
     pub rays: Vec<Vec<[f64; 2]>>,
 }
 
-/// What a report covers.
+/// Settings of a report.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LensReportSettings {
     /// Largest height on the film, mm; none is that of a chief ray at 20 degrees, `f tan 20° (1 + |m|)`, or less where the

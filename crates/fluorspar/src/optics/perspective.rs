@@ -68,7 +68,7 @@ impl PerspectiveCamera {
         })
     }
 
-    /// What a file of its images keeps of the camera.
+    /// The view that image files store.
     pub fn view(&self) -> View {
         View {
             position_m: self.position.to_array(),

@@ -28,7 +28,7 @@ pub struct LensSurface {
     pub aspheric: Vec<f64>,
     /// Distance from this vertex to the next one, mm; of the last surface it is not used.
     pub thickness_mm: f64,
-    /// What is behind the surface.
+    /// Medium behind the surface.
     pub medium: Medium,
     /// Half of the clear aperture, mm.
     pub semi_diameter_mm: f64,
@@ -36,7 +36,7 @@ pub struct LensSurface {
     pub is_stop: bool,
 }
 
-/// What moves to focus on an object at a finite distance.
+/// Parts of a lens that move to focus on an object at a finite distance.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum FocusMechanism {
     /// The film moves away from the lens (or the whole lens away from the film).
@@ -68,7 +68,7 @@ pub struct LensPrescription {
     pub design_wavelength_nm: f64,
     /// Surfaces from the object to the image.
     pub surfaces: Vec<LensSurface>,
-    /// What moves to focus.
+    /// Parts that move to focus.
     pub focus: FocusMechanism,
 }
 

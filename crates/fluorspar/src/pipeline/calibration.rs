@@ -10,7 +10,7 @@ use crate::sensor::{
 use crate::spectral::Radiance;
 use crate::study::{FlatFieldPlan, Study};
 
-/// What raw frames are developed with.
+/// Calibration frames for the development of raw frames.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Calibration {
     /// Interpolation of the colors.

@@ -169,7 +169,7 @@ pub(super) fn tan_half_width(study: &Study, components: &ComponentImage) -> f64 
     f64::from(components.features.view.map_or(camera.tan_half_width, |view| view.tan_half_width))
 }
 
-/// How large a rendered image lies on the film behind a lens: its field of view is that of the camera that rendered it,
+/// Size of a rendered image on the film behind a lens: its field of view is that of the camera that rendered it,
 /// whatever lens or sensor the study has now.
 pub(super) fn film_extent(study: &Study, components: &ComponentImage, lens: &IdealLens) -> FilmExtent {
     if let Some(traced) = study.camera.traced_lens() {

@@ -8,7 +8,7 @@ use super::{
 use crate::image::ComponentImage;
 use crate::study::Study;
 
-/// What a study gives, computed from its component image.
+/// Results of a study, computed from its component image.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Evaluation {
     /// Raw and developed frames, one for each capture.

@@ -7,7 +7,7 @@ use crate::spectral::{Curve, Transmittance};
 use crate::study::FlatSample;
 use crate::units::photons_per_joule;
 
-/// What the viewing filters of a flat sample let through. Photon radiances are photons/(s m² sr), all wavelengths of the
+/// Light that passes the viewing filters of a flat sample. Photon radiances are photons/(s m² sr), all wavelengths of the
 /// sample together.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct FilterLeak {
@@ -28,12 +28,12 @@ pub struct FilterLeak {
 pub struct LeakAtAngle {
     /// Angle to the normal of the filters, degrees.
     pub angle_deg: f64,
-    /// What passes.
+    /// Transmitted light.
     #[serde(flatten)]
     pub behind: LeakBehindFilters,
 }
 
-/// What passes the filters.
+/// Light behind the filters.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct LeakBehindFilters {
     /// Reflected photon radiance.

@@ -154,7 +154,7 @@ fn in_photons(components: &ComponentImage, radiance: &mut dyn Iterator<Item = f6
         .collect()
 }
 
-/// What the viewing filters, with that of the capture, let through of the mean radiance of a region.
+/// Transmission of the mean radiance of a region by the viewing filters and that of the capture.
 fn photons_behind(
     study: &Study,
     capture: &Capture,

@@ -57,7 +57,7 @@ pub(super) fn component_spectrum(study: &Study, component: &Component) -> Option
     })
 }
 
-/// What a filter lets through of light of a shape, over what it lets through of even light, band by band.
+/// Transmittance of a filter for light of a spectral shape over that for a flat spectrum, per band.
 pub(super) fn transmittance_ratio(
     filter: &Curve,
     shape: Option<&Curve>,

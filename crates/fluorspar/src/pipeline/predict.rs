@@ -62,7 +62,7 @@ pub struct PredictedPorphyrin {
     pub measured: PorphyrinEstimate,
 }
 
-/// What the camera would record of a flat sample.
+/// Predicted response of the camera to a flat sample.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Prediction {
     /// Bin centers, nm.

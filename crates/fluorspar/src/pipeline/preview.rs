@@ -27,7 +27,7 @@ pub struct Preview {
 pub struct ColorRendering {
     /// Linear sRGB from R, G, B digital numbers, rows first, before the exposure scale.
     pub matrix: [[f64; 3]; 3],
-    /// How much darker tissue is lifted beside bright teeth, highlights being compressed: 1 is linear.
+    /// Gain of dark tissue next to bright teeth, with highlights compressed: 1 is linear.
     pub lift: f64,
 }
 

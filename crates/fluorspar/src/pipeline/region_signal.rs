@@ -128,7 +128,7 @@ impl MixtureSpectra {
     }
 }
 
-/// What a camera measures of a region and what the mixture line makes of it.
+/// Signal of a region in a camera, and its estimate on the mixture line.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct PorphyrinEstimate {
     /// Mean photo-electrons of one pixel in R, G, B, e-.

@@ -106,7 +106,7 @@ impl BandPlanes {
 
 /// Films and finished rows of a render in bands, and its progress: what a front does while the bands are rendered.
 pub trait BandStore {
-    /// What can go wrong.
+    /// Error of the store.
     type Error;
 
     /// The film of a band that was begun before, if there is one.
@@ -129,7 +129,7 @@ pub trait BandStore {
     fn store_rows(&mut self, plane: usize, first_row: usize, values: &[f32]) -> Result<(), Self::Error>;
 }
 
-/// What is left in memory of an image that was rendered in bands.
+/// Labels and feature maps of an image that was rendered in bands.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FinishedBands {
     /// Samples of every pixel, `[row, col]`.

@@ -17,7 +17,7 @@ use crate::scene::irradiance::emission_factor;
 use crate::spectral::Curve;
 use crate::study::{Capture, SafetyPlan, Study};
 
-/// Whose safety it is.
+/// A person or tissue that is exposed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Viewer {
@@ -90,9 +90,9 @@ pub struct ProgramSafety {
 pub struct SafetyReport {
     /// Where the limits come from.
     pub standard: &'static str,
-    /// What the report is not.
+    /// Scope of the report.
     pub caveat: &'static str,
-    /// What was assumed.
+    /// Assumptions.
     pub assumptions: Vec<String>,
     /// Each capture.
     pub captures: Vec<CaptureSafety>,

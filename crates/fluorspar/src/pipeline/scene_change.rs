@@ -1,4 +1,4 @@
-//! What of a study is fixed in a component image that is there already.
+//! Differences between a study and the one that a component image was rendered from.
 
 use super::PipelineError;
 use crate::study::Study;

@@ -17,7 +17,7 @@ pub struct SpectroradiometerReading {
     pub name: String,
     /// Frame whose lights were on.
     pub capture: String,
-    /// What was read, in words.
+    /// Description of the target.
     pub target: String,
     /// Pixels of the render that took part, as far as they lie in the spot.
     pub pixels: f64,

@@ -26,12 +26,12 @@ impl BlockSum {
         Self { sampler: PixelSampler::new(scene), bands: scene.bands, values: Vec::new(), lit: Vec::new() }
     }
 
-    /// How many numbers a pixel has.
+    /// Values per pixel.
     pub(super) fn pixel_len(&self) -> usize {
         self.sampler.components() * self.bands
     }
 
-    /// How many pixels to render at a time.
+    /// Pixels per batch.
     pub(super) fn pixels_at_a_time(&self, samples: &Range<u32>) -> usize {
         let wanted = LARGEST_BATCH / samples.len().max(1);
         wanted.min(SUMS_BYTES / (size_of::<f32>() * self.pixel_len().max(1))).max(1)

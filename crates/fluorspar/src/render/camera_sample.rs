@@ -48,7 +48,7 @@ impl PixelSampler {
         Self { batch: PathBatch::default(), origins: Vec::new(), state: SpectralState::new(scene) }
     }
 
-    /// How many components there are.
+    /// Number of components.
     pub(super) fn components(&self) -> usize {
         self.state.components()
     }

@@ -46,7 +46,7 @@ pub enum RenderError {
     NoSuchShard {
         /// Number of the shard, from 1 on.
         number: u32,
-        /// How many shards there are.
+        /// Number of shards.
         count: u32,
     },
     /// An error target needs all samples of a tile, which shards by samples do not have.
@@ -54,7 +54,7 @@ pub enum RenderError {
         "{count} shards by samples can't be used with an error target, which needs all samples: split by tiles"
     )]
     SampleShardsWithErrorTarget {
-        /// How many shards there are.
+        /// Number of shards.
         count: u32,
     },
     /// Some shards by samples would be empty.
@@ -63,7 +63,7 @@ pub enum RenderError {
          samples. Split by tiles, or into fewer"
     )]
     TooManySampleShards {
-        /// How many shards there are.
+        /// Number of shards.
         count: u32,
         /// Samples of each pixel.
         samples_per_pixel: u32,
@@ -82,9 +82,9 @@ pub enum RenderError {
         "the film keeps {film:?} statistics, but {wanted:?} are requested: request the same, or start a new render"
     )]
     OtherStatistics {
-        /// What the film keeps.
+        /// Statistics of the film.
         film: StatisticsKind,
-        /// What is wanted.
+        /// Requested statistics.
         wanted: StatisticsKind,
     },
     /// The film was made for other rows than those that are to be rendered.

@@ -107,7 +107,7 @@ impl FilmRenderer {
         Film::new(self.layout(), self.features())
     }
 
-    /// What films are made for. Takes a moment: pilot samples find the quanta.
+    /// Layout of the films. Renders pilot samples to find the quanta.
     pub fn layout(&self) -> FilmLayout {
         film_layout(&self.compiled, &self.scene, &self.settings, self.digest().into())
     }

@@ -26,7 +26,7 @@ struct CenteredMesh {
     mesh: Arc<TriangleMesh>,
     /// Positions about the center.
     positions: Vec<Vec3>,
-    /// What was subtracted from the positions.
+    /// Center that was subtracted from the positions.
     center: DVec3,
 }
 

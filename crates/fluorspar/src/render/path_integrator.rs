@@ -170,7 +170,7 @@ struct ShadingPoint<'a> {
     point: SurfacePoint,
     material: &'a PreparedMaterial,
     bsdf: Bsdf<'a>,
-    /// What is left of the number for the lobe, after it has chosen the material of a mixture.
+    /// Random number for the lobe, rescaled after the choice of a mixture's material.
     lobe: f32,
     /// The chromatic spectrum of the vertex on coarse bins.
     coarse_spectrum: [f32; BINS],

@@ -1,4 +1,4 @@
-//! How much work a render does.
+//! Settings of a render.
 
 use super::adaptive::ErrorTarget;
 use super::error::{MOST_DEPTH, MOST_SAMPLES_PER_PIXEL, RenderError};
@@ -14,7 +14,7 @@ pub enum Estimator {
     ScatteringOnly,
 }
 
-/// How much work a render does.
+/// Settings of a render.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RenderSettings {
     /// Paths per pixel, 1 or more; powers of two use the samples best.

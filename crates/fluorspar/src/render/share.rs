@@ -14,18 +14,18 @@ pub enum Share {
     Whole,
     /// Every `count`th tile, from tile `index` (0 to `count - 1`) on.
     Tiles {
-        /// Which share.
+        /// Number of the shard, from 0.
         index: u32,
-        /// How many there are.
+        /// Number of shards.
         count: u32,
     },
     /// Tiles by number, row by row.
     TileRange(Range<usize>),
     /// One of `count` runs of samples of every tile, about equally long, cut between blocks.
     Samples {
-        /// Which share.
+        /// Number of the shard, from 0.
         index: u32,
-        /// How many there are.
+        /// Number of shards.
         count: u32,
     },
 }

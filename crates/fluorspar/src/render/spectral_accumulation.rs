@@ -45,7 +45,7 @@ impl SpectralState {
         scene.simd.run(Gather { state: self, scene, path });
     }
 
-    /// How many components there are.
+    /// Number of components.
     pub(super) fn components(&self) -> usize {
         self.lit.len()
     }
@@ -79,7 +79,7 @@ impl SpectralState {
         }
     }
 
-    /// What arrives along the continued path becomes what leaves.
+    /// Turns the radiance that arrives along the continued path into leaving radiance.
     #[inline(always)]
     fn scatter<L: Lanes>(
         &mut self,

@@ -213,7 +213,7 @@ mod tests {
         )
     }
 
-    /// What is wrong with the frames that normal maps are laid in, over every triangle of a scene.
+    /// Faults of the tangent frames of normal maps, over every triangle of a scene.
     fn frame_faults(scene: &Scene) -> Vec<String> {
         let compiled = CompiledScene::new(scene, &[]).unwrap();
         let count: usize = scene

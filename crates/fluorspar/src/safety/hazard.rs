@@ -5,7 +5,7 @@ use serde::Serialize;
 use super::illumination::{blue_light_field_rad, thermal_field_rad};
 use super::{ActionSpectrum, Illumination};
 
-/// What can be harmed, and how.
+/// A hazard to eye or skin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Hazard {
@@ -27,7 +27,7 @@ pub enum Hazard {
     SkinThermal,
 }
 
-/// What the light falls on.
+/// Exposed tissue.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ExposedTissue {
     /// An eye that looks into the light.
@@ -39,7 +39,7 @@ pub enum ExposedTissue {
     },
 }
 
-/// Whose retina it is.
+/// Observer whose retina is exposed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RetinalObserver {
     /// An eye with its lens.

@@ -27,7 +27,7 @@ pub fn mix(word: u64) -> u64 {
     word ^ (word >> 31)
 }
 
-/// What a random number is for, hashed: a seed followed by any number of identifiers, order included.
+/// Hashed purpose of a random number: a seed followed by any number of identifiers, order included.
 ///
 /// ```
 /// use fluorspar::sampling::random::Key;

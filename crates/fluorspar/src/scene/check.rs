@@ -12,7 +12,7 @@ use crate::material::{Material, PhotonExcess};
 use crate::spectral::{Curve, Fluorophore};
 use crate::units::counted;
 
-/// What makes a scene impossible to render.
+/// An error of a scene that prevents a render.
 #[derive(Clone, Debug, Error, PartialEq)]
 #[non_exhaustive]
 pub enum SceneError {
@@ -25,7 +25,7 @@ pub enum SceneError {
         target: &'static str,
         /// The index.
         index: usize,
-        /// How many entries there are.
+        /// Number of entries.
         count: usize,
     },
     /// A mesh is broken.
@@ -125,7 +125,7 @@ impl SceneWarning {
     }
 }
 
-/// How many different names there are.
+/// Number of different names.
 fn number_of<'a>(names: impl Iterator<Item = &'a str>) -> usize {
     names.collect::<BTreeSet<_>>().len()
 }
@@ -341,7 +341,7 @@ impl Scene {
         (0..=steps).map(|step| (start + CHECK_STEP_NM * step as f64).min(end)).collect()
     }
 
-    /// What a user should know about lights and fluorophores: what is left out, and what rests on no data.
+    /// Warnings about lights and fluorophores: light that is left out, and results without data.
     pub fn warnings(&self) -> Vec<SceneWarning> {
         let (from_nm, to_nm) = (self.grid.start_nm(), self.grid.end_nm());
         let (mut outside_grid, mut dark) = (Vec::new(), Vec::new());

@@ -136,9 +136,9 @@ pub struct BadPixels {
     pub height: usize,
     /// Which they are, `[row, col]`.
     pub bad: Vec<bool>,
-    /// How many the dark frames show: far from the median dark signal of their channel.
+    /// Number in the dark frames: far from the median dark signal of their channel.
     pub in_dark: usize,
-    /// How many the flat field shows: far from the response of their neighbors of the same channel.
+    /// Number in the flat field: far from the response of their neighbors of the same channel.
     pub in_flat: usize,
 }
 
@@ -209,7 +209,7 @@ impl BadPixels {
         Ok(found)
     }
 
-    /// How many there are.
+    /// Number of bad pixels.
     pub fn count(&self) -> usize {
         self.bad.iter().filter(|bad| **bad).count()
     }

@@ -1,4 +1,4 @@
-//! What a sensor returns for a uniform patch, without an image.
+//! Response of a sensor to a uniform patch, without an image.
 
 use super::exposure::Chain;
 use super::{Exposure, Sensor, SensorProblem};

@@ -23,7 +23,7 @@ use super::shutter::Timing;
 use super::{BinningKind, Exposure, SensorMode, SensorModel};
 use crate::sampling::random::Key;
 
-/// What a random number is drawn for. The numbers are part of every result: never reuse or renumber them.
+/// Purpose of a random number. The numbers are part of every result: never reuse or renumber them.
 #[derive(Clone, Copy)]
 pub(super) enum NoiseSource {
     Shot = 1,
@@ -71,7 +71,7 @@ pub(super) fn line_key(frame: Key, line: usize) -> Key {
     frame.with(1 << 63 | line as u64)
 }
 
-/// What the device does to single pixels, whatever the exposure.
+/// Fixed properties of single pixels, independent of the exposure.
 #[derive(Clone, Copy)]
 struct Defects {
     hot: f64,

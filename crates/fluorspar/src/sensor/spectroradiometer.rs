@@ -37,12 +37,12 @@ pub struct Spectroradiometer {
     pub filter: Curve,
 }
 
-/// What the instrument shows.
+/// A reading of the instrument.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SpectralReading {
     /// Wavelengths whose slit lies wholly within the bands of the light, nm.
     pub wavelength_nm: Vec<f64>,
-    /// What arrives behind filter and slit, W/(sr m² nm).
+    /// Radiance behind filter and slit, W/(sr m² nm).
     pub expected: Vec<f64>,
     /// The reading: with stray light and noise, W/(sr m² nm).
     pub reading: Vec<f64>,

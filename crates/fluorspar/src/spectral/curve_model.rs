@@ -230,7 +230,7 @@ pub struct BloodDiffuse {
     pub melanin_depth: f64,
 }
 
-/// What is wrong with a curve: the field, and a sentence that states the problem and how to fix it.
+/// An error of a curve: the field, and a sentence that states the problem and how to fix it.
 pub type CurveProblem = (String, String);
 
 /// Radius in um of the capillaries in the superficial layer of [`BloodDiffuse`].

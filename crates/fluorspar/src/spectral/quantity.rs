@@ -1,4 +1,4 @@
-//! What a spectrum measures, as marker types.
+//! Quantities of spectra, as marker types.
 
 /// A physical quantity that varies with wavelength.
 pub trait Quantity: Copy + Send + Sync + 'static {

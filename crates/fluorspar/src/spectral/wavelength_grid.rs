@@ -130,7 +130,7 @@ impl WavelengthGrid {
         Self::from_edges(&edges)
     }
 
-    /// How many bins there are.
+    /// Number of bins.
     pub fn len(&self) -> usize {
         self.edges_nm.len() - 1
     }

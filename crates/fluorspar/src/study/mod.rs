@@ -1,4 +1,4 @@
-//! What an experiment means: scene, camera and program of captures as plain values.
+//! A study: scene, camera and program of captures as plain values.
 //!
 //! A study names no file and no format. Code builds one directly; a front such as `fluorspar-experiment` makes one
 //! from a file. Everything in [`crate::pipeline`] takes a study or parts of it.
@@ -47,7 +47,7 @@ pub struct Study {
     pub spectroradiometers: Vec<SpectroradiometerPlan>,
     /// Distances and assumptions of a photobiological safety assessment, if one is wanted.
     pub safety: Option<SafetyPlan>,
-    /// What to compute from the captures.
+    /// Analysis of the captures.
     pub analysis: Option<AnalysisPlan>,
 }
 

@@ -1,4 +1,4 @@
-//! What is captured, measured and computed.
+//! Captures, instruments and analysis of a study.
 
 use crate::sensor::{CaptureFrame, Demosaicing, Spectroradiometer};
 use crate::spectral::{Curve, Fluorophore};
@@ -69,13 +69,13 @@ pub struct SpectroradiometerPlan {
     pub name: String,
     /// The frame whose lights are on.
     pub frame: CaptureFrame,
-    /// What it looks at.
+    /// Its target.
     pub target: SpectroradiometerTarget,
     /// The instrument with its filters.
     pub instrument: Spectroradiometer,
 }
 
-/// What a spectroradiometer looks at.
+/// Target of a spectroradiometer.
 #[derive(Clone, Debug, PartialEq)]
 pub enum SpectroradiometerTarget {
     /// A round spot.
@@ -89,7 +89,7 @@ pub enum SpectroradiometerTarget {
     Parts(Vec<String>),
 }
 
-/// What a photobiological safety assessment needs besides the lights. Without a distance there is no margin.
+/// Settings of the photobiological safety assessment. Without a distance there is no margin.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SafetyPlan {
     /// Distance from the camera's pupil, along its axis, at which a patient's eye may look into the lights, mm.
@@ -102,7 +102,7 @@ pub struct SafetyPlan {
     pub lit_diameter_mm: f64,
     /// Diffuse reflectance of what the operator sees, 0 to 1.
     pub reflectance: f64,
-    /// What the limits for skin are divided by for mucosa, for which there are none.
+    /// Factor by which limits for skin are divided for mucosa, for which there are none.
     pub mucosa_safety_factor: f64,
     /// Whether the patient may be an infant or have no lens in the eye.
     pub aphakic: bool,
@@ -124,7 +124,7 @@ impl SafetyPlan {
     }
 }
 
-/// What to compute from the captures.
+/// Analysis of the captures.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AnalysisPlan {
     /// Label of the frame that is analyzed.

@@ -1,4 +1,4 @@
-//! How much interreflection adds to direct light, estimated from rays that leave the visible surfaces.
+//! Interreflection gain, estimated from rays that leave the visible surfaces.
 
 use glam::Vec3;
 
