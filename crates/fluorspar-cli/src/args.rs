@@ -29,7 +29,7 @@ pub(crate) struct Args {
     /// Threads to use; all cores by default. The results do not depend on it.
     #[arg(long, global = true, value_name = "N", value_parser = values::threads, allow_negative_numbers = true)]
     pub(crate) threads: Option<usize>,
-    /// Say warnings with every name and number, instead of one line for each.
+    /// Print warnings with every name and number instead of one line for each.
     #[arg(long, short, global = true)]
     pub(crate) verbose: bool,
     #[command(subcommand)]
