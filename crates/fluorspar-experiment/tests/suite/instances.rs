@@ -362,7 +362,7 @@ fn lists_of_places_are_read_and_explained() {
         ),
         ("c.csv", format!("{twelve}\n{}", twelve.replace("0 0 1 0", "0 inf 1 0")), "c.csv:3: place 1"),
         ("d.txt", "# nothing\n".into(), "holds no placements"),
-        ("e.json", String::new(), "no list of places"),
+        ("e.json", String::new(), "not a list of placements"),
     ] {
         fs::write(path(name), text).unwrap();
         let error = read_placements(&path(name), 1e-3).unwrap_err().to_string();

@@ -8,7 +8,7 @@ use fluorspar_experiment::{parse, resolve};
 /// What differs, in the words of the error.
 fn difference(rendered: &Study, wanted: &Study) -> Option<String> {
     let error = check_same_scene(rendered, wanted).err()?.to_string();
-    error.split(" is not as it was").next().map(String::from)
+    error.split(" has changed since").next().map(String::from)
 }
 
 fn study(overrides: &[&str]) -> Study {
