@@ -13,7 +13,7 @@ use super::noise::{bumps, fractal_noise, value_noise};
 use super::parameters::MouthParameters;
 use super::{Tissue, tongue};
 
-/// What a map tells.
+/// A map of the anatomy.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 #[non_exhaustive]

@@ -53,7 +53,7 @@ use fluorspar::geometry::TriangleMesh;
 use palate::Palate;
 use tongue::Tongue;
 
-/// What a part consists of, to choose its material.
+/// Tissue of a part, which selects its material.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 #[non_exhaustive]
@@ -121,7 +121,7 @@ impl Tissue {
 pub struct Part {
     /// Unique name: `tongue_dorsum`, `upper_gingiva`, `tooth_11` (FDI numbers), ...
     pub name: String,
-    /// What it consists of.
+    /// Its tissue.
     pub tissue: Tissue,
     /// Its surface in the frame of the mouth, with smooth normals and texture coordinates.
     pub mesh: TriangleMesh,

@@ -10,7 +10,7 @@ use super::parameters::MouthParameters;
 use super::surface::{count, linspace, surface_mesh};
 use fluorspar::geometry::TriangleMesh;
 
-/// How much of the vault's height is reached at a place across: 1 in the middle, 0 at the gums.
+/// Relative height of the vault across: 1 in the middle, 0 at the gums.
 fn vault(across: f64) -> f64 {
     let a = across.abs().min(1.0);
     pow(1.0 - pow(a, 2.3), 0.85)

@@ -1,4 +1,4 @@
-//! What can be chosen about a mouth.
+//! Parameters of a mouth.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -13,7 +13,7 @@ use fluorspar::units::number_text;
 pub struct ParameterError {
     /// Name of the parameter.
     pub field: &'static str,
-    /// What is wrong, and what is allowed.
+    /// The problem, and the allowed values.
     pub message: String,
 }
 

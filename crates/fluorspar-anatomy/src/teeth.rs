@@ -20,7 +20,7 @@ struct Form {
     inner: Table,
     /// Exponent of the superellipse of the sections: 2 is an ellipse, more is squarer.
     squareness: f64,
-    /// How much the inner side is narrower than the outer.
+    /// Relative narrowing of the inner side.
     taper: f64,
     /// Shift of the inner side to the distal per depth (rhomboid upper molars).
     skew: f64,

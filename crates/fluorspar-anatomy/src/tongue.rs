@@ -65,13 +65,13 @@ struct Section {
     under: f64,
 }
 
-/// What the points of a row share.
+/// Values shared by the points of a row.
 struct Row {
     v: f64,
     section: Section,
 }
 
-/// What the points of a column share: the angle around a section and the place on the superellipse there.
+/// Values shared by the points of a column: the angle around a section and the place on the superellipse there.
 struct Column {
     u: f64,
     sine: f64,
@@ -658,7 +658,7 @@ pub(super) fn lengths_at(p: &MouthParameters, u: f64, v: f64) -> (f64, f64) {
     (half_width * 1.1 * (0.5 * PI) * (2.0 * u - 1.0), p.tongue_length_mm * v)
 }
 
-/// How much of the filiform papillae there is, 0 to 1: none behind the terminal sulcus.
+/// Density of the filiform papillae, 0 to 1: none behind the terminal sulcus.
 pub(super) fn in_front_of_sulcus(across: f64, v: f64) -> f64 {
     smoothstep(0.012, -0.02, v - sulcus_place(across))
 }

@@ -7,11 +7,11 @@ use super::MouthParameters;
 pub struct ExaminationView {
     /// Name in commands.
     pub name: &'static str,
-    /// What is shown.
+    /// Description.
     pub title: &'static str,
     /// Camera, in the frame of the mouth, mm.
     pub camera_mm: [f64; 3],
-    /// What it looks at, mm.
+    /// Target of the camera, mm.
     pub look_at_mm: [f64; 3],
     /// Width of the image at that point, mm.
     pub width_mm: f64,

@@ -1,4 +1,4 @@
-//! What is wrong with an experiment, said so that it can be fixed.
+//! Errors of experiments, with hints.
 
 use std::fmt;
 
@@ -127,7 +127,7 @@ impl Place {
         self.then(Step::Index(index))
     }
 
-    /// What a path of keys with points between them leads to, such as `bands.0.weight` of an equation.
+    /// The value at a path of keys separated by dots, such as `bands.0.weight` of an equation.
     pub(super) fn fields(&self, path: &str) -> Self {
         path.split('.').fold(self.clone(), |place, key| place.field(key))
     }

@@ -181,7 +181,7 @@ impl Fit<'_> {
         self.fail(at, format!("{found}expected {expected}{example}"))
     }
 
-    /// What a shape wants, in words.
+    /// The expected values of a shape, in words.
     fn expected(&self, shape: &Shape) -> String {
         match self.schema.resolve(shape) {
             Shape::Anything => "a value".into(),
@@ -329,7 +329,7 @@ impl Fit<'_> {
         format!("unknown field `{unknown}`{hint} Known: {}", known.join(", "))
     }
 
-    /// What to write for a field that is missing.
+    /// Description of a missing field.
     fn example(&self, field: &Field) -> String {
         let shape = self.schema.resolve(&field.shape);
         match shape {
@@ -366,7 +366,7 @@ fn by_field(variant: &Variant) -> bool {
     matches!(variant.mark, Mark::Field(_))
 }
 
-/// What marks a variant.
+/// The field or tag that selects a variant.
 fn mark_name(variant: &Variant) -> String {
     match &variant.mark {
         Mark::Tag { value, .. } => value.clone(),

@@ -40,10 +40,10 @@ const RENAMED: [(&str, &str, &str); 32] = [
     ("*", "kind", "type"),
 ];
 
-/// How many old spellings a message names.
+/// Largest number of old spellings in a message.
 const MOST_NAMED: usize = 6;
 
-/// What to write for a field that had another form before format 1.
+/// Replacement of a field that was written otherwise before format 1.
 pub(super) fn renamed(table: &Place, field: &str) -> Option<&'static str> {
     let section = table.iter().rev().find_map(|step| match step {
         Step::Key(key) => Some(key.as_str()),

@@ -32,7 +32,7 @@ use fluorspar::spectral::{
 };
 use fluorspar::study::{Camera, FlatSample, FluorescenceModel};
 
-/// What a measured light spectrum holds.
+/// Quantity of a measured light spectrum.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum MeasuredLight {
@@ -69,7 +69,7 @@ pub enum SampleStrength {
     },
     /// The spectrum is absolute.
     Measured {
-        /// What was measured, without the filters listed here.
+        /// The measured quantity, without the filters listed here.
         measured: MeasuredLight,
     },
 }
@@ -101,7 +101,7 @@ impl Default for SampleExposure {
     }
 }
 
-/// Whose equations to use.
+/// Equations to use.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum SampleCompatibility {
@@ -125,10 +125,10 @@ pub struct SampleFile {
     /// Name for people. Default: empty.
     #[serde(default)]
     pub title: String,
-    /// What the sample shows. Default: empty.
+    /// Description of the sample. Default: empty.
     #[serde(default)]
     pub description: String,
-    /// Whose equations to use. Default "none": ours.
+    /// Equations to use. Default "none": those of Fluorspar.
     #[serde(default)]
     pub compatibility: SampleCompatibility,
     /// Wavelengths.

@@ -50,7 +50,7 @@ pub struct ResolvedSensor {
     pub title: String,
     /// The sensor.
     pub sensor: Sensor,
-    /// What a user should know.
+    /// Warnings.
     pub warnings: Vec<Warning>,
     /// The complete `[sensor]` section as a file.
     pub resolved_toml: String,

@@ -5,7 +5,7 @@
 //! them: merging with a base, overrides, anchoring of paths, and the check that explains what does not fit. A new field
 //! or variant needs no line in any of these.
 //!
-//! What a type can't express by itself it declares with an extension of its JSON schema, next to its fields:
+//! A type declares what Rust can't express with an extension of its JSON schema, next to its fields:
 //!
 //! | extension | on | meaning |
 //! |---|---|---|
@@ -29,7 +29,7 @@ pub(super) struct Schema {
     named: BTreeMap<String, Shape>,
 }
 
-/// What is allowed at one place.
+/// The allowed values at one place.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Shape {
     /// Whatever TOML can hold.
@@ -52,7 +52,7 @@ pub(super) enum Shape {
     Named(String),
 }
 
-/// What a text means.
+/// Meaning of a text.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum TextKind {
     Plain,
@@ -67,11 +67,11 @@ pub(super) enum TextKind {
 /// Values of different types: a number, a name, a list, a table.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Either {
-    /// What to give, in words.
+    /// The expected value, in words.
     pub(super) expected: String,
     /// All but the tables.
     pub(super) values: Vec<Shape>,
-    /// What a table holds.
+    /// Fields of a table.
     pub(super) table: Option<Table>,
     /// Whether an override replaces it as a whole.
     pub(super) whole: bool,
@@ -220,7 +220,7 @@ impl Schema {
         }
     }
 
-    /// What a table of this shape holds.
+    /// Fields of a table of this shape.
     pub(super) fn table<'a>(&'a self, shape: &'a Shape) -> Option<&'a Table> {
         match self.resolve(shape) {
             Shape::Table(table) => Some(table),
@@ -229,7 +229,7 @@ impl Schema {
         }
     }
 
-    /// What the entries of a list of this shape are.
+    /// Shape of the entries of a list of this shape.
     pub(super) fn items<'a>(&'a self, shape: &'a Shape) -> Option<&'a Shape> {
         match self.resolve(shape) {
             Shape::List { items, .. } => Some(items),

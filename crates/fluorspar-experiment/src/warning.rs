@@ -1,4 +1,4 @@
-//! What a user should know of an experiment that can be run all the same.
+//! Warnings about an experiment that can be run nevertheless.
 
 use std::fmt;
 use std::ops::Deref;

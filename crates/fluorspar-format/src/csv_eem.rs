@@ -6,7 +6,7 @@ use super::FormatError;
 use super::axis::check_axis;
 use super::csv_table::{Negative, Table, shortened};
 
-/// What the values of an excitation-emission matrix count.
+/// Unit of the values of an excitation-emission matrix.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum EemUnit {
     /// Photons out per photon in.
@@ -26,11 +26,11 @@ pub struct MeasuredEem {
     pub excitation_nm: Vec<f64>,
     /// Values, `[emission][excitation]`.
     pub values: Vec<f64>,
-    /// What the values count.
+    /// Unit of the values.
     pub unit: EemUnit,
 }
 
-/// What to do with values at emission wavelengths below the excitation.
+/// Treatment of values at emission wavelengths below the excitation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum AntiStokes {
     /// An error when one exceeds this fraction of the largest value.
@@ -47,9 +47,9 @@ pub enum AntiStokes {
 pub struct CsvEemOptions {
     /// Unit of the values of a file that does not state it.
     pub unit: Option<EemUnit>,
-    /// What to do with values at emission wavelengths below the excitation.
+    /// Treatment of values at emission wavelengths below the excitation.
     pub anti_stokes: AntiStokes,
-    /// What to do with values below zero.
+    /// Treatment of negative values.
     pub negative: Negative,
     /// Take empty cells as zero instead of refusing them.
     pub empty_as_zero: bool,

@@ -24,7 +24,7 @@ pub enum CsvColumns {
 pub struct CsvSpectrumOptions {
     /// Which columns.
     pub columns: CsvColumns,
-    /// What to do with values below zero.
+    /// Treatment of negative values.
     pub negative: Negative,
     /// Leave out samples whose cell is empty, column by column, instead of refusing them.
     pub skip_empty_cells: bool,

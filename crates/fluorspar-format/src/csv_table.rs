@@ -20,7 +20,7 @@ pub(super) struct Table {
     pub(super) comments: Vec<(u64, String)>,
 }
 
-/// What a reader does with values below zero.
+/// Treatment of negative values.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Negative {
     /// An error that names the cell.

@@ -1,4 +1,4 @@
-//! What can go wrong with a file, said so that the file can be fixed.
+//! Errors of files, with hints.
 
 use std::fmt;
 use std::io;
@@ -17,7 +17,7 @@ pub enum FormatError {
         path: PathBuf,
         /// "read", "create", "write" or "rename".
         action: &'static str,
-        /// What the system said.
+        /// Error of the operating system.
         source: io::Error,
     },
     /// The content breaks the rules of its format or of this program.
@@ -29,7 +29,7 @@ pub enum FormatError {
         line: Option<u64>,
         /// What is wrong.
         what: String,
-        /// What to do about it.
+        /// How to fix it.
         hint: String,
     },
     /// The content is well-formed but of a kind that is not read here.
@@ -39,7 +39,7 @@ pub enum FormatError {
         path: PathBuf,
         /// What was found.
         what: String,
-        /// What to do about it.
+        /// How to fix it.
         hint: String,
     },
     /// The file requires more memory than any sensible file.
@@ -49,7 +49,7 @@ pub enum FormatError {
     TooLarge {
         /// The file.
         path: PathBuf,
-        /// What is too large, with its size.
+        /// The object that is too large, with its size.
         what: String,
         /// The limit, with its unit.
         limit: String,
@@ -59,9 +59,9 @@ pub enum FormatError {
     Unit {
         /// The file.
         path: PathBuf,
-        /// What was found and what was expected.
+        /// Found and expected value.
         what: String,
-        /// What to do about it.
+        /// How to fix it.
         hint: String,
     },
     /// Most of an excitation-emission matrix lies at emission wavelengths below its excitation.
@@ -95,14 +95,14 @@ pub enum FormatError {
         /// The value relative to the largest one, %.
         percent_of_peak: f64,
     },
-    /// What was to be written can't be: nothing was created.
+    /// The data can't be written; no file was created.
     #[error("{}: nothing was written: {what}. {hint}", path.display())]
     Unwritable {
         /// The file.
         path: PathBuf,
-        /// What is wrong with the data.
+        /// Defect of the data.
         what: String,
-        /// What to do about it.
+        /// How to fix it.
         hint: String,
     },
 }

@@ -134,7 +134,7 @@ pub fn read_film_rows(path: &Path, tile_rows: Range<usize>) -> Result<Loaded<Fil
     read(path, Some(tile_rows))
 }
 
-/// What a film is made for, and whether it holds samples, without reading them.
+/// Layout of a film, and whether it holds samples, without reading them.
 ///
 /// # Errors
 /// As [`read_film`], for as much of the file as is read.

@@ -108,7 +108,7 @@ impl FileContent {
     }
 }
 
-/// What only some primitives have was dropped on the way.
+/// Attributes that only some primitives have are dropped.
 fn drop_partial_normals(mesh: &mut TriangleMesh) {
     if mesh.normals.len() != mesh.positions.len() {
         mesh.normals.clear();

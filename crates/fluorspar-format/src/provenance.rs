@@ -46,7 +46,7 @@ impl Provenance {
     }
 }
 
-/// What a reader returns: the data and their provenance, if the file states it.
+/// Result of a reader: the data and their provenance, if the file states it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Loaded<T> {
     /// The data.

@@ -130,7 +130,7 @@ pub fn write_sensor_png(
 /// Reads what [`write_sensor_tiff`], [`write_sensor_png`], [`super::write_sensor_dng`] or [`super::write_packed_raw`] wrote, and raw
 /// frames of cameras: uncompressed DNG, or the other forms with a description beside them.
 ///
-/// What a camera does not tell of its conversion gain and noise is 0.
+/// Unknown conversion gain and noise of a camera are 0.
 ///
 /// # Errors
 /// A missing or mismatched description, another kind of image, damaged files.

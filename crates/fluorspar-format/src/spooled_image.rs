@@ -26,7 +26,7 @@ pub struct SpooledImage {
     images: usize,
     /// Largest magnitude of each image that is finite.
     brightest: Vec<f32>,
-    /// What went wrong while lines were read for a writer that can't fail.
+    /// Error of reading lines for a writer that can't fail.
     failure: Mutex<Option<io::Error>>,
 }
 

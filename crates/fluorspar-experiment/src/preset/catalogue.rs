@@ -11,7 +11,7 @@ use fluorspar::names::{nearest_name, suggestion};
 
 static DATA: Dir<'static> = include_dir!("$CARGO_MANIFEST_DIR/data");
 
-/// What an entry of the catalogue describes.
+/// Kind of an entry of the catalogue.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum PresetKind {
     /// Relative spectral power of a light source.
@@ -115,10 +115,10 @@ pub enum PresetError {
     },
 }
 
-/// What a list shows of an entry.
+/// An entry of the catalogue in a list.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PresetSummary {
-    /// What the entry describes.
+    /// Kind of the entry.
     pub kind: PresetKind,
     /// Name by which files refer to it.
     pub name: String,

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::catalogue::{PresetError, PresetKind, damaged, parse};
 use fluorspar::spectral::{Curve, CurveModel};
 
-/// What the values of a curve measure.
+/// Quantity of a curve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum CurveQuantity {
@@ -35,7 +35,7 @@ pub struct CurveFit {
     pub rms: f64,
     /// Wavelengths over which it holds, nm.
     pub range_nm: [f64; 2],
-    /// What to know about the fit.
+    /// Notes on the fit.
     #[serde(default)]
     pub note: String,
 }
@@ -52,7 +52,7 @@ pub struct CurvePreset {
     pub description: String,
     /// Where the numbers come from.
     pub source: String,
-    /// What the values measure.
+    /// Quantity of the values.
     pub quantity: CurveQuantity,
     /// Wavelengths between which the model holds, nm.
     pub valid_nm: [f64; 2],
@@ -97,7 +97,7 @@ pub struct QuantumEfficiencyPreset {
     pub description: String,
     /// Where the numbers come from.
     pub source: String,
-    /// What the values measure.
+    /// Quantity of the values.
     pub quantity: CurveQuantity,
     /// Wavelengths between which the models hold, nm.
     pub valid_nm: [f64; 2],

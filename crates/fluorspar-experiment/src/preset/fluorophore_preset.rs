@@ -49,7 +49,7 @@ pub struct FluorophoreFit {
     /// Which cells count.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mask: Option<FluorophoreMask>,
-    /// What to know about the fit.
+    /// Notes on the fit.
     #[serde(default)]
     pub note: String,
 }

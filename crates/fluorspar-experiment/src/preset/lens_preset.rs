@@ -54,9 +54,9 @@ pub struct LoadedLens {
     pub lens: LensPrescription,
     /// Name for people.
     pub title: String,
-    /// What it is; empty for a file.
+    /// Description; empty for a file.
     pub description: String,
-    /// What its source says about the whole lens.
+    /// Published values of the whole lens.
     pub published: PublishedLens,
     /// Fields that are assumed.
     pub assumed: Vec<String>,
@@ -112,7 +112,7 @@ pub fn is_lens_file(name: &str) -> bool {
 /// A lens of the catalogue by its name, or one from a file: `.toml`, `.dat`, `.json`, `.zmx`.
 ///
 /// # Errors
-/// What is wrong with name or file, where, and how to fix it.
+/// An error of a name or file: what, where, and how to fix it.
 pub fn lens_or_file(name: &str) -> Result<LoadedLens, LensError> {
     if !is_lens_file(name) {
         return Ok(lens(name)?);

@@ -150,7 +150,7 @@ pub(super) fn captures(
     Ok(captures)
 }
 
-/// What an analysis looks at.
+/// Region of an analysis.
 pub(super) struct Seen<'a> {
     pub(super) objects: &'a [Object],
     pub(super) materials: &'a [Material],

@@ -1,4 +1,4 @@
-//! What all steps of resolving share: where values come from, warnings, files that were read.
+//! Context of all steps of resolving: sources of values, warnings, files that were read.
 
 use std::collections::BTreeMap;
 use std::path::Path;

@@ -170,7 +170,7 @@ fn pixel_center(i: usize) -> Vec2 {
     Vec2::new((column as f32 + 0.5) / SIDE as f32, 1.0 - (row as f32 + 0.5) / SIDE as f32)
 }
 
-/// How much of a lesion there is at texture coordinates.
+/// Weight of a lesion at texture coordinates.
 enum Spot {
     Painted(ImageTexture),
     Ellipse {

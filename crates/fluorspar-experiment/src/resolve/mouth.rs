@@ -1,4 +1,4 @@
-//! What a `[mouth]` section means for materials and objects alike.
+//! Resolves a `[mouth]` section for materials and objects alike.
 
 use super::context::{Context, Resolved};
 use crate::error::steps;

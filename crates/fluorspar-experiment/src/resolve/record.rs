@@ -1,19 +1,19 @@
-//! What is known of the files that a study was made from.
+//! The files that a study was made from.
 
 use std::path::PathBuf;
 
 use crate::warning::Warning;
 
-/// What is known of a file that a study was made from.
+/// A file that a study was made from.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FileRecord {
     /// Name for people.
     pub title: String,
-    /// What the experiment shows.
+    /// Description of the experiment.
     pub description: String,
     /// Folder for the results, if the file names one.
     pub output_folder: Option<PathBuf>,
-    /// What a user should know.
+    /// Warnings.
     pub warnings: Vec<Warning>,
     /// Files that were read, with their digests.
     pub inputs: Vec<InputFile>,

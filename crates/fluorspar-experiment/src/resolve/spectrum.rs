@@ -22,7 +22,7 @@ use fluorspar_format::{
 /// counts and photons per second.
 const LARGEST_RELATIVE: f64 = 1e30;
 
-/// What a spectrum is used for.
+/// Role of a spectrum.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Role {
     Light,

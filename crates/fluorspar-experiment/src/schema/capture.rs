@@ -89,7 +89,7 @@ pub struct CaptureSection {
     /// Exposure time in milliseconds, 1e-6 to 3 600 000, or "auto". Default "auto".
     #[serde(default = "auto")]
     pub exposure_ms: ExposureTime,
-    /// What "auto" aims at. Default: the 99th percentile of the pixels at 80 % of saturation, 0.01 to 1000 ms.
+    /// Target of automatic exposure. Default: the 99th percentile of the pixels at 80 % of saturation, 0.01 to 1000 ms.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub auto_exposure: Option<AutoExposure>,
     /// Analog gain, 0.01 to 1000. Default 1.
@@ -119,7 +119,7 @@ fn unity() -> f64 {
     1.0
 }
 
-/// What is computed from the captures.
+/// Analysis of the captures.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct AnalysisSection {

@@ -104,7 +104,7 @@ pub struct SafetySection {
     pub lit_diameter_mm: f64,
     /// Diffuse reflectance of what the operator sees, 0 to 1. Default 1, the upper bound.
     pub reflectance: f64,
-    /// What the limits for skin are divided by for mucosa, for which there are none, 1 to 1000. Default 10 (assumed).
+    /// Factor by which limits for skin are divided for mucosa, for which there are none, 1 to 1000. Default 10 (assumed).
     pub mucosa_safety_factor: f64,
     /// Whether the patient may be an infant or have no lens in the eye. Default false.
     pub aphakic: bool,

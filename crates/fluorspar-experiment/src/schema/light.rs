@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{FilePath, SpectrumReference};
 
-/// What positions and directions of a light refer to.
+/// Frame of positions and directions of a light.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum LightFrame {
@@ -69,7 +69,7 @@ pub enum EmitterSection {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RingLight {
-    /// What position and direction refer to. Default "scene".
+    /// Frame of position and direction. Default "scene".
     #[serde(default)]
     pub frame: LightFrame,
     /// Center of the ring, mm. Default: the origin of its frame.
@@ -102,7 +102,7 @@ pub struct RingLight {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DiscLight {
-    /// What position and direction refer to. Default "scene".
+    /// Frame of position and direction. Default "scene".
     #[serde(default)]
     pub frame: LightFrame,
     /// Center, mm. Default: the origin of its frame.
@@ -124,7 +124,7 @@ pub struct DiscLight {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct AnnulusLight {
-    /// What position and direction refer to. Default "scene".
+    /// Frame of position and direction. Default "scene".
     #[serde(default)]
     pub frame: LightFrame,
     /// Center, mm. Default: the origin of its frame.
@@ -148,7 +148,7 @@ pub struct AnnulusLight {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RectangleLight {
-    /// What position and direction refer to. Default "scene".
+    /// Frame of position and direction. Default "scene".
     #[serde(default)]
     pub frame: LightFrame,
     /// Center, mm. Default: the origin of its frame.
@@ -170,7 +170,7 @@ pub struct RectangleLight {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SphereLight {
-    /// What the position refers to. Default "scene".
+    /// Frame of the position. Default "scene".
     #[serde(default)]
     pub frame: LightFrame,
     /// Center, mm. Default: the origin of its frame.
@@ -186,7 +186,7 @@ pub struct SphereLight {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PointLight {
-    /// What the position refers to. Default "scene".
+    /// Frame of the position. Default "scene".
     #[serde(default)]
     pub frame: LightFrame,
     /// Position, mm. Default: the origin of its frame.
@@ -200,7 +200,7 @@ pub struct PointLight {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SpotLight {
-    /// What position and direction refer to. Default "scene".
+    /// Frame of position and direction. Default "scene".
     #[serde(default)]
     pub frame: LightFrame,
     /// Position, mm. Default: the origin of its frame.
@@ -219,7 +219,7 @@ pub struct SpotLight {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DistantLight {
-    /// What the direction refers to. Default "scene".
+    /// Frame of the direction. Default "scene".
     #[serde(default)]
     pub frame: LightFrame,
     /// Where it shines; a point is seen from the origin of the frame. Default: forward in the frame of the camera,

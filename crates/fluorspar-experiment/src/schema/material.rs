@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::{FilePath, ReflectanceReference, SpectrumReference, TextureReference};
 use fluorspar::spectral::Stokes;
 
-/// What the values of a measured matrix or emission spectrum count.
+/// Unit of the values of a measured matrix or emission spectrum.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum YieldUnit {
@@ -73,7 +73,7 @@ impl FluorophoreSource {
 pub struct MatrixSource {
     /// Path of a matrix: rows emission, columns excitation, corner cell `em_nm\ex_nm`.
     pub eem_csv: FilePath,
-    /// What its values count; needed where the file does not say so. "energy" is energy out per energy in, and becomes
+    /// Unit of its values; needed where the file does not state it. "energy" is energy out per energy in, and becomes
     /// photons by the factor emission over excitation wavelength.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub unit: Option<YieldUnit>,
@@ -85,7 +85,7 @@ pub struct MatrixSource {
 pub struct TableSource {
     /// Path of a table with the columns `wavelength_nm`, `excitation`, `emission`.
     pub csv: FilePath,
-    /// What the values count, emission and excitation alike. Default "photons".
+    /// Unit of the values, of emission and excitation alike. Default "photons".
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub unit: Option<YieldUnit>,
 }
@@ -96,7 +96,7 @@ pub struct TableSource {
 pub struct MatSource {
     /// Path of a MATLAB file of isetfluorescence.
     pub mat: FilePath,
-    /// What the values count. Default "photons".
+    /// Unit of the values. Default "photons".
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub unit: Option<YieldUnit>,
 }
@@ -109,7 +109,7 @@ pub struct SpectraSource {
     pub excitation_csv: FilePath,
     /// Path of a table whose first column of values is the emission spectrum.
     pub emission_csv: FilePath,
-    /// What the values count, emission and excitation alike. Default "photons".
+    /// Unit of the values, of emission and excitation alike. Default "photons".
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub unit: Option<YieldUnit>,
 }

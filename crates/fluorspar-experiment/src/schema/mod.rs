@@ -58,7 +58,7 @@ pub struct ExperimentFile {
     /// Name of the experiment for people. Default: empty.
     #[serde(default)]
     pub title: String,
-    /// What the experiment shows. Default: empty.
+    /// Description of the experiment. Default: empty.
     #[serde(default)]
     pub description: String,
     /// Experiment that this file overrides: a name of the catalogue or a path relative to this file. Tables are
@@ -113,7 +113,7 @@ pub struct ExperimentFile {
     /// Distances for the assessment of photobiological safety.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub safety: Option<SafetySection>,
-    /// What is computed from the captures.
+    /// Analysis of the captures.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub analysis: Option<AnalysisSection>,
     /// Where results go.

@@ -45,7 +45,7 @@ impl Default for SpectralSection {
     }
 }
 
-/// What is kept about the scatter of samples.
+/// Statistics of the samples.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum StatisticsChoice {
@@ -81,7 +81,7 @@ pub struct RenderSection {
     pub time_limit_s: Option<f64>,
     /// Most memory that the images of the render may take, GiB, 0.001 to 1024. Default 8.
     pub memory_limit_gib: f64,
-    /// What is kept about the scatter of samples: `none`, `light_groups` or `components`. Two half-buffers and the
+    /// Statistics of the samples: `none`, `light_groups` or `components`. Two half-buffers and the
     /// variance of each; memory grows by 16 bytes per pixel and band for each. Default `none`.
     #[serde(skip_serializing_if = "is_none")]
     pub statistics: StatisticsChoice,

@@ -62,7 +62,7 @@ pub fn read_component_exr(path: &Path) -> Result<Loaded<ComponentImage>, FormatE
 /// Where the values of a part go, channel by channel.
 type PartTargets = Vec<Option<Target>>;
 
-/// What the parts with components have in common.
+/// Attributes shared by the parts with components.
 struct ComponentParts {
     grid: WavelengthGrid,
     size: Vec2<usize>,

@@ -52,7 +52,7 @@ impl ExrCompression {
     }
 }
 
-/// What else goes into an OpenEXR file.
+/// Further contents of an OpenEXR file.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct ExrOptions<'a> {
     /// How pixels are packed.

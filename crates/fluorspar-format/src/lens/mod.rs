@@ -50,7 +50,7 @@ impl Fault {
 /// Reads a lens file by its ending: `.toml`, `.dat` (pbrt), `.json` (ISET, omni), `.zmx` (Zemax).
 ///
 /// # Errors
-/// What is wrong, in which line, and how to fix it.
+/// An error: what, in which line, and how to fix it.
 pub fn read_lens(path: &Path) -> Result<LensPrescription, LensFileError> {
     let file = path.display().to_string();
     let error = |fault: Fault| LensFileError { file: file.clone(), line: fault.line, message: fault.message };

@@ -1,4 +1,4 @@
-//! What SVG and PNG show: marks in px from the top left corner, back to front.
+//! Drawing of SVG and PNG: marks in px from the top left corner, back to front.
 
 use super::{Ink, Raster};
 

@@ -29,7 +29,7 @@ const PIXELS_PER_PX: f64 = 2.0;
 pub struct Figure {
     /// Title.
     pub title: String,
-    /// What the figure shows, in plain words, for captions and screen readers.
+    /// Description in plain words, for captions and screen readers.
     pub explanation: String,
     /// Panels, row by row.
     pub panels: Vec<Panel>,
@@ -48,13 +48,13 @@ pub struct Panel {
     pub y: Axis,
     /// Width and height of the area inside the axes, px.
     pub size: [f64; 2],
-    /// What is drawn, first at the back.
+    /// Series, from back to front.
     pub series: Vec<Series>,
     /// A color bar to the right.
     pub color_bar: Option<ColorBar>,
 }
 
-/// What the colors of a heat map mean.
+/// Color scale of a heat map.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ColorBar {
     /// Label, unit and limits.
@@ -70,7 +70,7 @@ pub struct Series {
     pub name: Option<String>,
     /// Color.
     pub ink: Ink,
-    /// What to draw.
+    /// Shape of the series.
     pub shape: Shape,
 }
 

@@ -13,7 +13,7 @@ pub enum Scale {
 /// An axis. Its limits are explicit: no figure chooses them behind the reader's back.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Axis {
-    /// What is measured along it.
+    /// Quantity of the axis.
     pub label: String,
     /// Its unit; empty for a pure number.
     pub unit: String,

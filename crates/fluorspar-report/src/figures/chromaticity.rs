@@ -2,7 +2,7 @@
 
 use crate::{Axis, Dash, Figure, Ink, Label, Panel, Series, Shape};
 
-/// What a chromaticity plot shows.
+/// Contents of a chromaticity plot.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ChromaticityPlot {
     /// The region in words.

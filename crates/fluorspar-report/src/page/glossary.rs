@@ -2,7 +2,7 @@
 
 use super::report_data::{ReportItem, Section};
 
-/// What the words on the page mean, for readers from another field.
+/// Glossary of the page, for readers from another field.
 pub fn glossary_section() -> Section {
     let terms = [
         (

@@ -1,4 +1,4 @@
-//! What a report says, before it is laid out.
+//! Contents of a report, before layout.
 
 use crate::Figure;
 
@@ -44,7 +44,7 @@ pub enum ReportItem {
     Figure {
         /// The figure.
         figure: Figure,
-        /// What to see in this one; may be empty.
+        /// Explanation of this one; may be empty.
         caption: String,
     },
     /// Numbers.
@@ -58,16 +58,16 @@ pub enum ReportItem {
 pub struct ReportPicture {
     /// The PNG file.
     pub png: Vec<u8>,
-    /// What it is, in a few words.
+    /// Title.
     pub title: String,
-    /// What it shows and how to read it.
+    /// Caption: contents, and how to read it.
     pub caption: String,
 }
 
 /// A table of numbers.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct NumberTable {
-    /// What the numbers have in common.
+    /// Title of the numbers.
     pub caption: String,
     /// The numbers.
     pub rows: Vec<Number>,
@@ -82,7 +82,7 @@ pub struct Number {
     pub value: String,
     /// Its unit; empty for a pure number.
     pub unit: String,
-    /// What it means, in plain words.
+    /// Explanation, in plain words.
     pub meaning: String,
     /// Where it comes from.
     pub origin: Origin,

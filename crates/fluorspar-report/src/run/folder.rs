@@ -26,7 +26,7 @@ pub enum RunFolderError {
     Folder {
         /// The folder.
         path: PathBuf,
-        /// What the system says.
+        /// Error of the operating system.
         source: std::io::Error,
     },
     /// A file can't be written.
@@ -37,7 +37,7 @@ pub enum RunFolderError {
     Figure {
         /// Its file name.
         stem: String,
-        /// What went wrong.
+        /// The error.
         source: FigureError,
     },
     /// Results that are not JSON.

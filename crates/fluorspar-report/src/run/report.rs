@@ -1,4 +1,4 @@
-//! What a run's report shows and says.
+//! Report of a run.
 
 use fluorspar::analysis::Statistics;
 use fluorspar::image::LightPath;

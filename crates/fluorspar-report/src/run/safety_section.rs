@@ -56,7 +56,7 @@ pub(super) fn safety_section(report: &SafetyReport) -> Option<Section> {
     Some(section.with(ReportItem::Terms(terms)))
 }
 
-/// What the risk group means, what decides it, and after which time.
+/// Meaning of the risk group, the quantity that decides it, and the time to its limit.
 fn risk_group_term(report: &SafetyReport) -> Option<(String, String)> {
     let group = report.risk_group?;
     let title = match group {
