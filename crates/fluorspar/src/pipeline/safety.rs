@@ -114,7 +114,7 @@ impl SafetyReport {
 const STANDARD: &str =
     "IEC 62471:2006; ICNIRP 2004 (ultraviolet), ICNIRP 2013 (visible and infrared, incoherent)";
 const CAVEAT: &str =
-    "A calculation from assumed lamps, not a certificate: a certificate needs the measured device.";
+    "A calculation from assumed light sources, not a certificate: a certificate needs the measured device.";
 /// Where lamps that are not for general lighting are classified: IEC 62471:2006, 6.1.
 const CLASSIFICATION_MM: f64 = 200.0;
 
@@ -195,7 +195,7 @@ fn assumptions(study: &Study, settings: &SafetyPlan) -> Vec<String> {
             settings.mucosa_safety_factor
         ),
         format!(
-            "the operator sees a disc of {} mm with a reflectance of {}, lit as the mucosa; mirror images of the lamps are not counted",
+            "the operator sees a disc of {} mm with a reflectance of {}, lit as the mucosa; specular images of the light sources are not counted",
             settings.lit_diameter_mm, settings.reflectance
         ),
         "the eye looks into the lights without blinking, pupil as the limits assume; eyes do not accommodate below 100 mm".into(),
