@@ -85,7 +85,7 @@ impl Default for Command {
     }
 }
 
-/// Where an experiment comes from and what is changed in it.
+/// The experiment and its changes.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub(crate) struct ExperimentArgs {
     /// Experiment file (.toml), a report.html made by an earlier run, or the name of a built-in experiment.
@@ -109,7 +109,7 @@ pub(crate) struct ExperimentArgs {
     pub(crate) statistics: Option<StatisticsOption>,
 }
 
-/// What half-buffers and variance are kept for.
+/// Sums whose half-buffers and variance are kept.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 #[value(rename_all = "snake_case")]
 pub(crate) enum StatisticsOption {
@@ -170,7 +170,7 @@ impl Seed {
     }
 }
 
-/// How much is said.
+/// Verbosity of a command.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub(crate) struct Talk {
     /// Print no progress, no warnings and no summary.

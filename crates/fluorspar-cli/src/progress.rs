@@ -18,18 +18,18 @@ use crate::error::CliError;
 use crate::interrupt::{STOP, save_when_interrupted};
 use crate::message::Messages;
 
-/// What is written while a film is being filled.
+/// Files that are written during a render.
 #[derive(Debug, Default)]
 pub(crate) struct Keep<'a> {
-    /// Where the film is saved, and how often.
+    /// Path of the film, and the interval of its checkpoints.
     pub(crate) film: Option<(&'a Path, Duration)>,
-    /// What rides on it.
+    /// Provenance of the film.
     pub(crate) provenance: Option<&'a Provenance>,
-    /// An image of the sum, renewed as it gets better.
+    /// Preview of the sum, updated during the render.
     pub(crate) preview: Option<&'a Path>,
 }
 
-/// An image can be looked at after this time at the latest.
+/// Longest time until the first preview.
 const FIRST_PREVIEW: Duration = Duration::from_millis(700);
 /// Making a preview takes at most this share of the time.
 const PREVIEW_SHARE: u32 = 20;

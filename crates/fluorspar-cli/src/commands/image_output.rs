@@ -15,7 +15,7 @@ use serde_json::{Value, json};
 use super::check_file;
 use crate::error::CliError;
 
-/// Where an image goes and in which form.
+/// Path and format of an image.
 #[derive(Clone, Debug, clap::Args)]
 pub(crate) struct ImageOutput {
     /// Image file: .exr (spectral OpenEXR) or .npy (NumPy, with a .json next to it).
@@ -153,7 +153,7 @@ impl ImageOutput {
         Ok(())
     }
 
-    /// What `--json` says about an image.
+    /// JSON description of an image.
     pub(crate) fn describe(&self, image: &ComponentImage) -> Value {
         let mean = image.recombine(|_| 1.0).mean_spectrum();
         self.describe_with(image, mean.values())

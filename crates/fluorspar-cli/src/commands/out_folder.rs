@@ -31,7 +31,7 @@ struct FolderList {
     files: BTreeMap<String, FileMark>,
 }
 
-/// What a file was like when it was written.
+/// Length and digest of a file when it was written.
 #[derive(Debug, PartialEq, Serialize, Deserialize)]
 struct FileMark {
     bytes: u64,
