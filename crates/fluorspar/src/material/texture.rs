@@ -53,6 +53,8 @@ pub struct ImageTexture {
     width: usize,
     height: usize,
     data: Vec<f32>,
+    /// Largest value, which every check of a material and of its scene asks for.
+    max: f32,
 }
 
 /// Invalid pixels of a texture.
@@ -79,7 +81,8 @@ impl ImageTexture {
         if width == 0 || height == 0 || data.len() != width * height || bad.is_some() {
             return Err(TextureError { width, height, values: data.len(), bad });
         }
-        Ok(Self { width, height, data })
+        let max = data.iter().copied().fold(0.0, f32::max);
+        Ok(Self { width, height, data, max })
     }
 
     /// Columns and rows.
@@ -103,7 +106,7 @@ impl ImageTexture {
 
     /// Largest value.
     pub fn max(&self) -> f32 {
-        self.data.iter().copied().fold(0.0, f32::max)
+        self.max
     }
 }
 
