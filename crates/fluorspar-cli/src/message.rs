@@ -96,9 +96,23 @@ fn with_counts(lines: impl IntoIterator<Item = String>) -> Vec<(String, usize)> 
     counted
 }
 
+/// Characters of the longest error: lists of known names take a thousand.
+const LONGEST_ERROR: usize = 4000;
+
 /// Says why the work ended otherwise than was wanted, `--quiet` or not.
 pub(crate) fn error(error: impl Display) {
-    say(&format!("error: {error}"));
+    say(&format!("error: {}", without_middle(&printable(&error.to_string()), LONGEST_ERROR)));
+}
+
+/// A text of at most about `longest` characters: its beginning, which says what is wrong, and its end, which says what to do.
+fn without_middle(text: &str, longest: usize) -> String {
+    let length = text.chars().count();
+    if length <= longest {
+        return text.to_string();
+    }
+    let start: String = text.chars().take(longest / 2).collect();
+    let end: String = text.chars().skip(length - longest / 2).collect();
+    format!("{start} ... {end}")
 }
 
 /// Says something that the user must know, `--quiet` or not.

@@ -1,5 +1,6 @@
 //! An experiment as a tree that remembers which line of which file every value comes from.
 
+use fluorspar::quote::{excerpt, excerpt_to};
 use std::path::PathBuf;
 
 use toml::Spanned;
@@ -263,14 +264,8 @@ impl Reader<'_> {
     }
 }
 
-/// A text short enough for a message.
+/// A value fit for a message.
 pub(super) fn shortened(text: &str) -> String {
     // Paths are looked for by their end.
-    let longest = if text.contains('/') { 400 } else { 60 };
-    if text.chars().count() <= longest {
-        return text.replace('\n', " ");
-    }
-    let mut short: String = text.chars().take(longest - 3).collect();
-    short.push_str("...");
-    short.replace('\n', " ")
+    if text.contains('/') { excerpt_to(text, 400) } else { excerpt(text) }
 }

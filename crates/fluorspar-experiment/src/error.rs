@@ -1,5 +1,6 @@
 //! Errors of experiments, with hints.
 
+use fluorspar::quote::excerpt;
 use std::fmt;
 
 use thiserror::Error;
@@ -166,10 +167,10 @@ pub(super) fn path_text(path: &[Step]) -> String {
     let mut text = String::new();
     for step in path {
         match step {
-            Step::Key(key) if text.is_empty() => text.push_str(key),
+            Step::Key(key) if text.is_empty() => text.push_str(&excerpt(key)),
             Step::Key(key) => {
                 text.push('.');
-                text.push_str(key);
+                text.push_str(&excerpt(key));
             }
             Step::Index(index) => text.push_str(&format!("[{index}]")),
         }

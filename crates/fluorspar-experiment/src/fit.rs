@@ -1,5 +1,6 @@
 //! Whether a tree fits the shapes of its file, and what does not is explained at its place.
 
+use fluorspar::quote::excerpt;
 use std::path::PathBuf;
 
 use super::document::{Content, Document, Node, Source};
@@ -119,7 +120,7 @@ impl Fit<'_> {
             return Ok(());
         }
         let hint = did_you_mean(text, words.iter().map(String::as_str));
-        self.fail(at, format!("unknown value \"{text}\"{hint} Known: {}", words.join(", ")))
+        self.fail(at, format!("unknown value \"{}\"{hint} Known: {}", excerpt(text), words.join(", ")))
     }
 
     fn list(
@@ -238,7 +239,8 @@ impl Fit<'_> {
         {
             let known: Vec<String> = marks();
             let hint = did_you_mean(unknown, known.iter().map(String::as_str));
-            let message = format!("unknown field `{unknown}`{hint} Give one of {}", known.join(", "));
+            let message =
+                format!("unknown field `{}`{hint} Give one of {}", excerpt(unknown), known.join(", "));
             return Err(self.document.error_at_key(at, &Step::Key(unknown.into()), message));
         }
         if table.variant_of(node) == Found::Unsaid
@@ -326,7 +328,7 @@ impl Fit<'_> {
             let path = below.iter().find(|(_, name)| Some(*name) == near).map(|(path, _)| path.as_str());
             hint = suggestion(path);
         }
-        format!("unknown field `{unknown}`{hint} Known: {}", known.join(", "))
+        format!("unknown field `{}`{hint} Known: {}", excerpt(unknown), known.join(", "))
     }
 
     /// Description of a missing field.

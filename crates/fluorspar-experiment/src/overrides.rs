@@ -1,5 +1,6 @@
 //! `--set path=value`: single values on top of an experiment file.
 
+use fluorspar::quote::excerpt;
 use std::path::Path;
 
 use super::document::{Content, Document, Node, Origin, Source, read_tree};
@@ -91,7 +92,10 @@ fn resolve_names(root: &Node, steps: &[String], source: &Source) -> Result<Vec<S
         let next = match node.map(|node| &node.content) {
             Some(Content::Array(items)) => Step::Index(find_entry(items, parent, step, source)?),
             Some(Content::Leaf(_)) => {
-                return Err(bad(source, format!("`{parent}` is a value and has no field `{step}`")));
+                return Err(bad(
+                    source,
+                    format!("`{}` is a value and has no field `{}`", excerpt(parent), excerpt(step)),
+                ));
             }
             _ => Step::Key(step.clone()),
         };
@@ -115,6 +119,7 @@ fn find_entry(items: &[Node], list: &str, step: &str, source: &Source) -> Result
         return Err(bad(source, message));
     }
     let names: Vec<&str> = items.iter().filter_map(Node::name).collect();
+    let known: Vec<String> = names.iter().map(|name| excerpt(name)).collect();
     if names.is_empty() {
         return Err(bad(
             source,
@@ -122,7 +127,7 @@ fn find_entry(items: &[Node], list: &str, step: &str, source: &Source) -> Result
         ));
     }
     let hint = did_you_mean(step, names.iter().copied());
-    Err(bad(source, format!("there is no {list} \"{step}\"{hint} Known: {}", names.join(", "))))
+    Err(bad(source, format!("there is no {list} \"{}\"{hint} Known: {}", excerpt(step), known.join(", "))))
 }
 
 /// Puts a value at a path, building the tables around it where they do not exist.

@@ -1,5 +1,6 @@
 //! From text to typed sections.
 
+use fluorspar::quote::excerpt_to;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
@@ -151,11 +152,12 @@ fn put_on_bases(document: &mut Document, schema: &Schema, base_dir: &Path) -> Re
 }
 
 fn read_text(file: &Path) -> Result<String, String> {
-    let size = std::fs::metadata(file).map_err(|error| format!("{}: {error}", file.display()))?.len();
+    let shown = excerpt_to(&file.to_string_lossy(), 400);
+    let size = std::fs::metadata(file).map_err(|error| format!("{shown}: {error}"))?.len();
     if size > MAX_BYTES {
-        return Err(format!("{} has {size} bytes; an experiment has at most {MAX_BYTES}", file.display()));
+        return Err(format!("{shown} has {size} bytes; an experiment has at most {MAX_BYTES}"));
     }
-    std::fs::read_to_string(file).map_err(|error| format!("{}: {error}", file.display()))
+    std::fs::read_to_string(file).map_err(|error| format!("{shown}: {error}"))
 }
 
 /// Puts the fields of `sensor.preset` below the others of the section.

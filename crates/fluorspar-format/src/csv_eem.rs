@@ -1,10 +1,11 @@
 //! Excitation-emission matrices as tables.
 
+use fluorspar::quote::excerpt;
 use std::path::Path;
 
 use super::FormatError;
 use super::axis::check_axis;
-use super::csv_table::{Negative, Table, shortened};
+use super::csv_table::{Negative, Table};
 
 /// Unit of the values of an excitation-emission matrix.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -150,7 +151,7 @@ fn check_corner(path: &Path, table: &Table) -> Result<(), FormatError> {
         )
     } else {
         (
-            format!("the corner cell is \"{}\"", shortened(corner)),
+            format!("the corner cell is \"{}\"", excerpt(corner)),
             format!("Write \"{CORNER}\" if rows are emission and columns excitation, both in nm"),
         )
     };
@@ -172,7 +173,7 @@ fn unit(path: &Path, table: &Table, given: Option<EemUnit>) -> Result<EemUnit, F
                 return Err(FormatError::at_line(
                     path,
                     *line,
-                    format!("the unit \"{}\" is not known", shortened(other)),
+                    format!("the unit \"{}\" is not known", excerpt(other)),
                     "Write \"# unit: photons\" or \"# unit: energy\"",
                 ));
             }

@@ -1,10 +1,11 @@
 //! Spectra as tables: wavelength in the first column, one spectrum in each other column.
 
+use fluorspar::quote::excerpt;
 use std::path::Path;
 
 use super::FormatError;
 use super::axis::check_axis;
-use super::csv_table::{Negative, Table, shortened};
+use super::csv_table::{Negative, Table};
 use fluorspar::spectral::Curve;
 
 /// Which value columns to read.
@@ -126,13 +127,13 @@ fn selected_columns(path: &Path, table: &Table, columns: &CsvColumns) -> Result<
                     (Some(_), Some(_)) => Err(FormatError::at_line(
                         path,
                         table.header.line,
-                        format!("two columns are called \"{name}\""),
+                        format!("two columns are called \"{}\"", excerpt(name)),
                         "Give each column its own name or choose the column by number",
                     )),
                     _ => Err(FormatError::at_line(
                         path,
                         table.header.line,
-                        format!("there is no column \"{name}\""),
+                        format!("there is no column \"{}\"", excerpt(name)),
                         format!("Columns are: {}", available()),
                     )),
                 }
@@ -156,7 +157,7 @@ fn selected_columns(path: &Path, table: &Table, columns: &CsvColumns) -> Result<
 }
 
 fn shortened_list(names: &[String]) -> String {
-    let mut list = names.iter().take(12).map(String::as_str).collect::<Vec<_>>().join(", ");
+    let mut list = names.iter().take(12).map(|name| excerpt(name)).collect::<Vec<_>>().join(", ");
     if names.len() > 12 {
         list.push_str(&format!(" and {} more", names.len() - 12));
     }
@@ -169,7 +170,7 @@ fn check_wavelength_header(path: &Path, table: &Table) -> Result<(), FormatError
         |what: String, hint: &str| Err(FormatError::at_line(path, table.header.line, what, hint.to_string()));
     if header.contains('\\') {
         return wrong(
-            format!("the first cell is \"{}\": this is an excitation-emission matrix", shortened(header)),
+            format!("the first cell is \"{}\": this is an excitation-emission matrix", excerpt(header)),
             "Read it as a matrix, or give a first column \"wavelength_nm\"",
         );
     }
@@ -183,7 +184,9 @@ fn check_wavelength_header(path: &Path, table: &Table) -> Result<(), FormatError
     let words: Vec<&str> =
         lower.split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty()).collect();
     let has = |names: &[&str]| words.iter().any(|word| names.contains(word));
-    let in_unit = |unit: &str, hint: &str| wrong(format!("the first column \"{header}\" is in {unit}"), hint);
+    let in_unit = |unit: &str, hint: &str| {
+        wrong(format!("the first column \"{}\" is in {unit}", excerpt(header)), hint)
+    };
     if has(&["nm", "nanometer", "nanometers", "nanometre", "nanometres"]) {
         Ok(())
     } else if has(&[
@@ -206,12 +209,12 @@ fn check_wavelength_header(path: &Path, table: &Table) -> Result<(), FormatError
         in_unit("wavenumbers or energies", "Convert it to nanometers and call it \"wavelength_nm\"")
     } else if has(&["wavelength", "wavelengths", "wave", "lambda", "λ", "wl"]) {
         wrong(
-            format!("the first column \"{header}\" states no unit"),
+            format!("the first column \"{}\" states no unit", excerpt(header)),
             "Call it \"wavelength_nm\" if it is in nanometers",
         )
     } else {
         wrong(
-            format!("the first column is \"{}\", not a wavelength", shortened(header)),
+            format!("the first column is \"{}\", not a wavelength", excerpt(header)),
             "Put the wavelength first and call it \"wavelength_nm\"",
         )
     }

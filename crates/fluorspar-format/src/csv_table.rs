@@ -1,5 +1,6 @@
 //! Comma-separated tables as lines of cells, with the place of every cell.
 
+use fluorspar::quote::excerpt;
 use std::path::Path;
 
 use super::FormatError;
@@ -111,7 +112,7 @@ impl Table {
     pub(super) fn column_name(&self, column: usize) -> String {
         match self.header.cells[column].as_str() {
             "" => format!("number {}", column + 1),
-            name => format!("\"{name}\""),
+            name => format!("\"{}\"", excerpt(name)),
         }
     }
 
@@ -126,13 +127,17 @@ impl Table {
             Ok(_) => Err(FormatError::at_line(
                 path,
                 row.line,
-                format!("column {} holds {text}", self.column_name(column)),
+                format!("column {} holds {}", self.column_name(column), excerpt(text)),
                 "Every value must be a finite number: remove the line or leave the cell empty and skip empty cells",
             )),
             Err(_) if text.contains(',') => Err(FormatError::at_line(
                 path,
                 row.line,
-                format!("column {} holds \"{text}\", which is not a number", self.column_name(column)),
+                format!(
+                    "column {} holds \"{}\", which is not a number",
+                    self.column_name(column),
+                    excerpt(text)
+                ),
                 "Write decimals with a point",
             )),
             Err(_) => Err(FormatError::at_line(
@@ -141,7 +146,7 @@ impl Table {
                 format!(
                     "column {} holds \"{}\", which is not a number",
                     self.column_name(column),
-                    shortened(text)
+                    excerpt(text)
                 ),
                 "Write numbers like 385 or 1.5e-3",
             )),
@@ -171,12 +176,4 @@ impl Table {
             )),
         }
     }
-}
-
-/// A cell's text, cut where it would drown the message.
-pub(super) fn shortened(text: &str) -> String {
-    if text.chars().count() <= 40 {
-        return text.to_string();
-    }
-    text.chars().take(40).chain("...".chars()).collect()
 }

@@ -1,5 +1,6 @@
 //! Errors of files, with hints.
 
+use fluorspar::quote::excerpt_to;
 use std::fmt;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -127,28 +128,39 @@ impl FormatError {
     }
 
     pub(super) fn malformed(path: &Path, what: impl Into<String>, hint: impl Into<String>) -> Self {
-        Self::Malformed { path: path.into(), line: None, what: what.into(), hint: hint.into() }
+        Self::Malformed { path: path.into(), line: None, what: bounded(&what.into()), hint: hint.into() }
     }
 
     pub(super) fn at_line(path: &Path, line: u64, what: impl Into<String>, hint: impl Into<String>) -> Self {
-        Self::Malformed { path: path.into(), line: Some(line), what: what.into(), hint: hint.into() }
+        Self::Malformed {
+            path: path.into(),
+            line: Some(line),
+            what: bounded(&what.into()),
+            hint: hint.into(),
+        }
     }
 
     pub(super) fn unsupported(path: &Path, what: impl Into<String>, hint: impl Into<String>) -> Self {
-        Self::Unsupported { path: path.into(), what: what.into(), hint: hint.into() }
+        Self::Unsupported { path: path.into(), what: bounded(&what.into()), hint: hint.into() }
     }
 
     pub(super) fn unit(path: &Path, what: impl Into<String>, hint: impl Into<String>) -> Self {
-        Self::Unit { path: path.into(), what: what.into(), hint: hint.into() }
+        Self::Unit { path: path.into(), what: bounded(&what.into()), hint: hint.into() }
     }
 
     pub(super) fn too_large(path: &Path, what: impl Into<String>, limit: impl Into<String>) -> Self {
-        Self::TooLarge { path: path.into(), what: what.into(), limit: limit.into() }
+        Self::TooLarge { path: path.into(), what: bounded(&what.into()), limit: limit.into() }
     }
 
     pub(super) fn unwritable(path: &Path, what: impl Into<String>, hint: impl Into<String>) -> Self {
-        Self::Unwritable { path: path.into(), what: what.into(), hint: hint.into() }
+        Self::Unwritable { path: path.into(), what: bounded(&what.into()), hint: hint.into() }
     }
+}
+
+/// A description that stays readable whatever a file holds; what it quotes of the file is shortened before.
+fn bounded(what: &str) -> String {
+    const LONGEST: usize = 400;
+    excerpt_to(what, LONGEST)
 }
 
 /// `:LINE` after a path, or nothing.

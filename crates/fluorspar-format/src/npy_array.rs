@@ -4,12 +4,12 @@
 //! A file is `\x93NUMPY`, a version, the length of the header, the header, and the values. The header is the text of a
 //! Python dictionary: `{'descr': '<f4', 'fortran_order': False, 'shape': (2, 3), }`.
 
+use fluorspar::quote::excerpt;
 use std::fs::File;
 use std::io::{self, BufReader, Read, Write};
 use std::path::Path;
 
 use super::FormatError;
-use super::csv_table::shortened;
 use super::file::MAX_IMAGE_BYTES;
 
 const MAGIC: &[u8; 6] = b"\x93NUMPY";
@@ -137,7 +137,7 @@ pub(super) fn read_npy(path: &Path) -> Result<(Vec<u64>, Vec<f32>), FormatError>
     let Some(element) = ElementType::parse(&header.descr) else {
         return Err(FormatError::unsupported(
             path,
-            format!("the elements are '{}', not '<f4' or '<f8'", shortened(&header.descr)),
+            format!("the elements are '{}', not '<f4' or '<f8'", excerpt(&header.descr)),
             "Save a.astype('<f4')",
         ));
     };
@@ -155,7 +155,7 @@ pub(super) fn read_npy(path: &Path) -> Result<(Vec<u64>, Vec<f32>), FormatError>
         let shape = format!("{:?}", header.shape);
         return Err(FormatError::too_large(
             path,
-            format!("the array claims the shape {}", shortened(&shape)),
+            format!("the array claims the shape {}", excerpt(&shape)),
             format!("{most_bytes} bytes"),
         ));
     };

@@ -1,5 +1,6 @@
 //! Lists of places: affine maps, twelve numbers each.
 
+use fluorspar::quote::excerpt;
 use std::path::Path;
 
 use glam::{Affine3, Mat3, Vec3};
@@ -76,7 +77,12 @@ fn from_text(path: &Path, text: &str) -> Result<Lines, FormatError> {
                     count = 0;
                     break;
                 }
-                return Err(FormatError::at_line(path, line, format!("\"{cell}\" is not a number"), HINT));
+                return Err(FormatError::at_line(
+                    path,
+                    line,
+                    format!("\"{}\" is not a number", excerpt(cell)),
+                    HINT,
+                ));
             };
             if let Some(slot) = place.get_mut(count) {
                 *slot = value;

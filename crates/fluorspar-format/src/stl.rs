@@ -1,5 +1,6 @@
 //! Stereolithography meshes (STL), text and binary.
 
+use fluorspar::quote::excerpt;
 use std::collections::HashMap;
 use std::path::Path;
 
@@ -75,7 +76,7 @@ fn text_corners(path: &Path, bytes: &[u8]) -> Result<Vec<Vec3>, FormatError> {
             return Err(FormatError::Malformed {
                 path: path.into(),
                 line: Some(index as u64 + 1),
-                what: format!("\"{}\" is not a vertex", line.trim()),
+                what: format!("\"{}\" is not a vertex", excerpt(line.trim())),
                 hint: "A vertex has three numbers: export the mesh again".into(),
             });
         };

@@ -39,6 +39,7 @@ pub mod material;
 pub mod names;
 pub mod optics;
 pub mod pipeline;
+pub mod quote;
 pub mod render;
 pub mod safety;
 pub mod sampling;

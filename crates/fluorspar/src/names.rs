@@ -1,5 +1,7 @@
 //! Names that nothing has: one measure of likeness, and one way to suggest what was meant.
 
+use crate::quote::excerpt;
+
 /// The candidate most similar to a name that was not found; `None` where nothing is similar.
 ///
 /// Similar means a Damerau-Levenshtein distance of at most two, or of a third of the letters, or that one name contains
@@ -29,7 +31,7 @@ pub fn did_you_mean<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str
 
 /// The same for a suggestion that is known already.
 pub fn suggestion(nearest: Option<&str>) -> String {
-    nearest.map_or_else(|| ".".into(), |name| format!(", did you mean \"{name}\"?"))
+    nearest.map_or_else(|| ".".into(), |name| format!(", did you mean \"{}\"?", excerpt(name)))
 }
 
 #[cfg(test)]

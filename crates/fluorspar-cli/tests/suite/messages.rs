@@ -60,3 +60,59 @@ fn names_and_cells_can_not_steer_the_terminal() {
     assert_eq!(said.code, Some(2));
     assert!(said.stderr.starts_with("error: red\\u{1b}[31m.toml: "), "{}", said.stderr);
 }
+
+/// Files of text that hold one endless, unprintable word where something short belongs.
+fn endless() -> Vec<(&'static str, String, Vec<&'static str>)> {
+    let word = "\u{1b}[2J\u{7}word ".trim_end().repeat(10_000);
+    let key = "k".repeat(100_000);
+    let toml = |text: String| format!("format = 1\nbase = \"flat-patch\"\n{text}");
+    let escaped = "\\u001b[2J\\u0007word".repeat(10_000);
+    let check = |name| vec!["check", name];
+    vec![
+        ("a.dat", format!("40 6 1.6 20\n{word} 0 1 20\n"), vec!["lens", "report", "a.dat"]),
+        ("a.zmx", format!("MODE SEQ\nUNIT {word}\n"), vec!["lens", "report", "a.zmx"]),
+        (
+            "a.json",
+            format!("{{\"surfaces\": [{{\"radius\": \"{escaped}\"}}]}}"),
+            vec!["lens", "report", "a.json"],
+        ),
+        ("a.csv", format!("wavelength_nm,power\n380,{word}\n"), vec!["predict", "--light", "a.csv"]),
+        ("b.csv", format!("{word},power\n380,1\n"), vec!["predict", "--light", "b.csv"]),
+        ("c.csv", format!("wavelength_nm,{word}\n380,x\n"), vec!["predict", "--light", "c.csv"]),
+        (
+            "d.csv",
+            format!("# unit: {word}\nem_nm\\ex_nm,380,390\n500,1,2\n510,3,4\n"),
+            vec!["fluorophore", "import", "d.csv"],
+        ),
+        ("base.toml", format!("format = 1\nbase = \"{escaped}\"\n"), check("base.toml")),
+        ("path.toml", format!("format = 1\nbase = \"{escaped}/x.toml\"\n"), check("path.toml")),
+        ("key.toml", toml(format!("{key} = 1\n")), check("key.toml")),
+        ("keys.toml", toml(format!("render.{key}.{key} = 1\n")), check("keys.toml")),
+        (
+            "word.toml",
+            toml(format!("[[light]]\nname = \"l\"\nspectrum = \"{escaped}\"\n")),
+            check("word.toml"),
+        ),
+        ("type.toml", toml(format!("[[light]]\nname = \"l\"\ntype = \"{escaped}\"\n")), check("type.toml")),
+        ("name.toml", toml(format!("[[light]]\nname = \"{escaped}\"\n")), check("name.toml")),
+        (
+            "drive.toml",
+            toml(format!("[[capture]]\nname = \"c\"\nlight_groups = {{ \"{escaped}\" = 1 }}\n")),
+            check("drive.toml"),
+        ),
+    ]
+}
+
+#[test]
+fn quotes_from_files_are_short_and_printable() {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, text, args) in endless() {
+        fs::write(folder.path().join(name), text).unwrap();
+        let said = fluorspar(folder.path(), &args);
+        assert_eq!(said.code, Some(2), "{name}: {:.300}", said.stderr);
+        let length = said.stderr.chars().count();
+        assert!(length < 1500, "{name}: {length} characters: {:.300}", said.stderr);
+        let message = said.stderr.trim_end();
+        assert!(!message.contains(char::is_control), "{name}: {message:?}");
+    }
+}

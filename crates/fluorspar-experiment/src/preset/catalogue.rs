@@ -1,5 +1,6 @@
 //! Finding embedded files by kind and name.
 
+use fluorspar::quote::excerpt;
 use std::fmt;
 
 use include_dir::{Dir, include_dir};
@@ -94,7 +95,7 @@ impl fmt::Display for PresetKind {
 #[non_exhaustive]
 pub enum PresetError {
     /// There is no such entry.
-    #[error("there is no {kind} \"{name}\"{} Known: {}", suggestion(.nearest.as_deref()), .available.join(", "))]
+    #[error("there is no {kind} \"{}\"{} Known: {}", excerpt(.name), suggestion(.nearest.as_deref()), .available.join(", "))]
     Unknown {
         /// The requested value.
         kind: PresetKind,

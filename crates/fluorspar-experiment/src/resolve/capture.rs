@@ -12,6 +12,7 @@ use fluorspar::light::LightGroup;
 use fluorspar::material::Material;
 use fluorspar::names::did_you_mean;
 use fluorspar::optics::PerspectiveCamera;
+use fluorspar::quote::excerpt;
 use fluorspar::scene::{Object, Shape};
 use fluorspar::sensor::{CaptureFrame, EXPOSURE_MS, Sensor};
 use fluorspar::spectral::{Curve, WavelengthGrid};
@@ -67,7 +68,8 @@ pub(super) fn captures(
             if !groups.iter().any(|group| group.name == *name) {
                 let known: Vec<&str> = groups.iter().map(|group| group.name.as_str()).collect();
                 let message = format!(
-                    "there is no light group \"{name}\"{} Known: {}",
+                    "there is no light group \"{}\"{} Known: {}",
+                    excerpt(name),
                     hint(name, known.iter().copied()),
                     known.join(", ")
                 );

@@ -15,6 +15,7 @@ use fluorspar::material::{
     ReflectanceTerm, ScalarTexture, Scattering, TwoSided,
 };
 use fluorspar::names::did_you_mean;
+use fluorspar::quote::excerpt;
 use fluorspar::spectral::{
     Curve, EemTable, EnergyEem, Fluorophore, PhotonEem, SeparableTerm, Stokes, WavelengthGrid,
 };
@@ -69,7 +70,8 @@ pub(crate) fn unknown(
     known.extend(preset::names(PresetKind::Fluorophore));
     known.dedup();
     let hint = did_you_mean(name, known.iter().copied());
-    context.error(at, format!("there is no fluorophore \"{name}\"{hint} Known: {}", known.join(", ")))
+    context
+        .error(at, format!("there is no fluorophore \"{}\"{hint} Known: {}", excerpt(name), known.join(", ")))
 }
 
 /// Checks names and sources of the fluorophore sections, used or not.

@@ -19,6 +19,7 @@ use fluorspar::geometry::{MeshInstance, MeshInstances, TriangleMesh};
 use fluorspar::light::LightGroup;
 use fluorspar::material::Material;
 use fluorspar::names::did_you_mean;
+use fluorspar::quote::excerpt;
 use fluorspar::scene::{Object, Shape, SurfaceEmission};
 use fluorspar::spectral::{MAX_WAVELENGTH_NM, MIN_WAVELENGTH_NM, WavelengthGrid};
 use fluorspar_anatomy::{Tissue, shared_mouth};
@@ -589,8 +590,10 @@ fn scans(
             }
             if parts.len() == before {
                 let hint = did_you_mean(name, parts.iter().map(|part| part.name.as_str()));
-                return context
-                    .fail(&at.field("replaces"), format!("the mouth has no part \"{name}\"{hint}"));
+                return context.fail(
+                    &at.field("replaces"),
+                    format!("the mouth has no part \"{}\"{hint}", excerpt(name)),
+                );
             }
         }
         let unit_mm = context.within(

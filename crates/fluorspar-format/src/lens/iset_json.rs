@@ -1,5 +1,6 @@
 //! JSON lens files of ISET: `surfaces` (the omni camera) and the older `surfaceArray`. Lengths in mm.
 
+use fluorspar::quote::excerpt;
 use serde_json::Value;
 
 use super::Fault;
@@ -71,7 +72,9 @@ impl Fields<'_> {
             None | Some(Value::Null) => Ok(None),
             Some(value) => match value.as_f64() {
                 Some(number) => Ok(Some(number)),
-                None => Err(self.fault(format!("\"{key}\" is {value}, not a number"))),
+                None => {
+                    Err(self.fault(format!("\"{key}\" is {}, not a number", excerpt(&value.to_string()))))
+                }
             },
         }
     }
@@ -87,10 +90,15 @@ impl Fields<'_> {
             Some(Value::Array(items)) => items
                 .iter()
                 .map(|item| {
-                    item.as_f64().ok_or_else(|| self.fault(format!("\"{key}\" holds {item}, not a number")))
+                    item.as_f64().ok_or_else(|| {
+                        self.fault(format!("\"{key}\" holds {}, not a number", excerpt(&item.to_string())))
+                    })
                 })
                 .collect(),
-            Some(other) => Err(self.fault(format!("\"{key}\" is {other}, no list of numbers"))),
+            Some(other) => {
+                Err(self
+                    .fault(format!("\"{key}\" is {}, not a list of numbers", excerpt(&other.to_string()))))
+            }
         }
     }
 

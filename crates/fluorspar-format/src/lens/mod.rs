@@ -7,6 +7,7 @@ mod pbrt_table;
 mod toml_lens;
 mod zemax;
 
+use fluorspar::quote::{excerpt, excerpt_to};
 use std::path::Path;
 
 use thiserror::Error;
@@ -53,7 +54,11 @@ impl Fault {
 /// An error: what, in which line, and how to fix it.
 pub fn read_lens(path: &Path) -> Result<LensPrescription, LensFileError> {
     let file = path.display().to_string();
-    let error = |fault: Fault| LensFileError { file: file.clone(), line: fault.line, message: fault.message };
+    let error = |fault: Fault| LensFileError {
+        file: file.clone(),
+        line: fault.line,
+        message: excerpt_to(&fault.message, 400),
+    };
     let ending = path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase).unwrap_or_default();
     if !["toml", "dat", "json", "zmx"].contains(&ending.as_str()) {
         let message =
@@ -112,7 +117,7 @@ fn decode(bytes: &[u8]) -> Result<String, Fault> {
 /// A finite number from a word.
 pub(super) fn number(word: &str, what: &str, line: usize) -> Result<f64, Fault> {
     let value = word.parse::<f64>().ok().filter(|value| value.is_finite());
-    value.ok_or_else(|| Fault::at(line, format!("{what}: \"{word}\" is not a finite number")))
+    value.ok_or_else(|| Fault::at(line, format!("{what}: \"{}\" is not a finite number", excerpt(word))))
 }
 
 #[cfg(test)]

@@ -2,6 +2,7 @@
 
 use super::{Fault, number};
 use fluorspar::optics::{Dispersion, LensPrescription, LensSurface, Medium};
+use fluorspar::quote::excerpt;
 
 struct ZemaxSurface {
     line: usize,
@@ -58,7 +59,7 @@ impl ZemaxFile {
                     Some("M" | "METER") => 1000.0,
                     Some("IN" | "INCH") => 25.4,
                     other => {
-                        let unit = other.unwrap_or_default();
+                        let unit = excerpt(other.unwrap_or_default());
                         return Err(Fault::at(
                             at,
                             format!("the unit \"{unit}\" is not known; use MM, CM, M or IN"),

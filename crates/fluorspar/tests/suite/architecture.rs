@@ -9,7 +9,8 @@ use std::path::{Path, PathBuf};
 const MODULES: &[(&str, &[&str])] = &[
     ("digest", &[]),
     ("units", &[]),
-    ("names", &[]),
+    ("quote", &[]),
+    ("names", &["quote"]),
     ("spectral", &["units"]),
     ("image", &["units", "spectral"]),
     ("sampling", &["units"]),
