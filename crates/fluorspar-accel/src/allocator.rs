@@ -2,10 +2,18 @@
 //! tree, mesh and texture, and looking up small pages costs as much as reading them.
 #![allow(unsafe_code)]
 
+use std::alloc::{GlobalAlloc, Layout, alloc, dealloc};
+use std::cell::Cell;
 use std::ffi::c_long;
 
 use libmimalloc_sys::{mi_option_set, mi_option_t};
-/// The global allocator of programs that render.
+use mimalloc::MiMalloc;
+
+/// The global allocator of programs that render: mimalloc, and an end with a message where memory runs out.
+///
+/// A request that the system refuses writes one line to standard error and ends the process with exit code 1, on Unix;
+/// elsewhere, and in a program with another allocator, Rust aborts. What is large enough to be refused in practice, such as the
+/// images of a render, is asked for with [`memory_is_available`] before, which gives an error that the caller can explain.
 ///
 /// ```
 /// #[global_allocator]
@@ -15,7 +23,125 @@ use libmimalloc_sys::{mi_option_set, mi_option_t};
 ///     fluorspar_accel::return_freed_memory_at_once();
 /// }
 /// ```
-pub use mimalloc::MiMalloc as Allocator;
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Allocator;
+
+// SAFETY: all requests go to mimalloc as they are, and its answers come back as they are; a null pointer stays one where the
+// process goes on.
+unsafe impl GlobalAlloc for Allocator {
+    #[inline]
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        // SAFETY: the caller keeps to the contract of this method, which is that of mimalloc's.
+        granted(unsafe { MiMalloc.alloc(layout) }, layout.size())
+    }
+
+    #[inline]
+    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
+        // SAFETY: as above.
+        granted(unsafe { MiMalloc.alloc_zeroed(layout) }, layout.size())
+    }
+
+    #[inline]
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        // SAFETY: as above.
+        unsafe { MiMalloc.dealloc(pointer, layout) }
+    }
+
+    #[inline]
+    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, new_size: usize) -> *mut u8 {
+        // SAFETY: as above.
+        granted(unsafe { MiMalloc.realloc(pointer, layout, new_size) }, new_size)
+    }
+}
+
+/// The answer of mimalloc, unless it refuses a request for which nobody is prepared.
+#[inline]
+fn granted(pointer: *mut u8, bytes: usize) -> *mut u8 {
+    if pointer.is_null() {
+        refused(bytes);
+    }
+    pointer
+}
+
+thread_local! {
+    /// Whether this thread asks for memory that it can do without.
+    static IS_PREPARED: Cell<bool> = const { Cell::new(false) };
+}
+
+/// Ends the process where nobody is prepared for a refusal.
+#[cold]
+#[inline(never)]
+fn refused(bytes: usize) {
+    // The flag is gone where a thread ends: nobody is prepared there.
+    if !IS_PREPARED.try_with(Cell::get).unwrap_or(false) {
+        #[cfg(unix)]
+        end_without_memory(bytes);
+    }
+    // Elsewhere the caller, in the end Rust itself, does what it does about a null pointer.
+    #[cfg(not(unix))]
+    let _ = bytes;
+}
+
+/// Writes one line and ends the process, without a further request for memory.
+#[cfg(unix)]
+fn end_without_memory(bytes: usize) -> ! {
+    use std::ffi::{c_int, c_void};
+    use std::io::Write;
+    use std::sync::atomic::{AtomicBool, Ordering};
+
+    unsafe extern "C" {
+        fn write(file: c_int, bytes: *const c_void, count: usize) -> isize;
+        fn _exit(code: c_int) -> !;
+    }
+    const STANDARD_ERROR: c_int = 2;
+    static ENDS: AtomicBool = AtomicBool::new(false);
+    // Of several threads that fail together one speaks.
+    if ENDS.swap(true, Ordering::SeqCst) {
+        loop {
+            std::thread::yield_now();
+        }
+    }
+    let mut line = [0_u8; 256];
+    let mut rest = &mut line[..];
+    // What does not fit is left out; it does fit.
+    let _ = writeln!(
+        rest,
+        "error: not enough memory: a request of {bytes} bytes was refused. Render fewer pixels or bands, use coarser meshes, or \
+         raise the limit of the process (ulimit -v, the memory of its container)"
+    );
+    let unused = rest.len();
+    let length = line.len() - unused;
+    // SAFETY: the line is readable over its length. `_exit` ends the process at once, without running code that could ask for
+    // memory; a line that can't be written is lost.
+    unsafe {
+        write(STANDARD_ERROR, line.as_ptr().cast(), length);
+        _exit(1)
+    }
+}
+
+/// Whether the process may have so many bytes more now: its limits (`ulimit -v`) and the system's rules on overcommitment are
+/// asked with a request that is given back at once, untouched. Other threads, and pages that exist in name only, can still
+/// make a later request fail.
+pub fn memory_is_available(bytes: u64) -> bool {
+    const PAGE: usize = 4096;
+    let Ok(bytes) = usize::try_from(bytes) else { return false };
+    if bytes == 0 {
+        return true;
+    }
+    let Ok(layout) = Layout::from_size_align(bytes, PAGE) else { return false };
+    let before = IS_PREPARED.replace(true);
+    // SAFETY: the layout has a size, and what is given is given back as it is.
+    let pointer = unsafe { alloc(layout) };
+    // The compiler may take an allocation that nobody uses for granted, and leave it out.
+    let pointer = std::hint::black_box(pointer);
+    IS_PREPARED.set(before);
+    if pointer.is_null() {
+        return false;
+    }
+    // SAFETY: it came from `alloc` with this layout and was not given back.
+    unsafe { dealloc(pointer, layout) };
+    true
+}
 
 /// `mi_option_purge_delay` of mimalloc.h: milliseconds that freed pages stay with the program.
 const PURGE_DELAY: mi_option_t = 15;
@@ -37,6 +163,13 @@ mod tests {
     use libmimalloc_sys::mi_option_get;
 
     use super::*;
+
+    #[test]
+    fn what_no_machine_has_is_not_available() {
+        assert!(memory_is_available(0) && memory_is_available(1 << 20));
+        // More than the addresses of any process.
+        assert!(!memory_is_available(1 << 62) && !memory_is_available(u64::MAX));
+    }
 
     /// The number of the option is that of the library: its default comes before, zero after.
     #[test]

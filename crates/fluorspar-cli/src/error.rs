@@ -80,7 +80,11 @@ impl CliError {
     pub(crate) fn exit_code(&self) -> ExitCode {
         match self {
             Self::AfterRender { error, .. } => error.exit_code(),
-            Self::Failed(_) | Self::Figure(_) | Self::Json(_) | Self::Stdout(_) => ExitCode::from(FAILED),
+            Self::Failed(_)
+            | Self::Figure(_)
+            | Self::Json(_)
+            | Self::Stdout(_)
+            | Self::Render(RenderError::NoMemory { .. }) => ExitCode::from(FAILED),
             Self::Stopped(_) => ExitCode::from(STOPPED),
             _ => ExitCode::from(WRONG_INPUT),
         }

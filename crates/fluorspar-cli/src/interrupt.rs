@@ -28,14 +28,17 @@ pub(crate) fn catch_interrupts() {
 
 #[cfg(unix)]
 fn listen() -> std::io::Result<()> {
-    use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+    use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGXFSZ};
 
     let ignored = ignored_signals();
     let wanted = [SIGINT, SIGTERM, SIGHUP].into_iter().filter(|signal| ignored & (1 << (signal - 1)) == 0);
-    let mut signals = signal_hook::iterator::Signals::new(wanted)?;
+    // A file that grows beyond a limit shall fail to be written, which can be told; the signal alone would end the program.
+    let mut signals = signal_hook::iterator::Signals::new(wanted.chain([SIGXFSZ]))?;
     std::thread::Builder::new().name("signals".into()).spawn(move || {
-        for _ in signals.forever() {
-            interrupt();
+        for signal in signals.forever() {
+            if signal != SIGXFSZ {
+                interrupt();
+            }
         }
     })?;
     Ok(())

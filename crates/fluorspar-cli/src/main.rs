@@ -10,6 +10,7 @@ mod progress;
 mod values;
 
 use std::io::ErrorKind;
+use std::num::NonZeroUsize;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::process::ExitCode;
 
@@ -18,6 +19,7 @@ use fluorspar_accel::{Allocator, return_freed_memory_at_once};
 
 use crate::args::{Args, Command};
 use crate::error::{CliError, FAILED, WRONG_INPUT};
+use crate::values::MOST_THREADS;
 
 #[global_allocator]
 static ALLOCATOR: Allocator = Allocator;
@@ -60,11 +62,20 @@ fn print_answer(answer: &clap::Error) -> ExitCode {
     }
 }
 
+/// Threads without `--threads`: those of the environment variable RAYON_NUM_THREADS, or one for each core.
+fn default_threads() -> usize {
+    let wanted = std::env::var("RAYON_NUM_THREADS").ok().and_then(|text| text.trim().parse::<usize>().ok());
+    let cores = || std::thread::available_parallelism().map_or(1, NonZeroUsize::get);
+    wanted.filter(|&threads| threads > 0).unwrap_or_else(cores).min(MOST_THREADS as usize)
+}
+
 fn run(args: Args) -> Result<ExitCode, CliError> {
-    if let Some(threads) = args.threads {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build_global();
-        pool.map_err(|error| CliError::Failed(format!("can't start {threads} threads: {error}")))?;
-    }
+    // Begun here, where a refusal of the system can be explained.
+    let threads = args.threads.unwrap_or_else(default_threads);
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build_global();
+    pool.map_err(|error| {
+        CliError::Failed(format!("can't start {threads} threads: {error}. Ask for fewer with --threads"))
+    })?;
     if args.verbose {
         message::be_verbose();
     }

@@ -132,7 +132,9 @@ pub(crate) fn fill_with_progress(
     {
         bar.set_style(style.progress_chars("=> "));
     }
-    bar.enable_steady_tick(Duration::from_millis(200));
+    if !bar.is_hidden() {
+        bar.enable_steady_tick(Duration::from_millis(200));
+    }
     let tenths = AtomicU64::new(0);
     let pace = Mutex::new(Pace::default());
     let samples = renderer.samples_of(share).len() as u64;

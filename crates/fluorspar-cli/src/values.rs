@@ -30,7 +30,7 @@ pub(crate) fn seed(text: &str) -> Result<u64, String> {
 }
 
 /// More threads only cost memory: no machine has as many cores.
-const MOST_THREADS: u64 = 1024;
+pub(crate) const MOST_THREADS: u64 = 1024;
 
 /// A number of threads.
 pub(crate) fn threads(text: &str) -> Result<usize, String> {

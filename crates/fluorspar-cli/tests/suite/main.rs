@@ -6,6 +6,7 @@ mod documentation;
 mod fluorophores;
 mod instruments;
 mod lenses;
+mod memory;
 mod messages;
 mod mouths;
 mod out_folder;

@@ -6,7 +6,7 @@ use thiserror::Error;
 use super::adaptive::ErrorTargetError;
 use crate::image::StatisticsKind;
 use crate::scene::SceneError;
-use crate::units::memory_texts;
+use crate::units::{memory_text, memory_texts};
 
 /// Largest number of samples per pixel.
 pub(super) const MOST_SAMPLES_PER_PIXEL: u32 = 1_000_000;
@@ -97,6 +97,27 @@ pub enum RenderError {
         row: usize,
         /// Its column.
         col: usize,
+    },
+    /// The system refuses the memory.
+    #[error(
+        "not enough memory: the images take {} ({width} x {height} pixels, {bands} bands) and the surfaces about {}, which the \
+         system refuses. Render fewer pixels, bands, light groups or fluorophores, use coarser meshes, lower \
+         render.memory_limit_gib so that `fluorspar render` goes through the image in bands of rows, or raise the limit of the \
+         process (ulimit -v, the memory of its container)",
+        memory_text(*image_bytes),
+        memory_text(*surface_bytes)
+    )]
+    NoMemory {
+        /// Memory of the images, bytes.
+        image_bytes: u64,
+        /// Memory of the surfaces while they are prepared, bytes, estimated.
+        surface_bytes: u64,
+        /// Columns.
+        width: usize,
+        /// Rows.
+        height: usize,
+        /// Bands.
+        bands: usize,
     },
     /// Images would not fit.
     #[error(

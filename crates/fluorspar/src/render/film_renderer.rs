@@ -11,7 +11,7 @@ use super::block_sum::BlockSum;
 use super::compiled_scene::CompiledScene;
 use super::error::RenderError;
 use super::feature_maps::feature_maps;
-use super::memory::check_memory;
+use super::memory::{check_memory, memory_bytes, request_memory, tile_row_bytes, whole_image_bytes};
 use super::pilot::film_layout;
 use super::scene_digest::scene_digest;
 use super::settings::RenderSettings;
@@ -57,7 +57,7 @@ pub struct Checkpoint<'a> {
 /// render returns the samples it has.
 ///
 /// # Errors
-/// A scene that is not physical, settings out of range, or images larger than the memory limit.
+/// A scene that is not physical, settings out of range, images larger than the memory limit, or no memory.
 pub fn render(
     scene: &Scene,
     settings: &RenderSettings,
@@ -89,7 +89,8 @@ impl FilmRenderer {
     /// As [`render`].
     pub fn new(scene: &Scene, settings: &RenderSettings) -> Result<Self, RenderError> {
         check_memory(scene, settings)?;
-        Self::for_rows(scene, settings)
+        request_memory(scene, memory_bytes(scene, settings))?;
+        Self::prepared(scene, settings)
     }
 
     /// Checks and prepares a scene for films of some rows at a time ([`Film::of_tile_rows`]); whether those fit into the
@@ -98,6 +99,11 @@ impl FilmRenderer {
     /// # Errors
     /// As [`render`], but for images larger than the memory limit.
     pub fn for_rows(scene: &Scene, settings: &RenderSettings) -> Result<Self, RenderError> {
+        request_memory(scene, whole_image_bytes(scene).saturating_add(tile_row_bytes(scene, settings)))?;
+        Self::prepared(scene, settings)
+    }
+
+    fn prepared(scene: &Scene, settings: &RenderSettings) -> Result<Self, RenderError> {
         let compiled = prepare(scene, settings)?;
         Ok(Self { compiled, scene: scene.clone(), settings: settings.clone(), digest: OnceLock::new() })
     }

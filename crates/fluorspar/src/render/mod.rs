@@ -56,7 +56,7 @@ pub use error::RenderError;
 pub use film_renderer::{Checkpoint, FilmRenderer, RenderControl, RenderProgress, render};
 pub use fluorescence_operator::FluorescenceOperator;
 pub(crate) use fluorescence_operator::direct_exitance;
-pub use memory::{memory_bytes, tile_row_bytes, whole_image_bytes};
+pub use memory::{memory_bytes, surface_bytes, tile_row_bytes, whole_image_bytes};
 pub use scene_digest::scene_digest;
 pub use settings::{Estimator, RenderSettings};
 pub use share::Share;
