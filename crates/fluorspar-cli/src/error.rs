@@ -1,5 +1,7 @@
 //! Errors and their exit codes.
 
+use std::error::Error as _;
+use std::io;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -63,7 +65,7 @@ pub(crate) enum CliError {
     #[error("can't write the answer: {0}")]
     Json(#[from] serde_json::Error),
     #[error("can't write to standard output: {0}")]
-    Stdout(#[from] std::io::Error),
+    Stdout(#[from] io::Error),
 }
 
 /// What to add to an experiment file that lacks something.
@@ -77,6 +79,20 @@ fn section_hint(error: &PipelineError) -> String {
 }
 
 impl CliError {
+    /// Whether a file could not be written for want of room: no other input changes that.
+    fn is_for_want_of_room(&self) -> bool {
+        use io::ErrorKind::{FileTooLarge, QuotaExceeded, StorageFull};
+
+        let mut cause = self.source();
+        while let Some(error) = cause {
+            if let Some(error) = error.downcast_ref::<io::Error>() {
+                return matches!(error.kind(), StorageFull | QuotaExceeded | FileTooLarge);
+            }
+            cause = error.source();
+        }
+        false
+    }
+
     pub(crate) fn exit_code(&self) -> ExitCode {
         match self {
             Self::AfterRender { error, .. } => error.exit_code(),
@@ -86,6 +102,7 @@ impl CliError {
             | Self::Stdout(_)
             | Self::Render(RenderError::NoMemory { .. }) => ExitCode::from(FAILED),
             Self::Stopped(_) => ExitCode::from(STOPPED),
+            _ if self.is_for_want_of_room() => ExitCode::from(FAILED),
             _ => ExitCode::from(WRONG_INPUT),
         }
     }

@@ -9,6 +9,7 @@ mod lenses;
 mod memory;
 mod messages;
 mod mouths;
+mod old_calls;
 mod out_folder;
 mod predict;
 mod sensor;
