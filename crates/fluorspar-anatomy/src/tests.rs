@@ -378,14 +378,14 @@ fn random_people_in_random_poses_are_sound_and_nothing_stands_in_anything_else()
 
 /// The same over five hundred: a few minutes of one processor.
 #[test]
-#[ignore = "some minutes, release builds only: see docs/validation.md"]
+#[ignore = "heavy: hundreds of mouths"]
 fn five_hundred_people_in_random_poses_are_sound() {
     check_people(1000..1500, [0.4, 0.5]);
 }
 
 /// A hundred of them as they are rendered.
 #[test]
-#[ignore = "some minutes, release builds only: see docs/validation.md"]
+#[ignore = "heavy: hundreds of mouths"]
 fn a_hundred_people_at_full_detail_are_sound() {
     check_people(1000..1100, [1.0, 1.0]);
 }
