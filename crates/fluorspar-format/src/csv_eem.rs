@@ -82,7 +82,7 @@ pub fn read_eem_csv(path: &Path, options: &CsvEemOptions) -> Result<MeasuredEem,
 
     let mut excitation_nm = Vec::with_capacity(table.header.cells.len());
     for column in 1..table.header.cells.len() {
-        let wavelength = table.number(path, &table.header, column)?.ok_or_else(|| {
+        let wavelength = table.number_in_header(path, column)?.ok_or_else(|| {
             FormatError::at_line(
                 path,
                 header_line,
@@ -92,15 +92,15 @@ pub fn read_eem_csv(path: &Path, options: &CsvEemOptions) -> Result<MeasuredEem,
         })?;
         excitation_nm.push(wavelength);
     }
-    let mut emission_nm = Vec::with_capacity(table.rows.len());
-    for row in &table.rows {
+    let mut emission_nm = Vec::with_capacity(table.row_count());
+    for row in table.rows() {
         let wavelength = table.number(path, row, 0)?.ok_or_else(|| {
             FormatError::at_line(path, row.line, "the emission wavelength is empty", "Give it in nm")
         })?;
         emission_nm.push(wavelength);
     }
     check_axis(path, "the excitation", &excitation_nm, |_| Some(header_line))?;
-    check_axis(path, "the emission", &emission_nm, |index| Some(table.rows[index].line))?;
+    check_axis(path, "the emission", &emission_nm, |index| Some(table.line_of(index)))?;
     if excitation_nm.is_empty() {
         return Err(FormatError::at_line(
             path,
@@ -111,8 +111,8 @@ pub fn read_eem_csv(path: &Path, options: &CsvEemOptions) -> Result<MeasuredEem,
     }
 
     let mut values = Vec::with_capacity(emission_nm.len() * excitation_nm.len());
-    for row in &table.rows {
-        for column in 1..row.cells.len() {
+    for row in table.rows() {
+        for column in 1..table.header.cells.len() {
             let value = match table.number(path, row, column)? {
                 Some(value) => value,
                 None if options.empty_as_zero => 0.0,
@@ -239,7 +239,7 @@ fn check_stokes(
             if emission_nm < excitation_nm && value.abs() > tolerance * peak {
                 return Err(FormatError::AntiStokes {
                     path: path.into(),
-                    line: Some(table.rows[row].line),
+                    line: Some(table.line_of(row)),
                     emission_nm,
                     excitation_nm,
                     value,

@@ -56,8 +56,8 @@ pub fn read_spectrum_csv(path: &Path, options: &CsvSpectrumOptions) -> Result<Ve
 }
 
 fn wavelengths(path: &Path, table: &Table) -> Result<Vec<f64>, FormatError> {
-    let mut wavelength_nm = Vec::with_capacity(table.rows.len());
-    for row in &table.rows {
+    let mut wavelength_nm = Vec::with_capacity(table.row_count());
+    for row in table.rows() {
         wavelength_nm.push(table.number(path, row, 0)?.ok_or_else(|| {
             FormatError::at_line(
                 path,
@@ -67,7 +67,7 @@ fn wavelengths(path: &Path, table: &Table) -> Result<Vec<f64>, FormatError> {
             )
         })?);
     }
-    check_axis(path, "the", &wavelength_nm, |index| Some(table.rows[index].line)).map(|()| wavelength_nm)
+    check_axis(path, "the", &wavelength_nm, |index| Some(table.line_of(index))).map(|()| wavelength_nm)
 }
 
 fn read_column(
@@ -78,7 +78,7 @@ fn read_column(
     options: &CsvSpectrumOptions,
 ) -> Result<NamedCurve, FormatError> {
     let (mut at, mut values) = (Vec::new(), Vec::new());
-    for (row, &nm) in table.rows.iter().zip(wavelength_nm) {
+    for (row, &nm) in table.rows().zip(wavelength_nm) {
         match table.number(path, row, column)? {
             Some(value) => {
                 at.push(nm);
@@ -156,7 +156,8 @@ fn selected_columns(path: &Path, table: &Table, columns: &CsvColumns) -> Result<
     }
 }
 
-fn shortened_list(names: &[String]) -> String {
+/// The first of some names, and how many more there are.
+pub(super) fn shortened_list(names: &[String]) -> String {
     let mut list = names.iter().take(12).map(|name| excerpt(name)).collect::<Vec<_>>().join(", ");
     if names.len() > 12 {
         list.push_str(&format!(" and {} more", names.len() - 12));

@@ -6,17 +6,34 @@ use std::path::Path;
 use super::FormatError;
 use super::file::{MAX_TEXT_BYTES, as_text, read_file};
 
-/// One line of a table.
-pub(super) struct Row {
+/// Most columns of a table.
+const MAX_COLUMNS: usize = 10_000;
+
+/// The first line of a table.
+pub(super) struct Header {
     /// Line in the file, from 1.
     pub(super) line: u64,
     pub(super) cells: Vec<String>,
 }
 
+/// One line below the header.
+#[derive(Clone, Copy)]
+pub(super) struct Row {
+    /// Line in the file, from 1.
+    pub(super) line: u64,
+    /// Number among the rows, from 0.
+    index: usize,
+}
+
 /// A header line and the lines below it, all of one length.
 pub(super) struct Table {
-    pub(super) header: Row,
-    pub(super) rows: Vec<Row>,
+    pub(super) header: Header,
+    /// Line of each row.
+    lines: Vec<u64>,
+    /// Text of all cells below the header, one after the other, row by row.
+    text: String,
+    /// Where the text of each cell ends.
+    ends: Vec<usize>,
     /// Text of the comment lines, without `#`.
     pub(super) comments: Vec<(u64, String)>,
 }
@@ -46,58 +63,57 @@ impl Table {
         let comments = lines()
             .filter_map(|(number, line)| line.strip_prefix('#').map(|text| (number, text.trim().to_string())))
             .collect();
-        let header = lines().map(|(_, line)| line).find(|line| !line.is_empty() && !line.starts_with('#'));
-        let delimiter = match header {
-            Some(line) if line.contains(',') => b',',
-            Some(line) if line.contains('\t') => b'\t',
-            Some(line) if line.contains(';') => b';',
-            _ => b',',
-        };
-        // Line by line: a quoted cell may not run over several lines, and every cell keeps its place.
-        let mut rows = Vec::new();
+        // What is left without comments and empty lines is read in one go; the numbers of its lines are kept.
+        let (mut plain, mut numbers) = (String::with_capacity(text.len()), Vec::new());
         for (number, line) in lines().filter(|(_, line)| !line.is_empty() && !line.starts_with('#')) {
-            let mut reader = csv::ReaderBuilder::new()
-                .has_headers(false)
-                .trim(csv::Trim::All)
-                .delimiter(delimiter)
-                .buffer_capacity(line.len().clamp(64, 8192))
-                .from_reader(line.as_bytes());
-            let mut record = csv::StringRecord::new();
-            reader.read_record(&mut record).map_err(|error| {
-                FormatError::at_line(
-                    path,
-                    number,
-                    format!("this line can't be read: {error}"),
-                    "Save it as CSV",
-                )
+            plain.push_str(line);
+            plain.push('\n');
+            numbers.push(number);
+        }
+        let mut reader = csv::ReaderBuilder::new()
+            .has_headers(false)
+            .flexible(true)
+            .trim(csv::Trim::All)
+            .delimiter(delimiter_of(plain.lines().next().unwrap_or_default()))
+            .terminator(csv::Terminator::Any(b'\n'))
+            .from_reader(plain.as_bytes());
+        let mut header: Option<Header> = None;
+        let mut table = (Vec::new(), String::new(), Vec::new());
+        let mut record = csv::StringRecord::new();
+        let mut next = 0;
+        loop {
+            let line = numbers.get(next).copied().unwrap_or(0);
+            let more = reader.read_record(&mut record).map_err(|error| {
+                let what = format!("this line can't be read: {error}");
+                FormatError::at_line(path, line, what, "Save it as CSV")
             })?;
-            if !record.iter().all(str::is_empty) {
-                rows.push(Row { line: number, cells: record.iter().map(String::from).collect() });
+            if !more {
+                break;
+            }
+            // A quoted cell may not run over several lines.
+            let read = reader.position().line() as usize - 1;
+            if read > next + 1 {
+                let what = "a quotation mark is not closed on this line";
+                return Err(FormatError::at_line(path, line, what, "Close it, or remove it"));
+            }
+            next += 1;
+            if record.iter().all(str::is_empty) {
+                continue;
+            }
+            match &header {
+                None => header = Some(header_of(path, line, &record)?),
+                Some(header) => push_row(path, header, line, &record, &mut table)?,
             }
         }
-        if rows.is_empty() {
+        let Some(header) = header else {
             return Err(FormatError::malformed(
                 path,
                 "the file holds no table",
                 "Give a header line and lines of numbers",
             ));
-        }
-        let header = rows.remove(0);
-        for row in &rows {
-            if row.cells.len() != header.cells.len() {
-                return Err(FormatError::at_line(
-                    path,
-                    row.line,
-                    format!(
-                        "this line has {} cells but the header has {}",
-                        row.cells.len(),
-                        header.cells.len()
-                    ),
-                    "Give every line one cell per column",
-                ));
-            }
-        }
-        if rows.is_empty() {
+        };
+        let (lines, text, ends) = table;
+        if lines.is_empty() {
             return Err(FormatError::at_line(
                 path,
                 header.line,
@@ -105,7 +121,29 @@ impl Table {
                 "Give at least two lines of numbers",
             ));
         }
-        Ok(Self { header, rows, comments })
+        Ok(Self { header, lines, text, ends, comments })
+    }
+
+    /// Number of rows below the header.
+    pub(super) fn row_count(&self) -> usize {
+        self.lines.len()
+    }
+
+    /// The rows below the header.
+    pub(super) fn rows(&self) -> impl Iterator<Item = Row> {
+        self.lines.iter().enumerate().map(|(index, &line)| Row { line, index })
+    }
+
+    /// Line of a row in the file, from 1.
+    pub(super) fn line_of(&self, row: usize) -> u64 {
+        self.lines[row]
+    }
+
+    /// Text of a cell.
+    fn cell(&self, row: Row, column: usize) -> &str {
+        let number = row.index * self.header.cells.len() + column;
+        let start = if number == 0 { 0 } else { self.ends[number - 1] };
+        &self.text[start..self.ends[number]]
     }
 
     /// Name of a column for messages: its header, or its number where the header is empty.
@@ -117,8 +155,22 @@ impl Table {
     }
 
     /// The number in a cell; `None` where the cell is empty.
-    pub(super) fn number(&self, path: &Path, row: &Row, column: usize) -> Result<Option<f64>, FormatError> {
-        let text = row.cells[column].as_str();
+    pub(super) fn number(&self, path: &Path, row: Row, column: usize) -> Result<Option<f64>, FormatError> {
+        self.number_of(path, row.line, column, self.cell(row, column))
+    }
+
+    /// The number in a cell of the header; `None` where the cell is empty.
+    pub(super) fn number_in_header(&self, path: &Path, column: usize) -> Result<Option<f64>, FormatError> {
+        self.number_of(path, self.header.line, column, &self.header.cells[column])
+    }
+
+    fn number_of(
+        &self,
+        path: &Path,
+        line: u64,
+        column: usize,
+        text: &str,
+    ) -> Result<Option<f64>, FormatError> {
         if text.is_empty() {
             return Ok(None);
         }
@@ -126,13 +178,13 @@ impl Table {
             Ok(value) if value.is_finite() => Ok(Some(value)),
             Ok(_) => Err(FormatError::at_line(
                 path,
-                row.line,
+                line,
                 format!("column {} holds {}", self.column_name(column), excerpt(text)),
                 "Every value must be a finite number: remove the line or leave the cell empty and skip empty cells",
             )),
             Err(_) if text.contains(',') => Err(FormatError::at_line(
                 path,
-                row.line,
+                line,
                 format!(
                     "column {} holds \"{}\", which is not a number",
                     self.column_name(column),
@@ -142,7 +194,7 @@ impl Table {
             )),
             Err(_) => Err(FormatError::at_line(
                 path,
-                row.line,
+                line,
                 format!(
                     "column {} holds \"{}\", which is not a number",
                     self.column_name(column),
@@ -157,7 +209,7 @@ impl Table {
     pub(super) fn checked_sign(
         &self,
         path: &Path,
-        row: &Row,
+        row: Row,
         column: usize,
         value: f64,
         rule: Negative,
@@ -176,4 +228,41 @@ impl Table {
             )),
         }
     }
+}
+
+/// What separates the cells of a table with this header line.
+fn delimiter_of(header: &str) -> u8 {
+    [b',', b'\t', b';'].into_iter().find(|mark| header.as_bytes().contains(mark)).unwrap_or(b',')
+}
+
+fn header_of(path: &Path, line: u64, record: &csv::StringRecord) -> Result<Header, FormatError> {
+    if record.len() > MAX_COLUMNS {
+        let what = format!("the header has {} columns", record.len());
+        return Err(FormatError::too_large(path, what, format!("{MAX_COLUMNS} columns")));
+    }
+    Ok(Header { line, cells: record.iter().map(String::from).collect() })
+}
+
+/// Appends a row to the lines, the text and the ends of cells of a table.
+fn push_row(
+    path: &Path,
+    header: &Header,
+    line: u64,
+    record: &csv::StringRecord,
+    (lines, text, ends): &mut (Vec<u64>, String, Vec<usize>),
+) -> Result<(), FormatError> {
+    if record.len() != header.cells.len() {
+        return Err(FormatError::at_line(
+            path,
+            line,
+            format!("this line has {} cells but the header has {}", record.len(), header.cells.len()),
+            "Give every line one cell per column",
+        ));
+    }
+    lines.push(line);
+    for cell in record {
+        text.push_str(cell);
+        ends.push(text.len());
+    }
+    Ok(())
 }
