@@ -1,13 +1,14 @@
 //! Bounded reading and all-or-nothing writing.
 
+use std::cell::Cell;
 use std::collections::BTreeSet;
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufWriter, Read, Write};
-use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::panic::{self, AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::process;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Mutex, MutexGuard, Once, PoisonError};
 
 use super::FormatError;
 
@@ -225,19 +226,41 @@ pub(super) fn check_packing(path: &Path, pixel_bytes: u64, length: u64) -> Resul
     ))
 }
 
-/// Turns a panic of a third-party decoder, which only damaged files provoke, into an error.
+/// Turns a panic of a third-party decoder, which only damaged files provoke, into an error, and prints nothing about it.
 pub(super) fn guarded<T>(
     path: &Path,
     format: &str,
     decode: impl FnOnce() -> Result<T, FormatError>,
 ) -> Result<T, FormatError> {
-    catch_unwind(AssertUnwindSafe(decode)).unwrap_or_else(|_| {
+    silence_guarded_panics();
+    let outer = GUARDED.replace(true);
+    let result = catch_unwind(AssertUnwindSafe(decode));
+    GUARDED.set(outer);
+    result.unwrap_or_else(|_| {
         Err(FormatError::malformed(
             path,
             format!("the {format} data are damaged so badly that the decoder gave up"),
             "Copy or export the file again",
         ))
     })
+}
+
+thread_local! {
+    /// Whether this thread is in a decoder whose panics are caught.
+    static GUARDED: Cell<bool> = const { Cell::new(false) };
+}
+
+/// Lets the panic hook pass over panics that [`guarded`] catches.
+fn silence_guarded_panics() {
+    static ONCE: Once = Once::new();
+    ONCE.call_once(|| {
+        let usual = panic::take_hook();
+        panic::set_hook(Box::new(move |info| {
+            if !GUARDED.get() {
+                usual(info);
+            }
+        }));
+    });
 }
 
 /// The sidecar of a data file: `NAME.json` next to `NAME`.

@@ -1,6 +1,8 @@
 //! MATLAB files of the ISET toolboxes: fluorophores and spectra, formats 5, 7 and 7.3.
 
 mod v5;
+#[cfg(test)]
+mod v5_tests;
 mod v73;
 
 use std::path::Path;
@@ -8,13 +10,14 @@ use std::path::Path;
 use super::FormatError;
 use super::axis::check_axis;
 use super::csv_fluorophore::is_constant;
+use super::csv_spectrum::shortened_list;
 use super::file::{guarded, read_file};
 use fluorspar::spectral::Curve;
 
 /// Largest MATLAB file read, bytes: fluorophores and spectra take kilobytes.
 const MAX_MAT_BYTES: u64 = 16 << 20;
-/// Most numbers in one variable.
-const MAX_VALUES: u64 = 1 << 26;
+/// Most numbers in all variables of a file: a matrix of 4096 x 4096.
+const MAX_VALUES: u64 = 1 << 24;
 
 /// A variable or field, as far as it matters here.
 #[derive(Debug)]
@@ -26,8 +29,19 @@ enum MatValue {
     },
     Text(String),
     Struct(Fields),
-    /// Cells, objects, complex numbers and the like.
-    Other,
+    /// What is not read, in words: "a sparse matrix".
+    Other(&'static str),
+}
+
+impl MatValue {
+    fn in_words(&self) -> &'static str {
+        match self {
+            Self::Numbers { .. } => "an array of numbers",
+            Self::Text(_) => "a text",
+            Self::Struct(_) => "a struct",
+            Self::Other(what) => what,
+        }
+    }
 }
 
 /// Variables or fields by name, in file order.
@@ -69,7 +83,7 @@ pub struct MatSpectra {
 /// `excitation`, `emission`, `eem` or `donaldsonMatrix`, `qe`, `comment`.
 ///
 /// # Errors
-/// Not a MATLAB file, a version 4 file, damage, missing or ill-shaped fields.
+/// Not a MATLAB file, a version 4 file, damage, missing or ill-shaped fields, more than 16 MiB or 2^24 numbers.
 pub fn read_iset_fluorophore(path: &Path) -> Result<IsetFluorophore, FormatError> {
     let variables = read_variables(path)?;
     let fields = holder(path, variables, &["emission", "excitation", "eem", "donaldsonMatrix"])?;
@@ -112,12 +126,16 @@ pub fn read_iset_fluorophore(path: &Path) -> Result<IsetFluorophore, FormatError
 pub fn read_mat_spectra(path: &Path) -> Result<MatSpectra, FormatError> {
     let fields = holder(path, read_variables(path)?, &["data"])?;
     let wave_nm = wavelengths(path, &fields)?;
-    let Some(MatValue::Numbers { dims, values }) = find(&fields, "data") else {
-        return Err(FormatError::malformed(
-            path,
-            "\"data\" holds no real numbers",
-            "Save spectra as a matrix",
-        ));
+    let (dims, values) = match find(&fields, "data") {
+        Some(MatValue::Numbers { dims, values }) => (dims, values),
+        other => {
+            let what = other.map_or("no array", MatValue::in_words);
+            return Err(FormatError::unsupported(
+                path,
+                format!("\"data\" is {what}"),
+                "Save spectra as a full array of real numbers",
+            ));
+        }
     };
     let samples = wave_nm.len();
     let [rows, columns] = dims[..] else { return Err(ill_shaped(path, "data", dims, samples)) };
@@ -144,7 +162,7 @@ pub fn read_mat_spectra(path: &Path) -> Result<MatSpectra, FormatError> {
 fn read_variables(path: &Path) -> Result<Fields, FormatError> {
     let bytes = read_file(path, MAX_MAT_BYTES)?;
     if bytes.starts_with(b"MATLAB 5.0 MAT-file") {
-        guarded(path, "MATLAB", || v5::read(path, bytes))
+        v5::read(path, &bytes)
     } else if bytes.starts_with(b"MATLAB 7.3 MAT-file") || bytes.starts_with(b"\x89HDF\r\n\x1a\n") {
         guarded(path, "MATLAB 7.3", || v73::read(path, bytes))
     } else if is_version_4(&bytes) {
@@ -198,7 +216,10 @@ fn holder(path: &Path, variables: Fields, wanted: &[&str]) -> Result<Fields, For
     Err(FormatError::malformed(
         path,
         format!("there is no variable or field \"{}\"", wanted[0]),
-        format!("The file holds: {}", if names.is_empty() { "nothing".into() } else { names.join(", ") }),
+        format!(
+            "The file holds: {}",
+            if names.is_empty() { "nothing".into() } else { shortened_list(&names) }
+        ),
     ))
 }
 
@@ -262,11 +283,11 @@ fn array(
 ) -> Result<Option<Vec<f64>>, FormatError> {
     let (dims, values) = match find(fields, name) {
         Some(MatValue::Numbers { dims, values }) => (dims, values),
-        Some(MatValue::Other) => {
+        Some(MatValue::Other(what)) => {
             return Err(FormatError::unsupported(
                 path,
-                format!("\"{name}\" holds no real numbers"),
-                "Save it as a plain array",
+                format!("\"{name}\" is {what}"),
+                "Save it as a full array of real numbers",
             ));
         }
         _ => return Ok(None),

@@ -6,25 +6,36 @@ use hdf5_pure::{AttrValue, DType, Dataset, Error, File, Group};
 
 use super::super::file::check_packing;
 use super::{Fields, FormatError, MAX_VALUES, MatValue};
+use fluorspar::quote::excerpt;
 
 /// Structs inside structs that are followed.
 const MAX_DEPTH: usize = 8;
+/// Most variables and fields.
+const MAX_ENTRIES: usize = 10_000;
 
 pub(super) fn read(path: &Path, bytes: Vec<u8>) -> Result<Fields, FormatError> {
-    let length = bytes.len() as u64;
+    let mut left = Left { length: bytes.len() as u64, values: MAX_VALUES, entries: MAX_ENTRIES };
     let file = File::from_bytes(bytes).map_err(|error| damaged(path, &error))?;
-    read_group(path, &file.root(), length, 0)
+    read_group(path, &file.root(), 0, &mut left)
+}
+
+/// What a file may still hold.
+struct Left {
+    /// Bytes of the file.
+    length: u64,
+    values: u64,
+    entries: usize,
 }
 
 fn damaged(path: &Path, error: &Error) -> FormatError {
     FormatError::malformed(path, format!("the MATLAB 7.3 data can't be read: {error}"), "Save it with '-v7'")
 }
 
-fn read_group(path: &Path, group: &Group, length: u64, depth: usize) -> Result<Fields, FormatError> {
+fn read_group(path: &Path, group: &Group, depth: usize, left: &mut Left) -> Result<Fields, FormatError> {
     let failed = |error: Error| damaged(path, &error);
     let mut fields = Fields::new();
     for name in group.datasets().map_err(failed)? {
-        let value = read_dataset(path, &name, &group.dataset(&name).map_err(failed)?, length)?;
+        let value = read_dataset(path, &name, &group.dataset(&name).map_err(failed)?, left)?;
         fields.push((name, value));
     }
     for name in group.groups().map_err(failed)? {
@@ -32,24 +43,29 @@ fn read_group(path: &Path, group: &Group, length: u64, depth: usize) -> Result<F
         if name.starts_with('#') || depth == MAX_DEPTH {
             continue;
         }
-        let inner = read_group(path, &group.group(&name).map_err(failed)?, length, depth + 1)?;
+        let inner = read_group(path, &group.group(&name).map_err(failed)?, depth + 1, left)?;
         fields.push((name, MatValue::Struct(inner)));
     }
     Ok(fields)
 }
 
-fn read_dataset(path: &Path, name: &str, dataset: &Dataset, length: u64) -> Result<MatValue, FormatError> {
+fn read_dataset(
+    path: &Path,
+    name: &str,
+    dataset: &Dataset,
+    left: &mut Left,
+) -> Result<MatValue, FormatError> {
     let failed = |error: Error| damaged(path, &error);
     let shape = dataset.shape().map_err(failed)?;
     let count = shape.iter().try_fold(1_u64, |product, &n| product.checked_mul(n)).unwrap_or(u64::MAX);
-    if count > MAX_VALUES {
-        return Err(FormatError::too_large(
-            path,
-            format!("\"{name}\" claims the size {shape:?}"),
-            format!("{MAX_VALUES} values"),
-        ));
-    }
-    check_packing(path, count, length)?;
+    left.values = left.values.checked_sub(count).ok_or_else(|| {
+        let what = format!("\"{}\" claims the size {shape:?}", excerpt(name));
+        FormatError::too_large(path, what, format!("{MAX_VALUES} values in all"))
+    })?;
+    left.entries = left.entries.checked_sub(1).ok_or_else(|| {
+        FormatError::too_large(path, "it holds more variables and fields", format!("{MAX_ENTRIES} of them"))
+    })?;
+    check_packing(path, count, left.length)?;
     let attributes = dataset.attrs().map_err(failed)?;
     let is_text = matches!(attributes.get("MATLAB_class"), Some(class) if text_of(class) == Some("char"));
     // An empty array stores its size as data.
@@ -80,7 +96,7 @@ fn read_dataset(path: &Path, name: &str, dataset: &Dataset, length: u64) -> Resu
         DType::String | DType::VariableLengthString => {
             MatValue::Text(dataset.read_string().map_err(failed)?.into_iter().next().unwrap_or_default())
         }
-        _ => MatValue::Other,
+        _ => MatValue::Other("an array of another type"),
     })
 }
 
