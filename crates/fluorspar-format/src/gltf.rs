@@ -1,9 +1,12 @@
 //! glTF 2.0 meshes, as text (.gltf) and binary (.glb).
 
-use std::io::Write;
+use std::cell::Cell;
+use std::io::{self, Write};
 use std::path::Path;
 use std::sync::Arc;
 
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD_PAD_INDIFFERENT;
 use glam::{Affine3, Affine3A, Mat4, Quat, Vec2, Vec3};
 use serde_json::{Value, json};
 
@@ -12,6 +15,7 @@ use super::file::{MAX_MESH_BYTES, guarded, read_file, write_atomically};
 use super::mesh_set::{self, NamedMesh, check};
 use super::ply::finish_mesh;
 use fluorspar::geometry::{MeshInstance, MeshInstances, TriangleMesh};
+use fluorspar::quote::excerpt;
 
 const MAGIC: &[u8; 4] = b"glTF";
 const JSON_CHUNK: u32 = 0x4E4F_534A;
@@ -21,27 +25,35 @@ const MAX_DEPTH: usize = 64;
 
 /// Most places of meshes.
 const MAX_PLACES: usize = 1 << 27;
-/// Most triangles of a file of which all instances become one mesh.
-const MAX_FLATTENED: u64 = 1 << 28;
+/// Most triangles, and most vertices, of a file of which all instances become one mesh: more than a scene may have.
+const MAX_FLATTENED: u64 = 1 << 25;
+/// Elements of accessors that any file may name, those named several times counted as often; large files may name more.
+const USUAL_ELEMENTS: u64 = 1 << 25;
+/// Elements that a file may name per byte of its buffers.
+const ELEMENTS_PER_BYTE: u64 = 4;
 
 /// Reads all triangles of the scene of a glTF file as one mesh, with the transforms of its nodes. Positions, normals
 /// and the first texture coordinates are read; materials, skins and morphs are passed over. Buffers may be in the file
-/// (.glb) or in files beside it; buffers as data URIs and compressed ones are not supported.
+/// (.glb, or `data:` URIs in base64) or in files next to it; compressed ones are not supported.
 ///
 /// `unit_m` is the length of one unit of the file, m. The format defines meters (1), but scanners write millimeters
 /// (0.001) all the same.
 ///
 /// # Errors
-/// Anything that is not such a file.
+/// Anything that is not such a file; nodes that are no tree.
 pub fn read_gltf(path: &Path, unit_m: f64) -> Result<TriangleMesh, FormatError> {
     let content = read_content(path)?;
-    let triangles: u64 = content.places.iter().map(|(mesh, _)| content.triangles(*mesh)).sum();
-    if triangles > MAX_FLATTENED {
-        return Err(FormatError::too_large(
-            path,
-            format!("its nodes place {triangles} triangles in all"),
-            format!("{MAX_FLATTENED} as one mesh"),
-        ));
+    for (what, count) in [
+        ("triangles", content.placed(|part| part.triangles.len())),
+        ("vertices", content.placed(|part| part.positions.len())),
+    ] {
+        if count > MAX_FLATTENED {
+            return Err(FormatError::too_large(
+                path,
+                format!("its nodes place {count} {what} in all"),
+                format!("{MAX_FLATTENED} as one mesh"),
+            ));
+        }
     }
     finish_mesh(path, content.flattened(), unit_m)
 }
@@ -90,8 +102,11 @@ struct FileContent {
 }
 
 impl FileContent {
-    fn triangles(&self, mesh: usize) -> u64 {
-        self.meshes[mesh].iter().map(|part| part.triangles.len() as u64).sum()
+    /// A number of each part, summed over all places.
+    fn placed(&self, number: impl Fn(&TriangleMesh) -> usize) -> u64 {
+        let of_mesh = |parts: &Vec<TriangleMesh>| parts.iter().map(|part| number(part) as u64).sum();
+        let of_meshes: Vec<u64> = self.meshes.iter().map(of_mesh).collect();
+        self.places.iter().fold(0, |sum: u64, (mesh, _)| sum.saturating_add(of_meshes[*mesh]))
     }
 
     fn flattened(&self) -> TriangleMesh {
@@ -126,14 +141,17 @@ fn read_content(path: &Path) -> Result<FileContent, FormatError> {
     })?;
     let buffers = buffers(path, &document, blob)?;
     guarded(path, "glTF", || {
-        let reader = Reader { path, document: &document, buffers: &buffers };
+        let bytes: u64 = buffers.iter().map(|buffer| buffer.len() as u64).sum();
+        let left = USUAL_ELEMENTS.max(bytes.saturating_mul(ELEMENTS_PER_BYTE));
+        let reader = Reader { path, document: &document, buffers: &buffers, elements_left: Cell::new(left) };
+        let mut met = vec![false; document["nodes"].as_array().map_or(0, Vec::len)];
         let count = document["meshes"].as_array().map_or(0, Vec::len);
         let mut places = Vec::new();
         let scene = document["scene"].as_u64().unwrap_or(0) as usize;
         match document["scenes"][scene]["nodes"].as_array() {
             Some(roots) => {
                 for root in roots {
-                    reader.node(root, Affine3A::IDENTITY, 0, &mut places)?;
+                    reader.node(root, Affine3A::IDENTITY, 0, &mut met, &mut places)?;
                 }
             }
             None => places = (0..count).map(|mesh| (mesh, Affine3A::IDENTITY)).collect(),
@@ -180,32 +198,56 @@ fn buffers(path: &Path, document: &Value, blob: Option<&[u8]>) -> Result<Vec<Vec
     let list = document["buffers"].as_array().unwrap_or(&empty);
     let mut buffers = Vec::with_capacity(list.len());
     for (number, buffer) in list.iter().enumerate() {
-        let content = match (buffer["uri"].as_str(), blob) {
-            (None, Some(blob)) if number == 0 => blob.to_vec(),
-            (Some(uri), _) if !uri.starts_with("data:") => {
-                let plain = !uri.contains("..") && !uri.starts_with(['/', '\\']) && !uri.contains(':');
-                if !plain {
-                    return Err(broken(path, format!("the buffer {uri} is not next to the file")));
-                }
-                read_file(&path.with_file_name(uri), MAX_MESH_BYTES)?
-            }
-            _ => {
-                return Err(FormatError::malformed(
-                    path,
-                    format!("buffer {number} is neither in the file nor next to it"),
-                    "Export the mesh as .glb",
-                ));
-            }
-        };
-        buffers.push(content);
+        buffers.push(self::buffer(path, number, buffer["uri"].as_str(), blob)?);
     }
     Ok(buffers)
+}
+
+/// The content of a buffer: the binary part of the file, a file next to it, or base64 in its URI.
+fn buffer(
+    path: &Path,
+    number: usize,
+    uri: Option<&str>,
+    blob: Option<&[u8]>,
+) -> Result<Vec<u8>, FormatError> {
+    let Some(uri) = uri else {
+        return match blob {
+            Some(blob) if number == 0 => Ok(blob.to_vec()),
+            _ => Err(FormatError::malformed(
+                path,
+                format!("buffer {number} has no content: it has no URI, and there is no binary part for it"),
+                "Export the mesh as .glb",
+            )),
+        };
+    };
+    if let Some(data) = uri.strip_prefix("data:") {
+        let content = data.split_once(";base64,").map(|(_, text)| STANDARD_PAD_INDIFFERENT.decode(text));
+        return match content {
+            Some(Ok(content)) => Ok(content),
+            Some(Err(error)) => Err(broken(path, format!("buffer {number} is not valid base64: {error}"))),
+            None => Err(broken(path, format!("buffer {number} is a data URI without base64"))),
+        };
+    }
+    if uri.contains("..") || uri.starts_with(['/', '\\']) || uri.contains(':') {
+        let shown = excerpt(uri);
+        return Err(broken(path, format!("the file \"{shown}\" of buffer {number} is not next to the file")));
+    }
+    read_file(&path.with_file_name(uri), MAX_MESH_BYTES).map_err(|error| match error {
+        FormatError::Io { source, .. } if source.kind() == io::ErrorKind::NotFound => FormatError::malformed(
+            path,
+            format!("the file \"{}\" of buffer {number} is missing", excerpt(uri)),
+            "Put it next to this file, or export the mesh as .glb",
+        ),
+        other => other,
+    })
 }
 
 struct Reader<'a> {
     path: &'a Path,
     document: &'a Value,
     buffers: &'a [Vec<u8>],
+    /// How many elements of accessors may still be named.
+    elements_left: Cell<u64>,
 }
 
 impl Reader<'_> {
@@ -214,11 +256,21 @@ impl Reader<'_> {
         number: &Value,
         above: Affine3A,
         depth: usize,
+        met: &mut [bool],
         places: &mut Vec<(usize, Affine3A)>,
     ) -> Result<(), FormatError> {
-        let node = &self.document["nodes"][number.as_u64().unwrap_or(u64::MAX) as usize];
+        let number = number.as_u64().unwrap_or(u64::MAX) as usize;
+        let node = &self.document["nodes"][number];
         if !node.is_object() || depth > MAX_DEPTH {
             return Err(broken(self.path, "its tree of nodes is damaged"));
+        }
+        // Nodes form a strict tree: glTF 2.0, section 3.5.3.
+        match met.get_mut(number) {
+            Some(met) if !*met => *met = true,
+            _ => {
+                let what = format!("node {number} appears twice in its tree of nodes");
+                return Err(FormatError::malformed(self.path, what, "Give every node one parent"));
+            }
         }
         let here = above * transform(node);
         if let Some(mesh) = node["mesh"].as_u64() {
@@ -234,7 +286,7 @@ impl Reader<'_> {
             }
         }
         for child in node["children"].as_array().into_iter().flatten() {
-            self.node(child, here, depth + 1, places)?;
+            self.node(child, here, depth + 1, met, places)?;
         }
         Ok(())
     }
@@ -313,12 +365,22 @@ impl Reader<'_> {
                 _ => return Err(damaged()),
             };
         let buffer = self.buffers.get(view["buffer"].as_u64().unwrap_or(0) as usize).ok_or_else(damaged)?;
-        let start = view["byteOffset"].as_u64().unwrap_or(0) + entry["byteOffset"].as_u64().unwrap_or(0);
+        let offset = |object: &Value| object["byteOffset"].as_u64().unwrap_or(0);
+        let start = offset(view).checked_add(offset(entry)).ok_or_else(damaged)?;
         let stride = view["byteStride"].as_u64().unwrap_or(width as u64);
         let count = entry["count"].as_u64().ok_or_else(damaged)?;
+        // Elements may not overlap, so that there are no more than the buffer has bytes.
+        if stride < width as u64 || count > buffer.len() as u64 {
+            return Err(damaged());
+        }
+        let left = self.elements_left.get().checked_sub(count).ok_or_else(|| {
+            let what = "its meshes name the same elements again and again, more of them";
+            FormatError::too_large(self.path, what, "a multiple of its buffers")
+        })?;
+        self.elements_left.set(left);
         (0..count)
             .map(|i| {
-                let from = usize::try_from(start + i.checked_mul(stride)?).ok()?;
+                let from = usize::try_from(start.checked_add(i.checked_mul(stride)?)?).ok()?;
                 buffer.get(from..from.checked_add(width)?)
             })
             .collect::<Option<Vec<_>>>()
