@@ -9,6 +9,11 @@ use toml::de::{DeTable, DeValue};
 use super::error::{ErrorDetails, ExperimentError, Place, Step, path_text};
 use fluorspar::units::number_text;
 
+/// Longest text of an experiment, bytes.
+pub(super) const MAX_TEXT_BYTES: usize = 4 << 20;
+/// Most keys of a table and tables of a list.
+const MAX_ENTRIES: usize = 10_000;
+
 /// Where values come from.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Source {
@@ -130,11 +135,6 @@ impl Node {
 }
 
 impl Document {
-    /// The line that a byte of a text lies on, from 1.
-    fn line_of(text: &str, byte: usize) -> usize {
-        1 + text.as_bytes()[..byte.min(text.len())].iter().filter(|&&b| b == b'\n').count()
-    }
-
     /// Reads a text into a tree.
     pub(super) fn read(text: &str, source: Source) -> Result<Self, ExperimentError> {
         let root = read_tree(text, &source, 0)?;
@@ -199,33 +199,65 @@ impl Document {
     }
 }
 
+/// Where the lines of a text end, bytes.
+struct Lines(Vec<usize>);
+
+impl Lines {
+    fn of(text: &str) -> Self {
+        Self(text.bytes().enumerate().filter(|(_, byte)| *byte == b'\n').map(|(at, _)| at).collect())
+    }
+
+    /// The line that a byte lies on, from 1.
+    fn line_of(&self, byte: usize) -> usize {
+        1 + self.0.partition_point(|end| *end < byte)
+    }
+}
+
 /// Reads a text into nodes of a given source.
 pub(super) fn read_tree(text: &str, source: &Source, index: usize) -> Result<Node, ExperimentError> {
+    if text.len() > MAX_TEXT_BYTES {
+        let message = format!(
+            "the text has {} bytes; at most {MAX_TEXT_BYTES} are read. Put long tables into files of their own",
+            text.len()
+        );
+        return Err(ExperimentError::in_source(&source.name, message));
+    }
+    let lines = Lines::of(text);
     let table = DeTable::parse(text).map_err(|error| {
         let message = format!("invalid TOML: {}", error.message().trim().replace('\n', ", "));
-        let line = error.span().map(|span| Document::line_of(text, span.start));
+        let line = error.span().map(|span| lines.line_of(span.start));
         let error = ExperimentError::in_source(&source.name, message);
         match line {
             Some(line) if source.has_lines => error.at_line(line),
             _ => error,
         }
     })?;
-    let reader = Reader { text, source, index };
+    let reader = Reader { lines, source, index };
     let origin = Origin { source: index, line: 1 };
-    Ok(Node { content: reader.table(table.get_ref())?, origin })
+    Ok(Node { content: reader.table(table.get_ref(), 1)?, origin })
 }
 
 struct Reader<'a> {
-    text: &'a str,
+    lines: Lines,
     source: &'a Source,
     index: usize,
 }
 
 impl Reader<'_> {
-    fn table(&self, table: &DeTable<'_>) -> Result<Content, ExperimentError> {
+    /// Refuses tables and lists that are far longer than those of any experiment: each entry is looked up among the others.
+    fn check_count(&self, count: usize, what: &str, line: usize) -> Result<(), ExperimentError> {
+        if count <= MAX_ENTRIES {
+            return Ok(());
+        }
+        let message = format!("{count} {what}; at most {MAX_ENTRIES} are read. Is this the right file?");
+        Err(ExperimentError::in_source(&self.source.name, message).at_line(line))
+    }
+
+    fn table(&self, table: &DeTable<'_>, line: usize) -> Result<Content, ExperimentError> {
+        self.check_count(table.len(), "keys in one table", line)?;
         let mut entries = Vec::with_capacity(table.len());
         for (key, value) in table {
-            let line = Document::line_of(self.text, key.span().start);
+            let line = self.lines.line_of(key.span().start);
             let mut node = self.value(value)?;
             // The header of a table or the key of a value is what a reader looks for.
             if !matches!(node.content, Content::Array(_)) {
@@ -237,14 +269,16 @@ impl Reader<'_> {
     }
 
     fn value(&self, value: &Spanned<DeValue<'_>>) -> Result<Node, ExperimentError> {
-        let line = Document::line_of(self.text, value.span().start);
+        let line = self.lines.line_of(value.span().start);
         let number = |what: &str, text: &str| {
             let message = format!("{} is too large for {what}", shortened(text));
             ExperimentError::in_source(&self.source.name, message).at_line(line)
         };
         let content = match value.get_ref() {
-            DeValue::Table(table) => self.table(table)?,
+            DeValue::Table(table) => self.table(table, line)?,
             DeValue::Array(items) => {
+                let is_table = |item: &&Spanned<DeValue<'_>>| matches!(item.get_ref(), DeValue::Table(_));
+                self.check_count(items.iter().filter(is_table).count(), "tables in one list", line)?;
                 Content::Array(items.iter().map(|item| self.value(item)).collect::<Result<_, _>>()?)
             }
             DeValue::String(text) => Content::Leaf(toml::Value::String(text.to_string())),

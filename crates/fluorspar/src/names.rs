@@ -2,12 +2,19 @@
 
 use crate::quote::excerpt;
 
+/// Longest name for which a similar one is looked for, bytes.
+const LONGEST: usize = 200;
+
 /// The candidate most similar to a name that was not found; `None` where nothing is similar.
 ///
 /// Similar means a Damerau-Levenshtein distance of at most two, or of a third of the letters, or that one name contains
 /// the other. Capitals do not count, and `-`, ` ` and `_` are the same.
 pub fn nearest_name<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let plain = |text: &str| text.to_lowercase().replace(['-', ' '], "_");
+    // No name is that long; the distance takes time in proportion to both lengths.
+    if name.len() > LONGEST {
+        return None;
+    }
     let wanted = plain(name);
     let allowed = (wanted.chars().count() / 3).max(2);
     candidates

@@ -298,6 +298,9 @@ fn from_mat(
     separable(context, at, unit, curve(excitation)?, curve(emission)?, stokes)
 }
 
+/// Most materials of an experiment: each mixture is followed through all of its parts.
+const MAX_MATERIALS: usize = 4000;
+
 /// All materials of the sections.
 pub(super) fn materials(
     context: &mut Context<'_>,
@@ -305,6 +308,10 @@ pub(super) fn materials(
     grid: &WavelengthGrid,
     fluorophores: &mut Fluorophores,
 ) -> Resolved<Vec<Material>> {
+    if file.material.len() > MAX_MATERIALS {
+        let message = format!("{} materials; an experiment has at most {MAX_MATERIALS}", file.material.len());
+        return context.fail(&steps!["material"], message);
+    }
     let mut materials = Vec::with_capacity(file.material.len());
     if let Some(mouth) = &file.mouth {
         mouth::check_parameters(context, &mouth.parameters)?;
