@@ -7,6 +7,7 @@ use fluorspar_experiment::{
     DEFAULT_EXPERIMENT, DEFAULT_SAMPLE, FileRecord, ResolvedExperiment, ResolvedSample, is_sample, parse,
     parse_sample, resolve,
 };
+use fluorspar_format::read_text_bounded;
 use fluorspar_report::extract_experiment;
 
 use crate::error::CliError;
@@ -129,24 +130,5 @@ impl ExperimentSource {
 
 /// Reads a text file of bearable size.
 pub(crate) fn read_text(path: &Path) -> Result<String, CliError> {
-    let shown = path.display();
-    let metadata = std::fs::metadata(path).map_err(|error| {
-        CliError::Input(format!("{shown}: can't read this file: {error}. Check the path"))
-    })?;
-    if metadata.is_dir() {
-        return Err(CliError::Input(format!("{shown}: this is a folder; give a file in it")));
-    }
-    if metadata.len() > LARGEST_BYTES {
-        let mib = metadata.len() >> 20;
-        return Err(CliError::Input(format!(
-            "{shown}: {mib} MiB is too large for an experiment file; the limit is {} MiB",
-            LARGEST_BYTES >> 20
-        )));
-    }
-    let bytes = std::fs::read(path)
-        .map_err(|error| CliError::Input(format!("{shown}: can't read this file: {error}")))?;
-    String::from_utf8(bytes).map_err(|error| {
-        let at = error.utf8_error().valid_up_to();
-        CliError::Input(format!("{shown}: byte {at} is not UTF-8 text; is this the right file?"))
-    })
+    Ok(read_text_bounded(path, LARGEST_BYTES)?)
 }

@@ -4,6 +4,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use fluorspar_format::read_text_bounded;
+
 use crate::error::STOPPED;
 use crate::message;
 
@@ -53,7 +55,7 @@ fn listen() -> Result<(), ctrlc::Error> {
 /// does).
 #[cfg(unix)]
 fn ignored_signals() -> u64 {
-    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let status = read_text_bounded(Path::new("/proc/self/status"), 1 << 20).unwrap_or_default();
     let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
     mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).unwrap_or(0)
 }

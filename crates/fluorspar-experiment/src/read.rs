@@ -7,7 +7,7 @@ use std::sync::OnceLock;
 use serde::de::DeserializeOwned;
 use serde_path_to_error::Segment;
 
-use super::document::{Content, Document, Node, Source, read_tree};
+use super::document::{Content, Document, MAX_TEXT_BYTES, Node, Source, read_tree};
 use super::error::{ExperimentError, Step, steps};
 use super::fit::{check, complete};
 use super::format_version::check_format;
@@ -16,11 +16,10 @@ use super::overrides;
 use super::schema::ExperimentFile;
 use super::shape::Schema;
 use crate::preset;
+use fluorspar_format::read_text_bounded;
 
 /// Longest chain of base experiments.
 const MAX_BASES: usize = 8;
-/// Largest file, bytes.
-const MAX_BYTES: u64 = 16 << 20;
 
 /// An experiment as written: its sections, and where each value came from.
 #[derive(Clone, Debug, PartialEq)]
@@ -152,12 +151,8 @@ fn put_on_bases(document: &mut Document, schema: &Schema, base_dir: &Path) -> Re
 }
 
 fn read_text(file: &Path) -> Result<String, String> {
-    let shown = excerpt_to(&file.to_string_lossy(), 400);
-    let size = std::fs::metadata(file).map_err(|error| format!("{shown}: {error}"))?.len();
-    if size > MAX_BYTES {
-        return Err(format!("{shown} has {size} bytes; an experiment has at most {MAX_BYTES}"));
-    }
-    std::fs::read_to_string(file).map_err(|error| format!("{shown}: {error}"))
+    read_text_bounded(file, MAX_TEXT_BYTES as u64)
+        .map_err(|error| format!("{}: {}", excerpt_to(&file.to_string_lossy(), 400), error.without_path()))
 }
 
 /// Puts the fields of `sensor.preset` below the others of the section.

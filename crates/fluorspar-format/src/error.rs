@@ -21,6 +21,16 @@ pub enum FormatError {
         /// Error of the operating system.
         source: io::Error,
     },
+    /// The path leads to something that can't be read as a file.
+    #[error("{}: this is {what}; {hint}", path.display())]
+    NotAFile {
+        /// The path.
+        path: PathBuf,
+        /// What is there, in words.
+        what: &'static str,
+        /// What to do about it.
+        hint: &'static str,
+    },
     /// The content breaks the rules of its format or of this program.
     #[error("{}{}: {what}. {hint}", path.display(), Place(*line))]
     Malformed {
@@ -113,6 +123,7 @@ impl FormatError {
     pub fn path(&self) -> &Path {
         match self {
             Self::Io { path, .. }
+            | Self::NotAFile { path, .. }
             | Self::Malformed { path, .. }
             | Self::Unsupported { path, .. }
             | Self::TooLarge { path, .. }
@@ -121,6 +132,13 @@ impl FormatError {
             | Self::AntiStokes { path, .. }
             | Self::Unwritable { path, .. } => path,
         }
+    }
+
+    /// The message without the path that it begins with, for messages that name the file themselves.
+    pub fn without_path(&self) -> String {
+        let text = self.to_string();
+        let start = format!("{}: ", self.path().display());
+        text.strip_prefix(&start).map_or_else(|| text.clone(), String::from)
     }
 
     pub(super) fn io(path: &Path, action: &'static str, source: io::Error) -> Self {

@@ -3,7 +3,7 @@
 use std::cell::Cell;
 use std::collections::BTreeSet;
 use std::fs::{self, File, OpenOptions};
-use std::io::{self, BufWriter, Read, Write};
+use std::io::{self, BufWriter, Write};
 use std::panic::{self, AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::process;
@@ -11,6 +11,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, MutexGuard, Once, PoisonError};
 
 use super::FormatError;
+use super::input::read_bounded;
 
 /// Most bytes an image may take in memory, where nothing else bounds it.
 pub(super) const MAX_IMAGE_BYTES: u64 = 1 << 33;
@@ -139,24 +140,9 @@ fn remove_stale(folder: &Path) {
     }
 }
 
-/// The whole file, refused above `limit` bytes.
+/// The whole file, refused above `limit` bytes and when it is empty.
 pub(super) fn read_file(path: &Path, limit: u64) -> Result<Vec<u8>, FormatError> {
-    let failed = |source| FormatError::io(path, "read", source);
-    let file = File::open(path).map_err(failed)?;
-    let length = file.metadata().map_err(failed)?.len();
-    let mut bytes = Vec::new();
-    if length <= limit {
-        bytes.reserve_exact(length as usize);
-        file.take(limit + 1).read_to_end(&mut bytes).map_err(failed)?;
-    }
-    if length > limit || bytes.len() as u64 > limit {
-        let size = length.max(bytes.len() as u64);
-        return Err(FormatError::too_large(
-            path,
-            format!("the file has {size} bytes"),
-            format!("{limit} bytes"),
-        ));
-    }
+    let bytes = read_bounded(path, limit)?;
     if bytes.is_empty() {
         return Err(FormatError::malformed(path, "the file is empty", "Was it copied completely?"));
     }

@@ -12,6 +12,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use super::file::{check_image_size, write_atomically};
+use super::input::open_plain;
 use super::{FormatError, Loaded, Provenance};
 use fluorspar::image::film::film_bytes;
 use fluorspar::image::{Component, FeatureMaps, Film, FilmLayout, StatisticsKind, View};
@@ -169,8 +170,7 @@ struct Opened {
 fn open(path: &Path) -> Result<Opened, FormatError> {
     let failed = |source| read_failed(path, source);
     let damaged = |what| damaged_film(path, what);
-    let file = File::open(path).map_err(failed)?;
-    let length = file.metadata().map_err(failed)?.len();
+    let (file, length) = open_plain(path)?;
     let mut reader = BufReader::with_capacity(1 << 18, file);
     let mut magic = [0; 8];
     let known = reader.read_exact(&mut magic).is_ok() && magic == *MAGIC;

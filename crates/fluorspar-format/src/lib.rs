@@ -17,6 +17,7 @@
 //! | places, CSV or NumPy | [`read_placements`] | |
 //! | named meshes, OBJ, glTF, PBRT | | [`write_obj`], [`write_gltf`], [`write_pbrt`] |
 //!
+//! Readers open files by [`read_bounded`] and its like: no more than a limit is read, whatever the system says of a file.
 //! Every reader says what is wrong with a file, where, and how to fix it ([`FormatError`]), and survives any bytes.
 //! Every writer leaves a complete file or none ([`write_atomically`]). Equal results give equal bytes.
 //!
@@ -33,6 +34,7 @@ mod exr;
 mod file;
 mod film;
 mod gltf;
+mod input;
 mod lens;
 mod mat;
 mod mesh_set;
@@ -62,6 +64,7 @@ pub use exr::{
 pub use file::{remove_unfinished_files, write_atomically};
 pub use film::{read_film, read_film_layout, read_film_rows, write_film};
 pub use gltf::{read_gltf, read_gltf_instances, write_gltf};
+pub use input::{digest_bounded, read_bounded, read_start, read_text_bounded};
 pub use lens::{AbbeGlass, LensFile, LensFileError, LensFileSurface, PublishedLens, read_lens};
 pub use mat::{IsetFluorophore, MatSpectra, read_iset_fluorophore, read_mat_spectra};
 pub use mesh_set::{NamedMesh, write_obj, write_pbrt};

@@ -5,12 +5,12 @@
 //! Python dictionary: `{'descr': '<f4', 'fortran_order': False, 'shape': (2, 3), }`.
 
 use fluorspar::quote::excerpt;
-use std::fs::File;
 use std::io::{self, BufReader, Read, Write};
 use std::path::Path;
 
 use super::FormatError;
 use super::file::MAX_IMAGE_BYTES;
+use super::input::open_plain;
 
 const MAGIC: &[u8; 6] = b"\x93NUMPY";
 /// Longest header, bytes. NumPy itself trusts none above 10 000.
@@ -102,8 +102,7 @@ pub(super) fn write_npy(writer: &mut impl Write, shape: &[u64], values: &[f32]) 
 /// Other element types, Fortran order, a header that is not one, a shape that does not fit the length of the file.
 pub(super) fn read_npy(path: &Path) -> Result<(Vec<u64>, Vec<f32>), FormatError> {
     let failed = |source| FormatError::io(path, "read", source);
-    let file = File::open(path).map_err(failed)?;
-    let length = file.metadata().map_err(failed)?.len();
+    let (file, length) = open_plain(path)?;
     let mut reader = BufReader::new(file);
 
     // Read the header, bounded by what the file holds.

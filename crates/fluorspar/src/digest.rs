@@ -1,5 +1,7 @@
 //! SHA-256 digests as lower-case hexadecimal text, as results state them.
 
+use std::io::{self, Read};
+
 use sha2::{Digest, Sha256};
 
 /// Two lower-case hexadecimal digits per byte.
@@ -16,6 +18,23 @@ pub fn sha256_hex(blocks: impl IntoIterator<Item = impl AsRef<[u8]>>) -> String 
     hex(&hash.finalize())
 }
 
+/// SHA-256 of everything that can be read, 64 lower-case hexadecimal digits, block by block.
+///
+/// # Errors
+/// What the reader reports.
+pub fn sha256_of(mut reader: impl Read) -> io::Result<String> {
+    let mut hash = Sha256::new();
+    let mut block = vec![0; 1 << 16];
+    loop {
+        match reader.read(&mut block) {
+            Ok(0) => return Ok(hex(&hash.finalize())),
+            Ok(count) => hash.update(&block[..count]),
+            Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+            Err(error) => return Err(error),
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     #[test]
@@ -23,5 +42,6 @@ mod tests {
         // FIPS 180-2, appendix B.1.
         let expected = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad";
         assert_eq!(super::sha256_hex(["a", "bc"]), expected);
+        assert_eq!(super::sha256_of(&b"abc"[..]).unwrap(), expected);
     }
 }

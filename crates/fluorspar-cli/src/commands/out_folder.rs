@@ -8,8 +8,7 @@ use std::fs::{self, File};
 use std::io::{self, Write};
 use std::path::{Component, Path, PathBuf};
 
-use fluorspar::digest::sha256_hex;
-use fluorspar_format::write_atomically;
+use fluorspar_format::{digest_bounded, read_text_bounded, write_atomically};
 use serde::{Deserialize, Serialize};
 
 use crate::error::CliError;
@@ -21,6 +20,8 @@ const LIST: &str = "fluorspar-folder.json";
 const SCHEMA: &str = "fluorspar-folder/1";
 /// Files up to this length are texts that people edit; their content is compared, too.
 const DIGEST_UP_TO_BYTES: u64 = 1 << 20;
+/// Largest list of a folder, bytes.
+const LARGEST_LIST_BYTES: u64 = 256 << 20;
 
 /// The list of files.
 #[derive(Debug, Serialize, Deserialize)]
@@ -293,7 +294,7 @@ fn foreign_file(folder: &Path) -> Option<String> {
 }
 
 fn read_list(folder: &Path) -> Option<FolderList> {
-    let text = fs::read_to_string(folder.join(LIST)).ok()?;
+    let text = read_text_bounded(&folder.join(LIST), LARGEST_LIST_BYTES).ok()?;
     let list: FolderList = serde_json::from_str(&text).ok()?;
     (list.schema == SCHEMA).then_some(list)
 }
@@ -317,7 +318,8 @@ fn mark(path: &Path) -> io::Result<FileMark> {
         return Err(io::Error::other("no plain file"));
     }
     let bytes = metadata.len();
-    let sha256 = if bytes <= DIGEST_UP_TO_BYTES { Some(sha256_hex([fs::read(path)?])) } else { None };
+    let digest = || digest_bounded(path, DIGEST_UP_TO_BYTES).map_err(io::Error::other);
+    let sha256 = if bytes <= DIGEST_UP_TO_BYTES { Some(digest()?) } else { None };
     Ok(FileMark { bytes, sha256 })
 }
 

@@ -9,7 +9,7 @@ use clap::{ValueEnum, ValueHint};
 use fluorspar::render::{FilmRenderer, Share, memory_bytes};
 use fluorspar::scene::{Scene, Shape};
 use fluorspar::units::memory_text;
-use fluorspar_format::{Provenance, read_film};
+use fluorspar_format::{Provenance, read_film, read_text_bounded};
 use serde_json::json;
 
 use super::check_parent;
@@ -201,7 +201,7 @@ pub(super) fn say_surfaces(renderer: &FilmRenderer, scene: &Scene, messages: Mes
 
 /// Most memory that this process held so far, where the system tells (Linux).
 pub(super) fn peak_memory_bytes() -> Option<u64> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let status = read_text_bounded(Path::new("/proc/self/status"), 1 << 20).ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
     let kib: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
     Some(kib << 10)

@@ -1,6 +1,7 @@
 //! Context of all steps of resolving: sources of values, warnings, files that were read.
 
 use std::collections::BTreeMap;
+use std::io;
 use std::path::Path;
 
 use glam::{DVec3, Vec3};
@@ -15,6 +16,7 @@ use fluorspar::sensor::{AutoExposure, EXPOSURE_MS};
 use fluorspar::spectral::WavelengthGrid;
 use fluorspar::units::{counted, number_text};
 use fluorspar_anatomy::{MouthParameters, Tissue};
+use fluorspar_format::{FormatError, digest_bounded};
 
 /// Lengths and distances, mm: from a nanometer to the largest coordinate.
 pub(crate) const LENGTH_MM: [f64; 2] = [1e-6, LARGEST_MM];
@@ -23,6 +25,8 @@ pub(crate) const SCALE: [f64; 2] = [1e-6, 1e6];
 /// Radiances, W/(sr m²), irradiances, W/m², powers, mW, and factors on them: far beyond any light on both sides, and so that
 /// the squares of what a pixel sees are numbers in single precision.
 pub(crate) const STRENGTH: [f64; 2] = [1e-12, 1e12];
+/// Largest file that an experiment names, bytes; its reader sets lower limits.
+const MAX_INPUT_BYTES: u64 = 16 << 30;
 /// Largest coordinate, mm.
 const LARGEST_MM: f64 = 1e7;
 
@@ -151,14 +155,14 @@ impl<'a> Context<'a> {
         if self.inputs.iter().any(|input| input.path == file) {
             return Ok(());
         }
-        let bytes = match std::fs::read(file) {
-            Ok(bytes) => bytes,
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
+        let sha256 = match digest_bounded(file, MAX_INPUT_BYTES) {
+            Ok(sha256) => sha256,
+            Err(FormatError::Io { source, .. }) if source.kind() == io::ErrorKind::NotFound => {
                 return self.fail(at, "there is no such file; paths are relative to the experiment file");
             }
-            Err(error) => return self.fail(at, format!("the file can't be read: {error}")),
+            Err(error) => return self.fail(at, error.without_path()),
         };
-        self.inputs.push(InputFile { path: file.into(), sha256: sha256_hex([&bytes]) });
+        self.inputs.push(InputFile { path: file.into(), sha256 });
         Ok(())
     }
 

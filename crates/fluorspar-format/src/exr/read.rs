@@ -1,6 +1,5 @@
 //! Reading spectral and component images.
 
-use std::fs::File;
 use std::io::{BufReader, Read};
 use std::path::Path;
 
@@ -15,6 +14,7 @@ use super::{
     StatisticLabel, StatisticPlane, UNITS, VIEW, layout_unit,
 };
 use crate::file::{check_image_size, check_packing, guarded, most_image_bytes};
+use crate::input::open_plain;
 use crate::{FormatError, Loaded, Provenance};
 use fluorspar::image::{Component, ComponentImage, FeatureMaps, SampleStatistics, SpectralImage};
 use fluorspar::spectral::{Quantity, Radiance, WavelengthGrid};
@@ -291,14 +291,13 @@ fn rescale(path: &Path, header: &Header, values: &mut [f32]) -> Result<(), Forma
 /// Headers, after everything that decides about memory has been checked.
 fn headers(path: &Path) -> Result<Vec<Header>, FormatError> {
     let failed = |source| FormatError::io(path, "read", source);
-    let mut file = File::open(path).map_err(failed)?;
-    let length = file.metadata().map_err(failed)?.len();
+    let (mut file, length) = open_plain(path)?;
     let mut magic = Vec::new();
     Read::by_ref(&mut file).take(4).read_to_end(&mut magic).map_err(failed)?;
     if magic != [0x76, 0x2f, 0x31, 0x01] {
         return Err(FormatError::malformed(path, "this is not an OpenEXR file", "Give an .exr image"));
     }
-    let file = File::open(path).map_err(failed)?;
+    let (file, _) = open_plain(path)?;
     let meta =
         MetaData::read_from_buffered(BufReader::new(file), false).map_err(|error| damaged(path, &error))?;
     let most_bytes = most_image_bytes(length);
@@ -368,7 +367,7 @@ fn band_targets(
 /// One block at a time: a panic of the decoder on damaged data would end the program on a worker thread, but can be
 /// turned into an error on this one.
 fn decode(path: &Path, targets: &[Vec<Option<Target>>], buffers: &mut [Vec<f32>]) -> Result<(), FormatError> {
-    let file = File::open(path).map_err(|source| FormatError::io(path, "read", source))?;
+    let (file, _) = open_plain(path)?;
     let broken = |error: exr::error::Error| damaged(path, &error);
     let reader = exr::block::read(BufReader::new(file), false).map_err(broken)?;
     let headers = reader.headers().to_vec();

@@ -12,6 +12,7 @@ use std::path::Path;
 
 use thiserror::Error;
 
+use super::input::read_bounded;
 use fluorspar::optics::LensPrescription;
 
 pub use toml_lens::{AbbeGlass, LensFile, LensFileSurface, PublishedLens};
@@ -65,14 +66,7 @@ pub fn read_lens(path: &Path) -> Result<LensPrescription, LensFileError> {
             "not a lens file; the name must end in .toml, .dat (pbrt), .json (ISET) or .zmx (Zemax)";
         return Err(error(Fault::anywhere(message)));
     }
-    let unreadable = |e: std::io::Error| error(Fault::anywhere(format!("can't read this file: {e}")));
-    let size = std::fs::metadata(path).map_err(unreadable)?.len();
-    if size > LARGEST_BYTES {
-        return Err(error(Fault::anywhere(format!(
-            "{size} bytes is too large for a lens file; the limit is 4 MiB"
-        ))));
-    }
-    let bytes = std::fs::read(path).map_err(unreadable)?;
+    let bytes = read_bounded(path, LARGEST_BYTES).map_err(|e| error(Fault::anywhere(e.without_path())))?;
     let text = decode(&bytes).map_err(error)?;
     let name = path.file_stem().map_or_else(|| "lens".into(), |stem| stem.to_string_lossy().into_owned());
     let mut lens = parse_lens(&text, &ending, &name).map_err(error)?;

@@ -326,6 +326,47 @@ fn variants_of_models_are_named_only_where_the_model_lives() {
     assert!(violations.is_empty(), "\n{}", violations.join("\n"));
 }
 
+/// Ways to open a file for reading.
+const OPENING: &[&str] = &["fs::read(", "fs::read_to_string(", "File::open("];
+
+/// Files that may open files: the input layer, and what locks folders.
+const MAY_OPEN: &[&str] = &["fluorspar-format/src/input.rs", "fluorspar-cli/src/commands/out_folder.rs"];
+
+#[test]
+fn files_are_opened_in_one_place() {
+    let mut files = Vec::new();
+    for (name, _) in CRATES {
+        sources(&crates().join(name).join("src"), &mut files);
+    }
+    let mut violations = Vec::new();
+    let mut seen = BTreeSet::new();
+    for file in files {
+        let path = file.strip_prefix(crates()).unwrap().to_str().unwrap().replace('\\', "/");
+        // The fit of the fluorophores is a test throughout.
+        if is_test(&file) || path.ends_with("preset/fluorophore_fit.rs") {
+            continue;
+        }
+        let code = plain_code(&fs::read_to_string(&file).unwrap());
+        for (number, line) in code.lines().enumerate() {
+            if !OPENING.iter().any(|way| line.contains(way)) {
+                continue;
+            }
+            match MAY_OPEN.iter().find(|home| path == **home) {
+                Some(home) => {
+                    seen.insert(*home);
+                }
+                None => violations.push(format!("{path}:{}: {}", number + 1, line.trim())),
+            }
+        }
+    }
+    assert!(
+        violations.is_empty(),
+        "read files with `fluorspar_format::read_bounded` and its like\n{}",
+        violations.join("\n")
+    );
+    assert_eq!(seen.len(), MAY_OPEN.len(), "a file that may open files opens none: {seen:?}");
+}
+
 /// Modules of crates whose files must import each other without circles; a whole crate has no name.
 const WITHOUT_CIRCLES: &[(&str, &str)] = &[
     ("fluorspar", "render"),

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use fluorspar_format::{
     AntiStokes, CsvEemOptions, EemUnit, FormatError, Negative, read_eem_csv, read_fluorophore_csv,
-    read_iset_fluorophore,
+    read_iset_fluorophore, read_start,
 };
 
 use super::{FileOptions, Unit};
@@ -12,6 +12,8 @@ use crate::error::CliError;
 
 /// Largest share of the peak that a value below its excitation may have, as the reader of matrices has it.
 const ANTI_STOKES_TOLERANCE: f64 = 1e-3;
+/// Bytes of a file among which its header is looked for.
+const HEADER_BYTES: u64 = 1 << 20;
 
 /// Which reader a file needs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -75,7 +77,7 @@ fn kind_of(path: &Path) -> Kind {
     if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("mat")) {
         return Kind::Mat;
     }
-    let text = std::fs::read(path).unwrap_or_default();
+    let text = read_start(path, HEADER_BYTES).unwrap_or_default();
     let text = String::from_utf8_lossy(&text);
     let header = text.lines().map(str::trim).find(|line| !line.is_empty() && !line.starts_with('#'));
     let cells: Vec<String> = header
