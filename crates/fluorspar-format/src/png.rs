@@ -1,6 +1,5 @@
 //! PNG images: previews out, textures in.
 
-use std::fs::File;
 use std::io::{self, BufReader};
 use std::path::Path;
 
@@ -8,6 +7,7 @@ use png::{BitDepth, ColorType};
 
 use super::FormatError;
 use super::file::{MAX_IMAGE_BYTES, check_image_size, check_packing, guarded, write_atomically};
+use super::input::open_plain;
 
 /// How stored numbers relate to light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -80,10 +80,34 @@ pub(super) struct RawPng {
     pub(super) bytes: Vec<u8>,
 }
 
-pub(super) fn read_png(path: &Path) -> Result<RawPng, FormatError> {
-    let failed = |source| FormatError::io(path, "read", source);
-    let file = File::open(path).map_err(failed)?;
-    let length = file.metadata().map_err(failed)?.len();
+/// Bytes of memory that the pixels of any PNG may take, whatever the size of its file.
+const USUAL_PNG_BYTES: u64 = 1 << 29;
+/// Bytes of memory for each byte of a large file: photographs shrink to a half, masks much further.
+const PNG_PACKING: u64 = 32;
+
+/// Refuses an image whose pixels would take more memory than its file can justify, before any pixel is decoded.
+/// `bytes_per_pixel` counts all that a pixel takes: as stored, and as the numbers that are made from it.
+fn check_memory(
+    path: &Path,
+    width: u32,
+    height: u32,
+    bytes_per_pixel: u64,
+    length: u64,
+) -> Result<(), FormatError> {
+    let (width, height) = (u64::from(width), u64::from(height));
+    check_image_size(path, width, height, bytes_per_pixel, MAX_IMAGE_BYTES)?;
+    let (bytes, most) =
+        (width * height * bytes_per_pixel, USUAL_PNG_BYTES.max(length.saturating_mul(PNG_PACKING)));
+    if bytes > most {
+        let what = format!("{width} x {height} pixels take {} MiB of memory", bytes >> 20);
+        return Err(FormatError::too_large(path, what, format!("{} MiB", most >> 20)));
+    }
+    Ok(())
+}
+
+/// Reads a PNG. `value_bytes` is what the caller makes of each sample, bytes.
+pub(super) fn read_png(path: &Path, value_bytes: u64) -> Result<RawPng, FormatError> {
+    let (file, length) = open_plain(path)?;
     guarded(path, "PNG", || {
         let damaged = |error: png::DecodingError| match error {
             png::DecodingError::IoError(source) if source.kind() != io::ErrorKind::UnexpectedEof => {
@@ -103,8 +127,9 @@ pub(super) fn read_png(path: &Path) -> Result<RawPng, FormatError> {
         let mut reader = decoder.read_info().map_err(damaged)?;
         let (width, height) = reader.info().size();
         let (color, depth) = reader.output_color_type();
-        let bytes_per_pixel = color.samples() as u64 * if depth == BitDepth::Sixteen { 2 } else { 1 };
-        check_image_size(path, u64::from(width), u64::from(height), bytes_per_pixel, MAX_IMAGE_BYTES)?;
+        let samples = color.samples() as u64;
+        let bytes_per_pixel = samples * if depth == BitDepth::Sixteen { 2 } else { 1 };
+        check_memory(path, width, height, bytes_per_pixel + samples * value_bytes, length)?;
         check_packing(path, bytes_per_pixel * u64::from(width) * u64::from(height), length)?;
         let size = reader.output_buffer_size().unwrap_or(0);
         let mut bytes = vec![0; size];
@@ -118,9 +143,9 @@ pub(super) fn read_png(path: &Path) -> Result<RawPng, FormatError> {
 /// never decoded: it is a fraction. Embedded color profiles are ignored: `transfer` decides.
 ///
 /// # Errors
-/// A file that is not a valid PNG, or one too large.
+/// A file that is not a valid PNG, or one whose pixels take more memory than 512 MiB and 32 bytes for each of its own.
 pub fn read_texture_png(path: &Path, transfer: Transfer) -> Result<TextureImage, FormatError> {
-    let raw = read_png(path)?;
+    let raw = read_png(path, size_of::<f32>() as u64)?;
     let channels = raw.color.samples();
     let mut data: Vec<f32> = match raw.depth {
         BitDepth::Sixteen => raw

@@ -14,6 +14,7 @@ use super::file::{
     MAX_IMAGE_BYTES, check_image_size, check_packing, guarded, read_file, read_sidecar, sidecar_path,
     write_atomically, write_sidecar,
 };
+use super::input::open_plain;
 use super::packed_raw::{PackedRows, read_packed};
 use super::png::{read_png, write_png};
 use super::{FormatError, Loaded, Provenance};
@@ -136,7 +137,7 @@ pub fn write_sensor_png(
 /// A missing or mismatched description, another kind of image, damaged files.
 pub fn read_sensor_image(path: &Path) -> Result<Loaded<SensorImage>, FormatError> {
     let failed = |source| FormatError::io(path, "read", source);
-    let mut file = File::open(path).map_err(failed)?;
+    let (mut file, length) = open_plain(path)?;
     let mut magic = Vec::new();
     Read::by_ref(&mut file).take(8).read_to_end(&mut magic).map_err(failed)?;
     let (width, height, data) = if magic.starts_with(b"\x89PNG") {
@@ -147,7 +148,7 @@ pub fn read_sensor_image(path: &Path) -> Result<Loaded<SensorImage>, FormatError
             return read_dng(path);
         }
         file.rewind().map_err(failed)?;
-        read_gray_tiff(path, file)?
+        read_gray_tiff(path, file, length)?
     } else {
         return read_by_description(path);
     };
@@ -315,7 +316,7 @@ fn pixels_sha256(data: &[u16]) -> String {
 }
 
 fn read_gray_png(path: &Path) -> Result<(usize, usize, Vec<u16>), FormatError> {
-    let raw = read_png(path)?;
+    let raw = read_png(path, size_of::<u16>() as u64)?;
     if (raw.color, raw.depth) != (ColorType::Grayscale, BitDepth::Sixteen) {
         return Err(not_gray16(path));
     }
@@ -323,7 +324,7 @@ fn read_gray_png(path: &Path) -> Result<(usize, usize, Vec<u16>), FormatError> {
     Ok((raw.width, raw.height, data))
 }
 
-fn read_gray_tiff(path: &Path, file: File) -> Result<(usize, usize, Vec<u16>), FormatError> {
+fn read_gray_tiff(path: &Path, file: File, length: u64) -> Result<(usize, usize, Vec<u16>), FormatError> {
     guarded(path, "TIFF", || {
         let damaged = |error: tiff::TiffError| match error {
             tiff::TiffError::IoError(source) if source.kind() != io::ErrorKind::UnexpectedEof => {
@@ -335,7 +336,6 @@ fn read_gray_tiff(path: &Path, file: File) -> Result<(usize, usize, Vec<u16>), F
                 "Was it copied completely?",
             ),
         };
-        let length = file.metadata().map_err(|source| FormatError::io(path, "read", source))?.len();
         let mut decoder = Decoder::new(BufReader::new(file)).map_err(damaged)?;
         let (width, height) = decoder.dimensions().map_err(damaged)?;
         check_image_size(path, u64::from(width), u64::from(height), 2, MAX_IMAGE_BYTES)?;
