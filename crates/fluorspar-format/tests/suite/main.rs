@@ -5,3 +5,4 @@ mod format_images;
 mod format_matlab_and_meshes;
 mod format_raw;
 mod format_tables;
+mod hostile_files;

@@ -1,0 +1,186 @@
+//! Files made to take a reader's time or memory: each is refused, or read, quickly and in little memory.
+
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout, reason = "these are tests")]
+
+use std::fmt::Write;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use fluorspar_format::{
+    CsvSpectrumOptions, FormatError, Transfer, read_gltf, read_gltf_instances, read_lens, read_mat_spectra,
+    read_obj, read_spectrum_csv, read_texture_png,
+};
+
+fn folder() -> tempfile::TempDir {
+    tempfile::tempdir().unwrap()
+}
+
+fn file(folder: &tempfile::TempDir, name: &str, content: impl AsRef<[u8]>) -> PathBuf {
+    let path = folder.path().join(name);
+    fs::write(&path, content).unwrap();
+    path
+}
+
+/// Largest memory of this process so far, bytes; `None` where the system does not tell.
+fn peak_bytes() -> Option<u64> {
+    let status = fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    Some(line.trim().trim_end_matches("kB").trim().parse::<u64>().ok()? << 10)
+}
+
+/// What a reader says about a file, its folder left out; time and memory are bounded.
+fn complaint<T: std::fmt::Debug>(path: &Path, read: impl FnOnce(&Path) -> Result<T, FormatError>) -> String {
+    let begun = Instant::now();
+    let said = read(path).map(|_| "nothing").expect_err("a hostile file was read").to_string();
+    assert!(begun.elapsed() < Duration::from_secs(60), "{:?}", begun.elapsed());
+    assert!(peak_bytes().is_none_or(|peak| peak < 1 << 30), "{:?}", peak_bytes());
+    said.replace(&format!("{}/", path.parent().unwrap().display()), "")
+}
+
+/// A triangle in one buffer: three positions.
+fn gltf(nodes: &str, buffer: &str) -> String {
+    format!(
+        r#"{{"asset":{{"version":"2.0"}},"scene":0,"scenes":[{{"nodes":[0]}}],"nodes":[{nodes}],
+        "meshes":[{{"primitives":[{{"attributes":{{"POSITION":0}}}}]}}],
+        "accessors":[{{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3"}}],
+        "bufferViews":[{{"buffer":0,"byteLength":36}}],"buffers":[{{"byteLength":36{buffer}}}]}}"#
+    )
+}
+
+/// `[0 0 0], [1 0 0], [0 1 0]` in single precision, as base64.
+const TRIANGLE: &str =
+    r#","uri":"data:application/octet-stream;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA""#;
+
+#[test]
+fn a_node_with_two_parents_is_refused() {
+    let folder = folder();
+    let twice = |i: usize| match i {
+        59 => r#"{"mesh":0}"#.to_string(),
+        i => format!(r#"{{"children":[{0},{0}]}}"#, i + 1),
+    };
+    let diamond: Vec<String> = (0..60).map(twice).collect();
+    let circle = r#"{"children":[1]},{"children":[0]}"#;
+    for (nodes, number) in [(diamond.join(","), 59), (circle.into(), 0)] {
+        let path = file(&folder, "m.gltf", gltf(&nodes, TRIANGLE));
+        let expected =
+            format!("m.gltf: node {number} appears twice in its tree of nodes. Give every node one parent");
+        assert_eq!(complaint(&path, |path| read_gltf(path, 1.0)), expected);
+        assert_eq!(complaint(&path, |path| read_gltf_instances(path, 1.0)), expected);
+    }
+}
+
+#[test]
+fn embedded_buffers_are_read_and_missing_ones_named() {
+    let folder = folder();
+    let mesh = read_gltf(&file(&folder, "m.gltf", gltf(r#"{"mesh":0}"#, TRIANGLE)), 1.0).unwrap();
+    assert_eq!((mesh.positions.len(), mesh.positions[1].x, mesh.positions[2].y), (3, 1.0, 1.0));
+    for (buffer, expected) in [
+        (r#","uri":"none.bin""#, "the file \"none.bin\" of buffer 0 is missing. Put it beside this file"),
+        ("", "buffer 0 has no content: it has no URI, and there is no binary part for it"),
+        (r#","uri":"data:;base64,A*""#, "buffer 0 is not valid base64: "),
+        (r#","uri":"data:text/plain,abc""#, "buffer 0 is a data URI without base64"),
+        (r#","uri":"../x.bin""#, "the file \"../x.bin\" of buffer 0 does not lie beside it"),
+    ] {
+        let path = file(&folder, "m.gltf", gltf(r#"{"mesh":0}"#, buffer));
+        let said = complaint(&path, |path| read_gltf(path, 1.0));
+        assert!(said.starts_with(&format!("m.gltf: {expected}")), "{said}");
+    }
+}
+
+#[test]
+fn elements_lie_one_after_the_other_in_their_buffer() {
+    let folder = folder();
+    let good = gltf(r#"{"mesh":0}"#, TRIANGLE);
+    for (from, to) in [
+        (r#""byteLength":36}]"#, r#""byteLength":36,"byteStride":0}]"#),
+        (r#""count":3"#, r#""count":4000000000"#),
+        (r#""bufferView":0"#, r#""bufferView":0,"byteOffset":18446744073709551615"#),
+    ] {
+        let path = file(&folder, "m.gltf", good.replacen(from, to, 1));
+        assert_eq!(
+            complaint(&path, |path| read_gltf(path, 1.0)),
+            "m.gltf: accessor 0 is damaged or compressed. Export the mesh again, uncompressed"
+        );
+    }
+}
+
+/// A PNG whose header says how large it is, and hardly more.
+fn png_of(width: u32, height: u32, filler: usize) -> Vec<u8> {
+    let mut bytes = b"\x89PNG\r\n\x1a\n".to_vec();
+    let mut chunk = |kind: &[u8; 4], content: &[u8]| {
+        bytes.extend((content.len() as u32).to_be_bytes());
+        let start = bytes.len();
+        bytes.extend(kind);
+        bytes.extend(content);
+        let crc = bytes[start..].iter().fold(u32::MAX, |crc, byte| {
+            (0..8).fold(crc ^ u32::from(*byte), |crc, _| {
+                (crc >> 1) ^ if crc & 1 == 1 { 0xedb8_8320 } else { 0 }
+            })
+        });
+        bytes.extend((!crc).to_be_bytes());
+    };
+    let size = [width.to_be_bytes(), height.to_be_bytes()].concat();
+    chunk(b"IHDR", &[&size[..], &[8, 2, 0, 0, 0]].concat());
+    chunk(b"IDAT", &vec![0; filler]);
+    chunk(b"IEND", &[]);
+    bytes
+}
+
+#[test]
+fn a_png_is_judged_by_its_header() {
+    let folder = folder();
+    let path = file(&folder, "t.png", png_of(18_000, 18_000, 1 << 20));
+    assert_eq!(
+        complaint(&path, |path| read_texture_png(path, Transfer::Linear)),
+        "t.png: 18000 x 18000 pixels take 4634 MiB of memory; at most 512 MiB is read. \
+         The file is damaged or meant for something else"
+    );
+}
+
+#[test]
+fn long_tables_are_read_line_by_line_and_not_slower() {
+    let folder = folder();
+    let mut text = String::from("wavelength_nm,a\n");
+    for line in 0..100_000 {
+        writeln!(text, "{},\"0.5\"", 400.0 + f64::from(line) * 1e-3).unwrap();
+    }
+    let path = file(&folder, "long.csv", &text);
+    let begun = Instant::now();
+    let read = read_spectrum_csv(&path, &CsvSpectrumOptions::default()).unwrap();
+    assert_eq!(read[0].curve.values().len(), 100_000);
+    assert!(begun.elapsed() < Duration::from_secs(30), "{:?}", begun.elapsed());
+
+    text.push_str("900,\"0.5\n901,0.5\n");
+    let path = file(&folder, "long.csv", &text);
+    assert_eq!(
+        complaint(&path, |path| read_spectrum_csv(path, &CsvSpectrumOptions::default())),
+        "long.csv:100002: a quotation mark is not closed on this line. Close it, or remove it"
+    );
+    let wide = vec!["1"; 10_001].join(",");
+    let path = file(&folder, "wide.csv", format!("{wide}\n{wide}\n"));
+    assert!(
+        complaint(&path, |path| read_spectrum_csv(path, &CsvSpectrumOptions::default()))
+            .starts_with("wide.csv: the header has 10001 columns; at most 10000 columns is read")
+    );
+}
+
+#[cfg(unix)]
+#[test]
+fn a_link_to_an_endless_device_is_refused() {
+    let folder = folder();
+    let link = |name: &str| {
+        let path = folder.path().join(name);
+        std::os::unix::fs::symlink("/dev/zero", &path).unwrap();
+        path
+    };
+    let refused = ": this is a device; give a file";
+    assert!(
+        complaint(&link("s.csv"), |p| read_spectrum_csv(p, &CsvSpectrumOptions::default()))
+            .ends_with(refused)
+    );
+    assert!(complaint(&link("s.mat"), read_mat_spectra).ends_with(refused));
+    assert!(complaint(&link("m.obj"), |path| read_obj(path, 1.0)).ends_with(refused));
+    assert!(complaint(&link("t.png"), |path| read_texture_png(path, Transfer::Linear)).ends_with(refused));
+    assert!(read_lens(&link("l.dat")).unwrap_err().to_string().ends_with(refused));
+}
