@@ -76,11 +76,11 @@ fn embedded_buffers_are_read_and_missing_ones_named() {
     let mesh = read_gltf(&file(&folder, "m.gltf", gltf(r#"{"mesh":0}"#, TRIANGLE)), 1.0).unwrap();
     assert_eq!((mesh.positions.len(), mesh.positions[1].x, mesh.positions[2].y), (3, 1.0, 1.0));
     for (buffer, expected) in [
-        (r#","uri":"none.bin""#, "the file \"none.bin\" of buffer 0 is missing. Put it beside this file"),
+        (r#","uri":"none.bin""#, "the file \"none.bin\" of buffer 0 is missing. Put it next to this file"),
         ("", "buffer 0 has no content: it has no URI, and there is no binary part for it"),
         (r#","uri":"data:;base64,A*""#, "buffer 0 is not valid base64: "),
         (r#","uri":"data:text/plain,abc""#, "buffer 0 is a data URI without base64"),
-        (r#","uri":"../x.bin""#, "the file \"../x.bin\" of buffer 0 does not lie beside it"),
+        (r#","uri":"../x.bin""#, "the file \"../x.bin\" of buffer 0 is not next to the file"),
     ] {
         let path = file(&folder, "m.gltf", gltf(r#"{"mesh":0}"#, buffer));
         let said = complaint(&path, |path| read_gltf(path, 1.0));
