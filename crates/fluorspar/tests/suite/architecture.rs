@@ -49,18 +49,18 @@ const MODULES: &[(&str, &[&str])] = &[
 /// this workspace. What stands first is looked up first.
 const FRONTS: &[(&str, &[&str], &[&str])] = &[
     ("fluorspar-anatomy/src/", &["units", "sampling", "geometry"], &["fluorspar_accel"]),
-    ("fluorspar-format/src/", &["digest", "units", "spectral", "image", "geometry", "optics"], &[]),
+    ("fluorspar-format/src/", &["digest", "units", "quote", "spectral", "image", "geometry", "optics"], &[]),
     (
         "fluorspar-experiment/src/preset/",
-        &["units", "names", "spectral", "optics", "sensor"],
+        &["units", "quote", "names", "spectral", "optics", "sensor"],
         &["fluorspar_format"],
     ),
     // Files become a study. What is done with a study is none of its business.
     (
         "fluorspar-experiment/src/",
         &[
-            "digest", "units", "names", "spectral", "image", "sampling", "geometry", "material", "light",
-            "optics", "scene", "render", "safety", "sensor", "analysis", "study",
+            "digest", "units", "quote", "names", "spectral", "image", "sampling", "geometry", "material",
+            "light", "optics", "scene", "render", "safety", "sensor", "analysis", "study",
         ],
         &["fluorspar_anatomy", "fluorspar_format"],
     ),
