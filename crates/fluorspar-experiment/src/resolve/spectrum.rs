@@ -6,8 +6,8 @@ use super::context::{Context, Resolved, STRENGTH};
 use crate::error::Place;
 use crate::preset::{self, CurvePreset};
 use crate::schema::{
-    AnatomyMap, CheckerMap, DorsalTongueMap, FilePath, NameOrTable, SpectrumReference, SpectrumTable,
-    TextureReference, TextureTable,
+    AnatomyMap, CheckerMap, DorsalTongueMap, FilePath, MatlabSpectrum, NameOrTable, SpectrumReference,
+    SpectrumTable, TextureReference, TextureTable,
 };
 use fluorspar::material::{ImageTexture, ScalarTexture};
 use fluorspar::optics::Filter;
@@ -15,7 +15,8 @@ use fluorspar::spectral::{Curve, CurveModel, MAX_WAVELENGTH_NM, MIN_WAVELENGTH_N
 use fluorspar::units::number_text;
 use fluorspar_anatomy::{PorphyrinRamp, shared_surface_map};
 use fluorspar_format::{
-    CsvColumns, CsvSpectrumOptions, FormatError, NamedCurve, Transfer, read_spectrum_csv, read_texture_png,
+    CsvColumns, CsvSpectrumOptions, FormatError, NamedCurve, Transfer, read_mat_spectra, read_spectrum_csv,
+    read_texture_png,
 };
 
 /// Largest value of a spectrum that is scaled to a power or a radiance, and largest factor on a file's values: it leaves room for
@@ -65,6 +66,11 @@ impl Context<'_> {
                 }
                 curve
             }
+            SpectrumReference::Text(NameOrTable::File(path))
+                if path.extension().as_deref() == Some("mat") =>
+            {
+                self.matlab(at, &MatlabSpectrum { mat: path.clone(), column: None, scale: None }, grid)?
+            }
             SpectrumReference::Text(NameOrTable::File(path)) => {
                 let table = SpectrumTable { csv: path.clone(), column: None, scale: None };
                 self.table(at, &table, grid)?
@@ -76,6 +82,7 @@ impl Context<'_> {
                 preset.curve_at_angle(angle_deg)
             }
             SpectrumReference::Table(table) => self.table(at, table, grid)?,
+            SpectrumReference::Matlab(column) => self.matlab(at, column, grid)?,
         };
         self.check_values(at, &curve, role)?;
         Ok(curve)
@@ -120,9 +127,33 @@ impl Context<'_> {
         };
         let options = CsvSpectrumOptions { columns, ..CsvSpectrumOptions::default() };
         let curve = self.csv(at, &table.csv, &options)?.swap_remove(0).curve;
+        self.scaled(at, curve, table.scale, grid)
+    }
+
+    fn matlab(&mut self, at: &Place, column: &MatlabSpectrum, grid: &WavelengthGrid) -> Resolved<Curve> {
+        self.note_input(at, &column.mat)?;
+        let spectra = read_mat_spectra(column.mat.as_ref()).map_err(|error| self.file_error(at, &error))?;
+        let count = spectra.curves.len();
+        let number = column.column.unwrap_or(1) as usize;
+        let Some(curve) = number.checked_sub(1).and_then(|index| spectra.curves.into_iter().nth(index))
+        else {
+            let columns = if count == 1 { "one column".to_owned() } else { format!("{count} columns") };
+            return self.fail(&at.field("column"), format!("\"data\" has {columns}; they count from 1"));
+        };
+        self.scaled(at, curve, column.scale, grid)
+    }
+
+    /// A curve of a file, times a factor; warns where the grid goes beyond its data.
+    fn scaled(
+        &mut self,
+        at: &Place,
+        curve: Curve,
+        scale: Option<f64>,
+        grid: &WavelengthGrid,
+    ) -> Resolved<Curve> {
         let (first, last) = curve.range_nm();
         self.note_range(at, [first, last], grid);
-        match table.scale {
+        match scale {
             None => Ok(curve),
             Some(scale) => {
                 let at = at.field("scale");

@@ -43,8 +43,9 @@ pub use object::{
 };
 pub use path::{FilePath, NameOrLens, NameOrTable};
 pub use reference::{
-    AnatomyMap, CheckerMap, DorsalTongueMap, EfficiencyReference, ImageMap, NoiseMap, ReflectanceReference,
-    ReflectanceTermSection, SpectrumReference, SpectrumTable, TextureReference, TextureTable, TongueMap,
+    AnatomyMap, CheckerMap, DorsalTongueMap, EfficiencyReference, ImageMap, MatlabSpectrum, NoiseMap,
+    ReflectanceReference, ReflectanceTermSection, SpectrumReference, SpectrumTable, TextureReference,
+    TextureTable, TongueMap,
 };
 pub use settings::{EdgeBins, RenderSection, SpectralSection, StatisticsChoice, UniformBins};
 

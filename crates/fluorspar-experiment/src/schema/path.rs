@@ -65,7 +65,7 @@ impl JsonSchema for FilePath {
 pub enum NameOrTable {
     /// A name of the catalogue.
     Name(String),
-    /// A path: with a slash, or the ending `.csv`, `.txt` or `.tsv`.
+    /// A path: with a slash, or the ending `.csv`, `.txt`, `.tsv` or `.mat`.
     File(FilePath),
 }
 
@@ -73,7 +73,8 @@ impl NameOrTable {
     /// Whether a text is the path of a table rather than a name.
     pub(crate) fn is_path(text: &str) -> bool {
         let lower = text.to_lowercase();
-        text.contains(['/', '\\']) || [".csv", ".txt", ".tsv"].iter().any(|ending| lower.ends_with(ending))
+        let endings = [".csv", ".txt", ".tsv", ".mat"];
+        text.contains(['/', '\\']) || endings.iter().any(|ending| lower.ends_with(ending))
     }
 }
 

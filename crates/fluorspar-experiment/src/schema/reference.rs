@@ -9,19 +9,21 @@ use super::{FilePath, NameOrTable};
 use fluorspar::spectral::CurveModel;
 use fluorspar_anatomy::{SurfaceMap, Tissue};
 
-/// A spectrum: a number, a name of the catalogue, the path of a CSV file, a table with `csv` (one column of a file), or
-/// an equation such as { type = "led", ... }.
+/// A spectrum: a number, a name of the catalogue, the path of a CSV or MATLAB file, a table with `csv` or `mat` (one
+/// column of a file), or an equation such as { type = "led", ... }.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged)]
 #[schemars(extend("x-merge" = "replace"))]
 pub enum SpectrumReference {
     /// The same value at every wavelength.
     Constant(f64),
-    /// A name of the catalogue, or the path of a CSV file (with a slash or the ending `.csv`) whose first column of
-    /// values is used.
+    /// A name of the catalogue, or the path of a CSV file (with a slash or the ending `.csv`) or of a MATLAB file (the
+    /// ending `.mat`), whose first column of values is used.
     Text(NameOrTable),
     /// One column of a CSV file.
     Table(SpectrumTable),
+    /// One column of a MATLAB file.
+    Matlab(MatlabSpectrum),
     /// An equation, as in the files of the catalogue: `{ type = "led", peak_nm = 385.0, ... }`.
     Model(CurveModel),
 }
@@ -56,6 +58,20 @@ pub struct SpectrumTable {
     /// Header of the column. Default: the only or first one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub column: Option<String>,
+    /// Factor on the values, for instance 0.01 for percent. Default 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scale: Option<f64>,
+}
+
+/// One column of a MATLAB file of spectra, as ISET saves them: variables `wavelength` (nm) and `data`, a column a spectrum.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct MatlabSpectrum {
+    /// Path of the file, version 5 to 7.3.
+    pub mat: FilePath,
+    /// Number of the column of `data`, from 1 up. Default 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub column: Option<u32>,
     /// Factor on the values, for instance 0.01 for percent. Default 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scale: Option<f64>,

@@ -159,6 +159,34 @@ fn the_digest_follows_what_decides_the_result() {
     assert_ne!(digest(spectrum), digest("wavelength_nm,power\n400,1\n500,3\n600,1\n"));
 }
 
+#[test]
+fn a_spectrum_of_a_matlab_file_is_that_of_a_table() {
+    let folder = tempfile::tempdir().unwrap();
+    let matlab = Path::new(env!("CARGO_MANIFEST_DIR")).join("../fluorspar-format/tests/data/spectra_v5.mat");
+    let curves = fluorspar_format::read_mat_spectra(&matlab).unwrap().curves;
+    fs::copy(&matlab, folder.path().join("lights.mat")).unwrap();
+    for (index, curve) in curves.iter().enumerate() {
+        let rows: String =
+            curve.wavelengths_nm().iter().zip(curve.values()).map(|(nm, v)| format!("{nm},{v}\n")).collect();
+        fs::write(folder.path().join(format!("{index}.csv")), format!("wavelength_nm,power\n{rows}"))
+            .unwrap();
+    }
+    let led = "{ type = \"led\", peak_nm = 500.0, fwhm_short_nm = 20.0, fwhm_long_nm = 20.0 }";
+    let with = |spectrum: &str| {
+        assert!(SPHERE.contains(led));
+        resolve(&parse(&SPHERE.replace(led, spectrum), "t", folder.path(), &[]).unwrap())
+    };
+    let light = |spectrum: &str| with(spectrum).unwrap().study.scene.lights[0].spectrum.clone();
+    assert_eq!(light("\"lights.mat\""), light("\"0.csv\""));
+    assert_eq!(light("{ mat = \"lights.mat\", column = 2 }"), light("\"1.csv\""));
+    assert_ne!(light("\"1.csv\""), light("\"0.csv\""));
+    let error = with("{ mat = \"lights.mat\", column = 3 }").unwrap_err().to_string();
+    assert!(
+        error.contains("column") && error.contains("\"data\" has 2 columns; they count from 1"),
+        "{error}"
+    );
+}
+
 /// Irradiance of small discs at a point, on a surface that faces against `direction`.
 fn irradiance_w_per_m2(lights: &[Light], point: glam::DVec3, direction: glam::DVec3) -> f64 {
     let one = |light: &Light| {
