@@ -9,8 +9,8 @@
 //! | light transport | [`render::render`] | [`image::ComponentImage`]: radiance, W/(sr m² nm), by light and fluorophore |
 //! | any mixture of the parts | [`image::ComponentImage::recombine`] | [`image::SpectralImage`] of radiance |
 //! | optics | [`optics::IdealLens::form_image`] | [`image::SpectralImage`] of irradiance, W/(m² nm) |
-//! | sensor | [`sensor::Sensor::expose`] | [`image::SensorImage`]: mosaic of digital numbers |
-//! | development | [`sensor::develop`] | [`image::ChannelImage`]: linear channels, black subtracted |
+//! | sensor | [`sensor::Sensor::expose_rate`] | [`image::SensorImage`]: mosaic of digital numbers |
+//! | development | [`sensor::Development`] | [`image::ChannelImage`]: linear channels, black subtracted |
 //! | analysis | [`analysis::analyze_region`] | [`analysis::Analysis`]: chromaticity, porphyrin fraction, with intervals |
 //!
 //! [`pipeline::evaluate`] runs everything after the render at once; [`pipeline::predict`] does so for a flat sample without geometry.

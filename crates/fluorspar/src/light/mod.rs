@@ -105,9 +105,6 @@ impl Light {
 }
 
 impl Emitter {
-    /// Largest exponent of an emission pattern that is accepted: a half angle of about 3 degrees.
-    pub const MAX_EXPONENT: f32 = emitter_error::MAX_EXPONENT;
-
     /// Exponent of `cos^g` whose intensity falls to one half at `half_angle_deg` from the axis: `ln 0.5 / ln cos`.
     /// 60 degrees is Lambertian.
     pub fn exponent_from_half_angle(half_angle_deg: f64) -> f64 {

@@ -236,7 +236,6 @@ pub struct TracedLens {
     film_mm: f64,
     plane_mm: f64,
     rear_mm: f64,
-    film_radius_mm: f64,
     wavelength_nm: f64,
 }
 
@@ -285,7 +284,7 @@ impl TracedLens {
         let pupil_radius_mm = (paraxial.exit_pupil_scale * state.stop_semi_diameter_mm).abs();
         let pupil = Circle { z_mm: if near { pupil } else { rear_mm }, radius_mm: 2.0 * pupil_radius_mm };
         let bounds = PupilBounds::new(&trace, film_mm, plane_mm, rear, pupil, film_radius_mm);
-        Self { trace, bounds, film_mm, plane_mm, rear_mm, film_radius_mm, wavelength_nm }
+        Self { trace, bounds, film_mm, plane_mm, rear_mm, wavelength_nm }
     }
 
     /// Wavelength, nm.
@@ -296,11 +295,6 @@ impl TracedLens {
     /// Position of the film from the first vertex, mm.
     pub fn film_mm(&self) -> f64 {
         self.film_mm
-    }
-
-    /// Largest distance from the axis for which this lens was prepared, mm.
-    pub fn film_radius_mm(&self) -> f64 {
-        self.film_radius_mm
     }
 
     /// The surfaces.

@@ -4,15 +4,15 @@
 //! |---|---|---|
 //! | electrons per photon | [`SpectralQe`] | `quantum_efficiency.rs` |
 //! | data sheet | [`SensorModel`], by default Table 1 of Lyu et al. 2021; [`Emva1288`] | `model.rs`, `data_sheet.rs` |
-//! | film samples to pixels | [`Sensor::electron_rate`] | `pixel_integration.rs` |
+//! | film samples to pixels | [`Sensor::electron_rate_on_film`] | `pixel_integration.rs` |
 //! | fall-off, crosstalk | [`SensorModel::relative_illumination`], [`Crosstalk`] | `relative_illumination.rs`, `crosstalk.rs` |
 //! | when rows collect light | [`Shutter`], [`Strobe`] | `shutter.rs` |
-//! | noise and conversion | [`Sensor::expose`] | `noise.rs`, `adc.rs`, `isetcam.rs` |
+//! | noise and conversion | [`Sensor::expose_rate`] | `noise.rs`, `adc.rs`, `isetcam.rs` |
 //! | which pixels are read | [`SensorModel::region_px`], [`Binning`] | `readout.rs` |
 //! | numbers without an image | [`Sensor::flat_response`] | `flat_response.rs` |
 //! | exposure time | [`AutoExposure`] | `auto_exposure.rs` |
 //! | several frames | [`CaptureSequence`] | `capture.rs` |
-//! | linear channels | [`develop`], [`Development`], [`LinearMosaic::without`] | `develop.rs`, `demosaic.rs` |
+//! | linear channels | [`Development`], [`LinearMosaic::without`] | `develop.rs`, `demosaic.rs` |
 //! | dark frames, flat fields, bad pixels | [`MasterFrame`], [`FlatField`], [`BadPixels`] | `calibration.rs` |
 //! | a second instrument | [`Spectroradiometer`] | `spectroradiometer.rs` |
 //! | exposures merged to one | [`merge_exposures`] | `develop.rs` |
