@@ -93,7 +93,7 @@ fn open(path: &Path) -> Result<(File, Option<u64>), FormatError> {
     let file = File::open(path).map_err(failed)?;
     let metadata = file.metadata().map_err(failed)?;
     check_kind(path, metadata.file_type())?;
-    Ok((file, metadata.is_file().then(|| metadata.len())))
+    Ok((file, metadata.is_file().then_some(metadata.len())))
 }
 
 fn check_kind(path: &Path, kind: FileType) -> Result<(), FormatError> {
