@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+#[cfg(unix)]
 use fluorspar_format::read_text_bounded;
 
 use crate::error::STOPPED;
