@@ -59,7 +59,7 @@ pub fn read_start(path: &Path, limit: u64) -> Result<Vec<u8>, FormatError> {
 /// SHA-256 of a plain file, 64 lower-case hexadecimal digits; the file is never in memory as a whole.
 ///
 /// # Errors
-/// As [`open_plain`]; more than `limit` bytes.
+/// No such file, no permission, a folder, pipe or device; more than `limit` bytes.
 pub fn digest_bounded(path: &Path, limit: u64) -> Result<String, FormatError> {
     let (file, length) = open_plain(path)?;
     let mut rest = file.take(limit + 1);
