@@ -11,6 +11,7 @@ mod instances;
 mod lens_camera;
 mod lens_catalogue;
 mod lens_change;
+mod long_experiments;
 mod mesh_files;
 mod mouth_appearance;
 mod safety_of_captures;
