@@ -496,7 +496,7 @@ fn meshes(subjects: &mut Subjects) -> Outcome<()> {
         format::read_gltf_instances(path, 1.0).is_ok() && flat
     };
     subjects.add("glTF", "m.gltf", vec![GLTF.into()], read_gltf);
-    let part = format::NamedMesh { name: "a".into(), material: "b".into(), color: [0.5; 3], mesh: &mesh };
+    let part = format::NamedMesh { name: "a", material: "b", color: [0.5; 3], mesh: &mesh };
     subjects.written("GLB", "m.glb", |path| format::write_gltf(path, std::slice::from_ref(&part)), read_gltf)
 }
 
