@@ -18,6 +18,10 @@ use fluorspar::geometry::TriangleMesh;
 /// Anything that is not such a file, with the line where known.
 pub fn read_obj(path: &Path, unit_m: f64) -> Result<TriangleMesh, FormatError> {
     let bytes = read_file(path, MAX_MESH_BYTES)?;
+    if let Some(line) = line_of_huge_index(&bytes) {
+        let what = "not a valid OBJ file: face vertex index out of bounds";
+        return Err(FormatError::at_line(path, line, what, "Export the mesh again"));
+    }
     let models = guarded(path, "OBJ", || {
         let options = tobj::LoadOptions {
             single_index: true,
@@ -54,6 +58,19 @@ pub fn read_obj(path: &Path, unit_m: f64) -> Result<TriangleMesh, FormatError> {
         mesh.append(&part);
     }
     finish_mesh(path, mesh, unit_m)
+}
+
+/// The first face, line or point, by its line from 1, with an index of more digits than the vertices of any mesh take; the
+/// decoder computes with indices before it compares them.
+fn line_of_huge_index(bytes: &[u8]) -> Option<u64> {
+    const DIGITS: usize = 10;
+    let is_huge = |line: &[u8]| {
+        let line = line.trim_ascii_start();
+        matches!(line.first(), Some(b'f' | b'l' | b'p'))
+            && line.split(|byte| !byte.is_ascii_digit()).any(|digits| digits.len() > DIGITS)
+    };
+    let index = bytes.split(|&byte| byte == b'\n').position(is_huge)?;
+    Some(index as u64 + 1)
 }
 
 /// The first vertex or face line whose numbers can't be read, from 1.

@@ -105,6 +105,18 @@ fn elements_lie_one_after_the_other_in_their_buffer() {
     }
 }
 
+#[test]
+fn indices_beyond_all_meshes_are_not_computed_with() {
+    let folder = folder();
+    for corner in ["9223372036854775807", "-9223372036854775808", "1//9223372036854775807", "99999999999"] {
+        let path = file(&folder, "m.obj", format!("v 0 0 0\nv 1 0 0\nv 1 1 0\nvn 0 0 1\nf 1 2 {corner}\n"));
+        assert_eq!(
+            complaint(&path, |path| read_obj(path, 1.0)),
+            "m.obj:5: not a valid OBJ file: face vertex index out of bounds. Export the mesh again"
+        );
+    }
+}
+
 /// A PNG whose header says how large it is, and hardly more.
 fn png_of(width: u32, height: u32, filler: usize) -> Vec<u8> {
     let mut bytes = b"\x89PNG\r\n\x1a\n".to_vec();
