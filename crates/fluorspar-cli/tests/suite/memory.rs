@@ -45,7 +45,11 @@ fn whatever_memory_is_refused_the_end_is_an_exit_code_and_one_line() {
         for mib in [24, 32, 40, 48, 64, 80, 96, 112, 128, 160] {
             let folder = tempfile::tempdir().unwrap();
             let said = limited(folder.path(), &format!("-v {}", mib << 10), args);
-            let message = stderr(&said);
+            // With too little memory for one more thread the program runs without its own answer to Ctrl-C, and says so.
+            let lines = stderr(&said);
+            let lines =
+                lines.lines().filter(|line| !line.starts_with("warning: Ctrl-C will end the program"));
+            let message: String = lines.map(|line| format!("{line}\n")).collect();
             match said.status.code() {
                 Some(0) => assert_eq!(message, "", "{args:?} {mib}"),
                 Some(1) => {

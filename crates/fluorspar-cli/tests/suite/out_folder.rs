@@ -40,7 +40,7 @@ fn a_folder_of_the_user_is_never_replaced() {
         "experiment.toml, a file that is read",
     );
     refused(folder, &["run", "study/experiment.toml", "--out", "bases"], "base.toml, a file that is read");
-    refused(folder, &["run", "--out", "study"], "no results of fluorspar");
+    refused(folder, &["run", "--out", "study"], "not results of fluorspar");
     for out in [".", "./", "..", "study/..", "study/data/../.."] {
         refused(folder, &["run", "--out", out], "the folder you are in");
     }
