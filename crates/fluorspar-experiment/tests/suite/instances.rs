@@ -393,7 +393,8 @@ fn gltf_meshes_of_several_nodes_are_kept_once() {
     with_nodes(folder, "nodes.gltf", |document, _| {
         document["nodes"] = json(
             r#"[{ "mesh": 0, "translation": [1, 2, 3] },
-                { "mesh": 0, "scale": [-1, 2, 0.5], "children": [0] }]"#,
+                { "mesh": 0, "scale": [-1, 2, 0.5], "children": [2] },
+                { "mesh": 0, "translation": [1, 2, 3] }]"#,
         );
         document["scenes"] = json(r#"[{ "nodes": [0, 1] }]"#);
     });
