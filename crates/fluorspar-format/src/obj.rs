@@ -18,7 +18,7 @@ use fluorspar::geometry::TriangleMesh;
 /// Anything that is not such a file, with the line where known.
 pub fn read_obj(path: &Path, unit_m: f64) -> Result<TriangleMesh, FormatError> {
     let bytes = read_file(path, MAX_MESH_BYTES)?;
-    if let Some(line) = line_of_huge_index(&bytes) {
+    if let Some(line) = line_of_wild_index(&bytes) {
         let what = "not a valid OBJ file: face vertex index out of bounds";
         return Err(FormatError::at_line(path, line, what, "Export the mesh again"));
     }
@@ -60,17 +60,40 @@ pub fn read_obj(path: &Path, unit_m: f64) -> Result<TriangleMesh, FormatError> {
     finish_mesh(path, mesh, unit_m)
 }
 
-/// The first face, line or point, by its line from 1, with an index of more digits than the vertices of any mesh take; the
-/// decoder computes with indices before it compares them.
-fn line_of_huge_index(bytes: &[u8]) -> Option<u64> {
+/// The first face, line or point, by its line from 1, with an index that the decoder would compute with before it compares
+/// it: one of more digits than the vertices of any mesh take, or one that counts back beyond the first entry.
+fn line_of_wild_index(bytes: &[u8]) -> Option<u64> {
     const DIGITS: usize = 10;
-    let is_huge = |line: &[u8]| {
+    // Positions, texture coordinates and normals so far.
+    let mut counts = [0_u64; 3];
+    for (index, line) in bytes.split(|&byte| byte == b'\n').enumerate() {
         let line = line.trim_ascii_start();
-        matches!(line.first(), Some(b'f' | b'l' | b'p'))
-            && line.split(|byte| !byte.is_ascii_digit()).any(|digits| digits.len() > DIGITS)
-    };
-    let index = bytes.split(|&byte| byte == b'\n').position(is_huge)?;
-    Some(index as u64 + 1)
+        match line {
+            [b'v', b' ' | b'\t', ..] => counts[0] += 1,
+            [b'v', b't', ..] => counts[1] += 1,
+            [b'v', b'n', ..] => counts[2] += 1,
+            [b'f' | b'l' | b'p', rest @ ..] => {
+                let is_huge = |digits: &[u8]| digits.len() > DIGITS;
+                let wild = rest.split(|byte| !byte.is_ascii_digit()).any(is_huge)
+                    || (rest.contains(&b'-') && counts_back_too_far(rest, counts));
+                if wild {
+                    return Some(index as u64 + 1);
+                }
+            }
+            _ => {}
+        }
+    }
+    None
+}
+
+/// Whether a corner, `position/texture/normal`, has a negative index beyond what there is so far.
+fn counts_back_too_far(corners: &[u8], counts: [u64; 3]) -> bool {
+    corners.split(u8::is_ascii_whitespace).any(|corner| {
+        corner.split(|&byte| byte == b'/').zip(counts).any(|(part, count)| {
+            let back = part.strip_prefix(b"-").and_then(|digits| str::from_utf8(digits).ok());
+            back.and_then(|digits| digits.parse::<u64>().ok()).is_some_and(|back| back > count)
+        })
+    })
 }
 
 /// The first vertex or face line whose numbers can't be read, from 1.

@@ -108,7 +108,15 @@ fn elements_lie_one_after_the_other_in_their_buffer() {
 #[test]
 fn indices_beyond_all_meshes_are_not_computed_with() {
     let folder = folder();
-    for corner in ["9223372036854775807", "-9223372036854775808", "1//9223372036854775807", "99999999999"] {
+    for corner in [
+        "9223372036854775807",
+        "-9223372036854775808",
+        "1//9223372036854775807",
+        "99999999999",
+        "-1//-11",
+        "-1/-1",
+        "-4",
+    ] {
         let path = file(&folder, "m.obj", format!("v 0 0 0\nv 1 0 0\nv 1 1 0\nvn 0 0 1\nf 1 2 {corner}\n"));
         assert_eq!(
             complaint(&path, |path| read_obj(path, 1.0)),
