@@ -44,7 +44,12 @@ fn whatever_memory_is_refused_the_end_is_an_exit_code_and_one_line() {
     for args in [&render[..], &["lens", "report", "wide_3_5mm"], &["check", "flat-patch", "-q"]] {
         for mib in [24, 32, 40, 48, 64, 80, 96, 112, 128, 160] {
             let folder = tempfile::tempdir().unwrap();
-            let said = limited(folder.path(), &format!("-v {}", mib << 10), args);
+            let limit = format!("-v {}", mib << 10);
+            // Below the size of the program itself the system does not even begin it.
+            if !limited(folder.path(), &limit, &["--version"]).status.success() {
+                continue;
+            }
+            let said = limited(folder.path(), &limit, args);
             // With too little memory for one more thread the program runs without its own answer to Ctrl-C, and says so.
             let lines = stderr(&said);
             let lines =
@@ -57,8 +62,6 @@ fn whatever_memory_is_refused_the_end_is_an_exit_code_and_one_line() {
                     assert!(message.starts_with("error: "), "{args:?} {mib}: {message}");
                     assert_eq!(message.lines().count(), 1, "{args:?} {mib}: {message}");
                 }
-                // The loader found no room for the program itself.
-                Some(127) => {}
                 other => panic!("{args:?} {mib}: {other:?} {:?}: {message}", said.status),
             }
             assert!(!folder.path().join("o.exr").exists() || said.status.success(), "{args:?} {mib}");
