@@ -47,4 +47,5 @@ pub mod scene;
 pub mod sensor;
 pub mod spectral;
 pub mod study;
+pub mod tissue;
 pub mod units;

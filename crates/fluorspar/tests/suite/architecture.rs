@@ -19,6 +19,7 @@ const MODULES: &[(&str, &[&str])] = &[
     ("material", &["units", "spectral", "image", "sampling", "geometry"]),
     ("light", &["units", "spectral", "image", "sampling", "geometry"]),
     ("optics", &["units", "spectral", "image", "sampling", "geometry"]),
+    ("tissue", &["units", "spectral", "sampling"]),
     ("scene", &["units", "spectral", "image", "sampling", "geometry", "material", "light", "optics"]),
     (
         "render",

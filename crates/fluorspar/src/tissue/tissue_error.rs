@@ -1,0 +1,47 @@
+//! Errors of descriptions of tissue.
+
+use thiserror::Error;
+
+use crate::units::number_text;
+
+/// A description of tissue that cannot be used.
+#[derive(Clone, Debug, Error, PartialEq)]
+#[non_exhaustive]
+pub enum TissueError {
+    /// A number outside its range.
+    #[error(
+        "{place}: {quantity} is {}, outside {} to {}; {hint}",
+        number_text(*value),
+        number_text(range[0]),
+        number_text(range[1])
+    )]
+    OutOfRange {
+        /// Where: `layer 2`, `layer 'epithelium'`.
+        place: String,
+        /// Which number, with its unit in its name: `absorption_per_mm`.
+        quantity: &'static str,
+        /// The number.
+        value: f64,
+        /// Smallest and largest that is allowed.
+        range: [f64; 2],
+        /// How to fix it.
+        hint: &'static str,
+    },
+    /// No layer at all.
+    #[error("a tissue needs at least one layer; give the uppermost first")]
+    NoLayers,
+}
+
+/// Refuses a number outside a range, ends included, and NaN.
+pub(super) fn check(
+    place: &str,
+    quantity: &'static str,
+    value: f64,
+    range: [f64; 2],
+    hint: &'static str,
+) -> Result<(), TissueError> {
+    if (range[0]..=range[1]).contains(&value) {
+        return Ok(());
+    }
+    Err(TissueError::OutOfRange { place: place.to_string(), quantity, value, range, hint })
+}
