@@ -124,7 +124,7 @@ fn dyes(count: usize) -> Vec<Fluorophore> {
 
 fn amounts(fluorophores: impl Iterator<Item = usize>) -> Vec<FluorophoreAmount> {
     fluorophores
-        .map(|fluorophore| FluorophoreAmount { fluorophore, concentration: ScalarTexture::Constant(0.5) })
+        .map(|fluorophore| FluorophoreAmount::new(fluorophore, ScalarTexture::Constant(0.5)))
         .collect()
 }
 

@@ -37,7 +37,7 @@ fn scene(camera: PerspectiveCamera) -> Result<Scene, Box<dyn Error>> {
     for (index, (name, concentration)) in FLUOROPHORES.into_iter().enumerate() {
         fluorophores.push(preset::fluorophore(name)?.fluorophore());
         let concentration = ScalarTexture::Constant(concentration as f32);
-        patch.fluorophores.push(FluorophoreAmount { fluorophore: index, concentration });
+        patch.fluorophores.push(FluorophoreAmount::new(index, concentration));
     }
     let square =
         TriangleMesh::quad(Vec3::new(-0.1, -0.1, 0.0), Vec3::new(0.2, 0.0, 0.0), Vec3::new(0.0, 0.2, 0.0));

@@ -346,9 +346,8 @@ fn as_scene(
     material.fluorophores = amounts
         .into_iter()
         .enumerate()
-        .map(|(fluorophore, amount)| FluorophoreAmount {
-            fluorophore,
-            concentration: ScalarTexture::Constant(amount as f32),
+        .map(|(fluorophore, amount)| {
+            FluorophoreAmount::new(fluorophore, ScalarTexture::Constant(amount as f32))
         })
         .collect();
     let mesh = TriangleMesh {

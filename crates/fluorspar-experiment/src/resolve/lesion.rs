@@ -144,10 +144,10 @@ fn with_spot(
             Some(amount) => {
                 amount.concentration = bake(&amount.concentration, mask, |c, m| c * (1.0 - m) + inside * m);
             }
-            None => material.fluorophores.push(FluorophoreAmount {
+            None => material.fluorophores.push(FluorophoreAmount::new(
                 fluorophore,
-                concentration: bake(&ScalarTexture::Constant(0.0), mask, |_, m| inside * m),
-            }),
+                bake(&ScalarTexture::Constant(0.0), mask, |_, m| inside * m),
+            )),
         }
     }
     material

@@ -349,7 +349,7 @@ fn scattering(
     match &section.scattering {
         ScatteringSection::Diffuse(diffuse) => {
             let terms = reflectance(context, &at.field("reflectance"), &diffuse.reflectance, grid)?;
-            let base = Lambertian { reflectance: terms };
+            let base = Lambertian { reflectance: terms, states: None };
             Ok(match gloss(context, &at.field("gloss"), diffuse.gloss.as_ref())? {
                 None => Scattering::Lambertian(base),
                 Some(coat) => Scattering::Coated(Coated { base, coat }),
@@ -487,7 +487,7 @@ fn material(
         let concentration = context.texture(&at, reference, MAX_CONCENTRATION)?;
         if concentration.max() > 0.0 {
             let fluorophore = fluorophores.index(context, &at, &file.fluorophore, name)?;
-            amounts.push(FluorophoreAmount { fluorophore, concentration });
+            amounts.push(FluorophoreAmount::new(fluorophore, concentration));
         } else if preset::fluorophore(name).is_err() && !file.fluorophore.iter().any(|f| f.name == *name) {
             return Err(unknown(context, &at, &file.fluorophore, name));
         }

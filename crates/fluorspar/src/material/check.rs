@@ -4,7 +4,7 @@ use glam::Vec2;
 
 use super::material_error::{MaterialError, at_most_one};
 use super::texture::ScalarTexture;
-use super::{Material, Scattering};
+use super::{Lambertian, Material, Scattering, TissueEmission};
 use crate::spectral::WavelengthGrid;
 
 /// A wavelength at which more photons leave a material than arrive.
@@ -43,7 +43,27 @@ impl Material {
         if self.parts().is_some() && !self.fluorophores.is_empty() {
             return Err(MaterialError::FluorophoresOfMixture);
         }
-        Ok(())
+        self.check_states()
+    }
+
+    /// Checks that states of a tissue fit their grid, and fluorophores in tissue their states.
+    fn check_states(&self) -> Result<(), MaterialError> {
+        let states = self.diffuse().and_then(|base| Some((base.states.as_ref()?, base.reflectance.len())));
+        if let Some((grid, count)) = states {
+            grid.check(count)?;
+        }
+        let count = states.map_or(0, |(_, count)| count);
+        match self
+            .fluorophores
+            .iter()
+            .filter_map(|amount| amount.in_tissue.as_ref())
+            .find(|s| s.term >= count)
+        {
+            None => Ok(()),
+            Some(TissueEmission { term, .. }) => {
+                Err(MaterialError::States(format!("a fluorophore is in state {term}, but there are {count}")))
+            }
+        }
     }
 
     /// Whether a mixture or two-sided material, at `index` of `materials`, is a part of itself at any depth.
@@ -55,25 +75,49 @@ impl Material {
     /// Where the excess of photons is largest: `R + sum_o Y <= 1` (for dielectrics `T + sum_o Y <= 1`) must hold at
     /// every wavelength of `nodes_nm`, with all textures at their largest value or, where that is too much, at every
     /// point of a grid over them. `yields` holds those of each fluorophore of the scene at the nodes, at unit
-    /// concentration.
+    /// concentration. Of layered tissue every state must conserve photons: so does every mean of them.
     pub fn photon_excess(&self, nodes_nm: &[f64], yields: &[Vec<f64>]) -> Option<PhotonExcess> {
-        let mut worst = None;
-        let mut largest = ROUNDING;
-        for (node, &wavelength_nm) in nodes_nm.iter().enumerate() {
+        if let Some(base) = self.diffuse().filter(|base| base.states.is_some()) {
+            return self.excess_of_states(base, nodes_nm, yields);
+        }
+        worst(nodes_nm, |node, wavelength_nm| {
             let sum =
                 |value: &dyn Fn(&ScalarTexture) -> f64| self.photons(wavelength_nm, node, yields, value);
-            let (mut reflectance, mut photon_yield) = sum(&|texture| f64::from(texture.max()));
+            let (reflectance, photon_yield) = sum(&|texture| f64::from(texture.max()));
             if reflectance + photon_yield - 1.0 > ROUNDING {
                 // Textures of one material often exclude each other: look where they are together.
-                (reflectance, photon_yield) = largest_sum(sum);
+                return largest_sum(sum);
             }
-            let excess = reflectance + photon_yield - 1.0;
-            if excess > largest {
-                largest = excess;
-                worst = Some(PhotonExcess { wavelength_nm, reflectance, photon_yield, excess });
+            (reflectance, photon_yield)
+        })
+    }
+
+    /// The largest excess of any state of a tissue, with its fluorophores at their largest concentrations.
+    fn excess_of_states(
+        &self,
+        base: &Lambertian,
+        nodes_nm: &[f64],
+        yields: &[Vec<f64>],
+    ) -> Option<PhotonExcess> {
+        // Sum the yields of each state; fluorophores on the surface belong to all
+        let mut of_states = vec![vec![0.0; nodes_nm.len()]; base.reflectance.len()];
+        for amount in &self.fluorophores {
+            let concentration = f64::from(amount.concentration.max());
+            let mut add = |state: usize, yields: &[f64]| {
+                of_states[state]
+                    .iter_mut()
+                    .zip(yields)
+                    .for_each(|(sum, value)| *sum += concentration * value);
+            };
+            match &amount.in_tissue {
+                Some(state) => add(state.term, &state.eem.total_yields(nodes_nm)),
+                None => (0..base.reflectance.len()).for_each(|state| add(state, &yields[amount.fluorophore])),
             }
         }
-        worst
+        let states = base.reflectance.iter().zip(&of_states).filter_map(|(term, yields)| {
+            worst(nodes_nm, |node, wavelength_nm| (term.spectrum.at(wavelength_nm), yields[node]))
+        });
+        states.max_by(|a, b| a.excess.total_cmp(&b.excess))
     }
 
     /// Elastic share of light and photon yield where textures have the given values.
@@ -102,6 +146,21 @@ impl Material {
             Scattering::Conductor(_) | Scattering::Mixture(_) | Scattering::TwoSided(_) => 0.0,
         }
     }
+}
+
+/// Where the excess of reflectance and photon yield, given by node and wavelength, is largest; `None` where nothing exceeds.
+fn worst(nodes_nm: &[f64], photons: impl Fn(usize, f64) -> (f64, f64)) -> Option<PhotonExcess> {
+    let mut worst = None;
+    let mut largest = ROUNDING;
+    for (node, &wavelength_nm) in nodes_nm.iter().enumerate() {
+        let (reflectance, photon_yield) = photons(node, wavelength_nm);
+        let excess = reflectance + photon_yield - 1.0;
+        if excess > largest {
+            largest = excess;
+            worst = Some(PhotonExcess { wavelength_nm, reflectance, photon_yield, excess });
+        }
+    }
+    worst
 }
 
 /// Elastic share and photon yield where their sum is largest on a grid over the textures.

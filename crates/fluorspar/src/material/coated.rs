@@ -104,9 +104,8 @@ pub(super) struct PreparedCoated {
 impl Coated {
     /// Makes the table of the coat; `terms` are those of the base.
     pub(super) fn prepare(&self, terms: &[SpectralTerm], bands: usize, fluoresces: bool) -> PreparedCoated {
-        let elastic = (0..bands)
-            .map(|band| terms.iter().map(|term| term.bands[band] * term.weight.max()).sum())
-            .fold(0.0, f32::max);
+        let elastic =
+            (0..bands).map(|band| self.base.upper_bound(|term| terms[term].bands[band])).fold(0.0, f32::max);
         let albedo = if fluoresces { elastic.max(FLUORESCENT_ALBEDO) } else { elastic };
         PreparedCoated {
             table: CoatAlbedo::shared(self.coat.refractive_index),

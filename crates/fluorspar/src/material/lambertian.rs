@@ -3,17 +3,20 @@
 use glam::Vec3;
 
 use super::bsdf::{BsdfSample, BsdfValue, SpectralTerm, cosine_lobe};
+use super::state_grid::StateGrid;
 use super::texture::ScalarTexture;
 use crate::sampling::warp;
 use crate::spectral::{Curve, WavelengthGrid};
 
 /// Lambertian reflection: `f = R / pi` with the diffuse reflectance `R(lambda) = sum_k weight_k(u, v) spectrum_k(lambda)`.
 ///
-/// Without terms the surface is black.
+/// Without terms the surface is black. Of layered tissue the terms are the states of a grid.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Lambertian {
     /// Terms of the diffuse reflectance, at most 1 in all at any wavelength.
     pub reflectance: Vec<ReflectanceTerm>,
+    /// The grid whose states the terms are, in its order; it weights them in place of their own weights.
+    pub states: Option<StateGrid>,
 }
 
 /// One term of a reflectance: `weight(u, v) * spectrum(lambda)`.
@@ -33,6 +36,23 @@ impl Lambertian {
                 spectrum: reflectance,
                 weight: ScalarTexture::Constant(1.0),
             }],
+            states: None,
+        }
+    }
+
+    /// The reflectances of the states of a grid, 0 to 1, in its order.
+    pub fn of_states(reflectances: Vec<Curve>, states: StateGrid) -> Self {
+        let term = |spectrum| ReflectanceTerm { spectrum, weight: ScalarTexture::Constant(1.0) };
+        Self { reflectance: reflectances.into_iter().map(term).collect(), states: Some(states) }
+    }
+
+    /// Sum of a value over the terms where their weights are largest: of the states of a tissue, whose weights add up to
+    /// 1, the largest value.
+    pub(super) fn upper_bound(&self, value: impl Fn(usize) -> f32) -> f32 {
+        let values = self.reflectance.iter().enumerate();
+        match &self.states {
+            None => values.map(|(index, term)| value(index) * term.weight.max()).sum(),
+            Some(_) => values.map(|(index, _)| value(index)).fold(0.0, f32::max),
         }
     }
 
@@ -106,7 +126,7 @@ mod tests {
             spectrum: Curve::constant(value),
             weight: ScalarTexture::Constant(weight),
         };
-        let sum = Lambertian { reflectance: vec![term(0.5, 0.4), term(0.8, 0.25)] };
+        let sum = Lambertian { reflectance: vec![term(0.5, 0.4), term(0.8, 0.25)], states: None };
         assert!((sum.albedo(550.0, |texture| f64::from(texture.max())) - 0.4).abs() < 1e-7);
         for material in plain_and_fluorescent(Scattering::Lambertian(sum)) {
             assert_furnace(&material, true, 0.5, 0.0, 0.4, 1e-6);

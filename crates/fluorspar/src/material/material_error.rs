@@ -61,6 +61,9 @@ pub enum MaterialError {
         /// The smallest that is allowed.
         least: f64,
     },
+    /// States of a tissue that do not fit their parameters or their fluorophores.
+    #[error("the states of the tissue: {0}")]
+    States(String),
     /// Fluorophores where there is no surface of its own.
     #[error("a mixture has no fluorophores of its own; give them to its parts")]
     FluorophoresOfMixture,

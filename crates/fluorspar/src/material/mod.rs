@@ -9,8 +9,11 @@
 //! | `mixture` | two materials side by side, or one on either side |
 //! | [`fresnel`], [`microfacet`] | what several of them share |
 //! | `texture`, `normal_map` | what varies over a surface |
+//! | `state_grid` | layered tissue whose parameters vary over a surface |
 //! | `prepared`, `bsdf` | materials on the bands of a render; their values and samples at points |
 //! | `check`, `material_error` | ranges of parameters, conservation of photons |
+
+use std::sync::Arc;
 
 mod bsdf;
 mod check;
@@ -24,6 +27,7 @@ pub mod microfacet;
 mod mixture;
 mod normal_map;
 mod prepared;
+mod state_grid;
 #[cfg(test)]
 mod testing;
 mod texture;
@@ -39,9 +43,10 @@ pub use microfacet::{AlbedoTable, MIN_ROUGHNESS};
 pub use mixture::{Mixture, TwoSided};
 pub use normal_map::{NormalMap, NormalMapError};
 pub(crate) use prepared::{Bsdf, PreparedMaterial, PreparedMaterials};
+pub use state_grid::{MAX_MAPPED_PARAMETERS, MAX_NODES, MappedParameter, StateGrid};
 pub use texture::{ImageTexture, ScalarTexture, TextureError};
 
-use crate::spectral::Curve;
+use crate::spectral::{Curve, PhotonEem};
 
 /// A surface material, Eq. 5 of the paper: `L = reflection + fluorescence`.
 ///
@@ -98,6 +103,25 @@ pub struct FluorophoreAmount {
     pub fluorophore: usize,
     /// Concentration over the surface, in the catalogue's unit.
     pub concentration: ScalarTexture,
+    /// How it is excited and seen below the surface of layered tissue; `None` for one that lies on the surface.
+    pub in_tissue: Option<TissueEmission>,
+}
+
+/// Light of a fluorophore in layered tissue: that of one of the states between which the tissue of a point lies.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TissueEmission {
+    /// Photon yield density of the tissue at unit concentration, of light that passed its surface; it takes the place of
+    /// the fluorophore's own.
+    pub eem: Arc<PhotonEem>,
+    /// Number of the reflectance term that belongs to the same state: its weight multiplies the concentration.
+    pub term: usize,
+}
+
+impl FluorophoreAmount {
+    /// A fluorophore on the surface.
+    pub fn new(fluorophore: usize, concentration: ScalarTexture) -> Self {
+        Self { fluorophore, concentration, in_tissue: None }
+    }
 }
 
 impl Material {
@@ -198,6 +222,8 @@ impl Material {
             Scattering::Mixture(mixture) => vec![&mixture.amount],
             Scattering::TwoSided(_) => Vec::new(),
         };
+        let states = self.diffuse().and_then(|base| base.states.as_ref());
+        textures.extend(states.into_iter().flat_map(|grid| &grid.parameters).map(|parameter| &parameter.map));
         textures.extend(self.fluorophores.iter().map(|amount| &amount.concentration));
         textures.extend(&self.opacity);
         textures

@@ -11,6 +11,7 @@ use super::dielectric::{DielectricBsdf, PreparedDielectric};
 use super::lambertian::LambertianBsdf;
 use super::mixture::{Mixture, TwoSided};
 use super::normal_map::NormalMap;
+use super::state_grid::StateGrid;
 use super::texture::ScalarTexture;
 use super::{FluorophoreAmount, Material, Scattering};
 use crate::spectral::WavelengthGrid;
@@ -30,6 +31,8 @@ pub(crate) struct PreparedMaterial {
     /// Terms of the spectrum of a point: of the diffuse reflectance, the transmittance of a dielectric, the basis of
     /// the reflectances of a metal.
     pub(crate) terms: Vec<SpectralTerm>,
+    /// The grid that weights the terms of layered tissue.
+    states: Option<StateGrid>,
     /// Fluorophores with their concentrations.
     pub(crate) fluorophores: Vec<FluorophoreAmount>,
     opacity: Option<ScalarTexture>,
@@ -174,9 +177,21 @@ impl PreparedMaterial {
         Self {
             scattering,
             terms,
+            states: material.diffuse().and_then(|base| base.states.clone()),
             fluorophores: material.fluorophores.clone(),
             opacity: material.opacity.clone(),
             normal_map: material.normal_map.clone(),
+        }
+    }
+
+    /// Calls `each` with the number and the weight of every term of the spectrum at a point, in order.
+    #[inline]
+    pub(crate) fn term_weights(&self, uv: Vec2, bsdf: &Bsdf<'_>, mut each: impl FnMut(usize, f32)) {
+        if let Some(states) = &self.states {
+            return states.weights(uv, each);
+        }
+        for (index, term) in self.terms.iter().enumerate() {
+            each(index, bsdf.term_weight(index, term.weight.at(uv)));
         }
     }
 
@@ -214,7 +229,7 @@ impl Bsdf<'_> {
 
     /// Weight of a term of the material's spectrum here, where its texture has `value`: for metals by the angle of view.
     #[inline]
-    pub(crate) fn term_weight(&self, term: usize, value: f32) -> f32 {
+    fn term_weight(&self, term: usize, value: f32) -> f32 {
         match self {
             Self::Conductor(conductor) => conductor.term_weight(term),
             _ => value,

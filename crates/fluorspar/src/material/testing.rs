@@ -16,7 +16,7 @@ pub(super) fn grid() -> WavelengthGrid {
 /// A material without fluorophores, and the same with one.
 pub(super) fn plain_and_fluorescent(scattering: Scattering) -> [Material; 2] {
     let plain = Material::new("thing", scattering);
-    let amount = FluorophoreAmount { fluorophore: 0, concentration: ScalarTexture::Constant(1.0) };
+    let amount = FluorophoreAmount::new(0, ScalarTexture::Constant(1.0));
     [plain.clone(), Material { fluorophores: vec![amount], ..plain }]
 }
 
@@ -39,10 +39,10 @@ fn with_bsdf<T>(material: &Material, front: bool, cos: f32, check: impl FnOnce(&
     let prepared = &materials[0];
     let uv = Vec2::new(0.3, 0.7);
     let bsdf = prepared.bsdf(uv, front, direction(cos, 0.4));
-    let spectrum = prepared.terms.iter().enumerate().map(|(index, term)| {
-        f64::from(bsdf.term_weight(index, term.weight.at(uv))) * f64::from(term.bands[0])
+    let mut spectrum = 0.0;
+    prepared.term_weights(uv, &bsdf, |index, weight| {
+        spectrum += f64::from(weight) * f64::from(prepared.terms[index].bands[0]);
     });
-    let spectrum = spectrum.sum();
     check(&bsdf, spectrum)
 }
 

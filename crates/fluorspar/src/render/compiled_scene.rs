@@ -19,7 +19,7 @@ pub(super) struct Source {
     pub(super) group: usize,
     /// Bin averages, one per band.
     pub(super) bands: Vec<BandBlock>,
-    /// Fluorescent exitance per unit irradiance and concentration, `[fluorophore][band]`.
+    /// Fluorescent exitance per unit irradiance and concentration, `[matrix][band]`.
     pub(super) exitance: Vec<Vec<BandBlock>>,
 }
 
@@ -45,8 +45,17 @@ pub(super) struct MaterialSpectra {
     pub(super) terms: Vec<Vec<BandBlock>>,
     /// The same terms on coarse bins.
     pub(super) coarse_terms: Vec<Coarse>,
-    /// Indices of the fluorophores.
-    pub(super) fluorophores: Vec<usize>,
+    /// Fluorophores, in the order of their concentrations.
+    pub(super) emitters: Vec<Emitter>,
+}
+
+/// A fluorophore in a material.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Emitter {
+    /// Number of the fluorophore, and so of its component.
+    pub(super) fluorophore: usize,
+    /// Number of its matrix among the operators and exitances: that of the fluorophore, or one of a tissue.
+    pub(super) matrix: usize,
 }
 
 /// An analytic shape of an object.
@@ -136,9 +145,11 @@ pub(super) struct CompiledScene {
     pub(super) has_holes: bool,
     /// Lights that are environment maps.
     pub(super) environment_maps: Vec<usize>,
-    /// `[group and excitation bin][fluorophore]`, excitation weighted by the spectrum of the group.
+    /// Number of fluorophores, and so of components that hold light which fluoresced once.
+    pub(super) fluorophores: usize,
+    /// `[group and excitation bin][matrix]`, excitation weighted by the spectrum of the group.
     pub(super) group_operators: Vec<Vec<FluorescenceOperator>>,
-    /// `[fluorophore]`, evenly weighted, for light that already fluoresced.
+    /// `[matrix]`, evenly weighted, for light that already fluoresced.
     pub(super) plain_operators: Vec<FluorescenceOperator>,
 }
 

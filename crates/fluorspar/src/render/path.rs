@@ -86,6 +86,12 @@ impl Path {
         self.weights.push(weight);
     }
 
+    /// A weight of the last vertex, by its number.
+    #[inline]
+    pub(super) fn last_weight(&self, number: usize) -> f32 {
+        self.vertices.last().map_or(0.0, |vertex| self.weights[vertex.weights as usize + number])
+    }
+
     /// Sets the factors on light that arrives at the last vertex along the continued path.
     pub(super) fn continue_with(&mut self, diffuse: f32, fluorescent: f32, gloss: f32) {
         if let Some(vertex) = self.vertices.last_mut() {

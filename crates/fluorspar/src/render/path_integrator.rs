@@ -309,15 +309,16 @@ impl CompiledScene {
         path.push_vertex(chosen.index, self.sources.len());
         let mut coarse_spectrum = [0.0; BINS];
         let coarse_terms = &self.material_spectra[chosen.index].coarse_terms;
-        for (index, (term, coarse_term)) in material.terms.iter().zip(coarse_terms).enumerate() {
-            let weight = bsdf.term_weight(index, term.weight.at(point.uv));
+        material.term_weights(point.uv, &bsdf, |index, weight| {
             path.push_weight(weight);
-            for (sum, value) in coarse_spectrum.iter_mut().zip(coarse_term) {
+            for (sum, value) in coarse_spectrum.iter_mut().zip(&coarse_terms[index]) {
                 *sum += weight * value;
             }
-        }
+        });
         for amount in &material.fluorophores {
-            path.push_weight(amount.concentration.at(point.uv));
+            let share = amount.in_tissue.as_ref().map_or(1.0, |state| path.last_weight(state.term));
+            let present = if share > 0.0 { share * amount.concentration.at(point.uv) } else { 0.0 };
+            path.push_weight(present);
         }
         ShadingPoint { point, material, bsdf, lobe, coarse_spectrum, light_normal }
     }

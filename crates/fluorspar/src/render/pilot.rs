@@ -80,7 +80,7 @@ pub(super) fn film_layout(
 /// excite. A component without any light in the pilot is taken to be 2^-10 of its light group.
 fn exponents(scene: &CompiledScene, components: &[Component], brightest: &[f32]) -> Vec<i16> {
     let bands = scene.bands;
-    let kinds = scene.plain_operators.len() + 2;
+    let kinds = scene.fluorophores + 2;
     let most = |values: &[f32]| values.iter().copied().filter(|v| v.is_finite()).fold(0.0, f32::max);
     let of_component: Vec<f32> = brightest.chunks(bands).map(most).collect();
     let mut exponents = Vec::with_capacity(brightest.len());

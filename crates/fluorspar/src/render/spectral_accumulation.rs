@@ -26,7 +26,7 @@ pub(super) struct SpectralState {
 
 impl SpectralState {
     pub(super) fn new(scene: &CompiledScene) -> Self {
-        let kinds = scene.plain_operators.len() + 2;
+        let kinds = scene.fluorophores + 2;
         let blocks = scene.bands.div_ceil(BLOCK);
         let components = scene.group_operators.len() * kinds;
         Self {
@@ -114,12 +114,12 @@ impl SpectralState {
             }
             // Excite the fluorophores with light that did not fluoresce yet
             if fluoresces && self.lit[base] {
-                for (fluorophore, concentration) in material.fluorophores.iter().zip(concentrations) {
+                for (emitter, concentration) in material.emitters.iter().zip(concentrations) {
                     if *concentration > 0.0 {
-                        let kind = base + 1 + fluorophore;
+                        let kind = base + 1 + emitter.fluorophore;
                         self.light_up(lanes, kind);
                         let (arriving, emitted) = self.values.split_at_mut(kind * blocks);
-                        scene.group_operators[group][*fluorophore].add_product(
+                        scene.group_operators[group][emitter.matrix].add_product(
                             lanes,
                             vertex.fluorescent * concentration,
                             &arriving[base * blocks..(base + 1) * blocks],
@@ -132,9 +132,9 @@ impl SpectralState {
             if fluoresces && any_fluorescent {
                 self.light_up(lanes, base + kinds - 1);
                 let values = &mut self.values[(base + kinds - 1) * blocks..(base + kinds) * blocks];
-                for (fluorophore, concentration) in material.fluorophores.iter().zip(concentrations) {
+                for (emitter, concentration) in material.emitters.iter().zip(concentrations) {
                     if *concentration > 0.0 {
-                        scene.plain_operators[*fluorophore].add_product(
+                        scene.plain_operators[emitter.matrix].add_product(
                             lanes,
                             vertex.fluorescent * concentration,
                             &self.fluoresced,
@@ -175,7 +175,7 @@ impl Work for Gather<'_> {
             // Mix the reflectance of the vertex from its terms
             let material = &scene.material_spectra[vertex.material as usize];
             let (weights, rest) = path.weights(vertex).split_at(material.terms.len());
-            let concentrations = &rest[..material.fluorophores.len()];
+            let concentrations = &rest[..material.emitters.len()];
             let reflectance = match material.terms.as_slice() {
                 [first, ..] if weights[0] == 1.0 && weights[1..].iter().all(|&w| w == 0.0) => {
                     first.as_slice()
@@ -209,11 +209,11 @@ impl Work for Gather<'_> {
                     &source.bands,
                     state.light_up(lanes, base),
                 );
-                for (fluorophore, concentration) in material.fluorophores.iter().zip(concentrations) {
+                for (emitter, concentration) in material.emitters.iter().zip(concentrations) {
                     if *concentration > 0.0 {
                         let factor = direct.fluorescent * FRAC_1_PI * concentration;
-                        let emitted = state.light_up(lanes, base + 1 + fluorophore);
-                        bands::add_scaled(lanes, factor, &source.exitance[*fluorophore], emitted);
+                        let emitted = state.light_up(lanes, base + 1 + emitter.fluorophore);
+                        bands::add_scaled(lanes, factor, &source.exitance[emitter.matrix], emitted);
                     }
                 }
             }

@@ -2,12 +2,15 @@
 #![allow(clippy::unwrap_used)]
 
 use std::f64::consts::PI;
+use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-use crate::support::{camera, dye, flat, gaussian, object, quad, run, scene, settings, with_dyes};
+use crate::support::{camera, dye, flat, gaussian, lit_box, object, quad, run, scene, settings, with_dyes};
 use fluorspar::image::{ComponentImage, LightPath};
 use fluorspar::light::{DiscEmitter, DistantEmitter, Emitter, Light, RectangleEmitter};
-use fluorspar::material::{Coat, Lambertian, Material, ScalarTexture};
+use fluorspar::material::{
+    Coat, FluorophoreAmount, Lambertian, MappedParameter, Material, ScalarTexture, StateGrid, TissueEmission,
+};
 use fluorspar::render::{Estimator, RenderControl, RenderSettings, render};
 use fluorspar::scene::{Scene, SceneError, Shape, SurfaceEmission};
 use fluorspar::spectral::{Curve, Fluorophore, WavelengthGrid};
@@ -284,6 +287,78 @@ fn without_fluorophores_fluorescence_is_exactly_zero() {
     for component in 1..4 {
         assert!(image.component(component).iter().all(|&v| v == 0.0));
     }
+}
+
+/// The same things, of a plain material or of tissue whose state lies between the nodes of two parameters: a mean of
+/// reflectances and of matrices, weighted by hand here.
+fn box_of_tissue(as_states: bool, coat: Option<Coat>) -> Scene {
+    let mut scene = lit_box("lamps and sky", "lambertian", 1.0);
+    let reflectances = [0.1, 0.3, 0.2, 0.5, 0.3, 0.4];
+    let yields = [0.5, 0.1, 0.2, 0.4, 0.3, 0.2];
+    // Between nodes 1 and 2 of three at three quarters, between two at one fifth.
+    let parameter = |name: &str, nodes: &[f32], value: f32| MappedParameter {
+        name: name.into(),
+        nodes: nodes.to_vec(),
+        map: ScalarTexture::Constant(value),
+    };
+    let parameters = vec![parameter("blood", &[0.0, 1.0, 3.0], 2.5), parameter("keratin", &[1.0, 2.0], 1.2)];
+    let weights = [0.0, 0.0, 0.25 * 0.8, 0.25 * 0.2, 0.75 * 0.8, 0.75 * 0.2];
+    let mean = |values: &[f64]| values.iter().zip(weights).map(|(value, weight)| value * weight).sum::<f64>();
+    let matrix = |fluorophore: usize, factor: f64| scene.fluorophores[fluorophore].eem.clone().scaled(factor);
+
+    let (base, amounts) = if as_states {
+        let grid = StateGrid { parameters };
+        let base = Lambertian::of_states(reflectances.map(flat).to_vec(), grid);
+        let amount = |fluorophore: usize, term: usize| FluorophoreAmount {
+            in_tissue: Some(TissueEmission { eem: Arc::new(matrix(fluorophore, yields[term])), term }),
+            ..FluorophoreAmount::new(fluorophore, ScalarTexture::Constant(0.8))
+        };
+        (base, (0..12).map(|number| amount(number / 6, number % 6)).collect())
+    } else {
+        let amounts = [0, 1].map(|dye| FluorophoreAmount::new(dye, ScalarTexture::Constant(0.8)));
+        (Lambertian::uniform(flat(mean(&reflectances))), amounts.to_vec())
+    };
+    if !as_states {
+        // The dyes of the floor keep theirs: take them off, in both scenes.
+        let scaled = [0, 1].map(|dye| matrix(dye, mean(&yields)));
+        scene.fluorophores.iter_mut().zip(scaled).for_each(|(dye, eem)| dye.eem = eem);
+    }
+    scene.materials[1].fluorophores.clear();
+    let thing = scene.materials.last_mut().unwrap();
+    *thing = Material { fluorophores: amounts, ..Material::with_base("thing", base, coat) };
+    scene
+}
+
+#[test]
+fn tissue_between_states_has_their_mean() {
+    let gloss = Coat { refractive_index: 1.4, roughness: ScalarTexture::Constant(0.3) };
+    for coat in [None, Some(gloss)] {
+        // Below the vertex from which paths end at random: there the largest reflectance of the states counts.
+        let [states, mean] =
+            [true, false].map(|as_states| run(&box_of_tissue(as_states, coat.clone()), &settings(16, 3)));
+        assert_eq!(states.components.len(), mean.components.len());
+        for component in 0..mean.components.len() {
+            for band in 0..mean.grid.len() {
+                let [a, b] = [&states, &mean].map(|image| band_mean(image, component, band));
+                // Lobes of the coat are chosen by the largest reflectance of any state, so the samples differ.
+                let error = if coat.is_some() { 5.0 * a.standard_error.hypot(b.standard_error) } else { 0.0 };
+                let tolerance = 1e-4 * b.mean.abs() + error;
+                assert!((a.mean - b.mean).abs() <= tolerance, "{component} {band}: {a:?} {b:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn states_that_make_photons_are_refused() {
+    let mut scene = box_of_tissue(true, None);
+    scene.check().unwrap();
+    scene.materials.last_mut().unwrap().diffuse_mut().unwrap().reflectance[3].spectrum = flat(0.9);
+    let message = scene.check().unwrap_err().to_string();
+    assert!(message.contains("thing") && message.contains("photons"), "{message}");
+    scene.materials.last_mut().unwrap().diffuse_mut().unwrap().reflectance.pop();
+    let message = scene.check().unwrap_err().to_string();
+    assert!(message.contains("6 states, but 5"), "{message}");
 }
 
 /// Next-event estimation with multiple importance sampling against scattered directions alone.

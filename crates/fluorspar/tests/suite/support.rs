@@ -93,7 +93,7 @@ pub(crate) fn light(spectrum: Curve, emitter: Emitter) -> Light {
 pub(crate) fn with_dyes(mut material: Material, amounts: &[(usize, f32)]) -> Material {
     material.fluorophores = amounts
         .iter()
-        .map(|&(fluorophore, c)| FluorophoreAmount { fluorophore, concentration: ScalarTexture::Constant(c) })
+        .map(|&(fluorophore, c)| FluorophoreAmount::new(fluorophore, ScalarTexture::Constant(c)))
         .collect();
     material
 }

@@ -33,10 +33,9 @@ pub(super) fn gain(scene: &CompiledScene) -> Coarse {
         let material = &scene.materials[chosen.index];
         let bsdf = material.bsdf(hit.uv, hit.front, hit.to_local(-away));
         let coarse_terms = &scene.material_spectra[chosen.index].coarse_terms;
-        for (index, (term, coarse)) in material.terms.iter().zip(coarse_terms).enumerate() {
-            let weight = bsdf.term_weight(index, term.weight.at(hit.uv));
-            sum.iter_mut().zip(coarse).for_each(|(sum, value)| *sum += weight * value);
-        }
+        material.term_weights(hit.uv, &bsdf, |index, weight| {
+            sum.iter_mut().zip(&coarse_terms[index]).for_each(|(sum, value)| *sum += weight * value);
+        });
     }
     sum.map(|sum| 1.0 / (1.0 - (sum / rays.max(1.0)).clamp(0.0, LARGEST_REFLECTANCE)))
 }

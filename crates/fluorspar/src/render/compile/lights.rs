@@ -1,6 +1,7 @@
 //! Lights ready for sampling, and the distinct spectra that they emit.
 
 use fluorspar_accel::bands::{BandBlock, to_blocks};
+use rayon::prelude::*;
 
 use super::excitation_bins::excitation_slices;
 use super::geometry::EmissiveSurface;
@@ -8,7 +9,7 @@ use crate::light::PreparedEmitter;
 use crate::render::compiled_scene::{CompiledLight, Source};
 use crate::render::fluorescence_operator::direct_exitance;
 use crate::scene::Scene;
-use crate::spectral::Curve;
+use crate::spectral::{Curve, PhotonEem, WavelengthGrid};
 
 /// All lights of a scene.
 pub(super) struct Lights {
@@ -31,8 +32,13 @@ pub(super) struct Lights {
 }
 
 /// Compiles the lights of a scene: emissive objects first, then its light sources.
-pub(super) fn compile(scene: &Scene, emissive: Vec<EmissiveSurface>, excitation_edges_nm: &[f64]) -> Lights {
-    let mut list = SourceList::new(scene, excitation_edges_nm);
+pub(super) fn compile(
+    scene: &Scene,
+    matrices: &[&PhotonEem],
+    emissive: Vec<EmissiveSurface>,
+    excitation_edges_nm: &[f64],
+) -> Lights {
+    let mut list = SourceList::new(scene, matrices, excitation_edges_nm);
     let mut lights = Vec::new();
     let mut environment = Vec::new();
     let mut environment_maps = Vec::new();
@@ -94,7 +100,8 @@ fn compiled_light(group: usize, sources: &[usize], emitter: PreparedEmitter, pow
 
 /// Distinct spectra as they are gathered.
 struct SourceList<'a> {
-    scene: &'a Scene,
+    grid: &'a WavelengthGrid,
+    matrices: &'a [&'a PhotonEem],
     excitation_edges_nm: &'a [f64],
     slices: usize,
     /// Light group and spectrum of each run of sources.
@@ -103,9 +110,10 @@ struct SourceList<'a> {
 }
 
 impl<'a> SourceList<'a> {
-    fn new(scene: &'a Scene, excitation_edges_nm: &'a [f64]) -> Self {
+    fn new(scene: &'a Scene, matrices: &'a [&'a PhotonEem], excitation_edges_nm: &'a [f64]) -> Self {
         let slices = excitation_edges_nm.len().max(1);
-        Self { scene, excitation_edges_nm, slices, known: Vec::new(), sources: Vec::new() }
+        let grid = &scene.grid;
+        Self { grid, matrices, excitation_edges_nm, slices, known: Vec::new(), sources: Vec::new() }
     }
 
     /// The first source of a spectrum of a light group: one that is known, or a new one.
@@ -114,14 +122,13 @@ impl<'a> SourceList<'a> {
             return found * self.slices;
         }
         self.known.push((group, curve.clone()));
-        let grid = &self.scene.grid;
+        let grid = self.grid;
         for (slice, curve) in excitation_slices(curve, self.excitation_edges_nm).into_iter().enumerate() {
             let bands = band_blocks(&curve.bin_averages(grid));
             let exitance = self
-                .scene
-                .fluorophores
-                .iter()
-                .map(|f| band_blocks(&direct_exitance(&f.eem, grid, &curve)))
+                .matrices
+                .par_iter()
+                .map(|eem| band_blocks(&direct_exitance(eem, grid, &curve)))
                 .collect();
             self.sources.push(Source { group: group * self.slices + slice, bands, exitance });
         }

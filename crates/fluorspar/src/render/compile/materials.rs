@@ -2,20 +2,25 @@
 
 use fluorspar_accel::bands::to_blocks;
 
+use super::emitters::Matrices;
 use crate::material::PreparedMaterials;
 use crate::render::compiled_scene::MaterialSpectra;
 use crate::render::russian_roulette::RouletteModel;
 use crate::scene::Scene;
 
 /// Prepares the materials of a scene.
-pub(super) fn compile(scene: &Scene, roulette: &RouletteModel) -> (PreparedMaterials, Vec<MaterialSpectra>) {
+pub(super) fn compile(
+    scene: &Scene,
+    matrices: &Matrices<'_>,
+    roulette: &RouletteModel,
+) -> (PreparedMaterials, Vec<MaterialSpectra>) {
     let materials = PreparedMaterials::new(&scene.materials, &scene.grid);
     let spectra = materials
         .iter()
         .map(|material| MaterialSpectra {
             terms: material.terms.iter().map(|term| to_blocks(&term.bands)).collect(),
             coarse_terms: material.terms.iter().map(|term| roulette.coarse(&term.spectrum)).collect(),
-            fluorophores: material.fluorophores.iter().map(|amount| amount.fluorophore).collect(),
+            emitters: material.fluorophores.iter().map(|amount| matrices.emitter(amount)).collect(),
         })
         .collect();
     (materials, spectra)

@@ -4,12 +4,14 @@
 //! |---|---|
 //! | `geometry` | triangles, instances, analytic shapes, bounding volume hierarchies |
 //! | `lights` | lights, and the distinct spectra that they emit |
+//! | `emitters` | the distinct matrices of fluorophores, on surfaces and in tissue |
 //! | `excitation_bins` | light spectra cut into excitation bins |
 //! | `visible_points` | points that the camera sees, samples of the scene |
 //! | `operators` | fluorescence operators, weighted by the spectrum of each light group |
 //! | `materials` | band averages and tables of every material |
 //! | `interreflection` | how much interreflection adds to direct light |
 
+mod emitters;
 mod excitation_bins;
 mod geometry;
 mod interreflection;
@@ -30,17 +32,19 @@ impl CompiledScene {
     pub(super) fn new(scene: &Scene, excitation_edges_nm: &[f64]) -> Result<Self, BuildError> {
         // Compile surfaces and light sources
         let (geometry, emissive) = geometry::compile(scene)?;
-        let lights = lights::compile(scene, emissive, excitation_edges_nm);
+        let matrices = emitters::Matrices::new(scene);
+        let lights = lights::compile(scene, &matrices.list, emissive, excitation_edges_nm);
 
         // Weight the excitation spectrum of each light group by what arrives at the visible points
         let points = visible_points::on_fluorescent_surfaces(scene, &geometry);
         let group_spectra = operators::group_spectra(scene, &points);
-        let group_operators = operators::of_groups(scene, &group_spectra, excitation_edges_nm);
-        let plain_operators = operators::unweighted(scene);
+        let group_operators =
+            operators::of_groups(scene, &matrices.list, &group_spectra, excitation_edges_nm);
+        let plain_operators = operators::unweighted(scene, &matrices.list);
 
         // Compile materials
         let roulette = RouletteModel::new(&scene.grid);
-        let (materials, material_spectra) = materials::compile(scene, &roulette);
+        let (materials, material_spectra) = materials::compile(scene, &matrices, &roulette);
         let has_holes = scene.objects.iter().any(|object| materials.has_opacity(object.material));
 
         let has_discrete_choices =
@@ -70,6 +74,7 @@ impl CompiledScene {
             material_spectra,
             has_holes,
             roulette,
+            fluorophores: scene.fluorophores.len(),
             group_operators,
             plain_operators,
         };
