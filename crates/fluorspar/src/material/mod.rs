@@ -53,7 +53,8 @@ use crate::spectral::{Curve, PhotonEem};
 /// - Reflection and transmission of [`Scattering`].
 /// - Fluorescence comes from the irradiance that is not reflected by the coat, the metal or the surface of the
 ///   dielectric, is independent of the diffuse reflectance, and leaves as Lambertian light:
-///   `L_f = (1/pi) sum_j c_j integral Y_j(lo|li) E(li) dli`. On dielectrics one half leaves to either side.
+///   `L_f = (1/pi) sum_j c_j integral Y_j(lo|li) E(li) dli`, through a coat with its factor. On dielectrics one half
+///   leaves to either side.
 /// - Both sides of a surface are alike, but for [`TwoSided`] and for dielectrics, whose inside is behind the geometric
 ///   normal.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -34,7 +34,12 @@ pub(super) fn numbers(index: usize) -> (f32, [f32; 2]) {
 }
 
 /// Calls `check` with the BSDF of a material, seen from the side and at the cosine given.
-fn with_bsdf<T>(material: &Material, front: bool, cos: f32, check: impl FnOnce(&Bsdf<'_>, f64) -> T) -> T {
+pub(super) fn with_bsdf<T>(
+    material: &Material,
+    front: bool,
+    cos: f32,
+    check: impl FnOnce(&Bsdf<'_>, f64) -> T,
+) -> T {
     let materials = PreparedMaterials::new(std::slice::from_ref(material), &grid());
     let prepared = &materials[0];
     let uv = Vec2::new(0.3, 0.7);
