@@ -30,6 +30,15 @@ pub enum TissueError {
     /// No layer at all.
     #[error("a tissue needs at least one layer; give the uppermost first")]
     NoLayers,
+    /// Too few directions for a narrow phase function.
+    #[error(
+        "{}the light cannot be solved with so few directions; use more nodes per hemisphere or an anisotropy nearer to 0",
+        layer.map_or_else(String::new, |number| format!("layer {number}: "))
+    )]
+    Unsolvable {
+        /// Number of the layer, from 1, where it is known.
+        layer: Option<usize>,
+    },
 }
 
 /// Refuses a number outside a range, ends included, and NaN.
