@@ -25,7 +25,8 @@ pub enum Stokes {
 pub struct SeparableTerm {
     /// Photon yield before the Stokes mask, photons out per photon in, against excitation wavelength.
     pub excitation: Curve,
-    /// Photon density of the emission, 1/nm, of unit area, against emission wavelength.
+    /// Photon density of the emission, 1/nm, of unit area, against emission wavelength. Of a matrix that was compressed both
+    /// factors are signed and have any area; only the sum of the terms has a meaning.
     pub emission: Curve,
 }
 

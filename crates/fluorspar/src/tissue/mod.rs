@@ -2,6 +2,8 @@
 //!
 //! | type | what it is |
 //! |---|---|
+//! | [`LayeredTissue`], [`TissueLayer`] | thickness, [`Scattering`], [`Chromophore`]s and [`TissueFluorophore`]s of each layer |
+//! | [`EffectiveTissue`] | reflectance and fluorescence of a tissue as of a surface, by layer and fluorophore; depths |
 //! | [`OpticalLayer`], [`OpticalStack`] | plane layers at one wavelength, what solvers start from |
 //! | [`DiscreteOrdinates`], [`LightField`] | the deterministic solver, and the light that it finds |
 //!
@@ -9,19 +11,31 @@
 
 mod angular_quadrature;
 mod beam_source;
+mod chromophore;
+mod depth_quadrature;
 mod discrete_ordinates;
 #[cfg(test)]
 mod discrete_ordinates_tests;
+mod effective_tissue;
+#[cfg(test)]
+mod effective_tissue_tests;
 mod fresnel_interface;
 mod layer_modes;
+mod layered_tissue;
 mod light_field;
+mod low_rank;
 mod optical_layer;
+mod scattering;
 mod tissue_error;
 
+pub use chromophore::{Blood, Chromophore};
 pub use discrete_ordinates::{DiscreteOrdinates, Incidence};
+pub use effective_tissue::{COMPRESSION_ERROR, DepthProfile, EffectiveTissue, Level, Part};
 pub use fresnel_interface::{diffuse_reflectance, fresnel_reflectance};
+pub use layered_tissue::{Below, LayeredTissue, TissueFluorophore, TissueLayer};
 pub use light_field::LightField;
 pub use optical_layer::{
     ANISOTROPY, COEFFICIENT_PER_MM, OpticalLayer, OpticalStack, REFRACTIVE_INDEX, THICKNESS_MM,
 };
+pub use scattering::{Scattering, ScatteringCoefficient};
 pub use tissue_error::TissueError;

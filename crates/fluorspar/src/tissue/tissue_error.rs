@@ -30,6 +30,30 @@ pub enum TissueError {
     /// No layer at all.
     #[error("a tissue needs at least one layer; give the uppermost first")]
     NoLayers,
+    /// Two layers of one name.
+    #[error("two layers are named '{name}'; give each its own name")]
+    NameTwice {
+        /// The name.
+        name: String,
+    },
+    /// The wavelength of a strength does not excite the fluorophore.
+    #[error(
+        "{place}: the fluorophore is not excited at {} nm, where its strength is given; choose a wavelength within its \
+         excitation",
+        number_text(*at_nm)
+    )]
+    NotExcited {
+        /// Layer and fluorophore.
+        place: String,
+        /// The wavelength, nm.
+        at_nm: f64,
+    },
+    /// Wavelengths that cannot be solved for.
+    #[error("give two wavelengths or more, rising, within 200 to 1200 nm")]
+    Wavelengths,
+    /// A fluorophore or a layer that the tissue does not have.
+    #[error("the tissue has no such fluorophore in such a layer")]
+    NoSuchPart,
     /// Too few directions for a narrow phase function.
     #[error(
         "{}the light cannot be solved with so few directions; use more nodes per hemisphere or an anisotropy nearer to 0",
