@@ -29,6 +29,17 @@ pub enum Incidence {
     },
 }
 
+impl Incidence {
+    /// Along the normal.
+    pub const NORMAL: Self = Self::Collimated { cosine: 1.0 };
+
+    /// Refuses a cosine outside its range.
+    pub(super) fn validate(&self) -> Result<(), TissueError> {
+        let Self::Collimated { cosine } = *self else { return Ok(()) };
+        check("light", "cosine", cosine, [0.01, 1.0], "it is the cosine of the angle to the normal")
+    }
+}
+
 /// The solver, with the number of directions that it follows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DiscreteOrdinates {
@@ -61,9 +72,7 @@ impl DiscreteOrdinates {
     /// directions.
     pub fn solve(&self, stack: &OpticalStack, incidence: Incidence) -> Result<LightField, TissueError> {
         stack.validate()?;
-        if let Incidence::Collimated { cosine } = incidence {
-            check("light", "cosine", cosine, [0.01, 1.0], "it is the cosine of the angle to the normal")?;
-        }
+        incidence.validate()?;
         let indices: Vec<f64> = stack.layers.iter().map(|layer| layer.refractive_index).collect();
         let outside = [stack.index_above, stack.index_below];
         let quadrature = AngularQuadrature::new(self.nodes_per_hemisphere, &indices, outside);

@@ -63,6 +63,57 @@ pub enum TissueError {
         /// Number of the layer, from 1, where it is known.
         layer: Option<usize>,
     },
+    /// A layer to watch that is not there.
+    #[error("the error target names layer {}, but there are {layers}", layer + 1)]
+    NoSuchLayer {
+        /// Layer asked for, counted from zero.
+        layer: usize,
+        /// Layers that there are.
+        layers: usize,
+    },
+    /// An error target on fluorescence in a simulation without.
+    #[error("the error target is on fluorescence, but none is simulated; watch the reflectance instead")]
+    NoFluorescence,
+    /// More bins than memory is meant for.
+    #[error(
+        "{bins} bins of depth and radius are more than {most}; make the steps wider or the limits smaller"
+    )]
+    TooManyBins {
+        /// Bins asked for.
+        bins: usize,
+        /// The most.
+        most: usize,
+    },
+    /// Stopped before there was any result.
+    #[error("interrupted before the first photons were traced")]
+    Interrupted,
+    /// Optics of excitation and emission that belong to different tissues.
+    #[error("excitation and emission need the same layers: give stacks with the same thicknesses")]
+    LayersDiffer,
+    /// Not one strength a layer.
+    #[error(
+        "{strengths} fluorophore strengths for {layers} layers; give one for each, 0 where there is none"
+    )]
+    StrengthsDiffer {
+        /// Strengths given.
+        strengths: usize,
+        /// Layers that there are.
+        layers: usize,
+    },
+    /// Fluences on different slices.
+    #[error("the fluences of excitation and emission are on different slices; use the same grid for both")]
+    SlicesDiffer,
+    /// Two fluences whose errors depend on each other.
+    #[error(
+        "excitation and emission have the same seed {seed}, so their errors are not independent; change one"
+    )]
+    SameSeed {
+        /// The seed of both.
+        seed: u64,
+    },
+    /// Reciprocity needs the fluence of even diffuse light.
+    #[error("reciprocity needs the emission wavelength simulated under Lambertian light")]
+    EmissionNotLambertian,
 }
 
 /// Refuses a number outside a range, ends included, and NaN.

@@ -5,4 +5,8 @@ mod architecture;
 mod light_transport;
 mod region_interval;
 mod support;
+#[path = "../tissue_benchmarks/mod.rs"]
+mod tissue_benchmarks;
+mod tissue_monte_carlo;
+mod tissue_solvers;
 mod transport_correctness;
