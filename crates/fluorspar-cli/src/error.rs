@@ -9,7 +9,7 @@ use fluorspar::pipeline::{PipelineError, PredictError};
 use fluorspar::render::RenderError;
 use fluorspar_experiment::preset::{LensError, PresetError};
 use fluorspar_experiment::{DEFAULT_EXPERIMENT, ExperimentError};
-use fluorspar_format::FormatError;
+use fluorspar_format::{FormatError, OutputFolder};
 use fluorspar_report::{FigureError, RunFolderError};
 use thiserror::Error;
 
@@ -93,6 +93,18 @@ impl CliError {
         false
     }
 
+    /// The same error about a folder in its place, if it is about one in work.
+    pub(crate) fn at_its_place(self, folder: &OutputFolder) -> Self {
+        match self {
+            Self::Format(error) => Self::Format(folder.at_its_place(error)),
+            Self::RunFolder(RunFolderError::Format(error)) => Self::Format(folder.at_its_place(error)),
+            Self::RunFolder(RunFolderError::Folder { path, source }) => {
+                Self::RunFolder(RunFolderError::Folder { path: folder.place_of(&path), source })
+            }
+            other => other,
+        }
+    }
+
     pub(crate) fn exit_code(&self) -> ExitCode {
         match self {
             Self::AfterRender { error, .. } => error.exit_code(),
@@ -100,6 +112,7 @@ impl CliError {
             | Self::Figure(_)
             | Self::Json(_)
             | Self::Stdout(_)
+            | Self::Format(FormatError::NoRoom { .. } | FormatError::Failed { .. })
             | Self::Render(RenderError::NoMemory { .. }) => ExitCode::from(FAILED),
             Self::Stopped(_) => ExitCode::from(STOPPED),
             _ if self.is_for_want_of_room() => ExitCode::from(FAILED),

@@ -1,7 +1,7 @@
 //! Ctrl-C and requests to end: what was rendered is saved, and nothing unfinished is left behind.
 
-use std::path::{Path, PathBuf};
-use std::sync::Mutex;
+#[cfg(unix)]
+use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 #[cfg(unix)]
@@ -16,8 +16,6 @@ pub(crate) static STOP: AtomicBool = AtomicBool::new(false);
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 /// An image is being made that is worth saving.
 static RENDERS: AtomicBool = AtomicBool::new(false);
-/// A folder that is not finished, and those around it that were made for it: removed when the program ends at once.
-static UNFINISHED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
 /// From here on the first Ctrl-C ends a render with the best image so far; the second, and the first where nothing is
 /// rendered, ends the program. SIGTERM and SIGHUP count as Ctrl-C, unless they were ignored when the program started, as
@@ -66,28 +64,9 @@ fn interrupt() {
     let again = INTERRUPTED.swap(true, Ordering::SeqCst);
     if again || !RENDERS.load(Ordering::SeqCst) {
         fluorspar_format::remove_unfinished_files();
-        if let Ok(folders) = UNFINISHED.lock()
-            && let Some((folder, around)) = folders.split_first()
-        {
-            remove_folder(folder);
-            for folder in around {
-                // Others may have put something there.
-                let _ = std::fs::remove_dir(folder);
-            }
-        }
         std::process::exit(i32::from(STOPPED));
     }
     message::notice("\nstopping: the image so far will be saved. Press Ctrl-C again to quit at once");
-}
-
-/// Removes a folder into which another thread may still write: what comes in between is removed with it.
-fn remove_folder(path: &Path) {
-    for _ in 0..100 {
-        // Nothing more can be done about a folder that won't go away.
-        if std::fs::remove_dir_all(path).is_ok() || !path.exists() {
-            return;
-        }
-    }
 }
 
 /// Says that there is, from now on, something to save when the program is asked to end.
@@ -98,12 +77,4 @@ pub(crate) fn save_when_interrupted() {
 /// Whether the user stopped the render; an expired time limit does not count.
 pub(crate) fn interrupted() -> bool {
     INTERRUPTED.load(Ordering::SeqCst)
-}
-
-/// Names the folder that is removed when the program ends at once, and those around it that go if nothing else is there,
-/// the innermost first.
-pub(crate) fn set_unfinished(folder: Option<&Path>, around: &[PathBuf]) {
-    if let Ok(mut unfinished) = UNFINISHED.lock() {
-        *unfinished = folder.into_iter().map(Path::to_path_buf).chain(around.iter().cloned()).collect();
-    }
 }

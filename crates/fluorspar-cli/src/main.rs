@@ -1,6 +1,7 @@
 //! The `fluorspar` command.
 
 mod args;
+mod budget;
 mod commands;
 mod error;
 mod experiment_source;

@@ -10,7 +10,8 @@ use std::path::Path;
 use tiff::encoder::{Rational, TiffEncoder, TiffValue};
 use tiff::tags::{Tag, Type};
 
-use super::file::{MAX_IMAGE_BYTES, check_image_size, read_file, write_atomically};
+use super::file::{MAX_IMAGE_BYTES, check_image_size, read_file};
+use super::output::write_atomically;
 use super::raw::{Description, description, image_of};
 use super::tiff_directory::{Directory, TiffBytes};
 use super::{FormatError, Loaded, Provenance};

@@ -1,6 +1,7 @@
 //! Errors of files, with hints.
 
 use fluorspar::quote::excerpt_to;
+use fluorspar::units::memory_text;
 use std::fmt;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -106,6 +107,37 @@ pub enum FormatError {
         /// The value relative to the largest one, %.
         percent_of_peak: f64,
     },
+    /// The place must not be written; nothing was.
+    #[error("{}: {why}; {hint}", path.display())]
+    Refused {
+        /// The place.
+        path: PathBuf,
+        /// What is wrong with it.
+        why: String,
+        /// What to do.
+        hint: String,
+    },
+    /// The disk has less room than what will be written may take; nothing was written.
+    #[error(
+        "{}: the disk has {} left, and up to {} will be written. Free some, name a place on another disk, or ask for less",
+        path.display(), memory_text(*free_bytes), memory_text(*needed_bytes)
+    )]
+    NoRoom {
+        /// The place.
+        path: PathBuf,
+        /// Bytes that the results take at most.
+        needed_bytes: u64,
+        /// Bytes that are left on the disk.
+        free_bytes: u64,
+    },
+    /// The results are written, but not as they should be.
+    #[error("{}: {what}", path.display())]
+    Failed {
+        /// The place.
+        path: PathBuf,
+        /// What is where.
+        what: String,
+    },
     /// The data can't be written; no file was created.
     #[error("{}: nothing was written: {what}. {hint}", path.display())]
     Unwritable {
@@ -130,6 +162,9 @@ impl FormatError {
             | Self::Unit { path, .. }
             | Self::Transposed { path, .. }
             | Self::AntiStokes { path, .. }
+            | Self::Refused { path, .. }
+            | Self::NoRoom { path, .. }
+            | Self::Failed { path, .. }
             | Self::Unwritable { path, .. } => path,
         }
     }
@@ -139,6 +174,38 @@ impl FormatError {
         let text = self.to_string();
         let start = format!("{}: ", self.path().display());
         text.strip_prefix(&start).map_or_else(|| text.clone(), String::from)
+    }
+
+    fn path_mut(&mut self) -> &mut PathBuf {
+        match self {
+            Self::Io { path, .. }
+            | Self::NotAFile { path, .. }
+            | Self::Malformed { path, .. }
+            | Self::Unsupported { path, .. }
+            | Self::TooLarge { path, .. }
+            | Self::Unit { path, .. }
+            | Self::Transposed { path, .. }
+            | Self::AntiStokes { path, .. }
+            | Self::Refused { path, .. }
+            | Self::NoRoom { path, .. }
+            | Self::Failed { path, .. }
+            | Self::Unwritable { path, .. } => path,
+        }
+    }
+
+    /// The same error about a file that lies below another folder than the one it was made in.
+    #[must_use]
+    pub(super) fn moved(mut self, from: &Path, to: &Path) -> Self {
+        let path = self.path_mut();
+        if let Ok(below) = path.strip_prefix(from) {
+            *path = if below.as_os_str().is_empty() { to.to_path_buf() } else { to.join(below) };
+        }
+        self
+    }
+
+    /// A place that must not be written, and the option with which another is named.
+    pub(super) fn refused(path: &Path, why: impl Into<String>, hint: &str, option: &str) -> Self {
+        Self::Refused { path: path.into(), why: why.into(), hint: format!("{hint} {option}") }
     }
 
     pub(super) fn io(path: &Path, action: &'static str, source: io::Error) -> Self {

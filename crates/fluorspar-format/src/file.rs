@@ -1,17 +1,14 @@
-//! Bounded reading and all-or-nothing writing.
+//! Limits of what is read, and descriptions beside data files.
 
 use std::cell::Cell;
-use std::collections::BTreeSet;
-use std::fs::{self, File, OpenOptions};
-use std::io::{self, BufWriter, Write};
+use std::io::Write;
 use std::panic::{self, AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
-use std::process;
-use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Mutex, MutexGuard, Once, PoisonError};
+use std::sync::Once;
 
 use super::FormatError;
 use super::input::read_bounded;
+use super::output::write_atomically;
 
 /// Most bytes an image may take in memory, where nothing else bounds it.
 pub(super) const MAX_IMAGE_BYTES: u64 = 1 << 33;
@@ -26,119 +23,6 @@ const MAX_PACKING: u64 = 2000;
 pub(super) const MAX_TEXT_BYTES: u64 = 256 << 20;
 /// Largest mesh file, bytes.
 pub(super) const MAX_MESH_BYTES: u64 = 4 << 30;
-
-/// Writes a file completely or not at all.
-///
-/// `write` fills a temporary file next to `path`, which is renamed into place when all went well. On an error, or
-/// if `write` panics, the temporary file is removed and whatever stood at `path` before is untouched. A process that is
-/// ended calls [`remove_unfinished_files`]; what one that was killed has left in the folder is removed by the next that
-/// writes there.
-///
-/// # Errors
-/// Whatever the system or `write` reports.
-pub fn write_atomically(
-    path: &Path,
-    write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>,
-) -> Result<(), FormatError> {
-    if path.file_name().is_none() {
-        return Err(FormatError::unwritable(path, "the path names no file", "Add a file name"));
-    }
-    let (partial, file) =
-        PartialFile::beside(path).map_err(|source| FormatError::io(path, "create", source))?;
-    let mut writer = BufWriter::with_capacity(1 << 18, file);
-    write(&mut writer)
-        .and_then(|()| writer.flush())
-        .map_err(|source| FormatError::io(path, "write", source))?;
-    drop(writer);
-    fs::rename(&partial.0, path)
-        .map_err(|source| FormatError::io(path, "rename the finished file to", source))
-}
-
-/// Removes the files that [`write_atomically`] is writing, and lets no thread begin another. To be called once, when the
-/// process is about to end while others write.
-pub fn remove_unfinished_files() {
-    let unfinished = lock_unfinished();
-    for path in &unfinished.files {
-        // There is nobody left to tell.
-        let _ = fs::remove_file(path);
-    }
-    // Whoever wants to begin a file waits for the end of the process.
-    std::mem::forget(unfinished);
-}
-
-/// Temporary files of this process.
-#[derive(Default)]
-struct Unfinished {
-    files: BTreeSet<PathBuf>,
-    /// Folders in which those of dead processes have been removed.
-    cleared: BTreeSet<PathBuf>,
-}
-
-fn lock_unfinished() -> MutexGuard<'static, Unfinished> {
-    static UNFINISHED: Mutex<Unfinished> =
-        Mutex::new(Unfinished { files: BTreeSet::new(), cleared: BTreeSet::new() });
-    // A set is whole after each of its changes.
-    UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-/// A temporary file that is removed when it goes out of scope; after a rename there is nothing left to remove.
-struct PartialFile(PathBuf);
-
-const PARTIAL_START: &str = ".fluorspar-";
-const PARTIAL_END: &str = ".partial";
-
-impl PartialFile {
-    /// A new, locked file in the folder of `path`. The lock goes with the process, and tells others that it is alive.
-    fn beside(path: &Path) -> io::Result<(Self, File)> {
-        static NEXT: AtomicU64 = AtomicU64::new(0);
-        let mut unfinished = lock_unfinished();
-        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        if unfinished.cleared.insert(folder.to_path_buf()) {
-            remove_stale(folder);
-        }
-        loop {
-            let number = NEXT.fetch_add(1, Ordering::Relaxed);
-            let partial =
-                path.with_file_name(format!("{PARTIAL_START}{}-{number}{PARTIAL_END}", process::id()));
-            let file = match OpenOptions::new().read(true).write(true).create_new(true).open(&partial) {
-                // Another process of the same number, on another machine.
-                Err(error) if error.kind() == io::ErrorKind::AlreadyExists => continue,
-                file => file?,
-            };
-            // Where files can't be locked, none is ever found to be stale.
-            let _ = file.lock();
-            // Another process may have taken it for stale before the lock was there.
-            if partial.exists() {
-                unfinished.files.insert(partial.clone());
-                return Ok((Self(partial), file));
-            }
-        }
-    }
-}
-
-impl Drop for PartialFile {
-    fn drop(&mut self) {
-        let mut unfinished = lock_unfinished();
-        let _ = fs::remove_file(&self.0);
-        unfinished.files.remove(&self.0);
-    }
-}
-
-/// Removes what killed processes have left in a folder: temporary files that no one holds locked.
-fn remove_stale(folder: &Path) {
-    for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
-        let name = entry.file_name();
-        let ours = name.to_str().is_some_and(|n| n.starts_with(PARTIAL_START) && n.ends_with(PARTIAL_END));
-        if !ours || !entry.file_type().is_ok_and(|kind| kind.is_file()) {
-            continue;
-        }
-        let path = entry.path();
-        if File::options().write(true).open(&path).is_ok_and(|file| file.try_lock().is_ok()) {
-            // One that can't be removed harms no one.
-            let _ = fs::remove_file(&path);
-        }
-    }
-}
 
 /// The whole file, refused above `limit` bytes and when it is empty.
 pub(super) fn read_file(path: &Path, limit: u64) -> Result<Vec<u8>, FormatError> {
@@ -285,32 +169,6 @@ pub(super) fn write_sidecar(data_path: &Path, content: &impl serde::Serialize) -
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn what_the_dead_left_is_removed_and_what_the_living_write_is_not() {
-        let folder = tempfile::tempdir().unwrap();
-        let at = |name: &str| folder.path().join(name);
-        for name in [".fluorspar-1-0.partial", ".fluorspar-2-0.partial", "notes.partial", ".fluorspar.toml"] {
-            fs::write(at(name), "x").unwrap();
-        }
-        let alive = File::options().write(true).open(at(".fluorspar-2-0.partial")).unwrap();
-        alive.lock().unwrap();
-        write_atomically(&at("a.txt"), |file| file.write_all(b"done")).unwrap();
-        let names = || {
-            let mut names: Vec<_> =
-                fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().file_name()).collect();
-            names.sort();
-            names
-        };
-        assert_eq!(names(), [".fluorspar-2-0.partial", ".fluorspar.toml", "a.txt", "notes.partial"]);
-        // The file in work is known until it is done, whatever comes of it.
-        let known = || lock_unfinished().files.iter().filter(|file| file.starts_with(folder.path())).count();
-        let failed = write_atomically(&at("b.txt"), |_| {
-            assert_eq!(known(), 1);
-            Err(io::Error::other("no"))
-        });
-        assert!(failed.is_err() && known() == 0 && names().len() == 4);
-    }
 
     #[test]
     fn a_large_file_may_hold_a_large_image_and_a_small_one_may_not() {

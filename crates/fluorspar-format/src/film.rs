@@ -11,14 +11,15 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use super::file::{check_image_size, write_atomically};
+use super::file::check_image_size;
 use super::input::open_plain;
+use super::output::write_atomically;
 use super::{FormatError, Loaded, Provenance};
 use fluorspar::image::film::film_bytes;
 use fluorspar::image::{Component, FeatureMaps, Film, FilmLayout, StatisticsKind, View};
 use fluorspar::spectral::WavelengthGrid;
 
-const MAGIC: &[u8; 8] = b"FLSPFILM";
+pub(super) const MAGIC: &[u8; 8] = b"FLSPFILM";
 const VERSION: u32 = 1;
 /// Largest film that is read, bytes in memory.
 const MAX_FILM_BYTES: u64 = 1 << 40;
@@ -103,8 +104,7 @@ pub fn write_film(path: &Path, film: &Film, provenance: Option<&Provenance>) -> 
             }
             writer.write_all(&checksum(used).to_le_bytes())?;
         }
-        writer.flush()?;
-        writer.get_ref().sync_data()
+        Ok(())
     })
 }
 

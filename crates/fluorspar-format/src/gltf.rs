@@ -11,8 +11,9 @@ use glam::{Affine3, Affine3A, Mat4, Quat, Vec2, Vec3};
 use serde_json::{Value, json};
 
 use super::FormatError;
-use super::file::{MAX_MESH_BYTES, guarded, read_file, write_atomically};
+use super::file::{MAX_MESH_BYTES, guarded, read_file};
 use super::mesh_set::{self, NamedMesh, check};
+use super::output::write_atomically;
 use super::ply::finish_mesh;
 use fluorspar::geometry::{MeshInstance, MeshInstances, TriangleMesh};
 use fluorspar::quote::excerpt;

@@ -41,6 +41,7 @@ mod mesh_set;
 mod npy;
 mod npy_array;
 mod obj;
+mod output;
 mod packed_raw;
 mod placements;
 mod ply;
@@ -61,7 +62,6 @@ pub use exr::{
     ExrCompression, ExrOptions, read_component_exr, read_spectral_exr, write_component_exr,
     write_spectral_exr,
 };
-pub use file::{remove_unfinished_files, write_atomically};
 pub use film::{read_film, read_film_layout, read_film_rows, write_film};
 pub use gltf::{read_gltf, read_gltf_instances, write_gltf};
 pub use input::{digest_bounded, read_bounded, read_start, read_text_bounded};
@@ -70,6 +70,10 @@ pub use mat::{IsetFluorophore, MatSpectra, read_iset_fluorophore, read_mat_spect
 pub use mesh_set::{NamedMesh, write_obj, write_pbrt};
 pub use npy::{read_component_npy, read_spectral_npy, write_component_npy, write_spectral_npy};
 pub use obj::read_obj;
+pub use output::{
+    Output, OutputFolder, OutputSet, Outputs, WRITTEN_BY, check_room, free_bytes, remove_unfinished_files,
+    write_atomically,
+};
 pub use packed_raw::{RawPacking, write_packed_raw};
 pub use placements::read_placements;
 pub use ply::{read_ply, write_ply};

@@ -4,7 +4,7 @@ use std::io::{self, Write};
 use std::path::Path;
 
 use super::FormatError;
-use super::file::write_atomically;
+use super::output::write_atomically;
 use fluorspar::geometry::TriangleMesh;
 
 /// A mesh with its name and that of its material.

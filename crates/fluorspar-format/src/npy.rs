@@ -6,8 +6,9 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use super::file::{check_image_size, read_sidecar, sidecar_path, write_atomically, write_sidecar};
+use super::file::{check_image_size, read_sidecar, sidecar_path, write_sidecar};
 use super::npy_array::{read_npy, write_npy};
+use super::output::write_atomically;
 use super::{FormatError, Loaded, Provenance};
 use fluorspar::image::{Component, ComponentImage, FeatureMaps, SpectralImage};
 use fluorspar::spectral::{Quantity, Radiance, WavelengthGrid};

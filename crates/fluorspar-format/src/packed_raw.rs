@@ -8,7 +8,8 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use super::file::{MAX_IMAGE_BYTES, check_image_size, read_file, write_atomically, write_sidecar};
+use super::file::{MAX_IMAGE_BYTES, check_image_size, read_file, write_sidecar};
+use super::output::write_atomically;
 use super::raw::{Description, description, image_of};
 use super::{FormatError, Loaded, Provenance};
 use fluorspar::image::SensorImage;

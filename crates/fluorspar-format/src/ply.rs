@@ -8,7 +8,8 @@ use ply_rs_bw::parser::{ParseError, Parser, Reader};
 use ply_rs_bw::ply::{Property, PropertyAccess, PropertyAccessResult};
 
 use super::FormatError;
-use super::file::{MAX_MESH_BYTES, guarded, read_file, write_atomically};
+use super::file::{MAX_MESH_BYTES, guarded, read_file};
+use super::output::write_atomically;
 use fluorspar::geometry::TriangleMesh;
 
 /// Reads a PLY file: vertices with `x y z`, optionally `nx ny nz` and `u v`, `s t` or `texture_u texture_v`; faces

@@ -6,8 +6,9 @@ use std::path::Path;
 use png::{BitDepth, ColorType};
 
 use super::FormatError;
-use super::file::{MAX_IMAGE_BYTES, check_image_size, check_packing, guarded, write_atomically};
+use super::file::{MAX_IMAGE_BYTES, check_image_size, check_packing, guarded};
 use super::input::open_plain;
+use super::output::write_atomically;
 
 /// How stored numbers relate to light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -65,6 +66,7 @@ pub(super) fn write_png(
         let mut encoder = png::Encoder::new(writer, width as u32, height as u32);
         encoder.set_color(color);
         encoder.set_depth(depth);
+        encoder.add_text_chunk("Software".into(), "fluorspar".into()).map_err(io::Error::from)?;
         let mut writer = encoder.write_header().map_err(io::Error::from)?;
         writer.write_image_data(bytes).map_err(io::Error::from)?;
         writer.finish().map_err(io::Error::from)

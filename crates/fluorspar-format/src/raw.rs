@@ -12,9 +12,10 @@ use tiff::encoder::{TiffEncoder, colortype::Gray16};
 use super::dng::{is_dng, read_dng};
 use super::file::{
     MAX_IMAGE_BYTES, check_image_size, check_packing, guarded, read_file, read_sidecar, sidecar_path,
-    write_atomically, write_sidecar,
+    write_sidecar,
 };
 use super::input::open_plain;
+use super::output::write_atomically;
 use super::packed_raw::{PackedRows, read_packed};
 use super::png::{read_png, write_png};
 use super::{FormatError, Loaded, Provenance};

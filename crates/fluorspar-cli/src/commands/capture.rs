@@ -5,17 +5,18 @@ use std::process::ExitCode;
 
 use clap::{ValueEnum, ValueHint};
 use fluorspar::image::SensorImage;
-use fluorspar::pipeline::{CameraColor, ColorRendering, capture, check_same_scene, preview};
+use fluorspar::pipeline::{CameraColor, CapturedFrame, ColorRendering, capture, check_same_scene, preview};
+use fluorspar::study::Study;
 use fluorspar_experiment::{ResolvedExperiment, parse, resolve};
 use fluorspar_format::{
-    DngColor, FormatError, Provenance, RawPacking, read_component_exr, write_atomically, write_packed_raw,
-    write_rgb_png, write_sensor_dng, write_sensor_tiff,
+    DngColor, FormatError, OutputFolder, Provenance, RawPacking, read_component_exr, write_atomically,
+    write_packed_raw, write_rgb_png, write_sensor_dng, write_sensor_tiff,
 };
-use serde_json::json;
+use serde_json::{Value, json};
 use std::io::Write;
 
-use super::out_folder;
 use crate::args::{Changes, Seed, Talk};
+use crate::budget::frame_bytes;
 use crate::error::CliError;
 use crate::experiment_source::ExperimentSource;
 use crate::values::{Override, as_typed, sets};
@@ -137,19 +138,44 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         check_same_scene(rendered, &study)?;
     }
     inputs.extend(record.inputs.iter().map(|input| input.path.clone()));
-    let folder = out_folder::OutFolder::prepare(&options.out, &inputs)?;
+    let folder = OutputFolder::prepare(&options.out, &inputs, frame_bytes(&study))?;
     let frames = capture(&study, &components)?;
     let provenance =
         Provenance::new(&text, record.resolved_toml.clone(), study.render.seed, components.samples_per_pixel);
+    let list = write_frames(options.format, &study, &frames, &folder, &provenance)
+        .and_then(|list| {
+            write_atomically(&folder.path().join("experiment.toml"), |file| {
+                file.write_all(record.resolved_toml.as_bytes())
+            })?;
+            Ok(list)
+        })
+        .map_err(|error| folder.at_its_place(error))?;
+    let target = folder.finish()?;
+    if options.talk.json {
+        super::print_json(&json!({ "folder": target, "frames": list }))?;
+    } else {
+        messages.status(format!("Wrote {} frames to {}", frames.len(), target.display()));
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Writes raw frames and their previews; returns a description of each.
+fn write_frames(
+    format: RawForm,
+    study: &Study,
+    frames: &[CapturedFrame],
+    folder: &OutputFolder,
+    provenance: &Provenance,
+) -> Result<Vec<Value>, FormatError> {
     let mut list = Vec::new();
     for (frame, settings) in frames.iter().zip(&study.captures) {
-        let color = CameraColor::of_frame(&study, settings);
-        let name_of = |raw: &SensorImage| format!("raw_{}.{}", raw.label, options.format.ending());
+        let color = CameraColor::of_frame(study, settings);
+        let name_of = |raw: &SensorImage| format!("raw_{}.{}", raw.label, format.ending());
         for raw in std::iter::once(&frame.raw).chain(&frame.bracket) {
-            options.format.write(&folder.path().join(name_of(raw)), raw, color, &provenance)?;
+            format.write(&folder.path().join(name_of(raw)), raw, color, provenance)?;
         }
         let file = name_of(&frame.raw);
-        let picture = preview(&frame.developed, &ColorRendering::of_frame(&study, settings));
+        let picture = preview(&frame.developed, &ColorRendering::of_frame(study, settings));
         let name = format!("preview_{}.png", frame.raw.label);
         write_rgb_png(&folder.path().join(name), picture.width, picture.height, &picture.rgb)?;
         let saturated = frame.developed.saturated.iter().filter(|s| **s).count();
@@ -162,14 +188,5 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
             "saturated_fraction": saturated as f64 / frame.developed.saturated.len().max(1) as f64,
         }));
     }
-    write_atomically(&folder.path().join("experiment.toml"), |file| {
-        file.write_all(record.resolved_toml.as_bytes())
-    })?;
-    let target = folder.finish()?;
-    if options.talk.json {
-        super::print_json(&json!({ "folder": target, "frames": list }))?;
-    } else {
-        messages.status(format!("Wrote {} frames to {}", frames.len(), target.display()));
-    }
-    Ok(ExitCode::SUCCESS)
+    Ok(list)
 }

@@ -45,6 +45,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         preview: options.preview.clone(),
     };
     output.check()?;
+    let set = output.outputs(0).reading(std::slice::from_ref(&options.image));
     let same =
         |a: &PathBuf, b: &PathBuf| a.canonicalize().is_ok_and(|a| b.canonicalize().is_ok_and(|b| a == b));
     if same(&options.image, &options.out) {
@@ -53,6 +54,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
             options.out.display()
         )));
     }
+    let set = set.declare()?;
     let loaded = read_component_exr(&options.image)?;
     let Some(provenance) = loaded.provenance else {
         return Err(CliError::Input(format!(
@@ -69,6 +71,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         error => CliError::Input(format!("{}: {error}", options.image.display())),
     })?;
     output.write(&image, &provenance)?;
+    set.finish()?;
     if options.talk.json {
         let mut answer = output.describe(&image);
         answer["denoised"] = image.denoised.clone().into();

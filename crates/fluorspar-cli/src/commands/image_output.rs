@@ -7,12 +7,11 @@ use fluorspar::image::ComponentImage;
 use fluorspar::pipeline::radiance_preview;
 use fluorspar::spectral::Radiance;
 use fluorspar_format::{
-    ExrCompression, ExrOptions, Provenance, SpooledImage, write_component_exr, write_component_npy,
-    write_rgb_png, write_spectral_exr, write_spectral_npy,
+    ExrCompression, ExrOptions, Output, Outputs, Provenance, SpooledImage, write_component_exr,
+    write_component_npy, write_rgb_png, write_spectral_exr, write_spectral_npy,
 };
 use serde_json::{Value, json};
 
-use super::check_file;
 use crate::error::CliError;
 
 /// Path and format of an image.
@@ -56,7 +55,7 @@ fn has_extension(path: &Path, wanted: &str) -> bool {
 }
 
 impl ImageOutput {
-    /// Refuses names and folders that can't be written, before any work is done.
+    /// Refuses names that don't tell a format, before any work is done.
     pub(crate) fn check(&self) -> Result<(), CliError> {
         if !has_extension(&self.out, "exr") && !has_extension(&self.out, "npy") {
             return Err(CliError::Input(format!(
@@ -67,17 +66,21 @@ impl ImageOutput {
         if self.storage != Storage::Full && has_extension(&self.out, "npy") {
             return Err(CliError::Input("--storage is for .exr files; .npy keeps 32 bits".into()));
         }
-        check_file(&self.out)?;
-        if let Some(path) = &self.preview {
-            check_file(path)?;
-            if !has_extension(path, "png") {
-                return Err(CliError::Input(format!(
-                    "--preview {}: the name must end in .png",
-                    path.display()
-                )));
+        match &self.preview {
+            Some(path) if !has_extension(path, "png") => {
+                Err(CliError::Input(format!("--preview {}: the name must end in .png", path.display())))
             }
+            _ => Ok(()),
         }
-        Ok(())
+    }
+
+    /// The image, of at most so many bytes, and the preview.
+    pub(crate) fn outputs(&self, bytes: u64) -> Outputs {
+        let outputs = Outputs::new().and(Output::file("--out", &self.out).of_bytes(bytes));
+        match &self.preview {
+            Some(path) => outputs.and(Output::early("--preview", path)),
+            None => outputs,
+        }
     }
 
     fn compression(&self) -> ExrCompression {

@@ -5,9 +5,8 @@ use std::process::ExitCode;
 
 use clap::ValueHint;
 use fluorspar::image::Film;
-use fluorspar_format::{Provenance, read_film, write_film};
+use fluorspar_format::{Output, Provenance, read_film, write_film};
 
-use super::check_file;
 use super::image_output::ImageOutput;
 use super::row_bands;
 use crate::args::Talk;
@@ -33,11 +32,13 @@ pub(crate) struct Options {
 
 pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     options.output.check()?;
-    if let Some(path) = &options.film {
-        check_file(path)?;
-    }
     let mut merged: Option<(Film, Option<Provenance>)> = None;
     let films = row_bands::films_of(&options.films)?;
+    let mut outputs = options.output.outputs(0).reading(&films);
+    if let Some(path) = &options.film {
+        outputs = outputs.and(Output::file("--film", path));
+    }
+    let set = outputs.declare()?;
     for path in &films {
         let next = read_film(path)?;
         match &mut merged {
@@ -59,6 +60,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let image = film.into_image();
     provenance.samples_per_pixel = image.samples_per_pixel;
     options.output.write(&image, &provenance)?;
+    set.finish()?;
     if options.talk.json {
         super::print_json(&options.output.describe(&image))?;
     } else {

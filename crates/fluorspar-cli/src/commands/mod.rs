@@ -11,7 +11,6 @@ pub(crate) mod image_output;
 pub(crate) mod lens;
 pub(crate) mod merge;
 pub(crate) mod mouth;
-pub(crate) mod out_folder;
 pub(crate) mod predict;
 pub(crate) mod presets;
 pub(crate) mod render;
@@ -97,25 +96,4 @@ pub(crate) fn beside(path: &Path, suffix: &str) -> PathBuf {
     let part =
         |part: Option<&std::ffi::OsStr>| part.map(|p| p.to_string_lossy().into_owned()).unwrap_or_default();
     path.with_file_name(format!("{}{suffix}.{}", part(path.file_stem()), part(path.extension())))
-}
-
-/// Refuses a file whose folder does not exist.
-pub(crate) fn check_parent(path: &Path) -> Result<(), CliError> {
-    match path.parent().filter(|p| !p.as_os_str().is_empty()) {
-        Some(parent) if !parent.is_dir() => Err(CliError::Input(format!(
-            "{}: the folder {} does not exist; create it first",
-            path.display(),
-            parent.display()
-        ))),
-        _ => Ok(()),
-    }
-}
-
-/// The same for what can't be a folder itself.
-pub(crate) fn check_file(path: &Path) -> Result<(), CliError> {
-    if path.is_dir() {
-        let message = format!("{}: this is a folder; give the name of a file in it", path.display());
-        return Err(CliError::Input(message));
-    }
-    check_parent(path)
 }

@@ -9,13 +9,14 @@ use clap::{ValueEnum, ValueHint};
 use fluorspar::render::{FilmRenderer, Share, memory_bytes};
 use fluorspar::scene::{Scene, Shape};
 use fluorspar::units::memory_text;
-use fluorspar_format::{Provenance, read_film, read_text_bounded};
+use fluorspar_experiment::ResolvedExperiment;
+use fluorspar_format::{Output, OutputSet, Outputs, Provenance, read_film, read_text_bounded};
 use serde_json::json;
 
-use super::check_parent;
 use super::image_output::ImageOutput;
 use super::row_bands;
 use crate::args::{ExperimentArgs, Talk};
+use crate::budget::{film_file_bytes, image_bytes};
 use crate::error::{CliError, STOPPED};
 use crate::experiment_source::ExperimentSource;
 use crate::interrupt::interrupted;
@@ -90,18 +91,40 @@ impl Options {
         }
     }
 
+    /// The files that a render writes: the image when it is done, film and preview on the way.
+    pub(super) fn declare(
+        &self,
+        source: &ExperimentSource,
+        experiment: &ResolvedExperiment,
+    ) -> Result<OutputSet, CliError> {
+        let mut outputs = match self.shard {
+            Some(_) => Outputs::new(),
+            None => self.output.outputs(image_bytes(&experiment.study, self.output.components)),
+        };
+        match &self.film {
+            // What is in it already is judged where it is read.
+            Some(folder) if folder.is_dir() => {}
+            Some(film) => {
+                let bytes = film_file_bytes(&experiment.study);
+                outputs = outputs.and(Output::continued("--film", film).of_bytes(bytes));
+            }
+            None => {}
+        }
+        Ok(outputs.reading(&source.files(&experiment.record)).declare()?)
+    }
+
     fn check(&self) -> Result<(), CliError> {
         if self.shard.is_none() {
             self.output.check()?;
         }
-        if let Some(path) = &self.film {
-            check_parent(path)?;
-            if path.exists() && !self.resume {
-                return Err(CliError::Input(format!(
-                    "--film {}: this file is there already; add --resume to go on with it, or name another",
-                    path.display()
-                )));
-            }
+        if let Some(path) = &self.film
+            && path.exists()
+            && !self.resume
+        {
+            return Err(CliError::Input(format!(
+                "--film {}: this file is there already; add --resume to go on with it, or name another",
+                path.display()
+            )));
         }
         values::check_range("--checkpoint-s", self.checkpoint_s, [0.1, 1e6], "seconds")
     }
@@ -123,6 +146,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         study,
         "or leave --shard out: without it, large images are rendered in bands of rows",
     )?;
+    let set = options.declare(&source, &experiment)?;
     messages.status(format!(
         "Memory: {} for the film, and the scene; limit {}",
         memory_text(needed),
@@ -170,6 +194,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let image = film.into_image();
     provenance.samples_per_pixel = image.samples_per_pixel;
     options.output.write(&image, &provenance)?;
+    set.finish()?;
     if options.talk.json {
         let mut answer = options.output.describe(&image);
         answer["experiment_sha256"] = experiment.record.sha256.clone().into();

@@ -54,6 +54,7 @@ pub(super) fn render(
     let planes = if options.output.components { BandPlanes::Components } else { BandPlanes::Sum };
     let images = planes.count(&layout);
     let [film, most] = memory_texts(needed, limit);
+    let set = options.declare(source, experiment)?;
     messages.status(format!(
         "Memory: the film takes {film}, {} of {most}{}: {} bands of up to {} rows, one after the other; {} of \
          finished rows wait beside {}",
@@ -106,6 +107,7 @@ pub(super) fn render(
     let labels = finished.into_labels(layout, features);
     provenance.samples_per_pixel = labels.samples_per_pixel;
     options.output.write_spooled(&spool, &labels, &provenance)?;
+    set.finish()?;
     if options.talk.json {
         let mut answer = options.output.describe_with(&labels, &mean);
         answer["experiment_sha256"] = experiment.record.sha256.clone().into();

@@ -7,10 +7,11 @@ use std::time::Instant;
 use fluorspar::image::ComponentImage;
 use fluorspar::pipeline::{AnalyzedFrame, evaluate};
 use fluorspar_experiment::{ResolvedExperiment, Warning};
+use fluorspar_format::OutputFolder;
 use fluorspar_report::{RunResults, write_run_components, write_run_folder};
 
-use super::out_folder;
 use crate::args::{ExperimentArgs, OutOption, Talk};
+use crate::budget::run_bytes;
 use crate::error::{CliError, STOPPED};
 use crate::experiment_source::{ExperimentSource, read_text};
 use crate::interrupt::interrupted;
@@ -44,7 +45,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         .clone()
         .or_else(|| experiment.record.output_folder.clone())
         .unwrap_or_else(|| PathBuf::from("fluorspar-out").join(&source.stem));
-    let folder = out_folder::OutFolder::prepare(&target, &source.files(&experiment.record))?;
+    let folder = OutputFolder::prepare(&target, &source.files(&experiment.record), run_bytes(study))?;
 
     let camera = &study.scene.camera;
     messages.status(format!(
@@ -70,10 +71,12 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     components.round_to_24_bits();
 
     // What took the time is safe before anything else is tried.
-    write_run_components(folder.path(), &experiment, &source.text, &components)?;
+    write_run_components(folder.path(), &experiment, &source.text, &components)
+        .map_err(|error| CliError::from(error).at_its_place(&folder))?;
     let analyzed = match evaluate_and_write(&experiment, &source.text, &components, folder.path()) {
         Ok(analyzed) => analyzed,
         Err(error) => {
+            let error = error.at_its_place(&folder);
             let kept = folder.keep()?;
             return Err(CliError::AfterRender { error: Box::new(error), image: kept.join("components.exr") });
         }

@@ -10,11 +10,11 @@ use fluorspar::sensor::Spectroradiometer;
 use fluorspar::spectral::{Curve, Radiance, Spectrum};
 use fluorspar::units::number_text;
 use fluorspar_experiment::{ResolvedSample, parse, resolve};
-use fluorspar_format::{read_component_exr, write_atomically};
+use fluorspar_format::{Output, Outputs, WRITTEN_BY, read_component_exr, write_atomically};
 use fluorspar_report::figures::{PlotCurve, spectral_readings};
 
+use super::quoted;
 use super::table::{align, short};
-use super::{check_file, quoted};
 use crate::args::Talk;
 use crate::error::CliError;
 use crate::experiment_source::ExperimentSource;
@@ -122,17 +122,17 @@ impl Options {
     }
 }
 
-enum Output {
+enum Form {
     Csv,
     Svg,
     Png,
 }
 
-fn output(path: &Path) -> Result<Output, CliError> {
+fn form(path: &Path) -> Result<Form, CliError> {
     match path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase).as_deref() {
-        Some("csv") => Ok(Output::Csv),
-        Some("svg") => Ok(Output::Svg),
-        Some("png") => Ok(Output::Png),
+        Some("csv") => Ok(Form::Csv),
+        Some("svg") => Ok(Form::Svg),
+        Some("png") => Ok(Form::Png),
         _ => {
             Err(CliError::Input(format!("--out {}: the name must end in .csv, .svg or .png", path.display())))
         }
@@ -142,8 +142,11 @@ fn output(path: &Path) -> Result<Output, CliError> {
 pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let target = match &options.out {
         Some(path) => {
-            check_file(path)?;
-            Some((path, output(path)?))
+            let kind = form(path)?;
+            let inputs: Vec<PathBuf> =
+                options.input.iter().chain(&options.filter).map(PathBuf::from).collect();
+            let set = Outputs::new().and(Output::file("--out", path)).reading(&inputs).declare()?;
+            Some((path, kind, set))
         }
         None => None,
     };
@@ -155,13 +158,14 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         Some(image) if is_image => of_image(options, Path::new(image))?,
         sample => of_sample(options, sample.as_deref())?,
     };
-    if let Some((path, kind)) = target {
+    if let Some((path, kind, set)) = target {
         let bytes = match kind {
-            Output::Csv => csv(&readings).into_bytes(),
-            Output::Svg => plot(&readings).to_svg().into_bytes(),
-            Output::Png => plot(&readings).to_png()?,
+            Form::Csv => csv(&readings).into_bytes(),
+            Form::Svg => plot(&readings).to_svg().into_bytes(),
+            Form::Png => plot(&readings).to_png()?,
         };
         write_atomically(path, |file| file.write_all(&bytes))?;
+        set.finish()?;
         options.talk.messages().status(format!("Wrote {}", path.display()));
     }
     if options.talk.json {
@@ -279,9 +283,9 @@ fn of_sample(options: &Options, name: Option<&str>) -> Result<Vec<Spectroradiome
 }
 
 fn csv(readings: &[SpectroradiometerReading]) -> String {
-    let mut text = String::from(
-        "# radiance in W/(sr m2 nm); expected: behind filter and slit; reading: with stray light and noise\n\
-         instrument,capture,wavelength_nm,expected,reading,standard_deviation\n",
+    let mut text = format!(
+        "# {WRITTEN_BY}; radiance in W/(sr m2 nm); expected: behind filter and slit; reading: with stray light and noise\n\
+         instrument,capture,wavelength_nm,expected,reading,standard_deviation\n"
     );
     for r in readings {
         let rows = r.reading.wavelength_nm.iter().zip(&r.reading.expected).zip(&r.reading.reading);

@@ -11,6 +11,7 @@ mod messages;
 mod mouths;
 mod old_calls;
 mod out_folder;
+mod outputs;
 mod predict;
 mod sensor;
 mod stages;

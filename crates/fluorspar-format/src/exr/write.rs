@@ -18,7 +18,8 @@ use super::{
     COMPONENT, DENOISED, EDGES, FEATURES, LAYOUT_VERSION, MATERIALS, PARTS, PREVIEW, PROVENANCE, QUANTITY,
     SAMPLES, SCALE, STATISTIC, STORAGE_ERROR, StatisticLabel, StatisticPlane, UNITS, VIEW, layout_unit,
 };
-use crate::file::{MAX_IMAGE_BYTES, check_image_size, write_atomically};
+use crate::file::{MAX_IMAGE_BYTES, check_image_size};
+use crate::output::write_atomically;
 use crate::{FormatError, Provenance, SpooledImage};
 use fluorspar::image::{ComponentImage, FeatureMaps, SpectralImage};
 use fluorspar::spectral::{Quantity, Radiance, WavelengthGrid};

@@ -43,6 +43,7 @@ impl Raster {
             png::Encoder::new(&mut file, u32::try_from(self.width).ok()?, u32::try_from(self.height).ok()?);
         encoder.set_color(png::ColorType::Rgb);
         encoder.set_depth(png::BitDepth::Eight);
+        encoder.add_text_chunk("Software".into(), "fluorspar".into()).ok()?;
         let mut writer = encoder.write_header().ok()?;
         writer.write_image_data(self.pixels.as_flattened()).ok()?;
         writer.finish().ok()?;

@@ -4,6 +4,7 @@ use std::fmt::Write;
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
+use fluorspar_format::WRITTEN_BY;
 
 use super::Ink;
 use super::drawing::{Anchor, Drawing, Frame, Mark};
@@ -16,7 +17,7 @@ pub(super) fn write(drawing: &Drawing, title: &str, explanation: &str) -> String
     let (width, height) = (number(drawing.width), number(drawing.height));
     let mut svg = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" viewBox=\"0 0 {width} {height}\" \
-         role=\"img\" font-family=\"DejaVu Sans, Verdana, Helvetica, Arial, sans-serif\">\n<title>{}</title>\n",
+         role=\"img\" font-family=\"DejaVu Sans, Verdana, Helvetica, Arial, sans-serif\">\n<!-- {WRITTEN_BY} -->\n<title>{}</title>\n",
         escape(title)
     );
     if !explanation.is_empty() {

@@ -5,11 +5,11 @@ use std::path::{Component, Path, PathBuf};
 
 use clap::ValueHint;
 use fluorspar_experiment::schema::{FilePath, FluorophoreSection};
-use fluorspar_format::write_atomically;
+use fluorspar_format::{Output, OutputSet, Outputs, write_atomically};
 
 use super::loading::{checked, everywhere_nm, from_file, peaks_nm, section_toml};
 use super::{FileOptions, StokesChoice};
-use crate::commands::{check_file, print_text};
+use crate::commands::print_text;
 use crate::error::CliError;
 use crate::message::Messages;
 
@@ -32,9 +32,7 @@ pub(super) struct Options {
 
 pub(super) fn run(options: &Options) -> Result<(), CliError> {
     let to_stdout = options.out.as_os_str() == "-";
-    if !to_stdout {
-        check_out(&options.out)?;
-    }
+    let set = if to_stdout { None } else { Some(declare(&options.out, &options.input)?) };
     let (mut section, measured) = from_file(&options.input, options.name.as_deref(), &options.file)?;
     let fluorophore = checked(&options.input, &section)?;
 
@@ -66,15 +64,14 @@ pub(super) fn run(options: &Options) -> Result<(), CliError> {
             "its scale"
         ));
     }
-    if to_stdout {
-        return print_text(&text);
-    }
+    let Some(set) = set else { return print_text(&text) };
     write_atomically(&options.out, |file| file.write_all(text.as_bytes()))?;
+    set.finish()?;
     messages.status(format!("Wrote fluorophore \"{}\" to {}", section.name, options.out.display()));
     Ok(())
 }
 
-fn check_out(out: &Path) -> Result<(), CliError> {
+fn declare(out: &Path, input: &Path) -> Result<OutputSet, CliError> {
     let shown = out.display();
     if !out.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml")) {
         return Err(CliError::Input(format!(
@@ -86,7 +83,7 @@ fn check_out(out: &Path) -> Result<(), CliError> {
             "--out {shown}: this exists already and is kept; choose another name, or append with --out - >> {shown}"
         )));
     }
-    check_file(out)
+    Ok(Outputs::new().and(Output::file("--out", out)).reading(&[input.to_path_buf()]).declare()?)
 }
 
 /// Makes the paths of a section relative to the folder of the file that it will be in.

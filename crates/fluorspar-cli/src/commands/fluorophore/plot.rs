@@ -7,13 +7,15 @@ use std::path::{Path, PathBuf};
 use clap::ValueHint;
 use fluorspar::spectral::{Curve, Fluorophore};
 use fluorspar_experiment::preset;
-use fluorspar_format::{CsvColumns, CsvSpectrumOptions, read_spectrum_csv, write_atomically};
+use fluorspar_format::{
+    CsvColumns, CsvSpectrumOptions, Output, Outputs, read_spectrum_csv, write_atomically,
+};
 use fluorspar_report::Figure;
 use fluorspar_report::figures::{EemMap, PlotCurve, eem_maps, emission};
 
 use super::FileOptions;
 use super::loading::load;
-use crate::commands::{FigureFormat, beside, check_file};
+use crate::commands::{FigureFormat, beside};
 use crate::error::CliError;
 use crate::message::Messages;
 
@@ -40,7 +42,13 @@ pub(super) struct Options {
 
 pub(super) fn run(options: &Options) -> Result<(), CliError> {
     let format = FigureFormat::of(&options.out)?;
-    check_file(&options.out)?;
+    let emission_file = beside(&options.out, "_emission");
+    let mut outputs = Outputs::new().and(Output::file("--out", &options.out));
+    if options.light.is_some() {
+        outputs = outputs.and(Output::file("--out", &emission_file));
+    }
+    let inputs: Vec<PathBuf> = options.names.iter().chain(&options.light).map(PathBuf::from).collect();
+    let set = outputs.reading(&inputs).declare()?;
     let fluorophores = options
         .names
         .iter()
@@ -50,11 +58,14 @@ pub(super) fn run(options: &Options) -> Result<(), CliError> {
 
     let mut figures = vec![(options.out.clone(), eem_figure(&fluorophores, light.as_ref()))];
     if let (Some(curve), Some(name)) = (&light, &options.light) {
-        figures.push((beside(&options.out, "_emission"), emission_figure(&fluorophores, curve, name)));
+        figures.push((emission_file, emission_figure(&fluorophores, curve, name)));
     }
     for (path, figure) in &figures {
         let bytes = format.bytes(figure)?;
         write_atomically(path, |file| file.write_all(&bytes))?;
+    }
+    set.finish()?;
+    for (path, _) in &figures {
         Messages::default().status(format!("Wrote {}", path.display()));
     }
     Ok(())

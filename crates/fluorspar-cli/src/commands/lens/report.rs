@@ -7,11 +7,11 @@ use clap::ValueHint;
 use fluorspar::optics::{LensReport, LensReportSettings, LensSetting, LensState};
 use fluorspar::units::number_text;
 use fluorspar_experiment::preset::{LensError, LoadedLens, lens_or_file};
-use fluorspar_format::write_atomically;
+use fluorspar_format::{Output, Outputs, write_atomically};
 use fluorspar_report::figures::{lens_drawing, lens_field, lens_mtf, lens_spots};
 
 use crate::commands::table::{align, short};
-use crate::commands::{FigureFormat, beside, check_file, print_json, print_text};
+use crate::commands::{FigureFormat, beside, print_json, print_text};
 use crate::error::CliError;
 use crate::message::Messages;
 use crate::values::{self, check_range};
@@ -49,6 +49,9 @@ pub(super) struct Options {
     json: bool,
 }
 
+/// What the names of the figures end in, after that of the drawing.
+const FIGURES: [&str; 4] = ["", "_spots", "_mtf", "_field"];
+
 pub(super) fn run(options: &Options) -> Result<(), CliError> {
     if let Some(nm) = options.wavelength_nm {
         check_range("--wavelength-nm", nm, [200.0, 1200.0], "nm")?;
@@ -59,8 +62,11 @@ pub(super) fn run(options: &Options) -> Result<(), CliError> {
     check_range("--frequency", options.frequency, [0.1, 1e4], "cycles per mm")?;
     let figures = match &options.out {
         Some(out) => {
-            check_file(out)?;
-            Some((out, FigureFormat::of(out)?))
+            let format = FigureFormat::of(out)?;
+            let names = FIGURES.map(|suffix| beside(out, suffix));
+            let outputs = names.iter().fold(Outputs::new(), |all, name| all.and(Output::file("--out", name)));
+            let set = outputs.reading(&[PathBuf::from(&options.lens)]).declare()?;
+            Some((names, format, set))
         }
         None => None,
     };
@@ -91,18 +97,14 @@ pub(super) fn run(options: &Options) -> Result<(), CliError> {
         frequency_per_mm: options.frequency,
     };
     let report = LensReport::new(&state, &settings);
-    if let Some((out, format)) = figures {
-        let all = [
-            (out.clone(), lens_drawing(&report)),
-            (beside(out, "_spots"), lens_spots(&report)),
-            (beside(out, "_mtf"), lens_mtf(&report)),
-            (beside(out, "_field"), lens_field(&report)),
-        ];
-        for (path, figure) in &all {
+    if let Some((names, format, set)) = figures {
+        let drawn = [lens_drawing(&report), lens_spots(&report), lens_mtf(&report), lens_field(&report)];
+        for (path, figure) in names.iter().zip(&drawn) {
             let bytes = format.bytes(figure)?;
             write_atomically(path, |file| file.write_all(&bytes))?;
-            Messages::default().status(format!("Wrote {}", path.display()));
         }
+        set.finish()?;
+        names.iter().for_each(|path| Messages::default().status(format!("Wrote {}", path.display())));
     }
     if options.json { print_json(&report) } else { print_text(&describe(&loaded, &report)) }
 }

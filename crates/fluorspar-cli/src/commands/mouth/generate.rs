@@ -7,7 +7,9 @@ use std::process::ExitCode;
 use clap::ValueHint;
 use fluorspar::spectral::{Reflectance, StandardObserver, linear_srgb};
 use fluorspar_anatomy::{Mouth, MouthParameters, generate_mouth};
-use fluorspar_format::{NamedMesh, write_gltf, write_obj, write_pbrt, write_ply};
+use fluorspar_format::{
+    NamedMesh, Output, OutputFolder, OutputSet, Outputs, write_gltf, write_obj, write_pbrt, write_ply,
+};
 use serde_json::json;
 
 use super::person::PersonArgs;
@@ -36,6 +38,7 @@ pub(crate) struct Options {
     json: bool,
 }
 
+#[derive(Clone, Copy)]
 enum OutputKind {
     Glb,
     Obj,
@@ -56,12 +59,59 @@ fn target(path: &Path) -> Result<OutputKind, CliError> {
     }
 }
 
+/// Files and folders that appear when all are complete.
+struct Files<'a> {
+    files: Vec<(&'a Path, OutputKind)>,
+    folders: Vec<OutputFolder>,
+    set: OutputSet,
+}
+
+impl<'a> Files<'a> {
+    fn declare(paths: &'a [PathBuf], kinds: &[OutputKind]) -> Result<Self, CliError> {
+        let mut outputs = Outputs::new();
+        for (path, kind) in paths.iter().zip(kinds) {
+            outputs = outputs.and(match kind {
+                OutputKind::PlyFolder => Output::folder("--out", path),
+                _ => Output::file("--out", path),
+            });
+        }
+        let set = outputs.declare()?;
+        let (mut files, mut folders) = (Vec::new(), Vec::new());
+        for (path, kind) in paths.iter().zip(kinds) {
+            match kind {
+                OutputKind::PlyFolder => folders.push(OutputFolder::prepare(path, &[], 0)?),
+                kind => files.push((path.as_path(), *kind)),
+            }
+        }
+        Ok(Self { files, folders, set })
+    }
+
+    fn write(self, meshes: &[NamedMesh<'_>]) -> Result<(), CliError> {
+        for (path, kind) in &self.files {
+            match kind {
+                OutputKind::Glb => write_gltf(path, meshes)?,
+                OutputKind::Obj => write_obj(path, meshes)?,
+                OutputKind::Pbrt => write_pbrt(path, meshes)?,
+                OutputKind::PlyFolder => {}
+            }
+        }
+        for folder in &self.folders {
+            for part in meshes {
+                write_ply(&folder.path().join(format!("{}.ply", part.name)), part.mesh)
+                    .map_err(|error| folder.at_its_place(error))?;
+            }
+        }
+        for folder in self.folders {
+            folder.finish()?;
+        }
+        Ok(self.set.finish()?)
+    }
+}
+
 pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let targets: Vec<OutputKind> = options.out.iter().map(|path| target(path)).collect::<Result<_, _>>()?;
-    for path in &options.out {
-        crate::commands::check_parent(path)?;
-    }
     let parameters = options.person.parameters(options.pose.as_deref())?;
+    let files = Files::declare(&options.out, &targets)?;
     let mouth = generate_mouth(&parameters).map_err(|error| CliError::Input(format!("mouth: {error}")))?;
     let names: Vec<String> = mouth.parts.iter().map(|part| part.tissue.name().to_owned()).collect();
     let colors = if options.out.is_empty() { BTreeMap::new() } else { tissue_colors()? };
@@ -76,19 +126,8 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
             mesh: &part.mesh,
         })
         .collect();
+    files.write(&meshes)?;
     for (path, target) in options.out.iter().zip(&targets) {
-        match target {
-            OutputKind::Glb => write_gltf(path, &meshes)?,
-            OutputKind::Obj => write_obj(path, &meshes)?,
-            OutputKind::Pbrt => write_pbrt(path, &meshes)?,
-            OutputKind::PlyFolder => {
-                std::fs::create_dir_all(path)
-                    .map_err(|error| CliError::Failed(format!("can't make {}: {error}", path.display())))?;
-                for part in &meshes {
-                    write_ply(&path.join(format!("{}.ply", part.name)), part.mesh)?;
-                }
-            }
-        }
         Messages::unless(options.quiet).status(match target {
             OutputKind::PlyFolder => format!("Wrote {} .ply files to {}", meshes.len(), path.display()),
             OutputKind::Obj => {

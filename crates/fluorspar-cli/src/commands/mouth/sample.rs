@@ -1,12 +1,12 @@
 //! `fluorspar mouth sample`: a cohort.
 
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::ValueHint;
 use fluorspar_anatomy::{MouthParameters, sample_person};
-use fluorspar_format::write_atomically;
+use fluorspar_format::{OutputFolder, write_atomically};
 
 use super::person::parse_person;
 use crate::error::CliError;
@@ -48,17 +48,25 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
             options.out.display()
         )));
     }
-    crate::commands::check_parent(&options.out)?;
     // A base that can't be used is found before anything is written.
     crate::experiment_source::ExperimentSource::find(Some(&options.base))?;
     let people: Vec<MouthParameters> = (options.seed..=last).map(sample_person).collect();
-    std::fs::create_dir(&options.out)
-        .map_err(|error| CliError::Failed(format!("can't make {}: {error}", options.out.display())))?;
-    for person in &people {
+    let folder = OutputFolder::prepare(&options.out, &[], PERSON_BYTES * u64::from(options.count))?;
+    write_people(options, &people, folder.path()).map_err(|error| error.at_its_place(&folder))?;
+    folder.finish()?;
+    Messages::default().status(format!("Wrote {} people to {}", people.len(), options.out.display()));
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Room that a person takes, bytes: a file of a block or two, and a line of the table.
+const PERSON_BYTES: u64 = 8 << 10;
+
+/// Writes one experiment file for each person, and the table.
+fn write_people(options: &Options, people: &[MouthParameters], folder: &Path) -> Result<(), CliError> {
+    for person in people {
         let toml = toml::Value::try_from(person)
             .map_err(|error| CliError::Failed(format!("can't write the parameters: {error}")))?;
-        let path = options.out.join(format!("person_{:06}.toml", person.seed));
-        write_atomically(&path, |writer| {
+        write_atomically(&folder.join(format!("person_{:06}.toml", person.seed)), |writer| {
             writeln!(
                 writer,
                 "format = 1\nbase = {}\ntitle = \"Person {}\"\n\n[mouth]\n{}",
@@ -68,12 +76,12 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
             )
         })?;
     }
-    write_atomically(&options.out.join("people.csv"), |writer| {
+    write_atomically(&folder.join("people.csv"), |writer| {
         let fields = serde_json::to_value(MouthParameters::default())?;
         let names: Vec<&String> = fields.as_object().map(|f| f.keys().collect()).unwrap_or_default();
         let header: Vec<&str> = names.iter().map(|name| name.as_str()).collect();
         writeln!(writer, "person,{},bolton_ratio", header.join(","))?;
-        for person in &people {
+        for person in people {
             let values = serde_json::to_value(person)?;
             let cell = |name: &&String| match &values[name.as_str()] {
                 serde_json::Value::Array(list) => {
@@ -87,6 +95,5 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         }
         Ok(())
     })?;
-    Messages::default().status(format!("Wrote {} people to {}", people.len(), options.out.display()));
-    Ok(ExitCode::SUCCESS)
+    Ok(())
 }

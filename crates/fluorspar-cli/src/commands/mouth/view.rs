@@ -7,7 +7,7 @@ use clap::ValueHint;
 use fluorspar::pipeline::light_group_preview;
 use fluorspar_anatomy::{EXAMINATION_VIEWS, ExaminationView, POSES};
 use fluorspar_experiment::{parse, resolve};
-use fluorspar_format::write_rgb_png;
+use fluorspar_format::{Output, Outputs, write_rgb_png};
 use fluorspar_report::{ContactSheet, Raster};
 
 use super::person::{PersonArgs, find_view};
@@ -61,7 +61,6 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         crate::commands::print_text(&align(&rows, &[1]))?;
         return Ok(ExitCode::SUCCESS);
     }
-    crate::commands::check_parent(&options.out)?;
     if !options.out.extension().is_some_and(|e| e.eq_ignore_ascii_case("png")) {
         return Err(CliError::Input(format!("--out {}: the name must end in .png", options.out.display())));
     }
@@ -70,6 +69,8 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     } else {
         options.views.iter().map(|name| find_view(name)).collect::<Result<_, _>>()?
     };
+    let experiment = PathBuf::from(&options.experiment);
+    let set = Outputs::new().and(Output::file("--out", &options.out)).reading(&[experiment]).declare()?;
     // All poses are checked before the first image is made.
     for view in &views {
         options.person.parameters(Some(view.name))?;
@@ -83,6 +84,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     }
     let sheet = sheet.compose(&pictures).map_err(|error| CliError::Failed(error.to_string()))?;
     write_rgb_png(&options.out, sheet.width, sheet.height, sheet.pixels.as_flattened())?;
+    set.finish()?;
     messages.status(format!("Wrote {}", options.out.display()));
     Ok(ExitCode::SUCCESS)
 }

@@ -1,19 +1,19 @@
 //! `fluorspar sensor characterize`: a sensor measured as EMVA 1288 measures cameras.
 
-use std::fs;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use clap::{ValueEnum, ValueHint};
 use fluorspar::sensor::{Characterization, CharacterizationSettings, SensorProblem, characterize};
 use fluorspar::units::number_text;
 use fluorspar_experiment::{ResolvedSensor, Warning};
+use fluorspar_format::{OutputFolder, write_atomically};
 use fluorspar_report::Figure;
 use fluorspar_report::figures::{PhotonTransferPlot, SnrPlot, photon_transfer, signal_to_noise};
 use serde_json::{Value, json};
 
 use super::SensorArgs;
 use crate::args::Talk;
-use crate::commands::out_folder::OutFolder;
 use crate::commands::table::{align, short};
 use crate::commands::{print_json, print_text};
 use crate::error::CliError;
@@ -99,13 +99,15 @@ pub(super) fn run(options: &Options) -> Result<(), CliError> {
         .out
         .clone()
         .unwrap_or_else(|| Path::new("fluorspar-out").join(format!("{}-emva1288", options.sensor.stem())));
-    let folder = OutFolder::prepare(&target, &options.sensor.files(&resolved))?;
+    /// Two tables and two figures of a few hundred points.
+    const FOLDER_BYTES: u64 = 4 << 20;
+    let folder = OutputFolder::prepare(&target, &options.sensor.files(&resolved), FOLDER_BYTES)?;
     let measured = characterize(&resolved.sensor, &settings)
         .map_err(|problem| CliError::Input(options.typed(&problem)))?;
     let results = as_json(&resolved, &measured)?;
     let write = |name: &str, bytes: &[u8]| {
-        let path = folder.path().join(name);
-        fs::write(&path, bytes).map_err(|error| CliError::Failed(format!("{}: {error}", path.display())))
+        write_atomically(&folder.path().join(name), |file| file.write_all(bytes))
+            .map_err(|error| folder.at_its_place(error))
     };
     write("results.json", serde_json::to_string_pretty(&results)?.as_bytes())?;
     write("sensor.toml", resolved.resolved_toml.as_bytes())?;

@@ -6,13 +6,15 @@
 use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::io::{self, Write};
-use std::path::{Component, Path, PathBuf};
+use std::path::{Path, PathBuf};
 
-use fluorspar_format::{digest_bounded, read_text_bounded, write_atomically};
 use serde::{Deserialize, Serialize};
 
-use crate::error::CliError;
-use crate::interrupt::set_unfinished;
+use super::disk::{check_room, exchange, sync, sync_folder};
+use super::file::{lock_unfinished, write_atomically};
+use super::paths::without_links;
+use crate::FormatError;
+use crate::input::{digest_bounded, read_text_bounded};
 
 /// File that lists what this program wrote into a folder.
 const LIST: &str = "fluorspar-folder.json";
@@ -42,7 +44,8 @@ struct FileMark {
 
 /// Writes a folder beside its final place and moves it there when it is complete. Earlier results in the same
 /// place are replaced; any other folder that is not empty is refused.
-pub(crate) struct OutFolder {
+#[derive(Debug)]
+pub struct OutputFolder {
     /// The place as the user named it.
     shown: PathBuf,
     /// The same, absolute, without links and `..`.
@@ -55,13 +58,14 @@ pub(crate) struct OutFolder {
     done: bool,
 }
 
-impl OutFolder {
+impl OutputFolder {
     /// Checks the place and prepares the partial folder. `inputs` are files that the command reads: a folder that
-    /// holds one of them, or the folder of work, is refused.
-    pub(crate) fn prepare(shown: &Path, inputs: &[PathBuf]) -> Result<Self, CliError> {
-        let refuse = |why: String| {
-            Err(CliError::Input(format!("{}: {why}; choose another with --out", shown.display())))
-        };
+    /// holds one of them, or the folder of work, is refused. `bytes` is the room that the results take at most.
+    ///
+    /// # Errors
+    /// A place that holds what this program did not write, that is read, or that can't be written; a disk without room.
+    pub fn prepare(shown: &Path, inputs: &[PathBuf], bytes: u64) -> Result<Self, FormatError> {
+        let refuse = |why: String| Err(FormatError::refused(shown, why, "choose another with", "--out"));
         let target = match without_links(shown) {
             Ok(target) => target,
             Err(error) => return refuse(format!("cannot access this path ({error})")),
@@ -92,82 +96,100 @@ impl OutFolder {
             // What can't be removed is in no one's way.
             let _ = fs::remove_dir_all(left);
         }
+        check_room(shown, bytes)?;
         let around: Vec<PathBuf> =
             parent.ancestors().take_while(|folder| !folder.exists()).map(Path::to_path_buf).collect();
         loop {
             let partial = beside(parent, &name, PARTIAL);
-            fs::create_dir_all(&partial).map_err(|error| {
-                CliError::Input(format!(
-                    "{}: can't make this folder: {error}. Choose another with --out",
-                    shown.display()
-                ))
-            })?;
-            set_unfinished(Some(&partial), &around);
+            // Known before it is there: a signal may come in between.
+            lock_unfinished().folders.push((partial.clone(), around.clone()));
+            if let Err(error) = fs::create_dir_all(&partial) {
+                forget(&partial);
+                remove_around(&around);
+                return Err(FormatError::io(shown, "make this folder or write to", error));
+            }
             let lock = File::open(&partial).and_then(|folder| folder.lock().map(|()| folder)).ok();
             // Another process may have taken it for left over before the lock was there.
             if partial.is_dir() {
                 return Ok(Self { shown: shown.to_path_buf(), target, partial, lock, around, done: false });
             }
+            forget(&partial);
         }
     }
 
     /// Where to write.
-    pub(crate) fn path(&self) -> &Path {
+    pub fn path(&self) -> &Path {
         &self.partial
     }
 
-    /// Moves the complete folder to its place.
-    pub(crate) fn finish(mut self) -> Result<PathBuf, CliError> {
-        let failed = |error: io::Error| {
-            CliError::Failed(format!("{}: can't put the results here: {error}", self.shown.display()))
-        };
-        write_list(&self.partial).map_err(failed)?;
+    /// An error of writing to [`Self::path`], about the place that the user named.
+    #[must_use]
+    pub fn at_its_place(&self, error: FormatError) -> FormatError {
+        error.moved(&self.partial, &self.shown)
+    }
+
+    /// Where a file or folder below [`Self::path`] will be, as the user names it.
+    pub fn place_of(&self, path: &Path) -> PathBuf {
+        path.strip_prefix(&self.partial).map_or_else(|_| path.to_path_buf(), |below| self.shown.join(below))
+    }
+
+    /// Moves the complete folder to its place, once it is on the disk, and returns the place as the user named it.
+    ///
+    /// # Errors
+    /// What the system reports. If someone else has written there in the meantime, the results are kept under another name.
+    pub fn finish(mut self) -> Result<PathBuf, FormatError> {
+        let shown = self.shown.clone();
+        let failed = |error: io::Error| FormatError::io(&shown, "put the results at", error);
+        self.complete().map_err(|error| self.at_its_place(error))?;
         if !self.target.exists() {
-            fs::rename(&self.partial, &self.target).map_err(failed)?;
-            self.put();
-            return Ok(self.shown.clone());
+            self.put_at(&self.target.clone()).map_err(failed)?;
+            return Ok(shown);
         }
         if let Some(foreign) = foreign_file(&self.target) {
             // Someone wrote there while the work was going on.
-            let shown = self.shown.clone();
             let kept = self.keep()?;
-            return Err(CliError::Failed(format!(
-                "{}: {foreign}; the results are in {}",
-                shown.display(),
-                kept.display()
-            )));
+            return Err(FormatError::Failed {
+                path: shown,
+                what: format!("{foreign}; the results are in {}", kept.display()),
+            });
         }
         let (parent, name) = self.parent_and_name();
         let old = beside(&parent, &name, REPLACED);
-        fs::rename(&self.target, &old).map_err(failed)?;
-        if let Err(error) = fs::rename(&self.partial, &self.target) {
-            // The old results belong where they were; if even that fails, the message names the first failure.
-            let _ = fs::rename(&old, &self.target);
-            return Err(failed(error));
+        if exchange(&self.partial, &self.target).is_ok() {
+            fs::rename(&self.partial, &old).map_err(failed)?;
+            self.done(&parent).map_err(failed)?;
+        } else {
+            fs::rename(&self.target, &old).map_err(failed)?;
+            if let Err(error) = self.put_at(&self.target.clone()) {
+                // The old results belong where they were; if even that fails, the message names the first failure.
+                let _ = fs::rename(&old, &self.target);
+                return Err(failed(error));
+            }
         }
-        self.put();
         for left in left_over(&parent, &name, REPLACED) {
             if left != old {
                 // Results that were replaced by a process that was killed then; they may hold what is not ours.
                 let _ = remove_listed(&left);
             }
         }
-        if let Err(error) = remove_listed(&old) {
-            return Err(CliError::Failed(format!(
-                "{}: the results are here, but the earlier ones can't be removed and are now {}: {error}",
-                self.shown.display(),
+        remove_listed(&old).map_err(|error| FormatError::Failed {
+            path: shown.clone(),
+            what: format!(
+                "the results are here, but the earlier ones can't be removed and are now {}: {error}",
                 old.display()
-            )));
-        }
-        Ok(self.shown.clone())
+            ),
+        })?;
+        Ok(shown)
     }
 
-    /// Keeps an unfinished folder: in its place if that is free, otherwise beside it under a name of its own.
-    pub(crate) fn keep(mut self) -> Result<PathBuf, CliError> {
-        let failed = |error: io::Error| {
-            CliError::Failed(format!("{}: can't keep what was made so far: {error}", self.shown.display()))
-        };
-        write_list(&self.partial).map_err(failed)?;
+    /// Keeps an unfinished folder: in its place if that is free, otherwise beside it under a name of its own, which is
+    /// returned.
+    ///
+    /// # Errors
+    /// What the system reports.
+    pub fn keep(mut self) -> Result<PathBuf, FormatError> {
+        let shown = self.shown.clone();
+        self.complete().map_err(|error| self.at_its_place(error))?;
         let (parent, name) = self.parent_and_name();
         let mut place = self.target.clone();
         let mut number = 1;
@@ -175,12 +197,25 @@ impl OutFolder {
             place = parent.join(format!("{name}-unfinished-{number}"));
             number += 1;
         }
-        fs::rename(&self.partial, &place).map_err(failed)?;
-        self.put();
+        self.put_at(&place)
+            .map_err(|error| FormatError::io(&shown, "keep what was made so far of", error))?;
         Ok(match (place == self.target, place.file_name()) {
-            (false, Some(name)) => self.shown.with_file_name(name),
-            _ => self.shown.clone(),
+            (false, Some(name)) => shown.with_file_name(name),
+            _ => shown,
         })
+    }
+
+    /// Writes the list, and waits until all files are on the disk.
+    fn complete(&self) -> Result<(), FormatError> {
+        write_list(&self.partial)?;
+        let failed = |error| FormatError::io(&self.partial, "write", error);
+        for name in files_below(&self.partial).map_err(failed)? {
+            let file = File::open(self.partial.join(name)).map_err(failed)?;
+            sync(&file).map_err(failed)?;
+        }
+        folders_below(&self.partial)
+            .and_then(|all| all.iter().try_for_each(|f| sync_folder(f)))
+            .map_err(failed)
     }
 
     fn parent_and_name(&self) -> (PathBuf, String) {
@@ -189,23 +224,50 @@ impl OutFolder {
         (self.target.parent().map_or_else(|| self.target.clone(), Path::to_path_buf), name)
     }
 
-    fn put(&mut self) {
+    fn put_at(&mut self, place: &Path) -> io::Result<()> {
+        fs::rename(&self.partial, place)?;
+        let (parent, _) = self.parent_and_name();
+        self.done(&parent)
+    }
+
+    /// From here on nothing is removed; waits until the new name is on the disk.
+    fn done(&mut self, parent: &Path) -> io::Result<()> {
         self.done = true;
         self.lock = None;
-        set_unfinished(None, &[]);
+        forget(&self.partial);
+        sync_folder(parent)
     }
 }
 
-impl Drop for OutFolder {
+impl Drop for OutputFolder {
     fn drop(&mut self) {
         if !self.done {
             // A folder that can't be removed is left; there is nobody to tell.
             let _ = fs::remove_dir_all(&self.partial);
-            for folder in &self.around {
-                // Others may have put something there.
-                let _ = fs::remove_dir(folder);
-            }
-            set_unfinished(None, &[]);
+            remove_around(&self.around);
+            forget(&self.partial);
+        }
+    }
+}
+
+/// Takes a folder off those in work.
+fn forget(partial: &Path) {
+    lock_unfinished().folders.retain(|(folder, _)| folder != partial);
+}
+
+fn remove_around(around: &[PathBuf]) {
+    for folder in around {
+        // Others may have put something there.
+        let _ = fs::remove_dir(folder);
+    }
+}
+
+/// Removes a folder into which another thread may still write: what comes in between is removed with it.
+pub(super) fn remove_whole(path: &Path) {
+    for _ in 0..100 {
+        // Nothing more can be done about a folder that won't go away.
+        if fs::remove_dir_all(path).is_ok() || !path.exists() {
+            return;
         }
     }
 }
@@ -246,26 +308,6 @@ fn beside(parent: &Path, name: &str, what: &str) -> PathBuf {
     path
 }
 
-/// An absolute path without links, `.` and `..`; its end need not exist.
-fn without_links(path: &Path) -> io::Result<PathBuf> {
-    let mut real = PathBuf::new();
-    for component in std::path::absolute(path)?.components() {
-        match component {
-            Component::ParentDir => {
-                real.pop();
-            }
-            Component::CurDir => {}
-            other => real.push(other),
-        }
-        match real.canonicalize() {
-            Ok(canonical) => real = canonical,
-            Err(error) if error.kind() == io::ErrorKind::NotFound => {}
-            Err(error) => return Err(error),
-        }
-    }
-    Ok(real)
-}
-
 /// Why a folder can't be replaced: something in it was not written by this program. `None` for one that does not exist
 /// or is empty.
 fn foreign_file(folder: &Path) -> Option<String> {
@@ -299,17 +341,17 @@ fn read_list(folder: &Path) -> Option<FolderList> {
     (list.schema == SCHEMA).then_some(list)
 }
 
-fn write_list(folder: &Path) -> io::Result<()> {
-    let mut files = BTreeMap::new();
-    for name in files_below(folder)? {
-        if name != LIST {
-            let mark = mark(&folder.join(&name))?;
-            files.insert(name, mark);
-        }
-    }
+fn write_list(folder: &Path) -> Result<(), FormatError> {
+    let marks = || -> io::Result<BTreeMap<String, FileMark>> {
+        let names = files_below(folder)?.into_iter().filter(|name| name != LIST);
+        names.map(|name| mark(&folder.join(&name)).map(|mark| (name, mark))).collect()
+    };
+    let files = marks().map_err(|error| FormatError::io(folder, "write", error))?;
     let list = FolderList { schema: SCHEMA.into(), version: env!("CARGO_PKG_VERSION").into(), files };
-    let text = serde_json::to_string_pretty(&list)? + "\n";
-    write_atomically(&folder.join(LIST), |file| file.write_all(text.as_bytes())).map_err(io::Error::other)
+    write_atomically(&folder.join(LIST), |file| {
+        serde_json::to_writer_pretty(&mut *file, &list)?;
+        file.write_all(b"\n")
+    })
 }
 
 fn mark(path: &Path) -> io::Result<FileMark> {
@@ -335,6 +377,22 @@ fn files_below(folder: &Path) -> io::Result<Vec<String>> {
                 open.push((entry.path(), format!("{name}/")));
             } else {
                 found.push(name);
+            }
+        }
+    }
+    Ok(found)
+}
+
+/// A folder and all folders below it.
+fn folders_below(folder: &Path) -> io::Result<Vec<PathBuf>> {
+    let mut found = vec![folder.to_path_buf()];
+    let mut next = 0;
+    while let Some(folder) = found.get(next).cloned() {
+        next += 1;
+        for entry in fs::read_dir(&folder)? {
+            let entry = entry?;
+            if entry.file_type()?.is_dir() {
+                found.push(entry.path());
             }
         }
     }
