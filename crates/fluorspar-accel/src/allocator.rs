@@ -5,6 +5,7 @@
 use std::alloc::{GlobalAlloc, Layout, alloc, dealloc};
 use std::cell::Cell;
 use std::ffi::c_long;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use libmimalloc_sys::{mi_option_set, mi_option_t};
 use mimalloc::MiMalloc;
@@ -82,25 +83,29 @@ fn refused(bytes: usize) {
     let _ = bytes;
 }
 
+/// Lets the calling thread say why the process ends. Of several threads that fail together the first does; the others wait here
+/// for the end. To be called before the last message of a program, which ends then.
+pub fn have_the_last_word() {
+    static SAID: AtomicBool = AtomicBool::new(false);
+    if SAID.swap(true, Ordering::SeqCst) {
+        loop {
+            std::thread::yield_now();
+        }
+    }
+}
+
 /// Writes one line and ends the process, without a further request for memory.
 #[cfg(unix)]
 fn end_without_memory(bytes: usize) -> ! {
     use std::ffi::{c_int, c_void};
     use std::io::Write;
-    use std::sync::atomic::{AtomicBool, Ordering};
 
     unsafe extern "C" {
         fn write(file: c_int, bytes: *const c_void, count: usize) -> isize;
         fn _exit(code: c_int) -> !;
     }
     const STANDARD_ERROR: c_int = 2;
-    static ENDS: AtomicBool = AtomicBool::new(false);
-    // Of several threads that fail together one speaks.
-    if ENDS.swap(true, Ordering::SeqCst) {
-        loop {
-            std::thread::yield_now();
-        }
-    }
+    have_the_last_word();
     let mut line = [0_u8; 256];
     let mut rest = &mut line[..];
     // What does not fit is left out; it does fit.
@@ -146,6 +151,9 @@ pub fn memory_is_available(bytes: u64) -> bool {
 /// `mi_option_purge_delay` of mimalloc.h: milliseconds that freed pages stay with the program.
 const PURGE_DELAY: mi_option_t = 15;
 
+/// `mi_option_arena_max_object_size` of mimalloc.h: KiB up to which memory comes from areas that are kept for later.
+const ARENA_MAX_OBJECT_SIZE: mi_option_t = 45;
+
 /// Gives freed pages back to the system as soon as they are free, instead of some time later: films and images are large,
 /// and follow each other. The default experiment peaks at 1.1 GiB instead of 1.4 GiB, in the same time.
 ///
@@ -153,9 +161,13 @@ const PURGE_DELAY: mi_option_t = 15;
 /// allocator.
 pub fn return_freed_memory_at_once() {
     const AT_ONCE: c_long = 0;
+    // Parts of a film that are larger go back while the image is made of the others: areas of a GiB were seen to keep them.
+    const LARGEST_KEPT_KIB: c_long = 16 << 10;
     // SAFETY: the option exists and takes any number. It is read as one aligned word, so an allocation that runs at the same
     // time sees the old delay or the new one.
     unsafe { mi_option_set(PURGE_DELAY, AT_ONCE) };
+    // SAFETY: as above.
+    unsafe { mi_option_set(ARENA_MAX_OBJECT_SIZE, LARGEST_KEPT_KIB) };
 }
 
 #[cfg(test)]
@@ -176,8 +188,10 @@ mod tests {
     fn freed_memory_is_returned_at_once() {
         // SAFETY: reading an option has no conditions.
         let delay = || unsafe { mi_option_get(PURGE_DELAY) };
-        assert!(delay() > 0);
+        // SAFETY: as above.
+        let largest = || unsafe { mi_option_get(ARENA_MAX_OBJECT_SIZE) };
+        assert!(delay() > 0 && largest() == 2 << 20);
         return_freed_memory_at_once();
-        assert_eq!(delay(), 0);
+        assert_eq!((delay(), largest()), (0, 16 << 10));
     }
 }

@@ -52,7 +52,7 @@ mod ray;
 mod triangle_bvh;
 mod wide_tree;
 
-pub use allocator::{Allocator, memory_is_available, return_freed_memory_at_once};
+pub use allocator::{Allocator, have_the_last_word, memory_is_available, return_freed_memory_at_once};
 pub use instance_bvh::{Instance, InstanceBvh, InstanceHit, is_invertible};
 pub use kernel::{Kernel, Lanes, Simd, Work, prefetch};
 pub use ray::{Hit, Ray};

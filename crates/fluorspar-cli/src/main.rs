@@ -16,7 +16,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::process::ExitCode;
 
 use clap::Parser;
-use fluorspar_accel::{Allocator, return_freed_memory_at_once};
+use fluorspar_accel::{Allocator, have_the_last_word, return_freed_memory_at_once};
 
 use crate::args::{Args, Command};
 use crate::error::{CliError, FAILED, WRONG_INPUT};
@@ -34,6 +34,7 @@ fn main() -> ExitCode {
     match catch_unwind(AssertUnwindSafe(|| run(args))) {
         Ok(Ok(code)) => code,
         Ok(Err(error)) => {
+            have_the_last_word();
             message::error(&error);
             error.exit_code()
         }
