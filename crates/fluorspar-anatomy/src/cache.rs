@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex};
 use sha2::{Digest, Sha256};
 
 use super::parameters::ParameterError;
-use super::{Mouth, MouthParameters, SurfaceMap, Tissue, bake_surface_map, generate_mouth};
+use super::{Mouth, MouthParameters, SurfaceMap, Tissue, bake_surface_map};
 
 type Key = [u8; 32];
 
@@ -39,23 +39,27 @@ impl<T> Recent<T> {
 static MOUTHS: Recent<Mouth> = Recent::new(2);
 static MAPS: Recent<BakedMap> = Recent::new(64);
 
-/// Digest of everything that a mouth depends on: equal digests, equal bits.
-fn mouth_digest(parameters: &MouthParameters) -> [u8; 32] {
+/// Everything that a mouth depends on, but for the program that makes it: equal texts, equal bits.
+fn mouth_key(parameters: &MouthParameters) -> String {
     // Debug text of finite numbers is exact: it reads back to the same bits.
-    let text = format!("mouth 3 {parameters:?}");
-    Sha256::digest(text.as_bytes()).into()
+    format!("mouth 3 {parameters:?}")
 }
 
-/// [`generate_mouth`], or the same mouth again if it was made a short while ago by this process.
+/// [`crate::generate_mouth`], or the same mouth again if it was made a short while ago by this process. `make` makes it; its
+/// argument is a text of everything that the mouth depends on.
 ///
 /// # Errors
-/// Those of [`generate_mouth`].
-pub fn shared_mouth(parameters: &MouthParameters) -> Result<Arc<Mouth>, ParameterError> {
-    let key = mouth_digest(parameters);
+/// Those of `make`.
+pub fn shared_mouth(
+    parameters: &MouthParameters,
+    make: impl FnOnce(&str) -> Result<Mouth, ParameterError>,
+) -> Result<Arc<Mouth>, ParameterError> {
+    let text = mouth_key(parameters);
+    let key: Key = Sha256::digest(text.as_bytes()).into();
     if let Some(mouth) = MOUTHS.get(&key) {
         return Ok(mouth);
     }
-    let mouth = Arc::new(generate_mouth(parameters)?);
+    let mouth = Arc::new(make(&text)?);
     MOUTHS.put(key, &mouth);
     Ok(mouth)
 }

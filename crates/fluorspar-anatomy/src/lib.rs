@@ -22,6 +22,7 @@ mod floor;
 mod gingiva;
 mod math;
 mod noise;
+mod packing;
 mod palate;
 mod parameters;
 mod penetration;

@@ -32,6 +32,9 @@ pub(crate) struct Args {
     /// Print warnings with every name and number instead of one line for each.
     #[arg(long, short, global = true)]
     pub(crate) verbose: bool,
+    /// Make meshes of mouths and the like anew, and keep none for the next time.
+    #[arg(long, global = true)]
+    pub(crate) no_cache: bool,
     #[command(subcommand)]
     pub(crate) command: Option<Command>,
 }

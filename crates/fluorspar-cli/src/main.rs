@@ -17,6 +17,8 @@ use std::process::ExitCode;
 
 use clap::Parser;
 use fluorspar_accel::{Allocator, have_the_last_word, return_freed_memory_at_once};
+use fluorspar_experiment::use_cache;
+use fluorspar_format::Cache;
 
 use crate::args::{Args, Command};
 use crate::error::{CliError, FAILED, WRONG_INPUT};
@@ -82,6 +84,9 @@ fn run(args: Args) -> Result<ExitCode, CliError> {
         message::be_verbose();
     }
     interrupt::catch_interrupts();
+    if let (false, Some(cache)) = (args.no_cache, Cache::of_user()) {
+        use_cache(cache);
+    }
     match args.command.unwrap_or_default() {
         Command::Run(options) => commands::run::run(&options),
         Command::Render(options) => commands::render::run(&options),

@@ -18,6 +18,7 @@ mod document;
 mod error;
 mod fit;
 mod format_version;
+mod kept;
 mod merge;
 mod overrides;
 mod read;
@@ -31,6 +32,7 @@ pub mod preset;
 pub mod schema;
 
 pub use error::{ErrorDetails, ExperimentError};
+pub use kept::{cache, kept_mouth, use_cache};
 pub use read::{Experiment, parse};
 pub use resolve::{FileRecord, InputFile, ResolvedExperiment, resolve};
 pub use sample::{

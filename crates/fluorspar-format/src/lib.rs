@@ -24,6 +24,7 @@
 //! Out of scope: what the numbers mean. Readers neither normalize nor convert.
 
 mod axis;
+mod cache;
 mod csv_eem;
 mod csv_fluorophore;
 mod csv_spectrum;
@@ -52,6 +53,7 @@ mod spooled_image;
 mod stl;
 mod tiff_directory;
 
+pub use cache::Cache;
 pub use csv_eem::{AntiStokes, CsvEemOptions, EemUnit, MeasuredEem, read_eem_csv};
 pub use csv_fluorophore::{CsvFluorophore, read_fluorophore_csv};
 pub use csv_spectrum::{CsvColumns, CsvSpectrumOptions, NamedCurve, read_spectrum_csv};

@@ -49,7 +49,7 @@ fn options(text: &str) -> BTreeSet<String> {
 }
 
 /// Options of all commands.
-const OF_ALL: [&str; 4] = ["--help", "--version", "--threads", "--verbose"];
+const OF_ALL: [&str; 5] = ["--help", "--version", "--threads", "--verbose", "--no-cache"];
 
 /// Options of a command by its help, those of all commands left out. Only the lines that name them: explanations mention
 /// options of other commands.

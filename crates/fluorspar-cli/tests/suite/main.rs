@@ -2,6 +2,7 @@
 //! a test starts.
 
 mod bad_input;
+mod cache;
 mod documentation;
 mod fluorophores;
 mod instruments;

@@ -40,6 +40,8 @@ pub(crate) fn fluorspar<S: AsRef<std::ffi::OsStr>>(folder: &Path, args: impl Int
         .current_dir(folder)
         // Help is wrapped to this width.
         .env_remove("COLUMNS")
+        // Meshes of mouths are made once for all tests of this program.
+        .env("XDG_CACHE_HOME", env!("CARGO_TARGET_TMPDIR"))
         .output()
         .unwrap();
     let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();

@@ -11,6 +11,7 @@ use super::material::Fluorophores;
 use super::mouth;
 use super::spectrum::Role;
 use crate::error::{Place, steps};
+use crate::kept::kept_mouth;
 use crate::schema::{
     BoxShape, DiscShape, DisplacementSection, EmissionSection, ExperimentFile, FilePath, InstanceSection,
     MouthSection, ObjectSection, PlacesSection, QuadShape, ShapeSection, SphereShape, TransformSection,
@@ -22,7 +23,7 @@ use fluorspar::names::did_you_mean;
 use fluorspar::quote::excerpt;
 use fluorspar::scene::{Object, Shape, SurfaceEmission};
 use fluorspar::spectral::{MAX_WAVELENGTH_NM, MIN_WAVELENGTH_NM, WavelengthGrid};
-use fluorspar_anatomy::{Tissue, shared_mouth};
+use fluorspar_anatomy::Tissue;
 use fluorspar_format::{read_gltf, read_gltf_instances, read_obj, read_placements, read_ply, read_stl};
 
 /// All surfaces: parts of the mouth first, then the objects. With them the number of the material that each one added for
@@ -524,7 +525,7 @@ fn mouth(context: &mut Context<'_>, section: &MouthSection, materials: &[Materia
         }
     }
     let mouth =
-        shared_mouth(&section.parameters).map_err(|e| context.error(&steps!["mouth", e.field], e.message))?;
+        kept_mouth(&section.parameters).map_err(|e| context.error(&steps!["mouth", e.field], e.message))?;
     for key in section.materials.keys() {
         let is_tissue = Tissue::ALL.iter().any(|tissue| tissue.name() == key);
         if !is_tissue && mouth.part(key).is_none() {

@@ -354,6 +354,7 @@ const MAY_WRITE: &[&str] = &[
     "fluorspar-format/src/output/file.rs",
     "fluorspar-format/src/output/folder.rs",
     "fluorspar-format/src/output/set.rs",
+    "fluorspar-format/src/cache.rs",
     "fluorspar-format/src/spooled_image.rs",
 ];
 

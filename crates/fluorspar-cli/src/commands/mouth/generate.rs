@@ -6,7 +6,8 @@ use std::process::ExitCode;
 
 use clap::ValueHint;
 use fluorspar::spectral::{Reflectance, StandardObserver, linear_srgb};
-use fluorspar_anatomy::{Mouth, MouthParameters, generate_mouth};
+use fluorspar_anatomy::{Mouth, MouthParameters};
+use fluorspar_experiment::kept_mouth;
 use fluorspar_format::{
     NamedMesh, Output, OutputFolder, OutputSet, Outputs, write_gltf, write_obj, write_pbrt, write_ply,
 };
@@ -112,7 +113,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let targets: Vec<OutputKind> = options.out.iter().map(|path| target(path)).collect::<Result<_, _>>()?;
     let parameters = options.person.parameters(options.pose.as_deref())?;
     let files = Files::declare(&options.out, &targets)?;
-    let mouth = generate_mouth(&parameters).map_err(|error| CliError::Input(format!("mouth: {error}")))?;
+    let mouth = kept_mouth(&parameters).map_err(|error| CliError::Input(format!("mouth: {error}")))?;
     let names: Vec<String> = mouth.parts.iter().map(|part| part.tissue.name().to_owned()).collect();
     let colors = if options.out.is_empty() { BTreeMap::new() } else { tissue_colors()? };
     let meshes: Vec<NamedMesh<'_>> = mouth
