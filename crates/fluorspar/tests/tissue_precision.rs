@@ -1,5 +1,5 @@
-//! Monte Carlo of layered tissue at standard errors of at most 0.1 %: about two minutes on two cores. By hand:
-//! `cargo test --release -p fluorspar --test tissue_precision`.
+//! Monte Carlo of layered tissue at standard errors of at most 0.1 %: some minutes on two cores. By hand:
+//! `cargo test -p fluorspar --test tissue_precision`.
 
 #[expect(dead_code, reason = "the light tests use the rest")]
 mod tissue_benchmarks;
