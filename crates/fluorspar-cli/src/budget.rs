@@ -1,12 +1,170 @@
 //! What a job takes, told and judged before it begins.
 
 use fluorspar::image::StatisticsKind;
-use fluorspar::render::{memory_bytes, whole_image_bytes};
+use fluorspar::render::{FilmRenderer, Share, memory_bytes, surface_bytes, whole_image_bytes};
 use fluorspar::study::Study;
+use fluorspar::units::{memory_text, memory_texts};
+use fluorspar_experiment::ResolvedExperiment;
+use serde_json::{Value, json};
 
-/// Bytes of the packed sums in a film file for each byte of them in memory, at most: of the eight bytes of a sum, seven are in
-/// use after 2^17 samples of the largest quantum, and fewer before.
-const FILM_PACKING: f64 = 7.0 / 8.0;
+use crate::error::CliError;
+use crate::message::Messages;
+use crate::progress::duration;
+use crate::values::{self, Override};
+
+/// Memory of the program itself with its catalogue and its threads, and of what writing an image takes, bytes, as measured.
+const PROGRAM_BYTES: u64 = 90 << 20;
+
+/// What a render may take.
+#[derive(Clone, Debug, Default, clap::Args)]
+pub(crate) struct Limits {
+    /// Refuse work that would need more memory than this, for instance 8GiB.
+    #[arg(long, value_name = "SIZE", value_parser = values::size, allow_negative_numbers = true)]
+    max_memory: Option<u64>,
+    /// Refuse work that could write more than this to the disk, for instance 20GiB.
+    #[arg(long, value_name = "SIZE", value_parser = values::size, allow_negative_numbers = true)]
+    max_disk: Option<u64>,
+    /// End the render after this time with the image so far, for instance 20min; refused if not even the first sample of every
+    /// pixel would be there.
+    #[arg(long, value_name = "TIME", value_parser = values::time, allow_negative_numbers = true)]
+    time_limit: Option<f64>,
+}
+
+impl Limits {
+    /// The time limit as a change of the experiment.
+    pub(crate) fn overrides(&self) -> Option<Override> {
+        self.time_limit.map(|seconds| Override::number("render.time_limit_s", seconds, "--time-limit"))
+    }
+}
+
+/// Memory and room on the disk that a job takes, bytes.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Budget {
+    film: u64,
+    surfaces: u64,
+    /// Maps of all pixels, and the program itself.
+    other: u64,
+    disk: u64,
+}
+
+impl Budget {
+    /// Of a render. Of an image that does not fit into the memory limit, the film is as large as the limit.
+    pub(crate) fn of_render(study: &Study, components: bool, keeps_film: bool) -> Self {
+        let (scene, settings) = (&study.scene, &study.render);
+        let whole = memory_bytes(scene, settings);
+        let image = image_bytes(study, components);
+        // Rows of an image in bands wait in a file.
+        let waiting = if whole > settings.memory_limit_bytes { image } else { 0 };
+        let film_file = if keeps_film { film_file_bytes(study) } else { 0 };
+        Self {
+            film: whole.min(settings.memory_limit_bytes),
+            surfaces: surface_bytes(scene),
+            other: whole_image_bytes(scene) + PROGRAM_BYTES,
+            disk: image + waiting + film_file,
+        }
+    }
+
+    /// Of a run, from scene to report.
+    pub(crate) fn of_run(study: &Study) -> Self {
+        Self { disk: run_bytes(study), ..Self::of_render(study, true, false) }
+    }
+
+    /// Room on the disk, bytes.
+    pub(crate) fn disk(&self) -> u64 {
+        self.disk
+    }
+
+    /// Memory at its peak, bytes.
+    pub(crate) fn memory(&self) -> u64 {
+        self.film + self.surfaces + self.other
+    }
+
+    /// Refuses a job that would take more than the user grants.
+    pub(crate) fn check(&self, limits: &Limits, study: &Study) -> Result<(), CliError> {
+        let camera = &study.scene.camera;
+        let size =
+            format!("{} x {} pixels with {} bands", camera.width, camera.height, study.scene.grid.len());
+        let less = "render fewer pixels, bands, light groups or fluorophores";
+        if let Some(most) = limits.max_memory.filter(|&most| self.memory() > most) {
+            let [needed, limit] = memory_texts(self.memory(), most);
+            return Err(CliError::Input(format!(
+                "--max-memory {limit}: {size} need about {needed} (film {}, surfaces {}); {less}, use coarser meshes, or lower \
+                 render.memory_limit_gib, with which `fluorspar render` goes through the image in bands of rows",
+                memory_text(self.film),
+                memory_text(self.surfaces)
+            )));
+        }
+        if let Some(most) = limits.max_disk.filter(|&most| self.disk > most) {
+            let [needed, limit] = memory_texts(self.disk, most);
+            return Err(CliError::Input(format!(
+                "--max-disk {limit}: {size} take up to {needed}; {less}, or grant more"
+            )));
+        }
+        Ok(())
+    }
+
+    /// One line for people.
+    pub(crate) fn text(&self) -> String {
+        format!(
+            "about {} of memory (film {}, surfaces {}), up to {} of disk",
+            memory_text(self.memory()),
+            memory_text(self.film),
+            memory_text(self.surfaces),
+            memory_text(self.disk)
+        )
+    }
+
+    /// The same for programs, bytes.
+    pub(crate) fn json(&self) -> Value {
+        json!({
+            "memory_bytes": self.memory(),
+            "film_bytes": self.film,
+            "surface_bytes": self.surfaces,
+            "disk_bytes": self.disk,
+        })
+    }
+}
+
+/// Seconds that a whole render takes, by a pilot.
+pub(crate) fn render_seconds(experiment: &ResolvedExperiment) -> Result<f64, CliError> {
+    let renderer = FilmRenderer::for_rows(&experiment.study.scene, &experiment.study.render)?;
+    Ok(renderer.seconds_of(&Share::Whole, None))
+}
+
+/// Says how long rendering takes, and what a time limit does to it.
+///
+/// # Errors
+/// A time limit in which not even the first sample of every pixel gets done.
+pub(crate) fn say_time(
+    seconds: f64,
+    samples: u32,
+    time_limit_s: Option<f64>,
+    messages: Messages,
+) -> Result<(), CliError> {
+    let first = seconds / f64::from(samples.max(1));
+    match time_limit_s.filter(|&limit| limit < seconds) {
+        // The pilot may be wrong by a half.
+        Some(limit) if 2.0 * limit < first => Err(CliError::Input(format!(
+            "render.time_limit_s {}: one sample of every pixel takes about {}; allow more time (--time-limit), or render fewer \
+             pixels, bands or light groups",
+            duration(limit),
+            duration(first)
+        ))),
+        Some(limit) => {
+            let held = (f64::from(samples) * limit / seconds).max(1.0);
+            messages.status(format!(
+                "Rendering would take about {}; the time limit ends it after {}, with about {held:.0} of {samples} samples per pixel",
+                duration(seconds),
+                duration(limit)
+            ));
+            Ok(())
+        }
+        None => {
+            messages.status(format!("Rendering takes about {}", duration(seconds)));
+            Ok(())
+        }
+    }
+}
 
 /// Room of a rendered image on the disk, bytes: all values as they are in memory, which packing only makes less.
 pub(crate) fn image_bytes(study: &Study, components: bool) -> u64 {
@@ -26,8 +184,11 @@ pub(crate) fn image_bytes(study: &Study, components: bool) -> u64 {
 
 /// Room of a film on the disk while it is renewed, bytes: the earlier one stays until the new one is complete.
 pub(crate) fn film_file_bytes(study: &Study) -> u64 {
-    let film = memory_bytes(&study.scene, &study.render) as f64;
-    2 * ((film * FILM_PACKING) as u64 + whole_image_bytes(&study.scene))
+    // A sample takes up to 30 bits of a sum (2^-30 of the brightest one of the pilot is its quantum), and brighter ones come.
+    const SAMPLE_BITS: u32 = 30 + 3;
+    let bits = SAMPLE_BITS + study.render.samples_per_pixel.max(1).ilog2();
+    let film = memory_bytes(&study.scene, &study.render) / 8 * u64::from(bits.div_ceil(8).min(8));
+    2 * (film + whole_image_bytes(&study.scene))
 }
 
 /// Room of the frames of all captures on the disk, bytes: 16 bits a pixel for a raw frame, 24 for a preview.

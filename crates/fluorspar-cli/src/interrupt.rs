@@ -2,7 +2,7 @@
 
 #[cfg(unix)]
 use std::path::Path;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU8, Ordering};
 
 #[cfg(unix)]
 use fluorspar_format::read_text_bounded;
@@ -14,8 +14,20 @@ use crate::message;
 pub(crate) static STOP: AtomicBool = AtomicBool::new(false);
 /// A signal requested the end of the program.
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
-/// An image is being made that is worth saving.
-static RENDERS: AtomicBool = AtomicBool::new(false);
+/// What is left of the render in work, as [`Left`].
+static RENDERS: AtomicU8 = AtomicU8::new(0);
+
+/// What is left when a render is interrupted.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) enum Left {
+    /// The image with the samples so far.
+    #[default]
+    Image = 1,
+    /// The film, with which the render goes on.
+    Film = 2,
+    /// Nothing: the program can end at once.
+    Nothing = 0,
+}
 
 /// From here on the first Ctrl-C ends a render with the best image so far; the second, and the first where nothing is
 /// rendered, ends the program. SIGTERM and SIGHUP count as Ctrl-C, unless they were ignored when the program started, as
@@ -62,16 +74,20 @@ fn ignored_signals() -> u64 {
 fn interrupt() {
     STOP.store(true, Ordering::SeqCst);
     let again = INTERRUPTED.swap(true, Ordering::SeqCst);
-    if again || !RENDERS.load(Ordering::SeqCst) {
+    let left = RENDERS.load(Ordering::SeqCst);
+    if again || left == Left::Nothing as u8 {
         fluorspar_format::remove_unfinished_files();
         std::process::exit(i32::from(STOPPED));
     }
-    message::notice("\nstopping: the image so far will be saved. Press Ctrl-C again to quit at once");
+    let what = if left == Left::Film as u8 { "film" } else { "image" };
+    message::notice(format!(
+        "\nstopping: the {what} so far will be saved. Press Ctrl-C again to quit at once"
+    ));
 }
 
-/// Says that there is, from now on, something to save when the program is asked to end.
-pub(crate) fn save_when_interrupted() {
-    RENDERS.store(true, Ordering::SeqCst);
+/// Says what there is to save, from now on, when the program is asked to end.
+pub(crate) fn save_when_interrupted(left: Left) {
+    RENDERS.store(left as u8, Ordering::SeqCst);
 }
 
 /// Whether the user stopped the render; an expired time limit does not count.

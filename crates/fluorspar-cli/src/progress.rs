@@ -14,8 +14,9 @@ use fluorspar::spectral::Radiance;
 use fluorspar_format::{FormatError, Provenance, write_film, write_rgb_png};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
+use crate::budget::say_time;
 use crate::error::CliError;
-use crate::interrupt::{STOP, save_when_interrupted};
+use crate::interrupt::{Left, STOP, save_when_interrupted};
 use crate::message::Messages;
 
 /// Files that are written during a render.
@@ -27,6 +28,8 @@ pub(crate) struct Keep<'a> {
     pub(crate) provenance: Option<&'a Provenance>,
     /// Preview of the sum, updated during the render.
     pub(crate) preview: Option<&'a Path>,
+    /// What is left of a render that is interrupted.
+    pub(crate) left: Left,
 }
 
 /// Longest time until the first preview.
@@ -87,7 +90,7 @@ impl Pace {
 }
 
 /// Seconds as people say them.
-fn duration(seconds: f64) -> String {
+pub(crate) fn duration(seconds: f64) -> String {
     let whole = seconds.round().max(0.0) as u64;
     match whole {
         0..120 => format!("{whole} s"),
@@ -120,7 +123,13 @@ pub(crate) fn fill_with_progress(
     messages: Messages,
     keep: &Keep<'_>,
 ) -> Result<bool, CliError> {
-    save_when_interrupted();
+    save_when_interrupted(keep.left);
+    // Of bands of rows the time of all is said before.
+    let is_part = matches!(share, Share::TileRange(_));
+    if !is_part && (!messages.is_quiet() || time_limit_s.is_some()) {
+        let lacking = renderer.seconds_of(share, Some(film));
+        say_time(lacking, renderer.samples_of(share).len() as u32, time_limit_s, messages)?;
+    }
     let started = Instant::now();
     let lines = !std::io::stderr().is_terminal();
     let bar = ProgressBar::new(1000);

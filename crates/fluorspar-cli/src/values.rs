@@ -37,6 +37,45 @@ pub(crate) fn threads(text: &str) -> Result<usize, String> {
     whole::<usize, 1, MOST_THREADS>(text)
 }
 
+/// An amount of memory or of room on a disk, bytes: `8GiB`, `500 MB`, `1000000`.
+pub(crate) fn size(text: &str) -> Result<u64, String> {
+    const UNITS: [(&str, f64); 9] = [
+        ("KiB", 1024.0),
+        ("MiB", 1_048_576.0),
+        ("GiB", 1_073_741_824.0),
+        ("TiB", 1_099_511_627_776.0),
+        ("kB", 1e3),
+        ("MB", 1e6),
+        ("GB", 1e9),
+        ("TB", 1e12),
+        ("B", 1.0),
+    ];
+    scaled(text, &UNITS)
+        .filter(|bytes| (1.0..=1e18).contains(bytes))
+        .map(|bytes| bytes as u64)
+        .ok_or_else(|| "give a number with kB, MB, GB, TB, KiB, MiB, GiB or TiB, for instance 8GiB".into())
+}
+
+/// A time, seconds: `90`, `90s`, `20min`, `1.5h`.
+pub(crate) fn time(text: &str) -> Result<f64, String> {
+    const UNITS: [(&str, f64); 3] = [("min", 60.0), ("h", 3600.0), ("s", 1.0)];
+    scaled(text, &UNITS)
+        .filter(|seconds| (1e-6..=1e9).contains(seconds))
+        .ok_or_else(|| "give seconds, or a number with s, min or h, for instance 20min".into())
+}
+
+/// A number with a unit, whose letters may be large or small, or without one.
+fn scaled(text: &str, units: &[(&str, f64)]) -> Option<f64> {
+    let text = text.trim();
+    let of_unit = |(unit, factor): &(&str, f64)| {
+        let at = text.len().checked_sub(unit.len())?;
+        let (number, end) = text.split_at_checked(at)?;
+        end.eq_ignore_ascii_case(unit).then_some((number, *factor))
+    };
+    let (number, factor) = units.iter().find_map(of_unit).unwrap_or((text, 1.0));
+    Some(number.trim().parse::<f64>().ok()? * factor)
+}
+
 /// Refuses a number outside a range.
 pub(crate) fn check_range(
     option: &str,
@@ -110,6 +149,18 @@ mod tests {
         for text in ["", "-1", "1.5", "1e9", "nan", "0", "10", "18446744073709551616"] {
             assert_eq!(whole::<u32, 1, 9>(text), Err("give a whole number from 1 to 9".into()), "{text}");
         }
+    }
+
+    #[test]
+    fn sizes_and_times_have_units() {
+        let sizes = ["8GiB", "1.5 kib", "500 MB", "1000000", "7b", "2tb"].map(|text| size(text).unwrap());
+        assert_eq!(sizes, [8 << 30, 1536, 500_000_000, 1_000_000, 7, 2_000_000_000_000]);
+        for text in ["", "GiB", "-1GiB", "0", "nan", "8 potatoes", "1e999", "8Gi", "µ"] {
+            assert!(size(text).is_err(), "{text}");
+        }
+        let times = ["90", "90s", "20 min", "1.5h", "0.2"].map(|text| time(text).unwrap());
+        assert_eq!(times, [90.0, 90.0, 1200.0, 5400.0, 0.2]);
+        assert!(["", "h", "0", "-3s", "inf", "1d"].iter().all(|text| time(text).is_err()));
     }
 
     #[test]

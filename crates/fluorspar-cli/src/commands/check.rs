@@ -8,9 +8,11 @@ use fluorspar_experiment::{ResolvedExperiment, is_sample};
 use serde_json::json;
 
 use crate::args::{Changes, Talk};
+use crate::budget::{Budget, Limits, render_seconds, say_time};
 use crate::error::CliError;
 use crate::experiment_source::ExperimentSource;
 use crate::message::Messages;
+use crate::progress::duration;
 
 /// Options of `check`.
 #[derive(Clone, Debug, clap::Args)]
@@ -21,6 +23,8 @@ pub(crate) struct Options {
     #[command(flatten)]
     changes: Changes,
     #[command(flatten)]
+    limits: Limits,
+    #[command(flatten)]
     talk: Talk,
 }
 
@@ -29,7 +33,8 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let (json, silent) = (options.talk.json, options.talk.quiet && !options.talk.json);
     // They are what is asked for: all of them, as part of the answer or in full.
     let messages = if options.talk.quiet || json { Messages::Quiet } else { Messages::Full };
-    let overrides = options.changes.overrides();
+    let mut overrides = options.changes.overrides();
+    overrides.extend(options.limits.overrides());
     let shown = options.file.as_ref().unwrap_or(&source.name);
     if is_sample(&source.text) {
         let sample = source.resolve_sample(&overrides)?;
@@ -54,10 +59,19 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         }
         return Ok(ExitCode::SUCCESS);
     }
-    let ResolvedExperiment { study, record } = source.resolve(&overrides)?;
+    let experiment = source.resolve(&overrides)?;
+    let ResolvedExperiment { study, record } = &experiment;
     messages.warnings(&record.warnings);
     let scene = &study.scene;
     let needed = fluorspar::render::memory_bytes(scene, &study.render);
+    let budget = Budget::of_run(study);
+    budget.check(&options.limits, study)?;
+    // With `--quiet` only the exit code tells something.
+    let seconds =
+        if silent && study.time_limit_s.is_none() { None } else { Some(render_seconds(&experiment)?) };
+    if let Some(seconds) = seconds {
+        say_time(seconds, study.render.samples_per_pixel, study.time_limit_s, Messages::Quiet)?;
+    }
     if json {
         super::print_json(&json!({
             "file": shown,
@@ -71,11 +85,13 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
             "captures": study.captures.iter().map(|c| &c.frame.label).collect::<Vec<_>>(),
             "instances": instances(scene),
             "memory_bytes": needed,
+            "budget": budget.json(),
+            "render_seconds": seconds,
             "warnings": record.warnings,
         }))?;
     } else if !silent {
         super::print_text(&format!(
-            "{}: valid. {} objects{}, {} lights in {} groups, {} fluorophores, {} captures; images need {}{}",
+            "{}: valid. {} objects{}, {} lights in {} groups, {} fluorophores, {} captures\nA run needs {}, about {} for rendering{}",
             shown,
             scene.objects.len(),
             match instances(scene) {
@@ -86,9 +102,11 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
             scene.light_groups.len(),
             scene.fluorophores.len(),
             study.captures.len(),
-            fluorspar::units::memory_text(needed),
+            budget.text(),
+            duration(seconds.unwrap_or_default()),
             if needed > study.render.memory_limit_bytes {
-                ", more than the limit of render.memory_limit_gib: only `fluorspar render` takes them, in bands of rows"
+                "; the film is larger than the limit of render.memory_limit_gib: only `fluorspar render` takes the image, in bands \
+                 of rows"
             } else {
                 ""
             }

@@ -8,6 +8,7 @@ use std::time::Duration;
 use clap::{ValueEnum, ValueHint};
 use fluorspar::render::{FilmRenderer, Share, memory_bytes};
 use fluorspar::scene::{Scene, Shape};
+use fluorspar::study::Study;
 use fluorspar::units::memory_text;
 use fluorspar_experiment::ResolvedExperiment;
 use fluorspar_format::{Output, OutputSet, Outputs, Provenance, read_film, read_text_bounded};
@@ -16,10 +17,10 @@ use serde_json::json;
 use super::image_output::ImageOutput;
 use super::row_bands;
 use crate::args::{ExperimentArgs, Talk};
-use crate::budget::{film_file_bytes, image_bytes};
+use crate::budget::{Budget, Limits, film_file_bytes, image_bytes};
 use crate::error::{CliError, STOPPED};
 use crate::experiment_source::ExperimentSource;
-use crate::interrupt::interrupted;
+use crate::interrupt::{Left, interrupted};
 use crate::message::Messages;
 use crate::progress::{Keep, fill_with_progress};
 use crate::values;
@@ -29,6 +30,8 @@ use crate::values;
 pub(crate) struct Options {
     #[command(flatten)]
     experiment: ExperimentArgs,
+    #[command(flatten)]
+    pub(super) limits: Limits,
     #[command(flatten)]
     pub(super) output: ImageOutput,
     /// Keep the exact sums of the render in this file: saved while rendering and at the end, so that the render can be
@@ -91,6 +94,11 @@ impl Options {
         }
     }
 
+    /// What the render takes.
+    pub(super) fn budget(&self, study: &Study) -> Budget {
+        Budget::of_render(study, self.output.components, self.film.is_some())
+    }
+
     /// The files that a render writes: the image when it is done, film and preview on the way.
     pub(super) fn declare(
         &self,
@@ -134,10 +142,14 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     options.check()?;
     let messages = options.talk.messages();
     let source = ExperimentSource::find(options.experiment.experiment.as_deref())?;
-    let experiment = source.resolve(&options.experiment.overrides())?;
+    let experiment = source.resolve(
+        &[options.experiment.overrides(), options.limits.overrides().into_iter().collect()].concat(),
+    )?;
     let study = &experiment.study;
     let (scene, settings) = (&study.scene, &study.render);
     let needed = memory_bytes(scene, settings);
+    let budget = options.budget(study);
+    budget.check(&options.limits, study)?;
     let in_bands = needed > settings.memory_limit_bytes || options.film.as_deref().is_some_and(Path::is_dir);
     if in_bands && options.shard.is_none() {
         return row_bands::render(options, &source, &experiment);
@@ -147,11 +159,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         "or leave --shard out: without it, large images are rendered in bands of rows",
     )?;
     let set = options.declare(&source, &experiment)?;
-    messages.status(format!(
-        "Memory: {} for the film, and the scene; limit {}",
-        memory_text(needed),
-        memory_text(settings.memory_limit_bytes)
-    ));
+    messages.status(format!("Needs {}", budget.text()));
     messages.warnings(&experiment.record.warnings);
     let renderer = FilmRenderer::new(scene, settings)?;
     say_surfaces(&renderer, scene, messages);
@@ -175,6 +183,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         film: options.film.as_deref().map(|path| (path, Duration::from_secs_f64(options.checkpoint_s))),
         provenance: Some(&provenance),
         preview: options.output.preview.as_deref(),
+        left: if options.shard.is_some() { Left::Film } else { Left::Image },
     };
     let share = options.share();
     let before = film.paths();
@@ -199,6 +208,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         let mut answer = options.output.describe(&image);
         answer["experiment_sha256"] = experiment.record.sha256.clone().into();
         answer["film_bytes"] = needed.into();
+        answer["budget"] = budget.json();
         answer["peak_memory_bytes"] = peak_memory_bytes().into();
         super::print_json(&answer)?;
     } else {

@@ -16,8 +16,10 @@ use fluorspar_experiment::ResolvedExperiment;
 use fluorspar_format::{Provenance, SpooledImage, read_film_layout, read_film_rows, write_film};
 
 use super::render::{Options, peak_memory_bytes, say_surfaces};
+use crate::budget::say_time;
 use crate::error::{CliError, STOPPED};
 use crate::experiment_source::ExperimentSource;
+use crate::interrupt::Left;
 use crate::message;
 use crate::progress::{Keep, fill_with_progress};
 
@@ -65,6 +67,10 @@ pub(super) fn render(
         memory_text(4 * (layout.width * layout.height * layout.grid.len() * images) as u64),
         options.output.out.display()
     ));
+    messages.status(format!("Needs {}", options.budget(&experiment.study).text()));
+    if !messages.is_quiet() {
+        say_time(renderer.seconds_of(&Share::Whole, None), settings.samples_per_pixel, None, messages)?;
+    }
     messages.warnings(&experiment.record.warnings);
     say_surfaces(&renderer, scene, messages);
     let mut provenance = Provenance::new(
@@ -199,6 +205,7 @@ impl BandStore for Store<'_> {
             film: path.as_deref().map(|path| (path, interval)),
             provenance: Some(self.provenance),
             preview: None,
+            left: if path.is_some() { Left::Film } else { Left::Nothing },
         };
         fill_with_progress(self.renderer, share, film, None, self.options.talk.messages(), &keep)
     }

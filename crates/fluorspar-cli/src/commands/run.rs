@@ -11,7 +11,7 @@ use fluorspar_format::OutputFolder;
 use fluorspar_report::{RunResults, write_run_components, write_run_folder};
 
 use crate::args::{ExperimentArgs, OutOption, Talk};
-use crate::budget::run_bytes;
+use crate::budget::{Budget, Limits};
 use crate::error::{CliError, STOPPED};
 use crate::experiment_source::{ExperimentSource, read_text};
 use crate::interrupt::interrupted;
@@ -23,6 +23,8 @@ pub(crate) struct Options {
     #[command(flatten)]
     experiment: ExperimentArgs,
     #[command(flatten)]
+    limits: Limits,
+    #[command(flatten)]
     out: OutOption,
     #[command(flatten)]
     talk: Talk,
@@ -32,31 +34,36 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let started = Instant::now();
     let messages = options.talk.messages();
     let source = ExperimentSource::find(options.experiment.experiment.as_deref())?;
-    let experiment = source.resolve(&options.experiment.overrides())?;
+    let experiment = source.resolve(
+        &[options.experiment.overrides(), options.limits.overrides().into_iter().collect()].concat(),
+    )?;
     let study = &experiment.study;
     super::check_memory(
         study,
         "or use `fluorspar render --components`, which goes through large images in bands of rows, and `capture` with what it \
          wrote",
     )?;
+    let budget = Budget::of_run(study);
+    budget.check(&options.limits, study)?;
     let target = options
         .out
         .out
         .clone()
         .or_else(|| experiment.record.output_folder.clone())
         .unwrap_or_else(|| PathBuf::from("fluorspar-out").join(&source.stem));
-    let folder = OutputFolder::prepare(&target, &source.files(&experiment.record), run_bytes(study))?;
+    let folder = OutputFolder::prepare(&target, &source.files(&experiment.record), budget.disk())?;
 
     let camera = &study.scene.camera;
     messages.status(format!(
-        "{}\n{} x {} pixels, {} bands, {} light groups, {} fluorophores, {} samples per pixel",
+        "{}\n{} x {} pixels, {} bands, {} light groups, {} fluorophores, {} samples per pixel\nNeeds {}",
         experiment.record.title,
         camera.width,
         camera.height,
         study.scene.grid.len(),
         study.scene.light_groups.len(),
         study.scene.fluorophores.len(),
-        study.render.samples_per_pixel
+        study.render.samples_per_pixel,
+        budget.text()
     ));
     messages.warnings(&experiment.record.warnings);
     let mut components = render_with_progress(&study.scene, &study.render, study.time_limit_s, messages)?;

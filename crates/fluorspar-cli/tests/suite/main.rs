@@ -2,10 +2,12 @@
 //! a test starts.
 
 mod bad_input;
+mod budget;
 mod cache;
 mod documentation;
 mod fluorophores;
 mod instruments;
+mod kills;
 mod lenses;
 mod memory;
 mod messages;

@@ -12,7 +12,7 @@ use super::compiled_scene::CompiledScene;
 use super::error::RenderError;
 use super::feature_maps::feature_maps;
 use super::memory::{check_memory, memory_bytes, request_memory, tile_row_bytes, whole_image_bytes};
-use super::pilot::film_layout;
+use super::pilot::{film_layout, seconds_per_path};
 use super::scene_digest::scene_digest;
 use super::settings::RenderSettings;
 use super::share::Share;
@@ -182,6 +182,20 @@ impl FilmRenderer {
             return Err(RenderError::OutsideRows { row: tile.row, col: tile.col });
         }
         Ok(fill(&self.compiled, &self.settings, share, film, control, checkpoint))
+    }
+
+    /// Seconds that the paths take which a film lacks, estimated from a pilot of some thousand paths. With an error target it is
+    /// the most that they may take.
+    pub fn seconds_of(&self, share: &Share, film: Option<&Film>) -> f64 {
+        let camera = &self.compiled.camera;
+        let parts = match share {
+            Share::Tiles { count, .. } => *count,
+            _ => 1,
+        };
+        let samples = self.samples_of(share).len() as u64;
+        let wanted = (camera.width * camera.height) as u64 * samples / u64::from(parts.max(1));
+        let held = film.map_or(0, Film::paths);
+        wanted.saturating_sub(held) as f64 * seconds_per_path(&self.compiled, &self.settings)
     }
 
     /// Samples of each pixel that a share is to hold in the end.

@@ -1,5 +1,7 @@
 //! Pilot samples, which find the quanta of the film.
 
+use std::time::Instant;
+
 use fluorspar_accel::bands::{BandBlock, copy_bands};
 use rayon::prelude::*;
 
@@ -14,6 +16,35 @@ use crate::scene::Scene;
 const PILOT_SIDE: usize = 32;
 /// Samples of each pilot pixel.
 const PILOT_SAMPLES: u32 = 4;
+
+/// Pieces along each side of the image that are timed.
+const TIMED_SIDE: usize = 8;
+/// Samples of each pixel of a timed piece: those of a whole block.
+const TIMED_SAMPLES: u32 = 16;
+
+/// Seconds that a path takes with all threads at work, from batches of paths all over the image, as the film is filled with
+/// them. Some thousand paths are timed; none of them is kept.
+pub(super) fn seconds_per_path(compiled: &CompiledScene, settings: &RenderSettings) -> f64 {
+    let camera = &compiled.camera;
+    let samples = 0..settings.samples_per_pixel.min(TIMED_SAMPLES);
+    let middle = |number: usize, size: usize| (2 * number + 1) * size / (2 * TIMED_SIDE);
+    let started = Instant::now();
+    let paths: usize = (0..TIMED_SIDE * TIMED_SIDE)
+        .into_par_iter()
+        .map_init(
+            || BlockSum::new(compiled),
+            |block, piece| {
+                let row = middle(piece / TIMED_SIDE, camera.height);
+                let col = middle(piece % TIMED_SIDE, camera.width);
+                let count = block.pixels_at_a_time(&samples).min(camera.width - col);
+                let pixels = (0..count).map(|pixel| (row, col + pixel));
+                block.render(compiled, settings, pixels, samples.clone());
+                count * samples.len()
+            },
+        )
+        .sum();
+    started.elapsed().as_secs_f64() / paths.max(1) as f64
+}
 
 /// Layout of the film, with quanta from pilot samples on a grid of pixels.
 pub(super) fn film_layout(
