@@ -523,6 +523,112 @@ def do_chlorophyll(ref, out):
                assumed=["photon_yield", "excitation = absorption", "emission unit (photons)"]), fit, terms, {"wide": 1})
 
 
+def spectra_of(file):
+    x, y = load_xy(file)
+    return x, np.maximum(y, 0.0)
+
+
+def do_pair(name, out, ex, em, files, text, excitation_bands, emission_bands, limits):
+    """One excitation and one emission spectrum, photons, each on a grid of its own, fitted by bands."""
+    (gx, yx), (gm, ym) = ex, em
+    x = fit_profile(1e7 / gx, yx, excitation_bands, limits["ex"], (250, 8000), 1.8)
+    m = fit_profile(1e7 / gm, ym, emission_bands, limits["em"], (150, 6000), 1.8)
+    conv = lambda p: [(1e4 / q[0], np.exp(q[1]), np.exp(q[2]), np.exp(q[3])) for q in p]
+    terms = tidy([(conv(x), conv(m))])
+    a, b = profile(terms[0][0], gx), profile(terms[0][1], gm)
+    one = lambda u, v: float(np.linalg.norm((u @ v) / (u @ u) * u - v) / np.linalg.norm(v))
+    full = rel(np.outer(b, a), np.outer(ym, yx), np.ones((gm.size, gx.size), bool))
+    fit = {"reference": files[0], "quantity": "spectra", "cells": int(gx.size + gm.size),
+           "relative_frobenius": float(f"{full:.4f}"), "relative_excitation": float(f"{one(a, yx):.4f}"),
+           "relative_emission": float(f"{one(b, ym):.4f}"), "emission_reference": files[1], "note": text.pop("note")}
+    write(out / f"{name}.toml", dict(text, name=name, photon_yield=1e-3, yield_comment=YIELD, stokes="mask"), fit, terms, {"wide": 1})
+
+
+def photon_excitation(path, gx, gm):
+    """Photons out per photon in against excitation, of a model of the catalogue, whatever its unit."""
+    text, terms = from_toml(path)
+    energy = text.get("unit", "photons") == "energy"
+    emitted = lambda m: (profile(m, gm) * (gm if energy else 1.0)).sum()
+    return sum(profile(x, gx) * emitted(m) for x, m in terms) / (gx if energy else 1.0)
+
+
+def do_lipopigment(ref, out):
+    """Relative energy -> photons: emission times its wavelength, excitation (signal per energy) over its wavelength."""
+    files = ["derived/monici2005_lipopigments_excitation_axis_corrected.csv", "fluorophores/raw/monici2005_lipopigments_emission.csv"]
+    xx, yx = spectra_of(ref / files[0])
+    xm, ym = spectra_of(ref / files[1])
+    gx, gm = np.arange(320.0, 480.5, 2.0), np.arange(452.0, 740.5, 2.0)
+    slope = np.log(ym[-3] / ym[-1]) / (xm[-1] - xm[-3])
+    tail = ym[-1] * np.exp(-slope * (gm - xm[-1]))
+    e = np.where(gm <= xm[-1], np.interp(gm, xm, ym), tail)
+    do_pair("lipopigment", out, (gx, np.interp(gx, xx, yx) / gx), (gm, e * gm), files,
+            dict(header="Lipopigment (lipofuscin): the orange emitter that tongues show beside the five usual fluorophores. Emission and "
+                        "excitation of Monici 2005, as digitized, the excitation on its corrected axis. Both are taken as energy and were converted to "
+                        "photons [assumption]. The data end at 660 nm, at a tenth of the peak; the rest is an exponential tail of the "
+                        "slope of the last points [assumption]. Aggregated flavin has nearly the same spectrum, so the name stands for "
+                        "whatever emits there.",
+                 title="Lipopigment", description="Lipopigment (orange emitter, assumed): excitation 346 and 430 nm, emission 560 nm.",
+                 source="Monici 2005, Biotechnol. Annu. Rev. 11:227 (digitized)", excitation_range_nm=[320.0, 480.0],
+                 emission_range_nm=[452.0, 740.0], assumed=["photon_yield", "emission and excitation unit (energy)", "emission above 660 nm"],
+                 note="both curves interpolated linearly to 2 nm (excitation 320-480, emission 452-740 nm with the tail), in photons, each with a "
+                      "free scale; relative_frobenius is that of the outer product of the two"),
+            5, 4, {"ex": (300, 500), "em": (440, 760)})
+
+
+def do_flavin_aggregate(ref, out):
+    """Emission of FAD powder under 450 nm light, with the excitation of FAD in solution."""
+    file = "fluorophores/raw/valdez2022_fad_450light_475filter_emission.csv"
+    xm, ym = spectra_of(ref / file)
+    gm = np.arange(500.0, 730.5, 2.0)
+    gx = np.arange(340.0, 500.5, 2.0)
+    do_pair("flavin_aggregate", out, (gx, photon_excitation(out / "fad.toml", gx, np.arange(490.0, 700.0))), (gm, np.interp(gm, xm, ym) * gm), ["eem/webfluor_fad.csv", file],
+            dict(header="Flavin as a powder, an orange emitter: emission of FAD powder under 450 nm light behind a 475 nm long-pass (Valdez laboratory, "
+                        "2022), taken as energy. Excitation is that of fad of this catalogue [assumption; under 450 nm the powder "
+                        "gave 1.7 times the light that it gave under 405 nm, of lights whose powers are not known]. Aggregated flavin in "
+                        "tissue is a guess; the name stands for whatever emits there.",
+                 title="Aggregated flavin", description="Flavin powder (orange emitter, assumed): excitation 370 and 450 nm, emission 580 nm.",
+                 source="S. Wang and J. Farrell, Valdez laboratory, 2022-12-20 (FAD powder); excitation as fad",
+                 excitation_range_nm=[340.0, 500.0], emission_range_nm=[500.0, 730.0],
+                 assumed=["photon_yield", "excitation = FAD in solution", "emission unit (energy)"],
+                 note="emission interpolated linearly to 2 nm (500-730 nm) in photons; excitation: the model of fad, every 2 nm from 340 to 500 nm; each "
+                      "with a free scale; relative_frobenius is that of the outer product of the two"),
+            5, 4, {"ex": (320, 520), "em": (480, 760)})
+
+
+def do_biofilm_porphyrin(ref, out):
+    """Emission in the mouth, wider than in solution, with the excitation of protoporphyrin IX in solution."""
+    file = "fluorophores/raw/bjurshammar2017_porphyrin_emission.csv"
+    xm, ym = spectra_of(ref / file)
+    gm = np.arange(604.0, 750.5, 2.0)
+    gx = np.arange(340.0, 650.5, 2.0)
+    do_pair("biofilm_porphyrin", out, (gx, photon_excitation(out / "protoporphyrin_ix.toml", gx, np.arange(560.0, 800.0))), (gm, np.interp(gm, xm, ym) * gm), ["eem/webfluor_protoporphyrin.csv", file],
+            dict(header="Porphyrin of bacteria in a biofilm: emission as measured on oral bacteria (Bjurshammar 2017, digitized, taken as energy "
+                        "[assumption]), 636 and 702 nm, redder and wider than protoporphyrin IX in solution. Excitation is that of "
+                        "protoporphyrin_ix of this catalogue [assumption].",
+                 title="Porphyrin of a biofilm", description="Porphyrin of oral biofilm: Soret excitation 410 nm, emission 636 and 702 nm.",
+                 source="Bjurshammar 2017, Porphyrins and Phototherapy of Oral Bacteria (thesis, digitized); excitation as protoporphyrin_ix",
+                 excitation_range_nm=[340.0, 640.0], emission_range_nm=[604.0, 750.0],
+                 assumed=["photon_yield", "excitation = protoporphyrin IX in solution", "emission unit (energy)"],
+                 note="emission interpolated linearly to 2 nm (604-750 nm) in photons; excitation: the model of protoporphyrin_ix, every 2 nm from "
+                      "340 to 650 nm; each with a free scale; relative_frobenius is that of the outer product of the two"),
+            11, 5, {"ex": (330, 660), "em": (600, 760)})
+
+
+def do_biofilm_chlorophyll(ref, out):
+    """chlorophyll_a of this catalogue with its emission 4 nm to the red."""
+    text, terms = from_toml(out / "chlorophyll_a.toml")
+    shifted = tidy([(x, [(p + 4.0, h, r, w) for p, h, r, w in m]) for x, m in terms])
+    fit = {"reference": "", "quantity": "spectra", "cells": 0, "relative_frobenius": 0.0,
+           "note": "not a fit of its own: the model of chlorophyll_a with its emission moved by 4 nm; 0 stands for 'no comparison'"}
+    write(out / "biofilm_chlorophyll.toml",
+          dict(header="Chlorophyll and pheophytin of plant food in the coating of a tongue: chlorophyll_a of this catalogue with its emission 4 nm "
+                      "to the red, 675 nm, where tongues show it (strong in one of four people, clear in a second). [assumed]",
+               name="biofilm_chlorophyll", title="Chlorophyll of a coating", description="Chlorophyll of food in a coating: excitation 418 and 660 nm, emission 675 nm.",
+               source=text["source"], excitation_range_nm=text["excitation_range_nm"], emission_range_nm=text["emission_range_nm"],
+               photon_yield=1e-3, yield_comment=YIELD, stokes="mask",
+               assumed=["photon_yield", "excitation = absorption", "emission unit (photons)", "shift of the emission"]), fit, shifted, {"wide": 1})
+
+
 # Teeth: no matrix has been measured; the model is a chain of bands that slide together.
 TOOTH_EX = [322.6, 341.3, 362.3, 386.1, 413.2, 444.4, 480.8]   # steps of 1700 /cm
 TOOTH = {
@@ -552,7 +658,9 @@ def do_tooth(name, out):
                stokes="mask", assumed=["photon_yield", "excitation envelope", "emission peak and width of every term"]), fit, terms)
 
 
-ALL = list(WEBFLUOR) + ["keratin", "chlorophyll_a", "dentine", "enamel"]
+PAIRS = {"lipopigment": do_lipopigment, "flavin_aggregate": do_flavin_aggregate, "biofilm_porphyrin": do_biofilm_porphyrin,
+         "biofilm_chlorophyll": do_biofilm_chlorophyll}
+ALL = list(WEBFLUOR) + ["keratin", "chlorophyll_a", "dentine", "enamel"] + list(PAIRS)
 
 
 def report(out):
@@ -589,6 +697,8 @@ def main():
             do_keratin(a.reference, a.out)
         elif name == "chlorophyll_a":
             do_chlorophyll(a.reference, a.out)
+        elif name in PAIRS:
+            PAIRS[name](a.reference, a.out)
         else:
             do_tooth(name, a.out)
     report(a.out)

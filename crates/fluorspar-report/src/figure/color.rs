@@ -97,7 +97,7 @@ impl Ink {
 
 /// The fluorophores of the catalogue, by what their names contain, and the color of each: the palette, and three more that
 /// stand apart from it in hue or lightness. Its pink is left for what is not a fluorophore.
-const FLUOROPHORES: [(&str, Ink); 9] = [
+const FLUOROPHORES: [(&str, Ink); 11] = [
     ("collagen", Ink::PALETTE[0]),
     ("elastin", Ink::PALETTE[5]),
     ("fad", Ink::PALETTE[2]),
@@ -107,6 +107,8 @@ const FLUOROPHORES: [(&str, Ink); 9] = [
     ("dentin", Ink::Rgb(150, 95, 60)),
     ("enamel", Ink::Rgb(128, 134, 142)),
     ("chlorophyll", Ink::Rgb(110, 140, 20)),
+    ("lipopigment", Ink::Rgb(205, 120, 20)),
+    ("flavin", Ink::Rgb(170, 130, 0)),
 ];
 
 /// A sequence of colors for the values of a heat map, from low to high.
