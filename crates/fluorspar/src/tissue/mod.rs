@@ -3,6 +3,7 @@
 //! | type | what it is |
 //! |---|---|
 //! | [`LayeredTissue`], [`TissueLayer`] | thickness, [`Scattering`], [`Chromophore`]s and [`TissueFluorophore`]s of each layer |
+//! | [`Site`], [`TissueState`] | tissues of the catalogue by name, as parameters that may be changed, and their states |
 //! | [`EffectiveTissue`] | reflectance and fluorescence of a tissue as of a surface, by layer and fluorophore; depths |
 //! | [`OpticalLayer`], [`OpticalStack`] | plane layers at one wavelength, what solvers start from |
 //! | [`DiscreteOrdinates`], [`LightField`] | the deterministic solver, and the light that it finds |
@@ -29,7 +30,10 @@ mod light_field;
 mod low_rank;
 mod optical_layer;
 mod scattering;
+mod site;
+mod site_parameter;
 mod tissue_error;
+mod tissue_state;
 
 pub use chromophore::{Blood, Chromophore};
 pub use discrete_ordinates::{DiscreteOrdinates, Incidence};
@@ -41,4 +45,7 @@ pub use optical_layer::{
     ANISOTROPY, COEFFICIENT_PER_MM, OpticalLayer, OpticalStack, REFRACTIVE_INDEX, THICKNESS_MM,
 };
 pub use scattering::{Scattering, ScatteringCoefficient};
+pub use site::Site;
+pub use site_parameter::SiteParameter;
 pub use tissue_error::TissueError;
+pub use tissue_state::TissueState;

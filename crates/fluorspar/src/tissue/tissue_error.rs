@@ -48,6 +48,40 @@ pub enum TissueError {
         /// The wavelength, nm.
         at_nm: f64,
     },
+    /// A name that no site has.
+    #[error("there is no tissue '{name}'; there are {}", known.join(", "))]
+    NoSuchSite {
+        /// The name.
+        name: String,
+        /// The names that there are.
+        known: Vec<&'static str>,
+    },
+    /// A name that no state has.
+    #[error("there is no state '{name}' of tissue; there are {}", known.join(", "))]
+    NoSuchState {
+        /// The name.
+        name: String,
+        /// The names that there are.
+        known: Vec<&'static str>,
+    },
+    /// A parameter that a site does not have.
+    #[error("tissue '{site}' has no parameter '{name}'; it has {}", known.join(", "))]
+    NoSuchParameter {
+        /// The site.
+        site: &'static str,
+        /// The name.
+        name: String,
+        /// The names that there are.
+        known: Vec<&'static str>,
+    },
+    /// A fluorophore of a site that was not found.
+    #[error("tissue '{site}' holds the fluorophore '{name}', which was not found")]
+    NoSuchFluorophore {
+        /// The site.
+        site: &'static str,
+        /// The fluorophore.
+        name: String,
+    },
     /// Wavelengths that cannot be solved for.
     #[error("give two wavelengths or more, rising, within 200 to 1200 nm")]
     Wavelengths,
