@@ -3,7 +3,7 @@
 use std::fmt::Display;
 
 use fluorspar::units::number_text;
-use fluorspar_experiment::ExperimentError;
+use fluorspar_experiment::{ExperimentError, PathsFrom};
 
 use crate::error::CliError;
 
@@ -125,17 +125,13 @@ pub(crate) fn sets(overrides: &[Override]) -> Vec<String> {
 /// The same error, with the options that were typed instead of the fields that they set.
 pub(crate) fn as_typed(error: ExperimentError, overrides: &[Override]) -> ExperimentError {
     let mut details = error.details().clone();
-    let of_error = overrides.iter().find(|one| details.source_name == format!("--set {}", one.set));
-    let Some((set, typed)) = of_error.and_then(|one| Some((&one.set, one.typed.as_ref()?))) else {
-        return error;
-    };
-    let path = set.split_once('=').map_or(set.as_str(), |(path, _)| path).replace('"', "");
-    if details.field.as_ref().is_some_and(|field| field.starts_with(&path)) {
+    let Some(blamed) = details.blamed_override else { return error };
+    let Some(typed) = overrides.get(blamed.number).and_then(|one| one.typed.as_ref()) else { return error };
+    if blamed.sets_field {
         (details.field, details.value) = (None, None);
     }
     details.source_name.clone_from(typed);
-    details.message =
-        details.message.replace("relative to the experiment file", "relative to where the program runs");
+    details.paths_from = details.paths_from.map(|_| PathsFrom::WorkingFolder);
     details.into()
 }
 

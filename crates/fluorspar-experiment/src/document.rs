@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-use super::error::{ErrorDetails, ExperimentError, Place, Step, path_text};
+use super::error::{BlamedOverride, ErrorDetails, ExperimentError, Place, Step, path_text};
 use fluorspar::units::number_text;
 
 /// Longest text of an experiment, bytes.
@@ -19,10 +19,46 @@ const MAX_ENTRIES: usize = 10_000;
 pub(super) struct Source {
     /// Name for messages: a file, a preset or an override.
     pub(super) name: String,
-    /// Whether line numbers mean anything: not in an override.
-    pub(super) has_lines: bool,
+    /// The override that it is, if it is no file.
+    pub(super) overriding: Option<Overriding>,
     /// Where its relative paths start; the files of the catalogue name no others.
     pub(super) folder: Option<PathBuf>,
+}
+
+/// What an override overrides.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Overriding {
+    /// Its number among the overrides, from 0.
+    pub(super) number: usize,
+    /// The value that it sets; nothing while that is not known.
+    pub(super) path: Vec<Step>,
+}
+
+impl Source {
+    /// Whether line numbers mean anything: not in an override.
+    pub(super) fn has_lines(&self) -> bool {
+        self.overriding.is_none()
+    }
+
+    /// An error that belongs to no line.
+    pub(super) fn error(&self, message: impl Into<String>) -> ExperimentError {
+        ExperimentError(Box::new(ErrorDetails {
+            source_name: self.name.clone(),
+            blamed_override: self.blame(&[]),
+            line: None,
+            entry: None,
+            field: None,
+            value: None,
+            message: message.into(),
+            paths_from: None,
+        }))
+    }
+
+    /// The override, if it is one, as what holds the defect at a path.
+    pub(super) fn blame(&self, path: &[Step]) -> Option<BlamedOverride> {
+        let Overriding { number, path: set } = self.overriding.as_ref()?;
+        Some(BlamedOverride { number: *number, sets_field: path.starts_with(set) })
+    }
 }
 
 /// Place of a value.
@@ -162,14 +198,16 @@ impl Document {
             _ => None,
         };
         let value = if field.is_some() { value } else { None };
-        let line = (source.has_lines && depth > 0).then_some(node.origin.line);
+        let line = (source.has_lines() && depth > 0).then_some(node.origin.line);
         ExperimentError(Box::new(ErrorDetails {
             source_name: source.name.clone(),
+            blamed_override: source.blame(path),
             line,
             entry,
             field,
             value,
             message: message.into(),
+            paths_from: None,
         }))
     }
 
@@ -184,6 +222,7 @@ impl Document {
         let place = self.error(&key, "");
         let mut error = self.error(table, message).without_value();
         error.0.source_name.clone_from(&place.0.source_name);
+        error.0.blamed_override = place.0.blamed_override;
         error.0.line = place.0.line;
         error
     }
@@ -220,15 +259,15 @@ pub(super) fn read_tree(text: &str, source: &Source, index: usize) -> Result<Nod
             "the text has {} bytes; at most {MAX_TEXT_BYTES} are read. Put long tables into files of their own",
             text.len()
         );
-        return Err(ExperimentError::in_source(&source.name, message));
+        return Err(source.error(message));
     }
     let lines = Lines::of(text);
     let table = DeTable::parse(text).map_err(|error| {
         let message = format!("invalid TOML: {}", error.message().trim().replace('\n', ", "));
         let line = error.span().map(|span| lines.line_of(span.start));
-        let error = ExperimentError::in_source(&source.name, message);
+        let error = source.error(message);
         match line {
-            Some(line) if source.has_lines => error.at_line(line),
+            Some(line) if source.has_lines() => error.at_line(line),
             _ => error,
         }
     })?;
@@ -250,7 +289,7 @@ impl Reader<'_> {
             return Ok(());
         }
         let message = format!("{count} {what}; at most {MAX_ENTRIES} are read. Is this the right file?");
-        Err(ExperimentError::in_source(&self.source.name, message).at_line(line))
+        Err(self.source.error(message).at_line(line))
     }
 
     fn table(&self, table: &DeTable<'_>, line: usize) -> Result<Content, ExperimentError> {
@@ -272,7 +311,7 @@ impl Reader<'_> {
         let line = self.lines.line_of(value.span().start);
         let number = |what: &str, text: &str| {
             let message = format!("{} is too large for {what}", shortened(text));
-            ExperimentError::in_source(&self.source.name, message).at_line(line)
+            self.source.error(message).at_line(line)
         };
         let content = match value.get_ref() {
             DeValue::Table(table) => self.table(table, line)?,

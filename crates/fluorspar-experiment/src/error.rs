@@ -17,6 +17,8 @@ pub struct ExperimentError(pub(super) Box<ErrorDetails>);
 pub struct ErrorDetails {
     /// File or override that holds the defect, as it is to be shown.
     pub source_name: String,
+    /// The override, where one holds the defect.
+    pub blamed_override: Option<BlamedOverride>,
     /// Line in that file, from 1; `None` for an override and for what belongs to no line.
     pub line: Option<usize>,
     /// The entry of a list that holds the field, for instance `light[1] "blue"`.
@@ -27,6 +29,35 @@ pub struct ErrorDetails {
     pub value: Option<String>,
     /// What is wrong and how to fix it.
     pub message: String,
+    /// Where relative paths start, if a path may be written wrongly; ends the message.
+    pub paths_from: Option<PathsFrom>,
+}
+
+/// An override that holds a defect.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BlamedOverride {
+    /// Its number among the overrides, from 0.
+    pub number: usize,
+    /// Whether the field is the one that the override sets, or below it.
+    pub sets_field: bool,
+}
+
+/// Where relative paths start.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PathsFrom {
+    /// At the folder of the experiment file.
+    ExperimentFile,
+    /// At the folder where the program runs.
+    WorkingFolder,
+}
+
+impl fmt::Display for PathsFrom {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::ExperimentFile => "paths are relative to the experiment file",
+            Self::WorkingFolder => "paths are relative to where the program runs",
+        })
+    }
 }
 
 impl ExperimentError {
@@ -35,19 +66,13 @@ impl ExperimentError {
         &self.0
     }
 
-    pub(super) fn in_source(source_name: impl Into<String>, message: impl Into<String>) -> Self {
-        Self(Box::new(ErrorDetails {
-            source_name: source_name.into(),
-            line: None,
-            entry: None,
-            field: None,
-            value: None,
-            message: message.into(),
-        }))
-    }
-
     pub(super) fn at_line(mut self, line: usize) -> Self {
         self.0.line = Some(line);
+        self
+    }
+
+    pub(super) fn with_paths_from(mut self, paths_from: PathsFrom) -> Self {
+        self.0.paths_from = Some(paths_from);
         self
     }
 
@@ -81,7 +106,11 @@ impl fmt::Display for ExperimentError {
             (Some(field), None) => write!(f, "{field}: ")?,
             _ => {}
         }
-        f.write_str(&details.message)
+        f.write_str(&details.message)?;
+        match details.paths_from {
+            Some(paths_from) => write!(f, "; {paths_from}"),
+            None => Ok(()),
+        }
     }
 }
 

@@ -5,7 +5,6 @@ use std::path::PathBuf;
 
 use super::document::{Content, Document, Node, Source};
 use super::error::{ExperimentError, Place, Step};
-use super::format_version::renamed;
 use super::schema::NameOrTable;
 use super::shape::{Either, Field, Found, Mark, Schema, Shape, Table, TextKind, Variant};
 use crate::preset::is_lens_file;
@@ -246,7 +245,7 @@ impl Fit<'_> {
         if table.variant_of(node) == Found::Unsaid
             && let Some(tag) = table.tag()
             && let Content::Table(entries) = &node.content
-            && let Some((old, _)) = entries.iter().find(|(key, _)| renamed(at, key) == Some(tag))
+            && let Some((old, _)) = entries.iter().find(|(key, _)| table.renamed(key) == Some(tag))
         {
             let message = format!("unknown field `{old}`; write {tag}");
             return Err(self.document.error_at_key(at, &Step::Key(old.clone()), message));
@@ -295,7 +294,7 @@ impl Fit<'_> {
         let has_it = |variant: &&Variant| variant.fields.iter().any(|field| field.name == unknown);
         let others: Vec<String> = table.variants.iter().filter(has_it).map(in_words).collect();
         let this = variant.map(|index| &table.variants[index]);
-        let message = match (this, renamed(at, unknown)) {
+        let message = match (this, table.renamed(unknown)) {
             (_, Some(now)) => format!("unknown field `{unknown}`; write {now}"),
             (Some(this), None) if !others.is_empty() => {
                 let fix = if table.tag().is_some() { "remove it or change the type" } else { "remove it" };

@@ -31,7 +31,7 @@ mod warning;
 pub mod preset;
 pub mod schema;
 
-pub use error::{ErrorDetails, ExperimentError};
+pub use error::{BlamedOverride, ErrorDetails, ExperimentError, PathsFrom};
 pub use kept::{cache, kept_mouth, use_cache};
 pub use read::{Experiment, parse};
 pub use resolve::{FileRecord, InputFile, ResolvedExperiment, resolve};

@@ -3,38 +3,43 @@
 use fluorspar::quote::excerpt;
 use std::path::Path;
 
-use super::document::{Content, Document, Node, Origin, Source, read_tree};
+use super::document::{Content, Document, Node, Origin, Overriding, Source, read_tree};
 use super::error::{ExperimentError, Step};
 use super::merge::make_room;
 use super::shape::{Found, Schema, Shape};
 use fluorspar::names::did_you_mean;
 
-/// Applies one override such as `light.blue.strength.power_mw=20` or `material[2].gloss.roughness=0.3`.
+/// Applies one override, of a number among all, such as `light.blue.strength.power_mw=20` or `material[2].gloss.roughness=0.3`.
 ///
 /// An entry of a list is addressed by its name or by its number from 0. The value is TOML; what is not TOML is
 /// taken as a string, so that `sensor.quantum_efficiency=monochrome_cmos` needs no quotes.
 pub(super) fn apply(
     document: &mut Document,
     schema: &Schema,
+    number: usize,
     text: &str,
     base_dir: &Path,
 ) -> Result<(), ExperimentError> {
-    let source =
-        Source { name: format!("--set {text}"), has_lines: false, folder: Some(base_dir.to_path_buf()) };
+    let mut source = Source {
+        name: format!("--set {text}"),
+        overriding: Some(Overriding { number, path: Vec::new() }),
+        folder: Some(base_dir.to_path_buf()),
+    };
     let (steps, value_text) = split(text, &source)?;
     let index = document.sources.len();
     let value = read_value(value_text, &source, index);
     let steps = resolve_names(&document.root, &steps, &source)?;
+    source.overriding = Some(Overriding { number, path: steps.clone() });
     document.sources.push(source);
     let sources = &document.sources;
     // Another variant takes the place of what files say about the old one; earlier overrides stay.
-    let is_override = |node: &Node| !sources[node.origin.source].has_lines;
+    let is_override = |node: &Node| !sources[node.origin.source].has_lines();
     put(schema, Some(schema.root()), &mut document.root, &steps, value, &is_override);
     Ok(())
 }
 
 fn bad(source: &Source, message: impl Into<String>) -> ExperimentError {
-    ExperimentError::in_source(&source.name, message)
+    source.error(message)
 }
 
 /// Splits `path=value` into the steps of the path and the text of the value.

@@ -62,12 +62,12 @@ pub(super) fn read_document(
     base_dir: &Path,
     overrides: &[String],
 ) -> Result<Document, ExperimentError> {
-    let source = Source { name: source_name.into(), has_lines: true, folder: Some(base_dir.to_path_buf()) };
+    let source = Source { name: source_name.into(), overriding: None, folder: Some(base_dir.to_path_buf()) };
     let mut document = Document::read(text, source)?;
-    check_format(&document.root, &document.sources[0])?;
+    check_format(schema, &document.root, &document.sources[0])?;
     put_on_bases(&mut document, schema, base_dir)?;
-    for text in overrides {
-        overrides::apply(&mut document, schema, text, base_dir)?;
+    for (number, text) in overrides.iter().enumerate() {
+        overrides::apply(&mut document, schema, number, text, base_dir)?;
     }
     if document.root.get("base").is_some() {
         return Err(
@@ -139,9 +139,9 @@ fn put_on_bases(document: &mut Document, schema: &Schema, base_dir: &Path) -> Re
             (preset.text.to_string(), format!("experiment \"{name}\""))
         };
         let index = document.sources.len();
-        let source = Source { name: source_name, has_lines: true, folder: is_file.then(|| folder.clone()) };
+        let source = Source { name: source_name, overriding: None, folder: is_file.then(|| folder.clone()) };
         let base = read_tree(&text, &source, index)?;
-        check_format(&base, &source)?;
+        check_format(schema, &base, &source)?;
         document.sources.push(source);
         document.root.take("base");
         let over = std::mem::replace(&mut document.root, base);
@@ -152,7 +152,7 @@ fn put_on_bases(document: &mut Document, schema: &Schema, base_dir: &Path) -> Re
 
 fn read_text(file: &Path) -> Result<String, String> {
     read_text_bounded(file, MAX_TEXT_BYTES as u64)
-        .map_err(|error| format!("{}: {}", excerpt_to(&file.to_string_lossy(), 400), error.without_path()))
+        .map_err(|error| format!("{}: {}", excerpt_to(&file.to_string_lossy(), 400), error.problem()))
 }
 
 /// Puts the fields of `sensor.preset` below the others of the section.
@@ -163,7 +163,7 @@ fn put_on_sensor_preset(document: &mut Document, schema: &Schema) -> Result<(), 
     };
     let text = preset::sensor_text(&name)
         .map_err(|error| document.error(&steps!["sensor", "preset"], error.to_string()))?;
-    let source = Source { name: format!("sensor \"{name}\""), has_lines: true, folder: None };
+    let source = Source { name: format!("sensor \"{name}\""), overriding: None, folder: None };
     let mut root = read_tree(text, &source, document.sources.len())?;
     document.sources.push(source);
     let Some(mut fields) = root.take("sensor") else { return Ok(()) };

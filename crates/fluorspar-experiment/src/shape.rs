@@ -13,6 +13,7 @@
 //! | `x-merge: "replace"` | a type | one value: an override replaces it as a whole |
 //! | `x-mutually-exclusive-with` | a field | fields of the same table that can't be given with it; an override removes them |
 //! | `x-identity` | a section | field whose new value makes it another thing: nothing of the old one stays |
+//! | `x-renamed` | a section | fields that were written otherwise before format 1, and what to write now |
 //! | `format: "path"` | a text | path of a file, relative to the file that names it |
 //! | `format: "name-or-table-path"`, `"name-or-lens-path"` | a text | name of the catalogue, or such a path |
 
@@ -90,6 +91,8 @@ pub(super) struct Table {
     pub(super) whole: bool,
     /// Field whose new value makes it another thing.
     pub(super) identity: Option<String>,
+    /// What to write now for fields that were written otherwise before format 1.
+    renamed: BTreeMap<String, String>,
 }
 
 #[derive(Clone, Debug, PartialEq)]
@@ -140,6 +143,12 @@ impl Table {
             Mark::Tag { field, .. } => Some(field.as_str()),
             _ => None,
         })
+    }
+
+    /// What to write for a field that was written otherwise before format 1; the tag `type` was `kind`.
+    pub(super) fn renamed(&self, field: &str) -> Option<&str> {
+        let tag = self.tag().filter(|tag| field == "kind" && *tag == "type");
+        tag.or_else(|| self.renamed.get(field).map(String::as_str))
     }
 
     /// Which variant a table says it is.
@@ -377,6 +386,9 @@ impl SchemaReader<'_> {
         table.fields.extend(self.fields(value));
         let rest = part(value, "additionalProperties");
         table.rest = rest.is_object().then(|| Box::new(self.shape(rest)));
+        let renamed = part(value, "x-renamed").as_object().into_iter().flatten();
+        table.renamed =
+            renamed.filter_map(|(old, now)| Some((old.clone(), now.as_str()?.to_string()))).collect();
         table.identity = part(value, "x-identity").as_str().map(String::from);
         table
     }

@@ -117,12 +117,8 @@ pub fn read_eem_csv(path: &Path, options: &CsvEemOptions) -> Result<MeasuredEem,
                 Some(value) => value,
                 None if options.empty_as_zero => 0.0,
                 None => {
-                    return Err(FormatError::at_line(
-                        path,
-                        row.line,
-                        format!("the cell at excitation {} nm is empty", excitation_nm[column - 1]),
-                        "Fill it, or take empty cells as zero on purpose",
-                    ));
+                    let excitation_nm = excitation_nm[column - 1];
+                    return Err(FormatError::EmptyCell { path: path.into(), line: row.line, excitation_nm });
                 }
             };
             values.push(table.checked_sign(path, row, column, value, options.negative)?);

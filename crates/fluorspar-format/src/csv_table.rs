@@ -220,12 +220,12 @@ impl Table {
         match rule {
             Negative::Keep => Ok(value),
             Negative::ClipToZero => Ok(0.0),
-            Negative::Refuse => Err(FormatError::at_line(
-                path,
-                row.line,
-                format!("column {} holds {value}, below zero", self.column_name(column)),
-                "Subtract the background correctly, or allow or clip negative values on purpose",
-            )),
+            Negative::Refuse => Err(FormatError::Negative {
+                path: path.into(),
+                line: row.line,
+                column: self.column_name(column),
+                value,
+            }),
         }
     }
 }

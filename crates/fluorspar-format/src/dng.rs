@@ -14,7 +14,7 @@ use super::file::{MAX_IMAGE_BYTES, check_image_size, read_file};
 use super::output::write_atomically;
 use super::raw::{Description, description, image_of};
 use super::tiff_directory::{Directory, TiffBytes};
-use super::{FormatError, Loaded, Provenance};
+use super::{FileFormat, FormatError, Loaded, Provenance};
 use fluorspar::image::{Mosaic, SensorImage};
 
 /// Name that opens our private data; a zero byte ends it.
@@ -236,9 +236,10 @@ pub(super) fn read_dng(path: &Path) -> Result<Loaded<SensorImage>, FormatError> 
     let (width, height, data) = pixels(path, &tiff, raw)?;
     let private = first.data(50_740).and_then(|data| data.strip_prefix(PRIVATE_MARK));
     if let Some(json) = private {
-        let text = String::from_utf8_lossy(json);
-        let description: Description = serde_json::from_str(text.trim_end_matches('\0'))
-            .map_err(|_| damaged("its description (DNGPrivateData) is damaged"))?;
+        let json = json.trim_ascii_end().strip_suffix(b"\0").unwrap_or(json);
+        let damaged = |_| damaged("its description (DNGPrivateData) is damaged");
+        FileFormat::RAW_FRAME.check_json(path, json)?;
+        let description: Description = serde_json::from_slice(json).map_err(damaged)?;
         return image_of(path, width, height, data, description);
     }
     let label = path.file_stem().map_or_else(|| "raw".into(), |s| s.to_string_lossy().into_owned());

@@ -6,14 +6,13 @@ use std::fmt;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use thiserror::Error;
+use super::OtherFormat;
 
 /// Why a file can't be read or written. Every message names the file, the place where known, and what to do.
-#[derive(Debug, Error)]
+#[derive(Debug)]
 #[non_exhaustive]
 pub enum FormatError {
     /// The operating system refused.
-    #[error("{}: can't {action} it: {source}.{}", path.display(), io_advice(source))]
     Io {
         /// The file.
         path: PathBuf,
@@ -23,7 +22,6 @@ pub enum FormatError {
         source: io::Error,
     },
     /// The path leads to something that can't be read as a file.
-    #[error("{}: this is {what}; {hint}", path.display())]
     NotAFile {
         /// The path.
         path: PathBuf,
@@ -33,7 +31,6 @@ pub enum FormatError {
         hint: &'static str,
     },
     /// The content breaks the rules of its format or of this program.
-    #[error("{}{}: {what}. {hint}", path.display(), Place(*line))]
     Malformed {
         /// The file.
         path: PathBuf,
@@ -45,7 +42,6 @@ pub enum FormatError {
         hint: String,
     },
     /// The content is well-formed but of a kind that is not read here.
-    #[error("{}: {what}. {hint}", path.display())]
     Unsupported {
         /// The file.
         path: PathBuf,
@@ -54,10 +50,41 @@ pub enum FormatError {
         /// How to fix it.
         hint: String,
     },
+    /// A value of a table is below zero.
+    Negative {
+        /// The file.
+        path: PathBuf,
+        /// Line, from 1.
+        line: u64,
+        /// Name of the column.
+        column: String,
+        /// The value.
+        value: f64,
+    },
+    /// A cell of an excitation-emission matrix is empty.
+    EmptyCell {
+        /// The file.
+        path: PathBuf,
+        /// Line, from 1.
+        line: u64,
+        /// Excitation wavelength of its column, nm.
+        excitation_nm: f64,
+    },
+    /// A file of this program's own, of a version that is not read here.
+    OtherFormat {
+        /// The file.
+        path: PathBuf,
+        /// The version it states, and the one that is read.
+        other: OtherFormat,
+    },
+    /// A description is not JSON, or lacks a field or has one of another type.
+    Json {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong, with line and column.
+        source: serde_json::Error,
+    },
     /// The file requires more memory than any sensible file.
-    #[error(
-        "{}: {what}; at most {limit} is read. The file is damaged or meant for something else", path.display()
-    )]
     TooLarge {
         /// The file.
         path: PathBuf,
@@ -67,7 +94,6 @@ pub enum FormatError {
         limit: String,
     },
     /// The unit of the values is missing or not the wanted one.
-    #[error("{}: {what}. {hint}", path.display())]
     Unit {
         /// The file.
         path: PathBuf,
@@ -77,10 +103,6 @@ pub enum FormatError {
         hint: String,
     },
     /// Most of an excitation-emission matrix lies at emission wavelengths below its excitation.
-    #[error(
-        "{}: {percent:.0} % of the matrix lies at emission wavelengths below the excitation. \
-         Rows are emission, columns are excitation: is the table transposed?", path.display()
-    )]
     Transposed {
         /// The file.
         path: PathBuf,
@@ -88,11 +110,6 @@ pub enum FormatError {
         percent: f64,
     },
     /// One value of an excitation-emission matrix lies below its excitation.
-    #[error(
-        "{}{}: emission at {emission_nm} nm is below its excitation at {excitation_nm} nm but holds {value} \
-         ({percent_of_peak:.2} % of the peak). Remove scattered light, set such cells to 0 or allow anti-Stokes values",
-        path.display(), Place(*line)
-    )]
     AntiStokes {
         /// The file.
         path: PathBuf,
@@ -108,7 +125,6 @@ pub enum FormatError {
         percent_of_peak: f64,
     },
     /// The place must not be written; nothing was.
-    #[error("{}: {why}; {hint}", path.display())]
     Refused {
         /// The place.
         path: PathBuf,
@@ -118,10 +134,6 @@ pub enum FormatError {
         hint: String,
     },
     /// The disk has less room than what will be written may take; nothing was written.
-    #[error(
-        "{}: the disk has {} left, and up to {} will be written. Free some, name a place on another disk, or ask for less",
-        path.display(), memory_text(*free_bytes), memory_text(*needed_bytes)
-    )]
     NoRoom {
         /// The place.
         path: PathBuf,
@@ -131,7 +143,6 @@ pub enum FormatError {
         free_bytes: u64,
     },
     /// The results are written, but not as they should be.
-    #[error("{}: {what}", path.display())]
     Failed {
         /// The place.
         path: PathBuf,
@@ -139,7 +150,6 @@ pub enum FormatError {
         what: String,
     },
     /// The data can't be written; no file was created.
-    #[error("{}: nothing was written: {what}. {hint}", path.display())]
     Unwritable {
         /// The file.
         path: PathBuf,
@@ -158,6 +168,10 @@ impl FormatError {
             | Self::NotAFile { path, .. }
             | Self::Malformed { path, .. }
             | Self::Unsupported { path, .. }
+            | Self::Negative { path, .. }
+            | Self::EmptyCell { path, .. }
+            | Self::OtherFormat { path, .. }
+            | Self::Json { path, .. }
             | Self::TooLarge { path, .. }
             | Self::Unit { path, .. }
             | Self::Transposed { path, .. }
@@ -169,11 +183,18 @@ impl FormatError {
         }
     }
 
-    /// The message without the path that it begins with, for messages that name the file themselves.
-    pub fn without_path(&self) -> String {
-        let text = self.to_string();
-        let start = format!("{}: ", self.path().display());
-        text.strip_prefix(&start).map_or_else(|| text.clone(), String::from)
+    /// Line of a text file, from 1, where one is to blame.
+    pub fn line(&self) -> Option<u64> {
+        match self {
+            Self::Malformed { line, .. } | Self::AntiStokes { line, .. } => *line,
+            Self::Negative { line, .. } | Self::EmptyCell { line, .. } => Some(*line),
+            _ => None,
+        }
+    }
+
+    /// What is wrong and what to do, for messages that name the file themselves.
+    pub fn problem(&self) -> Problem<'_> {
+        Problem(self)
     }
 
     fn path_mut(&mut self) -> &mut PathBuf {
@@ -182,6 +203,10 @@ impl FormatError {
             | Self::NotAFile { path, .. }
             | Self::Malformed { path, .. }
             | Self::Unsupported { path, .. }
+            | Self::Negative { path, .. }
+            | Self::EmptyCell { path, .. }
+            | Self::OtherFormat { path, .. }
+            | Self::Json { path, .. }
             | Self::TooLarge { path, .. }
             | Self::Unit { path, .. }
             | Self::Transposed { path, .. }
@@ -233,6 +258,14 @@ impl FormatError {
         Self::Unit { path: path.into(), what: bounded(&what.into()), hint: hint.into() }
     }
 
+    pub(super) fn other_format(path: &Path, other: OtherFormat) -> Self {
+        Self::OtherFormat { path: path.into(), other }
+    }
+
+    pub(super) fn json(path: &Path, source: serde_json::Error) -> Self {
+        Self::Json { path: path.into(), source }
+    }
+
     pub(super) fn too_large(path: &Path, what: impl Into<String>, limit: impl Into<String>) -> Self {
         Self::TooLarge { path: path.into(), what: bounded(&what.into()), limit: limit.into() }
     }
@@ -242,19 +275,85 @@ impl FormatError {
     }
 }
 
+impl fmt::Display for FormatError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}", self.path().display())?;
+        if let Some(line) = self.line() {
+            write!(f, ":{line}")?;
+        }
+        write!(f, ": {}", self.problem())
+    }
+}
+
+impl std::error::Error for FormatError {
+    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
+        match self {
+            Self::Io { source, .. } => Some(source),
+            Self::Json { source, .. } => Some(source),
+            Self::OtherFormat { other, .. } => Some(other),
+            _ => None,
+        }
+    }
+}
+
+/// A [`FormatError`] without its file.
+#[derive(Debug)]
+pub struct Problem<'a>(&'a FormatError);
+
+impl fmt::Display for Problem<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.0 {
+            FormatError::Io { action, source, .. } => {
+                write!(f, "can't {action} it: {source}.{}", io_advice(source))
+            }
+            FormatError::NotAFile { what, hint, .. } => write!(f, "this is {what}; {hint}"),
+            FormatError::Malformed { what, hint, .. }
+            | FormatError::Unsupported { what, hint, .. }
+            | FormatError::Unit { what, hint, .. } => write!(f, "{what}. {hint}"),
+            FormatError::Negative { column, value, .. } => write!(
+                f,
+                "column {column} holds {value}, below zero. Subtract the background correctly, or allow or clip \
+                 negative values on purpose"
+            ),
+            FormatError::EmptyCell { excitation_nm, .. } => write!(
+                f,
+                "the cell at excitation {excitation_nm} nm is empty. Fill it, or take empty cells as zero on purpose"
+            ),
+            FormatError::OtherFormat { other, .. } => write!(f, "{other}"),
+            FormatError::Json { source, .. } => {
+                write!(f, "{}. Restore the file as it was written", bounded(&source.to_string()))
+            }
+            FormatError::TooLarge { what, limit, .. } => {
+                write!(f, "{what}; at most {limit} is read. The file is damaged or meant for something else")
+            }
+            FormatError::Transposed { percent, .. } => write!(
+                f,
+                "{percent:.0} % of the matrix lies at emission wavelengths below the excitation. \
+                 Rows are emission, columns are excitation: is the table transposed?"
+            ),
+            FormatError::AntiStokes { emission_nm, excitation_nm, value, percent_of_peak, .. } => write!(
+                f,
+                "emission at {emission_nm} nm is below its excitation at {excitation_nm} nm but holds {value} \
+                 ({percent_of_peak:.2} % of the peak). Remove scattered light, set such cells to 0 or allow \
+                 anti-Stokes values"
+            ),
+            FormatError::Refused { why, hint, .. } => write!(f, "{why}; {hint}"),
+            FormatError::NoRoom { needed_bytes, free_bytes, .. } => write!(
+                f,
+                "the disk has {} left, and up to {} will be written. Free some, name a place on another disk, or ask for less",
+                memory_text(*free_bytes),
+                memory_text(*needed_bytes)
+            ),
+            FormatError::Failed { what, .. } => write!(f, "{what}"),
+            FormatError::Unwritable { what, hint, .. } => write!(f, "nothing was written: {what}. {hint}"),
+        }
+    }
+}
+
 /// A description that stays readable whatever a file holds; what it quotes of the file is shortened before.
 fn bounded(what: &str) -> String {
     const LONGEST: usize = 400;
     excerpt_to(what, LONGEST)
-}
-
-/// `:LINE` after a path, or nothing.
-struct Place(Option<u64>);
-
-impl fmt::Display for Place {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.0.map_or(Ok(()), |line| write!(f, ":{line}"))
-    }
 }
 
 fn io_advice(error: &io::Error) -> &'static str {

@@ -6,9 +6,9 @@ use std::panic::{self, AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::Once;
 
-use super::FormatError;
 use super::input::read_bounded;
 use super::output::write_atomically;
+use super::{FileFormat, FormatError};
 
 /// Most bytes an image may take in memory, where nothing else bounds it.
 pub(super) const MAX_IMAGE_BYTES: u64 = 1 << 33;
@@ -140,8 +140,11 @@ pub(super) fn sidecar_path(path: &Path) -> PathBuf {
     name.into()
 }
 
-/// Reads a JSON sidecar.
-pub(super) fn read_sidecar<T: serde::de::DeserializeOwned>(data_path: &Path) -> Result<T, FormatError> {
+/// Reads a JSON sidecar of a format.
+pub(super) fn read_sidecar<T: serde::de::DeserializeOwned>(
+    data_path: &Path,
+    format: &'static FileFormat,
+) -> Result<T, FormatError> {
     let path = sidecar_path(data_path);
     if !path.exists() {
         return Err(FormatError::malformed(
@@ -151,11 +154,8 @@ pub(super) fn read_sidecar<T: serde::de::DeserializeOwned>(data_path: &Path) -> 
         ));
     }
     let bytes = read_file(&path, MAX_TEXT_BYTES)?;
-    serde_json::from_slice(&bytes).map_err(|error| {
-        let text = error.to_string();
-        let what = text.split(" at line ").next().unwrap_or(&text).to_string();
-        FormatError::at_line(&path, error.line() as u64, what, "Restore the file as it was written")
-    })
+    format.check_json(&path, &bytes)?;
+    serde_json::from_slice(&bytes).map_err(|source| FormatError::json(&path, source))
 }
 
 /// Writes a JSON sidecar.

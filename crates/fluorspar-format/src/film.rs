@@ -1,6 +1,6 @@
 //! Films: the exact sums of a render, to resume, extend and merge it.
 //!
-//! Little-endian. `FLSPFILM`, version (u32), length of the header (u64), header (JSON), feature maps as raw numbers, then
+//! Little-endian. `FLSPFILM`, format (u32), length of the header (u64), header (JSON), feature maps as raw numbers, then
 //! one record per tile that holds samples: for every plane the bytes per integer (u8) and the integers, `[pixel][band]`,
 //! then a checksum (u64).
 
@@ -14,13 +14,12 @@ use serde::{Deserialize, Serialize};
 use super::file::check_image_size;
 use super::input::open_plain;
 use super::output::write_atomically;
-use super::{FormatError, Loaded, Provenance};
+use super::{FileFormat, FormatError, Loaded, Provenance};
 use fluorspar::image::film::film_bytes;
 use fluorspar::image::{Component, FeatureMaps, Film, FilmLayout, StatisticsKind, View};
 use fluorspar::spectral::WavelengthGrid;
 
 pub(super) const MAGIC: &[u8; 8] = b"FLSPFILM";
-const VERSION: u32 = 1;
 /// Largest film that is read, bytes in memory.
 const MAX_FILM_BYTES: u64 = 1 << 40;
 const MAX_HEADER_BYTES: u64 = 1 << 28;
@@ -78,7 +77,7 @@ pub fn write_film(path: &Path, film: &Film, provenance: Option<&Provenance>) -> 
     write_atomically(path, |writer| {
         let json = serde_json::to_vec(&header)?;
         writer.write_all(MAGIC)?;
-        writer.write_all(&VERSION.to_le_bytes())?;
+        writer.write_all(&FileFormat::FILM.version().to_le_bytes())?;
         writer.write_all(&(json.len() as u64).to_le_bytes())?;
         writer.write_all(&json)?;
         write_f32(writer, &features.depth_m)?;
@@ -183,14 +182,8 @@ fn open(path: &Path) -> Result<Opened, FormatError> {
     }
     let mut word = [0; 4];
     reader.read_exact(&mut word).map_err(failed)?;
-    let version = u32::from_le_bytes(word);
-    if version != VERSION {
-        return Err(FormatError::unsupported(
-            path,
-            format!("the film has version {version}, not {VERSION}"),
-            "Continue it with the program that wrote it",
-        ));
-    }
+    let stated = i64::from(u32::from_le_bytes(word));
+    FileFormat::FILM.check(Some(stated)).map_err(|other| FormatError::other_format(path, other))?;
     let mut word = [0; 8];
     reader.read_exact(&mut word).map_err(failed)?;
     let header_len = u64::from_le_bytes(word);

@@ -33,6 +33,7 @@ mod dng;
 mod error;
 mod exr;
 mod file;
+mod file_format;
 mod film;
 mod gltf;
 mod input;
@@ -59,11 +60,12 @@ pub use csv_fluorophore::{CsvFluorophore, read_fluorophore_csv};
 pub use csv_spectrum::{CsvColumns, CsvSpectrumOptions, NamedCurve, read_spectrum_csv};
 pub use csv_table::Negative;
 pub use dng::{DngColor, write_sensor_dng};
-pub use error::FormatError;
+pub use error::{FormatError, Problem};
 pub use exr::{
     ExrCompression, ExrOptions, read_component_exr, read_spectral_exr, write_component_exr,
     write_spectral_exr,
 };
+pub use file_format::{FileFormat, OtherFormat};
 pub use film::{read_film, read_film_layout, read_film_rows, write_film};
 pub use gltf::{read_gltf, read_gltf_instances, write_gltf};
 pub use input::{digest_bounded, read_bounded, read_start, read_text_bounded};

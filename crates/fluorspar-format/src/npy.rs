@@ -9,18 +9,22 @@ use serde::{Deserialize, Serialize};
 use super::file::{check_image_size, read_sidecar, sidecar_path, write_sidecar};
 use super::npy_array::{read_npy, write_npy};
 use super::output::write_atomically;
-use super::{FormatError, Loaded, Provenance};
+use super::{FileFormat, FormatError, Loaded, Provenance};
 use fluorspar::image::{Component, ComponentImage, FeatureMaps, SpectralImage};
+use fluorspar::quote::excerpt;
 use fluorspar::spectral::{Quantity, Radiance, WavelengthGrid};
 
-const SPECTRAL_SCHEMA: &str = "fluorspar.spectral_image.1";
-const COMPONENT_SCHEMA: &str = "fluorspar.component_image.1";
+const SPECTRAL_AXES: [&str; 3] = ["row", "col", "band"];
+const COMPONENT_AXES: [&str; 4] = ["component", "row", "col", "band"];
 
 /// Contents of the JSON description of a `.npy` file.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Description {
-    schema: String,
+    format: u32,
+    /// What wrote the file: it may be replaced where this program did.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    program: Option<String>,
     quantity: String,
     unit: String,
     axes: Vec<String>,
@@ -48,10 +52,11 @@ pub fn write_spectral_npy<Q: Quantity>(
 ) -> Result<(), FormatError> {
     let grid = image.grid();
     let description = Description {
-        schema: SPECTRAL_SCHEMA.into(),
+        format: FileFormat::ARRAY.version(),
+        program: Some("fluorspar".into()),
         quantity: Q::NAME.into(),
         unit: Q::UNIT.into(),
-        axes: ["row", "col", "band"].map(String::from).to_vec(),
+        axes: SPECTRAL_AXES.map(String::from).to_vec(),
         shape: [image.height(), image.width(), image.bands()].map(|n| n as u64).to_vec(),
         wavelength_edges_nm: grid.edges_nm().to_vec(),
         wavelength_centers_nm: grid.centers_nm(),
@@ -75,10 +80,11 @@ pub fn write_component_npy(
 ) -> Result<(), FormatError> {
     let shape = [image.components.len(), image.height, image.width, image.grid.len()];
     let description = Description {
-        schema: COMPONENT_SCHEMA.into(),
+        format: FileFormat::ARRAY.version(),
+        program: Some("fluorspar".into()),
         quantity: Radiance::NAME.into(),
         unit: Radiance::UNIT.into(),
-        axes: ["component", "row", "col", "band"].map(String::from).to_vec(),
+        axes: COMPONENT_AXES.map(String::from).to_vec(),
         shape: shape.map(|n| n as u64).to_vec(),
         wavelength_edges_nm: image.grid.edges_nm().to_vec(),
         wavelength_centers_nm: image.grid.centers_nm(),
@@ -107,7 +113,7 @@ fn write_array(path: &Path, description: &Description, data: &[f32]) -> Result<(
 /// # Errors
 /// A missing or mismatched description, another quantity, another element type or axis order, damaged files.
 pub fn read_spectral_npy<Q: Quantity>(path: &Path) -> Result<Loaded<SpectralImage<Q>>, FormatError> {
-    let (description, grid, data) = read_array(path, SPECTRAL_SCHEMA, Q::NAME, Q::UNIT, 3)?;
+    let (description, grid, data) = read_array(path, &SPECTRAL_AXES, Q::NAME, Q::UNIT)?;
     let [height, width] = [0, 1].map(|axis| description.shape[axis] as usize);
     let image = SpectralImage::from_data(grid, width, height, data)
         .map_err(|error| FormatError::malformed(path, error.to_string(), "Write the file again"))?;
@@ -119,7 +125,7 @@ pub fn read_spectral_npy<Q: Quantity>(path: &Path) -> Result<Loaded<SpectralImag
 /// # Errors
 /// As [`read_spectral_npy`].
 pub fn read_component_npy(path: &Path) -> Result<Loaded<ComponentImage>, FormatError> {
-    let (description, grid, data) = read_array(path, COMPONENT_SCHEMA, Radiance::NAME, Radiance::UNIT, 4)?;
+    let (description, grid, data) = read_array(path, &COMPONENT_AXES, Radiance::NAME, Radiance::UNIT)?;
     let components = description.components.unwrap_or_default();
     if components.len() as u64 != description.shape[0] {
         return Err(FormatError::malformed(
@@ -149,19 +155,18 @@ pub fn read_component_npy(path: &Path) -> Result<Loaded<ComponentImage>, FormatE
 
 fn read_array(
     path: &Path,
-    schema: &str,
+    axes: &[&str],
     quantity: &str,
     unit: &str,
-    axes: usize,
 ) -> Result<(Description, WavelengthGrid, Vec<f32>), FormatError> {
     let (shape, data) = read_npy(path)?;
-    let description: Description = read_sidecar(path)?;
+    let description: Description = read_sidecar(path, &FileFormat::ARRAY)?;
     let sidecar = sidecar_path(path);
     let mismatch = |what: String, hint: &str| Err(FormatError::malformed(&sidecar, what, hint));
-    if description.schema != schema {
+    if description.axes != axes {
         return mismatch(
-            format!("this describes \"{}\", not \"{schema}\"", description.schema),
-            "Read it as what it is, or with the version that wrote it",
+            format!("the axes are {}, not {}", excerpt(&description.axes.join(", ")), axes.join(", ")),
+            "Read it as what it is: radiance has three axes, its components four",
         );
     }
     if description.quantity != quantity || description.unit != unit {
@@ -174,7 +179,7 @@ fn read_array(
             "Read it as what it is",
         ));
     }
-    if description.shape != shape || shape.len() != axes {
+    if description.shape != shape || shape.len() != axes.len() {
         return mismatch(
             format!("the description has shape {:?} but the array has {shape:?}", description.shape),
             "Keep the two files of one run together",
@@ -184,12 +189,18 @@ fn read_array(
         Ok(grid) => grid,
         Err(error) => return mismatch(error.to_string(), "Restore the description as it was written"),
     };
-    if shape[axes - 1] != grid.len() as u64 {
+    if shape[axes.len() - 1] != grid.len() as u64 {
         return mismatch(
-            format!("there are {} bands but {} wavelength bins", shape[axes - 1], grid.len()),
+            format!("there are {} bands but {} wavelength bins", shape[axes.len() - 1], grid.len()),
             "Restore the description as it was written",
         );
     }
-    check_image_size(path, shape[axes - 2], shape[axes - 3], 4 * shape[axes - 1], u64::MAX)?;
+    check_image_size(
+        path,
+        shape[axes.len() - 2],
+        shape[axes.len() - 3],
+        4 * shape[axes.len() - 1],
+        u64::MAX,
+    )?;
     Ok((description, grid, data))
 }

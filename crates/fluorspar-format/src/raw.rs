@@ -18,11 +18,9 @@ use super::input::open_plain;
 use super::output::write_atomically;
 use super::packed_raw::{PackedRows, read_packed};
 use super::png::{read_png, write_png};
-use super::{FormatError, Loaded, Provenance};
+use super::{FileFormat, FormatError, Loaded, Provenance};
 use fluorspar::digest::sha256_hex;
 use fluorspar::image::{Mosaic, SensorImage};
-
-const SCHEMA: &str = "fluorspar.sensor_image.1";
 
 /// Contents of the JSON description of a raw frame.
 ///
@@ -30,7 +28,10 @@ const SCHEMA: &str = "fluorspar.sensor_image.1";
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Description {
-    schema: String,
+    format: u32,
+    /// What wrote the file: it may be replaced where this program did.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    program: Option<String>,
     label: String,
     pub(super) width: u64,
     pub(super) height: u64,
@@ -72,7 +73,8 @@ impl Description {
         bit_depth: u8,
     ) -> Self {
         Self {
-            schema: SCHEMA.into(),
+            format: FileFormat::RAW_FRAME.version(),
+            program: None,
             label,
             width: width as u64,
             height: height as u64,
@@ -153,7 +155,7 @@ pub fn read_sensor_image(path: &Path) -> Result<Loaded<SensorImage>, FormatError
     } else {
         return read_by_description(path);
     };
-    let description: Description = read_sidecar(path)?;
+    let description: Description = read_sidecar(path, &FileFormat::RAW_FRAME)?;
     image_of(path, width, height, data, description)
 }
 
@@ -169,20 +171,11 @@ fn read_by_description(path: &Path) -> Result<Loaded<SensorImage>, FormatError> 
     if !sidecar_path(path).exists() {
         return Err(unknown());
     }
-    let description: Description = read_sidecar(path)?;
-    check_schema(path, &description)?;
+    let description: Description = read_sidecar(path, &FileFormat::RAW_FRAME)?;
     match description.packing {
         Some(rows) => read_packed(path, description, rows),
         None => Err(unknown()),
     }
-}
-
-fn check_schema(path: &Path, description: &Description) -> Result<(), FormatError> {
-    if description.schema == SCHEMA {
-        return Ok(());
-    }
-    let what = format!("this describes \"{}\", not \"{SCHEMA}\"", description.schema);
-    Err(FormatError::malformed(&sidecar_path(path), what, "Keep the two files of one frame together"))
 }
 
 /// Joins pixels and their description, which must fit.
@@ -193,7 +186,6 @@ pub(super) fn image_of(
     data: Vec<u16>,
     d: Description,
 ) -> Result<Loaded<SensorImage>, FormatError> {
-    check_schema(path, &d)?;
     // The description of a DNG is inside.
     let beside = sidecar_path(path);
     let sidecar = if beside.exists() { beside } else { path.to_path_buf() };
@@ -240,7 +232,8 @@ pub(super) fn description(
         return Err(FormatError::unwritable(path, problem, "Correct the frame before writing it"));
     }
     Ok(Description {
-        schema: SCHEMA.into(),
+        format: FileFormat::RAW_FRAME.version(),
+        program: Some("fluorspar".into()),
         label: image.label.clone(),
         width: image.width as u64,
         height: image.height as u64,

@@ -4,7 +4,7 @@
 
 use std::fs;
 
-use crate::support::{fluorspar, listing};
+use crate::support::{fluorspar, keeps_format, listing};
 
 const SHEET: &str = "format = 1\ntitle = \"Test\"\n[sensor]\ncolumns = 128\nrows = 96\nmosaic = \"mono\"\n\
     quantum_efficiency = { mono = 0.6 }\n[sensor.emva1288]\ngain_e_per_dn = 2.7\ndark_noise_e = 2.3\n\
@@ -27,6 +27,7 @@ fn a_sheet_is_measured_and_drawn() {
         "--json",
     ];
     let results = fluorspar(folder.path(), args).json();
+    keeps_format("sensor-results", &results);
     let close = |key: &str, set: f64, relative: f64| {
         let found = results[key].as_f64().unwrap();
         assert!((found / set - 1.0).abs() < relative, "{key}: {found}, set {set}");

@@ -5,7 +5,7 @@
 use std::fs;
 use std::path::Path;
 
-use crate::support::{fluorspar, listing, tiny};
+use crate::support::{fluorspar, keeps_format, listing, tiny};
 use serde_json::Value;
 
 fn bytes(folder: &Path, name: &str) -> Vec<u8> {
@@ -26,6 +26,7 @@ fn every_stage_continues_from_the_files_of_the_one_before() {
     }
     assert!(folder.join("run/figures/chromaticity.svg").is_file());
     let results: Value = serde_json::from_slice(&bytes(folder, "run/results.json")).unwrap();
+    keeps_format("results", &results);
     assert!(
         results["analysis"]["counts"]["valid"].as_u64().unwrap() > 40,
         "{}",

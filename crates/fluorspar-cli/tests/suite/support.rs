@@ -105,3 +105,43 @@ pub(crate) fn reference() -> Option<PathBuf> {
     let here = Path::new(env!("CARGO_MANIFEST_DIR"));
     here.ancestors().map(|folder| folder.join("shared/reference")).find(|folder| folder.is_dir())
 }
+
+/// Checks that results still have what the fixture of their format lists: keys with the types of their values. New keys are
+/// no new format; keys that go or change their type are. A missing fixture is written once, to be looked at and added.
+pub(crate) fn keeps_format(name: &str, results: &serde_json::Value) {
+    let version = results["format"].as_u64().unwrap();
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("tests/fixtures/{name}-{version}.txt"));
+    let mut found = BTreeMap::new();
+    collect_keys(results, String::new(), &mut found);
+    if !file.exists() {
+        let lines: Vec<String> = found.iter().map(|(key, kind)| format!("{key} {kind}\n")).collect();
+        fs::create_dir_all(file.parent().unwrap()).unwrap();
+        fs::write(&file, lines.concat()).unwrap();
+        panic!("{} was missing and is written: look at it, then add it", file.display());
+    }
+    for line in fs::read_to_string(&file).unwrap().lines() {
+        let (key, kind) = line.rsplit_once(' ').unwrap();
+        let now = found.get(key).copied();
+        assert!(now == Some(kind) || now == Some("null") || kind == "null", "{key} is {now:?}, was {kind}");
+    }
+}
+
+/// Every key below a value, as `a.b[].c`, with the type of what it holds; of a list the first entry counts.
+fn collect_keys(value: &serde_json::Value, at: String, found: &mut BTreeMap<String, &'static str>) {
+    use serde_json::Value::{Array, Bool, Null, Number, Object, String as Text};
+    match value {
+        Object(entries) => {
+            for (key, inner) in entries {
+                collect_keys(inner, if at.is_empty() { key.clone() } else { format!("{at}.{key}") }, found);
+            }
+        }
+        Array(items) => match items.first() {
+            Some(first) => collect_keys(first, format!("{at}[]"), found),
+            None => {}
+        },
+        Null => drop(found.insert(at, "null")),
+        Bool(_) => drop(found.insert(at, "boolean")),
+        Number(_) => drop(found.insert(at, "number")),
+        Text(_) => drop(found.insert(at, "text")),
+    }
+}

@@ -8,7 +8,7 @@ use glam::{DVec3, Vec3};
 
 use super::record::InputFile;
 use crate::document::Document;
-use crate::error::{ExperimentError, Place, Step};
+use crate::error::{ExperimentError, PathsFrom, Place, Step};
 use crate::schema::{ExposureTime, FilePath};
 use crate::warning::Warning;
 use fluorspar::digest::sha256_hex;
@@ -158,9 +158,10 @@ impl<'a> Context<'a> {
         let sha256 = match digest_bounded(file, MAX_INPUT_BYTES) {
             Ok(sha256) => sha256,
             Err(FormatError::Io { source, .. }) if source.kind() == io::ErrorKind::NotFound => {
-                return self.fail(at, "there is no such file; paths are relative to the experiment file");
+                let error = self.error(at, "there is no such file");
+                return Err(error.with_paths_from(PathsFrom::ExperimentFile));
             }
-            Err(error) => return self.fail(at, error.without_path()),
+            Err(error) => return self.fail(at, error.problem().to_string()),
         };
         self.inputs.push(InputFile { path: file.into(), sha256 });
         Ok(())

@@ -122,6 +122,9 @@ fn unity() -> f64 {
 /// Analysis of the captures.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[schemars(extend("x-renamed" = {
+    "bulk_material": "bulk = \"...\""
+}))]
 pub struct AnalysisSection {
     /// Capture that is analyzed.
     pub frame: String,

@@ -19,6 +19,16 @@ pub enum LightFrame {
 /// A light source, or a ring of equal ones.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[schemars(deny_unknown_fields)]
+#[schemars(extend("x-renamed" = {
+    "power_mw": "strength.power_mw",
+    "irradiance_w_per_m2": "strength.irradiance_w_per_m2",
+    "at_distance_mm": "strength.at_distance_mm",
+    "radiance_w_per_sr_m2": "strength.radiance_w_per_sr_m2",
+    "measured": "strength.measured",
+    "direction": "aim.direction",
+    "look_at_mm": "aim.look_at_mm",
+    "map_rotation_deg": "map = { file = \"...\", rotation_deg = ... }"
+}))]
 pub struct LightSection {
     /// Name, unique among the lights.
     pub name: String,

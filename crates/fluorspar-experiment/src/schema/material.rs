@@ -21,6 +21,15 @@ pub enum YieldUnit {
 /// A fluorophore.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[schemars(extend("x-renamed" = {
+    "from": "source = \"...\"",
+    "csv": "source = { csv = \"...\" }",
+    "eem_csv": "source = { eem_csv = \"...\" }",
+    "mat": "source = { mat = \"...\" }",
+    "excitation_csv": "source = { excitation_csv = \"...\", emission_csv = \"...\" }",
+    "emission_csv": "source = { excitation_csv = \"...\", emission_csv = \"...\" }",
+    "unit": "source = { ..., unit = \"...\" }"
+}))]
 pub struct FluorophoreSection {
     /// Name by which materials refer to it.
     pub name: String,
@@ -264,6 +273,14 @@ fn as_stored() -> f64 {
 /// A material.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[schemars(deny_unknown_fields)]
+#[schemars(extend("x-renamed" = {
+    "dielectric": "type = \"dielectric\" and its fields in the material itself",
+    "conductor": "type = \"conductor\" and its fields in the material itself",
+    "mix": "type = \"mix\" and its fields in the material itself",
+    "two_sided": "type = \"two_sided\" and its fields in the material itself",
+    "n": "metal = { n = ..., k = ... }",
+    "k": "metal = { n = ..., k = ... }"
+}))]
 pub struct MaterialSection {
     /// Name by which objects refer to it.
     pub name: String,

@@ -13,6 +13,7 @@ mod settings;
 
 use std::borrow::Cow;
 
+use fluorspar_format::FileFormat;
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -128,7 +129,7 @@ pub struct FormatVersion;
 
 impl FormatVersion {
     /// The version that is read and written.
-    pub const CURRENT: i64 = 1;
+    pub const CURRENT: i64 = FileFormat::EXPERIMENT.version() as i64;
 }
 
 impl Serialize for FormatVersion {
@@ -139,10 +140,8 @@ impl Serialize for FormatVersion {
 
 impl<'de> Deserialize<'de> for FormatVersion {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        match i64::deserialize(deserializer)? {
-            Self::CURRENT => Ok(Self),
-            other => Err(D::Error::custom(format!("format {other} is not read; write format = 1"))),
-        }
+        let stated = i64::deserialize(deserializer)?;
+        FileFormat::EXPERIMENT.check(Some(stated)).map(|()| Self).map_err(D::Error::custom)
     }
 }
 
@@ -156,6 +155,6 @@ impl JsonSchema for FormatVersion {
     }
 
     fn json_schema(_: &mut SchemaGenerator) -> Schema {
-        json_schema!({ "type": "integer", "minimum": 1, "maximum": 1 })
+        json_schema!({ "type": "integer", "minimum": Self::CURRENT, "maximum": Self::CURRENT })
     }
 }

@@ -215,6 +215,13 @@ pub struct EmissionSection {
 /// A named surface.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[schemars(deny_unknown_fields)]
+#[schemars(extend("x-renamed" = {
+    "mesh": "type = \"mesh\" and file = \"...\"",
+    "sphere": "type = \"sphere\" and its fields in the object itself",
+    "quad": "type = \"quad\" and its fields in the object itself",
+    "disc": "type = \"disc\" and its fields in the object itself",
+    "box": "type = \"box\" and its fields in the object itself"
+}))]
 pub struct ObjectSection {
     /// Name, unique among objects and parts of the mouth.
     pub name: String,

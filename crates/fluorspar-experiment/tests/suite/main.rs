@@ -7,6 +7,7 @@ mod documentation;
 mod experiment_files;
 mod experiment_presets;
 mod film;
+mod fixtures;
 mod instances;
 mod lens_camera;
 mod lens_catalogue;

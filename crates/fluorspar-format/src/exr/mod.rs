@@ -8,6 +8,7 @@ pub use write::{ExrCompression, ExrOptions, write_component_exr, write_spectral_
 pub(super) use write::{write_spooled_component_exr, write_spooled_spectral_exr};
 
 const LAYOUT_VERSION: &str = "spectralLayoutVersion";
+const FORMAT: &str = "fluorsparFormat";
 const UNITS: &str = "emissiveUnits";
 const EDGES: &str = "wavelengthEdges_nm";
 const QUANTITY: &str = "fluorsparQuantity";

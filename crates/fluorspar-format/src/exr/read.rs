@@ -10,12 +10,12 @@ use exr::meta::attribute::{AttributeValue, SampleType, Text};
 use exr::meta::header::Header;
 
 use super::{
-    COMPONENT, DENOISED, EDGES, FEATURES, PARTS, PROVENANCE, QUANTITY, SAMPLES, SCALE, STATISTIC,
+    COMPONENT, DENOISED, EDGES, FEATURES, FORMAT, PARTS, PROVENANCE, QUANTITY, SAMPLES, SCALE, STATISTIC,
     StatisticLabel, StatisticPlane, UNITS, VIEW, layout_unit,
 };
 use crate::file::{check_image_size, check_packing, guarded, most_image_bytes};
 use crate::input::open_plain;
-use crate::{FormatError, Loaded, Provenance};
+use crate::{FileFormat, FormatError, Loaded, Provenance};
 use fluorspar::image::{Component, ComponentImage, FeatureMaps, SampleStatistics, SpectralImage};
 use fluorspar::spectral::{Quantity, Radiance, WavelengthGrid};
 
@@ -163,6 +163,8 @@ fn component_parts(path: &Path, headers: &[Header]) -> Result<ComponentParts, Fo
             targets.push(vec![None; header.channels.list.len()]);
             continue;
         };
+        let stated = integer_attribute(header, FORMAT);
+        FileFormat::COMPONENT_IMAGE.check(stated).map_err(|other| FormatError::other_format(path, other))?;
         let component: Component = parse_json(path, COMPONENT, &label)?;
         check_quantity::<Radiance>(path, header)?;
         let (grid, bands) = bands::<Radiance>(path, header)?;
@@ -412,6 +414,13 @@ fn attribute(header: &Header, name: &str) -> Option<String> {
     let other = header.own_attributes.other.iter().chain(&header.shared_attributes.other);
     other.filter(|(key, _)| key.as_slice() == name.as_bytes()).find_map(|(_, value)| match value {
         AttributeValue::Text(text) => Some(String::from_utf8_lossy(text.as_slice()).into_owned()),
+        _ => None,
+    })
+}
+
+fn integer_attribute(header: &Header, name: &str) -> Option<i64> {
+    header.own_attributes.other.iter().find_map(|(key, value)| match value {
+        AttributeValue::I32(value) if key.as_slice() == name.as_bytes() => Some(i64::from(*value)),
         _ => None,
     })
 }

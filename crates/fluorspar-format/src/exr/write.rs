@@ -15,12 +15,13 @@ use exr::prelude::{
 };
 
 use super::{
-    COMPONENT, DENOISED, EDGES, FEATURES, LAYOUT_VERSION, MATERIALS, PARTS, PREVIEW, PROVENANCE, QUANTITY,
-    SAMPLES, SCALE, STATISTIC, STORAGE_ERROR, StatisticLabel, StatisticPlane, UNITS, VIEW, layout_unit,
+    COMPONENT, DENOISED, EDGES, FEATURES, FORMAT, LAYOUT_VERSION, MATERIALS, PARTS, PREVIEW, PROVENANCE,
+    QUANTITY, SAMPLES, SCALE, STATISTIC, STORAGE_ERROR, StatisticLabel, StatisticPlane, UNITS, VIEW,
+    layout_unit,
 };
 use crate::file::{MAX_IMAGE_BYTES, check_image_size};
 use crate::output::write_atomically;
-use crate::{FormatError, Provenance, SpooledImage};
+use crate::{FileFormat, FormatError, Provenance, SpooledImage};
 use fluorspar::image::{ComponentImage, FeatureMaps, SpectralImage};
 use fluorspar::spectral::{Quantity, Radiance, WavelengthGrid};
 
@@ -126,6 +127,7 @@ fn spectral<Q: Quantity>(
 ///
 /// | attribute | content |
 /// |---|---|
+/// | `fluorsparFormat` | version of this form, an integer: 1; in every part but the preview |
 /// | `fluorsparComponent` | label of the component, JSON |
 /// | `fluorsparSamplesPerPixel` | paths per pixel |
 /// | `fluorsparDenoised` | settings of the noise reduction, JSON; missing in raw images |
@@ -244,6 +246,9 @@ fn components(
     }
     let (materials, material_names) = materials(&image.features);
     parts.extend(features_part(path, image, &materials, &material_names)?);
+    for part in parts.iter_mut().filter(|part| part.name.as_deref() != Some(PREVIEW)) {
+        part.attributes.push((FORMAT, AttributeValue::I32(FileFormat::COMPONENT_IMAGE.version() as i32)));
+    }
     parts[0].add_provenance(options.provenance);
     write_parts(path, size, parts, options.compression, spool)
 }

@@ -66,7 +66,8 @@ pub fn read_lens(path: &Path) -> Result<LensPrescription, LensFileError> {
             "not a lens file; the name must end in .toml, .dat (pbrt), .json (ISET) or .zmx (Zemax)";
         return Err(error(Fault::anywhere(message)));
     }
-    let bytes = read_bounded(path, LARGEST_BYTES).map_err(|e| error(Fault::anywhere(e.without_path())))?;
+    let bytes =
+        read_bounded(path, LARGEST_BYTES).map_err(|e| error(Fault::anywhere(e.problem().to_string())))?;
     let text = decode(&bytes).map_err(error)?;
     let name = path.file_stem().map_or_else(|| "lens".into(), |stem| stem.to_string_lossy().into_owned());
     let mut lens = parse_lens(&text, &ending, &name).map_err(error)?;

@@ -13,13 +13,11 @@ use serde::{Deserialize, Serialize};
 use super::disk::{check_room, exchange, sync, sync_folder};
 use super::file::{lock_unfinished, write_atomically};
 use super::paths::without_links;
-use crate::FormatError;
 use crate::input::{digest_bounded, read_text_bounded};
+use crate::{FileFormat, FormatError};
 
 /// File that lists what this program wrote into a folder.
 const LIST: &str = "fluorspar-folder.json";
-/// Layout of the list.
-const SCHEMA: &str = "fluorspar-folder/1";
 /// Files up to this length are texts that people edit; their content is compared, too.
 const DIGEST_UP_TO_BYTES: u64 = 1 << 20;
 /// Largest list of a folder, bytes.
@@ -28,7 +26,7 @@ const LARGEST_LIST_BYTES: u64 = 256 << 20;
 /// The list of files.
 #[derive(Debug, Serialize, Deserialize)]
 struct FolderList {
-    schema: String,
+    format: u32,
     version: String,
     /// By path below the folder, with `/` between names.
     files: BTreeMap<String, FileMark>,
@@ -319,8 +317,9 @@ fn foreign_file(folder: &Path) -> Option<String> {
     if entries.is_empty() {
         return None;
     }
-    let Some(list) = read_list(folder) else {
-        return Some("this folder holds files that are not results of fluorspar".into());
+    let list = match read_list(folder) {
+        Ok(list) => list,
+        Err(problem) => return Some(problem),
     };
     for name in entries.iter().filter(|name| *name != LIST) {
         let Some(written) = list.files.get(name) else {
@@ -335,10 +334,15 @@ fn foreign_file(folder: &Path) -> Option<String> {
     None
 }
 
-fn read_list(folder: &Path) -> Option<FolderList> {
-    let text = read_text_bounded(&folder.join(LIST), LARGEST_LIST_BYTES).ok()?;
-    let list: FolderList = serde_json::from_str(&text).ok()?;
-    (list.schema == SCHEMA).then_some(list)
+/// The list of a folder, or why there is none that can be used.
+fn read_list(folder: &Path) -> Result<FolderList, String> {
+    let foreign = || "this folder holds files that are not results of fluorspar".to_string();
+    let text = read_text_bounded(&folder.join(LIST), LARGEST_LIST_BYTES).map_err(|_| foreign())?;
+    let list: serde_json::Value = serde_json::from_str(&text).map_err(|_| foreign())?;
+    FileFormat::RESULT_FOLDER
+        .check(list["format"].as_i64())
+        .map_err(|other| format!("in this folder {LIST}, {other}"))?;
+    serde_json::from_value(list).map_err(|_| foreign())
 }
 
 fn write_list(folder: &Path) -> Result<(), FormatError> {
@@ -347,7 +351,11 @@ fn write_list(folder: &Path) -> Result<(), FormatError> {
         names.map(|name| mark(&folder.join(&name)).map(|mark| (name, mark))).collect()
     };
     let files = marks().map_err(|error| FormatError::io(folder, "write", error))?;
-    let list = FolderList { schema: SCHEMA.into(), version: env!("CARGO_PKG_VERSION").into(), files };
+    let list = FolderList {
+        format: FileFormat::RESULT_FOLDER.version(),
+        version: env!("CARGO_PKG_VERSION").into(),
+        files,
+    };
     write_atomically(&folder.join(LIST), |file| {
         serde_json::to_writer_pretty(&mut *file, &list)?;
         file.write_all(b"\n")
@@ -401,7 +409,7 @@ fn folders_below(folder: &Path) -> io::Result<Vec<PathBuf>> {
 
 /// Deletes the files of the list of a folder, the list, and the folders that are then empty; fails where any is left.
 fn remove_listed(folder: &Path) -> io::Result<()> {
-    if let Some(list) = read_list(folder) {
+    if let Ok(list) = read_list(folder) {
         // Only names that are found below the folder: a list may have been tampered with.
         for name in files_below(folder)? {
             if name == LIST || list.files.contains_key(&name) {
@@ -421,4 +429,28 @@ fn remove_empty(folder: &Path) -> io::Result<()> {
         }
     }
     fs::remove_dir(folder)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A folder of format 1 as it was written, kept among the fixtures.
+    #[test]
+    fn folders_of_every_format_are_recognized_and_others_are_refused() {
+        let stored = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures");
+        for version in 1..=FileFormat::RESULT_FOLDER.version() {
+            let folder = stored.join(format!("folder-{version}"));
+            assert_eq!(read_list(&folder).unwrap().files.len(), 1);
+            assert_eq!(foreign_file(&folder), None);
+        }
+        let other = tempfile::tempdir().unwrap();
+        let text = fs::read_to_string(stored.join("folder-1").join(LIST)).unwrap();
+        fs::write(other.path().join(LIST), text.replace("\"format\": 1", "\"format\": 3")).unwrap();
+        assert_eq!(
+            foreign_file(other.path()).unwrap(),
+            "in this folder fluorspar-folder.json, the list of files has format 3; this program reads format 1. \
+             Delete the folder by hand if nothing in it is needed"
+        );
+    }
 }

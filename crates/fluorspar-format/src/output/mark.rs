@@ -19,7 +19,7 @@ const MARKS: &[&[u8]] = &[
     b"\"generator\":\"fluorspar\"",
     b"Software\0fluorspar",
     b"fluorsparQuantity\0",
-    b"\"schema\": \"fluorspar.",
+    b"\"program\": \"fluorspar\"",
     crate::film::MAGIC,
 ];
 

@@ -258,10 +258,10 @@ fn numpy_mistakes_are_explained() {
         read(),
         "a.npy.json: the description has shape [38, 5, 4] but the array has [37, 5, 4]. Keep the two files of one run together"
     );
-    fs::write(&sidecar, "{\n\"schema\": 3\n}").unwrap();
+    fs::write(&sidecar, "{\n\"format\": 1,\n\"quantity\": 3\n}").unwrap();
     assert_eq!(
         read(),
-        "a.npy.json:2: invalid type: integer `3`, expected a string. Restore the file as it was written"
+        "a.npy.json: invalid type: integer `3`, expected a string at line 3 column 13. Restore the file as it was written"
     );
     fs::remove_file(&sidecar).unwrap();
     assert!(read().starts_with("a.npy: its description"), "{}", read());
@@ -346,14 +346,14 @@ fn raw_mistakes_are_explained() {
             "f.tiff.json: 4 rows and 7 columns are described but the image has 4 and 6. Keep the two files of one frame together",
         ),
         (
-            "sensor_image.1",
-            "sensor_image.9",
-            "f.tiff.json: this describes \"fluorspar.sensor_image.9\", not \"fluorspar.sensor_image.1\". Keep the two files of one frame together",
+            "\"format\": 1",
+            "\"format\": 9",
+            "f.tiff.json: the description has format 9; this program reads format 1. Use the version that it was written for",
         ),
         (
             "\"gain\": 2.0",
             "\"gian\": 2.0",
-            "f.tiff.json:25: unknown field `gian`, expected one of `schema`, `label`, `width`, `height`, `mosaic`, `black_level`, `white_level`, `bit_depth`, `exposure_s`, `gain`, `dn_per_electron`, `read_noise_dn`, `seed`, `packing`, `pixels_sha256`, `provenance`. Restore the file as it was written",
+            "f.tiff.json: unknown field `gian`, expected one of `format`, `program`, `label`, `width`, `height`, `mosaic`, `black_level`, `white_level`, `bit_depth`, `exposure_s`, `gain`, `dn_per_electron`, `read_noise_dn`, `seed`, `packing`, `pixels_sha256`, `provenance` at line 26 column 8. Restore the file as it was written",
         ),
         (
             "\"rows\": 2",

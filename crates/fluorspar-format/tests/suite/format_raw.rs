@@ -167,7 +167,7 @@ fn a_capture_of_a_camera_module_is_read_by_a_short_description() {
     fs::write(&path, &bytes).unwrap();
     let description = |stride: usize| {
         format!(
-            r#"{{"schema": "fluorspar.sensor_image.1", "label": "blue", "width": {columns}, "height": {rows},
+            r#"{{"format": 1, "label": "blue", "width": {columns}, "height": {rows},
             "mosaic": {{"rows": 2, "cols": 2, "pattern": [0, 1, 1, 2], "channels": ["R", "G", "B"]}},
             "black_level": 64, "white_level": 1023, "bit_depth": 10, "exposure_s": 0.03,
             "packing": {{"format": "raw10", "stride_bytes": {stride}}}}}"#

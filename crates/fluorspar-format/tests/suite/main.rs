@@ -1,5 +1,6 @@
 //! Tests of files from outside, in one program.
 
+mod fixtures;
 mod format_damage;
 mod format_images;
 mod format_matlab_and_meshes;

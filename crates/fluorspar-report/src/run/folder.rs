@@ -8,7 +8,7 @@ use fluorspar::image::ComponentImage;
 use fluorspar::pipeline::frame_radiance;
 use fluorspar_experiment::ResolvedExperiment;
 use fluorspar_format::{
-    ExrCompression, ExrOptions, FormatError, Provenance, write_atomically, write_component_exr,
+    ExrCompression, ExrOptions, FileFormat, FormatError, Provenance, write_atomically, write_component_exr,
     write_rgb_png, write_sensor_tiff, write_spectral_exr,
 };
 use serde_json::{Value, json};
@@ -159,6 +159,7 @@ fn results_json(run: &RunResults<'_>) -> Result<Value, serde_json::Error> {
         })
         .collect();
     Ok(json!({
+        "format": FileFormat::RESULTS.version(),
         "program": "fluorspar",
         "version": env!("CARGO_PKG_VERSION"),
         "title": record.title,

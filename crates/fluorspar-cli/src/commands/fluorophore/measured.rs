@@ -64,10 +64,8 @@ fn option_for(error: &FormatError, options: &FileOptions) -> Option<&'static str
     match error {
         FormatError::Unit { .. } if options.unit.is_none() => Some("--unit photons or --unit energy"),
         FormatError::AntiStokes { .. } => Some("--allow-anti-stokes"),
-        FormatError::Malformed { what, .. } if what.ends_with("below zero") => Some("--allow-negative"),
-        FormatError::Malformed { what, .. } if what.starts_with("the cell") && what.ends_with("is empty") => {
-            Some("--empty-as-zero")
-        }
+        FormatError::Negative { .. } => Some("--allow-negative"),
+        FormatError::EmptyCell { .. } => Some("--empty-as-zero"),
         _ => None,
     }
 }

@@ -7,7 +7,7 @@ use clap::{ValueEnum, ValueHint};
 use fluorspar::sensor::{Characterization, CharacterizationSettings, SensorProblem, characterize};
 use fluorspar::units::number_text;
 use fluorspar_experiment::{ResolvedSensor, Warning};
-use fluorspar_format::{OutputFolder, write_atomically};
+use fluorspar_format::{FileFormat, OutputFolder, write_atomically};
 use fluorspar_report::Figure;
 use fluorspar_report::figures::{PhotonTransferPlot, SnrPlot, photon_transfer, signal_to_noise};
 use serde_json::{Value, json};
@@ -133,6 +133,7 @@ pub(super) fn run(options: &Options) -> Result<(), CliError> {
 
 fn as_json(resolved: &ResolvedSensor, measured: &Characterization) -> Result<Value, CliError> {
     let mut value = serde_json::to_value(measured)?;
+    value["format"] = json!(FileFormat::RESULTS.version());
     value["title"] = json!(resolved.title);
     value["provenance"] = json!({
         "program": "fluorspar",
