@@ -13,7 +13,7 @@ use super::error::{ExperimentError, steps};
 use super::read::{read_document, typed};
 use super::resolve::context::{Context, Resolved, STRENGTH};
 use super::resolve::spectrum::Role;
-use super::resolve::{FileRecord, device, material, without_name};
+use super::resolve::{FileRecord, device, material, problem_of};
 use super::schema::{
     DEFAULT_PORPHYRIN, ExposureTime, FluorophoreSection, FormatVersion, LensSection, SensorSection,
     SpectralSection, SpectrumReference, UniformBins, ViewFilterSection,
@@ -231,9 +231,7 @@ fn resolve_sample(document: &Document, file: &SampleFile) -> Resolved<ResolvedSa
     }
     let scene = as_scene(&grid, &irradiance, &reflectance, &fluorophores.list, &concentrations);
     if let Some(scene) = &scene {
-        scene.check().map_err(|error| {
-            context.error(&steps!["sample"], without_name(&error, "material \"sample\" "))
-        })?;
+        scene.check().map_err(|error| context.error(&steps!["sample"], problem_of(&error)))?;
         for warning in scene.warnings() {
             context.push_warning(Warning::summarized(warning.to_string(), warning.summary()));
         }

@@ -153,10 +153,13 @@ pub fn resolve(experiment: &Experiment) -> Result<ResolvedExperiment, Experiment
     Ok(ResolvedExperiment { study, record })
 }
 
-/// The message of an error without the name in front, which the place in the file gives already.
-pub(super) fn without_name(error: &SceneError, name: &str) -> String {
-    let message = error.to_string();
-    message.strip_prefix(name).map_or_else(|| message.clone(), String::from)
+/// What is wrong with a scene, without the name of the material or object, which the place in the file gives already.
+pub(super) fn problem_of(error: &SceneError) -> String {
+    match error {
+        SceneError::CreatesPhotons { excess, .. } => excess.to_string(),
+        SceneError::Mesh { source, .. } => source.to_string(),
+        _ => error.to_string(),
+    }
 }
 
 /// Puts an error of the finished scene where it belongs in the file.
@@ -164,15 +167,11 @@ fn scene_error(context: &Context<'_>, file: &ExperimentFile, error: &SceneError)
     match error {
         SceneError::CreatesPhotons { material, .. } => {
             let index = file.material.iter().position(|section| section.name == *material).unwrap_or(0);
-            let message = without_name(error, &format!("material \"{material}\" "));
-            context.error(&steps!["material", index], message).without_value()
+            context.error(&steps!["material", index], problem_of(error)).without_value()
         }
         SceneError::Mesh { object, .. } => {
             match file.object.iter().position(|section| section.name == *object) {
-                Some(index) => {
-                    let message = without_name(error, &format!("object \"{object}\": "));
-                    context.error(&steps!["object", index], message)
-                }
+                Some(index) => context.error(&steps!["object", index], problem_of(error)),
                 None => context.error(&steps!["mouth"], error.to_string()),
             }
         }

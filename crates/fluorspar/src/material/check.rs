@@ -1,5 +1,7 @@
 //! Whether a material is physical: ranges of its parameters, conservation of photons.
 
+use std::fmt;
+
 use glam::Vec2;
 
 use super::material_error::{MaterialError, at_most_one};
@@ -18,6 +20,18 @@ pub struct PhotonExcess {
     pub photon_yield: f64,
     /// Excess of their sum over 1.
     pub excess: f64,
+}
+
+impl fmt::Display for PhotonExcess {
+    /// As the predicate of a sentence: `creates photons: at 405 nm ...`.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { wavelength_nm, reflectance, photon_yield, excess } = self;
+        write!(
+            f,
+            "creates photons: at {wavelength_nm} nm reflectance {reflectance:.4} plus fluorescence yield \
+             {photon_yield:.4} exceed 1 by {excess:.4}. Lower the reflectance or the concentrations"
+        )
+    }
 }
 
 /// Rounding allowed above 1: a perfectly white material must pass.

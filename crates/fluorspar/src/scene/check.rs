@@ -45,21 +45,12 @@ pub enum SceneError {
         message: String,
     },
     /// More photons leave than arrive.
-    #[error(
-        "material \"{material}\" creates photons: at {wavelength_nm} nm reflectance {reflectance:.4} plus fluorescence \
-         yield {photon_yield:.4} exceed 1 by {excess:.4}. Lower the reflectance or the concentrations"
-    )]
+    #[error("material \"{material}\" {excess}")]
     CreatesPhotons {
         /// Name of the material.
         material: String,
-        /// Excitation wavelength, nm.
-        wavelength_nm: f64,
-        /// Largest diffuse reflectance there.
-        reflectance: f64,
-        /// Largest photon yield there, summed over fluorophores.
-        photon_yield: f64,
-        /// Excess over 1.
-        excess: f64,
+        /// Where most photons are created, and how many.
+        excess: PhotonExcess,
     },
     /// There is nothing to see.
     #[error("the scene has no {0}")]
@@ -329,9 +320,7 @@ impl Scene {
             return Err(SceneError::OutOfRange { what: what(), message });
         }
         let Some(excess) = material.photon_excess(nodes_nm, yields) else { return Ok(()) };
-        let PhotonExcess { wavelength_nm, reflectance, photon_yield, excess } = excess;
-        let material = material.name.clone();
-        Err(SceneError::CreatesPhotons { material, wavelength_nm, reflectance, photon_yield, excess })
+        Err(SceneError::CreatesPhotons { material: material.name.clone(), excess })
     }
 
     /// Wavelengths at which photon conservation is checked, nm.

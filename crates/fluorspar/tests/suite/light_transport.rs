@@ -9,7 +9,8 @@ use crate::support::{camera, dye, flat, gaussian, lit_box, object, quad, run, sc
 use fluorspar::image::{ComponentImage, LightPath};
 use fluorspar::light::{DiscEmitter, DistantEmitter, Emitter, Light, RectangleEmitter};
 use fluorspar::material::{
-    Coat, FluorophoreAmount, Lambertian, MappedParameter, Material, ScalarTexture, StateGrid, TissueEmission,
+    Coat, FluorophoreAmount, Lambertian, MappedParameter, Material, PhotonExcess, ScalarTexture, StateGrid,
+    TissueEmission,
 };
 use fluorspar::render::{Estimator, RenderControl, RenderSettings, render};
 use fluorspar::scene::{Scene, SceneError, Shape, SurfaceEmission};
@@ -424,8 +425,9 @@ fn a_material_that_creates_photons_is_refused() {
     let mut scene = patch(WavelengthGrid::default(), 0.9, vec![dye("d", 400.0, 520.0, 0.3)], &[(0, 1.0)]);
     scene.lights.push(distant(flat(1.0), Vec3::NEG_Z));
     match scene.check() {
-        Err(SceneError::CreatesPhotons { material, wavelength_nm, excess, .. }) => {
+        Err(SceneError::CreatesPhotons { material, excess }) => {
             assert_eq!(material, "patch");
+            let PhotonExcess { wavelength_nm, excess, .. } = excess;
             assert!(
                 (excess - 0.2).abs() < 0.05 && (350.0..450.0).contains(&wavelength_nm),
                 "{excess} {wavelength_nm}"
