@@ -135,10 +135,11 @@ fn collect_keys(value: &serde_json::Value, at: String, found: &mut BTreeMap<Stri
                 collect_keys(inner, if at.is_empty() { key.clone() } else { format!("{at}.{key}") }, found);
             }
         }
-        Array(items) => match items.first() {
-            Some(first) => collect_keys(first, format!("{at}[]"), found),
-            None => {}
-        },
+        Array(items) => {
+            if let Some(first) = items.first() {
+                collect_keys(first, format!("{at}[]"), found);
+            }
+        }
         Null => drop(found.insert(at, "null")),
         Bool(_) => drop(found.insert(at, "boolean")),
         Number(_) => drop(found.insert(at, "number")),

@@ -18,7 +18,7 @@
 mod catalogue;
 mod curve_preset;
 #[cfg(test)]
-mod fluorophore_fit;
+mod fluorophore_fit_tests;
 mod fluorophore_preset;
 mod lens_preset;
 mod metal_preset;

@@ -2,7 +2,7 @@
 //! order of brightness of its tissues, against what is published.
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "these are tests")]
 
-use fluorspar::spectral::{EnergyEem, PhotonEem};
+use fluorspar::spectral::PhotonEem;
 use fluorspar_anatomy::{MouthParameters, SurfaceMap, Tissue, surface_map};
 use fluorspar_experiment::preset;
 
@@ -108,8 +108,8 @@ fn porphyrin_keeps_to_the_filiform_papillae() {
     assert!(on_fungiform < 0.05 * on, "on fungiform papillae {on_fungiform}, on hairs {on}");
 }
 
-fn energy_eem(name: &str) -> EnergyEem {
-    preset::fluorophore(name).unwrap().fluorophore().eem.to_energy()
+fn eem(name: &str) -> PhotonEem {
+    preset::fluorophore(name).unwrap().fluorophore().eem
 }
 
 /// Concentrations of a material of the default experiment: constant ones, and the height of a map.
@@ -124,9 +124,10 @@ fn concentrations(material: &str) -> Vec<(String, f64)> {
 }
 
 /// Emitted radiance over a band, up to a factor common to all.
-fn emitted(amounts: &[(EnergyEem, f64)], band_nm: [f64; 2], excitation_nm: f64) -> f64 {
+fn emitted(amounts: &[(PhotonEem, f64)], band_nm: [f64; 2], excitation_nm: f64) -> f64 {
     let steps = (band_nm[1] - band_nm[0]) as usize;
-    let at = |nm: f64| amounts.iter().map(|(eem, c)| c * eem.at(nm, excitation_nm)).sum::<f64>();
+    let energy = |nm: f64| excitation_nm / nm;
+    let at = |nm: f64| amounts.iter().map(|(eem, c)| c * energy(nm) * eem.at(nm, excitation_nm)).sum::<f64>();
     (0..=steps).map(|i| at(band_nm[0] + i as f64)).sum::<f64>() / (steps + 1) as f64
 }
 
@@ -139,11 +140,9 @@ fn the_densest_spot_of_the_default_tongue_glows_as_the_strongest_measured_one() 
     let height = amounts.iter().find(|(name, _)| name == "protoporphyrin_ix").unwrap().1;
     let p = person(1);
     let ratio = |share: f64| {
-        let mixture: Vec<(EnergyEem, f64)> = amounts
+        let mixture: Vec<(PhotonEem, f64)> = amounts
             .iter()
-            .map(|(name, c)| {
-                (energy_eem(name), if name == "protoporphyrin_ix" { share * height } else { *c })
-            })
+            .map(|(name, c)| (eem(name), if name == "protoporphyrin_ix" { share * height } else { *c }))
             .collect();
         emitted(&mixture, [626.0, 640.0], 400.0) / emitted(&mixture, [520.0, 530.0], 400.0)
     };
@@ -195,10 +194,10 @@ fn emission_of_teeth_follows_excitation() {
 #[test]
 fn tissues_are_as_bright_as_in_the_camera_of_the_paper() {
     let glow = |material: &str, band| {
-        let mixture: Vec<(EnergyEem, f64)> = concentrations(material)
+        let mixture: Vec<(PhotonEem, f64)> = concentrations(material)
             .iter()
             .filter(|(name, _)| name != "protoporphyrin_ix")
-            .map(|(name, c)| (energy_eem(name), *c))
+            .map(|(name, c)| (eem(name), *c))
             .collect();
         emitted(&mixture, band, 385.0)
     };

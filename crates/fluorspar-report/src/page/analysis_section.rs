@@ -208,7 +208,7 @@ mod tests {
             label: "dark".into(),
         };
         let noise = ChannelNoise { floor_dn: 2.0, dn_per_electron: 0.5, gain_spread: 0.0 };
-        let settings = AnalysisSettings::new(RegionOfInterest::whole_image(), noise);
+        let settings = AnalysisSettings::new(RegionOfInterest::default(), noise);
         let (analysis, ..) = analyze_region(&image, None, None, None, &settings).unwrap();
         let section = analysis_section(&analysis, Vec::new());
         assert_eq!(section.title, "What the capture \"dark\" says");

@@ -128,25 +128,6 @@ pub struct LineEstimate {
     pub distance_standard_error: f64,
 }
 
-/// Amounts of bulk and porphyrin from weighted, non-negative least squares in R, G, B. Intervals hold 95 %.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct MixtureFit {
-    /// Amounts of bulk and porphyrin in units of the line's two responses.
-    pub amounts: [f64; 2],
-    /// Standard errors of the amounts without the sign constraint.
-    pub standard_errors: [f64; 2],
-    /// Intervals of the amounts, cut at zero.
-    pub intervals: [[f64; 2]; 2],
-    /// Porphyrin amount over the sum of both amounts, if that sum is positive.
-    pub fraction: Option<f64>,
-    /// Its standard error to first order.
-    pub fraction_standard_error: Option<f64>,
-    /// Weighted sum of squared residuals; about 1 (one degree of freedom) where the model holds.
-    pub chi_square: f64,
-    /// Whether an amount would have been negative and was set to zero.
-    pub clamped: bool,
-}
-
 impl LineEstimate {
     /// Whether the pixel lies farther off the line than noise explains: more than three standard errors, as 0.3 % do by
     /// chance. Something else is in its light then, for instance a highlight, and its fraction means little.
@@ -258,56 +239,6 @@ impl MixtureLine {
             distance_standard_error: spread(across),
         })
     }
-
-    /// Fits amounts of bulk and porphyrin to R, G, B, each weighted by its inverse variance; neither goes below zero.
-    /// `None` when a variance is not positive or the responses cannot be distinguished under these weights.
-    pub fn fit(&self, rgb: [f64; 3], variance: [f64; 3]) -> Option<MixtureFit> {
-        if variance.iter().any(|&v| !(v > 0.0 && v.is_finite())) || rgb.iter().any(|v| !v.is_finite()) {
-            return None;
-        }
-        // Form the normal equations, weighted by inverse variance
-        let inner = |a: [f64; 3], b: [f64; 3]| (0..3).map(|c| a[c] * b[c] / variance[c]).sum::<f64>();
-        let (b, p) = (self.bulk_rgb, self.porphyrin_rgb);
-        let (bb, bp, pp) = (inner(b, b), inner(b, p), inner(p, p));
-        let (by, py) = (inner(b, rgb), inner(p, rgb));
-        let determinant = bb * pp - bp * bp;
-        if determinant <= 1e-12 * bb * pp {
-            return None;
-        }
-        let chi_square = |[bulk, porphyrin]: [f64; 2]| {
-            let model = self.rgb(bulk, porphyrin);
-            let residual = std::array::from_fn(|c| rgb[c] - model[c]);
-            inner(residual, residual)
-        };
-        // Solve them, with amounts clamped to zero
-        let free = [(pp * by - bp * py) / determinant, (bb * py - bp * by) / determinant];
-        let clamped = free.iter().any(|&amount| amount < 0.0);
-        let amounts = if clamped {
-            let (bulk_only, porphyrin_only) = ([(by / bb).max(0.0), 0.0], [0.0, (py / pp).max(0.0)]);
-            if chi_square(bulk_only) <= chi_square(porphyrin_only) { bulk_only } else { porphyrin_only }
-        } else {
-            free
-        };
-        // Propagate the variances to amounts and fraction
-        let covariance = [pp / determinant, -bp / determinant, bb / determinant];
-        let standard_errors = [covariance[0].sqrt(), covariance[2].sqrt()];
-        let interval =
-            |i: usize| [-1.0, 1.0].map(|sign: f64| (free[i] + sign * Z_95 * standard_errors[i]).max(0.0));
-        let total: f64 = amounts.iter().sum();
-        let slope = [-amounts[1] / total.powi(2), amounts[0] / total.powi(2)];
-        let fraction_variance = slope[0].powi(2) * covariance[0]
-            + 2.0 * slope[0] * slope[1] * covariance[1]
-            + slope[1].powi(2) * covariance[2];
-        Some(MixtureFit {
-            amounts,
-            standard_errors,
-            intervals: [interval(0), interval(1)],
-            fraction: (total > 0.0).then(|| amounts[1] / total),
-            fraction_standard_error: (total > 0.0).then(|| fraction_variance.max(0.0).sqrt()),
-            chi_square: chi_square(amounts),
-            clamped,
-        })
-    }
 }
 
 /// Porphyrin fraction of each pixel, `[row, col]`.
@@ -355,12 +286,7 @@ impl PorphyrinMap {
         Ok(Self { width: image.width, height: image.height, estimates })
     }
 
-    /// Fractions, `[row, col]`, for an image.
-    pub fn fractions(&self) -> Vec<Option<f32>> {
-        self.estimates.iter().map(|e| e.map(|estimate| estimate.fraction as f32)).collect()
-    }
-
-    /// The same without pixels off the line, whose fraction is an artifact: rims of highlights, for instance.
+    /// Fractions, `[row, col]`, for an image, without pixels off the line, whose fraction is an artifact: rims of highlights, for instance.
     pub fn fractions_on_line(&self) -> Vec<Option<f32>> {
         let on_line = |e: &Option<LineEstimate>| e.filter(|e| !e.is_off_line()).map(|e| e.fraction as f32);
         self.estimates.iter().map(on_line).collect()

@@ -26,7 +26,7 @@ pub use chromaticity::{
     chromaticity_covariance, rgb_channels, sensor_chromaticity,
 };
 pub use mixture_line::{
-    FluorophoreResponse, LineEstimate, MixtureError, MixtureFit, MixtureLine, PorphyrinMap, channel_response,
+    FluorophoreResponse, LineEstimate, MixtureError, MixtureLine, PorphyrinMap, channel_response,
 };
 pub use region_of_interest::{PixelSelection, Rectangle, RegionError, RegionOfInterest, SceneOnSensor};
 pub use statistics::{CovarianceEllipse, RegionStatistics, Statistics};

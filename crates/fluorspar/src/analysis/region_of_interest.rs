@@ -103,11 +103,6 @@ fn in_view(visible: &[String]) -> String {
 }
 
 impl RegionOfInterest {
-    /// The whole image.
-    pub fn whole_image() -> Self {
-        Self::default()
-    }
-
     /// All pixels that show any of these parts.
     pub fn of_parts<S: Into<String>>(parts: impl IntoIterator<Item = S>) -> Self {
         Self { parts: parts.into_iter().map(Into::into).collect(), rectangle: None }
@@ -286,7 +281,7 @@ mod tests {
         let select = |region: RegionOfInterest| {
             region.select(4, 2, Some(SceneOnSensor::filling(&scene))).unwrap().pixels
         };
-        assert_eq!(select(RegionOfInterest::whole_image()), [0, 1, 2, 3, 4, 5, 6, 7]);
+        assert_eq!(select(RegionOfInterest::default()), [0, 1, 2, 3, 4, 5, 6, 7]);
         assert_eq!(select(RegionOfInterest::of_parts(["tongue"])), [1, 2, 4, 5, 6, 7]);
         assert_eq!(select(RegionOfInterest::of_parts(["tongue", "upper_teeth"])), [1, 2, 3, 4, 5, 6, 7]);
         let right = Rectangle { col: 2, row: 0, width: 2, height: 2 };
@@ -372,7 +367,7 @@ mod tests {
     #[test]
     fn a_region_describes_itself() {
         let corner = Rectangle { col: 1, row: 2, width: 10, height: 20 };
-        assert_eq!(RegionOfInterest::whole_image().describe(), "the whole image");
+        assert_eq!(RegionOfInterest::default().describe(), "the whole image");
         assert_eq!(
             RegionOfInterest::of_parts(["tongue"]).within(corner).describe(),
             "tongue within 10 x 20 pixels from column 1, row 2"

@@ -204,7 +204,7 @@ mod tests {
         };
         image.saturated[1] = true;
         let map = ChromaticityMap::new(&image, 5.0).unwrap();
-        let region = RegionOfInterest::whole_image().select(4, 1, None).unwrap();
+        let region = RegionOfInterest::default().select(4, 1, None).unwrap();
         let statistics = RegionStatistics::new(&image, &map, &region);
         assert_eq!(
             statistics.counts,

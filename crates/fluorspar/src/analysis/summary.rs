@@ -340,7 +340,7 @@ mod tests {
 
     fn settings() -> AnalysisSettings {
         let noise = ChannelNoise { floor_dn: 2.0, dn_per_electron: 0.45, gain_spread: 0.0 };
-        AnalysisSettings::new(RegionOfInterest::whole_image(), noise)
+        AnalysisSettings::new(RegionOfInterest::default(), noise)
     }
 
     /// Pixels whose porphyrin fraction grows from 0 to 40 % along the columns, without noise.
@@ -379,7 +379,7 @@ mod tests {
         assert_eq!(analysis.counts.valid, 101);
         assert_eq!(analysis.fluorophores[0].bulk_weight, Some(0.8));
         assert_eq!(analysis.warnings, Vec::<String>::new());
-        assert!((map.unwrap().fractions()[100].unwrap() - 0.4).abs() < 1e-6);
+        assert!((map.unwrap().fractions_on_line()[100].unwrap() - 0.4).abs() < 1e-6);
     }
 
     #[test]

@@ -197,7 +197,7 @@ mod tests {
     use super::super::Scattering;
     use std::f32::consts::PI;
 
-    use super::super::testing::{
+    use super::super::bsdf_tests::{
         assert_furnace, assert_samples_follow_density, plain_and_fluorescent, with_bsdf,
     };
     use super::*;

@@ -359,7 +359,7 @@ impl ConductorBsdf<'_> {
 #[cfg(test)]
 mod tests {
     use super::super::Scattering;
-    use super::super::testing::{assert_furnace, assert_samples_follow_density, plain_and_fluorescent};
+    use super::super::bsdf_tests::{assert_furnace, assert_samples_follow_density, plain_and_fluorescent};
     use super::*;
 
     #[test]

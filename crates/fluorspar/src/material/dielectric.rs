@@ -317,7 +317,7 @@ mod tests {
     use fluorspar_testkit::{chi_square_over_sphere, sidak};
 
     use super::super::Scattering;
-    use super::super::testing::{
+    use super::super::bsdf_tests::{
         assert_furnace, assert_samples_follow_density, direction, numbers, plain_and_fluorescent,
     };
     use super::*;

@@ -97,7 +97,7 @@ impl LambertianBsdf {
 #[cfg(test)]
 mod tests {
     use super::super::Scattering;
-    use super::super::testing::{assert_furnace, assert_samples_follow_density, plain_and_fluorescent};
+    use super::super::bsdf_tests::{assert_furnace, assert_samples_follow_density, plain_and_fluorescent};
     use super::*;
 
     fn gray(reflectance: f64) -> Scattering {

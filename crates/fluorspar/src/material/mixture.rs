@@ -61,8 +61,8 @@ impl TwoSided {
 
 #[cfg(test)]
 mod tests {
+    use super::super::bsdf_tests::{grid, numbers};
     use super::super::prepared::PreparedMaterials;
-    use super::super::testing::{grid, numbers};
     use super::super::{Material, NormalMap, Scattering};
     use super::*;
     use crate::spectral::Curve;

@@ -16,6 +16,8 @@
 use std::sync::Arc;
 
 mod bsdf;
+#[cfg(test)]
+mod bsdf_tests;
 mod check;
 mod coated;
 pub mod conductor;
@@ -28,8 +30,6 @@ mod mixture;
 mod normal_map;
 mod prepared;
 mod state_grid;
-#[cfg(test)]
-mod testing;
 mod texture;
 
 pub(crate) use bsdf::{BsdfSample, BsdfValue};
@@ -137,6 +137,15 @@ impl Material {
     }
 
     /// A material of one diffuse reflectance, 0 to 1, below a coat.
+    ///
+    /// ```
+    /// use fluorspar::material::{Coat, Material, ScalarTexture};
+    /// use fluorspar::spectral::Curve;
+    ///
+    /// let saliva = Coat { refractive_index: 1.33, roughness: ScalarTexture::Constant(0.1) };
+    /// let tongue = Material::coated("tongue", Curve::constant(0.3), saliva);
+    /// assert!(tongue.coat().is_some());
+    /// ```
     pub fn coated(name: &str, reflectance: Curve, coat: Coat) -> Self {
         Self::with_base(name, Lambertian::uniform(reflectance), Some(coat))
     }

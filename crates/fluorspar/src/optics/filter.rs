@@ -53,14 +53,6 @@ impl AngleDistribution {
         Self { shares: vec![(angle_deg.to_radians().sin().powi(2), 1.0)] }
     }
 
-    /// A cone about the axis, filled by a Lambertian field: even in `sin²`.
-    pub fn cone(half_angle_deg: f64) -> Self {
-        let most = half_angle_deg.to_radians().sin().powi(2);
-        let share = 1.0 / ANGLE_CLASSES as f64;
-        let middle = |class: usize| most * (class as f64 + 0.5) * share;
-        Self { shares: (0..ANGLE_CLASSES).map(|class| (middle(class), share)).collect() }
-    }
-
     /// Rays with their weights, gathered into classes. `None` without light.
     pub fn of_rays(rays: impl IntoIterator<Item = (f64, f64)>) -> Option<Self> {
         let mut rays: Vec<(f64, f64)> = rays.into_iter().filter(|ray| ray.1 > 0.0).collect();
@@ -86,14 +78,25 @@ impl AngleDistribution {
     pub fn mean(&self, f: impl Fn(f64) -> f64) -> f64 {
         self.shares.iter().map(|(sine2, share)| share * f(*sine2)).sum()
     }
+}
+
+#[cfg(test)]
+impl AngleDistribution {
+    /// A cone about the axis, filled by a Lambertian field: even in `sin²`.
+    pub(super) fn cone(half_angle_deg: f64) -> Self {
+        let most = half_angle_deg.to_radians().sin().powi(2);
+        let share = 1.0 / ANGLE_CLASSES as f64;
+        let middle = |class: usize| most * (class as f64 + 0.5) * share;
+        Self { shares: (0..ANGLE_CLASSES).map(|class| (middle(class), share)).collect() }
+    }
 
     /// Root mean square angle, degrees.
-    pub fn rms_angle_deg(&self) -> f64 {
+    pub(super) fn rms_angle_deg(&self) -> f64 {
         self.mean(|sine2| sine2).sqrt().min(1.0).asin().to_degrees()
     }
 
     /// Largest angle, degrees.
-    pub fn largest_angle_deg(&self) -> f64 {
+    pub(super) fn largest_angle_deg(&self) -> f64 {
         self.shares.iter().fold(0.0_f64, |a, s| a.max(s.0)).sqrt().min(1.0).asin().to_degrees()
     }
 }

@@ -73,16 +73,6 @@ impl IdealLens {
         }
     }
 
-    /// The same lens behind filters. The product is formed at fine sampling, before anything is averaged over
-    /// bins, so the blocking band of one filter and the pass band of another never share a bin average.
-    #[must_use]
-    pub fn with_filters<'a>(mut self, filters: impl IntoIterator<Item = &'a Curve>) -> Self {
-        for filter in filters {
-            self.transmittance = self.transmittance.times(filter);
-        }
-        self
-    }
-
     /// Checks every parameter.
     ///
     /// # Errors
@@ -358,7 +348,7 @@ mod tests {
         // Pass bands that share a 10 nm bin but no wavelength: nothing passes.
         let short = Curve::new(vec![400.0, 544.9, 545.0, 700.0], vec![1.0, 1.0, 0.0, 0.0]).unwrap();
         let long = Curve::new(vec![400.0, 545.0, 545.1, 700.0], vec![0.0, 0.0, 1.0, 1.0]).unwrap();
-        let lens = IdealLens::new(4.0, 2.0).with_filters([&short, &long]);
+        let lens = IdealLens { transmittance: short.times(&long), ..IdealLens::new(4.0, 2.0) };
         let grid = WavelengthGrid::uniform(400.0, 700.0, 10.0).unwrap();
         assert!(lens.transmittance_on(&grid).values().iter().all(|t| t.abs() < 1e-12));
     }

@@ -115,6 +115,20 @@ impl LensSurface {
     }
 
     /// A stop in air.
+    ///
+    /// ```
+    /// use fluorspar::optics::{Dispersion, LensPrescription, LensSurface, Paraxial};
+    ///
+    /// // A biconvex singlet of 50 mm behind its stop; a thin lens would have 1 / (0.5 (1/50 + 1/50)).
+    /// let glass = Dispersion::Constant { index: 1.5 };
+    /// let singlet = vec![
+    ///     LensSurface::stop(2.0, 3.0),
+    ///     LensSurface::spherical(50.0, 4.0, 10.0).with_medium(glass),
+    ///     LensSurface::spherical(-50.0, 0.0, 10.0),
+    /// ];
+    /// let lens = LensPrescription::new("singlet", singlet);
+    /// assert!((Paraxial::new(&lens, 550.0).focal_length_mm - 50.0).abs() < 1.0);
+    /// ```
     pub fn stop(thickness_mm: f64, semi_diameter_mm: f64) -> Self {
         Self { is_stop: true, ..Self::spherical(0.0, thickness_mm, semi_diameter_mm) }
     }

@@ -119,14 +119,6 @@ pub struct LinearMosaic {
     pub label: String,
 }
 
-/// Black subtraction, saturation mask and bilinear interpolation of the mosaic. Values are linear and may be below
-/// zero; nothing is white-balanced.
-pub fn develop(raw: &SensorImage) -> ChannelImage {
-    let values: Vec<f32> = raw.data.iter().map(|&dn| (f64::from(dn) - raw.black_level) as f32).collect();
-    let frame = linear(raw, values, noise_floor_dn(raw));
-    interpolate(&frame, &Demosaic::new(&frame.mosaic))
-}
-
 impl Development<'_> {
     /// A raw frame in linear digital numbers: minus dark frame or black level, divided by the flat field, bad pixels
     /// replaced.
@@ -365,7 +357,8 @@ mod tests {
 
     #[test]
     fn monochrome_passes_through_below_zero_too() {
-        let image = develop(&raw(vec![60, 64, 70, 4095], Mosaic::monochrome(), 2));
+        let raw = raw(vec![60, 64, 70, 4095], Mosaic::monochrome(), 2);
+        let image = Development::default().linearize(&raw).unwrap().demosaic(Demosaicing::Bilinear).unwrap();
         assert_eq!(image.data, [-4.0, 0.0, 6.0, 4031.0]);
         assert_eq!(image.saturated, [false, false, false, true]);
         assert_eq!(image.full_scale_dn, 4031.0);

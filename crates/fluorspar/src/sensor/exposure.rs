@@ -5,7 +5,7 @@ use std::cmp::Ordering;
 use rayon::prelude::*;
 
 use super::isetcam::IsetcamChain;
-use super::noise::{PhysicalChain, defect_pixels};
+use super::noise::PhysicalChain;
 use super::pixel_integration::{AxisWeights, FilmExtent, channels_in_row, dot};
 use super::readout::Readout;
 use super::relative_illumination::RelativeIllumination;
@@ -249,12 +249,6 @@ impl Sensor {
         [self.readout.columns, self.readout.rows]
     }
 
-    /// Hot and dead pixels of this device, as indices into the whole sensor, row by row.
-    pub fn defect_pixels(&self) -> DefectPixels {
-        let (hot, dead) = defect_pixels(&self.model);
-        DefectPixels { hot, dead }
-    }
-
     /// The same sensor behind one more filter, for instance one of a filter wheel.
     #[must_use]
     pub fn behind(&self, filter: &Curve) -> Self {
@@ -465,15 +459,6 @@ impl Sensor {
         exposure.validate()?;
         Ok(Chain::new(self, exposure).image(self, exposure, |_, rates| rates.fill(rate_e_per_s as f32)))
     }
-}
-
-/// Pixels that do not measure light, as indices into the sensor row by row.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct DefectPixels {
-    /// Pixels with an additional dark current.
-    pub hot: Vec<usize>,
-    /// Pixels that do not respond to light.
-    pub dead: Vec<usize>,
 }
 
 /// Where the electron rates of a row come from, and how they fall off toward the corners.

@@ -18,6 +18,29 @@
 //! | exposures merged to one | [`merge_exposures`] | `develop.rs` |
 //! | measuring a sensor | [`characterize`] | `characterization.rs`, `photon_transfer.rs` |
 //!
+//! A uniform field, exposed and developed:
+//!
+//! ```
+//! use fluorspar::image::{Mosaic, SpectralImage};
+//! use fluorspar::sensor::{Demosaicing, Development, Exposure, Sensor, SensorModel, SpectralQe};
+//! use fluorspar::spectral::{Curve, Irradiance, Spectrum, WavelengthGrid};
+//!
+//! let qe = SpectralQe::from_curves(["R", "G", "B"].map(|channel| (channel, Curve::constant(0.5))))?;
+//! let sensor = Sensor::new(SensorModel { columns: 8, rows: 4, ..SensorModel::default() }, qe)?;
+//! assert_eq!(*sensor.mosaic(), Mosaic::bayer("grbg").ok_or("a Bayer pattern")?);
+//!
+//! let light = Spectrum::<Irradiance>::constant(&WavelengthGrid::default(), 1e-4); // W/(m² nm)
+//! let mut irradiance = SpectralImage::<Irradiance>::zeros(light.grid().clone(), 2, 1);
+//! irradiance.data_mut().fill(light.values()[0] as f32);
+//! let rate = sensor.electron_rate(&irradiance);
+//! let raw = sensor.expose(&irradiance, &Exposure { time_s: 0.01, ..Exposure::default() })?;
+//! assert_eq!((rate.data.len(), raw.data.len()), (32, 32));
+//!
+//! let image = Development::default().linearize(&raw)?.demosaic(Demosaicing::Bilinear)?;
+//! assert_eq!(image.channels, ["R", "G", "B"]);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
 //! Out of scope: lag, blooming, correlated noise other than that of rows and columns.
 
 mod adc;
@@ -33,7 +56,9 @@ mod demosaic;
 mod develop;
 mod exposure;
 mod flat_response;
-pub mod isetcam;
+mod isetcam;
+#[cfg(test)]
+mod isetcam_formula_tests;
 mod model;
 mod noise;
 pub mod photon_transfer;
@@ -43,7 +68,7 @@ mod readout;
 #[cfg(test)]
 mod readout_tests;
 #[cfg(test)]
-mod reference_vectors;
+mod reference_vector_tests;
 mod relative_illumination;
 mod shutter;
 mod spectroradiometer;
@@ -60,8 +85,8 @@ pub use characterization::{
 pub use crosstalk::Crosstalk;
 pub use data_sheet::Emva1288;
 pub use demosaic::Demosaicing;
-pub use develop::{DevelopError, Development, LinearMosaic, develop, merge_exposures};
-pub use exposure::{DefectPixels, EXPOSURE_MS, ElectronRate, Exposure, Sensor};
+pub use develop::{DevelopError, Development, LinearMosaic, merge_exposures};
+pub use exposure::{EXPOSURE_MS, ElectronRate, Exposure, Sensor};
 pub use flat_response::FlatResponse;
 pub use model::{SensorMode, SensorModel, SensorProblem};
 pub use pixel_integration::FilmExtent;

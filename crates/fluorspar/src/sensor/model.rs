@@ -27,7 +27,7 @@ pub enum SensorMode {
     Physical,
     /// The physical chain with every random term at its mean.
     NoiseFree,
-    /// ISETCam's formulas, peculiarities included; see [`isetcam`](super::isetcam).
+    /// ISETCam's formulas, peculiarities included; see `isetcam.rs`.
     Isetcam {
         /// ISETCam's noise flag: -2 photon noise only and no clipping, -1 nothing, 0 clipping and quantization,
         /// 1 also photon noise, 2 everything.

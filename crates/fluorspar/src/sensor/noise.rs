@@ -99,6 +99,7 @@ impl Defects {
 }
 
 /// Pixels of a device that are hot or dead, as indices row by row.
+#[cfg(test)]
 pub(super) fn defect_pixels(model: &SensorModel) -> (Vec<usize>, Vec<usize>) {
     let share = |per_million: f64| per_million * 1e-6;
     let defects = Defects {

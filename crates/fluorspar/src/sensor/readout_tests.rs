@@ -1,5 +1,6 @@
 //! Regions, binning, crosstalk, shutters, defects and soft wells in whole frames.
 
+use super::noise::defect_pixels;
 use super::*;
 use crate::image::{SensorImage, SpectralImage};
 use crate::spectral::{Curve, Irradiance, Spectrum, WavelengthGrid};
@@ -242,21 +243,21 @@ fn hot_and_dead_pixels_stay_where_they_are() {
         ..base(300, 300)
     };
     let sensor = mono(model);
-    let defects = sensor.defect_pixels();
+    let (hot_pixels, dead_pixels) = defect_pixels(sensor.model());
     // Binomial: 180 and 90 of 90 000, five standard deviations.
-    assert!((defects.hot.len() as f64 - 180.0).abs() < 5.0 * 13.4, "{}", defects.hot.len());
-    assert!((defects.dead.len() as f64 - 90.0).abs() < 5.0 * 9.5, "{}", defects.dead.len());
+    assert!((hot_pixels.len() as f64 - 180.0).abs() < 5.0 * 13.4, "{}", hot_pixels.len());
+    assert!((dead_pixels.len() as f64 - 90.0).abs() < 5.0 * 9.5, "{}", dead_pixels.len());
     let (dark, bright) = (even(&sensor, 0.0, 0), even(&sensor, 3000.0, 0));
     let dn = |image: &SensorImage, pixel: usize| f64::from(image.data[pixel]) - image.black_level;
     let k = sensor.model().base_dn_per_electron();
-    for &pixel in &defects.dead {
-        assert!(dn(&bright, pixel) < k * (7.0 * 14.0) || defects.hot.contains(&pixel), "dead pixel {pixel}");
+    for &pixel in &dead_pixels {
+        assert!(dn(&bright, pixel) < k * (7.0 * 14.0) || hot_pixels.contains(&pixel), "dead pixel {pixel}");
     }
     // Mean of 180 exponential draws of 1000 e- in 10 ms; standard error 1 / sqrt(180), five of them.
-    let hot: Vec<f64> = defects.hot.iter().map(|&pixel| dn(&dark, pixel) / k).collect();
+    let hot: Vec<f64> = hot_pixels.iter().map(|&pixel| dn(&dark, pixel) / k).collect();
     assert!((mean(&hot) / 1000.0 - 1.0).abs() < 5.0 / 180f64.sqrt(), "{}", mean(&hot));
     let warm = mono(SensorModel { temperature_c: 33.0, ..sensor.model().clone() });
-    let twice: Vec<f64> = defects.hot.iter().map(|&p| dn(&even(&warm, 0.0, 0), p) / k).collect();
+    let twice: Vec<f64> = hot_pixels.iter().map(|&p| dn(&even(&warm, 0.0, 0), p) / k).collect();
     assert!((mean(&twice) / mean(&hot) - 2.0).abs() < 0.05, "{} and {}", mean(&twice), mean(&hot));
 }
 

@@ -3,6 +3,7 @@
 use fluorspar_testkit::{chi_square, sidak};
 
 use super::isetcam::IsetcamChain;
+use super::isetcam_formula_tests::volts_variance;
 use super::noise::poisson;
 use super::*;
 use crate::image::{SensorImage, SpectralImage};
@@ -219,7 +220,7 @@ fn isetcam_volts_have_the_variance_of_their_formula() {
         let volts: Vec<f64> = (0..100_000).map(|pixel| chain.noisy_volts(0, pixel, electrons)).collect();
         let g = model.conversion_gain_v_per_e();
         let mean_v = (electrons + model.dark_electrons_per_s() * 2.0) * g;
-        let expected = isetcam::volts_variance(&model, mean_v);
+        let expected = volts_variance(&model, mean_v);
         assert!((mean(&volts) - mean_v).abs() < 5.0 * (expected / 1e5).sqrt(), "{electrons} e-");
         let tolerance = 5.0 * expected * (2.0f64 / 1e5).sqrt();
         assert!((variance(&volts) - expected).abs() < tolerance, "{electrons} e-: {}", variance(&volts));
@@ -259,8 +260,9 @@ fn full_pixels_are_marked_in_every_mode() {
         let image = flat(&sensor, 1e5, 0);
         assert_eq!(image.white_level, code);
         assert!(image.data.iter().all(|&dn| dn == code), "{mode:?}");
-        assert!(develop(&image).saturated.iter().all(|&s| s));
-        assert!(develop(&flat(&sensor, 4000.0, 0)).saturated.iter().all(|&s| !s));
+        let saturated = |raw| Development::default().linearize(raw).unwrap().saturated;
+        assert!(saturated(&image).iter().all(|&s| s));
+        assert!(saturated(&flat(&sensor, 4000.0, 0)).iter().all(|&s| !s));
     }
     // A well that fills before the converter: noise is still there, the mark too.
     let small =

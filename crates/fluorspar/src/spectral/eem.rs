@@ -288,11 +288,6 @@ impl PhotonEem {
             }
         }
     }
-
-    /// The same matrix for energy.
-    pub fn to_energy(&self) -> EnergyEem {
-        EnergyEem(self.clone())
-    }
 }
 
 impl EnergyEem {
@@ -376,9 +371,10 @@ mod tests {
     #[test]
     fn energy_form_differs_by_the_ratio_of_wavelengths() {
         let eem = sample();
-        let ratio = eem.to_energy().at(500.0, 385.0) / eem.at(500.0, 385.0);
+        let energy = EnergyEem(eem.clone());
+        let ratio = energy.at(500.0, 385.0) / eem.at(500.0, 385.0);
         assert!((ratio - 385.0 / 500.0).abs() < 1e-12);
-        assert_eq!(eem.to_energy().to_photon(), eem);
+        assert_eq!(energy.to_photon(), eem);
     }
 
     #[test]

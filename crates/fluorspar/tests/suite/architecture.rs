@@ -144,7 +144,7 @@ fn uses_outside(code: &str, root: &str, modules: &[&str], others: &[&str]) -> BT
 /// Tests in files of their own, and what they share.
 fn is_test(file: &Path) -> bool {
     let stem = file.file_stem().unwrap().to_str().unwrap();
-    stem.ends_with("tests") || stem == "reference_vectors" || stem == "testing"
+    stem.ends_with("tests")
 }
 
 #[test]
@@ -374,8 +374,7 @@ fn only_in(ways: &[&str], homes: &[&'static str], instead: &str) {
     let mut seen = BTreeSet::new();
     for file in files {
         let path = file.strip_prefix(crates()).unwrap().to_str().unwrap().replace('\\', "/");
-        // The fit of the fluorophores is a test throughout.
-        if is_test(&file) || path.ends_with("preset/fluorophore_fit.rs") {
+        if is_test(&file) {
             continue;
         }
         let code = plain_code(&fs::read_to_string(&file).unwrap());

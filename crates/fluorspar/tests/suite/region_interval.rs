@@ -6,9 +6,7 @@ use fluorspar::analysis::{
     AnalysisSettings, ChannelNoise, FluorophoreResponse, MixtureModel, RegionOfInterest, analyze_region,
 };
 use fluorspar::image::SensorImage;
-use fluorspar::sensor::{
-    Demosaicing, Development, ElectronRate, Exposure, Sensor, SensorModel, SpectralQe, develop,
-};
+use fluorspar::sensor::{Demosaicing, Development, ElectronRate, Exposure, Sensor, SensorModel, SpectralQe};
 use fluorspar::spectral::Curve;
 
 const SIDE: usize = 24;
@@ -57,12 +55,12 @@ fn mean_square_z(ambient_e_per_s: f64, subtract: bool) -> f64 {
             let ambient = linear(&take("ambient", [ambient_e_per_s; 3]));
             linear(&frame).without(&ambient).unwrap().demosaic(Demosaicing::Bilinear).unwrap()
         } else {
-            develop(&frame)
+            Development::default().linearize(&frame).unwrap().demosaic(Demosaicing::Bilinear).unwrap()
         };
         let k = frame.dn_per_electron;
         let sheet = sensor.model();
         let noise = ChannelNoise::of_image(&image, k, sheet.prnu_percent / 100.0, k * sheet.dsnu_electrons());
-        let settings = AnalysisSettings::new(RegionOfInterest::whole_image(), noise);
+        let settings = AnalysisSettings::new(RegionOfInterest::default(), noise);
         let (analysis, ..) = analyze_region(&image, None, Some(&model), None, &settings).unwrap();
         let estimate = analysis.mixture.unwrap().region.unwrap().estimate;
         let z = (estimate.fraction - truth) / estimate.fraction_standard_error;

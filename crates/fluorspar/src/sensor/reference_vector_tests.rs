@@ -6,7 +6,8 @@ use std::path::{Path, PathBuf};
 use serde_json::Value;
 
 use super::demosaic::Demosaic;
-use super::isetcam::{self, IsetcamChain};
+use super::isetcam::IsetcamChain;
+use super::isetcam_formula_tests as isetcam;
 use super::*;
 use crate::image::Mosaic;
 use crate::optics::IdealLens;
