@@ -11,7 +11,7 @@
 //! | film (exact sums of a render) | [`read_film`] | [`write_film`] |
 //! | raw sensor frame, TIFF, PNG, DNG or packed | [`read_sensor_image`] | [`write_sensor_tiff`], [`write_sensor_png`], [`write_sensor_dng`], [`write_packed_raw`] |
 //! | texture, image, PNG | [`read_texture_png`] | [`write_rgb_png`] |
-//! | lens, TOML, pbrt, ISET JSON or Zemax | [`read_lens`] | [`LensFile::to_toml`] |
+//! | lens, TOML, pbrt, ISET JSON or Zemax | [`read_lens`] | [`LensFile`] |
 //! | mesh, PLY, OBJ, STL, glTF | [`read_ply`], [`read_obj`], [`read_stl`], [`read_gltf`] | [`write_ply`] |
 //! | meshes at many places, glTF | [`read_gltf_instances`] | |
 //! | places, CSV or NumPy | [`read_placements`] | |
@@ -72,7 +72,10 @@ pub use input::{digest_bounded, read_bounded, read_start, read_text_bounded};
 pub use lens::{AbbeGlass, LensFile, LensFileError, LensFileSurface, PublishedLens, read_lens};
 pub use mat::{IsetFluorophore, MatSpectra, read_iset_fluorophore, read_mat_spectra};
 pub use mesh_set::{NamedMesh, write_obj, write_pbrt};
-pub use npy::{read_component_npy, read_spectral_npy, write_component_npy, write_spectral_npy};
+pub use npy::{
+    read_component_image, read_component_npy, read_spectral_image, read_spectral_npy, write_component_npy,
+    write_spectral_npy,
+};
 pub use obj::read_obj;
 pub use output::{
     Output, OutputFolder, OutputSet, Outputs, WRITTEN_BY, check_room, free_bytes, remove_unfinished_files,

@@ -6,8 +6,10 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
+use super::exr::{read_component_exr, read_spectral_exr};
 use super::file::{check_image_size, read_sidecar, sidecar_path, write_sidecar};
-use super::npy_array::{read_npy, write_npy};
+use super::input::read_start;
+use super::npy_array::{NPY_MAGIC, read_npy, write_npy};
 use super::output::write_atomically;
 use super::{FileFormat, FormatError, Loaded, Provenance};
 use fluorspar::image::{Component, ComponentImage, FeatureMaps, SpectralImage};
@@ -151,6 +153,26 @@ pub fn read_component_npy(path: &Path) -> Result<Loaded<ComponentImage>, FormatE
         denoised: description.denoised,
     };
     Ok(Loaded { image, provenance: description.provenance })
+}
+
+/// Reads a component image in either form, known by how the file begins.
+///
+/// # Errors
+/// As [`read_component_exr`] and [`read_component_npy`].
+pub fn read_component_image(path: &Path) -> Result<Loaded<ComponentImage>, FormatError> {
+    if is_npy(path)? { read_component_npy(path) } else { read_component_exr(path) }
+}
+
+/// Reads a spectral image in either form, known by how the file begins.
+///
+/// # Errors
+/// As [`read_spectral_exr`] and [`read_spectral_npy`].
+pub fn read_spectral_image<Q: Quantity>(path: &Path) -> Result<Loaded<SpectralImage<Q>>, FormatError> {
+    if is_npy(path)? { read_spectral_npy(path) } else { read_spectral_exr(path) }
+}
+
+fn is_npy(path: &Path) -> Result<bool, FormatError> {
+    Ok(read_start(path, NPY_MAGIC.len() as u64)? == NPY_MAGIC)
 }
 
 fn read_array(

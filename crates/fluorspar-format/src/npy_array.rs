@@ -12,7 +12,7 @@ use super::FormatError;
 use super::file::MAX_IMAGE_BYTES;
 use super::input::open_plain;
 
-const MAGIC: &[u8; 6] = b"\x93NUMPY";
+pub(super) const NPY_MAGIC: &[u8; 6] = b"\x93NUMPY";
 /// Longest header, bytes. NumPy itself trusts none above 10 000.
 const MAX_HEADER_BYTES: u64 = 1 << 16;
 /// The values of a file begin at a multiple of this, so that they can be mapped into memory.
@@ -77,12 +77,12 @@ pub(super) fn write_npy(writer: &mut impl Write, shape: &[u64], values: &[f32]) 
         extents.push(',');
     }
     let mut header = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({extents}), }}");
-    let unpadded = MAGIC.len() + 4 + header.len() + 1;
+    let unpadded = NPY_MAGIC.len() + 4 + header.len() + 1;
     header.push_str(&" ".repeat(unpadded.next_multiple_of(ALIGNMENT) - unpadded));
     header.push('\n');
     let length = u16::try_from(header.len())
         .map_err(|_| io::Error::new(io::ErrorKind::InvalidInput, "too many axes for a .npy file"))?;
-    writer.write_all(MAGIC)?;
+    writer.write_all(NPY_MAGIC)?;
     writer.write_all(&[1, 0])?;
     writer.write_all(&length.to_le_bytes())?;
     writer.write_all(header.as_bytes())?;
@@ -111,7 +111,7 @@ pub(super) fn read_npy(path: &Path) -> Result<(Vec<u64>, Vec<f32>), FormatError>
     }
     let mut start = [0; 8];
     reader.read_exact(&mut start).map_err(failed)?;
-    if start[..6] != *MAGIC || !(1..=3).contains(&start[6]) {
+    if start[..6] != *NPY_MAGIC || !(1..=3).contains(&start[6]) {
         return Err(not_npy(path));
     }
     let size_bytes = if start[6] == 1 { 2 } else { 4 };
@@ -267,7 +267,7 @@ mod tests {
     }
 
     fn array(version: u8, header: &str, data: &[u8]) -> Vec<u8> {
-        let mut bytes = MAGIC.to_vec();
+        let mut bytes = NPY_MAGIC.to_vec();
         bytes.extend([version, 0]);
         match version {
             1 => bytes.extend((header.len() as u16).to_le_bytes()),

@@ -7,7 +7,7 @@ use clap::ValueHint;
 use fluorspar::image::SensorImage;
 use fluorspar::pipeline::{Calibration, RawExposures, analyze, bracket_label, complete_raw, develop_frames};
 use fluorspar::study::{Capture, Study};
-use fluorspar_format::{read_component_exr, read_sensor_image};
+use fluorspar_format::{read_component_image, read_sensor_image};
 
 use crate::args::{Changes, Talk};
 use crate::error::CliError;
@@ -73,7 +73,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
              analysis.rectangle_px=[COLUMN,ROW,WIDTH,HEIGHT]"
         )));
     }
-    let components = image.map(|path| read_component_exr(&path)).transpose()?.map(|loaded| loaded.image);
+    let components = image.map(|path| read_component_image(&path)).transpose()?.map(|loaded| loaded.image);
     let calibration = if options.frame.is_empty() {
         Calibration::of_study(&study, exposures.iter().flat_map(RawExposures::all))?
     } else {

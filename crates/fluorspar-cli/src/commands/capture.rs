@@ -5,12 +5,14 @@ use std::process::ExitCode;
 
 use clap::{ValueEnum, ValueHint};
 use fluorspar::image::SensorImage;
-use fluorspar::pipeline::{CameraColor, CapturedFrame, ColorRendering, capture, check_same_scene, preview};
+use fluorspar::pipeline::{
+    CameraColor, CapturedFrame, ColorRendering, capture, check_same_scene, preview, relight,
+};
 use fluorspar::study::Study;
 use fluorspar_experiment::{ResolvedExperiment, parse, resolve};
 use fluorspar_format::{
-    DngColor, FormatError, OutputFolder, Provenance, RawPacking, read_component_exr, write_atomically,
-    write_packed_raw, write_rgb_png, write_sensor_dng, write_sensor_tiff,
+    DngColor, FormatError, OutputFolder, Provenance, RawPacking, read_component_image, write_atomically,
+    write_packed_raw, write_rgb_png, write_sensor_dng, write_sensor_png, write_sensor_tiff,
 };
 use serde_json::{Value, json};
 use std::io::Write;
@@ -24,8 +26,8 @@ use crate::values::{Override, as_typed, sets};
 /// Options of `capture`.
 #[derive(Clone, Debug, clap::Args)]
 pub(crate) struct Options {
-    /// Component image: components.exr of a run, or `render --components`.
-    #[arg(value_name = "COMPONENTS.exr", value_hint = ValueHint::FilePath)]
+    /// Component image: components.exr of a run, or .exr or .npy of `render --components`.
+    #[arg(value_name = "COMPONENTS", value_hint = ValueHint::FilePath)]
     image: PathBuf,
     /// Experiment with lens, sensor and captures [default: the one that the image carries].
     #[arg(long, value_name = "EXPERIMENT")]
@@ -34,7 +36,7 @@ pub(crate) struct Options {
     changes: Changes,
     #[command(flatten)]
     seed: Seed,
-    /// Format of the raw frames: TIFF with a .json description, DNG for raw converters, or packed as camera modules do.
+    /// Format of the raw frames: TIFF or PNG with a .json description, DNG for raw converters, or packed as camera modules do.
     #[arg(long, value_enum, value_name = "FORM", default_value_t = RawForm::Tiff)]
     format: RawForm,
     /// Folder for the frames.
@@ -49,6 +51,8 @@ enum RawForm {
     /// 16-bit TIFF and JSON.
     #[default]
     Tiff,
+    /// 16-bit PNG and JSON.
+    Png,
     /// Adobe Digital Negative.
     Dng,
     /// MIPI RAW10 and JSON; for sensors of 10 bits.
@@ -61,6 +65,7 @@ impl RawForm {
     fn ending(self) -> &'static str {
         match self {
             Self::Tiff => "tiff",
+            Self::Png => "png",
             Self::Dng => "dng",
             Self::Raw10 | Self::Raw12 => "raw",
         }
@@ -75,6 +80,7 @@ impl RawForm {
     ) -> Result<(), FormatError> {
         match self {
             Self::Tiff => write_sensor_tiff(path, raw, Some(provenance)),
+            Self::Png => write_sensor_png(path, raw, Some(provenance)),
             Self::Dng => {
                 let color = color.map_or_else(DngColor::default, |color| DngColor {
                     xyz_to_camera: color.xyz_to_camera,
@@ -89,7 +95,7 @@ impl RawForm {
 }
 
 pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
-    let loaded = read_component_exr(&options.image)?;
+    let loaded = read_component_image(&options.image)?;
     let mut components = loaded.image;
     let messages = options.talk.messages();
     let image = options.image.display();
@@ -135,7 +141,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     };
     let ResolvedExperiment { study, record } = experiment;
     if let Some(rendered) = &rendered {
-        check_same_scene(rendered, &study)?;
+        check_same_scene(&relight(rendered, &study, &mut components)?, &study)?;
     }
     inputs.extend(record.inputs.iter().map(|input| input.path.clone()));
     let folder = OutputFolder::prepare(&options.out, &inputs, frame_bytes(&study))?;

@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use clap::ValueHint;
 use fluorspar::pipeline::{DenoiseError, DenoiseSettings, denoise};
 use fluorspar::units::number_text;
-use fluorspar_format::read_component_exr;
+use fluorspar_format::read_component_image;
 
 use super::image_output::{ImageOutput, Storage};
 use crate::args::Talk;
@@ -55,7 +55,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         )));
     }
     let set = set.declare()?;
-    let loaded = read_component_exr(&options.image)?;
+    let loaded = read_component_image(&options.image)?;
     let Some(provenance) = loaded.provenance else {
         return Err(CliError::Input(format!(
             "{}: the image does not say where it comes from; render it again",

@@ -10,7 +10,7 @@ use fluorspar::sensor::Spectroradiometer;
 use fluorspar::spectral::{Curve, Radiance, Spectrum};
 use fluorspar::units::number_text;
 use fluorspar_experiment::{ResolvedSample, parse, resolve};
-use fluorspar_format::{Output, Outputs, WRITTEN_BY, read_component_exr, write_atomically};
+use fluorspar_format::{Output, Outputs, WRITTEN_BY, read_component_image, write_atomically};
 use fluorspar_report::figures::{PlotCurve, spectral_readings};
 
 use super::quoted;
@@ -179,7 +179,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
 /// Instruments of the experiment that an image carries, or the one that the options point.
 fn of_image(options: &Options, path: &Path) -> Result<Vec<SpectroradiometerReading>, CliError> {
     let shown = path.display();
-    let loaded = read_component_exr(path)?;
+    let loaded = read_component_image(path)?;
     let Some(provenance) = loaded.provenance else {
         return Err(CliError::Input(format!(
             "{shown}: this image carries no experiment, so its lights and field of view are not known; make it with `run` or \

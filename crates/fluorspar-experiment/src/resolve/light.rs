@@ -19,7 +19,7 @@ use fluorspar::light::{
 };
 use fluorspar::optics::PerspectiveCamera;
 use fluorspar::spectral::{Curve, MAX_WAVELENGTH_NM, MIN_WAVELENGTH_NM, Radiance, WavelengthGrid};
-use fluorspar_format::{Transfer, read_spectral_exr, read_texture_png};
+use fluorspar_format::{Transfer, read_spectral_image, read_texture_png};
 
 /// Half angle of the narrowest pattern that a light may have.
 const NARROWEST_DEG: f64 = 2.2;
@@ -90,8 +90,14 @@ fn spectral_map(
     at: &Place,
     reference: &EnvironmentMapReference,
 ) -> Resolved<EnvironmentMap> {
-    let file = map_file(context, at, reference, "exr", "a spectral map is an .exr file; save it as one")?;
-    let image = read_spectral_exr::<Radiance>(file.as_ref()).map_err(|e| context.file_error(at, &e))?.image;
+    let file = map_file(
+        context,
+        at,
+        reference,
+        &["exr", "npy"],
+        "a spectral map is an .exr or .npy file; save it as one",
+    )?;
+    let image = read_spectral_image::<Radiance>(file.as_ref()).map_err(|e| context.file_error(at, &e))?.image;
     if image.bands() > MOST_MAP_BANDS {
         let message =
             format!("the map has {} bands, more than {MOST_MAP_BANDS}; average some of them", image.bands());
@@ -116,7 +122,7 @@ fn gray_map(
     reference: &EnvironmentMapReference,
 ) -> Resolved<EnvironmentMap> {
     let message = "a gray map is a .png file; a spectral .exr file is the map of a light of type \"spectral_environment\"";
-    let file = map_file(context, at, reference, "png", message)?;
+    let file = map_file(context, at, reference, &["png"], message)?;
     let image = read_texture_png(file.as_ref(), Transfer::Linear).map_err(|e| context.file_error(at, &e))?;
     let factors = image.data.chunks_exact(image.channels).map(gray).collect();
     let layer = EnvironmentLayer { spectrum: Curve::constant(1.0), factors };
@@ -129,12 +135,12 @@ fn map_file<'r>(
     context: &mut Context<'_>,
     at: &Place,
     reference: &'r EnvironmentMapReference,
-    ending: &str,
+    endings: &[&str],
     other_ending: &str,
 ) -> Resolved<&'r FilePath> {
     context.within(&at.field("rotation_deg"), reference.rotation_deg(), [-3600.0, 3600.0], "degrees")?;
     let file = reference.file();
-    if file.extension().as_deref() != Some(ending) {
+    if !file.extension().is_some_and(|ending| endings.contains(&&*ending)) {
         return context.fail(at, other_ending);
     }
     context.note_input(at, file)?;

@@ -255,7 +255,7 @@ pub struct EnvironmentLight {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SpectralEnvironmentLight {
-    /// Spectral OpenEXR image of radiance, W/(sr m² nm).
+    /// Spectral image of radiance (OpenEXR, or NumPy with its description), W/(sr m² nm).
     pub map: EnvironmentMapReference,
 }
 
@@ -275,7 +275,7 @@ pub enum EnvironmentMapReference {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TurnedMap {
-    /// Path of the map: a gray PNG image, or a spectral OpenEXR image for a spectral environment.
+    /// Path of the map: a gray PNG image, or a spectral image (.exr, .npy) for a spectral environment.
     pub file: FilePath,
     /// Turn about +y, degrees: at 90 the middle lies toward -x. Default 0.
     #[serde(default)]

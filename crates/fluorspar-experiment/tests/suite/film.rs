@@ -6,7 +6,7 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
 use fluorspar::image::{ComponentImage, FeatureMaps, Film, StatisticsKind};
-use fluorspar::pipeline::{DenoiseSettings, denoise};
+use fluorspar::pipeline::{DenoiseSettings, denoise, relight};
 use fluorspar::render::{
     Checkpoint, ErrorChannel, ErrorTarget, FilmRenderer, RenderControl, RenderError, RenderSettings, Share,
     render,
@@ -347,15 +347,18 @@ fn excitation_bins_add_up_and_make_other_lights() {
         vec![factor(300.0), factor(300.0), factor(400.0), factor(400.0)],
     );
     let wanted = rendered.times(&step.unwrap());
-    let made = bins.recombine_spectrum(&group, &rendered, &wanted).unwrap();
+    let before = study.clone();
     for light in study.scene.lights.iter_mut().filter(|l| l.group == 0) {
         light.spectrum = wanted.clone();
     }
+    let mut made = bins.clone();
+    let shown = relight(&before, &study, &mut made).unwrap();
+    assert!(shown.scene == study.scene, "the study is not that of the other light");
     let again = image(&study, &whole);
-    close(made.data(), again.light_group(&group).data(), 1e-4, "another light");
+    close(made.light_group(&group).data(), again.light_group(&group).data(), 1e-4, "another light");
 
     let infrared = Curve::new(vec![900.0, 950.0], vec![1.0, 1.0]).unwrap();
-    let error = bins.recombine_spectrum(&group, &rendered, &infrared).unwrap_err();
+    let error = made.change_spectrum(&group, &rendered, &infrared).unwrap_err();
     assert!(error.to_string().contains("100.0 %"), "{error}");
 }
 

@@ -45,6 +45,13 @@ pub struct Component {
 
 impl Component {
     /// A component that all light of a group excites.
+    ///
+    /// ```
+    /// use fluorspar::image::{Component, LightPath};
+    ///
+    /// let elastin = Component::of_group("blue", LightPath::Fluorescence("elastin".into()));
+    /// assert_eq!(elastin.label(), "blue.fluorescence.elastin");
+    /// ```
     pub fn of_group(light_group: &str, light: LightPath) -> Self {
         Self { light_group: light_group.into(), excitation: None, light }
     }
@@ -254,7 +261,8 @@ impl ComponentImage {
         labels
     }
 
-    /// Image of a light group under another light spectrum, from a render with excitation bins.
+    /// Gives a light group another light spectrum, in a render with excitation bins. Statistics of the samples do not
+    /// follow, and are dropped.
     ///
     /// `rendered` is the spectrum that the group's lights had, `wanted` the one that they shall have, both as power (or
     /// irradiance, or radiance) per nm. Each bin is weighted by the ratio of the two integrals over it: exact where
@@ -262,12 +270,12 @@ impl ComponentImage {
     ///
     /// # Errors
     /// When more than 1e-3 of `wanted` lies outside the bins or in bins that were rendered without light.
-    pub fn recombine_spectrum(
-        &self,
+    pub fn change_spectrum(
+        &mut self,
         group: &str,
         rendered: &Curve,
         wanted: &Curve,
-    ) -> Result<SpectralImage<Radiance>, SpectrumOutOfSpan> {
+    ) -> Result<(), SpectrumOutOfSpan> {
         let ratio = |[first, last]: [f64; 2]| {
             let (rendered, wanted) = (rendered.integral(first, last), wanted.integral(first, last));
             if rendered > 0.0 { (wanted / rendered, wanted) } else { (0.0, 0.0) }
@@ -288,7 +296,15 @@ impl ComponentImage {
         if missing.is_nan() || missing > 1e-3 {
             return Err(SpectrumOutOfSpan { group: group.into(), percent: 100.0 * missing });
         }
-        Ok(self.recombine(|component| bin_of(component).map_or(0.0, |bin| ratio(bin).0)))
+        let plane = self.width * self.height * self.grid.len();
+        for (component, values) in self.components.iter().zip(self.data.chunks_mut(plane.max(1))) {
+            if component.light_group == group {
+                let factor = bin_of(component).map_or(0.0, |bin| ratio(bin).0) as f32;
+                values.iter_mut().for_each(|value| *value *= factor);
+            }
+        }
+        self.statistics = None;
+        Ok(())
     }
 
     /// `sum weight(component) * component`: any change of drive current or (to first order) concentration.

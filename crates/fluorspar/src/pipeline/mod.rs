@@ -58,10 +58,11 @@ pub use row_bands::{
     tile_rows_at_once,
 };
 pub use safety::{CaptureSafety, ProgramSafety, SafetyReport, Viewer, ViewerSafety, assess_safety};
-pub use scene_change::check_same_scene;
+pub use scene_change::{check_same_scene, relight};
 pub use spectroradiometer::{SpectroradiometerReading, read_spectroradiometers};
 
 use crate::analysis::AnalysisError;
+use crate::image::SpectrumOutOfSpan;
 use crate::sensor::{DevelopError, SensorProblem};
 
 /// Why a stage of a study failed.
@@ -101,11 +102,14 @@ pub enum PipelineError {
         /// The groups of the image.
         known: String,
     },
+    /// A light spectrum that the excitation bins of the image can't give.
+    #[error(transparent)]
+    Spectrum(#[from] SpectrumOutOfSpan),
     /// A change that only a new render can follow.
     #[error(
         "{0} has changed since the component image was rendered, and the image would not show it: run or render the \
          experiment again, or undo the change. Drives can be changed without a render: \
-         capture.NAME.light_groups.GROUP"
+         capture.NAME.light_groups.GROUP, and spectra of lights with render.excitation_edges_nm"
     )]
     OtherScene(String),
     /// Even light of which nothing reaches the sensor.

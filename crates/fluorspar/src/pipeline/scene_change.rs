@@ -1,6 +1,8 @@
 //! Differences between a study and the one that a component image was rendered from.
 
 use super::PipelineError;
+use crate::image::ComponentImage;
+use crate::spectral::Curve;
 use crate::study::Study;
 
 /// Refuses a study whose scene differs from the one that a component image was rendered from: the image would show
@@ -17,6 +19,37 @@ pub fn check_same_scene(rendered: &Study, wanted: &Study) -> Result<(), Pipeline
         None => Ok(()),
         Some(what) => Err(PipelineError::OtherScene(what)),
     }
+}
+
+/// Gives the light groups of a component image the spectra that they have in another study, where the image keeps their
+/// excitation bins. Returns the study that the image then shows: `rendered` with those spectra.
+///
+/// A group whose lights differ among each other, before or after, stays as it is, and so does one without bins.
+///
+/// # Errors
+/// A spectrum with light outside the bins.
+pub fn relight(
+    rendered: &Study,
+    wanted: &Study,
+    components: &mut ComponentImage,
+) -> Result<Study, PipelineError> {
+    let mut shown = rendered.clone();
+    for (number, group) in rendered.scene.light_groups.iter().enumerate() {
+        let has_bins =
+            components.components.iter().any(|c| c.light_group == group.name && c.excitation.is_some());
+        let spectra = |study: &Study| -> Option<Curve> {
+            let mut lights = study.scene.lights.iter().filter(|light| light.group == number);
+            let first = &lights.next()?.spectrum;
+            lights.all(|light| light.spectrum == *first).then(|| first.clone())
+        };
+        let (Some(old), Some(new), true) = (spectra(rendered), spectra(wanted), has_bins) else { continue };
+        if old != new {
+            components.change_spectrum(&group.name, &old, &new)?;
+            let lights = shown.scene.lights.iter_mut().filter(|light| light.group == number);
+            lights.for_each(|light| light.spectrum.clone_from(&new));
+        }
+    }
+    Ok(shown)
 }
 
 /// First entry of two lists of named things that differs.

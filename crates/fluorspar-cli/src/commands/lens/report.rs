@@ -7,7 +7,7 @@ use clap::ValueHint;
 use fluorspar::optics::{LensReport, LensReportSettings, LensSetting, LensState};
 use fluorspar::units::number_text;
 use fluorspar_experiment::preset::{LensError, LoadedLens, lens_or_file};
-use fluorspar_format::{Output, Outputs, write_atomically};
+use fluorspar_format::{LensFile, Output, Outputs, write_atomically};
 use fluorspar_report::figures::{lens_drawing, lens_field, lens_mtf, lens_spots};
 
 use crate::commands::table::{align, short};
@@ -47,6 +47,9 @@ pub(super) struct Options {
     /// Print the report as JSON.
     #[arg(long)]
     json: bool,
+    /// Print the lens itself as a lens file (.toml), whatever program it comes from, and trace nothing.
+    #[arg(long, conflicts_with_all = ["json", "out"])]
+    toml: bool,
 }
 
 /// What the names of the figures end in, after that of the drawing.
@@ -71,6 +74,10 @@ pub(super) fn run(options: &Options) -> Result<(), CliError> {
         None => None,
     };
     let loaded = lens_or_file(&options.lens)?;
+    if options.toml {
+        let text = LensFile::from_prescription(&loaded.lens).to_toml();
+        return print_text(&text.map_err(|problem| CliError::Input(format!("{}: {problem}", options.lens)))?);
+    }
     let setting = LensSetting {
         f_number: options.f_number,
         object_distance_mm: options.focus_distance_mm,
