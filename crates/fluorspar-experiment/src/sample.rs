@@ -237,43 +237,8 @@ fn resolve_sample(document: &Document, file: &SampleFile) -> Resolved<ResolvedSa
         }
     }
 
-    let view_filter = device::view_filter(context, &file.view_filter, &grid)?;
-    let lens = match &file.lens {
-        Some(section) => {
-            if section.image_formation().is_some() {
-                let message = "a flat sample has no image; remove this field";
-                return context.fail(&steps!["lens", "image_formation"], message);
-            }
-            Some(device::lens(context, section, None, None, &grid)?)
-        }
-        None if view_filter.stack.lens_angles => {
-            let message = "there is no [lens] whose rays have angles";
-            return context.fail(&steps!["view_filter", "angles"], message);
-        }
-        None => None,
-    };
-    let view_filter = match &lens {
-        Some(lens) => view_filter.with_lens(lens, None),
-        None => view_filter,
-    };
-    let sensor = match &file.sensor {
-        Some(section) => Some(device::sensor(context, section, &grid)?),
-        None => None,
-    };
-    if sensor.is_some() && lens.is_none() {
-        return context.fail(&steps!["sensor"], "a sensor needs a [lens] section");
-    }
-    let at = |key: &str| steps!["exposure", key];
-    context.within(&at("gain"), file.exposure.gain, [0.01, 1000.0], "")?;
-    let (exposure_ms, auto_exposure) =
-        context.exposure(&at("exposure_ms"), file.exposure.exposure_ms, AutoExposure::default())?;
-    let exposure = CaptureFrame {
-        label: "sample".into(),
-        lights: BTreeMap::new(),
-        exposure_ms,
-        auto_exposure,
-        gain: file.exposure.gain,
-    };
+    let camera = camera(context, file, &grid)?;
+    let exposure = exposure(context, file)?;
     let (resolved_toml, sha256) = write_out(context, file)?;
     let warnings = context.take_warnings(&grid);
     let sample = FlatSample {
@@ -286,7 +251,7 @@ fn resolve_sample(document: &Document, file: &SampleFile) -> Resolved<ResolvedSa
             SampleCompatibility::ToolboxEem => FluorescenceModel::Toolbox,
             SampleCompatibility::None | SampleCompatibility::Isetcam => FluorescenceModel::Physical,
         },
-        camera: Camera { lens, view_filter, sensor, ..Camera::default() },
+        camera,
         exposure,
     };
     let record = FileRecord {
@@ -300,6 +265,52 @@ fn resolve_sample(document: &Document, file: &SampleFile) -> Resolved<ResolvedSa
         sha256,
     };
     Ok(ResolvedSample { sample, compatibility: file.compatibility, record })
+}
+
+/// Lens, filters and sensor before a sample.
+fn camera(context: &mut Context<'_>, file: &SampleFile, grid: &WavelengthGrid) -> Resolved<Camera> {
+    let view_filter = device::view_filter(context, &file.view_filter, grid)?;
+    let lens = match &file.lens {
+        Some(section) => {
+            if section.image_formation().is_some() {
+                let message = "a flat sample has no image; remove this field";
+                return context.fail(&steps!["lens", "image_formation"], message);
+            }
+            Some(device::lens(context, section, None, None, grid)?)
+        }
+        None if view_filter.stack.lens_angles => {
+            let message = "there is no [lens] whose rays have angles";
+            return context.fail(&steps!["view_filter", "angles"], message);
+        }
+        None => None,
+    };
+    let view_filter = match &lens {
+        Some(lens) => view_filter.with_lens(lens, None),
+        None => view_filter,
+    };
+    let sensor = match &file.sensor {
+        Some(section) => Some(device::sensor(context, section, grid)?),
+        None => None,
+    };
+    if sensor.is_some() && lens.is_none() {
+        return context.fail(&steps!["sensor"], "a sensor needs a [lens] section");
+    }
+    Ok(Camera { lens, view_filter, sensor, ..Camera::default() })
+}
+
+/// The one exposure of a sample.
+fn exposure(context: &Context<'_>, file: &SampleFile) -> Resolved<CaptureFrame> {
+    let at = |key: &str| steps!["exposure", key];
+    context.within(&at("gain"), file.exposure.gain, [0.01, 1000.0], "")?;
+    let (exposure_ms, auto_exposure) =
+        context.exposure(&at("exposure_ms"), file.exposure.exposure_ms, AutoExposure::default())?;
+    Ok(CaptureFrame {
+        label: "sample".into(),
+        lights: BTreeMap::new(),
+        exposure_ms,
+        auto_exposure,
+        gain: file.exposure.gain,
+    })
 }
 
 fn irradiance(context: &mut Context<'_>, light: &SampleLight, grid: &WavelengthGrid) -> Resolved<Curve> {

@@ -7,14 +7,16 @@ use super::material::Fluorophores;
 use super::spectrum::Role;
 use super::surface_mean::surface_mean;
 use crate::error::{Place, Step, steps};
-use crate::schema::{AnalysisSection, BulkReference, ExperimentFile, ExposureTime, TextureReference};
+use crate::schema::{
+    AnalysisSection, BulkReference, CaptureSection, ExperimentFile, ExposureTime, TextureReference,
+};
 use fluorspar::light::LightGroup;
 use fluorspar::material::Material;
 use fluorspar::names::did_you_mean;
 use fluorspar::optics::PerspectiveCamera;
 use fluorspar::quote::excerpt;
 use fluorspar::scene::{Object, Shape};
-use fluorspar::sensor::{CaptureFrame, EXPOSURE_MS, Sensor};
+use fluorspar::sensor::{AutoExposure, CaptureFrame, EXPOSURE_MS, Sensor};
 use fluorspar::spectral::{Curve, WavelengthGrid};
 use fluorspar::study::{AnalysisPlan, Capture};
 
@@ -47,6 +49,7 @@ fn check_label(context: &Context<'_>, at: &[Step], name: &str, earlier: &[&str])
     Ok(())
 }
 
+/// The captures of an experiment, in their order.
 pub(super) fn captures(
     context: &mut Context<'_>,
     file: &ExperimentFile,
@@ -57,99 +60,162 @@ pub(super) fn captures(
         let missing = if file.sensor.is_none() { "sensor" } else { "lens" };
         return context.fail(&steps!["capture", 0], format!("a capture needs a [{missing}] section"));
     }
-    let mut captures: Vec<Capture> = Vec::with_capacity(file.capture.len());
-    for (index, section) in file.capture.iter().enumerate() {
-        let at = |key: &str| steps!["capture", index, key];
-        let earlier: Vec<&str> = file.capture[..index].iter().map(|other| other.name.as_str()).collect();
-        context.unique_name(&steps!["capture", index], &section.name, earlier.iter().copied())?;
-        check_label(context, &at("name"), &section.name, &earlier)?;
-        for (name, drive) in &section.light_groups {
-            let at = steps!["capture", index, "light_groups", name];
-            if !groups.iter().any(|group| group.name == *name) {
-                let known: Vec<&str> = groups.iter().map(|group| group.name.as_str()).collect();
-                let message = format!(
-                    "there is no light group \"{}\"{} Known: {}",
-                    excerpt(name),
-                    hint(name, known.iter().copied()),
-                    known.join(", ")
-                );
-                return context.fail(&at, message);
-            }
-            context.within(&at, *drive, [0.0, 1e6], "times the stated power")?;
+    let captures = (0..file.capture.len())
+        .map(|index| capture(context, file, index, groups, grid))
+        .collect::<Resolved<Vec<Capture>>>()?;
+    for group in groups {
+        let is_on = |capture: &Capture| capture.frame.drive(&group.name) > 0.0;
+        if !captures.is_empty() && !captures.iter().any(is_on) {
+            context.push_warning(format!(
+                "light group \"{}\" is rendered, but no capture switches it on; remove its lights to save time",
+                group.name
+            ));
         }
-        let rule = section.auto_exposure.unwrap_or_default();
-        if section.auto_exposure.is_some() && section.exposure_ms != ExposureTime::Auto {
-            return context
-                .fail(&at("auto_exposure"), "exposure_ms is fixed; set it to \"auto\" or remove the rule");
+    }
+    Ok(captures)
+}
+
+/// One capture.
+fn capture(
+    context: &mut Context<'_>,
+    file: &ExperimentFile,
+    index: usize,
+    groups: &[LightGroup],
+    grid: &WavelengthGrid,
+) -> Resolved<Capture> {
+    let section = &file.capture[index];
+    let place = steps!["capture", index];
+    let earlier: Vec<&str> = file.capture[..index].iter().map(|other| other.name.as_str()).collect();
+    context.unique_name(&place, &section.name, earlier.iter().copied())?;
+    check_label(context, &place.field("name"), &section.name, &earlier)?;
+    check_drives(context, &place, section, groups)?;
+    let (exposure_ms, auto_exposure) = exposure(context, &place, section)?;
+    context.within(&place.field("gain"), section.gain, [0.01, 1000.0], "")?;
+    check_bracket(context, &place, section, exposure_ms)?;
+    if let Some(on_ms) = section.light_on_ms {
+        context.within(&place.field("light_on_ms"), on_ms, EXPOSURE_MS, "milliseconds")?;
+    }
+    check_order(context, &place, section, &earlier)?;
+    if let (ExposureTime::Auto, Some(sensor)) = (section.exposure_ms, &file.sensor)
+        && sensor.model.strobe.is_some()
+    {
+        let message = "cannot meter pulsed light; give milliseconds, or remove sensor.strobe";
+        return context.fail(&place.field("exposure_ms"), message);
+    }
+    Ok(Capture {
+        filter: filter(context, &place, section, grid)?,
+        frame: CaptureFrame {
+            label: section.name.clone(),
+            lights: section.light_groups.clone(),
+            exposure_ms,
+            auto_exposure,
+            gain: section.gain,
+        },
+        subtract: section.subtract.clone(),
+        bracket_ev: section.bracket_ev.clone(),
+        light_on_ms: section.light_on_ms,
+    })
+}
+
+/// The light groups that a capture switches on must exist.
+fn check_drives(
+    context: &Context<'_>,
+    place: &Place,
+    section: &CaptureSection,
+    groups: &[LightGroup],
+) -> Resolved<()> {
+    for (name, drive) in &section.light_groups {
+        let at = place.field("light_groups").field(name);
+        if !groups.iter().any(|group| group.name == *name) {
+            let known: Vec<&str> = groups.iter().map(|group| group.name.as_str()).collect();
+            let message = format!(
+                "there is no light group \"{}\"{} Known: {}",
+                excerpt(name),
+                hint(name, known.iter().copied()),
+                known.join(", ")
+            );
+            return context.fail(&at, message);
         }
-        rule.validate().map_err(|problem| {
-            let field = problem.field.rsplit('.').next().unwrap_or_default().to_string();
-            context.error(&steps!["capture", index, "auto_exposure", &field], problem.message)
-        })?;
-        let (exposure_ms, auto_exposure) = context.exposure(&at("exposure_ms"), section.exposure_ms, rule)?;
-        context.within(&at("gain"), section.gain, [0.01, 1000.0], "")?;
-        if section.bracket_ev.len() > 31 {
-            return context.fail(&at("bracket_ev"), "has more than 31 exposures; give fewer");
+        context.within(&at, *drive, [0.0, 1e6], "times the stated power")?;
+    }
+    Ok(())
+}
+
+/// Exposure time of a capture, ms, or the rule that finds it.
+fn exposure(
+    context: &Context<'_>,
+    place: &Place,
+    section: &CaptureSection,
+) -> Resolved<(Option<f64>, Option<AutoExposure>)> {
+    let rule = section.auto_exposure.unwrap_or_default();
+    let at_rule = place.field("auto_exposure");
+    if section.auto_exposure.is_some() && section.exposure_ms != ExposureTime::Auto {
+        return context.fail(&at_rule, "exposure_ms is fixed; set it to \"auto\" or remove the rule");
+    }
+    rule.validate().map_err(|problem| {
+        let field = problem.field.rsplit('.').next().unwrap_or_default();
+        context.error(&at_rule.field(field), problem.message)
+    })?;
+    context.exposure(&place.field("exposure_ms"), section.exposure_ms, rule)
+}
+
+/// All exposures of a bracket must be possible.
+fn check_bracket(
+    context: &Context<'_>,
+    place: &Place,
+    section: &CaptureSection,
+    exposure_ms: Option<f64>,
+) -> Resolved<()> {
+    let at = place.field("bracket_ev");
+    if section.bracket_ev.len() > 31 {
+        return context.fail(&at, "has more than 31 exposures; give fewer");
+    }
+    for (number, stops) in section.bracket_ev.iter().enumerate() {
+        let at = at.index(number);
+        context.within(&at, *stops, [-16.0, 16.0], "stops")?;
+        // An exposure that a rule finds is known only when light is.
+        if let Some(main_ms) = exposure_ms {
+            let [shortest, longest] = EXPOSURE_MS.map(|ms| (ms / main_ms).log2());
+            let message = "stops: an exposure lasts from 1e-6 to 3600000 milliseconds";
+            context.within(&at, *stops, [shortest.max(-16.0), longest.min(16.0)], message)?;
         }
-        for (number, stops) in section.bracket_ev.iter().enumerate() {
-            let at = steps!["capture", index, "bracket_ev", number];
-            context.within(&at, *stops, [-16.0, 16.0], "stops")?;
-            // An exposure that a rule finds is known only when light is.
-            if let Some(main_ms) = exposure_ms {
-                let [shortest, longest] = EXPOSURE_MS.map(|ms| (ms / main_ms).log2());
-                let message = "stops: an exposure lasts from 1e-6 to 3600000 milliseconds";
-                context.within(&at, *stops, [shortest.max(-16.0), longest.min(16.0)], message)?;
-            }
-        }
-        if let Some(on_ms) = section.light_on_ms {
-            context.within(&at("light_on_ms"), on_ms, EXPOSURE_MS, "milliseconds")?;
-        }
-        if let Some(other) = &section.subtract
-            && !earlier.contains(&other.as_str())
-        {
+    }
+    Ok(())
+}
+
+/// What a capture subtracts must have been taken before it.
+fn check_order(
+    context: &Context<'_>,
+    place: &Place,
+    section: &CaptureSection,
+    earlier: &[&str],
+) -> Resolved<()> {
+    match &section.subtract {
+        Some(other) if !earlier.contains(&other.as_str()) => {
             let message = format!(
                 "no earlier capture has this name{} A capture can subtract only what was taken before it",
                 hint(other, earlier.iter().copied())
             );
-            return context.fail(&at("subtract"), message);
+            context.fail(&place.field("subtract"), message)
         }
-        if let (ExposureTime::Auto, Some(sensor)) = (section.exposure_ms, &file.sensor)
-            && sensor.model.strobe.is_some()
-        {
-            let message = "cannot meter pulsed light; give milliseconds, or remove sensor.strobe";
-            return context.fail(&at("exposure_ms"), message);
-        }
-        let mut filter: Option<Curve> = None;
-        for (number, reference) in section.filters.iter().enumerate() {
-            let at = steps!["capture", index, "filters", number];
-            let curve = context.spectrum(&at, reference, Role::Filter, 0.0, grid)?;
-            filter = Some(filter.map_or_else(|| curve.clone(), |product| product.times(&curve)));
-        }
-        captures.push(Capture {
-            filter,
-            frame: CaptureFrame {
-                label: section.name.clone(),
-                lights: section.light_groups.clone(),
-                exposure_ms,
-                auto_exposure,
-                gain: section.gain,
-            },
-            subtract: section.subtract.clone(),
-            bracket_ev: section.bracket_ev.clone(),
-            light_on_ms: section.light_on_ms,
-        });
+        _ => Ok(()),
     }
-    if !captures.is_empty() {
-        for group in groups {
-            if !captures.iter().any(|capture| capture.frame.drive(&group.name) > 0.0) {
-                context.push_warning(format!(
-                    "light group \"{}\" is rendered, but no capture switches it on; remove its lights to save time",
-                    group.name
-                ));
-            }
-        }
+}
+
+/// Product of the filters of a capture.
+fn filter(
+    context: &mut Context<'_>,
+    place: &Place,
+    section: &CaptureSection,
+    grid: &WavelengthGrid,
+) -> Resolved<Option<Curve>> {
+    let mut filter: Option<Curve> = None;
+    for (number, reference) in section.filters.iter().enumerate() {
+        let at = place.field("filters").index(number);
+        let curve = context.spectrum(&at, reference, Role::Filter, 0.0, grid)?;
+        filter = Some(filter.map_or_else(|| curve.clone(), |product| product.times(&curve)));
     }
-    Ok(captures)
+    Ok(filter)
 }
 
 /// Region of an analysis.

@@ -4,9 +4,12 @@ use super::context::{Context, Resolved};
 use crate::error::steps;
 use crate::schema::{RenderSection, StatisticsChoice};
 use fluorspar::image::StatisticsKind;
+use fluorspar::light::LightGroup;
 use fluorspar::names::did_you_mean;
+use fluorspar::optics::IdealLens;
 use fluorspar::render::{ErrorChannel, ErrorTarget};
 use fluorspar::scene::Scene;
+use fluorspar::sensor::Sensor;
 use fluorspar::study::{Camera, Capture};
 
 pub(super) fn statistics(section: &RenderSection) -> StatisticsKind {
@@ -37,8 +40,6 @@ pub(super) fn error_target(
         return Ok(None);
     };
     let relative_error = context.within(&at("relative_error"), error, [1e-4, 0.5], "")?;
-    let grid = &scene.grid;
-    let groups = &scene.light_groups;
     let optics = camera.lens_behind_filters().zip(camera.sensor.as_ref());
     if section.error_captures.is_some() && section.error_range_nm.is_some() {
         return context.fail(&at("error_range_nm"), "excludes error_captures; give one of the two");
@@ -48,61 +49,92 @@ pub(super) fn error_target(
             return context
                 .fail(&at("error_captures"), "needs a [lens] and a [sensor]; or give error_range_nm");
         }
-        let known = || captures.iter().map(|capture| capture.frame.label.as_str());
-        if wanted.is_empty() {
-            return context.fail(&at("error_captures"), "names no capture; leave it out for all of them");
-        }
-        for (index, name) in wanted.iter().enumerate() {
-            if !known().any(|label| label == name) {
-                let hint = did_you_mean(name, known());
-                let list = known().collect::<Vec<_>>().join(", ");
-                let message = format!("there is no capture of this name{hint} Known: {list}");
-                return context.fail(&steps!["render", "error_captures", index], message);
-            }
-        }
+        check_captures(context, wanted, captures)?;
     }
-    let mut channels = Vec::new();
-    if let (Some((lens, sensor)), None) = (&optics, section.error_range_nm) {
-        let transmittance = lens.transmittance_on(grid);
-        for capture in captures {
-            let frame = &capture.frame;
-            let drives: Vec<f64> = groups.iter().map(|group| frame.drive(&group.name)).collect();
-            let wanted = section.error_captures.as_ref().is_none_or(|names| names.contains(&frame.label));
-            if !wanted || drives.iter().all(|&drive| drive == 0.0) {
-                continue;
-            }
-            for (channel, weights) in sensor.qe().channels().iter().zip(sensor.electron_weights(grid)) {
-                let weights: Vec<f64> =
-                    weights.iter().zip(transmittance.values()).map(|(w, t)| w * t).collect();
-                if weights.iter().any(|&w| w > 0.0) {
-                    let name = format!("{}.{}", frame.label, channel.name);
-                    channels.push(ErrorChannel { name, drives: drives.clone(), weights });
-                }
-            }
-        }
-    }
+    let mut channels = match (&optics, section.error_range_nm) {
+        (Some((lens, sensor)), None) => sensor_channels(section, scene, captures, lens, sensor),
+        _ => Vec::new(),
+    };
     if channels.is_empty() && section.error_captures.is_some() {
         return context.fail(&at("error_captures"), "no light is on in these captures; name others");
     }
     if channels.is_empty() {
-        let [low, high] = section.error_range_nm.unwrap_or([0.0, f64::MAX]);
-        let is_wavelength = |nm: f64| (0.0..=1e5).contains(&nm);
-        if section.error_range_nm.is_some() && !(is_wavelength(low) && is_wavelength(high) && low < high) {
-            let message = "must rise, between 0 and 100000: [first, last] in nm, such as [500, 700]";
-            return context.fail(&at("error_range_nm"), message);
-        }
-        let weights: Vec<f64> = (0..grid.len())
-            .map(|band| if (low..=high).contains(&grid.center_nm(band)) { grid.width_nm(band) } else { 0.0 })
-            .collect();
-        if weights.iter().all(|&w| w == 0.0) {
-            let [first, last] = [0, grid.len() - 1].map(|band| grid.center_nm(band));
-            let message = format!("holds no band of the render; they lie between {first} and {last} nm");
-            return context.fail(&at("error_range_nm"), message);
-        }
-        for (index, group) in groups.iter().enumerate() {
-            let drives = (0..groups.len()).map(|g| if g == index { 1.0 } else { 0.0 }).collect();
-            channels.push(ErrorChannel { name: group.name.clone(), drives, weights: weights.clone() });
-        }
+        channels = group_channels(context, section, scene)?;
     }
     Ok(Some(ErrorTarget { relative_error, channels }))
+}
+
+/// Captures that count toward the error must exist.
+fn check_captures(context: &Context<'_>, wanted: &[String], captures: &[Capture]) -> Resolved<()> {
+    let at = steps!["render", "error_captures"];
+    let known = || captures.iter().map(|capture| capture.frame.label.as_str());
+    if wanted.is_empty() {
+        return context.fail(&at, "names no capture; leave it out for all of them");
+    }
+    for (index, name) in wanted.iter().enumerate() {
+        if !known().any(|label| label == name) {
+            let hint = did_you_mean(name, known());
+            let list = known().collect::<Vec<_>>().join(", ");
+            let message = format!("there is no capture of this name{hint} Known: {list}");
+            return context.fail(&at.index(index), message);
+        }
+    }
+    Ok(())
+}
+
+/// Signals of the channels of a sensor in the wanted captures that have light.
+fn sensor_channels(
+    section: &RenderSection,
+    scene: &Scene,
+    captures: &[Capture],
+    lens: &IdealLens,
+    sensor: &Sensor,
+) -> Vec<ErrorChannel> {
+    let transmittance = lens.transmittance_on(&scene.grid);
+    let mut channels = Vec::new();
+    for capture in captures {
+        let frame = &capture.frame;
+        let drives: Vec<f64> = scene.light_groups.iter().map(|group| frame.drive(&group.name)).collect();
+        let wanted = section.error_captures.as_ref().is_none_or(|names| names.contains(&frame.label));
+        if !wanted || drives.iter().all(|&drive| drive == 0.0) {
+            continue;
+        }
+        for (channel, weights) in sensor.qe().channels().iter().zip(sensor.electron_weights(&scene.grid)) {
+            let weights: Vec<f64> = weights.iter().zip(transmittance.values()).map(|(w, t)| w * t).collect();
+            if weights.iter().any(|&w| w > 0.0) {
+                let name = format!("{}.{}", frame.label, channel.name);
+                channels.push(ErrorChannel { name, drives: drives.clone(), weights });
+            }
+        }
+    }
+    channels
+}
+
+/// Radiance of each light group in a range of wavelengths.
+fn group_channels(
+    context: &Context<'_>,
+    section: &RenderSection,
+    scene: &Scene,
+) -> Resolved<Vec<ErrorChannel>> {
+    let (grid, groups) = (&scene.grid, &scene.light_groups);
+    let at = steps!["render", "error_range_nm"];
+    let [low, high] = section.error_range_nm.unwrap_or([0.0, f64::MAX]);
+    let is_wavelength = |nm: f64| (0.0..=1e5).contains(&nm);
+    if section.error_range_nm.is_some() && !(is_wavelength(low) && is_wavelength(high) && low < high) {
+        let message = "must rise, between 0 and 100000: [first, last] in nm, such as [500, 700]";
+        return context.fail(&at, message);
+    }
+    let weights: Vec<f64> = (0..grid.len())
+        .map(|band| if (low..=high).contains(&grid.center_nm(band)) { grid.width_nm(band) } else { 0.0 })
+        .collect();
+    if weights.iter().all(|&w| w == 0.0) {
+        let [first, last] = [0, grid.len() - 1].map(|band| grid.center_nm(band));
+        let message = format!("holds no band of the render; they lie between {first} and {last} nm");
+        return context.fail(&at, message);
+    }
+    let channel = |(index, group): (usize, &LightGroup)| {
+        let drives = (0..groups.len()).map(|g| if g == index { 1.0 } else { 0.0 }).collect();
+        ErrorChannel { name: group.name.clone(), drives, weights: weights.clone() }
+    };
+    Ok(groups.iter().enumerate().map(channel).collect())
 }

@@ -10,7 +10,7 @@ use super::spectrum::{Role, gray};
 use crate::error::{Place, steps};
 use crate::schema::{
     Aim, AnnulusLight, DistantStrength, EmitterSection, EnvironmentMapReference, EnvironmentStrength,
-    FilePath, LightFrame, LightSection, RingLight, SourceStrength,
+    FilePath, LightFrame, LightSection, RectangleLight, RingLight, SourceStrength,
 };
 use fluorspar::geometry::OrientedPoint;
 use fluorspar::light::{
@@ -247,25 +247,7 @@ fn emitters(
             Ok((annulus_emitter(context, at, annulus, camera)?, Strength::Source(annulus.strength)))
         }
         EmitterSection::Rectangle(rectangle) => {
-            let frame = Frame::new(rectangle.frame, camera);
-            let center = frame.point(context, &at.field("position_mm"), rectangle.position_mm)?;
-            let axis = frame.axis(context, at, center, rectangle.aim)?;
-            let exponent = flat_exponent(context, at, rectangle.half_angle_deg)?;
-            let [width, height] = rectangle.size_mm;
-            let (width, height) =
-                (length(context, at, "size_mm", width)?, length(context, at, "size_mm", height)?);
-            let (right, up) = frame.across(axis);
-            // The emitting side is that of edge_u x edge_v.
-            let (edge_u, edge_v) = (right * width, up * height);
-            let (edge_u, edge_v) =
-                if edge_u.cross(edge_v).dot(axis) > 0.0 { (edge_u, edge_v) } else { (edge_v, edge_u) };
-            let emitter = Emitter::Rectangle(RectangleEmitter {
-                corner: center - 0.5 * (edge_u + edge_v),
-                edge_u,
-                edge_v,
-                exponent,
-            });
-            Ok((Emitters { center, axis, list: vec![emitter] }, Strength::Source(rectangle.strength)))
+            Ok((rectangle_emitter(context, at, rectangle, camera)?, Strength::Source(rectangle.strength)))
         }
         EmitterSection::Sphere(sphere) => {
             let frame = Frame::new(sphere.frame, camera);
@@ -308,6 +290,32 @@ fn emitters(
             Ok((Emitters::everywhere(Emitter::EnvironmentMap(Arc::new(map))), Strength::OfMap))
         }
     }
+}
+
+fn rectangle_emitter(
+    context: &mut Context<'_>,
+    at: &Place,
+    rectangle: &RectangleLight,
+    camera: &PerspectiveCamera,
+) -> Resolved<Emitters> {
+    let frame = Frame::new(rectangle.frame, camera);
+    let center = frame.point(context, &at.field("position_mm"), rectangle.position_mm)?;
+    let axis = frame.axis(context, at, center, rectangle.aim)?;
+    let exponent = flat_exponent(context, at, rectangle.half_angle_deg)?;
+    let [width, height] = rectangle.size_mm;
+    let (width, height) = (length(context, at, "size_mm", width)?, length(context, at, "size_mm", height)?);
+    let (right, up) = frame.across(axis);
+    // The emitting side is that of edge_u x edge_v.
+    let (edge_u, edge_v) = (right * width, up * height);
+    let (edge_u, edge_v) =
+        if edge_u.cross(edge_v).dot(axis) > 0.0 { (edge_u, edge_v) } else { (edge_v, edge_u) };
+    let emitter = Emitter::Rectangle(RectangleEmitter {
+        corner: center - 0.5 * (edge_u + edge_v),
+        edge_u,
+        edge_v,
+        exponent,
+    });
+    Ok(Emitters { center, axis, list: vec![emitter] })
 }
 
 fn annulus_emitter(

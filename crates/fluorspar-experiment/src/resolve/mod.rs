@@ -24,8 +24,10 @@ use super::schema::{ExperimentFile, FieldOfView, LensSection};
 use super::warning::Warning;
 use super::{Experiment, ExperimentError};
 use crate::preset;
+use fluorspar::optics::PerspectiveCamera;
 use fluorspar::render::{memory_bytes, tile_row_bytes, whole_image_bytes};
 use fluorspar::scene::{Scene, SceneError};
+use fluorspar::spectral::WavelengthGrid;
 use fluorspar::study::{AnalysisPlan, Camera, Study};
 
 /// An experiment ready to run: what it means, and the file that says so.
@@ -50,41 +52,7 @@ pub fn resolve(experiment: &Experiment) -> Result<ResolvedExperiment, Experiment
     let grid = device::grid(context, &file.spectral)?;
     let mut render = device::render_settings(context, &file.render)?;
     device::check_camera(context, &file.camera)?;
-    let sensor = match &file.sensor {
-        Some(section) => Some(device::sensor(context, section, &grid)?),
-        None => None,
-    };
-    let view_filter = device::view_filter(context, &file.view_filter, &grid)?;
-    let film_mm = sensor.as_ref().map(|sensor| {
-        let width_mm = sensor.model().width_mm();
-        [width_mm, width_mm * f64::from(file.render.height_px) / f64::from(file.render.width_px)]
-    });
-    let lens = match &file.lens {
-        Some(section) => {
-            if film_mm.is_none() && matches!(section, LensSection::Traced(_)) {
-                let message = "a traced lens needs a [sensor]: its size is that of the film";
-                return context.fail(&steps!["lens"], message);
-            }
-            Some(device::lens(context, section, Some(file.camera.distance_mm()), film_mm, &grid)?)
-        }
-        None if view_filter.stack.lens_angles => {
-            let message = "there is no [lens] whose rays have angles";
-            return context.fail(&steps!["view_filter", "angles"], message);
-        }
-        None => None,
-    };
-    let view_filter = match &lens {
-        Some(lens) => view_filter.with_lens(lens, film_mm),
-        None => view_filter,
-    };
-    let view = device::camera(context, file, lens.as_ref(), sensor.as_ref())?;
-    let camera = Camera {
-        lens,
-        view_filter,
-        sensor,
-        field_from_lens: file.camera.horizontal_field_deg == FieldOfView::FromLens,
-        training_reflectances: preset::reflectance_curves(),
-    };
+    let (camera, view) = camera(context, file, &grid)?;
     let sensor = camera.sensor.as_ref();
 
     let mut light_groups = Vec::new();
@@ -151,6 +119,50 @@ pub fn resolve(experiment: &Experiment) -> Result<ResolvedExperiment, Experiment
         sha256,
     };
     Ok(ResolvedExperiment { study, record })
+}
+
+/// Sensor, lens and filters, and the view that they give.
+fn camera(
+    context: &mut Context<'_>,
+    file: &ExperimentFile,
+    grid: &WavelengthGrid,
+) -> Resolved<(Camera, PerspectiveCamera)> {
+    let sensor = match &file.sensor {
+        Some(section) => Some(device::sensor(context, section, grid)?),
+        None => None,
+    };
+    let view_filter = device::view_filter(context, &file.view_filter, grid)?;
+    let film_mm = sensor.as_ref().map(|sensor| {
+        let width_mm = sensor.model().width_mm();
+        [width_mm, width_mm * f64::from(file.render.height_px) / f64::from(file.render.width_px)]
+    });
+    let lens = match &file.lens {
+        Some(section) => {
+            if film_mm.is_none() && matches!(section, LensSection::Traced(_)) {
+                let message = "a traced lens needs a [sensor]: its size is that of the film";
+                return context.fail(&steps!["lens"], message);
+            }
+            Some(device::lens(context, section, Some(file.camera.distance_mm()), film_mm, grid)?)
+        }
+        None if view_filter.stack.lens_angles => {
+            let message = "there is no [lens] whose rays have angles";
+            return context.fail(&steps!["view_filter", "angles"], message);
+        }
+        None => None,
+    };
+    let view_filter = match &lens {
+        Some(lens) => view_filter.with_lens(lens, film_mm),
+        None => view_filter,
+    };
+    let view = device::camera(context, file, lens.as_ref(), sensor.as_ref())?;
+    let camera = Camera {
+        lens,
+        view_filter,
+        sensor,
+        field_from_lens: file.camera.horizontal_field_deg == FieldOfView::FromLens,
+        training_reflectances: preset::reflectance_curves(),
+    };
+    Ok((camera, view))
 }
 
 /// What is wrong with a scene, without the name of the material or object, which the place in the file gives already.
