@@ -132,18 +132,7 @@ pub(crate) fn fill_with_progress(
     }
     let started = Instant::now();
     let lines = !std::io::stderr().is_terminal();
-    let bar = ProgressBar::new(1000);
-    if messages.is_quiet() || lines {
-        bar.set_draw_target(ProgressDrawTarget::hidden());
-    }
-    if let Ok(style) =
-        ProgressStyle::with_template("Rendering [{bar:32}] {percent:>3} %  {elapsed} gone{msg}")
-    {
-        bar.set_style(style.progress_chars("=> "));
-    }
-    if !bar.is_hidden() {
-        bar.enable_steady_tick(Duration::from_millis(200));
-    }
+    let bar = progress_bar(messages.is_quiet() || lines);
     let tenths = AtomicU64::new(0);
     let pace = Mutex::new(Pace::default());
     let samples = renderer.samples_of(share).len() as u64;
@@ -216,6 +205,23 @@ pub(crate) fn fill_with_progress(
         write_film(path, film, keep.provenance)?;
     }
     Ok(complete)
+}
+
+/// A bar of thousandths that moves by itself, or one that is never seen.
+fn progress_bar(is_hidden: bool) -> ProgressBar {
+    let bar = ProgressBar::new(1000);
+    if is_hidden {
+        bar.set_draw_target(ProgressDrawTarget::hidden());
+    }
+    if let Ok(style) =
+        ProgressStyle::with_template("Rendering [{bar:32}] {percent:>3} %  {elapsed} gone{msg}")
+    {
+        bar.set_style(style.progress_chars("=> "));
+    }
+    if !bar.is_hidden() {
+        bar.enable_steady_tick(Duration::from_millis(200));
+    }
+    bar
 }
 
 fn write_preview(path: &Path, sum: &SpectralImage<Radiance>) -> Result<(), FormatError> {

@@ -211,17 +211,6 @@ fn light_on_sample(sample: &FlatSample, inside: f64) -> String {
 }
 
 fn describe(resolved: &ResolvedSample, source: &str, prediction: &Prediction) -> String {
-    let sample = &resolved.sample;
-    let integral =
-        |values: &[f64]| -> f64 { values.iter().zip(sample.grid.widths_nm()).map(|(v, w)| v * w).sum() };
-    let peak_nm = |values: &[f64]| {
-        let best = (0..values.len()).fold(0, |best, b| if values[b] > values[best] { b } else { best });
-        if values.iter().any(|v| *v > 0.0) {
-            format!("{}", prediction.wavelength_nm[best])
-        } else {
-            "-".into()
-        }
-    };
     let title = if resolved.record.title.is_empty() {
         Path::new(source)
             .file_name()
@@ -229,55 +218,72 @@ fn describe(resolved: &ResolvedSample, source: &str, prediction: &Prediction) ->
     } else {
         resolved.record.title.clone()
     };
-    let mut facts = vec![vec![
-        "light on the sample".into(),
-        format!(
-            "{}, peak at {} nm",
-            light_on_sample(sample, integral(&prediction.irradiance)),
-            peak_nm(&prediction.irradiance)
-        ),
-    ]];
+    let mut text = format!("{title}\n\n");
+    for (name, value) in facts(resolved, prediction) {
+        text += &format!("{name:<20} {value}\n");
+    }
+    let channels = in_usual_order(prediction);
+    text += &format!("\n{}", align(&radiance_rows(&resolved.sample, prediction, &channels), &[]));
+    if !channels.is_empty() {
+        text += &format!("\n{}", align(&channel_rows(&channels), &[]));
+    }
+    text
+}
+
+/// Integral of a density over the bands of a sample.
+fn integral(sample: &FlatSample, values: &[f64]) -> f64 {
+    values.iter().zip(sample.grid.widths_nm()).map(|(v, w)| v * w).sum()
+}
+
+/// Wavelength of the largest value, a dash without any.
+fn peak_nm(prediction: &Prediction, values: &[f64]) -> String {
+    let best = (0..values.len()).fold(0, |best, b| if values[b] > values[best] { b } else { best });
+    if values.iter().any(|v| *v > 0.0) { format!("{}", prediction.wavelength_nm[best]) } else { "-".into() }
+}
+
+/// What is known of the sample as a whole.
+fn facts(resolved: &ResolvedSample, prediction: &Prediction) -> Vec<(&'static str, String)> {
+    let sample = &resolved.sample;
+    let light = light_on_sample(sample, integral(sample, &prediction.irradiance));
+    let peak = peak_nm(prediction, &prediction.irradiance);
+    let mut facts = vec![("light on the sample", format!("{light}, peak at {peak} nm"))];
     if let Some(value) = prediction.photon_yield_500_700 {
-        facts.push(vec!["photons out".into(), format!("{value:.3e} between 500 and 700 nm per photon in")]);
+        facts.push(("photons out", format!("{value:.3e} between 500 and 700 nm per photon in")));
     }
     if let Some(seconds) = prediction.exposure_s {
-        facts.push(vec![
-            "exposure".into(),
-            format!("{} ms, gain {}", short(seconds * 1e3), sample.exposure.gain),
-        ]);
+        facts.push(("exposure", format!("{} ms, gain {}", short(seconds * 1e3), sample.exposure.gain)));
     }
     if let Some(leak) = prediction.leak_ratio {
-        facts.push(vec!["leak".into(), format!("{} reflected per fluorescent electron", short(leak))]);
+        facts.push(("leak", format!("{} reflected per fluorescent electron", short(leak))));
     }
     if let Some(porphyrin) = &prediction.porphyrin {
         let estimate = &porphyrin.measured.estimate;
         let [low, high] = estimate.fraction_interval;
-        facts.push(vec![
-            "porphyrin fraction".into(),
-            format!(
-                "{:.4} from the color of one pixel ({low:.4} to {high:.4} by sensor noise), true {:.4}",
-                estimate.fraction, porphyrin.true_fraction
-            ),
-        ]);
+        let value = format!(
+            "{:.4} from the color of one pixel ({low:.4} to {high:.4} by sensor noise), true {:.4}",
+            estimate.fraction, porphyrin.true_fraction
+        );
+        facts.push(("porphyrin fraction", value));
     }
     if resolved.compatibility == SampleCompatibility::ToolboxEem {
-        facts.push(vec![
-            "equations".into(),
-            "the authors' toolbox: matrices of peak 1, so fluorescence has no absolute level".into(),
-        ]);
+        let value = "the authors' toolbox: matrices of peak 1, so fluorescence has no absolute level";
+        facts.push(("equations", value.into()));
     }
-    let mut text = format!("{title}\n\n");
-    for fact in &facts {
-        text += &format!("{:<20} {}\n", fact[0], fact[1]);
-    }
+    facts
+}
 
-    let channels = in_usual_order(prediction);
+/// Table of the light that leaves the sample: what is reflected, by fluorophore, and all of it.
+fn radiance_rows(
+    sample: &FlatSample,
+    prediction: &Prediction,
+    channels: &[(&String, &ChannelPrediction)],
+) -> Vec<Vec<String>> {
     let mut head: Vec<String> = vec!["radiance from the sample".into(), "W/(sr m2)".into(), "peak nm".into()];
     head.extend(channels.iter().map(|(name, _)| format!("{name} e-")));
     head.extend(["r".into(), "g".into()]);
     let mut rows = vec![head];
     let mut add = |name: &str, values: &[f64], electrons: Vec<f64>, rg: Option<[f64; 2]>| {
-        let mut row = vec![name.to_string(), short(integral(values)), peak_nm(values)];
+        let mut row = vec![name.to_string(), short(integral(sample, values)), peak_nm(prediction, values)];
         row.extend(electrons.into_iter().map(|e| format!("{e:.1}")));
         let cell = |i: usize| rg.map_or_else(|| "-".into(), |rg| format!("{:.4}", rg[i]));
         row.extend([cell(0), cell(1)]);
@@ -297,23 +303,21 @@ fn describe(resolved: &ResolvedSample, source: &str, prediction: &Prediction) ->
     if channels.is_empty() {
         rows.iter_mut().for_each(|row| row.truncate(3));
     }
-    text += &format!("\n{}", align(&rows, &[]));
+    rows
+}
 
-    if !channels.is_empty() {
-        let mut rows: Vec<Vec<String>> =
-            vec![["channel", "electrons", "volts", "DN", "noise DN", ""].map(String::from).to_vec()];
-        for (name, c) in &channels {
-            let saturated = if c.saturated { "saturated" } else { "" };
-            rows.push(vec![
-                (*name).clone(),
-                format!("{:.1}", c.electrons),
-                format!("{:.5}", c.volts),
-                format!("{:.1}", c.dn),
-                format!("{:.2}", c.noise_dn),
-                saturated.into(),
-            ]);
-        }
-        text += &format!("\n{}", align(&rows, &[]));
-    }
-    text
+/// Table of the signal of each channel.
+fn channel_rows(channels: &[(&String, &ChannelPrediction)]) -> Vec<Vec<String>> {
+    let head = ["channel", "electrons", "volts", "DN", "noise DN", ""].map(String::from).to_vec();
+    let row = |(name, c): &(&String, &ChannelPrediction)| {
+        vec![
+            (*name).clone(),
+            format!("{:.1}", c.electrons),
+            format!("{:.5}", c.volts),
+            format!("{:.1}", c.dn),
+            format!("{:.2}", c.noise_dn),
+            if c.saturated { "saturated" } else { "" }.into(),
+        ]
+    };
+    std::iter::once(head).chain(channels.iter().map(row)).collect()
 }

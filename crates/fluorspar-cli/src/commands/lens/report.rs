@@ -117,8 +117,6 @@ pub(super) fn run(options: &Options) -> Result<(), CliError> {
 }
 
 fn describe(loaded: &LoadedLens, report: &LensReport) -> String {
-    let p = &report.paraxial;
-    let mm = |value: f64| if value.is_finite() { format!("{} mm", short(value)) } else { "infinite".into() };
     let focus = report.object_distance_mm.map_or_else(|| "infinity".into(), mm);
     let mut text = format!(
         "{} ({})\nSource: {}\nAt {} nm, focused at {focus}. Positions are from the first vertex, positive toward the film.\n\n",
@@ -127,6 +125,24 @@ fn describe(loaded: &LoadedLens, report: &LensReport) -> String {
         if loaded.lens.source.is_empty() { "not stated" } else { &loaded.lens.source },
         short(report.wavelength_nm)
     );
+    text += &align(&axial_rows(loaded, report), &[1]);
+    text += &format!("\n{}", align(&field_rows(report), &[]));
+    text + &sharpness(report)
+}
+
+/// A length, mm.
+fn mm(value: f64) -> String {
+    if value.is_finite() { format!("{} mm", short(value)) } else { "infinite".into() }
+}
+
+/// A value that need not exist.
+fn cell(value: Option<f64>) -> String {
+    value.map_or_else(|| "-".into(), short)
+}
+
+/// Focal lengths, pupils and positions.
+fn axial_rows(loaded: &LoadedLens, report: &LensReport) -> Vec<Vec<String>> {
+    let p = &report.paraxial;
     let line = |name: &str, value: String| vec![name.to_owned(), value];
     let mut rows = vec![
         line("focal length", mm(p.focal_length_mm)),
@@ -160,7 +176,11 @@ fn describe(loaded: &LoadedLens, report: &LensReport) -> String {
     let published = &loaded.published;
     rows.extend(published.focal_length_mm.map(|f| line("published focal length", mm(f))));
     rows.extend(published.f_number.map(|n| line("published f-number", short(n))));
-    text += &align(&rows, &[1]);
+    rows
+}
+
+/// Table of the field: illumination, distortion, foci.
+fn field_rows(report: &LensReport) -> Vec<Vec<String>> {
     let head = [
         "height mm",
         "field deg",
@@ -170,7 +190,6 @@ fn describe(loaded: &LoadedLens, report: &LensReport) -> String {
         "sagittal focus mm",
     ];
     let mut rows = vec![head.map(String::from).to_vec()];
-    let cell = |value: Option<f64>| value.map_or_else(|| "-".into(), short);
     for point in &report.field {
         rows.push(vec![
             short(point.height_mm),
@@ -181,7 +200,11 @@ fn describe(loaded: &LoadedLens, report: &LensReport) -> String {
             cell(point.sagittal_focus_mm),
         ]);
     }
-    text += &format!("\n{}", align(&rows, &[]));
+    rows
+}
+
+/// Spots and MTF over the field.
+fn sharpness(report: &LensReport) -> String {
     let nu = &report.mtf.frequency_per_mm;
     let at =
         nu.iter().position(|f| *f >= report.mtf.through_focus_frequency_per_mm * (1.0 - 1e-9)).unwrap_or(0);
@@ -196,10 +219,9 @@ fn describe(loaded: &LoadedLens, report: &LensReport) -> String {
             cell(mtf.sagittal.get(at).copied()),
         ]);
     }
-    text += &format!(
+    format!(
         "\nRays alone at {frequency} cycles per mm; a perfect lens has {} there by diffraction.\n{}",
         short(report.mtf.diffraction_limit[at]),
         align(&rows, &[])
-    );
-    text
+    )
 }
