@@ -2,10 +2,11 @@
 
 use fluorspar::analysis::Statistics;
 use fluorspar::image::LightPath;
-use fluorspar::pipeline::{AnalyzedFrame, CapturedFrame, RegionRadiance};
-use fluorspar::sensor::SensorModel;
-use fluorspar::spectral::Curve;
-use fluorspar::study::Lens;
+use fluorspar::pipeline::{AnalyzedFrame, CapturedFrame, FrameLeak, Preview, RegionRadiance};
+use fluorspar::scene::Scene;
+use fluorspar::sensor::{SensorModel, SpectralQe};
+use fluorspar::spectral::{Curve, Fluorophore};
+use fluorspar::study::{Capture, Lens};
 use fluorspar_experiment::ResolvedExperiment;
 use fluorspar_experiment::preset::{self, PresetKind};
 
@@ -139,73 +140,85 @@ fn leak_section(run: &RunResults<'_>) -> Option<Section> {
          reflectance, and looks like fluorescence that is not there. Means {place}, without noise."
     ));
     for leak in &run.evaluation.leaks {
-        let reflectance = leak.is_reflectance();
-        let kind = if reflectance {
-            "reflected light, here the signal"
-        } else {
-            "reflected excitation light: the leak"
-        };
-        let mut rows = Vec::new();
-        for channel in &leak.channels {
-            let name = &channel.name;
-            rows.push(Number::computed(
-                format!("{name}: reflected"),
-                electrons(channel.reflected_e),
-                "e- per pixel",
-                kind,
-            ));
-            rows.push(Number::computed(
-                format!("{name}: fluorescence"),
-                electrons(channel.fluorescent_e),
-                "e- per pixel",
-                "electrons of light that a fluorophore gave off",
-            ));
-        }
-        if let (Some(ratio), false) = (leak.leak_ratio, reflectance) {
-            rows.push(Number::computed(
-                "Leak",
-                percent(ratio),
-                "%",
-                "reflected per fluorescence electrons, all channels together; below 1 % it can be forgotten, at 100 % half of \
-                 the image is excitation light",
-            ));
-            if let Some(before) = leak.ratio_before {
-                rows.push(Number::computed(
-                    "Reflected over fluorescence, before the filter",
-                    format!("{before:.0}"),
-                    "photons per photon",
-                    "what the filter has to deal with",
-                ));
-            }
-            let behind = &leak.behind_filters;
-            if let Some(density) = behind.reflected_density {
-                rows.push(Number::computed(
-                    "Optical density for the excitation light",
-                    format!("{density:.2}"),
-                    "",
-                    "minus the decimal logarithm of the share of reflected photons that passes the filter: 3 is one in a thousand",
-                ));
-            }
-            rows.push(Number::computed(
-                "Fluorescence passed",
-                format!("{:.0}", 100.0 * behind.fluorescence_passed),
-                "%",
-                "share of the fluorescence photons that the filter lets through",
-            ));
-            if let Some(share) = behind.leak_in_pass_band {
-                rows.push(Number::computed(
-                    "Leak inside the pass band",
-                    format!("{:.0}", 100.0 * share),
-                    "%",
-                    "share of the leaking photons at wavelengths that the filter is meant to pass: the tail of the light source, which only a \
-                     filter on the light source can remove",
-                ));
-            }
+        let mut rows = channel_leak_rows(leak);
+        if let (Some(ratio), false) = (leak.leak_ratio, leak.is_reflectance()) {
+            rows.extend(leak_ratio_rows(leak, ratio));
         }
         let caption = format!("Frame \"{}\", {:.1} ms", leak.frame, 1e3 * leak.exposure_s);
         section = section.with(ReportItem::Table(NumberTable { caption, rows }));
     }
     Some(section)
+}
+
+/// Electrons of reflected light and of fluorescence in each channel.
+fn channel_leak_rows(leak: &FrameLeak) -> Vec<Number> {
+    let kind = if leak.is_reflectance() {
+        "reflected light, here the signal"
+    } else {
+        "reflected excitation light: the leak"
+    };
+    let mut rows = Vec::new();
+    for channel in &leak.channels {
+        let name = &channel.name;
+        rows.push(Number::computed(
+            format!("{name}: reflected"),
+            electrons(channel.reflected_e),
+            "e- per pixel",
+            kind,
+        ));
+        rows.push(Number::computed(
+            format!("{name}: fluorescence"),
+            electrons(channel.fluorescent_e),
+            "e- per pixel",
+            "electrons of light that a fluorophore gave off",
+        ));
+    }
+    rows
+}
+
+/// How large the leak is, and what the filter does against it.
+fn leak_ratio_rows(leak: &FrameLeak, ratio: f64) -> Vec<Number> {
+    let mut rows = Vec::new();
+    rows.push(Number::computed(
+        "Leak",
+        percent(ratio),
+        "%",
+        "reflected per fluorescence electrons, all channels together; below 1 % it can be forgotten, at 100 % half of \
+         the image is excitation light",
+    ));
+    if let Some(before) = leak.ratio_before {
+        rows.push(Number::computed(
+            "Reflected over fluorescence, before the filter",
+            format!("{before:.0}"),
+            "photons per photon",
+            "what the filter has to deal with",
+        ));
+    }
+    let behind = &leak.behind_filters;
+    if let Some(density) = behind.reflected_density {
+        rows.push(Number::computed(
+            "Optical density for the excitation light",
+            format!("{density:.2}"),
+            "",
+            "minus the decimal logarithm of the share of reflected photons that passes the filter: 3 is one in a thousand",
+        ));
+    }
+    rows.push(Number::computed(
+        "Fluorescence passed",
+        format!("{:.0}", 100.0 * behind.fluorescence_passed),
+        "%",
+        "share of the fluorescence photons that the filter lets through",
+    ));
+    if let Some(share) = behind.leak_in_pass_band {
+        rows.push(Number::computed(
+            "Leak inside the pass band",
+            format!("{:.0}", 100.0 * share),
+            "%",
+            "share of the leaking photons at wavelengths that the filter is meant to pass: the tail of the light source, which only a \
+             filter on the light source can remove",
+        ));
+    }
+    rows
 }
 
 /// The title of a fluorophore, as the pictures of the matrices have it.
@@ -301,93 +314,100 @@ fn percent_saturated(frame: &CapturedFrame) -> f64 {
 }
 
 fn camera_section(run: &RunResults<'_>, builder: &mut Builder) -> Section {
-    let pictures = run
-        .evaluation
+    let evaluation = run.evaluation;
+    let study = &run.experiment.study;
+    let pictures = evaluation
         .frames
         .iter()
-        .zip(&run.evaluation.previews)
-        .zip(&run.experiment.study.captures)
-        .filter_map(|((frame, preview), capture)| {
-            let png = Raster::from_rgb8(preview.width, preview.height, &preview.rgb)?.to_png()?;
-            let raw = &frame.raw;
-            let groups = &run.experiment.study.scene.light_groups;
-            let what = if groups.iter().any(|group| capture.frame.drive(&group.name) > 0.0) {
-                "Developed for the eye and scaled to its own brightest parts."
-            } else {
-                "No light is on: the colored specks are nothing but the noise of the sensor, a few digital numbers, stretched \
-                 until they can be seen."
-            };
-            let caption = format!(
-                "{:.1} ms, gain {}; {:.2} % of pixels saturated. {what}",
-                raw.exposure_s * 1e3,
-                raw.gain,
-                percent_saturated(frame)
-            );
-            Some(ReportPicture { png, title: format!("Frame \"{}\"", raw.label), caption })
-        })
+        .zip(&evaluation.previews)
+        .zip(&study.captures)
+        .filter_map(|((frame, preview), capture)| frame_picture(&study.scene, frame, preview, capture))
         .collect();
+    let rows = evaluation.frames.iter().flat_map(frame_rows).collect();
     let mut section = Section::new("What the camera sees")
         .say(
             "One picture per exposure, each under its own lights. The white frame shows the mouth as the eye would see it. \
              In the fluorescence frame the excitation light is blocked by the filter: what is left is the glow of teeth \
              (brightest) and tissue, red where porphyrins are.",
         )
-        .with(ReportItem::Pictures(pictures));
-    let rows = run
-        .evaluation
-        .frames
-        .iter()
-        .flat_map(|frame| {
-            let label = &frame.raw.label;
-            let n = frame.developed.channels.len();
-            let mut rows = vec![Number::computed(
-                format!("{label}: exposure"),
-                format!("{:.3}", frame.raw.exposure_s * 1e3),
-                "ms",
-                "time during which light was collected",
-            )];
-            for (c, name) in frame.developed.channels.iter().enumerate() {
-                let values = frame.developed.data.iter().skip(c).step_by(n).map(|&v| f64::from(v));
-                if let Some(s) = Statistics::of(values) {
-                    rows.push(Number::computed(
-                        format!("{label}: median {name}"),
-                        format!("{:.1}", s.median),
-                        "DN",
-                        format!(
-                            "over the whole frame, black level subtracted; full scale is {:.0} DN",
-                            frame.developed.full_scale_dn
-                        ),
-                    ));
-                }
-            }
-            rows
-        })
-        .collect();
-    section = section.with(ReportItem::Table(NumberTable { caption: "Frames".into(), rows }));
-    for frame in &run.evaluation.frames {
-        let n = frame.developed.channels.len();
-        let channels: Vec<ChannelValues> = frame
-            .developed
-            .channels
-            .iter()
-            .enumerate()
-            .map(|(c, name)| ChannelValues {
-                name: name.clone(),
-                values: frame.developed.data.iter().copied().skip(c).step_by(n).collect(),
-            })
-            .collect();
-        let capture = run.experiment.study.captures.iter().find(|c| c.frame.label == frame.raw.label);
-        let subtracted = capture.and_then(|c| c.subtract.as_deref());
-        let figure = histograms(&frame.raw.label, &channels, frame.developed.full_scale_dn, subtracted);
+        .with(ReportItem::Pictures(pictures))
+        .with(ReportItem::Table(NumberTable { caption: "Frames".into(), rows }));
+    for frame in &evaluation.frames {
+        let capture = study.captures.iter().find(|c| c.frame.label == frame.raw.label);
+        let figure = frame_histograms(frame, capture.and_then(|c| c.subtract.as_deref()));
         let stem = format!("histogram_{}", frame.raw.label);
         // The frame that is analyzed is shown; the others are saved only.
-        if run.experiment.study.analysis.as_ref().is_some_and(|a| a.frame == frame.raw.label) {
+        if study.analysis.as_ref().is_some_and(|a| a.frame == frame.raw.label) {
             section = builder.show(section, &stem, figure, "");
         } else {
             builder.figures.push(NamedFigure { stem, figure });
         }
     }
     section
+}
+
+/// Preview of a frame with what it shows; none if it can't be drawn.
+fn frame_picture(
+    scene: &Scene,
+    frame: &CapturedFrame,
+    preview: &Preview,
+    capture: &Capture,
+) -> Option<ReportPicture> {
+    let png = Raster::from_rgb8(preview.width, preview.height, &preview.rgb)?.to_png()?;
+    let raw = &frame.raw;
+    let what = if scene.light_groups.iter().any(|group| capture.frame.drive(&group.name) > 0.0) {
+        "Developed for the eye and scaled to its own brightest parts."
+    } else {
+        "No light is on: the colored specks are nothing but the noise of the sensor, a few digital numbers, stretched \
+         until they can be seen."
+    };
+    let caption = format!(
+        "{:.1} ms, gain {}; {:.2} % of pixels saturated. {what}",
+        raw.exposure_s * 1e3,
+        raw.gain,
+        percent_saturated(frame)
+    );
+    Some(ReportPicture { png, title: format!("Frame \"{}\"", raw.label), caption })
+}
+
+/// Exposure of a frame and the median of each channel.
+fn frame_rows(frame: &CapturedFrame) -> Vec<Number> {
+    let label = &frame.raw.label;
+    let n = frame.developed.channels.len();
+    let mut rows = vec![Number::computed(
+        format!("{label}: exposure"),
+        format!("{:.3}", frame.raw.exposure_s * 1e3),
+        "ms",
+        "time during which light was collected",
+    )];
+    for (c, name) in frame.developed.channels.iter().enumerate() {
+        let values = frame.developed.data.iter().skip(c).step_by(n).map(|&v| f64::from(v));
+        if let Some(s) = Statistics::of(values) {
+            rows.push(Number::computed(
+                format!("{label}: median {name}"),
+                format!("{:.1}", s.median),
+                "DN",
+                format!(
+                    "over the whole frame, black level subtracted; full scale is {:.0} DN",
+                    frame.developed.full_scale_dn
+                ),
+            ));
+        }
+    }
+    rows
+}
+
+fn frame_histograms(frame: &CapturedFrame, subtracted: Option<&str>) -> Figure {
+    let developed = &frame.developed;
+    let n = developed.channels.len();
+    let values = |c: usize| developed.data.iter().copied().skip(c).step_by(n).collect();
+    let channels: Vec<ChannelValues> = developed
+        .channels
+        .iter()
+        .enumerate()
+        .map(|(c, name)| ChannelValues { name: name.clone(), values: values(c) })
+        .collect();
+    histograms(&frame.raw.label, &channels, developed.full_scale_dn, subtracted)
 }
 
 fn result_section(run: &RunResults<'_>, analyzed: &AnalyzedFrame, builder: &mut Builder) -> Section {
@@ -506,19 +526,11 @@ fn fine(name: &str, curve: &Curve, range: (f64, f64)) -> PlotCurve {
 fn parts_section(run: &RunResults<'_>, builder: &mut Builder) -> Section {
     let study = &run.experiment.study;
     let scene = &study.scene;
-    let view_filter = &study.camera.view_filter.transmittance;
     let range = (scene.grid.start_nm(), scene.grid.end_nm());
     let mut section = Section::new("Lights, filters, tissue and sensor");
 
-    let mut light_curves: Vec<PlotCurve> = Vec::new();
-    for light in &scene.lights {
-        let group = &scene.light_groups[light.group].name;
-        if !light_curves.iter().any(|l| l.name == *group) {
-            let peak = light.spectrum.max().max(f64::MIN_POSITIVE);
-            light_curves.push(fine(group, &light.spectrum.scaled(1.0 / peak), range));
-        }
-    }
-    let view = fine("in front of the lens", view_filter, range);
+    let light_curves = light_curves(scene, range);
+    let view = fine("in front of the lens", &study.camera.view_filter.transmittance, range);
     if !light_curves.is_empty() {
         section = builder.show(
             section,
@@ -528,74 +540,84 @@ fn parts_section(run: &RunResults<'_>, builder: &mut Builder) -> Section {
         );
     }
     section = builder.show(section, "view_filter", filters(std::slice::from_ref(&view)), "");
-
     if !scene.fluorophores.is_empty() {
-        let maps: Vec<EemMap> = scene
-            .fluorophores
-            .iter()
-            .map(|f| {
-                let (columns, rows) = (80, 90);
-                let (ex, em) = ([range.0, 550.0_f64.min(range.1)], [range.0, range.1]);
-                let at = |r: [f64; 2], i: usize, n: usize| r[0] + (r[1] - r[0]) * (i as f64 + 0.5) / n as f64;
-                let values = (0..rows)
-                    .flat_map(|row| (0..columns).map(move |col| (row, col)))
-                    .map(|(row, col)| f.eem.at(at(em, row, rows), at(ex, col, columns)))
-                    .collect();
-                EemMap { name: f.title.clone(), excitation_nm: ex, emission_nm: em, columns, values }
-            })
-            .collect();
-        let frame = study.analysis.as_ref().map(|a| a.frame.as_str());
-        let light = scene.lights.iter().find(|light| {
-            let group = &scene.light_groups[light.group].name;
-            let capture = study.captures.iter().find(|c| Some(c.frame.label.as_str()) == frame);
-            capture.is_some_and(|c| c.frame.drive(group) > 0.0)
-        });
-        let peak = light.map(|l| l.spectrum.peak_nm());
-        let nominal = light.zip(peak).and_then(|(light, peak_nm)| {
-            let group = &scene.light_groups[light.group].name;
-            nominal_wavelength(&run.experiment.record.resolved_toml, group, peak_nm)
-        });
-        section = builder.show(section, "eem", eem_maps(&maps, peak), &nominal.unwrap_or_default());
-        if let Some(light) = light {
-            let photons = Curve::from_fn(range.0, range.1, |nm| light.spectrum.at(nm) * nm);
-            let total = photons.total().max(f64::MIN_POSITIVE);
-            let curves: Vec<PlotCurve> = scene
-                .fluorophores
-                .iter()
-                .map(|f| fine(&f.title, &f.eem.photon_exitance(&photons.scaled(1.0 / total), range), range))
-                .collect();
-            let band = view_band(view_filter, range);
-            let name = &scene.light_groups[light.group].name;
-            section = builder.show(
-                section,
-                "emission",
-                emission(
-                    &curves,
-                    &format!("the light \"{name}\""),
-                    "each at concentration 1",
-                    ["emitted photons", "per nm and photon that arrives"],
-                    band,
-                ),
-                "",
-            );
-        }
+        section = fluorophore_figures(run, builder, section, range);
     }
     if let Some(sensor) = &study.camera.sensor {
-        let bare: Vec<PlotCurve> =
-            sensor.qe().channels().iter().map(|c| fine(&c.name, &c.curve, range)).collect();
+        let curves = |qe: &SpectralQe| qe.channels().iter().map(|c| fine(&c.name, &c.curve, range)).collect();
+        let bare: Vec<PlotCurve> = curves(sensor.qe());
         let filtered: Vec<PlotCurve> = match study.camera.lens_behind_filters() {
-            Some(lens) => sensor
-                .qe()
-                .behind(&lens.transmittance)
-                .channels()
-                .iter()
-                .map(|c| fine(&c.name, &c.curve, range))
-                .collect(),
+            Some(lens) => curves(&sensor.qe().behind(&lens.transmittance)),
             None => Vec::new(),
         };
         section = builder.show(section, "sensor", sensor_response(&bare, &filtered), "");
     }
     section.with(ReportItem::Table(NumberTable { caption: "Camera".into(), rows: camera_rows(run) }))
+}
+
+/// Spectrum of the first light of each group, relative to its maximum.
+fn light_curves(scene: &Scene, range: (f64, f64)) -> Vec<PlotCurve> {
+    let mut curves: Vec<PlotCurve> = Vec::new();
+    for light in &scene.lights {
+        let group = &scene.light_groups[light.group].name;
+        if !curves.iter().any(|l| l.name == *group) {
+            let peak = light.spectrum.max().max(f64::MIN_POSITIVE);
+            curves.push(fine(group, &light.spectrum.scaled(1.0 / peak), range));
+        }
+    }
+    curves
+}
+
+/// Matrices of the fluorophores, and what they emit under the light of the analyzed frame.
+fn fluorophore_figures(
+    run: &RunResults<'_>,
+    builder: &mut Builder,
+    section: Section,
+    range: (f64, f64),
+) -> Section {
+    let study = &run.experiment.study;
+    let scene = &study.scene;
+    let frame = study.analysis.as_ref().map(|a| a.frame.as_str());
+    let light = scene.lights.iter().find(|light| {
+        let group = &scene.light_groups[light.group].name;
+        let capture = study.captures.iter().find(|c| Some(c.frame.label.as_str()) == frame);
+        capture.is_some_and(|c| c.frame.drive(group) > 0.0)
+    });
+    let peak = light.map(|l| l.spectrum.peak_nm());
+    let nominal = light.zip(peak).and_then(|(light, peak_nm)| {
+        let group = &scene.light_groups[light.group].name;
+        nominal_wavelength(&run.experiment.record.resolved_toml, group, peak_nm)
+    });
+    let maps: Vec<EemMap> = scene.fluorophores.iter().map(|f| eem_map(f, range)).collect();
+    let section = builder.show(section, "eem", eem_maps(&maps, peak), &nominal.unwrap_or_default());
+    let Some(light) = light else { return section };
+    let photons = Curve::from_fn(range.0, range.1, |nm| light.spectrum.at(nm) * nm);
+    let total = photons.total().max(f64::MIN_POSITIVE);
+    let curves: Vec<PlotCurve> = scene
+        .fluorophores
+        .iter()
+        .map(|f| fine(&f.title, &f.eem.photon_exitance(&photons.scaled(1.0 / total), range), range))
+        .collect();
+    let figure = emission(
+        &curves,
+        &format!("the light \"{}\"", scene.light_groups[light.group].name),
+        "each at concentration 1",
+        ["emitted photons", "per nm and photon that arrives"],
+        view_band(&study.camera.view_filter.transmittance, range),
+    );
+    builder.show(section, "emission", figure, "")
+}
+
+/// A matrix as a picture: excitation up to 550 nm.
+fn eem_map(fluorophore: &Fluorophore, range: (f64, f64)) -> EemMap {
+    let (columns, rows) = (80, 90);
+    let (ex, em) = ([range.0, 550.0_f64.min(range.1)], [range.0, range.1]);
+    let at = |r: [f64; 2], i: usize, n: usize| r[0] + (r[1] - r[0]) * (i as f64 + 0.5) / n as f64;
+    let values = (0..rows)
+        .flat_map(|row| (0..columns).map(move |col| (row, col)))
+        .map(|(row, col)| fluorophore.eem.at(at(em, row, rows), at(ex, col, columns)))
+        .collect();
+    EemMap { name: fluorophore.title.clone(), excitation_nm: ex, emission_nm: em, columns, values }
 }
 
 /// The section of a light group in an experiment, its spectrum a name of the catalogue.
