@@ -258,7 +258,19 @@ impl<'a> Tongue<'a> {
         if p.tongue_curl > 0.0 {
             points = Self::raised(p, pose, &points);
         }
-        // To the side, more and more toward the tip.
+        Self::shift(p, tip, &mut points);
+        Self::lift(p, obstacles, &mut points);
+        for _ in 0..12 {
+            let before = points.clone();
+            for i in 1..points.len() - 1 {
+                points[i] = (before[i - 1] + before[i] * 2.0 + before[i + 1]) * 0.25;
+            }
+        }
+        points
+    }
+
+    /// Moves the path to the side, more and more toward the tip.
+    fn shift(p: &MouthParameters, tip: f64, points: &mut [DVec3]) {
         let count = points.len() as f64;
         for (i, point) in points.iter_mut().enumerate() {
             let t = 1.0 - (i as f64 / count) / 0.62;
@@ -269,7 +281,11 @@ impl<'a> Tongue<'a> {
             let room = lerp(between, outside, smoothstep(0.0, 12.0, point.z));
             point.x += aside / (1.0 + (aside / room) * (aside / room)).sqrt();
         }
-        // Over teeth, gum and lip, wherever they are, but not against the upper ones.
+    }
+
+    /// Lifts the path over teeth, gum and lip, wherever they are, but not against the upper ones.
+    fn lift(p: &MouthParameters, obstacles: &Obstacles, points: &mut [DVec3]) {
+        let half = 0.5 * p.jaw_opening_mm;
         let mut lift = vec![0.0_f64; points.len()];
         let mut most = vec![f64::INFINITY; points.len()];
         for (i, point) in points.iter().enumerate().filter(|(_, point)| point.z > -16.0) {
@@ -301,13 +317,6 @@ impl<'a> Tongue<'a> {
         for (point, (lift, most)) in points.iter_mut().zip(lift.into_iter().zip(most)) {
             point.y += lift.min(most);
         }
-        for _ in 0..12 {
-            let before = points.clone();
-            for i in 1..points.len() - 1 {
-                points[i] = (before[i - 1] + before[i] * 2.0 + before[i + 1]) * 0.25;
-            }
-        }
-        points
     }
 
     /// The path with its front turned up, both taken at the same share of their length.

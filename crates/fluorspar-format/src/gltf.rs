@@ -438,6 +438,65 @@ fn transform(node: &Value) -> Affine3A {
     )
 }
 
+/// Buffer of a file that is written, with what lies where in it.
+#[derive(Default)]
+struct BufferWriter {
+    bytes: Vec<u8>,
+    views: Vec<Value>,
+    accessors: Vec<Value>,
+}
+
+/// Use of a buffer view: vertices, or indices of vertices.
+const VERTICES: u32 = 34962;
+const INDICES: u32 = 34963;
+
+impl BufferWriter {
+    /// Adds values, and returns the number of their accessor.
+    fn add(&mut self, values: Vec<u8>, target: u32, mut accessor: Value) -> usize {
+        let (offset, length) = (self.bytes.len(), values.len());
+        self.views.push(json!({ "buffer": 0, "byteOffset": offset, "byteLength": length, "target": target }));
+        self.bytes.extend(values);
+        accessor["bufferView"] = json!(self.views.len() - 1);
+        self.accessors.push(accessor);
+        self.accessors.len() - 1
+    }
+
+    /// Adds a mesh, and returns its attributes and indices.
+    fn add_mesh(&mut self, mesh: &TriangleMesh) -> (Value, usize) {
+        let floats =
+            |values: &mut dyn Iterator<Item = f32>| values.flat_map(f32::to_le_bytes).collect::<Vec<u8>>();
+        let (low, high) = mesh.bounds();
+        let count = mesh.positions.len();
+        let mut attributes = json!({});
+        attributes["POSITION"] = json!(self.add(
+            floats(&mut mesh.positions.iter().flat_map(|p| p.to_array())),
+            VERTICES,
+            json!({ "componentType": 5126, "count": count, "type": "VEC3", "min": low.to_array(), "max": high.to_array() }),
+        ));
+        if !mesh.normals.is_empty() {
+            attributes["NORMAL"] = json!(self.add(
+                floats(&mut mesh.normals.iter().flat_map(|n| n.to_array())),
+                VERTICES,
+                json!({ "componentType": 5126, "count": count, "type": "VEC3" }),
+            ));
+        }
+        if !mesh.uvs.is_empty() {
+            attributes["TEXCOORD_0"] = json!(self.add(
+                floats(&mut mesh.uvs.iter().flat_map(|uv| [uv.x, 1.0 - uv.y])),
+                VERTICES,
+                json!({ "componentType": 5126, "count": count, "type": "VEC2" }),
+            ));
+        }
+        let indices: Vec<u8> = mesh.triangles.iter().flatten().flat_map(|v| v.to_le_bytes()).collect();
+        let indices = self.add(
+            indices,
+            INDICES,
+            json!({ "componentType": 5125, "count": 3 * mesh.triangles.len(), "type": "SCALAR" }),
+        );
+        (attributes, indices)
+    }
+}
+
 /// Writes the meshes as a binary glTF file (.glb) in meters: one node for every mesh, with normals and texture
 /// coordinates where there are some, and one material in its color for every name.
 ///
@@ -445,48 +504,11 @@ fn transform(node: &Value) -> Affine3A {
 /// When a mesh is not valid or the file can't be written.
 pub fn write_gltf(path: &Path, meshes: &[NamedMesh<'_>]) -> Result<(), FormatError> {
     check(path, meshes)?;
-    let mut blob: Vec<u8> = Vec::new();
-    let (mut views, mut accessors, mut list, mut nodes) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+    let mut buffer = BufferWriter::default();
+    let (mut list, mut nodes) = (Vec::new(), Vec::new());
     let materials = mesh_set::materials(meshes);
     for part in meshes {
-        let mesh = part.mesh;
-        let mut add = |values: Vec<u8>, target: u32, mut accessor: Value| -> usize {
-            views.push(json!({ "buffer": 0, "byteOffset": blob.len(), "byteLength": values.len(), "target": target }));
-            blob.extend(values);
-            accessor["bufferView"] = json!(views.len() - 1);
-            accessors.push(accessor);
-            accessors.len() - 1
-        };
-        let floats =
-            |values: &mut dyn Iterator<Item = f32>| values.flat_map(f32::to_le_bytes).collect::<Vec<u8>>();
-        let (low, high) = mesh.bounds();
-        let count = mesh.positions.len();
-        let mut attributes = json!({});
-        attributes["POSITION"] = json!(add(
-            floats(&mut mesh.positions.iter().flat_map(|p| p.to_array())),
-            34962,
-            json!({ "componentType": 5126, "count": count, "type": "VEC3", "min": low.to_array(), "max": high.to_array() }),
-        ));
-        if !mesh.normals.is_empty() {
-            attributes["NORMAL"] = json!(add(
-                floats(&mut mesh.normals.iter().flat_map(|n| n.to_array())),
-                34962,
-                json!({ "componentType": 5126, "count": count, "type": "VEC3" }),
-            ));
-        }
-        if !mesh.uvs.is_empty() {
-            attributes["TEXCOORD_0"] = json!(add(
-                floats(&mut mesh.uvs.iter().flat_map(|uv| [uv.x, 1.0 - uv.y])),
-                34962,
-                json!({ "componentType": 5126, "count": count, "type": "VEC2" }),
-            ));
-        }
-        let indices: Vec<u8> = mesh.triangles.iter().flatten().flat_map(|v| v.to_le_bytes()).collect();
-        let indices = add(
-            indices,
-            34963,
-            json!({ "componentType": 5125, "count": 3 * mesh.triangles.len(), "type": "SCALAR" }),
-        );
+        let (attributes, indices) = buffer.add_mesh(part.mesh);
         let material = materials.iter().position(|(name, _)| *name == part.material);
         list.push(json!({ "name": part.name, "primitives": [
             { "attributes": attributes, "indices": indices, "material": material }] }));
@@ -500,11 +522,15 @@ pub fn write_gltf(path: &Path, meshes: &[NamedMesh<'_>]) -> Result<(), FormatErr
         "meshes": list,
         "materials": materials.iter().map(|(name, [r, g, b])| json!({ "name": name, "pbrMetallicRoughness": {
             "baseColorFactor": [r, g, b, 1.0], "metallicFactor": 0.0, "roughnessFactor": 0.4 } })).collect::<Vec<_>>(),
-        "accessors": accessors,
-        "bufferViews": views,
-        "buffers": [{ "byteLength": blob.len() }],
+        "accessors": buffer.accessors,
+        "bufferViews": buffer.views,
+        "buffers": [{ "byteLength": buffer.bytes.len() }],
     });
-    let mut text = document.to_string().into_bytes();
+    write_chunks(path, document.to_string().into_bytes(), buffer.bytes)
+}
+
+/// Writes the JSON and the binary chunk of a .glb file.
+fn write_chunks(path: &Path, mut text: Vec<u8>, mut blob: Vec<u8>) -> Result<(), FormatError> {
     text.resize(text.len().next_multiple_of(4), b' ');
     blob.resize(blob.len().next_multiple_of(4), 0);
     let Ok(whole) = u32::try_from(12 + 8 + text.len() + 8 + blob.len()) else {

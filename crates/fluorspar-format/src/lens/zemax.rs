@@ -52,21 +52,7 @@ impl ZemaxFile {
                 ));
             }
             ("NAME", _) => self.title = rest.join(" "),
-            ("UNIT", _) => {
-                self.unit_mm = match rest.first().copied() {
-                    Some("MM") => 1.0,
-                    Some("CM") => 10.0,
-                    Some("M" | "METER") => 1000.0,
-                    Some("IN" | "INCH") => 25.4,
-                    other => {
-                        let unit = excerpt(other.unwrap_or_default());
-                        return Err(Fault::at(
-                            at,
-                            format!("the unit \"{unit}\" is not known; use MM, CM, M or IN"),
-                        ));
-                    }
-                }
-            }
+            ("UNIT", _) => self.unit_mm = unit_mm(rest.first().copied().unwrap_or_default(), at)?,
             ("WAVM", _) => {
                 self.wavelengths_um.push((value(0, "number")? as usize, value(1, "wavelength")?));
             }
@@ -101,27 +87,47 @@ impl ZemaxFile {
                     if rest.first() == Some(&"INFINITY") { f64::INFINITY } else { value(0, "thickness")? };
             }
             ("DIAM", Some(current)) => current.surface.semi_diameter_mm = value(0, "semi-diameter")?,
-            ("GLAS", Some(current)) => {
-                let glass = rest.first().copied().unwrap_or_default();
-                if glass == "MIRROR" {
-                    return Err(Fault::at(at, "a mirror; only refracting lenses are read"));
-                }
-                // "1" in the second column: the index and the Abbe number beside it are the glass.
-                current.surface.medium = if rest.get(1) == Some(&"1") || glass.starts_with("___") {
-                    let (nd, vd) = (value(3, "index")?, value(4, "Abbe number")?);
-                    Medium::Known(if vd == 0.0 {
-                        Dispersion::Constant { index: nd }
-                    } else {
-                        Dispersion::Abbe { nd, vd }
-                    })
-                } else {
-                    Medium::Named(glass.into())
-                };
-            }
+            ("GLAS", Some(current)) => current.surface.medium = glass(&rest, value, at)?,
             _ => {}
         }
         Ok(())
     }
+}
+
+/// Millimeters per unit of length.
+fn unit_mm(unit: &str, at: usize) -> Result<f64, Fault> {
+    match unit {
+        "MM" => Ok(1.0),
+        "CM" => Ok(10.0),
+        "M" | "METER" => Ok(1000.0),
+        "IN" | "INCH" => Ok(25.4),
+        other => {
+            let message = format!("the unit \"{}\" is not known; use MM, CM, M or IN", excerpt(other));
+            Err(Fault::at(at, message))
+        }
+    }
+}
+
+/// The medium of a line `GLAS`, whose words and numbers these are.
+fn glass(
+    words: &[&str],
+    value: impl Fn(usize, &str) -> Result<f64, Fault>,
+    at: usize,
+) -> Result<Medium, Fault> {
+    let glass = words.first().copied().unwrap_or_default();
+    if glass == "MIRROR" {
+        return Err(Fault::at(at, "a mirror; only refracting lenses are read"));
+    }
+    // "1" in the second column: the index and the Abbe number beside it are the glass.
+    if words.get(1) != Some(&"1") && !glass.starts_with("___") {
+        return Ok(Medium::Named(glass.into()));
+    }
+    let (nd, vd) = (value(3, "index")?, value(4, "Abbe number")?);
+    Ok(Medium::Known(if vd == 0.0 {
+        Dispersion::Constant { index: nd }
+    } else {
+        Dispersion::Abbe { nd, vd }
+    }))
 }
 
 impl ZemaxSurface {

@@ -138,6 +138,53 @@ impl LensSurface {
         1.0 / self.curvature_per_mm
     }
 
+    /// Checks one surface; the error is a field and what is wrong with it. Behind the last surface thickness means nothing.
+    fn validate(&self, is_last: bool) -> Result<(), (&'static str, String)> {
+        let fail = |field: &'static str, message: String| Err((field, message));
+        if !(self.curvature_per_mm.is_finite() && self.curvature_per_mm.abs() <= 1e3) {
+            return fail("radius_mm", "must be a number of mm, or left out for a plane".into());
+        }
+        if !(1e-6..=1e5).contains(&self.semi_diameter_mm) {
+            let value = number_text(self.semi_diameter_mm);
+            return fail(
+                "semi_diameter_mm",
+                format!("{value} is not between 1e-6 and 1e5 mm; give half the clear diameter"),
+            );
+        }
+        if !is_last && !(0.0..=1e5).contains(&self.thickness_mm) {
+            let value = number_text(self.thickness_mm);
+            return fail("thickness_mm", format!("{value} is not between 0 and 1e5 mm"));
+        }
+        if !(self.conic.is_finite() && self.conic.abs() <= 1e4) {
+            let value = number_text(self.conic);
+            return fail("conic", format!("{value} is not between -1e4 and 1e4"));
+        }
+        if self.aspheric.len() > MOST_ASPHERIC_TERMS || self.aspheric.iter().any(|a| !a.is_finite()) {
+            let message = format!("must be at most {MOST_ASPHERIC_TERMS} finite numbers, from r^4 on");
+            return fail("aspheric", message);
+        }
+        match &self.medium {
+            Medium::Named(name) => {
+                return fail("glass", format!("\"{name}\" was not looked up in a catalogue"));
+            }
+            Medium::Known(glass) => {
+                if let Err(message) = glass.validate() {
+                    return fail("glass", message);
+                }
+            }
+            Medium::Air => {}
+        }
+        let edge = self.semi_diameter_mm;
+        if self.sag(edge * edge).is_none() {
+            let message = format!(
+                "{edge} mm reaches beyond the edge of the surface, whose radius is {:.4} mm; make it smaller",
+                self.radius_mm()
+            );
+            return fail("semi_diameter_mm", message);
+        }
+        Ok(())
+    }
+
     /// Height of the surface above its vertex plane at the squared distance `r2` from the axis, and its derivative
     /// with respect to `r2`:
     /// `z = c r² / (1 + sqrt(1 - (1 + k) c² r²)) + sum a_i r^(4 + 2 i)`. `None` beyond the edge of the conic.
@@ -268,50 +315,11 @@ impl LensPrescription {
         }
         // Check each surface
         for (index, surface) in self.surfaces.iter().enumerate() {
-            let at = |field: &str| format!("surface {}, {field}", index + 1);
             let last = index + 1 == self.surfaces.len();
-            if !(surface.curvature_per_mm.is_finite() && surface.curvature_per_mm.abs() <= 1e3) {
-                return fail(at("radius_mm"), "must be a number of mm, or left out for a plane".into());
-            }
-            if !(1e-6..=1e5).contains(&surface.semi_diameter_mm) {
-                let value = number_text(surface.semi_diameter_mm);
-                return fail(
-                    at("semi_diameter_mm"),
-                    format!("{value} is not between 1e-6 and 1e5 mm; give half the clear diameter"),
-                );
-            }
-            if !last && !(0.0..=1e5).contains(&surface.thickness_mm) {
-                let value = number_text(surface.thickness_mm);
-                return fail(at("thickness_mm"), format!("{value} is not between 0 and 1e5 mm"));
-            }
-            if !(surface.conic.is_finite() && surface.conic.abs() <= 1e4) {
-                let value = number_text(surface.conic);
-                return fail(at("conic"), format!("{value} is not between -1e4 and 1e4"));
-            }
-            if surface.aspheric.len() > MOST_ASPHERIC_TERMS || surface.aspheric.iter().any(|a| !a.is_finite())
-            {
-                let message = format!("must be at most {MOST_ASPHERIC_TERMS} finite numbers, from r^4 on");
-                return fail(at("aspheric"), message);
-            }
-            match &surface.medium {
-                Medium::Named(name) => {
-                    return fail(at("glass"), format!("\"{name}\" was not looked up in a catalogue"));
-                }
-                Medium::Known(glass) => {
-                    if let Err(message) = glass.validate() {
-                        return fail(at("glass"), message);
-                    }
-                }
-                Medium::Air => {}
-            }
-            let edge = surface.semi_diameter_mm;
-            if surface.sag(edge * edge).is_none() {
-                let message = format!(
-                    "{edge} mm reaches beyond the edge of the surface, whose radius is {:.4} mm; make it smaller",
-                    surface.radius_mm()
-                );
-                return fail(at("semi_diameter_mm"), message);
-            }
+            surface.validate(last).map_err(|(field, message)| PrescriptionError {
+                place: format!("surface {}, {field}", index + 1),
+                message,
+            })?;
         }
         // Check the space behind the lens and the gaps that focus it
         let last = self.surfaces.len() - 1;

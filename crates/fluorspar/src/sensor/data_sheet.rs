@@ -161,7 +161,39 @@ impl Emva1288 {
     /// A value that can't be, values that contradict each other, or a field of the model that contradicts them.
     pub fn applied_to(&self, model: &SensorModel) -> Result<SensorModel, SensorProblem> {
         let black = self.black_level_dn.unwrap_or(SensorModel::default().black_level_dn);
-        // Check every number on its own
+        self.check_numbers(black)?;
+        // Check the numbers against each other and against the model
+        let (gain, dark_noise, dsnu) =
+            (self.dn_per_electron()?, self.dark_noise_electrons()?, self.dsnu_electrons()?);
+        let codes = 2f64.powi(i32::from(self.bit_depth));
+        self.check_saturation(black, gain, dark_noise, codes)?;
+        self.check_derived(gain, dark_noise)?;
+        self.check_model(model)?;
+        // Replace the equivalent fields of the model
+        Ok(SensorModel {
+            fill_factor: 1.0,
+            conversion_gain_mv_per_e: Some(VOLTS_PER_E * 1e3),
+            voltage_swing_v: VOLTS_PER_E * codes / gain,
+            well_capacity_e: well_for_saturation_e(self.saturation_capacity_e, self.prnu_percent * 1e-2),
+            read_noise_mv: None,
+            read_noise_e: Some(dark_noise),
+            post_gain_noise_mv: 0.0,
+            dsnu_mv: None,
+            dsnu_e: Some(dsnu),
+            prnu_percent: self.prnu_percent,
+            dark_voltage_mv_per_s: None,
+            dark_current_e_per_s: Some(self.dark_current_e_per_s),
+            dark_reference_temperature_c: self.dark_current_temperature_c,
+            dark_doubling_temperature_k: self.doubling_temperature_k,
+            bit_depth: self.bit_depth,
+            black_level_dn: black,
+            emva1288: None,
+            ..model.clone()
+        })
+    }
+
+    /// Checks every number on its own.
+    fn check_numbers(&self, black: f64) -> Result<(), SensorProblem> {
         for (field, value) in [
             ("dark_noise_e", self.dark_noise_e),
             ("dark_noise_dn", self.dark_noise_dn),
@@ -181,9 +213,8 @@ impl Emva1288 {
             );
             return Err(problem("prnu_percent", message));
         }
-        let saturation = self.saturation_capacity_e;
         for (field, value, range, hint) in [
-            ("saturation_capacity_e", saturation, [10.0, 1e8], "give electrons"),
+            ("saturation_capacity_e", self.saturation_capacity_e, [10.0, 1e8], "give electrons"),
             (
                 "dark_current_temperature_c",
                 self.dark_current_temperature_c,
@@ -197,10 +228,18 @@ impl Emva1288 {
         if !(1..=16).contains(&self.bit_depth) {
             return Err(problem("bit_depth", format!("{} is outside 1 to 16", self.bit_depth)));
         }
-        // Check the numbers against each other and against the model
-        let (gain, dark_noise, dsnu) =
-            (self.dn_per_electron()?, self.dark_noise_electrons()?, self.dsnu_electrons()?);
-        let codes = 2f64.powi(i32::from(self.bit_depth));
+        Ok(())
+    }
+
+    /// Checks that the converter and the pixels reach the stated saturation.
+    fn check_saturation(
+        &self,
+        black: f64,
+        gain: f64,
+        dark_noise: f64,
+        codes: f64,
+    ) -> Result<(), SensorProblem> {
+        let saturation = self.saturation_capacity_e;
         if black + gain * saturation > codes - 0.5 {
             let message = format!(
                 "{saturation} e- at {gain:.4} DN/e- above a black level of {black} DN need {:.0} codes, but {} bits \
@@ -221,29 +260,7 @@ impl Emva1288 {
             );
             return Err(problem("saturation_capacity_e", message));
         }
-        self.check_derived(gain, dark_noise)?;
-        self.check_model(model)?;
-        // Replace the equivalent fields of the model
-        Ok(SensorModel {
-            fill_factor: 1.0,
-            conversion_gain_mv_per_e: Some(VOLTS_PER_E * 1e3),
-            voltage_swing_v: VOLTS_PER_E * codes / gain,
-            well_capacity_e: well_for_saturation_e(saturation, prnu),
-            read_noise_mv: None,
-            read_noise_e: Some(dark_noise),
-            post_gain_noise_mv: 0.0,
-            dsnu_mv: None,
-            dsnu_e: Some(dsnu),
-            prnu_percent: self.prnu_percent,
-            dark_voltage_mv_per_s: None,
-            dark_current_e_per_s: Some(self.dark_current_e_per_s),
-            dark_reference_temperature_c: self.dark_current_temperature_c,
-            dark_doubling_temperature_k: self.doubling_temperature_k,
-            bit_depth: self.bit_depth,
-            black_level_dn: black,
-            emva1288: None,
-            ..model.clone()
-        })
+        Ok(())
     }
 
     fn check_derived(&self, gain: f64, dark_noise: f64) -> Result<(), SensorProblem> {
