@@ -12,8 +12,10 @@ use crate::message::Messages;
 use crate::progress::duration;
 use crate::values::{self, Override};
 
-/// Memory of the program itself with its catalogue and its threads, and of what writing an image takes, bytes, as measured.
-const PROGRAM_BYTES: u64 = 90 << 20;
+/// Memory of the program itself with its catalogue, bytes, as measured.
+const PROGRAM_BYTES: u64 = 44 << 20;
+/// Memory that an image takes besides its film while it is made of it, bytes, at most.
+const CONVERSION_BYTES: u64 = 64 << 20;
 
 /// What a render may take.
 #[derive(Clone, Debug, Default, clap::Args)]
@@ -56,10 +58,12 @@ impl Budget {
         // Rows of an image in bands wait in a file.
         let waiting = if whole > settings.memory_limit_bytes { image } else { 0 };
         let film_file = if keeps_film { film_file_bytes(study) } else { 0 };
+        let in_memory = whole.min(settings.memory_limit_bytes);
+        let conversion = (in_memory / 4).min(CONVERSION_BYTES);
         Self {
-            film: whole.min(settings.memory_limit_bytes),
+            film: in_memory,
             surfaces: surface_bytes(scene),
-            other: whole_image_bytes(scene) + PROGRAM_BYTES,
+            other: whole_image_bytes(scene) + PROGRAM_BYTES + conversion,
             disk: image + waiting + film_file,
         }
     }

@@ -12,7 +12,7 @@ mod values;
 
 use std::io::ErrorKind;
 use std::num::NonZeroUsize;
-use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::panic::{self, AssertUnwindSafe, catch_unwind};
 use std::process::ExitCode;
 
 use clap::Parser;
@@ -33,21 +33,37 @@ fn main() -> ExitCode {
         Ok(args) => args,
         Err(answer) => return print_answer(&answer),
     };
-    match catch_unwind(AssertUnwindSafe(|| run(args))) {
+    say_panics_in_a_line();
+    end_of(|| run(args))
+}
+
+/// The exit code of some work, once its error has been said.
+fn end_of(work: impl FnOnce() -> Result<ExitCode, CliError>) -> ExitCode {
+    match catch_unwind(AssertUnwindSafe(work)) {
         Ok(Ok(code)) => code,
         Ok(Err(error)) => {
             have_the_last_word();
             message::error(&error);
             error.exit_code()
         }
-        // The panic has been printed. What was unfinished went with the stack.
-        Err(_) => {
-            message::error(
-                "this is a defect of Fluorspar; please report the lines above, the command and its input",
-            );
-            ExitCode::from(FAILED)
-        }
+        // The panic has been said. What was unfinished went with the stack.
+        Err(_) => ExitCode::from(FAILED),
     }
+}
+
+/// From here on a panic is one line, as every error; with RUST_BACKTRACE the usual lines come before it.
+fn say_panics_in_a_line() {
+    let usual = panic::take_hook();
+    panic::set_hook(Box::new(move |info| {
+        if std::env::var_os("RUST_BACKTRACE").is_some_and(|value| value != "0") {
+            usual(info);
+        }
+        let place = info.location().map_or_else(String::new, |place| format!(" ({place})"));
+        let what = info.payload_as_str().unwrap_or("a panic").replace('\n', "; ");
+        message::error(format!(
+            "this is a defect of Fluorspar: {what}{place}. Please report this line, the command and its input"
+        ));
+    }));
 }
 
 /// Prints what the reading of the command line ended with: help and version are answers, everything else is wrong input.
@@ -106,5 +122,35 @@ fn run(args: Args) -> Result<ExitCode, CliError> {
         Command::Check(options) => commands::check::run(&options),
         Command::Schema(options) => commands::schema::run(&options),
         Command::Completions { shell } => commands::completions::run(shell),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The test starts itself, since a panic hook is that of a whole process.
+    #[test]
+    fn a_panic_is_one_line_and_exit_code_1() {
+        const WITHIN: &str = "FLUORSPAR_TEST_PANIC";
+        if std::env::var_os(WITHIN).is_some() {
+            say_panics_in_a_line();
+            let code = end_of(|| {
+                rayon::join(|| (), || panic!("two\nlines"));
+                Ok(ExitCode::SUCCESS)
+            });
+            assert_eq!(code, ExitCode::from(FAILED));
+            return;
+        }
+        let said = std::process::Command::new(std::env::current_exe().unwrap())
+            .args(["--exact", "tests::a_panic_is_one_line_and_exit_code_1", "--nocapture"])
+            .env(WITHIN, "1")
+            .env_remove("RUST_BACKTRACE")
+            .output()
+            .unwrap();
+        let told = String::from_utf8(said.stderr).unwrap();
+        assert!(said.status.success(), "{told}");
+        assert!(told.starts_with("error: this is a defect of Fluorspar: two; lines (crates/"), "{told}");
+        assert_eq!(told.lines().count(), 1, "{told}");
     }
 }

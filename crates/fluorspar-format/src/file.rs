@@ -170,6 +170,27 @@ pub(super) fn write_sidecar(data_path: &Path, content: &impl serde::Serialize) -
 mod tests {
     use super::*;
 
+    /// The test starts itself, since a panic hook is that of a whole process.
+    #[test]
+    fn panics_of_decoders_are_errors_and_say_nothing() {
+        const WITHIN: &str = "FLUORSPAR_TEST_GUARDED";
+        if std::env::var_os(WITHIN).is_some() {
+            let damaged = || guarded::<()>(Path::new("a.mat"), "HDF5", || panic!("a decoder gave up"));
+            let error = damaged().unwrap_err().to_string();
+            assert!(error.starts_with("a.mat: the HDF5 data are damaged so badly"), "{error}");
+            // On another thread, and twice.
+            std::thread::spawn(move || damaged().unwrap_err()).join().unwrap();
+            return;
+        }
+        let said = std::process::Command::new(std::env::current_exe().unwrap())
+            .args(["--exact", "file::tests::panics_of_decoders_are_errors_and_say_nothing", "--nocapture"])
+            .env(WITHIN, "1")
+            .output()
+            .unwrap();
+        assert!(said.status.success());
+        assert_eq!(String::from_utf8(said.stderr).unwrap(), "");
+    }
+
     #[test]
     fn a_large_file_may_hold_a_large_image_and_a_small_one_may_not() {
         let path = Path::new("x.exr");

@@ -179,3 +179,62 @@ fn the_command_lines_of_the_documents_exist() {
     assert!(wrong.is_empty(), "{wrong:#?}");
     assert!(read >= 40, "{read} command lines");
 }
+
+/// Names of the tests of the workspace, each with the paths of the files that have one of this name.
+fn tests_by_name() -> BTreeMap<String, Vec<String>> {
+    let crates = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let mut found: BTreeMap<String, Vec<String>> = BTreeMap::new();
+    let mut open = vec![crates];
+    while let Some(folder) = open.pop() {
+        for entry in fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                open.push(path);
+            } else if path.extension().is_some_and(|ending| ending == "rs") {
+                let text = fs::read_to_string(&path).unwrap();
+                for after in text.split("#[test]").skip(1) {
+                    let name = after.split_once("fn ").and_then(|(_, rest)| rest.split_once('('));
+                    let Some((name, _)) = name else { continue };
+                    found.entry(name.into()).or_default().push(path.display().to_string());
+                }
+            }
+        }
+    }
+    found
+}
+
+#[test]
+fn every_outcome_of_the_reliability_page_names_tests_that_exist() {
+    let text =
+        fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/reliability.md")).unwrap();
+    let tests = tests_by_name();
+    let (mut with_tests, mut rows) = (false, 0);
+    for line in text.lines() {
+        let cells: Vec<&str> = line.trim_matches('|').split(" | ").collect();
+        if !line.starts_with('|') {
+            with_tests = false;
+        } else if cells.last().is_some_and(|cell| cell.trim().starts_with("test")) {
+            with_tests = true;
+        } else if with_tests && !line.starts_with("|---") {
+            rows += 1;
+            let named: Vec<&str> = cells.last().unwrap().split('`').skip(1).step_by(2).collect();
+            let named: Vec<&&str> = named.iter().filter(|name| !name.starts_with("fluorspar-")).collect();
+            assert!(!named.is_empty(), "no test: {line}");
+            for name in named {
+                let mut path: Vec<&str> = name.split("::").collect();
+                let test = path.pop().unwrap();
+                // `long_experiments` alone names a file of tests.
+                let file = path.iter().rfind(|module| **module != "tests").copied().unwrap_or(test);
+                let in_file = |place: &String| {
+                    place.ends_with(&format!("/{file}.rs")) || place.contains(&format!("/{file}/"))
+                };
+                let exists = match tests.get(test) {
+                    Some(places) => path.is_empty() || places.iter().any(in_file),
+                    None => path.is_empty() && tests.values().flatten().any(in_file),
+                };
+                assert!(exists, "there is no test {name}: {line}");
+            }
+        }
+    }
+    assert!(rows > 30, "{rows} rows");
+}

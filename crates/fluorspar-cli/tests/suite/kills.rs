@@ -133,7 +133,7 @@ fn start(folder: &Path, args: &[&str]) -> Child {
         .current_dir(folder)
         .stdin(Stdio::null())
         .stdout(answer)
-        .stderr(Stdio::null())
+        .stderr(Stdio::piped())
         .spawn()
         .unwrap()
 }
@@ -197,7 +197,9 @@ fn disturb(
         assert!(matches!(code, Some(0 | 75)), "{blow:?} after {moment:?}: exit code {code:?}");
         assert_eq!(unfinished(folder), Vec::<PathBuf>::new(), "{blow:?} after {moment:?}");
     }
-    assert!(start(folder, args).wait().unwrap().success(), "{args:?}, repeated");
+    let again = start(folder, args).wait_with_output().unwrap();
+    let told = String::from_utf8_lossy(&again.stderr);
+    assert!(again.status.success(), "{args:?}, {blow:?} after {moment:?}, repeated: {told}");
     let after = contents(folder);
     let names = |files: &BTreeMap<PathBuf, Vec<u8>>| files.keys().cloned().collect::<Vec<_>>();
     assert_eq!(names(&after), names(whole), "{blow:?} after {moment:?}, repeated");
@@ -279,7 +281,7 @@ fn number(name: &str) -> Option<usize> {
 fn what_is_killed_or_stopped_at_any_moment_leaves_nothing_and_gives_the_same_when_repeated() {
     match (number("FLUORSPAR_KILLS"), number("FLUORSPAR_SIGNALS")) {
         (None, None) => {
-            let some = ["render", "mouth generate", "run"];
+            let some = ["render", "mouth sample", "run"];
             let jobs: Vec<_> = jobs().into_iter().filter(|(name, _)| some.contains(name)).collect();
             disturb_all(&jobs, 4, 2, 1);
         }

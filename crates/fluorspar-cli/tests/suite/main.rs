@@ -20,4 +20,5 @@ mod sensor;
 mod stages;
 mod streams;
 mod support;
+mod surroundings;
 mod survival;

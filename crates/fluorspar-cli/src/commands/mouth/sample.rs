@@ -28,7 +28,7 @@ pub(crate) struct Options {
     /// Experiment on which each person's file is based.
     #[arg(long, value_name = "NAME", default_value = "oraleye-2021")]
     base: String,
-    /// New folder for `person_000001.toml`, ... and `people.csv`.
+    /// Folder for `person_000001.toml`, ... and `people.csv`.
     #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath)]
     out: PathBuf,
 }
@@ -42,12 +42,6 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
             options.count
         )));
     };
-    if options.out.exists() {
-        return Err(CliError::Input(format!(
-            "--out {}: this exists already; choose another folder",
-            options.out.display()
-        )));
-    }
     // A base that can't be used is found before anything is written.
     crate::experiment_source::ExperimentSource::find(Some(&options.base))?;
     let people: Vec<MouthParameters> = (options.seed..=last).map(sample_person).collect();
