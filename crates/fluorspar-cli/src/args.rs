@@ -7,7 +7,7 @@ use clap_complete::Shell;
 
 use crate::commands::{
     analyze, capture, check, denoise, filter, fluorophore, lens, merge, mouth, predict, presets, render, run,
-    safety, schema, sensor, spectroradiometer,
+    safety, schema, sensor, spectroradiometer, tissue,
 };
 use crate::message::Messages;
 use crate::values::{self, Override};
@@ -63,6 +63,8 @@ pub(crate) enum Command {
     Filter(filter::Options),
     /// Generate mouths: meshes, contact sheets of views, cohorts of people.
     Mouth(mouth::Options),
+    /// Trace photons through layered tissue.
+    Tissue(tissue::Options),
     /// Predict spectra and mean sensor values of a flat sample, without geometry.
     Predict(predict::Options),
     /// Assess the photobiological safety of an experiment's captures: hazards, limits, margins.

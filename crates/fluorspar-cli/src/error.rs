@@ -7,6 +7,7 @@ use std::process::ExitCode;
 
 use fluorspar::pipeline::{PipelineError, PredictError};
 use fluorspar::render::RenderError;
+use fluorspar::tissue::TissueError;
 use fluorspar_experiment::preset::{LensError, PresetError};
 use fluorspar_experiment::{DEFAULT_EXPERIMENT, ExperimentError};
 use fluorspar_format::{FormatError, OutputFolder};
@@ -58,6 +59,8 @@ pub(crate) enum CliError {
     Pipeline(#[from] PipelineError),
     #[error(transparent)]
     Predict(#[from] PredictError),
+    #[error(transparent)]
+    Tissue(#[from] TissueError),
     #[error(transparent)]
     RunFolder(#[from] RunFolderError),
     #[error("figure: {0}")]
@@ -114,7 +117,7 @@ impl CliError {
             | Self::Stdout(_)
             | Self::Format(FormatError::NoRoom { .. } | FormatError::Failed { .. })
             | Self::Render(RenderError::NoMemory { .. }) => ExitCode::from(FAILED),
-            Self::Stopped(_) => ExitCode::from(STOPPED),
+            Self::Stopped(_) | Self::Tissue(TissueError::Interrupted) => ExitCode::from(STOPPED),
             _ if self.is_for_want_of_room() => ExitCode::from(FAILED),
             _ => ExitCode::from(WRONG_INPUT),
         }

@@ -17,7 +17,7 @@ static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 /// What is left of the render in work, as [`Left`].
 static RENDERS: AtomicU8 = AtomicU8::new(0);
 
-/// What is left when a render is interrupted.
+/// What is left when the work is interrupted.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) enum Left {
     /// The image with the samples so far.
@@ -25,6 +25,8 @@ pub(crate) enum Left {
     Image = 1,
     /// The film, with which the render goes on.
     Film = 2,
+    /// The results with the photons so far.
+    Results = 3,
     /// Nothing: the program can end at once.
     Nothing = 0,
 }
@@ -79,10 +81,12 @@ fn interrupt() {
         fluorspar_format::remove_unfinished_files();
         std::process::exit(i32::from(STOPPED));
     }
-    let what = if left == Left::Film as u8 { "film" } else { "image" };
-    message::notice(format!(
-        "\nstopping: the {what} so far will be saved. Press Ctrl-C again to quit at once"
-    ));
+    let what = match left {
+        _ if left == Left::Film as u8 => "film so far will be saved",
+        _ if left == Left::Results as u8 => "results so far will be given",
+        _ => "image so far will be saved",
+    };
+    message::notice(format!("\nstopping: the {what}. Press Ctrl-C again to quit at once"));
 }
 
 /// Says what there is to save, from now on, when the program is asked to end.

@@ -115,6 +115,7 @@ fn run(args: Args) -> Result<ExitCode, CliError> {
         Command::Lens(options) => commands::lens::run(&options),
         Command::Filter(options) => commands::filter::run(&options),
         Command::Mouth(options) => commands::mouth::run(&options),
+        Command::Tissue(options) => commands::tissue::run(&options),
         Command::Predict(options) => commands::predict::run(&options),
         Command::Safety(options) => commands::safety::run(&options),
         Command::Spectroradiometer(options) => commands::spectroradiometer::run(&options),

@@ -99,6 +99,74 @@ pub(crate) fn duration(seconds: f64) -> String {
     }
 }
 
+/// A progress bar, or lines where standard error is not a terminal, of work that takes a while.
+pub(crate) struct WorkReport {
+    /// What is being done, at the beginning of a line.
+    title: &'static str,
+    /// The same within a sentence.
+    work: &'static str,
+    messages: Messages,
+    started: Instant,
+    /// Whether lines are written instead of a bar.
+    lines: bool,
+    bar: ProgressBar,
+    /// Thousandths and tenths that were reported.
+    thousandths: AtomicU64,
+    tenths: AtomicU64,
+    pace: Mutex<Pace>,
+}
+
+impl WorkReport {
+    pub(crate) fn begin(title: &'static str, work: &'static str, messages: Messages) -> Self {
+        let lines = !std::io::stderr().is_terminal();
+        let bar = ProgressBar::new(1000);
+        if messages.is_quiet() || lines {
+            bar.set_draw_target(ProgressDrawTarget::hidden());
+        }
+        let template = format!("{title} [{{bar:32}}] {{percent:>3}} %  {{elapsed}} gone{{msg}}");
+        if let Ok(style) = ProgressStyle::with_template(&template) {
+            bar.set_style(style.progress_chars("=> "));
+        }
+        if !bar.is_hidden() {
+            bar.enable_steady_tick(Duration::from_millis(200));
+        }
+        let [thousandths, tenths] = [const { AtomicU64::new(0) }; 2];
+        let pace = Mutex::new(Pace::default());
+        Self { title, work, messages, started: Instant::now(), lines, bar, thousandths, tenths, pace }
+    }
+
+    fn elapsed(&self) -> Duration {
+        self.started.elapsed()
+    }
+
+    /// Says which share is done, from any thread. Calls between two thousandths cost next to nothing.
+    pub(crate) fn share_done(&self, share: f64) {
+        let thousandth = (1000.0 * share) as u64;
+        if self.thousandths.fetch_max(thousandth + 1, Ordering::Relaxed) > thousandth {
+            return;
+        }
+        self.bar.set_position(thousandth);
+        let elapsed = self.elapsed().as_secs_f64();
+        let left = self.pace.lock().ok().and_then(|mut pace| pace.left(elapsed, share));
+        let left =
+            left.map_or_else(String::new, |left| format!(", about {} of {} left", duration(left), self.work));
+        if !self.lines {
+            self.bar.set_message(left);
+        } else if !self.messages.is_quiet() {
+            let tenth = (10.0 * share) as u64;
+            if self.tenths.fetch_max(tenth, Ordering::Relaxed) < tenth {
+                let gone = duration(elapsed);
+                self.messages.status(format!("{} {:>3} %, {gone} gone{left}", self.title, tenth * 10));
+            }
+        }
+    }
+
+    /// Takes the bar away.
+    pub(crate) fn end(&self) {
+        self.bar.finish_and_clear();
+    }
+}
+
 /// Renders with a progress bar (or lines, where standard error is not a terminal), Ctrl-C and a time limit.
 pub(crate) fn render_with_progress(
     scene: &Scene,
@@ -130,33 +198,14 @@ pub(crate) fn fill_with_progress(
         let lacking = renderer.seconds_of(share, Some(film));
         say_time(lacking, renderer.samples_of(share).len() as u32, time_limit_s, messages)?;
     }
-    let started = Instant::now();
-    let lines = !std::io::stderr().is_terminal();
-    let bar = progress_bar(messages.is_quiet() || lines);
-    let tenths = AtomicU64::new(0);
-    let pace = Mutex::new(Pace::default());
+    let report = WorkReport::begin("Rendering", "rendering", messages);
+    let started = report.started;
     let samples = renderer.samples_of(share).len() as u64;
     let progress = |p: RenderProgress| {
-        let share = p.paths_done as f64 / p.paths_total.max(1) as f64;
-        bar.set_position((1000.0 * share) as u64);
-        let elapsed = started.elapsed().as_secs_f64();
-        let left = || {
-            let left = pace.lock().ok().and_then(|mut pace| pace.left(elapsed, share));
-            left.map_or_else(String::new, |left| format!(", about {} of rendering left", duration(left)))
-        };
-        if !lines {
-            bar.set_message(left());
-        } else if !messages.is_quiet() {
-            let left = left();
-            let tenth = (10.0 * share) as u64;
-            if tenths.fetch_max(tenth, Ordering::Relaxed) < tenth {
-                let gone = duration(elapsed);
-                messages.status(format!("Rendering {:>3} %, {gone} gone{left}", tenth * 10));
-            }
-        }
+        report.share_done(p.paths_done as f64 / p.paths_total.max(1) as f64);
         // Pixels without any sample would be black, and numbers made from them wrong.
         let every_pixel_has_one = p.paths_done.saturating_mul(samples) >= p.paths_total;
-        if every_pixel_has_one && time_limit_s.is_some_and(|limit| elapsed > limit) {
+        if every_pixel_has_one && time_limit_s.is_some_and(|limit| report.elapsed().as_secs_f64() > limit) {
             STOP.store(true, Ordering::SeqCst);
         }
     };
@@ -196,7 +245,7 @@ pub(crate) fn fill_with_progress(
     };
     let control = RenderControl { stop: &STOP, progress: &progress };
     let filled = renderer.fill(share, film, &control, Checkpoint { is_due: &due, on_pause: &mut look });
-    bar.finish_and_clear();
+    report.end();
     let complete = filled?;
     if let Some(error) = failure {
         return Err(error.into());
@@ -205,23 +254,6 @@ pub(crate) fn fill_with_progress(
         write_film(path, film, keep.provenance)?;
     }
     Ok(complete)
-}
-
-/// A bar of thousandths that moves by itself, or one that is never seen.
-fn progress_bar(is_hidden: bool) -> ProgressBar {
-    let bar = ProgressBar::new(1000);
-    if is_hidden {
-        bar.set_draw_target(ProgressDrawTarget::hidden());
-    }
-    if let Ok(style) =
-        ProgressStyle::with_template("Rendering [{bar:32}] {percent:>3} %  {elapsed} gone{msg}")
-    {
-        bar.set_style(style.progress_chars("=> "));
-    }
-    if !bar.is_hidden() {
-        bar.enable_steady_tick(Duration::from_millis(200));
-    }
-    bar
 }
 
 fn write_preview(path: &Path, sum: &SpectralImage<Radiance>) -> Result<(), FormatError> {

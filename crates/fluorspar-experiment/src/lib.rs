@@ -9,6 +9,7 @@
 //! | sections to a study | [`resolve`] | `resolve/` |
 //! | the small file of a flat sample | [`parse_sample`] | `sample.rs` |
 //! | the small file of a sensor | [`parse_sensor`] | `sensor_file.rs` |
+//! | the small file of plane layers | [`parse_layers`] | `layers_file.rs` |
 //! | catalogue: lights, filters, tissues, sensors, lenses, experiments | [`preset`] | `preset/`, `data/` |
 //!
 //! Every error names file, line, entry, field and value, says what is wrong and how to fix it. No stage of the physics
@@ -19,6 +20,7 @@ mod error;
 mod fit;
 mod format_version;
 mod kept;
+mod layers_file;
 mod merge;
 mod overrides;
 mod read;
@@ -33,6 +35,9 @@ pub mod schema;
 
 pub use error::{BlamedOverride, ErrorDetails, ExperimentError, PathsFrom};
 pub use kept::{cache, kept_mouth, use_cache};
+pub use layers_file::{
+    EmissionSection, LayerSection, LayersFile, ResolvedEmission, ResolvedLayers, parse_layers,
+};
 pub use read::{Experiment, parse};
 pub use resolve::{FileRecord, InputFile, ResolvedExperiment, resolve};
 pub use sample::{
@@ -55,6 +60,11 @@ pub fn sample_json_schema() -> serde_json::Value {
 /// JSON schema of a sensor file.
 pub fn sensor_json_schema() -> serde_json::Value {
     published(schemars::schema_for!(SensorFile).to_value())
+}
+
+/// JSON schema of a file of plane layers.
+pub fn layers_json_schema() -> serde_json::Value {
+    published(schemars::schema_for!(LayersFile).to_value())
 }
 
 /// The schema of the types with the short forms that are spelled out before the sections are typed.

@@ -21,6 +21,7 @@ pub(crate) mod schema;
 pub(crate) mod sensor;
 pub(crate) mod spectroradiometer;
 pub(crate) mod table;
+pub(crate) mod tissue;
 
 use std::path::{Path, PathBuf};
 

@@ -2,7 +2,7 @@
 
 use std::process::ExitCode;
 
-use fluorspar_experiment::{json_schema, sample_json_schema, sensor_json_schema};
+use fluorspar_experiment::{json_schema, layers_json_schema, sample_json_schema, sensor_json_schema};
 
 use crate::error::CliError;
 
@@ -15,12 +15,16 @@ pub(crate) struct Options {
     /// The schema of sensor files, as `sensor` takes them, instead.
     #[arg(long, conflicts_with = "sample")]
     sensor: bool,
+    /// The schema of files of plane layers, as `tissue mc` takes them, instead.
+    #[arg(long, conflicts_with_all = ["sample", "sensor"])]
+    layers: bool,
 }
 
 pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
-    super::print_json(&match (options.sample, options.sensor) {
-        (true, _) => sample_json_schema(),
-        (_, true) => sensor_json_schema(),
+    super::print_json(&match (options.sample, options.sensor, options.layers) {
+        (true, ..) => sample_json_schema(),
+        (_, true, _) => sensor_json_schema(),
+        (.., true) => layers_json_schema(),
         _ => json_schema(),
     })?;
     Ok(ExitCode::SUCCESS)

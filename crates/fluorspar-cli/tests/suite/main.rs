@@ -22,3 +22,4 @@ mod streams;
 mod support;
 mod surroundings;
 mod survival;
+mod tissue;

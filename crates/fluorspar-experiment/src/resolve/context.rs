@@ -215,7 +215,7 @@ fn replace_paths(value: &mut toml::Value, inputs: &[InputFile]) {
 
 impl Context<'_> {
     /// Checks that an entry of a list has a name, and one of its own.
-    pub(super) fn unique_name<'n>(
+    pub(crate) fn unique_name<'n>(
         &self,
         at: &Place,
         name: &str,

@@ -13,6 +13,7 @@ mod photon_transfer;
 mod picture;
 mod radiance;
 mod sensor;
+mod tissue;
 
 pub use chromaticity::{ChromaticityPlot, chromaticity};
 pub use eem::{EemMap, eem_maps, emission};
@@ -24,6 +25,7 @@ pub use photon_transfer::{PhotonTransferPlot, SnrPlot, photon_transfer, signal_t
 pub use picture::{picture, porphyrin_map};
 pub use radiance::{radiance_by_component, spectral_readings};
 pub use sensor::sensor_response;
+pub use tissue::{EstimatedCurve, light_by_depth, light_by_radius};
 
 /// A function of wavelength with a name.
 #[derive(Clone, Debug, PartialEq)]

@@ -61,7 +61,7 @@ const FRONTS: &[(&str, &[&str], &[&str])] = &[
         "fluorspar-experiment/src/",
         &[
             "digest", "units", "quote", "names", "spectral", "image", "sampling", "geometry", "material",
-            "light", "optics", "scene", "render", "safety", "sensor", "analysis", "study",
+            "light", "optics", "tissue", "scene", "render", "safety", "sensor", "analysis", "study",
         ],
         &["fluorspar_anatomy", "fluorspar_format"],
     ),

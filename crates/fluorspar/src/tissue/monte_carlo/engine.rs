@@ -4,6 +4,7 @@ use std::ops::Range;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use rayon::prelude::*;
+use serde::Serialize;
 
 use super::estimate::{Estimate, GROUPS, GroupSums};
 use super::settings::{MonteCarloControl, MonteCarloProgress, MonteCarloSettings};
@@ -20,7 +21,8 @@ const STRIDE: u64 = 16;
 const MOST_SCORES: usize = 50_000;
 
 /// What ended a simulation.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Ending {
     /// All photons were traced.
     Photons,

@@ -1,10 +1,12 @@
 //! Sums of independent groups of photons, and means with standard errors from them.
 
+use serde::Serialize;
+
 /// Groups of photons. Each holds as many as any other; photon `i` of a group has a random stream of its own.
 pub(super) const GROUPS: usize = 256;
 
 /// A mean with its standard error.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Estimate {
     /// Mean.
     pub mean: f64,
@@ -18,7 +20,10 @@ impl Estimate {
         let number = values.clone().count() as f64;
         let mean = values.clone().sum::<f64>() / number;
         let squares: f64 = values.map(|value| (value - mean).powi(2)).sum();
-        Self { mean, standard_error: (squares / (number * (number - 1.0))).sqrt() }
+        let standard_error = (squares / (number * (number - 1.0))).sqrt();
+        // Values without any scatter differ by the rounding of their sums.
+        let is_rounding = standard_error < 1e-14 * mean.abs();
+        Self { mean, standard_error: if is_rounding { 0.0 } else { standard_error } }
     }
 
     /// Standard error over mean; infinite while nothing was scored.

@@ -2,6 +2,8 @@
 
 use std::ops::Range;
 
+use serde::Serialize;
+
 use super::engine::trace_photons;
 use super::estimate::{Estimate, GroupSums};
 use super::medium::{Layer, Medium};
@@ -15,7 +17,7 @@ use crate::tissue::{Incidence, OpticalStack, TissueError};
 
 /// Result of [`simulate_fluorescence`], in emitted photons per incident one (for energy multiply by the ratio of the
 /// wavelengths, excitation over emission).
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize)]
 pub struct FluorescenceResult {
     /// What the excitation does: the same photons.
     pub excitation: MonteCarloResult,
@@ -30,7 +32,7 @@ pub struct FluorescenceResult {
 }
 
 /// Fluorescence found from two fluences.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ReciprocalFluorescence {
     /// Emission that leaves upward, in photons per incident photon.
     pub upward: Estimate,

@@ -2,6 +2,8 @@
 
 use std::ops::Range;
 
+use serde::Serialize;
+
 use super::engine::{Ending, trace_photons};
 use super::estimate::{Estimate, GroupSums};
 use super::medium::Medium;
@@ -80,7 +82,7 @@ impl ScoreLayout {
 }
 
 /// Light leaving through a ring around the beam.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Ring {
     /// Inner and outer radius, mm.
     pub radii_mm: [f64; 2],
@@ -89,7 +91,7 @@ pub struct Ring {
 }
 
 /// Light in a slice of a layer.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Slice {
     /// Layer, counted from zero.
     pub layer: usize,
@@ -100,7 +102,7 @@ pub struct Slice {
 }
 
 /// Result of [`simulate`]: shares of the incident light, for light of one wavelength.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize)]
 pub struct MonteCarloResult {
     /// Photons traced.
     pub photons: u64,
@@ -124,10 +126,14 @@ pub struct MonteCarloResult {
     pub transmitted_rings: Vec<Ring>,
     /// Fluence from the surface downward, as deep as the grid.
     pub slices: Vec<Slice>,
-    pub(super) seed: u64,
+    /// Seed.
+    pub seed: u64,
+    #[serde(skip)]
     pub(super) incidence: Incidence,
+    #[serde(skip)]
     pub(super) stack: OpticalStack,
     /// Fluence in each slice, of each group.
+    #[serde(skip)]
     pub(super) fluence_by_group: Vec<Vec<f64>>,
 }
 

@@ -1,0 +1,106 @@
+//! Light in layered tissue: where it leaves around a beam, and how deep it goes.
+
+use crate::{Axis, Dash, Figure, Ink, Label, Panel, Series, Shape};
+
+/// Estimates along a line, with their standard errors.
+#[derive(Clone, Debug, PartialEq)]
+pub struct EstimatedCurve {
+    /// Name in the legend.
+    pub name: String,
+    /// Position, value and standard error of the value.
+    pub points: Vec<[f64; 3]>,
+}
+
+impl EstimatedCurve {
+    /// Whether a point is worth drawing: known to better than half of its value.
+    fn is_known(&[_, value, error]: &[f64; 3]) -> bool {
+        value > 0.0 && error < 0.5 * value
+    }
+
+    /// The line, and the band of one standard error on both sides.
+    fn series(&self, index: usize) -> [Series; 2] {
+        let known = || self.points.iter().filter(|point| Self::is_known(point));
+        let upper = known().map(|[x, value, error]| [*x, value + error]);
+        let lower = known().map(|[x, value, error]| [*x, value - error]);
+        let mut outline: Vec<[f64; 2]> = upper.collect();
+        outline.extend(lower.collect::<Vec<_>>().into_iter().rev());
+        let line = known().map(|[x, value, _]| [*x, *value]).collect();
+        let ink = Ink::cycle(index);
+        [
+            Series::unnamed(ink, Shape::Area { outline, opacity: 0.25 }),
+            Series::dashed(self.name.clone(), ink, line, Dash::cycle(index)),
+        ]
+    }
+}
+
+/// Positions that hold everything worth drawing, from zero.
+fn reach(curves: &[EstimatedCurve]) -> f64 {
+    let points = curves.iter().flat_map(|curve| &curve.points);
+    points.filter(|point| EstimatedCurve::is_known(point)).map(|point| point[0]).fold(0.0, f64::max)
+}
+
+/// Light that leaves per area against the distance from the beam, mm and 1/mm².
+pub fn light_by_radius(curves: &[EstimatedCurve]) -> Figure {
+    let values = curves.iter().flat_map(|curve| &curve.points).map(|point| point[1]);
+    let x = Axis::from_zero("distance from the beam", "mm", [reach(curves)]);
+    let mut panel = Panel::new(x, Axis::decades("leaving share of the light per area", "1/mm²", values, 6));
+    for series in curves.iter().enumerate().flat_map(|(index, curve)| curve.series(index)) {
+        panel = panel.with(series);
+    }
+    Figure::new("Light leaving the tissue", panel).explained(
+        "Share of the incident light that leaves per area, against the distance from where the beam enters. Bands are one \
+         standard error; what is known to less than half of its value is left out.",
+    )
+}
+
+/// Fluence against depth, mm, with the lower end, mm, and the name of each layer.
+pub fn light_by_depth(curves: &[EstimatedCurve], layers: &[(f64, String)]) -> Figure {
+    let values = curves.iter().flat_map(|curve| &curve.points).map(|point| point[1]);
+    let x = Axis::from_zero("depth", "mm", [reach(curves)]);
+    let y = Axis::from_zero("fluence per irradiance", "", values);
+    let mut panel = Panel::new(x.clone(), y.clone());
+    let mut top = 0.0;
+    for (bottom, name) in layers.iter().filter(|_| y.limits[1] > 0.0) {
+        if top < x.limits[1] {
+            let at = [0.5 * (top + bottom.min(x.limits[1])), 0.96 * y.limits[1]];
+            let label = Label { at, text: name.clone() };
+            panel = panel.with(Series::unnamed(Ink::Muted, Shape::Labels(vec![label])));
+        }
+        if *bottom < x.limits[1] {
+            let points = vec![[*bottom, y.limits[0]], [*bottom, y.limits[1]]];
+            let line = Shape::Line { points, width: 1.0, dash: Dash::Dotted };
+            panel = panel.with(Series::unnamed(Ink::Muted, line));
+        }
+        top = *bottom;
+    }
+    for series in curves.iter().enumerate().flat_map(|(index, curve)| curve.series(index)) {
+        panel = panel.with(series);
+    }
+    Figure::new("Light in the tissue", panel).explained(
+        "Light that passes a point from all directions (fluence), relative to the light on the surface, against the depth. \
+         Light that is scattered back passes again, so there may be more than fell in. Bands are one standard error; dotted \
+         lines are the interfaces of the layers.",
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn axes_reach_as_far_as_something_is_known() {
+        let points = vec![[0.1, 1.0, 0.1], [0.9, 0.1, 0.01], [5.0, 0.01, 0.009], [9.0, 0.0, 0.0]];
+        let curves = [EstimatedCurve { name: "reflected".into(), points }];
+        for figure in
+            [light_by_radius(&curves), light_by_depth(&curves, &[(0.2, "skin".into()), (9.0, "fat".into())])]
+        {
+            let limits = figure.panels[0].x.limits;
+            assert_eq!(limits, [0.0, 1.0]);
+            let svg = figure.to_svg();
+            assert!(svg.contains("reflected") && svg.contains("mm"), "{svg}");
+        }
+        let empty = [EstimatedCurve { name: "nothing".into(), points: vec![[0.5, 0.0, 0.0]] }];
+        assert!(light_by_radius(&empty).to_svg().contains("nothing"));
+        assert!(light_by_depth(&empty, &[(1.0, "skin".into())]).to_svg().contains("nothing"));
+    }
+}
