@@ -10,8 +10,10 @@
 //!
 //! Scenes are generated, from the same few formulas every time; nothing is read from files.
 
+mod cpu_time;
 pub mod export;
 mod meshes;
 mod scenes;
 
+pub use cpu_time::cpu_seconds;
 pub use scenes::{BenchmarkScene, SceneOptions};

@@ -23,7 +23,7 @@ use fluorspar::render::{RenderControl, RenderSettings, render};
 use fluorspar::scene::Scene;
 use fluorspar::spectral::WavelengthGrid;
 use fluorspar_accel::Allocator;
-use fluorspar_benchmarks::{BenchmarkScene, SceneOptions, export};
+use fluorspar_benchmarks::{BenchmarkScene, SceneOptions, cpu_seconds, export};
 use serde_json::{Value, json};
 
 #[global_allocator]
@@ -76,17 +76,6 @@ fn parse() -> Result<Arguments, Box<dyn Error>> {
     };
     let options = SceneOptions { grid, fluorophores, side };
     Ok(Arguments { scene, options, samples, depth, runs, seed, threads, images, export })
-}
-
-/// CPU seconds of this process so far, all threads; wall-clock time where the system does not tell.
-fn cpu_seconds(start: Instant) -> f64 {
-    // Fields 14 and 15 of stat, in clock ticks, of which Linux has 100 a second on every architecture.
-    let ticks = fs::read_to_string("/proc/self/stat").ok().and_then(|stat| {
-        let rest = stat.rsplit_once(')')?.1.to_owned();
-        let fields: Vec<&str> = rest.split_whitespace().collect();
-        Some(fields.get(11)?.parse::<f64>().ok()? + fields.get(12)?.parse::<f64>().ok()?)
-    });
-    ticks.map_or_else(|| start.elapsed().as_secs_f64(), |ticks| ticks / 100.0)
 }
 
 /// Most memory so far, MiB; 0 where the system does not tell.
