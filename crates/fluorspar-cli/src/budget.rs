@@ -54,9 +54,6 @@ impl Budget {
     pub(crate) fn of_render(study: &Study, components: bool, keeps_film: bool) -> Self {
         let (scene, settings) = (&study.scene, &study.render);
         let whole = memory_bytes(scene, settings);
-        let image = image_bytes(study, components);
-        // Rows of an image in bands wait in a file.
-        let waiting = if whole > settings.memory_limit_bytes { image } else { 0 };
         let film_file = if keeps_film { film_file_bytes(study) } else { 0 };
         let in_memory = whole.min(settings.memory_limit_bytes);
         let conversion = (in_memory / 4).min(CONVERSION_BYTES);
@@ -64,7 +61,7 @@ impl Budget {
             film: in_memory,
             surfaces: surface_bytes(scene),
             other: whole_image_bytes(scene) + PROGRAM_BYTES + conversion,
-            disk: image + waiting + film_file,
+            disk: image_room_bytes(study, components) + film_file,
         }
     }
 
@@ -170,8 +167,8 @@ pub(crate) fn say_time(
     }
 }
 
-/// Room of a rendered image on the disk, bytes: all values as they are in memory, which packing only makes less.
-pub(crate) fn image_bytes(study: &Study, components: bool) -> u64 {
+/// Size of a rendered image on the disk, bytes, at most: all values as they are in memory, which packing only makes less.
+fn image_bytes(study: &Study, components: bool) -> u64 {
     let (scene, settings) = (&study.scene, &study.render);
     let film = memory_bytes(scene, settings);
     if !components {
@@ -184,6 +181,13 @@ pub(crate) fn image_bytes(study: &Study, components: bool) -> u64 {
         _ => film / 4 * 3,
     };
     values + whole_image_bytes(scene)
+}
+
+/// Room of a rendered image on the disk while it is made, bytes: rows of one in bands wait in a file of their own.
+pub(crate) fn image_room_bytes(study: &Study, components: bool) -> u64 {
+    let image = image_bytes(study, components);
+    let in_bands = memory_bytes(&study.scene, &study.render) > study.render.memory_limit_bytes;
+    if in_bands { 2 * image } else { image }
 }
 
 /// Room of a film on the disk while it is renewed, bytes: the earlier one stays until the new one is complete.

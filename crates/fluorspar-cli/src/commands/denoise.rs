@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use clap::ValueHint;
 use fluorspar::pipeline::{DenoiseError, DenoiseSettings, denoise};
 use fluorspar::units::number_text;
-use fluorspar_format::read_component_image;
+use fluorspar_format::{check_room, read_component_image};
 
 use super::image_output::{ImageOutput, Storage};
 use crate::args::Talk;
@@ -70,6 +70,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         }
         error => CliError::Input(format!("{}: {error}", options.image.display())),
     })?;
+    check_room(&options.out, 4 * image.data.len() as u64)?;
     output.write(&image, &provenance)?;
     set.finish()?;
     if options.talk.json {

@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use clap::ValueHint;
 use fluorspar::image::Film;
-use fluorspar_format::{Output, Provenance, read_film, write_film};
+use fluorspar_format::{Output, Provenance, check_room, read_film, write_film};
 
 use super::image_output::ImageOutput;
 use super::row_bands;
@@ -54,6 +54,8 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     if !options.incomplete {
         check_complete(&film, &provenance, &films)?;
     }
+    // Values of an image take half of those of its film.
+    check_room(&options.output.out, film.layout().memory_bytes() / 2)?;
     if let Some(path) = &options.film {
         write_film(path, &film, Some(&provenance))?;
     }

@@ -17,7 +17,7 @@ use serde_json::json;
 use super::image_output::ImageOutput;
 use super::row_bands;
 use crate::args::{ExperimentArgs, Talk};
-use crate::budget::{Budget, Limits, film_file_bytes, image_bytes};
+use crate::budget::{Budget, Limits, film_file_bytes, image_room_bytes};
 use crate::error::{CliError, STOPPED};
 use crate::experiment_source::ExperimentSource;
 use crate::interrupt::{Left, interrupted};
@@ -107,7 +107,7 @@ impl Options {
     ) -> Result<OutputSet, CliError> {
         let mut outputs = match self.shard {
             Some(_) => Outputs::new(),
-            None => self.output.outputs(image_bytes(&experiment.study, self.output.components)),
+            None => self.output.outputs(image_room_bytes(&experiment.study, self.output.components)),
         };
         match &self.film {
             // What is in it already is judged where it is read.

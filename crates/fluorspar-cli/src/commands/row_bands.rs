@@ -40,6 +40,9 @@ pub(super) fn render(
     check_options(options, experiment, needed > limit)?;
     let rows_at_once =
         tile_rows_at_once(scene, settings).map_err(|error| in_bands(options, &error, needed))?;
+    // What follows takes minutes for a large image.
+    let set = options.declare(source, experiment)?;
+    messages.status(format!("Needs {}", options.budget(&experiment.study).text()));
     let renderer = FilmRenderer::for_rows(scene, settings)?;
     if let Some(folder) = options.film.as_deref().filter(|folder| folder.is_dir()) {
         check_folder(&renderer, folder)?;
@@ -56,7 +59,6 @@ pub(super) fn render(
     let planes = if options.output.components { BandPlanes::Components } else { BandPlanes::Sum };
     let images = planes.count(&layout);
     let [film, most] = memory_texts(needed, limit);
-    let set = options.declare(source, experiment)?;
     messages.status(format!(
         "Memory: the film takes {film}, {} of {most}{}: {} bands of up to {} rows, one after the other; {} of \
          finished rows wait beside {}",
@@ -67,7 +69,6 @@ pub(super) fn render(
         memory_text(4 * (layout.width * layout.height * layout.grid.len() * images) as u64),
         options.output.out.display()
     ));
-    messages.status(format!("Needs {}", options.budget(&experiment.study).text()));
     if !messages.is_quiet() {
         say_time(renderer.seconds_of(&Share::Whole, None), settings.samples_per_pixel, None, messages)?;
     }

@@ -32,6 +32,9 @@ static const int refused[] = {
 #ifdef SYS_copy_file_range
     SYS_copy_file_range,
 #endif
+#ifdef SYS_statfs
+    SYS_statfs, SYS_fstatfs,
+#endif
 #ifdef SYS_statx
     SYS_statx,
 #endif
