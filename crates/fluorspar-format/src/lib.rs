@@ -19,7 +19,8 @@
 //!
 //! Readers open files by [`read_bounded`] and its like: no more than a limit is read, whatever the system says of a file.
 //! Every reader says what is wrong with a file, where, and how to fix it ([`FormatError`]), and survives any bytes.
-//! Every writer leaves a complete file or none ([`write_atomically`]). Equal results give equal bytes.
+//! Every writer leaves a complete file or none ([`write_atomically`]). Equal results give equal bytes. A command declares all that
+//! it will write before it begins ([`Outputs`], [`OutputFolder`]). What takes long to make is kept in a [`Cache`].
 //!
 //! Out of scope: what the numbers mean. Readers neither normalize nor convert.
 

@@ -153,17 +153,7 @@ impl OutputFolder {
         }
         let (parent, name) = self.parent_and_name();
         let old = beside(&parent, &name, REPLACED);
-        if exchange(&self.partial, &self.target).is_ok() {
-            fs::rename(&self.partial, &old).map_err(failed)?;
-            self.done(&parent).map_err(failed)?;
-        } else {
-            fs::rename(&self.target, &old).map_err(failed)?;
-            if let Err(error) = self.put_at(&self.target.clone()) {
-                // The old results belong where they were; if even that fails, the message names the first failure.
-                let _ = fs::rename(&old, &self.target);
-                return Err(failed(error));
-            }
-        }
+        replace(&self.partial, &self.target, &old).and_then(|()| self.done(&parent)).map_err(failed)?;
         for left in left_over(&parent, &name, REPLACED) {
             if left != old {
                 // Results that were replaced by a process that was killed then; they may hold what is not ours.
@@ -246,6 +236,20 @@ impl Drop for OutputFolder {
             forget(&self.partial);
         }
     }
+}
+
+/// Puts a folder in the place of another one, which gets the name `old`.
+fn replace(partial: &Path, target: &Path, old: &Path) -> io::Result<()> {
+    // A signal waits until one of the two is in its place.
+    let _unfinished = lock_unfinished();
+    if exchange(partial, target).is_ok() {
+        return fs::rename(partial, old);
+    }
+    fs::rename(target, old)?;
+    fs::rename(partial, target).inspect_err(|_| {
+        // The old results belong where they were; if even that fails, the first failure is told.
+        let _ = fs::rename(old, target);
+    })
 }
 
 /// Takes a folder off those in work.
