@@ -96,6 +96,35 @@ fn an_error_ends_the_work_with_the_same_numbers_on_any_threads() {
 }
 
 #[test]
+fn sites_of_the_catalogue_fluoresce_less_with_more_blood() {
+    let folder = folder();
+    let site = |more: &[&str]| {
+        let start = ["tissue", "mc", "dorsal_tongue", "--wavelength-nm", "405", "--emission-nm", "520"];
+        let rest = ["--photons", "10000", "--reciprocity", "--diffuse", "--json"];
+        fluorspar(folder.path(), start.iter().chain(&rest).chain(more).copied()).json()
+    };
+    let [normal, bloody] = [site(&[]), site(&["--state", "hyperaemia"])];
+    let upward = |found: &Value| mean(&found["reciprocity"]["upward"]);
+    // Ten times the superficial blood: .40 of normal at 520 nm under 405 nm, within .03, here with 3 % of noise.
+    let ratio = upward(&bloody) / upward(&normal);
+    assert!((ratio - 0.40).abs() < 0.05, "{ratio}");
+    let set = ["--set", "superficial_blood_fraction=0.03"];
+    assert_eq!(upward(&site(&set)), upward(&bloody));
+    let wrong: [(&[&str], &str); 6] = [
+        (&["dorsal_tongue"], "give the wavelength of the light, --wavelength-nm 405"),
+        (&["dorsal_tounge", "--wavelength-nm", "405"], "dorsal_tongue"),
+        (&["lip", "--wavelength-nm", "405", "--state", "ill"], "hyperaemia"),
+        (&["lip", "--wavelength-nm", "405", "--set", "blood=1"], "superficial_blood_fraction"),
+        (&["lip", "--wavelength-nm", "405", "--emission-nm", "380"], "nothing fluoresces there under 405 nm"),
+        (&["mucosa.toml", "--wavelength-nm", "405"], "a file of layers states its optical properties itself"),
+    ];
+    for (words, message) in wrong {
+        let said = fluorspar(folder.path(), ["tissue", "mc"].iter().chain(words).copied());
+        assert!(said.code == Some(2) && said.stderr.contains(message), "{message}: {said:#?}");
+    }
+}
+
+#[test]
 fn wrong_input_is_told_with_its_place_and_range() {
     let folder = folder();
     let before = listing(folder.path());

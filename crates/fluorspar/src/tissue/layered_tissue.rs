@@ -183,6 +183,16 @@ impl LayeredTissue {
         OpticalStack { layers, index_above: 1.0, index_below }
     }
 
+    /// Photons that each layer emits per nm of emission and per mm of path of a photon of the excitation: absorption times
+    /// quantum yield per nm, 1/(mm nm), of all fluorophores of the layer.
+    #[must_use]
+    pub fn strengths_per_mm_nm(&self, excitation_nm: f64, emission_nm: f64) -> Vec<f64> {
+        let strength = |content: &TissueFluorophore| {
+            content.scale_per_mm() * content.fluorophore.eem.at(emission_nm, excitation_nm)
+        };
+        self.layers.iter().map(|layer| layer.fluorophores.iter().map(strength).sum()).collect()
+    }
+
     /// The layer of a name.
     #[must_use]
     pub fn layer(&self, name: &str) -> Option<&TissueLayer> {

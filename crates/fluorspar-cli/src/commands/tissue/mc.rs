@@ -1,7 +1,7 @@
 //! `fluorspar tissue mc`.
 
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::ValueHint;
@@ -12,15 +12,15 @@ use fluorspar::tissue::monte_carlo::{
     simulate_fluorescence,
 };
 use fluorspar::tissue::{Incidence, TissueError};
-use fluorspar_experiment::{ResolvedLayers, parse_layers};
+use fluorspar_experiment::ResolvedLayers;
 use fluorspar_format::{OutputFolder, write_atomically};
 use serde::Serialize;
 
 use super::mc_output::{describe, figures, tables};
+use super::source::TissueArgs;
 use crate::args::Talk;
 use crate::commands::{print_json, print_text};
 use crate::error::{CliError, STOPPED};
-use crate::experiment_source::read_text;
 use crate::interrupt::{Left, STOP, interrupted, save_when_interrupted};
 use crate::message::Messages;
 use crate::progress::WorkReport;
@@ -34,12 +34,8 @@ const FOLDER_BYTES: u64 = 64 << 20;
 /// Options of `tissue mc`.
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct Options {
-    /// File of plane layers (.toml with [[layer]] sections).
-    #[arg(value_name = "LAYERS", value_hint = ValueHint::FilePath)]
-    layers: PathBuf,
-    /// Change one value, for instance `--set layer.epithelium.thickness_mm=0.2`. May be repeated.
-    #[arg(long = "set", value_name = "PATH=VALUE")]
-    set: Vec<String>,
+    #[command(flatten)]
+    tissue: TissueArgs,
     /// Angle of the incident beam to the normal, degrees.
     #[arg(long, value_name = "DEG", default_value_t = 0.0, value_parser = values::number, allow_negative_numbers = true)]
     angle_deg: f64,
@@ -93,6 +89,9 @@ pub(super) struct Found {
     pub(super) layers: Vec<String>,
     /// Whether the light was diffuse, else a beam at this angle, degrees.
     pub(super) angle_deg: Option<f64>,
+    /// Wavelength at which the fluorescence is per nm; without it the fluorescence is that of the whole emission.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) emission_nm: Option<f64>,
     /// At the excitation, where there is fluorescence.
     pub(super) light: MonteCarloResult,
     /// Emission traced forward.
@@ -115,15 +114,13 @@ pub(super) struct Emission {
 
 pub(super) fn run(options: &Options) -> Result<ExitCode, CliError> {
     check_range("--angle-deg", options.angle_deg, [0.0, 89.0], "degrees")?;
-    let name = options.layers.display().to_string();
-    let folder = options.layers.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let layers = parse_layers(&read_text(&options.layers)?, &name, folder, &options.set)?;
+    let layers = options.tissue.resolve()?;
     if options.reciprocity && layers.emission.is_none() {
-        let message = "--reciprocity: the layers do not fluoresce; give each a [layer.emission] table";
+        let message = "--reciprocity: the layers do not fluoresce; give each a [layer.emission] table, or a site its --emission-nm";
         return Err(CliError::Input(message.into()));
     }
     let settings = options.settings(&layers)?;
-    let inputs = [options.layers.clone()];
+    let inputs: Vec<PathBuf> = options.tissue.file().into_iter().collect();
     let out =
         options.out.as_ref().map(|out| OutputFolder::prepare(out, &inputs, FOLDER_BYTES)).transpose()?;
     let found = options.trace(layers.clone(), &settings)?;
@@ -181,6 +178,7 @@ impl Options {
             title: layers.title,
             layers: layers.names,
             angle_deg,
+            emission_nm: self.tissue.emission_nm(),
             light,
             fluorescence: None,
             reciprocity: None,

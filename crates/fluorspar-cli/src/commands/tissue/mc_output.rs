@@ -97,15 +97,17 @@ pub(super) fn describe(found: &Found, layers: &ResolvedLayers) -> String {
     for (name, absorbed) in layers.names.iter().zip(&light.absorbed_by_layer) {
         rows.push(row(format!("absorbed in {name}"), *absorbed));
     }
+    let unit =
+        found.emission_nm.map_or_else(|| "photons".to_string(), |nm| format!("photons per nm at {nm} nm"));
     let by_layer = |upward: Estimate, parts: &[Estimate]| {
         let parts = layers.names.iter().zip(parts).filter(|(_, part)| part.mean > 0.0);
-        let mut rows = vec![row("fluorescence upward, photons".into(), upward)];
+        let mut rows = vec![row(format!("fluorescence upward, {unit}"), upward)];
         rows.extend(parts.map(|(name, part)| row(format!("  from {name}"), *part)));
         rows
     };
     if let Some(emission) = &found.fluorescence {
         rows.extend(by_layer(emission.upward, &emission.upward_by_layer));
-        rows.push(row("fluorescence downward, photons".into(), emission.downward));
+        rows.push(row(format!("fluorescence downward, {unit}"), emission.downward));
     }
     if let Some(reciprocity) = &found.reciprocity {
         rows.extend(by_layer(reciprocity.upward, &reciprocity.upward_by_layer));

@@ -2,6 +2,7 @@
 
 mod mc;
 mod mc_output;
+mod source;
 
 use std::process::ExitCode;
 
@@ -18,7 +19,7 @@ pub(crate) struct Options {
 
 #[derive(Clone, Debug, Subcommand)]
 enum Action {
-    /// Trace photons through plane layers by Monte Carlo: reflectance, transmittance, absorption, fluence, fluorescence.
+    /// Trace photons through the layers of a tissue by Monte Carlo: reflectance, transmittance, absorption, fluence, fluorescence.
     Mc(mc::Options),
 }
 

@@ -1,0 +1,105 @@
+//! The tissue that a command is about: a site of the catalogue, or a file of layers.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use clap::ValueHint;
+use fluorspar::tissue::{Site, TissueState};
+use fluorspar_experiment::preset::fluorophore;
+use fluorspar_experiment::{ResolvedEmission, ResolvedLayers, parse_layers};
+
+use crate::error::CliError;
+use crate::experiment_source::read_text;
+use crate::values::{self, check_range};
+
+/// Wavelengths at which tissue is known, nm.
+const WAVELENGTH_NM: [f64; 2] = [350.0, 1000.0];
+
+/// Which tissue, at which wavelengths.
+#[derive(Clone, Debug, clap::Args)]
+pub(super) struct TissueArgs {
+    /// Site of the catalogue, for instance dorsal_tongue, lip or tooth, or a file of plane layers (.toml with [[layer]]
+    /// sections).
+    #[arg(value_name = "TISSUE", value_hint = ValueHint::FilePath)]
+    tissue: String,
+    /// Wavelength of the light on a site, nm.
+    #[arg(long, value_name = "NM", value_parser = values::number, allow_negative_numbers = true)]
+    wavelength_nm: Option<f64>,
+    /// Wavelength of the fluorescence of a site, nm, which is given per nm [default: no fluorescence].
+    #[arg(long, value_name = "NM", requires = "wavelength_nm", value_parser = values::number,
+        allow_negative_numbers = true)]
+    emission_nm: Option<f64>,
+    /// State of a site: inflammation, hyperaemia or dysplasia. May be repeated.
+    #[arg(long, value_name = "STATE")]
+    state: Vec<String>,
+    /// Change one value: of a site `--set superficial_blood_fraction=0.01`, of a file
+    /// `--set layer.epithelium.thickness_mm=0.2`. May be repeated.
+    #[arg(long = "set", value_name = "PATH=VALUE")]
+    set: Vec<String>,
+}
+
+impl TissueArgs {
+    /// The file that it is read from.
+    pub(super) fn file(&self) -> Option<PathBuf> {
+        let path = Path::new(&self.tissue);
+        let is_file = path.extension().is_some() || self.tissue.contains(['/', '\\']) || path.exists();
+        is_file.then(|| path.to_path_buf())
+    }
+
+    /// Wavelength of the emission where the fluorescence is per nm.
+    pub(super) fn emission_nm(&self) -> Option<f64> {
+        self.emission_nm
+    }
+
+    pub(super) fn resolve(&self) -> Result<ResolvedLayers, CliError> {
+        let Some(path) = self.file() else { return self.of_site() };
+        if let Some(option) =
+            [self.wavelength_nm.map(|_| "--wavelength-nm"), (!self.state.is_empty()).then_some("--state")]
+                .into_iter()
+                .flatten()
+                .next()
+        {
+            let message =
+                format!("{option}: a file of layers states its optical properties itself; leave it out");
+            return Err(CliError::Input(message));
+        }
+        let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        Ok(parse_layers(&read_text(&path)?, &self.tissue, folder, &self.set)?)
+    }
+
+    fn of_site(&self) -> Result<ResolvedLayers, CliError> {
+        let mut site = Site::named(&self.tissue)?;
+        for state in &self.state {
+            site.apply(TissueState::named(state)?)?;
+        }
+        for change in &self.set {
+            let (name, value) = change.split_once('=').ok_or_else(|| {
+                CliError::Input(format!("--set {change}: write NAME=VALUE, such as oxygen_saturation=0.9"))
+            })?;
+            let value =
+                values::number(value).map_err(|why| CliError::Input(format!("--set {change}: {why}")))?;
+            site.set(name.trim(), value)?;
+        }
+        let tissue = site.tissue(&|name| Some(Arc::new(fluorophore(name).ok()?.fluorophore())))?;
+        let nm = self.wavelength_nm.ok_or_else(|| {
+            let message = format!("{}: give the wavelength of the light, --wavelength-nm 405", self.tissue);
+            CliError::Input(message)
+        })?;
+        check_range("--wavelength-nm", nm, WAVELENGTH_NM, "nm")?;
+        let emission = self.emission_nm.map(|emission_nm| {
+            check_range("--emission-nm", emission_nm, WAVELENGTH_NM, "nm")?;
+            let strengths_per_mm = tissue.strengths_per_mm_nm(nm, emission_nm);
+            if strengths_per_mm.iter().all(|strength| *strength == 0.0) {
+                let message = format!("--emission-nm {emission_nm}: nothing fluoresces there under {nm} nm");
+                return Err(CliError::Input(message));
+            }
+            Ok(ResolvedEmission { stack: tissue.optics(emission_nm), strengths_per_mm })
+        });
+        Ok(ResolvedLayers {
+            title: format!("{} at {nm} nm", site.title()),
+            names: tissue.layers.iter().map(|layer| layer.name.clone()).collect(),
+            stack: tissue.optics(nm),
+            emission: emission.transpose()?,
+        })
+    }
+}
