@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::{FluorophorePreset, PresetKind, fluorophore, names};
+use fluorspar::spectral::YieldUnit;
 
 /// The folder of reference data: `FLUORSPAR_REFERENCE`, or `shared/reference` beside the repository.
 fn reference_folder() -> Option<PathBuf> {
@@ -42,7 +43,11 @@ fn relative_error(preset: &FluorophorePreset, data: &[(f64, f64, f64)], stokes_g
             && emission - excitation >= stokes_gap_nm
             && (emission - 2.0 * excitation).abs() >= second_order_gap_nm;
         if counts {
-            let model = eem.unmasked(emission, excitation);
+            let photons = eem.unmasked(emission, excitation);
+            let model = match preset.unit {
+                YieldUnit::Photons => photons,
+                YieldUnit::Energy => photons * excitation / emission,
+            };
             mm += model * model;
             md += model * value;
             dd += value * value;

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::catalogue::{PresetError, PresetKind, damaged, parse};
 use super::curve_preset::check_name;
-use fluorspar::spectral::{BandTerm, Fluorophore, Stokes};
+use fluorspar::spectral::{BandTerm, Fluorophore, Stokes, YieldUnit};
 
 /// Which cells of a measured matrix count in the error of a fit.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -70,6 +70,9 @@ pub struct FluorophorePreset {
     pub excitation_range_nm: [f64; 2],
     /// Where the emission spectrum is backed by data, nm.
     pub emission_range_nm: [f64; 2],
+    /// Unit of the data that the bands were fitted to, and so of the bands. Default "photons".
+    #[serde(default)]
+    pub unit: YieldUnit,
     /// Photons out per photon in at the best excitation, at concentration 1.
     pub photon_yield: f64,
     /// Whether anti-Stokes emission is masked.
@@ -95,6 +98,7 @@ impl FluorophorePreset {
             &self.name,
             &self.title,
             &self.terms,
+            self.unit,
             stokes,
             photon_yield,
             self.excitation_range_nm.into(),

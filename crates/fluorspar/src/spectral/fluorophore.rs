@@ -46,13 +46,24 @@ impl LogNormalBand {
     }
 }
 
+/// Unit of the values of a measured matrix or emission spectrum.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum YieldUnit {
+    /// Photons out per photon in.
+    #[default]
+    Photons,
+    /// Energy out per energy in.
+    Energy,
+}
+
 /// One separable term of a modeled fluorophore: sums of bands for excitation and emission.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct BandTerm {
     /// Excitation bands; their weights set the strength of the term.
     pub excitation: Vec<LogNormalBand>,
-    /// Emission bands (photons per nm), relative to each other.
+    /// Emission bands (photons or energy per nm), relative to each other.
     pub emission: Vec<LogNormalBand>,
 }
 
@@ -78,12 +89,14 @@ pub struct Fluorophore {
 
 impl Fluorophore {
     /// A fluorophore from band models, scaled so that the photon yield, before the Stokes mask and over all emission,
-    /// is `photon_yield` at the best excitation wavelength within `excitation_range_nm`, at concentration 1.
+    /// is `photon_yield` at the best excitation wavelength within `excitation_range_nm`, at concentration 1. Bands of energy
+    /// become photons by the factor emission over excitation wavelength.
     #[expect(clippy::too_many_arguments, reason = "one call site: the catalogue's file layout")]
     pub fn from_bands(
         name: &str,
         title: &str,
         terms: &[BandTerm],
+        unit: YieldUnit,
         stokes: Stokes,
         photon_yield: f64,
         excitation_range_nm: (f64, f64),
@@ -91,14 +104,16 @@ impl Fluorophore {
         source: &str,
     ) -> Self {
         let sum = |bands: &[LogNormalBand], nm: f64| bands.iter().map(|band| band.eval(nm)).sum::<f64>();
+        let factor = |nm: f64| if unit == YieldUnit::Energy { nm } else { 1.0 };
         let terms: Vec<SeparableTerm> = terms
             .iter()
             .map(|term| {
-                let emission =
-                    Curve::from_fn(EMISSION_SPAN_NM.0, EMISSION_SPAN_NM.1, |nm| sum(&term.emission, nm));
+                let emission = Curve::from_fn(EMISSION_SPAN_NM.0, EMISSION_SPAN_NM.1, |nm| {
+                    factor(nm) * sum(&term.emission, nm)
+                });
                 let area = emission.total();
                 let excitation = Curve::from_fn(EMISSION_SPAN_NM.0, EMISSION_SPAN_NM.1, |nm| {
-                    area * sum(&term.excitation, nm)
+                    area * sum(&term.excitation, nm) / factor(nm)
                 });
                 SeparableTerm { excitation, emission: emission.scaled(1.0 / area) }
             })
@@ -151,9 +166,20 @@ mod tests {
             BandTerm { excitation: vec![band(380.0, 4000.0)], emission: vec![band(520.0, 3000.0)] },
             BandTerm { excitation: vec![band(430.0, 3000.0)], emission: vec![band(560.0, 2000.0)] },
         ];
-        let f =
-            Fluorophore::from_bands("x", "X", &terms, Stokes::Off, 1e-3, (300.0, 500.0), (450.0, 700.0), "");
-        let best = (300..500).map(|nm| f.photon_yield(f64::from(nm), 200.0, 1000.0)).fold(0.0, f64::max);
-        assert!((best / 1e-3 - 1.0).abs() < 1e-3, "{best}");
+        let of_unit = |unit| {
+            let (excitation, emission) = ((300.0, 500.0), (450.0, 700.0));
+            Fluorophore::from_bands("x", "X", &terms, unit, Stokes::Off, 1e-3, excitation, emission, "")
+        };
+        let [photons, energy] = [of_unit(YieldUnit::Photons), of_unit(YieldUnit::Energy)];
+        for f in [&photons, &energy] {
+            let best = (300..500).map(|nm| f.photon_yield(f64::from(nm), 200.0, 1000.0)).fold(0.0, f64::max);
+            assert!((best / 1e-3 - 1.0).abs() < 1e-3, "{best}");
+        }
+        // Energy of the bands becomes photons: times emission over excitation wavelength.
+        let ratio = |emission: f64, excitation: f64| {
+            energy.eem.at(emission, excitation) / photons.eem.at(emission, excitation)
+        };
+        let expected = (560.0 / 430.0) / (500.0 / 380.0);
+        assert!((ratio(560.0, 430.0) / ratio(500.0, 380.0) / expected - 1.0).abs() < 1e-6);
     }
 }

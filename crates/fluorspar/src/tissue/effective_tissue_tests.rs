@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::angular_quadrature::gauss_legendre;
 use super::*;
-use crate::spectral::{BandTerm, Curve, Fluorophore, LogNormalBand, Stokes, WavelengthGrid};
+use crate::spectral::{BandTerm, Curve, Fluorophore, LogNormalBand, Stokes, WavelengthGrid, YieldUnit};
 
 fn band(peak_nm: f64, fwhm_per_cm: f64) -> LogNormalBand {
     LogNormalBand { peak_nm, fwhm_per_cm, skew: 1.1, weight: 1.0 }
@@ -18,7 +18,17 @@ fn emitter() -> Arc<Fluorophore> {
         BandTerm { excitation: vec![band(420.0, 5000.0)], emission: vec![band(540.0, 4000.0)] },
     ];
     let range = (350.0, 520.0);
-    Arc::new(Fluorophore::from_bands("e", "E", &terms, Stokes::Mask, 1e-3, range, (400.0, 700.0), ""))
+    Arc::new(Fluorophore::from_bands(
+        "e",
+        "E",
+        &terms,
+        YieldUnit::Photons,
+        Stokes::Mask,
+        1e-3,
+        range,
+        (400.0, 700.0),
+        "",
+    ))
 }
 
 fn layer(name: &str, thickness_um: f64, scattering_per_mm: f64, anisotropy: f64, blood: f64) -> TissueLayer {

@@ -2,12 +2,12 @@
 
 use std::path::Path;
 
-use fluorspar::spectral::{Fluorophore, Stokes, YieldDensity};
+use fluorspar::spectral::{Fluorophore, Stokes, YieldDensity, YieldUnit};
 use fluorspar::units::number_text;
 use fluorspar_experiment::parse_sample;
 use fluorspar_experiment::preset::{self, FluorophorePreset};
 use fluorspar_experiment::schema::{
-    FilePath, FluorophoreSection, FluorophoreSource, MatSource, MatrixSource, TableSource, YieldUnit,
+    FilePath, FluorophoreSection, FluorophoreSource, MatSource, MatrixSource, TableSource,
 };
 use serde::Serialize;
 
