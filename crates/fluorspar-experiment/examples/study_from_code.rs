@@ -91,6 +91,7 @@ pub(crate) fn study() -> Result<Study, Box<dyn Error>> {
     let field_deg = (2.0 * half_field).to_degrees() as f32;
     let position = Vec3::new(0.0, 0.0, (1e-3 * DISTANCE_MM) as f32);
     let view = PerspectiveCamera::look_at(position, Vec3::ZERO, Vec3::Y, field_deg, 64, 48);
+    let scene = scene(view.ok_or("a view")?)?;
 
     let dark = Capture::from(CaptureFrame::fixed::<&str>("ambient", [], 30.0));
     let lit = CaptureFrame::fixed("blue", [("blue", 1.0)], 30.0);
@@ -102,7 +103,7 @@ pub(crate) fn study() -> Result<Study, Box<dyn Error>> {
         rectangle_px: None,
         porphyrin: "protoporphyrin_ix".into(),
         bulk: bulk.map(|(name, amount)| ((*name).into(), *amount)).collect(),
-        absent_fluorophores: Vec::new(),
+        fluorophores: scene.fluorophores.clone(),
         noise_threshold: fluorspar::analysis::DEFAULT_NOISE_THRESHOLD,
     };
     Ok(Study {
@@ -111,7 +112,7 @@ pub(crate) fn study() -> Result<Study, Box<dyn Error>> {
         captures: vec![dark, lit],
         safety: Some(SafetyPlan::new(DISTANCE_MM)),
         analysis: Some(analysis),
-        ..Study::new(scene(view.ok_or("a view")?)?)
+        ..Study::new(scene)
     })
 }
 

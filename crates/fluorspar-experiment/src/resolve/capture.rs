@@ -1,6 +1,6 @@
 //! Exposures and analysis.
 
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 
 use super::context::{Context, Resolved};
 use super::material::Fluorophores;
@@ -11,13 +11,13 @@ use crate::schema::{
     AnalysisSection, BulkReference, CaptureSection, ExperimentFile, ExposureTime, TextureReference,
 };
 use fluorspar::light::LightGroup;
-use fluorspar::material::Material;
+use fluorspar::material::{Material, ScalarTexture, StateGrid};
 use fluorspar::names::did_you_mean;
 use fluorspar::optics::PerspectiveCamera;
 use fluorspar::quote::excerpt;
 use fluorspar::scene::{Object, Shape};
 use fluorspar::sensor::{AutoExposure, CaptureFrame, EXPOSURE_MS, Sensor};
-use fluorspar::spectral::{Curve, WavelengthGrid};
+use fluorspar::spectral::{Curve, Fluorophore, PhotonEem, WavelengthGrid};
 use fluorspar::study::{AnalysisPlan, Capture};
 
 fn hint<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> String {
@@ -226,6 +226,24 @@ pub(super) struct Seen<'a> {
     pub(super) sensor: Option<&'a Sensor>,
     /// Fluorophores of the scene.
     pub(super) fluorophores: &'a Fluorophores,
+    /// Number of the material that each material behind those of the file was copied from, for a lesion.
+    pub(super) copied_materials: &'a [usize],
+}
+
+impl Seen<'_> {
+    /// States of a material that is layered tissue.
+    fn states(&self, material: usize) -> Option<&StateGrid> {
+        self.materials[material].diffuse()?.states.as_ref()
+    }
+
+    /// Number of the material of the file that a material was made from.
+    fn original(&self, mut material: usize) -> usize {
+        let of_file = self.materials.len() - self.copied_materials.len();
+        while let Some(copy) = material.checked_sub(of_file) {
+            material = self.copied_materials[copy];
+        }
+        material
+    }
 }
 
 pub(super) fn analysis(
@@ -283,13 +301,15 @@ pub(super) fn analysis(
         note(context, &at, name)?;
         context.within(&at, *amount, [0.0, 1e6], "")?;
     }
+    let mut fluorophores = as_the_region_shows_them(file, section, seen);
+    fluorophores.extend(absent.list);
     Ok(Some(AnalysisPlan {
         frame: section.frame.clone(),
         parts: section.parts.clone(),
         rectangle_px: section.rectangle_px,
         porphyrin: section.porphyrin.clone(),
         bulk,
-        absent_fluorophores: absent.list,
+        fluorophores,
         noise_threshold: section.noise_threshold,
     }))
 }
@@ -368,34 +388,31 @@ fn bulk(
     section: &AnalysisSection,
     seen: &Seen<'_>,
 ) -> Resolved<Vec<(String, f64)>> {
-    let index = match &section.bulk {
-        Some(BulkReference::Concentrations(bulk)) => {
-            return Ok(bulk.iter().map(|(name, amount)| (name.clone(), *amount)).collect());
-        }
-        Some(BulkReference::Material(name)) => {
-            let found = file.material.iter().position(|material| material.name == *name);
-            if found.is_none() {
-                let names = file.material.iter().map(|material| material.name.as_str());
-                let message = format!("there is no [[material]] of this name{}", hint(name, names));
-                return context.fail(&steps!["analysis", "bulk"], message);
-            }
-            found
-        }
-        None => section
-            .parts
-            .first()
-            .and_then(|part| seen.objects.iter().find(|object| object.name == *part))
-            .map(|object| object.material),
-    };
-    let Some(index) = index else { return Ok(Vec::new()) };
-    let of_material = || seen.objects.iter().filter(move |object| object.material == index);
-    let in_region = |object: &&Object| section.parts.contains(&object.name);
-    let shapes = || {
-        let region_has_it = of_material().any(|object| in_region(&object));
-        of_material().filter(move |object| !region_has_it || in_region(object)).map(|object| &object.shape)
-    };
+    if let Some(BulkReference::Concentrations(bulk)) = &section.bulk {
+        return Ok(bulk.iter().map(|(name, amount)| (name.clone(), *amount)).collect());
+    }
+    if let Some(BulkReference::Material(name)) = &section.bulk
+        && !file.material.iter().any(|material| material.name == *name)
+    {
+        let names = file.material.iter().map(|material| material.name.as_str());
+        let message = format!("there is no [[material]] of this name{}", hint(name, names));
+        return context.fail(&steps!["analysis", "bulk"], message);
+    }
+    let Some(index) = bulk_material(file, section, seen) else { return Ok(Vec::new()) };
+    let shapes = || shapes_of(index, section, seen);
     let mut bulk = Vec::new();
-    for (name, reference) in file.material[index].concentrations().into_iter().flatten() {
+    if seen.states(index).is_some() {
+        // Of tissue the amounts are factors on what it holds, the same in all states
+        for (number, fluorophore) in seen.fluorophores.list.iter().enumerate() {
+            let held = seen.materials[index].fluorophores.iter().find(|held| held.fluorophore == number);
+            let factor = held.map_or(0.0, |held| surface_mean(&held.concentration, shapes()));
+            if factor > 0.0 && fluorophore.name != section.porphyrin {
+                bulk.push((fluorophore.name.clone(), factor));
+            }
+        }
+        return Ok(bulk);
+    }
+    for (name, reference) in file.material[seen.original(index)].concentrations().into_iter().flatten() {
         if *name == section.porphyrin {
             continue;
         }
@@ -412,4 +429,64 @@ fn bulk(
         }
     }
     Ok(bulk)
+}
+
+/// The material whose fluorophores form the bulk: the one that is named, otherwise that of the first part of the region.
+fn bulk_material(file: &ExperimentFile, section: &AnalysisSection, seen: &Seen<'_>) -> Option<usize> {
+    match &section.bulk {
+        Some(BulkReference::Concentrations(_)) => None,
+        Some(BulkReference::Material(name)) => {
+            file.material.iter().position(|material| material.name == *name)
+        }
+        None => {
+            let part = section.parts.first()?;
+            Some(seen.objects.iter().find(|object| object.name == *part)?.material)
+        }
+    }
+}
+
+/// Shapes of a material: those of the region, if any of these are made of it.
+fn shapes_of<'s>(
+    material: usize,
+    section: &AnalysisSection,
+    seen: &'s Seen<'_>,
+) -> impl Iterator<Item = &'s Shape> {
+    let of_material = move || seen.objects.iter().filter(move |object| object.material == material);
+    let in_region = |object: &&Object| section.parts.contains(&object.name);
+    let region_has_it = of_material().any(|object| in_region(&object));
+    let parts = section.parts.clone();
+    of_material()
+        .filter(move |object| !region_has_it || parts.contains(&object.name))
+        .map(|object| &object.shape)
+}
+
+/// The fluorophores of the scene. Where the first part of the region is layered tissue, they emit as its surface does, in the
+/// mean state of the region.
+fn as_the_region_shows_them(
+    file: &ExperimentFile,
+    section: &AnalysisSection,
+    seen: &Seen<'_>,
+) -> Vec<Fluorophore> {
+    let mut list = seen.fluorophores.list.clone();
+    let region =
+        section.parts.first().and_then(|part| seen.objects.iter().find(|object| object.name == *part));
+    let index = region.map(|object| object.material).or_else(|| bulk_material(file, section, seen));
+    let Some(index) = index else { return list };
+    let material = &seen.materials[index];
+    let Some(states) = seen.states(index) else { return list };
+    let mean = |map: &ScalarTexture| {
+        ScalarTexture::Constant(surface_mean(map, shapes_of(index, section, seen)) as f32)
+    };
+    let weights = states.with_maps(mean).weights_at(Vec2::ZERO);
+    for (number, fluorophore) in list.iter_mut().enumerate() {
+        let of_state = material.fluorophores.iter().filter(|amount| amount.fluorophore == number);
+        let parts = of_state.filter_map(|amount| {
+            let state = amount.in_tissue.as_ref()?;
+            Some((f64::from(weights[state.term]), &*state.eem))
+        });
+        if let Some(eem) = PhotonEem::weighted_sum(parts) {
+            fluorophore.eem = eem;
+        }
+    }
+    list
 }

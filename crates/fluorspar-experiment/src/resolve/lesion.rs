@@ -5,7 +5,7 @@ use std::sync::Arc;
 use glam::{Vec2, Vec3};
 
 use super::context::{Context, Resolved};
-use super::material::Fluorophores;
+use super::material::{Fluorophores, TissueRecipes};
 use super::spectrum::Role;
 use crate::error::{Place, steps};
 use crate::schema::{ExperimentFile, LesionSection, MouthSection};
@@ -30,6 +30,7 @@ pub(super) fn lesions(
     section: &MouthSection,
     grid: &WavelengthGrid,
     materials: &mut Vec<Material>,
+    mut recipes: TissueRecipes,
     fluorophores: &mut Fluorophores,
     parts: &mut [Object],
 ) -> Resolved<Vec<usize>> {
@@ -62,6 +63,30 @@ pub(super) fn lesions(
             let Some(unfold) = continuation(&lesion.part, &object.name) else { continue };
             let Some(mask) = spot.bake(unfold) else { continue };
             let blood_um = lesion.blood_um;
+            if let Some(recipe) = recipes.get(&object.material) {
+                let inside = |texture: &ScalarTexture, value: f32| {
+                    bake(texture, &mask, |around, m| around * (1.0 - m) + value * m)
+                };
+                let within = bake(&ScalarTexture::Constant(0.0), &mask, |_, m| m);
+                let recipe = recipe.with_lesion(context, &at, lesion, within, inside)?;
+                let (scattering, amounts) = recipe.resolve(context, file, grid, fluorophores)?;
+                let around = &materials[object.material];
+                let name = format!("{} with {}", around.name, lesion.name);
+                materials.push(Material { name, scattering, fluorophores: amounts, ..around.clone() });
+                copied.push(object.material);
+                object.material = materials.len() - 1;
+                recipes.insert(object.material, recipe);
+                continue;
+            }
+            if !(lesion.tissue.is_empty() && lesion.states.is_empty()) {
+                let message = format!(
+                    "material \"{}\" of part \"{}\" is not of layered tissue; give it type = \"tissue\", or the lesion a blood_um, a \
+                     reflectance or concentrations",
+                    materials[object.material].name, object.name
+                );
+                let field = if lesion.tissue.is_empty() { "states" } else { "tissue" };
+                return context.fail(&at.field(field), message);
+            }
             if reflectance.is_some() && materials[object.material].diffuse().is_none() {
                 let message = format!(
                     "material \"{}\" of part \"{}\" has no diffuse reflectance that a lesion could change; remove it",

@@ -1,14 +1,17 @@
 //! Fluorophores and materials.
 
+use std::collections::BTreeMap;
+
 use super::context::{Context, Resolved};
 use super::mouth;
 use super::spectrum::Role;
+use super::tissue::TissueRecipe;
 use crate::error::{Place, steps};
 use crate::preset::{self, PresetKind};
 use crate::schema::{
     ExperimentFile, FilePath, FluorophoreSection, FluorophoreSource, GlossSection, MatSource,
     MaterialSection, MatrixSource, MetalIndex, MetalReference, NormalMapSection, ReflectanceReference,
-    ScatteringSection, SpectraSource, SpectrumReference, TableSource, TextureReference, YieldUnit,
+    ScatteringSection, SpectraSource, SpectrumReference, TableSource, TextureReference,
 };
 use fluorspar::material::{
     Coat, Coated, Conductor, Dielectric, FluorophoreAmount, Lambertian, Material, Mixture, NormalMap,
@@ -17,7 +20,7 @@ use fluorspar::material::{
 use fluorspar::names::did_you_mean;
 use fluorspar::quote::excerpt;
 use fluorspar::spectral::{
-    Curve, EemTable, EnergyEem, Fluorophore, PhotonEem, SeparableTerm, Stokes, WavelengthGrid,
+    Curve, EemTable, EnergyEem, Fluorophore, PhotonEem, SeparableTerm, Stokes, WavelengthGrid, YieldUnit,
 };
 use fluorspar_format::{
     AntiStokes, CsvColumns, CsvEemOptions, CsvSpectrumOptions, EemUnit, Negative, Transfer, read_eem_csv,
@@ -25,7 +28,7 @@ use fluorspar_format::{
 };
 
 /// Largest concentration that is accepted.
-const MAX_CONCENTRATION: f64 = 1e6;
+pub(super) const MAX_CONCENTRATION: f64 = 1e6;
 
 /// Fluorophores in use, in the order of their first use.
 #[derive(Default)]
@@ -298,6 +301,9 @@ fn from_mat(
     separable(context, at, unit, curve(excitation)?, curve(emission)?, stokes)
 }
 
+/// Materials of layered tissue by their numbers.
+pub(super) type TissueRecipes = BTreeMap<usize, TissueRecipe>;
+
 /// Most materials of an experiment: each mixture is followed through all of its parts.
 const MAX_MATERIALS: usize = 4000;
 
@@ -307,12 +313,13 @@ pub(super) fn materials(
     file: &ExperimentFile,
     grid: &WavelengthGrid,
     fluorophores: &mut Fluorophores,
-) -> Resolved<Vec<Material>> {
+) -> Resolved<(Vec<Material>, TissueRecipes)> {
     if file.material.len() > MAX_MATERIALS {
         let message = format!("{} materials; an experiment has at most {MAX_MATERIALS}", file.material.len());
         return context.fail(&steps!["material"], message);
     }
     let mut materials = Vec::with_capacity(file.material.len());
+    let mut recipes = TissueRecipes::new();
     if let Some(mouth) = &file.mouth {
         mouth::check_parameters(context, &mouth.parameters)?;
         context.mouth = Some(mouth.parameters.clone());
@@ -322,11 +329,22 @@ pub(super) fn materials(
         let earlier = file.material[..index].iter().map(|other| other.name.as_str());
         context.unique_name(&at, &section.name, earlier)?;
         context.tissue = mouth::only_tissue(file, &section.name);
-        let scattering = scattering(context, &at, section, file, grid)?;
-        materials.push(material(context, &at, section, scattering, file, fluorophores)?);
+        let (scattering, amounts) = match &section.scattering {
+            ScatteringSection::Tissue(tissue) => {
+                let recipe = TissueRecipe::new(context, &at, tissue, file)?;
+                let resolved = recipe.resolve(context, file, grid, fluorophores)?;
+                recipes.insert(index, recipe);
+                resolved
+            }
+            _ => (
+                scattering(context, &at, section, file, grid)?,
+                concentrations(context, &at, section, file, fluorophores)?,
+            ),
+        };
+        materials.push(material(context, &at, section, scattering, amounts)?);
     }
     context.tissue = None;
-    Ok(materials)
+    Ok((materials, recipes))
 }
 
 /// How a material reflects and transmits light.
@@ -355,6 +373,8 @@ fn scattering(
                 Some(coat) => Scattering::Coated(Coated { base, coat }),
             })
         }
+        // Resolved together with its fluorophores.
+        ScatteringSection::Tissue(_) => Ok(Scattering::default()),
         ScatteringSection::Dielectric(glass) => {
             let index = glass.refractive_index;
             if !(index > 1.0 && index <= 3.0) {
@@ -459,7 +479,11 @@ fn reflectance(
 }
 
 /// The clear layer on a diffuse surface.
-fn gloss(context: &mut Context<'_>, at: &Place, section: Option<&GlossSection>) -> Resolved<Option<Coat>> {
+pub(super) fn gloss(
+    context: &mut Context<'_>,
+    at: &Place,
+    section: Option<&GlossSection>,
+) -> Resolved<Option<Coat>> {
     let Some(gloss) = section else { return Ok(None) };
     let index = context.within(&at.field("refractive_index"), gloss.refractive_index, [1.0, 3.0], "")?;
     let roughness_at = at.field("roughness");
@@ -470,14 +494,14 @@ fn gloss(context: &mut Context<'_>, at: &Place, section: Option<&GlossSection>) 
     Ok(Some(Coat { refractive_index: index as f32, roughness }))
 }
 
-fn material(
+/// Fluorophores on a surface.
+fn concentrations(
     context: &mut Context<'_>,
     at: &Place,
     section: &MaterialSection,
-    scattering: Scattering,
     file: &ExperimentFile,
     fluorophores: &mut Fluorophores,
-) -> Resolved<Material> {
+) -> Resolved<Vec<FluorophoreAmount>> {
     let mut amounts = Vec::new();
     for (name, reference) in section.concentrations().into_iter().flatten() {
         let at = at.field("concentrations").field(name);
@@ -492,6 +516,16 @@ fn material(
             return Err(unknown(context, &at, &file.fluorophore, name));
         }
     }
+    Ok(amounts)
+}
+
+fn material(
+    context: &mut Context<'_>,
+    at: &Place,
+    section: &MaterialSection,
+    scattering: Scattering,
+    amounts: Vec<FluorophoreAmount>,
+) -> Resolved<Material> {
     let opacity = match &section.opacity {
         None => None,
         Some(opacity) => Some(context.texture(&at.field("opacity"), opacity, 1.0)?),

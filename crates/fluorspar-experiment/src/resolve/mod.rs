@@ -13,6 +13,7 @@ mod object;
 mod record;
 pub(super) mod spectrum;
 mod surface_mean;
+pub(super) mod tissue;
 
 pub use self::record::{FileRecord, InputFile};
 
@@ -58,10 +59,11 @@ pub fn resolve(experiment: &Experiment) -> Result<ResolvedExperiment, Experiment
     let mut light_groups = Vec::new();
     let lights = light::lights(context, &file.light, &view, &grid, &mut light_groups)?;
     material::check_sections(context, &file.fluorophore)?;
+    tissue::check_sections(context, &file.tissue)?;
     let mut fluorophores = material::Fluorophores::default();
-    let mut materials = material::materials(context, file, &grid, &mut fluorophores)?;
+    let (mut materials, recipes) = material::materials(context, file, &grid, &mut fluorophores)?;
     let (objects, copied_materials) =
-        object::objects(context, file, &mut materials, &mut fluorophores, &grid, &mut light_groups)?;
+        object::objects(context, file, &mut materials, recipes, &mut fluorophores, &grid, &mut light_groups)?;
     let captures = capture::captures(context, file, &light_groups, &grid)?;
     let motion = instrument::motion(context, file)?;
     let develop = instrument::develop(context, file, sensor, &grid)?;
@@ -73,6 +75,7 @@ pub fn resolve(experiment: &Experiment) -> Result<ResolvedExperiment, Experiment
         camera: &view,
         sensor,
         fluorophores: &fluorophores,
+        copied_materials: &copied_materials,
     };
     let analysis = capture::analysis(context, file, &captures, &seen)?;
 
@@ -211,7 +214,7 @@ fn warn_unused(
         }
     }
     for (index, section) in file.fluorophore.iter().enumerate() {
-        let absent = analysis.iter().flat_map(|analysis| &analysis.absent_fluorophores);
+        let absent = analysis.iter().flat_map(|analysis| &analysis.fluorophores);
         if !scene.fluorophores.iter().chain(absent).any(|fluorophore| fluorophore.name == section.name) {
             context.warn(&steps!["fluorophore", index], "no material contains it");
         }

@@ -5,18 +5,8 @@ use std::collections::BTreeMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{FilePath, ReflectanceReference, SpectrumReference, TextureReference};
-use fluorspar::spectral::Stokes;
-
-/// Unit of the values of a measured matrix or emission spectrum.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum YieldUnit {
-    /// Photons out per photon in.
-    Photons,
-    /// Energy out per energy in.
-    Energy,
-}
+use super::{FilePath, ReflectanceReference, SpectrumReference, TextureReference, TissueMaterialSection};
+use fluorspar::spectral::{Stokes, YieldUnit};
 
 /// A fluorophore.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -135,6 +125,12 @@ pub struct GlossSection {
     pub roughness: TextureReference,
 }
 
+impl Default for GlossSection {
+    fn default() -> Self {
+        Self { refractive_index: mucosa_index(), roughness: mucosa_roughness() }
+    }
+}
+
 fn mucosa_index() -> f64 {
     1.4
 }
@@ -150,6 +146,8 @@ fn mucosa_roughness() -> TextureReference {
 pub enum ScatteringSection {
     /// Diffuse, with or without gloss. The type of a material that names none.
     Diffuse(DiffuseSection),
+    /// Layered tissue with blood and depth, below its wet surface.
+    Tissue(TissueMaterialSection),
     /// A dielectric: a body that refracts, such as glass, water, plastic.
     Dielectric(DielectricSection),
     /// A metal.
@@ -301,6 +299,7 @@ impl MaterialSection {
     pub(crate) fn concentrations(&self) -> Option<&BTreeMap<String, TextureReference>> {
         match &self.scattering {
             ScatteringSection::Diffuse(section) => Some(&section.concentrations),
+            ScatteringSection::Tissue(section) => Some(&section.concentrations),
             ScatteringSection::Dielectric(section) => Some(&section.concentrations),
             ScatteringSection::Conductor(section) => Some(&section.concentrations),
             ScatteringSection::Mix(_) | ScatteringSection::TwoSided(_) => None,

@@ -10,6 +10,7 @@ mod object;
 mod path;
 mod reference;
 mod settings;
+mod tissue;
 
 use std::borrow::Cow;
 
@@ -35,7 +36,7 @@ pub use light::{
 pub use material::{
     ConductorSection, DielectricSection, DiffuseSection, FluorophoreSection, FluorophoreSource, GlossSection,
     MatSource, MaterialSection, MatrixSource, MetalIndex, MetalReference, MixSection, NormalMapSection,
-    ScatteringSection, SpectraSource, TableSource, TwoSidedSection, YieldUnit,
+    ScatteringSection, SpectraSource, TableSource, TwoSidedSection,
 };
 pub use object::{
     BoxShape, DiscShape, DisplacementSection, EmissionSection, InstanceSection, LesionSection, MeshShape,
@@ -49,6 +50,7 @@ pub use reference::{
     TextureTable, TongueMap,
 };
 pub use settings::{EdgeBins, RenderSection, SpectralSection, StatisticsChoice, UniformBins};
+pub use tissue::{TissueMaterialSection, TissueSection};
 
 /// An experiment: scene, lights, camera, captures and analysis. Lengths are in millimeters, wavelengths in
 /// nanometers; every other unit is in the name of its field.
@@ -91,6 +93,9 @@ pub struct ExperimentFile {
     /// Fluorophores besides those of the catalogue, or variants of those.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub fluorophore: Vec<FluorophoreSection>,
+    /// Layered tissues besides the sites of the catalogue, or variants of those.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub tissue: Vec<TissueSection>,
     /// Materials.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub material: Vec<MaterialSection>,

@@ -269,7 +269,13 @@ pub struct LesionSection {
     /// Extra blood above the reflecting layer, as a layer of whole blood of this thickness, µm, 0 to 200. Default 0.
     #[serde(default)]
     pub blood_um: f64,
-    /// Concentrations inside, in the unit of the catalogue; fluorophores that are not named stay as they are around.
+    /// States of layered tissue inside, for instance "dysplasia". Default: none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub states: Vec<String>,
+    /// Factors on parameters of layered tissue inside, for instance `superficial_blood_fraction = 10.0`. Default: none.
+    #[serde(default)]
+    pub tissue: BTreeMap<String, f64>,
+    /// Concentrations inside, in the unit of the catalogue, or as factors on what layered tissue holds; fluorophores that are not named stay as they are around.
     #[serde(default)]
     pub concentrations: BTreeMap<String, f64>,
 }

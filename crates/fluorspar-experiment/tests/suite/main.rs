@@ -23,5 +23,6 @@ mod steep_filters;
 mod study_from_code;
 #[path = "../../../fluorspar/tests/suite/support.rs"]
 mod support;
+mod tissue;
 mod tissue_sites;
 mod traced_experiment;

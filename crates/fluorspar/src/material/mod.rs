@@ -9,7 +9,7 @@
 //! | `mixture` | two materials side by side, or one on either side |
 //! | [`fresnel`], [`microfacet`] | what several of them share |
 //! | `texture`, `normal_map` | what varies over a surface |
-//! | `state_grid` | layered tissue whose parameters vary over a surface |
+//! | `state_grid`, `tissue_surface` | layered tissue, also where its parameters vary over a surface |
 //! | `prepared`, `bsdf` | materials on the bands of a render; their values and samples at points |
 //! | `check`, `material_error` | ranges of parameters, conservation of photons |
 
@@ -31,6 +31,7 @@ mod normal_map;
 mod prepared;
 mod state_grid;
 mod texture;
+mod tissue_surface;
 
 pub(crate) use bsdf::{BsdfSample, BsdfValue};
 pub use check::PhotonExcess;
@@ -45,6 +46,7 @@ pub use normal_map::{NormalMap, NormalMapError};
 pub(crate) use prepared::{Bsdf, PreparedMaterial, PreparedMaterials};
 pub use state_grid::{MAX_MAPPED_PARAMETERS, MAX_NODES, MappedParameter, StateGrid};
 pub use texture::{ImageTexture, ScalarTexture, TextureError};
+pub use tissue_surface::{INTERPOLATION_ERROR, SurfaceFluorescence, TissueSurface};
 
 use crate::spectral::{Curve, PhotonEem};
 

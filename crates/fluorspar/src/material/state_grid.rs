@@ -75,6 +75,22 @@ impl StateGrid {
         }
     }
 
+    /// Weights of all states at a point, in their order.
+    pub fn weights_at(&self, uv: Vec2) -> Vec<f32> {
+        let mut weights = Vec::with_capacity(self.len());
+        self.weights(uv, |_, weight| weights.push(weight));
+        weights
+    }
+
+    /// The same states with other maps of the parameters, made from theirs.
+    #[must_use]
+    pub fn with_maps(&self, map: impl Fn(&ScalarTexture) -> ScalarTexture) -> Self {
+        let parameters = self.parameters.iter();
+        let changed =
+            |parameter: &MappedParameter| MappedParameter { map: map(&parameter.map), ..parameter.clone() };
+        Self { parameters: parameters.map(changed).collect() }
+    }
+
     /// Checks numbers and order of the nodes.
     pub(super) fn check(&self, states: usize) -> Result<(), MaterialError> {
         let bad = |message: String| Err(MaterialError::States(message));

@@ -53,8 +53,8 @@ pub struct ImageTexture {
     width: usize,
     height: usize,
     data: Vec<f32>,
-    /// Largest value, which every check of a material and of its scene asks for.
-    max: f32,
+    /// Smallest and largest value, which every check of a material and of its scene asks for.
+    range: [f32; 2],
 }
 
 /// Invalid pixels of a texture.
@@ -81,8 +81,9 @@ impl ImageTexture {
         if width == 0 || height == 0 || data.len() != width * height || bad.is_some() {
             return Err(TextureError { width, height, values: data.len(), bad });
         }
-        let max = data.iter().copied().fold(0.0, f32::max);
-        Ok(Self { width, height, data, max })
+        let range =
+            [data.iter().copied().fold(f32::INFINITY, f32::min), data.iter().copied().fold(0.0, f32::max)];
+        Ok(Self { width, height, data, range })
     }
 
     /// Columns and rows.
@@ -104,9 +105,14 @@ impl ImageTexture {
         top * (1.0 - fy) + bottom * fy
     }
 
+    /// Smallest value.
+    pub fn min(&self) -> f32 {
+        self.range[0]
+    }
+
     /// Largest value.
     pub fn max(&self) -> f32 {
-        self.max
+        self.range[1]
     }
 }
 
@@ -150,6 +156,19 @@ impl ScalarTexture {
         }
     }
 
+    /// A lower bound of the value anywhere; 0 or more where all parts are.
+    pub fn min(&self) -> f32 {
+        match self {
+            Self::Constant(value) => *value,
+            Self::Image { image, low, high } => {
+                let of = |gray: f32| low + (high - low) * gray;
+                of(image.min()).min(of(image.max()))
+            }
+            Self::Checker { low, high, .. } | Self::Noise { low, high, .. } => low.min(*high),
+            Self::Product(a, b) => a.min() * b.min(),
+        }
+    }
+
     /// The value, when it is the same everywhere.
     pub fn constant(&self) -> Option<f32> {
         match self {
@@ -182,7 +201,7 @@ mod tests {
             for i in 0..2000 {
                 let uv = Vec2::new(i as f32 * 0.017 - 3.0, i as f32 * 0.0031);
                 let value = map.at(uv);
-                assert!((0.0..=map.max()).contains(&value), "{map:?} at {uv}: {value}");
+                assert!((map.min()..=map.max()).contains(&value), "{map:?} at {uv}: {value}");
             }
         }
     }

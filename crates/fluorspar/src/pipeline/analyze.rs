@@ -114,11 +114,9 @@ fn mixture_model(
         |name: &str| -> Option<Spectrum<QuantumEfficiency>> { Some(qe.on_grid(qe.find(name)?, grid)) };
     let [red, green, blue] = [channel("R")?, channel("G")?, channel("B")?];
     // Predict the response to each fluorophore at unit amount
-    let responses = study
-        .scene
+    let responses = settings
         .fluorophores
         .iter()
-        .chain(&settings.absent_fluorophores)
         .filter_map(|fluorophore| {
             let exitance = direct_exitance(&fluorophore.eem, grid, light);
             let seen = exitance.iter().zip(transmittance.values()).map(|(m, t)| m * t).collect();

@@ -167,6 +167,24 @@ impl PhotonEem {
         Ok(Self { density: YieldDensity::Table(table), stokes, scale: 1.0 })
     }
 
+    /// A weighted sum of separable matrices under the Stokes mask of all of them. `None` without any, or where one is a
+    /// full matrix or has another mask.
+    pub fn weighted_sum<'a>(parts: impl Iterator<Item = (f64, &'a Self)>) -> Option<Self> {
+        let mut sum: Option<(Vec<SeparableTerm>, Stokes)> = None;
+        for (weight, eem) in parts {
+            let YieldDensity::Separable(terms) = &eem.density else { return None };
+            let (all, stokes) = sum.get_or_insert((Vec::new(), eem.stokes));
+            if *stokes != eem.stokes {
+                return None;
+            }
+            all.extend(terms.iter().filter(|_| weight != 0.0).map(|term| SeparableTerm {
+                excitation: term.excitation.scaled(weight * eem.scale),
+                emission: term.emission.clone(),
+            }));
+        }
+        sum.map(|(terms, stokes)| Self::separable(terms, stokes))
+    }
+
     /// How the density is held.
     pub fn density(&self) -> &YieldDensity {
         &self.density

@@ -137,8 +137,9 @@ pub struct AnalysisPlan {
     pub porphyrin: String,
     /// Fluorophores that form the bulk, with their amounts.
     pub bulk: Vec<(String, f64)>,
-    /// Those of these fluorophores that no material of the scene holds: their responses are predicted as well.
-    pub absent_fluorophores: Vec<Fluorophore>,
+    /// Fluorophores whose responses are predicted: those of the scene, and those of the bulk that no material holds. Where the
+    /// region is layered tissue, they emit as its surface does.
+    pub fluorophores: Vec<Fluorophore>,
     /// Least channel sum that has a chromaticity, in standard deviations of its noise.
     pub noise_threshold: f64,
 }

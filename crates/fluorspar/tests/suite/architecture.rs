@@ -16,10 +16,10 @@ const MODULES: &[(&str, &[&str])] = &[
     ("sampling", &["units"]),
     ("geometry", &["units"]),
     ("safety", &["units", "spectral"]),
-    ("material", &["units", "spectral", "image", "sampling", "geometry"]),
+    ("material", &["units", "spectral", "image", "sampling", "geometry", "tissue"]),
     ("light", &["units", "spectral", "image", "sampling", "geometry"]),
     ("optics", &["units", "spectral", "image", "sampling", "geometry"]),
-    ("tissue", &["units", "spectral", "sampling"]),
+    ("tissue", &["units", "quote", "names", "spectral", "sampling"]),
     ("scene", &["units", "spectral", "image", "sampling", "geometry", "material", "light", "optics"]),
     (
         "render",

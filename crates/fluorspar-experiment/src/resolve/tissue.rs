@@ -1,0 +1,324 @@
+//! Layered tissue as a material.
+
+use std::sync::Arc;
+
+use super::context::{Context, Resolved};
+use super::material::{Fluorophores, MAX_CONCENTRATION, gloss};
+use crate::ExperimentError;
+use crate::error::{Place, steps};
+use crate::schema::{
+    ExperimentFile, FluorophoreSection, GlossSection, LesionSection, TissueMaterialSection, TissueSection,
+};
+use fluorspar::material::{
+    Coat, Coated, FluorophoreAmount, MAX_MAPPED_PARAMETERS, MappedParameter, ScalarTexture, Scattering,
+    TissueSurface,
+};
+use fluorspar::names::did_you_mean;
+use fluorspar::quote::excerpt;
+use fluorspar::spectral::{Fluorophore, WavelengthGrid};
+use fluorspar::tissue::{LayeredTissue, Site, TissueError, TissueState};
+
+/// Largest factor on a parameter of tissue over a surface.
+const MAX_FACTOR: f64 = 100.0;
+
+/// What a material of tissue is made of, kept so that lesions can change it.
+#[derive(Clone, Debug)]
+pub(super) struct TissueRecipe {
+    at: Place,
+    site: Site,
+    /// What changes over the surface.
+    variations: Vec<Variation>,
+    /// Factors on what the tissue holds of a fluorophore.
+    factors: Vec<(String, ScalarTexture)>,
+    coat: Coat,
+}
+
+/// A change of a tissue over the surface.
+#[derive(Clone, Debug)]
+struct Variation {
+    name: String,
+    map: ScalarTexture,
+    /// Factors on parameters inside of a spot, where the map is 1; of a single parameter the map itself is the factor.
+    inside: Option<Vec<(String, f64)>>,
+}
+
+impl Variation {
+    /// Changes a site as it is where the map has a value.
+    fn apply(&self, site: &mut Site, value: f64) -> Result<(), TissueError> {
+        match &self.inside {
+            None => scale(site, &self.name, value),
+            Some(factors) => {
+                factors.iter().try_for_each(|(name, factor)| scale(site, name, 1.0 + value * (factor - 1.0)))
+            }
+        }
+    }
+
+    /// The map with its nodes: a spot is there or not, and mixes with what is around in its rim.
+    fn parameter(&self) -> MappedParameter {
+        let nodes = if self.inside.is_some() { vec![0.0, 1.0] } else { Vec::new() };
+        MappedParameter { name: self.name.clone(), nodes, map: self.map.clone() }
+    }
+}
+
+/// Multiplies a parameter.
+fn scale(site: &mut Site, name: &str, factor: f64) -> Result<(), TissueError> {
+    site.set(name, factor * site.get(name)?)
+}
+
+/// Checks the tissues of a file, used or not.
+pub(super) fn check_sections(context: &Context<'_>, sections: &[TissueSection]) -> Resolved<()> {
+    for (index, section) in sections.iter().enumerate() {
+        let at = steps!["tissue", index];
+        context.unique_name(&at, &section.name, sections[..index].iter().map(|other| other.name.as_str()))?;
+        of_section(context, &at, section)?;
+    }
+    Ok(())
+}
+
+/// A site by name: from the sections of the file, otherwise built in.
+pub(crate) fn site(
+    context: &Context<'_>,
+    at: &Place,
+    sections: &[TissueSection],
+    name: &str,
+) -> Resolved<Site> {
+    if let Some(index) = sections.iter().position(|section| section.name == name) {
+        return of_section(context, &steps!["tissue", index], &sections[index]);
+    }
+    Site::named(name).map_err(|_| {
+        let known: Vec<&str> =
+            sections.iter().map(|section| section.name.as_str()).chain(Site::names()).collect();
+        let hint = did_you_mean(name, known.iter().copied());
+        let message = format!("there is no tissue \"{}\"{hint} Known: {}", excerpt(name), known.join(", "));
+        context.error(at, message)
+    })
+}
+
+fn of_section(context: &Context<'_>, at: &Place, section: &TissueSection) -> Resolved<Site> {
+    let failed = |at: &Place, error: TissueError| context.error(at, error.to_string());
+    let mut site = Site::named(&section.site).map_err(|error| failed(&at.field("site"), error))?;
+    for (index, name) in section.states.iter().enumerate() {
+        let at = at.field("states").index(index);
+        let state = TissueState::named(name).map_err(|error| failed(&at, error))?;
+        site.apply(state).map_err(|error| failed(&at, error))?;
+    }
+    for (name, value) in &section.parameters {
+        site.set(name, *value).map_err(|error| failed(&at.field("parameters").field(name), error))?;
+    }
+    Ok(site)
+}
+
+/// The layers of a site, with fluorophores of the sections of the file, otherwise of the catalogue.
+pub(crate) struct Layers(Vec<Arc<Fluorophore>>);
+
+impl Layers {
+    /// Looks for all fluorophores that the site may hold.
+    pub(crate) fn new(
+        context: &mut Context<'_>,
+        at: &Place,
+        sections: &[FluorophoreSection],
+        site: &Site,
+    ) -> Resolved<Self> {
+        // A list of its own: what the tissue does not hold is no component of the render.
+        let mut known = Fluorophores::default();
+        for name in site.fluorophores() {
+            known.index(context, at, sections, name)?;
+        }
+        Ok(Self(known.list.into_iter().map(Arc::new).collect()))
+    }
+
+    /// The layers of the site, or of the same with other parameters.
+    pub(crate) fn of(&self, site: &Site) -> Result<LayeredTissue, TissueError> {
+        site.tissue(&|name| self.0.iter().find(|fluorophore| fluorophore.name == name).cloned())
+    }
+}
+
+impl TissueRecipe {
+    /// What a section says.
+    pub(super) fn new(
+        context: &mut Context<'_>,
+        at: &Place,
+        section: &TissueMaterialSection,
+        file: &ExperimentFile,
+    ) -> Resolved<Self> {
+        let site = site(context, &at.field("tissue"), &file.tissue, &section.tissue)?;
+        let mut variations = Vec::new();
+        for (name, reference) in &section.vary {
+            let at = at.field("vary").field(name);
+            check_parameter(context, &at, &site, name)?;
+            let map = context.texture(&at, reference, MAX_FACTOR)?;
+            variations.push(Variation { name: name.clone(), map, inside: None });
+        }
+        let layers = Layers::new(context, at, &file.fluorophore, &site)?;
+        let tissue =
+            layers.of(&site).map_err(|error| context.error(&at.field("tissue"), error.to_string()))?;
+        let held: Vec<String> = fluorophores_of(&tissue);
+        let mut factors = Vec::new();
+        for (name, reference) in &section.concentrations {
+            let at = at.field("concentrations").field(name);
+            if !held.contains(name) {
+                let hint = did_you_mean(name, held.iter().map(String::as_str));
+                let message = format!(
+                    "tissue \"{}\" holds no {}{hint} It holds: {}. Give it a strength in a [[tissue]]",
+                    site.name(),
+                    excerpt(name),
+                    held.join(", ")
+                );
+                return context.fail(&at, message);
+            }
+            factors.push((name.clone(), context.texture(&at, reference, MAX_CONCENTRATION)?));
+        }
+        let gloss_at = at.field("gloss");
+        let index = tissue.surface_index();
+        let wet = GlossSection { refractive_index: index, ..GlossSection::default() };
+        let wet = section.gloss.as_ref().unwrap_or(&wet);
+        if (wet.refractive_index - index).abs() > 1e-3 {
+            let message = format!(
+                "tissue \"{}\" has the refractive index {index}: give that, or leave it out",
+                site.name()
+            );
+            return context.fail(&gloss_at.field("refractive_index"), message);
+        }
+        let Some(coat) = gloss(context, &gloss_at, Some(wet))? else {
+            return context.fail(&gloss_at, "tissue has a wet surface");
+        };
+        let recipe = Self { at: at.clone(), site, variations, factors, coat };
+        recipe.check_number(context, &at.field("vary"))?;
+        Ok(recipe)
+    }
+
+    /// The same with a lesion where `mask` is 1. `bake` combines a texture with its value inside.
+    pub(super) fn with_lesion(
+        &self,
+        context: &Context<'_>,
+        at: &Place,
+        lesion: &LesionSection,
+        mask: ScalarTexture,
+        bake: impl Fn(&ScalarTexture, f32) -> ScalarTexture,
+    ) -> Resolved<Self> {
+        let refused = [("blood_um", lesion.blood_um != 0.0), ("reflectance", lesion.reflectance.is_some())];
+        if let Some(&(field, _)) = refused.iter().find(|(_, given)| *given) {
+            let message = "the part is layered tissue: give states = [\"hyperaemia\"] or tissue = { superficial_blood_fraction = 10.0 } \
+                           instead";
+            return context.fail(&at.field(field), message);
+        }
+        let mut inside = Vec::new();
+        for (index, name) in lesion.states.iter().enumerate() {
+            let at = at.field("states").index(index);
+            let state = TissueState::named(name).map_err(|error| context.error(&at, error.to_string()))?;
+            inside.extend(state.factors().iter().map(|(name, factor)| ((*name).to_owned(), *factor)));
+        }
+        for (name, factor) in &lesion.tissue {
+            let at = at.field("tissue").field(name);
+            check_parameter(context, &at, &self.site, name)?;
+            inside.push((name.clone(), context.within(&at, *factor, [0.0, MAX_FACTOR], "")?));
+        }
+        let mut changed = self.clone();
+        for (name, factor) in &lesion.concentrations {
+            match changed.factors.iter_mut().find(|(known, _)| known == name) {
+                Some((_, texture)) => *texture = bake(texture, *factor as f32),
+                None => {
+                    changed.factors.push((name.clone(), bake(&ScalarTexture::Constant(1.0), *factor as f32)))
+                }
+            }
+        }
+        if !inside.is_empty() {
+            let name = format!("lesion {}", lesion.name);
+            changed.variations.push(Variation { name, map: mask, inside: Some(inside) });
+        }
+        changed.check_number(context, at)?;
+        Ok(changed)
+    }
+
+    fn check_number(&self, context: &Context<'_>, at: &Place) -> Resolved<()> {
+        let varying = self.variations.iter().filter(|change| change.map.constant().is_none()).count();
+        if varying <= MAX_MAPPED_PARAMETERS {
+            return Ok(());
+        }
+        let message = format!(
+            "{varying} parameters of tissue vary over one surface; at most {MAX_MAPPED_PARAMETERS} can"
+        );
+        context.fail(at, message)
+    }
+
+    /// Solves the tissue in all its states.
+    pub(super) fn surface(
+        &self,
+        context: &mut Context<'_>,
+        file: &ExperimentFile,
+        grid: &WavelengthGrid,
+    ) -> Resolved<TissueSurface> {
+        let layers = Layers::new(context, &self.at, &file.fluorophore, &self.site)?;
+        let mut site = self.site.clone();
+        let mut varying = Vec::new();
+        for change in &self.variations {
+            match change.map.constant() {
+                Some(value) => {
+                    change.apply(&mut site, value.into()).map_err(|error| self.failed(context, &error))?;
+                }
+                None => varying.push(change),
+            }
+        }
+        let tissue = |values: &[f64]| {
+            let mut state = site.clone();
+            varying.iter().zip(values).try_for_each(|(change, value)| change.apply(&mut state, *value))?;
+            layers.of(&state)
+        };
+        let parameters = varying.iter().map(|change| change.parameter()).collect();
+        let (surface, _) =
+            TissueSurface::varying(parameters, tissue, grid).map_err(|error| self.failed(context, &error))?;
+        Ok(surface)
+    }
+
+    fn failed(&self, context: &Context<'_>, error: &TissueError) -> ExperimentError {
+        context.error(&self.at.field("tissue"), error.to_string())
+    }
+
+    /// Reflection and fluorophores of the material.
+    pub(super) fn resolve(
+        &self,
+        context: &mut Context<'_>,
+        file: &ExperimentFile,
+        grid: &WavelengthGrid,
+        fluorophores: &mut Fluorophores,
+    ) -> Resolved<(Scattering, Vec<FluorophoreAmount>)> {
+        let surface = self.surface(context, file, grid)?;
+        let mut amounts = Vec::new();
+        for (number, emission) in surface.emissions.iter().enumerate() {
+            let name = &emission.fluorophore.name;
+            let given =
+                self.factors.iter().find(|(known, _)| known == name).map(|(_, factor)| factor.clone());
+            let factor = given.unwrap_or(ScalarTexture::Constant(1.0));
+            if factor.max() > 0.0 {
+                let index = fluorophores.index(context, &self.at, &file.fluorophore, name)?;
+                amounts.extend(surface.amounts(number, index, &factor));
+            }
+        }
+        Ok((Scattering::Coated(Coated { base: surface.base(), coat: self.coat.clone() }), amounts))
+    }
+}
+
+/// Names of the fluorophores of a tissue, each once.
+fn fluorophores_of(tissue: &LayeredTissue) -> Vec<String> {
+    let mut names: Vec<String> = Vec::new();
+    for held in tissue.layers.iter().flat_map(|layer| &layer.fluorophores) {
+        if !names.contains(&held.fluorophore.name) {
+            names.push(held.fluorophore.name.clone());
+        }
+    }
+    names
+}
+
+/// Refuses the name of a parameter that the site does not have.
+fn check_parameter(context: &Context<'_>, at: &Place, site: &Site, name: &str) -> Resolved<()> {
+    let names = || site.parameters().map(|(parameter, _)| parameter.name);
+    if names().any(|known| known == name) {
+        return Ok(());
+    }
+    let hint = did_you_mean(name, names());
+    let known: Vec<&str> = names().collect();
+    context.fail(
+        at,
+        format!("tissue \"{}\" has no such parameter{hint} Known: {}", site.name(), known.join(", ")),
+    )
+}

@@ -1,0 +1,190 @@
+//! Layered tissue as a material of experiments.
+
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+use fluorspar::image::{ComponentImage, LightPath};
+use fluorspar::material::CoatAlbedo;
+use fluorspar::render::{RenderControl, RenderSettings, render};
+use fluorspar::spectral::Curve;
+use fluorspar::study::Study;
+use fluorspar::tissue::{EffectiveTissue, Level, Site};
+use fluorspar_experiment::{parse, preset, resolve};
+
+/// A patch of lip under even light from everywhere, seen head-on.
+const PATCH: &str = r#"
+format = 1
+spectral = { first_nm = 390.0, last_nm = 710.0, step_nm = 10.0 }
+render = { width_px = 16, height_px = 12, samples_per_pixel = 256, max_depth = 1 }
+camera = { position_mm = [0.0, 0.0, 100.0], horizontal_field_deg = 2.0 }
+
+[[light]]
+name = "sky"
+type = "environment"
+spectrum = { type = "led", peak_nm = 420.0, fwhm_short_nm = 60.0, fwhm_long_nm = 60.0 }
+strength.radiance_w_per_sr_m2 = 1.0
+
+[[material]]
+name = "patch"
+type = "tissue"
+tissue = "lip"
+gloss.roughness = 0.01
+
+[[object]]
+name = "patch"
+material = "patch"
+type = "quad"
+corner_mm = [-100.0, -100.0, 0.0]
+edge_u_mm = [200.0, 0.0, 0.0]
+edge_v_mm = [0.0, 200.0, 0.0]
+"#;
+
+fn study(text: &str, changes: &[&str]) -> Study {
+    let changes: Vec<String> = changes.iter().map(|change| (*change).to_owned()).collect();
+    resolve(&parse(text, "tissue.toml", Path::new("."), &changes).unwrap()).unwrap().study
+}
+
+fn refusal(text: &str) -> String {
+    match parse(text, "tissue.toml", Path::new("."), &[]).and_then(|experiment| resolve(&experiment)) {
+        Ok(_) => panic!("accepted"),
+        Err(error) => error.to_string(),
+    }
+}
+
+fn image(study: &Study, settings: &RenderSettings) -> ComponentImage {
+    let stop = AtomicBool::new(false);
+    render(&study.scene, settings, &RenderControl { stop: &stop, progress: &|_| {} }).unwrap()
+}
+
+/// Mean over pixels of a band of the components that `wanted` selects.
+fn mean(image: &ComponentImage, band: usize, wanted: impl Fn(&LightPath) -> bool) -> f64 {
+    let bands = image.grid.len();
+    let chosen = (0..image.components.len()).filter(|&c| wanted(&image.components[c].light));
+    let of = |component: usize| {
+        let values = image.component(component).iter().skip(band).step_by(bands);
+        let (count, sum) =
+            values.fold((0.0, 0.0), |(count, sum), value| (count + 1.0, sum + f64::from(*value)));
+        sum / count
+    };
+    chosen.map(of).sum()
+}
+
+fn lip(study: &Study) -> EffectiveTissue {
+    let find = |name: &str| Some(Arc::new(preset::fluorophore(name).ok()?.fluorophore()));
+    EffectiveTissue::for_grid(&Site::named("lip").unwrap().tissue(&find).unwrap(), &study.scene.grid).unwrap()
+}
+
+/// Under diffuse light a rendered patch shows `E(o) + (1 - E(o)) R / (1 - E)` of the solver's R with its Fresnel surface, and
+/// its fluorescence with the same factor: the surface is counted once.
+#[test]
+fn a_rendered_patch_under_diffuse_light_is_that_of_the_solver() {
+    let study = study(PATCH, &[]);
+    let rendered = image(&study, &study.render);
+    let solved = lip(&study);
+    let (specular, _) = CoatAlbedo::shared(1.4).at(1.0, 0.01);
+    let specular = f64::from(specular);
+    let out = (1.0 - specular) / (1.0 - solved.specular_reflectance());
+    let light = study.scene.lights[0].whole_spectrum().into_owned();
+    let bands = light.bin_averages(&study.scene.grid);
+    let reflectance = light.times(&solved.reflectance(Level::AboveSurface)).bin_averages(&study.scene.grid);
+    let brightest = bands.iter().copied().fold(0.0, f64::max);
+    // Radiance of even light over a white surface is that of the light: exitance and irradiance share the factor pi.
+    let range = (study.scene.grid.start_nm(), study.scene.grid.end_nm());
+    let photons = light.clipped(range.0, range.1).times(&Curve::from_fn(range.0, range.1, |nm| nm));
+    let per_nm = Curve::from_fn(range.0, range.1, |nm| 1.0 / nm);
+    let mut fluorescent = vec![0.0; bands.len()];
+    for part in solved.parts() {
+        let emitted = solved.eem(part, Level::AboveSurface).unwrap().photon_exitance(&photons, range);
+        let energy = emitted.times(&per_nm).bin_averages(&study.scene.grid);
+        fluorescent.iter_mut().zip(energy).for_each(|(sum, value)| *sum += value);
+    }
+    for band in 0..bands.len() {
+        if bands[band] > 0.05 * brightest {
+            let expected = specular * bands[band] + out * reflectance[band];
+            let found = mean(&rendered, band, |light| *light == LightPath::Reflected);
+            // 49 000 samples of a lobe choice: 2e-3 is four standard errors.
+            assert!((found / expected - 1.0).abs() < 3e-3, "band {band}: {found}, expected {expected}");
+        }
+        let found = mean(&rendered, band, |light| matches!(light, LightPath::Fluorescence(_)));
+        let expected = out * fluorescent[band];
+        let tolerance = 3e-3 * expected + 1e-6 * fluorescent.iter().copied().fold(0.0, f64::max);
+        assert!((found - expected).abs() < tolerance, "band {band}: {found}, expected {expected}");
+    }
+}
+
+/// Ten times the blood is darker in white light and in fluorescence; less collagen in fluorescence alone.
+#[test]
+fn lesions_of_tissue_change_both_pictures() {
+    let light = |study: &Study, fluorescence: bool| {
+        let settings = RenderSettings { samples_per_pixel: 4, ..study.render.clone() };
+        let band = study.scene.grid.len() / 2;
+        mean(&image(study, &settings), band, |light| {
+            matches!(light, LightPath::Fluorescence(_)) == fluorescence
+        })
+    };
+    let patch = |tissue: &str| {
+        let text = PATCH
+            .replace("tissue = \"lip\"", "tissue = \"mine\"")
+            .replace("type = \"led\"", "type = \"led\"");
+        let section = format!("\n[[tissue]]\nname = \"mine\"\nsite = \"lip\"\n{tissue}\n");
+        study(
+            &(text + &section),
+            &["light.sky.spectrum={ type = \"led\", peak_nm = 480.0, fwhm_short_nm = 200.0, fwhm_long_nm = 200.0 }"],
+        )
+    };
+    let normal = patch("");
+    let blood = patch("states = [\"hyperaemia\"]");
+    let collagen = patch("parameters = { deep_collagen_per_mm = 0.0, deep_elastin_per_mm = 0.0 }");
+    assert!(light(&blood, false) < 0.97 * light(&normal, false));
+    assert!(light(&blood, true) < 0.8 * light(&normal, true));
+    assert!((light(&collagen, false) / light(&normal, false) - 1.0).abs() < 1e-6);
+    assert!(light(&collagen, true) < 0.6 * light(&normal, true));
+}
+
+/// Half way between two blood contents of a map the surface is as the tissue of that content, to the error of interpolation.
+#[test]
+fn maps_of_parameters_give_the_tissue_of_each_place() {
+    let varied = PATCH.replace(
+        "gloss.roughness = 0.01",
+        "gloss.roughness = 0.01\nvary = { superficial_blood_fraction = { checker = [1, 2], low = 0.5, high = 4.0 } }",
+    );
+    let study = study(&varied, &[]);
+    let base = study.scene.materials[0].diffuse().unwrap();
+    let states = base.states.as_ref().unwrap();
+    let nodes = &states.parameters[0].nodes;
+    assert!(nodes.len() > 2 && nodes[0] == 0.5 && nodes[nodes.len() - 1] == 4.0, "{nodes:?}");
+    let between = 0.5 * (f64::from(nodes[0]) + f64::from(nodes[1]));
+    let find = |name: &str| Some(Arc::new(preset::fluorophore(name).ok()?.fluorophore()));
+    let mut site = Site::named("lip").unwrap();
+    site.set("superficial_blood_fraction", between * site.get("superficial_blood_fraction").unwrap())
+        .unwrap();
+    let exact = EffectiveTissue::for_grid(&site.tissue(&find).unwrap(), &study.scene.grid).unwrap();
+    let passed = 1.0 / (1.0 - exact.specular_reflectance());
+    for nm in [420.0, 500.0, 540.0, 580.0, 635.0] {
+        let exact: f64 = passed * Curve::at(&exact.reflectance(Level::AboveSurface), nm);
+        let mean = 0.5 * (base.reflectance[0].spectrum.at(nm) + base.reflectance[1].spectrum.at(nm));
+        assert!((mean / exact - 1.0).abs() < 0.012, "{nm} nm: {mean}, exact {exact}");
+    }
+}
+
+#[test]
+fn tissues_that_make_no_sense_are_refused_with_what_is_known() {
+    let tissue = |lines: &str| {
+        format!(
+            "{}\n[[tissue]]\nname = \"mine\"\nsite = \"lip\"\n{lines}",
+            PATCH.replace("tissue = \"lip\"", "tissue = \"mine\"")
+        )
+    };
+    let message = refusal(&PATCH.replace("tissue = \"lip\"", "tissue = \"lipp\""));
+    assert!(message.contains("did you mean \"lip\"") && message.contains("dorsal_tongue"), "{message}");
+    let message = refusal(&tissue("parameters = { oxygen_saturation = 93.0 }"));
+    assert!(message.contains("93") && message.contains("0 to 1"), "{message}");
+    let message = refusal(&tissue("states = [\"inflamed\"]"));
+    assert!(message.contains("inflammation"), "{message}");
+    let message = refusal(&PATCH.replace("gloss.roughness = 0.01", "vary = { blood = 2.0 }"));
+    assert!(message.contains("superficial_blood_fraction"), "{message}");
+    let message =
+        refusal(&PATCH.replace("gloss.roughness = 0.01", "concentrations = { protoporphyrin_ix = 1.0 }"));
+    assert!(message.contains("holds no protoporphyrin_ix") && message.contains("collagen"), "{message}");
+}
