@@ -632,7 +632,7 @@ def do_biofilm_chlorophyll(ref, out):
 # Teeth: no matrix has been measured; the model is a chain of bands that slide together.
 TOOTH_EX = [322.6, 341.3, 362.3, 386.1, 413.2, 444.4, 480.8]   # steps of 1700 /cm
 TOOTH = {
-    "dentine": dict(amp=[0.85, 1.0, 1.0, 0.86, 0.66, 0.42, 0.18], em=[396, 410, 434, 461, 489, 515, 546], h=4200.0, rho=1.30, y=2e-2),
+    "dentin": dict(amp=[0.85, 1.0, 1.0, 0.86, 0.66, 0.42, 0.18], em=[396, 410, 434, 461, 489, 515, 546], h=4200.0, rho=1.30, y=2e-2),
     "enamel": dict(amp=[0.9, 1.0, 0.98, 0.82, 0.62, 0.38, 0.15], em=[394, 409, 433, 460, 489, 517, 548], h=4600.0, rho=1.40, y=7e-3),
 }
 
@@ -647,9 +647,9 @@ def do_tooth(name, out):
                       "(red-edge effect, J. Biomed. Opt. 16:071411). Seven terms whose excitation bands are 1700 /cm apart (Gaussian, 2800 /cm wide, so "
                       "that their sum is smooth) and whose emission bands slide with them. Excitation envelope: broad maximum at 340-370 nm as in Wozniak & Moore 1978, "
                       "with a tail to 500 nm because teeth are bright under 405 nm and visible under 450 nm lights [assumed]. Emission near 440 nm under UV, "
-                      "480 nm under 405 nm (one source reports 533 nm for enamel there; radiance of three subjects under a 395 nm LED shows 480-485 nm). Dentine is "
+                      "480 nm under 405 nm (one source reports 533 nm for enamel there; radiance of three subjects under a 395 nm LED shows 480-485 nm). Dentin is "
                       "about three times as bright as enamel (Lee 2015: 3x). Scale: the same radiances give 0.7e-2 to 1.3e-2 photons above 435 nm per "
-                      "incident photon for whole front teeth (enamel over dentine), between the two values used here.",
+                      "incident photon for whole front teeth (enamel over dentin), between the two values used here.",
                name=name, title=name.capitalize(), description=f"Sound {name}, emission follows excitation by 50-75 nm (model).",
                source="model after J. Biomed. Opt. 16:071411 (2011), Wozniak & Moore 1978 J. Dent. Res., Lee 2015; level from tooth radiance under a 395 nm LED",
                excitation_range_nm=[320.0, 490.0], emission_range_nm=[350.0, 750.0], photon_yield=t["y"],
@@ -660,7 +660,7 @@ def do_tooth(name, out):
 
 PAIRS = {"lipopigment": do_lipopigment, "flavin_aggregate": do_flavin_aggregate, "biofilm_porphyrin": do_biofilm_porphyrin,
          "biofilm_chlorophyll": do_biofilm_chlorophyll}
-ALL = list(WEBFLUOR) + ["keratin", "chlorophyll_a", "dentine", "enamel"] + list(PAIRS)
+ALL = list(WEBFLUOR) + ["keratin", "chlorophyll_a", "dentin", "enamel"] + list(PAIRS)
 
 
 def report(out):

@@ -808,7 +808,7 @@ def reflectances(ref):
     yield Item(
         "reflectances",
         "enamel",
-        "Enamel over dentine (sound tooth crown)",
+        "Enamel over dentin (sound tooth crown)",
         teeth,
         OWN,
         q,
@@ -817,8 +817,8 @@ def reflectances(ref):
     )
     yield Item(
         "reflectances",
-        "dentine",
-        "Dentine, exposed",
+        "dentin",
+        "Dentin, exposed",
         "Yellower than enamel. " + teeth,
         OWN,
         q,
@@ -836,7 +836,7 @@ def reflectances(ref):
     )
     yield Item(
         "reflectances",
-        "grey_18",
+        "gray_18",
         "Gray card, 18 %",
         "Photographic gray.",
         "Nominal value.",

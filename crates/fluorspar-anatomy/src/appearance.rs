@@ -29,8 +29,8 @@ pub enum SurfaceMap {
     Porphyrin,
     /// Plaque and calculus on teeth, along the gums and between the teeth; 0 to 1.
     Plaque,
-    /// Dentine that shows through the enamel: most at the neck of a tooth and in its fissures; 0 to 1.
-    Dentine,
+    /// Dentin that shows through the enamel: most at the neck of a tooth and in its fissures; 0 to 1.
+    Dentin,
     /// Roughness of the film of saliva: 0 is a smooth pool, 1 a dry surface.
     Dryness,
 }
@@ -64,7 +64,7 @@ pub fn surface_map(map: SurfaceMap, tissue: Tissue, p: &MouthParameters, u: f64,
         SurfaceMap::Pallor => place.pallor(),
         SurfaceMap::Porphyrin => place.porphyrin(),
         SurfaceMap::Plaque => place.plaque(),
-        SurfaceMap::Dentine => place.dentine(),
+        SurfaceMap::Dentin => place.dentin(),
         SurfaceMap::Dryness => place.dryness(),
     }
     .clamp(0.0, 1.0)
@@ -253,7 +253,7 @@ impl<'a> Place<'a> {
         smoothstep(height + 0.05, height - 0.03, self.v) * (0.3 + 0.7 * patchy)
     }
 
-    fn dentine(&self) -> f64 {
+    fn dentin(&self) -> f64 {
         if self.tissue != Tissue::Tooth {
             return 0.0;
         }

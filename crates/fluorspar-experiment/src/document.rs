@@ -16,7 +16,7 @@ const MAX_ENTRIES: usize = 10_000;
 
 /// Where values come from.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Source {
+pub(super) struct TextSource {
     /// Name for messages: a file, a preset or an override.
     pub(super) name: String,
     /// The override that it is, if it is no file.
@@ -34,7 +34,7 @@ pub(super) struct Overriding {
     pub(super) path: Vec<Step>,
 }
 
-impl Source {
+impl TextSource {
     /// Whether line numbers mean anything: not in an override.
     pub(super) fn has_lines(&self) -> bool {
         self.overriding.is_none()
@@ -87,7 +87,7 @@ pub(super) enum Content {
 /// A tree and the sources it was merged from.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Document {
-    pub(super) sources: Vec<Source>,
+    pub(super) sources: Vec<TextSource>,
     /// Files of base experiments that were read.
     pub(super) base_files: Vec<PathBuf>,
     pub(super) root: Node,
@@ -172,7 +172,7 @@ impl Node {
 
 impl Document {
     /// Reads a text into a tree.
-    pub(super) fn read(text: &str, source: Source) -> Result<Self, ExperimentError> {
+    pub(super) fn read(text: &str, source: TextSource) -> Result<Self, ExperimentError> {
         let root = read_tree(text, &source, 0)?;
         Ok(Self { sources: vec![source], base_files: Vec::new(), root })
     }
@@ -253,7 +253,7 @@ impl Lines {
 }
 
 /// Reads a text into nodes of a given source.
-pub(super) fn read_tree(text: &str, source: &Source, index: usize) -> Result<Node, ExperimentError> {
+pub(super) fn read_tree(text: &str, source: &TextSource, index: usize) -> Result<Node, ExperimentError> {
     if text.len() > MAX_TEXT_BYTES {
         let message = format!(
             "the text has {} bytes; at most {MAX_TEXT_BYTES} are read. Put long tables into files of their own",
@@ -278,7 +278,7 @@ pub(super) fn read_tree(text: &str, source: &Source, index: usize) -> Result<Nod
 
 struct Reader<'a> {
     lines: Lines,
-    source: &'a Source,
+    source: &'a TextSource,
     index: usize,
 }
 

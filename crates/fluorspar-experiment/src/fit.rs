@@ -3,7 +3,7 @@
 use fluorspar::quote::excerpt;
 use std::path::PathBuf;
 
-use super::document::{Content, Document, Node, Source};
+use super::document::{Content, Document, Node, TextSource};
 use super::error::{ExperimentError, Place, Step};
 use super::schema::NameOrTable;
 use super::shape::{Either, Field, Found, Mark, Schema, Shape, Table, TextKind, Variant};
@@ -12,7 +12,7 @@ use fluorspar::names::{did_you_mean, nearest_name, suggestion};
 
 /// Makes a merged tree complete: relative paths start where they were written, and tables that leave the tag of their
 /// variant out get that of the default.
-pub(super) fn complete(schema: &Schema, shape: &Shape, node: &mut Node, sources: &[Source]) {
+pub(super) fn complete(schema: &Schema, shape: &Shape, node: &mut Node, sources: &[TextSource]) {
     let origin = node.origin;
     match (schema.resolve(shape), &mut node.content) {
         (Shape::Text(kind), Content::Leaf(toml::Value::String(text))) => {
@@ -39,7 +39,7 @@ pub(super) fn complete(schema: &Schema, shape: &Shape, node: &mut Node, sources:
     }
 }
 
-fn complete_table(schema: &Schema, table: &Table, node: &mut Node, sources: &[Source]) {
+fn complete_table(schema: &Schema, table: &Table, node: &mut Node, sources: &[TextSource]) {
     let variant = table.variant_or_default(node);
     if let Some(Mark::Tag { field, value }) = variant.map(|index| &table.variants[index].mark)
         && node.get(field).is_none()

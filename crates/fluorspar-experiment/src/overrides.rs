@@ -3,7 +3,7 @@
 use fluorspar::quote::excerpt;
 use std::path::Path;
 
-use super::document::{Content, Document, Node, Origin, Overriding, Source, read_tree};
+use super::document::{Content, Document, Node, Origin, Overriding, TextSource, read_tree};
 use super::error::{ExperimentError, Step};
 use super::merge::make_room;
 use super::shape::{Found, Schema, Shape};
@@ -20,7 +20,7 @@ pub(super) fn apply(
     text: &str,
     base_dir: &Path,
 ) -> Result<(), ExperimentError> {
-    let mut source = Source {
+    let mut source = TextSource {
         name: format!("--set {text}"),
         overriding: Some(Overriding { number, path: Vec::new() }),
         folder: Some(base_dir.to_path_buf()),
@@ -38,12 +38,12 @@ pub(super) fn apply(
     Ok(())
 }
 
-fn bad(source: &Source, message: impl Into<String>) -> ExperimentError {
+fn bad(source: &TextSource, message: impl Into<String>) -> ExperimentError {
     source.error(message)
 }
 
 /// Splits `path=value` into the steps of the path and the text of the value.
-fn split<'a>(text: &'a str, source: &Source) -> Result<(Vec<String>, &'a str), ExperimentError> {
+fn split<'a>(text: &'a str, source: &TextSource) -> Result<(Vec<String>, &'a str), ExperimentError> {
     let mut steps = Vec::new();
     let mut current = String::new();
     let mut quoted = false;
@@ -76,7 +76,7 @@ fn split<'a>(text: &'a str, source: &Source) -> Result<(Vec<String>, &'a str), E
     ))
 }
 
-fn read_value(text: &str, source: &Source, index: usize) -> Node {
+fn read_value(text: &str, source: &TextSource, index: usize) -> Node {
     let origin = Origin { source: index, line: 1 };
     let as_string = || Node { content: Content::Leaf(toml::Value::String(text.into())), origin };
     if text.contains('\n') {
@@ -89,7 +89,7 @@ fn read_value(text: &str, source: &Source, index: usize) -> Node {
 }
 
 /// Turns names of list entries into their numbers.
-fn resolve_names(root: &Node, steps: &[String], source: &Source) -> Result<Vec<Step>, ExperimentError> {
+fn resolve_names(root: &Node, steps: &[String], source: &TextSource) -> Result<Vec<Step>, ExperimentError> {
     let mut node = Some(root);
     let mut resolved = Vec::with_capacity(steps.len());
     let mut parent = "";
@@ -111,7 +111,7 @@ fn resolve_names(root: &Node, steps: &[String], source: &Source) -> Result<Vec<S
     Ok(resolved)
 }
 
-fn find_entry(items: &[Node], list: &str, step: &str, source: &Source) -> Result<usize, ExperimentError> {
+fn find_entry(items: &[Node], list: &str, step: &str, source: &TextSource) -> Result<usize, ExperimentError> {
     if let Some(index) = items.iter().position(|item| item.name() == Some(step)) {
         return Ok(index);
     }

@@ -7,7 +7,7 @@ use std::sync::OnceLock;
 use serde::de::DeserializeOwned;
 use serde_path_to_error::Segment;
 
-use super::document::{Content, Document, MAX_TEXT_BYTES, Node, Source, read_tree};
+use super::document::{Content, Document, MAX_TEXT_BYTES, Node, TextSource, read_tree};
 use super::error::{ExperimentError, Step, steps};
 use super::fit::{check, complete};
 use super::format_version::check_format;
@@ -62,7 +62,8 @@ pub(super) fn read_document(
     base_dir: &Path,
     overrides: &[String],
 ) -> Result<Document, ExperimentError> {
-    let source = Source { name: source_name.into(), overriding: None, folder: Some(base_dir.to_path_buf()) };
+    let source =
+        TextSource { name: source_name.into(), overriding: None, folder: Some(base_dir.to_path_buf()) };
     let mut document = Document::read(text, source)?;
     check_format(schema, &document.root, &document.sources[0])?;
     put_on_bases(&mut document, schema, base_dir)?;
@@ -139,7 +140,8 @@ fn put_on_bases(document: &mut Document, schema: &Schema, base_dir: &Path) -> Re
             (preset.text.to_string(), format!("experiment \"{name}\""))
         };
         let index = document.sources.len();
-        let source = Source { name: source_name, overriding: None, folder: is_file.then(|| folder.clone()) };
+        let source =
+            TextSource { name: source_name, overriding: None, folder: is_file.then(|| folder.clone()) };
         let base = read_tree(&text, &source, index)?;
         check_format(schema, &base, &source)?;
         document.sources.push(source);
@@ -163,7 +165,7 @@ fn put_on_sensor_preset(document: &mut Document, schema: &Schema) -> Result<(), 
     };
     let text = preset::sensor_text(&name)
         .map_err(|error| document.error(&steps!["sensor", "preset"], error.to_string()))?;
-    let source = Source { name: format!("sensor \"{name}\""), overriding: None, folder: None };
+    let source = TextSource { name: format!("sensor \"{name}\""), overriding: None, folder: None };
     let mut root = read_tree(text, &source, document.sources.len())?;
     document.sources.push(source);
     let Some(mut fields) = root.take("sensor") else { return Ok(()) };

@@ -16,7 +16,7 @@ mod run;
 
 pub use figure::{
     Axis, ColorBar, ColorMap, ContactSheet, Dash, Figure, FigureError, Ink, Label, Panel, Raster, Scale,
-    Series, Shape,
+    Series, SeriesShape,
 };
 pub use page::{
     Number, NumberTable, Origin, ReportData, ReportItem, ReportPicture, Section, analysis_section,

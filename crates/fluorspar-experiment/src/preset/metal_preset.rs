@@ -61,7 +61,7 @@ mod tests {
     #[test]
     fn metals_reflect_as_they_should() {
         for (name, nm, expected) in
-            [("aluminium", 550.0, 0.92), ("stainless_steel", 550.0, 0.64), ("iron", 550.0, 0.52)]
+            [("aluminum", 550.0, 0.92), ("stainless_steel", 550.0, 0.64), ("iron", 550.0, 0.52)]
         {
             let (n, k) = metal(name).unwrap().index();
             let reflectance = conductor_fresnel(1.0, n.at(nm), k.at(nm));

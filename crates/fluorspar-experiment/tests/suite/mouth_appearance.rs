@@ -169,7 +169,7 @@ fn peak_nm(eem: &PhotonEem, excitation_nm: f64) -> f64 {
 /// of one excitation and one emission spectrum can't do this.
 #[test]
 fn emission_of_teeth_follows_excitation() {
-    for name in ["enamel", "dentine"] {
+    for name in ["enamel", "dentin"] {
         let eem = preset::fluorophore(name).unwrap().fluorophore().eem;
         let mut before = 0.0;
         for excitation_nm in [350.0, 365.0, 385.0, 405.0, 425.0, 450.0] {

@@ -188,7 +188,7 @@ fn text_path(text: &str, size: f64, at: [f64; 2]) -> Option<Path> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::figure::{Axis, Figure, Panel, Series, Shape};
+    use crate::figure::{Axis, Figure, Panel, Series, SeriesShape};
 
     fn canvas(width: f64, height: f64) -> Canvas {
         Canvas::new(width, height, 2.0, Ink::Paper).unwrap()
@@ -198,7 +198,7 @@ mod tests {
     fn a_picture_has_no_seams() {
         // Seven columns over 100 px: no edge of a source pixel falls on a device pixel.
         let raster = Raster::from_fn(7, 7, |_, _| [200, 40, 90]);
-        let shape = Shape::Picture { x: [0.0, 1.0], y: [0.0, 1.0], raster };
+        let shape = SeriesShape::Picture { x: [0.0, 1.0], y: [0.0, 1.0], raster };
         let panel = Panel::new(Axis::hidden([0.0, 1.0]), Axis::hidden([0.0, 1.0]))
             .sized(100.0, 100.0)
             .with(Series::unnamed(Ink::Text, shape));

@@ -193,7 +193,7 @@ mod tests {
             "FAD",
             "Keratin (visible band)",
             "Protoporphyrin IX",
-            "Dentine",
+            "Dentin",
             "Enamel",
         ];
         // Of the catalogue, unknown ones among them, and two of one kind.

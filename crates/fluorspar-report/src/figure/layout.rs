@@ -4,7 +4,7 @@
 
 use super::drawing::{Anchor, Drawing, Frame, Mark, dashed};
 use super::scale::Tick;
-use super::{Axis, ColorBar, Figure, Ink, Label, Panel, Raster, Series, Shape, font, labels};
+use super::{Axis, ColorBar, Figure, Ink, Label, Panel, Raster, Series, SeriesShape, font, labels};
 
 const TITLE_SIZE: u32 = 16;
 const LABEL_SIZE: u32 = 13;
@@ -155,21 +155,21 @@ fn legend(figure: &Figure, width: f64, top: f64, marks: &mut Vec<Mark>) -> f64 {
 fn legend_sample(series: &Series, [x, y]: [f64; 2], marks: &mut Vec<Mark>) {
     let ink = series.ink;
     match &series.shape {
-        Shape::Line { width, dash, .. } => {
+        SeriesShape::Line { width, dash, .. } => {
             let lines = dashed(&[[x, y], [x + 28.0, y]], dash.lengths());
             marks.push(Mark::Strokes { lines, width: *width, ink });
         }
-        Shape::Dots { .. } => {
+        SeriesShape::Dots { .. } => {
             let points = [[6.0, 2.0], [11.0, -3.0], [14.0, 3.0], [18.0, -1.0], [22.0, 3.0]];
             let points = points.map(|[dx, dy]| [x + dx, y + dy]).to_vec();
             marks.push(Mark::Dots { points, radius: 1.5, opacity: 0.9, ink });
         }
-        Shape::Markers { radius, hollow, .. } => marker([x + 14.0, y], *radius, *hollow, ink, marks),
-        Shape::Area { opacity, .. } | Shape::Span { opacity, .. } => {
+        SeriesShape::Markers { radius, hollow, .. } => marker([x + 14.0, y], *radius, *hollow, ink, marks),
+        SeriesShape::Area { opacity, .. } | SeriesShape::Span { opacity, .. } => {
             let frame = Frame { left: x + 2.0, top: y - 6.0, width: 24.0, height: 12.0 };
             marks.push(Mark::Rect { frame, opacity: *opacity, ink });
         }
-        Shape::Picture { .. } | Shape::Labels(_) => {}
+        SeriesShape::Picture { .. } | SeriesShape::Labels(_) => {}
     }
 }
 
@@ -205,7 +205,7 @@ fn draw_panel(panel: &Panel, frame: Frame, left_margin: f64, marks: &mut Vec<Mar
         marks.push(text_mark([heading_left, heading], &panel.title, LABEL_SIZE, Anchor::Start, Ink::Text));
     }
 
-    let covered = panel.series.iter().any(|series| matches!(series.shape, Shape::Picture { .. }));
+    let covered = panel.series.iter().any(|series| matches!(series.shape, SeriesShape::Picture { .. }));
     draw_axes(panel, frame, covered, marks);
     marks.push(Mark::Clip(frame));
     for series in &panel.series {
@@ -275,7 +275,7 @@ fn draw_series(
 ) {
     let ink = series.ink;
     match &series.shape {
-        Shape::Line { points, width, dash } => {
+        SeriesShape::Line { points, width, dash } => {
             let lines = points
                 .split(|point| !is_finite(point))
                 .filter(|run| run.len() > 1)
@@ -286,31 +286,31 @@ fn draw_series(
                 .collect();
             marks.push(Mark::Strokes { lines, width: *width, ink });
         }
-        Shape::Dots { points, radius, opacity } => {
+        SeriesShape::Dots { points, radius, opacity } => {
             let points = shown(points).into_iter().filter(is_finite).map(to_px).collect();
             marks.push(Mark::Dots { points, radius: *radius, opacity: *opacity, ink });
         }
-        Shape::Markers { points, radius, hollow } => {
+        SeriesShape::Markers { points, radius, hollow } => {
             for point in points.iter().filter(|point| is_finite(point)) {
                 marker(to_px(*point), *radius, *hollow, ink, marks);
             }
         }
-        Shape::Area { outline, opacity } => {
+        SeriesShape::Area { outline, opacity } => {
             let corners = outline.iter().copied().filter(is_finite).map(to_px).collect();
             marks.push(Mark::Polygon { corners, opacity: *opacity, ink });
         }
-        Shape::Span { x, opacity } => {
+        SeriesShape::Span { x, opacity } => {
             let px = x.map(|x| frame.left + panel.x.position(x).clamp(0.0, 1.0) * frame.width);
             let (left, right) = (px[0].min(px[1]), px[0].max(px[1]));
             let frame = Frame { left, width: right - left, ..frame };
             marks.push(Mark::Rect { frame, opacity: *opacity, ink });
         }
-        Shape::Picture { x, y, raster } => {
+        SeriesShape::Picture { x, y, raster } => {
             let ([left, bottom], [right, top]) = (to_px([x[0], y[0]]), to_px([x[1], y[1]]));
             let frame = Frame { left, top, width: right - left, height: bottom - top };
             marks.push(Mark::Picture { frame, raster: raster.clone() });
         }
-        Shape::Labels(_) => {}
+        SeriesShape::Labels(_) => {}
     }
 }
 
@@ -319,12 +319,12 @@ fn draw_labels(panel: &Panel, frame: Frame, to_px: &dyn Fn([f64; 2]) -> [f64; 2]
     let (mut crowd, mut lines) = (Vec::new(), Vec::new());
     for series in &panel.series {
         match &series.shape {
-            Shape::Labels(labels) => found.extend(labels.iter().map(|label| (label, to_px(label.at)))),
-            Shape::Dots { points, .. } => {
+            SeriesShape::Labels(labels) => found.extend(labels.iter().map(|label| (label, to_px(label.at)))),
+            SeriesShape::Dots { points, .. } => {
                 let step = (points.len() / 2000).max(1);
                 crowd.extend(points.iter().step_by(step).map(|&point| to_px(point)));
             }
-            Shape::Line { points, .. } => {
+            SeriesShape::Line { points, .. } => {
                 let px: Vec<[f64; 2]> = points.iter().copied().filter(is_finite).map(to_px).collect();
                 // Strokes of 4 px: their ends are points every 4 px along the line.
                 lines.extend(
@@ -357,13 +357,13 @@ fn draw_color_bar(bar: &ColorBar, frame: Frame, marks: &mut Vec<Mark>) {
     marks.push(text_mark(at, &bar.axis.title(), LABEL_SIZE, Anchor::Start, Ink::Muted));
 }
 
-/// At most about [`Shape::MOST_DOTS`] of the points, chosen by a hash of their place in the list: no image row or column is
+/// At most about [`SeriesShape::MOST_DOTS`] of the points, chosen by a hash of their place in the list: no image row or column is
 /// favored, and the choice is the same every time.
 fn shown(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
-    if points.len() <= Shape::MOST_DOTS {
+    if points.len() <= SeriesShape::MOST_DOTS {
         return points.to_vec();
     }
-    let share = Shape::MOST_DOTS as f64 / points.len() as f64;
+    let share = SeriesShape::MOST_DOTS as f64 / points.len() as f64;
     let keep = |index: usize| {
         let mut hash = (index as u64).wrapping_add(0x9e37_79b9_7f4a_7c15);
         hash = (hash ^ (hash >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);

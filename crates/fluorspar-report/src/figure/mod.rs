@@ -71,12 +71,12 @@ pub struct Series {
     /// Color.
     pub ink: Ink,
     /// Shape of the series.
-    pub shape: Shape,
+    pub shape: SeriesShape,
 }
 
 /// Shapes, in data coordinates. Points that are not finite are skipped and interrupt a line.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Shape {
+pub enum SeriesShape {
     /// A line through points.
     Line {
         /// `[x, y]`.
@@ -86,7 +86,7 @@ pub enum Shape {
         /// Stroke pattern.
         dash: Dash,
     },
-    /// Many small dots; above [`Shape::MOST_DOTS`] an even random selection is drawn.
+    /// Many small dots; above [`SeriesShape::MOST_DOTS`] an even random selection is drawn.
     Dots {
         /// `[x, y]`.
         points: Vec<[f64; 2]>,
@@ -171,7 +171,7 @@ impl Dash {
     }
 }
 
-impl Shape {
+impl SeriesShape {
     /// Dots drawn at most; more of them only make a larger file.
     pub const MOST_DOTS: usize = 20_000;
 }
@@ -184,11 +184,11 @@ impl Series {
 
     /// A line, 2 px wide.
     pub fn dashed(name: impl Into<String>, ink: Ink, points: Vec<[f64; 2]>, dash: Dash) -> Self {
-        Self { name: Some(name.into()), ink, shape: Shape::Line { points, width: 2.0, dash } }
+        Self { name: Some(name.into()), ink, shape: SeriesShape::Line { points, width: 2.0, dash } }
     }
 
     /// A shape without a legend entry.
-    pub fn unnamed(ink: Ink, shape: Shape) -> Self {
+    pub fn unnamed(ink: Ink, shape: SeriesShape) -> Self {
         Self { name: None, ink, shape }
     }
 }

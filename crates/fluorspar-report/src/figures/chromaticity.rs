@@ -1,6 +1,6 @@
 //! Sensor chromaticity of the pixels of a region among the predicted fluorophores.
 
-use crate::{Axis, Dash, Figure, Ink, Label, Panel, Series, Shape};
+use crate::{Axis, Dash, Figure, Ink, Label, Panel, Series, SeriesShape};
 
 /// Contents of a chromaticity plot.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -23,15 +23,15 @@ pub fn chromaticity(plot: &ChromaticityPlot) -> Figure {
     let impossible = vec![[1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
     let mut panel = Panel::new(axis("r = R / (R + G + B)"), axis("g = G / (R + G + B)"))
         .sized(500.0, 500.0)
-        .with(Series::unnamed(Ink::Muted, Shape::Area { outline: impossible, opacity: 0.16 }));
+        .with(Series::unnamed(Ink::Muted, SeriesShape::Area { outline: impossible, opacity: 0.16 }));
     if !plot.pixels.is_empty() {
         // A few dots must show one by one, many must not become one black patch.
         let opacity = (1500.0 / plot.pixels.len() as f64).clamp(0.15, 0.6);
-        let drawn = if plot.pixels.len() > Shape::MOST_DOTS { ", about 20 000 shown" } else { "" };
+        let drawn = if plot.pixels.len() > SeriesShape::MOST_DOTS { ", about 20 000 shown" } else { "" };
         panel = panel.with(Series {
             name: Some(format!("pixels of {} ({}{drawn})", plot.region, plot.pixels.len())),
             ink: Ink::Text,
-            shape: Shape::Dots { points: plot.pixels.clone(), radius: 1.1, opacity },
+            shape: SeriesShape::Dots { points: plot.pixels.clone(), radius: 1.1, opacity },
         });
     }
     if let Some([bulk, porphyrin]) = plot.mixture_line {
@@ -44,21 +44,21 @@ pub fn chromaticity(plot: &ChromaticityPlot) -> Figure {
         panel = panel.with(Series {
             name: Some("spread of the pixels".into()),
             ink: Ink::PALETTE[3],
-            shape: Shape::Line { points, width: 1.5, dash: Dash::Solid },
+            shape: SeriesShape::Line { points, width: 1.5, dash: Dash::Solid },
         });
     }
     if let Some([bulk, _]) = plot.mixture_line {
-        let shape = Shape::Markers { points: vec![bulk], radius: 6.0, hollow: true };
+        let shape = SeriesShape::Markers { points: vec![bulk], radius: 6.0, hollow: true };
         panel = panel.with(Series { name: Some("bulk, weighted sum".into()), ink: Ink::Muted, shape });
     }
     let inks = Ink::of_fluorophores(plot.fluorophores.iter().map(|(name, _)| name.as_str()));
     for ((_, point), ink) in plot.fluorophores.iter().zip(inks) {
-        let shape = Shape::Markers { points: vec![*point], radius: 5.0, hollow: false };
+        let shape = SeriesShape::Markers { points: vec![*point], radius: 5.0, hollow: false };
         panel = panel.with(Series::unnamed(ink, shape));
     }
     let label = |(name, at): &(String, [f64; 2])| Label { at: *at, text: name.clone() };
     let labels = plot.fluorophores.iter().map(label).collect();
-    panel = panel.with(Series::unnamed(Ink::Text, Shape::Labels(labels)));
+    panel = panel.with(Series::unnamed(Ink::Text, SeriesShape::Labels(labels)));
     Figure::new("Sensor chromaticity", panel).explained(
         "Each small dot is one pixel. Its place shows which share of its signal is red (r) and which is green (g); how bright the \
          pixel is does not matter. Colored points show where each fluorophore alone would lie. Any mixture of two lies on the \

@@ -1,7 +1,7 @@
 //! Excitation-emission matrices, and what they give under one light.
 
 use super::{PlotCurve, wavelength_limits};
-use crate::{Axis, ColorBar, ColorMap, Dash, Figure, Ink, Panel, Raster, Series, Shape};
+use crate::{Axis, ColorBar, ColorMap, Dash, Figure, Ink, Panel, Raster, Series, SeriesShape};
 
 /// The excitation-emission matrix of one fluorophore, on bins of equal width.
 #[derive(Clone, Debug, PartialEq)]
@@ -59,11 +59,11 @@ pub fn eem_maps(maps: &[EemMap], light_peak_nm: Option<f64>) -> Figure {
         .titled(map.name.clone())
         .with(Series::unnamed(
             Ink::Text,
-            Shape::Picture { x: map.excitation_nm, y: map.emission_nm, raster },
+            SeriesShape::Picture { x: map.excitation_nm, y: map.emission_nm, raster },
         ));
         if let Some(peak_nm) = light_peak_nm {
             let points = vec![[peak_nm, map.emission_nm[0]], [peak_nm, map.emission_nm[1]]];
-            let shape = Shape::Line { points, width: 1.5, dash: Dash::Dashed };
+            let shape = SeriesShape::Line { points, width: 1.5, dash: Dash::Dashed };
             panel = panel.with(Series::unnamed(Ink::Rgb(255, 255, 255), shape));
         }
         if (index + 1) % columns == 0 {
@@ -97,7 +97,8 @@ pub fn emission(
         let blocked = [[limits[0], low.max(limits[0])], [high.min(limits[1]), limits[1]]];
         for x in blocked.into_iter().filter(|x| x[1] > x[0]) {
             let name = Some("viewing filter passes less than half".to_owned());
-            panel = panel.with(Series { name, ink: Ink::Muted, shape: Shape::Span { x, opacity: 0.22 } });
+            panel =
+                panel.with(Series { name, ink: Ink::Muted, shape: SeriesShape::Span { x, opacity: 0.22 } });
         }
     }
     let inks = Ink::of_fluorophores(curves.iter().map(|curve| curve.name.as_str()));

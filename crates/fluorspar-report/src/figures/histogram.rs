@@ -1,7 +1,7 @@
 //! How often each level occurs in a capture.
 
 use crate::Dash;
-use crate::{Axis, Figure, Ink, Panel, Scale, Series, Shape};
+use crate::{Axis, Figure, Ink, Panel, Scale, Series, SeriesShape};
 
 const BINS: usize = 128;
 
@@ -56,7 +56,7 @@ pub fn histograms(
         });
         panel = panel.with(Series::dashed(channel.name.clone(), ink, steps.collect(), Dash::Solid));
     }
-    let shape = Shape::Line {
+    let shape = SeriesShape::Line {
         points: vec![[full_scale_dn, 0.5], [full_scale_dn, 1e12]],
         width: 1.5,
         dash: Dash::Dashed,

@@ -2,7 +2,7 @@
 
 use fluorspar::optics::{FieldMtf, LensReport};
 
-use crate::{Axis, Dash, Figure, Ink, Label, Panel, Series, Shape};
+use crate::{Axis, Dash, Figure, Ink, Label, Panel, Series, SeriesShape};
 
 /// Width of the drawing inside its axes, px.
 const DRAWING_PX: f64 = 760.0;
@@ -45,16 +45,19 @@ pub fn lens_drawing(report: &LensReport) -> Figure {
             .sized(scale * (x[1] - x[0]), scale * 2.0 * half);
     for outline in &drawing.elements {
         let ink = Ink::PALETTE[0];
-        panel = panel.with(Series::unnamed(ink, Shape::Area { outline: outline.clone(), opacity: 0.12 }));
+        panel =
+            panel.with(Series::unnamed(ink, SeriesShape::Area { outline: outline.clone(), opacity: 0.12 }));
         let mut points = outline.clone();
         points.extend(outline.first().copied());
-        panel = panel.with(Series::unnamed(Ink::Text, Shape::Line { points, width: 1.2, dash: Dash::Solid }));
+        panel = panel
+            .with(Series::unnamed(Ink::Text, SeriesShape::Line { points, width: 1.2, dash: Dash::Solid }));
     }
-    let axis = Shape::Line { points: vec![[x[0], 0.0], [x[1], 0.0]], width: 0.8, dash: Dash::DashDotted };
+    let axis =
+        SeriesShape::Line { points: vec![[x[0], 0.0], [x[1], 0.0]], width: 0.8, dash: Dash::DashDotted };
     panel = panel.with(Series::unnamed(Ink::Muted, axis));
     for (index, fan) in drawing.fans.iter().enumerate() {
         for (number, ray) in fan.rays.iter().enumerate() {
-            let shape = Shape::Line { points: clipped(ray, x[0], half), width: 1.0, dash: Dash::Solid };
+            let shape = SeriesShape::Line { points: clipped(ray, x[0], half), width: 1.0, dash: Dash::Solid };
             let name = (number == 0).then(|| field_name(fan.height_mm));
             panel = panel.with(Series { name, ink: Ink::cycle(index + 1), shape });
         }
@@ -63,14 +66,15 @@ pub fn lens_drawing(report: &LensReport) -> Figure {
     let rim = drawing.stop_rim_mm.max(1.15 * stop_height);
     for side in [1.0, -1.0] {
         let points = vec![[stop_mm, side * stop_height], [stop_mm, side * rim]];
-        panel = panel.with(Series::unnamed(Ink::Text, Shape::Line { points, width: 3.0, dash: Dash::Solid }));
+        panel = panel
+            .with(Series::unnamed(Ink::Text, SeriesShape::Line { points, width: 3.0, dash: Dash::Solid }));
     }
     let film = vec![[film_mm, -film_height_mm], [film_mm, film_height_mm]];
     panel = panel
-        .with(Series::unnamed(Ink::Text, Shape::Line { points: film, width: 2.5, dash: Dash::Solid }))
+        .with(Series::unnamed(Ink::Text, SeriesShape::Line { points: film, width: 2.5, dash: Dash::Solid }))
         .with(Series::unnamed(
             Ink::Text,
-            Shape::Labels(vec![
+            SeriesShape::Labels(vec![
                 Label { at: [stop_mm, rim], text: "stop".into() },
                 Label { at: [film_mm, film_height_mm], text: "film".into() },
             ]),
@@ -124,11 +128,11 @@ pub fn lens_spots(report: &LensReport) -> Figure {
         .enumerate()
         .map(|(index, spot)| {
             let points = spot.points_mm.iter().map(|point| offset(spot, point)).collect();
-            let dots = Shape::Dots { points, radius: 1.1, opacity: 0.6 };
+            let dots = SeriesShape::Dots { points, radius: 1.1, opacity: 0.6 };
             let rms = spot
                 .rms_radius_mm
                 .map_or_else(|| "no light".into(), |rms| format!("rms {} um", digits(1e3 * rms)));
-            let disc = Shape::Line { points: airy.clone(), width: 1.5, dash: Dash::Solid };
+            let disc = SeriesShape::Line { points: airy.clone(), width: 1.5, dash: Dash::Solid };
             let name = (index == 0).then(|| "first dark ring of diffraction on the axis".into());
             Panel::new(
                 Axis::linear("across", "um", [-limit, limit]),
@@ -181,7 +185,7 @@ pub fn lens_mtf(report: &LensReport) -> Figure {
             ));
         let unnamed = |values: &[f64], dash: Dash| {
             let points = zip(&mtf.focus_shift_mm, values);
-            Series::unnamed(ink, Shape::Line { points, width: 2.0, dash })
+            Series::unnamed(ink, SeriesShape::Line { points, width: 2.0, dash })
         };
         focus = focus
             .with(unnamed(through_focus_tangential, Dash::Solid))
@@ -215,7 +219,10 @@ pub fn lens_field(report: &LensReport) -> Figure {
             .with(Series::line("traced", Ink::cycle(0), illumination))
             .with(Series::dashed("cos⁴ of the chief ray at the film", Ink::Muted, cos4, Dash::Dashed)),
         Panel::new(height(), Axis::linear("distortion", "%", symmetric(&[&distortion], 0.1))).with(
-            Series::unnamed(Ink::cycle(0), Shape::Line { points: distortion, width: 2.0, dash: Dash::Solid }),
+            Series::unnamed(
+                Ink::cycle(0),
+                SeriesShape::Line { points: distortion, width: 2.0, dash: Dash::Solid },
+            ),
         ),
         Panel::new(
             height(),

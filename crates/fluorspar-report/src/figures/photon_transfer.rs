@@ -1,6 +1,6 @@
 //! Photon transfer and signal-to-noise ratio of a sensor that was measured.
 
-use crate::{Axis, Dash, Figure, Ink, Panel, Series, Shape};
+use crate::{Axis, Dash, Figure, Ink, Panel, Series, SeriesShape};
 
 /// A photon-transfer measurement and the line that was fitted to it.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -29,7 +29,7 @@ pub fn photon_transfer(plot: &PhotonTransferPlot) -> Figure {
         .with(Series {
             name: Some("frames in pairs".into()),
             ink: Ink::cycle(0),
-            shape: Shape::Markers { points: plot.points.clone(), radius: 3.0, hollow: true },
+            shape: SeriesShape::Markers { points: plot.points.clone(), radius: 3.0, hollow: true },
         })
         .with(Series::line(
             format!("slope K = {:.4} DN per electron", plot.gain_dn_per_e),

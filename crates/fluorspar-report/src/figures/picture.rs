@@ -1,6 +1,6 @@
 //! Pictures with a meaning: the developed image with its region, and the map of porphyrin.
 
-use crate::{Axis, ColorBar, ColorMap, Dash, Figure, Ink, Panel, Raster, Series, Shape};
+use crate::{Axis, ColorBar, ColorMap, Dash, Figure, Ink, Panel, Raster, Series, SeriesShape};
 
 /// Longest side of a picture inside a figure, px.
 const LONGEST_SIDE: f64 = 560.0;
@@ -10,7 +10,7 @@ fn frame(raster: Raster) -> Panel {
     let scale = LONGEST_SIDE / width.max(height).max(1.0);
     Panel::new(Axis::hidden([0.0, width]), Axis::hidden([height, 0.0]))
         .sized((width * scale).round(), (height * scale).round())
-        .with(Series::unnamed(Ink::Text, Shape::Picture { x: [0.0, width], y: [height, 0.0], raster }))
+        .with(Series::unnamed(Ink::Text, SeriesShape::Picture { x: [0.0, width], y: [height, 0.0], raster }))
 }
 
 /// A developed image. `region` is a rectangle `[col, row, width, height]` in its pixels, drawn in white.
@@ -20,7 +20,7 @@ pub fn picture(title: &str, raster: Raster, region: Option<[f64; 4]>) -> Figure 
         let (right, bottom) = (col + width, row + height);
         let points = vec![[col, row], [right, row], [right, bottom], [col, bottom], [col, row]];
         for (ink, width) in [(Ink::Rgb(0, 0, 0), 4.0), (Ink::Rgb(255, 255, 255), 2.0)] {
-            let shape = Shape::Line { points: points.clone(), width, dash: Dash::Solid };
+            let shape = SeriesShape::Line { points: points.clone(), width, dash: Dash::Solid };
             panel = panel.with(Series::unnamed(ink, shape));
         }
     }
@@ -70,7 +70,9 @@ mod tests {
         assert!(porphyrin_map(2, 2, &[None; 3], None, 1.0).is_none());
         assert!(porphyrin_map(2, 1, &[None; 2], Some(&[1]), 1.0).is_none());
         let map = porphyrin_map(2, 1, &[Some(0.5), None], Some(&[0, 100]), 0.5).unwrap();
-        let Shape::Picture { raster, .. } = &map.panels[0].series[0].shape else { panic!("no picture") };
+        let SeriesShape::Picture { raster, .. } = &map.panels[0].series[0].shape else {
+            panic!("no picture")
+        };
         assert_eq!(raster.pixels, [[253, 231, 37], [60; 3]]);
     }
 }

@@ -1,7 +1,7 @@
 //! Spectral radiance of a region, split by where the light came from.
 
 use super::{PlotCurve, wavelength_limits};
-use crate::{Axis, Dash, Figure, Ink, Panel, Scale, Series, Shape};
+use crate::{Axis, Dash, Figure, Ink, Panel, Scale, Series, SeriesShape};
 
 /// Decades shown on a logarithmic radiance axis.
 const RADIANCE_DECADES: i32 = 6;
@@ -23,7 +23,7 @@ pub fn radiance_by_component(
     };
     let mut panel = Panel::new(Axis::wavelength(wavelength_limits(all())), y);
     if let Some(total) = total {
-        let shape = Shape::Line { points: total.points(), width: 3.0, dash: Dash::Solid };
+        let shape = SeriesShape::Line { points: total.points(), width: 3.0, dash: Dash::Solid };
         panel = panel.with(Series { name: Some(total.name.clone()), ink: Ink::Text, shape });
     }
     if let Some(reflected) = reflected {

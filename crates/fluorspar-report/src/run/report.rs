@@ -482,7 +482,7 @@ fn radiance_section(
         "radiance_log",
         radiance_by_component(Some(&total), Some(&reflected), &glow, &region, Scale::Log10),
         "Logarithmic: reflected excitation light exceeds fluorescence by orders of magnitude, which is why the filters decide the \
-         design. A fluorophore that this tissue does not hold glows elsewhere, as dentine and enamel do in the teeth; its light \
+         design. A fluorophore that this tissue does not hold glows elsewhere, as dentin and enamel do in the teeth; its light \
          is reflected here.",
     );
     builder.show(

@@ -324,7 +324,7 @@ const SITES: &[KnownSite] = &[
             ("enamel_refractive_index", 1.63),
             ("dentin_refractive_index", 1.54),
             ("enamel_per_mm", 2.0e-3),
-            ("dentine_per_mm", 6.0e-3),
+            ("dentin_per_mm", 6.0e-3),
         ],
     },
 ];
@@ -439,7 +439,7 @@ impl Site {
                 "lipopigment",
                 "flavin_aggregate",
             ],
-            Structure::Tooth => &["enamel", "dentine"],
+            Structure::Tooth => &["enamel", "dentin"],
         }
     }
 
@@ -642,7 +642,7 @@ impl Site {
                 refractive_index: Some(self.get(&of("refractive_index"))?),
             })
         };
-        let layers = vec![layer("enamel", "enamel", 0.96)?, layer("dentin", "dentine", 0.93)?];
+        let layers = vec![layer("enamel", "enamel", 0.96)?, layer("dentin", "dentin", 0.93)?];
         Ok(LayeredTissue {
             layers,
             refractive_index: self.get("enamel_refractive_index")?,

@@ -127,5 +127,5 @@ pub(super) const TOOTH: &[SiteParameter] = &[
     parameter("enamel_refractive_index", INDEX, "Refractive index of enamel."),
     parameter("dentin_refractive_index", INDEX, "Refractive index of dentin."),
     parameter("enamel_per_mm", STRENGTH_PER_MM, "Fluorescence of enamel, strength at 405 nm."),
-    parameter("dentine_per_mm", STRENGTH_PER_MM, "Fluorescence of dentin, strength at 405 nm."),
+    parameter("dentin_per_mm", STRENGTH_PER_MM, "Fluorescence of dentin, strength at 405 nm."),
 ];
