@@ -6,7 +6,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::field_psf::{LandedRay, landed_rays};
+use super::field_aberrations::{LandedRay, landed_rays};
 use super::paraxial::Paraxial;
 use super::prescription::Medium;
 use super::sequential_trace::{LensRay, SequentialTrace};

@@ -4,7 +4,7 @@
 //! |---|---|
 //! | `perspective` | the camera of a scene: a pinhole, or film behind a traced lens |
 //! | `ideal_lens` | the camera equation: irradiance from radiance without aberrations |
-//! | `field_psf` | the image of a traced lens from a pinhole's radiance and point spreads |
+//! | `field_aberrations` | the image of a traced lens from a pinhole's radiance and point spreads |
 //! | `filter` | transmittance averaged over the angles of the rays, autofluorescence |
 //! | `glass`, `prescription` | a lens as its maker describes it |
 //! | `paraxial` | first-order properties |
@@ -15,7 +15,7 @@
 
 mod camera_lens;
 mod exit_pupil;
-mod field_psf;
+mod field_aberrations;
 mod filter;
 mod glass;
 mod ideal_lens;
@@ -29,7 +29,7 @@ mod traced_lens;
 mod traced_lens_tests;
 
 pub use camera_lens::{CameraLens, CameraLensRay};
-pub use field_psf::PointSpread;
+pub use field_aberrations::PointSpread;
 pub use filter::{AngleDistribution, Filter, FilterAutofluorescence, FilterStack, averaged_transmittance};
 pub use glass::{C_LINE_NM, D_LINE_NM, Dispersion, F_LINE_NM, Glass};
 pub use ideal_lens::{IdealLens, LensProblem, Vignetting};

@@ -6,7 +6,7 @@ use glam::{Vec2, Vec3};
 
 use super::fluorescence_operator::FluorescenceOperator;
 use super::instances::CompiledInstances;
-use super::russian_roulette::{Coarse, RouletteModel};
+use super::survival_probability::{Coarse, RouletteModel};
 use crate::geometry::{intersect_disc, intersect_sphere};
 use crate::light::{LightBounds, PreparedEmitter};
 use crate::material::PreparedMaterials;

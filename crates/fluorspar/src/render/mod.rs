@@ -16,7 +16,7 @@
 //! | `surface` | what a ray finds: frame, texture coordinates, side |
 //! | `intersect` | the nearest surface or light along a ray, and visibility |
 //! | `light_sampling` | directions toward lights, with densities |
-//! | `russian_roulette` | expected remaining contribution of a path, which decides its survival |
+//! | `survival_probability` | expected remaining contribution of a path, which decides its survival |
 //! | `path` | the vertices of a path |
 //! | `path_integrator` | samples paths: direct illumination, continuation, Russian roulette |
 //! | `spectral_accumulation` | runs spectra backwards along a path |
@@ -44,12 +44,12 @@ mod memory;
 mod path;
 mod path_integrator;
 mod pilot;
-mod russian_roulette;
 mod scene_digest;
 mod settings;
 mod share;
 mod spectral_accumulation;
 mod surface;
+mod survival_probability;
 
 pub use adaptive::{ErrorChannel, ErrorTarget, ErrorTargetError};
 pub use error::RenderError;

@@ -13,9 +13,9 @@ use super::compiled_scene::CompiledScene;
 use super::intersect::TraceBuffers;
 use super::light_sampling::LightSample;
 use super::path::Path;
-use super::russian_roulette::{BINS, CoarseThroughput};
 use super::settings::Estimator;
 use super::surface::{Intersection, SurfacePoint};
+use super::survival_probability::{BINS, CoarseThroughput};
 use crate::material::{Bsdf, BsdfSample, BsdfValue, PreparedMaterial};
 use crate::sampling::SampleStream;
 

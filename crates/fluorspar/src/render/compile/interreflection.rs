@@ -4,7 +4,7 @@ use glam::Vec3;
 
 use super::visible_points::VIEW_RAYS;
 use crate::render::compiled_scene::CompiledScene;
-use crate::render::russian_roulette::{BINS, Coarse};
+use crate::render::survival_probability::{BINS, Coarse};
 use crate::sampling::{SampleStream, warp};
 
 /// Mean reflectance beyond which a room is not taken to be brighter.

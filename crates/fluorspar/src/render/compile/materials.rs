@@ -5,7 +5,7 @@ use fluorspar_accel::bands::to_blocks;
 use super::emitters::Matrices;
 use crate::material::PreparedMaterials;
 use crate::render::compiled_scene::MaterialSpectra;
-use crate::render::russian_roulette::RouletteModel;
+use crate::render::survival_probability::RouletteModel;
 use crate::scene::Scene;
 
 /// Prepares the materials of a scene.

@@ -23,7 +23,7 @@ mod visible_points;
 use fluorspar_accel::{BuildError, Simd};
 
 use super::compiled_scene::CompiledScene;
-use super::russian_roulette::RouletteModel;
+use super::survival_probability::RouletteModel;
 use crate::scene::Scene;
 
 impl CompiledScene {
