@@ -85,16 +85,7 @@ pub(super) fn lingual_border(arch: &Arch, arc: f64) -> DVec3 {
 /// from the vestibule over the margin to the tongue side (v).
 pub(super) fn gingiva_mesh(arch: &Arch, pose: &JawPose, seed: u32, detail: f64) -> TriangleMesh {
     let end = end_of_gums(arch);
-    // The same number of stations for every tooth, so that all papillae are alike.
-    let per_tooth = count(9, detail);
-    let mut arcs = vec![-end];
-    arcs.extend(linspace(-end, -arch.end, 3).into_iter().skip(1));
-    for tooth in &arch.teeth {
-        let (low, high) = (tooth.middle - tooth.half_room, tooth.middle + tooth.half_room);
-        let (low, high) = (low.max(-arch.end), high.min(arch.end));
-        arcs.extend(linspace(low, high, per_tooth).into_iter().skip(1));
-    }
-    arcs.extend(linspace(arch.end, end, 3).into_iter().skip(1));
+    let arcs = stations(arch, end, count(9, detail));
     let rows = count(34, detail);
     let last_knot = 14.0;
     let v_values = linspace(0.0, 1.0, rows);
@@ -115,4 +106,17 @@ pub(super) fn gingiva_mesh(arch: &Arch, pose: &JawPose, seed: u32, detail: f64) 
         point += station.outward * (0.12 * window * fractal_noise(seed ^ 0x61, arc * 0.45, v * 14.0, 2));
         (pose.point(point), DVec2::new(0.5 + 0.5 * arc / end, v))
     })
+}
+
+/// Stations along the arch, the same number for every tooth, so that all papillae are alike.
+fn stations(arch: &Arch, end: f64, per_tooth: usize) -> Vec<f64> {
+    let mut arcs = vec![-end];
+    arcs.extend(linspace(-end, -arch.end, 3).into_iter().skip(1));
+    for tooth in &arch.teeth {
+        let (low, high) = (tooth.middle - tooth.half_room, tooth.middle + tooth.half_room);
+        let (low, high) = (low.max(-arch.end), high.min(arch.end));
+        arcs.extend(linspace(low, high, per_tooth).into_iter().skip(1));
+    }
+    arcs.extend(linspace(arch.end, end, 3).into_iter().skip(1));
+    arcs
 }

@@ -142,6 +142,11 @@ pub(super) fn smooth_normals(parts: &mut [Part]) {
         }
     }
     places.sort_unstable();
+    share_normals(parts, &places);
+}
+
+/// Vertices of one place, next to each other in the list, take the mean of their normals, if it is near their own.
+fn share_normals(parts: &mut [Part], places: &[([u32; 3], u32, u32)]) {
     for group in places.chunk_by(|a, b| a.0 == b.0).filter(|group| group.len() > 1) {
         let own: Vec<Vec3> = group
             .iter()

@@ -68,6 +68,11 @@ impl ExperimentSource {
                 file: None,
             });
         }
+        Self::from_file(name, path)
+    }
+
+    /// A file, or the experiment that a report carries.
+    fn from_file(name: &str, path: &Path) -> Result<Self, CliError> {
         let text = read_text(path)?;
         let is_report = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("html"));
         let text = if is_report {

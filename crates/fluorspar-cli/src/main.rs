@@ -90,12 +90,7 @@ fn default_threads() -> usize {
 }
 
 fn run(args: Args) -> Result<ExitCode, CliError> {
-    // Begun here, where a refusal of the system can be explained.
-    let threads = args.threads.unwrap_or_else(default_threads);
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build_global();
-    pool.map_err(|error| {
-        CliError::Failed(format!("can't start {threads} threads: {error}. Ask for fewer with --threads"))
-    })?;
+    start_threads(args.threads.unwrap_or_else(default_threads))?;
     if args.verbose {
         message::be_verbose();
     }
@@ -124,6 +119,14 @@ fn run(args: Args) -> Result<ExitCode, CliError> {
         Command::Schema(options) => commands::schema::run(&options),
         Command::Completions { shell } => commands::completions::run(shell),
     }
+}
+
+/// Starts the threads of all commands here, where a refusal of the system can be explained.
+fn start_threads(threads: usize) -> Result<(), CliError> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build_global();
+    pool.map_err(|error| {
+        CliError::Failed(format!("can't start {threads} threads: {error}. Ask for fewer with --threads"))
+    })
 }
 
 #[cfg(test)]

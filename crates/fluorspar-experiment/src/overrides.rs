@@ -51,17 +51,12 @@ fn split<'a>(text: &'a str, source: &TextSource) -> Result<(Vec<String>, &'a str
         match c {
             '"' => quoted = !quoted,
             '.' | '[' | ']' if !quoted => {
-                if !current.trim().is_empty() {
-                    steps.push(current.trim().to_string());
-                } else if c == '.' && !text[..at].ends_with(']') {
+                if !end_step(&mut current, &mut steps) && c == '.' && !text[..at].ends_with(']') {
                     return Err(bad(source, "the path has an empty step; write section.field=value"));
                 }
-                current.clear();
             }
             '=' if !quoted => {
-                if !current.trim().is_empty() {
-                    steps.push(current.trim().to_string());
-                }
+                end_step(&mut current, &mut steps);
                 if steps.is_empty() {
                     return Err(bad(source, "the path before `=` is missing; write section.field=value"));
                 }
@@ -74,6 +69,16 @@ fn split<'a>(text: &'a str, source: &TextSource) -> Result<(Vec<String>, &'a str
         source,
         "there is no `=`; write section.field=value, for instance light.blue.strength.power_mw=20",
     ))
+}
+
+/// Adds a step to a path, if there is one.
+fn end_step(current: &mut String, steps: &mut Vec<String>) -> bool {
+    let step = std::mem::take(current);
+    if step.trim().is_empty() {
+        return false;
+    }
+    steps.push(step.trim().to_string());
+    true
 }
 
 fn read_value(text: &str, source: &TextSource, index: usize) -> Node {

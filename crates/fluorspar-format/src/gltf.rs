@@ -463,29 +463,25 @@ impl BufferWriter {
 
     /// Adds a mesh, and returns its attributes and indices.
     fn add_mesh(&mut self, mesh: &TriangleMesh) -> (Value, usize) {
-        let floats =
-            |values: &mut dyn Iterator<Item = f32>| values.flat_map(f32::to_le_bytes).collect::<Vec<u8>>();
-        let (low, high) = mesh.bounds();
         let count = mesh.positions.len();
+        let mut floats = |values: &mut dyn Iterator<Item = f32>, mut accessor: Value| -> Value {
+            accessor["componentType"] = json!(5126);
+            accessor["count"] = json!(count);
+            json!(self.add(values.flat_map(f32::to_le_bytes).collect(), VERTICES, accessor))
+        };
+        let (low, high) = mesh.bounds();
         let mut attributes = json!({});
-        attributes["POSITION"] = json!(self.add(
-            floats(&mut mesh.positions.iter().flat_map(|p| p.to_array())),
-            VERTICES,
-            json!({ "componentType": 5126, "count": count, "type": "VEC3", "min": low.to_array(), "max": high.to_array() }),
-        ));
+        attributes["POSITION"] = floats(
+            &mut mesh.positions.iter().flat_map(|p| p.to_array()),
+            json!({ "type": "VEC3", "min": low.to_array(), "max": high.to_array() }),
+        );
         if !mesh.normals.is_empty() {
-            attributes["NORMAL"] = json!(self.add(
-                floats(&mut mesh.normals.iter().flat_map(|n| n.to_array())),
-                VERTICES,
-                json!({ "componentType": 5126, "count": count, "type": "VEC3" }),
-            ));
+            let normals = &mut mesh.normals.iter().flat_map(|n| n.to_array());
+            attributes["NORMAL"] = floats(normals, json!({ "type": "VEC3" }));
         }
         if !mesh.uvs.is_empty() {
-            attributes["TEXCOORD_0"] = json!(self.add(
-                floats(&mut mesh.uvs.iter().flat_map(|uv| [uv.x, 1.0 - uv.y])),
-                VERTICES,
-                json!({ "componentType": 5126, "count": count, "type": "VEC2" }),
-            ));
+            let uvs = &mut mesh.uvs.iter().flat_map(|uv| [uv.x, 1.0 - uv.y]);
+            attributes["TEXCOORD_0"] = floats(uvs, json!({ "type": "VEC2" }));
         }
         let indices: Vec<u8> = mesh.triangles.iter().flatten().flat_map(|v| v.to_le_bytes()).collect();
         let indices = self.add(

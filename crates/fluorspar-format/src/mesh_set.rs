@@ -120,27 +120,23 @@ pub fn write_pbrt(path: &Path, meshes: &[NamedMesh<'_>]) -> Result<(), FormatErr
                 "MakeNamedMaterial \"{material}\" \"string type\" [ \"diffuse\" ] \"rgb reflectance\" [ {r:.4} {g:.4} {b:.4} ]"
             )?;
         }
-        for NamedMesh { name, material, mesh, .. } in meshes {
-            writeln!(
-                writer,
-                "AttributeBegin # {name}\nNamedMaterial \"{material}\"\nShape \"trianglemesh\""
-            )?;
-            list(
-                writer,
-                "integer indices",
-                mesh.triangles.iter().map(|t| format!("{} {} {}", t[0], t[1], t[2])),
-            )?;
-            list(writer, "point3 P", mesh.positions.iter().map(|p| format!("{} {} {}", p.x, p.y, p.z)))?;
-            if !mesh.normals.is_empty() {
-                list(writer, "normal N", mesh.normals.iter().map(|n| format!("{} {} {}", n.x, n.y, n.z)))?;
-            }
-            if !mesh.uvs.is_empty() {
-                list(writer, "point2 uv", mesh.uvs.iter().map(|uv| format!("{} {}", uv.x, uv.y)))?;
-            }
-            writeln!(writer, "AttributeEnd")?;
-        }
-        Ok(())
+        meshes.iter().try_for_each(|mesh| write_pbrt_mesh(writer, mesh))
     })
+}
+
+/// One mesh as a shape with its material.
+fn write_pbrt_mesh(writer: &mut impl Write, part: &NamedMesh<'_>) -> io::Result<()> {
+    let NamedMesh { name, material, mesh, .. } = part;
+    writeln!(writer, "AttributeBegin # {name}\nNamedMaterial \"{material}\"\nShape \"trianglemesh\"")?;
+    list(writer, "integer indices", mesh.triangles.iter().map(|t| format!("{} {} {}", t[0], t[1], t[2])))?;
+    list(writer, "point3 P", mesh.positions.iter().map(|p| format!("{} {} {}", p.x, p.y, p.z)))?;
+    if !mesh.normals.is_empty() {
+        list(writer, "normal N", mesh.normals.iter().map(|n| format!("{} {} {}", n.x, n.y, n.z)))?;
+    }
+    if !mesh.uvs.is_empty() {
+        list(writer, "point2 uv", mesh.uvs.iter().map(|uv| format!("{} {}", uv.x, uv.y)))?;
+    }
+    writeln!(writer, "AttributeEnd")
 }
 
 fn list(writer: &mut impl Write, name: &str, items: impl Iterator<Item = String>) -> io::Result<()> {

@@ -133,15 +133,7 @@ pub(super) fn read_packed(
     check_image_size(path, description.width, description.height, 2, MAX_IMAGE_BYTES)?;
     let (columns, lines) = (description.width as usize, description.height as usize);
     let least = rows.format.row_bytes(columns);
-    let stride = rows.stride_bytes.unwrap_or(least as u64);
-    if stride < least as u64 || stride > 1 << 24 {
-        return Err(FormatError::malformed(
-            path,
-            format!("rows of {columns} pixels take {least} bytes, but the description says {stride}"),
-            "Correct packing.stride_bytes",
-        ));
-    }
-    let stride = stride as usize;
+    let stride = stride(path, rows, columns)?;
     // The last row may lack its padding.
     let needed = (stride as u64) * (lines as u64 - 1) + least as u64;
     let bytes = read_file(path, needed.saturating_add(1 << 24))?;
@@ -157,6 +149,20 @@ pub(super) fn read_packed(
         rows.format.unpack(&bytes[line * stride..line * stride + least], columns, &mut data);
     }
     image_of(path, columns, lines, data, description)
+}
+
+/// Bytes from row to row.
+fn stride(path: &Path, rows: PackedRows, columns: usize) -> Result<usize, FormatError> {
+    let least = rows.format.row_bytes(columns);
+    let stride = rows.stride_bytes.unwrap_or(least as u64);
+    if stride < least as u64 || stride > 1 << 24 {
+        return Err(FormatError::malformed(
+            path,
+            format!("rows of {columns} pixels take {least} bytes, but the description says {stride}"),
+            "Correct packing.stride_bytes",
+        ));
+    }
+    Ok(stride as usize)
 }
 
 #[cfg(test)]

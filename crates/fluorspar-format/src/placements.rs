@@ -38,8 +38,6 @@ pub fn read_placements(path: &Path, unit_m: f64) -> Result<Vec<Affine3>, FormatE
     };
     let mut maps = Vec::with_capacity(places.len());
     for (number, m) in places.iter().enumerate() {
-        let row = |r: usize| Vec3::new(m[4 * r], m[4 * r + 1], m[4 * r + 2]);
-        let displacement = [m[3], m[7], m[11]].map(|x| (f64::from(x) * unit_m) as f32);
         if !m.iter().all(|x| x.is_finite()) {
             let what = format!("place {number} (counted from 0) holds a number that is not finite");
             let hint = "Give twelve finite numbers";
@@ -48,10 +46,17 @@ pub fn read_placements(path: &Path, unit_m: f64) -> Result<Vec<Affine3>, FormatE
                 None => FormatError::malformed(path, what, hint),
             });
         }
-        let matrix3 = Mat3::from_cols(row(0), row(1), row(2)).transpose();
-        maps.push(Affine3 { matrix3, translation: displacement.into() });
+        maps.push(affine_map(m, unit_m));
     }
     Ok(maps)
+}
+
+/// The map of twelve numbers, its displacement in a unit.
+fn affine_map(m: &[f32; NUMBERS], unit_m: f64) -> Affine3 {
+    let row = |r: usize| Vec3::new(m[4 * r], m[4 * r + 1], m[4 * r + 2]);
+    let displacement = [m[3], m[7], m[11]].map(|x| (f64::from(x) * unit_m) as f32);
+    let matrix3 = Mat3::from_cols(row(0), row(1), row(2)).transpose();
+    Affine3 { matrix3, translation: displacement.into() }
 }
 
 /// Placements and their lines, from 1.
@@ -123,14 +128,9 @@ fn from_array(path: &Path) -> Result<Vec<[f32; NUMBERS]>, FormatError> {
     let mut places = Vec::with_capacity(values.len() / per_place);
     for (number, place) in values.chunks_exact(per_place).enumerate() {
         if per_place == 16 && place[12..] != [0.0, 0.0, 0.0, 1.0] {
-            return Err(FormatError::malformed(
-                path,
-                format!(
-                    "the last row of place {number} (counted from 0) is {:?}, not 0, 0, 0, 1",
-                    &place[12..]
-                ),
-                "Give affine maps",
-            ));
+            let row = &place[12..];
+            let what = format!("the last row of place {number} (counted from 0) is {row:?}, not 0, 0, 0, 1");
+            return Err(FormatError::malformed(path, what, "Give affine maps"));
         }
         let mut numbers = [0.0; NUMBERS];
         numbers.copy_from_slice(&place[..NUMBERS]);

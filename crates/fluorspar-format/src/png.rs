@@ -111,16 +111,7 @@ fn check_memory(
 pub(super) fn read_png(path: &Path, value_bytes: u64) -> Result<RawPng, FormatError> {
     let (file, length) = open_plain(path)?;
     guarded(path, "PNG", || {
-        let damaged = |error: png::DecodingError| match error {
-            png::DecodingError::IoError(source) if source.kind() != io::ErrorKind::UnexpectedEof => {
-                FormatError::io(path, "read", source)
-            }
-            error => FormatError::malformed(
-                path,
-                format!("not a valid PNG file: {error}"),
-                "Export the image again",
-            ),
-        };
+        let damaged = |error| damaged_png(path, error);
         let limits = png::Limits { bytes: MAX_IMAGE_BYTES as usize };
         let mut decoder = png::Decoder::new_with_limits(BufReader::new(file), limits);
         decoder.set_transformations(png::Transformations::EXPAND);
@@ -139,6 +130,17 @@ pub(super) fn read_png(path: &Path, value_bytes: u64) -> Result<RawPng, FormatEr
         bytes.truncate(frame.buffer_size());
         Ok(RawPng { width: width as usize, height: height as usize, color, depth, bytes })
     })
+}
+
+fn damaged_png(path: &Path, error: png::DecodingError) -> FormatError {
+    match error {
+        png::DecodingError::IoError(source) if source.kind() != io::ErrorKind::UnexpectedEof => {
+            FormatError::io(path, "read", source)
+        }
+        error => {
+            FormatError::malformed(path, format!("not a valid PNG file: {error}"), "Export the image again")
+        }
+    }
 }
 
 /// Reads an 8- or 16-bit gray or RGB image, with or without alpha, as values proportional to light. Alpha is

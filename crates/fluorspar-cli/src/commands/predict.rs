@@ -278,10 +278,9 @@ fn radiance_rows(
     prediction: &Prediction,
     channels: &[(&String, &ChannelPrediction)],
 ) -> Vec<Vec<String>> {
-    let mut head: Vec<String> = vec!["radiance from the sample".into(), "W/(sr m2)".into(), "peak nm".into()];
-    head.extend(channels.iter().map(|(name, _)| format!("{name} e-")));
-    head.extend(["r".into(), "g".into()]);
-    let mut rows = vec![head];
+    let head = ["radiance from the sample", "W/(sr m2)", "peak nm"].map(String::from).into_iter();
+    let electrons = channels.iter().map(|(name, _)| format!("{name} e-"));
+    let mut rows: Vec<Vec<String>> = vec![head.chain(electrons).chain(["r".into(), "g".into()]).collect()];
     let mut add = |name: &str, values: &[f64], electrons: Vec<f64>, rg: Option<[f64; 2]>| {
         let mut row = vec![name.to_string(), short(integral(sample, values)), peak_nm(prediction, values)];
         row.extend(electrons.into_iter().map(|e| format!("{e:.1}")));

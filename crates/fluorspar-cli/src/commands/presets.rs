@@ -44,15 +44,20 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         super::print_json(&list)?;
         return Ok(ExitCode::SUCCESS);
     }
+    super::print_text(&by_kind(&entries))?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// The entries under headings of their kinds.
+fn by_kind(entries: &[preset::PresetSummary]) -> String {
     let mut text = String::new();
     let mut last = None;
-    for entry in &entries {
+    for entry in entries {
         if last != Some(entry.kind) {
             text += &format!("{}{}\n", if last.is_some() { "\n" } else { "" }, entry.kind);
             last = Some(entry.kind);
         }
         text += &format!("  {:<22} {}\n", entry.name, entry.title);
     }
-    super::print_text(&text)?;
-    Ok(ExitCode::SUCCESS)
+    text
 }

@@ -63,11 +63,7 @@ pub(super) fn render_settings(context: &Context<'_>, section: &RenderSection) ->
     }
     let gib = context.within(&at("memory_limit_gib"), section.memory_limit_gib, [0.001, 1024.0], "GiB")?;
     let edges = section.excitation_edges_nm.clone().unwrap_or_default();
-    if section.excitation_edges_nm.is_some()
-        && (!(2..=65).contains(&edges.len())
-            || edges.iter().any(|edge| !(200.0..=1200.0).contains(edge))
-            || edges.windows(2).any(|pair| pair[0] >= pair[1]))
-    {
+    if section.excitation_edges_nm.is_some() && !are_excitation_edges(&edges) {
         let message = "must hold 2 to 65 increasing wavelengths between 200 and 1200 nm";
         return context.fail(&at("excitation_edges_nm"), message);
     }
@@ -81,6 +77,12 @@ pub(super) fn render_settings(context: &Context<'_>, section: &RenderSection) ->
         error_target: None,
         excitation_edges_nm: edges,
     })
+}
+
+fn are_excitation_edges(edges: &[f64]) -> bool {
+    (2..=65).contains(&edges.len())
+        && edges.iter().all(|edge| (200.0..=1200.0).contains(edge))
+        && edges.windows(2).all(|pair| pair[0] < pair[1])
 }
 
 /// Refuses images that do not fit into the stated memory in one go, nor in bands of rows, of which one row of tiles must
@@ -394,6 +396,14 @@ pub(crate) fn sensor(
         let at = steps!["sensor", "filters", index];
         qe = qe.behind(&context.spectrum(&at, filter, Role::Filter, 0.0, grid)?);
     }
+    warn_truncated(context, &at, &qe, grid);
+    // A data sheet may state a quantum efficiency, which is compared with the curves.
+    let model = if section.model.emva1288.is_some() { &section.model } else { model };
+    Sensor::new(model.clone(), qe).map_err(|problem| sensor_problem(context, &problem.field, problem.message))
+}
+
+/// Warns of efficiencies that end where they are not small.
+fn warn_truncated(context: &mut Context<'_>, at: &Place, qe: &SpectralQe, grid: &WavelengthGrid) {
     let cut: Vec<String> = qe
         .truncated_on(grid)
         .into_iter()
@@ -404,11 +414,8 @@ pub(crate) fn sensor(
             "these channels were measured over a smaller range and are taken as zero outside, though not small there: {}",
             cut.join(", ")
         );
-        context.warn(&at, message);
+        context.warn(at, message);
     }
-    // A data sheet may state a quantum efficiency, which is compared with the curves.
-    let model = if section.model.emva1288.is_some() { &section.model } else { model };
-    Sensor::new(model.clone(), qe).map_err(|problem| sensor_problem(context, &problem.field, problem.message))
 }
 
 /// The model with its defaults and its data sheet written out; what was given stays to the last bit.

@@ -239,6 +239,10 @@ fn matrix(
     .map_err(|error| context.error(at, error.to_string()))
 }
 
+/// What to do about a matrix whose values may count photons or energy.
+const UNKNOWN_UNIT: &str =
+    "the file does not know what its values count; add unit = \"photons\" or \"energy\"";
+
 fn matrix_from_csv(
     context: &mut Context<'_>,
     at: &Place,
@@ -260,12 +264,7 @@ fn matrix_from_csv(
     let unit = match read.unit {
         EemUnit::Photons => YieldUnit::Photons,
         EemUnit::Energy => YieldUnit::Energy,
-        EemUnit::Unknown => {
-            return context.fail(
-                at,
-                "the file does not know what its values count; add unit = \"photons\" or \"energy\"",
-            );
-        }
+        EemUnit::Unknown => return context.fail(at, UNKNOWN_UNIT),
     };
     let table =
         EemTable { emission_nm: read.emission_nm, excitation_nm: read.excitation_nm, values: read.values };

@@ -461,16 +461,7 @@ fn check_quantity<Q: Quantity>(path: &Path, header: &Header) -> Result<(), Forma
             format!("Add it: \"{expected}\" for {}", wanted()),
         ));
     };
-    let factors = |unit: &str| {
-        let mut factors: Vec<String> = unit
-            .split('.')
-            .filter(|factor| *factor != "nm^-1")
-            .map(|factor| factor.trim().to_string())
-            .collect();
-        factors.sort();
-        factors
-    };
-    if factors(&found) != factors(&expected) {
+    if unit_factors(&found) != unit_factors(&expected) {
         return Err(FormatError::unit(
             path,
             format!("the values are in \"{found}\", not \"{expected}\""),
@@ -478,6 +469,13 @@ fn check_quantity<Q: Quantity>(path: &Path, header: &Header) -> Result<(), Forma
         ));
     }
     Ok(())
+}
+
+/// Factors of a unit in order, without `nm^-1`, which some programs leave out.
+fn unit_factors(unit: &str) -> Vec<&str> {
+    let mut factors: Vec<&str> = unit.split('.').filter(|factor| *factor != "nm^-1").map(str::trim).collect();
+    factors.sort_unstable();
+    factors
 }
 
 /// The wavelength grid, and the band that each channel holds.

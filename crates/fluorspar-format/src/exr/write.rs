@@ -391,6 +391,14 @@ enum PixelSource<'a> {
 }
 
 impl<'a> PixelSource<'a> {
+    /// The largest finite value, without its sign.
+    fn brightest(self) -> f32 {
+        match self {
+            Self::Memory(data) => data.iter().map(|v| v.abs()).filter(|v| v.is_finite()).fold(0.0, f32::max),
+            Self::Spool(spool, image) => spool.brightest(image),
+        }
+    }
+
     fn spool(self) -> Option<&'a SpooledImage> {
         match self {
             Self::Memory(_) => None,
@@ -484,12 +492,7 @@ fn band_planes<'a, Q: Quantity>(
 ) -> (Vec<Plane<'a>>, Vec<(&'static str, AttributeValue)>) {
     let (half, attributes) = match compression {
         ExrCompression::Half => {
-            let (factor, attributes) = half_scale(match source {
-                PixelSource::Memory(data) => {
-                    data.iter().map(|v| v.abs()).filter(|v| v.is_finite()).fold(0.0, f32::max)
-                }
-                PixelSource::Spool(spool, image) => spool.brightest(image),
-            });
+            let (factor, attributes) = half_scale(source.brightest());
             (Some(factor), attributes)
         }
         _ => (None, Vec::new()),
@@ -613,20 +616,7 @@ fn sort_attributes(writer: &mut BufWriter<File>) -> io::Result<()> {
     let multi_part = start[5] & 0x10 != 0;
     let mut sorted = Vec::new();
     loop {
-        let mut attributes: Vec<Vec<u8>> = Vec::new();
-        loop {
-            let mut attribute = Vec::new();
-            read_until_zero(&mut reader, &mut attribute)?;
-            if attribute.len() == 1 {
-                break;
-            }
-            read_until_zero(&mut reader, &mut attribute)?;
-            let mut size = [0; 4];
-            reader.read_exact(&mut size)?;
-            attribute.extend(size);
-            (&mut reader).take(u64::from(u32::from_le_bytes(size))).read_to_end(&mut attribute)?;
-            attributes.push(attribute);
-        }
+        let mut attributes = read_attributes(&mut reader)?;
         let last_part = attributes.is_empty();
         attributes.sort();
         sorted.extend(attributes.into_iter().flatten());
@@ -638,6 +628,24 @@ fn sort_attributes(writer: &mut BufWriter<File>) -> io::Result<()> {
     file.seek(SeekFrom::Start(start.len() as u64))?;
     file.write_all(&sorted)?;
     file.seek(SeekFrom::End(0)).map(|_| ())
+}
+
+/// The attributes of one header, each with name, type, size and value; none behind the last header.
+fn read_attributes(reader: &mut impl io::BufRead) -> io::Result<Vec<Vec<u8>>> {
+    let mut attributes = Vec::new();
+    loop {
+        let mut attribute = Vec::new();
+        read_until_zero(reader, &mut attribute)?;
+        if attribute.len() == 1 {
+            return Ok(attributes);
+        }
+        read_until_zero(reader, &mut attribute)?;
+        let mut size = [0; 4];
+        reader.read_exact(&mut size)?;
+        attribute.extend(size);
+        reader.by_ref().take(u64::from(u32::from_le_bytes(size))).read_to_end(&mut attribute)?;
+        attributes.push(attribute);
+    }
 }
 
 /// Appends bytes up to and including the next zero.

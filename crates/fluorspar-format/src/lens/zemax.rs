@@ -160,8 +160,20 @@ pub(super) fn parse(text: &str, name: &str) -> Result<LensPrescription, Fault> {
         file.read_line(line, index + 1)?;
     }
 
-    // Keep the surfaces of the lens: the first is the object, the last the image
-    let ZemaxFile { title, unit_mm, wavelengths_um, primary, mut surfaces } = file;
+    let ZemaxFile { title, unit_mm, wavelengths_um, primary, surfaces } = file;
+    let surfaces = between_object_and_image(surfaces)?;
+
+    // Set title, design wavelength and unit
+    let title = if title.is_empty() { name.into() } else { title };
+    let mut lens = LensPrescription::new(title, surfaces.into_iter().map(|s| s.surface).collect());
+    if let Some((_, um)) = wavelengths_um.iter().find(|(number, _)| *number == primary) {
+        lens.design_wavelength_nm = (um * 1e7).round() / 1e4;
+    }
+    Ok(if unit_mm == 1.0 { lens } else { lens.scaled(unit_mm) })
+}
+
+/// The surfaces of the lens: the first of a file is the object, the last the image.
+fn between_object_and_image(mut surfaces: Vec<ZemaxSurface>) -> Result<Vec<ZemaxSurface>, Fault> {
     if surfaces.len() < 3 {
         let message =
             format!("{} surfaces; there is no SURF block of a lens. Is this a .zmx file?", surfaces.len());
@@ -177,12 +189,5 @@ pub(super) fn parse(text: &str, name: &str) -> Result<LensPrescription, Fault> {
     for surface in &mut surfaces {
         surface.finish()?;
     }
-
-    // Set title, design wavelength and unit
-    let title = if title.is_empty() { name.into() } else { title };
-    let mut lens = LensPrescription::new(title, surfaces.into_iter().map(|s| s.surface).collect());
-    if let Some((_, um)) = wavelengths_um.iter().find(|(number, _)| *number == primary) {
-        lens.design_wavelength_nm = (um * 1e7).round() / 1e4;
-    }
-    Ok(if unit_mm == 1.0 { lens } else { lens.scaled(unit_mm) })
+    Ok(surfaces)
 }

@@ -77,15 +77,7 @@ impl ContactSheet {
         let [r, g, b] = GROUND;
         let mut canvas = Canvas::new(self.width as f64, self.height as f64, 1.0, Ink::Rgb(r, g, b))?;
         for ((name, _), [left, top, width, _]) in pictures.iter().zip(&self.cells) {
-            // Letters as large as the picture is wide enough for.
-            let fitting = LETTERS * (*width as f64 - 8.0) / font::width(name, LETTERS).max(1.0);
-            canvas.draw(&Mark::Text {
-                at: [*left as f64 + 0.5 * *width as f64, *top as f64 - 6.0],
-                text: (*name).to_owned(),
-                size: fitting.clamp(5.0, LETTERS) as u32,
-                anchor: Anchor::Middle,
-                ink: LETTER_INK,
-            });
+            canvas.draw(&title(name, [*left as f64, *top as f64, *width as f64]));
         }
         let mut sheet = canvas.into_raster();
         for ((_, picture), [left, top, width, height]) in pictures.iter().zip(&self.cells) {
@@ -95,6 +87,18 @@ impl ContactSheet {
             }
         }
         Ok(sheet)
+    }
+}
+
+/// The name above a picture, in letters as large as the picture is wide enough for.
+fn title(name: &str, [left, top, width]: [f64; 3]) -> Mark {
+    let fitting = LETTERS * (width - 8.0) / font::width(name, LETTERS).max(1.0);
+    Mark::Text {
+        at: [left + 0.5 * width, top - 6.0],
+        text: name.to_owned(),
+        size: fitting.clamp(5.0, LETTERS) as u32,
+        anchor: Anchor::Middle,
+        ink: LETTER_INK,
     }
 }
 

@@ -16,7 +16,16 @@ pub fn analysis_section(analysis: &Analysis, figures: Vec<ReportItem>) -> Sectio
     if let Some(mixture) = &analysis.mixture {
         section = section.with(table("Porphyrin fraction", mixture_rows(mixture, analysis.counts.valid)));
     }
-    let predicted = analysis.fluorophores.iter().map(|fluorophore| {
+    let predicted = fluorophore_rows(analysis);
+    if !predicted.is_empty() {
+        section = section.with(table("Predicted fluorophores", predicted));
+    }
+    section.with(table("Pixels and levels", pixel_rows(analysis)))
+}
+
+/// Predicted chromaticity of each fluorophore.
+fn fluorophore_rows(analysis: &Analysis) -> Vec<Number> {
+    let rows = analysis.fluorophores.iter().map(|fluorophore| {
         let point = fluorophore.chromaticity;
         let value = point.map_or_else(|| "none".into(), |[r, g]| format!("{r:.3}, {g:.3}"));
         let part = match fluorophore.bulk_weight {
@@ -31,11 +40,7 @@ pub fn analysis_section(analysis: &Analysis, figures: Vec<ReportItem>) -> Sectio
         )
         .from(Origin::Assumed("from the fluorophore model of this experiment".into()))
     });
-    let predicted: Vec<Number> = predicted.collect();
-    if !predicted.is_empty() {
-        section = section.with(table("Predicted fluorophores", predicted));
-    }
-    section.with(table("Pixels and levels", pixel_rows(analysis)))
+    rows.collect()
 }
 
 fn table(caption: &str, rows: Vec<Number>) -> ReportItem {

@@ -6,7 +6,7 @@ use fluorspar::pipeline::{AnalyzedFrame, CapturedFrame, FrameLeak, Preview, Regi
 use fluorspar::scene::Scene;
 use fluorspar::sensor::{SensorModel, SpectralQe};
 use fluorspar::spectral::{Curve, Fluorophore};
-use fluorspar::study::{Capture, Lens};
+use fluorspar::study::{Camera, Capture, Lens};
 use fluorspar_experiment::ResolvedExperiment;
 use fluorspar_experiment::preset::{self, PresetKind};
 
@@ -316,11 +316,8 @@ fn percent_saturated(frame: &CapturedFrame) -> f64 {
 fn camera_section(run: &RunResults<'_>, builder: &mut Builder) -> Section {
     let evaluation = run.evaluation;
     let study = &run.experiment.study;
-    let pictures = evaluation
-        .frames
-        .iter()
-        .zip(&evaluation.previews)
-        .zip(&study.captures)
+    let shown = evaluation.frames.iter().zip(&evaluation.previews).zip(&study.captures);
+    let pictures = shown
         .filter_map(|((frame, preview), capture)| frame_picture(&study.scene, frame, preview, capture))
         .collect();
     let rows = evaluation.frames.iter().flat_map(frame_rows).collect();
@@ -544,15 +541,20 @@ fn parts_section(run: &RunResults<'_>, builder: &mut Builder) -> Section {
         section = fluorophore_figures(run, builder, section, range);
     }
     if let Some(sensor) = &study.camera.sensor {
-        let curves = |qe: &SpectralQe| qe.channels().iter().map(|c| fine(&c.name, &c.curve, range)).collect();
-        let bare: Vec<PlotCurve> = curves(sensor.qe());
-        let filtered: Vec<PlotCurve> = match study.camera.lens_behind_filters() {
-            Some(lens) => curves(&sensor.qe().behind(&lens.transmittance)),
-            None => Vec::new(),
-        };
-        section = builder.show(section, "sensor", sensor_response(&bare, &filtered), "");
+        let figure = sensor_figure(&study.camera, sensor.qe(), range);
+        section = builder.show(section, "sensor", figure, "");
     }
     section.with(ReportItem::Table(NumberTable { caption: "Camera".into(), rows: camera_rows(run) }))
+}
+
+/// Quantum efficiency alone, and behind lens and filters.
+fn sensor_figure(camera: &Camera, qe: &SpectralQe, range: (f64, f64)) -> Figure {
+    let curves = |qe: &SpectralQe| -> Vec<PlotCurve> {
+        qe.channels().iter().map(|c| fine(&c.name, &c.curve, range)).collect()
+    };
+    let lens = camera.lens_behind_filters();
+    let filtered = lens.map_or_else(Vec::new, |lens| curves(&qe.behind(&lens.transmittance)));
+    sensor_response(&curves(qe), &filtered)
 }
 
 /// Spectrum of the first light of each group, relative to its maximum.

@@ -131,19 +131,21 @@ fn viewer_rows(viewer: &ViewerSafety, light_on_s: f64) -> Vec<Number> {
                 a.unit,
                 number(a.limit),
                 a.unit,
-                a.exposures_per_day.map_or_else(String::new, |n| {
-                    // The day ends before the dose does.
-                    if (n + 1) as f64 * light_on_s > DAY_S {
-                        "; as many such captures as fit into 8 hours".into()
-                    } else {
-                        format!("; {n} such captures in 8 hours")
-                    }
-                })
+                a.exposures_per_day.map_or_else(String::new, |n| captures_per_day(n, light_on_s))
             );
             let name = format!("{who}{place}: {}", name(a.hazard));
             Some(Number::computed(name, number(a.margin?), "margin", meaning))
         })
         .collect()
+}
+
+/// How many captures the dose of a day allows; the day may end before the dose does.
+fn captures_per_day(n: u64, light_on_s: f64) -> String {
+    if (n + 1) as f64 * light_on_s > DAY_S {
+        "; as many such captures as fit into 8 hours".into()
+    } else {
+        format!("; {n} such captures in 8 hours")
+    }
 }
 
 fn name(hazard: Hazard) -> &'static str {

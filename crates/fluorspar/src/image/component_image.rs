@@ -44,6 +44,14 @@ pub struct Component {
 }
 
 impl Component {
+    /// Edges of its excitation bin, nm.
+    fn bin_nm(&self) -> Option<[f64; 2]> {
+        match self.excitation {
+            Some(ExcitationBin::Between(edges)) => Some(edges),
+            _ => None,
+        }
+    }
+
     /// A component that all light of a group excites.
     ///
     /// ```
@@ -280,17 +288,7 @@ impl ComponentImage {
             let (rendered, wanted) = (rendered.integral(first, last), wanted.integral(first, last));
             if rendered > 0.0 { (wanted / rendered, wanted) } else { (0.0, 0.0) }
         };
-        let bin_of = |component: &Component| match component.excitation {
-            Some(ExcitationBin::Between(edges)) if component.light_group == group => Some(edges),
-            _ => None,
-        };
-        let mut bins: Vec<[f64; 2]> = Vec::new();
-        for bin in self.components.iter().filter_map(bin_of) {
-            if !bins.contains(&bin) {
-                bins.push(bin);
-            }
-        }
-        let covered: f64 = bins.iter().map(|bin| ratio(*bin).1).sum();
+        let covered: f64 = self.excitation_bins(group).iter().map(|bin| ratio(*bin).1).sum();
         let missing = 1.0 - covered / wanted.total();
         // Also refuses a spectrum without light, whose share is not a number.
         if missing.is_nan() || missing > 1e-3 {
@@ -299,12 +297,24 @@ impl ComponentImage {
         let plane = self.width * self.height * self.grid.len();
         for (component, values) in self.components.iter().zip(self.data.chunks_mut(plane.max(1))) {
             if component.light_group == group {
-                let factor = bin_of(component).map_or(0.0, |bin| ratio(bin).0) as f32;
+                let factor = component.bin_nm().map_or(0.0, |bin| ratio(bin).0) as f32;
                 values.iter_mut().for_each(|value| *value *= factor);
             }
         }
         self.statistics = None;
         Ok(())
+    }
+
+    /// Edges of the excitation bins of a light group, nm.
+    fn excitation_bins(&self, group: &str) -> Vec<[f64; 2]> {
+        let mut bins: Vec<[f64; 2]> = Vec::new();
+        let of_group = self.components.iter().filter(|component| component.light_group == group);
+        for bin in of_group.filter_map(Component::bin_nm) {
+            if !bins.contains(&bin) {
+                bins.push(bin);
+            }
+        }
+        bins
     }
 
     /// `sum weight(component) * component`: any change of drive current or (to first order) concentration.

@@ -345,14 +345,10 @@ pub fn develop_frames(
     // Subtract ambient frames and demosaic
     let mut developed = Vec::with_capacity(exposures.len());
     for frame in &linear {
-        let subtract = study.capture(&frame.label).and_then(|c| c.subtract.as_deref());
-        let light = match subtract {
+        let light = match study.capture(&frame.label).and_then(|c| c.subtract.as_deref()) {
             None => frame.demosaic(calibration.demosaicing)?,
             Some(label) => {
-                let ambient = linear.iter().find(|other| other.label == label).ok_or_else(|| {
-                    let known = linear.iter().map(|other| other.label.as_str()).collect::<Vec<_>>();
-                    PipelineError::NoFrame { wanted: label.into(), known: known.join(", ") }
-                })?;
+                let ambient = frame_of(&linear, label)?;
                 frame.clone().without(ambient)?.demosaic(calibration.demosaicing)?
             }
         };
@@ -363,6 +359,14 @@ pub fn develop_frames(
         .zip(developed)
         .map(|(frame, developed)| CapturedFrame { raw: frame.raw, bracket: frame.bracket, developed })
         .collect())
+}
+
+/// The frame of a name.
+fn frame_of<'a>(frames: &'a [LinearMosaic], label: &str) -> Result<&'a LinearMosaic, PipelineError> {
+    frames.iter().find(|other| other.label == label).ok_or_else(|| {
+        let known = frames.iter().map(|other| other.label.as_str()).collect::<Vec<_>>();
+        PipelineError::NoFrame { wanted: label.into(), known: known.join(", ") }
+    })
 }
 
 #[cfg(test)]

@@ -134,17 +134,29 @@ fn exposure(sample: &FlatSample, parts: &Parts) -> Result<Exposure, PredictError
 /// An exposure that can't be used, or a toolbox model that does not fit.
 pub fn predict(sample: &FlatSample) -> Result<Prediction, PredictError> {
     let parts = parts(sample)?;
-    let total = parts.total();
     let light = on_film(sample, parts.behind_filter());
-    let mut prediction = Prediction {
+    let mut prediction = without_sensor(sample, &parts, light.as_ref());
+    let exposure = exposure(sample, &parts)?;
+    if let (Some(sensor), Some(lens), Some(light)) = (&sample.camera.sensor, &sample.camera.lens, &light) {
+        let response = sensor.flat_response(light, &exposure)?;
+        let camera = CameraResponse::new(&lens.equation, sensor, &sample.grid, None);
+        respond(&mut prediction, &camera, &parts, exposure.time_s, &response);
+        prediction.porphyrin = porphyrin(sample, &camera, &parts, exposure.time_s);
+    }
+    Ok(prediction)
+}
+
+/// What is known of a sample before a sensor sees it.
+fn without_sensor(sample: &FlatSample, parts: &Parts, light: Option<&Spectrum<Irradiance>>) -> Prediction {
+    Prediction {
         wavelength_nm: sample.grid.centers_nm(),
         irradiance: parts.irradiance.clone(),
         radiance: RadianceSplit {
             reflected: parts.reflected.clone(),
             fluorescence: parts.fluorescence.iter().cloned().collect(),
-            total,
+            total: parts.total(),
         },
-        sensor_irradiance: light.as_ref().map(|light| light.values().to_vec()),
+        sensor_irradiance: light.map(|light| light.values().to_vec()),
         exposure_s: None,
         channels: BTreeMap::new(),
         chromaticity: None,
@@ -155,15 +167,7 @@ pub fn predict(sample: &FlatSample) -> Result<Prediction, PredictError> {
             FluorescenceModel::Physical => photon_yield(sample, YIELD_BAND_NM),
             FluorescenceModel::Toolbox => None,
         },
-    };
-    let exposure = exposure(sample, &parts)?;
-    if let (Some(sensor), Some(lens), Some(light)) = (&sample.camera.sensor, &sample.camera.lens, &light) {
-        let response = sensor.flat_response(light, &exposure)?;
-        let camera = CameraResponse::new(&lens.equation, sensor, &sample.grid, None);
-        respond(&mut prediction, &camera, &parts, exposure.time_s, &response);
-        prediction.porphyrin = porphyrin(sample, &camera, &parts, exposure.time_s);
     }
-    Ok(prediction)
 }
 
 /// Fills in what the sensor makes of the light.

@@ -357,30 +357,32 @@ fn program(captures: &[CaptureSafety]) -> Vec<ProgramSafety> {
     [Viewer::PatientEye, Viewer::OperatorEye, Viewer::Mucosa]
         .into_iter()
         .filter(|who| captures.iter().flat_map(|c| &c.viewers).any(|v| v.viewer == *who))
-        .map(|who| {
-            let mut used: Vec<(Hazard, f64)> = Vec::new();
-            let (mut assessed, mut too_much) = (true, false);
-            for capture in captures {
-                for viewer in capture.viewers.iter().filter(|v| v.viewer == who) {
-                    assessed &= viewer.not_assessed.is_none();
-                    too_much |= viewer.smallest_margin.is_some_and(|margin| margin < 1.0);
-                    for hazard in &viewer.hazards {
-                        let Some(daily_s) = hazard.daily_seconds else { continue };
-                        let share = capture.light_on_s / daily_s;
-                        match used.iter_mut().find(|(other, _)| *other == hazard.hazard) {
-                            Some((_, sum)) => *sum += share,
-                            None => used.push((hazard.hazard, share)),
-                        }
-                    }
+        .map(|who| ProgramSafety { viewer: who, sequences_per_day: sequences_per_day(captures, who) })
+        .collect()
+}
+
+/// How often a viewer may see all captures in a day: until the daily dose of some hazard is used up.
+fn sequences_per_day(captures: &[CaptureSafety], who: Viewer) -> Option<u64> {
+    let mut used: Vec<(Hazard, f64)> = Vec::new();
+    let (mut assessed, mut too_much) = (true, false);
+    for capture in captures {
+        for viewer in capture.viewers.iter().filter(|v| v.viewer == who) {
+            assessed &= viewer.not_assessed.is_none();
+            too_much |= viewer.smallest_margin.is_some_and(|margin| margin < 1.0);
+            for hazard in &viewer.hazards {
+                let Some(daily_s) = hazard.daily_seconds else { continue };
+                let share = capture.light_on_s / daily_s;
+                match used.iter_mut().find(|(other, _)| *other == hazard.hazard) {
+                    Some((_, sum)) => *sum += share,
+                    None => used.push((hazard.hazard, share)),
                 }
             }
-            let most = used.iter().map(|(_, share)| *share).fold(0.0, f64::max);
-            let sequences_per_day = match (assessed, too_much) {
-                (false, _) => None,
-                (true, true) => Some(0),
-                (true, false) => (most > 0.0).then(|| ((1.0 + 1e-12) / most) as u64),
-            };
-            ProgramSafety { viewer: who, sequences_per_day }
-        })
-        .collect()
+        }
+    }
+    let most = used.iter().map(|(_, share)| *share).fold(0.0, f64::max);
+    match (assessed, too_much) {
+        (false, _) => None,
+        (true, true) => Some(0),
+        (true, false) => (most > 0.0).then(|| ((1.0 + 1e-12) / most) as u64),
+    }
 }

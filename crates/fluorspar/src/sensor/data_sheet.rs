@@ -289,33 +289,7 @@ impl Emva1288 {
 
     /// Refuses fields of the model that say something else than this sheet.
     fn check_model(&self, model: &SensorModel) -> Result<(), SensorProblem> {
-        let default = SensorModel::default();
-        let given = [
-            ("read_noise_mv", model.read_noise_mv.is_some()),
-            ("read_noise_e", model.read_noise_e.is_some()),
-            ("post_gain_noise_mv", model.post_gain_noise_mv != default.post_gain_noise_mv),
-            ("dsnu_mv", model.dsnu_mv.is_some()),
-            ("dsnu_e", model.dsnu_e.is_some()),
-            ("dark_voltage_mv_per_s", model.dark_voltage_mv_per_s.is_some()),
-            ("dark_current_e_per_s", model.dark_current_e_per_s.is_some()),
-            ("conversion_gain_mv_per_e", model.conversion_gain_mv_per_e.is_some()),
-            ("voltage_swing_v", model.voltage_swing_v != default.voltage_swing_v),
-            ("well_capacity_e", model.well_capacity_e != default.well_capacity_e),
-            ("prnu_percent", model.prnu_percent != default.prnu_percent),
-            ("bit_depth", model.bit_depth != default.bit_depth),
-            ("black_level_dn", model.black_level_dn != default.black_level_dn),
-            ("fill_factor", model.fill_factor != default.fill_factor && model.fill_factor != 1.0),
-            ("well_knee", model.well_knee != default.well_knee),
-            (
-                "dark_reference_temperature_c",
-                model.dark_reference_temperature_c != default.dark_reference_temperature_c,
-            ),
-            (
-                "dark_doubling_temperature_k",
-                model.dark_doubling_temperature_k != default.dark_doubling_temperature_k,
-            ),
-        ];
-        match given.iter().find(|(_, is_given)| *is_given) {
+        match fields_given(model).iter().find(|(_, is_given)| *is_given) {
             Some((field, _)) => {
                 let message = "is also given by emva1288; remove one of the two";
                 Err(SensorProblem::new(*field, message))
@@ -349,6 +323,36 @@ impl Emva1288 {
         );
         Err(problem("quantum_efficiency_percent", message))
     }
+}
+
+/// Fields of a model that a data sheet replaces, and whether each says something.
+fn fields_given(model: &SensorModel) -> [(&'static str, bool); 17] {
+    let default = SensorModel::default();
+    [
+        ("read_noise_mv", model.read_noise_mv.is_some()),
+        ("read_noise_e", model.read_noise_e.is_some()),
+        ("post_gain_noise_mv", model.post_gain_noise_mv != default.post_gain_noise_mv),
+        ("dsnu_mv", model.dsnu_mv.is_some()),
+        ("dsnu_e", model.dsnu_e.is_some()),
+        ("dark_voltage_mv_per_s", model.dark_voltage_mv_per_s.is_some()),
+        ("dark_current_e_per_s", model.dark_current_e_per_s.is_some()),
+        ("conversion_gain_mv_per_e", model.conversion_gain_mv_per_e.is_some()),
+        ("voltage_swing_v", model.voltage_swing_v != default.voltage_swing_v),
+        ("well_capacity_e", model.well_capacity_e != default.well_capacity_e),
+        ("prnu_percent", model.prnu_percent != default.prnu_percent),
+        ("bit_depth", model.bit_depth != default.bit_depth),
+        ("black_level_dn", model.black_level_dn != default.black_level_dn),
+        ("fill_factor", model.fill_factor != default.fill_factor && model.fill_factor != 1.0),
+        ("well_knee", model.well_knee != default.well_knee),
+        (
+            "dark_reference_temperature_c",
+            model.dark_reference_temperature_c != default.dark_reference_temperature_c,
+        ),
+        (
+            "dark_doubling_temperature_k",
+            model.dark_doubling_temperature_k != default.dark_doubling_temperature_k,
+        ),
+    ]
 }
 
 #[cfg(test)]

@@ -177,13 +177,6 @@ fn gradient_corrected_taps(
     if here == channel {
         return vec![(0, 0, 1.0)];
     }
-    // Rows from two above to two below.
-    const GREEN: [[i8; 5]; 5] =
-        [[0, 0, -2, 0, 0], [0, 0, 4, 0, 0], [-2, 4, 8, 4, -2], [0, 0, 4, 0, 0], [0, 0, -2, 0, 0]];
-    const IN_ROW: [[i8; 5]; 5] =
-        [[0, 0, 1, 0, 0], [0, -2, 0, -2, 0], [-2, 8, 10, 8, -2], [0, -2, 0, -2, 0], [0, 0, 1, 0, 0]];
-    const DIAGONAL: [[i8; 5]; 5] =
-        [[0, 0, -3, 0, 0], [0, 4, 0, 4, 0], [-3, 0, 12, 0, -3], [0, 4, 0, 4, 0], [0, 0, -3, 0, 0]];
     let (filter, turned) = if channel == green {
         (GREEN, false)
     } else if here == green {
@@ -202,6 +195,14 @@ fn gradient_corrected_taps(
     }
     taps
 }
+
+/// Weights of the gradient-corrected filters in sixteenths, rows from two above to two below.
+const GREEN: [[i8; 5]; 5] =
+    [[0, 0, -2, 0, 0], [0, 0, 4, 0, 0], [-2, 4, 8, 4, -2], [0, 0, 4, 0, 0], [0, 0, -2, 0, 0]];
+const IN_ROW: [[i8; 5]; 5] =
+    [[0, 0, 1, 0, 0], [0, -2, 0, -2, 0], [-2, 8, 10, 8, -2], [0, -2, 0, -2, 0], [0, 0, 1, 0, 0]];
+const DIAGONAL: [[i8; 5]; 5] =
+    [[0, 0, -3, 0, 0], [0, 4, 0, 4, 0], [-3, 0, 12, 0, -3], [0, 4, 0, 4, 0], [0, 0, -3, 0, 0]];
 
 /// The line `offset` away from `line`; mirrored at the edges, or nothing where it lies outside.
 #[inline]

@@ -90,16 +90,21 @@ impl Chain {
     }
 
     /// A raw image; the function fills in the electron rates of a row of the sensor.
+    /// Black level, white level, DN per electron and read noise (DN) of its images.
+    fn levels(&self) -> (f64, u16, f64, f64) {
+        match self {
+            Self::Physical(c) => (c.black_dn(), c.white_level(), c.dn_per_electron(), c.read_noise_dn()),
+            Self::Isetcam(c) => (c.black_dn(), c.white_level(), c.dn_per_electron(), c.read_noise_dn()),
+        }
+    }
+
     fn image(
         &self,
         sensor: &Sensor,
         exposure: &Exposure,
         fill: impl Fn(usize, &mut [f32]) + Sync,
     ) -> SensorImage {
-        let (black_level, white_level, dn_per_electron, read_noise_dn) = match self {
-            Self::Physical(c) => (c.black_dn(), c.white_level(), c.dn_per_electron(), c.read_noise_dn()),
-            Self::Isetcam(c) => (c.black_dn(), c.white_level(), c.dn_per_electron(), c.read_noise_dn()),
-        };
+        let (black_level, white_level, dn_per_electron, read_noise_dn) = self.levels();
         let (model, readout) = (&sensor.model, &sensor.readout);
         let mut data = vec![0; readout.columns * readout.rows];
         let rows = data.par_chunks_exact_mut(readout.columns).enumerate();

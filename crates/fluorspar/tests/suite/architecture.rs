@@ -89,11 +89,11 @@ const CRATES: &[(&str, &[&str])] = &[
     ),
 ];
 
-fn crates() -> PathBuf {
+pub(crate) fn crates() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
 }
 
-fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
+pub(crate) fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
     for entry in fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();
         if path.is_dir() {
@@ -110,7 +110,7 @@ fn without_tests(text: &str) -> &str {
 }
 
 /// Code without unit tests and comments, line for line.
-fn plain_code(text: &str) -> String {
+pub(crate) fn plain_code(text: &str) -> String {
     let plain =
         |line: &str| if line.trim_start().starts_with("//") { String::new() } else { line.to_string() };
     without_tests(text).lines().map(plain).collect::<Vec<_>>().join("\n")
@@ -142,7 +142,7 @@ fn uses_outside(code: &str, root: &str, modules: &[&str], others: &[&str]) -> BT
 }
 
 /// Tests in files of their own, and what they share.
-fn is_test(file: &Path) -> bool {
+pub(crate) fn is_test(file: &Path) -> bool {
     let stem = file.file_stem().unwrap().to_str().unwrap();
     stem.ends_with("tests")
 }

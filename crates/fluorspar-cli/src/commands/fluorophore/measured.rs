@@ -94,6 +94,18 @@ fn negative(options: &FileOptions) -> Negative {
     if options.allow_negative { Negative::ClipToZero } else { Negative::Refuse }
 }
 
+/// The unit of a matrix, which must be known.
+fn stated_unit(path: &Path, unit: EemUnit) -> Result<Unit, CliError> {
+    match unit {
+        EemUnit::Photons => Ok(Unit::Photons),
+        EemUnit::Energy => Ok(Unit::Energy),
+        EemUnit::Unknown => Err(CliError::Input(format!(
+            "{}: the file says that the unit of its values is unknown. Decide with --unit photons or --unit energy",
+            path.display()
+        ))),
+    }
+}
+
 fn matrix_csv(path: &Path, options: &FileOptions) -> Result<Measured, CliError> {
     let given = options.unit.map(|unit| match unit {
         Unit::Photons => EemUnit::Photons,
@@ -112,16 +124,7 @@ fn matrix_csv(path: &Path, options: &FileOptions) -> Result<Measured, CliError> 
             empty_as_zero: options.empty_as_zero,
         },
     )?;
-    let unit = match read.unit {
-        EemUnit::Photons => Unit::Photons,
-        EemUnit::Energy => Unit::Energy,
-        EemUnit::Unknown => {
-            return Err(CliError::Input(format!(
-                "{}: the file says that the unit of its values is unknown. Decide with --unit photons or --unit energy",
-                path.display()
-            )));
-        }
-    };
+    let unit = stated_unit(path, read.unit)?;
     let matrix =
         Matrix { emission_nm: read.emission_nm, excitation_nm: read.excitation_nm, values: read.values };
     let mut findings = vec![("content".into(), format!("excitation-emission matrix of {}", word(unit)))];
@@ -266,17 +269,14 @@ fn refuse_anti_stokes(path: &Path, matrix: &Matrix) -> Result<(), FormatError> {
 /// Grid, peak and anti-Stokes share of a matrix.
 fn describe(path: &Path, matrix: &Matrix, findings: &mut Vec<(String, String)>) -> Result<(), CliError> {
     for (name, axis) in [("excitation", &matrix.excitation_nm), ("emission", &matrix.emission_nm)] {
-        if axis.len() < 2 {
+        let (Some(first), Some(last), true) = (axis.first(), axis.last(), axis.len() > 1) else {
             return Err(CliError::Input(format!(
                 "{}: a matrix needs at least two {name} wavelengths; this one has {}",
                 path.display(),
                 axis.len()
             )));
-        }
-        findings.push((
-            name.into(),
-            format!("{} to {} nm, {} samples", axis[0], axis[axis.len() - 1], axis.len()),
-        ));
+        };
+        findings.push((name.into(), format!("{first} to {last} nm, {} samples", axis.len())));
     }
     let columns = matrix.excitation_nm.len();
     let best = (0..matrix.values.len())
@@ -284,17 +284,9 @@ fn describe(path: &Path, matrix: &Matrix, findings: &mut Vec<(String, String)>) 
     if matrix.values[best] <= 0.0 {
         return Err(nothing(path));
     }
-    findings.push((
-        "peak".into(),
-        format!(
-            "excitation {} nm, emission {} nm",
-            matrix.excitation_nm[best % columns],
-            matrix.emission_nm[best / columns]
-        ),
-    ));
-    findings.push((
-        "anti-Stokes".into(),
-        format!("{:.3} % of the sum of all values", 100.0 * anti_stokes_share(matrix)),
-    ));
+    let peak = [matrix.excitation_nm[best % columns], matrix.emission_nm[best / columns]];
+    findings.push(("peak".into(), format!("excitation {} nm, emission {} nm", peak[0], peak[1])));
+    let share = 100.0 * anti_stokes_share(matrix);
+    findings.push(("anti-Stokes".into(), format!("{share:.3} % of the sum of all values")));
     Ok(())
 }

@@ -70,7 +70,12 @@ fn write_people(options: &Options, people: &[MouthParameters], folder: &Path) ->
             )
         })?;
     }
-    write_atomically(&folder.join("people.csv"), |writer| {
+    write_table(people, &folder.join("people.csv"))
+}
+
+/// All parameters of all people, one person a line.
+fn write_table(people: &[MouthParameters], path: &Path) -> Result<(), CliError> {
+    write_atomically(path, |writer| {
         let fields = serde_json::to_value(MouthParameters::default())?;
         let names: Vec<&String> = fields.as_object().map(|f| f.keys().collect()).unwrap_or_default();
         let header: Vec<&str> = names.iter().map(|name| name.as_str()).collect();

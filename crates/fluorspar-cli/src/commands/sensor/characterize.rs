@@ -169,7 +169,8 @@ fn figures(measured: &Characterization) -> [(&'static str, Figure); 2] {
     [("photon_transfer", photon_transfer(&transfer)), ("signal_to_noise", signal_to_noise(&snr))]
 }
 
-fn describe(resolved: &ResolvedSensor, m: &Characterization) -> String {
+/// What is measured, with its unit.
+fn quantity_rows(m: &Characterization) -> Vec<Vec<String>> {
     let row = |name: &str, value: f64, unit: &str| vec![name.to_string(), short(value), unit.to_string()];
     let mut rows = vec![
         row("system gain K", m.gain_dn_per_e, "DN/e-"),
@@ -190,8 +191,12 @@ fn describe(resolved: &ResolvedSensor, m: &Characterization) -> String {
     if let Some(doubling) = m.doubling_temperature_k {
         rows.insert(10, row("doubles every", doubling, "K"));
     }
+    rows
+}
+
+fn describe(resolved: &ResolvedSensor, m: &Characterization) -> String {
     let title = if resolved.title.is_empty() { String::new() } else { format!("{}\n\n", resolved.title) };
-    let mut text = format!("{title}{}", align(&rows, &[2]));
+    let mut text = format!("{title}{}", align(&quantity_rows(m), &[2]));
     if !m.recovered.is_empty() {
         let mut rows: Vec<Vec<String>> =
             vec![["put in and found again", "set", "measured", "error", ""].map(String::from).to_vec()];
