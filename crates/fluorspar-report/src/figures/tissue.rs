@@ -1,6 +1,6 @@
 //! Light in layered tissue: where it leaves around a beam, and how deep it goes.
 
-use crate::{Axis, Dash, Figure, Ink, Label, Panel, Series, Shape};
+use crate::{Axis, Dash, Figure, Ink, Label, Panel, Series, SeriesShape};
 
 /// Estimates along a line, with their standard errors.
 #[derive(Clone, Debug, PartialEq)]
@@ -27,7 +27,7 @@ impl EstimatedCurve {
         let line = known().map(|[x, value, _]| [*x, *value]).collect();
         let ink = Ink::cycle(index);
         [
-            Series::unnamed(ink, Shape::Area { outline, opacity: 0.25 }),
+            Series::unnamed(ink, SeriesShape::Area { outline, opacity: 0.25 }),
             Series::dashed(self.name.clone(), ink, line, Dash::cycle(index)),
         ]
     }
@@ -64,11 +64,11 @@ pub fn light_by_depth(curves: &[EstimatedCurve], layers: &[(f64, String)]) -> Fi
         if top < x.limits[1] {
             let at = [0.5 * (top + bottom.min(x.limits[1])), 0.96 * y.limits[1]];
             let label = Label { at, text: name.clone() };
-            panel = panel.with(Series::unnamed(Ink::Muted, Shape::Labels(vec![label])));
+            panel = panel.with(Series::unnamed(Ink::Muted, SeriesShape::Labels(vec![label])));
         }
         if *bottom < x.limits[1] {
             let points = vec![[*bottom, y.limits[0]], [*bottom, y.limits[1]]];
-            let line = Shape::Line { points, width: 1.0, dash: Dash::Dotted };
+            let line = SeriesShape::Line { points, width: 1.0, dash: Dash::Dotted };
             panel = panel.with(Series::unnamed(Ink::Muted, line));
         }
         top = *bottom;

@@ -440,8 +440,11 @@ fn expand(tree: &str) -> Vec<Vec<String>> {
 /// `use` statements of a file: whether they export what they import, and the paths that they name.
 fn use_paths(code: &str) -> Vec<(bool, Vec<String>)> {
     let mut found = Vec::new();
-    for statement in code.split_inclusive(';') {
-        let line = statement.rfind("use ").map(|at| statement[..at].rfind('\n').map_or(0, |n| n + 1));
+    for (number, statement) in code.split_inclusive(';').enumerate() {
+        // A semicolon within a text ends no line: what follows it is no statement.
+        let file_start = (number == 0).then_some(0);
+        let line =
+            statement.rfind("use ").and_then(|at| statement[..at].rfind('\n').map(|n| n + 1).or(file_start));
         let Some(text) = line.map(|start| statement[start..].trim()) else { continue };
         let exports = text.starts_with("pub");
         let Some((before, tree)) = text.split_once("use ") else { continue };
