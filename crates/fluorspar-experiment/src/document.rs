@@ -152,6 +152,15 @@ impl Node {
         }
     }
 
+    /// Whether it is a value or a list of values.
+    fn is_plain(&self) -> bool {
+        match &self.content {
+            Content::Leaf(_) => true,
+            Content::Array(items) => items.iter().all(|item| matches!(item.content, Content::Leaf(_))),
+            Content::Table(_) => false,
+        }
+    }
+
     /// A value or a list of values as it would be typed: `0.5`, `1e99`, `[1, "a"]`.
     fn as_typed(&self) -> String {
         match &self.content {
@@ -188,16 +197,7 @@ impl Document {
         let exists = depth == path.len();
         let source = &self.sources[node.origin.source];
         let (entry, field) = self.entry_and_field(path);
-        let value = match &node.content {
-            Content::Leaf(_) if exists => Some(shortened(&node.as_typed())),
-            Content::Array(items)
-                if exists && items.iter().all(|i| matches!(i.content, Content::Leaf(_))) =>
-            {
-                Some(shortened(&node.as_typed()))
-            }
-            _ => None,
-        };
-        let value = if field.is_some() { value } else { None };
+        let value = (exists && field.is_some() && node.is_plain()).then(|| shortened(&node.as_typed()));
         let line = (source.has_lines() && depth > 0).then_some(node.origin.line);
         ExperimentError(Box::new(ErrorDetails {
             source_name: source.name.clone(),

@@ -93,13 +93,8 @@ pub fn emission(
     let limits = wavelength_limits(curves);
     let y = Axis::from_zero(quantity, unit, curves.iter().map(PlotCurve::peak));
     let mut panel = Panel::new(Axis::wavelength(limits), y);
-    if let Some([low, high]) = view_band_nm {
-        let blocked = [[limits[0], low.max(limits[0])], [high.min(limits[1]), limits[1]]];
-        for x in blocked.into_iter().filter(|x| x[1] > x[0]) {
-            let name = Some("viewing filter passes less than half".to_owned());
-            panel =
-                panel.with(Series { name, ink: Ink::Muted, shape: SeriesShape::Span { x, opacity: 0.22 } });
-        }
+    for shade in view_band_nm.into_iter().flat_map(|band| blocked(band, limits)) {
+        panel = panel.with(shade);
     }
     let inks = Ink::of_fluorophores(curves.iter().map(|curve| curve.name.as_str()));
     for (curve, ink) in curves.iter().zip(inks) {
@@ -117,4 +112,13 @@ pub fn emission(
     };
     Figure::new(format!("Emission under {light}"), panel)
         .explained(format!("What each fluorophore would give off under {light}, {amount}.{overlap}{gray}"))
+}
+
+/// Shades over the wavelengths outside a band that the viewing filter passes.
+fn blocked([low, high]: [f64; 2], limits: [f64; 2]) -> Vec<Series> {
+    let name = Some("viewing filter passes less than half".to_owned());
+    let shade =
+        |x| Series { name: name.clone(), ink: Ink::Muted, shape: SeriesShape::Span { x, opacity: 0.22 } };
+    let outside = [[limits[0], low.max(limits[0])], [high.min(limits[1]), limits[1]]];
+    outside.into_iter().filter(|x| x[1] > x[0]).map(shade).collect()
 }

@@ -536,6 +536,21 @@ fn within(field: &str, value: f64, low: f64, high: f64) -> Result<(), CurveProbl
         .map_err(|message| (field.to_owned(), message))
 }
 
+/// Each wavelength must lie above the one before it.
+fn check_rising(wavelength_nm: &[f64]) -> Result<(), CurveProblem> {
+    match wavelength_nm.windows(2).position(|pair| pair[1] <= pair[0]) {
+        None => Ok(()),
+        Some(i) => Err((
+            format!("wavelength_nm[{}]", i + 1),
+            format!(
+                "{} does not rise above {} before it; sort the table by wavelength and drop repeated ones",
+                wavelength_nm[i + 1],
+                wavelength_nm[i]
+            ),
+        )),
+    }
+}
+
 fn check_table(wavelength_nm: &[f64], value: &[f64]) -> Result<(), CurveProblem> {
     if wavelength_nm.len() != value.len() {
         return Err((
@@ -557,18 +572,7 @@ fn check_table(wavelength_nm: &[f64], value: &[f64]) -> Result<(), CurveProblem>
         positive(&format!("wavelength_nm[{i}]"), *at)?;
         not_negative(&format!("value[{i}]"), *v)?;
     }
-    for (i, pair) in wavelength_nm.windows(2).enumerate() {
-        if pair[1] <= pair[0] {
-            return Err((
-                format!("wavelength_nm[{}]", i + 1),
-                format!(
-                    "{} does not rise above {} before it; sort the table by wavelength and drop repeated ones",
-                    pair[1], pair[0]
-                ),
-            ));
-        }
-    }
-    Ok(())
+    check_rising(wavelength_nm)
 }
 
 #[cfg(test)]
