@@ -59,7 +59,10 @@ fn say_panics_in_a_line() {
             usual(info);
         }
         let place = info.location().map_or_else(String::new, |place| format!(" ({place})"));
-        let what = info.payload_as_str().unwrap_or("a panic").replace('\n', "; ");
+        let payload = info.payload();
+        let text = payload.downcast_ref::<&str>().copied();
+        let text = text.or_else(|| payload.downcast_ref::<String>().map(String::as_str));
+        let what = text.unwrap_or("a panic").replace('\n', "; ");
         message::error(format!(
             "this is a defect of Fluorspar: {what}{place}. Please report this line, the command and its input"
         ));
