@@ -663,7 +663,7 @@ impl Structure {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::spectral::{BandTerm, LogNormalBand, Stokes};
+    use crate::spectral::{BandTerm, LogNormalBand, Stokes, YieldUnit};
     use crate::tissue::{DiscreteOrdinates, Incidence};
 
     fn any(name: &str) -> Option<Arc<Fluorophore>> {
@@ -674,6 +674,7 @@ mod tests {
             name,
             name,
             &terms,
+            YieldUnit::Photons,
             Stokes::Mask,
             1e-3,
             range,
