@@ -5,7 +5,7 @@ use std::sync::Arc;
 use glam::{Vec2, Vec3};
 
 use super::context::{Context, Resolved};
-use super::material::{Fluorophores, TissueRecipes};
+use super::material::Fluorophores;
 use super::spectrum::Role;
 use crate::error::{Place, steps};
 use crate::schema::{ExperimentFile, LesionSection, MouthSection};
@@ -30,7 +30,6 @@ pub(super) fn lesions(
     section: &MouthSection,
     grid: &WavelengthGrid,
     materials: &mut Vec<Material>,
-    mut recipes: TissueRecipes,
     fluorophores: &mut Fluorophores,
     parts: &mut [Object],
 ) -> Resolved<Vec<usize>> {
@@ -63,7 +62,7 @@ pub(super) fn lesions(
             let Some(unfold) = continuation(&lesion.part, &object.name) else { continue };
             let Some(mask) = spot.bake(unfold) else { continue };
             let blood_um = lesion.blood_um;
-            if let Some(recipe) = recipes.get(&object.material) {
+            if let Some(recipe) = context.tissue_recipes.get(&object.material).cloned() {
                 let inside = |texture: &ScalarTexture, value: f32| {
                     bake(texture, &mask, |around, m| around * (1.0 - m) + value * m)
                 };
@@ -75,7 +74,7 @@ pub(super) fn lesions(
                 materials.push(Material { name, scattering, fluorophores: amounts, ..around.clone() });
                 copied.push(object.material);
                 object.material = materials.len() - 1;
-                recipes.insert(object.material, recipe);
+                context.tissue_recipes.insert(object.material, recipe);
                 continue;
             }
             if !(lesion.tissue.is_empty() && lesion.states.is_empty()) {

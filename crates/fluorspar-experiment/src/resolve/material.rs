@@ -1,7 +1,5 @@
 //! Fluorophores and materials.
 
-use std::collections::BTreeMap;
-
 use super::context::{Context, Resolved};
 use super::mouth;
 use super::spectrum::Role;
@@ -300,9 +298,6 @@ fn from_mat(
     separable(context, at, unit, curve(excitation)?, curve(emission)?, stokes)
 }
 
-/// Materials of layered tissue by their numbers.
-pub(super) type TissueRecipes = BTreeMap<usize, TissueRecipe>;
-
 /// Most materials of an experiment: each mixture is followed through all of its parts.
 const MAX_MATERIALS: usize = 4000;
 
@@ -312,13 +307,12 @@ pub(super) fn materials(
     file: &ExperimentFile,
     grid: &WavelengthGrid,
     fluorophores: &mut Fluorophores,
-) -> Resolved<(Vec<Material>, TissueRecipes)> {
+) -> Resolved<Vec<Material>> {
     if file.material.len() > MAX_MATERIALS {
         let message = format!("{} materials; an experiment has at most {MAX_MATERIALS}", file.material.len());
         return context.fail(&steps!["material"], message);
     }
     let mut materials = Vec::with_capacity(file.material.len());
-    let mut recipes = TissueRecipes::new();
     if let Some(mouth) = &file.mouth {
         mouth::check_parameters(context, &mouth.parameters)?;
         context.mouth = Some(mouth.parameters.clone());
@@ -332,7 +326,7 @@ pub(super) fn materials(
             ScatteringSection::Tissue(tissue) => {
                 let recipe = TissueRecipe::new(context, &at, tissue, file)?;
                 let resolved = recipe.resolve(context, file, grid, fluorophores)?;
-                recipes.insert(index, recipe);
+                context.tissue_recipes.insert(index, recipe);
                 resolved
             }
             _ => (
@@ -343,7 +337,7 @@ pub(super) fn materials(
         materials.push(material(context, &at, section, scattering, amounts)?);
     }
     context.tissue = None;
-    Ok((materials, recipes))
+    Ok(materials)
 }
 
 /// How a material reflects and transmits light.

@@ -61,9 +61,9 @@ pub fn resolve(experiment: &Experiment) -> Result<ResolvedExperiment, Experiment
     material::check_sections(context, &file.fluorophore)?;
     tissue::check_sections(context, &file.tissue)?;
     let mut fluorophores = material::Fluorophores::default();
-    let (mut materials, recipes) = material::materials(context, file, &grid, &mut fluorophores)?;
+    let mut materials = material::materials(context, file, &grid, &mut fluorophores)?;
     let (objects, copied_materials) =
-        object::objects(context, file, &mut materials, recipes, &mut fluorophores, &grid, &mut light_groups)?;
+        object::objects(context, file, &mut materials, &mut fluorophores, &grid, &mut light_groups)?;
     let captures = capture::captures(context, file, &light_groups, &grid)?;
     let motion = instrument::motion(context, file)?;
     let develop = instrument::develop(context, file, sensor, &grid)?;

@@ -7,7 +7,7 @@ use glam::{Affine3, Affine3A, EulerRot, Mat3, Quat, Vec2, Vec3};
 use super::context::{Context, LENGTH_MM, Resolved, SCALE, STRENGTH};
 use super::lesion;
 use super::light::group_index;
-use super::material::{Fluorophores, TissueRecipes};
+use super::material::Fluorophores;
 use super::mouth;
 use super::spectrum::Role;
 use crate::error::{Place, steps};
@@ -32,7 +32,6 @@ pub(super) fn objects(
     context: &mut Context<'_>,
     file: &ExperimentFile,
     materials: &mut Vec<Material>,
-    recipes: TissueRecipes,
     fluorophores: &mut Fluorophores,
     grid: &WavelengthGrid,
     groups: &mut Vec<LightGroup>,
@@ -54,7 +53,7 @@ pub(super) fn objects(
     if let Some(section) = &file.mouth {
         let mut parts = mouth(context, section, materials)?;
         scans(context, section, materials, &mut parts)?;
-        copied = lesion::lesions(context, file, section, grid, materials, recipes, fluorophores, &mut parts)?;
+        copied = lesion::lesions(context, file, section, grid, materials, fluorophores, &mut parts)?;
         for object in &objects {
             if parts.iter().any(|part| part.name == object.name) {
                 // An object that is only named by its instances has no line of its own.

@@ -23,7 +23,7 @@ const MAX_FACTOR: f64 = 100.0;
 
 /// What a material of tissue is made of, kept so that lesions can change it.
 #[derive(Clone, Debug)]
-pub(super) struct TissueRecipe {
+pub(crate) struct TissueRecipe {
     at: Place,
     site: Site,
     /// What changes over the surface.

@@ -1,4 +1,5 @@
 //! Layered tissue as a material of experiments.
+#![allow(clippy::unwrap_used)]
 
 use std::path::Path;
 use std::sync::Arc;
@@ -124,13 +125,13 @@ fn lesions_of_tissue_change_both_pictures() {
         })
     };
     let patch = |tissue: &str| {
-        let text = PATCH
-            .replace("tissue = \"lip\"", "tissue = \"mine\"")
-            .replace("type = \"led\"", "type = \"led\"");
+        let text = PATCH.replace("tissue = \"lip\"", "tissue = \"mine\"");
         let section = format!("\n[[tissue]]\nname = \"mine\"\nsite = \"lip\"\n{tissue}\n");
         study(
             &(text + &section),
-            &["light.sky.spectrum={ type = \"led\", peak_nm = 480.0, fwhm_short_nm = 200.0, fwhm_long_nm = 200.0 }"],
+            &[
+                "light.sky.spectrum={ type = \"led\", peak_nm = 480.0, fwhm_short_nm = 200.0, fwhm_long_nm = 200.0 }",
+            ],
         )
     };
     let normal = patch("");

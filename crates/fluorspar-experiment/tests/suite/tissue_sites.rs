@@ -1,4 +1,5 @@
 //! Tissues of the catalogue with its fluorophores: what their states do, and the measured reflectance of tongues and lips.
+#![allow(clippy::unwrap_used)]
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
