@@ -10,7 +10,8 @@
 //! | component image, OpenEXR or NumPy | [`read_component_exr`], [`read_component_npy`] | [`write_component_exr`], [`write_component_npy`] |
 //! | film (exact sums of a render) | [`read_film`] | [`write_film`] |
 //! | raw sensor frame, TIFF, PNG, DNG or packed | [`read_sensor_image`] | [`write_sensor_tiff`], [`write_sensor_png`], [`write_sensor_dng`], [`write_packed_raw`] |
-//! | texture, image, PNG | [`read_texture_png`] | [`write_rgb_png`] |
+//! | texture, image, PNG, OpenEXR or PFM | [`read_texture`], [`read_texture_png`] | [`write_rgb_png`] |
+//! | scene of pbrt, versions 3 and 4 | [`read_pbrt`] | |
 //! | lens, TOML, pbrt, ISET JSON or Zemax | [`read_lens`] | [`LensFile`] |
 //! | mesh, PLY, OBJ, STL, glTF | [`read_ply`], [`read_obj`], [`read_stl`], [`read_gltf`] | [`write_ply`] |
 //! | meshes at many places, glTF | [`read_gltf_instances`] | |
@@ -46,6 +47,7 @@ mod npy_array;
 mod obj;
 mod output;
 mod packed_raw;
+mod pbrt;
 mod placements;
 mod ply;
 mod png;
@@ -53,6 +55,7 @@ mod provenance;
 mod raw;
 mod spooled_image;
 mod stl;
+mod texture;
 mod tiff_directory;
 
 pub use cache::Cache;
@@ -83,6 +86,10 @@ pub use output::{
     write_atomically,
 };
 pub use packed_raw::{RawPacking, write_packed_raw};
+pub use pbrt::{
+    PbrtEntity, PbrtError, PbrtInstance, PbrtKind, PbrtMaterial, PbrtParameter, PbrtPlace, PbrtPlaced,
+    PbrtRemark, PbrtScene, PbrtSettings, PbrtShape, PbrtTexture, PbrtValues, PbrtVersion, read_pbrt,
+};
 pub use placements::read_placements;
 pub use ply::{read_ply, write_ply};
 pub use png::{TextureImage, Transfer, read_texture_png, write_rgb_png};
@@ -90,3 +97,4 @@ pub use provenance::{Loaded, Provenance};
 pub use raw::{read_sensor_image, write_sensor_png, write_sensor_tiff};
 pub use spooled_image::SpooledImage;
 pub use stl::read_stl;
+pub use texture::read_texture;

@@ -1,8 +1,9 @@
 //! Stanford PLY meshes, text and binary.
 
-use std::io::{BufReader, Write};
+use std::io::{BufReader, Read, Write};
 use std::path::Path;
 
+use flate2::read::GzDecoder;
 use glam::{Vec2, Vec3};
 use ply_rs_bw::parser::{ParseError, Parser, Reader};
 use ply_rs_bw::ply::{Property, PropertyAccess, PropertyAccessResult};
@@ -12,7 +13,7 @@ use super::file::{MAX_MESH_BYTES, guarded, read_file};
 use super::output::write_atomically;
 use fluorspar::geometry::TriangleMesh;
 
-/// Reads a PLY file: vertices with `x y z`, optionally `nx ny nz` and `u v`, `s t` or `texture_u texture_v`; faces
+/// Reads a PLY file, plain or compressed by gzip: vertices with `x y z`, optionally `nx ny nz` and `u v`, `s t` or `texture_u texture_v`; faces
 /// with `vertex_indices` (or `vertex_index`), split into fans of triangles. Everything else is passed over.
 ///
 /// `unit_m` is the length of one unit of the file, m: 0.001 for a file in millimeters.
@@ -20,7 +21,7 @@ use fluorspar::geometry::TriangleMesh;
 /// # Errors
 /// Anything that is not such a file, with the line where known.
 pub fn read_ply(path: &Path, unit_m: f64) -> Result<TriangleMesh, FormatError> {
-    let bytes = read_file(path, MAX_MESH_BYTES)?;
+    let bytes = unpacked(path, read_file(path, MAX_MESH_BYTES)?)?;
     if !bytes.starts_with(b"ply") {
         return Err(FormatError::malformed(
             path,
@@ -30,6 +31,27 @@ pub fn read_ply(path: &Path, unit_m: f64) -> Result<TriangleMesh, FormatError> {
     }
     let mesh = guarded(path, "PLY", || parse(path, &bytes))?;
     finish_mesh(path, mesh, unit_m)
+}
+
+/// The bytes themselves, or what they hold if they are compressed by gzip.
+fn unpacked(path: &Path, bytes: Vec<u8>) -> Result<Vec<u8>, FormatError> {
+    if !bytes.starts_with(&[0x1f, 0x8b]) {
+        return Ok(bytes);
+    }
+    let mut plain = Vec::new();
+    let read = GzDecoder::new(bytes.as_slice()).take(MAX_MESH_BYTES + 1).read_to_end(&mut plain);
+    if let Err(error) = read {
+        let what = format!("the gzip data are damaged: {error}");
+        return Err(FormatError::malformed(path, what, "Was the file copied completely?"));
+    }
+    if plain.len() as u64 > MAX_MESH_BYTES {
+        return Err(FormatError::too_large(
+            path,
+            "the file unpacks to more",
+            format!("{MAX_MESH_BYTES} bytes"),
+        ));
+    }
+    Ok(plain)
 }
 
 fn parse(path: &Path, bytes: &[u8]) -> Result<TriangleMesh, FormatError> {

@@ -3,6 +3,7 @@
 mod read;
 mod write;
 
+pub(super) use read::read_texture_exr;
 pub use read::{read_component_exr, read_spectral_exr};
 pub use write::{ExrCompression, ExrOptions, write_component_exr, write_spectral_exr};
 pub(super) use write::{write_spooled_component_exr, write_spooled_spectral_exr};

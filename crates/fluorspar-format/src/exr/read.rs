@@ -15,7 +15,7 @@ use super::{
 };
 use crate::file::{check_image_size, check_packing, guarded, most_image_bytes};
 use crate::input::open_plain;
-use crate::{FileFormat, FormatError, Loaded, Provenance};
+use crate::{FileFormat, FormatError, Loaded, Provenance, TextureImage};
 use fluorspar::image::{Component, ComponentImage, FeatureMaps, SampleStatistics, SpectralImage};
 use fluorspar::spectral::{Quantity, Radiance, WavelengthGrid};
 
@@ -57,6 +57,39 @@ pub fn read_spectral_exr<Q: Quantity>(path: &Path) -> Result<Loaded<SpectralImag
 /// No components, parts that do not fit together, damaged files.
 pub fn read_component_exr(path: &Path) -> Result<Loaded<ComponentImage>, FormatError> {
     guarded(path, "OpenEXR", || read_component_parts(path))
+}
+
+/// Reads the color of an OpenEXR image: its first part with channels R, G and B, or Y, as it is stored.
+///
+/// # Errors
+/// No such part, damaged files.
+pub(crate) fn read_texture_exr(path: &Path) -> Result<TextureImage, FormatError> {
+    guarded(path, "OpenEXR", || {
+        let headers = headers(path)?;
+        let layouts: [&[&str]; 2] = [&["R", "G", "B"], &["Y"]];
+        let found = headers.iter().enumerate().find_map(|(part, header)| {
+            let names =
+                layouts.into_iter().find(|names| names.iter().all(|name| has_channel(header, name)))?;
+            Some((part, header, names))
+        });
+        let Some((part, header, names)) = found else {
+            let what = "the image has neither channels R, G, B nor a channel Y";
+            return Err(FormatError::unsupported(path, what, "Save it with such channels"));
+        };
+        let Vec2(width, height) = header.layer_size;
+        let channels = names.len();
+        let target = |name: &Text| {
+            let offset = names.iter().position(|wanted| name.eq(*wanted))?;
+            Some(Target { buffer: 0, offset, stride: channels })
+        };
+        let mut targets: Vec<PartTargets> =
+            headers.iter().map(|header| vec![None; header.channels.list.len()]).collect();
+        targets[part] = header.channels.list.iter().map(|channel| target(&channel.name)).collect();
+        let mut buffers = [vec![0.0; width * height * channels]];
+        decode(path, &targets, &mut buffers)?;
+        let [data] = buffers;
+        Ok(TextureImage { width, height, channels, data })
+    })
 }
 
 /// Where the values of a part go, channel by channel.

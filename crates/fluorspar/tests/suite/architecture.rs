@@ -50,7 +50,7 @@ const MODULES: &[(&str, &[&str])] = &[
 /// this workspace. What stands first is looked up first.
 const FRONTS: &[(&str, &[&str], &[&str])] = &[
     ("fluorspar-anatomy/src/", &["units", "sampling", "geometry"], &["fluorspar_accel"]),
-    ("fluorspar-format/src/", &["digest", "units", "quote", "spectral", "image", "geometry", "optics"], &[]),
+    ("fluorspar-format/src/", &["digest", "units", "quote", "names", "spectral", "image", "geometry", "optics"], &[]),
     (
         "fluorspar-experiment/src/preset/",
         &["units", "quote", "names", "spectral", "optics", "sensor"],

@@ -1,0 +1,200 @@
+use std::fs;
+use std::path::Path;
+
+use glam::{DMat4, DVec3};
+
+use super::*;
+
+fn scene(text: &str) -> PbrtScene {
+    read(text).unwrap()
+}
+
+fn read(text: &str) -> Result<PbrtScene, PbrtError> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("s.pbrt");
+    fs::write(&path, text).unwrap();
+    read_pbrt(&path)
+}
+
+/// Place and message of an error.
+fn refused(text: &str) -> String {
+    let error = read(text).unwrap_err();
+    let [line, column] = error.at.unwrap();
+    format!("{line}:{column}: {}", error.message)
+}
+
+#[test]
+fn parameters_have_types_names_and_values() {
+    let scene = scene(
+        "# a comment\nFilm \"image\" \"integer xresolution\" [ 40 ] \"float scale\" 2.5e-1 \"string filename\" \"a \\\"b\\\".exr\"\n\
+         Sampler \"halton\" \"bool jitter\" [ false ]\nWorldBegin Shape \"sphere\"\"float radius\"2\"rgb Kd\"[.1 .2 .3]#end",
+    );
+    let film = scene.settings.film.unwrap();
+    assert_eq!(
+        (film.class.as_str(), film.number("xresolution"), film.number("scale")),
+        ("image", Some(40.0), Some(0.25))
+    );
+    assert_eq!(film.text("filename"), Some("a \"b\".exr"));
+    assert_eq!((film.at.line, film.at.column), (2, 1));
+    assert_eq!(scene.settings.sampler.unwrap().flag("jitter"), Some(false));
+    let shape = &scene.shapes[0].entity;
+    assert_eq!((shape.number("radius"), shape.numbers("Kd")), (Some(2.0), Some([0.1, 0.2, 0.3].as_slice())));
+}
+
+#[test]
+fn transforms_multiply_from_the_right_and_blocks_restore_them() {
+    let scene = scene(
+        "Scale -1 1 1\nLookAt 1 2 3  1 2 4  0 1 0\nCamera \"perspective\"\nWorldBegin\nAttributeBegin\nTranslate 1 0 0\n\
+         Rotate 90 0 0 1\nScale 2 2 2\nCoordinateSystem \"here\"\nShape \"sphere\"\nReverseOrientation\n\
+         ConcatTransform [1 0 0 0 0 1 0 0 0 0 1 0 5 6 7 1]\nShape \"disk\"\nAttributeEnd\nShape \"cone\"\n\
+         TransformBegin CoordSysTransform \"here\" Shape \"sphere\" TransformEnd CoordSysTransform \"camera\" Shape \"sphere\"",
+    );
+    let at = |shape: usize, point: DVec3| scene.shapes[shape].to_world.transform_point3(point);
+    assert!(at(0, DVec3::X).abs_diff_eq(DVec3::new(1.0, 2.0, 0.0), 1e-12));
+    assert!(at(1, DVec3::ZERO).abs_diff_eq(DVec3::new(-11.0, 10.0, 14.0), 1e-12));
+    assert!(scene.shapes[1].is_reversed && !scene.shapes[2].is_reversed);
+    assert_eq!(scene.shapes[2].to_world, DMat4::IDENTITY);
+    assert_eq!(scene.shapes[3].to_world, scene.shapes[0].to_world);
+    // The camera stands at the eye and looks to +z; what is mirrored before it is its image.
+    let camera = scene.settings.camera.as_ref().unwrap().to_world;
+    assert!(camera.transform_point3(DVec3::ZERO).abs_diff_eq(DVec3::new(1.0, 2.0, 3.0), 1e-12));
+    assert!(camera.transform_vector3(DVec3::Z).abs_diff_eq(DVec3::Z, 1e-12));
+    assert!(camera.transform_vector3(DVec3::X).abs_diff_eq(DVec3::NEG_X, 1e-12));
+    assert!(scene.shapes[4].to_world.abs_diff_eq(camera, 1e-12));
+}
+
+#[test]
+fn materials_lights_and_textures_follow_the_attributes() {
+    let scene = scene(
+        "WorldBegin\nTexture \"t\" \"spectrum\" \"imagemap\" \"string filename\" \"a.png\"\n\
+         MakeNamedMaterial \"m\" \"string type\" \"matte\" \"texture Kd\" \"t\"\nAttributeBegin\nNamedMaterial \"m\"\n\
+         AreaLightSource \"diffuse\" \"rgb L\" [1 1 1]\nShape \"sphere\"\nAttributeEnd\nShape \"sphere\"\nMaterial \"glass\"\n\
+         ObjectBegin \"o\" Shape \"disk\" ObjectEnd\nTranslate 0 0 1 ObjectInstance \"o\"\nWorldEnd",
+    );
+    assert_eq!(scene.version, PbrtVersion::V3);
+    let [first, second, third] = &scene.shapes[..] else { panic!() };
+    assert_eq!(
+        (first.material, first.area_light, second.material, second.area_light),
+        (Some(0), Some(0), None, None)
+    );
+    assert_eq!((third.material, third.object, scene.instances[0].object), (Some(1), Some(0), 0));
+    assert_eq!(scene.materials[0].entity.find("Kd").unwrap().texture, [None, Some(0)]);
+    assert!(scene.materials[0].entity.find("type").is_none());
+}
+
+#[test]
+fn version_4_gives_parameters_to_what_follows_and_names_later_materials() {
+    let scene = scene(
+        "ColorSpace \"srgb\" Option \"bool disablepixeljitter\" true\nWorldBegin\nAttributeBegin\nAttribute \"shape\" \"float radius\" 3\n\
+         NamedMaterial \"later\" Shape \"sphere\" Shape \"sphere\" \"float radius\" 1\nAttributeEnd\nShape \"sphere\"\n\
+         MakeNamedMaterial \"later\" \"string type\" \"diffuse\" \"texture reflectance\" \"t\"\n\
+         Texture \"t\" \"spectrum\" \"constant\"\nMediumInterface \"\" \"fog\"",
+    );
+    let radius = |shape: usize| scene.shapes[shape].entity.number("radius");
+    assert_eq!((radius(0), radius(1), radius(2)), (Some(3.0), Some(1.0), None));
+    assert_eq!((scene.shapes[0].material, scene.shapes[2].material), (Some(0), None));
+    assert_eq!(scene.materials[0].entity.parameters[0].texture, [None, Some(0)]);
+    assert_eq!(scene.version, PbrtVersion::V4);
+    let matter: Vec<bool> = scene.remarks.iter().map(|remark| remark.matters).collect();
+    assert_eq!(matter, [false, true]);
+}
+
+#[test]
+fn files_include_others_beside_them_but_never_themselves() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, text: &str| fs::write(folder.path().join(name), text).unwrap();
+    fs::create_dir(folder.path().join("geo")).unwrap();
+    write("s.pbrt", "WorldBegin Translate 1 0 0 Import \"geo/b.pbrt\" Include \"geo/a.pbrt\" Shape \"disk\"");
+    write("geo/a.pbrt", "Include \"c.pbrt\" Include \"main.pbrt\"");
+    write("geo/b.pbrt", "Translate 9 9 9");
+    write("geo/c.pbrt", "Shape \"sphere\"");
+    write("main.pbrt", "Translate 0 1 0");
+    let scene = read_pbrt(&folder.path().join("s.pbrt")).unwrap();
+    assert_eq!(scene.files.len(), 5);
+    assert_eq!(scene.shapes[0].to_world.transform_point3(DVec3::ZERO), DVec3::X);
+    assert_eq!(scene.shapes[1].to_world.transform_point3(DVec3::ZERO), DVec3::new(1.0, 1.0, 0.0));
+    write("main.pbrt", "\n  Include \"./geo/a.pbrt\"");
+    let error = read_pbrt(&folder.path().join("s.pbrt")).unwrap_err();
+    assert_eq!((error.at, error.file.ends_with("main.pbrt")), (Some([2, 3]), true));
+    assert!(error.message.ends_with("geo/a.pbrt includes itself; remove this line"), "{error}");
+    write("main.pbrt", "Include \"none.pbrt\"");
+    let error = read_pbrt(&folder.path().join("s.pbrt")).unwrap_err().to_string();
+    assert!(error.contains("main.pbrt:1:1: ") && error.contains("none.pbrt: can't read it"), "{error}");
+    assert!(
+        read_pbrt(Path::new("/none/s.pbrt"))
+            .unwrap_err()
+            .to_string()
+            .starts_with("/none/s.pbrt: can't read it")
+    );
+}
+
+#[test]
+fn mistakes_are_named_with_their_places() {
+    for (text, expected) in [
+        ("Shpae \"sphere\"", "1:1: Shpae is no directive, did you mean \"Shape\"?"),
+        ("\n Shape sphere", "2:2: the type of what follows must follow this directive, in quotes"),
+        (
+            "Shape \"sphere\" \"flaot radius\" 1",
+            "1:16: no parameter has the type \"flaot\", did you mean \"float\"?",
+        ),
+        ("Shape \"sphere\" \"radius\" 1", "1:16: a parameter is declared with its type and its name"),
+        ("Shape \"sphere\" \"float radius\" [ 1 x ]", "1:35: \"x\" is not a number"),
+        ("Shape \"sphere\" \"float radius\" nan", "1:31: \"nan\" is not a number"),
+        ("Shape \"sphere\" \"float radius\" \"1\"", "1:31: a number must stand here, not the text \"1\""),
+        ("Shape \"sphere\" \"string a\" 1", "1:27: a text in quotes must stand here, not 1"),
+        (
+            "Shape \"m\" \"point P\" [ 1 2 3 4 ]",
+            "1:11: \"point P\": 4 numbers can't be divided into values of 3",
+        ),
+        ("Shape \"m\" \"integer i\" 1.5", "1:11: \"integer i\": 1.5 is not a whole number"),
+        ("Shape \"m\" \"spectrum L\" [ 1 2 3 ]", "1:11: \"spectrum L\": give pairs of wavelength"),
+        ("Shape \"m\" \"float i\" [ 1", "1:11: this list of values is never closed; add ]"),
+        ("Shape \"m\" \"float i\"", "1:11: parameter \"float i\" has no value"),
+        ("Shape \"m\" \"float i\" 1 \"float i\" 2", "1:23: parameter \"float i\" is given twice"),
+        ("Shape \"m", "1:7: this text has no closing quote"),
+        ("\"sphere\"", "1:1: a directive such as Shape must stand here"),
+        ("Translate 1 2", "1:1: 3 numbers must follow this directive"),
+        ("Rotate 1 0 0 0", "1:1: the axis of Rotate has no length"),
+        ("LookAt 0 0 0 0 0 0 0 1 0", "1:1: LookAt looks at the place where it stands"),
+        ("Scale 0 0 0 Camera \"perspective\"", "1:13: the transform of the camera has no inverse"),
+        ("CoordSysTransform \"x\"", "1:1: no CoordinateSystem defines \"x\""),
+        (
+            "AttributeBegin\nTransformBegin\nAttributeEnd",
+            "3:1: AttributeEnd closes the TransformBegin of line 2",
+        ),
+        ("AttributeEnd", "1:1: no AttributeBegin is open here"),
+        ("ObjectBegin \"a\"\n", "1:1: ObjectBegin is never closed; add ObjectEnd"),
+        ("ObjectInstance \"a\"", "1:1: no ObjectBegin defines \"a\""),
+        ("NamedMaterial \"a\" Shape \"sphere\"", "1:1: no MakeNamedMaterial defines \"a\""),
+        ("MakeNamedMaterial \"a\" \"float Kd\" 1", "1:1: material \"a\" has no type"),
+        ("Material \"matte\" \"texture Kd\" \"t\"", "1:18: no Texture defines \"t\""),
+        ("Texture \"t\" \"foo\" \"constant\"", "1:1: a texture is of float or spectrum"),
+        ("Attribute \"shap\" \"float a\" 1", "1:1: Attribute knows no \"shap\", did you mean \"shape\"?"),
+    ] {
+        let said = refused(text);
+        assert!(said.starts_with(expected), "{text}\n{said}\n{expected}");
+    }
+}
+
+/// Deep nesting, includes of includes of includes, endless lists: refused before they cost time or memory.
+#[test]
+fn hostile_files_are_refused_quickly() {
+    let started = std::time::Instant::now();
+    assert!(refused(&"AttributeBegin ".repeat(100_000)).contains("blocks within blocks are not read"));
+    assert!(
+        refused(&format!("Shape \"m\" \"float i\" {}", "[".repeat(1_000_000)))
+            .contains("can't hold another one")
+    );
+    let many: String = (0..100_000).map(|i| format!("\"float a{i}\" 1 ")).collect();
+    assert!(refused(&format!("Shape \"m\" {many}")).contains("more than 1000 parameters"));
+    assert!(refused(&"x".repeat(1_000_000)).len() < 200);
+    let folder = tempfile::tempdir().unwrap();
+    for i in 0..31 {
+        let next = format!("Include \"{0}.pbrt\" Include \"{0}.pbrt\"", i + 1);
+        fs::write(folder.path().join(format!("{i}.pbrt")), next).unwrap();
+    }
+    fs::write(folder.path().join("31.pbrt"), "").unwrap();
+    let error = read_pbrt(&folder.path().join("0.pbrt")).unwrap_err().to_string();
+    assert!(error.contains("10000 includes, are not read"), "{error}");
+    assert!(started.elapsed().as_secs() < 20);
+}
