@@ -499,6 +499,7 @@ fn surface_emission(
     Ok(SurfaceEmission {
         group: group_index(groups, &section.group),
         radiance: curve.scaled(radiance / total),
+        is_one_sided: false,
     })
 }
 

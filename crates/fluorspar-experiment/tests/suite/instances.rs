@@ -205,7 +205,8 @@ fn instances_with_holes_let_as_much_light_through() {
 
 #[test]
 fn lights_at_many_places_are_each_a_light() {
-    let emission = Some(SurfaceEmission { group: 0, radiance: gaussian(390.0, 15.0, 0.3) });
+    let emission =
+        Some(SurfaceEmission { group: 0, radiance: gaussian(390.0, 15.0, 0.3), is_one_sided: false });
     let placed = still_life(instanced, emission.clone());
     // Sampled triangle by triangle, so that even the bits agree.
     let image = run(&placed, &settings(16, 4));
@@ -245,7 +246,7 @@ fn objects_share_their_meshes_and_bad_instances_are_refused() {
     let crowd = many(vec![place; 40_000]);
     scene.objects[3].shape = Shape::Instances(Arc::new(crowd));
     assert!(scene.check().is_ok());
-    scene.objects[3].emission = Some(SurfaceEmission { group: 0, radiance: flat(1.0) });
+    scene.objects[3].emission = Some(SurfaceEmission { group: 0, radiance: flat(1.0), is_one_sided: false });
     let error = scene.check().unwrap_err().to_string();
     assert!(error.contains("23040000 triangles") && error.contains("fewer instances"), "{error}");
 }

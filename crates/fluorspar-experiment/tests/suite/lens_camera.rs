@@ -50,7 +50,7 @@ fn close_up(f_number: Option<f64>) -> LensSetting {
 }
 
 fn emitter(name: &str, shape: Shape, radiance: f64) -> Object {
-    let emission = SurfaceEmission { group: 0, radiance: Curve::constant(radiance) };
+    let emission = SurfaceEmission { group: 0, radiance: Curve::constant(radiance), is_one_sided: false };
     Object { name: name.into(), shape, material: 0, emission: Some(emission) }
 }
 

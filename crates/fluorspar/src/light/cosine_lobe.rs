@@ -38,6 +38,8 @@ pub(super) enum FlatPattern {
     },
     /// The surface of an object given by its radiance: both sides, Lambertian.
     BothSides,
+    /// The same on the side of the normal only.
+    Front,
 }
 
 impl FlatPattern {
@@ -45,7 +47,7 @@ impl FlatPattern {
     #[inline]
     pub(super) fn facing(self, cos: f32) -> f32 {
         match self {
-            Self::Lobe { .. } => cos,
+            Self::Lobe { .. } | Self::Front => cos,
             Self::BothSides => cos.abs(),
         }
     }
@@ -56,6 +58,7 @@ impl FlatPattern {
         match self {
             Self::Lobe { exponent } => lobe_radiance(cos, exponent, area),
             Self::BothSides => 1.0,
+            Self::Front => f32::from(u8::from(cos > 0.0)),
         }
     }
 
@@ -64,6 +67,7 @@ impl FlatPattern {
         match self {
             Self::Lobe { exponent } => Some((normal, exponent)),
             Self::BothSides => None,
+            Self::Front => Some((normal, 1.0)),
         }
     }
 }

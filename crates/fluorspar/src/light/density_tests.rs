@@ -88,10 +88,11 @@ fn emissive_meshes_are_sampled_by_the_density_that_they_report() {
             (u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0).then_some((t, [a, b, c]))
         })
     };
-    check(&PreparedEmitter::mesh(&mesh, 0), EYE, triangle, intersect, 1);
+    check(&PreparedEmitter::mesh(&mesh, 0, false), EYE, triangle, intersect, 1);
 }
 
 #[test]
 fn emissive_discs_are_sampled_by_the_density_that_they_report() {
-    check_prepared(&PreparedEmitter::disc(Vec3::Y, Vec3::Y, 1.2), EYE, 1);
+    check_prepared(&PreparedEmitter::disc(Vec3::Y, Vec3::Y, 1.2, false), EYE, 1);
+    check_prepared(&PreparedEmitter::disc(Vec3::Y, Vec3::NEG_Y, 1.2, true), EYE, 1);
 }

@@ -77,21 +77,35 @@ fn disc_samples(center: DVec3, normal: DVec3, radius_m: f64) -> Vec<DVec3> {
     samples
 }
 
-/// Irradiance per unit of radiance of a disc that emits to both sides, sr.
-pub(crate) fn emissive_disc_factor(center: Vec3, normal: Vec3, radius_m: f32, at: OrientedPoint) -> f64 {
+/// Irradiance per unit of radiance of a disc that emits to both sides, or to the front, sr.
+pub(crate) fn emissive_disc_factor(
+    center: Vec3,
+    normal: Vec3,
+    radius_m: f32,
+    is_one_sided: bool,
+    at: OrientedPoint,
+) -> f64 {
     let (normal, radius) = (normal.as_dvec3(), f64::from(radius_m));
     let samples = disc_samples(center.as_dvec3(), normal, radius);
     let area = PI * radius * radius / samples.len() as f64;
-    samples.into_iter().map(|sample| emissive_patch_factor(sample, normal, area, at)).sum()
+    samples.into_iter().map(|sample| emissive_patch_factor(sample, normal, area, is_one_sided, at)).sum()
 }
 
-/// Irradiance per unit of radiance of a small patch that emits to both sides, sr: `cos cos' A / r²`, with A bounded by the
+/// Irradiance per unit of radiance of a small patch that emits to both sides, or to the front, sr: `cos cos' A / r²`, with A bounded by the
 /// distance so that a point on the emitter itself gets no more than a hemisphere.
-pub(super) fn emissive_patch_factor(center: DVec3, normal: DVec3, area: f64, at: OrientedPoint) -> f64 {
+pub(super) fn emissive_patch_factor(
+    center: DVec3,
+    normal: DVec3,
+    area: f64,
+    is_one_sided: bool,
+    at: OrientedPoint,
+) -> f64 {
     let way = at.position - center;
     let Some(direction) = way.try_normalize() else { return 0.0 };
     let arriving = (-direction.dot(at.normal)).max(0.0);
-    direction.dot(normal).abs() * arriving * area / way.length_squared().max(area / PI)
+    let cos = direction.dot(normal);
+    let leaving = if is_one_sided { cos.max(0.0) } else { cos.abs() };
+    leaving * arriving * area / way.length_squared().max(area / PI)
 }
 
 /// A disc ready for intersection and sampling.
@@ -109,9 +123,10 @@ impl PreparedDisc {
         Self { center, normal, tangents: warp::tangents(normal), radius, pattern }
     }
 
-    /// The disc of an object whose spectrum is radiance, to both sides.
-    pub(super) fn emissive(center: Vec3, normal: Vec3, radius: f32) -> Self {
-        Self::new(center, normal, radius, FlatPattern::BothSides)
+    /// The disc of an object whose spectrum is radiance, to both sides or to the front.
+    pub(super) fn emissive(center: Vec3, normal: Vec3, radius: f32, is_one_sided: bool) -> Self {
+        let pattern = if is_one_sided { FlatPattern::Front } else { FlatPattern::BothSides };
+        Self::new(center, normal, radius, pattern)
     }
 
     #[inline]
@@ -184,7 +199,7 @@ mod tests {
             assert_close(disc.irradiance_factor(UP), 1.0 / (PI * (r2 + d2)), tolerance);
             assert_close(disc.irradiance_per_watt(UP), 1.0 / (PI * d2), 1e-6);
         }
-        let factor = emissive_disc_factor(Vec3::Z * 0.1, Vec3::Z, 0.005, UP);
+        let factor = emissive_disc_factor(Vec3::Z * 0.1, Vec3::Z, 0.005, false, UP);
         assert_close(factor, PI * 0.0025 / (1.0 + 0.0025), 1e-3);
     }
 }

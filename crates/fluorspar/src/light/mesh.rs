@@ -1,4 +1,4 @@
-//! Emissive triangle meshes of a scene. Spectrum: radiance to both sides, W/(sr m² nm).
+//! Emissive triangle meshes of a scene. Spectrum: radiance to both sides, or to the front, W/(sr m² nm).
 
 use glam::Vec3;
 
@@ -8,16 +8,17 @@ use super::{Emission, EmitterSample, LightBounds};
 use crate::geometry::{OrientedPoint, TriangleMesh};
 use crate::sampling::warp;
 
-/// Irradiance per unit of radiance of triangles that emit to both sides, each taken as one patch, sr.
+/// Irradiance per unit of radiance of triangles that emit to both sides, or to the front, each taken as one patch, sr.
 pub(crate) fn emissive_triangles_factor(
     triangles: impl Iterator<Item = [Vec3; 3]>,
+    is_one_sided: bool,
     at: OrientedPoint,
 ) -> f64 {
     let one = |corners: [Vec3; 3]| {
         let [a, b, c] = corners.map(Vec3::as_dvec3);
         let cross = (b - a).cross(c - a);
         let Some(normal) = cross.try_normalize() else { return 0.0 };
-        emissive_patch_factor((a + b + c) / 3.0, normal, 0.5 * cross.length(), at)
+        emissive_patch_factor((a + b + c) / 3.0, normal, 0.5 * cross.length(), is_one_sided, at)
     };
     triangles.map(one).sum()
 }
@@ -32,10 +33,12 @@ pub(crate) struct PreparedMesh {
     /// Bounding sphere.
     center: Vec3,
     radius: f32,
+    /// Whether only the side of the geometric normals emits.
+    is_one_sided: bool,
 }
 
 impl PreparedMesh {
-    pub(super) fn new(mesh: &TriangleMesh, first_triangle: usize) -> Self {
+    pub(super) fn new(mesh: &TriangleMesh, first_triangle: usize, is_one_sided: bool) -> Self {
         let mut sum = 0.0_f64;
         let cumulative_area = mesh
             .triangles
@@ -47,7 +50,7 @@ impl PreparedMesh {
             .collect();
         let (low, high) = mesh.bounds();
         let (center, radius) = (0.5 * (low + high), 0.5 * (high - low).length());
-        Self { first_triangle, cumulative_area, center, radius }
+        Self { first_triangle, cumulative_area, center, radius, is_one_sided }
     }
 
     pub(super) fn bounds(&self) -> LightBounds {
@@ -72,12 +75,18 @@ impl PreparedMesh {
         let [a, b, c] = corners(self.first_triangle + index);
         let [s, t] = warp::triangle([rest, u[1]]);
         let way = toward(position, a + (b - a) * s + (c - a) * t)?;
-        let cos = way.0.dot((b - a).cross(c - a).normalize_or_zero()).abs();
+        let cos = self.facing(-way.0.dot((b - a).cross(c - a).normalize_or_zero()));
         EmitterSample::by_area(choice, way, cos, total, 1.0)
     }
 
+    /// Cosine of emission; not positive on a dark side.
+    #[inline]
+    fn facing(&self, cos: f32) -> f32 {
+        if self.is_one_sided { cos } else { cos.abs() }
+    }
+
     pub(super) fn emission(&self, direction: Vec3, distance: f32, [a, b, c]: [Vec3; 3]) -> Option<Emission> {
-        let cos = direction.dot((b - a).cross(c - a).normalize_or_zero()).abs();
+        let cos = self.facing(-direction.dot((b - a).cross(c - a).normalize_or_zero()));
         let area = *self.cumulative_area.last()?;
         (cos > 0.0).then(|| Emission { scale: 1.0, density: distance * distance / (area * cos) })
     }

@@ -252,19 +252,19 @@ pub(crate) enum PreparedEmitter {
 }
 
 impl PreparedEmitter {
-    /// An object with the shape of a sphere that emits to both sides.
-    pub(crate) fn sphere(center: Vec3, radius: f32) -> Self {
-        Self::Sphere(sphere::PreparedSphere::emissive(center, radius))
+    /// An object with the shape of a sphere that emits to both sides, or outward.
+    pub(crate) fn sphere(center: Vec3, radius: f32, is_one_sided: bool) -> Self {
+        Self::Sphere(sphere::PreparedSphere::emissive(center, radius, is_one_sided))
     }
 
-    /// An object with the shape of a disc that emits to both sides.
-    pub(crate) fn disc(center: Vec3, normal: Vec3, radius: f32) -> Self {
-        Self::Disc(disc::PreparedDisc::emissive(center, normal, radius))
+    /// An object with the shape of a disc that emits to both sides, or to the front.
+    pub(crate) fn disc(center: Vec3, normal: Vec3, radius: f32, is_one_sided: bool) -> Self {
+        Self::Disc(disc::PreparedDisc::emissive(center, normal, radius, is_one_sided))
     }
 
-    /// A mesh that emits to both sides; `first_triangle` is the number of its first triangle in the renderer's list.
-    pub(crate) fn mesh(mesh: &TriangleMesh, first_triangle: usize) -> Self {
-        Self::Mesh(mesh::PreparedMesh::new(mesh, first_triangle))
+    /// A mesh that emits to both sides, or to the front; `first_triangle` is the number of its first triangle in the renderer's list.
+    pub(crate) fn mesh(mesh: &TriangleMesh, first_triangle: usize, is_one_sided: bool) -> Self {
+        Self::Mesh(mesh::PreparedMesh::new(mesh, first_triangle, is_one_sided))
     }
 
     /// The map, if it is one.

@@ -67,9 +67,9 @@ pub(crate) struct PreparedSphere {
 }
 
 impl PreparedSphere {
-    /// The sphere of an object whose spectrum is radiance, to both sides.
-    pub(super) fn emissive(center: Vec3, radius: f32) -> Self {
-        Self { center, radius, scale: 1.0, both_sides: true }
+    /// The sphere of an object whose spectrum is radiance, to both sides or outward.
+    pub(super) fn emissive(center: Vec3, radius: f32, is_one_sided: bool) -> Self {
+        Self { center, radius, scale: 1.0, both_sides: !is_one_sided }
     }
 
     pub(super) fn bounds(&self) -> LightBounds {
@@ -146,7 +146,7 @@ mod tests {
             2,
         );
         // Inside of an emissive sphere.
-        check_prepared(&PreparedEmitter::sphere(Vec3::ZERO, 1.7), EYE, 2);
+        check_prepared(&PreparedEmitter::sphere(Vec3::ZERO, 1.7, false), EYE, 2);
     }
 
     #[test]

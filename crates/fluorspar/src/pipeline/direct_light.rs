@@ -123,7 +123,7 @@ mod tests {
             name: "window".into(),
             shape: Shape::Sphere { center: 0.2 * Vec3::Z, radius_m: 0.01 },
             material: 0,
-            emission: Some(SurfaceEmission { group: 3, radiance: led(365.0, 100.0) }),
+            emission: Some(SurfaceEmission { group: 3, radiance: led(365.0, 100.0), is_one_sided: false }),
         };
         Scene {
             grid: WavelengthGrid::uniform(350.0, 700.0, 10.0).unwrap(),

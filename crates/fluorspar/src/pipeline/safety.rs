@@ -319,7 +319,7 @@ fn illumination(study: &Study, capture: &Capture, at: OrientedPoint) -> Illumina
         let drive = capture.frame.drive(&scene.light_groups[emission.group].name);
         if drive > 0.0 {
             // Even radiance: irradiance over radiance is the projected solid angle.
-            let solid_angle_sr = emission_factor(&object.shape, at);
+            let solid_angle_sr = emission_factor(&object.shape, emission, at);
             let middle = |(low, high): (Vec3, Vec3)| 0.5 * (low + high).as_dvec3();
             let center = match &object.shape {
                 Shape::Sphere { center, .. } | Shape::Disc { center, .. } => center.as_dvec3(),

@@ -219,7 +219,8 @@ mod tests {
     use crate::spectral::{Curve, WavelengthGrid};
 
     fn scene(lights: Vec<Emitter>, objects: Vec<Shape>) -> Scene {
-        let emission = Some(SurfaceEmission { group: 0, radiance: Curve::constant(1.0) });
+        let emission =
+            Some(SurfaceEmission { group: 0, radiance: Curve::constant(1.0), is_one_sided: false });
         Scene {
             grid: WavelengthGrid::uniform(500.0, 510.0, 5.0).unwrap(),
             objects: objects

@@ -3,21 +3,24 @@
 
 use std::borrow::Cow;
 
-use super::{Scene, Shape};
+use super::{Scene, Shape, SurfaceEmission};
 use crate::geometry::OrientedPoint;
 use crate::light::{emissive_disc_factor, emissive_sphere_factor, emissive_triangles_factor};
 use crate::spectral::Curve;
 
-/// Irradiance per unit of radiance of a surface that emits to both sides, sr.
-pub(crate) fn emission_factor(shape: &Shape, at: OrientedPoint) -> f64 {
+/// Irradiance per unit of radiance of a surface that emits, sr.
+pub(crate) fn emission_factor(shape: &Shape, emission: &SurfaceEmission, at: OrientedPoint) -> f64 {
+    let is_one_sided = emission.is_one_sided;
     match shape {
         Shape::Sphere { center, radius_m } => emissive_sphere_factor(*center, *radius_m, at),
-        Shape::Disc { center, normal, radius_m } => emissive_disc_factor(*center, *normal, *radius_m, at),
+        Shape::Disc { center, normal, radius_m } => {
+            emissive_disc_factor(*center, *normal, *radius_m, is_one_sided, at)
+        }
         Shape::Mesh(mesh) => {
             let corners = |t: &[u32; 3]| t.map(|i| mesh.positions[i as usize]);
-            emissive_triangles_factor(mesh.triangles.iter().map(corners), at)
+            emissive_triangles_factor(mesh.triangles.iter().map(corners), is_one_sided, at)
         }
-        Shape::Instances(many) => emissive_triangles_factor(many.corners(), at),
+        Shape::Instances(many) => emissive_triangles_factor(many.corners(), is_one_sided, at),
     }
 }
 
@@ -53,7 +56,8 @@ pub(crate) fn direct_irradiance<'a>(scene: &'a Scene, points: &[OrientedPoint]) 
     }
     for object in &scene.objects {
         if let Some(emission) = &object.emission {
-            let factor: f64 = points.iter().map(|&point| emission_factor(&object.shape, point)).sum();
+            let one = |point: &OrientedPoint| emission_factor(&object.shape, emission, *point);
+            let factor: f64 = points.iter().map(one).sum();
             add(emission.group, Cow::Borrowed(&emission.radiance), factor);
         }
     }

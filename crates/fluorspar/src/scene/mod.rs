@@ -43,7 +43,7 @@ pub struct Object {
     pub shape: Shape,
     /// Index into the scene's materials.
     pub material: usize,
-    /// Light that the surface emits by itself, from both sides, if any.
+    /// Light that the surface emits by itself, if any.
     pub emission: Option<SurfaceEmission>,
 }
 
@@ -79,4 +79,6 @@ pub struct SurfaceEmission {
     pub group: usize,
     /// Radiance, W/(sr m² nm).
     pub radiance: Curve,
+    /// Whether only the side of the geometric normal emits.
+    pub is_one_sided: bool,
 }

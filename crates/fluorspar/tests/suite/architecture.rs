@@ -50,7 +50,11 @@ const MODULES: &[(&str, &[&str])] = &[
 /// this workspace. What stands first is looked up first.
 const FRONTS: &[(&str, &[&str], &[&str])] = &[
     ("fluorspar-anatomy/src/", &["units", "sampling", "geometry"], &["fluorspar_accel"]),
-    ("fluorspar-format/src/", &["digest", "units", "quote", "names", "spectral", "image", "geometry", "optics"], &[]),
+    (
+        "fluorspar-format/src/",
+        &["digest", "units", "quote", "names", "spectral", "image", "geometry", "optics"],
+        &[],
+    ),
     (
         "fluorspar-experiment/src/preset/",
         &["units", "quote", "names", "spectral", "optics", "sensor"],
@@ -65,6 +69,11 @@ const FRONTS: &[(&str, &[&str], &[&str])] = &[
         ],
         &["fluorspar_anatomy", "fluorspar_format"],
     ),
+    (
+        "fluorspar-pbrt/src/",
+        &["quote", "spectral", "geometry", "material", "light", "optics", "scene", "render", "study"],
+        &["fluorspar_experiment", "fluorspar_format"],
+    ),
 ];
 
 /// Each crate and the crates of this workspace that its manifest may name; tests included, but for `fluorspar-testkit`.
@@ -75,6 +84,7 @@ const CRATES: &[(&str, &[&str])] = &[
     ("fluorspar-anatomy", &["fluorspar-accel", "fluorspar"]),
     ("fluorspar-format", &["fluorspar"]),
     ("fluorspar-experiment", &["fluorspar", "fluorspar-anatomy", "fluorspar-format"]),
+    ("fluorspar-pbrt", &["fluorspar", "fluorspar-format", "fluorspar-experiment"]),
     ("fluorspar-report", &["fluorspar", "fluorspar-format", "fluorspar-experiment"]),
     (
         "fluorspar-cli",
@@ -84,6 +94,7 @@ const CRATES: &[(&str, &[&str])] = &[
             "fluorspar-anatomy",
             "fluorspar-format",
             "fluorspar-experiment",
+            "fluorspar-pbrt",
             "fluorspar-report",
         ],
     ),
@@ -255,6 +266,7 @@ const CLOSED_ENUMS: &[(&str, &[&str])] = &[
             "crates/fluorspar/src/material/",
             "crates/fluorspar-experiment/src/schema/material.rs",
             "crates/fluorspar-experiment/src/resolve/material.rs",
+            "crates/fluorspar-pbrt/src/material.rs",
         ],
     ),
     (
@@ -262,6 +274,7 @@ const CLOSED_ENUMS: &[(&str, &[&str])] = &[
         &[
             "crates/fluorspar/src/light/",
             "crates/fluorspar-experiment/src/resolve/light.rs",
+            "crates/fluorspar-pbrt/src/light.rs",
             // Writes scenes for other renderers.
             "benchmarks/src/export.rs",
         ],

@@ -108,7 +108,7 @@ fn fluorescent_furnace() {
     cavity.fluorophores = dyes.to_vec();
     cavity.materials.push(with_dyes(Material::lambertian("wall", flat(reflectance)), &amounts));
     let mut wall = object("wall", Shape::Sphere { center: Vec3::ZERO, radius_m: 1.0 }, 0);
-    wall.emission = Some(SurfaceEmission { group: 0, radiance: flat(emission) });
+    wall.emission = Some(SurfaceEmission { group: 0, radiance: flat(emission), is_one_sided: false });
     cavity.objects.push(wall);
 
     let image = run(&cavity, &settings(64, 100));

@@ -249,7 +249,8 @@ pub(crate) fn lit_box(lighting: &str, material: &str, concentration: f32) -> Sce
         })
     };
     let bright = |name: &str, shape: Shape| {
-        let emission = Some(SurfaceEmission { group: 0, radiance: gaussian(390.0, 15.0, 0.3) });
+        let emission =
+            Some(SurfaceEmission { group: 0, radiance: gaussian(390.0, 15.0, 0.3), is_one_sided: false });
         Object { emission, ..object(name, shape, 0) }
     };
     match lighting {

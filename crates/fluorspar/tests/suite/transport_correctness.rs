@@ -85,7 +85,7 @@ fn a_bright_mirrored_cavity_has_the_radiance_of_its_angle() {
         let mut cavity = scene(grid, camera(position, position - Vec3::Z, 0.5, 4));
         cavity.materials = vec![metal(n.clone(), k.clone(), 0.0)];
         let mut wall = object("wall", Shape::Sphere { center: Vec3::ZERO, radius_m: 1.0 }, 0);
-        wall.emission = Some(SurfaceEmission { group: 0, radiance: flat(2.0) });
+        wall.emission = Some(SurfaceEmission { group: 0, radiance: flat(2.0), is_one_sided: false });
         cavity.objects.push(wall);
         let image = run(&cavity, &settings(512, 400));
         let cos = (1.0_f64 - sine * sine).sqrt();
@@ -331,7 +331,8 @@ fn bright_balls_illuminate_by_their_form_factors() {
         let ratio = 10.0_f64.powi(-decade);
         let mut scene = plate();
         let shape = Shape::Sphere { center: Vec3::new(0.0, 0.6, 0.8), radius_m: ratio as f32 };
-        let emission = Some(SurfaceEmission { group: 0, radiance: flat(2.0 / (ratio * ratio)) });
+        let emission =
+            Some(SurfaceEmission { group: 0, radiance: flat(2.0 / (ratio * ratio)), is_one_sided: false });
         scene.objects.push(Object { emission, ..object("ball", shape, 0) });
         let mean = band_mean(&run(&scene, &settings(256, 1)), 0, 1);
         let expected = 0.5 * 2.0 * 0.8;
@@ -361,7 +362,8 @@ fn lights_of_different_kinds_share_a_group() {
         scene.light_groups = (0..groups).map(|i| LightGroup { name: format!("light {i}") }).collect();
         scene.materials = vec![with_dyes(Material::lambertian("wall", flat(0.6)), &[(0, 1.0)])];
         let mut wall = object("wall", Shape::Sphere { center: Vec3::ZERO, radius_m: radius }, 0);
-        wall.emission = Some(SurfaceEmission { group: 0, radiance: gaussian(367.0, 0.8, 1.0) });
+        wall.emission =
+            Some(SurfaceEmission { group: 0, radiance: gaussian(367.0, 0.8, 1.0), is_one_sided: false });
         scene.objects.push(wall);
         // As much irradiance as from the wall: P / (4 pi r^2) = pi L.
         let power = 4.0 * PI * PI * f64::from(radius).powi(2);
@@ -428,7 +430,7 @@ fn assert_reciprocal(samples: u32, runs: u64) {
         ];
         let disc = |at: Vec3| Shape::Disc { center: at, normal: normal(at), radius_m: 0.08 };
         let mut bright = object("lamp", disc(light), 0);
-        bright.emission = Some(SurfaceEmission { group: 0, radiance: flat(1.0) });
+        bright.emission = Some(SurfaceEmission { group: 0, radiance: flat(1.0), is_one_sided: false });
         let ball = |center: Vec3, radius_m: f32| Shape::Sphere { center, radius_m };
         scene.objects = vec![
             bright,
@@ -742,7 +744,8 @@ fn scenes_that_make_no_sense_are_refused() {
             "a material with holes",
             broken(&|s| {
                 s.materials[2].opacity = Some(ScalarTexture::Constant(0.5));
-                s.objects[3].emission = Some(SurfaceEmission { group: 0, radiance: flat(1.0) });
+                s.objects[3].emission =
+                    Some(SurfaceEmission { group: 0, radiance: flat(1.0), is_one_sided: false });
             }),
         ),
         ("refractive index 0.8", broken(&|s| s.materials[last] = glass(0.8, 0.1, 1.0))),
@@ -759,7 +762,8 @@ fn scenes_that_make_no_sense_are_refused() {
             "a material with holes",
             broken(&|s| {
                 s.materials[0].opacity = Some(ScalarTexture::Constant(0.5));
-                s.objects[1].emission = Some(SurfaceEmission { group: 0, radiance: flat(1.0) });
+                s.objects[1].emission =
+                    Some(SurfaceEmission { group: 0, radiance: flat(1.0), is_one_sided: false });
             }),
         ),
     ];

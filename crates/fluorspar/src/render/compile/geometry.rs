@@ -49,19 +49,20 @@ pub(super) fn compile(scene: &Scene) -> Result<(Geometry, Vec<EmissiveSurface>),
     // Gather the surface of every object
     for (object, item) in scene.objects.iter().enumerate() {
         let emits = item.emission.is_some();
+        let is_one_sided = item.emission.as_ref().is_some_and(|emission| emission.is_one_sided);
         let (emitter, area_m2) = match &item.shape {
             Shape::Mesh(mesh) => {
                 let first_triangle = surfaces.add_mesh(object, mesh);
                 if !emits {
                     continue;
                 }
-                (PreparedEmitter::mesh(mesh, first_triangle), mesh.area_m2() as f32)
+                (PreparedEmitter::mesh(mesh, first_triangle, is_one_sided), mesh.area_m2() as f32)
             }
             // Emissive instances are sampled triangle by triangle, by the areas that these have at their places.
             Shape::Instances(many) if emits => {
                 let mesh = many.flattened();
                 let first_triangle = surfaces.add_mesh(object, &mesh);
-                (PreparedEmitter::mesh(&mesh, first_triangle), mesh.area_m2() as f32)
+                (PreparedEmitter::mesh(&mesh, first_triangle, is_one_sided), mesh.area_m2() as f32)
             }
             Shape::Instances(many) => {
                 instances.add(object, many);
@@ -71,7 +72,7 @@ pub(super) fn compile(scene: &Scene) -> Result<(Geometry, Vec<EmissiveSurface>),
                 let shape = AnalyticShape::Sphere { center: *center, radius: *radius_m };
                 surfaces.shapes.push(CompiledShape { object, shape });
                 let area = 4.0 * std::f32::consts::PI * radius_m * radius_m;
-                (PreparedEmitter::sphere(*center, *radius_m), area)
+                (PreparedEmitter::sphere(*center, *radius_m, is_one_sided), area)
             }
             Shape::Disc { center, normal, radius_m } => {
                 let tangents = warp::tangents(*normal);
@@ -79,7 +80,7 @@ pub(super) fn compile(scene: &Scene) -> Result<(Geometry, Vec<EmissiveSurface>),
                     AnalyticShape::Disc { center: *center, normal: *normal, tangents, radius: *radius_m };
                 surfaces.shapes.push(CompiledShape { object, shape });
                 let area = std::f32::consts::PI * radius_m * radius_m;
-                (PreparedEmitter::disc(*center, *normal, *radius_m), area)
+                (PreparedEmitter::disc(*center, *normal, *radius_m, is_one_sided), area)
             }
         };
         if emits {

@@ -1,0 +1,219 @@
+//! Camera, film, sampler and integrator.
+
+use std::sync::Arc;
+
+use fluorspar::optics::{CameraLens, LensSetting, LensState, PerspectiveCamera};
+use fluorspar::quote::excerpt;
+use fluorspar::render::RenderSettings;
+use fluorspar_format::{PbrtEntity, PbrtError, PbrtPlaced, read_lens};
+use glam::DVec3;
+
+use crate::convert::{Convert, usual_settings};
+use crate::given::Given;
+
+/// Cameras that see through a pinhole. ISET calls it by its own name.
+const PINHOLES: &[&str] = &["perspective", "pinhole"];
+
+/// Cameras with a lens of a file.
+const LENSES: &[&str] = &["realistic", "omni"];
+
+/// Largest image, pixels a side.
+const MOST_PIXELS: f64 = 100_000.0;
+
+impl Convert<'_> {
+    /// The camera and the settings of the render.
+    pub(crate) fn camera(&mut self) -> Result<(PerspectiveCamera, RenderSettings), PbrtError> {
+        let tree = self.tree;
+        let [width, height] = self.film()?;
+        let none = PbrtPlaced {
+            entity: PbrtEntity { class: "perspective".into(), ..PbrtEntity::default() },
+            to_world: glam::DMat4::IDENTITY,
+        };
+        let camera = tree.settings.camera.as_ref().unwrap_or(&none);
+        let given = Given::new(&camera.entity);
+        given.used(&["shutteropen", "shutterclose"]);
+        let class = camera.entity.class.as_str();
+        let at = camera.entity.at;
+        if !PINHOLES.contains(&class) && !LENSES.contains(&class) {
+            let message = format!(
+                "Camera \"{}\" has no counterpart; \"perspective\", and \"realistic\" with a lens file, have one",
+                excerpt(class)
+            );
+            return Err(self.error(at, message));
+        }
+        let is_lens = LENSES.contains(&class);
+        let tan_half_width = if is_lens { 0.5 } else { self.tan_half_width(&given, width, height)? };
+
+        // Place the axes of the camera in the scene
+        let map = self.scene_from_world() * camera.to_world;
+        let axis = |direction: DVec3| map.transform_vector3(direction).try_normalize();
+        let (Some(right), Some(up), Some(forward)) = (axis(DVec3::X), axis(DVec3::Y), axis(DVec3::Z)) else {
+            return Err(self.error(at, "the transform of the camera flattens space; change it"));
+        };
+        if right.dot(up).abs().max(right.dot(forward).abs()).max(up.dot(forward).abs()) > 1e-4 {
+            self.remark(at, "the axes of the camera are not at right angles; they are set straight");
+        }
+        let right = (right - forward * right.dot(forward)).normalize();
+        let mut view = PerspectiveCamera {
+            position: map.transform_point3(DVec3::ZERO).as_vec3(),
+            forward: forward.as_vec3(),
+            right: right.as_vec3(),
+            up: right.cross(forward).as_vec3(),
+            tan_half_width: tan_half_width as f32,
+            width,
+            height,
+            lens: None,
+        };
+        if is_lens {
+            self.lens(&given, &mut view)?;
+        }
+        given.finish("Camera", &mut self.remarks);
+        if view.position.is_finite() {
+            Ok((view, self.settings()))
+        } else {
+            Err(self.error(at, "the camera is too far away; change its transform"))
+        }
+    }
+
+    /// Tangent of half the field of view across the image.
+    fn tan_half_width(&mut self, given: &Given<'_>, width: usize, height: usize) -> Result<f64, PbrtError> {
+        let at = given.entity.at;
+        let degrees = given.number("fov").or(given.number("halffov").map(|half| 2.0 * half)).unwrap_or(90.0);
+        if !(degrees > 0.0 && degrees < 179.0) {
+            return Err(
+                self.error(at, format!("a field of view of {degrees} degrees; give one between 0 and 179"))
+            );
+        }
+        if given.number("lensradius").is_some_and(|radius| radius > 0.0) {
+            self.remark(at, "\"lensradius\": the camera is a pinhole, everything is in focus");
+        }
+        given.used(&["focaldistance"]);
+        let pixels = width as f64 / height as f64;
+        let aspect = given.number("frameaspectratio").unwrap_or(pixels);
+        let mut half = aspect.max(1.0);
+        if let Some(&[x0, x1, y0, y1]) = given.numbers("screenwindow") {
+            let is_centered =
+                (x0 + x1).abs() < 1e-6 * (x1 - x0).abs() && (y0 + y1).abs() < 1e-6 * (y1 - y0).abs();
+            if !is_centered || x1 <= x0 || y1 <= y0 {
+                let message =
+                    "a screenwindow whose middle is not 0, 0 has no counterpart; shift the camera instead";
+                return Err(self.error(at, message));
+            }
+            half = x1;
+            if ((x1 / y1) / pixels - 1.0).abs() > 1e-3 {
+                self.remark(at, "\"screenwindow\": pixels are square here; its width is kept");
+            }
+        } else if (aspect / pixels - 1.0).abs() > 1e-3 {
+            self.remark(at, "\"frameaspectratio\": pixels are square here; the width of the field is kept");
+        }
+        Ok((0.5 * degrees.to_radians()).tan() * half)
+    }
+
+    /// Puts the lens of a file before the film.
+    fn lens(&mut self, given: &Given<'_>, view: &mut PerspectiveCamera) -> Result<(), PbrtError> {
+        let at = given.entity.at;
+        let Some(name) = given.text("lensfile") else {
+            return Err(self.error(at, "this camera needs a lens; add \"string lensfile\" \"FILE.dat\""));
+        };
+        let path = self.tree.path_of(at, name);
+        let lens = read_lens(&path).map_err(|error| self.error(at, error.to_string()))?;
+        self.read.push(path);
+        let distance = given.number("focusdistance").or(given.number("focaldistance")).unwrap_or(10.0);
+        let diameter = given.number("aperturediameter").or(given.number("aperture"));
+        given.used(&["simpleweighting", "aperturediameter", "aperture"]);
+        let diagonal_mm =
+            self.tree.settings.film.as_ref().and_then(|film| film.number("diagonal")).unwrap_or(35.0);
+        let (width, height) = (view.width as f64, view.height as f64);
+        let pitch_mm = diagonal_mm / width.hypot(height);
+        let distance_mm = distance * self.options.unit_m * 1e3;
+        if diameter.is_some() {
+            self.remark(at, "\"aperturediameter\": the stop of the lens file is kept");
+        }
+        let setting =
+            LensSetting { f_number: None, object_distance_mm: Some(distance_mm), film_shift_mm: 0.0 };
+        let state = LensState::new(&lens, setting).map_err(|error| self.error(at, error.to_string()))?;
+        // The film of pbrt stands at the origin of the camera, here the entrance pupil does.
+        let pupil_mm = state.film_mm - state.reference_mm;
+        let traced = CameraLens::new(state, width * pitch_mm, height * pitch_mm, &self.options.grid, 1);
+        self.note(
+            at,
+            "the image is lens radiance: irradiance on the film over the solid angle that the pupil fills on the axis",
+        );
+        view.position += view.forward * (pupil_mm * 1e-3) as f32;
+        view.lens = Some(Arc::new(traced));
+        Ok(())
+    }
+
+    /// Columns and rows.
+    fn film(&mut self) -> Result<[usize; 2], PbrtError> {
+        let Some(film) = &self.tree.settings.film else { return Ok([1280, 720]) };
+        let given = Given::new(film);
+        let size = [("xresolution", 1280.0), ("yresolution", 720.0)]
+            .map(|(name, default)| given.number(name).unwrap_or(default));
+        if size.iter().any(|side| !(1.0..=MOST_PIXELS).contains(side)) {
+            let message =
+                format!("an image of {} x {} pixels; give 1 to {MOST_PIXELS} a side", size[0], size[1]);
+            return Err(self.error(film.at, message));
+        }
+        for name in ["cropwindow", "pixelbounds"] {
+            if given.find(name).is_some() {
+                self.remark(film.at, format!("\"{name}\": the whole image is rendered"));
+            }
+        }
+        // What is done with the light afterwards, and what a lens asks for.
+        given.used(&[
+            "diagonal",
+            "filename",
+            "iso",
+            "exposuretime",
+            "maxcomponentvalue",
+            "maxsampleluminance",
+            "savefp16",
+            "scale",
+            "sensor",
+            "whitebalance",
+            "nbuckets",
+            "lambdamin",
+            "lambdamax",
+            "coordinatesystem",
+            "fnumber",
+        ]);
+        given.finish("Film", &mut self.remarks);
+        Ok(size.map(|side| side as usize))
+    }
+
+    fn settings(&mut self) -> RenderSettings {
+        let mut settings = usual_settings();
+        let tree = self.tree;
+        if let Some(sampler) = &tree.settings.sampler {
+            let given = Given::new(sampler);
+            let strata = [given.number("xsamples"), given.number("ysamples")].map(|n| n.unwrap_or(4.0));
+            let usual = if sampler.class == "stratified" { strata[0] * strata[1] } else { 16.0 };
+            let wanted = given.number("pixelsamples").unwrap_or(usual).clamp(1.0, 1e6);
+            settings.samples_per_pixel = wanted as u32;
+            if let Some(seed) = given.number("seed") {
+                settings.seed = seed.max(0.0) as u64;
+            }
+            self.note(
+                sampler.at,
+                format!("Sampler \"{}\": samples are Owen-scrambled Sobol points", excerpt(&sampler.class)),
+            );
+        }
+        if let Some(integrator) = &tree.settings.integrator {
+            let given = Given::new(integrator);
+            let depth = given.number("maxdepth").unwrap_or(5.0);
+            if depth < 1.0 {
+                self.remark(integrator.at, "\"maxdepth\" 0: direct light is rendered as well");
+            }
+            settings.max_depth = depth.clamp(1.0, 1000.0) as u32;
+            if !["path", "volpath"].contains(&integrator.class.as_str()) {
+                let class = excerpt(&integrator.class);
+                self.note(
+                    integrator.at,
+                    format!("Integrator \"{class}\": light transport is by path tracing"),
+                );
+            }
+        }
+        settings
+    }
+}
