@@ -93,7 +93,8 @@ impl Default for Command {
 /// The experiment and its changes.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub(crate) struct ExperimentArgs {
-    /// Experiment file (.toml), a report.html made by an earlier run, or the name of a built-in experiment.
+    /// Experiment file (.toml), a report.html made by an earlier run, or the name of a built-in experiment; of `render` also
+    /// a scene of pbrt (.pbrt).
     #[arg(value_name = "EXPERIMENT", value_hint = ValueHint::FilePath)]
     pub(crate) experiment: Option<String>,
     #[command(flatten)]

@@ -33,6 +33,11 @@ pub(crate) struct Limits {
 }
 
 impl Limits {
+    /// The time limit, s.
+    pub(crate) fn time_limit_s(&self) -> Option<f64> {
+        self.time_limit
+    }
+
     /// The time limit as a change of the experiment.
     pub(crate) fn overrides(&self) -> Option<Override> {
         self.time_limit.map(|seconds| Override::number("render.time_limit_s", seconds, "--time-limit"))

@@ -10,7 +10,7 @@ use fluorspar::render::RenderError;
 use fluorspar::tissue::TissueError;
 use fluorspar_experiment::preset::{LensError, PresetError};
 use fluorspar_experiment::{DEFAULT_EXPERIMENT, ExperimentError};
-use fluorspar_format::{FormatError, OutputFolder};
+use fluorspar_format::{FormatError, OutputFolder, PbrtError};
 use fluorspar_report::{FigureError, RunFolderError};
 use thiserror::Error;
 
@@ -49,6 +49,8 @@ pub(crate) enum CliError {
     Experiment(#[from] ExperimentError),
     #[error(transparent)]
     Format(#[from] FormatError),
+    #[error(transparent)]
+    Pbrt(#[from] PbrtError),
     #[error(transparent)]
     Preset(#[from] PresetError),
     #[error(transparent)]

@@ -7,7 +7,7 @@ use fluorspar_experiment::{
     DEFAULT_EXPERIMENT, DEFAULT_SAMPLE, FileRecord, ResolvedExperiment, ResolvedSample, is_sample, parse,
     parse_sample, resolve,
 };
-use fluorspar_format::read_text_bounded;
+use fluorspar_format::{read_bounded, read_text_bounded};
 use fluorspar_report::extract_experiment;
 
 use crate::error::CliError;
@@ -15,6 +15,9 @@ use crate::values::{Override, as_typed, sets};
 
 /// Largest experiment file or report that is read.
 const LARGEST_BYTES: u64 = 256 << 20;
+
+/// Largest scene of pbrt that is read.
+const LARGEST_SCENE_BYTES: u64 = 1 << 30;
 
 /// An experiment as text.
 pub(crate) struct ExperimentSource {
@@ -73,7 +76,11 @@ impl ExperimentSource {
 
     /// A file, or the experiment that a report carries.
     fn from_file(name: &str, path: &Path) -> Result<Self, CliError> {
-        let text = read_text(path)?;
+        let text = if is_pbrt(path) {
+            String::from_utf8_lossy(&read_bounded(path, LARGEST_SCENE_BYTES)?).into_owned()
+        } else {
+            read_text(path)?
+        };
         let is_report = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("html"));
         let text = if is_report {
             extract_experiment(&text).ok_or_else(|| {
@@ -90,6 +97,11 @@ impl ExperimentSource {
         Ok(Self { name: name.into(), stem, text, base_dir, file: Some(path.to_path_buf()) })
     }
 
+    /// The file, if it is a scene of pbrt.
+    pub(crate) fn pbrt_scene(&self) -> Option<&Path> {
+        self.file.as_deref().filter(|path| is_pbrt(path))
+    }
+
     /// Every file that an experiment was read from: its own, its bases, and the data that they name.
     pub(crate) fn files(&self, record: &FileRecord) -> Vec<PathBuf> {
         let inputs = record.inputs.iter().map(|input| &input.path);
@@ -98,6 +110,12 @@ impl ExperimentSource {
 
     /// Reads and resolves the experiment with its changes. Its warnings are the caller's to print.
     pub(crate) fn resolve(&self, overrides: &[Override]) -> Result<ResolvedExperiment, CliError> {
+        if self.pbrt_scene().is_some() {
+            return Err(CliError::Input(format!(
+                "{}: this is a scene of pbrt, no experiment; `fluorspar render` takes it",
+                self.name
+            )));
+        }
         if is_sample(&self.text) {
             return Err(CliError::Input(format!(
                 "{}: this is a flat sample without a scene; `fluorspar predict` takes it",
@@ -131,6 +149,11 @@ impl ExperimentSource {
         Ok(parse_sample(&self.text, &self.name, &self.base_dir, &sets(overrides))
             .map_err(|error| as_typed(error, overrides))?)
     }
+}
+
+/// Whether a file is a scene of pbrt, by its name.
+fn is_pbrt(path: &Path) -> bool {
+    path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("pbrt"))
 }
 
 /// Reads a text file of bearable size.

@@ -520,7 +520,18 @@ fn lenses(subjects: &mut Subjects) {
     subjects.add("lens, Zemax", "l.zmx", vec![ZEMAX.into()], read);
     subjects.add("lens, ISET", "l.json", vec![OMNI.into(), OLDER.into()], read);
     subjects.add("lens, TOML", "l.toml", vec![toml.into()], read);
+    let whole = PBRT.replace("Include \"none.pbrt\"", "");
+    subjects.add("scene of pbrt", "s.pbrt", vec![PBRT.into(), whole.into()], |path| {
+        format::read_pbrt(path).is_ok()
+    });
 }
+
+const PBRT: &str = "LookAt 0 0 5 0 0 0 0 1 0\nCamera \"perspective\" \"float fov\" 40\nFilm \"rgb\" \"integer xresolution\" [ 4 ]\n\
+    WorldBegin\nTexture \"t\" \"spectrum\" \"constant\" \"rgb value\" [ 0.1 0.2 0.3 ]\nMakeNamedMaterial \"m\" \"string type\" \"matte\"\n  \
+    \"texture Kd\" \"t\" \"photolumi f\" [ 400 5 405 0 0 0.5 0 ]\nAttributeBegin # one\nTranslate 0 1 0 Rotate 30 0 0 1 Scale -1 1 1\n\
+    ConcatTransform [ 1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1 ]\nNamedMaterial \"m\" ReverseOrientation\n\
+    AreaLightSource \"diffuse\" \"spectrum L\" [ 400 1 700 2 ] \"bool twosided\" true\nShape \"trianglemesh\" \"integer indices\" [ 0 1 2 ]\n  \
+    \"point P\" [ 0 0 0 1 0 0 0 1 0 ]\nAttributeEnd\nObjectBegin \"o\" Shape \"sphere\" ObjectEnd ObjectInstance \"o\"\nInclude \"none.pbrt\"\n";
 
 /// Texts as the command line reads them: bounded, then parsed and resolved.
 fn experiments(subjects: &mut Subjects) -> Outcome<()> {

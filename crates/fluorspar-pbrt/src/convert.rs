@@ -95,10 +95,17 @@ pub fn load(path: &Path, options: &PbrtOptions) -> Result<PbrtStudy, PbrtError> 
 /// Checks that are those of every scene.
 fn check(tree: &PbrtScene, scene: &Scene) -> Result<(), PbrtError> {
     let main = tree.files.first().cloned().unwrap_or_default();
+    let is_dark = scene.lights.is_empty() && scene.objects.iter().all(|object| object.emission.is_none());
+    let missing = match (scene.objects.is_empty(), is_dark) {
+        (true, _) => Some("the scene has no objects; add a Shape"),
+        (_, true) => Some("the scene has no lights; add a LightSource, or an AreaLightSource before a Shape"),
+        _ => None,
+    };
+    if let Some(message) = missing {
+        return Err(PbrtError { file: main, at: None, message: message.into() });
+    }
     scene.check().map_err(|error| {
         let hint = match &error {
-            fluorspar::scene::SceneError::Nothing("lights") => "; add a LightSource, or an AreaLightSource before a Shape",
-            fluorspar::scene::SceneError::Nothing(_) => "; add a Shape",
             fluorspar::scene::SceneError::CreatesPhotons { .. } => {
                 ". Matrices of pbrt-v3-spectral have peak 1, so that concentrations of 0.01 and less are usual"
             }

@@ -4,7 +4,7 @@
 //! columns excitation. Its toolbox multiplies it with band values of irradiance, without the step:
 //! `M_o = sum_i F_oi E_i`, in energy. As a density that is `F / step` within the square of each pair of bands.
 
-use fluorspar::spectral::{EemTable, EnergyEem, Fluorophore, PhotonEem, Stokes};
+use fluorspar::spectral::{EemTable, EnergyEem, Fluorophore, PhotonEem, Stokes, WavelengthGrid};
 use fluorspar_format::{PbrtError, PbrtParameter};
 
 use crate::convert::Convert;
@@ -57,8 +57,8 @@ impl Convert<'_> {
                  it is divided by {step} nm to a yield density"
             ),
         );
-        let eem =
-            photon_eem(first, step, bands, matrix).map_err(|error| self.error(at, error.to_string()))?;
+        let eem = photon_eem(first, step, bands, matrix, &self.options.grid)
+            .map_err(|error| self.error(at, error.to_string()))?;
         if let Some(known) = self.fluorophores.iter().position(|other| other.eem == eem) {
             return Ok(known);
         }
@@ -89,53 +89,74 @@ fn photon_eem(
     step: f64,
     bands: usize,
     matrix: &[f64],
+    grid: &WavelengthGrid,
 ) -> Result<PhotonEem, fluorspar::spectral::EemError> {
-    // Along the emission, column by column, then along the excitation, row by row.
-    let mut nodes = Vec::new();
-    let mut columns: Vec<Vec<f64>> = Vec::new();
-    for column in 0..bands {
-        let values: Vec<f64> = (0..bands).map(|row| matrix[row * bands + column].max(0.0) / step).collect();
-        let (at, stepped) = steps(first, step, &values);
-        nodes = at;
-        columns.push(stepped);
-    }
-    let mut values = Vec::with_capacity(nodes.len() * nodes.len());
-    for row in 0..nodes.len() {
-        let along: Vec<f64> = columns.iter().map(|column| column[row]).collect();
-        values.extend(steps(first, step, &along).1);
-    }
+    let nodes = nodes(first, step, bands);
+    let ends_with_render =
+        [grid.start_nm() >= nodes[0] - 1e-6, grid.end_nm() <= nodes[nodes.len() - 1] + 1e-6];
+    let density = |row: usize, column: usize| matrix[row * bands + column].max(0.0) / step;
+    let columns: Vec<Vec<f64>> = (0..bands)
+        .map(|column| emission_steps(&(0..bands).map(|row| density(row, column)).collect::<Vec<_>>()))
+        .collect();
+    let row_of = |row: usize| columns.iter().map(|column| column[row]).collect::<Vec<_>>();
+    let values = (0..nodes.len()).flat_map(|row| excitation_steps(&row_of(row), ends_with_render)).collect();
     let table = EemTable { emission_nm: nodes.clone(), excitation_nm: nodes, values };
     Ok(EnergyEem::table(table, Stokes::Off)?.to_photon())
 }
 
-/// Band values as nodes of a piecewise linear function with steep flanks.
+/// Band values along the emission, as heights at the nodes of a piecewise linear function with steep flanks.
 ///
-/// The renderer integrates tables by the trapezoidal rule on samples every 0.5 nm, the edges of bands included. So the value
-/// at an edge lies between those beside it, and those within a band are raised or lowered by what the edges take from or
-/// add to its ten intervals: then the mean over every band is its value, to rounding.
-fn steps(first: f64, step: f64, values: &[f64]) -> (Vec<f64>, Vec<f64>) {
-    let outside = 0.0;
+/// The renderer averages emission over bands by the trapezoidal rule on samples every 0.5 nm, the edges of bands included. So the
+/// height at an edge lies between the values beside it, and those within a band are raised or lowered by what the edges take
+/// from or add to its ten intervals: then the mean over every band is its value, to rounding, and where the matrix breaks off
+/// nothing leaks into the next band.
+fn emission_steps(values: &[f64]) -> Vec<f64> {
     let edge = |left: f64, right: f64| (0.5 * (left + right)).min(5.0 * left.min(right));
-    let (mut nodes, mut heights) = (Vec::new(), Vec::new());
+    steps(values, edge, |low, value, high| {
+        (SAMPLES_PER_BAND * value - 0.5 * (low + high)) / (SAMPLES_PER_BAND - 1.0)
+    })
+}
+
+/// Band values along the excitation. Integrals over all of it are those of the bands: what an edge takes from one, it gives to
+/// the other. `ends_with_render` says whether the bands of the render end below the first and above the last band; there
+/// nothing takes the other half.
+fn excitation_steps(values: &[f64], ends_with_render: [bool; 2]) -> Vec<f64> {
+    let mut heights = steps(values, |left, right| 0.5 * (left + right), |_, value, _| value);
+    if let (Some(first), true) = (heights.first_mut(), ends_with_render[0]) {
+        *first *= 2.0;
+    }
+    if let (Some(last), true) = (heights.last_mut(), ends_with_render[1]) {
+        *last *= 2.0;
+    }
+    heights
+}
+
+/// Heights at the nodes of bands: at their lower edges, and behind and before their flanks.
+fn steps(values: &[f64], edge: impl Fn(f64, f64) -> f64, inner: impl Fn(f64, f64, f64) -> f64) -> Vec<f64> {
+    let at = |band: usize| values.get(band).copied().unwrap_or(0.0);
+    let mut heights = Vec::with_capacity(3 * values.len() + 1);
     for (band, &value) in values.iter().enumerate() {
-        let left = if band == 0 { outside } else { values[band - 1] };
-        let right = values.get(band + 1).copied().unwrap_or(outside);
-        let (low, high) = (edge(left, value), edge(value, right));
-        let inner = (SAMPLES_PER_BAND * value - 0.5 * (low + high)) / (SAMPLES_PER_BAND - 1.0);
-        let start = first + (band as f64 - 0.5) * step;
-        nodes.extend([start, start + FLANK_NM, start + step - FLANK_NM]);
-        heights.extend([low, inner, inner]);
+        let low = edge(if band == 0 { 0.0 } else { at(band - 1) }, value);
+        let high = edge(value, at(band + 1));
+        let height = inner(low, value, high);
+        heights.extend([low, height, height]);
         if band + 1 == values.len() {
-            nodes.push(start + step);
             heights.push(high);
         }
     }
-    (nodes, heights)
+    heights
+}
+
+/// The nodes of bands, nm.
+fn nodes(first: f64, step: f64, bands: usize) -> Vec<f64> {
+    let edge = |band: usize| first + (band as f64 - 0.5) * step;
+    let inner = (0..bands).flat_map(|band| [edge(band), edge(band) + FLANK_NM, edge(band + 1) - FLANK_NM]);
+    inner.chain([edge(bands)]).collect()
 }
 
 #[cfg(test)]
 mod tests {
-    use fluorspar::spectral::Curve;
+    use fluorspar::spectral::{Curve, WavelengthGrid};
 
     use super::*;
 
@@ -147,7 +168,8 @@ mod tests {
             if row <= column { 0.0 } else { 1e-3 * (1.0 + (row * 7 % 5) as f64) / (1.0 + column as f64) }
         };
         let matrix: Vec<f64> = (0..bands * bands).map(|i| value(i / bands, i % bands)).collect();
-        let eem = photon_eem(400.0, 5.0, bands, &matrix).unwrap();
+        let grid = WavelengthGrid::uniform(400.0, 495.0, 5.0).unwrap();
+        let eem = photon_eem(400.0, 5.0, bands, &matrix, &grid).unwrap();
         let photons = Curve::from_fn(397.5, 497.5, |nm| nm);
         let exitance = eem.photon_exitance(&photons, (397.5, 497.5));
         let energy: Vec<f64> =
@@ -162,10 +184,12 @@ mod tests {
     }
 
     #[test]
-    fn no_node_is_negative() {
-        for values in [vec![0.0, 1.0, 0.0], vec![1e-6, 1.0, 1e-6, 0.5], vec![1.0, 0.0, 0.0, 1.0]] {
-            let (nodes, heights) = steps(400.0, 5.0, &values);
-            assert!(heights.iter().all(|height| *height >= 0.0) && nodes.is_sorted(), "{heights:?}");
+    fn no_height_is_negative() {
+        for values in [[0.0, 1.0, 0.0, 0.0], [1e-6, 1.0, 1e-6, 0.5], [1.0, 0.0, 0.0, 1.0]] {
+            let heights = [emission_steps(&values), excitation_steps(&values, [true, false])].concat();
+            assert!(heights.iter().all(|height| *height >= 0.0), "{heights:?}");
         }
+        let nodes = nodes(400.0, 5.0, 4);
+        assert!(nodes.is_sorted() && nodes.len() == 13 && nodes[12] == 417.5, "{nodes:?}");
     }
 }

@@ -20,7 +20,7 @@ pub(crate) type Terms = Vec<ReflectanceTerm>;
 /// Pixels a side of what is sampled because it has no form of its own.
 const SAMPLED_SIDE: usize = 1024;
 /// Most textures that are sampled, 4 MiB each.
-const MOST_SAMPLED: usize = 256;
+const MOST_SAMPLED: usize = 64;
 /// Most spectra of which a texture is a sum.
 const MOST_TERMS: usize = 16;
 /// Most textures within textures.

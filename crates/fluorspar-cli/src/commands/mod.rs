@@ -11,6 +11,7 @@ pub(crate) mod image_output;
 pub(crate) mod lens;
 pub(crate) mod merge;
 pub(crate) mod mouth;
+pub(crate) mod pbrt_scene;
 pub(crate) mod predict;
 pub(crate) mod presets;
 pub(crate) mod render;

@@ -15,6 +15,7 @@ use fluorspar_format::{Output, OutputSet, Outputs, Provenance, read_film, read_t
 use serde_json::json;
 
 use super::image_output::ImageOutput;
+use super::pbrt_scene::PbrtArgs;
 use super::row_bands;
 use crate::args::{ExperimentArgs, Talk};
 use crate::budget::{Budget, Limits, film_file_bytes, image_room_bytes};
@@ -52,6 +53,8 @@ pub(crate) struct Options {
     /// How samples are divided among the parts.
     #[arg(long, value_enum, default_value_t, requires = "shard")]
     shard_by: ShardBy,
+    #[command(flatten)]
+    pbrt: PbrtArgs,
     #[command(flatten)]
     pub(super) talk: Talk,
 }
@@ -142,9 +145,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     options.check()?;
     let messages = options.talk.messages();
     let source = ExperimentSource::find(options.experiment.experiment.as_deref())?;
-    let experiment = source.resolve(
-        &[options.experiment.overrides(), options.limits.overrides().into_iter().collect()].concat(),
-    )?;
+    let experiment = options.pbrt.resolve(&source, &options.experiment, &options.limits)?;
     let study = &experiment.study;
     let (scene, settings) = (&study.scene, &study.render);
     let needed = memory_bytes(scene, settings);

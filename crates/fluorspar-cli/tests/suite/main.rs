@@ -15,6 +15,7 @@ mod mouths;
 mod old_calls;
 mod out_folder;
 mod outputs;
+mod pbrt;
 mod predict;
 mod sensor;
 mod stages;

@@ -1,0 +1,289 @@
+//! Scenes in the manner of the programs that write them, by hand.
+
+use fluorspar::material::Scattering;
+use fluorspar::scene::Shape;
+use fluorspar_pbrt::PbrtOptions;
+
+use super::support::{has_read, load_files, load_text, remarks, rendered};
+
+/// Two triangles as Blender's add-on writes meshes: a binary file, here compressed as well.
+const PLY: &str = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n\
+    property float nx\nproperty float ny\nproperty float nz\nproperty float u\nproperty float v\nelement face 1\n\
+    property list uint8 int vertex_indices\nend_header\n-1 -1 0 0 0 1 0 0\n1 -1 0 0 0 1 1 0\n1 1 0 0 0 1 1 1\n-1 1 0 0 0 1 0 1\n4 0 1 2 3\n";
+
+/// A 2 x 1 PFM image, dark and bright.
+fn image() -> Vec<u8> {
+    let mut bytes = b"PF\n2 1\n-1\n".to_vec();
+    bytes.extend([0.0_f32, 0.0, 0.0, 0.5, 0.25, 0.125].iter().flat_map(|value| value.to_le_bytes()));
+    bytes
+}
+
+#[test]
+fn a_scene_as_blender_writes_it_for_version_4() {
+    let main = br#"
+# pbrt v4 exporter
+Film "rgb" "integer xresolution" [ 8 ] "integer yresolution" [ 6 ] "string filename" "out.exr" "string sensor" "canon_eos_100d"
+Scale -1 1 1
+Transform [ 1 0 0 0  0 0 -1 0  0 1 0 0  0 0 0 1 ]
+LookAt 0 -5 0   0 0 0   0 0 1
+Camera "perspective" "float fov" [ 40 ] "float screenwindow" [ -1.333333 1.333333 -1 1 ] "float shutteropen" 0
+Sampler "zsobol" "integer pixelsamples" [ 8 ]
+PixelFilter "gaussian" "float xradius" 1.5
+Integrator "volpath" "integer maxdepth" [ 6 ] "bool regularize" [ true ]
+ColorSpace "srgb"
+WorldBegin
+Texture "wood" "spectrum" "imagemap" "string filename" "textures/wood.pfm" "string encoding" "linear"
+MakeNamedMaterial "floor" "string type" "coateddiffuse" "texture reflectance" "wood" "float roughness" 0.1
+MakeNamedMaterial "ball" "string type" "dielectric" "spectrum eta" "glass-BK7"
+MakeNamedMaterial "metal" "string type" "conductor" "spectrum eta" "metal-Au-eta" "spectrum k" "metal-Au-k" "float roughness" 0.2
+MakeNamedMaterial "both" "string type" "mix" "string materials" [ "metal" "floor" ] "float amount" 0.25
+AttributeBegin
+    Transform [ 2 0 0 0 0 2 0 0 0 0 2 0 0 0 -1 1 ]
+    NamedMaterial "floor"
+    Shape "plymesh" "string filename" "meshes/Plane.ply"
+AttributeEnd
+AttributeBegin
+    Translate 0 0 1
+    NamedMaterial "ball" Shape "sphere" "float radius" 0.5
+    Translate 2 0 0 NamedMaterial "both" Shape "sphere" "float radius" 0.5
+AttributeEnd
+AttributeBegin
+    AreaLightSource "diffuse" "blackbody L" 5500 "float scale" 20 "bool twosided" false
+    NamedMaterial "interface"
+AttributeEnd
+MakeNamedMaterial "interface" "string type" "interface"
+LightSource "infinite" "rgb L" [ 0.4 0.45 0.5 ] "float scale" 0.5
+"#;
+    let files: [(&str, &[u8]); 3] =
+        [("scene.pbrt", main), ("meshes/Plane.ply", PLY.as_bytes()), ("textures/wood.pfm", &image())];
+    let study = load_files(&files, &PbrtOptions::default()).unwrap();
+    let scene = &study.study.scene;
+    assert_eq!(
+        (scene.camera.width, scene.camera.height, scene.objects.len(), scene.lights.len()),
+        (8, 6, 3, 1)
+    );
+    assert_eq!((study.study.render.samples_per_pixel, study.study.render.max_depth), (8, 6));
+    assert!((scene.camera.tan_half_width - 20.0_f32.to_radians().tan() * 4.0 / 3.0).abs() < 1e-5);
+    assert!(matches!(scene.materials[scene.objects[1].material].scattering, Scattering::Dielectric(_)));
+    let Scattering::Mixture(mix) = &scene.materials[scene.objects[2].material].scattering else { panic!() };
+    assert_eq!((mix.amount.constant(), scene.materials[mix.first].name.as_str()), (Some(0.25), "metal"));
+    assert_eq!(scene.objects[0].name, "Plane_0");
+    assert!(has_read(&study, "meshes/Plane.ply") && has_read(&study, "textures/wood.pfm"));
+    let image = rendered(&study, 8, 40);
+    assert!(image.mean.iter().all(|value| value.is_finite() && *value > 0.0));
+}
+
+#[test]
+fn a_scene_as_cinema_4d_writes_it_for_version_3() {
+    let main = br#"
+Scale -1 1 1
+LookAt 0 0 300  0 0 0  0 1 0
+Camera "perspective" "float fov" [ 30 ] "float focaldistance" [ 300 ] "float lensradius" [ 0 ]
+Film "image" "integer xresolution" [ 8 ] "integer yresolution" [ 8 ] "string filename" [ "x.exr" ]
+Sampler "lowdiscrepancy" "integer pixelsamples" [ 4 ]
+SurfaceIntegrator "path" "integer maxdepth" [ 3 ]
+WorldBegin
+Include "x_materials.pbrt"
+Include "x_geometry.pbrt"
+LightSource "distant" "color L" [ 1 1 1 ] "point from" [ 0 0 1 ] "point to" [ 0 0 0 ]
+WorldEnd
+"#;
+    let materials = br#"
+Texture "fur_kd" "color" "imagemap" "string filename" "fur.pfm" "bool gamma" "false"
+MakeNamedMaterial "Lips" "string type" "plastic" "color Kd" [ 0.5 0.2 0.2 ] "color Ks" [ 0.2 0.2 0.2 ] "float roughness" [ 0.05 ]
+MakeNamedMaterial "Fur" "string type" "uber" "texture Kd" "fur_kd" "color opacity" [ 0.5 0.5 0.5 ]
+"#;
+    let geometry = br#"
+AttributeBegin
+  ConcatTransform [ 10 0 0 0  0 10 0 0  0 0 10 0  0 0 0 1 ]
+  NamedMaterial "Lips"
+  Shape "trianglemesh" "integer indices" [ 0 1 2 ] "point P" [ -1 -1 0  1 -1 0  1 1 0 ] "normal N" [ 0 0 1 0 0 1 0 0 1 ]
+    "float uv" [ 0 0 1 0 1 1 ]
+  NamedMaterial "Fur"
+  Shape "trianglemesh" "integer indices" [ 0 1 2 ] "point P" [ -1 -1 0  1 1 0  -1 1 0 ] "float st" [ 0 0 1 0 1 1 ]
+AttributeEnd
+"#;
+    let files: [(&str, &[u8]); 4] = [
+        ("x.pbrt", main),
+        ("x_materials.pbrt", materials),
+        ("x_geometry.pbrt", geometry),
+        ("fur.pfm", &image()),
+    ];
+    let study = load_files(&files, &PbrtOptions { unit_m: 0.001, ..PbrtOptions::default() }).unwrap();
+    let scene = &study.study.scene;
+    assert_eq!(scene.objects.len(), 2);
+    let lips = &scene.materials[scene.objects[0].material];
+    assert_eq!(
+        (lips.name.as_str(), lips.coat().is_some(), scene.materials[1].opacity.is_some()),
+        ("Lips", true, true)
+    );
+    let Shape::Mesh(mesh) = &scene.objects[0].shape else { panic!() };
+    assert!((mesh.bounds().1.x - 0.01).abs() < 1e-6 && (scene.camera.position.length() - 0.3).abs() < 1e-5);
+    assert_eq!(study.study.render.max_depth, 3);
+    assert!(rendered(&study, 4, 20).mean[20] > 0.0);
+}
+
+#[test]
+fn a_scene_as_iset3d_writes_it() {
+    let main = br#"
+# PBRT file created with piWrite (Version 3.0)
+LookAt 0 0 1 0 0 0 0 1 0
+Sampler "halton"
+  "integer pixelsamples" [8]
+Integrator "path"
+  "integer maxdepth" [1]
+PixelFilter "box"
+  "float xwidth" [0.5]
+Film "image"
+  "string filename" "renderings/oral.dat"
+  "integer xresolution" [8]
+  "integer yresolution" [8]
+Camera "pinhole"
+  "float fov" [40]
+WorldBegin
+AttributeBegin
+  LightSource "distant" "spectrum L" "spds/lights/OralEye_UV.spd" "spectrum scale" [ 400 2 700 2 ]
+    "point from" [ 0 0 1 ] "point to" [ 0 0 0 ]
+AttributeEnd
+Include "oral_materials.pbrt"
+Include "oral_geometry.pbrt"
+WorldEnd
+"#;
+    let materials = br#"
+MakeNamedMaterial "tongue" "string type" "matte" "spectrum Kd" [ 400 0.2 700 0.6 ]
+  "photolumi fluorescence" [ 380 10 400 0 0 0 0.5 0 0 0.25 1 0 ] "float concentration" [ 0.1000 ]
+"#;
+    let geometry = br#"
+ObjectBegin "tongue_I"
+  AttributeBegin
+    NamedMaterial "tongue"
+    Shape "plymesh" "string filename" "scene/PBRT/pbrt-geometry/tongue.ply"
+  AttributeEnd
+ObjectEnd
+AttributeBegin
+  #ObjectName tongue_B:Vector(0.1, 0.1, 0.1)
+  Translate 0.1 0 0
+  Scale 0.1 0.1 0.1
+  ObjectInstance "tongue_I"
+AttributeEnd
+AttributeBegin
+  ConcatTransform [ 0.1 0 0 0 0 0.1 0 0 0 0 0.1 0 -0.1 0 0 1 ]
+  ObjectInstance "tongue_I"
+AttributeEnd
+"#;
+    let files: [(&str, &[u8]); 5] = [
+        ("oral.pbrt", main),
+        ("oral_materials.pbrt", materials),
+        ("oral_geometry.pbrt", geometry),
+        ("scene/PBRT/pbrt-geometry/tongue.ply", PLY.as_bytes()),
+        ("spds/lights/OralEye_UV.spd", b"# nm  W/(m2 nm)\n370 0\n385 0.5\n400 0\n"),
+    ];
+    let study = load_files(&files, &PbrtOptions::default()).unwrap();
+    let scene = &study.study.scene;
+    let Shape::Instances(many) = &scene.objects[0].shape else { panic!() };
+    assert_eq!((scene.objects.len(), many.instances.len(), scene.fluorophores.len()), (1, 2, 1));
+    assert_eq!(scene.materials[0].fluorophores[0].concentration.constant(), Some(0.1));
+    assert!((scene.lights[0].spectrum.at(385.0) - 1.0).abs() < 1e-9);
+    assert!(has_read(&study, "OralEye_UV.spd"));
+    // What the spectra lack is named, and nothing else is.
+    assert!(
+        remarks(&study).iter().all(|text| text.starts_with("the spectrum covers")),
+        "{:?}",
+        remarks(&study)
+    );
+    let image = rendered(&study, 8, 10);
+    let at = |nm: f64| image.mean[image.grid.bin_of(nm).unwrap()];
+    assert!(at(385.0) > 0.0 && at(400.0) > 0.0 && at(500.0) == 0.0);
+}
+
+/// Every material and shape of the book's scenes, as pbrt's own converters write them.
+#[test]
+fn every_material_and_shape_is_understood_or_named() {
+    let materials = [
+        "matte",
+        "plastic",
+        "metal",
+        "glass",
+        "mirror",
+        "substrate",
+        "uber",
+        "translucent",
+        "kdsubsurface",
+        "disney",
+        "hair",
+        "fourier",
+        "subsurface",
+        "diffuse",
+        "coateddiffuse",
+        "conductor",
+        "coatedconductor",
+        "dielectric",
+        "thindielectric",
+        "diffusetransmission",
+        "measured",
+        "interface",
+        "none",
+        "",
+    ];
+    let shapes = [
+        "sphere",
+        "disk",
+        "cylinder",
+        "cone",
+        "paraboloid",
+        "hyperboloid",
+        "heightfield",
+        "nurbs",
+        "curve",
+        "Shape \"sphere\" \"float zmin\" 0 \"float phimax\" 200",
+    ];
+    let mut text =
+        String::from("Camera \"perspective\" WorldBegin LightSource \"infinite\" Translate 0 0 9\n");
+    for material in materials {
+        text.push_str(&format!("Material \"{material}\"\n"));
+        for shape in shapes {
+            let directive =
+                if shape.starts_with("Shape") { shape.to_string() } else { format!("Shape \"{shape}\"") };
+            text.push_str(&format!("{directive}\n"));
+        }
+    }
+    text.push_str("Shape \"bilinearmesh\" \"point3 P\" [0 0 0 1 0 0 0 1 0 1 1 0]\n");
+    let study = load_text(&text);
+    let found = remarks(&study);
+    for name in ["hyperboloid", "heightfield", "nurbs", "curve", "hair", "measured", "diffusetransmission"] {
+        assert!(found.iter().any(|text| text.contains(&format!("\"{name}\" has no counterpart"))), "{name}");
+    }
+    // 21 materials with a surface, 6 shapes each; the patch stands on no surface.
+    assert_eq!(study.study.scene.objects.len(), 21 * 6);
+    assert!(study.study.scene.check().is_ok());
+}
+
+#[test]
+fn textures_are_sums_of_spectra_with_weights() {
+    let text = r#"
+Camera "perspective" WorldBegin LightSource "infinite"
+Texture "red" "spectrum" "constant" "rgb value" [ 0.8 0 0 ]
+Texture "checks" "spectrum" "checkerboard" "float uscale" 4 "float vscale" 2 "texture tex1" "red" "rgb tex2" [ 0 0 0.5 ]
+Texture "half" "float" "constant" "float value" 0.5
+Texture "scaled" "spectrum" "scale" "texture tex1" "checks" "texture tex2" "half"
+Texture "mixed" "spectrum" "mix" "texture tex1" "scaled" "rgb tex2" [ 1 1 1 ] "float amount" 0.25
+Texture "ramp" "float" "bilerp" "float v00" 0 "float v01" 0 "float v10" 1 "float v11" 1
+Material "matte" "texture Kd" "mixed" "texture sigma" "ramp"
+Shape "sphere"
+"#;
+    let study = load_text(text);
+    let base = study.study.scene.materials[0].diffuse().unwrap();
+    let at = |u: f32, v: f32, nm: f64| {
+        let uv = glam::Vec2::new(u, v);
+        base.reflectance.iter().map(|term| term.spectrum.at(nm) * f64::from(term.weight.at(uv))).sum::<f64>()
+    };
+    // 650 nm is all red, 450 nm all blue.
+    for (u, v, nm, expected) in [
+        (0.1, 0.1, 650.0, 0.75 * 0.5 * 0.8 + 0.25),
+        (0.3, 0.1, 650.0, 0.25),
+        (0.3, 0.1, 450.0, 0.75 * 0.5 * 0.5 + 0.25),
+        (0.3, 0.6, 650.0, 0.75 * 0.5 * 0.8 + 0.25),
+    ] {
+        assert!((at(u, v, nm) - expected).abs() < 1e-4, "{u} {v} {nm}: {} {expected}", at(u, v, nm));
+    }
+}
