@@ -29,7 +29,7 @@ pub(crate) struct LightSpectrum {
     pub(crate) scale: f64,
 }
 
-/// Real part of glasses at 587.6 nm, from the data sheets of Schott and, of FK51A, its successor's.
+/// Real part of glasses at 587.6 nm. \[values of the makers, from memory\]
 const GLASSES: &[(&str, f64)] = &[
     ("glass-BK7", 1.5168),
     ("glass-BAF10", 1.67003),
@@ -144,7 +144,7 @@ impl Convert<'_> {
         let text = read_text_bounded(&path, MAX_SPECTRUM_BYTES).map_err(|error| {
             let known = "; spectra known by name: stdillum-D65, stdillum-A, illum-..., metal-..., glass-...";
             let hint = if name.contains('.') { "" } else { known };
-            self.error(at, format!("{}: {}{hint}", path.display(), error.problem().to_string()))
+            self.error(at, format!("{}: {}{hint}", path.display(), error.problem()))
         })?;
         let mut numbers = Vec::new();
         for (index, line) in text.lines().enumerate() {

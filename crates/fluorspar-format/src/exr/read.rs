@@ -79,7 +79,7 @@ pub(crate) fn read_texture_exr(path: &Path) -> Result<TextureImage, FormatError>
         let Vec2(width, height) = header.layer_size;
         let channels = names.len();
         let target = |name: &Text| {
-            let offset = names.iter().position(|wanted| name.eq(*wanted))?;
+            let offset = names.iter().position(|wanted| name.eq(wanted))?;
             Some(Target { buffer: 0, offset, stride: channels })
         };
         let mut targets: Vec<PartTargets> =
