@@ -153,14 +153,14 @@ impl OutputFolder {
         }
         let (parent, name) = self.parent_and_name();
         let old = beside(&parent, &name, REPLACED);
-        replace(&self.partial, &self.target, &old).and_then(|()| self.done(&parent)).map_err(failed)?;
+        let removed = self.take_the_place_of_earlier(&old, &parent).map_err(failed)?;
         for left in left_over(&parent, &name, REPLACED) {
             if left != old {
                 // Results that were replaced by a process that was killed then; they may hold what is not ours.
                 let _ = remove_listed(&left);
             }
         }
-        remove_listed(&old).map_err(|error| FormatError::Failed {
+        removed.map_err(|error| FormatError::Failed {
             path: shown.clone(),
             what: format!(
                 "the results are here, but the earlier ones can't be removed and are now {}: {error}",
@@ -218,6 +218,19 @@ impl OutputFolder {
         self.done(&parent)
     }
 
+    /// Puts the folder in the place of earlier results, which are moved to `old` and then removed. Returns how that removal
+    /// went.
+    fn take_the_place_of_earlier(&mut self, old: &Path, parent: &Path) -> io::Result<io::Result<()>> {
+        // A signal waits until the new results are in their place and the old ones are gone.
+        let mut unfinished = lock_unfinished();
+        replace(&self.partial, &self.target, old)?;
+        unfinished.folders.retain(|(folder, _)| *folder != self.partial);
+        self.done = true;
+        self.lock = None;
+        sync_folder(parent)?;
+        Ok(remove_listed(old))
+    }
+
     /// From here on nothing is removed; waits until the new name is on the disk.
     fn done(&mut self, parent: &Path) -> io::Result<()> {
         self.done = true;
@@ -240,8 +253,6 @@ impl Drop for OutputFolder {
 
 /// Puts a folder in the place of another one, which gets the name `old`.
 fn replace(partial: &Path, target: &Path, old: &Path) -> io::Result<()> {
-    // A signal waits until one of the two is in its place.
-    let _unfinished = lock_unfinished();
     if exchange(partial, target).is_ok() {
         return fs::rename(partial, old);
     }
