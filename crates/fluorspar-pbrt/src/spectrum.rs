@@ -42,7 +42,7 @@ const GLASSES: &[(&str, f64)] = &[
 ];
 
 /// Metals of pbrt and those of the catalogue.
-const METALS: &[(&str, &str)] = &[("Ag", "silver"), ("Al", "aluminium"), ("Au", "gold"), ("Cu", "copper")];
+const METALS: &[(&str, &str)] = &[("Ag", "silver"), ("Al", "aluminum"), ("Au", "gold"), ("Cu", "copper")];
 
 impl Convert<'_> {
     /// The spectrum of a parameter that is not a texture.
