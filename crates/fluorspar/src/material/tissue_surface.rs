@@ -16,7 +16,8 @@ pub const INTERPOLATION_ERROR: f64 = 0.01;
 /// Most nodes of a parameter that [`TissueSurface::varying`] chooses.
 const MOST_NODES: usize = 5;
 /// Wavelengths at which states are compared, nm: bands and gaps of hemoglobin, usual lamps, porphyrin.
-const PROBES_NM: [f64; 10] = [385.0, 405.0, 450.0, 500.0, 520.0, 540.0, 560.0, 580.0, 635.0, 700.0];
+const PROBES_NM: [f64; 12] =
+    [385.0, 405.0, 420.0, 435.0, 450.0, 500.0, 520.0, 540.0, 560.0, 580.0, 635.0, 700.0];
 
 /// Reflectance and fluorescence of layered tissue for light that passed its surface, on a grid of states.
 ///
