@@ -13,7 +13,7 @@ use super::error::{ExperimentError, steps};
 use super::read::{read_document, typed};
 use super::resolve::context::{Context, Resolved, STRENGTH};
 use super::resolve::spectrum::Role;
-use super::resolve::{FileRecord, device, material, problem_of};
+use super::resolve::{FileRecord, device, fluorophore, problem_of};
 use super::schema::{
     DEFAULT_PORPHYRIN, ExposureTime, FluorophoreSection, FormatVersion, LensSection, SensorSection,
     SpectralSection, SpectrumReference, UniformBins, ViewFilterSection,
@@ -220,8 +220,8 @@ fn resolve_sample(document: &Document, file: &SampleFile) -> Resolved<ResolvedSa
     let at = steps!["sample", "reflectance"];
     let reflectance = context.spectrum(&at, &file.sample.reflectance, Role::Reflectance, 0.0, &grid)?;
 
-    material::check_sections(context, &file.fluorophore)?;
-    let mut fluorophores = material::Fluorophores::default();
+    fluorophore::check_sections(context, &file.fluorophore)?;
+    let mut fluorophores = fluorophore::Fluorophores::default();
     let mut concentrations = Vec::new();
     for (name, &amount) in &file.sample.concentrations {
         let at = steps!["sample", "concentrations", name];

@@ -3,7 +3,7 @@
 use glam::{Vec2, Vec3};
 
 use super::context::{Context, Resolved};
-use super::material::Fluorophores;
+use super::fluorophore::Fluorophores;
 use super::spectrum::Role;
 use super::surface_mean::surface_mean;
 use crate::error::{Place, Step, steps};

@@ -7,7 +7,6 @@ use std::path::Path;
 use glam::{DVec3, Vec3};
 
 use super::record::InputFile;
-use super::tissue::TissueRecipe;
 use crate::document::Document;
 use crate::error::{ExperimentError, PathsFrom, Place, Step};
 use crate::schema::{ExposureTime, FilePath};
@@ -41,8 +40,6 @@ pub(crate) struct Context<'a> {
     pub(crate) presets: BTreeMap<String, String>,
     /// The mouth, for maps of its anatomy.
     pub(crate) mouth: Option<MouthParameters>,
-    /// Materials of layered tissue by their numbers, so that lesions can change them.
-    pub(crate) tissue_recipes: BTreeMap<usize, TissueRecipe>,
     /// The only tissue that uses the material that is being resolved.
     pub(crate) tissue: Option<Tissue>,
 }
@@ -56,7 +53,6 @@ impl<'a> Context<'a> {
             warnings: Vec::new(),
             mouth: None,
             tissue: None,
-            tissue_recipes: BTreeMap::new(),
             exceeded: Vec::new(),
             inputs: Vec::new(),
             presets: BTreeMap::new(),

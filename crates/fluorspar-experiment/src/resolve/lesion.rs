@@ -5,7 +5,8 @@ use std::sync::Arc;
 use glam::{Vec2, Vec3};
 
 use super::context::{Context, Resolved};
-use super::material::Fluorophores;
+use super::fluorophore::Fluorophores;
+use super::material::Materials;
 use super::spectrum::Role;
 use crate::error::{Place, steps};
 use crate::schema::{ExperimentFile, LesionSection, MouthSection};
@@ -29,7 +30,7 @@ pub(super) fn lesions(
     file: &ExperimentFile,
     section: &MouthSection,
     grid: &WavelengthGrid,
-    materials: &mut Vec<Material>,
+    materials: &mut Materials,
     fluorophores: &mut Fluorophores,
     parts: &mut [Object],
 ) -> Resolved<Vec<usize>> {
@@ -62,42 +63,48 @@ pub(super) fn lesions(
             let Some(unfold) = continuation(&lesion.part, &object.name) else { continue };
             let Some(mask) = spot.bake(unfold) else { continue };
             let blood_um = lesion.blood_um;
-            if let Some(recipe) = context.tissue_recipes.get(&object.material).cloned() {
+            if let Some(recipe) = materials.recipes.get(&object.material).cloned() {
                 let inside = |texture: &ScalarTexture, value: f32| {
                     bake(texture, &mask, |around, m| around * (1.0 - m) + value * m)
                 };
                 let within = bake(&ScalarTexture::Constant(0.0), &mask, |_, m| m);
                 let recipe = recipe.with_lesion(context, &at, lesion, within, inside)?;
                 let (scattering, amounts) = recipe.resolve(context, file, grid, fluorophores)?;
-                let around = &materials[object.material];
+                let around = &materials.list[object.material];
                 let name = format!("{} with {}", around.name, lesion.name);
-                materials.push(Material { name, scattering, fluorophores: amounts, ..around.clone() });
+                materials.list.push(Material { name, scattering, fluorophores: amounts, ..around.clone() });
                 copied.push(object.material);
-                object.material = materials.len() - 1;
-                context.tissue_recipes.insert(object.material, recipe);
+                object.material = materials.list.len() - 1;
+                materials.recipes.insert(object.material, recipe);
                 continue;
             }
             if !(lesion.tissue.is_empty() && lesion.states.is_empty()) {
                 let message = format!(
                     "material \"{}\" of part \"{}\" is not of layered tissue; give it type = \"tissue\", or the lesion a blood_um, a \
                      reflectance or concentrations",
-                    materials[object.material].name, object.name
+                    materials.list[object.material].name, object.name
                 );
                 let field = if lesion.tissue.is_empty() { "states" } else { "tissue" };
                 return context.fail(&at.field(field), message);
             }
-            if reflectance.is_some() && materials[object.material].diffuse().is_none() {
+            if reflectance.is_some() && materials.list[object.material].diffuse().is_none() {
                 let message = format!(
                     "material \"{}\" of part \"{}\" has no diffuse reflectance that a lesion could change; remove it",
-                    materials[object.material].name, object.name
+                    materials.list[object.material].name, object.name
                 );
                 return context.fail(&at.field("reflectance"), message);
             }
-            let material =
-                with_spot(&materials[object.material], &lesion.name, &mask, blood_um, &reflectance, &amounts);
-            materials.push(material);
+            let material = with_spot(
+                &materials.list[object.material],
+                &lesion.name,
+                &mask,
+                blood_um,
+                &reflectance,
+                &amounts,
+            );
+            materials.list.push(material);
             copied.push(object.material);
-            object.material = materials.len() - 1;
+            object.material = materials.list.len() - 1;
         }
     }
     Ok(copied)

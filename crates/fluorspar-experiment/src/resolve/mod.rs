@@ -4,10 +4,12 @@ mod capture;
 pub(super) mod context;
 pub(super) mod device;
 mod error_target;
+pub(super) mod fluorophore;
+mod gloss;
 mod instrument;
 mod lesion;
 mod light;
-pub(super) mod material;
+mod material;
 mod mouth;
 mod object;
 mod record;
@@ -58,9 +60,9 @@ pub fn resolve(experiment: &Experiment) -> Result<ResolvedExperiment, Experiment
 
     let mut light_groups = Vec::new();
     let lights = light::lights(context, &file.light, &view, &grid, &mut light_groups)?;
-    material::check_sections(context, &file.fluorophore)?;
+    fluorophore::check_sections(context, &file.fluorophore)?;
     tissue::check_sections(context, &file.tissue)?;
-    let mut fluorophores = material::Fluorophores::default();
+    let mut fluorophores = fluorophore::Fluorophores::default();
     let mut materials = material::materials(context, file, &grid, &mut fluorophores)?;
     let (objects, copied_materials) =
         object::objects(context, file, &mut materials, &mut fluorophores, &grid, &mut light_groups)?;
@@ -71,7 +73,7 @@ pub fn resolve(experiment: &Experiment) -> Result<ResolvedExperiment, Experiment
     let safety = instrument::safety(context, file)?;
     let seen = capture::Seen {
         objects: &objects,
-        materials: &materials,
+        materials: &materials.list,
         camera: &view,
         sensor,
         fluorophores: &fluorophores,
@@ -82,7 +84,7 @@ pub fn resolve(experiment: &Experiment) -> Result<ResolvedExperiment, Experiment
     let scene = Scene {
         grid,
         objects,
-        materials,
+        materials: materials.list,
         fluorophores: fluorophores.list,
         light_groups,
         lights,

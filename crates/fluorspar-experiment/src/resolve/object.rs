@@ -5,9 +5,10 @@ use std::sync::Arc;
 use glam::{Affine3, Affine3A, EulerRot, Mat3, Quat, Vec2, Vec3};
 
 use super::context::{Context, LENGTH_MM, Resolved, SCALE, STRENGTH};
+use super::fluorophore::Fluorophores;
 use super::lesion;
 use super::light::group_index;
-use super::material::Fluorophores;
+use super::material::Materials;
 use super::mouth;
 use super::spectrum::Role;
 use crate::error::{Place, steps};
@@ -31,7 +32,7 @@ use fluorspar_format::{read_gltf, read_gltf_instances, read_obj, read_placements
 pub(super) fn objects(
     context: &mut Context<'_>,
     file: &ExperimentFile,
-    materials: &mut Vec<Material>,
+    materials: &mut Materials,
     fluorophores: &mut Fluorophores,
     grid: &WavelengthGrid,
     groups: &mut Vec<LightGroup>,
@@ -42,7 +43,7 @@ pub(super) fn objects(
         let at = steps!["object", index];
         let earlier = file.object[..index].iter().map(|other| other.name.as_str());
         context.unique_name(&at, &section.name, earlier)?;
-        for object in object(context, &at, section, materials, grid, groups)? {
+        for object in object(context, &at, section, &materials.list, grid, groups)? {
             if objects.iter().any(|other| other.name == object.name) {
                 let message = format!("another object or part is named \"{}\" already", object.name);
                 return context.fail(&at, message);
@@ -51,8 +52,8 @@ pub(super) fn objects(
         }
     }
     if let Some(section) = &file.mouth {
-        let mut parts = mouth(context, section, materials)?;
-        scans(context, section, materials, &mut parts)?;
+        let mut parts = mouth(context, section, &materials.list)?;
+        scans(context, section, &materials.list, &mut parts)?;
         copied = lesion::lesions(context, file, section, grid, materials, fluorophores, &mut parts)?;
         for object in &objects {
             if parts.iter().any(|part| part.name == object.name) {

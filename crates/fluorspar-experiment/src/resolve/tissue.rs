@@ -3,14 +3,15 @@
 use std::sync::Arc;
 
 use super::context::{Context, Resolved};
-use super::material::{Fluorophores, MAX_CONCENTRATION, gloss};
+use super::fluorophore::{Fluorophores, MAX_CONCENTRATION};
+use super::gloss::gloss;
 use crate::ExperimentError;
 use crate::error::{Place, steps};
 use crate::schema::{
     ExperimentFile, FluorophoreSection, GlossSection, LesionSection, TissueMaterialSection, TissueSection,
 };
 use fluorspar::material::{
-    Coat, Coated, FluorophoreAmount, MAX_MAPPED_PARAMETERS, MappedParameter, ScalarTexture, Scattering,
+    Coat, FluorophoreAmount, MAX_MAPPED_PARAMETERS, MappedParameter, Material, ScalarTexture, Scattering,
     TissueSurface,
 };
 use fluorspar::names::did_you_mean;
@@ -294,7 +295,8 @@ impl TissueRecipe {
                 amounts.extend(surface.amounts(number, index, &factor));
             }
         }
-        Ok((Scattering::Coated(Coated { base: surface.base(), coat: self.coat.clone() }), amounts))
+        let scattering = Material::with_base("", surface.base(), Some(self.coat.clone())).scattering;
+        Ok((scattering, amounts))
     }
 }
 

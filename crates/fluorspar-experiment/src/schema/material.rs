@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{FilePath, ReflectanceReference, SpectrumReference, TextureReference, TissueMaterialSection};
+use super::{FilePath, ReflectanceReference, SpectrumReference, TextureReference};
 use fluorspar::spectral::{Stokes, YieldUnit};
 
 /// A fluorophore.
@@ -169,6 +169,24 @@ pub struct DiffuseSection {
     pub gloss: Option<GlossSection>,
     /// Concentration of each fluorophore, relative to the unit of the catalogue, 0 or more. On a base, fluorophores that
     /// are not named here keep their concentration; give 0 to leave one out. Default: none.
+    #[serde(default)]
+    pub concentrations: BTreeMap<String, TextureReference>,
+}
+
+/// Layered tissue below its wet surface: reflectance and fluorescence are those that light in its layers gives.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct TissueMaterialSection {
+    /// Name of a `[[tissue]]`, or of a site of the catalogue.
+    pub tissue: String,
+    /// Factors on parameters of the tissue over the surface, by name, at most 3: `superficial_blood_fraction = { noise = [8, 8], low = 0.5, high
+    /// = 3.0 }`. Amounts of fluorophores are `concentrations`. Default: none.
+    #[serde(default)]
+    pub vary: BTreeMap<String, TextureReference>,
+    /// The wet surface; its refractive index is that of the tissue. Default: that index, roughness 0.2.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gloss: Option<GlossSection>,
+    /// Factor on what the tissue holds of each fluorophore, 0 or more. Default: 1.
     #[serde(default)]
     pub concentrations: BTreeMap<String, TextureReference>,
 }

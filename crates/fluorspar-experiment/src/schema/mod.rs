@@ -36,7 +36,7 @@ pub use light::{
 pub use material::{
     ConductorSection, DielectricSection, DiffuseSection, FluorophoreSection, FluorophoreSource, GlossSection,
     MatSource, MaterialSection, MatrixSource, MetalIndex, MetalReference, MixSection, NormalMapSection,
-    ScatteringSection, SpectraSource, TableSource, TwoSidedSection,
+    ScatteringSection, SpectraSource, TableSource, TissueMaterialSection, TwoSidedSection,
 };
 pub use object::{
     BoxShape, DiscShape, DisplacementSection, EmissionSection, InstanceSection, LesionSection, MeshShape,
@@ -50,7 +50,7 @@ pub use reference::{
     TextureTable, TongueMap,
 };
 pub use settings::{EdgeBins, RenderSection, SpectralSection, StatisticsChoice, UniformBins};
-pub use tissue::{TissueMaterialSection, TissueSection};
+pub use tissue::TissueSection;
 
 /// An experiment: scene, lights, camera, captures and analysis. Lengths are in millimeters, wavelengths in
 /// nanometers; every other unit is in the name of its field.

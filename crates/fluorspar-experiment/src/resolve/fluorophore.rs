@@ -1,0 +1,290 @@
+//! Fluorophores.
+
+use super::context::{Context, Resolved};
+use crate::error::{Place, steps};
+use crate::preset::{self, PresetKind};
+use crate::schema::{
+    FilePath, FluorophoreSection, FluorophoreSource, MatSource, MatrixSource, SpectraSource, TableSource,
+};
+use fluorspar::names::did_you_mean;
+use fluorspar::quote::excerpt;
+use fluorspar::spectral::{
+    Curve, EemTable, EnergyEem, Fluorophore, PhotonEem, SeparableTerm, Stokes, YieldUnit,
+};
+use fluorspar_format::{
+    AntiStokes, CsvColumns, CsvEemOptions, CsvSpectrumOptions, EemUnit, Negative, read_eem_csv,
+    read_fluorophore_csv, read_iset_fluorophore,
+};
+
+/// Largest concentration that is accepted.
+pub(super) const MAX_CONCENTRATION: f64 = 1e6;
+
+/// Fluorophores in use, in the order of their first use.
+#[derive(Default)]
+pub(crate) struct Fluorophores {
+    pub(crate) list: Vec<Fluorophore>,
+}
+
+impl Fluorophores {
+    /// Number of a fluorophore by name: from the sections of the file, otherwise from the catalogue.
+    pub(crate) fn index(
+        &mut self,
+        context: &mut Context<'_>,
+        at: &Place,
+        sections: &[FluorophoreSection],
+        name: &str,
+    ) -> Resolved<usize> {
+        if let Some(index) = self.list.iter().position(|fluorophore| fluorophore.name == name) {
+            return Ok(index);
+        }
+        let fluorophore = match sections.iter().position(|section| section.name == name) {
+            Some(index) => from_section(context, &steps!["fluorophore", index], &sections[index])?,
+            None => {
+                let Ok(preset) = preset::fluorophore(name) else {
+                    return Err(unknown(context, at, sections, name));
+                };
+                context.note_preset("fluorophore", name, &preset);
+                preset.fluorophore()
+            }
+        };
+        self.list.push(fluorophore);
+        Ok(self.list.len() - 1)
+    }
+}
+
+pub(crate) fn unknown(
+    context: &Context<'_>,
+    at: &Place,
+    sections: &[FluorophoreSection],
+    name: &str,
+) -> crate::ExperimentError {
+    let mut known: Vec<&str> = sections.iter().map(|section| section.name.as_str()).collect();
+    known.extend(preset::names(PresetKind::Fluorophore));
+    known.dedup();
+    let hint = did_you_mean(name, known.iter().copied());
+    context
+        .error(at, format!("there is no fluorophore \"{}\"{hint} Known: {}", excerpt(name), known.join(", ")))
+}
+
+/// Checks names and sources of the fluorophore sections, used or not.
+pub(crate) fn check_sections(context: &Context<'_>, sections: &[FluorophoreSection]) -> Resolved<()> {
+    for (index, section) in sections.iter().enumerate() {
+        let at = steps!["fluorophore", index];
+        context.unique_name(&at, &section.name, sections[..index].iter().map(|other| other.name.as_str()))?;
+        if !matches!(section.source, FluorophoreSource::Catalogue(_)) && section.photon_yield.is_none() {
+            let message = "a fluorophore from a file needs `photon_yield`: photons out per photon in at its best \
+                           excitation, at concentration 1";
+            return context.fail(&at, message);
+        }
+        if let Some(value) = section.photon_yield
+            && !(1e-12..=1.0).contains(&value)
+        {
+            let at = at.field("photon_yield");
+            return context.fail(&at, "must be between 1e-12 and 1 (photons out per photon in)");
+        }
+        if let FluorophoreSource::Catalogue(name) = &section.source
+            && let Err(error) = preset::fluorophore(name)
+        {
+            return context.fail(&at.field("source"), error.to_string());
+        }
+    }
+    Ok(())
+}
+
+fn from_section(
+    context: &mut Context<'_>,
+    at: &Place,
+    section: &FluorophoreSection,
+) -> Resolved<Fluorophore> {
+    let at_source = at.field("source");
+    let stokes = section.stokes.unwrap_or_default();
+    let (eem, source) = match &section.source {
+        FluorophoreSource::Catalogue(name) => return of_catalogue(context, &at_source, section, name),
+        FluorophoreSource::Matrix(MatrixSource { eem_csv, unit }) => {
+            (matrix_from_csv(context, &at_source.field("eem_csv"), eem_csv, *unit, stokes)?, eem_csv)
+        }
+        FluorophoreSource::Mat(MatSource { mat, unit }) => {
+            (from_mat(context, &at_source.field("mat"), mat, *unit, stokes)?, mat)
+        }
+        FluorophoreSource::Table(TableSource { csv, unit }) => {
+            let at = at_source.field("csv");
+            context.note_input(&at, csv)?;
+            let read = read_fluorophore_csv(csv.as_ref(), Negative::ClipToZero)
+                .map_err(|e| context.file_error(&at, &e))?;
+            if read.emission_only {
+                let message = "the excitation column is constant: it was never measured. Give a measured one";
+                return context.fail(&at, message);
+            }
+            (separable(context, &at, *unit, read.excitation, read.emission, stokes)?, csv)
+        }
+        FluorophoreSource::Spectra(SpectraSource { excitation_csv, emission_csv, unit }) => {
+            let options = CsvSpectrumOptions {
+                columns: CsvColumns::Numbered(vec![1]),
+                negative: Negative::ClipToZero,
+                ..CsvSpectrumOptions::default()
+            };
+            let mut first = |key: &str, file: &FilePath| -> Resolved<Curve> {
+                Ok(context.csv(&at_source.field(key), file, &options)?.swap_remove(0).curve)
+            };
+            let excitation = first("excitation_csv", excitation_csv)?;
+            let emission = first("emission_csv", emission_csv)?;
+            (separable(context, at, *unit, excitation, emission, stokes)?, emission_csv)
+        }
+    };
+    let photon_yield = section.photon_yield.unwrap_or(1e-3);
+    let (excitation_range_nm, emission_range_nm) = ranges(&eem);
+    let unmasked = eem.clone().with_stokes(Stokes::Off);
+    let steps = ((excitation_range_nm.1 - excitation_range_nm.0).ceil() as usize).max(1);
+    let best = (0..=steps)
+        .map(|i| excitation_range_nm.0 + i as f64)
+        .map(|nm| {
+            unmasked.photon_yield(nm.min(excitation_range_nm.1), emission_range_nm.0, emission_range_nm.1)
+        })
+        .fold(0.0, f64::max);
+    if best <= 0.0 {
+        return context.fail(at, "the fluorophore emits nothing: all its values are zero");
+    }
+    Ok(Fluorophore {
+        name: section.name.clone(),
+        title: section.title.clone().unwrap_or_else(|| section.name.clone()),
+        eem: eem.scaled(photon_yield / best),
+        excitation_range_nm,
+        emission_range_nm,
+        source: source.to_string(),
+    })
+}
+
+/// A variant of a fluorophore of the catalogue.
+fn of_catalogue(
+    context: &mut Context<'_>,
+    at: &Place,
+    section: &FluorophoreSection,
+    name: &str,
+) -> Resolved<Fluorophore> {
+    let preset = preset::fluorophore(name).map_err(|e| context.error(at, e.to_string()))?;
+    context.note_preset("fluorophore", name, &preset);
+    let photon_yield = section.photon_yield.unwrap_or(preset.photon_yield);
+    let mut fluorophore = preset.fluorophore_with(photon_yield, section.stokes.unwrap_or(preset.stokes));
+    fluorophore.name.clone_from(&section.name);
+    if let Some(title) = &section.title {
+        fluorophore.title.clone_from(title);
+    }
+    Ok(fluorophore)
+}
+
+fn ranges(eem: &PhotonEem) -> ((f64, f64), (f64, f64)) {
+    match eem.density() {
+        fluorspar::spectral::YieldDensity::Table(table) => {
+            let ends = |axis: &[f64]| (axis[0], axis[axis.len() - 1]);
+            (ends(&table.excitation_nm), ends(&table.emission_nm))
+        }
+        fluorspar::spectral::YieldDensity::Separable(terms) => terms
+            .first()
+            .map_or(((0.0, 0.0), (0.0, 0.0)), |term| (term.excitation.range_nm(), term.emission.range_nm())),
+    }
+}
+
+fn separable(
+    context: &Context<'_>,
+    at: &Place,
+    unit: Option<YieldUnit>,
+    excitation: Curve,
+    emission: Curve,
+    stokes: Stokes,
+) -> Resolved<PhotonEem> {
+    // Y_q(lo|li) = Y_e(lo|li) lo / li, for the product of two spectra as for a matrix.
+    let weighted = |curve: Curve, weight: fn(f64) -> f64| match unit {
+        Some(YieldUnit::Energy) => {
+            let wavelengths = curve.wavelengths_nm().to_vec();
+            let values =
+                curve.values().iter().zip(&wavelengths).map(|(value, nm)| value * weight(*nm)).collect();
+            Curve::new(wavelengths, values).map_err(|error| context.error(at, error.to_string()))
+        }
+        _ => Ok(curve),
+    };
+    let (excitation, emission) = (weighted(excitation, |nm| 1.0 / nm)?, weighted(emission, |nm| nm)?);
+    let area = emission.total();
+    if !(area > 0.0 && excitation.max() > 0.0) {
+        return context.fail(at, "the fluorophore emits nothing: a spectrum is zero everywhere");
+    }
+    let excitation = excitation.scaled(1.0 / excitation.max());
+    Ok(PhotonEem::separable(
+        vec![SeparableTerm { excitation, emission: emission.scaled(1.0 / area) }],
+        stokes,
+    ))
+}
+
+fn matrix(
+    context: &Context<'_>,
+    at: &Place,
+    table: EemTable,
+    unit: YieldUnit,
+    stokes: Stokes,
+) -> Resolved<PhotonEem> {
+    match unit {
+        YieldUnit::Photons => PhotonEem::table(table, stokes),
+        YieldUnit::Energy => EnergyEem::table(table, stokes).map(|eem| eem.to_photon()),
+    }
+    .map_err(|error| context.error(at, error.to_string()))
+}
+
+/// What to do about a matrix whose values may count photons or energy.
+const UNKNOWN_UNIT: &str =
+    "the file does not know what its values count; add unit = \"photons\" or \"energy\"";
+
+fn matrix_from_csv(
+    context: &mut Context<'_>,
+    at: &Place,
+    file: &FilePath,
+    unit: Option<YieldUnit>,
+    stokes: Stokes,
+) -> Resolved<PhotonEem> {
+    context.note_input(at, file)?;
+    let options = CsvEemOptions {
+        unit: unit.map(|unit| match unit {
+            YieldUnit::Photons => EemUnit::Photons,
+            YieldUnit::Energy => EemUnit::Energy,
+        }),
+        anti_stokes: AntiStokes::Keep,
+        negative: Negative::ClipToZero,
+        empty_as_zero: true,
+    };
+    let read = read_eem_csv(file.as_ref(), &options).map_err(|error| context.file_error(at, &error))?;
+    let unit = match read.unit {
+        EemUnit::Photons => YieldUnit::Photons,
+        EemUnit::Energy => YieldUnit::Energy,
+        EemUnit::Unknown => return context.fail(at, UNKNOWN_UNIT),
+    };
+    let table =
+        EemTable { emission_nm: read.emission_nm, excitation_nm: read.excitation_nm, values: read.values };
+    matrix(context, at, table, unit, stokes)
+}
+
+/// Files of isetfluorescence hold photons.
+fn from_mat(
+    context: &mut Context<'_>,
+    at: &Place,
+    file: &FilePath,
+    unit: Option<YieldUnit>,
+    stokes: Stokes,
+) -> Resolved<PhotonEem> {
+    context.note_input(at, file)?;
+    let read = read_iset_fluorophore(file.as_ref()).map_err(|error| context.file_error(at, &error))?;
+    if let Some(values) = read.eem {
+        let values = values.into_iter().map(|value| value.max(0.0)).collect();
+        let table = EemTable { emission_nm: read.wave_nm.clone(), excitation_nm: read.wave_nm, values };
+        return matrix(context, at, table, unit.unwrap_or(YieldUnit::Photons), stokes);
+    }
+    if read.emission_only {
+        return context
+            .fail(at, "the excitation is missing or constant: it was never measured. Give a measured one");
+    }
+    let (Some(excitation), Some(emission)) = (read.excitation, read.emission) else {
+        return context.fail(at, "the file has neither a matrix nor both excitation and emission");
+    };
+    let curve = |values: Vec<f64>| {
+        let values = values.into_iter().map(|value| value.max(0.0)).collect();
+        Curve::new(read.wave_nm.clone(), values).map_err(|error| context.error(at, error.to_string()))
+    };
+    separable(context, at, unit, curve(excitation)?, curve(emission)?, stokes)
+}
