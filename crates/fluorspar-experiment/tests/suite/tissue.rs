@@ -105,7 +105,9 @@ fn a_rendered_patch_under_diffuse_light_is_that_of_the_solver() {
             let expected = specular * bands[band] + out * reflectance[band];
             let found = mean(&rendered, band, |light| *light == LightPath::Reflected);
             // 390 000 samples of a lobe choice, each with a relative spread of about 0.75: 4.8e-3 is four standard errors.
-            assert!((found / expected - 1.0).abs() < 4.8e-3, "band {band}: {found}, expected {expected}");
+            // The tables of the coat hold to 2e-3 of the light.
+            let tolerance = 4.8e-3 * expected + 2e-3 * bands[band];
+            assert!((found - expected).abs() < tolerance, "band {band}: {found}, expected {expected}");
         }
         let found = mean(&rendered, band, |light| matches!(light, LightPath::Fluorescence(_)));
         let expected = out * fluorescent[band];
@@ -143,7 +145,7 @@ fn lesions_of_tissue_change_both_pictures() {
     assert!(light(&collagen, true) < 0.6 * light(&normal, true));
 }
 
-/// Half way between two blood contents of a map the surface is as the tissue of that content, to the error of interpolation.
+/// Half way, by ratio, between two blood contents of a map the surface is as the tissue of that content, to the error of interpolation.
 #[test]
 fn maps_of_parameters_give_the_tissue_of_each_place() {
     let varied = PATCH.replace(
@@ -155,7 +157,9 @@ fn maps_of_parameters_give_the_tissue_of_each_place() {
     let states = base.states.as_ref().unwrap();
     let nodes = &states.parameters[0].nodes;
     assert!(nodes.len() > 2 && nodes[0] == 0.5 && nodes[nodes.len() - 1] == 4.0, "{nodes:?}");
-    let between = 0.5 * (f64::from(nodes[0]) + f64::from(nodes[1]));
+    let [low, high] = [f64::from(nodes[0]), f64::from(nodes[1])];
+    let between = (low * high).sqrt();
+    let weight = (between - low) / (high - low);
     let find = |name: &str| Some(Arc::new(preset::fluorophore(name).ok()?.fluorophore()));
     let mut site = Site::named("lip").unwrap();
     site.set("superficial_blood_fraction", between * site.get("superficial_blood_fraction").unwrap())
@@ -164,7 +168,8 @@ fn maps_of_parameters_give_the_tissue_of_each_place() {
     let passed = 1.0 / (1.0 - exact.specular_reflectance());
     for nm in [420.0, 500.0, 540.0, 580.0, 635.0] {
         let exact: f64 = passed * Curve::at(&exact.reflectance(Level::AboveSurface), nm);
-        let mean = 0.5 * (base.reflectance[0].spectrum.at(nm) + base.reflectance[1].spectrum.at(nm));
+        let [low, high] = [0, 1].map(|state: usize| base.reflectance[state].spectrum.at(nm));
+        let mean = low + weight * (high - low);
         assert!((mean / exact - 1.0).abs() < 0.015, "{nm} nm: {mean}, exact {exact}");
     }
 }
