@@ -11,8 +11,8 @@ use crate::schema::{
     ExperimentFile, FluorophoreSection, GlossSection, LesionSection, TissueMaterialSection, TissueSection,
 };
 use fluorspar::material::{
-    Coat, FluorophoreAmount, MAX_MAPPED_PARAMETERS, MappedParameter, Material, ScalarTexture, Scattering,
-    TissueSurface,
+    Coat, FluorophoreAmount, INTERPOLATION_ERROR, MAX_MAPPED_PARAMETERS, MappedParameter, Material,
+    ScalarTexture, Scattering, TissueSurface,
 };
 use fluorspar::names::did_you_mean;
 use fluorspar::quote::excerpt;
@@ -266,8 +266,16 @@ impl TissueRecipe {
             layers.of(&state)
         };
         let parameters = varying.iter().map(|change| change.parameter()).collect();
-        let (surface, _) =
+        let (surface, error) =
             TissueSurface::varying(parameters, tissue, grid).map_err(|error| self.failed(context, &error))?;
+        if error > INTERPOLATION_ERROR {
+            let percent = 100.0 * error;
+            let message = format!(
+                "half way between its states the tissue is up to {percent:.1} % off, in reflectance or fluorescence; a narrower \
+                 range of the maps is more exact"
+            );
+            context.warn(&self.at.field("vary"), message);
+        }
         Ok(surface)
     }
 
@@ -314,8 +322,13 @@ fn fluorophores_of(tissue: &LayeredTissue) -> Vec<String> {
 /// Refuses the name of a parameter that the site does not have.
 fn check_parameter(context: &Context<'_>, at: &Place, site: &Site, name: &str) -> Resolved<()> {
     let names = || site.parameters().map(|(parameter, _)| parameter.name);
-    if names().any(|known| known == name) {
-        return Ok(());
+    if let Ok(value) = site.get(name) {
+        if value != 0.0 {
+            return Ok(());
+        }
+        let message =
+            "is 0 in this tissue, so that a factor changes nothing; give it a value in a [[tissue]]";
+        return context.fail(at, message);
     }
     let hint = did_you_mean(name, names());
     let known: Vec<&str> = names().collect();

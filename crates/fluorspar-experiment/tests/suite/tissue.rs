@@ -190,6 +190,8 @@ fn tissues_that_make_no_sense_are_refused_with_what_is_known() {
     assert!(message.contains("inflammation"), "{message}");
     let message = refusal(&PATCH.replace("gloss.roughness = 0.01", "vary = { blood = 2.0 }"));
     assert!(message.contains("superficial_blood_fraction"), "{message}");
+    let message = refusal(&PATCH.replace("gloss.roughness = 0.01", "vary = { melanin_fraction = 2.0 }"));
+    assert!(message.contains("changes nothing"), "{message}");
     let message =
         refusal(&PATCH.replace("gloss.roughness = 0.01", "concentrations = { protoporphyrin_ix = 1.0 }"));
     assert!(message.contains("holds no protoporphyrin_ix") && message.contains("collagen"), "{message}");
