@@ -5,16 +5,16 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use super::lambertian::Lambertian;
-use super::state_grid::{MappedParameter, StateGrid};
+use super::state_grid::{MAX_NODES, MappedParameter, StateGrid};
 use super::texture::ScalarTexture;
 use super::{FluorophoreAmount, TissueEmission};
 use crate::spectral::{Curve, Fluorophore, PhotonEem, WavelengthGrid};
 use crate::tissue::{DiscreteOrdinates, EffectiveTissue, LayeredTissue, Level, Part, TissueError};
 
-/// Relative error that a mean of states may have half way between two nodes, as far as 5 nodes suffice.
+/// Relative error that a mean of states may have half way between two nodes, as far as 8 nodes suffice.
 pub const INTERPOLATION_ERROR: f64 = 0.01;
 /// Most nodes of a parameter that [`TissueSurface::varying`] chooses.
-const MOST_NODES: usize = 5;
+const MOST_NODES: usize = MAX_NODES;
 /// Wavelengths at which states are compared, nm: bands and gaps of hemoglobin, usual lamps, porphyrin.
 const PROBES_NM: [f64; 12] =
     [385.0, 405.0, 420.0, 435.0, 450.0, 500.0, 520.0, 540.0, 560.0, 580.0, 635.0, 700.0];
@@ -72,7 +72,7 @@ impl TissueSurface {
 
     /// A tissue of which some parameters vary over the surface. `tissue` makes it from their values, in their order. Where a
     /// parameter comes without nodes, they are added between the smallest and the largest value that its map has, until half
-    /// way between two of them the mean of the states is within [`INTERPOLATION_ERROR`] of the state there, up to 5 nodes.
+    /// way between two of them the mean of the states is within [`INTERPOLATION_ERROR`] of the state there, up to 8 nodes.
     /// Returns the surface and the largest relative error that was left half way between such nodes, of reflectance or of
     /// fluorescence.
     ///
