@@ -4,6 +4,7 @@
 //! |---|---|
 //! | [`LayeredTissue`], [`TissueLayer`] | thickness, [`Scattering`], [`Chromophore`]s and [`TissueFluorophore`]s of each layer |
 //! | [`Site`], [`TissueState`] | tissues of the catalogue by name, as parameters that may be changed, and their states |
+//! | [`Population`], [`Variation`] | how a site varies among people and within a person, and tissues drawn from it |
 //! | [`EffectiveTissue`] | reflectance and fluorescence of a tissue as of a surface, by layer and fluorophore; depths |
 //! | [`OpticalLayer`], [`OpticalStack`] | plane layers at one wavelength, what solvers start from |
 //! | [`DiscreteOrdinates`], [`LightField`] | the deterministic solver, and the light that it finds |
@@ -29,6 +30,7 @@ mod layered_tissue;
 mod light_field;
 mod low_rank;
 mod optical_layer;
+mod population;
 mod scattering;
 mod site;
 mod site_parameter;
@@ -44,6 +46,7 @@ pub use light_field::LightField;
 pub use optical_layer::{
     ANISOTROPY, COEFFICIENT_PER_MM, OpticalLayer, OpticalStack, REFRACTIVE_INDEX, THICKNESS_MM,
 };
+pub use population::{Population, Spread, Variation};
 pub use scattering::{Scattering, ScatteringCoefficient};
 pub use site::Site;
 pub use site_parameter::SiteParameter;

@@ -412,6 +412,27 @@ impl Site {
         Ok(())
     }
 
+    /// Sets a parameter that the site has to the nearest value of its range.
+    pub(super) fn set_within_range(&mut self, name: &str, value: f64) {
+        if let Ok(index) = self.index_of(name) {
+            let [least, most] = self.known.structure.parameters()[index].range;
+            self.values[index] = value.clamp(least, most);
+        }
+    }
+
+    /// Name of the parameter that holds the strength of a fluorophore in a layer of [`Self::tissue`]; none where the site has
+    /// no such fluorophore there.
+    #[must_use]
+    pub fn strength_parameter(&self, layer: &str, fluorophore: &str) -> Option<&'static str> {
+        let place = match layer {
+            "superficial stroma" => "superficial_",
+            "deep stroma" => "deep_",
+            _ => "",
+        };
+        let wanted = format!("{place}{fluorophore}_per_mm");
+        self.parameters().map(|(parameter, _)| parameter.name).find(|name| *name == wanted)
+    }
+
     /// Changes the parameters to those of a state; several may follow each other.
     ///
     /// # Errors
@@ -691,8 +712,13 @@ mod tests {
             assert!(tissue.layers.len() >= 2, "{name}");
             let complete = SITES.iter().find(|s| s.structure == site.known.structure).unwrap();
             assert_eq!(complete.values.len(), site.known.structure.parameters().len(), "{name}");
-            for fluorophore in tissue.layers.iter().flat_map(|layer| &layer.fluorophores) {
-                assert!(site.fluorophores().contains(&fluorophore.fluorophore.name.as_str()));
+            for layer in &tissue.layers {
+                for held in &layer.fluorophores {
+                    let fluorophore = held.fluorophore.name.as_str();
+                    assert!(site.fluorophores().contains(&fluorophore));
+                    let parameter = site.strength_parameter(&layer.name, fluorophore).unwrap();
+                    assert_eq!(site.get(parameter).unwrap(), held.strength_per_mm, "{name}: {parameter}");
+                }
             }
         }
     }
