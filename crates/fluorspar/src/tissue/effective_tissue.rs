@@ -220,6 +220,28 @@ impl EffectiveTissue {
         overlap * contents.scale_per_mm() * contents.fluorophore.eem.at(emission_nm, excitation_nm)
     }
 
+    /// Photons per nm that a part gives off above, at each of some emission wavelengths, under light of several lines.
+    ///
+    /// `light` has wavelengths, nm, and the photons that fall on the surface at each. The result has their unit, per nm; zeros
+    /// for a part that does not exist.
+    #[must_use]
+    pub fn emission(&self, part: Part, light: &[(f64, f64)], emission_nm: &[f64], level: Level) -> Vec<f64> {
+        let Some(contents) = self.contents(part) else { return vec![0.0; emission_nm.len()] };
+        let (eem, scale) = (&contents.fluorophore.eem, contents.scale_per_mm());
+        let escape = self.escape_weights(part.layer);
+        let excited = |&(nm, photons): &(f64, f64)| {
+            let fluence = self.fluence(part.layer, nm, level);
+            (nm, fluence.iter().zip(&escape).map(|(x, w)| scale * photons * x * w).collect::<Vec<f64>>())
+        };
+        let excited: Vec<(f64, Vec<f64>)> = light.iter().map(excited).collect();
+        let emitted = |&nm: &f64| {
+            let leaving = self.fluence(part.layer, nm, level);
+            let overlap = |arriving: &[f64]| arriving.iter().zip(&leaving).map(|(x, m)| x * m).sum::<f64>();
+            excited.iter().map(|(x, arriving)| eem.at(nm, *x) * overlap(arriving)).sum()
+        };
+        emission_nm.iter().map(emitted).collect()
+    }
+
     /// The fluorescence of a part as the excitation-emission matrix of a surface, a sum of few products that is within
     /// [`COMPRESSION_ERROR`] of it. The factors may be negative; their sum is not, but for that error.
     ///

@@ -206,3 +206,23 @@ fn bad_tissues_are_refused() {
         Err(TissueError::NoSuchPart)
     );
 }
+
+/// Photons under several lines are the sum of those under each.
+#[test]
+fn emission_under_lines_is_the_sum_of_yields() {
+    let effective = solved(&tongue());
+    let (light, nm) = ([(400.0, 2.0), (411.0, 0.5)], [500.0, 603.0]);
+    for part in effective.parts() {
+        for (found, m) in effective.emission(part, &light, &nm, Level::BelowSurface).iter().zip(nm) {
+            let yields = |(x, photons): &(f64, f64)| {
+                photons * effective.yield_density(part, m, *x, Level::BelowSurface)
+            };
+            let expected: f64 = light.iter().map(yields).sum();
+            assert!((found - expected).abs() <= 1e-12 * expected, "{found} {expected}");
+        }
+    }
+    assert_eq!(
+        effective.emission(Part { layer: 9, fluorophore: 0 }, &light, &nm, Level::AboveSurface),
+        [0.0; 2]
+    );
+}
