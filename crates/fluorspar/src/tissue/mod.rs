@@ -8,10 +8,12 @@
 //! | [`EffectiveTissue`] | reflectance and fluorescence of a tissue as of a surface, by layer and fluorophore; depths |
 //! | [`OpticalLayer`], [`OpticalStack`] | plane layers at one wavelength, what solvers start from |
 //! | [`DiscreteOrdinates`], [`LightField`] | the deterministic solver, and the light that it finds |
+//! | [`fit`] | parameters of a tissue from measured spectra, with intervals; spectra under other lights |
 //! | [`monte_carlo`] | photons traced: any refractive indices, light that spreads sideways, fluorescence, standard errors |
 //!
 //! Lengths are in mm or um and coefficients in 1/mm, as the names say.
 
+pub mod fit;
 pub mod monte_carlo;
 
 mod angular_quadrature;
