@@ -63,13 +63,13 @@ pub struct LayerSection {
     pub anisotropy: f64,
     /// Fluorescence, and the optical properties at its wavelength. All layers have it, or none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub emission: Option<EmissionSection>,
+    pub emission: Option<LayerEmissionSection>,
 }
 
 /// Fluorescence of a layer, and its optical properties at the wavelength of the emission.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct EmissionSection {
+pub struct LayerEmissionSection {
     /// Absorption coefficient of the fluorophores at the excitation times their quantum yield, 1/mm, 0 to the absorption
     /// of the layer. Default 0.
     #[serde(default)]

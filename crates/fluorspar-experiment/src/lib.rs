@@ -36,7 +36,7 @@ pub mod schema;
 pub use error::{BlamedOverride, ErrorDetails, ExperimentError, PathsFrom};
 pub use kept::{cache, kept_mouth, use_cache};
 pub use layers_file::{
-    EmissionSection, LayerSection, LayersFile, ResolvedEmission, ResolvedLayers, parse_layers,
+    LayerEmissionSection, LayerSection, LayersFile, ResolvedEmission, ResolvedLayers, parse_layers,
 };
 pub use read::{Experiment, parse};
 pub use resolve::{FileRecord, InputFile, ResolvedExperiment, resolve};

@@ -9,7 +9,9 @@ use super::state_grid::{MAX_NODES, MappedParameter, StateGrid};
 use super::texture::ScalarTexture;
 use super::{FluorophoreAmount, TissueEmission};
 use crate::spectral::{Curve, Fluorophore, PhotonEem, WavelengthGrid};
-use crate::tissue::{DiscreteOrdinates, EffectiveTissue, LayeredTissue, Level, Part, TissueError};
+use crate::tissue::{
+    DiscreteOrdinates, EffectiveTissue, LayerFluorophore, LayeredTissue, Level, TissueError,
+};
 
 /// Relative error that a mean of states may have half way between two nodes, as far as 8 nodes suffice.
 pub const INTERPOLATION_ERROR: f64 = 0.01;
@@ -187,8 +189,9 @@ impl Probe {
         let parts = solved.parts();
         for (index, &excitation) in nm.iter().enumerate() {
             for &emission in &nm[index + 1..] {
-                let of_part =
-                    |part: &Part| solved.yield_density(*part, emission, excitation, Level::AboveSurface);
+                let of_part = |part: &LayerFluorophore| {
+                    solved.yield_density(*part, emission, excitation, Level::AboveSurface)
+                };
                 values.push(parts.iter().map(of_part).sum());
             }
         }

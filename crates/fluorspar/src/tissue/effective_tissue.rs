@@ -45,7 +45,7 @@ pub enum Level {
 
 /// A fluorophore in one layer of an [`EffectiveTissue`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Part {
+pub struct LayerFluorophore {
     /// Number of the layer, from 0.
     pub layer: usize,
     /// Number of the fluorophore in that layer, from 0.
@@ -171,16 +171,17 @@ impl EffectiveTissue {
 
     /// All fluorophores of all layers, from above to below.
     #[must_use]
-    pub fn parts(&self) -> Vec<Part> {
+    pub fn parts(&self) -> Vec<LayerFluorophore> {
         let layers = self.tissue.layers.iter().enumerate();
         layers
             .flat_map(|(layer, contents)| {
-                (0..contents.fluorophores.len()).map(move |fluorophore| Part { layer, fluorophore })
+                (0..contents.fluorophores.len())
+                    .map(move |fluorophore| LayerFluorophore { layer, fluorophore })
             })
             .collect()
     }
 
-    fn contents(&self, part: Part) -> Option<&TissueFluorophore> {
+    fn contents(&self, part: LayerFluorophore) -> Option<&TissueFluorophore> {
         self.tissue.layers.get(part.layer)?.fluorophores.get(part.fluorophore)
     }
 
@@ -211,7 +212,13 @@ impl EffectiveTissue {
     /// `F(m, x)`: photons that leave above per nm of emission and per photon of diffuse light, 1/nm. 0 for a part that does not
     /// exist.
     #[must_use]
-    pub fn yield_density(&self, part: Part, emission_nm: f64, excitation_nm: f64, level: Level) -> f64 {
+    pub fn yield_density(
+        &self,
+        part: LayerFluorophore,
+        emission_nm: f64,
+        excitation_nm: f64,
+        level: Level,
+    ) -> f64 {
         let Some(contents) = self.contents(part) else { return 0.0 };
         let at = |nm| self.fluence(part.layer, nm, level);
         let (emitted, excited) = (at(emission_nm), at(excitation_nm));
@@ -225,7 +232,13 @@ impl EffectiveTissue {
     /// `light` has wavelengths, nm, and the photons that fall on the surface at each. The result has their unit, per nm; zeros
     /// for a part that does not exist.
     #[must_use]
-    pub fn emission(&self, part: Part, light: &[(f64, f64)], emission_nm: &[f64], level: Level) -> Vec<f64> {
+    pub fn emission(
+        &self,
+        part: LayerFluorophore,
+        light: &[(f64, f64)],
+        emission_nm: &[f64],
+        level: Level,
+    ) -> Vec<f64> {
         let Some(contents) = self.contents(part) else { return vec![0.0; emission_nm.len()] };
         let (eem, scale) = (&contents.fluorophore.eem, contents.scale_per_mm());
         let escape = self.escape_weights(part.layer);
@@ -247,7 +260,7 @@ impl EffectiveTissue {
     ///
     /// # Errors
     /// A part that does not exist.
-    pub fn eem(&self, part: Part, level: Level) -> Result<PhotonEem, TissueError> {
+    pub fn eem(&self, part: LayerFluorophore, level: Level) -> Result<PhotonEem, TissueError> {
         let contents = self.contents(part).ok_or(TissueError::NoSuchPart)?;
         let (first, last) = (self.wavelengths_nm[0], self.wavelengths_nm[self.wavelengths_nm.len() - 1]);
         let nm = steps(first, last, TERM_STEP_NM);
@@ -286,7 +299,7 @@ impl EffectiveTissue {
     ///
     /// # Errors
     /// A part that does not exist.
-    pub fn fluorophore(&self, part: Part, level: Level) -> Result<Fluorophore, TissueError> {
+    pub fn fluorophore(&self, part: LayerFluorophore, level: Level) -> Result<Fluorophore, TissueError> {
         let contents = self.contents(part).ok_or(TissueError::NoSuchPart)?;
         let layer = &self.tissue.layers[part.layer].name;
         let known: &Arc<Fluorophore> = &contents.fluorophore;

@@ -37,7 +37,7 @@ fn layer(name: &str, thickness_um: f64, scattering_per_mm: f64, anisotropy: f64,
     TissueLayer {
         name: name.to_string(),
         thickness_um,
-        scattering: Scattering {
+        scattering: LayerScattering {
             coefficient: ScatteringCoefficient::PowerLaw { scattering_per_mm, at_nm: 500.0, power: 1.2 },
             anisotropy,
         },
@@ -89,7 +89,7 @@ fn yields_are_those_of_finely_integrated_fluence() {
             .map(|(z, w)| w * excitation.layer_fluence(number, z) * emission.layer_fluence(number, z))
             .sum();
         let want = overlap / (4.0 * 1.96) * 2e-3 * eem.at(emission_nm, excitation_nm) / whole;
-        let part = Part { layer: number, fluorophore: 0 };
+        let part = LayerFluorophore { layer: number, fluorophore: 0 };
         let got = effective.yield_density(part, emission_nm, excitation_nm, Level::AboveSurface);
         // Of 16 directions 3e-5, the rest is of the depths.
         assert!((got / want - 1.0).abs() < 1e-4, "{}: {}", layer.name, got / want - 1.0);
@@ -132,7 +132,7 @@ fn a_surface_gives_back_what_was_taken_off() {
         let above = (1.0 - external) * (1.0 - internal) * below / between(nm);
         assert!((above - reflectance(Level::AboveSurface, nm)).abs() < 1e-12);
     }
-    let part = Part { layer: 2, fluorophore: 0 };
+    let part = LayerFluorophore { layer: 2, fluorophore: 0 };
     let [x, m] = [415.0, 550.0];
     let inner = effective.yield_density(part, m, x, Level::BelowSurface);
     let outer = (1.0 - external) / between(x) * inner * (1.0 - internal) / between(m);
@@ -202,7 +202,7 @@ fn bad_tissues_are_refused() {
     assert_eq!(said, TissueError::Wavelengths);
     let effective = solved(&tongue());
     assert_eq!(
-        effective.eem(Part { layer: 9, fluorophore: 0 }, Level::AboveSurface),
+        effective.eem(LayerFluorophore { layer: 9, fluorophore: 0 }, Level::AboveSurface),
         Err(TissueError::NoSuchPart)
     );
 }
@@ -222,7 +222,7 @@ fn emission_under_lines_is_the_sum_of_yields() {
         }
     }
     assert_eq!(
-        effective.emission(Part { layer: 9, fluorophore: 0 }, &light, &nm, Level::AboveSurface),
+        effective.emission(LayerFluorophore { layer: 9, fluorophore: 0 }, &light, &nm, Level::AboveSurface),
         [0.0; 2]
     );
 }

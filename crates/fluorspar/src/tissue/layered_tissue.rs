@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::chromophore::Chromophore;
 use super::optical_layer::{OpticalLayer, OpticalStack};
-use super::scattering::Scattering;
+use super::scattering::LayerScattering;
 use super::tissue_error::{TissueError, check};
 use crate::spectral::{Fluorophore, Stokes, YieldDensity};
 
@@ -34,7 +34,7 @@ pub struct TissueLayer {
     /// Thickness, um; 0.1 to 1e6.
     pub thickness_um: f64,
     /// How it scatters.
-    pub scattering: Scattering,
+    pub scattering: LayerScattering,
     /// What absorbs in it.
     pub absorption: Vec<Chromophore>,
     /// What fluoresces in it.

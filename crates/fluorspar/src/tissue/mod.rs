@@ -2,7 +2,7 @@
 //!
 //! | type | what it is |
 //! |---|---|
-//! | [`LayeredTissue`], [`TissueLayer`] | thickness, [`Scattering`], [`Chromophore`]s and [`TissueFluorophore`]s of each layer |
+//! | [`LayeredTissue`], [`TissueLayer`] | thickness, [`LayerScattering`], [`Chromophore`]s and [`TissueFluorophore`]s of each layer |
 //! | [`Site`], [`TissueState`] | tissues of the catalogue by name, as parameters that may be changed, and their states |
 //! | [`Population`], [`Variation`] | how a site varies among people and within a person, and tissues drawn from it |
 //! | [`EffectiveTissue`] | reflectance and fluorescence of a tissue as of a surface, by layer and fluorophore; depths |
@@ -41,7 +41,7 @@ mod tissue_state;
 
 pub use chromophore::{Blood, Chromophore};
 pub use discrete_ordinates::{DiscreteOrdinates, Incidence};
-pub use effective_tissue::{COMPRESSION_ERROR, DepthProfile, EffectiveTissue, Level, Part};
+pub use effective_tissue::{COMPRESSION_ERROR, DepthProfile, EffectiveTissue, LayerFluorophore, Level};
 pub use fresnel_interface::{diffuse_reflectance, fresnel_reflectance};
 pub use layered_tissue::{Below, LayeredTissue, TissueFluorophore, TissueLayer};
 pub use light_field::LightField;
@@ -49,7 +49,7 @@ pub use optical_layer::{
     ANISOTROPY, COEFFICIENT_PER_MM, OpticalLayer, OpticalStack, REFRACTIVE_INDEX, THICKNESS_MM,
 };
 pub use population::{Population, Spread, Variation};
-pub use scattering::{Scattering, ScatteringCoefficient};
+pub use scattering::{LayerScattering, ScatteringCoefficient};
 pub use site::Site;
 pub use site_parameter::SiteParameter;
 pub use tissue_error::TissueError;

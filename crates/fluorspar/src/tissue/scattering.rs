@@ -12,7 +12,7 @@ const SCATTERING_PER_MM: [f64; 2] = [0.0, 40.0];
 
 /// Scattering coefficient and anisotropy.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Scattering {
+pub struct LayerScattering {
     /// Coefficient against wavelength.
     pub coefficient: ScatteringCoefficient,
     /// Anisotropy factor of the phase function of Henyey and Greenstein; -0.99 to 0.995. The same at all wavelengths.
@@ -52,7 +52,7 @@ pub enum ScatteringCoefficient {
     },
 }
 
-impl Scattering {
+impl LayerScattering {
     /// Scattering coefficient `mus`, 1/mm.
     #[must_use]
     pub fn scattering_per_mm(&self, wavelength_nm: f64) -> f64 {
@@ -137,7 +137,7 @@ mod tests {
 
     #[test]
     fn a_reduced_law_and_a_plain_one_agree() {
-        let reduced = Scattering {
+        let reduced = LayerScattering {
             coefficient: ScatteringCoefficient::ReducedPowerLaw {
                 reduced_per_mm: 2.246,
                 at_nm: 500.0,
@@ -146,7 +146,7 @@ mod tests {
             anisotropy: 0.88,
         };
         let curve = Curve::new(vec![400.0, 420.0], vec![24.0, 23.1]).unwrap();
-        let tabled = Scattering {
+        let tabled = LayerScattering {
             coefficient: ScatteringCoefficient::Curve { scattering_per_mm: Arc::new(curve) },
             anisotropy: 0.88,
         };
@@ -162,7 +162,7 @@ mod tests {
 
     #[test]
     fn values_in_1_per_cm_are_refused() {
-        let law = |reduced_per_mm| Scattering {
+        let law = |reduced_per_mm| LayerScattering {
             coefficient: ScatteringCoefficient::ReducedPowerLaw { reduced_per_mm, at_nm: 500.0, power: 1.2 },
             anisotropy: 0.88,
         };

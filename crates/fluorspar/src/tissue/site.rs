@@ -13,7 +13,7 @@ use std::sync::Arc;
 
 use super::chromophore::{Blood, Chromophore};
 use super::layered_tissue::{Below, LayeredTissue, TissueFluorophore, TissueLayer};
-use super::scattering::{Scattering, ScatteringCoefficient};
+use super::scattering::{LayerScattering, ScatteringCoefficient};
 use super::site_parameter::{SOFT, SiteParameter, TOOTH};
 use super::tissue_error::{TissueError, check};
 use super::tissue_state::TissueState;
@@ -530,10 +530,10 @@ impl Site {
         at_nm: f64,
         power: &str,
         anisotropy: f64,
-    ) -> Result<Scattering, TissueError> {
+    ) -> Result<LayerScattering, TissueError> {
         let (scattering_per_mm, power) = (self.get(coefficient)?, self.get(power)?);
         let coefficient = ScatteringCoefficient::PowerLaw { scattering_per_mm, at_nm, power };
-        Ok(Scattering { coefficient, anisotropy })
+        Ok(LayerScattering { coefficient, anisotropy })
     }
 
     fn soft_tissue(
@@ -544,7 +544,7 @@ impl Site {
         let power = "epithelium_scattering_power";
         let keratin_scattering = self.power_law("keratin_scattering_per_mm", 420.0, power, 0.97)?;
         let epithelium_scattering = self.power_law("epithelium_scattering_per_mm", 420.0, power, 0.97)?;
-        let stroma_scattering = Scattering {
+        let stroma_scattering = LayerScattering {
             coefficient: ScatteringCoefficient::ReducedPowerLaw {
                 reduced_per_mm: self.get("stroma_reduced_scattering_per_mm")?,
                 at_nm: 500.0,
@@ -553,7 +553,7 @@ impl Site {
             anisotropy: 0.88,
         };
         let layer =
-            |name: &str, thickness_um, scattering: &Scattering, absorption, fluorophores| TissueLayer {
+            |name: &str, thickness_um, scattering: &LayerScattering, absorption, fluorophores| TissueLayer {
                 name: name.to_string(),
                 thickness_um,
                 scattering: scattering.clone(),

@@ -298,6 +298,39 @@ fn names_a_variant(line: &str, name: &str) -> bool {
     })
 }
 
+/// The public type that a line of code declares.
+fn declared_type(line: &str) -> Option<&str> {
+    let declaration = line.trim_start().strip_prefix("pub ")?;
+    let name =
+        ["struct ", "enum ", "trait ", "type "].iter().find_map(|kind| declaration.strip_prefix(kind))?;
+    Some(&name[..name.find(|c: char| !c.is_alphanumeric()).unwrap_or(name.len())])
+}
+
+#[test]
+fn no_two_public_types_share_a_name() {
+    let mut files = Vec::new();
+    sources(&crates(), &mut files);
+    let mut homes: BTreeMap<String, Vec<String>> = BTreeMap::new();
+    for file in files {
+        let path = file.strip_prefix(crates()).unwrap().to_str().unwrap().replace('\\', "/");
+        let text = fs::read_to_string(&file).unwrap();
+        if path.contains("/src/") {
+            // An associated type bears the name of its trait's item.
+            for name in
+                without_tests(&text).lines().filter(|line| !line.contains(" = ")).filter_map(declared_type)
+            {
+                homes.entry(name.into()).or_default().push(path.clone());
+            }
+        }
+    }
+    assert!(homes.len() > 300, "only {} public types found", homes.len());
+    let shared = homes.iter().filter(|(_, files)| files.len() > 1);
+    let shared: Vec<String> = shared.map(|(name, files)| format!("{name}: {}", files.join(", "))).collect();
+    assert!(shared.is_empty(), "\n{}", shared.join("\n"));
+    assert_eq!(declared_type("    pub struct Film<'a> {"), Some("Film"));
+    assert_eq!(declared_type("pub(crate) struct Film {"), None);
+}
+
 #[test]
 fn variants_are_told_from_functions() {
     for variant in ["Emitter::Disc(disc) => 1,", "use crate::light::Emitter::*;", "Emitter as E,"] {

@@ -5,8 +5,8 @@
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use fluorspar::tissue::monte_carlo::{
-    Ending, ErrorTarget, Estimate, MonteCarloControl, MonteCarloResult, MonteCarloSettings, Quantity, Ring,
-    ScoringGrid, fluorescence_by_reciprocity, simulate, simulate_fluorescence,
+    Ending, Estimate, MonteCarloControl, MonteCarloResult, MonteCarloSettings, Ring, ScoredQuantity,
+    ScoringGrid, StandardErrorTarget, fluorescence_by_reciprocity, simulate, simulate_fluorescence,
 };
 use fluorspar::tissue::{Incidence, OpticalStack, TissueError};
 
@@ -211,7 +211,7 @@ fn the_same_bits_for_any_number_of_threads() {
 
 #[test]
 fn a_target_of_error_ends_the_simulation() {
-    let target = ErrorTarget { quantity: Quantity::Absorbed(2), relative_standard_error: 0.01 };
+    let target = StandardErrorTarget { quantity: ScoredQuantity::Absorbed(2), relative_standard_error: 0.01 };
     let asked = MonteCarloSettings { photons: 10_000_000, target: Some(target), ..settings(12, 1, 2.0) };
     let result = reflect(&reflecting()[4].stack, NORMAL, &asked);
     assert_eq!(result.ending, Ending::Error);
@@ -273,16 +273,16 @@ fn wrong_input_is_refused_with_its_range() {
     };
     let usual = settings(1, 1000, 1.0);
     let target = |quantity, relative_standard_error| MonteCarloSettings {
-        target: Some(ErrorTarget { quantity, relative_standard_error }),
+        target: Some(StandardErrorTarget { quantity, relative_standard_error }),
         ..usual
     };
     let grid = |grid| MonteCarloSettings { grid, ..usual };
-    let reflectance = Quantity::DiffuseReflectance;
+    let reflectance = ScoredQuantity::DiffuseReflectance;
     let wrong = [
         (MonteCarloSettings { photons: 0, ..usual }, "photons is 0, outside 1 to 1e13"),
         (target(reflectance, 0.0), "relative_standard_error is 0, outside 1e-5 to 0.5"),
-        (target(Quantity::Absorbed(1), 0.1), "names layer 2, but there are 1"),
-        (target(Quantity::Fluorescence, 0.1), "none is simulated"),
+        (target(ScoredQuantity::Absorbed(1), 0.1), "names layer 2, but there are 1"),
+        (target(ScoredQuantity::Fluorescence, 0.1), "none is simulated"),
         (
             grid(ScoringGrid { depth_step_mm: -1.0, ..usual.grid }),
             "depth_step_mm is -1, outside 1e-6 to 10000",

@@ -7,9 +7,9 @@ use std::process::ExitCode;
 use clap::ValueHint;
 use fluorspar::names::did_you_mean;
 use fluorspar::tissue::monte_carlo::{
-    ErrorTarget, Estimate, FluorescenceResult, MonteCarloControl, MonteCarloResult, MonteCarloSettings,
-    Quantity, ReciprocalFluorescence, Ring, ScoringGrid, fluorescence_by_reciprocity, simulate,
-    simulate_fluorescence,
+    Estimate, FluorescenceResult, MonteCarloControl, MonteCarloResult, MonteCarloSettings,
+    ReciprocalFluorescence, Ring, ScoredQuantity, ScoringGrid, StandardErrorTarget,
+    fluorescence_by_reciprocity, simulate, simulate_fluorescence,
 };
 use fluorspar::tissue::{Incidence, TissueError};
 use fluorspar_experiment::ResolvedLayers;
@@ -152,12 +152,13 @@ fn write(out: OutputFolder, found: &Found, layers: &ResolvedLayers) -> Result<Pa
 impl Options {
     fn settings(&self, layers: &ResolvedLayers) -> Result<MonteCarloSettings, CliError> {
         let quantity = match self.error_of.as_deref() {
-            None if layers.emission.is_some() && !self.reciprocity => Quantity::Fluorescence,
-            None => Quantity::DiffuseReflectance,
+            None if layers.emission.is_some() && !self.reciprocity => ScoredQuantity::Fluorescence,
+            None => ScoredQuantity::DiffuseReflectance,
             Some(what) => quantity(what, layers)?,
         };
-        let target =
-            self.error.map(|relative_standard_error| ErrorTarget { quantity, relative_standard_error });
+        let target = self
+            .error
+            .map(|relative_standard_error| StandardErrorTarget { quantity, relative_standard_error });
         let grid = ScoringGrid {
             depth_step_mm: self.depth_step_mm,
             depth_limit_mm: self.depth_limit_mm,
@@ -210,14 +211,14 @@ impl Options {
 }
 
 /// The result that an error target names.
-fn quantity(what: &str, layers: &ResolvedLayers) -> Result<Quantity, CliError> {
+fn quantity(what: &str, layers: &ResolvedLayers) -> Result<ScoredQuantity, CliError> {
     if let Some(layer) = layers.names.iter().position(|name| name == what) {
-        return Ok(Quantity::Absorbed(layer));
+        return Ok(ScoredQuantity::Absorbed(layer));
     }
     match what {
-        "reflectance" => Ok(Quantity::DiffuseReflectance),
-        "transmittance" => Ok(Quantity::Transmittance),
-        "fluorescence" => Ok(Quantity::Fluorescence),
+        "reflectance" => Ok(ScoredQuantity::DiffuseReflectance),
+        "transmittance" => Ok(ScoredQuantity::Transmittance),
+        "fluorescence" => Ok(ScoredQuantity::Fluorescence),
         _ => {
             let shares = ["reflectance", "transmittance", "fluorescence"];
             let known: Vec<&str> =

@@ -8,7 +8,7 @@ use super::engine::trace_photons;
 use super::estimate::{Estimate, GroupSums};
 use super::medium::{Layer, Medium};
 use super::scattering::uniform;
-use super::settings::{MonteCarloControl, MonteCarloSettings, Quantity};
+use super::settings::{MonteCarloControl, MonteCarloSettings, ScoredQuantity};
 use super::simulation::{MonteCarloResult, Problem, Ring, ScoreLayout, Slice, rings};
 use super::walk::{DepthRecord, End, Photon, Record, Unrecorded, walk};
 use crate::sampling::random::KeyedRng;
@@ -101,7 +101,7 @@ pub fn simulate_fluorescence(
         strengths_per_mm.iter().zip(&medium.layers).map(|(s, layer)| s * layer.mean_free_path).collect();
     let upward = |groups: &GroupSums| groups.estimate(|sums| sums[scores.upward.clone()].iter().sum());
     let watched = |groups: &GroupSums| match settings.target.map(|target| target.quantity) {
-        Some(Quantity::Fluorescence) => upward(groups),
+        Some(ScoredQuantity::Fluorescence) => upward(groups),
         _ => problem.watched(groups),
     };
     let (groups, ending) = trace_photons(settings, scores.rings.end, control, watched, |sums, rng| {

@@ -51,6 +51,7 @@ pub use fluorescence::{
     FluorescenceResult, ReciprocalFluorescence, fluorescence_by_reciprocity, simulate_fluorescence,
 };
 pub use settings::{
-    ErrorTarget, MonteCarloControl, MonteCarloProgress, MonteCarloSettings, Quantity, ScoringGrid,
+    MonteCarloControl, MonteCarloProgress, MonteCarloSettings, ScoredQuantity, ScoringGrid,
+    StandardErrorTarget,
 };
 pub use simulation::{MonteCarloResult, Ring, Slice, simulate};

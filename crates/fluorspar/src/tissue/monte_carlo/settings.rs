@@ -33,7 +33,7 @@ impl Default for ScoringGrid {
 
 /// A result whose standard error may end a simulation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Quantity {
+pub enum ScoredQuantity {
     /// Light that leaves upward after it has entered.
     DiffuseReflectance,
     /// Light that leaves downward.
@@ -46,9 +46,9 @@ pub enum Quantity {
 
 /// When to stop early.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ErrorTarget {
+pub struct StandardErrorTarget {
     /// Which result counts.
-    pub quantity: Quantity,
+    pub quantity: ScoredQuantity,
     /// Its standard error over its mean; 1e-5 to 0.5.
     pub relative_standard_error: f64,
 }
@@ -61,7 +61,7 @@ pub struct MonteCarloSettings {
     /// Photons to trace, 1 to 1e13, rounded up to a multiple of 256; with an error target the most.
     pub photons: u64,
     /// Relative standard error at which to stop.
-    pub target: Option<ErrorTarget>,
+    pub target: Option<StandardErrorTarget>,
     /// Bins.
     pub grid: ScoringGrid,
 }
@@ -98,12 +98,16 @@ impl MonteCarloSettings {
         check(place, "depth_step_mm", self.grid.depth_step_mm, STEP_MM, hint)?;
         check(place, "depth_limit_mm", self.grid.depth_limit_mm, STEP_MM, "light reaches some mm deep")?;
         check(place, "radial_step_mm", self.grid.radial_step_mm, STEP_MM, hint)?;
-        let Some(ErrorTarget { quantity, relative_standard_error }) = self.target else { return Ok(()) };
+        let Some(StandardErrorTarget { quantity, relative_standard_error }) = self.target else {
+            return Ok(());
+        };
         let hint = "it is a share: 0.001 for 0.1 %";
         check(place, "relative_standard_error", relative_standard_error, RELATIVE_STANDARD_ERROR, hint)?;
         match quantity {
-            Quantity::Absorbed(layer) if layer >= layers => Err(TissueError::NoSuchLayer { layer, layers }),
-            Quantity::Fluorescence if !is_fluorescence => Err(TissueError::NoFluorescence),
+            ScoredQuantity::Absorbed(layer) if layer >= layers => {
+                Err(TissueError::NoSuchLayer { layer, layers })
+            }
+            ScoredQuantity::Fluorescence if !is_fluorescence => Err(TissueError::NoFluorescence),
             _ => Ok(()),
         }
     }

@@ -7,7 +7,7 @@ use serde::Serialize;
 use super::engine::{Ending, trace_photons};
 use super::estimate::{Estimate, GroupSums};
 use super::medium::Medium;
-use super::settings::{MonteCarloControl, MonteCarloSettings, Quantity, ScoringGrid};
+use super::settings::{MonteCarloControl, MonteCarloSettings, ScoredQuantity, ScoringGrid};
 use super::walk::{DepthRecord, End, Photon, walk};
 use crate::tissue::{Incidence, OpticalStack, TissueError};
 
@@ -189,8 +189,8 @@ impl<'a> Problem<'a> {
     /// The estimate that the error target is about.
     pub(super) fn watched(&self, groups: &GroupSums) -> Estimate {
         match self.settings.target.map(|target| target.quantity) {
-            Some(Quantity::Absorbed(layer)) => self.absorbed(groups, layer),
-            Some(Quantity::Transmittance) => groups.estimate(|scores| scores[ScoreLayout::TRANSMITTED]),
+            Some(ScoredQuantity::Absorbed(layer)) => self.absorbed(groups, layer),
+            Some(ScoredQuantity::Transmittance) => groups.estimate(|scores| scores[ScoreLayout::TRANSMITTED]),
             _ => groups.estimate(|scores| scores[ScoreLayout::DIFFUSE]),
         }
     }
