@@ -16,7 +16,7 @@ use fluorspar::render::{RenderControl, RenderSettings, render};
 use fluorspar::scene::{Object, Scene, Shape};
 use fluorspar::sensor::{CaptureFrame, Sensor, SensorModel, SpectralQe};
 use fluorspar::spectral::WavelengthGrid;
-use fluorspar::study::{AnalysisPlan, Camera, Capture, SafetyPlan, Study, ViewFilter};
+use fluorspar::study::{AnalysisPlan, Camera, Capture, LineEnds, SafetyPlan, Study, ViewFilter};
 use fluorspar_experiment::preset;
 use glam::Vec3;
 
@@ -104,6 +104,7 @@ pub(crate) fn study() -> Result<Study, Box<dyn Error>> {
         porphyrin: "protoporphyrin_ix".into(),
         bulk: bulk.map(|(name, amount)| ((*name).into(), *amount)).collect(),
         fluorophores: scene.fluorophores.clone(),
+        line_ends: LineEnds::Scene,
         noise_threshold: fluorspar::analysis::DEFAULT_NOISE_THRESHOLD,
     };
     Ok(Study {

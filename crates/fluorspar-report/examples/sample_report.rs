@@ -110,6 +110,7 @@ fn model() -> MixtureModel {
         responses: FLUOROPHORES.iter().map(response).collect(),
         bulk_weights: vec![("collagen".into(), 0.1), ("elastin".into(), 0.8), ("FAD".into(), 0.1)],
         porphyrin: "porphyrins".into(),
+        ends: None,
     }
 }
 

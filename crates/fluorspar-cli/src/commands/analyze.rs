@@ -89,9 +89,13 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         )?
     };
     let frames = develop_frames(&study, exposures, &calibration)?;
-    let Some(analyzed) = analyze(&study, components.as_ref(), &frames)? else {
+    let Some(mut analyzed) = analyze(&study, components.as_ref(), &frames)? else {
         return Err(CliError::Failed("the analysis gave nothing".into()));
     };
+    if !options.frame.is_empty() {
+        // Frames of another origin may show another mouth than the component image.
+        (analyzed.analysis.truth, analyzed.analysis.budget) = (None, None);
+    }
     if options.talk.json {
         super::print_json(&analyzed.analysis)?;
     } else if !options.talk.quiet {
@@ -204,12 +208,8 @@ fn describe(analysis: &fluorspar::analysis::Analysis) -> String {
             g.sd.unwrap_or(0.0)
         );
     }
-    if let Some(region) = analysis.mixture.as_ref().and_then(|m| m.region) {
-        let e = region.estimate;
-        text += &format!(
-            "porphyrin fraction of the region: {:.4} ({:.4} to {:.4})\n",
-            e.fraction, e.fraction_interval[0], e.fraction_interval[1]
-        );
+    for line in analysis.porphyrin_lines() {
+        text += &format!("{line}\n");
     }
     for warning in &analysis.warnings {
         text += &format!("warning: {warning}\n");

@@ -132,12 +132,6 @@ fn summary(analyzed: &AnalyzedFrame) -> String {
             analysis.region_description, r.median, g.median
         ));
     }
-    if let Some(region) = analysis.mixture.as_ref().and_then(|m| m.region) {
-        let e = region.estimate;
-        lines.push(format!(
-            "Porphyrin fraction: {:.3} ({:.3} to {:.3} by sensor noise)",
-            e.fraction, e.fraction_interval[0], e.fraction_interval[1]
-        ));
-    }
+    lines.extend(analysis.porphyrin_lines());
     lines.join("\n")
 }

@@ -18,7 +18,7 @@ use fluorspar::quote::excerpt;
 use fluorspar::scene::{Object, Shape};
 use fluorspar::sensor::{AutoExposure, CaptureFrame, EXPOSURE_MS, Sensor};
 use fluorspar::spectral::{Curve, Fluorophore, PhotonEem, WavelengthGrid};
-use fluorspar::study::{AnalysisPlan, Capture};
+use fluorspar::study::{AnalysisPlan, Capture, LineEnds};
 
 fn hint<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> String {
     did_you_mean(name, known)
@@ -308,10 +308,25 @@ pub(super) fn analysis(
         parts: section.parts.clone(),
         rectangle_px: section.rectangle_px,
         porphyrin: section.porphyrin.clone(),
+        line_ends: line_ends(file, section, seen),
         bulk,
         fluorophores,
         noise_threshold: section.noise_threshold,
     }))
+}
+
+/// A bulk given by hand, or that of another material than the region's, is an assumption that the scene must not correct.
+fn line_ends(file: &ExperimentFile, section: &AnalysisSection, seen: &Seen<'_>) -> LineEnds {
+    let in_region = |object: &&Object| section.parts.is_empty() || section.parts.contains(&object.name);
+    let is_its_own = |index: usize| {
+        let mut materials = seen.objects.iter().filter(in_region).map(|object| object.material);
+        materials.any(|material| material == index || seen.original(material) == index)
+    };
+    match bulk_material(file, section, seen) {
+        Some(index) if !is_its_own(index) => LineEnds::FlatSample,
+        None if section.bulk.is_some() => LineEnds::FlatSample,
+        _ => LineEnds::Scene,
+    }
 }
 
 /// Chromaticity needs three channels.

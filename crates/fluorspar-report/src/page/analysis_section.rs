@@ -1,6 +1,6 @@
 //! An analysis in plain words.
 
-use fluorspar::analysis::{Analysis, MixtureSummary, Statistics};
+use fluorspar::analysis::{Analysis, ErrorBudget, MixtureSummary, PorphyrinTruth, Statistics};
 
 use super::report_data::{Number, NumberTable, Origin, ReportItem, Section};
 
@@ -15,6 +15,12 @@ pub fn analysis_section(analysis: &Analysis, figures: Vec<ReportItem>) -> Sectio
     section = section.with(table("Sensor chromaticity of the region", chromaticity_rows(analysis)));
     if let Some(mixture) = &analysis.mixture {
         section = section.with(table("Porphyrin fraction", mixture_rows(mixture, analysis.counts.valid)));
+    }
+    if let Some(truth) = &analysis.truth {
+        section = section.with(table("What the simulation knows", truth_rows(truth)));
+    }
+    if let Some(budget) = &analysis.budget {
+        section = section.with(table("What moves the estimate on the line", budget_rows(budget)));
     }
     let predicted = fluorophore_rows(analysis);
     if !predicted.is_empty() {
@@ -45,6 +51,62 @@ fn fluorophore_rows(analysis: &Analysis) -> Vec<Number> {
 
 fn table(caption: &str, rows: Vec<Number>) -> ReportItem {
     ReportItem::Table(NumberTable { caption: caption.into(), rows })
+}
+
+fn truth_rows(truth: &PorphyrinTruth) -> Vec<Number> {
+    let [low, high] = truth.share_with_light_that_fluoresced_twice;
+    vec![Number::computed(
+        "True porphyrin share",
+        format!("{:.4}", truth.share),
+        "",
+        format!(
+            "The quantity that the estimates are after: {}. Light that fluoresced twice would make it {low:.4} to {high:.4}.",
+            truth.definition
+        ),
+    )]
+}
+
+fn budget_rows(budget: &ErrorBudget) -> Vec<Number> {
+    let signed = |value: f64| format!("{value:+.4}").replace('-', "−");
+    let [low, high] = budget.total_interval.map(|end| format!("{end:.4}").replace('-', "−"));
+    let mut rows = vec![
+        Number::computed(
+            "Share on the line, total interval",
+            format!("{} ({low} to {high})", format!("{:.4}", budget.share).replace('-', "−")),
+            "",
+            "Share of the electrons that the porphyrin emitted, with all that follows, added as squares. The variety of tissue and \
+             errors of the library of spectra are not in it.",
+        ),
+        Number::computed(
+            "Sensor noise",
+            format!("± {:.4}", budget.sensor_noise),
+            "",
+            "Half of the 95 % interval that the sensor's noise leaves.",
+        ),
+    ];
+    for item in &budget.items {
+        let without = format!("{:.4}", item.without).replace('-', "−");
+        let meaning = format!("Without it the share would be {without}.");
+        rows.push(Number::computed(
+            item.source[..1].to_uppercase() + &item.source[1..],
+            signed(item.change),
+            "",
+            meaning,
+        ));
+    }
+    rows.push(Number::computed(
+        "Blank",
+        format!("{:.4}", budget.blank).replace('-', "−"),
+        "",
+        "The estimate from the same light without that of the porphyrin.",
+    ));
+    rows.push(Number::computed(
+        "Detection limit",
+        format!("{:.4}", budget.detection_limit).replace('-', "−"),
+        "",
+        "Above it sensor noise mistakes neither a blank for porphyrin nor porphyrin for a blank in more than 5 % of cases.",
+    ));
+    rows
 }
 
 fn pixel_rows(analysis: &Analysis) -> Vec<Number> {

@@ -260,6 +260,14 @@ fn headline(run: &RunResults<'_>, leak: Option<f64>) -> Vec<Number> {
                 ),
             ));
         }
+        if let Some(truth) = &analysis.truth {
+            numbers.push(Number::computed(
+                "True porphyrin share",
+                format!("{:.3}", truth.share),
+                "",
+                "electrons of porphyrin light over those of all fluorescence of the region, as the simulation knows them",
+            ));
+        }
         if let (Some(r), Some(g)) = (&analysis.r, &analysis.g) {
             numbers.push(Number::computed(
                 "Sensor chromaticity",

@@ -10,7 +10,7 @@ use crate::image::ChannelImage;
 use crate::spectral::{GridMismatch, QuantumEfficiency, Radiance, Spectrum};
 
 /// Two-sided 95 % quantile of the standard normal distribution.
-const Z_95: f64 = 1.959_963_984_540_054;
+pub(super) const Z_95: f64 = 1.959_963_984_540_054;
 
 /// Channel values that a spectral radiance gives, up to the factor of exposure and optics that all channels share:
 /// `sum L lambda/(hc) QE_c dlambda`. Photons are counted here, as the sensor does.
@@ -110,7 +110,8 @@ pub struct MixtureLine {
 /// Where a pixel lies along the bulk-porphyrin line. Intervals hold 95 %.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LineEstimate {
-    /// Position of the nearest point of the line: 0 at bulk, 1 at porphyrin; may lie outside.
+    /// Position of the nearest point of the line: 0 at bulk, 1 at porphyrin; may lie outside. It is the share of the electrons
+    /// in R, G and B that come from the porphyrin.
     pub position: f64,
     /// Standard error of the position.
     pub position_standard_error: f64,
@@ -180,6 +181,18 @@ impl MixtureLine {
         Self::new(bulk, find(porphyrin)?)
     }
 
+    /// The same line between ends of other colors, each as bright as before: R + G + B per unit amount stays.
+    ///
+    /// # Errors
+    /// When an end is dark or both have the same chromaticity.
+    pub fn with_colors(&self, bulk_rgb: [f64; 3], porphyrin_rgb: [f64; 3]) -> Result<Self, MixtureError> {
+        let scaled = |color: [f64; 3], bright: [f64; 3]| {
+            let factor = bright.iter().sum::<f64>() / color.iter().sum::<f64>();
+            if factor.is_finite() { color.map(|value| factor * value) } else { color }
+        };
+        Self::new(scaled(bulk_rgb, self.bulk_rgb), scaled(porphyrin_rgb, self.porphyrin_rgb))
+    }
+
     /// `(r, g)` of bulk alone.
     pub fn bulk_point(&self) -> [f64; 2] {
         self.bulk
@@ -201,7 +214,7 @@ impl MixtureLine {
     }
 
     /// `a_p / (a_b + a_p)` at a position between 0 and 1 on the line, and its slope.
-    fn fraction(&self, position: f64) -> (f64, f64) {
+    pub(super) fn fraction(&self, position: f64) -> (f64, f64) {
         let k_bulk: f64 = self.bulk_rgb.iter().sum();
         let k_porphyrin: f64 = self.porphyrin_rgb.iter().sum();
         let denominator = position * k_bulk + (1.0 - position) * k_porphyrin;

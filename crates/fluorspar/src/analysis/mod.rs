@@ -8,6 +8,8 @@
 //! | [`RegionOfInterest::select`] | the pixels of a named part, of a rectangle, or of both |
 //! | [`RegionStatistics::new`] | mean, spread, percentiles, covariance ellipse of a region |
 //! | [`MixtureLine`] | the bulk-porphyrin line, and per pixel where on it a measurement lies |
+//! | [`RegionLight`] | where the light of a region was emitted, as a simulation knows it, and the true share of the porphyrin |
+//! | [`ErrorBudget`] | what moves the estimate, its blank and its detection limit |
 //! | [`analyze_region`] | all of it at once, as an [`Analysis`] that goes to `results.json` |
 //!
 //! Out of scope: telling the four bulk fluorophores apart. Under one excitation light their chromaticities are too
@@ -15,7 +17,9 @@
 
 mod channel_noise;
 mod chromaticity;
+mod error_budget;
 mod mixture_line;
+mod region_light;
 mod region_of_interest;
 mod statistics;
 mod summary;
@@ -25,9 +29,11 @@ pub use chromaticity::{
     ChromaticityMap, DEFAULT_NOISE_THRESHOLD, ExclusionCounts, MissingChannel, PixelValidity,
     chromaticity_covariance, rgb_channels, sensor_chromaticity,
 };
+pub use error_budget::{BudgetInput, BudgetItem, ErrorBudget};
 pub use mixture_line::{
     FluorophoreResponse, LineEstimate, MixtureError, MixtureLine, PorphyrinMap, channel_response,
 };
+pub use region_light::{PorphyrinTruth, RegionLight, SHARE_DEFINITION};
 pub use region_of_interest::{PixelSelection, Rectangle, RegionError, RegionOfInterest, SceneOnSensor};
 pub use statistics::{CovarianceEllipse, RegionStatistics, Statistics};
 pub use summary::{

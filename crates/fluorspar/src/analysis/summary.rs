@@ -3,11 +3,12 @@
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use super::mixture_line::pixel_rgb;
+use super::mixture_line::{Z_95, pixel_rgb};
 use super::{
-    ChannelNoise, ChromaticityMap, CovarianceEllipse, DEFAULT_NOISE_THRESHOLD, ExclusionCounts,
+    ChannelNoise, ChromaticityMap, CovarianceEllipse, DEFAULT_NOISE_THRESHOLD, ErrorBudget, ExclusionCounts,
     FluorophoreResponse, LineEstimate, MissingChannel, MixtureError, MixtureLine, PixelSelection,
-    PorphyrinMap, RegionError, RegionOfInterest, RegionStatistics, SceneOnSensor, Statistics, rgb_channels,
+    PorphyrinMap, PorphyrinTruth, RegionError, RegionOfInterest, RegionStatistics, SceneOnSensor, Statistics,
+    rgb_channels,
 };
 use crate::image::ChannelImage;
 
@@ -38,6 +39,33 @@ pub struct MixtureModel {
     pub bulk_weights: Vec<(String, f64)>,
     /// Name of the porphyrin.
     pub porphyrin: String,
+    /// R, G, B of the light of the bulk and of the porphyrin as they reach the sensor from the region, by all ways, at any
+    /// scale: they give the ends of the line their colors. `None`: the ends are those of flat samples under direct light.
+    pub ends: Option<[[f64; 3]; 2]>,
+}
+
+impl MixtureModel {
+    /// The line that mixtures follow in the region.
+    ///
+    /// An end has the color of [`Self::ends`] and the brightness, R + G + B per unit amount, of the flat sample.
+    ///
+    /// # Errors
+    /// When nothing forms the bulk, a name has no response, an end is dark or both have the same chromaticity.
+    pub fn line(&self) -> Result<MixtureLine, MixtureError> {
+        let direct = self.direct_line()?;
+        match self.ends {
+            None => Ok(direct),
+            Some([bulk, porphyrin]) => direct.with_colors(bulk, porphyrin),
+        }
+    }
+
+    /// The same for a flat sample under direct light.
+    ///
+    /// # Errors
+    /// As [`Self::line`].
+    pub fn direct_line(&self) -> Result<MixtureLine, MixtureError> {
+        MixtureLine::from_fluorophores(&self.responses, &self.bulk_weights, &self.porphyrin)
+    }
 }
 
 /// Where one fluorophore alone is predicted to lie.
@@ -70,6 +98,8 @@ pub struct ChannelStatistics {
 pub struct RegionFraction {
     /// Mean R, G, B over the valid pixels, DN, reflected light subtracted where known.
     pub mean_rgb_dn: [f64; 3],
+    /// Variance of that mean by the sensor's noise, DN².
+    pub variance_dn2: [f64; 3],
     /// Where it lies on the line.
     pub estimate: LineEstimate,
 }
@@ -124,8 +154,50 @@ pub struct Analysis {
     pub fluorophores: Vec<PredictedFluorophore>,
     /// The bulk-porphyrin line, where both ends are lit and apart.
     pub mixture: Option<MixtureSummary>,
+    /// What a simulation knows of the light of the region: the truth beside the estimate.
+    #[serde(default)]
+    pub truth: Option<PorphyrinTruth>,
+    /// What moves the estimate on the line, and by how much; in a simulation only.
+    #[serde(default)]
+    pub budget: Option<ErrorBudget>,
     /// Warnings about the reliability of the numbers.
     pub warnings: Vec<String>,
+}
+
+impl Analysis {
+    /// The porphyrin of the region in words, one line each: the estimates, and in a simulation the truth beside them.
+    #[must_use]
+    pub fn porphyrin_lines(&self) -> Vec<String> {
+        let mut lines = Vec::new();
+        if let Some(truth) = &self.truth {
+            let [low, high] = truth.share_with_light_that_fluoresced_twice;
+            lines.push(format!(
+                "True porphyrin share of the fluorescence electrons of the region: {:.4} ({low:.4} to {high:.4} with light that \
+                 fluoresced twice)",
+                truth.share
+            ));
+        }
+        if let Some(RegionFraction { estimate: e, .. }) = self.mixture.as_ref().and_then(|m| m.region) {
+            let [low, high] = [-1.0, 1.0].map(|sign| e.position + sign * Z_95 * e.position_standard_error);
+            lines.push(format!(
+                "Porphyrin share on the mixture line: {:.4} ({low:.4} to {high:.4} by sensor noise alone)",
+                e.position
+            ));
+            if let Some(budget) = &self.budget {
+                let [low, high] = budget.total_interval;
+                lines.push(format!(
+                    "  with leak, indirect light and light of other parts: {low:.4} to {high:.4}; blank {:.4}, detection limit {:.4}",
+                    budget.blank, budget.detection_limit
+                ));
+            }
+            let [low, high] = e.fraction_interval;
+            lines.push(format!(
+                "Porphyrin fraction a_p/(a_b+a_p): {:.4} ({low:.4} to {high:.4} by sensor noise alone)",
+                e.fraction
+            ));
+        }
+        lines
+    }
 }
 
 /// Why a frame cannot be analyzed.
@@ -181,16 +253,15 @@ pub fn analyze_region(
     let mut warnings = exclusion_warnings(&statistics.counts);
 
     // Predict the mixture line from the fluorophores
-    let line =
-        match model.map(|m| MixtureLine::from_fluorophores(&m.responses, &m.bulk_weights, &m.porphyrin)) {
-            None => None,
-            Some(Ok(line)) => Some(line),
-            Some(Err(error @ MixtureError::UnknownFluorophore { .. })) => return Err(error.into()),
-            Some(Err(error)) => {
-                warnings.push(format!("No porphyrin fraction: {error}"));
-                None
-            }
-        };
+    let line = match model.map(MixtureModel::line) {
+        None => None,
+        Some(Ok(line)) => Some(line),
+        Some(Err(error @ MixtureError::UnknownFluorophore { .. })) => return Err(error.into()),
+        Some(Err(error)) => {
+            warnings.push(format!("No porphyrin fraction: {error}"));
+            None
+        }
+    };
     // Estimate the porphyrin fraction per pixel and of the region's mean
     let mut porphyrin = None;
     let mut mixture = None;
@@ -199,6 +270,7 @@ pub fn analyze_region(
         let estimates = PorphyrinMap::new(image, valid, &selection, line, &settings.noise, reflected)?;
         let mean = mean_pixel(image, &map, &selection, &settings.noise, reflected)?;
         let summary = summarize(line, &estimates, mean, statistics.ellipse.as_ref());
+        warnings.extend(region_warnings(summary.region.as_ref(), image));
         if summary.off_line * 20 > statistics.counts.valid {
             warnings.push(format!(
                 "{} of {} valid pixels lie off the bulk-porphyrin line by more than noise explains. Their light contains \
@@ -226,6 +298,8 @@ pub fn analyze_region(
         ellipse: statistics.ellipse,
         fluorophores: model.map(predicted).unwrap_or_default(),
         mixture,
+        truth: None,
+        budget: None,
         warnings,
     };
     Ok((analysis, map, porphyrin))
@@ -244,6 +318,47 @@ fn exclusion_warnings(counts: &ExclusionCounts) -> Vec<String> {
     warn(counts.saturated, "saturated. Shorten the exposure or lower the gain.");
     warn(counts.below_noise_floor, "their light is lost in dark noise. Lengthen the exposure or add light.");
     warn(counts.undefined, "the sum of their channels is not positive: they are dark.");
+    warnings
+}
+
+/// How far from the line a region may lie by sampling noise of the render and by interpolation of colors at its rim, (r, g).
+const LINE_TOLERANCE: f64 = 0.002;
+
+/// What makes the estimate of a region doubtful.
+fn region_warnings(region: Option<&RegionFraction>, image: &ChannelImage) -> Vec<String> {
+    let Some(RegionFraction { mean_rgb_dn, estimate, .. }) = region else { return Vec::new() };
+    let mut warnings = Vec::new();
+    for (name, mean) in ["R", "G", "B"].iter().zip(mean_rgb_dn) {
+        if *mean < 3.0 * image.noise_floor_dn {
+            warnings.push(format!(
+                "{name} of the region is {mean:.1} DN on average, less than three times the read noise of a pixel ({:.1} DN): \
+                 small errors of the black level and of subtracted light move its color. Lengthen the exposure or add light.",
+                image.noise_floor_dn
+            ));
+        }
+        if *mean > 0.95 * image.full_scale_dn {
+            warnings.push(format!(
+                "{name} of the region is {mean:.0} DN on average, at full scale: its color can't be trusted. Shorten the \
+                 exposure or lower the gain."
+            ));
+        }
+    }
+    let allowed = (3.0 * estimate.distance_standard_error).max(LINE_TOLERANCE);
+    if estimate.distance.abs() > allowed {
+        warnings.push(format!(
+            "The region's mean color lies {:.4} beside the bulk-porphyrin line, {:.0} times what noise explains: its light holds \
+             something that the line does not, and its porphyrin fraction is biased by an unknown amount.",
+            estimate.distance.abs(),
+            estimate.distance.abs() / estimate.distance_standard_error
+        ));
+    }
+    if estimate.position < 0.0 {
+        warnings.push(format!(
+            "The estimate on the line lies below zero, at {:.4} with a standard error of {:.4} by noise: the region's color is \
+             beyond that of the bulk, so the bulk is not as assumed, or there is no porphyrin.",
+            estimate.position, estimate.position_standard_error
+        ));
+    }
     warnings
 }
 
@@ -309,7 +424,8 @@ fn summarize(
         porphyrin,
         length: line.length(),
         region: mean.and_then(|[mean_rgb_dn, variance]| {
-            line.project(mean_rgb_dn, variance).map(|estimate| RegionFraction { mean_rgb_dn, estimate })
+            let estimate = line.project(mean_rgb_dn, variance)?;
+            Some(RegionFraction { mean_rgb_dn, variance_dn2: variance, estimate })
         }),
         fraction: statistics(|e| e.fraction),
         fraction_standard_error: statistics(|e| e.fraction_standard_error),
@@ -335,6 +451,7 @@ mod tests {
             ],
             bulk_weights: vec![("elastin".into(), 0.8), ("FAD".into(), 0.2)],
             porphyrin: "porphyrins".into(),
+            ends: None,
         }
     }
 

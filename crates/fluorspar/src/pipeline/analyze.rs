@@ -2,18 +2,19 @@
 
 use super::capture::{behind_filter, on_sensor};
 use super::direct_light::{axis_point, irradiance_on, region_points};
+use super::region_light::region_light;
 use super::{CapturedFrame, PipelineError};
 use crate::analysis::{
-    Analysis, AnalysisSettings, ChannelNoise, ChromaticityMap, FluorophoreResponse, MixtureModel,
-    PixelSelection, PorphyrinMap, Rectangle, RegionOfInterest, SceneOnSensor, analyze_region,
-    channel_response,
+    Analysis, AnalysisSettings, BudgetInput, ChannelNoise, ChromaticityMap, ErrorBudget, FluorophoreResponse,
+    MixtureModel, PixelSelection, PorphyrinMap, Rectangle, RegionFraction, RegionLight, RegionOfInterest,
+    SceneOnSensor, analyze_region, channel_response, rgb_channels,
 };
 use crate::geometry::OrientedPoint;
-use crate::image::ComponentImage;
+use crate::image::{ChannelImage, ComponentImage};
 use crate::render::direct_exitance;
 use crate::sensor::Sensor;
 use crate::spectral::{Curve, QuantumEfficiency, Radiance, Spectrum};
-use crate::study::{AnalysisPlan, Capture, Study};
+use crate::study::{AnalysisPlan, Capture, LineEnds, Study};
 
 /// The analyzed frame: summary and the maps that it was made from.
 #[derive(Clone, Debug, PartialEq)]
@@ -31,8 +32,10 @@ pub struct AnalyzedFrame {
 /// Analyzes the frame that the study names. `None` without an analysis.
 ///
 /// The responses of the fluorophores are predicted for the light that reaches the region directly under the lights of
-/// the frame (those of a subtracted frame taken off), through the lens with its filters, to the sensor. Without a
-/// component image, which tells where the region lies, the light on the camera's axis in the plane of focus stands for it.
+/// the frame (those of a subtracted frame taken off), through the lens with its filters, to the sensor. A component image
+/// tells where the region lies, gives the ends of the line the colors that they have at the sensor, by all ways of the light
+/// ([`LineEnds::Scene`]), and tells the truth. Without one the light on the camera's axis in the plane of focus stands for that
+/// on the region.
 ///
 /// # Errors
 /// A frame that is not there, a region without pixels, a sensor without R, G and B.
@@ -68,10 +71,81 @@ pub fn analyze(
         .select(image.width, image.height, scene)
         .map_err(crate::analysis::AnalysisError::from)?;
     let light = frame_light(study, capture, scene.map(|scene| (scene, &region)));
-    let model = mixture_model(study, sensor, capture, light.as_ref(), settings);
-    let (analysis, chromaticity, porphyrin) =
+    let mut model = mixture_model(study, sensor, capture, light.as_ref(), settings);
+    let emitted = match components {
+        Some(components) => {
+            region_light(study, components, capture, &settings.porphyrin, frame.raw.exposure_s, &region)?
+        }
+        None => None,
+    };
+    if let (Some(model), Some(emitted), LineEnds::Scene) = (&mut model, &emitted, settings.line_ends) {
+        model.ends = line_ends(model, emitted);
+    }
+    let (mut analysis, chromaticity, porphyrin) =
         analyze_region(image, scene, model.as_ref(), None, &analysis_settings)?;
+    analysis.truth = emitted.as_ref().and_then(RegionLight::truth);
+    if let (Some(model), Some(emitted)) = (&model, &emitted) {
+        analysis.budget = budget(&analysis, model, emitted, image, &chromaticity, &region, k);
+    }
     Ok(Some(AnalyzedFrame { analysis, chromaticity, porphyrin, region }))
+}
+
+/// Colors of the ends of the line as the light of the region has them at the sensor. A porphyrin that is not there has the color of
+/// a flat sample.
+fn line_ends(model: &MixtureModel, emitted: &RegionLight) -> Option<[[f64; 3]; 2]> {
+    let lit = |rgb: [f64; 3]| rgb.iter().sum::<f64>() > 0.0;
+    let flat = model.responses.iter().find(|response| response.name == model.porphyrin)?.rgb_per_amount;
+    let porphyrin = if lit(emitted.porphyrin) { emitted.porphyrin } else { flat };
+    lit(emitted.bulk).then_some([emitted.bulk, porphyrin])
+}
+
+/// The error budget of the region on the line.
+fn budget(
+    analysis: &Analysis,
+    model: &MixtureModel,
+    emitted: &RegionLight,
+    image: &ChannelImage,
+    chromaticity: &ChromaticityMap,
+    region: &PixelSelection,
+    dn_per_electron: f64,
+) -> Option<ErrorBudget> {
+    let RegionFraction { mean_rgb_dn, variance_dn2, .. } = analysis.mixture.as_ref()?.region?;
+    ErrorBudget::new(&BudgetInput {
+        line: &model.line().ok()?,
+        direct_line: &model.direct_line().ok()?,
+        mean_rgb_dn,
+        variance_dn2,
+        inner_rgb_dn: inner_mean(image, chromaticity, region),
+        light: emitted,
+        dn_per_electron,
+    })
+}
+
+/// Mean R, G, B of the valid pixels of a region whose eight neighbors belong to it as well, DN: where interpolation of colors saw
+/// nothing else. `None` where there are none.
+fn inner_mean(
+    image: &ChannelImage,
+    chromaticity: &ChromaticityMap,
+    region: &PixelSelection,
+) -> Option<[f64; 3]> {
+    let (width, height) = (region.width, region.height);
+    let mut inside = vec![false; width * height];
+    region.pixels.iter().for_each(|&pixel| inside[pixel] = true);
+    let is_inner = |pixel: usize| {
+        let (row, col) = (pixel / width, pixel % width);
+        let within = row > 0 && col > 0 && row + 1 < height && col + 1 < width;
+        within && (row - 1..=row + 1).all(|row| (col - 1..=col + 1).all(|col| inside[row * width + col]))
+    };
+    let channels = rgb_channels(image).ok()?;
+    let (mut sum, mut pixels) = ([0.0; 3], 0usize);
+    for &pixel in &region.pixels {
+        if chromaticity.at(pixel).is_some() && is_inner(pixel) {
+            let value = |channel: usize| f64::from(image.data[pixel * image.channels.len() + channel]);
+            sum.iter_mut().zip(channels).for_each(|(sum, channel)| *sum += value(channel));
+            pixels += 1;
+        }
+    }
+    (pixels > 0).then(|| sum.map(|sum| sum / pixels as f64))
 }
 
 /// Irradiance spectrum under the lights that a developed frame holds, W/(m² nm): the mean over the points of a region, or
@@ -129,5 +203,6 @@ fn mixture_model(
         responses,
         bulk_weights: settings.bulk.clone(),
         porphyrin: settings.porphyrin.clone(),
+        ends: None,
     })
 }

@@ -4,9 +4,10 @@
 use serde::Serialize;
 
 use super::PipelineError;
-use super::capture::{behind_filter, film_extent, film_irradiance, on_sensor, tan_half_width};
+use super::capture::{behind_filter, on_sensor};
 use super::filter_leak::{LeakBehindFilters, behind_filters};
 use super::light_by_shape::{component_spectrum, light_by_shape};
+use super::region_light::RegionOnMosaic;
 use super::region_radiance::RegionRadiance;
 use crate::analysis::PixelSelection;
 use crate::image::ComponentImage;
@@ -79,45 +80,22 @@ pub fn frame_leak(
     if capture.frame.lights.values().all(|&drive| drive == 0.0) {
         return Ok(None);
     }
-    let film = film_extent(study, components, &lens);
     let lens = behind_filter(&lens, capture);
     let names: Vec<String> = sensor.qe().channels().iter().map(|channel| channel.name.clone()).collect();
-    let model = sensor.model();
-    let (columns, rows) = (model.columns, model.rows);
-    // Pixels of a binned frame are blocks of pixels of the sensor.
-    let mut selected = vec![region.is_none(); columns * rows];
-    if let Some(region) = region {
-        let (wide, high) = (columns / region.width.max(1), rows / region.height.max(1));
-        for &pixel in &region.pixels {
-            let (left, top) = ((pixel % region.width) * wide, (pixel / region.width) * high);
-            for row in top..(top + high).min(rows) {
-                selected[row * columns + left..row * columns + (left + wide).min(columns)].fill(true);
-            }
-        }
-    }
-    let mut counts = vec![0_usize; names.len()];
-    for (index, _) in selected.iter().enumerate().filter(|(_, is)| **is) {
-        counts[sensor.mosaic().channel(index / columns, index % columns)] += 1;
-    }
+    let mosaic = RegionOnMosaic::new(sensor, region);
     // Electrons by channel: reflected, fluorescent.
-    let mut sums = vec![[0.0_f64; 2]; names.len()];
-    let tan_half_width = tan_half_width(study, components);
+    let mut means = vec![[0.0_f64; 2]; names.len()];
     for light in light_by_shape(study, &capture.frame, components) {
         let kind = usize::from(light.fluorescent);
-        let irradiance = film_irradiance(study, &lens, &light, tan_half_width, film.width_mm);
-        let rate = sensor.electron_rate_on_film(&irradiance, film)?;
-        for (index, value) in rate.data.iter().enumerate().filter(|(index, _)| selected[*index]) {
-            let channel = sensor.mosaic().channel(index / columns, index % columns);
-            sums[channel][kind] += exposure_s * f64::from(*value);
-        }
+        let rates = mosaic.mean_rates(study, components, &lens, &light)?;
+        means.iter_mut().zip(rates).for_each(|(mean, rate)| mean[kind] += exposure_s * rate);
     }
-    let mean = |channel: usize, kind: usize| sums[channel][kind] / counts[channel].max(1) as f64;
     let channels: Vec<ChannelLeak> = (0..names.len())
-        .filter(|&channel| counts[channel] > 0)
+        .filter(|&channel| mosaic.counts[channel] > 0)
         .map(|channel| ChannelLeak {
             name: names[channel].clone(),
-            reflected_e: mean(channel, 0),
-            fluorescent_e: mean(channel, 1),
+            reflected_e: means[channel][0],
+            fluorescent_e: means[channel][1],
         })
         .collect();
     let scene_pixels: Vec<usize> = match region {
@@ -130,7 +108,7 @@ pub fn frame_leak(
     let mut leak = FrameLeak {
         frame: capture.frame.label.clone(),
         exposure_s,
-        pixels: counts.iter().sum(),
+        pixels: mosaic.counts.iter().sum(),
         channels,
         leak_ratio: None,
         ratio_before: None,

@@ -30,6 +30,7 @@ mod light_by_shape;
 mod motion;
 mod predict;
 mod preview;
+mod region_light;
 mod region_radiance;
 mod region_signal;
 mod row_bands;

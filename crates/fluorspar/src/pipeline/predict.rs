@@ -25,7 +25,7 @@ pub struct RadianceSplit {
 /// Mean response of one channel.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ChannelPrediction {
-    /// Mean photo-electrons, e-.
+    /// Mean photo-electrons, e-, as the light frees them: where the well is full, more than it holds.
     pub electrons: f64,
     /// The part from reflected light, e-.
     pub electrons_reflected: f64,
@@ -35,7 +35,7 @@ pub struct ChannelPrediction {
     pub volts: f64,
     /// Mean digital number, not rounded.
     pub dn: f64,
-    /// Temporal noise of one pixel, DN rms.
+    /// Temporal noise of one pixel, DN rms; 0 where it is saturated.
     pub noise_dn: f64,
     /// Whether the mean is saturated.
     pub saturated: bool,
@@ -77,13 +77,14 @@ pub struct Prediction {
     pub exposure_s: Option<f64>,
     /// Response of each channel; empty without a sensor.
     pub channels: BTreeMap<String, ChannelPrediction>,
-    /// Chromaticity of all light; null without R, G and B channels or without light.
+    /// Chromaticity of all light; null without R, G and B channels, without light or where one of them is saturated.
     pub chromaticity: Option<Chromaticity>,
     /// Chromaticity of each fluorophore alone.
     pub fluorophore_chromaticity: BTreeMap<String, Option<Chromaticity>>,
     /// Reflected over fluorescent electrons, all channels together; null without fluorescence.
     pub leak_ratio: Option<f64>,
-    /// Porphyrin fraction from the chromaticity; null without R, G and B or without a porphyrin beside a bulk.
+    /// Porphyrin fraction from the chromaticity; null without R, G and B, without a porphyrin beside a bulk or where a channel
+    /// is saturated.
     pub porphyrin: Option<PredictedPorphyrin>,
     /// Photons emitted between 500 and 700 nm per photon that arrives; null where the model has no physical yields.
     pub photon_yield_500_700: Option<f64>,
@@ -141,7 +142,9 @@ pub fn predict(sample: &FlatSample) -> Result<Prediction, PredictError> {
         let response = sensor.flat_response(light, &exposure)?;
         let camera = CameraResponse::new(&lens.equation, sensor, &sample.grid, None);
         respond(&mut prediction, &camera, &parts, exposure.time_s, &response);
-        prediction.porphyrin = porphyrin(sample, &camera, &parts, exposure.time_s);
+        if !response.saturated.contains(&true) {
+            prediction.porphyrin = porphyrin(sample, &camera, &parts, exposure.time_s);
+        }
     }
     Ok(prediction)
 }
@@ -191,7 +194,7 @@ fn respond(
             electrons_fluorescence: fluorescent_e.iter().map(|(n, e)| ((*n).clone(), e[c])).collect(),
             volts: response.volts[c],
             dn: response.dn[c],
-            noise_dn: response.noise_dn[c],
+            noise_dn: if response.saturated[c] { 0.0 } else { response.noise_dn[c] },
             saturated: response.saturated[c],
         };
         prediction.channels.insert(name.clone(), channel);
@@ -204,7 +207,10 @@ fn respond(
     };
     let fluorescent_total: f64 = fluorescent_e.iter().flat_map(|(_, e)| e).sum();
     prediction.exposure_s = Some(time_s);
-    prediction.chromaticity = chromaticity(&response.electrons);
+    // A ratio of saturated values is wrong by an unknown amount.
+    if !response.saturated.contains(&true) {
+        prediction.chromaticity = chromaticity(&response.electrons);
+    }
     prediction.fluorophore_chromaticity =
         fluorescent_e.iter().map(|(name, e)| ((*name).clone(), chromaticity(e))).collect();
     prediction.leak_ratio =

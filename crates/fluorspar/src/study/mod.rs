@@ -18,7 +18,7 @@ mod program;
 pub use camera::{Camera, Lens, ViewFilter};
 pub use flat_sample::{FlatSample, FluorescenceModel};
 pub use program::{
-    AnalysisPlan, Capture, Develop, FlatFieldPlan, Motion, SafetyPlan, SpectroradiometerPlan,
+    AnalysisPlan, Capture, Develop, FlatFieldPlan, LineEnds, Motion, SafetyPlan, SpectroradiometerPlan,
     SpectroradiometerTarget,
 };
 

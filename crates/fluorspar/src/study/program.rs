@@ -140,6 +140,19 @@ pub struct AnalysisPlan {
     /// Fluorophores whose responses are predicted: those of the scene, and those of the bulk that no material holds. Where the
     /// region is layered tissue, they emit as its surface does.
     pub fluorophores: Vec<Fluorophore>,
+    /// Where the colors of the ends of the mixture line come from.
+    pub line_ends: LineEnds,
     /// Least channel sum that has a chromaticity, in standard deviations of its noise.
     pub noise_threshold: f64,
+}
+
+/// Where the colors of the ends of a mixture line come from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum LineEnds {
+    /// The light of bulk and porphyrin as it reaches the sensor from the region of a component image, by all ways; flat samples
+    /// where there is none.
+    #[default]
+    Scene,
+    /// Flat samples of the bulk and the porphyrin under direct light, whatever the scene holds: an assumption to be tested.
+    FlatSample,
 }

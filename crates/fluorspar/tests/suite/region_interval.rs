@@ -38,6 +38,7 @@ fn mean_square_z(ambient_e_per_s: f64, subtract: bool) -> f64 {
         responses: vec![response("bulk", bulk), response("porphyrin", porphyrin)],
         bulk_weights: vec![("bulk".into(), 1.0)],
         porphyrin: "porphyrin".into(),
+        ends: None,
     };
     let truth = 0.3;
     let light: [f64; 3] =

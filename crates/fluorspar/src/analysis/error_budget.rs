@@ -1,0 +1,135 @@
+//! What moves the estimate of a region on the mixture line, and by how much.
+
+use serde::{Deserialize, Serialize};
+
+use super::mixture_line::Z_95;
+use super::{LineEstimate, MixtureLine, RegionLight};
+
+/// Standard deviations of the blank at which a signal is detected with errors of 5 % either way: `2 * 1.645` (Currie, Anal. Chem.
+/// 40, 586, 1968).
+const DETECTION_Z: f64 = 3.29;
+
+/// One thing that moves the estimate.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct BudgetItem {
+    /// Its name.
+    pub source: String,
+    /// The share that the estimate would be without it.
+    pub without: f64,
+    /// How far it moves the estimate.
+    pub change: f64,
+}
+
+/// Error budget of an estimate on the line, in shares of the electrons. A simulation knows where the light came from; so each part
+/// can be taken away.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ErrorBudget {
+    /// The estimate.
+    pub share: f64,
+    /// Half of the 95 % interval that the sensor's noise leaves.
+    pub sensor_noise: f64,
+    /// Everything else: leaked light, light of other parts, light that fluoresced twice, indirect light, the rim of the region.
+    pub items: Vec<BudgetItem>,
+    /// The estimate and the root of the summed squares of the sensor's noise and of all changes, either way. It may reach below
+    /// zero. Errors of the library of spectra and the variety of tissue are not in it.
+    pub total_interval: [f64; 2],
+    /// The same as `a_p / (a_b + a_p)`, within 0 to 1.
+    pub fraction_total_interval: [f64; 2],
+    /// The estimate if the same light came without that of the porphyrin.
+    pub blank: f64,
+    /// The share above which an estimate is told from the blank, with errors of 5 % either way by the sensor's noise.
+    pub detection_limit: f64,
+}
+
+/// The mean of a region and what is known of it.
+#[derive(Clone, Copy, Debug)]
+pub struct BudgetInput<'a> {
+    /// The line that the estimate lies on.
+    pub line: &'a MixtureLine,
+    /// The line of flat samples under direct light.
+    pub direct_line: &'a MixtureLine,
+    /// Mean R, G, B, DN.
+    pub mean_rgb_dn: [f64; 3],
+    /// Variance of that mean, DN².
+    pub variance_dn2: [f64; 3],
+    /// Mean R, G, B without the pixels at the rim of the region, DN, if any are left.
+    pub inner_rgb_dn: Option<[f64; 3]>,
+    /// Where the light was emitted, e-.
+    pub light: &'a RegionLight,
+    /// Digital numbers per electron.
+    pub dn_per_electron: f64,
+}
+
+impl ErrorBudget {
+    /// The budget; `None` where the region has no chromaticity.
+    #[must_use]
+    pub fn new(input: &BudgetInput<'_>) -> Option<Self> {
+        let BudgetInput { line, mean_rgb_dn, variance_dn2, light, .. } = *input;
+        let estimate = |rgb: [f64; 3]| line.project(rgb, variance_dn2);
+        let here: LineEstimate = estimate(mean_rgb_dn)?;
+        let without = |electrons: [f64; 3]| {
+            estimate([0, 1, 2].map(|c| mean_rgb_dn[c] - input.dn_per_electron * electrons[c]))
+        };
+        let mut items = Vec::new();
+        let mut item = |source: &str, other: Option<LineEstimate>| {
+            if let Some(other) = other {
+                let (without, change) = (other.position, here.position - other.position);
+                items.push(BudgetItem { source: source.into(), without, change });
+            }
+        };
+        item("leaked light", without(light.reflected));
+        item("light of other parts", without(light.other_parts));
+        item("light that fluoresced twice", without(light.fluoresced_twice));
+        item("indirect light", input.direct_line.project(mean_rgb_dn, variance_dn2));
+        item("rim of the region", input.inner_rgb_dn.and_then(estimate));
+
+        let sensor_noise = Z_95 * here.position_standard_error;
+        let squares: f64 = items.iter().map(|item| item.change * item.change).sum();
+        let half = sensor_noise.hypot(squares.sqrt());
+        let total_interval = [here.position - half, here.position + half];
+        let blank = without(light.porphyrin)?;
+        Some(Self {
+            share: here.position,
+            sensor_noise,
+            items,
+            total_interval,
+            fraction_total_interval: total_interval.map(|share| line.fraction(share.clamp(0.0, 1.0)).0),
+            blank: blank.position,
+            detection_limit: blank.position + DETECTION_Z * blank.position_standard_error,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A mixture with known parts: each is taken away exactly.
+    #[test]
+    fn every_part_is_taken_away() {
+        let (bulk, porphyrin) = ([20.0, 60.0, 20.0], [8.0, 1.0, 1.0]);
+        let line = MixtureLine::new(bulk, porphyrin).unwrap();
+        // Indirect light makes the ends redder than those of a flat sample.
+        let direct_line = MixtureLine::new([18.0, 62.0, 20.0], porphyrin).unwrap();
+        let light = RegionLight { porphyrin, bulk, reflected: [0.0, 2.0, 0.0], ..RegionLight::default() };
+        let input = BudgetInput {
+            line: &line,
+            direct_line: &direct_line,
+            mean_rgb_dn: light.all().map(|e| 0.5 * e),
+            variance_dn2: [1e-4; 3],
+            inner_rgb_dn: None,
+            light: &light,
+            dn_per_electron: 0.5,
+        };
+        let budget = ErrorBudget::new(&input).unwrap();
+        let item = |name: &str| budget.items.iter().find(|item| item.source == name).unwrap();
+        assert!((item("leaked light").without - 10.0 / 110.0).abs() < 1e-12);
+        assert!(item("indirect light").without > budget.share + 0.01);
+        assert_eq!(item("light of other parts").change, 0.0);
+        // Without the porphyrin the leak alone is left, which is green.
+        assert!(budget.blank < 0.0 && budget.detection_limit > budget.blank);
+        let [low, high] = budget.total_interval;
+        assert!(low < 10.0 / 110.0 && high > 10.0 / 110.0);
+        assert!(high - budget.share > budget.sensor_noise);
+    }
+}

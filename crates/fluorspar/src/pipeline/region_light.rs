@@ -1,0 +1,158 @@
+//! Electrons of a region by where their light was emitted: what a simulation knows and a camera does not.
+
+use std::collections::BTreeSet;
+
+use super::PipelineError;
+use super::capture::{behind_filter, film_extent, film_irradiance, on_sensor, tan_half_width};
+use super::light_by_shape::{ShapedRadiance, component_spectrum};
+use crate::analysis::{PixelSelection, RegionLight};
+use crate::image::{Component, ComponentImage, LightPath};
+use crate::optics::IdealLens;
+use crate::sensor::Sensor;
+use crate::study::{Capture, Study};
+
+/// A region of the developed frame as pixels of the sensor.
+pub(super) struct RegionOnMosaic<'a> {
+    sensor: &'a Sensor,
+    /// Whether a pixel of the sensor belongs to the region.
+    selected: Vec<bool>,
+    /// Pixels of each channel.
+    pub(super) counts: Vec<usize>,
+}
+
+impl<'a> RegionOnMosaic<'a> {
+    /// The pixels behind a region, or all of them. Pixels of a binned frame are blocks of pixels of the sensor.
+    pub(super) fn new(sensor: &'a Sensor, region: Option<&PixelSelection>) -> Self {
+        let model = sensor.model();
+        let (columns, rows) = (model.columns, model.rows);
+        let mut selected = vec![region.is_none(); columns * rows];
+        if let Some(region) = region {
+            let (wide, high) = (columns / region.width.max(1), rows / region.height.max(1));
+            for &pixel in &region.pixels {
+                let (left, top) = ((pixel % region.width) * wide, (pixel / region.width) * high);
+                for row in top..(top + high).min(rows) {
+                    selected[row * columns + left..row * columns + (left + wide).min(columns)].fill(true);
+                }
+            }
+        }
+        let mut counts = vec![0_usize; sensor.qe().channels().len()];
+        for (index, _) in selected.iter().enumerate().filter(|(_, is)| **is) {
+            counts[sensor.mosaic().channel(index / columns, index % columns)] += 1;
+        }
+        Self { sensor, selected, counts }
+    }
+
+    /// Mean electrons per second of the pixels of each channel, through lens, filters and sensor as [`super::capture()`] does
+    /// it, without noise and at rest.
+    pub(super) fn mean_rates(
+        &self,
+        study: &Study,
+        components: &ComponentImage,
+        lens: &IdealLens,
+        light: &ShapedRadiance,
+    ) -> Result<Vec<f64>, PipelineError> {
+        let film = film_extent(study, components, lens);
+        let tan_half_width = tan_half_width(study, components);
+        let irradiance = film_irradiance(study, lens, light, tan_half_width, film.width_mm);
+        let rate = self.sensor.electron_rate_on_film(&irradiance, film)?;
+        let columns = self.sensor.model().columns;
+        let mut sums = vec![0.0; self.counts.len()];
+        for (index, value) in rate.data.iter().enumerate().filter(|(index, _)| self.selected[*index]) {
+            sums[self.sensor.mosaic().channel(index / columns, index % columns)] += f64::from(*value);
+        }
+        Ok(sums.iter().zip(&self.counts).map(|(sum, count)| sum / (*count).max(1) as f64).collect())
+    }
+}
+
+/// Drive of a light group in a capture, less that of the frame that is subtracted from it: development scales that frame to the
+/// same exposure.
+fn remaining_drive(study: &Study, capture: &Capture, group: &str) -> f64 {
+    let subtracted = capture.subtract.as_ref().and_then(|label| study.capture(label));
+    capture.frame.drive(group) - subtracted.map_or(0.0, |other| other.frame.drive(group))
+}
+
+/// Splits the expected electrons of a region of a developed frame by where their light was emitted: mean electrons per pixel in
+/// R, G and B, a subtracted frame taken off. `None` without lens, sensor or one of these channels.
+///
+/// # Errors
+/// A film that can't be used.
+pub(super) fn region_light(
+    study: &Study,
+    components: &ComponentImage,
+    capture: &Capture,
+    porphyrin: &str,
+    exposure_s: f64,
+    region: &PixelSelection,
+) -> Result<Option<RegionLight>, PipelineError> {
+    let (Some(lens), Some(sensor)) = (study.camera.lens_behind_filters(), &study.camera.sensor) else {
+        return Ok(None);
+    };
+    let find = |name: &str| sensor.mosaic().channels.iter().position(|channel| channel == name);
+    let (Some(red), Some(green), Some(blue)) = (find("R"), find("G"), find("B")) else { return Ok(None) };
+    let lens = behind_filter(&lens, capture);
+    let mosaic = RegionOnMosaic::new(sensor, Some(region));
+    let held = fluorophores_of_region(study, components, region);
+    let electrons = |light: &ShapedRadiance| -> Result<[f64; 3], PipelineError> {
+        let rates = mosaic.mean_rates(study, components, &lens, light)?;
+        Ok([red, green, blue].map(|channel| exposure_s * rates[channel]))
+    };
+    let fluorescent = |is: &dyn Fn(&LightPath) -> bool| -> Result<[f64; 3], PipelineError> {
+        let drive = |c: &Component| {
+            if is(&c.light) { remaining_drive(study, capture, &c.light_group) } else { 0.0 }
+        };
+        if components.components.iter().all(|c| drive(c) == 0.0) {
+            return Ok([0.0; 3]);
+        }
+        let light = ShapedRadiance { radiance: components.recombine(drive), fluorescent: true, shape: None };
+        electrons(&light)
+    };
+    let is_porphyrin =
+        |light: &LightPath| matches!(light, LightPath::Fluorescence(name) if name == porphyrin);
+    let is_held = |light: &LightPath| matches!(light, LightPath::Fluorescence(name) if held.contains(name));
+    let is_other = |light: &LightPath| matches!(light, LightPath::Fluorescence(name) if !held.contains(name));
+    let mut reflected = [0.0; 3];
+    for component in components.components.iter().filter(|c| c.light == LightPath::Reflected) {
+        let drive = remaining_drive(study, capture, &component.light_group);
+        if drive != 0.0 {
+            let radiance = components.recombine(|c| if c == component { drive } else { 0.0 });
+            let shape = component_spectrum(study, component);
+            let more = electrons(&ShapedRadiance { radiance, fluorescent: false, shape })?;
+            reflected.iter_mut().zip(more).for_each(|(sum, more)| *sum += more);
+        }
+    }
+    Ok(Some(RegionLight {
+        porphyrin: fluorescent(&is_porphyrin)?,
+        bulk: fluorescent(&|light| is_held(light) && !is_porphyrin(light))?,
+        other_parts: fluorescent(&|light| is_other(light) && !is_porphyrin(light))?,
+        fluoresced_twice: fluorescent(&|light| *light == LightPath::MultipleFluorescence)?,
+        reflected,
+    }))
+}
+
+/// Names of the fluorophores that the materials hold which the region shows; all names where the render kept no map of parts.
+fn fluorophores_of_region(
+    study: &Study,
+    components: &ComponentImage,
+    region: &PixelSelection,
+) -> BTreeSet<String> {
+    let scene = &study.scene;
+    let features = &components.features;
+    let known = features.part.len() == components.width * components.height;
+    let seen = on_sensor(study, components).filter(|_| known);
+    let Some(seen) = seen else {
+        return scene.fluorophores.iter().map(|fluorophore| fluorophore.name.clone()).collect();
+    };
+    let parts: BTreeSet<u16> = seen.scene_pixels(region).iter().map(|&pixel| features.part[pixel]).collect();
+    let shown = |object: &&crate::scene::Object| {
+        parts.iter().filter(|part| **part > 0).any(|part| {
+            features.part_names.get(usize::from(*part) - 1).is_some_and(|name| *name == object.name)
+        })
+    };
+    let mut names = BTreeSet::new();
+    for object in scene.objects.iter().filter(shown) {
+        for amount in &scene.materials[object.material].fluorophores {
+            names.insert(scene.fluorophores[amount.fluorophore].name.clone());
+        }
+    }
+    names
+}
