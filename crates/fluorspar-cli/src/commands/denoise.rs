@@ -62,6 +62,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
             options.image.display()
         )));
     };
+    check_room(&options.out, 4 * loaded.image.data.len() as u64)?;
     let settings =
         DenoiseSettings { radius: options.radius, strength: options.strength, ..DenoiseSettings::default() };
     let image = denoise(&loaded.image, &settings).map_err(|error| match error {
@@ -70,7 +71,6 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         }
         error => CliError::Input(format!("{}: {error}", options.image.display())),
     })?;
-    check_room(&options.out, 4 * image.data.len() as u64)?;
     output.write(&image, &provenance)?;
     set.finish()?;
     if options.talk.json {
