@@ -1,7 +1,9 @@
 //! What takes long to make is made once: the cache of the program, if it has one.
 
-use std::sync::{Arc, OnceLock};
+use std::sync::{Arc, Mutex, OnceLock};
 
+use fluorspar::material::{ScalarTexture, TissueSurface};
+use fluorspar::spectral::Fluorophore;
 use fluorspar_anatomy::{Mouth, MouthParameters, ParameterError, generate_mouth, shared_mouth};
 use fluorspar_format::Cache;
 
@@ -34,4 +36,48 @@ pub fn kept_mouth(parameters: &MouthParameters) -> Result<Arc<Mouth>, ParameterE
         }
         Ok(mouth)
     })
+}
+
+/// Solved tissues of this process, newest last, by what they were made of.
+static TISSUES: Mutex<Vec<(String, TissueSurface)>> = Mutex::new(Vec::new());
+/// Most of them.
+const MOST_TISSUES: usize = 48;
+
+/// What `make` solves, or the same tissue from this process or from the cache. `key` is all that the states depend on but for
+/// the program; `parameters` are the names and maps of those that vary, and `find` gives a fluorophore by its name.
+///
+/// # Errors
+/// Those of `make`.
+pub(crate) fn kept_tissue<E>(
+    key: &str,
+    parameters: Vec<(String, ScalarTexture)>,
+    find: &dyn Fn(&str) -> Option<Arc<Fluorophore>>,
+    make: impl FnOnce() -> Result<TissueSurface, E>,
+) -> Result<TissueSurface, E> {
+    let known = TISSUES
+        .lock()
+        .ok()
+        .and_then(|kept| kept.iter().find(|(other, _)| other == key).map(|(_, surface)| surface.clone()));
+    if let Some(surface) = known {
+        return Ok(surface.with_maps(parameters.into_iter().map(|(_, map)| map)));
+    }
+    let kept = cache()
+        .and_then(|cache| TissueSurface::from_bytes(&cache.get("tissue", key.as_bytes())?, parameters, find));
+    let surface = match kept {
+        Some(surface) => surface,
+        None => {
+            let surface = make()?;
+            if let (Some(cache), Some(bytes)) = (cache(), surface.to_bytes()) {
+                cache.put("tissue", key.as_bytes(), &bytes);
+            }
+            surface
+        }
+    };
+    if let Ok(mut kept) = TISSUES.lock() {
+        kept.push((key.to_owned(), surface.clone()));
+        if kept.len() > MOST_TISSUES {
+            kept.remove(0);
+        }
+    }
+    Ok(surface)
 }

@@ -7,6 +7,7 @@ use std::path::Path;
 use glam::{DVec3, Vec3};
 
 use super::record::InputFile;
+use super::tissue::Emitter;
 use crate::document::Document;
 use crate::error::{ExperimentError, PathsFrom, Place, Step};
 use crate::schema::{ExposureTime, FilePath};
@@ -42,6 +43,8 @@ pub(crate) struct Context<'a> {
     pub(crate) mouth: Option<MouthParameters>,
     /// The only tissue that uses the material that is being resolved.
     pub(crate) tissue: Option<Tissue>,
+    /// Fluorophores that layered tissue may hold, as far as they were looked for.
+    pub(super) emitters: Vec<Emitter>,
 }
 
 pub(crate) type Resolved<T> = Result<T, ExperimentError>;
@@ -53,6 +56,7 @@ impl<'a> Context<'a> {
             warnings: Vec::new(),
             mouth: None,
             tissue: None,
+            emitters: Vec::new(),
             exceeded: Vec::new(),
             inputs: Vec::new(),
             presets: BTreeMap::new(),

@@ -7,16 +7,18 @@ use super::fluorophore::{Fluorophores, MAX_CONCENTRATION};
 use super::gloss::gloss;
 use crate::ExperimentError;
 use crate::error::{Place, steps};
+use crate::kept::kept_tissue;
 use crate::schema::{
     ExperimentFile, FluorophoreSection, GlossSection, LesionSection, TissueMaterialSection, TissueSection,
 };
+use fluorspar::digest::sha256_hex;
 use fluorspar::material::{
     Coat, FluorophoreAmount, INTERPOLATION_ERROR, MAX_MAPPED_PARAMETERS, MappedParameter, Material,
     ScalarTexture, Scattering, TissueSurface,
 };
 use fluorspar::names::did_you_mean;
 use fluorspar::quote::excerpt;
-use fluorspar::spectral::{Fluorophore, WavelengthGrid};
+use fluorspar::spectral::{Fluorophore, WavelengthGrid, YieldDensity};
 use fluorspar::tissue::{LayeredTissue, Site, TissueError, TissueState};
 
 /// Largest factor on a parameter of tissue over a surface.
@@ -57,7 +59,7 @@ impl Variation {
     /// The map with its nodes: a spot is there or not, and mixes with what is around in its rim.
     fn parameter(&self) -> MappedParameter {
         let nodes = if self.inside.is_some() { vec![0.0, 1.0] } else { Vec::new() };
-        MappedParameter { name: self.name.clone(), nodes, map: self.map.clone() }
+        MappedParameter { nodes, ..MappedParameter::without_nodes(self.name.clone(), self.map.clone()) }
     }
 }
 
@@ -109,8 +111,15 @@ fn of_section(context: &Context<'_>, at: &Place, section: &TissueSection) -> Res
     Ok(site)
 }
 
+/// A fluorophore that tissue may hold, and the digest of its spectra.
+#[derive(Clone, Debug)]
+pub(crate) struct Emitter {
+    fluorophore: Arc<Fluorophore>,
+    sha256: String,
+}
+
 /// The layers of a site, with fluorophores of the sections of the file, otherwise of the catalogue.
-pub(crate) struct Layers(Vec<Arc<Fluorophore>>);
+pub(crate) struct Layers(Vec<Emitter>);
 
 impl Layers {
     /// Looks for all fluorophores that the site may hold.
@@ -120,18 +129,53 @@ impl Layers {
         sections: &[FluorophoreSection],
         site: &Site,
     ) -> Resolved<Self> {
-        // A list of its own: what the tissue does not hold is no component of the render.
-        let mut known = Fluorophores::default();
+        let mut emitters = Vec::new();
         for name in site.fluorophores() {
-            known.index(context, at, sections, name)?;
+            if let Some(known) = context.emitters.iter().find(|known| known.fluorophore.name == *name) {
+                emitters.push(known.clone());
+                continue;
+            }
+            // A list of its own: what the tissue does not hold is no component of the render.
+            let mut found = Fluorophores::default();
+            found.index(context, at, sections, name)?;
+            for fluorophore in found.list {
+                let sha256 = digest(&fluorophore);
+                let emitter = Emitter { fluorophore: Arc::new(fluorophore), sha256 };
+                context.emitters.push(emitter.clone());
+                emitters.push(emitter);
+            }
         }
-        Ok(Self(known.list.into_iter().map(Arc::new).collect()))
+        Ok(Self(emitters))
     }
 
     /// The layers of the site, or of the same with other parameters.
     pub(crate) fn of(&self, site: &Site) -> Result<LayeredTissue, TissueError> {
-        site.tissue(&|name| self.0.iter().find(|fluorophore| fluorophore.name == name).cloned())
+        site.tissue(&|name| self.find(name))
     }
+
+    fn find(&self, name: &str) -> Option<Arc<Fluorophore>> {
+        let known = self.0.iter().find(|emitter| emitter.fluorophore.name == name);
+        known.map(|emitter| emitter.fluorophore.clone())
+    }
+}
+
+/// Digest of the spectra of a fluorophore, to the last bit.
+fn digest(fluorophore: &Fluorophore) -> String {
+    let bytes = |values: &[f64]| values.iter().flat_map(|value| value.to_le_bytes()).collect::<Vec<u8>>();
+    let eem = &fluorophore.eem;
+    let mut blocks = vec![fluorophore.name.clone().into_bytes(), format!("{:?}", eem.stokes()).into_bytes()];
+    blocks.push(bytes(&[eem.scale()]));
+    match eem.density() {
+        YieldDensity::Separable(terms) => {
+            for curve in terms.iter().flat_map(|term| [&term.excitation, &term.emission]) {
+                blocks.extend([bytes(curve.wavelengths_nm()), bytes(curve.values())]);
+            }
+        }
+        YieldDensity::Table(table) => {
+            blocks.extend([&table.emission_nm, &table.excitation_nm, &table.values].map(|v| bytes(v)));
+        }
+    }
+    sha256_hex(blocks)
 }
 
 impl TissueRecipe {
@@ -265,18 +309,42 @@ impl TissueRecipe {
             varying.iter().zip(values).try_for_each(|(change, value)| change.apply(&mut state, *value))?;
             layers.of(&state)
         };
-        let parameters = varying.iter().map(|change| change.parameter()).collect();
-        let (surface, error) =
-            TissueSurface::varying(parameters, tissue, grid).map_err(|error| self.failed(context, &error))?;
-        if error > INTERPOLATION_ERROR {
-            let percent = 100.0 * error;
+        let parameters: Vec<MappedParameter> = varying.iter().map(|change| change.parameter()).collect();
+        let key = self.key(&site, &layers, &varying, &parameters, grid);
+        let maps = parameters.iter().map(|p| (p.name.clone(), p.map.clone())).collect();
+        let make = || TissueSurface::varying(parameters, tissue, grid);
+        let surface = kept_tissue(&key, maps, &|name| layers.find(name), make)
+            .map_err(|error| self.failed(context, &error))?;
+        if surface.error > INTERPOLATION_ERROR {
+            let percent = 100.0 * surface.error;
             let message = format!(
-                "half way between its states the tissue is up to {percent:.1} % off, in reflectance or fluorescence; a narrower \
-                 range of the maps is more exact"
+                "between its states the tissue is up to {percent:.1} % off, in reflectance or fluorescence; a narrower range of \
+                 the maps is more exact"
             );
             context.warn(&self.at.field("vary"), message);
         }
         Ok(surface)
+    }
+
+    /// All that the states of the tissue depend on: the site with its parameters, what is held by which layers, how it
+    /// varies between which values, and the wavelengths.
+    fn key(
+        &self,
+        site: &Site,
+        layers: &Layers,
+        varying: &[&Variation],
+        parameters: &[MappedParameter],
+        grid: &WavelengthGrid,
+    ) -> String {
+        // Debug text of finite numbers is exact: it reads back to the same bits.
+        let mut key = format!("tissue 1 {site:?} {:?} {:?}", grid.start_nm(), grid.end_nm());
+        for emitter in &layers.0 {
+            key += &format!("\n{} {}", emitter.fluorophore.name, emitter.sha256);
+        }
+        for (change, MappedParameter { name, nodes, map, .. }) in varying.iter().zip(parameters) {
+            key += &format!("\n{name} {:?} {nodes:?} {:?} {:?}", change.inside, map.min(), map.max());
+        }
+        key
     }
 
     fn failed(&self, context: &Context<'_>, error: &TissueError) -> ExperimentError {

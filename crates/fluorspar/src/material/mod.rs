@@ -10,6 +10,7 @@
 //! | [`fresnel`], [`microfacet`] | what several of them share |
 //! | `texture`, `normal_map` | what varies over a surface |
 //! | `state_grid`, `tissue_surface` | layered tissue, also where its parameters vary over a surface |
+//! | `tissue_nodes`, `tissue_tables` | at which values of these it is solved; its solutions as bytes |
 //! | `prepared`, `bsdf` | materials on the bands of a render; their values and samples at points |
 //! | `check`, `material_error` | ranges of parameters, conservation of photons |
 
@@ -31,7 +32,11 @@ mod normal_map;
 mod prepared;
 mod state_grid;
 mod texture;
+mod tissue_nodes;
 mod tissue_surface;
+#[cfg(test)]
+mod tissue_surface_tests;
+mod tissue_tables;
 
 pub(crate) use bsdf::{BsdfSample, BsdfValue};
 pub use check::PhotonExcess;

@@ -17,12 +17,16 @@ pub struct MappedParameter {
     pub name: String,
     /// Values at which the tissue is known, increasing: 2 to 8.
     pub nodes: Vec<f32>,
+    /// How the weight of the upper node rises over each interval: the share `t` of the way gives the weight
+    /// `t / (t + bend (1 - t))`, so that 1 is linear and less rises faster at first. None: all are 1.
+    pub bends: Vec<f32>,
     /// The parameter over the surface, in the unit of the nodes. Values beyond the outermost nodes count as these.
     pub map: ScalarTexture,
 }
 
-/// States of a tissue on a grid of its parameters. At a point the state is the multilinear mean of the nodes around its
-/// parameters: weights are 0 to 1 and add up to 1, so that a mean of states that conserve photons conserves them.
+/// States of a tissue on a grid of its parameters. At a point the state is the mean of the nodes around its parameters, a
+/// product of weights along each of them: weights are 0 to 1 and add up to 1, so that a mean of states that conserve photons
+/// conserves them.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct StateGrid {
     /// Parameters that vary, at most 3; the nodes of the last one follow each other. Without any there is one state.
@@ -84,7 +88,7 @@ impl StateGrid {
 
     /// The same states with other maps of the parameters, made from theirs.
     #[must_use]
-    pub fn with_maps(&self, map: impl Fn(&ScalarTexture) -> ScalarTexture) -> Self {
+    pub fn with_maps(&self, mut map: impl FnMut(&ScalarTexture) -> ScalarTexture) -> Self {
         let parameters = self.parameters.iter();
         let changed =
             |parameter: &MappedParameter| MappedParameter { map: map(&parameter.map), ..parameter.clone() };
@@ -100,9 +104,15 @@ impl StateGrid {
                 "{count} parameters vary over the surface; at most {MAX_MAPPED_PARAMETERS} can"
             ));
         }
-        for MappedParameter { name, nodes, .. } in &self.parameters {
+        for MappedParameter { name, nodes, bends, .. } in &self.parameters {
             if !(2..=MAX_NODES).contains(&nodes.len()) || !nodes.is_sorted_by(|a, b| a < b) {
                 return bad(format!("{name} needs 2 to {MAX_NODES} nodes that increase; got {nodes:?}"));
+            }
+            let fit = bends.is_empty() || bends.len() + 1 == nodes.len();
+            if !fit || !bends.iter().all(|bend| bend.is_finite() && *bend > 0.0) {
+                return bad(format!(
+                    "{name} needs a bend above 0 for each interval, or none at all; got {bends:?}"
+                ));
             }
         }
         if self.len() == states {
@@ -113,16 +123,31 @@ impl StateGrid {
 }
 
 impl MappedParameter {
-    /// Weights of the nodes at a point: piecewise linear hat functions.
+    /// A parameter whose nodes are still to be chosen.
+    pub fn without_nodes(name: String, map: ScalarTexture) -> Self {
+        Self { name, nodes: Vec::new(), bends: Vec::new(), map }
+    }
+
+    /// Weights of the nodes at a point: hat functions with bent sides.
     #[inline]
     fn weights(&self, uv: Vec2, weights: &mut [f32; MAX_NODES]) {
         let last = self.nodes.len() - 1;
         let value = self.map.at(uv).clamp(self.nodes[0], self.nodes[last]);
         let right = self.nodes.partition_point(|&node| node < value).clamp(1, last);
         let fraction = (value - self.nodes[right - 1]) / (self.nodes[right] - self.nodes[right - 1]);
-        weights[right - 1] = 1.0 - fraction;
-        weights[right] = fraction;
+        let weight = match self.bends.get(right - 1) {
+            Some(bend) => bent(fraction, *bend),
+            None => fraction,
+        };
+        weights[right - 1] = 1.0 - weight;
+        weights[right] = weight;
     }
+}
+
+/// Weight of the upper node of an interval, a share `fraction` of the way to it: from 0 to 1, rising.
+#[inline]
+pub(super) fn bent(fraction: f32, bend: f32) -> f32 {
+    fraction / (fraction + bend * (1.0 - fraction))
 }
 
 #[cfg(test)]
@@ -130,7 +155,8 @@ mod tests {
     use super::*;
 
     fn parameter(nodes: &[f32], value: f32) -> MappedParameter {
-        MappedParameter { name: "x".into(), nodes: nodes.to_vec(), map: ScalarTexture::Constant(value) }
+        let map = ScalarTexture::Constant(value);
+        MappedParameter { nodes: nodes.to_vec(), ..MappedParameter::without_nodes("x".into(), map) }
     }
 
     fn weights(grid: &StateGrid) -> Vec<f32> {
@@ -157,6 +183,23 @@ mod tests {
     }
 
     #[test]
+    fn bends_change_weights_between_nodes_only() {
+        let bent = |value| {
+            let bends = vec![0.5, 3.0];
+            weights(&StateGrid {
+                parameters: vec![MappedParameter { bends, ..parameter(&[1.0, 2.0, 4.0], value) }],
+            })
+        };
+        assert_eq!(bent(1.0), [1.0, 0.0, 0.0]);
+        assert_eq!(bent(2.0), [0.0, 1.0, 0.0]);
+        assert_eq!(bent(4.0), [0.0, 0.0, 1.0]);
+        // t / (t + bend (1 - t)) half way: 1 / (1 + bend).
+        assert!((bent(1.5)[1] - 1.0 / 1.5).abs() < 1e-6 && (bent(3.0)[2] - 0.25).abs() < 1e-6);
+        let rising: Vec<f32> = (0..=20).map(|i| bent(1.0 + 0.05 * i as f32)[1]).collect();
+        assert!(rising.is_sorted_by(|a, b| a < b), "{rising:?}");
+    }
+
+    #[test]
     fn beyond_the_nodes_the_outermost_state_holds() {
         for (value, expected) in [(-3.0, [1.0, 0.0]), (9.0, [0.0, 1.0]), (1.0, [1.0, 0.0])] {
             let grid = StateGrid { parameters: vec![parameter(&[1.0, 4.0], value)] };
@@ -174,6 +217,11 @@ mod tests {
         assert!(check(&[1.0, 2.0], 3).unwrap_err().contains("2 states, but 3"));
         assert!(check(&[2.0, 1.0], 2).unwrap_err().contains("increase"));
         assert!(check(&[1.0], 1).unwrap_err().contains("2 to 8"));
+        for bends in [vec![1.0, 1.0], vec![0.0], vec![f32::NAN]] {
+            let parameters = vec![MappedParameter { bends, ..parameter(&[1.0, 2.0], 1.0) }];
+            let said = StateGrid { parameters }.check(2).unwrap_err().to_string();
+            assert!(said.contains("a bend above 0 for each interval"), "{said}");
+        }
         assert!(StateGrid { parameters: vec![parameter(&[1.0, 2.0], 1.0); 4] }.check(16).is_err());
     }
 }

@@ -2,24 +2,21 @@
 
 use std::sync::Arc;
 
+use glam::Vec2;
 use rayon::prelude::*;
 
 use super::lambertian::Lambertian;
-use super::state_grid::{MAX_NODES, MappedParameter, StateGrid};
+use super::state_grid::{MappedParameter, StateGrid};
 use super::texture::ScalarTexture;
+use super::tissue_nodes::{Probe, between, choose_nodes};
 use super::{FluorophoreAmount, TissueEmission};
 use crate::spectral::{Curve, Fluorophore, PhotonEem, WavelengthGrid};
-use crate::tissue::{
-    DiscreteOrdinates, EffectiveTissue, LayerFluorophore, LayeredTissue, Level, TissueError,
-};
+use crate::tissue::{EffectiveTissue, LayeredTissue, Level, TissueError};
 
-/// Relative error that a mean of states may have half way between two nodes, as far as 8 nodes suffice.
+/// Relative error of reflectance and fluorescence that a mean of states may have between its nodes.
 pub const INTERPOLATION_ERROR: f64 = 0.01;
-/// Most nodes of a parameter that [`TissueSurface::varying`] chooses.
-const MOST_NODES: usize = MAX_NODES;
-/// Wavelengths at which states are compared, nm: bands and gaps of hemoglobin, usual lamps, porphyrin.
-const PROBES_NM: [f64; 12] =
-    [385.0, 405.0, 420.0, 435.0, 450.0, 500.0, 520.0, 540.0, 560.0, 580.0, 635.0, 700.0];
+/// Most places between the nodes of several parameters at which the tissue is solved to see how far the means are off.
+const MOST_CELLS: usize = 24;
 
 /// Reflectance and fluorescence of layered tissue for light that passed its surface, on a grid of states.
 ///
@@ -34,6 +31,8 @@ pub struct TissueSurface {
     pub reflectances: Vec<Curve>,
     /// Fluorophores of the tissue, with what each emits in each state.
     pub emissions: Vec<SurfaceFluorescence>,
+    /// Largest relative error found between the states, of reflectance or of fluorescence; 0 where nothing was compared.
+    pub error: f64,
 }
 
 /// The light of one fluorophore of a tissue, of all its layers.
@@ -69,14 +68,13 @@ impl TissueSurface {
                 state.reflectance(Level::AboveSurface).scaled(passed)
             })
             .collect();
-        Ok(Self { grid, reflectances, emissions })
+        Ok(Self { grid, reflectances, emissions, error: 0.0 })
     }
 
     /// A tissue of which some parameters vary over the surface. `tissue` makes it from their values, in their order. Where a
-    /// parameter comes without nodes, they are added between the smallest and the largest value that its map has, until half
-    /// way between two of them the mean of the states is within [`INTERPOLATION_ERROR`] of the state there, up to 8 nodes.
-    /// Returns the surface and the largest relative error that was left half way between such nodes, of reflectance or of
-    /// fluorescence.
+    /// parameter comes without nodes, they are added between the smallest and the largest value that its map has, with bent
+    /// weights between them, until the means of the states are within [`INTERPOLATION_ERROR`] of the tissue, as far as 8
+    /// nodes suffice; [`Self::error`] tells how far they are off.
     ///
     /// # Errors
     /// Parameters that `tissue` or the solver refuses.
@@ -84,21 +82,25 @@ impl TissueSurface {
         parameters: Vec<MappedParameter>,
         tissue: impl Fn(&[f64]) -> Result<LayeredTissue, TissueError> + Sync,
         bands: &WavelengthGrid,
-    ) -> Result<(Self, f64), TissueError> {
+    ) -> Result<Self, TissueError> {
         // Choose the nodes of each parameter, the others in the middle of their ranges
         let range = |map: &ScalarTexture| [f64::from(map.min()), f64::from(map.max())];
-        let middles: Vec<f64> = parameters.iter().map(|parameter| middle(range(&parameter.map))).collect();
+        let middles: Vec<f64> =
+            parameters.iter().map(|parameter| between(range(&parameter.map), 0.5)).collect();
         let mut grid = StateGrid { parameters };
-        let mut largest = 0.0_f64;
+        let mut error = 0.0_f64;
+        let mut chosen_axes = Vec::new();
         for (place, parameter) in grid.parameters.iter_mut().enumerate().filter(|(_, p)| p.nodes.is_empty()) {
             let probe = |value: f64| {
                 let mut values = middles.clone();
                 values[place] = value;
                 Probe::new(&tissue(&values)?, bands)
             };
-            let (nodes, error) = choose_nodes(range(&parameter.map), probe)?;
-            largest = largest.max(error);
-            parameter.nodes = nodes;
+            let chosen = choose_nodes(range(&parameter.map), probe)?;
+            error = error.max(chosen.error);
+            parameter.nodes = chosen.nodes;
+            parameter.bends = chosen.bends;
+            chosen_axes.push(place);
         }
 
         // Solve all states
@@ -109,7 +111,17 @@ impl TissueSurface {
                 EffectiveTissue::for_grid(&tissue(&values)?, bands)
             })
             .collect::<Result<Vec<_>, _>>()?;
-        Ok((Self::new(grid, &states)?, largest))
+        if chosen_axes.len() > 1 {
+            error = error.max(error_in_cells(&grid, &chosen_axes, &states, &tissue, bands)?);
+        }
+        Ok(Self { error, ..Self::new(grid, &states)? })
+    }
+
+    /// The same tissue over a surface with other maps of its parameters, in their order.
+    #[must_use]
+    pub fn with_maps(mut self, maps: impl IntoIterator<Item = ScalarTexture>) -> Self {
+        self.grid.parameters.iter_mut().zip(maps).for_each(|(parameter, map)| parameter.map = map);
+        self
     }
 
     /// The diffuse reflection below the surface.
@@ -135,75 +147,40 @@ impl TissueSurface {
     }
 }
 
-/// Where a value lies half way between two: by ratio where both are above 0.
-fn middle([low, high]: [f64; 2]) -> f64 {
-    if low > 0.0 { (low * high).sqrt() } else { 0.5 * (low + high) }
-}
-
-/// Nodes of a parameter in a range, and the largest relative error half way between them.
-fn choose_nodes(
-    range: [f64; 2],
-    probe: impl Fn(f64) -> Result<Probe, TissueError>,
-) -> Result<(Vec<f32>, f64), TissueError> {
-    let [low, mut high] = range;
-    if high <= low {
-        // A map that is the same everywhere still needs two nodes.
-        high = low.max(f64::MIN_POSITIVE) * (1.0 + 1e-3);
-    }
-    let mut nodes = vec![(low, probe(low)?), (high, probe(high)?)];
-    loop {
-        // Find the interval with the largest error half way
-        let mut worst = (0.0, 0, None);
-        for (place, pair) in nodes.windows(2).enumerate() {
-            let [(a, left), (b, right)] = pair else { continue };
-            let between = middle([*a, *b]);
-            let exact = probe(between)?;
-            let error = exact.error_of_mean(left, right, (between - a) / (b - a));
-            if error >= worst.0 {
-                worst = (error, place, Some((between, exact)));
+/// Largest relative error of the means of the states in the middles of the cells between them: of those axes whose nodes were
+/// chosen, the others at their first node.
+fn error_in_cells(
+    grid: &StateGrid,
+    axes: &[usize],
+    states: &[EffectiveTissue],
+    tissue: &(impl Fn(&[f64]) -> Result<LayeredTissue, TissueError> + Sync),
+    bands: &WavelengthGrid,
+) -> Result<f64, TissueError> {
+    let intervals = |axis: &usize| grid.parameters[*axis].nodes.len() - 1;
+    let cells: usize = axes.iter().map(intervals).product();
+    let probes: Vec<Probe> = states.iter().map(|state| Probe::of_solution(state, bands)).collect();
+    let checked = cells.min(MOST_CELLS);
+    let errors = (0..checked)
+        .into_par_iter()
+        .map(|number| {
+            // Spread what is checked evenly over all cells
+            let mut rest = number * cells / checked;
+            let mut values: Vec<f64> = grid.parameters.iter().map(|p| f64::from(p.nodes[0])).collect();
+            for axis in axes {
+                let nodes = &grid.parameters[*axis].nodes;
+                let interval = rest % (nodes.len() - 1);
+                rest /= nodes.len() - 1;
+                values[*axis] = between([interval, interval + 1].map(|node| f64::from(nodes[node])), 0.5);
             }
-        }
-        let (error, place, node) = worst;
-        match node {
-            Some(node) if error > INTERPOLATION_ERROR && nodes.len() < MOST_NODES => {
-                nodes.insert(place + 1, node)
-            }
-            _ => return Ok((nodes.iter().map(|(value, _)| *value as f32).collect(), error)),
-        }
-    }
-}
-
-/// What a tissue does at a few wavelengths.
-struct Probe(Vec<f64>);
-
-impl Probe {
-    fn new(tissue: &LayeredTissue, bands: &WavelengthGrid) -> Result<Self, TissueError> {
-        let inside = |nm: &f64| (bands.start_nm()..=bands.end_nm()).contains(nm);
-        let mut nm: Vec<f64> = PROBES_NM.into_iter().filter(inside).collect();
-        if nm.len() < 2 {
-            nm = vec![bands.start_nm(), bands.end_nm()];
-        }
-        let solved = EffectiveTissue::new(tissue, &nm, DiscreteOrdinates::DIFFUSE)?;
-        let reflectance = solved.reflectance(Level::AboveSurface);
-        let mut values: Vec<f64> = nm.iter().map(|&nm| reflectance.at(nm)).collect();
-        let parts = solved.parts();
-        for (index, &excitation) in nm.iter().enumerate() {
-            for &emission in &nm[index + 1..] {
-                let of_part = |part: &LayerFluorophore| {
-                    solved.yield_density(*part, emission, excitation, Level::AboveSurface)
-                };
-                values.push(parts.iter().map(of_part).sum());
-            }
-        }
-        Ok(Self(values))
-    }
-
-    /// Largest relative error of the mean of two others, with the weight of the second, in place of this one.
-    fn error_of_mean(&self, first: &Self, second: &Self, weight: f64) -> f64 {
-        let pairs = first.0.iter().zip(&second.0).map(|(a, b)| a + weight * (b - a));
-        let errors = self.0.iter().zip(pairs).filter(|(exact, _)| **exact > 0.0);
-        errors.map(|(exact, mean)| (mean / exact - 1.0).abs()).fold(0.0, f64::max)
-    }
+            let mut values_of = values.iter();
+            let here = grid
+                .with_maps(|_| ScalarTexture::Constant(values_of.next().map_or(0.0, |value| *value as f32)));
+            let weights = here.weights_at(Vec2::ZERO);
+            let exact = Probe::new(&tissue(&values)?, bands)?;
+            Ok(exact.error_of_mean(weights.into_iter().map(f64::from).zip(&probes)))
+        })
+        .collect::<Result<Vec<f64>, TissueError>>()?;
+    Ok(errors.into_iter().fold(0.0, f64::max))
 }
 
 /// The fluorescence of a tissue by fluorophore, layers together.

@@ -298,9 +298,8 @@ fn box_of_tissue(as_states: bool, coat: Option<Coat>) -> Scene {
     let yields = [0.5, 0.1, 0.2, 0.4, 0.3, 0.2];
     // Between nodes 1 and 2 of three at three quarters, between two at one fifth.
     let parameter = |name: &str, nodes: &[f32], value: f32| MappedParameter {
-        name: name.into(),
         nodes: nodes.to_vec(),
-        map: ScalarTexture::Constant(value),
+        ..MappedParameter::without_nodes(name.into(), ScalarTexture::Constant(value))
     };
     let parameters = vec![parameter("blood", &[0.0, 1.0, 3.0], 2.5), parameter("keratin", &[1.0, 2.0], 1.2)];
     let weights = [0.0, 0.0, 0.25 * 0.8, 0.25 * 0.2, 0.75 * 0.8, 0.75 * 0.2];
