@@ -24,6 +24,9 @@ use fluorspar::tissue::{LayeredTissue, Site, TissueError, TissueState};
 /// Largest factor on a parameter of tissue over a surface.
 const MAX_FACTOR: f64 = 100.0;
 
+/// Wavelengths over which the absorption of hemoglobin is known, nm; beyond them it is that of the nearer end.
+const HEMOGLOBIN_NM: [f64; 2] = [350.0, 750.0];
+
 /// What a material of tissue is made of, kept so that lesions can change it.
 #[derive(Clone, Debug)]
 pub(crate) struct TissueRecipe {
@@ -359,6 +362,7 @@ impl TissueRecipe {
         grid: &WavelengthGrid,
         fluorophores: &mut Fluorophores,
     ) -> Resolved<(Scattering, Vec<FluorophoreAmount>)> {
+        context.note_range(&self.at.field("tissue"), HEMOGLOBIN_NM, grid);
         let surface = self.surface(context, file, grid)?;
         let mut amounts = Vec::new();
         for (number, emission) in surface.emissions.iter().enumerate() {
