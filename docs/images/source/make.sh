@@ -12,7 +12,7 @@ trap 'rm -rf "$work"' EXIT
 frames() {
     "$fluorspar" run "$1" --out "$work/$2" --spp "$3" --quiet \
         --set render.width_px=480 --set render.height_px=360 \
-        --set 'sensor.binning={kind="digital_average",columns=2,rows=2}'
+        --set 'sensor.binning={type="digital_average",columns=2,rows=2}'
     cp "$work/$2/preview_white.png" "$work/$2_white.png"
     cp "$work/$2/preview_blue.png" "$work/$2_blue.png"
 }

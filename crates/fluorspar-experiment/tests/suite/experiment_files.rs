@@ -448,7 +448,7 @@ fn warnings_with<'w>(warnings: &'w [Warning], word: &str) -> Vec<&'w Warning> {
 #[test]
 fn one_warning_names_all_spectra_that_the_grid_exceeds() {
     let warnings =
-        resolved("format = 1\nbase = \"oraleye-2021\"\n", &["spectral.last_nm=900"]).record.warnings;
+        resolved("format = 1\nbase = \"oraleye-2021-surface\"\n", &["spectral.last_nm=900"]).record.warnings;
     let exceeded = warnings_with(&warnings, "beyond their own range");
     assert_eq!(exceeded.len(), 1, "{warnings:#?}");
     assert!(
@@ -486,7 +486,7 @@ fn light_beyond_either_end_of_the_excitation_data_is_warned_about() {
 
 #[test]
 fn a_warning_of_many_lights_and_fluorophores_can_be_read() {
-    let warnings = resolved("format = 1\nbase = \"oraleye-2021\"\n", &[]).record.warnings;
+    let warnings = resolved("format = 1\nbase = \"oraleye-2021-surface\"\n", &[]).record.warnings;
     let excitation = warnings_with(&warnings, "excites is extrapolated");
     // One sentence per light, without the numbers of its emitters; fluorophores of one measurement together.
     assert_eq!(excitation.len(), 1, "{warnings:#?}");
@@ -789,7 +789,7 @@ fn a_scan_in_a_wrong_unit_and_a_mask_in_colors_are_warned_of() {
         fluorspar_format::write_rgb_png(&mask, 2, 1, pixels).unwrap();
         let text = format!(
             "format = 1\nbase = \"oraleye-2021\"\n[mouth]\ndetail = 0.25\n[[mouth.lesion]]\nname = \"spot\"\npart = \"cheek_left\"\n\
-             mask = {mask:?}\nblood_um = 5.0\n"
+             mask = {mask:?}\nstates = [\"hyperaemia\"]\n"
         );
         resolved(&text, &[]).record.warnings
     };

@@ -108,7 +108,9 @@ fn measured() -> BTreeMap<String, String> {
         let changes: Vec<&str> = small.iter().chain(more).copied().collect();
         with_changes(&catalogue(name), &changes)
     };
-    add_experiment(&mut digests, "oraleye-2021", &experiment("oraleye-2021", &["mouth.detail=0.25"]));
+    for name in ["oraleye-2021", "oraleye-2021-surface"] {
+        add_experiment(&mut digests, name, &experiment(name, &["mouth.detail=0.25"]));
+    }
     add_experiment(&mut digests, "flat-patch", &experiment("flat-patch", &few_pixels));
     add_experiment(&mut digests, "fluorescent-sphere", &experiment("fluorescent-sphere", &[]));
     let traced = catalogue("flat-patch").replace(
