@@ -104,6 +104,8 @@ pub(crate) fn study() -> Result<Study, Box<dyn Error>> {
         porphyrin: "protoporphyrin_ix".into(),
         bulk: bulk.map(|(name, amount)| ((*name).into(), *amount)).collect(),
         fluorophores: scene.fluorophores.clone(),
+        further_frames: Vec::new(),
+        tissue: None,
         line_ends: LineEnds::Scene,
         noise_threshold: fluorspar::analysis::DEFAULT_NOISE_THRESHOLD,
     };

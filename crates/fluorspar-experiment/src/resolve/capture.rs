@@ -1,11 +1,14 @@
 //! Exposures and analysis.
 
+use std::sync::Arc;
+
 use glam::{Vec2, Vec3};
 
 use super::context::{Context, Resolved};
 use super::fluorophore::Fluorophores;
 use super::spectrum::Role;
 use super::surface_mean::surface_mean;
+use super::tissue;
 use crate::error::{Place, Step, steps};
 use crate::schema::{
     AnalysisSection, BulkReference, CaptureSection, ExperimentFile, ExposureTime, TextureReference,
@@ -18,7 +21,8 @@ use fluorspar::quote::excerpt;
 use fluorspar::scene::{Object, Shape};
 use fluorspar::sensor::{AutoExposure, CaptureFrame, EXPOSURE_MS, Sensor};
 use fluorspar::spectral::{Curve, Fluorophore, PhotonEem, WavelengthGrid};
-use fluorspar::study::{AnalysisPlan, Capture, LineEnds};
+use fluorspar::study::{AnalysisPlan, Capture, LineEnds, TissuePrior};
+use fluorspar::tissue::Site;
 
 fn hint<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> String {
     did_you_mean(name, known)
@@ -308,11 +312,88 @@ pub(super) fn analysis(
         parts: section.parts.clone(),
         rectangle_px: section.rectangle_px,
         porphyrin: section.porphyrin.clone(),
+        further_frames: further_frames(context, section, &labels)?,
+        tissue: tissue_prior(context, file, section, seen)?,
         line_ends: line_ends(file, section, seen),
         bulk,
         fluorophores,
         noise_threshold: section.noise_threshold,
     }))
+}
+
+/// Captures that enter the estimate of a tissue family beside the analyzed one.
+fn further_frames(
+    context: &Context<'_>,
+    section: &AnalysisSection,
+    labels: &[&str],
+) -> Resolved<Vec<String>> {
+    for (index, name) in section.further_frames.iter().enumerate() {
+        let at = steps!["analysis", "further_frames", index];
+        if !labels.contains(&name.as_str()) {
+            let message = format!(
+                "there is no capture of this name{} Known: {}",
+                hint(name, labels.iter().copied()),
+                labels.join(", ")
+            );
+            return context.fail(&at, message);
+        }
+        if *name == section.frame || section.further_frames[..index].contains(name) {
+            return context.fail(&at, "this capture is analyzed already; name each once");
+        }
+    }
+    Ok(section.further_frames.clone())
+}
+
+/// What is known of the tissue of the region: the site that is named, or the typical one of the material of its first part.
+fn tissue_prior(
+    context: &mut Context<'_>,
+    file: &ExperimentFile,
+    section: &AnalysisSection,
+    seen: &Seen<'_>,
+) -> Resolved<Option<TissuePrior>> {
+    let at = steps!["analysis", "tissue"];
+    let width = context.within(
+        &steps!["analysis", "prior_width"],
+        section.prior_width,
+        [0.01, 10.0],
+        "times the variety of people",
+    )?;
+    let library_error =
+        context.within(&steps!["analysis", "library_error"], section.library_error, [0.0, 1.0], "")?;
+    let site = match &section.tissue {
+        Some(name) if name == "none" => return Ok(None),
+        Some(name) => {
+            let site = tissue::site(context, &at, &file.tissue, name)?;
+            if site.get("biofilm_porphyrin_per_mm").is_err() {
+                let message = "has no blood and no biofilm; give a site of mucosa, or \"none\"";
+                return context.fail(&at, message);
+            }
+            site
+        }
+        None => match material_site(file, section, seen) {
+            Some(site) if site.get("biofilm_porphyrin_per_mm").is_ok() => site,
+            _ => return Ok(None),
+        },
+    };
+    let surroundings = file.mouth.is_some();
+    let mut known = Fluorophores::default();
+    let teeth = surroundings.then(|| Site::named("tooth").map(|site| site.fluorophores()));
+    let of_teeth = teeth.and_then(Result::ok).unwrap_or_default();
+    for name in site.fluorophores().iter().chain(of_teeth) {
+        known.index(context, &at, &file.fluorophore, name)?;
+    }
+    let fluorophores = known.list.into_iter().map(Arc::new).collect();
+    Ok(Some(TissuePrior { site, fluorophores, width, library_error, surroundings }))
+}
+
+/// The typical tissue of the site that the material of the region's first part is made of; what the experiment changes about it
+/// is for the estimate to find.
+fn material_site(file: &ExperimentFile, section: &AnalysisSection, seen: &Seen<'_>) -> Option<Site> {
+    let part = section.parts.first()?;
+    let object = seen.objects.iter().find(|object| object.name == *part)?;
+    let name = file.material[seen.original(object.material)].tissue()?;
+    let site = file.tissue.iter().find(|section| section.name == name).map_or(name, |section| &section.site);
+    Site::named(site).ok()
 }
 
 /// A bulk given by hand, or that of another material than the region's, is an assumption that the scene must not correct.

@@ -10,6 +10,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use super::SpectrumReference;
 use fluorspar::sensor::AutoExposure;
+use fluorspar::study::TissuePrior;
 
 /// Name of the porphyrin in the catalogue.
 pub const DEFAULT_PORPHYRIN: &str = "protoporphyrin_ix";
@@ -142,6 +143,19 @@ pub struct AnalysisSection {
     /// material of the first part.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bulk: Option<BulkReference>,
+    /// Tissue of the region, for an estimate that knows how tissue varies: a [[tissue]] or a site of the catalogue; "none" for no
+    /// such estimate. Default: the site that the material of the first part is made of, if it is layered tissue.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tissue: Option<String>,
+    /// Further captures that enter this estimate, by name. Default: none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub further_frames: Vec<String>,
+    /// How various the tissue is thought to be, over what people differ by, 0.01 to 10. Default 1.25.
+    #[serde(default = "prior_width")]
+    pub prior_width: f64,
+    /// Relative error of the electrons of each channel by errors of the library of spectra, 0 to 1. Default 0.03.
+    #[serde(default = "library_error")]
+    pub library_error: f64,
     /// Pixels whose R + G + B is below this many standard deviations of its noise have no chromaticity, 0 to 1000.
     /// Default 5.
     #[serde(default = "noise_threshold")]
@@ -160,6 +174,14 @@ pub enum BulkReference {
 
 fn porphyrin() -> String {
     DEFAULT_PORPHYRIN.into()
+}
+
+fn prior_width() -> f64 {
+    TissuePrior::WIDTH
+}
+
+fn library_error() -> f64 {
+    TissuePrior::LIBRARY_ERROR
 }
 
 fn noise_threshold() -> f64 {

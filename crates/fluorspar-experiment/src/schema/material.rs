@@ -313,6 +313,14 @@ pub struct MaterialSection {
 }
 
 impl MaterialSection {
+    /// Name of the tissue that it is made of.
+    pub(crate) fn tissue(&self) -> Option<&str> {
+        match &self.scattering {
+            ScatteringSection::Tissue(section) => Some(&section.tissue),
+            _ => None,
+        }
+    }
+
     /// Concentrations of its fluorophores; a mixture has none of its own.
     pub(crate) fn concentrations(&self) -> Option<&BTreeMap<String, TextureReference>> {
         match &self.scattering {

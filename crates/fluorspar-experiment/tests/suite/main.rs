@@ -15,6 +15,7 @@ mod lens_change;
 mod long_experiments;
 mod mesh_files;
 mod mouth_appearance;
+mod porphyrin_coverage;
 mod safety_of_captures;
 mod scene_change;
 mod sensor_files;

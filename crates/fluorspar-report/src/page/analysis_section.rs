@@ -1,6 +1,8 @@
 //! An analysis in plain words.
 
-use fluorspar::analysis::{Analysis, ErrorBudget, MixtureSummary, PorphyrinTruth, Statistics};
+use fluorspar::analysis::{
+    Analysis, ErrorBudget, MixtureSummary, PorphyrinTruth, SharePosterior, Statistics,
+};
 
 use super::report_data::{Number, NumberTable, Origin, ReportItem, Section};
 
@@ -13,6 +15,9 @@ pub fn analysis_section(analysis: &Analysis, figures: Vec<ReportItem>) -> Sectio
     ));
     section.items.extend(figures);
     section = section.with(table("Sensor chromaticity of the region", chromaticity_rows(analysis)));
+    if let Some(posterior) = &analysis.posterior {
+        section = section.with(table("Porphyrin in tissue that is not known", posterior_rows(posterior)));
+    }
     if let Some(mixture) = &analysis.mixture {
         section = section.with(table("Porphyrin fraction", mixture_rows(mixture, analysis.counts.valid)));
     }
@@ -51,6 +56,73 @@ fn fluorophore_rows(analysis: &Analysis) -> Vec<Number> {
 
 fn table(caption: &str, rows: Vec<Number>) -> ReportItem {
     ReportItem::Table(NumberTable { caption: caption.into(), rows })
+}
+
+/// Share with its 95 % interval.
+fn range([low, high]: [f64; 2]) -> String {
+    format!("{low:.3} to {high:.3}")
+}
+
+fn posterior_rows(posterior: &SharePosterior) -> Vec<Number> {
+    let mut rows = vec![
+        Number::computed(
+            "Porphyrin share of the light",
+            format!("{:.3} (95 %: {})", posterior.median, range(posterior.interval)),
+            "",
+            format!(
+                "Electrons of porphyrin light over those of all fluorescence of the region: median and interval, sensor noise, leak, \
+                 indirect light, the variety of tissue and errors of the library of spectra included. From the frames {}. \
+                 Assumed beforehand: {}.",
+                posterior.frames.join(", "),
+                posterior.prior
+            ),
+        ),
+        Number::computed(
+            "Upper limit",
+            format!("{:.3}", posterior.upper_limit),
+            "",
+            "The share is below it with a probability of 95 %.",
+        ),
+        Number::computed(
+            "No porphyrin",
+            format!("{:.0}", 100.0 * posterior.probability_of_none),
+            "%",
+            format!(
+                "Probability that there is none, which was taken as {:.0} % beforehand.",
+                100.0 * posterior.prior_probability_of_none
+            ),
+        ),
+        Number::computed(
+            "With a prior twice as wide",
+            range(posterior.with_prior_twice_as_wide),
+            "",
+            "The interval if tissue were twice as various as assumed: far from the one above, the assumption decides.",
+        ),
+    ];
+    if let Some(blind) = &posterior.blind_to {
+        let value = format!("{} ({:+.2})", blind.name, blind.correlation).replace('-', "−");
+        let meaning = "What an error of the share goes along with most, and their correlation. Another light or a white frame that \
+                       tells this narrows the interval.";
+        rows.push(Number::computed("Hardest to tell from", value, "", meaning));
+    }
+    for without in &posterior.without {
+        rows.push(Number::computed(
+            format!("Without {}", without.source),
+            range(without.interval),
+            "",
+            "The interval if this were known, or absent.",
+        ));
+    }
+    rows.push(Number::computed(
+        "Distance from the family",
+        format!("{:.1}", posterior.misfit),
+        "",
+        format!(
+            "Chi-square of the {} colors; about that number where the tissue is of the family.",
+            posterior.data
+        ),
+    ));
+    rows
 }
 
 fn truth_rows(truth: &PorphyrinTruth) -> Vec<Number> {

@@ -248,14 +248,27 @@ fn headline(run: &RunResults<'_>, leak: Option<f64>) -> Vec<Number> {
     let mut numbers = Vec::new();
     if let Some(analyzed) = &run.evaluation.analysis {
         let analysis = &analyzed.analysis;
+        if let Some(posterior) = &analysis.posterior {
+            let [low, high] = posterior.interval;
+            numbers.push(Number::computed(
+                "Porphyrin share of the light",
+                format!("{:.3} ({low:.3} to {high:.3})", posterior.median),
+                "",
+                format!(
+                    "median and 95 % interval with everything that is not known of the tissue ({}); no porphyrin: {:.0} % probable",
+                    posterior.prior,
+                    100.0 * posterior.probability_of_none
+                ),
+            ));
+        }
         if let Some(region) = analysis.mixture.as_ref().and_then(|m| m.region) {
             let e = &region.estimate;
             numbers.push(Number::computed(
-                "Porphyrin fraction of the region",
+                "Porphyrin fraction on the mixture line",
                 format!("{:.3}", e.fraction),
                 "",
                 format!(
-                    "porphyrin over porphyrin and bulk, from the mean color; sensor noise alone leaves {:.4} to {:.4} open",
+                    "porphyrin over porphyrin and bulk, from the mean color, if the bulk were known; sensor noise alone leaves {:.4} to {:.4} open",
                     e.fraction_interval[0], e.fraction_interval[1]
                 ),
             ));

@@ -10,6 +10,7 @@
 //! | [`MixtureLine`] | the bulk-porphyrin line, and per pixel where on it a measurement lies |
 //! | [`RegionLight`] | where the light of a region was emitted, as a simulation knows it, and the true share of the porphyrin |
 //! | [`ErrorBudget`] | what moves the estimate, its blank and its detection limit |
+//! | [`LightFamily::posterior`] | the share of the porphyrin in tissue of which only a family is known, as a [`SharePosterior`] |
 //! | [`analyze_region`] | all of it at once, as an [`Analysis`] that goes to `results.json` |
 //!
 //! Out of scope: telling the four bulk fluorophores apart. Under one excitation light their chromaticities are too
@@ -18,9 +19,11 @@
 mod channel_noise;
 mod chromaticity;
 mod error_budget;
+mod light_family;
 mod mixture_line;
 mod region_light;
 mod region_of_interest;
+mod share_posterior;
 mod statistics;
 mod summary;
 
@@ -30,13 +33,15 @@ pub use chromaticity::{
     chromaticity_covariance, rgb_channels, sensor_chromaticity,
 };
 pub use error_budget::{BudgetInput, BudgetItem, ErrorBudget};
+pub use light_family::{CubicTerms, FamilyCoordinate, FamilySource, LightFamily, NuisanceGroup};
 pub use mixture_line::{
     FluorophoreResponse, LineEstimate, MixtureError, MixtureLine, PorphyrinMap, channel_response,
 };
 pub use region_light::{PorphyrinTruth, RegionLight, SHARE_DEFINITION};
 pub use region_of_interest::{PixelSelection, Rectangle, RegionError, RegionOfInterest, SceneOnSensor};
+pub use share_posterior::{BlindDirection, IntervalWithout, SharePosterior};
 pub use statistics::{CovarianceEllipse, RegionStatistics, Statistics};
 pub use summary::{
     Analysis, AnalysisError, AnalysisSettings, ChannelStatistics, MixtureModel, MixtureSummary,
-    PredictedFluorophore, RegionFraction, analyze_region,
+    PredictedFluorophore, RegionFraction, analyze_region, mean_of_pixels,
 };

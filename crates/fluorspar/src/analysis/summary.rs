@@ -6,9 +6,9 @@ use thiserror::Error;
 use super::mixture_line::{Z_95, pixel_rgb};
 use super::{
     ChannelNoise, ChromaticityMap, CovarianceEllipse, DEFAULT_NOISE_THRESHOLD, ErrorBudget, ExclusionCounts,
-    FluorophoreResponse, LineEstimate, MissingChannel, MixtureError, MixtureLine, PixelSelection,
-    PorphyrinMap, PorphyrinTruth, RegionError, RegionOfInterest, RegionStatistics, SceneOnSensor, Statistics,
-    rgb_channels,
+    FluorophoreResponse, LineEstimate, MissingChannel, MixtureError, MixtureLine, PorphyrinMap,
+    PorphyrinTruth, RegionError, RegionOfInterest, RegionStatistics, SceneOnSensor, SharePosterior,
+    Statistics, rgb_channels,
 };
 use crate::image::ChannelImage;
 
@@ -160,6 +160,9 @@ pub struct Analysis {
     /// What moves the estimate on the line, and by how much; in a simulation only.
     #[serde(default)]
     pub budget: Option<ErrorBudget>,
+    /// The share of the porphyrin if the region is tissue of a known site.
+    #[serde(default)]
+    pub posterior: Option<SharePosterior>,
     /// Warnings about the reliability of the numbers.
     pub warnings: Vec<String>,
 }
@@ -176,6 +179,9 @@ impl Analysis {
                  fluoresced twice)",
                 truth.share
             ));
+        }
+        if let Some(posterior) = &self.posterior {
+            lines.extend(posterior.lines());
         }
         if let Some(RegionFraction { estimate: e, .. }) = self.mixture.as_ref().and_then(|m| m.region) {
             let [low, high] = [-1.0, 1.0].map(|sign| e.position + sign * Z_95 * e.position_standard_error);
@@ -268,7 +274,8 @@ pub fn analyze_region(
     if let Some(line) = &line {
         let valid = |pixel| map.at(pixel).is_some();
         let estimates = PorphyrinMap::new(image, valid, &selection, line, &settings.noise, reflected)?;
-        let mean = mean_pixel(image, &map, &selection, &settings.noise, reflected)?;
+        let lit = selection.pixels.iter().copied().filter(|&pixel| map.at(pixel).is_some());
+        let mean = mean_of_pixels(image, lit, &settings.noise, reflected)?;
         let summary = summarize(line, &estimates, mean, statistics.ellipse.as_ref());
         warnings.extend(region_warnings(summary.region.as_ref(), image));
         if summary.off_line * 20 > statistics.counts.valid {
@@ -300,6 +307,7 @@ pub fn analyze_region(
         mixture,
         truth: None,
         budget: None,
+        posterior: None,
         warnings,
     };
     Ok((analysis, map, porphyrin))
@@ -377,18 +385,21 @@ fn predicted(model: &MixtureModel) -> Vec<PredictedFluorophore> {
         .collect()
 }
 
-/// Mean R, G, B of the valid pixels and the variance of that mean.
-fn mean_pixel(
+/// Mean R, G, B of some pixels and the variance of that mean by the sensor's noise, DN and DN². `reflected` is subtracted; `None`
+/// without pixels.
+///
+/// # Errors
+/// An image without R, G or B.
+pub fn mean_of_pixels(
     image: &ChannelImage,
-    map: &ChromaticityMap,
-    selection: &PixelSelection,
+    pixels: impl IntoIterator<Item = usize>,
     noise: &ChannelNoise,
     reflected: Option<&ChannelImage>,
 ) -> Result<Option<[[f64; 3]; 2]>, MissingChannel> {
     let channels = rgb_channels(image)?;
     let reflected = reflected.map(|leak| rgb_channels(leak).map(|channels| (leak, channels))).transpose()?;
     let (mut sum, mut variance, mut n) = ([0.0; 3], [0.0; 3], 0usize);
-    for &pixel in selection.pixels.iter().filter(|&&pixel| map.at(pixel).is_some()) {
+    for pixel in pixels {
         let rgb = pixel_rgb(image, channels, pixel);
         let leak = reflected.map_or([0.0; 3], |(leak, channels)| pixel_rgb(leak, channels, pixel));
         let variances = noise.of_pixel(image, channels, pixel);

@@ -3,6 +3,7 @@
 use super::capture::{behind_filter, on_sensor};
 use super::direct_light::{axis_point, irradiance_on, region_points};
 use super::region_light::region_light;
+use super::tissue_estimate::tissue_estimate;
 use super::{CapturedFrame, PipelineError};
 use crate::analysis::{
     Analysis, AnalysisSettings, BudgetInput, ChannelNoise, ChromaticityMap, ErrorBudget, FluorophoreResponse,
@@ -87,8 +88,20 @@ pub fn analyze(
     if let (Some(model), Some(emitted)) = (&model, &emitted) {
         analysis.budget = budget(&analysis, model, emitted, image, &chromaticity, &region, k);
     }
+    let scene = scene.map(|scene| (scene, &region));
+    let estimate = tissue_estimate(study, settings, frames, scene, &analysis, &chromaticity, &region)?;
+    if let Some(estimate) = &estimate {
+        analysis.warnings.extend(estimate.warnings());
+    } else if analysis.mixture.is_some() {
+        analysis.warnings.push(NO_BLOOD.into());
+    }
+    analysis.posterior = estimate;
     Ok(Some(AnalyzedFrame { analysis, chromaticity, porphyrin, region }))
 }
+
+/// What an estimate on the mixture line alone leaves out.
+const NO_BLOOD: &str = "The bulk holds no blood, as a phantom's does. Blood moves the color of real tissue along the very line on \
+                        which porphyrin is measured; give analysis.tissue the site of the tissue for an estimate that knows.";
 
 /// Colors of the ends of the line as the light of the region has them at the sensor. A porphyrin that is not there has the color of
 /// a flat sample.

@@ -13,6 +13,7 @@
 //! | reflected light against fluorescence behind filters | [`filter_leak`] | [`FilterLeak`] |
 //! | the same for the frames of a study, in electrons | [`frame_leak`] | [`FrameLeak`] |
 //! | one region for one design, in about a microsecond | [`estimate_porphyrin`] | [`PorphyrinEstimate`] |
+//! | a region of tissue of a known site, its share of porphyrin with everything unknown | [`tissue_family`] | [`crate::analysis::LightFamily`] |
 //! | images larger than the memory | [`render_row_bands`] | rows for a [`BandStore`] |
 //! | everything after the render, each result once | [`evaluate`] | [`Evaluation`] |
 //! | all of it for a flat sample | [`predict`] | [`Prediction`] |
@@ -37,6 +38,8 @@ mod row_bands;
 mod safety;
 mod scene_change;
 mod spectroradiometer;
+mod tissue_estimate;
+mod tissue_family;
 
 pub use analyze::{AnalyzedFrame, analyze};
 pub use calibration::Calibration;
@@ -61,10 +64,12 @@ pub use row_bands::{
 pub use safety::{CaptureSafety, ProgramSafety, SafetyReport, Viewer, ViewerSafety, assess_safety};
 pub use scene_change::{check_same_scene, relight};
 pub use spectroradiometer::{SpectroradiometerReading, read_spectroradiometers};
+pub use tissue_family::{FamilyFrame, tissue_family};
 
 use crate::analysis::AnalysisError;
 use crate::image::SpectrumOutOfSpan;
 use crate::sensor::{DevelopError, SensorProblem};
+use crate::tissue::TissueError;
 
 /// Why a stage of a study failed.
 #[derive(Debug, thiserror::Error)]
@@ -82,6 +87,9 @@ pub enum PipelineError {
     /// A frame can't be analyzed.
     #[error(transparent)]
     Analysis(#[from] AnalysisError),
+    /// The tissue that is assumed can't be computed.
+    #[error("the tissue that analysis.tissue assumes: {0}")]
+    Tissue(#[from] TissueError),
     /// A frame that another refers to is not there.
     #[error("there is no frame \"{wanted}\"; the frames are: {known}")]
     NoFrame {

@@ -19,7 +19,7 @@ pub use camera::{Camera, Lens, ViewFilter};
 pub use flat_sample::{FlatSample, FluorescenceModel};
 pub use program::{
     AnalysisPlan, Capture, Develop, FlatFieldPlan, LineEnds, Motion, SafetyPlan, SpectroradiometerPlan,
-    SpectroradiometerTarget,
+    SpectroradiometerTarget, TissuePrior,
 };
 
 use crate::render::RenderSettings;

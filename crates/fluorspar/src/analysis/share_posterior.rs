@@ -1,0 +1,403 @@
+//! The share of the porphyrin in the light of a tissue of which only a family is known.
+//!
+//! For each amount of porphyrin on a grid, and for none, the nuisances are integrated out by Laplace's method: their most probable
+//! values are found by Gauss-Newton steps, and around these the electrons are taken as linear, so that both the evidence of the
+//! amount and the distribution of the share given the amount are known in closed form (nested Laplace approximation, Rue, Martino
+//! and Chopin, J. R. Stat. Soc. B 71, 319, 2009). The posterior of the share is the mixture over the grid, with a spike at zero.
+
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+use serde::{Deserialize, Serialize};
+use statrs::distribution::{ChiSquared, ContinuousCDF};
+use statrs::function::erf::erfc;
+
+use super::light_family::{FamilyPoint, LightFamily, NuisanceGroup};
+
+/// Amounts of porphyrin on the grid.
+const AMOUNTS: usize = 33;
+/// Reach of the grid, in standard deviations of the logarithm of the amount.
+const REACH: f64 = 4.0;
+/// Most Gauss-Newton steps.
+const MOST_STEPS: usize = 40;
+/// Probability with which the data of the family would be called foreign to it.
+const FOREIGN: f64 = 0.001;
+
+/// What a measurement says about the share of the porphyrin, if the tissue is of a family.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SharePosterior {
+    /// Frames that were used. The share is that of the first.
+    pub frames: Vec<String>,
+    /// What was assumed beforehand.
+    pub prior: String,
+    /// Median of the share.
+    pub median: f64,
+    /// 95 % interval: 2.5 % of the probability lie on either side. It holds sensor noise, indirect light, leak, the variety of the
+    /// tissue and errors of the library of spectra.
+    pub interval: [f64; 2],
+    /// The share lies below it with a probability of 95 %.
+    pub upper_limit: f64,
+    /// Probability that there is no porphyrin at all; `prior_probability_of_none` before the measurement.
+    pub probability_of_none: f64,
+    /// The same before the measurement.
+    pub prior_probability_of_none: f64,
+    /// What the share is hardest to tell from.
+    pub blind_to: Option<BlindDirection>,
+    /// The interval if the prior of the tissue is twice as wide.
+    pub with_prior_twice_as_wide: [f64; 2],
+    /// The interval if one thing were known, or absent.
+    pub without: Vec<IntervalWithout>,
+    /// How far the measured colors are from the family: about the number of `data` where they belong to it (chi-square).
+    pub misfit: f64,
+    /// Numbers that were measured.
+    pub data: usize,
+    /// Whether the misfit is larger than in one of a thousand measurements of the family.
+    pub foreign: bool,
+}
+
+impl SharePosterior {
+    /// What makes the result doubtful.
+    #[must_use]
+    pub fn warnings(&self) -> Vec<String> {
+        let foreign = self.foreign.then(|| {
+            format!(
+                "The colors of the region are {:.0} away from the family of {} (chi-square of {} numbers): its light holds something \
+                 that the family does not, or it is other tissue. The porphyrin share is not to be trusted.",
+                self.misfit, self.prior, self.data
+            )
+        });
+        foreign.into_iter().collect()
+    }
+
+    /// The result in words, one line each.
+    #[must_use]
+    pub fn lines(&self) -> Vec<String> {
+        let [low, high] = self.interval;
+        let [wide_low, wide_high] = self.with_prior_twice_as_wide;
+        let mut lines = vec![
+            format!(
+                "Porphyrin share of the light: {:.3} (95 %: {low:.3} to {high:.3}; below {:.3} with 95 %), for {} from the frames {}",
+                self.median,
+                self.upper_limit,
+                self.prior,
+                self.frames.join(", ")
+            ),
+            format!(
+                "  no porphyrin: {:.0} % probable ({:.0} % before the measurement); with a prior twice as wide {wide_low:.3} to \
+                 {wide_high:.3}",
+                100.0 * self.probability_of_none,
+                100.0 * self.prior_probability_of_none
+            ),
+        ];
+        if let Some(BlindDirection { name, correlation }) = &self.blind_to {
+            lines.push(format!("  hardest to tell from: {name} (correlation {correlation:+.2})"));
+        }
+        lines
+    }
+}
+
+/// The nuisance with which an error of the share goes along most.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct BlindDirection {
+    /// Its name.
+    pub name: String,
+    /// Correlation after the measurement, -1 to 1.
+    pub correlation: f64,
+}
+
+/// An interval with one source of uncertainty taken away.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct IntervalWithout {
+    /// The source.
+    pub source: String,
+    /// The 95 % interval without it.
+    pub interval: [f64; 2],
+}
+
+/// The most probable nuisances for one amount of porphyrin.
+struct Mode {
+    nuisances: DVector<f64>,
+    point: FamilyPoint,
+    /// `J J^T + 1` of the slopes in standard deviations of the data.
+    factor: Cholesky<f64, Dyn>,
+    slopes: DMatrix<f64>,
+    /// `chi² + |u|²`.
+    misfit: f64,
+    log_evidence: f64,
+}
+
+/// The posterior as a mixture.
+struct Mixture {
+    none: f64,
+    /// Weight, mean and standard deviation of the log odds.
+    terms: Vec<[f64; 3]>,
+    misfit: f64,
+    blind_to: Option<BlindDirection>,
+}
+
+fn normal_cdf(z: f64) -> f64 {
+    0.5 * erfc(-z / std::f64::consts::SQRT_2)
+}
+
+impl Mixture {
+    /// Probability of a share up to `share`.
+    fn cdf(&self, share: f64) -> f64 {
+        let log_odds = (share / (1.0 - share)).ln();
+        let below: f64 = self.terms.iter().map(|[w, mean, sd]| w * normal_cdf((log_odds - mean) / sd)).sum();
+        self.none + below
+    }
+
+    fn quantile(&self, probability: f64) -> f64 {
+        if self.none >= probability {
+            return 0.0;
+        }
+        // Bisect in the log odds, which resolves small shares
+        let (mut low, mut high) = (-25.0_f64, 25.0_f64);
+        let share = |log_odds: f64| 1.0 / (1.0 + (-log_odds).exp());
+        for _ in 0..60 {
+            let middle = 0.5 * (low + high);
+            if self.cdf(share(middle)) < probability { low = middle } else { high = middle }
+        }
+        share(0.5 * (low + high))
+    }
+
+    fn interval(&self) -> [f64; 2] {
+        [0.025, 0.975].map(|probability| self.quantile(probability))
+    }
+}
+
+impl LightFamily {
+    /// The share of the porphyrin from measured electrons, one number for each channel of each frame, and their variances by the
+    /// sensor's noise. `None` where there is nothing to measure: no positive number, or numbers that do not fit the family in
+    /// length.
+    #[must_use]
+    pub fn posterior(&self, electrons: &[f64], variance: &[f64]) -> Option<SharePosterior> {
+        let mixture = self.mixture(electrons, variance)?;
+        let interval_of = |family: &Self, variance: &[f64]| {
+            family.mixture(electrons, variance).map_or([0.0, 1.0], |mixture| mixture.interval())
+        };
+        let mut without: Vec<IntervalWithout> = NuisanceGroup::ALL
+            .into_iter()
+            .filter(|group| *group != NuisanceGroup::Brightness)
+            .filter(|group| self.nuisances().iter().any(|(_, of)| of == group))
+            .map(|group| IntervalWithout {
+                source: group.name().into(),
+                interval: interval_of(&self.with_known(group), variance),
+            })
+            .collect();
+        // A millionth of the noise stands for none: the numbers must have some weight.
+        let quiet: Vec<f64> = variance.iter().map(|variance| 1e-6 * variance).collect();
+        without.push(IntervalWithout { source: "sensor noise".into(), interval: interval_of(self, &quiet) });
+        let data = electrons.len();
+        let limit = ChiSquared::new(data as f64).map_or(f64::INFINITY, |chi| chi.inverse_cdf(1.0 - FOREIGN));
+        Some(SharePosterior {
+            frames: self.frames.clone(),
+            prior: self.prior.clone(),
+            median: mixture.quantile(0.5),
+            interval: mixture.interval(),
+            upper_limit: mixture.quantile(0.95),
+            probability_of_none: mixture.none,
+            prior_probability_of_none: self.probability_of_none,
+            blind_to: mixture.blind_to,
+            with_prior_twice_as_wide: interval_of(&self.widened(2.0), variance),
+            without,
+            misfit: mixture.misfit,
+            data,
+            foreign: mixture.misfit > limit,
+        })
+    }
+
+    /// Median, interval and upper limit of the share alone: what a test of many measurements needs.
+    #[must_use]
+    pub fn share_interval(&self, electrons: &[f64], variance: &[f64]) -> Option<[f64; 4]> {
+        let mixture = self.mixture(electrons, variance)?;
+        let [low, high] = mixture.interval();
+        Some([mixture.quantile(0.5), low, high, mixture.quantile(0.95)])
+    }
+
+    fn mixture(&self, electrons: &[f64], variance: &[f64]) -> Option<Mixture> {
+        let n = self.frame_of.len();
+        if electrons.len() != n || variance.len() != n || !electrons.iter().any(|e| *e > 0.0) {
+            return None;
+        }
+        // Standard deviations of the data: noise, and errors of the model in proportion to the signal
+        let largest = electrons.iter().copied().fold(0.0, f64::max);
+        let sd: Vec<f64> = (0..n)
+            .map(|i| {
+                let signal = electrons[i].max(1e-3 * largest);
+                (variance[i] + (self.model_error[i] * signal).powi(2)).sqrt().max(1e-9 * largest)
+            })
+            .collect();
+        let start = self.start(electrons);
+        let none = self.mode(&start, 0.0, electrons, &sd)?;
+
+        // Walk over the amounts, each from the mode of the one before
+        let mut modes = Vec::with_capacity(AMOUNTS);
+        let mut nuisances = none.nuisances.clone();
+        for node in 0..AMOUNTS {
+            let z = REACH * (2.0 * node as f64 / (AMOUNTS - 1) as f64 - 1.0);
+            let amount = self.porphyrin.median * (self.porphyrin.log_sd * z).exp();
+            if let Some(mode) = self.mode(&nuisances, amount, electrons, &sd) {
+                nuisances.clone_from(&mode.nuisances);
+                modes.push((-0.5 * z * z, amount, mode));
+            }
+        }
+        self.mix(&none, &modes, &sd)
+    }
+
+    /// Weights of all amounts together.
+    fn mix(&self, none: &Mode, modes: &[(f64, f64, Mode)], sd: &[f64]) -> Option<Mixture> {
+        let step = 2.0 * REACH / (AMOUNTS - 1) as f64;
+        let slab = (1.0 - self.probability_of_none).ln() + (step / std::f64::consts::TAU.sqrt()).ln();
+        let log_weights: Vec<f64> =
+            modes.iter().map(|(log_prior, _, mode)| slab + log_prior + mode.log_evidence).collect();
+        let log_none = self.probability_of_none.ln() + none.log_evidence;
+        let largest = log_weights.iter().copied().fold(log_none, f64::max);
+        if !largest.is_finite() {
+            return None;
+        }
+        let total: f64 =
+            log_weights.iter().map(|w| (w - largest).exp()).sum::<f64>() + (log_none - largest).exp();
+        let terms = log_weights
+            .iter()
+            .zip(modes)
+            .map(|(weight, (_, _, mode))| {
+                [(weight - largest).exp() / total, mode.point.log_odds, mode.sd_of_log_odds().max(1e-6)]
+            })
+            .collect();
+        let best = (0..modes.len()).max_by(|a, b| log_weights[*a].total_cmp(&log_weights[*b]))?;
+        let misfit = modes
+            .iter()
+            .map(|(log_prior, _, mode)| mode.misfit - 2.0 * log_prior)
+            .fold(none.misfit, f64::min);
+        let (_, _, mode) = &modes[best];
+        Some(Mixture {
+            none: (log_none - largest).exp() / total,
+            terms,
+            misfit,
+            blind_to: self.blind_direction(mode, sd),
+        })
+    }
+
+    /// Nuisances to start from: all in the middle of their priors but the brightness, which the data tell.
+    fn start(&self, electrons: &[f64]) -> DVector<f64> {
+        let names = self.nuisances();
+        let mut start = DVector::zeros(names.len());
+        let expected: f64 = self.electrons(start.as_slice(), 0.0).iter().sum();
+        let measured: f64 = electrons.iter().filter(|e| **e > 0.0).sum();
+        let brightness = names.iter().position(|(_, group)| *group == NuisanceGroup::Brightness);
+        if let (Some(place), true) = (brightness, self.gain_log_sd > 0.0 && expected > 0.0) {
+            start[place] = (measured / expected).ln() / self.gain_log_sd;
+        }
+        start
+    }
+
+    /// The most probable nuisances for an amount of porphyrin, by Gauss-Newton steps in the space of the data.
+    fn mode(&self, start: &DVector<f64>, amount: f64, electrons: &[f64], sd: &[f64]) -> Option<Mode> {
+        let n = electrons.len();
+        let residual = |point: &FamilyPoint| {
+            DVector::from_iterator(n, (0..n).map(|i| (electrons[i] - point.electrons[i]) / sd[i]))
+        };
+        let mut u = start.clone();
+        let mut point = self.point(u.as_slice(), amount);
+        let mut r = residual(&point);
+        let mut misfit = r.norm_squared() + u.norm_squared();
+        for _ in 0..MOST_STEPS {
+            let slopes = in_sd(&point.slopes, sd);
+            let matrix = &slopes * slopes.transpose() + DMatrix::identity(n, n);
+            let factor = Cholesky::new(matrix)?;
+            let target = slopes.transpose() * factor.solve(&(&r + &slopes * &u));
+            let step = target - &u;
+            // Halve the step until the misfit falls
+            let mut share = 1.0;
+            let mut better = None;
+            while share > 1e-4 {
+                let tried = &u + share * &step;
+                let there = self.point(tried.as_slice(), amount);
+                let r_there = residual(&there);
+                let value = r_there.norm_squared() + tried.norm_squared();
+                if value < misfit {
+                    better = Some((tried, there, r_there, value));
+                    break;
+                }
+                share *= 0.5;
+            }
+            let Some((tried, there, r_there, value)) = better else { break };
+            let gained = misfit - value;
+            (u, point, r, misfit) = (tried, there, r_there, value);
+            if gained < 1e-6 {
+                break;
+            }
+        }
+        let slopes = in_sd(&point.slopes, sd);
+        let factor = Cholesky::new(&slopes * slopes.transpose() + DMatrix::identity(n, n))?;
+        let log_determinant = 2.0 * factor.l_dirty().diagonal().iter().map(|d| d.ln()).sum::<f64>();
+        let log_evidence = -0.5 * misfit - 0.5 * log_determinant;
+        Some(Mode { nuisances: u, point, factor, slopes, misfit, log_evidence })
+    }
+
+    /// The nuisance that goes along with the share most, the amount of porphyrin being unknown.
+    fn blind_direction(&self, mode: &Mode, sd: &[f64]) -> Option<BlindDirection> {
+        let n = sd.len();
+        let names = self.nuisances();
+        // The logarithm of the amount joins as the last unknown
+        let mut slopes = mode.slopes.clone().insert_column(names.len(), 0.0);
+        for i in 0..n {
+            slopes[(i, names.len())] = self.porphyrin.log_sd * mode.point.porphyrin[i] / sd[i];
+        }
+        let mut odds = mode.point.log_odds_slopes.clone().insert_row(names.len(), self.porphyrin.log_sd);
+        let factor = Cholesky::new(&slopes * slopes.transpose() + DMatrix::identity(n, n))?;
+        let spread = |g: &DVector<f64>| g - slopes.transpose() * factor.solve(&(&slopes * g));
+        let along = spread(&odds);
+        let variance = odds.dot(&along);
+        odds.fill(0.0);
+        let correlation = |(place, (name, group)): (usize, &(String, NuisanceGroup))| {
+            let mut unit = DVector::zeros(odds.len());
+            unit[place] = 1.0;
+            let own = unit.dot(&spread(&unit));
+            let correlation = if own * variance > 0.0 { along[place] / (own * variance).sqrt() } else { 0.0 };
+            (*group != NuisanceGroup::Brightness).then(|| BlindDirection { name: name.clone(), correlation })
+        };
+        names
+            .iter()
+            .enumerate()
+            .filter_map(correlation)
+            .max_by(|a, b| a.correlation.abs().total_cmp(&b.correlation.abs()))
+    }
+
+    /// Standard deviation that the log odds of the share keep at best, given nuisances and amount: the Cramér-Rao bound of the
+    /// family with its prior (van Trees), for data of these variances. `None` without porphyrin.
+    #[must_use]
+    pub fn bound_of_log_odds(&self, nuisances: &[f64], porphyrin: f64, variance: &[f64]) -> Option<f64> {
+        let point = self.point(nuisances, porphyrin);
+        let n = variance.len();
+        let sd: Vec<f64> = (0..n)
+            .map(|i| (variance[i] + (self.model_error[i] * point.electrons[i]).powi(2)).sqrt())
+            .collect();
+        let mut slopes = in_sd(&point.slopes, &sd).insert_column(nuisances.len(), 0.0);
+        for i in 0..n {
+            slopes[(i, nuisances.len())] = self.porphyrin.log_sd * point.porphyrin[i] / sd[i];
+        }
+        let odds = point.log_odds_slopes.insert_row(nuisances.len(), self.porphyrin.log_sd);
+        let factor = Cholesky::new(&slopes * slopes.transpose() + DMatrix::identity(n, n))?;
+        let seen = &slopes * &odds;
+        let variance = odds.norm_squared() - seen.dot(&factor.solve(&seen));
+        (porphyrin > 0.0).then(|| variance.max(0.0).sqrt())
+    }
+}
+
+/// Slopes in standard deviations of the data.
+fn in_sd(slopes: &DMatrix<f64>, sd: &[f64]) -> DMatrix<f64> {
+    let mut scaled = slopes.clone();
+    for (mut row, sd) in scaled.row_iter_mut().zip(sd) {
+        row /= *sd;
+    }
+    scaled
+}
+
+impl Mode {
+    /// Standard deviation of the log odds of the share for this amount of porphyrin.
+    fn sd_of_log_odds(&self) -> f64 {
+        let odds = &self.point.log_odds_slopes;
+        let seen = &self.slopes * odds;
+        (odds.norm_squared() - seen.dot(&self.factor.solve(&seen))).max(0.0).sqrt()
+    }
+}

@@ -1,0 +1,394 @@
+//! What a camera sees of a family of tissues: light transport solved for some hundred tissues of a site, and cubic polynomials
+//! between them.
+
+use rayon::prelude::*;
+
+use nalgebra::DMatrix;
+use statrs::distribution::{ContinuousCDF, Normal};
+
+use super::region_signal::CameraResponse;
+use crate::analysis::{CubicTerms, FamilyCoordinate, FamilySource, LightFamily, NuisanceGroup};
+use crate::spectral::{Curve, WavelengthGrid};
+use crate::study::TissuePrior;
+use crate::tissue::{
+    DiscreteOrdinates, EffectiveTissue, LayeredTissue, Level, Population, Site, TissueError, Variation,
+};
+use crate::units::photons_per_joule;
+
+/// Tissues that are solved for each term of the polynomials.
+const SOLVED_PER_TERM: usize = 3;
+/// Spread of these tissues, in standard deviations of the population: wide enough for a prior of twice the usual width.
+const DESIGN_SPREAD: f64 = 1.8;
+/// Lines that stand for the spectrum of the light.
+const MOST_LINES: usize = 6;
+/// Electrons of a unit amount below this share of the brightest source count as none.
+const DARK: f64 = 1e-12;
+
+/// Standard deviation of the logarithm of the amount of porphyrin, where there is some.
+const PORPHYRIN_LOG_SD: f64 = 1.3;
+/// Strength of porphyrin in the middle of the slab where the site states none, 1/mm.
+const PORPHYRIN_PER_MM: f64 = 1.0e-3;
+/// Probability beforehand that there is no porphyrin.
+const PROBABILITY_OF_NONE: f64 = 0.5;
+/// Light that tissue reflects once more before it leaves a mouth, median and log sd, over its reflectance. \[assumed\]
+const INDIRECT: [f64; 2] = [0.15, 0.6];
+/// Light of teeth on the region over that which teeth give off under the same light, median and log sd. \[assumed\]
+const TEETH: [f64; 2] = [0.02, 1.0];
+/// Leaked light over that of the model, log sd: gloss, errors of filters.
+const LEAK_LOG_SD: f64 = 0.3;
+/// Gloss as a reflectance, median and log sd. \[assumed\]
+const GLOSS: [f64; 2] = [0.005, 1.0];
+/// Brightness: distance, angle, power; and that of each frame against the others.
+const GAIN_LOG_SD: f64 = 1.0;
+const LAMP_LOG_SD: f64 = 0.3;
+
+/// One frame of a family.
+#[derive(Clone, Debug)]
+pub struct FamilyFrame {
+    /// Label.
+    pub label: String,
+    /// Irradiance on the region, W/(m² nm).
+    pub irradiance: Curve,
+    /// The camera for light that is even within each band.
+    pub camera: CameraResponse,
+    /// The camera for light that has the shape of the irradiance within each band.
+    pub camera_of_reflected: CameraResponse,
+    /// Exposure time, s.
+    pub time_s: f64,
+}
+
+/// Electrons of each source in each datum, direct and over direct after one more reflection.
+struct Solved {
+    /// `[source][datum]`.
+    direct: Vec<Vec<f64>>,
+    once_more: Vec<Vec<f64>>,
+}
+
+/// The family of a prior before a camera: R, G and B of each frame, in this order.
+///
+/// # Errors
+/// A site without mucosa's parameters, as a tooth; parameters that can't be solved, a camera without R, G and B (as no wavelengths).
+pub fn tissue_family(
+    prior: &TissuePrior,
+    frames: &[FamilyFrame],
+    grid: &WavelengthGrid,
+) -> Result<LightFamily, TissueError> {
+    let population = Population::of(&with_porphyrin(&prior.site)?);
+    let coordinates = population.restricted(is_coordinate);
+    let x = design(coordinates.variations().len());
+    let names = source_names(prior)?;
+    let solver = FamilySolver::new(prior, frames, grid)?;
+    let solved: Vec<Solved> = x
+        .par_iter()
+        .map(|x| solver.solve(&coordinates.tissue_at(x), &names))
+        .collect::<Result<_, TissueError>>()?;
+    let fit = PolynomialFit::new(&x).ok_or(TissueError::Unsolvable { layer: None })?;
+    let data = 3 * frames.len();
+    let mut squares = vec![0.0; data];
+    let mut sources = Vec::with_capacity(names.len());
+    for (number, name) in names.iter().enumerate() {
+        let mut curves = [Vec::new(), Vec::new()];
+        for datum in 0..data {
+            let log = |values: &dyn Fn(&Solved) -> f64| -> Vec<f64> {
+                solved.iter().map(|solved| values(solved).max(f64::MIN_POSITIVE).ln()).collect()
+            };
+            let (direct, error) = fit.fit(&log(&|solved| solved.direct[number][datum]));
+            let (once_more, _) = fit.fit(&log(&|solved| solved.once_more[number][datum]));
+            if solved[0].direct[number][datum] > DARK {
+                squares[datum] += error * error / names.len() as f64;
+            }
+            curves[0].push(direct);
+            curves[1].push(once_more);
+        }
+        let [direct, once_more] = curves;
+        let SourcePrior { group, median, log_sd, fluorescent } = source_prior(name, prior, &population);
+        sources.push(FamilySource {
+            name: readable(name),
+            group,
+            median,
+            log_sd,
+            fluorescent,
+            direct,
+            once_more,
+        });
+    }
+    let porphyrin = sources.remove(0);
+    let library_error = prior.library_error / std::f64::consts::SQRT_2;
+    Ok(LightFamily {
+        prior: describe(prior),
+        coordinates: coordinates
+            .variations()
+            .iter()
+            .map(|variation| FamilyCoordinate { name: readable(variation.name), sd: prior.width })
+            .collect(),
+        sources,
+        porphyrin,
+        probability_of_none: PROBABILITY_OF_NONE,
+        indirect: prior.surroundings.then_some([INDIRECT[0], prior.width * INDIRECT[1]]),
+        frames: frames.iter().map(|frame| frame.label.clone()).collect(),
+        frame_of: (0..data).map(|datum| datum / 3).collect(),
+        gain_log_sd: GAIN_LOG_SD,
+        lamp_log_sd: LAMP_LOG_SD,
+        // Half of the variance of the library's errors is that of emission spectra, which all frames share
+        model_error: squares.iter().map(|square| library_error.hypot(square.sqrt())).collect(),
+        common_error: library_error,
+        channel_of: (0..data).map(|datum| datum % 3).collect(),
+    })
+}
+
+/// The prior in words.
+fn describe(prior: &TissuePrior) -> String {
+    let mouth = if prior.surroundings { " in a mouth" } else { "" };
+    format!("{}{mouth}, {} times as various as the population", prior.site.name(), prior.width)
+}
+
+/// A name without underscores and units.
+fn readable(name: &str) -> String {
+    let name = ["_per_mm", "_um"].iter().fold(name, |name, unit| name.strip_suffix(unit).unwrap_or(name));
+    name.replace('_', " ")
+}
+
+/// Whether a variation is one of the tissue's optics, on which light depends in another way than in proportion.
+fn is_coordinate(variation: &Variation) -> bool {
+    !variation.name.ends_with("_per_mm")
+}
+
+/// Design of the solutions: Halton points as normal deviates, `[tissue][coordinate]`.
+fn design(coordinates: usize) -> Vec<Vec<f64>> {
+    let radical_inverse = |mut index: usize, base: usize| {
+        let (mut value, mut place) = (0.0, 1.0 / base as f64);
+        while index > 0 {
+            value += place * (index % base) as f64;
+            index /= base;
+            place /= base as f64;
+        }
+        value
+    };
+    let Ok(normal) = Normal::new(0.0, DESIGN_SPREAD) else { return Vec::new() };
+    let terms = CubicTerms::new(&vec![0.0; coordinates]).values.len();
+    let bases = [2, 3, 5, 7, 11, 13, 17, 19];
+    let point = |i: usize| {
+        bases.iter().take(coordinates).map(|base| normal.inverse_cdf(radical_inverse(i, *base))).collect()
+    };
+    (1..=SOLVED_PER_TERM * terms).map(point).collect()
+}
+
+struct SourcePrior {
+    group: NuisanceGroup,
+    median: f64,
+    log_sd: f64,
+    fluorescent: bool,
+}
+
+/// Sources that are not fluorophores of the site.
+const LEAK: &str = "leaked_light";
+const GLOSS_NAME: &str = "gloss";
+const TEETH_NAME: &str = "light_of_teeth";
+/// The porphyrin of the sites.
+const PORPHYRIN: &str = "biofilm_porphyrin";
+
+/// Names of the sources: the porphyrin first.
+fn source_names(prior: &TissuePrior) -> Result<Vec<String>, TissueError> {
+    let tissue = tissue_of(prior, &with_porphyrin(&prior.site)?)?;
+    let mut names = vec![PORPHYRIN.to_owned()];
+    for held in tissue.layers.iter().flat_map(|layer| &layer.fluorophores) {
+        if !names.contains(&held.fluorophore.name) {
+            names.push(held.fluorophore.name.clone());
+        }
+    }
+    if prior.surroundings {
+        names.push(TEETH_NAME.into());
+    }
+    names.extend([LEAK.into(), GLOSS_NAME.into()]);
+    Ok(names)
+}
+
+fn source_prior(name: &str, prior: &TissuePrior, population: &Population) -> SourcePrior {
+    let of_population = || {
+        let parameter = format!("{name}_per_mm");
+        let variation = population.variations().iter().find(|variation| variation.name == parameter);
+        variation.map_or(0.0, Variation::standard_deviation)
+    };
+    let (group, median, log_sd, fluorescent) = match name {
+        TEETH_NAME => (NuisanceGroup::Surroundings, TEETH[0], prior.width * TEETH[1], false),
+        LEAK => (NuisanceGroup::Leak, 1.0, LEAK_LOG_SD, false),
+        GLOSS_NAME => (NuisanceGroup::Leak, GLOSS[0], GLOSS[1], false),
+        PORPHYRIN => (NuisanceGroup::Fluorophores, 1.0, PORPHYRIN_LOG_SD, true),
+        _ => (NuisanceGroup::Fluorophores, 1.0, prior.width * of_population(), true),
+    };
+    SourcePrior { group, median, log_sd, fluorescent }
+}
+
+/// The site with the porphyrin of the middle of the slab, if it has none.
+fn with_porphyrin(site: &Site) -> Result<Site, TissueError> {
+    let mut site = site.clone();
+    if site.get("biofilm_porphyrin_per_mm")? == 0.0 {
+        site.set("biofilm_porphyrin_per_mm", PORPHYRIN_PER_MM)?;
+    }
+    Ok(site)
+}
+
+fn tissue_of(prior: &TissuePrior, site: &Site) -> Result<LayeredTissue, TissueError> {
+    site.tissue(&|name| prior.fluorophores.iter().find(|fluorophore| fluorophore.name == name).cloned())
+}
+
+/// What stays the same for all tissues of a family.
+struct FamilySolver<'a> {
+    prior: &'a TissuePrior,
+    frames: Vec<FrameLines<'a>>,
+    bands_nm: Vec<f64>,
+    nodes_nm: Vec<f64>,
+}
+
+/// A frame with its light as lines and bands.
+struct FrameLines<'a> {
+    frame: &'a FamilyFrame,
+    rgb: [usize; 3],
+    /// Wavelength, nm, and photons, 1/(s m²).
+    lines: Vec<(f64, f64)>,
+    /// Irradiance in each band, W/(m² nm).
+    irradiance: Vec<f64>,
+    /// Radiance of teeth under the same light, W/(sr m² nm).
+    teeth: Vec<f64>,
+}
+
+impl<'a> FamilySolver<'a> {
+    fn new(
+        prior: &'a TissuePrior,
+        frames: &'a [FamilyFrame],
+        grid: &WavelengthGrid,
+    ) -> Result<Self, TissueError> {
+        let bands_nm = grid.centers_nm();
+        let mut nodes_nm: Vec<f64> = Vec::new();
+        let mut prepared = Vec::with_capacity(frames.len());
+        for frame in frames {
+            let rgb = frame.camera.rgb().ok_or(TissueError::Wavelengths)?;
+            let irradiance = frame.irradiance.bin_averages(grid);
+            let lines = lines(&irradiance, grid);
+            nodes_nm.extend(lines.iter().map(|(nm, _)| *nm));
+            prepared.push(FrameLines { frame, rgb, lines, irradiance, teeth: Vec::new() });
+        }
+        // Every 5 nm where hemoglobin has its bands, otherwise every 10 nm, between the ends of the grid
+        let (first, last) = (bands_nm[0], bands_nm[bands_nm.len() - 1]);
+        nodes_nm.extend([first, last]);
+        let steps = (0..).map(|i| 400.0 + 5.0 * f64::from(i)).take_while(|nm| *nm < 1000.0);
+        nodes_nm.extend(
+            steps.filter(|nm| {
+                (*nm > first && *nm < last) && ((520.0..=600.0).contains(nm) || nm % 10.0 == 0.0)
+            }),
+        );
+        nodes_nm.sort_by(f64::total_cmp);
+        nodes_nm.dedup_by(|a, b| (*a - *b).abs() < 1.0);
+        let mut solver = Self { prior, frames: prepared, bands_nm, nodes_nm };
+        if prior.surroundings {
+            let teeth = solver.effective(&tissue_of(prior, &Site::named("tooth")?)?)?;
+            let radiances: Vec<Vec<f64>> =
+                solver.frames.iter().map(|frame| solver.radiance(&teeth, frame, None)).collect();
+            for (frame, radiance) in solver.frames.iter_mut().zip(radiances) {
+                frame.teeth = radiance;
+            }
+        }
+        Ok(solver)
+    }
+
+    fn effective(&self, tissue: &LayeredTissue) -> Result<EffectiveTissue, TissueError> {
+        EffectiveTissue::new(tissue, &self.nodes_nm, DiscreteOrdinates::DIFFUSE)
+    }
+
+    /// Fluorescence of all fluorophores, or of one, under the light of a frame, W/(sr m² nm).
+    fn radiance(&self, tissue: &EffectiveTissue, frame: &FrameLines<'_>, name: Option<&str>) -> Vec<f64> {
+        let mut photons = vec![0.0; self.bands_nm.len()];
+        for part in tissue.parts() {
+            let held = &tissue.tissue().layers[part.layer].fluorophores[part.fluorophore];
+            if name.is_none_or(|name| held.fluorophore.name == name) {
+                let more = tissue.emission(part, &frame.lines, &self.bands_nm, Level::AboveSurface);
+                photons.iter_mut().zip(more).for_each(|(sum, more)| *sum += more);
+            }
+        }
+        let energy = |(photons, nm): (f64, &f64)| photons / photons_per_joule(*nm) / std::f64::consts::PI;
+        photons.into_iter().zip(&self.bands_nm).map(energy).collect()
+    }
+
+    /// All sources of one tissue.
+    fn solve(&self, site: &Site, names: &[String]) -> Result<Solved, TissueError> {
+        let tissue = self.effective(&tissue_of(self.prior, site)?)?;
+        let reflectance = tissue.reflectance(Level::AboveSurface);
+        let reflectance: Vec<f64> = self.bands_nm.iter().map(|nm| reflectance.at(*nm)).collect();
+        let mut solved = Solved { direct: Vec::new(), once_more: Vec::new() };
+        for name in names {
+            let (mut direct, mut once_more) = (Vec::new(), Vec::new());
+            for frame in &self.frames {
+                let reflected = || frame.irradiance.iter().map(|e| e / std::f64::consts::PI);
+                let (radiance, camera): (Vec<f64>, _) = match name.as_str() {
+                    LEAK => (
+                        reflected().zip(&reflectance).map(|(l, r)| l * r).collect(),
+                        &frame.frame.camera_of_reflected,
+                    ),
+                    GLOSS_NAME => (reflected().collect(), &frame.frame.camera_of_reflected),
+                    TEETH_NAME => (
+                        frame.teeth.iter().zip(&reflectance).map(|(l, r)| l * r).collect(),
+                        &frame.frame.camera,
+                    ),
+                    name => (self.radiance(&tissue, frame, Some(name)), &frame.frame.camera),
+                };
+                let again: Vec<f64> = radiance.iter().zip(&reflectance).map(|(l, r)| l * r).collect();
+                for channel in frame.rgb {
+                    let signal = camera.channel_electrons(channel, &radiance, frame.frame.time_s).max(DARK);
+                    let after = camera.channel_electrons(channel, &again, frame.frame.time_s);
+                    direct.push(signal);
+                    once_more.push((after / signal).max(1e-3));
+                }
+            }
+            solved.direct.push(direct);
+            solved.once_more.push(once_more);
+        }
+        Ok(solved)
+    }
+}
+
+/// The light in few lines: bands in order, joined until each line has its share of the photons, at their mean wavelength.
+fn lines(irradiance: &[f64], grid: &WavelengthGrid) -> Vec<(f64, f64)> {
+    let photons: Vec<f64> = irradiance
+        .iter()
+        .enumerate()
+        .map(|(band, e)| e * grid.width_nm(band) * photons_per_joule(grid.center_nm(band)))
+        .collect();
+    let all: f64 = photons.iter().sum();
+    let mut lines = Vec::new();
+    let (mut sum, mut moment) = (0.0, 0.0);
+    for (band, photons) in photons.iter().enumerate() {
+        sum += photons;
+        moment += photons * grid.center_nm(band);
+        let last = band + 1 == irradiance.len();
+        if sum > 0.0 && (sum >= all / MOST_LINES as f64 || last) {
+            lines.push((moment / sum, sum));
+            (sum, moment) = (0.0, 0.0);
+        }
+    }
+    lines
+}
+
+/// Least squares by the cubic terms of a design.
+struct PolynomialFit {
+    terms: DMatrix<f64>,
+    solution: DMatrix<f64>,
+}
+
+impl PolynomialFit {
+    fn new(x: &[Vec<f64>]) -> Option<Self> {
+        let rows: Vec<f64> = x.iter().flat_map(|x| CubicTerms::new(x).values).collect();
+        let columns = rows.len() / x.len().max(1);
+        let terms = DMatrix::from_row_slice(x.len(), columns, &rows);
+        let solution = (terms.transpose() * &terms).cholesky()?.solve(&terms.transpose());
+        Some(Self { terms, solution })
+    }
+
+    /// Coefficients, and the root mean square that they leave, corrected for their number.
+    fn fit(&self, values: &[f64]) -> (Vec<f64>, f64) {
+        let values = nalgebra::DVector::from_column_slice(values);
+        let coefficients = &self.solution * &values;
+        let rest = &self.terms * &coefficients - &values;
+        let free = (values.len() - coefficients.len()).max(1) as f64;
+        (coefficients.iter().copied().collect(), (rest.norm_squared() / free).sqrt())
+    }
+}
