@@ -214,6 +214,8 @@ fn coverage(site: &str, lights: &[&str], seed: u64) -> Coverage {
     let family = family(lights);
     let population = Population::of(&Site::named(site).unwrap());
     let names = family.nuisances();
+    // The bound knows no probability of none.
+    let present = LightFamily { probability_of_none: 1e-9, ..family.clone() };
     let (mut held, mut zero_held, mut errors, mut widths) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     for number in 0..TISSUES {
         let key = Key::new(seed).with(number);
@@ -247,7 +249,7 @@ fn coverage(site: &str, lights: &[&str], seed: u64) -> Coverage {
             }
             errors.push(middle - case.truth);
             if let Some(sd) = family.bound_of_log_odds(&case.nuisances, case.porphyrin, &case.variance)
-                && low > 0.0
+                && let Some([_, low, high, _]) = present.share_interval(&case.electrons, &case.variance)
             {
                 let at = |z: f64| 1.0 / (1.0 + (1.0 / case.truth - 1.0) * (-z * sd).exp());
                 widths.push((high - low) / (at(1.96) - at(-1.96)));
