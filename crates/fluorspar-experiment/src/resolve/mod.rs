@@ -81,6 +81,7 @@ pub fn resolve(experiment: &Experiment) -> Result<ResolvedExperiment, Experiment
     };
     let analysis = capture::analysis(context, file, &captures, &seen)?;
 
+    let tissues = tissue::study_tissues(context, file, &materials, &objects)?;
     let scene = Scene {
         grid,
         objects,
@@ -112,6 +113,7 @@ pub fn resolve(experiment: &Experiment) -> Result<ResolvedExperiment, Experiment
         spectroradiometers,
         safety: Some(safety),
         analysis,
+        tissues,
     };
     let record = FileRecord {
         title: file.title.clone(),

@@ -45,6 +45,24 @@ pub(super) fn surface_mean<'s>(texture: &ScalarTexture, shapes: impl Iterator<It
     integral.value / integral.area
 }
 
+/// [`surface_mean`] from some two thousand triangles of each mesh: to a few per cent, in no time.
+pub(super) fn rough_surface_mean<'s>(
+    texture: &ScalarTexture,
+    shapes: impl Iterator<Item = &'s Shape> + Clone,
+) -> f64 {
+    const TRIANGLES: usize = 2000;
+    let mut integral = Integral::default();
+    for shape in shapes.clone() {
+        let Shape::Mesh(mesh) = shape else { return surface_mean(texture, shapes) };
+        for triangle in mesh.triangles.iter().step_by(mesh.triangles.len().div_ceil(TRIANGLES).max(1)) {
+            let [a, b, c] = triangle.map(|vertex| mesh.positions[vertex as usize]);
+            let uv = triangle.map(|vertex| mesh.uvs.get(vertex as usize).copied().unwrap_or_default());
+            integral.add(texture, (uv[0] + uv[1] + uv[2]) / 3.0, 0.5 * (b - a).cross(c - a).length());
+        }
+    }
+    if integral.area > 0.0 { integral.value / integral.area } else { surface_mean(texture, shapes) }
+}
+
 /// Middles of the fields of a unit square.
 fn grid(columns: usize, rows: usize) -> impl Iterator<Item = (f32, f32)> {
     let middle = |index: usize, n: usize| (index as f32 + 0.5) / n as f32;

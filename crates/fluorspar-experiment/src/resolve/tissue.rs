@@ -5,6 +5,8 @@ use std::sync::Arc;
 use super::context::{Context, Resolved};
 use super::fluorophore::{Fluorophores, MAX_CONCENTRATION};
 use super::gloss::gloss;
+use super::material::Materials;
+use super::surface_mean::rough_surface_mean;
 use crate::ExperimentError;
 use crate::error::{Place, steps};
 use crate::kept::kept_tissue;
@@ -14,12 +16,16 @@ use crate::schema::{
 use fluorspar::digest::sha256_hex;
 use fluorspar::material::{
     Coat, FluorophoreAmount, INTERPOLATION_ERROR, MAX_MAPPED_PARAMETERS, MappedParameter, Material,
-    ScalarTexture, Scattering, TissueSurface,
+    ScalarTexture, Scattering, StateGrid, SurfaceFluorescence, TissueSurface,
 };
 use fluorspar::names::did_you_mean;
 use fluorspar::quote::excerpt;
-use fluorspar::spectral::{Fluorophore, WavelengthGrid, YieldDensity};
-use fluorspar::tissue::{LayeredTissue, Site, TissueError, TissueState};
+use fluorspar::scene::Object;
+use fluorspar::spectral::{Curve, Fluorophore, WavelengthGrid, YieldDensity};
+use fluorspar::study::StudyTissue;
+use fluorspar::tissue::{
+    EffectiveTissue, LayeredTissue, Level, Site, TissueError, TissueState, diffuse_reflectance,
+};
 
 /// Largest factor on a parameter of tissue over a surface.
 const MAX_FACTOR: f64 = 100.0;
@@ -378,6 +384,76 @@ impl TissueRecipe {
         let scattering = Material::with_base("", surface.base(), Some(self.coat.clone())).scattering;
         Ok((scattering, amounts))
     }
+}
+
+/// The layered tissues of a scene in their mean states, for what is told about them beside the image.
+pub(super) fn study_tissues(
+    context: &mut Context<'_>,
+    file: &ExperimentFile,
+    materials: &Materials,
+    objects: &[Object],
+) -> Resolved<Vec<StudyTissue>> {
+    let mut tissues = Vec::new();
+    for (&index, recipe) in &materials.recipes {
+        let of_material = || objects.iter().filter(move |object| object.material == index);
+        let parts: Vec<String> = of_material().map(|object| object.name.clone()).collect();
+        if parts.is_empty() {
+            continue;
+        }
+        let layers = Layers::new(context, &recipe.at, &file.fluorophore, &recipe.site)?;
+        let mut site = recipe.site.clone();
+        for change in &recipe.variations {
+            let mean = rough_surface_mean(&change.map, of_material().map(|object| &object.shape));
+            change.apply(&mut site, mean).map_err(|error| recipe.failed(context, &error))?;
+        }
+        let mut tissue = layers.of(&site).map_err(|error| recipe.failed(context, &error))?;
+        for held in tissue.layers.iter_mut().flat_map(|layer| &mut layer.fluorophores) {
+            let factor = recipe.factors.iter().find(|(name, _)| *name == held.fluorophore.name);
+            if let Some((_, map)) = factor {
+                let shapes = of_material().map(|object| &object.shape);
+                held.strength_per_mm *= rough_surface_mean(map, shapes);
+            }
+        }
+        tissues.push(StudyTissue { name: materials.list[index].name.clone(), parts, tissue });
+    }
+    Ok(tissues)
+}
+
+/// A site as a flat, matte sample: what its surface sends back under diffuse light, without its specular reflection.
+pub(crate) struct FlatTissue {
+    /// Reflectance.
+    pub(crate) reflectance: Curve,
+    /// What it holds, each as its surface emits.
+    pub(crate) fluorophores: Vec<Fluorophore>,
+}
+
+/// A site by name as a flat sample.
+pub(crate) fn flat_tissue(
+    context: &mut Context<'_>,
+    at: &Place,
+    tissues: &[TissueSection],
+    fluorophores: &[FluorophoreSection],
+    name: &str,
+    grid: &WavelengthGrid,
+) -> Resolved<FlatTissue> {
+    check_sections(context, tissues)?;
+    let site = site(context, at, tissues, name)?;
+    let layers = Layers::new(context, at, fluorophores, &site)?;
+    let failed = |error: TissueError| context.error(at, error.to_string());
+    let tissue = layers.of(&site).map_err(failed)?;
+    let solved = EffectiveTissue::for_grid(&tissue, grid).map_err(failed)?;
+    let reflectance = solved.reflectance(Level::AboveSurface);
+    let surface = TissueSurface::new(StateGrid::default(), &[solved]).map_err(failed)?;
+    // What the material has below its surface, with the share of diffuse light that the surface lets in
+    let passed = 1.0 - diffuse_reflectance(1.0, tissue.surface_index());
+    let as_seen = |emission: &SurfaceFluorescence| {
+        let eem = emission.states.first()?;
+        Some(Fluorophore {
+            eem: eem.as_ref().clone().scaled(passed),
+            ..emission.fluorophore.as_ref().clone()
+        })
+    };
+    Ok(FlatTissue { reflectance, fluorophores: surface.emissions.iter().filter_map(as_seen).collect() })
 }
 
 /// Names of the fluorophores of a tissue, each once.

@@ -7,11 +7,12 @@ use std::sync::atomic::AtomicBool;
 
 use fluorspar::image::{ComponentImage, LightPath};
 use fluorspar::material::CoatAlbedo;
+use fluorspar::pipeline::depths_of_light;
 use fluorspar::render::{RenderControl, RenderSettings, render};
 use fluorspar::spectral::Curve;
 use fluorspar::study::Study;
-use fluorspar::tissue::{EffectiveTissue, Level, Site};
-use fluorspar_experiment::{parse, preset, resolve};
+use fluorspar::tissue::{EffectiveTissue, LayerFluorophore, Level, Site};
+use fluorspar_experiment::{parse, parse_sample, preset, resolve};
 
 /// A patch of lip under even light from everywhere, seen head-on.
 const PATCH: &str = r#"
@@ -195,4 +196,69 @@ fn tissues_that_make_no_sense_are_refused_with_what_is_known() {
     let message =
         refusal(&PATCH.replace("gloss.roughness = 0.01", "concentrations = { protoporphyrin_ix = 1.0 }"));
     assert!(message.contains("holds no protoporphyrin_ix") && message.contains("collagen"), "{message}");
+}
+
+/// A flat sample of tissue reflects and emits what the solver finds, with factors on what it holds.
+#[test]
+fn a_flat_sample_of_tissue_is_that_of_the_solver() {
+    let text = "format = 1\n[spectral]\nfirst_nm = 390.0\nlast_nm = 710.0\nstep_nm = 10.0\n[light]\nspectrum = \"led_405\"\n\
+                strength.irradiance_w_per_m2 = 100.0\n[sample]\ntissue = \"lip\"\nconcentrations = { collagen = 0.5 }\n";
+    let sample = parse_sample(text, "lip.toml", Path::new("."), &[]).unwrap().sample;
+    let find = |name: &str| Some(Arc::new(preset::fluorophore(name).ok()?.fluorophore()));
+    let tissue = Site::named("lip").unwrap().tissue(&find).unwrap();
+    let solved = EffectiveTissue::for_grid(&tissue, &sample.grid).unwrap();
+    for nm in [400.0, 450.0, 540.0, 580.0, 700.0] {
+        let expected: f64 = solved.reflectance(Level::AboveSurface).at(nm);
+        assert!((sample.reflectance.at(nm) / expected - 1.0).abs() < 1e-12, "{nm} nm");
+    }
+    for (emission, excitation) in [(500.0, 405.0), (560.0, 405.0), (640.0, 450.0)] {
+        let found: f64 =
+            sample.fluorophores.iter().map(|(held, factor)| factor * held.eem.at(emission, excitation)).sum();
+        let of = |part: LayerFluorophore| {
+            let name = &tissue.layers[part.layer].fluorophores[part.fluorophore].fluorophore.name;
+            let factor = if name == "collagen" { 0.5 } else { 1.0 };
+            factor * solved.yield_density(part, emission, excitation, Level::AboveSurface)
+        };
+        let expected: f64 = solved.parts().into_iter().map(of).sum();
+        // Matrices are compressed to 1e-4 of their norm.
+        assert!((found / expected - 1.0).abs() < 1e-3, "{emission}, {excitation}: {found}, {expected}");
+    }
+}
+
+/// Red light comes from deeper than green and blue, from the layers that hold the fluorophores; a bloody tissue
+/// shows only what lies above the blood.
+#[test]
+fn each_channel_sees_its_depth() {
+    let text = preset::experiment("oraleye-2021").unwrap().text;
+    let changes = ["mouth.detail=0.25".to_owned(), "spectral.step_nm=10".to_owned()];
+    let mut study = resolve(&parse(text, "mouth", Path::new("."), &changes).unwrap()).unwrap().study;
+    assert!(study.tissues.iter().any(|tissue| tissue.parts.contains(&"tongue_tip".to_owned())));
+    study.tissues.retain(|tissue| ["tongue_dorsum", "cheek"].contains(&tissue.name.as_str()));
+    let mut bloody = study.tissues[0].clone();
+    let find = |name: &str| Some(Arc::new(preset::fluorophore(name).ok()?.fluorophore()));
+    let mut site = Site::named("dorsal_tongue").unwrap();
+    site.set("superficial_blood_fraction", 0.06).unwrap();
+    bloody.name = "bloody tongue".into();
+    bloody.tissue = site.tissue(&find).unwrap();
+    study.tissues.push(bloody);
+
+    let blue = study.capture("blue").unwrap();
+    let depths = depths_of_light(&study, &[blue]).unwrap();
+    let of = |tissue: &str, channel: &str| {
+        depths.iter().find(|depth| depth.tissue == tissue && depth.channel == channel).unwrap()
+    };
+    for tissue in ["tongue_dorsum", "cheek"] {
+        let [red, green, blue] = ["R", "G", "B"].map(|channel| of(tissue, channel));
+        assert!(red.median_um > green.median_um || tissue == "tongue_dorsum", "{red:?} {green:?}");
+        for depth in [red, green, blue] {
+            assert!((20.0..900.0).contains(&depth.median_um), "{depth:?}");
+            assert!(depth.median_um < depth.depth_90_um && depth.quantiles_um.is_sorted(), "{depth:?}");
+            assert!((depth.layers.iter().map(|layer| layer.share).sum::<f64>() - 1.0).abs() < 1e-9);
+        }
+    }
+    let [healthy, bloody] = ["tongue_dorsum", "bloody tongue"].map(|tissue| of(tissue, "G"));
+    assert!(bloody.depth_90_um < healthy.depth_90_um, "{bloody:?} {healthy:?}");
+    // In the dark nothing comes from anywhere.
+    let dark = study.capture("ambient").unwrap();
+    assert!(depths_of_light(&study, &[dark]).unwrap().is_empty());
 }

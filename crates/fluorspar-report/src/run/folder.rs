@@ -175,6 +175,7 @@ fn results_json(run: &RunResults<'_>) -> Result<Value, serde_json::Error> {
         "region_radiance_w_per_sr_m2_nm": evaluation.region_radiance.as_ref().map(serde_json::to_value).transpose()?,
         "leak_ratio": evaluation.analyzed_leak().and_then(|leak| leak.leak_ratio),
         "leaks": serde_json::to_value(&evaluation.leaks)?,
+        "depths_of_light": serde_json::to_value(&evaluation.depths)?,
         "safety": serde_json::to_value(&evaluation.safety)?,
         "spectroradiometers": serde_json::to_value(&evaluation.spectra)?,
         "warnings": record.warnings,

@@ -1,5 +1,6 @@
 //! The report and the folder of one run of an experiment.
 
+mod depth_section;
 mod folder;
 mod report;
 mod safety_section;

@@ -11,6 +11,7 @@ use fluorspar_experiment::ResolvedExperiment;
 use fluorspar_experiment::preset::{self, PresetKind};
 
 use super::RunResults;
+use super::depth_section::depth_section;
 use super::safety_section::safety_section;
 use crate::figures::{
     ChannelValues, ChromaticityPlot, EemMap, PlotCurve, chromaticity, eem_maps, emission, filters,
@@ -71,6 +72,12 @@ pub fn run_report(run: &RunResults<'_>) -> RunReport {
     }
     if let Some(radiance) = &evaluation.region_radiance {
         sections.push(radiance_section(run, radiance, leak, &mut builder));
+    }
+    if let Some((section, figure)) = depth_section(run) {
+        sections.push(match figure {
+            Some(figure) => builder.show(section, "depth", figure, ""),
+            None => section,
+        });
     }
     if !run.evaluation.spectra.is_empty() {
         sections.push(spectroradiometer_section(run, &mut builder));

@@ -1,12 +1,12 @@
 //! Everything after the render, each result once.
 
 use super::{
-    AnalyzedFrame, CapturedFrame, ColorRendering, FrameLeak, PipelineError, Preview, RegionRadiance,
-    SafetyReport, SpectroradiometerReading, analyze, assess_safety, capture, frame_leak, preview,
-    read_spectroradiometers,
+    AnalyzedFrame, CapturedFrame, ColorRendering, DepthOfLight, FrameLeak, PipelineError, Preview,
+    RegionRadiance, SafetyReport, SpectroradiometerReading, analyze, assess_safety, capture, depths_of_light,
+    frame_leak, preview, read_spectroradiometers,
 };
 use crate::image::ComponentImage;
-use crate::study::Study;
+use crate::study::{Capture, Study};
 
 /// Results of a study, computed from its component image.
 #[derive(Clone, Debug, PartialEq)]
@@ -21,6 +21,8 @@ pub struct Evaluation {
     pub region_radiance: Option<RegionRadiance>,
     /// Reflected light against fluorescence in each frame that has light, over the analyzed region or the whole frame.
     pub leaks: Vec<FrameLeak>,
+    /// From how deep the fluorescence of layered tissues comes, in the frames that are made of fluorescence.
+    pub depths: Vec<DepthOfLight>,
     /// Readings of the spectroradiometers.
     pub spectra: Vec<SpectroradiometerReading>,
     /// Photobiological safety of the captures, if the study has a plan for it.
@@ -64,6 +66,14 @@ pub fn evaluate(study: &Study, components: &ComponentImage) -> Result<Evaluation
         leaks.extend(frame_leak(study, components, capture, frame.raw.exposure_s, region)?);
     }
 
+    // Ask for the depths of the light where it is fluorescence
+    let fluorescent: Vec<&Capture> = leaks
+        .iter()
+        .filter(|leak| !leak.is_reflectance())
+        .filter_map(|leak| study.capture(&leak.frame))
+        .collect();
+    let depths = depths_of_light(study, &fluorescent).map_err(PipelineError::Depths)?;
+
     let safety = assess_safety(study, &frames);
-    Ok(Evaluation { frames, previews, analysis, region_radiance, leaks, spectra, safety })
+    Ok(Evaluation { frames, previews, analysis, region_radiance, leaks, depths, spectra, safety })
 }

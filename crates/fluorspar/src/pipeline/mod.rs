@@ -12,6 +12,7 @@
 //! | previews | [`preview`] | 8-bit sRGB |
 //! | reflected light against fluorescence behind filters | [`filter_leak`] | [`FilterLeak`] |
 //! | the same for the frames of a study, in electrons | [`frame_leak`] | [`FrameLeak`] |
+//! | depths from which the fluorescence of tissue comes | [`depths_of_light`] | [`DepthOfLight`]s |
 //! | one region for one design, in about a microsecond | [`estimate_porphyrin`] | [`PorphyrinEstimate`] |
 //! | a region of tissue of a known site, its share of porphyrin with everything unknown | [`tissue_family`] | [`crate::analysis::LightFamily`] |
 //! | images larger than the memory | [`render_row_bands`] | rows for a [`BandStore`] |
@@ -23,6 +24,7 @@ mod calibration;
 mod camera_color;
 mod capture;
 mod denoise;
+mod depth_of_light;
 mod direct_light;
 mod evaluate;
 mod filter_leak;
@@ -48,6 +50,7 @@ pub use capture::{
     CapturedFrame, RawExposures, bracket_label, capture, complete_raw, develop_frames, frame_radiance,
 };
 pub use denoise::{DenoiseError, DenoiseSettings, denoise};
+pub use depth_of_light::{DepthOfLight, LayerShare, depths_of_light};
 pub use evaluate::{Evaluation, evaluate};
 pub use filter_leak::{FilterLeak, LeakAtAngle, LeakBehindFilters, filter_leak};
 pub use frame_leak::{ChannelLeak, FrameLeak, frame_leak};
@@ -87,6 +90,9 @@ pub enum PipelineError {
     /// A frame can't be analyzed.
     #[error(transparent)]
     Analysis(#[from] AnalysisError),
+    /// The depths of the light can't be computed.
+    #[error("the depths of the light: {0}")]
+    Depths(TissueError),
     /// The tissue that is assumed can't be computed.
     #[error("the tissue that analysis.tissue assumes: {0}")]
     Tissue(#[from] TissueError),

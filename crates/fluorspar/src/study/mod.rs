@@ -9,11 +9,13 @@
 //! | [`Camera`], [`Lens`], [`ViewFilter`] | from the scene to the digital numbers | `camera.rs` |
 //! | [`Capture`], [`Motion`], [`Develop`], [`FlatFieldPlan`] | the exposures and how they become linear channels | `program.rs` |
 //! | [`SpectroradiometerPlan`], [`SafetyPlan`], [`AnalysisPlan`] | what is measured and computed besides | `program.rs` |
+//! | [`StudyTissue`] | a layered tissue of the scene, for what is told about it beside the image | `study_tissue.rs` |
 //! | [`FlatSample`] | the small study of a flat, homogeneous sample without geometry | `flat_sample.rs` |
 
 mod camera;
 mod flat_sample;
 mod program;
+mod study_tissue;
 
 pub use camera::{Camera, Lens, ViewFilter};
 pub use flat_sample::{FlatSample, FluorescenceModel};
@@ -21,6 +23,8 @@ pub use program::{
     AnalysisPlan, Capture, Develop, FlatFieldPlan, LineEnds, Motion, SafetyPlan, SpectroradiometerPlan,
     SpectroradiometerTarget, TissuePrior,
 };
+
+pub use study_tissue::StudyTissue;
 
 use crate::render::RenderSettings;
 use crate::scene::Scene;
@@ -49,6 +53,8 @@ pub struct Study {
     pub safety: Option<SafetyPlan>,
     /// Analysis of the captures.
     pub analysis: Option<AnalysisPlan>,
+    /// Layered tissues of the scene.
+    pub tissues: Vec<StudyTissue>,
 }
 
 impl Study {
@@ -65,6 +71,7 @@ impl Study {
             spectroradiometers: Vec::new(),
             safety: None,
             analysis: None,
+            tissues: Vec::new(),
         }
     }
 

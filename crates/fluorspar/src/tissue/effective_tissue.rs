@@ -333,34 +333,45 @@ impl EffectiveTissue {
     /// wavelength: a filter times a quantum efficiency.
     #[must_use]
     pub fn depth_of_fluorescence(&self, excitation: &Curve, channel: &Curve) -> DepthProfile {
+        let mut profiles = self.depths_of_fluorescence(excitation, &[channel]);
+        profiles.pop().unwrap_or_else(|| DepthProfile::new(&self.tissue, &[], &[]))
+    }
+
+    /// [`Self::depth_of_fluorescence`] of several channels under the same light.
+    #[must_use]
+    pub fn depths_of_fluorescence(&self, excitation: &Curve, channels: &[&Curve]) -> Vec<DepthProfile> {
+        /// Light below this share of its brightest wavelength excites nothing that counts.
+        const DARK: f64 = 1e-6;
         let nm = steps(
             self.wavelengths_nm[0],
             self.wavelengths_nm[self.wavelengths_nm.len() - 1],
             SOLUTION_STEP_NM,
         );
-        let mut by_node = vec![0.0; self.nodes.len()];
+        let light: Vec<f64> = nm.iter().map(|&nm| excitation.at(nm)).collect();
+        let brightest = light.iter().copied().fold(0.0, f64::max);
+        let lit: Vec<usize> = (0..nm.len()).filter(|&x| light[x] > DARK * brightest).collect();
+        let weights: Vec<Vec<f64>> =
+            channels.iter().map(|channel| nm.iter().map(|&nm| channel.at(nm)).collect()).collect();
+        let mut by_node = vec![vec![0.0; self.nodes.len()]; channels.len()];
         for part in self.parts() {
             let Some(contents) = self.contents(part) else { continue };
             let eem = &contents.fluorophore.eem;
             let escape = self.escape_weights(part.layer);
             let fluence: Vec<Vec<f64>> =
                 nm.iter().map(|&nm| self.fluence(part.layer, nm, Level::AboveSurface)).collect();
-            let of_layer = self.nodes.iter().enumerate().filter(|(_, node)| node.layer == part.layer);
-            for (k, (node, _)) in of_layer.enumerate() {
-                let mut sum = 0.0;
-                for (x, &excitation_nm) in nm.iter().enumerate() {
-                    let arriving = excitation.at(excitation_nm) * fluence[x][k];
-                    if arriving > 0.0 {
-                        let seen = |(m, &nm): (usize, &f64)| {
-                            channel.at(nm) * fluence[m][k] * eem.at(nm, excitation_nm)
-                        };
-                        sum += arriving * nm.iter().enumerate().map(seen).sum::<f64>();
+            let Some(first) = self.nodes.iter().position(|node| node.layer == part.layer) else { continue };
+            for &x in &lit {
+                let emitted: Vec<f64> = nm.iter().map(|&m| eem.at(m, nm[x])).collect();
+                for (k, escape) in escape.iter().enumerate() {
+                    let arriving = light[x] * fluence[x][k] * escape * contents.scale_per_mm();
+                    for (nodes, weight) in by_node.iter_mut().zip(&weights) {
+                        let seen = emitted.iter().zip(weight).zip(&fluence);
+                        nodes[first + k] += arriving * seen.map(|((e, w), f)| e * w * f[k]).sum::<f64>();
                     }
                 }
-                by_node[node] += sum * escape[k] * contents.scale_per_mm();
             }
         }
-        DepthProfile::new(&self.tissue, &self.nodes, &by_node)
+        by_node.iter().map(|by_node| DepthProfile::new(&self.tissue, &self.nodes, by_node)).collect()
     }
 }
 
@@ -442,6 +453,14 @@ impl DepthProfile {
             cumulative.push((depth_um, share));
         }
         Self { layer_shares, cumulative }
+    }
+
+    /// Mean depth, um; none where there is no light.
+    #[must_use]
+    pub fn mean_um(&self) -> Option<f64> {
+        let slices = self.cumulative.windows(2);
+        let mean = slices.map(|pair| (pair[1].1 - pair[0].1) * 0.5 * (pair[0].0 + pair[1].0)).sum();
+        (self.cumulative.last()?.1 > 0.0).then_some(mean)
     }
 
     /// Depth, um, above which a share of the light comes from; none where there is no light or the share is not within 0 to 1.

@@ -33,15 +33,15 @@ const MODULES: &[(&str, &[&str])] = &[
     (
         "study",
         &[
-            "units", "spectral", "image", "sampling", "geometry", "material", "light", "optics", "scene",
-            "render", "safety", "sensor", "analysis",
+            "units", "spectral", "image", "sampling", "geometry", "material", "light", "optics", "tissue",
+            "scene", "render", "safety", "sensor", "analysis",
         ],
     ),
     (
         "pipeline",
         &[
-            "units", "spectral", "image", "sampling", "geometry", "material", "light", "optics", "scene",
-            "render", "safety", "sensor", "analysis", "study",
+            "units", "spectral", "image", "sampling", "geometry", "material", "light", "optics", "tissue",
+            "scene", "render", "safety", "sensor", "analysis", "study",
         ],
     ),
 ];

@@ -1,0 +1,78 @@
+//! Depths of fluorescence in the report.
+
+use fluorspar::pipeline::DepthOfLight;
+
+use super::RunResults;
+use crate::figures::{DepthCurve, share_by_depth};
+use crate::{Figure, Number, NumberTable, ReportItem, Section};
+
+/// From how deep the fluorescence comes that each channel sees, and the figure of the analyzed tissue; nothing without layered
+/// tissue.
+pub(super) fn depth_section(run: &RunResults<'_>) -> Option<(Section, Option<Figure>)> {
+    let depths = &run.evaluation.depths;
+    let analyzed = analyzed_tissue(run)?;
+    let mut section = Section::new("From how deep the light of each channel comes").say(
+        "Light enters the tissue, is scattered and absorbed, and excites fluorophores on its way; what they give off has to find its \
+         way out. Half of the fluorescence that a channel sees comes from above the median depth, nine tenths from above the second \
+         one. Red light is absorbed least by blood and so comes from deeper than green. Each tissue in its mean state over \
+         its surfaces, under the direct light, weighted by filters and quantum efficiency.",
+    );
+    let own: Vec<&DepthOfLight> = depths.iter().filter(|depth| depth.tissue == analyzed).collect();
+    let frame = own.first().map_or("", |depth| depth.frame.as_str());
+    let mut rows = Vec::new();
+    for depth in &own {
+        rows.push(depth_row(&format!("{}: {}", depth.frame, depth.channel), depth));
+        rows.extend(depth.layers.iter().map(|layer| {
+            Number::computed(
+                format!("{}: {} from the {}", depth.frame, depth.channel, layer.name),
+                format!("{:.0}", 100.0 * layer.share),
+                "%",
+                "share of this layer in the fluorescence of the channel",
+            )
+        }));
+    }
+    let caption = format!("Tissue \"{analyzed}\"");
+    section = section.with(ReportItem::Table(NumberTable { caption, rows }));
+    let others: Vec<Number> = depths
+        .iter()
+        .filter(|depth| depth.tissue != analyzed && depth.frame == frame)
+        .map(|depth| depth_row(&format!("{}: {}", depth.tissue, depth.channel), depth))
+        .collect();
+    if !others.is_empty() {
+        let caption = format!("Other tissues, frame \"{frame}\"");
+        section = section.with(ReportItem::Table(NumberTable { caption, rows: others }));
+    }
+    Some((section, figure(&own, frame, analyzed)))
+}
+
+/// The tissue of the analyzed region, otherwise the first one.
+fn analyzed_tissue<'r>(run: &RunResults<'r>) -> Option<&'r str> {
+    let depths = &run.evaluation.depths;
+    let parts = run.experiment.study.analysis.as_ref().map_or(&[][..], |analysis| &analysis.parts);
+    let of_region = depths.iter().find(|depth| depth.parts.iter().any(|part| parts.contains(part)));
+    of_region.or(depths.first()).map(|depth| depth.tissue.as_str())
+}
+
+fn depth_row(name: &str, depth: &DepthOfLight) -> Number {
+    Number::computed(
+        name,
+        format!("{:.0} / {:.0}", depth.median_um, depth.depth_90_um),
+        "µm",
+        format!("half and nine tenths of the fluorescence come from above; mean {:.0} µm", depth.mean_um),
+    )
+}
+
+/// Share of the light from above each depth, by channel.
+fn figure(depths: &[&DepthOfLight], frame: &str, tissue: &str) -> Option<Figure> {
+    let curves: Vec<DepthCurve> = depths
+        .iter()
+        .filter(|depth| depth.frame == frame)
+        .map(|depth| {
+            let last = depth.quantiles_um.len().saturating_sub(1).max(1) as f64;
+            let points = depth.quantiles_um.iter().enumerate();
+            let points = points.map(|(place, depth_um)| [*depth_um, place as f64 / last]).collect();
+            DepthCurve { name: depth.channel.clone(), points }
+        })
+        .collect();
+    (!curves.is_empty()).then(|| share_by_depth(&curves, &format!("{tissue}, frame \"{frame}\"")))
+}

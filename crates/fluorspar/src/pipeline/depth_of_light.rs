@@ -1,0 +1,101 @@
+//! From how deep the fluorescence of layered tissue comes that the channels of a camera see.
+
+use serde::Serialize;
+
+use super::analyze::frame_light;
+use super::capture::behind_filter;
+use crate::spectral::Curve;
+use crate::study::{Capture, Study, StudyTissue};
+use crate::tissue::{EffectiveTissue, TissueError};
+
+/// Depths of the fluorescence of one tissue that one channel sees in one frame.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct DepthOfLight {
+    /// Label of the frame.
+    pub frame: String,
+    /// Name of the tissue's material.
+    pub tissue: String,
+    /// Parts of the scene that are made of it.
+    pub parts: Vec<String>,
+    /// Name of the channel.
+    pub channel: String,
+    /// Mean depth below the surface, um.
+    pub mean_um: f64,
+    /// Depth above which half of the light comes from, um.
+    pub median_um: f64,
+    /// Depth above which nine tenths of the light come from, um.
+    pub depth_90_um: f64,
+    /// Depths above which 0, 5, ..., 95 % and all of the light come from, um.
+    pub quantiles_um: Vec<f64>,
+    /// Share of the light of each layer, from above.
+    pub layers: Vec<LayerShare>,
+}
+
+/// Share of a layer in the light of a channel.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct LayerShare {
+    /// Name of the layer.
+    pub name: String,
+    /// Its share, 0 to 1.
+    pub share: f64,
+}
+
+/// Depths of the fluorescence of all tissues of a study in some of its captures, by channel.
+///
+/// Under the direct light of the frame where the camera's axis meets the plane in focus, weighted by lens, filters and
+/// quantum efficiency; each tissue in its mean state over its surfaces, with its fluorescence alone.
+///
+/// # Errors
+/// Tissues that the solver refuses.
+pub fn depths_of_light(study: &Study, captures: &[&Capture]) -> Result<Vec<DepthOfLight>, TissueError> {
+    let (Some(lens), Some(sensor)) = (study.camera.lens_behind_filters(), &study.camera.sensor) else {
+        return Ok(Vec::new());
+    };
+    let qe = sensor.effective_qe();
+    let mut depths = Vec::new();
+    // Spectra of each frame, in photons
+    let frames: Vec<(&Capture, Curve, Vec<(&str, Curve)>)> = captures
+        .iter()
+        .filter_map(|capture| {
+            let light = frame_light(study, capture, None)?;
+            let (first, last) = light.range_nm();
+            let photons = light.times(&Curve::from_fn(first, last, |nm| nm));
+            let filters = &behind_filter(&lens, capture).transmittance;
+            let channel = |channel: &crate::sensor::ChannelQe| filters.times(&channel.curve);
+            let channels = qe.channels().iter().map(|c| (c.name.as_str(), channel(c))).collect();
+            Some((*capture, photons, channels))
+        })
+        .collect();
+    if frames.is_empty() {
+        return Ok(depths);
+    }
+    for tissue in &study.tissues {
+        let solved = EffectiveTissue::for_grid(&tissue.tissue, &study.scene.grid)?;
+        for (capture, photons, channels) in &frames {
+            let curves: Vec<&Curve> = channels.iter().map(|(_, curve)| curve).collect();
+            let profiles = solved.depths_of_fluorescence(photons, &curves);
+            let of_channel = channels.iter().zip(profiles).filter_map(|((channel, _), profile)| {
+                Some(DepthOfLight {
+                    frame: capture.frame.label.clone(),
+                    tissue: tissue.name.clone(),
+                    parts: tissue.parts.clone(),
+                    channel: (*channel).into(),
+                    mean_um: profile.mean_um()?,
+                    median_um: profile.quantile_um(0.5)?,
+                    depth_90_um: profile.quantile_um(0.9)?,
+                    quantiles_um: (0..=20)
+                        .map(|twentieth| profile.quantile_um(0.05 * f64::from(twentieth)))
+                        .collect::<Option<_>>()?,
+                    layers: layers(tissue, &profile.layer_shares),
+                })
+            });
+            depths.extend(of_channel);
+        }
+    }
+    Ok(depths)
+}
+
+fn layers(tissue: &StudyTissue, shares: &[f64]) -> Vec<LayerShare> {
+    let layers = tissue.tissue.layers.iter().zip(shares);
+    layers.map(|(layer, share)| LayerShare { name: layer.name.clone(), share: *share }).collect()
+}
