@@ -42,7 +42,7 @@ pub use read::{Experiment, parse};
 pub use resolve::{FileRecord, InputFile, ResolvedExperiment, resolve};
 pub use sample::{
     MeasuredLight, ResolvedSample, SampleCompatibility, SampleExposure, SampleFile, SampleLight,
-    SampleMaterial, is_sample, parse_sample,
+    SampleMaterial, SampleSurface, SampleTissue, is_sample, parse_sample,
 };
 pub use sensor_file::{ResolvedSensor, SensorFile, parse_sensor};
 pub use warning::Warning;

@@ -13,16 +13,18 @@ use super::error::{ExperimentError, steps};
 use super::read::{read_document, typed};
 use super::resolve::context::{Context, Resolved, STRENGTH};
 use super::resolve::spectrum::Role;
+use super::resolve::tissue::flat_tissue;
 use super::resolve::{FileRecord, device, fluorophore, problem_of};
 use super::schema::{
     DEFAULT_PORPHYRIN, ExposureTime, FluorophoreSection, FormatVersion, LensSection, SensorSection,
-    SpectralSection, SpectrumReference, UniformBins, ViewFilterSection,
+    SpectralSection, SpectrumReference, TissueSection, UniformBins, ViewFilterSection,
 };
 use super::shape::Schema;
 use crate::warning::Warning;
 use fluorspar::geometry::TriangleMesh;
 use fluorspar::light::{DistantEmitter, Light, LightGroup};
 use fluorspar::material::{FluorophoreAmount, Material, ScalarTexture};
+use fluorspar::names::did_you_mean;
 use fluorspar::optics::PerspectiveCamera;
 use fluorspar::scene::{Object, Scene, Shape};
 use fluorspar::sensor::{AutoExposure, CaptureFrame, SensorMode};
@@ -74,10 +76,31 @@ pub enum SampleStrength {
     },
 }
 
-/// A flat, homogeneous, matte material.
+/// A flat, homogeneous, matte material: a surface with its `reflectance`, or layered `tissue`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub enum SampleMaterial {
+    /// A surface.
+    Surface(SampleSurface),
+    /// Layered tissue.
+    Tissue(SampleTissue),
+}
+
+/// Layered tissue as a flat sample: its reflectance and fluorescence under diffuse light, without specular reflection.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct SampleMaterial {
+pub struct SampleTissue {
+    /// Name of a `[[tissue]]`, or of a site of the catalogue.
+    pub tissue: String,
+    /// Factor on what the tissue holds of each fluorophore, 0 or more. Default: 1.
+    #[serde(default)]
+    pub concentrations: BTreeMap<String, f64>,
+}
+
+/// A colored surface.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SampleSurface {
     /// Diffuse reflectance, 0 to 1.
     pub reflectance: SpectrumReference,
     /// Concentration of each fluorophore, relative to the unit of the catalogue, 0 or more. Default: none.
@@ -141,6 +164,9 @@ pub struct SampleFile {
     /// Fluorophores besides those of the catalogue, or variants of those.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub fluorophore: Vec<FluorophoreSection>,
+    /// Layered tissues besides those of the catalogue, or in other states.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub tissue: Vec<TissueSection>,
     /// Filters in front of the lens.
     #[serde(default)]
     pub view_filter: ViewFilterSection,
@@ -217,19 +243,9 @@ fn resolve_sample(document: &Document, file: &SampleFile) -> Resolved<ResolvedSa
         return context.fail(&steps!["spectral"], message);
     }
     let irradiance = irradiance(context, &file.light, &grid)?;
-    let at = steps!["sample", "reflectance"];
-    let reflectance = context.spectrum(&at, &file.sample.reflectance, Role::Reflectance, 0.0, &grid)?;
-
     fluorophore::check_sections(context, &file.fluorophore)?;
-    let mut fluorophores = fluorophore::Fluorophores::default();
-    let mut concentrations = Vec::new();
-    for (name, &amount) in &file.sample.concentrations {
-        let at = steps!["sample", "concentrations", name];
-        context.within(&at, amount, [0.0, 1e6], "")?;
-        fluorophores.index(context, &at, &file.fluorophore, name)?;
-        concentrations.push(amount);
-    }
-    let scene = as_scene(&grid, &irradiance, &reflectance, &fluorophores.list, &concentrations);
+    let material = material(context, file, &grid)?;
+    let scene = as_scene(&grid, &irradiance, &material);
     if let Some(scene) = &scene {
         scene.check().map_err(|error| context.error(&steps!["sample"], problem_of(&error)))?;
         for warning in scene.warnings() {
@@ -244,9 +260,9 @@ fn resolve_sample(document: &Document, file: &SampleFile) -> Resolved<ResolvedSa
     let sample = FlatSample {
         grid,
         irradiance,
-        reflectance,
-        fluorophores: fluorophores.list.into_iter().zip(concentrations).collect(),
-        porphyrin: Some(DEFAULT_PORPHYRIN.into()),
+        reflectance: material.reflectance,
+        fluorophores: material.fluorophores,
+        porphyrin: Some(material.porphyrin.into()),
         model: match file.compatibility {
             SampleCompatibility::ToolboxEem => FluorescenceModel::Toolbox,
             SampleCompatibility::None | SampleCompatibility::Isetcam => FluorescenceModel::Physical,
@@ -266,6 +282,59 @@ fn resolve_sample(document: &Document, file: &SampleFile) -> Resolved<ResolvedSa
     };
     Ok(ResolvedSample { sample, compatibility: file.compatibility, record })
 }
+
+/// What a sample reflects and emits.
+struct Sampled {
+    reflectance: Curve,
+    /// Fluorophores at unit concentration, and their concentrations.
+    fluorophores: Vec<(Fluorophore, f64)>,
+    porphyrin: &'static str,
+}
+
+fn material(context: &mut Context<'_>, file: &SampleFile, grid: &WavelengthGrid) -> Resolved<Sampled> {
+    match &file.sample {
+        SampleMaterial::Surface(surface) => {
+            let at = steps!["sample", "reflectance"];
+            let reflectance = context.spectrum(&at, &surface.reflectance, Role::Reflectance, 0.0, grid)?;
+            let mut fluorophores = fluorophore::Fluorophores::default();
+            let mut concentrations = Vec::new();
+            for (name, &amount) in &surface.concentrations {
+                let at = steps!["sample", "concentrations", name];
+                context.within(&at, amount, [0.0, 1e6], "")?;
+                fluorophores.index(context, &at, &file.fluorophore, name)?;
+                concentrations.push(amount);
+            }
+            let fluorophores = fluorophores.list.into_iter().zip(concentrations).collect();
+            Ok(Sampled { reflectance, fluorophores, porphyrin: DEFAULT_PORPHYRIN })
+        }
+        SampleMaterial::Tissue(section) => {
+            let at = steps!["sample", "tissue"];
+            let flat = flat_tissue(context, &at, &file.tissue, &file.fluorophore, &section.tissue, grid)?;
+            for (name, &factor) in &section.concentrations {
+                let at = steps!["sample", "concentrations", name];
+                context.within(&at, factor, [0.0, 1e6], "")?;
+                let held = flat.fluorophores.iter().map(|fluorophore| fluorophore.name.as_str());
+                if !held.clone().any(|other| other == name) {
+                    let known: Vec<&str> = held.collect();
+                    let hint = did_you_mean(name, known.iter().copied());
+                    let known = known.join(", ");
+                    return context
+                        .fail(&at, format!("the tissue holds no such fluorophore{hint} It holds: {known}"));
+                }
+            }
+            let factor = |name: &str| section.concentrations.get(name).copied().unwrap_or(1.0);
+            let fluorophores = flat.fluorophores.into_iter().map(|f| (factor(&f.name), f));
+            Ok(Sampled {
+                reflectance: flat.reflectance,
+                fluorophores: fluorophores.map(|(factor, fluorophore)| (fluorophore, factor)).collect(),
+                porphyrin: TISSUE_PORPHYRIN,
+            })
+        }
+    }
+}
+
+/// The porphyrin of layered tissue, whose share is estimated.
+const TISSUE_PORPHYRIN: &str = "biofilm_porphyrin";
 
 /// Lens, filters and sensor before a sample.
 fn camera(context: &mut Context<'_>, file: &SampleFile, grid: &WavelengthGrid) -> Resolved<Camera> {
@@ -342,15 +411,9 @@ fn irradiance(context: &mut Context<'_>, light: &SampleLight, grid: &WavelengthG
 }
 
 /// A scene that holds nothing but the sample and its light, for the checks that scenes have.
-fn as_scene(
-    grid: &WavelengthGrid,
-    irradiance: &Curve,
-    reflectance: &Curve,
-    fluorophores: &[Fluorophore],
-    concentrations: &[f64],
-) -> Option<Scene> {
-    let mut material = Material::lambertian("sample", reflectance.clone());
-    let held = fluorophores.iter().zip(concentrations).filter(|(_, amount)| **amount > 0.0);
+fn as_scene(grid: &WavelengthGrid, irradiance: &Curve, sampled: &Sampled) -> Option<Scene> {
+    let mut material = Material::lambertian("sample", sampled.reflectance.clone());
+    let held = sampled.fluorophores.iter().filter(|(_, amount)| *amount > 0.0);
     let (fluorophores, amounts): (Vec<_>, Vec<_>) = held.map(|(f, amount)| (f.clone(), *amount)).unzip();
     material.fluorophores = amounts
         .into_iter()
