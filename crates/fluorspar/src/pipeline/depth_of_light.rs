@@ -40,6 +40,13 @@ pub struct LayerShare {
     pub share: f64,
 }
 
+/// The light of a frame, in photons, and what each channel sees of the light that comes back.
+struct SeenFrame<'a> {
+    label: &'a str,
+    photons: Curve,
+    channels: Vec<(&'a str, Curve)>,
+}
+
 /// Depths of the fluorescence of all tissues of a study in some of its captures, by channel.
 ///
 /// Under the direct light of the frame where the camera's axis meets the plane in focus, weighted by lens, filters and
@@ -54,16 +61,15 @@ pub fn depths_of_light(study: &Study, captures: &[&Capture]) -> Result<Vec<Depth
     let qe = sensor.effective_qe();
     let mut depths = Vec::new();
     // Spectra of each frame, in photons
-    let frames: Vec<(&Capture, Curve, Vec<(&str, Curve)>)> = captures
+    let frames: Vec<SeenFrame<'_>> = captures
         .iter()
         .filter_map(|capture| {
             let light = frame_light(study, capture, None)?;
             let (first, last) = light.range_nm();
             let photons = light.times(&Curve::from_fn(first, last, |nm| nm));
             let filters = &behind_filter(&lens, capture).transmittance;
-            let channel = |channel: &crate::sensor::ChannelQe| filters.times(&channel.curve);
-            let channels = qe.channels().iter().map(|c| (c.name.as_str(), channel(c))).collect();
-            Some((*capture, photons, channels))
+            let channels = qe.channels().iter().map(|c| (c.name.as_str(), filters.times(&c.curve))).collect();
+            Some(SeenFrame { label: &capture.frame.label, photons, channels })
         })
         .collect();
     if frames.is_empty() {
@@ -71,12 +77,12 @@ pub fn depths_of_light(study: &Study, captures: &[&Capture]) -> Result<Vec<Depth
     }
     for tissue in &study.tissues {
         let solved = EffectiveTissue::for_grid(&tissue.tissue, &study.scene.grid)?;
-        for (capture, photons, channels) in &frames {
+        for SeenFrame { label, photons, channels } in &frames {
             let curves: Vec<&Curve> = channels.iter().map(|(_, curve)| curve).collect();
             let profiles = solved.depths_of_fluorescence(photons, &curves);
             let of_channel = channels.iter().zip(profiles).filter_map(|((channel, _), profile)| {
                 Some(DepthOfLight {
-                    frame: capture.frame.label.clone(),
+                    frame: (*label).into(),
                     tissue: tissue.name.clone(),
                     parts: tissue.parts.clone(),
                     channel: (*channel).into(),
