@@ -11,6 +11,9 @@
 //! | [`RegionLight`] | where the light of a region was emitted, as a simulation knows it, and the true share of the porphyrin |
 //! | [`ErrorBudget`] | what moves the estimate, its blank and its detection limit |
 //! | [`LightFamily::posterior`] | the share of the porphyrin in tissue of which only a family is known, as a [`SharePosterior`] |
+//! | [`fit_nonnegative`], [`fit_attenuated`] | a measured spectrum as a sum of known ones, with intervals |
+//! | [`spectral_overlap`] | how alike two spectra are |
+//! | [`d_prime_of_rates`], [`auc_of_d_prime`], [`auc_of_scores`] | how well scores tell two groups apart |
 //! | [`analyze_region`] | all of it at once, as an [`Analysis`] that goes to `results.json` |
 //!
 //! Out of scope: telling the four bulk fluorophores apart. Under one excitation light their chromaticities are too
@@ -18,12 +21,15 @@
 
 mod channel_noise;
 mod chromaticity;
+mod detection;
 mod error_budget;
 mod light_family;
 mod mixture_line;
+mod nonnegative_fit;
 mod region_light;
 mod region_of_interest;
 mod share_posterior;
+mod spectral_overlap;
 mod statistics;
 mod summary;
 
@@ -32,14 +38,19 @@ pub use chromaticity::{
     ChromaticityMap, DEFAULT_NOISE_THRESHOLD, ExclusionCounts, MissingChannel, PixelValidity,
     chromaticity_covariance, rgb_channels, sensor_chromaticity,
 };
+pub use detection::{auc_of_d_prime, auc_of_scores, d_prime_of_rates};
 pub use error_budget::{BudgetInput, BudgetItem, ErrorBudget};
 pub use light_family::{CubicTerms, FamilyCoordinate, FamilySource, LightFamily, NuisanceGroup};
 pub use mixture_line::{
     FluorophoreResponse, LineEstimate, MixtureError, MixtureLine, PorphyrinMap, channel_response,
 };
+pub use nonnegative_fit::{
+    AttenuatedFit, FitError, FittedTerm, NonnegativeFit, fit_attenuated, fit_nonnegative,
+};
 pub use region_light::{PorphyrinTruth, RegionLight, SHARE_DEFINITION};
 pub use region_of_interest::{PixelSelection, Rectangle, RegionError, RegionOfInterest, SceneOnSensor};
 pub use share_posterior::{BlindDirection, IntervalWithout, SharePosterior};
+pub use spectral_overlap::spectral_overlap;
 pub use statistics::{CovarianceEllipse, RegionStatistics, Statistics};
 pub use summary::{
     Analysis, AnalysisError, AnalysisSettings, ChannelStatistics, MixtureModel, MixtureSummary,
