@@ -7,7 +7,7 @@ use clap_complete::Shell;
 
 use crate::commands::{
     analyze, capture, check, denoise, filter, fluorophore, lens, merge, mouth, predict, presets, render, run,
-    safety, schema, sensor, spectroradiometer, tissue,
+    safety, schema, sensor, spectroradiometer, tissue, validate,
 };
 use crate::message::Messages;
 use crate::values::{self, Override};
@@ -71,6 +71,8 @@ pub(crate) enum Command {
     Safety(safety::Options),
     /// Read spectra of a component image or a flat sample as a spectroradiometer would.
     Spectroradiometer(spectroradiometer::Options),
+    /// Compute the figures and tables of Lyu et al. 2021 and compare.
+    Validate(validate::Options),
     /// List the catalogue: lights, filters, reflectances, sensors, fluorophores, experiments, flat samples.
     Presets(presets::Options),
     /// Check an experiment or sample file without running it.

@@ -117,6 +117,7 @@ fn run(args: Args) -> Result<ExitCode, CliError> {
         Command::Predict(options) => commands::predict::run(&options),
         Command::Safety(options) => commands::safety::run(&options),
         Command::Spectroradiometer(options) => commands::spectroradiometer::run(&options),
+        Command::Validate(options) => commands::validate::run(&options),
         Command::Presets(options) => commands::presets::run(&options),
         Command::Check(options) => commands::check::run(&options),
         Command::Schema(options) => commands::schema::run(&options),

@@ -5,6 +5,7 @@
 //! | draw | [`figures`], or a [`Figure`] of your own | axes with units and explicit limits, series, heat maps |
 //! | export | [`Figure::to_svg`], [`Figure::to_png`] | the same image as vector text or as pixels |
 //! | write | [`ReportData::to_html`] | one file: text, images, figures, tables, the experiment itself |
+//! | compare with the paper | [`validation::cases`] | one case for each figure and table |
 //! | read back | [`extract_experiment`] | the TOML that a report was made from |
 //!
 //! Out of scope: physics. Everything here draws and explains numbers that were computed elsewhere.
@@ -13,6 +14,7 @@ mod figure;
 pub mod figures;
 mod page;
 mod run;
+pub mod validation;
 
 pub use figure::{
     Axis, ColorBar, ColorMap, ContactSheet, Dash, Figure, FigureError, Ink, Label, Panel, Raster, Scale,

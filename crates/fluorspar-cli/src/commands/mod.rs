@@ -23,6 +23,7 @@ pub(crate) mod sensor;
 pub(crate) mod spectroradiometer;
 pub(crate) mod table;
 pub(crate) mod tissue;
+pub(crate) mod validate;
 
 use std::path::{Path, PathBuf};
 

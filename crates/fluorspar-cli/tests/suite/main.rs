@@ -24,3 +24,4 @@ mod support;
 mod surroundings;
 mod survival;
 mod tissue;
+mod validate;

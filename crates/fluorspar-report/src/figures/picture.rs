@@ -27,6 +27,16 @@ pub fn picture(title: &str, raster: Raster, region: Option<[f64; 4]>) -> Figure 
     Figure::new(title, panel)
 }
 
+/// Pictures with their names, `columns` in a row.
+pub fn pictures(title: &str, pictures: Vec<(String, Raster)>, columns: usize) -> Figure {
+    let width = (900.0 / columns.max(1) as f64).min(LONGEST_SIDE);
+    let panel = |(name, raster): (String, Raster)| {
+        let height = width * raster.height as f64 / raster.width.max(1) as f64;
+        frame(raster).sized(width.round(), height.round()).titled(name)
+    };
+    Figure::grid(title, pictures.into_iter().map(panel).collect(), columns)
+}
+
 /// Porphyrin fraction of each pixel, `[row, col]`, over a darkened gray picture (`underlay`, 0 to 255 per pixel) where there is
 /// none. `None` when the lists do not fill the picture.
 ///

@@ -20,14 +20,7 @@ impl ReportData {
     /// The report as a self-contained HTML page.
     pub fn to_html(&self) -> String {
         let mut html = String::with_capacity(1 << 20);
-        let _ = write!(
-            html,
-            "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
-             <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
-             <meta name=\"generator\" content=\"Fluorspar {}\">\n<title>{}</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n",
-            env!("CARGO_PKG_VERSION"),
-            escape(&self.title)
-        );
+        open_page(&mut html, &self.title);
         html.push_str(&embed_experiment(&self.experiment_toml));
         let _ = writeln!(html, "\n<header>\n<h1>{}</h1>", escape(&self.title));
         for paragraph in &self.lead {
@@ -41,7 +34,7 @@ impl ReportData {
             write_section(&mut html, index, section);
         }
         self.write_experiment(&mut html);
-        html.push_str("</main>\n</body>\n</html>\n");
+        close_page(&mut html);
         html
     }
 
@@ -112,6 +105,23 @@ impl ReportData {
     }
 }
 
+/// Begins a page: everything up to its body.
+pub(crate) fn open_page(html: &mut String, title: &str) {
+    let _ = write!(
+        html,
+        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
+         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
+         <meta name=\"generator\" content=\"Fluorspar {}\">\n<title>{}</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n",
+        env!("CARGO_PKG_VERSION"),
+        escape(title)
+    );
+}
+
+/// Ends the main part and the page.
+pub(crate) fn close_page(html: &mut String) {
+    html.push_str("</main>\n</body>\n</html>\n");
+}
+
 fn write_section(html: &mut String, index: usize, section: &Section) {
     let _ = writeln!(html, "<section id=\"section-{index}\">\n<h2>{}</h2>", escape(&section.title));
     for item in &section.items {
@@ -155,7 +165,8 @@ fn write_picture(html: &mut String, picture: &ReportPicture) {
     );
 }
 
-fn write_figure(html: &mut String, figure: &Figure, caption: &str) {
+/// Writes a figure with its explanation and more text.
+pub(crate) fn write_figure(html: &mut String, figure: &Figure, caption: &str) {
     let _ = writeln!(
         html,
         "<figure class=\"plot\">\n{}<figcaption>{}",
