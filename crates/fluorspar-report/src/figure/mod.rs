@@ -232,6 +232,13 @@ impl Figure {
         Self { title: title.into(), explanation: String::new(), panels, columns: columns.max(1) }
     }
 
+    /// The figure with another title.
+    #[must_use]
+    pub fn titled(mut self, title: impl Into<String>) -> Self {
+        self.title = title.into();
+        self
+    }
+
     /// The figure with its explanation.
     #[must_use]
     pub fn explained(mut self, explanation: impl Into<String>) -> Self {

@@ -1,5 +1,7 @@
 //! Figure 3: excitation-emission matrices, and what they give under the LED.
 
+use std::collections::BTreeMap;
+
 use fluorspar::analysis::spectral_overlap;
 use fluorspar::pipeline::predict;
 use fluorspar::spectral::{Fluorophore, Transmittance};
@@ -75,13 +77,13 @@ pub(super) fn run(setup: &Setup<'_>) -> Result<Outcome, ValidationError> {
             .said("peak values are 1, in relative units"),
         )
         .show("figure_3_eem", eem_maps(&maps, Some(sample.irradiance.peak_nm())))
-        .show("figure_3_emission", emission_figure(&sample, &names, &seen)))
+        .show("figure_3_emission", emission_figure(&sample, &names, &prediction.radiance.fluorescence)))
 }
 
 /// Radiance of each fluorophore behind the viewing filter, W/(sr m² nm), by bins.
 pub(super) fn behind_filter(
     sample: &FlatSample,
-    radiance: &std::collections::BTreeMap<String, Vec<f64>>,
+    radiance: &BTreeMap<String, Vec<f64>>,
     names: &[&str],
 ) -> Vec<Vec<f64>> {
     let filter = sample.camera.view_filter.transmittance.on_grid::<Transmittance>(&sample.grid);
@@ -115,18 +117,14 @@ fn below_the_diagonal(fluorophore: &Fluorophore) -> f64 {
     pairs.map(|(row, column)| fluorophore.eem.at(center(row), center(column))).fold(0.0, f64::max)
 }
 
-fn emission_figure(sample: &FlatSample, names: &[&str], seen: &[Vec<f64>]) -> Figure {
+fn emission_figure(sample: &FlatSample, names: &[&str], radiance: &BTreeMap<String, Vec<f64>>) -> Figure {
     let nm = sample.grid.centers_nm();
-    let curves: Vec<PlotCurve> = names
-        .iter()
-        .zip(seen)
-        .map(|(name, values)| PlotCurve::new(*name, nm.clone(), values.clone()))
-        .collect();
-    emission(
-        &curves,
-        "the blue LED",
-        "each at concentration 1, behind the viewing filter",
-        ["spectral radiance", "W/(sr m² nm)"],
-        None,
-    )
+    let curve =
+        |name: &&str| PlotCurve::new(*name, nm.clone(), radiance.get(*name).cloned().unwrap_or_default());
+    let curves: Vec<PlotCurve> = names.iter().map(curve).collect();
+    let filter = sample.camera.view_filter.transmittance.bin_averages(&sample.grid);
+    let half = 0.5 * filter.iter().copied().fold(0.0, f64::max);
+    let passing = || nm.iter().zip(&filter).filter(|(_, t)| **t >= half).map(|(nm, _)| *nm);
+    let band = passing().next().zip(passing().last()).map(|(first, last)| [first, last]);
+    emission(&curves, "the blue LED", "each at concentration 1", ["spectral radiance", "W/(sr m² nm)"], band)
 }

@@ -59,7 +59,10 @@ pub(super) fn bare_led(setup: &Setup<'_>) -> Result<Outcome, ValidationError> {
             )
             .said("3 orders (caption)"),
         )
-        .show("figure_5a_led", lights(&[plotted("blue LED, bare", &bare, RANGE_NM)], &[]));
+        .show(
+            "figure_5a_led",
+            lights(&[plotted("blue LED, bare", &bare, RANGE_NM)], &[]).titled("The blue LED"),
+        );
     match setup.measured("lights/oraleye_led385.csv")?.and_then(|mut columns| columns.pop()) {
         Some(measured) => found = found.check(second_order(&measured.curve, &bare)),
         None => {
@@ -142,7 +145,10 @@ pub(super) fn filtered_led(setup: &Setup<'_>) -> Result<Outcome, ValidationError
             )
             .said("Hoya Y44 reduces energy above 475 nm"),
         )
-        .show("figure_5b_led", lights(&curves, &[plotted("Y44", &y44, RANGE_NM)])))
+        .show(
+            "figure_5b_led",
+            lights(&curves, &[plotted("Y44", &y44, RANGE_NM)]).titled("The blue LED and its filter"),
+        ))
 }
 
 /// (c) The viewing filter, in both readings.
@@ -201,7 +207,7 @@ pub(super) fn viewing_filter(setup: &Setup<'_>) -> Result<Outcome, ValidationErr
             )
             .said(said),
         )
-        .show("figure_5c_filters", filters(&curves)))
+        .show("figure_5c_filters", filters(&curves).titled("Two readings of the viewing filter")))
 }
 
 /// (d) The effective responsivity.

@@ -38,7 +38,8 @@ struct Images {
 pub(super) fn run(setup: &Setup<'_>) -> Result<Outcome, ValidationError> {
     let images = render(setup)?;
     let inside = core(&images.mask);
-    let outside: Vec<usize> = (0..images.mask.len()).filter(|&i| images.mask[i] == 0.0).collect();
+    let none: Vec<f32> = images.mask.iter().map(|m| f32::from(u8::from(*m == 0.0))).collect();
+    let outside = core(&none);
     let sum = |values: &[f64], pixels: &[usize]| pixels.iter().map(|&pixel| values[pixel]).sum::<f64>();
     let excess = sum(&images.recipe, &inside) / sum(&images.scene, &inside) - 1.0;
     let indirect = sum(&images.everywhere, &inside) / sum(&images.direct, &inside) - 1.0;
@@ -89,7 +90,7 @@ fn standard_error(values: &[f64]) -> f64 {
     (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n * (n - 1.0))).sqrt()
 }
 
-/// Pixels in the mask whose neighbors are in it, too.
+/// Pixels wholly in a mask: their neighbors are in it, too.
 fn core(mask: &[f32]) -> Vec<usize> {
     let [width, height] = PICTURE;
     let whole = |pixel: usize| mask[pixel] >= 1.0;
@@ -103,13 +104,15 @@ fn core(mask: &[f32]) -> Vec<usize> {
         .collect()
 }
 
-/// A disc in the middle of the hind part of the texture of the tongue.
-fn disc() -> Vec<f32> {
+/// A patch in the middle of the back of the tongue: an ellipse in texture coordinates, from the left edge to the right one and from
+/// the tip to the root.
+fn patch() -> Vec<f32> {
     let texel = |index: usize| {
         let (row, column) = (index / MASK, index % MASK);
-        let x = (column as f32 + 0.5) / MASK as f32 - 0.5;
-        let y = (row as f32 + 0.5) / MASK as f32 - 0.5;
-        if x.hypot(y) < 0.22 { 1.0 } else { 0.0 }
+        let across = (column as f32 + 0.5) / MASK as f32 - 0.5;
+        // Rows run from the root
+        let along = 1.0 - (row as f32 + 0.5) / MASK as f32 - 0.38;
+        if (across / 0.22).hypot(along / 0.18) < 1.0 { 1.0 } else { 0.0 }
     };
     (0..MASK * MASK).map(texel).collect()
 }
@@ -125,7 +128,7 @@ fn render(setup: &Setup<'_>) -> Result<Images, ValidationError> {
     let sensor = study.camera.sensor.as_ref().ok_or(ValidationError::Lacks("sensor"))?;
     let camera = CameraResponse::new(&lens, sensor, &study.scene.grid, None);
     let red = camera.rgb().ok_or(ValidationError::Lacks("channel R, G or B"))?[0];
-    let image = ImageTexture::new(MASK, MASK, disc()).map_err(|_| ValidationError::Lacks("mask"))?;
+    let image = ImageTexture::new(MASK, MASK, patch()).map_err(|_| ValidationError::Lacks("mask"))?;
     let mask = ScalarTexture::Image { image: Arc::new(image), low: 0.0, high: AMOUNT };
 
     let everywhere = setup.render(&with_porphyrin(&study, &ScalarTexture::Constant(AMOUNT))?)?;

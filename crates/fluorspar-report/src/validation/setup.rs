@@ -15,7 +15,7 @@ use fluorspar_format::{CsvSpectrumOptions, FormatError, NamedCurve, Negative, re
 use thiserror::Error;
 
 /// The experiment whose mouth the cases render: surface materials, as in the paper.
-pub(super) const MOUTH: &str = "oraleye-2021";
+pub(super) const MOUTH: &str = "oraleye-2021-surface";
 /// Name of the porphyrin.
 pub(super) const PORPHYRIN: &str = "protoporphyrin_ix";
 /// The four other fluorophores of the paper.

@@ -12,7 +12,7 @@ type Row = (&'static str, f64, f64, &'static str, fn(&SensorModel) -> f64);
 const PRINTED: [Row; 10] = [
     ("pixel size", 2.5, 0.1, "um", |m| m.pixel_size_um),
     ("fill factor", 0.99, 0.01, "", |m| m.fill_factor),
-    ("well capacity", 9000.0, 1000.0, "e-", |m| m.well_capacity_e),
+    ("well capacity", 9000.0, 1.0, "e-", |m| m.well_capacity_e),
     ("voltage swing", 0.911, 0.001, "V", |m| m.voltage_swing_v),
     ("conversion gain", 0.10, 0.01, "mV/e-", |m| 1e3 * m.conversion_gain_v_per_e()),
     ("bits", 12.0, 1.0, "", |m| f64::from(m.bit_depth)),
