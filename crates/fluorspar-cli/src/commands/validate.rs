@@ -9,7 +9,7 @@ use clap::ValueHint;
 use fluorspar::names::did_you_mean;
 use fluorspar_format::{FileFormat, OutputFolder, write_atomically};
 use fluorspar_report::validation::{
-    Case, CaseResult, Setup, ValidationError, Verdict, cases, summary, validation_page,
+    Case, CaseResult, Setup, ValidationError, Verdict, cases, markdown_table, summary, validation_page,
 };
 use serde_json::{Value, json};
 
@@ -155,6 +155,7 @@ fn write(folder: &OutputFolder, results: &[CaseResult], json: &Value) -> Result<
     };
     put(Path::new("validation.html"), validation_page(results).as_bytes())?;
     put(Path::new("validation.json"), serde_json::to_string_pretty(json)?.as_bytes())?;
+    put(Path::new("validation.md"), markdown_table(results).as_bytes())?;
     for figure in results.iter().flat_map(|result| &result.figures) {
         put(Path::new(&format!("{}.svg", figure.stem)), figure.figure.to_svg().as_bytes())?;
         put(Path::new(&format!("{}.png", figure.stem)), &figure.figure.to_png()?)?;

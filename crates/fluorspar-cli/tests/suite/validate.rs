@@ -38,20 +38,16 @@ fn cases_without_a_mouth_pass_and_the_documentation_has_their_table() {
     let page = fs::read_to_string(out.join("validation.html")).unwrap();
     let written: Value = serde_json::from_slice(&fs::read(out.join("validation.json")).unwrap()).unwrap();
     assert_eq!(written, said);
+    let table = fs::read_to_string(out.join("validation.md")).unwrap();
     let documentation = documentation();
     for case in said["cases"].as_array().unwrap() {
         let text = |key: &str| case[key].as_str().unwrap().to_owned();
         assert!(page.contains(&format!("<section id=\"{}\">", text("name"))), "{case:#}");
         // What needs measured data reads otherwise without them.
         if text("verdict") != "skipped" && case["missing"].as_array().unwrap().is_empty() {
-            let row = format!(
-                "| {} | {} | {} | {} |",
-                text("name"),
-                text("title"),
-                text("verdict"),
-                text("reason")
-            );
-            assert!(documentation.contains(&row), "docs/validation.md lacks this row:\n{row}");
+            let start = format!("| {} | ", text("name"));
+            let row = table.lines().find(|line| line.starts_with(&start)).unwrap();
+            assert!(documentation.contains(row), "docs/validation.md lacks this row:\n{row}");
         }
         for figure in case["figures"].as_array().unwrap() {
             let stem = figure.as_str().unwrap();

@@ -1,5 +1,7 @@
 //! Excitation-emission matrices, and what they give under one light.
 
+use fluorspar::spectral::Fluorophore;
+
 use super::{PlotCurve, wavelength_limits};
 use crate::{Axis, ColorBar, ColorMap, Dash, Figure, Ink, Panel, Raster, Series, SeriesShape};
 
@@ -19,6 +21,23 @@ pub struct EemMap {
 }
 
 impl EemMap {
+    /// The matrix of a fluorophore, sampled at the centers of this many excitation and emission bins between these edges, nm.
+    pub fn of(
+        fluorophore: &Fluorophore,
+        excitation_nm: [f64; 2],
+        emission_nm: [f64; 2],
+        [columns, rows]: [usize; 2],
+    ) -> Self {
+        let values = (0..rows)
+            .flat_map(|row| (0..columns).map(move |column| (row, column)))
+            .map(|(row, column)| {
+                let emission = at_center(emission_nm, row, rows);
+                fluorophore.eem.at(emission, at_center(excitation_nm, column, columns))
+            })
+            .collect();
+        Self { name: fluorophore.title.clone(), excitation_nm, emission_nm, columns, values }
+    }
+
     fn rows(&self) -> usize {
         self.values.len() / self.columns.max(1)
     }

@@ -1,5 +1,7 @@
 //! Photon transfer and signal-to-noise ratio of a sensor that was measured.
 
+use fluorspar::sensor::Characterization;
+
 use crate::{Axis, Dash, Figure, Ink, Panel, Series, SeriesShape};
 
 /// A photon-transfer measurement and the line that was fitted to it.
@@ -13,6 +15,18 @@ pub struct PhotonTransferPlot {
     pub gain_dn_per_e: f64,
     /// Signal at the largest variance, DN.
     pub saturation_dn: f64,
+}
+
+impl PhotonTransferPlot {
+    /// The plot of a measured sensor.
+    pub fn of(measured: &Characterization) -> Self {
+        Self {
+            points: measured.photon_transfer.iter().map(|p| [p.signal_dn, p.variance_dn2]).collect(),
+            dark_variance_dn2: measured.dark_noise_dn.powi(2),
+            gain_dn_per_e: measured.gain_dn_per_e,
+            saturation_dn: measured.saturation_capacity_e * measured.gain_dn_per_e,
+        }
+    }
 }
 
 /// Temporal variance against signal, with the fitted line and the saturation point.

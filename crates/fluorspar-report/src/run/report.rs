@@ -640,14 +640,7 @@ fn fluorophore_figures(
 
 /// A matrix as a picture: excitation up to 550 nm.
 fn eem_map(fluorophore: &Fluorophore, range: (f64, f64)) -> EemMap {
-    let (columns, rows) = (80, 90);
-    let (ex, em) = ([range.0, 550.0_f64.min(range.1)], [range.0, range.1]);
-    let at = |r: [f64; 2], i: usize, n: usize| r[0] + (r[1] - r[0]) * (i as f64 + 0.5) / n as f64;
-    let values = (0..rows)
-        .flat_map(|row| (0..columns).map(move |col| (row, col)))
-        .map(|(row, col)| fluorophore.eem.at(at(em, row, rows), at(ex, col, columns)))
-        .collect();
-    EemMap { name: fluorophore.title.clone(), excitation_nm: ex, emission_nm: em, columns, values }
+    EemMap::of(fluorophore, [range.0, 550.0_f64.min(range.1)], [range.0, range.1], [80, 90])
 }
 
 /// The section of a light group in an experiment, its spectrum a name of the catalogue.

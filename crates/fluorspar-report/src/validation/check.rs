@@ -261,11 +261,6 @@ impl CaseResult {
             "figures": self.figures.iter().map(|figure| &figure.stem).collect::<Vec<_>>(),
         })
     }
-
-    /// The row of the case in a table of Markdown: name, title, verdict, reason.
-    pub fn markdown_row(&self) -> String {
-        format!("| {} | {} | {} | {} |", self.name, self.title, self.verdict.name(), self.reason)
-    }
 }
 
 #[cfg(test)]

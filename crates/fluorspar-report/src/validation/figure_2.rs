@@ -60,26 +60,9 @@ const POSES: [Pose; 4] = [
 pub(super) fn run(setup: &Setup<'_>) -> Result<Outcome, ValidationError> {
     let (mut shown, mut maps) = (Vec::new(), Vec::new());
     for pose in &POSES {
-        let changes = [
-            format!("render.width_px={}", PICTURE[0]),
-            format!("render.height_px={}", PICTURE[1]),
-            format!("render.samples_per_pixel={SAMPLES}"),
-            format!("mouth.jaw_opening_mm={:?}", pose.jaw_opening_mm),
-            format!("mouth.tongue_protrusion_mm={:?}", pose.tongue_protrusion_mm),
-            format!("mouth.tongue_shift_mm={:?}", pose.tongue_shift_mm),
-            format!("mouth.tongue_curl={:?}", pose.tongue_curl),
-            "mouth.tongue_elevation_mm=0.0".to_owned(),
-            "mouth.detail=0.4".to_owned(),
-            format!("camera.position_mm={:?}", pose.camera_mm),
-        ];
-        let study = setup.mouth(&changes)?;
-        let image = setup.render(&study)?;
-        let white = image.recombine(|component| f64::from(u8::from(component.light_group == "white")));
-        let preview = light_group_preview(&white, &study, "white");
-        if let Some(raster) = Raster::from_rgb8(preview.width, preview.height, &preview.rgb) {
-            shown.push((pose.name.to_owned(), raster));
-        }
-        maps.push(materials(&image.features));
+        let (raster, map) = picture(setup, pose)?;
+        shown.extend(raster.map(|raster| (pose.name.to_owned(), raster)));
+        maps.push(map);
     }
     let pairs = (0..maps.len()).flat_map(|a| (0..a).map(move |b| (a, b)));
     let differing = pairs.map(|(a, b)| share(&maps[a], |i| maps[a][i] != maps[b][i])).fold(1.0, f64::min);
@@ -94,23 +77,44 @@ pub(super) fn run(setup: &Setup<'_>) -> Result<Outcome, ValidationError> {
         number(100.0 * teeth),
         number(100.0 * tongue)
     );
+    Ok(Outcome::new(Verdict::Reproduced, reason)
+        .checks(checks([differing, moved_edge], [teeth, tongue]))
+        .show("figure_2_poses", pictures("Mouth in various poses, white light", shown, 2)))
+}
+
+/// A pose under white light, and the material of each pixel.
+fn picture(setup: &Setup<'_>, pose: &Pose) -> Result<(Option<Raster>, Vec<String>), ValidationError> {
+    let changes = [
+        format!("render.width_px={}", PICTURE[0]),
+        format!("render.height_px={}", PICTURE[1]),
+        format!("render.samples_per_pixel={SAMPLES}"),
+        format!("mouth.jaw_opening_mm={:?}", pose.jaw_opening_mm),
+        format!("mouth.tongue_protrusion_mm={:?}", pose.tongue_protrusion_mm),
+        format!("mouth.tongue_shift_mm={:?}", pose.tongue_shift_mm),
+        format!("mouth.tongue_curl={:?}", pose.tongue_curl),
+        "mouth.tongue_elevation_mm=0.0".to_owned(),
+        "mouth.detail=0.4".to_owned(),
+        format!("camera.position_mm={:?}", pose.camera_mm),
+    ];
+    let study = setup.mouth(&changes)?;
+    let image = setup.render(&study)?;
+    let white = image.recombine(|component| f64::from(u8::from(component.light_group == "white")));
+    let preview = light_group_preview(&white, &study, "white");
+    let raster = Raster::from_rgb8(preview.width, preview.height, &preview.rgb);
+    Ok((raster, materials(&image.features)))
+}
+
+fn checks([differing, moved_edge]: [f64; 2], [teeth, tongue]: [f64; 2]) -> [Check; 3] {
     // A patch of 5 mm in a picture of 78 mm by 58 mm
     let patch = 25.0 / (78.0 * 58.0);
     let visible = "a patch of 5 mm by 5 mm in the camera's field of 78 mm by 58 mm";
-    Ok(Outcome::new(Verdict::Reproduced, reason)
-        .check(
-            Check::at_least(
-                "smallest share of pixels that show another tissue in another pose",
-                moved_edge,
-                differing,
-                "",
-                "more than a shift by one pixel changes: the share of pixels at borders between tissues",
-            )
-            .said("various poses"),
-        )
-        .check(Check::at_least("smallest share of teeth in a picture", patch, teeth, "", visible))
-        .check(Check::at_least("smallest share of the tongue in a picture", patch, tongue, "", visible))
-        .show("figure_2_poses", pictures("Mouth in various poses, white light", shown, 2)))
+    let what = "smallest share of pixels that show another tissue in another pose";
+    let why = "more than a shift by one pixel changes: the share of pixels at borders between tissues";
+    [
+        Check::at_least(what, moved_edge, differing, "", why).said("various poses"),
+        Check::at_least("smallest share of teeth in a picture", patch, teeth, "", visible),
+        Check::at_least("smallest share of the tongue in a picture", patch, tongue, "", visible),
+    ]
 }
 
 /// Name of the material that each pixel shows; empty where nothing is seen.

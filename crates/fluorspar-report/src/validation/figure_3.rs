@@ -32,7 +32,8 @@ pub(super) fn run(setup: &Setup<'_>) -> Result<Outcome, ValidationError> {
     let smallest = among.iter().copied().fold(f64::INFINITY, f64::min);
     let with_porphyrin = (0..last).map(|a| overlap(a, last)).fold(0.0, f64::max);
     let forbidden = fluorophores.iter().map(below_the_diagonal).fold(0.0, f64::max);
-    let maps: Vec<EemMap> = fluorophores.iter().map(map).collect();
+    let maps: Vec<EemMap> =
+        fluorophores.iter().map(|f| EemMap::of(f, RANGE_NM, RANGE_NM, [cells(); 2])).collect();
     let peaks: Vec<f64> = maps.iter().map(|map| map.values.iter().copied().fold(0.0, f64::max)).collect();
     let ratio =
         peaks.iter().copied().fold(0.0, f64::max) / peaks.iter().copied().fold(f64::INFINITY, f64::min);
@@ -45,39 +46,26 @@ pub(super) fn run(setup: &Setup<'_>) -> Result<Outcome, ValidationError> {
         number(smallest),
         number(ratio)
     );
+    let least_peak = peaks.iter().copied().fold(f64::INFINITY, f64::min);
     Ok(Outcome::new(Verdict::Reproduced, reason)
-        .check(
-            Check::at_most(
-                "largest yield at emission wavelengths below the excitation",
-                0.0,
-                forbidden,
-                "1/nm",
-                "the Stokes mask is exact",
-            )
-            .said("the EEMs are triangular"),
-        )
-        .check(
-            Check::at_most(
-                "largest overlap (cosine) of porphyrin with one of the other four",
-                smallest,
-                with_porphyrin,
-                "",
-                "the smallest overlap among the other four: porphyrin can be told apart before any of them",
-            )
-            .said("porphyrin does not overlap with the others, which overlap much"),
-        )
-        .check(
-            Check::at_least(
-                "smallest peak of a matrix",
-                f64::MIN_POSITIVE,
-                peaks.iter().copied().fold(f64::INFINITY, f64::min),
-                "1/nm",
-                "every fluorophore emits in this range",
-            )
-            .said("peak values are 1, in relative units"),
-        )
+        .checks(checks(forbidden, [with_porphyrin, smallest], least_peak))
         .show("figure_3_eem", eem_maps(&maps, Some(sample.irradiance.peak_nm())))
         .show("figure_3_emission", emission_figure(&sample, &names, &prediction.radiance.fluorescence)))
+}
+
+fn checks(forbidden: f64, [with_porphyrin, smallest]: [f64; 2], least_peak: f64) -> [Check; 3] {
+    let what = "largest yield at emission wavelengths below the excitation";
+    let triangular = Check::at_most(what, 0.0, forbidden, "1/nm", "the Stokes mask is exact");
+    let what = "largest overlap (cosine) of porphyrin with one of the other four";
+    let why = "the smallest overlap among the other four: porphyrin can be told apart before any of them";
+    let apart = Check::at_most(what, smallest, with_porphyrin, "", why);
+    let why = "every fluorophore emits in this range";
+    let emitting = Check::at_least("smallest peak of a matrix", f64::MIN_POSITIVE, least_peak, "1/nm", why);
+    [
+        triangular.said("the EEMs are triangular"),
+        apart.said("porphyrin does not overlap with the others, which overlap much"),
+        emitting.said("peak values are 1, in relative units"),
+    ]
 }
 
 /// Radiance of each fluorophore behind the viewing filter, W/(sr m² nm), by bins.
@@ -97,18 +85,6 @@ fn cells() -> usize {
 
 fn center(cell: usize) -> f64 {
     RANGE_NM[0] + STEP_NM * (cell as f64 + 0.5)
-}
-
-fn map(fluorophore: &Fluorophore) -> EemMap {
-    let cells = cells();
-    let values = (0..cells).flat_map(|row| (0..cells).map(move |column| (row, column)));
-    EemMap {
-        name: fluorophore.title.clone(),
-        excitation_nm: RANGE_NM,
-        emission_nm: RANGE_NM,
-        columns: cells,
-        values: values.map(|(row, column)| fluorophore.eem.at(center(row), center(column))).collect(),
-    }
 }
 
 /// Largest yield at emission wavelengths below the excitation.

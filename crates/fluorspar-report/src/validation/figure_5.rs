@@ -1,7 +1,5 @@
 //! Figure 5: LED, its filter, the viewing filter, the responsivity of the sensor.
 
-use std::collections::BTreeMap;
-
 use fluorspar::pipeline::{filter_leak, predict};
 use fluorspar::spectral::Curve;
 use fluorspar::study::FlatSample;
@@ -9,12 +7,18 @@ use fluorspar_experiment::preset;
 
 use super::check::{Check, Outcome, Verdict, number};
 use super::setup::{Setup, ValidationError, plotted, sensor};
+use crate::Figure;
 use crate::figures::{PlotCurve, filters, lights, sensor_response};
 
 /// Where spectra are looked at, nm.
 const RANGE_NM: [f64; 2] = [350.0, 750.0];
 /// From here on light of the LED reaches the sensor, nm.
 const VIEW_NM: f64 = 475.0;
+
+/// Reflected light that still leaves a frame almost entirely fluorescence.
+const SMALL_LEAK: f64 = 0.05;
+const WHY_SMALL: &str = "almost entirely: nineteen parts in twenty or more";
+const SAID_SMALL: &str = "the captured light is almost entirely fluorescence (4.2)";
 
 fn orders_below_peak(light: &Curve, nm: f64) -> f64 {
     (light.max() / light.at(nm)).log10()
@@ -36,41 +40,24 @@ pub(super) fn bare_led(setup: &Setup<'_>) -> Result<Outcome, ValidationError> {
         number(at(440.0)),
         number(at(450.0))
     );
-    let mut found = Outcome::new(Verdict::Corrected, reason)
-        .check(
-            Check::near(
-                "orders below the peak at 440 nm",
-                2.5,
-                0.25,
-                at(440.0),
-                "",
-                "rounded to half an order",
-            )
-            .said("2.5 orders (text, 3.3.2)"),
-        )
-        .check(
-            Check::near(
-                "orders below the peak at 450 nm",
-                3.0,
-                0.5,
-                at(450.0),
-                "",
-                "rounded to whole orders",
-            )
-            .said("3 orders (caption)"),
-        )
+    let text =
+        Check::near("orders below the peak at 440 nm", 2.5, 0.25, at(440.0), "", "rounded to half an order");
+    let caption =
+        Check::near("orders below the peak at 450 nm", 3.0, 0.5, at(450.0), "", "rounded to whole orders");
+    let found = Outcome::new(Verdict::Corrected, reason)
+        .check(text.said("2.5 orders (text, 3.3.2)"))
+        .check(caption.said("3 orders (caption)"))
         .show(
             "figure_5a_led",
             lights(&[plotted("blue LED, bare", &bare, RANGE_NM)], &[]).titled("The blue LED"),
         );
-    match setup.measured("lights/oraleye_led385.csv")?.and_then(|mut columns| columns.pop()) {
-        Some(measured) => found = found.check(second_order(&measured.curve, &bare)),
+    let measured = setup.measured("lights/oraleye_led385.csv")?.and_then(|mut columns| columns.pop());
+    Ok(match measured {
+        Some(measured) => found.check(second_order(&measured.curve, &bare)),
         None => {
-            found =
-                found.lacks("the measured LED (lights/oraleye_led385.csv), whose lobe at 765 nm is looked at")
+            found.lacks("the measured LED (lights/oraleye_led385.csv), whose lobe at 765 nm is looked at")
         }
-    }
-    Ok(found)
+    })
 }
 
 /// Where the lobe of the measured LED lies beside twice the peak.
@@ -110,45 +97,32 @@ pub(super) fn filtered_led(setup: &Setup<'_>) -> Result<Outcome, ValidationError
         number(with),
         number(passed)
     );
-    let curves = [
-        plotted("bare", &bare.irradiance.scaled(1.0 / bare.irradiance.max()), RANGE_NM),
-        plotted("behind the short-pass", &used.irradiance.scaled(1.0 / used.irradiance.max()), RANGE_NM),
-    ];
+    let orders = [&bare, &used].map(|sample| orders_below_peak(&sample.irradiance, 450.0));
     Ok(Outcome::new(Verdict::Corrected, reason)
-        .check(
-            Check::at_least(
-                "orders below the peak at 450 nm behind the short-pass",
-                orders_below_peak(&bare.irradiance, 450.0) + 1.0,
-                orders_below_peak(&used.irradiance, 450.0),
-                "",
-                "a filter that blocks takes at least one order off the bare LED",
-            )
-            .said("blocks wavelengths above 425 nm"),
-        )
-        .check(
-            Check::at_most(
-                "reflected over fluorescent photons behind the viewing filter",
-                0.05,
-                with,
-                "",
-                "almost entirely: nineteen parts in twenty or more",
-            )
-            .said("the captured light is almost entirely fluorescence (4.2)"),
-        )
-        .check(
-            Check::at_least(
-                "share beyond 475 nm behind Y44 over that of the bare LED",
-                1.0,
-                tail_y44 / tail_bare,
-                "",
-                "a filter that is to lower it must not raise it: the text is wrong about the part",
-            )
-            .said("Hoya Y44 reduces energy above 475 nm"),
-        )
-        .show(
-            "figure_5b_led",
-            lights(&curves, &[plotted("Y44", &y44, RANGE_NM)]).titled("The blue LED and its filter"),
-        ))
+        .checks(filtered_checks(orders, with, tail_y44 / tail_bare))
+        .show("figure_5b_led", filtered_figure(&bare.irradiance, &used.irradiance, &y44)))
+}
+
+fn filtered_checks([bare, used]: [f64; 2], leak: f64, y44_over_bare: f64) -> [Check; 3] {
+    let what = "orders below the peak at 450 nm behind the short-pass";
+    let why = "a filter that blocks takes at least one order off the bare LED";
+    let blocks = Check::at_least(what, bare + 1.0, used, "", why);
+    let what = "reflected over fluorescent photons behind the viewing filter";
+    let dark = Check::at_most(what, SMALL_LEAK, leak, "", WHY_SMALL);
+    let what = "share beyond 475 nm behind Y44 over that of the bare LED";
+    let why = "a filter that is to lower it must not raise it: the text is wrong about the part";
+    let y44 = Check::at_least(what, 1.0, y44_over_bare, "", why);
+    [
+        blocks.said("blocks wavelengths above 425 nm"),
+        dark.said(SAID_SMALL),
+        y44.said("Hoya Y44 reduces energy above 475 nm"),
+    ]
+}
+
+fn filtered_figure(bare: &Curve, used: &Curve, y44: &Curve) -> Figure {
+    let scaled = |name: &str, light: &Curve| plotted(name, &light.scaled(1.0 / light.max()), RANGE_NM);
+    let curves = [scaled("bare", bare), scaled("behind the short-pass", used)];
+    lights(&curves, &[plotted("Y44", y44, RANGE_NM)]).titled("The blue LED and its filter")
 }
 
 /// (c) The viewing filter, in both readings.
@@ -170,99 +144,85 @@ pub(super) fn viewing_filter(setup: &Setup<'_>) -> Result<Outcome, ValidationErr
     );
     let curves = [("475 to 700 nm (text)", readings[0]), ("425 to 700 nm (caption)", readings[1])]
         .map(|(name, curve)| plotted(name, curve, RANGE_NM));
-    let small = "almost entirely: nineteen parts in twenty or more";
-    let said = "the captured light is almost entirely fluorescence (4.2)";
     Ok(Outcome::new(Verdict::Corrected, reason)
-        .check(
-            Check::at_least(
-                "mean transmittance of the caption's reading, 450 to 475 nm, over its maximum",
-                0.9,
-                gap[1],
-                "",
-                "nearly transparent: nine parts in ten or more",
-            )
-            .said("nearly transparent between 450 and 700 nm (caption)"),
-        )
-        .check(
-            Check::at_most(
-                "the same of the text's reading",
-                0.1,
-                gap[0],
-                "",
-                "blocked: one part in ten or less, edge included",
-            )
-            .said("blocks wavelengths less than 475 nm (text)"),
-        )
-        .check(
-            Check::at_most("reflected over fluorescent electrons, 475 to 700 nm", 0.05, leak_text, "", small)
-                .said(said),
-        )
-        .check(
-            Check::at_most(
-                "reflected over fluorescent electrons, 425 to 700 nm",
-                0.05,
-                leak_caption,
-                "",
-                small,
-            )
-            .said(said),
-        )
+        .checks(reading_checks(gap, [leak_text, leak_caption]))
         .show("figure_5c_filters", filters(&curves).titled("Two readings of the viewing filter")))
+}
+
+fn reading_checks([text, caption]: [f64; 2], [leak_text, leak_caption]: [f64; 2]) -> [Check; 4] {
+    let what = "mean transmittance of the caption's reading, 450 to 475 nm, over its maximum";
+    let open = Check::at_least(what, 0.9, caption, "", "nearly transparent: nine parts in ten or more");
+    let why = "blocked: one part in ten or less, edge included";
+    let closed = Check::at_most("the same of the text's reading", 0.1, text, "", why);
+    let leak = |range: &str, value| {
+        let what = format!("reflected over fluorescent electrons, {range}");
+        Check::at_most(what, SMALL_LEAK, value, "", WHY_SMALL).said(SAID_SMALL)
+    };
+    [
+        open.said("nearly transparent between 450 and 700 nm (caption)"),
+        closed.said("blocks wavelengths less than 475 nm (text)"),
+        leak("475 to 700 nm", leak_text),
+        leak("425 to 700 nm", leak_caption),
+    ]
+}
+
+/// A channel behind lens and filters.
+struct Channel {
+    bare: PlotCurve,
+    seen: PlotCurve,
+}
+
+impl Channel {
+    fn peak_nm(&self) -> f64 {
+        let values = &self.seen.value;
+        let best = (0..values.len()).max_by(|&a, &b| values[a].total_cmp(&values[b])).unwrap_or(0);
+        self.seen.wavelength_nm[best]
+    }
+
+    /// Share of the response outside the pass band and its edges.
+    fn outside(&self) -> f64 {
+        let all = || self.seen.wavelength_nm.iter().zip(&self.seen.value);
+        let beyond = all().filter(|(nm, _)| !(465.0..=710.0).contains(*nm));
+        beyond.map(|(_, value)| value).sum::<f64>() / all().map(|(_, value)| value).sum::<f64>()
+    }
+}
+
+/// R, G and B of a sample's camera.
+fn channels(sample: &FlatSample) -> Result<Vec<Channel>, ValidationError> {
+    let grid = &sample.grid;
+    let lens = sample.camera.lens_behind_filters().ok_or(ValidationError::Lacks("lens"))?;
+    let transmittance = lens.transmittance.bin_averages(grid);
+    let qe = sensor(sample)?.effective_qe();
+    let channel = |name: &str| {
+        let number = qe.find(name).ok_or(ValidationError::Lacks("channel R, G or B"))?;
+        let bare = qe.on_grid(number, grid).values().to_vec();
+        let seen = bare.iter().zip(&transmittance).map(|(q, t)| q * t).collect();
+        let curve = |values| PlotCurve::new(name, grid.centers_nm(), values);
+        Ok(Channel { bare: curve(bare), seen: curve(seen) })
+    };
+    ["R", "G", "B"].into_iter().map(channel).collect()
 }
 
 /// (d) The effective responsivity.
 pub(super) fn responsivity(setup: &Setup<'_>) -> Result<Outcome, ValidationError> {
-    let sample = setup.sample(&[])?;
-    let grid = &sample.grid;
-    let lens = sample.camera.lens_behind_filters().ok_or(ValidationError::Lacks("lens"))?;
-    let transmittance = lens.transmittance.bin_averages(grid);
-    let qe = sensor(&sample)?.effective_qe();
-    let mut bare = Vec::new();
-    let mut seen: BTreeMap<&str, Vec<f64>> = BTreeMap::new();
-    let mut curves = Vec::new();
-    for name in ["R", "G", "B"] {
-        let channel = qe.find(name).ok_or(ValidationError::Lacks("channel R, G or B"))?;
-        let values = qe.on_grid(channel, grid).values().to_vec();
-        let filtered: Vec<f64> = values.iter().zip(&transmittance).map(|(q, t)| q * t).collect();
-        bare.push(PlotCurve::new(name, grid.centers_nm(), values));
-        curves.push(PlotCurve::new(name, grid.centers_nm(), filtered.clone()));
-        seen.insert(name, filtered);
-    }
-    let centers = grid.centers_nm();
-    let peak_nm = |name: &str| {
-        let values = &seen[name];
-        let best = (0..values.len()).max_by(|&a, &b| values[a].total_cmp(&values[b])).unwrap_or(0);
-        centers[best]
-    };
-    let outside = |name: &str| {
-        let beyond = |nm: f64| !(465.0..=710.0).contains(&nm);
-        let sum = |keep: &dyn Fn(f64) -> bool| -> f64 {
-            seen[name].iter().zip(&centers).filter(|(_, nm)| keep(**nm)).map(|(v, _)| v).sum()
-        };
-        sum(&beyond) / sum(&|_| true)
-    };
-    let largest = ["R", "G", "B"].map(outside).into_iter().fold(0.0, f64::max);
+    let channels = channels(&setup.sample(&[])?)?;
+    let [red, green, blue] = [0, 1, 2].map(|channel: usize| channels[channel].peak_nm());
+    let largest = channels.iter().map(Channel::outside).fold(0.0, f64::max);
     let reason = format!(
         "The curves are not public. A typical color sensor behind the filters peaks at {} (R), {} (G) and {} nm (B); {} of the \
          response at most lies outside the pass band.",
-        number(peak_nm("R")),
-        number(peak_nm("G")),
-        number(peak_nm("B")),
+        number(red),
+        number(green),
+        number(blue),
         number(largest)
     );
     let order = "three color channels are in the order of their names";
+    let what = "largest share of a response outside 465 to 710 nm";
+    let why = "a pass band with edges of 10 nm leaves what its optical density leaves";
+    let curves = |of: fn(&Channel) -> &PlotCurve| channels.iter().map(of).cloned().collect::<Vec<_>>();
     Ok(Outcome::new(Verdict::NotPublic, reason)
-        .check(Check::at_least("peak of R less peak of G", 0.0, peak_nm("R") - peak_nm("G"), "nm", order))
-        .check(Check::at_least("peak of G less peak of B", 0.0, peak_nm("G") - peak_nm("B"), "nm", order))
-        .check(
-            Check::at_most(
-                "largest share of a response outside 465 to 710 nm",
-                0.01,
-                largest,
-                "",
-                "a pass band with edges of 10 nm leaves what its optical density leaves",
-            )
-            .said("the sensor responds only to 475-700 nm"),
-        )
-        .show("figure_5d_responsivity", sensor_response(&bare, &curves)))
+        .check(Check::at_least("peak of R less peak of G", 0.0, red - green, "nm", order))
+        .check(Check::at_least("peak of G less peak of B", 0.0, green - blue, "nm", order))
+        .check(Check::at_most(what, 0.01, largest, "", why).said("the sensor responds only to 475-700 nm"))
+        .show("figure_5d_responsivity", sensor_response(&curves(|c| &c.bare), &curves(|c| &c.seen))))
 }

@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 
-use fluorspar::image::{Component, ComponentImage, LightPath};
+use fluorspar::image::{Component, ComponentImage, FeatureMaps, LightPath};
 use fluorspar::material::{ImageTexture, ScalarTexture};
 use fluorspar::pipeline::CameraResponse;
 use fluorspar::study::Study;
@@ -57,31 +57,19 @@ pub(super) fn run(setup: &Setup<'_>) -> Result<Outcome, ValidationError> {
         number(100.0 * missing)
     );
     Ok(Outcome::new(Verdict::Corrected, reason)
-        .check(
-            Check::at_least(
-                "porphyrin light of the recipe over that of the scene inside the mask, less 1",
-                3.0 * error,
-                excess,
-                "",
-                "three standard errors over the pixels: the recipe is too bright",
-            )
-            .said("the rendered image is the masked porphyrin image plus the bulk image"),
-        )
-        .check(Check::at_most(
-            "the same",
-            indirect,
-            excess,
-            "",
-            "indirect over direct porphyrin light with porphyrin everywhere: the excess is a part of it",
-        ))
-        .check(Check::at_least(
-            "porphyrin light from outside the mask over all of it, in the scene",
-            f64::MIN_POSITIVE,
-            missing,
-            "",
-            "the recipe has none there",
-        ))
+        .checks(checks(excess, [3.0 * error, indirect], missing))
         .show("figure_6_masks", figure(&images)))
+}
+
+fn checks(excess: f64, [least, most]: [f64; 2], missing: f64) -> [Check; 3] {
+    let what = "porphyrin light of the recipe over that of the scene inside the mask, less 1";
+    let why = "three standard errors over the pixels: the recipe is too bright";
+    let bright = Check::at_least(what, least, excess, "", why);
+    let why = "indirect over direct porphyrin light with porphyrin everywhere: the excess is a part of it";
+    let bounded = Check::at_most("the same", most, excess, "", why);
+    let what = "porphyrin light from outside the mask over all of it, in the scene";
+    let around = Check::at_least(what, f64::MIN_POSITIVE, missing, "", "the recipe has none there");
+    [bright.said("the rendered image is the masked porphyrin image plus the bulk image"), bounded, around]
 }
 
 fn standard_error(values: &[f64]) -> f64 {
@@ -124,49 +112,64 @@ fn render(setup: &Setup<'_>) -> Result<Images, ValidationError> {
         format!("render.samples_per_pixel={SAMPLES}"),
         "mouth.detail=0.4".to_owned(),
     ])?;
-    let lens = study.camera.lens_behind_filters().ok_or(ValidationError::Lacks("lens"))?;
-    let sensor = study.camera.sensor.as_ref().ok_or(ValidationError::Lacks("sensor"))?;
-    let camera = CameraResponse::new(&lens, sensor, &study.scene.grid, None);
-    let red = camera.rgb().ok_or(ValidationError::Lacks("channel R, G or B"))?[0];
     let image = ImageTexture::new(MASK, MASK, patch()).map_err(|_| ValidationError::Lacks("mask"))?;
     let mask = ScalarTexture::Image { image: Arc::new(image), low: 0.0, high: AMOUNT };
-
-    let everywhere = setup.render(&with_porphyrin(&study, &ScalarTexture::Constant(AMOUNT))?)?;
-    let scene = setup.render(&with_porphyrin(&study, &mask)?)?;
-    let mut shallow = with_porphyrin(&study, &ScalarTexture::Constant(AMOUNT))?;
+    let uniform = with_porphyrin(&study, &ScalarTexture::Constant(AMOUNT))?;
+    let mut shallow = uniform.clone();
     shallow.render.max_depth = 1;
-    let direct = setup.render(&shallow)?;
+    let (everywhere, direct) = (setup.render(&uniform)?, setup.render(&shallow)?);
+    let scene = setup.render(&with_porphyrin(&study, &mask)?)?;
 
-    let seen = |image: &ComponentImage, wanted: &dyn Fn(&Component) -> bool| -> Vec<f64> {
+    let red = RedChannel::new(&study)?;
+    let mask = mask_of_pixels(&scene.features, &mask);
+    let everywhere = red.electrons(&everywhere, is_porphyrin);
+    Ok(Images {
+        recipe: everywhere.iter().zip(&mask).map(|(light, m)| light * f64::from(*m)).collect(),
+        scene: red.electrons(&scene, is_porphyrin),
+        bulk: red.electrons(&scene, |component| component.light_group == "blue" && !is_porphyrin(component)),
+        direct: red.electrons(&direct, is_porphyrin),
+        everywhere,
+        mask,
+    })
+}
+
+fn is_porphyrin(component: &Component) -> bool {
+    component.light_group == "blue" && component.light == LightPath::Fluorescence(PORPHYRIN.into())
+}
+
+/// What the red channel collects.
+struct RedChannel {
+    camera: CameraResponse,
+    channel: usize,
+}
+
+impl RedChannel {
+    fn new(study: &Study) -> Result<Self, ValidationError> {
+        let lens = study.camera.lens_behind_filters().ok_or(ValidationError::Lacks("lens"))?;
+        let sensor = study.camera.sensor.as_ref().ok_or(ValidationError::Lacks("sensor"))?;
+        let camera = CameraResponse::new(&lens, sensor, &study.scene.grid, None);
+        let channel = camera.rgb().ok_or(ValidationError::Lacks("channel R, G or B"))?[0];
+        Ok(Self { camera, channel })
+    }
+
+    /// Electrons of each pixel from some components, e-, in 30 ms.
+    fn electrons(&self, image: &ComponentImage, wanted: impl Fn(&Component) -> bool) -> Vec<f64> {
         let sum = image.recombine(|component| f64::from(u8::from(wanted(component))));
         let spectra = sum.data().chunks_exact(sum.bands());
         let radiance = spectra.map(|pixel| pixel.iter().map(|v| f64::from(*v)).collect::<Vec<f64>>());
-        radiance.map(|radiance| camera.channel_electrons(red, &radiance, 0.03)).collect()
-    };
-    let of_porphyrin =
-        |c: &Component| c.light_group == "blue" && c.light == LightPath::Fluorescence(PORPHYRIN.into());
-    let of_bulk = |c: &Component| {
-        let bulk = matches!(&c.light, LightPath::Fluorescence(name) if name != PORPHYRIN);
-        c.light_group == "blue" && (bulk || c.light == LightPath::Reflected)
-    };
-    // Multiplying by the mask is a step of pixels: each has the mask of the point at its center
-    let features = &scene.features;
+        radiance.map(|radiance| self.camera.channel_electrons(self.channel, &radiance, 0.03)).collect()
+    }
+}
+
+/// The mask that pixels are multiplied with: that of the point at the center of each.
+fn mask_of_pixels(features: &FeatureMaps, mask: &ScalarTexture) -> Vec<f32> {
     let at = |pixel: usize| {
         let part = usize::from(features.part[pixel]).checked_sub(1);
         let tissue = part.and_then(|part| features.material_names.get(part));
-        let uv = features.uv[pixel].into();
-        if tissue.is_some_and(|name| name == TISSUE) { mask.at(uv) / AMOUNT } else { 0.0 }
+        let value = mask.at(features.uv[pixel].into()) / AMOUNT;
+        if tissue.is_some_and(|name| name == TISSUE) { value } else { 0.0 }
     };
-    let mask: Vec<f32> = (0..features.part.len()).map(at).collect();
-    let everywhere_red = seen(&everywhere, &of_porphyrin);
-    Ok(Images {
-        recipe: everywhere_red.iter().zip(&mask).map(|(light, m)| light * f64::from(*m)).collect(),
-        scene: seen(&scene, &of_porphyrin),
-        bulk: seen(&scene, &of_bulk),
-        direct: seen(&direct, &of_porphyrin),
-        everywhere: everywhere_red,
-        mask,
-    })
+    (0..features.part.len()).map(at).collect()
 }
 
 /// The study with this porphyrin on the tongue and none elsewhere.

@@ -1,7 +1,7 @@
 //! Figure 6 (g): measured radiance of tongues as sums of fluorophores. The paper's two spectra are not public; spectra that its authors
 //! published later stand in for them.
 
-use fluorspar::analysis::{FitError, NonnegativeFit, fit_attenuated, fit_nonnegative};
+use fluorspar::analysis::{FitError, FittedTerm, NonnegativeFit, fit_attenuated, fit_nonnegative};
 use fluorspar::pipeline::predict;
 use fluorspar::spectral::{Curve, blood_transmittance};
 use fluorspar_format::{NamedCurve, read_text_bounded};
@@ -60,48 +60,36 @@ pub(super) fn run(setup: &Setup<'_>) -> Result<Outcome, ValidationError> {
         .collect::<Result<Vec<_>, ValidationError>>()?;
     let densities: Vec<Check> =
         DENSITIES.iter().map(|density| spectra.check(density)).collect::<Result<_, _>>()?;
-    let close = densities
-        .iter()
-        .zip(DENSITIES)
-        .filter(|(check, (_, _, _, printed))| (check.computed / printed - 1.0).abs() <= 0.01);
     let [little, much] = [0, 1].map(|person: usize| mixtures[person].fit.terms[terms.porphyrin]);
     let rms = |fit: &dyn Fn(&Mixture) -> f64| mixtures.iter().map(fit).fold(0.0, f64::max);
-    let reason = format!(
-        "The paper's two spectra and weights are not public. Sums of its five fluorophores leave up to {} of the largest signal of two \
-         tongues that its authors measured later; with blood before deep collagen and fluorophores of coating and deposits {} are \
-         left, and porphyrin stands at {} ({} to {}) and {} ({} to {}) units. With blood in one layer, as they published \
-         themselves, {} of 8 optical densities come out within 1 %.",
-        number(rms(&|mixture| mixture.five.rms / mixture.largest())),
-        number(rms(&|mixture| mixture.fit.rms / mixture.largest())),
-        number(little.weight),
-        number(little.interval[0]),
-        number(little.interval[1]),
-        number(much.weight),
-        number(much.interval[0]),
-        number(much.interval[1]),
-        close.count()
-    );
-    Ok(Outcome::new(Verdict::NotPublic, reason)
-        .check(
-            Check::at_least(
-                "lower end of porphyrin in the tongue with much, over the upper end in that with little",
-                1.0,
-                much.interval[0] / little.interval[1],
-                "",
-                "95 % intervals that do not overlap",
-            )
-            .said("the porphyrins concentrations differed for the two participants"),
-        )
+    let what = "lower end of porphyrin in the tongue with much, over the upper end in that with little";
+    let ratio = much.interval[0] / little.interval[1];
+    let apart = Check::at_least(what, 1.0, ratio, "", "95 % intervals that do not overlap");
+    let what = "largest residual with blood and coating over that of the paper's five";
+    let ratio = rms(&|mixture| mixture.fit.rms / mixture.five.rms);
+    let better = Check::at_most(what, 1.0, ratio, "", "more terms fit better, if they are those of a tongue");
+    Ok(Outcome::new(Verdict::NotPublic, reason(&mixtures, [little, much], &densities))
+        .check(apart.said("the porphyrins concentrations differed for the two participants"))
+        .check(better)
         .checks(densities)
         .lacks("the two spectra of Fig. 6 (g) under the 385 nm LED, which are not public")
-        .check(Check::at_most(
-            "largest residual with blood and coating over that of the paper's five",
-            1.0,
-            rms(&|mixture| mixture.fit.rms / mixture.five.rms),
-            "",
-            "more terms fit better, if they are those of a tongue",
-        ))
         .show("figure_6g_mixtures", figure(&terms, &mixtures)))
+}
+
+fn reason(mixtures: &[Mixture], porphyrin: [FittedTerm; 2], densities: &[Check]) -> String {
+    let off = |(check, (_, _, _, printed)): (&Check, (_, _, _, f64))| (check.computed / printed - 1.0).abs();
+    let close = densities.iter().zip(DENSITIES).map(off).filter(|off| *off <= 0.01).count();
+    let rms = |fit: &dyn Fn(&Mixture) -> f64| number(mixtures.iter().map(fit).fold(0.0, f64::max));
+    let [little, much] = porphyrin
+        .map(|t| format!("{} ({} to {})", number(t.weight), number(t.interval[0]), number(t.interval[1])));
+    format!(
+        "The paper's two spectra and weights are not public. Sums of its five fluorophores leave up to {} of the largest signal of two \
+         tongues that its authors measured later; with blood before deep collagen and fluorophores of coating and deposits {} are \
+         left, and porphyrin stands at {little} and {much} units. With blood in one layer, as they published themselves, {close} of \
+         8 optical densities come out within 1 %.",
+        rms(&|mixture| mixture.five.rms / mixture.largest()),
+        rms(&|mixture| mixture.fit.rms / mixture.largest()),
+    )
 }
 
 fn fitted<T>(fit: Result<T, FitError>) -> Result<T, ValidationError> {

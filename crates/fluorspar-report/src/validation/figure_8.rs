@@ -3,6 +3,7 @@
 use fluorspar::analysis::{LineEstimate, Statistics};
 use fluorspar::image::{ComponentImage, LightPath};
 use fluorspar::pipeline::{Evaluation, evaluate};
+use fluorspar::study::Study;
 
 use super::check::{Check, Outcome, Verdict, number};
 use super::setup::{PORPHYRIN, Setup, ValidationError};
@@ -29,72 +30,59 @@ struct Subject {
 }
 
 pub(super) fn run(setup: &Setup<'_>) -> Result<Outcome, ValidationError> {
+    let study = study(setup)?;
+    let image = setup.render(&study)?;
+    let one = |&(name, level): &(&'static str, f64)| subject(name, evaluate(&study, &scaled(&image, level))?);
+    let subjects = SUBJECTS.iter().map(one).collect::<Result<Vec<Subject>, ValidationError>>()?;
+
+    let medians: Vec<f64> = subjects.iter().map(|subject| subject.position.median).collect();
+    let across = subjects.iter().map(|subject| subject.across).fold(0.0, f64::max);
+    let strongest = subjects.last().map_or([f64::NAN; 2], |subject| [subject.along, subject.across]);
+    let reason = format!(
+        "Three levels of porphyrin: pixels of the tongue stretch along the line ({} standard errors of a pixel in the strongest), and \
+         across it by {} standard errors at most. Median places on the line: {}. The paper's frames are not public; real frames go \
+         through `fluorspar analyze --frame`.",
+        number(strongest[0]),
+        number(across),
+        medians.iter().map(|median| number(*median)).collect::<Vec<_>>().join(", ")
+    );
+    let step = medians.windows(2).map(|pair| pair[1] - pair[0]).fold(f64::INFINITY, f64::min);
+    Ok(Outcome::new(Verdict::Reproduced, reason)
+        .checks(checks(step, across, strongest[0] / strongest[1]))
+        .lacks("the three frames of Fig. 8 (a-c), which are not public")
+        .show("figure_8_subjects", figure(&subjects)))
+}
+
+/// The mouth before a sensor with fewer and larger pixels.
+fn study(setup: &Setup<'_>) -> Result<Study, ValidationError> {
     let [width, height] = PICTURE;
-    let study = setup.mouth(&[
+    setup.mouth(&[
         format!("render.width_px={width}"),
         format!("render.height_px={height}"),
         format!("render.samples_per_pixel={SAMPLES}"),
         "mouth.detail=0.4".to_owned(),
         format!("sensor.columns={}", 2 * width),
         format!("sensor.rows={}", 2 * height),
-        // A cell of the real sensor's pixels in one place: as wide together, as sensitive each.
+        // As wide together as the real ones, as sensitive each
         format!("sensor.pixel_size_um={:?}", 2.5 * COARSER),
         format!("sensor.fill_factor={:?}", 0.99 / (COARSER * COARSER)),
-    ])?;
-    let image = setup.render(&study)?;
-    let subjects = SUBJECTS
-        .iter()
-        .map(|&(name, level)| {
-            let evaluation = evaluate(&study, &scaled(&image, level))?;
-            subject(name, evaluation)
-        })
-        .collect::<Result<Vec<Subject>, ValidationError>>()?;
+    ])
+}
 
-    let medians: Vec<f64> = subjects.iter().map(|subject| subject.position.median).collect();
-    let worst = subjects.iter().map(|subject| subject.across).fold(0.0, f64::max);
-    let strongest = subjects.last().map_or(f64::NAN, |subject| subject.along);
-    let reason = format!(
-        "Three levels of porphyrin: pixels of the tongue stretch along the line ({} standard errors of a pixel in the strongest), and \
-         across it by {} standard errors at most. Median places on the line: {}. The paper's frames are not public; real frames go \
-         through `fluorspar analyze --frame`.",
-        number(strongest),
-        number(worst),
-        medians.iter().map(|median| number(*median)).collect::<Vec<_>>().join(", ")
-    );
-    let steps = medians.windows(2).map(|pair| pair[1] - pair[0]).fold(f64::INFINITY, f64::min);
-    Ok(Outcome::new(Verdict::Reproduced, reason)
-        .check(
-            Check::at_least(
-                "smallest step of the median place on the line from one subject to the next",
-                f64::MIN_POSITIVE,
-                steps,
-                "",
-                "more porphyrin lies nearer to porphyrin",
-            )
-            .said("the primary difference is explained by the porphyrins concentration"),
-        )
-        .check(
-            Check::at_most(
-                "largest spread across the line over the standard error of a pixel",
-                MOST_ACROSS,
-                worst,
-                "",
-                "1 is noise alone; interpolation of colors, indirect light of other colors and the render's own noise add to it",
-            )
-            .said("the data fall along a line"),
-        )
-        .check(
-            Check::at_least(
-                "spread along the line of the strongest over that across it",
-                2.0,
-                strongest / subjects.last().map_or(f64::NAN, |subject| subject.across),
-                "",
-                "a cloud twice as long as wide has a direction",
-            )
-            .said("in the direction of the porphyrins"),
-        )
-        .lacks("the three frames of Fig. 8 (a-c), which are not public")
-        .show("figure_8_subjects", figure(&subjects)))
+fn checks(step: f64, across: f64, slenderness: f64) -> [Check; 3] {
+    let what = "smallest step of the median place on the line from one subject to the next";
+    let rising =
+        Check::at_least(what, f64::MIN_POSITIVE, step, "", "more porphyrin lies nearer to porphyrin");
+    let what = "largest spread across the line over the standard error of a pixel";
+    let why = "1 is noise alone; interpolation of colors, indirect light of other colors and the render's own noise add to it";
+    let straight = Check::at_most(what, MOST_ACROSS, across, "", why);
+    let what = "spread along the line of the strongest over that across it";
+    let long = Check::at_least(what, 2.0, slenderness, "", "a cloud twice as long as wide has a direction");
+    [
+        rising.said("the primary difference is explained by the porphyrins concentration"),
+        straight.said("the data fall along a line"),
+        long.said("in the direction of the porphyrins"),
+    ]
 }
 
 /// Spread across the line that is still called a line.

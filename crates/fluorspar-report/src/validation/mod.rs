@@ -4,7 +4,7 @@
 //! |---|---|---|
 //! | list | [`cases`] | a [`Case`] for each figure and table of Lyu et al. 2021 |
 //! | run | [`Case::run`] on a [`Setup`] | a [`CaseResult`]: [`Check`]s, a [`Verdict`] with its reason, figures |
-//! | write | [`validation_page`], [`CaseResult::to_json`], [`CaseResult::markdown_row`] | page, JSON, table |
+//! | write | [`validation_page`], [`CaseResult::to_json`], [`markdown_table`] | page, JSON, table |
 //!
 //! A tolerance is derived where it stands: rounding of the printed digits, standard errors, a bound of the physics. Where data of
 //! the authors are not public, a case checks what can be said without them and says so.
@@ -23,7 +23,7 @@ mod setup;
 mod table_1;
 
 pub use check::{CaseResult, Check, Verdict};
-pub use page::{summary, validation_page};
+pub use page::{markdown_table, summary, validation_page};
 pub use setup::{Setup, ValidationError};
 
 use check::Outcome;

@@ -27,6 +27,15 @@ pub fn validation_page(results: &[CaseResult]) -> String {
     html
 }
 
+/// The verdicts as a table of Markdown: name, title, verdict and reason of each case.
+pub fn markdown_table(results: &[CaseResult]) -> String {
+    let row = |result: &CaseResult| {
+        format!("| {} | {} | {} | {} |\n", result.name, result.title, result.verdict.name(), result.reason)
+    };
+    let rows: String = results.iter().map(row).collect();
+    format!("| case | what | verdict | why |\n|---|---|---|---|\n{rows}")
+}
+
 /// How many cases have which verdict, and how many parts were left out, in words.
 pub fn summary(results: &[CaseResult]) -> String {
     let of = |verdict: Verdict| results.iter().filter(|result| result.verdict == verdict).count();

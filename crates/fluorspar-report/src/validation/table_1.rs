@@ -1,6 +1,6 @@
 //! Table 1: geometry and electronics of the sensor.
 
-use fluorspar::sensor::{Characterization, CharacterizationSettings, SensorModel, characterize};
+use fluorspar::sensor::{CharacterizationSettings, SensorModel, characterize};
 
 use super::check::{Check, Outcome, Verdict, number};
 use super::setup::{Setup, ValidationError, sensor};
@@ -71,14 +71,5 @@ pub(super) fn run(setup: &Setup<'_>) -> Result<Outcome, ValidationError> {
     Ok(Outcome::new(Verdict::Reproduced, reason)
         .checks(printed)
         .checks(recovered)
-        .show("table_1_photon_transfer", figure(&measured)))
-}
-
-fn figure(measured: &Characterization) -> crate::Figure {
-    photon_transfer(&PhotonTransferPlot {
-        points: measured.photon_transfer.iter().map(|p| [p.signal_dn, p.variance_dn2]).collect(),
-        dark_variance_dn2: measured.dark_noise_dn.powi(2),
-        gain_dn_per_e: measured.gain_dn_per_e,
-        saturation_dn: measured.saturation_capacity_e * measured.gain_dn_per_e,
-    })
+        .show("table_1_photon_transfer", photon_transfer(&PhotonTransferPlot::of(&measured))))
 }

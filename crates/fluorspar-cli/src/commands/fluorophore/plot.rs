@@ -93,21 +93,8 @@ fn eem_figure(fluorophores: &[Fluorophore], light: Option<&Curve>) -> Figure {
     let excitation = hull(fluorophores.iter().map(|f| f.excitation_range_nm));
     let emission = hull(fluorophores.iter().map(|f| f.emission_range_nm));
     let cells = |[low, high]: [f64; 2]| ((high - low) / CELL_NM).round().clamp(1.0, 400.0) as usize;
-    let center =
-        |range: [f64; 2], i: usize| range[0] + (range[1] - range[0]) * (i as f64 + 0.5) / cells(range) as f64;
-    let maps: Vec<EemMap> = fluorophores
-        .iter()
-        .map(|f| EemMap {
-            name: f.title.clone(),
-            excitation_nm: excitation,
-            emission_nm: emission,
-            columns: cells(excitation),
-            values: (0..cells(emission))
-                .flat_map(|row| (0..cells(excitation)).map(move |col| (row, col)))
-                .map(|(row, col)| f.eem.at(center(emission, row), center(excitation, col)))
-                .collect(),
-        })
-        .collect();
+    let size = [cells(excitation), cells(emission)];
+    let maps: Vec<EemMap> = fluorophores.iter().map(|f| EemMap::of(f, excitation, emission, size)).collect();
     eem_maps(&maps, light.map(Curve::peak_nm))
 }
 

@@ -144,12 +144,7 @@ fn as_json(resolved: &ResolvedSensor, measured: &Characterization) -> Result<Val
 }
 
 fn figures(measured: &Characterization) -> [(&'static str, Figure); 2] {
-    let transfer = PhotonTransferPlot {
-        points: measured.photon_transfer.iter().map(|p| [p.signal_dn, p.variance_dn2]).collect(),
-        dark_variance_dn2: measured.dark_noise_dn.powi(2),
-        gain_dn_per_e: measured.gain_dn_per_e,
-        saturation_dn: measured.saturation_capacity_e * measured.gain_dn_per_e,
-    };
+    let transfer = PhotonTransferPlot::of(measured);
     // Signals from half an electron to saturation, evenly on a logarithmic axis.
     let steps = 200;
     let signal = |step: usize| {
