@@ -91,7 +91,7 @@ fn selected(options: &Options) -> Result<Vec<&'static Case>, CliError> {
     let known: Vec<&str> = cases().iter().map(|case| case.name).collect();
     if let Some(unknown) = options.names.iter().find(|name| !known.contains(&name.as_str())) {
         return Err(CliError::Input(format!(
-            "--case {unknown}: there is no such case{}. The cases are: {}",
+            "--case {unknown}: there is no such case{} The cases are: {}",
             did_you_mean(unknown, known.iter().copied()),
             known.join(", ")
         )));
@@ -139,7 +139,7 @@ fn reference(options: &Options) -> Result<Option<PathBuf>, CliError> {
 fn as_json(results: &[CaseResult], changes: &[String]) -> Value {
     let count = |verdict: Verdict| results.iter().filter(|result| result.verdict == verdict).count();
     let counts: BTreeMap<&str, usize> =
-        Verdict::ALL.iter().map(|&verdict| (verdict.name(), count(verdict))).collect();
+        Verdict::ALL.iter().map(|&verdict| (verdict.key(), count(verdict))).collect();
     json!({
         "format": FileFormat::RESULTS.version(),
         "provenance": { "program": "fluorspar", "version": env!("CARGO_PKG_VERSION"), "changes": changes },

@@ -24,6 +24,14 @@ impl Verdict {
     pub const ALL: [Self; 5] =
         [Self::Reproduced, Self::Corrected, Self::NotPublic, Self::Skipped, Self::Failed];
 
+    /// The verdict in JSON.
+    pub fn key(self) -> &'static str {
+        match self {
+            Self::NotPublic => "not_public",
+            other => other.name(),
+        }
+    }
+
     /// The verdict in words.
     pub fn name(self) -> &'static str {
         match self {
@@ -254,7 +262,7 @@ impl CaseResult {
             "name": self.name,
             "title": self.title,
             "paper": self.paper,
-            "verdict": self.verdict.name(),
+            "verdict": self.verdict.key(),
             "reason": self.reason,
             "checks": self.checks.iter().map(Check::to_json).collect::<Vec<_>>(),
             "missing": self.missing,
