@@ -193,6 +193,17 @@ impl LayeredTissue {
         self.layers.iter().map(|layer| layer.fluorophores.iter().map(strength).sum()).collect()
     }
 
+    /// The same with the absorption of the fluorophores added to that of the layers, by the quantum yields of those that a
+    /// function knows. In the catalogue it is part of the background, which was fitted to reflectance.
+    #[must_use]
+    pub fn with_own_absorption(&self, quantum_yield: impl Fn(&str) -> Option<f64>) -> Self {
+        let mut tissue = self.clone();
+        for held in tissue.layers.iter_mut().flat_map(|layer| &mut layer.fluorophores) {
+            held.quantum_yield = quantum_yield(&held.fluorophore.name).or(held.quantum_yield);
+        }
+        tissue
+    }
+
     /// The layer of a name.
     #[must_use]
     pub fn layer(&self, name: &str) -> Option<&TissueLayer> {

@@ -3,7 +3,7 @@
 //! | type | what it is |
 //! |---|---|
 //! | [`LayeredTissue`], [`TissueLayer`] | thickness, [`LayerScattering`], [`Chromophore`]s and [`TissueFluorophore`]s of each layer |
-//! | [`Site`], [`TissueState`] | tissues of the catalogue by name, as parameters that may be changed, and their states |
+//! | [`Site`], [`SiteParameter`], [`TissueState`] | tissues of the catalogue by name, as parameters that may be changed, and their states |
 //! | [`Population`], [`Variation`] | how a site varies among people and within a person, and tissues drawn from it |
 //! | [`EffectiveTissue`] | reflectance and fluorescence of a tissue as of a surface, by layer and fluorophore; depths |
 //! | [`OpticalLayer`], [`OpticalStack`] | plane layers at one wavelength, what solvers start from |
@@ -51,6 +51,6 @@ pub use optical_layer::{
 pub use population::{Population, Spread, Variation};
 pub use scattering::{LayerScattering, ScatteringCoefficient};
 pub use site::Site;
-pub use site_parameter::SiteParameter;
+pub use site_parameter::{Basis, SiteParameter};
 pub use tissue_error::TissueError;
 pub use tissue_state::TissueState;

@@ -3,7 +3,8 @@
 //! The dorsal tongue and the lip were fitted: absorption and scattering to measured reflectance (mean of twelve tongues, of three
 //! inner lips; optics and fluorescence together for the lip), strengths of the fluorophores to spectra of four people under lamps
 //! of 405, 415 and 450 nm (500 to 700 nm, one vote per person; the strength of NADH, which these lamps hardly excite, was held at
-//! what cells have). The example `tissue_against_people` of `fluorspar-experiment` prints how well they do. Diffuse reflectance fixes the ratio of absorption to scattering only, so the tongue comes in two variants
+//! what cells have). The example `tissue_against_people` of `fluorspar-report` prints how well they do. Diffuse reflectance fixes
+//! the ratio of absorption to scattering only, so the tongue comes in two variants
 //! that fit equally well. Scattering and thickness of the epithelium follow Pavlova et al., J. Biomed. Opt. 13, 064012 (2008)
 //! and Prestin et al. (2012, optical coherence tomography of 143 people); blood in vessels is that of
 //! [`Blood`]. The other sites start from these with the published thicknesses and what is known of their keratin, and are marked
@@ -14,7 +15,7 @@ use std::sync::Arc;
 use super::chromophore::{Blood, Chromophore};
 use super::layered_tissue::{Below, LayeredTissue, TissueFluorophore, TissueLayer};
 use super::scattering::{LayerScattering, ScatteringCoefficient};
-use super::site_parameter::{SOFT, SiteParameter, TOOTH};
+use super::site_parameter::{Basis, SOFT, SiteParameter, TOOTH};
 use super::tissue_error::{TissueError, check};
 use super::tissue_state::TissueState;
 use crate::spectral::Fluorophore;
@@ -382,6 +383,21 @@ impl Site {
         self.known.structure.parameters().iter().zip(self.values.iter().copied())
     }
 
+    /// Where the value of a parameter comes from, and from what; assumed where the name is unknown.
+    #[must_use]
+    pub fn basis(&self, name: &str) -> (Basis, &'static str) {
+        let found = self.parameters().find(|(parameter, _)| parameter.name == name);
+        let (basis, source) =
+            found.map_or((Basis::Assumed, ""), |(parameter, _)| match self.known.structure {
+                Structure::Soft => parameter.source(),
+                Structure::Tooth => (Basis::Assumed, ""),
+            });
+        match basis {
+            Basis::Fitted if self.known.assumed => (Basis::Assumed, "as the fitted sites, or for their look"),
+            basis => (basis, source),
+        }
+    }
+
     fn index_of(&self, name: &str) -> Result<usize, TissueError> {
         let parameters = self.known.structure.parameters();
         parameters.iter().position(|p| p.name == name).ok_or_else(|| TissueError::NoSuchParameter {
@@ -462,6 +478,26 @@ impl Site {
             ],
             Structure::Tooth => &["enamel", "dentin"],
         }
+    }
+
+    /// Photons emitted per photon that a fluorophore absorbs, as far as one number can be given: to size what its own absorption
+    /// does. \[assumed; from memory: NADH, FAD and porphyrin of Lakowicz, the others of that order\]
+    #[must_use]
+    pub fn quantum_yield(fluorophore: &str) -> Option<f64> {
+        let known = [
+            ("nadh", 0.02),
+            ("fad", 0.03),
+            ("flavin_aggregate", 0.02),
+            ("collagen", 0.2),
+            ("elastin", 0.2),
+            ("keratin", 0.2),
+            ("lipopigment", 0.05),
+            ("biofilm_porphyrin", 0.1),
+            ("biofilm_chlorophyll", 0.05),
+            ("enamel", 0.1),
+            ("dentin", 0.1),
+        ];
+        known.into_iter().find_map(|(name, value)| (name == fluorophore).then_some(value))
     }
 
     /// The tissue. `find` gives a fluorophore by its name.
@@ -710,6 +746,9 @@ mod tests {
             let site = Site::named(name).unwrap();
             let tissue = site.tissue(&any).unwrap();
             assert!(tissue.layers.len() >= 2, "{name}");
+            assert!(site.fluorophores().iter().all(|name| Site::quantum_yield(name).is_some()), "{name}");
+            let assumed = |(p, _): (&SiteParameter, f64)| site.basis(p.name).0 != Basis::Fitted;
+            assert_eq!(site.parameters().all(assumed), site.is_assumed(), "{name}");
             let complete = SITES.iter().find(|s| s.structure == site.known.structure).unwrap();
             assert_eq!(complete.values.len(), site.known.structure.parameters().len(), "{name}");
             for layer in &tissue.layers {

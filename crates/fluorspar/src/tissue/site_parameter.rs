@@ -11,6 +11,74 @@ pub struct SiteParameter {
     pub meaning: &'static str,
 }
 
+/// Where the value of a parameter comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Basis {
+    /// Fitted to measurements of the site.
+    Fitted,
+    /// Published, of this site or of tissue in general.
+    Published,
+    /// Assumed.
+    Assumed,
+}
+
+impl Basis {
+    /// In one word.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Fitted => "fitted",
+            Self::Published => "published",
+            Self::Assumed => "assumed",
+        }
+    }
+}
+
+impl SiteParameter {
+    /// Unit, by the end of its name: "um", "1/mm", "1/nm", "g/l", or none.
+    #[must_use]
+    pub fn unit(&self) -> &'static str {
+        [("_um", "um"), ("_per_mm", "1/mm"), ("_per_nm", "1/nm"), ("_g_per_l", "g/l")]
+            .into_iter()
+            .find_map(|(end, unit)| self.name.ends_with(end).then_some(unit))
+            .unwrap_or("")
+    }
+
+    /// Where values of a site that was measured come from, and in what. At sites that were not, what would be fitted is
+    /// assumed: [`super::Site::basis`].
+    #[must_use]
+    pub(super) fn source(&self) -> (Basis, &'static str) {
+        match self.name {
+            "epithelium_thickness_um" => {
+                (Basis::Published, "Prestin et al. 2012, optical coherence tomography of 143 people")
+            }
+            "keratin_scattering_per_mm" | "epithelium_scattering_per_mm" => (
+                Basis::Published,
+                "Pavlova et al., J. Biomed. Opt. 13, 064012, 2008 [by way of another source]",
+            ),
+            "hemoglobin_g_per_l" => (Basis::Published, "whole blood of adults"),
+            "refractive_index" => (Basis::Published, "soft tissue [from memory]"),
+            "superficial_vessel_radius_um" => (Basis::Published, "capillaries"),
+            "background_per_mm"
+            | "background_slope_per_nm"
+            | "stroma_reduced_scattering_per_mm"
+            | "stroma_scattering_power"
+            | "deep_blood_fraction"
+            | "deep_vessel_radius_um"
+            | "oxygen_saturation" => (Basis::Fitted, "measured reflectance"),
+            "superficial_blood_fraction" | "superficial_stroma_thickness_um" => {
+                (Basis::Fitted, "measured reflectance and fluorescence")
+            }
+            "nadh_per_mm" => (Basis::Published, "what cells have; 405 to 450 nm hardly excite it"),
+            name if name.contains("lipopigment") || name.starts_with("flavin") => {
+                (Basis::Assumed, "an orange emitter that in-vivo spectra ask for; what it is is not known")
+            }
+            name if name.ends_with("_per_mm") => (Basis::Fitted, "fluorescence in vivo, 500 to 700 nm"),
+            _ => (Basis::Assumed, ""),
+        }
+    }
+}
+
 const fn parameter(name: &'static str, range: [f64; 2], meaning: &'static str) -> SiteParameter {
     SiteParameter { name, range, meaning }
 }
