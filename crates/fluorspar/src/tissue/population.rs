@@ -39,25 +39,25 @@ const fn factor(name: &'static str, parameters: &'static [&'static str], between
 /// 0.025 to 0.04).
 const WITHIN_OVER_BETWEEN: f64 = 0.2;
 /// Standard deviation of the logarithm of the strength of a fluorophore.
-const STRENGTH: f64 = 0.35;
+const STRENGTH: f64 = 0.45;
 
 /// What varies in mucosa and skin. The widths were chosen so that chromaticities behind a long-pass under lamps of 405, 415 and
 /// 450 nm scatter as those of tongues and lips of four people; oxygen saturation, superficial and deep blood and thickness are
 /// independent of each other. \[assumed: four people hold no more\] Melanin: \[assumed\].
 const SOFT: &[Variation] = &[
-    factor("superficial_blood_fraction", &["superficial_blood_fraction"], 0.5),
-    factor("deep_blood_fraction", &["deep_blood_fraction"], 0.4),
+    factor("superficial_blood_fraction", &["superficial_blood_fraction"], 0.6),
+    factor("deep_blood_fraction", &["deep_blood_fraction"], 0.5),
     Variation {
         name: "oxygen_saturation",
         parameters: &["oxygen_saturation"],
         spread: Spread::Difference,
-        between_people: 0.04,
-        within_person: 0.008,
+        between_people: 0.05,
+        within_person: 0.01,
     },
-    factor("epithelium_thickness_um", &["epithelium_thickness_um"], 0.3),
+    factor("epithelium_thickness_um", &["epithelium_thickness_um"], 0.35),
     factor("melanin_fraction", &["melanin_fraction"], 0.5),
-    factor("biofilm_porphyrin_per_mm", &["biofilm_porphyrin_per_mm"], 0.7),
-    factor("biofilm_chlorophyll_per_mm", &["biofilm_chlorophyll_per_mm"], 0.8),
+    factor("biofilm_porphyrin_per_mm", &["biofilm_porphyrin_per_mm"], 0.85),
+    factor("biofilm_chlorophyll_per_mm", &["biofilm_chlorophyll_per_mm"], 1.0),
     factor("keratin_per_mm", &["keratin_per_mm"], STRENGTH),
     factor("nadh_per_mm", &["nadh_per_mm"], STRENGTH),
     factor("fad_per_mm", &["fad_per_mm"], STRENGTH),
@@ -215,7 +215,7 @@ mod tests {
         let drawn: Vec<Site> = (0..n).map(|i| population.draw(&mut Key::new(1).with(i).rng())).collect();
         let person = population.person(&mut Key::new(2).rng());
         let places: Vec<Site> = (0..n).map(|i| person.draw(&mut Key::new(3).with(i).rng())).collect();
-        for (name, between) in [("superficial_blood_fraction", 0.5), ("deep_collagen_per_mm", 0.35)] {
+        for (name, between) in [("superficial_blood_fraction", 0.6), ("deep_collagen_per_mm", STRENGTH)] {
             let within = WITHIN_OVER_BETWEEN * between;
             for (sites, center, sd) in
                 [(&drawn, population.typical(), within.hypot(between)), (&places, person.typical(), within)]
@@ -251,7 +251,7 @@ mod tests {
         let site = tongue.tissue_at(&[1.0; 13]);
         let names = ["superficial_lipopigment_per_mm", "deep_lipopigment_per_mm"];
         let [a, b] = names.map(|name| site.get(name).unwrap() / tongue.typical().get(name).unwrap());
-        assert!((a - b).abs() < 1e-12 && (a.ln() / 0.35 - 1.04_f64.sqrt()).abs() < 1e-9, "{a} {b}");
+        assert!((a - b).abs() < 1e-12 && (a.ln() / STRENGTH - 1.04_f64.sqrt()).abs() < 1e-9, "{a} {b}");
         assert_eq!(tongue.tissue_at(&[]), *tongue.typical());
         let none = tongue.restricted(|_| false);
         assert_eq!(none.draw(&mut Key::new(1).rng()), *tongue.typical());
