@@ -109,9 +109,9 @@ impl<'a> Forward<'a> {
     }
 
     fn solve_tissue(&self, tissue: &LayeredTissue) -> Result<Spectra, FitError> {
-        let (prior, level) = (self.fit.prior, Level::AboveSurface);
+        let prior = self.fit.prior;
         let effective = EffectiveTissue::new(tissue, &self.nodes_nm, self.fit.solver)?;
-        let reflectance = effective.reflectance(level);
+        let reflectance = effective.reflectance(Level::AboveSurface);
         let reflectances = self
             .reflectances
             .iter()
@@ -121,8 +121,6 @@ impl<'a> Forward<'a> {
             let seen = |&nm: &f64| reflectance.at(nm) * record.viewing.leaked(nm);
             record.wavelengths_nm.iter().map(seen).collect()
         };
-        let lights: Vec<Vec<(f64, f64)>> =
-            self.fluorescences.iter().map(|record| record.viewing.photons()).collect();
         let parts = effective.parts().into_iter().map(|part| {
             let layer = &tissue.layers[part.layer];
             let held = &layer.fluorophores[part.fluorophore].fluorophore.name;
@@ -130,16 +128,10 @@ impl<'a> Forward<'a> {
             let variation = parameter.and_then(|name| {
                 prior.variations().iter().position(|variation| variation.parameters.contains(&name))
             });
-            let seen = |(record, light): (&MeasuredFluorescence, &Vec<(f64, f64)>)| {
-                let photons = effective.emission(part, light, &record.wavelengths_nm, level);
-                // Photons in units of 1 / (h c) to energy.
-                photons
-                    .iter()
-                    .zip(&record.wavelengths_nm)
-                    .map(|(n, nm)| n / nm * record.viewing.passed(*nm))
-                    .collect()
+            let seen = |record: &MeasuredFluorescence| {
+                record.viewing.fluorescence(&effective, part, &record.wavelengths_nm)
             };
-            (variation, self.fluorescences.iter().zip(&lights).map(seen).collect())
+            (variation, self.fluorescences.iter().map(seen).collect())
         });
         Ok(Spectra {
             reflectances,

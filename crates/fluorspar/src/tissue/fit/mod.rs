@@ -6,7 +6,7 @@
 //! | [`MeasuredReflectance`], [`MeasuredFluorescence`] | spectra, with their errors |
 //! | [`TissueFit`] | fits a [`Population`](super::Population), which is the prior, to spectra; predicts other spectra |
 //! | [`Fit`] | the most probable tissue, its parameters with intervals of 95 %, and what is left of each spectrum |
-//! | [`Prediction`] | a spectrum under another light, with its standard deviation |
+//! | [`PredictedFluorescence`] | a spectrum under another light, with its standard deviation |
 //!
 //! **Prior.** Each [`Variation`](super::Variation) of the population is one unknown: how many standard deviations the tissue lies
 //! from the typical one. What does not vary in the population is held. **Data.** A residual is (model - measured) / error; the
@@ -33,7 +33,7 @@ use forward::Forward;
 use least_squares::{Linearized, minimize};
 
 pub use measurement::{FitError, MeasuredFluorescence, MeasuredReflectance, Viewing};
-pub use outcome::{Fit, FittedParameter, FittedSpectrum, Prediction};
+pub use outcome::{Fit, FittedParameter, FittedSpectrum, PredictedFluorescence};
 
 /// Distance over which residuals of a spectrum are taken as one, nm: half the width of the bands of hemoglobin.
 pub const CORRELATION_NM: f64 = 20.0;
@@ -86,7 +86,7 @@ impl TissueFit<'_> {
         fit: &Fit,
         viewing: &Viewing,
         wavelengths_nm: &[f64],
-    ) -> Result<Prediction, FitError> {
+    ) -> Result<PredictedFluorescence, FitError> {
         let record = MeasuredFluorescence {
             name: String::new(),
             viewing: viewing.clone(),
@@ -97,8 +97,15 @@ impl TissueFit<'_> {
         };
         record.check()?;
         let forward = Forward::new(self, &[], std::slice::from_ref(&record))?;
+        let model_errors = wavelengths_nm.iter().map(|&nm| viewing.model_error(nm)).collect();
         let (values, derivatives) = forward.spectrum(&fit.deviations, 0)?;
-        Ok(Prediction::new(wavelengths_nm.to_vec(), values, derivatives, fit.covariance.clone()))
+        Ok(PredictedFluorescence::new(
+            wavelengths_nm.to_vec(),
+            values,
+            derivatives,
+            fit.covariance.clone(),
+            model_errors,
+        ))
     }
 }
 

@@ -142,34 +142,38 @@ fn parameters(forward: &Forward<'_>, deviations: &[f64], covariance: &DMatrix<f6
 
 /// A spectrum that was not measured.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Prediction {
+pub struct PredictedFluorescence {
     /// Rising, nm.
     pub wavelengths_nm: Vec<f64>,
     /// Energy per nm per unit of the light, 1/nm.
     pub values: Vec<f64>,
     derivatives: Derivatives,
     covariance: DMatrix<f64>,
+    /// Relative error of the model itself.
+    model_errors: Vec<f64>,
 }
 
-impl Prediction {
+impl PredictedFluorescence {
     pub(super) fn new(
         wavelengths_nm: Vec<f64>,
         values: Vec<f64>,
         derivatives: Derivatives,
         covariance: DMatrix<f64>,
+        model_errors: Vec<f64>,
     ) -> Self {
-        Self { wavelengths_nm, values, derivatives, covariance }
+        Self { wavelengths_nm, values, derivatives, covariance, model_errors }
     }
 
-    /// The spectrum over its value at one of its samples, and the standard deviation of each ratio: what the fit knows of the
-    /// shape. Empty where there is no such sample or it is dark.
+    /// The spectrum over its value at one of its samples, and the standard deviation of each ratio: what the fit leaves open of
+    /// the shape, and where the model is known to be off. Empty where there is no such sample or it is dark.
     #[must_use]
     pub fn shape(&self, norm: usize) -> Vec<(f64, f64)> {
         let Some(&level) = self.values.get(norm).filter(|value| **value > 0.0) else { return Vec::new() };
         let ratio = |(i, value): (usize, &f64)| {
             let ratio = value / level;
             let slope = (self.derivatives.row(i) - self.derivatives.row(norm) * ratio) / level;
-            (ratio, (&slope * &self.covariance).dot(&slope).max(0.0).sqrt())
+            let open = (&slope * &self.covariance).dot(&slope).max(0.0).sqrt();
+            (ratio, open.hypot(ratio * self.model_errors[i]))
         };
         self.values.iter().enumerate().map(ratio).collect()
     }

@@ -97,6 +97,11 @@ fn a_tissue_of_the_population_comes_back_from_its_spectra() {
     let nm = grid(500.0, 700.0, 20.0);
     let truth = seen(&truth, &blue, &nm);
     let predicted = fit.predict(&found, &blue, &nm).unwrap().shape(1);
+    let nodes = grid(380.0, 700.0, 5.0);
+    let whole = EffectiveTissue::new(&tissue, &nodes, fit.solver).unwrap();
+    for (a, b) in blue.spectrum(&whole, &nm).iter().zip(&truth) {
+        assert!((a / b - 1.0).abs() < 1e-9, "{a} {b}");
+    }
     for ((ratio, deviation), value) in predicted.iter().zip(&truth) {
         let off = ratio - value / truth[1];
         assert!(off.abs() < 3.0 * deviation + 0.005, "{off} {deviation}");
