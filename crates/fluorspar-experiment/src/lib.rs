@@ -10,6 +10,7 @@
 //! | the small file of a flat sample | [`parse_sample`] | `sample.rs` |
 //! | the small file of a sensor | [`parse_sensor`] | `sensor_file.rs` |
 //! | the small file of plane layers | [`parse_layers`] | `layers_file.rs` |
+//! | the small file of one tissue | [`parse_tissue`] | `tissue_file.rs` |
 //! | catalogue: lights, filters, tissues, sensors, lenses, experiments | [`preset`] | `preset/`, `data/` |
 //!
 //! Every error names file, line, entry, field and value, says what is wrong and how to fix it. No stage of the physics
@@ -28,6 +29,7 @@ mod resolve;
 mod sample;
 mod sensor_file;
 mod shape;
+mod tissue_file;
 mod warning;
 
 pub mod preset;
@@ -45,6 +47,7 @@ pub use sample::{
     SampleMaterial, SampleSurface, SampleTissue, is_sample, parse_sample,
 };
 pub use sensor_file::{ResolvedSensor, SensorFile, parse_sensor};
+pub use tissue_file::{TissueFile, parse_tissue};
 pub use warning::Warning;
 
 /// JSON schema of an experiment file, with units, ranges and defaults as descriptions.

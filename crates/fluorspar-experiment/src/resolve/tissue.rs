@@ -106,7 +106,7 @@ pub(crate) fn site(
     })
 }
 
-fn of_section(context: &Context<'_>, at: &Place, section: &TissueSection) -> Resolved<Site> {
+pub(crate) fn of_section(context: &Context<'_>, at: &Place, section: &TissueSection) -> Resolved<Site> {
     let failed = |at: &Place, error: TissueError| context.error(at, error.to_string());
     let mut site = Site::named(&section.site).map_err(|error| failed(&at.field("site"), error))?;
     for (index, name) in section.states.iter().enumerate() {

@@ -1,0 +1,80 @@
+//! Files with one tissue: a `[[tissue]]` section by itself, as `fluorspar tissue fit` writes it.
+
+use std::path::Path;
+use std::sync::OnceLock;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::error::{ExperimentError, steps};
+use super::read::{read_document, typed};
+use super::resolve::context::Context;
+use super::resolve::tissue::of_section;
+use super::schema::{FormatVersion, TissueSection};
+use super::shape::Schema;
+use fluorspar::tissue::Site;
+
+/// A tissue by itself. The section can be copied into an experiment.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct TissueFile {
+    /// Version of the form of this file: 1.
+    pub format: FormatVersion,
+    /// The tissue: one section.
+    #[serde(default)]
+    pub tissue: Vec<TissueSection>,
+}
+
+fn tissue_schema() -> &'static Schema {
+    static SCHEMA: OnceLock<Schema> = OnceLock::new();
+    SCHEMA.get_or_init(Schema::of::<TissueFile>)
+}
+
+/// Reads a file with one tissue: its name, and the site with its states and parameters.
+///
+/// # Errors
+/// The first defect found; no tissue, or several.
+pub fn parse_tissue(
+    text: &str,
+    source_name: &str,
+    base_dir: &Path,
+) -> Result<(String, Site), ExperimentError> {
+    let mut document = read_document(tissue_schema(), text, source_name, base_dir, &[])?;
+    let file: TissueFile = typed(&mut document, tissue_schema())?;
+    let context = Context::new(&document);
+    let [section] = file.tissue.as_slice() else {
+        let message = format!("there are {} tissues; give one [[tissue]] section", file.tissue.len());
+        return context.fail(&steps!["tissue"], message);
+    };
+    Ok((section.name.clone(), of_section(&context, &steps!["tissue", 0], section)?))
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "these are tests")]
+
+    use super::*;
+
+    fn read(text: &str) -> Result<(String, Site), ExperimentError> {
+        parse_tissue(text, "me.toml", Path::new("."))
+    }
+
+    #[test]
+    fn a_tissue_is_read_and_defects_are_told_with_their_line() {
+        let one = "[[tissue]]\nname = \"mine\"\nsite = \"lip\"\nparameters = { oxygen_saturation = 0.7 }\n";
+        let (name, site) = read(&format!("format = 1\n{one}")).unwrap();
+        assert!(name == "mine" && site.name() == "lip" && site.get("oxygen_saturation").unwrap() == 0.7);
+        let wrong = [
+            ("format = 1\n".to_string(), "there are 0 tissues"),
+            (format!("format = 1\n{one}{}", one.replace("mine", "yours")), "there are 2 tissues"),
+            (one.to_string(), "write format = 1"),
+            (format!("format = 1\n{}", one.replace("0.7", "70")), "outside 0 to 1"),
+            (format!("format = 1\n{}", one.replace("lip\"", "lop\"")), "no tissue 'lop'"),
+            (format!("format = 1\nlayer = 3\n{one}"), "layer"),
+        ];
+        for (text, words) in wrong {
+            let said = read(&text).unwrap_err().to_string();
+            assert!(said.contains(words), "{words}: {said}");
+        }
+    }
+}
