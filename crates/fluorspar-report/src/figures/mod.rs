@@ -27,7 +27,10 @@ pub use photon_transfer::{PhotonTransferPlot, SnrPlot, photon_transfer, signal_t
 pub use picture::{picture, pictures, porphyrin_map};
 pub use radiance::{radiance_by_component, spectral_readings};
 pub use sensor::sensor_response;
-pub use tissue::{EstimatedCurve, light_by_depth, light_by_radius};
+pub use tissue::{
+    EstimatedCurve, SpectrumFit, light_by_depth, light_by_radius, light_sources_by_depth, spectrum_fits,
+    tissue_reflectance,
+};
 
 /// A function of wavelength with a name.
 #[derive(Clone, Debug, PartialEq)]
