@@ -63,7 +63,7 @@ pub(crate) enum Command {
     Filter(filter::Options),
     /// Generate mouths: meshes, contact sheets of views, cohorts of people.
     Mouth(mouth::Options),
-    /// Trace photons through layered tissue.
+    /// List, show, solve and fit layered tissues; trace photons through them.
     Tissue(tissue::Options),
     /// Predict spectra and mean sensor values of a flat sample, without geometry.
     Predict(predict::Options),

@@ -8,6 +8,7 @@ use std::process::ExitCode;
 use fluorspar::pipeline::{PipelineError, PredictError};
 use fluorspar::render::RenderError;
 use fluorspar::tissue::TissueError;
+use fluorspar::tissue::fit::FitError;
 use fluorspar_experiment::preset::{LensError, PresetError};
 use fluorspar_experiment::{DEFAULT_EXPERIMENT, ExperimentError};
 use fluorspar_format::{FormatError, OutputFolder, PbrtError};
@@ -63,6 +64,8 @@ pub(crate) enum CliError {
     Predict(#[from] PredictError),
     #[error(transparent)]
     Tissue(#[from] TissueError),
+    #[error(transparent)]
+    Fit(#[from] FitError),
     #[error(transparent)]
     RunFolder(#[from] RunFolderError),
     #[error("figure: {0}")]

@@ -4,6 +4,7 @@ pub(crate) mod analyze;
 pub(crate) mod capture;
 pub(crate) mod check;
 pub(crate) mod completions;
+pub(crate) mod curves;
 pub(crate) mod denoise;
 pub(crate) mod filter;
 pub(crate) mod fluorophore;

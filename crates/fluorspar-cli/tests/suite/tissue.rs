@@ -153,3 +153,144 @@ fn wrong_input_is_told_with_its_place_and_range() {
     fs::remove_file(folder.path().join("dark.toml")).unwrap();
     assert_eq!(listing(folder.path()), before);
 }
+
+#[test]
+fn sites_are_listed_and_shown() {
+    let folder = folder();
+    let list = fluorspar(folder.path(), ["tissue", "list", "--json"]).json();
+    let names: Vec<&str> = list.as_array().unwrap().iter().map(|site| site["name"].as_str().unwrap()).collect();
+    assert!(names.starts_with(&["dorsal_tongue", "dorsal_tongue_b"]) && names.contains(&"tooth"), "{names:?}");
+    for name in names {
+        let shown = fluorspar(folder.path(), ["tissue", "show", name]).well().stdout;
+        assert!(shown.contains("1/mm") && shown.contains("assumed"), "{shown}");
+    }
+    let args = ["tissue", "show", "lip", "--state", "hyperaemia", "--set", "oxygen_saturation=0.7", "--json"];
+    let lip = fluorspar(folder.path(), args).json();
+    let parameter = |name: &str| {
+        let all = lip["parameters"].as_array().unwrap();
+        all.iter().find(|parameter| parameter["name"] == name).unwrap().clone()
+    };
+    assert_eq!(parameter("oxygen_saturation")["value"], 0.7);
+    let blood = parameter("superficial_blood_fraction");
+    assert!((blood["value"].as_f64().unwrap() - 0.0613).abs() < 1e-9 && blood["basis"] == "fitted", "{blood}");
+    assert_eq!(lip["states"].as_array().unwrap().len(), 3);
+    let deep = lip["layers"].as_array().unwrap().last().unwrap().clone();
+    assert_eq!(deep["fluorophores"][0]["parameter"], "deep_collagen_per_mm");
+}
+
+#[test]
+fn a_tissue_is_solved_to_tables_and_figures() {
+    let folder = folder();
+    let args = ["tissue", "solve", "lip", "--excitation-nm", "405", "--step-nm", "20", "--out", "out", "--json"];
+    let found = fluorspar(folder.path(), args).json();
+    let read = |name: &str| fs::read_to_string(folder.path().join("out").join(name)).unwrap();
+    let written: Value = serde_json::from_str(&read("results.json")).unwrap();
+    assert_eq!(written, found);
+    let at = |name: &str, nm: f64| {
+        let place = found["wavelength_nm"].as_array().unwrap().iter().position(|v| v.as_f64() == Some(nm));
+        found[name][place.unwrap()].as_f64().unwrap()
+    };
+    // Blood makes lips red, and nothing returns that did not come.
+    assert!(at("reflectance", 630.0) > 2.0 * at("reflectance", 550.0));
+    assert!(at("reflectance_below_surface", 630.0) > at("reflectance", 630.0));
+    let under = &found["fluorescence"][0];
+    let shares = under["emitters"].as_array().unwrap().iter().map(|emitter| emitter["share"].as_f64().unwrap());
+    assert!((shares.sum::<f64>() - 1.0).abs() < 1e-9 && under["exitance"].as_f64().unwrap() < 0.1);
+    let change = found["own_absorption"]["change_of_reflectance"].as_f64().unwrap();
+    assert!((-0.3..0.0).contains(&change), "{change}");
+    assert!(read("spectra.csv").starts_with("wavelength_nm,reflectance,"));
+    assert!(read("fluorescence.csv").lines().next().unwrap().contains("405 nm_collagen_in_deep stroma_per_nm"));
+    assert!(read("eem.csv").starts_with("em_nm\\ex_nm,350,370"));
+    for name in ["reflectance", "fluorescence_405_nm", "eem"] {
+        assert!(!read(&format!("{name}.svg")).contains("NaN"), "{name}");
+        assert!(fs::metadata(folder.path().join(format!("out/{name}.png"))).unwrap().len() > 1000);
+    }
+}
+
+#[test]
+fn red_light_comes_from_deeper_than_green() {
+    let folder = folder();
+    let args = ["tissue", "depth", "dorsal_tongue", "--excitation-nm", "405", "--emission-nm", "520", "--emission-nm"];
+    let set = ["690", "--set", "biofilm_chlorophyll_per_mm=0", "--set", "biofilm_porphyrin_per_mm=0", "--json", "--out", "d.svg"];
+    let found = fluorspar(folder.path(), args.iter().chain(&set).copied()).json();
+    let [green, red] = [0, 1].map(|channel| found[channel]["depth_50_um"].as_f64().unwrap());
+    assert!(red > green && green > 100.0, "{green} {red}");
+    let shares = found[0]["layers"].as_array().unwrap().iter().map(|layer| layer[1].as_f64().unwrap());
+    assert!((shares.sum::<f64>() - 1.0).abs() < 1e-9);
+    assert!(fs::read_to_string(folder.path().join("d.svg")).unwrap().contains("superficial stroma"));
+    let text = fluorspar(folder.path(), ["tissue", "depth", "lip"]).well().stdout;
+    assert!(text.contains("under led_405") && text.contains("deep stroma"), "{text}");
+}
+
+/// A lip with more blood is solved, its spectra are fitted, and the file that the fit writes is solved again.
+#[test]
+fn a_fit_comes_back_as_a_tissue_for_experiments() {
+    let folder = folder();
+    let run = |args: &str| fluorspar(folder.path(), args.split(' ')).well();
+    run("tissue solve lip --set deep_blood_fraction=0.16 --light led_405 --from-nm 380 --step-nm 10 -q --out truth");
+    let columns = |file: &str, name: &str| {
+        let text = fs::read_to_string(folder.path().join("truth").join(file)).unwrap();
+        let at = text.lines().next().unwrap().split(',').position(|head| head == name).unwrap();
+        let rows = text.lines().map(|line| {
+            let cells: Vec<&str> = line.split(',').collect();
+            format!("{},{}\n", cells[0], cells[at])
+        });
+        fs::write(folder.path().join(format!("{name}.csv")), rows.collect::<String>()).unwrap();
+    };
+    columns("spectra.csv", "reflectance");
+    columns("fluorescence.csv", "led_405_per_nm");
+    let fit = "tissue fit lip --reflectance reflectance.csv --fluorescence led_405_per_nm.csv --light led_405 --from-nm 500 \
+               --to-nm 700 --step-nm 10 --free deep_blood_fraction --free oxygen_saturation --out fit";
+    let text = run(fit).stdout;
+    assert!(text.contains("deep_blood_fraction") && text.contains("relative rms"), "{text}");
+    let results: Value =
+        serde_json::from_str(&fs::read_to_string(folder.path().join("fit/results.json")).unwrap()).unwrap();
+    let blood = &results["fitted"][0];
+    let interval = [0, 1].map(|end| blood["interval_95"][end].as_f64().unwrap());
+    assert!(interval[0] < 0.16 && 0.16 < interval[1] && interval[1] < 2.0 * interval[0], "{blood}");
+    for spectrum in results["spectra"].as_array().unwrap() {
+        assert!(spectrum["relative_rms"].as_f64().unwrap() < 0.02, "{}", spectrum["name"]);
+    }
+    let section = fs::read_to_string(folder.path().join("fit/tissue.toml")).unwrap();
+    assert!(section.contains("[[tissue]]") && section.contains("with 95 %"), "{section}");
+    let again = fluorspar(folder.path(), ["tissue", "show", "fit/tissue.toml", "--json"]).json();
+    let parameters = again["parameters"].as_array().unwrap();
+    let value = parameters.iter().find(|p| p["name"] == "deep_blood_fraction").unwrap()["value"].as_f64().unwrap();
+    assert!((value / results["parameters"]["deep_blood_fraction"].as_f64().unwrap() - 1.0).abs() < 1e-5);
+    let experiment = format!(
+        "{section}\n[render]\nwidth_px = 4\n[[material]]\nname = \"m\"\ntype = \"tissue\"\ntissue = \"fitted\"\n"
+    )
+    .replace("format = 1", "format = 1\nbase = \"flat-patch\"");
+    fs::write(folder.path().join("me.toml"), experiment).unwrap();
+    fluorspar(folder.path(), ["check", "me.toml"]).well();
+}
+
+#[test]
+fn wrong_words_of_tissue_commands_are_told() {
+    let folder = folder();
+    fs::write(folder.path().join("percent.csv"), "wavelength_nm,r\n400,12\n500,14\n600,30\n").unwrap();
+    let before = listing(folder.path());
+    let wrong = [
+        ("tissue show tongue", "there is no tissue 'tongue'"),
+        ("tissue show lip --set oxygen_saturation", "write NAME=VALUE"),
+        ("tissue show mucosa.toml", "mucosa.toml"),
+        ("tissue show tooth --state dysplasia", "has no parameter"),
+        ("tissue solve lip --from-nm 200", "--from-nm 200: must be between 350 and 800 nm"),
+        ("tissue solve lip --light led_404", "did you mean"),
+        ("tissue solve lip --nodes 4", "give a whole number from 8 to 128"),
+        ("tissue solve lip --out mucosa.toml", "this is a file"),
+        ("tissue depth lip --qe nikon", "nikon"),
+        ("tissue depth lip --emission-nm 5", "must be between 355 and 745 nm"),
+        ("tissue depth lip --out depth.pdf", ".svg or .png"),
+        ("tissue fit lip", "give --reflectance CSV"),
+        ("tissue fit lip --fluorescence percent.csv", "give one light for each spectrum"),
+        ("tissue fit lip --reflectance percent.csv", "in percent?"),
+        ("tissue fit lip --reflectance percent.csv --free blood", "this does not vary in lip"),
+        ("tissue fit lip --reflectance none.csv", "none.csv"),
+    ];
+    for (words, message) in wrong {
+        let said = fluorspar(folder.path(), words.split(' '));
+        assert!(said.code == Some(2) && said.stderr.contains(message) && said.stdout.is_empty(), "{words}: {said:#?}");
+    }
+    assert_eq!(listing(folder.path()), before);
+}

@@ -2,20 +2,17 @@
 
 use std::f64::consts::PI;
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::ValueHint;
 use fluorspar::spectral::{Curve, Fluorophore};
-use fluorspar_experiment::preset;
-use fluorspar_format::{
-    CsvColumns, CsvSpectrumOptions, Output, Outputs, read_spectrum_csv, write_atomically,
-};
+use fluorspar_format::{Output, Outputs, write_atomically};
 use fluorspar_report::Figure;
 use fluorspar_report::figures::{EemMap, PlotCurve, eem_maps, emission};
 
 use super::FileOptions;
 use super::loading::load;
-use crate::commands::{FigureFormat, beside};
+use crate::commands::{FigureFormat, beside, curves};
 use crate::error::CliError;
 use crate::message::Messages;
 
@@ -54,7 +51,7 @@ pub(super) fn run(options: &Options) -> Result<(), CliError> {
         .iter()
         .map(|name| load(name, &options.file).map(|loaded| loaded.fluorophore))
         .collect::<Result<Vec<Fluorophore>, CliError>>()?;
-    let light = options.light.as_deref().map(light_curve).transpose()?;
+    let light = options.light.as_deref().map(curves::light).transpose()?;
 
     let mut figures = vec![(options.out.clone(), eem_figure(&fluorophores, light.as_ref()))];
     if let (Some(curve), Some(name)) = (&light, &options.light) {
@@ -69,18 +66,6 @@ pub(super) fn run(options: &Options) -> Result<(), CliError> {
         Messages::default().status(format!("Wrote {}", path.display()));
     }
     Ok(())
-}
-
-fn light_curve(name: &str) -> Result<Curve, CliError> {
-    if !(name.contains(['/', '\\']) || name.to_ascii_lowercase().ends_with(".csv")) {
-        return Ok(preset::light_spectrum(name)?.curve());
-    }
-    let options =
-        CsvSpectrumOptions { columns: CsvColumns::Numbered(vec![1]), ..CsvSpectrumOptions::default() };
-    let curve = read_spectrum_csv(Path::new(name), &options)?.into_iter().next().map(|column| column.curve);
-    curve
-        .filter(|curve| curve.total() > 0.0)
-        .ok_or_else(|| CliError::Input(format!("{name}: the light is dark: all its values are zero")))
 }
 
 /// Wavelengths that hold all ranges, on multiples of 10 nm.
@@ -112,8 +97,7 @@ fn emission_figure(fluorophores: &[Fluorophore], light: &Curve, name: &str) -> F
         PlotCurve::new(f.title.clone(), nm.clone(), radiance)
     };
     let curves: Vec<PlotCurve> = fluorophores.iter().map(curve).collect();
-    let label = Path::new(name).file_stem().map_or_else(|| name.into(), |s| s.to_string_lossy().into_owned());
-    let light = format!("{IRRADIANCE_W_PER_M2} W/m² of {label}");
+    let light = format!("{IRRADIANCE_W_PER_M2} W/m² of {}", curves::label(name));
     let (amount, y) =
         ("each at concentration 1 (the unit of the catalogue)", ["spectral radiance", "W/(sr m² nm)"]);
     emission(&curves, &light, amount, y, None)

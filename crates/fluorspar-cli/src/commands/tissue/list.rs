@@ -1,0 +1,24 @@
+//! `fluorspar tissue list`.
+
+use fluorspar::tissue::Site;
+use serde_json::json;
+
+use crate::commands::table::ListOptions;
+use crate::error::CliError;
+
+pub(super) fn run(options: &ListOptions) -> Result<(), CliError> {
+    let (mut list, mut rows) = (Vec::new(), Vec::new());
+    for name in Site::names() {
+        let site = Site::named(name)?;
+        let basis = if site.is_assumed() { "assumed" } else { "fitted" };
+        rows.push(vec![name.into(), basis.into(), site.title().into(), site.source().into()]);
+        list.push(json!({
+            "name": name,
+            "title": site.title(),
+            "assumed": site.is_assumed(),
+            "source": site.source(),
+            "fluorophores": site.fluorophores(),
+        }));
+    }
+    options.print(&list, &["name", "basis", "title", "source"], rows, &[1, 2, 3])
+}

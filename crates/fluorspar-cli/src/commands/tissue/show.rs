@@ -1,0 +1,142 @@
+//! `fluorspar tissue show`.
+
+use fluorspar::tissue::{LayeredTissue, Population, Site, SiteParameter, Spread, TissueState};
+use fluorspar::units::number_text;
+use serde_json::{Value, json};
+
+use super::source::{SiteArgs, find};
+use crate::commands::table::{align, short};
+use crate::commands::{print_json, print_text};
+use crate::error::CliError;
+
+/// Wavelengths at which coefficients are told, nm.
+const TOLD_NM: [f64; 3] = [405.0, 520.0, 635.0];
+
+/// Options of `tissue show`.
+#[derive(Clone, Debug, clap::Args)]
+pub(super) struct Options {
+    #[command(flatten)]
+    site: SiteArgs,
+    /// Print it as JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+pub(super) fn run(options: &Options) -> Result<(), CliError> {
+    let (title, site) = options.site.resolve()?;
+    let tissue = site.tissue(&find)?;
+    if options.json {
+        print_json(&as_json(&title, &site, &tissue))
+    } else {
+        print_text(&describe(&title, &site, &tissue))
+    }
+}
+
+/// How a parameter varies among people: in words, and its standard deviations among people and within a person.
+fn variation(population: &Population, name: &str) -> Option<(String, [f64; 2])> {
+    let variation = population.variations().iter().find(|v| v.parameters.contains(&name))?;
+    let deviations = [variation.between_people, variation.within_person];
+    let text = match variation.spread {
+        Spread::Factor => format!("x {:.2}", variation.standard_deviation().exp()),
+        Spread::Difference => format!("+- {}", short(variation.standard_deviation())),
+    };
+    Some((text, deviations))
+}
+
+/// The states that the site can have.
+fn states(site: &Site) -> impl Iterator<Item = TissueState> + '_ {
+    TissueState::ALL.into_iter().filter(|state| site.clone().apply(*state).is_ok())
+}
+
+fn as_json(title: &str, site: &Site, tissue: &LayeredTissue) -> Value {
+    let population = Population::of(site);
+    let parameter = |(parameter, value): (&SiteParameter, f64)| {
+        let (basis, source) = site.basis(parameter.name);
+        let deviations = variation(&population, parameter.name).map(|(_, deviations)| deviations);
+        json!({
+            "name": parameter.name,
+            "value": value,
+            "unit": parameter.unit(),
+            "range": parameter.range,
+            "basis": basis.name(),
+            "source": source,
+            "meaning": parameter.meaning,
+            "deviation_between_people": deviations.map(|d| d[0]),
+            "deviation_within_person": deviations.map(|d| d[1]),
+        })
+    };
+    let layer = |layer: &fluorspar::tissue::TissueLayer| {
+        let held = layer.fluorophores.iter().map(|held| {
+            json!({
+                "name": held.fluorophore.name,
+                "strength_per_mm": held.strength_per_mm,
+                "at_nm": held.at_nm,
+                "parameter": site.strength_parameter(&layer.name, &held.fluorophore.name),
+            })
+        });
+        json!({
+            "name": layer.name,
+            "thickness_um": layer.thickness_um,
+            "anisotropy": layer.scattering.anisotropy,
+            "wavelength_nm": TOLD_NM,
+            "absorption_per_mm": TOLD_NM.map(|nm| layer.absorption_per_mm(nm)),
+            "scattering_per_mm": TOLD_NM.map(|nm| layer.scattering.scattering_per_mm(nm)),
+            "fluorophores": held.collect::<Vec<_>>(),
+        })
+    };
+    let state = |state: TissueState| json!({ "name": state.name(), "factors": state.factors() });
+    json!({
+        "site": site.name(),
+        "title": title,
+        "assumed": site.is_assumed(),
+        "source": site.source(),
+        "parameters": site.parameters().map(parameter).collect::<Vec<_>>(),
+        "layers": tissue.layers.iter().map(layer).collect::<Vec<_>>(),
+        "states": states(site).map(state).collect::<Vec<_>>(),
+    })
+}
+
+fn describe(title: &str, site: &Site, tissue: &LayeredTissue) -> String {
+    let population = Population::of(site);
+    let mut rows = vec![
+        ["parameter", "value", "unit", "range", "basis", "people", "meaning"].map(String::from).to_vec(),
+    ];
+    rows.extend(site.parameters().map(|(parameter, value)| {
+        let [least, most] = parameter.range.map(number_text);
+        vec![
+            parameter.name.into(),
+            short(value),
+            parameter.unit().into(),
+            format!("{least} to {most}"),
+            site.basis(parameter.name).0.name().into(),
+            variation(&population, parameter.name).map_or_else(String::new, |(text, _)| text),
+            parameter.meaning.into(),
+        ]
+    }));
+    let mut layers = vec![["layer", "um"].map(String::from).to_vec()];
+    layers[0].extend(TOLD_NM.map(|nm| format!("absorption at {nm} nm, 1/mm")));
+    layers[0].push("fluorophores: strength at 405 nm, 1/mm".into());
+    layers.extend(tissue.layers.iter().map(|layer| {
+        let held = layer
+            .fluorophores
+            .iter()
+            .map(|held| format!("{} {}", held.fluorophore.name, short(held.strength_per_mm)));
+        let mut row = vec![layer.name.clone(), short(layer.thickness_um)];
+        row.extend(TOLD_NM.map(|nm| short(layer.absorption_per_mm(nm))));
+        row.push(held.collect::<Vec<_>>().join(", "));
+        row
+    }));
+    let states = states(site).map(|state| {
+        let factors = state.factors().iter().map(|(name, factor)| format!("{name} x {factor}"));
+        format!("  {}: {}\n", state.name(), factors.collect::<Vec<_>>().join(", "))
+    });
+    format!(
+        "{title} ({})\n{}\n\n{}\n{}\n\"people\": the standard deviation among people and places, a factor or a difference.\n\n\
+         States [assumed sizes]:\n{}",
+        site.name(),
+        site.source(),
+        align(&rows, &[2, 3, 4, 5, 6]),
+        align(&layers, &[5]),
+        states.collect::<String>()
+    )
+}

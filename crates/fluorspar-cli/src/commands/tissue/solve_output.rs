@@ -1,0 +1,176 @@
+//! Tables, figures and text of a solved tissue.
+
+use fluorspar_report::Figure;
+use fluorspar_report::figures::{EemMap, PlotCurve, eem_maps, emission, tissue_reflectance};
+
+use super::solve::{Found, FoundFluorescence};
+use crate::commands::table::{align, short};
+
+/// Wavelengths that the text tells, nm.
+const TOLD_NM: [f64; 11] = [365.0, 385.0, 405.0, 420.0, 450.0, 470.0, 500.0, 560.0, 600.0, 635.0, 700.0];
+/// Shares below this are left out of the text.
+const LEAST_SHARE: f64 = 0.01;
+
+impl Found {
+    /// Columns by wavelength: names and values.
+    fn columns(&self) -> [(&'static str, &[f64]); 5] {
+        [
+            ("reflectance", &self.reflectance),
+            ("reflectance_below_surface", &self.reflectance_below_surface),
+            ("reflectance_of_beam", &self.reflectance_of_beam),
+            ("fluence_at_surface", &self.fluence_at_surface),
+            ("depth_of_1_over_e_um", &self.depth_of_1_over_e_um),
+        ]
+    }
+}
+
+/// Values by wavelength.
+fn by_wavelength(nm: &[f64], columns: &[(String, &[f64])]) -> String {
+    let mut table = "wavelength_nm".to_string();
+    for (name, _) in columns {
+        table += &format!(",{name}");
+    }
+    table.push('\n');
+    for (row, nm) in nm.iter().enumerate() {
+        table += &nm.to_string();
+        for (_, values) in columns {
+            table += &format!(",{}", values[row]);
+        }
+        table.push('\n');
+    }
+    table
+}
+
+/// Spectra, fluorescence under the lights, and the matrix of all fluorophores, as comma-separated values.
+pub(super) fn tables(found: &Found) -> [(&'static str, String); 3] {
+    let spectra: Vec<(String, &[f64])> =
+        found.columns().into_iter().map(|(name, values)| (name.to_string(), values)).collect();
+    let mut fluorescence: Vec<(String, &[f64])> = Vec::new();
+    for under in &found.fluorescence {
+        fluorescence.push((format!("{}_per_nm", under.light), &under.exitance_per_nm));
+        fluorescence.extend(under.emitters.iter().map(|emitter| {
+            let name = format!("{}_{}_in_{}_per_nm", under.light, emitter.fluorophore, emitter.layer);
+            (name, emitter.exitance_per_nm.as_slice())
+        }));
+    }
+    let eem = &found.eem;
+    let mut matrix = "em_nm\\ex_nm".to_string();
+    for nm in &eem.excitation_nm {
+        matrix += &format!(",{nm}");
+    }
+    matrix.push('\n');
+    for (row, nm) in eem.emission_nm.iter().enumerate() {
+        matrix += &nm.to_string();
+        for column in 0..eem.excitation_nm.len() {
+            let at = row * eem.excitation_nm.len() + column;
+            let sum: f64 = eem.fluorophores.iter().map(|(_, values)| values[at]).sum();
+            matrix += &format!(",{sum}");
+        }
+        matrix.push('\n');
+    }
+    [
+        ("spectra", by_wavelength(&found.wavelength_nm, &spectra)),
+        ("fluorescence", by_wavelength(&found.wavelength_nm, &fluorescence)),
+        ("eem", matrix),
+    ]
+}
+
+/// Reflectance, matrices, and fluorescence under each light.
+pub(super) fn figures(found: &Found) -> Vec<(String, Figure)> {
+    let nm = &found.wavelength_nm;
+    let curve = |name: &str, values: &[f64]| PlotCurve::new(name, nm.clone(), values.to_vec());
+    let reflectances = [
+        curve("of diffuse light", &found.reflectance),
+        curve("of a beam", &found.reflectance_of_beam),
+        curve("below the surface", &found.reflectance_below_surface),
+    ];
+    let mut figures = vec![("reflectance".to_string(), tissue_reflectance(&found.title, &reflectances))];
+    for under in &found.fluorescence {
+        let name = under.light.replace(' ', "_");
+        figures.push((format!("fluorescence_{name}"), fluorescence_figure(found, under)));
+    }
+    if !found.eem.fluorophores.is_empty() && found.eem.excitation_nm.len() > 1 {
+        figures.push(("eem".into(), eem_figure(found)));
+    }
+    figures
+}
+
+fn fluorescence_figure(found: &Found, under: &FoundFluorescence) -> Figure {
+    let nm = &found.wavelength_nm;
+    let mut curves: Vec<PlotCurve> = Vec::new();
+    for emitter in under.emitters.iter().filter(|emitter| emitter.share >= LEAST_SHARE) {
+        let name = format!("{} in {}", emitter.fluorophore, emitter.layer);
+        curves.push(PlotCurve::new(name, nm.clone(), emitter.exitance_per_nm.clone()));
+    }
+    curves.push(PlotCurve::new("all", nm.clone(), under.exitance_per_nm.clone()));
+    let amount = "as much of each as the tissue holds, after it has come through the tissue";
+    emission(&curves, &under.light, amount, ["radiant exitance per irradiance", "1/nm"], None)
+}
+
+fn eem_figure(found: &Found) -> Figure {
+    let eem = &found.eem;
+    let edges = |nm: &[f64]| {
+        let half = 0.5 * (nm[1] - nm[0]);
+        [nm[0] - half, nm[nm.len() - 1] + half]
+    };
+    let map = |name: &str, values: Vec<f64>| EemMap {
+        name: name.into(),
+        excitation_nm: edges(&eem.excitation_nm),
+        emission_nm: edges(&eem.emission_nm),
+        columns: eem.excitation_nm.len(),
+        values,
+    };
+    let mut sum = vec![0.0; eem.excitation_nm.len() * eem.emission_nm.len()];
+    for (_, values) in &eem.fluorophores {
+        sum.iter_mut().zip(values).for_each(|(sum, value)| *sum += value);
+    }
+    let mut maps = vec![map("all of the tissue", sum)];
+    maps.extend(eem.fluorophores.iter().map(|(name, values)| map(name, values.clone())));
+    eem_maps(&maps, None)
+}
+
+/// The results in words and columns.
+pub(super) fn describe(found: &Found) -> String {
+    let head = ["nm", "R diffuse", "R beam", "R below surface", "fluence at surface", "1/e depth, um"];
+    let mut rows = vec![head.map(String::from).to_vec()];
+    for (row, nm) in found.wavelength_nm.iter().enumerate() {
+        if TOLD_NM.contains(nm) {
+            let values = [
+                found.reflectance[row],
+                found.reflectance_of_beam[row],
+                found.reflectance_below_surface[row],
+                found.fluence_at_surface[row],
+            ];
+            let mut cells = vec![nm.to_string()];
+            cells.extend(values.map(|value| format!("{value:.4}")));
+            cells.push(format!("{:.0}", found.depth_of_1_over_e_um[row]));
+            rows.push(cells);
+        }
+    }
+    let mut text =
+        format!("{} ({}), below it {}\n\n{}", found.title, found.site, found.below, align(&rows, &[]));
+    for under in &found.fluorescence {
+        let peak = (0..found.wavelength_nm.len())
+            .max_by(|&a, &b| under.exitance_per_nm[a].total_cmp(&under.exitance_per_nm[b]))
+            .map_or(0.0, |at| found.wavelength_nm[at]);
+        let exitance = short(under.exitance);
+        text += &format!(
+            "\nUnder {}: {exitance} of the energy returns as fluorescence, most near {peak} nm\n",
+            under.light
+        );
+        let mut rows = Vec::new();
+        for emitter in under.emitters.iter().filter(|emitter| emitter.share >= LEAST_SHARE) {
+            let share = format!("{:.0} %", 100.0 * emitter.share);
+            rows.push(vec![format!("  {} in {}", emitter.fluorophore, emitter.layer), share]);
+        }
+        text += &align(&rows, &[]);
+    }
+    let own = found.own_absorption;
+    text += &format!(
+        "\nThe fluorophores' own absorption is part of the background. Added to it (quantum yields assumed), reflectance would \
+         change by up to {:+.1} %, fluorescence by {:+.1} %.\n",
+        100.0 * own.change_of_reflectance,
+        100.0 * own.change_of_fluorescence
+    );
+    text
+}
