@@ -158,8 +158,12 @@ fn wrong_input_is_told_with_its_place_and_range() {
 fn sites_are_listed_and_shown() {
     let folder = folder();
     let list = fluorspar(folder.path(), ["tissue", "list", "--json"]).json();
-    let names: Vec<&str> = list.as_array().unwrap().iter().map(|site| site["name"].as_str().unwrap()).collect();
-    assert!(names.starts_with(&["dorsal_tongue", "dorsal_tongue_b"]) && names.contains(&"tooth"), "{names:?}");
+    let names: Vec<&str> =
+        list.as_array().unwrap().iter().map(|site| site["name"].as_str().unwrap()).collect();
+    assert!(
+        names.starts_with(&["dorsal_tongue", "dorsal_tongue_b"]) && names.contains(&"tooth"),
+        "{names:?}"
+    );
     for name in names {
         let shown = fluorspar(folder.path(), ["tissue", "show", name]).well().stdout;
         assert!(shown.contains("1/mm") && shown.contains("assumed"), "{shown}");
@@ -172,7 +176,10 @@ fn sites_are_listed_and_shown() {
     };
     assert_eq!(parameter("oxygen_saturation")["value"], 0.7);
     let blood = parameter("superficial_blood_fraction");
-    assert!((blood["value"].as_f64().unwrap() - 0.0613).abs() < 1e-9 && blood["basis"] == "fitted", "{blood}");
+    assert!(
+        (blood["value"].as_f64().unwrap() - 0.0613).abs() < 1e-9 && blood["basis"] == "fitted",
+        "{blood}"
+    );
     assert_eq!(lip["states"].as_array().unwrap().len(), 3);
     let deep = lip["layers"].as_array().unwrap().last().unwrap().clone();
     assert_eq!(deep["fluorophores"][0]["parameter"], "deep_collagen_per_mm");
@@ -181,7 +188,8 @@ fn sites_are_listed_and_shown() {
 #[test]
 fn a_tissue_is_solved_to_tables_and_figures() {
     let folder = folder();
-    let args = ["tissue", "solve", "lip", "--excitation-nm", "405", "--step-nm", "20", "--out", "out", "--json"];
+    let args =
+        ["tissue", "solve", "lip", "--excitation-nm", "405", "--step-nm", "20", "--out", "out", "--json"];
     let found = fluorspar(folder.path(), args).json();
     let read = |name: &str| fs::read_to_string(folder.path().join("out").join(name)).unwrap();
     let written: Value = serde_json::from_str(&read("results.json")).unwrap();
@@ -194,12 +202,15 @@ fn a_tissue_is_solved_to_tables_and_figures() {
     assert!(at("reflectance", 630.0) > 2.0 * at("reflectance", 550.0));
     assert!(at("reflectance_below_surface", 630.0) > at("reflectance", 630.0));
     let under = &found["fluorescence"][0];
-    let shares = under["emitters"].as_array().unwrap().iter().map(|emitter| emitter["share"].as_f64().unwrap());
+    let shares =
+        under["emitters"].as_array().unwrap().iter().map(|emitter| emitter["share"].as_f64().unwrap());
     assert!((shares.sum::<f64>() - 1.0).abs() < 1e-9 && under["exitance"].as_f64().unwrap() < 0.1);
     let change = found["own_absorption"]["change_of_reflectance"].as_f64().unwrap();
     assert!((-0.3..0.0).contains(&change), "{change}");
     assert!(read("spectra.csv").starts_with("wavelength_nm,reflectance,"));
-    assert!(read("fluorescence.csv").lines().next().unwrap().contains("405 nm_collagen_in_deep stroma_per_nm"));
+    assert!(
+        read("fluorescence.csv").lines().next().unwrap().contains("405 nm_collagen_in_deep stroma_per_nm")
+    );
     assert!(read("eem.csv").starts_with("em_nm\\ex_nm,350,370"));
     for name in ["reflectance", "fluorescence_405_nm", "eem"] {
         assert!(!read(&format!("{name}.svg")).contains("NaN"), "{name}");
@@ -210,8 +221,26 @@ fn a_tissue_is_solved_to_tables_and_figures() {
 #[test]
 fn red_light_comes_from_deeper_than_green() {
     let folder = folder();
-    let args = ["tissue", "depth", "dorsal_tongue", "--excitation-nm", "405", "--emission-nm", "520", "--emission-nm"];
-    let set = ["690", "--set", "biofilm_chlorophyll_per_mm=0", "--set", "biofilm_porphyrin_per_mm=0", "--json", "--out", "d.svg"];
+    let args = [
+        "tissue",
+        "depth",
+        "dorsal_tongue",
+        "--excitation-nm",
+        "405",
+        "--emission-nm",
+        "520",
+        "--emission-nm",
+    ];
+    let set = [
+        "690",
+        "--set",
+        "biofilm_chlorophyll_per_mm=0",
+        "--set",
+        "biofilm_porphyrin_per_mm=0",
+        "--json",
+        "--out",
+        "d.svg",
+    ];
     let found = fluorspar(folder.path(), args.iter().chain(&set).copied()).json();
     let [green, red] = [0, 1].map(|channel| found[channel]["depth_50_um"].as_f64().unwrap());
     assert!(red > green && green > 100.0, "{green} {red}");
@@ -227,7 +256,9 @@ fn red_light_comes_from_deeper_than_green() {
 fn a_fit_comes_back_as_a_tissue_for_experiments() {
     let folder = folder();
     let run = |args: &str| fluorspar(folder.path(), args.split(' ')).well();
-    run("tissue solve lip --set deep_blood_fraction=0.16 --light led_405 --from-nm 380 --step-nm 10 -q --out truth");
+    run(
+        "tissue solve lip --set deep_blood_fraction=0.16 --light led_405 --from-nm 380 --step-nm 10 -q --out truth",
+    );
     let columns = |file: &str, name: &str| {
         let text = fs::read_to_string(folder.path().join("truth").join(file)).unwrap();
         let at = text.lines().next().unwrap().split(',').position(|head| head == name).unwrap();
@@ -255,7 +286,8 @@ fn a_fit_comes_back_as_a_tissue_for_experiments() {
     assert!(section.contains("[[tissue]]") && section.contains("with 95 %"), "{section}");
     let again = fluorspar(folder.path(), ["tissue", "show", "fit/tissue.toml", "--json"]).json();
     let parameters = again["parameters"].as_array().unwrap();
-    let value = parameters.iter().find(|p| p["name"] == "deep_blood_fraction").unwrap()["value"].as_f64().unwrap();
+    let value =
+        parameters.iter().find(|p| p["name"] == "deep_blood_fraction").unwrap()["value"].as_f64().unwrap();
     assert!((value / results["parameters"]["deep_blood_fraction"].as_f64().unwrap() - 1.0).abs() < 1e-5);
     let experiment = format!(
         "{section}\n[render]\nwidth_px = 4\n[[material]]\nname = \"m\"\ntype = \"tissue\"\ntissue = \"fitted\"\n"
@@ -290,7 +322,10 @@ fn wrong_words_of_tissue_commands_are_told() {
     ];
     for (words, message) in wrong {
         let said = fluorspar(folder.path(), words.split(' '));
-        assert!(said.code == Some(2) && said.stderr.contains(message) && said.stdout.is_empty(), "{words}: {said:#?}");
+        assert!(
+            said.code == Some(2) && said.stderr.contains(message) && said.stdout.is_empty(),
+            "{words}: {said:#?}"
+        );
     }
     assert_eq!(listing(folder.path()), before);
 }

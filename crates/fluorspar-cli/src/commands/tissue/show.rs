@@ -38,7 +38,7 @@ fn variation(population: &Population, name: &str) -> Option<(String, [f64; 2])> 
     let deviations = [variation.between_people, variation.within_person];
     let text = match variation.spread {
         Spread::Factor => format!("x {:.2}", variation.standard_deviation().exp()),
-        Spread::Difference => format!("+- {}", short(variation.standard_deviation())),
+        Spread::Difference => format!("+- {:.2}", variation.standard_deviation()),
     };
     Some((text, deviations))
 }
