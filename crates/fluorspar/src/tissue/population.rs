@@ -125,7 +125,7 @@ impl Population {
     #[must_use]
     pub fn of(typical: &Site) -> Self {
         let holds = |name: &&str| typical.get(name).is_ok_and(|value| value != 0.0);
-        let varies = |variation: &&Variation| variation.parameters.iter().any(|name| holds(name));
+        let varies = |variation: &&Variation| variation.parameters.iter().any(&holds);
         let variations = SOFT.iter().chain(TOOTH).filter(varies).cloned().collect();
         Self { typical: typical.clone(), variations }
     }
