@@ -16,7 +16,7 @@ use crate::values::{self, Override};
 const EXIT_CODES: &str = "\
 Exit codes:
    0  done, also when a time limit ended the render
-   1  the machine failed: no memory, no room on the disk, a defect of the program
+   1  the machine failed: no memory, no room on the disk, a defect of the program; of `validate`: a case failed
    2  something in the input must be fixed
   75  a signal stopped the work (Ctrl-C, SIGTERM, SIGHUP): the same command later, with --resume where a film is kept, goes on";
 

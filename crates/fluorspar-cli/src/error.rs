@@ -17,7 +17,7 @@ use thiserror::Error;
 
 /// Exit code of wrong input: something that the user gave must be fixed.
 pub(crate) const WRONG_INPUT: u8 = 2;
-/// Exit code where the machine failed.
+/// Exit code where the machine failed, or a case of `validate`.
 pub(crate) const FAILED: u8 = 1;
 /// Exit code of work that a signal stopped, EX_TEMPFAIL of sysexits.h: the same command later can go on with it or do it anew.
 /// Schedulers repeat jobs that end so.

@@ -15,11 +15,11 @@ use serde_json::{Value, json};
 
 use super::table::align;
 use super::{print_json, print_text};
-use crate::args::{Changes, Talk};
+use crate::args::Talk;
 use crate::error::{CliError, FAILED};
 use crate::experiment_source::ExperimentSource;
 use crate::interrupt::STOP;
-use crate::values::sets;
+use crate::values::{Override, sets};
 
 /// Folder of measured data of others, as the tests of this program take it.
 const REFERENCE: &str = "FLUORSPAR_REFERENCE";
@@ -43,9 +43,10 @@ pub(crate) struct Options {
     /// need them are skipped.
     #[arg(long, value_name = "FOLDER", value_hint = ValueHint::DirPath)]
     reference: Option<PathBuf>,
-    /// Changes of the flat sample `tongue-385nm`, on which all cases without a mouth rest.
-    #[command(flatten)]
-    changes: Changes,
+    /// Change one value of the flat sample `tongue-385nm`, on which the cases without a mouth rest, for instance
+    /// `--set light.filters=[]`. May be repeated.
+    #[arg(long = "set", value_name = "PATH=VALUE")]
+    set: Vec<String>,
     /// Folder for the page, validation.json and the figures.
     #[arg(long, value_name = "DIR", default_value = "fluorspar-out/validation", value_hint = ValueHint::DirPath)]
     out: PathBuf,
@@ -60,7 +61,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         return Ok(ExitCode::SUCCESS);
     }
     let reference = reference(options)?;
-    let overrides = options.changes.overrides();
+    let overrides: Vec<Override> = options.set.iter().map(|text| Override::set(text)).collect();
     // A change that can't be made is told in the words that were typed.
     ExperimentSource::find_sample(None)?.resolve_sample(&overrides)?;
     let changes = sets(&overrides);

@@ -101,6 +101,6 @@ fn emission_figure(sample: &FlatSample, names: &[&str], radiance: &BTreeMap<Stri
     let filter = sample.camera.view_filter.transmittance.bin_averages(&sample.grid);
     let half = 0.5 * filter.iter().copied().fold(0.0, f64::max);
     let passing = || nm.iter().zip(&filter).filter(|(_, t)| **t >= half).map(|(nm, _)| *nm);
-    let band = passing().next().zip(passing().last()).map(|(first, last)| [first, last]);
+    let band = passing().next().zip(passing().next_back()).map(|(first, last)| [first, last]);
     emission(&curves, "the blue LED", "each at concentration 1", ["spectral radiance", "W/(sr m² nm)"], band)
 }

@@ -1,12 +1,15 @@
 //! Figure 6 (g): measured radiance of tongues as sums of fluorophores. The paper's two spectra are not public; spectra that its authors
 //! published later stand in for them.
 
-use fluorspar::analysis::{FitError, FittedTerm, NonnegativeFit, fit_attenuated, fit_nonnegative};
+use fluorspar::analysis::{
+    FitError, FittedTerm, NonnegativeFit, Statistics, fit_attenuated, fit_nonnegative,
+};
 use fluorspar::pipeline::predict;
 use fluorspar::spectral::{Curve, blood_transmittance};
-use fluorspar_format::{NamedCurve, read_text_bounded};
+use fluorspar_format::NamedCurve;
 
 use super::check::{Check, Outcome, Verdict, number};
+use super::people::{self, Measured, SPECTRA};
 use super::setup::{BULK, PORPHYRIN, Setup, ValidationError};
 use crate::{Axis, Dash, Figure, Ink, Panel, Series, SeriesShape};
 
@@ -24,9 +27,7 @@ const PEOPLE: [(&str, &str); 2] =
 const BESIDES: [&str; 3] = ["lipopigment", BIOFILM, "biofilm_chlorophyll"];
 const BIOFILM: &str = "biofilm_porphyrin";
 
-/// Spectra of tongues and inner lips, their index, the terms of the published fit and its blood.
-const SPECTRA: &str = "tissue/oe_tongue_lip_fluorescence.csv";
-const INDEX: &str = "tissue/oe_tongue_lip_fluorescence_index.csv";
+/// The terms of the published fit and its blood.
 const BLOOD: &str = "blood/hemoglobin_oxy_molar_extinction.csv";
 const TERMS: [&str; 4] = ["collagen1_smooth", "fad_webfluor", "porphyrinbjurshammar", "chlorophylla_7"];
 /// Fifth term, a broad band that the authors call pseudo-keratin: center and standard deviation, nm.
@@ -184,8 +185,7 @@ impl Terms {
 
 /// The spectra of the later study.
 struct Spectra {
-    /// Site, subject and spectrum of each that was taken under 405 or 415 nm.
-    measured: Vec<(String, String, NamedCurve)>,
+    measured: Vec<Measured>,
     /// Emission terms, and extinction of oxygenated blood, 1 at its largest.
     terms: Vec<Vec<f64>>,
     extinction: Vec<f64>,
@@ -194,9 +194,7 @@ struct Spectra {
 impl Spectra {
     /// `None` where a file is missing.
     fn read(setup: &Setup<'_>) -> Result<Option<Self>, ValidationError> {
-        let Some(index) = setup.reference_file(INDEX) else { return Ok(None) };
-        let index = read_text_bounded(&index, 1 << 20)?;
-        let Some((spectra, blood)) = setup.measured(SPECTRA)?.zip(setup.measured(BLOOD)?) else {
+        let Some((measured, blood)) = people::read(setup)?.zip(setup.measured(BLOOD)?) else {
             return Ok(None);
         };
         let Some(blood) = blood.into_iter().next() else { return Ok(None) };
@@ -211,7 +209,7 @@ impl Spectra {
         terms.push(wavelengths().map(|nm| (-0.5 * ((nm - center) / deviation).powi(2)).exp()).collect());
         let largest = blood.curve.max();
         Ok(Some(Self {
-            measured: labeled(&index, spectra),
+            measured,
             terms,
             extinction: wavelengths().map(|nm| blood.curve.at(nm) / largest).collect(),
         }))
@@ -225,9 +223,12 @@ impl Spectra {
         let curves: Vec<&NamedCurve> = self
             .measured
             .iter()
-            .filter(|(at, of, _)| at == site && of == subject)
-            .map(|(_, _, curve)| curve)
+            .filter(|measured| measured.site == site && measured.person == subject)
+            .map(|measured| &measured.spectrum)
             .collect();
+        if curves.is_empty() {
+            return Err(ValidationError::Lacks("measured spectrum of each site of each subject"));
+        }
         let density = |data: &[f64]| {
             let fit = fit_attenuated(&self.terms[..terms], &self.extinction, data, 40.0);
             fitted(fit).map(|fit| fit.optical_density)
@@ -248,30 +249,14 @@ impl Spectra {
     }
 }
 
-/// Spectra under 405 and 415 nm with site and subject, from the lines of the index: column, file, date, subject, site, light.
-fn labeled(index: &str, spectra: Vec<NamedCurve>) -> Vec<(String, String, NamedCurve)> {
-    let lines: Vec<Vec<&str>> = index.lines().map(|line| line.split(',').collect()).collect();
-    let label = |curve: NamedCurve| {
-        let line = lines.iter().find(|cells| cells.first() == Some(&curve.name.as_str()))?;
-        let (subject, site, light) = (line.get(3)?, line.get(4)?, line.get(5)?);
-        ["405", "415"].contains(light).then(|| ((*site).to_owned(), (*subject).to_owned(), curve))
-    };
-    spectra.into_iter().filter_map(label).collect()
-}
-
 fn mean(spectra: &[Vec<f64>]) -> Vec<f64> {
     let at = |i: usize| spectra.iter().map(|spectrum| spectrum[i]).sum::<f64>() / spectra.len() as f64;
     (0..wavelengths().count()).map(at).collect()
 }
 
 fn median(spectra: &[Vec<f64>]) -> Vec<f64> {
-    let at = |i: usize| {
-        let mut values: Vec<f64> = spectra.iter().map(|spectrum| spectrum[i]).collect();
-        values.sort_by(f64::total_cmp);
-        let middle = values.len() / 2;
-        if values.len() % 2 == 0 { 0.5 * (values[middle - 1] + values[middle]) } else { values[middle] }
-    };
-    (0..wavelengths().count()).map(at).collect()
+    let at = |i: usize| Statistics::of(spectra.iter().map(|spectrum| spectrum[i]));
+    (0..wavelengths().count()).map(|i| at(i).map_or(f64::NAN, |values| values.median)).collect()
 }
 
 /// Above: measured spectrum, fits and terms of each tongue. Below: residuals.

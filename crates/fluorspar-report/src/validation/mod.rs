@@ -19,6 +19,7 @@ mod figure_6g;
 mod figure_7;
 mod figure_8;
 mod page;
+mod people;
 mod setup;
 mod table_1;
 
@@ -59,7 +60,7 @@ pub fn cases() -> &'static [Case] {
     &CASES
 }
 
-const CASES: [Case; 15] = [
+const CASES: [Case; 16] = [
     Case {
         name: "table-1",
         title: "Sensor: geometry, electronics, noise",
@@ -162,6 +163,13 @@ const CASES: [Case; 15] = [
                 its length differs between people.",
         is_rendered: true,
         compare: figure_8::run,
+    },
+    Case {
+        name: "figure-8-measured",
+        title: "Measured tongues and lips through this camera",
+        paper: "Porphyrin is on the dorsal side of tongues; data of tongues extend from the bulk toward porphyrin.",
+        is_rendered: false,
+        compare: people::run,
     },
     Case {
         name: "detectors",

@@ -121,3 +121,53 @@ fn write_checks(html: &mut String, result: &CaseResult) {
     }
     html.push_str("</tbody>\n</table></div>\n");
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::validation::Check;
+
+    const EVIL: &str = "<img src=x onerror=alert(1)> \"quoted\" & 'single' </script>";
+
+    fn result() -> CaseResult {
+        let check = Check {
+            what: EVIL.into(),
+            paper: EVIL.into(),
+            computed: 1.0,
+            unit: "",
+            accepted: [f64::NEG_INFINITY, 0.5],
+            why: EVIL.into(),
+        };
+        CaseResult {
+            name: "a-case",
+            title: EVIL,
+            paper: EVIL,
+            verdict: Verdict::Failed,
+            reason: EVIL.into(),
+            checks: vec![check],
+            missing: vec![EVIL.into()],
+            figures: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn no_text_becomes_markup_and_every_element_is_closed() {
+        let html = validation_page(&[result()]);
+        assert!(!html.contains("<img") && !html.contains("</script"));
+        for tag in [
+            "section", "table", "tbody", "thead", "tr", "td", "th", "div", "p", "h2", "header", "main",
+            "span",
+        ] {
+            let opened =
+                html.matches(&format!("<{tag}>")).count() + html.matches(&format!("<{tag} ")).count();
+            assert_eq!(opened, html.matches(&format!("</{tag}>")).count(), "{tag}");
+        }
+    }
+
+    #[test]
+    fn verdicts_and_parts_left_out_are_counted() {
+        let skipped = CaseResult { verdict: Verdict::Skipped, ..result() };
+        let text = summary(&[result(), skipped]);
+        assert_eq!(text, "2 cases: 1 skipped, 1 failed. 2 parts were left out for want of data.");
+    }
+}
