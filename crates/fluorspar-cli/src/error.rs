@@ -8,7 +8,7 @@ use std::process::ExitCode;
 use fluorspar::pipeline::{PipelineError, PredictError};
 use fluorspar::render::RenderError;
 use fluorspar::tissue::TissueError;
-use fluorspar::tissue::fit::FitError;
+use fluorspar::tissue::fit::TissueFitError;
 use fluorspar_experiment::preset::{LensError, PresetError};
 use fluorspar_experiment::{DEFAULT_EXPERIMENT, ExperimentError};
 use fluorspar_format::{FormatError, OutputFolder, PbrtError};
@@ -65,7 +65,7 @@ pub(crate) enum CliError {
     #[error(transparent)]
     Tissue(#[from] TissueError),
     #[error(transparent)]
-    Fit(#[from] FitError),
+    Fit(#[from] TissueFitError),
     #[error(transparent)]
     RunFolder(#[from] RunFolderError),
     #[error("figure: {0}")]

@@ -3,18 +3,18 @@
 use std::collections::BTreeMap;
 use std::io;
 use std::path::Path;
+use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
 
 use super::record::InputFile;
-use super::tissue::Emitter;
 use crate::document::Document;
 use crate::error::{ExperimentError, PathsFrom, Place, Step};
 use crate::schema::{ExposureTime, FilePath};
 use crate::warning::Warning;
 use fluorspar::digest::sha256_hex;
 use fluorspar::sensor::{AutoExposure, EXPOSURE_MS};
-use fluorspar::spectral::WavelengthGrid;
+use fluorspar::spectral::{Fluorophore, WavelengthGrid};
 use fluorspar::units::{counted, number_text};
 use fluorspar_anatomy::{MouthParameters, Tissue};
 use fluorspar_format::{FormatError, digest_bounded};
@@ -31,6 +31,13 @@ const MAX_INPUT_BYTES: u64 = 16 << 30;
 /// Largest coordinate, mm.
 const LARGEST_MM: f64 = 1e7;
 
+/// A fluorophore that tissue may hold, and the digest of its spectra.
+#[derive(Clone, Debug)]
+pub(crate) struct KnownFluorophore {
+    pub(super) fluorophore: Arc<Fluorophore>,
+    pub(super) sha256: String,
+}
+
 pub(crate) struct Context<'a> {
     pub(crate) document: &'a Document,
     pub(crate) warnings: Vec<Warning>,
@@ -44,7 +51,7 @@ pub(crate) struct Context<'a> {
     /// The only tissue that uses the material that is being resolved.
     pub(crate) tissue: Option<Tissue>,
     /// Fluorophores that layered tissue may hold, as far as they were looked for.
-    pub(super) emitters: Vec<Emitter>,
+    pub(super) emitters: Vec<KnownFluorophore>,
 }
 
 pub(crate) type Resolved<T> = Result<T, ExperimentError>;

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::context::{Context, Resolved};
+use super::context::{Context, KnownFluorophore, Resolved};
 use super::fluorophore::{Fluorophores, MAX_CONCENTRATION};
 use super::gloss::gloss;
 use super::material::Materials;
@@ -120,15 +120,8 @@ pub(crate) fn of_section(context: &Context<'_>, at: &Place, section: &TissueSect
     Ok(site)
 }
 
-/// A fluorophore that tissue may hold, and the digest of its spectra.
-#[derive(Clone, Debug)]
-pub(crate) struct Emitter {
-    fluorophore: Arc<Fluorophore>,
-    sha256: String,
-}
-
 /// The layers of a site, with fluorophores of the sections of the file, otherwise of the catalogue.
-pub(crate) struct Layers(Vec<Emitter>);
+pub(crate) struct Layers(Vec<KnownFluorophore>);
 
 impl Layers {
     /// Looks for all fluorophores that the site may hold.
@@ -149,7 +142,7 @@ impl Layers {
             found.index(context, at, sections, name)?;
             for fluorophore in found.list {
                 let sha256 = digest(&fluorophore);
-                let emitter = Emitter { fluorophore: Arc::new(fluorophore), sha256 };
+                let emitter = KnownFluorophore { fluorophore: Arc::new(fluorophore), sha256 };
                 context.emitters.push(emitter.clone());
                 emitters.push(emitter);
             }

@@ -6,8 +6,8 @@ use nalgebra::DVector;
 use rayon::prelude::*;
 
 use super::{
-    CORRELATION_NM, Derivatives, FitError, Linearized, MeasuredFluorescence, MeasuredReflectance, TissueFit,
-    Unknowns,
+    CORRELATION_NM, Derivatives, Linearized, MeasuredFluorescence, MeasuredReflectance, TissueFit,
+    TissueFitError, Unknowns,
 };
 use crate::tissue::{EffectiveTissue, LayeredTissue, Level, Population};
 
@@ -41,7 +41,7 @@ impl<'a> Forward<'a> {
         fit: &'a TissueFit<'a>,
         reflectances: &'a [MeasuredReflectance],
         fluorescences: &'a [MeasuredFluorescence],
-    ) -> Result<Self, FitError> {
+    ) -> Result<Self, TissueFitError> {
         let typical = fit.prior.typical();
         let tissue = typical.tissue(fit.find)?;
         let strengths: Vec<&str> = tissue
@@ -80,7 +80,7 @@ impl<'a> Forward<'a> {
     }
 
     /// The typical tissue, with each free scale at its best.
-    pub(super) fn start(&self) -> Result<Unknowns, FitError> {
+    pub(super) fn start(&self) -> Result<Unknowns, TissueFitError> {
         let mut start = DVector::zeros(self.unknowns());
         let typical = self.solve(&vec![0.0; self.deviations()])?;
         for (record, measured) in self.fluorescences.iter().enumerate() {
@@ -91,11 +91,11 @@ impl<'a> Forward<'a> {
                 start[at] = (overlap / square).max(1e-30).ln();
             }
         }
-        if start.iter().all(|value| value.is_finite()) { Ok(start) } else { Err(FitError::NotFinite) }
+        if start.iter().all(|value| value.is_finite()) { Ok(start) } else { Err(TissueFitError::NotFinite) }
     }
 
     /// The tissue of some deviations, but with typical strengths of fluorophores.
-    fn tissue(&self, deviations: &[f64]) -> Result<LayeredTissue, FitError> {
+    fn tissue(&self, deviations: &[f64]) -> Result<LayeredTissue, TissueFitError> {
         let optical: Vec<f64> = deviations
             .iter()
             .zip(&self.only_strengths)
@@ -104,11 +104,11 @@ impl<'a> Forward<'a> {
         Ok(self.fit.prior.tissue_at(&optical).tissue(self.fit.find)?)
     }
 
-    fn solve(&self, deviations: &[f64]) -> Result<Spectra, FitError> {
+    fn solve(&self, deviations: &[f64]) -> Result<Spectra, TissueFitError> {
         self.solve_tissue(&self.tissue(deviations)?)
     }
 
-    fn solve_tissue(&self, tissue: &LayeredTissue) -> Result<Spectra, FitError> {
+    fn solve_tissue(&self, tissue: &LayeredTissue) -> Result<Spectra, TissueFitError> {
         let prior = self.fit.prior;
         let effective = EffectiveTissue::new(tissue, &self.nodes_nm, self.fit.solver)?;
         let reflectance = effective.reflectance(Level::AboveSurface);
@@ -156,7 +156,7 @@ impl<'a> Forward<'a> {
     }
 
     /// All spectra one after the other, of scale 1, and their derivatives by the deviations.
-    fn spectra(&self, deviations: &[f64]) -> Result<(Vec<f64>, Derivatives), FitError> {
+    fn spectra(&self, deviations: &[f64]) -> Result<(Vec<f64>, Derivatives), TissueFitError> {
         let joined = |spectra: &Spectra| {
             let fluorescences =
                 (0..self.fluorescences.len()).flat_map(|record| self.total(spectra, deviations, record));
@@ -196,7 +196,7 @@ impl<'a> Forward<'a> {
         &self,
         deviations: &[f64],
         record: usize,
-    ) -> Result<(Vec<f64>, Derivatives), FitError> {
+    ) -> Result<(Vec<f64>, Derivatives), TissueFitError> {
         let (values, derivatives) = self.spectra(deviations)?;
         let before: usize = self.reflectances.iter().map(|r| r.values.len()).sum::<usize>()
             + self.fluorescences[..record].iter().map(|r| r.values.len()).sum::<usize>();
@@ -210,7 +210,7 @@ impl<'a> Forward<'a> {
     }
 
     /// Spectra in the order of the residuals, each with its scale.
-    pub(super) fn scaled(&self, unknowns: &Unknowns) -> Result<Vec<Vec<f64>>, FitError> {
+    pub(super) fn scaled(&self, unknowns: &Unknowns) -> Result<Vec<Vec<f64>>, TissueFitError> {
         let deviations = &unknowns.as_slice()[..self.deviations()];
         let spectra = self.solve(deviations)?;
         let fluorescence = |record: usize| {
@@ -222,7 +222,7 @@ impl<'a> Forward<'a> {
     }
 
     /// Residuals of data and prior, with derivatives.
-    pub(super) fn linearize(&self, unknowns: &Unknowns) -> Result<Linearized, FitError> {
+    pub(super) fn linearize(&self, unknowns: &Unknowns) -> Result<Linearized, TissueFitError> {
         let deviations = &unknowns.as_slice()[..self.deviations()];
         let (values, slopes) = self.spectra(deviations)?;
         let free_scales = self.fluorescences.iter().filter(|r| r.scale_uncertainty.is_finite());

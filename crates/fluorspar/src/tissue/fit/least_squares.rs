@@ -2,7 +2,7 @@
 
 use nalgebra::DMatrix;
 
-use super::{Derivatives, FitError, Unknowns};
+use super::{Derivatives, TissueFitError, Unknowns};
 
 /// Residuals at some unknowns, in standard deviations, and their derivatives.
 pub(super) struct Linearized {
@@ -28,9 +28,9 @@ const SHORTEST_STEP: f64 = 1e-3;
 /// Searches from a start.
 pub(super) fn minimize(
     start: Unknowns,
-    linearize: impl Fn(&Unknowns) -> Result<Linearized, FitError>,
+    linearize: impl Fn(&Unknowns) -> Result<Linearized, TissueFitError>,
     most_steps: usize,
-) -> Result<Minimum, FitError> {
+) -> Result<Minimum, TissueFitError> {
     let mut unknowns = start;
     let mut here = linearize(&unknowns)?;
     let mut damping = 1e-2;
@@ -53,20 +53,21 @@ pub(super) fn minimize(
         }
     }
     let normal = here.derivatives.tr_mul(&here.derivatives);
-    let covariance = normal.cholesky().ok_or(FitError::NotFinite)?.inverse();
+    let covariance = normal.cholesky().ok_or(TissueFitError::NotFinite)?.inverse();
     Ok(Minimum { unknowns, linearized: here, covariance, steps, converged })
 }
 
 /// `-(J'J + damping diag(J'J))^-1 J' r`, shortened to what a linear model can reach.
-fn damped_step(at: &Linearized, damping: f64) -> Result<Unknowns, FitError> {
+fn damped_step(at: &Linearized, damping: f64) -> Result<Unknowns, TissueFitError> {
     let mut normal = at.derivatives.tr_mul(&at.derivatives);
     for i in 0..normal.nrows() {
         normal[(i, i)] += damping * normal[(i, i)];
     }
-    let step = -normal.cholesky().ok_or(FitError::NotFinite)?.solve(&at.derivatives.tr_mul(&at.residuals));
+    let step =
+        -normal.cholesky().ok_or(TissueFitError::NotFinite)?.solve(&at.derivatives.tr_mul(&at.residuals));
     let longest = step.amax();
     if !longest.is_finite() {
-        return Err(FitError::NotFinite);
+        return Err(TissueFitError::NotFinite);
     }
     Ok(step * (LONGEST_STEP / longest.max(LONGEST_STEP)))
 }

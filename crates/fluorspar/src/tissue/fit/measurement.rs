@@ -19,7 +19,7 @@ const FEWEST: usize = 5;
 /// A fit that cannot be made.
 #[derive(Clone, Debug, Error, PartialEq)]
 #[non_exhaustive]
-pub enum FitError {
+pub enum TissueFitError {
     /// The tissue itself.
     #[error(transparent)]
     Tissue(#[from] TissueError),
@@ -74,7 +74,7 @@ impl Viewing {
     ///
     /// # Errors
     /// A light without energy within 350 to 800 nm.
-    pub fn new(light: &Curve, filter: Curve) -> Result<Self, FitError> {
+    pub fn new(light: &Curve, filter: Curve) -> Result<Self, TissueFitError> {
         let number = ((RANGE_NM[1] - RANGE_NM[0]) / LINE_STEP_NM) as usize;
         // Each line takes what lies around it with the weight of linear interpolation, so that energy and mean wavelength stay.
         let line = |i: usize| {
@@ -86,7 +86,7 @@ impl Viewing {
         let mut lines: Vec<(f64, f64)> = (0..=number).map(line).collect();
         let strongest = lines.iter().map(|line| line.1).fold(0.0, f64::max);
         if !(strongest > 0.0 && strongest.is_finite()) {
-            return Err(FitError::DarkLight);
+            return Err(TissueFitError::DarkLight);
         }
         lines.retain(|line| line.1 > WEAKEST_LINE * strongest);
         let total: f64 = lines.iter().map(|line| line.1).sum();
@@ -186,30 +186,30 @@ pub struct MeasuredFluorescence {
     pub scale_uncertainty: f64,
 }
 
-fn check(name: &str, wavelengths_nm: &[f64], values: &[f64], error: f64) -> Result<(), FitError> {
+fn check(name: &str, wavelengths_nm: &[f64], values: &[f64], error: f64) -> Result<(), TissueFitError> {
     let rise = wavelengths_nm.windows(2).all(|pair| pair[1] > pair[0]);
     let inside = wavelengths_nm.iter().all(|nm| (RANGE_NM[0]..=RANGE_NM[1]).contains(nm));
     let name = || name.to_string();
     if wavelengths_nm.len() < FEWEST || wavelengths_nm.len() != values.len() || !rise || !inside {
-        return Err(FitError::Wavelengths { name: name() });
+        return Err(TissueFitError::Wavelengths { name: name() });
     }
     if !values.iter().all(|value| value.is_finite()) || values.iter().all(|value| *value == 0.0) {
-        return Err(FitError::Values { name: name() });
+        return Err(TissueFitError::Values { name: name() });
     }
     if !(1e-4..=10.0).contains(&error) {
-        return Err(FitError::MeasurementError { name: name(), error });
+        return Err(TissueFitError::MeasurementError { name: name(), error });
     }
     Ok(())
 }
 
 impl MeasuredReflectance {
-    pub(super) fn check(&self) -> Result<(), FitError> {
+    pub(super) fn check(&self) -> Result<(), TissueFitError> {
         check(&self.name, &self.wavelengths_nm, &self.values, self.error)
     }
 }
 
 impl MeasuredFluorescence {
-    pub(super) fn check(&self) -> Result<(), FitError> {
+    pub(super) fn check(&self) -> Result<(), TissueFitError> {
         check(&self.name, &self.wavelengths_nm, &self.values, self.relative_error)
     }
 

@@ -32,7 +32,7 @@ use crate::spectral::Fluorophore;
 use forward::Forward;
 use least_squares::{Linearized, minimize};
 
-pub use measurement::{FitError, MeasuredFluorescence, MeasuredReflectance, Viewing};
+pub use measurement::{MeasuredFluorescence, MeasuredReflectance, TissueFitError, Viewing};
 pub use outcome::{Fit, FittedParameter, FittedSpectrum, PredictedFluorescence};
 
 /// Distance over which residuals of a spectrum are taken as one, nm: half the width of the bands of hemoglobin.
@@ -61,12 +61,12 @@ impl TissueFit<'_> {
         &self,
         reflectances: &[MeasuredReflectance],
         fluorescences: &[MeasuredFluorescence],
-    ) -> Result<Fit, FitError> {
+    ) -> Result<Fit, TissueFitError> {
         if reflectances.is_empty() && fluorescences.is_empty() {
-            return Err(FitError::NothingMeasured);
+            return Err(TissueFitError::NothingMeasured);
         }
         if self.prior.variations().is_empty() {
-            return Err(FitError::NothingVaries);
+            return Err(TissueFitError::NothingVaries);
         }
         reflectances.iter().try_for_each(MeasuredReflectance::check)?;
         fluorescences.iter().try_for_each(MeasuredFluorescence::check)?;
@@ -86,7 +86,7 @@ impl TissueFit<'_> {
         fit: &Fit,
         viewing: &Viewing,
         wavelengths_nm: &[f64],
-    ) -> Result<PredictedFluorescence, FitError> {
+    ) -> Result<PredictedFluorescence, TissueFitError> {
         let record = MeasuredFluorescence {
             name: String::new(),
             viewing: viewing.clone(),

@@ -4,7 +4,7 @@ use nalgebra::DMatrix;
 
 use super::forward::Forward;
 use super::least_squares::Minimum;
-use super::{Derivatives, FitError};
+use super::{Derivatives, TissueFitError};
 use crate::tissue::Site;
 
 /// Standard deviations to each end of an interval of 95 %.
@@ -77,7 +77,7 @@ impl FittedSpectrum {
     }
 }
 
-pub(super) fn describe(forward: &Forward<'_>, minimum: Minimum) -> Result<Fit, FitError> {
+pub(super) fn describe(forward: &Forward<'_>, minimum: Minimum) -> Result<Fit, TissueFitError> {
     let number = forward.deviations();
     let models = forward.scaled(&minimum.unknowns)?;
     let reflected = forward.reflectances.iter().map(|r| (&r.name, &r.wavelengths_nm, &r.values, None));

@@ -134,7 +134,7 @@ fn what_is_not_seen_keeps_its_prior() {
 fn wrong_spectra_are_told() {
     let population = Population::of(&Site::named("lip").unwrap());
     let fit = TissueFit { prior: &population, find: &find, solver: DiscreteOrdinates::DIFFUSE };
-    assert_eq!(fit.fit(&[], &[]), Err(FitError::NothingMeasured));
+    assert_eq!(fit.fit(&[], &[]), Err(TissueFitError::NothingMeasured));
     let nm = grid(400.0, 700.0, 10.0);
     let white = |values: f64, nm: &[f64]| MeasuredReflectance {
         name: "white.csv".into(),
@@ -148,7 +148,7 @@ fn wrong_spectra_are_told() {
     assert!(said(MeasuredReflectance { error: 0.0, ..white(0.3, &nm) }).contains("the error is 0"));
     let none = population.restricted(|_| false);
     let held = TissueFit { prior: &none, ..fit };
-    assert_eq!(held.fit(&[white(0.3, &nm)], &[]), Err(FitError::NothingVaries));
+    assert_eq!(held.fit(&[white(0.3, &nm)], &[]), Err(TissueFitError::NothingVaries));
     let dark = Curve::new(vec![400.0, 500.0], vec![0.0, -1.0]).unwrap();
-    assert_eq!(Viewing::new(&dark, Curve::constant(1.0)), Err(FitError::DarkLight));
+    assert_eq!(Viewing::new(&dark, Curve::constant(1.0)), Err(TissueFitError::DarkLight));
 }
