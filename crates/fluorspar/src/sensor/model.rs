@@ -25,7 +25,8 @@ pub enum SensorMode {
     /// Poisson electrons, full well, fixed patterns that stay, noise before and after the gain, black level.
     #[default]
     Physical,
-    /// The physical chain with every random term at its mean.
+    /// The mean of many frames of the physical chain, as far as whole codes can tell: every random term at its mean, and rounding
+    /// spread over the pixels so that means over them are right.
     NoiseFree,
     /// ISETCam's formulas, peculiarities included; see `isetcam.rs`.
     Isetcam {

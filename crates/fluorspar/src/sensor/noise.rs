@@ -375,7 +375,7 @@ impl PhysicalChain {
     pub(super) fn read(&self, row: usize, col: usize, electrons: f64) -> u16 {
         let held_e = electrons.min(self.node_e);
         if !self.random {
-            return self.adc.code(self.k * held_e + self.black);
+            return self.adc.code(self.k * held_e + self.black + dither_dn(row, col));
         }
         let pixel = (row * self.columns + col) as u64;
         let (device, frame) = (self.device.with(pixel), self.frame.with(pixel));
@@ -386,6 +386,13 @@ impl PhysicalChain {
             pixel_e * (1.0 + self.column_gain[col]) + self.column_offset_e[col] + self.row_offset_e[row];
         self.adc.code(self.k * input_e + term(self.post_gain_dn, frame, NoiseSource::PostGain) + self.black)
     }
+}
+
+/// What spreads the rounding of a chain without noise over its pixels, -0.5 to 0.5 DN: means over pixels keep fractions of a code, as
+/// those of noisy frames do. Places in two dimensions as even as can be (Roberts's sequence of the plastic number).
+#[inline]
+fn dither_dn(row: usize, col: usize) -> f64 {
+    (0.5 + 0.754_877_666_246_692_7 * col as f64 + 0.569_840_290_998_053_2 * row as f64).fract() - 0.5
 }
 
 /// A normal term of a standard deviation; nothing is drawn where that is zero.

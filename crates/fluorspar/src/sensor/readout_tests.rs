@@ -207,7 +207,8 @@ fn a_rolling_shutter_bands_pulsed_light_and_leaves_steady_light_alone() {
         image.data.chunks_exact(4).map(|row| f64::from(row[0]) - image.black_level).collect()
     };
     let k = steady.model().base_dn_per_electron();
-    assert!(rows(&steady).iter().all(|dn| (dn - k * 2000.0).abs() <= 0.5));
+    // Rounding, spread over the pixels, moves a value by less than a code.
+    assert!(rows(&steady).iter().all(|dn| (dn - k * 2000.0).abs() < 1.0));
     // Row r is open from r to r + 10 ms, the light is on from 5 to 10 ms.
     let pulsed = mono(SensorModel { shutter, strobe: Some(strobe), ..quiet(4, 20) });
     for (row, dn) in rows(&pulsed).into_iter().enumerate() {

@@ -248,6 +248,22 @@ fn isetcam_dark_frames_are_clipped_at_zero() {
     assert!((zeros - 20_000.0 - near).abs() < 5.0 * 100.0, "{zeros} zeros");
 }
 
+/// Means over pixels of a frame without noise are those of noisy frames, fractions of a code included: within five standard errors
+/// of the noisy frames. The dither itself is even to a code over the square root of the pixels, at worst.
+#[test]
+fn a_frame_without_noise_is_the_mean_of_noisy_frames() {
+    let (quiet, noisy) = (
+        sensor(SensorModel { mode: SensorMode::NoiseFree, ..model(200) }),
+        sensor(SensorModel { prnu_percent: 0.0, ..model(200) }),
+    );
+    for electrons in [10.25, 101.3, 1003.7] {
+        let [a, b] = [&quiet, &noisy].map(|sensor| values(&flat(sensor, electrons, 0)));
+        let error = (variance(&b) / b.len() as f64).sqrt();
+        let off = mean(&a) - mean(&b);
+        assert!(off.abs() < 5.0 * error + 0.005, "{electrons} e-: {off} DN, standard error {error}");
+    }
+}
+
 #[test]
 fn full_pixels_are_marked_in_every_mode() {
     for (mode, gain, code) in [
