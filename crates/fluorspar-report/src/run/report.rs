@@ -268,7 +268,9 @@ fn headline(run: &RunResults<'_>, leak: Option<f64>) -> Vec<Number> {
                 ),
             ));
         }
-        if let Some(region) = analysis.mixture.as_ref().and_then(|m| m.region) {
+        // Amounts in layered tissue are factors on what it holds: their ratio tells nothing.
+        if let (Some(region), None) = (analysis.mixture.as_ref().and_then(|m| m.region), &analysis.posterior)
+        {
             let e = &region.estimate;
             numbers.push(Number::computed(
                 "Porphyrin fraction on the mixture line",

@@ -196,6 +196,10 @@ impl Analysis {
                     budget.blank, budget.detection_limit
                 ));
             }
+            if self.posterior.is_some() {
+                // Amounts in layered tissue are factors on what it holds: their ratio tells nothing.
+                return lines;
+            }
             let [low, high] = e.fraction_interval;
             lines.push(format!(
                 "Porphyrin fraction a_p/(a_b+a_p): {:.4} ({low:.4} to {high:.4} by sensor noise alone)",
