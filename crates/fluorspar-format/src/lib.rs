@@ -8,6 +8,7 @@
 //! | fluorophore, spectra, MATLAB (ISET) | [`read_iset_fluorophore`], [`read_mat_spectra`] | |
 //! | spectral image, OpenEXR or NumPy | [`read_spectral_exr`], [`read_spectral_npy`] | [`write_spectral_exr`], [`write_spectral_npy`] |
 //! | component image, OpenEXR or NumPy | [`read_component_exr`], [`read_component_npy`] | [`write_component_exr`], [`write_component_npy`] |
+//! | component image, part by part | [`ComponentFile`] | |
 //! | film (exact sums of a render) | [`read_film`] | [`write_film`] |
 //! | raw sensor frame, TIFF, PNG, DNG or packed | [`read_sensor_image`] | [`write_sensor_tiff`], [`write_sensor_png`], [`write_sensor_dng`], [`write_packed_raw`] |
 //! | texture, image, PNG, OpenEXR or PFM | [`read_texture`], [`read_texture_png`] | [`write_rgb_png`] |
@@ -66,7 +67,7 @@ pub use csv_table::Negative;
 pub use dng::{DngColor, write_sensor_dng};
 pub use error::{FormatError, Problem};
 pub use exr::{
-    ExrCompression, ExrOptions, read_component_exr, read_spectral_exr, write_component_exr,
+    ComponentFile, ExrCompression, ExrOptions, read_component_exr, read_spectral_exr, write_component_exr,
     write_spectral_exr,
 };
 pub use file_format::{FileFormat, OtherFormat};

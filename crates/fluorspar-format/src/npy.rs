@@ -171,7 +171,7 @@ pub fn read_spectral_image<Q: Quantity>(path: &Path) -> Result<Loaded<SpectralIm
     if is_npy(path)? { read_spectral_npy(path) } else { read_spectral_exr(path) }
 }
 
-fn is_npy(path: &Path) -> Result<bool, FormatError> {
+pub(super) fn is_npy(path: &Path) -> Result<bool, FormatError> {
     Ok(read_start(path, NPY_MAGIC.len() as u64)? == NPY_MAGIC)
 }
 

@@ -1,8 +1,10 @@
 //! OpenEXR images with a wavelength axis; [`write_spectral_exr`] and [`write_component_exr`] describe the layout.
 
+mod component_file;
 mod read;
 mod write;
 
+pub use component_file::ComponentFile;
 pub(super) use read::read_texture_exr;
 pub use read::{read_component_exr, read_spectral_exr};
 pub use write::{ExrCompression, ExrOptions, write_component_exr, write_spectral_exr};
@@ -23,6 +25,7 @@ const STORAGE_ERROR: &str = "fluorsparStorageError";
 const DENOISED: &str = "fluorsparDenoised";
 const STATISTIC: &str = "fluorsparStatistic";
 const MATERIALS: &str = "fluorsparMaterials";
+const PLANES: &str = "fluorsparPlanes";
 const FEATURES: &str = "features";
 const PREVIEW: &str = "preview";
 
@@ -40,6 +43,16 @@ enum StatisticPlane {
     HalfA,
     HalfB,
     Variance,
+}
+
+/// Which channel planes a part holds.
+#[derive(Debug, serde::Serialize, serde::Deserialize)]
+struct PlanesLabel {
+    /// Digest of lens, filters and sensor.
+    camera: String,
+    components: usize,
+    channels: usize,
+    unit: String,
 }
 
 /// `W/(sr m^2 nm)` as the layout writes it, `W.m^-2.sr^-1.nm^-1`; `None` for ratios.

@@ -3,11 +3,14 @@
 use std::io::{BufReader, Read};
 use std::path::Path;
 
-use exr::block::reader::ChunksReader;
+use exr::block::chunk::{Chunk, TileCoordinates};
+use exr::block::reader::{ChunksReader, FilteredChunksReader};
+use exr::block::{BlockIndex, UncompressedBlock};
 use exr::math::Vec2;
 use exr::meta::MetaData;
 use exr::meta::attribute::{AttributeValue, SampleType, Text};
 use exr::meta::header::Header;
+use rayon::prelude::*;
 
 use super::{
     COMPONENT, DENOISED, EDGES, FEATURES, FORMAT, PARTS, PROVENANCE, QUANTITY, SAMPLES, SCALE, STATISTIC,
@@ -96,11 +99,11 @@ pub(crate) fn read_texture_exr(path: &Path) -> Result<TextureImage, FormatError>
 type PartTargets = Vec<Option<Target>>;
 
 /// Attributes shared by the parts with components.
-struct ComponentParts {
-    grid: WavelengthGrid,
-    size: Vec2<usize>,
-    components: Vec<Component>,
-    samples_per_pixel: u32,
+pub(super) struct ComponentParts {
+    pub(super) grid: WavelengthGrid,
+    pub(super) size: Vec2<usize>,
+    pub(super) components: Vec<Component>,
+    pub(super) samples_per_pixel: u32,
     /// Of all parts of the file.
     targets: Vec<PartTargets>,
 }
@@ -166,9 +169,7 @@ fn read_component_parts(path: &Path) -> Result<Loaded<ComponentImage>, FormatErr
     let mut samples = Vec::new();
     if let Some(part) = features_part {
         features = feature_maps(path, &headers[part], &maps)?;
-        if has_channel(&headers[part], "samples") {
-            samples = maps.chunks_exact(FEATURE_CHANNELS.len()).map(|pixel| pixel[7] as u32).collect();
-        }
+        samples = samples_of(&headers[part], &maps);
     }
     let image = ComponentImage {
         grid: parts.grid,
@@ -186,7 +187,7 @@ fn read_component_parts(path: &Path) -> Result<Loaded<ComponentImage>, FormatErr
 }
 
 /// Finds the parts that hold components, which must agree in size and wavelengths.
-fn component_parts(path: &Path, headers: &[Header]) -> Result<ComponentParts, FormatError> {
+pub(super) fn component_parts(path: &Path, headers: &[Header]) -> Result<ComponentParts, FormatError> {
     let mut shared: Option<(WavelengthGrid, Vec2<usize>)> = None;
     let mut components = Vec::new();
     let mut samples_per_pixel = 0;
@@ -310,21 +311,53 @@ fn feature_maps(path: &Path, header: &Header, maps: &[f32]) -> Result<FeatureMap
 
 /// Undoes the scale at which 16-bit values are stored.
 fn rescale(path: &Path, header: &Header, values: &mut [f32]) -> Result<(), FormatError> {
-    let Some(text) = attribute(header, SCALE) else { return Ok(()) };
-    let scale = text.parse::<f64>().ok().filter(|scale| scale.is_finite() && *scale > 0.0);
-    let Some(scale) = scale else {
-        return Err(FormatError::malformed(
-            path,
-            format!("the attribute \"{SCALE}\" is damaged"),
-            "Write the file again",
-        ));
-    };
-    values.iter_mut().for_each(|value| *value = (f64::from(*value) * scale) as f32);
+    if let Some(scale) = scale_of(path, header)? {
+        values.iter_mut().for_each(|value| *value = (f64::from(*value) * scale) as f32);
+    }
     Ok(())
 }
 
+/// Scale at which 16-bit values are stored, if there is one.
+pub(super) fn scale_of(path: &Path, header: &Header) -> Result<Option<f64>, FormatError> {
+    let Some(text) = attribute(header, SCALE) else { return Ok(None) };
+    let scale = text.parse::<f64>().ok().filter(|scale| scale.is_finite() && *scale > 0.0);
+    if scale.is_none() {
+        let what = format!("the attribute \"{SCALE}\" is damaged");
+        return Err(FormatError::malformed(path, what, "Write the file again"));
+    }
+    Ok(scale)
+}
+
+/// Feature maps and samples per pixel of a component image, read alone.
+pub(super) fn read_features(
+    path: &Path,
+    headers: &[Header],
+    size: Vec2<usize>,
+) -> Result<(FeatureMaps, Vec<u32>), FormatError> {
+    let part = headers.iter().position(|header| part_name(header).as_deref() == Some(FEATURES));
+    let Some(part) = part else { return Ok(Default::default()) };
+    if headers[part].layer_size != size {
+        return Err(FormatError::malformed(path, "the feature maps differ in size", "Write the file again"));
+    }
+    let mut targets: Vec<PartTargets> =
+        headers.iter().map(|header| vec![None; header.channels.list.len()]).collect();
+    targets[part] = feature_targets(&headers[part], 0);
+    let mut buffers = [vec![0.0; FEATURE_CHANNELS.len() * size.area()]];
+    decode(path, &targets, &mut buffers)?;
+    let [maps] = buffers;
+    Ok((feature_maps(path, &headers[part], &maps)?, samples_of(&headers[part], &maps)))
+}
+
+/// Samples of each pixel, where they are stored.
+fn samples_of(header: &Header, maps: &[f32]) -> Vec<u32> {
+    if !has_channel(header, "samples") {
+        return Vec::new();
+    }
+    maps.chunks_exact(FEATURE_CHANNELS.len()).map(|pixel| pixel[7] as u32).collect()
+}
+
 /// Headers, after everything that decides about memory has been checked.
-fn headers(path: &Path) -> Result<Vec<Header>, FormatError> {
+pub(super) fn headers(path: &Path) -> Result<Vec<Header>, FormatError> {
     let failed = |source| FormatError::io(path, "read", source);
     let (mut file, length) = open_plain(path)?;
     let mut magic = Vec::new();
@@ -374,16 +407,16 @@ fn headers(path: &Path) -> Result<Vec<Header>, FormatError> {
     Ok(meta.headers.to_vec())
 }
 
-fn damaged(path: &Path, error: &exr::error::Error) -> FormatError {
+pub(super) fn damaged(path: &Path, error: &exr::error::Error) -> FormatError {
     FormatError::malformed(path, format!("not a valid OpenEXR file: {error}"), "Was it copied completely?")
 }
 
 /// Where the samples of a channel go: `buffers[buffer][offset + stride * pixel]`.
 #[derive(Clone, Copy)]
-struct Target {
-    buffer: usize,
-    offset: usize,
-    stride: usize,
+pub(super) struct Target {
+    pub(super) buffer: usize,
+    pub(super) offset: usize,
+    pub(super) stride: usize,
 }
 
 fn band_targets(
@@ -397,45 +430,57 @@ fn band_targets(
     bands.iter().map(|band| band.map(|band| Target { buffer, offset: start + band, stride })).collect()
 }
 
-/// Decodes the full-resolution pixels, block by block, straight into their places.
-///
-/// One block at a time: a panic of the decoder on damaged data would end the program on a worker thread, but can be
-/// turned into an error on this one.
-fn decode(path: &Path, targets: &[Vec<Option<Target>>], buffers: &mut [Vec<f32>]) -> Result<(), FormatError> {
-    let (file, _) = open_plain(path)?;
+/// Decodes the full-resolution pixels of the parts with targets, straight into their places.
+pub(super) fn decode(
+    path: &Path,
+    targets: &[Vec<Option<Target>>],
+    buffers: &mut [Vec<f32>],
+) -> Result<(), FormatError> {
+    let headers = headers(path)?;
+    let wanted = |part: usize| targets[part].iter().any(Option::is_some);
+    let mut blocks = BlockReader::open(path, wanted)?;
+    while let Some(batch) = blocks.next_batch()? {
+        for block in batch {
+            place_block(path, &headers[block.index.layer], &targets[block.index.layer], &block, buffers)?;
+        }
+    }
+    Ok(())
+}
+
+/// Puts the lines of a block into their places.
+fn place_block(
+    path: &Path,
+    header: &Header,
+    targets: &[Option<Target>],
+    block: &UncompressedBlock,
+    buffers: &mut [Vec<f32>],
+) -> Result<(), FormatError> {
     let broken = |error: exr::error::Error| damaged(path, &error);
-    let reader = exr::block::read(BufReader::new(file), false).map_err(broken)?;
-    let headers = reader.headers().to_vec();
-    let chunks = reader.filter_chunks(false, |_, _, block| block.level == Vec2(0, 0)).map_err(broken)?;
-    for block in chunks.sequential_decompressor(false) {
-        let block = block.map_err(broken)?;
-        let header = &headers[block.index.layer];
-        let width = header.layer_size.width();
-        for line in block.lines(&header.channels) {
-            let Some(target) = targets[line.location.layer][line.location.channel] else { continue };
-            let Vec2(col, row) = line.location.position;
-            let first = row * width + col;
-            let buffer = &mut buffers[target.buffer];
-            let mut place = |i: usize, value: f32| {
-                if let Some(slot) = buffer.get_mut(target.offset + (first + i) * target.stride) {
-                    *slot = value;
+    let width = header.layer_size.width();
+    for line in block.lines(&header.channels) {
+        let Some(target) = targets[line.location.channel] else { continue };
+        let Vec2(col, row) = line.location.position;
+        let first = row * width + col;
+        let buffer = &mut buffers[target.buffer];
+        let mut place = |i: usize, value: f32| {
+            if let Some(slot) = buffer.get_mut(target.offset + (first + i) * target.stride) {
+                *slot = value;
+            }
+        };
+        match header.channels.list[line.location.channel].sample_type {
+            SampleType::F32 => {
+                for (i, value) in line.read_samples::<f32>().enumerate() {
+                    place(i, value.map_err(broken)?);
                 }
-            };
-            match header.channels.list[line.location.channel].sample_type {
-                SampleType::F32 => {
-                    for (i, value) in line.read_samples::<f32>().enumerate() {
-                        place(i, value.map_err(broken)?);
-                    }
+            }
+            SampleType::F16 => {
+                for (i, value) in line.read_samples::<exr::prelude::f16>().enumerate() {
+                    place(i, value.map_err(broken)?.to_f32());
                 }
-                SampleType::F16 => {
-                    for (i, value) in line.read_samples::<exr::prelude::f16>().enumerate() {
-                        place(i, value.map_err(broken)?.to_f32());
-                    }
-                }
-                SampleType::U32 => {
-                    for (i, value) in line.read_samples::<u32>().enumerate() {
-                        place(i, value.map_err(broken)? as f32);
-                    }
+            }
+            SampleType::U32 => {
+                for (i, value) in line.read_samples::<u32>().enumerate() {
+                    place(i, value.map_err(broken)? as f32);
                 }
             }
         }
@@ -443,7 +488,74 @@ fn decode(path: &Path, targets: &[Vec<Option<Target>>], buffers: &mut [Vec<f32>]
     Ok(())
 }
 
-fn attribute(header: &Header, name: &str) -> Option<String> {
+/// Reads and unpacks the full-resolution blocks of some parts, and returns what `visit` made of each, in no order.
+pub(super) fn for_each_block<T: Send>(
+    path: &Path,
+    wanted: impl Fn(usize) -> bool,
+    visit: impl Fn(UncompressedBlock) -> Result<T, FormatError> + Sync,
+) -> Result<Vec<T>, FormatError> {
+    let mut blocks = BlockReader::open(path, wanted)?;
+    let mut found = Vec::new();
+    loop {
+        let chunks = blocks.read_chunks()?;
+        if chunks.is_empty() {
+            return Ok(found);
+        }
+        let unpacked = chunks.into_par_iter().map(|chunk| visit(blocks.unpack(chunk)?));
+        found.extend(unpacked.collect::<Result<Vec<T>, FormatError>>()?);
+    }
+}
+
+/// Packed blocks of some parts of a file, one after the other.
+struct BlockReader<'a> {
+    path: &'a Path,
+    chunks: FilteredChunksReader<BufReader<std::fs::File>>,
+}
+
+impl<'a> BlockReader<'a> {
+    fn open(path: &'a Path, wanted: impl Fn(usize) -> bool) -> Result<Self, FormatError> {
+        let (file, _) = open_plain(path)?;
+        let broken = |error: exr::error::Error| damaged(path, &error);
+        let chunks = guarded(path, "OpenEXR", || {
+            let reader = exr::block::read(BufReader::new(file), false).map_err(broken)?;
+            let filter = |_: &MetaData, _: TileCoordinates, block: BlockIndex| {
+                block.level == Vec2(0, 0) && wanted(block.layer)
+            };
+            reader.filter_chunks(false, filter).map_err(broken)
+        })?;
+        Ok(Self { path, chunks })
+    }
+
+    /// The next packed blocks; none at the end.
+    fn read_chunks(&mut self) -> Result<Vec<Chunk>, FormatError> {
+        let path = self.path;
+        guarded(path, "OpenEXR", || {
+            // A few for every thread: blocks of large images are large.
+            let chunks = self.chunks.by_ref().take(4 * rayon::current_num_threads());
+            chunks.collect::<Result<Vec<Chunk>, _>>().map_err(|error| damaged(path, &error))
+        })
+    }
+
+    /// Unpacks a block. Guarded on its own thread: damaged data make the decoder panic.
+    fn unpack(&self, chunk: Chunk) -> Result<UncompressedBlock, FormatError> {
+        guarded(self.path, "OpenEXR", || {
+            UncompressedBlock::decompress_chunk(chunk, self.chunks.meta_data(), false)
+                .map_err(|error| damaged(self.path, &error))
+        })
+    }
+
+    /// The next blocks, unpacked by several threads; `None` at the end.
+    fn next_batch(&mut self) -> Result<Option<Vec<UncompressedBlock>>, FormatError> {
+        let chunks = self.read_chunks()?;
+        if chunks.is_empty() {
+            return Ok(None);
+        }
+        let blocks = chunks.into_par_iter().map(|chunk| self.unpack(chunk));
+        blocks.collect::<Result<Vec<_>, _>>().map(Some)
+    }
+}
+
+pub(super) fn attribute(header: &Header, name: &str) -> Option<String> {
     let other = header.own_attributes.other.iter().chain(&header.shared_attributes.other);
     other.filter(|(key, _)| key.as_slice() == name.as_bytes()).find_map(|(_, value)| match value {
         AttributeValue::Text(text) => Some(String::from_utf8_lossy(text.as_slice()).into_owned()),
@@ -463,7 +575,11 @@ fn part_name(header: &Header) -> Option<String> {
     Some(String::from_utf8_lossy(name.as_slice()).into_owned())
 }
 
-fn parse_json<T: serde::de::DeserializeOwned>(path: &Path, name: &str, text: &str) -> Result<T, FormatError> {
+pub(super) fn parse_json<T: serde::de::DeserializeOwned>(
+    path: &Path,
+    name: &str,
+    text: &str,
+) -> Result<T, FormatError> {
     serde_json::from_str(text).map_err(|error| {
         FormatError::malformed(
             path,
@@ -473,7 +589,7 @@ fn parse_json<T: serde::de::DeserializeOwned>(path: &Path, name: &str, text: &st
     })
 }
 
-fn provenance(path: &Path, headers: &[Header]) -> Result<Option<Provenance>, FormatError> {
+pub(super) fn provenance(path: &Path, headers: &[Header]) -> Result<Option<Provenance>, FormatError> {
     let text = headers.iter().find_map(|header| attribute(header, PROVENANCE));
     text.map(|text| parse_json(path, PROVENANCE, &text)).transpose()
 }
@@ -512,7 +628,7 @@ fn unit_factors(unit: &str) -> Vec<&str> {
 }
 
 /// The wavelength grid, and the band that each channel holds.
-fn bands<Q: Quantity>(
+pub(super) fn bands<Q: Quantity>(
     path: &Path,
     header: &Header,
 ) -> Result<(WavelengthGrid, Vec<Option<usize>>), FormatError> {

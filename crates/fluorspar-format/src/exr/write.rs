@@ -15,14 +15,14 @@ use exr::prelude::{
 };
 
 use super::{
-    COMPONENT, DENOISED, EDGES, FEATURES, FORMAT, LAYOUT_VERSION, MATERIALS, PARTS, PREVIEW, PROVENANCE,
-    QUANTITY, SAMPLES, SCALE, STATISTIC, STORAGE_ERROR, StatisticLabel, StatisticPlane, UNITS, VIEW,
-    layout_unit,
+    COMPONENT, DENOISED, EDGES, FEATURES, FORMAT, LAYOUT_VERSION, MATERIALS, PARTS, PLANES, PREVIEW,
+    PROVENANCE, PlanesLabel, QUANTITY, SAMPLES, SCALE, STATISTIC, STORAGE_ERROR, StatisticLabel,
+    StatisticPlane, UNITS, VIEW, layout_unit,
 };
 use crate::file::{MAX_IMAGE_BYTES, check_image_size};
 use crate::output::write_atomically;
 use crate::{FileFormat, FormatError, Provenance, SpooledImage};
-use fluorspar::image::{ComponentImage, FeatureMaps, SpectralImage};
+use fluorspar::image::{ChannelPlanes, ComponentImage, FeatureMaps, SpectralImage};
 use fluorspar::spectral::{Quantity, Radiance, WavelengthGrid};
 
 /// How pixels are packed; lossless unless the variant states otherwise.
@@ -63,6 +63,9 @@ pub struct ExrOptions<'a> {
     pub preview: Option<&'a [[f32; 3]]>,
     /// Where the image comes from.
     pub provenance: Option<&'a Provenance>,
+    /// Channel planes of cameras to keep beside the components; of component images only. They are stored as they are: 4 bytes
+    /// for each component, channel and pixel.
+    pub planes: &'a [ChannelPlanes],
 }
 
 /// Writes a spectral image in the layout of Fichet, Pacanowski and Wilkie[^fichet2021].
@@ -114,7 +117,7 @@ fn spectral<Q: Quantity>(
     if let Some(preview) = options.preview {
         planes.extend(preview_planes(preview, size.0));
     }
-    let mut part = Part { name: None, planes, attributes: spectral_attributes::<Q>(grid) };
+    let mut part = Part { name: None, planes, attributes: spectral_attributes::<Q>(grid), is_packed: true };
     part.attributes.extend(storage);
     part.add_provenance(options.provenance);
     write_parts(path, size, vec![part], options.compression, source.spool())
@@ -131,6 +134,7 @@ fn spectral<Q: Quantity>(
 /// | `fluorsparComponent` | label of the component, JSON |
 /// | `fluorsparSamplesPerPixel` | paths per pixel |
 /// | `fluorsparDenoised` | settings of the noise reduction, JSON; missing in raw images |
+/// | `fluorsparPlanes` | of which camera the channel planes of a part are, JSON; such parts hold electrons per second |
 /// | `fluorsparStatistic` | which half-buffer or variance a part holds, JSON |
 /// | `fluorsparParts` | names of the objects and of their materials, JSON, in `features` |
 /// | `fluorsparMaterials` | names of the materials, JSON, in `features`: `material` counts them from 1 |
@@ -185,7 +189,7 @@ fn components(
     let mut parts = Vec::new();
     if let Some(preview) = options.preview {
         let planes = preview_planes(preview, size.0).to_vec();
-        parts.push(Part { name: Some(PREVIEW.into()), planes, attributes: Vec::new() });
+        parts.push(Part { name: Some(PREVIEW.into()), planes, attributes: Vec::new(), is_packed: true });
     }
     for (index, component) in image.components.iter().enumerate() {
         let name = component.label();
@@ -206,7 +210,7 @@ fn components(
         attributes.push((COMPONENT, text(&json(component))));
         attributes.push((SAMPLES, text(&image.samples_per_pixel.to_string())));
         attributes.extend(image.denoised.as_ref().map(|settings| (DENOISED, text(settings))));
-        parts.push(Part { name: Some(name), planes, attributes });
+        parts.push(Part { name: Some(name), planes, attributes, is_packed: true });
     }
     if let Some(statistics) = &image.statistics {
         let plane = image.width * image.height * image.grid.len();
@@ -240,9 +244,13 @@ fn components(
                 let (planes, storage) =
                     band_planes::<Radiance>(&image.grid, source, size.0, options.compression);
                 attributes.extend(storage);
-                parts.push(Part { name: Some(format!("{prefix}.{name}")), planes, attributes });
+                let name = Some(format!("{prefix}.{name}"));
+                parts.push(Part { name, planes, attributes, is_packed: true });
             }
         }
+    }
+    for (number, planes) in options.planes.iter().enumerate() {
+        parts.push(planes_part(path, image, number, planes)?);
     }
     let (materials, material_names) = materials(&image.features);
     parts.extend(features_part(path, image, &materials, &material_names)?);
@@ -251,6 +259,42 @@ fn components(
     }
     parts[0].add_provenance(options.provenance);
     write_parts(path, size, parts, options.compression, spool)
+}
+
+/// Channel planes as a part: a channel for each component and channel of the sensor, `C000.P00`, in their order.
+fn planes_part<'a>(
+    path: &Path,
+    image: &ComponentImage,
+    number: usize,
+    planes: &'a ChannelPlanes,
+) -> Result<Part<'a>, FormatError> {
+    let count = planes.components * planes.channels;
+    let pixels = planes.width * planes.height;
+    if (planes.width, planes.height, planes.components) != (image.width, image.height, image.components.len())
+        || planes.data.len() != count * pixels
+    {
+        let what = "the channel planes do not fit the components";
+        return Err(FormatError::unwritable(path, what, "Form them from this image"));
+    }
+    let plane = |index: usize| Plane {
+        name: format!("C{:04}.P{:04}", index / planes.channels, index % planes.channels),
+        values: Values::F32(&planes.data[index * pixels..][..pixels]),
+        offset: 0,
+        stride: 1,
+        width: planes.width,
+    };
+    let label = PlanesLabel {
+        camera: planes.camera.clone(),
+        components: planes.components,
+        channels: planes.channels,
+        unit: "e-/s".into(),
+    };
+    Ok(Part {
+        name: Some(format!("planes.{}", number + 1)),
+        planes: (0..count).map(plane).collect(),
+        attributes: vec![(PLANES, text(&json(&label)))],
+        is_packed: false,
+    })
 }
 
 /// Number of the material behind each pixel, from 1, and the names in order of first use.
@@ -329,7 +373,7 @@ fn features_part<'a>(
     let names = json(&(&features.part_names, &features.material_names));
     attributes.push((PARTS, text(&names)));
     attributes.extend(features.view.map(|view| (VIEW, text(&json(&view)))));
-    Ok(Some(Part { name: Some(FEATURES.into()), planes, attributes }))
+    Ok(Some(Part { name: Some(FEATURES.into()), planes, attributes, is_packed: true }))
 }
 
 fn check(
@@ -475,6 +519,8 @@ struct Part<'a> {
     name: Option<String>,
     planes: Vec<Plane<'a>>,
     attributes: Vec<(&'static str, AttributeValue)>,
+    /// Whether its pixels are packed as the options say, or not at all.
+    is_packed: bool,
 }
 
 impl Part<'_> {
@@ -563,7 +609,7 @@ fn write_parts(
     compression: ExrCompression,
     spool: Option<&SpooledImage>,
 ) -> Result<(), FormatError> {
-    let encoding = Encoding {
+    let packed = Encoding {
         compression: match compression {
             ExrCompression::Uncompressed => Compression::Uncompressed,
             ExrCompression::Zip | ExrCompression::Half => Compression::ZIP16,
@@ -572,9 +618,11 @@ fn write_parts(
         blocks: Blocks::ScanLines,
         line_order: LineOrder::Increasing,
     };
+    let plain = Encoding { compression: Compression::Uncompressed, ..packed };
     let layers: SmallVec<[_; 2]> = parts
         .into_iter()
         .map(|part| {
+            let encoding = if part.is_packed { packed } else { plain };
             let channels: SmallVec<[_; 4]> = part
                 .planes
                 .into_iter()

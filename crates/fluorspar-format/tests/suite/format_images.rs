@@ -85,7 +85,12 @@ fn round_trip_exr<Q: Quantity + std::fmt::Debug + PartialEq>() {
     let (image, provenance) = (spectral::<Q>(), provenance());
     let preview = vec![[0.1, 0.2, 0.3]; 5 * 37];
     for compression in [ExrCompression::Uncompressed, ExrCompression::Zip] {
-        let options = ExrOptions { compression, preview: Some(&preview), provenance: Some(&provenance) };
+        let options = ExrOptions {
+            compression,
+            preview: Some(&preview),
+            provenance: Some(&provenance),
+            ..Default::default()
+        };
         write_spectral_exr(&path, &image, &options).unwrap();
         let back = read_spectral_exr::<Q>(&path).unwrap();
         assert_eq!(back.image, image);

@@ -92,7 +92,11 @@ pub fn write_run_folder(folder: &Path, run: &RunResults<'_>) -> Result<PathBuf, 
     let evaluation = run.evaluation;
     let provenance = provenance(run.experiment, run.experiment_text, run.components);
     let options =
-        ExrOptions { compression: ExrCompression::Zip, preview: None, provenance: Some(&provenance) };
+        ExrOptions {
+        compression: ExrCompression::Zip,
+        provenance: Some(&provenance),
+        ..Default::default()
+    };
 
     for capture in &run.experiment.study.captures {
         if capture.frame.lights.values().any(|&drive| drive > 0.0) {

@@ -5,7 +5,7 @@ use std::ops::Range;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use super::SpectralImage;
+use super::{ComponentFactors, SpectralImage};
 use crate::spectral::{Curve, Radiance, WavelengthGrid};
 
 /// Which light paths a component holds, by their fluorescence events.
@@ -269,8 +269,8 @@ impl ComponentImage {
         labels
     }
 
-    /// Gives a light group another light spectrum, in a render with excitation bins. Statistics of the samples do not
-    /// follow, and are dropped.
+    /// Factors on the components that give a light group another light spectrum, in a render with excitation bins; 1 for the
+    /// other groups.
     ///
     /// `rendered` is the spectrum that the group's lights had, `wanted` the one that they shall have, both as power (or
     /// irradiance, or radiance) per nm. Each bin is weighted by the ratio of the two integrals over it: exact where
@@ -278,12 +278,12 @@ impl ComponentImage {
     ///
     /// # Errors
     /// When more than 1e-3 of `wanted` lies outside the bins or in bins that were rendered without light.
-    pub fn change_spectrum(
-        &mut self,
+    pub fn spectrum_factors(
+        &self,
         group: &str,
         rendered: &Curve,
         wanted: &Curve,
-    ) -> Result<(), SpectrumOutOfSpan> {
+    ) -> Result<Vec<f64>, SpectrumOutOfSpan> {
         let ratio = |[first, last]: [f64; 2]| {
             let (rendered, wanted) = (rendered.integral(first, last), wanted.integral(first, last));
             if rendered > 0.0 { (wanted / rendered, wanted) } else { (0.0, 0.0) }
@@ -294,15 +294,28 @@ impl ComponentImage {
         if missing.is_nan() || missing > 1e-3 {
             return Err(SpectrumOutOfSpan { group: group.into(), percent: 100.0 * missing });
         }
-        let plane = self.width * self.height * self.grid.len();
-        for (component, values) in self.components.iter().zip(self.data.chunks_mut(plane.max(1))) {
-            if component.light_group == group {
-                let factor = component.bin_nm().map_or(0.0, |bin| ratio(bin).0) as f32;
-                values.iter_mut().for_each(|value| *value *= factor);
+        let factor = |component: &Component| {
+            if component.light_group != group {
+                return 1.0;
+            }
+            component.bin_nm().map_or(0.0, |bin| ratio(bin).0)
+        };
+        Ok(self.components.iter().map(factor).collect())
+    }
+
+    /// Multiplies the values of each component. Statistics of the samples do not follow, and are dropped.
+    pub fn scale(&mut self, factors: &ComponentFactors) {
+        let (width, bands) = (self.width, self.grid.len());
+        let pixels = width * self.height;
+        for (component, values) in self.data.chunks_mut((pixels * bands).max(1)).enumerate() {
+            for (pixel, spectrum) in values.chunks_mut(bands).enumerate() {
+                let factor = factors.at(component, pixel);
+                if factor != 1.0 {
+                    spectrum.iter_mut().for_each(|value| *value = (factor * f64::from(*value)) as f32);
+                }
             }
         }
         self.statistics = None;
-        Ok(())
     }
 
     /// Edges of the excitation bins of a light group, nm.
@@ -339,20 +352,25 @@ impl ComponentImage {
         let features = &mut self.features;
         let normals = features.normal.as_flattened_mut().iter_mut();
         let uv = features.uv.as_flattened_mut().iter_mut();
-        for value in self.data.iter_mut().chain(&mut features.depth_m).chain(normals).chain(uv) {
-            let rounded = f32::from_bits((value.to_bits().saturating_add(0x80)) & !0xff);
-            // Rounding up must not make the largest numbers infinite; infinite depth stays.
-            *value = if rounded.is_finite() || value.is_infinite() {
-                rounded
-            } else {
-                f32::from_bits(value.to_bits() & !0xff)
-            };
-        }
+        round_to_24_bits(self.data.iter_mut().chain(&mut features.depth_m).chain(normals).chain(uv));
     }
 
     /// Everything that one light group excites.
     pub fn light_group(&self, name: &str) -> SpectralImage<Radiance> {
         self.recombine(|component| if component.light_group == name { 1.0 } else { 0.0 })
+    }
+}
+
+/// Rounds values to 24 bits: 15 of the mantissa.
+pub(super) fn round_to_24_bits<'a>(values: impl IntoIterator<Item = &'a mut f32>) {
+    for value in values {
+        let rounded = f32::from_bits((value.to_bits().saturating_add(0x80)) & !0xff);
+        // Rounding up must not make the largest numbers infinite; infinite depth stays.
+        *value = if rounded.is_finite() || value.is_infinite() {
+            rounded
+        } else {
+            f32::from_bits(value.to_bits() & !0xff)
+        };
     }
 }
 

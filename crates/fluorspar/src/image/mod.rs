@@ -1,14 +1,18 @@
 //! Images with a wavelength axis, component images, raw mosaics and developed channel images.
 
+mod channel_planes;
 mod component_image;
+mod component_rows;
 pub mod film;
 mod sensor_image;
 mod spectral_image;
 
+pub use channel_planes::{ChannelPlanes, ComponentFactors};
 pub use component_image::{
     Component, ComponentImage, ExcitationBin, FeatureMaps, LightPath, SampleStatistics, SpectrumOutOfSpan,
     StatisticsKind, View,
 };
+pub use component_rows::{ComponentRows, PreparedRows};
 pub use film::{Film, FilmLayout, MergeError};
 pub use sensor_image::{ChannelImage, Mosaic, SensorImage, SubtractedLight};
 pub use spectral_image::{ImageShapeError, SpectralImage};

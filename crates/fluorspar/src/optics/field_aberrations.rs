@@ -150,6 +150,22 @@ impl ByHeight {
     }
 }
 
+/// Some of the values of each pixel of an image, `[row, col, value]`.
+struct Interleaved<'a> {
+    data: &'a [f32],
+    size: [usize; 2],
+    /// Values of a pixel.
+    values: usize,
+    /// Those that count.
+    range: Range<usize>,
+}
+
+impl Interleaved<'_> {
+    fn pixel(&self, row: usize, col: usize) -> &[f32] {
+        &self.data[(row * self.size[0] + col) * self.values..][..self.values][self.range.clone()]
+    }
+}
+
 impl CameraLens {
     /// Lens radiance (see [`CameraLens`]) from the radiance that a pinhole in the entrance pupil sees, whose half width has
     /// the tangent `tan_half_width`. Rows and columns stay. Everything is taken to lie in the plane in focus: a render through
@@ -165,27 +181,59 @@ impl CameraLens {
         if width == 0 || height == 0 || bands == 0 {
             return picture;
         }
-        let radius_mm = 0.5 * self.film_width_mm().hypot(self.film_height_mm());
-        let illumination = ByHeight::new(radius_mm, 33, |height_mm| self.relative_illumination(height_mm));
-        for (range, lens) in self.groups() {
-            // Look pixels up where their chief rays go
-            let tangent = ByHeight::new(radius_mm, 65, |height_mm| {
-                lens.chief_ray(height_mm).map_or(f64::NAN, |chief| chief.object_tangent)
-            });
-            let ideal = self.undistorted(pinhole, tan_half_width, &tangent, range);
-            // Convolve traced point spreads with the Airy pattern
-            let airy = Airy::new(lens.wavelength_nm(), self.working_f_number());
-            let spreads: Vec<PointSpread> = (0..FIELD_NODES)
-                .into_par_iter()
-                .map(|node| {
-                    let height_mm = radius_mm * node as f64 / (FIELD_NODES - 1) as f64;
-                    PointSpread::new(lens, self.state().object_mm(), height_mm, RAYS).with_airy(&airy)
-                })
-                .collect();
-            // Blur and darken
-            self.blur(&ideal, &spreads, &illumination, range, &mut picture);
+        let size = [width, height];
+        for (group, (range, _)) in self.groups().iter().enumerate() {
+            let seen = Interleaved { data: pinhole.data(), size, values: bands, range: range.clone() };
+            self.image_values(group, &seen, tan_half_width, picture.data_mut());
         }
         picture
+    }
+
+    /// [`CameraLens::lens_radiance`] of other values than bands, `[row, col, value]`, such as channels of a sensor, as the rays
+    /// of one of the [groups](CameraLens::groups) image them.
+    pub fn lens_values(
+        &self,
+        group: usize,
+        pinhole: &[f32],
+        [width, height]: [usize; 2],
+        tan_half_width: f64,
+    ) -> Vec<f32> {
+        let mut picture = vec![0.0; pinhole.len()];
+        if !pinhole.is_empty() {
+            let values = pinhole.len() / (width * height);
+            let seen = Interleaved { data: pinhole, size: [width, height], values, range: 0..values };
+            self.image_values(group, &seen, tan_half_width, &mut picture);
+        }
+        picture
+    }
+
+    /// Images some of the values of a pinhole's image by the rays of a group of bands.
+    fn image_values(
+        &self,
+        group: usize,
+        pinhole: &Interleaved<'_>,
+        tan_half_width: f64,
+        picture: &mut [f32],
+    ) {
+        let lens = &self.groups()[group].1;
+        let radius_mm = 0.5 * self.film_width_mm().hypot(self.film_height_mm());
+        let illumination = ByHeight::new(radius_mm, 33, |height_mm| self.relative_illumination(height_mm));
+        // Look pixels up where their chief rays go
+        let tangent = ByHeight::new(radius_mm, 65, |height_mm| {
+            lens.chief_ray(height_mm).map_or(f64::NAN, |chief| chief.object_tangent)
+        });
+        let ideal = self.undistorted(pinhole, tan_half_width, &tangent);
+        // Convolve traced point spreads with the Airy pattern
+        let airy = Airy::new(lens.wavelength_nm(), self.working_f_number());
+        let spreads: Vec<PointSpread> = (0..FIELD_NODES)
+            .into_par_iter()
+            .map(|node| {
+                let height_mm = radius_mm * node as f64 / (FIELD_NODES - 1) as f64;
+                PointSpread::new(lens, self.state().object_mm(), height_mm, RAYS).with_airy(&airy)
+            })
+            .collect();
+        // Blur and darken
+        self.blur(&ideal, &spreads, &illumination, pinhole, picture);
     }
 
     /// Multiplies an image of the given width on the film, centered on the axis, by the relative illumination.
@@ -214,14 +262,8 @@ impl CameraLens {
     }
 
     /// The pinhole's image where chief rays put it, `[row, col, band of the range]`.
-    fn undistorted(
-        &self,
-        pinhole: &SpectralImage<Radiance>,
-        tan_half_width: f64,
-        tangent: &ByHeight,
-        range: &Range<usize>,
-    ) -> Vec<f32> {
-        let (width, height) = (pinhole.width(), pinhole.height());
+    fn undistorted(&self, pinhole: &Interleaved<'_>, tan_half_width: f64, tangent: &ByHeight) -> Vec<f32> {
+        let ([width, height], range) = (pinhole.size, &pinhole.range);
         let mut ideal = vec![0.0_f32; width * height * range.len()];
         ideal.par_chunks_exact_mut(width * range.len()).enumerate().for_each(|(row, out)| {
             for (col, out) in out.chunks_exact_mut(range.len()).enumerate() {
@@ -250,7 +292,7 @@ impl CameraLens {
                     (r1, c, (1.0 - tx) * ty),
                     (r1, c1, tx * ty),
                 ] {
-                    for (sum, value) in out.iter_mut().zip(&pinhole.pixel(row, col)[range.clone()]) {
+                    for (sum, value) in out.iter_mut().zip(pinhole.pixel(row, col)) {
                         *sum += weight * value;
                     }
                 }
@@ -265,13 +307,13 @@ impl CameraLens {
         ideal: &[f32],
         spreads: &[PointSpread],
         illumination: &ByHeight,
-        range: &Range<usize>,
-        picture: &mut SpectralImage<Radiance>,
+        place: &Interleaved<'_>,
+        picture: &mut [f32],
     ) {
-        let (width, height, bands) = (picture.width(), picture.height(), picture.bands());
+        let ([width, height], bands, range) = (place.size, place.values, &place.range);
         let pitch_mm = self.film_width_mm() / width as f64;
         let radius_mm = 0.5 * self.film_width_mm().hypot(self.film_height_mm());
-        picture.data_mut().par_chunks_exact_mut(width * bands).enumerate().for_each(|(row, out)| {
+        picture.par_chunks_exact_mut(width * bands).enumerate().for_each(|(row, out)| {
             let mut kernel = Kernel::default();
             for (col, out) in out.chunks_exact_mut(bands).enumerate() {
                 // Find the field height of the pixel between two nodes

@@ -195,6 +195,20 @@ impl IdealLens {
         on_grid_under(&self.transmittance, grid, light)
     }
 
+    /// Transmittances averaged over the bins of a grid at the heights on the film, mm, between which they are linear, for light of
+    /// the given spectrum within each bin; one at height 0 where it is the same everywhere.
+    pub fn transmittances_under(
+        &self,
+        grid: &WavelengthGrid,
+        light: Option<&Curve>,
+    ) -> Vec<(f64, Spectrum<Transmittance>)> {
+        if self.field_transmittance.is_empty() {
+            return vec![(0.0, self.transmittance_under(grid, light))];
+        }
+        let at = |(height_mm, curve): &(f64, Curve)| (*height_mm, on_grid_under(curve, grid, light));
+        self.field_transmittance.iter().map(at).collect()
+    }
+
     /// Irradiance on the axis of a film under a uniform field.
     pub fn axial_irradiance(&self, radiance: &Spectrum<Radiance>) -> Spectrum<Irradiance> {
         let solid_angle = self.axial_solid_angle_sr();

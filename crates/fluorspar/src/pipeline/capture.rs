@@ -4,11 +4,13 @@ use std::borrow::Cow;
 
 use super::light_by_shape::{ShapedRadiance, light_by_shape};
 use super::motion::{MotionPath, shifted};
-use super::{Calibration, PipelineError};
+use super::{Calibration, CapturePlanes, PipelineError};
 use crate::analysis::SceneOnSensor;
-use crate::image::{ChannelImage, ComponentImage, SensorImage, SpectralImage};
+use crate::image::{ChannelImage, ComponentFactors, ComponentImage, SensorImage, SpectralImage};
 use crate::optics::{FilterAutofluorescence, IdealLens};
-use crate::sensor::{CaptureFrame, Exposure, FilmExtent, LinearMosaic, Sensor, ShutterKind, merge_exposures};
+use crate::sensor::{
+    CaptureFrame, Exposure, FilmExtent, FilmRates, LinearMosaic, Sensor, ShutterKind, merge_exposures,
+};
 use crate::spectral::{Irradiance, Radiance, Transmittance};
 use crate::study::{Capture, Study};
 
@@ -202,6 +204,27 @@ pub(super) fn on_sensor<'a>(study: &Study, components: &'a ComponentImage) -> Op
     Some(SceneOnSensor { components, film_over_sensor })
 }
 
+/// Irradiance on the film in one capture, in all bands, W/(m² nm): the light of its lights behind lens and filters, and the
+/// extent of the image. Frames are made of [`CapturePlanes`], which join this with the sensor.
+///
+/// # Errors
+/// A study without a lens.
+pub fn capture_irradiance(
+    study: &Study,
+    capture: &Capture,
+    components: &ComponentImage,
+) -> Result<(SpectralImage<Irradiance>, FilmExtent), PipelineError> {
+    let lens = study.camera.lens_behind_filters().ok_or(PipelineError::Missing("lens"))?;
+    let film = film_extent(study, components, &lens);
+    let lens = behind_filter(&lens, capture);
+    let tan_half_width = tan_half_width(study, components);
+    let mut irradiance = SpectralImage::zeros(components.grid.clone(), components.width, components.height);
+    for light in light_by_shape(study, &capture.frame, components) {
+        irradiance.add(&film_irradiance(study, &lens, &light, tan_half_width, film.width_mm));
+    }
+    Ok((irradiance, film))
+}
+
 /// Takes all frames of a study: lights of the frame, lens, motion, sensor, brackets, development.
 ///
 /// Lens and sensor may be others than those that the image was rendered for: the sensor then sees more or less of it.
@@ -211,8 +234,47 @@ pub(super) fn on_sensor<'a>(study: &Study, components: &'a ComponentImage) -> Op
 /// A study without lens, sensor or captures; an image of another study or from another place; exposures that
 /// can't be used.
 pub fn capture(study: &Study, components: &ComponentImage) -> Result<Vec<CapturedFrame>, PipelineError> {
-    let lens = study.camera.lens_behind_filters().ok_or(PipelineError::Missing("lens"))?;
+    check_captures(study, components)?;
+    let planes = CapturePlanes::new(study, components)?;
+    capture_from_planes(study, components, &planes, &ComponentFactors::ones(components.components.len()))
+}
+
+/// [`capture`] from the channel planes of the captures, with factors on the components (of concentrations, for instance). Of
+/// the component image only the labels count; it may be without values.
+///
+/// # Errors
+/// Those of [`capture`].
+pub fn capture_from_planes(
+    study: &Study,
+    components: &ComponentImage,
+    planes: &CapturePlanes,
+    factors: &ComponentFactors,
+) -> Result<Vec<CapturedFrame>, PipelineError> {
+    check_captures(study, components)?;
     let sensor = study.camera.sensor.as_ref().ok_or(PipelineError::Missing("sensor"))?;
+    // Expose each capture in sequence
+    let mut path = MotionPath::new(study);
+    let mut exposures = Vec::with_capacity(study.captures.len());
+    for (number, capture) in study.captures.iter().enumerate() {
+        let rates = planes.film_rates(number, &capture.frame, components, factors);
+        exposures.push(expose_capture(study, sensor, capture, &rates, planes.film, &mut path)?);
+    }
+    // Develop with calibration frames of the same exposures
+    let calibration = Calibration::of_study(study, exposures.iter().flat_map(RawExposures::all))?;
+    develop_frames(study, exposures, &calibration)
+}
+
+/// Checks that a study has all that captures need, and that a component image fits it.
+///
+/// # Errors
+/// What is missing, or what does not fit.
+pub fn check_captures(study: &Study, components: &ComponentImage) -> Result<(), PipelineError> {
+    if study.camera.lens.is_none() {
+        return Err(PipelineError::Missing("lens"));
+    }
+    if study.camera.sensor.is_none() {
+        return Err(PipelineError::Missing("sensor"));
+    }
     if study.captures.is_empty() {
         return Err(PipelineError::Missing("captures"));
     }
@@ -220,7 +282,6 @@ pub fn capture(study: &Study, components: &ComponentImage) -> Result<Vec<Capture
         let (image, study) = (components.grid.len(), study.scene.grid.len());
         return Err(PipelineError::OtherGrid { image, study });
     }
-    // Check that the component image fits the study
     let known = components.light_groups();
     for c in &study.captures {
         let frame = &c.frame;
@@ -240,24 +301,7 @@ pub fn capture(study: &Study, components: &ComponentImage) -> Result<Vec<Capture
         }
     }
     study.capture_sequence().validate()?;
-    // Expose each capture in sequence
-    let film = film_extent(study, components, &lens);
-    let mut path = MotionPath::new(study);
-    let mut exposures = Vec::with_capacity(study.captures.len());
-    for capture in &study.captures {
-        let lens = behind_filter(&lens, capture);
-        let tan_half_width = tan_half_width(study, components);
-        let mut irradiance =
-            SpectralImage::zeros(components.grid.clone(), components.width, components.height);
-        // Form the irradiance on the film
-        for light in light_by_shape(study, &capture.frame, components) {
-            irradiance.add(&film_irradiance(study, &lens, &light, tan_half_width, film.width_mm));
-        }
-        exposures.push(expose_capture(study, sensor, capture, &irradiance, film, &mut path)?);
-    }
-    // Develop with calibration frames of the same exposures
-    let calibration = Calibration::of_study(study, exposures.iter().flat_map(RawExposures::all))?;
-    develop_frames(study, exposures, &calibration)
+    Ok(())
 }
 
 /// Most steps in which an image moves while a rolling shutter runs.
@@ -282,17 +326,17 @@ fn expose_capture(
     study: &Study,
     sensor: &Sensor,
     capture: &Capture,
-    irradiance: &SpectralImage<Irradiance>,
+    rates: &FilmRates,
     film: FilmExtent,
     path: &mut MotionPath,
 ) -> Result<RawExposures, PipelineError> {
-    let at_rest = sensor.electron_rate_on_film(irradiance, film)?;
+    let at_rest = sensor.electron_rate_of(rates, film)?;
     let main = sensor.frame_exposure(&capture.frame, &at_rest, study.render.seed)?;
-    let sample_um = 1e3 * film.width_mm / irradiance.width() as f64;
+    let sample_um = 1e3 * film.width_mm / rates.width as f64;
     let samples_per_pixel = sensor.model().pixel_size_um / sample_um;
     let rate_at = |shift_px: [f64; 2]| {
         let [right, down] = shift_px.map(|pixels| pixels * samples_per_pixel);
-        sensor.electron_rate_on_film(&shifted(irradiance, right, down), film)
+        sensor.electron_rate_of(&shifted(rates, right, down), film)
     };
     let mut take = |exposure: &Exposure| -> Result<SensorImage, PipelineError> {
         let start_px = path.next(exposure.time_s);
@@ -373,7 +417,7 @@ fn frame_of<'a>(frames: &'a [LinearMosaic], label: &str) -> Result<&'a LinearMos
 mod tests {
     use super::*;
     use crate::sensor::{SensorModel, Shutter, SpectralQe};
-    use crate::spectral::{Curve, WavelengthGrid};
+    use crate::spectral::Curve;
 
     fn sensor(kind: ShutterKind) -> Sensor {
         let shutter = Shutter { kind, row_time_us: 100.0, ..Shutter::default() };
@@ -399,17 +443,14 @@ mod tests {
     fn an_upright_edge_that_drifts_leans() {
         let sensor = sensor(ShutterKind::Rolling);
         let film = sensor.film_extent();
-        let grid = WavelengthGrid::uniform(550.0, 550.0, 10.0).unwrap();
-        let mut image: SpectralImage<Irradiance> = SpectralImage::zeros(grid, 60, 40);
-        for pixel in 0..60 * 40 {
-            image.data_mut()[pixel] = if pixel % 60 < 30 { 1e-3 } else { 0.0 };
-        }
+        let data = (0..60 * 40).map(|pixel| if pixel % 60 < 30 { 1e4 } else { 0.0 }).collect();
+        let rates = FilmRates { width: 60, height: 40, data };
         let exposure = Exposure { time_s: 0.001, ..Exposure::default() };
         let times_s = rolling_steps(&sensor, &exposure, [1000.0, 0.0]).unwrap();
         let middle_s = |step: usize| times_s[step] + 0.5 * times_s[1];
         let rate = sensor
             .rate_over_time(&times_s, &exposure, |step| {
-                sensor.electron_rate_on_film(&shifted(&image, 1000.0 * middle_s(step), 0.0), film)
+                sensor.electron_rate_of(&shifted(&rates, 1000.0 * middle_s(step), 0.0), film)
             })
             .unwrap();
         let full = rate.data[0];

@@ -1,11 +1,11 @@
 //! Everything after the render, each result once.
 
 use super::{
-    AnalyzedFrame, CapturedFrame, ColorRendering, DepthOfLight, FrameLeak, PipelineError, Preview,
-    RegionRadiance, SafetyReport, SpectroradiometerReading, analyze, assess_safety, capture, depths_of_light,
-    frame_leak, preview, read_spectroradiometers,
+    AnalyzedFrame, CapturePlanes, CapturedFrame, ColorRendering, DepthOfLight, FrameLeak, PipelineError,
+    Preview, RegionRadiance, SafetyReport, SpectroradiometerReading, analyze, assess_safety,
+    capture_from_planes, check_captures, depths_of_light, frame_leak, preview, read_spectroradiometers,
 };
-use crate::image::ComponentImage;
+use crate::image::{ComponentFactors, ComponentImage};
 use crate::study::{Capture, Study};
 
 /// Results of a study, computed from its component image.
@@ -44,13 +44,32 @@ impl Evaluation {
 /// The first stage that can't be run: captures without a lens or a sensor, an image of another study, a region without
 /// pixels.
 pub fn evaluate(study: &Study, components: &ComponentImage) -> Result<Evaluation, PipelineError> {
+    if study.captures.is_empty() {
+        return evaluate_from_planes(study, components, None);
+    }
+    check_captures(study, components)?;
+    let planes = CapturePlanes::new(study, components)?;
+    evaluate_from_planes(study, components, Some(&planes))
+}
+
+/// [`evaluate`] with the channel planes of the captures; a study without captures needs none.
+///
+/// # Errors
+/// Those of [`evaluate`].
+pub fn evaluate_from_planes(
+    study: &Study,
+    components: &ComponentImage,
+    planes: Option<&CapturePlanes>,
+) -> Result<Evaluation, PipelineError> {
     // Capture and analyze
-    let (frames, analysis) = if study.captures.is_empty() {
-        (Vec::new(), None)
-    } else {
-        let frames = capture(study, components)?;
-        let analysis = analyze(study, Some(components), &frames)?;
-        (frames, analysis)
+    let (frames, analysis) = match planes {
+        None => (Vec::new(), None),
+        Some(planes) => {
+            let ones = ComponentFactors::ones(components.components.len());
+            let frames = capture_from_planes(study, components, planes, &ones)?;
+            let analysis = analyze(study, Some(components), &frames)?;
+            (frames, analysis)
+        }
     };
 
     // Measure the radiance itself

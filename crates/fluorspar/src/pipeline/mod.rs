@@ -3,7 +3,9 @@
 //! | stage | call | gives |
 //! |---|---|---|
 //! | light transport | [`crate::render::render`] | [`crate::image::ComponentImage`] |
-//! | lens, sensor, development | [`capture`] | [`CapturedFrame`]s |
+//! | lens, filters, quantum efficiency as weights | [`FilmResponse`] | [`crate::image::ChannelPlanes`] |
+//! | planes of all captures | [`CapturePlanes`] | [`crate::sensor::FilmRates`] |
+//! | lens, sensor, development | [`capture`], [`capture_from_planes`] | [`CapturedFrame`]s |
 //! | dark frames, flat field, bad pixels | [`Calibration`] | |
 //! | spectroradiometers | [`read_spectroradiometers`] | [`SpectroradiometerReading`]s |
 //! | photobiological safety | [`assess_safety`] | [`SafetyReport`] |
@@ -23,10 +25,12 @@ mod analyze;
 mod calibration;
 mod camera_color;
 mod capture;
+mod capture_planes;
 mod denoise;
 mod depth_of_light;
 mod direct_light;
 mod evaluate;
+mod film_response;
 mod filter_leak;
 mod frame_leak;
 mod light_by_shape;
@@ -47,11 +51,14 @@ pub use analyze::{AnalyzedFrame, analyze};
 pub use calibration::Calibration;
 pub use camera_color::CameraColor;
 pub use capture::{
-    CapturedFrame, RawExposures, bracket_label, capture, complete_raw, develop_frames, frame_radiance,
+    CapturedFrame, RawExposures, bracket_label, capture, capture_from_planes, capture_irradiance,
+    check_captures, complete_raw, develop_frames, frame_radiance,
 };
+pub use capture_planes::{CapturePlanes, CaptureResponses};
 pub use denoise::{DenoiseError, DenoiseSettings, denoise};
 pub use depth_of_light::{DepthOfLight, LayerShare, depths_of_light};
-pub use evaluate::{Evaluation, evaluate};
+pub use evaluate::{Evaluation, evaluate, evaluate_from_planes};
+pub use film_response::FilmResponse;
 pub use filter_leak::{FilterLeak, LeakAtAngle, LeakBehindFilters, filter_leak};
 pub use frame_leak::{ChannelLeak, FrameLeak, frame_leak};
 pub use predict::{

@@ -2,9 +2,8 @@
 
 use rand_distr::{Distribution, StandardNormal};
 
-use crate::image::SpectralImage;
 use crate::sampling::random::Key;
-use crate::spectral::Quantity;
+use crate::sensor::FilmRates;
 use crate::study::{Motion, Study};
 
 /// Where the image lies in each exposure: `drift * start of the exposure + jitter * N(0, 1)` in either direction. The
@@ -45,11 +44,11 @@ impl MotionPath {
     }
 }
 
-/// The image moved by samples to the right and down. Samples are squares of even light: each becomes the mean of the squares
-/// that it covers, so light is kept. What moves in at an edge is the edge's own value.
-pub(super) fn shifted<Q: Quantity>(image: &SpectralImage<Q>, right: f64, down: f64) -> SpectralImage<Q> {
-    let (width, height) = (image.width(), image.height());
-    let mut out = SpectralImage::zeros(image.grid().clone(), width, height);
+/// Rates moved by samples to the right and down. Samples are squares of even light: each becomes the mean of the squares that it
+/// covers, so light is kept. What moves in at an edge is the edge's own value.
+pub(super) fn shifted(rates: &FilmRates, right: f64, down: f64) -> FilmRates {
+    let (width, height) = (rates.width, rates.height);
+    let mut data = vec![0.0_f32; rates.data.len()];
     // Split the shift into whole pixels and a fraction
     let split = |shift: f64| {
         let whole = shift.floor();
@@ -57,49 +56,49 @@ pub(super) fn shifted<Q: Quantity>(image: &SpectralImage<Q>, right: f64, down: f
     };
     let ((cols, col_part), (rows, row_part)) = (split(right), split(down));
     let clamp = |index: i64, length: usize| index.clamp(0, length as i64 - 1) as usize;
-    for row in 0..height {
-        let above = clamp(row as i64 - rows - 1, height);
-        let below = clamp(row as i64 - rows, height);
-        for col in 0..width {
+    let lines = data.chunks_exact_mut(width.max(1)).enumerate();
+    for (number, out) in lines {
+        let plane = &rates.data[number / height * (width * height)..][..width * height];
+        let row = (number % height) as i64 - rows;
+        let (above, below) = (clamp(row - 1, height), clamp(row, height));
+        for (col, out) in out.iter_mut().enumerate() {
             let before = clamp(col as i64 - cols - 1, width);
             let after = clamp(col as i64 - cols, width);
-            // Average the four pixels that overlap the shifted one
+            // Average the four samples that overlap the shifted one
             let corners = [
-                (image.pixel(below, after), (1.0 - row_part) * (1.0 - col_part)),
-                (image.pixel(below, before), (1.0 - row_part) * col_part),
-                (image.pixel(above, after), row_part * (1.0 - col_part)),
-                (image.pixel(above, before), row_part * col_part),
+                (plane[below * width + after], (1.0 - row_part) * (1.0 - col_part)),
+                (plane[below * width + before], (1.0 - row_part) * col_part),
+                (plane[above * width + after], row_part * (1.0 - col_part)),
+                (plane[above * width + before], row_part * col_part),
             ];
-            let target = out.pixel_mut(row, col);
-            for (values, weight) in corners {
-                if weight > 0.0 {
-                    target.iter_mut().zip(values).for_each(|(sum, value)| *sum += weight * value);
-                }
-            }
+            *out = corners
+                .iter()
+                .filter(|(_, weight)| *weight > 0.0)
+                .map(|(value, weight)| weight * value)
+                .sum();
         }
     }
-    out
+    FilmRates { width, height, data }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::spectral::{Irradiance, WavelengthGrid};
 
     #[test]
     fn images_move_by_whole_and_broken_samples() {
-        let grid = WavelengthGrid::uniform(500.0, 500.0, 10.0).unwrap();
-        let data: Vec<f32> = (0..30).map(|i| (i * i % 17) as f32).collect();
-        let image: SpectralImage<Irradiance> = SpectralImage::from_data(grid, 6, 5, data).unwrap();
-        assert_eq!(shifted(&image, 0.0, 0.0), image);
-        let moved = shifted(&image, 2.0, 1.0);
-        assert_eq!(moved.pixel(3, 4), image.pixel(2, 2));
-        assert_eq!(moved.pixel(0, 0), image.pixel(0, 0), "the edge moves in");
-        let back = shifted(&image, -1.0, 0.0);
-        assert_eq!(back.pixel(2, 2), image.pixel(2, 3));
-        let quarter = shifted(&image, 0.25, 0.0);
-        let expected = 0.75 * image.pixel(2, 3)[0] + 0.25 * image.pixel(2, 2)[0];
-        assert!((quarter.pixel(2, 3)[0] - expected).abs() < 1e-6);
+        let data: Vec<f32> = (0..60).map(|i| (i * i % 17) as f32).collect();
+        let rates = FilmRates { width: 6, height: 5, data };
+        let at = |rates: &FilmRates, row: usize, col: usize| rates.data[30 + row * 6 + col];
+        assert_eq!(shifted(&rates, 0.0, 0.0), rates);
+        let moved = shifted(&rates, 2.0, 1.0);
+        assert_eq!(at(&moved, 3, 4), at(&rates, 2, 2));
+        assert_eq!(at(&moved, 0, 0), at(&rates, 0, 0), "the edge moves in");
+        let back = shifted(&rates, -1.0, 0.0);
+        assert_eq!(at(&back, 2, 2), at(&rates, 2, 3));
+        let quarter = shifted(&rates, 0.25, 0.0);
+        let expected = 0.75 * at(&rates, 2, 3) + 0.25 * at(&rates, 2, 2);
+        assert!((at(&quarter, 2, 3) - expected).abs() < 1e-6);
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Differences between a study and the one that a component image was rendered from.
 
 use super::PipelineError;
-use crate::image::ComponentImage;
+use crate::image::{ComponentFactors, ComponentImage};
 use crate::spectral::Curve;
 use crate::study::Study;
 
@@ -21,8 +21,9 @@ pub fn check_same_scene(rendered: &Study, wanted: &Study) -> Result<(), Pipeline
     }
 }
 
-/// Gives the light groups of a component image the spectra that they have in another study, where the image keeps their
-/// excitation bins. Returns the study that the image then shows: `rendered` with those spectra.
+/// Factors that give the light groups of a component image the spectra that they have in another study, where the image keeps
+/// their excitation bins. Returns the study that the image then shows: `rendered` with those spectra. Of the image only the labels
+/// count.
 ///
 /// A group whose lights differ among each other, before or after, stays as it is, and so does one without bins.
 ///
@@ -31,9 +32,10 @@ pub fn check_same_scene(rendered: &Study, wanted: &Study) -> Result<(), Pipeline
 pub fn relight(
     rendered: &Study,
     wanted: &Study,
-    components: &mut ComponentImage,
-) -> Result<Study, PipelineError> {
+    components: &ComponentImage,
+) -> Result<(Study, ComponentFactors), PipelineError> {
     let mut shown = rendered.clone();
+    let mut factors = ComponentFactors::ones(components.components.len());
     for (number, group) in rendered.scene.light_groups.iter().enumerate() {
         let has_bins =
             components.components.iter().any(|c| c.light_group == group.name && c.excitation.is_some());
@@ -44,12 +46,12 @@ pub fn relight(
         };
         let (Some(old), Some(new), true) = (spectra(rendered), spectra(wanted), has_bins) else { continue };
         if old != new {
-            components.change_spectrum(&group.name, &old, &new)?;
+            factors = factors.times(components.spectrum_factors(&group.name, &old, &new)?);
             let lights = shown.scene.lights.iter_mut().filter(|light| light.group == number);
             lights.for_each(|light| light.spectrum.clone_from(&new));
         }
     }
-    Ok(shown)
+    Ok((shown, factors))
 }
 
 /// First entry of two lists of named things that differs.

@@ -1,12 +1,14 @@
 //! A sensor with its quantum efficiency, and the exposure of one frame.
 
+use std::borrow::Cow;
 use std::cmp::Ordering;
 
 use rayon::prelude::*;
 
+use super::film_rates::{PixelIntegrals, PlaneOrder};
 use super::isetcam::IsetcamChain;
 use super::noise::PhysicalChain;
-use super::pixel_integration::{AxisWeights, FilmExtent, channels_in_row, dot};
+use super::pixel_integration::{FilmExtent, dot};
 use super::readout::Readout;
 use super::relative_illumination::RelativeIllumination;
 use super::shutter::Timing;
@@ -476,7 +478,7 @@ enum SpectraSource<'a> {
     /// Samples are pixels: each pixel's spectrum is weighted once, for its own channel.
     Direct { irradiance: &'a SpectralImage<Irradiance>, mosaic: &'a Mosaic, weights: Vec<Vec<f32>> },
     /// Every sample is weighted for every channel, then integrated over pixels.
-    Resampled { planes: Vec<f32>, samples: usize, mosaic: &'a Mosaic, across: AxisWeights, down: AxisWeights },
+    Resampled(PixelIntegrals<'a>),
 }
 
 impl<'a> RateSource<'a> {
@@ -509,7 +511,7 @@ impl<'a> SpectraSource<'a> {
         let weights: Vec<Vec<f32>> =
             sensor.weights_of(qe, irradiance.grid()).into_iter().map(single).collect();
         let (model, mosaic) = (&sensor.model, &sensor.mosaic);
-        let (width, height, bands) = (irradiance.width(), irradiance.height(), irradiance.bands());
+        let (width, height) = (irradiance.width(), irradiance.height());
         let is_same = |a: f64, b: f64| (a - b).abs() < 1e-9 * b;
         if (width, height) == (model.columns, model.rows)
             && is_same(film.width_mm, model.width_mm())
@@ -517,28 +519,14 @@ impl<'a> SpectraSource<'a> {
         {
             return Self::Direct { irradiance, mosaic, weights };
         }
-        let channels = weights.len();
-        let mut planes = vec![0.0; width * height * channels];
-        if width * height > 0 {
-            let rows = planes.par_chunks_exact_mut(width * channels);
-            rows.zip(irradiance.data().par_chunks_exact(width * bands)).for_each(|(planes, spectra)| {
-                for (col, spectrum) in spectra.chunks_exact(bands).enumerate() {
-                    for (plane, weights) in planes.chunks_exact_mut(width).zip(&weights) {
-                        plane[col] = dot(spectrum, weights) as f32;
-                    }
-                }
-            });
-        }
-        let pitch_mm = model.pixel_size_um * 1e-3;
-        let aperture_mm = model.aperture_um.map_or(pitch_mm, |um| um * 1e-3);
-        let across = AxisWeights::new(model.columns, pitch_mm, aperture_mm, width, film.width_mm);
-        let down = AxisWeights::new(model.rows, pitch_mm, aperture_mm, height, film.height_mm);
-        Self::Resampled { planes, samples: width, mosaic, across, down }
+        let planes = (Cow::Owned(film_planes(irradiance, &weights)), PlaneOrder::Rows);
+        Self::Resampled(PixelIntegrals::new(sensor, planes, [width, height], film))
     }
 
     fn mosaic(&self) -> &Mosaic {
         match self {
-            Self::Direct { mosaic, .. } | Self::Resampled { mosaic, .. } => mosaic,
+            Self::Direct { mosaic, .. } => mosaic,
+            Self::Resampled(pixels) => pixels.mosaic(),
         }
     }
 
@@ -549,31 +537,26 @@ impl<'a> SpectraSource<'a> {
                     *out = dot(irradiance.pixel(row, col), &weights[mosaic.channel(row, col)]) as f32;
                 }
             }
-            Self::Resampled { planes, samples, mosaic, across, down } => {
-                let channels = mosaic.channels.len();
-                let (lines, line_weights) = down.of(row);
-                let mut line = vec![0.0f32; *samples];
-                for channel in channels_in_row(mosaic, row) {
-                    line.fill(0.0);
-                    for (sample_row, weight) in lines.clone().zip(line_weights) {
-                        let plane = &planes[(sample_row * channels + channel) * samples..][..*samples];
-                        for (sum, value) in line.iter_mut().zip(plane) {
-                            *sum += weight * value;
-                        }
-                    }
-                    for (col, out) in out.iter_mut().enumerate() {
-                        if mosaic.channel(row, col) == channel {
-                            let (range, weights) = across.of(col);
-                            *out = line[range]
-                                .iter()
-                                .zip(weights)
-                                .fold(0.0, |sum, (value, weight)| sum + value * weight);
-                        }
-                    }
-                }
-            }
+            Self::Resampled(pixels) => pixels.fill_row(row, out),
         }
     }
+}
+
+/// Spectra weighted for every channel, `[row][channel][col]`.
+fn film_planes(irradiance: &SpectralImage<Irradiance>, weights: &[Vec<f32>]) -> Vec<f32> {
+    let (width, height, bands) = (irradiance.width(), irradiance.height(), irradiance.bands());
+    let mut planes = vec![0.0; width * height * weights.len()];
+    if width * height > 0 {
+        let rows = planes.par_chunks_exact_mut(width * weights.len());
+        rows.zip(irradiance.data().par_chunks_exact(width * bands)).for_each(|(planes, spectra)| {
+            for (col, spectrum) in spectra.chunks_exact(bands).enumerate() {
+                for (plane, weights) in planes.chunks_exact_mut(width).zip(weights) {
+                    plane[col] = dot(spectrum, weights) as f32;
+                }
+            }
+        });
+    }
+    planes
 }
 
 #[cfg(test)]

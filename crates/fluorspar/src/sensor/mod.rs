@@ -4,7 +4,7 @@
 //! |---|---|---|
 //! | electrons per photon | [`SpectralQe`] | `quantum_efficiency.rs` |
 //! | data sheet | [`SensorModel`], by default Table 1 of Lyu et al. 2021; [`Emva1288`] | `model.rs`, `data_sheet.rs` |
-//! | film samples to pixels | [`Sensor::electron_rate_on_film`] | `pixel_integration.rs` |
+//! | film samples to pixels | [`Sensor::electron_rate_on_film`], [`Sensor::electron_rate_of`] | `pixel_integration.rs`, `film_rates.rs` |
 //! | fall-off, crosstalk | [`SensorModel::relative_illumination`], [`Crosstalk`] | `relative_illumination.rs`, `crosstalk.rs` |
 //! | when rows collect light | [`Shutter`], [`Strobe`] | `shutter.rs` |
 //! | noise and conversion | [`Sensor::expose_rate`] | `noise.rs`, `adc.rs`, `isetcam.rs` |
@@ -55,6 +55,7 @@ mod data_sheet;
 mod demosaic;
 mod develop;
 mod exposure;
+mod film_rates;
 mod flat_response;
 mod isetcam;
 #[cfg(test)]
@@ -87,6 +88,7 @@ pub use data_sheet::Emva1288;
 pub use demosaic::Demosaicing;
 pub use develop::{DevelopError, Development, LinearMosaic, merge_exposures};
 pub use exposure::{EXPOSURE_MS, ElectronRate, Exposure, Sensor};
+pub use film_rates::FilmRates;
 pub use flat_response::FlatResponse;
 pub use model::{SensorMode, SensorModel, SensorProblem};
 pub use pixel_integration::FilmExtent;

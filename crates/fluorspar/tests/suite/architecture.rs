@@ -40,7 +40,8 @@ const MODULES: &[(&str, &[&str])] = &[
     (
         "pipeline",
         &[
-            "units", "spectral", "image", "sampling", "geometry", "material", "light", "optics", "tissue",
+            "digest", "units", "spectral", "image", "sampling", "geometry", "material", "light", "optics",
+            "tissue",
             "scene", "render", "safety", "sensor", "analysis", "study",
         ],
     ),

@@ -1,0 +1,247 @@
+//! Component images opened by part: labels and feature maps at once, spectra and channel planes when they are asked for.
+
+use std::path::{Path, PathBuf};
+
+use exr::block::UncompressedBlock;
+use exr::meta::attribute::SampleType;
+use exr::meta::header::Header;
+use exr::prelude::f16;
+
+use super::read::{
+    attribute, bands, component_parts, damaged, decode, for_each_block, headers, parse_json, provenance,
+    read_component_exr, read_features, scale_of,
+};
+use super::{COMPONENT, DENOISED, PLANES, PlanesLabel};
+use crate::file::{check_image_size, guarded, most_image_bytes};
+use crate::npy::{is_npy, read_component_npy};
+use crate::{FormatError, Loaded, Provenance};
+use fluorspar::image::{ChannelPlanes, ComponentImage, ComponentRows};
+use fluorspar::spectral::Radiance;
+
+/// A component image whose spectra stay in the file until rows of them are read ([`ComponentRows`]). Opening reads the labels
+/// of the components, the feature maps, and which channel planes the file holds.
+///
+/// Of OpenEXR files the wanted parts are read, block by block; images in NumPy form, which have no parts, are read as a whole.
+#[derive(Debug)]
+pub struct ComponentFile {
+    path: PathBuf,
+    labels: ComponentImage,
+    provenance: Option<Provenance>,
+    spectra: Spectra,
+}
+
+#[derive(Debug)]
+enum Spectra {
+    /// In the labels themselves.
+    Memory,
+    /// In the parts of an OpenEXR file.
+    Parts {
+        /// For each component its part, the band of each channel, and the scale of stored values.
+        components: Vec<BandPart>,
+        /// Parts with channel planes.
+        planes: Vec<(usize, PlanesLabel)>,
+    },
+}
+
+#[derive(Debug)]
+struct BandPart {
+    part: usize,
+    bands: Vec<Option<usize>>,
+    scale: Option<f64>,
+}
+
+impl ComponentFile {
+    /// Opens a component image in either form, known by how the file begins.
+    ///
+    /// # Errors
+    /// As [`crate::read_component_image`], but that damage within the spectra shows when they are read.
+    pub fn open(path: &Path) -> Result<Self, FormatError> {
+        if is_npy(path)? {
+            let Loaded { image, provenance } = read_component_npy(path)?;
+            return Ok(Self { path: path.into(), labels: image, provenance, spectra: Spectra::Memory });
+        }
+        guarded(path, "OpenEXR", || Self::open_parts(path))
+    }
+
+    fn open_parts(path: &Path) -> Result<Self, FormatError> {
+        let headers = headers(path)?;
+        let parts = component_parts(path, &headers)?;
+        let (width, height) = (parts.size.width(), parts.size.height());
+        let length = std::fs::metadata(path).map_err(|source| FormatError::io(path, "read", source))?.len();
+        let per_pixel = 4 * (parts.grid.len() * parts.components.len()) as u64;
+        check_image_size(path, width as u64, height as u64, per_pixel, most_image_bytes(length))?;
+        let mut components = Vec::with_capacity(parts.components.len());
+        let mut planes = Vec::new();
+        for (part, header) in headers.iter().enumerate() {
+            if attribute(header, COMPONENT).is_some() {
+                let (_, bands) = bands::<Radiance>(path, header)?;
+                components.push(BandPart { part, bands, scale: scale_of(path, header)? });
+            } else if let Some(text) = attribute(header, PLANES) {
+                let label: PlanesLabel = parse_json(path, PLANES, &text)?;
+                check_planes(path, header, &label, (width, height), parts.components.len())?;
+                planes.push((part, label));
+            }
+        }
+        let (features, samples) = read_features(path, &headers, parts.size)?;
+        let labels = ComponentImage {
+            data: Vec::new(),
+            samples_per_pixel: parts.samples_per_pixel,
+            samples,
+            features,
+            denoised: headers.iter().find_map(|header| attribute(header, DENOISED)),
+            ..ComponentImage::zeros(parts.grid, width, height, Vec::new())
+        };
+        Ok(Self {
+            path: path.into(),
+            labels: ComponentImage { components: parts.components, ..labels },
+            provenance: provenance(path, &headers)?,
+            spectra: Spectra::Parts { components, planes },
+        })
+    }
+
+    /// The image without its values: grid, size, labels, samples, feature maps. Statistics are left in the file. (An image in
+    /// NumPy form is whole.)
+    pub fn labels(&self) -> &ComponentImage {
+        &self.labels
+    }
+
+    /// Where the image comes from, if the file states it.
+    pub fn provenance(&self) -> Option<&Provenance> {
+        self.provenance.as_ref()
+    }
+
+    /// The channel planes of a camera, by its digest, if the file holds them.
+    ///
+    /// # Errors
+    /// A damaged file.
+    pub fn planes(&self, camera: &str) -> Result<Option<ChannelPlanes>, FormatError> {
+        let Spectra::Parts { planes, .. } = &self.spectra else { return Ok(None) };
+        let Some((part, label)) = planes.iter().find(|(_, label)| label.camera == camera) else {
+            return Ok(None);
+        };
+        let size = [self.labels.width, self.labels.height];
+        let mut found = ChannelPlanes::dark(size, label.components, label.channels, label.camera.clone());
+        let pixels = size[0] * size[1];
+        guarded(&self.path, "OpenEXR", || {
+            let headers = headers(&self.path)?;
+            let mut targets: Vec<_> =
+                headers.iter().map(|header| vec![None; header.channels.list.len()]).collect();
+            // Channels are sorted by name, which is by component and channel
+            for (number, target) in targets[*part].iter_mut().enumerate() {
+                *target = Some(super::read::Target { buffer: 0, offset: number * pixels, stride: 1 });
+            }
+            let mut buffers = [std::mem::take(&mut found.data)];
+            decode(&self.path, &targets, &mut buffers)?;
+            [found.data] = buffers;
+            Ok(())
+        })?;
+        Ok(Some(found))
+    }
+
+    /// The whole image, with its statistics.
+    ///
+    /// # Errors
+    /// A damaged file.
+    pub fn read(self) -> Result<Loaded<ComponentImage>, FormatError> {
+        match self.spectra {
+            Spectra::Memory => Ok(Loaded { image: self.labels, provenance: self.provenance }),
+            Spectra::Parts { .. } => read_component_exr(&self.path),
+        }
+    }
+}
+
+/// Planes must fill the image.
+fn check_planes(
+    path: &Path,
+    header: &Header,
+    label: &PlanesLabel,
+    (width, height): (usize, usize),
+    components: usize,
+) -> Result<(), FormatError> {
+    let size = (header.layer_size.width(), header.layer_size.height());
+    let fits = label.components.checked_mul(label.channels) == Some(header.channels.list.len());
+    if size == (width, height) && label.components == components && fits {
+        return Ok(());
+    }
+    let what = format!("channel planes of {} components do not fit the image", label.components);
+    Err(FormatError::malformed(path, what, "Write the file again"))
+}
+
+impl ComponentRows for ComponentFile {
+    type Error = FormatError;
+
+    fn map_rows<T: Send>(
+        &self,
+        wanted: impl Fn(usize) -> bool + Sync,
+        visit: impl Fn(usize, usize, &[f32]) -> T + Sync,
+    ) -> Result<Vec<(usize, usize, T)>, FormatError> {
+        let Spectra::Parts { components, .. } = &self.spectra else {
+            let Ok(found) = self.labels.map_rows(wanted, visit);
+            return Ok(found);
+        };
+        let of_part = |part: usize| {
+            components.iter().position(|found| found.part == part).filter(|found| wanted(*found))
+        };
+        let headers = guarded(&self.path, "OpenEXR", || headers(&self.path))?;
+        let is_wanted = |part: usize| of_part(part).is_some();
+        let found = for_each_block(&self.path, is_wanted, |block| {
+            let Some(component) = of_part(block.index.layer) else { return Ok(Vec::new()) };
+            let header = &headers[block.index.layer];
+            let mut rows = Vec::with_capacity(block.index.pixel_size.height());
+            rows_of_block(&self.path, header, &components[component], &block, |row, lines| {
+                rows.push((component, row, visit(component, row, lines)));
+            })?;
+            Ok(rows)
+        })?;
+        Ok(found.into_iter().flatten().collect())
+    }
+}
+
+/// Calls `visit` for each row of a block with `[band][col]`. Only blocks as wide as the image have whole rows.
+fn rows_of_block(
+    path: &Path,
+    header: &Header,
+    part: &BandPart,
+    block: &UncompressedBlock,
+    mut visit: impl FnMut(usize, &[f32]),
+) -> Result<(), FormatError> {
+    let width = header.layer_size.width();
+    if block.index.pixel_size.width() != width {
+        let hint = "Save it in scan lines, or write it with Fluorspar";
+        return Err(FormatError::unsupported(path, "the image is stored in tiles", hint));
+    }
+    let broken = |error: exr::error::Error| damaged(path, &error);
+    let bands = part.bands.iter().flatten().count();
+    let mut lines = vec![0.0_f32; bands * width];
+    let mut halves = vec![f16::ZERO; width];
+    let mut seen = 0;
+    for line in block.lines(&header.channels) {
+        let channel = line.location.channel;
+        let row = line.location.position.y();
+        if let Some(Some(band)) = part.bands.get(channel) {
+            let out = &mut lines[band * width..][..width];
+            match header.channels.list[channel].sample_type {
+                SampleType::F32 => line.read_samples_into_slice::<f32>(out).map_err(broken)?,
+                SampleType::F16 => {
+                    line.read_samples_into_slice::<f16>(&mut halves).map_err(broken)?;
+                    out.iter_mut().zip(&halves).for_each(|(out, half)| *out = half.to_f32());
+                }
+                SampleType::U32 => {
+                    for (out, value) in out.iter_mut().zip(line.read_samples::<u32>()) {
+                        *out = value.map_err(broken)? as f32;
+                    }
+                }
+            }
+        }
+        seen += 1;
+        // Lines of a row follow each other, channel by channel.
+        if seen == header.channels.list.len() {
+            seen = 0;
+            if let Some(scale) = part.scale {
+                lines.iter_mut().for_each(|value| *value = (f64::from(*value) * scale) as f32);
+            }
+            visit(row, &lines);
+        }
+    }
+    Ok(())
+}

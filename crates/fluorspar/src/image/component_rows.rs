@@ -1,0 +1,83 @@
+//! Spectra of the components of a render, row by row.
+
+use std::convert::Infallible;
+
+use rayon::prelude::*;
+
+use super::component_image::round_to_24_bits;
+use super::{ComponentFactors, ComponentImage};
+
+/// Spectra of the components of a render, row by row: those of an image in memory, or of a file, of which only the rows of the
+/// wanted components are read.
+pub trait ComponentRows: Sync {
+    /// Why rows can't be had.
+    type Error;
+
+    /// Calls `visit` for every row of the components that are `wanted`, in any order and from several threads, with the
+    /// number of the component, the row, and its radiance `[band][col]`, W/(sr m² nm). Returns what it returned, with
+    /// component and row.
+    ///
+    /// # Errors
+    /// Rows that can't be read.
+    fn map_rows<T: Send>(
+        &self,
+        wanted: impl Fn(usize) -> bool + Sync,
+        visit: impl Fn(usize, usize, &[f32]) -> T + Sync,
+    ) -> Result<Vec<(usize, usize, T)>, Self::Error>;
+}
+
+impl ComponentRows for ComponentImage {
+    type Error = Infallible;
+
+    fn map_rows<T: Send>(
+        &self,
+        wanted: impl Fn(usize) -> bool + Sync,
+        visit: impl Fn(usize, usize, &[f32]) -> T + Sync,
+    ) -> Result<Vec<(usize, usize, T)>, Infallible> {
+        let (width, bands) = (self.width, self.grid.len());
+        let components: Vec<usize> =
+            (0..self.components.len()).filter(|component| wanted(*component)).collect();
+        let rows: Vec<(usize, usize)> =
+            components.iter().flat_map(|component| (0..self.height).map(|row| (*component, row))).collect();
+        let found = rows.into_par_iter().map_init(
+            || vec![0.0_f32; width * bands],
+            |lines, (component, row)| {
+                let spectra = &self.component(component)[row * width * bands..][..width * bands];
+                for (col, spectrum) in spectra.chunks_exact(bands).enumerate() {
+                    for (line, value) in lines.chunks_exact_mut(width).zip(spectrum) {
+                        line[col] = *value;
+                    }
+                }
+                (component, row, visit(component, row, lines))
+            },
+        );
+        Ok(found.collect())
+    }
+}
+
+/// Rows of a render as a run keeps them: rounded to the 24 bits of its file, and with the masks of factors applied.
+pub struct PreparedRows<'a, R> {
+    /// The rows.
+    pub rows: &'a R,
+    /// Factors whose maps are applied; those for whole components are left to the sum of the planes.
+    pub factors: &'a ComponentFactors,
+    /// Columns of the image.
+    pub width: usize,
+}
+
+impl<R: ComponentRows> ComponentRows for PreparedRows<'_, R> {
+    type Error = R::Error;
+
+    fn map_rows<T: Send>(
+        &self,
+        wanted: impl Fn(usize) -> bool + Sync,
+        visit: impl Fn(usize, usize, &[f32]) -> T + Sync,
+    ) -> Result<Vec<(usize, usize, T)>, R::Error> {
+        self.rows.map_rows(wanted, |component, row, lines| {
+            let mut lines = lines.to_vec();
+            round_to_24_bits(&mut lines);
+            self.factors.scale_row(component, row, self.width, &mut lines);
+            visit(component, row, &lines)
+        })
+    }
+}

@@ -1,0 +1,442 @@
+//! What lens, filters and sensor of one capture make of the spectra of a render: electrons at the samples of the film.
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use super::PipelineError;
+use super::capture::{behind_filter, film_extent, projected_solid_angle, tan_half_width};
+use super::light_by_shape::component_spectrum;
+use crate::digest::sha256_hex;
+use crate::image::{ChannelPlanes, ComponentImage, ComponentRows, LightPath};
+use crate::optics::{CameraLens, FilterAutofluorescence, IdealLens};
+use crate::sensor::FilmExtent;
+use crate::spectral::{Curve, Transmittance, WavelengthGrid};
+use crate::study::{Capture, Study};
+
+/// Lens, filters and quantum efficiency of a capture as weights on the spectra of a render.
+///
+/// Every stage from the radiance to the electrons is linear, and only the image of a traced lens and the light of a
+/// fluorescing filter mix pixels. So the transmittance behind a lens, `T` (for each [shape](component_spectrum) of light within
+/// a band, and at heights on the film where filters see other angles), and the weights of the sensor, `w`, join to one weight
+/// per band and channel, `Omega T w`, and spectra are read once.
+pub struct FilmResponse {
+    size: [usize; 2],
+    film: FilmExtent,
+    grid: WavelengthGrid,
+    /// Weights of the sensor, by channel.
+    sensor: Vec<Vec<f64>>,
+    /// Number of the shape of each component.
+    shape_of: Vec<usize>,
+    shapes: Vec<ShapeWeights>,
+    /// Heights on the film, mm, of the tables of each shape.
+    heights_mm: Vec<f64>,
+    lens: IdealLens,
+    spread: Option<Spread>,
+    veil: Option<Veil>,
+    digest: String,
+}
+
+/// Weights for light of one shape within the bands.
+struct ShapeWeights {
+    /// By height on the film: `[channel * bands + band]`, e-/s per W/(sr m² nm).
+    tables: Vec<Vec<f64>>,
+    /// Transmittance of the viewing filters, for their own light.
+    passed: Vec<f64>,
+}
+
+/// The image of a traced lens through which the render did not go.
+struct Spread {
+    lens: Arc<CameraLens>,
+    tan_half_width: f64,
+}
+
+/// Light of a fluorescing filter.
+struct Veil {
+    own: FilterAutofluorescence,
+    /// Projected solid angle of the field, sr.
+    field_sr: f64,
+}
+
+/// What one row of a component gives.
+struct RowResponse {
+    /// `[slice][col]`: channels or, in front of a traced lens, channels for each height and group of bands.
+    slices: Vec<f32>,
+    /// Sums of the bands over the row, for a fluorescing filter.
+    band_sums: Vec<f64>,
+}
+
+/// Values that one batch of components may take while a traced lens images them.
+const BATCH_VALUES: usize = 1 << 26;
+
+impl FilmResponse {
+    /// The response of a capture of a study. Of the component image only the labels count; it may be without values.
+    ///
+    /// # Errors
+    /// A study without lens or sensor.
+    pub fn new(study: &Study, capture: &Capture, components: &ComponentImage) -> Result<Self, PipelineError> {
+        let lens = study.camera.lens_behind_filters().ok_or(PipelineError::Missing("lens"))?;
+        let sensor = study.camera.sensor.as_ref().ok_or(PipelineError::Missing("sensor"))?;
+        let film = film_extent(study, components, &lens);
+        let lens = behind_filter(&lens, capture).into_owned();
+        let grid = components.grid.clone();
+        let weights = sensor.film_weights(&grid);
+        // Find the different shapes of light within a band: even fluorescence, and reflected light by its source
+        let mut curves: Vec<Option<Curve>> = vec![None];
+        let mut shape_of = Vec::with_capacity(components.components.len());
+        for component in &components.components {
+            let is_reflected = component.light == LightPath::Reflected;
+            let shape = if is_reflected { component_spectrum(study, component) } else { None };
+            let known = curves.iter().position(|curve| *curve == shape);
+            shape_of.push(known.unwrap_or_else(|| {
+                curves.push(shape);
+                curves.len() - 1
+            }));
+        }
+        let heights_mm = lens.transmittances_under(&grid, None).into_iter().map(|(mm, _)| mm).collect();
+        let shape = |curve: &Option<Curve>| ShapeWeights::new(study, &lens, curve.as_ref(), &grid, &weights);
+        let shapes = curves.iter().map(shape).collect();
+        let half_width = tan_half_width(study, components);
+        let traced = study.camera.traced_lens().filter(|_| study.scene.camera.lens.is_none());
+        let own = study.camera.view_filter.stack.autofluorescence.clone();
+        let half_height = half_width * components.height as f64 / components.width as f64;
+        let mut response = Self {
+            size: [components.width, components.height],
+            film,
+            sensor: weights,
+            shape_of,
+            shapes,
+            heights_mm,
+            spread: traced.map(|lens| Spread { lens: lens.clone(), tan_half_width: half_width }),
+            veil: own.map(|own| Veil { own, field_sr: projected_solid_angle(half_width, half_height) }),
+            grid,
+            lens,
+            digest: String::new(),
+        };
+        response.digest = response.digest();
+        Ok(response)
+    }
+
+    /// Digest of everything that the planes depend on, besides the radiance.
+    pub fn camera(&self) -> &str {
+        &self.digest
+    }
+
+    /// Whether the planes at a pixel depend on the radiance of that pixel alone: not behind a traced lens through which the
+    /// render did not go, and not behind a fluorescing filter.
+    pub fn is_local(&self) -> bool {
+        self.spread.is_none() && self.veil.is_none()
+    }
+
+    /// Extent of the image on the film.
+    pub fn film(&self) -> FilmExtent {
+        self.film
+    }
+
+    /// The planes of several captures from one pass over the spectra of the components that are `wanted`; those of others stay
+    /// dark.
+    ///
+    /// # Errors
+    /// Rows that can't be read.
+    pub fn planes<R: ComponentRows>(
+        responses: &[&Self],
+        wanted: impl Fn(usize) -> bool + Sync,
+        rows: &R,
+    ) -> Result<Vec<ChannelPlanes>, R::Error> {
+        let mut planes: Vec<ChannelPlanes> = responses.iter().map(|response| response.dark()).collect();
+        let components = planes.first().map_or(0, |planes| planes.components);
+        let most = responses.iter().map(|response| response.values_per_component()).max().unwrap_or(0);
+        let batch = (BATCH_VALUES / most.max(1)).clamp(1, components.max(1));
+        for first in (0..components).step_by(batch) {
+            let batch = first..(first + batch).min(components);
+            let found = rows.map_rows(
+                |component| batch.contains(&component) && wanted(component),
+                |component, row, lines| {
+                    responses.iter().map(|response| response.row(component, row, lines)).collect::<Vec<_>>()
+                },
+            )?;
+            for (number, (response, planes)) in responses.iter().zip(&mut planes).enumerate() {
+                let rows = || found.iter().map(|(component, row, of)| (*component, *row, &of[number]));
+                match &response.spread {
+                    None => response.place_rows(rows(), planes),
+                    Some(spread) => response.image_rows(spread, batch.clone(), rows(), planes),
+                }
+                response.add_veils(batch.clone(), rows(), planes);
+            }
+        }
+        Ok(planes)
+    }
+
+    fn dark(&self) -> ChannelPlanes {
+        ChannelPlanes::dark(self.size, self.shape_of.len(), self.sensor.len(), self.digest.clone())
+    }
+
+    /// Values that a component takes while it is imaged.
+    fn values_per_component(&self) -> usize {
+        self.spread.as_ref().map_or(0, |_| self.size[0] * self.size[1] * self.slices())
+    }
+
+    /// Values of a row for each column.
+    fn slices(&self) -> usize {
+        match &self.spread {
+            None => self.sensor.len(),
+            Some(spread) => spread.lens.groups().len() * self.heights_mm.len() * self.sensor.len(),
+        }
+    }
+
+    /// One row of a component, `[band][col]`.
+    fn row(&self, component: usize, row: usize, lines: &[f32]) -> RowResponse {
+        let width = self.size[0];
+        let tables = &self.shapes[self.shape_of[component]].tables;
+        let slices = match &self.spread {
+            None => self.row_behind_lens(row, tables, lines),
+            Some(spread) => {
+                let mut sums = vec![0.0; self.slices() * width];
+                let mut parts = sums.chunks_exact_mut(self.sensor.len() * width);
+                for (bands, _) in spread.lens.groups() {
+                    for (table, sums) in tables.iter().zip(&mut parts) {
+                        self.add_bands(table, bands.clone(), lines, 0..width, sums);
+                    }
+                }
+                sums.into_iter().map(|sum| sum as f32).collect()
+            }
+        };
+        let band_sum = |line: &[f32]| line.iter().map(|value| f64::from(*value)).sum();
+        let band_sums = match self.veil {
+            Some(_) => lines.chunks_exact(width).map(band_sum).collect(),
+            None => Vec::new(),
+        };
+        RowResponse { slices, band_sums }
+    }
+
+    /// Channels of a row, `[channel][col]`, with transmittance by height and the falloff of the lens.
+    fn row_behind_lens(&self, row: usize, tables: &[Vec<f64>], lines: &[f32]) -> Vec<f32> {
+        let width = self.size[0];
+        let (channels, bands) = (self.sensor.len(), 0..self.grid.len());
+        let places: Vec<HeightPlace> = (0..width).map(|col| self.place(row, col)).collect();
+        let mut sums = vec![0.0; channels * width];
+        // Columns between the same two heights share their tables
+        for run in places.chunk_by(|a, b| a.left == b.left) {
+            let first = run[0].col;
+            let columns = first..first + run.len();
+            self.add_bands(&tables[run[0].left], bands.clone(), lines, columns.clone(), &mut sums);
+            if run.iter().any(|place| place.part > 0.0) {
+                let mut right = vec![0.0; channels * width];
+                self.add_bands(&tables[run[0].left + 1], bands.clone(), lines, columns, &mut right);
+                for place in run {
+                    for channel in 0..channels {
+                        let at = channel * width + place.col;
+                        sums[at] += place.part * (right[at] - sums[at]);
+                    }
+                }
+            }
+        }
+        let falloffs = places.iter().map(|place| place.falloff).cycle();
+        sums.into_iter().zip(falloffs).map(|(sum, falloff)| (sum * falloff) as f32).collect()
+    }
+
+    /// Adds the bands of a range times their weights, `[channel][col]`, in some columns.
+    fn add_bands(
+        &self,
+        table: &[f64],
+        range: Range<usize>,
+        lines: &[f32],
+        columns: Range<usize>,
+        sums: &mut [f64],
+    ) {
+        /// Bands that are summed in single precision before they join the sum in double precision.
+        const AT_ONCE: usize = 8;
+        /// Columns whose sums stay in registers.
+        const COLUMNS: usize = 32;
+        let (width, bands) = (self.size[0], self.grid.len());
+        for first in columns.clone().step_by(COLUMNS) {
+            let part = first..(first + COLUMNS).min(columns.end);
+            for block in range.clone().step_by(AT_ONCE) {
+                let block = block..(block + AT_ONCE).min(range.end);
+                for (channel, weights) in table.chunks_exact(bands).enumerate() {
+                    let mut partial = [0.0_f32; COLUMNS];
+                    for band in block.clone().filter(|band| weights[*band] != 0.0) {
+                        let weight = weights[band] as f32;
+                        let line = &lines[band * width..][part.clone()];
+                        partial.iter_mut().zip(line).for_each(|(sum, value)| *sum += weight * value);
+                    }
+                    let sums = &mut sums[channel * width..][part.clone()];
+                    sums.iter_mut().zip(partial).for_each(|(sum, value)| *sum += f64::from(value));
+                }
+            }
+        }
+    }
+
+    /// Where a sample of the film lies between the heights of the tables.
+    fn place(&self, row: usize, col: usize) -> HeightPlace {
+        let [width, height] = self.size;
+        let pitch_mm = self.film.width_mm / width as f64;
+        let x_mm = (col as f64 + 0.5 - 0.5 * width as f64) * pitch_mm;
+        let y_mm = (row as f64 + 0.5 - 0.5 * height as f64) * pitch_mm;
+        let height_mm = x_mm.hypot(y_mm);
+        let heights = &self.heights_mm;
+        let left = heights.partition_point(|mm| *mm <= height_mm).saturating_sub(1);
+        let part = match heights.get(left + 1) {
+            Some(next) => ((height_mm - heights[left]) / (next - heights[left])).max(0.0),
+            None => 0.0,
+        };
+        HeightPlace { col, left, part, falloff: self.lens.relative_illumination(height_mm) }
+    }
+
+    /// Puts rows into planes.
+    fn place_rows<'a>(
+        &self,
+        rows: impl Iterator<Item = (usize, usize, &'a RowResponse)>,
+        planes: &mut ChannelPlanes,
+    ) {
+        let width = self.size[0];
+        for (component, row, response) in rows {
+            for (channel, values) in response.slices.chunks_exact(width).enumerate() {
+                planes.plane_mut(component, channel)[row * width..][..width].copy_from_slice(values);
+            }
+        }
+    }
+
+    /// Lets a traced lens image the rows of a batch of components, and puts them into planes.
+    fn image_rows<'a>(
+        &self,
+        spread: &Spread,
+        batch: Range<usize>,
+        rows: impl Iterator<Item = (usize, usize, &'a RowResponse)> + Clone,
+        planes: &mut ChannelPlanes,
+    ) {
+        let ([width, height], channels) = (self.size, self.sensor.len());
+        // Values of a component in one group of bands: channels for each height.
+        let own = self.heights_mm.len() * channels;
+        let values = batch.len() * own;
+        for group in 0..spread.lens.groups().len() {
+            let mut seen = vec![0.0; width * height * values];
+            for (component, row, response) in rows.clone() {
+                let slices = &response.slices[group * own * width..][..own * width];
+                for (slice, line) in slices.chunks_exact(width).enumerate() {
+                    let value = (component - batch.start) * own + slice;
+                    for (col, sample) in line.iter().enumerate() {
+                        seen[(row * width + col) * values + value] = *sample;
+                    }
+                }
+            }
+            let imaged = spread.lens.lens_values(group, &seen, self.size, spread.tan_half_width);
+            for pixel in 0..width * height {
+                let place = self.place(pixel / width, pixel % width);
+                for component in batch.clone() {
+                    let of = &imaged[pixel * values + (component - batch.start) * own..][..own];
+                    let (left, right) = place.tables(of, channels);
+                    for channel in 0..channels {
+                        let between = left[channel] + place.part as f32 * (right[channel] - left[channel]);
+                        planes.plane_mut(component, channel)[pixel] += between * place.falloff as f32;
+                    }
+                }
+            }
+        }
+    }
+
+    /// Adds the light of a fluorescing filter, which is even over the film.
+    fn add_veils<'a>(
+        &self,
+        batch: Range<usize>,
+        rows: impl Iterator<Item = (usize, usize, &'a RowResponse)> + Clone,
+        planes: &mut ChannelPlanes,
+    ) {
+        let Some(veil) = &self.veil else { return };
+        let pixels = (self.size[0] * self.size[1]) as f64;
+        for component in batch {
+            let mut arriving = vec![0.0; self.grid.len()];
+            for (_, _, response) in rows.clone().filter(|(of, ..)| *of == component) {
+                arriving.iter_mut().zip(&response.band_sums).for_each(|(sum, value)| *sum += value);
+            }
+            arriving.iter_mut().for_each(|sum| *sum *= veil.field_sr / pixels);
+            let passed = &self.shapes[self.shape_of[component]].passed;
+            let radiance = veil.own.veil_radiance(&arriving, passed, &self.grid);
+            for (channel, weights) in self.sensor.iter().enumerate() {
+                let rate: f64 = weights.iter().zip(radiance.values()).map(|(w, l)| w * l).sum();
+                let rate = (self.lens.axial_solid_angle_sr() * rate) as f32;
+                planes.plane_mut(component, channel).iter_mut().for_each(|value| *value += rate);
+            }
+        }
+    }
+
+    fn digest(&self) -> String {
+        let bits =
+            |values: &[f64]| values.iter().flat_map(|v| v.to_bits().to_le_bytes()).collect::<Vec<u8>>();
+        let [width, height] = self.size;
+        let lens = &self.lens;
+        let mut blocks = vec![
+            format!(
+                "{width} {height} {:?} {:?} {:?} {:?}",
+                self.film,
+                self.shape_of,
+                lens.vignetting,
+                (lens.image_distance_mm(), lens.axial_solid_angle_sr())
+            )
+            .into_bytes(),
+            bits(&self.grid.edges_nm()),
+            bits(&self.heights_mm),
+        ];
+        blocks.extend(self.sensor.iter().map(|weights| bits(weights)));
+        for shape in &self.shapes {
+            blocks.extend(shape.tables.iter().map(|table| bits(table)));
+            blocks.push(bits(&shape.passed));
+        }
+        if let Some(Spread { lens, tan_half_width }) = &self.spread {
+            let film = (lens.film_width_mm(), lens.film_height_mm(), lens.groups().len());
+            blocks.push(format!("{:?} {film:?} {tan_half_width:?}", lens.state()).into_bytes());
+        }
+        if let Some(Veil { own, field_sr }) = &self.veil {
+            blocks.push(format!("{own:?} {field_sr:?}").into_bytes());
+        }
+        sha256_hex(blocks)
+    }
+}
+
+impl ShapeWeights {
+    fn new(
+        study: &Study,
+        lens: &IdealLens,
+        shape: Option<&Curve>,
+        grid: &WavelengthGrid,
+        sensor: &[Vec<f64>],
+    ) -> Self {
+        let solid_angle = lens.axial_solid_angle_sr();
+        let table = |passed: &[f64]| -> Vec<f64> {
+            sensor.iter().flat_map(|w| w.iter().zip(passed).map(|(w, t)| solid_angle * w * t)).collect()
+        };
+        let tables = lens.transmittances_under(grid, shape);
+        let filter = &study.camera.view_filter.transmittance;
+        let passed = match shape {
+            Some(shape) => filter.on_grid_under::<Transmittance>(grid, shape),
+            None => filter.on_grid(grid),
+        };
+        Self {
+            tables: tables.iter().map(|(_, passed)| table(passed.values())).collect(),
+            passed: passed.values().to_vec(),
+        }
+    }
+}
+
+/// A film sample between two heights.
+#[derive(Clone, Copy)]
+struct HeightPlace {
+    col: usize,
+    /// Number of the height below.
+    left: usize,
+    /// Share of the way to the next height.
+    part: f64,
+    falloff: f64,
+}
+
+impl HeightPlace {
+    /// Channels at the heights on both sides.
+    fn tables<'a>(&self, values: &'a [f32], channels: usize) -> (&'a [f32], &'a [f32]) {
+        let left = &values[self.left * channels..][..channels];
+        (
+            left,
+            values
+                .get((self.left + 1) * channels..)
+                .map_or(left, |rest| rest.get(..channels).unwrap_or(left)),
+        )
+    }
+}
