@@ -75,9 +75,33 @@ pub struct BakedMap {
     pub values: Vec<f32>,
 }
 
+impl BakedMap {
+    /// The map as bytes, for a cache: columns and rows, then the values.
+    pub fn to_bytes(&self) -> Vec<u8> {
+        let sizes = [self.columns as u32, self.rows as u32].into_iter().flat_map(u32::to_le_bytes);
+        sizes.chain(self.values.iter().flat_map(|value| value.to_le_bytes())).collect()
+    }
+
+    /// The map of [`BakedMap::to_bytes`]; `None` for other bytes.
+    pub fn from_bytes(bytes: &[u8]) -> Option<Self> {
+        let (words, rest) = bytes.as_chunks::<4>();
+        let [columns, rows, values @ ..] = words else { return None };
+        let [columns, rows] = [columns, rows].map(|word| u32::from_le_bytes(*word) as usize);
+        let is_whole = rest.is_empty() && columns.checked_mul(rows) == Some(values.len());
+        let values = values.iter().map(|word| f32::from_le_bytes(*word)).collect();
+        is_whole.then_some(Self { columns, rows, values })
+    }
+}
+
 /// A map of a tissue as an image, fine enough for its papillae or vessels at a level of detail of 1 and coarser below, as
-/// the meshes are; kept for the next call.
-pub fn shared_surface_map(map: SurfaceMap, tissue: Tissue, parameters: &MouthParameters) -> Arc<BakedMap> {
+/// the meshes are; kept for the next call. Where it is not there yet, `make` gives it: by its second argument, or the same map,
+/// which the first one tells from all others, from where it was kept.
+pub fn shared_surface_map(
+    map: SurfaceMap,
+    tissue: Tissue,
+    parameters: &MouthParameters,
+    make: impl FnOnce(&str, &dyn Fn() -> BakedMap) -> BakedMap,
+) -> Arc<BakedMap> {
     // Maps depend on sizes, seed and detail alone, not on poses and meshes.
     let shape = MouthParameters {
         seed: parameters.seed,
@@ -96,8 +120,11 @@ pub fn shared_surface_map(map: SurfaceMap, tissue: Tissue, parameters: &MouthPar
         _ => (256.0, 256.0),
     };
     let [columns, rows] = [columns, rows].map(|side: f64| (side * shape.detail).round() as usize);
-    let values = bake_surface_map(map, tissue, parameters, columns, rows);
-    let baked = Arc::new(BakedMap { columns, rows, values });
+    let bake = || {
+        let values = bake_surface_map(map, tissue, parameters, columns, rows);
+        BakedMap { columns, rows, values }
+    };
+    let baked = Arc::new(make(&text, &bake));
     MAPS.put(key, &baked);
     baked
 }

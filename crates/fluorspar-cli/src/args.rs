@@ -7,7 +7,7 @@ use clap_complete::Shell;
 
 use crate::commands::{
     analyze, capture, check, denoise, filter, fluorophore, lens, merge, mouth, predict, presets, render, run,
-    safety, schema, sensor, spectroradiometer, tissue, validate,
+    safety, schema, sensor, sheet, spectroradiometer, tissue, validate,
 };
 use crate::message::Messages;
 use crate::values::{self, Override};
@@ -51,6 +51,8 @@ pub(crate) enum Command {
     Denoise(denoise::Options),
     /// Take raw frames of a component image made by `run` or `render`.
     Capture(capture::Options),
+    /// Draw frames of one render side by side: each fluorophore alone, or with other concentrations, filters, sensors.
+    Sheet(sheet::Options),
     /// Analyze raw frames made by `run` or `capture`.
     Analyze(analyze::Options),
     /// List, show, plot or import fluorophores.

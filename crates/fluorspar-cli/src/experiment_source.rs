@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use fluorspar_experiment::preset::{self, ExperimentPreset, PresetError, PresetKind};
 use fluorspar_experiment::{
-    DEFAULT_EXPERIMENT, DEFAULT_SAMPLE, FileRecord, ResolvedExperiment, ResolvedSample, is_sample, parse,
-    parse_sample, resolve,
+    DEFAULT_EXPERIMENT, DEFAULT_SAMPLE, Experiment, FileRecord, ResolvedExperiment, ResolvedSample,
+    is_sample, parse, parse_sample, resolve,
 };
 use fluorspar_format::{read_bounded, read_text_bounded};
 use fluorspar_report::extract_experiment;
@@ -110,6 +110,11 @@ impl ExperimentSource {
 
     /// Reads and resolves the experiment with its changes. Its warnings are the caller's to print.
     pub(crate) fn resolve(&self, overrides: &[Override]) -> Result<ResolvedExperiment, CliError> {
+        Ok(resolve(&self.parse(overrides)?).map_err(|error| as_typed(error, overrides))?)
+    }
+
+    /// Reads the experiment with its changes.
+    pub(crate) fn parse(&self, overrides: &[Override]) -> Result<Experiment, CliError> {
         if self.pbrt_scene().is_some() {
             return Err(CliError::Input(format!(
                 "{}: this is a scene of pbrt, no experiment; `fluorspar render` takes it",
@@ -123,7 +128,6 @@ impl ExperimentSource {
             )));
         }
         Ok(parse(&self.text, &self.name, &self.base_dir, &sets(overrides))
-            .and_then(|experiment| resolve(&experiment))
             .map_err(|error| as_typed(error, overrides))?)
     }
 

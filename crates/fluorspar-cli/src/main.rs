@@ -107,6 +107,7 @@ fn run(args: Args) -> Result<ExitCode, CliError> {
         Command::Merge(options) => commands::merge::run(&options),
         Command::Denoise(options) => commands::denoise::run(&options),
         Command::Capture(options) => commands::capture::run(&options),
+        Command::Sheet(options) => commands::sheet::run(&options),
         Command::Analyze(options) => commands::analyze::run(&options),
         Command::Fluorophore(options) => commands::fluorophore::run(&options),
         Command::Sensor(options) => commands::sensor::run(&options),

@@ -4,7 +4,10 @@ use std::sync::{Arc, Mutex, OnceLock};
 
 use fluorspar::material::{ScalarTexture, TissueSurface};
 use fluorspar::spectral::Fluorophore;
-use fluorspar_anatomy::{Mouth, MouthParameters, ParameterError, generate_mouth, shared_mouth};
+use fluorspar_anatomy::{
+    BakedMap, Mouth, MouthParameters, ParameterError, SurfaceMap, Tissue, generate_mouth, shared_mouth,
+    shared_surface_map,
+};
 use fluorspar_format::Cache;
 
 static CACHE: OnceLock<Cache> = OnceLock::new();
@@ -80,4 +83,21 @@ pub(crate) fn kept_tissue<E>(
         }
     }
     Ok(surface)
+}
+
+/// [`shared_surface_map`], from this process or from the cache.
+pub(crate) fn kept_surface_map(
+    map: SurfaceMap,
+    tissue: Tissue,
+    parameters: &MouthParameters,
+) -> Arc<BakedMap> {
+    shared_surface_map(map, tissue, parameters, |key, bake| {
+        let Some(cache) = cache() else { return bake() };
+        if let Some(kept) = cache.get("map", key.as_bytes()).and_then(|bytes| BakedMap::from_bytes(&bytes)) {
+            return kept;
+        }
+        let baked = bake();
+        cache.put("map", key.as_bytes(), &baked.to_bytes());
+        baked
+    })
 }

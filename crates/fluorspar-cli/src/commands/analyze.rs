@@ -5,13 +5,18 @@ use std::process::ExitCode;
 
 use clap::ValueHint;
 use fluorspar::image::SensorImage;
-use fluorspar::pipeline::{Calibration, RawExposures, analyze, bracket_label, complete_raw, develop_frames};
+use fluorspar::pipeline::{
+    Calibration, RawExposures, analyze_seen, bracket_label, complete_raw, develop_frames,
+};
 use fluorspar::study::{Capture, Study};
-use fluorspar_format::{read_component_image, read_sensor_image};
+use fluorspar_experiment::resolve;
+use fluorspar_format::read_sensor_image;
 
+use super::rendered_image::RenderedImage;
 use crate::args::{Changes, Talk};
 use crate::error::CliError;
 use crate::experiment_source::ExperimentSource;
+use crate::values::as_typed;
 
 /// Options of `analyze`.
 #[derive(Clone, Debug, clap::Args)]
@@ -53,7 +58,10 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let default = beside("experiment.toml").map(|path| path.display().to_string());
     let name = options.experiment.clone().or(default).unwrap_or_default();
     let source = ExperimentSource::find(Some(&name))?;
-    let study = source.resolve(&options.changes.overrides())?.study;
+    let overrides = options.changes.overrides();
+    let parsed = source.parse(&overrides)?;
+    let experiment = resolve(&parsed).map_err(|error| as_typed(error, &overrides))?;
+    let study = &experiment.study;
     let Some(settings) = &study.analysis else {
         return Err(CliError::Input(format!("{name}: the experiment has no [analysis] section; add one")));
     };
@@ -61,9 +69,9 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         let Some(folder) = &options.folder else {
             return Err(CliError::Input("give a folder, or frames with --frame CAPTURE=FILE".into()));
         };
-        frames_of_folder(&study, folder)?
+        frames_of_folder(study, folder)?
     } else {
-        named_frames(options, &study, &settings.frame)?
+        named_frames(options, study, &settings.frame)?
     };
     let image = options.components.clone().or_else(|| beside("components.exr").filter(|p| p.is_file()));
     if let (None, [part, ..]) = (&image, settings.parts.as_slice()) {
@@ -73,12 +81,12 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
              analysis.rectangle_px=[COLUMN,ROW,WIDTH,HEIGHT]"
         )));
     }
-    let components = image.map(|path| read_component_image(&path)).transpose()?.map(|loaded| loaded.image);
+    let image = image.map(|path| RenderedImage::open(&path)).transpose()?;
     let calibration = if options.frame.is_empty() {
-        Calibration::of_study(&study, exposures.iter().flat_map(RawExposures::all))?
+        Calibration::of_study(study, exposures.iter().flat_map(RawExposures::all))?
     } else {
         let read = |paths: &[PathBuf]| -> Result<Vec<SensorImage>, CliError> {
-            paths.iter().map(|path| read_raw(&study, path, None)).collect()
+            paths.iter().map(|path| read_raw(study, path, None)).collect()
         };
         let develop = &study.develop;
         Calibration::of_frames(
@@ -88,8 +96,17 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
             develop.bad_pixel_sigma,
         )?
     };
-    let frames = develop_frames(&study, exposures, &calibration)?;
-    let Some(mut analyzed) = analyze(&study, components.as_ref(), &frames)? else {
+    let frames = develop_frames(study, exposures, &calibration)?;
+    let analyzed = match &image {
+        None => analyze_seen(study, None, &frames)?,
+        Some(image) => {
+            let factors = image.factors(&parsed, &experiment, false)?;
+            let captures = study.analyzed_capture().map_or(&[][..], std::slice::from_ref);
+            let view = image.seen_by(study, captures, factors)?;
+            analyze_seen(study, Some(&view.components(image, captures)), &frames)?
+        }
+    };
+    let Some(mut analyzed) = analyzed else {
         return Err(CliError::Failed("the analysis gave nothing".into()));
     };
     if !options.frame.is_empty() {

@@ -6,22 +6,23 @@ use std::process::ExitCode;
 use clap::{ValueEnum, ValueHint};
 use fluorspar::image::SensorImage;
 use fluorspar::pipeline::{
-    CameraColor, CapturedFrame, ColorRendering, capture, check_same_scene, preview, relight,
+    CameraColor, CapturedFrame, ColorRendering, capture_from_planes, check_captures, preview,
 };
 use fluorspar::study::Study;
-use fluorspar_experiment::{ResolvedExperiment, parse, resolve};
+use fluorspar_experiment::{ResolvedExperiment, resolve};
 use fluorspar_format::{
-    DngColor, FormatError, OutputFolder, Provenance, RawPacking, read_component_image, write_atomically,
-    write_packed_raw, write_rgb_png, write_sensor_dng, write_sensor_png, write_sensor_tiff,
+    DngColor, FormatError, OutputFolder, Provenance, RawPacking, write_atomically, write_packed_raw,
+    write_rgb_png, write_sensor_dng, write_sensor_png, write_sensor_tiff,
 };
 use serde_json::{Value, json};
 use std::io::Write;
 
+use super::rendered_image::RenderedImage;
 use crate::args::{Changes, Seed, Talk};
 use crate::budget::frame_bytes;
 use crate::error::CliError;
 use crate::experiment_source::ExperimentSource;
-use crate::values::{Override, as_typed, sets};
+use crate::values::{Override, as_typed};
 
 /// Options of `capture`.
 #[derive(Clone, Debug, clap::Args)]
@@ -95,59 +96,41 @@ impl RawForm {
 }
 
 pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
-    let loaded = read_component_image(&options.image)?;
-    let mut components = loaded.image;
     let messages = options.talk.messages();
-    let image = options.image.display();
-    if components.denoised.is_some() {
-        let warning = format!("{image}: this image is denoised: its frames are for display only");
-        messages.warnings(&[warning.into()]);
-    }
-    // As `run` has them, so that the frames are those of `run` whatever file they come from.
-    components.round_to_24_bits();
-    // What the image was rendered from; nothing that it fixes may be changed here.
-    let rendered = match &loaded.provenance {
-        None => None,
-        Some(provenance) => {
-            let name = format!("experiment in {image}");
-            let parsed = parse(&provenance.resolved_experiment_toml, &name, std::path::Path::new("."), &[])?;
-            Some(resolve(&parsed)?.study)
-        }
-    };
+    let image = RenderedImage::open(&options.image)?;
+    image.warn(messages);
     let overrides: Vec<Override> =
         options.changes.overrides().into_iter().chain(options.seed.overrides()).collect();
     let mut inputs = vec![options.image.clone()];
-    let (text, experiment) = match (&options.experiment, loaded.provenance) {
-        (Some(name), _) => {
+    let (text, parsed, source) = match &options.experiment {
+        Some(name) => {
             let source = ExperimentSource::find(Some(name))?;
-            let experiment = source.resolve(&overrides)?;
-            messages.warnings(&experiment.record.warnings);
-            inputs.extend(source.files(&experiment.record));
-            (source.text, experiment)
+            (source.text.clone(), source.parse(&overrides)?, Some(source))
         }
-        (None, Some(provenance)) => {
-            let text = provenance.resolved_experiment_toml;
-            let name = format!("experiment in {image}");
-            let experiment = parse(&text, &name, std::path::Path::new("."), &sets(&overrides))
-                .and_then(|parsed| resolve(&parsed))
-                .map_err(|error| as_typed(error, &overrides))?;
-            (text, experiment)
-        }
-        (None, None) => {
-            return Err(CliError::Input(format!(
-                "{image}: this image carries no experiment; name one with --experiment"
-            )));
+        None => {
+            let (text, parsed) = image.experiment(&overrides)?;
+            (text, parsed, None)
         }
     };
-    let ResolvedExperiment { study, record } = experiment;
-    if let Some(rendered) = &rendered {
-        check_same_scene(&relight(rendered, &study, &mut components)?, &study)?;
+    let experiment = resolve(&parsed).map_err(|error| as_typed(error, &overrides))?;
+    if let Some(source) = source {
+        messages.warnings(&experiment.record.warnings);
+        inputs.extend(source.files(&experiment.record));
     }
+    let factors = image.factors(&parsed, &experiment, true)?;
+    let ResolvedExperiment { study, record } = experiment;
     inputs.extend(record.inputs.iter().map(|input| input.path.clone()));
+    check_captures(&study, image.labels())?;
     let folder = OutputFolder::prepare(&options.out, &inputs, frame_bytes(&study))?;
-    let frames = capture(&study, &components)?;
-    let provenance =
-        Provenance::new(&text, record.resolved_toml.clone(), study.render.seed, components.samples_per_pixel);
+    let view = image.seen_by(&study, &study.captures, factors)?;
+    view.say_uncertainty(&study, messages);
+    let frames = capture_from_planes(&study, &view.components(&image, &study.captures))?;
+    let provenance = Provenance::new(
+        &text,
+        record.resolved_toml.clone(),
+        study.render.seed,
+        image.labels().samples_per_pixel,
+    );
     let list = write_frames(options.format, &study, &frames, &folder, &provenance)
         .and_then(|list| {
             write_atomically(&folder.path().join("experiment.toml"), |file| {

@@ -16,11 +16,13 @@ pub(crate) mod pbrt_scene;
 pub(crate) mod predict;
 pub(crate) mod presets;
 pub(crate) mod render;
+mod rendered_image;
 pub(crate) mod row_bands;
 pub(crate) mod run;
 pub(crate) mod safety;
 pub(crate) mod schema;
 pub(crate) mod sensor;
+pub(crate) mod sheet;
 pub(crate) mod spectroradiometer;
 pub(crate) mod table;
 pub(crate) mod tissue;
@@ -100,4 +102,17 @@ pub(crate) fn beside(path: &Path, suffix: &str) -> PathBuf {
     let part =
         |part: Option<&std::ffi::OsStr>| part.map(|p| p.to_string_lossy().into_owned()).unwrap_or_default();
     path.with_file_name(format!("{}{suffix}.{}", part(path.file_stem()), part(path.extension())))
+}
+
+/// Refuses a mask that is painted on an image before there is one.
+pub(crate) fn check_nothing_painted(study: &Study) -> Result<(), CliError> {
+    let painted = study.concentrations.iter().find(|change| change.painted.is_some());
+    match painted {
+        None => Ok(()),
+        Some(change) => Err(CliError::Input(format!(
+            "concentration.{}: a mask is painted on a finished render: give it to `capture` and `analyze`. For a new render give \
+             the material a map, concentrations.{} = {{ image = ... }}, or the mouth a lesion",
+            change.fluorophore, change.fluorophore
+        ))),
+    }
 }

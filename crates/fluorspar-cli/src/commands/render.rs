@@ -147,6 +147,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let source = ExperimentSource::find(options.experiment.experiment.as_deref())?;
     let experiment = options.pbrt.resolve(&source, &options.experiment, &options.limits)?;
     let study = &experiment.study;
+    super::check_nothing_painted(study)?;
     let (scene, settings) = (&study.scene, &study.render);
     let needed = memory_bytes(scene, settings);
     let budget = options.budget(study);

@@ -5,7 +5,8 @@ use std::process::ExitCode;
 use std::time::Instant;
 
 use fluorspar::image::ComponentImage;
-use fluorspar::pipeline::{AnalyzedFrame, evaluate};
+use fluorspar::pipeline::{AnalyzedFrame, CapturePlanes, check_captures, evaluate, evaluate_from_planes};
+use fluorspar::study::Study;
 use fluorspar_experiment::{ResolvedExperiment, Warning};
 use fluorspar_format::OutputFolder;
 use fluorspar_report::{RunResults, write_run_components, write_run_folder};
@@ -38,6 +39,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         &[options.experiment.overrides(), options.limits.overrides().into_iter().collect()].concat(),
     )?;
     let study = &experiment.study;
+    super::check_nothing_painted(study)?;
     super::check_memory(
         study,
         "or use `fluorspar render --components`, which goes through large images in bands of rows, and `capture` with what it \
@@ -78,9 +80,12 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     components.round_to_24_bits();
 
     // What took the time is safe before anything else is tried.
-    write_run_components(folder.path(), &experiment, &source.text, &components)
+    let planes = planes(study, &components);
+    let held = planes.as_ref().map_or(&[][..], |planes| planes.planes.as_slice());
+    write_run_components(folder.path(), &experiment, &source.text, &components, held)
         .map_err(|error| CliError::from(error).at_its_place(&folder))?;
-    let analyzed = match evaluate_and_write(&experiment, &source.text, &components, folder.path()) {
+    let seen = (&components, planes.as_ref());
+    let analyzed = match evaluate_and_write(&experiment, &source.text, seen, folder.path()) {
         Ok(analyzed) => analyzed,
         Err(error) => {
             let error = error.at_its_place(&folder);
@@ -109,14 +114,23 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     Ok(ExitCode::SUCCESS)
 }
 
+/// Channel planes of the captures; `None` without captures, and where something prevents them, which the evaluation will report.
+fn planes(study: &Study, components: &ComponentImage) -> Option<CapturePlanes> {
+    check_captures(study, components).ok()?;
+    CapturePlanes::new(study, components).ok()
+}
+
 /// Everything after the render: frames, analysis, figures, report.
 fn evaluate_and_write(
     experiment: &ResolvedExperiment,
     experiment_text: &str,
-    components: &ComponentImage,
+    (components, planes): (&ComponentImage, Option<&CapturePlanes>),
     folder: &Path,
 ) -> Result<Option<AnalyzedFrame>, CliError> {
-    let evaluation = evaluate(&experiment.study, components)?;
+    let evaluation = match planes {
+        Some(planes) => evaluate_from_planes(&experiment.study, components, Some(planes))?,
+        None => evaluate(&experiment.study, components)?,
+    };
     let results = RunResults { experiment, experiment_text, components, evaluation: &evaluation };
     write_run_folder(folder, &results)?;
     Ok(evaluation.analysis)

@@ -11,7 +11,8 @@ use super::surface_mean::surface_mean;
 use super::tissue;
 use crate::error::{Place, Step, steps};
 use crate::schema::{
-    AnalysisSection, BulkReference, CaptureSection, ExperimentFile, ExposureTime, TextureReference,
+    AnalysisSection, BulkReference, CaptureSection, ConcentrationFactor, ExperimentFile, ExposureTime,
+    TextureReference,
 };
 use fluorspar::light::LightGroup;
 use fluorspar::material::{Material, ScalarTexture, StateGrid};
@@ -513,7 +514,7 @@ fn bulk(
             continue;
         }
         let amount = match reference {
-            TextureReference::Constant(amount) => *amount,
+            TextureReference::Constant(amount) => *amount * even_factor(file, name),
             TextureReference::Map(_) => {
                 let held = seen.materials[index].fluorophores.iter();
                 let held = held.filter(|held| seen.fluorophores.list[held.fluorophore].name == *name);
@@ -525,6 +526,14 @@ fn bulk(
         }
     }
     Ok(bulk)
+}
+
+/// Factor on all concentrations of a fluorophore.
+fn even_factor(file: &ExperimentFile, fluorophore: &str) -> f64 {
+    match file.concentration.get(fluorophore) {
+        Some(ConcentrationFactor::Even(factor)) => *factor,
+        _ => 1.0,
+    }
 }
 
 /// The material whose fluorophores form the bulk: the one that is named, otherwise that of the first part of the region.

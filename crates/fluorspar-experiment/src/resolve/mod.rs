@@ -1,6 +1,7 @@
 //! From the sections of an experiment to a study.
 
 mod capture;
+mod concentration;
 pub(super) mod context;
 pub(super) mod device;
 mod error_target;
@@ -28,7 +29,7 @@ use super::warning::Warning;
 use super::{Experiment, ExperimentError};
 use crate::preset;
 use fluorspar::optics::PerspectiveCamera;
-use fluorspar::render::{memory_bytes, tile_row_bytes, whole_image_bytes};
+use fluorspar::render::{RenderSettings, memory_bytes, tile_row_bytes, whole_image_bytes};
 use fluorspar::scene::{Scene, SceneError};
 use fluorspar::spectral::WavelengthGrid;
 use fluorspar::study::{AnalysisPlan, Camera, Study};
@@ -66,6 +67,7 @@ pub fn resolve(experiment: &Experiment) -> Result<ResolvedExperiment, Experiment
     let mut materials = material::materials(context, file, &grid, &mut fluorophores)?;
     let (objects, copied_materials) =
         object::objects(context, file, &mut materials, &mut fluorophores, &grid, &mut light_groups)?;
+    let concentrations = concentration::scale(context, file, &fluorophores, &mut materials.list)?;
     let captures = capture::captures(context, file, &light_groups, &grid)?;
     let motion = instrument::motion(context, file)?;
     let develop = instrument::develop(context, file, sensor, &grid)?;
@@ -106,6 +108,7 @@ pub fn resolve(experiment: &Experiment) -> Result<ResolvedExperiment, Experiment
         scene,
         render,
         time_limit_s: file.render.time_limit_s,
+        concentrations,
         camera,
         captures,
         motion,
@@ -126,6 +129,45 @@ pub fn resolve(experiment: &Experiment) -> Result<ResolvedExperiment, Experiment
         sha256,
     };
     Ok(ResolvedExperiment { study, record })
+}
+
+/// The study that a component image was rendered from, where its surfaces are those of another experiment that is resolved
+/// already: camera, lights and settings of the render are resolved again, materials and meshes are taken over. `None` where the
+/// two experiments differ in more than that.
+///
+/// # Errors
+/// The first defect found.
+pub fn resolve_rendered(
+    rendered: &Experiment,
+    now: &Experiment,
+    resolved: &ResolvedExperiment,
+) -> Result<Option<Study>, ExperimentError> {
+    let (file, other) = (&rendered.file, &now.file);
+    let same_surfaces = file.spectral == other.spectral
+        && file.fluorophore == other.fluorophore
+        && file.tissue == other.tissue
+        && file.material == other.material
+        && file.mouth == other.mouth
+        && file.object == other.object;
+    if !same_surfaces {
+        return Ok(None);
+    }
+    let mut context = Context::new(&rendered.document);
+    let context = &mut context;
+    let mut study = resolved.study.clone();
+    let grid = study.scene.grid.clone();
+    let error_target = study.render.error_target.take();
+    study.render = RenderSettings { error_target, ..device::render_settings(context, &file.render)? };
+    device::check_camera(context, &file.camera)?;
+    let (camera, view) = camera(context, file, &grid)?;
+    let mut groups = Vec::new();
+    study.scene.lights = light::lights(context, &file.light, &view, &grid, &mut groups)?;
+    // Groups of lights come first, then those of surfaces that emit.
+    if study.scene.light_groups.get(..groups.len()) != Some(groups.as_slice()) {
+        return Ok(None);
+    }
+    (study.camera, study.scene.camera) = (camera, view);
+    Ok(Some(study))
 }
 
 /// Sensor, lens and filters, and the view that they give.

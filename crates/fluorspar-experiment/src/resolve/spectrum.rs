@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use super::context::{Context, Resolved, STRENGTH};
 use crate::error::Place;
+use crate::kept::kept_surface_map;
 use crate::preset::{self, CurvePreset};
 use crate::schema::{
     AnatomyMap, CheckerMap, DorsalTongueMap, FilePath, MatlabSpectrum, NameOrTable, SpectrumReference,
@@ -13,7 +14,7 @@ use fluorspar::material::{ImageTexture, ScalarTexture};
 use fluorspar::optics::Filter;
 use fluorspar::spectral::{Curve, CurveModel, MAX_WAVELENGTH_NM, MIN_WAVELENGTH_NM, WavelengthGrid};
 use fluorspar::units::number_text;
-use fluorspar_anatomy::{PorphyrinRamp, shared_surface_map};
+use fluorspar_anatomy::PorphyrinRamp;
 use fluorspar_format::{
     CsvColumns, CsvSpectrumOptions, FormatError, NamedCurve, Transfer, read_mat_spectra, read_spectrum_csv,
     read_texture_png,
@@ -297,7 +298,7 @@ impl Context<'_> {
         };
         let mut person = mouth.clone();
         person.seed = map.seed.unwrap_or(person.seed);
-        let baked = shared_surface_map(map.anatomy, tissue, &person);
+        let baked = kept_surface_map(map.anatomy, tissue, &person);
         let image = ImageTexture::new(baked.columns, baked.rows, baked.values.clone())
             .map_err(|e| self.error(&at, e.to_string()))?;
         Ok(ScalarTexture::Image { image: Arc::new(image), low, high })

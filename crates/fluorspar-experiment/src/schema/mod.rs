@@ -1,6 +1,7 @@
 //! The sections of an experiment file.
 
 mod capture;
+mod concentration;
 mod develop;
 mod device;
 mod instrument;
@@ -13,6 +14,7 @@ mod settings;
 mod tissue;
 
 use std::borrow::Cow;
+use std::collections::BTreeMap;
 
 use fluorspar_format::FileFormat;
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
@@ -22,6 +24,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 pub use capture::{
     AnalysisSection, BulkReference, CaptureSection, DEFAULT_PORPHYRIN, ExposureTime, OutputSection,
 };
+pub use concentration::{ConcentrationFactor, PaintedMask};
 pub use develop::{DevelopSection, FlatFieldSection, MotionSection};
 pub use device::{
     AutofluorescenceSection, CameraSection, FieldOfView, FilterAngles, FilterPosition, IdealLensSection,
@@ -105,6 +108,9 @@ pub struct ExperimentFile {
     /// Surfaces.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub object: Vec<ObjectSection>,
+    /// Factors on the concentrations of fluorophores, by name. A finished render follows them without a new one. Default: none.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub concentration: BTreeMap<String, ConcentrationFactor>,
     /// Exposures of the sensor, in this order.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub capture: Vec<CaptureSection>,

@@ -1,14 +1,18 @@
 //! Frames as weighted sums of channel planes against the chain in all bands: lens, film irradiance, sensor.
 #![allow(clippy::unwrap_used, reason = "these are tests")]
 
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
 use crate::support::run;
-use fluorspar::image::{ComponentFactors, ComponentImage, LightPath};
-use fluorspar::pipeline::{CapturePlanes, CaptureResponses, FilmResponse, capture_irradiance};
+use fluorspar::image::{Component, ComponentFactors, ComponentImage, LightPath};
+use fluorspar::pipeline::{
+    CapturePlanes, CaptureResponses, FilmResponse, SeenComponents, capture_irradiance, concentration_factors,
+    scale_multiple,
+};
 use fluorspar::sensor::Sensor;
-use fluorspar::study::{Motion, Study};
+use fluorspar::study::{Motion, PaintedFactor, Study};
 use fluorspar_experiment::{parse, preset, resolve};
 
 const IDEAL: &str = "focal_length_mm = 3.0\nf_number = 4.0\n";
@@ -36,12 +40,13 @@ fn study(lens: &str, changes: &[&str]) -> Study {
 /// rates of which sensor.
 fn largest_difference(study: &Study, image: &ComponentImage, sensor: &Sensor) -> f64 {
     let planes = CapturePlanes::new(study, image).unwrap();
-    let ones = ComponentFactors::ones(image.components.len());
+    let factors = ComponentFactors::ones(image.components.len());
+    let seen = SeenComponents { image, planes: &planes, captures: &study.captures, factors: &factors };
     let mut most: f64 = 0.0;
-    for (number, capture) in study.captures.iter().enumerate() {
+    for capture in &study.captures {
         let (irradiance, film) = capture_irradiance(study, capture, image).unwrap();
         let expected = sensor.electron_rate_on_film(&irradiance, film).unwrap();
-        let rates = planes.film_rates(number, &capture.frame, image, &ones);
+        let rates = seen.film_rates(capture, |component| capture.frame.drive(&component.light_group));
         let actual = sensor.electron_rate_of(&rates, planes.film).unwrap();
         assert!(expected.data.iter().any(|rate| *rate > 1.0), "a capture without light shows nothing");
         for (actual, expected) in actual.data.iter().zip(&expected.data) {
@@ -52,7 +57,7 @@ fn largest_difference(study: &Study, image: &ComponentImage, sensor: &Sensor) ->
     most
 }
 
-/// What the issue of single precision allows: the chain rounds each band three times and adds 81 of them in eight lanes, the
+/// What single precision allows: the chain rounds each band three times and adds 81 of them in eight lanes, the
 /// planes add them in blocks of eight; each error is below half a unit of 2^-24 and their signs are random.
 const TOLERANCE: f64 = 1e-6;
 
@@ -149,8 +154,10 @@ fn factors_are_those_of_drives_and_masks() {
     let capture = &study.captures[0];
     let (irradiance, film) = capture_irradiance(&study, capture, &changed).unwrap();
     let expected = sensor.electron_rate_on_film(&irradiance, film).unwrap();
-    let actual =
-        sensor.electron_rate_of(&planes.film_rates(0, &capture.frame, &image, &factors), film).unwrap();
+    let seen =
+        SeenComponents { image: &image, planes: &planes, captures: &study.captures, factors: &factors };
+    let rates = seen.film_rates(capture, |component| capture.frame.drive(&component.light_group));
+    let actual = sensor.electron_rate_of(&rates, film).unwrap();
     for (actual, expected) in actual.data.iter().zip(&expected.data) {
         assert!((actual - expected).abs() <= TOLERANCE as f32 * expected, "{actual} {expected}");
     }
@@ -161,7 +168,7 @@ fn planes_of_some_components_leave_the_others_dark_and_digests_tell_cameras_apar
     let first = study(IDEAL, &[]);
     let image = run(&first.scene, &first.render);
     let digests = |study: &Study| -> Vec<String> {
-        let responses = CaptureResponses::new(study, &image).unwrap().responses;
+        let responses = CaptureResponses::new(study, &study.captures, &image).unwrap().responses;
         responses.iter().map(|response| response.camera().to_owned()).collect()
     };
     let own = digests(&first);
@@ -171,17 +178,76 @@ fn planes_of_some_components_leave_the_others_dark_and_digests_tell_cameras_apar
     let mut same = study(IDEAL, &["capture.violet.exposure_ms=3", "capture.both.light_groups.room=0.1"]);
     same.motion = Some(Motion { drift_px_per_s: [1.0, 0.0], jitter_px: 0.1, interval_ms: 1.0 });
     assert_eq!(digests(&same), own);
-    for change in [
-        "view_filter.filters=[\"long_pass_500\"]",
-        "lens.f_number=2.0",
-        "sensor.preset=\"pi_camera_3\"",
-    ] {
+    for change in
+        ["view_filter.filters=[\"long_pass_500\"]", "lens.f_number=2.0", "sensor.preset=\"pi_camera_3\""]
+    {
         assert!(digests(&study(IDEAL, &[change])).iter().all(|digest| !own.contains(digest)), "{change}");
     }
-    let CaptureResponses { responses, .. } = CaptureResponses::new(&first, &image).unwrap();
+    let CaptureResponses { responses, .. } = CaptureResponses::new(&first, &first.captures, &image).unwrap();
     let Ok(planes) = FilmResponse::planes(&[&responses[0]], |component| component == 1, &image);
     let is_dark = |component: usize| {
         (0..3).all(|channel| planes[0].plane(component, channel).iter().all(|v| *v == 0.0))
     };
     assert_eq!((0..image.components.len()).filter(|c| !is_dark(*c)).collect::<Vec<_>>(), [1]);
+}
+
+/// Concentrations of a finished render against a new one of the same seed, whose paths are the same: exact but for the light that
+/// fluoresced twice, whose error is told.
+#[test]
+fn concentrations_of_a_finished_render_are_those_of_a_new_one() {
+    let rendered = study(IDEAL, &[]);
+    let image = run(&rendered.scene, &rendered.render);
+    let changes = ["concentration.elastin=0.25", "concentration.protoporphyrin_ix=0.5"];
+    let wanted = study(IDEAL, &changes);
+    let again = run(&wanted.scene, &wanted.render);
+    let mut factors = concentration_factors(&BTreeMap::new(), &wanted, &image).unwrap();
+    let planes = CapturePlanes::new(&wanted, &image).unwrap();
+    let uncertainty = scale_multiple(&mut factors, &image, &planes.planes[0]).unwrap();
+    let new_planes = CapturePlanes::new(&wanted, &again).unwrap();
+    let ones = ComponentFactors::ones(image.components.len());
+    let mut most: f64 = 0.0;
+    for capture in &wanted.captures {
+        let rates = |planes: &CapturePlanes, factors: &ComponentFactors, is: &dyn Fn(&LightPath) -> bool| {
+            let captures = &wanted.captures;
+            let seen = SeenComponents { image: &image, planes, captures, factors };
+            let weight = |c: &Component| if is(&c.light) { capture.frame.drive(&c.light_group) } else { 0.0 };
+            seen.film_rates(capture, weight).data
+        };
+        // Light that fluoresced once, fluorophore by fluorophore
+        let once = |light: &LightPath| matches!(light, LightPath::Fluorescence(_));
+        let (edited, new) = (rates(&planes, &factors, &once), rates(&new_planes, &ones, &once));
+        let peak = new.iter().copied().fold(0.0, f32::max);
+        for (edited, new) in edited.iter().zip(&new) {
+            // The film rounds values to 2^-30 of the brightest sample, and sums of blocks to single precision.
+            assert!((edited - new).abs() <= 2e-6 * peak, "{edited} {new}, peak {peak}");
+        }
+        // All fluorescence
+        let all = |light: &LightPath| *light != LightPath::Reflected;
+        let sum = |values: Vec<f32>| values.into_iter().map(f64::from).sum::<f64>();
+        let (edited, new) = (sum(rates(&planes, &factors, &all)), sum(rates(&new_planes, &ones, &all)));
+        most = most.max((edited / new - 1.0).abs());
+    }
+    assert!(uncertainty.share > 1e-7, "some light fluoresced twice: {uncertainty:?}");
+    assert!(most <= uncertainty.largest_error + 2e-6, "off by {most:e}, said {uncertainty:?}");
+}
+
+#[test]
+fn concentrations_that_no_light_shows_and_masks_of_other_shapes_are_refused() {
+    let wanted = study(IDEAL, &["concentration.elastin=2"]);
+    let image = run(&wanted.scene, &wanted.render);
+    let without: BTreeMap<String, f64> = [("elastin".to_owned(), 0.0)].into();
+    let error = concentration_factors(&without, &wanted, &image).unwrap_err().to_string();
+    assert!(error.contains("concentration.elastin") && error.contains("render the"), "{error}");
+    let mut painted = wanted;
+    painted.concentrations[0].painted =
+        Some(PaintedFactor { inside: 3.0, width: 20, height: 20, mask: vec![1.0; 400].into() });
+    let error = concentration_factors(&BTreeMap::new(), &painted, &image).unwrap_err().to_string();
+    assert!(error.contains("the mask has 20 x 20 pixels, the render 24 x 18"), "{error}");
+    // Half of each column of the mask: every pixel mixes both factors.
+    let half: Vec<f32> = (0..48 * 36).map(|i| (i % 2) as f32).collect();
+    painted.concentrations[0].painted =
+        Some(PaintedFactor { inside: 3.0, width: 48, height: 36, mask: half.into() });
+    let factors = concentration_factors(&BTreeMap::new(), &painted, &image).unwrap();
+    let elastin = image.components.iter().position(|c| c.light == LightPath::Fluorescence("elastin".into()));
+    assert_eq!(factors.at(elastin.unwrap(), 100), 2.5);
 }

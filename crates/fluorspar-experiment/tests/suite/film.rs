@@ -352,13 +352,14 @@ fn excitation_bins_add_up_and_make_other_lights() {
         light.spectrum = wanted.clone();
     }
     let mut made = bins.clone();
-    let shown = relight(&before, &study, &mut made).unwrap();
+    let (shown, factors) = relight(&before, &study, &made).unwrap();
+    made.scale(&factors);
     assert!(shown.scene == study.scene, "the study is not that of the other light");
     let again = image(&study, &whole);
     close(made.light_group(&group).data(), again.light_group(&group).data(), 1e-4, "another light");
 
     let infrared = Curve::new(vec![900.0, 950.0], vec![1.0, 1.0]).unwrap();
-    let error = made.change_spectrum(&group, &rendered, &infrared).unwrap_err();
+    let error = made.spectrum_factors(&group, &rendered, &infrared).unwrap_err();
     assert!(error.to_string().contains("100.0 %"), "{error}");
 }
 

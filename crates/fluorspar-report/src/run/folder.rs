@@ -4,7 +4,7 @@ use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use fluorspar::image::ComponentImage;
+use fluorspar::image::{ChannelPlanes, ComponentImage};
 use fluorspar::pipeline::frame_radiance;
 use fluorspar_experiment::ResolvedExperiment;
 use fluorspar_format::{
@@ -45,7 +45,8 @@ pub enum RunFolderError {
     Json(#[from] serde_json::Error),
 }
 
-/// Writes what the render of a run gave: `experiment.toml` and `components.exr`, from which everything else can be made.
+/// Writes what the render of a run gave: `experiment.toml` and `components.exr`, from which everything else can be made, with the
+/// channel planes of its captures, if there are some.
 ///
 /// # Errors
 /// A folder or file that can't be written.
@@ -54,12 +55,17 @@ pub fn write_run_components(
     experiment: &ResolvedExperiment,
     experiment_text: &str,
     components: &ComponentImage,
+    planes: &[ChannelPlanes],
 ) -> Result<(), RunFolderError> {
     fs::create_dir_all(folder)
         .map_err(|source| RunFolderError::Folder { path: folder.to_path_buf(), source })?;
     let provenance = provenance(experiment, experiment_text, components);
-    let options =
-        ExrOptions { compression: ExrCompression::Rounded24, preview: None, provenance: Some(&provenance) };
+    let options = ExrOptions {
+        compression: ExrCompression::Rounded24,
+        provenance: Some(&provenance),
+        planes,
+        ..Default::default()
+    };
     write_text(&folder.join("experiment.toml"), &experiment.record.resolved_toml)?;
     write_component_exr(&folder.join("components.exr"), components, &options)?;
     Ok(())
@@ -92,11 +98,7 @@ pub fn write_run_folder(folder: &Path, run: &RunResults<'_>) -> Result<PathBuf, 
     let evaluation = run.evaluation;
     let provenance = provenance(run.experiment, run.experiment_text, run.components);
     let options =
-        ExrOptions {
-        compression: ExrCompression::Zip,
-        provenance: Some(&provenance),
-        ..Default::default()
-    };
+        ExrOptions { compression: ExrCompression::Zip, provenance: Some(&provenance), ..Default::default() };
 
     for capture in &run.experiment.study.captures {
         if capture.frame.lights.values().any(|&drive| drive > 0.0) {

@@ -4,14 +4,14 @@ use super::capture::{behind_filter, on_sensor};
 use super::direct_light::{axis_point, irradiance_on, region_points};
 use super::region_light::region_light;
 use super::tissue_estimate::tissue_estimate;
-use super::{CapturedFrame, PipelineError};
+use super::{CapturePlanes, CapturedFrame, PipelineError, SeenComponents};
 use crate::analysis::{
     Analysis, AnalysisSettings, BudgetInput, ChannelNoise, ChromaticityMap, ErrorBudget, FluorophoreResponse,
     MixtureModel, PixelSelection, PorphyrinMap, Rectangle, RegionFraction, RegionLight, RegionOfInterest,
     SceneOnSensor, analyze_region, channel_response, rgb_channels,
 };
 use crate::geometry::OrientedPoint;
-use crate::image::{ChannelImage, ComponentImage};
+use crate::image::{ChannelImage, ComponentFactors, ComponentImage};
 use crate::render::direct_exitance;
 use crate::sensor::Sensor;
 use crate::spectral::{Curve, QuantumEfficiency, Radiance, Spectrum};
@@ -45,6 +45,24 @@ pub fn analyze(
     components: Option<&ComponentImage>,
     frames: &[CapturedFrame],
 ) -> Result<Option<AnalyzedFrame>, PipelineError> {
+    let Some(image) = components.filter(|_| !study.captures.is_empty()) else {
+        return analyze_seen(study, None, frames);
+    };
+    let planes = CapturePlanes::new(study, image)?;
+    let factors = ComponentFactors::ones(image.components.len());
+    let seen = SeenComponents { image, planes: &planes, captures: &study.captures, factors: &factors };
+    analyze_seen(study, Some(&seen), frames)
+}
+
+/// [`analyze`] with the channel planes of a component image.
+///
+/// # Errors
+/// Those of [`analyze`].
+pub fn analyze_seen(
+    study: &Study,
+    components: Option<&SeenComponents<'_>>,
+    frames: &[CapturedFrame],
+) -> Result<Option<AnalyzedFrame>, PipelineError> {
     let Some(settings) = &study.analysis else { return Ok(None) };
     let sensor = study.camera.sensor.as_ref().ok_or(PipelineError::Missing("sensor"))?;
     let no_frame = || PipelineError::NoFrame {
@@ -66,7 +84,7 @@ pub fn analyze(
     }
     let analysis_settings = AnalysisSettings { region, noise, noise_threshold: settings.noise_threshold };
     let image = &frame.developed;
-    let scene = components.and_then(|components| on_sensor(study, components));
+    let scene = components.and_then(|components| on_sensor(study, components.image));
     let region = analysis_settings
         .region
         .select(image.width, image.height, scene)

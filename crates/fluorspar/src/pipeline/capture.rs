@@ -4,7 +4,7 @@ use std::borrow::Cow;
 
 use super::light_by_shape::{ShapedRadiance, light_by_shape};
 use super::motion::{MotionPath, shifted};
-use super::{Calibration, CapturePlanes, PipelineError};
+use super::{Calibration, CapturePlanes, PipelineError, SeenComponents};
 use crate::analysis::SceneOnSensor;
 use crate::image::{ChannelImage, ComponentFactors, ComponentImage, SensorImage, SpectralImage};
 use crate::optics::{FilterAutofluorescence, IdealLens};
@@ -236,28 +236,30 @@ pub fn capture_irradiance(
 pub fn capture(study: &Study, components: &ComponentImage) -> Result<Vec<CapturedFrame>, PipelineError> {
     check_captures(study, components)?;
     let planes = CapturePlanes::new(study, components)?;
-    capture_from_planes(study, components, &planes, &ComponentFactors::ones(components.components.len()))
+    let factors = ComponentFactors::ones(components.components.len());
+    let captures = &study.captures;
+    capture_from_planes(
+        study,
+        &SeenComponents { image: components, planes: &planes, captures, factors: &factors },
+    )
 }
 
-/// [`capture`] from the channel planes of the captures, with factors on the components (of concentrations, for instance). Of
-/// the component image only the labels count; it may be without values.
+/// [`capture`] from the channel planes of the captures, with factors on the components (of concentrations, for instance).
 ///
 /// # Errors
 /// Those of [`capture`].
 pub fn capture_from_planes(
     study: &Study,
-    components: &ComponentImage,
-    planes: &CapturePlanes,
-    factors: &ComponentFactors,
+    seen: &SeenComponents<'_>,
 ) -> Result<Vec<CapturedFrame>, PipelineError> {
-    check_captures(study, components)?;
+    check_captures(study, seen.image)?;
     let sensor = study.camera.sensor.as_ref().ok_or(PipelineError::Missing("sensor"))?;
     // Expose each capture in sequence
     let mut path = MotionPath::new(study);
     let mut exposures = Vec::with_capacity(study.captures.len());
-    for (number, capture) in study.captures.iter().enumerate() {
-        let rates = planes.film_rates(number, &capture.frame, components, factors);
-        exposures.push(expose_capture(study, sensor, capture, &rates, planes.film, &mut path)?);
+    for capture in &study.captures {
+        let rates = seen.film_rates(capture, |component| capture.frame.drive(&component.light_group));
+        exposures.push(expose_capture(study, sensor, capture, &rates, seen.planes.film, &mut path)?);
     }
     // Develop with calibration frames of the same exposures
     let calibration = Calibration::of_study(study, exposures.iter().flat_map(RawExposures::all))?;

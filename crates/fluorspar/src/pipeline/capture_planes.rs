@@ -2,9 +2,9 @@
 
 use super::PipelineError;
 use super::film_response::FilmResponse;
-use crate::image::{ChannelPlanes, ComponentFactors, ComponentImage};
-use crate::sensor::{CaptureFrame, FilmExtent, FilmRates};
-use crate::study::Study;
+use crate::image::{ChannelPlanes, Component, ComponentFactors, ComponentImage};
+use crate::sensor::{FilmExtent, FilmRates};
+use crate::study::{Capture, Study};
 
 /// Lens, filters and sensor of all captures of a study, those that captures share only once.
 pub struct CaptureResponses {
@@ -15,15 +15,19 @@ pub struct CaptureResponses {
 }
 
 impl CaptureResponses {
-    /// The responses of a study's captures. Of the component image only the labels count; it may be without values.
+    /// The responses of captures of a study. Of the component image only the labels count; it may be without values.
     ///
     /// # Errors
     /// A study without lens or sensor.
-    pub fn new(study: &Study, components: &ComponentImage) -> Result<Self, PipelineError> {
+    pub fn new(
+        study: &Study,
+        captures: &[Capture],
+        components: &ComponentImage,
+    ) -> Result<Self, PipelineError> {
         let mut responses: Vec<FilmResponse> = Vec::new();
-        let mut of_capture = Vec::with_capacity(study.captures.len());
-        for (number, capture) in study.captures.iter().enumerate() {
-            let same = study.captures[..number].iter().position(|other| other.filter == capture.filter);
+        let mut of_capture = Vec::with_capacity(captures.len());
+        for (number, capture) in captures.iter().enumerate() {
+            let same = captures[..number].iter().position(|other| other.filter == capture.filter);
             let shared = same.map(|other| of_capture[other]);
             of_capture.push(match shared {
                 Some(index) => index,
@@ -54,25 +58,34 @@ impl CapturePlanes {
     /// # Errors
     /// A study without lens, sensor or captures.
     pub fn new(study: &Study, components: &ComponentImage) -> Result<Self, PipelineError> {
-        let CaptureResponses { responses, of_capture } = CaptureResponses::new(study, components)?;
+        let CaptureResponses { responses, of_capture } =
+            CaptureResponses::new(study, &study.captures, components)?;
         let film = responses.first().ok_or(PipelineError::Missing("captures"))?.film();
         let all: Vec<&FilmResponse> = responses.iter().collect();
         let Ok(planes) = FilmResponse::planes(&all, |_| true, components);
         Ok(Self { planes, of_capture, film })
     }
+}
 
-    /// Electrons per second at the samples of the film in a capture, whose number is given, with the drives of a frame and
-    /// factors on the components.
-    pub fn film_rates(
-        &self,
-        capture: usize,
-        frame: &CaptureFrame,
-        components: &ComponentImage,
-        factors: &ComponentFactors,
-    ) -> FilmRates {
-        let planes = &self.planes[self.of_capture[capture]];
-        let drives = components.components.iter().map(|component| frame.drive(&component.light_group));
-        let data = planes.weighted_sum(&factors.times(drives));
-        FilmRates { width: planes.width, height: planes.height, data }
+/// The components of a render as the captures of a study see them.
+#[derive(Clone, Copy, Debug)]
+pub struct SeenComponents<'a> {
+    /// The component image, of which labels and feature maps count; it may be without values.
+    pub image: &'a ComponentImage,
+    /// Its electrons in the captures.
+    pub planes: &'a CapturePlanes,
+    /// Labels of the captures that the planes are of, in their order.
+    pub captures: &'a [Capture],
+    /// Factors on the components.
+    pub factors: &'a ComponentFactors,
+}
+
+impl SeenComponents<'_> {
+    /// Electrons per second at the samples of the film in a capture, of components times the weight that each shall have.
+    pub fn film_rates(&self, capture: &Capture, weight: impl Fn(&Component) -> f64) -> FilmRates {
+        let number = self.captures.iter().position(|other| other.frame.label == capture.frame.label);
+        let planes = &self.planes.planes[self.planes.of_capture[number.unwrap_or(0)]];
+        let factors = self.factors.times(self.image.components.iter().map(weight));
+        FilmRates { width: planes.width, height: planes.height, data: planes.weighted_sum(&factors) }
     }
 }

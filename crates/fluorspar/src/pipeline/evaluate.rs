@@ -2,8 +2,9 @@
 
 use super::{
     AnalyzedFrame, CapturePlanes, CapturedFrame, ColorRendering, DepthOfLight, FrameLeak, PipelineError,
-    Preview, RegionRadiance, SafetyReport, SpectroradiometerReading, analyze, assess_safety,
-    capture_from_planes, check_captures, depths_of_light, frame_leak, preview, read_spectroradiometers,
+    Preview, RegionRadiance, SafetyReport, SeenComponents, SpectroradiometerReading, analyze_seen,
+    assess_safety, capture_from_planes, check_captures, depths_of_light, frame_leak, preview,
+    read_spectroradiometers,
 };
 use crate::image::{ComponentFactors, ComponentImage};
 use crate::study::{Capture, Study};
@@ -65,9 +66,11 @@ pub fn evaluate_from_planes(
     let (frames, analysis) = match planes {
         None => (Vec::new(), None),
         Some(planes) => {
-            let ones = ComponentFactors::ones(components.components.len());
-            let frames = capture_from_planes(study, components, planes, &ones)?;
-            let analysis = analyze(study, Some(components), &frames)?;
+            let factors = ComponentFactors::ones(components.components.len());
+            let seen =
+                SeenComponents { image: components, planes, captures: &study.captures, factors: &factors };
+            let frames = capture_from_planes(study, &seen)?;
+            let analysis = analyze_seen(study, Some(&seen), &frames)?;
             (frames, analysis)
         }
     };

@@ -5,6 +5,7 @@
 //! | light transport | [`crate::render::render`] | [`crate::image::ComponentImage`] |
 //! | lens, filters, quantum efficiency as weights | [`FilmResponse`] | [`crate::image::ChannelPlanes`] |
 //! | planes of all captures | [`CapturePlanes`] | [`crate::sensor::FilmRates`] |
+//! | other concentrations in a finished render | [`concentration_factors`], [`scale_multiple`] | [`crate::image::ComponentFactors`] |
 //! | lens, sensor, development | [`capture`], [`capture_from_planes`] | [`CapturedFrame`]s |
 //! | dark frames, flat field, bad pixels | [`Calibration`] | |
 //! | spectroradiometers | [`read_spectroradiometers`] | [`SpectroradiometerReading`]s |
@@ -26,6 +27,7 @@ mod calibration;
 mod camera_color;
 mod capture;
 mod capture_planes;
+mod concentration;
 mod denoise;
 mod depth_of_light;
 mod direct_light;
@@ -47,14 +49,15 @@ mod spectroradiometer;
 mod tissue_estimate;
 mod tissue_family;
 
-pub use analyze::{AnalyzedFrame, analyze};
+pub use analyze::{AnalyzedFrame, analyze, analyze_seen};
 pub use calibration::Calibration;
 pub use camera_color::CameraColor;
 pub use capture::{
     CapturedFrame, RawExposures, bracket_label, capture, capture_from_planes, capture_irradiance,
     check_captures, complete_raw, develop_frames, frame_radiance,
 };
-pub use capture_planes::{CapturePlanes, CaptureResponses};
+pub use capture_planes::{CapturePlanes, CaptureResponses, SeenComponents};
+pub use concentration::{MultipleUncertainty, concentration_factors, scale_multiple};
 pub use denoise::{DenoiseError, DenoiseSettings, denoise};
 pub use depth_of_light::{DepthOfLight, LayerShare, depths_of_light};
 pub use evaluate::{Evaluation, evaluate, evaluate_from_planes};
@@ -130,10 +133,23 @@ pub enum PipelineError {
     /// A change that only a new render can follow.
     #[error(
         "{0} has changed since the component image was rendered, and the image would not show it: run or render the \
-         experiment again, or undo the change. Drives can be changed without a render: \
-         capture.NAME.light_groups.GROUP, and spectra of lights with render.excitation_edges_nm"
+         experiment again, or undo the change. Drives and concentrations of fluorophores can be changed without a render: \
+         capture.NAME.light_groups.GROUP and concentration.NAME, and spectra of lights with render.excitation_edges_nm"
     )]
     OtherScene(String),
+    /// A mask that does not cover the image.
+    #[error(
+        "concentration.{name}: the mask has {} x {} pixels, the render {} x {}; paint it on an image of the same \
+         proportions, for instance a preview", .mask[0], .mask[1], .image[0], .image[1]
+    )]
+    OtherProportions {
+        /// The fluorophore.
+        name: String,
+        /// Columns and rows of the mask.
+        mask: [usize; 2],
+        /// Columns and rows of the image.
+        image: [usize; 2],
+    },
     /// Even light of which nothing reaches the sensor.
     #[error(
         "nothing of the light of the flat field passes the lens and its filters; give develop.flat_field.spectrum a light \

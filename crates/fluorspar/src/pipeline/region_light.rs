@@ -2,13 +2,13 @@
 
 use std::collections::BTreeSet;
 
-use super::PipelineError;
-use super::capture::{behind_filter, film_extent, film_irradiance, on_sensor, tan_half_width};
-use super::light_by_shape::{ShapedRadiance, component_spectrum};
+use super::capture::{film_extent, film_irradiance, on_sensor, tan_half_width};
+use super::light_by_shape::ShapedRadiance;
+use super::{PipelineError, SeenComponents};
 use crate::analysis::{PixelSelection, RegionLight};
 use crate::image::{Component, ComponentImage, LightPath};
 use crate::optics::IdealLens;
-use crate::sensor::Sensor;
+use crate::sensor::{ElectronRate, Sensor};
 use crate::study::{Capture, Study};
 
 /// A region of the developed frame as pixels of the sensor.
@@ -54,13 +54,17 @@ impl<'a> RegionOnMosaic<'a> {
         let film = film_extent(study, components, lens);
         let tan_half_width = tan_half_width(study, components);
         let irradiance = film_irradiance(study, lens, light, tan_half_width, film.width_mm);
-        let rate = self.sensor.electron_rate_on_film(&irradiance, film)?;
+        Ok(self.means(&self.sensor.electron_rate_on_film(&irradiance, film)?))
+    }
+
+    /// Means of the pixels of each channel.
+    fn means(&self, rate: &ElectronRate) -> Vec<f64> {
         let columns = self.sensor.model().columns;
         let mut sums = vec![0.0; self.counts.len()];
         for (index, value) in rate.data.iter().enumerate().filter(|(index, _)| self.selected[*index]) {
             sums[self.sensor.mosaic().channel(index / columns, index % columns)] += f64::from(*value);
         }
-        Ok(sums.iter().zip(&self.counts).map(|(sum, count)| sum / (*count).max(1) as f64).collect())
+        sums.iter().zip(&self.counts).map(|(sum, count)| sum / (*count).max(1) as f64).collect()
     }
 }
 
@@ -78,54 +82,38 @@ fn remaining_drive(study: &Study, capture: &Capture, group: &str) -> f64 {
 /// A film that can't be used.
 pub(super) fn region_light(
     study: &Study,
-    components: &ComponentImage,
+    seen: &SeenComponents<'_>,
     capture: &Capture,
     porphyrin: &str,
     exposure_s: f64,
     region: &PixelSelection,
 ) -> Result<Option<RegionLight>, PipelineError> {
-    let (Some(lens), Some(sensor)) = (study.camera.lens_behind_filters(), &study.camera.sensor) else {
-        return Ok(None);
-    };
+    let (components, Some(sensor)) = (seen.image, &study.camera.sensor) else { return Ok(None) };
     let find = |name: &str| sensor.mosaic().channels.iter().position(|channel| channel == name);
     let (Some(red), Some(green), Some(blue)) = (find("R"), find("G"), find("B")) else { return Ok(None) };
-    let lens = behind_filter(&lens, capture);
     let mosaic = RegionOnMosaic::new(sensor, Some(region));
     let held = fluorophores_of_region(study, components, region);
-    let electrons = |light: &ShapedRadiance| -> Result<[f64; 3], PipelineError> {
-        let rates = mosaic.mean_rates(study, components, &lens, light)?;
-        Ok([red, green, blue].map(|channel| exposure_s * rates[channel]))
-    };
-    let fluorescent = |is: &dyn Fn(&LightPath) -> bool| -> Result<[f64; 3], PipelineError> {
+    let electrons = |is: &dyn Fn(&LightPath) -> bool| -> Result<[f64; 3], PipelineError> {
         let drive = |c: &Component| {
             if is(&c.light) { remaining_drive(study, capture, &c.light_group) } else { 0.0 }
         };
         if components.components.iter().all(|c| drive(c) == 0.0) {
             return Ok([0.0; 3]);
         }
-        let light = ShapedRadiance { radiance: components.recombine(drive), fluorescent: true, shape: None };
-        electrons(&light)
+        let rates = seen.film_rates(capture, drive);
+        let means = mosaic.means(&sensor.electron_rate_of(&rates, seen.planes.film)?);
+        Ok([red, green, blue].map(|channel| exposure_s * means[channel]))
     };
     let is_porphyrin =
         |light: &LightPath| matches!(light, LightPath::Fluorescence(name) if name == porphyrin);
     let is_held = |light: &LightPath| matches!(light, LightPath::Fluorescence(name) if held.contains(name));
     let is_other = |light: &LightPath| matches!(light, LightPath::Fluorescence(name) if !held.contains(name));
-    let mut reflected = [0.0; 3];
-    for component in components.components.iter().filter(|c| c.light == LightPath::Reflected) {
-        let drive = remaining_drive(study, capture, &component.light_group);
-        if drive != 0.0 {
-            let radiance = components.recombine(|c| if c == component { drive } else { 0.0 });
-            let shape = component_spectrum(study, component);
-            let more = electrons(&ShapedRadiance { radiance, fluorescent: false, shape })?;
-            reflected.iter_mut().zip(more).for_each(|(sum, more)| *sum += more);
-        }
-    }
     Ok(Some(RegionLight {
-        porphyrin: fluorescent(&is_porphyrin)?,
-        bulk: fluorescent(&|light| is_held(light) && !is_porphyrin(light))?,
-        other_parts: fluorescent(&|light| is_other(light) && !is_porphyrin(light))?,
-        fluoresced_twice: fluorescent(&|light| *light == LightPath::MultipleFluorescence)?,
-        reflected,
+        porphyrin: electrons(&is_porphyrin)?,
+        bulk: electrons(&|light| is_held(light) && !is_porphyrin(light))?,
+        other_parts: electrons(&|light| is_other(light) && !is_porphyrin(light))?,
+        fluoresced_twice: electrons(&|light| *light == LightPath::MultipleFluorescence)?,
+        reflected: electrons(&|light| *light == LightPath::Reflected)?,
     }))
 }
 

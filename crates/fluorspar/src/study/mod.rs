@@ -7,7 +7,7 @@
 //! |---|---|---|
 //! | [`Study`] | scene, render settings, camera, captures, instruments, analysis | `mod.rs` |
 //! | [`Camera`], [`Lens`], [`ViewFilter`] | from the scene to the digital numbers | `camera.rs` |
-//! | [`Capture`], [`Motion`], [`Develop`], [`FlatFieldPlan`] | the exposures and how they become linear channels | `program.rs` |
+//! | [`ConcentrationChange`], [`Capture`], [`Motion`], [`Develop`], [`FlatFieldPlan`] | the exposures and how they become linear channels | `program.rs` |
 //! | [`SpectroradiometerPlan`], [`SafetyPlan`], [`AnalysisPlan`] | what is measured and computed besides | `program.rs` |
 //! | [`StudyTissue`] | a layered tissue of the scene, for what is told about it beside the image | `study_tissue.rs` |
 //! | [`FlatSample`] | the small study of a flat, homogeneous sample without geometry | `flat_sample.rs` |
@@ -20,8 +20,8 @@ mod study_tissue;
 pub use camera::{Camera, Lens, ViewFilter};
 pub use flat_sample::{FlatSample, FluorescenceModel};
 pub use program::{
-    AnalysisPlan, Capture, Develop, FlatFieldPlan, LineEnds, Motion, SafetyPlan, SpectroradiometerPlan,
-    SpectroradiometerTarget, TissuePrior,
+    AnalysisPlan, Capture, ConcentrationChange, Develop, FlatFieldPlan, LineEnds, Motion, PaintedFactor,
+    SafetyPlan, SpectroradiometerPlan, SpectroradiometerTarget, TissuePrior,
 };
 
 pub use study_tissue::StudyTissue;
@@ -39,6 +39,8 @@ pub struct Study {
     pub render: RenderSettings,
     /// Seconds after which to stop rendering.
     pub time_limit_s: Option<f64>,
+    /// Factors on concentrations.
+    pub concentrations: Vec<ConcentrationChange>,
     /// Lens, viewing filters and sensor.
     pub camera: Camera,
     /// Exposures, in order.
@@ -64,6 +66,7 @@ impl Study {
             scene,
             render: RenderSettings::default(),
             time_limit_s: None,
+            concentrations: Vec::new(),
             camera: Camera::default(),
             captures: Vec::new(),
             motion: None,

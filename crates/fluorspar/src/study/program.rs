@@ -6,6 +6,31 @@ use crate::sensor::{CaptureFrame, Demosaicing, Spectroradiometer};
 use crate::spectral::{Curve, Fluorophore};
 use crate::tissue::Site;
 
+/// A factor on all concentrations of a fluorophore. What holds everywhere is part of the scene, too, so that a new render shows it;
+/// what is painted holds for images of a finished render only.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ConcentrationChange {
+    /// Name of the fluorophore.
+    pub fluorophore: String,
+    /// Factor everywhere, or outside of what is painted.
+    pub factor: f64,
+    /// A painted mask.
+    pub painted: Option<PaintedFactor>,
+}
+
+/// A mask over the rendered image with a factor of its own.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PaintedFactor {
+    /// Factor where the mask is 1; where it is between 0 and 1 the factors mix.
+    pub inside: f64,
+    /// Columns of the mask, which covers the image.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// `[row][col]`, 0 to 1.
+    pub mask: Arc<[f32]>,
+}
+
 /// One capture: an exposure, or a bracket of several that are merged.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Capture {

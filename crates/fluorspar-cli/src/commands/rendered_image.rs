@@ -1,0 +1,194 @@
+//! A component image of an earlier render, opened by part, and what captures see of it.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use fluorspar::image::{ChannelPlanes, ComponentFactors, ComponentImage, PreparedRows};
+use fluorspar::pipeline::{
+    CapturePlanes, CaptureResponses, FilmResponse, MultipleUncertainty, PipelineError, SeenComponents,
+    check_same_scene, concentration_factors, relight, scale_multiple,
+};
+use fluorspar::study::{Capture, Study};
+use fluorspar_experiment::schema::ConcentrationFactor;
+use fluorspar_experiment::{Experiment, ResolvedExperiment, parse, resolve, resolve_rendered};
+use fluorspar_format::{ComponentFile, Provenance};
+
+use crate::error::CliError;
+use crate::message::Messages;
+use crate::values::{Override, as_typed, sets};
+
+/// A component image whose spectra are read when they are needed.
+pub(crate) struct RenderedImage {
+    path: PathBuf,
+    file: ComponentFile,
+}
+
+impl RenderedImage {
+    pub(crate) fn open(path: &Path) -> Result<Self, CliError> {
+        Ok(Self { path: path.into(), file: ComponentFile::open(path)? })
+    }
+
+    /// The image without its values.
+    pub(crate) fn labels(&self) -> &ComponentImage {
+        self.file.labels()
+    }
+
+    /// Warns of an image that proves nothing.
+    pub(crate) fn warn(&self, messages: Messages) {
+        if self.labels().denoised.is_some() {
+            let warning =
+                format!("{}: this image is denoised: its frames are for display only", self.path.display());
+            messages.warnings(&[warning.into()]);
+        }
+    }
+
+    fn provenance(&self) -> Result<&Provenance, CliError> {
+        self.file.provenance().ok_or_else(|| {
+            let path = self.path.display();
+            CliError::Input(format!("{path}: this image carries no experiment; name one with --experiment"))
+        })
+    }
+
+    /// Text of the experiment that the image carries, and the experiment with changes.
+    pub(crate) fn experiment(&self, overrides: &[Override]) -> Result<(String, Experiment), CliError> {
+        let text = self.provenance()?.resolved_experiment_toml.clone();
+        let name = format!("experiment in {}", self.path.display());
+        let parsed = parse(&text, &name, Path::new("."), &sets(overrides));
+        Ok((text, parsed.map_err(|error| as_typed(error, overrides))?))
+    }
+
+    /// The study that the image was rendered from, with the surfaces and concentrations of an experiment, and the factors on
+    /// concentrations that it was rendered with; `None` where it carries no experiment.
+    fn rendered(
+        &self,
+        now: &Experiment,
+        resolved: &ResolvedExperiment,
+    ) -> Result<Option<(Study, BTreeMap<String, f64>)>, CliError> {
+        if self.file.provenance().is_none() {
+            return Ok(None);
+        }
+        let (_, mut rendered) = self.experiment(&[])?;
+        let even = |(name, factor): (&String, &ConcentrationFactor)| match factor {
+            ConcentrationFactor::Even(factor) => Some((name.clone(), *factor)),
+            ConcentrationFactor::Painted(_) => None,
+        };
+        let concentrations = rendered.file.concentration.iter().filter_map(even).collect();
+        if let Some(study) = resolve_rendered(&rendered, now, resolved)? {
+            return Ok(Some((study, concentrations)));
+        }
+        // Factors on concentrations are no difference of the scenes.
+        rendered.file.concentration.clone_from(&now.file.concentration);
+        Ok(Some((resolve(&rendered)?.study, concentrations)))
+    }
+
+    /// Factors on the components that make the image show the scene of an experiment.
+    ///
+    /// # Errors
+    /// A scene that only a new render can show, if `is_same` is demanded.
+    pub(crate) fn factors(
+        &self,
+        now: &Experiment,
+        resolved: &ResolvedExperiment,
+        is_same: bool,
+    ) -> Result<ComponentFactors, CliError> {
+        let (study, labels) = (&resolved.study, self.labels());
+        let Some((rendered, concentrations)) = self.rendered(now, resolved)? else {
+            return Ok(concentration_factors(&BTreeMap::new(), study, labels)?);
+        };
+        let (shown, light) = relight(&rendered, study, labels)?;
+        if is_same {
+            check_same_scene(&shown, study)?;
+        }
+        Ok(concentration_factors(&concentrations, study, labels)?.times(light.even))
+    }
+
+    /// What captures see of the image: its channel planes, and the factors on them.
+    pub(crate) fn seen_by(
+        &self,
+        study: &Study,
+        captures: &[Capture],
+        mut factors: ComponentFactors,
+    ) -> Result<CaptureView, CliError> {
+        let labels = self.labels();
+        let CaptureResponses { responses, of_capture } = CaptureResponses::new(study, captures, labels)?;
+        let film = responses.first().ok_or(PipelineError::Missing("captures"))?.film();
+        let mut planes = self.planes(&responses, captures)?;
+        let brightest = planes.first().ok_or(PipelineError::Missing("captures"))?;
+        let uncertainty = scale_multiple(&mut factors, labels, brightest);
+        if factors.has_maps() && !responses.iter().all(FilmResponse::is_local) {
+            // The lens mixes pixels: masks lie before it
+            let rows = PreparedRows { rows: &self.file, factors: &factors, width: labels.width };
+            let all: Vec<&FilmResponse> = responses.iter().collect();
+            planes = FilmResponse::planes(&all, |component| self.is_lit(component, captures), &rows)?;
+            factors.maps.fill(None);
+        }
+        Ok(CaptureView { planes: CapturePlanes { planes, of_capture, film }, factors, uncertainty })
+    }
+
+    /// Light that no capture switches on need not be read.
+    fn is_lit(&self, component: usize, captures: &[Capture]) -> bool {
+        let group = &self.labels().components[component].light_group;
+        captures.iter().any(|capture| capture.frame.drive(group) != 0.0)
+    }
+
+    /// Channel planes: those that the file holds, and for other cameras new ones from its spectra.
+    fn planes(
+        &self,
+        responses: &[FilmResponse],
+        captures: &[Capture],
+    ) -> Result<Vec<ChannelPlanes>, CliError> {
+        let mut planes = Vec::with_capacity(responses.len());
+        for response in responses {
+            planes.push(self.file.planes(response.camera())?);
+        }
+        let missing: Vec<&FilmResponse> =
+            responses.iter().zip(&planes).filter(|(_, held)| held.is_none()).map(|(r, _)| r).collect();
+        let ones = ComponentFactors::ones(self.labels().components.len());
+        let rows = PreparedRows { rows: &self.file, factors: &ones, width: self.labels().width };
+        let formed = if missing.is_empty() {
+            Vec::new()
+        } else {
+            FilmResponse::planes(&missing, |component| self.is_lit(component, captures), &rows)?
+        };
+        let mut formed = formed.into_iter();
+        Ok(planes.into_iter().filter_map(|held| held.or_else(|| formed.next())).collect())
+    }
+}
+
+/// What captures see of a component image.
+pub(crate) struct CaptureView {
+    planes: CapturePlanes,
+    factors: ComponentFactors,
+    /// What changed concentrations leave uncertain.
+    pub(crate) uncertainty: Option<MultipleUncertainty>,
+}
+
+impl CaptureView {
+    /// The components as the captures see them.
+    pub(crate) fn components<'a>(
+        &'a self,
+        image: &'a RenderedImage,
+        captures: &'a [Capture],
+    ) -> SeenComponents<'a> {
+        let factors = &self.factors;
+        SeenComponents { image: image.labels(), planes: &self.planes, captures, factors }
+    }
+
+    /// Tells how exact changed concentrations are.
+    pub(crate) fn say_uncertainty(&self, study: &Study, messages: Messages) {
+        if let Some(found) = &self.uncertainty {
+            messages.status(format!(
+                "Concentrations changed without a new render: exact but for light that fluoresced twice, {:.2} % of the fluorescence, \
+                 which may be off by {:.2} % of it",
+                100.0 * found.share,
+                100.0 * found.largest_error
+            ));
+        }
+        if study.concentrations.iter().any(|change| change.painted.is_some()) {
+            messages.status(
+                "A painted mask also scales light that was emitted elsewhere and reflected in its pixels: inside of a mouth some \
+                 percent (docs/theory.md)",
+            );
+        }
+    }
+}

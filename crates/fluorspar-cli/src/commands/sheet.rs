@@ -1,0 +1,233 @@
+//! `fluorspar sheet`: frames of one render side by side, each with changes of its own.
+
+use std::collections::BTreeSet;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::ValueHint;
+use fluorspar::image::LightPath;
+use fluorspar::pipeline::{
+    CapturedFrame, ColorRendering, Preview, capture_from_planes, check_captures, preview,
+};
+use fluorspar::study::{Capture, Study};
+use fluorspar_experiment::resolve;
+use fluorspar_format::{Output, Outputs, write_rgb_png};
+use fluorspar_report::{ContactSheet, Raster};
+
+use super::rendered_image::RenderedImage;
+use crate::args::Changes;
+use crate::error::CliError;
+use crate::message::Messages;
+use crate::values::{self, Override, as_typed};
+
+/// Options of `sheet`.
+#[derive(Clone, Debug, clap::Args)]
+pub(crate) struct Options {
+    /// Component image: components.exr of a run, or .exr or .npy of `render --components`.
+    #[arg(value_name = "COMPONENTS", value_hint = ValueHint::FilePath)]
+    image: PathBuf,
+    /// Capture that is shown [default: the analyzed one, else the last with light].
+    #[arg(long, value_name = "NAME")]
+    capture: Option<String>,
+    /// A picture: its title, a colon, and changes as of --set, separated by semicolons, for instance "bulk alone:
+    /// concentration.protoporphyrin_ix=0". May be repeated [default: the frame as it is, then each fluorophore alone, then the
+    /// reflected light].
+    #[arg(long, value_name = "TITLE: CHANGES")]
+    panel: Vec<String>,
+    #[command(flatten)]
+    changes: Changes,
+    /// Width of each picture, pixels (64 to 2000).
+    #[arg(long, value_name = "PX", default_value_t = 320, value_parser = values::whole::<usize, 64, 2000>,
+        allow_negative_numbers = true)]
+    width: usize,
+    /// The sheet (PNG).
+    #[arg(long, value_name = "FILE.png", default_value = "sheet.png", value_hint = ValueHint::FilePath)]
+    out: PathBuf,
+    /// Print no progress and no warnings.
+    #[arg(long, short)]
+    quiet: bool,
+}
+
+/// A picture of the sheet.
+struct Panel {
+    title: String,
+    changes: Vec<Override>,
+}
+
+pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
+    if options.out.extension().is_none_or(|ending| !ending.eq_ignore_ascii_case("png")) {
+        let path = options.out.display();
+        return Err(CliError::Input(format!("--out {path}: the name must end in .png")));
+    }
+    let inputs = [options.image.clone()];
+    let set = Outputs::new().and(Output::file("--out", &options.out)).reading(&inputs).declare()?;
+    let messages = Messages::unless(options.quiet);
+    let image = RenderedImage::open(&options.image)?;
+    image.warn(messages);
+    let common = options.changes.overrides();
+    let panels = panels(options, &image, &common)?;
+    let sheet = ContactSheet::new(panels.len(), options.width);
+    let mut pictures: Vec<(String, Raster)> = Vec::with_capacity(panels.len());
+    let mut first_level = None;
+    for (panel, size) in panels.iter().zip(sheet.picture_sizes()) {
+        let (frame, picture) = picture(options, &image, panel, messages)?;
+        let level = brightness_dn(&frame);
+        let first = *first_level.get_or_insert(level);
+        let title = match first > 0.0 && !pictures.is_empty() {
+            true => format!("{} ({:.0} %)", panel.title, 100.0 * level / first),
+            false => panel.title.clone(),
+        };
+        pictures.push((title, fitted(&picture, size)));
+    }
+    let named: Vec<(&str, Raster)> =
+        pictures.iter().map(|(title, raster)| (title.as_str(), raster.clone())).collect();
+    let sheet = sheet.compose(&named).map_err(|error| CliError::Failed(error.to_string()))?;
+    write_rgb_png(&options.out, sheet.width, sheet.height, sheet.pixels.as_flattened())?;
+    set.finish()?;
+    messages.status(format!("Wrote {}", options.out.display()));
+    Ok(ExitCode::SUCCESS)
+}
+
+/// The pictures that were asked for, else every fluorophore by itself.
+fn panels(options: &Options, image: &RenderedImage, common: &[Override]) -> Result<Vec<Panel>, CliError> {
+    if !options.panel.is_empty() {
+        return options.panel.iter().map(|text| panel(text, common)).collect();
+    }
+    let of = |light: &LightPath| match light {
+        LightPath::Fluorescence(name) => Some(name.clone()),
+        _ => None,
+    };
+    let names: BTreeSet<String> = image.labels().components.iter().filter_map(|c| of(&c.light)).collect();
+    let alone = |kept: Option<&String>| {
+        let others = names.iter().filter(|name| Some(*name) != kept);
+        let off = others.map(|name| Override::set(&format!("concentration.\"{name}\"=0")));
+        common.iter().cloned().chain(off).collect::<Vec<_>>()
+    };
+    let mut panels = vec![Panel { title: "as rendered".into(), changes: common.to_vec() }];
+    panels.extend(names.iter().map(|name| Panel { title: name.clone(), changes: alone(Some(name)) }));
+    panels.push(Panel { title: "reflected light".into(), changes: alone(None) });
+    Ok(panels)
+}
+
+/// A picture as it was typed.
+fn panel(text: &str, common: &[Override]) -> Result<Panel, CliError> {
+    let (title, changes) = match text.split_once(':') {
+        Some((title, changes)) if !title.trim().is_empty() => (title.trim(), changes),
+        _ => {
+            return Err(CliError::Input(format!(
+                "--panel {text}: write a title, a colon, and changes, for instance --panel \"no porphyrin: \
+                 concentration.protoporphyrin_ix=0\""
+            )));
+        }
+    };
+    let own = changes.split(';').map(str::trim).filter(|change| !change.is_empty()).map(Override::set);
+    Ok(Panel { title: title.into(), changes: common.iter().cloned().chain(own).collect() })
+}
+
+/// The frame of a panel and its picture.
+fn picture(
+    options: &Options,
+    image: &RenderedImage,
+    panel: &Panel,
+    messages: Messages,
+) -> Result<(CapturedFrame, Preview), CliError> {
+    let (_, parsed) = image.experiment(&panel.changes)?;
+    let experiment = resolve(&parsed).map_err(|error| as_typed(error, &panel.changes))?;
+    let study = &experiment.study;
+    check_captures(study, image.labels())?;
+    let capture = shown(options, study)?;
+    messages.status(format!("{}: capture \"{}\"", panel.title, capture.frame.label));
+    let factors = image.factors(&parsed, &experiment, true)?;
+    let view = image.seen_by(study, &study.captures, factors)?;
+    view.say_uncertainty(study, messages);
+    let frames = capture_from_planes(study, &view.components(image, &study.captures))?;
+    let frame = frames.into_iter().find(|frame| frame.raw.label == capture.frame.label);
+    let frame = frame.ok_or_else(|| CliError::Failed("the capture gave no frame".into()))?;
+    let picture = preview(&frame.developed, &ColorRendering::of_frame(study, capture));
+    Ok((frame, picture))
+}
+
+/// The capture that is shown.
+fn shown<'a>(options: &Options, study: &'a Study) -> Result<&'a Capture, CliError> {
+    let has_light = |capture: &&Capture| capture.frame.lights.values().any(|&drive| drive > 0.0);
+    let found = match &options.capture {
+        Some(name) => study.capture(name),
+        None => study.analyzed_capture().or_else(|| study.captures.iter().rev().find(has_light)),
+    };
+    found.ok_or_else(|| {
+        let known = study.captures.iter().map(|c| c.frame.label.as_str()).collect::<Vec<_>>().join(", ");
+        let name = options.capture.as_deref().unwrap_or("with light");
+        CliError::Input(format!(
+            "there is no capture {name}; the captures are: {known}. Name one with --capture"
+        ))
+    })
+}
+
+/// Level of the brightest channel that all but the brightest half percent of the pixels stay below, DN: about what the picture
+/// shows as white.
+fn brightness_dn(frame: &CapturedFrame) -> f64 {
+    let developed = &frame.developed;
+    let mut levels: Vec<f32> = developed
+        .data
+        .chunks_exact(developed.channels.len().max(1))
+        .map(|pixel| pixel.iter().copied().fold(0.0, f32::max))
+        .collect();
+    let index = (levels.len() * 995 / 1000).min(levels.len().saturating_sub(1));
+    if levels.is_empty() {
+        return 0.0;
+    }
+    f64::from(*levels.select_nth_unstable_by(index, f32::total_cmp).1)
+}
+
+/// A picture in a cell of a size, as large as it fits, each pixel the mean of those below it.
+fn fitted(picture: &Preview, [width, height]: [usize; 2]) -> Raster {
+    let scale = (picture.width as f64 / width as f64).max(picture.height as f64 / height as f64);
+    let left = 0.5 * (width as f64 - picture.width as f64 / scale);
+    let top = 0.5 * (height as f64 - picture.height as f64 / scale);
+    let span = |index: usize, border: f64, size: usize| {
+        let at = |edge: f64| ((edge - border) * scale).clamp(0.0, size as f64) as usize;
+        let first = at(index as f64);
+        let is_outside = index as f64 + 0.5 < border || (index as f64 + 0.5 - border) * scale > size as f64;
+        if is_outside { 0..0 } else { first..at(index as f64 + 1.0).clamp(first + 1, size.max(first + 1)) }
+    };
+    Raster::from_fn(width, height, |row, col| {
+        let (rows, columns) = (span(row, top, picture.height), span(col, left, picture.width));
+        let count = (rows.len() * columns.len()) as u32;
+        let mut sums = [0_u32; 3];
+        for at in rows.flat_map(|row| columns.clone().map(move |col| 3 * (row * picture.width + col))) {
+            for (sum, value) in sums.iter_mut().zip(picture.rgb.get(at..at + 3).unwrap_or(&[0; 3])) {
+                *sum += u32::from(*value);
+            }
+        }
+        sums.map(|sum| sum.checked_div(count).unwrap_or(16) as u8)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pictures_are_fitted_by_means() {
+        let rgb = (0..8 * 4).flat_map(|i| [10 * (i % 8) as u8, 100, 0]).collect();
+        let raster = fitted(&Preview { width: 8, height: 4, rgb }, [4, 4]);
+        // Two rows of two-by-two means between dark borders.
+        assert_eq!(raster.at(0, 0), [16; 3]);
+        assert_eq!([raster.at(1, 0), raster.at(2, 3)], [[5, 100, 0], [65, 100, 0]]);
+        let larger = fitted(&Preview { width: 1, height: 1, rgb: vec![7, 8, 9] }, [3, 3]);
+        assert!(larger.pixels.iter().all(|pixel| *pixel == [7, 8, 9]));
+    }
+
+    #[test]
+    fn panels_have_titles_and_changes() {
+        let found = panel("no porphyrin: concentration.protoporphyrin_ix=0; capture.blue.exposure_ms=5", &[])
+            .unwrap();
+        assert_eq!(found.title, "no porphyrin");
+        assert_eq!(
+            found.changes.iter().map(|c| c.set.as_str()).collect::<Vec<_>>(),
+            ["concentration.protoporphyrin_ix=0", "capture.blue.exposure_ms=5"]
+        );
+        assert!(panel("no colon", &[]).is_err() && panel(": x=1", &[]).is_err());
+        assert!(panel("as it is:", &[]).unwrap().changes.is_empty());
+    }
+}
