@@ -4,7 +4,7 @@ use fluorspar::image::StatisticsKind;
 use fluorspar::render::{FilmRenderer, Share, memory_bytes, surface_bytes, whole_image_bytes};
 use fluorspar::study::Study;
 use fluorspar::units::{memory_text, memory_texts};
-use fluorspar_experiment::ResolvedExperiment;
+use fluorspar_experiment::{ResolvedExperiment, cache};
 use serde_json::{Value, json};
 
 use crate::error::CliError;
@@ -131,10 +131,22 @@ impl Budget {
     }
 }
 
-/// Seconds that a whole render takes, by a pilot.
+/// Seconds that a whole render takes, by a pilot. What a pilot found is kept for the next time: it traces the whole scene.
 pub(crate) fn render_seconds(experiment: &ResolvedExperiment) -> Result<f64, CliError> {
-    let renderer = FilmRenderer::for_rows(&experiment.study.scene, &experiment.study.render)?;
-    Ok(renderer.seconds_of(&Share::Whole, None))
+    let pilot = || -> Result<Vec<u8>, CliError> {
+        let renderer = FilmRenderer::for_rows(&experiment.study.scene, &experiment.study.render)?;
+        Ok(renderer.seconds_of(&Share::Whole, None).to_le_bytes().to_vec())
+    };
+    // The digest leaves out where files are, and no setting of the render.
+    let key = format!("pilot 1 {} {}", experiment.record.sha256, rayon::current_num_threads());
+    let bytes = match cache() {
+        Some(cache) => cache.get_or_make("pilot", key.as_bytes(), pilot)?,
+        None => pilot()?,
+    };
+    match bytes.first_chunk::<8>() {
+        Some(bytes) => Ok(f64::from_le_bytes(*bytes)),
+        None => Err(CliError::Failed("the pilot gave no time".into())),
+    }
 }
 
 /// Says how long rendering takes, and what a time limit does to it.

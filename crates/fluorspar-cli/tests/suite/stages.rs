@@ -81,6 +81,53 @@ fn every_stage_continues_from_the_files_of_the_one_before() {
     assert!(left.is_empty(), "{left:?}");
 }
 
+/// Another filter, sensor or concentration in a finished render: the frames of a new run of the same seed, or a refusal.
+#[test]
+fn a_finished_render_is_seen_by_other_cameras_and_with_other_concentrations() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    fluorspar(folder, tiny(&["run", "oraleye-2021", "--out", "run", "-q"])).well();
+    let other = ["--set", "view_filter.filters=[\"view_425_700\"]", "--set", "sensor.columns=96"];
+    let again: Vec<&str> = ["run", "oraleye-2021", "--out", "other", "-q"].into_iter().chain(other).collect();
+    fluorspar(folder, tiny(&again)).well();
+    let taken = ["capture", "run/components.exr", "--out", "taken", "-q"].into_iter().chain(other);
+    fluorspar(folder, taken).well();
+    for name in RAW {
+        assert_eq!(
+            bytes(folder, &format!("taken/{name}")),
+            bytes(folder, &format!("other/{name}")),
+            "{name}"
+        );
+    }
+
+    let half = ["--set", "concentration.elastin=0.5"];
+    let args = ["capture", "run/components.exr", "--out", "half"].into_iter().chain(half);
+    let said = fluorspar(folder, args).well();
+    assert!(said.stderr.contains("exact but for light that fluoresced twice"), "{}", said.stderr);
+    let args = ["analyze", "half", "--components", "run/components.exr", "--json"];
+    let analysis = fluorspar(folder, args).json();
+    let before = fluorspar(folder, ["analyze", "run", "--json"]).json();
+    let median = |analysis: &Value| analysis["channels"][1]["statistics"]["median"].as_f64().unwrap();
+    assert!(median(&analysis) < median(&before), "less elastin is darker");
+
+    fluorspar(folder, ["sheet", "run/components.exr", "--width", "64", "--out", "sheet.png", "-q"]).well();
+    assert!(bytes(folder, "sheet.png").starts_with(b"\x89PNG"));
+    let preview = "concentration.elastin={ mask = \"run/preview_blue.png\", inside = 2.0 }";
+    let panel = format!("painted: {preview}");
+    let args = ["sheet", "run/components.exr", "--panel", "as it is:", "--panel", &panel, "--out", "two.png"];
+    assert!(fluorspar(folder, args).well().stderr.contains("A painted mask"));
+    for (args, part) in [
+        (vec!["run", "oraleye-2021", "--set", preview], "painted on a finished render"),
+        (vec!["capture", "run/components.exr", "--set", "concentration.elastine=2"], "did you mean"),
+        (vec!["capture", "run/components.exr", "--set", "mouth.seed=2"], "render the experiment again"),
+        (vec!["sheet", "run/components.exr", "--panel", "no title"], "write a title, a colon"),
+        (vec!["sheet", "run/components.exr", "--capture", "red"], "there is no capture"),
+    ] {
+        let said = fluorspar(folder, args);
+        assert!(said.code == Some(2) && said.stderr.contains(part), "{}", said.stderr);
+    }
+}
+
 #[test]
 fn spectra_are_rendered_into_files_of_every_kind() {
     let folder = tempfile::tempdir().unwrap();

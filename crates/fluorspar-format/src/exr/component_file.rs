@@ -193,7 +193,31 @@ impl ComponentRows for ComponentFile {
             })?;
             Ok(rows)
         })?;
-        Ok(found.into_iter().flatten().collect())
+        let found: Vec<(usize, usize, T)> = found.into_iter().flatten().collect();
+        self.check_rows(&found, |component| wanted(component))?;
+        Ok(found)
+    }
+}
+
+impl ComponentFile {
+    /// Every row of the wanted components must be there once: a damaged table of blocks leads to some twice.
+    fn check_rows<T>(
+        &self,
+        found: &[(usize, usize, T)],
+        wanted: impl Fn(usize) -> bool,
+    ) -> Result<(), FormatError> {
+        let height = self.labels.height;
+        let mut seen = vec![false; self.labels.components.len() * height];
+        for (component, row, _) in found {
+            if let Some(seen) = seen.get_mut(component * height + row) {
+                *seen = true;
+            }
+        }
+        let is_missing = |(index, seen): (usize, &bool)| wanted(index / height) && !seen;
+        if !seen.iter().enumerate().any(is_missing) {
+            return Ok(());
+        }
+        Err(FormatError::malformed(&self.path, "rows of the image are missing", "Was it copied completely?"))
     }
 }
 

@@ -9,15 +9,17 @@ use std::path::{Path, PathBuf};
 
 use fluorspar::geometry::TriangleMesh;
 use fluorspar::image::{
-    Component, ComponentImage, FeatureMaps, LightPath, Mosaic, SensorImage, SpectralImage,
+    ChannelPlanes, Component, ComponentImage, ComponentRows, FeatureMaps, LightPath, Mosaic, SensorImage,
+    SpectralImage,
 };
 use fluorspar::spectral::{Radiance, WavelengthGrid};
 use fluorspar_format::{
-    CsvEemOptions, CsvSpectrumOptions, DngColor, ExrCompression, ExrOptions, Provenance, RawPacking,
-    Transfer, read_component_exr, read_component_npy, read_eem_csv, read_iset_fluorophore, read_mat_spectra,
-    read_obj, read_ply, read_sensor_image, read_spectral_exr, read_spectral_npy, read_spectrum_csv,
-    read_texture_png, write_component_exr, write_component_npy, write_packed_raw, write_ply, write_rgb_png,
-    write_sensor_dng, write_sensor_png, write_sensor_tiff, write_spectral_exr, write_spectral_npy,
+    ComponentFile, CsvEemOptions, CsvSpectrumOptions, DngColor, ExrCompression, ExrOptions, Provenance,
+    RawPacking, Transfer, read_component_exr, read_component_npy, read_eem_csv, read_iset_fluorophore,
+    read_mat_spectra, read_obj, read_ply, read_sensor_image, read_spectral_exr, read_spectral_npy,
+    read_spectrum_csv, read_texture_png, write_component_exr, write_component_npy, write_packed_raw,
+    write_ply, write_rgb_png, write_sensor_dng, write_sensor_png, write_sensor_tiff, write_spectral_exr,
+    write_spectral_npy,
 };
 use glam::{Vec2, Vec3};
 
@@ -122,6 +124,15 @@ fn openexr() {
         damage(&path, |path| read_spectral_exr::<Radiance>(path).is_ok());
         write_component_exr(&path, &components(), &options).unwrap();
         damage(&path, |path| read_component_exr(path).is_ok());
+        let mut planes = [ChannelPlanes::dark([3, 2], 1, 2, "c".into())];
+        planes[0].data.iter_mut().enumerate().for_each(|(i, value)| *value = i as f32);
+        write_component_exr(&path, &components(), &ExrOptions { planes: &planes, ..options }).unwrap();
+        damage(&path, |path| {
+            let by_parts = |file: ComponentFile| {
+                file.planes("c").is_ok() && file.map_rows(|_| true, |_, _, _| ()).is_ok()
+            };
+            ComponentFile::open(path).is_ok_and(by_parts)
+        });
     }
 }
 

@@ -6,14 +6,15 @@ use std::fs;
 use std::path::Path;
 
 use fluorspar::image::{
-    Component, ComponentImage, FeatureMaps, LightPath, Mosaic, SensorImage, SpectralImage, View,
+    ChannelPlanes, Component, ComponentImage, ComponentRows, FeatureMaps, LightPath, Mosaic, SensorImage,
+    SpectralImage, View,
 };
 use fluorspar::spectral::{Irradiance, Quantity, Radiance, Reflectance, WavelengthGrid};
 use fluorspar_format::{
-    ExrCompression, ExrOptions, FormatError, Provenance, Transfer, read_component_exr, read_component_npy,
-    read_sensor_image, read_spectral_exr, read_spectral_npy, read_texture_png, write_atomically,
-    write_component_exr, write_component_npy, write_rgb_png, write_sensor_png, write_sensor_tiff,
-    write_spectral_exr, write_spectral_npy,
+    ComponentFile, ExrCompression, ExrOptions, FormatError, Provenance, Transfer, read_component_exr,
+    read_component_npy, read_sensor_image, read_spectral_exr, read_spectral_npy, read_texture_png,
+    write_atomically, write_component_exr, write_component_npy, write_rgb_png, write_sensor_png,
+    write_sensor_tiff, write_spectral_exr, write_spectral_npy,
 };
 
 fn grid() -> WavelengthGrid {
@@ -100,6 +101,65 @@ fn round_trip_exr<Q: Quantity + std::fmt::Debug + PartialEq>() {
         assert!(fs::read(&path).unwrap() == first, "equal images give equal bytes");
     }
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1, "nothing else is left behind");
+}
+
+/// Labels and feature maps, rows of some components, and channel planes, each by itself, are those of the whole image.
+#[test]
+fn component_images_are_read_part_by_part() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("c.exr");
+    let image = components();
+    let mut planes = ChannelPlanes::dark([5, 3], 3, 12, "a camera".into());
+    planes.data.iter_mut().enumerate().for_each(|(i, value)| *value = 0.1 + i as f32);
+    let other = ChannelPlanes { camera: "another".into(), ..planes.clone() };
+    let (both, provenance) = ([planes.clone(), other], provenance());
+    let rounded = {
+        let mut rounded = image.clone();
+        rounded.round_to_24_bits();
+        rounded
+    };
+    for (compression, stored) in
+        [(ExrCompression::Zip, &image), (ExrCompression::Rounded24, &rounded), (ExrCompression::Half, &image)]
+    {
+        let options =
+            ExrOptions { compression, provenance: Some(&provenance), planes: &both, ..Default::default() };
+        write_component_exr(&path, &image, &options).unwrap();
+        let whole = read_component_exr(&path).unwrap().image;
+        let file = ComponentFile::open(&path).unwrap();
+        assert_eq!(file.provenance(), Some(&provenance));
+        let labels = file.labels();
+        assert!(labels.data.is_empty());
+        assert_eq!((&labels.components, &labels.features), (&whole.components, &whole.features));
+        assert_eq!((&labels.grid, labels.samples_per_pixel), (&image.grid, 64));
+        // Two of three components
+        let mut rows = file.map_rows(|component| component != 1, |_, _, lines| lines.to_vec()).unwrap();
+        rows.sort_by_key(|(component, row, _)| (*component, *row));
+        let places: Vec<(usize, usize)> = rows.iter().map(|(component, row, _)| (*component, *row)).collect();
+        assert_eq!(places, [(0, 0), (0, 1), (0, 2), (2, 0), (2, 1), (2, 2)]);
+        for (component, row, lines) in rows {
+            for (index, value) in lines.iter().enumerate() {
+                let (band, col) = (index / 5, index % 5);
+                assert_eq!(*value, whole.component(component)[(row * 5 + col) * 4 + band], "{compression:?}");
+            }
+        }
+        if compression != ExrCompression::Half {
+            assert_eq!(&whole, stored);
+        }
+        assert_eq!(file.planes("a camera").unwrap().as_ref(), Some(&planes), "planes keep all bits");
+        assert_eq!(file.planes("a third").unwrap(), None);
+    }
+    let wrong = [ChannelPlanes::dark([5, 3], 2, 12, String::new())];
+    let options = ExrOptions { planes: &wrong, ..Default::default() };
+    let said = said(folder.path(), write_component_exr(&path, &image, &options));
+    assert!(said.contains("the channel planes do not fit the components"), "{said}");
+    // The other form has no parts: it is read whole.
+    let path = folder.path().join("c.npy");
+    write_component_npy(&path, &image, Some(&provenance)).unwrap();
+    let file = ComponentFile::open(&path).unwrap();
+    assert_eq!(file.labels().data, image.data);
+    let rows = file.map_rows(|component| component == 1, |_, row, _| row).unwrap();
+    assert_eq!(rows.len(), 3);
+    assert_eq!(file.planes("a camera").unwrap(), None);
 }
 
 #[test]
