@@ -41,8 +41,7 @@ const MODULES: &[(&str, &[&str])] = &[
         "pipeline",
         &[
             "digest", "units", "spectral", "image", "sampling", "geometry", "material", "light", "optics",
-            "tissue",
-            "scene", "render", "safety", "sensor", "analysis", "study",
+            "tissue", "scene", "render", "safety", "sensor", "analysis", "study",
         ],
     ),
 ];
