@@ -425,7 +425,9 @@ fn only_in(ways: &[&str], homes: &[&'static str], instead: &str) {
         }
         let code = plain_code(&fs::read_to_string(&file).unwrap());
         for (number, line) in code.lines().enumerate() {
-            if !ways.iter().any(|way| line.contains(way)) {
+            // A longer name that ends alike is another one.
+            let begins = |at: usize| !line[..at].ends_with(|c: char| c.is_alphanumeric() || c == '_');
+            if !ways.iter().any(|way| line.match_indices(way).any(|(at, _)| begins(at))) {
                 continue;
             }
             match homes.iter().find(|home| path == **home) {
