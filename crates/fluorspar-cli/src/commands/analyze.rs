@@ -101,9 +101,8 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         None => analyze_seen(study, None, &frames)?,
         Some(image) => {
             let factors = image.factors(&parsed, &experiment, false)?;
-            let captures = study.analyzed_capture().map_or(&[][..], std::slice::from_ref);
-            let view = image.seen_by(study, captures, factors)?;
-            analyze_seen(study, Some(&view.components(image, captures)), &frames)?
+            let view = image.seen_by(study, &study.captures, factors)?;
+            analyze_seen(study, Some(&view.components(image, &study.captures)), &frames)?
         }
     };
     let Some(mut analyzed) = analyzed else {
