@@ -88,14 +88,14 @@ pub fn tissue_family(
     let mut sources = Vec::with_capacity(names.len());
     for (number, name) in names.iter().enumerate() {
         let mut curves = [Vec::new(), Vec::new()];
-        for datum in 0..data {
+        for (datum, square) in squares.iter_mut().enumerate() {
             let log = |values: &dyn Fn(&Solved) -> f64| -> Vec<f64> {
                 solved.iter().map(|solved| values(solved).max(f64::MIN_POSITIVE).ln()).collect()
             };
             let (direct, error) = fit.fit(&log(&|solved| solved.direct[number][datum]));
             let (once_more, _) = fit.fit(&log(&|solved| solved.once_more[number][datum]));
             if solved[0].direct[number][datum] > DARK {
-                squares[datum] += error * error / names.len() as f64;
+                *square += error * error / names.len() as f64;
             }
             curves[0].push(direct);
             curves[1].push(once_more);
