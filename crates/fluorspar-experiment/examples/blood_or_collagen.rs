@@ -24,6 +24,7 @@ use fluorspar::spectral::Fluorophore;
 use fluorspar::study::FlatSample;
 use fluorspar::tissue::{EffectiveTissue, Level, Population, Site};
 use fluorspar_experiment::{parse, parse_sample, preset, resolve};
+use nalgebra::{DMatrix, DVector};
 use rand::RngExt;
 use rand_distr::StandardNormal;
 
@@ -271,34 +272,10 @@ fn d_prime(classes: &[Vec<Vec<f64>>; 2], without: Option<(usize, usize)>) -> f64
             }
         }
     }
-    let difference: Vec<f64> = means[0].iter().zip(&means[1]).map(|(a, b)| a - b).collect();
-    covariance.iter_mut().flatten().for_each(|value| *value /= freedom);
-    solve(covariance, difference.clone())
-        .iter()
-        .zip(&difference)
-        .map(|(a, b)| a * b)
-        .sum::<f64>()
-        .max(0.0)
-        .sqrt()
-}
-
-/// Solves a small symmetric positive system by elimination.
-fn solve(mut matrix: Vec<Vec<f64>>, mut right: Vec<f64>) -> Vec<f64> {
-    let n = right.len();
-    for pivot in 0..n {
-        for row in pivot + 1..n {
-            let factor = matrix[row][pivot] / matrix[pivot][pivot];
-            for column in pivot..n {
-                matrix[row][column] -= factor * matrix[pivot][column];
-            }
-            right[row] -= factor * right[pivot];
-        }
-    }
-    for row in (0..n).rev() {
-        let known: f64 = (row + 1..n).map(|column| matrix[row][column] * right[column]).sum();
-        right[row] = (right[row] - known) / matrix[row][row];
-    }
-    right
+    let difference = DVector::from_fn(n, |i, _| means[0][i] - means[1][i]);
+    let pooled = DMatrix::from_fn(n, n, |i, j| covariance[i][j] / freedom);
+    // A covariance that tells nothing apart has no inverse
+    pooled.cholesky().map_or(0.0, |factors| difference.dot(&factors.solve(&difference)).max(0.0).sqrt())
 }
 
 /// Standard error of [`d_prime`] by leaving out every case once.

@@ -17,6 +17,9 @@ use crate::error::CliError;
 use crate::message::Messages;
 use crate::values::{Override, as_typed, sets};
 
+/// Even factors on the concentrations of fluorophores, by name.
+type ConcentrationFactors = BTreeMap<String, f64>;
+
 /// A component image whose spectra are read when they are needed.
 pub(crate) struct RenderedImage {
     path: PathBuf,
@@ -63,7 +66,7 @@ impl RenderedImage {
         &self,
         now: &Experiment,
         resolved: &ResolvedExperiment,
-    ) -> Result<Option<(Study, BTreeMap<String, f64>)>, CliError> {
+    ) -> Result<Option<(Study, ConcentrationFactors)>, CliError> {
         if self.file.provenance().is_none() {
             return Ok(None);
         }

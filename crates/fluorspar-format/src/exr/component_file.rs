@@ -194,7 +194,7 @@ impl ComponentRows for ComponentFile {
             Ok(rows)
         })?;
         let found: Vec<(usize, usize, T)> = found.into_iter().flatten().collect();
-        self.check_rows(&found, |component| wanted(component))?;
+        self.check_rows(&found, wanted)?;
         Ok(found)
     }
 }

@@ -373,7 +373,7 @@ impl FilmResponse {
                 (lens.image_distance_mm(), lens.axial_solid_angle_sr())
             )
             .into_bytes(),
-            bits(&self.grid.edges_nm()),
+            bits(self.grid.edges_nm()),
             bits(&self.heights_mm),
         ];
         blocks.extend(self.sensor.iter().map(|weights| bits(weights)));
