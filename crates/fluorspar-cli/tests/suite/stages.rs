@@ -87,7 +87,7 @@ fn a_finished_render_is_seen_by_other_cameras_and_with_other_concentrations() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     fluorspar(folder, tiny(&["run", "oraleye-2021", "--out", "run", "-q"])).well();
-    let other = ["--set", "view_filter.filters=[\"view_425_700\"]", "--set", "sensor.columns=96"];
+    let other = ["--set", "view_filter.filters=[\"view_425_700\"]", "--set", "sensor.bit_depth=12"];
     let again: Vec<&str> = ["run", "oraleye-2021", "--out", "other", "-q"].into_iter().chain(other).collect();
     fluorspar(folder, tiny(&again)).well();
     let taken = ["capture", "run/components.exr", "--out", "taken", "-q"].into_iter().chain(other);
