@@ -83,7 +83,7 @@ pub fn resolve(experiment: &Experiment) -> Result<ResolvedExperiment, Experiment
     };
     let analysis = capture::analysis(context, file, &captures, &seen)?;
 
-    let tissues = tissue::study_tissues(context, file, &materials, &objects)?;
+    let tissues = tissue::study_tissues(context, file, &materials.list, &materials.recipes, &objects)?;
     let scene = Scene {
         grid,
         objects,

@@ -1,11 +1,11 @@
 //! Layered tissue as a material.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use super::context::{Context, KnownFluorophore, Resolved};
 use super::fluorophore::{Fluorophores, MAX_CONCENTRATION};
 use super::gloss::gloss;
-use super::material::Materials;
 use super::surface_mean::rough_surface_mean;
 use crate::ExperimentError;
 use crate::error::{Place, steps};
@@ -379,15 +379,17 @@ impl TissueRecipe {
     }
 }
 
-/// The layered tissues of a scene in their mean states, for what is told about them beside the image.
+/// The layered tissues of a scene in their mean states, for what is told about them beside the image. Recipes stand under the
+/// numbers of their materials.
 pub(super) fn study_tissues(
     context: &mut Context<'_>,
     file: &ExperimentFile,
-    materials: &Materials,
+    materials: &[Material],
+    recipes: &BTreeMap<usize, TissueRecipe>,
     objects: &[Object],
 ) -> Resolved<Vec<StudyTissue>> {
     let mut tissues = Vec::new();
-    for (&index, recipe) in &materials.recipes {
+    for (&index, recipe) in recipes {
         let of_material = || objects.iter().filter(move |object| object.material == index);
         let parts: Vec<String> = of_material().map(|object| object.name.clone()).collect();
         if parts.is_empty() {
@@ -407,7 +409,7 @@ pub(super) fn study_tissues(
                 held.strength_per_mm *= rough_surface_mean(map, shapes);
             }
         }
-        tissues.push(StudyTissue { name: materials.list[index].name.clone(), parts, tissue });
+        tissues.push(StudyTissue { name: materials[index].name.clone(), parts, tissue });
     }
     Ok(tissues)
 }
