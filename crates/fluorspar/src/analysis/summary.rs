@@ -343,31 +343,28 @@ fn region_warnings(region: Option<&RegionFraction>, image: &ChannelImage) -> Vec
     for (name, mean) in ["R", "G", "B"].iter().zip(mean_rgb_dn) {
         if *mean < 3.0 * image.noise_floor_dn {
             warnings.push(format!(
-                "{name} of the region is {mean:.1} DN on average, less than three times the read noise of a pixel ({:.1} DN): \
-                 small errors of the black level and of subtracted light move its color. Lengthen the exposure or add light.",
+                "{name} of the region is {mean:.1} DN, below three times a pixel's read noise ({:.1} DN): lengthen the exposure or \
+                 add light",
                 image.noise_floor_dn
             ));
         }
         if *mean > 0.95 * image.full_scale_dn {
             warnings.push(format!(
-                "{name} of the region is {mean:.0} DN on average, at full scale: its color can't be trusted. Shorten the \
-                 exposure or lower the gain."
+                "{name} of the region is {mean:.0} DN, at full scale: its color can't be trusted. Shorten the exposure"
             ));
         }
     }
     let allowed = (3.0 * estimate.distance_standard_error).max(LINE_TOLERANCE);
     if estimate.distance.abs() > allowed {
         warnings.push(format!(
-            "The region's mean color lies {:.4} beside the bulk-porphyrin line, {:.0} times what noise explains: its light holds \
-             something that the line does not, and its porphyrin fraction is biased by an unknown amount.",
+            "The region lies {:.4} beside the bulk-porphyrin line, {:.0} times what noise explains: its fraction is biased",
             estimate.distance.abs(),
             estimate.distance.abs() / estimate.distance_standard_error
         ));
     }
     if estimate.position < 0.0 {
         warnings.push(format!(
-            "The estimate on the line lies below zero, at {:.4} with a standard error of {:.4} by noise: the region's color is \
-             beyond that of the bulk, so the bulk is not as assumed, or there is no porphyrin.",
+            "The estimate lies below zero, at {:.4} (standard error {:.4}): the bulk is not as assumed, or there is no porphyrin",
             estimate.position, estimate.position_standard_error
         ));
     }

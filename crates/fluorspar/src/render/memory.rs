@@ -7,6 +7,7 @@ use super::error::RenderError;
 use super::settings::RenderSettings;
 use crate::image::StatisticsKind;
 use crate::image::film::{TILE, film_bytes};
+use crate::material::Material;
 use crate::scene::{Object, Scene, Shape};
 
 /// Memory that a render's images need, bytes: the film, from which the result is made in place.
@@ -49,7 +50,17 @@ pub fn surface_bytes(scene: &Scene) -> u64 {
         }
         Shape::Sphere { .. } | Shape::Disc { .. } => 0,
     };
-    scene.objects.iter().map(of_object).sum()
+    let of_surfaces: u64 = scene.objects.iter().map(of_object).sum();
+    of_surfaces + scene.materials.iter().map(tissue_bytes).sum::<u64>()
+}
+
+/// Memory of the solved states of layered tissue, bytes, as measured.
+fn tissue_bytes(material: &Material) -> u64 {
+    const PER_STATE: u64 = 640 << 10;
+    let terms =
+        material.fluorophores.iter().filter_map(|amount| amount.in_tissue.as_ref().map(|held| held.term));
+    let states = terms.max().map_or(0, |last| last as u64 + 1);
+    PER_STATE * states
 }
 
 /// Asks the system for the memory of images and surfaces before anything is made.
