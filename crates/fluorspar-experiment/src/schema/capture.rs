@@ -143,7 +143,7 @@ pub struct AnalysisSection {
     /// material of the first part.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bulk: Option<BulkReference>,
-    /// Tissue of the region, for an estimate that knows how tissue varies: a [[tissue]] or a site of the catalogue; "none" for no
+    /// Tissue of the region, for an estimate that knows how tissue varies: a `[[tissue]]` or a site of the catalogue; "none" for no
     /// such estimate. Default: the site that the material of the first part is made of, if it is layered tissue.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tissue: Option<String>,

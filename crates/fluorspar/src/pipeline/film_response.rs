@@ -16,7 +16,7 @@ use crate::study::{Capture, Study};
 /// Lens, filters and quantum efficiency of a capture as weights on the spectra of a render.
 ///
 /// Every stage from the radiance to the electrons is linear, and only the image of a traced lens and the light of a
-/// fluorescing filter mix pixels. So the transmittance behind a lens, `T` (for each [shape](component_spectrum) of light within
+/// fluorescing filter mix pixels. So the transmittance behind a lens, `T` (for each shape of light within
 /// a band, and at heights on the film where filters see other angles), and the weights of the sensor, `w`, join to one weight
 /// per band and channel, `Omega T w`, and spectra are read once.
 pub struct FilmResponse {

@@ -4,7 +4,7 @@
 //! |---|---|
 //! | [`Viewing`] | a light, the filter before the instrument, and light that leaks through it |
 //! | [`MeasuredReflectance`], [`MeasuredFluorescence`] | spectra, with their errors |
-//! | [`TissueFit`] | fits a [`Population`](super::Population), which is the prior, to spectra; predicts other spectra |
+//! | [`TissueFit`] | fits a [`Population`], which is the prior, to spectra; predicts other spectra |
 //! | [`Fit`] | the most probable tissue, its parameters with intervals of 95 %, and what is left of each spectrum |
 //! | [`PredictedFluorescence`] | a spectrum under another light, with its standard deviation |
 //!
