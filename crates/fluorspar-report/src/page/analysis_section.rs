@@ -174,9 +174,9 @@ fn budget_rows(budget: &ErrorBudget) -> Vec<Number> {
     ));
     rows.push(Number::computed(
         "Detection limit",
-        format!("{:.4}", budget.detection_limit).replace('-', "−"),
+        format!("{:.4}", budget.detection_limit),
         "",
-        "Above it sensor noise mistakes neither a blank for porphyrin nor porphyrin for a blank in more than 5 % of cases.",
+        "So far beyond the blank sensor noise mistakes neither a blank for porphyrin nor porphyrin for a blank in more than 5 % of cases.",
     ));
     rows
 }

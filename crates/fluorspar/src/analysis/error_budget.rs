@@ -37,7 +37,8 @@ pub struct ErrorBudget {
     pub fraction_total_interval: [f64; 2],
     /// The estimate if the same light came without that of the porphyrin.
     pub blank: f64,
-    /// The share above which an estimate is told from the blank, with errors of 5 % either way by the sensor's noise.
+    /// Smallest share that is told from the blank, counted from it, with errors of 5 % either way by the sensor's noise. Bias of
+    /// the line is not in it: see [`Self::items`].
     pub detection_limit: f64,
 }
 
@@ -95,7 +96,7 @@ impl ErrorBudget {
             total_interval,
             fraction_total_interval: total_interval.map(|share| line.fraction(share.clamp(0.0, 1.0)).0),
             blank: blank.position,
-            detection_limit: blank.position + DETECTION_Z * blank.position_standard_error,
+            detection_limit: DETECTION_Z * blank.position_standard_error,
         })
     }
 }
@@ -127,7 +128,11 @@ mod tests {
         assert!(item("indirect light").without > budget.share + 0.01);
         assert_eq!(item("light of other parts").change, 0.0);
         // Without the porphyrin the leak alone is left, which is green.
-        assert!(budget.blank < 0.0 && budget.detection_limit > budget.blank);
+        assert!(budget.blank < 0.0);
+        // Counted from the blank: a limit is never below zero, and twice the noise doubles it.
+        let noisier = ErrorBudget::new(&BudgetInput { variance_dn2: [4e-4; 3], ..input }).unwrap();
+        assert!(budget.detection_limit > 0.0);
+        assert!((noisier.detection_limit / budget.detection_limit - 2.0).abs() < 1e-9);
         let [low, high] = budget.total_interval;
         assert!(low < 10.0 / 110.0 && high > 10.0 / 110.0);
         assert!(high - budget.share > budget.sensor_noise);

@@ -192,7 +192,7 @@ impl Analysis {
             if let Some(budget) = &self.budget {
                 let [low, high] = budget.total_interval;
                 lines.push(format!(
-                    "  with leak, indirect light and light of other parts: {low:.4} to {high:.4}; blank {:.4}, detection limit {:.4}",
+                    "  with leak, indirect light and light of other parts: {low:.4} to {high:.4}; blank {:.4}, detection limit {:.4} beyond it",
                     budget.blank, budget.detection_limit
                 ));
             }
