@@ -194,7 +194,7 @@ pub struct TissuePrior {
 }
 
 impl TissuePrior {
-    /// A little wider than the population, which four people tell of.
+    /// A little wider than the population, which four people tell of. \[assumed\]
     pub const WIDTH: f64 = 1.25;
     /// Models of this kind leave 0.02 to 0.05 of the value at 520 nm between them and measured tongues and lips; a channel
     /// averages over some of it.
