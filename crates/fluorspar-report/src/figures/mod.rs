@@ -4,7 +4,6 @@
 //! the paper's abstract can follow.
 
 mod chromaticity;
-mod depth;
 mod eem;
 mod filters;
 mod histogram;
@@ -17,7 +16,6 @@ mod sensor;
 mod tissue;
 
 pub use chromaticity::{ChromaticityPlot, chromaticity};
-pub use depth::{DepthCurve, share_by_depth};
 pub use eem::{EemMap, eem_maps, emission};
 pub use filters::filters;
 pub use histogram::{ChannelValues, histograms};

@@ -106,9 +106,10 @@ pub fn light_sources_by_depth(
     layers: &[(f64, String)],
 ) -> Figure {
     // Nine tenths of the light and a little more; a tail of some percent comes from much deeper.
-    let deep =
-        |points: &Vec<[f64; 2]>| points.iter().filter(|p| p[1] <= 0.97).map(|p| p[0]).fold(0.0, f64::max);
-    let x = Axis::from_zero("depth", "um", channels.iter().map(|(_, points)| deep(points)));
+    let shown =
+        |points: &[[f64; 2]]| -> Vec<[f64; 2]> { points.iter().copied().filter(|p| p[1] <= 0.97).collect() };
+    let reach = channels.iter().flat_map(|(_, points)| shown(points)).map(|[depth_um, _]| depth_um);
+    let x = Axis::from_zero("depth below the surface", "µm", reach);
     let y = Axis::linear("share of the light from above this depth", "", [0.0, 1.0]);
     let mut panel = Panel::new(x.clone(), y);
     let mut top = 0.0;
@@ -127,7 +128,7 @@ pub fn light_sources_by_depth(
     }
     for (index, (name, points)) in channels.iter().enumerate() {
         let ink = Ink::of_channel(name, index);
-        panel = panel.with(Series::dashed(name.clone(), ink, points.clone(), Dash::cycle(index)));
+        panel = panel.with(Series::dashed(name.clone(), ink, shown(points), Dash::cycle(index)));
     }
     Figure::new(format!("Where fluorescence arises: {title}"), panel).explained(
         "The share of the fluorescence of each channel that arises above a depth: half of the light comes from above where its \

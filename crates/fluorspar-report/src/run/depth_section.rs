@@ -3,7 +3,7 @@
 use fluorspar::pipeline::DepthOfLight;
 
 use super::RunResults;
-use crate::figures::{DepthCurve, share_by_depth};
+use crate::figures::light_sources_by_depth;
 use crate::{Figure, Number, NumberTable, ReportItem, Section};
 
 /// From how deep the fluorescence comes that each channel sees, and the figure of the analyzed tissue; nothing without layered
@@ -42,7 +42,7 @@ pub(super) fn depth_section(run: &RunResults<'_>) -> Option<(Section, Option<Fig
         let caption = format!("Other tissues, frame \"{frame}\"");
         section = section.with(ReportItem::Table(NumberTable { caption, rows: others }));
     }
-    Some((section, figure(&own, frame, analyzed)))
+    Some((section, figure(run, &own, frame)))
 }
 
 /// The tissue of the analyzed region, otherwise the first one.
@@ -62,17 +62,15 @@ fn depth_row(name: &str, depth: &DepthOfLight) -> Number {
     )
 }
 
-/// Share of the light from above each depth, by channel.
-fn figure(depths: &[&DepthOfLight], frame: &str, tissue: &str) -> Option<Figure> {
-    let curves: Vec<DepthCurve> = depths
-        .iter()
-        .filter(|depth| depth.frame == frame)
-        .map(|depth| {
-            let last = depth.quantiles_um.len().saturating_sub(1).max(1) as f64;
-            let points = depth.quantiles_um.iter().enumerate();
-            let points = points.map(|(place, depth_um)| [*depth_um, place as f64 / last]).collect();
-            DepthCurve { name: depth.channel.clone(), points }
-        })
-        .collect();
-    (!curves.is_empty()).then(|| share_by_depth(&curves, &format!("{tissue}, frame \"{frame}\"")))
+/// Share of the light from above each depth, by channel, with the layers of the tissue.
+fn figure(run: &RunResults<'_>, depths: &[&DepthOfLight], frame: &str) -> Option<Figure> {
+    let name = &depths.first()?.tissue;
+    let channels = depths.iter().filter(|depth| depth.frame == frame).map(|depth| {
+        let last = depth.quantiles_um.len().saturating_sub(1).max(1) as f64;
+        let points = depth.quantiles_um.iter().enumerate();
+        (depth.channel.clone(), points.map(|(place, depth_um)| [*depth_um, place as f64 / last]).collect())
+    });
+    let tissue = &run.experiment.study.tissues.iter().find(|known| known.name == *name)?.tissue;
+    let title = format!("{}, frame \"{frame}\"", name.replace('_', " "));
+    Some(light_sources_by_depth(&title, &channels.collect::<Vec<_>>(), &tissue.bottoms_um()))
 }

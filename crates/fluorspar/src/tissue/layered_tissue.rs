@@ -204,6 +204,16 @@ impl LayeredTissue {
         tissue
     }
 
+    /// Depth of the lower end of each layer, um, and its name, from above.
+    #[must_use]
+    pub fn bottoms_um(&self) -> Vec<(f64, String)> {
+        let sum = |depth_um: &mut f64, layer: &TissueLayer| {
+            *depth_um += layer.thickness_um;
+            Some((*depth_um, layer.name.clone()))
+        };
+        self.layers.iter().scan(0.0, sum).collect()
+    }
+
     /// The layer of a name.
     #[must_use]
     pub fn layer(&self, name: &str) -> Option<&TissueLayer> {

@@ -101,12 +101,7 @@ pub(super) fn run(options: &Options) -> Result<(), CliError> {
     if let (Some(out), Some(format), Some(set)) = (&options.out, figure, set) {
         let curves: Vec<(String, Vec<[f64; 2]>)> =
             origins.iter().map(|origin| (origin.channel.clone(), origin.cumulative.clone())).collect();
-        let mut bottom = 0.0;
-        let bottoms = solved.tissue().layers.iter().map(|layer| {
-            bottom += layer.thickness_um;
-            (bottom, layer.name.clone())
-        });
-        let bytes = format.bytes(&light_sources_by_depth(&title, &curves, &bottoms.collect::<Vec<_>>()))?;
+        let bytes = format.bytes(&light_sources_by_depth(&title, &curves, &solved.tissue().bottoms_um()))?;
         write_atomically(out, |file| file.write_all(&bytes))?;
         set.finish()?;
         options.talk.messages().status(format!("Wrote {}", out.display()));
@@ -157,15 +152,12 @@ fn origin(channel: &str, profile: &DepthProfile, layers: &[String]) -> Origin {
             Some([depth(share)?, share])
         })
         .collect();
-    // The mean of all quantiles.
-    let slices = cumulative.windows(2).map(|pair| 0.5 * (pair[0][0] + pair[1][0]));
-    let mean = slices.sum::<f64>() / f64::from(SHARES);
     Origin {
         channel: channel.into(),
         depth_5_um: depth(0.05),
         depth_50_um: depth(0.5),
         depth_90_um: depth(0.9),
-        mean_depth_um: (!cumulative.is_empty()).then_some(mean),
+        mean_depth_um: profile.mean_um(),
         layers: layers.iter().cloned().zip(profile.layer_shares.iter().copied()).collect(),
         cumulative,
     }
