@@ -14,7 +14,7 @@
 //! | analysis | [`analysis::analyze_region`] | [`analysis::Analysis`]: chromaticity, porphyrin fraction, with intervals |
 //!
 //! [`pipeline::evaluate`] runs everything after the render at once; [`pipeline::predict`] does so for a flat sample without geometry.
-//! [`names`] suggests what a misspelled name may have meant. [`safety`] assesses light sources for the safety of eyes and skin.
+//! [`design`] compares lights, filters and sensors by what they could prove. [`names`] suggests what a misspelled name may have meant. [`safety`] assesses light sources for the safety of eyes and skin.
 //!
 //! The physics knows no files. What lies around it:
 //!
@@ -31,6 +31,7 @@
 //! inside tissue.
 
 pub mod analysis;
+pub mod design;
 pub mod digest;
 pub mod geometry;
 pub mod image;

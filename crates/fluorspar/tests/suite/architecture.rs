@@ -37,11 +37,12 @@ const MODULES: &[(&str, &[&str])] = &[
             "scene", "render", "safety", "sensor", "analysis",
         ],
     ),
+    ("design", &["units", "spectral", "sampling", "optics", "safety", "sensor"]),
     (
         "pipeline",
         &[
             "digest", "units", "spectral", "image", "sampling", "geometry", "material", "light", "optics",
-            "tissue", "scene", "render", "safety", "sensor", "analysis", "study",
+            "tissue", "scene", "render", "safety", "sensor", "analysis", "study", "design",
         ],
     ),
 ];

@@ -1,0 +1,112 @@
+//! What each channel of a camera collects of a spectral radiance, on fine samples, for any filter.
+
+use crate::sensor::Sensor;
+use crate::spectral::{Curve, WavelengthGrid};
+
+/// Widest fine bin, nm: filters fall by a decade in several nanometers.
+const FINE_BIN_NM: f64 = 1.0;
+
+/// Variance of the converter's rounding, DN²: an even distribution over one code.
+const ROUNDING_DN2: f64 = 1.0 / 12.0;
+
+/// Bands cut into fine bins.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FineBands {
+    /// All fine bins.
+    pub fine: WavelengthGrid,
+    /// Number of the band that holds each of them.
+    pub band: Vec<usize>,
+}
+
+impl FineBands {
+    /// Cuts the bands of a grid into bins of at most 1 nm.
+    pub fn of(grid: &WavelengthGrid) -> Self {
+        let (mut edges, mut band) = (vec![grid.start_nm()], Vec::new());
+        for (number, edge) in grid.edges_nm().windows(2).enumerate() {
+            let pieces = ((edge[1] - edge[0]) / FINE_BIN_NM - 1e-9).ceil().max(1.0) as usize;
+            for piece in 1..=pieces {
+                edges.push(edge[0] + (edge[1] - edge[0]) * piece as f64 / pieces as f64);
+                band.push(number);
+            }
+        }
+        // Edges rise as those of the grid do, so the only way to fail is a grid of more bins than are allowed.
+        let fine = WavelengthGrid::from_edges(&edges).unwrap_or_else(|_| grid.clone());
+        if fine.len() != band.len() {
+            band = (0..fine.len()).collect();
+        }
+        Self { fine, band }
+    }
+}
+
+/// A sensor behind a lens of unknown aperture, with the numbers of its noise.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DesignCamera {
+    /// Name.
+    pub name: String,
+    /// Names of the channels.
+    pub channels: Vec<String>,
+    /// Share of the pixels that measure each channel.
+    pub shares: Vec<f64>,
+    /// Variance of a read without light, e-²: noise of the readout and rounding of the converter.
+    pub dark_variance_e2: f64,
+    /// Dark current, e-/s.
+    pub dark_e_per_s: f64,
+    /// Photo-response non-uniformity, relative.
+    pub prnu: f64,
+    /// Electrons of one pixel at which its well or the converter is full.
+    pub full_e: f64,
+    /// Price, in any unit.
+    pub cost: f64,
+    /// Electrons per second of a pixel per W/(sr m² nm) and sr of the lens, `[channel][fine bin]`.
+    weights: Vec<Vec<f64>>,
+}
+
+impl DesignCamera {
+    /// A sensor at an analog gain behind a lens of a transmittance.
+    pub fn new(
+        name: &str,
+        sensor: &Sensor,
+        gain: f64,
+        lens_transmittance: &Curve,
+        bands: &FineBands,
+    ) -> Self {
+        let model = sensor.model();
+        let dn_per_e = model.base_dn_per_electron() * model.analog_gain * gain;
+        let behind_lens = sensor.behind(lens_transmittance);
+        let converter_e = (f64::from(model.max_code()) - model.black_level_dn) / dn_per_e;
+        Self {
+            name: name.into(),
+            channels: sensor.mosaic().channels.clone(),
+            shares: sensor.mosaic().shares(),
+            dark_variance_e2: model.dark_noise_electrons(gain).powi(2) + ROUNDING_DN2 / (dn_per_e * dn_per_e),
+            dark_e_per_s: model.dark_electrons_per_s(),
+            prnu: model.image_prnu_percent() / 100.0,
+            full_e: model.well_capacity_e.min(converter_e),
+            cost: 0.0,
+            weights: behind_lens.flat_electron_weights(&bands.fine),
+        }
+    }
+
+    /// The same camera behind a filter.
+    pub fn behind(&self, filter: &Curve, bands: &FineBands) -> FilteredCamera {
+        let transmittance = filter.bin_averages(&bands.fine);
+        let through = |weights: &Vec<f64>| weights.iter().zip(&transmittance).map(|(w, t)| w * t).collect();
+        let fine: Vec<Vec<f64>> = self.weights.iter().map(through).collect();
+        let count = bands.band.last().map_or(0, |last| last + 1);
+        let by_band = fine.iter().map(|weights| {
+            let mut sums = vec![0.0; count];
+            weights.iter().zip(&bands.band).for_each(|(w, &band)| sums[band] += w);
+            sums
+        });
+        FilteredCamera { by_band: by_band.collect(), fine }
+    }
+}
+
+/// A camera behind a filter: electrons per second per W/(sr m² nm) and sr.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FilteredCamera {
+    /// `[channel][band]`, for light that is even within bands, as fluorescence is.
+    pub(super) by_band: Vec<Vec<f64>>,
+    /// `[channel][fine bin]`, for light as steep as the filter.
+    pub(super) fine: Vec<Vec<f64>>,
+}

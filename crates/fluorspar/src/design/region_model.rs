@@ -1,0 +1,276 @@
+//! A region with everything about it that is not known.
+
+use crate::spectral::Curve;
+
+use super::design_camera::{FilteredCamera, FineBands};
+use super::region_response::{RegionResponse, bands_of};
+
+/// How wrong the library of fluorophores may be: standard deviations of independent errors of each fluorophore.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct LibraryError {
+    /// Shift of its emission, nm. Libraries differ by 5 to 25 nm for the same molecule.
+    pub emission_shift_nm: f64,
+    /// Shift of its excitation, nm.
+    pub excitation_shift_nm: f64,
+    /// Smooth relative error of its emission and of its excitation spectrum.
+    pub shape: f64,
+    /// Distance over which that error is alike, nm.
+    pub correlation_nm: f64,
+}
+
+/// A change of everything that a region sends when one unknown moves by one standard deviation.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ResponseChange {
+    /// What moves.
+    pub name: String,
+    /// Change of the fluorescence of all fluorophores together, `[band][number of the basis]`.
+    pub fluorescence: Vec<f64>,
+    /// Change of the reflected light; `None` is none.
+    pub reflected: Option<Curve>,
+}
+
+impl ResponseChange {
+    /// The difference between two responses of the same region, one with something moved. `None` where they differ in bands,
+    /// basis or fluorophores.
+    pub fn between(name: &str, region: &RegionResponse, moved: &RegionResponse) -> Option<Self> {
+        let alike = region.grid == moved.grid
+            && region.excitation == moved.excitation
+            && region.fluorescence.len() == moved.fluorescence.len();
+        if !alike {
+            return None;
+        }
+        let mut fluorescence = vec![0.0; region.grid.len() * region.excitation.len()];
+        for (before, after) in region.fluorescence.iter().zip(&moved.fluorescence) {
+            let both = after.radiance.iter().zip(&before.radiance);
+            fluorescence.iter_mut().zip(both).for_each(|(sum, (after, before))| *sum += after - before);
+        }
+        let (first, last) = region.reflected.range_nm();
+        let reflected = Curve::from_fn(first, last, |nm| moved.reflected.at(nm) - region.reflected.at(nm));
+        Some(Self { name: name.into(), fluorescence, reflected: Some(reflected) })
+    }
+}
+
+/// A region and its unknowns besides the weights of its fluorophores.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RegionModel {
+    /// What it sends.
+    pub response: RegionResponse,
+    /// Blood, depth, errors of the library: each changes the signal by this much at one standard deviation.
+    pub changes: Vec<ResponseChange>,
+}
+
+impl RegionModel {
+    /// A region of which only the weights are not known.
+    pub fn known(response: RegionResponse) -> Self {
+        Self { response, changes: Vec::new() }
+    }
+
+    /// The same region seen with a library that may be wrong.
+    #[must_use]
+    pub fn with_library_error(mut self, error: &LibraryError) -> Self {
+        let added = library_changes(&self.response, error);
+        self.changes.extend(added);
+        self
+    }
+
+    /// The region under a light, by spectrum.
+    pub fn under(&self, light: &Curve, bands: &FineBands) -> LitRegion {
+        let coefficients = self.response.excitation.coefficients(light);
+        let reflected = |reflected: &Curve| light.times(reflected).bin_averages(&bands.fine);
+        LitRegion {
+            fluorescence: self
+                .response
+                .fluorescence
+                .iter()
+                .map(|f| bands_of(&f.radiance, &coefficients))
+                .collect(),
+            reflected: reflected(&self.response.reflected),
+            changes: self
+                .changes
+                .iter()
+                .map(|change| {
+                    (bands_of(&change.fluorescence, &coefficients), change.reflected.as_ref().map(reflected))
+                })
+                .collect(),
+        }
+    }
+}
+
+/// Spectra that a region sends under one light, W/(sr m² nm).
+#[derive(Clone, Debug, PartialEq)]
+pub struct LitRegion {
+    /// Fluorescence, `[fluorophore][band]`.
+    fluorescence: Vec<Vec<f64>>,
+    /// Reflected light, `[fine bin]`.
+    reflected: Vec<f64>,
+    /// Changes by unknown: fluorescence by band, reflected light by fine bin.
+    changes: Vec<(Vec<f64>, Option<Vec<f64>>)>,
+}
+
+impl LitRegion {
+    /// Its signals in a camera.
+    pub fn through(&self, camera: &FilteredCamera) -> SignalRates {
+        let channels = || camera.by_band.iter().zip(&camera.fine);
+        let change = |(even, steep): (&Vec<f64>, &Vec<f64>)| -> Vec<f64> {
+            let of = |(fluorescence, reflected): &(Vec<f64>, Option<Vec<f64>>)| {
+                dot(even, fluorescence) + reflected.as_ref().map_or(0.0, |reflected| dot(steep, reflected))
+            };
+            self.changes.iter().map(of).collect()
+        };
+        SignalRates {
+            fluorescence: channels()
+                .map(|(even, _)| self.fluorescence.iter().map(|f| dot(even, f)).collect())
+                .collect(),
+            leak: channels().map(|(_, steep)| dot(steep, &self.reflected)).collect(),
+            changes: channels().map(change).collect(),
+        }
+    }
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// Electrons per second of one pixel, per unit of light and sr of the lens.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SignalRates {
+    /// `[channel][fluorophore]`.
+    pub fluorescence: Vec<Vec<f64>>,
+    /// Reflected light that passes the filters, `[channel]`.
+    pub leak: Vec<f64>,
+    /// Change at one standard deviation of each unknown, `[channel][unknown]`.
+    pub changes: Vec<Vec<f64>>,
+}
+
+/// Changes of a response by errors of its library.
+fn library_changes(region: &RegionResponse, error: &LibraryError) -> Vec<ResponseChange> {
+    let nodes = region.excitation.centers_nm();
+    let bands = region.grid.centers_nm();
+    let mut changes = Vec::new();
+    for fluorescence in &region.fluorescence {
+        let matrix = &fluorescence.radiance;
+        let mut add = |what: String, values: Vec<f64>| {
+            changes.push(ResponseChange {
+                name: format!("{} {what}", fluorescence.name),
+                fluorescence: values,
+                reflected: None,
+            });
+        };
+        if error.emission_shift_nm > 0.0 {
+            add("emission shift".into(), shifted(matrix, &bands, &nodes, [error.emission_shift_nm, 0.0]));
+        }
+        if error.excitation_shift_nm > 0.0 {
+            add("excitation shift".into(), shifted(matrix, &bands, &nodes, [0.0, error.excitation_shift_nm]));
+        }
+        if error.shape > 0.0 && error.correlation_nm > 0.0 {
+            for (center, bump) in bumps(&bands, error) {
+                let value = |k: usize| bump[k / nodes.len()] * matrix[k];
+                add(format!("emission near {center:.0} nm"), (0..matrix.len()).map(value).collect());
+            }
+            for (center, bump) in bumps(&nodes, error) {
+                let value = |k: usize| bump[k % nodes.len()] * matrix[k];
+                add(format!("excitation near {center:.0} nm"), (0..matrix.len()).map(value).collect());
+            }
+        }
+    }
+    changes
+}
+
+/// The difference that a shift of a matrix by some nanometers of emission and excitation makes.
+fn shifted(matrix: &[f64], bands: &[f64], nodes: &[f64], [emission, excitation]: [f64; 2]) -> Vec<f64> {
+    let at = |axis: &[f64], nm: f64| {
+        let right = axis.partition_point(|&x| x < nm).clamp(1, axis.len() - 1);
+        let share = ((nm - axis[right - 1]) / (axis[right] - axis[right - 1])).clamp(0.0, 1.0);
+        (right, share)
+    };
+    let columns = nodes.len();
+    let mut difference = Vec::with_capacity(matrix.len());
+    for (row, &emission_nm) in bands.iter().enumerate() {
+        let (r, v) = at(bands, emission_nm - emission);
+        for (col, &excitation_nm) in nodes.iter().enumerate() {
+            let (c, u) = at(nodes, excitation_nm - excitation);
+            let along = |r: usize| matrix[r * columns + c - 1] * (1.0 - u) + matrix[r * columns + c] * u;
+            let moved = along(r - 1) * (1.0 - v) + along(r) * v;
+            difference.push(moved - matrix[row * columns + col]);
+        }
+    }
+    difference
+}
+
+/// Gaussians at distances of their own width, whose squares add up to the variance of the error: with independent unit weights
+/// their sum has its standard deviation everywhere and a correlation of `exp(-(distance / correlation)² / 4)`.
+fn bumps(axis: &[f64], error: &LibraryError) -> Vec<(f64, Vec<f64>)> {
+    let (first, last) = (axis[0], axis[axis.len() - 1]);
+    let width = error.correlation_nm;
+    let count = ((last - first) / width).ceil() as usize + 1;
+    // The squares of Gaussians of sd 1 at distance 1 add up to sqrt(pi).
+    let height = error.shape / std::f64::consts::PI.powf(0.25);
+    let bump = |k: usize| {
+        let center = first + k as f64 * width;
+        let value = |&nm: &f64| height * (-0.5 * ((nm - center) / width).powi(2)).exp();
+        (center, axis.iter().map(value).collect())
+    };
+    (0..count).map(bump).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::spectral::WavelengthGrid;
+
+    use super::super::{ExcitationBasis, FluorescenceResponse};
+
+    fn region() -> RegionResponse {
+        let grid = WavelengthGrid::uniform(400.0, 700.0, 5.0).unwrap();
+        let excitation = ExcitationBasis::every(340.0, 460.0, 5.0);
+        let mut radiance = Vec::new();
+        for emission in grid.centers_nm() {
+            for nm in excitation.centers_nm() {
+                radiance.push((-((emission - 520.0) / 40.0).powi(2) - ((nm - 400.0) / 30.0).powi(2)).exp());
+            }
+        }
+        let fluorescence = vec![FluorescenceResponse { name: "dye".into(), amount: 1.0, radiance }];
+        RegionResponse { name: "x".into(), grid, excitation, fluorescence, reflected: Curve::constant(0.1) }
+    }
+
+    #[test]
+    fn errors_of_the_library_have_their_standard_deviation() {
+        let error = LibraryError { shape: 0.05, correlation_nm: 20.0, ..LibraryError::default() };
+        let region = region();
+        let changes = library_changes(&region, &error);
+        let nodes = region.excitation.len();
+        // Band 20 is far from both ends: the sum over Gaussians one width apart is constant to 1e-4.
+        let k = 20 * nodes + 12;
+        let variance = |kind: &str| {
+            let held = changes.iter().filter(|change| change.name.contains(kind));
+            held.map(|change| (change.fluorescence[k] / region.fluorescence[0].radiance[k]).powi(2))
+                .sum::<f64>()
+        };
+        for kind in ["emission near", "excitation near"] {
+            assert!((variance(kind).sqrt() / 0.05 - 1.0).abs() < 1e-3, "{kind} {}", variance(kind).sqrt());
+        }
+        // A shift by 2 nm on bins of 5 nm: linear interpolation is off by curvature x step²/8 < 0.4 %.
+        let shift = LibraryError { emission_shift_nm: 2.0, ..LibraryError::default() };
+        let changes = library_changes(&region, &shift);
+        let bands = region.grid.centers_nm();
+        let largest = region.fluorescence[0].radiance.iter().copied().fold(0.0, f64::max);
+        for (row, nm) in bands.iter().enumerate().skip(1) {
+            let bell = |nm: f64| (-((nm - 520.0) / 40.0).powi(2)).exp();
+            let (got, expected) = (changes[0].fluorescence[row * nodes + 12], bell(nm - 2.0) - bell(*nm));
+            assert!((got - expected).abs() < 4e-3 * largest, "{nm}: {got} {expected}");
+        }
+    }
+
+    #[test]
+    fn a_change_is_the_difference_of_two_responses() {
+        let region = region();
+        let mut moved = region.clone();
+        moved.fluorescence[0].radiance.iter_mut().for_each(|value| *value *= 0.9);
+        moved.reflected = Curve::constant(0.08);
+        let change = ResponseChange::between("blood", &region, &moved).unwrap();
+        assert!((change.fluorescence[500] + 0.1 * region.fluorescence[0].radiance[500]).abs() < 1e-12);
+        assert!((change.reflected.unwrap().at(500.0) + 0.02).abs() < 1e-12);
+        moved.fluorescence.clear();
+        assert!(ResponseChange::between("blood", &region, &moved).is_none());
+    }
+}
