@@ -87,6 +87,12 @@ impl DesignCamera {
         }
     }
 
+    /// Sensitivity of each channel to light by fine bin, relative to the largest of all.
+    pub fn relative_sensitivity(&self) -> Vec<Vec<f64>> {
+        let top = self.weights.iter().flatten().copied().fold(1e-300, f64::max);
+        self.weights.iter().map(|weights| weights.iter().map(|w| w / top).collect()).collect()
+    }
+
     /// The same camera behind a filter.
     pub fn behind(&self, filter: &Curve, bands: &FineBands) -> FilteredCamera {
         let transmittance = filter.bin_averages(&bands.fine);

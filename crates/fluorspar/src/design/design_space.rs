@@ -5,12 +5,13 @@ use std::cmp::Ordering;
 use rayon::prelude::*;
 use serde::Serialize;
 
+use crate::sampling::random::Key;
 use crate::spectral::WavelengthGrid;
 
 use super::criterion::{Contrast, Criterion};
 use super::design_camera::{FilteredCamera, FineBands};
 use super::evaluation::{
-    DesignExposure, RegionMerits, chromaticity_separability, detectability, evaluate_region,
+    DesignExposure, RegionMerits, chromaticity_separability, detectability, evaluate_region, sample_pixels,
 };
 use super::problem::{Budget, DesignProblem, LightChoice, Split, tissue_margin};
 use super::region_model::{RegionModel, SignalRates};
@@ -382,6 +383,25 @@ impl DesignSpace {
         let inverse: f64 =
             lights.chain(white).zip(exposures).filter_map(margin).map(|margin| 1.0 / margin).sum();
         (inverse > 0.0).then(|| 1.0 / inverse)
+    }
+
+    /// Pixels of a region in every exposure of a design, `[exposure][channel][pixel]`, e-, with the sensor's noise. Functions of the
+    /// seed alone.
+    pub fn sample_electrons(
+        &self,
+        design: &Design,
+        region: usize,
+        pixels: usize,
+        seed: u64,
+    ) -> Vec<Vec<Vec<f64>>> {
+        let key = Key::new(seed).with_text("pixels of a design").with(region as u64);
+        let exposures = self.exposures(design);
+        let signals = self.region_signals(region, design);
+        let of = |(number, (exposure, rates)): (usize, (&DesignExposure<'_>, &&SignalRates))| {
+            let channels = 0..rates.leak.len();
+            channels.map(|c| sample_pixels(exposure, rates, c, pixels, key.with(number as u64))).collect()
+        };
+        exposures.iter().zip(&signals).enumerate().map(of).collect()
     }
 
     /// All figures of merit of a design.

@@ -1,21 +1,21 @@
 //! From the signals of a design's exposures to its figures of merit.
 
 use nalgebra::{DMatrix, DVector};
+use rand_distr::{Distribution, Poisson, StandardNormal};
 use serde::Serialize;
+
+use crate::sampling::random::Key;
 
 use super::criterion::{Contrast, Criterion};
 use super::design_camera::DesignCamera;
 use super::fisher::{Bound, Information};
 use super::region_model::SignalRates;
 
-/// Relative standard deviation that stands for no knowledge of a factor.
-const UNKNOWN_FACTOR: f64 = 10.0;
-
 /// What is taken for granted about each measurement.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Assumptions {
-    /// Relative standard deviation of a factor common to all exposures (distance, shading, pupil); `None`: nothing is known.
-    pub gain: Option<f64>,
+    /// Relative standard deviation of a factor common to all exposures (distance, shading, pupil); 10 is as good as no knowledge.
+    pub gain: f64,
     /// The same of each exposure by itself (current and age of its light).
     pub drive: f64,
     /// Relative standard deviation of the reflected light that passes the filters.
@@ -32,7 +32,7 @@ impl Default for Assumptions {
     /// A known region of 1000 pixels, as bright as anything else.
     fn default() -> Self {
         Self {
-            gain: Some(0.0),
+            gain: 0.0,
             drive: 0.0,
             leak: 0.0,
             pixels: 1000.0,
@@ -114,7 +114,7 @@ pub fn evaluate_region(
     let (drive, leak) = (gain + 1, gain + 1 + count);
     let state = leak + count;
     let mut information = Information::new(weights, 1 + 2 * count + unknowns);
-    let spreads = [assumptions.gain.unwrap_or(UNKNOWN_FACTOR), assumptions.drive, assumptions.leak];
+    let spreads = [assumptions.gain, assumptions.drive, assumptions.leak];
     // What is known exactly is no parameter: nothing depends on it
     let unknown = spreads.map(|spread| if spread > 0.0 { 1.0 } else { 0.0 });
     let mut know = |parameter: usize, spread: f64| {
@@ -184,6 +184,27 @@ impl RegionMerits {
     pub fn loss(&self, criterion: Criterion, contrasts: &[Contrast]) -> f64 {
         criterion.of_bound(&self.bound, contrasts).unwrap_or(f64::INFINITY)
     }
+}
+
+/// Pixels of a region as one channel records them, dark signal subtracted, e-: photon noise, noise of the readout, and the rounding
+/// of the converter, which is taken as a part of it.
+pub(super) fn sample_pixels(
+    exposure: &DesignExposure<'_>,
+    rates: &SignalRates,
+    channel: usize,
+    pixels: usize,
+    key: Key,
+) -> Vec<f64> {
+    let dark_e = exposure.camera.dark_e_per_s * exposure.time_s;
+    let mean_e = exposure.factor() * (rates.fluorescence[channel].iter().sum::<f64>() + rates.leak[channel]);
+    let read_e = exposure.camera.dark_variance_e2.sqrt();
+    let draw = |pixel: usize| {
+        let mut rng = key.with(channel as u64).with(pixel as u64).rng();
+        let shot = Poisson::new((mean_e + dark_e).max(1e-12)).map_or(mean_e + dark_e, |p| p.sample(&mut rng));
+        let read: f64 = StandardNormal.sample(&mut rng);
+        shot - dark_e + read_e * read
+    };
+    (0..pixels).map(draw).collect()
 }
 
 /// Mean electrons of a region, all exposures and channels in one list, with the variance of each over the region.
@@ -256,8 +277,7 @@ pub fn detectability(
         }
     }
     let middle = 0.5 * (&means[0] + &means[1]);
-    let gain = assumptions.gain.unwrap_or(UNKNOWN_FACTOR);
-    spread += gain * gain * &middle * middle.transpose();
+    spread += assumptions.gain.powi(2) * &middle * middle.transpose();
     let difference = &means[1] - &means[0];
     let solved = spread.cholesky()?.solve(&difference);
     let squared = difference.dot(&solved);

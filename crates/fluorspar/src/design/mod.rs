@@ -10,6 +10,7 @@
 //! | what may be chosen, assumed, and must be kept to | [`DesignProblem`] | `problem.rs` |
 //! | all designs, with signals that are prepared once | [`DesignSpace`], [`Design`], [`Merits`] | `design_space.rs` |
 //! | search | [`score_all`], [`exchange`], [`pareto_front`] | `search.rs`, `design_space.rs` |
+//! | what it rests on | [`sensitivities`], [`worst_case`] | `robustness.rs` |
 //! | one design in numbers | [`evaluate_region`], [`detectability`], [`chromaticity_separability`] | `evaluation.rs` |
 //!
 //! Every step works on plain values that are prepared once: a light costs milliseconds, a design of prepared lights, filters and
@@ -18,11 +19,14 @@
 mod criterion;
 mod design_camera;
 mod design_space;
+#[cfg(test)]
+mod design_space_tests;
 mod evaluation;
 mod fisher;
 mod problem;
 mod region_model;
 mod region_response;
+mod robustness;
 mod search;
 
 pub use criterion::{Contrast, Criterion};
@@ -38,4 +42,5 @@ pub use problem::{
 };
 pub use region_model::{LibraryError, LitRegion, RegionModel, ResponseChange, SignalRates};
 pub use region_response::{ExcitationBasis, FluorescenceResponse, RegionResponse};
+pub use robustness::{Sensitivity, Tolerances, WorstCase, sensitivities, worst_case};
 pub use search::{ExchangeResult, exchange, score_all};

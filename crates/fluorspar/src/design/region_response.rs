@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use crate::spectral::{Curve, FINE_STEP_NM, Fluorophore, WavelengthGrid};
+use crate::spectral::{Curve, FINE_STEP_NM, Fluorophore, PhotonEem, Stokes, WavelengthGrid, YieldDensity};
 
 /// How a light is described by a few numbers: its power in each of them. They add up to all power within the basis.
 #[derive(Clone, Debug, PartialEq)]
@@ -171,21 +171,58 @@ fn line_responses(
     grid: &WavelengthGrid,
     nodes_nm: &[f64],
 ) -> Vec<f64> {
-    let eem = &fluorophore.eem;
-    let edges = grid.edges_nm();
     let mut radiance = Vec::with_capacity(grid.len() * nodes_nm.len());
-    for edge in edges.windows(2) {
-        let samples = ((edge[1] - edge[0]) / FINE_STEP_NM).ceil().max(1.0);
-        let step = (edge[1] - edge[0]) / samples;
-        let middle = |s: usize| edge[0] + (s as f64 + 0.5) * step;
-        for &excitation_nm in nodes_nm {
-            // Photons to energy by the ratio of wavelengths
-            let energy = |nm: f64| eem.at(nm, excitation_nm) * excitation_nm / nm;
-            let mean = (0..samples as usize).map(|s| energy(middle(s))).sum::<f64>() / samples;
-            radiance.push(amount * mean / PI);
+    let density = LineDensity::new(fluorophore, nodes_nm);
+    for edge in grid.edges_nm().windows(2) {
+        let samples = ((edge[1] - edge[0]) / FINE_STEP_NM).ceil().max(1.0) as usize;
+        let step = (edge[1] - edge[0]) / samples as f64;
+        let mut sums = vec![0.0; nodes_nm.len()];
+        for sample in 0..samples {
+            density.add(edge[0] + (sample as f64 + 0.5) * step, nodes_nm, &mut sums);
         }
+        radiance.extend(sums.into_iter().map(|sum| amount * sum / (samples as f64 * PI)));
     }
     radiance
+}
+
+/// Energy yield density of a fluorophore at the nodes of excitation.
+struct LineDensity<'a> {
+    eem: &'a PhotonEem,
+    /// Of each separable term the excitation at the nodes, and the emission; empty for a full matrix.
+    terms: Vec<(Vec<f64>, &'a Curve)>,
+}
+
+impl<'a> LineDensity<'a> {
+    fn new(fluorophore: &'a Fluorophore, nodes_nm: &[f64]) -> Self {
+        let eem = &fluorophore.eem;
+        let terms = match eem.density() {
+            YieldDensity::Separable(terms) => terms
+                .iter()
+                .map(|term| (nodes_nm.iter().map(|&nm| term.excitation.at(nm)).collect(), &term.emission))
+                .collect(),
+            YieldDensity::Table(_) => Vec::new(),
+        };
+        Self { eem, terms }
+    }
+
+    /// Adds the density at an emission wavelength; photons become energy by the ratio of wavelengths.
+    fn add(&self, emission_nm: f64, nodes_nm: &[f64], sums: &mut [f64]) {
+        if self.terms.is_empty() {
+            for (sum, &nm) in sums.iter_mut().zip(nodes_nm) {
+                *sum += self.eem.at(emission_nm, nm) * nm / emission_nm;
+            }
+            return;
+        }
+        let masked = self.eem.stokes() == Stokes::Mask;
+        for (excitation, emission) in &self.terms {
+            let factor = self.eem.scale() * emission.at(emission_nm) / emission_nm;
+            for ((sum, &nm), excited) in sums.iter_mut().zip(nodes_nm).zip(excitation) {
+                if !masked || emission_nm > nm {
+                    *sum += factor * excited * nm;
+                }
+            }
+        }
+    }
 }
 
 #[cfg(test)]
@@ -193,7 +230,7 @@ mod tests {
     use super::*;
     use crate::pipeline::predict;
     use crate::sensor::CaptureFrame;
-    use crate::spectral::{PhotonEem, SeparableTerm, Stokes};
+    use crate::spectral::SeparableTerm;
     use crate::study::{Camera, FlatSample, FluorescenceModel};
 
     fn bell(center_nm: f64, width_nm: f64) -> Curve {

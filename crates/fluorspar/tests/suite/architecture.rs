@@ -67,6 +67,7 @@ const FRONTS: &[(&str, &[&str], &[&str])] = &[
         &[
             "digest", "units", "quote", "names", "spectral", "image", "sampling", "geometry", "material",
             "light", "optics", "tissue", "scene", "render", "safety", "sensor", "analysis", "study",
+            "design",
         ],
         &["fluorspar_anatomy", "fluorspar_format"],
     ),
@@ -400,6 +401,7 @@ const WRITING: &[&str] = &[
 const MAY_WRITE: &[&str] = &[
     "fluorspar-format/src/output/file.rs",
     "fluorspar-format/src/output/folder.rs",
+    "fluorspar-format/src/output/journal.rs",
     "fluorspar-format/src/output/set.rs",
     "fluorspar-format/src/cache.rs",
     "fluorspar-format/src/spooled_image.rs",

@@ -1,0 +1,307 @@
+//! A small problem with everything in it: two dyes, three lights, an ideal sensor of two bands.
+
+use super::*;
+use crate::sensor::{Sensor, SensorModel, SpectralQe};
+use crate::spectral::{Curve, WavelengthGrid};
+
+fn bell(center_nm: f64, width_nm: f64) -> Curve {
+    Curve::from_fn(300.0, 800.0, |nm| (-((nm - center_nm) / width_nm).powi(2)).exp())
+}
+
+fn region() -> RegionModel {
+    let grid = WavelengthGrid::uniform(420.0, 700.0, 5.0).unwrap();
+    let excitation = ExcitationBasis::every(340.0, 460.0, 4.0);
+    let dye = |name: &str, em: f64, ex: f64| {
+        let (absorbed, emitted) = (bell(ex, 30.0), bell(em, 35.0));
+        let mut radiance = Vec::new();
+        for nm in grid.centers_nm() {
+            radiance.extend(excitation.centers_nm().iter().map(|x| 1e-5 * emitted.at(nm) * absorbed.at(*x)));
+        }
+        FluorescenceResponse { name: name.into(), amount: 1.0, radiance }
+    };
+    let fluorescence = vec![dye("green", 520.0, 380.0), dye("red", 600.0, 420.0)];
+    RegionModel::known(RegionResponse {
+        name: "patch".into(),
+        grid: grid.clone(),
+        excitation: excitation.clone(),
+        fluorescence,
+        reflected: Curve::constant(0.1),
+    })
+}
+
+fn light(peak_nm: f64) -> LightChoice {
+    let curve = bell(peak_nm, 8.0);
+    LightChoice {
+        name: format!("{peak_nm} nm"),
+        spectrum: curve.scaled(1.0 / curve.total()),
+        light: 10.0,
+        peak_nm,
+        cost: peak_nm / 100.0,
+    }
+}
+
+fn problem() -> DesignProblem {
+    let region = region();
+    let curves = [("short", bell(520.0, 40.0)), ("long", bell(600.0, 40.0))];
+    let qe = SpectralQe::from_curves(curves.map(|(name, curve)| (name, curve.scaled(0.5)))).unwrap();
+    let model = SensorModel {
+        columns: 2,
+        rows: 1,
+        mosaic: vec![vec!["short".into(), "long".into()]],
+        read_noise_mv: None,
+        read_noise_e: Some(3.0),
+        prnu_percent: 0.0,
+        dsnu_mv: None,
+        dsnu_e: Some(0.0),
+        ..SensorModel::default()
+    };
+    let sensor = Sensor::new(model, qe).unwrap();
+    let bands = FineBands::of(&region.response.grid);
+    let long_pass = LongPass { edge: LongPassEdge::At(470.0), width_nm: 8.0, optical_density: 5.0 };
+    let filter = |name: &str, nm: f64| FilterChoice {
+        name: name.into(),
+        fixed: Curve::constant(1.0),
+        long_pass: Some(LongPass { edge: LongPassEdge::At(nm), ..long_pass }),
+        cost: 1.0,
+    };
+    DesignProblem {
+        regions: vec![region],
+        cohort: None,
+        lights: [365.0, 385.0, 405.0, 430.0].map(light).into(),
+        exposures: vec![1, 2],
+        filters: vec![filter("470", 470.0), filter("500", 500.0)],
+        cameras: vec![DesignCamera::new("two", &sensor, 1.0, &Curve::constant(1.0), &bands)],
+        lenses: vec![LensChoice { f_number: 4.0, solid_angle_sr: 0.05 }],
+        drives: vec![1.0, 2.0],
+        splits: vec![Split::EqualTime, Split::EqualElectrons, Split::First(0.2)],
+        budget: Budget::Electrons(20_000.0),
+        white: None,
+        library: LibraryError::default(),
+        assumptions: Assumptions { pixels: 1.0, ..Assumptions::default() },
+        contrasts: vec![ContrastDefinition {
+            name: "red share".into(),
+            part: vec!["red".into()],
+            whole: vec!["green".into(), "red".into()],
+        }],
+        criterion: Criterion::Minimax,
+        limits: Limits::default(),
+        tissue_safety_factor: 1.0,
+    }
+}
+
+#[test]
+fn designs_are_numbered_without_gaps_and_doubles() {
+    let space = DesignSpace::new(problem()).unwrap();
+    // Four lights alone and six pairs, two filters, two drives, three splits
+    assert_eq!(space.len(), 10 * 2 * 2 * 3);
+    let mut seen = std::collections::HashSet::new();
+    for number in 0..space.len() {
+        let design = space.design(number);
+        assert_eq!(space.number(&design), Some(number));
+        assert!(seen.insert(space.describe(&design) + &format!("{design:?}")));
+    }
+    let missing = Design { lights: vec![2, 1], filter: 0, camera: 0, lens: 0, drive: 0, split: 0 };
+    assert_eq!(space.number(&missing), None);
+    let empty = DesignProblem { filters: Vec::new(), ..problem() };
+    assert!(DesignSpace::new(empty).unwrap_err().to_string().contains("no viewing filter"));
+    let many = DesignProblem { exposures: vec![9], ..problem() };
+    assert!(DesignSpace::new(many).is_err());
+}
+
+#[test]
+fn a_budget_is_kept_and_splits_share_it() {
+    let space = DesignSpace::new(problem()).unwrap();
+    for number in 0..space.len() {
+        let merits = space.evaluate(&space.design(number));
+        assert!((merits.electrons / 20_000.0 - 1.0).abs() < 1e-9, "{}", merits.electrons);
+        let design = space.design(number);
+        let of_exposure = |k: usize| merits.regions[0].electrons[k].iter().sum::<f64>();
+        match (&space.problem().splits[design.split], design.lights.len()) {
+            (Split::EqualElectrons, 2) => assert!((of_exposure(0) / of_exposure(1) - 1.0).abs() < 1e-9),
+            (Split::First(share), 2) => {
+                assert!((merits.times_s[0] / merits.time_s - share).abs() < 1e-12);
+            }
+            _ => assert!(merits.times_s.windows(2).all(|t| t[0] == t[1])),
+        }
+    }
+    let timed = DesignProblem { budget: Budget::Time(0.06), ..problem() };
+    let space = DesignSpace::new(timed).unwrap();
+    let merits = space.evaluate(&space.design(space.len() - 1));
+    assert!((merits.time_s - 0.06).abs() < 1e-12);
+}
+
+/// Weights estimated from single noisy pixels by maximum likelihood (Fisher scoring of Poisson and normal noise) scatter as
+/// the bound says. Of 4000 draws a variance is known to `sqrt(2 / 4000)` = 2.2 %; four of those are 9 %.
+#[test]
+fn maximum_likelihood_estimates_scatter_as_the_bound_says() {
+    const DRAWS: usize = 4000;
+    let space = DesignSpace::new(problem()).unwrap();
+    for number in [space.len() - 1, 3] {
+        let design = space.design(number);
+        let merits = space.evaluate(&design);
+        let bound = &merits.regions[0].weights;
+        let pixels = space.sample_electrons(&design, 0, DRAWS, 7);
+        let rows = derivatives(&space, &design);
+        let (mut sums, mut squares) = ([0.0; 2], [0.0; 2]);
+        for draw in 0..DRAWS {
+            let data: Vec<f64> = pixels.iter().flatten().map(|patch| patch[draw]).collect();
+            let weights = most_likely(&rows, &data, space.problem().cameras[0].dark_variance_e2);
+            for k in 0..2 {
+                sums[k] += weights[k];
+                squares[k] += weights[k] * weights[k];
+            }
+        }
+        for k in 0..2 {
+            let mean = sums[k] / DRAWS as f64;
+            let variance = squares[k] / DRAWS as f64 - mean * mean;
+            let ratio = variance / (bound[k] * bound[k]);
+            assert!((ratio - 1.0).abs() < 0.09, "{number} {k}: {ratio}");
+            assert!(
+                (mean - 1.0).abs() < 4.0 * bound[k] / (DRAWS as f64).sqrt() + bound[k] * bound[k],
+                "{mean}"
+            );
+        }
+    }
+}
+
+/// Electrons of each datum per weight: what lets no light but one dye's fluoresce; the last is what weighs nothing.
+fn derivatives(space: &DesignSpace, design: &Design) -> Vec<[f64; 3]> {
+    // Times are those of the whole problem, so electrons of one dye are scaled by time
+    let all = space.evaluate(design);
+    let seconds = &all.times_s;
+    let alone = |dye: Option<usize>| {
+        let mut p = space.problem().clone();
+        for (k, part) in p.regions[0].response.fluorescence.iter_mut().enumerate() {
+            if dye != Some(k) {
+                part.radiance.iter_mut().for_each(|value| *value *= 1e-12);
+            }
+        }
+        if dye.is_some() {
+            p.regions[0].response.reflected = Curve::constant(0.0);
+        }
+        p.budget = Budget::Time(1.0);
+        p.splits = vec![Split::EqualTime];
+        let one = DesignSpace::new(p).unwrap();
+        let merits = one.evaluate(&Design { split: 0, ..design.clone() });
+        let per_second = merits.regions[0].electrons.iter().zip(&merits.times_s);
+        let scaled = per_second.zip(seconds).flat_map(|((electrons, time), wanted)| {
+            electrons.iter().map(move |e| e / time * wanted).collect::<Vec<f64>>()
+        });
+        scaled.collect::<Vec<f64>>()
+    };
+    let (a, b, leak) = (alone(Some(0)), alone(Some(1)), alone(None));
+    (0..a.len()).map(|k| [a[k], b[k], leak[k]]).collect()
+}
+
+/// Weights of two dyes by Fisher scoring.
+fn most_likely(rows: &[[f64; 3]], data: &[f64], read_e2: f64) -> [f64; 2] {
+    let mut weights = [1.0, 1.0];
+    for _ in 0..6 {
+        let (mut aa, mut ab, mut bb, mut a, mut b) = (0.0, 0.0, 0.0, 0.0, 0.0);
+        for (row, y) in rows.iter().zip(data) {
+            let mean = weights[0] * row[0] + weights[1] * row[1] + row[2];
+            let variance = mean.max(1.0) + read_e2;
+            aa += row[0] * row[0] / variance;
+            ab += row[0] * row[1] / variance;
+            bb += row[1] * row[1] / variance;
+            a += row[0] * (y - mean) / variance;
+            b += row[1] * (y - mean) / variance;
+        }
+        let determinant = aa * bb - ab * ab;
+        weights[0] += (bb * a - ab * b) / determinant;
+        weights[1] += (aa * b - ab * a) / determinant;
+    }
+    weights
+}
+
+#[test]
+fn limits_are_named_where_they_are_broken() {
+    let limits = Limits {
+        safety_margin: Some(1e9),
+        leak: Some(0.0),
+        saturation: Some(1e-9),
+        time_s: Some(1e-9),
+        cost: Some(1.0),
+    };
+    let space = DesignSpace::new(DesignProblem { limits, ..problem() }).unwrap();
+    let design = space.design(0);
+    assert_eq!(space.evaluate(&design).broken, ["safety_margin", "leak", "saturation", "time", "cost"]);
+    assert!(space.score(&design).loss.is_infinite());
+    let free = DesignSpace::new(problem()).unwrap();
+    assert!(free.evaluate(&design).broken.is_empty() && free.score(&design).loss.is_finite());
+    // Doses add: a light that is as strong for twice as long leaves half of the margin.
+    let timed = |seconds: f64| {
+        let p = DesignProblem { budget: Budget::Time(seconds), ..problem() };
+        DesignSpace::new(p).unwrap().evaluate(&design).safety_margin.unwrap()
+    };
+    assert!(timed(20.0) < timed(10.0));
+}
+
+/// Unknown leak, gain and drives never make anything better, and a white frame helps against an unknown gain.
+#[test]
+fn what_is_not_known_costs_and_a_white_frame_pays() {
+    let loss = |assumptions: Assumptions, white: Option<WhiteFrame>| {
+        let space = DesignSpace::new(DesignProblem { assumptions, white, ..problem() }).unwrap();
+        space.evaluate(&space.design(space.len() - 1)).loss
+    };
+    let known = Assumptions { pixels: 1.0, ..Assumptions::default() };
+    let best = loss(known, None);
+    for (gain, drive, leak) in [(0.1, 0.0, 0.0), (0.0, 0.1, 0.0), (0.0, 0.0, 5.0)] {
+        assert!(loss(Assumptions { gain, drive, leak, ..known }, None) > best, "{gain} {drive} {leak}");
+    }
+    let lost = Assumptions { gain: 10.0, ..known };
+    let white = WhiteFrame { light: light(550.0), filter: Curve::constant(1.0), level: 0.5 };
+    assert!(loss(lost, None) > 1.0 && loss(lost, Some(white)) < 0.05, "{}", loss(lost, None));
+}
+
+#[test]
+fn a_front_holds_what_nothing_dominates() {
+    let score = |loss, time_s, cost, exposures| Score { loss, time_s, cost, exposures };
+    let scores = [
+        score(0.1, 2.0, 1.0, 1),
+        score(0.2, 1.0, 1.0, 1),
+        score(0.2, 2.0, 1.0, 1),
+        score(f64::INFINITY, 0.1, 0.1, 1),
+        score(0.1, 2.0, 1.0, 1),
+        score(0.05, 3.0, 2.0, 2),
+    ];
+    assert_eq!(pareto_front(&scores), [5, 0, 1]);
+}
+
+#[test]
+fn exchange_finds_the_best_and_is_the_same_for_any_threads() {
+    let space = DesignSpace::new(problem()).unwrap();
+    let all = score_all(&space, 0..space.len());
+    let best = all.iter().map(|s| s.loss).fold(f64::INFINITY, f64::min);
+    let found = exchange(&space, 3, 60);
+    assert!(found.evaluated.len() <= 60);
+    assert!((found.score.loss / best - 1.0).abs() < 1e-12, "{} {best}", found.score.loss);
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+    assert_eq!(pool.install(|| exchange(&space, 3, 60)), found);
+    assert_eq!(pool.install(|| score_all(&space, 0..space.len())), all);
+    assert_eq!(exchange(&space, 3, 1_000_000).evaluated.len() as u64, space.len());
+}
+
+/// Electrons fall as the square of the f-number, so noise limited by photons rises with it; more of an unknown costs more.
+#[test]
+fn sensitivities_and_tolerances_have_their_signs() {
+    let p = DesignProblem {
+        budget: Budget::Time(0.02),
+        assumptions: Assumptions { gain: 0.1, pixels: 1.0, ..Assumptions::default() },
+        ..problem()
+    };
+    let space = DesignSpace::new(p.clone()).unwrap();
+    let design = space.design(space.len() - 1);
+    let found = sensitivities(&p, std::slice::from_ref(&design)).unwrap();
+    let change = |name: &str| found.iter().find(|s| s.assumption.contains(name)).unwrap().loss_change;
+    assert!(change("unknown gain") > 0.0);
+    assert!(change("time") < 0.0 && change("pixels") < 0.0);
+    assert!(change("read noise") > 0.0);
+    assert!(found.iter().all(|s| !s.other_best));
+    let none = Tolerances { light_nm: 0.0, filter_nm: 0.0, angle_deg: 0.0, effective_index: 1.8 };
+    let as_meant = space.evaluate(&design).loss;
+    assert!((worst_case(&p, &design, &none).unwrap().loss / as_meant - 1.0).abs() < 1e-6);
+    let real = Tolerances { light_nm: 3.0, filter_nm: 2.0, angle_deg: 15.0, effective_index: 1.8 };
+    let worst = worst_case(&p, &design, &real).unwrap();
+    assert!(worst.loss > as_meant && worst.light_shifts_nm.len() == 2, "{worst:?}");
+}

@@ -1,0 +1,229 @@
+//! How much a design rests on what was assumed, and on how well it can be made.
+
+use rayon::prelude::*;
+use serde::Serialize;
+
+use crate::spectral::Curve;
+
+use super::design_space::{Design, DesignError, DesignSpace};
+use super::problem::{Budget, DesignProblem, LongPassEdge};
+use super::region_model::RegionModel;
+
+/// Factor by which each assumed number is raised.
+const RAISED: f64 = 1.25;
+
+/// What a quarter more of an assumed number does.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Sensitivity {
+    /// The number.
+    pub assumption: String,
+    /// Relative change of the loss of the best design.
+    pub loss_change: f64,
+    /// Whether another of the designs is then the best.
+    pub other_best: bool,
+}
+
+/// Raises each assumed number by a quarter, for the designs given, the best first: how its loss changes, and whether it stays the
+/// best of them.
+///
+/// # Errors
+/// A problem without designs.
+pub fn sensitivities(problem: &DesignProblem, designs: &[Design]) -> Result<Vec<Sensitivity>, DesignError> {
+    let Some(best) = designs.first() else { return Ok(Vec::new()) };
+    let before = losses(problem, std::slice::from_ref(best))?;
+    let mut found: Vec<Sensitivity> = changes(problem, best)
+        .into_par_iter()
+        .map(|(assumption, changed)| {
+            let losses = losses(&changed, designs)?;
+            let other_best = losses.iter().skip(1).any(|loss| *loss < losses[0]);
+            Ok(Sensitivity { assumption, loss_change: losses[0] / before[0] - 1.0, other_best })
+        })
+        .collect::<Result<_, DesignError>>()?;
+    found.sort_by(|a, b| b.loss_change.abs().total_cmp(&a.loss_change.abs()));
+    Ok(found)
+}
+
+/// Losses of designs in a problem that has the same choices.
+fn losses(problem: &DesignProblem, designs: &[Design]) -> Result<Vec<f64>, DesignError> {
+    // Only the lights of these designs are prepared
+    let mut used: Vec<usize> = designs.iter().flat_map(|design| design.lights.iter().copied()).collect();
+    used.sort_unstable();
+    used.dedup();
+    let lights = used.iter().map(|&k| problem.lights[k].clone()).collect();
+    let space = DesignSpace::new(DesignProblem { lights, ..problem.clone() })?;
+    let renumbered = |design: &Design| {
+        let place = |light: &usize| used.binary_search(light).unwrap_or(0);
+        Design { lights: design.lights.iter().map(place).collect(), ..design.clone() }
+    };
+    Ok(designs.iter().map(|design| space.evaluate(&renumbered(design)).loss).collect())
+}
+
+/// The problem with each of its assumed numbers raised, one at a time.
+fn changes(problem: &DesignProblem, best: &Design) -> Vec<(String, DesignProblem)> {
+    let mut found = Vec::new();
+    let mut add = |name: String, counts: bool, change: &dyn Fn(&mut DesignProblem)| {
+        if counts {
+            let mut changed = problem.clone();
+            change(&mut changed);
+            found.push((name, changed));
+        }
+    };
+    let (assumed, library) = (&problem.assumptions, &problem.library);
+    add("unknown gain".into(), assumed.gain > 0.0, &|p| p.assumptions.gain *= RAISED);
+    add("unknown drives".into(), assumed.drive > 0.0, &|p| p.assumptions.drive *= RAISED);
+    add("unknown leak".into(), assumed.leak > 0.0, &|p| p.assumptions.leak *= RAISED);
+    add("pixels of a region".into(), true, &|p| p.assumptions.pixels *= RAISED);
+    add("shift of emission".into(), library.emission_shift_nm > 0.0, &|p| {
+        p.library.emission_shift_nm *= RAISED
+    });
+    add("shift of excitation".into(), library.excitation_shift_nm > 0.0, &|p| {
+        p.library.excitation_shift_nm *= RAISED;
+    });
+    let shaped = library.shape > 0.0;
+    add("error of spectra".into(), shaped, &|p| p.library.shape *= RAISED);
+    add("correlation of that error".into(), shaped, &|p| p.library.correlation_nm *= RAISED);
+    add("time or electrons in all".into(), true, &|p| {
+        p.budget = match p.budget {
+            Budget::Time(seconds) => Budget::Time(RAISED * seconds),
+            Budget::Electrons(electrons) => Budget::Electrons(RAISED * electrons),
+        };
+    });
+    let camera = best.camera;
+    add("read noise".into(), true, &|p| p.cameras[camera].dark_variance_e2 *= RAISED * RAISED);
+    let uneven = problem.cameras[camera].prnu > 0.0;
+    add("non-uniformity of pixels".into(), uneven, &|p| p.cameras[camera].prnu *= RAISED);
+    for &light in &best.lights {
+        let name = format!("power of {}", problem.lights[light].name);
+        add(name, matches!(problem.budget, Budget::Time(_)), &|p| p.lights[light].light *= RAISED);
+    }
+    for (number, region) in problem.regions.iter().enumerate() {
+        let of =
+            if problem.regions.len() > 1 { format!(" in {}", region.response.name) } else { String::new() };
+        for (j, part) in region.response.fluorescence.iter().enumerate() {
+            add(format!("{}{of}", part.name), true, &|p| {
+                p.regions[number].response.fluorescence[j].radiance.iter_mut().for_each(|v| *v *= RAISED);
+                p.regions[number].response.fluorescence[j].amount *= RAISED;
+            });
+        }
+        add(format!("reflected light{of}"), true, &|p| {
+            let reflected = &mut p.regions[number].response.reflected;
+            *reflected = reflected.scaled(RAISED);
+        });
+        for (k, change) in region.changes.iter().enumerate() {
+            add(format!("spread of {}{of}", change.name), true, &|p| raise(&mut p.regions[number], k));
+        }
+    }
+    found
+}
+
+fn raise(region: &mut RegionModel, change: usize) {
+    let change = &mut region.changes[change];
+    change.fluorescence.iter_mut().for_each(|value| *value *= RAISED);
+    change.reflected = change.reflected.as_ref().map(|reflected| reflected.scaled(RAISED));
+}
+
+/// Tolerances of manufacture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Tolerances {
+    /// Peaks of lights, nm, to both sides.
+    pub light_nm: f64,
+    /// Edges of filters, nm, to both sides.
+    pub filter_nm: f64,
+    /// Largest angle at which light passes the viewing filter, degrees.
+    pub angle_deg: f64,
+    /// Effective refractive index of the filter.
+    pub effective_index: f64,
+}
+
+/// The worst case of a design within tolerances.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct WorstCase {
+    /// Its loss; the spectra as made are known then, as after a calibration.
+    pub loss: f64,
+    /// The largest ratio of reflected to fluorescent electrons.
+    pub leak: f64,
+    /// Shift of each light, nm.
+    pub light_shifts_nm: Vec<f64>,
+    /// Shift of the filter, nm.
+    pub filter_shift_nm: f64,
+    /// Angle at which light passes it, degrees.
+    pub angle_deg: f64,
+}
+
+/// Tries all ends of the tolerances of a design together: every light to both sides, the filter to both sides, at the axis and at the
+/// largest angle, where its edges move to `lambda sqrt(1 - sin² / n²)`. Loss and leak are the worst of all, the shifts are those of the
+/// worst loss.
+///
+/// # Errors
+/// A problem without designs.
+pub fn worst_case(
+    problem: &DesignProblem,
+    design: &Design,
+    tolerances: &Tolerances,
+) -> Result<WorstCase, DesignError> {
+    let lights = design.lights.len();
+    let side = |bit: usize, corner: usize| if corner >> bit & 1 == 0 { -1.0 } else { 1.0 };
+    let case = |light_shifts_nm: Vec<f64>, filter_shift_nm: f64, angle_deg: f64| {
+        let sine = angle_deg.to_radians().sin() / tolerances.effective_index;
+        let scale = (1.0 - sine * sine).sqrt();
+        let space = DesignSpace::new(as_made(problem, design, &light_shifts_nm, filter_shift_nm, scale))?;
+        let merits = space.evaluate(&space.design(0));
+        Ok(WorstCase { loss: merits.loss, leak: merits.leak, light_shifts_nm, filter_shift_nm, angle_deg })
+    };
+    let ends: Vec<WorstCase> = (0..1_usize << (lights + 2))
+        .into_par_iter()
+        .map(|corner| {
+            let shifts = (0..lights).map(|k| tolerances.light_nm * side(k, corner)).collect();
+            let angle_deg = if corner >> (lights + 1) & 1 == 0 { 0.0 } else { tolerances.angle_deg };
+            case(shifts, tolerances.filter_nm * side(lights, corner), angle_deg)
+        })
+        .collect::<Result<_, DesignError>>()?;
+    let as_meant = case(vec![0.0; lights], 0.0, 0.0)?;
+    let worse = |a: WorstCase, b: WorstCase| {
+        let leak = a.leak.max(b.leak);
+        WorstCase { leak, ..if b.loss > a.loss { b } else { a } }
+    };
+    Ok(ends.into_iter().fold(as_meant, worse))
+}
+
+/// The problem of one design only, its lights shifted and its filter shifted and turned.
+fn as_made(
+    problem: &DesignProblem,
+    design: &Design,
+    light_shifts_nm: &[f64],
+    filter_shift_nm: f64,
+    filter_scale: f64,
+) -> DesignProblem {
+    let mut made = problem.clone();
+    made.lights = design.lights.iter().map(|&k| problem.lights[k].clone()).collect();
+    for (light, shift) in made.lights.iter_mut().zip(light_shifts_nm) {
+        light.spectrum = moved(&light.spectrum, |nm| nm + shift);
+    }
+    let mut filter = problem.filters[design.filter].clone();
+    let edge = |nm: f64| filter_scale * (nm + filter_shift_nm);
+    filter.fixed = moved(&filter.fixed, edge);
+    if let Some(long_pass) = &mut filter.long_pass {
+        long_pass.edge = match long_pass.edge {
+            LongPassEdge::At(nm) => LongPassEdge::At(edge(nm)),
+            // At an angle each edge moves by its own wavelength; that of the middle light stands for all
+            LongPassEdge::AfterPeak(nm) => {
+                let peaks: f64 = made.lights.iter().map(|light| light.peak_nm).sum();
+                let peak_nm = peaks / made.lights.len().max(1) as f64;
+                LongPassEdge::AfterPeak(edge(peak_nm + nm) - peak_nm)
+            }
+        };
+    }
+    made.filters = vec![filter];
+    made.cameras = vec![problem.cameras[design.camera].clone()];
+    made.lenses = vec![problem.lenses[design.lens].clone()];
+    made.drives = vec![problem.drives[design.drive]];
+    made.splits = vec![problem.splits[design.split].clone()];
+    made.exposures = vec![design.lights.len()];
+    made
+}
+
+/// A curve whose wavelengths have moved.
+fn moved(curve: &Curve, to: impl Fn(f64) -> f64) -> Curve {
+    let wavelengths = curve.wavelengths_nm().iter().map(|&nm| to(nm)).collect();
+    Curve::new(wavelengths, curve.values().to_vec()).unwrap_or_else(|_| curve.clone())
+}
