@@ -49,6 +49,9 @@ impl FileFormat {
     /// Lists of the files of a result folder (JSON).
     pub const RESULT_FOLDER: Self = Self::new("list of files", 1, [DELETE; 2]);
 
+    /// Journals of long work (JSON lines).
+    pub const JOURNAL: Self = Self::new("journal", 1, MAKE_AGAIN);
+
     const fn new(content: &'static str, version: u32, hints: [&'static str; 2]) -> Self {
         Self { content, version, hints }
     }

@@ -83,8 +83,8 @@ pub use npy::{
 };
 pub use obj::read_obj;
 pub use output::{
-    Output, OutputFolder, OutputSet, Outputs, WRITTEN_BY, check_room, free_bytes, remove_unfinished_files,
-    write_atomically,
+    Journal, Output, OutputFolder, OutputSet, Outputs, WRITTEN_BY, check_room, free_bytes,
+    remove_unfinished_files, write_atomically,
 };
 pub use packed_raw::{RawPacking, write_packed_raw};
 pub use pbrt::{
