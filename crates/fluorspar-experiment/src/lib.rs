@@ -11,11 +11,13 @@
 //! | the small file of a sensor | [`parse_sensor`] | `sensor_file.rs` |
 //! | the small file of plane layers | [`parse_layers`] | `layers_file.rs` |
 //! | the small file of one tissue | [`parse_tissue`] | `tissue_file.rs` |
+//! | the file of a design problem | [`parse_design`] | `design/` |
 //! | catalogue: lights, filters, tissues, sensors, lenses, experiments | [`preset`] | `preset/`, `data/` |
 //!
 //! Every error names file, line, entry, field and value, says what is wrong and how to fix it. No stage of the physics
 //! knows of this crate.
 
+mod design;
 mod document;
 mod error;
 mod fit;
@@ -35,6 +37,13 @@ mod warning;
 pub mod preset;
 pub mod schema;
 
+pub use design::{
+    CohortSection, ComparedDesign, ComparedDesignSection, ContrastSection, CriterionChoice, DesignFile,
+    ExcitationSection, ExposuresSection, FilterChoiceSection, IdealBandsSection, LedSeriesSection,
+    LensChoiceSection, LightChoiceSection, LimitsSection, RegionSection, ResolvedDesign, SearchSection,
+    SensorChoiceSection, SplitChoice, SplitRule, TolerancesSection, UnknownsSection, WhiteFrameSection,
+    parse_design,
+};
 pub use error::{BlamedOverride, ErrorDetails, ExperimentError, PathsFrom};
 pub use kept::{cache, kept_mouth, use_cache};
 pub use layers_file::{
@@ -68,6 +77,11 @@ pub fn sensor_json_schema() -> serde_json::Value {
 /// JSON schema of a file of plane layers.
 pub fn layers_json_schema() -> serde_json::Value {
     published(schemars::schema_for!(LayersFile).to_value())
+}
+
+/// JSON schema of the file of a design problem.
+pub fn design_json_schema() -> serde_json::Value {
+    published(schemars::schema_for!(DesignFile).to_value())
 }
 
 /// The schema of the types with the short forms that are spelled out before the sections are typed.
@@ -117,3 +131,6 @@ pub const DEFAULT_EXPERIMENT: &str = "oraleye-2021";
 
 /// Name of the flat sample that is predicted when none is named.
 pub const DEFAULT_SAMPLE: &str = "tongue-385nm";
+
+/// Name of the design problem that is solved when none is named.
+pub const DEFAULT_DESIGN: &str = "two-lights";

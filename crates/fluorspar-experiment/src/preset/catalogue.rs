@@ -37,11 +37,13 @@ pub enum PresetKind {
     Experiment,
     /// A flat sample without geometry.
     Sample,
+    /// A design problem.
+    Design,
 }
 
 impl PresetKind {
     /// Every kind.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 12] = [
         Self::Light,
         Self::Filter,
         Self::Reflectance,
@@ -53,6 +55,7 @@ impl PresetKind {
         Self::Lens,
         Self::Experiment,
         Self::Sample,
+        Self::Design,
     ];
 
     fn folder(self) -> &'static str {
@@ -68,6 +71,7 @@ impl PresetKind {
             Self::Lens => "lenses",
             Self::Experiment => "experiments",
             Self::Sample => "samples",
+            Self::Design => "designs",
         }
     }
 }
@@ -86,6 +90,7 @@ impl fmt::Display for PresetKind {
             Self::Lens => "lens",
             Self::Experiment => "experiment",
             Self::Sample => "flat sample",
+            Self::Design => "design problem",
         })
     }
 }

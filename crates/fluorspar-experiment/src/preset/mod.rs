@@ -14,6 +14,7 @@
 //! | lenses | [`list`]`(PresetKind::Lens)` | [`lens`], [`lens_or_file`] |
 //! | experiments | [`list`]`(PresetKind::Experiment)` | [`experiment`] |
 //! | flat samples | [`list`]`(PresetKind::Sample)` | [`sample`] |
+//! | design problems | [`list`]`(PresetKind::Design)` | [`design`] |
 
 mod catalogue;
 mod curve_preset;
@@ -33,4 +34,4 @@ pub use fluorophore_preset::{FluorophoreFit, FluorophoreMask, FluorophorePreset,
 pub use lens_preset::{LensError, LoadedLens, glass, is_lens_file, lens, lens_or_file};
 pub use metal_preset::{MetalPreset, metal};
 pub(crate) use text_preset::sensor_text;
-pub use text_preset::{ExperimentPreset, SensorPreset, experiment, sample, sensor};
+pub use text_preset::{ExperimentPreset, SensorPreset, design, experiment, sample, sensor};

@@ -25,7 +25,7 @@ pub struct SensorPreset {
     pub sensor: toml::Table,
 }
 
-/// An experiment or a flat sample of the catalogue.
+/// An experiment, a flat sample or a design problem of the catalogue.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ExperimentPreset {
     /// Name by which files refer to it.
@@ -67,6 +67,14 @@ pub fn experiment(name: &str) -> Result<ExperimentPreset, PresetError> {
 /// When there is no such sample.
 pub fn sample(name: &str) -> Result<ExperimentPreset, PresetError> {
     whole_file(PresetKind::Sample, name)
+}
+
+/// A design problem.
+///
+/// # Errors
+/// When there is no such problem.
+pub fn design(name: &str) -> Result<ExperimentPreset, PresetError> {
+    whole_file(PresetKind::Design, name)
 }
 
 fn whole_file(kind: PresetKind, name: &str) -> Result<ExperimentPreset, PresetError> {

@@ -78,7 +78,7 @@ fn scale(site: &mut Site, name: &str, factor: f64) -> Result<(), TissueError> {
 }
 
 /// Checks the tissues of a file, used or not.
-pub(super) fn check_sections(context: &Context<'_>, sections: &[TissueSection]) -> Resolved<()> {
+pub(crate) fn check_sections(context: &Context<'_>, sections: &[TissueSection]) -> Resolved<()> {
     for (index, section) in sections.iter().enumerate() {
         let at = steps!["tissue", index];
         context.unique_name(&at, &section.name, sections[..index].iter().map(|other| other.name.as_str()))?;
@@ -434,8 +434,19 @@ pub(crate) fn flat_tissue(
     check_sections(context, tissues)?;
     let site = site(context, at, tissues, name)?;
     let layers = Layers::new(context, at, fluorophores, &site)?;
+    flat_site(context, at, &layers, &site, grid)
+}
+
+/// A site with known layers as a flat sample.
+pub(crate) fn flat_site(
+    context: &Context<'_>,
+    at: &Place,
+    layers: &Layers,
+    site: &Site,
+    grid: &WavelengthGrid,
+) -> Resolved<FlatTissue> {
     let failed = |error: TissueError| context.error(at, error.to_string());
-    let tissue = layers.of(&site).map_err(failed)?;
+    let tissue = layers.of(site).map_err(failed)?;
     let solved = EffectiveTissue::for_grid(&tissue, grid).map_err(failed)?;
     let reflectance = solved.reflectance(Level::AboveSurface);
     let surface = TissueSurface::new(StateGrid::default(), &[solved]).map_err(failed)?;

@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use fluorspar_experiment::{parse, parse_sample};
+use fluorspar_experiment::{parse, parse_design, parse_sample};
 
 /// The Rust example of README.md, word for word.
 #[allow(clippy::print_stdout, reason = "the example prints its result")]
@@ -60,7 +60,9 @@ fn the_toml_examples_of_the_documents_are_valid() {
             let text = if whole { block } else { format!("format = 1\nbase = \"oraleye-2021\"\n{block}") };
             let name = format!("{}:{line}", path.display());
             let folder = repository();
-            let result = if text.contains("\n[sample]") {
+            let result = if text.contains("\n[[region]]") {
+                parse_design(&text, &name, &folder, &[]).map(|_| ())
+            } else if text.contains("\n[sample]") {
                 parse_sample(&text, &name, &folder, &[]).map(|_| ())
             } else {
                 parse(&text, &name, &folder, &[]).map(|_| ())

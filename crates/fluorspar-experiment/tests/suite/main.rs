@@ -4,6 +4,7 @@ mod absurd_numbers;
 mod bad_experiments;
 mod camera_color;
 mod channel_planes;
+mod design;
 mod documentation;
 mod experiment_files;
 mod experiment_presets;

@@ -51,7 +51,7 @@ fn no_tissue_returns_more_light_than_it_gets() {
 }
 
 /// The folder of reference data: `FLUORSPAR_REFERENCE`, or `shared/reference` beside the repository.
-fn reference_folder() -> Option<PathBuf> {
+pub(crate) fn reference_folder() -> Option<PathBuf> {
     if let Some(folder) = std::env::var_os("FLUORSPAR_REFERENCE") {
         return Some(folder.into());
     }

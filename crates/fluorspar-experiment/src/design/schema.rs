@@ -1,0 +1,571 @@
+//! The file of a design problem: what may be chosen, what is assumed, what counts.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::sample::SampleMaterial;
+use crate::schema::{
+    FilePath, FluorophoreSection, FormatVersion, SpectralSection, SpectrumReference, TissueSection,
+};
+
+/// A design problem. Every list of choices is searched; designs are ranked by one criterion and kept within limits.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct DesignFile {
+    /// Version of the form of this file: 1.
+    pub format: FormatVersion,
+    /// Name for people. Default: empty.
+    #[serde(default)]
+    pub title: String,
+    /// Description of the problem. Default: empty.
+    #[serde(default)]
+    pub description: String,
+    /// Wavelength bands of the emission. Default: 350 to 750 nm by 5 nm.
+    #[serde(default)]
+    pub spectral: SpectralSection,
+    /// Wavelengths of the excitation.
+    #[serde(default)]
+    pub excitation: ExcitationSection,
+    /// Regions that are measured; a design is as good as in the worst of them.
+    #[serde(default)]
+    pub region: Vec<RegionSection>,
+    /// Fluorophores besides those of the catalogue, or variants of those.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub fluorophore: Vec<FluorophoreSection>,
+    /// Layered tissues besides those of the catalogue, or in other states.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub tissue: Vec<TissueSection>,
+    /// People in two states, whom a design should tell apart. Default: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cohort: Option<CohortSection>,
+    /// Lights to choose from.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub light: Vec<LightChoiceSection>,
+    /// A series of generic LEDs to choose from. Default: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub led: Option<LedSeriesSection>,
+    /// Viewing filters to choose from. Default: none in front of the lens.
+    #[serde(default)]
+    pub view_filter: Vec<FilterChoiceSection>,
+    /// Sensors to choose from.
+    #[serde(default)]
+    pub sensor: Vec<SensorChoiceSection>,
+    /// Lens.
+    #[serde(default)]
+    pub lens: LensChoiceSection,
+    /// Exposures.
+    #[serde(default)]
+    pub exposure: ExposuresSection,
+    /// What is not known besides the weights of the fluorophores.
+    #[serde(default)]
+    pub unknown: UnknownsSection,
+    /// Ratios of amounts whose error is wanted.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub contrast: Vec<ContrastSection>,
+    /// What designs are ranked by. Default "minimax".
+    #[serde(default)]
+    pub criterion: CriterionChoice,
+    /// Name of the contrast that designs are ranked by where the criterion is "contrast". Default: the first.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub criterion_contrast: Option<String>,
+    /// What designs must keep to.
+    #[serde(default)]
+    pub limit: LimitsSection,
+    /// How designs are searched.
+    #[serde(default)]
+    pub search: SearchSection,
+    /// Manufacturing tolerances, for the worst case of the best design.
+    #[serde(default)]
+    pub tolerance: TolerancesSection,
+    /// A design to compare the best with. Default: the first light behind the first filter on the first sensor.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub compare: Vec<ComparedDesignSection>,
+}
+
+/// Nodes between which the response to light is linear in its wavelength.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct ExcitationSection {
+    /// First wavelength, nm, 200 to 1200. Default 320.
+    pub first_nm: f64,
+    /// Last wavelength, nm, 200 to 1200. Default 520.
+    pub last_nm: f64,
+    /// Distance of the nodes, nm, 0.5 to 20. Default 2.
+    pub step_nm: f64,
+}
+
+impl Default for ExcitationSection {
+    fn default() -> Self {
+        Self { first_nm: 320.0, last_nm: 520.0, step_nm: 2.0 }
+    }
+}
+
+/// A flat region that is measured.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RegionSection {
+    /// Name.
+    pub name: String,
+    /// What it is made of: `{ reflectance = ..., concentrations = { ... } }` or `{ tissue = "dorsal_tongue" }`. The weights of
+    /// its fluorophores are what is estimated.
+    pub material: SampleMaterial,
+}
+
+/// People with healthy tissue, and the same people with the tissue in another state.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CohortSection {
+    /// Tissue of the healthy: a `[[tissue]]`, or a site of the catalogue.
+    pub tissue: String,
+    /// State of the others, for instance "dysplasia".
+    pub state: String,
+    /// People in each group, 4 to 200. Default 24.
+    #[serde(default = "cohort_size")]
+    pub people: u32,
+    /// Seed of the people. Default 1.
+    #[serde(default = "cohort_seed")]
+    pub seed: u64,
+}
+
+fn cohort_size() -> u32 {
+    24
+}
+
+fn cohort_seed() -> u64 {
+    1
+}
+
+/// A light to choose from.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LightChoiceSection {
+    /// Name.
+    pub name: String,
+    /// Spectrum, relative.
+    pub spectrum: SpectrumReference,
+    /// Filters on the light. Default: none.
+    #[serde(default)]
+    pub filters: Vec<SpectrumReference>,
+    /// Irradiance of the region behind the filters, W/m², 1e-12 to 1e12. Default 10.
+    #[serde(default = "ten")]
+    pub irradiance_w_per_m2: f64,
+    /// Price, in any unit, 0 or more. Default 0.
+    #[serde(default)]
+    pub cost: f64,
+}
+
+fn ten() -> f64 {
+    10.0
+}
+
+/// Generic LEDs: Gaussian spectra, named by their peaks.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LedSeriesSection {
+    /// Wavelengths of the peaks, nm.
+    pub peaks_nm: Vec<f64>,
+    /// Full width at half maximum, nm, 1 to 100. Default 12.
+    #[serde(default = "led_width")]
+    pub fwhm_nm: f64,
+    /// Short-pass filter of each, so many nanometers above its peak, 1 to 200; 10 % to 90 % over 5 nm, optical density 5.
+    /// Default: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub short_pass_after_peak_nm: Option<f64>,
+    /// Irradiance of the region by each, behind its filter, W/m², 1e-12 to 1e12. Default 10.
+    #[serde(default = "ten")]
+    pub irradiance_w_per_m2: f64,
+    /// Price of each, in any unit, 0 or more. Default 0.
+    #[serde(default)]
+    pub cost: f64,
+}
+
+fn led_width() -> f64 {
+    12.0
+}
+
+/// Viewing filters to choose from: one for each edge.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct FilterChoiceSection {
+    /// Name.
+    pub name: String,
+    /// Filters that are the same for all exposures. Default: none.
+    #[serde(default)]
+    pub filters: Vec<SpectrumReference>,
+    /// Long-pass edges, nm, 200 to 1200, one choice each. Default: none.
+    #[serde(default)]
+    pub long_pass_nm: Vec<f64>,
+    /// Long-pass edges above the peak of the light of each exposure, nm, 0 to 400, one choice each; every exposure has a filter of
+    /// its own. Default: none.
+    #[serde(default)]
+    pub long_pass_after_peak_nm: Vec<f64>,
+    /// Distance from 10 % to 90 % of the long-pass edges, nm, 0.1 to 100. Default 8.
+    #[serde(default = "edge_width")]
+    pub edge_width_nm: f64,
+    /// Optical density below the long-pass edges, 0 to 12. Default 5.
+    #[serde(default = "edge_density")]
+    pub optical_density: f64,
+    /// Price of one, in any unit, 0 or more. Default 0.
+    #[serde(default)]
+    pub cost: f64,
+}
+
+fn edge_width() -> f64 {
+    8.0
+}
+
+fn edge_density() -> f64 {
+    5.0
+}
+
+/// A sensor to choose from: one of the catalogue, one of a file, or ideal bands.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SensorChoiceSection {
+    /// Name.
+    pub name: String,
+    /// Sensor of the catalogue. Default: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub preset: Option<String>,
+    /// Path of a sensor file. Default: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub file: Option<FilePath>,
+    /// Ideal Gaussian bands. Default: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bands: Option<IdealBandsSection>,
+    /// Filters on the sensor. Default: none.
+    #[serde(default)]
+    pub filters: Vec<SpectrumReference>,
+    /// Analog gain, 0.01 to 1000. Default 1.
+    #[serde(default = "unity")]
+    pub gain: f64,
+    /// Price, in any unit, 0 or more. Default 0.
+    #[serde(default)]
+    pub cost: f64,
+}
+
+fn unity() -> f64 {
+    1.0
+}
+
+/// A sensor of Gaussian bands with nothing but read noise.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct IdealBandsSection {
+    /// Centers, nm, 200 to 1200; one channel each.
+    pub centers_nm: Vec<f64>,
+    /// Standard deviations, nm, 0.5 to 200: one for all, or one for each.
+    pub sigma_nm: Vec<f64>,
+    /// Electrons per photon at the center, 1e-6 to 1. Default 0.5.
+    #[serde(default = "half")]
+    pub peak: f64,
+    /// Read noise, e- rms, 0 to 1e6. Default 2.
+    #[serde(default = "two")]
+    pub read_noise_e: f64,
+    /// Electrons that a pixel holds, 1 to 1e9. Default 10000.
+    #[serde(default = "ten_thousand")]
+    pub full_well_e: f64,
+    /// Side of a pixel, um, 0.1 to 1000. Default 3.
+    #[serde(default = "three")]
+    pub pixel_size_um: f64,
+}
+
+fn half() -> f64 {
+    0.5
+}
+
+fn two() -> f64 {
+    2.0
+}
+
+fn three() -> f64 {
+    3.0
+}
+
+fn ten_thousand() -> f64 {
+    10_000.0
+}
+
+/// An ideal lens and its apertures.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct LensChoiceSection {
+    /// Focal length, mm, 0.001 to 1e6. Default 3.
+    pub focal_length_mm: f64,
+    /// Apertures to choose from, 0.5 to 1000: focal length over the diameter of the pupil. Default 4.
+    pub f_numbers: Vec<f64>,
+    /// Distance of the region, mm, beyond the focal length. Default: infinity.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub distance_mm: Option<f64>,
+    /// Transmittance of the glass. Default 1.
+    pub transmittance: SpectrumReference,
+}
+
+impl Default for LensChoiceSection {
+    fn default() -> Self {
+        Self {
+            focal_length_mm: 3.0,
+            f_numbers: vec![4.0],
+            distance_mm: None,
+            transmittance: SpectrumReference::default(),
+        }
+    }
+}
+
+/// How exposures share the budget: a rule, or the share of the time for the shortest wavelength, between 0 and 1.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub enum SplitChoice {
+    /// Share of the time for the first exposure; the others have equal parts of the rest.
+    First(f64),
+    /// A rule.
+    Rule(SplitRule),
+}
+
+/// A rule by which exposures share the budget.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum SplitRule {
+    /// Equal times.
+    EqualTime,
+    /// Equal electrons in the first region.
+    EqualElectrons,
+}
+
+/// Numbers of exposures under different lights, and what they have together.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct ExposuresSection {
+    /// Numbers of exposures to choose from, 1 to 6, each under another light. Default 1.
+    pub counts: Vec<u32>,
+    /// Time of all of them together, ms, 1e-3 to 3 600 000. Default 30.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub total_ms: Option<f64>,
+    /// In place of a time: electrons of all channels of all exposures in the first region, one pixel of each channel, 1 to 1e12.
+    /// Default: none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub total_electrons: Option<f64>,
+    /// How they share it, to choose from. Default "equal_time".
+    pub splits: Vec<SplitChoice>,
+    /// Factors on all lights to choose from, 1e-6 to 1e6. Default 1.
+    pub drives: Vec<f64>,
+    /// A frame under white light, whose data count as well. Default: none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub white: Option<WhiteFrameSection>,
+}
+
+impl Default for ExposuresSection {
+    fn default() -> Self {
+        Self {
+            counts: vec![1],
+            total_ms: None,
+            total_electrons: None,
+            splits: vec![SplitChoice::Rule(SplitRule::EqualTime)],
+            drives: vec![1.0],
+            white: None,
+        }
+    }
+}
+
+/// A frame under white light without the viewing filter.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct WhiteFrameSection {
+    /// Spectrum, relative. Default "white_led".
+    #[serde(default = "white_led")]
+    pub spectrum: SpectrumReference,
+    /// Irradiance of the region, W/m², 1e-12 to 1e12. Default 10.
+    #[serde(default = "ten")]
+    pub irradiance_w_per_m2: f64,
+    /// Filters in front of the sensor. Default: none.
+    #[serde(default)]
+    pub filters: Vec<SpectrumReference>,
+    /// Signal of the brightest channel in the first region, share of what a pixel holds, 0.001 to 1. Default 0.5.
+    #[serde(default = "half")]
+    pub level: f64,
+    /// Price of the light, in any unit, 0 or more. Default 0.
+    #[serde(default)]
+    pub cost: f64,
+}
+
+fn white_led() -> SpectrumReference {
+    SpectrumReference::named("white_led")
+}
+
+/// What is not known besides the weights: standard deviations of normal priors; 0 is known exactly.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct UnknownsSection {
+    /// Factor common to all exposures, relative, 0 to 10, which is as good as no knowledge: distance, shading. Default 0.
+    pub gain: f64,
+    /// Factor of each exposure, relative, 0 to 10: current and age of its light. Default 0.
+    pub drive: f64,
+    /// Reflected light that passes the filters, relative, 0 to 10. Default 0.
+    pub leak: f64,
+    /// Factor on the spread of layered tissue among people (blood, oxygen, thickness, melanin), 0 to 10; 0: the tissue is known.
+    /// Default 0.
+    pub tissue: f64,
+    /// Thickness of whole blood that light passes on its way into a surface and again out of it, um, 0 to 1000. Default 0.
+    pub blood_um: f64,
+    /// Shift of the emission of each fluorophore, nm, 0 to 100: libraries differ by 5 to 25 nm. Default 0.
+    pub emission_shift_nm: f64,
+    /// Shift of its excitation, nm, 0 to 100. Default 0.
+    pub excitation_shift_nm: f64,
+    /// Smooth relative error of its emission and of its excitation spectrum, 0 to 1. Default 0.
+    pub spectrum: f64,
+    /// Distance over which that error is alike, nm, 5 to 500. Default 40.
+    pub correlation_nm: f64,
+    /// Pixels of the sensor that a region is averaged over, 1 to 1e9. Default 1000.
+    pub pixels: f64,
+    /// Brightest fluorescence of the scene over that of the region, 1 to 1e6. Default 1.
+    pub brightest_fluorescence: f64,
+    /// Brightest reflection of the scene, highlights included, over that of the region, 1 to 1e6. Default 1.
+    pub brightest_reflection: f64,
+}
+
+impl Default for UnknownsSection {
+    fn default() -> Self {
+        Self {
+            gain: 0.0,
+            drive: 0.0,
+            leak: 0.0,
+            tissue: 0.0,
+            blood_um: 0.0,
+            emission_shift_nm: 0.0,
+            excitation_shift_nm: 0.0,
+            spectrum: 0.0,
+            correlation_nm: 40.0,
+            pixels: 1000.0,
+            brightest_fluorescence: 1.0,
+            brightest_reflection: 1.0,
+        }
+    }
+}
+
+/// A ratio of amounts, such as NADH / (NADH + FAD). In layered tissue an amount is the light that a fluorophore sends between 500 and
+/// 700 nm under 405 nm.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ContrastSection {
+    /// Name.
+    pub name: String,
+    /// Fluorophores of the numerator.
+    pub part: Vec<String>,
+    /// Fluorophores of the denominator. Default: all.
+    #[serde(default)]
+    pub whole: Vec<String>,
+}
+
+/// What designs are ranked by.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum CriterionChoice {
+    /// Worst relative standard deviation of a weight.
+    #[default]
+    Minimax,
+    /// Volume of the error ellipsoid.
+    D,
+    /// Mean variance.
+    A,
+    /// Worst combination of weights.
+    E,
+    /// Standard deviation of a contrast.
+    Contrast,
+    /// `d'` of the cohort.
+    Detection,
+}
+
+/// What designs must keep to. Default: a pixel does not overflow, nothing else.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct LimitsSection {
+    /// Smallest photobiological margin of the tissue under all exposures together, 0.001 to 1e9. Default: none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub safety_margin: Option<f64>,
+    /// Factor by which mucosa is taken to be more sensitive than skin, 1 to 1000. Default 10.
+    pub tissue_safety_factor: f64,
+    /// Largest ratio of reflected to fluorescent electrons, 0 to 1e6. Default: none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub leak: Option<f64>,
+    /// Largest share of what a pixel holds, highlights included, 0 to 1e6. Default: none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub saturation: Option<f64>,
+    /// Longest time of all exposures, the white frame included, ms, 1e-6 to 1e9. Default: none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub total_ms: Option<f64>,
+    /// Highest price. Default: none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub cost: Option<f64>,
+}
+
+impl Default for LimitsSection {
+    fn default() -> Self {
+        Self {
+            safety_margin: None,
+            tissue_safety_factor: 10.0,
+            leak: None,
+            saturation: None,
+            total_ms: None,
+            cost: None,
+        }
+    }
+}
+
+/// How designs are searched.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct SearchSection {
+    /// Most designs that `optimize` evaluates all of; of more it searches by exchange. 1 to 100 000 000. Default 1 000 000.
+    pub most_exhaustive: u64,
+    /// Evaluations of a search by exchange, 1 to 10 000 000. Default 1000.
+    pub evaluations: u64,
+    /// Seed of the search by exchange. Default 1.
+    pub seed: u64,
+    /// Best designs that are written in full, 1 to 10 000. Default 50.
+    pub keep: u32,
+}
+
+impl Default for SearchSection {
+    fn default() -> Self {
+        Self { most_exhaustive: 1_000_000, evaluations: 1000, seed: 1, keep: 50 }
+    }
+}
+
+/// Manufacturing tolerances.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct TolerancesSection {
+    /// Peak of a light, nm, 0 to 50. Default 3.
+    pub light_nm: f64,
+    /// Edge of a filter, nm, 0 to 50. Default 2.
+    pub filter_nm: f64,
+    /// Largest angle at which light passes an interference filter, degrees, 0 to 60. Default 15.
+    pub angle_deg: f64,
+    /// Effective refractive index of the filter, 1 to 4. Default 1.8.
+    pub effective_index: f64,
+}
+
+impl Default for TolerancesSection {
+    fn default() -> Self {
+        Self { light_nm: 3.0, filter_nm: 2.0, angle_deg: 15.0, effective_index: 1.8 }
+    }
+}
+
+/// A design by the names of its choices.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ComparedDesignSection {
+    /// Name.
+    pub name: String,
+    /// Names of its lights.
+    pub lights: Vec<String>,
+    /// Viewing filter. Default: the first.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub view_filter: Option<String>,
+    /// Sensor. Default: the first.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sensor: Option<String>,
+    /// Aperture. Default: the first.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub f_number: Option<f64>,
+}

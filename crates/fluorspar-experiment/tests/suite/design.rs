@@ -1,0 +1,255 @@
+//! Design problems of the catalogue: the pilot table of two LEDs, its honest sister, searches, and one design against `predict`.
+
+use std::path::Path;
+
+use fluorspar::design::{Design, DesignSpace, Merits, exchange, score_all};
+use fluorspar_experiment::{ResolvedDesign, parse_design, preset};
+
+use crate::tissue_sites::reference_folder;
+
+/// A problem of the catalogue without the designs to compare with, whose lights the changes may take away.
+fn text_of(name: &str) -> &'static str {
+    preset::design(name).unwrap().text.split("[[compare]]").next().unwrap()
+}
+
+fn resolved(name: &str, changes: &[String]) -> ResolvedDesign {
+    parse_design(text_of(name), name, Path::new("."), changes).unwrap()
+}
+
+fn space(name: &str, changes: &[String]) -> DesignSpace {
+    DesignSpace::new(resolved(name, changes).problem).unwrap()
+}
+
+/// The best design with its merits.
+fn best(space: &DesignSpace) -> (Design, Merits) {
+    let scores = score_all(space, 0..space.len());
+    let first = (0..scores.len()).fold(0, |a, b| if scores[b].loss < scores[a].loss { b } else { a });
+    let design = space.design(first as u64);
+    let merits = space.evaluate(&design);
+    (design, merits)
+}
+
+/// Relative standard deviations in the order of the table: NADH, FAD, collagen, elastin, porphyrin.
+fn in_order(space: &DesignSpace, merits: &Merits) -> [f64; 5] {
+    let names: Vec<&str> =
+        space.problem().regions[0].response.fluorescence.iter().map(|f| f.name.as_str()).collect();
+    ["nadh", "fad", "collagen", "elastin", "protoporphyrin_ix"]
+        .map(|name| merits.regions[0].weights[names.iter().position(|other| *other == name).unwrap()])
+}
+
+/// LEDs of the pilot study that are no shorter than a wavelength.
+fn leds(shortest: f64) -> String {
+    let all = [340.0, 365.0, 385.0, 405.0, 420.0, 435.0, 450.0, 470.0];
+    let kept: Vec<String> = all.iter().filter(|nm| **nm >= shortest).map(|nm| format!("{nm:.1}")).collect();
+    format!("led.peaks_nm=[{}]", kept.join(", "))
+}
+
+/// The conclusion of the paper: three channels under one light can't tell five fluorophores apart, two lights can.
+#[test]
+fn one_light_with_rgb_leaves_the_fisher_matrix_singular() {
+    let space = space("two-lights", &[]);
+    let text = preset::design("two-lights").unwrap().text;
+    let one = parse_design(text, "two-lights", Path::new("."), &[]).unwrap().compared.swap_remove(0);
+    assert_eq!(one.name, "385 nm alone");
+    let merits = space.evaluate(&one.design);
+    assert_eq!((merits.regions[0].rank, merits.loss), (3, f64::INFINITY));
+    assert!(merits.regions[0].weights.iter().all(|sd| sd.is_infinite()), "{:?}", merits.regions[0].weights);
+    let blind = merits.regions[0].bound.blind_directions(2);
+    assert!(blind.iter().all(|direction| direction.standard_deviation.is_none()));
+    let (pair, merits) = best(&space);
+    assert_eq!((pair.lights.len(), merits.regions[0].rank), (2, 5));
+    println!("{} {:?}", space.describe(&pair), in_order(&space, &merits));
+}
+
+/// Best worst-case relative standard deviations of the pilot study: shortest LED allowed, the pair, NADH, FAD, collagen, elastin,
+/// porphyrin.
+const PILOT_RGB: [(f64, [f64; 2], [f64; 5]); 4] = [
+    (340.0, [340.0, 420.0], [0.027, 0.023, 0.037, 0.025, 0.028]),
+    (365.0, [365.0, 420.0], [0.044, 0.024, 0.046, 0.026, 0.029]),
+    (385.0, [385.0, 420.0], [0.113, 0.022, 0.109, 0.024, 0.021]),
+    (405.0, [405.0, 435.0], [1.01, 0.020, 1.32, 0.041, 0.017]),
+];
+/// The same with eight bands.
+const PILOT_EIGHT: [(f64, [f64; 2], [f64; 5]); 3] = [
+    (340.0, [340.0, 420.0], [0.022, 0.016, 0.032, 0.019, 0.014]),
+    (365.0, [365.0, 420.0], [0.033, 0.016, 0.034, 0.020, 0.013]),
+    (385.0, [385.0, 420.0], [0.078, 0.014, 0.068, 0.018, 0.010]),
+];
+
+/// The problem of the pilot study with the measured matrices that it must have used. Its values say so: collagen is the sample
+/// whose emission lies at 430 nm, and porphyrin weighs 2 and not 0.5. Centers and widths of the bands are not stated by it; these fit
+/// its values best.
+fn measured_space(folder: &Path, shortest: f64, sensor: &str) -> DesignSpace {
+    let mut text = text_of("two-lights").replace(
+        "spectral = { first_nm = 350.0, last_nm = 750.0, step_nm = 5.0 }",
+        "spectral = { first_nm = 350.0, last_nm = 745.0, step_nm = 5.0 }",
+    );
+    for (name, file) in [
+        ("nadh", "nadh"),
+        ("fad", "fad"),
+        ("collagen", "collagen7"),
+        ("elastin", "elastin"),
+        ("protoporphyrin_ix", "protoporphyrin"),
+    ] {
+        let path = folder.join(format!("eem/webfluor_{file}.csv"));
+        text += &format!(
+            "\n[[fluorophore]]\nname = \"{name}\"\nsource = {{ eem_csv = \"{}\", unit = \"photons\" }}\nphoton_yield = 1e-3\n",
+            path.display()
+        );
+    }
+    let changes = [leds(shortest), sensor.into(), "exposure.counts=[2]".into()];
+    let mut problem = parse_design(&text, "pilot", Path::new("."), &changes).unwrap().problem;
+    let response = &mut problem.regions[0].response;
+    let (bands, nodes) = (response.grid.centers_nm(), response.excitation.centers_nm());
+    for part in &mut response.fluorescence {
+        let is_counted = |k: usize| bands[k / nodes.len()] >= nodes[k % nodes.len()] + 15.0;
+        let peak =
+            (0..part.radiance.len()).filter(|&k| is_counted(k)).map(|k| part.radiance[k]).fold(0.0, f64::max);
+        let weight = if part.name == "protoporphyrin_ix" { 2.0 } else { 1.0 };
+        part.radiance.iter_mut().for_each(|value| *value *= weight * 1e-6 / peak);
+    }
+    DesignSpace::new(problem).unwrap()
+}
+
+const PILOT_BANDS: &str = "sensor.RGB.bands={ centers_nm = [604.0, 560.0, 427.0], sigma_nm = [38.0, 37.0, 30.0], read_noise_e = 2.0, full_well_e = 60000.0 }";
+const EIGHT_BANDS: &str = "sensor.RGB.bands={ centers_nm = [423.0, 457.7, 492.4, 527.1, 561.9, 596.6, 631.3, 666.0], sigma_nm = [14.0], read_noise_e = 2.0, full_well_e = 60000.0 }";
+
+/// The pilot table with measured matrices: the same best pairs, and values within a factor of 1.5 but for those of collagen below
+/// 405 nm, which differ by up to 2.2 (the assumptions of the pilot are not stated in full).
+#[test]
+fn the_pilot_table_comes_back_from_measured_matrices() {
+    let Some(folder) = reference_folder() else {
+        println!("skipped: no reference data (set FLUORSPAR_REFERENCE to their folder)");
+        return;
+    };
+    let mut ratios = Vec::new();
+    let tables = [(PILOT_BANDS, &PILOT_RGB[..]), (EIGHT_BANDS, &PILOT_EIGHT[..])];
+    for (sensor, table) in tables {
+        for (shortest, pair, expected) in table {
+            let space = measured_space(&folder, *shortest, sensor);
+            let (design, merits) = best(&space);
+            let found = in_order(&space, &merits);
+            println!("{} {found:.3?}, pilot {pair:?} {expected:?}", space.describe(&design));
+            assert_eq!(
+                design.lights.iter().map(|&k| space.problem().lights[k].peak_nm).collect::<Vec<f64>>(),
+                pair
+            );
+            ratios.extend(found.iter().zip(expected).map(|(a, b)| (a / b).max(b / a)));
+        }
+    }
+    let close = ratios.iter().filter(|ratio| **ratio <= 1.5).count();
+    println!("{close} of {} within 1.5, {ratios:.2?}", ratios.len());
+    assert!(close as f64 >= 0.9 * ratios.len() as f64 && ratios.iter().all(|r| *r < 2.3), "{ratios:?}");
+}
+
+/// The same table from the catalogue's matrices, whose collagen emits at 390 nm, and beside it the honest one.
+#[test]
+fn the_table_of_the_catalogue_and_what_is_left_of_it() {
+    let mut ideal_losses = Vec::new();
+    for (shortest, pair) in
+        [(340.0, [340.0, 420.0]), (365.0, [365.0, 420.0]), (385.0, [385.0, 435.0]), (405.0, [405.0, 435.0])]
+    {
+        let ideal = space("two-lights", &[leds(shortest)]);
+        let (design, merits) = best(&ideal);
+        println!("ideal {} {:.3?}", ideal.describe(&design), in_order(&ideal, &merits));
+        assert!(design.lights.iter().map(|&k| ideal.problem().lights[k].peak_nm).eq(pair));
+        let honest = space("two-lights-tissue", &[leds(shortest)]);
+        let (other, left) = best(&honest);
+        println!("honest {} {:.3?}", honest.describe(&other), in_order(&honest, &left));
+        assert!(left.loss > merits.loss);
+        ideal_losses.push(merits.loss);
+    }
+    // The shorter the shortest light may be, the better
+    assert!(ideal_losses.windows(2).all(|pair| pair[1] > pair[0]), "{ideal_losses:?}");
+}
+
+/// Three problems of about 1e4 designs: exchange with at most 1000 evaluations finds the best of all in 18 of 20 seeds.
+#[test]
+fn exchange_finds_what_all_designs_hold() {
+    let edges = "view_filter.long-pass.long_pass_after_peak_nm=[20.0, 30.0, 40.0, 50.0, 60.0]";
+    let splits = "exposure.splits=[\"equal_electrons\", \"equal_time\", 0.3, 0.7]";
+    let timed = "exposure={ counts = [1, 2], total_ms = 100.0, splits = [\"equal_time\", 0.3, 0.5, 0.8], drives = [0.5, 1.0] }";
+    let contrast = "criterion=\"contrast\"";
+    for (name, changes) in [
+        ("two-lights", [edges, splits, "lens.f_numbers=[2.0, 4.0]"]),
+        ("two-lights", [edges, timed, "criterion=\"d\""]),
+        ("two-lights-tissue", [edges, splits, contrast]),
+    ] {
+        let changes: Vec<String> = changes.iter().map(|text| (*text).to_owned()).collect();
+        let space = space(name, &changes);
+        assert!((7_000..20_000).contains(&space.len()), "{}", space.len());
+        let started = std::time::Instant::now();
+        let scores = score_all(&space, 0..space.len());
+        let rate = space.len() as f64 / started.elapsed().as_secs_f64();
+        let best = scores.iter().map(|s| s.loss).fold(f64::INFINITY, f64::min);
+        let results: Vec<_> = (0..20).map(|seed| exchange(&space, seed, 1000)).collect();
+        assert!(results.iter().all(|result| result.evaluated.len() <= 1000));
+        let found = results.iter().filter(|result| result.score.loss <= best * (1.0 + 1e-9)).count();
+        println!("{name}: {} designs, {rate:.0} per second, the best in {found} of 20", space.len());
+        assert!(found >= 18, "{name}: {found} of 20");
+    }
+}
+
+/// The winner of a search, through `predict`: the same electrons in every channel. Lines of excitation every 2 nm, averaged over an
+/// LED of 12 nm, are off by less than 2e-3; the filter edge is resolved on 1 nm by the one and on 5 nm bands by the other, so it is
+/// left away here.
+#[test]
+fn the_winner_is_what_predict_says() {
+    let changes = ["view_filter.long-pass.filters=[]", "view_filter.long-pass.long_pass_after_peak_nm=[]"]
+        .map(String::from);
+    let space = space("two-lights", &changes);
+    let (design, merits) = best(&space);
+    for (k, &light) in design.lights.iter().enumerate() {
+        let light = &space.problem().lights[light];
+        let (nm, value) = (light.spectrum.wavelengths_nm(), light.spectrum.values());
+        let table = |values: &[f64]| {
+            format!("[{}]", values.iter().map(|v| format!("{v:.9e}")).collect::<Vec<_>>().join(", "))
+        };
+        let text = format!(
+            "format = 1\n[light]\nspectrum = {{ type = \"table\", wavelength_nm = {}, value = {} }}\nstrength.irradiance_w_per_m2 = {}\n\
+             [spectral]\nfirst_nm = 310.0\nlast_nm = 750.0\nstep_nm = 5.0\n[sample]\nreflectance = 0.0\n\
+             concentrations = {{ nadh = 1.4895, fad = 1.0480, collagen = 1.0267, elastin = 2.0925, protoporphyrin_ix = 0.2100 }}\n\
+             [lens]\nfocal_length_mm = 3.0\nf_number = 4.0\n[sensor]\ncolumns = 3\nrows = 1\nmosaic = [[\"600\", \"540\", \"460\"]]\n\
+             pixel_size_um = 3.0\nfill_factor = 1.0\nread_noise_e = 2.0\nwell_capacity_e = 60000.0\n\
+             [sensor.quantum_efficiency]\n600 = {}\n540 = {}\n460 = {}\n[exposure]\nexposure_ms = {}\n",
+            table(nm),
+            table(value),
+            light.light,
+            bell(600.0, 38.0),
+            bell(540.0, 33.0),
+            bell(460.0, 28.0),
+            merits.times_s[k] * 1e3,
+        );
+        let sample = fluorspar_experiment::parse_sample(&text, "winner", Path::new("."), &[]).unwrap();
+        let prediction = fluorspar::pipeline::predict(&sample.sample).unwrap();
+        for (channel, electrons) in ["600", "540", "460"].iter().zip(&merits.regions[0].electrons[k]) {
+            let expected = prediction.channels[*channel].electrons;
+            assert!((electrons / expected - 1.0).abs() < 2e-3, "{channel}: {electrons} {expected}");
+        }
+    }
+}
+
+fn bell(center_nm: f64, sigma_nm: f64) -> String {
+    let fwhm = 2.0 * sigma_nm * (2.0 * std::f64::consts::LN_2).sqrt();
+    format!(
+        "{{ type = \"bands\", base = 0.0, bands = [{{ peak_nm = {center_nm:.1}, fwhm_short_nm = {fwhm:.9}, fwhm_long_nm = {fwhm:.9}, weight = 0.5 }}] }}"
+    )
+}
+
+/// Layered tissue with what varies among people; every design keeps to the limits or says which it breaks.
+#[test]
+fn a_camera_for_the_tongue_keeps_to_its_limits() {
+    let changes = ["spectral.step_nm=10", "spectral.first_nm=400", "spectral.last_nm=720"].map(String::from);
+    let space = space("tongue-camera", &changes);
+    let unknown: Vec<&str> =
+        space.problem().regions[0].changes.iter().map(|change| change.name.as_str()).collect();
+    for name in
+        ["superficial_blood_fraction", "deep_blood_fraction", "oxygen_saturation", "epithelium_thickness_um"]
+    {
+        assert!(unknown.contains(&name), "{unknown:?}");
+    }
+    let (design, merits) = best(&space);
+    println!("{} {:?}", space.describe(&design), merits.regions[0].contrasts);
+    assert!(merits.broken.is_empty() && merits.loss.is_finite(), "{merits:?}");
+    assert!(merits.safety_margin.unwrap() >= 2.0 && merits.leak <= 0.5 && merits.saturation <= 1.0);
+}
