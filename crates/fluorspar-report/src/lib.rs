@@ -5,17 +5,20 @@
 //! | draw | [`figures`], or a [`Figure`] of your own | axes with units and explicit limits, series, heat maps |
 //! | export | [`Figure::to_svg`], [`Figure::to_png`] | the same image as vector text or as pixels |
 //! | write | [`ReportData::to_html`] | one file: text, images, figures, tables, the experiment itself |
+//! | a design search as a page | [`design_report`] | what is best, what it costs, what it rests on |
 //! | compare with the paper | [`validation::cases`] | one case for each figure and table |
 //! | read back | [`extract_experiment`] | the TOML that a report was made from |
 //!
 //! Out of scope: physics. Everything here draws and explains numbers that were computed elsewhere.
 
+mod design_report;
 mod figure;
 pub mod figures;
 mod page;
 mod run;
 pub mod validation;
 
+pub use design_report::{DesignFindings, JudgedDesign, design_report};
 pub use figure::{
     Axis, ColorBar, ColorMap, ContactSheet, Dash, Figure, FigureError, Ink, Label, Panel, Raster, Scale,
     Series, SeriesShape,
