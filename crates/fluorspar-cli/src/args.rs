@@ -6,8 +6,8 @@ use clap::{Parser, Subcommand, ValueEnum, ValueHint};
 use clap_complete::Shell;
 
 use crate::commands::{
-    analyze, capture, check, denoise, filter, fluorophore, lens, merge, mouth, predict, presets, render, run,
-    safety, schema, sensor, sheet, spectroradiometer, tissue, validate,
+    analyze, capture, check, denoise, design, filter, fluorophore, lens, merge, mouth, predict, presets,
+    render, run, safety, schema, sensor, sheet, spectroradiometer, tissue, validate,
 };
 use crate::message::Messages;
 use crate::values::{self, Override};
@@ -69,6 +69,8 @@ pub(crate) enum Command {
     Tissue(tissue::Options),
     /// Predict spectra and mean sensor values of a flat sample, without geometry.
     Predict(predict::Options),
+    /// Compare lights, filters and sensors by what they could prove; find the best.
+    Design(design::Options),
     /// Assess the photobiological safety of an experiment's captures: hazards, limits, margins.
     Safety(safety::Options),
     /// Read spectra of a component image or a flat sample as a spectroradiometer would.

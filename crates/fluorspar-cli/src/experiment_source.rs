@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use fluorspar_experiment::preset::{self, ExperimentPreset, PresetError, PresetKind};
 use fluorspar_experiment::{
-    DEFAULT_EXPERIMENT, DEFAULT_SAMPLE, Experiment, FileRecord, ResolvedExperiment, ResolvedSample,
-    is_sample, parse, parse_sample, resolve,
+    DEFAULT_DESIGN, DEFAULT_EXPERIMENT, DEFAULT_SAMPLE, Experiment, FileRecord, ResolvedExperiment,
+    ResolvedSample, is_sample, parse, parse_sample, resolve,
 };
 use fluorspar_format::{read_bounded, read_text_bounded};
 use fluorspar_report::extract_experiment;
@@ -42,6 +42,11 @@ impl ExperimentSource {
     /// Finds a flat sample by file name or built-in name; the default one if none is given.
     pub(crate) fn find_sample(sample: Option<&str>) -> Result<Self, CliError> {
         Self::find_as(sample, DEFAULT_SAMPLE, preset::sample)
+    }
+
+    /// Finds a design problem by file name or built-in name; the default one if none is given.
+    pub(crate) fn find_design(design: Option<&str>) -> Result<Self, CliError> {
+        Self::find_as(design, DEFAULT_DESIGN, preset::design)
     }
 
     /// Finds an experiment or a flat sample.

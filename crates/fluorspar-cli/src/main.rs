@@ -85,9 +85,11 @@ fn print_answer(answer: &clap::Error) -> ExitCode {
     }
 }
 
-/// Threads without `--threads`: those of the environment variable RAYON_NUM_THREADS, or one for each core.
+/// Threads without `--threads`: those of the environment variable RAYON_NUM_THREADS, those that Slurm allots to a task, or one
+/// for each core.
 fn default_threads() -> usize {
-    let wanted = std::env::var("RAYON_NUM_THREADS").ok().and_then(|text| text.trim().parse::<usize>().ok());
+    let number = |name| std::env::var(name).ok().and_then(|text| text.trim().parse::<usize>().ok());
+    let wanted = number("RAYON_NUM_THREADS").or_else(|| number("SLURM_CPUS_PER_TASK"));
     let cores = || std::thread::available_parallelism().map_or(1, NonZeroUsize::get);
     wanted.filter(|&threads| threads > 0).unwrap_or_else(cores).min(MOST_THREADS as usize)
 }
@@ -116,6 +118,7 @@ fn run(args: Args) -> Result<ExitCode, CliError> {
         Command::Mouth(options) => commands::mouth::run(&options),
         Command::Tissue(options) => commands::tissue::run(&options),
         Command::Predict(options) => commands::predict::run(&options),
+        Command::Design(options) => commands::design::run(&options),
         Command::Safety(options) => commands::safety::run(&options),
         Command::Spectroradiometer(options) => commands::spectroradiometer::run(&options),
         Command::Validate(options) => commands::validate::run(&options),

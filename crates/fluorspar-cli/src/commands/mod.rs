@@ -6,6 +6,7 @@ pub(crate) mod check;
 pub(crate) mod completions;
 pub(crate) mod curves;
 pub(crate) mod denoise;
+pub(crate) mod design;
 pub(crate) mod filter;
 pub(crate) mod fluorophore;
 pub(crate) mod image_output;

@@ -16,6 +16,9 @@ pub(crate) struct Options {
     /// Print this flat sample's file instead, as a template.
     #[arg(long, value_name = "NAME", conflicts_with = "experiment")]
     sample: Option<String>,
+    /// Print this design problem's file instead, as a template.
+    #[arg(long, value_name = "NAME", conflicts_with_all = ["experiment", "sample"])]
+    design: Option<String>,
     /// Print the list as JSON.
     #[arg(long)]
     json: bool,
@@ -28,6 +31,10 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     }
     if let Some(name) = &options.sample {
         super::print_text(preset::sample(name)?.text)?;
+        return Ok(ExitCode::SUCCESS);
+    }
+    if let Some(name) = &options.design {
+        super::print_text(preset::design(name)?.text)?;
         return Ok(ExitCode::SUCCESS);
     }
     let mut entries = Vec::new();

@@ -1,0 +1,35 @@
+//! The designs that a file names, side by side.
+
+use serde_json::json;
+
+use super::ProblemArgs;
+use super::outcome::{compared, criterion_text, design_json, provenance, table};
+use crate::args::Talk;
+use crate::commands::{print_json, print_text};
+use crate::error::CliError;
+
+/// Options of `design compare`.
+#[derive(Clone, Debug, clap::Args)]
+pub(super) struct Options {
+    #[command(flatten)]
+    problem: ProblemArgs,
+    #[command(flatten)]
+    talk: Talk,
+}
+
+pub(super) fn run(options: &Options) -> Result<(), CliError> {
+    let problem = options.problem.prepare(&options.talk)?;
+    let designs = compared(&problem);
+    if options.talk.json {
+        let designs: Vec<_> = designs.iter().map(|judged| design_json(&problem.space, judged)).collect();
+        let criterion = criterion_text(&problem.space);
+        print_json(
+            &json!({ "provenance": provenance(&problem), "criterion": criterion, "designs": designs }),
+        )?;
+    } else if !options.talk.quiet {
+        let text =
+            format!("by {}\n\n{}", criterion_text(&problem.space), table(&problem.space, designs.iter()));
+        print_text(&text)?;
+    }
+    Ok(())
+}

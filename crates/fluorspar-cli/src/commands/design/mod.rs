@@ -1,0 +1,100 @@
+//! `fluorspar design`: lights, filters and sensors compared by what they could prove.
+
+mod compare;
+mod outcome;
+mod shard;
+mod sweep;
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::{Subcommand, ValueHint};
+use fluorspar::design::DesignSpace;
+use fluorspar_experiment::{ResolvedDesign, parse_design};
+
+use crate::args::{Changes, Talk};
+use crate::error::CliError;
+use crate::experiment_source::ExperimentSource;
+use crate::values::{as_typed, sets};
+
+/// Options of `design`.
+#[derive(Clone, Debug, clap::Args)]
+pub(crate) struct Options {
+    #[command(subcommand)]
+    action: Action,
+}
+
+#[derive(Clone, Debug, Subcommand)]
+enum Action {
+    /// Evaluate all designs of a problem; a killed sweep goes on where it was.
+    Sweep(sweep::SweepOptions),
+    /// Find the best design: all of them where that is possible, otherwise by exchange of one choice at a time.
+    Optimize(sweep::OptimizeOptions),
+    /// Evaluate the designs that the file names under [[compare]].
+    Compare(compare::Options),
+    /// Make one result of the journals of several `sweep --shard` processes.
+    Merge(sweep::MergeOptions),
+}
+
+pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
+    match &options.action {
+        Action::Sweep(options) => sweep::sweep(options)?,
+        Action::Optimize(options) => sweep::optimize(options)?,
+        Action::Compare(options) => compare::run(options)?,
+        Action::Merge(options) => sweep::merge(options)?,
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// The design problem and its changes.
+#[derive(Clone, Debug, clap::Args)]
+struct ProblemArgs {
+    /// Design file (.toml), or the name of a built-in problem [default: two-lights].
+    #[arg(value_name = "DESIGN", value_hint = ValueHint::FilePath)]
+    design: Option<String>,
+    #[command(flatten)]
+    changes: Changes,
+}
+
+/// Where results go.
+#[derive(Clone, Debug, clap::Args)]
+struct Place {
+    /// Folder for results.json, designs.csv, designs.jsonl and report.html [default: fluorspar-out/design-NAME]. The journal of
+    /// the work lies beside it.
+    #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath)]
+    out: Option<PathBuf>,
+}
+
+/// A problem, ready to be searched.
+struct Problem {
+    /// Where it was read from.
+    source: ExperimentSource,
+    resolved: ResolvedDesign,
+    space: DesignSpace,
+}
+
+impl ProblemArgs {
+    fn prepare(&self, talk: &Talk) -> Result<Problem, CliError> {
+        let source = ExperimentSource::find_design(self.design.as_deref())?;
+        let overrides = self.changes.overrides();
+        let resolved = parse_design(&source.text, &source.name, &source.base_dir, &sets(&overrides))
+            .map_err(|error| as_typed(error, &overrides))?;
+        talk.messages().warnings(&resolved.record.warnings);
+        let space = DesignSpace::new(resolved.problem.clone())
+            .map_err(|error| CliError::Input(format!("{}: {error}", source.name)))?;
+        Ok(Problem { source, resolved, space })
+    }
+}
+
+impl Problem {
+    /// The folder of results.
+    fn folder(&self, place: &Place) -> PathBuf {
+        let default = || PathBuf::from(format!("fluorspar-out/design-{}", self.source.stem));
+        place.out.clone().unwrap_or_else(default)
+    }
+
+    /// Files that were read.
+    fn inputs(&self) -> Vec<PathBuf> {
+        self.source.files(&self.resolved.record)
+    }
+}

@@ -1,0 +1,382 @@
+//! What a search found: in words, as JSON and CSV, and as a report.
+
+use std::io::Write;
+use std::path::Path;
+
+use fluorspar::design::{
+    Criterion, Design, DesignSpace, Score, Sensitivity, Tolerances, WorstCase, pareto_front, sensitivities,
+    worst_case,
+};
+use fluorspar_experiment::TolerancesSection;
+use fluorspar_format::{FileFormat, OutputFolder, write_atomically};
+use fluorspar_report::{DesignFindings, JudgedDesign, design_report};
+use serde_json::{Value, json};
+
+use super::Problem;
+use crate::args::Talk;
+use crate::commands::table::{align, short};
+use crate::commands::{print_json, print_text};
+use crate::error::CliError;
+
+/// Room for the tables and the report.
+pub(super) const FOLDER_BYTES: u64 = 64 << 20;
+
+/// Designs among which sensitivities look for another best.
+const RIVALS: usize = 10;
+
+/// Designs that are told in words.
+const SHOWN: usize = 10;
+
+/// Scores of the designs that were evaluated.
+pub(super) struct Found {
+    /// By number.
+    pub(super) scores: Vec<(u64, Score)>,
+    /// How they were chosen, in words.
+    pub(super) search: String,
+}
+
+/// The best of a search.
+pub(super) struct Outcome {
+    found: Found,
+    feasible: usize,
+    best: Vec<JudgedDesign>,
+    front: Vec<JudgedDesign>,
+    compared: Vec<JudgedDesign>,
+    sensitivities: Vec<Sensitivity>,
+    worst_case: Option<WorstCase>,
+}
+
+/// Tolerances of a file as the library takes them.
+fn tolerances(section: &TolerancesSection) -> Tolerances {
+    Tolerances {
+        light_nm: section.light_nm,
+        filter_nm: section.filter_nm,
+        angle_deg: section.angle_deg,
+        effective_index: section.effective_index,
+    }
+}
+
+pub(super) fn judged(space: &DesignSpace, name: String, design: Design) -> JudgedDesign {
+    let merits = space.evaluate(&design);
+    JudgedDesign { name, design, merits }
+}
+
+/// The designs of the file to compare with.
+pub(super) fn compared(problem: &Problem) -> Vec<JudgedDesign> {
+    let of = |compared: &fluorspar_experiment::ComparedDesign| {
+        judged(&problem.space, compared.name.clone(), compared.design.clone())
+    };
+    problem.resolved.compared.iter().map(of).collect()
+}
+
+impl Outcome {
+    pub(super) fn of(problem: &Problem, found: Found) -> Result<Self, CliError> {
+        let space = &problem.space;
+        let scores: Vec<Score> = found.scores.iter().map(|(_, score)| *score).collect();
+        let mut ranked: Vec<usize> = (0..scores.len()).filter(|&k| scores[k].loss.is_finite()).collect();
+        ranked.sort_by(|&a, &b| scores[a].loss.total_cmp(&scores[b].loss).then(a.cmp(&b)));
+        let judge = |&place: &usize| {
+            let design = space.design(found.scores[place].0);
+            judged(space, space.describe(&design), design)
+        };
+        let keep = problem.resolved.search.keep as usize;
+        let best: Vec<JudgedDesign> = ranked.iter().take(keep).map(judge).collect();
+        let front: Vec<JudgedDesign> = pareto_front(&scores).iter().take(keep).map(judge).collect();
+        let rivals: Vec<Design> = best.iter().take(RIVALS).map(|judged| judged.design.clone()).collect();
+        let failed = |error: fluorspar::design::DesignError| CliError::Input(error.to_string());
+        let worst_case = match rivals.first() {
+            Some(design) => {
+                let tolerances = tolerances(&problem.resolved.tolerance);
+                Some(worst_case(space.problem(), design, &tolerances).map_err(failed)?)
+            }
+            None => None,
+        };
+        Ok(Self {
+            feasible: ranked.len(),
+            best,
+            front,
+            compared: compared(problem),
+            sensitivities: sensitivities(space.problem(), &rivals).map_err(failed)?,
+            worst_case,
+            found,
+        })
+    }
+
+    /// Writes the folder and tells what is in it.
+    pub(super) fn write(self, problem: &Problem, folder: OutputFolder, talk: &Talk) -> Result<(), CliError> {
+        let json = self.as_json(problem);
+        let put = |name: &str, bytes: &[u8]| {
+            write_atomically(&folder.path().join(Path::new(name)), |file| file.write_all(bytes))
+                .map_err(|error| folder.at_its_place(error))
+        };
+        put("results.json", serde_json::to_string_pretty(&json)?.as_bytes())?;
+        put("designs.csv", table_csv(&problem.space, &self.best).as_bytes())?;
+        let lines: Vec<String> =
+            self.best.iter().map(|judged| design_json(&problem.space, judged).to_string() + "\n").collect();
+        put("designs.jsonl", lines.concat().as_bytes())?;
+        put("report.html", self.report(problem).to_html().as_bytes())?;
+        let place = folder.finish()?;
+        if talk.json {
+            print_json(&json)?;
+        } else if !talk.quiet {
+            print_text(&self.describe(problem))?;
+        }
+        talk.messages().status(format!("Open {}", place.join("report.html").display()));
+        Ok(())
+    }
+
+    fn as_json(&self, problem: &Problem) -> Value {
+        let space = &problem.space;
+        let all =
+            |list: &[JudgedDesign]| -> Vec<Value> { list.iter().map(|d| design_json(space, d)).collect() };
+        json!({
+            "format": FileFormat::RESULTS.version(),
+            "provenance": provenance(problem),
+            "search": self.found.search,
+            "designs": space.len(),
+            "evaluated": self.found.scores.len(),
+            "feasible": self.feasible,
+            "criterion": criterion_text(space),
+            "best": all(&self.best),
+            "pareto_front": all(&self.front),
+            "compared": all(&self.compared),
+            "sensitivity": self.sensitivities,
+            "worst_case": self.worst_case,
+        })
+    }
+
+    fn describe(&self, problem: &Problem) -> String {
+        let space = &problem.space;
+        let mut text = format!(
+            "{}\n\n{} designs, {} evaluated ({}), {} feasible\n",
+            title(problem),
+            space.len(),
+            self.found.scores.len(),
+            self.found.search,
+            self.feasible
+        );
+        if self.best.is_empty() {
+            text += &format!(
+                "No design keeps to all limits and sees {}; relax the limits, or offer more lights or channels\n",
+                criterion_text(space)
+            );
+        } else {
+            text += &format!("ranked by {}\n\n", criterion_text(space));
+            text += &table(space, self.best.iter().take(SHOWN));
+        }
+        text += "\ncompared\n";
+        text += &table(space, self.compared.iter());
+        if let (Some(best), Some(worst)) = (self.best.first(), &self.worst_case) {
+            text += &format!(
+                "\nwithin tolerances the best has a loss of {} (as meant {}), a leak of {}\n",
+                short(worst.loss),
+                short(best.merits.loss),
+                short(worst.leak)
+            );
+        }
+        for sensitivity in self.sensitivities.iter().take(5) {
+            text += &format!(
+                "a quarter more of {}: loss {:+.1} %{}\n",
+                sensitivity.assumption,
+                100.0 * sensitivity.loss_change,
+                if sensitivity.other_best { ", another design is then the best" } else { "" }
+            );
+        }
+        text
+    }
+
+    fn report(&self, problem: &Problem) -> fluorspar_report::ReportData {
+        let record = &problem.resolved.record;
+        design_report(&DesignFindings {
+            title: &title(problem),
+            description: &record.description,
+            criterion: &criterion_text(&problem.space),
+            search: &self.found.search,
+            space: &problem.space,
+            scores: &self.found.scores,
+            best: &self.best,
+            front: &self.front,
+            compared: &self.compared,
+            sensitivities: &self.sensitivities,
+            worst_case: self.worst_case.as_ref(),
+            design_toml: &record.resolved_toml,
+            sha256: &record.sha256,
+        })
+    }
+}
+
+fn title(problem: &Problem) -> String {
+    let record = &problem.resolved.record;
+    if record.title.is_empty() { problem.source.stem.clone() } else { record.title.clone() }
+}
+
+pub(super) fn provenance(problem: &Problem) -> Value {
+    let record = &problem.resolved.record;
+    json!({
+        "program": "fluorspar",
+        "version": env!("CARGO_PKG_VERSION"),
+        "sha256": record.sha256,
+        "warnings": record.warnings,
+        "design_toml": record.resolved_toml,
+    })
+}
+
+/// What designs are ranked by, in words.
+pub(super) fn criterion_text(space: &DesignSpace) -> String {
+    let p = space.problem();
+    match p.criterion {
+        Criterion::Minimax => "the worst relative standard deviation of a weight".into(),
+        Criterion::D => "the volume of the error ellipsoid (D)".into(),
+        Criterion::A => "the mean variance of the weights (A)".into(),
+        Criterion::E => "the worst combination of weights (E)".into(),
+        Criterion::Contrast(k) => {
+            format!(
+                "the standard deviation of {}",
+                p.contrasts.get(k).map_or("a contrast", |c| c.name.as_str())
+            )
+        }
+        Criterion::Detection => "1 / d' of the cohort".into(),
+    }
+}
+
+/// A design with everything about it; what is not seen is null.
+pub(super) fn design_json(space: &DesignSpace, judged: &JudgedDesign) -> Value {
+    let p = space.problem();
+    let (design, merits) = (&judged.design, &judged.merits);
+    let lights: Vec<&str> = design.lights.iter().map(|&k| p.lights[k].name.as_str()).collect();
+    let regions: Vec<Value> = p
+        .regions
+        .iter()
+        .zip(&merits.regions)
+        .map(|(region, found)| {
+            let names = region.response.fluorescence.iter().map(|f| f.name.clone());
+            let weights: serde_json::Map<String, Value> =
+                names.zip(&found.weights).map(|(name, sd)| (name, finite(*sd))).collect();
+            let contrasts: serde_json::Map<String, Value> = p
+                .contrasts
+                .iter()
+                .zip(&found.contrasts)
+                .map(|(c, sd)| (c.name.clone(), finite(*sd)))
+                .collect();
+            json!({
+                "name": region.response.name,
+                "relative_sd": weights,
+                "contrast_sd": contrasts,
+                "rank": found.rank,
+                "weights": found.weights.len(),
+                "electrons": found.electrons,
+                "signal_to_noise": found.signal_to_noise,
+                "leak": found.leak,
+                "saturation": found.saturation,
+                "least_told_apart": found.bound.blind_directions(2),
+            })
+        })
+        .collect();
+    json!({
+        "name": judged.name,
+        "number": space.number(design),
+        "lights": lights,
+        "view_filter": p.filters[design.filter].name,
+        "sensor": p.cameras[design.camera].name,
+        "f_number": p.lenses[design.lens].f_number,
+        "drive": p.drives[design.drive],
+        "times_ms": merits.times_s.iter().map(|s| s * 1e3).collect::<Vec<f64>>(),
+        "total_ms": merits.time_s * 1e3,
+        "loss": finite(merits.loss),
+        "broken_limits": merits.broken,
+        "electrons": merits.electrons,
+        "cost": merits.cost,
+        "leak": merits.leak,
+        "saturation": merits.saturation,
+        "safety_margin": merits.safety_margin,
+        "detectability": merits.detectability,
+        "color_separability": merits.color_separability,
+        "regions": regions,
+    })
+}
+
+fn finite(value: f64) -> Value {
+    if value.is_finite() { json!(value) } else { Value::Null }
+}
+
+/// A table for people: loss, each weight of the first region, electrons, time, leak.
+pub(super) fn table<'a>(space: &DesignSpace, designs: impl Iterator<Item = &'a JudgedDesign>) -> String {
+    let p = space.problem();
+    let names = p.regions[0].response.fluorescence.iter().map(|f| f.name.clone());
+    let head = ["design".to_owned(), "loss".into()].into_iter().chain(names);
+    let contrasts = p.contrasts.iter().map(|c| c.name.clone());
+    let tail = ["electrons", "ms", "leak", ""].map(String::from);
+    let mut rows: Vec<Vec<String>> = vec![head.chain(contrasts).chain(tail).collect()];
+    for judged in designs {
+        let merits = &judged.merits;
+        let number = |value: f64| if value.is_finite() { short(value) } else { "not seen".into() };
+        let region = &merits.regions[0];
+        let mut row = vec![judged.name.clone(), number(merits.loss)];
+        row.extend(region.weights.iter().chain(&region.contrasts).map(|sd| number(*sd)));
+        row.extend([short(merits.electrons), short(merits.time_s * 1e3), short(merits.leak)]);
+        let singular = region.rank < region.weights.len();
+        let note = match (&merits.broken[..], singular) {
+            ([], false) => String::new(),
+            ([], true) => format!("singular: {} of {} seen", region.rank, region.weights.len()),
+            (broken, _) => format!("breaks {}", broken.join(", ")),
+        };
+        row.push(note);
+        rows.push(row);
+    }
+    let last = rows[0].len() - 1;
+    align(&rows, &[last])
+}
+
+/// The best designs as a table of a spreadsheet; weights and contrasts by region.
+fn table_csv(space: &DesignSpace, designs: &[JudgedDesign]) -> String {
+    let p = space.problem();
+    let mut head: Vec<String> =
+        ["number", "lights", "view_filter", "sensor", "f_number", "drive", "loss"].map(String::from).into();
+    for region in &p.regions {
+        let of = |name: &str| format!("{}: {name}", region.response.name);
+        head.extend(region.response.fluorescence.iter().map(|f| of(&format!("sd {}", f.name))));
+        head.extend(p.contrasts.iter().map(|c| of(&format!("sd {}", c.name))));
+    }
+    head.extend(
+        ["electrons", "total_ms", "cost", "leak", "saturation", "safety_margin", "detectability"]
+            .map(String::from),
+    );
+    let mut lines = vec![csv_line(&head)];
+    for judged in designs {
+        let (design, merits) = (&judged.design, &judged.merits);
+        let lights: Vec<&str> = design.lights.iter().map(|&k| p.lights[k].name.as_str()).collect();
+        let number = |value: f64| if value.is_finite() { format!("{value}") } else { String::new() };
+        let mut row = vec![
+            space.number(design).map_or_else(String::new, |number| number.to_string()),
+            lights.join(" + "),
+            p.filters[design.filter].name.clone(),
+            p.cameras[design.camera].name.clone(),
+            number(p.lenses[design.lens].f_number),
+            number(p.drives[design.drive]),
+            number(merits.loss),
+        ];
+        for region in &merits.regions {
+            row.extend(region.weights.iter().chain(&region.contrasts).map(|sd| number(*sd)));
+        }
+        row.extend(
+            [merits.electrons, merits.time_s * 1e3, merits.cost, merits.leak, merits.saturation].map(number),
+        );
+        row.extend(
+            [merits.safety_margin, merits.detectability].map(|value| value.map_or_else(String::new, number)),
+        );
+        lines.push(csv_line(&row));
+    }
+    lines.concat()
+}
+
+/// Cells with commas or quotes are quoted.
+fn csv_line(cells: &[String]) -> String {
+    let cell = |cell: &String| {
+        if cell.contains([',', '"', '\n']) {
+            format!("\"{}\"", cell.replace('"', "\"\""))
+        } else {
+            cell.clone()
+        }
+    };
+    cells.iter().map(cell).collect::<Vec<String>>().join(",") + "\n"
+}

@@ -1,0 +1,112 @@
+//! `fluorspar design`: what it tells, and that work is neither lost nor repeated.
+
+#![allow(clippy::unwrap_used, reason = "these are tests")]
+
+use std::fs;
+use std::path::Path;
+
+use crate::support::{fluorspar, listing};
+use serde_json::Value;
+
+/// 780 designs: pairs of LEDs, five edges, two apertures and splits.
+const SMALL: [&str; 6] = [
+    "--set",
+    "led.peaks_nm=[340.0, 365.0, 385.0, 405.0, 420.0, 435.0]",
+    "--set",
+    "view_filter.long-pass.long_pass_after_peak_nm=[20.0, 30.0, 40.0, 50.0]",
+    "--set",
+    "lens.f_numbers=[2.0, 2.8, 4.0, 5.6, 8.0]",
+];
+
+fn design(folder: &Path, args: &[&str]) -> Value {
+    let all = ["design"].iter().chain(args).chain(&SMALL).chain(&["--json", "-q"]);
+    fluorspar(folder, all).json()
+}
+
+/// All but the description of the search and of what is written.
+fn without_provenance(mut results: Value) -> Value {
+    results.as_object_mut().unwrap().remove("provenance");
+    results
+}
+
+#[test]
+fn a_killed_sweep_goes_on_without_losing_or_repeating_work() {
+    let folder = tempfile::tempdir().unwrap();
+    let whole = design(folder.path(), &["sweep", "two-lights", "--out", "a"]);
+    assert_eq!((whole["designs"].as_u64(), whole["evaluated"].as_u64()), (Some(420), Some(420)));
+    let journal = folder.path().join("a.journal");
+    let lines = fs::read_to_string(&journal).unwrap();
+    assert_eq!(lines.lines().count(), 3, "{lines}");
+    // A kill in the middle of the second block: half of a line stays, as the journal was before
+    let second = lines.match_indices('\n').nth(1).unwrap().0 + 1;
+    fs::write(folder.path().join("b.journal"), &lines[..second + 40]).unwrap();
+    let again = design(folder.path(), &["sweep", "two-lights", "--out", "b", "--threads", "1"]);
+    assert_eq!(without_provenance(again), without_provenance(whole.clone()));
+    assert_eq!(fs::read_to_string(folder.path().join("b.journal")).unwrap(), lines);
+    // What is finished is not evaluated again: a number in the journal that was changed stays changed
+    let changed = lines.replacen("\"block\":0", "\"block\":0,\"kept\":true", 1);
+    fs::write(folder.path().join("c.journal"), &changed).unwrap();
+    let kept = design(folder.path(), &["sweep", "two-lights", "--out", "c"]);
+    assert_eq!(fs::read_to_string(folder.path().join("c.journal")).unwrap(), changed);
+    assert_eq!(kept["best"], whole["best"]);
+    for name in ["results.json", "designs.csv", "designs.jsonl", "report.html"] {
+        assert!(folder.path().join("a").join(name).is_file(), "{name}");
+    }
+    let csv = fs::read_to_string(folder.path().join("a/designs.csv")).unwrap();
+    assert!(csv.starts_with("number,lights,view_filter,") && csv.lines().count() == 51, "{csv}");
+    let html = fs::read_to_string(folder.path().join("a/report.html")).unwrap();
+    for part in
+        ["The best design", "What is least told apart", "Simulated captures", "What it rests on", "singular"]
+    {
+        assert!(html.contains(part), "{part}");
+    }
+}
+
+#[test]
+fn shards_merge_to_the_whole() {
+    let folder = tempfile::tempdir().unwrap();
+    let whole = design(folder.path(), &["optimize", "two-lights", "--out", "whole"]);
+    let lacking =
+        fluorspar(folder.path(), ["design", "merge", "two-lights", "--out", "parts"].iter().chain(&SMALL));
+    assert!(lacking.code == Some(2) && lacking.stderr.contains("--shard I/N"), "{lacking:?}");
+    design(folder.path(), &["sweep", "two-lights", "--out", "parts", "--shard", "2/2"]);
+    let half =
+        fluorspar(folder.path(), ["design", "merge", "two-lights", "--out", "parts"].iter().chain(&SMALL));
+    assert!(half.code == Some(2) && half.stderr.contains("1 of 2 blocks are missing"), "{half:?}");
+    design(folder.path(), &["sweep", "two-lights", "--out", "parts", "--shard", "1/2"]);
+    let merged = design(folder.path(), &["merge", "two-lights", "--out", "parts", "--wait-for", "2"]);
+    assert_eq!(without_provenance(merged), without_provenance(whole));
+}
+
+#[test]
+fn one_light_is_told_as_singular_and_wrong_input_with_its_cure() {
+    let folder = tempfile::tempdir().unwrap();
+    let said = fluorspar(folder.path(), ["design", "compare", "two-lights"]).well();
+    assert!(said.stdout.contains("singular: 3 of 5 seen"), "{}", said.stdout);
+    let before = listing(folder.path());
+    for (args, words) in [
+        (vec!["two-light"], "did you mean \"two-lights\""),
+        (vec!["--set", "led.fwhm_nm=0"], "must be between 1 and 100 nm"),
+        (vec!["--set", "sensor.RGB.preset=lyu_2021_table_1"], "give one of preset"),
+        (vec!["--set", "criterion=\"detection\""], "add [cohort]"),
+        (vec!["--set", "criterion=\"minmax\""], "minimax"),
+        (vec!["--set", "contrast.redox.part=[\"nadhh\"]"], "did you mean"),
+        (vec!["--set", "exposure.counts=[7]"], "whole number between 1 and 6"),
+        (vec!["--set", "exposure.total_ms=30"], "remove one of both"),
+        (vec!["--set", "lens.f_numbers=[0.1]"], "f/0.5"),
+        (vec!["--set", "lens.f_number=2"], "f_numbers"),
+        (vec!["--set", "exposure.splits=[\"equal\"]"], "splits"),
+        (vec!["--shard", "3/2"], "I/N"),
+        (vec!["--shard", "auto"], "SLURM_ARRAY_TASK_ID"),
+    ] {
+        let said = fluorspar(folder.path(), ["design", "sweep"].iter().chain(&args));
+        assert!(said.code == Some(2) && said.stderr.contains(words), "{args:?}: {said:?}");
+    }
+    assert_eq!(listing(folder.path()), before);
+    // A folder of somebody else is refused before the work begins.
+    fs::create_dir(folder.path().join("mine")).unwrap();
+    fs::write(folder.path().join("mine/notes.txt"), "mine").unwrap();
+    let said = fluorspar(folder.path(), ["design", "sweep", "--out", "mine"]);
+    assert!(said.code == Some(2) && !folder.path().join("mine.journal").exists(), "{said:?}");
+    assert_eq!(fs::read_to_string(folder.path().join("mine/notes.txt")).unwrap(), "mine");
+}
