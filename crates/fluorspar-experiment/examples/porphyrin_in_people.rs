@@ -20,7 +20,7 @@ use fluorspar::pipeline::{CameraResponse, FamilyFrame, tissue_family};
 use fluorspar::sensor::{Sensor, SensorModel, SpectralQe};
 use fluorspar::spectral::{Curve, WavelengthGrid};
 use fluorspar::study::TissuePrior;
-use fluorspar::tissue::Site;
+use fluorspar::tissue::{KeptSolutions, Site};
 use fluorspar_experiment::preset;
 
 type Fallible<T> = Result<T, Box<dyn Error>>;
@@ -161,7 +161,8 @@ fn family(
         .map(|name| Ok(Arc::new(preset::fluorophore(name)?.fluorophore())))
         .collect::<Fallible<_>>()?;
     let (width, library_error) = (TissuePrior::WIDTH, TissuePrior::LIBRARY_ERROR);
-    let prior = TissuePrior { site, fluorophores, width, library_error, surroundings: false };
+    let kept = KeptSolutions::default();
+    let prior = TissuePrior { site, fluorophores, width, library_error, surroundings: false, kept };
     let frame = |(name, lamp): &(&str, &Lamp)| -> Fallible<FamilyFrame> {
         Ok(FamilyFrame {
             label: (*name).into(),

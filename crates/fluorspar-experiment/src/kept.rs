@@ -4,6 +4,7 @@ use std::sync::{Arc, Mutex, OnceLock};
 
 use fluorspar::material::{ScalarTexture, TissueSurface};
 use fluorspar::spectral::Fluorophore;
+use fluorspar::tissue::{KeptSolutions, SolutionStore};
 use fluorspar_anatomy::{
     BakedMap, Mouth, MouthParameters, ParameterError, SurfaceMap, Tissue, generate_mouth, shared_mouth,
     shared_surface_map,
@@ -39,6 +40,23 @@ pub fn kept_mouth(parameters: &MouthParameters) -> Result<Arc<Mouth>, ParameterE
         }
         Ok(mouth)
     })
+}
+
+/// Where solutions of light transport are kept: the cache.
+pub(crate) fn kept_solutions() -> KeptSolutions {
+    struct InCache;
+    impl SolutionStore for InCache {
+        fn get(&self, key: &[u8]) -> Option<Vec<u8>> {
+            cache()?.get("light-in-tissues", key)
+        }
+
+        fn put(&self, key: &[u8], bytes: &[u8]) {
+            if let Some(cache) = cache() {
+                cache.put("light-in-tissues", key, bytes);
+            }
+        }
+    }
+    KeptSolutions::new(Arc::new(InCache))
 }
 
 /// Solved tissues of this process, newest last, by what they were made of.

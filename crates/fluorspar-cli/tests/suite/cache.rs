@@ -4,16 +4,16 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::{Child, Command, Stdio};
 
 use crate::support::listing;
 
 /// `mouth generate` with the cache that `set` names, by its environment.
-fn generate(folder: &Path, out: &str, set: &[(&str, &Path)], more: &[&str]) -> Command {
+fn generate(folder: &Path, set: &[(&str, &Path)], more: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_fluorspar"));
-    command.args(["mouth", "generate", "--detail=0.25", "-q", "--out", out]).args(more);
+    command.args(["mouth", "generate", "--detail=0.25", "-q"]).args(more);
     command.env_remove("XDG_CACHE_HOME").env_remove("HOME").envs(set.iter().copied());
-    command.current_dir(folder).stdout(Stdio::null());
+    command.current_dir(folder);
     command
 }
 
@@ -26,12 +26,14 @@ fn meshes_are_kept_where_the_environment_says_and_come_back() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let at = |name: &str| folder.join(name);
-    let run = |out: &str, set: &[(&str, &Path)], more: &[&str]| {
-        assert!(generate(folder, out, set, more).status().unwrap().success());
-        fs::read(at(out)).unwrap()
+    // Without an output only the mesh is made, and measured.
+    let run = |set: &[(&str, &Path)], more: &[&str]| {
+        let output = generate(folder, set, more).arg("--json").output().unwrap();
+        assert!(output.status.success());
+        output.stdout
     };
     // Nothing is kept, and nothing in other places.
-    let made = run("a.glb", &[("HOME", &at("home"))], &["--no-cache"]);
+    let made = run(&[("HOME", &at("home"))], &["--no-cache"]);
     assert!(!at("home").exists());
     // The places, in their order, made for the occasion.
     for name in ["xdg", "home", "tmp"] {
@@ -44,28 +46,32 @@ fn meshes_are_kept_where_the_environment_says_and_come_back() {
         ("tmp", &[("TMPDIR", &at("tmp"))]),
     ];
     for (place, set) in of {
-        assert!(run("b.glb", set, &[]) == made, "{place}");
+        assert!(run(set, &[]) == made, "{place}");
         let files = kept(&at(place));
-        // This mouth, and that of the default experiment, whose colors it has; and the maps of its tissues.
-        assert_eq!(mouths(&files), 2, "{place}: {files:?}");
+        assert_eq!(mouths(&files), 1, "{place}: {files:?}");
         // What is read back is not written again.
         let written =
             || files.iter().map(|file| fs::metadata(file).unwrap().created().ok()).collect::<Vec<_>>();
         let first = written();
-        assert!(run("b.glb", set, &[]) == made, "{place}, again");
+        assert!(run(set, &[]) == made, "{place}, again");
         assert_eq!(written(), first, "{place}");
-        for file in &files {
-            let mut bytes = fs::read(file).unwrap();
-            let middle = bytes.len() / 2;
-            bytes[middle] ^= 1;
-            fs::write(file, bytes).unwrap();
-        }
-        assert!(run("b.glb", set, &[]) == made, "{place}, damaged");
+        damage(&files);
+        assert!(run(set, &[]) == made, "{place}, damaged");
         assert_eq!(kept(&at(place)), files, "{place}, damaged");
     }
     // A place that can't be written is no hindrance.
     fs::write(at("file"), "").unwrap();
-    assert!(run("b.glb", &[("XDG_CACHE_HOME", &at("file"))], &[]) == made);
+    assert!(run(&[("XDG_CACHE_HOME", &at("file"))], &[]) == made);
+}
+
+/// Changes one bit in the middle of every file.
+fn damage(files: &[PathBuf]) {
+    for file in files {
+        let mut bytes = fs::read(file).unwrap();
+        let middle = bytes.len() / 2;
+        bytes[middle] ^= 1;
+        fs::write(file, bytes).unwrap();
+    }
 }
 
 /// How many of the kept files are meshes of mouths.
@@ -75,17 +81,26 @@ fn mouths(files: &[PathBuf]) -> usize {
 }
 
 #[test]
-fn two_runs_at_once_share_a_cache() {
+fn two_runs_at_once_share_a_cache_and_a_damaged_one_is_made_anew() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let cache = folder.join("cache");
-    let start = |out: &str| generate(folder, out, &[("XDG_CACHE_HOME", &cache)], &[]).spawn().unwrap();
-    let mut running = ["a.glb", "b.glb", "c.glb"].map(start);
-    for child in &mut running {
-        assert!(child.wait().unwrap().success());
+    // Meshes with the colors of tissues, which are solved for them.
+    let start = |out: &'static str| {
+        let set: &[(&str, &Path)] = &[("XDG_CACHE_HOME", &cache)];
+        generate(folder, set, &["--out", out]).stdout(Stdio::null()).spawn().unwrap()
+    };
+    let finish = |mut child: Child| assert!(child.wait().unwrap().success());
+    for child in ["a.glb", "b.glb"].map(start) {
+        finish(child);
     }
-    let [a, b, c] = ["a.glb", "b.glb", "c.glb"].map(|name| fs::read(folder.join(name)).unwrap());
-    assert!(a == b && b == c);
+    // This mouth, and that of the default experiment, whose colors it has; and its solved tissues.
     let files = kept(&cache);
     assert_eq!(mouths(&files), 2, "{files:?}");
+    assert!(files.len() > 2, "{files:?}");
+    damage(&files);
+    finish(start("c.glb"));
+    let [a, b, c] = ["a.glb", "b.glb", "c.glb"].map(|name| fs::read(folder.join(name)).unwrap());
+    assert!(a == b && b == c);
+    assert_eq!(kept(&cache), files);
 }

@@ -10,6 +10,7 @@ use super::spectrum::Role;
 use super::surface_mean::surface_mean;
 use super::tissue;
 use crate::error::{Place, Step, steps};
+use crate::kept::kept_solutions;
 use crate::schema::{
     AnalysisSection, BulkReference, CaptureSection, ConcentrationFactor, ExperimentFile, ExposureTime,
     TextureReference,
@@ -384,7 +385,8 @@ fn tissue_prior(
         known.index(context, &at, &file.fluorophore, name)?;
     }
     let fluorophores = known.list.into_iter().map(Arc::new).collect();
-    Ok(Some(TissuePrior { site, fluorophores, width, library_error, surroundings }))
+    let kept = kept_solutions();
+    Ok(Some(TissuePrior { site, fluorophores, width, library_error, surroundings, kept }))
 }
 
 /// The typical tissue of the site that the material of the region's first part is made of; what the experiment changes about it

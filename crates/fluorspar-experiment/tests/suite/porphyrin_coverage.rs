@@ -15,7 +15,7 @@ use fluorspar::sampling::random::Key;
 use fluorspar::sensor::{Sensor, SensorModel, SpectralQe};
 use fluorspar::spectral::{Curve, WavelengthGrid};
 use fluorspar::study::TissuePrior;
-use fluorspar::tissue::{DiscreteOrdinates, EffectiveTissue, Level, Population, Site};
+use fluorspar::tissue::{DiscreteOrdinates, EffectiveTissue, KeptSolutions, Level, Population, Site};
 use fluorspar::units::photons_per_joule;
 use fluorspar_experiment::preset;
 
@@ -73,6 +73,7 @@ fn family(lights: &[&str]) -> LightFamily {
         width: 1.0,
         library_error: TissuePrior::LIBRARY_ERROR,
         surroundings: true,
+        kept: KeptSolutions::default(),
     };
     let frames: Vec<FamilyFrame> = lights.iter().map(|name| frame(name)).collect();
     // Light of teeth asks for their fluorophores.

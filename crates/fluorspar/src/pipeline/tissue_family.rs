@@ -78,10 +78,12 @@ pub fn tissue_family(
     let x = design(coordinates.variations().len());
     let names = source_names(prior)?;
     let solver = FamilySolver::new(prior, frames, grid)?;
-    let solved: Vec<Solved> = x
-        .par_iter()
-        .map(|x| solver.solve(&coordinates.tissue_at(x), &names))
-        .collect::<Result<_, TissueError>>()?;
+    let tissues = x
+        .iter()
+        .map(|x| tissue_of(prior, &coordinates.tissue_at(x)))
+        .collect::<Result<Vec<_>, TissueError>>()?;
+    let solved: Vec<Solved> =
+        solver.effective(&tissues)?.par_iter().map(|tissue| solver.sources(tissue, &names)).collect();
     let fit = PolynomialFit::new(&x).ok_or(TissueError::Unsolvable { layer: None })?;
     let data = 3 * frames.len();
     let mut squares = vec![0.0; data];
@@ -281,7 +283,8 @@ impl<'a> FamilySolver<'a> {
         nodes_nm.dedup_by(|a, b| (*a - *b).abs() < 1.0);
         let mut solver = Self { prior, frames: prepared, bands_nm, nodes_nm };
         if prior.surroundings {
-            let teeth = solver.effective(&tissue_of(prior, &Site::named("tooth")?)?)?;
+            let tooth = tissue_of(prior, &Site::named("tooth")?)?;
+            let teeth = EffectiveTissue::new(&tooth, &solver.nodes_nm, DiscreteOrdinates::DIFFUSE)?;
             let radiances: Vec<Vec<f64>> =
                 solver.frames.iter().map(|frame| solver.radiance(&teeth, frame, None)).collect();
             for (frame, radiance) in solver.frames.iter_mut().zip(radiances) {
@@ -291,8 +294,8 @@ impl<'a> FamilySolver<'a> {
         Ok(solver)
     }
 
-    fn effective(&self, tissue: &LayeredTissue) -> Result<EffectiveTissue, TissueError> {
-        EffectiveTissue::new(tissue, &self.nodes_nm, DiscreteOrdinates::DIFFUSE)
+    fn effective(&self, tissues: &[LayeredTissue]) -> Result<Vec<EffectiveTissue>, TissueError> {
+        self.prior.kept.solve(tissues, &self.nodes_nm, DiscreteOrdinates::DIFFUSE)
     }
 
     /// Fluorescence of all fluorophores, or of one, under the light of a frame, W/(sr m² nm).
@@ -310,8 +313,7 @@ impl<'a> FamilySolver<'a> {
     }
 
     /// All sources of one tissue.
-    fn solve(&self, site: &Site, names: &[String]) -> Result<Solved, TissueError> {
-        let tissue = self.effective(&tissue_of(self.prior, site)?)?;
+    fn sources(&self, tissue: &EffectiveTissue, names: &[String]) -> Solved {
         let reflectance = tissue.reflectance(Level::AboveSurface);
         let reflectance: Vec<f64> = self.bands_nm.iter().map(|nm| reflectance.at(*nm)).collect();
         let mut solved = Solved { direct: Vec::new(), once_more: Vec::new() };
@@ -329,7 +331,7 @@ impl<'a> FamilySolver<'a> {
                         frame.teeth.iter().zip(&reflectance).map(|(l, r)| l * r).collect(),
                         &frame.frame.camera,
                     ),
-                    name => (self.radiance(&tissue, frame, Some(name)), &frame.frame.camera),
+                    name => (self.radiance(tissue, frame, Some(name)), &frame.frame.camera),
                 };
                 let again: Vec<f64> = radiance.iter().zip(&reflectance).map(|(l, r)| l * r).collect();
                 for channel in frame.rgb {
@@ -342,11 +344,12 @@ impl<'a> FamilySolver<'a> {
             solved.direct.push(direct);
             solved.once_more.push(once_more);
         }
-        Ok(solved)
+        solved
     }
 }
 
-/// The light in few lines: bands in order, joined until each line has its share of the photons, at their mean wavelength.
+/// The light in few lines: bands in order, joined until each line has its share of the photons, at their mean wavelength to
+/// 0.001 nm: the same for any power of the light, so that solved tissues serve them all.
 fn lines(irradiance: &[f64], grid: &WavelengthGrid) -> Vec<(f64, f64)> {
     let photons: Vec<f64> = irradiance
         .iter()
@@ -361,7 +364,7 @@ fn lines(irradiance: &[f64], grid: &WavelengthGrid) -> Vec<(f64, f64)> {
         moment += photons * grid.center_nm(band);
         let last = band + 1 == irradiance.len();
         if sum > 0.0 && (sum >= all / MOST_LINES as f64 || last) {
-            lines.push((moment / sum, sum));
+            lines.push(((moment / sum * 1e3).round() * 1e-3, sum));
             (sum, moment) = (0.0, 0.0);
         }
     }

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::sensor::{CaptureFrame, Demosaicing, Spectroradiometer};
 use crate::spectral::{Curve, Fluorophore};
-use crate::tissue::Site;
+use crate::tissue::{KeptSolutions, Site};
 
 /// A factor on all concentrations of a fluorophore. What holds everywhere is part of the scene, too, so that a new render shows it;
 /// what is painted holds for images of a finished render only.
@@ -191,6 +191,8 @@ pub struct TissuePrior {
     pub library_error: f64,
     /// Whether light reaches the region by way of other tissue and from teeth, as it does in a mouth.
     pub surroundings: bool,
+    /// Where solved tissues of the family are kept.
+    pub kept: KeptSolutions,
 }
 
 impl TissuePrior {

@@ -71,12 +71,21 @@ struct Surface {
 }
 
 #[derive(Clone, Debug)]
-struct Solution {
+pub(super) struct Solution {
     /// Above the surface, without specular reflection.
     reflectance: f64,
     /// At each depth node, per unit of irradiance from above.
     fluence: Vec<f64>,
     absorbed: Vec<f64>,
+}
+
+impl Solution {
+    /// All its numbers.
+    pub(super) fn values(&self) -> impl Iterator<Item = f64> {
+        std::iter::once(self.reflectance)
+            .chain(self.fluence.iter().copied())
+            .chain(self.absorbed.iter().copied())
+    }
 }
 
 impl Surface {
@@ -115,16 +124,53 @@ impl EffectiveTissue {
             Ok(Solution { reflectance: field.reflectance, fluence, absorbed: field.absorbed })
         };
         let solutions = wavelengths_nm.par_iter().map(solve).collect::<Result<_, TissueError>>()?;
+        Ok(Self::from_solutions(tissue, wavelengths_nm, nodes, solutions))
+    }
+
+    /// Solves several tissues at the same wavelengths, as [`Self::new`] does.
+    pub(super) fn several(
+        tissues: &[LayeredTissue],
+        wavelengths_nm: &[f64],
+        solver: DiscreteOrdinates,
+    ) -> Result<Vec<Self>, TissueError> {
+        tissues.par_iter().map(|tissue| Self::new(tissue, wavelengths_nm, solver)).collect()
+    }
+
+    fn from_solutions(
+        tissue: &LayeredTissue,
+        wavelengths_nm: &[f64],
+        nodes: Vec<DepthNode>,
+        solutions: Vec<Solution>,
+    ) -> Self {
         let index = tissue.surface_index();
         let surface =
             Surface { external: diffuse_reflectance(1.0, index), internal: diffuse_reflectance(index, 1.0) };
-        Ok(Self {
-            tissue: tissue.clone(),
-            wavelengths_nm: wavelengths_nm.to_vec(),
-            solutions,
-            nodes,
-            surface,
-        })
+        Self { tissue: tissue.clone(), wavelengths_nm: wavelengths_nm.to_vec(), solutions, nodes, surface }
+    }
+
+    /// At each wavelength.
+    pub(super) fn solutions(&self) -> &[Solution] {
+        &self.solutions
+    }
+
+    /// What [`Self::new`] made, from the [`Solution::values`] at each wavelength; `None` where there are too few.
+    pub(super) fn of_values(
+        tissue: &LayeredTissue,
+        wavelengths_nm: &[f64],
+        values: &mut impl Iterator<Item = f64>,
+    ) -> Option<Self> {
+        let nodes = depth_nodes(tissue, wavelengths_nm);
+        let mut several = |count: usize| -> Option<Vec<f64>> {
+            let taken: Vec<f64> = values.by_ref().take(count).collect();
+            (taken.len() == count && taken.iter().all(|value| value.is_finite())).then_some(taken)
+        };
+        let solution = |_: &f64| {
+            let reflectance = *several(1)?.first()?;
+            let (fluence, absorbed) = (several(nodes.len())?, several(tissue.layers.len())?);
+            Some(Solution { reflectance, fluence, absorbed })
+        };
+        let solutions = wavelengths_nm.iter().map(solution).collect::<Option<_>>()?;
+        Some(Self::from_solutions(tissue, wavelengths_nm, nodes, solutions))
     }
 
     /// Solves a tissue for all bands of a grid: every 2.5 nm or finer, the ends of the grid included.
