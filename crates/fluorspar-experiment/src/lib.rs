@@ -50,6 +50,7 @@ pub use layers_file::{
     LayerEmissionSection, LayerSection, LayersFile, ResolvedEmission, ResolvedLayers, parse_layers,
 };
 pub use read::{Experiment, parse};
+pub use resolve::named_tissue::NamedTissue;
 pub use resolve::{FileRecord, InputFile, ResolvedExperiment, resolve, resolve_rendered};
 pub use sample::{
     MeasuredLight, ResolvedSample, SampleCompatibility, SampleExposure, SampleFile, SampleLight,

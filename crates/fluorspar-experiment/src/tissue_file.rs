@@ -9,10 +9,10 @@ use serde::{Deserialize, Serialize};
 use super::error::{ExperimentError, steps};
 use super::read::{read_document, typed};
 use super::resolve::context::Context;
-use super::resolve::tissue::of_section;
-use super::schema::{FormatVersion, TissueSection};
+use super::resolve::device;
+use super::resolve::named_tissue::{NamedTissue, of_section};
+use super::schema::{FormatVersion, SpectralSection, TissueSection};
 use super::shape::Schema;
-use fluorspar::tissue::Site;
 
 /// A tissue by itself. The section can be copied into an experiment.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -30,7 +30,8 @@ fn tissue_schema() -> &'static Schema {
     SCHEMA.get_or_init(Schema::of::<TissueFile>)
 }
 
-/// Reads a file with one tissue: its name, and the site with its states and parameters.
+/// Reads a file with one tissue: its name, and the site with its states and parameters, or its layers. Fluorophores of layers are
+/// those of the catalogue.
 ///
 /// # Errors
 /// The first defect found; no tissue, or several.
@@ -38,15 +39,16 @@ pub fn parse_tissue(
     text: &str,
     source_name: &str,
     base_dir: &Path,
-) -> Result<(String, Site), ExperimentError> {
+) -> Result<(String, NamedTissue), ExperimentError> {
     let mut document = read_document(tissue_schema(), text, source_name, base_dir, &[])?;
     let file: TissueFile = typed(&mut document, tissue_schema())?;
-    let context = Context::new(&document);
+    let context = &mut Context::new(&document);
     let [section] = file.tissue.as_slice() else {
         let message = format!("there are {} tissues; give one [[tissue]] section", file.tissue.len());
         return context.fail(&steps!["tissue"], message);
     };
-    Ok((section.name.clone(), of_section(&context, &steps!["tissue", 0], section)?))
+    let grid = device::grid(context, &SpectralSection::default())?;
+    Ok((section.name.clone(), of_section(context, &steps!["tissue", 0], section, &[], &grid)?))
 }
 
 #[cfg(test)]
@@ -55,7 +57,7 @@ mod tests {
 
     use super::*;
 
-    fn read(text: &str) -> Result<(String, Site), ExperimentError> {
+    fn read(text: &str) -> Result<(String, NamedTissue), ExperimentError> {
         parse_tissue(text, "me.toml", Path::new("."))
     }
 
@@ -63,6 +65,7 @@ mod tests {
     fn a_tissue_is_read_and_defects_are_told_with_their_line() {
         let one = "[[tissue]]\nname = \"mine\"\nsite = \"lip\"\nparameters = { oxygen_saturation = 0.7 }\n";
         let (name, site) = read(&format!("format = 1\n{one}")).unwrap();
+        let NamedTissue::Site(site) = site else { panic!("a site") };
         assert!(name == "mine" && site.name() == "lip" && site.get("oxygen_saturation").unwrap() == 0.7);
         let wrong = [
             ("format = 1\n".to_string(), "there are 0 tissues"),

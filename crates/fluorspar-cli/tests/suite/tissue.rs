@@ -297,6 +297,40 @@ fn a_fit_comes_back_as_a_tissue_for_experiments() {
     fluorspar(folder.path(), ["check", "me.toml"]).well();
 }
 
+const PHANTOM: &str = "format = 1\n[[tissue]]\nname = \"phantom\"\n[[tissue.layer]]\nname = \"skin\"\nthickness_um = 300.0\n\
+    scattering = { anisotropy = 0.9, scattering_per_mm = 20.0, power = 1.2 }\nabsorption = { background = { absorption_per_mm = 0.05 } }\n\
+    fluorophores = { keratin = { strength_per_mm = 0.002 } }\n[[tissue.layer]]\nname = \"flesh\"\nthickness_um = 10000.0\n\
+    scattering = { anisotropy = 0.9, reduced_per_mm = 1.5 }\nabsorption = { blood = { volume_fraction = 0.05 } }\n";
+
+/// Layers of a file go through every command; the photons of Monte Carlo agree with the deterministic solver.
+#[test]
+fn layers_of_a_file_are_shown_solved_and_traced() {
+    let folder = folder();
+    fs::write(folder.path().join("phantom.toml"), PHANTOM).unwrap();
+    let run = |words: &str| fluorspar(folder.path(), words.split(' '));
+    let shown = run("tissue show phantom.toml").well().stdout;
+    assert!(shown.contains("skin") && shown.contains("keratin 0.002 at 405 nm"), "{shown}");
+    assert_eq!(run("tissue show phantom.toml --json").json()["layers"][1]["thickness_um"], 10000.0);
+    let solved =
+        run("tissue solve phantom.toml --from-nm 395 --to-nm 645 --step-nm 125 --excitation-nm 405 --json")
+            .json();
+    let reflectance = solved["reflectance"][1].as_f64().unwrap();
+    assert!(run("tissue depth phantom.toml --light led_405").well().stdout.contains("skin"));
+    let traced = run("tissue mc phantom.toml --wavelength-nm 520 --diffuse --photons 40000 --json").json();
+    let light = &traced["light"]["diffuse_reflectance"];
+    let error = light["standard_error"].as_f64().unwrap();
+    assert!((mean(light) - reflectance).abs() < 4.0 * error + 5e-4, "{light}, {reflectance}");
+    for (words, message) in [
+        ("tissue fit phantom.toml", "described by its layers"),
+        ("tissue show phantom.toml --state inflammation", "describes its layers itself"),
+        ("tissue solve phantom.toml --set oxygen_saturation=0.7", "describes its layers itself"),
+        ("tissue mc phantom.toml", "give the wavelength"),
+    ] {
+        let said = run(words);
+        assert!(said.code == Some(2) && said.stderr.contains(message), "{words}: {said:#?}");
+    }
+}
+
 #[test]
 fn wrong_words_of_tissue_commands_are_told() {
     let folder = folder();

@@ -13,8 +13,9 @@ use super::schema::{CohortSection, DesignFile, RegionSection};
 use crate::error::{Place, steps};
 use crate::resolve::context::{Context, Resolved};
 use crate::resolve::fluorophore::Fluorophores;
+use crate::resolve::named_tissue::NamedTissue;
 use crate::resolve::spectrum::Role;
-use crate::resolve::tissue::{FlatTissue, Layers, check_sections, flat_site, site};
+use crate::resolve::tissue::{FlatTissue, Layers, check_sections, flat_layers, named_tissue};
 use crate::sample::{SampleMaterial, SampleSurface, SampleTissue};
 
 /// Parameters of tissue whose spread is that of weights, which are estimated, end so.
@@ -117,10 +118,11 @@ fn tissue_region(
     axes: &Axes<'_>,
 ) -> Resolved<RegionModel> {
     let at_tissue = at.field("tissue");
-    check_sections(context, &file.tissue)?;
-    let typical = site(context, &at_tissue, &file.tissue, &tissue.tissue)?;
+    check_sections(context, &file.tissue, &file.fluorophore, axes.grid)?;
+    let (tissues, fluorophores) = (&file.tissue, &file.fluorophore);
+    let typical = named_tissue(context, &at_tissue, tissues, fluorophores, axes.grid, &tissue.tissue)?;
     let layers = Layers::new(context, &at_tissue, &file.fluorophore, &typical)?;
-    let solved = flat_site(context, &at_tissue, &layers, &typical, axes.grid)?;
+    let solved = flat_layers(context, &at_tissue, &layers, &typical, axes.grid)?;
     let mut factors = Vec::new();
     for fluorophore in &solved.fluorophores {
         factors.push(tissue.concentrations.get(&fluorophore.name).copied().unwrap_or(1.0));
@@ -138,7 +140,8 @@ fn tissue_region(
     let mut model = RegionModel::known(respond(&solved));
     let spread = file.unknown.tissue;
     if spread > 0.0 {
-        let population = Population::of(&typical);
+        let typical = typical.site(context, &at_tissue)?;
+        let population = Population::of(typical);
         for (number, variation) in population.variations().iter().enumerate() {
             if variation.name.ends_with(AMOUNT_ENDING) {
                 continue;
@@ -146,10 +149,11 @@ fn tissue_region(
             let mut deviations = vec![0.0; population.variations().len()];
             deviations[number] = spread;
             let moved = population.tissue_at(&deviations);
-            if moved == typical {
+            if moved == *typical {
                 continue;
             }
-            let moved = respond(&flat_site(context, &at_tissue, &layers, &moved, axes.grid)?);
+            let moved = NamedTissue::Site(moved);
+            let moved = respond(&flat_layers(context, &at_tissue, &layers, &moved, axes.grid)?);
             model.changes.extend(ResponseChange::between(variation.name, &model.response, &moved));
         }
     }
@@ -184,14 +188,16 @@ pub(super) fn cohort(
     let at = steps!["cohort"];
     context.whole_within(&at.field("people"), u64::from(section.people), [4, 200])?;
     let at_tissue = at.field("tissue");
-    let typical = site(context, &at_tissue, &file.tissue, &section.tissue)?;
+    let (tissues, fluorophores) = (&file.tissue, &file.fluorophore);
+    let typical = named_tissue(context, &at_tissue, tissues, fluorophores, axes.grid, &section.tissue)?;
     let state = TissueState::named(&section.state)
         .map_err(|error| context.error(&at.field("state"), error.to_string()))?;
     let layers = Layers::new(context, &at_tissue, &file.fluorophore, &typical)?;
-    let population = Population::of(&typical);
+    let population = Population::of(typical.site(context, &at_tissue)?);
     let key = Key::new(section.seed).with_text("cohort");
     let of = |context: &Context<'_>, site: &Site| -> Resolved<RegionModel> {
-        let flat = flat_site(context, &at_tissue, &layers, site, axes.grid)?;
+        let named = NamedTissue::Site(site.clone());
+        let flat = flat_layers(context, &at_tissue, &layers, &named, axes.grid)?;
         Ok(RegionModel::known(total_response(&section.tissue, &flat, axes)))
     };
     let (mut healthy, mut altered) = (Vec::new(), Vec::new());

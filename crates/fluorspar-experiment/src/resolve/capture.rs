@@ -229,6 +229,7 @@ pub(super) struct Seen<'a> {
     pub(super) objects: &'a [Object],
     pub(super) materials: &'a [Material],
     pub(super) camera: &'a PerspectiveCamera,
+    pub(super) grid: &'a WavelengthGrid,
     pub(super) sensor: Option<&'a Sensor>,
     /// Fluorophores of the scene.
     pub(super) fluorophores: &'a Fluorophores,
@@ -365,7 +366,9 @@ fn tissue_prior(
     let site = match &section.tissue {
         Some(name) if name == "none" => return Ok(None),
         Some(name) => {
-            let site = tissue::site(context, &at, &file.tissue, name)?;
+            let (tissues, fluorophores) = (&file.tissue, &file.fluorophore);
+            let named = tissue::named_tissue(context, &at, tissues, fluorophores, seen.grid, name)?;
+            let site = named.site(context, &at)?.clone();
             if site.get("biofilm_porphyrin_per_mm").is_err() {
                 let message = "has no blood and no biofilm; give a site of mucosa, or \"none\"";
                 return context.fail(&at, message);
@@ -395,8 +398,10 @@ fn material_site(file: &ExperimentFile, section: &AnalysisSection, seen: &Seen<'
     let part = section.parts.first()?;
     let object = seen.objects.iter().find(|object| object.name == *part)?;
     let name = file.material[seen.original(object.material)].tissue()?;
-    let site = file.tissue.iter().find(|section| section.name == name).map_or(name, |section| &section.site);
-    Site::named(site).ok()
+    match file.tissue.iter().find(|section| section.name == name) {
+        None => Site::named(name).ok(),
+        Some(section) => Site::named(section.site.as_ref()?).ok(),
+    }
 }
 
 /// A bulk given by hand, or that of another material than the region's, is an assumption that the scene must not correct.

@@ -56,7 +56,7 @@ pub(super) fn materials(
         context.tissue = mouth::only_tissue(file, &section.name);
         let (scattering, amounts) = match &section.scattering {
             ScatteringSection::Tissue(tissue) => {
-                let recipe = TissueRecipe::new(context, &at, tissue, file)?;
+                let recipe = TissueRecipe::new(context, &at, tissue, file, grid)?;
                 let resolved = recipe.resolve(context, file, grid, fluorophores)?;
                 recipes.insert(index, recipe);
                 resolved

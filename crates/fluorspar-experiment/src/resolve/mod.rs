@@ -4,6 +4,7 @@ mod capture;
 mod concentration;
 pub(super) mod context;
 pub(super) mod device;
+mod emitter;
 mod error_target;
 pub(super) mod fluorophore;
 mod gloss;
@@ -12,6 +13,7 @@ mod lesion;
 mod light;
 mod material;
 mod mouth;
+pub(super) mod named_tissue;
 mod object;
 mod record;
 pub(super) mod spectrum;
@@ -62,7 +64,7 @@ pub fn resolve(experiment: &Experiment) -> Result<ResolvedExperiment, Experiment
     let mut light_groups = Vec::new();
     let lights = light::lights(context, &file.light, &view, &grid, &mut light_groups)?;
     fluorophore::check_sections(context, &file.fluorophore)?;
-    tissue::check_sections(context, &file.tissue)?;
+    tissue::check_sections(context, &file.tissue, &file.fluorophore, &grid)?;
     let mut fluorophores = fluorophore::Fluorophores::default();
     let mut materials = material::materials(context, file, &grid, &mut fluorophores)?;
     let (objects, copied_materials) =
@@ -77,6 +79,7 @@ pub fn resolve(experiment: &Experiment) -> Result<ResolvedExperiment, Experiment
         objects: &objects,
         materials: &materials.list,
         camera: &view,
+        grid: &grid,
         sensor,
         fluorophores: &fluorophores,
         copied_materials: &copied_materials,

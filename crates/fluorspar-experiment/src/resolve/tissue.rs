@@ -4,8 +4,10 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use super::context::{Context, KnownFluorophore, Resolved};
+use super::emitter::known_emitter;
 use super::fluorophore::{Fluorophores, MAX_CONCENTRATION};
 use super::gloss::gloss;
+use super::named_tissue::{NamedTissue, of_section};
 use super::surface_mean::rough_surface_mean;
 use crate::ExperimentError;
 use crate::error::{Place, steps};
@@ -13,7 +15,6 @@ use crate::kept::kept_tissue;
 use crate::schema::{
     ExperimentFile, FluorophoreSection, GlossSection, LesionSection, TissueMaterialSection, TissueSection,
 };
-use fluorspar::digest::sha256_hex;
 use fluorspar::material::{
     Coat, FluorophoreAmount, INTERPOLATION_ERROR, MAX_MAPPED_PARAMETERS, MappedParameter, Material,
     ScalarTexture, Scattering, StateGrid, SurfaceFluorescence, TissueSurface,
@@ -21,7 +22,7 @@ use fluorspar::material::{
 use fluorspar::names::did_you_mean;
 use fluorspar::quote::excerpt;
 use fluorspar::scene::Object;
-use fluorspar::spectral::{Curve, Fluorophore, WavelengthGrid, YieldDensity};
+use fluorspar::spectral::{Curve, Fluorophore, WavelengthGrid};
 use fluorspar::study::StudyTissue;
 use fluorspar::tissue::{
     EffectiveTissue, LayeredTissue, Level, Site, TissueError, TissueState, diffuse_reflectance,
@@ -37,7 +38,7 @@ const HEMOGLOBIN_NM: [f64; 2] = [350.0, 750.0];
 #[derive(Clone, Debug)]
 pub(crate) struct TissueRecipe {
     at: Place,
-    site: Site,
+    tissue: NamedTissue,
     /// What changes over the surface.
     variations: Vec<Variation>,
     /// Factors on what the tissue holds of a fluorophore.
@@ -56,11 +57,11 @@ struct Variation {
 
 impl Variation {
     /// Changes a site as it is where the map has a value.
-    fn apply(&self, site: &mut Site, value: f64) -> Result<(), TissueError> {
+    fn apply(&self, tissue: &mut NamedTissue, value: f64) -> Result<(), TissueError> {
         match &self.inside {
-            None => scale(site, &self.name, value),
+            None => tissue.scale(&self.name, value),
             Some(factors) => {
-                factors.iter().try_for_each(|(name, factor)| scale(site, name, 1.0 + value * (factor - 1.0)))
+                factors.iter().try_for_each(|(name, factor)| tissue.scale(name, 1.0 + value * (factor - 1.0)))
             }
         }
     }
@@ -72,32 +73,34 @@ impl Variation {
     }
 }
 
-/// Multiplies a parameter.
-fn scale(site: &mut Site, name: &str, factor: f64) -> Result<(), TissueError> {
-    site.set(name, factor * site.get(name)?)
-}
-
 /// Checks the tissues of a file, used or not.
-pub(crate) fn check_sections(context: &Context<'_>, sections: &[TissueSection]) -> Resolved<()> {
+pub(crate) fn check_sections(
+    context: &mut Context<'_>,
+    sections: &[TissueSection],
+    fluorophores: &[FluorophoreSection],
+    grid: &WavelengthGrid,
+) -> Resolved<()> {
     for (index, section) in sections.iter().enumerate() {
         let at = steps!["tissue", index];
         context.unique_name(&at, &section.name, sections[..index].iter().map(|other| other.name.as_str()))?;
-        of_section(context, &at, section)?;
+        of_section(context, &at, section, fluorophores, grid)?;
     }
     Ok(())
 }
 
-/// A site by name: from the sections of the file, otherwise built in.
-pub(crate) fn site(
-    context: &Context<'_>,
+/// A tissue by name: from the sections of the file, otherwise a site of the catalogue.
+pub(crate) fn named_tissue(
+    context: &mut Context<'_>,
     at: &Place,
     sections: &[TissueSection],
+    fluorophores: &[FluorophoreSection],
+    grid: &WavelengthGrid,
     name: &str,
-) -> Resolved<Site> {
+) -> Resolved<NamedTissue> {
     if let Some(index) = sections.iter().position(|section| section.name == name) {
-        return of_section(context, &steps!["tissue", index], &sections[index]);
+        return of_section(context, &steps!["tissue", index], &sections[index], fluorophores, grid);
     }
-    Site::named(name).map_err(|_| {
+    Site::named(name).map(NamedTissue::Site).map_err(|_| {
         let known: Vec<&str> =
             sections.iter().map(|section| section.name.as_str()).chain(Site::names()).collect();
         let hint = did_you_mean(name, known.iter().copied());
@@ -106,78 +109,31 @@ pub(crate) fn site(
     })
 }
 
-pub(crate) fn of_section(context: &Context<'_>, at: &Place, section: &TissueSection) -> Resolved<Site> {
-    let failed = |at: &Place, error: TissueError| context.error(at, error.to_string());
-    let mut site = Site::named(&section.site).map_err(|error| failed(&at.field("site"), error))?;
-    for (index, name) in section.states.iter().enumerate() {
-        let at = at.field("states").index(index);
-        let state = TissueState::named(name).map_err(|error| failed(&at, error))?;
-        site.apply(state).map_err(|error| failed(&at, error))?;
-    }
-    for (name, value) in &section.parameters {
-        site.set(name, *value).map_err(|error| failed(&at.field("parameters").field(name), error))?;
-    }
-    Ok(site)
-}
-
-/// The layers of a site, with fluorophores of the sections of the file, otherwise of the catalogue.
+/// The layers of a tissue, with fluorophores of the sections of the file, otherwise of the catalogue.
 pub(crate) struct Layers(Vec<KnownFluorophore>);
 
 impl Layers {
-    /// Looks for all fluorophores that the site may hold.
+    /// Looks for all fluorophores that the tissue may hold.
     pub(crate) fn new(
         context: &mut Context<'_>,
         at: &Place,
         sections: &[FluorophoreSection],
-        site: &Site,
+        tissue: &NamedTissue,
     ) -> Resolved<Self> {
-        let mut emitters = Vec::new();
-        for name in site.fluorophores() {
-            if let Some(known) = context.emitters.iter().find(|known| known.fluorophore.name == *name) {
-                emitters.push(known.clone());
-                continue;
-            }
-            // A list of its own: what the tissue does not hold is no component of the render.
-            let mut found = Fluorophores::default();
-            found.index(context, at, sections, name)?;
-            for fluorophore in found.list {
-                let sha256 = digest(&fluorophore);
-                let emitter = KnownFluorophore { fluorophore: Arc::new(fluorophore), sha256 };
-                context.emitters.push(emitter.clone());
-                emitters.push(emitter);
-            }
-        }
-        Ok(Self(emitters))
+        let names = tissue.fluorophores();
+        let emitters = names.iter().map(|name| known_emitter(context, at, sections, name));
+        Ok(Self(emitters.collect::<Resolved<_>>()?))
     }
 
-    /// The layers of the site, or of the same with other parameters.
-    pub(crate) fn of(&self, site: &Site) -> Result<LayeredTissue, TissueError> {
-        site.tissue(&|name| self.find(name))
+    /// The layers of the tissue, or of the same with other parameters.
+    pub(crate) fn of(&self, tissue: &NamedTissue) -> Result<LayeredTissue, TissueError> {
+        tissue.tissue(&|name| self.find(name))
     }
 
     fn find(&self, name: &str) -> Option<Arc<Fluorophore>> {
         let known = self.0.iter().find(|emitter| emitter.fluorophore.name == name);
         known.map(|emitter| emitter.fluorophore.clone())
     }
-}
-
-/// Digest of the spectra of a fluorophore, to the last bit.
-fn digest(fluorophore: &Fluorophore) -> String {
-    let bytes = |values: &[f64]| values.iter().flat_map(|value| value.to_le_bytes()).collect::<Vec<u8>>();
-    let eem = &fluorophore.eem;
-    let mut blocks = vec![fluorophore.name.clone().into_bytes(), format!("{:?}", eem.stokes()).into_bytes()];
-    blocks.push(bytes(&[eem.scale()]));
-    match eem.density() {
-        YieldDensity::Separable(terms) => {
-            for curve in terms.iter().flat_map(|term| [&term.excitation, &term.emission]) {
-                blocks.extend([bytes(curve.wavelengths_nm()), bytes(curve.values())]);
-            }
-        }
-        YieldDensity::Table(table) => {
-            blocks.extend([&table.emission_nm, &table.excitation_nm, &table.values].map(|v| bytes(v)));
-        }
-    }
-    sha256_hex(blocks)
 }
 
 impl TissueRecipe {
@@ -187,18 +143,20 @@ impl TissueRecipe {
         at: &Place,
         section: &TissueMaterialSection,
         file: &ExperimentFile,
+        grid: &WavelengthGrid,
     ) -> Resolved<Self> {
-        let site = site(context, &at.field("tissue"), &file.tissue, &section.tissue)?;
+        let at_tissue = at.field("tissue");
+        let named =
+            named_tissue(context, &at_tissue, &file.tissue, &file.fluorophore, grid, &section.tissue)?;
         let mut variations = Vec::new();
         for (name, reference) in &section.vary {
             let at = at.field("vary").field(name);
-            check_parameter(context, &at, &site, name)?;
+            check_parameter(context, &at, &named, name)?;
             let map = context.texture(&at, reference, MAX_FACTOR)?;
             variations.push(Variation { name: name.clone(), map, inside: None });
         }
-        let layers = Layers::new(context, at, &file.fluorophore, &site)?;
-        let tissue =
-            layers.of(&site).map_err(|error| context.error(&at.field("tissue"), error.to_string()))?;
+        let layers = Layers::new(context, at, &file.fluorophore, &named)?;
+        let tissue = layers.of(&named).map_err(|error| context.error(&at_tissue, error.to_string()))?;
         let held: Vec<String> = fluorophores_of(&tissue);
         let mut factors = Vec::new();
         for (name, reference) in &section.concentrations {
@@ -207,7 +165,7 @@ impl TissueRecipe {
                 let hint = did_you_mean(name, held.iter().map(String::as_str));
                 let message = format!(
                     "tissue \"{}\" holds no {}{hint} It holds: {}. Give it a strength in a [[tissue]]",
-                    site.name(),
+                    named.name(),
                     excerpt(name),
                     held.join(", ")
                 );
@@ -222,14 +180,14 @@ impl TissueRecipe {
         if (wet.refractive_index - index).abs() > 1e-3 {
             let message = format!(
                 "tissue \"{}\" has the refractive index {index}: give that, or leave it out",
-                site.name()
+                named.name()
             );
             return context.fail(&gloss_at.field("refractive_index"), message);
         }
         let Some(coat) = gloss(context, &gloss_at, Some(wet))? else {
             return context.fail(&gloss_at, "tissue has a wet surface");
         };
-        let recipe = Self { at: at.clone(), site, variations, factors, coat };
+        let recipe = Self { at: at.clone(), tissue: named, variations, factors, coat };
         recipe.check_number(context, &at.field("vary"))?;
         Ok(recipe)
     }
@@ -253,11 +211,18 @@ impl TissueRecipe {
         for (index, name) in lesion.states.iter().enumerate() {
             let at = at.field("states").index(index);
             let state = TissueState::named(name).map_err(|error| context.error(&at, error.to_string()))?;
+            if let NamedTissue::Layers { name, .. } = &self.tissue {
+                let message = format!(
+                    "states are known of sites of the catalogue; \"{name}\" is described by its layers: give factors on their \
+                     parameters, tissue = {{ ... }}"
+                );
+                return context.fail(&at, message);
+            }
             inside.extend(state.factors().iter().map(|(name, factor)| ((*name).to_owned(), *factor)));
         }
         for (name, factor) in &lesion.tissue {
             let at = at.field("tissue").field(name);
-            check_parameter(context, &at, &self.site, name)?;
+            check_parameter(context, &at, &self.tissue, name)?;
             inside.push((name.clone(), context.within(&at, *factor, [0.0, MAX_FACTOR], "")?));
         }
         let mut changed = self.clone();
@@ -295,24 +260,24 @@ impl TissueRecipe {
         file: &ExperimentFile,
         grid: &WavelengthGrid,
     ) -> Resolved<TissueSurface> {
-        let layers = Layers::new(context, &self.at, &file.fluorophore, &self.site)?;
-        let mut site = self.site.clone();
+        let layers = Layers::new(context, &self.at, &file.fluorophore, &self.tissue)?;
+        let mut named = self.tissue.clone();
         let mut varying = Vec::new();
         for change in &self.variations {
             match change.map.constant() {
                 Some(value) => {
-                    change.apply(&mut site, value.into()).map_err(|error| self.failed(context, &error))?;
+                    change.apply(&mut named, value.into()).map_err(|error| self.failed(context, &error))?;
                 }
                 None => varying.push(change),
             }
         }
         let tissue = |values: &[f64]| {
-            let mut state = site.clone();
+            let mut state = named.clone();
             varying.iter().zip(values).try_for_each(|(change, value)| change.apply(&mut state, *value))?;
             layers.of(&state)
         };
         let parameters: Vec<MappedParameter> = varying.iter().map(|change| change.parameter()).collect();
-        let key = self.key(&site, &layers, &varying, &parameters, grid);
+        let key = self.key(&named, &layers, &varying, &parameters, grid);
         let maps = parameters.iter().map(|p| (p.name.clone(), p.map.clone())).collect();
         let make = || TissueSurface::varying(parameters, tissue, grid);
         let surface = kept_tissue(&key, maps, &|name| layers.find(name), make)
@@ -332,14 +297,14 @@ impl TissueRecipe {
     /// varies between which values, and the wavelengths.
     fn key(
         &self,
-        site: &Site,
+        named: &NamedTissue,
         layers: &Layers,
         varying: &[&Variation],
         parameters: &[MappedParameter],
         grid: &WavelengthGrid,
     ) -> String {
         // Debug text of finite numbers is exact: it reads back to the same bits.
-        let mut key = format!("tissue 1 {site:?} {:?} {:?}", grid.start_nm(), grid.end_nm());
+        let mut key = format!("tissue 1 {} {:?} {:?}", named.key(), grid.start_nm(), grid.end_nm());
         for emitter in &layers.0 {
             key += &format!("\n{} {}", emitter.fluorophore.name, emitter.sha256);
         }
@@ -395,13 +360,13 @@ pub(super) fn study_tissues(
         if parts.is_empty() {
             continue;
         }
-        let layers = Layers::new(context, &recipe.at, &file.fluorophore, &recipe.site)?;
-        let mut site = recipe.site.clone();
+        let layers = Layers::new(context, &recipe.at, &file.fluorophore, &recipe.tissue)?;
+        let mut named = recipe.tissue.clone();
         for change in &recipe.variations {
             let mean = rough_surface_mean(&change.map, of_material().map(|object| &object.shape));
-            change.apply(&mut site, mean).map_err(|error| recipe.failed(context, &error))?;
+            change.apply(&mut named, mean).map_err(|error| recipe.failed(context, &error))?;
         }
-        let mut tissue = layers.of(&site).map_err(|error| recipe.failed(context, &error))?;
+        let mut tissue = layers.of(&named).map_err(|error| recipe.failed(context, &error))?;
         for held in tissue.layers.iter_mut().flat_map(|layer| &mut layer.fluorophores) {
             let factor = recipe.factors.iter().find(|(name, _)| *name == held.fluorophore.name);
             if let Some((_, map)) = factor {
@@ -414,7 +379,7 @@ pub(super) fn study_tissues(
     Ok(tissues)
 }
 
-/// A site as a flat, matte sample: what its surface sends back under diffuse light, without its specular reflection.
+/// A tissue as a flat, matte sample: what its surface sends back under diffuse light, without its specular reflection.
 pub(crate) struct FlatTissue {
     /// Reflectance.
     pub(crate) reflectance: Curve,
@@ -422,7 +387,7 @@ pub(crate) struct FlatTissue {
     pub(crate) fluorophores: Vec<Fluorophore>,
 }
 
-/// A site by name as a flat sample.
+/// A tissue by name as a flat sample.
 pub(crate) fn flat_tissue(
     context: &mut Context<'_>,
     at: &Place,
@@ -431,22 +396,22 @@ pub(crate) fn flat_tissue(
     name: &str,
     grid: &WavelengthGrid,
 ) -> Resolved<FlatTissue> {
-    check_sections(context, tissues)?;
-    let site = site(context, at, tissues, name)?;
-    let layers = Layers::new(context, at, fluorophores, &site)?;
-    flat_site(context, at, &layers, &site, grid)
+    check_sections(context, tissues, fluorophores, grid)?;
+    let named = named_tissue(context, at, tissues, fluorophores, grid, name)?;
+    let layers = Layers::new(context, at, fluorophores, &named)?;
+    flat_layers(context, at, &layers, &named, grid)
 }
 
-/// A site with known layers as a flat sample.
-pub(crate) fn flat_site(
+/// A tissue with known fluorophores as a flat sample.
+pub(crate) fn flat_layers(
     context: &Context<'_>,
     at: &Place,
     layers: &Layers,
-    site: &Site,
+    named: &NamedTissue,
     grid: &WavelengthGrid,
 ) -> Resolved<FlatTissue> {
     let failed = |error: TissueError| context.error(at, error.to_string());
-    let tissue = layers.of(site).map_err(failed)?;
+    let tissue = layers.of(named).map_err(failed)?;
     let solved = EffectiveTissue::for_grid(&tissue, grid).map_err(failed)?;
     let reflectance = solved.reflectance(Level::AboveSurface);
     let surface = TissueSurface::new(StateGrid::default(), &[solved]).map_err(failed)?;
@@ -473,21 +438,20 @@ fn fluorophores_of(tissue: &LayeredTissue) -> Vec<String> {
     names
 }
 
-/// Refuses the name of a parameter that the site does not have.
-fn check_parameter(context: &Context<'_>, at: &Place, site: &Site, name: &str) -> Resolved<()> {
-    let names = || site.parameters().map(|(parameter, _)| parameter.name);
-    if let Ok(value) = site.get(name) {
-        if value != 0.0 {
+/// Refuses the name of a parameter that the tissue does not have.
+fn check_parameter(context: &Context<'_>, at: &Place, tissue: &NamedTissue, name: &str) -> Resolved<()> {
+    let parameters = tissue.parameters();
+    if let Some((_, value)) = parameters.iter().find(|(known, _)| known == name) {
+        if *value != 0.0 {
             return Ok(());
         }
         let message =
             "is 0 in this tissue, so that a factor changes nothing; give it a value in a [[tissue]]";
         return context.fail(at, message);
     }
-    let hint = did_you_mean(name, names());
-    let known: Vec<&str> = names().collect();
-    context.fail(
-        at,
-        format!("tissue \"{}\" has no such parameter{hint} Known: {}", site.name(), known.join(", ")),
-    )
+    let known: Vec<&str> = parameters.iter().map(|(known, _)| known.as_str()).collect();
+    let hint = did_you_mean(name, known.iter().copied());
+    let message =
+        format!("tissue \"{}\" has no such parameter{hint} Known: {}", tissue.name(), known.join(", "));
+    context.fail(at, message)
 }

@@ -53,7 +53,10 @@ pub use reference::{
     TextureTable, TongueMap,
 };
 pub use settings::{EdgeBins, RenderSection, SpectralSection, StatisticsChoice, UniformBins};
-pub use tissue::TissueSection;
+pub use tissue::{
+    BackgroundSection, BloodSection, CaroteneSection, LayerAbsorptionSection, LayerFluorophoreSection,
+    LayerScatteringSection, TissueLayerSection, TissueSection, VolumeSection,
+};
 
 /// An experiment: scene, lights, camera, captures and analysis. Lengths are in millimeters, wavelengths in
 /// nanometers; every other unit is in the name of its field.

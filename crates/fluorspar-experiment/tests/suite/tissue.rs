@@ -11,7 +11,10 @@ use fluorspar::pipeline::depths_of_light;
 use fluorspar::render::{RenderControl, RenderSettings, render};
 use fluorspar::spectral::Curve;
 use fluorspar::study::Study;
-use fluorspar::tissue::{EffectiveTissue, LayerFluorophore, Level, Site};
+use fluorspar::tissue::{
+    Blood, Chromophore, EffectiveTissue, LayerFluorophore, LayeredTissue, Level, ScatteringCoefficient, Site,
+    TissueFluorophore, TissueLayer,
+};
 use fluorspar_experiment::{parse, parse_sample, preset, resolve};
 
 /// A patch of lip under even light from everywhere, seen head-on.
@@ -59,17 +62,21 @@ fn image(study: &Study, settings: &RenderSettings) -> ComponentImage {
     render(&study.scene, settings, &RenderControl { stop: &stop, progress: &|_| {} }).unwrap()
 }
 
+/// A band of all pixels, summed over the components that `wanted` selects.
+fn pixels(image: &ComponentImage, band: usize, wanted: impl Fn(&LightPath) -> bool) -> Vec<f64> {
+    let bands = image.grid.len();
+    let mut sums = vec![0.0; image.width * image.height];
+    for component in (0..image.components.len()).filter(|&c| wanted(&image.components[c].light)) {
+        let values = image.component(component).iter().skip(band).step_by(bands);
+        sums.iter_mut().zip(values).for_each(|(sum, value)| *sum += f64::from(*value));
+    }
+    sums
+}
+
 /// Mean over pixels of a band of the components that `wanted` selects.
 fn mean(image: &ComponentImage, band: usize, wanted: impl Fn(&LightPath) -> bool) -> f64 {
-    let bands = image.grid.len();
-    let chosen = (0..image.components.len()).filter(|&c| wanted(&image.components[c].light));
-    let of = |component: usize| {
-        let values = image.component(component).iter().skip(band).step_by(bands);
-        let (count, sum) =
-            values.fold((0.0, 0.0), |(count, sum), value| (count + 1.0, sum + f64::from(*value)));
-        sum / count
-    };
-    chosen.map(of).sum()
+    let pixels = pixels(image, band, wanted);
+    pixels.iter().sum::<f64>() / pixels.len() as f64
 }
 
 fn lip(study: &Study) -> EffectiveTissue {
@@ -81,40 +88,54 @@ fn lip(study: &Study) -> EffectiveTissue {
 /// its fluorescence with the same factor: the surface is counted once.
 #[test]
 fn a_rendered_patch_under_diffuse_light_is_that_of_the_solver() {
-    let study = study(PATCH, &[]);
-    let rendered = image(&study, &study.render);
-    let solved = lip(&study);
+    let samples = ["render.samples_per_pixel=2048"];
+    let violet = study(PATCH, &samples);
+    let rendered = image(&violet, &violet.render);
+    let solved = lip(&violet);
     let (specular, _) = CoatAlbedo::shared(1.4).at(1.0, 0.01);
     let specular = f64::from(specular);
     let out = (1.0 - specular) / (1.0 - solved.specular_reflectance());
-    let light = study.scene.lights[0].whole_spectrum().into_owned();
-    let bands = light.bin_averages(&study.scene.grid);
-    let reflectance = light.times(&solved.reflectance(Level::AboveSurface)).bin_averages(&study.scene.grid);
-    let brightest = bands.iter().copied().fold(0.0, f64::max);
     // Radiance of even light over a white surface is that of the light: exitance and irradiance share the factor pi.
-    let range = (study.scene.grid.start_nm(), study.scene.grid.end_nm());
+    let light = violet.scene.lights[0].whole_spectrum().into_owned();
+    let grid = &violet.scene.grid;
+    let range = (grid.start_nm(), grid.end_nm());
     let photons = light.clipped(range.0, range.1).times(&Curve::from_fn(range.0, range.1, |nm| nm));
     let per_nm = Curve::from_fn(range.0, range.1, |nm| 1.0 / nm);
-    let mut fluorescent = vec![0.0; bands.len()];
+    let mut fluorescent = vec![0.0; grid.len()];
     for part in solved.parts() {
         let emitted = solved.eem(part, Level::AboveSurface).unwrap().photon_exitance(&photons, range);
-        let energy = emitted.times(&per_nm).bin_averages(&study.scene.grid);
+        let energy = emitted.times(&per_nm).bin_averages(grid);
         fluorescent.iter_mut().zip(energy).for_each(|(sum, value)| *sum += value);
     }
-    for band in 0..bands.len() {
-        if bands[band] > 0.05 * brightest {
-            let expected = specular * bands[band] + out * reflectance[band];
-            let found = mean(&rendered, band, |light| *light == LightPath::Reflected);
-            // 390 000 samples of a lobe choice, each with a relative spread of about 0.75: 4.8e-3 is four standard errors.
-            // The tables of the coat hold to 2e-3 of the light.
-            let tolerance = 4.8e-3 * expected + 2e-3 * bands[band];
-            assert!((found - expected).abs() < tolerance, "band {band}: {found}, expected {expected}");
+    for (band, fluorescent) in fluorescent.into_iter().enumerate() {
+        // Nearer to the light its photons excite within their own band, of which a renderer knows the half.
+        if grid.center_nm(band) < 425.0 {
+            continue;
         }
-        let found = mean(&rendered, band, |light| matches!(light, LightPath::Fluorescence(_)));
-        let expected = out * fluorescent[band];
-        let tolerance = 4.8e-3 * expected + 1e-6 * fluorescent.iter().copied().fold(0.0, f64::max);
-        assert!((found - expected).abs() < tolerance, "band {band}: {found}, expected {expected}");
+        let of_pixels = pixels(&rendered, band, |light| matches!(light, LightPath::Fluorescence(_)));
+        assert_met(of_pixels, out * fluorescent, &format!("fluorescence, band {band}"));
     }
+
+    // Within a band a renderer knows means only; of light that is even over each band they are all that counts.
+    let even = study(PATCH, &[samples[0], "light.sky.spectrum=1.0"]);
+    let rendered = image(&even, &even.render);
+    let bands = even.scene.lights[0].whole_spectrum().bin_averages(grid);
+    let reflectance = solved.reflectance(Level::AboveSurface).bin_averages(grid);
+    for band in 0..bands.len() {
+        let of_pixels = pixels(&rendered, band, |light| *light == LightPath::Reflected);
+        let expected = bands[band] * (specular + out * reflectance[band]);
+        assert_met(of_pixels, expected, &format!("reflected, band {band}"));
+    }
+}
+
+/// Mean over pixels within 1e-3 of what is expected. Pixels are independent renders of the same: their scatter gives the standard error
+/// of the mean, of which four must fit into the tolerance beside what is found.
+fn assert_met(pixels: Vec<f64>, expected: f64, what: &str) {
+    let n = pixels.len() as f64;
+    let mean = pixels.iter().sum::<f64>() / n;
+    let error = (pixels.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n * (n - 1.0))).sqrt();
+    assert!((mean / expected - 1.0).abs() < 1e-3, "{what}: {mean}, expected {expected}");
+    assert!(4.0 * error < 1e-3 * expected, "{what}: standard error {}", error / expected);
 }
 
 /// Ten times the blood is darker in white light and in fluorescence; less collagen in fluorescence alone.
@@ -261,4 +282,154 @@ fn each_channel_sees_its_depth() {
     // In the dark nothing comes from anywhere.
     let dark = study.capture("ambient").unwrap();
     assert!(depths_of_light(&study, &[dark]).unwrap().is_empty());
+}
+
+/// The photons that tissue emits do not depend on the width of the bands. The same paths carry all of them; what is left is
+/// the discretization of the light within bands of 10 nm.
+#[test]
+fn photons_of_tissue_do_not_depend_on_the_bands() {
+    let narrow =
+        "light.sky.spectrum={ type = \"led\", peak_nm = 425.0, fwhm_short_nm = 15.0, fwhm_long_nm = 15.0 }";
+    let photons = |step_nm: u32| -> [f64; 2] {
+        // All grids reach from 385 to 715 nm.
+        let half = f64::from(step_nm) / 2.0;
+        let ends = [
+            format!("spectral.step_nm={step_nm}"),
+            format!("spectral.first_nm={:?}", 385.0 + half),
+            format!("spectral.last_nm={:?}", 715.0 - half),
+        ];
+        let study = study(PATCH, &[narrow, &ends[0], &ends[1], &ends[2]]);
+        let settings = RenderSettings { samples_per_pixel: 4, ..study.render.clone() };
+        let image = image(&study, &settings);
+        let grid = &study.scene.grid;
+        let bands = || grid.centers_nm().into_iter().zip(grid.widths_nm()).enumerate();
+        [true, false].map(|fluorescent| {
+            let wanted = |light: &LightPath| matches!(light, LightPath::Fluorescence(_)) == fluorescent;
+            bands().map(|(band, (nm, width))| nm * width * mean(&image, band, wanted)).sum()
+        })
+    };
+    let fine = photons(1);
+    for step_nm in [2, 5, 10] {
+        for (found, expected) in photons(step_nm).into_iter().zip(fine) {
+            assert!((found / expected - 1.0).abs() < 5e-3, "{step_nm} nm: {found}, {expected}");
+        }
+    }
+}
+
+/// A tissue as the `[[tissue.layer]]` sections of a file.
+fn as_layers(tissue: &LayeredTissue) -> String {
+    let scattering = |layer: &TissueLayer| match &layer.scattering.coefficient {
+        ScatteringCoefficient::PowerLaw { scattering_per_mm, at_nm, power } => {
+            format!("scattering_per_mm = {scattering_per_mm:?}, at_nm = {at_nm:?}, power = {power:?}")
+        }
+        ScatteringCoefficient::ReducedPowerLaw { reduced_per_mm, at_nm, power } => {
+            format!("reduced_per_mm = {reduced_per_mm:?}, at_nm = {at_nm:?}, power = {power:?}")
+        }
+        other => panic!("{other:?}"),
+    };
+    let absorption = |chromophore: &Chromophore| match chromophore {
+        Chromophore::Blood(Blood { volume_fraction, saturation, hemoglobin_g_per_l, vessel_radius_um }) => {
+            format!(
+                "blood = {{ volume_fraction = {volume_fraction:?}, saturation = {saturation:?}, hemoglobin_g_per_l = \
+                 {hemoglobin_g_per_l:?}, vessel_radius_um = {vessel_radius_um:?} }}"
+            )
+        }
+        Chromophore::Melanin { volume_fraction } => {
+            format!("melanin = {{ volume_fraction = {volume_fraction:?} }}")
+        }
+        Chromophore::Background { absorption_per_mm, at_nm, slope_per_nm } => format!(
+            "background = {{ absorption_per_mm = {absorption_per_mm:?}, at_nm = {at_nm:?}, slope_per_nm = {slope_per_nm:?} }}"
+        ),
+        other => panic!("{other:?}"),
+    };
+    let mut text = format!("refractive_index = {:?}\n", tissue.refractive_index);
+    for layer in &tissue.layers {
+        let held = |held: &TissueFluorophore| {
+            let name = &held.fluorophore.name;
+            format!("{name} = {{ strength_per_mm = {:?}, at_nm = {:?} }}", held.strength_per_mm, held.at_nm)
+        };
+        let index = layer.refractive_index.map(|index| format!("refractive_index = {index:?}\n"));
+        text += &format!(
+            "[[tissue.layer]]\nname = \"{}\"\nthickness_um = {:?}\n{}scattering = {{ anisotropy = {:?}, {} }}\nabsorption = {{ {} \
+             }}\nfluorophores = {{ {} }}\n",
+            layer.name.replace(' ', "_"),
+            layer.thickness_um,
+            index.unwrap_or_default(),
+            layer.scattering.anisotropy,
+            scattering(layer),
+            layer.absorption.iter().map(absorption).collect::<Vec<_>>().join(", "),
+            layer.fluorophores.iter().map(held).collect::<Vec<_>>().join(", "),
+        );
+    }
+    text
+}
+
+/// Sites that are written out layer by layer reflect and emit as the sites do, to the order in which absorptions add up.
+#[test]
+fn a_site_written_out_layer_by_layer_is_the_site() {
+    let find = |name: &str| Some(Arc::new(preset::fluorophore(name).ok()?.fluorophore()));
+    for site in ["lip", "facial_skin", "tooth"] {
+        let layers = as_layers(&Site::named(site).unwrap().tissue(&find).unwrap());
+        let sample = |tissue: &str| {
+            let text = format!(
+                "format = 1\n[spectral]\nfirst_nm = 390.0\nlast_nm = 710.0\nstep_nm = 20.0\n[light]\nspectrum = \"led_405\"\n\
+                 strength.irradiance_w_per_m2 = 100.0\n[sample]\ntissue = \"{tissue}\"\n[[tissue]]\nname = \"mine\"\n{layers}"
+            );
+            parse_sample(&text, "mine.toml", Path::new("."), &[]).unwrap_or_else(|e| panic!("{e}")).sample
+        };
+        let [mine, known] = ["mine", site].map(sample);
+        for nm in [400.0, 450.0, 540.0, 635.0, 700.0] {
+            assert!(
+                (mine.reflectance.at(nm) / known.reflectance.at(nm) - 1.0).abs() < 1e-9,
+                "{site} {nm} nm"
+            );
+        }
+        for (fluorophore, _) in &known.fluorophores {
+            let same = mine.fluorophores.iter().find(|(other, _)| other.name == fluorophore.name).unwrap();
+            let [a, b] = [&same.0, fluorophore].map(|f| f.eem.at(540.0, 410.0));
+            assert!((a - b).abs() <= 1e-9 * b, "{site} {}: {a}, {b}", fluorophore.name);
+        }
+    }
+}
+
+/// Maps vary the parameters of layers as they vary those of sites; overrides reach into layers; files hold spectra of coefficients.
+#[test]
+fn layers_vary_over_a_surface_and_can_be_changed() {
+    let find = |name: &str| Some(Arc::new(preset::fluorophore(name).ok()?.fluorophore()));
+    let layers = as_layers(&Site::named("lip").unwrap().tissue(&find).unwrap());
+    let material = |tissue: &str, parameter: &str| {
+        PATCH.replace("tissue = \"lip\"", &format!("tissue = \"{tissue}\"")).replace(
+            "gloss.roughness = 0.01",
+            &format!("vary = {{ {parameter} = {{ checker = [1, 2], low = 0.5, high = 2.0 }} }}"),
+        ) + &format!("\n[[tissue]]\nname = \"mine\"\n{layers}")
+    };
+    let coarse = ["spectral.step_nm=20"];
+    let [mine, known] = [
+        study(&material("mine", "superficial_stroma_blood_fraction"), &coarse),
+        study(&material("lip", "superficial_blood_fraction"), &coarse),
+    ]
+    .map(|study| study.scene.materials[0].diffuse().unwrap().clone());
+    assert_eq!(mine.reflectance.len(), known.reflectance.len());
+    for (a, b) in mine.reflectance.iter().zip(&known.reflectance) {
+        assert!((a.spectrum.at(540.0) / b.spectrum.at(540.0) - 1.0).abs() < 1e-6);
+    }
+
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("ink.csv"), "nm,per_mm\n380,2\n720,2\n").unwrap();
+    let reflectance = |changes: &[&str]| {
+        let changes: Vec<String> = coarse.iter().chain(changes).map(|c| (*c).to_owned()).collect();
+        let text = material("mine", "keratin_thickness_um");
+        let experiment = parse(&text, "mine.toml", folder.path(), &changes).unwrap_or_else(|e| panic!("{e}"));
+        let study = resolve(&experiment).unwrap_or_else(|e| panic!("{e}")).study;
+        study.scene.materials[0].diffuse().unwrap().reflectance[0].spectrum.at(635.0)
+    };
+    let plain = reflectance(&[]);
+    assert!(
+        reflectance(&["tissue.mine.layer.epithelium.absorption.curves.ink={ csv = \"ink.csv\" }"])
+            < 0.8 * plain
+    );
+    assert!(reflectance(&["tissue.mine.layer.deep_stroma.scattering.reduced_per_mm=0.5"]) < 0.9 * plain);
+    // Another kind of tissue takes the place of the layers.
+    let skin = reflectance(&["tissue.mine.site=\"facial_skin\""]);
+    assert!((skin / plain - 1.0).abs() > 1e-3, "{skin}, {plain}");
 }

@@ -77,7 +77,11 @@ impl TissueFluorophore {
         self.scale_per_mm() * unmasked_yield(&self.fluorophore, wavelength_nm) / quantum_yield
     }
 
-    fn validate(&self, place: &str) -> Result<(), TissueError> {
+    /// Refuses numbers outside their ranges, and a wavelength that does not excite it.
+    ///
+    /// # Errors
+    /// The first defect; `place` says of which layer.
+    pub fn validate(&self, place: &str) -> Result<(), TissueError> {
         let place = format!("{place}, fluorophore '{}'", self.fluorophore.name);
         let hint = "absorption times quantum yield is in 1/mm (1/cm = 0.1/mm); mucosa has 1e-5 to 1e-2";
         check(&place, "strength_per_mm", self.strength_per_mm, [0.0, 0.05], hint)?;

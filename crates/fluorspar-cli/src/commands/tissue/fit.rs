@@ -83,7 +83,7 @@ pub(super) struct Options {
 
 pub(super) fn run(options: &Options) -> Result<(), CliError> {
     options.check()?;
-    let (title, site) = options.site.resolve()?;
+    let (title, site) = options.site.resolve_site()?;
     let prior = options.prior(&site)?;
     let files = [&options.reflectance, &options.fluorescence, &options.light, &options.filter, &options.leak];
     let inputs = options.site.file().into_iter().chain(files.into_iter().flatten().map(PathBuf::from));

@@ -1,7 +1,8 @@
 //! `fluorspar tissue show`.
 
-use fluorspar::tissue::{LayeredTissue, Population, Site, SiteParameter, Spread, TissueState};
+use fluorspar::tissue::{LayeredTissue, Population, Site, SiteParameter, Spread, TissueLayer, TissueState};
 use fluorspar::units::number_text;
+use fluorspar_experiment::NamedTissue;
 use serde_json::{Value, json};
 
 use super::source::{SiteArgs, find};
@@ -25,10 +26,13 @@ pub(super) struct Options {
 pub(super) fn run(options: &Options) -> Result<(), CliError> {
     let (title, site) = options.site.resolve()?;
     let tissue = site.tissue(&find)?;
-    if options.json {
-        print_json(&as_json(&title, &site, &tissue))
-    } else {
-        print_text(&describe(&title, &site, &tissue))
+    match site {
+        NamedTissue::Site(site) if options.json => print_json(&as_json(&title, &site, &tissue)),
+        NamedTissue::Site(site) => print_text(&describe(&title, &site, &tissue)),
+        NamedTissue::Layers { .. } if options.json => {
+            print_json(&json!({ "title": title, "layers": layers_as_json(&tissue, None) }))
+        }
+        NamedTissue::Layers { .. } => print_text(&format!("{title}\n\n{}", layer_table(&tissue))),
     }
 }
 
@@ -65,13 +69,28 @@ fn as_json(title: &str, site: &Site, tissue: &LayeredTissue) -> Value {
             "deviation_within_person": deviations.map(|d| d[1]),
         })
     };
-    let layer = |layer: &fluorspar::tissue::TissueLayer| {
+    let state = |state: TissueState| json!({ "name": state.name(), "factors": state.factors() });
+    json!({
+        "site": site.name(),
+        "title": title,
+        "assumed": site.is_assumed(),
+        "source": site.source(),
+        "parameters": site.parameters().map(parameter).collect::<Vec<_>>(),
+        "layers": layers_as_json(tissue, Some(site)),
+        "states": states(site).map(state).collect::<Vec<_>>(),
+    })
+}
+
+/// Layers, with the parameters of the site that hold the strengths of their fluorophores.
+fn layers_as_json(tissue: &LayeredTissue, site: Option<&Site>) -> Value {
+    let layer = |layer: &TissueLayer| {
         let held = layer.fluorophores.iter().map(|held| {
+            let name = &held.fluorophore.name;
             json!({
-                "name": held.fluorophore.name,
+                "name": name,
                 "strength_per_mm": held.strength_per_mm,
                 "at_nm": held.at_nm,
-                "parameter": site.strength_parameter(&layer.name, &held.fluorophore.name),
+                "parameter": site.and_then(|site| site.strength_parameter(&layer.name, name)),
             })
         });
         json!({
@@ -84,16 +103,23 @@ fn as_json(title: &str, site: &Site, tissue: &LayeredTissue) -> Value {
             "fluorophores": held.collect::<Vec<_>>(),
         })
     };
-    let state = |state: TissueState| json!({ "name": state.name(), "factors": state.factors() });
-    json!({
-        "site": site.name(),
-        "title": title,
-        "assumed": site.is_assumed(),
-        "source": site.source(),
-        "parameters": site.parameters().map(parameter).collect::<Vec<_>>(),
-        "layers": tissue.layers.iter().map(layer).collect::<Vec<_>>(),
-        "states": states(site).map(state).collect::<Vec<_>>(),
-    })
+    tissue.layers.iter().map(layer).collect()
+}
+
+fn layer_table(tissue: &LayeredTissue) -> String {
+    let mut layers = vec![["layer", "um"].map(String::from).to_vec()];
+    layers[0].extend(TOLD_NM.map(|nm| format!("absorption at {nm} nm, 1/mm")));
+    layers[0].push("fluorophores: strength, 1/mm".into());
+    layers.extend(tissue.layers.iter().map(|layer| {
+        let held = layer.fluorophores.iter().map(|held| {
+            format!("{} {} at {} nm", held.fluorophore.name, short(held.strength_per_mm), held.at_nm)
+        });
+        let mut row = vec![layer.name.clone(), short(layer.thickness_um)];
+        row.extend(TOLD_NM.map(|nm| short(layer.absorption_per_mm(nm))));
+        row.push(held.collect::<Vec<_>>().join(", "));
+        row
+    }));
+    align(&layers, &[5])
 }
 
 fn describe(title: &str, site: &Site, tissue: &LayeredTissue) -> String {
@@ -113,19 +139,6 @@ fn describe(title: &str, site: &Site, tissue: &LayeredTissue) -> String {
             parameter.meaning.into(),
         ]
     }));
-    let mut layers = vec![["layer", "um"].map(String::from).to_vec()];
-    layers[0].extend(TOLD_NM.map(|nm| format!("absorption at {nm} nm, 1/mm")));
-    layers[0].push("fluorophores: strength at 405 nm, 1/mm".into());
-    layers.extend(tissue.layers.iter().map(|layer| {
-        let held = layer
-            .fluorophores
-            .iter()
-            .map(|held| format!("{} {}", held.fluorophore.name, short(held.strength_per_mm)));
-        let mut row = vec![layer.name.clone(), short(layer.thickness_um)];
-        row.extend(TOLD_NM.map(|nm| short(layer.absorption_per_mm(nm))));
-        row.push(held.collect::<Vec<_>>().join(", "));
-        row
-    }));
     let states = states(site).map(|state| {
         let factors = state.factors().iter().map(|(name, factor)| format!("{name} x {factor}"));
         format!("  {}: {}\n", state.name(), factors.collect::<Vec<_>>().join(", "))
@@ -136,7 +149,7 @@ fn describe(title: &str, site: &Site, tissue: &LayeredTissue) -> String {
         site.name(),
         site.source(),
         align(&rows, &[2, 3, 4, 5, 6]),
-        align(&layers, &[5]),
+        layer_table(tissue),
         states.collect::<String>()
     )
 }

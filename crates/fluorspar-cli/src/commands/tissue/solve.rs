@@ -10,6 +10,7 @@ use fluorspar::tissue::{
     DiscreteOrdinates, EffectiveTissue, Incidence, LayerFluorophore, LayeredTissue, Level, LightField, Site,
     TissueError,
 };
+use fluorspar_experiment::NamedTissue;
 use fluorspar_format::{OutputFolder, write_atomically};
 use rayon::prelude::*;
 use serde::Serialize;
@@ -63,7 +64,7 @@ pub(super) struct Options {
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct Found {
     pub(super) title: String,
-    pub(super) site: &'static str,
+    pub(super) site: String,
     /// What lies below the last layer.
     pub(super) below: &'static str,
     pub(super) specular_reflectance_of_diffuse_light: f64,
@@ -175,7 +176,12 @@ impl Options {
         (0..=number).map(|i| self.from_nm + self.step_nm * i as f64).collect()
     }
 
-    fn solve(&self, title: String, site: &Site, lights: &[(String, Viewing)]) -> Result<Found, CliError> {
+    fn solve(
+        &self,
+        title: String,
+        site: &NamedTissue,
+        lights: &[(String, Viewing)],
+    ) -> Result<Found, CliError> {
         let (tissue, nm) = (site.tissue(&find)?, self.wavelengths());
         let solver = DiscreteOrdinates::new(self.nodes)?;
         let solved = EffectiveTissue::new(&tissue, &nm, solver)?;
@@ -190,7 +196,7 @@ impl Options {
         let own_absorption = own_absorption(&solved, &nm, solver, lights, &fluorescence)?;
         Ok(Found {
             title,
-            site: site.name(),
+            site: site.name().to_owned(),
             below: "black: nothing returns from below the last layer",
             specular_reflectance_of_diffuse_light: solved.specular_reflectance(),
             reflectance: at(Level::AboveSurface),

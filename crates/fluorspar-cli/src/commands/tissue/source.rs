@@ -5,9 +5,9 @@ use std::sync::Arc;
 
 use clap::ValueHint;
 use fluorspar::spectral::Fluorophore;
-use fluorspar::tissue::{Site, TissueState};
+use fluorspar::tissue::{LayeredTissue, Site, TissueState};
 use fluorspar_experiment::preset::fluorophore;
-use fluorspar_experiment::{ResolvedEmission, ResolvedLayers, parse_layers, parse_tissue};
+use fluorspar_experiment::{NamedTissue, ResolvedEmission, ResolvedLayers, parse_layers, parse_tissue};
 
 use crate::error::CliError;
 use crate::experiment_source::read_text;
@@ -36,11 +36,11 @@ fn changed(mut site: Site, states: &[String], changes: &[String]) -> Result<Site
     Ok(site)
 }
 
-/// A site of the catalogue or of a file, with changes.
+/// A site of the catalogue, or a tissue of a file, with changes.
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct SiteArgs {
-    /// Site of the catalogue, for instance dorsal_tongue, lip or tooth, or a file with one [[tissue]] section (.toml), as `tissue
-    /// fit` writes it.
+    /// Site of the catalogue, for instance dorsal_tongue, lip or tooth, or a file with one [[tissue]] section (.toml): a site, as
+    /// `tissue fit` writes it, or layers.
     #[arg(value_name = "SITE|FILE", value_hint = ValueHint::FilePath)]
     site: String,
     /// State of the site: inflammation, hyperaemia or dysplasia. May be repeated.
@@ -57,21 +57,47 @@ impl SiteArgs {
         file_of(&self.site)
     }
 
-    /// Name for people, and the site with its changes.
-    pub(super) fn resolve(&self) -> Result<(String, Site), CliError> {
-        let (name, site) = match self.file() {
+    /// Name for people, and the tissue with its changes.
+    pub(super) fn resolve(&self) -> Result<(String, NamedTissue), CliError> {
+        let (name, tissue) = match self.file() {
             None => {
                 let site = Site::named(&self.site)?;
-                (site.title().to_string(), site)
+                (site.title().to_string(), NamedTissue::Site(site))
             }
-            Some(path) => {
-                let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-                parse_tissue(&read_text(&path)?, &self.site, folder)?
+            Some(path) => tissue_of_file(&read_text(&path)?, &path)?,
+        };
+        let NamedTissue::Site(site) = tissue else {
+            let option = if self.set.is_empty() { "--state" } else { "--set" };
+            if self.set.is_empty() && self.state.is_empty() {
+                return Ok((name, tissue));
             }
+            let message = format!("{option}: {} describes its layers itself; change them there", self.site);
+            return Err(CliError::Input(message));
         };
         let title = if self.state.is_empty() { name } else { format!("{name}, {}", self.state.join(", ")) };
-        Ok((title, changed(site, &self.state, &self.set)?))
+        Ok((title, NamedTissue::Site(changed(site, &self.state, &self.set)?)))
     }
+
+    /// The same for what needs the parameters of a site.
+    pub(super) fn resolve_site(&self) -> Result<(String, Site), CliError> {
+        match self.resolve()? {
+            (title, NamedTissue::Site(site)) => Ok((title, site)),
+            (title, NamedTissue::Layers { .. }) => {
+                let message = format!(
+                    "{}: \"{title}\" is described by its layers, but a fit changes the parameters of a site; give site = \
+                     \"dorsal_tongue\" or another instead",
+                    self.site
+                );
+                Err(CliError::Input(message))
+            }
+        }
+    }
+}
+
+/// The tissue of the text of a file with a `[[tissue]]` section.
+fn tissue_of_file(text: &str, path: &Path) -> Result<(String, NamedTissue), CliError> {
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    Ok(parse_tissue(text, &path.display().to_string(), folder)?)
 }
 
 /// A file, if the text names one.
@@ -84,14 +110,14 @@ fn file_of(text: &str) -> Option<PathBuf> {
 /// Which tissue, at which wavelengths.
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct TissueArgs {
-    /// Site of the catalogue, for instance dorsal_tongue, lip or tooth, or a file of plane layers (.toml with [[layer]]
-    /// sections).
+    /// Site of the catalogue, for instance dorsal_tongue, lip or tooth, or a file: with one [[tissue]] section, or of plane layers at
+    /// one wavelength ([[layer]] sections).
     #[arg(value_name = "TISSUE", value_hint = ValueHint::FilePath)]
     tissue: String,
-    /// Wavelength of the light on a site, nm.
+    /// Wavelength of the light on a tissue, nm.
     #[arg(long, value_name = "NM", value_parser = values::number, allow_negative_numbers = true)]
     wavelength_nm: Option<f64>,
-    /// Wavelength of the fluorescence of a site, nm, which is given per nm [default: no fluorescence].
+    /// Wavelength of the fluorescence of a tissue, nm, which is given per nm [default: no fluorescence].
     #[arg(long, value_name = "NM", requires = "wavelength_nm", value_parser = values::number,
         allow_negative_numbers = true)]
     emission_nm: Option<f64>,
@@ -116,7 +142,17 @@ impl TissueArgs {
     }
 
     pub(super) fn resolve(&self) -> Result<ResolvedLayers, CliError> {
-        let Some(path) = self.file() else { return self.of_site() };
+        let Some(path) = self.file() else {
+            let site = changed(Site::named(&self.tissue)?, &self.state, &self.set)?;
+            return self.at_wavelength(site.title(), &site.tissue(&find)?);
+        };
+        let text = read_text(&path)?;
+        if text.lines().any(|line| line.trim_start().starts_with("[[tissue]]")) {
+            let args =
+                SiteArgs { site: self.tissue.clone(), state: self.state.clone(), set: self.set.clone() };
+            let (title, tissue) = args.resolve()?;
+            return self.at_wavelength(&title, &tissue.tissue(&find)?);
+        }
         if let Some(option) =
             [self.wavelength_nm.map(|_| "--wavelength-nm"), (!self.state.is_empty()).then_some("--state")]
                 .into_iter()
@@ -128,12 +164,11 @@ impl TissueArgs {
             return Err(CliError::Input(message));
         }
         let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        Ok(parse_layers(&read_text(&path)?, &self.tissue, folder, &self.set)?)
+        Ok(parse_layers(&text, &self.tissue, folder, &self.set)?)
     }
 
-    fn of_site(&self) -> Result<ResolvedLayers, CliError> {
-        let site = changed(Site::named(&self.tissue)?, &self.state, &self.set)?;
-        let tissue = site.tissue(&find)?;
+    /// Layers at the wavelengths of the options.
+    fn at_wavelength(&self, title: &str, tissue: &LayeredTissue) -> Result<ResolvedLayers, CliError> {
         let nm = self.wavelength_nm.ok_or_else(|| {
             let message = format!("{}: give the wavelength of the light, --wavelength-nm 405", self.tissue);
             CliError::Input(message)
@@ -149,7 +184,7 @@ impl TissueArgs {
             Ok(ResolvedEmission { stack: tissue.optics(emission_nm), strengths_per_mm })
         });
         Ok(ResolvedLayers {
-            title: format!("{} at {nm} nm", site.title()),
+            title: format!("{title} at {nm} nm"),
             names: tissue.layers.iter().map(|layer| layer.name.clone()).collect(),
             stack: tissue.optics(nm),
             emission: emission.transpose()?,
