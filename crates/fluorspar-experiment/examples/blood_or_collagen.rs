@@ -16,6 +16,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
+use fluorspar::analysis::SpotSeparation;
 use fluorspar::image::ChannelImage;
 use fluorspar::pipeline::{capture, predict};
 use fluorspar::render::{RenderControl, render};
@@ -24,7 +25,6 @@ use fluorspar::spectral::Fluorophore;
 use fluorspar::study::FlatSample;
 use fluorspar::tissue::{EffectiveTissue, Level, Population, Site};
 use fluorspar_experiment::{parse, parse_sample, preset, resolve};
-use nalgebra::{DMatrix, DVector};
 use rand::RngExt;
 use rand_distr::StandardNormal;
 
@@ -247,47 +247,8 @@ fn noisy(electrons: f64, read_e: f64, rng: &mut KeyedRng) -> f64 {
 }
 
 fn print_row(what: &str, classes: &[Vec<Vec<f64>>; 2]) {
-    let (d, error) = (d_prime(classes, None), jackknife_error(classes));
-    println!("    {what:<24} d' {d:5.2} ({:.2} to {:.2})", (d - 1.96 * error).max(0.0), d + 1.96 * error);
-}
-
-/// Distance of the means of two classes in standard deviations of their pooled covariance, one case left out or none.
-fn d_prime(classes: &[Vec<Vec<f64>>; 2], without: Option<(usize, usize)>) -> f64 {
-    let n = classes[0].first().map_or(0, Vec::len);
-    let mut means = [vec![0.0; n], vec![0.0; n]];
-    let mut covariance = vec![vec![0.0; n]; n];
-    let mut freedom = 0.0;
-    for (kind, cases) in classes.iter().enumerate() {
-        let kept = || {
-            cases.iter().enumerate().filter(move |(i, _)| without != Some((kind, *i))).map(|(_, case)| case)
-        };
-        let count = kept().count() as f64;
-        freedom += count - 1.0;
-        kept().for_each(|case| (0..n).for_each(|i| means[kind][i] += case[i] / count));
-        for case in kept() {
-            for i in 0..n {
-                for j in 0..n {
-                    covariance[i][j] += (case[i] - means[kind][i]) * (case[j] - means[kind][j]);
-                }
-            }
-        }
+    if let Some(found) = SpotSeparation::new(Vec::new(), Vec::new(), classes) {
+        let [low, high] = found.d_prime_interval;
+        println!("    {what:<24} d' {:5.2} ({low:.2} to {high:.2})", found.d_prime);
     }
-    let difference = DVector::from_fn(n, |i, _| means[0][i] - means[1][i]);
-    let pooled = DMatrix::from_fn(n, n, |i, j| covariance[i][j] / freedom);
-    // A covariance that tells nothing apart has no inverse
-    pooled.cholesky().map_or(0.0, |factors| difference.dot(&factors.solve(&difference)).max(0.0).sqrt())
-}
-
-/// Standard error of [`d_prime`] by leaving out every case once.
-fn jackknife_error(classes: &[Vec<Vec<f64>>; 2]) -> f64 {
-    let squares: f64 = (0..2)
-        .map(|kind| {
-            let count = classes[kind].len();
-            let left: Vec<f64> = (0..count).map(|i| d_prime(classes, Some((kind, i)))).collect();
-            let mean = left.iter().sum::<f64>() / count as f64;
-            let factor = (count as f64 - 1.0) / count as f64;
-            factor * left.iter().map(|d| (d - mean).powi(2)).sum::<f64>()
-        })
-        .sum();
-    squares.sqrt()
 }

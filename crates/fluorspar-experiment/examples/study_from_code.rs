@@ -101,6 +101,7 @@ pub(crate) fn study() -> Result<Study, Box<dyn Error>> {
         frame: "blue".into(),
         parts: vec!["patch".into()],
         rectangle_px: None,
+        compared_px: None,
         porphyrin: "protoporphyrin_ix".into(),
         bulk: bulk.map(|(name, amount)| ((*name).into(), *amount)).collect(),
         fluorophores: scene.fluorophores.clone(),

@@ -79,7 +79,7 @@ pub use mat::{IsetFluorophore, MatSpectra, read_iset_fluorophore, read_mat_spect
 pub use mesh_set::{NamedMesh, write_obj, write_pbrt};
 pub use npy::{
     read_component_image, read_component_npy, read_spectral_image, read_spectral_npy, write_component_npy,
-    write_spectral_npy,
+    write_map_npy, write_spectral_npy,
 };
 pub use obj::read_obj;
 pub use output::{

@@ -98,6 +98,19 @@ pub fn write_component_npy(
     write_array(path, &description, &image.data)
 }
 
+/// Writes one number for each pixel, `[row, col]`, as little-endian f32 `.npy`, without a description.
+///
+/// # Errors
+/// When the file can't be written, or the numbers do not fill the picture.
+pub fn write_map_npy(path: &Path, width: usize, height: usize, values: &[f32]) -> Result<(), FormatError> {
+    if values.len() != width * height {
+        let what = format!("{} values do not fill {width} x {height} pixels", values.len());
+        return Err(FormatError::unwritable(path, what, "Give one value per pixel"));
+    }
+    let shape = [height as u64, width as u64];
+    write_atomically(path, |writer: &mut BufWriter<File>| write_npy(writer, &shape, values))
+}
+
 fn write_array(path: &Path, description: &Description, data: &[f32]) -> Result<(), FormatError> {
     if description.shape.iter().product::<u64>() != data.len() as u64 {
         return Err(FormatError::unwritable(

@@ -12,8 +12,8 @@ use fluorspar::analysis::{
 };
 use fluorspar::image::ChannelImage;
 use fluorspar_report::figures::{
-    ChannelValues, ChromaticityPlot, EemMap, PlotCurve, chromaticity, eem_maps, emission, filters,
-    histograms, lights, picture, porphyrin_map, radiance_by_component, sensor_response,
+    ChannelValues, ChromaticityPlot, EemMap, PlotCurve, PorphyrinQuantity, chromaticity, eem_maps, emission,
+    filters, histograms, lights, picture, porphyrin_map, radiance_by_component, sensor_response,
 };
 use fluorspar_report::{
     Figure, Number, NumberTable, Origin, Raster, ReportData, ReportItem, ReportPicture, Scale, Section,
@@ -198,7 +198,13 @@ fn report(
         .show(picture("Region of interest", preview(image), Some([100.0, 70.0, 120.0, 130.0])), "The white box is the region.");
     if let Some(porphyrin) = porphyrin {
         let gray: Vec<u8> = preview(image).pixels.iter().map(|pixel| pixel[1]).collect();
-        let figure = porphyrin_map(WIDTH, HEIGHT, &porphyrin.fractions_on_line(), Some(&gray), 0.5);
+        let figure = porphyrin_map(
+            PorphyrinQuantity::Fraction,
+            [WIDTH, HEIGHT],
+            &porphyrin.fractions_on_line(),
+            Some(&gray),
+            0.5,
+        );
         if let Some(figure) = figure {
             tongue = tongue.show(figure, "Porphyrin sits in patches toward the back.");
         }

@@ -1,16 +1,19 @@
 //! `fluorspar analyze`: chromaticity and porphyrin from raw frames.
 
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::ValueHint;
+use fluorspar::analysis::PorphyrinLayers;
 use fluorspar::image::SensorImage;
 use fluorspar::pipeline::{
-    Calibration, RawExposures, analyze_seen, bracket_label, complete_raw, develop_frames,
+    AnalyzedFrame, Calibration, RawExposures, analyze_seen, bracket_label, complete_raw, develop_frames,
 };
 use fluorspar::study::{Capture, Study};
 use fluorspar_experiment::resolve;
-use fluorspar_format::read_sensor_image;
+use fluorspar_format::{OutputFolder, read_sensor_image, write_atomically, write_map_npy};
+use fluorspar_report::figures::porphyrin_maps;
 
 use super::rendered_image::RenderedImage;
 use crate::args::{Changes, Talk};
@@ -41,11 +44,17 @@ pub(crate) struct Options {
     /// by part name.
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     components: Option<PathBuf>,
+    /// Folder for maps of the porphyrin fraction of each pixel, its interval and its detection limit (NumPy and PNG) and results.json.
+    #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath)]
+    out: Option<PathBuf>,
     #[command(flatten)]
     changes: Changes,
     #[command(flatten)]
     talk: Talk,
 }
+
+/// Maps and results, at most.
+const OUT_BYTES: u64 = 1 << 30;
 
 pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     if let Some(folder) = options.folder.as_ref().filter(|folder| !folder.is_dir()) {
@@ -96,6 +105,10 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
             develop.bad_pixel_sigma,
         )?
     };
+    let inputs = options.folder.iter().chain(&options.components).chain(&options.dark).chain(&options.flat);
+    let named = options.frame.iter().filter_map(|text| Some(PathBuf::from(text.split_once('=')?.1)));
+    let inputs: Vec<PathBuf> = inputs.cloned().chain(named).collect();
+    let out = options.out.as_ref().map(|out| OutputFolder::prepare(out, &inputs, OUT_BYTES)).transpose()?;
     let frames = develop_frames(study, exposures, &calibration)?;
     let analyzed = match &image {
         None => analyze_seen(study, None, &frames)?,
@@ -112,12 +125,38 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         // Frames of another origin may show another mouth than the component image.
         (analyzed.analysis.truth, analyzed.analysis.budget) = (None, None);
     }
+    if let Some(out) = out {
+        let place = write_maps(out, &analyzed)?;
+        options.talk.messages().status(format!("Wrote {}", place.display()));
+    }
     if options.talk.json {
         super::print_json(&analyzed.analysis)?;
     } else if !options.talk.quiet {
         super::print_text(&describe(&analyzed.analysis))?;
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// Writes the numbers of the region and its maps.
+fn write_maps(out: OutputFolder, analyzed: &AnalyzedFrame) -> Result<PathBuf, CliError> {
+    let mut files = vec![("results.json".to_owned(), serde_json::to_vec_pretty(&analyzed.analysis)?)];
+    if let Some(porphyrin) = &analyzed.porphyrin {
+        for (stem, figure) in porphyrin_maps(porphyrin, None) {
+            files.push((format!("{stem}.png"), figure.to_png()?));
+        }
+        let PorphyrinLayers { fraction, low, high, detection_limit } = porphyrin.layers();
+        let layers = [("fraction", fraction), ("low", low), ("high", high), ("limit", detection_limit)];
+        for (name, values) in layers {
+            let path = out.path().join(format!("porphyrin_{name}.npy"));
+            write_map_npy(&path, porphyrin.width, porphyrin.height, &values)
+                .map_err(|error| out.at_its_place(error))?;
+        }
+    }
+    for (name, bytes) in files {
+        write_atomically(&out.path().join(name), |file| file.write_all(&bytes))
+            .map_err(|error| out.at_its_place(error))?;
+    }
+    Ok(out.finish()?)
 }
 
 /// The raw frame in a file under the name of a capture. What a real camera does not tell of its conversion gain and noise, the
@@ -226,6 +265,9 @@ fn describe(analysis: &fluorspar::analysis::Analysis) -> String {
     }
     for line in analysis.porphyrin_lines() {
         text += &format!("{line}\n");
+    }
+    for spot in &analysis.spots {
+        text += &format!("Spots told apart by {}\n", spot.line());
     }
     for warning in &analysis.warnings {
         text += &format!("warning: {warning}\n");

@@ -55,6 +55,24 @@ fn every_stage_continues_from_the_files_of_the_one_before() {
     let said = fluorspar(folder, ["analyze", "run"]).well();
     assert!(said.stdout.starts_with("Frame \"blue\", tongue dorsum\n"), "{}", said.stdout);
 
+    // Maps of its pixels, and two spots compared.
+    let args = [
+        "analyze",
+        "run",
+        "--out",
+        "maps",
+        "--json",
+        "--set",
+        "analysis.compared_px=[[2, 2, 14, 20], [16, 2, 14, 20]]",
+    ];
+    let compared = fluorspar(folder, args).json();
+    let spots = compared["spots"].as_array().unwrap();
+    assert!(spots.iter().any(|spot| spot["d_prime"].as_f64().unwrap() > 0.0), "{compared}");
+    for name in ["fraction", "low", "high", "limit"] {
+        assert!(bytes(folder, &format!("maps/porphyrin_{name}.npy")).starts_with(b"\x93NUMPY"), "{name}");
+    }
+    assert!(folder.join("maps/porphyrin_limit_map.png").is_file());
+
     // The report, and the experiment beside it, make the run again to the last bit, on any number of threads.
     for (source, out, threads) in [("run/report.html", "second", "1"), ("run/experiment.toml", "third", "3")]
     {

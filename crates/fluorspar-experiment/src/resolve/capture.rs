@@ -280,17 +280,11 @@ pub(super) fn analysis(
         let message = "parts are found in frames of the whole sensor only; give rectangle_px, or remove sensor.region_px";
         return context.fail(&at("parts"), message);
     }
-    if let (Some([column, row, width, height]), Some(sensor)) = (section.rectangle_px, &file.sensor) {
-        let size = sensor.model.image_size();
-        let [columns, rows] = size.unwrap_or([sensor.model.columns, sensor.model.rows]).map(|n| n as u64);
-        let outside =
-            u64::from(column) + u64::from(width) > columns || u64::from(row) + u64::from(height) > rows;
-        if outside || width == 0 || height == 0 {
-            let message = format!(
-                "is not inside the {columns} x {rows} pixels of the raw images; give column, row, width, height"
-            );
-            return context.fail(&at("rectangle_px"), message);
-        }
+    if let Some(rectangle) = section.rectangle_px {
+        check_rectangle(context, file, &at("rectangle_px"), rectangle)?;
+    }
+    for (number, spot) in section.compared_px.into_iter().flatten().enumerate() {
+        check_rectangle(context, file, &at("compared_px").index(number), spot)?;
     }
     context.within(&at("noise_threshold"), section.noise_threshold, [0.0, 1000.0], "standard deviations")?;
     // What the analysis names but no material holds is predicted as well: a control without porphyrin has a line, too.
@@ -314,6 +308,7 @@ pub(super) fn analysis(
         frame: section.frame.clone(),
         parts: section.parts.clone(),
         rectangle_px: section.rectangle_px,
+        compared_px: section.compared_px,
         porphyrin: section.porphyrin.clone(),
         further_frames: further_frames(context, section, &labels)?,
         tissue: tissue_prior(context, file, section, seen)?,
@@ -322,6 +317,26 @@ pub(super) fn analysis(
         fluorophores,
         noise_threshold: section.noise_threshold,
     }))
+}
+
+/// Checks that a rectangle lies on the sensor.
+fn check_rectangle(
+    context: &Context<'_>,
+    file: &ExperimentFile,
+    at: &Place,
+    [column, row, width, height]: [u32; 4],
+) -> Resolved<()> {
+    let Some(sensor) = &file.sensor else { return Ok(()) };
+    let size = sensor.model.image_size();
+    let [columns, rows] = size.unwrap_or([sensor.model.columns, sensor.model.rows]).map(|n| n as u64);
+    let outside = u64::from(column) + u64::from(width) > columns || u64::from(row) + u64::from(height) > rows;
+    if outside || width == 0 || height == 0 {
+        let message = format!(
+            "is not inside the {columns} x {rows} pixels of the raw images; give column, row, width, height"
+        );
+        return context.fail(at, message);
+    }
+    Ok(())
 }
 
 /// Captures that enter the estimate of a tissue family beside the analyzed one.

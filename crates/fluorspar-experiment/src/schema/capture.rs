@@ -135,6 +135,10 @@ pub struct AnalysisSection {
     /// Only pixels of this rectangle of the sensor: column, row, width, height.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rectangle_px: Option<[u32; 4]>,
+    /// Two rectangles of the sensor, each column, row, width, height, whose pixels are compared: how well the frames tell them
+    /// apart. Default: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub compared_px: Option<[[u32; 4]; 2]>,
     /// Fluorophore whose share is estimated. Default "protoporphyrin_ix".
     #[serde(default = "porphyrin")]
     pub porphyrin: String,

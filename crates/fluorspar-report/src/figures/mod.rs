@@ -22,7 +22,7 @@ pub use histogram::{ChannelValues, histograms};
 pub use lens::{lens_drawing, lens_field, lens_mtf, lens_spots};
 pub use lights::{LIGHT_DECADES, lights};
 pub use photon_transfer::{PhotonTransferPlot, SnrPlot, photon_transfer, signal_to_noise};
-pub use picture::{picture, pictures, porphyrin_map};
+pub use picture::{PorphyrinQuantity, picture, pictures, porphyrin_map, porphyrin_maps};
 pub use radiance::{radiance_by_component, spectral_readings};
 pub use sensor::sensor_response;
 pub use tissue::{

@@ -1,5 +1,7 @@
 //! Pictures with a meaning: the developed image with its region, and the map of porphyrin.
 
+use fluorspar::analysis::{PorphyrinLayers, PorphyrinMap};
+
 use crate::{Axis, ColorBar, ColorMap, Dash, Figure, Ink, Panel, Raster, Series, SeriesShape};
 
 /// Longest side of a picture inside a figure, px.
@@ -37,13 +39,51 @@ pub fn pictures(title: &str, pictures: Vec<(String, Raster)>, columns: usize) ->
     Figure::grid(title, pictures.into_iter().map(panel).collect(), columns)
 }
 
-/// Porphyrin fraction of each pixel, `[row, col]`, over a darkened gray picture (`underlay`, 0 to 255 per pixel) where there is
-/// none. `None` when the lists do not fill the picture.
+/// What a map of porphyrin shows of each pixel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PorphyrinQuantity {
+    /// The fraction.
+    Fraction,
+    /// Half the length of its 95 % interval by the sensor's noise.
+    Uncertainty,
+    /// The detection limit.
+    DetectionLimit,
+}
+
+impl PorphyrinQuantity {
+    /// Title, label of the color scale, and what it means.
+    fn words(self) -> [&'static str; 3] {
+        match self {
+            Self::Fraction => [
+                "Porphyrin fraction",
+                "porphyrin fraction",
+                "Colored pixels lie in the region and have a porphyrin fraction: the amount of porphyrin over the amount of porphyrin and \
+                 bulk together, in the relative units of the fluorophore models. Gray pixels are outside the region, saturated, \
+                 too dark, or hold other light.",
+            ],
+            Self::Uncertainty => [
+                "Uncertainty of the porphyrin fraction",
+                "half of the 95 % interval",
+                "How far the sensor's noise leaves the fraction of each pixel open to either side: half the length of its 95 % interval. \
+                 Errors of the model are not in it.",
+            ],
+            Self::DetectionLimit => [
+                "Detection limit of the porphyrin fraction",
+                "detection limit",
+                "The fraction that the noise of a single pixel mistakes for none, and none for it, in 5 % of cases: less than that is not \
+                 seen there.",
+            ],
+        }
+    }
+}
+
+/// A number about the porphyrin of each pixel, `[row, col]`, over a darkened gray picture (`underlay`, 0 to 255 per pixel) where
+/// there is none. `None` when the lists do not fill the picture.
 ///
-/// The color scale ends at `top`, for instance the 99th percentile; larger fractions take its last color.
+/// The color scale ends at `top`, for instance the 99th percentile; larger numbers take its last color.
 pub fn porphyrin_map(
-    width: usize,
-    height: usize,
+    quantity: PorphyrinQuantity,
+    [width, height]: [usize; 2],
     fractions: &[Option<f32>],
     underlay: Option<&[u8]>,
     top: f64,
@@ -52,7 +92,8 @@ pub fn porphyrin_map(
     if fractions.len() != pixels || underlay.is_some_and(|gray| gray.len() != pixels) || pixels == 0 {
         return None;
     }
-    let axis = Axis::from_zero("porphyrin fraction", "", [top.clamp(1e-3, 1.0)]);
+    let [title, label, explained] = quantity.words();
+    let axis = Axis::from_zero(label, "", [top.clamp(1e-3, 1.0)]);
     let full = axis.limits[1];
     let raster = Raster::from_fn(width, height, |row, col| {
         let pixel = row * width + col;
@@ -64,11 +105,29 @@ pub fn porphyrin_map(
     });
     let mut panel = frame(raster);
     panel.color_bar = Some(ColorBar { axis, map: ColorMap::Viridis });
-    Some(Figure::new("Porphyrin fraction", panel).explained(
-        "Colored pixels lie in the region and have a porphyrin fraction: the amount of porphyrin over the amount of porphyrin and \
-         bulk together, in the relative units of the fluorophore models. Gray pixels are outside the region, saturated, \
-         too dark, or hold other light.",
-    ))
+    Some(Figure::new(title, panel).explained(explained))
+}
+
+/// Maps of the porphyrin of an analyzed region, with stems of file names: fraction, its uncertainty, detection limit. `underlay` as of
+/// [`porphyrin_map`].
+pub fn porphyrin_maps(porphyrin: &PorphyrinMap, underlay: Option<&[u8]>) -> Vec<(&'static str, Figure)> {
+    let PorphyrinLayers { fraction, low, high, detection_limit } = porphyrin.layers();
+    let uncertainty: Vec<f32> = low.iter().zip(&high).map(|(low, high)| 0.5 * (high - low)).collect();
+    [
+        ("porphyrin_map", PorphyrinQuantity::Fraction, fraction),
+        ("porphyrin_uncertainty_map", PorphyrinQuantity::Uncertainty, uncertainty),
+        ("porphyrin_limit_map", PorphyrinQuantity::DetectionLimit, detection_limit),
+    ]
+    .into_iter()
+    .filter_map(|(stem, quantity, values)| {
+        let values: Vec<Option<f32>> = values.into_iter().map(|v| (!v.is_nan()).then_some(v)).collect();
+        let mut sorted: Vec<f32> = values.iter().flatten().copied().collect();
+        sorted.sort_by(f32::total_cmp);
+        let top = sorted.get(sorted.len() * 99 / 100).copied().map_or(1.0, f64::from);
+        let size = [porphyrin.width, porphyrin.height];
+        Some((stem, porphyrin_map(quantity, size, &values, underlay, top)?))
+    })
+    .collect()
 }
 
 #[cfg(test)]
@@ -77,9 +136,10 @@ mod tests {
 
     #[test]
     fn a_map_must_fill_its_picture() {
-        assert!(porphyrin_map(2, 2, &[None; 3], None, 1.0).is_none());
-        assert!(porphyrin_map(2, 1, &[None; 2], Some(&[1]), 1.0).is_none());
-        let map = porphyrin_map(2, 1, &[Some(0.5), None], Some(&[0, 100]), 0.5).unwrap();
+        let fraction = PorphyrinQuantity::Fraction;
+        assert!(porphyrin_map(fraction, [2, 2], &[None; 3], None, 1.0).is_none());
+        assert!(porphyrin_map(fraction, [2, 1], &[None; 2], Some(&[1]), 1.0).is_none());
+        let map = porphyrin_map(fraction, [2, 1], &[Some(0.5), None], Some(&[0, 100]), 0.5).unwrap();
         let SeriesShape::Picture { raster, .. } = &map.panels[0].series[0].shape else {
             panic!("no picture")
         };

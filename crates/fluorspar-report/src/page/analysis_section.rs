@@ -1,7 +1,7 @@
 //! An analysis in plain words.
 
 use fluorspar::analysis::{
-    Analysis, ErrorBudget, MixtureSummary, PorphyrinTruth, SharePosterior, Statistics,
+    Analysis, ErrorBudget, MixtureSummary, PorphyrinTruth, SharePosterior, SpotSeparation, Statistics,
 };
 
 use super::report_data::{Number, NumberTable, Origin, ReportItem, Section};
@@ -26,6 +26,9 @@ pub fn analysis_section(analysis: &Analysis, figures: Vec<ReportItem>) -> Sectio
     }
     if let Some(budget) = &analysis.budget {
         section = section.with(table("What moves the estimate on the line", budget_rows(budget)));
+    }
+    if !analysis.spots.is_empty() {
+        section = section.with(table("How well two spots are told apart", spot_rows(&analysis.spots)));
     }
     let predicted = fluorophore_rows(analysis);
     if !predicted.is_empty() {
@@ -179,6 +182,23 @@ fn budget_rows(budget: &ErrorBudget) -> Vec<Number> {
         "So far beyond the blank sensor noise mistakes neither a blank for porphyrin nor porphyrin for a blank in more than 5 % of cases.",
     ));
     rows
+}
+
+fn spot_rows(spots: &[SpotSeparation]) -> Vec<Number> {
+    let row = |spot: &SpotSeparation| {
+        let [low, high] = spot.d_prime_interval;
+        Number::computed(
+            format!("{} of {}", spot.channels.join(", "), spot.frames.join(" and ")),
+            format!("{:.2} ({low:.2} to {high:.2})", spot.d_prime),
+            "d'",
+            format!(
+                "Distance of the two spots in standard deviations of a pixel, with its 95 % interval; an ideal observer assigns {:.0} % of \
+                 single pixels to the right spot.",
+                100.0 * spot.right
+            ),
+        )
+    };
+    spots.iter().map(row).collect()
 }
 
 fn pixel_rows(analysis: &Analysis) -> Vec<Number> {

@@ -15,7 +15,7 @@ use super::depth_section::depth_section;
 use super::safety_section::safety_section;
 use crate::figures::{
     ChannelValues, ChromaticityPlot, EemMap, PlotCurve, chromaticity, eem_maps, emission, filters,
-    histograms, lights, picture, porphyrin_map, radiance_by_component, sensor_response, spectral_readings,
+    histograms, lights, picture, porphyrin_maps, radiance_by_component, sensor_response, spectral_readings,
 };
 use crate::{
     Figure, Number, NumberTable, Origin, Raster, ReportData, ReportItem, ReportPicture, Scale, Section,
@@ -461,13 +461,9 @@ fn result_section(run: &RunResults<'_>, analyzed: &AnalyzedFrame, builder: &mut 
         .find(|(f, _)| f.raw.label == analysis.frame);
     if let (Some(porphyrin), Some((frame, preview))) = (&analyzed.porphyrin, frame) {
         let gray: Vec<u8> = preview.rgb.chunks_exact(3).map(|p| p[1].max(p[0])).collect();
-        let fractions = porphyrin.fractions_on_line();
-        let mut sorted: Vec<f32> = fractions.iter().flatten().copied().collect();
-        sorted.sort_by(f32::total_cmp);
-        let top = sorted.get(sorted.len() * 99 / 100).copied().map_or(1.0, f64::from);
-        let (width, height) = (frame.developed.width, frame.developed.height);
-        if let Some(figure) = porphyrin_map(width, height, &fractions, Some(&gray), top) {
-            figures.push(builder.item("porphyrin_map", figure, ""));
+        let fits = gray.len() == frame.developed.width * frame.developed.height;
+        for (stem, figure) in porphyrin_maps(porphyrin, fits.then_some(gray.as_slice())) {
+            figures.push(builder.item(stem, figure, ""));
         }
         if let (Some([col, row, w, h]), Some(raster)) = (
             run.experiment.study.analysis.as_ref().and_then(|a| a.rectangle_px),

@@ -2,12 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::mixture_line::Z_95;
+use super::mixture_line::{DETECTION_Z, Z_95};
 use super::{LineEstimate, MixtureLine, RegionLight};
-
-/// Standard deviations of the blank at which a signal is detected with errors of 5 % either way: `2 * 1.645` (Currie, Anal. Chem.
-/// 40, 586, 1968).
-const DETECTION_Z: f64 = 3.29;
 
 /// One thing that moves the estimate.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -11,6 +11,9 @@ use crate::spectral::{GridMismatch, QuantumEfficiency, Radiance, Spectrum};
 
 /// Two-sided 95 % quantile of the standard normal distribution.
 pub(super) const Z_95: f64 = 1.959_963_984_540_054;
+/// Standard deviations of the blank at which a signal is detected with errors of 5 % either way: `2 * 1.645` (Currie, Anal. Chem.
+/// 40, 586, 1968).
+pub(super) const DETECTION_Z: f64 = 3.29;
 
 /// Channel values that a spectral radiance gives, up to the factor of exposure and optics that all channels share:
 /// `sum L lambda/(hc) QE_c dlambda`. Photons are counted here, as the sensor does.
@@ -263,6 +266,22 @@ pub struct PorphyrinMap {
     pub height: usize,
     /// Estimate per pixel; none outside the region and where there is no chromaticity.
     pub estimates: Vec<Option<LineEstimate>>,
+    /// The line on which they lie.
+    pub line: MixtureLine,
+}
+
+/// Numbers of each pixel of a region, `[row, col]`. Not a number outside of the region, without a chromaticity, and off the line, where
+/// a fraction is an artifact.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PorphyrinLayers {
+    /// Porphyrin fraction.
+    pub fraction: Vec<f32>,
+    /// Lower end of its 95 % interval by the sensor's noise.
+    pub low: Vec<f32>,
+    /// Upper end.
+    pub high: Vec<f32>,
+    /// Detection limit: the fraction that this pixel's noise mistakes for none, and none for it, in 5 % of cases.
+    pub detection_limit: Vec<f32>,
 }
 
 impl PorphyrinMap {
@@ -296,7 +315,25 @@ impl PorphyrinMap {
             };
             estimates[pixel] = line.project(fluorescence, noise.of_pixel(image, channels, pixel));
         }
-        Ok(Self { width: image.width, height: image.height, estimates })
+        Ok(Self { width: image.width, height: image.height, estimates, line: *line })
+    }
+
+    /// The numbers of all pixels, one list each.
+    #[must_use]
+    pub fn layers(&self) -> PorphyrinLayers {
+        let of = |value: &dyn Fn(&LineEstimate) -> f64| -> Vec<f32> {
+            let known =
+                |e: &Option<LineEstimate>| e.as_ref().filter(|e| !e.is_off_line()).map_or(f64::NAN, value);
+            self.estimates.iter().map(|estimate| known(estimate) as f32).collect()
+        };
+        let limit =
+            |e: &LineEstimate| self.line.fraction((DETECTION_Z * e.position_standard_error).min(1.0)).0;
+        PorphyrinLayers {
+            fraction: of(&|e| e.fraction),
+            low: of(&|e| e.fraction_interval[0]),
+            high: of(&|e| e.fraction_interval[1]),
+            detection_limit: of(&limit),
+        }
     }
 
     /// Fractions, `[row, col]`, for an image, without pixels off the line, whose fraction is an artifact: rims of highlights, for instance.

@@ -13,6 +13,7 @@
 //! | [`LightFamily::posterior`] | the share of the porphyrin in tissue of which only a family is known, as a [`SharePosterior`] |
 //! | [`fit_nonnegative`], [`fit_attenuated`] | a measured spectrum as a sum of known ones, with intervals |
 //! | [`spectral_overlap`] | how alike two spectra are |
+//! | [`SpotSeparation::new`] | how well the pixels of two spots are told apart |
 //! | [`d_prime_of_rates`], [`auc_of_d_prime`], [`auc_of_scores`] | how well scores tell two groups apart |
 //! | [`analyze_region`] | all of it at once, as an [`Analysis`] that goes to `results.json` |
 //!
@@ -30,6 +31,7 @@ mod region_light;
 mod region_of_interest;
 mod share_posterior;
 mod spectral_overlap;
+mod spot_separation;
 mod statistics;
 mod summary;
 
@@ -42,7 +44,8 @@ pub use detection::{auc_of_d_prime, auc_of_scores, d_prime_of_rates};
 pub use error_budget::{BudgetInput, BudgetItem, ErrorBudget};
 pub use light_family::{CubicTerms, FamilyCoordinate, FamilySource, LightFamily, NuisanceGroup};
 pub use mixture_line::{
-    FluorophoreResponse, LineEstimate, MixtureError, MixtureLine, PorphyrinMap, channel_response,
+    FluorophoreResponse, LineEstimate, MixtureError, MixtureLine, PorphyrinLayers, PorphyrinMap,
+    channel_response,
 };
 pub use nonnegative_fit::{
     AttenuatedFit, FitError, FittedTerm, NonnegativeFit, fit_attenuated, fit_nonnegative,
@@ -51,6 +54,7 @@ pub use region_light::{PorphyrinTruth, RegionLight, SHARE_DEFINITION};
 pub use region_of_interest::{PixelSelection, Rectangle, RegionError, RegionOfInterest, SceneOnSensor};
 pub use share_posterior::{BlindDirection, IntervalWithout, SharePosterior};
 pub use spectral_overlap::spectral_overlap;
+pub use spot_separation::SpotSeparation;
 pub use statistics::{CovarianceEllipse, RegionStatistics, Statistics};
 pub use summary::{
     Analysis, AnalysisError, AnalysisSettings, ChannelStatistics, MixtureModel, MixtureSummary,

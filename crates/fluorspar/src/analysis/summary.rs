@@ -8,7 +8,7 @@ use super::{
     ChannelNoise, ChromaticityMap, CovarianceEllipse, DEFAULT_NOISE_THRESHOLD, ErrorBudget, ExclusionCounts,
     FluorophoreResponse, LineEstimate, MissingChannel, MixtureError, MixtureLine, PorphyrinMap,
     PorphyrinTruth, RegionError, RegionOfInterest, RegionStatistics, SceneOnSensor, SharePosterior,
-    Statistics, rgb_channels,
+    SpotSeparation, Statistics, rgb_channels,
 };
 use crate::image::ChannelImage;
 
@@ -163,6 +163,9 @@ pub struct Analysis {
     /// The share of the porphyrin if the region is tissue of a known site.
     #[serde(default)]
     pub posterior: Option<SharePosterior>,
+    /// How well two spots are told apart, if the analysis compares some.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub spots: Vec<SpotSeparation>,
     /// Warnings about the reliability of the numbers.
     pub warnings: Vec<String>,
 }
@@ -312,6 +315,7 @@ pub fn analyze_region(
         truth: None,
         budget: None,
         posterior: None,
+        spots: Vec::new(),
         warnings,
     };
     Ok((analysis, map, porphyrin))

@@ -3,6 +3,7 @@
 use super::capture::{behind_filter, on_sensor};
 use super::direct_light::{axis_point, irradiance_on, region_points};
 use super::region_light::region_light;
+use super::spot_separations::spot_separations;
 use super::tissue_estimate::tissue_estimate;
 use super::{CapturePlanes, CapturedFrame, PipelineError, SeenComponents};
 use crate::analysis::{
@@ -16,6 +17,7 @@ use crate::render::direct_exitance;
 use crate::sensor::Sensor;
 use crate::spectral::{Curve, QuantumEfficiency, Radiance, Spectrum};
 use crate::study::{AnalysisPlan, Capture, LineEnds, Study};
+use crate::tissue::Site;
 
 /// The analyzed frame: summary and the maps that it was made from.
 #[derive(Clone, Debug, PartialEq)]
@@ -111,15 +113,34 @@ pub fn analyze_seen(
     if let Some(estimate) = &estimate {
         analysis.warnings.extend(estimate.warnings());
     } else if analysis.mixture.is_some() {
-        analysis.warnings.push(NO_BLOOD.into());
+        analysis.warnings.extend(what_the_line_assumes(study, settings).map(String::from));
     }
     analysis.posterior = estimate;
+    analysis.spots = spot_separations(study, frames);
     Ok(Some(AnalyzedFrame { analysis, chromaticity, porphyrin, region }))
 }
 
-/// What an estimate on the mixture line alone leaves out.
+/// What an estimate on the mixture line alone leaves out where the region is tissue, or may stand for it.
 const NO_BLOOD: &str = "The bulk holds no blood, as a phantom's does. Blood moves the color of real tissue along the very line on \
                         which porphyrin is measured; give analysis.tissue the site of the tissue for an estimate that knows.";
+/// The same where the bulk is layered tissue of the scene.
+const ONE_TISSUE: &str = "The bulk is the tissue of the scene, as if its blood were known. Other blood moves the color along the very \
+                          line on which porphyrin is measured; give analysis.tissue a site of the catalogue for an estimate that knows.";
+
+/// The warning about an estimate on the mixture line alone; none where the bulk holds nothing that fluoresces in tissue, as dyes of a
+/// phantom do.
+fn what_the_line_assumes(study: &Study, settings: &AnalysisPlan) -> Option<&'static str> {
+    let held = |part: &String| study.tissues.iter().any(|tissue| tissue.parts.contains(part));
+    if settings.parts.iter().any(held) {
+        return Some(ONE_TISSUE);
+    }
+    let of_tissue = |name: &str| {
+        ["dorsal_tongue", "tooth"]
+            .iter()
+            .any(|site| Site::named(site).is_ok_and(|site| site.fluorophores().contains(&name)))
+    };
+    settings.bulk.iter().any(|(name, amount)| *amount > 0.0 && of_tissue(name)).then_some(NO_BLOOD)
+}
 
 /// Colors of the ends of the line as the light of the region has them at the sensor. A porphyrin that is not there has the color of
 /// a flat sample.

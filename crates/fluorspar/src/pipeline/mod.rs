@@ -11,6 +11,7 @@
 //! | spectroradiometers | [`read_spectroradiometers`] | [`SpectroradiometerReading`]s |
 //! | photobiological safety | [`assess_safety`] | [`SafetyReport`] |
 //! | chromaticity, porphyrin | [`analyze`] | [`AnalyzedFrame`] |
+//! | two spots, told apart | [`spot_separations`] | [`crate::analysis::SpotSeparation`]s |
 //! | less noise, for display | [`denoise`] | [`crate::image::ComponentImage`], labeled |
 //! | previews | [`preview`] | 8-bit sRGB |
 //! | reflected light against fluorescence behind filters | [`filter_leak`] | [`FilterLeak`] |
@@ -46,6 +47,7 @@ mod row_bands;
 mod safety;
 mod scene_change;
 mod spectroradiometer;
+mod spot_separations;
 mod tissue_estimate;
 mod tissue_family;
 
@@ -77,6 +79,7 @@ pub use row_bands::{
 pub use safety::{CaptureSafety, ProgramSafety, SafetyReport, Viewer, ViewerSafety, assess_safety};
 pub use scene_change::{check_same_scene, relight};
 pub use spectroradiometer::{SpectroradiometerReading, read_spectroradiometers};
+pub use spot_separations::spot_separations;
 pub use tissue_family::{FamilyFrame, tissue_family};
 
 use crate::analysis::AnalysisError;

@@ -163,6 +163,8 @@ pub struct AnalysisPlan {
     pub rectangle_px: Option<[u32; 4]>,
     /// Name of the porphyrin.
     pub porphyrin: String,
+    /// Two rectangles of the sensor, each column, row, width, height, whose pixels are compared.
+    pub compared_px: Option<[[u32; 4]; 2]>,
     /// Fluorophores that form the bulk, with their amounts.
     pub bulk: Vec<(String, f64)>,
     /// Fluorophores whose responses are predicted: those of the scene, and those of the bulk that no material holds. Where the
