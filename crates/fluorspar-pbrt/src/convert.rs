@@ -40,12 +40,15 @@ pub struct PbrtOptions {
     pub emission: Emission,
     /// Wavelength bins of the render.
     pub grid: WavelengthGrid,
+    /// Whether rough metals and glass lose the light that they scatter more than once, as in pbrt.
+    pub single_scattering: bool,
 }
 
 impl Default for PbrtOptions {
-    /// Meters, absolute spectra, 350 to 750 nm by 5 nm.
+    /// Meters, absolute spectra, 350 to 750 nm by 5 nm, all scattering.
     fn default() -> Self {
-        Self { unit_m: 1.0, emission: Emission::default(), grid: WavelengthGrid::default() }
+        let grid = WavelengthGrid::default();
+        Self { unit_m: 1.0, emission: Emission::default(), grid, single_scattering: false }
     }
 }
 

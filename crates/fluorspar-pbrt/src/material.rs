@@ -325,7 +325,14 @@ impl Convert<'_> {
             [term] => term.spectrum.scaled(f64::from(term.weight.constant().unwrap_or(1.0))),
             _ => Curve::constant(1.0),
         };
-        Ok(Scattering::Dielectric(Dielectric { refractive_index: index as f32, roughness, transmittance }))
+        let single_scattering = self.options.single_scattering;
+        let refractive_index = index as f32;
+        Ok(Scattering::Dielectric(Dielectric {
+            refractive_index,
+            roughness,
+            transmittance,
+            single_scattering,
+        }))
     }
 
     /// Two parallel surfaces: what passes goes straight on. A mirror with holes reflects as much at normal incidence.
@@ -378,7 +385,8 @@ impl Convert<'_> {
                 2.0 * (r / (1.0 - r)).sqrt()
             };
             let (n, k) = (Curve::constant(1.0), Curve::from_fn(200.0, 1200.0, extinction));
-            return Ok(Scattering::Conductor(Conductor { n, k, roughness }));
+            let single_scattering = self.options.single_scattering;
+            return Ok(Scattering::Conductor(Conductor { n, k, roughness, single_scattering }));
         }
         let mut part = |name: &str, usual: &str| match given.find(name) {
             Some(parameter) if parameter.kind == PbrtKind::Texture => {
@@ -395,7 +403,8 @@ impl Convert<'_> {
                 self.error(at, format!("\"eta\" and \"k\" of a metal can't be {least}; give 0 or more"))
             );
         }
-        Ok(Scattering::Conductor(Conductor { n, k, roughness }))
+        let single_scattering = self.options.single_scattering;
+        Ok(Scattering::Conductor(Conductor { n, k, roughness, single_scattering }))
     }
 
     fn usual_metal(&mut self, name: &str, at: PbrtPlace) -> Result<Curve, PbrtError> {
@@ -584,7 +593,7 @@ fn mirror(reflectance: impl Fn(f64) -> f64) -> Conductor {
     let index = |nm: f64| 2.0 / (1.0 - reflectance(nm).clamp(0.0, 0.998)) - 1.0;
     let n = Curve::from_fn(200.0, 1200.0, index);
     let k = Curve::from_fn(200.0, 1200.0, |nm| (index(nm).powi(2) - 1.0).max(0.0).sqrt());
-    Conductor { n, k, roughness: ScalarTexture::Constant(0.0) }
+    Conductor { n, k, roughness: ScalarTexture::Constant(0.0), single_scattering: false }
 }
 
 #[cfg(test)]

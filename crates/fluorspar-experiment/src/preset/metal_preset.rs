@@ -74,7 +74,12 @@ mod tests {
     fn reflectances_at_other_angles_are_fitted_closely() {
         for name in names(PresetKind::Metal) {
             let (n, k) = metal(name).unwrap().index();
-            let conductor = Conductor { n: n.clone(), k: k.clone(), roughness: ScalarTexture::Constant(0.2) };
+            let conductor = Conductor {
+                n: n.clone(),
+                k: k.clone(),
+                roughness: ScalarTexture::Constant(0.2),
+                single_scattering: false,
+            };
             let fit = ConductorReflectance::new(&conductor, &WavelengthGrid::default(), white_microfacets());
             // At the viewer's own angle, all that a mirror needs.
             for cos in [0.05_f32, 0.2, 0.45, 0.7, 0.95] {

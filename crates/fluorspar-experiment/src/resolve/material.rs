@@ -113,12 +113,18 @@ fn scattering(
                 refractive_index: index as f32,
                 roughness,
                 transmittance,
+                single_scattering: glass.single_scattering,
             }))
         }
         ScatteringSection::Conductor(metal) => {
             let roughness = context.texture(&at.field("roughness"), &metal.roughness, 1.0)?;
             let (n, k) = metal_index(context, &at.field("metal"), &metal.metal, grid)?;
-            Ok(Scattering::Conductor(Conductor { n, k, roughness }))
+            Ok(Scattering::Conductor(Conductor {
+                n,
+                k,
+                roughness,
+                single_scattering: metal.single_scattering,
+            }))
         }
         ScatteringSection::Mix(mix) => {
             let first = part(context, "first", &mix.first)?;

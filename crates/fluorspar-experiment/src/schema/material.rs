@@ -203,6 +203,9 @@ pub struct DielectricSection {
     /// Share of light that crosses the surface without being absorbed there, a spectrum from 0 to 1. Default 1.
     #[serde(default)]
     pub transmittance: SpectrumReference,
+    /// Whether light is lost that a rough surface scatters more than once, as in renderers without it. Default false.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub single_scattering: bool,
     /// Concentration of each fluorophore, relative to the unit of the catalogue, 0 or more. On a base, fluorophores that
     /// are not named here keep their concentration; give 0 to leave one out. Default: none.
     #[serde(default)]
@@ -218,6 +221,9 @@ pub struct ConductorSection {
     /// GGX roughness, 0 to 1; below 0.01 the surface is a mirror. Default 0.2 (brushed).
     #[serde(default = "mucosa_roughness")]
     pub roughness: TextureReference,
+    /// Whether light is lost that a rough surface scatters more than once, as in renderers without it. Default false.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub single_scattering: bool,
     /// Concentration of each fluorophore, relative to the unit of the catalogue, 0 or more. On a base, fluorophores that
     /// are not named here keep their concentration; give 0 to leave one out. Default: none.
     #[serde(default)]
@@ -276,6 +282,10 @@ pub struct NormalMapSection {
     /// Factor on the slopes, 0 to 10. Default 1.
     #[serde(default = "as_stored")]
     pub strength: f64,
+}
+
+fn is_false(value: &bool) -> bool {
+    !value
 }
 
 fn smooth() -> TextureReference {

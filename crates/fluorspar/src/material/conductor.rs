@@ -24,6 +24,8 @@ pub struct Conductor {
     pub k: Curve,
     /// GGX roughness alpha, 0 to 1; below [`super::MIN_ROUGHNESS`] the surface is a mirror.
     pub roughness: ScalarTexture,
+    /// Whether light that microfacets scatter more than once is lost, as in renderers without it.
+    pub single_scattering: bool,
 }
 
 impl Conductor {
@@ -247,6 +249,7 @@ pub(super) struct PreparedConductor {
     roughness: ScalarTexture,
     /// Albedo of microfacets that reflect everything.
     white: &'static AlbedoTable,
+    single_scattering: bool,
     fluoresces: bool,
 }
 
@@ -267,7 +270,8 @@ impl Conductor {
             SpectralTerm { spectrum, bands: bands.clone(), weight: ScalarTexture::Constant(1.0) }
         };
         let terms = reflectance.basis().iter().map(term).collect();
-        (PreparedConductor { reflectance, roughness: self.roughness.clone(), white, fluoresces }, terms)
+        let (roughness, single_scattering) = (self.roughness.clone(), self.single_scattering);
+        (PreparedConductor { reflectance, roughness, white, single_scattering, fluoresces }, terms)
     }
 }
 
@@ -276,12 +280,14 @@ impl PreparedConductor {
     #[inline]
     pub(super) fn bsdf(&self, uv: Vec2, outgoing: Vec3) -> ConductorBsdf<'_> {
         let alpha = microfacet::rough(self.roughness.at(uv));
-        let lost = alpha.map_or(0.0, |a| (1.0 - self.white.at(outgoing.z, a).0).max(LEAST_COSINE));
+        let returned = alpha.filter(|_| !self.single_scattering);
+        let lost = returned.map_or(0.0, |a| (1.0 - self.white.at(outgoing.z, a).0).max(LEAST_COSINE));
         ConductorBsdf {
             metal: &self.reflectance,
             viewer: self.reflectance.viewer(outgoing.z),
             outgoing,
             white: self.white,
+            single_scattering: self.single_scattering,
             alpha,
             cosine_probability: lost.max(fluorescent_share(self.fluoresces)),
         }
@@ -294,6 +300,7 @@ pub(crate) struct ConductorBsdf<'a> {
     viewer: usize,
     outgoing: Vec3,
     white: &'a AlbedoTable,
+    single_scattering: bool,
     /// `None` is a mirror.
     alpha: Option<f32>,
     /// Probability to draw from the cosine lobe instead of the specular one.
@@ -328,8 +335,9 @@ impl ConductorBsdf<'_> {
         // Multiple scattering between microfacets, c V + d.
         let (albedo_o, mean) = white.at(outgoing.z, alpha);
         let albedo_i = white.at(incident.z, alpha).0;
+        let returned = if self.single_scattering { 0.0 } else { lambert };
         let multiple =
-            lambert * (1.0 - albedo_o).max(0.0) * (1.0 - albedo_i).max(0.0) / (1.0 - mean).max(1e-6);
+            returned * (1.0 - albedo_o).max(0.0) * (1.0 - albedo_i).max(0.0) / (1.0 - mean).max(1e-6);
         let (c, d) = metal.multiple(self.viewer, alpha);
         BsdfValue {
             diffuse: lobe * a + multiple * c,
@@ -367,7 +375,7 @@ mod tests {
         // Copper-like: dark in the blue.
         let n = Curve::new(vec![200.0, 560.0, 620.0, 1200.0], vec![1.2, 1.0, 0.25, 0.25]).unwrap();
         let k = Curve::new(vec![200.0, 560.0, 620.0, 1200.0], vec![2.2, 2.6, 3.3, 5.0]).unwrap();
-        let copper = Conductor { n, k, roughness: ScalarTexture::Constant(0.0) };
+        let copper = Conductor { n, k, roughness: ScalarTexture::Constant(0.0), single_scattering: false };
         let grid = WavelengthGrid::uniform(400.0, 700.0, 50.0).unwrap();
         let reflectance = ConductorReflectance::new(&copper, &grid, white_microfacets());
         let (n, k) = (copper.n.bin_averages(&grid), copper.k.bin_averages(&grid));
@@ -387,6 +395,7 @@ mod tests {
             n: Curve::constant(1e-6),
             k: Curve::constant(k),
             roughness: ScalarTexture::Constant(roughness),
+            single_scattering: false,
         })
     }
 
@@ -397,6 +406,24 @@ mod tests {
             for material in plain_and_fluorescent(metal(3.0, roughness)) {
                 assert_samples_follow_density(&material, true, cos, 2 * cases.len());
             }
+        }
+    }
+
+    /// Samples of single scattering follow their density, and what is lost is what the tables say.
+    #[test]
+    fn single_scattering_loses_what_the_other_returns() {
+        let once = |roughness: f32| match metal(50.0, roughness) {
+            Scattering::Conductor(metal) => {
+                Scattering::Conductor(Conductor { single_scattering: true, ..metal })
+            }
+            other => other,
+        };
+        for (roughness, cos) in [(0.2, 0.9), (0.5, 0.3), (1.0, 0.6)] {
+            for material in plain_and_fluorescent(once(roughness)) {
+                assert_samples_follow_density(&material, true, cos, 6);
+            }
+            let albedo = f64::from(white_microfacets().at(cos, roughness).0);
+            assert_furnace(&plain_and_fluorescent(once(roughness))[0], true, cos, 0.0, albedo, 4e-3);
         }
     }
 
@@ -419,6 +446,7 @@ mod tests {
             n: Curve::constant(1e-6),
             k: Curve::constant(50.0),
             roughness: ScalarTexture::Constant(0.5),
+            single_scattering: false,
         };
         let grid = WavelengthGrid::uniform(400.0, 700.0, 50.0).unwrap();
         let reflectance = ConductorReflectance::new(&silver, &grid, rough);

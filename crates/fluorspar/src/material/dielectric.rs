@@ -29,6 +29,8 @@ pub struct Dielectric {
     pub roughness: ScalarTexture,
     /// Share of the light that crosses the surface and is not absorbed there, 0 to 1.
     pub transmittance: Curve,
+    /// Whether light that microfacets scatter more than once is lost, as in renderers without it.
+    pub single_scattering: bool,
 }
 
 impl Dielectric {
@@ -191,6 +193,7 @@ impl DielectricAlbedo {
 pub(super) struct PreparedDielectric {
     table: Arc<DielectricAlbedo>,
     roughness: ScalarTexture,
+    single_scattering: bool,
     fluoresces: bool,
 }
 
@@ -203,7 +206,8 @@ impl Dielectric {
     ) -> (PreparedDielectric, Vec<SpectralTerm>) {
         let table = DielectricAlbedo::shared(self.refractive_index);
         let term = SpectralTerm::new(&self.transmittance, ScalarTexture::Constant(1.0), grid);
-        (PreparedDielectric { table, roughness: self.roughness.clone(), fluoresces }, vec![term])
+        let (roughness, single_scattering) = (self.roughness.clone(), self.single_scattering);
+        (PreparedDielectric { table, roughness, single_scattering, fluoresces }, vec![term])
     }
 }
 
@@ -214,10 +218,21 @@ impl PreparedDielectric {
         let (table, alpha) = (&*self.table, microfacet::rough(self.roughness.at(uv)));
         let index = table.refractive_index();
         let eta = if front { index } else { 1.0 / index };
-        let lost = alpha.map_or(0.0, |alpha| table.loss(!front, outgoing.z, alpha).0.max(LEAST_COSINE));
+        let returned = alpha.filter(|_| !self.single_scattering);
+        let lost = returned.map_or(0.0, |alpha| table.loss(!front, outgoing.z, alpha).0.max(LEAST_COSINE));
         let cosine_probability = lost.max(fluorescent_share(self.fluoresces));
-        let fluoresces = self.fluoresces;
-        DielectricBsdf { table, outgoing, alpha, inside: !front, eta, fluoresces, cosine_probability }
+        let Self { single_scattering, fluoresces, .. } = *self;
+        let inside = !front;
+        DielectricBsdf {
+            table,
+            outgoing,
+            alpha,
+            inside,
+            eta,
+            single_scattering,
+            fluoresces,
+            cosine_probability,
+        }
     }
 }
 
@@ -230,6 +245,7 @@ pub(crate) struct DielectricBsdf<'a> {
     inside: bool,
     /// Index on the far side over that on the side of the viewer.
     eta: f32,
+    single_scattering: bool,
     fluoresces: bool,
     /// Probability to draw from the cosine lobes instead of the specular ones.
     cosine_probability: f32,
@@ -260,7 +276,10 @@ impl DielectricBsdf<'_> {
         } else {
             reflection(self.outgoing, incident, alpha, self.eta)
         };
-        let value = value + self.table.diffuse(self.inside, self.outgoing, incident, alpha);
+        let value = match self.single_scattering {
+            true => value,
+            false => value + self.table.diffuse(self.inside, self.outgoing, incident, alpha),
+        };
         let through = self.transmitted_share();
         let side = if behind { through } else { 1.0 - through };
         let pdf = (1.0 - self.cosine_probability) * pdf + self.cosine_probability * side * lambert;
@@ -390,6 +409,7 @@ mod tests {
             refractive_index,
             roughness: ScalarTexture::Constant(roughness),
             transmittance: Curve::constant(1.0),
+            single_scattering: false,
         })
     }
 

@@ -108,12 +108,14 @@ pub(crate) fn glass(index: f32, roughness: f32, transmittance: f64) -> Material 
         refractive_index: index,
         roughness: ScalarTexture::Constant(roughness),
         transmittance: flat(transmittance),
+        single_scattering: false,
     };
     Material::new("glass", Scattering::Dielectric(glass))
 }
 
 pub(crate) fn metal(n: Curve, k: Curve, roughness: f32) -> Material {
-    let conductor = Conductor { n, k, roughness: ScalarTexture::Constant(roughness) };
+    let roughness = ScalarTexture::Constant(roughness);
+    let conductor = Conductor { n, k, roughness, single_scattering: false };
     Material::new("metal", Scattering::Conductor(conductor))
 }
 
