@@ -34,15 +34,19 @@ impl Convert<'_> {
         given.used(&["shutteropen", "shutterclose"]);
         let class = camera.entity.class.as_str();
         let at = camera.entity.at;
-        if !PINHOLES.contains(&class) && !LENSES.contains(&class) {
+        let is_parallel = class == "orthographic";
+        if !PINHOLES.contains(&class) && !LENSES.contains(&class) && !is_parallel {
             let message = format!(
-                "Camera \"{}\" has no counterpart; \"perspective\", and \"realistic\" with a lens file, have one",
+                "Camera \"{}\" has no counterpart; \"perspective\", \"orthographic\", and \"realistic\" with a lens file, have one",
                 excerpt(class)
             );
             return Err(self.error(at, message));
         }
         let is_lens = LENSES.contains(&class);
-        let tan_half_width = if is_lens { 0.5 } else { self.tan_half_width(&given, width, height)? };
+        let tan_half_width =
+            if is_lens || is_parallel { 0.5 } else { self.tan_half_width(&given, width, height)? };
+        // Of parallel rays the window is in units of the camera's frame.
+        let half_window = if is_parallel { Some(self.half_window(&given, width, height)?) } else { None };
 
         // Place the axes of the camera in the scene
         let map = self.scene_from_world() * camera.to_world;
@@ -63,6 +67,8 @@ impl Convert<'_> {
             width,
             height,
             lens: None,
+            parallel_half_width_m: half_window
+                .map(|half| (half * map.transform_vector3(DVec3::X).length()) as f32),
         };
         if is_lens {
             self.lens(&given, &mut view)?;
@@ -84,8 +90,14 @@ impl Convert<'_> {
                 self.error(at, format!("a field of view of {degrees} degrees; give one between 0 and 179"))
             );
         }
+        Ok((0.5 * degrees.to_radians()).tan() * self.half_window(given, width, height)?)
+    }
+
+    /// Half of the width of the window on the plane at distance 1.
+    fn half_window(&mut self, given: &Given<'_>, width: usize, height: usize) -> Result<f64, PbrtError> {
+        let at = given.entity.at;
         if given.number("lensradius").is_some_and(|radius| radius > 0.0) {
-            self.remark(at, "\"lensradius\": the camera is a pinhole, everything is in focus");
+            self.remark(at, "\"lensradius\": there is no lens, everything is in focus");
         }
         given.used(&["focaldistance"]);
         let pixels = width as f64 / height as f64;
@@ -106,7 +118,7 @@ impl Convert<'_> {
         } else if (aspect / pixels - 1.0).abs() > 1e-3 {
             self.remark(at, "\"frameaspectratio\": pixels are square here; the width of the field is kept");
         }
-        Ok((0.5 * degrees.to_radians()).tan() * half)
+        Ok(half)
     }
 
     /// Puts the lens of a file before the film.

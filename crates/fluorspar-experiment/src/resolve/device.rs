@@ -141,7 +141,9 @@ pub(super) fn camera(
     let up = context.direction(&at("up"), section.up)?;
     let traced = lens.and_then(|lens| lens.traced.as_ref());
     let formation = file.lens.as_ref().and_then(LensSection::image_formation).unwrap_or_default();
+    let parallel_width_mm = parallel_width_mm(context, file)?;
     let field_deg = match (section.horizontal_field_deg, lens, sensor) {
+        _ if parallel_width_mm.is_some() => 90.0,
         (given, _, _) if traced.is_some() => {
             let field_deg =
                 traced.and_then(|lens| lens.covering_tangent()).map(|t| 2.0 * t.atan().to_degrees());
@@ -201,10 +203,26 @@ pub(super) fn camera(
     match PerspectiveCamera::look_at(position, target, up, field_deg as f32, width, height) {
         Some(mut camera) => {
             camera.lens = traced.filter(|_| formation == ImageFormation::Rendered).cloned();
+            camera.parallel_half_width_m = parallel_width_mm.map(|width| (0.5e-3 * width) as f32);
             Ok(camera)
         }
         None => context.fail(&steps!["camera"], "position, direction and field of view make no camera"),
     }
+}
+
+/// The width that parallel rays span, mm, where the camera has such.
+fn parallel_width_mm(context: &Context<'_>, file: &ExperimentFile) -> Resolved<Option<f64>> {
+    let Some(width_mm) = file.camera.parallel_width_mm else { return Ok(None) };
+    let at = steps!["camera", "parallel_width_mm"];
+    if file.lens.is_some() || file.sensor.is_some() {
+        let message = "parallel rays make no image behind a lens; remove [lens] and [sensor], or this line";
+        return context.fail(&at, message);
+    }
+    if file.camera.horizontal_field_deg != FieldOfView::FromLens {
+        return context
+            .fail(&at, "parallel rays have no field of view; remove horizontal_field_deg, or this line");
+    }
+    context.within(&at, width_mm, LENGTH_MM, "millimeters").map(Some)
 }
 
 /// The viewing filters at the fixed angle.

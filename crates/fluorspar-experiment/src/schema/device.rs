@@ -90,6 +90,10 @@ pub struct CameraSection {
     /// Horizontal field of view, degrees, at least 1e-6 and below 179, or "from_lens": what `lens` and `sensor` see.
     /// Default "from_lens".
     pub horizontal_field_deg: FieldOfView,
+    /// Width of the image in the scene, mm, where all rays are parallel (an orthographic camera, for a scene without lens and
+    /// sensor); takes the place of the field of view. Default: none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub parallel_width_mm: Option<f64>,
 }
 
 impl Default for CameraSection {
@@ -99,6 +103,7 @@ impl Default for CameraSection {
             look_at_mm: [0.0; 3],
             up: [0.0, 1.0, 0.0],
             horizontal_field_deg: FieldOfView::FromLens,
+            parallel_width_mm: None,
         }
     }
 }

@@ -36,7 +36,7 @@ fn image(rendered: &Study) -> ComponentImage {
     image.features = FeatureMaps {
         part: (0..width * height).map(|pixel| if is_middle(pixel) { 1 } else { 2 }).collect(),
         part_names: vec!["middle".into(), "rim".into()],
-        view: Some(rendered.scene.camera.view()),
+        view: rendered.scene.camera.view(),
         ..FeatureMaps::default()
     };
     image

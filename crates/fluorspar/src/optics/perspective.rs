@@ -1,4 +1,4 @@
-//! The camera of a scene: a pinhole that samples the radiance field, or film behind a traced lens.
+//! The camera of a scene: a pinhole that samples the radiance field, parallel rays, or film behind a traced lens.
 
 use std::sync::Arc;
 
@@ -29,6 +29,9 @@ pub struct PerspectiveCamera {
     pub height: usize,
     /// Lens through which the image is rendered; none is a pinhole.
     pub lens: Option<Arc<CameraLens>>,
+    /// Half of the width of the image in the scene, m, where all rays are parallel: an orthographic camera, whose rays start in
+    /// the plane of its position. None is a pinhole or a lens.
+    pub parallel_half_width_m: Option<f32>,
 }
 
 /// A ray of the camera.
@@ -65,24 +68,28 @@ impl PerspectiveCamera {
             width,
             height,
             lens: None,
+            parallel_half_width_m: None,
         })
     }
 
-    /// The view that image files store.
-    pub fn view(&self) -> View {
-        View {
+    /// The view that image files store; none of parallel rays, which have no field of view.
+    pub fn view(&self) -> Option<View> {
+        self.parallel_half_width_m.is_none().then(|| View {
             position_m: self.position.to_array(),
             forward: self.forward.to_array(),
             right: self.right.to_array(),
             tan_half_width: self.tan_half_width,
-        }
+        })
     }
 
     /// Origin and unit direction through image coordinates in pixels: x from the left, y from the top.
     pub fn ray(&self, x: f32, y: f32) -> (Vec3, Vec3) {
-        let scale = 2.0 * self.tan_half_width / self.width as f32;
+        let scale = 2.0 * self.parallel_half_width_m.unwrap_or(self.tan_half_width) / self.width as f32;
         let dx = (x - 0.5 * self.width as f32) * scale;
         let dy = (0.5 * self.height as f32 - y) * scale;
+        if self.parallel_half_width_m.is_some() {
+            return (self.position + self.right * dx + self.up * dy, self.forward);
+        }
         (self.position, (self.forward + self.right * dx + self.up * dy).normalize())
     }
 
@@ -134,6 +141,15 @@ mod tests {
         assert!((left.dot(right) - 60_f32.to_radians().cos()).abs() < 1e-6);
         assert!(right.x > 0.0, "looking along -z, the right of the image is +x");
         assert!(camera.ray(100.0, 0.0).1.y > 0.0);
+    }
+
+    #[test]
+    fn parallel_rays_span_the_width() {
+        let camera = PerspectiveCamera::look_at(Vec3::Z, Vec3::ZERO, Vec3::Y, 60.0, 200, 100).unwrap();
+        let camera = PerspectiveCamera { parallel_half_width_m: Some(0.5), ..camera };
+        let (corner, direction) = camera.ray(0.0, 0.0);
+        assert_eq!((corner, direction), (Vec3::new(-0.5, 0.25, 1.0), Vec3::NEG_Z));
+        assert_eq!(camera.view(), None);
     }
 
     #[test]

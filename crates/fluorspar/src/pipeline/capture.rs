@@ -292,8 +292,7 @@ pub fn check_captures(study: &Study, components: &ComponentImage) -> Result<(), 
             return Err(PipelineError::OtherLights { frame, group, known: known.join(", ") });
         }
     }
-    if let Some(view) = &components.features.view {
-        let now = study.scene.camera.view();
+    if let (Some(view), Some(now)) = (&components.features.view, study.scene.camera.view()) {
         let apart = |a: [f32; 3], b: [f32; 3]| a.iter().zip(b).any(|(a, b)| (a - b).abs() > 1e-6);
         if apart(view.position_m, now.position_m)
             || apart(view.forward, now.forward)

@@ -84,7 +84,9 @@ fn difference(rendered: &Study, wanted: &Study) -> Option<String> {
         return listed;
     }
     let (a, b) = (&old.camera, &new.camera);
-    if (a.position, a.forward, a.right, a.up) != (b.position, b.forward, b.right, b.up) {
+    if (a.position, a.forward, a.right, a.up) != (b.position, b.forward, b.right, b.up)
+        || a.parallel_half_width_m != b.parallel_half_width_m
+    {
         return Some("place or direction of the camera".into());
     }
     if (a.lens.is_some() || b.lens.is_some()) && a.lens != b.lens {

@@ -19,7 +19,7 @@ pub(super) fn feature_maps(compiled: &CompiledScene, scene: &Scene) -> FeatureMa
         uv: vec![[0.0; 2]; pixels],
         part_names: scene.objects.iter().map(|o| o.name.clone()).collect(),
         material_names: scene.objects.iter().map(|o| scene.materials[o.material].name.clone()).collect(),
-        view: Some(camera.view()),
+        view: camera.view(),
     };
     (&mut maps.depth_m, &mut maps.normal, &mut maps.part, &mut maps.uv).into_par_iter().enumerate().for_each(
         |(index, (depth_m, normal, part, uv))| {
