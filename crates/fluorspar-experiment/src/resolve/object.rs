@@ -14,8 +14,9 @@ use super::spectrum::Role;
 use crate::error::{Place, steps};
 use crate::kept::kept_mouth;
 use crate::schema::{
-    BoxShape, DiscShape, DisplacementSection, EmissionSection, ExperimentFile, FilePath, InstanceSection,
-    MouthSection, ObjectSection, PlacesSection, QuadShape, ShapeSection, SphereShape, TransformSection,
+    BoxShape, DiscShape, DisplacementSection, EmissionSection, EmissionSides, ExperimentFile, FilePath,
+    InstanceSection, MouthSection, ObjectSection, PlacesSection, QuadShape, ShapeSection, SphereShape,
+    TransformSection,
 };
 use fluorspar::geometry::{MeshInstance, MeshInstances, TriangleMesh};
 use fluorspar::light::LightGroup;
@@ -500,7 +501,7 @@ fn surface_emission(
     Ok(SurfaceEmission {
         group: group_index(groups, &section.group),
         radiance: curve.scaled(radiance / total),
-        is_one_sided: false,
+        is_one_sided: section.sides == EmissionSides::Front,
     })
 }
 

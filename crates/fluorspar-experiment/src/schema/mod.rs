@@ -42,8 +42,8 @@ pub use material::{
     ScatteringSection, SpectraSource, TableSource, TissueMaterialSection, TwoSidedSection,
 };
 pub use object::{
-    BoxShape, DiscShape, DisplacementSection, EmissionSection, InstanceSection, LesionSection, MeshShape,
-    MouthSection, ObjectSection, PlacesSection, QuadShape, ScanSection, ShapeSection, SphereShape,
+    BoxShape, DiscShape, DisplacementSection, EmissionSection, EmissionSides, InstanceSection, LesionSection,
+    MeshShape, MouthSection, ObjectSection, PlacesSection, QuadShape, ScanSection, ShapeSection, SphereShape,
     TransformSection,
 };
 pub use path::{FilePath, NameOrLens, NameOrTable};
@@ -60,7 +60,7 @@ pub use tissue::{
 
 /// An experiment: scene, lights, camera, captures and analysis. Lengths are in millimeters, wavelengths in
 /// nanometers; every other unit is in the name of its field.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ExperimentFile {
     /// Version of the form of this file: 1.

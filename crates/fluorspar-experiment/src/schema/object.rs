@@ -200,7 +200,7 @@ pub struct DisplacementSection {
     pub subdivisions: u32,
 }
 
-/// Light that a surface emits by itself, evenly in all directions from both sides.
+/// Light that a surface emits by itself, evenly in all directions.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct EmissionSection {
@@ -210,6 +210,27 @@ pub struct EmissionSection {
     pub spectrum: SpectrumReference,
     /// Radiance over 200 to 1200 nm, W/(sr m²), above 0.
     pub radiance_w_per_sr_m2: f64,
+    /// Sides that emit: `"both"`, or `"front"`, that of the geometric normal; the outside of spheres and boxes. The surface
+    /// reflects on both. Default "both".
+    #[serde(default, skip_serializing_if = "EmissionSides::is_both")]
+    pub sides: EmissionSides,
+}
+
+/// Sides of a surface that emit.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum EmissionSides {
+    /// Both.
+    #[default]
+    Both,
+    /// That of the geometric normal.
+    Front,
+}
+
+impl EmissionSides {
+    fn is_both(&self) -> bool {
+        *self == Self::Both
+    }
 }
 
 /// A named surface.
