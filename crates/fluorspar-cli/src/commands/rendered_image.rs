@@ -181,8 +181,8 @@ impl CaptureView {
     pub(crate) fn say_uncertainty(&self, study: &Study, messages: Messages) {
         if let Some(found) = &self.uncertainty {
             messages.status(format!(
-                "Concentrations changed without a new render: exact but for light that fluoresced twice, {:.2} % of the fluorescence, \
-                 which may be off by {:.2} % of it",
+                "Concentrations changed without a new render: exact but for light that fluoresced twice, {:.2} % of the light of its \
+                 lamps, which may be off by {:.2} % of that light at the very most",
                 100.0 * found.share,
                 100.0 * found.largest_error
             ));

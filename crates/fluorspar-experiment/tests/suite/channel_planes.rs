@@ -221,8 +221,8 @@ fn concentrations_of_a_finished_render_are_those_of_a_new_one() {
             // The film rounds values to 2^-30 of the brightest sample, and sums of blocks to single precision.
             assert!((edited - new).abs() <= 2e-6 * peak, "{edited} {new}, peak {peak}");
         }
-        // All fluorescence
-        let all = |light: &LightPath| *light != LightPath::Reflected;
+        // All light
+        let all = |_: &LightPath| true;
         let sum = |values: Vec<f32>| values.into_iter().map(f64::from).sum::<f64>();
         let (edited, new) = (sum(rates(&planes, &factors, &all)), sum(rates(&new_planes, &ones, &all)));
         most = most.max((edited / new - 1.0).abs());
@@ -250,4 +250,56 @@ fn concentrations_that_no_light_shows_and_masks_of_other_shapes_are_refused() {
     let factors = concentration_factors(&BTreeMap::new(), &painted, &image).unwrap();
     let elastin = image.components.iter().position(|c| c.light == LightPath::Fluorescence("elastin".into()));
     assert_eq!(factors.at(elastin.unwrap(), 100), 2.5);
+}
+
+/// A mask painted on the image of a plane, which no light reaches twice, against a new render of a plane that holds as much: the same
+/// light in every pixel, but for that which fluoresced twice.
+#[test]
+fn a_painted_mask_shows_what_a_new_render_of_a_plane_does() {
+    let study = |changes: &[&str]| {
+        let text = preset::experiment("flat-patch").unwrap().text;
+        let mut all: Vec<String> = [
+            "render.width_px=16",
+            "render.height_px=12",
+            "render.samples_per_pixel=4",
+            "sensor.columns=32",
+            "sensor.rows=24",
+        ]
+        .map(String::from)
+        .into();
+        all.extend(changes.iter().map(|change| (*change).to_owned()));
+        resolve(&parse(text, "mask", Path::new("."), &all).unwrap()).unwrap().study
+    };
+    let rendered = study(&["material.patch.concentrations.elastin=0.5"]);
+    // Three times as much in one half of the plane, whose middle is that of the image.
+    let map = "material.patch.concentrations.elastin={ checker = [2, 1], low = 0.5, high = 1.5 }";
+    let (image, again) = (run(&rendered.scene, &rendered.render), {
+        let study = study(&[map]);
+        run(&study.scene, &study.render)
+    });
+    let number = image.components.iter().position(|c| c.light == LightPath::Fluorescence("elastin".into()));
+    let number = number.unwrap();
+    let plane = image.width * image.height * image.grid.len();
+    let spectrum = |image: &ComponentImage, pixel: usize| -> f64 {
+        let start = number * plane + pixel * image.grid.len();
+        image.data[start..start + image.grid.len()].iter().map(|value| f64::from(*value)).sum()
+    };
+    let ratio = |pixel: usize| spectrum(&again, pixel) / spectrum(&image, pixel);
+    let right = ratio(image.width - 1) > 2.0;
+    let mask = (0..image.width * image.height)
+        .map(|pixel| f32::from((pixel % image.width >= image.width / 2) == right));
+    let mut wanted = self::study(IDEAL, &["concentration.elastin=2"]);
+    wanted.concentrations[0].factor = 1.0;
+    wanted.concentrations[0].painted = Some(PaintedFactor {
+        inside: 3.0,
+        width: image.width,
+        height: image.height,
+        mask: mask.collect::<Vec<f32>>().into(),
+    });
+    let factors = concentration_factors(&BTreeMap::new(), &wanted, &image).unwrap();
+    for pixel in 0..image.width * image.height {
+        let (edited, new) = (factors.at(number, pixel) * spectrum(&image, pixel), spectrum(&again, pixel));
+        // The film rounds values to 2^-30 of the brightest sample, and sums of blocks to single precision.
+        assert!((edited - new).abs() <= 1e-5 * new, "{pixel}: {edited} {new}");
+    }
 }

@@ -81,9 +81,10 @@ fn painted_map(
 /// What changed concentrations leave uncertain.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MultipleUncertainty {
-    /// Light that fluoresced more than once over all fluorescence, in electrons, after the change.
+    /// Light that fluoresced more than once over all light of its light group, in electrons, after the change.
     pub share: f64,
-    /// Most that the fluorescence may be wrong by, as a share of it.
+    /// Most that the light of the group may be wrong by, as a share of it: as if all light that fluoresced twice had done so in
+    /// the one fluorophore of the least or of the largest factor. What it is wrong by is far less: a tenth of it and below.
     pub largest_error: f64,
 }
 
@@ -117,7 +118,9 @@ pub fn scale_multiple(
         let least = lit().map(|sum| sum.range[0]).fold(f64::INFINITY, f64::min).powi(2);
         let most = lit().map(|sum| sum.range[1]).fold(0.0, f64::max).powi(2);
         let light = FactorSum::of(*twice, &ComponentFactors::ones(factors.even.len()), planes).before;
-        let total = (after + factor * light).max(f64::MIN_POSITIVE);
+        let reflected = members.iter().filter(|(_, light)| *light == LightPath::Reflected);
+        let reflected: f64 = reflected.map(|(number, _)| FactorSum::of(*number, factors, planes).after).sum();
+        let total = (reflected + after + factor * light).max(f64::MIN_POSITIVE);
         let found = MultipleUncertainty {
             share: factor * light / total,
             largest_error: light * (most - factor).max(factor - least) / total,
