@@ -14,6 +14,7 @@
 //! | two spots, told apart | [`spot_separations`] | [`crate::analysis::SpotSeparation`]s |
 //! | less noise, for display | [`denoise`] | [`crate::image::ComponentImage`], labeled |
 //! | previews | [`preview`] | 8-bit sRGB |
+//! | a scene without its light: clay, parts, depth | [`surface_view`] of [`crate::render::visible_surfaces`] | 8-bit sRGB |
 //! | reflected light against fluorescence behind filters | [`filter_leak`] | [`FilterLeak`] |
 //! | the same for the frames of a study, in electrons | [`frame_leak`] | [`FrameLeak`] |
 //! | depths from which the fluorescence of tissue comes | [`depths_of_light`] | [`DepthOfLight`]s |
@@ -48,6 +49,7 @@ mod safety;
 mod scene_change;
 mod spectroradiometer;
 mod spot_separations;
+mod surface_view;
 mod tissue_estimate;
 mod tissue_family;
 
@@ -80,6 +82,7 @@ pub use safety::{CaptureSafety, ProgramSafety, SafetyReport, Viewer, ViewerSafet
 pub use scene_change::{check_same_scene, relight};
 pub use spectroradiometer::{SpectroradiometerReading, read_spectroradiometers};
 pub use spot_separations::spot_separations;
+pub use surface_view::{SurfaceView, depth_range_m, part_color, surface_view};
 pub use tissue_family::{FamilyFrame, tissue_family};
 
 use crate::analysis::AnalysisError;

@@ -24,6 +24,7 @@
 //! | `block_sum` | sums of a block of samples of a few pixels |
 //! | `pilot` | pilot samples, which find the quanta of the film |
 //! | `feature_maps` | geometry behind each pixel |
+//! | `visible_surfaces` | the same at once, by a depth buffer, for previews |
 //! | `adaptive` | when a tile has samples enough |
 //! | `film_renderer` | progressive tile renderer: multithreaded, resumable |
 
@@ -50,6 +51,7 @@ mod share;
 mod spectral_accumulation;
 mod surface;
 mod survival_probability;
+mod visible_surfaces;
 
 pub use adaptive::{ErrorChannel, ErrorTarget, ErrorTargetError};
 pub use error::RenderError;
@@ -60,3 +62,4 @@ pub use memory::{memory_bytes, surface_bytes, tile_row_bytes, whole_image_bytes}
 pub use scene_digest::scene_digest;
 pub use settings::{Estimator, RenderSettings};
 pub use share::Share;
+pub use visible_surfaces::visible_surfaces;

@@ -11,3 +11,4 @@ mod tissue_benchmarks;
 mod tissue_monte_carlo;
 mod tissue_solvers;
 mod transport_correctness;
+mod visible_surfaces;
