@@ -11,7 +11,7 @@
 //! | component image, part by part | [`ComponentFile`] | |
 //! | film (exact sums of a render) | [`read_film`] | [`write_film`] |
 //! | raw sensor frame, TIFF, PNG, DNG or packed | [`read_sensor_image`] | [`write_sensor_tiff`], [`write_sensor_png`], [`write_sensor_dng`], [`write_packed_raw`] |
-//! | texture, image, PNG, OpenEXR or PFM | [`read_texture`], [`read_texture_png`] | [`write_rgb_png`] |
+//! | texture, image, PNG, OpenEXR or PFM | [`read_texture`], [`read_texture_png`] | [`write_gray_png, write_rgb_png`] |
 //! | scene of pbrt, versions 3 and 4 | [`read_pbrt`] | |
 //! | lens, TOML, pbrt, ISET JSON or Zemax | [`read_lens`] | [`LensFile`] |
 //! | mesh, PLY, OBJ, STL, glTF | [`read_ply`], [`read_obj`], [`read_stl`], [`read_gltf`] | [`write_ply`] |
@@ -51,6 +51,7 @@ mod packed_raw;
 mod pbrt;
 mod placements;
 mod ply;
+mod ply_binary;
 mod png;
 mod provenance;
 mod raw;
@@ -93,7 +94,7 @@ pub use pbrt::{
 };
 pub use placements::read_placements;
 pub use ply::{read_ply, write_ply};
-pub use png::{TextureImage, Transfer, read_texture_png, write_rgb_png};
+pub use png::{TextureImage, Transfer, read_texture_png, write_gray_png, write_rgb_png};
 pub use provenance::{Loaded, Provenance};
 pub use raw::{read_sensor_image, write_sensor_png, write_sensor_tiff};
 pub use spooled_image::SpooledImage;

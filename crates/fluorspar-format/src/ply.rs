@@ -11,6 +11,7 @@ use ply_rs_bw::ply::{Property, PropertyAccess, PropertyAccessResult};
 use super::FormatError;
 use super::file::{MAX_MESH_BYTES, guarded, read_file};
 use super::output::write_atomically;
+use super::ply_binary::read_binary;
 use fluorspar::geometry::TriangleMesh;
 
 /// Reads a PLY file, plain or compressed by gzip: vertices with `x y z`, optionally `nx ny nz` and `u v`, `s t` or `texture_u texture_v`; faces
@@ -63,6 +64,9 @@ fn parse(path: &Path, bytes: &[u8]) -> Result<TriangleMesh, FormatError> {
     };
     let mut reader = Reader::new(BufReader::new(bytes));
     let header = Parser::<Skipped>::new().read_header(&mut reader).map_err(damaged)?;
+    if let Some(mesh) = read_binary(bytes, &header) {
+        return Ok(mesh);
+    }
     let mut mesh = TriangleMesh::default();
     for (_, element) in &header.elements {
         if element.count > bytes.len() {

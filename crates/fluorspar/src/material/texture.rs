@@ -91,6 +91,11 @@ impl ImageTexture {
         (self.width, self.height)
     }
 
+    /// The pixels, rows from the top.
+    pub fn values(&self) -> &[f32] {
+        &self.data
+    }
+
     /// Bilinear value; v = 0 is the bottom row.
     pub fn at(&self, uv: Vec2) -> f32 {
         let x = uv.x * self.width as f32 - 0.5;
