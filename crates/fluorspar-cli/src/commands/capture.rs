@@ -8,12 +8,13 @@ use fluorspar::image::SensorImage;
 use fluorspar::pipeline::{
     CameraColor, CapturedFrame, ColorRendering, capture_from_planes, check_captures, preview,
 };
-use fluorspar::study::Study;
+use fluorspar::study::{Capture, Study};
 use fluorspar_experiment::{ResolvedExperiment, resolve};
 use fluorspar_format::{
     DngColor, FormatError, OutputFolder, Provenance, RawPacking, write_atomically, write_packed_raw,
     write_rgb_png, write_sensor_dng, write_sensor_png, write_sensor_tiff,
 };
+use rayon::prelude::*;
 use serde_json::{Value, json};
 use std::io::Write;
 
@@ -156,8 +157,7 @@ fn write_frames(
     folder: &OutputFolder,
     provenance: &Provenance,
 ) -> Result<Vec<Value>, FormatError> {
-    let mut list = Vec::new();
-    for (frame, settings) in frames.iter().zip(&study.captures) {
+    let write = |(frame, settings): (&CapturedFrame, &Capture)| -> Result<Value, FormatError> {
         let color = CameraColor::of_frame(study, settings);
         let name_of = |raw: &SensorImage| format!("raw_{}.{}", raw.label, format.ending());
         for raw in std::iter::once(&frame.raw).chain(&frame.bracket) {
@@ -168,14 +168,14 @@ fn write_frames(
         let name = format!("preview_{}.png", frame.raw.label);
         write_rgb_png(&folder.path().join(name), picture.width, picture.height, &picture.rgb)?;
         let saturated = frame.developed.saturated.iter().filter(|s| **s).count();
-        list.push(json!({
+        Ok(json!({
             "name": frame.raw.label,
             "file": file,
             "bracket_files": frame.bracket.iter().map(name_of).collect::<Vec<_>>(),
             "exposure_s": frame.raw.exposure_s,
             "gain": frame.raw.gain,
             "saturated_fraction": saturated as f64 / frame.developed.saturated.len().max(1) as f64,
-        }));
-    }
-    Ok(list)
+        }))
+    };
+    frames.par_iter().zip(&study.captures).map(write).collect()
 }

@@ -1,6 +1,7 @@
 //! Previews: developed frames and radiance images in 8-bit sRGB.
 
 use glam::DMat3;
+use rayon::prelude::*;
 
 use super::direct_light::group_spectrum;
 use crate::image::{ChannelImage, SpectralImage};
@@ -157,7 +158,7 @@ pub fn preview(image: &ChannelImage, rendering: &ColorRendering) -> Preview {
     };
     let linear: Vec<[f64; 3]> = image
         .data
-        .chunks_exact(image.channels.len())
+        .par_chunks_exact(image.channels.len())
         .map(|pixel| {
             let values = channels.map(|c| f64::from(pixel[c]));
             rendering.matrix.map(|row| row.iter().zip(values).map(|(m, v)| m * v).sum())
@@ -212,6 +213,6 @@ fn to_srgb(width: usize, height: usize, linear: &[[f64; 3]], least_white: f64, l
         let factor = lift * (1.0 + x / (lift * lift)) / (1.0 + x) / white;
         p.map(|value| encode_srgb(value * factor))
     };
-    let rgb = linear.iter().flat_map(tone).collect();
-    Preview { width, height, rgb }
+    let rgb: Vec<[u8; 3]> = linear.par_iter().map(tone).collect();
+    Preview { width, height, rgb: rgb.into_flattened() }
 }
