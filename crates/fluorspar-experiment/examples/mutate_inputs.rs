@@ -31,7 +31,9 @@ use fluorspar::image::{
 };
 use fluorspar::render::{Checkpoint, FilmRenderer, RenderControl, RenderSettings, Share};
 use fluorspar::spectral::{Radiance, WavelengthGrid};
-use fluorspar_experiment::{parse, parse_sample, parse_sensor, preset, resolve};
+use fluorspar_experiment::{
+    edit_experiment, parse, parse_sample, parse_script, parse_sensor, preset, resolve,
+};
 use fluorspar_format as format;
 use fluorspar_format::{CsvEemOptions, CsvSpectrumOptions, ExrCompression, ExrOptions, RawPacking, Transfer};
 use glam::{Vec2, Vec3};
@@ -533,6 +535,11 @@ const PBRT: &str = "LookAt 0 0 5 0 0 0 0 1 0\nCamera \"perspective\" \"float fov
     AreaLightSource \"diffuse\" \"spectrum L\" [ 400 1 700 2 ] \"bool twosided\" true\nShape \"trianglemesh\" \"integer indices\" [ 0 1 2 ]\n  \
     \"point P\" [ 0 0 0 1 0 0 0 1 0 ]\nAttributeEnd\nObjectBegin \"o\" Shape \"sphere\" ObjectEnd ObjectInstance \"o\"\nInclude \"none.pbrt\"\n";
 
+const SCRIPT: &str = "format = 1\n[[change]]\nset = \"light.*.strength.irradiance_w_per_m2\"\nvalue = 20.5\n[[change]]\n\
+    set = \"patch/material.concentrations.\\\"elastin\\\"\"\nvalue = 0.5\n[[change]]\ninsert = \"object.ball\"\n\
+    value = { type = \"sphere\", radius_mm = 2.0, material = \"patch\", center_mm = [1.0, 2.0, 3.0] }\n[[change]]\n\
+    set = \"p*/transform.translate_mm[1]\"\nvalue = 3\n[[change]]\ndelete = \"object.ball\"\n";
+
 /// Texts as the command line reads them: bounded, then parsed and resolved.
 fn experiments(subjects: &mut Subjects) -> Outcome<()> {
     fn text(path: &Path) -> Option<String> {
@@ -558,6 +565,12 @@ fn experiments(subjects: &mut Subjects) -> Outcome<()> {
     // These resolve spectra, and are read a hundred times slower than the others.
     let count = subjects.list.len();
     subjects.list[count - 3..].iter_mut().for_each(|subject| subject.weight = 0.1);
+    // A damaged script that can be read is replayed on a scene.
+    let scene = preset::experiment("flat-patch")?.text;
+    subjects.add("script of changes", "c.toml", vec![SCRIPT.into()], move |path| {
+        let changes = text(path).and_then(|text| parse_script(&text, "c").ok());
+        changes.is_some_and(|changes| edit_experiment(scene, "e", base, &changes).is_ok())
+    });
     Ok(())
 }
 

@@ -1,6 +1,7 @@
 //! What takes long to make is made once: the cache of the program, if it has one.
 
 use std::sync::{Arc, Mutex, OnceLock};
+use std::thread::{self, JoinHandle};
 
 use fluorspar::material::{ScalarTexture, TissueSurface};
 use fluorspar::spectral::Fluorophore;
@@ -57,6 +58,18 @@ pub(crate) fn kept_solutions() -> KeptSolutions {
         }
     }
     KeptSolutions::new(Arc::new(InCache))
+}
+
+/// Reads a mouth from the cache, if it is there, while its caller does something else: [`kept_mouth`] finds it after this thread has
+/// been joined.
+pub(crate) fn fetch_mouth(parameters: &MouthParameters) -> JoinHandle<()> {
+    let parameters = parameters.clone();
+    thread::spawn(move || {
+        let _ = shared_mouth(&parameters, |key| {
+            let kept = cache().and_then(|cache| Mouth::from_bytes(&cache.get("mouth", key.as_bytes())?));
+            kept.ok_or_else(|| ParameterError { field: "", message: String::new() })
+        });
+    })
 }
 
 /// Solved tissues of this process, newest last, by what they were made of.

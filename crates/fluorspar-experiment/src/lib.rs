@@ -4,9 +4,11 @@
 //! | step | call | file |
 //! |---|---|---|
 //! | text to tree, with the line of every value | [`parse`] | `document.rs` |
-//! | base experiment below, overrides above | [`parse`] | `merge.rs`, `overrides.rs` |
+//! | base experiment below, overrides above | [`parse`] | `merge.rs`, `scene_change.rs` |
 //! | tree to typed sections | [`parse`] | `read.rs`, `schema/` |
 //! | sections to a study | [`resolve`] | `resolve/` |
+//! | paths with wildcards, parts by name, the tree of a scene | [`SceneChange`], [`scene_nodes`] | `scene_path.rs`, `scene_parts.rs`, `scene_tree.rs` |
+//! | changes written into a file, and files of changes | [`edit_experiment`], [`parse_script`] | `scene_edit.rs`, `scene_script.rs` |
 //! | the small file of a flat sample | [`parse_sample`] | `sample.rs` |
 //! | the small file of a sensor | [`parse_sensor`] | `sensor_file.rs` |
 //! | the small file of plane layers | [`parse_layers`] | `layers_file.rs` |
@@ -25,10 +27,15 @@ mod format_version;
 mod kept;
 mod layers_file;
 mod merge;
-mod overrides;
 mod read;
 mod resolve;
 mod sample;
+mod scene_change;
+mod scene_edit;
+mod scene_parts;
+mod scene_path;
+mod scene_script;
+mod scene_tree;
 mod sensor_file;
 mod shape;
 mod tissue_file;
@@ -49,13 +56,17 @@ pub use kept::{cache, kept_mouth, use_cache};
 pub use layers_file::{
     LayerEmissionSection, LayerSection, LayersFile, ResolvedEmission, ResolvedLayers, parse_layers,
 };
-pub use read::{Experiment, parse};
+pub use read::{Experiment, parse, parse_changed};
 pub use resolve::named_tissue::NamedTissue;
-pub use resolve::{FileRecord, InputFile, ResolvedExperiment, resolve, resolve_rendered};
+pub use resolve::{FileRecord, InputFile, ResolvedExperiment, resolve, resolve_rendered, resolve_shapes};
 pub use sample::{
     MeasuredLight, ResolvedSample, SampleCompatibility, SampleExposure, SampleFile, SampleLight,
     SampleMaterial, SampleSurface, SampleTissue, is_sample, parse_sample,
 };
+pub use scene_change::SceneChange;
+pub use scene_edit::edit_experiment;
+pub use scene_script::{parse_script, script_text};
+pub use scene_tree::{SceneNode, SceneValue, scene_nodes, scene_values};
 pub use sensor_file::{ResolvedSensor, SensorFile, parse_sensor};
 pub use tissue_file::{TissueFile, parse_tissue};
 pub use warning::Warning;

@@ -12,7 +12,7 @@ use super::error::{ExperimentError, Step, steps};
 use super::fit::{check, complete};
 use super::format_version::check_format;
 use super::merge::merge;
-use super::overrides;
+use super::scene_change::{Edit, SceneChange, apply_change};
 use super::schema::ExperimentFile;
 use super::shape::Schema;
 use crate::preset;
@@ -48,6 +48,24 @@ pub fn parse(
     Ok(Experiment { file, document })
 }
 
+/// [`parse`] with any changes instead of overrides: also entries that are inserted and deleted.
+///
+/// # Errors
+/// The first defect found.
+pub fn parse_changed(
+    text: &str,
+    source_name: &str,
+    base_dir: &Path,
+    changes: &[SceneChange],
+) -> Result<Experiment, ExperimentError> {
+    let schema = experiment_schema();
+    let mut document = read_merged(schema, text, source_name, base_dir)?;
+    change_document(&mut document, schema, changes, base_dir)?;
+    finish_document(&mut document, schema)?;
+    let file: ExperimentFile = typed(&mut document, schema)?;
+    Ok(Experiment { file, document })
+}
+
 /// The shapes of an experiment file.
 pub(super) fn experiment_schema() -> &'static Schema {
     static SCHEMA: OnceLock<Schema> = OnceLock::new();
@@ -62,22 +80,51 @@ pub(super) fn read_document(
     base_dir: &Path,
     overrides: &[String],
 ) -> Result<Document, ExperimentError> {
+    let changes = overrides.iter().map(|text| SceneChange::read_set(text)).collect::<Result<Vec<_>, _>>();
+    let mut document = read_merged(schema, text, source_name, base_dir)?;
+    change_document(&mut document, schema, &changes?, base_dir)?;
+    finish_document(&mut document, schema)?;
+    Ok(document)
+}
+
+/// Text and bases as one tree.
+pub(super) fn read_merged(
+    schema: &Schema,
+    text: &str,
+    source_name: &str,
+    base_dir: &Path,
+) -> Result<Document, ExperimentError> {
     let source =
         TextSource { name: source_name.into(), overriding: None, folder: Some(base_dir.to_path_buf()) };
     let mut document = Document::read(text, source)?;
     check_format(schema, &document.root, &document.sources[0])?;
     put_on_bases(&mut document, schema, base_dir)?;
-    for (number, text) in overrides.iter().enumerate() {
-        overrides::apply(&mut document, schema, number, text, base_dir)?;
+    Ok(document)
+}
+
+/// Applies changes one after the other; returns what each of them came to.
+pub(super) fn change_document(
+    document: &mut Document,
+    schema: &Schema,
+    changes: &[SceneChange],
+    base_dir: &Path,
+) -> Result<Vec<Vec<Edit>>, ExperimentError> {
+    let mut edits = Vec::with_capacity(changes.len());
+    for (number, change) in changes.iter().enumerate() {
+        edits.push(apply_change(document, schema, number, change, base_dir)?);
     }
     if document.root.get("base").is_some() {
         return Err(
             document.error(&steps!["base"], "a base can't be set by an override; write it into the file")
         );
     }
-    put_on_sensor_preset(&mut document, schema)?;
-    spell_out_mosaic(&mut document)?;
-    Ok(document)
+    Ok(edits)
+}
+
+/// Puts the preset of the sensor below its fields and spells out what has a short form.
+fn finish_document(document: &mut Document, schema: &Schema) -> Result<(), ExperimentError> {
+    put_on_sensor_preset(document, schema)?;
+    spell_out_mosaic(document)
 }
 
 /// A mosaic of two rows and columns may be written as four letters, one without color as "mono".

@@ -22,13 +22,19 @@ pub(super) mod tissue;
 
 pub use self::record::{FileRecord, InputFile};
 
+use std::collections::BTreeMap;
 use std::path::PathBuf;
+use std::thread::JoinHandle;
 
 use self::context::{Context, Resolved};
 use super::error::steps;
-use super::schema::{ExperimentFile, FieldOfView, LensSection};
+use super::schema::{
+    DiffuseSection, ExperimentFile, FieldOfView, LensSection, ReflectanceReference, ScatteringSection,
+    SpectrumReference,
+};
 use super::warning::Warning;
 use super::{Experiment, ExperimentError};
+use crate::kept::fetch_mouth;
 use crate::preset;
 use fluorspar::optics::PerspectiveCamera;
 use fluorspar::render::{RenderSettings, memory_bytes, tile_row_bytes, whole_image_bytes};
@@ -54,6 +60,8 @@ pub fn resolve(experiment: &Experiment) -> Result<ResolvedExperiment, Experiment
     let file = &experiment.file;
     let mut context = Context::new(&experiment.document);
     let context = &mut context;
+    // The largest file of the cache comes while materials are resolved.
+    let mouth = file.mouth.as_ref().map(|mouth| fetch_mouth(&mouth.parameters));
 
     let grid = device::grid(context, &file.spectral)?;
     let mut render = device::render_settings(context, &file.render)?;
@@ -67,6 +75,8 @@ pub fn resolve(experiment: &Experiment) -> Result<ResolvedExperiment, Experiment
     tissue::check_sections(context, &file.tissue, &file.fluorophore, &grid)?;
     let mut fluorophores = fluorophore::Fluorophores::default();
     let mut materials = material::materials(context, file, &grid, &mut fluorophores)?;
+    // What it could not read is made below.
+    let _ = mouth.map(JoinHandle::join);
     let (objects, copied_materials) =
         object::objects(context, file, &mut materials, &mut fluorophores, &grid, &mut light_groups)?;
     let concentrations = concentration::scale(context, file, &fluorophores, &mut materials.list)?;
@@ -132,6 +142,36 @@ pub fn resolve(experiment: &Experiment) -> Result<ResolvedExperiment, Experiment
         sha256,
     };
     Ok(ResolvedExperiment { study, record })
+}
+
+/// The shapes of an experiment at their places, with the camera that looks at them: what can be shown without light. Every material
+/// is gray, there are no lights, lesions and holes, and nothing is solved.
+///
+/// # Errors
+/// The first defect found.
+pub fn resolve_shapes(experiment: &Experiment) -> Result<Scene, ExperimentError> {
+    let mut file = experiment.file.clone();
+    for material in &mut file.material {
+        material.scattering = ScatteringSection::Diffuse(DiffuseSection {
+            reflectance: ReflectanceReference::Spectrum(SpectrumReference::Constant(0.5)),
+            gloss: None,
+            concentrations: BTreeMap::new(),
+        });
+        (material.opacity, material.normal_map) = (None, None);
+    }
+    file.mouth.iter_mut().for_each(|mouth| mouth.lesion.clear());
+    file.object.iter_mut().for_each(|object| object.emission = None);
+    let mut context = Context::new(&experiment.document);
+    let context = &mut context;
+    let grid = device::grid(context, &file.spectral)?;
+    device::check_camera(context, &file.camera)?;
+    let (_, camera) = camera(context, &file, &grid)?;
+    let mut fluorophores = fluorophore::Fluorophores::default();
+    let mut materials = material::materials(context, &file, &grid, &mut fluorophores)?;
+    let (objects, _) =
+        object::objects(context, &file, &mut materials, &mut fluorophores, &grid, &mut Vec::new())?;
+    let (materials, fluorophores) = (materials.list, fluorophores.list);
+    Ok(Scene { grid, objects, materials, fluorophores, light_groups: Vec::new(), lights: Vec::new(), camera })
 }
 
 /// The study that a component image was rendered from, where its surfaces are those of another experiment that is resolved

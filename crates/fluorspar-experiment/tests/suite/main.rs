@@ -20,6 +20,7 @@ mod mouth_appearance;
 mod porphyrin_coverage;
 mod safety_of_captures;
 mod scene_change;
+mod scene_control;
 mod sensor_files;
 mod stage_digests;
 mod steep_filters;

@@ -1,0 +1,162 @@
+//! Scripts of changes: files that are replayed on any scene, and compared line by line.
+
+use std::path::Path;
+use std::sync::OnceLock;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::error::{ExperimentError, steps};
+use super::read::{read_document, typed};
+use super::scene_change::SceneChange;
+use super::schema::FormatVersion;
+use super::shape::Schema;
+use fluorspar_format::WRITTEN_BY;
+
+/// A script: changes in their order.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct ScriptFile {
+    /// Version of the form of this file: 1.
+    format: FormatVersion,
+    /// The changes, in this order.
+    #[serde(default)]
+    change: Vec<ChangeSection>,
+}
+
+/// One change: exactly one of `set`, `insert` and `delete`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct ChangeSection {
+    /// Path of what is set.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    set: Option<String>,
+    /// List and name of an entry that is added.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    insert: Option<String>,
+    /// Path of what is removed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    delete: Option<String>,
+    /// Value of what is set or added, as it would be typed: a number, a text, a list, a table.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    value: Option<AnyValue>,
+}
+
+/// Whatever TOML can hold.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(transparent)]
+struct AnyValue(toml::Value);
+
+impl JsonSchema for AnyValue {
+    fn schema_name() -> std::borrow::Cow<'static, str> {
+        "AnyValue".into()
+    }
+
+    fn json_schema(_: &mut schemars::SchemaGenerator) -> schemars::Schema {
+        schemars::json_schema!({ "description": "Any value." })
+    }
+}
+
+fn script_schema() -> &'static Schema {
+    static SCHEMA: OnceLock<Schema> = OnceLock::new();
+    SCHEMA.get_or_init(Schema::of::<ScriptFile>)
+}
+
+/// Reads a script of changes.
+///
+/// # Errors
+/// The first defect found, with its line.
+pub fn parse_script(text: &str, source_name: &str) -> Result<Vec<SceneChange>, ExperimentError> {
+    let mut document = read_document(script_schema(), text, source_name, Path::new(""), &[])?;
+    let file: ScriptFile = typed(&mut document, script_schema())?;
+    let change = |(number, section): (usize, &ChangeSection)| {
+        let at = steps!["change", number];
+        let value = |value: &AnyValue| value.0.to_string();
+        match (&section.set, &section.insert, &section.delete, &section.value) {
+            (Some(path), None, None, Some(set)) => {
+                Ok(SceneChange::Set { path: path.clone(), value: value(set) })
+            }
+            (None, Some(path), None, Some(set)) => {
+                Ok(SceneChange::Insert { path: path.clone(), value: value(set) })
+            }
+            (None, None, Some(path), None) => Ok(SceneChange::Delete { path: path.clone() }),
+            (Some(_), None, None, None) | (None, Some(_), None, None) => {
+                Err(document.error(&at, "there is no `value`; add one"))
+            }
+            (None, None, Some(_), Some(_)) => {
+                Err(document.error(&at.field("value"), "what is deleted has no value; remove the line"))
+            }
+            _ => Err(document.error(&at, "a change has exactly one of `set`, `insert` and `delete`")),
+        }
+    };
+    file.change.iter().enumerate().map(change).collect()
+}
+
+/// A script as text.
+pub fn script_text(changes: &[SceneChange]) -> String {
+    let mut text = format!(
+        "# Changes of a scene, {WRITTEN_BY}: fluorspar scene set SCENE --script THIS_FILE --out NEW.toml\nformat = 1\n"
+    );
+    for change in changes {
+        let (key, path, value) = match change {
+            SceneChange::Set { path, value } => ("set", path, Some(value)),
+            SceneChange::Insert { path, value } => ("insert", path, Some(value)),
+            SceneChange::Delete { path } => ("delete", path, None),
+        };
+        text.push_str(&format!("\n[[change]]\n{key} = {}\n", toml::Value::String(path.clone())));
+        if let Some(value) = value {
+            text.push_str(&format!("value = {}\n", typed_value(value)));
+        }
+    }
+    text
+}
+
+/// A value as TOML: as it was typed where that is TOML, else as a text.
+fn typed_value(typed: &str) -> String {
+    let is_toml = !typed.contains('\n')
+        && format!("value = {typed}").parse::<toml::Table>().is_ok_and(|table| table.len() == 1);
+    if is_toml { typed.into() } else { toml::Value::String(typed.into()).to_string() }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "these are tests")]
+
+    use super::*;
+
+    #[test]
+    fn scripts_come_back() {
+        let set = |path: &str, value: &str| SceneChange::Set { path: path.into(), value: value.into() };
+        let changes = vec![
+            set("light.blue.strength.power_mw", "20.5"),
+            set("tooth_*/material", "\"white\""),
+            set("mouth.lesion.\"a b\".size_mm", "[1.0, 2.0]"),
+            SceneChange::Insert {
+                path: "object.ball".into(),
+                value: "{ type = \"sphere\", radius_mm = 2.0 }".into(),
+            },
+            SceneChange::Delete { path: "light.room".into() },
+        ];
+        let text = script_text(&changes);
+        assert_eq!(parse_script(&text, "s.toml").unwrap(), changes, "{text}");
+        // What was typed without quotes is a text.
+        let text = script_text(&[set("title", "two words")]);
+        assert_eq!(parse_script(&text, "s.toml").unwrap(), [set("title", "\"two words\"")]);
+    }
+
+    #[test]
+    fn mistakes_in_scripts_are_told_with_their_line() {
+        let cases = [
+            ("[[change]]\nset = \"a\"\n", "s.toml:2: change[0]: there is no `value`"),
+            ("[[change]]\ndelete = \"a\"\nvalue = 1\n", "what is deleted has no value"),
+            ("[[change]]\nvalue = 1\n", "exactly one of"),
+            ("[[change]]\nput = 1\n", "put"),
+            ("change = 3\n", "change"),
+        ];
+        for (text, words) in cases {
+            let said = parse_script(&format!("format = 1\n{text}"), "s.toml").unwrap_err().to_string();
+            assert!(said.contains(words), "{words}: {said}");
+        }
+        assert!(parse_script("", "s.toml").unwrap_err().to_string().contains("format = 1"));
+    }
+}
