@@ -11,12 +11,14 @@
 //! | `photolumi` | fluorescence matrices of pbrt-v3-spectral |
 //! | `shape` | shapes as meshes, spheres and discs |
 //! | `light` | lights and what shapes emit |
+//! | `experiment` | the scene as an experiment file, with its meshes |
 //! | `camera` | camera, film, sampler, integrator |
 //!
 //! What has no counterpart is named with file and line in [`PbrtStudy::remarks`]. `docs/pbrt.md` has the whole table.
 
 mod camera;
 mod convert;
+mod experiment;
 mod given;
 mod light;
 mod material;
@@ -27,4 +29,5 @@ mod spectrum;
 mod texture;
 
 pub use convert::{Emission, PbrtOptions, PbrtStudy, Remark, load};
+pub use experiment::{ConvertedScene, to_experiment};
 pub use rgb::{color_spectrum, primaries};

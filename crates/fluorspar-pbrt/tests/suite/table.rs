@@ -1,0 +1,288 @@
+//! The tables of docs/pbrt.md against the file formats of pbrt-v3 and v4 and against the reader: every directive, class and parameter of
+//! the public pages stands in the tables, and what the reader leaves out the tables call so.
+
+use std::fs;
+use std::path::Path;
+
+use fluorspar_pbrt::{PbrtOptions, PbrtStudy, load};
+
+/// Parameters of a class, as they are declared: `float fov`, or with a value `string filename=m.ply`.
+type Class = (&'static str, &'static str, &'static str);
+
+/// <https://pbrt.org/fileformat-v3> and <https://pbrt.org/fileformat-v4>, parameters of both versions together.
+const CLASSES: &[Class] = &[
+    (
+        "Camera",
+        "perspective",
+        "float frameaspectratio=1.5, float screenwindow=-1 1 -1 1, float lensradius, float focaldistance, float fov, float halffov, float shutteropen, float shutterclose",
+    ),
+    (
+        "Camera",
+        "orthographic",
+        "float frameaspectratio=1.5, float screenwindow=-1 1 -1 1, float lensradius, float focaldistance",
+    ),
+    (
+        "Film",
+        "rgb",
+        "integer xresolution, integer yresolution, float cropwindow=0 1 0 1, integer pixelbounds=0 1 0 1, float diagonal, string filename, bool savefp16, float iso, float whitebalance, string sensor, float maxcomponentvalue, float exposuretime",
+    ),
+    ("Film", "gbuffer", "string coordinatesystem"),
+    ("Film", "spectral", "integer nbuckets, float lambdamin, float lambdamax"),
+    ("Film", "image", "float scale, float maxsampleluminance"),
+    ("Sampler", "stratified", "integer pixelsamples, integer xsamples, integer ysamples, integer seed"),
+    ("Integrator", "path", "integer maxdepth"),
+    (
+        "Shape",
+        "trianglemesh",
+        "integer indices=0 1 2, point3 P=0 0 0 1 0 0 0 1 0, normal N=0 0 1 0 0 1 0 0 1, vector3 S=1 0 0 1 0 0 1 0 0, point2 uv=0 0 1 0 0 1, integer faceIndices=0, float alpha=1",
+    ),
+    ("Shape", "plymesh", "string filename=m.ply, texture displacement=f, float edgelength, float alpha=1"),
+    (
+        "Shape",
+        "bilinearmesh",
+        "integer indices=0 1 2 3, point3 P=0 0 0 1 0 0 0 1 0 1 1 0, normal N=0 0 1 0 0 1 0 0 1 0 0 1, point2 uv=0 0 1 0 0 1 1 1, string emissionfilename",
+    ),
+    (
+        "Shape",
+        "loopsubdiv",
+        "integer indices=0 1 2, point3 P=0 0 0 1 0 0 0 1 0, integer levels, string scheme",
+    ),
+    ("Shape", "sphere", "float radius=1, float zmin=-1, float zmax=1, float phimax=360"),
+    ("Shape", "disk", "float height, float radius, float innerradius=0.1, float phimax=360"),
+    ("Shape", "cylinder", "float radius, float zmin=0, float zmax=1, float phimax=360"),
+    ("Shape", "cone", "float radius, float height, float phimax=360"),
+    ("Shape", "paraboloid", "float radius, float zmin=0, float zmax=1, float phimax=360"),
+    ("Shape", "curve", ""),
+    ("Shape", "hyperboloid", ""),
+    ("Shape", "heightfield", ""),
+    ("Shape", "nurbs", ""),
+    ("Material", "matte", "rgb Kd=0.5 0.5 0.5, float sigma, texture bumpmap=f"),
+    ("Material", "diffuse", "rgb reflectance=0.5 0.5 0.5, texture displacement=f, string normalmap=n.png"),
+    ("Material", "plastic", "rgb Kd=0.5 0.5 0.5, rgb Ks=0.5 0.5 0.5, float roughness, bool remaproughness"),
+    (
+        "Material",
+        "substrate",
+        "rgb Kd=0.5 0.5 0.5, rgb Ks=0.5 0.5 0.5, float uroughness, float vroughness, bool remaproughness",
+    ),
+    (
+        "Material",
+        "uber",
+        "rgb Kd=0.5 0.5 0.5, rgb Ks=0.5 0.5 0.5, rgb Kr=0 0 0, rgb Kt=0 0 0, float roughness, float uroughness, float vroughness, float eta=1.5, float index=1.5, rgb opacity=1 1 1, bool remaproughness",
+    ),
+    (
+        "Material",
+        "coateddiffuse",
+        "rgb reflectance=0.5 0.5 0.5, float roughness, float uroughness, float vroughness, bool remaproughness, float thickness, float eta=1.5, float g, rgb albedo=0 0 0, integer maxdepth, integer nsamples",
+    ),
+    (
+        "Material",
+        "coatedconductor",
+        "float interface.roughness, float thickness, float interface.eta=1.5, float g, rgb albedo=0 0 0, integer maxdepth, integer nsamples, spectrum conductor.eta=\"metal-Ag-eta\", spectrum conductor.k=\"metal-Ag-k\", float conductor.roughness, bool remaproughness",
+    ),
+    (
+        "Material",
+        "metal",
+        "spectrum eta=\"metal-Cu-eta\", spectrum k=\"metal-Cu-k\", float roughness, float uroughness, float vroughness, bool remaproughness",
+    ),
+    (
+        "Material",
+        "conductor",
+        "spectrum eta=\"metal-Al-eta\", spectrum k=\"metal-Al-k\", float roughness, bool remaproughness",
+    ),
+    (
+        "Material",
+        "glass",
+        "rgb Kr=1 1 1, rgb Kt=1 1 1, float eta=1.5, float index=1.5, float uroughness, float vroughness, bool remaproughness",
+    ),
+    (
+        "Material",
+        "dielectric",
+        "float eta=1.5, float roughness, float uroughness, float vroughness, bool remaproughness",
+    ),
+    ("Material", "thindielectric", "float eta=1.5"),
+    ("Material", "mirror", "rgb Kr=0.9 0.9 0.9"),
+    ("Material", "interface", ""),
+    ("Material", "translucent", "rgb Kd=0.2 0.2 0.2"),
+    ("Material", "kdsubsurface", "rgb Kd=0.2 0.2 0.2"),
+    ("Material", "subsurface", ""),
+    ("Material", "disney", "rgb color=0.2 0.2 0.2"),
+    ("Material", "diffusetransmission", "rgb reflectance=0.2 0.2 0.2"),
+    ("Material", "measured", ""),
+    ("Material", "fourier", ""),
+    ("Material", "hair", "rgb color=0.2 0.2 0.2"),
+    ("LightSource", "point", "rgb I=1 1 1, point3 from=0 0 5, float scale, float power"),
+    (
+        "LightSource",
+        "spot",
+        "rgb I=1 1 1, point3 from=0 0 5, point3 to=0 0 0, float coneangle=30, float conedeltaangle=5, float scale, float power",
+    ),
+    (
+        "LightSource",
+        "distant",
+        "rgb L=1 1 1, point3 from=0 0 5, point3 to=0 0 0, float scale, float illuminance",
+    ),
+    ("LightSource", "infinite", "rgb L=1 1 1, float scale, float illuminance, integer samples"),
+    ("LightSource", "goniometric", ""),
+    ("LightSource", "projection", ""),
+    ("AreaLightSource", "diffuse", "rgb L=1 1 1, bool twosided, float scale, float power"),
+];
+
+/// Directives of both versions.
+const DIRECTIVES: &[&str] = &[
+    "Include",
+    "Import",
+    "Identity",
+    "Translate",
+    "Scale",
+    "Rotate",
+    "LookAt",
+    "Transform",
+    "ConcatTransform",
+    "CoordinateSystem",
+    "CoordSysTransform",
+    "ActiveTransform",
+    "TransformTimes",
+    "TransformBegin",
+    "TransformEnd",
+    "AttributeBegin",
+    "AttributeEnd",
+    "Attribute",
+    "ReverseOrientation",
+    "WorldBegin",
+    "WorldEnd",
+    "ObjectBegin",
+    "ObjectEnd",
+    "ObjectInstance",
+    "Camera",
+    "Film",
+    "Sampler",
+    "Integrator",
+    "SurfaceIntegrator",
+    "VolumeIntegrator",
+    "PixelFilter",
+    "Accelerator",
+    "Renderer",
+    "Option",
+    "ColorSpace",
+    "Shape",
+    "Material",
+    "MakeNamedMaterial",
+    "NamedMaterial",
+    "Texture",
+    "LightSource",
+    "AreaLightSource",
+    "MakeNamedMedium",
+    "MediumInterface",
+    "Volume",
+];
+
+/// Textures; their parameters stand in one table.
+const TEXTURES: &[&str] = &[
+    "constant",
+    "scale",
+    "mix",
+    "checkerboard",
+    "imagemap",
+    "bilerp",
+    "directionmix",
+    "uv",
+    "dots",
+    "fbm",
+    "wrinkled",
+    "windy",
+    "marble",
+    "ptex",
+];
+
+fn documentation() -> String {
+    fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/pbrt.md")).unwrap()
+}
+
+/// Rows of tables that name something in backquotes.
+fn rows<'a>(text: &'a str, name: &str) -> Vec<&'a str> {
+    let quoted = format!("`{name}`");
+    text.lines().filter(|line| line.starts_with('|') && line.contains(&quoted)).collect()
+}
+
+/// A scene with one directive and all of its parameters.
+fn scene((directive, class, parameters): &Class) -> String {
+    let mut line = format!("{directive} \"{class}\"");
+    for parameter in parameters.split(", ").filter(|parameter| !parameter.is_empty()) {
+        let (declared, value) = parameter.split_once('=').unwrap_or_else(|| {
+            let usual = match parameter.split(' ').next() {
+                Some("bool") => "true",
+                Some("string") => "\"x\"",
+                Some("integer") => "2",
+                _ => "0.5",
+            };
+            (parameter, usual)
+        });
+        let is_text = declared.starts_with("string") || declared.starts_with("texture");
+        let value = if is_text && !value.starts_with('"') { format!("\"{value}\"") } else { value.into() };
+        line.push_str(&format!(" \"{declared}\" [ {value} ]"));
+    }
+    let is_before = ["Camera", "Film", "Sampler", "Integrator"].contains(directive);
+    let (before, after) = if is_before { (line.as_str(), "") } else { ("", line.as_str()) };
+    let film = if *directive == "Film" {
+        ""
+    } else {
+        "Film \"image\" \"integer xresolution\" 4 \"integer yresolution\" 4\n"
+    };
+    format!(
+        "{before}\n{film}WorldBegin\nTexture \"f\" \"float\" \"constant\" \"float value\" 0.5\nLightSource \"infinite\"\n\
+         Shape \"disk\" \"float radius\" 1\n{after}\nShape \"disk\" \"float radius\" 3\n"
+    )
+}
+
+fn loaded(class: &Class) -> PbrtStudy {
+    let folder = tempfile::tempdir().unwrap();
+    let mesh = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nelement face 1\n\
+                property list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n";
+    fs::write(folder.path().join("m.ply"), mesh).unwrap();
+    fluorspar_format::write_rgb_png(&folder.path().join("n.png"), 2, 2, &[127, 127, 255].repeat(4)).unwrap();
+    fs::write(folder.path().join("s.pbrt"), scene(class)).unwrap();
+    let options = PbrtOptions::default();
+    load(&folder.path().join("s.pbrt"), &options).unwrap_or_else(|error| panic!("{class:?}: {error}"))
+}
+
+#[test]
+fn everything_of_the_public_pages_stands_in_the_tables() {
+    let text = documentation();
+    let names = DIRECTIVES.iter().chain(TEXTURES).copied();
+    let classes = CLASSES
+        .iter()
+        .filter(|(directive, ..)| !["Film", "Sampler", "Integrator"].contains(directive))
+        .map(|(_, class, _)| *class);
+    let parameters = CLASSES
+        .iter()
+        .flat_map(|(_, _, parameters)| parameters.split(", "))
+        .filter_map(|parameter| parameter.split(['=']).next()?.split(' ').nth(1));
+    let missing: Vec<&str> =
+        names.chain(classes).chain(parameters).filter(|name| rows(&text, name).is_empty()).collect();
+    // Parts of a name that belongs to a coat stand in words.
+    let missing: Vec<&str> =
+        missing.into_iter().filter(|name| !text.contains(&format!("`{name}`"))).collect();
+    assert!(missing.is_empty(), "docs/pbrt.md lacks {missing:?}");
+}
+
+#[test]
+fn what_the_reader_leaves_out_the_tables_call_so() {
+    let text = documentation();
+    let mut wrong = Vec::new();
+    for class in CLASSES {
+        let study = loaded(class);
+        for remark in
+            study.remarks.iter().filter(|remark| remark.text.contains("has no counterpart and is left out"))
+        {
+            let quoted: Vec<&str> = remark.text.split('"').skip(1).step_by(2).collect();
+            let name = quoted.last().copied().unwrap_or_default();
+            let is_said = rows(&text, name)
+                .iter()
+                .any(|row| ["named", "without its coat", "near"].iter().any(|word| row.contains(word)));
+            if !is_said {
+                wrong.push(format!("{} {}: {}", class.0, class.1, remark.text));
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "{wrong:#?}");
+}
