@@ -7,7 +7,7 @@ use clap_complete::Shell;
 
 use crate::commands::{
     analyze, capture, check, denoise, design, filter, fluorophore, lens, merge, mouth, predict, presets,
-    render, run, safety, schema, sensor, sheet, spectroradiometer, tissue, validate,
+    render, run, safety, scene, schema, sensor, sheet, spectroradiometer, tissue, validate,
 };
 use crate::message::Messages;
 use crate::values::{self, Override};
@@ -43,6 +43,8 @@ pub(crate) struct Args {
 pub(crate) enum Command {
     /// Run an experiment from scene to report.
     Run(run::Options),
+    /// List, get, set, convert and view what a scene holds, by name.
+    Scene(scene::Options),
     /// Render the spectral radiance of a scene, every band kept.
     Render(render::Options),
     /// Merge the films of several `render --shard` processes.

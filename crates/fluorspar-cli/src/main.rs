@@ -124,6 +124,7 @@ fn run(args: Args) -> Result<ExitCode, CliError> {
         Command::Validate(options) => commands::validate::run(&options),
         Command::Presets(options) => commands::presets::run(&options),
         Command::Check(options) => commands::check::run(&options),
+        Command::Scene(options) => commands::scene::run(&options),
         Command::Schema(options) => commands::schema::run(&options),
         Command::Completions { shell } => commands::completions::run(shell),
     }

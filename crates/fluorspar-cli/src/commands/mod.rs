@@ -21,6 +21,7 @@ mod rendered_image;
 pub(crate) mod row_bands;
 pub(crate) mod run;
 pub(crate) mod safety;
+pub(crate) mod scene;
 pub(crate) mod schema;
 pub(crate) mod sensor;
 pub(crate) mod sheet;

@@ -7,13 +7,15 @@ use clap::ValueEnum;
 use fluorspar::digest::sha256_hex;
 use fluorspar::image::StatisticsKind;
 use fluorspar::spectral::WavelengthGrid;
-use fluorspar_experiment::{FileRecord, InputFile, ResolvedExperiment, Warning};
-use fluorspar_pbrt::{Emission, PbrtOptions, PbrtStudy, load};
+use fluorspar::study::Study;
+use fluorspar_experiment::{FileRecord, InputFile, ResolvedExperiment, Warning, parse, resolve};
+use fluorspar_pbrt::{Emission, PbrtOptions, PbrtStudy, load, to_experiment};
 
 use crate::args::{ExperimentArgs, StatisticsOption};
 use crate::budget::Limits;
 use crate::error::CliError;
 use crate::experiment_source::ExperimentSource;
+use crate::values::{Override, as_typed, sets};
 
 /// Lines of an error that names what has no counterpart.
 const MOST_LINES: usize = 50;
@@ -34,6 +36,9 @@ pub(crate) struct PbrtArgs {
     /// Bands of the render: first and last middle and step, nm [default: 350:750:5].
     #[arg(long, value_name = "FIRST:LAST:STEP")]
     bands: Option<Bands>,
+    /// Let rough metals and glass lose the light that they scatter more than once, as pbrt does.
+    #[arg(long)]
+    single_scattering: bool,
 }
 
 /// A unit of length.
@@ -80,8 +85,39 @@ impl PbrtArgs {
             ("--strict", self.strict),
             ("--light-spectra", self.light_spectra.is_some()),
             ("--bands", self.bands.is_some()),
+            ("--single-scattering", self.single_scattering),
         ];
         options.into_iter().find_map(|(name, is_given)| is_given.then_some(name))
+    }
+
+    /// Refuses options of scenes of pbrt where there is none.
+    pub(crate) fn check_none(&self, name: &str) -> Result<(), CliError> {
+        match self.given() {
+            None => Ok(()),
+            Some(option) => {
+                Err(CliError::Input(format!("{option} is for scenes of pbrt; {name} is not one")))
+            }
+        }
+    }
+
+    fn options(&self) -> PbrtOptions {
+        PbrtOptions {
+            unit_m: [1.0, 0.01, 0.001][self.unit.unwrap_or(Unit::M) as usize],
+            emission: match self.light_spectra {
+                Some(LightSpectra::Photometric) => Emission::Photometric,
+                _ => Emission::Absolute,
+            },
+            grid: self.bands.as_ref().map_or_else(WavelengthGrid::default, |bands| bands.0.clone()),
+            single_scattering: self.single_scattering,
+        }
+    }
+
+    /// Reads a scene, and what is to be said about it.
+    pub(crate) fn load(&self, path: &Path) -> Result<(PbrtStudy, Vec<Warning>), CliError> {
+        let loaded = load(path, &self.options())?;
+        self.check_strict(&loaded)?;
+        let warnings = self.warnings(&loaded);
+        Ok((loaded, warnings))
     }
 
     /// Resolves an experiment of any kind.
@@ -91,16 +127,12 @@ impl PbrtArgs {
         args: &ExperimentArgs,
         limits: &Limits,
     ) -> Result<ResolvedExperiment, CliError> {
-        match (source.pbrt_scene(), self.given()) {
-            (Some(path), _) => self.scene(path, source, args, limits),
-            (None, Some(option)) => {
-                Err(CliError::Input(format!("{option} is for scenes of pbrt; {} is not one", source.name)))
-            }
-            (None, None) => {
-                let time_limit = limits.overrides().into_iter();
-                source.resolve(&args.overrides().into_iter().chain(time_limit).collect::<Vec<_>>())
-            }
+        if let Some(path) = source.pbrt_scene() {
+            return self.scene(path, source, args, limits);
         }
+        self.check_none(&source.name)?;
+        let time_limit = limits.overrides().into_iter();
+        source.resolve(&args.overrides().into_iter().chain(time_limit).collect::<Vec<_>>())
     }
 
     fn scene(
@@ -110,25 +142,20 @@ impl PbrtArgs {
         args: &ExperimentArgs,
         limits: &Limits,
     ) -> Result<ResolvedExperiment, CliError> {
-        if !args.changes.set.is_empty() || args.error.is_some() {
-            let option = if args.error.is_some() { "--error" } else { "--set" };
-            return Err(CliError::Input(format!(
-                "{option} is for experiment files; of a scene of pbrt --spp, --seed, --depth and --statistics can be changed"
-            )));
+        if args.error.is_some() {
+            return Err(CliError::Input(
+                "--error is for experiment files; of a scene of pbrt --set, --spp, --seed, --depth and --statistics change \
+                 something"
+                    .into(),
+            ));
         }
-        let unit = self.unit.unwrap_or(Unit::M);
-        let options = PbrtOptions {
-            unit_m: [1.0, 0.01, 0.001][unit as usize],
-            emission: match self.light_spectra {
-                Some(LightSpectra::Photometric) => Emission::Photometric,
-                _ => Emission::Absolute,
-            },
-            grid: self.bands.as_ref().map_or_else(WavelengthGrid::default, |bands| bands.0.clone()),
+        let (loaded, warnings) = self.load(path)?;
+        let changed = match args.changes.overrides().as_slice() {
+            [] => None,
+            changes => Some(changed_study(&loaded, source, changes)?),
         };
-        let loaded = load(path, &options)?;
-        self.check_strict(&loaded)?;
-        let warnings = self.warnings(&loaded);
-        let PbrtStudy { mut study, files, .. } = loaded;
+        let PbrtStudy { study, files, .. } = loaded;
+        let mut study = changed.unwrap_or(study);
         study.time_limit_s = limits.time_limit_s();
         let render = &mut study.render;
         render.samples_per_pixel = args.spp.unwrap_or(render.samples_per_pixel);
@@ -139,7 +166,10 @@ impl PbrtArgs {
             Some(StatisticsOption::LightGroups) => StatisticsKind::LightGroups,
             Some(StatisticsOption::Components) => StatisticsKind::Components,
         };
-        let resolved = resolved_text(&files, &options);
+        let mut resolved = resolved_text(&files, &self.options());
+        for change in &args.changes.set {
+            resolved.push_str(&format!("# --set {change:?}\n"));
+        }
         let inputs = files.into_iter().map(|(path, sha256)| InputFile { path, sha256 }).collect();
         let record = FileRecord {
             title: source.stem.clone(),
@@ -186,6 +216,24 @@ impl PbrtArgs {
         list.extend(scene.iter().map(|warning| Warning::summarized(warning.to_string(), warning.summary())));
         list
     }
+}
+
+/// A scene with changes: as an experiment, whose files are written for a moment.
+pub(crate) fn changed_study(
+    loaded: &PbrtStudy,
+    source: &ExperimentSource,
+    changes: &[Override],
+) -> Result<Study, CliError> {
+    let no_room =
+        |error: std::io::Error| CliError::Failed(format!("can't write a temporary folder: {error}"));
+    let folder = tempfile::tempdir().map_err(no_room)?;
+    let files = folder.path().join("files");
+    std::fs::create_dir(&files).map_err(no_room)?;
+    let converted = to_experiment(loaded, &source.stem, "files").map_err(CliError::Input)?;
+    converted.write_files(&files)?;
+    let parsed = parse(&converted.text, &source.name, folder.path(), &sets(changes));
+    let resolved = parsed.and_then(|parsed| resolve(&parsed)).map_err(|error| as_typed(error, changes))?;
+    Ok(resolved.study)
 }
 
 /// Lines of what has no counterpart, and whether it may show.
