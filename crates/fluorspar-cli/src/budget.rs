@@ -1,7 +1,7 @@
 //! What a job takes, told and judged before it begins.
 
 use fluorspar::image::StatisticsKind;
-use fluorspar::render::{FilmRenderer, Share, memory_bytes, surface_bytes, whole_image_bytes};
+use fluorspar::render::{FilmRenderer, Share, basis_bytes, memory_bytes, surface_bytes, whole_image_bytes};
 use fluorspar::study::Study;
 use fluorspar::units::{memory_text, memory_texts};
 use fluorspar_experiment::{ResolvedExperiment, cache};
@@ -60,7 +60,7 @@ impl Budget {
         let (scene, settings) = (&study.scene, &study.render);
         let whole = memory_bytes(scene, settings);
         let film_file = if keeps_film { film_file_bytes(study) } else { 0 };
-        let in_memory = whole.min(settings.memory_limit_bytes);
+        let in_memory = (whole + basis_bytes(scene, settings)).min(settings.memory_limit_bytes);
         let conversion = (in_memory / 4).min(CONVERSION_BYTES);
         Self {
             film: in_memory,
@@ -192,6 +192,9 @@ fn image_bytes(study: &Study, components: bool) -> u64 {
         let pixels = (scene.camera.width * scene.camera.height) as u64;
         return 4 * pixels * scene.grid.len() as u64;
     }
+    if settings.excitation_basis.is_some() {
+        return basis_bytes(scene, settings) + whole_image_bytes(scene);
+    }
     // Four bytes instead of eight for a value, and three planes of statistics instead of two.
     let values = match settings.film_statistics() {
         StatisticsKind::None => film / 2,
@@ -204,7 +207,8 @@ fn image_bytes(study: &Study, components: bool) -> u64 {
 pub(crate) fn image_room_bytes(study: &Study, components: bool) -> u64 {
     let image = image_bytes(study, components);
     let in_bands = memory_bytes(&study.scene, &study.render) > study.render.memory_limit_bytes;
-    if in_bands { 2 * image } else { image }
+    // Rows of a render with an excitation basis wait in memory
+    if in_bands && study.render.excitation_basis.is_none() { 2 * image } else { image }
 }
 
 /// Room of a film on the disk while it is renewed, bytes: the earlier one stays until the new one is complete.

@@ -113,8 +113,8 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let analyzed = match &image {
         None => analyze_seen(study, None, &frames)?,
         Some(image) => {
-            let factors = image.factors(&parsed, &experiment, false)?;
-            let view = image.seen_by(study, &study.captures, factors)?;
+            let changes = image.changes(&parsed, &experiment, false)?;
+            let view = image.seen_by(study, &study.captures, changes)?;
             analyze_seen(study, Some(&view.components(image, &study.captures)), &frames)?
         }
     };

@@ -118,12 +118,12 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         messages.warnings(&experiment.record.warnings);
         inputs.extend(source.files(&experiment.record));
     }
-    let factors = image.factors(&parsed, &experiment, true)?;
+    let changes = image.changes(&parsed, &experiment, true)?;
     let ResolvedExperiment { study, record } = experiment;
     inputs.extend(record.inputs.iter().map(|input| input.path.clone()));
     check_captures(&study, image.labels())?;
     let folder = OutputFolder::prepare(&options.out, &inputs, frame_bytes(&study))?;
-    let view = image.seen_by(&study, &study.captures, factors)?;
+    let view = image.seen_by(&study, &study.captures, changes)?;
     view.say_uncertainty(&study, messages);
     let frames = capture_from_planes(&study, &view.components(&image, &study.captures))?;
     let provenance = Provenance::new(

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::{ValueEnum, ValueHint};
-use fluorspar::image::ComponentImage;
+use fluorspar::image::{ComponentImage, ExcitationImage};
 use fluorspar::pipeline::radiance_preview;
 use fluorspar::spectral::Radiance;
 use fluorspar_format::{
@@ -127,11 +127,34 @@ impl ImageOutput {
         Ok(())
     }
 
+    /// Refuses forms that can't hold an excitation basis.
+    pub(crate) fn check_for_basis(&self) -> Result<(), CliError> {
+        if self.components && has_extension(&self.out, "exr") {
+            return Ok(());
+        }
+        Err(CliError::Input(format!(
+            "--out {}: an excitation basis (render.excitation_basis_nm) is kept beside the components of an .exr file; add \
+             --components and write an .exr file, or remove the field",
+            self.out.display()
+        )))
+    }
+
     /// Writes the image and the preview.
     pub(crate) fn write(&self, image: &ComponentImage, provenance: &Provenance) -> Result<(), CliError> {
+        self.write_with(image, None, provenance)
+    }
+
+    /// Writes the image with its excitation basis, if it has one, and the preview.
+    pub(crate) fn write_with(
+        &self,
+        image: &ComponentImage,
+        excitation: Option<&ExcitationImage>,
+        provenance: &Provenance,
+    ) -> Result<(), CliError> {
         let exr = ExrOptions {
             compression: self.compression(),
             provenance: Some(provenance),
+            excitation,
             ..Default::default()
         };
         let npy = has_extension(&self.out, "npy");

@@ -6,7 +6,7 @@ use std::str::FromStr;
 use std::time::Duration;
 
 use clap::{ValueEnum, ValueHint};
-use fluorspar::render::{FilmRenderer, Share, memory_bytes};
+use fluorspar::render::{BasisSettings, FilmRenderer, Share, memory_bytes};
 use fluorspar::scene::{Scene, Shape};
 use fluorspar::study::Study;
 use fluorspar::units::memory_text;
@@ -14,6 +14,7 @@ use fluorspar_experiment::ResolvedExperiment;
 use fluorspar_format::{Output, OutputSet, Outputs, Provenance, read_film, read_text_bounded};
 use serde_json::json;
 
+use super::basis_render;
 use super::image_output::ImageOutput;
 use super::pbrt_scene::PbrtArgs;
 use super::row_bands;
@@ -152,6 +153,9 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let needed = memory_bytes(scene, settings);
     let budget = options.budget(study);
     budget.check(&options.limits, study)?;
+    if let Some(basis) = &settings.excitation_basis {
+        return render_basis(options, &source, &experiment, basis);
+    }
     let in_bands = needed > settings.memory_limit_bytes || options.film.as_deref().is_some_and(Path::is_dir);
     if in_bands && options.shard.is_none() {
         return row_bands::render(options, &source, &experiment);
@@ -217,6 +221,43 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         messages.status(format!("Wrote {}", options.output.out.display()));
     }
     Ok(code)
+}
+
+/// Renders with an excitation basis.
+fn render_basis(
+    options: &Options,
+    source: &ExperimentSource,
+    experiment: &ResolvedExperiment,
+    basis: &BasisSettings,
+) -> Result<ExitCode, CliError> {
+    options.output.check_for_basis()?;
+    if let Some(film) = &options.film {
+        return Err(CliError::Input(format!(
+            "--film {}: a render with an excitation basis (render.excitation_basis_nm) keeps no film; leave one of the two away",
+            film.display()
+        )));
+    }
+    let (study, messages) = (&experiment.study, options.talk.messages());
+    let budget = options.budget(study);
+    let set = options.declare(source, experiment)?;
+    messages.status(format!("Needs {}", budget.text()));
+    messages.warnings(&experiment.record.warnings);
+    let (image, kept) = basis_render::render(study, basis, messages)?;
+    let toml = experiment.record.resolved_toml.clone();
+    let provenance = Provenance::new(&source.text, toml, study.render.seed, image.samples_per_pixel);
+    options.output.write_with(&image, Some(&kept), &provenance)?;
+    set.finish()?;
+    if options.talk.json {
+        let mut answer = options.output.describe(&image);
+        answer["experiment_sha256"] = experiment.record.sha256.clone().into();
+        answer["excitation_nodes_nm"] = basis.nodes.nodes_nm().into();
+        answer["budget"] = budget.json();
+        answer["peak_memory_bytes"] = peak_memory_bytes().into();
+        super::print_json(&answer)?;
+    } else {
+        messages.status(format!("Wrote {}", options.output.out.display()));
+    }
+    Ok(ExitCode::SUCCESS)
 }
 
 /// Says what the surfaces take, where instances make that hard to guess.

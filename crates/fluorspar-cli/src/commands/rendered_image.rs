@@ -2,12 +2,17 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
-use fluorspar::image::{ChannelPlanes, ComponentFactors, ComponentImage, PreparedRows};
+use fluorspar::image::{
+    ChannelPlanes, ComponentFactors, ComponentImage, ExcitationImage, PreparedRows, RelitComponent, RelitRows,
+};
+use fluorspar::light::Light;
 use fluorspar::pipeline::{
     CapturePlanes, CaptureResponses, FilmResponse, MultipleUncertainty, PipelineError, SeenComponents,
-    check_same_scene, concentration_factors, relight, scale_multiple,
+    check_same_scene, concentration_factors, relight, relight_with_basis, scale_multiple,
 };
+use fluorspar::scene::Scene;
 use fluorspar::study::{Capture, Study};
 use fluorspar_experiment::schema::ConcentrationFactor;
 use fluorspar_experiment::{Experiment, ResolvedExperiment, parse, resolve, resolve_rendered};
@@ -24,11 +29,13 @@ type ConcentrationFactors = BTreeMap<String, f64>;
 pub(crate) struct RenderedImage {
     path: PathBuf,
     file: ComponentFile,
+    /// The excitation basis, once it is read.
+    basis: OnceLock<Option<ExcitationImage>>,
 }
 
 impl RenderedImage {
     pub(crate) fn open(path: &Path) -> Result<Self, CliError> {
-        Ok(Self { path: path.into(), file: ComponentFile::open(path)? })
+        Ok(Self { path: path.into(), file: ComponentFile::open(path)?, basis: OnceLock::new() })
     }
 
     /// The image without its values.
@@ -84,25 +91,44 @@ impl RenderedImage {
         Ok(Some((resolve(&rendered)?.study, concentrations)))
     }
 
-    /// Factors on the components that make the image show the scene of an experiment.
+    /// What makes the image show the scene of an experiment.
     ///
     /// # Errors
     /// A scene that only a new render can show, if `is_same` is demanded.
-    pub(crate) fn factors(
+    pub(crate) fn changes(
         &self,
         now: &Experiment,
         resolved: &ResolvedExperiment,
         is_same: bool,
-    ) -> Result<ComponentFactors, CliError> {
+    ) -> Result<SceneChanges<'_>, CliError> {
         let (study, labels) = (&resolved.study, self.labels());
+        let unlit = vec![None; labels.components.len()];
         let Some((rendered, concentrations)) = self.rendered(now, resolved)? else {
-            return Ok(concentration_factors(&BTreeMap::new(), study, labels)?);
+            let factors = concentration_factors(&BTreeMap::new(), study, labels)?;
+            return Ok(SceneChanges { factors, relit: unlit, lights: None, light_errors: Vec::new() });
         };
-        let (shown, light) = relight(&rendered, study, labels)?;
+        let (mut shown, light) = relight(&rendered, study, labels)?;
+        let (mut relit, mut light_errors) = (unlit, Vec::new());
+        if emits_otherwise(&shown.scene, &study.scene)
+            && let Some(basis) = self.basis()?
+        {
+            let found = relight_with_basis(&shown, study, labels, basis)?;
+            (shown, relit, light_errors) = (found.shown, found.components, found.changed);
+        }
         if is_same {
             check_same_scene(&shown, study)?;
         }
-        Ok(concentration_factors(&concentrations, study, labels)?.times(light.even))
+        let factors = concentration_factors(&concentrations, study, labels)?.times(light.even);
+        Ok(SceneChanges { factors, relit, lights: Some(rendered.scene.lights), light_errors })
+    }
+
+    /// The excitation basis of the image, if it has one.
+    fn basis(&self) -> Result<Option<&ExcitationImage>, CliError> {
+        if let Some(basis) = self.basis.get() {
+            return Ok(basis.as_ref());
+        }
+        let read = self.file.excitation_basis()?;
+        Ok(self.basis.get_or_init(|| read).as_ref())
     }
 
     /// What captures see of the image: its channel planes, and the factors on them.
@@ -110,28 +136,75 @@ impl RenderedImage {
         &self,
         study: &Study,
         captures: &[Capture],
-        mut factors: ComponentFactors,
+        changes: SceneChanges<'_>,
     ) -> Result<CaptureView, CliError> {
         let labels = self.labels();
+        let SceneChanges { mut factors, relit, lights, light_errors } = changes;
+        let size = [labels.width, labels.height, labels.grid.len()];
+        let rows = RelitRows { rows: &self.file, size, relit: &relit };
         let CaptureResponses { responses, of_capture } = CaptureResponses::new(study, captures, labels)?;
         let film = responses.first().ok_or(PipelineError::Missing("captures"))?.film();
-        let mut planes = self.planes(&responses, captures)?;
+        let mut planes = if relit.iter().all(Option::is_none) {
+            self.planes(&responses, captures)?
+        } else {
+            self.relit_planes(study, &responses, captures, lights, &rows)?
+        };
         let brightest = planes.first().ok_or(PipelineError::Missing("captures"))?;
         let uncertainty = scale_multiple(&mut factors, labels, brightest);
         if factors.has_maps() && !responses.iter().all(FilmResponse::is_local) {
             // The lens mixes pixels: masks lie before it
-            let rows = PreparedRows { rows: &self.file, factors: &factors, width: labels.width };
+            let rows = PreparedRows { rows: &rows, factors: &factors, width: labels.width };
             let all: Vec<&FilmResponse> = responses.iter().collect();
             planes = FilmResponse::planes(&all, |component| self.is_lit(component, captures), &rows)?;
             factors.maps.fill(None);
         }
-        Ok(CaptureView { planes: CapturePlanes { planes, of_capture, film }, factors, uncertainty })
+        let planes = CapturePlanes { planes, of_capture, film };
+        Ok(CaptureView { planes, factors, uncertainty, light_errors })
     }
 
     /// Light that no capture switches on need not be read.
     fn is_lit(&self, component: usize, captures: &[Capture]) -> bool {
         let group = &self.labels().components[component].light_group;
         captures.iter().any(|capture| capture.frame.drive(group) != 0.0)
+    }
+
+    /// Channel planes under other lights: new ones of the components that these change; of the others those that the file holds for
+    /// the same camera, where it does.
+    fn relit_planes(
+        &self,
+        study: &Study,
+        responses: &[FilmResponse],
+        captures: &[Capture],
+        lights: Option<Vec<Light>>,
+        rows: &RelitRows<'_, ComponentFile>,
+    ) -> Result<Vec<ChannelPlanes>, CliError> {
+        let labels = self.labels();
+        let mut before = study.clone();
+        if let Some(lights) = lights {
+            before.scene.lights = lights;
+        }
+        let rendered = CaptureResponses::new(&before, captures, labels)?;
+        let ones = ComponentFactors::ones(labels.components.len());
+        let rows_of = PreparedRows { rows, factors: &ones, width: labels.width };
+        let mut all = Vec::with_capacity(responses.len());
+        for (number, response) in responses.iter().enumerate() {
+            // The same captures share responses before and after
+            let old = rendered.responses.get(number);
+            let held = old.map(|old| self.file.planes(old.camera())).transpose()?.flatten();
+            let is_new = |component: usize| held.is_none() || rows.relit[component].is_some();
+            let wanted = |component: usize| is_new(component) && self.is_lit(component, captures);
+            let mut planes = FilmResponse::planes(&[response], wanted, &rows_of)?;
+            let mut planes = planes.pop().ok_or(PipelineError::Missing("captures"))?;
+            for component in (0..planes.components).filter(|component| !is_new(*component)) {
+                for channel in 0..planes.channels {
+                    if let Some(held) = &held {
+                        planes.plane_mut(component, channel).copy_from_slice(held.plane(component, channel));
+                    }
+                }
+            }
+            all.push(planes);
+        }
+        Ok(all)
     }
 
     /// Channel planes: those that the file holds, and for other cameras new ones from its spectra.
@@ -158,12 +231,32 @@ impl RenderedImage {
     }
 }
 
+/// Whether lights or surfaces of two scenes differ in what they emit.
+fn emits_otherwise(a: &Scene, b: &Scene) -> bool {
+    let surfaces =
+        |scene: &Scene| scene.objects.iter().map(|object| object.emission.clone()).collect::<Vec<_>>();
+    a.lights != b.lights || surfaces(a) != surfaces(b)
+}
+
+/// What makes a finished render show another scene.
+pub(crate) struct SceneChanges<'a> {
+    /// Factors on the components.
+    factors: ComponentFactors,
+    /// Components under another light.
+    relit: Vec<Option<RelitComponent<'a>>>,
+    /// Lights of the render.
+    lights: Option<Vec<Light>>,
+    /// Light groups whose spectra changed, with the estimated error of their light.
+    light_errors: Vec<(String, f64)>,
+}
+
 /// What captures see of a component image.
 pub(crate) struct CaptureView {
     planes: CapturePlanes,
     factors: ComponentFactors,
     /// What changed concentrations leave uncertain.
     pub(crate) uncertainty: Option<MultipleUncertainty>,
+    light_errors: Vec<(String, f64)>,
 }
 
 impl CaptureView {
@@ -177,8 +270,14 @@ impl CaptureView {
         SeenComponents { image: image.labels(), planes: &self.planes, captures, factors }
     }
 
-    /// Tells how exact changed concentrations are.
+    /// Tells how exact changed lights and concentrations are.
     pub(crate) fn say_uncertainty(&self, study: &Study, messages: Messages) {
+        for (group, error) in &self.light_errors {
+            messages.status(format!(
+                "Light of \"{group}\" changed without a new render: fluorescence within {:.2} % of one, reflected light exact",
+                100.0 * error
+            ));
+        }
         if let Some(found) = &self.uncertainty {
             messages.status(format!(
                 "Concentrations changed without a new render: exact but for light that fluoresced twice, {:.2} % of the light of its \

@@ -11,6 +11,7 @@ use fluorspar_experiment::{ResolvedExperiment, Warning};
 use fluorspar_format::OutputFolder;
 use fluorspar_report::{RunResults, write_run_components, write_run_folder};
 
+use super::basis_render;
 use crate::args::{ExperimentArgs, OutOption, Talk};
 use crate::budget::{Budget, Limits};
 use crate::error::{CliError, STOPPED};
@@ -68,7 +69,13 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         budget.text()
     ));
     messages.warnings(&experiment.record.warnings);
-    let mut components = render_with_progress(&study.scene, &study.render, study.time_limit_s, messages)?;
+    let (mut components, basis) = match &study.render.excitation_basis {
+        None => (render_with_progress(&study.scene, &study.render, study.time_limit_s, messages)?, None),
+        Some(basis) => {
+            let (components, basis) = basis_render::render(study, basis, messages)?;
+            (components, Some(basis))
+        }
+    };
     if components.samples_per_pixel == 0 {
         let message = "interrupted before every pixel had a sample: there is nothing to develop, and nothing was written";
         return Err(CliError::Stopped(message.into()));
@@ -82,7 +89,8 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     // What took the time is safe before anything else is tried.
     let planes = planes(study, &components);
     let held = planes.as_ref().map_or(&[][..], |planes| planes.planes.as_slice());
-    write_run_components(folder.path(), &experiment, &source.text, &components, held)
+    let kept = (held, basis.as_ref());
+    write_run_components(folder.path(), &experiment, &source.text, &components, kept)
         .map_err(|error| CliError::from(error).at_its_place(&folder))?;
     let seen = (&components, planes.as_ref());
     let analyzed = match evaluate_and_write(&experiment, &source.text, seen, folder.path()) {

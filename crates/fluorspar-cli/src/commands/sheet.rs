@@ -137,8 +137,8 @@ fn picture(
     check_captures(study, image.labels())?;
     let capture = shown(options, study)?;
     messages.status(format!("{}: capture \"{}\"", panel.title, capture.frame.label));
-    let factors = image.factors(&parsed, &experiment, true)?;
-    let view = image.seen_by(study, &study.captures, factors)?;
+    let changes = image.changes(&parsed, &experiment, true)?;
+    let view = image.seen_by(study, &study.captures, changes)?;
     view.say_uncertainty(study, messages);
     let frames = capture_from_planes(study, &view.components(image, &study.captures))?;
     let frame = frames.into_iter().find(|frame| frame.raw.label == capture.frame.label);

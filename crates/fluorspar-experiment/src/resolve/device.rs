@@ -11,13 +11,14 @@ use crate::preset;
 use crate::schema::{
     CameraSection, EdgeBins, EfficiencyReference, ExperimentFile, FieldOfView, FilterAngles, FilterPosition,
     ImageFormation, LensSection, NameOrLens, NameOrTable, RenderSection, SensorSection, SpectralSection,
-    SpectrumReference, TracedLensSection, UniformBins, ViewFilterSection,
+    SpectrumReference, StatisticsChoice, TracedLensSection, UniformBins, ViewFilterSection,
 };
 use fluorspar::optics::{
     CameraLens, FilterAutofluorescence, FilterStack, IdealLens, LensSetting, LensState, Paraxial,
     PerspectiveCamera, Vignetting,
 };
-use fluorspar::render::{Estimator, RenderSettings};
+use fluorspar::render::{BasisSettings, Estimator, RenderSettings, choose_basis};
+use fluorspar::scene::Scene;
 use fluorspar::sensor::{Sensor, SensorModel, SpectralQe};
 use fluorspar::spectral::{Curve, GridError, WavelengthGrid};
 use fluorspar::study::{Lens, ViewFilter};
@@ -76,7 +77,34 @@ pub(super) fn render_settings(context: &Context<'_>, section: &RenderSection) ->
         statistics: error_target::statistics(section),
         error_target: None,
         excitation_edges_nm: edges,
+        excitation_basis: None,
     })
+}
+
+/// Chooses the excitation basis of a render, where one is asked for.
+pub(super) fn excitation_basis(
+    context: &Context<'_>,
+    section: &RenderSection,
+    scene: &Scene,
+) -> Resolved<Option<BasisSettings>> {
+    let Some(peaks_nm) = section.excitation_basis_nm else { return Ok(None) };
+    let path = steps!["render", "excitation_basis_nm"];
+    let [first, last] = peaks_nm;
+    if !(250.0..=700.0).contains(&first) || !(250.0..=700.0).contains(&last) || last < first {
+        return context.fail(&path, "must be two wavelengths between 250 and 700 nm, the smaller one first");
+    }
+    let excluded = [
+        ("excitation_edges_nm", section.excitation_edges_nm.is_some()),
+        ("statistics", section.statistics != StatisticsChoice::None),
+        ("relative_error", section.relative_error.is_some()),
+    ];
+    if let Some((field, _)) = excluded.into_iter().find(|(_, is_set)| *is_set) {
+        return context.fail(&path, format!("can't be used together with {field}; remove one of them"));
+    }
+    match choose_basis(scene, peaks_nm) {
+        Ok(basis) => Ok(Some(basis)),
+        Err(error) => context.fail(&path, error.to_string()),
+    }
 }
 
 fn are_excitation_edges(edges: &[f64]) -> bool {

@@ -37,7 +37,7 @@ use super::{Experiment, ExperimentError};
 use crate::kept::fetch_mouth;
 use crate::preset;
 use fluorspar::optics::PerspectiveCamera;
-use fluorspar::render::{RenderSettings, memory_bytes, tile_row_bytes, whole_image_bytes};
+use fluorspar::render::{RenderSettings, basis_bytes, memory_bytes, tile_row_bytes, whole_image_bytes};
 use fluorspar::scene::{Scene, SceneError};
 use fluorspar::spectral::WavelengthGrid;
 use fluorspar::study::{AnalysisPlan, Camera, Study};
@@ -108,7 +108,8 @@ pub fn resolve(experiment: &Experiment) -> Result<ResolvedExperiment, Experiment
     };
     scene.check().map_err(|error| scene_error(context, file, &error))?;
     render.error_target = error_target::error_target(context, &file.render, &scene, &captures, &camera)?;
-    let in_bands = whole_image_bytes(&scene) + tile_row_bytes(&scene, &render);
+    render.excitation_basis = device::excitation_basis(context, &file.render, &scene)?;
+    let in_bands = whole_image_bytes(&scene) + basis_bytes(&scene, &render) + tile_row_bytes(&scene, &render);
     device::check_memory(context, file, memory_bytes(&scene, &render), in_bands)?;
     warn_unused(context, file, &scene, &copied_materials, analysis.as_ref());
     for warning in scene.warnings() {

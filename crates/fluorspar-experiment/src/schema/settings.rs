@@ -100,6 +100,11 @@ pub struct RenderSection {
     /// that light spectra can be changed after the render. Memory grows by the number of edges. Default: none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub excitation_edges_nm: Option<Vec<f64>>,
+    /// First and last peak wavelength, nm, of light sources that shall be exchangeable after the render, such as [340, 500]: light
+    /// groups whose light lies there are kept apart by excitation wavelength, so that `capture` and `analyze` follow a change
+    /// of their spectrum, filters and power. Default: none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub excitation_basis_nm: Option<[f64; 2]>,
 }
 
 impl Default for RenderSection {
@@ -117,6 +122,7 @@ impl Default for RenderSection {
             error_captures: None,
             error_range_nm: None,
             excitation_edges_nm: None,
+            excitation_basis_nm: None,
         }
     }
 }

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use base64::prelude::{BASE64_STANDARD, Engine};
 use exr::block::UncompressedBlock;
 use exr::meta::attribute::SampleType;
 use exr::meta::header::Header;
@@ -11,12 +12,14 @@ use super::read::{
     attribute, bands, component_parts, damaged, decode, for_each_block, headers, parse_json, provenance,
     read_component_exr, read_features, scale_of,
 };
-use super::{COMPONENT, DENOISED, PLANES, PlanesLabel};
+use super::{COMPONENT, DENOISED, EXCITATION, ExcitationLabel, PLANES, PlanesLabel};
 use crate::file::{check_image_size, guarded, most_image_bytes};
 use crate::npy::{is_npy, read_component_npy};
 use crate::{FormatError, Loaded, Provenance};
-use fluorspar::image::{ChannelPlanes, ComponentImage, ComponentRows};
-use fluorspar::spectral::Radiance;
+use fluorspar::image::{
+    BasisComponent, ChannelPlanes, ComponentImage, ComponentRows, ExcitationImage, GroupBasis, LightPath,
+};
+use fluorspar::spectral::{ExcitationNodes, Radiance};
 
 /// A component image whose spectra stay in the file until rows of them are read ([`ComponentRows`]). Opening reads the labels
 /// of the components, the feature maps, and which channel planes the file holds.
@@ -40,6 +43,8 @@ enum Spectra {
         components: Vec<BandPart>,
         /// Parts with channel planes.
         planes: Vec<(usize, PlanesLabel)>,
+        /// Parts with an excitation basis.
+        excitation: Vec<(usize, ExcitationLabel)>,
     },
 }
 
@@ -71,7 +76,7 @@ impl ComponentFile {
         let per_pixel = 4 * (parts.grid.len() * parts.components.len()) as u64;
         check_image_size(path, width as u64, height as u64, per_pixel, most_image_bytes(length))?;
         let mut components = Vec::with_capacity(parts.components.len());
-        let mut planes = Vec::new();
+        let (mut planes, mut excitation) = (Vec::new(), Vec::new());
         for (part, header) in headers.iter().enumerate() {
             if attribute(header, COMPONENT).is_some() {
                 let (_, bands) = bands::<Radiance>(path, header)?;
@@ -80,6 +85,14 @@ impl ComponentFile {
                 let label: PlanesLabel = parse_json(path, PLANES, &text)?;
                 check_planes(path, header, &label, (width, height), parts.components.len())?;
                 planes.push((part, label));
+            } else if let Some(text) = attribute(header, EXCITATION) {
+                let label: ExcitationLabel = parse_json(path, EXCITATION, &text)?;
+                let size = (header.layer_size.width(), header.layer_size.height());
+                if size != (width, height) || label.rank != header.channels.list.len() {
+                    let what = "the excitation basis does not fit the image";
+                    return Err(FormatError::malformed(path, what, "Write the file again"));
+                }
+                excitation.push((part, label));
             }
         }
         let (features, samples) = read_features(path, &headers, parts.size)?;
@@ -95,7 +108,7 @@ impl ComponentFile {
             path: path.into(),
             labels: ComponentImage { components: parts.components, ..labels },
             provenance: provenance(path, &headers)?,
-            spectra: Spectra::Parts { components, planes },
+            spectra: Spectra::Parts { components, planes, excitation },
         })
     }
 
@@ -138,6 +151,68 @@ impl ComponentFile {
         Ok(Some(found))
     }
 
+    /// The excitation basis of the image, if the file holds one.
+    ///
+    /// # Errors
+    /// A damaged file.
+    pub fn excitation_basis(&self) -> Result<Option<ExcitationImage>, FormatError> {
+        let Spectra::Parts { excitation, .. } = &self.spectra else { return Ok(None) };
+        let (width, height) = (self.labels.width, self.labels.height);
+        let mut basis = ExcitationImage { width, height, groups: Vec::new() };
+        if excitation.is_empty() {
+            return Ok(None);
+        }
+        for ((_, label), factors) in excitation.iter().zip(self.factors(excitation)?) {
+            let component = self.basis_component(label, factors)?;
+            match basis.groups.iter_mut().find(|group| group.light_group == label.light_group) {
+                Some(group) => group.components.push(component),
+                None => basis.groups.push(GroupBasis {
+                    light_group: label.light_group.clone(),
+                    nodes: ExcitationNodes::new(label.nodes_nm.clone())
+                        .map_err(|error| FormatError::malformed(&self.path, error.to_string(), DAMAGED))?,
+                    components: vec![component],
+                }),
+            }
+        }
+        Ok(Some(basis))
+    }
+
+    /// Factors of the components of an excitation basis, `[spectrum][row][col]` each.
+    fn factors(&self, parts: &[(usize, ExcitationLabel)]) -> Result<Vec<Vec<f32>>, FormatError> {
+        let pixels = self.labels.width * self.labels.height;
+        guarded(&self.path, "OpenEXR", || {
+            let headers = headers(&self.path)?;
+            let mut targets: Vec<_> =
+                headers.iter().map(|header| vec![None; header.channels.list.len()]).collect();
+            let mut buffers = Vec::with_capacity(parts.len());
+            for (buffer, (part, label)) in parts.iter().enumerate() {
+                for (number, target) in targets[*part].iter_mut().enumerate() {
+                    *target = Some(super::read::Target { buffer, offset: number * pixels, stride: 1 });
+                }
+                buffers.push(vec![0.0; label.rank * pixels]);
+            }
+            decode(&self.path, &targets, &mut buffers)?;
+            Ok(buffers)
+        })
+    }
+
+    fn basis_component(
+        &self,
+        label: &ExcitationLabel,
+        factors: Vec<f32>,
+    ) -> Result<BasisComponent, FormatError> {
+        let damage = || FormatError::malformed(&self.path, "the excitation basis is damaged", DAMAGED);
+        let bytes = BASE64_STANDARD.decode(&label.spectra).map_err(|_| damage())?;
+        let (floats, rest) = bytes.as_chunks::<4>();
+        let spectra: Vec<f32> = floats.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect();
+        let nodes = if label.light == LightPath::Reflected { 1 } else { label.nodes_nm.len() };
+        if !rest.is_empty() || spectra.len() != label.rank * nodes * self.labels.grid.len() {
+            return Err(damage());
+        }
+        let light = label.light.clone();
+        Ok(BasisComponent { light, spectra, factors, rank: label.rank, error: label.error })
+    }
+
     /// The whole image, with its statistics.
     ///
     /// # Errors
@@ -149,6 +224,9 @@ impl ComponentFile {
         }
     }
 }
+
+/// What to do about a damaged file.
+const DAMAGED: &str = "Was it copied completely?";
 
 /// Planes must fill the image.
 fn check_planes(

@@ -26,6 +26,7 @@ const DENOISED: &str = "fluorsparDenoised";
 const STATISTIC: &str = "fluorsparStatistic";
 const MATERIALS: &str = "fluorsparMaterials";
 const PLANES: &str = "fluorsparPlanes";
+const EXCITATION: &str = "fluorsparExcitation";
 const FEATURES: &str = "features";
 const PREVIEW: &str = "preview";
 
@@ -53,6 +54,18 @@ struct PlanesLabel {
     components: usize,
     channels: usize,
     unit: String,
+}
+
+/// Which component of which light group a part with an excitation basis holds, and its spectra.
+#[derive(Debug, serde::Serialize, serde::Deserialize)]
+struct ExcitationLabel {
+    light_group: String,
+    light: fluorspar::image::LightPath,
+    nodes_nm: Vec<f64>,
+    rank: usize,
+    error: f64,
+    /// `[spectrum][node][band]`, 32-bit floats, the low byte first, in base 64.
+    spectra: String,
 }
 
 /// `W/(sr m^2 nm)` as the layout writes it, `W.m^-2.sr^-1.nm^-1`; `None` for ratios.

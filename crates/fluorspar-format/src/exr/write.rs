@@ -4,6 +4,7 @@ use std::fs::File;
 use std::io::{self, BufWriter, Read, Seek, SeekFrom, Write};
 use std::path::Path;
 
+use base64::prelude::{BASE64_STANDARD, Engine};
 use exr::block::lines::LineRefMut;
 use exr::image::write::samples::{SamplesWriter, WritableSamples};
 use exr::math::{RoundingMode, Vec2};
@@ -15,14 +16,16 @@ use exr::prelude::{
 };
 
 use super::{
-    COMPONENT, DENOISED, EDGES, FEATURES, FORMAT, LAYOUT_VERSION, MATERIALS, PARTS, PLANES, PREVIEW,
-    PROVENANCE, PlanesLabel, QUANTITY, SAMPLES, SCALE, STATISTIC, STORAGE_ERROR, StatisticLabel,
-    StatisticPlane, UNITS, VIEW, layout_unit,
+    COMPONENT, DENOISED, EDGES, EXCITATION, ExcitationLabel, FEATURES, FORMAT, LAYOUT_VERSION, MATERIALS,
+    PARTS, PLANES, PREVIEW, PROVENANCE, PlanesLabel, QUANTITY, SAMPLES, SCALE, STATISTIC, STORAGE_ERROR,
+    StatisticLabel, StatisticPlane, UNITS, VIEW, layout_unit,
 };
 use crate::file::{MAX_IMAGE_BYTES, check_image_size};
 use crate::output::write_atomically;
 use crate::{FileFormat, FormatError, Provenance, SpooledImage};
-use fluorspar::image::{ChannelPlanes, ComponentImage, FeatureMaps, SpectralImage};
+use fluorspar::image::{
+    ChannelPlanes, Component, ComponentImage, ExcitationImage, FeatureMaps, GroupBasis, SpectralImage,
+};
 use fluorspar::spectral::{Quantity, Radiance, WavelengthGrid};
 
 /// How pixels are packed; lossless unless the variant states otherwise.
@@ -66,6 +69,8 @@ pub struct ExrOptions<'a> {
     /// Channel planes of cameras to keep beside the components; of component images only. They are stored as they are: 4 bytes
     /// for each component, channel and pixel.
     pub planes: &'a [ChannelPlanes],
+    /// What light groups excite at every wavelength, to keep beside the components; of component images only.
+    pub excitation: Option<&'a ExcitationImage>,
 }
 
 /// Writes a spectral image in the layout of Fichet, Pacanowski and Wilkie[^fichet2021].
@@ -135,6 +140,7 @@ fn spectral<Q: Quantity>(
 /// | `fluorsparSamplesPerPixel` | paths per pixel |
 /// | `fluorsparDenoised` | settings of the noise reduction, JSON; missing in raw images |
 /// | `fluorsparPlanes` | of which camera the channel planes of a part are, JSON; such parts hold electrons per second |
+/// | `fluorsparExcitation` | light group, component, nodes and spectra of an excitation basis, JSON; such parts hold its factors |
 /// | `fluorsparStatistic` | which half-buffer or variance a part holds, JSON |
 /// | `fluorsparParts` | names of the objects and of their materials, JSON, in `features` |
 /// | `fluorsparMaterials` | names of the materials, JSON, in `features`: `material` counts them from 1 |
@@ -252,6 +258,9 @@ fn components(
     for (number, planes) in options.planes.iter().enumerate() {
         parts.push(planes_part(path, image, number, planes)?);
     }
+    for group in options.excitation.iter().flat_map(|basis| &basis.groups) {
+        parts.extend(excitation_parts(path, image, group)?);
+    }
     let (materials, material_names) = materials(&image.features);
     parts.extend(features_part(path, image, &materials, &material_names)?);
     for part in parts.iter_mut().filter(|part| part.name.as_deref() != Some(PREVIEW)) {
@@ -295,6 +304,46 @@ fn planes_part<'a>(
         attributes: vec![(PLANES, text(&json(&label)))],
         is_packed: false,
     })
+}
+
+/// The excitation basis of a light group as parts, one for each component with light: a channel for each of its spectra, `K0000`.
+fn excitation_parts<'a>(
+    path: &Path,
+    image: &ComponentImage,
+    group: &'a GroupBasis,
+) -> Result<Vec<Part<'a>>, FormatError> {
+    let pixels = image.width * image.height;
+    let mut parts = Vec::new();
+    for component in group.components.iter().filter(|component| component.rank > 0) {
+        if component.factors.len() != component.rank * pixels {
+            let what = "the excitation basis does not fit the components";
+            return Err(FormatError::unwritable(path, what, "Give that of the same render"));
+        }
+        let plane = |index: usize| Plane {
+            name: format!("K{index:04}"),
+            values: Values::F32(&component.factors[index * pixels..][..pixels]),
+            offset: 0,
+            stride: 1,
+            width: image.width,
+        };
+        let bytes: Vec<u8> = component.spectra.iter().flat_map(|value| value.to_le_bytes()).collect();
+        let label = ExcitationLabel {
+            light_group: group.light_group.clone(),
+            light: component.light.clone(),
+            nodes_nm: group.nodes.nodes_nm().to_vec(),
+            rank: component.rank,
+            error: component.error,
+            spectra: BASE64_STANDARD.encode(bytes),
+        };
+        let of = Component::of_group(&group.light_group, component.light.clone());
+        parts.push(Part {
+            name: Some(format!("excitation.{}", of.label())),
+            planes: (0..component.rank).map(plane).collect(),
+            attributes: vec![(EXCITATION, text(&json(&label)))],
+            is_packed: true,
+        });
+    }
+    Ok(parts)
 }
 
 /// Number of the material behind each pixel, from 1, and the names in order of first use.

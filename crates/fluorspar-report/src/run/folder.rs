@@ -4,7 +4,7 @@ use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use fluorspar::image::{ChannelPlanes, ComponentImage};
+use fluorspar::image::{ChannelPlanes, ComponentImage, ExcitationImage};
 use fluorspar::pipeline::frame_radiance;
 use fluorspar_experiment::ResolvedExperiment;
 use fluorspar_format::{
@@ -46,7 +46,7 @@ pub enum RunFolderError {
 }
 
 /// Writes what the render of a run gave: `experiment.toml` and `components.exr`, from which everything else can be made, with the
-/// channel planes of its captures, if there are some.
+/// channel planes of its captures and the excitation basis, if there are some.
 ///
 /// # Errors
 /// A folder or file that can't be written.
@@ -55,7 +55,7 @@ pub fn write_run_components(
     experiment: &ResolvedExperiment,
     experiment_text: &str,
     components: &ComponentImage,
-    planes: &[ChannelPlanes],
+    kept: (&[ChannelPlanes], Option<&ExcitationImage>),
 ) -> Result<(), RunFolderError> {
     fs::create_dir_all(folder)
         .map_err(|source| RunFolderError::Folder { path: folder.to_path_buf(), source })?;
@@ -63,7 +63,8 @@ pub fn write_run_components(
     let options = ExrOptions {
         compression: ExrCompression::Rounded24,
         provenance: Some(&provenance),
-        planes,
+        planes: kept.0,
+        excitation: kept.1,
         ..Default::default()
     };
     write_text(&folder.join("experiment.toml"), &experiment.record.resolved_toml)?;

@@ -27,6 +27,8 @@ pub enum ExcitationBin {
     Between([f64; 2]),
     /// Outside all bins.
     Outside,
+    /// The hat function of an excitation node, at this wavelength, nm, instead of a part of the spectrum.
+    Node(f64),
 }
 
 /// Label of one component: which light excited it and what happened to it.
@@ -64,13 +66,14 @@ impl Component {
         Self { light_group: light_group.into(), excitation: None, light }
     }
 
-    /// Name of the light group with the excitation bin, if any, as in files: `blue@380-390`, `blue@rest`.
+    /// Name of the light group with the excitation bin or node, if any, as in files: `blue@380-390`, `blue@rest`, `blue@405nm`.
     pub fn group_label(&self) -> String {
         let group = &self.light_group;
         match self.excitation {
             None => group.clone(),
             Some(ExcitationBin::Between([first, last])) => format!("{group}@{first}-{last}"),
             Some(ExcitationBin::Outside) => format!("{group}@rest"),
+            Some(ExcitationBin::Node(nm)) => format!("{group}@{nm}nm"),
         }
     }
 
@@ -101,7 +104,8 @@ impl From<ComponentText> for Component {
     /// Names without a bin that can be read are those of light groups.
     fn from(ComponentText { light_group, light }: ComponentText) -> Self {
         let bin = |text: &str| match text.split_once('-') {
-            None => (text == "rest").then_some(ExcitationBin::Outside),
+            None if text == "rest" => Some(ExcitationBin::Outside),
+            None => Some(ExcitationBin::Node(text.strip_suffix("nm")?.parse().ok()?)),
             Some((first, last)) => Some(ExcitationBin::Between([first.parse().ok()?, last.parse().ok()?])),
         };
         match light_group.rsplit_once('@').and_then(|(group, text)| Some((group, bin(text)?))) {
@@ -384,6 +388,7 @@ mod tests {
             (None, "blue"),
             (Some(ExcitationBin::Between([380.0, 390.5])), "blue@380-390.5"),
             (Some(ExcitationBin::Outside), "blue@rest"),
+            (Some(ExcitationBin::Node(402.5)), "blue@402.5nm"),
         ];
         for (excitation, name) in bins {
             let component = Component { excitation, ..Component::of_group("blue", LightPath::Reflected) };

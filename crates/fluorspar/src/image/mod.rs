@@ -3,6 +3,7 @@
 mod channel_planes;
 mod component_image;
 mod component_rows;
+mod excitation_image;
 pub mod film;
 mod sensor_image;
 mod spectral_image;
@@ -13,6 +14,8 @@ pub use component_image::{
     StatisticsKind, View,
 };
 pub use component_rows::{ComponentRows, PreparedRows};
+pub(crate) use excitation_image::BasisBuilder;
+pub use excitation_image::{BasisComponent, ExcitationImage, GroupBasis, RelitComponent, RelitRows};
 pub use film::{Film, FilmLayout, MergeError};
 pub use sensor_image::{ChannelImage, Mosaic, SensorImage, SubtractedLight};
 pub use spectral_image::{ImageShapeError, SpectralImage};

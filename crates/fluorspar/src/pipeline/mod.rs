@@ -5,6 +5,7 @@
 //! | light transport | [`crate::render::render`] | [`crate::image::ComponentImage`] |
 //! | lens, filters, quantum efficiency as weights | [`FilmResponse`] | [`crate::image::ChannelPlanes`] |
 //! | planes of all captures | [`CapturePlanes`] | [`crate::sensor::FilmRates`] |
+//! | excitation kept apart by wavelength, and other light spectra in a finished render | [`crate::render::choose_basis`], [`render_with_basis`], [`relight_with_basis`] | [`crate::image::ExcitationImage`] |
 //! | other concentrations in a finished render | [`concentration_factors`], [`scale_multiple`] | [`crate::image::ComponentFactors`] |
 //! | lens, sensor, development | [`capture`], [`capture_from_planes`] | [`CapturedFrame`]s |
 //! | dark frames, flat field, bad pixels | [`Calibration`] | |
@@ -34,6 +35,7 @@ mod denoise;
 mod depth_of_light;
 mod direct_light;
 mod evaluate;
+mod excitation_basis;
 mod film_response;
 mod filter_leak;
 mod frame_leak;
@@ -65,6 +67,7 @@ pub use concentration::{MultipleUncertainty, concentration_factors, scale_multip
 pub use denoise::{DenoiseError, DenoiseSettings, denoise};
 pub use depth_of_light::{DepthOfLight, LayerShare, depths_of_light};
 pub use evaluate::{Evaluation, evaluate, evaluate_from_planes};
+pub use excitation_basis::{LightOutsideBasis, RelitImage, relight_with_basis, render_with_basis};
 pub use film_response::FilmResponse;
 pub use filter_leak::{FilterLeak, LeakAtAngle, LeakBehindFilters, filter_leak};
 pub use frame_leak::{ChannelLeak, FrameLeak, frame_leak};
@@ -136,11 +139,14 @@ pub enum PipelineError {
     /// A light spectrum that the excitation bins of the image can't give.
     #[error(transparent)]
     Spectrum(#[from] SpectrumOutOfSpan),
+    /// A light spectrum that the excitation basis of the image can't give.
+    #[error(transparent)]
+    OutsideBasis(#[from] LightOutsideBasis),
     /// A change that only a new render can follow.
     #[error(
         "{0} has changed since the component image was rendered, and the image would not show it: run or render the \
          experiment again, or undo the change. Drives and concentrations of fluorophores can be changed without a render: \
-         capture.NAME.light_groups.GROUP and concentration.NAME, and spectra of lights with render.excitation_edges_nm"
+         capture.NAME.light_groups.GROUP and concentration.NAME, and spectra of lights with render.excitation_basis_nm"
     )]
     OtherScene(String),
     /// A mask that does not cover the image.

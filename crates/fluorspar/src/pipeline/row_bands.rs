@@ -7,7 +7,7 @@
 use std::ops::Range;
 
 use crate::image::{ComponentImage, FeatureMaps, Film, FilmLayout, SampleStatistics};
-use crate::render::{RenderSettings, Share, tile_row_bytes, whole_image_bytes};
+use crate::render::{RenderSettings, Share, basis_bytes, tile_row_bytes, whole_image_bytes};
 use crate::scene::Scene;
 
 /// Why an image can't be divided into bands of tile rows.
@@ -42,7 +42,8 @@ pub enum RowBandError {
 /// # Errors
 /// A limit below one row of tiles.
 pub fn tile_rows_at_once(scene: &Scene, settings: &RenderSettings) -> Result<usize, RowBandError> {
-    let (maps, per_row) = (whole_image_bytes(scene), tile_row_bytes(scene, settings));
+    let maps = whole_image_bytes(scene) + basis_bytes(scene, settings);
+    let per_row = tile_row_bytes(scene, settings);
     let (needed, limit) = (maps + per_row, settings.memory_limit_bytes);
     if needed > limit {
         return Err(RowBandError::Memory { needed, limit });

@@ -16,7 +16,10 @@ use crate::spectral::WavelengthGrid;
 /// One distinct spectrum of the lights of one group.
 #[derive(Debug)]
 pub(super) struct Source {
+    /// Number among the spectra that are kept apart of all groups.
     pub(super) group: usize,
+    /// Sources from this one on that one light spectrum is taken apart into.
+    pub(super) slices: usize,
     /// Bin averages, one per band.
     pub(super) bands: Vec<BandBlock>,
     /// Fluorescent exitance per unit irradiance and concentration, `[matrix][band]`.
@@ -122,10 +125,8 @@ pub(super) struct CompiledScene {
     /// Meshes at many places; `None` where there are none.
     pub(super) instances: Option<CompiledInstances>,
     pub(super) shapes: Vec<CompiledShape>,
-    /// Sources in runs of `slices`: the excitation bins of one light spectrum.
+    /// Sources in runs: what one light spectrum is taken apart into.
     pub(super) sources: Vec<Source>,
-    /// Excitation bins of every light spectrum; 1 unless they are kept apart.
-    pub(super) slices: usize,
     /// Emissive objects, then light sources.
     pub(super) lights: Vec<CompiledLight>,
     /// Number of the first light source in `lights`: emissive objects are hit as surfaces.

@@ -3,12 +3,15 @@
 use super::settings::RenderSettings;
 use crate::image::{Component, ExcitationBin, LightPath};
 use crate::scene::Scene;
+use crate::spectral::ExcitationNodes;
 
 /// `[group and excitation bin][reflected, one per fluorophore, multiple]`.
 pub(super) fn component_labels(scene: &Scene, settings: &RenderSettings) -> Vec<Component> {
     let mut labels = Vec::new();
-    for group in &scene.light_groups {
-        for excitation in excitation_bins(&settings.excitation_edges_nm) {
+    for (number, group) in scene.light_groups.iter().enumerate() {
+        let nodes = settings.nodes_of(number).map_or(&[][..], ExcitationNodes::nodes_nm);
+        let nodes = nodes.iter().map(|nm| Some(ExcitationBin::Node(*nm)));
+        for excitation in excitation_bins(&settings.excitation_edges_nm).into_iter().chain(nodes) {
             let mut push =
                 |light| labels.push(Component { light_group: group.name.clone(), excitation, light });
             push(LightPath::Reflected);

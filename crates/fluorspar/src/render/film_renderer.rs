@@ -235,7 +235,7 @@ fn prepare(scene: &Scene, settings: &RenderSettings) -> Result<CompiledScene, Re
     if let Some(target) = &settings.error_target {
         target.check(scene.grid.len(), scene.light_groups.len())?;
     }
-    Ok(CompiledScene::new(scene, &settings.excitation_edges_nm)?)
+    Ok(CompiledScene::new(scene, settings)?)
 }
 
 /// Renders what is missing, pass by pass; `false` if it was stopped before the end.

@@ -1,5 +1,7 @@
 //! Excitation-emission matrices on wavelength bins.
 
+use std::ops::Range;
+
 use fluorspar_accel::bands::{self, BandBlock, BandMatrix, OuterProduct};
 use fluorspar_accel::{Lanes, Simd, Work};
 
@@ -31,19 +33,38 @@ impl FluorescenceOperator {
     /// The operator for a matrix at unit concentration, with excitation weighted by a light spectrum (any scale).
     /// Bins in which the light is dark, and `None`, weight evenly.
     pub fn new(eem: &PhotonEem, grid: &WavelengthGrid, light: Option<&Curve>) -> Self {
+        Self::in_bands(eem, grid, light, 0..grid.len())
+    }
+
+    /// The operator for light that lies in some bands only: those of a light spectrum, by which excitation is weighted.
+    pub(super) fn of_lit_bands(eem: &PhotonEem, grid: &WavelengthGrid, light: &Curve) -> Self {
+        let (first_nm, last_nm) = light.range_nm();
+        let edges = grid.edges_nm();
+        let first = edges.partition_point(|edge| *edge <= first_nm).saturating_sub(1);
+        let end = edges.partition_point(|edge| *edge < last_nm).min(grid.len());
+        Self::in_bands(eem, grid, Some(light), first.min(end)..end)
+    }
+
+    /// The operator whose columns outside of some bands of excitation are zero.
+    fn in_bands(eem: &PhotonEem, grid: &WavelengthGrid, light: Option<&Curve>, lit: Range<usize>) -> Self {
         let weight = BinWeight::new(grid, light);
         let form = match eem.density() {
             YieldDensity::Separable(terms) => {
                 let masked = eem.stokes() == Stokes::Mask;
+                let diagonal_of = |band: usize| {
+                    if lit.contains(&band) { diagonal_entry(eem, grid, &weight, band) } else { 0.0 }
+                };
                 // Integrate the Stokes mask on the diagonal
-                let mut diagonal: Vec<f32> =
-                    (0..grid.len()).map(|band| diagonal_entry(eem, grid, &weight, band) as f32).collect();
+                let mut diagonal: Vec<f32> = (0..grid.len()).map(|band| diagonal_of(band) as f32).collect();
                 let terms = terms
                     .iter()
                     .map(|term| {
                         // Average excitation and emission over the bins
                         let excitation: Vec<f32> = (0..grid.len())
                             .map(|band| {
+                                if !lit.contains(&band) {
+                                    return 0.0;
+                                }
                                 let average = weight.average(band, |nm| term.excitation.at(nm) * nm);
                                 (eem.scale() * average * grid.width_nm(band)) as f32
                             })
@@ -65,7 +86,7 @@ impl FluorescenceOperator {
             YieldDensity::Table(_) => {
                 let n = grid.len();
                 let mut columns = vec![0.0; n * n];
-                for excitation in 0..n {
+                for excitation in lit {
                     for emission in 0..n {
                         // Average each entry over both bins
                         let entry = if emission == excitation && eem.stokes() == Stokes::Mask {

@@ -165,7 +165,8 @@ impl CompiledScene {
             for (source, layer) in sources.iter().zip(map.layers()) {
                 let factor = layer.factors[pixel];
                 if factor > 0.0 {
-                    (*source..*source + self.slices).for_each(|source| add(source, factor, pdf));
+                    (*source..*source + self.sources[*source].slices)
+                        .for_each(|source| add(source, factor, pdf));
                 }
             }
         }

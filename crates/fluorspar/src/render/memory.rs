@@ -12,7 +12,7 @@ use crate::scene::{Object, Scene, Shape};
 
 /// Memory that a render's images need, bytes: the film, from which the result is made in place.
 pub fn memory_bytes(scene: &Scene, settings: &RenderSettings) -> u64 {
-    let groups = scene.light_groups.len() * settings.excitation_edges_nm.len().max(1);
+    let groups = settings.first_slice(scene.light_groups.len());
     let components = groups * (scene.fluorophores.len() + 2);
     let planes = components
         + 2 * match settings.film_statistics() {
@@ -21,6 +21,18 @@ pub fn memory_bytes(scene: &Scene, settings: &RenderSettings) -> u64 {
             StatisticsKind::Components => components,
         };
     film_bytes(scene.camera.width, scene.camera.height, scene.grid.len(), planes)
+}
+
+/// Memory of what a render with an excitation basis keeps of the whole image besides the film, bytes: the image under the lights as
+/// they are, and about as many spectra of each component as mouths were seen to need. Nothing without a basis.
+pub fn basis_bytes(scene: &Scene, settings: &RenderSettings) -> u64 {
+    const SPECTRA: u64 = 32;
+    let Some(basis) = &settings.excitation_basis else { return 0 };
+    let kinds = scene.fluorophores.len() + 2;
+    let own = scene.light_groups.len() * settings.excitation_edges_nm.len().max(1) * kinds;
+    let (width, height) = (scene.camera.width, scene.camera.height);
+    let image = film_bytes(width, height, scene.grid.len(), own) / 2;
+    image + 4 * SPECTRA * (basis.groups.len() * kinds * width * height) as u64
 }
 
 /// Memory of what belongs to the whole image when it is rendered some rows at a time, bytes: feature maps, materials and

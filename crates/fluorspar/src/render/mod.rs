@@ -5,6 +5,7 @@
 //! |---|---|
 //! | `settings` | how much work a render does |
 //! | `error` | why a render cannot start |
+//! | `choose_basis` | which light groups are kept apart by excitation wavelength, and at which nodes |
 //! | `share` | shards: which samples of which tiles one process renders |
 //! | `memory` | memory estimates |
 //! | `component_labels` | labels of the components, in the order of the film |
@@ -31,6 +32,7 @@
 mod adaptive;
 mod block_sum;
 mod camera_sample;
+mod choose_basis;
 mod compile;
 mod compiled_scene;
 mod component_labels;
@@ -54,12 +56,14 @@ mod survival_probability;
 mod visible_surfaces;
 
 pub use adaptive::{ErrorChannel, ErrorTarget, ErrorTargetError};
+pub use choose_basis::{BasisError, choose_basis};
+pub(crate) use choose_basis::{are_in_proportion, excitation_responses};
 pub use error::RenderError;
 pub use film_renderer::{Checkpoint, FilmRenderer, RenderControl, RenderProgress, render};
 pub use fluorescence_operator::FluorescenceOperator;
 pub(crate) use fluorescence_operator::direct_exitance;
-pub use memory::{memory_bytes, surface_bytes, tile_row_bytes, whole_image_bytes};
+pub use memory::{basis_bytes, memory_bytes, surface_bytes, tile_row_bytes, whole_image_bytes};
 pub use scene_digest::scene_digest;
-pub use settings::{Estimator, RenderSettings};
+pub use settings::{BasisSettings, Estimator, RenderSettings};
 pub use share::Share;
 pub use visible_surfaces::visible_surfaces;

@@ -252,7 +252,7 @@ impl CompiledScene {
         if let Some((light, scale, light_pdf)) = emission {
             let scale = scale * emission_weight(*scattered, light_pdf, estimator);
             let source = self.lights[light].source;
-            for source in source..source + self.slices {
+            for source in source..source + self.sources[source].slices {
                 path.add_emission(source, scale);
             }
         }
@@ -405,7 +405,7 @@ impl CompiledScene {
         let factor = visibility * shadow_ray.mis_weight / shadow_ray.light.pdf;
         self.each_source(&shadow_ray.light, |source, scale| {
             // All excitation bins of a light share its geometry.
-            for source in source..source + self.slices {
+            for source in source..source + self.sources[source].slices {
                 let direct = path.direct_mut(shadow_ray.vertex as usize, self.sources.len(), source);
                 direct.diffuse += factor * scale * s.diffuse * PI;
                 direct.fluorescent += factor * scale * s.fluorescent * PI;

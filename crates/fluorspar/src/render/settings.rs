@@ -3,6 +3,7 @@
 use super::adaptive::ErrorTarget;
 use super::error::{MOST_DEPTH, MOST_SAMPLES_PER_PIXEL, RenderError};
 use crate::image::StatisticsKind;
+use crate::spectral::ExcitationNodes;
 
 /// How light transport is estimated.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -35,6 +36,18 @@ pub struct RenderSettings {
     /// `GROUP@FIRST-LAST`, and `GROUP@rest` for its light outside all bins: the image can then be recombined for any light
     /// spectrum that is constant relative to the rendered one within each bin.
     pub excitation_edges_nm: Vec<f64>,
+    /// Light groups whose light the render keeps apart by excitation node, besides what they give under their own spectrum.
+    pub excitation_basis: Option<BasisSettings>,
+}
+
+/// Light groups that are rendered once more under the hat functions of excitation nodes, 1 W/nm (or W/(m² nm), or
+/// W/(sr m² nm)) at its node for the first light of the group, the others in proportion: see [`ExcitationNodes`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct BasisSettings {
+    /// Numbers of the light groups. All lights of a group have one spectrum up to a factor.
+    pub groups: Vec<usize>,
+    /// The nodes.
+    pub nodes: ExcitationNodes,
 }
 
 impl Default for RenderSettings {
@@ -49,6 +62,7 @@ impl Default for RenderSettings {
             statistics: StatisticsKind::None,
             error_target: None,
             excitation_edges_nm: Vec::new(),
+            excitation_basis: None,
         }
     }
 }
@@ -60,6 +74,23 @@ impl RenderSettings {
             StatisticsKind::None if self.error_target.is_some() => StatisticsKind::LightGroups,
             statistics => statistics,
         }
+    }
+
+    /// Spectra of a light group that the render keeps apart: one, its excitation bins, or its own spectrum and the hats of the
+    /// excitation nodes.
+    pub(super) fn slices(&self, group: usize) -> usize {
+        let nodes = self.nodes_of(group).map_or(0, ExcitationNodes::len);
+        self.excitation_edges_nm.len().max(1) + nodes
+    }
+
+    /// The spectra that are kept apart of all groups before one.
+    pub(super) fn first_slice(&self, group: usize) -> usize {
+        (0..group).map(|before| self.slices(before)).sum()
+    }
+
+    /// The excitation nodes of a light group that has some.
+    pub(super) fn nodes_of(&self, group: usize) -> Option<&ExcitationNodes> {
+        self.excitation_basis.as_ref().filter(|basis| basis.groups.contains(&group)).map(|basis| &basis.nodes)
     }
 
     /// Refuses settings that are out of range.

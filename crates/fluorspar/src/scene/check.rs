@@ -382,6 +382,15 @@ impl Scene {
         warnings
     }
 
+    /// Spectra of all that sends light in a light group, those of surfaces first.
+    pub(crate) fn group_spectra(&self, group: usize) -> Vec<Cow<'_, Curve>> {
+        let surfaces = self.objects.iter().filter_map(|object| object.emission.as_ref());
+        let surfaces = surfaces.filter(|emission| emission.group == group);
+        let lights = self.lights.iter().filter(|light| light.group == group);
+        let surfaces = surfaces.map(|emission| Cow::Borrowed(&emission.radiance));
+        surfaces.chain(lights.map(|light| light.whole_spectrum())).collect()
+    }
+
     /// Names and spectra of all that sends light, those of one group with one spectrum once.
     fn distinct_spectra(&self) -> Vec<(&str, Cow<'_, Curve>)> {
         let lights =

@@ -3,7 +3,7 @@
 use fluorspar_accel::bands::{BandBlock, to_blocks};
 use rayon::prelude::*;
 
-use super::excitation_bins::excitation_slices;
+use super::excitation_bins::{Slice, Slicing};
 use super::geometry::EmissiveSurface;
 use crate::light::PreparedEmitter;
 use crate::render::compiled_scene::{CompiledLight, Source};
@@ -13,10 +13,8 @@ use crate::spectral::{Curve, PhotonEem, WavelengthGrid};
 
 /// All lights of a scene.
 pub(super) struct Lights {
-    /// Sources in runs of `slices`: the excitation bins of one light spectrum.
+    /// Sources in runs: what one light spectrum is taken apart into.
     pub(super) sources: Vec<Source>,
-    /// Excitation bins of every light spectrum; 1 unless they are kept apart.
-    pub(super) slices: usize,
     /// Emissive objects, then light sources.
     pub(super) lights: Vec<CompiledLight>,
     /// Number of the first light source in `lights`.
@@ -36,9 +34,9 @@ pub(super) fn compile(
     scene: &Scene,
     matrices: &[&PhotonEem],
     emissive: Vec<EmissiveSurface>,
-    excitation_edges_nm: &[f64],
+    slicing: &Slicing<'_>,
 ) -> Lights {
-    let mut list = SourceList::new(scene, matrices, excitation_edges_nm);
+    let mut list = SourceList::new(scene, matrices, slicing);
     let mut lights = Vec::new();
     let mut environment = Vec::new();
     let mut environment_maps = Vec::new();
@@ -60,7 +58,8 @@ pub(super) fn compile(
         let sources: Vec<usize> =
             light.spectra().iter().map(|spectrum| list.source_of(light.group, spectrum)).collect();
         let Some(emitter) = light.emitter.prepare() else {
-            environment.extend(sources.into_iter().flat_map(|source| source..source + list.slices));
+            environment
+                .extend(sources.into_iter().flat_map(|source| source..source + slicing.count(light.group)));
             continue;
         };
         if emitter.environment_map().is_some() {
@@ -73,10 +72,8 @@ pub(super) fn compile(
     let group_lights = (0..scene.light_groups.len())
         .map(|group| (0..lights.len()).filter(|&l| lights[l].group == group).collect())
         .collect();
-    let SourceList { sources, slices, .. } = list;
     Lights {
-        sources,
-        slices,
+        sources: list.sources,
         lights,
         first_light_source,
         group_lights,
@@ -102,37 +99,37 @@ fn compiled_light(group: usize, sources: &[usize], emitter: PreparedEmitter, pow
 struct SourceList<'a> {
     grid: &'a WavelengthGrid,
     matrices: &'a [&'a PhotonEem],
-    excitation_edges_nm: &'a [f64],
-    slices: usize,
-    /// Light group and spectrum of each run of sources.
-    known: Vec<(usize, Curve)>,
+    slicing: &'a Slicing<'a>,
+    /// Light group, spectrum and first source of each run of sources.
+    known: Vec<(usize, Curve, usize)>,
     sources: Vec<Source>,
 }
 
 impl<'a> SourceList<'a> {
-    fn new(scene: &'a Scene, matrices: &'a [&'a PhotonEem], excitation_edges_nm: &'a [f64]) -> Self {
-        let slices = excitation_edges_nm.len().max(1);
-        let grid = &scene.grid;
-        Self { grid, matrices, excitation_edges_nm, slices, known: Vec::new(), sources: Vec::new() }
+    fn new(scene: &'a Scene, matrices: &'a [&'a PhotonEem], slicing: &'a Slicing<'a>) -> Self {
+        Self { grid: &scene.grid, matrices, slicing, known: Vec::new(), sources: Vec::new() }
     }
 
     /// The first source of a spectrum of a light group: one that is known, or a new one.
     fn source_of(&mut self, group: usize, curve: &Curve) -> usize {
-        if let Some(found) = self.known.iter().position(|(g, known)| *g == group && known == curve) {
-            return found * self.slices;
+        if let Some((.., first)) = self.known.iter().find(|(g, known, _)| *g == group && known == curve) {
+            return *first;
         }
-        self.known.push((group, curve.clone()));
+        let first = self.sources.len();
+        self.known.push((group, curve.clone(), first));
         let grid = self.grid;
-        for (slice, curve) in excitation_slices(curve, self.excitation_edges_nm).into_iter().enumerate() {
+        let (slices, of_group) = (self.slicing.slices(group, curve), self.slicing.first(group));
+        let count = slices.len();
+        for (slice, Slice { curve, .. }) in slices.into_iter().enumerate() {
             let bands = band_blocks(&curve.bin_averages(grid));
             let exitance = self
                 .matrices
                 .par_iter()
                 .map(|eem| band_blocks(&direct_exitance(eem, grid, &curve)))
                 .collect();
-            self.sources.push(Source { group: group * self.slices + slice, bands, exitance });
+            self.sources.push(Source { group: of_group + slice, slices: count - slice, bands, exitance });
         }
-        (self.known.len() - 1) * self.slices
+        first
     }
 }
 

@@ -5,7 +5,7 @@
 //! | `geometry` | triangles, instances, analytic shapes, bounding volume hierarchies |
 //! | `lights` | lights, and the distinct spectra that they emit |
 //! | `emitters` | the distinct matrices of fluorophores, on surfaces and in tissue |
-//! | `excitation_bins` | light spectra cut into excitation bins |
+//! | `excitation_bins` | light spectra cut into excitation bins, or replaced by the hats of nodes |
 //! | `visible_points` | points that the camera sees, samples of the scene |
 //! | `operators` | fluorescence operators, weighted by the spectrum of each light group |
 //! | `materials` | band averages and tables of every material |
@@ -23,23 +23,23 @@ mod visible_points;
 use fluorspar_accel::{BuildError, Simd};
 
 use super::compiled_scene::CompiledScene;
+use super::settings::RenderSettings;
 use super::survival_probability::RouletteModel;
 use crate::scene::Scene;
 
 impl CompiledScene {
-    /// `excitation_edges_nm` are the edges of the excitation bins to keep apart, increasing; none for one component per
-    /// light group.
-    pub(super) fn new(scene: &Scene, excitation_edges_nm: &[f64]) -> Result<Self, BuildError> {
+    /// Of the settings only the excitation bins and nodes count.
+    pub(super) fn new(scene: &Scene, settings: &RenderSettings) -> Result<Self, BuildError> {
         // Compile surfaces and light sources
         let (geometry, emissive) = geometry::compile(scene)?;
         let matrices = emitters::Matrices::new(scene);
-        let lights = lights::compile(scene, &matrices.list, emissive, excitation_edges_nm);
+        let slicing = excitation_bins::Slicing::new(scene, settings);
+        let lights = lights::compile(scene, &matrices.list, emissive, &slicing);
 
         // Weight the excitation spectrum of each light group by what arrives at the visible points
         let points = visible_points::on_fluorescent_surfaces(scene, &geometry);
         let group_spectra = operators::group_spectra(scene, &points);
-        let group_operators =
-            operators::of_groups(scene, &matrices.list, &group_spectra, excitation_edges_nm);
+        let group_operators = operators::of_groups(scene, &matrices.list, &group_spectra, &slicing);
         let plain_operators = operators::unweighted(scene, &matrices.list);
 
         // Compile materials
@@ -63,7 +63,6 @@ impl CompiledScene {
             instances: geometry.instances,
             shapes: geometry.shapes,
             sources: lights.sources,
-            slices: lights.slices,
             lights: lights.lights,
             first_light_source: lights.first_light_source,
             group_lights: lights.group_lights,

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::excitation_bins::excitation_slices;
+use super::excitation_bins::{Slice, Slicing};
 use crate::geometry::OrientedPoint;
 use crate::render::fluorescence_operator::FluorescenceOperator;
 use crate::scene::Scene;
@@ -21,18 +21,16 @@ pub(super) fn of_groups(
     scene: &Scene,
     matrices: &[&PhotonEem],
     group_spectra: &[Option<Curve>],
-    excitation_edges_nm: &[f64],
+    slicing: &Slicing<'_>,
 ) -> Vec<Vec<FluorescenceOperator>> {
-    let slices = excitation_edges_nm.len().max(1);
     group_spectra
         .iter()
-        .flat_map(|spectrum| match spectrum {
-            Some(spectrum) => {
-                excitation_slices(spectrum, excitation_edges_nm).into_iter().map(Some).collect()
-            }
-            None => vec![None; slices],
+        .enumerate()
+        .flat_map(|(group, spectrum)| match spectrum {
+            Some(spectrum) => slicing.slices(group, spectrum).into_iter().map(Some).collect(),
+            None => vec![None; slicing.count(group)],
         })
-        .map(|spectrum| of_matrices(scene, matrices, spectrum.as_ref()))
+        .map(|slice| of_matrices(scene, matrices, slice.as_ref()))
         .collect()
 }
 
@@ -41,10 +39,11 @@ pub(super) fn unweighted(scene: &Scene, matrices: &[&PhotonEem]) -> Vec<Fluoresc
     of_matrices(scene, matrices, None)
 }
 
-fn of_matrices(
-    scene: &Scene,
-    matrices: &[&PhotonEem],
-    spectrum: Option<&Curve>,
-) -> Vec<FluorescenceOperator> {
-    matrices.par_iter().map(|eem| FluorescenceOperator::new(eem, &scene.grid, spectrum)).collect()
+fn of_matrices(scene: &Scene, matrices: &[&PhotonEem], slice: Option<&Slice>) -> Vec<FluorescenceOperator> {
+    let operator = |eem: &&PhotonEem| match slice {
+        // Light of a hat lies in its own bands alone.
+        Some(Slice { curve, is_hat: true }) => FluorescenceOperator::of_lit_bands(eem, &scene.grid, curve),
+        slice => FluorescenceOperator::new(eem, &scene.grid, slice.map(|slice| &slice.curve)),
+    };
+    matrices.par_iter().map(operator).collect()
 }
