@@ -6,6 +6,7 @@ mod camera_color;
 mod channel_planes;
 mod design;
 mod documentation;
+mod excitation_basis;
 mod experiment_files;
 mod experiment_presets;
 mod film;

@@ -2,7 +2,7 @@
 //!
 //! | step | type or call | file |
 //! |---|---|---|
-//! | what a region sends, for any light | [`RegionResponse`], [`ExcitationBasis`] | `region_response.rs` |
+//! | what a region sends, for any light | [`RegionResponse`], [`ExcitationBasis`] | `region_response.rs`, `rendered_region.rs` |
 //! | what about it is not known | [`RegionModel`], [`LibraryError`], [`ResponseChange`] | `region_model.rs` |
 //! | what a camera behind a filter makes of it | [`DesignCamera`], [`LitRegion`], [`SignalRates`] | `design_camera.rs`, `region_model.rs` |
 //! | Fisher information, nuisances by Schur complement | [`Information`], [`Bound`] | `fisher.rs` |
@@ -26,6 +26,7 @@ mod fisher;
 mod problem;
 mod region_model;
 mod region_response;
+mod rendered_region;
 mod robustness;
 mod search;
 

@@ -77,21 +77,6 @@ impl ExcitationBasis {
     }
 }
 
-/// Power of a light between two wavelengths, and the same weighted by a ramp from 0 to 1.
-fn power_and_moment(light: &Curve, from_nm: f64, to_nm: f64) -> (f64, f64) {
-    let part = light.clipped(from_nm, to_nm);
-    let ramp = |nm: f64| (nm - from_nm) / (to_nm - from_nm);
-    let (mut all, mut above) = (0.0, 0.0);
-    for (nm, value) in part.wavelengths_nm().windows(2).zip(part.values().windows(2)) {
-        let width = nm[1] - nm[0];
-        // Light and ramp are linear here: Simpson's rule is exact for their product.
-        let middle = 0.25 * (value[0] + value[1]) * (ramp(nm[0]) + ramp(nm[1]));
-        all += 0.5 * width * (value[0] + value[1]);
-        above += width / 6.0 * (value[0] * ramp(nm[0]) + 4.0 * middle + value[1] * ramp(nm[1]));
-    }
-    (all, above)
-}
-
 /// Fluorescence of one fluorophore of a region.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FluorescenceResponse {

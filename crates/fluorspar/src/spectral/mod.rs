@@ -27,6 +27,7 @@ pub use curve::{Curve, CurveError, FINE_STEP_NM};
 pub use curve_model::*;
 pub use eem::{EemError, EemTable, EnergyEem, PhotonEem, SeparableTerm, Stokes, YieldDensity};
 pub use eem_toolbox::{TOOLBOX_SAMPLES, TOOLBOX_START_NM, TOOLBOX_STEP_NM, ToolboxEem};
+pub(crate) use excitation_nodes::power_and_moment;
 pub use excitation_nodes::{ExcitationNodes, NodesError};
 pub use fluorophore::{BandTerm, Fluorophore, LogNormalBand, YieldUnit};
 pub(crate) use hemoglobin::absorption_per_cm as blood_absorption_per_cm;
