@@ -1031,6 +1031,11 @@ def readme(items):
         "- Tissue parameters describe a curve. Sites other than tongue and inner lip are assumed.",
         "- The OralEye's sensor, white LED and filters are not public; generic models replace them here.",
         "",
+        "Families of generic parts, which `validation/write_generic_optics.py` writes: LEDs `led_340` to `led_500` by 5 nm, `long_pass_400` to",
+        "`long_pass_680`, `short_pass_370` to `short_pass_540`, `band_pass_CENTER_WIDTH`, `absorbing_long_pass_450` to `550`, sensors",
+        "`multispectral_8_band` and `multispectral_16_band`. All their numbers are assumed: round ones within what data sheets state. Names that",
+        "are in the tables below are not theirs.",
+        "",
     ]
     for folder, (title, text) in FOLDERS.items():
         lines += [

@@ -6,8 +6,8 @@ use clap::{Parser, Subcommand, ValueEnum, ValueHint};
 use clap_complete::Shell;
 
 use crate::commands::{
-    analyze, capture, check, denoise, design, filter, fluorophore, lens, merge, mouth, predict, presets,
-    render, run, safety, scene, schema, sensor, sheet, spectroradiometer, tissue, validate,
+    analyze, capture, check, denoise, design, filter, fluorophore, lens, merge, mouth, plot, predict,
+    presets, render, run, safety, scene, schema, sensor, sheet, spectra, spectroradiometer, tissue, validate,
 };
 use crate::message::Messages;
 use crate::values::{self, Override};
@@ -63,8 +63,16 @@ pub(crate) enum Command {
     Sensor(sensor::Options),
     /// Trace a lens, list the lenses of the catalogue.
     Lens(lens::Options),
-    /// Assess viewing filters.
+    /// List, show and plot filters; assess viewing filters.
     Filter(filter::Options),
+    /// List, show and plot light spectra.
+    Light(spectra::Options),
+    /// List, show and plot diffuse reflectances.
+    Reflectance(spectra::Options),
+    /// List, show and plot quantum efficiencies.
+    Qe(spectra::Options),
+    /// Draw light, filters, fluorophores and sensor over one axis of wavelengths.
+    Plot(plot::Options),
     /// Generate mouths: meshes, contact sheets of views, cohorts of people.
     Mouth(mouth::Options),
     /// List, show, solve and fit layered tissues; trace photons through them.

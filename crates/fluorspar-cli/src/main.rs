@@ -17,6 +17,7 @@ use std::process::ExitCode;
 
 use clap::Parser;
 use fluorspar_accel::{Allocator, have_the_last_word, return_freed_memory_at_once};
+use fluorspar_experiment::preset::PresetKind;
 use fluorspar_experiment::use_cache;
 use fluorspar_format::Cache;
 
@@ -94,6 +95,12 @@ fn default_threads() -> usize {
     wanted.filter(|&threads| threads > 0).unwrap_or_else(cores).min(MOST_THREADS as usize)
 }
 
+/// Commands on the spectra of one kind.
+fn spectra(options: &commands::spectra::Options, kind: PresetKind) -> Result<ExitCode, CliError> {
+    commands::spectra::run(options, kind)?;
+    Ok(ExitCode::SUCCESS)
+}
+
 fn run(args: Args) -> Result<ExitCode, CliError> {
     start_threads(args.threads.unwrap_or_else(default_threads))?;
     if args.verbose {
@@ -115,6 +122,10 @@ fn run(args: Args) -> Result<ExitCode, CliError> {
         Command::Sensor(options) => commands::sensor::run(&options),
         Command::Lens(options) => commands::lens::run(&options),
         Command::Filter(options) => commands::filter::run(&options),
+        Command::Light(options) => spectra(&options, PresetKind::Light),
+        Command::Reflectance(options) => spectra(&options, PresetKind::Reflectance),
+        Command::Qe(options) => spectra(&options, PresetKind::QuantumEfficiency),
+        Command::Plot(options) => commands::plot::run(&options),
         Command::Mouth(options) => commands::mouth::run(&options),
         Command::Tissue(options) => commands::tissue::run(&options),
         Command::Predict(options) => commands::predict::run(&options),

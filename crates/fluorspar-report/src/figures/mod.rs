@@ -3,6 +3,7 @@
 //! Each function chooses round axis limits, draws names and units, and writes an explanation that a reader who has seen only
 //! the paper's abstract can follow.
 
+mod chain;
 mod chromaticity;
 mod eem;
 mod filters;
@@ -12,9 +13,11 @@ mod lights;
 mod photon_transfer;
 mod picture;
 mod radiance;
+mod reflectance;
 mod sensor;
 mod tissue;
 
+pub use chain::chain;
 pub use chromaticity::{ChromaticityPlot, chromaticity};
 pub use eem::{EemMap, eem_maps, emission};
 pub use filters::filters;
@@ -24,6 +27,7 @@ pub use lights::{LIGHT_DECADES, lights};
 pub use photon_transfer::{PhotonTransferPlot, SnrPlot, photon_transfer, signal_to_noise};
 pub use picture::{PorphyrinQuantity, picture, pictures, porphyrin_map, porphyrin_maps};
 pub use radiance::{radiance_by_component, spectral_readings};
+pub use reflectance::reflectances;
 pub use sensor::sensor_response;
 pub use tissue::{
     EstimatedCurve, SpectrumFit, light_by_depth, light_by_radius, light_sources_by_depth, spectrum_fits,

@@ -1,11 +1,13 @@
-//! `fluorspar filter`: leak.
+//! `fluorspar filter`: list, show, plot, leak.
 
 mod leak;
 
 use std::process::ExitCode;
 
 use clap::Subcommand;
+use fluorspar_experiment::preset::PresetKind;
 
+use super::spectra;
 use crate::error::CliError;
 
 /// Options of `filter`.
@@ -19,11 +21,14 @@ pub(crate) struct Options {
 enum Action {
     /// Compare reflected light with fluorescence behind the viewing filters of a flat sample.
     Leak(leak::Options),
+    #[command(flatten)]
+    Spectra(spectra::Action),
 }
 
 pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     match &options.action {
         Action::Leak(options) => leak::run(options)?,
+        Action::Spectra(action) => spectra::act(action, PresetKind::Filter)?,
     }
     Ok(ExitCode::SUCCESS)
 }

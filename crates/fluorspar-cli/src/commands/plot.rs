@@ -1,0 +1,134 @@
+//! `fluorspar plot`: the chain of a camera on one axis of wavelengths.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::ValueHint;
+use fluorspar::spectral::{Curve, Fluorophore};
+use fluorspar_experiment::preset;
+use fluorspar_format::{Output, Outputs};
+use fluorspar_report::figures::{PlotCurve, chain};
+
+use super::spectra::{plot_curve, wavelengths, write_figure};
+use super::{FigureFormat, curves};
+use crate::error::CliError;
+
+/// Options of `plot`.
+#[derive(Clone, Debug, clap::Args)]
+pub(crate) struct Options {
+    /// Light: a name of the catalogue or a CSV file. May be repeated.
+    #[arg(long, value_name = "NAME|CSV")]
+    light: Vec<String>,
+    /// Filter on the light. May be repeated.
+    #[arg(long, value_name = "NAME|CSV")]
+    light_filter: Vec<String>,
+    /// Fluorophore of the catalogue: its excitation, and its emission under the first light. May be repeated.
+    #[arg(long, value_name = "NAME")]
+    fluorophore: Vec<String>,
+    /// Filter in front of the lens. May be repeated.
+    #[arg(long, value_name = "NAME|CSV")]
+    view_filter: Vec<String>,
+    /// Quantum efficiency of the sensor, a name of the catalogue.
+    #[arg(long, value_name = "NAME")]
+    qe: Option<String>,
+    /// Figure to write: .svg or .png.
+    #[arg(long, value_name = "FILE", default_value = "chain.svg", value_hint = ValueHint::FilePath)]
+    out: PathBuf,
+    /// First wavelength, nm.
+    #[arg(long, value_name = "NM", default_value_t = 320.0)]
+    from_nm: f64,
+    /// Last wavelength, nm.
+    #[arg(long, value_name = "NM", default_value_t = 760.0)]
+    to_nm: f64,
+    #[command(flatten)]
+    talk: crate::args::Talk,
+}
+
+pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
+    let format = FigureFormat::of(&options.out)?;
+    let range_nm = wavelengths(options.from_nm, options.to_nm)?;
+    let inputs: Vec<PathBuf> = options
+        .light
+        .iter()
+        .chain(&options.light_filter)
+        .chain(&options.view_filter)
+        .map(PathBuf::from)
+        .collect();
+    let set = Outputs::new().and(Output::file("--out", &options.out)).reading(&inputs).declare()?;
+    let behind = curves::filters(&options.light_filter)?;
+    let mut lights = Vec::new();
+    for name in &options.light {
+        let curve = curves::light(name)?.times(&behind);
+        lights.push((name, curve));
+    }
+    let fluorophores: Vec<Fluorophore> = options
+        .fluorophore
+        .iter()
+        .map(|name| Ok(preset::fluorophore(name)?.fluorophore()))
+        .collect::<Result<_, CliError>>()?;
+    let one = |name: &str, curve: &Curve| plot_curve(curves::label(name), curve, range_nm);
+    let light_curves: Vec<PlotCurve> = lights.iter().map(|(name, curve)| one(name, curve)).collect();
+    let mut filter_curves = Vec::new();
+    for name in options.light_filter.iter().chain(&options.view_filter) {
+        filter_curves.push(one(name, &curves::filters(std::slice::from_ref(name))?));
+    }
+    let first = lights.first().map(|(_, curve)| curve);
+    let excitation = fluorophores
+        .iter()
+        .map(|f| plot_curve(f.title.clone(), &excitation(f), range_nm))
+        .collect::<Vec<_>>();
+    let emission = fluorophores
+        .iter()
+        .map(|f| plot_curve(f.title.clone(), &emission(f, first), range_nm))
+        .collect::<Vec<_>>();
+    let mut efficiency = Vec::new();
+    if let Some(name) = &options.qe {
+        for (channel, curve) in preset::quantum_efficiency(name)?.channels()? {
+            efficiency.push(plot_curve(channel, &curve, range_nm));
+        }
+    }
+    if light_curves.is_empty() && filter_curves.is_empty() && excitation.is_empty() && efficiency.is_empty() {
+        return Err(CliError::Input(
+            "there is nothing to draw; name a --light, --light-filter, --fluorophore, --view-filter or --qe"
+                .into(),
+        ));
+    }
+    let all = [&light_curves, &filter_curves, &excitation, &emission, &efficiency];
+    write_figure(
+        &options.out,
+        format,
+        &chain(&light_curves, &filter_curves, &excitation, &emission, &efficiency),
+    )?;
+    set.finish()?;
+    if options.talk.json {
+        let names = ["lights", "filters", "excitation", "emission", "quantum_efficiency"];
+        let list = |curves: &Vec<PlotCurve>| -> serde_json::Value {
+            let of = |curve: &PlotCurve| serde_json::json!({ "name": curve.name, "wavelength_nm": curve.wavelength_nm, "value": curve.value });
+            curves.iter().map(of).collect()
+        };
+        let mut answer = serde_json::json!({ "file": options.out });
+        for (name, curves) in names.into_iter().zip(all) {
+            answer[name] = list(curves);
+        }
+        super::print_json(&answer)?;
+    } else {
+        options.talk.messages().status(format!("Wrote {}", options.out.display()));
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Photons that a fluorophore emits in all by excitation wavelength.
+fn excitation(fluorophore: &Fluorophore) -> Curve {
+    let nm: Vec<f64> = (0..=500).map(|i| 250.0 + f64::from(i)).collect();
+    let values = fluorophore.eem.total_yields(&nm);
+    Curve::new(nm, values).unwrap_or_else(|_| Curve::constant(0.0))
+}
+
+/// Emission under a light, or at the best excitation without one.
+fn emission(fluorophore: &Fluorophore, light: Option<&Curve>) -> Curve {
+    let best = excitation(fluorophore).peak_nm();
+    let line = Curve::new(vec![best - 1.0, best, best + 1.0], vec![0.0, 1.0, 0.0]);
+    let light = light.cloned().or(line.ok()).unwrap_or_else(|| Curve::constant(1.0));
+    let (first, last) = light.range_nm();
+    fluorophore.eem.photon_exitance(&light.times(&Curve::from_fn(first, last, |nm| nm)), (300.0, 900.0))
+}

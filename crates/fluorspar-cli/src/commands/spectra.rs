@@ -1,0 +1,295 @@
+//! `fluorspar light`, `filter`, `reflectance` and `qe`: list, show and plot spectra of the catalogue or of CSV files.
+
+use std::io::Write;
+use std::path::PathBuf;
+
+use clap::{Subcommand, ValueHint};
+use fluorspar::spectral::Curve;
+use fluorspar_experiment::preset::{self, CurvePreset, PresetKind};
+use fluorspar_format::{Negative, Output, Outputs, write_atomically};
+use fluorspar_report::Figure;
+use fluorspar_report::figures::{PlotCurve, filters, lights, reflectances, sensor_response};
+use serde_json::{Value, json};
+
+use super::table::{ListOptions, short};
+use super::{FigureFormat, curves};
+use crate::error::CliError;
+use crate::message::Messages;
+
+/// Options of `light`, `reflectance` and `qe`.
+#[derive(Clone, Debug, clap::Args)]
+pub(crate) struct Options {
+    #[command(subcommand)]
+    action: Action,
+}
+
+/// What to do with spectra of a kind.
+#[derive(Clone, Debug, Subcommand)]
+pub(crate) enum Action {
+    /// List the catalogue.
+    List(ListOptions),
+    /// Show one with its numbers and where it comes from.
+    Show(ShowOptions),
+    /// Draw some over one another.
+    Plot(PlotOptions),
+}
+
+/// Options of `show`.
+#[derive(Clone, Debug, clap::Args)]
+pub(crate) struct ShowOptions {
+    /// Name of the catalogue, or a CSV file.
+    #[arg(value_name = "NAME|CSV", value_hint = ValueHint::FilePath)]
+    name: String,
+    /// Print as JSON, with the spectrum every 5 nm.
+    #[arg(long)]
+    json: bool,
+}
+
+/// Options of `plot`.
+#[derive(Clone, Debug, clap::Args)]
+pub(crate) struct PlotOptions {
+    /// Names of the catalogue, or CSV files.
+    #[arg(value_name = "NAME|CSV", required = true, value_hint = ValueHint::FilePath)]
+    names: Vec<String>,
+    /// Figure to write: .svg or .png.
+    #[arg(long, value_name = "FILE", default_value = "spectra.svg", value_hint = ValueHint::FilePath)]
+    out: PathBuf,
+    /// First wavelength, nm.
+    #[arg(long, value_name = "NM", default_value_t = 320.0)]
+    from_nm: f64,
+    /// Last wavelength, nm.
+    #[arg(long, value_name = "NM", default_value_t = 760.0)]
+    to_nm: f64,
+}
+
+/// A spectrum, or one for each channel.
+struct Entry {
+    name: String,
+    title: String,
+    /// What is known of it; nothing of files.
+    about: Option<Value>,
+    /// Name of the channel, empty where there is one curve.
+    curves: Vec<(String, Curve)>,
+}
+
+/// The spectra of a command of one kind.
+pub(crate) fn run(options: &Options, kind: PresetKind) -> Result<(), CliError> {
+    act(&options.action, kind)
+}
+
+/// Lists, shows or plots spectra of a kind.
+pub(crate) fn act(action: &Action, kind: PresetKind) -> Result<(), CliError> {
+    match action {
+        Action::List(options) => list(options, kind),
+        Action::Show(options) => show(options, kind),
+        Action::Plot(options) => plot(options, kind),
+    }
+}
+
+fn entry(name: &str, kind: PresetKind) -> Result<Entry, CliError> {
+    if curves::is_file(name) {
+        let curve = match kind {
+            PresetKind::Light => curves::light(name)?,
+            PresetKind::Filter => curves::filters(std::slice::from_ref(&name.to_string()))?,
+            _ => curves::first_column(name, Negative::Refuse)?,
+        };
+        let title = curves::label(name);
+        return Ok(Entry { name: name.into(), title, about: None, curves: vec![(String::new(), curve)] });
+    }
+    let of_curve = |preset: CurvePreset| Entry {
+        name: name.into(),
+        title: preset.title.clone(),
+        about: Some(json!({
+            "description": preset.description,
+            "source": preset.source,
+            "valid_nm": preset.valid_nm,
+            "assumed": preset.assumed,
+            "effective_index": preset.effective_index,
+            "fit": preset.fit,
+            "model": preset.model,
+        })),
+        curves: vec![(String::new(), preset.curve())],
+    };
+    Ok(match kind {
+        PresetKind::Light => of_curve(preset::light_spectrum(name)?),
+        PresetKind::Filter => of_curve(preset::filter(name)?),
+        PresetKind::Reflectance => of_curve(preset::reflectance(name)?),
+        _ => {
+            let preset = preset::quantum_efficiency(name)?;
+            Entry {
+                name: name.into(),
+                title: preset.title.clone(),
+                about: Some(json!({
+                    "description": preset.description,
+                    "source": preset.source,
+                    "valid_nm": preset.valid_nm,
+                    "assumed": preset.assumed,
+                    "fit": preset.fit,
+                })),
+                curves: preset.channels()?,
+            }
+        }
+    })
+}
+
+/// What a list and `show` tell of a curve: name, unit and value.
+fn numbers(curve: &Curve, kind: PresetKind) -> Vec<(&'static str, &'static str, f64)> {
+    let shown = curve.clipped(250.0, 1000.0);
+    let highest = shown.max();
+    let above: Vec<f64> = (0..=3000)
+        .map(|i| 250.0 + 0.25 * f64::from(i))
+        .filter(|nm| highest > 0.0 && shown.at(*nm) >= 0.5 * highest)
+        .collect();
+    let half = [above.first(), above.last()].map(|nm| nm.copied().unwrap_or(0.0));
+    let peak = ("peak_nm", "nm", shown.peak_nm());
+    match kind {
+        PresetKind::Light => {
+            let moment = shown.times(&Curve::from_fn(250.0, 1000.0, |nm| nm)).total();
+            vec![
+                peak,
+                ("full_width_nm", "nm", half[1] - half[0]),
+                ("centroid_nm", "nm", moment / shown.total()),
+            ]
+        }
+        PresetKind::Filter => vec![
+            ("highest", "", highest),
+            ("half_from_nm", "nm", half[0]),
+            ("half_to_nm", "nm", half[1]),
+            ("density_385_nm", "", -shown.at(385.0).max(1e-30).log10()),
+            ("density_450_nm", "", -shown.at(450.0).max(1e-30).log10()),
+        ],
+        PresetKind::Reflectance => ["at_400_nm", "at_550_nm", "at_630_nm"]
+            .into_iter()
+            .zip([400.0, 550.0, 630.0])
+            .map(|(name, nm)| (name, "", shown.at(nm)))
+            .collect(),
+        _ => vec![("highest", "e-/photon", highest), peak],
+    }
+}
+
+fn list(options: &ListOptions, kind: PresetKind) -> Result<(), CliError> {
+    let (mut list, mut rows, mut head) = (Vec::new(), Vec::new(), Vec::new());
+    for name in preset::names(kind) {
+        let entry = entry(name, kind)?;
+        let of = numbers(&entry.curves[0].1, kind);
+        let mut row = vec![name.to_string()];
+        let mut value = json!({ "name": name, "title": entry.title });
+        head = vec!["name"];
+        if entry.curves.len() > 1 || kind == PresetKind::QuantumEfficiency {
+            let channels: Vec<&str> = entry.curves.iter().map(|(channel, _)| channel.as_str()).collect();
+            head.push("channels");
+            row.push(channels.join(" "));
+            value["channels"] = channels.into();
+        } else {
+            for (name, _, number) in of {
+                head.push(name);
+                row.push(short(number));
+                value[name] = number.into();
+            }
+        }
+        head.push("title");
+        row.push(entry.title);
+        rows.push(row);
+        list.push(value);
+    }
+    let last = head.len().saturating_sub(1);
+    let left = if kind == PresetKind::QuantumEfficiency { vec![1, last] } else { vec![last] };
+    options.print(&list, &head, rows, &left)
+}
+
+fn show(options: &ShowOptions, kind: PresetKind) -> Result<(), CliError> {
+    let entry = entry(&options.name, kind)?;
+    if options.json {
+        let nm: Vec<f64> = (0..=120).map(|i| 300.0 + 5.0 * f64::from(i)).collect();
+        let of = |(channel, curve): &(String, Curve)| {
+            let mut value = json!({ "channel": channel });
+            for (name, _, number) in numbers(curve, kind) {
+                value[name] = number.into();
+            }
+            value["value"] = nm.iter().map(|nm| curve.at(*nm)).collect::<Vec<f64>>().into();
+            value
+        };
+        let curves: Vec<Value> = entry.curves.iter().map(of).collect();
+        return super::print_json(&json!({
+            "name": entry.name,
+            "title": entry.title,
+            "about": entry.about,
+            "wavelength_nm": nm,
+            "curves": curves,
+        }));
+    }
+    let mut text = format!("{}: {}\n", entry.name, entry.title);
+    for (channel, curve) in &entry.curves {
+        let of = numbers(curve, kind).into_iter().map(|(name, unit, number)| {
+            let words = name.trim_end_matches("_nm").replace('_', " ");
+            format!("{words} {} {unit}", short(number)).trim_end().to_string()
+        });
+        let label = if channel.is_empty() { String::new() } else { format!("{channel}: ") };
+        text += &format!("{label}{}\n", of.collect::<Vec<String>>().join(", "));
+    }
+    let about = entry.about.unwrap_or_default();
+    for (field, label) in [("description", ""), ("source", "Source: "), ("assumed", "Assumed: ")] {
+        let words = match &about[field] {
+            Value::String(words) => words.clone(),
+            Value::Array(list) => list.iter().filter_map(Value::as_str).collect::<Vec<_>>().join(", "),
+            _ => continue,
+        };
+        if !words.is_empty() {
+            text += &format!("{label}{words}\n");
+        }
+    }
+    super::print_text(&text)
+}
+
+fn plot(options: &PlotOptions, kind: PresetKind) -> Result<(), CliError> {
+    let format = FigureFormat::of(&options.out)?;
+    let inputs: Vec<PathBuf> = options.names.iter().map(PathBuf::from).collect();
+    let set = Outputs::new().and(Output::file("--out", &options.out)).reading(&inputs).declare()?;
+    let range_nm = wavelengths(options.from_nm, options.to_nm)?;
+    let mut shown = Vec::new();
+    for name in &options.names {
+        let entry = entry(name, kind)?;
+        for (channel, curve) in &entry.curves {
+            let name =
+                if channel.is_empty() { entry.title.clone() } else { format!("{} {channel}", entry.title) };
+            shown.push(plot_curve(name, curve, range_nm));
+        }
+    }
+    let figure = match kind {
+        PresetKind::Light => lights(&shown, &[]),
+        PresetKind::Filter => filters(&shown),
+        PresetKind::Reflectance => reflectances(&shown),
+        _ => sensor_response(&shown, &[]),
+    };
+    write_figure(&options.out, format, &figure)?;
+    set.finish()?;
+    Messages::default().status(format!("Wrote {}", options.out.display()));
+    Ok(())
+}
+
+/// A range of wavelengths to draw.
+pub(super) fn wavelengths(from_nm: f64, to_nm: f64) -> Result<[f64; 2], CliError> {
+    if (200.0..=1200.0).contains(&from_nm) && (200.0..=1200.0).contains(&to_nm) && to_nm - from_nm >= 10.0 {
+        return Ok([from_nm, to_nm]);
+    }
+    Err(CliError::Input(format!(
+        "--from-nm {from_nm} --to-nm {to_nm}: give wavelengths between 200 and 1200 nm, the second at least 10 nm above the first"
+    )))
+}
+
+/// A curve every nanometer.
+pub(super) fn plot_curve(name: impl Into<String>, curve: &Curve, [from_nm, to_nm]: [f64; 2]) -> PlotCurve {
+    let nm: Vec<f64> = (0..=(to_nm - from_nm) as usize).map(|i| from_nm + i as f64).collect();
+    let values = nm.iter().map(|nm| curve.at(*nm)).collect();
+    PlotCurve::new(name, nm, values)
+}
+
+/// Writes a figure in the form of its name.
+pub(super) fn write_figure(
+    path: &std::path::Path,
+    format: FigureFormat,
+    figure: &Figure,
+) -> Result<(), CliError> {
+    let bytes = format.bytes(figure)?;
+    Ok(write_atomically(path, |file| file.write_all(&bytes))?)
+}
