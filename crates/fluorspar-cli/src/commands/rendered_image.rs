@@ -192,9 +192,20 @@ impl RenderedImage {
             let old = rendered.responses.get(number);
             let held = old.map(|old| self.file.planes(old.camera())).transpose()?.flatten();
             let is_new = |component: usize| held.is_none() || rows.relit[component].is_some();
-            let wanted = |component: usize| is_new(component) && self.is_lit(component, captures);
+            // Of components that the basis gives, few spectra pass the camera; a lens that mixes pixels needs all bands
+            let is_short = |component: usize| response.is_local() && rows.relit[component].is_some();
+            let wanted = |component: usize| {
+                is_new(component) && !is_short(component) && self.is_lit(component, captures)
+            };
             let mut planes = FilmResponse::planes(&[response], wanted, &rows_of)?;
             let mut planes = planes.pop().ok_or(PipelineError::Missing("captures"))?;
+            for (component, relit) in
+                rows.relit.iter().enumerate().filter(|(component, _)| is_short(*component))
+            {
+                if let Some(relit) = relit {
+                    response.place_relit(component, relit, &mut planes);
+                }
+            }
             for component in (0..planes.components).filter(|component| !is_new(*component)) {
                 for channel in 0..planes.channels {
                     if let Some(held) = &held {

@@ -2,7 +2,9 @@
 
 use std::f64::consts::PI;
 
-use crate::spectral::{Curve, FINE_STEP_NM, Fluorophore, PhotonEem, Stokes, WavelengthGrid, YieldDensity};
+use crate::spectral::{
+    Curve, FINE_STEP_NM, Fluorophore, PhotonEem, Stokes, WavelengthGrid, YieldDensity, power_and_moment,
+};
 
 /// How a light is described by a few numbers: its power in each of them. They add up to all power within the basis.
 #[derive(Clone, Debug, PartialEq)]

@@ -105,6 +105,29 @@ impl BasisComponent {
 }
 
 impl RelitComponent<'_> {
+    /// Whether there is no light.
+    pub(crate) fn is_dark(&self) -> bool {
+        self.rank == 0
+    }
+
+    /// Sums of the bands of each spectrum times weights `[channel][band]`: `[channel][spectrum]`.
+    pub(crate) fn through(&self, weights: &[f64], bands: usize) -> Vec<f64> {
+        let sum = |weights: &[f64], spectrum: &[f32]| -> f64 {
+            weights.iter().zip(spectrum).map(|(weight, value)| weight * f64::from(*value)).sum()
+        };
+        let of_channel =
+            |weights| self.spectra.chunks_exact(bands).map(move |spectrum| sum(weights, spectrum));
+        weights.chunks_exact(bands).flat_map(of_channel).collect()
+    }
+
+    /// Factors of one row, `[spectrum][col]`.
+    pub(crate) fn factor_lines(&self, row: usize, width: usize) -> Vec<f32> {
+        let pixels = self.factors.len() / self.rank.max(1);
+        (0..self.rank)
+            .flat_map(|k| self.factors[k * pixels + row * width..][..width].iter().copied())
+            .collect()
+    }
+
     /// One row of an image of some columns and bands, `[band][col]`, W/(sr m² nm).
     fn row(&self, row: usize, width: usize, bands: usize, lines: &mut [f32]) {
         lines.fill(0.0);

@@ -3,11 +3,13 @@
 use std::ops::Range;
 use std::sync::Arc;
 
+use rayon::prelude::*;
+
 use super::PipelineError;
 use super::capture::{behind_filter, film_extent, projected_solid_angle, tan_half_width};
 use super::light_by_shape::component_spectrum;
 use crate::digest::sha256_hex;
-use crate::image::{ChannelPlanes, ComponentImage, ComponentRows, LightPath};
+use crate::image::{ChannelPlanes, ComponentImage, ComponentRows, LightPath, RelitComponent};
 use crate::optics::{CameraLens, FilterAutofluorescence, IdealLens};
 use crate::sensor::FilmExtent;
 use crate::spectral::{Curve, Transmittance, WavelengthGrid};
@@ -166,6 +168,26 @@ impl FilmResponse {
         Ok(planes)
     }
 
+    /// Puts a component under another light into planes: its few spectra pass lens, filters and sensor once, and pixels are sums of what
+    /// comes of them. Only for responses that are local ([`Self::is_local`]).
+    pub fn place_relit(&self, component: usize, relit: &RelitComponent<'_>, planes: &mut ChannelPlanes) {
+        if relit.is_dark() {
+            return;
+        }
+        let width = self.size[0];
+        let tables = &self.shapes[self.shape_of[component]].tables;
+        let seen: Vec<Vec<f64>> = tables.iter().map(|table| relit.through(table, self.grid.len())).collect();
+        let rows: Vec<Vec<f32>> = (0..self.size[1])
+            .into_par_iter()
+            .map(|row| self.row_behind_lens(row, &seen, &relit.factor_lines(row, width)))
+            .collect();
+        for (row, slices) in rows.iter().enumerate() {
+            for (channel, values) in slices.chunks_exact(width).enumerate() {
+                planes.plane_mut(component, channel)[row * width..][..width].copy_from_slice(values);
+            }
+        }
+    }
+
     fn dark(&self) -> ChannelPlanes {
         ChannelPlanes::dark(self.size, self.shape_of.len(), self.sensor.len(), self.digest.clone())
     }
@@ -211,7 +233,7 @@ impl FilmResponse {
     /// Channels of a row, `[channel][col]`, with transmittance by height and the falloff of the lens.
     fn row_behind_lens(&self, row: usize, tables: &[Vec<f64>], lines: &[f32]) -> Vec<f32> {
         let width = self.size[0];
-        let (channels, bands) = (self.sensor.len(), 0..self.grid.len());
+        let (channels, bands) = (self.sensor.len(), 0..lines.len() / width.max(1));
         let places: Vec<HeightPlace> = (0..width).map(|col| self.place(row, col)).collect();
         let mut sums = vec![0.0; channels * width];
         // Columns between the same two heights share their tables
@@ -247,7 +269,8 @@ impl FilmResponse {
         const AT_ONCE: usize = 8;
         /// Columns whose sums stay in registers.
         const COLUMNS: usize = 32;
-        let (width, bands) = (self.size[0], self.grid.len());
+        let width = self.size[0];
+        let bands = lines.len() / width.max(1);
         for first in columns.clone().step_by(COLUMNS) {
             let part = first..(first + COLUMNS).min(columns.end);
             for block in range.clone().step_by(AT_ONCE) {
