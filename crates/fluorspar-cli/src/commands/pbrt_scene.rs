@@ -227,10 +227,8 @@ pub(crate) fn changed_study(
     let no_room =
         |error: std::io::Error| CliError::Failed(format!("can't write a temporary folder: {error}"));
     let folder = tempfile::tempdir().map_err(no_room)?;
-    let files = folder.path().join("files");
-    std::fs::create_dir(&files).map_err(no_room)?;
-    let converted = to_experiment(loaded, &source.stem, "files").map_err(CliError::Input)?;
-    converted.write_files(&files)?;
+    let converted = to_experiment(loaded, &source.stem, ".").map_err(CliError::Input)?;
+    converted.write_files(folder.path())?;
     let parsed = parse(&converted.text, &source.name, folder.path(), &sets(changes));
     let resolved = parsed.and_then(|parsed| resolve(&parsed)).map_err(|error| as_typed(error, changes))?;
     Ok(resolved.study)

@@ -268,6 +268,7 @@ const CLOSED_ENUMS: &[(&str, &[&str])] = &[
             "crates/fluorspar/src/material/",
             "crates/fluorspar-experiment/src/schema/material.rs",
             "crates/fluorspar-experiment/src/resolve/material.rs",
+            "crates/fluorspar-pbrt/src/experiment.rs",
             "crates/fluorspar-pbrt/src/material.rs",
         ],
     ),
@@ -276,6 +277,7 @@ const CLOSED_ENUMS: &[(&str, &[&str])] = &[
         &[
             "crates/fluorspar/src/light/",
             "crates/fluorspar-experiment/src/resolve/light.rs",
+            "crates/fluorspar-pbrt/src/experiment.rs",
             "crates/fluorspar-pbrt/src/light.rs",
             // Writes scenes for other renderers.
             "benchmarks/src/export.rs",
