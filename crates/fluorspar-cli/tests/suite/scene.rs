@@ -6,8 +6,7 @@ use std::fs;
 
 use crate::support::{fluorspar, listing};
 
-const MINE: &str =
-    "format = 1\nbase = \"flat-patch\"\n# my lamp\n[[light]]\nname = \"blue\"\nstrength.power_mw = 20.0\n";
+const MINE: &str = "format = 1\nbase = \"flat-patch\"\n# my lamp\n[[light]]\nname = \"blue\"\nstrength.irradiance_w_per_m2 = 20.0\n";
 
 const PBRT: &str = "LookAt 0 0 1  0 0 0  0 1 0\nCamera \"perspective\" \"float fov\" 20\n\
     Film \"image\" \"integer xresolution\" 8 \"integer yresolution\" 6\nSampler \"halton\" \"integer pixelsamples\" 1\nWorldBegin\n\
@@ -31,7 +30,7 @@ fn a_scene_is_listed_read_and_written_with_changes() {
     let list = fluorspar(here, ["scene", "tree", "mine.toml", "--json"]).json();
     assert!(list.as_array().unwrap().iter().any(|node| node["path"] == "light.blue"));
     let got = fluorspar(here, ["scene", "get", "mine.toml", "light.*.strength", "render.seed"]).well().stdout;
-    assert_eq!(got, "light.blue.strength = { power_mw = 20.0 }\nrender.seed = 1\n");
+    assert_eq!(got, "light.blue.strength = { irradiance_w_per_m2 = 20.0 }\nrender.seed = 1\n");
     let got =
         fluorspar(here, ["scene", "get", "mine.toml", "render.seed", "--set", "render.seed=5", "--json"])
             .json();
@@ -41,7 +40,7 @@ fn a_scene_is_listed_read_and_written_with_changes() {
         "scene",
         "set",
         "mine.toml",
-        "light.*.strength.power_mw=30",
+        "light.*.strength.irradiance_w_per_m2=30",
         "--out",
         "new.toml",
         "--record",
@@ -52,7 +51,7 @@ fn a_scene_is_listed_read_and_written_with_changes() {
     let new = fs::read_to_string(here.join("new.toml")).unwrap();
     assert!(
         new.contains("# my lamp")
-            && new.contains("strength.power_mw = 30\n")
+            && new.contains("strength.irradiance_w_per_m2 = 30\n")
             && new.contains("written by fluorspar"),
         "{new}"
     );
