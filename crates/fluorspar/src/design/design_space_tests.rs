@@ -287,7 +287,7 @@ fn exchange_finds_the_best_and_is_the_same_for_any_threads() {
 fn sensitivities_and_tolerances_have_their_signs() {
     let p = DesignProblem {
         budget: Budget::Time(0.02),
-        assumptions: Assumptions { gain: 0.1, pixels: 1.0, ..Assumptions::default() },
+        assumptions: Assumptions { gain: 0.1, pixels: 100.0, ..Assumptions::default() },
         ..problem()
     };
     let space = DesignSpace::new(p.clone()).unwrap();

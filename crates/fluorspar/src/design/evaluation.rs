@@ -8,7 +8,7 @@ use crate::sampling::random::Key;
 
 use super::criterion::{Contrast, Criterion};
 use super::design_camera::DesignCamera;
-use super::fisher::{Bound, Information};
+use super::fisher::{Bound, UncertainData};
 use super::region_model::SignalRates;
 
 /// What is taken for granted about each measurement.
@@ -108,25 +108,8 @@ pub fn evaluate_region(
 ) -> RegionMerits {
     let weights = signals.first().map_or(0, |rates| rates.fluorescence.first().map_or(0, Vec::len));
     let unknowns = signals.first().map_or(0, |rates| rates.changes.first().map_or(0, Vec::len));
-    let count = exposures.len();
-    // Parameters: weights, gain, drive by exposure, leak by exposure, unknowns of the region
-    let gain = weights;
-    let (drive, leak) = (gain + 1, gain + 1 + count);
-    let state = leak + count;
-    let mut information = Information::new(weights, 1 + 2 * count + unknowns);
-    let spreads = [assumptions.gain, assumptions.drive, assumptions.leak];
-    // What is known exactly is no parameter: nothing depends on it
-    let unknown = spreads.map(|spread| if spread > 0.0 { 1.0 } else { 0.0 });
-    let mut know = |parameter: usize, spread: f64| {
-        if spread > 0.0 {
-            information.know(parameter, spread);
-        }
-    };
-    know(gain, spreads[0]);
-    (0..count).for_each(|k| know(drive + k, spreads[1]));
-    (0..count).for_each(|k| know(leak + k, spreads[2]));
-    (0..unknowns).for_each(|k| know(state + k, 1.0));
-    let mut row = vec![0.0; state + unknowns];
+    let mut data = UncertainData::new(weights);
+    let mut columns = NuisanceColumns::new(assumptions, exposures.len(), unknowns);
     let (mut electrons, mut signal_to_noise) = (Vec::new(), Vec::new());
     let (mut worst_leak, mut saturation) = (0.0f64, 0.0f64);
     for (k, (exposure, rates)) in exposures.iter().zip(signals).enumerate() {
@@ -134,21 +117,12 @@ pub fn evaluate_region(
         let (mut means, mut ratios) = (Vec::new(), Vec::new());
         let (mut fluorescent, mut reflected) = (0.0, 0.0);
         for c in 0..rates.leak.len() {
-            row.fill(0.0);
             let signal: f64 = rates.fluorescence[c].iter().sum::<f64>() * factor;
             let leaked = rates.leak[c] * factor;
             let mean = signal + leaked;
-            for (slot, rate) in row.iter_mut().zip(&rates.fluorescence[c]) {
-                *slot = rate * factor;
-            }
-            row[gain] = unknown[0] * mean;
-            row[drive + k] = unknown[1] * mean;
-            row[leak + k] = unknown[2] * leaked;
-            for (slot, rate) in row[state..].iter_mut().zip(&rates.changes[c]) {
-                *slot = rate * factor;
-            }
             let variance = exposure.variance(c, mean, assumptions.pixels);
-            information.observe(&row, variance);
+            data.observe(rates.fluorescence[c].iter().map(|rate| rate * factor), variance);
+            columns.observe(k, mean, leaked, rates.changes[c].iter().map(|rate| rate * factor));
             means.push(mean);
             ratios.push(mean / variance.sqrt());
             fluorescent += signal;
@@ -163,19 +137,52 @@ pub fn evaluate_region(
         electrons.push(means);
         signal_to_noise.push(ratios);
     }
-    let bound = information.bound();
+    let bound = data.bound(&columns.columns);
+    let contrast = |contrast: &Contrast| contrast.standard_deviation(&bound).unwrap_or(f64::INFINITY);
     RegionMerits {
         weights: bound.standard_deviations(),
-        contrasts: contrasts
-            .iter()
-            .map(|contrast| contrast.standard_deviation(&bound).unwrap_or(f64::INFINITY))
-            .collect(),
+        contrasts: contrasts.iter().map(contrast).collect(),
         rank: bound.rank(),
         electrons,
         signal_to_noise,
         leak: worst_leak,
         saturation,
         bound,
+    }
+}
+
+/// What each unknown changes of each datum at one standard deviation: the common gain, the drive and the leak of each exposure, and
+/// the unknowns of the region. What is known exactly has no column.
+struct NuisanceColumns {
+    gain: f64,
+    drive: f64,
+    leak: f64,
+    exposures: usize,
+    columns: Vec<Vec<f64>>,
+}
+
+impl NuisanceColumns {
+    fn new(assumptions: &Assumptions, exposures: usize, unknowns: usize) -> Self {
+        let Assumptions { gain, drive, leak, .. } = *assumptions;
+        let of = |spread: f64, count: usize| if spread > 0.0 { count } else { 0 };
+        let count = of(gain, 1) + of(drive, exposures) + of(leak, exposures) + unknowns;
+        Self { gain, drive, leak, exposures, columns: vec![Vec::new(); count] }
+    }
+
+    /// Adds a datum of an exposure: its mean, the reflected light in it, and its changes by the unknowns of the region.
+    fn observe(&mut self, exposure: usize, mean: f64, leaked: f64, changes: impl Iterator<Item = f64>) {
+        let mut columns = self.columns.iter_mut();
+        if self.gain > 0.0 {
+            columns.next().into_iter().for_each(|column| column.push(self.gain * mean));
+        }
+        for (spread, value) in [(self.drive, mean), (self.leak, leaked)] {
+            if spread > 0.0 {
+                for (k, column) in columns.by_ref().take(self.exposures).enumerate() {
+                    column.push(if k == exposure { spread * value } else { 0.0 });
+                }
+            }
+        }
+        columns.zip(changes).for_each(|(column, change)| column.push(change));
     }
 }
 
@@ -282,4 +289,81 @@ pub fn detectability(
     let solved = spread.cholesky()?.solve(&difference);
     let squared = difference.dot(&solved);
     Some(((free - p - 1.0) / free * squared - p * (1.0 / n1 + 1.0 / n2)).max(0.0).sqrt())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sensor::{Sensor, SensorModel, SpectralQe};
+    use crate::spectral::{Curve, WavelengthGrid};
+
+    use super::super::FineBands;
+
+    fn camera() -> DesignCamera {
+        let qe = SpectralQe::from_curves([("a", Curve::constant(0.5)), ("b", Curve::constant(0.5))]).unwrap();
+        let model = SensorModel {
+            columns: 2,
+            rows: 1,
+            mosaic: vec![vec!["a".into(), "b".into()]],
+            ..SensorModel::default()
+        };
+        let sensor = Sensor::new(model, qe).unwrap();
+        let bands = FineBands::of(&WavelengthGrid::uniform(500.0, 600.0, 10.0).unwrap());
+        DesignCamera::new("two", &sensor, 1.0, &Curve::constant(1.0), &bands)
+    }
+
+    fn rates(a: f64, b: f64) -> SignalRates {
+        SignalRates { fluorescence: vec![vec![a], vec![b]], leak: vec![0.0; 2], changes: vec![Vec::new(); 2] }
+    }
+
+    fn exposure(camera: &DesignCamera) -> DesignExposure<'_> {
+        DesignExposure { camera, light: 1.0, lens_sr: 1.0, time_s: 1.0 }
+    }
+
+    #[test]
+    fn colors_are_told_apart_whatever_their_brightness() {
+        let camera = camera();
+        let exposures = [exposure(&camera)];
+        let apart =
+            |a: &SignalRates, b: &SignalRates| chromaticity_separability(&[a], &[b], &exposures, 1000.0);
+        assert!(apart(&rates(300.0, 100.0), &rates(600.0, 200.0)) < 1e-6);
+        // b = g a + rest: with weights w the rest is orthogonal to a
+        let (a, b) = (rates(300.0, 100.0), rates(200.0, 200.0));
+        let variance = |channel, mean| exposures[0].variance(channel, mean, 1000.0);
+        let (v, w) = (variance(0, 200.0), variance(1, 200.0));
+        let gain = (300.0 * 200.0 / v + 100.0 * 200.0 / w) / (300.0 * 300.0 / v + 100.0 * 100.0 / w);
+        let expected = ((200.0 - gain * 300.0).powi(2) / v + (200.0 - gain * 100.0).powi(2) / w).sqrt();
+        assert!((apart(&a, &b) / expected - 1.0).abs() < 1e-9);
+    }
+
+    /// People whose signals are independent normals of standard deviation 20 e- in both channels, shifted by 40 and 0: `d'` 2. Of 400
+    /// and 400 people it is known to `sqrt(2/400 + 4/3200)` = 0.08; four of those.
+    #[test]
+    fn detectability_of_independent_normals() {
+        let camera = camera();
+        let exposures = [exposure(&camera)];
+        let group = |mean: f64, seed: u64| -> Vec<SignalRates> {
+            let draw = |person: u64| {
+                let mut rng = Key::new(seed).with(person).rng();
+                let [x, y]: [f64; 2] = std::array::from_fn(|_| StandardNormal.sample(&mut rng));
+                rates(mean + 20.0 * x, 500.0 + 20.0 * y)
+            };
+            (0..400).map(draw).collect()
+        };
+        let (healthy, altered) = (group(500.0, 1), group(540.0, 2));
+        let as_refs =
+            |people: &'static [SignalRates]| people.iter().map(|rates| vec![rates]).collect::<Vec<_>>();
+        let leak =
+            |people: Vec<SignalRates>| -> &'static [SignalRates] { Box::leak(people.into_boxed_slice()) };
+        let (healthy, altered) = (as_refs(leak(healthy)), as_refs(leak(altered)));
+        // Noise of a mean over a billion pixels is nothing
+        let known = Assumptions { pixels: 1e9, ..Assumptions::default() };
+        let found = detectability(&healthy, &altered, &exposures, &known).unwrap();
+        assert!((found - 2.0).abs() < 0.33, "{found}");
+        // A gain that is not known hides most of a change of one channel in two that are alike
+        let lost = Assumptions { gain: 10.0, ..known };
+        let hidden = detectability(&healthy, &altered, &exposures, &lost).unwrap();
+        assert!(hidden < found && (hidden - 2.0 / 2f64.sqrt()).abs() < 0.33, "{hidden}");
+        assert_eq!(detectability(&healthy[..2], &altered[..2], &exposures, &known), None);
+    }
 }

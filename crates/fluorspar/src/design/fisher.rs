@@ -75,6 +75,75 @@ impl Information {
     }
 }
 
+/// Data of a design, with nuisances whose priors are known.
+#[derive(Clone, Debug, PartialEq)]
+pub struct UncertainData {
+    interest: usize,
+    /// Derivatives by the parameters of interest, row by row.
+    derivatives: Vec<f64>,
+    variances: Vec<f64>,
+}
+
+impl UncertainData {
+    /// No data yet on so many parameters.
+    pub fn new(interest: usize) -> Self {
+        Self { interest, derivatives: Vec::new(), variances: Vec::new() }
+    }
+
+    /// Adds a datum: derivatives of its mean by the parameters, and its variance.
+    pub fn observe(&mut self, derivatives: impl Iterator<Item = f64>, variance: f64) {
+        self.derivatives.extend(derivatives.take(self.interest));
+        self.variances.push(variance);
+    }
+
+    /// The bound with nuisances, of which each moves the data by a column at one standard deviation of its normal prior. With more
+    /// nuisances than data they become a covariance of the data, `I_eff = A^T (V + U U^T)^-1 A`, otherwise parameters of an
+    /// [`Information`], whose Schur complement is the same by Woodbury's identity.
+    pub fn bound(&self, nuisances: &[Vec<f64>]) -> Bound {
+        let count = self.variances.len();
+        if nuisances.len() > count
+            && let Some(bound) = self.bound_by_covariance(nuisances)
+        {
+            return bound;
+        }
+        let mut information = Information::new(self.interest, nuisances.len());
+        (0..nuisances.len()).for_each(|k| information.know(self.interest + k, 1.0));
+        let mut row = vec![0.0; self.interest + nuisances.len()];
+        for (datum, &variance) in self.variances.iter().enumerate() {
+            let start = datum * self.interest;
+            row[..self.interest].copy_from_slice(&self.derivatives[start..start + self.interest]);
+            row[self.interest..].iter_mut().zip(nuisances).for_each(|(slot, column)| *slot = column[datum]);
+            information.observe(&row, variance);
+        }
+        information.bound()
+    }
+
+    fn bound_by_covariance(&self, nuisances: &[Vec<f64>]) -> Option<Bound> {
+        let count = self.variances.len();
+        // Scale data to unit variance
+        let scale: Vec<f64> = self.variances.iter().map(|v| v.sqrt().recip()).collect();
+        let mut covariance = DMatrix::<f64>::identity(count, count);
+        let mut scaled = vec![0.0; count];
+        for column in nuisances {
+            scaled.iter_mut().zip(column.iter().zip(&scale)).for_each(|(slot, (u, s))| *slot = u * s);
+            for (j, &b) in scaled.iter().enumerate() {
+                if b != 0.0 {
+                    covariance
+                        .column_mut(j)
+                        .iter_mut()
+                        .zip(&scaled)
+                        .for_each(|(element, a)| *element += a * b);
+                }
+            }
+        }
+        let derivatives =
+            DMatrix::from_fn(count, self.interest, |d, k| self.derivatives[d * self.interest + k] * scale[d]);
+        let factor = covariance.cholesky()?;
+        let whitened = factor.l().solve_lower_triangular(&derivatives)?;
+        Some(Bound::of(whitened.transpose() * whitened))
+    }
+}
+
 /// `A^+ B` of a symmetric matrix that may be singular.
 fn pseudo_solve(matrix: DMatrix<f64>, right: &DMatrix<f64>) -> DMatrix<f64> {
     let eigen = SymmetricEigen::new(matrix);
@@ -96,7 +165,7 @@ pub struct Bound {
 
 /// Parameters that a design does not tell apart: a direction in which they can change while no datum does.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct BlindDirection {
+pub struct WeakDirection {
     /// Relative changes of the parameters, of unit length; the largest is positive.
     pub changes: Vec<f64>,
     /// Standard deviation along it; null where nothing bounds it.
@@ -163,12 +232,12 @@ impl Bound {
     }
 
     /// The worst directions first: what the design tells apart least.
-    pub fn blind_directions(&self, count: usize) -> Vec<BlindDirection> {
+    pub fn weakest_directions(&self, count: usize) -> Vec<WeakDirection> {
         let direction = |k: usize| {
             let column: Vec<f64> = self.directions.column(k).iter().copied().collect();
             let largest = column.iter().copied().fold(0.0, |m: f64, v| if v.abs() > m.abs() { v } else { m });
             let sign = if largest < 0.0 { -1.0 } else { 1.0 };
-            BlindDirection {
+            WeakDirection {
                 changes: column.into_iter().map(|v| sign * v).collect(),
                 standard_deviation: (k >= self.unseen).then(|| self.eigenvalues[k].recip().sqrt()),
             }
@@ -233,7 +302,7 @@ mod tests {
         assert!(bound.is_singular() && bound.rank() == 3, "{}", bound.rank());
         assert!(bound.standard_deviations().iter().all(|s| s.is_infinite()));
         assert_eq!(bound.log_determinant(), f64::NEG_INFINITY);
-        for blind in bound.blind_directions(2) {
+        for blind in bound.weakest_directions(2) {
             assert_eq!(blind.standard_deviation, None);
             for row in rows {
                 let change: f64 = row.iter().zip(&blind.changes).map(|(r, c)| r * c).sum();
@@ -242,7 +311,36 @@ mod tests {
         }
         // What is seen stays bounded: a combination of the rows.
         assert!(bound.variance_of(&rows[2]).is_finite());
-        assert!(bound.blind_directions(3)[2].standard_deviation.is_some());
+        assert!(bound.weakest_directions(3)[2].standard_deviation.is_some());
+    }
+
+    /// Nuisances with priors as parameters, and as a covariance of the data: the same by Woodbury's identity.
+    #[test]
+    fn many_nuisances_are_a_covariance_of_the_data() {
+        let number = |k: usize| ((k * 37 + 11) % 97) as f64 / 97.0 - 0.3;
+        let mut data = UncertainData::new(3);
+        for datum in 0..5 {
+            data.observe((0..3).map(|k| number(3 * datum + k)), 0.2 + number(datum + 50).abs());
+        }
+        let nuisances: Vec<Vec<f64>> =
+            (0..9).map(|k| (0..5).map(|datum| 0.5 * number(7 * k + datum)).collect()).collect();
+        let by_covariance = data.bound_by_covariance(&nuisances).unwrap();
+        let mut information = Information::new(3, 9);
+        (0..9).for_each(|k| information.know(3 + k, 1.0));
+        for datum in 0..5 {
+            let row: Vec<f64> = (0..3)
+                .map(|k| data.derivatives[3 * datum + k])
+                .chain(nuisances.iter().map(|column| column[datum]))
+                .collect();
+            information.observe(&row, data.variances[datum]);
+        }
+        let by_parameters = information.bound();
+        let pairs = by_covariance.standard_deviations().into_iter().zip(by_parameters.standard_deviations());
+        pairs.for_each(|(a, b)| near(a, b));
+        assert_eq!(data.bound(&nuisances), by_covariance);
+        near(data.bound(&nuisances[..4]).standard_deviations()[0], {
+            data.bound_by_covariance(&nuisances[..4]).unwrap().standard_deviations()[0]
+        });
     }
 
     #[test]

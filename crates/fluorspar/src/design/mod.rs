@@ -5,7 +5,7 @@
 //! | what a region sends, for any light | [`RegionResponse`], [`ExcitationBasis`] | `region_response.rs`, `rendered_region.rs` |
 //! | what about it is not known | [`RegionModel`], [`LibraryError`], [`ResponseChange`] | `region_model.rs` |
 //! | what a camera behind a filter makes of it | [`DesignCamera`], [`LitRegion`], [`SignalRates`] | `design_camera.rs`, `region_model.rs` |
-//! | Fisher information, nuisances by Schur complement | [`Information`], [`Bound`] | `fisher.rs` |
+//! | Fisher information, nuisances by Schur complement | [`Information`], [`UncertainData`], [`Bound`] | `fisher.rs` |
 //! | figures of merit | [`Criterion`], [`Contrast`] | `criterion.rs` |
 //! | what may be chosen, assumed, and must be kept to | [`DesignProblem`] | `problem.rs` |
 //! | all designs, with signals that are prepared once | [`DesignSpace`], [`Design`], [`Merits`] | `design_space.rs` |
@@ -36,7 +36,7 @@ pub use design_space::{Design, DesignError, DesignSpace, Merits, Score, pareto_f
 pub use evaluation::{
     Assumptions, DesignExposure, RegionMerits, chromaticity_separability, detectability, evaluate_region,
 };
-pub use fisher::{BlindDirection, Bound, Information};
+pub use fisher::{Bound, Information, UncertainData, WeakDirection};
 pub use problem::{
     Budget, Cohort, ContrastDefinition, DesignProblem, FilterChoice, LensChoice, LightChoice, Limits,
     LongPass, LongPassEdge, Split, WhiteFrame,
