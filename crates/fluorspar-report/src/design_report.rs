@@ -59,6 +59,18 @@ const PATCH_PX: usize = 40;
 /// Seed of the noise of simulated patches.
 const PATCH_SEED: u64 = 1;
 
+/// The figures of the page by the stems of their files: spectra of the best design, simulated captures, loss of all designs, lights.
+/// None where no design is feasible.
+pub fn design_figures(found: &DesignFindings<'_>) -> Vec<(&'static str, Figure)> {
+    let Some(best) = found.best.first() else { return Vec::new() };
+    vec![
+        ("spectra", spectra_figure(found.space, &best.design)),
+        ("captures", captures_figure(found, best)),
+        ("designs", front_figure(found)),
+        ("lights", light_map(found)),
+    ]
+}
+
 /// The page of a design search.
 pub fn design_report(found: &DesignFindings<'_>) -> ReportData {
     let mut sections = Vec::new();
@@ -238,6 +250,11 @@ fn spectra_figure(space: &DesignSpace, design: &Design) -> Figure {
 }
 
 fn captures_section(found: &DesignFindings<'_>, best: &JudgedDesign) -> Section {
+    let caption = "Noise of photons and of the readout only.";
+    Section::new("Captures of the best and of another").show(captures_figure(found, best), caption)
+}
+
+fn captures_figure(found: &DesignFindings<'_>, best: &JudgedDesign) -> Figure {
     let mut pictures = Vec::new();
     for judged in std::iter::once(best).chain(found.compared.iter().take(1)) {
         for (region, model) in found.space.problem().regions.iter().enumerate() {
@@ -246,12 +263,10 @@ fn captures_section(found: &DesignFindings<'_>, best: &JudgedDesign) -> Section 
         }
     }
     let columns = pictures.len().clamp(1, 2);
-    let figure = crate::figures::pictures("Simulated captures", pictures, columns).explained(
+    crate::figures::pictures("Simulated captures", pictures, columns).explained(
         "Each square is a patch of the region as one channel records it, with the noise of single pixels: a row for each exposure, \
          a column for each channel. White is the brightest mean of that design.",
-    );
-    Section::new("Captures of the best and of another")
-        .show(figure, "Noise of photons and of the readout only.")
+    )
 }
 
 /// Noisy patches, a row for each exposure, a column for each channel.
@@ -283,7 +298,7 @@ fn blind_section(found: &DesignFindings<'_>, best: &JudgedDesign) -> Section {
         for (region, merits) in found.space.problem().regions.iter().zip(&judged.merits.regions) {
             let response = &region.response;
             let singular = response.fluorescence.len() - merits.rank;
-            for blind in merits.bound.blind_directions(singular.max(1)) {
+            for blind in merits.bound.weakest_directions(singular.max(1)) {
                 let mut parts: Vec<(f64, &str)> = blind
                     .changes
                     .iter()

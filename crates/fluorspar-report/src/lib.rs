@@ -18,7 +18,7 @@ mod page;
 mod run;
 pub mod validation;
 
-pub use design_report::{DesignFindings, JudgedDesign, design_report};
+pub use design_report::{DesignFindings, JudgedDesign, design_figures, design_report};
 pub use figure::{
     Axis, ColorBar, ColorMap, ContactSheet, Dash, Figure, FigureError, Ink, Label, Panel, Raster, Scale,
     Series, SeriesShape,

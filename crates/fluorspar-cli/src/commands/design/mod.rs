@@ -59,7 +59,7 @@ struct ProblemArgs {
 /// Where results go.
 #[derive(Clone, Debug, clap::Args)]
 struct Place {
-    /// Folder for results.json, designs.csv, designs.jsonl and report.html [default: fluorspar-out/design-NAME]. The journal of
+    /// Folder for results.json, designs.csv, designs.jsonl, report.html and its figures [default: fluorspar-out/design-NAME]. The journal of
     /// the work lies beside it.
     #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath)]
     out: Option<PathBuf>,

@@ -9,7 +9,7 @@ use fluorspar::design::{
 };
 use fluorspar_experiment::TolerancesSection;
 use fluorspar_format::{FileFormat, OutputFolder, write_atomically};
-use fluorspar_report::{DesignFindings, JudgedDesign, design_report};
+use fluorspar_report::{DesignFindings, JudgedDesign, design_figures, design_report};
 use serde_json::{Value, json};
 
 use super::Problem;
@@ -114,7 +114,11 @@ impl Outcome {
         let lines: Vec<String> =
             self.best.iter().map(|judged| design_json(&problem.space, judged).to_string() + "\n").collect();
         put("designs.jsonl", lines.concat().as_bytes())?;
-        put("report.html", self.report(problem).to_html().as_bytes())?;
+        put("report.html", self.with_findings(problem, design_report).to_html().as_bytes())?;
+        for (stem, figure) in self.with_findings(problem, design_figures) {
+            put(&format!("{stem}.svg"), figure.to_svg().as_bytes())?;
+            put(&format!("{stem}.png"), &figure.to_png()?)?;
+        }
         let place = folder.finish()?;
         if talk.json {
             print_json(&json)?;
@@ -185,9 +189,10 @@ impl Outcome {
         text
     }
 
-    fn report(&self, problem: &Problem) -> fluorspar_report::ReportData {
+    /// What the page and its figures are made of.
+    fn with_findings<T>(&self, problem: &Problem, make: impl FnOnce(&DesignFindings<'_>) -> T) -> T {
         let record = &problem.resolved.record;
-        design_report(&DesignFindings {
+        make(&DesignFindings {
             title: &title(problem),
             description: &record.description,
             criterion: &criterion_text(&problem.space),
@@ -268,7 +273,7 @@ pub(super) fn design_json(space: &DesignSpace, judged: &JudgedDesign) -> Value {
                 "signal_to_noise": found.signal_to_noise,
                 "leak": found.leak,
                 "saturation": found.saturation,
-                "least_told_apart": found.bound.blind_directions(2),
+                "least_told_apart": found.bound.weakest_directions(2),
             })
         })
         .collect();
