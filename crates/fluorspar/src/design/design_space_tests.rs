@@ -249,7 +249,7 @@ fn what_is_not_known_costs_and_a_white_frame_pays() {
     for (gain, drive, leak) in [(0.1, 0.0, 0.0), (0.0, 0.1, 0.0), (0.0, 0.0, 5.0)] {
         assert!(loss(Assumptions { gain, drive, leak, ..known }, None) > best, "{gain} {drive} {leak}");
     }
-    let lost = Assumptions { gain: 10.0, ..known };
+    let lost = Assumptions { gain: 10.0, leak: 0.3, ..known };
     let white = WhiteFrame { light: light(550.0), filter: Curve::constant(1.0), level: 0.5 };
     assert!(loss(lost, None) > 1.0 && loss(lost, Some(white)) < 0.05, "{}", loss(lost, None));
 }

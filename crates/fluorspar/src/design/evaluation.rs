@@ -122,7 +122,9 @@ pub fn evaluate_region(
             let mean = signal + leaked;
             let variance = exposure.variance(c, mean, assumptions.pixels);
             data.observe(rates.fluorescence[c].iter().map(|rate| rate * factor), variance);
-            columns.observe(k, mean, leaked, rates.changes[c].iter().map(|rate| rate * factor));
+            // What a white frame sees is reflected light by intention
+            let unwanted = if is_white[k] { 0.0 } else { leaked };
+            columns.observe(k, mean, unwanted, rates.changes[c].iter().map(|rate| rate * factor));
             means.push(mean);
             ratios.push(mean / variance.sqrt());
             fluorescent += signal;
