@@ -102,20 +102,23 @@ fn measured_space(folder: &Path, shortest: f64, sensor: &str) -> DesignSpace {
     let response = &mut problem.regions[0].response;
     let (bands, nodes) = (response.grid.centers_nm(), response.excitation.centers_nm());
     for part in &mut response.fluorescence {
-        let is_counted = |k: usize| bands[k / nodes.len()] >= nodes[k % nodes.len()] + 15.0;
-        let peak =
-            (0..part.radiance.len()).filter(|&k| is_counted(k)).map(|k| part.radiance[k]).fold(0.0, f64::max);
+        // One peak of photons out per photon in
+        let photons = |k: usize| {
+            let (emission, excitation) = (bands[k / nodes.len()], nodes[k % nodes.len()]);
+            if emission >= excitation + 15.0 { part.radiance[k] * emission / excitation } else { 0.0 }
+        };
+        let peak = (0..part.radiance.len()).map(photons).fold(0.0, f64::max);
         let weight = if part.name == "protoporphyrin_ix" { 2.0 } else { 1.0 };
         part.radiance.iter_mut().for_each(|value| *value *= weight * 1e-6 / peak);
     }
     DesignSpace::new(problem).unwrap()
 }
 
-const PILOT_BANDS: &str = "sensor.RGB.bands={ centers_nm = [604.0, 560.0, 427.0], sigma_nm = [38.0, 37.0, 30.0], read_noise_e = 2.0, full_well_e = 60000.0 }";
-const EIGHT_BANDS: &str = "sensor.RGB.bands={ centers_nm = [423.0, 457.7, 492.4, 527.1, 561.9, 596.6, 631.3, 666.0], sigma_nm = [14.0], read_noise_e = 2.0, full_well_e = 60000.0 }";
+const PILOT_BANDS: &str = "sensor.RGB.bands={ centers_nm = [605.0, 560.0, 430.0], sigma_nm = [35.0, 33.0, 33.0], read_noise_e = 2.0, full_well_e = 60000.0 }";
+const EIGHT_BANDS: &str = "sensor.RGB.bands={ centers_nm = [430.0, 465.0, 500.0, 535.0, 570.0, 605.0, 640.0, 675.0], sigma_nm = [14.0], read_noise_e = 2.0, full_well_e = 60000.0 }";
 
-/// The pilot table with measured matrices: the same best pairs, and values within a factor of 1.5 but for those of collagen below
-/// 405 nm, which differ by up to 2.2 (the assumptions of the pilot are not stated in full).
+/// The pilot table with measured matrices: the same best pairs, and nine of ten values within a factor of 1.5; the others, of collagen
+/// and elastin, within 2.3 (the assumptions of the pilot are not stated in full).
 #[test]
 fn the_pilot_table_comes_back_from_measured_matrices() {
     let Some(folder) = reference_folder() else {
