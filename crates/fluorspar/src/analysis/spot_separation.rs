@@ -9,6 +9,9 @@ use super::mixture_line::Z_95;
 /// Fewest cases of a group per number of a case, below which a covariance means little.
 const LEAST_CASES_PER_NUMBER: usize = 4;
 
+/// Separation from which on what is left between equal cases is rounding.
+const LARGEST: f64 = 1e6;
+
 /// How well some channels of some frames tell the pixels of two spots apart.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SpotSeparation {
@@ -34,7 +37,7 @@ impl SpotSeparation {
         if groups.iter().any(|cases| cases.len() < enough || cases.iter().any(|c| c.len() != numbers)) {
             return None;
         }
-        let d_prime = d_prime(groups, None)?;
+        let d_prime = d_prime(groups, None).filter(|d| *d < LARGEST)?;
         let reach = Z_95 * jackknife_error(groups)?;
         Some(Self {
             frames,
