@@ -309,7 +309,7 @@ fn layers_of_a_file_are_shown_solved_and_traced() {
     fs::write(folder.path().join("phantom.toml"), PHANTOM).unwrap();
     let run = |words: &str| fluorspar(folder.path(), words.split(' '));
     let shown = run("tissue show phantom.toml").well().stdout;
-    assert!(shown.contains("skin") && shown.contains("keratin 0.002 at 405 nm"), "{shown}");
+    assert!(shown.contains("skin") && shown.contains("keratin 0.002000 at 405 nm"), "{shown}");
     assert_eq!(run("tissue show phantom.toml --json").json()["layers"][1]["thickness_um"], 10000.0);
     let solved =
         run("tissue solve phantom.toml --from-nm 400 --to-nm 640 --step-nm 20 --excitation-nm 405 --json")
