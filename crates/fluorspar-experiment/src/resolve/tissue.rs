@@ -177,6 +177,9 @@ impl TissueRecipe {
         let index = tissue.surface_index();
         let wet = GlossSection { refractive_index: index, ..GlossSection::default() };
         let wet = section.gloss.as_ref().unwrap_or(&wet);
+        let Some(coat) = gloss(context, &gloss_at, Some(wet))? else {
+            return context.fail(&gloss_at, "tissue has a wet surface");
+        };
         if (wet.refractive_index - index).abs() > 1e-3 {
             let message = format!(
                 "tissue \"{}\" has the refractive index {index}: give that, or leave it out",
@@ -184,9 +187,6 @@ impl TissueRecipe {
             );
             return context.fail(&gloss_at.field("refractive_index"), message);
         }
-        let Some(coat) = gloss(context, &gloss_at, Some(wet))? else {
-            return context.fail(&gloss_at, "tissue has a wet surface");
-        };
         let recipe = Self { at: at.clone(), tissue: named, variations, factors, coat };
         recipe.check_number(context, &at.field("vary"))?;
         Ok(recipe)
