@@ -70,7 +70,7 @@ pub fn part_color(part: usize) -> [u8; 3] {
 fn uv_color([u, v]: [f32; 2], shade: f32) -> [u8; 3] {
     let line = |x: f32| {
         let tenth = (10.0 * x).rem_euclid(1.0);
-        tenth < 0.06 || tenth > 0.94
+        !(0.06..=0.94).contains(&tenth)
     };
     if line(u) || line(v) {
         return [byte(0.1); 3];

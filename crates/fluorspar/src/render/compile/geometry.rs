@@ -1,5 +1,7 @@
 //! Surfaces as buffers, with the bounding volume hierarchies through which rays find them.
 
+use std::borrow::Cow;
+
 use fluorspar_accel::{BuildError, TriangleBvh};
 use glam::{Vec2, Vec3};
 
@@ -30,8 +32,10 @@ pub(super) struct EmissiveSurface {
 
 /// Triangles and shapes as they are gathered, object by object.
 #[derive(Default)]
-struct Surfaces {
-    vertices: Vec<MeshVertex>,
+struct Surfaces<'a> {
+    /// Meshes, whose vertices follow each other.
+    meshes: Vec<Cow<'a, TriangleMesh>>,
+    positions: Vec<Vec3>,
     corners: Vec<[u32; 3]>,
     triangle_object: Vec<u32>,
     shapes: Vec<CompiledShape>,
@@ -52,7 +56,7 @@ pub(super) fn compile(scene: &Scene) -> Result<(Geometry, Vec<EmissiveSurface>),
         let is_one_sided = item.emission.as_ref().is_some_and(|emission| emission.is_one_sided);
         let (emitter, area_m2) = match &item.shape {
             Shape::Mesh(mesh) => {
-                let first_triangle = surfaces.add_mesh(object, mesh);
+                let first_triangle = surfaces.add_mesh(object, Cow::Borrowed(mesh));
                 if !emits {
                     continue;
                 }
@@ -61,8 +65,10 @@ pub(super) fn compile(scene: &Scene) -> Result<(Geometry, Vec<EmissiveSurface>),
             // Emissive instances are sampled triangle by triangle, by the areas that these have at their places.
             Shape::Instances(many) if emits => {
                 let mesh = many.flattened();
-                let first_triangle = surfaces.add_mesh(object, &mesh);
-                (PreparedEmitter::mesh(&mesh, first_triangle, is_one_sided), mesh.area_m2() as f32)
+                let area_m2 = mesh.area_m2() as f32;
+                let emitter = PreparedEmitter::mesh(&mesh, surfaces.corners.len(), is_one_sided);
+                surfaces.add_mesh(object, Cow::Owned(mesh));
+                (emitter, area_m2)
             }
             Shape::Instances(many) => {
                 instances.add(object, many);
@@ -89,11 +95,12 @@ pub(super) fn compile(scene: &Scene) -> Result<(Geometry, Vec<EmissiveSurface>),
     }
 
     // Build the bounding volume hierarchies
-    let Surfaces { vertices, corners, triangle_object, shapes } = surfaces;
-    let positions: Vec<Vec3> = vertices.iter().map(|vertex| vertex.position).collect();
+    let Surfaces { meshes, positions, corners, triangle_object, shapes } = surfaces;
     let bvh = TriangleBvh::build(&positions, &corners)?;
     drop(positions);
     let instances = instances.build()?;
+    // Not before: while a tree is built, memory is scarcest.
+    let vertices = meshes.iter().flat_map(|mesh| vertices_of(mesh)).collect();
 
     let triangles = corners
         .into_iter()
@@ -103,18 +110,24 @@ pub(super) fn compile(scene: &Scene) -> Result<(Geometry, Vec<EmissiveSurface>),
     Ok((Geometry { bvh, vertices, triangles, instances, shapes }, emissive))
 }
 
-impl Surfaces {
+/// The vertices of a mesh with what they lack as zeros.
+fn vertices_of(mesh: &TriangleMesh) -> impl Iterator<Item = MeshVertex> {
+    mesh.positions.iter().enumerate().map(|(index, &position)| MeshVertex {
+        position,
+        normal: mesh.normals.get(index).copied().unwrap_or(Vec3::ZERO),
+        uv: mesh.uvs.get(index).copied().unwrap_or(Vec2::ZERO),
+    })
+}
+
+impl<'a> Surfaces<'a> {
     /// Adds the triangles of a mesh; returns the number of the first of them.
-    fn add_mesh(&mut self, object: usize, mesh: &TriangleMesh) -> usize {
-        let offset = self.vertices.len() as u32;
+    fn add_mesh(&mut self, object: usize, mesh: Cow<'a, TriangleMesh>) -> usize {
+        let offset = self.positions.len() as u32;
         let first_triangle = self.corners.len();
-        self.vertices.extend(mesh.positions.iter().enumerate().map(|(index, &position)| MeshVertex {
-            position,
-            normal: mesh.normals.get(index).copied().unwrap_or(Vec3::ZERO),
-            uv: mesh.uvs.get(index).copied().unwrap_or(Vec2::ZERO),
-        }));
+        self.positions.extend_from_slice(&mesh.positions);
         self.corners.extend(mesh.triangles.iter().map(|t| t.map(|v| v + offset)));
         self.triangle_object.extend(std::iter::repeat_n(object as u32, mesh.triangles.len()));
+        self.meshes.push(mesh);
         first_triangle
     }
 }
