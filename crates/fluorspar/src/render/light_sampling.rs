@@ -215,6 +215,7 @@ mod tests {
     };
     use crate::material::Material;
     use crate::optics::PerspectiveCamera;
+    use crate::render::RenderSettings;
     use crate::sampling::hash_u64;
     use crate::scene::{Object, Scene, Shape, SurfaceEmission};
     use crate::spectral::{Curve, WavelengthGrid};
@@ -242,7 +243,7 @@ mod tests {
     /// Draws directions toward the lights and compares them with the density that rays report on meeting them:
     /// the two must be the same function for multiple importance sampling to be unbiased.
     fn check(scene: &Scene, position: Vec3, normal: Vec3, tests: usize) {
-        let compiled = CompiledScene::new(scene, &[]).unwrap();
+        let compiled = CompiledScene::new(scene, &RenderSettings::default()).unwrap();
         chi_square_over_sphere(
             20_000,
             20,

@@ -444,6 +444,7 @@ mod tests {
     use crate::light::{DiscEmitter, Emitter, Light, LightGroup};
     use crate::material::{Coat, Material, ScalarTexture};
     use crate::optics::PerspectiveCamera;
+    use crate::render::RenderSettings;
     use crate::scene::{Object, Scene, Shape};
     use crate::spectral::{Curve, WavelengthGrid};
 
@@ -494,7 +495,7 @@ mod tests {
     #[test]
     fn paths_are_the_same_in_batches_and_alone() {
         let scene = room();
-        let compiled = CompiledScene::new(&scene, &[]).unwrap();
+        let compiled = CompiledScene::new(&scene, &RenderSettings::default()).unwrap();
         let paths = |batch_size: u32| -> Vec<String> {
             let mut batch = PathBatch::default();
             let mut texts = Vec::new();

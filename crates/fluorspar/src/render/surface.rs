@@ -183,6 +183,7 @@ mod tests {
     use crate::light::LightGroup;
     use crate::material::Material;
     use crate::optics::PerspectiveCamera;
+    use crate::render::RenderSettings;
     use crate::scene::{Object, Scene, Shape};
     use crate::spectral::{Curve, WavelengthGrid};
 
@@ -215,7 +216,7 @@ mod tests {
 
     /// Faults of the tangent frames of normal maps, over every triangle of a scene.
     fn frame_faults(scene: &Scene) -> Vec<String> {
-        let compiled = CompiledScene::new(scene, &[]).unwrap();
+        let compiled = CompiledScene::new(scene, &RenderSettings::default()).unwrap();
         let count: usize = scene
             .objects
             .iter()

@@ -94,7 +94,7 @@ fn read(bytes: &[u8], tissues: &[LayeredTissue], wavelengths_nm: &[f64]) -> Opti
         .iter()
         .map(|tissue| EffectiveTissue::of_values(tissue, wavelengths_nm, &mut values))
         .collect::<Option<_>>()?;
-    (values.next().is_none() && bytes.len() % 8 == 0).then_some(found)
+    (values.next().is_none() && bytes.len().is_multiple_of(8)).then_some(found)
 }
 
 #[cfg(test)]
