@@ -31,7 +31,11 @@ pub fn chain(
             below.with(Series::dashed(emitted.name.clone(), ink, relative(emitted), ink.fluorophore_dash()));
     }
     for (index, channel) in efficiency.iter().enumerate() {
-        below = below.with(Series::line(channel.name.clone(), Ink::cycle(index), channel.points()));
+        below = below.with(Series::line(
+            channel.name.clone(),
+            Ink::of_channel(&channel.name, index),
+            channel.points(),
+        ));
     }
     for (index, filter) in filters.iter().enumerate() {
         let ink = Ink::cycle(lights.len() + efficiency.len() + index);

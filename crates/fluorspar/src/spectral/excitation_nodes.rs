@@ -7,7 +7,7 @@ use super::Curve;
 /// Step, nm, at which spectra are sampled while nodes are chosen and errors are found.
 const STEP_NM: f64 = 1.0;
 /// Greatest distance of neighboring nodes among the lights that are asked for, and beyond them, nm.
-const WIDEST_NM: [f64; 2] = [16.0, 20.0];
+const WIDEST_NM: [f64; 2] = [12.0, 20.0];
 /// Least distance of neighboring nodes, nm.
 const NARROWEST_NM: f64 = 2.0;
 /// How far a change of the nodes is felt, nm.
@@ -52,7 +52,7 @@ impl ExcitationNodes {
     /// `peaks_nm` excites each of the `responses` to within `tolerance` of what it excites, or of a twentieth of what light of its
     /// power could. Responses are excitation spectra, on any scale.
     ///
-    /// Begins with nodes 16 nm apart (20 nm beyond the peaks) and halves the interval next to the worst light until
+    /// Begins with nodes 12 nm apart (20 nm beyond the peaks) and halves the interval next to the worst light until
     /// none is worse than the tolerance; 2 nm is the least distance.
     pub fn choose(span_nm: [f64; 2], peaks_nm: [f64; 2], responses: &[Curve], tolerance: f64) -> Self {
         let mut nodes_nm = vec![span_nm[0]];
