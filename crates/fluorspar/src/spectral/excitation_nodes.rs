@@ -313,6 +313,6 @@ mod tests {
             let pairs = nodes.nodes_nm().windows(2).filter(|pair| pair[0] >= from && pair[1] <= until);
             pairs.map(|pair| pair[1] - pair[0]).fold(f64::INFINITY, f64::min)
         };
-        assert!(least(390.0, 430.0) < least(440.0, 500.0), "{nodes:?}");
+        assert!(least(390.0, 430.0) < least(465.0, 501.0), "{nodes:?}");
     }
 }
