@@ -431,7 +431,7 @@ fn light_map(found: &DesignFindings<'_>) -> Figure {
     });
     let end = count as f64;
     let labels =
-        (0..count).map(|k| Label { at: [k as f64 + 0.5, k as f64 + 0.5], text: lights[k].name.clone() });
+        (0..count).map(|k| Label { at: [k as f64 + 1.1, k as f64 + 0.5], text: lights[k].name.clone() });
     let every = count.div_ceil(9).max(1);
     let shown = labels.step_by(every).collect();
     let x = Axis::linear("number of the shorter light", "", [0.0, end]);
