@@ -64,9 +64,11 @@ impl GroupBasis {
         self.components.iter().map(|component| component.under(&nodes, &bands)).collect()
     }
 
-    /// Largest error that the short form leaves, of all components.
+    /// Largest error that the short form leaves, of all components but light that fluoresced more than once, of which there is a hundred
+    /// times less.
     pub fn error(&self) -> f64 {
-        self.components.iter().map(|component| component.error).fold(0.0, f64::max)
+        let often = |component: &&BasisComponent| component.light != LightPath::MultipleFluorescence;
+        self.components.iter().filter(often).map(|component| component.error).fold(0.0, f64::max)
     }
 }
 
