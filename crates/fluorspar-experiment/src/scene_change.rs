@@ -188,7 +188,7 @@ impl Plan<'_> {
             let is_meant = |part: &ScenePart| parts.iter().any(|other| other.name == part.name);
             let has_others = within.contains(&name)
                 || all.iter().any(|part| part.material.as_ref() == Some(&name) && !is_meant(part));
-            let mut path = vec![Step::from("material"), Step::from(position)];
+            let mut path = [Step::from("material"), Step::from(position)];
             if has_others {
                 let (number, copy) = self.copy(material, &name, pattern, edits.as_slice());
                 let called = copy.get("name").cloned();
