@@ -37,7 +37,7 @@ const MODULES: &[(&str, &[&str])] = &[
             "scene", "render", "safety", "sensor", "analysis",
         ],
     ),
-    ("design", &["units", "spectral", "sampling", "optics", "safety", "sensor"]),
+    ("design", &["units", "spectral", "image", "sampling", "optics", "safety", "sensor"]),
     (
         "pipeline",
         &[
