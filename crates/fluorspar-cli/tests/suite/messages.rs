@@ -19,7 +19,7 @@ fn a_run_begins_with_its_title_and_warns_in_short_lines() {
     let folder = folder.path();
     // Blue light beyond 750 nm, and spectra that end before 900 nm: more to name than fits on a line.
     let wide = ["--set=spectral.last_nm=900", "--out=out"];
-    let args = tiny(&[&["run", "oraleye-2021"], &wide[..]].concat());
+    let args = tiny(&[&["run", "oraleye-2021-surface"], &wide[..]].concat());
     let said = fluorspar(folder, &args).well();
     let lines: Vec<&str> = said.stderr.lines().collect();
     assert!(lines[0].contains("OralEye"), "{}", said.stderr);

@@ -29,7 +29,7 @@ fn a_folder_of_the_user_is_never_replaced() {
     let folder = folder.path();
     fs::create_dir_all(folder.join("study/data")).unwrap();
     fs::create_dir_all(folder.join("bases")).unwrap();
-    fs::write(folder.join("bases/base.toml"), "format = 1\nbase = \"oraleye-2021\"\n").unwrap();
+    fs::write(folder.join("bases/base.toml"), "format = 1\nbase = \"oraleye-2021-surface\"\n").unwrap();
     fs::write(folder.join("study/experiment.toml"), "format = 1\nbase = \"../bases/base.toml\"\n").unwrap();
     fs::write(folder.join("study/results.json"), "{}\n").unwrap();
     fs::write(folder.join("study/data/notes.txt"), "years of work\n").unwrap();
@@ -58,7 +58,7 @@ fn only_untouched_results_are_replaced() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let run = |args: &[&str]| {
-        let mut all = tiny(&["run", "--quiet", "--out", "done"]);
+        let mut all = tiny(&["run", "oraleye-2021-surface", "--quiet", "--out", "done"]);
         all.extend(args);
         fluorspar(folder, all).well()
     };

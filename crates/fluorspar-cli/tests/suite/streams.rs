@@ -27,7 +27,7 @@ fn redirected(folder: &Path, redirections: &str, args: &[&str]) -> Output {
 
 /// Every command that writes messages, with what it must leave behind. They write more than one message each.
 fn talkative() -> Vec<(Vec<&'static str>, &'static str)> {
-    let tiny_run = tiny(&["run", "oraleye-2021", "--out", "out"]);
+    let tiny_run = tiny(&["run", "oraleye-2021-surface", "--out", "out"]);
     let patch = ["--set=render.width_px=20", "--set=render.height_px=20", "--spp=8"];
     let render = [&["render", "flat-patch", "--out", "out.exr", "--film", "out.film"], &patch[..]].concat();
     let bands = [&render[..], &["--set=render.memory_limit_gib=0.006"]].concat();
@@ -63,7 +63,7 @@ fn work_is_finished_when_nobody_reads_the_messages() {
 #[test]
 fn a_reader_of_one_line_does_not_end_a_run() {
     let folder = tempfile::tempdir().unwrap();
-    let args = tiny(&["run", "oraleye-2021", "--out", "out"]);
+    let args = tiny(&["run", "oraleye-2021-surface", "--out", "out"]);
     // As `2>&1 | head -1`: both streams are one pipe.
     let line = "{ \"$0\" \"$@\"; echo $? > code; } 2>&1 | head -1";
     let said = Command::new("sh")
