@@ -62,7 +62,7 @@ fn normal(key: Key) -> f64 {
 /// The experiment of a person: shape, and tissues drawn from the populations of `sites`, in the order of the regions.
 fn experiment(number: u64, sites: [&str; 3]) -> Fallible<String> {
     let mut person = toml::Table::try_from(sample_person(number as u32 + 1))?;
-    person.retain(|name, _| !POSE.contains(&name.as_ref()));
+    person.retain(|name, _| !POSE.contains(&name));
     person.insert("detail".into(), toml::Value::Float(0.5));
     let mut text = String::from(
         "format = 1\nbase = \"oraleye-2021\"\n[spectral]\nfirst_nm = 370.0\nlast_nm = 700.0\nstep_nm = 5.0\n[render]\n\
