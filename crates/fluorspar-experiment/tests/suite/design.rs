@@ -1,5 +1,7 @@
 //! Design problems of the catalogue: the pilot table of two LEDs, its honest sister, searches, and one design against `predict`.
 
+#![allow(clippy::unwrap_used, reason = "these are tests")]
+
 use std::path::Path;
 
 use fluorspar::design::{Design, DesignSpace, Merits, exchange, score_all};

@@ -89,12 +89,15 @@ fn family(lights: &[&str]) -> LightFamily {
     tissue_family(&prior, &frames, &grid()).unwrap()
 }
 
+/// Photons per nm that each fluorophore sends out of the surface in each band, under lines of (nm, photons).
+type Emission = Box<dyn Fn(&[(f64, f64)]) -> BTreeMap<String, Vec<f64>>>;
+
 /// What a tissue does with light, by some solver.
 struct Optics {
     /// Reflectance of each band.
     reflectance: Vec<f64>,
-    /// Photons per nm that each fluorophore sends out of the surface in each band, under lines of (nm, photons).
-    emission: Box<dyn Fn(&[(f64, f64)]) -> BTreeMap<String, Vec<f64>>>,
+    /// Fluorescence.
+    emission: Emission,
 }
 
 /// A solver: optics of a tissue, with a number for its random numbers.
