@@ -75,7 +75,8 @@ fn mistakes_end_with_two_and_name_their_places() {
         (&["run", "good.pbrt"], "this is a scene of pbrt, no experiment; `fluorspar render` takes it"),
         (&["check", "good.pbrt"], "`fluorspar render` takes it"),
         (&["render", "flat-patch", "--unit", "mm"], "--unit is for scenes of pbrt"),
-        (&["render", "good.pbrt", "--set", "render.seed=2"], "--set is for experiment files"),
+        (&["render", "good.pbrt", "--set", "render.sead=2"], "did you mean \"seed\"?"),
+        (&["render", "good.pbrt", "--error", "0.1"], "--error is for experiment files"),
         (&["render", "good.pbrt", "--bands", "700:400:10"], "--bands"),
         (
             &["render", "good.pbrt", "--out", "good.pbrt"],
