@@ -57,8 +57,10 @@ fn every_sensor_of_the_catalogue_is_listed_and_shown() {
     let folder = tempfile::tempdir().unwrap();
     let presets = fluorspar(folder.path(), ["presets", "--json"]).well().stdout;
     let table = fluorspar(folder.path(), ["sensor", "list"]).well().stdout;
-    assert_eq!(table.lines().count(), 7, "{table}");
     let list = fluorspar(folder.path(), ["sensor", "list", "--json"]).json();
+    // A line of headings, and every sensor.
+    assert_eq!(table.lines().count(), 1 + list.as_array().unwrap().len(), "{table}");
+    assert!(table.lines().count() >= 9, "{table}");
     let table_1 = &list[0];
     assert_eq!(table_1["name"], "lyu_2021_table_1");
     assert_eq!(table_1["channels"], serde_json::json!(["R", "G", "B"]));
