@@ -26,8 +26,16 @@ pub fn nearest_name<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str
             let close = distance <= allowed && distance < other.chars().count();
             (close || contained).then_some((distance, candidate))
         })
-        .min_by_key(|(distance, _)| *distance)
+        // Of names that are as similar, the one whose number is next: led_386 means led_385, not led_380.
+        .min_by_key(|(distance, candidate)| (*distance, number(candidate).abs_diff(number(&wanted))))
         .map(|(_, candidate)| candidate)
+}
+
+/// The last digits of a name as a number; 0 where it has none.
+fn number(name: &str) -> u64 {
+    let digits = |part: &&str| !part.is_empty();
+    let last = name.split(|c: char| !c.is_ascii_digit()).filter(digits).next_back();
+    last.and_then(|digits| digits.parse().ok()).unwrap_or(0)
 }
 
 /// The end of a sentence about a name that was not found: `, did you mean "led_385"?`, or a full stop where no candidate
@@ -51,5 +59,11 @@ mod tests {
         assert_eq!(nearest_name("powr_mw", ["power_mw", "count"]), Some("power_mw"));
         assert_eq!(did_you_mean("Tounge", ["tongue", "palate"]), ", did you mean \"tongue\"?");
         assert_eq!(did_you_mean("xenon", ["led_385"]), ".");
+    }
+
+    #[test]
+    fn of_names_with_numbers_the_next_is_meant() {
+        assert_eq!(nearest_name("led_386", ["led_380", "led_385", "led_396"]), Some("led_385"));
+        assert_eq!(nearest_name("long_pass_476", ["long_pass_470", "long_pass_475"]), Some("long_pass_475"));
     }
 }
