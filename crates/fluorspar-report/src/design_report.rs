@@ -362,7 +362,7 @@ fn front_figure(found: &DesignFindings<'_>) -> Figure {
         ("exposures", "", |s| s.exposures as f64),
     ];
     let seen: Vec<&Score> = found.scores.iter().map(|(_, s)| s).filter(|s| s.loss.is_finite()).collect();
-    let distinct = |pick: fn(&Score) -> f64| {
+    let distinct = |pick: Objective| {
         let mut values: Vec<u64> = seen.iter().take(5000).map(|s| (pick(s) * 1e6).round() as u64).collect();
         values.sort_unstable();
         values.dedup();
