@@ -351,12 +351,12 @@ fn choices_section(found: &DesignFindings<'_>) -> Section {
         .with(ReportItem::Table(front))
 }
 
-/// Name, unit and value of something to be small besides the loss.
-type Objective = (&'static str, &'static str, fn(&Score) -> f64);
+/// A quantity of a design that is drawn.
+type Objective = fn(&Score) -> f64;
 
 /// Loss against the objective that varies most: price, time, or the number of exposures.
 fn front_figure(found: &DesignFindings<'_>) -> Figure {
-    let objectives: [Objective; 3] = [
+    let objectives: [(&str, &str, Objective); 3] = [
         ("price", "", |s| s.cost),
         ("time", "ms", |s| s.time_s * 1e3),
         ("exposures", "", |s| s.exposures as f64),
