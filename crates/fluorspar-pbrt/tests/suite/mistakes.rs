@@ -14,7 +14,7 @@ fn what_can_not_be_is_refused_at_its_place() {
     let light = "LightSource \"infinite\"\n";
     let zeros = "0 ".repeat(9);
     for (text, expected) in [
-        ("Camera \"orthographic\"", "1:1: Camera \"orthographic\" has no counterpart"),
+        ("Camera \"spherical\"", "1:1: Camera \"spherical\" has no counterpart"),
         ("Camera \"perspective\" \"float fov\" 180", "1:1: a field of view of 180 degrees"),
         (
             "Camera \"perspective\" \"float screenwindow\" [ 0 1 -1 1 ]",
