@@ -34,7 +34,7 @@ pub fn nearest_name<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str
 /// The last digits of a name as a number; 0 where it has none.
 fn number(name: &str) -> u64 {
     let digits = |part: &&str| !part.is_empty();
-    let last = name.split(|c: char| !c.is_ascii_digit()).filter(digits).next_back();
+    let last = name.split(|c: char| !c.is_ascii_digit()).rfind(digits);
     last.and_then(|digits| digits.parse().ok()).unwrap_or(0)
 }
 
