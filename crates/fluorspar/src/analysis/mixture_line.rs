@@ -122,7 +122,8 @@ pub struct LineEstimate {
     pub fraction: f64,
     /// Standard error of the fraction.
     pub fraction_standard_error: f64,
-    /// Interval of the fraction: the ends of the position's interval, limited to the line and then converted.
+    /// 95 % interval of the fraction by the sensor's noise: around `fraction`, so that it keeps its width where the position lies
+    /// outside, limited to the line.
     pub fraction_interval: [f64; 2],
     /// Whether the position lay outside 0 to 1 and was moved to the nearer end.
     pub clamped: bool,
@@ -243,18 +244,28 @@ impl MixtureLine {
         let position_standard_error = spread(along) / length;
         let on_line = position.clamp(0.0, 1.0);
         let (fraction, slope) = self.fraction(on_line);
-        let end = |sign: f64| (position + sign * Z_95 * position_standard_error).clamp(0.0, 1.0);
+        let ends = interval_on_line(position, position_standard_error);
         Some(LineEstimate {
             position,
             position_standard_error,
             fraction,
             fraction_standard_error: slope * position_standard_error,
-            fraction_interval: [self.fraction(end(-1.0)).0, self.fraction(end(1.0)).0],
+            fraction_interval: ends.map(|end| self.fraction(end).0),
             clamped: on_line != position,
             distance: dot(offset, across),
             distance_standard_error: spread(across),
         })
     }
+}
+
+/// 95 % interval of a position that lies between 0 and 1, from a measured one with normal noise, which may lie beyond.
+///
+/// It is taken around the nearest position on the line: one measured below 0 says that the true one is small, not that it is known.
+/// Were the interval cut off instead, it would shrink to nothing there. The truth `t` is missed only where the measured position is
+/// more than 1.96 standard errors from it, so that the interval holds it in 95 % of cases or more.
+fn interval_on_line(position: f64, standard_error: f64) -> [f64; 2] {
+    let nearest = position.clamp(0.0, 1.0);
+    [-1.0, 1.0].map(|sign| (nearest + sign * Z_95 * standard_error).clamp(0.0, 1.0))
 }
 
 /// Porphyrin fraction of each pixel, `[row, col]`.

@@ -36,6 +36,30 @@ fn without_noise_the_fraction_is_recovered_exactly() {
     }
 }
 
+/// Normal noise in 4001 equally likely steps: intervals hold the truth in 95 % of them or more, at the ends of the line too, and are
+/// nowhere narrower than one side of 1.96 standard errors.
+#[test]
+fn intervals_beyond_the_ends_hold_the_truth_and_stay_wide() {
+    let normal = statrs::distribution::Normal::new(0.0, 1.0).unwrap();
+    for standard_error in [0.01, 0.1, 0.4] {
+        for truth in [0.0, 0.005, 0.05, 0.5, 0.97, 1.0] {
+            let mut held = 0;
+            for step in 0..4001 {
+                let z = statrs::distribution::ContinuousCDF::inverse_cdf(
+                    &normal,
+                    (f64::from(step) + 0.5) / 4001.0,
+                );
+                let [low, high] = interval_on_line(truth + z * standard_error, standard_error);
+                held += u32::from((low..=high).contains(&truth));
+                assert!(high - low >= (Z_95 * standard_error).min(1.0) - 1e-12, "{low} {high}");
+            }
+            // Steps at both ends are rounded to whole ones.
+            let missed = 4001 - held;
+            assert!(missed <= 202, "{truth} {standard_error}: {missed} of 4001 missed");
+        }
+    }
+}
+
 #[test]
 fn the_brighter_end_pulls_harder() {
     let line = line();
