@@ -265,7 +265,7 @@ fn captures_figure(found: &DesignFindings<'_>, best: &JudgedDesign) -> Figure {
     let columns = pictures.len().clamp(1, 2);
     crate::figures::pictures("Simulated captures", pictures, columns).explained(
         "Each square is a patch of the region as one channel records it, with the noise of single pixels: a row for each exposure, \
-         a column for each channel. White is the brightest mean of that design.",
+         a column for each channel. Gray follows the electrons to the power of 0.45; white is 1.3 times the brightest mean of that design.",
     )
 }
 
@@ -432,25 +432,39 @@ fn light_map(found: &DesignFindings<'_>) -> Figure {
             [225, 225, 225]
         }
     });
-    let end = count as f64;
-    let labels =
-        (0..count).map(|k| Label { at: [k as f64 + 1.1, k as f64 + 0.5], text: lights[k].name.clone() });
-    let every = count.div_ceil(9).max(1);
-    let shown = labels.step_by(every).collect();
-    let x = Axis::linear("number of the shorter light", "", [0.0, end]);
-    let y = Axis::linear("number of the longer light", "", [0.0, end]);
+    let peaks_nm: Vec<f64> = lights.iter().map(|light| light.peak_nm).collect();
+    let even = even_peaks(&peaks_nm);
+    let (range, words, unit) = match even {
+        Some(range_nm) => (range_nm, "peak", "nm"),
+        None => ([0.0, count as f64], "number", ""),
+    };
+    // Names where the axes count lights
+    let names = (0..if even.is_some() { 0 } else { count })
+        .map(|k| Label { at: [k as f64 + 1.1, k as f64 + 0.5], text: lights[k].name.clone() });
+    let shown = names.step_by(count.div_ceil(9).max(1)).collect();
+    let axis = |which: &str| Axis::linear(format!("{words} of the {which} light"), unit, range);
+    let (x, y) = (axis("shorter"), axis("longer"));
     let mut panel = Panel::new(x, y)
         .sized(480.0, 480.0)
-        .with(Series::unnamed(Ink::Text, SeriesShape::Picture { x: [0.0, end], y: [0.0, end], raster }))
+        .with(Series::unnamed(Ink::Text, SeriesShape::Picture { x: range, y: range, raster }))
         .with(Series::unnamed(Ink::Text, SeriesShape::Labels(shown)));
     panel.color_bar = Some(ColorBar {
         axis: Axis::log10("inverse of the least loss", "", [1.0 / high, 1.0 / low]),
         map: ColorMap::Viridis,
     });
     Figure::new("Which lights", panel).explained(
-        "The least loss of all designs with these two lights, and of single lights on the diagonal; lights are numbered from the \
-         shortest. Bright is good, gray is not seen or breaks a limit.",
+        "The least loss of all designs with these two lights, and of single lights on the diagonal. Bright is good, gray is not \
+         seen or breaks a limit.",
     )
+}
+
+/// Where the cells of peaks, nm, that follow each other in equal steps begin and end; `None` for others.
+fn even_peaks(peaks_nm: &[f64]) -> Option<[f64; 2]> {
+    let [first, second, ..] = *peaks_nm else { return None };
+    let step = second - first;
+    let is_even = peaks_nm.iter().enumerate().all(|(k, nm)| (nm - first - k as f64 * step).abs() < 1e-6);
+    let last = first + step * (peaks_nm.len() - 1) as f64;
+    (step > 0.0 && is_even).then_some([first - 0.5 * step, last + 0.5 * step])
 }
 
 fn assumptions_section(found: &DesignFindings<'_>) -> Section {
