@@ -64,7 +64,7 @@ const PATCH_SEED: u64 = 1;
 pub fn design_figures(found: &DesignFindings<'_>) -> Vec<(&'static str, Figure)> {
     let Some(best) = found.best.first() else { return Vec::new() };
     vec![
-        ("spectra", spectra_figure(found.space, &best.design)),
+        ("spectra", spectra_figure(found.space, best)),
         ("captures", captures_figure(found, best)),
         ("designs", front_figure(found)),
         ("lights", light_map(found)),
@@ -178,7 +178,7 @@ fn bounds(found: &DesignFindings<'_>, judged: &JudgedDesign) -> Vec<ReportItem> 
         let caption = format!("{}: {}", judged.name, response.name);
         ReportItem::Table(NumberTable { caption, rows: weights.chain(contrasts).collect() })
     };
-    p.regions.iter().zip(&judged.merits.regions).map(table).collect()
+    p.regions_of(judged.design.geometry).zip(&judged.merits.regions).map(table).collect()
 }
 
 fn best_section(found: &DesignFindings<'_>, best: &JudgedDesign) -> Section {
@@ -193,13 +193,14 @@ fn best_section(found: &DesignFindings<'_>, best: &JudgedDesign) -> Section {
     }
     let caption = "Everything relative to its own peak. Where a channel sees two fluorophores at once, only their ratio \
                    between channels and lights tells them apart.";
-    section.show(spectra_figure(found.space, &best.design), caption)
+    section.show(spectra_figure(found.space, best), caption)
 }
 
 /// Lights, filters, channels and fluorescence of a design.
-fn spectra_figure(space: &DesignSpace, design: &Design) -> Figure {
-    let p = space.problem();
-    let response = &p.regions[0].response;
+fn spectra_figure(space: &DesignSpace, judged: &JudgedDesign) -> Figure {
+    let (p, design) = (space.problem(), &judged.design);
+    let Some(region) = p.regions_of(design.geometry).next() else { return Figure::grid("", Vec::new(), 1) };
+    let response = &region.response;
     let bands = FineBands::of(&response.grid);
     let limits =
         [p.lights[design.lights[0]].peak_nm.min(response.grid.start_nm()) - 30.0, response.grid.end_nm()];
@@ -255,18 +256,45 @@ fn captures_section(found: &DesignFindings<'_>, best: &JudgedDesign) -> Section 
 }
 
 fn captures_figure(found: &DesignFindings<'_>, best: &JudgedDesign) -> Figure {
-    let mut pictures = Vec::new();
+    let mut panels = Vec::new();
     for judged in std::iter::once(best).chain(found.compared.iter().take(1)) {
-        for (region, model) in found.space.problem().regions.iter().enumerate() {
+        for (region, model) in found.space.problem().regions_of(judged.design.geometry).enumerate() {
             let raster = patches(found.space, &judged.design, region);
-            pictures.push((format!("{}: {}", judged.name, model.response.name), raster));
+            let title = format!("{}: {}", judged.name, model.response.name);
+            panels.push(patch_panel(found.space, &judged.design, raster).titled(title));
         }
     }
-    let columns = pictures.len().clamp(1, 2);
-    crate::figures::pictures("Simulated captures", pictures, columns).explained(
+    let columns = panels.len().clamp(1, 2);
+    Figure::grid("Simulated captures", panels, columns).explained(
         "Each square is a patch of the region as one channel records it, with the noise of single pixels: a row for each exposure, \
          a column for each channel. Gray follows the electrons to the power of 0.45; white is 1.3 times the brightest mean of that design.",
     )
+}
+
+/// Patches with the names of exposures to the left and of channels above.
+fn patch_panel(space: &DesignSpace, design: &Design, raster: Raster) -> Panel {
+    const CELL: f64 = 90.0;
+    let p = space.problem();
+    let channels = &p.cameras[design.camera].channels;
+    let mut exposures: Vec<&str> = design.lights.iter().map(|&k| p.lights[k].name.as_str()).collect();
+    exposures.extend(p.white.as_ref().map(|_| "white"));
+    let (columns, rows) = (channels.len() as f64, exposures.len() as f64);
+    let left = exposures.iter().map(|name| name.chars().count()).max().unwrap_or(0) as f64 * 0.085 + 0.1;
+    let above = channels
+        .iter()
+        .enumerate()
+        .map(|(c, name)| Label { at: [c as f64 + 0.1, rows + 0.08], text: name.clone() });
+    let beside = exposures
+        .iter()
+        .enumerate()
+        .map(|(k, name)| Label { at: [-left, rows - k as f64 - 0.5], text: (*name).to_owned() });
+    let labels = above.chain(beside).collect();
+    let [wide, high] = [columns + left, rows + 0.35];
+    let picture = SeriesShape::Picture { x: [0.0, columns], y: [0.0, rows], raster };
+    Panel::new(Axis::hidden([-left, columns]), Axis::hidden([0.0, high]))
+        .sized(CELL * wide, CELL * high)
+        .with(Series::unnamed(Ink::Text, picture))
+        .with(Series::unnamed(Ink::Text, SeriesShape::Labels(labels)))
 }
 
 /// Noisy patches, a row for each exposure, a column for each channel.
@@ -295,7 +323,9 @@ fn blind_section(found: &DesignFindings<'_>, best: &JudgedDesign) -> Section {
          the other.",
     );
     for judged in std::iter::once(best).chain(found.compared) {
-        for (region, merits) in found.space.problem().regions.iter().zip(&judged.merits.regions) {
+        for (region, merits) in
+            found.space.problem().regions_of(judged.design.geometry).zip(&judged.merits.regions)
+        {
             let response = &region.response;
             let singular = response.fluorescence.len() - merits.rank;
             for blind in merits.bound.weakest_directions(singular.max(1)) {

@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "these are tests")]
 
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use crate::support::{fluorspar, listing};
 use serde_json::Value;
@@ -23,6 +23,15 @@ fn design(folder: &Path, args: &[&str]) -> Value {
     fluorspar(folder, all).json()
 }
 
+/// The journal beside a folder of results, whose name carries the digest of the problem.
+fn journal(folder: &Path, name: &str) -> PathBuf {
+    let is_journal = |path: &PathBuf| {
+        let file = path.file_name().unwrap().to_string_lossy().into_owned();
+        file.starts_with(&format!("{name}.")) && file.ends_with(".journal")
+    };
+    fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).find(is_journal).unwrap()
+}
+
 /// All but the description of the search and of what is written.
 fn without_provenance(mut results: Value) -> Value {
     results.as_object_mut().unwrap().remove("provenance");
@@ -34,20 +43,22 @@ fn a_killed_sweep_goes_on_without_losing_or_repeating_work() {
     let folder = tempfile::tempdir().unwrap();
     let whole = design(folder.path(), &["sweep", "two-lights", "--out", "a"]);
     assert_eq!((whole["designs"].as_u64(), whole["evaluated"].as_u64()), (Some(420), Some(420)));
-    let journal = folder.path().join("a.journal");
-    let lines = fs::read_to_string(&journal).unwrap();
+    let of_whole = journal(folder.path(), "a");
+    let lines = fs::read_to_string(&of_whole).unwrap();
+    let ending = of_whole.file_name().unwrap().to_string_lossy().split_once('.').unwrap().1.to_owned();
+    let named = |name: &str| folder.path().join(format!("{name}.{ending}"));
     assert_eq!(lines.lines().count(), 3, "{lines}");
     // A kill in the middle of the second block: half of a line stays, as the journal was before
     let second = lines.match_indices('\n').nth(1).unwrap().0 + 1;
-    fs::write(folder.path().join("b.journal"), &lines[..second + 40]).unwrap();
+    fs::write(named("b"), &lines[..second + 40]).unwrap();
     let again = design(folder.path(), &["sweep", "two-lights", "--out", "b", "--threads", "1"]);
     assert_eq!(without_provenance(again), without_provenance(whole.clone()));
-    assert_eq!(fs::read_to_string(folder.path().join("b.journal")).unwrap(), lines);
+    assert_eq!(fs::read_to_string(named("b")).unwrap(), lines);
     // What is finished is not evaluated again: a number in the journal that was changed stays changed
     let changed = lines.replacen("\"block\":0", "\"block\":0,\"kept\":true", 1);
-    fs::write(folder.path().join("c.journal"), &changed).unwrap();
+    fs::write(named("c"), &changed).unwrap();
     let kept = design(folder.path(), &["sweep", "two-lights", "--out", "c"]);
-    assert_eq!(fs::read_to_string(folder.path().join("c.journal")).unwrap(), changed);
+    assert_eq!(fs::read_to_string(named("c")).unwrap(), changed);
     assert_eq!(kept["best"], whole["best"]);
     for name in ["results.json", "designs.csv", "designs.jsonl", "report.html"] {
         assert!(folder.path().join("a").join(name).is_file(), "{name}");
@@ -107,6 +118,10 @@ fn one_light_is_told_as_singular_and_wrong_input_with_its_cure() {
     fs::create_dir(folder.path().join("mine")).unwrap();
     fs::write(folder.path().join("mine/notes.txt"), "mine").unwrap();
     let said = fluorspar(folder.path(), ["design", "sweep", "--out", "mine"]);
-    assert!(said.code == Some(2) && !folder.path().join("mine.journal").exists(), "{said:?}");
+    assert!(
+        said.code == Some(2)
+            && listing(folder.path()).keys().all(|name| name.extension().is_none_or(|end| end != "journal")),
+        "{said:?}"
+    );
     assert_eq!(fs::read_to_string(folder.path().join("mine/notes.txt")).unwrap(), "mine");
 }

@@ -21,10 +21,6 @@ use crate::sample::{SampleMaterial, SampleSurface, SampleTissue};
 /// Parameters of tissue whose spread is that of weights, which are estimated, end so.
 const AMOUNT_ENDING: &str = "_per_mm";
 
-/// Excitation at which parts of tissue count in ratios, and the emission over which they do, nm.
-const REFERENCE_NM: f64 = 405.0;
-const SHARE_NM: [f64; 2] = [500.0, 700.0];
-
 /// Bands and nodes of all regions.
 pub(super) struct Axes<'a> {
     pub(super) grid: &'a WavelengthGrid,
@@ -38,8 +34,14 @@ pub(super) fn region(
     section: &RegionSection,
     axes: &Axes<'_>,
 ) -> Resolved<RegionModel> {
+    let Some(material) = &section.material else {
+        return context.fail(
+            at,
+            "give what the region is made of (material), or where it lies in the scene (rendered)",
+        );
+    };
     let at = at.field("material");
-    match &section.material {
+    match material {
         SampleMaterial::Surface(surface) => surface_region(context, &at, file, section, surface, axes),
         SampleMaterial::Tissue(tissue) => tissue_region(context, &at, file, section, tissue, axes),
     }
@@ -86,7 +88,7 @@ fn surface_region(
 }
 
 /// The same region below a layer of whole blood that light passes twice.
-fn below_blood(region: &RegionResponse, thickness_um: f64) -> RegionResponse {
+pub(super) fn below_blood(region: &RegionResponse, thickness_um: f64) -> RegionResponse {
     let passes = |nm: &f64| blood_transmittance(*nm, thickness_um);
     let emission: Vec<f64> = region.grid.centers_nm().iter().map(passes).collect();
     let excitation: Vec<f64> = region.excitation.centers_nm().iter().map(passes).collect();
@@ -160,22 +162,11 @@ fn tissue_region(
     Ok(model)
 }
 
-/// Amounts of what tissue holds have no common unit: in ratios each counts by the light that it sends, so that a fraction is one of
-/// the fluorescence.
+/// Amounts of what tissue holds have no common unit: in ratios each counts by the light that it sends.
 fn respond(name: &str, flat: &FlatTissue, factors: &[f64], axes: &Axes<'_>) -> RegionResponse {
     let held: Vec<(Fluorophore, f64)> =
         flat.fluorophores.iter().cloned().zip(factors.iter().copied()).collect();
-    let mut response = RegionResponse::flat(name, axes.grid, &axes.nodes_nm, &flat.reflectance, &held);
-    let line = Curve::from_fn(REFERENCE_NM - 1.0, REFERENCE_NM + 1.0, |_| 0.5);
-    let emitted = response.fluorescence_under(&line);
-    let counted = |band: usize| {
-        let center = axes.grid.center_nm(band);
-        if (SHARE_NM[0]..=SHARE_NM[1]).contains(&center) { axes.grid.width_nm(band) } else { 0.0 }
-    };
-    for (part, spectrum) in response.fluorescence.iter_mut().zip(emitted) {
-        part.amount = spectrum.iter().enumerate().map(|(band, value)| value * counted(band)).sum();
-    }
-    response
+    RegionResponse::flat(name, axes.grid, &axes.nodes_nm, &flat.reflectance, &held).counted_by_light()
 }
 
 /// People with a tissue, and the same people with it in another state.

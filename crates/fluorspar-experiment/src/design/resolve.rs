@@ -9,12 +9,14 @@ use fluorspar::design::{
     FilterChoice, FineBands, LensChoice, LibraryError, LightChoice, Limits, LongPass, LongPassEdge, Split,
     WhiteFrame,
 };
+use fluorspar::digest::sha256_hex;
 use fluorspar::names::did_you_mean;
 use fluorspar::optics::IdealLens;
 use fluorspar::sensor::{EXPOSURE_MS, Sensor, SensorModel, SpectralQe};
 use fluorspar::spectral::{Curve, MAX_WAVELENGTH_NM, MIN_WAVELENGTH_NM, WavelengthGrid};
 
 use super::regions::{Axes, cohort, region};
+use super::renders::{DesignRenders, check_grid, renders};
 use super::schema::{
     ComparedDesignSection, ContrastSection, CriterionChoice, DesignFile, IdealBandsSection, LedSeriesSection,
     SearchSection, SensorChoiceSection, SplitChoice, SplitRule, TolerancesSection,
@@ -52,6 +54,8 @@ pub struct ResolvedDesign {
     pub search: SearchSection,
     /// Tolerances of manufacture.
     pub tolerance: TolerancesSection,
+    /// What of the problem must be rendered first; its regions are missing in `problem`.
+    pub rendered: DesignRenders,
     /// Designs to compare the best with, at least one.
     pub compared: Vec<ComparedDesign>,
     /// The file.
@@ -82,7 +86,10 @@ pub fn parse_design(
     let grid = device::grid(context, &file.spectral)?;
     check_search(context, &file)?;
     fluorophore::check_sections(context, &file.fluorophore)?;
-    let lights = lights(context, &file, &grid)?;
+    let mut lights = lights(context, &file, &grid)?;
+    let rendered = renders(context, &file, &lights)?;
+    check_grid(context, &grid, &rendered)?;
+    give_power(&mut lights, &rendered);
     let filters = filters(context, &file, &grid)?;
     let (lens, lenses) = lenses(context, &file, &grid)?;
     let cameras = cameras(context, &file, &lens, &grid)?;
@@ -99,13 +106,17 @@ pub fn parse_design(
         let at = steps!["region", index];
         let earlier = file.region[..index].iter().map(|other| other.name.as_str());
         context.unique_name(&at, &section.name, earlier)?;
-        regions.push(region(context, &at, &file, section, &axes)?);
+        if section.rendered.is_none() {
+            regions.push(region(context, &at, &file, section, &axes)?);
+        } else if section.material.is_some() {
+            return context.fail(&at.field("material"), "the region is rendered already; remove one of both");
+        }
     }
     let cohort = match &file.cohort {
         Some(section) => Some(cohort(context, &file, section, &axes)?),
         None => None,
     };
-    let contrasts = contrasts(context, &file, &regions)?;
+    let contrasts = contrasts(context, &file, &regions, &rendered)?;
     let problem = DesignProblem {
         criterion: criterion(context, &file, &contrasts)?,
         contrasts,
@@ -118,21 +129,27 @@ pub fn parse_design(
         drives: drives(context, &file)?,
         splits: splits(context, &file)?,
         budget: budget(context, &file)?,
-        white: white(context, &file, &grid)?,
+        white: white(context, &file, &grid, &rendered)?,
         library: library(context, &file)?,
         assumptions: assumptions(context, &file)?,
         limits: limits(context, &file)?,
         tissue_safety_factor: file.limit.tissue_safety_factor,
         regions,
+        geometries: Vec::new(),
     };
-    let compared = compared(context, &file, &problem)?;
+    let compared = compared(context, &file, &problem, &rendered.geometries)?;
     let failed =
         |error: toml::ser::Error| context.error(&[], format!("the file can't be written out: {error}"));
     let resolved_toml = toml::to_string(&file).map_err(failed)?;
     let mut nameless = file.clone();
     nameless.title.clear();
     nameless.description.clear();
-    let sha256 = context.digest(&nameless).map_err(failed)?;
+    let own = context.digest(&nameless).map_err(failed)?;
+    let of_renders = rendered.renders.iter().map(|render| render.record.sha256.clone());
+    let sha256 = match rendered.renders.as_slice() {
+        [] => own,
+        _ => sha256_hex(std::iter::once(own).chain(of_renders)),
+    };
     let record = FileRecord {
         title: file.title.clone(),
         description: file.description.clone(),
@@ -143,7 +160,7 @@ pub fn parse_design(
         resolved_toml,
         sha256,
     };
-    Ok(ResolvedDesign { problem, search: file.search, tolerance: file.tolerance, compared, record })
+    Ok(ResolvedDesign { problem, search: file.search, tolerance: file.tolerance, rendered, compared, record })
 }
 
 /// Checks the numbers of search and tolerances.
@@ -231,6 +248,18 @@ fn trimmed(curve: &Curve) -> Curve {
     }
 }
 
+/// Power of a light in a scene, W; 0 where none is given.
+fn power_w(context: &Context<'_>, at: &Place, power_mw: Option<f64>) -> Resolved<f64> {
+    let checked = power_mw.map(|mw| context.within(&at.field("power_mw"), mw, STRENGTH, "mW"));
+    Ok(checked.transpose()?.unwrap_or(0.0) * 1e-3)
+}
+
+/// Gives lights without a power that of the light whose place they take.
+fn give_power(lights: &mut [LightChoice], rendered: &DesignRenders) {
+    let own = rendered.own_power_w().unwrap_or(0.0);
+    lights.iter_mut().filter(|light| light.power_w == 0.0).for_each(|light| light.power_w = own);
+}
+
 fn lights(context: &mut Context<'_>, file: &DesignFile, grid: &WavelengthGrid) -> Resolved<Vec<LightChoice>> {
     let mut lights = Vec::new();
     for (index, section) in file.light.iter().enumerate() {
@@ -248,6 +277,7 @@ fn lights(context: &mut Context<'_>, file: &DesignFile, grid: &WavelengthGrid) -
             peak_nm: spectrum.peak_nm(),
             spectrum,
             light: irradiance,
+            power_w: power_w(context, &at, section.power_mw)?,
             cost: context.within(&at.field("cost"), section.cost, PRICE, "")?,
         });
     }
@@ -277,6 +307,7 @@ fn led_series(context: &Context<'_>, series: &LedSeriesSection) -> Resolved<Vec<
     let light =
         context.within(&at.field("irradiance_w_per_m2"), series.irradiance_w_per_m2, STRENGTH, "W/m²")?;
     let cost = context.within(&at.field("cost"), series.cost, PRICE, "")?;
+    let power_w = power_w(context, &at, series.power_mw)?;
     if let Some(edge) = series.short_pass_after_peak_nm {
         context.within(&at.field("short_pass_after_peak_nm"), edge, [1.0, 200.0], "nm")?;
     }
@@ -293,7 +324,7 @@ fn led_series(context: &Context<'_>, series: &LedSeriesSection) -> Resolved<Vec<
         let curve =
             Curve::from_fn(peak_nm - reach, peak_nm + reach, |nm| gaussian(nm) * short_pass(nm, peak_nm));
         let spectrum = curve.scaled(1.0 / curve.total());
-        lights.push(LightChoice { name: format!("{peak_nm} nm"), spectrum, light, peak_nm, cost });
+        lights.push(LightChoice { name: format!("{peak_nm} nm"), spectrum, light, power_w, peak_nm, cost });
     }
     Ok(lights)
 }
@@ -394,6 +425,9 @@ fn cameras(
             sensor = sensor.behind(&context.spectrum(&at, filter, Role::Filter, 0.0, grid)?);
         }
         let mut camera = DesignCamera::new(&section.name, &sensor, gain, &lens.transmittance, &bands);
+        if !section.wheel.is_empty() {
+            camera = with_wheel(context, &at, section, &camera, &bands, grid)?;
+        }
         camera.cost = cost;
         cameras.push(camera);
     }
@@ -402,6 +436,39 @@ fn cameras(
         return context.fail(&steps!["sensor"], message);
     }
     Ok(cameras)
+}
+
+/// A camera of one channel behind the wheel of a section.
+fn with_wheel(
+    context: &mut Context<'_>,
+    at: &Place,
+    section: &SensorChoiceSection,
+    camera: &DesignCamera,
+    bands: &FineBands,
+    grid: &WavelengthGrid,
+) -> Resolved<DesignCamera> {
+    let mut wheel: Vec<(String, Curve)> = Vec::new();
+    for (index, position) in section.wheel.iter().enumerate() {
+        let at = at.field("wheel").index(index);
+        context.unique_name(&at, &position.name, wheel.iter().map(|(name, _)| name.as_str()))?;
+        let mut transmittance = Curve::constant(1.0);
+        for (number, filter) in position.filters.iter().enumerate() {
+            let at = at.field("filters").index(number);
+            transmittance = transmittance.times(&context.spectrum(&at, filter, Role::Filter, 0.0, grid)?);
+        }
+        wheel.push((position.name.clone(), transmittance));
+    }
+    match camera.behind_wheel(&wheel, bands) {
+        Some(camera) => Ok(camera),
+        None => {
+            let message = format!(
+                "a wheel stands before a sensor of one channel; this one has {}: {}. Give a monochrome sensor",
+                camera.channels.len(),
+                camera.channels.join(", ")
+            );
+            context.fail(&at.field("wheel"), message)
+        }
+    }
 }
 
 /// The sensor of a section.
@@ -536,6 +603,7 @@ fn white(
     context: &mut Context<'_>,
     file: &DesignFile,
     grid: &WavelengthGrid,
+    rendered: &DesignRenders,
 ) -> Resolved<Option<WhiteFrame>> {
     let Some(section) = &file.exposure.white else { return Ok(None) };
     let at = steps!["exposure", "white"];
@@ -550,7 +618,10 @@ fn white(
         filter = filter.times(&context.spectrum(&at, reference, Role::Filter, 0.0, grid)?);
     }
     let peak_nm = spectrum.peak_nm();
-    let light = LightChoice { name: "white".into(), spectrum, light, peak_nm, cost };
+    let power_w = power_w(context, &at, section.power_mw)?;
+    let mut light = [LightChoice { name: "white".into(), spectrum, light, power_w, peak_nm, cost }];
+    give_power(&mut light, rendered);
+    let [light] = light;
     Ok(Some(WhiteFrame { light, filter, level }))
 }
 
@@ -603,10 +674,14 @@ fn contrasts(
     context: &Context<'_>,
     file: &DesignFile,
     regions: &[fluorspar::design::RegionModel],
+    rendered: &DesignRenders,
 ) -> Resolved<Vec<ContrastDefinition>> {
     let mut known: BTreeMap<&str, ()> = BTreeMap::new();
     for region in regions {
         known.extend(region.response.fluorescence.iter().map(|f| (f.name.as_str(), ())));
+    }
+    for render in &rendered.renders {
+        known.extend(render.study.scene.fluorophores.iter().map(|f| (f.name.as_str(), ())));
     }
     let known: Vec<&str> = known.into_keys().collect();
     let mut found = Vec::new();
@@ -684,6 +759,7 @@ fn compared(
     context: &Context<'_>,
     file: &DesignFile,
     problem: &DesignProblem,
+    geometries: &[String],
 ) -> Resolved<Vec<ComparedDesign>> {
     let mut found = Vec::new();
     for (index, section) in file.compare.iter().enumerate() {
@@ -695,12 +771,12 @@ fn compared(
         )?;
         found.push(ComparedDesign {
             name: section.name.clone(),
-            design: by_names(context, &at, section, problem)?,
+            design: by_names(context, &at, section, problem, geometries)?,
         });
     }
     if found.is_empty() {
         let lights = (0..problem.exposures.iter().copied().min().unwrap_or(1)).collect();
-        let design = Design { lights, filter: 0, camera: 0, lens: 0, drive: 0, split: 0 };
+        let design = Design { lights, filter: 0, camera: 0, lens: 0, drive: 0, split: 0, geometry: 0 };
         found.push(ComparedDesign { name: "first choices".into(), design });
     }
     Ok(found)
@@ -711,6 +787,7 @@ fn by_names(
     at: &Place,
     section: &ComparedDesignSection,
     problem: &DesignProblem,
+    geometries: &[String],
 ) -> Resolved<Design> {
     let find = |at: &Place, wanted: &str, known: Vec<&str>| -> Resolved<usize> {
         if let Some(number) = known.iter().position(|name| *name == wanted) {
@@ -749,5 +826,8 @@ fn by_names(
             None => return context.fail(&at.field("f_number"), "is not among lens.f_numbers; add it there"),
         },
     };
-    Ok(Design { lights, filter, camera, lens, drive: 0, split: 0 })
+    let geometry = section.geometry.as_ref().map_or(Ok(0), |name| {
+        find(&at.field("geometry"), name, geometries.iter().map(String::as_str).collect())
+    })?;
+    Ok(Design { lights, filter, camera, lens, drive: 0, split: 0, geometry })
 }

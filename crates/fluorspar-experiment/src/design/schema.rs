@@ -29,6 +29,12 @@ pub struct DesignFile {
     /// Regions that are measured; a design is as good as in the worst of them.
     #[serde(default)]
     pub region: Vec<RegionSection>,
+    /// The scene in which rendered regions lie. Default: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scene: Option<RenderedSceneSection>,
+    /// What is chosen of the scene itself: each value is rendered. All values of several variables are combined.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub geometry: Vec<GeometrySection>,
     /// Fluorophores besides those of the catalogue, or variants of those.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub fluorophore: Vec<FluorophoreSection>,
@@ -100,15 +106,90 @@ impl Default for ExcitationSection {
     }
 }
 
-/// A flat region that is measured.
+/// A region that is measured: a flat material, or a part of a rendered scene.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RegionSection {
     /// Name.
     pub name: String,
-    /// What it is made of: `{ reflectance = ..., concentrations = { ... } }` or `{ tissue = "dorsal_tongue" }`. The weights of
-    /// its fluorophores are what is estimated.
-    pub material: SampleMaterial,
+    /// What a flat region is made of: `{ reflectance = ..., concentrations = { ... } }` or `{ tissue = "dorsal_tongue" }`. The weights of
+    /// its fluorophores are what is estimated. Default: none, the region is rendered.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub material: Option<SampleMaterial>,
+    /// Where the region lies in the rendered `[scene]`. Default: none, the region is flat.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rendered: Option<RenderedRegionSection>,
+}
+
+/// A region of a rendered scene: parts, a rectangle, or where both hold.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct RenderedRegionSection {
+    /// Names of parts of the scene. Default: all.
+    pub parts: Vec<String>,
+    /// Column, row, width and height in pixels of the render. Default: the whole image.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rectangle_px: Option<[u32; 4]>,
+    /// Changes of the scene for this region, for instance another person or pose: `["mouth.person=3"]`. Default: none.
+    pub set: Vec<String>,
+}
+
+/// The scene in which rendered regions lie. It is rendered with an excitation basis, once for each combination of the geometry and of what
+/// regions change.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RenderedSceneSection {
+    /// Experiment of the catalogue. Default: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub preset: Option<String>,
+    /// Path of an experiment file. Default: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub file: Option<FilePath>,
+    /// Changes of the experiment, for instance `["render.width_px=96"]`. Default: none.
+    #[serde(default)]
+    pub set: Vec<String>,
+    /// Light group whose place the lights of a design take. Default: the only one with a narrow spectrum.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub light_group: Option<String>,
+    /// Range of the peaks of lights that the renders must serve, nm. Default: that of the lights of the file.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub peaks_nm: Option<[f64; 2]>,
+}
+
+/// A variable of the scene, such as the radius of a ring of lights or the place of the camera.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct GeometrySection {
+    /// Field of the experiment, for instance "light.blue.ring_radius_mm".
+    pub field: String,
+    /// Its values to choose from: numbers, lists of numbers, or texts.
+    pub values: Vec<GeometryValue>,
+    /// Name in results. Default: the last word of the field.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub name: Option<String>,
+}
+
+/// A value of a field: a number, a list of numbers, or a text.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub enum GeometryValue {
+    /// A number.
+    Number(f64),
+    /// A list of numbers, such as a position.
+    List(Vec<f64>),
+    /// A text.
+    Text(String),
+}
+
+impl GeometryValue {
+    /// As a change writes it.
+    pub(super) fn text(&self) -> String {
+        match self {
+            Self::Number(value) => value.to_string(),
+            Self::List(values) => format!("{values:?}"),
+            Self::Text(text) => toml::Value::String(text.clone()).to_string(),
+        }
+    }
 }
 
 /// People with healthy tissue, and the same people with the tissue in another state.
@@ -146,9 +227,13 @@ pub struct LightChoiceSection {
     /// Filters on the light. Default: none.
     #[serde(default)]
     pub filters: Vec<SpectrumReference>,
-    /// Irradiance of the region behind the filters, W/m², 1e-12 to 1e12. Default 10.
+    /// Irradiance of flat regions behind the filters, W/m², 1e-12 to 1e12. Default 10.
     #[serde(default = "ten")]
     pub irradiance_w_per_m2: f64,
+    /// Power in the place of the first light of the group in a rendered scene, behind the filters, mW, 1e-12 to 1e12. Default: as much as
+    /// that light has.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub power_mw: Option<f64>,
     /// Price, in any unit, 0 or more. Default 0.
     #[serde(default)]
     pub cost: f64,
@@ -171,9 +256,12 @@ pub struct LedSeriesSection {
     /// Default: none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub short_pass_after_peak_nm: Option<f64>,
-    /// Irradiance of the region by each, behind its filter, W/m², 1e-12 to 1e12. Default 10.
+    /// Irradiance of flat regions by each, behind its filter, W/m², 1e-12 to 1e12. Default 10.
     #[serde(default = "ten")]
     pub irradiance_w_per_m2: f64,
+    /// Power of each in a rendered scene, as that of a light, mW, 1e-12 to 1e12. Default: as much as the light in its place has.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub power_mw: Option<f64>,
     /// Price of each, in any unit, 0 or more. Default 0.
     #[serde(default)]
     pub cost: f64,
@@ -236,12 +324,26 @@ pub struct SensorChoiceSection {
     /// Filters on the sensor. Default: none.
     #[serde(default)]
     pub filters: Vec<SpectrumReference>,
+    /// Filters of a wheel before a sensor of one channel: the time of every exposure is shared evenly among them, and each is a channel.
+    /// Default: none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub wheel: Vec<WheelFilterSection>,
     /// Analog gain, 0.01 to 1000. Default 1.
     #[serde(default = "unity")]
     pub gain: f64,
     /// Price, in any unit, 0 or more. Default 0.
     #[serde(default)]
     pub cost: f64,
+}
+
+/// A filter of a wheel.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct WheelFilterSection {
+    /// Name of its channel.
+    pub name: String,
+    /// What it is made of, one behind the other.
+    pub filters: Vec<SpectrumReference>,
 }
 
 fn unity() -> f64 {
@@ -374,9 +476,12 @@ pub struct WhiteFrameSection {
     /// Spectrum, relative. Default "white_led".
     #[serde(default = "white_led")]
     pub spectrum: SpectrumReference,
-    /// Irradiance of the region, W/m², 1e-12 to 1e12. Default 10.
+    /// Irradiance of flat regions, W/m², 1e-12 to 1e12. Default 10.
     #[serde(default = "ten")]
     pub irradiance_w_per_m2: f64,
+    /// Power in a rendered scene, in the place of the lights of the design, mW, 1e-12 to 1e12. Default: as much as the light there has.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub power_mw: Option<f64>,
     /// Filters in front of the sensor. Default: none.
     #[serde(default)]
     pub filters: Vec<SpectrumReference>,
@@ -568,4 +673,7 @@ pub struct ComparedDesignSection {
     /// Aperture. Default: the first.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub f_number: Option<f64>,
+    /// Geometry, as results call it, for instance "ring_radius_mm 35". Default: the first.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub geometry: Option<String>,
 }

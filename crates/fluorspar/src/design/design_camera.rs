@@ -87,6 +87,24 @@ impl DesignCamera {
         }
     }
 
+    /// A camera of one channel behind a wheel of filters, by name: each is a channel that all pixels see, in an even share of the time.
+    /// `None` for a camera of several channels, or a wheel without filters.
+    pub fn behind_wheel(&self, wheel: &[(String, Curve)], bands: &FineBands) -> Option<Self> {
+        let ([weights], false) = (self.weights.as_slice(), wheel.is_empty()) else { return None };
+        let share = 1.0 / wheel.len() as f64;
+        let through = |(_, filter): &(String, Curve)| {
+            let transmittance = filter.bin_averages(&bands.fine);
+            weights.iter().zip(&transmittance).map(|(w, t)| share * w * t).collect()
+        };
+        Some(Self {
+            channels: wheel.iter().map(|(name, _)| name.clone()).collect(),
+            shares: vec![1.0; wheel.len()],
+            dark_e_per_s: share * self.dark_e_per_s,
+            weights: wheel.iter().map(through).collect(),
+            ..self.clone()
+        })
+    }
+
     /// Sensitivity of each channel to light by fine bin, relative to the largest of all.
     pub fn relative_sensitivity(&self) -> Vec<Vec<f64>> {
         let top = self.weights.iter().flatten().copied().fold(1e-300, f64::max);

@@ -35,6 +35,7 @@ fn light(peak_nm: f64) -> LightChoice {
         name: format!("{peak_nm} nm"),
         spectrum: curve.scaled(1.0 / curve.total()),
         light: 10.0,
+        power_w: 0.1,
         peak_nm,
         cost: peak_nm / 100.0,
     }
@@ -66,6 +67,7 @@ fn problem() -> DesignProblem {
     };
     DesignProblem {
         regions: vec![region],
+        geometries: Vec::new(),
         cohort: None,
         lights: [365.0, 385.0, 405.0, 430.0].map(light).into(),
         exposures: vec![1, 2],
@@ -100,7 +102,8 @@ fn designs_are_numbered_without_gaps_and_doubles() {
         assert_eq!(space.number(&design), Some(number));
         assert!(seen.insert(space.describe(&design) + &format!("{design:?}")));
     }
-    let missing = Design { lights: vec![2, 1], filter: 0, camera: 0, lens: 0, drive: 0, split: 0 };
+    let missing =
+        Design { lights: vec![2, 1], filter: 0, camera: 0, lens: 0, drive: 0, split: 0, geometry: 0 };
     assert_eq!(space.number(&missing), None);
     let empty = DesignProblem { filters: Vec::new(), ..problem() };
     assert!(DesignSpace::new(empty).unwrap_err().to_string().contains("no viewing filter"));
@@ -304,4 +307,45 @@ fn sensitivities_and_tolerances_have_their_signs() {
     let real = Tolerances { light_nm: 3.0, filter_nm: 2.0, angle_deg: 15.0, effective_index: 1.8 };
     let worst = worst_case(&p, &design, &real).unwrap();
     assert!(worst.loss > as_meant && worst.light_shifts_nm.len() == 2, "{worst:?}");
+}
+
+/// A rendered region of twice the light is a flat one of twice the response, and each geometry is searched.
+#[test]
+fn rendered_regions_of_each_geometry_are_searched() {
+    let mut problem = problem();
+    problem.budget = Budget::Time(0.01);
+    let flat = problem.regions.remove(0);
+    let rendered = |scale: f64, irradiance_per_w: f64| {
+        let mut response = flat.response.clone();
+        response.fluorescence.iter_mut().for_each(|f| f.radiance.iter_mut().for_each(|v| *v *= scale));
+        response.reflected = response.reflected.scaled(scale);
+        RegionModel::rendered(response, irradiance_per_w)
+    };
+    let geometry = |name: &str, region| GeometryChoice { name: name.into(), regions: vec![region] };
+    // 0.1 W at 100 W/m2 for each watt are the 10 W/m2 of the flat region
+    problem.geometries =
+        vec![geometry("far", rendered(25.0, 25.0)), geometry("near", rendered(100.0, 100.0))];
+    let space = DesignSpace::new(problem.clone()).unwrap();
+    assert_eq!(space.len(), 2 * 10 * 2 * 2 * 3);
+    let of_flat =
+        DesignSpace::new(DesignProblem { regions: vec![flat], geometries: Vec::new(), ..problem.clone() });
+    let of_flat = of_flat.unwrap();
+    for number in 0..of_flat.len() {
+        let design = of_flat.design(number);
+        let expected = of_flat.evaluate(&design);
+        let far = space.evaluate(&design);
+        let near = space.evaluate(&Design { geometry: 1, ..design });
+        assert!((near.loss / expected.loss - 1.0).abs() < 1e-9 && far.loss > near.loss);
+        assert!((near.electrons / far.electrons - 4.0).abs() < 1e-9);
+        let margins = [expected.safety_margin, near.safety_margin, far.safety_margin].map(Option::unwrap);
+        assert!((margins[1] / margins[0] - 1.0).abs() < 1e-9 && margins[2] > 2.0 * margins[1], "{margins:?}");
+    }
+    let best = score_all(&space, 0..space.len()).iter().map(|s| s.loss).fold(f64::INFINITY, f64::min);
+    let found = exchange(&space, 3, 120);
+    assert!(
+        found.score.loss <= best * (1.0 + 1e-12)
+            && space.describe(&space.design(found.best)).contains("near")
+    );
+    problem.geometries[1].regions.clear();
+    assert_eq!(DesignSpace::new(problem).unwrap_err(), DesignError::Regions);
 }

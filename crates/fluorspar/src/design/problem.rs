@@ -16,8 +16,10 @@ pub struct LightChoice {
     pub name: String,
     /// Its spectrum behind its own filters, of unit power.
     pub spectrum: Curve,
-    /// How much of it falls on the region, in the unit of its response: W/m² on a flat one.
+    /// Irradiance of a flat region, W/m².
     pub light: f64,
+    /// Power where a region is rendered: of the first light of the group whose place it takes, W.
+    pub power_w: f64,
     /// Wavelength of its peak, nm.
     pub peak_nm: f64,
     /// Price, in any unit.
@@ -175,11 +177,22 @@ pub struct Cohort {
     pub altered: Vec<RegionModel>,
 }
 
+/// A geometry that may be chosen: a place of lights or camera, of which only a render shows what it does.
+#[derive(Clone, Debug, PartialEq)]
+pub struct GeometryChoice {
+    /// Name.
+    pub name: String,
+    /// Regions as it shows them; every geometry has the same ones.
+    pub regions: Vec<RegionModel>,
+}
+
 /// Everything that a search needs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DesignProblem {
-    /// Regions; a design is as good as in the worst of them.
+    /// Flat regions, the same in every geometry. A design is as good as in the worst of all regions.
     pub regions: Vec<RegionModel>,
+    /// Geometries with their rendered regions; none where all regions are flat.
+    pub geometries: Vec<GeometryChoice>,
     /// Two groups of people.
     pub cohort: Option<Cohort>,
     /// Lights, by rising wavelength.
@@ -214,10 +227,32 @@ pub struct DesignProblem {
     pub tissue_safety_factor: f64,
 }
 
-/// Smallest ratio of limit to exposure over the hazards to tissue of one light; `None` where nothing counts.
-pub(super) fn tissue_margin(light: &LightChoice, drive: f64, time_s: f64, safety_factor: f64) -> Option<f64> {
+impl DesignProblem {
+    /// Number of geometries, 1 or more.
+    pub fn geometry_count(&self) -> usize {
+        self.geometries.len().max(1)
+    }
+
+    /// All regions of a geometry: flat ones, then those that were rendered.
+    pub fn regions_of(&self, geometry: usize) -> impl Iterator<Item = &RegionModel> {
+        let rendered = self.geometries.get(geometry).into_iter().flat_map(|choice| &choice.regions);
+        self.regions.iter().chain(rendered)
+    }
+
+    /// One of the regions of [`Self::regions_of`], to change.
+    pub(super) fn region_mut(&mut self, geometry: usize, number: usize) -> Option<&mut RegionModel> {
+        let flat = self.regions.len();
+        match number.checked_sub(flat) {
+            None => self.regions.get_mut(number),
+            Some(rendered) => self.geometries.get_mut(geometry)?.regions.get_mut(rendered),
+        }
+    }
+}
+
+/// Smallest ratio of limit to exposure over the hazards to tissue of one irradiance, W/(m² nm); `None` where nothing counts.
+pub(super) fn tissue_margin(irradiance: &Curve, time_s: f64, safety_factor: f64) -> Option<f64> {
     let illumination = Illumination {
-        spectra: vec![light.spectrum.scaled(light.light * drive)],
+        spectra: vec![irradiance.clone()],
         sources: vec![ApparentSource {
             spectrum: 0,
             irradiance_factor: 1.0,

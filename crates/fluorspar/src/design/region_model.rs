@@ -3,6 +3,7 @@
 use crate::spectral::Curve;
 
 use super::design_camera::{FilteredCamera, FineBands};
+use super::problem::LightChoice;
 use super::region_response::{RegionResponse, bands_of};
 
 /// How wrong the library of fluorophores may be: standard deviations of independent errors of each fluorophore.
@@ -50,6 +51,18 @@ impl ResponseChange {
     }
 }
 
+/// What the response of a region is for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum LightUnit {
+    /// An irradiance of 1 W/m².
+    Irradiance,
+    /// A power of 1 W of the first light of its group, at its place in a scene.
+    Power {
+        /// Largest irradiance of the region by the whole group, unshaded, W/m² for each watt of its first light.
+        irradiance_per_w: f64,
+    },
+}
+
 /// A region and its unknowns besides the weights of its fluorophores.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RegionModel {
@@ -57,12 +70,28 @@ pub struct RegionModel {
     pub response: RegionResponse,
     /// Blood, depth, errors of the library: each changes the signal by this much at one standard deviation.
     pub changes: Vec<ResponseChange>,
+    /// The light that the response is for.
+    pub unit: LightUnit,
 }
 
 impl RegionModel {
-    /// A region of which only the weights are not known.
+    /// A flat region of which only the weights are not known.
     pub fn known(response: RegionResponse) -> Self {
-        Self { response, changes: Vec::new() }
+        Self { response, changes: Vec::new(), unit: LightUnit::Irradiance }
+    }
+
+    /// A region of a render of which only the weights are not known, with its largest irradiance for each watt of the first light of
+    /// the group.
+    pub fn rendered(response: RegionResponse, irradiance_per_w: f64) -> Self {
+        Self { response, changes: Vec::new(), unit: LightUnit::Power { irradiance_per_w } }
+    }
+
+    /// Irradiance that a light gives the region, W/m².
+    pub(super) fn irradiance(&self, light: &LightChoice) -> f64 {
+        match self.unit {
+            LightUnit::Irradiance => light.light,
+            LightUnit::Power { irradiance_per_w } => light.power_w * irradiance_per_w,
+        }
     }
 
     /// The same region seen with a library that may be wrong.
@@ -73,8 +102,12 @@ impl RegionModel {
         self
     }
 
-    /// The region under a light, by spectrum.
-    pub fn under(&self, light: &Curve, bands: &FineBands) -> LitRegion {
+    /// The region under a light, by spectrum, for each W/m² that the light gives a flat region.
+    pub fn under(&self, light: &LightChoice, bands: &FineBands) -> LitRegion {
+        let light = &match self.unit {
+            LightUnit::Irradiance => light.spectrum.clone(),
+            LightUnit::Power { .. } => light.spectrum.scaled(light.power_w / light.light),
+        };
         let coefficients = self.response.excitation.coefficients(light);
         let reflected = |reflected: &Curve| light.times(reflected).bin_averages(&bands.fine);
         LitRegion {

@@ -6,6 +6,10 @@ use crate::spectral::{
     Curve, FINE_STEP_NM, Fluorophore, PhotonEem, Stokes, WavelengthGrid, YieldDensity, power_and_moment,
 };
 
+/// Excitation at which parts of a region count in ratios, and the emission over which they do, nm.
+const REFERENCE_NM: f64 = 405.0;
+const COUNTED_NM: [f64; 2] = [500.0, 700.0];
+
 /// How a light is described by a few numbers: its power in each of them. They add up to all power within the basis.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ExcitationBasis {
@@ -137,6 +141,23 @@ impl RegionResponse {
     pub fn fluorescence_under(&self, light: &Curve) -> Vec<Vec<f64>> {
         let coefficients = self.excitation.coefficients(light);
         self.fluorescence.iter().map(|f| bands_of(&f.radiance, &coefficients)).collect()
+    }
+
+    /// The same region with amounts that have a common unit: each fluorophore counts by the light that it sends from 500 to 700 nm
+    /// under light of 405 nm, so that a ratio of amounts is one of fluorescence.
+    #[must_use]
+    pub fn counted_by_light(mut self) -> Self {
+        let line = Curve::from_fn(REFERENCE_NM - 1.0, REFERENCE_NM + 1.0, |_| 0.5);
+        let emitted = self.fluorescence_under(&line);
+        let grid = &self.grid;
+        let counted = |band: usize| {
+            let is_counted = (COUNTED_NM[0]..=COUNTED_NM[1]).contains(&grid.center_nm(band));
+            if is_counted { grid.width_nm(band) } else { 0.0 }
+        };
+        for (part, spectrum) in self.fluorescence.iter_mut().zip(emitted) {
+            part.amount = spectrum.iter().enumerate().map(|(band, value)| value * counted(band)).sum();
+        }
+        self
     }
 
     /// Reflected radiance under a light, W/(sr m² nm), on fine samples.

@@ -94,23 +94,30 @@ fn changes(problem: &DesignProblem, best: &Design) -> Vec<(String, DesignProblem
     add("non-uniformity of pixels".into(), uneven, &|p| p.cameras[camera].prnu *= RAISED);
     for &light in &best.lights {
         let name = format!("power of {}", problem.lights[light].name);
-        add(name, matches!(problem.budget, Budget::Time(_)), &|p| p.lights[light].light *= RAISED);
+        add(name, matches!(problem.budget, Budget::Time(_)), &|p| {
+            p.lights[light].light *= RAISED;
+            p.lights[light].power_w *= RAISED;
+        });
     }
-    for (number, region) in problem.regions.iter().enumerate() {
-        let of =
-            if problem.regions.len() > 1 { format!(" in {}", region.response.name) } else { String::new() };
+    let regions: Vec<&RegionModel> = problem.regions_of(best.geometry).collect();
+    for (number, region) in regions.iter().enumerate() {
+        let of = if regions.len() > 1 { format!(" in {}", region.response.name) } else { String::new() };
+        let mut add_of = |name: String, change: &dyn Fn(&mut RegionModel)| {
+            add(format!("{name}{of}"), true, &|p| {
+                p.region_mut(best.geometry, number).into_iter().for_each(change);
+            });
+        };
         for (j, part) in region.response.fluorescence.iter().enumerate() {
-            add(format!("{}{of}", part.name), true, &|p| {
-                p.regions[number].response.fluorescence[j].radiance.iter_mut().for_each(|v| *v *= RAISED);
-                p.regions[number].response.fluorescence[j].amount *= RAISED;
+            add_of(part.name.clone(), &|region| {
+                region.response.fluorescence[j].radiance.iter_mut().for_each(|v| *v *= RAISED);
+                region.response.fluorescence[j].amount *= RAISED;
             });
         }
-        add(format!("reflected light{of}"), true, &|p| {
-            let reflected = &mut p.regions[number].response.reflected;
-            *reflected = reflected.scaled(RAISED);
+        add_of("reflected light".into(), &|region| {
+            region.response.reflected = region.response.reflected.scaled(RAISED);
         });
         for (k, change) in region.changes.iter().enumerate() {
-            add(format!("spread of {}{of}", change.name), true, &|p| raise(&mut p.regions[number], k));
+            add_of(format!("spread of {}", change.name), &|region| raise(region, k));
         }
     }
     found
@@ -218,6 +225,7 @@ fn as_made(
     made.lenses = vec![problem.lenses[design.lens].clone()];
     made.drives = vec![problem.drives[design.drive]];
     made.splits = vec![problem.splits[design.split].clone()];
+    made.geometries = problem.geometries.get(design.geometry).into_iter().cloned().collect();
     made.exposures = vec![design.lights.len()];
     made
 }

@@ -8,7 +8,8 @@ use rayon::prelude::*;
 
 use crate::sampling::random::{Key, KeyedRng};
 
-use super::design_space::{Design, DesignSpace, Score};
+use super::design_space::{Design, DesignSpace};
+use super::score::Score;
 
 /// Scores of a range of designs, in parallel; the same for any number of threads.
 pub fn score_all(space: &DesignSpace, numbers: Range<u64>) -> Vec<Score> {
@@ -88,9 +89,9 @@ impl Exchange<'_> {
         }
     }
 
-    /// Choices of a design: each of its lights, one more or one less of them, and five others.
+    /// Choices of a design: each of its lights, one more or one less of them, and six others.
     fn variables(&self, design: &Design) -> usize {
-        design.lights.len() + 1 + 5
+        design.lights.len() + 1 + 6
     }
 
     /// All designs that differ in one choice.
@@ -119,7 +120,8 @@ impl Exchange<'_> {
             Some(2) => each(p.cameras.len(), &|other, value| other.camera = value),
             Some(3) => each(p.lenses.len(), &|other, value| other.lens = value),
             Some(4) => each(p.drives.len(), &|other, value| other.drive = value),
-            Some(_) => each(p.splits.len(), &|other, value| other.split = value),
+            Some(5) => each(p.splits.len(), &|other, value| other.split = value),
+            Some(_) => each(p.geometry_count(), &|other, value| other.geometry = value),
         }
     }
 

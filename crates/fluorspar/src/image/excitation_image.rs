@@ -90,15 +90,15 @@ impl BasisComponent {
         RelitComponent { spectra, factors: &self.factors, rank: self.rank }
     }
 
-    /// Mean over pixels of the component, `[node][band]`, for reflected light `[band]`.
-    pub fn mean_of(&self, pixels: &[usize]) -> Vec<f64> {
+    /// Mean over pixels of the component, each times a factor, `[node][band]`, for reflected light `[band]`.
+    pub fn mean_of(&self, pixels: &[(usize, f64)]) -> Vec<f64> {
         let len = self.spectra.len() / self.rank.max(1);
         let all = self.factors.len() / self.rank.max(1);
         let mut mean = vec![0.0; len];
         for (factors, spectrum) in
             self.factors.chunks_exact(all.max(1)).zip(self.spectra.chunks_exact(len.max(1)))
         {
-            let factor: f64 = pixels.iter().map(|pixel| f64::from(factors[*pixel])).sum();
+            let factor: f64 = pixels.iter().map(|(pixel, weight)| weight * f64::from(factors[*pixel])).sum();
             let factor = factor / pixels.len().max(1) as f64;
             mean.iter_mut().zip(spectrum).for_each(|(sum, value)| *sum += factor * f64::from(*value));
         }

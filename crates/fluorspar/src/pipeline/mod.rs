@@ -6,6 +6,7 @@
 //! | lens, filters, quantum efficiency as weights | [`FilmResponse`] | [`crate::image::ChannelPlanes`] |
 //! | planes of all captures | [`CapturePlanes`] | [`crate::sensor::FilmRates`] |
 //! | excitation kept apart by wavelength, and other light spectra in a finished render | [`crate::render::choose_basis`], [`render_with_basis`], [`relight_with_basis`] | [`crate::image::ExcitationImage`] |
+//! | regions of such renders, for the design of a camera | [`rendered_regions`] | [`crate::design::RegionModel`]s |
 //! | other concentrations in a finished render | [`concentration_factors`], [`scale_multiple`] | [`crate::image::ComponentFactors`] |
 //! | lens, sensor, development | [`capture`], [`capture_from_planes`] | [`CapturedFrame`]s |
 //! | dark frames, flat field, bad pixels | [`Calibration`] | |
@@ -46,6 +47,7 @@ mod preview;
 mod region_light;
 mod region_radiance;
 mod region_signal;
+mod rendered_regions;
 mod row_bands;
 mod safety;
 mod scene_change;
@@ -77,6 +79,7 @@ pub use predict::{
 pub use preview::{ColorRendering, Preview, light_group_preview, preview, radiance_preview};
 pub use region_radiance::RegionRadiance;
 pub use region_signal::{CameraResponse, MixtureSpectra, PorphyrinEstimate, estimate_porphyrin};
+pub use rendered_regions::{BasisRender, rendered_regions};
 pub use row_bands::{
     BandPlanes, BandStore, BandedRender, FinishedBands, RowBandError, render_row_bands, row_bands,
     tile_rows_at_once,

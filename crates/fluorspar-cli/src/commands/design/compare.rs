@@ -18,7 +18,7 @@ pub(super) struct Options {
 }
 
 pub(super) fn run(options: &Options) -> Result<(), CliError> {
-    let problem = options.problem.prepare(&options.talk)?;
+    let problem = options.problem.read(&options.talk)?.prepare(&options.talk)?;
     let designs = compared(&problem);
     if options.talk.json {
         let designs: Vec<_> = designs.iter().map(|judged| design_json(&problem.space, judged)).collect();

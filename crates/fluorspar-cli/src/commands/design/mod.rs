@@ -2,6 +2,7 @@
 
 mod compare;
 mod outcome;
+mod renders;
 mod shard;
 mod sweep;
 
@@ -52,6 +53,10 @@ struct ProblemArgs {
     /// Design file (.toml), or the name of a built-in problem [default: two-lights].
     #[arg(value_name = "DESIGN", value_hint = ValueHint::FilePath)]
     design: Option<String>,
+    /// Folder for the scenes that the problem renders, by digest: problems and processes share them [default:
+    /// fluorspar-out/design-renders].
+    #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath)]
+    renders: Option<PathBuf>,
     #[command(flatten)]
     changes: Changes,
 }
@@ -65,28 +70,44 @@ struct Place {
     out: Option<PathBuf>,
 }
 
+/// A problem as its file says it.
+struct ReadProblem {
+    /// Where it was read from.
+    source: ExperimentSource,
+    resolved: ResolvedDesign,
+    /// Folder of rendered scenes.
+    renders: PathBuf,
+}
+
 /// A problem, ready to be searched.
 struct Problem {
-    /// Where it was read from.
     source: ExperimentSource,
     resolved: ResolvedDesign,
     space: DesignSpace,
 }
 
 impl ProblemArgs {
-    fn prepare(&self, talk: &Talk) -> Result<Problem, CliError> {
+    fn read(&self, talk: &Talk) -> Result<ReadProblem, CliError> {
         let source = ExperimentSource::find_design(self.design.as_deref())?;
         let overrides = self.changes.overrides();
         let resolved = parse_design(&source.text, &source.name, &source.base_dir, &sets(&overrides))
             .map_err(|error| as_typed(error, &overrides))?;
         talk.messages().warnings(&resolved.record.warnings);
-        let space = DesignSpace::new(resolved.problem.clone())
-            .map_err(|error| CliError::Input(format!("{}: {error}", source.name)))?;
-        Ok(Problem { source, resolved, space })
+        let default = || PathBuf::from("fluorspar-out/design-renders");
+        Ok(ReadProblem { source, resolved, renders: self.renders.clone().unwrap_or_else(default) })
     }
 }
 
-impl Problem {
+impl ReadProblem {
+    /// Renders the scenes that are missing, and prepares the signals.
+    fn prepare(self, talk: &Talk) -> Result<Problem, CliError> {
+        let Self { source, resolved, renders } = self;
+        let problem = renders::complete(&resolved, &renders, talk.messages())?;
+        let space = DesignSpace::new(problem)
+            .map_err(|error| CliError::Input(format!("{}: {error}", source.name)))?;
+        Ok(Problem { source, resolved, space })
+    }
+
     /// The folder of results.
     fn folder(&self, place: &Place) -> PathBuf {
         let default = || PathBuf::from(format!("fluorspar-out/design-{}", self.source.stem));

@@ -250,8 +250,7 @@ pub(super) fn design_json(space: &DesignSpace, judged: &JudgedDesign) -> Value {
     let (design, merits) = (&judged.design, &judged.merits);
     let lights: Vec<&str> = design.lights.iter().map(|&k| p.lights[k].name.as_str()).collect();
     let regions: Vec<Value> = p
-        .regions
-        .iter()
+        .regions_of(design.geometry)
         .zip(&merits.regions)
         .map(|(region, found)| {
             let names = region.response.fluorescence.iter().map(|f| f.name.clone());
@@ -284,6 +283,7 @@ pub(super) fn design_json(space: &DesignSpace, judged: &JudgedDesign) -> Value {
         "view_filter": p.filters[design.filter].name,
         "sensor": p.cameras[design.camera].name,
         "f_number": p.lenses[design.lens].f_number,
+        "geometry": p.geometries.get(design.geometry).map(|geometry| &geometry.name),
         "drive": p.drives[design.drive],
         "times_ms": merits.times_s.iter().map(|s| s * 1e3).collect::<Vec<f64>>(),
         "total_ms": merits.time_s * 1e3,
@@ -307,7 +307,8 @@ fn finite(value: f64) -> Value {
 /// A table for people: loss, each weight of the first region, electrons, time, leak.
 pub(super) fn table<'a>(space: &DesignSpace, designs: impl Iterator<Item = &'a JudgedDesign>) -> String {
     let p = space.problem();
-    let names = p.regions[0].response.fluorescence.iter().map(|f| f.name.clone());
+    let first = p.regions_of(0).next().map_or(&[][..], |region| &region.response.fluorescence);
+    let names = first.iter().map(|f| f.name.clone());
     let head = ["design".to_owned(), "loss".into()].into_iter().chain(names);
     let contrasts = p.contrasts.iter().map(|c| c.name.clone());
     let tail = ["electrons", "ms", "leak", ""].map(String::from);
@@ -337,7 +338,7 @@ fn table_csv(space: &DesignSpace, designs: &[JudgedDesign]) -> String {
     let p = space.problem();
     let mut head: Vec<String> =
         ["number", "lights", "view_filter", "sensor", "f_number", "drive", "loss"].map(String::from).into();
-    for region in &p.regions {
+    for region in p.regions_of(0) {
         let of = |name: &str| format!("{}: {name}", region.response.name);
         head.extend(region.response.fluorescence.iter().map(|f| of(&format!("sd {}", f.name))));
         head.extend(p.contrasts.iter().map(|c| of(&format!("sd {}", c.name))));

@@ -60,8 +60,8 @@ impl SweepShard {
     }
 
     /// The journal of this part beside a folder of results.
-    pub(super) fn journal(self, folder: &Path) -> PathBuf {
-        journal_beside(folder, &format!(".{}-of-{}", self.number, self.of))
+    pub(super) fn journal(self, folder: &Path, sha256: &str) -> PathBuf {
+        journal_beside(folder, sha256, &format!(".{}-of-{}", self.number, self.of))
     }
 }
 
@@ -71,10 +71,10 @@ impl fmt::Display for SweepShard {
     }
 }
 
-/// The journal beside a folder: its name with an ending.
-pub(super) fn journal_beside(folder: &Path, part: &str) -> PathBuf {
+/// The journal of a problem beside a folder: its name with an ending. Another problem, or the same one changed, has another journal.
+pub(super) fn journal_beside(folder: &Path, sha256: &str, part: &str) -> PathBuf {
     let mut name = folder.file_name().unwrap_or_default().to_os_string();
-    name.push(format!("{part}.journal"));
+    name.push(format!(".{}{part}.journal", &sha256[..8]));
     folder.with_file_name(name)
 }
 

@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 
 use super::outcome::{FOLDER_BYTES, Found, Outcome};
 use super::shard::{SweepShard, journal_beside};
-use super::{Place, Problem, ProblemArgs};
+use super::{Place, Problem, ProblemArgs, ReadProblem};
 use crate::args::Talk;
 use crate::error::CliError;
 use crate::interrupt::{Left, STOP, save_when_interrupted};
@@ -170,22 +170,27 @@ fn in_order(blocks: BTreeMap<u64, Vec<Score>>) -> Found {
 }
 
 /// The folder of a place, refused before the work if it can't be written, and the folder around it for the journal.
-fn checked_folder(problem: &Problem, place: &Place) -> Result<(PathBuf, OutputFolder), CliError> {
+fn checked_folder(problem: &ReadProblem, place: &Place) -> Result<(PathBuf, OutputFolder), CliError> {
     let shown = problem.folder(place);
     let folder = OutputFolder::prepare(&shown, &problem.inputs(), FOLDER_BYTES)?;
     Ok((shown, folder))
 }
 
 pub(super) fn sweep(options: &SweepOptions) -> Result<(), CliError> {
-    let problem = options.problem.prepare(&options.talk)?;
-    let work = Work::of(&problem)?;
+    let problem = options.problem.read(&options.talk)?;
     let messages = options.talk.messages();
     let (shown, folder) = checked_folder(&problem, &options.place)?;
+    let problem = problem.prepare(&options.talk)?;
+    let work = Work::of(&problem)?;
     let Some(shard) = options.shard else {
-        let found = in_order(work.finish(&journal_beside(&shown, ""), None, messages)?);
+        let found = in_order(work.finish(
+            &journal_beside(&shown, &problem.resolved.record.sha256, ""),
+            None,
+            messages,
+        )?);
         return Outcome::of(&problem, found)?.write(&problem, folder, &options.talk);
     };
-    let journal = shard.journal(&shown);
+    let journal = shard.journal(&shown, &problem.resolved.record.sha256);
     let blocks = work.finish(&journal, Some(shard), messages)?.len();
     messages.status(format!(
         "Shard {shard} is finished: {blocks} blocks in {}. When all are: fluorspar design merge",
@@ -200,10 +205,11 @@ pub(super) fn sweep(options: &SweepOptions) -> Result<(), CliError> {
 }
 
 pub(super) fn optimize(options: &OptimizeOptions) -> Result<(), CliError> {
-    let problem = options.problem.prepare(&options.talk)?;
-    let search = &problem.resolved.search;
+    let problem = options.problem.read(&options.talk)?;
     let messages = options.talk.messages();
     let (shown, folder) = checked_folder(&problem, &options.place)?;
+    let problem = problem.prepare(&options.talk)?;
+    let search = &problem.resolved.search;
     let found = if options.exchange || problem.space.len() > search.most_exhaustive {
         let most = usize::try_from(search.evaluations).unwrap_or(usize::MAX);
         let result = exchange(&problem.space, search.seed, most);
@@ -216,25 +222,31 @@ pub(super) fn optimize(options: &OptimizeOptions) -> Result<(), CliError> {
         );
         Found { scores: result.evaluated, search: text }
     } else {
-        in_order(Work::of(&problem)?.finish(&journal_beside(&shown, ""), None, messages)?)
+        in_order(Work::of(&problem)?.finish(
+            &journal_beside(&shown, &problem.resolved.record.sha256, ""),
+            None,
+            messages,
+        )?)
     };
     Outcome::of(&problem, found)?.write(&problem, folder, &options.talk)
 }
 
 pub(super) fn merge(options: &MergeOptions) -> Result<(), CliError> {
-    let problem = options.problem.prepare(&options.talk)?;
-    let work = Work::of(&problem)?;
+    let problem = options.problem.read(&options.talk)?;
     let messages = options.talk.messages();
     let (shown, folder) = checked_folder(&problem, &options.place)?;
+    let problem = problem.prepare(&options.talk)?;
+    let work = Work::of(&problem)?;
+    let sha256 = &problem.resolved.record.sha256;
     let shards = match options.wait_for {
         Some(shards) => shards,
-        None => shards_beside(&shown)?,
+        None => shards_beside(&shown, sha256)?,
     };
     let mut waiting = false;
     loop {
         let mut blocks: BTreeMap<u64, Vec<Score>> = BTreeMap::new();
         for number in 1..=shards {
-            let journal = SweepShard { number, of: shards }.journal(&shown);
+            let journal = SweepShard { number, of: shards }.journal(&shown, sha256);
             let entries = Journal::read(&journal, &work.head)?.unwrap_or_default();
             blocks.extend(entries.iter().filter_map(|entry| work.parse(entry)));
         }
@@ -258,10 +270,10 @@ pub(super) fn merge(options: &MergeOptions) -> Result<(), CliError> {
     }
 }
 
-/// Number of shards by the names of the journals beside a folder.
-fn shards_beside(folder: &Path) -> Result<u64, CliError> {
+/// Number of shards by the names of the journals of a problem beside a folder.
+fn shards_beside(folder: &Path, sha256: &str) -> Result<u64, CliError> {
     let around = folder.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let start = format!("{}.", folder.file_name().unwrap_or_default().to_string_lossy());
+    let start = format!("{}.{}.", folder.file_name().unwrap_or_default().to_string_lossy(), &sha256[..8]);
     let of = |name: &str| -> Option<u64> {
         let part = name.strip_prefix(&start)?.strip_suffix(".journal")?;
         part.split_once("-of-")?.1.parse().ok()
@@ -270,7 +282,7 @@ fn shards_beside(folder: &Path) -> Result<u64, CliError> {
     let found = entries.filter_map(|entry| of(&entry.file_name().to_string_lossy())).max();
     found.ok_or_else(|| {
         CliError::Input(format!(
-            "there is no journal of a shard beside {}; run `fluorspar design sweep --shard I/N` with the same --out first",
+            "there is no journal of a shard of this problem beside {}; run `fluorspar design sweep --shard I/N` with the same --out first",
             folder.display()
         ))
     })

@@ -1,0 +1,127 @@
+//! Scenes of a design problem: rendered once, kept by their digests, shared by processes.
+
+use std::path::{Path, PathBuf};
+use std::sync::atomic::Ordering;
+use std::time::Duration;
+
+use fluorspar::design::{DesignProblem, RegionModel};
+use fluorspar::digest::sha256_hex;
+use fluorspar::image::ExcitationImage;
+use fluorspar::pipeline::{BasisRender, rendered_regions};
+use fluorspar_experiment::{DesignRender, ResolvedDesign};
+use fluorspar_format::{Claim, ComponentFile, ExrOptions, Provenance, check_room, write_component_exr};
+
+use crate::budget::image_room_bytes;
+use crate::commands::basis_render;
+use crate::error::CliError;
+use crate::interrupt::STOP;
+use crate::message::Messages;
+
+/// Time between looks at what other processes render.
+const LOOK_AGAIN: Duration = Duration::from_millis(500);
+
+/// The problem of a file with its rendered regions; renders what is missing in the folder.
+pub(super) fn complete(
+    resolved: &ResolvedDesign,
+    folder: &Path,
+    messages: Messages,
+) -> Result<DesignProblem, CliError> {
+    let rendered = &resolved.rendered;
+    let problem = resolved.problem.clone();
+    if rendered.renders.is_empty() {
+        return Ok(problem);
+    }
+    let paths: Vec<PathBuf> = rendered.renders.iter().map(|render| path_of(folder, render)).collect();
+    render_missing(&rendered.renders, &paths, messages)?;
+    let kept: Vec<(ComponentFile, ExcitationImage)> =
+        paths.iter().map(|path| open(path)).collect::<Result<_, CliError>>()?;
+    let mut regions: Vec<Vec<RegionModel>> = Vec::new();
+    for region in &rendered.regions {
+        let of_render = |&number: &usize| {
+            let (file, basis) = &kept[number];
+            let render = &rendered.renders[number];
+            let group = basis.groups.iter().find(|group| group.light_group == render.light_group);
+            let group = group.ok_or_else(|| damaged(&paths[number]))?;
+            Ok(BasisRender { study: &render.study, image: file.labels(), group })
+        };
+        let renders: Vec<BasisRender<'_>> =
+            region.renders.iter().map(of_render).collect::<Result<_, CliError>>()?;
+        let models = rendered_regions(&region.name, &region.region, &renders)
+            .map_err(|error| CliError::Input(format!("region \"{}\": {error}", region.name)))?;
+        regions.push(models);
+    }
+    Ok(rendered.complete(problem, regions))
+}
+
+/// Where a render lies: by what it was made of, and by the program that made it.
+fn path_of(folder: &Path, render: &DesignRender) -> PathBuf {
+    let digest = sha256_hex([render.record.sha256.as_str(), env!("CARGO_PKG_VERSION")]);
+    folder.join(format!("{}.exr", &digest[..24]))
+}
+
+fn damaged(path: &Path) -> CliError {
+    CliError::Input(format!(
+        "{}: this render of the design is damaged; remove it, and it is rendered again",
+        path.display()
+    ))
+}
+
+fn open(path: &Path) -> Result<(ComponentFile, ExcitationImage), CliError> {
+    let file = ComponentFile::open(path).map_err(|_| damaged(path))?;
+    let basis = file.excitation_basis().map_err(|_| damaged(path))?.ok_or_else(|| damaged(path))?;
+    Ok((file, basis))
+}
+
+/// Renders what is missing, one scene after the other with all threads. A scene that another process renders is left to it; one whose
+/// process was killed is rendered again.
+fn render_missing(renders: &[DesignRender], paths: &[PathBuf], messages: Messages) -> Result<(), CliError> {
+    let missing = || paths.iter().filter(|path| !path.exists()).count();
+    if missing() > 0 {
+        let folder = paths.first().and_then(|path| path.parent()).unwrap_or(Path::new("."));
+        messages.status(format!(
+            "{} of {} scenes must be rendered; they are kept in {}",
+            missing(),
+            paths.len(),
+            folder.display()
+        ));
+    }
+    let mut is_waiting = false;
+    loop {
+        for (render, path) in renders.iter().zip(paths).filter(|(_, path)| !path.exists()) {
+            let Some(claim) = Claim::take(&path.with_extension("lock"))? else { continue };
+            if !path.exists() {
+                render_scene(render, path, missing(), messages)?;
+            }
+            drop(claim);
+        }
+        let left = missing();
+        if left == 0 {
+            return Ok(());
+        }
+        if STOP.load(Ordering::SeqCst) {
+            return Err(CliError::Stopped(format!(
+                "stopped while {left} scenes were missing; the same command goes on with them"
+            )));
+        }
+        if !is_waiting {
+            messages.status(format!("Waiting for {left} scenes that other processes render"));
+            is_waiting = true;
+        }
+        std::thread::sleep(LOOK_AGAIN);
+    }
+}
+
+/// Renders a scene; `left` are to be rendered, with this one.
+fn render_scene(render: &DesignRender, path: &Path, left: usize, messages: Messages) -> Result<(), CliError> {
+    let study = &render.study;
+    check_room(path, image_room_bytes(study, true))?;
+    let Some(basis) = &study.render.excitation_basis else { return Err(damaged(path)) };
+    let share = if left > 1 { format!(" ({left} such renders are missing)") } else { String::new() };
+    messages.status(format!("Rendering {}{share}", render.name));
+    let (image, kept) = basis_render::render(study, basis, messages)?;
+    let toml = render.record.resolved_toml.clone();
+    let provenance = Provenance::new(&toml.clone(), toml, study.render.seed, image.samples_per_pixel);
+    let options = ExrOptions { provenance: Some(&provenance), excitation: Some(&kept), ..Default::default() };
+    write_component_exr(path, &image, &options)?;
+    Ok(())
+}

@@ -1,0 +1,273 @@
+//! One design of a space in numbers: exposure times, bounds, limits.
+
+use serde::Serialize;
+
+use crate::sampling::random::Key;
+
+use super::criterion::{Contrast, Criterion};
+use super::design_space::{Design, DesignSpace};
+use super::evaluation::{
+    DesignExposure, RegionMerits, chromaticity_separability, detectability, evaluate_region, sample_pixels,
+};
+use super::prepared_signals::RegionSignals;
+use super::problem::{Budget, LightChoice, Split, tissue_margin};
+use super::region_model::SignalRates;
+use super::score::Score;
+
+/// Figures of merit of a design.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Merits {
+    /// By the criterion of the problem, of the worst region: less is better; null where the design can't do it at all.
+    pub loss: f64,
+    /// Limits that the design does not keep to.
+    pub broken: Vec<&'static str>,
+    /// By region.
+    pub regions: Vec<RegionMerits>,
+    /// Smallest distance of the colors of two regions, in standard deviations of the noise; null for one region.
+    pub color_separability: Option<f64>,
+    /// `d'` of the cohort; null without one.
+    pub detectability: Option<f64>,
+    /// Exposure times, s; that of the white frame comes last.
+    pub times_s: Vec<f64>,
+    /// All of them together, s.
+    pub time_s: f64,
+    /// Electrons of all channels of the first region, one pixel each, the white frame left out.
+    pub electrons: f64,
+    /// Price.
+    pub cost: f64,
+    /// Largest ratio of reflected to fluorescent electrons.
+    pub leak: f64,
+    /// Electrons of the brightest pixel over what it holds.
+    pub saturation: f64,
+    /// Photobiological margin of all exposures together; null where it was not wanted, or nothing counts.
+    pub safety_margin: Option<f64>,
+}
+
+impl DesignSpace {
+    /// Exposure times, s, of the fluorescence under the lights of a design.
+    fn times(&self, design: &Design) -> Vec<f64> {
+        let p = &self.problem;
+        let count = design.lights.len() as f64;
+        let share = |k: usize| match p.splits[design.split] {
+            Split::First(first) if design.lights.len() > 1 => {
+                if k == 0 {
+                    first
+                } else {
+                    (1.0 - first) / (count - 1.0)
+                }
+            }
+            _ => 1.0 / count,
+        };
+        // Electrons per second of each exposure in the first region
+        let per_second: Vec<f64> = (0..design.lights.len())
+            .map(|k| self.exposure(design, k, 1.0).electrons(self.rates(0, design, k)))
+            .collect();
+        let equal_electrons = p.splits[design.split] == Split::EqualElectrons;
+        let weight = |k: usize| if equal_electrons { 1.0 / per_second[k].max(1e-300) } else { share(k) };
+        let sum: f64 = (0..design.lights.len()).map(weight).sum();
+        let scale = match p.budget {
+            Budget::Time(seconds) => seconds / sum,
+            Budget::Electrons(electrons) => {
+                let collected: f64 = (0..design.lights.len()).map(|k| weight(k) * per_second[k]).sum();
+                electrons / collected.max(1e-300)
+            }
+        };
+        (0..design.lights.len()).map(|k| scale * weight(k)).collect()
+    }
+
+    fn rates(&self, region: usize, design: &Design, exposure: usize) -> &SignalRates {
+        let signals = &self.geometries[design.geometry].regions[region];
+        signals.lit(design.lights[exposure], design.filter, design.camera)
+    }
+
+    fn exposure(&self, design: &Design, exposure: usize, time_s: f64) -> DesignExposure<'_> {
+        let p = &self.problem;
+        DesignExposure {
+            camera: &p.cameras[design.camera],
+            light: p.lights[design.lights[exposure]].light * p.drives[design.drive],
+            lens_sr: p.lenses[design.lens].solid_angle_sr,
+            time_s,
+        }
+    }
+
+    /// The white frame, exposed to its level in the first region.
+    fn white_exposure(&self, design: &Design) -> Option<DesignExposure<'_>> {
+        let p = &self.problem;
+        let white = p.white.as_ref()?;
+        let camera = &p.cameras[design.camera];
+        let lens_sr = p.lenses[design.lens].solid_angle_sr;
+        let mut exposure = DesignExposure { camera, light: white.light.light, lens_sr, time_s: 1.0 };
+        let rates = self.geometries[design.geometry].regions[0].white(design.camera)?;
+        let brightest = (0..rates.leak.len())
+            .map(|c| rates.leak[c] + rates.fluorescence[c].iter().sum::<f64>())
+            .fold(0.0, f64::max);
+        exposure.time_s = white.level * camera.full_e / (brightest * exposure.light * lens_sr).max(1e-300);
+        Some(exposure)
+    }
+
+    /// Exposures of a design, the white frame last.
+    fn exposures(&self, design: &Design) -> Vec<DesignExposure<'_>> {
+        let times = self.times(design);
+        let lit = times.iter().enumerate().map(|(k, &time_s)| self.exposure(design, k, time_s));
+        lit.chain(self.white_exposure(design)).collect()
+    }
+
+    /// Signals of a region or a person in every exposure, the white frame last.
+    fn in_exposures<'a>(signals: &'a RegionSignals, design: &Design) -> Vec<&'a SignalRates> {
+        let &Design { filter, camera, .. } = design;
+        let lit = design.lights.iter().map(|&light| signals.lit(light, filter, camera));
+        lit.chain(signals.white(camera)).collect()
+    }
+
+    fn region_signals(&self, region: usize, design: &Design) -> Vec<&SignalRates> {
+        Self::in_exposures(&self.geometries[design.geometry].regions[region], design)
+    }
+
+    fn group_signals(&self, group: usize, design: &Design) -> Option<Vec<Vec<&SignalRates>>> {
+        let people = &self.cohort.as_ref()?[group];
+        Some(people.iter().map(|person| Self::in_exposures(person, design)).collect())
+    }
+
+    fn cohort_detectability(&self, design: &Design, exposures: &[DesignExposure<'_>]) -> Option<f64> {
+        let (healthy, altered) = (self.group_signals(0, design)?, self.group_signals(1, design)?);
+        detectability(&healthy, &altered, exposures, &self.problem.assumptions)
+    }
+
+    fn cost(&self, design: &Design) -> f64 {
+        let p = &self.problem;
+        let lights: f64 = design.lights.iter().map(|&k| p.lights[k].cost).sum();
+        let white = p.white.as_ref().map_or(0.0, |white| white.light.cost);
+        lights
+            + white
+            + p.cameras[design.camera].cost
+            + p.filters[design.filter].cost_for(design.lights.len())
+    }
+
+    /// Photobiological margin of the tissue under all exposures together: doses add, so their inverse margins do.
+    fn safety_margin(&self, design: &Design, exposures: &[DesignExposure<'_>]) -> Option<f64> {
+        let p = &self.problem;
+        let irradiances = &self.geometries[design.geometry].irradiances;
+        let lights = design.lights.iter().map(|&k| (&p.lights[k], irradiances[k] * p.drives[design.drive]));
+        let white = p.white.as_ref().zip(irradiances.last()).map(|(white, level)| (&white.light, *level));
+        let margin = |((light, irradiance), exposure): ((&LightChoice, f64), &DesignExposure<'_>)| {
+            tissue_margin(&light.spectrum.scaled(irradiance), exposure.time_s, p.tissue_safety_factor)
+        };
+        let inverse: f64 =
+            lights.chain(white).zip(exposures).filter_map(margin).map(|margin| 1.0 / margin).sum();
+        (inverse > 0.0).then(|| 1.0 / inverse)
+    }
+
+    /// Pixels of a region in every exposure of a design, `[exposure][channel][pixel]`, e-, with the sensor's noise. Functions of the
+    /// seed alone.
+    pub fn sample_electrons(
+        &self,
+        design: &Design,
+        region: usize,
+        pixels: usize,
+        seed: u64,
+    ) -> Vec<Vec<Vec<f64>>> {
+        let key = Key::new(seed).with_text("pixels of a design").with(region as u64);
+        let exposures = self.exposures(design);
+        let signals = self.region_signals(region, design);
+        let of = |(number, (exposure, rates)): (usize, (&DesignExposure<'_>, &&SignalRates))| {
+            let channels = 0..rates.leak.len();
+            channels.map(|c| sample_pixels(exposure, rates, c, pixels, key.with(number as u64))).collect()
+        };
+        exposures.iter().zip(&signals).enumerate().map(of).collect()
+    }
+
+    /// All figures of merit of a design.
+    pub fn evaluate(&self, design: &Design) -> Merits {
+        self.merits(design, true)
+    }
+
+    /// What a search needs; the safety of the light is assessed where it is limited.
+    pub fn score(&self, design: &Design) -> Score {
+        let merits = self.merits(design, false);
+        Score {
+            loss: if merits.broken.is_empty() { merits.loss } else { f64::INFINITY },
+            time_s: merits.time_s,
+            cost: merits.cost,
+            exposures: design.lights.len(),
+        }
+    }
+
+    fn merits(&self, design: &Design, full: bool) -> Merits {
+        let p = &self.problem;
+        let exposures = self.exposures(design);
+        let is_white: Vec<bool> = (0..exposures.len()).map(|k| k >= design.lights.len()).collect();
+        let geometry = &self.geometries[design.geometry];
+        let by_region: Vec<Vec<&SignalRates>> =
+            (0..geometry.regions.len()).map(|region| self.region_signals(region, design)).collect();
+        let of_region = |(signals, contrasts): (&Vec<&SignalRates>, &Vec<Contrast>)| {
+            evaluate_region(signals, &exposures, &is_white, &p.assumptions, contrasts)
+        };
+        let regions: Vec<RegionMerits> = by_region.iter().zip(&geometry.contrasts).map(of_region).collect();
+        let wants_detection = full || p.criterion == Criterion::Detection;
+        let detectability =
+            if wants_detection { self.cohort_detectability(design, &exposures) } else { None };
+        let loss = match p.criterion {
+            Criterion::Detection => detectability.map_or(f64::INFINITY, |d| 1.0 / d),
+            _ => regions
+                .iter()
+                .zip(&geometry.contrasts)
+                .map(|(region, contrasts)| region.loss(p.criterion, contrasts))
+                .fold(0.0, f64::max),
+        };
+        let wants_safety = full || p.limits.safety_margin.is_some();
+        let times_s: Vec<f64> = exposures.iter().map(|exposure| exposure.time_s).collect();
+        let largest = |pick: fn(&RegionMerits) -> f64| regions.iter().map(pick).fold(0.0, f64::max);
+        let mut merits = Merits {
+            loss,
+            broken: Vec::new(),
+            color_separability: if full { self.color_separability(&by_region, &exposures) } else { None },
+            detectability,
+            time_s: times_s.iter().sum(),
+            times_s,
+            electrons: exposures
+                .iter()
+                .zip(&by_region[0])
+                .take(design.lights.len())
+                .map(|(exposure, rates)| exposure.electrons(rates))
+                .sum(),
+            cost: self.cost(design),
+            leak: largest(|region| region.leak),
+            saturation: largest(|region| region.saturation),
+            safety_margin: if wants_safety { self.safety_margin(design, &exposures) } else { None },
+            regions,
+        };
+        merits.broken = self.broken_limits(&merits);
+        merits
+    }
+
+    fn color_separability(
+        &self,
+        by_region: &[Vec<&SignalRates>],
+        exposures: &[DesignExposure<'_>],
+    ) -> Option<f64> {
+        let pixels = self.problem.assumptions.pixels;
+        let pairs = (0..by_region.len()).flat_map(|a| (a + 1..by_region.len()).map(move |b| (a, b)));
+        pairs
+            .map(|(a, b)| chromaticity_separability(&by_region[a], &by_region[b], exposures, pixels))
+            .reduce(f64::min)
+    }
+
+    fn broken_limits(&self, merits: &Merits) -> Vec<&'static str> {
+        let limits = &self.problem.limits;
+        let above = |value: f64, limit: Option<f64>| limit.is_some_and(|limit| value > limit);
+        let below = |value: Option<f64>, limit: Option<f64>| matches!((value, limit), (Some(value), Some(limit)) if value < limit);
+        let mut broken = Vec::new();
+        for (name, is_broken) in [
+            ("safety_margin", below(merits.safety_margin, limits.safety_margin)),
+            ("leak", above(merits.leak, limits.leak)),
+            ("saturation", above(merits.saturation, limits.saturation)),
+            ("time", above(merits.time_s, limits.time_s)),
+            ("cost", above(merits.cost, limits.cost)),
+        ] {
+            if is_broken {
+                broken.push(name);
+            }
+        }
+        broken
+    }
+}
