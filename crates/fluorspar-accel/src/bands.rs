@@ -105,6 +105,26 @@ pub fn multiply<L: Lanes>(lanes: L, factor: &[BandBlock], v: &mut [BandBlock]) {
     }
 }
 
+/// `out += a * b`, band by band.
+#[inline(always)]
+pub fn add_product_of<L: Lanes>(lanes: L, a: &[BandBlock], b: &[BandBlock], out: &mut [BandBlock]) {
+    for ((out, a), b) in out.iter_mut().zip(a).zip(b) {
+        lanes.store(lanes.add(lanes.load(out), lanes.mul(lanes.load(a), lanes.load(b))), out);
+    }
+}
+
+/// Sum of `a * b` over all bands: lane by lane first, then the lanes in order.
+#[inline(always)]
+pub fn dot<L: Lanes>(lanes: L, a: &[BandBlock], b: &[BandBlock]) -> f32 {
+    let mut sums = lanes.splat(0.0);
+    for (a, b) in a.iter().zip(b) {
+        sums = lanes.add(sums, lanes.mul(lanes.load(a), lanes.load(b)));
+    }
+    let mut lanes_of = BandBlock::ZERO;
+    lanes.store(sums, &mut lanes_of);
+    lanes_of.0.iter().sum()
+}
+
 /// `sum += v`, then `v *= factor`, band by band.
 #[inline(always)]
 pub fn add_then_multiply<L: Lanes>(
@@ -349,6 +369,8 @@ mod tests {
                 product.add_product(lanes, 0.4, a, &mut out);
             }
             self.matrix.add_product(lanes, 0.2, b, &mut out);
+            add_product_of(lanes, a, b, &mut out);
+            add_scaled(lanes, dot(lanes, a, b), a, &mut out);
             out
         }
     }
@@ -398,6 +420,7 @@ mod tests {
                     |upto: usize| (0..upto).map(|i| double(&excitation, i) * double(&a, i)).sum::<f64>();
                 value += 0.4 * double(&emission, band) * (absorbed(band) + absorbed(bands));
                 value += 0.2 * (0..bands).map(|i| f64::from(entry(band, i)) * double(&b, i)).sum::<f64>();
+                value += x * y + x * (0..bands).map(|i| double(&a, i) * double(&b, i)).sum::<f64>();
                 let got = f64::from(results[0][band / BLOCK].0[band % BLOCK]);
                 // About 2 bands + 20 roundings of 2^-24 of positive terms.
                 let tolerance = (2 * bands + 20) as f64 * 6e-8 * value + 1e-7;

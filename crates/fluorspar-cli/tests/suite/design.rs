@@ -125,3 +125,91 @@ fn one_light_is_told_as_singular_and_wrong_input_with_its_cure() {
     );
     assert_eq!(fs::read_to_string(folder.path().join("mine/notes.txt")).unwrap(), "mine");
 }
+
+/// Two places of a light, so two scenes to render.
+const RENDERED: &str = r#"
+format = 1
+spectral = { first_nm = 330.0, last_nm = 700.0, step_nm = 10.0 }
+
+[scene]
+preset = "fluorescent-sphere"
+set = ["render.width_px=16", "render.height_px=12", "render.samples_per_pixel=4"]
+
+[[region]]
+name = "porphyrin"
+rendered = { parts = ["porphyrin_sphere"] }
+
+[[geometry]]
+field = "light.violet.position_mm"
+values = [[-60.0, 160.0, 80.0], [60.0, 200.0, 120.0]]
+
+[led]
+peaks_nm = [375.0, 405.0]
+
+[[sensor]]
+name = "RGB"
+preset = "lyu_2021_table_1"
+"#;
+
+fn renders(folder: &Path) -> Vec<(PathBuf, std::time::SystemTime)> {
+    let Ok(entries) = fs::read_dir(folder.join("kept")) else { return Vec::new() };
+    let found = entries.map(|entry| entry.unwrap().path());
+    let of_time = |path: PathBuf| (path.clone(), fs::metadata(path).unwrap().modified().unwrap());
+    let mut found: Vec<_> =
+        found.filter(|path| path.extension().is_some_and(|end| end == "exr")).map(of_time).collect();
+    found.sort();
+    found
+}
+
+#[test]
+fn scenes_are_rendered_once_whoever_is_killed() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("d.toml"), RENDERED).unwrap();
+    let command = |out: &str| {
+        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_fluorspar"));
+        command
+            .args(["design", "optimize", "d.toml", "--renders", "kept", "--out", out])
+            .current_dir(folder.path())
+            .env("XDG_CACHE_HOME", env!("CARGO_TARGET_TMPDIR"))
+            .stderr(std::process::Stdio::piped())
+            .stdout(std::process::Stdio::piped());
+        command
+    };
+    // Killed when the first scene is there
+    let mut child = command("a").spawn().unwrap();
+    let started = std::time::Instant::now();
+    while renders(folder.path()).is_empty() {
+        assert!(started.elapsed().as_secs() < 120 && child.try_wait().unwrap().is_none());
+        std::thread::sleep(std::time::Duration::from_millis(2));
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+    let before = renders(folder.path());
+    // Two processes at once finish the rest
+    let children = [command("a").spawn().unwrap(), command("b").spawn().unwrap()];
+    let said = children.map(|child| child.wait_with_output().unwrap());
+    let rendered = |output: &std::process::Output| {
+        String::from_utf8_lossy(&output.stderr)
+            .lines()
+            .filter(|line| line.starts_with("Rendering position_mm"))
+            .count()
+    };
+    for output in &said {
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    }
+    let after = renders(folder.path());
+    assert_eq!(after.len(), 2);
+    assert!(before.iter().all(|render| after.contains(render)), "{before:?} {after:?}");
+    assert_eq!(said.iter().map(rendered).sum::<usize>(), 2 - before.len(), "a scene was rendered twice");
+    // The same results from both, and nothing is rendered any more
+    let results = |name: &str| -> Value {
+        let text = fs::read_to_string(folder.path().join(name).join("results.json")).unwrap();
+        serde_json::from_str(&text).unwrap()
+    };
+    assert_eq!(results("a")["best"], results("b")["best"]);
+    assert!(results("a")["best"][0]["geometry"].as_str().unwrap().starts_with("position_mm ["));
+    let again = fluorspar(folder.path(), ["design", "compare", "d.toml", "--renders", "kept"]).well();
+    assert!(!again.stderr.contains("Rendering"), "{}", again.stderr);
+    assert_eq!(renders(folder.path()), after);
+    assert!(listing(folder.path()).keys().all(|path| path.extension().is_none_or(|end| end != "lock")));
+}

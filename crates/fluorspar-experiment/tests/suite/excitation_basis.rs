@@ -183,7 +183,8 @@ fn a_region_of_a_render_sends_what_its_image_shows() {
     assert_eq!(read.groups[0].nodes, basis.groups[0].nodes);
 
     let pixels: Vec<usize> = (0..image.width * image.height).filter(|pixel| pixel % 3 == 0).collect();
-    let region = RegionResponse::of_render("third", &image.grid, &read.groups[0], &pixels);
+    let whole: Vec<(usize, f64)> = pixels.iter().map(|pixel| (*pixel, 1.0)).collect();
+    let region = RegionResponse::of_render("third", &image.grid, &read.groups[0], &whole);
     let light = led(402.0, 10.0);
     let (made, _) = relit(&image, &study, &under(&study, &light), &basis);
     let sent = region.fluorescence_under(&light);

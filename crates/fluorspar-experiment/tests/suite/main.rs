@@ -5,6 +5,7 @@ mod bad_experiments;
 mod camera_color;
 mod channel_planes;
 mod design;
+mod design_renders;
 mod documentation;
 mod excitation_basis;
 mod experiment_files;

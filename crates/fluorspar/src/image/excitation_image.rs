@@ -404,7 +404,7 @@ mod tests {
                     assert!((value - expected).abs() < 1e-3 * 0.5 * 2e-3, "{value} {expected}");
                 }
             }
-            let mean = component.mean_of(&[2, 5]);
+            let mean = component.mean_of(&[(2, 1.0), (5, 1.0)]);
             assert!((mean[1] - f64::from(0.5 * (all[13] + all[31]))).abs() < 2e-3);
         }
     }

@@ -4,6 +4,7 @@ use fluorspar_accel::bands::BandBlock;
 use fluorspar_accel::{Simd, TriangleBvh};
 use glam::{Vec2, Vec3};
 
+use super::basis_accumulation::BasisGroup;
 use super::fluorescence_operator::FluorescenceOperator;
 use super::instances::CompiledInstances;
 use super::survival_probability::{Coarse, RouletteModel};
@@ -148,8 +149,12 @@ pub(super) struct CompiledScene {
     pub(super) environment_maps: Vec<usize>,
     /// Number of fluorophores, and so of components that hold light which fluoresced once.
     pub(super) fluorophores: usize,
-    /// `[group and excitation bin][matrix]`, excitation weighted by the spectrum of the group.
+    /// Spectra that are kept apart of all groups: light groups, excitation bins and nodes.
+    pub(super) slices: usize,
+    /// `[spectrum kept apart][matrix]`, excitation weighted by it; empty for excitation nodes.
     pub(super) group_operators: Vec<Vec<FluorescenceOperator>>,
+    /// Excitation nodes of the light groups that have some.
+    pub(super) bases: Vec<BasisGroup>,
     /// `[matrix]`, evenly weighted, for light that already fluoresced.
     pub(super) plain_operators: Vec<FluorescenceOperator>,
 }

@@ -5,7 +5,7 @@ use std::ops::Range;
 use fluorspar_accel::bands::{self, BandBlock, BandMatrix, OuterProduct};
 use fluorspar_accel::{Lanes, Simd, Work};
 
-use crate::spectral::{Curve, PhotonEem, Stokes, WavelengthGrid, YieldDensity};
+use crate::spectral::{Curve, PhotonEem, SeparableTerm, Stokes, WavelengthGrid, YieldDensity};
 
 /// Points per bin at which tables and the bin on the diagonal are integrated.
 const SUBSAMPLES: usize = 8;
@@ -33,45 +33,22 @@ impl FluorescenceOperator {
     /// The operator for a matrix at unit concentration, with excitation weighted by a light spectrum (any scale).
     /// Bins in which the light is dark, and `None`, weight evenly.
     pub fn new(eem: &PhotonEem, grid: &WavelengthGrid, light: Option<&Curve>) -> Self {
-        Self::in_bands(eem, grid, light, 0..grid.len())
-    }
-
-    /// The operator for light that lies in some bands only: those of a light spectrum, by which excitation is weighted.
-    pub(super) fn of_lit_bands(eem: &PhotonEem, grid: &WavelengthGrid, light: &Curve) -> Self {
-        let (first_nm, last_nm) = light.range_nm();
-        let edges = grid.edges_nm();
-        let first = edges.partition_point(|edge| *edge <= first_nm).saturating_sub(1);
-        let end = edges.partition_point(|edge| *edge < last_nm).min(grid.len());
-        Self::in_bands(eem, grid, Some(light), first.min(end)..end)
-    }
-
-    /// The operator whose columns outside of some bands of excitation are zero.
-    fn in_bands(eem: &PhotonEem, grid: &WavelengthGrid, light: Option<&Curve>, lit: Range<usize>) -> Self {
         let weight = BinWeight::new(grid, light);
         let form = match eem.density() {
             YieldDensity::Separable(terms) => {
                 let masked = eem.stokes() == Stokes::Mask;
-                let diagonal_of = |band: usize| {
-                    if lit.contains(&band) { diagonal_entry(eem, grid, &weight, band) } else { 0.0 }
-                };
                 // Integrate the Stokes mask on the diagonal
-                let mut diagonal: Vec<f32> = (0..grid.len()).map(|band| diagonal_of(band) as f32).collect();
+                let mut diagonal: Vec<f32> =
+                    (0..grid.len()).map(|band| diagonal_entry(eem, grid, &weight, band) as f32).collect();
                 let terms = terms
                     .iter()
                     .map(|term| {
                         // Average excitation and emission over the bins
                         let excitation: Vec<f32> = (0..grid.len())
-                            .map(|band| {
-                                if !lit.contains(&band) {
-                                    return 0.0;
-                                }
-                                let average = weight.average(band, |nm| term.excitation.at(nm) * nm);
-                                (eem.scale() * average * grid.width_nm(band)) as f32
-                            })
+                            .map(|band| excitation_average(eem, term, grid, &weight, band) as f32)
                             .collect();
-                        let emission: Vec<f32> = (0..grid.len())
-                            .map(|band| uniform_average(grid, band, |nm| term.emission.at(nm) / nm) as f32)
-                            .collect();
+                        let emission: Vec<f32> =
+                            emission_averages(term, grid).into_iter().map(|value| value as f32).collect();
                         if !masked {
                             return OuterProduct::new(&excitation, &emission);
                         }
@@ -84,25 +61,9 @@ impl FluorescenceOperator {
                 Form::Separable(terms)
             }
             YieldDensity::Table(_) => {
-                let n = grid.len();
-                let mut columns = vec![0.0; n * n];
-                for excitation in lit {
-                    for emission in 0..n {
-                        // Average each entry over both bins
-                        let entry = if emission == excitation && eem.stokes() == Stokes::Mask {
-                            diagonal_entry(eem, grid, &weight, emission)
-                        } else {
-                            grid.width_nm(excitation)
-                                * weight.average(excitation, |excitation_nm| {
-                                    uniform_average(grid, emission, |emission_nm| {
-                                        eem.at(emission_nm, excitation_nm) * excitation_nm / emission_nm
-                                    })
-                                })
-                        };
-                        columns[excitation * n + emission] = entry as f32;
-                    }
-                }
-                Form::Dense(BandMatrix::new(n, |row, column| columns[column * n + row]))
+                let columns: Vec<Vec<f64>> =
+                    (0..grid.len()).map(|excitation| table_column(eem, grid, &weight, excitation)).collect();
+                Form::Dense(BandMatrix::new(grid.len(), |row, column| columns[column][row] as f32))
             }
         };
         Self { bands: grid.len(), form }
@@ -139,6 +100,95 @@ impl FluorescenceOperator {
         bands::copy_bands(&blocks, &mut out);
         out
     }
+}
+
+/// Exitance under light that lies in a few bands, band by band.
+pub(super) struct HatColumns<'a> {
+    eem: &'a PhotonEem,
+    grid: &'a WavelengthGrid,
+    /// Emission of each separable term.
+    emission: Vec<Vec<f64>>,
+}
+
+impl<'a> HatColumns<'a> {
+    pub(super) fn new(eem: &'a PhotonEem, grid: &'a WavelengthGrid) -> Self {
+        let emission = match eem.density() {
+            YieldDensity::Separable(terms) => {
+                terms.iter().map(|term| emission_averages(term, grid)).collect()
+            }
+            YieldDensity::Table(_) => Vec::new(),
+        };
+        Self { eem, grid, emission }
+    }
+
+    /// For each of the bands in which a light spectrum lies, its exitance per unit concentration by what the light has there, as
+    /// [`FluorescenceOperator`] forms it.
+    pub(super) fn of_hat(&self, light: &Curve, lit: Range<usize>) -> Vec<Vec<f64>> {
+        let (eem, grid) = (self.eem, self.grid);
+        let weight = BinWeight::new(grid, Some(light));
+        let irradiance = light.bin_averages(grid);
+        let column = |excitation: usize| -> Vec<f64> {
+            let mut column = match eem.density() {
+                YieldDensity::Table(_) => table_column(eem, grid, &weight, excitation),
+                YieldDensity::Separable(terms) => {
+                    let mut column = vec![0.0; grid.len()];
+                    for (term, emission) in terms.iter().zip(&self.emission) {
+                        let absorbed = excitation_average(eem, term, grid, &weight, excitation);
+                        column
+                            .iter_mut()
+                            .zip(emission)
+                            .for_each(|(sum, emission)| *sum += absorbed * emission);
+                    }
+                    if eem.stokes() == Stokes::Mask {
+                        column[..excitation].fill(0.0);
+                        column[excitation] = diagonal_entry(eem, grid, &weight, excitation);
+                    }
+                    column
+                }
+            };
+            column.iter_mut().for_each(|value| *value *= irradiance[excitation]);
+            column
+        };
+        lit.map(column).collect()
+    }
+}
+
+/// Photons that a term absorbs in a band, as energy.
+fn excitation_average(
+    eem: &PhotonEem,
+    term: &SeparableTerm,
+    grid: &WavelengthGrid,
+    weight: &BinWeight<'_>,
+    band: usize,
+) -> f64 {
+    let average = weight.average(band, |nm| term.excitation.at(nm) * nm);
+    eem.scale() * average * grid.width_nm(band)
+}
+
+/// Energy that a term emits, by band.
+fn emission_averages(term: &SeparableTerm, grid: &WavelengthGrid) -> Vec<f64> {
+    (0..grid.len()).map(|band| uniform_average(grid, band, |nm| term.emission.at(nm) / nm)).collect()
+}
+
+/// A column of a table: each entry averaged over both bins.
+fn table_column(
+    eem: &PhotonEem,
+    grid: &WavelengthGrid,
+    weight: &BinWeight<'_>,
+    excitation: usize,
+) -> Vec<f64> {
+    let entry = |emission: usize| {
+        if emission == excitation && eem.stokes() == Stokes::Mask {
+            return diagonal_entry(eem, grid, weight, emission);
+        }
+        let at = |excitation_nm: f64| {
+            uniform_average(grid, emission, |emission_nm| {
+                eem.at(emission_nm, excitation_nm) * excitation_nm / emission_nm
+            })
+        };
+        grid.width_nm(excitation) * weight.average(excitation, at)
+    };
+    (0..grid.len()).map(entry).collect()
 }
 
 /// `F s` for a fixed light spectrum, formed on fine samples before averaging over bins: exitance per unit

@@ -30,6 +30,7 @@
 //! | `film_renderer` | progressive tile renderer: multithreaded, resumable |
 
 mod adaptive;
+mod basis_accumulation;
 mod block_sum;
 mod camera_sample;
 mod choose_basis;

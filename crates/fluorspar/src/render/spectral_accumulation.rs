@@ -6,6 +6,7 @@ use std::f32::consts::FRAC_1_PI;
 use fluorspar_accel::bands::{self, BLOCK, BandBlock};
 use fluorspar_accel::{Lanes, Work};
 
+use super::basis_accumulation::{BasisState, Components};
 use super::compiled_scene::{CompiledScene, MaterialSpectra};
 use super::path::{Path, Vertex};
 
@@ -22,13 +23,15 @@ pub(super) struct SpectralState {
     reflectance: Vec<BandBlock>,
     throughput: Vec<BandBlock>,
     fluoresced: Vec<BandBlock>,
+    /// What is carried for excitation nodes.
+    basis: BasisState,
 }
 
 impl SpectralState {
     pub(super) fn new(scene: &CompiledScene) -> Self {
         let kinds = scene.fluorophores + 2;
         let blocks = scene.bands.div_ceil(BLOCK);
-        let components = scene.group_operators.len() * kinds;
+        let components = scene.slices * kinds;
         Self {
             values: vec![BandBlock::ZERO; components * blocks],
             lit: vec![false; components],
@@ -37,6 +40,7 @@ impl SpectralState {
             reflectance: vec![BandBlock::ZERO; blocks],
             throughput: vec![BandBlock::ZERO; blocks],
             fluoresced: vec![BandBlock::ZERO; blocks],
+            basis: BasisState::default(),
         }
     }
 
@@ -97,8 +101,11 @@ impl SpectralState {
         }
         let fluoresces = vertex.fluorescent > 0.0 && concentrations.iter().any(|&c| c > 0.0);
         bands::reflection_factor(lanes, vertex.diffuse, reflectance, vertex.gloss, &mut self.throughput);
-        for group in 0..self.lit.len() / kinds {
+        for (group, operators) in scene.group_operators.iter().enumerate() {
             let base = group * kinds;
+            if !self.lit[base..base + kinds].contains(&true) {
+                continue;
+            }
             let any_fluorescent = self.lit[base + 1..base + kinds].contains(&true);
             if fluoresces && any_fluorescent {
                 bands::clear(lanes, &mut self.fluoresced);
@@ -119,7 +126,7 @@ impl SpectralState {
                         let kind = base + 1 + emitter.fluorophore;
                         self.light_up(lanes, kind);
                         let (arriving, emitted) = self.values.split_at_mut(kind * blocks);
-                        scene.group_operators[group][emitter.matrix].add_product(
+                        operators[emitter.matrix].add_product(
                             lanes,
                             vertex.fluorescent * concentration,
                             &arriving[base * blocks..(base + 1) * blocks],
@@ -220,5 +227,10 @@ impl Work for Gather<'_> {
         }
         state.add_emission(lanes, scene, &path.seen);
         state.reflectance = mixed;
+        for basis in &scene.bases {
+            let SpectralState { values, lit, kinds, blocks, basis: carried, .. } = &mut *state;
+            let mut components = Components { values, lit, kinds: *kinds, blocks: *blocks };
+            carried.gather(lanes, scene, path, basis, &mut components);
+        }
     }
 }

@@ -3,7 +3,7 @@
 
 use crate::render::RenderSettings;
 use crate::scene::Scene;
-use crate::spectral::Curve;
+use crate::spectral::{Curve, ExcitationNodes};
 
 /// What the spectra of the lights of a scene are taken apart into.
 pub(super) struct Slicing<'a> {
@@ -12,18 +12,15 @@ pub(super) struct Slicing<'a> {
     totals: Vec<f64>,
 }
 
-/// A spectrum that is kept apart.
-#[derive(Clone)]
-pub(super) struct Slice {
-    pub(super) curve: Curve,
-    /// Whether it is the hat of a node: dark outside of a few bands.
-    pub(super) is_hat: bool,
-}
-
 impl<'a> Slicing<'a> {
     pub(super) fn new(scene: &Scene, settings: &'a RenderSettings) -> Self {
         let total = |group| scene.group_spectra(group).first().map_or(0.0, |spectrum| spectrum.total());
         Self { settings, totals: (0..scene.light_groups.len()).map(total).collect() }
+    }
+
+    /// Spectra that are kept apart of all groups.
+    pub(super) fn all(&self) -> usize {
+        self.settings.first_slice(self.totals.len())
     }
 
     /// Spectra that are kept apart of a light group.
@@ -31,21 +28,29 @@ impl<'a> Slicing<'a> {
         self.settings.slices(group)
     }
 
+    /// Excitation bins of a light group, which come before its nodes.
+    pub(super) fn bins(&self, group: usize) -> usize {
+        self.count(group) - self.nodes_of(group).map_or(0, ExcitationNodes::len)
+    }
+
+    /// Excitation nodes of a light group that has some.
+    pub(super) fn nodes_of(&self, group: usize) -> Option<&'a ExcitationNodes> {
+        self.settings.nodes_of(group)
+    }
+
+    /// Factor on the hats of a light of a group with this spectrum: they are for the first light.
+    pub(super) fn hat_factor(&self, group: usize, curve: &Curve) -> f64 {
+        if self.totals[group] > 0.0 { curve.total() / self.totals[group] } else { 0.0 }
+    }
+
     /// Number of the first of them.
     pub(super) fn first(&self, group: usize) -> usize {
         self.settings.first_slice(group)
     }
 
-    /// The spectra in place of that of a light of a group.
-    pub(super) fn slices(&self, group: usize, curve: &Curve) -> Vec<Slice> {
-        let bins = excitation_slices(curve, &self.settings.excitation_edges_nm);
-        let mut slices: Vec<Slice> = bins.into_iter().map(|curve| Slice { curve, is_hat: false }).collect();
-        if let Some(nodes) = self.settings.nodes_of(group) {
-            let factor = if self.totals[group] > 0.0 { curve.total() / self.totals[group] } else { 0.0 };
-            let hat = |node| Slice { curve: nodes.hat(node).scaled(factor), is_hat: true };
-            slices.extend((0..nodes.len()).map(hat));
-        }
-        slices
+    /// The excitation bins in place of the spectrum of a light.
+    pub(super) fn slices(&self, curve: &Curve) -> Vec<Curve> {
+        excitation_slices(curve, &self.settings.excitation_edges_nm)
     }
 }
 

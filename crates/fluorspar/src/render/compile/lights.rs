@@ -3,7 +3,7 @@
 use fluorspar_accel::bands::{BandBlock, to_blocks};
 use rayon::prelude::*;
 
-use super::excitation_bins::{Slice, Slicing};
+use super::excitation_bins::Slicing;
 use super::geometry::EmissiveSurface;
 use crate::light::PreparedEmitter;
 use crate::render::compiled_scene::{CompiledLight, Source};
@@ -15,6 +15,8 @@ use crate::spectral::{Curve, PhotonEem, WavelengthGrid};
 pub(super) struct Lights {
     /// Sources in runs: what one light spectrum is taken apart into.
     pub(super) sources: Vec<Source>,
+    /// Sources of groups with excitation nodes: group, source, factor on the hats.
+    pub(super) hats: Vec<(usize, usize, f32)>,
     /// Emissive objects, then light sources.
     pub(super) lights: Vec<CompiledLight>,
     /// Number of the first light source in `lights`.
@@ -59,7 +61,7 @@ pub(super) fn compile(
             light.spectra().iter().map(|spectrum| list.source_of(light.group, spectrum)).collect();
         let Some(emitter) = light.emitter.prepare() else {
             environment
-                .extend(sources.into_iter().flat_map(|source| source..source + slicing.count(light.group)));
+                .extend(sources.into_iter().flat_map(|source| source..source + slicing.bins(light.group)));
             continue;
         };
         if emitter.environment_map().is_some() {
@@ -74,6 +76,7 @@ pub(super) fn compile(
         .collect();
     Lights {
         sources: list.sources,
+        hats: list.hats,
         lights,
         first_light_source,
         group_lights,
@@ -103,11 +106,19 @@ struct SourceList<'a> {
     /// Light group, spectrum and first source of each run of sources.
     known: Vec<(usize, Curve, usize)>,
     sources: Vec<Source>,
+    hats: Vec<(usize, usize, f32)>,
 }
 
 impl<'a> SourceList<'a> {
     fn new(scene: &'a Scene, matrices: &'a [&'a PhotonEem], slicing: &'a Slicing<'a>) -> Self {
-        Self { grid: &scene.grid, matrices, slicing, known: Vec::new(), sources: Vec::new() }
+        Self {
+            grid: &scene.grid,
+            matrices,
+            slicing,
+            known: Vec::new(),
+            sources: Vec::new(),
+            hats: Vec::new(),
+        }
     }
 
     /// The first source of a spectrum of a light group: one that is known, or a new one.
@@ -118,9 +129,12 @@ impl<'a> SourceList<'a> {
         let first = self.sources.len();
         self.known.push((group, curve.clone(), first));
         let grid = self.grid;
-        let (slices, of_group) = (self.slicing.slices(group, curve), self.slicing.first(group));
+        let (slices, of_group) = (self.slicing.slices(curve), self.slicing.first(group));
         let count = slices.len();
-        for (slice, Slice { curve, .. }) in slices.into_iter().enumerate() {
+        if self.slicing.nodes_of(group).is_some() {
+            self.hats.push((group, first, self.slicing.hat_factor(group, curve) as f32));
+        }
+        for (slice, curve) in slices.into_iter().enumerate() {
             let bands = band_blocks(&curve.bin_averages(grid));
             let exitance = self
                 .matrices
@@ -134,7 +148,7 @@ impl<'a> SourceList<'a> {
 }
 
 /// Band values in single precision, in blocks.
-fn band_blocks(values: &[f64]) -> Vec<BandBlock> {
+pub(super) fn band_blocks(values: &[f64]) -> Vec<BandBlock> {
     let single: Vec<f32> = values.iter().map(|&value| value as f32).collect();
     to_blocks(&single)
 }

@@ -5,12 +5,14 @@
 //! | `geometry` | triangles, instances, analytic shapes, bounding volume hierarchies |
 //! | `lights` | lights, and the distinct spectra that they emit |
 //! | `emitters` | the distinct matrices of fluorophores, on surfaces and in tissue |
-//! | `excitation_bins` | light spectra cut into excitation bins, or replaced by the hats of nodes |
+//! | `excitation_bins` | light spectra cut into excitation bins |
+//! | `bases` | the hats of nodes, and what they excite |
 //! | `visible_points` | points that the camera sees, samples of the scene |
 //! | `operators` | fluorescence operators, weighted by the spectrum of each light group |
 //! | `materials` | band averages and tables of every material |
 //! | `interreflection` | how much interreflection adds to direct light |
 
+mod bases;
 mod emitters;
 mod excitation_bins;
 mod geometry;
@@ -41,6 +43,7 @@ impl CompiledScene {
         let group_spectra = operators::group_spectra(scene, &points);
         let group_operators = operators::of_groups(scene, &matrices.list, &group_spectra, &slicing);
         let plain_operators = operators::unweighted(scene, &matrices.list);
+        let bases = bases::compile(scene, &matrices.list, &lights, &slicing);
 
         // Compile materials
         let roulette = RouletteModel::new(&scene.grid);
@@ -74,7 +77,9 @@ impl CompiledScene {
             has_holes,
             roulette,
             fluorophores: scene.fluorophores.len(),
+            slices: slicing.all(),
             group_operators,
+            bases,
             plain_operators,
         };
 

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::excitation_bins::{Slice, Slicing};
+use super::excitation_bins::Slicing;
 use crate::geometry::OrientedPoint;
 use crate::render::fluorescence_operator::FluorescenceOperator;
 use crate::scene::Scene;
@@ -16,7 +16,7 @@ pub(super) fn group_spectra(scene: &Scene, points: &[OrientedPoint]) -> Vec<Opti
     (0..scene.light_groups.len()).map(|group| group_spectrum(&parts, group)).collect()
 }
 
-/// `[group and excitation bin][matrix]`, excitation weighted by the spectrum of the group.
+/// `[spectrum kept apart][matrix]`, excitation weighted by it; nothing for excitation nodes.
 pub(super) fn of_groups(
     scene: &Scene,
     matrices: &[&PhotonEem],
@@ -26,11 +26,15 @@ pub(super) fn of_groups(
     group_spectra
         .iter()
         .enumerate()
-        .flat_map(|(group, spectrum)| match spectrum {
-            Some(spectrum) => slicing.slices(group, spectrum).into_iter().map(Some).collect(),
-            None => vec![None; slicing.count(group)],
+        .flat_map(|(group, spectrum)| {
+            let slices = match spectrum {
+                Some(spectrum) => slicing.slices(spectrum).into_iter().map(Some).collect(),
+                None => vec![None; slicing.bins(group)],
+            };
+            let of_bins = slices.into_iter().map(|slice| of_matrices(scene, matrices, slice.as_ref()));
+            let of_nodes = (slicing.bins(group)..slicing.count(group)).map(|_| Vec::new());
+            of_bins.chain(of_nodes).collect::<Vec<_>>()
         })
-        .map(|slice| of_matrices(scene, matrices, slice.as_ref()))
         .collect()
 }
 
@@ -39,11 +43,6 @@ pub(super) fn unweighted(scene: &Scene, matrices: &[&PhotonEem]) -> Vec<Fluoresc
     of_matrices(scene, matrices, None)
 }
 
-fn of_matrices(scene: &Scene, matrices: &[&PhotonEem], slice: Option<&Slice>) -> Vec<FluorescenceOperator> {
-    let operator = |eem: &&PhotonEem| match slice {
-        // Light of a hat lies in its own bands alone.
-        Some(Slice { curve, is_hat: true }) => FluorescenceOperator::of_lit_bands(eem, &scene.grid, curve),
-        slice => FluorescenceOperator::new(eem, &scene.grid, slice.map(|slice| &slice.curve)),
-    };
-    matrices.par_iter().map(operator).collect()
+fn of_matrices(scene: &Scene, matrices: &[&PhotonEem], light: Option<&Curve>) -> Vec<FluorescenceOperator> {
+    matrices.par_iter().map(|eem| FluorescenceOperator::new(eem, &scene.grid, light)).collect()
 }

@@ -1,0 +1,410 @@
+//! Light of every excitation node along a path, at a fraction of the cost of as many lights.
+//!
+//! All nodes of a light group share the paths and the factors of its light; only the light spectrum differs. So light that did not
+//! fluoresce is carried as even light, one spectrum for all nodes, and cut into the hats of the nodes where it excites or arrives.
+//! Fluorescence is carried forward instead of back: with the throughput from the vertex to the camera known, what a vertex emits
+//! under each node is added to the image at once, in place of being multiplied at every vertex on its way. What fluoresces
+//! again must be carried back, all nodes at each vertex; there the spectra of all nodes are sums of few ([`FewSpectra`]), and only those
+//! excite.
+
+use std::f32::consts::FRAC_1_PI;
+use std::ops::Range;
+
+use fluorspar_accel::Lanes;
+use fluorspar_accel::bands::{self, BandBlock};
+
+use super::compiled_scene::CompiledScene;
+use super::path::{Path, Vertex};
+
+/// Error of light that fluoresces again, relative to all light that fluoresced there under the same node.
+const MULTIPLE_ERROR: f32 = 2e-3;
+/// Share of the brightest node below which nodes are not looked at more closely.
+const DIM_NODE: f32 = 1e-3;
+/// Most spectra of which those of all nodes are sums.
+const MOST_SPECTRA: usize = 16;
+
+/// The excitation nodes of one light group.
+#[derive(Debug)]
+pub(super) struct BasisGroup {
+    /// Number of the first node among the spectra that are kept apart of all groups.
+    pub(super) first: usize,
+    /// The nodes.
+    pub(super) nodes: Vec<BasisNode>,
+    /// Sources of the group that shine by themselves, each with the factor of its hats.
+    pub(super) sources: Vec<(usize, f32)>,
+}
+
+/// The hat of a node.
+#[derive(Debug)]
+pub(super) struct BasisNode {
+    /// Bands in which it is not dark.
+    pub(super) bands: Range<usize>,
+    /// Its averages over them.
+    pub(super) hat: Vec<f32>,
+    /// Fluorescent exitance under the hat per unit concentration, `[matrix][block]`.
+    pub(super) exitance: Vec<Vec<BandBlock>>,
+    /// The same of each of its bands for light that was reflected before, relative to even light, `[matrix][band of the hat][block]`.
+    pub(super) columns: Vec<Vec<BandBlock>>,
+}
+
+/// What is carried along a path.
+#[derive(Debug, Default)]
+pub(super) struct BasisState {
+    /// Reflectance of every vertex, `[vertex][block]`.
+    reflectance: Vec<BandBlock>,
+    /// Throughput from every vertex to the camera.
+    to_camera: Vec<BandBlock>,
+    /// Even light that arrives at every vertex along the continued path.
+    arriving: Vec<BandBlock>,
+    /// Light that fluoresced and arrives at the vertex, `[node][block]`.
+    fluoresced: Vec<BandBlock>,
+    few: FewSpectra,
+    /// What few spectra excite.
+    excited: Vec<BandBlock>,
+    throughput: Vec<BandBlock>,
+}
+
+/// Components of a path, to add to.
+pub(super) struct Components<'a> {
+    /// `[component][block]`.
+    pub(super) values: &'a mut [BandBlock],
+    /// Components that hold anything; the values of the others are left from earlier paths.
+    pub(super) lit: &'a mut [bool],
+    /// Components of one light spectrum.
+    pub(super) kinds: usize,
+    /// Blocks of a component.
+    pub(super) blocks: usize,
+}
+
+impl Components<'_> {
+    #[inline(always)]
+    fn light_up<L: Lanes>(&mut self, lanes: L, component: usize) -> &mut [BandBlock] {
+        let values = &mut self.values[component * self.blocks..(component + 1) * self.blocks];
+        if !self.lit[component] {
+            self.lit[component] = true;
+            bands::clear(lanes, values);
+        }
+        values
+    }
+}
+
+/// A range of blocks of one of many vectors.
+fn nth(number: usize, blocks: usize) -> Range<usize> {
+    number * blocks..(number + 1) * blocks
+}
+
+impl BasisState {
+    /// Adds what reaches the camera along a path under every node of a group.
+    #[inline(always)]
+    pub(super) fn gather<L: Lanes>(
+        &mut self,
+        lanes: L,
+        scene: &CompiledScene,
+        path: &Path,
+        group: &BasisGroup,
+        components: &mut Components<'_>,
+    ) {
+        let blocks = components.blocks;
+        let vertices = path.vertices();
+        self.prepare(lanes, scene, path, group, blocks);
+        let lit_by = |emission: &[(u32, f32)]| -> f32 {
+            let of = |(source, factor): &(u32, f32)| factor * factor_of(group, *source as usize);
+            emission.iter().map(of).sum()
+        };
+
+        // Even light from the far end to the camera
+        let mut even = std::mem::take(&mut self.excited);
+        even.clear();
+        even.resize(blocks, BandBlock::ZERO);
+        for (number, vertex) in vertices.iter().enumerate().rev() {
+            add_even(lanes, lit_by(path.emission(vertex)), scene.bands, &mut even);
+            self.arriving[nth(number, blocks)].copy_from_slice(&even);
+            let reflectance = &self.reflectance[nth(number, blocks)];
+            bands::reflection_factor(lanes, vertex.diffuse, reflectance, vertex.gloss, &mut self.throughput);
+            bands::multiply(lanes, &self.throughput, &mut even);
+            let [diffuse, gloss, _] = direct_light(scene, path, group, number);
+            bands::reflection_factor(lanes, diffuse * FRAC_1_PI, reflectance, gloss, &mut self.throughput);
+            bands::add_scaled(lanes, 1.0, &self.throughput, &mut even);
+        }
+        add_even(lanes, lit_by(&path.seen), scene.bands, &mut even);
+        reflect(lanes, group, &even, components);
+        self.excited = even;
+
+        // Fluorescence, from the far end as well: what fluoresced must be there where it fluoresces again
+        let fluorescent = |vertex: &Vertex| vertex.fluorescent > 0.0;
+        let nearest = vertices.iter().position(fluorescent);
+        self.fluoresced.clear();
+        self.fluoresced.resize(group.nodes.len() * blocks, BandBlock::ZERO);
+        let mut any_fluoresced = false;
+        for number in (0..vertices.len()).rev() {
+            let is_carried = nearest.is_some_and(|nearest| nearest < number);
+            if any_fluoresced {
+                self.fluoresce_again(lanes, scene, path, number, group, components, is_carried);
+            }
+            any_fluoresced |= self.fluoresce(lanes, scene, path, number, group, components, is_carried);
+        }
+    }
+
+    /// Reflectance and throughput to the camera of every vertex.
+    #[inline(always)]
+    fn prepare<L: Lanes>(
+        &mut self,
+        lanes: L,
+        scene: &CompiledScene,
+        path: &Path,
+        group: &BasisGroup,
+        blocks: usize,
+    ) {
+        let vertices = path.vertices();
+        let len = vertices.len() * blocks;
+        for buffer in [&mut self.reflectance, &mut self.to_camera, &mut self.arriving] {
+            buffer.clear();
+            buffer.resize(len, BandBlock::ZERO);
+        }
+        self.throughput.resize(blocks, BandBlock::ZERO);
+        self.excited.resize(group.nodes.len().max(MOST_SPECTRA) * blocks, BandBlock::ZERO);
+        for (number, vertex) in vertices.iter().enumerate() {
+            let material = &scene.material_spectra[vertex.material as usize];
+            let reflectance = &mut self.reflectance[nth(number, blocks)];
+            for (spectrum, weight) in material.terms.iter().zip(path.weights(vertex)) {
+                if *weight != 0.0 {
+                    bands::add_scaled(lanes, *weight, spectrum, reflectance);
+                }
+            }
+            if number == 0 {
+                self.to_camera[..blocks].fill(ones());
+                continue;
+            }
+            let before = &vertices[number - 1];
+            let (near, here) = self.to_camera.split_at_mut(number * blocks);
+            let here = &mut here[..blocks];
+            let reflectance = &self.reflectance[nth(number - 1, blocks)];
+            bands::reflection_factor(lanes, before.diffuse, reflectance, before.gloss, here);
+            bands::multiply(lanes, &near[(number - 1) * blocks..], here);
+        }
+    }
+
+    /// Adds what a vertex emits at first under every node to the image, and to what fluoresced if that is carried on. Returns whether
+    /// it emits anything.
+    #[inline(always)]
+    fn fluoresce<L: Lanes>(
+        &mut self,
+        lanes: L,
+        scene: &CompiledScene,
+        path: &Path,
+        number: usize,
+        group: &BasisGroup,
+        components: &mut Components<'_>,
+        is_carried: bool,
+    ) -> bool {
+        let (blocks, kinds) = (components.blocks, components.kinds);
+        let vertex = &path.vertices()[number];
+        let material = &scene.material_spectra[vertex.material as usize];
+        let concentrations = &path.weights(vertex)[material.terms.len()..];
+        let [_, _, direct] = direct_light(scene, path, group, number);
+        let direct = direct * FRAC_1_PI;
+        let arriving = &self.arriving[nth(number, blocks)];
+        let to_camera = &self.to_camera[nth(number, blocks)];
+        let is_lit = vertex.fluorescent > 0.0 && arriving.iter().any(|block| *block != BandBlock::ZERO);
+        let mut emits = false;
+        for (emitter, concentration) in material.emitters.iter().zip(concentrations) {
+            if *concentration <= 0.0 || (direct <= 0.0 && !is_lit) {
+                continue;
+            }
+            emits = true;
+            let (from_light, from_path) = (direct * concentration, vertex.fluorescent * concentration);
+            for (number, node) in group.nodes.iter().enumerate() {
+                let component = (group.first + number) * kinds + 1 + emitter.fluorophore;
+                let emitted = &mut self.throughput;
+                bands::clear(lanes, emitted);
+                if direct > 0.0 {
+                    bands::add_scaled(lanes, from_light, &node.exitance[emitter.matrix], emitted);
+                }
+                if is_lit {
+                    let columns = node.columns[emitter.matrix].chunks_exact(blocks);
+                    for (band, column) in node.bands.clone().zip(columns) {
+                        let light = arriving[band / bands::BLOCK].0[band % bands::BLOCK];
+                        bands::add_scaled(lanes, from_path * light, column, emitted);
+                    }
+                }
+                bands::add_product_of(lanes, to_camera, emitted, components.light_up(lanes, component));
+                if is_carried {
+                    bands::add_scaled(lanes, 1.0, emitted, &mut self.fluoresced[nth(number, blocks)]);
+                }
+            }
+        }
+        emits
+    }
+
+    /// Adds what fluoresces again at a vertex to the image, and leaves in `fluoresced` what leaves the vertex of it.
+    #[inline(always)]
+    fn fluoresce_again<L: Lanes>(
+        &mut self,
+        lanes: L,
+        scene: &CompiledScene,
+        path: &Path,
+        number: usize,
+        group: &BasisGroup,
+        components: &mut Components<'_>,
+        is_carried: bool,
+    ) {
+        let (blocks, kinds) = (components.blocks, components.kinds);
+        let vertex = &path.vertices()[number];
+        let material = &scene.material_spectra[vertex.material as usize];
+        let concentrations = &path.weights(vertex)[material.terms.len()..];
+        let emitters = material.emitters.iter().zip(concentrations).filter(|(_, c)| **c > 0.0);
+        let fluoresces = vertex.fluorescent > 0.0 && emitters.clone().next().is_some();
+        if fluoresces {
+            self.few.take_apart(lanes, &self.fluoresced, blocks);
+            for spectrum in 0..self.few.rank {
+                let excited = &mut self.excited[nth(spectrum, blocks)];
+                bands::clear(lanes, excited);
+                for (emitter, concentration) in emitters.clone() {
+                    let operator = &scene.plain_operators[emitter.matrix];
+                    let arriving = &self.few.spectra[nth(spectrum, blocks)];
+                    operator.add_product(lanes, vertex.fluorescent * concentration, arriving, excited);
+                }
+            }
+        }
+        // Scatter what fluoresced, as far as any vertex is left that it could excite
+        if is_carried {
+            let reflectance = &self.reflectance[nth(number, blocks)];
+            bands::reflection_factor(lanes, vertex.diffuse, reflectance, vertex.gloss, &mut self.throughput);
+            for fluoresced in self.fluoresced.chunks_exact_mut(blocks) {
+                bands::multiply(lanes, &self.throughput, fluoresced);
+            }
+        }
+        if !fluoresces {
+            return;
+        }
+        let to_camera = &self.to_camera[nth(number, blocks)];
+        for node in 0..group.nodes.len() {
+            let emitted = &mut self.throughput;
+            bands::clear(lanes, emitted);
+            for spectrum in 0..self.few.rank {
+                let factor = self.few.factors[spectrum * group.nodes.len() + node];
+                bands::add_scaled(lanes, factor, &self.excited[nth(spectrum, blocks)], emitted);
+            }
+            let component = (group.first + node + 1) * kinds - 1;
+            bands::add_product_of(lanes, to_camera, emitted, components.light_up(lanes, component));
+            if is_carried {
+                bands::add_scaled(lanes, 1.0, emitted, &mut self.fluoresced[nth(node, blocks)]);
+            }
+        }
+    }
+}
+
+/// Sixteen ones.
+fn ones() -> BandBlock {
+    BandBlock([1.0; bands::BLOCK])
+}
+
+/// Adds even light; padding stays zero.
+#[inline(always)]
+fn add_even<L: Lanes>(lanes: L, light: f32, count: usize, even: &mut [BandBlock]) {
+    if light == 0.0 {
+        return;
+    }
+    for (number, block) in even.iter_mut().enumerate() {
+        let here = count.saturating_sub(number * bands::BLOCK).min(bands::BLOCK);
+        let mut light_here = BandBlock::ZERO;
+        light_here.0[..here].fill(light);
+        let sum = lanes.add(lanes.load(block), lanes.load(&light_here));
+        lanes.store(sum, block);
+    }
+}
+
+/// Factor of the hats of a source, 0 for sources of other groups.
+fn factor_of(group: &BasisGroup, source: usize) -> f32 {
+    let known = group.sources.iter().find(|(own, _)| *own == source);
+    known.map_or(0.0, |(_, factor)| *factor)
+}
+
+/// Direct light of the hats at a vertex: diffuse, gloss, fluorescent.
+#[inline(always)]
+fn direct_light(scene: &CompiledScene, path: &Path, group: &BasisGroup, vertex: usize) -> [f32; 3] {
+    let direct = path.direct(vertex, scene.sources.len());
+    let mut sum = [0.0; 3];
+    for (source, factor) in &group.sources {
+        let of = &direct[*source];
+        for (sum, value) in sum.iter_mut().zip([of.diffuse, of.gloss, of.fluorescent]) {
+            *sum += factor * value;
+        }
+    }
+    sum
+}
+
+/// Cuts even light that reaches the camera into the hats.
+#[inline(always)]
+fn reflect<L: Lanes>(lanes: L, group: &BasisGroup, even: &[BandBlock], components: &mut Components<'_>) {
+    for (number, node) in group.nodes.iter().enumerate() {
+        let light = |band: usize| even[band / bands::BLOCK].0[band % bands::BLOCK];
+        if node.bands.clone().all(|band| light(band) == 0.0) {
+            continue;
+        }
+        let component = (group.first + number) * components.kinds;
+        let reflected = components.light_up(lanes, component);
+        for (band, hat) in node.bands.clone().zip(&node.hat) {
+            reflected[band / bands::BLOCK].0[band % bands::BLOCK] += hat * light(band);
+        }
+    }
+}
+
+/// Spectra of many nodes as sums of few, to a stated error: those of the nodes that are farthest from all sums so far, made
+/// orthonormal one after the other (Gram-Schmidt with pivots).
+#[derive(Debug, Default)]
+struct FewSpectra {
+    rank: usize,
+    /// `[spectrum][block]`.
+    spectra: Vec<BandBlock>,
+    /// `[spectrum][node]`.
+    factors: Vec<f32>,
+    rest: Vec<BandBlock>,
+    /// Squared length of each node, and of what is left of it.
+    lengths: Vec<f32>,
+    left: Vec<f32>,
+}
+
+impl FewSpectra {
+    #[inline(always)]
+    fn take_apart<L: Lanes>(&mut self, lanes: L, vectors: &[BandBlock], blocks: usize) {
+        let nodes = vectors.len() / blocks;
+        self.rank = 0;
+        self.spectra.resize(MOST_SPECTRA * blocks, BandBlock::ZERO);
+        self.factors.resize(MOST_SPECTRA * nodes, 0.0);
+        self.rest.clear();
+        self.rest.extend_from_slice(vectors);
+        self.lengths.clear();
+        self.lengths.extend(vectors.chunks_exact(blocks).map(|vector| bands::dot(lanes, vector, vector)));
+        self.left.clone_from(&self.lengths);
+        let brightest = self.lengths.iter().copied().fold(0.0, f32::max);
+        let floor = DIM_NODE * DIM_NODE * brightest;
+        while self.rank < MOST_SPECTRA {
+            // The node that is farthest from all sums
+            let mut worst = (0, 0.0);
+            for (node, (left, length)) in self.left.iter().zip(&self.lengths).enumerate() {
+                let error = left / length.max(floor);
+                if error > worst.1 {
+                    worst = (node, error);
+                }
+            }
+            let length = self.left[worst.0].sqrt();
+            if worst.1 <= MULTIPLE_ERROR * MULTIPLE_ERROR || length <= f32::MIN_POSITIVE {
+                return;
+            }
+            let spectrum = &mut self.spectra[nth(self.rank, blocks)];
+            bands::clear(lanes, spectrum);
+            bands::add_scaled(lanes, length.recip(), &self.rest[nth(worst.0, blocks)], spectrum);
+            for node in 0..nodes {
+                let rest = &mut self.rest[nth(node, blocks)];
+                let factor = bands::dot(lanes, rest, spectrum);
+                self.factors[self.rank * nodes + node] = factor;
+                bands::add_scaled(lanes, -factor, spectrum, rest);
+                self.left[node] = bands::dot(lanes, rest, rest);
+            }
+            // Rounding leaves what was taken itself
+            self.left[worst.0] = 0.0;
+            self.rank += 1;
+        }
+    }
+}

@@ -1,0 +1,66 @@
+//! The hats of excitation nodes, and what they excite.
+
+use std::ops::Range;
+
+use fluorspar_accel::bands::BandBlock;
+use rayon::prelude::*;
+
+use super::excitation_bins::Slicing;
+use super::lights::{Lights, band_blocks};
+use crate::render::basis_accumulation::{BasisGroup, BasisNode};
+use crate::render::fluorescence_operator::{HatColumns, direct_exitance};
+use crate::scene::Scene;
+use crate::spectral::{Curve, ExcitationNodes, PhotonEem, WavelengthGrid};
+
+/// The nodes of all groups that have some.
+pub(super) fn compile(
+    scene: &Scene,
+    matrices: &[&PhotonEem],
+    lights: &Lights,
+    slicing: &Slicing<'_>,
+) -> Vec<BasisGroup> {
+    let of_group = |group: usize| {
+        let nodes = slicing.nodes_of(group)?;
+        let own = lights.hats.iter().filter(|(of, ..)| *of == group);
+        Some(BasisGroup {
+            first: slicing.first(group) + slicing.bins(group),
+            nodes: basis_nodes(&scene.grid, matrices, nodes),
+            sources: own.map(|(_, source, factor)| (*source, *factor)).collect(),
+        })
+    };
+    (0..scene.light_groups.len()).filter_map(of_group).collect()
+}
+
+fn basis_nodes(grid: &WavelengthGrid, matrices: &[&PhotonEem], nodes: &ExcitationNodes) -> Vec<BasisNode> {
+    let hats: Vec<Curve> = (0..nodes.len()).map(|node| nodes.hat(node)).collect();
+    let lit: Vec<Range<usize>> = hats.iter().map(|hat| lit_bands(grid, hat)).collect();
+    // `[matrix][node]`: exitance, columns
+    type OfNode = (Vec<BandBlock>, Vec<BandBlock>);
+    let of_matrix = |eem: &&PhotonEem| -> Vec<OfNode> {
+        let columns = HatColumns::new(eem, grid);
+        let of_node = |(hat, lit): (&Curve, &Range<usize>)| {
+            let exitance = band_blocks(&direct_exitance(eem, grid, hat));
+            let columns = columns.of_hat(hat, lit.clone()).into_iter();
+            (exitance, columns.flat_map(|column| band_blocks(&column)).collect())
+        };
+        hats.iter().zip(&lit).map(of_node).collect()
+    };
+    let mut found: Vec<Vec<OfNode>> = matrices.par_iter().map(of_matrix).collect();
+    let node = |(number, (hat, bands)): (usize, (&Curve, &Range<usize>))| {
+        let averages = hat.bin_averages(grid);
+        let (exitance, columns) =
+            found.iter_mut().map(|of_matrix| std::mem::take(&mut of_matrix[number])).unzip();
+        let hat = averages[bands.clone()].iter().map(|value| *value as f32).collect();
+        BasisNode { bands: bands.clone(), hat, exitance, columns }
+    };
+    hats.iter().zip(&lit).enumerate().map(node).collect()
+}
+
+/// Bands in which a hat is not dark.
+fn lit_bands(grid: &WavelengthGrid, hat: &Curve) -> Range<usize> {
+    let (first_nm, last_nm) = hat.range_nm();
+    let edges = grid.edges_nm();
+    let first = edges.partition_point(|edge| *edge <= first_nm).saturating_sub(1);
+    let end = edges.partition_point(|edge| *edge < last_nm).min(grid.len());
+    first.min(end)..end
+}
