@@ -13,7 +13,7 @@ use std::ops::Range;
 use fluorspar_accel::Lanes;
 use fluorspar_accel::bands::{self, BandBlock};
 
-use super::compiled_scene::CompiledScene;
+use super::compiled_scene::{BasisGroup, CompiledScene};
 use super::path::{Path, Vertex};
 
 /// Error of light that fluoresces again, relative to all light that fluoresced there under the same node.
@@ -22,30 +22,6 @@ const MULTIPLE_ERROR: f32 = 2e-3;
 const DIM_NODE: f32 = 1e-3;
 /// Most spectra of which those of all nodes are sums.
 const MOST_SPECTRA: usize = 16;
-
-/// The excitation nodes of one light group.
-#[derive(Debug)]
-pub(super) struct BasisGroup {
-    /// Number of the first node among the spectra that are kept apart of all groups.
-    pub(super) first: usize,
-    /// The nodes.
-    pub(super) nodes: Vec<BasisNode>,
-    /// Sources of the group that shine by themselves, each with the factor of its hats.
-    pub(super) sources: Vec<(usize, f32)>,
-}
-
-/// The hat of a node.
-#[derive(Debug)]
-pub(super) struct BasisNode {
-    /// Bands in which it is not dark.
-    pub(super) bands: Range<usize>,
-    /// Its averages over them.
-    pub(super) hat: Vec<f32>,
-    /// Fluorescent exitance under the hat per unit concentration, `[matrix][block]`.
-    pub(super) exitance: Vec<Vec<BandBlock>>,
-    /// The same of each of its bands for light that was reflected before, relative to even light, `[matrix][band of the hat][block]`.
-    pub(super) columns: Vec<Vec<BandBlock>>,
-}
 
 /// What is carried along a path.
 #[derive(Debug, Default)]
@@ -56,12 +32,24 @@ pub(super) struct BasisState {
     to_camera: Vec<BandBlock>,
     /// Even light that arrives at every vertex along the continued path.
     arriving: Vec<BandBlock>,
+    /// Even light at the vertex.
+    even: Vec<BandBlock>,
     /// Light that fluoresced and arrives at the vertex, `[node][block]`.
     fluoresced: Vec<BandBlock>,
     few: FewSpectra,
     /// What few spectra excite.
     excited: Vec<BandBlock>,
     throughput: Vec<BandBlock>,
+}
+
+/// A vertex of a path under the nodes of a group.
+struct PathVertex<'a> {
+    scene: &'a CompiledScene,
+    path: &'a Path,
+    group: &'a BasisGroup,
+    number: usize,
+    /// Whether what fluoresces here could fluoresce again nearer to the camera.
+    is_carried: bool,
 }
 
 /// Components of a path, to add to.
@@ -106,14 +94,14 @@ impl BasisState {
     ) {
         let blocks = components.blocks;
         let vertices = path.vertices();
-        self.prepare(lanes, scene, path, group, blocks);
+        self.prepare(lanes, scene, path, blocks);
         let lit_by = |emission: &[(u32, f32)]| -> f32 {
             let of = |(source, factor): &(u32, f32)| factor * factor_of(group, *source as usize);
             emission.iter().map(of).sum()
         };
 
         // Even light from the far end to the camera
-        let mut even = std::mem::take(&mut self.excited);
+        let mut even = std::mem::take(&mut self.even);
         even.clear();
         even.resize(blocks, BandBlock::ZERO);
         for (number, vertex) in vertices.iter().enumerate().rev() {
@@ -128,7 +116,7 @@ impl BasisState {
         }
         add_even(lanes, lit_by(&path.seen), scene.bands, &mut even);
         reflect(lanes, group, &even, components);
-        self.excited = even;
+        self.even = even;
 
         // Fluorescence, from the far end as well: what fluoresced must be there where it fluoresces again
         let fluorescent = |vertex: &Vertex| vertex.fluorescent > 0.0;
@@ -138,23 +126,17 @@ impl BasisState {
         let mut any_fluoresced = false;
         for number in (0..vertices.len()).rev() {
             let is_carried = nearest.is_some_and(|nearest| nearest < number);
+            let at = PathVertex { scene, path, group, number, is_carried };
             if any_fluoresced {
-                self.fluoresce_again(lanes, scene, path, number, group, components, is_carried);
+                self.fluoresce_again(lanes, &at, components);
             }
-            any_fluoresced |= self.fluoresce(lanes, scene, path, number, group, components, is_carried);
+            any_fluoresced |= self.fluoresce(lanes, &at, components);
         }
     }
 
     /// Reflectance and throughput to the camera of every vertex.
     #[inline(always)]
-    fn prepare<L: Lanes>(
-        &mut self,
-        lanes: L,
-        scene: &CompiledScene,
-        path: &Path,
-        group: &BasisGroup,
-        blocks: usize,
-    ) {
+    fn prepare<L: Lanes>(&mut self, lanes: L, scene: &CompiledScene, path: &Path, blocks: usize) {
         let vertices = path.vertices();
         let len = vertices.len() * blocks;
         for buffer in [&mut self.reflectance, &mut self.to_camera, &mut self.arriving] {
@@ -162,7 +144,7 @@ impl BasisState {
             buffer.resize(len, BandBlock::ZERO);
         }
         self.throughput.resize(blocks, BandBlock::ZERO);
-        self.excited.resize(group.nodes.len().max(MOST_SPECTRA) * blocks, BandBlock::ZERO);
+        self.excited.resize(MOST_SPECTRA * blocks, BandBlock::ZERO);
         for (number, vertex) in vertices.iter().enumerate() {
             let material = &scene.material_spectra[vertex.material as usize];
             let reflectance = &mut self.reflectance[nth(number, blocks)];
@@ -190,13 +172,10 @@ impl BasisState {
     fn fluoresce<L: Lanes>(
         &mut self,
         lanes: L,
-        scene: &CompiledScene,
-        path: &Path,
-        number: usize,
-        group: &BasisGroup,
+        at: &PathVertex<'_>,
         components: &mut Components<'_>,
-        is_carried: bool,
     ) -> bool {
+        let &PathVertex { scene, path, group, number, is_carried } = at;
         let (blocks, kinds) = (components.blocks, components.kinds);
         let vertex = &path.vertices()[number];
         let material = &scene.material_spectra[vertex.material as usize];
@@ -238,16 +217,8 @@ impl BasisState {
 
     /// Adds what fluoresces again at a vertex to the image, and leaves in `fluoresced` what leaves the vertex of it.
     #[inline(always)]
-    fn fluoresce_again<L: Lanes>(
-        &mut self,
-        lanes: L,
-        scene: &CompiledScene,
-        path: &Path,
-        number: usize,
-        group: &BasisGroup,
-        components: &mut Components<'_>,
-        is_carried: bool,
-    ) {
+    fn fluoresce_again<L: Lanes>(&mut self, lanes: L, at: &PathVertex<'_>, components: &mut Components<'_>) {
+        let &PathVertex { scene, path, group, number, is_carried } = at;
         let (blocks, kinds) = (components.blocks, components.kinds);
         let vertex = &path.vertices()[number];
         let material = &scene.material_spectra[vertex.material as usize];

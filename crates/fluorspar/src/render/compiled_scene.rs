@@ -1,10 +1,11 @@
 //! A scene as plain buffers: what rays and spectra need, made once by `compile`.
 
+use std::ops::Range;
+
 use fluorspar_accel::bands::BandBlock;
 use fluorspar_accel::{Simd, TriangleBvh};
 use glam::{Vec2, Vec3};
 
-use super::basis_accumulation::BasisGroup;
 use super::fluorescence_operator::FluorescenceOperator;
 use super::instances::CompiledInstances;
 use super::survival_probability::{Coarse, RouletteModel};
@@ -25,6 +26,30 @@ pub(super) struct Source {
     pub(super) bands: Vec<BandBlock>,
     /// Fluorescent exitance per unit irradiance and concentration, `[matrix][band]`.
     pub(super) exitance: Vec<Vec<BandBlock>>,
+}
+
+/// The excitation nodes of one light group.
+#[derive(Debug)]
+pub(super) struct BasisGroup {
+    /// Number of the first node among the spectra that are kept apart of all groups.
+    pub(super) first: usize,
+    /// The nodes.
+    pub(super) nodes: Vec<BasisNode>,
+    /// Sources of the group that shine by themselves, each with the factor of its hats.
+    pub(super) sources: Vec<(usize, f32)>,
+}
+
+/// The hat of a node.
+#[derive(Debug)]
+pub(super) struct BasisNode {
+    /// Bands in which it is not dark.
+    pub(super) bands: Range<usize>,
+    /// Its averages over them.
+    pub(super) hat: Vec<f32>,
+    /// Fluorescent exitance under the hat per unit concentration, `[matrix][block]`.
+    pub(super) exitance: Vec<Vec<BandBlock>>,
+    /// The same of each of its bands for light that was reflected before, relative to even light, `[matrix][band of the hat][block]`.
+    pub(super) columns: Vec<Vec<BandBlock>>,
 }
 
 /// A light ready for sampling.

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::excitation_bins::Slicing;
 use super::lights::{Lights, band_blocks};
-use crate::render::basis_accumulation::{BasisGroup, BasisNode};
+use crate::render::compiled_scene::{BasisGroup, BasisNode};
 use crate::render::fluorescence_operator::{HatColumns, direct_exitance};
 use crate::scene::Scene;
 use crate::spectral::{Curve, ExcitationNodes, PhotonEem, WavelengthGrid};
