@@ -64,11 +64,25 @@ impl GroupBasis {
         self.components.iter().map(|component| component.under(&nodes, &bands)).collect()
     }
 
-    /// Largest error that the short form leaves, of all components but light that fluoresced more than once, of which there is a hundred
-    /// times less.
+    /// Largest error that the short form leaves, relative to the fluorescence of a pixel: of light that fluoresced once, and that of light
+    /// that fluoresced more than once, by its share.
     pub fn error(&self) -> f64 {
-        let often = |component: &&BasisComponent| component.light != LightPath::MultipleFluorescence;
-        self.components.iter().filter(often).map(|component| component.error).fold(0.0, f64::max)
+        let (mut once, mut more, mut error_of_once, mut error_of_more) = (0.0, 0.0, 0.0_f64, 0.0_f64);
+        for component in &self.components {
+            match component.light {
+                LightPath::Reflected => error_of_once = error_of_once.max(component.error),
+                LightPath::Fluorescence(_) => {
+                    once += component.mean_level();
+                    error_of_once = error_of_once.max(component.error);
+                }
+                LightPath::MultipleFluorescence => {
+                    more += component.mean_level();
+                    error_of_more = error_of_more.max(component.error);
+                }
+            }
+        }
+        let share = if once + more > 0.0 { more / (once + more) } else { 0.0 };
+        error_of_once + share * error_of_more
     }
 }
 
@@ -88,6 +102,13 @@ impl BasisComponent {
             all
         };
         RelitComponent { spectra, factors: &self.factors, rank: self.rank }
+    }
+
+    /// Sum over nodes and bands of the mean over the image.
+    fn mean_level(&self) -> f64 {
+        let pixels = self.factors.len() / self.rank.max(1);
+        let all: Vec<(usize, f64)> = (0..pixels).map(|pixel| (pixel, 1.0)).collect();
+        self.mean_of(&all).iter().sum()
     }
 
     /// Mean over pixels of the component, each times a factor, `[node][band]`, for reflected light `[band]`.
