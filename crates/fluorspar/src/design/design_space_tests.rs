@@ -349,3 +349,21 @@ fn rendered_regions_of_each_geometry_are_searched() {
     problem.geometries[1].regions.clear();
     assert_eq!(DesignSpace::new(problem).unwrap_err(), DesignError::Regions);
 }
+
+/// A region without the part of a contrast says nothing about it; without any region that holds it no design can tell.
+#[test]
+fn a_contrast_counts_where_there_is_something_of_its_part() {
+    let mut problem = problem();
+    problem.criterion = Criterion::Contrast(0);
+    let alone = DesignSpace::new(problem.clone()).unwrap();
+    let mut without = region();
+    without.response.name = "green only".into();
+    without.response.fluorescence[1].amount = 0.0;
+    problem.regions.push(without.clone());
+    let both = DesignSpace::new(problem.clone()).unwrap();
+    let design = alone.design(30);
+    assert_eq!(alone.evaluate(&design).loss, both.evaluate(&design).loss);
+    problem.regions = vec![without];
+    let none = DesignSpace::new(problem).unwrap();
+    assert_eq!(none.evaluate(&design).loss, f64::INFINITY);
+}

@@ -208,11 +208,7 @@ impl DesignSpace {
             if wants_detection { self.cohort_detectability(design, &exposures) } else { None };
         let loss = match p.criterion {
             Criterion::Detection => detectability.map_or(f64::INFINITY, |d| 1.0 / d),
-            _ => regions
-                .iter()
-                .zip(&geometry.contrasts)
-                .map(|(region, contrasts)| region.loss(p.criterion, contrasts))
-                .fold(0.0, f64::max),
+            _ => self.worst_loss(&regions, &geometry.contrasts),
         };
         let wants_safety = full || p.limits.safety_margin.is_some();
         let times_s: Vec<f64> = exposures.iter().map(|exposure| exposure.time_s).collect();
@@ -238,6 +234,22 @@ impl DesignSpace {
         };
         merits.broken = self.broken_limits(&merits);
         merits
+    }
+
+    /// Loss of the worst region. A region that holds nothing of the part of a contrast says nothing about it.
+    fn worst_loss(&self, regions: &[RegionMerits], contrasts: &[Vec<Contrast>]) -> f64 {
+        let criterion = self.problem.criterion;
+        let counts = |contrasts: &&Vec<Contrast>| match criterion {
+            Criterion::Contrast(number) => {
+                contrasts.get(number).is_some_and(|contrast| contrast.part.iter().any(|part| *part > 0.0))
+            }
+            _ => true,
+        };
+        let counted = regions.iter().zip(contrasts).filter(|(_, contrasts)| counts(contrasts));
+        counted
+            .map(|(region, contrasts)| region.loss(criterion, contrasts))
+            .reduce(f64::max)
+            .unwrap_or(f64::INFINITY)
     }
 
     fn color_separability(
