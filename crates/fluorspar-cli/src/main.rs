@@ -13,11 +13,13 @@ mod values;
 use std::io::ErrorKind;
 use std::num::NonZeroUsize;
 use std::panic::{self, AssertUnwindSafe, catch_unwind};
+use std::path::Path;
 use std::process::ExitCode;
 
 use clap::Parser;
 use fluorspar_accel::{Allocator, have_the_last_word, return_freed_memory_at_once};
 use fluorspar_experiment::preset::PresetKind;
+use fluorspar_experiment::preset::use_catalogue;
 use fluorspar_experiment::use_cache;
 use fluorspar_format::Cache;
 
@@ -109,6 +111,9 @@ fn run(args: Args) -> Result<ExitCode, CliError> {
     interrupt::catch_interrupts();
     if let (false, Some(cache)) = (args.no_cache, Cache::of_user()) {
         use_cache(cache);
+    }
+    if let Some(folder) = std::env::var_os("FLUORSPAR_CATALOGUE").filter(|folder| !folder.is_empty()) {
+        use_catalogue(Path::new(&folder))?;
     }
     match args.command.unwrap_or_default() {
         Command::Run(options) => commands::run::run(&options),

@@ -1,125 +1,15 @@
 //! Finding embedded files by kind and name.
 
-use fluorspar::quote::excerpt;
-use std::fmt;
-
 use include_dir::{Dir, include_dir};
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
-use thiserror::Error;
 
-use fluorspar::names::{nearest_name, suggestion};
+use fluorspar::names::nearest_name;
+
+use super::kind::{PresetError, PresetKind};
+use super::user_entries::{user_entry, user_names};
 
 static DATA: Dir<'static> = include_dir!("$CARGO_MANIFEST_DIR/data");
-
-/// Kind of an entry of the catalogue.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum PresetKind {
-    /// Relative spectral power of a light source.
-    Light,
-    /// Spectral transmittance of a filter.
-    Filter,
-    /// Diffuse spectral reflectance of a surface.
-    Reflectance,
-    /// Complex refractive index of a metal.
-    Metal,
-    /// Electrons per photon of the channels of a sensor.
-    QuantumEfficiency,
-    /// Geometry and electronics of a sensor.
-    Sensor,
-    /// Excitation-emission matrix of a fluorophore.
-    Fluorophore,
-    /// Refractive index of a lens material.
-    Glass,
-    /// A lens: surfaces, glasses, stop.
-    Lens,
-    /// A complete experiment.
-    Experiment,
-    /// A flat sample without geometry.
-    Sample,
-    /// A design problem.
-    Design,
-}
-
-impl PresetKind {
-    /// Every kind.
-    pub const ALL: [Self; 12] = [
-        Self::Light,
-        Self::Filter,
-        Self::Reflectance,
-        Self::Metal,
-        Self::QuantumEfficiency,
-        Self::Sensor,
-        Self::Fluorophore,
-        Self::Glass,
-        Self::Lens,
-        Self::Experiment,
-        Self::Sample,
-        Self::Design,
-    ];
-
-    fn folder(self) -> &'static str {
-        match self {
-            Self::Light => "lights",
-            Self::Filter => "filters",
-            Self::Reflectance => "reflectances",
-            Self::Metal => "metals",
-            Self::QuantumEfficiency => "qe",
-            Self::Sensor => "sensors",
-            Self::Fluorophore => "fluorophores",
-            Self::Glass => "glasses",
-            Self::Lens => "lenses",
-            Self::Experiment => "experiments",
-            Self::Sample => "samples",
-            Self::Design => "designs",
-        }
-    }
-}
-
-impl fmt::Display for PresetKind {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Light => "light spectrum",
-            Self::Filter => "filter",
-            Self::Reflectance => "reflectance",
-            Self::Metal => "metal",
-            Self::QuantumEfficiency => "quantum efficiency",
-            Self::Sensor => "sensor",
-            Self::Fluorophore => "fluorophore",
-            Self::Glass => "glass",
-            Self::Lens => "lens",
-            Self::Experiment => "experiment",
-            Self::Sample => "flat sample",
-            Self::Design => "design problem",
-        })
-    }
-}
-
-/// Why an entry of the catalogue can't be had.
-#[derive(Clone, Debug, Error, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum PresetError {
-    /// There is no such entry.
-    #[error("there is no {kind} \"{}\"{} Known: {}", excerpt(.name), suggestion(.nearest.as_deref()), .available.join(", "))]
-    Unknown {
-        /// The requested value.
-        kind: PresetKind,
-        /// The requested name.
-        name: String,
-        /// The most similar name, if one is similar.
-        nearest: Option<String>,
-        /// All names.
-        available: Vec<String>,
-    },
-    /// An embedded file is damaged: a defect of this program.
-    #[error("the built-in file {file} is damaged: {message}")]
-    Damaged {
-        /// Its name.
-        file: String,
-        /// What is wrong.
-        message: String,
-    },
-}
 
 /// An entry of the catalogue in a list.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -145,13 +35,18 @@ struct Heading {
     source: String,
 }
 
-/// Names of all entries of a kind, sorted.
+/// Names of all entries of a kind, sorted, those of the user's catalogue included.
 pub fn names(kind: PresetKind) -> Vec<&'static str> {
-    let Some(folder) = DATA.get_dir(kind.folder()) else { return Vec::new() };
-    let mut names: Vec<&str> =
-        folder.files().filter_map(|file| file.path().file_name()?.to_str()?.strip_suffix(".toml")).collect();
+    let mut names = built_in_names(kind);
+    names.extend(user_names(kind));
     names.sort_unstable();
     names
+}
+
+/// Names of the embedded entries of a kind.
+pub(super) fn built_in_names(kind: PresetKind) -> Vec<&'static str> {
+    let Some(folder) = DATA.get_dir(kind.folder()) else { return Vec::new() };
+    folder.files().filter_map(|file| file.path().file_name()?.to_str()?.strip_suffix(".toml")).collect()
 }
 
 /// All entries of a kind, sorted by name.
@@ -168,8 +63,11 @@ pub fn list(kind: PresetKind) -> Result<Vec<PresetSummary>, PresetError> {
         .collect()
 }
 
-/// Text of the embedded file of an entry.
+/// Text of the file of an entry.
 pub(super) fn text(kind: PresetKind, name: &str) -> Result<&'static str, PresetError> {
+    if let Some(entry) = user_entry(kind, name) {
+        return Ok(&entry.text);
+    }
     let file = format!("{}/{name}.toml", kind.folder());
     let found = names(kind).contains(&name).then(|| DATA.get_file(&file)).flatten();
     let Some(found) = found else {
@@ -180,13 +78,18 @@ pub(super) fn text(kind: PresetKind, name: &str) -> Result<&'static str, PresetE
     found.contents_utf8().ok_or_else(|| PresetError::Damaged { file, message: "it is not UTF-8".into() })
 }
 
-/// The embedded file of an entry as a typed value.
+/// The file of an entry as a typed value.
 pub(super) fn parse<T: DeserializeOwned>(kind: PresetKind, name: &str) -> Result<T, PresetError> {
     toml::from_str(text(kind, name)?).map_err(|error| damaged(kind, name, error.to_string()))
 }
 
 pub(super) fn damaged(kind: PresetKind, name: &str, message: impl Into<String>) -> PresetError {
-    PresetError::Damaged { file: format!("{}/{name}.toml", kind.folder()), message: message.into() }
+    match user_entry(kind, name) {
+        Some(entry) => PresetError::User { path: entry.path.clone(), message: message.into() },
+        None => {
+            PresetError::Damaged { file: format!("{}/{name}.toml", kind.folder()), message: message.into() }
+        }
+    }
 }
 
 #[cfg(test)]

@@ -2,7 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::catalogue::{PresetError, PresetKind, damaged, parse};
+use super::catalogue::{damaged, parse};
+use super::kind::{PresetError, PresetKind};
 use fluorspar::spectral::{Curve, CurveModel};
 
 /// Quantity of a curve.

@@ -2,8 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::catalogue::{PresetError, PresetKind, damaged, parse};
+use super::catalogue::{damaged, parse};
 use super::curve_preset::check_name;
+use super::kind::{PresetError, PresetKind};
 use fluorspar::spectral::{BandTerm, Fluorophore, Stokes, YieldUnit};
 
 /// Which cells of a measured matrix count in the error of a fit.

@@ -4,8 +4,9 @@ use std::path::Path;
 
 use thiserror::Error;
 
-use super::catalogue::{PresetError, PresetKind, damaged, names, parse, text};
+use super::catalogue::{damaged, names, parse, text};
 use super::curve_preset::check_name;
+use super::kind::{PresetError, PresetKind};
 use fluorspar::names::nearest_name;
 use fluorspar::optics::{Dispersion, Glass, LensPrescription, PrescriptionError};
 use fluorspar_format::{LensFile, LensFileError, PublishedLens, read_lens};

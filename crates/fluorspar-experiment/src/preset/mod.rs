@@ -1,5 +1,6 @@
 //! The catalogue: lights, filters, reflectances, quantum efficiencies, sensors, fluorophores and experiments that
-//! ship with the library, one small file each, with source, assumptions and fit error.
+//! ship with the library, one small file each, with source, assumptions and fit error. Entries of the user stand beside them
+//! ([`use_catalogue`]).
 //!
 //! | what | list | one entry |
 //! |---|---|---|
@@ -21,17 +22,22 @@ mod curve_preset;
 #[cfg(test)]
 mod fluorophore_fit_tests;
 mod fluorophore_preset;
+mod kind;
 mod lens_preset;
 mod metal_preset;
 mod text_preset;
+mod user_catalogue;
+mod user_entries;
 
-pub use catalogue::{PresetError, PresetKind, PresetSummary, list, names};
+pub use catalogue::{PresetSummary, list, names};
 pub use curve_preset::{
     CurveFit, CurvePreset, CurveQuantity, QuantumEfficiencyPreset, filter, light_spectrum,
     quantum_efficiency, reflectance, reflectance_curves,
 };
 pub use fluorophore_preset::{FluorophoreFit, FluorophoreMask, FluorophorePreset, fluorophore};
+pub use kind::{PresetError, PresetKind};
 pub use lens_preset::{LensError, LoadedLens, glass, is_lens_file, lens, lens_or_file};
 pub use metal_preset::{MetalPreset, metal};
 pub(crate) use text_preset::sensor_text;
 pub use text_preset::{ExperimentPreset, SensorPreset, design, experiment, sample, sensor};
+pub use user_catalogue::use_catalogue;

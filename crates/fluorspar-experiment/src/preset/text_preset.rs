@@ -2,8 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::catalogue::{PresetError, PresetKind, damaged, parse, text};
+use super::catalogue::{damaged, parse, text};
 use super::curve_preset::check_name;
+use super::kind::{PresetError, PresetKind};
 
 /// A sensor of the catalogue: fields of the `[sensor]` section of an experiment.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

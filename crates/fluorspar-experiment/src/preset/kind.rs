@@ -1,0 +1,125 @@
+//! Kinds of entries of the catalogue, and why an entry can't be had.
+
+use std::fmt;
+use std::path::PathBuf;
+
+use fluorspar::names::suggestion;
+use fluorspar::quote::excerpt;
+use thiserror::Error;
+
+/// Kind of an entry of the catalogue.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum PresetKind {
+    /// Relative spectral power of a light source.
+    Light,
+    /// Spectral transmittance of a filter.
+    Filter,
+    /// Diffuse spectral reflectance of a surface.
+    Reflectance,
+    /// Complex refractive index of a metal.
+    Metal,
+    /// Electrons per photon of the channels of a sensor.
+    QuantumEfficiency,
+    /// Geometry and electronics of a sensor.
+    Sensor,
+    /// Excitation-emission matrix of a fluorophore.
+    Fluorophore,
+    /// Refractive index of a lens material.
+    Glass,
+    /// A lens: surfaces, glasses, stop.
+    Lens,
+    /// A complete experiment.
+    Experiment,
+    /// A flat sample without geometry.
+    Sample,
+    /// A design problem.
+    Design,
+}
+
+impl PresetKind {
+    /// Every kind.
+    pub const ALL: [Self; 12] = [
+        Self::Light,
+        Self::Filter,
+        Self::Reflectance,
+        Self::Metal,
+        Self::QuantumEfficiency,
+        Self::Sensor,
+        Self::Fluorophore,
+        Self::Glass,
+        Self::Lens,
+        Self::Experiment,
+        Self::Sample,
+        Self::Design,
+    ];
+
+    pub(super) fn folder(self) -> &'static str {
+        match self {
+            Self::Light => "lights",
+            Self::Filter => "filters",
+            Self::Reflectance => "reflectances",
+            Self::Metal => "metals",
+            Self::QuantumEfficiency => "qe",
+            Self::Sensor => "sensors",
+            Self::Fluorophore => "fluorophores",
+            Self::Glass => "glasses",
+            Self::Lens => "lenses",
+            Self::Experiment => "experiments",
+            Self::Sample => "samples",
+            Self::Design => "designs",
+        }
+    }
+}
+
+impl fmt::Display for PresetKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Light => "light spectrum",
+            Self::Filter => "filter",
+            Self::Reflectance => "reflectance",
+            Self::Metal => "metal",
+            Self::QuantumEfficiency => "quantum efficiency",
+            Self::Sensor => "sensor",
+            Self::Fluorophore => "fluorophore",
+            Self::Glass => "glass",
+            Self::Lens => "lens",
+            Self::Experiment => "experiment",
+            Self::Sample => "flat sample",
+            Self::Design => "design problem",
+        })
+    }
+}
+
+/// Why an entry of the catalogue can't be had.
+#[derive(Clone, Debug, Error, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum PresetError {
+    /// There is no such entry.
+    #[error("there is no {kind} \"{}\"{} Known: {}", excerpt(.name), suggestion(.nearest.as_deref()), .available.join(", "))]
+    Unknown {
+        /// The requested value.
+        kind: PresetKind,
+        /// The requested name.
+        name: String,
+        /// The most similar name, if one is similar.
+        nearest: Option<String>,
+        /// All names.
+        available: Vec<String>,
+    },
+    /// A file of the user's catalogue can't be used.
+    #[error("{}: {message}", .path.display())]
+    User {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        message: String,
+    },
+    /// An embedded file is damaged: a defect of this program.
+    #[error("the built-in file {file} is damaged: {message}")]
+    Damaged {
+        /// Its name.
+        file: String,
+        /// What is wrong.
+        message: String,
+    },
+}

@@ -1,0 +1,134 @@
+//! A folder of the user whose entries stand beside those of the catalogue.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use fluorspar_format::{CsvSpectrumOptions, FormatError, read_spectrum_csv, read_text_bounded};
+
+use super::catalogue::built_in_names;
+use super::curve_preset::{filter, light_spectrum, quantum_efficiency, reflectance};
+use super::kind::{PresetError, PresetKind};
+use super::text_preset::sensor;
+use super::user_entries::{Entries, UserEntry, keep_entries};
+
+/// Largest file of the folder, bytes.
+const MOST_BYTES: u64 = 4 << 20;
+
+/// Kinds of entries that the folder may hold.
+const KINDS: [PresetKind; 5] = [
+    PresetKind::Light,
+    PresetKind::Filter,
+    PresetKind::Reflectance,
+    PresetKind::QuantumEfficiency,
+    PresetKind::Sensor,
+];
+
+/// Lets the entries of a folder stand beside those of the catalogue, for the rest of this process. Its folders `lights`, `filters`,
+/// `reflectances`, `qe` and `sensors` hold files in the form of the catalogue (`NAME.toml`), or tables (`NAME.csv`, not for sensors):
+/// wavelength, nm, in the first column, one column beside it, for quantum efficiencies one for each channel. A table of a light is brought
+/// to a peak of 1. The first folder that is used stays.
+///
+/// # Errors
+/// A file that can't be read or is no such entry, a name of the catalogue.
+pub fn use_catalogue(folder: &Path) -> Result<(), PresetError> {
+    let mut entries = Entries::new();
+    if !folder.is_dir() {
+        return Err(refused(folder, "there is no such folder"));
+    }
+    for kind in KINDS {
+        let Ok(files) = fs::read_dir(folder.join(kind.folder())) else { continue };
+        let mut paths: Vec<PathBuf> = files.filter_map(|file| Some(file.ok()?.path())).collect();
+        paths.sort();
+        for path in paths {
+            let Some(name) = path.file_stem().and_then(|stem| stem.to_str()).map(String::from) else {
+                continue;
+            };
+            let text = match path.extension().and_then(|ending| ending.to_str()) {
+                Some("toml") => {
+                    read_text_bounded(&path, MOST_BYTES).map_err(|error| of_file(&path, &error))?
+                }
+                Some("csv") if kind != PresetKind::Sensor => text_of_table(kind, &name, &path)?,
+                _ => continue,
+            };
+            if built_in_names(kind).contains(&name.as_str()) {
+                return Err(refused(
+                    &path,
+                    format!("the catalogue has a {kind} of this name; rename the file"),
+                ));
+            }
+            if entries.insert((kind.folder(), name), UserEntry { text, path: path.clone() }).is_some() {
+                return Err(refused(&path, "there are two files of this name; remove one of them"));
+            }
+        }
+    }
+    keep_entries(entries).keys().try_for_each(|(folder, name)| check(folder, name))
+}
+
+/// Reads an entry as whoever uses it will.
+fn check(folder: &str, name: &str) -> Result<(), PresetError> {
+    match KINDS.into_iter().find(|kind| kind.folder() == folder) {
+        Some(PresetKind::Light) => light_spectrum(name).map(drop),
+        Some(PresetKind::Filter) => filter(name).map(drop),
+        Some(PresetKind::Reflectance) => reflectance(name).map(drop),
+        Some(PresetKind::QuantumEfficiency) => quantum_efficiency(name).map(drop),
+        _ => sensor(name).map(drop),
+    }
+}
+
+fn refused(path: &Path, message: impl Into<String>) -> PresetError {
+    PresetError::User { path: path.into(), message: message.into() }
+}
+
+fn of_file(path: &Path, error: &FormatError) -> PresetError {
+    refused(path, error.to_string())
+}
+
+/// A table in the form of the catalogue.
+fn text_of_table(kind: PresetKind, name: &str, path: &Path) -> Result<String, PresetError> {
+    let columns =
+        read_spectrum_csv(path, &CsvSpectrumOptions::default()).map_err(|error| of_file(path, &error))?;
+    let is_qe = kind == PresetKind::QuantumEfficiency;
+    if columns.is_empty() || (!is_qe && columns.len() > 1) {
+        let message =
+            format!("a {kind} has one column beside the wavelength, this table has {}", columns.len());
+        return Err(refused(path, message));
+    }
+    let mut valid_nm = [f64::INFINITY, 0.0];
+    let mut curves = toml::Table::new();
+    for column in &columns {
+        let (nm, values) = (column.curve.wavelengths_nm(), column.curve.values());
+        let (first, last) = column.curve.range_nm();
+        valid_nm = [valid_nm[0].min(first), valid_nm[1].max(last)];
+        let scale =
+            if kind == PresetKind::Light { 1.0 / column.curve.max().max(f64::MIN_POSITIVE) } else { 1.0 };
+        let list =
+            |values: Vec<f64>| toml::Value::Array(values.into_iter().map(toml::Value::Float).collect());
+        let mut curve = toml::Table::new();
+        curve.insert("type".into(), "table".into());
+        curve.insert("wavelength_nm".into(), list(nm.to_vec()));
+        curve.insert("value".into(), list(values.iter().map(|value| value * scale).collect()));
+        curves.insert(column.name.clone(), toml::Value::Table(curve));
+    }
+    let quantity = match kind {
+        PresetKind::Light => "relative_spectral_power",
+        PresetKind::Filter => "transmittance",
+        PresetKind::Reflectance => "reflectance",
+        _ => "quantum_efficiency",
+    };
+    let mut entry = toml::Table::new();
+    for (field, value) in [("name", name), ("title", name), ("quantity", quantity)] {
+        entry.insert(field.into(), value.into());
+    }
+    let file = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    entry.insert("description".into(), "Table of the user.".into());
+    entry.insert("source".into(), file.into());
+    entry.insert("valid_nm".into(), toml::Value::Array(valid_nm.map(toml::Value::Float).into()));
+    entry.insert("assumed".into(), toml::Value::Array(Vec::new()));
+    let curve = if is_qe {
+        Some(toml::Value::Table(curves))
+    } else {
+        curves.into_iter().next().map(|(_, curve)| curve)
+    };
+    entry.extend(curve.map(|curve| ("curve".to_owned(), curve)));
+    toml::to_string(&entry).map_err(|error| refused(path, error.to_string()))
+}

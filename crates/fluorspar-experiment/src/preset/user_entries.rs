@@ -1,0 +1,39 @@
+//! Entries of the user that stand beside those of the catalogue.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::sync::OnceLock;
+
+use super::kind::PresetKind;
+
+/// An entry of the user: its file in the form of the catalogue.
+pub(super) struct UserEntry {
+    pub(super) text: String,
+    pub(super) path: PathBuf,
+}
+
+/// Entries by folder and name.
+pub(super) type Entries = BTreeMap<(&'static str, String), UserEntry>;
+
+static ENTRIES: OnceLock<Entries> = OnceLock::new();
+
+/// Keeps entries for the rest of this process; the first ones stay.
+pub(super) fn keep_entries(entries: Entries) -> &'static Entries {
+    ENTRIES.get_or_init(|| entries)
+}
+
+/// The entry of a kind and a name, if the user has one.
+pub(super) fn user_entry(kind: PresetKind, name: &str) -> Option<&'static UserEntry> {
+    ENTRIES.get()?.get(&(kind.folder(), name.to_owned()))
+}
+
+/// Names of the entries of a kind.
+pub(super) fn user_names(kind: PresetKind) -> impl Iterator<Item = &'static str> {
+    let of_kind = move |(folder, _): &&(&'static str, String)| *folder == kind.folder();
+    ENTRIES
+        .get()
+        .into_iter()
+        .flat_map(|entries| entries.keys())
+        .filter(of_kind)
+        .map(|(_, name)| name.as_str())
+}
