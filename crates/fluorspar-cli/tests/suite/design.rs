@@ -126,6 +126,36 @@ fn one_light_is_told_as_singular_and_wrong_input_with_its_cure() {
     assert_eq!(fs::read_to_string(folder.path().join("mine/notes.txt")).unwrap(), "mine");
 }
 
+/// Three tasks of an array that begins at 4 and counts by 3, each with the variables that Slurm sets, and a merge that waits for them.
+#[test]
+fn a_slurm_array_shares_a_sweep() {
+    let folder = tempfile::tempdir().unwrap();
+    let command = |args: &[&str]| {
+        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_fluorspar"));
+        command.arg("design").args(args).args(SMALL).args(["two-lights", "-q", "--json"]);
+        command.current_dir(folder.path()).stdout(std::process::Stdio::piped());
+        command
+    };
+    let waiting = command(&["merge", "--out", "parts", "--wait-for", "2"]).spawn().unwrap();
+    for task in ["4", "7"] {
+        let said = command(&["sweep", "--out", "parts", "--shard", "auto"])
+            .env("SLURM_ARRAY_TASK_ID", task)
+            .env("SLURM_ARRAY_TASK_MIN", "4")
+            .env("SLURM_ARRAY_TASK_STEP", "3")
+            .env("SLURM_ARRAY_TASK_COUNT", "2")
+            .env("SLURM_CPUS_PER_TASK", "1")
+            .output()
+            .unwrap();
+        let said: Value = serde_json::from_slice(&said.stdout).unwrap();
+        assert_eq!(said["shard"], if task == "4" { "1/2" } else { "2/2" });
+    }
+    let merged = waiting.wait_with_output().unwrap();
+    assert!(merged.status.success());
+    let merged: Value = serde_json::from_slice(&merged.stdout).unwrap();
+    let whole = design(folder.path(), &["sweep", "two-lights", "--out", "whole"]);
+    assert_eq!(without_provenance(merged), without_provenance(whole));
+}
+
 /// Two places of a light, so two scenes to render.
 const RENDERED: &str = r#"
 format = 1
@@ -212,4 +242,72 @@ fn scenes_are_rendered_once_whoever_is_killed() {
     assert!(!again.stderr.contains("Rendering"), "{}", again.stderr);
     assert_eq!(renders(folder.path()), after);
     assert!(listing(folder.path()).keys().all(|path| path.extension().is_none_or(|end| end != "lock")));
+}
+
+/// Tables of the user beside the catalogue: listed, used by designs, and refused with place and cure.
+#[test]
+fn a_folder_of_the_user_stands_beside_the_catalogue() {
+    let folder = tempfile::tempdir().unwrap();
+    let mine = folder.path().join("mine");
+    for kind in ["lights", "filters", "qe"] {
+        fs::create_dir_all(mine.join(kind)).unwrap();
+    }
+    fs::write(mine.join("lights/lab_led.csv"), "wavelength_nm,power\n395,0\n400,5\n410,0\n").unwrap();
+    fs::write(mine.join("filters/lab_glass.csv"), "wavelength_nm,T\n400,0\n480,0\n500,0.9\n700,0.9\n")
+        .unwrap();
+    fs::write(mine.join("qe/lab_camera.csv"), "wavelength_nm,R,G\n400,0.1,0.2\n700,0.5,0.1\n").unwrap();
+    let run = |args: &[&str]| {
+        let output = std::process::Command::new(env!("CARGO_BIN_EXE_fluorspar"))
+            .args(args)
+            .current_dir(folder.path())
+            .env("FLUORSPAR_CATALOGUE", "mine")
+            .output()
+            .unwrap();
+        let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
+        (output.status.code(), text(output.stdout), text(output.stderr))
+    };
+    let (_, listed, _) = run(&["presets"]);
+    for name in ["lab_led", "lab_glass", "lab_camera", "led_385"] {
+        assert!(listed.contains(name), "{name}");
+    }
+    let light = "light=[{ name = \"lab\", spectrum = \"lab_led\" }]";
+    let filter = "view_filter.long-pass.filters=[\"lab_glass\"]";
+    let compare = [
+        "design",
+        "optimize",
+        "two-lights",
+        "--set",
+        light,
+        "--set",
+        filter,
+        "--set",
+        "led.peaks_nm=[365.0]",
+    ];
+    let set = [
+        "--set",
+        "compare=[]",
+        "--set",
+        "view_filter.long-pass.long_pass_after_peak_nm=[]",
+        "--out",
+        "a",
+        "-q",
+    ];
+    let (code, _, said) = run(&[&compare[..], &set[..]].concat());
+    assert_eq!(code, Some(0), "{said}");
+    let csv = fs::read_to_string(folder.path().join("a/designs.csv")).unwrap();
+    assert!(csv.contains("365 nm + lab"), "{csv}");
+    // Without the folder there is no such light
+    let said = fluorspar(folder.path(), compare);
+    assert!(said.code == Some(2) && said.stderr.contains("lab_led"), "{said:?}");
+    for (file, content, words) in [
+        ("filters/bad.csv", "wavelength_nm,T\n400,0.5\n500,1.5\n", "more than 1"),
+        ("lights/bad.csv", "wavelength_nm,a,b\n400,1,1\n500,1,1\n", "one column"),
+        ("lights/led_385.csv", "wavelength_nm,a\n400,1\n500,1\n", "rename the file"),
+        ("lights/bad.toml", "name = \"bad\"\n", "missing field"),
+    ] {
+        fs::write(mine.join(file), content).unwrap();
+        let (code, _, said) = run(&["presets"]);
+        assert!(code == Some(2) && said.contains(words) && said.contains(file), "{file}: {said}");
+        fs::remove_file(mine.join(file)).unwrap();
+    }
 }

@@ -275,3 +275,57 @@ fn a_camera_for_the_tongue_keeps_to_its_limits() {
     assert!(merits.broken.is_empty() && merits.loss.is_finite(), "{merits:?}");
     assert!(merits.safety_margin.unwrap() >= 2.0 && merits.leak <= 0.5 && merits.saturation <= 1.0);
 }
+
+/// People of a file in two states are told apart, and people who are the same in both are not.
+#[test]
+fn a_cohort_of_a_file_is_told_apart() {
+    let text = "format = 1\nspectral = { first_nm = 430.0, last_nm = 690.0, step_nm = 20.0 }\n\
+                excitation = { first_nm = 385.0, last_nm = 425.0, step_nm = 10.0 }\ncriterion = \"detection\"\n\
+                [[region]]\nname = \"tongue\"\nmaterial = { tissue = \"dorsal_tongue\" }\n\
+                [cohort]\ntissue = \"dorsal_tongue\"\nstate = \"dysplasia\"\npeople = 10\n\
+                [led]\npeaks_nm = [405.0]\nfwhm_nm = 10.0\nirradiance_w_per_m2 = 1000.0\n\
+                [exposure]\ntotal_ms = 1000.0\n\
+                [[sensor]]\nname = \"RGB\"\npreset = \"lyu_2021_table_1\"\n";
+    let problem = parse_design(text, "cohort", Path::new("."), &[]).unwrap().problem;
+    let cohort = problem.cohort.as_ref().unwrap();
+    assert_eq!((cohort.healthy.len(), cohort.altered.len()), (10, 10));
+    let space = DesignSpace::new(problem.clone()).unwrap();
+    let merits = space.evaluate(&space.design(0));
+    let apart = merits.detectability.unwrap();
+    assert!(apart > 0.0 && (merits.loss * apart - 1.0).abs() < 1e-12, "{merits:?}");
+    let mut same = problem;
+    let cohort = same.cohort.as_mut().unwrap();
+    cohort.altered.clone_from(&cohort.healthy);
+    let same = DesignSpace::new(same).unwrap();
+    assert_eq!(same.evaluate(&same.design(0)).detectability, Some(0.0));
+    let wrong = text.replace("dysplasia", "dysplasya");
+    let error = parse_design(&wrong, "cohort", Path::new("."), &[]).unwrap_err().to_string();
+    assert!(error.contains("cohort.state"), "{error}");
+}
+
+/// A monochrome sensor behind a wheel: as many channels as filters, all pixels for each, a third of the time each.
+#[test]
+fn a_wheel_makes_channels_of_a_monochrome_sensor() {
+    let mono = "sensor.RGB.bands={ centers_nm = [560.0], sigma_nm = [200.0], read_noise_e = 2.0, full_well_e = 60000.0 }";
+    let wheel = "sensor.RGB.wheel=[{ name = \"red\", filters = [\"band_pass_635_50\"] }, \
+                 { name = \"green\", filters = [\"band_pass_525_45\"] }, { name = \"blue\", filters = [\"band_pass_470_40\"] }]";
+    let timed = "exposure={ counts = [1], total_ms = 100.0 }";
+    let leds = "led.peaks_nm=[365.0, 405.0]".to_owned();
+    let changes: Vec<String> = [mono, timed].iter().map(|text| (*text).to_owned()).chain([leds]).collect();
+    let alone = space("two-lights", &changes);
+    let behind = space("two-lights", &[changes.clone(), vec![wheel.into()]].concat());
+    let camera = &behind.problem().cameras[0];
+    assert_eq!(camera.channels, ["red", "green", "blue"]);
+    assert_eq!(camera.shares, [1.0; 3]);
+    let of = |space: &DesignSpace| space.evaluate(&space.design(0)).regions.swap_remove(0);
+    let (one, three) = (of(&alone), of(&behind));
+    assert_eq!((one.rank, three.rank), (1, 3));
+    // Filters of 40 to 50 nm, a third of the time each, pass less than a third of all light
+    let sum = |electrons: &[Vec<f64>]| electrons[0].iter().sum::<f64>();
+    assert!(sum(&three.electrons) < sum(&one.electrons) / 3.0 && sum(&three.electrons) > 0.0);
+    let color =
+        ["sensor.RGB.bands={ centers_nm = [600.0, 540.0], sigma_nm = [30.0] }".to_owned(), wheel.to_owned()];
+    let error =
+        parse_design(text_of("two-lights"), "two-lights", Path::new("."), &color).unwrap_err().to_string();
+    assert!(error.contains("sensor of one channel"), "{error}");
+}

@@ -337,7 +337,9 @@ pub(super) fn table<'a>(space: &DesignSpace, designs: impl Iterator<Item = &'a J
 fn table_csv(space: &DesignSpace, designs: &[JudgedDesign]) -> String {
     let p = space.problem();
     let mut head: Vec<String> =
-        ["number", "lights", "view_filter", "sensor", "f_number", "drive", "loss"].map(String::from).into();
+        ["number", "lights", "view_filter", "sensor", "f_number", "drive", "geometry", "loss"]
+            .map(String::from)
+            .into();
     for region in p.regions_of(0) {
         let of = |name: &str| format!("{}: {name}", region.response.name);
         head.extend(region.response.fluorescence.iter().map(|f| of(&format!("sd {}", f.name))));
@@ -359,6 +361,7 @@ fn table_csv(space: &DesignSpace, designs: &[JudgedDesign]) -> String {
             p.cameras[design.camera].name.clone(),
             number(p.lenses[design.lens].f_number),
             number(p.drives[design.drive]),
+            p.geometries.get(design.geometry).map_or_else(String::new, |geometry| geometry.name.clone()),
             number(merits.loss),
         ];
         for region in &merits.regions {
