@@ -149,6 +149,11 @@ pub(super) fn renders(
         found.regions.push(DesignRegion { name: section.name.clone(), region, renders: numbers });
     }
     check_lights(context, lights, &found);
+    if file.unknown.tissue > 0.0 {
+        let message = "the spread of tissue among people is for flat regions; in rendered ones the tissue is taken as known: give \
+                       unknown.blood_um, or regions of several people (rendered.set)";
+        context.warn(&steps!["unknown", "tissue"], message);
+    }
     Ok(found)
 }
 

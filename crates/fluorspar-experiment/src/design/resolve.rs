@@ -90,6 +90,10 @@ pub fn parse_design(
     let rendered = renders(context, &file, &lights)?;
     check_grid(context, &grid, &rendered)?;
     give_power(&mut lights, &rendered);
+    if !rendered.renders.is_empty() && lights.iter().any(|light| light.power_w <= 0.0) {
+        let message = "surfaces that shine have no power that a light of the design could take over; put a light source in their place";
+        return context.fail(&steps!["scene", "light_group"], message);
+    }
     let filters = filters(context, &file, &grid)?;
     let (lens, lenses) = lenses(context, &file, &grid)?;
     let cameras = cameras(context, &file, &lens, &grid)?;

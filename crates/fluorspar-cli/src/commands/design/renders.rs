@@ -96,6 +96,9 @@ fn render_missing(renders: &[DesignRender], paths: &[PathBuf], messages: Message
         }
         let left = missing();
         if left == 0 {
+            // A process that was killed after its scene was complete has left its claim
+            let claims = paths.iter().map(|path| path.with_extension("lock"));
+            claims.filter(|claim| claim.exists()).try_for_each(|claim| Claim::take(&claim).map(drop))?;
             return Ok(());
         }
         if STOP.load(Ordering::SeqCst) {
