@@ -8,6 +8,7 @@ use png::{BitDepth, ColorType};
 use serde::{Deserialize, Serialize};
 use tiff::decoder::{Decoder, DecodingResult, Limits};
 use tiff::encoder::{TiffEncoder, colortype::Gray16};
+use tiff::tags::Tag;
 
 use super::dng::{is_dng, read_dng};
 use super::file::{
@@ -106,7 +107,10 @@ pub fn write_sensor_tiff(
     let description = description(path, image, provenance)?;
     write_atomically(path, |writer| {
         let result = TiffEncoder::new(writer).and_then(|mut encoder| {
-            encoder.write_image::<Gray16>(image.width as u32, image.height as u32, &image.data)
+            let mut frame = encoder.new_image::<Gray16>(image.width as u32, image.height as u32)?;
+            frame.encoder().write_tag(Tag::Software, concat!("Fluorspar ", env!("CARGO_PKG_VERSION")))?;
+            frame.encoder().write_tag(Tag::ImageDescription, tiff_description(image).as_str())?;
+            frame.write_data(&image.data)
         });
         result.map_err(|error| match error {
             tiff::TiffError::IoError(source) => source,
@@ -114,6 +118,29 @@ pub fn write_sensor_tiff(
         })
     })?;
     write_sidecar(path, &description)
+}
+
+/// What a viewer shows of a raw frame: its name, mosaic and levels in ASCII.
+fn tiff_description(image: &SensorImage) -> String {
+    let pattern = image.mosaic.pattern.chunks(image.mosaic.cols.max(1));
+    let rows: Vec<String> = pattern
+        .map(|row| {
+            let names = row.iter().filter_map(|&c| image.mosaic.channels.get(usize::from(c)));
+            names.map(String::as_str).collect::<Vec<_>>().join(" ")
+        })
+        .collect();
+    let text = format!(
+        "raw frame {}; mosaic {}; black {} DN, white {} DN; {} ms, gain {}; more in the .json file beside it",
+        image.label,
+        rows.join(" / "),
+        image.black_level,
+        image.white_level,
+        1e3 * image.exposure_s,
+        image.gain
+    );
+    text.chars()
+        .map(|letter| if letter.is_ascii() && !letter.is_ascii_control() { letter } else { '?' })
+        .collect()
 }
 
 /// Writes a raw frame as 16-bit gray PNG, and its description to `PATH.json`.
