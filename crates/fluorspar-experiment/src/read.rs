@@ -83,8 +83,32 @@ pub(super) fn read_document(
     let changes = overrides.iter().map(|text| SceneChange::read_set(text)).collect::<Result<Vec<_>, _>>();
     let mut document = read_merged(schema, text, source_name, base_dir)?;
     change_document(&mut document, schema, &changes?, base_dir)?;
+    let sets = |key: &str| overrides.iter().any(|text| text.split(['.', '=', '[']).next() == Some(key));
+    let harmless = ["title", "description", "output", "render"];
+    if overrides
+        .iter()
+        .any(|text| !harmless.contains(&text.split(['.', '=', '[']).next().unwrap_or_default()))
+    {
+        keep_to_what_holds(&mut document.root, sets);
+    }
     finish_document(&mut document, schema)?;
     Ok(document)
+}
+
+/// Mark of a title that was written for another experiment.
+const CHANGED: &str = ", changed";
+
+/// What was written of an experiment need not hold for what is put on top of it: its description goes, and its title says that it
+/// was changed, unless they are written anew.
+fn keep_to_what_holds(root: &mut Node, is_anew: impl Fn(&str) -> bool) {
+    if !is_anew("description") {
+        root.take("description");
+    }
+    if let (Some(node), false) = (root.get_mut("title"), is_anew("title"))
+        && let Some(title) = node.as_str().filter(|title| !title.is_empty() && !title.ends_with(CHANGED))
+    {
+        node.content = Content::Leaf(toml::Value::String(format!("{title}{CHANGED}")));
+    }
 }
 
 /// Text and bases as one tree.
@@ -193,6 +217,8 @@ fn put_on_bases(document: &mut Document, schema: &Schema, base_dir: &Path) -> Re
         check_format(schema, &base, &source)?;
         document.sources.push(source);
         document.root.take("base");
+        let mut base = base;
+        keep_to_what_holds(&mut base, |key| document.root.get(key).is_some());
         let over = std::mem::replace(&mut document.root, base);
         merge(schema, Some(schema.root()), &mut document.root, over);
     }

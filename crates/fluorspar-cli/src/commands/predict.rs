@@ -158,7 +158,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let prediction = predict(&sample.sample)?;
     if options.talk.json {
         super::print_json(&as_json(&sample, &prediction)?)?;
-    } else if !options.talk.quiet {
+    } else {
         super::print_text(&describe(&sample, &source.name, &prediction))?;
     }
     Ok(ExitCode::SUCCESS)

@@ -46,7 +46,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         let mut value = serde_json::to_value(&report)?;
         value["experiment_sha256"] = record.sha256.into();
         super::print_json(&value)?;
-    } else if !options.talk.quiet {
+    } else {
         super::print_text(&describe(&record.title, &report))?;
     }
     Ok(ExitCode::SUCCESS)
