@@ -38,9 +38,9 @@ use crate::kept::fetch_mouth;
 use crate::preset;
 use fluorspar::optics::PerspectiveCamera;
 use fluorspar::render::{RenderSettings, basis_bytes, memory_bytes, tile_row_bytes, whole_image_bytes};
-use fluorspar::scene::{Scene, SceneError};
+use fluorspar::scene::{Scene, SceneError, SceneWarning};
 use fluorspar::spectral::WavelengthGrid;
-use fluorspar::study::{AnalysisPlan, Camera, Study};
+use fluorspar::study::{AnalysisPlan, Camera, Capture, Study};
 
 /// An experiment ready to run: what it means, and the file that says so.
 #[derive(Clone, Debug, PartialEq)]
@@ -112,7 +112,7 @@ pub fn resolve(experiment: &Experiment) -> Result<ResolvedExperiment, Experiment
     let in_bands = whole_image_bytes(&scene) + basis_bytes(&scene, &render) + tile_row_bytes(&scene, &render);
     device::check_memory(context, file, memory_bytes(&scene, &render), in_bands)?;
     warn_unused(context, file, &scene, &copied_materials, analysis.as_ref());
-    for warning in scene.warnings() {
+    for warning in scene.warnings().into_iter().filter_map(|w| that_matters(w, &scene, &camera, &captures)) {
         context.push_warning(Warning::summarized(warning.to_string(), warning.summary()));
     }
 
@@ -143,6 +143,49 @@ pub fn resolve(experiment: &Experiment) -> Result<ResolvedExperiment, Experiment
         sha256,
     };
     Ok(ResolvedExperiment { study, record })
+}
+
+/// Share of the emission beyond its data that changes no result by more than other errors do, percent.
+const LITTLE_EMISSION_PERCENT: f64 = 5.0;
+/// Share of a light that the filters of a frame pass from which on the frame is one of reflected light: fluorescence, a thousandth of
+/// it, is no matter there.
+const REFLECTED_SHARE: f64 = 0.1;
+
+/// What of a warning changes a result; `None` where nothing does.
+fn that_matters(
+    warning: SceneWarning,
+    scene: &Scene,
+    camera: &Camera,
+    captures: &[Capture],
+) -> Option<SceneWarning> {
+    match warning {
+        SceneWarning::ExcitationOutsideData(mut cases) => {
+            cases.retain(|case| !is_for_reflection(&case.light, scene, camera, captures));
+            (!cases.is_empty()).then_some(SceneWarning::ExcitationOutsideData(cases))
+        }
+        SceneWarning::EmissionOutsideData(mut cases) => {
+            cases.retain(|case| case.percent > LITTLE_EMISSION_PERCENT);
+            (!cases.is_empty()).then_some(SceneWarning::EmissionOutsideData(cases))
+        }
+        other => Some(other),
+    }
+}
+
+/// Whether all frames under a light see it reflected.
+fn is_for_reflection(name: &str, scene: &Scene, camera: &Camera, captures: &[Capture]) -> bool {
+    let whole =
+        |other: &str| other.strip_prefix(name).is_some_and(|rest| rest.is_empty() || rest.starts_with('['));
+    let Some(light) = scene.lights.iter().find(|light| light.name == name || whole(&light.name)) else {
+        return false;
+    };
+    let group = &scene.light_groups[light.group].name;
+    let passed = |capture: &Capture| {
+        let seen = light.spectrum.times(&camera.view_filter.transmittance);
+        let seen = capture.filter.as_ref().map_or(seen.clone(), |filter| seen.times(filter));
+        seen.total() > REFLECTED_SHARE * light.spectrum.total()
+    };
+    let mut under_it = captures.iter().filter(|capture| capture.frame.drive(group) > 0.0).peekable();
+    under_it.peek().is_some() && under_it.all(passed)
 }
 
 /// The shapes of an experiment at their places, with the camera that looks at them: what can be shown without light. Every material
