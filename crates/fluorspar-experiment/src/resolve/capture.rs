@@ -15,6 +15,7 @@ use crate::schema::{
     AnalysisSection, BulkReference, CaptureSection, ConcentrationFactor, ExperimentFile, ExposureTime,
     TextureReference,
 };
+use crate::warning::Warning;
 use fluorspar::light::LightGroup;
 use fluorspar::material::{Material, ScalarTexture, StateGrid};
 use fluorspar::names::did_you_mean;
@@ -270,8 +271,11 @@ pub(super) fn analysis(
         );
         return context.fail(&at("frame"), message);
     }
-    check_channels(context, seen.sensor)?;
     check_region(context, section, seen)?;
+    if let Some(warning) = without_colors(seen.sensor) {
+        context.push_warning(warning);
+        return Ok(None);
+    }
     let reads_a_part = |sensor: &Sensor| {
         let model = sensor.model();
         model.region_px.is_some_and(|region| region != [0, 0, model.columns, model.rows])
@@ -433,22 +437,18 @@ fn line_ends(file: &ExperimentFile, section: &AnalysisSection, seen: &Seen<'_>) 
     }
 }
 
-/// Chromaticity needs three channels.
-fn check_channels(context: &Context<'_>, sensor: Option<&Sensor>) -> Resolved<()> {
-    let Some(sensor) = sensor else { return Ok(()) };
-    match ["R", "G", "B"].iter().find(|name| sensor.qe().find(name).is_none()) {
-        None => Ok(()),
-        Some(missing) => {
-            let names: Vec<&str> =
-                sensor.qe().channels().iter().map(|channel| channel.name.as_str()).collect();
-            let message = format!(
-                "chromaticity needs the channels R, G and B, but the sensor has no {missing}, only {}; remove [analysis], or \
-                 give the sensor another mosaic, such as \"grbg\"",
-                names.join(", ")
-            );
-            context.fail(&steps!["analysis"], message)
-        }
-    }
+/// What is said of an analysis that the sensor can't serve: chromaticity needs three channels.
+fn without_colors(sensor: Option<&Sensor>) -> Option<Warning> {
+    let sensor = sensor?;
+    let missing = ["R", "G", "B"].iter().find(|name| sensor.qe().find(name).is_none())?;
+    let names: Vec<&str> = sensor.qe().channels().iter().map(|channel| channel.name.as_str()).collect();
+    let summary = "the analysis is left out: the sensor has no channels R, G and B";
+    let text = format!(
+        "{summary} for a chromaticity (no {missing}, only {}). Frames, levels, signal to noise and leak are there; a mosaic such as \
+         \"grbg\" brings the analysis back",
+        names.join(", ")
+    );
+    Some(Warning::summarized(text, summary))
 }
 
 /// Refuses parts that do not exist, and regions of which no part can be in the image.
