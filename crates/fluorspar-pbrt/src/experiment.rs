@@ -301,6 +301,10 @@ impl<'a> SceneWriter<'a> {
             source: FluorophoreSource::Matrix(MatrixSource { eem_csv, unit: Some(YieldUnit::Photons) }),
             photon_yield: Some(best / amount),
             stokes: Some(eem.stokes()),
+            allow_negative: false,
+            // What the mask leaves out is in the table, too.
+            allow_anti_stokes: true,
+            empty_as_zero: false,
         }
     }
 

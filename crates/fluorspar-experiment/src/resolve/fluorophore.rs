@@ -12,7 +12,7 @@ use fluorspar::spectral::{
     Curve, EemTable, EnergyEem, Fluorophore, PhotonEem, SeparableTerm, Stokes, YieldUnit,
 };
 use fluorspar_format::{
-    AntiStokes, CsvColumns, CsvEemOptions, CsvSpectrumOptions, EemUnit, Negative, read_eem_csv,
+    AntiStokes, CsvColumns, CsvEemOptions, CsvSpectrumOptions, EemUnit, FormatError, Negative, read_eem_csv,
     read_fluorophore_csv, read_iset_fluorophore,
 };
 
@@ -100,17 +100,18 @@ fn from_section(
     let stokes = section.stokes.unwrap_or_default();
     let (eem, source) = match &section.source {
         FluorophoreSource::Catalogue(name) => return of_catalogue(context, &at_source, section, name),
-        FluorophoreSource::Matrix(MatrixSource { eem_csv, unit }) => {
-            (matrix_from_csv(context, &at_source.field("eem_csv"), eem_csv, *unit, stokes)?, eem_csv)
-        }
+        FluorophoreSource::Matrix(MatrixSource { eem_csv, unit }) => (
+            matrix_from_csv(context, &at_source.field("eem_csv"), eem_csv, *unit, (section, stokes))?,
+            eem_csv,
+        ),
         FluorophoreSource::Mat(MatSource { mat, unit }) => {
-            (from_mat(context, &at_source.field("mat"), mat, *unit, stokes)?, mat)
+            (from_mat(context, &at_source.field("mat"), mat, *unit, (section, stokes))?, mat)
         }
         FluorophoreSource::Table(TableSource { csv, unit }) => {
             let at = at_source.field("csv");
             context.note_input(&at, csv)?;
-            let read = read_fluorophore_csv(csv.as_ref(), Negative::ClipToZero)
-                .map_err(|e| context.file_error(&at, &e))?;
+            let read = read_fluorophore_csv(csv.as_ref(), negative(section))
+                .map_err(|e| reader_error(context, &at, &e))?;
             if read.emission_only {
                 let message = "the excitation column is constant: it was never measured. Give a measured one";
                 return context.fail(&at, message);
@@ -120,7 +121,7 @@ fn from_section(
         FluorophoreSource::Spectra(SpectraSource { excitation_csv, emission_csv, unit }) => {
             let options = CsvSpectrumOptions {
                 columns: CsvColumns::Numbered(vec![1]),
-                negative: Negative::ClipToZero,
+                negative: negative(section),
                 ..CsvSpectrumOptions::default()
             };
             let mut first = |key: &str, file: &FilePath| -> Resolved<Curve> {
@@ -228,6 +229,52 @@ fn matrix(
     .map_err(|error| context.error(at, error.to_string()))
 }
 
+/// Largest share of the peak that a value below its excitation may have: what stray light of good instruments leaves.
+const ANTI_STOKES_TOLERANCE: f64 = 1e-3;
+/// What lets files pass that are refused.
+const ALLOW_NEGATIVE: &str = "Subtract the background correctly, or take negative values as zero with allow_negative = true in this [[fluorophore]]";
+const ALLOW_ANTI_STOKES: &str = "; allow_anti_stokes = true in this [[fluorophore]] accepts such values";
+const EMPTY_AS_ZERO: &str = "; empty_as_zero = true in this [[fluorophore]] takes them as zero";
+
+fn negative(section: &FluorophoreSection) -> Negative {
+    if section.allow_negative { Negative::ClipToZero } else { Negative::Refuse }
+}
+
+/// The error of a file with the field that lets it pass.
+fn reader_error(context: &Context<'_>, at: &Place, error: &FormatError) -> crate::ExperimentError {
+    let field = match error {
+        FormatError::Negative { .. } => "; allow_negative = true in this [[fluorophore]] takes them as zero",
+        FormatError::AntiStokes { .. } => ALLOW_ANTI_STOKES,
+        FormatError::EmptyCell { .. } => EMPTY_AS_ZERO,
+        _ => "",
+    };
+    match field {
+        "" => context.file_error(at, error),
+        field => context.error(at, format!("{error}{field}")).without_value(),
+    }
+}
+
+/// Refuses a square matrix, rows emission, with light below its excitation.
+fn check_stokes(context: &Context<'_>, at: &Place, wave_nm: &[f64], values: &[f64]) -> Resolved<()> {
+    let n = wave_nm.len().max(1);
+    let peak = values.iter().copied().fold(0.0, f64::max);
+    let below = values.iter().enumerate().filter(|(index, _)| wave_nm[index / n] < wave_nm[index % n]);
+    let worst = below.max_by(|a, b| a.1.total_cmp(b.1));
+    match worst {
+        Some((index, &value)) if value > ANTI_STOKES_TOLERANCE * peak => context.fail(
+            at,
+            format!(
+                "emission at {} nm under excitation at {} nm is {:.1} % of the peak, but light can't be emitted below its excitation. \
+                 Rows are emission, columns are excitation: is the matrix transposed, or does it hold scattered light?{ALLOW_ANTI_STOKES}",
+                wave_nm[index / n],
+                wave_nm[index % n],
+                100.0 * value / peak
+            ),
+        ),
+        _ => Ok(()),
+    }
+}
+
 /// What to do about a matrix whose values may count photons or energy.
 const UNKNOWN_UNIT: &str =
     "the file does not know what its values count; add unit = \"photons\" or \"energy\"";
@@ -237,7 +284,7 @@ fn matrix_from_csv(
     at: &Place,
     file: &FilePath,
     unit: Option<YieldUnit>,
-    stokes: Stokes,
+    (section, stokes): (&FluorophoreSection, Stokes),
 ) -> Resolved<PhotonEem> {
     context.note_input(at, file)?;
     let options = CsvEemOptions {
@@ -245,11 +292,14 @@ fn matrix_from_csv(
             YieldUnit::Photons => EemUnit::Photons,
             YieldUnit::Energy => EemUnit::Energy,
         }),
-        anti_stokes: AntiStokes::Keep,
-        negative: Negative::ClipToZero,
-        empty_as_zero: true,
+        anti_stokes: match section.allow_anti_stokes || stokes == Stokes::Off {
+            true => AntiStokes::Keep,
+            false => AntiStokes::Refuse(ANTI_STOKES_TOLERANCE),
+        },
+        negative: negative(section),
+        empty_as_zero: section.empty_as_zero,
     };
-    let read = read_eem_csv(file.as_ref(), &options).map_err(|error| context.file_error(at, &error))?;
+    let read = read_eem_csv(file.as_ref(), &options).map_err(|error| reader_error(context, at, &error))?;
     let unit = match read.unit {
         EemUnit::Photons => YieldUnit::Photons,
         EemUnit::Energy => YieldUnit::Energy,
@@ -266,11 +316,20 @@ fn from_mat(
     at: &Place,
     file: &FilePath,
     unit: Option<YieldUnit>,
-    stokes: Stokes,
+    (section, stokes): (&FluorophoreSection, Stokes),
 ) -> Resolved<PhotonEem> {
     context.note_input(at, file)?;
     let read = read_iset_fluorophore(file.as_ref()).map_err(|error| context.file_error(at, &error))?;
+    let all = [&read.eem, &read.excitation, &read.emission];
+    let lowest = all.into_iter().flatten().flatten().copied().fold(0.0, f64::min);
+    if lowest < 0.0 && !section.allow_negative {
+        let value = fluorspar::units::number_text(lowest);
+        return context.fail(at, format!("a value is {value}, below zero. {ALLOW_NEGATIVE}"));
+    }
     if let Some(values) = read.eem {
+        if !section.allow_anti_stokes && stokes != Stokes::Off {
+            check_stokes(context, at, &read.wave_nm, &values)?;
+        }
         let values = values.into_iter().map(|value| value.max(0.0)).collect();
         let table = EemTable { emission_nm: read.wave_nm.clone(), excitation_nm: read.wave_nm, values };
         return matrix(context, at, table, unit.unwrap_or(YieldUnit::Photons), stokes);

@@ -35,6 +35,16 @@ pub struct FluorophoreSection {
     /// Whether emission below the excitation wavelength is masked. Default: as in the catalogue, otherwise "mask".
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stokes: Option<Stokes>,
+    /// Take negative values of its files as zero instead of refusing them. Default false.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub allow_negative: bool,
+    /// Accept values of a matrix below their excitation, scattered light for instance, which the Stokes mask then leaves out, instead of
+    /// refusing them. Default false; with stokes = "off" they are part of the matrix.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub allow_anti_stokes: bool,
+    /// Take empty cells of a matrix as zero instead of refusing them. Default false.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub empty_as_zero: bool,
 }
 
 /// A name of the catalogue, or a table with `eem_csv`, `csv`, `mat`, or `excitation_csv` and `emission_csv`.

@@ -99,6 +99,9 @@ pub(super) fn from_file(
             StokesChoice::Mask => Stokes::Mask,
             StokesChoice::Off => Stokes::Off,
         }),
+        allow_negative: options.allow_negative,
+        allow_anti_stokes: options.allow_anti_stokes,
+        empty_as_zero: options.empty_as_zero,
     };
     Ok((section, measured))
 }
