@@ -44,6 +44,14 @@ pub fn parse(
 ) -> Result<Experiment, ExperimentError> {
     let schema = experiment_schema();
     let mut document = read_document(schema, text, source_name, base_dir, overrides)?;
+    let sets = |key: &str| overrides.iter().any(|text| text.split(['.', '=', '[']).next() == Some(key));
+    let harmless = ["title", "description", "output", "render"];
+    if overrides
+        .iter()
+        .any(|text| !harmless.contains(&text.split(['.', '=', '[']).next().unwrap_or_default()))
+    {
+        keep_to_what_holds(&mut document.root, sets);
+    }
     let file: ExperimentFile = typed(&mut document, schema)?;
     Ok(Experiment { file, document })
 }
@@ -83,14 +91,6 @@ pub(super) fn read_document(
     let changes = overrides.iter().map(|text| SceneChange::read_set(text)).collect::<Result<Vec<_>, _>>();
     let mut document = read_merged(schema, text, source_name, base_dir)?;
     change_document(&mut document, schema, &changes?, base_dir)?;
-    let sets = |key: &str| overrides.iter().any(|text| text.split(['.', '=', '[']).next() == Some(key));
-    let harmless = ["title", "description", "output", "render"];
-    if overrides
-        .iter()
-        .any(|text| !harmless.contains(&text.split(['.', '=', '[']).next().unwrap_or_default()))
-    {
-        keep_to_what_holds(&mut document.root, sets);
-    }
     finish_document(&mut document, schema)?;
     Ok(document)
 }

@@ -485,8 +485,30 @@ fn light_beyond_either_end_of_the_excitation_data_is_warned_about() {
 }
 
 #[test]
+fn words_about_another_experiment_do_not_stay() {
+    let record = |text: &str, overrides: &[&str]| resolved(text, overrides).record;
+    let base = record("format = 1\nbase = \"flat-patch\"\n", &[]);
+    assert_eq!((base.title.as_str(), base.description.as_str()), ("Flat patch, changed", ""));
+    let own = record("format = 1\nbase = \"flat-patch\"\ntitle = \"Mine\"\ndescription = \"Own.\"\n", &[]);
+    assert_eq!((own.title.as_str(), own.description.as_str()), ("Mine", "Own."));
+    // More samples are no other experiment, another light is.
+    let more = ["render.samples_per_pixel=2"];
+    assert_eq!(record("format = 1\nbase = \"flat-patch\"\ntitle = \"Mine\"\n", &more).title, "Mine");
+    let other = ["light.blue.spectrum=led_405"];
+    assert_eq!(
+        record("format = 1\nbase = \"flat-patch\"\ntitle = \"Mine\"\n", &other).title,
+        "Mine, changed"
+    );
+}
+
+#[test]
 fn a_warning_of_many_lights_and_fluorophores_can_be_read() {
-    let warnings = resolved("format = 1\nbase = \"oraleye-2021-surface\"\n", &[]).record.warnings;
+    let text = "format = 1\nbase = \"oraleye-2021-surface\"\n";
+    // The frame of white light is one of reflected light: there it changes no result.
+    let unharmed = resolved(text, &[]).record.warnings;
+    assert_eq!(warnings_with(&unharmed, "excites is extrapolated").len(), 0, "{unharmed:#?}");
+    let without = format!("{text}[[capture]]\nname = \"white\"\nremove = true\n");
+    let warnings = resolved(&without, &[]).record.warnings;
     let excitation = warnings_with(&warnings, "excites is extrapolated");
     // One sentence per light, without the numbers of its emitters; fluorophores of one measurement together.
     assert_eq!(excitation.len(), 1, "{warnings:#?}");
