@@ -16,8 +16,8 @@ use fluorspar_report::figures::{
     filters, histograms, lights, picture, porphyrin_map, radiance_by_component, sensor_response,
 };
 use fluorspar_report::{
-    Figure, Number, NumberTable, Origin, Raster, ReportData, ReportItem, ReportPicture, Scale, Section,
-    analysis_section, glossary_section,
+    Figure, FrameOrigin, Number, NumberTable, Origin, Raster, ReportData, ReportItem, ReportPicture, Scale,
+    Section, analysis_section,
 };
 
 const WIDTH: usize = 320;
@@ -213,6 +213,7 @@ fn report(
     let fraction = region.map_or_else(String::new, |region| format!("{:.3}", region.estimate.fraction));
     ReportData {
         title: "Sample report: a tongue under 385 nm".into(),
+        overview: None,
         lead: vec![
             "This page shows what a fluorescence camera would record of a tongue lit by a 385 nm LED, and what the recorded colors \
              say about porphyrins. Everything on it is made up, to show what a report looks like."
@@ -228,12 +229,16 @@ fn report(
             tongue,
             analysis_section(
                 analysis,
-                vec![ReportItem::Figure { figure: chromaticity_figure(analysis, map), caption: String::new() }],
+                vec![ReportItem::Figure {
+                    figure: chromaticity_figure(analysis, map),
+                    caption: String::new(),
+                    stem: String::new(),
+                }],
+                FrameOrigin::Simulated,
             )
                 .show(histograms("blue", &channel_values(image), image.full_scale_dn, None), ""),
             radiance_section(),
             parts_section(),
-            glossary_section(),
         ],
         provenance: vec![("Fluorspar".into(), "0.1.0".into()), ("Seed".into(), "7".into())],
         experiment_toml: "# every setting\ntitle = \"a < b & c\"\n[camera]\nexposure_s = 0.03\n".into(),
@@ -256,6 +261,7 @@ fn chromaticity_figure(analysis: &Analysis, map: &ChromaticityMap) -> Figure {
         region: "the tongue".into(),
         pixels: (0..WIDTH * HEIGHT).filter(inside).filter_map(|pixel| map.at(pixel)).collect(),
         fluorophores: points.collect(),
+        target: "porphyrin".into(),
         mixture_line: analysis.mixture.as_ref().map(|mixture| [mixture.bulk, mixture.porphyrin]),
         ellipse: analysis.ellipse.map(|ellipse| ellipse.outline(2.4477, 90)).unwrap_or_default(),
     })

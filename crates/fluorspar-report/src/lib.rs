@@ -24,9 +24,10 @@ pub use figure::{
     Series, SeriesShape,
 };
 pub use page::{
-    Number, NumberTable, Origin, ReportData, ReportItem, ReportPicture, Section, analysis_section,
-    extract_experiment, glossary_section,
+    Answer, MapOverlay, Number, NumberMatrix, NumberTable, Origin, Overview, ReportData, ReportItem,
+    ReportPicture, Section, View, analysis_section, extract_experiment,
 };
 pub use run::{
-    NamedFigure, RunFolderError, RunReport, RunResults, run_report, write_run_components, write_run_folder,
+    FrameOrigin, NamedFigure, RunFolderError, RunReport, RunResults, dark_frames, name_target, run_report,
+    write_frame_report, write_run_components, write_run_folder,
 };

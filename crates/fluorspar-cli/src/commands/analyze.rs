@@ -14,11 +14,13 @@ use fluorspar::study::{Capture, Study};
 use fluorspar_experiment::resolve;
 use fluorspar_format::{OutputFolder, read_sensor_image, write_atomically, write_map_npy};
 use fluorspar_report::figures::porphyrin_maps;
+use fluorspar_report::{FrameOrigin, name_target};
 
+use super::frame_report::{FrameReport, warn_of_darkness};
 use super::rendered_image::RenderedImage;
 use crate::args::{Changes, Talk};
 use crate::error::CliError;
-use crate::experiment_source::ExperimentSource;
+use crate::experiment_source::{ExperimentSource, read_text};
 use crate::values::as_typed;
 
 /// Options of `analyze`.
@@ -44,7 +46,8 @@ pub(crate) struct Options {
     /// by part name.
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     components: Option<PathBuf>,
-    /// Folder for maps of the porphyrin fraction of each pixel, its interval and its detection limit (NumPy and PNG) and results.json.
+    /// Folder for report.html, maps of the porphyrin fraction of each pixel, its interval and its detection limit (NumPy and PNG) and
+    /// results.json.
     #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath)]
     out: Option<PathBuf>,
     #[command(flatten)]
@@ -72,7 +75,12 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let experiment = resolve(&parsed).map_err(|error| as_typed(error, &overrides))?;
     let study = &experiment.study;
     let Some(settings) = &study.analysis else {
-        return Err(CliError::Input(format!("{name}: the experiment has no [analysis] section; add one")));
+        let reason =
+            experiment.record.warnings.iter().find(|warning| warning.contains("analysis is left out"));
+        return Err(CliError::Input(match reason {
+            Some(reason) => format!("{name}: {reason}"),
+            None => format!("{name}: the experiment has no [analysis] section; add one"),
+        }));
     };
     let exposures = if options.frame.is_empty() {
         let Some(folder) = &options.folder else {
@@ -82,11 +90,15 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     } else {
         named_frames(options, study, &settings.frame)?
     };
-    let image = options.components.clone().or_else(|| beside("components.exr").filter(|p| p.is_file()));
+    let image = options
+        .components
+        .clone()
+        .or_else(|| beside("components.exr").filter(|p| p.is_file()))
+        .or_else(|| options.folder.as_ref().and_then(|folder| captured_from(folder)));
     if let (None, [part, ..]) = (&image, settings.parts.as_slice()) {
         return Err(CliError::Input(format!(
             "{name}: the region is the part \"{part}\", but its pixels are known only from the component image; give that of \
-             the run with --components, or give a rectangle instead: --set analysis.parts=[] --set \
+             the run with --components (that which the frames came from is not where it was), or give a rectangle instead: --set analysis.parts=[] --set \
              analysis.rectangle_px=[COLUMN,ROW,WIDTH,HEIGHT]"
         )));
     }
@@ -125,16 +137,42 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         // Frames of another origin may show another mouth than the component image.
         (analyzed.analysis.truth, analyzed.analysis.budget) = (None, None);
     }
-    if let Some(out) = out {
-        let place = write_maps(out, &analyzed)?;
-        options.talk.messages().status(format!("Wrote {}", place.display()));
-    }
+    let messages = options.talk.messages();
+    warn_of_darkness(&experiment, &frames, messages);
     if options.talk.json {
         super::print_json(&analyzed.analysis)?;
-    } else if !options.talk.quiet {
-        super::print_text(&describe(&analyzed.analysis))?;
+    } else {
+        super::print_text(&name_target(&experiment, &describe(&analyzed.analysis)))?;
+    }
+    match out {
+        Some(out) => {
+            let report = FrameReport {
+                experiment: &experiment,
+                experiment_text: &source.text,
+                frames,
+                analysis: Some(analyzed.clone()),
+                frames_from: if options.frame.is_empty() {
+                    FrameOrigin::Simulated
+                } else {
+                    FrameOrigin::Given
+                },
+                raw_ending: None,
+            };
+            report.write(out.path()).map_err(|error| error.at_its_place(&out))?;
+            let place = write_maps(out, &analyzed)?;
+            messages.status(format!("Open {}", place.join("report.html").display()));
+        }
+        None => messages.status("Next: the same with --out FOLDER writes a report and maps"),
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// The component image that the frames of a folder were captured from, as `capture` wrote it down; none where it is gone.
+fn captured_from(folder: &Path) -> Option<PathBuf> {
+    let text = read_text(&folder.join("results.json")).ok()?;
+    let results: serde_json::Value = serde_json::from_str(&text).ok()?;
+    let path = PathBuf::from(results.get("components_file")?.as_str()?);
+    path.is_file().then_some(path)
 }
 
 /// Writes the numbers of the region and its maps.

@@ -1,23 +1,25 @@
 //! `fluorspar capture`: raw frames from a component image.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::{ValueEnum, ValueHint};
 use fluorspar::image::SensorImage;
 use fluorspar::pipeline::{
-    CameraColor, CapturedFrame, ColorRendering, capture_from_planes, check_captures, preview,
+    CameraColor, CapturedFrame, ColorRendering, analyze_seen, capture_from_planes, check_captures, preview,
 };
 use fluorspar::study::{Capture, Study};
 use fluorspar_experiment::{ResolvedExperiment, resolve};
 use fluorspar_format::{
-    DngColor, FormatError, OutputFolder, Provenance, RawPacking, write_atomically, write_packed_raw,
-    write_rgb_png, write_sensor_dng, write_sensor_png, write_sensor_tiff,
+    DngColor, FileFormat, FormatError, OutputFolder, Provenance, RawPacking, write_atomically,
+    write_packed_raw, write_rgb_png, write_sensor_dng, write_sensor_png, write_sensor_tiff,
 };
+use fluorspar_report::FrameOrigin;
 use rayon::prelude::*;
 use serde_json::{Value, json};
 use std::io::Write;
 
+use super::frame_report::{FrameReport, warn_of_darkness};
 use super::rendered_image::RenderedImage;
 use crate::args::{Changes, Seed, Talk};
 use crate::budget::frame_bytes;
@@ -41,6 +43,9 @@ pub(crate) struct Options {
     /// Format of the raw frames: TIFF or PNG with a .json description, DNG for raw converters, or packed as camera modules do.
     #[arg(long, value_enum, value_name = "FORM", default_value_t = RawForm::Tiff)]
     format: RawForm,
+    /// Also write report.html: the frames, the analysis of the experiment, and the numbers that decide about the design.
+    #[arg(long)]
+    report: bool,
     /// Folder for the frames.
     #[arg(long, value_name = "DIR", default_value = "fluorspar-out/capture", value_hint = ValueHint::DirPath)]
     out: PathBuf,
@@ -119,20 +124,22 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         inputs.extend(source.files(&experiment.record));
     }
     let changes = image.changes(&parsed, &experiment, true)?;
-    let ResolvedExperiment { study, record } = experiment;
+    let ResolvedExperiment { study, record } = &experiment;
     inputs.extend(record.inputs.iter().map(|input| input.path.clone()));
-    check_captures(&study, image.labels())?;
-    let folder = OutputFolder::prepare(&options.out, &inputs, frame_bytes(&study))?;
-    let view = image.seen_by(&study, &study.captures, changes)?;
-    view.say_uncertainty(&study, messages);
-    let frames = capture_from_planes(&study, &view.components(&image, &study.captures))?;
+    check_captures(study, image.labels())?;
+    let folder = OutputFolder::prepare(&options.out, &inputs, frame_bytes(study))?;
+    let view = image.seen_by(study, &study.captures, changes)?;
+    view.say_uncertainty(study, messages);
+    let seen = view.components(&image, &study.captures);
+    let frames = capture_from_planes(study, &seen)?;
+    warn_of_darkness(&experiment, &frames, messages);
     let provenance = Provenance::new(
         &text,
         record.resolved_toml.clone(),
         study.render.seed,
         image.labels().samples_per_pixel,
     );
-    let list = write_frames(options.format, &study, &frames, &folder, &provenance)
+    let list = write_frames(options.format, study, &frames, &folder, &provenance)
         .and_then(|list| {
             write_atomically(&folder.path().join("experiment.toml"), |file| {
                 file.write_all(record.resolved_toml.as_bytes())
@@ -140,13 +147,53 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
             Ok(list)
         })
         .map_err(|error| folder.at_its_place(error))?;
+    let results = results_json(&options.image, &list)?;
+    write_atomically(&folder.path().join("results.json"), |file| file.write_all(&results))
+        .map_err(|error| folder.at_its_place(error))?;
+    let count = frames.len();
+    if options.report {
+        let analysis =
+            if study.analysis.is_some() { analyze_seen(study, Some(&seen), &frames)? } else { None };
+        let report = FrameReport {
+            experiment: &experiment,
+            experiment_text: &text,
+            frames,
+            analysis,
+            frames_from: FrameOrigin::Simulated,
+            raw_ending: Some(options.format.ending()),
+        };
+        report.write(folder.path()).map_err(|error| error.at_its_place(&folder))?;
+    }
     let target = folder.finish()?;
     if options.talk.json {
         super::print_json(&json!({ "folder": target, "frames": list }))?;
     } else {
-        messages.status(format!("Wrote {} frames to {}", frames.len(), target.display()));
+        let place = target.display();
+        let next = match options.report {
+            true => format!("Open {}", target.join("report.html").display()),
+            false => format!(
+                "Next: fluorspar analyze {place} --out FOLDER, or capture again with --report for a page"
+            ),
+        };
+        messages.status(format!(
+            "Wrote {count} {} to {place}. {next}",
+            if count == 1 { "frame" } else { "frames" }
+        ));
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// What the folder of a capture tells: the component image that the frames come from, and the frames.
+fn results_json(image: &Path, frames: &[Value]) -> Result<Vec<u8>, CliError> {
+    let image = image.canonicalize().unwrap_or_else(|_| image.to_path_buf());
+    let value = json!({
+        "format": FileFormat::RESULTS.version(),
+        "program": "fluorspar",
+        "version": env!("CARGO_PKG_VERSION"),
+        "components_file": image,
+        "frames": frames,
+    });
+    Ok(serde_json::to_vec_pretty(&value)?)
 }
 
 /// Writes raw frames and their previews; returns a description of each.

@@ -1,9 +1,13 @@
 //! `fluorspar check`: validate only.
 
+use std::collections::BTreeMap;
 use std::process::ExitCode;
 
 use clap::ValueHint;
+use fluorspar::render::visible_surfaces;
 use fluorspar::scene::{Scene, Shape};
+use fluorspar::study::Study;
+use fluorspar::units::counted;
 use fluorspar_experiment::{ResolvedExperiment, is_sample};
 use serde_json::json;
 
@@ -59,7 +63,8 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         }
         return Ok(ExitCode::SUCCESS);
     }
-    let experiment = source.resolve(&overrides)?;
+    let mut experiment = source.resolve(&overrides)?;
+    let view = if silent { None } else { Some(CameraView::of(&mut experiment.study)) };
     let ResolvedExperiment { study, record } = &experiment;
     messages.warnings(&record.warnings);
     let scene = &study.scene;
@@ -84,6 +89,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
             "fluorophores": scene.fluorophores.iter().map(|f| &f.name).collect::<Vec<_>>(),
             "captures": study.captures.iter().map(|c| &c.frame.label).collect::<Vec<_>>(),
             "instances": instances(scene),
+            "camera_view": view.as_ref().map(CameraView::json),
             "memory_bytes": needed,
             "budget": budget.json(),
             "render_seconds": seconds,
@@ -91,17 +97,18 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         }))?;
     } else if !silent {
         super::print_text(&format!(
-            "{}: valid. {} objects{}, {} lights in {} groups, {} fluorophores, {} captures\nA run needs {}, about {} for rendering{}",
+            "{}: valid. {}{}, {} in {}, {}, {}\n{}\nA run needs {}, about {} for rendering{}",
             shown,
-            scene.objects.len(),
+            counted(scene.objects.len(), "object", "objects"),
             match instances(scene) {
                 0 => String::new(),
                 count => format!(" with {count} instances"),
             },
-            scene.lights.len(),
-            scene.light_groups.len(),
-            scene.fluorophores.len(),
-            study.captures.len(),
+            counted(scene.lights.len(), "light", "lights"),
+            counted(scene.light_groups.len(), "group", "groups"),
+            counted(scene.fluorophores.len(), "fluorophore", "fluorophores"),
+            counted(study.captures.len(), "capture", "captures"),
+            view.as_ref().map_or_else(String::new, CameraView::text),
             budget.text(),
             duration(seconds.unwrap_or_default()),
             if needed > study.render.memory_limit_bytes {
@@ -111,8 +118,92 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
                 ""
             }
         ))?;
+        if let Some(file) = &options.file {
+            messages.status(format!("Next: fluorspar run {file}"));
+        }
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// What the camera sees, without light.
+struct CameraView {
+    /// Width and height of what is sharp, and its distance, mm; `None` where no distance is focused.
+    field_mm: Option<[f64; 3]>,
+    /// Objects in view with their share of the image, the largest first.
+    parts: Vec<(String, f64)>,
+    /// Share of the image that shows nothing.
+    nothing: f64,
+}
+
+/// Columns of the image that tells what is seen.
+const VIEW_COLUMNS: usize = 160;
+/// Objects that are named.
+const MOST_NAMED: usize = 6;
+
+impl CameraView {
+    fn of(study: &mut Study) -> Self {
+        let lens = study.camera.lens.as_ref();
+        let camera = &study.scene.camera;
+        let (width, height) = (camera.width, camera.height);
+        let shape = height as f64 / width.max(1) as f64;
+        let distance_mm = lens.and_then(|lens| lens.equation.object_distance_mm);
+        let field_mm = match camera.parallel_half_width_m {
+            Some(half) => Some([2e3 * f64::from(half), 2e3 * f64::from(half) * shape, 0.0]),
+            None => distance_mm.map(|mm| {
+                let wide = 2.0 * f64::from(camera.tan_half_width) * mm;
+                [wide, wide * shape, mm]
+            }),
+        };
+        let camera = &mut study.scene.camera;
+        camera.width = VIEW_COLUMNS;
+        camera.height = ((VIEW_COLUMNS as f64 * shape).round() as usize).max(1);
+        let maps = visible_surfaces(&study.scene);
+        (study.scene.camera.width, study.scene.camera.height) = (width, height);
+        let pixels = maps.part.len().max(1) as f64;
+        let share = |number: usize| {
+            maps.part.iter().filter(|&&part| usize::from(part) == number).count() as f64 / pixels
+        };
+        let mut parts: Vec<(String, f64)> = maps
+            .part_names
+            .iter()
+            .enumerate()
+            .map(|(index, name)| (name.clone(), share(index + 1)))
+            .collect();
+        parts.retain(|(_, share)| *share > 0.0);
+        parts.sort_by(|a, b| b.1.total_cmp(&a.1));
+        Self { field_mm, parts, nothing: share(0) }
+    }
+
+    fn json(&self) -> serde_json::Value {
+        let parts: BTreeMap<&str, f64> =
+            self.parts.iter().map(|(name, share)| (name.as_str(), *share)).collect();
+        json!({
+            "width_mm": self.field_mm.map(|field| field[0]),
+            "height_mm": self.field_mm.map(|field| field[1]),
+            "distance_mm": self.field_mm.map(|field| field[2]),
+            "parts": parts,
+            "nothing": self.nothing,
+        })
+    }
+
+    fn text(&self) -> String {
+        let field = match self.field_mm {
+            Some([width, height, mm]) if mm > 0.0 => format!("{width:.0} x {height:.0} mm at {mm:.0} mm"),
+            Some([width, height, _]) => format!("{width:.0} x {height:.0} mm"),
+            None => "this".into(),
+        };
+        let percent = |share: f64| format!("{:.1} %", 100.0 * share);
+        let named =
+            self.parts.iter().take(MOST_NAMED).map(|(name, share)| format!("{name} {}", percent(*share)));
+        let mut list: Vec<String> = named.collect();
+        if self.parts.len() > MOST_NAMED {
+            list.push(format!("{} more", self.parts.len() - MOST_NAMED));
+        }
+        if self.nothing > 0.0 {
+            list.push(format!("nothing {}", percent(self.nothing)));
+        }
+        format!("The camera sees {field}: {}", list.join(", "))
+    }
 }
 
 /// Instances of meshes of all objects.

@@ -10,6 +10,7 @@ pub(crate) mod denoise;
 pub(crate) mod design;
 pub(crate) mod filter;
 pub(crate) mod fluorophore;
+mod frame_report;
 pub(crate) mod image_output;
 pub(crate) mod lens;
 pub(crate) mod merge;

@@ -9,14 +9,16 @@ use fluorspar::pipeline::{AnalyzedFrame, CapturePlanes, check_captures, evaluate
 use fluorspar::study::Study;
 use fluorspar_experiment::{ResolvedExperiment, Warning};
 use fluorspar_format::OutputFolder;
-use fluorspar_report::{RunResults, write_run_components, write_run_folder};
+use fluorspar_report::{FrameOrigin, RunResults, name_target, write_run_components, write_run_folder};
 
 use super::basis_render;
+use super::frame_report::warn_of_darkness;
 use crate::args::{ExperimentArgs, OutOption, Talk};
 use crate::budget::{Budget, Limits};
 use crate::error::{CliError, STOPPED};
 use crate::experiment_source::{ExperimentSource, read_text};
 use crate::interrupt::interrupted;
+use crate::message::Messages;
 use crate::progress::render_with_progress;
 
 /// Options of `run`.
@@ -69,6 +71,8 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         budget.text()
     ));
     messages.warnings(&experiment.record.warnings);
+    let prepared = started.elapsed();
+    messages.status(format!("Scene prepared in {:.1} s", prepared.as_secs_f64()));
     let (mut components, basis) = match &study.render.excitation_basis {
         None => (render_with_progress(&study.scene, &study.render, study.time_limit_s, messages)?, None),
         Some(basis) => {
@@ -82,7 +86,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     }
     messages.status(format!(
         "Rendered in {:.1} s. Developing frames, writing images, figures and report",
-        started.elapsed().as_secs_f64()
+        (started.elapsed() - prepared).as_secs_f64()
     ));
     components.round_to_24_bits();
 
@@ -93,7 +97,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     write_run_components(folder.path(), &experiment, &source.text, &components, kept)
         .map_err(|error| CliError::from(error).at_its_place(&folder))?;
     let seen = (&components, planes.as_ref());
-    let analyzed = match evaluate_and_write(&experiment, &source.text, seen, folder.path()) {
+    let analyzed = match evaluate_and_write(&experiment, &source.text, seen, folder.path(), messages) {
         Ok(analyzed) => analyzed,
         Err(error) => {
             let error = error.at_its_place(&folder);
@@ -106,8 +110,13 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         super::print_text(&read_text(&target.join("results.json"))?)?;
     }
     if let Some(analyzed) = &analyzed {
-        messages.status(summary(analyzed));
-        let warnings: Vec<Warning> = analyzed.analysis.warnings.iter().map(Warning::of_sentences).collect();
+        messages.status(name_target(&experiment, &summary(analyzed)));
+        let warnings: Vec<Warning> = analyzed
+            .analysis
+            .warnings
+            .iter()
+            .map(|warning| Warning::of_sentences(name_target(&experiment, warning)))
+            .collect();
         messages.warnings(&warnings);
     }
     let seconds = started.elapsed().as_secs_f64();
@@ -134,13 +143,22 @@ fn evaluate_and_write(
     experiment_text: &str,
     (components, planes): (&ComponentImage, Option<&CapturePlanes>),
     folder: &Path,
+    messages: Messages,
 ) -> Result<Option<AnalyzedFrame>, CliError> {
     let evaluation = match planes {
         Some(planes) => evaluate_from_planes(&experiment.study, components, Some(planes))?,
         None => evaluate(&experiment.study, components)?,
     };
-    let results = RunResults { experiment, experiment_text, components, evaluation: &evaluation };
+    let results = RunResults {
+        experiment,
+        experiment_text,
+        components: Some(components),
+        evaluation: &evaluation,
+        frames_from: FrameOrigin::Simulated,
+        raw_ending: Some("tiff"),
+    };
     write_run_folder(folder, &results)?;
+    warn_of_darkness(experiment, &evaluation.frames, messages);
     Ok(evaluation.analysis)
 }
 

@@ -18,6 +18,7 @@ mod out_folder;
 mod outputs;
 mod pbrt;
 mod predict;
+mod report_pages;
 mod scene;
 mod sensor;
 mod stages;

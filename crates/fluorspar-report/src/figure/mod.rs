@@ -4,6 +4,7 @@
 mod canvas;
 mod color;
 mod contact_sheet;
+mod data;
 mod drawing;
 mod font;
 mod labels;
@@ -16,13 +17,15 @@ pub use canvas::FigureError;
 pub use color::{ColorMap, Ink};
 pub use contact_sheet::ContactSheet;
 pub use raster::Raster;
-pub(crate) use raster::png_size;
+pub(crate) use raster::{png_size, rgba_png};
 pub use scale::{Axis, Scale};
 
 use canvas::Canvas;
 
 /// Device pixels per px of a figure as PNG.
 const PIXELS_PER_PX: f64 = 2.0;
+/// Width of a panel on a telephone before its ticks are measured, px.
+const NARROW_PANEL: f64 = 250.0;
 
 /// A figure: one or more panels under a title and one shared legend.
 #[derive(Clone, Debug, PartialEq)]
@@ -250,6 +253,39 @@ impl Figure {
     /// class, `ink-fill`, `grid-stroke` and so on, so that a page can restyle it for a dark background.
     pub fn to_svg(&self) -> String {
         svg::write(&layout::lay_out(self), &self.title, &self.explanation)
+    }
+
+    /// The figure as SVG text for a page that shows its title itself. A description of what is seen joins the explanation.
+    pub(crate) fn to_page_svg(&self) -> String {
+        let untitled = Self { title: String::new(), ..self.clone() };
+        let description = format!("{} {}", self.explanation, self.seen());
+        svg::write(&layout::lay_out(&untitled), &self.title, description.trim())
+    }
+
+    /// The figure as wide as a telephone: panels below each other, texts as large as before.
+    pub(crate) fn narrow(&self, width: f64) -> Self {
+        let mut narrow = Self { columns: 1, ..self.clone() };
+        for panel in &mut narrow.panels {
+            let [w, h] = panel.size;
+            let scale = (NARROW_PANEL / w).min(1.0);
+            let flat = if panel.x.is_hidden() || w == h { scale } else { scale.max(0.7) };
+            panel.size = [(w * scale).round(), (h * flat).round()];
+            for series in &mut panel.series {
+                if let SeriesShape::Dots { points, .. } = &mut series.shape {
+                    *points = points.iter().copied().step_by(3).collect();
+                }
+            }
+        }
+        // Ticks and color bars take room of their own.
+        let untitled = Self { title: String::new(), ..narrow.clone() };
+        let excess = (layout::lay_out(&untitled).width - width).max(0.0);
+        for panel in &mut narrow.panels {
+            let [w, h] = panel.size;
+            let smaller = (w - excess).max(0.4 * w);
+            let flat = if panel.x.is_hidden() || w == h { smaller / w } else { 1.0 };
+            panel.size = [smaller.round(), (h * flat).round()];
+        }
+        narrow
     }
 
     /// The figure as a PNG file, two pixels per px.

@@ -43,12 +43,29 @@ impl Raster {
             png::Encoder::new(&mut file, u32::try_from(self.width).ok()?, u32::try_from(self.height).ok()?);
         encoder.set_color(png::ColorType::Rgb);
         encoder.set_depth(png::BitDepth::Eight);
+        encoder.set_compression(png::Compression::High);
+        encoder.set_filter(png::Filter::Adaptive);
         encoder.add_text_chunk("Software".into(), "fluorspar".into()).ok()?;
         let mut writer = encoder.write_header().ok()?;
         writer.write_image_data(self.pixels.as_flattened()).ok()?;
         writer.finish().ok()?;
         Some(file)
     }
+}
+
+/// Pixels with opacity, `[row, col]`, as a PNG file; `None` when they do not fill the image.
+pub(crate) fn rgba_png(width: usize, height: usize, pixels: &[[u8; 4]]) -> Option<Vec<u8>> {
+    if pixels.len() != width * height || pixels.is_empty() {
+        return None;
+    }
+    let mut file = Vec::new();
+    let mut encoder = png::Encoder::new(&mut file, u32::try_from(width).ok()?, u32::try_from(height).ok()?);
+    encoder.set_color(png::ColorType::Rgba);
+    encoder.set_depth(png::BitDepth::Eight);
+    let mut writer = encoder.write_header().ok()?;
+    writer.write_image_data(pixels.as_flattened()).ok()?;
+    writer.finish().ok()?;
+    Some(file)
 }
 
 /// Width and height that the header of a PNG file states.

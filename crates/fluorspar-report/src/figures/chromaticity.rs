@@ -11,33 +11,72 @@ pub struct ChromaticityPlot {
     pub pixels: Vec<[f64; 2]>,
     /// Name and predicted `(r, g)` of each fluorophore.
     pub fluorophores: Vec<(String, [f64; 2])>,
-    /// `(r, g)` of bulk and of porphyrin: the ends of the line on which mixtures lie.
+    /// The fluorophore at the end of the line, in a word.
+    pub target: String,
+    /// `(r, g)` of bulk and of the target: the ends of the line on which mixtures lie.
     pub mixture_line: Option<[[f64; 2]; 2]>,
     /// Outline of an ellipse that shows how the pixels spread; empty for none.
     pub ellipse: Vec<[f64; 2]>,
 }
 
-/// The plot of the paper's Figs. 7(c) and 8: r along x, g along y, both from 0 to 1.
+/// Pixels drawn in the whole plane, where they lie one over another.
+const DOTS_OF_PLANE: usize = 2500;
+/// Pixels drawn in the enlarged part.
+const DOTS_OF_PART: usize = 8000;
+
+/// The plot of the paper's Figs. 7(c) and 8, r along x and g along y: the whole plane, and the part where the pixels lie.
 pub fn chromaticity(plot: &ChromaticityPlot) -> Figure {
-    let axis = |label: &str| Axis::linear(label, "", [0.0, 1.0]);
+    let mut panels = vec![panel(plot, [[0.0, 1.0]; 2], DOTS_OF_PLANE, true).titled("all chromaticities")];
+    if let Some(limits) = part(plot) {
+        panels.push(panel(plot, limits, DOTS_OF_PART, false).titled("where the pixels lie"));
+    }
+    let target = if plot.target.is_empty() { "porphyrin" } else { &plot.target };
+    Figure::grid("Sensor chromaticity", panels, 2).explained(format!(
+        "Each small dot is one pixel, of many an even selection. Its place shows which share of its signal is red (r) and which is \
+         green (g); how bright the pixel is does not matter. Colored points show where each fluorophore alone would lie. Any mixture of \
+         two lies on the straight line between them, so pixels that stretch toward the {target} point contain more {target}. No \
+         pixel can lie in the gray corner, where r + g would exceed 1. The second plot enlarges the part where the pixels lie.",
+    ))
+}
+
+/// Limits of r and g that hold nearly all pixels, square; `None` where there are too few, or they fill the plane.
+fn part(plot: &ChromaticityPlot) -> Option<[[f64; 2]; 2]> {
+    let ends = [0, 1].map(|axis| {
+        let mut values: Vec<f64> = plot.pixels.iter().map(|p| p[axis]).filter(|v| v.is_finite()).collect();
+        values.sort_by(f64::total_cmp);
+        let at = |share: f64| values.get((share * values.len() as f64) as usize).copied();
+        at(0.005).zip(at(0.995))
+    });
+    let [(r0, r1), (g0, g1)] = [ends[0]?, ends[1]?];
+    let side = 1.3 * (r1 - r0).max(g1 - g0).max(0.02);
+    let around = |low: f64, high: f64| {
+        let start = (0.5 * (low + high - side)).clamp(0.0, 1.0 - side.min(1.0));
+        [start, start + side].map(|v| (v * 100.0).round() / 100.0)
+    };
+    (side < 0.7 && plot.pixels.len() > 20).then(|| [around(r0, r1), around(g0, g1)])
+}
+
+fn panel(plot: &ChromaticityPlot, [x, y]: [[f64; 2]; 2], most: usize, is_whole: bool) -> Panel {
     let impossible = vec![[1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
-    let mut panel = Panel::new(axis("r = R / (R + G + B)"), axis("g = G / (R + G + B)"))
-        .sized(500.0, 500.0)
-        .with(Series::unnamed(Ink::Muted, SeriesShape::Area { outline: impossible, opacity: 0.16 }));
+    let mut panel =
+        Panel::new(Axis::linear("r = R / (R + G + B)", "", x), Axis::linear("g = G / (R + G + B)", "", y))
+            .sized(380.0, 380.0)
+            .with(Series::unnamed(Ink::Muted, SeriesShape::Area { outline: impossible, opacity: 0.16 }));
     if !plot.pixels.is_empty() {
+        let step = plot.pixels.len().div_ceil(most).max(1);
+        let points: Vec<[f64; 2]> = plot.pixels.iter().copied().step_by(step).collect();
         // A few dots must show one by one, many must not become one black patch.
-        let opacity = (1500.0 / plot.pixels.len() as f64).clamp(0.15, 0.6);
-        let drawn = if plot.pixels.len() > SeriesShape::MOST_DOTS { ", about 20 000 shown" } else { "" };
+        let opacity = (1500.0 / points.len() as f64).clamp(0.15, 0.6);
         panel = panel.with(Series {
-            name: Some(format!("pixels of {} ({}{drawn})", plot.region, plot.pixels.len())),
+            name: Some(format!("pixels of {}", plot.region)),
             ink: Ink::Text,
-            shape: SeriesShape::Dots { points: plot.pixels.clone(), radius: 1.1, opacity },
+            shape: SeriesShape::Dots { points, radius: 1.1, opacity },
         });
     }
-    if let Some([bulk, porphyrin]) = plot.mixture_line {
-        let line =
-            Series::dashed("mixtures of bulk and porphyrin", Ink::Muted, vec![bulk, porphyrin], Dash::Dashed);
-        panel = panel.with(line);
+    let target = if plot.target.is_empty() { "porphyrin" } else { &plot.target };
+    if let Some([bulk, end]) = plot.mixture_line {
+        let name = format!("mixtures of bulk and {target}");
+        panel = panel.with(Series::dashed(name, Ink::Muted, vec![bulk, end], Dash::Dashed));
     }
     if plot.ellipse.len() > 2 {
         let points = plot.ellipse.iter().chain(plot.ellipse.first()).copied().collect();
@@ -51,18 +90,13 @@ pub fn chromaticity(plot: &ChromaticityPlot) -> Figure {
         let shape = SeriesShape::Markers { points: vec![bulk], radius: 6.0, hollow: true };
         panel = panel.with(Series { name: Some("bulk, weighted sum".into()), ink: Ink::Muted, shape });
     }
+    let inside = |point: &[f64; 2]| (x[0]..=x[1]).contains(&point[0]) && (y[0]..=y[1]).contains(&point[1]);
     let inks = Ink::of_fluorophores(plot.fluorophores.iter().map(|(name, _)| name.as_str()));
     for ((_, point), ink) in plot.fluorophores.iter().zip(inks) {
         let shape = SeriesShape::Markers { points: vec![*point], radius: 5.0, hollow: false };
         panel = panel.with(Series::unnamed(ink, shape));
     }
     let label = |(name, at): &(String, [f64; 2])| Label { at: *at, text: name.clone() };
-    let labels = plot.fluorophores.iter().map(label).collect();
-    panel = panel.with(Series::unnamed(Ink::Text, SeriesShape::Labels(labels)));
-    Figure::new("Sensor chromaticity", panel).explained(
-        "Each small dot is one pixel. Its place shows which share of its signal is red (r) and which is green (g); how bright the \
-         pixel is does not matter. Colored points show where each fluorophore alone would lie. Any mixture of two lies on the \
-         straight line between them, so pixels that stretch toward the porphyrin point contain more porphyrin. No pixel can \
-         lie in the gray corner, where r + g would exceed 1.",
-    )
+    let shown = plot.fluorophores.iter().filter(|(_, point)| is_whole || inside(point));
+    panel.with(Series::unnamed(Ink::Text, SeriesShape::Labels(shown.map(label).collect())))
 }

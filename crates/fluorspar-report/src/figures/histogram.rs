@@ -64,12 +64,12 @@ pub fn histograms(
     panel = panel.with(Series { name: Some("saturation".into()), ink: Ink::Muted, shape });
     let beyond = subtracted.map_or_else(String::new, |name| {
         format!(
-            " Saturated pixels lie a little to both sides of the line, since the capture \"{name}\" was subtracted, which has \
+            " Saturated pixels lie a little to both sides of the line, since the frame \"{name}\" was subtracted, which has \
              noise of its own."
         )
     });
-    Figure::new(format!("Levels of the capture \"{capture}\""), panel).explained(format!(
+    Figure::new(format!("Levels of the frame \"{capture}\""), panel).explained(format!(
         "How many pixels have which level, in digital numbers (DN) above the dark level. A pile at the dashed line is saturated: \
-         its true value is unknown.{beyond} A capture that fills only the far left wastes the sensor's range."
+         its true value is unknown.{beyond} A frame that fills only the far left wastes the sensor's range."
     ))
 }

@@ -42,7 +42,11 @@ pub fn radiance_by_component(
         Scale::Linear => "",
         Scale::Log10 => " The vertical axis is logarithmic: each step up is ten times as much light.",
     };
-    Figure::new(format!("Light from {region}, by origin"), panel).explained(format!(
+    let title = match scale {
+        Scale::Linear => format!("Fluorescence of {region}, by fluorophore"),
+        Scale::Log10 => format!("Light of {region}, by origin"),
+    };
+    Figure::new(title, panel).explained(format!(
         "The light that leaves {region} toward the camera, before any filter, split by what happened to it: light that was merely \
          reflected, and light that each fluorophore gave off.{logarithmic}"
     ))

@@ -5,14 +5,17 @@ use fluorspar::analysis::{
 };
 
 use super::report_data::{Number, NumberTable, Origin, ReportItem, Section};
+use crate::FrameOrigin;
 
 /// One analysis: its figures first, then the tables: chromaticity, porphyrin fraction, predicted fluorophores, pixels
 /// used and levels.
-pub fn analysis_section(analysis: &Analysis, figures: Vec<ReportItem>) -> Section {
-    let mut section = Section::new(format!("What the capture \"{}\" says", analysis.frame)).say(format!(
-        "Region: {}. All numbers are computed from the simulated sensor image, in the way they would be from a real one.",
-        analysis.region_description
-    ));
+pub fn analysis_section(analysis: &Analysis, figures: Vec<ReportItem>, from: FrameOrigin) -> Section {
+    let how = match from {
+        FrameOrigin::Simulated => "simulated sensor image, in the way they would be from a real one",
+        FrameOrigin::Given => "recorded frames",
+    };
+    let mut section = Section::new(format!("What the frame \"{}\" says", analysis.frame))
+        .say(format!("Region: {}. All numbers are computed from the {how}.", analysis.region_description));
     section.items.extend(figures);
     section = section.with(table("Sensor chromaticity of the region", chromaticity_rows(analysis)));
     if let Some(posterior) = &analysis.posterior {
@@ -369,8 +372,8 @@ mod tests {
         let noise = ChannelNoise { floor_dn: 2.0, dn_per_electron: 0.5, gain_spread: 0.0 };
         let settings = AnalysisSettings::new(RegionOfInterest::default(), noise);
         let (analysis, ..) = analyze_region(&image, None, None, None, &settings).unwrap();
-        let section = analysis_section(&analysis, Vec::new());
-        assert_eq!(section.title, "What the capture \"dark\" says");
+        let section = analysis_section(&analysis, Vec::new(), FrameOrigin::Given);
+        assert_eq!(section.title, "What the frame \"dark\" says");
         assert_eq!(section.items.len(), 3);
     }
 }

@@ -7,7 +7,9 @@ use base64::engine::general_purpose::STANDARD;
 
 use super::escape;
 use super::experiment::embed_experiment;
-use super::report_data::{Number, NumberTable, ReportData, ReportItem, ReportPicture, Section};
+use super::report_data::{
+    Number, NumberMatrix, NumberTable, Origin, ReportData, ReportItem, ReportPicture, Section,
+};
 use crate::Figure;
 use crate::figure::png_size;
 
@@ -15,9 +17,11 @@ const STYLE: &str = include_str!("style.css");
 
 /// Pictures narrower than this, px, are enlarged without smoothing, so that single pixels can be seen.
 const SMALL_PICTURE: u32 = 360;
+/// Width of a figure on a telephone, px: a screen of 390 less the margins of page and figure.
+const NARROW_FIGURE: f64 = 330.0;
 
 impl ReportData {
-    /// The report as a self-contained HTML page.
+    /// The report as a self-contained HTML page. Links lead to the files beside it; nothing is loaded from them.
     pub fn to_html(&self) -> String {
         let mut html = String::with_capacity(1 << 20);
         open_page(&mut html, &self.title);
@@ -27,11 +31,15 @@ impl ReportData {
             let _ = writeln!(html, "<p class=\"lead\">{}</p>", escape(paragraph));
         }
         html.push_str("</header>\n<main>\n");
-        self.write_warnings(&mut html);
+        if let Some(overview) = &self.overview {
+            overview.write(&mut html);
+        }
         self.write_headline(&mut html);
+        self.write_warnings(&mut html);
         self.write_contents(&mut html);
-        for (index, section) in self.sections.iter().enumerate() {
-            write_section(&mut html, index, section);
+        let mut figures = 0;
+        for section in &self.sections {
+            write_section(&mut html, section, &mut figures);
         }
         self.write_experiment(&mut html);
         close_page(&mut html);
@@ -44,7 +52,16 @@ impl ReportData {
         }
         html.push_str("<section class=\"warnings\" aria-label=\"Warnings\">\n<h2>Before you trust these numbers</h2>\n<ul>\n");
         for warning in &self.warnings {
-            let _ = writeln!(html, "<li>{}</li>", escape(warning));
+            // The first sentence says what it is about; the rest folds.
+            match warning.split_once(": ").filter(|(first, rest)| first.len() > 20 && rest.len() > 200) {
+                Some((first, rest)) => {
+                    let (first, rest) = (escape(first), escape(rest));
+                    let _ = writeln!(html, "<li><details><summary>{first}: </summary>{rest}</details></li>");
+                }
+                None => {
+                    let _ = writeln!(html, "<li>{}</li>", escape(warning));
+                }
+            }
         }
         html.push_str("</ul>\n</section>\n");
     }
@@ -68,18 +85,26 @@ impl ReportData {
     }
 
     fn write_contents(&self, html: &mut String) {
-        if self.sections.len() < 3 {
+        // Folded sections are their own contents.
+        if self.sections.len() < 3 || self.sections.iter().any(|section| !section.note.is_empty()) {
             return;
         }
         html.push_str("<nav aria-label=\"Contents\">\n<ul>\n");
-        for (index, section) in self.sections.iter().enumerate() {
-            let _ = writeln!(html, "<li><a href=\"#section-{index}\">{}</a></li>", escape(&section.title));
+        for section in &self.sections {
+            let (anchor, title) = (anchor(&section.title), escape(&section.title));
+            let _ = writeln!(html, "<li><a href=\"#{anchor}\">{title}</a></li>");
         }
         html.push_str("<li><a href=\"#experiment\">Run it again</a></li>\n</ul>\n</nav>\n");
     }
 
     fn write_experiment(&self, html: &mut String) {
-        html.push_str("<section id=\"experiment\">\n<h2>Run it again</h2>\n");
+        let folded = self.sections.iter().any(|section| !section.note.is_empty());
+        html.push_str(if folded {
+            "<section id=\"experiment\">\n<details class=\"fold\">\n<summary><h2>Run it again</h2> <span class=\"note\">the whole \
+             experiment, its seed and its digest</span></summary>\n"
+        } else {
+            "<section id=\"experiment\">\n<h2>Run it again</h2>\n"
+        });
         if !self.rerun_command.is_empty() {
             let _ = writeln!(
                 html,
@@ -99,8 +124,9 @@ impl ReportData {
         let _ = writeln!(
             html,
             "<details>\n<summary>The experiment, with every setting resolved (TOML)</summary>\n<pre>{}</pre>\n</details>\n\
-             </section>",
-            escape(&self.experiment_toml)
+             {}</section>",
+            escape(&self.experiment_toml),
+            if folded { "</details>\n" } else { "" }
         );
     }
 }
@@ -122,32 +148,59 @@ pub(crate) fn close_page(html: &mut String) {
     html.push_str("</main>\n</body>\n</html>\n");
 }
 
-fn write_section(html: &mut String, index: usize, section: &Section) {
-    let _ = writeln!(html, "<section id=\"section-{index}\">\n<h2>{}</h2>", escape(&section.title));
+/// The name of a place on the page: the title in small letters with hyphens.
+fn anchor(title: &str) -> String {
+    let letters =
+        title.chars().map(|letter| if letter.is_alphanumeric() { letter.to_ascii_lowercase() } else { '-' });
+    let words: String = letters.collect();
+    words.split('-').filter(|word| !word.is_empty()).collect::<Vec<_>>().join("-")
+}
+
+fn write_section(html: &mut String, section: &Section, figures: &mut usize) {
+    let (anchor, title) = (anchor(&section.title), escape(&section.title));
+    let _ = writeln!(html, "<section id=\"{anchor}\">");
+    let folded = !section.note.is_empty();
+    let _ = if folded {
+        writeln!(
+            html,
+            "<details class=\"fold\">\n<summary><h2>{title}</h2> <span class=\"note\">{}</span></summary>",
+            escape(&section.note)
+        )
+    } else {
+        writeln!(html, "<h2>{title}</h2>")
+    };
     for item in &section.items {
-        match item {
-            ReportItem::Paragraph(text) => {
-                let _ = writeln!(html, "<p>{}</p>", escape(text));
+        write_item(html, item, figures);
+    }
+    html.push_str(if folded { "</details>\n</section>\n" } else { "</section>\n" });
+}
+
+fn write_item(html: &mut String, item: &ReportItem, figures: &mut usize) {
+    match item {
+        ReportItem::Paragraph(text) => {
+            let _ = writeln!(html, "<p>{}</p>", escape(text));
+        }
+        ReportItem::Pictures(pictures) => {
+            html.push_str("<div class=\"pictures\">\n");
+            for picture in pictures {
+                write_picture(html, picture);
             }
-            ReportItem::Pictures(pictures) => {
-                html.push_str("<div class=\"pictures\">\n");
-                for picture in pictures {
-                    write_picture(html, picture);
-                }
-                html.push_str("</div>\n");
+            html.push_str("</div>\n");
+        }
+        ReportItem::Figure { figure, caption, stem } => {
+            *figures += 1;
+            write_numbered_figure(html, *figures, figure, caption, stem);
+        }
+        ReportItem::Table(table) => write_table(html, table),
+        ReportItem::Matrix(matrix) => write_matrix(html, matrix),
+        ReportItem::Terms(terms) => {
+            html.push_str("<dl class=\"terms\">\n");
+            for (term, meaning) in terms {
+                let _ = writeln!(html, "<dt>{}</dt><dd>{}</dd>", escape(term), escape(meaning));
             }
-            ReportItem::Figure { figure, caption } => write_figure(html, figure, caption),
-            ReportItem::Table(table) => write_table(html, table),
-            ReportItem::Terms(terms) => {
-                html.push_str("<dl class=\"terms\">\n");
-                for (term, meaning) in terms {
-                    let _ = writeln!(html, "<dt>{}</dt><dd>{}</dd>", escape(term), escape(meaning));
-                }
-                html.push_str("</dl>\n");
-            }
+            html.push_str("</dl>\n");
         }
     }
-    html.push_str("</section>\n");
 }
 
 fn write_picture(html: &mut String, picture: &ReportPicture) {
@@ -179,12 +232,37 @@ pub(crate) fn write_figure(html: &mut String, figure: &Figure, caption: &str) {
     html.push_str("</figcaption>\n</figure>\n");
 }
 
+/// Writes a figure with its number, its title, its explanation and links to its files; once for wide and once for narrow screens.
+fn write_numbered_figure(html: &mut String, number: usize, figure: &Figure, caption: &str, stem: &str) {
+    let _ = writeln!(
+        html,
+        "<figure class=\"plot\" id=\"figure-{number}\">\n<div class=\"wide\">\n{}</div>\n<div class=\"narrow\">\n{}</div>\n\
+         <figcaption><b>Figure {number}. {}.</b> {}",
+        figure.to_page_svg(),
+        figure.narrow(NARROW_FIGURE).to_page_svg(),
+        escape(&figure.title),
+        escape(&figure.explanation)
+    );
+    if !caption.is_empty() {
+        let _ = write!(html, " <span class=\"here\">{}</span>", escape(caption));
+    }
+    if !stem.is_empty() {
+        html.push_str(" <span class=\"files\">Files:");
+        let csv = figure.to_csv().map(|_| "csv");
+        for ending in ["svg", "png"].into_iter().chain(csv) {
+            let name = ending.to_uppercase();
+            let _ = write!(html, " <a href=\"figures/{}.{ending}\">{name}</a>", escape(stem));
+        }
+        html.push_str("</span>");
+    }
+    html.push_str("</figcaption>\n</figure>\n");
+}
+
 fn write_table(html: &mut String, table: &NumberTable) {
     let _ = writeln!(
         html,
-        "<div class=\"scroll\"><table>\n<caption>{}</caption>\n<thead><tr><th scope=\"col\">Number</th>\
-         <th scope=\"col\">Value</th><th scope=\"col\">Unit</th><th scope=\"col\">What it means</th>\
-         <th scope=\"col\">Where from</th></tr></thead>\n<tbody>",
+        "<div class=\"scroll\"><table class=\"numbers\">\n<caption>{}</caption>\n<thead><tr><th scope=\"col\">Number</th>\
+         <th scope=\"col\">Value</th><th scope=\"col\">What it means</th></tr></thead>\n<tbody>",
         escape(&table.caption)
     );
     for row in &table.rows {
@@ -193,25 +271,58 @@ fn write_table(html: &mut String, table: &NumberTable) {
     html.push_str("</tbody>\n</table></div>\n");
 }
 
+/// What is not marked was computed by this run.
 fn write_number(html: &mut String, number: &Number) {
-    let word = number.origin.word();
+    let badge = match &number.origin {
+        Origin::Computed => String::new(),
+        other => {
+            let (word, detail) = (other.word(), escape(other.detail()));
+            format!(" <span class=\"badge {word}\">{word}</span> {detail}")
+        }
+    };
     let _ = writeln!(
         html,
-        "<tr><th scope=\"row\">{}</th><td class=\"value\">{}</td><td>{}</td><td>{}</td>\
-         <td><span class=\"badge {word}\">{word}</span> {}</td></tr>",
+        "<tr><th scope=\"row\">{}</th><td class=\"value\">{} {}</td><td>{}{badge}</td></tr>",
         escape(&number.name),
         escape(&number.value),
-        // An empty cell would look forgotten.
-        if number.unit.is_empty() { "pure number".into() } else { escape(&number.unit) },
+        escape(&number.unit),
         escape(&number.meaning),
-        escape(number.origin.detail())
     );
+}
+
+fn write_matrix(html: &mut String, matrix: &NumberMatrix) {
+    let _ = write!(
+        html,
+        "<div class=\"scroll\"><table class=\"matrix\">\n<caption>{}</caption>\n<thead><tr>",
+        escape(&matrix.caption)
+    );
+    for column in &matrix.columns {
+        let _ = write!(html, "<th scope=\"col\">{}</th>", escape(column));
+    }
+    html.push_str("</tr></thead>\n<tbody>\n");
+    for row in &matrix.rows {
+        html.push_str("<tr>");
+        for (number, cell) in row.iter().enumerate() {
+            let _ = match number {
+                0 => write!(html, "<th scope=\"row\">{}</th>", escape(cell)),
+                _ => write!(html, "<td class=\"value\">{}</td>", escape(cell)),
+            };
+        }
+        html.push_str("</tr>\n");
+    }
+    html.push_str("</tbody>\n</table></div>\n");
+    if !matrix.note.is_empty() {
+        let _ = writeln!(html, "<p class=\"small-note\">{}</p>", escape(&matrix.note));
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Axis, Ink, Origin, Panel, Series, extract_experiment};
+    use crate::{
+        Answer, Axis, Ink, MapOverlay, NumberMatrix, Origin, Overview, Panel, Series, View,
+        extract_experiment,
+    };
 
     fn hostile() -> ReportData {
         let evil = "<img src=x onerror=alert(1)> \"quoted\" & 'single' </script>";
@@ -220,15 +331,54 @@ mod tests {
             .with(Series::line(evil, Ink::Text, vec![[0.0, 0.0], [1.0, 1.0]]));
         let number = Number::computed(evil, evil, evil, evil).from(Origin::Assumed(evil.into()));
         let picture = ReportPicture { png: vec![1, 2, 3], title: evil.into(), caption: evil.into() };
+        let view = View {
+            name: evil.into(),
+            png: vec![1],
+            size: [4, 3],
+            caption: evil.into(),
+            alt: evil.into(),
+            outline: vec![vec![[0.0, 0.0], [1.0, 1.0]]],
+            map: Some(MapOverlay {
+                name: evil.into(),
+                label: evil.into(),
+                caption: evil.into(),
+                ..MapOverlay::default()
+            }),
+            links: vec![(evil.into(), evil.into())],
+        };
+        let answer = Answer {
+            quantity: evil.into(),
+            value: evil.into(),
+            interval: evil.into(),
+            truth: evil.into(),
+            budgets: vec![(evil.into(), vec![(evil.into(), evil.into(), 1.0)])],
+        };
+        let overview = Overview {
+            views: vec![view],
+            answer: Some(answer),
+            cards: vec![number.clone()],
+            assumed: vec![evil.into()],
+        };
+        let matrix = NumberMatrix {
+            caption: evil.into(),
+            columns: vec![evil.into()],
+            rows: vec![vec![evil.into()]],
+            note: evil.into(),
+        };
+        let figure = Figure::new(evil, panel).explained(evil);
+        let figure = ReportItem::Figure { figure, caption: evil.into(), stem: evil.into() };
         ReportData {
             title: evil.into(),
+            overview: Some(overview),
             lead: vec![evil.into()],
             headline: vec![number.clone()],
             warnings: vec![evil.into()],
             sections: vec![
                 Section::new(evil)
+                    .folded(evil)
                     .say(evil)
-                    .show(Figure::new(evil, panel).explained(evil), evil)
+                    .with(figure)
+                    .with(ReportItem::Matrix(matrix))
                     .with(ReportItem::Pictures(vec![picture]))
                     .with(ReportItem::Table(NumberTable { caption: evil.into(), rows: vec![number] }))
                     .with(ReportItem::Terms(vec![(evil.into(), evil.into())])),
@@ -255,7 +405,13 @@ mod tests {
         for attribute in ["src=\"", "href=\""] {
             for (at, _) in html.match_indices(attribute) {
                 let target = &html[at + attribute.len()..];
-                assert!(target.starts_with("data:") || target.starts_with('#'), "{}", &target[..40]);
+                // A link to a file beside the page fetches nothing.
+                let is_beside = attribute == "href=\"" && !target.split('"').next().unwrap().contains(':');
+                assert!(
+                    target.starts_with("data:") || target.starts_with('#') || is_beside,
+                    "{}",
+                    &target[..40]
+                );
             }
         }
         assert!(!html.contains("url(") && !html.contains("@import"));

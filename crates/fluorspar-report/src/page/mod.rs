@@ -5,11 +5,15 @@ mod escape;
 mod experiment;
 mod glossary;
 mod html;
+mod overview_html;
 mod report_data;
 
 pub use analysis_section::analysis_section;
 pub(crate) use escape::escape;
 pub use experiment::extract_experiment;
-pub use glossary::glossary_section;
+pub(crate) use glossary::{glossary_section, plain_text};
 pub(crate) use html::{close_page, open_page, write_figure};
-pub use report_data::{Number, NumberTable, Origin, ReportData, ReportItem, ReportPicture, Section};
+pub use report_data::{
+    Answer, MapOverlay, Number, NumberMatrix, NumberTable, Origin, Overview, ReportData, ReportItem,
+    ReportPicture, Section, View,
+};

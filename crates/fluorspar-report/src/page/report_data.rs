@@ -7,6 +7,8 @@ use crate::Figure;
 pub struct ReportData {
     /// Title.
     pub title: String,
+    /// The first screen: images and the answer; `None` for a page that begins with its headline.
+    pub overview: Option<Overview>,
     /// Opening paragraphs: what was simulated and what came out, in plain words.
     pub lead: Vec<String>,
     /// The few numbers that matter most.
@@ -23,11 +25,79 @@ pub struct ReportData {
     pub rerun_command: String,
 }
 
+/// The first screen of a report.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Overview {
+    /// Images, one at a time; the first one is shown first.
+    pub views: Vec<View>,
+    /// The estimate that the run was made for.
+    pub answer: Option<Answer>,
+    /// The numbers that decide whether the design works.
+    pub cards: Vec<Number>,
+    /// What the numbers rest on, a sentence each.
+    pub assumed: Vec<String>,
+}
+
+/// An image of the first screen.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct View {
+    /// Name on its tab.
+    pub name: String,
+    /// The image, PNG.
+    pub png: Vec<u8>,
+    /// Its columns and rows.
+    pub size: [usize; 2],
+    /// Caption: exposure, and how the image was made.
+    pub caption: String,
+    /// What is seen, for those who do not see it.
+    pub alt: String,
+    /// Outlines of the region, closed, in pixels of the image.
+    pub outline: Vec<Vec<[f64; 2]>>,
+    /// A map over the image, on a tab of its own in front of it.
+    pub map: Option<MapOverlay>,
+    /// Files beside the page: name and relative path.
+    pub links: Vec<(String, String)>,
+}
+
+/// A map that lies over an image.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct MapOverlay {
+    /// Name on its tab.
+    pub name: String,
+    /// The map with opacity, PNG.
+    pub png: Vec<u8>,
+    /// Left and top edge, width and height, in pixels of the image.
+    pub frame: [f64; 4],
+    /// Quantity of the color scale.
+    pub label: String,
+    /// Values at the ends of the color scale.
+    pub limits: [f64; 2],
+    /// What it shows and how it was smoothed.
+    pub caption: String,
+}
+
+/// An estimate with its interval and what makes it uncertain.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Answer {
+    /// What is estimated.
+    pub quantity: String,
+    /// The estimate.
+    pub value: String,
+    /// Its interval and what that contains.
+    pub interval: String,
+    /// The truth beside it, in a simulation.
+    pub truth: String,
+    /// Headings, and contributions to the error: name, text and size relative to the largest, 0 to 1.
+    pub budgets: Vec<(String, Vec<(String, String, f64)>)>,
+}
+
 /// A part of a report under its own heading.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Section {
     /// Heading.
     pub title: String,
+    /// What the section says, in a line: shown while it is folded. Empty: the section is not folded.
+    pub note: String,
     /// Contents in order.
     pub items: Vec<ReportItem>,
 }
@@ -46,9 +116,13 @@ pub enum ReportItem {
         figure: Figure,
         /// Explanation of this one; may be empty.
         caption: String,
+        /// Name of its files in the folder `figures` beside the page; empty where there are none.
+        stem: String,
     },
     /// Numbers.
     Table(NumberTable),
+    /// Numbers of several things side by side.
+    Matrix(NumberMatrix),
     /// Terms and their meanings.
     Terms(Vec<(String, String)>),
 }
@@ -71,6 +145,19 @@ pub struct NumberTable {
     pub caption: String,
     /// The numbers.
     pub rows: Vec<Number>,
+}
+
+/// Numbers of several things, one row each.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct NumberMatrix {
+    /// Title of the numbers.
+    pub caption: String,
+    /// Headings of all columns, that of the names first, with units.
+    pub columns: Vec<String>,
+    /// Name and values of each row.
+    pub rows: Vec<Vec<String>>,
+    /// What the numbers mean.
+    pub note: String,
 }
 
 /// A number with everything a reader needs to judge it.
@@ -149,7 +236,13 @@ impl Number {
 impl Section {
     /// An empty section.
     pub fn new(title: impl Into<String>) -> Self {
-        Self { title: title.into(), items: Vec::new() }
+        Self { title: title.into(), note: String::new(), items: Vec::new() }
+    }
+
+    /// The section folded under its title and a line that says what is in it.
+    #[must_use]
+    pub fn folded(self, note: impl Into<String>) -> Self {
+        Self { note: note.into(), ..self }
     }
 
     /// The section with one more item.
@@ -168,6 +261,6 @@ impl Section {
     /// The section with one more figure.
     #[must_use]
     pub fn show(self, figure: Figure, caption: impl Into<String>) -> Self {
-        self.with(ReportItem::Figure { figure, caption: caption.into() })
+        self.with(ReportItem::Figure { figure, caption: caption.into(), stem: String::new() })
     }
 }

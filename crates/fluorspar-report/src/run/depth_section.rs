@@ -11,7 +11,11 @@ use crate::{Figure, Number, NumberTable, ReportItem, Section};
 pub(super) fn depth_section(run: &RunResults<'_>) -> Option<(Section, Option<Figure>)> {
     let depths = &run.evaluation.depths;
     let analyzed = analyzed_tissue(run)?;
-    let mut section = Section::new("From how deep the light of each channel comes").say(
+    let note = depths.iter().filter(|depth| depth.tissue == analyzed).take(3);
+    let note: Vec<String> =
+        note.map(|depth| format!("{} {:.0} µm", depth.channel, depth.median_um)).collect();
+    let note = format!("half from above, in {}: {}", analyzed.replace('_', " "), note.join(", "));
+    let mut section = Section::new("From how deep the light of each channel comes").folded(note).say(
         "Light enters the tissue, is scattered and absorbed, and excites fluorophores on its way; what they give off has to find its \
          way out. Half of the fluorescence that a channel sees comes from above the median depth, nine tenths from above the second \
          one. Red light is absorbed least by blood and so comes from deeper than green. Each tissue in its mean state over \

@@ -4,8 +4,9 @@ use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use fluorspar::image::{ChannelPlanes, ComponentImage, ExcitationImage};
-use fluorspar::pipeline::frame_radiance;
+use fluorspar::image::{ChannelPlanes, ComponentImage, ExcitationImage, SpectralImage};
+use fluorspar::pipeline::{frame_radiance, radiance_preview};
+use fluorspar::spectral::Radiance;
 use fluorspar_experiment::ResolvedExperiment;
 use fluorspar_format::{
     ExrCompression, ExrOptions, FileFormat, FormatError, Provenance, write_atomically, write_component_exr,
@@ -60,8 +61,11 @@ pub fn write_run_components(
     fs::create_dir_all(folder)
         .map_err(|source| RunFolderError::Folder { path: folder.to_path_buf(), source })?;
     let provenance = provenance(experiment, experiment_text, components);
+    let all_lights = components.recombine(|_| 1.0);
+    let shown = rgb_layer(&all_lights);
     let options = ExrOptions {
         compression: ExrCompression::Rounded24,
+        preview: Some(&shown),
         provenance: Some(&provenance),
         planes: kept.0,
         excitation: kept.1,
@@ -70,6 +74,16 @@ pub fn write_run_components(
     write_text(&folder.join("experiment.toml"), &experiment.record.resolved_toml)?;
     write_component_exr(&folder.join("components.exr"), components, &options)?;
     Ok(())
+}
+
+/// Linear R, G, B as an eye sees them, for viewers that know no wavelengths.
+fn rgb_layer(radiance: &SpectralImage<Radiance>) -> Vec<[f32; 3]> {
+    let image = radiance_preview(radiance);
+    let linear = |value: u8| {
+        let encoded = f32::from(value) / 255.0;
+        if encoded <= 0.04045 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
+    };
+    image.rgb.chunks_exact(3).map(|p| [linear(p[0]), linear(p[1]), linear(p[2])]).collect()
 }
 
 fn provenance(experiment: &ResolvedExperiment, text: &str, components: &ComponentImage) -> Provenance {
@@ -86,29 +100,28 @@ fn provenance(experiment: &ResolvedExperiment, text: &str, components: &Componen
 /// | `preview_*.png` | the developed frames |
 /// | `raw_*.tiff`, `.json` | 16-bit mosaics and their description |
 /// | `radiance_*.exr` | spectral radiance of each frame that has light |
-/// | `figures/` | every figure as SVG and PNG |
+/// | `figures/` | every figure as SVG and PNG, its points as CSV |
 ///
 /// Each file is complete or absent; the report comes last.
 ///
 /// # Errors
 /// A folder or file that can't be written.
 pub fn write_run_folder(folder: &Path, run: &RunResults<'_>) -> Result<PathBuf, RunFolderError> {
-    let figures = folder.join("figures");
-    fs::create_dir_all(&figures)
-        .map_err(|source| RunFolderError::Folder { path: figures.clone(), source })?;
+    fs::create_dir_all(folder)
+        .map_err(|source| RunFolderError::Folder { path: folder.to_path_buf(), source })?;
     let evaluation = run.evaluation;
-    let provenance = provenance(run.experiment, run.experiment_text, run.components);
+    let Some(components) = run.components else { return write_frame_report(folder, run) };
+    let provenance = provenance(run.experiment, run.experiment_text, components);
     let options =
         ExrOptions { compression: ExrCompression::Zip, provenance: Some(&provenance), ..Default::default() };
 
     for capture in &run.experiment.study.captures {
         if capture.frame.lights.values().any(|&drive| drive > 0.0) {
-            let radiance = frame_radiance(&capture.frame, run.components);
-            write_spectral_exr(
-                &folder.join(format!("radiance_{}.exr", capture.frame.label)),
-                &radiance,
-                &options,
-            )?;
+            let radiance = frame_radiance(&capture.frame, components);
+            let shown = rgb_layer(&radiance);
+            let options = ExrOptions { preview: Some(&shown), ..options };
+            let path = folder.join(format!("radiance_{}.exr", capture.frame.label));
+            write_spectral_exr(&path, &radiance, &options)?;
         }
     }
     for frame in &evaluation.frames {
@@ -117,22 +130,37 @@ pub fn write_run_folder(folder: &Path, run: &RunResults<'_>) -> Result<PathBuf, 
             write_sensor_tiff(&path, raw, Some(&provenance))?;
         }
     }
-    for (frame, preview) in evaluation.frames.iter().zip(&evaluation.previews) {
+    let mut results = serde_json::to_string_pretty(&results_json(run, components)?)?;
+    results.push('\n');
+    write_text(&folder.join("results.json"), &results)?;
+    write_frame_report(folder, run)
+}
+
+/// Writes the report of frames into a folder: `preview_*.png`, `figures/` (every figure as SVG and PNG, and its points as CSV) and
+/// `report.html`, whose path it returns. The report comes last.
+///
+/// # Errors
+/// A folder or file that can't be written.
+pub fn write_frame_report(folder: &Path, run: &RunResults<'_>) -> Result<PathBuf, RunFolderError> {
+    let figures = folder.join("figures");
+    fs::create_dir_all(&figures)
+        .map_err(|source| RunFolderError::Folder { path: figures.clone(), source })?;
+    for (frame, preview) in run.evaluation.frames.iter().zip(&run.evaluation.previews) {
         let path = folder.join(format!("preview_{}.png", frame.raw.label));
         write_rgb_png(&path, preview.width, preview.height, &preview.rgb)?;
     }
     let RunReport { page, figures: list } = run_report(run);
     for named in &list {
         write_text(&figures.join(format!("{}.svg", named.stem)), &named.figure.to_svg())?;
+        if let Some(csv) = named.figure.to_csv() {
+            write_text(&figures.join(format!("{}.csv", named.stem)), &csv)?;
+        }
         let png = named
             .figure
             .to_png()
             .map_err(|source| RunFolderError::Figure { stem: named.stem.clone(), source })?;
         write_atomically(&figures.join(format!("{}.png", named.stem)), |file| file.write_all(&png))?;
     }
-    let mut results = serde_json::to_string_pretty(&results_json(run)?)?;
-    results.push('\n');
-    write_text(&folder.join("results.json"), &results)?;
     let report = folder.join("report.html");
     write_text(&report, &page.to_html())?;
     Ok(report)
@@ -143,7 +171,7 @@ fn write_text(path: &Path, text: &str) -> Result<(), FormatError> {
 }
 
 /// The content of `results.json`.
-fn results_json(run: &RunResults<'_>) -> Result<Value, serde_json::Error> {
+fn results_json(run: &RunResults<'_>, components: &ComponentImage) -> Result<Value, serde_json::Error> {
     let (study, record, evaluation) = (&run.experiment.study, &run.experiment.record, run.evaluation);
     let frames: Vec<Value> = evaluation
         .frames
@@ -172,11 +200,11 @@ fn results_json(run: &RunResults<'_>) -> Result<Value, serde_json::Error> {
         "title": record.title,
         "experiment_sha256": record.sha256,
         "seed": study.render.seed,
-        "samples_per_pixel": run.components.samples_per_pixel,
-        "width_px": run.components.width,
-        "height_px": run.components.height,
+        "samples_per_pixel": components.samples_per_pixel,
+        "width_px": components.width,
+        "height_px": components.height,
         "wavelength_edges_nm": study.scene.grid.edges_nm(),
-        "components": run.components.components.iter().map(|c| c.label()).collect::<Vec<_>>(),
+        "components": components.components.iter().map(|c| c.label()).collect::<Vec<_>>(),
         "frames": frames,
         "analysis": evaluation.analysis.as_ref().map(|a| serde_json::to_value(&a.analysis)).transpose()?,
         "region_radiance_w_per_sr_m2_nm": evaluation.region_radiance.as_ref().map(serde_json::to_value).transpose()?,

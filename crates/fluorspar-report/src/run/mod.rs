@@ -1,12 +1,20 @@
 //! The report and the folder of one run of an experiment.
 
+mod dark_frames;
 mod depth_section;
+mod display;
 mod folder;
+mod overview;
+mod region_outline;
 mod report;
 mod safety_section;
+mod words;
 
-pub use folder::{RunFolderError, write_run_components, write_run_folder};
+pub use dark_frames::dark_frames;
+pub use folder::{RunFolderError, write_frame_report, write_run_components, write_run_folder};
+pub(crate) use overview::ShareMap;
 pub use report::{NamedFigure, RunReport, run_report};
+pub use words::name_target;
 
 use fluorspar::image::ComponentImage;
 use fluorspar::pipeline::Evaluation;
@@ -19,8 +27,21 @@ pub struct RunResults<'a> {
     pub experiment: &'a ResolvedExperiment,
     /// The experiment file as the user gave it.
     pub experiment_text: &'a str,
-    /// The render.
-    pub components: &'a ComponentImage,
+    /// The render; `None` for frames of another origin, and where its spectra were not read.
+    pub components: Option<&'a ComponentImage>,
     /// Everything that was computed from it.
     pub evaluation: &'a Evaluation,
+    /// Where the frames come from.
+    pub frames_from: FrameOrigin,
+    /// Ending of the raw files `raw_FRAME` beside the report; `None` where there are none.
+    pub raw_ending: Option<&'a str>,
+}
+
+/// Where the frames of a report come from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FrameOrigin {
+    /// They were computed from a scene.
+    Simulated,
+    /// They were given, for instance by a real camera.
+    Given,
 }

@@ -1,25 +1,29 @@
 //! Report of a run.
 
 use fluorspar::analysis::Statistics;
-use fluorspar::image::LightPath;
-use fluorspar::pipeline::{AnalyzedFrame, CapturedFrame, FrameLeak, Preview, RegionRadiance};
+use fluorspar::image::{ComponentImage, LightPath};
+use fluorspar::pipeline::{AnalyzedFrame, CapturedFrame, FrameLeak, RegionRadiance};
 use fluorspar::scene::Scene;
 use fluorspar::sensor::{SensorModel, SpectralQe};
 use fluorspar::spectral::{Curve, Fluorophore};
-use fluorspar::study::{Camera, Capture, Lens};
+use fluorspar::study::{Camera, Lens};
 use fluorspar_experiment::ResolvedExperiment;
 use fluorspar_experiment::preset::{self, PresetKind};
 
-use super::RunResults;
+use super::dark_frames::dark_frames;
 use super::depth_section::depth_section;
+use super::overview::overview;
 use super::safety_section::safety_section;
+use super::words::Words;
+use super::{FrameOrigin, RunResults};
 use crate::figures::{
     ChannelValues, ChromaticityPlot, EemMap, PlotCurve, chromaticity, eem_maps, emission, filters,
-    histograms, lights, picture, porphyrin_maps, radiance_by_component, sensor_response, spectral_readings,
+    histograms, lights, radiance_by_component, sensor_response, share_map, spectral_readings,
 };
+use crate::page::{glossary_section, plain_text};
 use crate::{
-    Figure, Number, NumberTable, Origin, Raster, ReportData, ReportItem, ReportPicture, Scale, Section,
-    analysis_section, glossary_section,
+    Figure, Number, NumberMatrix, NumberTable, Origin, ReportData, ReportItem, Scale, Section,
+    analysis_section,
 };
 
 /// A figure and the name of its files.
@@ -50,7 +54,7 @@ struct Builder {
 impl Builder {
     fn item(&mut self, stem: &str, figure: Figure, caption: &str) -> ReportItem {
         self.figures.push(NamedFigure { stem: stem.into(), figure: figure.clone() });
-        ReportItem::Figure { figure, caption: caption.into() }
+        ReportItem::Figure { figure, caption: caption.into(), stem: stem.into() }
     }
 
     fn show(&mut self, section: Section, stem: &str, figure: Figure, caption: &str) -> Section {
@@ -61,17 +65,55 @@ impl Builder {
 /// Builds the page of a run and its figures.
 pub fn run_report(run: &RunResults<'_>) -> RunReport {
     let mut builder = Builder { figures: Vec::new() };
-    let (study, record, evaluation) = (&run.experiment.study, &run.experiment.record, run.evaluation);
-    let frame_of_interest = study.analysis.as_ref().map(|a| a.frame.as_str());
-    let leak = evaluation.analyzed_leak().and_then(|leak| leak.leak_ratio);
-
-    let mut sections = vec![camera_section(run, &mut builder)];
-    sections.extend(leak_section(run));
+    let words = &Words::of(run.experiment);
+    let record = &run.experiment.record;
+    let mut sections = sections(run, words, &mut builder);
+    let mut warnings: Vec<String> = record.warnings.iter().map(ToString::to_string).collect();
     if let Some(analyzed) = &run.evaluation.analysis {
-        sections.push(result_section(run, analyzed, &mut builder));
+        warnings.extend(analyzed.analysis.warnings.iter().map(|warning| words.of_target(warning)));
+    }
+    let wanted = run.experiment.study.render.samples_per_pixel;
+    if let Some(components) = run.components.filter(|c| c.samples_per_pixel < wanted) {
+        warnings.push(format!(
+            "The render was stopped early: {} of {wanted} samples per pixel.",
+            components.samples_per_pixel
+        ));
+    }
+    warnings.extend(dark_frames(run.experiment, &run.evaluation.frames));
+    let mut page = ReportData {
+        title: record.title.clone(),
+        overview: Some(overview(run, words)),
+        lead: words.lead(run),
+        headline: Vec::new(),
+        warnings,
+        sections: Vec::new(),
+        provenance: provenance(run),
+        experiment_toml: record.resolved_toml.clone(),
+        rerun_command: match run.frames_from {
+            FrameOrigin::Simulated => "fluorspar run report.html".into(),
+            FrameOrigin::Given => String::new(),
+        },
+    };
+    page.sections.append(&mut sections);
+    let bulk = run.experiment.study.analysis.as_ref().map_or(&[][..], |analysis| &analysis.bulk);
+    let bulk: Vec<String> = bulk.iter().map(|(name, _)| title_of(run, name)).collect();
+    page.sections.extend(glossary_section(&plain_text(&page), &words.target(), &bulk));
+    RunReport { page, figures: builder.figures }
+}
+
+/// The sections below the first screen, each folded.
+fn sections(run: &RunResults<'_>, words: &Words<'_>, builder: &mut Builder) -> Vec<Section> {
+    let evaluation = run.evaluation;
+    let mut sections = Vec::new();
+    if !evaluation.frames.is_empty() {
+        sections.push(frames_section(run, builder));
+    }
+    sections.extend(leak_section(run));
+    if let Some(analyzed) = &evaluation.analysis {
+        sections.push(result_section(run, words, analyzed, builder));
     }
     if let Some(radiance) = &evaluation.region_radiance {
-        sections.push(radiance_section(run, radiance, leak, &mut builder));
+        sections.push(radiance_section(run, radiance, builder));
     }
     if let Some((section, figure)) = depth_section(run) {
         sections.push(match figure {
@@ -79,108 +121,65 @@ pub fn run_report(run: &RunResults<'_>) -> RunReport {
             None => section,
         });
     }
-    if !run.evaluation.spectra.is_empty() {
-        sections.push(spectroradiometer_section(run, &mut builder));
+    if !evaluation.spectra.is_empty() {
+        sections.push(spectroradiometer_section(run, builder));
     }
-    sections.extend(evaluation.safety.as_ref().and_then(safety_section));
-    sections.push(parts_section(run, &mut builder));
+    sections.extend(evaluation.safety.as_ref().and_then(|safety| safety_section(safety, words)));
+    sections.push(parts_section(run, builder));
     sections.push(assumptions_section(run));
-    sections.push(glossary_section());
-
-    let mut warnings: Vec<String> = record.warnings.iter().map(ToString::to_string).collect();
-    if let Some(analyzed) = &run.evaluation.analysis {
-        warnings.extend(analyzed.analysis.warnings.iter().cloned());
-    }
-    if run.components.samples_per_pixel < study.render.samples_per_pixel {
-        warnings.push(format!(
-            "The render was stopped early: {} of {} samples per pixel.",
-            run.components.samples_per_pixel, study.render.samples_per_pixel
-        ));
-    }
-    let page = ReportData {
-        title: record.title.clone(),
-        lead: lead(run, frame_of_interest),
-        headline: headline(run, leak),
-        warnings,
-        sections,
-        provenance: provenance(run),
-        experiment_toml: record.resolved_toml.clone(),
-        rerun_command: "fluorspar run report.html".into(),
-    };
-    RunReport { page, figures: builder.figures }
-}
-
-fn lead(run: &RunResults<'_>, frame: Option<&str>) -> Vec<String> {
-    let mut lead = Vec::new();
-    if !run.experiment.record.description.is_empty() {
-        lead.push(run.experiment.record.description.clone());
-    }
-    lead.push(
-        "Everything on this page was computed: a three-dimensional scene with lights of known power was rendered as \
-         spectra, every kind of light kept apart; a lens and filters formed an image of it; a sensor model with its \
-         noise recorded it; and the recorded numbers were analyzed as those of a real camera would be."
-            .into(),
-    );
-    if frame.is_some() {
-        lead.push(
-            "Under violet light, tissue glows faintly. Most of the glow is broad and green-blue and comes from several \
-             molecules at once (the bulk: elastin, collagen, FAD, keratin). Porphyrins, made by bacteria on the tongue, \
-             glow red. The ratio of the color channels tells the two apart, whatever the brightness."
-                .into(),
-        );
-    }
-    lead
+    sections
 }
 
 /// Excitation light in the frames: which electrons are signal, and which are excitation light that passed the filters.
 fn leak_section(run: &RunResults<'_>) -> Option<Section> {
-    if run.evaluation.leaks.is_empty() {
+    let leaks = &run.evaluation.leaks;
+    if leaks.is_empty() {
         return None;
     }
     let place = match &run.evaluation.analysis {
         Some(analyzed) => format!("over {}", analyzed.analysis.region_description),
         None => "over the whole frame".into(),
     };
-    let mut section = Section::new("How much excitation light leaks through the filter").say(format!(
+    let notes = leaks.iter().filter_map(|leak| match (leak.is_reflectance(), leak.leak_ratio) {
+        (false, Some(ratio)) => Some(format!("\"{}\": {} % of the fluorescence", leak.frame, percent(ratio))),
+        _ => None,
+    });
+    let note = notes.collect::<Vec<_>>().join(", ");
+    let note = if note.is_empty() { "every frame is one of reflected light".into() } else { note };
+    let mut section = Section::new("How much excitation light leaks through the filter").folded(note).say(format!(
         "Every electron comes from light that was only reflected or from light that a fluorophore gave off. In a \
          fluorescence frame reflected light is a disturbance, the leak: it adds to every channel, is shaped by gloss and \
          reflectance, and looks like fluorescence that is not there. Means {place}, without noise."
     ));
-    for leak in &run.evaluation.leaks {
-        let mut rows = channel_leak_rows(leak);
+    section = section.with(ReportItem::Matrix(leak_matrix(leaks)));
+    for leak in leaks {
         if let (Some(ratio), false) = (leak.leak_ratio, leak.is_reflectance()) {
-            rows.extend(leak_ratio_rows(leak, ratio));
+            let caption = format!("Frame \"{}\", {:.1} ms", leak.frame, 1e3 * leak.exposure_s);
+            let rows = leak_ratio_rows(leak, ratio);
+            section = section.with(ReportItem::Table(NumberTable { caption, rows }));
         }
-        let caption = format!("Frame \"{}\", {:.1} ms", leak.frame, 1e3 * leak.exposure_s);
-        section = section.with(ReportItem::Table(NumberTable { caption, rows }));
     }
     Some(section)
 }
 
-/// Electrons of reflected light and of fluorescence in each channel.
-fn channel_leak_rows(leak: &FrameLeak) -> Vec<Number> {
-    let kind = if leak.is_reflectance() {
-        "reflected light, here the signal"
-    } else {
-        "reflected excitation light: the leak"
+/// Electrons of reflected light and of fluorescence in each channel of each frame.
+fn leak_matrix(leaks: &[FrameLeak]) -> NumberMatrix {
+    let names = leaks.first().map_or(&[][..], |leak| &leak.channels);
+    let columns = ["Frame, light".into()].into_iter().chain(names.iter().map(|c| format!("{}, e-", c.name)));
+    let row = |leak: &FrameLeak, kind: &str, of: &dyn Fn(&fluorspar::pipeline::ChannelLeak) -> f64| {
+        let name = format!("{}, {kind}", leak.frame);
+        std::iter::once(name).chain(leak.channels.iter().map(|c| electrons(of(c)))).collect::<Vec<String>>()
     };
-    let mut rows = Vec::new();
-    for channel in &leak.channels {
-        let name = &channel.name;
-        rows.push(Number::computed(
-            format!("{name}: reflected"),
-            electrons(channel.reflected_e),
-            "e- per pixel",
-            kind,
-        ));
-        rows.push(Number::computed(
-            format!("{name}: fluorescence"),
-            electrons(channel.fluorescent_e),
-            "e- per pixel",
-            "electrons of light that a fluorophore gave off",
-        ));
+    let rows = leaks.iter().flat_map(|leak| {
+        let kind = if leak.is_reflectance() { "reflected (the signal)" } else { "reflected (the leak)" };
+        [row(leak, kind, &|c| c.reflected_e), row(leak, "fluorescence", &|c| c.fluorescent_e)]
+    });
+    NumberMatrix {
+        caption: "Mean electrons per pixel".into(),
+        rows: rows.collect(),
+        columns: columns.collect(),
+        note: String::new(),
     }
-    rows
 }
 
 /// How large the leak is, and what the filter does against it.
@@ -235,7 +234,7 @@ fn title_of(run: &RunResults<'_>, name: &str) -> String {
 }
 
 /// Electrons with as many digits as tell something.
-fn electrons(value: f64) -> String {
+pub(super) fn electrons(value: f64) -> String {
     if value >= 100.0 {
         format!("{value:.0}")
     } else if value >= 1.0 {
@@ -246,96 +245,31 @@ fn electrons(value: f64) -> String {
 }
 
 /// A ratio in per cent, with as many digits as tell something.
-fn percent(ratio: f64) -> String {
+pub(super) fn percent(ratio: f64) -> String {
     let value = 100.0 * ratio;
+    if (1e-12..0.005).contains(&value) {
+        return "below 0.01".into();
+    }
     if value >= 1.0 { format!("{value:.1}") } else { format!("{value:.2}") }
-}
-
-fn headline(run: &RunResults<'_>, leak: Option<f64>) -> Vec<Number> {
-    let mut numbers = Vec::new();
-    if let Some(analyzed) = &run.evaluation.analysis {
-        let analysis = &analyzed.analysis;
-        if let Some(posterior) = &analysis.posterior {
-            let [low, high] = posterior.interval;
-            numbers.push(Number::computed(
-                "Porphyrin share of the light",
-                format!("{:.3} ({low:.3} to {high:.3})", posterior.median),
-                "",
-                format!(
-                    "median and 95 % interval with everything that is not known of the tissue ({}); no porphyrin: {:.0} % probable",
-                    posterior.prior,
-                    100.0 * posterior.probability_of_none
-                ),
-            ));
-        }
-        // Amounts in layered tissue are factors on what it holds: their ratio tells nothing.
-        if let (Some(region), None) = (analysis.mixture.as_ref().and_then(|m| m.region), &analysis.posterior)
-        {
-            let e = &region.estimate;
-            numbers.push(Number::computed(
-                "Porphyrin fraction on the mixture line",
-                format!("{:.3}", e.fraction),
-                "",
-                format!(
-                    "porphyrin over porphyrin and bulk, from the mean color, if the bulk were known; sensor noise alone leaves {:.4} to {:.4} open",
-                    e.fraction_interval[0], e.fraction_interval[1]
-                ),
-            ));
-        }
-        if let Some(truth) = &analysis.truth {
-            numbers.push(Number::computed(
-                "True porphyrin share",
-                format!("{:.3}", truth.share),
-                "",
-                "electrons of porphyrin light over those of all fluorescence of the region, as the simulation knows them",
-            ));
-        }
-        if let (Some(r), Some(g)) = (&analysis.r, &analysis.g) {
-            numbers.push(Number::computed(
-                "Sensor chromaticity",
-                format!("{:.3}, {:.3}", r.median, g.median),
-                "r, g",
-                "median of R/(R+G+B) and G/(R+G+B) over the region",
-            ));
-        }
-        if let Some(frame) = run.evaluation.frames.iter().find(|f| f.raw.label == analysis.frame) {
-            let green = analysis.channels.iter().find(|c| c.name == "G").and_then(|c| c.statistics.as_ref());
-            if let Some(green) = green {
-                numbers.push(Number::computed(
-                    "Signal in green",
-                    format!("{:.0}", green.median / frame.raw.dn_per_electron),
-                    "e-",
-                    "median electrons per pixel over the region: the light budget of the design",
-                ));
-            }
-        }
-    }
-    if let Some(leak) = leak {
-        numbers.push(Number::computed(
-            "Filter leak",
-            percent(leak),
-            "%",
-            "electrons of reflected excitation light per electron of fluorescence in the region; 1 % can be forgotten, 100 % can't be used",
-        ));
-    }
-    numbers
 }
 
 fn provenance(run: &RunResults<'_>) -> Vec<(String, String)> {
     let ResolvedExperiment { study, record } = run.experiment;
     let scene = &study.scene;
-    vec![
+    let mut list = vec![
         ("Fluorspar".into(), env!("CARGO_PKG_VERSION").into()),
         ("Experiment SHA-256".into(), record.sha256.clone()),
         ("Seed".into(), study.render.seed.to_string()),
-        ("Samples per pixel".into(), run.components.samples_per_pixel.to_string()),
-        (
-            "Image".into(),
-            format!("{} x {} pixels, {} bands", scene.camera.width, scene.camera.height, scene.grid.len()),
-        ),
-        ("Bands".into(), format!("{} to {} nm", scene.grid.start_nm(), scene.grid.end_nm())),
-        ("Components".into(), run.components.components.len().to_string()),
-    ]
+    ];
+    if let Some(components) = run.components {
+        let grid = &components.grid;
+        let size = format!("{} x {} pixels, {} bands", components.width, components.height, grid.len());
+        list.push(("Samples per pixel".into(), components.samples_per_pixel.to_string()));
+        list.push(("Image".into(), size));
+        list.push(("Bands".into(), format!("{} to {} nm", scene.grid.start_nm(), scene.grid.end_nm())));
+        list.push(("Components".into(), components.components.len().to_string()));
+    }
+    list
 }
 
 fn percent_saturated(frame: &CapturedFrame) -> f64 {
@@ -343,85 +277,52 @@ fn percent_saturated(frame: &CapturedFrame) -> f64 {
     100.0 * saturated as f64 / frame.developed.saturated.len().max(1) as f64
 }
 
-fn camera_section(run: &RunResults<'_>, builder: &mut Builder) -> Section {
-    let evaluation = run.evaluation;
-    let study = &run.experiment.study;
-    let shown = evaluation.frames.iter().zip(&evaluation.previews).zip(&study.captures);
-    let pictures = shown
-        .filter_map(|((frame, preview), capture)| frame_picture(&study.scene, frame, preview, capture))
-        .collect();
-    let rows = evaluation.frames.iter().flat_map(frame_rows).collect();
-    let mut section = Section::new("What the camera sees")
-        .say(
-            "One picture per exposure, each under its own lights. The white frame shows the mouth as the eye would see it. \
-             In the fluorescence frame the excitation light is blocked by the filter: what is left is the glow of teeth \
-             (brightest) and tissue, red where porphyrins are.",
-        )
-        .with(ReportItem::Pictures(pictures))
-        .with(ReportItem::Table(NumberTable { caption: "Frames".into(), rows }));
-    for frame in &evaluation.frames {
-        let capture = study.captures.iter().find(|c| c.frame.label == frame.raw.label);
+/// Exposures and levels of all frames, and their histograms.
+fn frames_section(run: &RunResults<'_>, builder: &mut Builder) -> Section {
+    let (frames, study) = (&run.evaluation.frames, &run.experiment.study);
+    let clipped = frames.iter().map(|frame| (percent_saturated(frame), &frame.raw.label));
+    let worst = clipped.max_by(|a, b| a.0.total_cmp(&b.0));
+    let clipped =
+        worst.map_or_else(String::new, |(share, label)| format!("; {share:.2} % of \"{label}\" clipped"));
+    let noun = if frames.len() == 1 { "frame" } else { "frames" };
+    let mut section = Section::new("Frames")
+        .folded(format!("{} {noun}{clipped}; levels and histograms", frames.len()))
+        .with(ReportItem::Matrix(frame_matrix(frames)));
+    for frame in frames {
+        let capture = study.capture(&frame.raw.label);
         let figure = frame_histograms(frame, capture.and_then(|c| c.subtract.as_deref()));
-        let stem = format!("histogram_{}", frame.raw.label);
-        // The frame that is analyzed is shown; the others are saved only.
-        if study.analysis.as_ref().is_some_and(|a| a.frame == frame.raw.label) {
-            section = builder.show(section, &stem, figure, "");
-        } else {
-            builder.figures.push(NamedFigure { stem, figure });
-        }
+        section = builder.show(section, &format!("histogram_{}", frame.raw.label), figure, "");
     }
     section
 }
 
-/// Preview of a frame with what it shows; none if it can't be drawn.
-fn frame_picture(
-    scene: &Scene,
-    frame: &CapturedFrame,
-    preview: &Preview,
-    capture: &Capture,
-) -> Option<ReportPicture> {
-    let png = Raster::from_rgb8(preview.width, preview.height, &preview.rgb)?.to_png()?;
-    let raw = &frame.raw;
-    let what = if scene.light_groups.iter().any(|group| capture.frame.drive(&group.name) > 0.0) {
-        "Developed for the eye and scaled to its own brightest parts."
-    } else {
-        "No light is on: the colored specks are nothing but the noise of the sensor, a few digital numbers, stretched \
-         until they can be seen."
+/// Exposure, clipping and the median of each channel of all frames.
+fn frame_matrix(frames: &[CapturedFrame]) -> NumberMatrix {
+    let channels = frames.first().map_or(&[][..], |frame| &frame.developed.channels);
+    let columns = ["Frame", "ms", "gain", "clipped, %"].map(String::from).into_iter();
+    let columns = columns.chain(channels.iter().map(|name| format!("{name}, DN")));
+    let row = |frame: &CapturedFrame| {
+        let developed = &frame.developed;
+        let n = developed.channels.len();
+        let mut row = vec![
+            frame.raw.label.clone(),
+            format!("{:.3}", frame.raw.exposure_s * 1e3),
+            format!("{}", frame.raw.gain),
+            format!("{:.2}", percent_saturated(frame)),
+        ];
+        row.extend((0..n).map(|c| {
+            let values = developed.data.iter().skip(c).step_by(n).map(|&v| f64::from(v));
+            Statistics::of(values).map_or_else(String::new, |s| format!("{:.1}", s.median))
+        }));
+        row
     };
-    let caption = format!(
-        "{:.1} ms, gain {}; {:.2} % of pixels saturated. {what}",
-        raw.exposure_s * 1e3,
-        raw.gain,
-        percent_saturated(frame)
-    );
-    Some(ReportPicture { png, title: format!("Frame \"{}\"", raw.label), caption })
-}
-
-/// Exposure of a frame and the median of each channel.
-fn frame_rows(frame: &CapturedFrame) -> Vec<Number> {
-    let label = &frame.raw.label;
-    let n = frame.developed.channels.len();
-    let mut rows = vec![Number::computed(
-        format!("{label}: exposure"),
-        format!("{:.3}", frame.raw.exposure_s * 1e3),
-        "ms",
-        "time during which light was collected",
-    )];
-    for (c, name) in frame.developed.channels.iter().enumerate() {
-        let values = frame.developed.data.iter().skip(c).step_by(n).map(|&v| f64::from(v));
-        if let Some(s) = Statistics::of(values) {
-            rows.push(Number::computed(
-                format!("{label}: median {name}"),
-                format!("{:.1}", s.median),
-                "DN",
-                format!(
-                    "over the whole frame, black level subtracted; full scale is {:.0} DN",
-                    frame.developed.full_scale_dn
-                ),
-            ));
-        }
+    let full = frames.first().map_or(0.0, |frame| frame.developed.full_scale_dn);
+    NumberMatrix {
+        caption: "Exposures, and medians over the whole frame".into(),
+        columns: columns.collect(),
+        rows: frames.iter().map(row).collect(),
+        note: format!("Black level subtracted; full scale is {full:.0} DN."),
     }
-    rows
 }
 
 fn frame_histograms(frame: &CapturedFrame, subtracted: Option<&str>) -> Figure {
@@ -437,7 +338,12 @@ fn frame_histograms(frame: &CapturedFrame, subtracted: Option<&str>) -> Figure {
     histograms(&frame.raw.label, &channels, developed.full_scale_dn, subtracted)
 }
 
-fn result_section(run: &RunResults<'_>, analyzed: &AnalyzedFrame, builder: &mut Builder) -> Section {
+fn result_section(
+    run: &RunResults<'_>,
+    words: &Words<'_>,
+    analyzed: &AnalyzedFrame,
+    builder: &mut Builder,
+) -> Section {
     let analysis = &analyzed.analysis;
     let points = analyzed.region.pixels.iter().filter_map(|&pixel| analyzed.chromaticity.at(pixel)).collect();
     let plot = chromaticity(&ChromaticityPlot {
@@ -448,40 +354,26 @@ fn result_section(run: &RunResults<'_>, analyzed: &AnalyzedFrame, builder: &mut 
             .iter()
             .filter_map(|f| f.chromaticity.map(|point| (title_of(run, &f.name), point)))
             .collect(),
+        target: words.target(),
         mixture_line: analysis.mixture.as_ref().map(|m| [m.bulk, m.porphyrin]),
         ellipse: analysis.ellipse.map(|e| e.outline(ELLIPSE_95, 90)).unwrap_or_default(),
     });
     let mut figures =
         vec![builder.item("chromaticity", plot, "The sensor's noise spreads pixels about the line.")];
-    let frame = run
-        .evaluation
-        .frames
-        .iter()
-        .zip(&run.evaluation.previews)
-        .find(|(f, _)| f.raw.label == analysis.frame);
-    if let (Some(porphyrin), Some((frame, preview))) = (&analyzed.porphyrin, frame) {
-        let gray: Vec<u8> = preview.rgb.chunks_exact(3).map(|p| p[1].max(p[0])).collect();
-        let fits = gray.len() == frame.developed.width * frame.developed.height;
-        for (stem, figure) in porphyrin_maps(porphyrin, fits.then_some(gray.as_slice())) {
-            figures.push(builder.item(stem, figure, ""));
-        }
-        if let (Some([col, row, w, h]), Some(raster)) = (
-            run.experiment.study.analysis.as_ref().and_then(|a| a.rectangle_px),
-            Raster::from_rgb8(preview.width, preview.height, &preview.rgb),
-        ) {
-            let rectangle = [col, row, w, h].map(f64::from);
-            figures.push(builder.item("region", picture("Region of interest", raster, Some(rectangle)), ""));
-        }
+    if let Some(figure) = analyzed.porphyrin.as_ref().and_then(|map| share_map(map, &words.target())) {
+        figures.push(builder.item("share_map", figure, ""));
     }
-    analysis_section(analysis, figures)
+    let region = &analysis.region_description;
+    let note = match (&analysis.r, &analysis.g) {
+        (Some(r), Some(g)) => {
+            format!("{region}: r {:.3}, g {:.3}; {} pixels", r.median, g.median, analysis.counts.valid)
+        }
+        _ => region.clone(),
+    };
+    words.section_of_target(analysis_section(analysis, figures, run.frames_from).folded(note))
 }
 
-fn radiance_section(
-    run: &RunResults<'_>,
-    radiance: &RegionRadiance,
-    leak: Option<f64>,
-    builder: &mut Builder,
-) -> Section {
+fn radiance_section(run: &RunResults<'_>, radiance: &RegionRadiance, builder: &mut Builder) -> Section {
     let curve =
         |name: &str, values: &[f64]| PlotCurve::new(name, radiance.wavelength_nm.clone(), values.to_vec());
     let glow: Vec<PlotCurve> =
@@ -489,24 +381,22 @@ fn radiance_section(
     let region =
         run.evaluation.analysis.as_ref().map_or_else(String::new, |a| a.analysis.region_description.clone());
     let (reflected, total) = (curve("reflected", &radiance.reflected), curve("sum", &radiance.total));
-    let mut section = Section::new("The light that leaves the tissue").say(format!(
+    let strongest = glow.iter().max_by(|a, b| sum(&a.value).total_cmp(&sum(&b.value)));
+    let note = strongest.map_or_else(
+        || "reflected light only".into(),
+        |curve| format!("most of the fluorescence comes from {}", curve.name),
+    );
+    let mut section = Section::new("The light of the region, by origin").folded(note).say(format!(
         "Mean spectral radiance of {region} ({} pixels of the render), before filter and lens. It is the quantity that a \
          spectroradiometer would measure there.",
         radiance.pixels
     ));
-    if let Some(leak) = leak {
-        section = section.say(format!(
-            "Through lens, filter and sensor, reflected excitation light makes {} % of the fluorescence signal of this region.",
-            percent(leak)
-        ));
-    }
     section = builder.show(
         section,
         "radiance_log",
         radiance_by_component(Some(&total), Some(&reflected), &glow, &region, Scale::Log10),
         "Logarithmic: reflected excitation light exceeds fluorescence by orders of magnitude, which is why the filters decide the \
-         design. A fluorophore that this tissue does not hold glows elsewhere, as dentin and enamel do in the teeth; its light \
-         is reflected here.",
+         design. Light of a fluorophore that the region does not hold was given off elsewhere and reflected here.",
     );
     builder.show(
         section,
@@ -516,8 +406,14 @@ fn radiance_section(
     )
 }
 
+fn sum(values: &[f64]) -> f64 {
+    values.iter().sum()
+}
+
 fn spectroradiometer_section(run: &RunResults<'_>, builder: &mut Builder) -> Section {
-    let mut section = Section::new("What a spectroradiometer reads").say(
+    let readings = run.evaluation.spectra.len();
+    let note = if readings == 1 { "one reading".into() } else { format!("{readings} readings") };
+    let mut section = Section::new("What a spectroradiometer reads").folded(note).say(
         "Spectral radiance from the place of the camera, behind the instrument's filter, through its slit, with its stray \
          light and noise.",
     );
@@ -550,9 +446,15 @@ fn parts_section(run: &RunResults<'_>, builder: &mut Builder) -> Section {
     let study = &run.experiment.study;
     let scene = &study.scene;
     let range = (scene.grid.start_nm(), scene.grid.end_nm());
-    let mut section = Section::new("Lights, filters, tissue and sensor");
-
     let light_curves = light_curves(scene, range);
+    let count =
+        |count: usize, one: &str| if count == 1 { format!("1 {one}") } else { format!("{count} {one}s") };
+    let note = format!(
+        "spectra of {} and {}, filter, quantum efficiency, camera",
+        count(light_curves.len(), "light"),
+        count(scene.fluorophores.len(), "fluorophore")
+    );
+    let mut section = Section::new("Lights, filters, fluorophores and sensor").folded(note);
     let view = fine("in front of the lens", &study.camera.view_filter.transmittance, range);
     if !light_curves.is_empty() {
         section = builder.show(
@@ -630,7 +532,7 @@ fn fluorophore_figures(
         &curves,
         &format!("the light \"{}\"", scene.light_groups[light.group].name),
         "each at concentration 1",
-        ["emitted photons", "per nm and photon that arrives"],
+        ["emitted photons", "1/nm per photon"],
         view_band(&study.camera.view_filter.transmittance, range),
     );
     builder.show(section, "emission", figure, "")
@@ -667,7 +569,7 @@ fn nominal_wavelength(experiment_toml: &str, group: &str, peak_nm: f64) -> Optio
 }
 
 /// Where a filter passes at least half of its maximum.
-fn view_band(filter: &Curve, range: (f64, f64)) -> Option<[f64; 2]> {
+pub(super) fn view_band(filter: &Curve, range: (f64, f64)) -> Option<[f64; 2]> {
     let nodes: Vec<f64> = (0..=(range.1 - range.0) as usize).map(|i| range.0 + i as f64).collect();
     let peak = nodes.iter().map(|&nm| filter.at(nm)).fold(0.0, f64::max);
     let passed: Vec<f64> = nodes.into_iter().filter(|&nm| filter.at(nm) >= 0.5 * peak).collect();
@@ -770,23 +672,30 @@ fn assumptions_section(run: &RunResults<'_>) -> Section {
             (f.title.clone(), text)
         })
         .collect();
-    let silent: Vec<&str> = run
-        .components
-        .components
-        .iter()
-        .enumerate()
-        .filter_map(|(index, component)| match &component.light {
-            LightPath::Fluorescence(name) if run.components.component(index).iter().all(|&v| v == 0.0) => {
-                Some(name.as_str())
+    let dark = |components: &ComponentImage| -> Vec<String> {
+        let all = components.components.iter().enumerate();
+        all.filter_map(|(index, component)| match &component.light {
+            LightPath::Fluorescence(name) if components.component(index).iter().all(|&v| v == 0.0) => {
+                Some(title_of(run, name))
             }
             _ => None,
         })
-        .collect();
-    let mut section = Section::new("Where the numbers come from").say(
-        "Spectra of fluorophores, lights, filters and tissue are models: published measurements described by a few \
-         numbers each. Absolute fluorescence yields are set to the level measured on tongues, lips and teeth; \
-         concentrations are relative to that. What nobody has published for this camera (power of the light sources, lens, quantum \
-         efficiency) is assumed, marked so in the experiment file, and can be changed there.",
+        .collect()
+    };
+    let silent = run.components.map(dark).unwrap_or_default();
+    let note = match scene.fluorophores.len() {
+        0 => "no fluorophores".into(),
+        1 => "source and range of one fluorophore".into(),
+        n => format!("sources and ranges of {n} fluorophores"),
+    };
+    let mut section = Section::new("Where the numbers come from").folded(note);
+    let description = &run.experiment.record.description;
+    if !description.is_empty() {
+        section = section.say(description.clone());
+    }
+    section = section.say(
+        "Spectra of the catalogue are models: published measurements described by a few numbers each. What is assumed is \
+         marked so in the files of the catalogue and can be changed in the experiment.",
     );
     if !silent.is_empty() {
         let mut names = silent;

@@ -1,26 +1,125 @@
 //! Photobiological safety in the report.
 
-use fluorspar::pipeline::{SafetyReport, ViewerSafety};
-use fluorspar::safety::{Hazard, RiskGroup, RiskQuantity};
+use fluorspar::pipeline::{CaptureSafety, SafetyReport, Viewer, ViewerSafety};
+use fluorspar::safety::{Assessment, Hazard, RiskGroup, RiskQuantity};
 
+use super::words::{Words, capital};
 use crate::{Number, NumberTable, Origin, ReportItem, Section};
 
 /// Doses are counted over 8 hours.
 const DAY_S: f64 = 8.0 * 3600.0;
 
-/// Margins of every capture and viewer; nothing when no light is on.
-pub(super) fn safety_section(report: &SafetyReport) -> Option<Section> {
+/// What limits the exposures of a day.
+struct Limiting<'a> {
+    capture: &'a CaptureSafety,
+    viewer: &'a ViewerSafety,
+    assessment: &'a Assessment,
+    /// Exposures in 8 hours; 0 where one is too many.
+    per_day: u64,
+}
+
+/// The hazard that allows the fewest exposures; `None` where nothing is assessed.
+fn limiting(report: &SafetyReport) -> Option<Limiting<'_>> {
+    let mut found: Option<Limiting<'_>> = None;
+    for capture in &report.captures {
+        for viewer in &capture.viewers {
+            for assessment in &viewer.hazards {
+                // Burns happen in one exposure or not at all.
+                let too_much = assessment.margin.is_some_and(|margin| margin < 1.0);
+                let Some(per_day) = (if too_much { Some(0) } else { assessment.exposures_per_day }) else {
+                    continue;
+                };
+                if found.as_ref().is_none_or(|worst| per_day < worst.per_day) {
+                    found = Some(Limiting { capture, viewer, assessment, per_day });
+                }
+            }
+        }
+    }
+    found
+}
+
+/// The number of captures a day for the first screen; nothing when no light is on.
+pub(super) fn eye_safe_captures(report: &SafetyReport, words: &Words<'_>) -> Option<Number> {
     if !report.has_light() {
         return None;
     }
-    let mut section = Section::new("Safety of eyes and tissue").say(format!(
+    let no_eye = report.captures.iter().flat_map(|c| &c.viewers).any(|v| v.not_assessed.is_some());
+    let Limiting { capture, viewer, assessment, per_day } = limiting(report)?;
+    let place = viewer.distance_mm.map_or_else(String::new, |mm| format!(" at {mm:.0} mm"));
+    let mut meaning = format!(
+        "\"{}\", limited by {}, {}{place}",
+        capture.name,
+        name(assessment.hazard),
+        viewer_name(viewer.viewer, words)
+    );
+    if no_eye {
+        meaning += "; no distance of an eye is given";
+    }
+    let title = if no_eye { "Safe captures" } else { "Eye-safe captures" };
+    if (per_day + 1) as f64 * capture.light_on_s > DAY_S {
+        return Some(Number::computed(title, "no limit", "in 8 h", meaning));
+    }
+    Some(Number::computed(title, per_day.to_string(), "in 8 h", meaning))
+}
+
+/// A viewer in words of the scene.
+fn viewer_name(viewer: Viewer, words: &Words<'_>) -> &'static str {
+    match viewer {
+        _ if words.is_mouth() => viewer.name(),
+        Viewer::PatientEye => "eye that looks into the lights",
+        Viewer::OperatorEye => "operator's eye",
+        Viewer::Mucosa => "skin in the light",
+    }
+}
+
+/// An assumption in words of the scene.
+fn assumption(line: &str, words: &Words<'_>) -> String {
+    if words.is_mouth() {
+        return line.into();
+    }
+    line.replace("there are no limits for mucosa: those for skin divided", "limits for skin, divided")
+        .replace("lit as the mucosa", "lit as the object")
+        .replace("mucosa", "skin")
+        .replace("patient's eye", "eye that looks into the lights")
+}
+
+/// The limiting hazard in a sentence, then margins of every capture and viewer; nothing when no light is on.
+pub(super) fn safety_section(report: &SafetyReport, words: &Words<'_>) -> Option<Section> {
+    if !report.has_light() {
+        return None;
+    }
+    let (note, sentence) = match limiting(report) {
+        Some(Limiting { capture, viewer, assessment, per_day }) => {
+            let who = viewer_name(viewer.viewer, words);
+            let place = viewer.distance_mm.map_or_else(String::new, |mm| format!(" at {} mm", number(mm)));
+            let hazard = name(assessment.hazard);
+            (
+                format!("{per_day} exposures of \"{}\" in 8 hours; limited by {hazard}, {who}", capture.name),
+                format!(
+                    "The limiting hazard is {hazard} ({}) for the {who}{place}: one exposure of \"{}\" gives {} {} of the {} {} that are \
+                     allowed, so {per_day} exposures fit into 8 hours.",
+                    explain(assessment.hazard),
+                    capture.name,
+                    number(assessment.value),
+                    assessment.unit,
+                    number(assessment.limit),
+                    assessment.unit
+                ),
+            )
+        }
+        None => (
+            "no distance of an eye is given".into(),
+            "No distance of an eye is given, so nothing limits.".into(),
+        ),
+    };
+    let mut section = Section::new("Safety of eyes and skin").folded(note).say(sentence).say(format!(
         "Limits: {}. {} A margin is the limit over the value: below 1 the exposure is too much.",
         report.standard, report.caveat
     ));
     for capture in report.captures.iter().filter(|c| !c.viewers.is_empty()) {
         let mut rows = Vec::new();
         for viewer in &capture.viewers {
-            rows.extend(viewer_rows(viewer, capture.light_on_s));
+            rows.extend(viewer_rows(viewer, capture.light_on_s, words));
         }
         let caption = format!(
             "Capture \"{}\", lights on for {} ms ({})",
@@ -35,7 +134,7 @@ pub(super) fn safety_section(report: &SafetyReport) -> Option<Section> {
         .iter()
         .filter_map(|line| {
             Some(Number::computed(
-                capital(line.viewer.name()),
+                capital(viewer_name(line.viewer, words)),
                 line.sequences_per_day?.to_string(),
                 "per 8 h",
                 "whole sequences of captures that all dose limits together allow",
@@ -52,7 +151,7 @@ pub(super) fn safety_section(report: &SafetyReport) -> Option<Section> {
         .collect();
     section = section.with(ReportItem::Table(NumberTable { caption: "Over a day".into(), rows }));
     let mut terms: Vec<(String, String)> = risk_group_term(report).into_iter().collect();
-    terms.extend(report.assumptions.iter().map(|line| ("Assumed".to_string(), line.clone())));
+    terms.extend(report.assumptions.iter().map(|line| ("Assumed".to_string(), assumption(line, words))));
     Some(section.with(ReportItem::Terms(terms)))
 }
 
@@ -111,8 +210,8 @@ fn quantity_name(quantity: &str) -> String {
     format!("{name} ({quantity})")
 }
 
-fn viewer_rows(viewer: &ViewerSafety, light_on_s: f64) -> Vec<Number> {
-    let who = capital(viewer.viewer.name());
+fn viewer_rows(viewer: &ViewerSafety, light_on_s: f64, words: &Words<'_>) -> Vec<Number> {
+    let who = capital(viewer_name(viewer.viewer, words));
     if let Some(reason) = &viewer.not_assessed {
         return vec![
             Number::computed(who, "no margin", "", reason.clone()).from(Origin::Assumed(reason.clone())),
@@ -170,11 +269,6 @@ fn explain(hazard: Hazard) -> &'static str {
         Hazard::InfraredEye => "heating of cornea and lens",
         Hazard::SkinThermal => "burns of the tissue",
     }
-}
-
-fn capital(text: &str) -> String {
-    let mut chars = text.chars();
-    chars.next().map_or_else(String::new, |first| first.to_uppercase().chain(chars).collect())
 }
 
 /// Three digits of any size.

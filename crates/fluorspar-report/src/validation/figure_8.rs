@@ -143,7 +143,7 @@ fn plot(subject: &Subject) -> Option<Panel> {
         pixels,
         fluorophores: vec![(PORPHYRIN.into(), mixture.porphyrin)],
         mixture_line: Some([mixture.bulk, mixture.porphyrin]),
-        ellipse: Vec::new(),
+        ..ChromaticityPlot::default()
     };
     chromaticity(&plot).panels.into_iter().next().map(|panel| panel.sized(300.0, 300.0))
 }

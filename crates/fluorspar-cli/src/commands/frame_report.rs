@@ -1,0 +1,62 @@
+//! The report of frames: from a component image, or of a camera.
+
+use std::path::Path;
+
+use fluorspar::pipeline::{AnalyzedFrame, CapturedFrame, ColorRendering, Evaluation, assess_safety, preview};
+use fluorspar_experiment::{ResolvedExperiment, Warning};
+use fluorspar_report::{FrameOrigin, RunResults, dark_frames, write_frame_report};
+
+use crate::error::CliError;
+use crate::message::Messages;
+
+/// What the report of frames is made from.
+pub(super) struct FrameReport<'a> {
+    pub(super) experiment: &'a ResolvedExperiment,
+    pub(super) experiment_text: &'a str,
+    pub(super) frames: Vec<CapturedFrame>,
+    pub(super) analysis: Option<AnalyzedFrame>,
+    pub(super) frames_from: FrameOrigin,
+    /// Ending of the raw files beside the report.
+    pub(super) raw_ending: Option<&'a str>,
+}
+
+impl FrameReport<'_> {
+    /// Writes `report.html`, previews and figures into a folder.
+    pub(super) fn write(self, folder: &Path) -> Result<(), CliError> {
+        let study = &self.experiment.study;
+        let shown = |frame: &CapturedFrame| {
+            let rendering = study.capture(&frame.raw.label).map(|c| ColorRendering::of_frame(study, c));
+            rendering.map(|rendering| preview(&frame.developed, &rendering))
+        };
+        let evaluation = Evaluation {
+            previews: self.frames.iter().filter_map(shown).collect(),
+            analysis: self.analysis,
+            region_radiance: None,
+            leaks: Vec::new(),
+            depths: Vec::new(),
+            spectra: Vec::new(),
+            safety: assess_safety(study, &self.frames),
+            frames: self.frames,
+        };
+        let run = RunResults {
+            experiment: self.experiment,
+            experiment_text: self.experiment_text,
+            components: None,
+            evaluation: &evaluation,
+            frames_from: self.frames_from,
+            raw_ending: self.raw_ending,
+        };
+        write_frame_report(folder, &run)?;
+        Ok(())
+    }
+}
+
+/// Warns of frames that see next to nothing.
+pub(super) fn warn_of_darkness(
+    experiment: &ResolvedExperiment,
+    frames: &[CapturedFrame],
+    messages: Messages,
+) {
+    let warnings: Vec<Warning> = dark_frames(experiment, frames).into_iter().map(Warning::from).collect();
+    messages.warnings(&warnings);
+}

@@ -1,0 +1,39 @@
+//! Frames that see next to nothing.
+
+use fluorspar::pipeline::CapturedFrame;
+use fluorspar_experiment::ResolvedExperiment;
+
+use super::words::Words;
+
+/// A pixel sees light when the sum of its channels is so many standard deviations of its dark noise.
+const SEEN: f64 = 5.0;
+/// Share of the pixels below which a frame is called dark.
+const LEAST_LIT: f64 = 0.01;
+
+/// Warnings of frames whose lights hardly reach what the camera sees, one sentence or two each.
+pub fn dark_frames(experiment: &ResolvedExperiment, frames: &[CapturedFrame]) -> Vec<String> {
+    let words = Words::of(experiment);
+    let study = &experiment.study;
+    let warning = |frame: &CapturedFrame| {
+        let capture = study.capture(&frame.raw.label)?;
+        let lights = words.lights(capture);
+        if lights == "no light" {
+            return None;
+        }
+        let developed = &frame.developed;
+        let n = developed.channels.len().max(1);
+        let least = SEEN * developed.noise_floor_dn * (n as f64).sqrt();
+        let sums = developed.data.chunks_exact(n).map(|pixel| f64::from(pixel.iter().sum::<f32>()));
+        let lit = sums.filter(|sum| *sum > least).count();
+        let all = developed.data.len() / n;
+        (lit as f64 <= LEAST_LIT * all as f64).then(|| {
+            format!(
+                "frame \"{}\": hardly any light reaches the camera: {lit} of {all} pixels rise above the noise after {:.1} ms. Does \
+                 the light ({lights}) reach what the camera sees, and do the filters pass what comes from there?",
+                frame.raw.label,
+                1e3 * frame.raw.exposure_s
+            )
+        })
+    };
+    frames.iter().filter_map(warning).collect()
+}

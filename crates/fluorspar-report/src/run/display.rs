@@ -1,0 +1,229 @@
+//! Frames for the screen: at the resolution of the sensor, averaged where it is noisy. No number is made from them.
+
+use fluorspar::image::ChannelImage;
+
+/// Widest image on a page, px; wider sensors are averaged over blocks of pixels.
+const WIDEST: usize = 1280;
+/// Relative noise of a bright pixel from which an image is averaged.
+const NOISY: f64 = 0.02;
+/// Pixels to either side that are averaged.
+const REACH: isize = 3;
+/// Standard deviation of the weights by distance, px.
+const SPREAD_PX: f64 = 1.7;
+/// A pixel so many standard deviations off the median of its neighborhood is taken for a speck.
+const SPECK: f64 = 4.0;
+/// Share of the median that a speck is off, at least.
+const SPECK_SHARE: f64 = 0.3;
+/// Differences of medians up to this share are averaged over, besides noise.
+const SHADE: f64 = 0.06;
+
+/// Light of so many standard deviations of the dark noise keeps half of its color.
+const FADED: f64 = 2.0;
+
+/// A frame for the screen.
+pub(super) struct DisplayImage {
+    /// Its channels.
+    pub(super) image: ChannelImage,
+    /// Pixels of the sensor along a side of a pixel of the image.
+    pub(super) block: usize,
+    /// What was done, in words.
+    pub(super) done: String,
+}
+
+/// Prepares a developed frame for the screen.
+pub(super) fn for_display(frame: &ChannelImage, dn_per_electron: f64) -> DisplayImage {
+    let block = frame.width.max(frame.height).div_ceil(WIDEST).max(1);
+    let binned = blocks(frame, block);
+    let noise = Noise {
+        floor_dn: frame.noise_floor_dn / block as f64,
+        dn_per_electron: dn_per_electron / (block * block) as f64,
+    };
+    let mut words = Vec::new();
+    if block > 1 {
+        words.push(format!("{block} x {block} pixels averaged"));
+    }
+    let image = if noise.is_visible(&binned) {
+        words.push("smoothed for display: edge-preserving mean over 7 x 7 pixels, specks replaced by the median of 5 x 5, colors faded where noise hides the light".into());
+        smoothed(&binned, &noise)
+    } else {
+        binned
+    };
+    DisplayImage { image, block, done: words.join("; ") }
+}
+
+/// Noise of a value.
+struct Noise {
+    floor_dn: f64,
+    dn_per_electron: f64,
+}
+
+impl Noise {
+    fn variance(&self, value: f64) -> f64 {
+        self.floor_dn.powi(2) + self.dn_per_electron * value.max(0.0)
+    }
+
+    /// Takes the color out of light that is lost in dark noise.
+    fn fade_color(&self, values: &mut [f64]) {
+        let n = values.len() as f64;
+        let sum: f64 = values.iter().sum::<f64>().max(0.0);
+        let lost = (FADED * self.floor_dn).powi(2) * n;
+        let kept = sum * sum / (sum * sum + lost).max(f64::MIN_POSITIVE);
+        values.iter_mut().for_each(|value| *value = sum / n + kept * (*value - sum / n));
+    }
+
+    /// Whether a pixel as bright as nine tenths of all shows noise.
+    fn is_visible(&self, image: &ChannelImage) -> bool {
+        let mut values: Vec<f32> = image.data.iter().copied().filter(|v| v.is_finite()).collect();
+        if values.is_empty() {
+            return false;
+        }
+        let at = (values.len() * 9 / 10).min(values.len() - 1);
+        let (_, bright, _) = values.select_nth_unstable_by(at, f32::total_cmp);
+        let bright = f64::from(*bright);
+        self.variance(bright).sqrt() > NOISY * bright
+    }
+}
+
+/// Means over square blocks; what is left at the right and lower rim joins no block.
+fn blocks(frame: &ChannelImage, block: usize) -> ChannelImage {
+    if block <= 1 {
+        return frame.clone();
+    }
+    let n = frame.channels.len();
+    let (width, height) = (frame.width / block, frame.height / block);
+    let mut data = Vec::with_capacity(width * height * n);
+    let mut saturated = Vec::with_capacity(width * height);
+    for row in 0..height {
+        for col in 0..width {
+            let inside =
+                (0..block * block).map(|i| (row * block + i / block) * frame.width + col * block + i % block);
+            for channel in 0..n {
+                let sum: f32 = inside.clone().map(|pixel| frame.data[pixel * n + channel]).sum();
+                data.push(sum / (block * block) as f32);
+            }
+            saturated.push(inside.clone().any(|pixel| frame.saturated[pixel]));
+        }
+    }
+    ChannelImage { width, height, data, saturated, subtracted: None, ..frame.clone() }
+}
+
+/// Averages over neighbors whose medians are alike, after specks were replaced by medians.
+fn smoothed(image: &ChannelImage, noise: &Noise) -> ChannelImage {
+    let n = image.channels.len();
+    let medians = medians(image);
+    let mut values = image.data.clone();
+    for (value, median) in values.iter_mut().zip(&medians) {
+        let (off, middle) = (f64::from((*value - *median).abs()), f64::from(*median).max(0.0));
+        if off > SPECK * noise.variance(middle).sqrt() + SPECK_SHARE * middle {
+            *value = *median;
+        }
+    }
+    let distance: Vec<f64> = (-REACH..=REACH)
+        .flat_map(|dy| (-REACH..=REACH).map(move |dx| (dx * dx + dy * dy) as f64))
+        .map(|squared| (-squared / (2.0 * SPREAD_PX * SPREAD_PX)).exp())
+        .collect();
+    let (width, height) = (image.width as isize, image.height as isize);
+    let mut data = Vec::with_capacity(values.len());
+    let mut sums = vec![0.0f64; n];
+    for row in 0..height {
+        for col in 0..width {
+            let here = (row * width + col) as usize * n;
+            let like: Vec<f64> = medians[here..here + n]
+                .iter()
+                .map(|&m| noise.variance(f64::from(m)) + (SHADE * f64::from(m)).powi(2))
+                .collect();
+            sums.fill(0.0);
+            let (mut weights, mut place) = (0.0, 0);
+            for y in row - REACH..=row + REACH {
+                for x in col - REACH..=col + REACH {
+                    let spread = distance[place];
+                    place += 1;
+                    if y < 0 || x < 0 || y >= height || x >= width {
+                        continue;
+                    }
+                    let there = (y * width + x) as usize * n;
+                    let unlike: f64 = (0..n)
+                        .map(|c| f64::from(medians[there + c] - medians[here + c]).powi(2) / like[c])
+                        .sum();
+                    let weight = spread * (-0.5 * unlike).exp();
+                    weights += weight;
+                    for (c, sum) in sums.iter_mut().enumerate() {
+                        *sum += weight * f64::from(values[there + c]);
+                    }
+                }
+            }
+            sums.iter_mut().for_each(|sum| *sum /= weights);
+            noise.fade_color(&mut sums);
+            data.extend(sums.iter().map(|&value| value as f32));
+        }
+    }
+    ChannelImage { data, ..image.clone() }
+}
+
+/// Median of the 5 x 5 neighbors of every value, each channel by itself.
+fn medians(image: &ChannelImage) -> Vec<f32> {
+    let n = image.channels.len();
+    let (width, height) = (image.width as isize, image.height as isize);
+    let mut medians = Vec::with_capacity(image.data.len());
+    let mut near = Vec::with_capacity(25);
+    for row in 0..height {
+        for col in 0..width {
+            for channel in 0..n {
+                near.clear();
+                for y in (row - 2).max(0)..=(row + 2).min(height - 1) {
+                    for x in (col - 2).max(0)..=(col + 2).min(width - 1) {
+                        near.push(image.data[(y * width + x) as usize * n + channel]);
+                    }
+                }
+                let middle = near.len() / 2;
+                medians.push(*near.select_nth_unstable_by(middle, f32::total_cmp).1);
+            }
+        }
+    }
+    medians
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn image(width: usize, height: usize, value: impl Fn(usize, usize) -> f32) -> ChannelImage {
+        let data = (0..width * height).map(|pixel| value(pixel / width, pixel % width)).collect();
+        ChannelImage {
+            width,
+            height,
+            channels: vec!["mono".into()],
+            data,
+            saturated: vec![false; width * height],
+            noise_floor_dn: 5.0,
+            full_scale_dn: 4000.0,
+            shares: vec![1.0],
+            subtracted: None,
+            label: "blue".into(),
+        }
+    }
+
+    #[test]
+    fn an_edge_stays_and_a_speck_goes() {
+        let step = image(40, 20, |row, col| match (row, col) {
+            (9..=11, 30..=32) => 3000.0,
+            _ if col < 20 => 50.0,
+            _ => 400.0,
+        });
+        let shown = for_display(&step, 0.5);
+        assert!(shown.done.contains("edge-preserving"), "{}", shown.done);
+        let at = |row: usize, col: usize| shown.image.data[row * 40 + col];
+        // Across the edge medians differ by 350 DN, forty standard deviations: nothing is averaged.
+        assert!((at(10, 18) - 50.0).abs() < 1.0 && (at(10, 21) - 400.0).abs() < 4.0);
+        // Nine of 25 neighbors are a speck: the median does not see it.
+        assert!((at(10, 31) - 400.0).abs() < 4.0, "{}", at(10, 31));
+    }
+
+    #[test]
+    fn a_large_sensor_is_averaged_over_blocks_and_light_without_noise_stays() {
+        let shown = for_display(&image(2600, 4, |_, col| if col % 2 == 0 { 3000.0 } else { 3600.0 }), 0.01);
+        assert_eq!((shown.image.width, shown.image.height, shown.block), (866, 1, 3));
+        assert_eq!(shown.done, "3 x 3 pixels averaged");
+        assert!(shown.image.data.iter().all(|&v| (3150.0..=3450.0).contains(&v)));
+    }
+}

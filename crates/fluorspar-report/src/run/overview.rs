@@ -1,0 +1,437 @@
+//! The first screen of a report: the frame with region and map, the estimate, and the numbers that decide about a design.
+
+use fluorspar::analysis::{Analysis, PorphyrinMap, Statistics};
+use fluorspar::pipeline::{AnalyzedFrame, CapturedFrame, ColorRendering, Preview, preview};
+use fluorspar::study::Capture;
+
+use super::display::{DisplayImage, for_display};
+use super::region_outline::region_outline;
+use super::report::{electrons, percent};
+use super::safety_section::eye_safe_captures;
+use super::words::{Words, capital};
+use super::{FrameOrigin, RunResults};
+use crate::figure::rgba_png;
+use crate::{Answer, ColorMap, MapOverlay, Number, Overview, Raster, View};
+
+/// A map is averaged over blocks of pixels until noise moves it by this share of the light.
+const QUIET_MAP: f64 = 0.007;
+/// Blocks that a map is averaged over, px.
+const MAP_BLOCKS: [usize; 8] = [1, 2, 3, 4, 6, 8, 12, 16];
+/// Least share at the upper end of the color scale.
+const LEAST_TOP: f64 = 0.02;
+/// Changes of the share below it round to nothing.
+const LEAST_CHANGE: f64 = 5e-5;
+/// Contributions to the error that the first screen lists.
+const CONTRIBUTIONS: usize = 4;
+
+/// The first screen.
+pub(super) fn overview(run: &RunResults<'_>, words: &Words<'_>) -> Overview {
+    Overview {
+        views: views(run, words),
+        answer: run.evaluation.analysis.as_ref().and_then(|analyzed| answer(&analyzed.analysis, words)),
+        cards: cards(run, words),
+        assumed: assumed(run, words),
+    }
+}
+
+/// Images of the frames that have light, the analyzed one first.
+fn views(run: &RunResults<'_>, words: &Words<'_>) -> Vec<View> {
+    let study = &run.experiment.study;
+    let analyzed = run.evaluation.analysis.as_ref();
+    let is_analyzed = |frame: &CapturedFrame| analyzed.is_some_and(|a| a.analysis.frame == frame.raw.label);
+    let shown = run.evaluation.frames.iter().filter_map(|frame| {
+        let capture = study.capture(&frame.raw.label)?;
+        let is_lit = words.lights(capture) != "no light" || run.frames_from == FrameOrigin::Given;
+        is_lit.then_some((frame, capture))
+    });
+    let mut views = Vec::new();
+    for (frame, capture) in shown {
+        let region = analyzed.filter(|_| is_analyzed(frame));
+        if let Some(view) = view(run, words, frame, capture, region) {
+            let place = if is_analyzed(frame) { 0 } else { views.len() };
+            views.insert(place, view);
+        }
+    }
+    views
+}
+
+fn view(
+    run: &RunResults<'_>,
+    words: &Words<'_>,
+    frame: &CapturedFrame,
+    capture: &Capture,
+    analyzed: Option<&AnalyzedFrame>,
+) -> Option<View> {
+    let shown = for_display(&frame.developed, frame.raw.dn_per_electron);
+    let image: Preview = preview(&shown.image, &ColorRendering::of_frame(&run.experiment.study, capture));
+    let png = Raster::from_rgb8(image.width, image.height, &image.rgb)?.to_png()?;
+    let label = &frame.raw.label;
+    let mut caption =
+        format!("Frame \"{label}\": {}, {:.1} ms", words.lights(capture), 1e3 * frame.raw.exposure_s);
+    if !shown.done.is_empty() {
+        caption += &format!(". {}", capital(&shown.done));
+    }
+    caption += ". As recorded:";
+    let mut links = vec![("image".into(), format!("preview_{label}.png"))];
+    links.extend(run.raw_ending.map(|ending| ("raw".into(), format!("raw_{label}.{ending}"))));
+    Some(View {
+        name: format!("Frame \"{label}\""),
+        png,
+        size: [image.width, image.height],
+        caption,
+        alt: seen(&image, frame, analyzed),
+        outline: analyzed
+            .filter(|a| is_part(a))
+            .map_or_else(Vec::new, |a| region_outline(&a.region, shown.block)),
+        map: analyzed.and_then(|analyzed| share_overlay(analyzed, &shown, words)),
+        links,
+    })
+}
+
+/// Whether a region leaves something of the frame out.
+fn is_part(analyzed: &AnalyzedFrame) -> bool {
+    analyzed.region.pixels.len() < analyzed.region.width * analyzed.region.height
+}
+
+/// What is seen in a frame: how bright it is, where, and the region.
+fn seen(image: &Preview, frame: &CapturedFrame, analyzed: Option<&AnalyzedFrame>) -> String {
+    let luminance: Vec<u32> =
+        image.rgb.chunks_exact(3).map(|p| u32::from(p[0]) + 2 * u32::from(p[1]) + u32::from(p[2])).collect();
+    let bright = luminance.iter().filter(|&&l| l > 4 * 160).count();
+    let dark = luminance.iter().filter(|&&l| l < 4 * 40).count();
+    let share = |count: usize| 100.0 * count as f64 / luminance.len().max(1) as f64;
+    let mut text = format!(
+        "Frame \"{}\": {:.0} % of the image is bright, {:.0} % is dark.",
+        frame.raw.label,
+        share(bright),
+        share(dark)
+    );
+    if let Some(AnalyzedFrame { analysis, region, .. }) = analyzed.filter(|a| is_part(a)) {
+        let count = region.pixels.len().max(1);
+        let col = region.pixels.iter().map(|p| p % region.width).sum::<usize>() / count;
+        let row = region.pixels.iter().map(|p| p / region.width).sum::<usize>() / count;
+        let third = |at: usize, of: usize, names: [&'static str; 3]| names[(3 * at / of.max(1)).min(2)];
+        let colors: Vec<String> = analysis
+            .channels
+            .iter()
+            .filter_map(|c| c.statistics.map(|s| format!("{} {:.0}", c.name, s.median)))
+            .collect();
+        text += &format!(
+            " The outlined region, {}, fills {:.1} % of it around its {} {}; medians {} DN.",
+            analysis.region_description,
+            100.0 * count as f64 / (region.width * region.height).max(1) as f64,
+            third(row, region.height, ["upper", "middle", "lower"]),
+            third(col, region.width, ["left", "center", "right"]),
+            colors.join(", ")
+        );
+    }
+    text
+}
+
+/// Means of the share on the mixture line over blocks, as colors whose opacity grows with the share.
+fn share_overlay(analyzed: &AnalyzedFrame, shown: &DisplayImage, words: &Words<'_>) -> Option<MapOverlay> {
+    let porphyrin = analyzed.porphyrin.as_ref()?;
+    let map = ShareMap::of(porphyrin, &analyzed.region.pixels)?;
+    let top = map.top();
+    // Colors at the resolution of the image, within the region only
+    let width = analyzed.region.width;
+    let [columns, rows] = [map.columns, map.rows].map(|n| (n * map.block).div_ceil(shown.block));
+    let mut pixels = vec![[0u8; 4]; columns * rows];
+    for &pixel in &analyzed.region.pixels {
+        let (x, y) = (pixel % width - map.left, pixel / width - map.above);
+        let Some(value) = map.values[y / map.block * map.columns + x / map.block] else { continue };
+        let height = (f64::from(value) / top).clamp(0.0, 1.0);
+        let [r, g, b] = ColorMap::Viridis.color(height);
+        pixels[y / shown.block * columns + x / shown.block] = [r, g, b, (235.0 * height.sqrt()) as u8];
+    }
+    let target = words.target();
+    let averaged = match map.block {
+        1 => String::new(),
+        block => format!(", mean over {block} x {block} pixels of the sensor"),
+    };
+    Some(MapOverlay {
+        name: format!("{} map", capital(&target)),
+        png: rgba_png(columns, rows, &pixels)?,
+        frame: [
+            map.left as f64 / shown.block as f64,
+            map.above as f64 / shown.block as f64,
+            columns as f64,
+            rows as f64,
+        ],
+        label: format!("{target} share of the light, on the mixture line"),
+        limits: [0.0, top],
+        caption: format!(
+            "Map: {target} share of the light on the mixture line{averaged}; no color where it is zero or no pixel counts, 98 % of the \
+             blocks are below {top:.3}.",
+        ),
+    })
+}
+
+/// Means of the share over blocks of pixels within the bounds of a region.
+pub(crate) struct ShareMap {
+    /// Left and top edge, in pixels of the sensor.
+    left: usize,
+    above: usize,
+    /// Blocks.
+    pub(crate) columns: usize,
+    /// Blocks.
+    pub(crate) rows: usize,
+    /// Side of a block, px.
+    pub(crate) block: usize,
+    /// Means; none where no pixel counts.
+    pub(crate) values: Vec<Option<f32>>,
+}
+
+impl ShareMap {
+    pub(crate) fn of(porphyrin: &PorphyrinMap, region: &[usize]) -> Option<Self> {
+        let width = porphyrin.width;
+        let errors = region.iter().filter_map(|&pixel| porphyrin.estimates[pixel]);
+        let error = Statistics::of(errors.map(|e| e.position_standard_error))?.median;
+        let block =
+            *MAP_BLOCKS.iter().find(|&&block| error / block as f64 <= QUIET_MAP).or(MAP_BLOCKS.last())?;
+        let bounds = |of: &dyn Fn(usize) -> usize| {
+            region.iter().map(|&pixel| of(pixel)).fold((usize::MAX, 0), |(a, b), v| (a.min(v), b.max(v)))
+        };
+        let (left, right) = bounds(&|pixel| pixel % width);
+        let (above, below) = bounds(&|pixel| pixel / width);
+        let (columns, rows) = ((right + 1 - left).div_ceil(block), (below + 1 - above).div_ceil(block));
+        let mut sums = vec![(0.0f64, 0usize); columns * rows];
+        for &pixel in region {
+            if let Some(estimate) = porphyrin.estimates[pixel].filter(|e| e.position.is_finite()) {
+                let (col, row) = ((pixel % width - left) / block, (pixel / width - above) / block);
+                let (sum, count) = &mut sums[row * columns + col];
+                *sum += estimate.position;
+                *count += 1;
+            }
+        }
+        let mean = |&(sum, count): &(f64, usize)| (count > 0).then(|| (sum / count as f64) as f32);
+        Some(Self { left, above, columns, rows, block, values: sums.iter().map(mean).collect() })
+    }
+
+    /// The upper end of a color scale: 98 % of the values lie below.
+    pub(crate) fn top(&self) -> f64 {
+        let mut sorted: Vec<f32> = self.values.iter().flatten().copied().collect();
+        sorted.sort_by(f32::total_cmp);
+        let at = sorted.len() * 98 / 100;
+        sorted.get(at).map_or(LEAST_TOP, |&v| f64::from(v).clamp(LEAST_TOP, 1.0))
+    }
+}
+
+/// The estimate with its total interval, the truth, and what makes it uncertain.
+fn answer(analysis: &Analysis, words: &Words<'_>) -> Option<Answer> {
+    let target = words.target();
+    let truth = analysis.truth.as_ref().map_or_else(String::new, |truth| {
+        format!("True share, which the simulation knows: {:.4}", truth.share)
+    });
+    let region = &analysis.region_description;
+    if let Some(posterior) = &analysis.posterior {
+        let [low, high] = posterior.interval;
+        let width = high - low;
+        let mut budget: Vec<(String, f64)> = posterior
+            .without
+            .iter()
+            .map(|w| (w.source.clone(), width - (w.interval[1] - w.interval[0])))
+            .collect();
+        budget.retain(|(_, less)| *less > 0.005 * width);
+        return Some(Answer {
+            quantity: format!("{} share of the fluorescence, {region}", capital(&target)),
+            value: format!("{:.3}", posterior.median),
+            interval: format!(
+                "95 %: {low:.3} to {high:.3}, everything unknown included; none at all: {:.0} % probable",
+                100.0 * posterior.probability_of_none
+            ),
+            truth,
+            budgets: vec![
+                (
+                    "If this were known, the interval would be narrower by:".into(),
+                    contributions(budget, |less| format!("{:.0} %", 100.0 * less / width)),
+                ),
+                line_budget(analysis),
+            ],
+        });
+    }
+    let estimate = analysis.mixture.as_ref()?.region?.estimate;
+    let interval = match &analysis.budget {
+        Some(budget) => {
+            let [low, high] = budget.total_interval;
+            format!("total interval {low:.4} to {high:.4}")
+        }
+        None => {
+            let half = 1.96 * estimate.position_standard_error;
+            let [low, high] = [estimate.position - half, estimate.position + half];
+            format!("95 %: {low:.4} to {high:.4} by sensor noise alone")
+        }
+    };
+    Some(Answer {
+        quantity: format!("{} share of the fluorescence on the mixture line, {region}", capital(&target)),
+        value: format!("{:.4}", estimate.position).replace('-', "−"),
+        interval: interval.replace('-', "−"),
+        truth,
+        budgets: vec![line_budget(analysis)],
+    })
+}
+
+/// What moves the estimate on the mixture line; without rows where that is not known.
+fn line_budget(analysis: &Analysis) -> (String, Vec<(String, String, f64)>) {
+    let Some(budget) = &analysis.budget else { return (String::new(), Vec::new()) };
+    let [low, high] = budget.total_interval;
+    let title = match analysis.posterior {
+        Some(_) => format!(
+            "On the mixture line, as if the bulk were known: {:.4} ({low:.4} to {high:.4}). What moves it:",
+            budget.share
+        ),
+        None => "What moves it:".into(),
+    };
+    let mut parts: Vec<(String, f64)> =
+        budget.items.iter().map(|item| (item.source.clone(), item.change)).collect();
+    parts.push(("sensor noise, half of 95 %".into(), budget.sensor_noise));
+    parts.retain(|(_, change)| change.abs() >= LEAST_CHANGE);
+    let text = |change: f64| format!("{change:+.4}").replace('-', "−");
+    (title.replace('-', "−"), contributions(parts, text))
+}
+
+/// The largest contributions with their texts, relative to the largest.
+fn contributions(mut all: Vec<(String, f64)>, text: impl Fn(f64) -> String) -> Vec<(String, String, f64)> {
+    all.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
+    let largest = all.first().map_or(1.0, |(_, change)| change.abs().max(f64::MIN_POSITIVE));
+    all.truncate(CONTRIBUTIONS);
+    all.into_iter().map(|(name, change)| (name, text(change), change.abs() / largest)).collect()
+}
+
+fn cards(run: &RunResults<'_>, words: &Words<'_>) -> Vec<Number> {
+    let evaluation = run.evaluation;
+    let analyzed = evaluation.analysis.as_ref();
+    let label = analyzed.map(|analyzed| analyzed.analysis.frame.as_str());
+    let lit = |frame: &&CapturedFrame| {
+        run.experiment.study.capture(&frame.raw.label).is_some_and(|c| words.lights(c) != "no light")
+    };
+    let of_interest = match label {
+        Some(label) => evaluation.frames.iter().find(|frame| frame.raw.label == label),
+        None => evaluation.frames.iter().filter(lit).last(),
+    };
+    let mut cards = Vec::new();
+    if let Some(analyzed) = analyzed {
+        cards.extend(detection_card(&analyzed.analysis, words));
+        cards.extend(contrast_card(analyzed, words));
+    }
+    let leak =
+        of_interest.and_then(|frame| evaluation.leaks.iter().find(|leak| leak.frame == frame.raw.label));
+    if let Some(ratio) = leak.filter(|leak| !leak.is_reflectance()).and_then(|leak| leak.leak_ratio) {
+        let place = if analyzed.is_some() { "in the region" } else { "over the whole frame" };
+        let meaning = format!("reflected excitation light per fluorescence electron, {place}");
+        cards.push(Number::computed("Leak", percent(ratio), "%", meaning));
+    }
+    if let Some(frame) = of_interest {
+        cards.push(signal_card(frame, analyzed.map(|a| &a.analysis)));
+        let saturated = frame.developed.saturated.iter().filter(|s| **s).count();
+        let all = frame.developed.saturated.len().max(1);
+        let in_region = analyzed.map_or_else(String::new, |a| {
+            format!(", {} of {} in the region", a.analysis.counts.saturated, a.analysis.counts.total())
+        });
+        cards.push(Number::computed(
+            "Clipped pixels",
+            format!("{:.2}", 100.0 * saturated as f64 / all as f64),
+            "%",
+            format!("of frame \"{}\"{in_region}", frame.raw.label),
+        ));
+    }
+    cards.extend(evaluation.safety.as_ref().and_then(|safety| eye_safe_captures(safety, words)));
+    cards
+}
+
+/// The smallest share that is told from the blank.
+fn detection_card(analysis: &Analysis, words: &Words<'_>) -> Option<Number> {
+    let target = words.target();
+    if let Some(budget) = &analysis.budget {
+        let blank = format!("{:.4}", budget.blank).replace('-', "−");
+        let meaning = format!(
+            "{target} share beyond the blank ({blank}) that sensor noise misses in 5 % of frames, whole region"
+        );
+        return Some(Number::computed(
+            "Detection limit",
+            format!("{:.4}", budget.detection_limit),
+            "",
+            meaning,
+        ));
+    }
+    let estimate = analysis.mixture.as_ref()?.region?.estimate;
+    // Currie 1968: 5 % of errors of either kind
+    let limit = 2.0 * 1.645 * estimate.position_standard_error;
+    let meaning = format!("{target} share that sensor noise misses in 5 % of frames, whole region");
+    Some(Number::computed("Detection limit", format!("{limit:.4}"), "", meaning))
+}
+
+/// How far light with and without the fluorophore lie apart, or two spots.
+fn contrast_card(analyzed: &AnalyzedFrame, words: &Words<'_>) -> Option<Number> {
+    let analysis = &analyzed.analysis;
+    if let Some(spot) = analysis.spots.first() {
+        let [low, high] = spot.d_prime_interval;
+        let meaning = format!(
+            "per pixel between the two spots, by {} ({low:.2} to {high:.2})",
+            spot.channels.join(", ")
+        );
+        return Some(Number::computed("d'", format!("{:.2}", spot.d_prime), "", meaning));
+    }
+    let porphyrin = analyzed.porphyrin.as_ref()?;
+    let errors = analyzed.region.pixels.iter().filter_map(|&pixel| porphyrin.estimates[pixel]);
+    let error = Statistics::of(errors.map(|e| e.position_standard_error))?.median;
+    let position = analysis.mixture.as_ref()?.region?.estimate.position;
+    let (distance, of) = match &analysis.budget {
+        Some(budget) => (budget.share - budget.blank, "the region with and without it"),
+        None => (position, "the region's share and none"),
+    };
+    let meaning = format!("one pixel, between {of}; {} pixels averaged: {:.1}", 100, 10.0 * distance / error);
+    let name = format!("d' of the {}", words.target());
+    Some(Number::computed(name, format!("{:.2}", distance / error), "", meaning))
+}
+
+/// Electrons and signal-to-noise ratio of a pixel, by channel.
+fn signal_card(frame: &CapturedFrame, analysis: Option<&Analysis>) -> Number {
+    let per_electron = frame.raw.dn_per_electron.max(f64::MIN_POSITIVE);
+    let developed = &frame.developed;
+    let n = developed.channels.len();
+    let (mut names, mut signal, mut snr) = (Vec::new(), Vec::new(), Vec::new());
+    for (c, name) in developed.channels.iter().enumerate() {
+        let in_region = analysis.and_then(|a| a.channels.iter().find(|s| s.name == *name)?.statistics);
+        let all = || Statistics::of(developed.data.iter().skip(c).step_by(n).map(|&v| f64::from(v)));
+        let Some(statistics) = in_region.or_else(all) else { continue };
+        let median = statistics.median.max(0.0);
+        let variance = match analysis {
+            Some(analysis) => analysis.settings.noise.variance(median),
+            None => developed.noise_floor_dn.powi(2) + per_electron * median,
+        };
+        names.push(name.as_str());
+        signal.push(electrons(median / per_electron));
+        snr.push(format!("{:.1}", median / variance.sqrt().max(f64::MIN_POSITIVE)));
+    }
+    let place = analysis.map_or_else(|| "of the whole frame".into(), |_| "of the region".to_owned());
+    let meaning = format!("median pixel {place}, {}; signal to noise {}", names.join(", "), snr.join(", "));
+    Number::computed("Signal", signal.join(", "), "e-", meaning)
+}
+
+/// What the numbers rest on.
+fn assumed(run: &RunResults<'_>, words: &Words<'_>) -> Vec<String> {
+    let study = &run.experiment.study;
+    let mut sentences = Vec::new();
+    let powers = words.powers();
+    if !powers.is_empty() {
+        sentences.push(format!("Light powers as the experiment states them ({}).", powers.join(", ")));
+    }
+    let fluorophores = study.scene.fluorophores.len();
+    if fluorophores > 0 {
+        let noun =
+            if fluorophores == 1 { "one fluorophore" } else { &format!("{fluorophores} fluorophores") };
+        sentences.push(format!("Spectra and yields of {noun} are models; ratios are surer than levels."));
+    }
+    if let Some(efficiency) = words.efficiency() {
+        sentences.push(format!("Quantum efficiency: {efficiency}."));
+    }
+    if let Some(posterior) = run.evaluation.analysis.as_ref().and_then(|a| a.analysis.posterior.as_ref()) {
+        sentences.push(format!("Tissue: {}.", posterior.prior));
+    }
+    let filters = &study.camera.view_filter.stack;
+    if filters != &Default::default() {
+        sentences.push("Filters block as deeply as their models say.".into());
+    }
+    sentences
+}

@@ -1,0 +1,254 @@
+//! What ran, in words: lights by wavelength, filters, scene, the fluorophore that is looked for.
+
+use fluorspar::spectral::Curve;
+use fluorspar::study::Capture;
+use fluorspar_experiment::ResolvedExperiment;
+
+use super::{FrameOrigin, RunResults};
+use crate::{NumberTable, ReportItem, Section};
+
+/// Lights whose half maximum is wider are called by what they cover, not by a peak, nm.
+const NARROW_LIGHT_NM: f64 = 80.0;
+/// Objects that are named one by one.
+const MOST_OBJECTS: usize = 4;
+
+/// The words of one run.
+pub(super) struct Words<'a> {
+    experiment: &'a ResolvedExperiment,
+    table: toml::Table,
+}
+
+impl<'a> Words<'a> {
+    pub(super) fn of(experiment: &'a ResolvedExperiment) -> Self {
+        Self { experiment, table: experiment.record.resolved_toml.parse().unwrap_or_default() }
+    }
+
+    /// Whether the scene is a parametric mouth.
+    pub(super) fn is_mouth(&self) -> bool {
+        self.table.contains_key("mouth")
+    }
+
+    /// The scene: a mouth, or its objects by name.
+    pub(super) fn scene(&self) -> String {
+        let objects = &self.experiment.study.scene.objects;
+        let name = |name: &str| name.replace('_', " ");
+        let listed = match objects.as_slice() {
+            [] => "an empty scene".into(),
+            [one] => name(&one.name),
+            several if several.len() <= MOST_OBJECTS => {
+                several.iter().map(|object| name(&object.name)).collect::<Vec<_>>().join(", ")
+            }
+            many => format!("{} objects", many.len()),
+        };
+        if self.is_mouth() { format!("a mouth of {} parts", objects.len()) } else { listed }
+    }
+
+    /// The lights of a capture: their spectra and the names that the experiment gives these.
+    pub(super) fn lights(&self, capture: &Capture) -> String {
+        let scene = &self.experiment.study.scene;
+        let mut texts: Vec<String> = Vec::new();
+        for light in &scene.lights {
+            let group = &scene.light_groups[light.group].name;
+            if capture.frame.drive(group) == 0.0 {
+                continue;
+            }
+            let spectrum = spectrum_words(&light.spectrum);
+            let text = match self.light_entry(group, "spectrum").as_ref().and_then(toml::Value::as_str) {
+                Some(name) => format!("{spectrum} ({})", file_name(name)),
+                None => spectrum,
+            };
+            if !texts.contains(&text) {
+                texts.push(text);
+            }
+        }
+        for object in &scene.objects {
+            if let Some(emission) = &object.emission {
+                let group = &scene.light_groups[emission.group].name;
+                if capture.frame.drive(group) != 0.0 {
+                    texts.push(format!("{} that shines", object.name.replace('_', " ")));
+                }
+            }
+        }
+        if texts.is_empty() { "no light".into() } else { texts.join(" and ") }
+    }
+
+    fn light_entry(&self, group: &str, key: &str) -> Option<toml::Value> {
+        let lights = self.table.get("light")?.as_array()?;
+        let of_group = |light: &&toml::Value| {
+            light.get("group").or(light.get("name")).and_then(toml::Value::as_str) == Some(group)
+        };
+        lights.iter().find(of_group)?.get(key).cloned()
+    }
+
+    /// Power of the lights as the experiment states it: `blue 2000 mW`.
+    pub(super) fn powers(&self) -> Vec<String> {
+        let groups = self.experiment.study.scene.light_groups.iter();
+        let power = |group: &str| {
+            let strength = self.light_entry(group, "strength")?;
+            let power = strength.get("power_mw")?;
+            let mw = power.as_float().or(power.as_integer().map(|mw| mw as f64))?;
+            Some(format!("{group} {mw} mW"))
+        };
+        groups.filter_map(|group| power(&group.name)).collect()
+    }
+
+    /// The name of the quantum efficiency, if the experiment names one.
+    pub(super) fn efficiency(&self) -> Option<String> {
+        let sensor = self.table.get("sensor")?;
+        sensor.get("quantum_efficiency")?.as_str().map(|name| file_name(name).to_owned())
+    }
+
+    /// The viewing filter in words; `None` without one.
+    pub(super) fn filter(&self) -> Option<String> {
+        let study = &self.experiment.study;
+        let filter = &study.camera.view_filter.transmittance;
+        let range = (study.scene.grid.start_nm(), study.scene.grid.end_nm());
+        super::report::view_band(filter, range).map(|[from, to]| {
+            if to >= range.1 - 1.0 {
+                format!("a filter that passes from {from:.0} nm on")
+            } else if from <= range.0 + 1.0 {
+                format!("a filter that passes up to {to:.0} nm")
+            } else {
+                format!("a filter that passes {from:.0} to {to:.0} nm")
+            }
+        })
+    }
+
+    /// The fluorophore whose share is estimated: "porphyrin" for all kinds of it, else its title.
+    pub(super) fn target(&self) -> String {
+        let Some(analysis) = &self.experiment.study.analysis else { return "porphyrin".into() };
+        if analysis.porphyrin.contains("porphyrin") {
+            return "porphyrin".into();
+        }
+        let fluorophores = &self.experiment.study.scene.fluorophores;
+        let found = fluorophores.iter().find(|f| f.name == analysis.porphyrin);
+        found.map_or_else(|| analysis.porphyrin.replace('_', " "), |f| f.title.clone())
+    }
+
+    /// A text about porphyrin as one about the fluorophore that is looked for.
+    pub(super) fn of_target(&self, text: &str) -> String {
+        let target = self.target();
+        if target == "porphyrin" {
+            return text.into();
+        }
+        text.replace("Porphyrin", &capital(&target)).replace("porphyrin", &target)
+    }
+
+    /// A section likewise.
+    pub(super) fn section_of_target(&self, section: Section) -> Section {
+        let items = section.items.into_iter().map(|item| match item {
+            ReportItem::Paragraph(text) => ReportItem::Paragraph(self.of_target(&text)),
+            ReportItem::Table(table) => ReportItem::Table(NumberTable {
+                caption: self.of_target(&table.caption),
+                rows: table
+                    .rows
+                    .into_iter()
+                    .map(|row| crate::Number {
+                        name: self.of_target(&row.name),
+                        meaning: self.of_target(&row.meaning),
+                        ..row
+                    })
+                    .collect(),
+            }),
+            other => other,
+        });
+        Section { items: items.collect(), title: section.title, note: section.note }
+    }
+
+    /// The sentences under the title: what was recorded, by what.
+    pub(super) fn lead(&self, run: &RunResults<'_>) -> Vec<String> {
+        let study = &self.experiment.study;
+        let lit = study.captures.iter().filter(|capture| self.lights(capture) != "no light");
+        let frames: Vec<String> = lit
+            .map(|capture| format!("\"{}\" under {}", capture.frame.label, self.lights(capture)))
+            .collect();
+        let sensor = study.camera.sensor.as_ref().map(|sensor| {
+            let model = sensor.model();
+            let channels: Vec<&str> = sensor.qe().channels().iter().map(|c| c.name.as_str()).collect();
+            format!("by a sensor of {} x {} pixels ({})", model.columns, model.rows, channels.join(", "))
+        });
+        let filter = self.filter().map(|filter| format!("through {filter}"));
+        let seen: Vec<String> = filter.into_iter().chain(sensor).collect();
+        let what = match run.frames_from {
+            FrameOrigin::Simulated => format!("Simulated: {}", self.scene()),
+            FrameOrigin::Given => {
+                "Recorded frames, analyzed with the camera and the lights of the experiment".into()
+            }
+        };
+        let mut sentence = what;
+        if !frames.is_empty() {
+            sentence +=
+                &format!("; {} {}", if frames.len() == 1 { "frame" } else { "frames" }, frames.join(", "));
+        }
+        if !seen.is_empty() {
+            sentence += &format!("; seen {}", seen.join(", "));
+        }
+        vec![sentence + "."]
+    }
+}
+
+/// A text about porphyrin as one about the fluorophore that an experiment looks for.
+pub fn name_target(experiment: &ResolvedExperiment, text: &str) -> String {
+    Words::of(experiment).of_target(text)
+}
+
+/// A spectrum by its peak and width, or by its range.
+fn spectrum_words(spectrum: &Curve) -> String {
+    let peak = spectrum.peak_nm();
+    let [from, to] = half_maximum(spectrum);
+    let white = spectrum.integral(480.0, 650.0) > 0.3 * spectrum.total();
+    if to - from > NARROW_LIGHT_NM || white {
+        let kind = if white { "white light" } else { "broad light" };
+        return format!("{kind} around {:.0} nm", centroid(spectrum));
+    }
+    format!("light of {peak:.0} nm, {:.0} nm wide", to - from)
+}
+
+fn centroid(spectrum: &Curve) -> f64 {
+    let (from, to) = spectrum.range_nm();
+    let (mut sum, mut moment) = (0.0, 0.0);
+    let mut nm = from.max(200.0);
+    while nm <= to.min(1200.0) {
+        sum += spectrum.at(nm);
+        moment += nm * spectrum.at(nm);
+        nm += 1.0;
+    }
+    if sum > 0.0 { moment / sum } else { spectrum.peak_nm() }
+}
+
+/// Where a spectrum falls to half of its peak on both sides of it, nm.
+fn half_maximum(spectrum: &Curve) -> [f64; 2] {
+    let (peak, half) = (spectrum.peak_nm(), 0.5 * spectrum.max());
+    let reach = |step: f64| {
+        let mut nm = peak;
+        while spectrum.at(nm) > half && (nm - peak).abs() < 500.0 {
+            nm += step;
+        }
+        nm
+    };
+    [reach(-0.5), reach(0.5)]
+}
+
+/// The last part of a path; a name of the catalogue as it is.
+fn file_name(name: &str) -> &str {
+    name.rsplit(['/', '\\']).next().unwrap_or(name)
+}
+
+/// With a capital letter.
+pub(super) fn capital(text: &str) -> String {
+    let mut letters = text.chars();
+    letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use fluorspar_experiment::preset;
+
+    #[test]
+    fn lights_are_called_by_what_they_are() {
+        let words = |name: &str| spectrum_words(&preset::light_spectrum(name).unwrap().curve());
+        assert!(words("led_405").starts_with("light of 40"), "{}", words("led_405"));
+        assert!(words("white_led").starts_with("white light"), "{}", words("white_led"));
+    }
+}
