@@ -135,7 +135,7 @@ impl<'a> Writer<'a> {
 
 struct Reader<'a> {
     rest: &'a [u8],
-    wavelengths: Vec<Vec<f64>>,
+    wavelengths: Vec<Arc<[f64]>>,
 }
 
 impl<'a> Reader<'a> {
@@ -181,16 +181,16 @@ impl<'a> Reader<'a> {
         for _ in 0..self.count()? {
             let count = self.count()?;
             let nm = self.doubles(count)?;
-            self.wavelengths.push(nm);
+            self.wavelengths.push(nm.into());
         }
         Some(())
     }
 
     fn curve(&mut self) -> Option<Curve> {
         let number = self.count()?;
-        let nm = self.wavelengths.get(number)?.clone();
+        let nm = Arc::clone(self.wavelengths.get(number)?);
         let values = self.doubles(nm.len())?;
-        Curve::new(nm, values).ok()
+        Curve::on_shared(nm, values).ok()
     }
 
     fn matrix(&mut self) -> Option<PhotonEem> {

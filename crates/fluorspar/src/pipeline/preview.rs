@@ -156,17 +156,13 @@ pub fn preview(image: &ChannelImage, rendering: &ColorRendering) -> Preview {
         [Some(r), Some(g), Some(b)] => [r, g, b],
         _ => [0; 3],
     };
-    let linear: Vec<[f64; 3]> = image
-        .data
-        .par_chunks_exact(image.channels.len())
-        .map(|pixel| {
-            let values = channels.map(|c| f64::from(pixel[c]));
-            rendering.matrix.map(|row| row.iter().zip(values).map(|(m, v)| m * v).sum())
-        })
-        .collect();
+    let linear = |pixel: usize| {
+        let values = channels.map(|c| f64::from(image.data[pixel * image.channels.len() + c]));
+        rendering.matrix.map(|row| row.iter().zip(values).map(|(m, v)| m * v).sum())
+    };
     // A dark frame must look dark: white is never less than fifty times the noise of a dark pixel.
     let gain = rendering.matrix[1].iter().sum::<f64>().abs().max(f64::MIN_POSITIVE);
-    to_srgb(image.width, image.height, &linear, 50.0 * image.noise_floor_dn * gain, rendering.lift)
+    to_srgb([image.width, image.height], linear, 50.0 * image.noise_floor_dn * gain, rendering.lift)
 }
 
 /// Turns a radiance image into the image that an eye would see (CIE 1931), scaled as [`preview`].
@@ -195,11 +191,19 @@ fn balanced(image: &SpectralImage<Radiance>, white: [f64; 3]) -> Preview {
         .map(|spectrum| linear_srgb(observer.xyz(spectrum)))
         .map(|color| std::array::from_fn(|c| color[c] / white[c]))
         .collect();
-    to_srgb(image.width(), image.height(), &linear, 0.0, LIFT_REFLECTED)
+    to_srgb([image.width(), image.height()], |pixel| linear[pixel], 0.0, LIFT_REFLECTED)
 }
 
-fn to_srgb(width: usize, height: usize, linear: &[[f64; 3]], least_white: f64, lift: f64) -> Preview {
-    let mut brightest: Vec<f64> = linear.iter().map(|p| p[0].max(p[1]).max(p[2])).collect();
+/// `linear` gives the color of a pixel. It is asked twice: the colors of a whole frame would take as much memory as all else.
+fn to_srgb(
+    [width, height]: [usize; 2],
+    linear: impl Fn(usize) -> [f64; 3] + Sync,
+    least_white: f64,
+    lift: f64,
+) -> Preview {
+    let largest = |[r, g, b]: [f64; 3]| r.max(g).max(b);
+    let mut brightest: Vec<f64> =
+        (0..width * height).into_par_iter().map(|pixel| largest(linear(pixel))).collect();
     let index = ((brightest.len() as f64 * WHITE_PERCENTILE) as usize).min(brightest.len().saturating_sub(1));
     let white = if brightest.is_empty() {
         1.0
@@ -207,12 +211,13 @@ fn to_srgb(width: usize, height: usize, linear: &[[f64; 3]], least_white: f64, l
         let (_, value, _) = brightest.select_nth_unstable_by(index, f64::total_cmp);
         value.max(least_white).max(f64::MIN_POSITIVE)
     };
-    let tone = |p: &[f64; 3]| -> [u8; 3] {
+    let tone = |pixel: usize| -> [u8; 3] {
+        let p = linear(pixel);
         // Extended Reinhard operator (Reinhard et al. 2002, Eq. 4) on the largest channel: keeps hues, maps `white` to 1.
-        let x = lift * p[0].max(p[1]).max(p[2]).max(0.0) / white;
+        let x = lift * largest(p).max(0.0) / white;
         let factor = lift * (1.0 + x / (lift * lift)) / (1.0 + x) / white;
         p.map(|value| encode_srgb(value * factor))
     };
-    let rgb: Vec<[u8; 3]> = linear.par_iter().map(tone).collect();
+    let rgb: Vec<[u8; 3]> = (0..width * height).into_par_iter().map(tone).collect();
     Preview { width, height, rgb: rgb.into_flattened() }
 }

@@ -1,5 +1,7 @@
 //! CIE 1931 colorimetry of rendered spectra, for previews and photometric checks.
 
+use std::sync::LazyLock;
+
 use super::cie_tables::{
     COLOR_MATCHING_FUNCTIONS, D65_FIRST_NM, D65_STEP_NM, ILLUMINANT_D65, OBSERVER_FIRST_NM,
 };
@@ -63,13 +65,62 @@ pub fn linear_srgb(xyz: [f64; 3]) -> [f64; 3] {
 /// sRGB transfer function (IEC 61966-2-1:1999): linear 0 to 1 to 8 bits, clipped.
 pub fn encode_srgb(linear: f64) -> u8 {
     let linear = linear.clamp(0.0, 1.0);
+    let Codes { edges, codes } = &*CODES;
+    let mut code = codes[(linear * (codes.len() - 1) as f64) as usize];
+    while edges.get(usize::from(code)).is_some_and(|edge| linear >= *edge) {
+        code += 1;
+    }
+    code
+}
+
+/// The equation of [`encode_srgb`], for 0 to 1.
+fn srgb_code(linear: f64) -> u8 {
     let encoded = if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 };
     (255.0 * encoded).round() as u8
 }
 
+/// The transfer function of sRGB as a table: powers take most of the time of a preview.
+struct Codes {
+    /// Least linear value of each code from 1 on.
+    edges: [f64; 255],
+    /// Codes at equal steps from 0 to 1.
+    codes: [u8; 4097],
+}
+
+static CODES: LazyLock<Codes> = LazyLock::new(|| {
+    // Bits of positive numbers increase with the numbers
+    let edge = |code: u8| {
+        let (mut below, mut above) = (0, 1.0_f64.to_bits());
+        while above - below > 1 {
+            let middle = below + (above - below) / 2;
+            if srgb_code(f64::from_bits(middle)) >= code { above = middle } else { below = middle }
+        }
+        f64::from_bits(above)
+    };
+    Codes {
+        edges: std::array::from_fn(|index| edge(index as u8 + 1)),
+        codes: std::array::from_fn(|step| srgb_code(step as f64 / 4096.0)),
+    }
+});
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn codes_of_the_table_are_those_of_the_equation() {
+        for i in 0..=1_000_000 {
+            let linear = f64::from(i) * 1e-6;
+            assert_eq!(encode_srgb(linear), srgb_code(linear), "{linear}");
+        }
+        for edge in &CODES.edges {
+            assert!(
+                encode_srgb(*edge) == srgb_code(*edge)
+                    && encode_srgb(edge.next_down()) + 1 == encode_srgb(*edge)
+            );
+        }
+        assert_eq!([-1.0, f64::NAN, 2.0].map(encode_srgb), [0, 0, 255]);
+    }
 
     #[test]
     fn one_watt_of_555_nm_light_gives_683_candela() {

@@ -1,5 +1,7 @@
 //! Functions of wavelength on their own, fine samples.
 
+use std::sync::{Arc, LazyLock};
+
 use thiserror::Error;
 
 use super::{CurveModel, Quantity, Spectrum, WavelengthGrid};
@@ -14,8 +16,22 @@ pub const FINE_STEP_NM: f64 = 0.5;
 /// before any averaging over bins.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Curve {
-    wavelength_nm: Vec<f64>,
+    /// Shared: scenes hold thousands of curves on few sets of wavelengths.
+    wavelength_nm: Arc<[f64]>,
     value: Vec<f64>,
+}
+
+/// Range over which models are sampled, nm.
+const MODEL_NM: [f64; 2] = [200.0, 1200.0];
+
+/// The wavelengths of [`Curve::from_fn`] over [`MODEL_NM`].
+static MODEL_WAVELENGTHS: LazyLock<Arc<[f64]>> = LazyLock::new(|| fine_wavelengths(MODEL_NM[0], MODEL_NM[1]));
+
+/// Wavelengths every [`FINE_STEP_NM`] or less over a range, ends included.
+fn fine_wavelengths(start_nm: f64, end_nm: f64) -> Arc<[f64]> {
+    let intervals = ((end_nm - start_nm) / FINE_STEP_NM).ceil().max(1.0) as usize;
+    let step = (end_nm - start_nm) / intervals as f64;
+    (0..=intervals).map(|i| start_nm + i as f64 * step).collect()
 }
 
 /// Why samples cannot be a curve.
@@ -82,6 +98,14 @@ impl Curve {
     /// Columns of different length, fewer than two samples, wavelengths that do not increase or are not in nm,
     /// values that are not finite.
     pub fn new(wavelength_nm: Vec<f64>, value: Vec<f64>) -> Result<Self, CurveError> {
+        Self::on_shared(wavelength_nm.into(), value)
+    }
+
+    /// [`Self::new`] on wavelengths that other curves have, too.
+    ///
+    /// # Errors
+    /// Those of [`Self::new`].
+    pub(crate) fn on_shared(wavelength_nm: Arc<[f64]>, value: Vec<f64>) -> Result<Self, CurveError> {
         if wavelength_nm.len() != value.len() {
             return Err(CurveError::LengthMismatch { wavelengths: wavelength_nm.len(), values: value.len() });
         }
@@ -109,9 +133,11 @@ impl Curve {
 
     /// Samples a function every [`FINE_STEP_NM`] over a range, ends included.
     pub fn from_fn(start_nm: f64, end_nm: f64, f: impl Fn(f64) -> f64) -> Self {
-        let intervals = ((end_nm - start_nm) / FINE_STEP_NM).ceil().max(1.0) as usize;
-        let step = (end_nm - start_nm) / intervals as f64;
-        let wavelength_nm: Vec<f64> = (0..=intervals).map(|i| start_nm + i as f64 * step).collect();
+        let wavelength_nm = if [start_nm, end_nm] == MODEL_NM {
+            Arc::clone(&MODEL_WAVELENGTHS)
+        } else {
+            fine_wavelengths(start_nm, end_nm)
+        };
         let value = wavelength_nm.iter().map(|&nm| f(nm)).collect();
         Self { wavelength_nm, value }
     }
@@ -130,12 +156,13 @@ impl Curve {
         {
             return curve;
         }
-        Self::from_fn(200.0, 1200.0, |nm| model.eval(nm))
+        let [first_nm, last_nm] = MODEL_NM;
+        Self::from_fn(first_nm, last_nm, |nm| model.eval(nm))
     }
 
     /// The same value everywhere between 200 and 1200 nm.
     pub fn constant(value: f64) -> Self {
-        Self { wavelength_nm: vec![200.0, 1200.0], value: vec![value, value] }
+        Self { wavelength_nm: MODEL_NM.into(), value: vec![value, value] }
     }
 
     /// Value at a wavelength; zero outside the samples.
@@ -246,13 +273,13 @@ impl Curve {
         let (first, last) = self.range_nm();
         let (start, end) = (from_nm.max(first), to_nm.min(last));
         if end <= start {
-            return Self { wavelength_nm: vec![from_nm, to_nm], value: vec![0.0, 0.0] };
+            return Self { wavelength_nm: [from_nm, to_nm].into(), value: vec![0.0, 0.0] };
         }
         let mut wavelength_nm = vec![start];
         wavelength_nm.extend(self.wavelength_nm.iter().copied().filter(|&nm| nm > start && nm < end));
         wavelength_nm.push(end);
         let value = wavelength_nm.iter().map(|&nm| self.at(nm)).collect();
-        Self { wavelength_nm, value }
+        Self { wavelength_nm: wavelength_nm.into(), value }
     }
 
     /// Pointwise product on the union of both samplings, refined to at most [`FINE_STEP_NM`]; zero where either is.
@@ -261,12 +288,12 @@ impl Curve {
         let (a, b) = (self.range_nm(), other.range_nm());
         let (start, end) = (a.0.max(b.0), a.1.min(b.1));
         if end <= start {
-            return Self { wavelength_nm: vec![a.0, a.1], value: vec![0.0, 0.0] };
+            return Self { wavelength_nm: [a.0, a.1].into(), value: vec![0.0, 0.0] };
         }
         let mut nodes: Vec<f64> = self
             .wavelength_nm
             .iter()
-            .chain(&other.wavelength_nm)
+            .chain(other.wavelength_nm.iter())
             .copied()
             .filter(|nm| (start..=end).contains(nm))
             .collect();
@@ -275,7 +302,7 @@ impl Curve {
         nodes.sort_by(f64::total_cmp);
         nodes.dedup_by(|next, kept| (*next - *kept).abs() < 1e-9);
         let value = nodes.iter().map(|&nm| self.at(nm) * other.at(nm)).collect();
-        Self { wavelength_nm: nodes, value }
+        Self { wavelength_nm: nodes.into(), value }
     }
 }
 
