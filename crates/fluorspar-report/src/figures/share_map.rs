@@ -11,8 +11,7 @@ const NONE: [u8; 3] = [128; 3];
 /// Share of the light on the mixture line, averaged over blocks of pixels within the bounds of the region; `None` without a pixel that
 /// counts. `target` is the fluorophore in a word.
 pub fn share_map(porphyrin: &PorphyrinMap, target: &str) -> Option<Figure> {
-    let region: Vec<usize> =
-        (0..porphyrin.estimates.len()).filter(|&pixel| porphyrin.estimates[pixel].is_some()).collect();
+    let region: Vec<usize> = porphyrin.estimates.iter().map(|(pixel, _)| *pixel).collect();
     let map = ShareMap::of(porphyrin, &region)?;
     let top = map.top();
     let raster =
@@ -27,9 +26,8 @@ pub fn share_map(porphyrin: &PorphyrinMap, target: &str) -> Option<Figure> {
         .with(Series::unnamed(Ink::Text, SeriesShape::Picture { x: [0.0, width], y: [height, 0.0], raster }));
     let label = format!("{target} share of the light");
     panel.color_bar = Some(ColorBar { axis: Axis::linear(label, "", [0.0, top]), map: ColorMap::Viridis });
-    let error = Statistics::of(
-        region.iter().filter_map(|&p| porphyrin.estimates[p]).map(|e| e.position_standard_error),
-    );
+    let error =
+        Statistics::of(region.iter().filter_map(|&p| porphyrin.at(p)).map(|e| e.position_standard_error));
     let error = error.map_or(0.0, |s| s.median);
     let block = map.block;
     Some(Figure::new(format!("Where the {target} is"), panel).explained(format!(

@@ -185,7 +185,7 @@ pub(crate) struct ShareMap {
 impl ShareMap {
     pub(crate) fn of(porphyrin: &PorphyrinMap, region: &[usize]) -> Option<Self> {
         let width = porphyrin.width;
-        let errors = region.iter().filter_map(|&pixel| porphyrin.estimates[pixel]);
+        let errors = region.iter().filter_map(|&pixel| porphyrin.at(pixel));
         let error = Statistics::of(errors.map(|e| e.position_standard_error))?.median;
         let block =
             *MAP_BLOCKS.iter().find(|&&block| error / block as f64 <= QUIET_MAP).or(MAP_BLOCKS.last())?;
@@ -197,7 +197,7 @@ impl ShareMap {
         let (columns, rows) = ((right + 1 - left).div_ceil(block), (below + 1 - above).div_ceil(block));
         let mut sums = vec![(0.0f64, 0usize); columns * rows];
         for &pixel in region {
-            if let Some(estimate) = porphyrin.estimates[pixel].filter(|e| e.position.is_finite()) {
+            if let Some(estimate) = porphyrin.at(pixel).filter(|e| e.position.is_finite()) {
                 let (col, row) = ((pixel % width - left) / block, (pixel / width - above) / block);
                 let (sum, count) = &mut sums[row * columns + col];
                 *sum += estimate.position;
@@ -373,7 +373,7 @@ fn contrast_card(analyzed: &AnalyzedFrame, words: &Words<'_>) -> Option<Number> 
         return Some(Number::computed("d'", format!("{:.2}", spot.d_prime), "", meaning));
     }
     let porphyrin = analyzed.porphyrin.as_ref()?;
-    let errors = analyzed.region.pixels.iter().filter_map(|&pixel| porphyrin.estimates[pixel]);
+    let errors = analyzed.region.pixels.iter().filter_map(|&pixel| porphyrin.at(pixel));
     let error = Statistics::of(errors.map(|e| e.position_standard_error))?.median;
     let position = analysis.mixture.as_ref()?.region?.estimate.position;
     let (distance, of) = match &analysis.budget {

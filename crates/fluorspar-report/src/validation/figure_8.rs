@@ -105,7 +105,7 @@ fn subject(name: &'static str, evaluation: Evaluation) -> Result<Subject, Valida
     let lacking = || ValidationError::Lacks("analysis of the tongue");
     let map =
         evaluation.analysis.as_ref().and_then(|analyzed| analyzed.porphyrin.as_ref()).ok_or_else(lacking)?;
-    let estimates: Vec<LineEstimate> = map.estimates.iter().flatten().copied().collect();
+    let estimates: Vec<LineEstimate> = map.estimates.iter().map(|(_, estimate)| *estimate).collect();
     let statistics =
         |of: &dyn Fn(&LineEstimate) -> f64| Statistics::of(estimates.iter().map(of)).ok_or_else(lacking);
     let position = statistics(&|e| e.position)?;

@@ -275,8 +275,8 @@ pub struct PorphyrinMap {
     pub width: usize,
     /// Rows.
     pub height: usize,
-    /// Estimate per pixel; none outside the region and where there is no chromaticity.
-    pub estimates: Vec<Option<LineEstimate>>,
+    /// Pixels with their estimates, by pixel; there is none outside the region and where there is no chromaticity.
+    pub estimates: Vec<(usize, LineEstimate)>,
     /// The line on which they lie.
     pub line: MixtureLine,
 }
@@ -314,7 +314,7 @@ impl PorphyrinMap {
         let channels = rgb_channels(image)?;
         let reflected =
             reflected.map(|leak| rgb_channels(leak).map(|channels| (leak, channels))).transpose()?;
-        let mut estimates = vec![None; image.width * image.height];
+        let mut estimates = Vec::new();
         for &pixel in region.pixels.iter().filter(|&&pixel| valid(pixel)) {
             let rgb = pixel_rgb(image, channels, pixel);
             let fluorescence = match reflected {
@@ -324,18 +324,28 @@ impl PorphyrinMap {
                 }
                 None => rgb,
             };
-            estimates[pixel] = line.project(fluorescence, noise.of_pixel(image, channels, pixel));
+            let estimate = line.project(fluorescence, noise.of_pixel(image, channels, pixel));
+            estimates.extend(estimate.map(|estimate| (pixel, estimate)));
         }
+        estimates.sort_by_key(|(pixel, _)| *pixel);
         Ok(Self { width: image.width, height: image.height, estimates, line: *line })
+    }
+
+    /// The estimate of a pixel.
+    pub fn at(&self, pixel: usize) -> Option<LineEstimate> {
+        let found = self.estimates.binary_search_by_key(&pixel, |(pixel, _)| *pixel).ok()?;
+        Some(self.estimates[found].1)
     }
 
     /// The numbers of all pixels, one list each.
     #[must_use]
     pub fn layers(&self) -> PorphyrinLayers {
         let of = |value: &dyn Fn(&LineEstimate) -> f64| -> Vec<f32> {
-            let known =
-                |e: &Option<LineEstimate>| e.as_ref().filter(|e| !e.is_off_line()).map_or(f64::NAN, value);
-            self.estimates.iter().map(|estimate| known(estimate) as f32).collect()
+            let mut values = vec![f32::NAN; self.width * self.height];
+            for (pixel, estimate) in self.estimates.iter().filter(|(_, e)| !e.is_off_line()) {
+                values[*pixel] = value(estimate) as f32;
+            }
+            values
         };
         let limit =
             |e: &LineEstimate| self.line.fraction((DETECTION_Z * e.position_standard_error).min(1.0)).0;
@@ -349,8 +359,11 @@ impl PorphyrinMap {
 
     /// Fractions, `[row, col]`, for an image, without pixels off the line, whose fraction is an artifact: rims of highlights, for instance.
     pub fn fractions_on_line(&self) -> Vec<Option<f32>> {
-        let on_line = |e: &Option<LineEstimate>| e.filter(|e| !e.is_off_line()).map(|e| e.fraction as f32);
-        self.estimates.iter().map(on_line).collect()
+        let mut fractions = vec![None; self.width * self.height];
+        for (pixel, estimate) in self.estimates.iter().filter(|(_, e)| !e.is_off_line()) {
+            fractions[*pixel] = Some(estimate.fraction as f32);
+        }
+        fractions
     }
 }
 

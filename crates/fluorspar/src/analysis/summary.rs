@@ -426,7 +426,7 @@ fn summarize(
     mean: Option<[[f64; 3]; 2]>,
     ellipse: Option<&CovarianceEllipse>,
 ) -> MixtureSummary {
-    let estimates: Vec<&LineEstimate> = map.estimates.iter().flatten().collect();
+    let estimates: Vec<&LineEstimate> = map.estimates.iter().map(|(_, estimate)| estimate).collect();
     let statistics =
         |value: fn(&LineEstimate) -> f64| Statistics::of(estimates.iter().map(|estimate| value(estimate)));
     let (bulk, porphyrin) = (line.bulk_point(), line.porphyrin_point());

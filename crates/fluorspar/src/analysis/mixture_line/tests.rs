@@ -185,14 +185,14 @@ fn known_reflected_light_is_subtracted() {
     let sum = image(std::array::from_fn(|c| rgb[c] + leak[c]));
     let fraction = |reflected: Option<&ChannelImage>| {
         let map = PorphyrinMap::new(&sum, |_| true, &region, &line, &noise, reflected).unwrap();
-        map.estimates[0].unwrap().fraction
+        map.estimates[0].1.fraction
     };
     assert!((fraction(Some(&image(leak))) - 0.1).abs() < 1e-6);
     assert!(fraction(None) < 0.08);
     // Left in, the reflected light moves the pixel beside the line by more than noise explains.
     let with_leak = PorphyrinMap::new(&sum, |_| true, &region, &line, &noise, None).unwrap();
-    assert!(with_leak.estimates[0].unwrap().is_off_line());
+    assert!(with_leak.estimates[0].1.is_off_line());
     assert_eq!(with_leak.fractions_on_line(), [None]);
     let masked = PorphyrinMap::new(&sum, |_| false, &region, &line, &noise, None).unwrap();
-    assert_eq!(masked.estimates, [None]);
+    assert!(masked.estimates.is_empty());
 }
