@@ -61,14 +61,26 @@ impl ComponentFile {
     /// # Errors
     /// As [`crate::read_component_image`], but that damage within the spectra shows when they are read.
     pub fn open(path: &Path) -> Result<Self, FormatError> {
+        Self::open_with(path, true)
+    }
+
+    /// [`Self::open`] without the feature maps, of which only names and view are read: captures need no more.
+    ///
+    /// # Errors
+    /// Those of [`Self::open`].
+    pub fn open_without_maps(path: &Path) -> Result<Self, FormatError> {
+        Self::open_with(path, false)
+    }
+
+    fn open_with(path: &Path, with_maps: bool) -> Result<Self, FormatError> {
         if is_npy(path)? {
             let Loaded { image, provenance } = read_component_npy(path)?;
             return Ok(Self { path: path.into(), labels: image, provenance, spectra: Spectra::Memory });
         }
-        guarded(path, "OpenEXR", || Self::open_parts(path))
+        guarded(path, "OpenEXR", || Self::open_parts(path, with_maps))
     }
 
-    fn open_parts(path: &Path) -> Result<Self, FormatError> {
+    fn open_parts(path: &Path, with_maps: bool) -> Result<Self, FormatError> {
         let headers = headers(path)?;
         let parts = component_parts(path, &headers)?;
         let (width, height) = (parts.size.width(), parts.size.height());
@@ -95,7 +107,7 @@ impl ComponentFile {
                 excitation.push((part, label));
             }
         }
-        let (features, samples) = read_features(path, &headers, parts.size)?;
+        let (features, samples) = read_features(path, &headers, parts.size, with_maps)?;
         let labels = ComponentImage {
             data: Vec::new(),
             samples_per_pixel: parts.samples_per_pixel,
@@ -262,7 +274,7 @@ impl ComponentRows for ComponentFile {
         };
         let headers = guarded(&self.path, "OpenEXR", || headers(&self.path))?;
         let is_wanted = |part: usize| of_part(part).is_some();
-        let found = for_each_block(&self.path, is_wanted, |block| {
+        let found = for_each_block(&self.path, headers.len(), is_wanted, |block| {
             let Some(component) = of_part(block.index.layer) else { return Ok(Vec::new()) };
             let header = &headers[block.index.layer];
             let mut rows = Vec::with_capacity(block.index.pixel_size.height());

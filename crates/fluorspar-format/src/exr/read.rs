@@ -289,7 +289,7 @@ fn feature_targets(header: &Header, buffer: usize) -> Vec<Option<Target>> {
 fn feature_maps(path: &Path, header: &Header, maps: &[f32]) -> Result<FeatureMaps, FormatError> {
     let has = |name: &str| has_channel(header, name);
     let pixels = || maps.chunks_exact(FEATURE_CHANNELS.len());
-    let mut features = FeatureMaps::default();
+    let mut features = feature_names(path, header)?;
     if has("Z") {
         features.depth_m = pixels().map(|pixel| pixel[0]).collect();
     }
@@ -302,6 +302,12 @@ fn feature_maps(path: &Path, header: &Header, maps: &[f32]) -> Result<FeatureMap
     if has("U") {
         features.uv = pixels().map(|pixel| [pixel[5], pixel[6]]).collect();
     }
+    Ok(features)
+}
+
+/// Names of parts and materials, and the view: what a header says of feature maps.
+fn feature_names(path: &Path, header: &Header) -> Result<FeatureMaps, FormatError> {
+    let mut features = FeatureMaps::default();
     if let Some(names) = attribute(header, PARTS) {
         (features.part_names, features.material_names) = parse_json(path, PARTS, &names)?;
     }
@@ -328,16 +334,20 @@ pub(super) fn scale_of(path: &Path, header: &Header) -> Result<Option<f64>, Form
     Ok(scale)
 }
 
-/// Feature maps and samples per pixel of a component image, read alone.
+/// Feature maps and samples per pixel of a component image, read alone; without `with_maps` only what the header says of them.
 pub(super) fn read_features(
     path: &Path,
     headers: &[Header],
     size: Vec2<usize>,
+    with_maps: bool,
 ) -> Result<(FeatureMaps, Vec<u32>), FormatError> {
     let part = headers.iter().position(|header| part_name(header).as_deref() == Some(FEATURES));
     let Some(part) = part else { return Ok(Default::default()) };
     if headers[part].layer_size != size {
         return Err(FormatError::malformed(path, "the feature maps differ in size", "Write the file again"));
+    }
+    if !with_maps {
+        return Ok((feature_names(path, &headers[part])?, Vec::new()));
     }
     let mut targets: Vec<PartTargets> =
         headers.iter().map(|header| vec![None; header.channels.list.len()]).collect();
@@ -488,13 +498,29 @@ fn place_block(
     Ok(())
 }
 
-/// Reads and unpacks the full-resolution blocks of some parts, and returns what `visit` made of each, in no order.
+/// Reads and unpacks the full-resolution blocks of the wanted ones of so many parts, and returns what `visit` made of each, in no
+/// order. Several threads read: one would keep the others waiting.
 pub(super) fn for_each_block<T: Send>(
     path: &Path,
+    parts: usize,
     wanted: impl Fn(usize) -> bool,
     visit: impl Fn(UncompressedBlock) -> Result<T, FormatError> + Sync,
 ) -> Result<Vec<T>, FormatError> {
-    let mut blocks = BlockReader::open(path, wanted)?;
+    let wanted: Vec<usize> = (0..parts).filter(|part| wanted(*part)).collect();
+    // Each group opens the file again, and has a batch of blocks in memory.
+    let at_once = wanted.len().div_ceil(4 * rayon::current_num_threads()).max(1);
+    let groups = wanted.par_chunks(at_once).map(|group| blocks_of(path, group, &visit));
+    let found = groups.collect::<Result<Vec<Vec<T>>, FormatError>>()?;
+    Ok(found.into_iter().flatten().collect())
+}
+
+/// What `visit` makes of the blocks of some parts.
+fn blocks_of<T: Send>(
+    path: &Path,
+    parts: &[usize],
+    visit: &(impl Fn(UncompressedBlock) -> Result<T, FormatError> + Sync),
+) -> Result<Vec<T>, FormatError> {
+    let mut blocks = BlockReader::open(path, |part| parts.contains(&part))?;
     let mut found = Vec::new();
     loop {
         let chunks = blocks.read_chunks()?;
