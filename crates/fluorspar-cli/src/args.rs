@@ -100,6 +100,22 @@ pub(crate) enum Command {
     },
 }
 
+impl Command {
+    /// Whether the command renders images or holds whole films: such memory is large, and its parts follow each other.
+    pub(crate) fn renders(&self) -> bool {
+        matches!(
+            self,
+            Self::Run(_)
+                | Self::Render(_)
+                | Self::Merge(_)
+                | Self::Denoise(_)
+                | Self::Mouth(_)
+                | Self::Validate(_)
+                | Self::Design(_)
+        )
+    }
+}
+
 impl Default for Command {
     fn default() -> Self {
         Self::Run(run::Options::default())

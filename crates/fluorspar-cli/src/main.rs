@@ -31,11 +31,14 @@ use crate::values::MOST_THREADS;
 static ALLOCATOR: Allocator = Allocator;
 
 fn main() -> ExitCode {
-    return_freed_memory_at_once();
     let args = match Args::try_parse() {
         Ok(args) => args,
         Err(answer) => return print_answer(&answer),
     };
+    // Others end soon: what they give back they would ask for again, and the system has to clear it each time.
+    if args.command.as_ref().is_none_or(Command::renders) {
+        return_freed_memory_at_once();
+    }
     say_panics_in_a_line();
     end_of(|| run(args))
 }

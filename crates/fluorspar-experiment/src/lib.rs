@@ -59,7 +59,10 @@ pub use layers_file::{
 };
 pub use read::{Experiment, parse, parse_changed};
 pub use resolve::named_tissue::NamedTissue;
-pub use resolve::{FileRecord, InputFile, ResolvedExperiment, resolve, resolve_rendered, resolve_shapes};
+pub use resolve::{
+    CapturesOfRender, FileRecord, InputFile, ResolvedExperiment, resolve, resolve_captures, resolve_rendered,
+    resolve_shapes, show_the_same_scene,
+};
 pub use sample::{
     MeasuredLight, ResolvedSample, SampleCompatibility, SampleExposure, SampleFile, SampleLight,
     SampleMaterial, SampleSurface, SampleTissue, is_sample, parse_sample,

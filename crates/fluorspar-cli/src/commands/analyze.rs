@@ -8,16 +8,17 @@ use clap::ValueHint;
 use fluorspar::analysis::PorphyrinLayers;
 use fluorspar::image::SensorImage;
 use fluorspar::pipeline::{
-    AnalyzedFrame, Calibration, RawExposures, analyze_seen, bracket_label, complete_raw, develop_frames,
+    AnalyzedFrame, Calibration, CapturedFrame, RawExposures, analyze_seen, bracket_label, complete_raw,
+    develop_frames,
 };
 use fluorspar::study::{Capture, Study};
-use fluorspar_experiment::resolve;
+use fluorspar_experiment::{Experiment, resolve};
 use fluorspar_format::{OutputFolder, read_sensor_image, write_atomically, write_map_npy};
 use fluorspar_report::figures::porphyrin_maps;
 use fluorspar_report::{FrameOrigin, name_target};
 
 use super::frame_report::{FrameReport, warn_of_darkness};
-use super::rendered_image::RenderedImage;
+use super::rendered_image::{CaptureView, RenderedImage, ShownByImage};
 use crate::args::{Changes, Talk};
 use crate::error::CliError;
 use crate::experiment_source::{ExperimentSource, read_text};
@@ -72,7 +73,25 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let source = ExperimentSource::find(Some(&name))?;
     let overrides = options.changes.overrides();
     let parsed = source.parse(&overrides)?;
-    let experiment = resolve(&parsed).map_err(|error| as_typed(error, &overrides))?;
+    let image = options
+        .components
+        .clone()
+        .or_else(|| beside("components.exr").filter(|p| p.is_file()))
+        .or_else(|| options.folder.as_ref().and_then(|folder| captured_from(folder)));
+    // Frames and channel planes come while materials are resolved
+    let frames_at = options.folder.as_ref().filter(|_| options.frame.is_empty());
+    let (experiment, (opened, seen)) = rayon::join(
+        || resolve(&parsed),
+        || {
+            let opened = image.as_ref().map(|path| RenderedImage::open(path));
+            let seen = match (&opened, frames_at) {
+                (Some(Ok(image)), Some(folder)) => seen_early(&parsed, folder, image),
+                _ => None,
+            };
+            (opened, seen)
+        },
+    );
+    let experiment = experiment.map_err(|error| as_typed(error, &overrides))?;
     let study = &experiment.study;
     let Some(settings) = &study.analysis else {
         let reason =
@@ -82,19 +101,11 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
             None => format!("{name}: the experiment has no [analysis] section; add one"),
         }));
     };
-    let exposures = if options.frame.is_empty() {
-        let Some(folder) = &options.folder else {
-            return Err(CliError::Input("give a folder, or frames with --frame CAPTURE=FILE".into()));
-        };
-        frames_of_folder(study, folder)?
-    } else {
-        named_frames(options, study, &settings.frame)?
+    let (early, view) = seen.unzip();
+    let frames = match early {
+        Some(frames) => frames,
+        None => developed(options, study, &settings.frame)?,
     };
-    let image = options
-        .components
-        .clone()
-        .or_else(|| beside("components.exr").filter(|p| p.is_file()))
-        .or_else(|| options.folder.as_ref().and_then(|folder| captured_from(folder)));
     if let (None, [part, ..]) = (&image, settings.parts.as_slice()) {
         return Err(CliError::Input(format!(
             "{name}: the region is the part \"{part}\", but its pixels are known only from the component image; give that of \
@@ -102,31 +113,21 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
              analysis.rectangle_px=[COLUMN,ROW,WIDTH,HEIGHT]"
         )));
     }
-    let image = image.map(|path| RenderedImage::open(&path)).transpose()?;
-    let calibration = if options.frame.is_empty() {
-        Calibration::of_study(study, exposures.iter().flat_map(RawExposures::all))?
-    } else {
-        let read = |paths: &[PathBuf]| -> Result<Vec<SensorImage>, CliError> {
-            paths.iter().map(|path| read_raw(study, path, None)).collect()
-        };
-        let develop = &study.develop;
-        Calibration::of_frames(
-            develop.demosaicing,
-            read(&options.dark)?,
-            read(&options.flat)?,
-            develop.bad_pixel_sigma,
-        )?
-    };
+    let image = opened.transpose()?;
     let inputs = options.folder.iter().chain(&options.components).chain(&options.dark).chain(&options.flat);
     let named = options.frame.iter().filter_map(|text| Some(PathBuf::from(text.split_once('=')?.1)));
     let inputs: Vec<PathBuf> = inputs.cloned().chain(named).collect();
     let out = options.out.as_ref().map(|out| OutputFolder::prepare(out, &inputs, OUT_BYTES)).transpose()?;
-    let frames = develop_frames(study, exposures, &calibration)?;
     let analyzed = match &image {
         None => analyze_seen(study, None, &frames)?,
         Some(image) => {
-            let changes = image.changes(&parsed, &experiment, false)?;
-            let view = image.seen_by(study, &study.captures, changes)?;
+            let view = match view {
+                Some(view) => view,
+                None => {
+                    let changes = image.changes(&parsed, &experiment, false)?;
+                    image.seen_by(study, &study.captures, changes)?
+                }
+            };
             analyze_seen(study, Some(&view.components(image, &study.captures)), &frames)?
         }
     };
@@ -173,6 +174,42 @@ fn captured_from(folder: &Path) -> Option<PathBuf> {
     let results: serde_json::Value = serde_json::from_str(&text).ok()?;
     let path = PathBuf::from(results.get("components_file")?.as_str()?);
     path.is_file().then_some(path)
+}
+
+/// Developed frames of a folder, and what the image shows of them, where neither needs surfaces. `None` where they do, or where
+/// something is wrong, of which the usual way tells.
+fn seen_early(
+    parsed: &Experiment,
+    folder: &Path,
+    image: &RenderedImage,
+) -> Option<(Vec<CapturedFrame>, CaptureView)> {
+    let ShownByImage { experiment, changes } = image.without_surfaces(parsed).ok()??;
+    let study = experiment.study;
+    let exposures = frames_of_folder(&study, folder).ok()?;
+    let calibration = Calibration::of_study(&study, exposures.iter().flat_map(RawExposures::all)).ok()?;
+    let frames = develop_frames(&study, exposures, &calibration).ok()?;
+    let view = image.seen_by(&study, &study.captures, changes).ok()?;
+    Some((frames, view))
+}
+
+/// The frames that are analyzed, developed with what calibrates them.
+fn developed(options: &Options, study: &Study, wanted: &str) -> Result<Vec<CapturedFrame>, CliError> {
+    if options.frame.is_empty() {
+        let Some(folder) = &options.folder else {
+            return Err(CliError::Input("give a folder, or frames with --frame CAPTURE=FILE".into()));
+        };
+        let exposures = frames_of_folder(study, folder)?;
+        let calibration = Calibration::of_study(study, exposures.iter().flat_map(RawExposures::all))?;
+        return Ok(develop_frames(study, exposures, &calibration)?);
+    }
+    let exposures = named_frames(options, study, wanted)?;
+    let read = |paths: &[PathBuf]| -> Result<Vec<SensorImage>, CliError> {
+        paths.iter().map(|path| read_raw(study, path, None)).collect()
+    };
+    let develop = &study.develop;
+    let (dark, flat) = (read(&options.dark)?, read(&options.flat)?);
+    let calibration = Calibration::of_frames(develop.demosaicing, dark, flat, develop.bad_pixel_sigma)?;
+    Ok(develop_frames(study, exposures, &calibration)?)
 }
 
 /// Writes the numbers of the region and its maps.

@@ -20,7 +20,7 @@ use serde_json::{Value, json};
 use std::io::Write;
 
 use super::frame_report::{FrameReport, warn_of_darkness};
-use super::rendered_image::RenderedImage;
+use super::rendered_image::{RenderedImage, ShownByImage};
 use crate::args::{Changes, Seed, Talk};
 use crate::budget::frame_bytes;
 use crate::error::CliError;
@@ -103,27 +103,35 @@ impl RawForm {
 
 pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let messages = options.talk.messages();
-    let image = RenderedImage::open(&options.image)?;
+    // A report analyzes the frames, for which it asks maps and surfaces
+    let image = match options.report {
+        true => RenderedImage::open(&options.image)?,
+        false => RenderedImage::open_for_captures(&options.image)?,
+    };
     image.warn(messages);
     let overrides: Vec<Override> =
         options.changes.overrides().into_iter().chain(options.seed.overrides()).collect();
     let mut inputs = vec![options.image.clone()];
-    let (text, parsed, source) = match &options.experiment {
+    let (text, shown) = match &options.experiment {
         Some(name) => {
             let source = ExperimentSource::find(Some(name))?;
-            (source.text.clone(), source.parse(&overrides)?, Some(source))
+            let parsed = source.parse(&overrides)?;
+            let experiment = resolve(&parsed).map_err(|error| as_typed(error, &overrides))?;
+            messages.warnings(&experiment.record.warnings);
+            inputs.extend(source.files(&experiment.record));
+            let shown = image.shown_by(&parsed, experiment)?;
+            (source.text, shown)
         }
         None => {
             let (text, parsed) = image.experiment(&overrides)?;
-            (text, parsed, None)
+            let shown = match options.report {
+                true => image.shown_whole(&parsed, &overrides)?,
+                false => image.shown(&parsed, &overrides)?,
+            };
+            (text, shown)
         }
     };
-    let experiment = resolve(&parsed).map_err(|error| as_typed(error, &overrides))?;
-    if let Some(source) = source {
-        messages.warnings(&experiment.record.warnings);
-        inputs.extend(source.files(&experiment.record));
-    }
-    let changes = image.changes(&parsed, &experiment, true)?;
+    let ShownByImage { experiment, changes } = shown;
     let ResolvedExperiment { study, record } = &experiment;
     inputs.extend(record.inputs.iter().map(|input| input.path.clone()));
     check_captures(study, image.labels())?;

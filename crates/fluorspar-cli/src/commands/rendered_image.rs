@@ -3,9 +3,12 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
+use std::thread::{self, JoinHandle};
+use std::time::UNIX_EPOCH;
 
 use fluorspar::image::{
-    ChannelPlanes, ComponentFactors, ComponentImage, ExcitationImage, PreparedRows, RelitComponent, RelitRows,
+    ChannelPlanes, ComponentFactors, ComponentImage, ExcitationImage, LightPath, PreparedRows,
+    RelitComponent, RelitRows,
 };
 use fluorspar::light::Light;
 use fluorspar::pipeline::{
@@ -15,7 +18,10 @@ use fluorspar::pipeline::{
 use fluorspar::scene::Scene;
 use fluorspar::study::{Capture, Study};
 use fluorspar_experiment::schema::ConcentrationFactor;
-use fluorspar_experiment::{Experiment, ResolvedExperiment, parse, resolve, resolve_rendered};
+use fluorspar_experiment::{
+    CapturesOfRender, Experiment, FileRecord, ResolvedExperiment, cache, parse, resolve, resolve_captures,
+    resolve_rendered, show_the_same_scene,
+};
 use fluorspar_format::{ComponentFile, Provenance};
 
 use crate::error::CliError;
@@ -31,11 +37,22 @@ pub(crate) struct RenderedImage {
     file: ComponentFile,
     /// The excitation basis, once it is read.
     basis: OnceLock<Option<ExcitationImage>>,
+    /// Writes channel planes to the cache while the rest of the command runs.
+    being_kept: OnceLock<JoinHandle<()>>,
 }
 
 impl RenderedImage {
     pub(crate) fn open(path: &Path) -> Result<Self, CliError> {
-        Ok(Self { path: path.into(), file: ComponentFile::open(path)?, basis: OnceLock::new() })
+        Ok(Self::new(path, ComponentFile::open(path)?))
+    }
+
+    /// [`Self::open`] without the feature maps, which captures do not need.
+    pub(crate) fn open_for_captures(path: &Path) -> Result<Self, CliError> {
+        Ok(Self::new(path, ComponentFile::open_without_maps(path)?))
+    }
+
+    fn new(path: &Path, file: ComponentFile) -> Self {
+        Self { path: path.into(), file, basis: OnceLock::new(), being_kept: OnceLock::new() }
     }
 
     /// The image without its values.
@@ -67,28 +84,93 @@ impl RenderedImage {
         Ok((text, parsed.map_err(|error| as_typed(error, overrides))?))
     }
 
-    /// The study that the image was rendered from, with the surfaces and concentrations of an experiment, and the factors on
-    /// concentrations that it was rendered with; `None` where it carries no experiment.
-    fn rendered(
+    /// An experiment of this image with changes, as captures of the image need it.
+    pub(crate) fn shown(
         &self,
         now: &Experiment,
-        resolved: &ResolvedExperiment,
-    ) -> Result<Option<(Study, ConcentrationFactors)>, CliError> {
-        if self.file.provenance().is_none() {
-            return Ok(None);
+        overrides: &[Override],
+    ) -> Result<ShownByImage<'_>, CliError> {
+        match self.without_surfaces(now) {
+            Ok(Some(found)) => Ok(found),
+            Ok(None) => self.shown_whole(now, overrides),
+            Err(CliError::Experiment(error)) => Err(as_typed(error, overrides).into()),
+            Err(error) => Err(error),
         }
-        let (_, mut rendered) = self.experiment(&[])?;
-        let even = |(name, factor): (&String, &ConcentrationFactor)| match factor {
-            ConcentrationFactor::Even(factor) => Some((name.clone(), *factor)),
-            ConcentrationFactor::Painted(_) => None,
+    }
+
+    /// [`Self::shown`] where nothing of the scene has changed: no mesh or tissue is needed then.
+    pub(crate) fn without_surfaces(&self, now: &Experiment) -> Result<Option<ShownByImage<'_>>, CliError> {
+        let (_, rendered) = self.experiment(&[])?;
+        let mut held: Vec<&str> = Vec::new();
+        for component in &self.labels().components {
+            if let LightPath::Fluorescence(name) = &component.light
+                && !held.contains(&name.as_str())
+            {
+                held.push(name);
+            }
+        }
+        let Some(found) = resolve_captures(&rendered, now, &held)? else { return Ok(None) };
+        let CapturesOfRender { study, resolved_toml, inputs } = found;
+        let changes = self.changes_of_concentrations(&rendered, &study)?;
+        // The digest of an experiment counts files of surfaces, too; of captures nobody asks for it
+        let record = FileRecord {
+            title: now.file.title.clone(),
+            description: now.file.description.clone(),
+            output_folder: None,
+            warnings: Vec::new(),
+            inputs,
+            base_files: Vec::new(),
+            resolved_toml,
+            sha256: String::new(),
         };
-        let concentrations = rendered.file.concentration.iter().filter_map(even).collect();
+        Ok(Some(ShownByImage { experiment: ResolvedExperiment { study, record }, changes }))
+    }
+
+    /// [`Self::shown`] with all surfaces.
+    pub(crate) fn shown_whole(
+        &self,
+        now: &Experiment,
+        overrides: &[Override],
+    ) -> Result<ShownByImage<'_>, CliError> {
+        self.shown_by(now, resolve(now).map_err(|error| as_typed(error, overrides))?)
+    }
+
+    /// [`Self::shown`] of any experiment that is resolved.
+    pub(crate) fn shown_by(
+        &self,
+        now: &Experiment,
+        resolved: ResolvedExperiment,
+    ) -> Result<ShownByImage<'_>, CliError> {
+        let changes = self.changes(now, &resolved, true)?;
+        Ok(ShownByImage { experiment: resolved, changes })
+    }
+
+    /// Changes of the image where the scene is that which was rendered.
+    fn changes_of_concentrations(
+        &self,
+        rendered: &Experiment,
+        study: &Study,
+    ) -> Result<SceneChanges<'_>, CliError> {
+        let labels = self.labels();
+        let factors = concentration_factors(&even_factors(rendered), study, labels)?;
+        let relit = vec![None; labels.components.len()];
+        Ok(SceneChanges { factors, relit, lights: None, light_errors: Vec::new() })
+    }
+
+    /// The study that the image was rendered from, with the surfaces and concentrations of an experiment, and the factors on
+    /// concentrations that it was rendered with.
+    fn rendered(
+        mut rendered: Experiment,
+        now: &Experiment,
+        resolved: &ResolvedExperiment,
+    ) -> Result<(Study, ConcentrationFactors), CliError> {
+        let concentrations = even_factors(&rendered);
         if let Some(study) = resolve_rendered(&rendered, now, resolved)? {
-            return Ok(Some((study, concentrations)));
+            return Ok((study, concentrations));
         }
         // Factors on concentrations are no difference of the scenes.
         rendered.file.concentration.clone_from(&now.file.concentration);
-        Ok(Some((resolve(&rendered)?.study, concentrations)))
+        Ok((resolve(&rendered)?.study, concentrations))
     }
 
     /// What makes the image show the scene of an experiment.
@@ -103,10 +185,15 @@ impl RenderedImage {
     ) -> Result<SceneChanges<'_>, CliError> {
         let (study, labels) = (&resolved.study, self.labels());
         let unlit = vec![None; labels.components.len()];
-        let Some((rendered, concentrations)) = self.rendered(now, resolved)? else {
+        if self.file.provenance().is_none() {
             let factors = concentration_factors(&BTreeMap::new(), study, labels)?;
             return Ok(SceneChanges { factors, relit: unlit, lights: None, light_errors: Vec::new() });
-        };
+        }
+        let (_, rendered) = self.experiment(&[])?;
+        if show_the_same_scene(&rendered, now) {
+            return self.changes_of_concentrations(&rendered, study);
+        }
+        let (rendered, concentrations) = Self::rendered(rendered, now, resolved)?;
         let (mut shown, light) = relight(&rendered, study, labels)?;
         let (mut relit, mut light_errors) = (unlit, Vec::new());
         if emits_otherwise(&shown.scene, &study.scene)
@@ -232,14 +319,94 @@ impl RenderedImage {
             responses.iter().zip(&planes).filter(|(_, held)| held.is_none()).map(|(r, _)| r).collect();
         let ones = ComponentFactors::ones(self.labels().components.len());
         let rows = PreparedRows { rows: &self.file, factors: &ones, width: self.labels().width };
-        let formed = if missing.is_empty() {
-            Vec::new()
-        } else {
-            FilmResponse::planes(&missing, |component| self.is_lit(component, captures), &rows)?
-        };
-        let mut formed = formed.into_iter();
+        let mut formed = self.formed(&missing, captures, &rows)?.into_iter();
         Ok(planes.into_iter().filter_map(|held| held.or_else(|| formed.next())).collect())
     }
+
+    /// Channel planes of cameras of which the file holds none: those of an earlier command, else new ones.
+    fn formed(
+        &self,
+        responses: &[&FilmResponse],
+        captures: &[Capture],
+        rows: &PreparedRows<'_, ComponentFile>,
+    ) -> Result<Vec<ChannelPlanes>, CliError> {
+        if responses.is_empty() {
+            return Ok(Vec::new());
+        }
+        let key = self.key_of_planes(responses, captures);
+        let kept = key.as_ref().and_then(|key| {
+            let bytes = cache()?.get("planes", key.as_bytes())?;
+            planes_of_bytes(&bytes, responses)
+        });
+        if let Some(kept) = kept {
+            return Ok(kept);
+        }
+        let planes = FilmResponse::planes(responses, |component| self.is_lit(component, captures), rows)?;
+        if let Some(key) = key {
+            let bytes: Vec<u8> =
+                planes.iter().flat_map(|planes| &planes.data).flat_map(|value| value.to_le_bytes()).collect();
+            let keep = move || {
+                if let Some(cache) = cache() {
+                    cache.put("planes", key.as_bytes(), &bytes);
+                }
+            };
+            self.being_kept.set(thread::spawn(keep)).ok();
+        }
+        Ok(planes)
+    }
+
+    /// All that channel planes depend on: the file as it lies there, the cameras, and which light is on.
+    fn key_of_planes(&self, responses: &[&FilmResponse], captures: &[Capture]) -> Option<String> {
+        let path = self.path.canonicalize().ok()?;
+        let metadata = path.metadata().ok()?;
+        let changed = metadata.modified().ok()?.duration_since(UNIX_EPOCH).ok()?;
+        let lit: Vec<bool> =
+            (0..self.labels().components.len()).map(|component| self.is_lit(component, captures)).collect();
+        let cameras: Vec<&str> = responses.iter().map(|response| response.camera()).collect();
+        Some(format!("planes 1 {path:?} {} {changed:?} {cameras:?} {lit:?}", metadata.len()))
+    }
+}
+
+impl Drop for RenderedImage {
+    /// What is being kept must be whole before the process ends.
+    fn drop(&mut self) {
+        if let Some(thread) = self.being_kept.take() {
+            // What can't be kept is made again.
+            let _ = thread.join();
+        }
+    }
+}
+
+/// Planes for some responses from the bytes of their values, if there are as many as they need.
+fn planes_of_bytes(bytes: &[u8], responses: &[&FilmResponse]) -> Option<Vec<ChannelPlanes>> {
+    let mut rest = bytes;
+    let mut found = Vec::with_capacity(responses.len());
+    for response in responses {
+        let mut planes = response.dark();
+        let (own, others) = rest.split_at_checked(4 * planes.data.len())?;
+        let (values, _) = own.as_chunks::<4>();
+        planes.data.iter_mut().zip(values).for_each(|(value, bytes)| *value = f32::from_le_bytes(*bytes));
+        found.push(planes);
+        rest = others;
+    }
+    rest.is_empty().then_some(found)
+}
+
+/// Factors on concentrations that hold everywhere.
+fn even_factors(experiment: &Experiment) -> ConcentrationFactors {
+    let even = |(name, factor): (&String, &ConcentrationFactor)| match factor {
+        ConcentrationFactor::Even(factor) => Some((name.clone(), *factor)),
+        ConcentrationFactor::Painted(_) => None,
+    };
+    experiment.file.concentration.iter().filter_map(even).collect()
+}
+
+/// An experiment as captures of an image need it.
+pub(crate) struct ShownByImage<'a> {
+    /// What captures see of the study, and the file.
+    pub(crate) experiment: ResolvedExperiment,
+    /// What makes the image show it.
+    pub(crate) changes: SceneChanges<'a>,
 }
 
 /// Whether lights or surfaces of two scenes differ in what they emit.

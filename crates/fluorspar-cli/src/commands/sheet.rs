@@ -10,15 +10,14 @@ use fluorspar::pipeline::{
     CapturedFrame, ColorRendering, Preview, capture_from_planes, check_captures, preview,
 };
 use fluorspar::study::{Capture, Study};
-use fluorspar_experiment::resolve;
 use fluorspar_format::{Output, Outputs, write_rgb_png};
 use fluorspar_report::{ContactSheet, Raster};
 
-use super::rendered_image::RenderedImage;
+use super::rendered_image::{RenderedImage, ShownByImage};
 use crate::args::Changes;
 use crate::error::CliError;
 use crate::message::Messages;
-use crate::values::{self, Override, as_typed};
+use crate::values::{self, Override};
 
 /// Options of `sheet`.
 #[derive(Clone, Debug, clap::Args)]
@@ -62,7 +61,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let inputs = [options.image.clone()];
     let set = Outputs::new().and(Output::file("--out", &options.out)).reading(&inputs).declare()?;
     let messages = Messages::unless(options.quiet);
-    let image = RenderedImage::open(&options.image)?;
+    let image = RenderedImage::open_for_captures(&options.image)?;
     image.warn(messages);
     let common = options.changes.overrides();
     let panels = panels(options, &image, &common)?;
@@ -132,12 +131,12 @@ fn picture(
     messages: Messages,
 ) -> Result<(CapturedFrame, Preview), CliError> {
     let (_, parsed) = image.experiment(&panel.changes)?;
-    let experiment = resolve(&parsed).map_err(|error| as_typed(error, &panel.changes))?;
+    let ShownByImage { experiment, changes } = image.shown(&parsed, &panel.changes)?;
     let study = &experiment.study;
     check_captures(study, image.labels())?;
-    let capture = shown(options, study)?;
+    let analyzed = parsed.file.analysis.as_ref().map(|analysis| analysis.frame.as_str());
+    let capture = shown(options, study, analyzed)?;
     messages.status(format!("{}: capture \"{}\"", panel.title, capture.frame.label));
-    let changes = image.changes(&parsed, &experiment, true)?;
     let view = image.seen_by(study, &study.captures, changes)?;
     view.say_uncertainty(study, messages);
     let frames = capture_from_planes(study, &view.components(image, &study.captures))?;
@@ -148,11 +147,13 @@ fn picture(
 }
 
 /// The capture that is shown.
-fn shown<'a>(options: &Options, study: &'a Study) -> Result<&'a Capture, CliError> {
+fn shown<'a>(options: &Options, study: &'a Study, analyzed: Option<&str>) -> Result<&'a Capture, CliError> {
     let has_light = |capture: &&Capture| capture.frame.lights.values().any(|&drive| drive > 0.0);
     let found = match &options.capture {
         Some(name) => study.capture(name),
-        None => study.analyzed_capture().or_else(|| study.captures.iter().rev().find(has_light)),
+        None => analyzed
+            .and_then(|name| study.capture(name))
+            .or_else(|| study.captures.iter().rev().find(has_light)),
     };
     found.ok_or_else(|| {
         let known = study.captures.iter().map(|c| c.frame.label.as_str()).collect::<Vec<_>>().join(", ");

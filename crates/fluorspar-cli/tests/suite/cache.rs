@@ -1,4 +1,4 @@
-//! The cache: a second run makes no mesh again, and gives the same.
+//! The cache: a second run makes no mesh again, and gives the same; nor does any command after a render.
 
 #![allow(clippy::unwrap_used, reason = "these are tests")]
 
@@ -6,7 +6,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 
-use crate::support::listing;
+use crate::support::{listing, tiny};
 
 /// `mouth generate` with the cache that `set` names, by its environment.
 fn generate(folder: &Path, set: &[(&str, &Path)], more: &[&str]) -> Command {
@@ -103,4 +103,57 @@ fn two_runs_at_once_share_a_cache_and_a_damaged_one_is_made_anew() {
     let [a, b, c] = ["a.glb", "b.glb", "c.glb"].map(|name| fs::read(folder.join(name)).unwrap());
     assert!(a == b && b == c);
     assert_eq!(kept(&cache), files);
+}
+
+/// What is kept of meshes, maps and tissues, with the number that the disk gives each file: what is made anew gets another.
+#[cfg(unix)]
+fn made(cache: &Path) -> Vec<(PathBuf, u64)> {
+    use std::os::unix::fs::MetadataExt;
+    let is_made = |path: &PathBuf| {
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        ["mouth-", "map-", "tissue-", "light-"].iter().any(|kind| name.starts_with(kind))
+    };
+    kept(cache)
+        .into_iter()
+        .filter(is_made)
+        .map(|path| (path.clone(), fs::metadata(&path).unwrap().ino()))
+        .collect()
+}
+
+#[cfg(unix)]
+#[test]
+fn no_command_after_a_render_makes_its_mouth_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let cache = folder.join("cache");
+    let fluorspar = |args: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_fluorspar"));
+        let output = command.args(args).env("XDG_CACHE_HOME", &cache).current_dir(folder).output().unwrap();
+        assert!(output.status.success(), "{args:?}: {}", String::from_utf8_lossy(&output.stderr));
+    };
+    fluorspar(&tiny(&["run", "oraleye-2021", "--out", "run", "-q"]));
+    let first = made(&cache);
+    assert!(mouths(&kept(&cache)) == 1 && first.len() > 5, "{first:?}");
+    let filter = "view_filter.filters=[\"view_425_700\"]";
+    let commands: [&[&str]; 7] = [
+        &["capture", "run/components.exr", "--set", "capture.blue.exposure_ms=9", "--out", "dim", "-q"],
+        &["capture", "run/components.exr", "--set", filter, "--out", "other", "-q"],
+        &["capture", "run/components.exr", "--set", "sensor.bit_depth=10", "--out", "bits", "-q"],
+        &["analyze", "dim", "--components", "run/components.exr", "-q"],
+        &["sheet", "run/components.exr", "--width", "64", "--out", "sheet.png", "-q"],
+        &["scene", "view", "run/experiment.toml", "--width", "64", "--out", "view.png", "-q"],
+        &["check", "run/experiment.toml", "-q"],
+    ];
+    for command in commands {
+        fluorspar(command);
+        assert_eq!(made(&cache), first, "{command:?}");
+    }
+    // The planes of another filter are kept, and seen again the frames are the same.
+    let planes = || kept(&cache).iter().filter(|path| path.to_string_lossy().contains("/planes-")).count();
+    assert!(planes() > 0);
+    let before = (planes(), fs::read(folder.join("other/raw_blue.tiff")).unwrap());
+    fluorspar(commands[1]);
+    assert_eq!((planes(), fs::read(folder.join("other/raw_blue.tiff")).unwrap()), before);
+    fluorspar(&[&["--no-cache"], commands[1]].concat());
+    assert_eq!(fs::read(folder.join("other/raw_blue.tiff")).unwrap(), before.1);
 }

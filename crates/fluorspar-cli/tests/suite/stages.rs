@@ -73,6 +73,18 @@ fn every_stage_continues_from_the_files_of_the_one_before() {
     }
     assert!(folder.join("maps/porphyrin_limit_map.png").is_file());
 
+    // The report is a scene, too: it is listed, read and changed by name.
+    let tree = fluorspar(folder, ["scene", "tree", "run/report.html"]).well().stdout;
+    assert!(tree.contains("tongue_dorsum/ ") && tree.contains("light.blue "), "{tree}");
+    let get = ["scene", "get", "run/report.html", "render.samples_per_pixel", "capture.blue.gain"];
+    let kept = fluorspar(folder, ["scene", "get", "run/experiment.toml", get[3], get[4]]).well().stdout;
+    assert_eq!(fluorspar(folder, get).well().stdout, kept);
+    let set = ["scene", "set", "run/report.html", "light.*.strength.power_mw=7", "--out", "seven.toml", "-q"];
+    fluorspar(folder, set).well();
+    let seven = fluorspar(folder, ["scene", "get", "seven.toml", "light.blue.strength"]).well().stdout;
+    assert_eq!(seven, "light.blue.strength = { power_mw = 7.0 }\n");
+    fluorspar(folder, ["scene", "check", "run/report.html", "-q"]).well();
+
     // The report, and the experiment beside it, make the run again to the last bit, on any number of threads.
     for (source, out, threads) in [("run/report.html", "second", "1"), ("run/experiment.toml", "third", "3")]
     {

@@ -23,11 +23,26 @@ pub(super) fn scale(
     fluorophores: &Fluorophores,
     materials: &mut [Material],
 ) -> Resolved<Vec<ConcentrationChange>> {
+    let known: Vec<&str> = fluorophores.list.iter().map(|other| other.name.as_str()).collect();
+    let changes = changes(context, file, &known)?;
+    for change in changes.iter().filter(|change| change.painted.is_none()) {
+        if let Some(number) = known.iter().position(|name| *name == change.fluorophore) {
+            scale_materials(materials, number, change.factor as f32);
+        }
+    }
+    Ok(changes)
+}
+
+/// The factors, of fluorophores that are known.
+pub(super) fn changes(
+    context: &mut Context<'_>,
+    file: &ExperimentFile,
+    known: &[&str],
+) -> Resolved<Vec<ConcentrationChange>> {
     let mut changes = Vec::with_capacity(file.concentration.len());
     for (name, factor) in &file.concentration {
         let at = steps!["concentration", name];
-        let Some(number) = fluorophores.list.iter().position(|other| other.name == *name) else {
-            let known: Vec<&str> = fluorophores.list.iter().map(|other| other.name.as_str()).collect();
+        if !known.contains(&name.as_str()) {
             let message = format!(
                 "no material contains the fluorophore \"{}\"{} The scene has: {}",
                 excerpt(name),
@@ -35,11 +50,10 @@ pub(super) fn scale(
                 if known.is_empty() { "none".into() } else { known.join(", ") }
             );
             return context.fail(&at, message);
-        };
+        }
         let change = match factor {
             ConcentrationFactor::Even(factor) => {
                 context.within(&at, *factor, FACTOR, "")?;
-                scale_materials(materials, number, *factor as f32);
                 ConcentrationChange { fluorophore: name.clone(), factor: *factor, painted: None }
             }
             ConcentrationFactor::Painted(mask) => {

@@ -257,6 +257,87 @@ pub fn resolve_rendered(
     Ok(Some(study))
 }
 
+/// Whether two experiments show the same scene in the same view: they differ in viewing filters, captures, concentrations,
+/// development, analysis, instruments, motion, seed and words at most.
+pub fn show_the_same_scene(rendered: &Experiment, now: &Experiment) -> bool {
+    let (now, mut other) = (&now.file, rendered.file.clone());
+    other.title.clone_from(&now.title);
+    other.description.clone_from(&now.description);
+    other.output.clone_from(&now.output);
+    other.render.seed = now.render.seed;
+    other.view_filter.clone_from(&now.view_filter);
+    other.concentration.clone_from(&now.concentration);
+    other.capture.clone_from(&now.capture);
+    other.motion.clone_from(&now.motion);
+    other.develop.clone_from(&now.develop);
+    other.spectroradiometer.clone_from(&now.spectroradiometer);
+    other.safety.clone_from(&now.safety);
+    other.analysis.clone_from(&now.analysis);
+    other == *now
+}
+
+/// What the captures of a finished render need of an experiment.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CapturesOfRender {
+    /// Camera, lights, captures and development. There are no surfaces, no analysis and no instruments.
+    pub study: Study,
+    /// [`FileRecord::resolved_toml`].
+    pub resolved_toml: String,
+    /// Files that were read, with their digests.
+    pub inputs: Vec<InputFile>,
+}
+
+/// The captures of an experiment that shows the same scene as the one that was rendered, without its surfaces: nothing is meshed or
+/// solved, and no mesh or map is read. `fluorophores` are the names that the render knows.
+///
+/// `None` where more has changed, or where [`resolve`] could find fault with what this does not look at: analysis and instruments
+/// that are not those of the render, captures of other names.
+///
+/// # Errors
+/// The first defect found.
+pub fn resolve_captures(
+    rendered: &Experiment,
+    now: &Experiment,
+    fluorophores: &[&str],
+) -> Result<Option<CapturesOfRender>, ExperimentError> {
+    let (file, other) = (&now.file, &rendered.file);
+    let names = |file: &ExperimentFile| file.capture.iter().map(|c| c.name.clone()).collect::<Vec<_>>();
+    let is_checked = file.analysis == other.analysis
+        && file.spectroradiometer == other.spectroradiometer
+        && file.safety == other.safety
+        && file.render.relative_error.is_none()
+        && names(file) == names(other);
+    // Surfaces that emit are lights.
+    let shines = file.object.iter().any(|object| object.emission.is_some());
+    if !is_checked || shines || !show_the_same_scene(rendered, now) {
+        return Ok(None);
+    }
+    let mut context = Context::new(&now.document);
+    let context = &mut context;
+    let grid = device::grid(context, &file.spectral)?;
+    let render = device::render_settings(context, &file.render)?;
+    device::check_camera(context, &file.camera)?;
+    let (camera, view) = camera(context, file, &grid)?;
+    let mut light_groups = Vec::new();
+    let lights = light::lights(context, &file.light, &view, &grid, &mut light_groups)?;
+    let concentrations = concentration::changes(context, file, fluorophores)?;
+    let captures = capture::captures(context, file, &light_groups, &grid)?;
+    let motion = instrument::motion(context, file)?;
+    let develop = instrument::develop(context, file, camera.sensor.as_ref(), &grid)?;
+    let (_, resolved_toml) = completed(context, file)?;
+    let scene = Scene {
+        grid,
+        objects: Vec::new(),
+        materials: Vec::new(),
+        fluorophores: Vec::new(),
+        light_groups,
+        lights,
+        camera: view,
+    };
+    let study = Study { render, concentrations, camera, captures, motion, develop, ..Study::new(scene) };
+    Ok(Some(CapturesOfRender { study, resolved_toml, inputs: std::mem::take(&mut context.inputs) }))
+}
+
 /// Sensor, lens and filters, and the view that they give.
 fn camera(
     context: &mut Context<'_>,
@@ -356,6 +437,20 @@ fn warn_unused(
 
 /// The resolved file and its digest.
 fn write_out(context: &Context<'_>, file: &ExperimentFile) -> Resolved<(String, String)> {
+    let (mut complete, text) = completed(context, file)?;
+    complete.title.clear();
+    complete.description.clear();
+    complete.output = super::schema::OutputSection::default();
+    let digest = context.digest(&complete).map_err(|error| not_written(context, &error))?;
+    Ok((text, digest))
+}
+
+fn not_written(context: &Context<'_>, error: &toml::ser::Error) -> ExperimentError {
+    context.error(&[], format!("the experiment can't be written out: {error}"))
+}
+
+/// The file with all that it leaves to defaults, and its text.
+fn completed(context: &Context<'_>, file: &ExperimentFile) -> Resolved<(ExperimentFile, String)> {
     let mut complete = file.clone();
     complete.base = None;
     for light in &mut complete.light {
@@ -367,13 +462,6 @@ fn write_out(context: &Context<'_>, file: &ExperimentFile) -> Resolved<(String, 
     if let Some(sensor) = &mut complete.sensor {
         sensor.model = device::filled(&sensor.model);
     }
-    let failed =
-        |error: toml::ser::Error| context.error(&[], format!("the experiment can't be written out: {error}"));
-    let text = toml::to_string(&complete).map_err(failed)?;
-
-    complete.title.clear();
-    complete.description.clear();
-    complete.output = super::schema::OutputSection::default();
-    let digest = context.digest(&complete).map_err(failed)?;
-    Ok((text, digest))
+    let text = toml::to_string(&complete).map_err(|error| not_written(context, &error))?;
+    Ok((complete, text))
 }

@@ -188,7 +188,8 @@ impl FilmResponse {
         }
     }
 
-    fn dark(&self) -> ChannelPlanes {
+    /// Planes of this camera without light.
+    pub fn dark(&self) -> ChannelPlanes {
         ChannelPlanes::dark(self.size, self.shape_of.len(), self.sensor.len(), self.digest.clone())
     }
 
