@@ -17,6 +17,20 @@ const PINHOLES: &[&str] = &["perspective", "pinhole"];
 /// Cameras with a lens of a file.
 const LENSES: &[&str] = &["realistic", "omni"];
 
+/// Integrators that render all light, each in its way; others leave some of it out, or show something else.
+const FULL_TRANSPORT: &[&str] = &[
+    "path",
+    "volpath",
+    "spectralpath",
+    "simplepath",
+    "simplevolpath",
+    "lightpath",
+    "randomwalk",
+    "bdpt",
+    "mlt",
+    "sppm",
+];
+
 /// Largest image, pixels a side.
 const MOST_PIXELS: f64 = 100_000.0;
 
@@ -189,6 +203,7 @@ impl Convert<'_> {
             "lambdamax",
             "coordinatesystem",
             "fnumber",
+            "spectralFlag",
         ]);
         given.finish("Film", &mut self.remarks);
         Ok(size.map(|side| side as usize))
@@ -197,10 +212,17 @@ impl Convert<'_> {
     fn settings(&mut self) -> RenderSettings {
         let mut settings = usual_settings();
         let tree = self.tree;
+        if let Some(seed) = tree.settings.seed {
+            settings.seed = seed;
+        }
         if let Some(sampler) = &tree.settings.sampler {
             let given = Given::new(sampler);
             let strata = [given.number("xsamples"), given.number("ysamples")].map(|n| n.unwrap_or(4.0));
-            let usual = if sampler.class == "stratified" { strata[0] * strata[1] } else { 16.0 };
+            let usual = match sampler.class.as_str() {
+                "stratified" => strata[0] * strata[1],
+                "random" | "independent" => 4.0,
+                _ => 16.0,
+            };
             let wanted = given.number("pixelsamples").unwrap_or(usual).clamp(1.0, 1e6);
             settings.samples_per_pixel = wanted as u32;
             if let Some(seed) = given.number("seed") {
@@ -218,8 +240,16 @@ impl Convert<'_> {
                 self.remark(integrator.at, "\"maxdepth\" 0: direct light is rendered as well");
             }
             settings.max_depth = depth.clamp(1.0, 1000.0) as u32;
-            if !["path", "volpath"].contains(&integrator.class.as_str()) {
-                let class = excerpt(&integrator.class);
+            if given.find("pixelbounds").is_some() {
+                self.remark(integrator.at, "\"pixelbounds\": the whole image is rendered");
+            }
+            let class = excerpt(&integrator.class);
+            if !FULL_TRANSPORT.contains(&integrator.class.as_str()) {
+                let text = format!(
+                    "Integrator \"{class}\": all light is rendered by path tracing, also what this integrator leaves out"
+                );
+                self.remark(integrator.at, text);
+            } else if !["path", "volpath"].contains(&integrator.class.as_str()) {
                 self.note(
                     integrator.at,
                     format!("Integrator \"{class}\": light transport is by path tracing"),

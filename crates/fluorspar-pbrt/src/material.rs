@@ -123,10 +123,23 @@ impl Convert<'_> {
                 .map_err(|e| self.error(at, e.to_string()))?;
             bounded.push(ReflectanceTerm { spectrum: curve, ..term });
         }
+        // Weights of a texture are cut as well: those of bright images times a factor exceed 1
+        let mut cut = Terms::new();
+        for term in bounded {
+            let limit = limit_of_weight(&term.spectrum);
+            let exceeds = term.weight.max() > limit;
+            is_bounded |= exceeds;
+            let weight = if exceeds {
+                self.changed(term.weight, |weight| weight.min(limit), at)?
+            } else {
+                term.weight
+            };
+            cut.push(ReflectanceTerm { weight, ..term });
+        }
         if is_bounded {
             self.remark(at, format!("\"{name}\": a reflectance lies outside of 0 to 1 and is cut there"));
         }
-        Ok(bounded)
+        Ok(cut)
     }
 
     /// The mean over wavelengths and the surface of a spectrum that can only be a number here.
@@ -227,6 +240,10 @@ impl Convert<'_> {
         at: PbrtPlace,
     ) -> Result<Scattering, PbrtError> {
         let roughness = self.changed(alpha, |alpha| alpha.clamp(MIN_ROUGHNESS, 1.0), at)?;
+        if self.options.single_scattering && roughness.max() > MIN_ROUGHNESS {
+            let text = "single scattering is for rough metals and glass; a rough coat keeps the light that it scatters more than once";
+            self.remark(at, text);
+        }
         let base = Lambertian { reflectance, states: None };
         Ok(Scattering::Coated(Coated { base, coat: Coat { refractive_index: index as f32, roughness } }))
     }
@@ -555,6 +572,13 @@ impl Convert<'_> {
         self.materials.push(copy);
         self.materials.len() - 1
     }
+}
+
+/// Largest weight of a spectrum in a reflectance: 1 for the three of colors, which add up to 1, and for white; for darker ones what
+/// makes them as bright.
+fn limit_of_weight(spectrum: &Curve) -> f32 {
+    let most = spectrum.max();
+    if most > 0.9 { 1.0 } else { (1.0 / most.max(1e-6)) as f32 }
 }
 
 /// GGX alpha of a roughness: in version 4 its square root, in version 3 a fit to other distributions.

@@ -131,6 +131,11 @@ impl Convert<'_> {
                     Ok(vec![ReflectanceTerm { spectrum: Curve::constant(1.0), weight }])
                 }
                 (PbrtKind::Texture, [None, None]) => Err(self.of_the_other_kind(parameter, "spectrum")),
+                // A factor may exceed 1 where an image does not: it belongs to the weight.
+                (PbrtKind::Float, _) => {
+                    let weight = self.weight(parameter)?;
+                    Ok(vec![ReflectanceTerm { spectrum: Curve::constant(1.0), weight }])
+                }
                 _ => Ok(uniform(self.spectrum(parameter, Role::Reflectance)?)),
             },
         }
@@ -479,9 +484,10 @@ impl Convert<'_> {
         let Some(name) = given.text("filename") else {
             return Err(self.error(at, "an imagemap needs an image; add \"string filename\" \"FILE.png\""));
         };
-        given.used(&["filter", "maxanisotropy", "trilinear"]);
-        if given.text("wrap").is_some_and(|wrap| wrap != "repeat") {
-            self.note(at, "\"wrap\": textures repeat beyond the unit square of u, v");
+        given.used(&["filter", "maxanisotropy", "trilinear", "noFiltering"]);
+        if let Some(wrap) = given.text("wrap").filter(|wrap| *wrap != "repeat") {
+            let wrap = excerpt(wrap);
+            self.remark(at, format!("\"wrap\" \"{wrap}\": images repeat beyond the unit square of u, v"));
         }
         let encoding = given.text("encoding").unwrap_or("sRGB").to_string();
         let is_linear = given.flag("gamma") == Some(false) || encoding == "linear";

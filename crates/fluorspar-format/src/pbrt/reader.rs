@@ -98,11 +98,27 @@ const V4_CLASSES: &[&str] = &[
     "spherical",
     "zsobol",
     "paddedsobol",
+    "pmj02bn",
     "independent",
     "simplepath",
     "simplevolpath",
     "lightpath",
     "randomwalk",
+];
+
+/// Options of version 4, in small letters.
+const OPTIONS: &[&str] = &[
+    "disablepixeljitter",
+    "disabletexturefiltering",
+    "disablewavelengthjitter",
+    "displacementedgescale",
+    "forcediffuse",
+    "msereferenceimage",
+    "msereferenceout",
+    "pixelstats",
+    "rendercoordsys",
+    "seed",
+    "wavefront",
 ];
 
 /// Reads a scene file and the files that it includes.
@@ -505,16 +521,43 @@ impl Reader {
             }
             "Option" => {
                 self.scene.version = PbrtVersion::V4;
-                for parameter in
-                    parameters(line.tokens, line.at.file, self.values_left.get_or_insert(MAX_VALUES))?
-                {
-                    let text = format!("Option \"{}\": it has no effect here", excerpt(&parameter.name));
-                    self.remark(parameter.at, text, false);
-                }
+                let name = line.text("the name of an option")?;
+                let value = line.value()?;
+                self.option(&name, &value, line.at);
             }
             _ => return Ok(false),
         }
         Ok(true)
+    }
+
+    /// `Option "seed" 7`. The name may be written in any case, with a type before it.
+    fn option(&mut self, name: &str, value: &str, at: PbrtPlace) {
+        let word = name.split_ascii_whitespace().last().unwrap_or_default();
+        let plain: String = word.to_lowercase().chars().filter(|c| !matches!(c, '-' | '_')).collect();
+        let name = excerpt(word);
+        match plain.as_str() {
+            "seed" => {
+                self.scene.settings.seed = value.parse().ok();
+                if self.scene.settings.seed.is_none() {
+                    self.remark(
+                        at,
+                        "Option \"seed\": no whole number of 0 or more; the usual seed is used",
+                        true,
+                    );
+                }
+            }
+            "forcediffuse" if value == "true" => {
+                let text = format!("Option \"{name}\": materials stay as they are, not diffuse");
+                self.remark(at, text, true);
+            }
+            _ if OPTIONS.contains(&plain.as_str()) => {
+                self.remark(at, format!("Option \"{name}\": it has no effect here"), false);
+            }
+            _ => {
+                let hint = did_you_mean(&plain, OPTIONS.iter().copied());
+                self.remark(at, format!("Option \"{name}\" is not known and left out{hint}"), true);
+            }
+        }
     }
 
     /// Directives that make up the scene.
@@ -709,6 +752,23 @@ impl Line<'_, '_> {
             list.push(self.text("a text")?);
         }
         Ok(list)
+    }
+
+    /// A word, a number or a text, with or without brackets.
+    fn value(&mut self) -> Outcome<String> {
+        let is_list = matches!(self.tokens.peek()?, Some((Token::Open, _)));
+        if is_list {
+            self.tokens.next()?;
+        }
+        let value = match self.tokens.next()? {
+            Some((Token::Word(word), _)) => String::from_utf8_lossy(word).into_owned(),
+            Some((Token::Text(text), _)) => text.into_owned(),
+            _ => return Err(self.fault("a value must follow this name")),
+        };
+        if is_list && !matches!(self.tokens.next()?, Some((Token::Close, _))) {
+            return Err(self.fault("one value must follow this name"));
+        }
+        Ok(value)
     }
 
     fn word(&mut self) -> Outcome<String> {

@@ -133,6 +133,8 @@ pub struct PbrtSettings {
     pub sampler: Option<PbrtEntity>,
     /// The integrator.
     pub integrator: Option<PbrtEntity>,
+    /// Seed that `Option` gives.
+    pub seed: Option<u64>,
 }
 
 /// A scene file and all that it includes: what they say, without physics.

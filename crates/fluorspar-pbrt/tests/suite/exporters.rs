@@ -287,3 +287,279 @@ Shape "sphere"
         assert!((at(u, v, nm) - expected).abs() < 1e-4, "{u} {v} {nm}: {} {expected}", at(u, v, nm));
     }
 }
+
+/// Objects, nests of attributes and instances, as ISET3d for pbrt-v4 writes them.
+const ISET_GEOMETRY: &[u8] = br#"
+# Exported by piGeometryWrite
+ObjectBegin "001_tooth_O"
+  AttributeBegin
+    NamedMaterial "tooth"
+    Shape "plymesh" "string filename" "geometry/tooth.ply"
+  AttributeEnd
+ObjectEnd
+
+AttributeBegin
+#ObjectName 1_mouth_B #Dimension:[2.000000 2.000000 2.000000]
+  ActiveTransform All
+  Translate 0.000000 0.500000 0.000000
+  Rotate 0.000000 0.000000 0.000000 1.000000
+  Rotate 10.000000 0.000000 1.000000 0.000000
+  Scale 1.000000 1.000000 1.000000
+  AttributeBegin
+    Transform [ 1 0 0 0 0 1 0 0 0 0 1 0 0 -0.5 1 1 ]
+    MediumInterface "" "water"
+    NamedMaterial "floor"
+    Include "geometry/plane.pbrt"
+    AttributeBegin
+      Translate 0.4 0 -0.5
+      NamedMaterial "tongue"
+      Shape "sphere" "float radius" [0.300000]
+    AttributeEnd
+  AttributeEnd
+  ObjectInstance "001_tooth_O"
+AttributeEnd
+AttributeBegin
+  ConcatTransform [0.3 0 0 0 0 0.3 0 0 0 0 0.3 0 -0.6 0 0 1]
+  ObjectInstance "001_tooth_O"
+AttributeEnd
+"#;
+
+#[test]
+fn a_scene_as_iset3d_writes_it_for_version_4() {
+    let main = br#"
+# Exported by piWrite v4 on computer on a day
+Scale -1.000000 1.000000 1.000000
+LookAt 0.000000 0.000000 -6.000000 0.000000 0.000000 0.000000 0.000000 1.000000 0.000000
+Camera "perspective"
+  "float fov" [30.000000]
+  "float lensradius" [0.000000]
+Sampler "halton"
+  "integer pixelsamples" [8]
+Integrator "volpath"
+  "integer maxdepth" [4]
+PixelFilter "gaussian"
+  "float xradius" [1.500000]
+  "float yradius" [1.500000]
+Film "gbuffer"
+  "integer xresolution" [8]
+  "integer yresolution" [6]
+  "string filename" ["renderings/mouth.exr"]
+  "float diagonal" [35]
+
+WorldBegin
+
+MakeNamedMedium "water"
+  "string type" "homogeneous" "spectrum sigma_a" [400 0.01 700 0.2] "spectrum sigma_s" [400 0.1 700 0.1]
+Include "mouth_materials.pbrt"
+Include "mouth_geometry.pbrt"
+Include "mouth_lights.pbrt"
+"#;
+    let materials = br#"
+# Exported by piMaterialWrite
+Texture "checks" "spectrum" "checkerboard" "float uscale" [8] "float vscale" [8] "rgb tex1" [0.1 0.1 0.1] "rgb tex2" [0.9 0.9 0.9]
+Texture "photo" "spectrum" "imagemap" "string filename" "textures/photo.pfm" "string filter" "bilinear" "bool invert" "false"
+MakeNamedMaterial "floor" "string type" "diffuse" "texture reflectance" "checks"
+MakeNamedMaterial "face" "string type" "diffuse" "texture reflectance" "photo"
+MakeNamedMaterial "tooth" "string type" "coateddiffuse" "spectrum reflectance" [ 400 0.4 550 0.7 700 0.75 ]
+  "float roughness" [ 0.05 ] "spectrum eta" "glass-BK7"
+MakeNamedMaterial "tongue" "string type" "mix" "string materials" [ "face" "tooth" ] "float amount" [ 0.3 ]
+"#;
+    let lights = br#"
+# Exported by piLightWrite
+AttributeBegin
+  Rotate -90 1 0 0
+  LightSource "infinite" "spectrum L" "spds/lights/lamp.spd" "float scale" [0.100000]
+AttributeEnd
+AttributeBegin
+  Translate 0 2 -2
+  Rotate 90 1 0 0
+  AreaLightSource "diffuse" "spectrum L" "spds/lights/lamp.spd" "float scale" [5.0] "bool twosided" "false" "float spread" [30.0]
+  Shape "disk" "float radius" [0.5]
+AttributeEnd
+"#;
+    let plane = br#"
+Shape "trianglemesh"
+  "integer indices" [ 0 1 2 0 2 3 ]
+  "point3 P" [ -2 -1 1  2 -1 1  2 1 1  -2 1 1 ]
+  "normal N" [ 0 0 -1 0 0 -1 0 0 -1 0 0 -1 ]
+  "point2 uv" [ 0 0 1 0 1 1 0 1 ]
+"#;
+    let files: [(&str, &[u8]); 8] = [
+        ("mouth.pbrt", main),
+        ("mouth_materials.pbrt", materials),
+        ("mouth_geometry.pbrt", ISET_GEOMETRY),
+        ("mouth_lights.pbrt", lights),
+        ("geometry/plane.pbrt", plane),
+        ("geometry/tooth.ply", PLY.as_bytes()),
+        ("textures/photo.pfm", &image()),
+        ("spds/lights/lamp.spd", b"300 0\n400 1\n700 2\n800 2\n"),
+    ];
+    let study = load_files(&files, &PbrtOptions { unit_m: 0.01, ..PbrtOptions::default() }).unwrap();
+    let scene = &study.study.scene;
+    assert_eq!((scene.camera.width, scene.camera.height, scene.lights.len()), (8, 6, 1));
+    assert_eq!((study.study.render.samples_per_pixel, study.study.render.max_depth), (8, 4));
+    // The tooth twice, the plane, the tongue and the lamp.
+    let many = scene.objects.iter().find_map(|object| match &object.shape {
+        Shape::Instances(many) => Some(many.instances.len()),
+        _ => None,
+    });
+    assert_eq!((scene.objects.len(), many), (4, Some(2)));
+    let lamp = scene.objects.iter().find(|object| object.emission.is_some()).unwrap();
+    assert!(lamp.emission.as_ref().is_some_and(|emission| emission.is_one_sided));
+    let found = remarks(&study);
+    for text in ["participating media", "\"spread\" has no counterpart", "its index is 1.5168"] {
+        assert!(found.iter().any(|remark| remark.contains(text)), "{text}: {found:?}");
+    }
+    let image = rendered(&study, 16, 30);
+    assert!(image.mean.iter().all(|value| value.is_finite() && *value > 0.0));
+}
+
+/// What `pbrt --upgrade` and `--format` write: every number with six digits, options by name, lists in brackets over several lines.
+#[test]
+fn a_scene_as_pbrt_itself_writes_it() {
+    let text = r#"
+Option "disablepixeljitter" true
+Option "rendercoordsys" "world"
+Option "seed" 7
+Option "force-diffuse" true
+Option "stereo" 1
+LookAt 0.000000 0.000000 5.000000
+    0.000000 0.000000 0.000000
+    0.000000 1.000000 0.000000
+Camera "perspective"
+    "float fov" [ 45 ]
+Sampler "independent"
+Film "rgb"
+    "integer yresolution" [ 4 ]
+    "integer xresolution" [ 4 ]
+    "string filename" [ "a.exr" ]
+Integrator "path"
+
+WorldBegin
+
+AttributeBegin
+    AreaLightSource "diffuse"
+        "rgb L" [ 10 10 10 ]
+    Translate 0.000000 0.000000 9.000000
+    ReverseOrientation
+    Shape "disk"
+        "float radius" [ 3 ]
+AttributeEnd
+
+Attribute "shape" "float alpha" [ 1 ]
+MakeNamedMaterial "a"
+    "string type" [ "diffuse" ]
+    "rgb reflectance" [ 0.5 0.5 0.5 ]
+AttributeBegin
+    NamedMaterial "a"
+    ReverseOrientation
+    Shape "trianglemesh"
+        "point2 uv" [ 0 0 1 0 1 1
+            0 1 ]
+        "normal N" [ 0 0 1 0 0 1
+            0 0 1 0 0 1 ]
+        "point3 P" [ -1 -1 0 1 -1 0
+            1 1 0 -1 1 0 ]
+        "integer indices" [ 0 1 2 0
+            2 3 ]
+AttributeEnd
+"#;
+    let study = load_text(text);
+    assert_eq!((study.study.render.seed, study.study.render.samples_per_pixel), (7, 4));
+    let found = remarks(&study);
+    let named = |part: &str| found.iter().filter(|text| text.contains(part)).count();
+    assert_eq!(
+        [named("force-diffuse"), named("\"stereo\" is not known"), named("disablepixeljitter")],
+        [1, 1, 0]
+    );
+    assert!(rendered(&study, 4, 30).mean[30] > 0.0);
+}
+
+/// What obj2pbrt of version 3 writes.
+#[test]
+fn a_scene_as_obj2pbrt_writes_it() {
+    let text = r#"
+# Converted from "jaw.obj" by obj2pbrt
+# Scene bounds: (-1.000000, -1.000000, 0.000000) - (1.000000, 1.000000, 0.000000)
+
+LookAt 0 0 4  0 0 0  0 1 0
+Camera "perspective" "float fov" [45]
+Film "image" "integer xresolution" [4] "integer yresolution" [4]
+Integrator "directlighting"
+WorldBegin
+
+MakeNamedMaterial "enamel" "string type" "uber" "color Kd" [0.640000 0.630000 0.600000] "color Ks" [0.040000 0.040000 0.040000] "float roughness" [0.010000] "float index" [1.620000] "color opacity" [1.000000 1.000000 1.000000]
+
+# Name "tooth"
+AttributeBegin
+NamedMaterial "enamel"
+Shape "trianglemesh"
+  "point3 P" [
+	-1 -1 0
+	1 -1 0
+	1 1 0
+]
+  "normal N" [
+	0 0 1
+	0 0 1
+	0 0 1
+]
+  "point2 st" [
+	0 0
+	1 0
+	1 1
+]
+  "integer indices" [
+	0 1 2
+	]
+  "integer faceIndices" [
+	0
+]
+
+AttributeEnd
+
+
+# Name "lamp"
+AttributeBegin
+AreaLightSource "area" "rgb L" [ 5.000000 5.000000 5.000000 ]
+Translate 0 0 6
+ReverseOrientation
+Shape "disk" "float radius" 2
+AttributeEnd
+WorldEnd
+"#;
+    let study = load_text(text);
+    let scene = &study.study.scene;
+    assert_eq!((scene.objects.len(), scene.materials[scene.objects[0].material].coat().is_some()), (2, true));
+    assert!(remarks(&study).iter().any(|text| text.contains("Integrator \"directlighting\": all light")));
+    assert!(rendered(&study, 16, 30).mean[30] > 0.0);
+}
+
+/// Scenes of the public collections brighten images by factors above 1; pbrt cuts the product there.
+#[test]
+fn textures_brighter_than_white_are_cut() {
+    let text = br#"
+Camera "perspective" WorldBegin LightSource "infinite"
+Texture "photo" "spectrum" "imagemap" "string filename" [ "photo.pfm" ] "string encoding" [ "linear" ]
+Texture "bright" "spectrum" "scale" "float scale" [ 3 ] "texture tex" [ "photo" ]
+MakeNamedMaterial "a" "string type" [ "diffuse" ] "texture reflectance" [ "bright" ]
+MakeNamedMaterial "b" "string type" [ "coateddiffuse" ] "texture reflectance" [ "bright" ] "float roughness" [ 0.01 ]
+Translate 0 0 4 NamedMaterial "a" Shape "sphere" NamedMaterial "b" Translate 3 0 0 Shape "sphere"
+"#;
+    let files: [(&str, &[u8]); 2] = [("s.pbrt", text), ("photo.pfm", &image())];
+    let study = load_files(&files, &PbrtOptions::default()).unwrap();
+    assert!(remarks(&study).iter().any(|text| text.contains("outside of 0 to 1 and is cut there")));
+    let base = study.study.scene.materials[0].diffuse().unwrap();
+    let at = |nm: f64| {
+        let uv = glam::Vec2::new(0.75, 0.5);
+        base.reflectance.iter().map(|term| term.spectrum.at(nm) * f64::from(term.weight.at(uv))).sum::<f64>()
+    };
+    // Three times 0.5, 0.25 and 0.125: red is cut at 1, green and blue stay.
+    assert!(
+        (at(650.0) - 1.0).abs() < 0.02 && (at(450.0) - 0.375).abs() < 0.02,
+        "{} {}",
+        at(650.0),
+        at(450.0)
+    );
+    assert!(study.study.scene.check().is_ok());
+}

@@ -100,7 +100,7 @@ fn hostile_scenes_are_refused_quickly() {
 /// 500 scenes; `FLUORSPAR_MUTATIONS=100000 cargo test -p fluorspar-pbrt --test suite damaged` makes as many.
 #[test]
 fn damaged_scenes_never_panic() {
-    let text = "Scale -1 1 1 LookAt 0 0 5 0 0 0 0 1 0\nCamera \"perspective\" \"float fov\" 40\nFilm \"rgb\" \"integer xresolution\" 4\n\
+    let text = "Option \"seed\" 3 Scale -1 1 1 LookAt 0 0 5 0 0 0 0 1 0\nCamera \"perspective\" \"float fov\" 40\nFilm \"rgb\" \"integer xresolution\" 4\n\
         WorldBegin LightSource \"infinite\" \"blackbody L\" 5000 LightSource \"spot\" \"float coneangle\" 20\n\
         Texture \"c\" \"float\" \"checkerboard\" \"float uscale\" 3 \"float tex1\" 0.5\n\
         Texture \"t\" \"spectrum\" \"scale\" \"rgb tex1\" [ 0.1 0.2 0.3 ] \"texture tex2\" \"c\"\n\

@@ -9,7 +9,8 @@ use fluorspar_pbrt::{PbrtOptions, PbrtStudy, load};
 /// Parameters of a class, as they are declared: `float fov`, or with a value `string filename=m.ply`.
 type Class = (&'static str, &'static str, &'static str);
 
-/// <https://pbrt.org/fileformat-v3> and <https://pbrt.org/fileformat-v4>, parameters of both versions together.
+/// <https://pbrt.org/fileformat-v3> and <https://pbrt.org/fileformat-v4>, parameters of both versions together, checked against what the
+/// sources of pbrt-v3 (13d871f), pbrt-v4 (5f7a606) and pbrt-v3-spectral (c4d605a) look up.
 const CLASSES: &[Class] = &[
     (
         "Camera",
@@ -28,9 +29,75 @@ const CLASSES: &[Class] = &[
     ),
     ("Film", "gbuffer", "string coordinatesystem"),
     ("Film", "spectral", "integer nbuckets, float lambdamin, float lambdamax"),
-    ("Film", "image", "float scale, float maxsampleluminance"),
-    ("Sampler", "stratified", "integer pixelsamples, integer xsamples, integer ysamples, integer seed"),
-    ("Integrator", "path", "integer maxdepth"),
+    ("Film", "image", "float scale, float maxsampleluminance, bool spectralFlag"),
+    (
+        "Sampler",
+        "stratified",
+        "integer pixelsamples, integer xsamples, integer ysamples, integer seed, bool jitter, integer dimensions",
+    ),
+    ("Sampler", "halton", "integer pixelsamples, bool samplepixelcenter, string randomization"),
+    ("Sampler", "sobol", ""),
+    ("Sampler", "paddedsobol", ""),
+    ("Sampler", "zsobol", ""),
+    ("Sampler", "pmj02bn", ""),
+    ("Sampler", "independent", ""),
+    ("Sampler", "random", ""),
+    ("Sampler", "maxmindist", ""),
+    ("Sampler", "02sequence", ""),
+    ("Sampler", "lowdiscrepancy", ""),
+    (
+        "Integrator",
+        "path",
+        "integer maxdepth, float rrthreshold, string lightsamplestrategy, string lightsampler, bool regularize, integer pixelbounds=0 1 0 1",
+    ),
+    ("Integrator", "volpath", ""),
+    ("Integrator", "bdpt", "bool visualizestrategies, bool visualizeweights"),
+    (
+        "Integrator",
+        "mlt",
+        "integer bootstrapsamples, integer chains, integer mutationsperpixel, float largestepprobability, float sigma",
+    ),
+    (
+        "Integrator",
+        "sppm",
+        "float radius, integer photonsperiteration, integer iterations, integer numiterations, integer imagewritefrequency, integer seed",
+    ),
+    ("Integrator", "simplepath", "bool samplebsdf, bool samplelights"),
+    ("Integrator", "simplevolpath", ""),
+    ("Integrator", "lightpath", ""),
+    ("Integrator", "randomwalk", ""),
+    ("Integrator", "spectralpath", "integer numCABands"),
+    ("Integrator", "directlighting", "string strategy"),
+    ("Integrator", "whitted", ""),
+    ("Integrator", "ao", "bool cossample, integer nsamples"),
+    ("Integrator", "ambientocclusion", "float maxdistance"),
+    ("Integrator", "function", "string function, string imagefilename, bool skipbad"),
+    ("PixelFilter", "box", "float xwidth, float ywidth, float xradius, float yradius"),
+    ("PixelFilter", "gaussian", "float alpha, float sigma"),
+    ("PixelFilter", "mitchell", "float B, float C"),
+    ("PixelFilter", "sinc", "float tau"),
+    ("PixelFilter", "triangle", ""),
+    ("Accelerator", "bvh", "integer maxnodeprims, string splitmethod"),
+    (
+        "Accelerator",
+        "kdtree",
+        "integer intersectcost, integer traversalcost, float emptybonus, integer maxprims, integer maxdepth",
+    ),
+    (
+        "MakeNamedMedium",
+        "m",
+        "string type=homogeneous, spectrum sigma_a=400 1 700 1, spectrum sigma_s=400 1 700 1, float scale, float g, string preset",
+    ),
+    (
+        "MakeNamedMedium",
+        "n",
+        "string type=uniformgrid, float density, point3 p0=0 0 0, point3 p1=1 1 1, integer nx, integer ny, integer nz, spectrum Le=400 1 700 1, float Lescale, float temperature, float temperaturecutoff, float temperatureoffset, float temperaturescale",
+    ),
+    (
+        "MakeNamedMedium",
+        "o",
+        "string type=nanovdb, string filename, string gridname, string temperaturename, float frequency, float wispiness",
+    ),
     (
         "Shape",
         "trianglemesh",
@@ -45,17 +112,25 @@ const CLASSES: &[Class] = &[
     (
         "Shape",
         "loopsubdiv",
-        "integer indices=0 1 2, point3 P=0 0 0 1 0 0 0 1 0, integer levels, string scheme",
+        "integer indices=0 1 2, point3 P=0 0 0 1 0 0 0 1 0, integer levels, integer nlevels, string scheme",
     ),
     ("Shape", "sphere", "float radius=1, float zmin=-1, float zmax=1, float phimax=360"),
     ("Shape", "disk", "float height, float radius, float innerradius=0.1, float phimax=360"),
     ("Shape", "cylinder", "float radius, float zmin=0, float zmax=1, float phimax=360"),
     ("Shape", "cone", "float radius, float height, float phimax=360"),
     ("Shape", "paraboloid", "float radius, float zmin=0, float zmax=1, float phimax=360"),
-    ("Shape", "curve", ""),
-    ("Shape", "hyperboloid", ""),
-    ("Shape", "heightfield", ""),
-    ("Shape", "nurbs", ""),
+    (
+        "Shape",
+        "curve",
+        "point3 P=0 0 0 1 0 0 0 1 0 1 1 1, normal N=0 0 1 0 0 1, string type=flat, string basis=bezier, integer degree=3, float width, float width0, float width1, integer splitdepth",
+    ),
+    ("Shape", "hyperboloid", "point3 p1=0 0 0, point3 p2=1 1 1, float phimax=360"),
+    ("Shape", "heightfield", "integer nu, integer nv, float Pz=0 0 0 0"),
+    (
+        "Shape",
+        "nurbs",
+        "integer nu, integer nv, integer uorder, integer vorder, float uknots=0 1, float vknots=0 1, float u0, float u1, float v0, float v1, float Pw=0 0 0 1, point3 P=0 0 0",
+    ),
     ("Material", "matte", "rgb Kd=0.5 0.5 0.5, float sigma, texture bumpmap=f"),
     ("Material", "diffuse", "rgb reflectance=0.5 0.5 0.5, texture displacement=f, string normalmap=n.png"),
     ("Material", "plastic", "rgb Kd=0.5 0.5 0.5, rgb Ks=0.5 0.5 0.5, float roughness, bool remaproughness"),
@@ -77,7 +152,7 @@ const CLASSES: &[Class] = &[
     (
         "Material",
         "coatedconductor",
-        "float interface.roughness, float thickness, float interface.eta=1.5, float g, rgb albedo=0 0 0, integer maxdepth, integer nsamples, spectrum conductor.eta=\"metal-Ag-eta\", spectrum conductor.k=\"metal-Ag-k\", float conductor.roughness, bool remaproughness",
+        "float conductor.uroughness, float conductor.vroughness, float interface.uroughness, float interface.vroughness, float interface.roughness, float thickness, float interface.eta=1.5, float g, rgb albedo=0 0 0, integer maxdepth, integer nsamples, spectrum conductor.eta=\"metal-Ag-eta\", spectrum conductor.k=\"metal-Ag-k\", float conductor.roughness, bool remaproughness",
     ),
     (
         "Material",
@@ -102,14 +177,38 @@ const CLASSES: &[Class] = &[
     ("Material", "thindielectric", "float eta=1.5"),
     ("Material", "mirror", "rgb Kr=0.9 0.9 0.9"),
     ("Material", "interface", ""),
-    ("Material", "translucent", "rgb Kd=0.2 0.2 0.2"),
-    ("Material", "kdsubsurface", "rgb Kd=0.2 0.2 0.2"),
-    ("Material", "subsurface", ""),
-    ("Material", "disney", "rgb color=0.2 0.2 0.2"),
-    ("Material", "diffusetransmission", "rgb reflectance=0.2 0.2 0.2"),
-    ("Material", "measured", ""),
-    ("Material", "fourier", ""),
-    ("Material", "hair", "rgb color=0.2 0.2 0.2"),
+    (
+        "Material",
+        "translucent",
+        "rgb Kd=0.2 0.2 0.2, rgb Ks=0.2 0.2 0.2, rgb reflect=0.5 0.5 0.5, rgb transmit=0.5 0.5 0.5, float roughness",
+    ),
+    (
+        "Material",
+        "kdsubsurface",
+        "rgb Kd=0.2 0.2 0.2, rgb Kr=1 1 1, rgb Kt=1 1 1, rgb mfp=1 1 1, float g, float scale, float eta=1.3",
+    ),
+    (
+        "Material",
+        "subsurface",
+        "rgb sigma_a=1 1 1, rgb sigma_s=1 1 1, string name, rgb reflectance=0.2 0.2 0.2",
+    ),
+    (
+        "Material",
+        "disney",
+        "rgb color=0.2 0.2 0.2, bool thin, float anisotropic, float clearcoat, float clearcoatgloss, float difftrans, float eta=1.5, float flatness, float metallic, float roughness, rgb scatterdistance=0 0 0, float sheen, float sheentint, float spectrans, float speculartint",
+    ),
+    (
+        "Material",
+        "diffusetransmission",
+        "rgb reflectance=0.2 0.2 0.2, rgb transmittance=0.2 0.2 0.2, float scale",
+    ),
+    ("Material", "measured", "string filename"),
+    ("Material", "fourier", "string bsdffile"),
+    (
+        "Material",
+        "hair",
+        "rgb color=0.2 0.2 0.2, rgb sigma_a=1 1 1, float eumelanin, float pheomelanin, float eta=1.5, float alpha, float beta_m, float beta_n",
+    ),
     ("LightSource", "point", "rgb I=1 1 1, point3 from=0 0 5, float scale, float power"),
     (
         "LightSource",
@@ -121,9 +220,17 @@ const CLASSES: &[Class] = &[
         "distant",
         "rgb L=1 1 1, point3 from=0 0 5, point3 to=0 0 0, float scale, float illuminance",
     ),
-    ("LightSource", "infinite", "rgb L=1 1 1, float scale, float illuminance, integer samples"),
-    ("LightSource", "goniometric", ""),
-    ("LightSource", "projection", ""),
+    (
+        "LightSource",
+        "infinite",
+        "rgb L=1 1 1, float scale, float illuminance, integer samples, integer nsamples, point3 portal=0 0 0 1 0 0 1 1 0 0 1 0",
+    ),
+    ("LightSource", "goniometric", "rgb I=1 1 1, string mapname, string filename, float scale, float power"),
+    (
+        "LightSource",
+        "projection",
+        "rgb I=1 1 1, string mapname, string filename, float fov, float scale, float power",
+    ),
     ("AreaLightSource", "diffuse", "rgb L=1 1 1, bool twosided, float scale, float power"),
 ];
 
@@ -176,6 +283,60 @@ const DIRECTIVES: &[&str] = &[
     "Volume",
 ];
 
+/// Options of version 4.
+const OPTIONS: &[&str] = &[
+    "disablepixeljitter",
+    "disabletexturefiltering",
+    "disablewavelengthjitter",
+    "displacementedgescale",
+    "forcediffuse",
+    "msereferenceimage",
+    "msereferenceout",
+    "pixelstats",
+    "rendercoordsys",
+    "seed",
+    "wavefront",
+];
+
+/// Parameters of textures.
+const TEXTURE_PARAMETERS: &[&str] = &[
+    "value",
+    "tex",
+    "tex1",
+    "tex2",
+    "amount",
+    "scale",
+    "filename",
+    "invert",
+    "gamma",
+    "encoding",
+    "wrap",
+    "filter",
+    "maxanisotropy",
+    "trilinear",
+    "noFiltering",
+    "useSPD",
+    "aamode",
+    "dimension",
+    "dir",
+    "mapping",
+    "uscale",
+    "vscale",
+    "udelta",
+    "vdelta",
+    "v1",
+    "v2",
+    "v00",
+    "v01",
+    "v10",
+    "v11",
+    "inside",
+    "outside",
+    "octaves",
+    "roughness",
+    "variation",
+];
+
 /// Textures; their parameters stand in one table.
 const TEXTURES: &[&str] = &[
     "constant",
@@ -221,7 +382,8 @@ fn scene((directive, class, parameters): &Class) -> String {
         let value = if is_text && !value.starts_with('"') { format!("\"{value}\"") } else { value.into() };
         line.push_str(&format!(" \"{declared}\" [ {value} ]"));
     }
-    let is_before = ["Camera", "Film", "Sampler", "Integrator"].contains(directive);
+    let is_before =
+        ["Camera", "Film", "Sampler", "Integrator", "PixelFilter", "Accelerator"].contains(directive);
     let (before, after) = if is_before { (line.as_str(), "") } else { ("", line.as_str()) };
     let film = if *directive == "Film" {
         ""
@@ -246,12 +408,12 @@ fn loaded(class: &Class) -> PbrtStudy {
 }
 
 #[test]
-fn everything_of_the_public_pages_stands_in_the_tables() {
+fn everything_that_pbrt_reads_stands_in_the_tables() {
     let text = documentation();
-    let names = DIRECTIVES.iter().chain(TEXTURES).copied();
+    let names = DIRECTIVES.iter().chain(TEXTURES).chain(TEXTURE_PARAMETERS).chain(OPTIONS).copied();
     let classes = CLASSES
         .iter()
-        .filter(|(directive, ..)| !["Film", "Sampler", "Integrator"].contains(directive))
+        .filter(|(directive, ..)| !["Film", "MakeNamedMedium"].contains(directive))
         .map(|(_, class, _)| *class);
     let parameters = CLASSES
         .iter()
