@@ -7,6 +7,7 @@ mod channel_planes;
 mod design;
 mod design_renders;
 mod documentation;
+mod emission_sides;
 mod excitation_basis;
 mod experiment_files;
 mod experiment_presets;
