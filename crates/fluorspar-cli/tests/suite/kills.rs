@@ -31,7 +31,10 @@ impl Random {
 const SMALL: [&str; 4] =
     ["--set=render.width_px=48", "--set=render.height_px=32", "--set=spectral.step_nm=10", "--seed=3"];
 
-/// Every command that takes a while or writes much. `a.exr`, `1.film` and `2.film` are in the folder `in`.
+/// Wavelengths of the fit of a tissue.
+const FITTED: [&str; 3] = ["--from-nm=450", "--to-nm=700", "--step-nm=25"];
+
+/// Every command that takes a while or writes much. `a.exr`, `1.film`, `2.film` and `white.csv` are in the folder `in`.
 fn jobs() -> Vec<(&'static str, Vec<&'static str>)> {
     let film = [
         "render",
@@ -107,6 +110,48 @@ fn jobs() -> Vec<(&'static str, Vec<&'static str>)> {
         ("spectroradiometer", vec!["spectroradiometer", "-q", "--out", "s.csv"]),
         ("lens report", vec!["lens", "report", "wide_3_5mm", "--out", "l.svg"]),
         ("predict", vec!["predict", "--json", "-q"]),
+    ]
+}
+
+/// Commands about scenes, tissues, designs and the paper.
+fn further_jobs() -> Vec<(&'static str, Vec<&'static str>)> {
+    vec![
+        ("sheet", vec!["sheet", "in/a.exr", "-q", "--width", "200", "--out", "sheet.png"]),
+        (
+            "scene set",
+            vec![
+                "scene",
+                "set",
+                "flat-patch",
+                "light.*.strength.irradiance_w_per_m2=30",
+                "-q",
+                "--out",
+                "new.toml",
+            ],
+        ),
+        (
+            "tissue mc",
+            vec![
+                "tissue",
+                "mc",
+                "dorsal_tongue",
+                "--wavelength-nm=405",
+                "--photons=20000",
+                "-q",
+                "--out",
+                "mc",
+            ],
+        ),
+        (
+            "tissue fit",
+            [
+                &["tissue", "fit", "dorsal_tongue", "--reflectance", "in/white.csv", "-q", "--out", "fit"],
+                &FITTED[..],
+            ]
+            .concat(),
+        ),
+        ("validate", vec!["validate", "--case", "figure-4", "-q", "--out", "v"]),
+        ("design sweep", vec!["design", "sweep", "two-lights", "-q", "--out", "d"]),
     ]
 }
 
@@ -233,6 +278,9 @@ fn disturb_all(jobs: &[(&str, Vec<&str>)], kills: usize, signals: usize, seed: u
             render.iter().copied().chain(more.into_iter().filter(|arg| !arg.is_empty())).collect();
         fluorspar(&inputs, args).well();
     }
+    let white = |nm: u32| format!("{nm},{}\n", 0.2 + f64::from(nm - 450) * 1e-3);
+    let white: String = (450..=700).step_by(10).map(white).collect();
+    fs::write(inputs.join("white.csv"), format!("wavelength_nm,reflectance\n{white}")).unwrap();
     // What each command gives when nobody disturbs it, and the time that it takes.
     let undisturbed: Vec<(BTreeMap<PathBuf, Vec<u8>>, Duration)> = jobs
         .iter()
@@ -294,7 +342,8 @@ fn what_is_killed_or_stopped_at_any_moment_leaves_nothing_and_gives_the_same_whe
         }
         (kills, signals) => {
             let seed = number("FLUORSPAR_SEED").unwrap_or(1) as u64;
-            disturb_all(&jobs(), kills.unwrap_or(0), signals.unwrap_or(0), seed);
+            let jobs = [jobs(), further_jobs()].concat();
+            disturb_all(&jobs, kills.unwrap_or(0), signals.unwrap_or(0), seed);
         }
     }
 }
