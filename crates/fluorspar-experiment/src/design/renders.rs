@@ -3,7 +3,10 @@
 use std::path::Path;
 
 use fluorspar::analysis::{Rectangle, RegionOfInterest};
-use fluorspar::design::{DesignProblem, GeometryChoice, LightChoice, RegionModel, ResponseChange};
+use fluorspar::design::{
+    DesignProblem, FluorescenceResponse, GeometryChoice, LightChoice, RegionModel, RegionResponse,
+    ResponseChange,
+};
 use fluorspar::spectral::WavelengthGrid;
 use fluorspar::study::Study;
 use fluorspar_format::read_text_bounded;
@@ -19,6 +22,8 @@ use crate::schema::SpectralSection;
 
 /// Largest experiment file, bytes.
 const MOST_EXPERIMENT_BYTES: u64 = 64 << 20;
+/// Name of all fluorophores together that have no weight of their own.
+pub(super) const BULK: &str = "bulk";
 /// Most renders of one problem.
 const MOST_RENDERS: usize = 1000;
 /// Share of a light that may lie where the render keeps no excitation apart.
@@ -46,6 +51,8 @@ pub struct DesignRegion {
     pub region: RegionOfInterest,
     /// Number of the render for each geometry.
     pub renders: Vec<usize>,
+    /// Fluorophores that have weights of their own, where not all have: the others are one, `bulk`.
+    pub apart: Vec<String>,
 }
 
 /// Renders of a problem, and what is taken from them.
@@ -67,8 +74,11 @@ impl DesignRenders {
     pub fn complete(&self, mut problem: DesignProblem, regions: Vec<Vec<RegionModel>>) -> DesignProblem {
         let choice = |name: &String| GeometryChoice { name: name.clone(), regions: Vec::new() };
         problem.geometries = self.geometries.iter().map(choice).collect();
-        for models in regions {
+        for (models, region) in regions.into_iter().zip(&self.regions) {
             for (geometry, mut model) in problem.geometries.iter_mut().zip(models) {
+                if !region.apart.is_empty() {
+                    with_bulk(&mut model.response, &region.apart);
+                }
                 if self.blood_um > 0.0 {
                     let moved = below_blood(&model.response, self.blood_um);
                     model.changes.extend(ResponseChange::between("blood", &model.response, &moved));
@@ -145,8 +155,11 @@ pub(super) fn renders(
             };
             numbers.push(number);
         }
-        check_parts(context, &at, &region, &found.renders[numbers[0]].study)?;
-        found.regions.push(DesignRegion { name: section.name.clone(), region, renders: numbers });
+        let study = &found.renders[numbers[0]].study;
+        check_parts(context, &at, &region, study)?;
+        check_apart(context, &at, &of_region.apart, study)?;
+        let apart = of_region.apart.clone();
+        found.regions.push(DesignRegion { name: section.name.clone(), region, renders: numbers, apart });
     }
     check_lights(context, lights, &found);
     if file.unknown.tissue > 0.0 {
@@ -155,6 +168,35 @@ pub(super) fn renders(
         context.warn(&steps!["unknown", "tissue"], message);
     }
     Ok(found)
+}
+
+/// Takes all fluorophores of a region but some together as one.
+fn with_bulk(region: &mut RegionResponse, apart: &[String]) {
+    let held = std::mem::take(&mut region.fluorescence);
+    let (own, others): (Vec<_>, Vec<_>) = held.into_iter().partition(|part| apart.contains(&part.name));
+    let mut bulk = FluorescenceResponse {
+        name: BULK.into(),
+        amount: others.iter().map(|part| part.amount).sum(),
+        radiance: vec![0.0; region.grid.len() * region.excitation.len()],
+    };
+    for part in &others {
+        bulk.radiance.iter_mut().zip(&part.radiance).for_each(|(sum, value)| *sum += value);
+    }
+    region.fluorescence = std::iter::once(bulk).chain(own).collect();
+}
+
+/// Refuses fluorophores that the scene does not have.
+fn check_apart(context: &Context<'_>, at: &Place, apart: &[String], study: &Study) -> Resolved<()> {
+    let names: Vec<&str> = study.scene.fluorophores.iter().map(|known| known.name.as_str()).collect();
+    for (index, name) in apart.iter().enumerate() {
+        if !names.contains(&name.as_str()) {
+            let hint = fluorspar::names::did_you_mean(name, names.iter().copied());
+            let message =
+                format!("the scene has no such fluorophore{hint} Its fluorophores: {}", names.join(", "));
+            return context.fail(&at.field("apart").index(index), message);
+        }
+    }
+    Ok(())
 }
 
 /// All combinations of the values of the variables, by name, with the changes that make them.
@@ -340,4 +382,30 @@ pub(super) fn check_grid(
         return context.fail(&steps!["scene", "set"], message);
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use fluorspar::design::ExcitationBasis;
+    use fluorspar::spectral::{Curve, WavelengthGrid};
+
+    use super::*;
+
+    #[test]
+    fn bulk_is_all_that_has_no_weight_of_its_own() {
+        let part = |name: &str, value: f64| FluorescenceResponse {
+            name: name.into(),
+            amount: value,
+            radiance: vec![value; 4],
+        };
+        let mut region = RegionResponse {
+            name: "x".into(),
+            grid: WavelengthGrid::uniform(500.0, 510.0, 10.0).unwrap(),
+            excitation: ExcitationBasis::Nodes(vec![380.0, 400.0]),
+            fluorescence: vec![part("a", 1.0), part("porphyrin", 2.0), part("c", 4.0)],
+            reflected: Curve::constant(0.0),
+        };
+        with_bulk(&mut region, &["porphyrin".to_owned()]);
+        assert_eq!(region.fluorescence, [part(BULK, 5.0), part("porphyrin", 2.0)]);
+    }
 }

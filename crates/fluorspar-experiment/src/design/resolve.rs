@@ -16,7 +16,7 @@ use fluorspar::sensor::{EXPOSURE_MS, Sensor, SensorModel, SpectralQe};
 use fluorspar::spectral::{Curve, MAX_WAVELENGTH_NM, MIN_WAVELENGTH_NM, WavelengthGrid};
 
 use super::regions::{Axes, cohort, region};
-use super::renders::{DesignRenders, check_grid, renders};
+use super::renders::{BULK, DesignRenders, check_grid, renders};
 use super::schema::{
     ComparedDesignSection, ContrastSection, CriterionChoice, DesignFile, IdealBandsSection, LedSeriesSection,
     SearchSection, SensorChoiceSection, SplitChoice, SplitRule, TolerancesSection,
@@ -686,6 +686,9 @@ fn contrasts(
     }
     for render in &rendered.renders {
         known.extend(render.study.scene.fluorophores.iter().map(|f| (f.name.as_str(), ())));
+    }
+    if rendered.regions.iter().any(|region| !region.apart.is_empty()) {
+        known.insert(BULK, ());
     }
     let known: Vec<&str> = known.into_keys().collect();
     let mut found = Vec::new();

@@ -130,6 +130,8 @@ pub struct RenderedRegionSection {
     /// Column, row, width and height in pixels of the render. Default: the whole image.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rectangle_px: Option<[u32; 4]>,
+    /// Fluorophores with weights of their own; all others together are one, called "bulk". Default: each has its own.
+    pub apart: Vec<String>,
     /// Changes of the scene for this region, for instance another person or pose: `["mouth.person=3"]`. Default: none.
     pub set: Vec<String>,
 }

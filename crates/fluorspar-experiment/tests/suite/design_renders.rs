@@ -172,6 +172,7 @@ fn the_winner_rendered_directly_is_what_was_predicted() {
 fn what_can_not_be_rendered_is_told_with_its_cure() {
     for (changes, words) in [
         (vec!["region.elastin.rendered={ parts = [\"elastin_spere\"] }"], "did you mean"),
+        (vec!["region.elastin.rendered={ apart = [\"elastine\"] }"], "did you mean"),
         (vec!["region.elastin.rendered={ rectangle_px = [40, 0, 20, 10] }"], "48 x 32 pixels"),
         (vec!["region.elastin.material={ reflectance = 0.5 }"], "remove one of both"),
         (vec!["scene.preset=\"fluorescent-spheres\""], "fluorescent-sphere"),
