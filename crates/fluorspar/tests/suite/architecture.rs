@@ -401,6 +401,7 @@ const WRITING: &[&str] = &[
 
 /// Files that may do so: the output layer, the cache, and rows that wait in a file without a name.
 const MAY_WRITE: &[&str] = &[
+    "fluorspar-format/src/output/claim.rs",
     "fluorspar-format/src/output/file.rs",
     "fluorspar-format/src/output/folder.rs",
     "fluorspar-format/src/output/journal.rs",
