@@ -100,6 +100,7 @@ pub(crate) fn study() -> Result<Study, Box<dyn Error>> {
     let analysis = AnalysisPlan {
         frame: "blue".into(),
         parts: vec!["patch".into()],
+        inset_px: 0,
         rectangle_px: None,
         compared_px: None,
         porphyrin: "protoporphyrin_ix".into(),

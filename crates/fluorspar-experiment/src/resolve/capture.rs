@@ -284,6 +284,7 @@ pub(super) fn analysis(
         let message = "parts are found in frames of the whole sensor only; give rectangle_px, or remove sensor.region_px";
         return context.fail(&at("parts"), message);
     }
+    context.within(&at("inset_px"), f64::from(section.inset_px), [0.0, 64.0], "pixels")?;
     if let Some(rectangle) = section.rectangle_px {
         check_rectangle(context, file, &at("rectangle_px"), rectangle)?;
     }
@@ -311,6 +312,7 @@ pub(super) fn analysis(
     Ok(Some(AnalysisPlan {
         frame: section.frame.clone(),
         parts: section.parts.clone(),
+        inset_px: section.inset_px,
         rectangle_px: section.rectangle_px,
         compared_px: section.compared_px,
         porphyrin: section.porphyrin.clone(),

@@ -132,6 +132,10 @@ pub struct AnalysisSection {
     /// Parts of the scene, by object name, that form the region of interest. Default: all.
     #[serde(default)]
     pub parts: Vec<String>,
+    /// Pixels of the sensor by which the region keeps away from the rim of these parts, 0 to 64: pixels at the rim hold light of
+    /// what lies beside, as of teeth and lips. Default 0.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub inset_px: u32,
     /// Only pixels of this rectangle of the sensor: column, row, width, height.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rectangle_px: Option<[u32; 4]>,
@@ -178,6 +182,10 @@ pub enum BulkReference {
 
 fn porphyrin() -> String {
     DEFAULT_PORPHYRIN.into()
+}
+
+fn is_zero(value: &u32) -> bool {
+    *value == 0
 }
 
 fn prior_width() -> f64 {

@@ -38,6 +38,13 @@ pub struct RegionOfInterest {
     /// Only pixels in this rectangle.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rectangle: Option<Rectangle>,
+    /// Pixels of the sensor by which the region keeps away from the rim of its parts: pixels there hold light of what lies beside.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub inset_px: usize,
+}
+
+fn is_zero(value: &usize) -> bool {
+    *value == 0
 }
 
 /// Pixels of a sensor image, as numbers `row * width + col` in increasing order.
@@ -92,6 +99,14 @@ pub enum RegionError {
         /// Parts that some pixel of the image shows.
         visible: Vec<String>,
     },
+    /// Pixels of the region show the parts, but all of them lie near their rim.
+    #[error("no pixel of {} lies {inset_px} pixels of the sensor within its rim: choose a smaller inset", .parts.join(" or "))]
+    NothingInside {
+        /// The requested parts.
+        parts: Vec<String>,
+        /// Distance from the rim.
+        inset_px: usize,
+    },
 }
 
 fn in_view(visible: &[String]) -> String {
@@ -105,12 +120,12 @@ fn in_view(visible: &[String]) -> String {
 impl RegionOfInterest {
     /// All pixels that show any of these parts.
     pub fn of_parts<S: Into<String>>(parts: impl IntoIterator<Item = S>) -> Self {
-        Self { parts: parts.into_iter().map(Into::into).collect(), rectangle: None }
+        Self { parts: parts.into_iter().map(Into::into).collect(), ..Self::default() }
     }
 
     /// All pixels of a rectangle.
     pub fn of_rectangle(rectangle: Rectangle) -> Self {
-        Self { parts: Vec::new(), rectangle: Some(rectangle) }
+        Self { rectangle: Some(rectangle), ..Self::default() }
     }
 
     /// Only the pixels of this region that lie in a rectangle.
@@ -120,10 +135,21 @@ impl RegionOfInterest {
         self
     }
 
+    /// Only pixels that lie this far within the rim of the parts.
+    #[must_use]
+    pub fn inset(mut self, inset_px: usize) -> Self {
+        self.inset_px = inset_px;
+        self
+    }
+
     /// One line for tables and captions.
     pub fn describe(&self) -> String {
         let rectangle = self.rectangle.map(|rectangle| rectangle.to_string());
-        let parts = self.parts.join(" and ").replace('_', " ");
+        let inset = match self.inset_px {
+            0 => String::new(),
+            inset => format!(" ({inset} pixels within the rim)"),
+        };
+        let parts = self.parts.join(" and ").replace('_', " ") + &inset;
         match (self.parts.is_empty(), rectangle) {
             (true, None) => "the whole image".into(),
             (true, Some(rectangle)) => rectangle,
@@ -155,21 +181,29 @@ impl RegionOfInterest {
         }
         // Collect its pixels that show the parts
         let wanted = self.part_numbers(scene.map(|s| s.components))?;
-        let mut pixels = Vec::new();
-        for row in area.row..area.row + area.height {
-            for col in area.col..area.col + area.width {
-                let inside = match (&wanted, scene) {
-                    (Some(wanted), Some(scene)) => {
-                        let part = scene.part_at(row, col, width, height);
-                        part > 0 && wanted.contains(&(usize::from(part) - 1))
-                    }
-                    _ => true,
-                };
-                if inside {
-                    pixels.push(row * width + col);
-                }
+        let shows = |row: usize, col: usize| match (&wanted, scene) {
+            (Some(wanted), Some(scene)) => {
+                let part = scene.part_at(row, col, width, height);
+                part > 0 && wanted.contains(&(usize::from(part) - 1))
             }
+            _ => true,
+        };
+        let pixels = |inset: usize| -> Vec<usize> {
+            let inside = |row: usize, col: usize| {
+                let rows = row.saturating_sub(inset)..=(row + inset).min(height - 1);
+                let mut cols = col.saturating_sub(inset)..=(col + inset).min(width - 1);
+                shows(row, col) && (inset == 0 || cols.all(|col| rows.clone().all(|row| shows(row, col))))
+            };
+            let places = (area.row..area.row + area.height)
+                .flat_map(|row| (area.col..area.col + area.width).map(move |col| (row, col)));
+            places.filter(|&(row, col)| inside(row, col)).map(|(row, col)| row * width + col).collect()
+        };
+        let inset_px = if wanted.is_some() { self.inset_px } else { 0 };
+        let pixels_inside = pixels(inset_px);
+        if pixels_inside.is_empty() && inset_px > 0 && !pixels(0).is_empty() {
+            return Err(RegionError::NothingInside { parts: self.parts.clone(), inset_px });
         }
+        let pixels = pixels_inside;
         match scene {
             Some(scene) if pixels.is_empty() => Err(RegionError::NothingInView {
                 parts: self.parts.clone(),
@@ -287,6 +321,27 @@ mod tests {
         let right = Rectangle { col: 2, row: 0, width: 2, height: 2 };
         assert_eq!(select(RegionOfInterest::of_rectangle(right)), [2, 3, 6, 7]);
         assert_eq!(select(RegionOfInterest::of_parts(["tongue"]).within(right)), [2, 6, 7]);
+    }
+
+    /// Nothing lies around the tongue but in the upper left corner and the teeth; the frame of the image is no rim.
+    #[test]
+    fn an_inset_keeps_away_from_other_parts() {
+        let scene = scene();
+        let select = |region: RegionOfInterest| region.select(16, 8, Some(SceneOnSensor::filling(&scene)));
+        let tongue = || RegionOfInterest::of_parts(["tongue"]);
+        let inside = select(tongue().inset(2)).unwrap().pixels;
+        // Rows 0 to 3: nothing in columns 0 to 3, tongue to 11, teeth from 12; rows 4 to 7: tongue everywhere
+        let expected = (0..8)
+            .flat_map(|row| (0..16).map(move |col| (row, col)))
+            .filter(|&(row, col)| if row < 6 { (6..10).contains(&col) } else { true });
+        assert_eq!(inside, expected.map(|(row, col)| row * 16 + col).collect::<Vec<_>>());
+        assert_eq!(select(tongue().inset(0)).unwrap(), select(tongue()).unwrap());
+        let error = select(RegionOfInterest::of_parts(["upper_teeth"]).inset(5)).unwrap_err();
+        assert_eq!(
+            error.to_string(),
+            "no pixel of upper_teeth lies 5 pixels of the sensor within its rim: choose a smaller inset"
+        );
+        assert_eq!(tongue().inset(2).describe(), "tongue (2 pixels within the rim)");
     }
 
     #[test]

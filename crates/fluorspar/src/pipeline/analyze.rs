@@ -80,7 +80,8 @@ pub fn analyze_seen(
     let prnu = if develop.flat_field.is_some() { 0.0 } else { model.image_prnu_percent() / 100.0 };
     let dsnu = if develop.dark_frames > 0 { 0.0 } else { k * model.image_dsnu_electrons() };
     let noise = ChannelNoise::of_image(&frame.developed, k, prnu, dsnu);
-    let mut region = RegionOfInterest::of_parts(settings.parts.iter().cloned());
+    let mut region =
+        RegionOfInterest::of_parts(settings.parts.iter().cloned()).inset(settings.inset_px as usize);
     if let Some([col, row, width, height]) = settings.rectangle_px.map(|r| r.map(|v| v as usize)) {
         region = region.within(Rectangle { col, row, width, height });
     }

@@ -159,6 +159,8 @@ pub struct AnalysisPlan {
     pub frame: String,
     /// Names of the parts that form the region of interest; empty means all.
     pub parts: Vec<String>,
+    /// Pixels of the sensor by which the region keeps away from the rim of the parts.
+    pub inset_px: u32,
     /// Rectangle of the sensor: column, row, width, height.
     pub rectangle_px: Option<[u32; 4]>,
     /// Name of the porphyrin.
