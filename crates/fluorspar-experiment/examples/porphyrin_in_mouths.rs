@@ -3,10 +3,12 @@
 //! `cargo run --release -p fluorspar-experiment --example porphyrin_in_mouths [-- MOUTHS]`
 //!
 //! Each mouth is another person: its shape is drawn, and so are the tissues of tongue, lip and cheek from the populations of their
-//! sites. It is rendered small under a LED of 405 nm and one of 450 nm, all bounces between its parts included. From its component
-//! image come the frames of many draws: amounts of porphyrin, of which every other is none, exposures, noise of the sensor, errors
-//! of the library of spectra. The estimate sees the developed frames and the typical tissue of the site. The truth is that of the
-//! component image. Mouths are clusters: the standard error of a coverage is that of the mean over mouths.
+//! sites. It is rendered small under a LED of 405 nm and one of 450 nm, all bounces between its parts included. Regions keep three
+//! pixels away from the rim of their part, where pixels hold light of what lies beside, as a person does who draws them. From its
+//! component image come the frames of many draws: amounts of porphyrin, of which every other is none, exposures, noise of the
+//! sensor, errors of the library of spectra. The estimate sees the developed frames and the typical tissue of the site, in the
+//! first run with a prior as wide as the population that tissues are drawn from, in the second one with the usual width. The truth
+//! is that of the component image. Mouths are clusters: the standard error of a coverage is that of the mean over mouths.
 
 #![allow(clippy::print_stdout, reason = "printing is what the example is for")]
 
@@ -33,6 +35,10 @@ type Fallible<T> = Result<T, Box<dyn Error>>;
 
 /// Measurements of each region of each mouth.
 const DRAWS: u64 = 90;
+/// People before these had their mouths rendered to set what the estimate knows of indirect light and of the light of teeth.
+const FIRST_PERSON: u64 = 20;
+/// Pixels of the sensor between a region and the rim of its part: two of the render.
+const INSET_PX: u32 = 3;
 /// Exposure that the family is made for, s; electrons of others are brought to it.
 const TIME_S: f64 = 0.03;
 /// Regions: a part, its material, and the site that the estimate takes it for.
@@ -66,8 +72,8 @@ fn experiment(number: u64, sites: [&str; 3]) -> Fallible<String> {
     person.insert("detail".into(), toml::Value::Float(0.5));
     let mut text = String::from(
         "format = 1\nbase = \"oraleye-2021\"\n[spectral]\nfirst_nm = 370.0\nlast_nm = 700.0\nstep_nm = 5.0\n[render]\n\
-         width_px = 64\nheight_px = 48\nsamples_per_pixel = 24\nmax_depth = 5\n[sensor]\ncolumns = 96\nrows = 72\n\
-         pixel_size_um = 22.6\nfill_factor = 0.01\n[[light]]\nname = \"blue\"\nspectrum = \"led_405\"\n[[light]]\nname = \"white\"\nspectrum = \"led_450\"\n\
+         width_px = 128\nheight_px = 96\nsamples_per_pixel = 12\nmax_depth = 5\n[sensor]\ncolumns = 192\nrows = 144\n\
+         pixel_size_um = 11.3\nfill_factor = 0.04\n[[light]]\nname = \"blue\"\nspectrum = \"led_405\"\n[[light]]\nname = \"white\"\nspectrum = \"led_450\"\n\
          filters = [\"short_pass_475\"]\nhalf_angle_deg = 25.0\nstrength.power_mw = 2000.0\n[[capture]]\nname = \"white\"\n\
          exposure_ms = 30.0\n[analysis]\ntissue = \"none\"\n",
     );
@@ -122,6 +128,7 @@ impl Mouth {
         let mut study = self.study.clone();
         let Some(plan) = &mut study.analysis else { return Ok(None) };
         plan.parts = vec![part.to_owned()];
+        plan.inset_px = INSET_PX;
         let factors = ComponentFactors::ones(self.image.components.len());
         let seen = self.seen(&factors);
         let frames = capture_from_planes(&study, &seen)?;
@@ -171,7 +178,7 @@ impl Mouth {
 }
 
 /// The family of a site before the camera of a study, under its blue light and, if wanted, the other one.
-fn family(study: &Study, site: &str, frames: &[&str]) -> Fallible<LightFamily> {
+fn family(study: &Study, site: &str, frames: &[&str], width: f64) -> Fallible<LightFamily> {
     let site = Site::named(site)?;
     let teeth = Site::named("tooth")?;
     let names = site.fluorophores().iter().chain(teeth.fluorophores());
@@ -179,7 +186,7 @@ fn family(study: &Study, site: &str, frames: &[&str]) -> Fallible<LightFamily> {
     let prior = TissuePrior {
         fluorophores: fluorophores.collect::<Fallible<_>>()?,
         site,
-        width: TissuePrior::WIDTH,
+        width,
         library_error: TissuePrior::LIBRARY_ERROR,
         surroundings: true,
         kept: KeptSolutions::default(),
@@ -214,6 +221,7 @@ struct Coverage {
     errors: Vec<f64>,
     widths: Vec<f64>,
     truths: Vec<f64>,
+    over_bound: Vec<f64>,
 }
 
 impl Coverage {
@@ -224,6 +232,7 @@ impl Coverage {
         self.errors.extend(&other.errors);
         self.widths.extend(&other.widths);
         self.truths.extend(&other.truths);
+        self.over_bound.extend(&other.over_bound);
     }
 
     fn print(&self, what: &str) {
@@ -231,11 +240,12 @@ impl Coverage {
         let [zero, zero_error] = of_clusters(&self.zero_held);
         println!(
             "{what}: {} cases, held {held:.3} +- {error:.3}, of those without porphyrin {zero:.3} +- {zero_error:.3}, median error \
-             {:+.4}, median width {:.3}, median share where there is some {:.3}",
+             {:+.4}, median width {:.3}, median share where there is some {:.3}, median width over the bound {:.2}",
             self.cases,
             median(&self.errors),
             median(&self.widths),
             median(&self.truths),
+            median(&self.over_bound),
         );
     }
 }
@@ -260,15 +270,21 @@ fn log_odds(light: &RegionLight) -> f64 {
 }
 
 /// All regions of some mouths whose tongue, lip and cheek are drawn around `sites`.
-fn run(mouths: u64, sites: [&str; 3]) -> Fallible<()> {
+fn run(mouths: u64, sites: [&str; 3], width: f64) -> Fallible<()> {
     let start = Instant::now();
-    let rendered = (0..mouths).map(|number| Mouth::new(number, sites)).collect::<Fallible<Vec<_>>>()?;
-    println!("{mouths} mouths with {} rendered in {:.0} s", sites.join(", "), start.elapsed().as_secs_f64());
+    let people = FIRST_PERSON..FIRST_PERSON + mouths;
+    let rendered = people.map(|number| Mouth::new(number, sites)).collect::<Fallible<Vec<_>>>()?;
+    println!(
+        "{mouths} mouths with {}, prior {width} times as wide as the population, rendered in {:.0} s",
+        sites.join(", "),
+        start.elapsed().as_secs_f64()
+    );
     let mut all = [Coverage::default(), Coverage::default()];
     for [part, _, site] in REGIONS {
         let regions = rendered.iter().map(|mouth| mouth.region(part)).collect::<Fallible<Vec<_>>>()?;
         let study = &rendered[0].study;
-        let families = [family(study, site, &["blue"])?, family(study, site, &["blue", "white"])?];
+        let families =
+            [family(study, site, &["blue"], width)?, family(study, site, &["blue", "white"], width)?];
         // Maps give each region another mean amount: in the middle of the mouths it is that of the middle of the prior
         let [first, _] = &families;
         let middle = first.share(&vec![0.0; first.nuisances().len()], first.porphyrin.median);
@@ -328,6 +344,7 @@ fn of_region(
                 zeros[which].push(f64::from(u8::from(low == 0.0)));
             } else {
                 coverage.truths.push(truth);
+                coverage.over_bound.extend(width_over_bound(family, &electrons[..n], &variance[..n], truth));
             }
             coverage.errors.push(middle - truth);
             coverage.widths.push(high - low);
@@ -342,9 +359,18 @@ fn of_region(
     Ok(coverages)
 }
 
+/// Width of the interval, if porphyrin is known to be present, over that of the Cramér-Rao bound of the family with its prior.
+fn width_over_bound(family: &LightFamily, electrons: &[f64], variance: &[f64], truth: f64) -> Option<f64> {
+    let present = LightFamily { probability_of_none: 0.0, ..family.clone() };
+    let [_, low, high, _] = present.share_interval(electrons, variance)?;
+    let sd = family.bound_at_share(electrons, variance, truth)?;
+    let at = |z: f64| 1.0 / (1.0 + (1.0 / truth - 1.0) * (-z * sd).exp());
+    Some((high - low) / (at(1.96) - at(-1.96)))
+}
+
 fn main() -> Fallible<()> {
     let mouths = std::env::args().nth(1).map_or(Ok(20), |text| text.parse())?;
-    run(mouths, ["dorsal_tongue", "lip", "buccal_mucosa"])?;
+    run(mouths, ["dorsal_tongue", "lip", "buccal_mucosa"], 1.0)?;
     // The other variant of the tongue, and lips and cheeks that are not what the estimate takes them for
-    run(mouths, ["dorsal_tongue_b", "buccal_mucosa", "soft_palate"])
+    run(mouths, ["dorsal_tongue_b", "buccal_mucosa", "soft_palate"], TissuePrior::WIDTH)
 }

@@ -223,14 +223,7 @@ impl LightFamily {
         if electrons.len() != n || variance.len() != n || !electrons.iter().any(|e| *e > 0.0) {
             return None;
         }
-        // Standard deviations of the data: noise, and errors of the model in proportion to the signal
-        let largest = electrons.iter().copied().fold(0.0, f64::max);
-        let sd: Vec<f64> = (0..n)
-            .map(|i| {
-                let signal = electrons[i].max(1e-3 * largest);
-                (variance[i] + (self.model_error[i] * signal).powi(2)).sqrt().max(1e-9 * largest)
-            })
-            .collect();
+        let sd = self.data_sd(electrons, variance);
         let start = self.start(electrons);
         let none = self.mode(&start, 0.0, electrons, &sd)?;
 
@@ -238,14 +231,29 @@ impl LightFamily {
         let mut modes = Vec::with_capacity(AMOUNTS);
         let mut nuisances = none.nuisances.clone();
         for node in 0..AMOUNTS {
-            let z = REACH * (2.0 * node as f64 / (AMOUNTS - 1) as f64 - 1.0);
-            let amount = self.porphyrin.median * (self.porphyrin.log_sd * z).exp();
+            let [z, amount] = self.amount(node);
             if let Some(mode) = self.mode(&nuisances, amount, electrons, &sd) {
                 nuisances.clone_from(&mode.nuisances);
                 modes.push((-0.5 * z * z, amount, mode));
             }
         }
         self.mix(&none, &modes, &sd)
+    }
+
+    /// Standard deviations of the data: noise, and errors of the model in proportion to the signal.
+    fn data_sd(&self, electrons: &[f64], variance: &[f64]) -> Vec<f64> {
+        let largest = electrons.iter().copied().fold(0.0, f64::max);
+        let of = |i: usize| {
+            let signal = electrons[i].max(1e-3 * largest);
+            (variance[i] + (self.model_error[i] * signal).powi(2)).sqrt().max(1e-9 * largest)
+        };
+        (0..electrons.len()).map(of).collect()
+    }
+
+    /// Amount of porphyrin of a node of the grid.
+    fn amount(&self, node: usize) -> [f64; 2] {
+        let z = REACH * (2.0 * node as f64 / (AMOUNTS - 1) as f64 - 1.0);
+        [z, self.porphyrin.median * (self.porphyrin.log_sd * z).exp()]
     }
 
     /// Weights of all amounts together.
@@ -366,6 +374,25 @@ impl LightFamily {
             .enumerate()
             .filter_map(correlation)
             .max_by(|a, b| a.correlation.abs().total_cmp(&b.correlation.abs()))
+    }
+
+    /// [`Self::bound_of_log_odds`] where the true share is known, and the nuisances are not: at the most probable ones with the
+    /// amount on the grid that comes nearest to the share. `None` for a share of 0 or 1 and for data that do not fit in number.
+    #[must_use]
+    pub fn bound_at_share(&self, electrons: &[f64], variance: &[f64], share: f64) -> Option<f64> {
+        if share <= 0.0 || share >= 1.0 || electrons.len() != self.frame_of.len() {
+            return None;
+        }
+        let sd = self.data_sd(electrons, variance);
+        let wanted = (share / (1.0 - share)).ln();
+        let start = self.start(electrons);
+        let modes = (0..AMOUNTS).filter_map(|node| {
+            let [_, amount] = self.amount(node);
+            Some((amount, self.mode(&start, amount, electrons, &sd)?))
+        });
+        let off = |mode: &Mode| (mode.point.log_odds - wanted).abs();
+        let (amount, mode) = modes.min_by(|(_, a), (_, b)| off(a).total_cmp(&off(b)))?;
+        self.bound_of_log_odds(mode.nuisances.as_slice(), amount, variance)
     }
 
     /// Standard deviation that the log odds of the share keep at best, given nuisances and amount: the Cramér-Rao bound of the
