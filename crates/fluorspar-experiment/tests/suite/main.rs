@@ -21,6 +21,7 @@ mod long_experiments;
 mod mesh_files;
 mod mouth_appearance;
 mod porphyrin_coverage;
+mod porphyrin_region;
 mod safety_of_captures;
 mod scene_change;
 mod scene_control;

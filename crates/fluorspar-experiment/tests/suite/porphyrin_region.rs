@@ -1,0 +1,51 @@
+//! What the analysis says about regions of known porphyrin: warnings, and intervals that hold the truth.
+#![allow(clippy::unwrap_used)]
+
+use std::path::Path;
+use std::sync::atomic::AtomicBool;
+
+use fluorspar::analysis::Analysis;
+use fluorspar::pipeline::evaluate;
+use fluorspar::render::{RenderControl, render};
+use fluorspar_experiment::{parse, resolve};
+
+fn analysis(text: &str) -> Analysis {
+    let study = resolve(&parse(text, "region.toml", Path::new("."), &[]).unwrap()).unwrap().study;
+    let control = RenderControl { stop: &AtomicBool::new(false), progress: &|_| {} };
+    let image = render(&study.scene, &study.render, &control).unwrap();
+    evaluate(&study, &image).unwrap().analysis.unwrap().analysis
+}
+
+/// A flat patch with a bulk.
+fn patch(bulk: &str) -> Analysis {
+    analysis(&format!(
+        "format = 1\nbase = \"flat-patch\"\n[render]\nwidth_px = 16\nheight_px = 12\nsamples_per_pixel = 4\n[sensor]\ncolumns = 32\n\
+         rows = 24\n[[fluorophore]]\nname = \"my_dye\"\nsource = \"fad\"\n[analysis]\nbulk = {{ {bulk} }}\n"
+    ))
+}
+
+/// The line of a bulk without blood is told where the bulk is of tissue, and not where it is a plant or a dye.
+#[test]
+fn a_bulk_without_blood_is_told_where_tissue_could_be_meant() {
+    let warned = |bulk: &str| patch(bulk).warnings.iter().any(|warning| warning.contains("holds no blood"));
+    assert!(warned("elastin = 1.0"));
+    assert!(warned("fad = 0.2, chlorophyll_a = 1.0"));
+    assert!(!warned("chlorophyll_a = 1.0"));
+    assert!(!warned("my_dye = 1.0"));
+}
+
+/// The mouth of colored surfaces, small: what the budget adds up holds the truth that is printed beside the estimate.
+#[test]
+fn the_mouth_of_surfaces_reads_its_truth_within_its_interval() {
+    let found = analysis(
+        "format = 1\nbase = \"oraleye-2021-surface\"\n[spectral]\nfirst_nm = 370.0\nlast_nm = 700.0\nstep_nm = 10.0\n[render]\n\
+         width_px = 64\nheight_px = 48\nsamples_per_pixel = 8\n[sensor]\ncolumns = 128\nrows = 96\npixel_size_um = 18.75\n\
+         fill_factor = 0.02\n[mouth]\ndetail = 0.4\n",
+    );
+    let truth = found.truth.unwrap().share;
+    let budget = found.budget.unwrap();
+    let [low, high] = budget.total_interval;
+    assert!(truth > 0.05 && low <= truth && truth <= high, "{truth}, {budget:?}");
+    // An interval that holds everything says nothing
+    assert!(high - low < truth, "{budget:?}");
+}
