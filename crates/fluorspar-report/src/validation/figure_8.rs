@@ -6,6 +6,7 @@ use fluorspar::pipeline::{Evaluation, evaluate};
 use fluorspar::study::Study;
 
 use super::check::{Check, Outcome, Verdict, number};
+use super::people;
 use super::setup::{PORPHYRIN, Setup, ValidationError};
 use crate::figures::{ChromaticityPlot, chromaticity, pictures};
 use crate::{Figure, Panel, Raster};
@@ -50,7 +51,7 @@ pub(super) fn run(setup: &Setup<'_>) -> Result<Outcome, ValidationError> {
     Ok(Outcome::new(Verdict::Reproduced, reason)
         .checks(checks(step, across, strongest[0] / strongest[1]))
         .lacks("the three frames of Fig. 8 (a-c), which are not public")
-        .show("figure_8_subjects", figure(&subjects)))
+        .show("figure_8_subjects", figure(&subjects, people::panel(setup)?)))
 }
 
 /// The mouth before a sensor with fewer and larger pixels.
@@ -116,8 +117,8 @@ fn subject(name: &'static str, evaluation: Evaluation) -> Result<Subject, Valida
     Ok(Subject { name, position, across, along, evaluation })
 }
 
-/// Frames above, chromaticities below, one column for each subject.
-fn figure(subjects: &[Subject]) -> Figure {
+/// Frames above, chromaticities below, one column for each subject; behind them people, of whom spectra were measured.
+fn figure(subjects: &[Subject], measured: Option<Panel>) -> Figure {
     let frames: Vec<(String, Raster)> = subjects
         .iter()
         .filter_map(|subject| {
@@ -128,10 +129,14 @@ fn figure(subjects: &[Subject]) -> Figure {
         .collect();
     let mut figure = pictures("Tongues with three levels of porphyrin", frames, subjects.len());
     figure.panels.extend(subjects.iter().filter_map(plot));
-    figure.explained(
-        "Above: the frame under the blue LED. Below: each dot is one pixel of the back of the tongue in sensor chromaticity. The dots lie \
-         along the dashed line from bulk to porphyrin, the farther the more porphyrin there is.",
-    )
+    let simulated = "Above: the frame under the blue LED. Below: each dot is one pixel of the back of the tongue in sensor chromaticity. The \
+                     dots lie along the dashed line from bulk to porphyrin, the farther the more porphyrin there is.";
+    let Some(panel) = measured else { return figure.explained(simulated) };
+    figure.panels.push(panel.sized(300.0, 300.0));
+    figure.explained(format!(
+        "{simulated} Last: real people through the same camera, one mark for each spectrum measured under 405 or 415 nm; lips hollow, tongues \
+         filled."
+    ))
 }
 
 fn plot(subject: &Subject) -> Option<Panel> {

@@ -9,7 +9,7 @@ use fluorspar_format::{NamedCurve, read_text_bounded};
 use super::check::{Check, Outcome, Verdict, number};
 use super::setup::{Setup, ValidationError, sensor};
 use crate::figures::{ChromaticityPlot, chromaticity};
-use crate::{Ink, Series, SeriesShape};
+use crate::{Ink, Panel, Series, SeriesShape};
 
 /// The spectra, W/(sr m² nm), and the list of who and what they show.
 pub(super) const SPECTRA: &str = "tissue/oe_tongue_lip_fluorescence.csv";
@@ -55,18 +55,29 @@ struct Person {
     position: [f64; 2],
 }
 
-/// Tongues lie from lips in the direction of porphyrin, for each person.
-pub(super) fn run(setup: &Setup<'_>) -> Result<Outcome, ValidationError> {
-    let Some(measured) = read(setup)? else {
-        let reason = "Spectra of tongues and lips that the paper's authors published later are put through this camera where \
-                      --reference names their folder.";
-        return Ok(Outcome::new(Verdict::Skipped, reason).lacks(format!("{SPECTRA} and {INDEX}")));
-    };
+/// The people, and the chromaticity of porphyrin; `None` where a file is missing.
+fn people(setup: &Setup<'_>) -> Result<Option<(Vec<Person>, [f64; 3])>, ValidationError> {
+    let Some(measured) = read(setup)? else { return Ok(None) };
     let sample = setup.sample(&[])?;
     let camera = Camera::new(&sample)?;
     let porphyrin = camera.fluorophore(setup, PORPHYRIN)?;
     let people = PEOPLE.map(|name| person(name, &measured, &camera, porphyrin));
-    let people = people.into_iter().collect::<Result<Vec<Person>, ValidationError>>()?;
+    Ok(Some((people.into_iter().collect::<Result<Vec<Person>, ValidationError>>()?, porphyrin)))
+}
+
+/// The plane of chromaticities with the measured people, to stand beside simulated ones; `None` where a file is missing.
+pub(super) fn panel(setup: &Setup<'_>) -> Result<Option<Panel>, ValidationError> {
+    let Some((people, porphyrin)) = people(setup)? else { return Ok(None) };
+    Ok(figure(&people, porphyrin).panels.into_iter().next())
+}
+
+/// Tongues lie from lips in the direction of porphyrin, for each person.
+pub(super) fn run(setup: &Setup<'_>) -> Result<Outcome, ValidationError> {
+    let Some((people, porphyrin)) = people(setup)? else {
+        let reason = "Spectra of tongues and lips that the paper's authors published later are put through this camera where \
+                      --reference names their folder.";
+        return Ok(Outcome::new(Verdict::Skipped, reason).lacks(format!("{SPECTRA} and {INDEX}")));
+    };
     let checks = people.iter().map(|person| {
         let [position, error] = person.position;
         let what =
