@@ -28,6 +28,9 @@ use crate::error::CliError;
 use crate::message::Messages;
 use crate::values::{Override, as_typed, sets};
 
+/// Most bytes of channel planes that are kept, an eighth of the cache: larger ones would drive mouths and tissues out of it.
+const MOST_KEPT_BYTES: usize = 128 << 20;
+
 /// Even factors on the concentrations of fluorophores, by name.
 type ConcentrationFactors = BTreeMap<String, f64>;
 
@@ -342,7 +345,8 @@ impl RenderedImage {
             return Ok(kept);
         }
         let planes = FilmResponse::planes(responses, |component| self.is_lit(component, captures), rows)?;
-        if let Some(key) = key {
+        let size: usize = planes.iter().map(|planes| 4 * planes.data.len()).sum();
+        if let Some(key) = key.filter(|_| size <= MOST_KEPT_BYTES) {
             let bytes: Vec<u8> =
                 planes.iter().flat_map(|planes| &planes.data).flat_map(|value| value.to_le_bytes()).collect();
             let keep = move || {
