@@ -109,7 +109,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     if let (None, [part, ..]) = (&image, settings.parts.as_slice()) {
         return Err(CliError::Input(format!(
             "{name}: the region is the part \"{part}\", but its pixels are known only from the component image; give that of \
-             the run with --components (that which the frames came from is not where it was), or give a rectangle instead: --set analysis.parts=[] --set \
+             the run with --components, or give a rectangle instead: --set analysis.parts=[] --set \
              analysis.rectangle_px=[COLUMN,ROW,WIDTH,HEIGHT]"
         )));
     }

@@ -248,7 +248,7 @@ fn reports_say_what_ran_and_fit_every_screen() {
     }
     // What is not true of it is not
     holds_no("mouth", &text("mouth"), &["leaf", "led_405", "monochrome"]);
-    holds_no("violet", &text("violet"), &["385", "382 nm"]);
+    holds_no("violet", &text("violet"), &["led_385", "385 nm", "382 nm"]);
     holds_no("leaf", &text("leaf"), &[&MOUTH_WORDS[..], &["porphyrin", "385", "nadh", "collagen"]].concat());
     let absent = ["porphyrin", "chromaticity", "mixture line", "385", "nadh", "r / (r"];
     holds_no("target", &text("target"), &[&MOUTH_WORDS[..], &absent].concat());

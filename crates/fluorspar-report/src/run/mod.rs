@@ -12,7 +12,6 @@ mod words;
 
 pub use dark_frames::dark_frames;
 pub use folder::{RunFolderError, write_frame_report, write_run_components, write_run_folder};
-pub(crate) use overview::ShareMap;
 pub use report::{NamedFigure, RunReport, run_report};
 pub use words::name_target;
 

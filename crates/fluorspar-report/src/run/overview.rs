@@ -1,6 +1,6 @@
 //! The first screen of a report: the frame with region and map, the estimate, and the numbers that decide about a design.
 
-use fluorspar::analysis::{Analysis, PorphyrinMap, Statistics};
+use fluorspar::analysis::{Analysis, Statistics};
 use fluorspar::pipeline::{AnalyzedFrame, CapturedFrame, ColorRendering, Preview, preview};
 use fluorspar::study::Capture;
 
@@ -11,14 +11,9 @@ use super::safety_section::eye_safe_captures;
 use super::words::{Words, capital};
 use super::{FrameOrigin, RunResults};
 use crate::figure::rgba_png;
+use crate::figures::ShareMap;
 use crate::{Answer, ColorMap, MapOverlay, Number, Overview, Raster, View};
 
-/// A map is averaged over blocks of pixels until noise moves it by this share of the light.
-const QUIET_MAP: f64 = 0.007;
-/// Blocks that a map is averaged over, px.
-const MAP_BLOCKS: [usize; 8] = [1, 2, 3, 4, 6, 8, 12, 16];
-/// Least share at the upper end of the color scale.
-const LEAST_TOP: f64 = 0.02;
 /// Changes of the share below it round to nothing.
 const LEAST_CHANGE: f64 = 5e-5;
 /// Contributions to the error that the first screen lists.
@@ -63,7 +58,10 @@ fn view(
     analyzed: Option<&AnalyzedFrame>,
 ) -> Option<View> {
     let shown = for_display(&frame.developed, frame.raw.dn_per_electron);
-    let image: Preview = preview(&shown.image, &ColorRendering::of_frame(&run.experiment.study, capture));
+    let mut image: Preview = preview(&shown.image, &ColorRendering::of_frame(&run.experiment.study, capture));
+    // Noise of the last bits would be most of the page.
+    let step = if analyzed.is_some() { 2 } else { 3 };
+    image.rgb.iter_mut().for_each(|value| *value = (*value / step * step).saturating_add(step / 2));
     let png = Raster::from_rgb8(image.width, image.height, &image.rgb)?.to_png()?;
     let label = &frame.raw.label;
     let mut caption =
@@ -165,56 +163,6 @@ fn share_overlay(analyzed: &AnalyzedFrame, shown: &DisplayImage, words: &Words<'
              blocks are below {top:.3}.",
         ),
     })
-}
-
-/// Means of the share over blocks of pixels within the bounds of a region.
-pub(crate) struct ShareMap {
-    /// Left and top edge, in pixels of the sensor.
-    left: usize,
-    above: usize,
-    /// Blocks.
-    pub(crate) columns: usize,
-    /// Blocks.
-    pub(crate) rows: usize,
-    /// Side of a block, px.
-    pub(crate) block: usize,
-    /// Means; none where no pixel counts.
-    pub(crate) values: Vec<Option<f32>>,
-}
-
-impl ShareMap {
-    pub(crate) fn of(porphyrin: &PorphyrinMap, region: &[usize]) -> Option<Self> {
-        let width = porphyrin.width;
-        let errors = region.iter().filter_map(|&pixel| porphyrin.at(pixel));
-        let error = Statistics::of(errors.map(|e| e.position_standard_error))?.median;
-        let block =
-            *MAP_BLOCKS.iter().find(|&&block| error / block as f64 <= QUIET_MAP).or(MAP_BLOCKS.last())?;
-        let bounds = |of: &dyn Fn(usize) -> usize| {
-            region.iter().map(|&pixel| of(pixel)).fold((usize::MAX, 0), |(a, b), v| (a.min(v), b.max(v)))
-        };
-        let (left, right) = bounds(&|pixel| pixel % width);
-        let (above, below) = bounds(&|pixel| pixel / width);
-        let (columns, rows) = ((right + 1 - left).div_ceil(block), (below + 1 - above).div_ceil(block));
-        let mut sums = vec![(0.0f64, 0usize); columns * rows];
-        for &pixel in region {
-            if let Some(estimate) = porphyrin.at(pixel).filter(|e| e.position.is_finite()) {
-                let (col, row) = ((pixel % width - left) / block, (pixel / width - above) / block);
-                let (sum, count) = &mut sums[row * columns + col];
-                *sum += estimate.position;
-                *count += 1;
-            }
-        }
-        let mean = |&(sum, count): &(f64, usize)| (count > 0).then(|| (sum / count as f64) as f32);
-        Some(Self { left, above, columns, rows, block, values: sums.iter().map(mean).collect() })
-    }
-
-    /// The upper end of a color scale: 98 % of the values lie below.
-    pub(crate) fn top(&self) -> f64 {
-        let mut sorted: Vec<f32> = self.values.iter().flatten().copied().collect();
-        sorted.sort_by(f32::total_cmp);
-        let at = sorted.len() * 98 / 100;
-        sorted.get(at).map_or(LEAST_TOP, |&v| f64::from(v).clamp(LEAST_TOP, 1.0))
-    }
 }
 
 /// The estimate with its total interval, the truth, and what makes it uncertain.
