@@ -55,8 +55,11 @@ struct Person {
     position: [f64; 2],
 }
 
-/// The people, and the chromaticity of porphyrin; `None` where a file is missing.
-fn people(setup: &Setup<'_>) -> Result<Option<(Vec<Person>, [f64; 3])>, ValidationError> {
+/// The four people, and R, G and B of porphyrin.
+type PeopleAndPorphyrin = (Vec<Person>, [f64; 3]);
+
+/// People on the way to porphyrin; `None` where a file is missing.
+fn people(setup: &Setup<'_>) -> Result<Option<PeopleAndPorphyrin>, ValidationError> {
     let Some(measured) = read(setup)? else { return Ok(None) };
     let sample = setup.sample(&[])?;
     let camera = Camera::new(&sample)?;
