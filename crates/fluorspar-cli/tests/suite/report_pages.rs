@@ -1,5 +1,7 @@
 //! Reports of four different runs: what they say is true of their run, and a browser shows all of it at three widths.
 
+#![allow(clippy::unwrap_used, reason = "a helper that fails is a failed test")]
+
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;

@@ -320,8 +320,8 @@ fn write_matrix(html: &mut String, matrix: &NumberMatrix) {
 mod tests {
     use super::*;
     use crate::{
-        Answer, Axis, Ink, MapOverlay, NumberMatrix, Origin, Overview, Panel, Series, View,
-        extract_experiment,
+        Answer, Axis, Contribution, Contributions, Ink, MapOverlay, NumberMatrix, Origin, Overview, Panel,
+        Series, View, extract_experiment,
     };
 
     fn hostile() -> ReportData {
@@ -351,7 +351,10 @@ mod tests {
             value: evil.into(),
             interval: evil.into(),
             truth: evil.into(),
-            budgets: vec![(evil.into(), vec![(evil.into(), evil.into(), 1.0)])],
+            budgets: vec![Contributions {
+                title: evil.into(),
+                rows: vec![Contribution { name: evil.into(), text: evil.into(), size: 1.0 }],
+            }],
         };
         let overview = Overview {
             views: vec![view],

@@ -6,7 +6,7 @@ use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 
 use super::escape;
-use super::report_data::{Answer, MapOverlay, Number, Overview, View};
+use super::report_data::{Answer, Contribution, Contributions, MapOverlay, Number, Overview, View};
 use crate::ColorMap;
 
 /// Most tabs that the style sheet knows.
@@ -156,10 +156,10 @@ fn write_answer(html: &mut String, answer: &Answer) {
     if !answer.truth.is_empty() {
         let _ = writeln!(html, "<p class=\"truth\">{}</p>", escape(&answer.truth));
     }
-    for (title, rows) in answer.budgets.iter().filter(|(_, rows)| !rows.is_empty()) {
+    for Contributions { title, rows } in answer.budgets.iter().filter(|budget| !budget.rows.is_empty()) {
         let title = escape(title);
         let _ = writeln!(html, "<table class=\"budget\">\n<caption>{title}</caption>\n<tbody>");
-        for (name, text, size) in rows {
+        for Contribution { name, text, size } in rows {
             let _ = writeln!(
                 html,
                 "<tr><th scope=\"row\">{}</th><td class=\"value\">{}</td><td class=\"size\"><span style=\"width:{:.0}%\">\

@@ -87,8 +87,28 @@ pub struct Answer {
     pub interval: String,
     /// The truth beside it, in a simulation.
     pub truth: String,
-    /// Headings, and contributions to the error: name, text and size relative to the largest, 0 to 1.
-    pub budgets: Vec<(String, Vec<(String, String, f64)>)>,
+    /// What makes it uncertain, each kind under a heading.
+    pub budgets: Vec<Contributions>,
+}
+
+/// Contributions to an error under a heading.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Contributions {
+    /// The heading.
+    pub title: String,
+    /// Each contribution; none hides the heading.
+    pub rows: Vec<Contribution>,
+}
+
+/// A contribution to an error.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Contribution {
+    /// Its name.
+    pub name: String,
+    /// Its size as text.
+    pub text: String,
+    /// Its size relative to the largest one, 0 to 1.
+    pub size: f64,
 }
 
 /// A part of a report under its own heading.

@@ -69,7 +69,6 @@ pub fn write_run_components(
         provenance: Some(&provenance),
         planes: kept.0,
         excitation: kept.1,
-        ..Default::default()
     };
     write_text(&folder.join("experiment.toml"), &experiment.record.resolved_toml)?;
     write_component_exr(&folder.join("components.exr"), components, &options)?;

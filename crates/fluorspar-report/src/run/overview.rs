@@ -12,7 +12,7 @@ use super::words::{Words, capital};
 use super::{FrameOrigin, RunResults};
 use crate::figure::rgba_png;
 use crate::figures::ShareMap;
-use crate::{Answer, ColorMap, MapOverlay, Number, Overview, Raster, View};
+use crate::{Answer, ColorMap, Contribution, Contributions, MapOverlay, Number, Overview, Raster, View};
 
 /// Changes of the share below it round to nothing.
 const LEAST_CHANGE: f64 = 5e-5;
@@ -190,10 +190,9 @@ fn answer(analysis: &Analysis, words: &Words<'_>) -> Option<Answer> {
             ),
             truth,
             budgets: vec![
-                (
-                    "If this were known, the interval would be narrower by:".into(),
-                    contributions(budget, |less| format!("{:.0} %", 100.0 * less / width)),
-                ),
+                contributions("If this were known, the interval would be narrower by:", budget, |less| {
+                    format!("{:.0} %", 100.0 * less / width)
+                }),
                 line_budget(analysis),
             ],
         });
@@ -220,8 +219,8 @@ fn answer(analysis: &Analysis, words: &Words<'_>) -> Option<Answer> {
 }
 
 /// What moves the estimate on the mixture line; without rows where that is not known.
-fn line_budget(analysis: &Analysis) -> (String, Vec<(String, String, f64)>) {
-    let Some(budget) = &analysis.budget else { return (String::new(), Vec::new()) };
+fn line_budget(analysis: &Analysis) -> Contributions {
+    let Some(budget) = &analysis.budget else { return Contributions::default() };
     let [low, high] = budget.total_interval;
     let title = match analysis.posterior {
         Some(_) => format!(
@@ -235,15 +234,20 @@ fn line_budget(analysis: &Analysis) -> (String, Vec<(String, String, f64)>) {
     parts.push(("sensor noise, half of 95 %".into(), budget.sensor_noise));
     parts.retain(|(_, change)| change.abs() >= LEAST_CHANGE);
     let text = |change: f64| format!("{change:+.4}").replace('-', "−");
-    (title.replace('-', "−"), contributions(parts, text))
+    contributions(&title.replace('-', "−"), parts, text)
 }
 
 /// The largest contributions with their texts, relative to the largest.
-fn contributions(mut all: Vec<(String, f64)>, text: impl Fn(f64) -> String) -> Vec<(String, String, f64)> {
+fn contributions(title: &str, mut all: Vec<(String, f64)>, text: impl Fn(f64) -> String) -> Contributions {
     all.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
     let largest = all.first().map_or(1.0, |(_, change)| change.abs().max(f64::MIN_POSITIVE));
     all.truncate(CONTRIBUTIONS);
-    all.into_iter().map(|(name, change)| (name, text(change), change.abs() / largest)).collect()
+    let row = |(name, change): (String, f64)| Contribution {
+        name,
+        text: text(change),
+        size: change.abs() / largest,
+    };
+    Contributions { title: title.into(), rows: all.into_iter().map(row).collect() }
 }
 
 fn cards(run: &RunResults<'_>, words: &Words<'_>) -> Vec<Number> {
@@ -255,7 +259,7 @@ fn cards(run: &RunResults<'_>, words: &Words<'_>) -> Vec<Number> {
     };
     let of_interest = match label {
         Some(label) => evaluation.frames.iter().find(|frame| frame.raw.label == label),
-        None => evaluation.frames.iter().filter(lit).last(),
+        None => evaluation.frames.iter().rfind(lit),
     };
     let mut cards = Vec::new();
     if let Some(analyzed) = analyzed {
