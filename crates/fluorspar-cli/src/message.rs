@@ -5,6 +5,7 @@
 //! disk is full, is dropped. Answers are data (`--json`, lists, texts): where their reader has gone the rest is dropped,
 //! too, but a disk without room for them is an error.
 
+use std::cell::RefCell;
 use std::fmt::Display;
 use std::io::{self, ErrorKind, Write};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -141,12 +142,30 @@ fn printable(text: &str) -> String {
     printable
 }
 
+thread_local! {
+    /// Answers of this thread, where they are kept instead of printed.
+    static KEPT: RefCell<Option<String>> = const { RefCell::new(None) };
+}
+
+/// Keeps the answers that some work prints in this thread, and returns what it returned together with them.
+pub(crate) fn with_answers_kept<T>(work: impl FnOnce() -> T) -> (T, String) {
+    let before = KEPT.replace(Some(String::new()));
+    let returned = work();
+    (returned, KEPT.replace(before).unwrap_or_default())
+}
+
 /// Prints an answer on standard output, with one end of line behind it.
 ///
 /// # Errors
 /// If standard output can't take it, other than for want of a reader: one who has seen enough (`fluorspar presets | head`)
 /// ends neither the work nor changes the exit code.
 pub(crate) fn answer(text: &str) -> io::Result<()> {
+    let is_kept = KEPT.with_borrow_mut(|kept| {
+        kept.as_mut().map(|kept| *kept += &format!("{}\n", text.trim_end())).is_some()
+    });
+    if is_kept {
+        return Ok(());
+    }
     let mut out = io::stdout().lock();
     let written = out.write_all(format!("{}\n", text.trim_end()).as_bytes()).and_then(|()| out.flush());
     match written {

@@ -1,0 +1,92 @@
+//! Commands within another program, which wants their answers as values.
+
+use std::ffi::OsString;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::sync::atomic::Ordering;
+
+use clap::Parser;
+use thiserror::Error;
+
+use crate::args::Args;
+use crate::error::{CliError, FAILED, STOPPED, WRONG_INPUT};
+use crate::experiment_source::ExperimentSource;
+use crate::interrupt::STOP;
+use crate::message::with_answers_kept;
+
+/// What a command answered.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Answer {
+    /// What the command prints on standard output: JSON with `--json`.
+    pub text: String,
+    /// Whether it ended with exit code 0; `validate` answers also where a case failed.
+    pub succeeded: bool,
+}
+
+/// Why a command gave no answer.
+#[derive(Clone, Debug, Error, PartialEq, Eq)]
+#[error("{message}")]
+pub struct CommandFailure {
+    /// The exit code that the program would have ended with.
+    pub code: u8,
+    /// What it would have said.
+    pub message: String,
+}
+
+/// Runs the command of a command line without the name of the program, in the rayon pool of the calling thread, and returns what it
+/// would have printed on standard output. Messages go to standard error, as those of the program; `--threads` has no effect.
+///
+/// # Errors
+/// Those of the command, with its exit code.
+///
+/// ```
+/// let answer = fluorspar_cli::answer_of(["predict", "--json"].map(Into::into)).unwrap();
+/// assert!(answer.succeeded && answer.text.starts_with('{'));
+/// ```
+pub fn answer_of(args: impl IntoIterator<Item = OsString>) -> Result<Answer, CommandFailure> {
+    let words = std::iter::once(OsString::from("fluorspar")).chain(args);
+    let args = match Args::try_parse_from(words) {
+        Ok(args) => args,
+        Err(said) if said.use_stderr() => {
+            return Err(CommandFailure { code: WRONG_INPUT, message: said.to_string() });
+        }
+        // Help and version
+        Err(said) => return Ok(Answer { text: said.to_string(), succeeded: true }),
+    };
+    let (ended, text) = with_answers_kept(|| crate::run_command(args.command.unwrap_or_default()));
+    match ended {
+        Ok(code) => Ok(Answer { text, succeeded: code == ExitCode::SUCCESS }),
+        Err(error) => Err(failure(error)),
+    }
+}
+
+/// The text of an experiment, and where it was found.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct FoundExperiment {
+    /// The text, TOML.
+    pub text: String,
+    /// How messages call it.
+    pub name: String,
+    /// Folder where its relative paths start.
+    pub base_dir: PathBuf,
+}
+
+/// Finds an experiment as all commands do: the name of a built-in one, a file, or a report.html that carries it.
+///
+/// # Errors
+/// No such experiment, a file that can't be read or carries none.
+pub fn find_experiment(name: &str) -> Result<FoundExperiment, CommandFailure> {
+    let ExperimentSource { text, name, base_dir, .. } =
+        ExperimentSource::find(Some(name)).map_err(failure)?;
+    Ok(FoundExperiment { text, name, base_dir })
+}
+
+fn failure(error: CliError) -> CommandFailure {
+    let known = [WRONG_INPUT, FAILED].into_iter().find(|code| error.exit_code() == ExitCode::from(*code));
+    CommandFailure { code: known.unwrap_or(STOPPED), message: error.to_string() }
+}
+
+/// Asks commands in other threads of this process to stop, or takes the request back.
+pub fn stop(is_wanted: bool) {
+    STOP.store(is_wanted, Ordering::SeqCst);
+}

@@ -1,0 +1,194 @@
+//! The `fluorspar` command as a library: [`main`] is the program, [`answer_of`] a command within another program.
+
+mod args;
+mod budget;
+mod commands;
+mod embedded;
+mod error;
+mod experiment_source;
+mod interrupt;
+mod message;
+mod progress;
+mod values;
+
+use std::ffi::OsString;
+use std::io::ErrorKind;
+use std::num::NonZeroUsize;
+use std::panic::{self, AssertUnwindSafe, catch_unwind};
+use std::path::Path;
+use std::process::ExitCode;
+
+use clap::Parser;
+use fluorspar_accel::have_the_last_word;
+use fluorspar_experiment::preset::{PresetKind, use_catalogue};
+use fluorspar_experiment::use_cache;
+use fluorspar_format::Cache;
+
+use crate::args::{Args, Command};
+use crate::error::{CliError, FAILED, WRONG_INPUT};
+use crate::values::MOST_THREADS;
+
+pub use embedded::{Answer, CommandFailure, FoundExperiment, answer_of, find_experiment, stop};
+
+/// Runs the command that a command line names, whose first word is the name of the program. What it says goes to standard error,
+/// what it answers to standard output. `before_render` is called before commands that render. Call it once in a process: it starts the
+/// threads of all work and listens to signals.
+pub fn main(command_line: impl IntoIterator<Item = OsString>, before_render: impl FnOnce()) -> ExitCode {
+    let args = match Args::try_parse_from(command_line) {
+        Ok(args) => args,
+        Err(answer) => return print_answer(&answer),
+    };
+    if args.command.as_ref().is_none_or(Command::renders) {
+        before_render();
+    }
+    say_panics_in_a_line();
+    end_of(|| run(args))
+}
+
+/// The exit code of some work, once its error has been said.
+fn end_of(work: impl FnOnce() -> Result<ExitCode, CliError>) -> ExitCode {
+    match catch_unwind(AssertUnwindSafe(work)) {
+        Ok(Ok(code)) => code,
+        Ok(Err(error)) => {
+            have_the_last_word();
+            message::error(&error);
+            error.exit_code()
+        }
+        // The panic has been said. What was unfinished went with the stack.
+        Err(_) => ExitCode::from(FAILED),
+    }
+}
+
+/// From here on a panic is one line, as every error; with RUST_BACKTRACE the usual lines come before it.
+fn say_panics_in_a_line() {
+    let usual = panic::take_hook();
+    panic::set_hook(Box::new(move |info| {
+        if std::env::var_os("RUST_BACKTRACE").is_some_and(|value| value != "0") {
+            usual(info);
+        }
+        let place = info.location().map_or_else(String::new, |place| format!(" ({place})"));
+        let payload = info.payload();
+        let text = payload.downcast_ref::<&str>().copied();
+        let text = text.or_else(|| payload.downcast_ref::<String>().map(String::as_str));
+        let what = text.unwrap_or("a panic").replace('\n', "; ");
+        message::error(format!(
+            "this is a defect of Fluorspar: {what}{place}. Please report this line, the command and its input"
+        ));
+    }));
+}
+
+/// Prints what the reading of the command line ended with: help and version are answers, everything else is wrong input.
+fn print_answer(answer: &clap::Error) -> ExitCode {
+    let printed = answer.print();
+    if answer.use_stderr() {
+        return ExitCode::from(WRONG_INPUT);
+    }
+    match printed {
+        Err(error) if error.kind() != ErrorKind::BrokenPipe => {
+            let error = CliError::Stdout(error);
+            message::error(&error);
+            error.exit_code()
+        }
+        _ => ExitCode::SUCCESS,
+    }
+}
+
+/// Threads without `--threads`: those of the environment variable RAYON_NUM_THREADS, those that Slurm allots to a task, or one
+/// for each core.
+fn default_threads() -> usize {
+    let number = |name| std::env::var(name).ok().and_then(|text| text.trim().parse::<usize>().ok());
+    let wanted = number("RAYON_NUM_THREADS").or_else(|| number("SLURM_CPUS_PER_TASK"));
+    let cores = || std::thread::available_parallelism().map_or(1, NonZeroUsize::get);
+    wanted.filter(|&threads| threads > 0).unwrap_or_else(cores).min(MOST_THREADS as usize)
+}
+
+/// Commands on the spectra of one kind.
+fn spectra(options: &commands::spectra::Options, kind: PresetKind) -> Result<ExitCode, CliError> {
+    commands::spectra::run(options, kind)?;
+    Ok(ExitCode::SUCCESS)
+}
+
+fn run(args: Args) -> Result<ExitCode, CliError> {
+    start_threads(args.threads.unwrap_or_else(default_threads))?;
+    if args.verbose {
+        message::be_verbose();
+    }
+    interrupt::catch_interrupts();
+    if let (false, Some(cache)) = (args.no_cache, Cache::of_user()) {
+        use_cache(cache);
+    }
+    if let Some(folder) = std::env::var_os("FLUORSPAR_CATALOGUE").filter(|folder| !folder.is_empty()) {
+        use_catalogue(Path::new(&folder))?;
+    }
+    run_command(args.command.unwrap_or_default())
+}
+
+fn run_command(command: Command) -> Result<ExitCode, CliError> {
+    match command {
+        Command::Run(options) => commands::run::run(&options),
+        Command::Render(options) => commands::render::run(&options),
+        Command::Merge(options) => commands::merge::run(&options),
+        Command::Denoise(options) => commands::denoise::run(&options),
+        Command::Capture(options) => commands::capture::run(&options),
+        Command::Sheet(options) => commands::sheet::run(&options),
+        Command::Analyze(options) => commands::analyze::run(&options),
+        Command::Fluorophore(options) => commands::fluorophore::run(&options),
+        Command::Sensor(options) => commands::sensor::run(&options),
+        Command::Lens(options) => commands::lens::run(&options),
+        Command::Filter(options) => commands::filter::run(&options),
+        Command::Light(options) => spectra(&options, PresetKind::Light),
+        Command::Reflectance(options) => spectra(&options, PresetKind::Reflectance),
+        Command::Qe(options) => spectra(&options, PresetKind::QuantumEfficiency),
+        Command::Plot(options) => commands::plot::run(&options),
+        Command::Mouth(options) => commands::mouth::run(&options),
+        Command::Tissue(options) => commands::tissue::run(&options),
+        Command::Predict(options) => commands::predict::run(&options),
+        Command::Design(options) => commands::design::run(&options),
+        Command::Safety(options) => commands::safety::run(&options),
+        Command::Spectroradiometer(options) => commands::spectroradiometer::run(&options),
+        Command::Validate(options) => commands::validate::run(&options),
+        Command::Presets(options) => commands::presets::run(&options),
+        Command::Check(options) => commands::check::run(&options),
+        Command::Scene(options) => commands::scene::run(&options),
+        Command::Schema(options) => commands::schema::run(&options),
+        Command::Completions { shell } => commands::completions::run(shell),
+    }
+}
+
+/// Starts the threads of all commands here, where a refusal of the system can be explained.
+fn start_threads(threads: usize) -> Result<(), CliError> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build_global();
+    pool.map_err(|error| {
+        CliError::Failed(format!("can't start {threads} threads: {error}. Ask for fewer with --threads"))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The test starts itself, since a panic hook is that of a whole process.
+    #[test]
+    fn a_panic_is_one_line_and_exit_code_1() {
+        const WITHIN: &str = "FLUORSPAR_TEST_PANIC";
+        if std::env::var_os(WITHIN).is_some() {
+            say_panics_in_a_line();
+            let code = end_of(|| {
+                rayon::join(|| (), || panic!("two\nlines"));
+                Ok(ExitCode::SUCCESS)
+            });
+            assert_eq!(code, ExitCode::from(FAILED));
+            return;
+        }
+        let said = std::process::Command::new(std::env::current_exe().unwrap())
+            .args(["--exact", "tests::a_panic_is_one_line_and_exit_code_1", "--nocapture"])
+            .env(WITHIN, "1")
+            .env_remove("RUST_BACKTRACE")
+            .output()
+            .unwrap();
+        let told = String::from_utf8(said.stderr).unwrap();
+        assert!(said.status.success(), "{told}");
+        assert!(told.starts_with("error: this is a defect of Fluorspar: two; lines (crates/"), "{told}");
+        assert_eq!(told.lines().count(), 1, "{told}");
+    }
+}
