@@ -100,6 +100,7 @@ const CRATES: &[(&str, &[&str])] = &[
             "fluorspar-report",
         ],
     ),
+    ("fluorspar-py", &["fluorspar", "fluorspar-cli", "fluorspar-experiment", "fluorspar-format"]),
 ];
 
 pub(crate) fn crates() -> PathBuf {

@@ -1,0 +1,194 @@
+"""Commands of the program as calls."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+from . import _fluorspar
+from ._experiment import Experiment
+from ._record import Record
+
+
+def _words(options: Mapping[str, Any]) -> list[str]:
+    """Options as the command line has them: ``from_nm=400`` is ``--from-nm 400``, lists repeat, dictionaries are NAME=VALUE."""
+    words: list[str] = []
+    for name, value in options.items():
+        option = "--" + name.rstrip("_").replace("_", "-")
+        if value is None or value is False:
+            continue
+        if value is True:
+            words.append(option)
+        elif isinstance(value, Mapping):
+            words.extend(f"{option}={key}={_word(inner)}" for key, inner in value.items())
+        elif isinstance(value, Sequence) and not isinstance(value, str):
+            words.extend(f"{option}={_word(inner)}" for inner in value)
+        else:
+            words.append(f"{option}={_word(value)}")
+    return words
+
+
+def _word(value: Any) -> str:
+    return os.fspath(value) if isinstance(value, os.PathLike) else repr(value) if isinstance(value, float) else str(value)
+
+
+@contextmanager
+def _file_of(source: Experiment | str | os.PathLike[str] | None) -> Iterator[list[str]]:
+    """An experiment as an argument: its name, or a file of its text for as long as the command runs."""
+    if isinstance(source, Experiment):
+        with tempfile.TemporaryDirectory() as folder:
+            path = os.path.join(folder, "experiment.toml")
+            source.save(path)
+            yield [path]
+    else:
+        yield [] if source is None else [os.fspath(source)]
+
+
+def command(*words: Any, threads: int | None = None, **options: Any) -> Any:
+    """Runs a command of the program in this process: ``command("tissue", "show", "lip")``.
+
+    Returns what ``--json`` prints, objects as :class:`Record`. Underscores of options are hyphens:
+    ``command("tissue", "solve", "lip", excitation_nm=[405, 450])``. Raises :class:`FluorsparError` with its exit ``code``.
+    """
+    return Record.of_json(text_of(*words, threads=threads, json=True, **options))
+
+
+def text_of(*words: Any, threads: int | None = None, **options: Any) -> str:
+    """Runs a command of the program in this process and returns what it prints: ``text_of("lens", "--help")``."""
+    return _fluorspar.answer([*(_word(word) for word in words), *_words(options)], threads=threads)[0]
+
+
+def _record(*words: Any, **options: Any) -> Record:
+    """What a command answers whose answer is an object."""
+    found = command(*words, **options)
+    assert isinstance(found, Record)
+    return found
+
+
+def predict(sample: str | os.PathLike[str] | None = None, *, threads: int | None = None, **options: Any) -> Record:
+    """Spectra and mean sensor values of a flat sample, without geometry, in milliseconds.
+
+    ``predict("tongue-385nm", concentration={"protoporphyrin_ix": 0.5}, light="led_405")``; options are those of
+    ``fluorspar predict``.
+    """
+    return _record("predict", *([] if sample is None else [sample]), threads=threads, **options)
+
+
+class _Named:
+    """Something of the catalogue, by name."""
+
+    _command: str
+    _shown: str = "show"
+
+    def __init__(self, name: str | os.PathLike[str]) -> None:
+        self.name = os.fspath(name)
+
+    def show(self, **options: Any) -> Any:
+        """What is known of it."""
+        return command(self._command, self._shown, self.name, **options)
+
+    def __repr__(self) -> str:
+        return f"<{self._command} {self.name}>"
+
+
+class Tissue(_Named):
+    """A layered tissue: a site of the catalogue or a file with one ``[[tissue]]``."""
+
+    _command = "tissue"
+
+    def solve(self, **options: Any) -> Record:
+        """Reflectance and fluorescence: ``solve(excitation_nm=[405, 450], state=["hyperaemia"])``."""
+        return _record("tissue", "solve", self.name, **options)
+
+    def depth(self, **options: Any) -> Record:
+        """From how deep its light comes."""
+        return _record("tissue", "depth", self.name, **options)
+
+    def monte_carlo(self, **options: Any) -> Record:
+        """Photons traced through it: ``monte_carlo(excitation_nm=405, photons=100000)``."""
+        return _record("tissue", "mc", self.name, **options)
+
+    def fit(self, **options: Any) -> Record:
+        """Its parameters fitted to measured spectra."""
+        return _record("tissue", "fit", self.name, **options)
+
+
+class Lens(_Named):
+    """A lens of the catalogue or a file."""
+
+    _command = "lens"
+    _shown = "report"
+
+    def trace(self, **options: Any) -> Record:
+        """Focal length, pupils, spots, MTF and field."""
+        return _record("lens", "report", self.name, **options)
+
+
+class Sensor(_Named):
+    """A sensor of the catalogue or a file."""
+
+    _command = "sensor"
+
+    def characterize(self, **options: Any) -> Record:
+        """What EMVA 1288 measures of it."""
+        return _record("sensor", "characterize", self.name, **options)
+
+
+class Light(_Named):
+    """A light spectrum of the catalogue or a CSV file."""
+
+    _command = "light"
+
+
+class Filter(_Named):
+    """A filter of the catalogue or a CSV file."""
+
+    _command = "filter"
+
+    def leak(self, **options: Any) -> Record:
+        """How much reflected light leaks through it."""
+        return _record("filter", "leak", view_filter=self.name, **options)
+
+
+def tissue(name: str | os.PathLike[str]) -> Tissue:
+    """A layered tissue: ``tissue("lip").solve()``."""
+    return Tissue(name)
+
+
+def lens(name: str | os.PathLike[str]) -> Lens:
+    """A lens: ``lens("wide_3_5mm").trace()``."""
+    return Lens(name)
+
+
+def sensor(name: str | os.PathLike[str]) -> Sensor:
+    """A sensor: ``sensor("pi_camera_3").show()``."""
+    return Sensor(name)
+
+
+def light(name: str | os.PathLike[str]) -> Light:
+    """A light spectrum: ``light("led_385").show()``."""
+    return Light(name)
+
+
+def filters(name: str | os.PathLike[str]) -> Filter:
+    """A filter: ``filters("view_475_700").show()``."""
+    return Filter(name)
+
+
+def presets(**options: Any) -> Record:
+    """The catalogue: lights, filters, reflectances, sensors, fluorophores, experiments, flat samples."""
+    return _record("presets", **options)
+
+
+def safety(source: Experiment | str | os.PathLike[str] | None = None, **options: Any) -> Record:
+    """Eyes and tissue: hazards, limits, margins and exposures per day of every capture."""
+    with _file_of(source) as words:
+        return _record("safety", *words, **options)
+
+
+def validate(**options: Any) -> Record:
+    """The figures and tables of the paper, computed and compared."""
+    return _record("validate", **options)

@@ -1,0 +1,121 @@
+"""Experiments: scene, lights, filters, lens, sensor, captures and analysis, with units in every name."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from typing import Any
+
+from . import _fluorspar
+
+
+class Experiment:
+    """An experiment, which never changes: :meth:`set` and :meth:`with_` return other ones.
+
+    Make one with :func:`experiment` or :func:`load`. It is checked when it is made; files that it names are read, and its mouth is
+    made, when it is first used.
+    """
+
+    __slots__ = ("_native",)
+
+    def __init__(self, native: _fluorspar.Experiment) -> None:
+        self._native = native
+
+    def set(self, path: str, value: Any) -> Experiment:
+        """The same experiment with another value at a path, which may hold wildcards.
+
+        ``e.set("light.blue.strength.power_mw", 1000)`` is ``--set light.blue.strength.power_mw=1000`` of the program.
+        """
+        return Experiment(self._native.set(path, value))
+
+    def with_(self, **sections: Any) -> Experiment:
+        """The same experiment with other values, nested as in the file: ``e.with_(render={"samples_per_pixel": 64})``.
+
+        Entries of lists are found by their names: ``e.with_(light={"blue": {"spectrum": "led_405"}})``.
+        """
+        changed = self
+        for path, value in _leaves(sections, ""):
+            changed = changed.set(path, value)
+        return changed
+
+    def get(self, path: str) -> Any:
+        """The value at a path, defaults filled in; with wildcards a dictionary of all that they match."""
+        found = self._native.values(path)
+        if len(found) == 1 and not any(sign in path for sign in "*?"):
+            return found[0][1]
+        return dict(found)
+
+    def tree(self) -> list[tuple[str, str, str]]:
+        """Everything that has a name: paths, kinds and summaries."""
+        return self._native.tree()
+
+    def check(self) -> list[str]:
+        """Checks all that can be checked before rendering; returns warnings."""
+        return self._native.check()
+
+    @property
+    def title(self) -> str:
+        """Name for people."""
+        return self._native.title
+
+    @property
+    def toml(self) -> str:
+        """The whole experiment as a file: base, changes and defaults written out, paths absolute."""
+        return self._native.toml
+
+    @property
+    def sha256(self) -> str:
+        """Digest of everything that decides the result."""
+        return self._native.sha256
+
+    @property
+    def changes(self) -> list[str]:
+        """Changes on top of the text, ``PATH=VALUE``."""
+        return self._native.changes
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Writes the experiment as a file, complete; ``fluorspar run`` and :func:`load` take it. Replaces nothing."""
+        with open(path, "x", encoding="utf-8") as file:
+            file.write(self.toml)
+
+    def __repr__(self) -> str:
+        changes = "".join(f".set({change!r})" for change in self.changes)
+        return f"<Experiment {self._native.name}: {self.title}{changes}>"
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Experiment) and self.sha256 == other.sha256
+
+    def __hash__(self) -> int:
+        return hash(self.sha256)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return (Experiment, (self._native,))
+
+
+def _leaves(value: Mapping[str, Any], path: str) -> list[tuple[str, Any]]:
+    """Values of nested dictionaries with their paths."""
+    found: list[tuple[str, Any]] = []
+    for key, inner in value.items():
+        here = f"{path}.{key}" if path else key
+        if isinstance(inner, Mapping):
+            found.extend(_leaves(inner, here))
+        else:
+            found.append((here, inner))
+    return found
+
+
+def experiment(source: str | os.PathLike[str] | Mapping[str, Any] = "oraleye-2021") -> Experiment:
+    """An experiment: a built-in one by name, a file (.toml, or the report.html of a run), or nested dictionaries as the file has them.
+
+    Raises :class:`ExperimentError` with ``path``, ``line``, ``field``, ``value`` and ``message``.
+    """
+    if isinstance(source, Mapping):
+        return Experiment(_fluorspar.Experiment.of_dict(dict(source)))
+    return Experiment(_fluorspar.Experiment.find(os.fspath(source)))
+
+
+def load(path: str | os.PathLike[str]) -> Experiment:
+    """An experiment from a file: .toml, or the report.html of a run."""
+    if not os.path.exists(path):
+        raise FileNotFoundError(f"{os.fspath(path)}: there is no such file")
+    return experiment(path)

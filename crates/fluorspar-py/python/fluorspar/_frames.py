@@ -1,0 +1,152 @@
+"""Frames of a camera, and what they tell."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Any
+
+from . import _fluorspar
+from ._experiment import Experiment
+from ._record import Record
+from ._render import Components
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+    import xarray
+
+
+class Frame:
+    """A recorded frame: raw digital numbers on the mosaic of the sensor, and linear channels."""
+
+    __slots__ = ("_native",)
+
+    def __init__(self, native: _fluorspar.Frame) -> None:
+        self._native = native
+
+    @classmethod
+    def read(cls, path: str | os.PathLike[str], name: str | None = None) -> Frame:
+        """A raw frame from a file (TIFF or PNG with its description, DNG, packed), as that of a capture."""
+        return cls(_fluorspar.read_frame(os.fspath(path), name))
+
+    @property
+    def name(self) -> str:
+        """Name of the capture."""
+        return self._native.name
+
+    @property
+    def raw(self) -> NDArray[np.uint16]:
+        """Digital numbers, ``[row, col]``: a read-only view."""
+        return self._native.raw
+
+    @property
+    def developed(self) -> NDArray[np.float32] | None:
+        """Linear channels, black subtracted, ``[row, col, channel]``, DN; ``None`` of a frame from a file."""
+        return self._native.developed
+
+    @property
+    def channels(self) -> list[str]:
+        """Names of the channels."""
+        return self._native.channels
+
+    @property
+    def mosaic(self) -> list[list[str]]:
+        """Repeating cell of the color filter array: names of channels by row."""
+        return self._native.mosaic
+
+    @property
+    def scale(self) -> dict[str, float]:
+        """Black and white level (DN), bits, exposure (s), gain, DN per electron, read noise (DN)."""
+        return self._native.scale
+
+    @property
+    def preview(self) -> NDArray[np.uint8] | None:
+        """An image for people, sRGB, ``[row, col, rgb]``; ``None`` of a frame from a file."""
+        return self._native.preview
+
+    def to_xarray(self) -> xarray.DataArray:
+        """The raw frame with its scale as attributes; not copied."""
+        import xarray
+
+        attrs = {"units": "DN", "mosaic": self.mosaic, **self.scale}
+        return xarray.DataArray(self.raw, dims=("y", "x"), name=self.name, attrs=attrs)
+
+    def write(self, path: str | os.PathLike[str]) -> None:
+        """Writes the raw frame as TIFF with its description beside it."""
+        self._native.write(os.fspath(path))
+
+    def __repr__(self) -> str:
+        rows, cols = self.raw.shape
+        return f"<Frame {self.name}: {rows} x {cols} pixels, {1e3 * self.scale['exposure_s']:g} ms>"
+
+
+class Frames(Mapping[str, Frame]):
+    """The frames of a capture program, by name and in their order."""
+
+    __slots__ = ("_frames",)
+
+    def __init__(self, frames: Iterable[Frame]) -> None:
+        self._frames = {frame.name: frame for frame in frames}
+
+    def __getitem__(self, name: str) -> Frame:
+        if name not in self._frames:
+            raise KeyError(f"there is no frame {name!r}; there are {', '.join(self._frames)}")
+        return self._frames[name]
+
+    def __iter__(self) -> Any:
+        return iter(self._frames)
+
+    def __len__(self) -> int:
+        return len(self._frames)
+
+    def __repr__(self) -> str:
+        return f"<Frames {', '.join(self._frames)}>"
+
+
+class Analysis(Record):
+    """The numbers of the analyzed region, as ``analyze --json`` prints them, and maps over the frame."""
+
+    _native: _fluorspar.FrameAnalysis
+
+    @property
+    def porphyrin_maps(self) -> dict[str, NDArray[np.float32]]:
+        """Porphyrin fraction of each pixel, ends of its interval and its detection limit, ``[row, col]``."""
+        return dict(self._native.porphyrin_maps)
+
+
+def capture(experiment: Experiment, components: Components, *, threads: int | None = None, **changes: Any) -> Frames:
+    """Takes the frames of the experiment's captures of a component image.
+
+    ``changes`` are values below ``capture``: ``capture(e, c, **{"blue.exposure_ms": 60})``. Lens, filters, sensor, drives, exposures,
+    concentrations may differ from those of the render; what only a new render can show raises :class:`FluorsparError`.
+    """
+    for path, value in changes.items():
+        experiment = experiment.set(f"capture.{path}", value)
+    native = _fluorspar.capture(experiment._native, components._native, threads=threads)
+    return Frames(Frame(frame) for frame in native)
+
+
+def analyze(
+    experiment: Experiment,
+    frames: Frames | Iterable[Frame],
+    *,
+    components: Components | None = None,
+    threads: int | None = None,
+) -> Analysis:
+    """Analyzes the frame that the experiment names: chromaticity and porphyrin of its region.
+
+    ``components`` tell which part a pixel shows, and the truth.
+    """
+    chosen = frames.values() if isinstance(frames, Frames) else frames
+    native = _fluorspar.analyze(
+        experiment._native,
+        [frame._native for frame in chosen],
+        None if components is None else components._native,
+        threads=threads,
+    )
+    if native is None:
+        raise _fluorspar.FluorsparError("the experiment has no [analysis] section; add one")
+    analysis = Analysis(Record.of_json(native.json))
+    object.__setattr__(analysis, "_native", native)
+    return analysis

@@ -1,0 +1,193 @@
+"""Renders and component images."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from . import _fluorspar
+from ._experiment import Experiment
+from ._progress import Tell, progress_of
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+    import xarray
+
+
+class Components:
+    """The result of a render: radiance of every light group, reflected, by fluorophore, and fluoresced more than once.
+
+    ``radiance`` is an array ``[component, row, col, band]`` in W/(sr m2 nm), a read-only view of the values where they lie. Light
+    with other drives and concentrations is a weighted sum of the components: :meth:`weighted`.
+    """
+
+    __slots__ = ("_native",)
+
+    def __init__(self, native: _fluorspar.Components) -> None:
+        self._native = native
+
+    @property
+    def radiance(self) -> NDArray[np.float32]:
+        """Radiance, ``[component, row, col, band]``, W/(sr m2 nm): a read-only view."""
+        return self._native.radiance
+
+    @property
+    def labels(self) -> list[str]:
+        """Label of each component: ``blue.reflected``, ``blue.fluorescence.collagen``, ``blue.multiple``."""
+        return self._native.labels
+
+    @property
+    def light_groups(self) -> list[str]:
+        """Light group of each component."""
+        return self._native.light_groups
+
+    @property
+    def wavelengths_nm(self) -> NDArray[np.float64]:
+        """Centers of the bands, nm."""
+        return self._native.wavelengths_nm
+
+    @property
+    def depth_m(self) -> NDArray[np.float32]:
+        """Distance of what a pixel sees, ``[row, col]``, m; infinite where it sees nothing."""
+        return self._native.depth_m
+
+    @property
+    def part(self) -> NDArray[np.uint16]:
+        """Number of the part that a pixel sees, ``[row, col]``: an index into :attr:`part_names` plus one; 0 for nothing."""
+        return self._native.part
+
+    @property
+    def normal(self) -> NDArray[np.float32]:
+        """Shading normal, ``[row, col, axis]``, in the coordinates of the scene."""
+        return self._native.normal
+
+    @property
+    def part_names(self) -> list[str]:
+        """Names of the parts of the scene."""
+        return self._native.part_names
+
+    @property
+    def samples_per_pixel(self) -> int:
+        """Paths averaged per pixel."""
+        return self._native.samples_per_pixel
+
+    @property
+    def experiment(self) -> Experiment | None:
+        """The experiment that was rendered."""
+        native = self._native.experiment
+        return None if native is None else Experiment(native)
+
+    def component(self, label: str) -> NDArray[np.float32]:
+        """Radiance of one component, ``[row, col, band]``: a view."""
+        labels = self.labels
+        if label not in labels:
+            raise KeyError(f"there is no component {label!r}; there are {', '.join(labels)}")
+        one: NDArray[np.float32] = self.radiance[labels.index(label)]
+        return one
+
+    def weighted(self, weights: dict[str, float]) -> NDArray[np.float32]:
+        """Sum of components times weights by label or light group, ``[row, col, band]``; what is not named has weight 0."""
+        unknown = set(weights) - set(self.labels) - set(self.light_groups)
+        if unknown:
+            raise KeyError(f"there is no {sorted(unknown)[0]!r}; there are {', '.join([*self.light_groups, *self.labels])}")
+        factors = [weights.get(label, weights.get(group, 0.0)) for label, group in zip(self.labels, self.light_groups)]
+        sums: NDArray[np.float32] = np.tensordot(np.asarray(factors, dtype=np.float32), self.radiance, axes=1)
+        return sums
+
+    def part_mask(self, name: str) -> NDArray[np.bool_]:
+        """Whether a pixel sees a part, ``[row, col]``."""
+        if name not in self.part_names:
+            raise KeyError(f"there is no part {name!r}; there are {', '.join(self.part_names)}")
+        mask: NDArray[np.bool_] = self.part == self.part_names.index(name) + 1
+        return mask
+
+    def to_xarray(self) -> xarray.Dataset:
+        """A dataset with units as attributes; radiance is not copied."""
+        import xarray
+
+        pixels = ("y", "x")
+        attrs = {"units": "W m-2 sr-1 nm-1", "long_name": "spectral radiance"}
+        experiment = self.experiment
+        return xarray.Dataset(
+            {
+                "radiance": (("component", *pixels, "wavelength"), self.radiance, attrs),
+                "depth": (pixels, self.depth_m, {"units": "m", "long_name": "distance along the camera ray"}),
+                "part": (pixels, self.part, {"names": self.part_names, "long_name": "index into names plus one"}),
+            },
+            coords={
+                "component": self.labels,
+                "light_group": ("component", self.light_groups),
+                "path": ("component", self._native.paths),
+                "wavelength": ("wavelength", self.wavelengths_nm, {"units": "nm"}),
+            },
+            attrs={
+                "samples_per_pixel": self.samples_per_pixel,
+                "sha256": self._native.sha256 or "",
+                "toml": experiment.toml if experiment else "",
+                "fluorspar": _fluorspar.__version__,
+            },
+        )
+
+    def write(self, path: str | os.PathLike[str]) -> None:
+        """Writes the image: ``.exr``, or ``.npy`` with its description beside it. :func:`read` and the program read both."""
+        self._native.write(os.fspath(path))
+
+    def __repr__(self) -> str:
+        components, rows, cols, bands = self.radiance.shape
+        size = f"{components} components, {rows} x {cols} pixels, {bands} bands"
+        return f"<Components: {size}, {self.samples_per_pixel} samples per pixel>"
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        with tempfile.TemporaryDirectory() as folder:
+            path = os.path.join(folder, "components.exr")
+            self.write(path)
+            with open(path, "rb") as file:
+                return (_components_of_bytes, (file.read(),))
+
+
+def _components_of_bytes(content: bytes) -> Components:
+    """A component image from the bytes of its file."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = os.path.join(folder, "components.exr")
+        with open(path, "wb") as file:
+            file.write(content)
+        return read(path)
+
+
+def render(
+    experiment: Experiment,
+    *,
+    threads: int | None = None,
+    error: float | None = None,
+    samples_per_pixel: int | None = None,
+    time_limit_s: float | None = None,
+    progress: str | Tell | None = "auto",
+) -> Components:
+    """Renders an experiment. The result has the same bits for any number of threads.
+
+    ``error`` stops where the relative noise is below it, ``time_limit_s`` after some time. Ctrl-C raises :class:`RenderStopped`
+    whose ``partial`` holds the samples so far. ``progress`` is ``"auto"``, ``"rich"``, ``"tqdm"``, ``"line"``, ``None``, or a
+    function of the paths done and of all paths.
+    """
+    if error is not None:
+        experiment = experiment.set("render.relative_error", float(error))
+    if samples_per_pixel is not None:
+        experiment = experiment.set("render.samples_per_pixel", samples_per_pixel)
+    with progress_of(progress, "Rendering") as tell:
+        try:
+            native = _fluorspar.render(
+                experiment._native, threads=threads, time_limit_s=time_limit_s, progress=tell
+            )
+        except _fluorspar.RenderStopped as stopped:
+            if stopped.partial is not None:
+                stopped.partial = Components(stopped.partial)
+            raise
+    return Components(native)
+
+
+def read(path: str | os.PathLike[str]) -> Components:
+    """A component image from a file that ``run``, ``render --components`` or :meth:`Components.write` wrote."""
+    return Components(_fluorspar.read_components(os.fspath(path)))

@@ -1,0 +1,100 @@
+//! Analyses of frames.
+
+use std::sync::Arc;
+
+use fluorspar::analysis::PorphyrinLayers;
+use fluorspar::pipeline::{
+    AnalyzedFrame, Calibration, CapturedFrame, RawExposures, analyze_seen, complete_raw, develop_frames,
+};
+use fluorspar_experiment::ResolvedExperiment;
+use numpy::{PyArray2, ndarray::Array2};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+
+use crate::components::Components;
+use crate::error::failed;
+use crate::experiment::Experiment;
+use crate::frame::{Frame, View};
+use crate::process::work_through;
+
+/// The analysis of a frame: numbers of its region as JSON, and maps.
+#[pyclass(frozen, module = "fluorspar._fluorspar")]
+pub(crate) struct FrameAnalysis {
+    analyzed: AnalyzedFrame,
+}
+
+#[pymethods]
+impl FrameAnalysis {
+    /// The numbers, as `analyze --json` prints them.
+    #[getter]
+    fn json(&self) -> PyResult<String> {
+        serde_json::to_string(&self.analyzed.analysis).map_err(failed)
+    }
+
+    /// Maps of the porphyrin fraction of each pixel, `[row, col]`: its value, the ends of its interval, its detection limit; empty
+    /// without porphyrin.
+    #[getter]
+    fn porphyrin_maps<'py>(
+        &self,
+        py: Python<'py>,
+    ) -> PyResult<Vec<(&'static str, Bound<'py, PyArray2<f32>>)>> {
+        let Some(map) = &self.analyzed.porphyrin else { return Ok(Vec::new()) };
+        let PorphyrinLayers { fraction, low, high, detection_limit } = map.layers();
+        let layers =
+            [("fraction", fraction), ("low", low), ("high", high), ("detection_limit", detection_limit)];
+        let array = |(name, values): (&'static str, Vec<f32>)| {
+            let array = Array2::from_shape_vec((map.height, map.width), values);
+            let array = array.map_err(|error| PyValueError::new_err(error.to_string()))?;
+            Ok((name, PyArray2::from_owned_array(py, array)))
+        };
+        layers.into_iter().map(array).collect()
+    }
+}
+
+/// Frames as they were captured, or developed from the raw ones.
+fn developed(
+    resolved: &ResolvedExperiment,
+    frames: &[PyRef<'_, Frame>],
+) -> PyResult<Result<Vec<CapturedFrame>, Vec<RawExposures>>> {
+    let captured: Option<Vec<CapturedFrame>> = frames.iter().map(|frame| frame.captured.clone()).collect();
+    if let Some(captured) = captured {
+        return Ok(Ok(captured));
+    }
+    let complete = |frame: &PyRef<'_, Frame>| {
+        let mut raw = frame.raw.clone();
+        complete_raw(&resolved.study, &mut raw)
+            .map_err(|what| failed(format!("frame \"{}\": {what}", raw.label)))?;
+        Ok(RawExposures { raw, bracket: Vec::new() })
+    };
+    Ok(Err(frames.iter().map(complete).collect::<PyResult<_>>()?))
+}
+
+/// Analyzes the frame that the experiment names; `None` where it has no analysis.
+#[pyfunction]
+#[pyo3(signature = (experiment, frames, components = None, *, threads = None))]
+pub(crate) fn analyze(
+    experiment: &Bound<'_, Experiment>,
+    frames: Vec<PyRef<'_, Frame>>,
+    components: Option<&Bound<'_, Components>>,
+    threads: Option<usize>,
+) -> PyResult<Option<FrameAnalysis>> {
+    let py = experiment.py();
+    let resolved = experiment.get().resolved(py, threads)?;
+    let frames = developed(&resolved, &frames)?;
+    let seen = components
+        .map(|components| View::new(py, experiment.get(), components.get(), false, threads))
+        .transpose()?;
+    let resolved: Arc<ResolvedExperiment> = resolved;
+    let analyzed = work_through(py, threads, move || {
+        let study = &resolved.study;
+        let frames = match frames {
+            Ok(frames) => frames,
+            Err(exposures) => {
+                let calibration = Calibration::of_study(study, exposures.iter().flat_map(RawExposures::all))?;
+                develop_frames(study, exposures, &calibration)?
+            }
+        };
+        analyze_seen(study, seen.as_ref().map(|seen| seen.seen(study)).as_ref(), &frames)
+    })?;
+    Ok(analyzed.map_err(failed)?.map(|analyzed| FrameAnalysis { analyzed }))
+}

@@ -1,0 +1,40 @@
+//! Commands of the program.
+
+use std::ffi::OsString;
+
+use pyo3::prelude::*;
+
+use crate::error::of_command;
+use crate::process::work;
+
+/// Runs a command of the program in this process and returns what it prints on standard output: `answer(["predict", "--json"])`.
+#[pyfunction]
+#[pyo3(signature = (arguments, *, threads = None))]
+pub(crate) fn answer(
+    py: Python<'_>,
+    arguments: Vec<OsString>,
+    threads: Option<usize>,
+) -> PyResult<(String, bool)> {
+    let (ended, raised) = work(
+        py,
+        threads,
+        move || fluorspar_cli::answer_of(arguments),
+        || fluorspar_cli::stop(true),
+        |_| Ok(()),
+    )?;
+    if let Some(raised) = raised {
+        fluorspar_cli::stop(false);
+        return Err(raised);
+    }
+    match ended {
+        Ok(answer) => Ok((answer.text, answer.succeeded)),
+        Err(failure) => Err(of_command(py, &failure)),
+    }
+}
+
+/// The program `fluorspar` with the arguments of this process; returns its exit code.
+#[pyfunction]
+pub(crate) fn run_program(py: Python<'_>, arguments: Vec<OsString>) -> u8 {
+    let code = py.detach(|| fluorspar_cli::main(arguments));
+    (0..=u8::MAX).find(|number| std::process::ExitCode::from(*number) == code).unwrap_or(1)
+}

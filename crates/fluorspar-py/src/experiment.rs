@@ -1,0 +1,236 @@
+//! Experiments.
+
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex};
+
+use fluorspar_cli::find_experiment;
+use fluorspar_experiment::{
+    Experiment as Parsed, ResolvedExperiment, json_schema, parse, resolve, scene_nodes, scene_values,
+};
+use pyo3::exceptions::PyTypeError;
+use pyo3::prelude::*;
+use pyo3::types::{PyBool, PyDict, PyFloat, PyInt, PyList, PyString, PyTuple};
+
+use crate::error::{failed, of_command, of_experiment};
+use crate::process::work_through;
+
+/// An experiment: a text in TOML with changes on top. It never changes; `set` gives another one.
+#[pyclass(frozen, module = "fluorspar._fluorspar")]
+pub(crate) struct Experiment {
+    /// The text, how messages call it, where its relative paths start, and changes `PATH=VALUE`.
+    text: String,
+    name: String,
+    base_dir: PathBuf,
+    changes: Vec<String>,
+    pub(crate) parsed: Arc<Parsed>,
+    /// Made when it is first needed.
+    resolved: Mutex<Option<Arc<ResolvedExperiment>>>,
+}
+
+impl Experiment {
+    pub(crate) fn new(
+        py: Python<'_>,
+        text: String,
+        name: String,
+        base_dir: PathBuf,
+        changes: Vec<String>,
+    ) -> PyResult<Self> {
+        let parsed = py.detach(|| parse(&text, &name, &base_dir, &changes));
+        let parsed = Arc::new(parsed.map_err(|error| of_experiment(py, &error))?);
+        Ok(Self { text, name, base_dir, changes, parsed, resolved: Mutex::new(None) })
+    }
+
+    /// What the experiment means. The first call reads its files and makes its mouth.
+    pub(crate) fn resolved(
+        &self,
+        py: Python<'_>,
+        threads: Option<usize>,
+    ) -> PyResult<Arc<ResolvedExperiment>> {
+        let held = || self.resolved.lock().ok().and_then(|held| held.clone());
+        if let Some(resolved) = held() {
+            return Ok(resolved);
+        }
+        let parsed = self.parsed.clone();
+        let resolved = work_through(py, threads, move || resolve(&parsed))?;
+        let resolved = Arc::new(resolved.map_err(|error| of_experiment(py, &error))?);
+        if let Ok(mut held) = self.resolved.lock() {
+            *held = Some(resolved.clone());
+        }
+        Ok(resolved)
+    }
+
+    pub(crate) fn text(&self) -> &str {
+        &self.text
+    }
+}
+
+#[pymethods]
+impl Experiment {
+    /// An experiment from its text.
+    #[staticmethod]
+    #[pyo3(signature = (text, name = "experiment", base_dir = None, changes = None))]
+    fn of_text(
+        py: Python<'_>,
+        text: String,
+        name: &str,
+        base_dir: Option<PathBuf>,
+        changes: Option<Vec<String>>,
+    ) -> PyResult<Self> {
+        Self::new(py, text, name.into(), base_dir.unwrap_or_else(|| ".".into()), changes.unwrap_or_default())
+    }
+
+    /// A built-in experiment by its name, an experiment file, or the experiment in a report.html.
+    #[staticmethod]
+    fn find(py: Python<'_>, name: &str) -> PyResult<Self> {
+        let found = py.detach(|| find_experiment(name)).map_err(|failure| of_command(py, &failure))?;
+        let base_dir = std::path::absolute(&found.base_dir).unwrap_or_else(|_| Path::new(".").into());
+        Self::new(py, found.text, found.name, base_dir, Vec::new())
+    }
+
+    /// An experiment from nested dictionaries, as the file has them.
+    #[staticmethod]
+    fn of_dict(py: Python<'_>, sections: &Bound<'_, PyDict>) -> PyResult<Self> {
+        let value = toml_value(sections.as_any(), "")?;
+        let text = toml::to_string(&value).map_err(failed)?;
+        Self::new(py, text, "dict".into(), ".".into(), Vec::new())
+    }
+
+    /// The same experiment with one more change, as `--set PATH=VALUE` of the commands.
+    fn set(&self, py: Python<'_>, path: &str, value: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let value = toml_value(value, path)?;
+        let mut changes = self.changes.clone();
+        changes.push(format!("{path}={value}"));
+        Self::new(py, self.text.clone(), self.name.clone(), self.base_dir.clone(), changes)
+    }
+
+    /// The values at a path, which may hold wildcards, as (path, value) pairs with defaults filled in.
+    fn values<'py>(&self, py: Python<'py>, path: &str) -> PyResult<Vec<(String, Bound<'py, PyAny>)>> {
+        let found = scene_values(&self.parsed, path).map_err(|error| of_experiment(py, &error))?;
+        found.into_iter().map(|found| Ok((found.path, python_value(py, &found.value)?))).collect()
+    }
+
+    /// Everything that has a name: (path, kind, summary).
+    fn tree(&self, py: Python<'_>) -> PyResult<Vec<(String, String, String)>> {
+        let parsed = self.parsed.clone();
+        let nodes = work_through(py, None, move || scene_nodes(&parsed))?;
+        let nodes = nodes.map_err(|error| of_experiment(py, &error))?;
+        Ok(nodes.into_iter().map(|node| (node.path, node.kind, node.summary)).collect())
+    }
+
+    /// Checks all that can be checked before rendering, and returns what the experiment warns of.
+    fn check(&self, py: Python<'_>) -> PyResult<Vec<String>> {
+        Ok(self
+            .resolved(py, None)?
+            .record
+            .warnings
+            .iter()
+            .map(|warning| warning.text().to_string())
+            .collect())
+    }
+
+    /// The whole experiment as a file: base, changes and defaults written out, paths absolute.
+    #[getter]
+    fn toml(&self, py: Python<'_>) -> PyResult<String> {
+        Ok(self.resolved(py, None)?.record.resolved_toml.clone())
+    }
+
+    /// Digest of everything that decides the result.
+    #[getter]
+    fn sha256(&self, py: Python<'_>) -> PyResult<String> {
+        Ok(self.resolved(py, None)?.record.sha256.clone())
+    }
+
+    /// Name for people.
+    #[getter]
+    fn title(&self) -> &str {
+        &self.parsed.file.title
+    }
+
+    /// How messages call it: its file, or the built-in one.
+    #[getter]
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Changes on top of the text.
+    #[getter]
+    fn changes(&self) -> Vec<String> {
+        self.changes.clone()
+    }
+
+    fn __reduce__<'py>(
+        &self,
+        py: Python<'py>,
+    ) -> PyResult<(Bound<'py, PyAny>, (String, String, PathBuf, Vec<String>))> {
+        let make = py.get_type::<Self>().getattr("of_text")?;
+        Ok((make, (self.text.clone(), self.name.clone(), self.base_dir.clone(), self.changes.clone())))
+    }
+
+    /// JSON schema of experiment files.
+    #[staticmethod]
+    fn schema() -> String {
+        json_schema().to_string()
+    }
+}
+
+/// A value of Python as TOML. `path` is for messages.
+pub(crate) fn toml_value(value: &Bound<'_, PyAny>, path: &str) -> PyResult<toml::Value> {
+    if value.is_instance_of::<PyBool>() {
+        return Ok(toml::Value::Boolean(value.extract()?));
+    }
+    if value.is_instance_of::<PyInt>() {
+        return Ok(toml::Value::Integer(value.extract()?));
+    }
+    if value.is_instance_of::<PyFloat>() {
+        return Ok(toml::Value::Float(value.extract()?));
+    }
+    if let Ok(text) = value.cast::<PyString>() {
+        return Ok(toml::Value::String(text.to_str()?.into()));
+    }
+    if value.is_instance_of::<PyList>() || value.is_instance_of::<PyTuple>() {
+        let items =
+            value.try_iter()?.enumerate().map(|(i, item)| toml_value(&item?, &format!("{path}[{i}]")));
+        return Ok(toml::Value::Array(items.collect::<PyResult<_>>()?));
+    }
+    if let Ok(table) = value.cast::<PyDict>() {
+        let mut entries = toml::Table::new();
+        for (key, value) in table {
+            let key: String = key.extract()?;
+            let inner = if path.is_empty() { key.clone() } else { format!("{path}.{key}") };
+            entries.insert(key, toml_value(&value, &inner)?);
+        }
+        return Ok(toml::Value::Table(entries));
+    }
+    // Paths, arrays and numbers of NumPy
+    for method in ["__fspath__", "tolist"] {
+        if let Ok(plain) = value.call_method0(method) {
+            return toml_value(&plain, path);
+        }
+    }
+    let kind = value.get_type().name()?;
+    Err(PyTypeError::new_err(format!(
+        "{path}: a {kind} is no value of an experiment; give a number, a text, a list or a dict"
+    )))
+}
+
+/// A value of TOML in Python.
+fn python_value<'py>(py: Python<'py>, value: &toml::Value) -> PyResult<Bound<'py, PyAny>> {
+    Ok(match value {
+        toml::Value::String(text) => text.into_pyobject(py)?.into_any(),
+        toml::Value::Integer(number) => number.into_pyobject(py)?.into_any(),
+        toml::Value::Float(number) => number.into_pyobject(py)?.into_any(),
+        toml::Value::Boolean(is) => is.into_pyobject(py)?.to_owned().into_any(),
+        toml::Value::Datetime(time) => time.to_string().into_pyobject(py)?.into_any(),
+        toml::Value::Array(items) => {
+            let items: Vec<_> = items.iter().map(|item| python_value(py, item)).collect::<PyResult<_>>()?;
+            PyList::new(py, items)?.into_any()
+        }
+        toml::Value::Table(entries) => {
+            let table = PyDict::new(py);
+            for (key, value) in entries {
+                table.set_item(key, python_value(py, value)?)?;
+            }
+            table.into_any()
+        }
+    })
+}

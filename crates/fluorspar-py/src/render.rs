@@ -1,0 +1,86 @@
+//! Renders.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::time::Instant;
+
+use fluorspar::render::{RenderControl, RenderProgress, render as render_scene};
+use fluorspar_format::Provenance;
+use pyo3::prelude::*;
+
+use crate::components::Components;
+use crate::error::{RenderStopped, failed};
+use crate::experiment::Experiment;
+use crate::process::work;
+
+/// Renders an experiment. `progress` is called with the paths done and all paths, some 50 times a second, in the calling thread.
+/// After `time_limit_s` seconds the image holds the samples so far.
+#[pyfunction]
+#[pyo3(signature = (experiment, *, threads = None, time_limit_s = None, progress = None))]
+pub(crate) fn render(
+    experiment: &Bound<'_, Experiment>,
+    threads: Option<usize>,
+    time_limit_s: Option<f64>,
+    progress: Option<Bound<'_, PyAny>>,
+) -> PyResult<Components> {
+    let py = experiment.py();
+    let resolved = experiment.get().resolved(py, threads)?;
+    let study = &resolved.study;
+    let (stop, done, total) = (AtomicBool::new(false), AtomicU64::new(0), AtomicU64::new(0));
+    let limit = time_limit_s.or(study.time_limit_s);
+    let started = Instant::now();
+    let report = |p: RenderProgress| {
+        done.fetch_max(p.paths_done, Ordering::Relaxed);
+        total.store(p.paths_total, Ordering::Relaxed);
+        // Pixels without any sample would be black, and numbers made from them wrong.
+        let has_all = p.paths_done.saturating_mul(u64::from(study.render.samples_per_pixel)) >= p.paths_total;
+        if has_all && limit.is_some_and(|limit| started.elapsed().as_secs_f64() > limit) {
+            stop.store(true, Ordering::SeqCst);
+        }
+    };
+    let mut told = (0, 0);
+    let tell = |_: Python<'_>| {
+        let now = (done.load(Ordering::Relaxed), total.load(Ordering::Relaxed));
+        match &progress {
+            Some(progress) if now != told && now.1 > 0 => {
+                told = now;
+                progress.call1(now).map(|_| ())
+            }
+            _ => Ok(()),
+        }
+    };
+    let control = RenderControl { stop: &stop, progress: &report };
+    let (rendered, raised) = work(
+        py,
+        threads,
+        || {
+            let mut image = render_scene(&study.scene, &study.render, &control)?;
+            // As `run` and the files of a run have it
+            image.round_to_24_bits();
+            Ok::<_, fluorspar::render::RenderError>(image)
+        },
+        || stop.store(true, Ordering::SeqCst),
+        tell,
+    )?;
+    let image = rendered.map_err(failed)?;
+    let provenance = Provenance::new(
+        experiment.get().text(),
+        resolved.record.resolved_toml.clone(),
+        study.render.seed,
+        image.samples_per_pixel,
+    );
+    let is_empty = image.samples_per_pixel == 0;
+    let components = Components {
+        image: Arc::new(image),
+        provenance: Some(provenance),
+        experiment: Some(experiment.clone().unbind()),
+    };
+    let Some(raised) = raised else { return Ok(components) };
+    if !raised.is_instance_of::<pyo3::exceptions::PyKeyboardInterrupt>(py) {
+        return Err(raised);
+    }
+    let stopped = RenderStopped::new_err("the render was interrupted; .partial holds the samples so far");
+    let partial = if is_empty { py.None() } else { Py::new(py, components)?.into_any() };
+    stopped.value(py).setattr("partial", partial)?;
+    Err(stopped)
+}

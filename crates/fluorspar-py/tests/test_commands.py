@@ -1,0 +1,41 @@
+"""Every command as a call: the same numbers as the program prints."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+import fluorspar as fs
+
+CASES = [
+    (lambda: fs.predict("tongue-385nm", concentration={"protoporphyrin_ix": 0.5}),
+     ["predict", "tongue-385nm", "--concentration", "protoporphyrin_ix=0.5"]),
+    (lambda: fs.tissue("lip").show(), ["tissue", "show", "lip"]),
+    (lambda: fs.tissue("lip").solve(from_nm=400, to_nm=500, step_nm=20),
+     ["tissue", "solve", "lip", "--from-nm", "400", "--to-nm", "500", "--step-nm", "20"]),
+    (lambda: fs.sensor("pi_camera_3").show(), ["sensor", "show", "pi_camera_3"]),
+    (lambda: fs.light("led_385").show(), ["light", "show", "led_385"]),
+    (lambda: fs.filters("view_475_700").show(), ["filter", "show", "view_475_700"]),
+    (lambda: fs.safety("oraleye-2021-surface"), ["safety", "oraleye-2021-surface"]),
+    (lambda: fs.presets(), ["presets"]),
+]
+
+
+@pytest.mark.parametrize(("call", "words"), CASES, ids=lambda case: " ".join(case) if isinstance(case, list) else "")
+def test_calls_give_what_the_program_prints(call, words, program) -> None:
+    assert call() == json.loads(program(*words, "--json"))
+
+
+def test_an_experiment_is_an_argument(mouth, program, tmp_path) -> None:
+    mouth.save(tmp_path / "mouth.toml")
+    assert fs.safety(mouth) == json.loads(program("safety", "mouth.toml", "--json", folder=tmp_path))
+
+
+def test_errors_have_the_exit_code_of_the_program() -> None:
+    with pytest.raises(fs.FluorsparError) as raised:
+        fs.tissue("lips").show()
+    assert raised.value.code == 2 and "lip" in str(raised.value)
+    with pytest.raises(fs.FluorsparError) as raised:
+        fs.command("tissue", "shwo", "lip")
+    assert raised.value.code == 2

@@ -1,0 +1,60 @@
+"""Frames and analyses: equal to those of the program to the last bit."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+import fluorspar as fs
+
+
+def test_frames_and_numbers_are_those_of_the_program(mouth, components, program, tmp_path) -> None:
+    mouth.save(tmp_path / "mouth.toml")
+    components.write(tmp_path / "components.exr")
+    program("capture", "components.exr", "--set", "capture.blue.exposure_ms=60", "--out", "shots", "-q", folder=tmp_path)
+    shots = fs.capture(mouth, components, **{"blue.exposure_ms": 60})
+    assert list(shots) == ["ambient", "white", "blue"]
+    for name, frame in shots.items():
+        stored = fs.Frame.read(tmp_path / f"shots/raw_{name}.tiff")
+        assert np.array_equal(stored.raw, frame.raw), name
+        assert stored.scale == frame.scale
+    said = program("analyze", "shots", "--components", "components.exr", "--json", folder=tmp_path)
+    longer = mouth.set("capture.blue.exposure_ms", 60)
+    analysis = fs.analyze(longer, shots, components=components)
+    assert analysis == json.loads(said)
+    assert analysis.mixture.region.estimate.position == json.loads(said)["mixture"]["region"]["estimate"]["position"]
+    maps = analysis.porphyrin_maps
+    assert maps["low"].shape == maps["fraction"].shape == shots["blue"].developed.shape[:2]
+
+    # From the raw frames alone
+    again = fs.analyze(longer, [fs.Frame.read(tmp_path / f"shots/raw_{name}.tiff") for name in shots], components=components)
+    assert again == analysis
+
+
+def test_concentrations_and_drives_change_without_a_render(mouth, components) -> None:
+    none = mouth.set("concentration.protoporphyrin_ix", 0.0)
+    assert not np.array_equal(
+        fs.capture(none, components)["blue"].raw, fs.capture(mouth, components)["blue"].raw
+    )
+    with pytest.raises(fs.FluorsparError, match="render"):
+        fs.capture(mouth.set("mouth.jaw_opening_mm", 30), components)
+
+
+def test_views_of_frames_are_read_only(mouth, components) -> None:
+    frame = fs.capture(mouth, components)["white"]
+    assert frame.raw.dtype == np.uint16 and not frame.raw.flags.writeable
+    assert frame.preview.shape == (*frame.raw.shape, 3) and frame.preview.max() > 0
+    with pytest.raises(KeyError, match="white"):
+        fs.capture(mouth, components)["whit"]
+
+
+def test_a_sweep_is_a_dataset(mouth, components) -> None:
+    pytest.importorskip("xarray")
+    exposures = [10.0, 20.0, 40.0]
+    pick = lambda analysis: {"green": analysis.channels[1].statistics.mean}  # noqa: E731
+    found = fs.sweep(mouth, {"capture.blue.exposure_ms": exposures}, components=components, result=pick)
+    green = found.green.values
+    assert found.green.dims == ("capture.blue.exposure_ms",)
+    np.testing.assert_allclose(green[1:] / green[:-1], 2.0, rtol=0.02)

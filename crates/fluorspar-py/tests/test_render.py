@@ -1,0 +1,141 @@
+"""Renders: bits, views, threads, Ctrl-C, processes."""
+
+from __future__ import annotations
+
+import _thread
+import multiprocessing
+import os
+import pickle
+import threading
+import time
+
+import numpy as np
+import pytest
+
+import fluorspar as fs
+
+
+def test_the_same_bits_for_any_number_of_threads(mouth, components) -> None:
+    other = fs.render(mouth, threads=1, progress=None)
+    assert np.array_equal(other.radiance, components.radiance)
+
+
+def test_arrays_are_views_that_live_on_and_can_not_be_written(mouth) -> None:
+    rendered = fs.render(mouth, progress=None)
+    array, again = rendered.radiance, rendered.radiance
+    assert np.shares_memory(array, again) and not array.flags.writeable
+    total = float(array.sum())
+    del rendered, again
+    assert float(array.sum()) == total
+    with pytest.raises(ValueError):
+        array[0, 0, 0, 0] = 1
+
+
+def test_a_dataset_has_units_and_shares_the_values(components) -> None:
+    pytest.importorskip("xarray")
+    dataset = components.to_xarray()
+    assert dataset.radiance.dims == ("component", "y", "x", "wavelength")
+    assert dataset.radiance.attrs["units"] == "W m-2 sr-1 nm-1"
+    assert np.shares_memory(dataset.radiance.values, components.radiance)
+    assert dataset.wavelength.attrs["units"] == "nm" and len(dataset.wavelength) == components.radiance.shape[3]
+
+
+def test_sums_of_components_are_those_of_their_light_groups(components) -> None:
+    blue = components.weighted({"blue": 1.0})
+    parts = sum(components.component(label) for label in components.labels if label.startswith("blue."))
+    np.testing.assert_allclose(blue, parts, rtol=1e-5, atol=1e-9)
+    with pytest.raises(KeyError, match="blue"):
+        components.weighted({"bleu": 1.0})
+
+
+def test_masks_of_parts_lie_where_the_part_is_seen(components) -> None:
+    mask = components.part_mask("tongue_dorsum")
+    assert mask.any() and not mask.all() and np.isfinite(components.depth_m[mask]).all()
+
+
+def test_files_and_pickles_give_the_same_image(components, tmp_path) -> None:
+    for name in ["c.exr", "c.npy"]:
+        components.write(tmp_path / name)
+        again = fs.read(tmp_path / name)
+        assert np.array_equal(again.radiance, components.radiance)
+        assert again.experiment == components.experiment
+    again = pickle.loads(pickle.dumps(components))
+    assert np.array_equal(again.radiance, components.radiance)
+
+
+def test_progress_is_told_and_its_errors_end_the_render(mouth) -> None:
+    told: list[tuple[int, int]] = []
+    longer = mouth.set("render.samples_per_pixel", 64)
+    fs.render(longer, progress=lambda done, total: told.append((done, total)))
+    assert told and told == sorted(told) and all(0 <= done <= total for done, total in told)
+
+    def fails(done: int, total: int) -> None:
+        raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        fs.render(longer, progress=fails)
+    with pytest.raises(ValueError, match="tqdm"):
+        fs.render(mouth, progress="bar")
+
+
+def test_ctrl_c_ends_a_render_and_keeps_what_it_has(mouth) -> None:
+    endless = mouth.set("render.samples_per_pixel", 100_000)
+    begun = threading.Event()
+
+    def interrupt() -> None:
+        begun.wait()
+        time.sleep(0.5)
+        _thread.interrupt_main()
+
+    threading.Thread(target=interrupt).start()
+    with pytest.raises(fs.RenderStopped) as stopped:
+        fs.render(endless, progress=lambda done, total: begun.set())
+    partial = stopped.value.partial
+    assert isinstance(stopped.value, KeyboardInterrupt)
+    assert partial is None or (0 < partial.samples_per_pixel < 100_000 and np.isfinite(partial.radiance).all())
+
+
+def test_other_threads_run_on(mouth) -> None:
+    longer = mouth.set("render.samples_per_pixel", 32)
+    ticks, done = 0, threading.Event()
+
+    def tick() -> None:
+        nonlocal ticks
+        while not done.is_set():
+            ticks += 1
+            time.sleep(0.001)
+
+    ticking = threading.Thread(target=tick)
+    ticking.start()
+    fs.render(longer, threads=1, progress=None)
+    done.set()
+    ticking.join()
+    # A render that held the interpreter would leave a handful.
+    assert ticks > 20
+
+
+def _render_in_child(experiment, queue) -> None:
+    try:
+        queue.put(fs.render(experiment, progress=None).radiance.sum())
+    except fs.FluorsparError as error:
+        queue.put(str(error))
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork")
+def test_a_forked_child_says_why_it_can_not_render(mouth, components) -> None:
+    found = {}
+    for method in ["fork", "spawn"]:
+        context = multiprocessing.get_context(method)
+        queue = context.Queue()
+        child = context.Process(target=_render_in_child, args=(mouth, queue))
+        child.start()
+        found[method] = queue.get(timeout=120)
+        child.join(timeout=30)
+    assert "spawn" in found["fork"]
+    assert found["spawn"] == components.radiance.sum()
+
+
+@pytest.mark.parametrize("threads", [0, -1, 100_000])
+def test_threads_beyond_reason_are_refused(mouth, threads) -> None:
+    with pytest.raises((ValueError, OverflowError)):
+        fs.render(mouth, threads=threads, progress=None)
