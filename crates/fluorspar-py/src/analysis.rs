@@ -82,7 +82,7 @@ pub(crate) fn analyze(
     let resolved = experiment.get().resolved(py, threads)?;
     let frames = developed(&resolved, &frames)?;
     let seen = components
-        .map(|components| View::new(py, experiment.get(), components.get(), false, threads))
+        .map(|components| View::whole(py, experiment.get(), components.get(), false, threads))
         .transpose()?;
     let resolved: Arc<ResolvedExperiment> = resolved;
     let analyzed = work_through(py, threads, move || {
@@ -94,7 +94,7 @@ pub(crate) fn analyze(
                 develop_frames(study, exposures, &calibration)?
             }
         };
-        analyze_seen(study, seen.as_ref().map(|seen| seen.seen(study)).as_ref(), &frames)
+        analyze_seen(study, seen.as_ref().map(View::seen).as_ref(), &frames)
     })?;
     Ok(analyzed.map_err(failed)?.map(|analyzed| FrameAnalysis { analyzed }))
 }

@@ -35,6 +35,6 @@ pub(crate) fn answer(
 /// The program `fluorspar` with the arguments of this process; returns its exit code.
 #[pyfunction]
 pub(crate) fn run_program(py: Python<'_>, arguments: Vec<OsString>) -> u8 {
-    let code = py.detach(|| fluorspar_cli::main(arguments));
+    let code = py.detach(|| fluorspar_cli::main(arguments, || {}));
     (0..=u8::MAX).find(|number| std::process::ExitCode::from(*number) == code).unwrap_or(1)
 }

@@ -12,6 +12,7 @@ use pyo3::prelude::*;
 
 use crate::error::failed;
 use crate::experiment::Experiment;
+use crate::frame::KeptPlanes;
 use crate::process::work_through;
 use crate::view::view;
 
@@ -22,6 +23,8 @@ pub(crate) struct Components {
     pub(crate) provenance: Option<Provenance>,
     /// The experiment that it was rendered from.
     pub(crate) experiment: Option<Py<Experiment>>,
+    /// What cameras have seen of it.
+    pub(crate) planes: KeptPlanes,
 }
 
 impl Components {
@@ -39,7 +42,7 @@ impl Components {
                 Some(Py::new(py, Experiment::new(py, text, name, ".".into(), Vec::new())?)?)
             }
         };
-        Ok(Self { image: Arc::new(image), provenance, experiment })
+        Ok(Self { image: Arc::new(image), provenance, experiment, planes: KeptPlanes::default() })
     }
 }
 

@@ -1,19 +1,22 @@
 //! Raw frames.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 
-use fluorspar::image::{ComponentFactors, ComponentImage, SensorImage};
-use fluorspar::pipeline::{
-    CapturePlanes, CapturedFrame, ColorRendering, PipelineError, Preview, SeenComponents,
-    capture_from_planes, check_captures, check_same_scene, concentration_factors, preview, relight,
-    scale_multiple,
+use fluorspar::image::{
+    ChannelPlanes, Component, ComponentFactors, ComponentImage, LightPath, PreparedRows, SensorImage,
 };
-use fluorspar::study::Study;
+use fluorspar::pipeline::{
+    CapturePlanes, CaptureResponses, CapturedFrame, ColorRendering, FilmResponse, PipelineError, Preview,
+    SeenComponents, capture_from_planes, check_captures, check_same_scene, concentration_factors, preview,
+    relight, scale_multiple,
+};
+use fluorspar::study::{Capture, Study};
 use fluorspar_experiment::schema::ConcentrationFactor;
 use fluorspar_experiment::{
-    Experiment as Parsed, ExperimentError, ResolvedExperiment, resolve, resolve_rendered,
+    CapturesOfRender, Experiment as Parsed, ExperimentError, ResolvedExperiment, resolve, resolve_captures,
+    resolve_rendered,
 };
 use fluorspar_format::{read_sensor_image, write_sensor_tiff};
 use numpy::{PyArray2, PyArray3};
@@ -104,6 +107,15 @@ impl Frame {
     }
 }
 
+/// Factors on concentrations that an experiment was rendered with.
+fn even_factors(rendered: &Parsed) -> BTreeMap<String, f64> {
+    let even = |(name, factor): (&String, &ConcentrationFactor)| match factor {
+        ConcentrationFactor::Even(factor) => Some((name.clone(), *factor)),
+        ConcentrationFactor::Painted(_) => None,
+    };
+    rendered.file.concentration.iter().filter_map(even).collect()
+}
+
 /// Factors that make a component image show the scene of an experiment: `rendered` is the one that it was rendered from.
 ///
 /// # Errors
@@ -119,11 +131,6 @@ fn factors_of(
     let Some(rendered) = rendered else {
         return Ok(concentration_factors(&BTreeMap::new(), study, image)?);
     };
-    let even = |(name, factor): (&String, &ConcentrationFactor)| match factor {
-        ConcentrationFactor::Even(factor) => Some((name.clone(), *factor)),
-        ConcentrationFactor::Painted(_) => None,
-    };
-    let concentrations = rendered.file.concentration.iter().filter_map(even).collect();
     let rendered_study = match resolve_rendered(rendered, now, resolved)? {
         Some(study) => study,
         None => {
@@ -137,13 +144,45 @@ fn factors_of(
     if is_same {
         check_same_scene(&shown, study)?;
     }
-    Ok(concentration_factors(&concentrations, study, image)?.times(light.even))
+    Ok(concentration_factors(&even_factors(rendered), study, image)?.times(light.even))
+}
+
+/// The study of an experiment that shows the scene of a component image, without its surfaces, and the factors on the components:
+/// nothing is meshed. `None` where more has changed.
+fn without_surfaces(
+    rendered: &Parsed,
+    now: &Parsed,
+    image: &ComponentImage,
+) -> Result<Option<(Study, ComponentFactors)>, ViewError> {
+    let fluorophores: BTreeSet<&str> = image.components.iter().filter_map(fluorophore).collect();
+    let fluorophores: Vec<&str> = fluorophores.into_iter().collect();
+    let Some(CapturesOfRender { study, .. }) = resolve_captures(rendered, now, &fluorophores)? else {
+        return Ok(None);
+    };
+    let factors = concentration_factors(&even_factors(rendered), &study, image)?;
+    Ok(Some((study, factors)))
+}
+
+fn fluorophore(component: &Component) -> Option<&str> {
+    match &component.light {
+        LightPath::Fluorescence(name) => Some(name),
+        _ => None,
+    }
 }
 
 /// Why an image does not show what an experiment wants.
 enum ViewError {
     Experiment(ExperimentError),
     Pipeline(PipelineError),
+}
+
+impl ViewError {
+    fn raised(self, py: Python<'_>) -> PyErr {
+        match self {
+            Self::Experiment(error) => of_experiment(py, &error),
+            Self::Pipeline(error) => failed(error),
+        }
+    }
 }
 
 impl From<ExperimentError> for ViewError {
@@ -158,16 +197,107 @@ impl From<PipelineError> for ViewError {
     }
 }
 
-/// What the captures of an experiment see of a component image.
+/// Channel planes of some cameras, so that other exposures, drives and concentrations need no spectra.
+#[derive(Default)]
+pub(crate) struct KeptPlanes(Mutex<Vec<ChannelPlanes>>);
+
+impl KeptPlanes {
+    /// Cameras whose planes are kept.
+    const MOST: usize = 4;
+
+    /// The planes of the captures of a study. Maps of `factors` are applied here where the lens mixes pixels.
+    fn of_captures(
+        &self,
+        study: &Study,
+        image: &ComponentImage,
+        factors: &mut ComponentFactors,
+    ) -> Result<CapturePlanes, PipelineError> {
+        let CaptureResponses { responses, of_capture } =
+            CaptureResponses::new(study, &study.captures, image)?;
+        let film = responses.first().ok_or(PipelineError::Missing("captures"))?.film();
+        if factors.has_maps() && !responses.iter().all(FilmResponse::is_local) {
+            let rows = PreparedRows { rows: image, factors, width: image.width };
+            let all: Vec<&FilmResponse> = responses.iter().collect();
+            let Ok(planes) = FilmResponse::planes(&all, |_| true, &rows);
+            factors.maps.fill(None);
+            return Ok(CapturePlanes { planes, of_capture, film });
+        }
+        let kept = |camera: &str| {
+            self.0.lock().ok().and_then(|kept| kept.iter().find(|planes| planes.camera == camera).cloned())
+        };
+        let held: Vec<Option<ChannelPlanes>> =
+            responses.iter().map(|response| kept(response.camera())).collect();
+        let missing: Vec<&FilmResponse> = responses
+            .iter()
+            .zip(&held)
+            .filter(|(_, held)| held.is_none())
+            .map(|(response, _)| response)
+            .collect();
+        let formed = match missing.is_empty() {
+            true => Vec::new(),
+            false => {
+                let Ok(formed) = FilmResponse::planes(&missing, |_| true, image);
+                formed
+            }
+        };
+        if let Ok(mut kept) = self.0.lock() {
+            kept.extend(formed.iter().cloned());
+            let surplus = kept.len().saturating_sub(Self::MOST);
+            kept.drain(..surplus);
+        }
+        let mut formed = formed.into_iter();
+        let planes = held.into_iter().filter_map(|held| held.or_else(|| formed.next())).collect();
+        Ok(CapturePlanes { planes, of_capture, film })
+    }
+}
+
+/// A component image as the captures of a study see it.
 pub(crate) struct View {
+    study: Study,
     image: Arc<ComponentImage>,
     factors: ComponentFactors,
     planes: CapturePlanes,
 }
 
 impl View {
-    /// The view of the captures of an experiment.
-    pub(crate) fn new(
+    fn new(
+        study: Study,
+        image: Arc<ComponentImage>,
+        mut factors: ComponentFactors,
+        kept: &KeptPlanes,
+    ) -> Result<Self, ViewError> {
+        let planes = kept.of_captures(&study, &image, &mut factors)?;
+        if let Some(brightest) = planes.planes.first() {
+            scale_multiple(&mut factors, &image, brightest);
+        }
+        Ok(Self { study, image, factors, planes })
+    }
+
+    /// The view of the captures of an experiment, with its surfaces only where the scene has changed.
+    fn of_captures(
+        py: Python<'_>,
+        experiment: &Experiment,
+        components: &Components,
+        threads: Option<usize>,
+    ) -> PyResult<Self> {
+        if let Some(rendered) = &components.experiment {
+            let (image, rendered) = (components.image.clone(), rendered.get().parsed.clone());
+            let found = work_through(py, threads, || {
+                let Some((study, factors)) = without_surfaces(&rendered, &experiment.parsed, &image)? else {
+                    return Ok(None);
+                };
+                check_captures(&study, &image)?;
+                Self::new(study, image, factors, &components.planes).map(Some)
+            })?;
+            if let Some(found) = found.map_err(|error: ViewError| error.raised(py))? {
+                return Ok(found);
+            }
+        }
+        Self::whole(py, experiment, components, true, threads)
+    }
+
+    /// The view of an experiment with all its surfaces, as its analysis needs it.
+    pub(crate) fn whole(
         py: Python<'_>,
         experiment: &Experiment,
         components: &Components,
@@ -176,30 +306,32 @@ impl View {
     ) -> PyResult<Self> {
         let image = components.image.clone();
         let rendered = components.experiment.as_ref().map(|experiment| experiment.get().parsed.clone());
-        let (now, resolved) = (experiment.parsed.clone(), experiment.resolved(py, threads)?);
-        let made = work_through(py, threads, move || {
-            let study = &resolved.study;
-            check_captures(study, &image)?;
-            let mut factors = factors_of(rendered.as_deref(), &now, &resolved, &image, is_same)?;
-            let planes = CapturePlanes::new(study, &image)?;
-            if let Some(brightest) = planes.planes.first() {
-                scale_multiple(&mut factors, &image, brightest);
-            }
-            Ok::<_, ViewError>(Self { image, factors, planes })
+        let resolved = experiment.resolved(py, threads)?;
+        let made = work_through(py, threads, || {
+            check_captures(&resolved.study, &image)?;
+            let factors = factors_of(rendered.as_deref(), &experiment.parsed, &resolved, &image, is_same)?;
+            Self::new(resolved.study.clone(), image, factors, &components.planes)
         })?;
-        made.map_err(|error| match error {
-            ViewError::Experiment(error) => of_experiment(py, &error),
-            ViewError::Pipeline(error) => failed(error),
-        })
+        made.map_err(|error| error.raised(py))
     }
 
-    pub(crate) fn seen<'a>(&'a self, study: &'a Study) -> SeenComponents<'a> {
+    pub(crate) fn seen(&self) -> SeenComponents<'_> {
         SeenComponents {
             image: &self.image,
             planes: &self.planes,
-            captures: &study.captures,
+            captures: &self.study.captures,
             factors: &self.factors,
         }
+    }
+
+    fn frames(&self) -> Result<Vec<Frame>, PipelineError> {
+        let frames = capture_from_planes(&self.study, &self.seen())?;
+        let frame = |(captured, settings): (CapturedFrame, &Capture)| Frame {
+            preview: Some(preview(&captured.developed, &ColorRendering::of_frame(&self.study, settings))),
+            raw: captured.raw.clone(),
+            captured: Some(captured),
+        };
+        Ok(frames.into_iter().zip(&self.study.captures).map(frame).collect())
     }
 }
 
@@ -212,19 +344,8 @@ pub(crate) fn capture(
     threads: Option<usize>,
 ) -> PyResult<Vec<Frame>> {
     let py = experiment.py();
-    let resolved = experiment.get().resolved(py, threads)?;
-    let seen = View::new(py, experiment.get(), components.get(), true, threads)?;
-    let frames = work_through(py, threads, move || {
-        let study = &resolved.study;
-        let frames = capture_from_planes(study, &seen.seen(study))?;
-        let frame = |(captured, settings): (CapturedFrame, &fluorspar::study::Capture)| Frame {
-            preview: Some(preview(&captured.developed, &ColorRendering::of_frame(study, settings))),
-            raw: captured.raw.clone(),
-            captured: Some(captured),
-        };
-        Ok::<_, PipelineError>(frames.into_iter().zip(&study.captures).map(frame).collect())
-    })?;
-    frames.map_err(failed)
+    let view = View::of_captures(py, experiment.get(), components.get(), threads)?;
+    work_through(py, threads, || view.frames())?.map_err(failed)
 }
 
 /// A raw frame from a file: TIFF, PNG, DNG or packed.

@@ -11,6 +11,7 @@ use pyo3::prelude::*;
 use crate::components::Components;
 use crate::error::{RenderStopped, failed};
 use crate::experiment::Experiment;
+use crate::frame::KeptPlanes;
 use crate::process::work;
 
 /// Renders an experiment. `progress` is called with the paths done and all paths, some 50 times a second, in the calling thread.
@@ -74,6 +75,7 @@ pub(crate) fn render(
         image: Arc::new(image),
         provenance: Some(provenance),
         experiment: Some(experiment.clone().unbind()),
+        planes: KeptPlanes::default(),
     };
     let Some(raised) = raised else { return Ok(components) };
     if !raised.is_instance_of::<pyo3::exceptions::PyKeyboardInterrupt>(py) {
