@@ -17,6 +17,9 @@ use crate::experiment::Experiment;
 use crate::frame::{Frame, View};
 use crate::process::work_through;
 
+/// A map over the frame, `[row, col]`, and its name.
+type NamedMap<'py> = (&'static str, Bound<'py, PyArray2<f32>>);
+
 /// The analysis of a frame: numbers of its region as JSON, and maps.
 #[pyclass(frozen, module = "fluorspar._fluorspar")]
 pub(crate) struct FrameAnalysis {
@@ -34,15 +37,12 @@ impl FrameAnalysis {
     /// Maps of the porphyrin fraction of each pixel, `[row, col]`: its value, the ends of its interval, its detection limit; empty
     /// without porphyrin.
     #[getter]
-    fn porphyrin_maps<'py>(
-        &self,
-        py: Python<'py>,
-    ) -> PyResult<Vec<(&'static str, Bound<'py, PyArray2<f32>>)>> {
+    fn porphyrin_maps<'py>(&self, py: Python<'py>) -> PyResult<Vec<NamedMap<'py>>> {
         let Some(map) = &self.analyzed.porphyrin else { return Ok(Vec::new()) };
         let PorphyrinLayers { fraction, low, high, detection_limit } = map.layers();
         let layers =
             [("fraction", fraction), ("low", low), ("high", high), ("detection_limit", detection_limit)];
-        let array = |(name, values): (&'static str, Vec<f32>)| {
+        let array = |(name, values): (&'static str, Vec<f32>)| -> PyResult<NamedMap<'py>> {
             let array = Array2::from_shape_vec((map.height, map.width), values);
             let array = array.map_err(|error| PyValueError::new_err(error.to_string()))?;
             Ok((name, PyArray2::from_owned_array(py, array)))

@@ -27,6 +27,9 @@ pub(crate) struct Experiment {
     resolved: Mutex<Option<Arc<ResolvedExperiment>>>,
 }
 
+/// What an experiment is made of: text, name, folder and changes.
+type Parts = (String, String, PathBuf, Vec<String>);
+
 impl Experiment {
     pub(crate) fn new(
         py: Python<'_>,
@@ -158,10 +161,7 @@ impl Experiment {
         self.changes.clone()
     }
 
-    fn __reduce__<'py>(
-        &self,
-        py: Python<'py>,
-    ) -> PyResult<(Bound<'py, PyAny>, (String, String, PathBuf, Vec<String>))> {
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Parts)> {
         let make = py.get_type::<Self>().getattr("of_text")?;
         Ok((make, (self.text.clone(), self.name.clone(), self.base_dir.clone(), self.changes.clone())))
     }
