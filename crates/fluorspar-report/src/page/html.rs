@@ -18,7 +18,7 @@ const STYLE: &str = include_str!("style.css");
 /// Pictures narrower than this, px, are enlarged without smoothing, so that single pixels can be seen.
 const SMALL_PICTURE: u32 = 360;
 /// Width of a figure on a telephone, px: a screen of 390 less the margins of page and figure.
-const NARROW_FIGURE: f64 = 330.0;
+const NARROW_FIGURE: f64 = 304.0;
 
 impl ReportData {
     /// The report as a self-contained HTML page. Links lead to the files beside it; nothing is loaded from them.
