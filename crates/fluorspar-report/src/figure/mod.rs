@@ -270,20 +270,29 @@ impl Figure {
             let scale = (NARROW_PANEL / w).min(1.0);
             let flat = if panel.x.is_hidden() || w == h { scale } else { scale.max(0.7) };
             panel.size = [(w * scale).round(), (h * flat).round()];
+            // Beside a narrow panel there is no room for the name of its color bar.
+            if let Some(bar) = &mut panel.color_bar
+                && panel.title.is_empty()
+            {
+                panel.title = bar.axis.title();
+                (bar.axis.label, bar.axis.unit) = (String::new(), String::new());
+            }
             for series in &mut panel.series {
                 if let SeriesShape::Dots { points, .. } = &mut series.shape {
                     *points = points.iter().copied().step_by(3).collect();
                 }
             }
         }
-        // Ticks and color bars take room of their own.
-        let untitled = Self { title: String::new(), ..narrow.clone() };
-        let excess = (layout::lay_out(&untitled).width - width).max(0.0);
-        for panel in &mut narrow.panels {
-            let [w, h] = panel.size;
-            let smaller = (w - excess).max(0.4 * w);
-            let flat = if panel.x.is_hidden() || w == h { smaller / w } else { 1.0 };
-            panel.size = [smaller.round(), (h * flat).round()];
+        // Ticks and color bars take room of their own, and other ticks fit a smaller panel
+        for _ in 0..2 {
+            let untitled = Self { title: String::new(), ..narrow.clone() };
+            let excess = (layout::lay_out(&untitled).width - width).max(0.0);
+            for panel in &mut narrow.panels {
+                let [w, h] = panel.size;
+                let smaller = (w - excess).max(0.4 * w).floor();
+                let flat = if panel.x.is_hidden() || w == h { smaller / w } else { 1.0 };
+                panel.size = [smaller, (h * flat).round()];
+            }
         }
         narrow
     }
