@@ -24,8 +24,8 @@ pub use figure::{
     Series, SeriesShape,
 };
 pub use page::{
-    Answer, Contribution, Contributions, MapOverlay, Number, NumberMatrix, NumberTable, Origin, Overview,
-    ReportData, ReportItem, ReportPicture, Section, View, analysis_section, extract_experiment,
+    Answer, Contribution, Contributions, FrameView, MapOverlay, Number, NumberMatrix, NumberTable, Origin,
+    Overview, ReportData, ReportItem, ReportPicture, Section, analysis_section, extract_experiment,
 };
 pub use run::{
     FrameOrigin, NamedFigure, RunFolderError, RunReport, RunResults, dark_frames, name_target, run_report,

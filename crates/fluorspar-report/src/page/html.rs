@@ -320,8 +320,8 @@ fn write_matrix(html: &mut String, matrix: &NumberMatrix) {
 mod tests {
     use super::*;
     use crate::{
-        Answer, Axis, Contribution, Contributions, Ink, MapOverlay, NumberMatrix, Origin, Overview, Panel,
-        Series, View, extract_experiment,
+        Answer, Axis, Contribution, Contributions, FrameView, Ink, MapOverlay, NumberMatrix, Origin,
+        Overview, Panel, Series, extract_experiment,
     };
 
     fn hostile() -> ReportData {
@@ -331,7 +331,7 @@ mod tests {
             .with(Series::line(evil, Ink::Text, vec![[0.0, 0.0], [1.0, 1.0]]));
         let number = Number::computed(evil, evil, evil, evil).from(Origin::Assumed(evil.into()));
         let picture = ReportPicture { png: vec![1, 2, 3], title: evil.into(), caption: evil.into() };
-        let view = View {
+        let view = FrameView {
             name: evil.into(),
             png: vec![1],
             size: [4, 3],

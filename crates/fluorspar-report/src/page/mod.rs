@@ -14,6 +14,6 @@ pub use experiment::extract_experiment;
 pub(crate) use glossary::{glossary_section, plain_text};
 pub(crate) use html::{close_page, open_page, write_figure};
 pub use report_data::{
-    Answer, Contribution, Contributions, MapOverlay, Number, NumberMatrix, NumberTable, Origin, Overview,
-    ReportData, ReportItem, ReportPicture, Section, View,
+    Answer, Contribution, Contributions, FrameView, MapOverlay, Number, NumberMatrix, NumberTable, Origin,
+    Overview, ReportData, ReportItem, ReportPicture, Section,
 };

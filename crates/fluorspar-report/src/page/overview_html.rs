@@ -6,7 +6,7 @@ use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 
 use super::escape;
-use super::report_data::{Answer, Contribution, Contributions, MapOverlay, Number, Overview, View};
+use super::report_data::{Answer, Contribution, Contributions, FrameView, MapOverlay, Number, Overview};
 use crate::ColorMap;
 
 /// Most tabs that the style sheet knows.
@@ -69,7 +69,7 @@ fn classes(prefix: &str, tabs: &[usize]) -> String {
     tabs.iter().map(|tab| format!("{prefix}{tab}")).collect::<Vec<_>>().join(" ")
 }
 
-fn write_view(html: &mut String, view: &View, tabs: &str, map_tabs: &str) {
+fn write_view(html: &mut String, view: &FrameView, tabs: &str, map_tabs: &str) {
     let [width, height] = view.size;
     let _ = writeln!(
         html,
@@ -110,7 +110,7 @@ fn write_view(html: &mut String, view: &View, tabs: &str, map_tabs: &str) {
     html.push_str("</figcaption>\n</figure>\n");
 }
 
-fn write_outline(html: &mut String, view: &View) {
+fn write_outline(html: &mut String, view: &FrameView) {
     if view.outline.is_empty() {
         return;
     }

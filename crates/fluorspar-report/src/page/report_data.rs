@@ -29,7 +29,7 @@ pub struct ReportData {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Overview {
     /// Images, one at a time; the first one is shown first.
-    pub views: Vec<View>,
+    pub views: Vec<FrameView>,
     /// The estimate that the run was made for.
     pub answer: Option<Answer>,
     /// The numbers that decide whether the design works.
@@ -40,7 +40,7 @@ pub struct Overview {
 
 /// An image of the first screen.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct View {
+pub struct FrameView {
     /// Name on its tab.
     pub name: String,
     /// The image, PNG.

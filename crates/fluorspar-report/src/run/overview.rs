@@ -12,7 +12,7 @@ use super::words::{Words, capital};
 use super::{FrameOrigin, RunResults};
 use crate::figure::rgba_png;
 use crate::figures::ShareMap;
-use crate::{Answer, ColorMap, Contribution, Contributions, MapOverlay, Number, Overview, Raster, View};
+use crate::{Answer, ColorMap, Contribution, Contributions, FrameView, MapOverlay, Number, Overview, Raster};
 
 /// Changes of the share below it round to nothing.
 const LEAST_CHANGE: f64 = 5e-5;
@@ -30,7 +30,7 @@ pub(super) fn overview(run: &RunResults<'_>, words: &Words<'_>) -> Overview {
 }
 
 /// Images of the frames that have light, the analyzed one first.
-fn views(run: &RunResults<'_>, words: &Words<'_>) -> Vec<View> {
+fn views(run: &RunResults<'_>, words: &Words<'_>) -> Vec<FrameView> {
     let study = &run.experiment.study;
     let analyzed = run.evaluation.analysis.as_ref();
     let is_analyzed = |frame: &CapturedFrame| analyzed.is_some_and(|a| a.analysis.frame == frame.raw.label);
@@ -56,7 +56,7 @@ fn view(
     frame: &CapturedFrame,
     capture: &Capture,
     analyzed: Option<&AnalyzedFrame>,
-) -> Option<View> {
+) -> Option<FrameView> {
     let shown = for_display(&frame.developed, frame.raw.dn_per_electron);
     let mut image: Preview = preview(&shown.image, &ColorRendering::of_frame(&run.experiment.study, capture));
     // Noise of the last bits would be most of the page.
@@ -72,7 +72,7 @@ fn view(
     caption += ". As recorded:";
     let mut links = vec![("image".into(), format!("preview_{label}.png"))];
     links.extend(run.raw_ending.map(|ending| ("raw".into(), format!("raw_{label}.{ending}"))));
-    Some(View {
+    Some(FrameView {
         name: format!("Frame \"{label}\""),
         png,
         size: [image.width, image.height],
