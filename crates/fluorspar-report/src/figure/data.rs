@@ -38,8 +38,8 @@ impl Figure {
                 if points.len() < 3 || high == low {
                     continue;
                 }
-                let sentence =
-                    format!("{name}: highest at {} {}, {}", short(x), panel.x.unit, value(&panel.y, high));
+                let place = format!("{} {}", short(x), panel.x.unit);
+                let sentence = format!("{name}: highest at {}, {}", place.trim_end(), value(&panel.y, high));
                 if !words.contains(&sentence) {
                     words.push(sentence);
                 }

@@ -17,7 +17,7 @@ use crate::{Answer, ColorMap, Contribution, Contributions, FrameView, MapOverlay
 /// Changes of the share below it round to nothing.
 const LEAST_CHANGE: f64 = 5e-5;
 /// Contributions to the error that the first screen lists.
-const CONTRIBUTIONS: usize = 4;
+const CONTRIBUTIONS: usize = 3;
 
 /// The first screen.
 pub(super) fn overview(run: &RunResults<'_>, words: &Words<'_>) -> Overview {
@@ -185,7 +185,7 @@ fn answer(analysis: &Analysis, words: &Words<'_>) -> Option<Answer> {
             quantity: format!("{} share of the fluorescence, {region}", capital(&target)),
             value: format!("{:.3}", posterior.median),
             interval: format!(
-                "95 %: {low:.3} to {high:.3}, everything unknown included; none at all: {:.0} % probable",
+                "95 %: {low:.3} to {high:.3}, all included; none: {:.0} % probable",
                 100.0 * posterior.probability_of_none
             ),
             truth,
@@ -263,7 +263,7 @@ fn cards(run: &RunResults<'_>, words: &Words<'_>) -> Vec<Number> {
     };
     let mut cards = Vec::new();
     if let Some(analyzed) = analyzed {
-        cards.extend(detection_card(&analyzed.analysis, words));
+        cards.extend(detection_card(&analyzed.analysis));
         cards.extend(contrast_card(analyzed, words));
     }
     let leak =
@@ -292,13 +292,11 @@ fn cards(run: &RunResults<'_>, words: &Words<'_>) -> Vec<Number> {
 }
 
 /// The smallest share that is told from the blank.
-fn detection_card(analysis: &Analysis, words: &Words<'_>) -> Option<Number> {
-    let target = words.target();
+fn detection_card(analysis: &Analysis) -> Option<Number> {
     if let Some(budget) = &analysis.budget {
         let blank = format!("{:.4}", budget.blank).replace('-', "−");
-        let meaning = format!(
-            "{target} share beyond the blank ({blank}) that sensor noise misses in 5 % of frames, whole region"
-        );
+        let meaning =
+            format!("share of the region beyond the blank ({blank}) that noise hides in 5 % of frames");
         return Some(Number::computed(
             "Detection limit",
             format!("{:.4}", budget.detection_limit),
@@ -309,7 +307,7 @@ fn detection_card(analysis: &Analysis, words: &Words<'_>) -> Option<Number> {
     let estimate = analysis.mixture.as_ref()?.region?.estimate;
     // Currie 1968: 5 % of errors of either kind
     let limit = 2.0 * 1.645 * estimate.position_standard_error;
-    let meaning = format!("{target} share that sensor noise misses in 5 % of frames, whole region");
+    let meaning = "share of the region that sensor noise hides in 5 % of frames".to_owned();
     Some(Number::computed("Detection limit", format!("{limit:.4}"), "", meaning))
 }
 
@@ -380,10 +378,6 @@ fn assumed(run: &RunResults<'_>, words: &Words<'_>) -> Vec<String> {
     }
     if let Some(posterior) = run.evaluation.analysis.as_ref().and_then(|a| a.analysis.posterior.as_ref()) {
         sentences.push(format!("Tissue: {}.", posterior.prior));
-    }
-    let filters = &study.camera.view_filter.stack;
-    if filters != &Default::default() {
-        sentences.push("Filters block as deeply as their models say.".into());
     }
     sentences
 }

@@ -4,7 +4,7 @@ use fluorspar::pipeline::{CaptureSafety, SafetyReport, Viewer, ViewerSafety};
 use fluorspar::safety::{Assessment, Hazard, RiskGroup, RiskQuantity};
 
 use super::words::{Words, capital};
-use crate::{Number, NumberTable, Origin, ReportItem, Section};
+use crate::{Number, NumberTable, ReportItem, Section};
 
 /// Doses are counted over 8 hours.
 const DAY_S: f64 = 8.0 * 3600.0;
@@ -213,9 +213,7 @@ fn quantity_name(quantity: &str) -> String {
 fn viewer_rows(viewer: &ViewerSafety, light_on_s: f64, words: &Words<'_>) -> Vec<Number> {
     let who = capital(viewer_name(viewer.viewer, words));
     if let Some(reason) = &viewer.not_assessed {
-        return vec![
-            Number::computed(who, "no margin", "", reason.clone()).from(Origin::Assumed(reason.clone())),
-        ];
+        return vec![Number::computed(who, "no margin", "", reason.clone())];
     }
     let place = viewer.distance_mm.map_or_else(String::new, |mm| format!(" at {} mm", number(mm)));
     viewer
