@@ -16,7 +16,7 @@ use crate::message::with_answers_kept;
 
 /// What a command answered.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Answer {
+pub struct CommandAnswer {
     /// What the command prints on standard output: JSON with `--json`.
     pub text: String,
     /// Whether it ended with exit code 0; `validate` answers also where a case failed.
@@ -43,7 +43,7 @@ pub struct CommandFailure {
 /// let answer = fluorspar_cli::answer_of(["predict", "--json"].map(Into::into)).unwrap();
 /// assert!(answer.succeeded && answer.text.starts_with('{'));
 /// ```
-pub fn answer_of(args: impl IntoIterator<Item = OsString>) -> Result<Answer, CommandFailure> {
+pub fn answer_of(args: impl IntoIterator<Item = OsString>) -> Result<CommandAnswer, CommandFailure> {
     let words = std::iter::once(OsString::from("fluorspar")).chain(args);
     let args = match Args::try_parse_from(words) {
         Ok(args) => args,
@@ -51,11 +51,11 @@ pub fn answer_of(args: impl IntoIterator<Item = OsString>) -> Result<Answer, Com
             return Err(CommandFailure { code: WRONG_INPUT, message: said.to_string() });
         }
         // Help and version
-        Err(said) => return Ok(Answer { text: said.to_string(), succeeded: true }),
+        Err(said) => return Ok(CommandAnswer { text: said.to_string(), succeeded: true }),
     };
     let (ended, text) = with_answers_kept(|| crate::run_command(args.command.unwrap_or_default()));
     match ended {
-        Ok(code) => Ok(Answer { text, succeeded: code == ExitCode::SUCCESS }),
+        Ok(code) => Ok(CommandAnswer { text, succeeded: code == ExitCode::SUCCESS }),
         Err(error) => Err(failure(error)),
     }
 }

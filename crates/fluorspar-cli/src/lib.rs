@@ -28,7 +28,7 @@ use crate::args::{Args, Command};
 use crate::error::{CliError, FAILED, WRONG_INPUT};
 use crate::values::MOST_THREADS;
 
-pub use embedded::{Answer, CommandFailure, FoundExperiment, answer_of, find_experiment, stop};
+pub use embedded::{CommandAnswer, CommandFailure, FoundExperiment, answer_of, find_experiment, stop};
 
 /// Runs the command that a command line names, whose first word is the name of the program. What it says goes to standard error,
 /// what it answers to standard output. `before_render` is called before commands that render. Call it once in a process: it starts the
