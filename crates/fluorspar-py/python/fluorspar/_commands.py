@@ -178,9 +178,9 @@ def filters(name: str | os.PathLike[str]) -> Filter:
     return Filter(name)
 
 
-def presets(**options: Any) -> Record:
+def presets(**options: Any) -> Any:
     """The catalogue: lights, filters, reflectances, sensors, fluorophores, experiments, flat samples."""
-    return _record("presets", **options)
+    return command("presets", **options)
 
 
 def safety(source: Experiment | str | os.PathLike[str] | None = None, **options: Any) -> Record:
