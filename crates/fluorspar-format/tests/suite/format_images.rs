@@ -265,7 +265,10 @@ fn absurd_sizes_are_refused_before_memory_is_taken() {
     let mut bytes = fs::read(&path).unwrap();
     // Entries of 12 bytes follow their number; tag 256 is the width, its value the last four bytes.
     let directory = u32::from_le_bytes([bytes[4], bytes[5], bytes[6], bytes[7]]) as usize;
-    let at = (directory + 2..).step_by(12).find(|&at| bytes[at..at + 2] == [0, 1]).unwrap() + 8;
+    let value_of = |bytes: &[u8], tag: [u8; 2]| {
+        (directory + 2..).step_by(12).find(|&at| bytes[at..at + 2] == tag).unwrap() + 8
+    };
+    let (at, height) = (value_of(&bytes, [0, 1]), value_of(&bytes, [1, 1]));
     bytes[at..at + 4].copy_from_slice(&3_000_000_u32.to_le_bytes());
     fs::write(&path, &bytes).unwrap();
     assert_eq!(
@@ -275,9 +278,12 @@ fn absurd_sizes_are_refused_before_memory_is_taken() {
     );
 
     bytes[at..at + 4].copy_from_slice(&90_000_u32.to_le_bytes());
+    bytes[height..height + 4].copy_from_slice(&400_u32.to_le_bytes());
     fs::write(&path, &bytes).unwrap();
-    let expected =
-        "f.tiff: the header claims 720000 bytes of pixels in a file of 246 bytes. Was it copied completely?";
+    let expected = format!(
+        "f.tiff: the header claims 72000000 bytes of pixels in a file of {} bytes. Was it copied completely?",
+        bytes.len()
+    );
     assert_eq!(said(folder.path(), read_sensor_image(&path)), expected);
 
     let path = folder.path().join("t.png");
