@@ -2,7 +2,7 @@
 //! Rust crates; names, units and everything that draws or waits are those of the Python package around it.
 //!
 //! Every class is frozen, so that threads share its objects; the interpreter runs on while Rust works. Arrays are views of the
-//! values where they lie ([`view`]).
+//! values where they lie (`view.rs`).
 
 mod analysis;
 mod command;
