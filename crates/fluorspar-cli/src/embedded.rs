@@ -34,10 +34,10 @@ pub struct CommandFailure {
 }
 
 /// Runs the command of a command line without the name of the program, in the rayon pool of the calling thread, and returns what it
-/// would have printed on standard output. Messages go to standard error, as those of the program; `--threads` has no effect.
+/// would have printed on standard output. Messages go to standard error, as those of the program.
 ///
 /// # Errors
-/// Those of the command, with its exit code.
+/// Those of the command, with its exit code; `--threads`, `--verbose` and `--no-cache`, which are settings of a whole process.
 ///
 /// ```
 /// let answer = fluorspar_cli::answer_of(["predict", "--json"].map(Into::into)).unwrap();
@@ -53,6 +53,12 @@ pub fn answer_of(args: impl IntoIterator<Item = OsString>) -> Result<CommandAnsw
         // Help and version
         Err(said) => return Ok(CommandAnswer { text: said.to_string(), succeeded: true }),
     };
+    if args.threads.is_some() || args.verbose || args.no_cache {
+        let message = "--threads, --verbose and --no-cache are options of the program, not of a command within another one";
+        return Err(CommandFailure { code: WRONG_INPUT, message: message.into() });
+    }
+    // A time limit of an earlier command has stopped that one
+    stop(false);
     let (ended, text) = with_answers_kept(|| crate::run_command(args.command.unwrap_or_default()));
     match ended {
         Ok(code) => Ok(CommandAnswer { text, succeeded: code == ExitCode::SUCCESS }),
@@ -84,6 +90,15 @@ pub fn find_experiment(name: &str) -> Result<FoundExperiment, CommandFailure> {
 fn failure(error: CliError) -> CommandFailure {
     let known = [WRONG_INPUT, FAILED].into_iter().find(|code| error.exit_code() == ExitCode::from(*code));
     CommandFailure { code: known.unwrap_or(STOPPED), message: error.to_string() }
+}
+
+/// Lets all work of this process use the user's cache, and the folder that `FLUORSPAR_CATALOGUE` names beside the catalogue, as the
+/// program does.
+///
+/// # Errors
+/// A folder that is none, or holds what is no entry.
+pub fn use_surroundings() -> Result<(), CommandFailure> {
+    crate::surroundings(true).map_err(failure)
 }
 
 /// Asks commands in other threads of this process to stop, or takes the request back.

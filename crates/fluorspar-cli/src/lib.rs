@@ -28,7 +28,9 @@ use crate::args::{Args, Command};
 use crate::error::{CliError, FAILED, WRONG_INPUT};
 use crate::values::MOST_THREADS;
 
-pub use embedded::{CommandAnswer, CommandFailure, FoundExperiment, answer_of, find_experiment, stop};
+pub use embedded::{
+    CommandAnswer, CommandFailure, FoundExperiment, answer_of, find_experiment, stop, use_surroundings,
+};
 
 /// Runs the command that a command line names, whose first word is the name of the program. What it says goes to standard error,
 /// what it answers to standard output. `before_render` is called before commands that render. Call it once in a process: it starts the
@@ -114,13 +116,19 @@ fn run(args: Args) -> Result<ExitCode, CliError> {
         message::be_verbose();
     }
     interrupt::catch_interrupts();
-    if let (false, Some(cache)) = (args.no_cache, Cache::of_user()) {
+    surroundings(!args.no_cache)?;
+    run_command(args.command.unwrap_or_default())
+}
+
+/// Uses the user's cache, if it is wanted, and the user's folder of spectra and sensors, if the environment names one.
+fn surroundings(keeps: bool) -> Result<(), CliError> {
+    if let (true, Some(cache)) = (keeps, Cache::of_user()) {
         use_cache(cache);
     }
     if let Some(folder) = std::env::var_os("FLUORSPAR_CATALOGUE").filter(|folder| !folder.is_empty()) {
         use_catalogue(Path::new(&folder))?;
     }
-    run_command(args.command.unwrap_or_default())
+    Ok(())
 }
 
 fn run_command(command: Command) -> Result<ExitCode, CliError> {

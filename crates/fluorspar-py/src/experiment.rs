@@ -12,7 +12,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict, PyFloat, PyInt, PyList, PyString, PyTuple};
 
 use crate::error::{failed, of_command, of_experiment};
-use crate::process::work_through;
+use crate::process::{prepare, work_through};
 
 /// An experiment: a text in TOML with changes on top. It never changes; `set` gives another one.
 #[pyclass(frozen, module = "fluorspar._fluorspar")]
@@ -38,6 +38,7 @@ impl Experiment {
         base_dir: PathBuf,
         changes: Vec<String>,
     ) -> PyResult<Self> {
+        prepare(py)?;
         let parsed = py.detach(|| parse(&text, &name, &base_dir, &changes));
         let parsed = Arc::new(parsed.map_err(|error| of_experiment(py, &error))?);
         Ok(Self { text, name, base_dir, changes, parsed, resolved: Mutex::new(None) })

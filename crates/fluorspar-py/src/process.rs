@@ -6,10 +6,11 @@ use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
+use fluorspar_cli::CommandFailure;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
-use crate::error::failed;
+use crate::error::{failed, of_command};
 
 /// The process that imported the module.
 static IMPORTED_BY: OnceLock<u32> = OnceLock::new();
@@ -20,6 +21,16 @@ const PERIOD: Duration = Duration::from_millis(20);
 /// Remembers the process that imports the module.
 pub(crate) fn remember() {
     IMPORTED_BY.get_or_init(std::process::id);
+}
+
+/// Uses the cache and the catalogue of the user, once.
+///
+/// # Errors
+/// A folder of the environment that is no catalogue.
+pub(crate) fn prepare(py: Python<'_>) -> PyResult<()> {
+    static PREPARED: OnceLock<Result<(), CommandFailure>> = OnceLock::new();
+    let prepared = PREPARED.get_or_init(fluorspar_cli::use_surroundings);
+    prepared.as_ref().map(|()| ()).map_err(|failure| of_command(py, failure))
 }
 
 /// Refuses to work in a child that was forked: threads of the parent are not there, and their locks may be held.
@@ -57,6 +68,7 @@ pub(crate) fn work<T: Send>(
     mut tell: impl FnMut(Python<'_>) -> PyResult<()>,
 ) -> PyResult<(T, Option<PyErr>)> {
     check_not_forked()?;
+    prepare(py)?;
     let count = thread_count(threads)?;
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(count)

@@ -39,3 +39,5 @@ def test_errors_have_the_exit_code_of_the_program() -> None:
     with pytest.raises(fs.FluorsparError) as raised:
         fs.command("tissue", "shwo", "lip")
     assert raised.value.code == 2
+    with pytest.raises(fs.FluorsparError, match="--no-cache"):
+        fs.command("tissue", "list", no_cache=True)

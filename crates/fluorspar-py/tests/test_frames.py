@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import pickle
 
 import numpy as np
 import pytest
@@ -50,11 +51,40 @@ def test_views_of_frames_are_read_only(mouth, components) -> None:
         fs.capture(mouth, components)["whit"]
 
 
+def _green(analysis: fs.Analysis) -> dict[str, float]:
+    return {"green": analysis.channels[1].statistics.mean}
+
+
+class _Client:
+    """Does at once what a Dask client does in other processes: what it gets and gives goes through pickle."""
+
+    def scatter(self, value, broadcast):
+        return value
+
+    def submit(self, work, *arguments, pure):
+        work, arguments = pickle.loads(pickle.dumps((work, arguments)))
+        return pickle.dumps(work(*arguments))
+
+    def gather(self, futures):
+        return [pickle.loads(future) for future in futures]
+
+
+def test_a_client_gives_the_same_sweep_and_analyses_pickle(mouth, components) -> None:
+    pytest.importorskip("xarray")
+    values = {"capture.blue.exposure_ms": [10.0, 20.0]}
+    here = fs.sweep(mouth, values, components=components, result=_green)
+    there = fs.sweep(mouth, values, components=components, result=_green, client=_Client())
+    assert here.identical(there)
+    analysis = fs.analyze(mouth, fs.capture(mouth, components), components=components)
+    again = pickle.loads(pickle.dumps(analysis))
+    assert again == analysis and isinstance(again.mixture, fs.Record)
+    np.testing.assert_array_equal(again.porphyrin_maps["fraction"], analysis.porphyrin_maps["fraction"])
+
+
 def test_a_sweep_is_a_dataset(mouth, components) -> None:
     pytest.importorskip("xarray")
     exposures = [10.0, 20.0, 40.0]
-    pick = lambda analysis: {"green": analysis.channels[1].statistics.mean}  # noqa: E731
-    found = fs.sweep(mouth, {"capture.blue.exposure_ms": exposures}, components=components, result=pick)
+    found = fs.sweep(mouth, {"capture.blue.exposure_ms": exposures}, components=components, result=_green)
     green = found.green.values
     assert found.green.dims == ("capture.blue.exposure_ms",)
     np.testing.assert_allclose(green[1:] / green[:-1], 2.0, rtol=0.02)

@@ -107,12 +107,12 @@ class Frames(Mapping[str, Frame]):
 class Analysis(Record):
     """The numbers of the analyzed region, as ``analyze --json`` prints them, and maps over the frame."""
 
-    _native: _fluorspar.FrameAnalysis
+    _maps: dict[str, NDArray[np.float32]]
 
     @property
     def porphyrin_maps(self) -> dict[str, NDArray[np.float32]]:
-        """Porphyrin fraction of each pixel, ends of its interval and its detection limit, ``[row, col]``."""
-        return dict(self._native.porphyrin_maps)
+        """Porphyrin fraction of each pixel, ends of its interval and its detection limit, ``[row, col]``; NaN outside the region."""
+        return self._maps
 
 
 def capture(experiment: Experiment, components: Components, *, threads: int | None = None, **changes: Any) -> Frames:
@@ -148,5 +148,5 @@ def analyze(
     if native is None:
         raise _fluorspar.FluorsparError("the experiment has no [analysis] section; add one")
     analysis = Analysis(Record.of_json(native.json))
-    object.__setattr__(analysis, "_native", native)
+    analysis._maps = dict(native.porphyrin_maps)
     return analysis

@@ -14,11 +14,17 @@ if TYPE_CHECKING:
     import xarray
 
 
-def _analysis_of(experiment: Experiment, components: Components | None, threads: int | None) -> Analysis:
-    """The analysis of one experiment, of a finished render or of a new one."""
+def _numbers_of(
+    experiment: Experiment,
+    components: Components | None,
+    result: Callable[[Analysis], Mapping[str, float]] | None,
+    threads: int | None,
+) -> dict[str, float]:
+    """Numbers of the analysis of one experiment, of a finished render or of a new one."""
     rendered = components or render(experiment, threads=threads, progress=None)
     shots = capture(experiment, rendered, threads=threads)
-    return analyze(experiment, shots, components=rendered, threads=threads)
+    analysis = analyze(experiment, shots, components=rendered, threads=threads)
+    return dict(result(analysis)) if result else _numbers(analysis)
 
 
 def _numbers(value: Any, path: str = "") -> dict[str, float]:
@@ -60,12 +66,11 @@ def sweep(
             changed = changed.set(path, value)
         experiments.append(changed)
     if client is None:
-        analyses = [_analysis_of(changed, components, threads) for changed in experiments]
+        found = [_numbers_of(changed, components, result, threads) for changed in experiments]
     else:
         shared = client.scatter(components, broadcast=True) if components is not None else None
-        futures = [client.submit(_analysis_of, changed, shared, threads, pure=False) for changed in experiments]
-        analyses = client.gather(futures)
-    found = [dict(result(analysis)) if result else _numbers(analysis) for analysis in analyses]
+        futures = [client.submit(_numbers_of, changed, shared, result, threads, pure=False) for changed in experiments]
+        found = client.gather(futures)
     names = [name for name in found[0] if all(name in numbers for numbers in found)] if found else []
     shape = tuple(len(choices) for choices in values.values())
     dims = tuple(values)
