@@ -1,6 +1,6 @@
 //! Claims on work that several processes share.
 
-use std::fs::{self, File, OpenOptions};
+use std::fs::{self, File, OpenOptions, TryLockError};
 use std::path::{Path, PathBuf};
 
 use super::paths::parent_of;
@@ -18,12 +18,16 @@ impl Claim {
     /// Claims the work of a file, whose folder is made where it is missing; `None` while another process holds it.
     ///
     /// # Errors
-    /// What the system reports.
+    /// What the system reports, as of a file system without locks.
     pub fn take(path: &Path) -> Result<Option<Self>, FormatError> {
         let failed = |source| FormatError::io(path, "create", source);
         fs::create_dir_all(parent_of(path)).map_err(failed)?;
         let file = OpenOptions::new().create(true).append(true).open(path).map_err(failed)?;
-        Ok(file.try_lock().is_ok().then(|| Self { path: path.into(), _lock: file }))
+        match file.try_lock() {
+            Ok(()) => Ok(Some(Self { path: path.into(), _lock: file })),
+            Err(TryLockError::WouldBlock) => Ok(None),
+            Err(TryLockError::Error(source)) => Err(FormatError::io(path, "lock", source)),
+        }
     }
 }
 
