@@ -208,7 +208,7 @@ struct SourcePrior {
 const LEAK: &str = "leaked_light";
 const GLOSS_NAME: &str = "gloss";
 const TEETH_NAME: &str = "light_of_teeth";
-const MIRRORED_NAME: &str = "light_of_teeth,_mirrored";
+const MIRRORED_NAME: &str = "mirrored_light_of_teeth";
 /// The porphyrin of the sites.
 const PORPHYRIN: &str = "biofilm_porphyrin";
 
@@ -237,7 +237,9 @@ fn source_prior(name: &str, prior: &TissuePrior, population: &Population) -> Sou
     let teeth = Surroundings::of(&prior.site).teeth;
     let (group, median, log_sd, fluorescent) = match name {
         TEETH_NAME => (NuisanceGroup::Surroundings, teeth[0], prior.width * teeth[1], false),
-        MIRRORED_NAME => (NuisanceGroup::Surroundings, MIRRORED[0] * teeth[0], MIRRORED[1], false),
+        MIRRORED_NAME => {
+            (NuisanceGroup::Surroundings, MIRRORED[0] * teeth[0], prior.width * MIRRORED[1], false)
+        }
         LEAK => (NuisanceGroup::Leak, 1.0, LEAK_LOG_SD, false),
         GLOSS_NAME => (NuisanceGroup::Leak, GLOSS[0], GLOSS[1], false),
         PORPHYRIN => (NuisanceGroup::Fluorophores, 1.0, PORPHYRIN_LOG_SD, true),
