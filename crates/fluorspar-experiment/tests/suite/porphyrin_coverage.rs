@@ -225,7 +225,7 @@ fn sources(Optics { reflectance, emission }: &Optics, lights: &[&str]) -> Source
         let of_teeth = of_teeth.reduce(|a, b| a.iter().zip(b).map(|(a, b)| a + b).collect()).unwrap();
         let reflected_teeth = of_teeth.iter().zip(reflectance).map(|(l, r)| l * r).collect();
         radiances.insert("light of teeth".into(), reflected_teeth);
-        radiances.insert("light of teeth, mirrored".into(), of_teeth);
+        radiances.insert("mirrored light of teeth".into(), of_teeth);
         for (photons, nm) in radiances.values_mut().flat_map(|spectrum| spectrum.iter_mut().zip(&bands)) {
             *photons /= photons_per_joule(*nm) * std::f64::consts::PI;
         }
@@ -250,7 +250,7 @@ fn sources(Optics { reflectance, emission }: &Optics, lights: &[&str]) -> Source
 
 /// Light that does not fluoresce in the tissue.
 fn is_of_surroundings(source: &str) -> bool {
-    source == "leaked light" || source == "gloss" || source.starts_with("light of teeth")
+    source == "leaked light" || source == "gloss" || source.ends_with("light of teeth")
 }
 
 /// One measurement.
