@@ -30,7 +30,10 @@ pub(crate) fn remember() {
 pub(crate) fn prepare(py: Python<'_>) -> PyResult<()> {
     static PREPARED: OnceLock<Result<(), CommandFailure>> = OnceLock::new();
     let prepared = PREPARED.get_or_init(fluorspar_cli::use_surroundings);
-    prepared.as_ref().map(|()| ()).map_err(|failure| of_command(py, failure))
+    match prepared {
+        Ok(()) => Ok(()),
+        Err(failure) => Err(of_command(py, failure)),
+    }
 }
 
 /// Refuses to work in a child that was forked: threads of the parent are not there, and their locks may be held.
