@@ -157,7 +157,7 @@ impl OutputFolder {
         for left in left_over(&parent, &name, REPLACED) {
             if left != old {
                 // Results that were replaced by a process that was killed then; they may hold what is not ours.
-                let _ = remove_listed(&left);
+                let _ = remove_replaced(&left);
             }
         }
         removed.map_err(|error| FormatError::Failed {
@@ -228,7 +228,7 @@ impl OutputFolder {
         self.done = true;
         self.lock = None;
         sync_folder(parent)?;
-        Ok(remove_listed(old))
+        Ok(remove_replaced(old))
     }
 
     /// From here on nothing is removed; waits until the new name is on the disk.
@@ -435,6 +435,18 @@ fn remove_listed(folder: &Path) -> io::Result<()> {
     remove_empty(folder)
 }
 
+/// Removes replaced results like [`remove_listed`]. Processes that replace results in one place at the same time find each
+/// other's: the one that comes second waits, and finds nothing left to do.
+fn remove_replaced(folder: &Path) -> io::Result<()> {
+    let held = match File::open(folder) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(()),
+        opened => opened?,
+    };
+    // A file system without locks has none to wait for.
+    let _ = held.lock();
+    if folder.exists() { remove_listed(folder) } else { Ok(()) }
+}
+
 /// Removes a folder that holds nothing but empty folders.
 fn remove_empty(folder: &Path) -> io::Result<()> {
     for entry in fs::read_dir(folder)? {
@@ -449,6 +461,28 @@ fn remove_empty(folder: &Path) -> io::Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn several_that_remove_one_folder_all_find_it_gone() {
+        let around = tempfile::tempdir().unwrap();
+        let folder = around.path().join("replaced");
+        fs::create_dir(&folder).unwrap();
+        for number in 0..300 {
+            fs::write(folder.join(format!("{number}.txt")), "x").unwrap();
+        }
+        write_list(&folder).unwrap();
+        let start = std::sync::Barrier::new(4);
+        let removed: Vec<_> = std::thread::scope(|scope| {
+            let remove = || {
+                start.wait();
+                remove_replaced(&folder)
+            };
+            let all = [(); 4].map(|()| scope.spawn(remove));
+            all.into_iter().map(|thread| thread.join().unwrap()).collect()
+        });
+        assert!(removed.iter().all(Result::is_ok), "{removed:?}");
+        assert!(!folder.exists());
+    }
 
     /// A folder of format 1 as it was written, kept among the fixtures.
     #[test]
