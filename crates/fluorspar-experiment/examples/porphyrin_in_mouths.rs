@@ -167,8 +167,11 @@ impl Mouth {
                 sensor.model().image_prnu_percent() / 100.0,
                 k * sensor.model().image_dsnu_electrons(),
             );
-            let usable = region.pixels.iter().copied().filter(|&pixel| !image.saturated[pixel]);
-            let Some([mean, of_mean]) = mean_of_pixels(image, usable, &noise, None)? else { return Ok(None) };
+            let usable: Vec<usize> =
+                region.pixels.iter().copied().filter(|&pixel| !image.saturated[pixel]).collect();
+            let Some([mean, of_mean]) = mean_of_pixels(image, &usable, &noise, None)? else {
+                return Ok(None);
+            };
             let scale = TIME_S / time_s / k;
             electrons.extend(mean.map(|dn| scale * dn));
             variance.extend(of_mean.map(|dn2| scale * scale * dn2));
@@ -200,9 +203,11 @@ fn family(study: &Study, site: &str, frames: &[&str], width: f64) -> Fallible<Li
         let light = study.scene.lights.iter().find(|light| light.group == group).ok_or("a light")?;
         let spectrum = light.whole_spectrum();
         let irradiance = spectrum.scaled(1000.0 / spectrum.total());
+        let camera = CameraResponse::new(&lens, sensor, grid, None);
         Ok(FamilyFrame {
             label: (*label).to_owned(),
-            camera: CameraResponse::new(&lens, sensor, grid, None),
+            channels: camera.seeing_channels(),
+            camera,
             camera_of_reflected: CameraResponse::new(&lens, sensor, grid, Some(&irradiance)),
             irradiance,
             time_s: TIME_S,
@@ -327,10 +332,10 @@ fn of_region(
         let amount =
             if draw % 2 == 0 { 0.0 } else { scale * (family.porphyrin.log_sd * normal(key.with(10))).exp() };
         let Some([mut electrons, variance]) = mouth.measured(region, amount, key)? else { continue };
-        // Errors of the library: by channel, and by channel and frame
-        for (datum, value) in electrons.iter_mut().enumerate() {
-            let of_channel = family.common_error * normal(key.with(20 + family.channel_of[datum] as u64));
-            *value *= (of_channel + family.common_error * normal(key.with(30 + datum as u64))).exp();
+        let nuisances: Vec<f64> =
+            (0..family.nuisances().len()).map(|place| normal(key.with(20 + place as u64))).collect();
+        for (value, factor) in electrons.iter_mut().zip(family.library_factors(&nuisances)) {
+            *value *= factor;
         }
         let odds = amount * log_odds(light).exp();
         let truth = odds / (1.0 + odds);

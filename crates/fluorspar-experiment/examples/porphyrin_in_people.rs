@@ -2,9 +2,11 @@
 //!
 //! `cargo run --release -p fluorspar-experiment --example porphyrin_in_people -- FOLDER`
 //!
-//! FOLDER holds `tissue/` and `lights/` of the reference data, which do not ship. Each measured spectrum, 500 to 700 nm behind its
-//! long-pass, goes to a consumer sensor; a thousand pixels are averaged. The lamp, its leak through the filter, the filter and the
-//! sensor are known; the person is not. One line per lamp, then pairs of records of one person and day under two lamps.
+//! FOLDER holds `tissue/`, `lights/`, `fluorophores/` and `blood/` of the reference data, which do not ship. Each measured
+//! spectrum, 500 to 700 nm behind its long-pass, goes to sensors of three, four, eight and sixteen channels; a thousand pixels are
+//! averaged. The lamp, its leak through the filter, the filter and the sensor are known; the person is not. One line for each lamp,
+//! then for pairs of records of one person and day under two lamps. Tongues are compared with a fit of their spectra that knows no
+//! sensor: the five terms and the blood with which the authors of the data describe them.
 
 #![allow(clippy::print_stdout, reason = "printing is what the example is for")]
 
@@ -14,14 +16,14 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use fluorspar::analysis::{LightFamily, SharePosterior};
+use fluorspar::analysis::{LightFamily, SharePosterior, fit_attenuated};
 use fluorspar::optics::IdealLens;
 use fluorspar::pipeline::{CameraResponse, FamilyFrame, tissue_family};
 use fluorspar::sensor::{Sensor, SensorModel, SpectralQe};
 use fluorspar::spectral::{Curve, WavelengthGrid};
 use fluorspar::study::TissuePrior;
 use fluorspar::tissue::{KeptSolutions, Site};
-use fluorspar_experiment::preset;
+use fluorspar_experiment::{DEFAULT_SAMPLE, parse_sample, preset};
 
 type Fallible<T> = Result<T, Box<dyn Error>>;
 
@@ -101,20 +103,51 @@ fn lamp(folder: &Path, name: &str, filter: &Curve) -> Fallible<Lamp> {
     Ok(lamp)
 }
 
-/// The sensor behind a lens with a filter, for light of 500 to 700 nm.
-fn camera(filter: &Curve, light: Option<&Curve>, grid: &WavelengthGrid) -> Fallible<CameraResponse> {
-    let qe = SpectralQe::from_curves(preset::quantum_efficiency("consumer_rgb_cmos")?.channels()?)?;
-    let sensor = Sensor::new(SensorModel::default(), qe)?;
-    let transmittance = filter.clipped(BAND_NM[0], BAND_NM[1]);
-    let lens = IdealLens { transmittance, ..IdealLens::new(8.0, 2.0) };
-    Ok(CameraResponse::new(&lens, &sensor, grid, light))
+/// The paper's sensor with a quantum efficiency that stands for its own, which is not public.
+const RGB: &str = "lyu_2021_table_1";
+const SENSORS: [&str; 4] = [RGB, "rgb_nir_3um", "multispectral_8_band", "multispectral_16_band"];
+
+/// A sensor of the catalogue.
+fn sensor(name: &str) -> Fallible<Sensor> {
+    if name == RGB {
+        let qe = SpectralQe::from_curves(preset::quantum_efficiency("consumer_rgb_cmos")?.channels()?)?;
+        return Ok(Sensor::new(SensorModel::default(), qe)?);
+    }
+    let sample = preset::sample(DEFAULT_SAMPLE)?.text;
+    let text: Vec<&str> = sample.lines().filter(|line| !line.starts_with("quantum_efficiency")).collect();
+    let change = format!("sensor.preset=\"{name}\"");
+    let sample = parse_sample(&text.join("\n"), DEFAULT_SAMPLE, Path::new("."), &[change])?.sample;
+    Ok(sample.camera.sensor.ok_or("a sensor")?)
 }
 
-/// A measured spectrum as electrons of R, G and B, per unit of the lamp.
+/// A sensor behind a lens with a filter, for light of 500 to 700 nm.
+fn camera(sensor: &Sensor, filter: &Curve, light: Option<&Curve>, grid: &WavelengthGrid) -> CameraResponse {
+    let transmittance = filter.clipped(BAND_NM[0], BAND_NM[1]);
+    let lens = IdealLens { transmittance, ..IdealLens::new(8.0, 2.0) };
+    CameraResponse::new(&lens, sensor, grid, light)
+}
+
+/// A measured spectrum.
 struct Record {
     person_and_day: String,
     lamp: &'static str,
-    electrons: Vec<f64>,
+    /// Radiance per unit of the lamp, W/(sr m² nm).
+    radiance: Vec<f64>,
+    /// Spectrum of 500 to 700 nm, 1 at 520 nm.
+    shape: Vec<f64>,
+}
+
+impl Record {
+    /// Electrons of the channels of a bare camera (the filter is in the measurement already), and the variance of their means.
+    fn electrons(&self, bare: &CameraResponse) -> [Vec<f64>; 2] {
+        let channels = bare.seeing_channels();
+        let share = 1.0 / bare.channels().len() as f64;
+        let electrons: Vec<f64> =
+            channels.iter().map(|c| bare.channel_electrons(*c, &self.radiance, TIME_S)).collect();
+        let pixels = if bare.rgb().is_some() { 0.25 * PIXELS } else { share * PIXELS };
+        let variance = electrons.iter().map(|e| (e + 190.0 + (0.02 * e).powi(2)) / pixels).collect();
+        [electrons, variance]
+    }
 }
 
 /// People before they ate.
@@ -129,9 +162,6 @@ fn records(
 ) -> Fallible<Vec<Record>> {
     let columns = spectra(&folder.join("tissue/oe_tongue_lip_fluorescence.csv"))?;
     let rows = index(&folder.join("tissue/oe_tongue_lip_fluorescence_index.csv"))?;
-    // The filter is in the measurement already
-    let bare = camera(&Curve::constant(1.0), None, grid)?;
-    let rgb = bare.rgb().ok_or("R, G and B")?;
     let mut found = Vec::new();
     for row in rows.iter().filter(|row| row["site"] == place && row["flag"].is_empty()) {
         let Some(name) = LAMPS.iter().find(|name| **name == row["led_nm"]) else { continue };
@@ -140,10 +170,12 @@ fn records(
         if !PEOPLE.contains(&row["subject"].as_str()) {
             continue;
         }
-        let radiance: Vec<f64> = curve.bin_averages(grid).iter().map(|l| l / lamp.level(current)).collect();
-        let electrons = rgb.map(|channel| bare.channel_electrons(channel, &radiance, TIME_S)).to_vec();
-        let person_and_day = format!("{} {}", row["subject"], row["date"]);
-        found.push(Record { person_and_day, lamp: name, electrons });
+        found.push(Record {
+            person_and_day: format!("{} {}", row["subject"], row["date"]),
+            lamp: name,
+            radiance: curve.bin_averages(grid).iter().map(|l| l / lamp.level(current)).collect(),
+            shape: fitted_nm().map(|nm| curve.at(nm) / curve.at(520.0)).collect(),
+        });
     }
     Ok(found)
 }
@@ -151,6 +183,7 @@ fn records(
 fn family(
     site: &str,
     lamps: &[(&str, &Lamp)],
+    sensor: &Sensor,
     filter: &Curve,
     grid: &WavelengthGrid,
 ) -> Fallible<LightFamily> {
@@ -163,17 +196,68 @@ fn family(
     let (width, library_error) = (TissuePrior::WIDTH, TissuePrior::LIBRARY_ERROR);
     let kept = KeptSolutions::default();
     let prior = TissuePrior { site, fluorophores, width, library_error, surroundings: false, kept };
-    let frame = |(name, lamp): &(&str, &Lamp)| -> Fallible<FamilyFrame> {
-        Ok(FamilyFrame {
-            label: (*name).into(),
-            irradiance: lamp.irradiance.clone(),
-            camera: camera(filter, None, grid)?,
-            camera_of_reflected: camera(filter, Some(&lamp.irradiance), grid)?,
-            time_s: TIME_S,
-        })
+    let frame = |(name, lamp): &(&str, &Lamp)| FamilyFrame {
+        label: (*name).into(),
+        irradiance: lamp.irradiance.clone(),
+        // As that of the data, which hold the filter already
+        channels: camera(sensor, &Curve::constant(1.0), None, grid).seeing_channels(),
+        camera: camera(sensor, filter, None, grid),
+        camera_of_reflected: camera(sensor, filter, Some(&lamp.irradiance), grid),
+        time_s: TIME_S,
     };
-    let frames = lamps.iter().map(frame).collect::<Fallible<Vec<_>>>()?;
+    let frames: Vec<FamilyFrame> = lamps.iter().map(frame).collect();
     Ok(tissue_family(&prior, &frames, grid)?)
+}
+
+/// The terms with which the authors of the data describe their spectra: collagen below blood, FAD, porphyrin, chlorophyll, and a broad
+/// band, center and standard deviation in nm.
+struct SpectralFit {
+    terms: Vec<Vec<f64>>,
+    extinction: Vec<f64>,
+}
+
+const TERMS: [&str; 4] = ["collagen1_smooth", "fad_webfluor", "porphyrinbjurshammar", "chlorophylla_7"];
+const PORPHYRIN: usize = 2;
+const BROAD_NM: [f64; 2] = [425.1, 386.7];
+/// Distance over which residuals of a fit go together, nm: they are smooth, not noise.
+const CORRELATION_NM: f64 = 20.0;
+const STEP_NM: f64 = 2.0;
+
+fn fitted_nm() -> impl Iterator<Item = f64> + Clone {
+    (0..=100).map(|i| BAND_NM[0] + STEP_NM * f64::from(i))
+}
+
+impl SpectralFit {
+    fn read(folder: &Path) -> Fallible<Self> {
+        let at = |curve: &Curve| -> Vec<f64> { fitted_nm().map(|nm| curve.at(nm)).collect() };
+        let mut terms = Vec::new();
+        for name in TERMS {
+            let columns = spectra(&folder.join(format!("fluorophores/toolbox/{name}.csv")))?;
+            terms.push(at(columns.get("emission").ok_or("an emission spectrum")?));
+        }
+        let [center, sd] = BROAD_NM;
+        terms.push(fitted_nm().map(|nm| (-0.5 * ((nm - center) / sd).powi(2)).exp()).collect());
+        let blood = spectra(&folder.join("blood/hemoglobin_oxy_molar_extinction.csv"))?;
+        let blood = blood.into_values().next().ok_or("an extinction")?;
+        let extinction = at(&blood).into_iter().map(|e| e / blood.max()).collect();
+        Ok(Self { terms, extinction })
+    }
+
+    /// Share of the porphyrin in the electrons of a camera that counts, and its standard error.
+    fn share(&self, record: &Record, bare: &CameraResponse, grid: &WavelengthGrid) -> Fallible<[f64; 2]> {
+        let found = fit_attenuated(&self.terms, &self.extinction, &record.shape, 40.0)?.fit;
+        let counted = bare.rgb().map_or_else(|| bare.seeing_channels(), Vec::from);
+        let nm: Vec<f64> = fitted_nm().collect();
+        let electrons = |spectrum: Vec<f64>| -> Fallible<f64> {
+            let radiance = Curve::new(nm.clone(), spectrum)?.bin_averages(grid);
+            Ok(counted.iter().map(|c| bare.channel_electrons(*c, &radiance, 1.0)).sum())
+        };
+        let all = electrons(found.fitted.clone())?;
+        let of_one = electrons(self.terms[PORPHYRIN].clone())? / all;
+        let term = &found.terms[PORPHYRIN];
+        let independent = (CORRELATION_NM / STEP_NM).sqrt();
+        Ok([term.weight * of_one, independent * term.standard_error * of_one])
+    }
 }
 
 fn median(mut values: Vec<f64>) -> f64 {
@@ -186,7 +270,7 @@ fn report(what: &str, posteriors: &[SharePosterior]) {
     let zero = posteriors.iter().filter(|p| p.interval[0] == 0.0).count();
     println!(
         "{what}: {} of {} hold 0; median of medians {:.4}, of upper limits {:.3} (largest {:.3}); P(none) {:.2}; foreign {}; \
-         misfit {:.1}",
+         misfit {:.1} of {}",
         zero,
         posteriors.len(),
         median(of(&|p| p.median)),
@@ -195,7 +279,86 @@ fn report(what: &str, posteriors: &[SharePosterior]) {
         median(of(&|p| p.probability_of_none)),
         posteriors.iter().filter(|p| p.foreign).count(),
         median(of(&|p| p.misfit)),
+        posteriors.first().map_or(0, |p| p.data),
     );
+    let Some(first) = posteriors.first() else { return };
+    let without = first.without.iter().enumerate().map(|(place, known)| {
+        format!("{} {:.3}", known.source, median(of(&|p: &SharePosterior| p.without[place].interval[1])))
+    });
+    let wide = median(of(&|p| p.with_prior_twice_as_wide[1]));
+    println!(
+        "    upper ends without {}; with a prior twice as wide {wide:.3}",
+        without.collect::<Vec<_>>().join(", ")
+    );
+}
+
+/// Estimates beside the fits of the spectra.
+fn compare(what: &str, found: &[(SharePosterior, [f64; 2])]) {
+    let sure: Vec<_> = found.iter().filter(|(_, [share, error])| *share > 3.0 * error).collect();
+    let excluded = sure.iter().filter(|(posterior, _)| posterior.interval[0] > 0.0).count();
+    let n = found.len() as f64;
+    let pairs: Vec<[f64; 2]> =
+        found.iter().map(|(posterior, [share, _])| [posterior.median, *share]).collect();
+    let mean = |of: &dyn Fn(&[f64; 2]) -> f64| pairs.iter().map(of).sum::<f64>() / n;
+    let [a, b] = [mean(&|pair| pair[0]), mean(&|pair| pair[1])];
+    let moment = |i: usize, j: usize| mean(&|pair| (pair[i] - [a, b][i]) * (pair[j] - [a, b][j]));
+    println!(
+        "{what}: {excluded} of {} above three standard errors exclude 0 ({} records); r {:.3}, bias {:+.4}, mean share of the fits {b:.3}",
+        sure.len(),
+        found.len(),
+        moment(0, 1) / (moment(0, 0) * moment(1, 1)).sqrt(),
+        a - b,
+    );
+}
+
+/// One site before one sensor: under each lamp, then under two.
+fn of_sensor(
+    [site, place]: [&str; 2],
+    sensor: &Sensor,
+    records: &[Record],
+    lamps: &BTreeMap<&'static str, Lamp>,
+    fits: &SpectralFit,
+    grid: &WavelengthGrid,
+) -> Fallible<()> {
+    let filter = preset::filter("long_pass_488_k2")?.curve();
+    let bare = camera(sensor, &Curve::constant(1.0), None, grid);
+    let family = |lamps: &[(&str, &Lamp)]| family(site, lamps, sensor, &filter, grid);
+    let mut all = Vec::new();
+    for name in LAMPS {
+        let family = family(&[(name, &lamps[name])])?;
+        let mut of_lamp = Vec::new();
+        for record in records.iter().filter(|record| record.lamp == name) {
+            let [electrons, variance] = record.electrons(&bare);
+            let share = fits.share(record, &bare, grid)?;
+            of_lamp.extend(family.posterior(&electrons, &variance).map(|posterior| (posterior, share)));
+        }
+        let posteriors: Vec<SharePosterior> =
+            of_lamp.iter().map(|(posterior, _)| posterior.clone()).collect();
+        report(&format!("  {place} {name} nm"), &posteriors);
+        compare(&format!("  {place} {name} nm against fits"), &of_lamp);
+        all.extend(of_lamp);
+    }
+    let posteriors: Vec<SharePosterior> = all.iter().map(|(posterior, _)| posterior.clone()).collect();
+    report(&format!("  {place}, one lamp"), &posteriors);
+    compare(&format!("  {place}, one lamp, against fits"), &all);
+    for [a, b] in [["405", "450"], ["415", "450"]] {
+        let family = family(&[(a, &lamps[a]), (b, &lamps[b])])?;
+        let mut pairs = Vec::new();
+        for first in records.iter().filter(|record| record.lamp == a) {
+            let share = fits.share(first, &bare, grid)?;
+            let same = |record: &&Record| record.lamp == b && record.person_and_day == first.person_and_day;
+            for second in records.iter().filter(same) {
+                let both = [first.electrons(&bare), second.electrons(&bare)];
+                let [electrons, variance] =
+                    [0, 1].map(|i| both.iter().flat_map(|d| d[i].clone()).collect::<Vec<_>>());
+                pairs.extend(family.posterior(&electrons, &variance).map(|posterior| (posterior, share)));
+            }
+        }
+        let posteriors: Vec<SharePosterior> = pairs.iter().map(|(posterior, _)| posterior.clone()).collect();
+        report(&format!("  {place} {a} and {b} nm"), &posteriors);
+        compare(&format!("  {place} {a} and {b} nm against fits"), &pairs);
+    }
+    Ok(())
 }
 
 fn main() -> Fallible<()> {
@@ -206,37 +369,12 @@ fn main() -> Fallible<()> {
     for name in LAMPS {
         lamps.insert(name, lamp(&folder, name, &filter)?);
     }
-    for (site, place) in [("lip", "lip"), ("dorsal_tongue", "tongue")] {
-        let records = records(&folder, place, &lamps, &grid)?;
-        let noise = |electrons: &[f64]| -> Vec<f64> {
-            electrons.iter().map(|e| (e + 190.0 + (0.02 * e).powi(2)) / (0.25 * PIXELS)).collect()
-        };
-        let mut all = Vec::new();
-        for name in LAMPS {
-            let family = family(site, &[(name, &lamps[name])], &filter, &grid)?;
-            println!("{site} {name}: model error {:.4?}", family.model_error);
-            let of_lamp = records.iter().filter(|record| record.lamp == name);
-            let posteriors: Vec<SharePosterior> =
-                of_lamp.filter_map(|r| family.posterior(&r.electrons, &noise(&r.electrons))).collect();
-            report(&format!("{site} {name} nm"), &posteriors);
-            if let Some(first) = posteriors.first() {
-                println!("  for instance: {}", first.lines().join("\n  "));
-            }
-            all.extend(posteriors);
-        }
-        report(&format!("{site}, one lamp"), &all);
-        for [a, b] in [["405", "450"], ["415", "450"]] {
-            let family = family(site, &[(a, &lamps[a]), (b, &lamps[b])], &filter, &grid)?;
-            let mut pairs = Vec::new();
-            for first in records.iter().filter(|record| record.lamp == a) {
-                let same =
-                    |record: &&Record| record.lamp == b && record.person_and_day == first.person_and_day;
-                for second in records.iter().filter(same) {
-                    let electrons = [first.electrons.as_slice(), second.electrons.as_slice()].concat();
-                    pairs.extend(family.posterior(&electrons, &noise(&electrons)));
-                }
-            }
-            report(&format!("{site} {a} and {b} nm"), &pairs);
+    let fits = SpectralFit::read(&folder)?;
+    for place in [["lip", "lip"], ["dorsal_tongue", "tongue"]] {
+        let records = records(&folder, place[1], &lamps, &grid)?;
+        for name in SENSORS {
+            println!("{name}");
+            of_sensor(place, &sensor(name)?, &records, &lamps, &fits, &grid)?;
         }
     }
     Ok(())

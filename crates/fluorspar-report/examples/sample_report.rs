@@ -142,6 +142,7 @@ fn capture() -> ChannelImage {
         noise_floor_dn: noise().floor_dn,
         full_scale_dn: 4031.0,
         shares: vec![0.25, 0.5, 0.25],
+        interpolation: None,
         subtracted: None,
         label: "blue".into(),
     };

@@ -59,6 +59,7 @@ fn frame(name: &str) -> FamilyFrame {
     let irradiance = light(name);
     FamilyFrame {
         label: name.into(),
+        channels: camera(None).seeing_channels(),
         camera: camera(None),
         camera_of_reflected: camera(Some(&irradiance)),
         irradiance,
@@ -278,6 +279,7 @@ fn measure(family: &LightFamily, sources: &Sources, tissue: &[f64], key: Key, no
     let [indirect, indirect_sd] = family.indirect.unwrap_or([0.0; 2]);
     let indirect = indirect * (indirect_sd * at("indirect light")).exp();
     let n = family.frame_of.len();
+    let library = family.library_factors(&nuisances);
     let (mut electrons, mut parts) = (vec![0.0; n], [0.0; 2]);
     for (source, rgb) in sources {
         let prior = family.sources.iter().find(|known| known.name == *source);
@@ -297,20 +299,17 @@ fn measure(family: &LightFamily, sources: &Sources, tissue: &[f64], key: Key, no
                 0.0
             };
             let gain = (family.gain_log_sd * at("brightness") + family.lamp_log_sd * lamp).exp();
-            let channel = format!("spectra of the library in channel {}", family.channel_of[datum] + 1);
-            let library = (family.common_error * at(&channel)).exp();
-            let value = amount * gain * library * (direct + indirect * again);
+            let value = amount * gain * library[datum] * (direct + indirect * again);
             electrons[datum] += value;
             if frame == 0 && !is_of_surroundings(source) {
                 parts[usize::from(source == "biofilm porphyrin")] += value;
             }
         }
     }
-    // Errors of the library by channel and frame, then noise of 400 to 40 000 pixels with 14 e- of read noise
+    // Noise of 400 to 40 000 pixels with 14 e- of read noise
     let pixels = 4000.0 * (1.15 * normal(key.with(1001))).exp();
     let variance: Vec<f64> = electrons.iter().map(|e| (e + 196.0) / (0.25 * pixels)).collect();
     for (datum, e) in electrons.iter_mut().enumerate() {
-        *e *= 1.0 + family.common_error * normal(key.with(1100 + datum as u64));
         *e += variance[datum].sqrt() * normal(key.with(1200 + datum as u64));
     }
     Case { electrons, variance, truth: parts[1] / (parts[0] + parts[1]), nuisances, porphyrin }

@@ -366,6 +366,7 @@ mod tests {
             noise_floor_dn: 2.0,
             full_scale_dn: 4000.0,
             shares: vec![0.25, 0.5, 0.25],
+            interpolation: None,
             subtracted: None,
             label: "dark".into(),
         };

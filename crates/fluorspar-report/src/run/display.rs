@@ -104,7 +104,7 @@ fn blocks(frame: &ChannelImage, block: usize) -> ChannelImage {
             saturated.push(inside.clone().any(|pixel| frame.saturated[pixel]));
         }
     }
-    ChannelImage { width, height, data, saturated, subtracted: None, ..frame.clone() }
+    ChannelImage { width, height, data, saturated, subtracted: None, interpolation: None, ..frame.clone() }
 }
 
 /// Averages over neighbors whose medians are alike, after specks were replaced by medians.
@@ -198,6 +198,7 @@ mod tests {
             noise_floor_dn: 5.0,
             full_scale_dn: 4000.0,
             shares: vec![1.0],
+            interpolation: None,
             subtracted: None,
             label: "blue".into(),
         }

@@ -2,12 +2,13 @@
 //!
 //! Electrons of datum `i` (a channel of a frame) are
 //!
-//! `m_i = g_f [ sum_k a_k exp(D_ki(x)) (1 + q exp(V_ki(x))) + p exp(D_pi(x)) (1 + q exp(V_pi(x))) ]`
+//! `m_i = g_f c_i [ sum_k a_k exp(D_ki(x)) (1 + q exp(V_ki(x))) + p exp(D_pi(x)) (1 + q exp(V_pi(x))) ]`
 //!
 //! with the coordinates `x` (blood, saturation, depth), amounts `a_k` of the sources, the amount `p` of the porphyrin, the share
-//! `q` of light that the tissue reflects once more before it leaves, and the gain `g_f` of the frame. `D` and `V` are cubic
-//! polynomials that were fitted to solutions of light transport. Everything but `p` is a nuisance and a standard normal number in
-//! its own scale: `x = c tanh(s u / c)`, `a_k = median exp(sd u)`, and so on.
+//! `q` of light that the tissue reflects once more before it leaves, the gain `g_f` of the frame, and errors `c_i = exp(L_i u)` of
+//! the library of spectra, which channels that see the same wavelengths share. `D` and `V` are cubic polynomials that were fitted
+//! to solutions of light transport. Everything but `p` is a nuisance and a standard normal number in its own scale:
+//! `x = c tanh(s u / c)`, `a_k = median exp(sd u)`, and so on.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -143,16 +144,18 @@ pub struct LightFamily {
     pub frames: Vec<String>,
     /// Frame of each datum, the frame whose share is asked for being number 0.
     pub frame_of: Vec<usize>,
+    /// Channel of each datum.
+    pub channel_of: Vec<String>,
+    /// Whether the electrons of a datum count in the share: those of R, G and B of the first frame, or of all its channels.
+    pub counted: Vec<bool>,
     /// Standard deviation of the logarithm of the brightness that all frames share.
     pub gain_log_sd: f64,
     /// The same of the brightness of each frame by itself; none for a single frame.
     pub lamp_log_sd: f64,
-    /// Relative error of the electrons of each datum by itself, by the spectra of the library and by the polynomials.
+    /// Relative error of the electrons of each datum by itself, by the polynomials.
     pub model_error: Vec<f64>,
-    /// Relative error by the spectra of the library that each channel has alike in all frames: what emits is the same.
-    pub common_error: f64,
-    /// Channel of each datum.
-    pub channel_of: Vec<usize>,
+    /// Relative errors by the spectra of the library: `L` of the covariance `L L^T` of the logarithms of all data, one row each.
+    pub library: DMatrix<f64>,
 }
 
 /// Electrons of a family for given nuisances, with slopes.
@@ -186,21 +189,17 @@ impl LightFamily {
         if self.indirect.is_some() {
             names.push(("indirect light".into(), NuisanceGroup::Surroundings));
         }
-        for channel in 0..self.channels() {
-            names
-                .push((format!("spectra of the library in channel {}", channel + 1), NuisanceGroup::Library));
-        }
+        let library = |(channel, frame): (&String, &usize)| {
+            let name = format!("spectra of the library in {channel} of {}", self.frames[*frame]);
+            (name, NuisanceGroup::Library)
+        };
+        names.extend(self.channel_of.iter().zip(&self.frame_of).map(library));
         names.push(("brightness".into(), NuisanceGroup::Brightness));
         if self.frames.len() > 1 {
             let lamp = |frame: &String| (format!("brightness of {frame}"), NuisanceGroup::Brightness);
             names.extend(self.frames.iter().map(lamp));
         }
         names
-    }
-
-    /// Number of channels.
-    fn channels(&self) -> usize {
-        self.channel_of.iter().max().map_or(0, |largest| largest + 1)
     }
 
     /// The same family with a group of nuisances known: held in the middle of the prior.
@@ -216,7 +215,7 @@ impl LightFamily {
             indirect[1] = 0.0;
         }
         if known(NuisanceGroup::Library) {
-            family.common_error = 0.0;
+            family.library.fill(0.0);
             family.model_error.fill(0.0);
         }
         if known(NuisanceGroup::Brightness) {
@@ -251,11 +250,33 @@ impl LightFamily {
         if porphyrin > 0.0 { 1.0 / (1.0 + (-self.point(nuisances, porphyrin).log_odds).exp()) } else { 0.0 }
     }
 
+    /// Factors on the electrons of the data by errors of the library, for nuisances.
+    #[must_use]
+    pub fn library_factors(&self, nuisances: &[f64]) -> Vec<f64> {
+        let places = self.places();
+        let errors = DVector::from_column_slice(&nuisances[places.library..places.gain]);
+        (&self.library * errors).iter().map(|error| error.exp()).collect()
+    }
+
+    /// Where the kinds of nuisances begin.
+    fn places(&self) -> Places {
+        let sources = self.coordinates.len();
+        let indirect = sources + self.sources.len();
+        let library = indirect + usize::from(self.indirect.is_some());
+        Places { sources, indirect, library, gain: library + self.frame_of.len() }
+    }
+
+    /// Gain of each frame, without that which only one frame has by itself.
+    fn gains(&self, nuisances: &[f64], gain: usize) -> Vec<f64> {
+        let own = |frame: usize| {
+            if self.frames.len() > 1 { self.lamp_log_sd * nuisances[gain + 1 + frame] } else { 0.0 }
+        };
+        (0..self.frames.len()).map(|frame| (self.gain_log_sd * nuisances[gain] + own(frame)).exp()).collect()
+    }
+
     pub(super) fn point(&self, nuisances: &[f64], porphyrin: f64) -> FamilyPoint {
-        let (n, tissue) = (self.frame_of.len(), self.coordinates.len());
-        let sources = tissue + self.sources.len();
-        let library = sources + usize::from(self.indirect.is_some());
-        let gain = library + self.channels();
+        let n = self.frame_of.len();
+        let places = self.places();
 
         // Bring nuisances to their scales
         let scaled = |(u, coordinate): (&f64, &FamilyCoordinate)| {
@@ -265,74 +286,110 @@ impl LightFamily {
         let (x, x_slopes): (Vec<f64>, Vec<f64>) = nuisances.iter().zip(&self.coordinates).map(scaled).unzip();
         let terms = CubicTerms::new(&x);
         let [indirect, indirect_sd] = match self.indirect {
-            Some([median, sd]) => [median * (sd * nuisances[sources]).exp(), sd],
+            Some([median, sd]) => [median * (sd * nuisances[places.indirect]).exp(), sd],
             None => [0.0; 2],
         };
-        let lamp_sd = if self.frames.len() > 1 { self.lamp_log_sd } else { 0.0 };
-        let gain_of = |frame: usize| {
-            let own = if self.frames.len() > 1 { lamp_sd * nuisances[gain + 1 + frame] } else { 0.0 };
-            (self.gain_log_sd * nuisances[gain] + own).exp()
-        };
+        let gains = self.gains(nuisances, places.gain);
+        let errors = self.library_factors(nuisances);
 
-        // Add up the sources
-        let mut point = FamilyPoint {
-            electrons: vec![0.0; n],
-            slopes: DMatrix::zeros(n, nuisances.len()),
-            porphyrin: vec![0.0; n],
-            log_odds: 0.0,
-            log_odds_slopes: DVector::zeros(nuisances.len()),
-        };
-        let mut sums = [0.0; 2];
-        let mut sum_slopes = [DVector::zeros(nuisances.len()), DVector::zeros(nuisances.len())];
+        // Add up the sources: the porphyrin, other fluorescence, and light that does not count
+        let mut sums = [0, 1, 2].map(|_| Sums::none(n, nuisances.len()));
         let amounts = self.sources.iter().enumerate().map(|(k, source)| {
-            (Some(tissue + k), source, source.median * (source.log_sd * nuisances[tissue + k]).exp())
+            let amount = source.median * (source.log_sd * nuisances[places.sources + k]).exp();
+            (Some(places.sources + k), source, amount)
         });
         let all = amounts.chain((porphyrin > 0.0).then_some((None, &self.porphyrin, porphyrin)));
         for (place, source, amount) in all {
+            let kind = match place {
+                None => PORPHYRIN,
+                Some(_) if source.fluorescent => BULK,
+                Some(_) => NOT_COUNTED,
+            };
             for datum in 0..n {
                 let SourceValue { value, by_coordinate, by_log_indirect } =
                     source.value(datum, &terms, indirect);
-                let spectra = library + self.channel_of[datum];
-                let error = (self.common_error * nuisances[spectra]).exp();
-                let value = amount * gain_of(self.frame_of[datum]) * value * error;
-                let is_porphyrin = place.is_none();
-                let counted =
-                    (self.frame_of[datum] == 0 && source.fluorescent).then_some(usize::from(is_porphyrin));
-                point.electrons[datum] += value;
-                if is_porphyrin {
-                    point.porphyrin[datum] = value;
-                }
-                if let Some(kind) = counted {
-                    sums[kind] += value;
-                }
-                let mut slope = |nuisance: usize, slope: f64| {
-                    point.slopes[(datum, nuisance)] += slope;
-                    if let Some(kind) = counted {
-                        sum_slopes[kind][nuisance] += slope;
-                    }
-                };
+                let value = amount * gains[self.frame_of[datum]] * errors[datum] * value;
+                let sum = &mut sums[kind];
+                sum.electrons[datum] += value;
                 for (i, by) in by_coordinate.iter().enumerate() {
-                    slope(i, value * by * x_slopes[i]);
+                    sum.slopes[(datum, i)] += value * by * x_slopes[i];
                 }
                 if let Some(place) = place {
-                    slope(place, value * source.log_sd);
+                    sum.slopes[(datum, place)] += value * source.log_sd;
                 }
                 if self.indirect.is_some() {
-                    slope(sources, value * by_log_indirect * indirect_sd);
-                }
-                slope(spectra, value * self.common_error);
-                slope(gain, value * self.gain_log_sd);
-                if self.frames.len() > 1 {
-                    slope(gain + 1 + self.frame_of[datum], value * lamp_sd);
+                    sum.slopes[(datum, places.indirect)] += value * by_log_indirect * indirect_sd;
                 }
             }
         }
-        if sums[0] > 0.0 && sums[1] > 0.0 {
-            point.log_odds = (sums[1] / sums[0]).ln();
-            point.log_odds_slopes = &sum_slopes[1] / sums[1] - &sum_slopes[0] / sums[0];
+        sums.iter_mut().for_each(|sum| self.add_slopes_of_factors(sum, &places));
+        self.point_of(&sums)
+    }
+
+    /// Adds the slopes by what multiplies all light of a datum: errors of the library and gains.
+    fn add_slopes_of_factors(&self, sum: &mut Sums, places: &Places) {
+        for (datum, &value) in sum.electrons.iter().enumerate() {
+            for error in 0..self.frame_of.len() {
+                sum.slopes[(datum, places.library + error)] += value * self.library[(datum, error)];
+            }
+            sum.slopes[(datum, places.gain)] += value * self.gain_log_sd;
+            if self.frames.len() > 1 {
+                sum.slopes[(datum, places.gain + 1 + self.frame_of[datum])] += value * self.lamp_log_sd;
+            }
+        }
+    }
+
+    /// All light together, and the odds of the porphyrin in the data that count.
+    fn point_of(&self, [porphyrin, bulk, rest]: &[Sums; 3]) -> FamilyPoint {
+        let n = self.frame_of.len();
+        let unknowns = porphyrin.slopes.ncols();
+        let mut point = FamilyPoint {
+            electrons: (0..n)
+                .map(|i| porphyrin.electrons[i] + bulk.electrons[i] + rest.electrons[i])
+                .collect(),
+            slopes: &porphyrin.slopes + &bulk.slopes + &rest.slopes,
+            porphyrin: porphyrin.electrons.clone(),
+            log_odds: 0.0,
+            log_odds_slopes: DVector::zeros(unknowns),
+        };
+        let counted = |sum: &Sums| -> (f64, DVector<f64>) {
+            let data = (0..n).filter(|datum| self.counted[*datum]);
+            data.fold((0.0, DVector::zeros(unknowns)), |(total, slopes), datum| {
+                (total + sum.electrons[datum], slopes + sum.slopes.row(datum).transpose())
+            })
+        };
+        let ((of_porphyrin, by_porphyrin), (of_bulk, by_bulk)) = (counted(porphyrin), counted(bulk));
+        if of_porphyrin > 0.0 && of_bulk > 0.0 {
+            point.log_odds = (of_porphyrin / of_bulk).ln();
+            point.log_odds_slopes = by_porphyrin / of_porphyrin - by_bulk / of_bulk;
         }
         point
     }
+}
+
+/// Kinds of light in sums.
+const PORPHYRIN: usize = 0;
+const BULK: usize = 1;
+const NOT_COUNTED: usize = 2;
+
+/// Electrons of some sources in each datum, with slopes `[datum, nuisance]`.
+struct Sums {
+    electrons: Vec<f64>,
+    slopes: DMatrix<f64>,
+}
+
+impl Sums {
+    fn none(data: usize, nuisances: usize) -> Self {
+        Self { electrons: vec![0.0; data], slopes: DMatrix::zeros(data, nuisances) }
+    }
+}
+
+/// Number of the first nuisance of each kind; coordinates begin at 0.
+struct Places {
+    sources: usize,
+    indirect: usize,
+    library: usize,
+    gain: usize,
 }
 
 impl FamilySource {

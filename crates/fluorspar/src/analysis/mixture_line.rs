@@ -367,7 +367,7 @@ impl PorphyrinMap {
     }
 }
 
-pub(super) fn pixel_rgb(image: &ChannelImage, channels: [usize; 3], pixel: usize) -> [f64; 3] {
+fn pixel_rgb(image: &ChannelImage, channels: [usize; 3], pixel: usize) -> [f64; 3] {
     let n = image.channels.len();
     channels.map(|channel| f64::from(image.data[pixel * n + channel]))
 }

@@ -27,6 +27,7 @@ mod error_budget;
 mod light_family;
 mod mixture_line;
 mod nonnegative_fit;
+mod pixel_mean;
 mod region_light;
 mod region_of_interest;
 mod share_posterior;
@@ -50,6 +51,7 @@ pub use mixture_line::{
 pub use nonnegative_fit::{
     AttenuatedFit, FitError, FittedTerm, NonnegativeFit, fit_attenuated, fit_nonnegative,
 };
+pub use pixel_mean::{PixelMean, mean_of_pixels};
 pub use region_light::{PorphyrinTruth, RegionLight, SHARE_DEFINITION};
 pub use region_of_interest::{PixelSelection, Rectangle, RegionError, RegionOfInterest, SceneOnSensor};
 pub use share_posterior::{BlindDirection, IntervalWithout, SharePosterior};
@@ -58,5 +60,5 @@ pub use spot_separation::SpotSeparation;
 pub use statistics::{CovarianceEllipse, RegionStatistics, Statistics};
 pub use summary::{
     Analysis, AnalysisError, AnalysisSettings, ChannelStatistics, MixtureModel, MixtureSummary,
-    PredictedFluorophore, RegionFraction, analyze_region, mean_of_pixels,
+    PredictedFluorophore, RegionFraction, analyze_region,
 };

@@ -3,12 +3,13 @@
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use super::mixture_line::{Z_95, pixel_rgb};
+use super::mixture_line::Z_95;
+use super::pixel_mean::mean_of_pixels;
 use super::{
     ChannelNoise, ChromaticityMap, CovarianceEllipse, DEFAULT_NOISE_THRESHOLD, ErrorBudget, ExclusionCounts,
     FluorophoreResponse, LineEstimate, MissingChannel, MixtureError, MixtureLine, PorphyrinMap,
     PorphyrinTruth, RegionError, RegionOfInterest, RegionStatistics, SceneOnSensor, SharePosterior,
-    SpotSeparation, Statistics, rgb_channels,
+    SpotSeparation, Statistics,
 };
 use crate::image::ChannelImage;
 
@@ -281,8 +282,9 @@ pub fn analyze_region(
     if let Some(line) = &line {
         let valid = |pixel| map.at(pixel).is_some();
         let estimates = PorphyrinMap::new(image, valid, &selection, line, &settings.noise, reflected)?;
-        let lit = selection.pixels.iter().copied().filter(|&pixel| map.at(pixel).is_some());
-        let mean = mean_of_pixels(image, lit, &settings.noise, reflected)?;
+        let lit: Vec<usize> =
+            selection.pixels.iter().copied().filter(|&pixel| map.at(pixel).is_some()).collect();
+        let mean = mean_of_pixels(image, &lit, &settings.noise, reflected)?;
         let summary = summarize(line, &estimates, mean, statistics.ellipse.as_ref());
         warnings.extend(region_warnings(summary.region.as_ref(), image));
         if summary.off_line * 20 > statistics.counts.valid {
@@ -390,36 +392,6 @@ fn predicted(model: &MixtureModel) -> Vec<PredictedFluorophore> {
         .collect()
 }
 
-/// Mean R, G, B of some pixels and the variance of that mean by the sensor's noise, DN and DN². `reflected` is subtracted; `None`
-/// without pixels.
-///
-/// # Errors
-/// An image without R, G or B.
-pub fn mean_of_pixels(
-    image: &ChannelImage,
-    pixels: impl IntoIterator<Item = usize>,
-    noise: &ChannelNoise,
-    reflected: Option<&ChannelImage>,
-) -> Result<Option<[[f64; 3]; 2]>, MissingChannel> {
-    let channels = rgb_channels(image)?;
-    let reflected = reflected.map(|leak| rgb_channels(leak).map(|channels| (leak, channels))).transpose()?;
-    let (mut sum, mut variance, mut n) = ([0.0; 3], [0.0; 3], 0usize);
-    for pixel in pixels {
-        let rgb = pixel_rgb(image, channels, pixel);
-        let leak = reflected.map_or([0.0; 3], |(leak, channels)| pixel_rgb(leak, channels, pixel));
-        let variances = noise.of_pixel(image, channels, pixel);
-        for c in 0..3 {
-            sum[c] += rgb[c] - leak[c];
-            variance[c] += variances[c];
-        }
-        n += 1;
-    }
-    let n = n as f64;
-    // Only the raw values are independent: of n pixels, n * share measured the channel.
-    let of_mean = |c: usize| variance[c] / (n * (n * image.shares[channels[c]]).max(1.0));
-    Ok((n > 0.0).then(|| [sum.map(|s| s / n), [0, 1, 2].map(of_mean)]))
-}
-
 fn summarize(
     line: &MixtureLine,
     map: &PorphyrinMap,
@@ -494,6 +466,7 @@ mod tests {
             noise_floor_dn: 2.0,
             full_scale_dn: 4000.0,
             shares: vec![0.25, 0.5, 0.25],
+            interpolation: None,
             subtracted: None,
             label: "blue".into(),
         }

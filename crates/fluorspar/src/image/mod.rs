@@ -5,6 +5,7 @@ mod component_image;
 mod component_rows;
 mod excitation_image;
 pub mod film;
+mod interpolation_taps;
 mod sensor_image;
 mod spectral_image;
 
@@ -17,5 +18,7 @@ pub use component_rows::{ComponentRows, PreparedRows};
 pub(crate) use excitation_image::BasisBuilder;
 pub use excitation_image::{BasisComponent, ExcitationImage, GroupBasis, RelitComponent, RelitRows};
 pub use film::{Film, FilmLayout, MergeError};
+pub use interpolation_taps::InterpolationTaps;
+pub(crate) use interpolation_taps::Tap;
 pub use sensor_image::{ChannelImage, Mosaic, SensorImage, SubtractedLight};
 pub use spectral_image::{ImageShapeError, SpectralImage};

@@ -1,6 +1,10 @@
 //! Raw sensor images and the linear channel images developed from them.
 
+use std::sync::Arc;
+
 use serde::{Deserialize, Serialize};
+
+use super::InterpolationTaps;
 
 /// A color filter array: which channel each pixel of a repeating cell sees.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -113,6 +117,8 @@ pub struct ChannelImage {
     /// Share of the raw pixels that measure each channel: 0.25, 0.5, 0.25 on a Bayer array, 1 without a mosaic. The mean of
     /// `n` interpolated values holds `n * share` independent measurements.
     pub shares: Vec<f64>,
+    /// How the channels were interpolated from raw pixels; `None` where that is not known, or every pixel measured all of them.
+    pub interpolation: Option<Arc<InterpolationTaps>>,
     /// Light of another frame that was subtracted.
     pub subtracted: Option<SubtractedLight>,
     /// Name of the frame.

@@ -110,7 +110,8 @@ pub fn analyze_seen(
         analysis.budget = budget(&analysis, model, emitted, image, &chromaticity, &region, k);
     }
     let scene = scene.map(|scene| (scene, &region));
-    let estimate = tissue_estimate(study, settings, frames, scene, &analysis, &chromaticity, &region)?;
+    let is_lit = |pixel: usize| chromaticity.at(pixel).is_some();
+    let estimate = tissue_estimate(study, settings, frames, scene, noise, &is_lit, &region)?;
     if let Some(estimate) = &estimate {
         analysis.warnings.extend(estimate.warnings());
     } else if analysis.mixture.is_some() {

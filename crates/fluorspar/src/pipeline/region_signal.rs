@@ -69,6 +69,21 @@ impl CameraResponse {
         rate * time_s
     }
 
+    /// Electrons per second of one pixel of a channel per radiance in each bin, e-/s per W/(sr m² nm).
+    pub fn channel_weights(&self, channel: usize) -> Vec<f64> {
+        let film = self.film_per_radiance.iter().zip(&self.electrons_per_irradiance[channel]);
+        film.map(|(film, weight)| film * weight).collect()
+    }
+
+    /// Numbers of the channels that see light: those that collect at least a hundredth of what the best one does of a radiance that
+    /// is the same at all wavelengths. What others collect behind a filter is leaked light.
+    pub fn seeing_channels(&self) -> Vec<usize> {
+        let sums: Vec<f64> =
+            (0..self.channels.len()).map(|channel| self.channel_weights(channel).iter().sum()).collect();
+        let best = sums.iter().copied().fold(0.0, f64::max);
+        (0..sums.len()).filter(|channel| sums[*channel] > 0.01 * best).collect()
+    }
+
     /// Mean photo-electrons of one pixel of each channel, e-.
     pub fn electrons(&self, radiance: &[f64], time_s: f64) -> Vec<f64> {
         (0..self.channels.len()).map(|channel| self.channel_electrons(channel, radiance, time_s)).collect()

@@ -4,20 +4,18 @@ use super::analyze::frame_light;
 use super::capture::behind_filter;
 use super::tissue_family::{FamilyFrame, tissue_family};
 use super::{CameraResponse, CapturedFrame, PipelineError};
-use crate::analysis::{
-    Analysis, AnalysisError, ChannelNoise, ChromaticityMap, PixelSelection, SceneOnSensor, SharePosterior,
-    mean_of_pixels,
-};
+use crate::analysis::{ChannelNoise, PixelMean, PixelSelection, SceneOnSensor, SharePosterior};
 use crate::study::{AnalysisPlan, Study};
 
-/// The estimate from the analyzed frame and the further ones; `None` without a prior or where the region has no usable pixel.
+/// The estimate from the analyzed frame and the further ones, by all of their channels that see light; `None` without a prior or
+/// where the region has no usable pixel.
 pub(super) fn tissue_estimate(
     study: &Study,
     settings: &AnalysisPlan,
     frames: &[CapturedFrame],
     scene: Option<(SceneOnSensor<'_>, &PixelSelection)>,
-    analysis: &Analysis,
-    chromaticity: &ChromaticityMap,
+    noise: ChannelNoise,
+    is_lit: &dyn Fn(usize) -> bool,
     region: &PixelSelection,
 ) -> Result<Option<SharePosterior>, PipelineError> {
     let (Some(prior), Some(sensor)) = (&settings.tissue, &study.camera.sensor) else { return Ok(None) };
@@ -31,25 +29,30 @@ pub(super) fn tissue_estimate(
             return Err(PipelineError::NoFrame { wanted: label.clone(), known: known.join(", ") });
         };
         let Some(irradiance) = frame_light(study, capture, scene) else { return Ok(None) };
+        let camera = CameraResponse::new(&behind_filter(&lens, capture), sensor, grid, None);
+        let channels = camera.seeing_channels();
 
         // Mean electrons over the pixels that are usable in both frames
         let (image, k) = (&frame.developed, frame.raw.dn_per_electron);
-        let noise = ChannelNoise { dn_per_electron: k, ..analysis.settings.noise };
+        let noise = ChannelNoise { dn_per_electron: k, ..noise };
         let noise = ChannelNoise { floor_dn: image.noise_floor_dn.max(noise.floor_dn), ..noise };
         let same_size = image.width == region.width && image.height == region.height;
-        let usable =
-            |&pixel: &usize| same_size && chromaticity.at(pixel).is_some() && !image.saturated[pixel];
-        let pixels = region.pixels.iter().copied().filter(usable);
-        let mean = mean_of_pixels(image, pixels, &noise, None).map_err(AnalysisError::from)?;
-        let Some([mean, of_mean]) = mean else { return Ok(None) };
-        electrons.extend(mean.map(|dn| dn / k));
-        variance.extend(of_mean.map(|dn2| dn2 / (k * k)));
+        let usable = |pixel: &usize| same_size && is_lit(*pixel) && !image.saturated[*pixel];
+        let pixels: Vec<usize> = region.pixels.iter().copied().filter(usable).collect();
+        let Some(mean) = PixelMean::new(image, &channels, &pixels, &noise) else { return Ok(None) };
+        electrons.extend(mean.dn.iter().map(|dn| dn / k));
+        variance.extend(mean.variance_dn2.iter().map(|dn2| dn2 / (k * k)));
 
-        let lens = behind_filter(&lens, capture);
         family_frames.push(FamilyFrame {
             label: label.clone(),
-            camera: CameraResponse::new(&lens, sensor, grid, None),
-            camera_of_reflected: CameraResponse::new(&lens, sensor, grid, Some(&irradiance)),
+            camera_of_reflected: CameraResponse::new(
+                &behind_filter(&lens, capture),
+                sensor,
+                grid,
+                Some(&irradiance),
+            ),
+            camera,
+            channels,
             irradiance,
             time_s: frame.raw.exposure_s,
         });

@@ -3,13 +3,14 @@
 
 use rayon::prelude::*;
 
-use nalgebra::DMatrix;
+use nalgebra::{Cholesky, DMatrix};
 use statrs::distribution::{ContinuousCDF, Normal};
 
 use super::region_signal::CameraResponse;
 use crate::analysis::{CubicTerms, FamilyCoordinate, FamilySource, LightFamily, NuisanceGroup};
 use crate::spectral::{Curve, WavelengthGrid};
 use crate::study::TissuePrior;
+use crate::tissue::fit::missing_red;
 use crate::tissue::{
     DiscreteOrdinates, EffectiveTissue, LayeredTissue, Level, Population, Site, TissueError, Variation,
 };
@@ -37,31 +38,11 @@ const MIRRORED: [f64; 2] = [0.05, 0.8];
 const LEAK_LOG_SD: f64 = 0.3;
 /// Gloss as a reflectance, median and log sd. \[assumed\]
 const GLOSS: [f64; 2] = [0.005, 1.0];
+/// Distance over which errors of the library go together, nm.
+const LIBRARY_CORRELATION_NM: f64 = 20.0;
 /// Brightness: distance, angle, power; and that of each frame against the others.
 const GAIN_LOG_SD: f64 = 1.0;
 const LAMP_LOG_SD: f64 = 0.3;
-
-/// What reaches a site of a mouth by way of other surfaces. Medians are those of tongue, lip and cheek in twenty rendered mouths, of
-/// other people than those with whom `porphyrin_in_mouths` tests coverage, rounded; the spread is wider than among these mouths (log sd 0.1
-/// to 0.35), which share a pose. \[assumed for other sites, and that mouths look like these\]
-struct Surroundings {
-    /// Light that tissue reflects once more before it leaves, over its reflectance: median and log sd.
-    indirect: [f64; 2],
-    /// Light of teeth on the region over that which teeth give off under the same light: median and log sd.
-    teeth: [f64; 2],
-}
-
-impl Surroundings {
-    fn of(site: &Site) -> Self {
-        let [indirect, teeth] = match site.name() {
-            "dorsal_tongue" | "dorsal_tongue_b" => [[0.17, 0.4], [0.055, 0.5]],
-            "lip" => [[0.08, 0.5], [0.01, 0.6]],
-            "buccal_mucosa" => [[0.4, 0.4], [0.04, 0.5]],
-            _ => [[0.25, 0.6], [0.04, 0.9]],
-        };
-        Self { indirect, teeth }
-    }
-}
 
 /// One frame of a family.
 #[derive(Clone, Debug)]
@@ -74,6 +55,8 @@ pub struct FamilyFrame {
     pub camera: CameraResponse,
     /// The camera for light that has the shape of the irradiance within each band.
     pub camera_of_reflected: CameraResponse,
+    /// Numbers of the channels that are measured, in the order of the data; [`CameraResponse::seeing_channels`] are those of use.
+    pub channels: Vec<usize>,
     /// Exposure time, s.
     pub time_s: f64,
 }
@@ -85,15 +68,19 @@ struct Solved {
     once_more: Vec<Vec<f64>>,
 }
 
-/// The family of a prior before a camera: R, G and B of each frame, in this order.
+/// The family of a prior before a camera: the measured channels of each frame, in this order. The share counts the electrons of R, G
+/// and B of the first frame, or of all its channels where it lacks one of these.
 ///
 /// # Errors
-/// A site without mucosa's parameters, as a tooth; parameters that can't be solved, a camera without R, G and B (as no wavelengths).
+/// A site without mucosa's parameters, as a tooth; parameters that can't be solved, a frame without channels (as no wavelengths).
 pub fn tissue_family(
     prior: &TissuePrior,
     frames: &[FamilyFrame],
     grid: &WavelengthGrid,
 ) -> Result<LightFamily, TissueError> {
+    if frames.is_empty() || frames.iter().any(|frame| frame.channels.is_empty()) {
+        return Err(TissueError::Wavelengths);
+    }
     let population = Population::of(&with_porphyrin(&prior.site)?);
     let coordinates = population.restricted(is_coordinate);
     let x = design(coordinates.variations().len());
@@ -103,13 +90,48 @@ pub fn tissue_family(
         .iter()
         .map(|x| tissue_of(prior, &coordinates.tissue_at(x)))
         .collect::<Result<Vec<_>, TissueError>>()?;
-    let solved: Vec<Solved> =
-        solver.effective(&tissues)?.par_iter().map(|tissue| solver.sources(tissue, &names)).collect();
+    let effective = solver.effective(&tissues)?;
+    let solved: Vec<Solved> = effective.par_iter().map(|tissue| solver.sources(tissue, &names)).collect();
     let fit = PolynomialFit::new(&x).ok_or(TissueError::Unsolvable { layer: None })?;
-    let data = 3 * frames.len();
+    let data: Vec<(usize, usize)> =
+        (0..frames.len()).flat_map(|frame| frames[frame].channels.iter().map(move |c| (frame, *c))).collect();
+    let (mut sources, model_error) = fit_sources(&fit, &solved, &names, prior, &population, data.len());
+    let porphyrin = sources.remove(0);
+    let indirect = prior.site.surroundings().indirect;
+    let rgb = frames[0].camera.rgb().filter(|rgb| rgb.iter().all(|c| frames[0].channels.contains(c)));
+    Ok(LightFamily {
+        prior: describe(prior),
+        coordinates: coordinates
+            .variations()
+            .iter()
+            .map(|variation| FamilyCoordinate { name: readable(variation.name), sd: prior.width })
+            .collect(),
+        sources,
+        porphyrin,
+        probability_of_none: PROBABILITY_OF_NONE,
+        indirect: prior.surroundings.then_some([indirect[0], prior.width * indirect[1]]),
+        frames: frames.iter().map(|frame| frame.label.clone()).collect(),
+        frame_of: data.iter().map(|(frame, _)| *frame).collect(),
+        channel_of: data.iter().map(|(frame, c)| frames[*frame].camera.channels()[*c].clone()).collect(),
+        counted: data.iter().map(|(frame, c)| *frame == 0 && rgb.is_none_or(|rgb| rgb.contains(c))).collect(),
+        gain_log_sd: GAIN_LOG_SD,
+        lamp_log_sd: LAMP_LOG_SD,
+        model_error,
+        library: solver.library_errors(&effective[0], &data),
+    })
+}
+
+/// Polynomials of all sources, and the error that they leave in each datum.
+fn fit_sources(
+    fit: &PolynomialFit,
+    solved: &[Solved],
+    names: &[String],
+    prior: &TissuePrior,
+    population: &Population,
+    data: usize,
+) -> (Vec<FamilySource>, Vec<f64>) {
     let mut squares = vec![0.0; data];
-    let mut sources = Vec::with_capacity(names.len());
-    for (number, name) in names.iter().enumerate() {
+    let mut source = |(number, name): (usize, &String)| {
         let mut curves = [Vec::new(), Vec::new()];
         for (datum, square) in squares.iter_mut().enumerate() {
             let log = |values: &dyn Fn(&Solved) -> f64| -> Vec<f64> {
@@ -124,40 +146,11 @@ pub fn tissue_family(
             curves[1].push(once_more);
         }
         let [direct, once_more] = curves;
-        let SourcePrior { group, median, log_sd, fluorescent } = source_prior(name, prior, &population);
-        sources.push(FamilySource {
-            name: readable(name),
-            group,
-            median,
-            log_sd,
-            fluorescent,
-            direct,
-            once_more,
-        });
-    }
-    let porphyrin = sources.remove(0);
-    let around = Surroundings::of(&prior.site);
-    let library_error = prior.library_error / std::f64::consts::SQRT_2;
-    Ok(LightFamily {
-        prior: describe(prior),
-        coordinates: coordinates
-            .variations()
-            .iter()
-            .map(|variation| FamilyCoordinate { name: readable(variation.name), sd: prior.width })
-            .collect(),
-        sources,
-        porphyrin,
-        probability_of_none: PROBABILITY_OF_NONE,
-        indirect: prior.surroundings.then_some([around.indirect[0], prior.width * around.indirect[1]]),
-        frames: frames.iter().map(|frame| frame.label.clone()).collect(),
-        frame_of: (0..data).map(|datum| datum / 3).collect(),
-        gain_log_sd: GAIN_LOG_SD,
-        lamp_log_sd: LAMP_LOG_SD,
-        // Half of the variance of the library's errors is that of emission spectra, which all frames share
-        model_error: squares.iter().map(|square| library_error.hypot(square.sqrt())).collect(),
-        common_error: library_error,
-        channel_of: (0..data).map(|datum| datum % 3).collect(),
-    })
+        let SourcePrior { group, median, log_sd, fluorescent } = source_prior(name, prior, population);
+        FamilySource { name: readable(name), group, median, log_sd, fluorescent, direct, once_more }
+    };
+    let sources = names.iter().enumerate().map(&mut source).collect();
+    (sources, squares.into_iter().map(f64::sqrt).collect())
 }
 
 /// The prior in words.
@@ -234,7 +227,7 @@ fn source_prior(name: &str, prior: &TissuePrior, population: &Population) -> Sou
         let variation = population.variations().iter().find(|variation| variation.name == parameter);
         variation.map_or(0.0, Variation::standard_deviation)
     };
-    let teeth = Surroundings::of(&prior.site).teeth;
+    let teeth = prior.site.surroundings().teeth;
     let (group, median, log_sd, fluorescent) = match name {
         TEETH_NAME => (NuisanceGroup::Surroundings, teeth[0], prior.width * teeth[1], false),
         MIRRORED_NAME => {
@@ -272,7 +265,6 @@ struct FamilySolver<'a> {
 /// A frame with its light as lines and bands.
 struct FrameLines<'a> {
     frame: &'a FamilyFrame,
-    rgb: [usize; 3],
     /// Wavelength, nm, and photons, 1/(s m²).
     lines: Vec<(f64, f64)>,
     /// Irradiance in each band, W/(m² nm).
@@ -291,11 +283,10 @@ impl<'a> FamilySolver<'a> {
         let mut nodes_nm: Vec<f64> = Vec::new();
         let mut prepared = Vec::with_capacity(frames.len());
         for frame in frames {
-            let rgb = frame.camera.rgb().ok_or(TissueError::Wavelengths)?;
             let irradiance = frame.irradiance.bin_averages(grid);
             let lines = lines(&irradiance, grid);
             nodes_nm.extend(lines.iter().map(|(nm, _)| *nm));
-            prepared.push(FrameLines { frame, rgb, lines, irradiance, teeth: Vec::new() });
+            prepared.push(FrameLines { frame, lines, irradiance, teeth: Vec::new() });
         }
         // Every 5 nm where hemoglobin has its bands, otherwise every 10 nm, between the ends of the grid
         let (first, last) = (bands_nm[0], bands_nm[bands_nm.len() - 1]);
@@ -339,6 +330,45 @@ impl<'a> FamilySolver<'a> {
         photons.into_iter().zip(&self.bands_nm).map(energy).collect()
     }
 
+    /// `L` of the covariance `L L^T` of the logarithms of the data by errors of the library, for the light of one tissue.
+    ///
+    /// A spectrum of the library is off by `library_error` at each wavelength, and at wavelengths within
+    /// [`LIBRARY_CORRELATION_NM`] in the same way (`exp(-(distance / length)² / 2)`); a channel averages over what it sees. Half of
+    /// the variance is that of emission spectra, which all frames share, half that of what each light excites. Under blue light the
+    /// coat of tongues emits red that the library lacks.
+    fn library_errors(&self, tissue: &EffectiveTissue, data: &[(usize, usize)]) -> DMatrix<f64> {
+        let seen: Vec<Vec<f64>> = data
+            .iter()
+            .map(|&(frame, channel)| {
+                let radiance = self.radiance(tissue, &self.frames[frame], None);
+                let weights = self.frames[frame].frame.camera.channel_weights(channel);
+                let electrons: Vec<f64> = weights.iter().zip(radiance).map(|(w, l)| w * l).collect();
+                let total = electrons.iter().sum::<f64>().max(f64::MIN_POSITIVE);
+                electrons.into_iter().map(|e| e / total).collect()
+            })
+            .collect();
+        let is_coated = self.prior.site.get("biofilm_chlorophyll_per_mm").is_ok_and(|held| held > 0.0);
+        let red = |datum: usize| -> f64 {
+            let light_nm = mean_nm(&self.frames[data[datum].0].lines);
+            let missing =
+                seen[datum].iter().zip(&self.bands_nm).map(|(s, nm)| s * missing_red(light_nm, *nm));
+            if is_coated { missing.sum() } else { 0.0 }
+        };
+        let bands = &self.bands_nm;
+        let shared = |i: usize, j: usize| -> f64 {
+            let near = |a: f64, b: f64| (-0.5 * ((a - b) / LIBRARY_CORRELATION_NM).powi(2)).exp();
+            let with = |a: f64| -> f64 { seen[j].iter().zip(bands).map(|(s, b)| s * near(a, *b)).sum() };
+            seen[i].iter().zip(bands).filter(|(s, _)| **s > 0.0).map(|(s, a)| s * with(*a)).sum()
+        };
+        let covariance = DMatrix::from_fn(data.len(), data.len(), |i, j| {
+            let same = if data[i].0 == data[j].0 { 1.0 } else { 0.5 };
+            let smooth = self.prior.library_error.powi(2) * same * shared(i, j);
+            // Rounding must not make it singular
+            smooth + red(i) * red(j) + if i == j { 1e-10 } else { 0.0 }
+        });
+        Cholesky::new(covariance).map_or_else(|| DMatrix::zeros(data.len(), data.len()), |found| found.l())
+    }
+
     /// All sources of one tissue.
     fn sources(&self, tissue: &EffectiveTissue, names: &[String]) -> Solved {
         let reflectance = tissue.reflectance(Level::AboveSurface);
@@ -362,7 +392,7 @@ impl<'a> FamilySolver<'a> {
                     name => (self.radiance(tissue, frame, Some(name)), &frame.frame.camera),
                 };
                 let again: Vec<f64> = radiance.iter().zip(&reflectance).map(|(l, r)| l * r).collect();
-                for channel in frame.rgb {
+                for &channel in &frame.frame.channels {
                     let signal = camera.channel_electrons(channel, &radiance, frame.frame.time_s).max(DARK);
                     let after = camera.channel_electrons(channel, &again, frame.frame.time_s);
                     direct.push(signal);
@@ -397,6 +427,12 @@ fn lines(irradiance: &[f64], grid: &WavelengthGrid) -> Vec<(f64, f64)> {
         }
     }
     lines
+}
+
+/// Mean wavelength of lines, nm.
+fn mean_nm(lines: &[(f64, f64)]) -> f64 {
+    let photons: f64 = lines.iter().map(|line| line.1).sum();
+    lines.iter().map(|(nm, photons)| nm * photons).sum::<f64>() / photons.max(f64::MIN_POSITIVE)
 }
 
 /// Least squares by the cubic terms of a design.

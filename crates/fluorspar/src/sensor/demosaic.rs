@@ -4,7 +4,9 @@ use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::image::Mosaic;
+use std::sync::Arc;
+
+use crate::image::{InterpolationTaps, Mosaic, Tap};
 
 /// How the colors that a pixel does not see are found.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -18,9 +20,6 @@ pub enum Demosaicing {
     GradientCorrected,
 }
 
-/// A pixel that enters an interpolated value: offset in rows and columns, and weight.
-type Tap = (isize, isize, f32);
-
 /// Bilinear interpolation on any repeating cell.
 ///
 /// A pixel of the channel itself keeps its value. Elsewhere the pixels of the channel under a tent as wide as two cells
@@ -28,14 +27,12 @@ type Tap = (isize, isize, f32);
 /// `[0 1 0; 1 4 1; 0 1 0] / 4` for green, `[1 2 1]' [1 2 1] / 4` for red and blue. At the border the image is
 /// mirrored without repeating its edge where the cell has at most two rows (columns), which keeps the colors in
 /// place; longer cells leave out what lies outside.
-pub(super) struct Demosaic<'a> {
-    mosaic: &'a Mosaic,
-    /// Taps by `[row of cell, column of cell, channel]`, weights not normalized.
-    taps: Vec<Vec<Tap>>,
+pub(super) struct Demosaic {
+    taps: Arc<InterpolationTaps>,
 }
 
-impl<'a> Demosaic<'a> {
-    pub(super) fn new(mosaic: &'a Mosaic) -> Self {
+impl Demosaic {
+    pub(super) fn new(mosaic: &Mosaic) -> Self {
         let mut taps = Vec::new();
         for row in 0..mosaic.rows {
             for col in 0..mosaic.cols {
@@ -44,13 +41,13 @@ impl<'a> Demosaic<'a> {
                 }
             }
         }
-        Self { mosaic, taps }
+        Self { taps: Arc::new(InterpolationTaps::new(mosaic, taps)) }
     }
 
     /// Gradient-corrected linear interpolation of a two by two Bayer array: Malvar, He and Cutler, "High-quality linear
     /// interpolation for demosaicing of Bayer-patterned color images", ICASSP 2004, Fig. 2. The image is mirrored at its
     /// border without repeating the edge. `None` for any other mosaic.
-    pub(super) fn gradient_corrected(mosaic: &'a Mosaic) -> Option<Self> {
+    pub(super) fn gradient_corrected(mosaic: &Mosaic) -> Option<Self> {
         let green = (0..mosaic.channels.len())
             .find(|&c| mosaic.pattern.iter().filter(|&&seen| usize::from(seen) == c).count() == 2)?;
         if !mosaic.is_bayer() {
@@ -64,13 +61,18 @@ impl<'a> Demosaic<'a> {
                 }
             }
         }
-        Some(Self { mosaic, taps })
+        Some(Self { taps: Arc::new(InterpolationTaps::new(mosaic, taps)) })
+    }
+
+    /// Which raw pixels enter which value.
+    pub(super) fn taps(&self) -> Arc<InterpolationTaps> {
+        Arc::clone(&self.taps)
     }
 
     /// Rows and columns that the farthest tap reaches.
     fn reach(&self) -> (usize, usize) {
         let far = |of: fn(&Tap) -> isize| {
-            self.taps.iter().flatten().map(|tap| of(tap).unsigned_abs()).max().unwrap_or(0)
+            self.taps.taps().iter().flatten().map(|tap| of(tap).unsigned_abs()).max().unwrap_or(0)
         };
         (far(|tap| tap.0), far(|tap| tap.1))
     }
@@ -83,14 +85,16 @@ impl<'a> Demosaic<'a> {
         width: usize,
         height: usize,
     ) -> (Vec<f32>, Vec<bool>) {
-        let channels = self.mosaic.channels.len();
+        let mosaic = self.taps.mosaic();
+        let channels = mosaic.channels.len();
         let mut data = vec![0.0; width * height * channels];
         let mut mask = vec![false; width * height];
         if values.is_empty() {
             return (data, mask);
         }
         let any_marked = marked.contains(&true);
-        let cells: Vec<Vec<(isize, f32)>> = self.taps.iter().map(|taps| normalized(taps, width)).collect();
+        let cells: Vec<Vec<(isize, f32)>> =
+            self.taps.taps().iter().map(|taps| normalized(taps, width)).collect();
         // Lines whose taps all lie inside of the image.
         let (margin_rows, margin_cols) = self.reach();
         let is_interior = |line: usize, margin: usize, lines: usize| line >= margin && line + margin < lines;
@@ -98,7 +102,7 @@ impl<'a> Demosaic<'a> {
         rows.enumerate().for_each(|(row, (data, mask))| {
             let interior_row = is_interior(row, margin_rows, height);
             for (col, (out, mask)) in data.chunks_exact_mut(channels).zip(mask).enumerate() {
-                let cell = (row % self.mosaic.rows) * self.mosaic.cols + col % self.mosaic.cols;
+                let cell = (row % mosaic.rows) * mosaic.cols + col % mosaic.cols;
                 let first = cell * channels;
                 // Apply the precomputed offsets inside the image
                 if interior_row && is_interior(col, margin_cols, width) {
@@ -109,9 +113,9 @@ impl<'a> Demosaic<'a> {
                         *mask |= any_marked && taps.iter().any(|&(offset, _)| marked[at(offset)]);
                     }
                 } else {
-                    for (out, taps) in out.iter_mut().zip(&self.taps[first..]) {
+                    for (channel, out) in out.iter_mut().enumerate() {
                         // Renormalize the taps that lie inside at the border
-                        let entering = || self.entering(taps, row, col, width, height);
+                        let entering = || self.taps.entering([row, col], channel, [width, height]);
                         let (sum, total) = entering().fold((0.0, 0.0), |(sum, total), (pixel, weight)| {
                             (sum + weight * values[pixel], total + weight)
                         });
@@ -122,23 +126,6 @@ impl<'a> Demosaic<'a> {
             }
         });
         (data, mask)
-    }
-
-    /// Pixels and weights that taps find near the border.
-    fn entering<'t>(
-        &self,
-        taps: &'t [Tap],
-        row: usize,
-        col: usize,
-        width: usize,
-        height: usize,
-    ) -> impl Iterator<Item = (usize, f32)> + 't {
-        let (mirror_rows, mirror_cols) = (self.mosaic.rows <= 2, self.mosaic.cols <= 2);
-        taps.iter().filter_map(move |&(down, right, weight)| {
-            let row = inside(row, down, height, mirror_rows)?;
-            let col = inside(col, right, width, mirror_cols)?;
-            Some((row * width + col, weight))
-        })
     }
 }
 
@@ -203,21 +190,6 @@ const IN_ROW: [[i8; 5]; 5] =
     [[0, 0, 1, 0, 0], [0, -2, 0, -2, 0], [-2, 8, 10, 8, -2], [0, -2, 0, -2, 0], [0, 0, 1, 0, 0]];
 const DIAGONAL: [[i8; 5]; 5] =
     [[0, 0, -3, 0, 0], [0, 4, 0, 4, 0], [-3, 0, 12, 0, -3], [0, 4, 0, 4, 0], [0, 0, -3, 0, 0]];
-
-/// The line `offset` away from `line`; mirrored at the edges, or nothing where it lies outside.
-#[inline]
-fn inside(line: usize, offset: isize, lines: usize, mirror: bool) -> Option<usize> {
-    let at = line as isize + offset;
-    let last = lines as isize - 1;
-    if (0..=last).contains(&at) {
-        Some(at as usize)
-    } else if mirror {
-        let mirrored = if at < 0 { -at } else { 2 * last - at };
-        (0..=last).contains(&mirrored).then_some(mirrored as usize)
-    } else {
-        None
-    }
-}
 
 #[cfg(test)]
 mod tests {

@@ -312,7 +312,7 @@ fn linear(raw: &SensorImage, values: Vec<f32>, noise_floor_dn: f64) -> LinearMos
     }
 }
 
-fn interpolate(frame: &LinearMosaic, method: &Demosaic<'_>) -> ChannelImage {
+fn interpolate(frame: &LinearMosaic, method: &Demosaic) -> ChannelImage {
     let (data, saturated) = method.interpolate(&frame.values, &frame.saturated, frame.width, frame.height);
     ChannelImage {
         width: frame.width,
@@ -323,6 +323,7 @@ fn interpolate(frame: &LinearMosaic, method: &Demosaic<'_>) -> ChannelImage {
         noise_floor_dn: frame.noise_floor_dn,
         full_scale_dn: frame.full_scale_dn,
         shares: frame.mosaic.shares(),
+        interpolation: Some(method.taps()),
         subtracted: frame.subtracted.as_ref().map(|(levels, exposure_ratio)| {
             let unmarked = vec![false; levels.len()];
             let (dn, _) = method.interpolate(levels, &unmarked, frame.width, frame.height);

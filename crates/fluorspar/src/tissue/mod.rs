@@ -38,6 +38,7 @@ mod population;
 mod scattering;
 mod site;
 mod site_parameter;
+mod surroundings;
 mod tissue_error;
 mod tissue_state;
 
@@ -55,5 +56,6 @@ pub use population::{Population, Spread, Variation};
 pub use scattering::{LayerScattering, ScatteringCoefficient};
 pub use site::Site;
 pub use site_parameter::{Basis, SiteParameter};
+pub use surroundings::Surroundings;
 pub use tissue_error::TissueError;
 pub use tissue_state::TissueState;

@@ -16,6 +16,7 @@ use super::chromophore::{Blood, Chromophore};
 use super::layered_tissue::{Below, LayeredTissue, TissueFluorophore, TissueLayer};
 use super::scattering::{LayerScattering, ScatteringCoefficient};
 use super::site_parameter::{Basis, SOFT, SiteParameter, TOOTH};
+use super::surroundings::{self, Surroundings};
 use super::tissue_error::{TissueError, check};
 use super::tissue_state::TissueState;
 use crate::spectral::Fluorophore;
@@ -45,6 +46,7 @@ struct KnownSite {
     source: &'static str,
     assumed: bool,
     structure: Structure,
+    surroundings: &'static Surroundings,
     /// What differs from the first site of its structure, which states everything.
     values: &'static [(&'static str, f64)],
 }
@@ -156,6 +158,7 @@ const SITES: &[KnownSite] = &[
         source: FITTED,
         assumed: false,
         structure: Structure::Soft,
+        surroundings: &surroundings::TONGUE,
         values: DORSAL_TONGUE,
     },
     KnownSite {
@@ -164,6 +167,7 @@ const SITES: &[KnownSite] = &[
         source: FITTED,
         assumed: false,
         structure: Structure::Soft,
+        surroundings: &surroundings::TONGUE,
         values: DORSAL_TONGUE_B,
     },
     KnownSite {
@@ -172,6 +176,7 @@ const SITES: &[KnownSite] = &[
         source: THICKNESS,
         assumed: true,
         structure: Structure::Soft,
+        surroundings: &surroundings::ELSEWHERE,
         values: lining! {
             "keratin_thickness_um": 20.0,
             "epithelium_thickness_um": 79.0,
@@ -188,6 +193,7 @@ const SITES: &[KnownSite] = &[
         source: THICKNESS,
         assumed: true,
         structure: Structure::Soft,
+        surroundings: &surroundings::CHEEK,
         values: lining! {
             "keratin_thickness_um": 59.0,
             "epithelium_thickness_um": 235.0,
@@ -202,6 +208,7 @@ const SITES: &[KnownSite] = &[
         source: THICKNESS,
         assumed: true,
         structure: Structure::Soft,
+        surroundings: &surroundings::ELSEWHERE,
         values: lining! {
             "keratin_thickness_um": 20.0,
             "epithelium_thickness_um": 79.0,
@@ -216,6 +223,7 @@ const SITES: &[KnownSite] = &[
         source: THICKNESS,
         assumed: true,
         structure: Structure::Soft,
+        surroundings: &surroundings::ELSEWHERE,
         values: &[
             ("keratin_thickness_um", 48.0),
             ("epithelium_thickness_um", 191.0),
@@ -237,6 +245,7 @@ const SITES: &[KnownSite] = &[
         source: THICKNESS,
         assumed: true,
         structure: Structure::Soft,
+        surroundings: &surroundings::ELSEWHERE,
         values: lining! {
             "keratin_thickness_um": 38.0,
             "epithelium_thickness_um": 152.0,
@@ -251,6 +260,7 @@ const SITES: &[KnownSite] = &[
         source: "[assumed] epithelium after Klein-Szanto and Schroeder 1977, the rest from the fitted sites",
         assumed: true,
         structure: Structure::Soft,
+        surroundings: &surroundings::ELSEWHERE,
         values: &[
             ("keratin_thickness_um", 30.0),
             ("epithelium_thickness_um", 220.0),
@@ -272,6 +282,7 @@ const SITES: &[KnownSite] = &[
         source: FITTED,
         assumed: false,
         structure: Structure::Soft,
+        surroundings: &surroundings::LIP,
         values: LIP,
     },
     KnownSite {
@@ -280,6 +291,7 @@ const SITES: &[KnownSite] = &[
         source: "[assumed] scattering and melanin after Jacques, Phys. Med. Biol. 58, R37, 2013",
         assumed: true,
         structure: Structure::Soft,
+        surroundings: &surroundings::ELSEWHERE,
         values: &[
             ("biofilm_thickness_um", 5.0),
             ("keratin_thickness_um", 15.0),
@@ -312,6 +324,7 @@ const SITES: &[KnownSite] = &[
                  reflectance, fluorescence for the yield of front teeth",
         assumed: true,
         structure: Structure::Tooth,
+        surroundings: &surroundings::ELSEWHERE,
         values: &[
             ("enamel_thickness_um", 1200.0),
             ("dentin_thickness_um", 3000.0),
@@ -370,6 +383,12 @@ impl Site {
     #[must_use]
     pub fn source(&self) -> &'static str {
         self.known.source
+    }
+
+    /// What reaches it by way of other surfaces of a mouth.
+    #[must_use]
+    pub fn surroundings(&self) -> &'static Surroundings {
+        self.known.surroundings
     }
 
     /// Whether its parameters are assumed rather than fitted to measurements of the site.

@@ -5,6 +5,7 @@ mod architecture;
 mod function_lengths;
 mod light_transport;
 mod region_interval;
+mod region_mean;
 mod support;
 #[path = "../tissue_benchmarks/mod.rs"]
 mod tissue_benchmarks;

@@ -177,6 +177,7 @@ fn known_reflected_light_is_subtracted() {
         noise_floor_dn: 1.0,
         full_scale_dn: 4000.0,
         shares: vec![0.25, 0.5, 0.25],
+        interpolation: None,
         subtracted: None,
         label: "blue".into(),
     };

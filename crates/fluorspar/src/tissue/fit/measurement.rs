@@ -139,9 +139,7 @@ impl Viewing {
     #[must_use]
     pub fn model_error(&self, nm: f64) -> f64 {
         let mean: f64 = self.lines.iter().map(|(nm, energy)| nm * energy).sum();
-        // Fades in from violet to blue light, and from orange to red.
-        let [blue, red] = [(mean - 420.0) / 20.0, (nm - 600.0) / 20.0].map(|t| t.clamp(0.0, 1.0));
-        RED_UNDER_BLUE * blue * red
+        missing_red(mean, nm)
     }
 
     pub(super) fn passed(&self, nm: f64) -> f64 {
@@ -151,6 +149,13 @@ impl Viewing {
     pub(super) fn leaked(&self, nm: f64) -> f64 {
         self.leak.as_ref().map_or(0.0, |leak| leak.at(nm))
     }
+}
+
+/// Relative error of the model at a wavelength, nm, under light of a mean wavelength, nm: [`Viewing::model_error`].
+pub(crate) fn missing_red(light_nm: f64, nm: f64) -> f64 {
+    // Fades in from violet to blue light, and from orange to red.
+    let [blue, red] = [(light_nm - 420.0) / 20.0, (nm - 600.0) / 20.0].map(|t| t.clamp(0.0, 1.0));
+    RED_UNDER_BLUE * blue * red
 }
 
 /// Reflectance against a white target, surface reflection excluded.

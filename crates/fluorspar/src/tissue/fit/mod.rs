@@ -32,6 +32,7 @@ use crate::spectral::Fluorophore;
 use forward::Forward;
 use least_squares::{Linearized, minimize};
 
+pub(crate) use measurement::missing_red;
 pub use measurement::{MeasuredFluorescence, MeasuredReflectance, TissueFitError, Viewing};
 pub use outcome::{Fit, FittedParameter, FittedSpectrum, PredictedFluorescence};
 
