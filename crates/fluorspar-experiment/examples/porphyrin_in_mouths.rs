@@ -1,6 +1,6 @@
 //! Do the intervals of the estimate that knows a family of tissues hold the truth in rendered mouths?
 //!
-//! `cargo run --release -p fluorspar-experiment --example porphyrin_in_mouths [-- MOUTHS]`
+//! `cargo run --release -p fluorspar-experiment --example porphyrin_in_mouths [-- MOUTHS [known | other]]`
 //!
 //! Each mouth is another person: its shape is drawn, and so are the tissues of tongue, lip and cheek from the populations of their
 //! sites. It is rendered small under a LED of 405 nm and one of 450 nm, all bounces between its parts included. Regions keep three
@@ -374,8 +374,16 @@ fn width_over_bound(family: &LightFamily, electrons: &[f64], variance: &[f64], t
 }
 
 fn main() -> Fallible<()> {
-    let mouths = std::env::args().nth(1).map_or(Ok(20), |text| text.parse())?;
-    run(mouths, ["dorsal_tongue", "lip", "buccal_mucosa"], 1.0)?;
-    // The other variant of the tongue, and lips and cheeks that are not what the estimate takes them for
-    run(mouths, ["dorsal_tongue_b", "buccal_mucosa", "soft_palate"], TissuePrior::WIDTH)
+    let mut arguments = std::env::args().skip(1);
+    let mouths = arguments.next().map_or(Ok(20), |text| text.parse())?;
+    let wanted = arguments.next();
+    let is_wanted = |run: &str| wanted.as_deref().is_none_or(|wanted| wanted == run);
+    if is_wanted("known") {
+        run(mouths, ["dorsal_tongue", "lip", "buccal_mucosa"], 1.0)?;
+    }
+    if is_wanted("other") {
+        // The other variant of the tongue, and lips and cheeks that are not what the estimate takes them for
+        run(mouths, ["dorsal_tongue_b", "buccal_mucosa", "soft_palate"], TissuePrior::WIDTH)?;
+    }
+    Ok(())
 }

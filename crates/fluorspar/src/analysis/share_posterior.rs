@@ -399,6 +399,31 @@ impl LightFamily {
     /// family with its prior (van Trees), for data of these variances. `None` without porphyrin.
     #[must_use]
     pub fn bound_of_log_odds(&self, nuisances: &[f64], porphyrin: f64, variance: &[f64]) -> Option<f64> {
+        let Bound { slopes, odds, factor, .. } = self.bound(nuisances, porphyrin, variance)?;
+        let seen = &slopes * &odds;
+        let variance = odds.norm_squared() - seen.dot(&factor.solve(&seen));
+        Some(variance.max(0.0).sqrt())
+    }
+
+    /// Standard deviation by the sensor's noise alone that the log odds of the share have at best in repeated measurements of the
+    /// same tissue, if the prior is used: the Cramér-Rao bound for an estimate of the bias that the prior gives it. The estimate
+    /// moves by `C J^T r` with the residuals `r` and the covariance `C = (J^T J + 1)^-1` of all unknowns; of `r`, the noise has the
+    /// share `variance / sd²`. `None` without porphyrin.
+    #[must_use]
+    pub fn bound_of_repeats(&self, nuisances: &[f64], porphyrin: f64, variance: &[f64]) -> Option<f64> {
+        let Bound { slopes, odds, factor, sd } = self.bound(nuisances, porphyrin, variance)?;
+        let moves = &odds - slopes.transpose() * factor.solve(&(&slopes * &odds));
+        let of_data = &slopes * moves;
+        let squares = of_data.iter().zip(variance).zip(&sd);
+        Some(
+            squares
+                .map(|((weight, variance), sd)| weight * weight * variance / (sd * sd))
+                .sum::<f64>()
+                .sqrt(),
+        )
+    }
+
+    fn bound(&self, nuisances: &[f64], porphyrin: f64, variance: &[f64]) -> Option<Bound> {
         let point = self.point(nuisances, porphyrin);
         let n = variance.len();
         let sd: Vec<f64> = (0..n)
@@ -410,10 +435,20 @@ impl LightFamily {
         }
         let odds = point.log_odds_slopes.insert_row(nuisances.len(), self.porphyrin.log_sd);
         let factor = Cholesky::new(&slopes * slopes.transpose() + DMatrix::identity(n, n))?;
-        let seen = &slopes * &odds;
-        let variance = odds.norm_squared() - seen.dot(&factor.solve(&seen));
-        (porphyrin > 0.0).then(|| variance.max(0.0).sqrt())
+        (porphyrin > 0.0).then_some(Bound { slopes, odds, factor, sd })
     }
+}
+
+/// Slopes at a truth, the logarithm of the amount of porphyrin being the last unknown.
+struct Bound {
+    /// Of the data, in their standard deviations.
+    slopes: DMatrix<f64>,
+    /// Of the log odds of the share.
+    odds: DVector<f64>,
+    /// `J J^T + 1`.
+    factor: Cholesky<f64, Dyn>,
+    /// Standard deviations of the data.
+    sd: Vec<f64>,
 }
 
 /// Slopes in standard deviations of the data.

@@ -6,6 +6,7 @@ mod function_lengths;
 mod light_transport;
 mod region_interval;
 mod region_mean;
+mod share_bound;
 mod support;
 #[path = "../tissue_benchmarks/mod.rs"]
 mod tissue_benchmarks;

@@ -1,0 +1,130 @@
+//! How near the estimate of a light family comes to the Cramér-Rao bound, on a family of one coordinate and three channels.
+//!
+//! The bound holds for quantities without ends; a share near 0 or 1 has one. So tests keep it between, with porphyrin known to be
+//! present, and compare the middle 68 % of the errors, which a few wild draws don't rule as they rule a mean square.
+
+use fluorspar::analysis::{FamilyCoordinate, FamilySource, LightFamily, NuisanceGroup};
+use fluorspar::sampling::random::Key;
+use nalgebra::DMatrix;
+
+/// A normal deviate that belongs to a key (Box and Muller).
+fn normal(key: Key) -> f64 {
+    let uniform = |id: u64| (key.with(id).value() >> 11) as f64 / (1u64 << 53) as f64;
+    (-2.0 * (1.0 - uniform(0)).ln()).sqrt() * (std::f64::consts::TAU * uniform(1)).cos()
+}
+
+/// Electrons of a unit amount, and how blood, the one coordinate, changes their logarithms.
+fn source(name: &str, electrons: [f64; 3], by_blood: [f64; 3]) -> FamilySource {
+    let direct = |c: usize| vec![f64::ln(electrons[c]), by_blood[c], 0.05 * by_blood[c], 0.0];
+    FamilySource {
+        name: name.into(),
+        group: NuisanceGroup::Fluorophores,
+        median: 1.0,
+        log_sd: 0.3,
+        fluorescent: true,
+        direct: (0..3).map(direct).collect(),
+        once_more: vec![vec![-50.0, 0.0, 0.0, 0.0]; 3],
+    }
+}
+
+/// Bulk of two fluorophores, and a porphyrin with some 0.3 of the light: thousands of electrons in each channel.
+fn family() -> LightFamily {
+    let blood = FamilyCoordinate { name: "blood".into(), sd: 0.6 };
+    LightFamily {
+        prior: "a test".into(),
+        coordinates: vec![blood],
+        sources: vec![
+            source("collagen", [1500.0, 4000.0, 2500.0], [-0.05, -0.2, -0.15]),
+            source("flavin", [1200.0, 2500.0, 500.0], [-0.05, -0.2, -0.1]),
+        ],
+        porphyrin: FamilySource { log_sd: 0.5, ..source("porphyrin", [4000.0, 400.0, 200.0], [0.0; 3]) },
+        probability_of_none: 0.0,
+        indirect: None,
+        frames: vec!["blue".into()],
+        frame_of: vec![0; 3],
+        channel_of: ["R", "G", "B"].map(String::from).to_vec(),
+        counted: vec![true; 3],
+        gain_log_sd: 0.5,
+        lamp_log_sd: 0.0,
+        model_error: vec![0.0; 3],
+        library: DMatrix::from_diagonal_element(3, 3, 0.02),
+    }
+}
+
+/// A tissue with its light: nuisances, amount of porphyrin, share.
+struct Truth {
+    nuisances: Vec<f64>,
+    amount: f64,
+    share: f64,
+    electrons: Vec<f64>,
+}
+
+fn truth(family: &LightFamily, key: Key) -> Truth {
+    let nuisances: Vec<f64> =
+        (0..family.nuisances().len()).map(|place| normal(key.with(place as u64))).collect();
+    let amount = family.porphyrin.median * (family.porphyrin.log_sd * normal(key.with(100))).exp();
+    let (share, electrons) = (family.share(&nuisances, amount), family.electrons(&nuisances, amount));
+    Truth { nuisances, amount, share, electrons }
+}
+
+/// Log odds that are estimated from electrons with shot noise and a read noise of 14 e-, and the variances.
+fn estimated(family: &LightFamily, electrons: &[f64], key: Key) -> (f64, Vec<f64>) {
+    let variance: Vec<f64> = electrons.iter().map(|e| e + 196.0).collect();
+    let noise = |(i, (e, v)): (usize, (&f64, &f64))| e + v.sqrt() * normal(key.with(i as u64));
+    let measured: Vec<f64> = electrons.iter().zip(&variance).enumerate().map(noise).collect();
+    let [share, ..] = family.share_interval(&measured, &variance).unwrap();
+    (log_odds(share), variance)
+}
+
+fn log_odds(share: f64) -> f64 {
+    (share / (1.0 - share)).ln()
+}
+
+/// Half the distance between the percentiles 15.87 and 84.13: the standard deviation of a normal distribution.
+fn half_width(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    let at = |share: f64| values[(share * values.len() as f64) as usize];
+    0.5 * (at(0.8413) - at(0.1587))
+}
+
+/// Over tissues of the prior: the variance of the error over the bound of van Trees. That of 1500 draws is known to
+/// 2 x 1.5 / sqrt(2 x 1500) = 0.055 (the quantiles' efficiency being 0.66), so that 0.20 is 3.6 standard errors.
+#[test]
+fn the_estimate_has_the_variance_of_the_bound() {
+    let family = family();
+    let key = Key::new(31);
+    let mut errors = Vec::new();
+    for draw in 0..1500 {
+        let Truth { nuisances, amount, share, electrons } = truth(&family, key.with(draw));
+        let (found, variance) = estimated(&family, &electrons, key.with(draw).with(200));
+        let bound = family.bound_of_log_odds(&nuisances, amount, &variance).unwrap();
+        if electrons.iter().all(|e| *e > 1000.0) && (0.05..0.95).contains(&share) {
+            errors.push((found - log_odds(share)) / bound);
+        }
+    }
+    assert!(errors.len() > 900, "{}", errors.len());
+    let ratio = half_width(errors).powi(2);
+    assert!((ratio - 1.0).abs() < 0.2, "{ratio}");
+}
+
+/// Repeated measurements of one tissue: their scatter over the bound for noise alone, for four tissues with 600 measurements each,
+/// whose variances are known to 0.087; the mean of four to 0.043.
+#[test]
+fn repeated_estimates_of_a_tissue_scatter_as_the_bound_says() {
+    let family = family();
+    let key = Key::new(32);
+    let mut ratios = Vec::new();
+    for tissue in 0..4 {
+        let Truth { nuisances, amount, electrons, .. } = truth(&family, key.with(tissue));
+        let found: Vec<f64> = (0..600)
+            .map(|repeat| estimated(&family, &electrons, key.with(tissue).with(300 + repeat)).0)
+            .collect();
+        let variance: Vec<f64> = electrons.iter().map(|e| e + 196.0).collect();
+        let bound = family.bound_of_repeats(&nuisances, amount, &variance).unwrap();
+        // What the prior takes away, noise does not give back
+        assert!(bound < family.bound_of_log_odds(&nuisances, amount, &variance).unwrap());
+        ratios.push((half_width(found) / bound).powi(2));
+    }
+    let mean = ratios.iter().sum::<f64>() / 4.0;
+    assert!((mean - 1.0).abs() < 0.2, "{ratios:?}");
+}
