@@ -161,7 +161,7 @@ pub struct AnalysisSection {
     /// How various the tissue is thought to be, over what people differ by, 0.01 to 10. Default 1.25.
     #[serde(default = "prior_width")]
     pub prior_width: f64,
-    /// Relative error of the electrons of each channel by errors of the library of spectra, 0 to 1. Default 0.03.
+    /// Relative error of the spectra of the library at each wavelength, 0 to 1; channels average over it. Default 0.03.
     #[serde(default = "library_error")]
     pub library_error: f64,
     /// Pixels whose R + G + B is below this many standard deviations of its noise have no chromaticity, 0 to 1000.

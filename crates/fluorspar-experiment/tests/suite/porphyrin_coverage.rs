@@ -452,6 +452,49 @@ fn a_second_light_narrows_and_still_holds() {
     assert!(found.held[0] + 2.0 * found.held[1] >= 0.93, "{:?}", found.held);
 }
 
+/// The variance of the estimate over the Cramér-Rao bound in the family of the dorsum, a thousand electrons and more in the brightest
+/// channel, shares of 0.05 to 0.95, porphyrin known to be present: prints what docs/validation.md says.
+/// `cargo test -p fluorspar-experiment --test suite porphyrin_coverage -- --ignored --nocapture variance`.
+#[test]
+#[ignore = "solves a thousand estimates for numbers in the documentation"]
+fn the_variance_in_tissue_is_near_the_bound() {
+    for lights in [["led_405"].as_slice(), &["led_405", "led_450"]] {
+        let family = LightFamily { probability_of_none: 0.0, ..family(lights) };
+        let log_odds = |share: f64| (share / (1.0 - share)).ln();
+        let (mut errors, mut repeats) = (Vec::new(), Vec::new());
+        for draw in 0..1000 {
+            let key = Key::new(41).with(draw);
+            let nuisances: Vec<f64> =
+                (0..family.nuisances().len()).map(|place| normal(key.with(place as u64))).collect();
+            let amount = family.porphyrin.median * (family.porphyrin.log_sd * normal(key.with(1000))).exp();
+            let (share, electrons) = (family.share(&nuisances, amount), family.electrons(&nuisances, amount));
+            let variance: Vec<f64> = electrons.iter().map(|e| (e + 196.0) / 1000.0).collect();
+            if !(0.05..0.95).contains(&share) || electrons.iter().all(|e| *e < 1000.0) {
+                continue;
+            }
+            let measured = |repeat: u64| -> Vec<f64> {
+                let noise = |i: usize| variance[i].sqrt() * normal(key.with(2000 + repeat).with(i as u64));
+                (0..electrons.len()).map(|i| electrons[i] + noise(i)).collect()
+            };
+            let found =
+                |repeat: u64| log_odds(family.share_interval(&measured(repeat), &variance).unwrap()[0]);
+            let bound = family.bound_of_log_odds(&nuisances, amount, &variance).unwrap();
+            errors.push((found(0) - log_odds(share)) / bound);
+            if let Some(bound) = family.bound_of_repeats(&nuisances, amount, &variance) {
+                // The difference of two repeats has twice the variance
+                repeats.push((found(1) - found(2)) / (bound * std::f64::consts::SQRT_2));
+            }
+        }
+        let [over_bound, of_repeats] =
+            [half_width(&mut errors), half_width(&mut repeats)].map(|width| width * width);
+        println!(
+            "{lights:?}: {} cases, variance over the bound {over_bound:.2}, of repeats {of_repeats:.2}",
+            errors.len()
+        );
+        assert!(over_bound < 1.5 && of_repeats < 1.5);
+    }
+}
+
 /// Photons traced through the layers in place of the deterministic solver: 90 % hold, as far as 16 tissues tell. Takes minutes:
 /// `cargo test --release -p fluorspar-experiment --test suite porphyrin_coverage -- --ignored --nocapture`.
 #[test]

@@ -10,7 +10,9 @@ pub const LIGHT_DECADES: i32 = 5;
 /// Spectral power of each light relative to its peak, with filter transmittances over it. Powers are energy, not photons.
 pub fn lights(lights: &[PlotCurve], filters: &[PlotCurve]) -> Figure {
     let x = Axis::wavelength(wavelength_limits(lights));
-    let y = Axis::log10("relative spectral power; transmittance", "", [10f64.powi(-LIGHT_DECADES), 1.5]);
+    let what =
+        if filters.is_empty() { "relative spectral power" } else { "relative spectral power; transmittance" };
+    let y = Axis::log10(what, "", [10f64.powi(-LIGHT_DECADES), 1.5]);
     let mut panel = Panel::new(x, y);
     for (index, light) in lights.iter().enumerate() {
         let peak = light.peak();

@@ -51,7 +51,7 @@ pub(super) fn run(setup: &Setup<'_>) -> Result<Outcome, ValidationError> {
     Ok(Outcome::new(Verdict::Reproduced, reason)
         .checks(checks(step, across, strongest[0] / strongest[1]))
         .lacks("the three frames of Fig. 8 (a-c), which are not public")
-        .show("figure_8_subjects", figure(&subjects, people::panel(setup)?)))
+        .show("figure_8_subjects", figure(&subjects, people::panels(setup)?)))
 }
 
 /// The mouth before a sensor with fewer and larger pixels.
@@ -118,7 +118,7 @@ fn subject(name: &'static str, evaluation: Evaluation) -> Result<Subject, Valida
 }
 
 /// Frames above, chromaticities below, one column for each subject; behind them people, of whom spectra were measured.
-fn figure(subjects: &[Subject], measured: Option<Panel>) -> Figure {
+fn figure(subjects: &[Subject], measured: Option<Vec<Panel>>) -> Figure {
     let frames: Vec<(String, Raster)> = subjects
         .iter()
         .filter_map(|subject| {
@@ -131,8 +131,8 @@ fn figure(subjects: &[Subject], measured: Option<Panel>) -> Figure {
     figure.panels.extend(subjects.iter().filter_map(plot));
     let simulated = "Above: the frame under the blue LED. Below: each dot is one pixel of the back of the tongue in sensor chromaticity. The \
                      dots lie along the dashed line from bulk to porphyrin, the farther the more porphyrin there is.";
-    let Some(panel) = measured else { return figure.explained(simulated) };
-    figure.panels.push(panel.sized(300.0, 300.0));
+    let Some(panels) = measured else { return figure.explained(simulated) };
+    figure.panels.extend(panels.into_iter().map(|panel| panel.sized(300.0, 300.0)));
     figure.explained(format!(
         "{simulated} Last: real people through the same camera, one mark for each spectrum measured under 405 or 415 nm; lips hollow, tongues \
          filled."
@@ -150,5 +150,6 @@ fn plot(subject: &Subject) -> Option<Panel> {
         mixture_line: Some([mixture.bulk, mixture.porphyrin]),
         ..ChromaticityPlot::default()
     };
-    chromaticity(&plot).panels.into_iter().next().map(|panel| panel.sized(300.0, 300.0))
+    let panel = chromaticity(&plot).panels.into_iter().next()?;
+    Some(panel.sized(300.0, 300.0).titled(format!("{} porphyrin, simulated", subject.name)))
 }

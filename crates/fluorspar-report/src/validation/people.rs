@@ -9,7 +9,7 @@ use fluorspar_format::{NamedCurve, read_text_bounded};
 use super::check::{Check, Outcome, Verdict, number};
 use super::setup::{Setup, ValidationError, sensor};
 use crate::figures::{ChromaticityPlot, chromaticity};
-use crate::{Ink, Panel, Series, SeriesShape};
+use crate::{Axis, Ink, Panel, Series, SeriesShape};
 
 /// The spectra, W/(sr m² nm), and the list of who and what they show.
 pub(super) const SPECTRA: &str = "tissue/oe_tongue_lip_fluorescence.csv";
@@ -68,10 +68,11 @@ fn people(setup: &Setup<'_>) -> Result<Option<PeopleAndPorphyrin>, ValidationErr
     Ok(Some((people.into_iter().collect::<Result<Vec<Person>, ValidationError>>()?, porphyrin)))
 }
 
-/// The plane of chromaticities with the measured people, to stand beside simulated ones; `None` where a file is missing.
-pub(super) fn panel(setup: &Setup<'_>) -> Result<Option<Panel>, ValidationError> {
+/// The plane of chromaticities with the measured people, whole and enlarged, to stand beside simulated ones; `None` where a file is
+/// missing.
+pub(super) fn panels(setup: &Setup<'_>) -> Result<Option<Vec<Panel>>, ValidationError> {
     let Some((people, porphyrin)) = people(setup)? else { return Ok(None) };
-    Ok(figure(&people, porphyrin).panels.into_iter().next())
+    Ok(Some(figure(&people, porphyrin).panels))
 }
 
 /// Tongues lie from lips in the direction of porphyrin, for each person.
@@ -166,15 +167,36 @@ fn figure(people: &[Person], porphyrin: [f64; 3]) -> crate::Figure {
         "Each circle is one spectrum measured under a 405 or 415 nm LED, from 500 to 700 nm: hollow on the inner lip, filled on the back of the \
          tongue. Tongues lie from the same person's lip toward porphyrin.",
     );
-    let Some(panel) = figure.panels.first_mut() else { return figure };
-    for (index, person) in people.iter().enumerate() {
-        for (site, points, hollow) in [("lip", &person.lip, true), ("tongue", &person.tongue, false)] {
-            panel.series.push(Series {
-                name: Some(format!("{site} of {}", person.name)),
-                ink: Ink::cycle(index),
-                shape: SeriesShape::Markers { points: points.clone(), radius: 3.0, hollow },
-            });
+    figure.panels.truncate(1);
+    figure.panels =
+        figure.panels.into_iter().map(|panel| panel.titled("measured: all chromaticities")).collect();
+    figure.panels.push(enlarged(people));
+    for (number, panel) in figure.panels.iter_mut().enumerate() {
+        // Lips last: tongues reach over them
+        for (site, hollow) in [("tongue", false), ("lip", true)] {
+            for (index, person) in people.iter().enumerate() {
+                let points = if hollow { &person.lip } else { &person.tongue };
+                panel.series.push(Series {
+                    name: (number == 0).then(|| format!("measured {site} of {}", person.name)),
+                    ink: Ink::cycle(index),
+                    shape: SeriesShape::Markers { points: points.clone(), radius: 3.0, hollow },
+                });
+            }
         }
     }
     figure
+}
+
+/// Axes around what was measured.
+fn enlarged(people: &[Person]) -> Panel {
+    let around = |coordinate: usize| {
+        let points = people.iter().flat_map(|person| person.lip.iter().chain(&person.tongue));
+        let (low, high) = points.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), point| {
+            (low.min(point[coordinate]), high.max(point[coordinate]))
+        });
+        [(20.0 * low).floor() / 20.0, (20.0 * high).ceil() / 20.0]
+    };
+    let [x, y] = [("r = R / (R + G + B)", 0), ("g = G / (R + G + B)", 1)]
+        .map(|(label, coordinate)| Axis::linear(label, "", around(coordinate)));
+    Panel::new(x, y).titled("measured: enlarged")
 }

@@ -12,7 +12,7 @@ use crate::image::ChannelImage;
 ///
 /// Each value counts as measured on its own. A bilinear demosaic averages two to four raw values into the missing
 /// channels, so for one pixel of such an image the variance is an upper bound. Neighbors are correlated, so for a
-/// mean over many the number of raw values counts: see [`ChannelImage::shares`].
+/// mean over many the raw values count: see [`super::PixelMean`].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ChannelNoise {
     /// Standard deviation of a dark value, DN.

@@ -191,7 +191,7 @@ pub struct TissuePrior {
     pub fluorophores: Vec<Arc<Fluorophore>>,
     /// Standard deviations of blood, depth and amounts over those of the population ([`crate::tissue::Population`]).
     pub width: f64,
-    /// Relative error of the electrons of each channel by errors of the library of spectra.
+    /// Relative error of the spectra of the library at each wavelength.
     pub library_error: f64,
     /// Whether light reaches the region by way of other tissue and from teeth, as it does in a mouth.
     pub surroundings: bool,
@@ -202,8 +202,8 @@ pub struct TissuePrior {
 impl TissuePrior {
     /// A little wider than the population, which four people tell of. \[assumed\]
     pub const WIDTH: f64 = 1.25;
-    /// Models of this kind leave 0.02 to 0.05 of the value at 520 nm between them and measured tongues and lips; a channel
-    /// averages over some of it.
+    /// Models of this kind leave 0.02 to 0.05 of the value at 520 nm between them and measured tongues and lips; sixteen narrow channels
+    /// find them as far away as this says.
     pub const LIBRARY_ERROR: f64 = 0.03;
 }
 

@@ -2,6 +2,7 @@
 //! runs one file.
 
 mod architecture;
+mod documented_surroundings;
 mod function_lengths;
 mod light_transport;
 mod region_interval;

@@ -1,6 +1,8 @@
 //! `fluorspar tissue show`.
 
-use fluorspar::tissue::{LayeredTissue, Population, Site, SiteParameter, Spread, TissueLayer, TissueState};
+use fluorspar::tissue::{
+    LayeredTissue, Population, Site, SiteParameter, Spread, Surroundings, TissueLayer, TissueState,
+};
 use fluorspar::units::number_text;
 use fluorspar_experiment::NamedTissue;
 use serde_json::{Value, json};
@@ -78,6 +80,7 @@ fn as_json(title: &str, site: &Site, tissue: &LayeredTissue) -> Value {
         "parameters": site.parameters().map(parameter).collect::<Vec<_>>(),
         "layers": layers_as_json(tissue, Some(site)),
         "states": states(site).map(state).collect::<Vec<_>>(),
+        "surroundings": site.surroundings(),
     })
 }
 
@@ -144,12 +147,23 @@ fn describe(title: &str, site: &Site, tissue: &LayeredTissue) -> String {
         format!("  {}: {}\n", state.name(), factors.collect::<Vec<_>>().join(", "))
     });
     format!(
-        "{title} ({})\n{}\n\n{}\n{}\n\"people\": the standard deviation among people and places, a factor or a difference.\n\n\
+        "{title} ({})\n{}\n\n{}\n{}\n\"people\": the standard deviation among people and places, a factor or a difference.\n\n{}\n\
          States [assumed sizes]:\n{}",
         site.name(),
         site.source(),
         align(&rows, &[2, 3, 4, 5, 6]),
         layer_table(tissue),
+        describe_surroundings(site.surroundings()),
         states.collect::<String>()
+    )
+}
+
+fn describe_surroundings(around: &Surroundings) -> String {
+    let ([indirect, indirect_sd], [teeth, teeth_sd]) = (around.indirect, around.teeth);
+    let basis = if around.assumed { "[assumed] " } else { "" };
+    format!(
+        "In a mouth, by way of other surfaces: light that tissue reflects once more, over its reflectance, {indirect} (log sd \
+         {indirect_sd}); light of teeth, over what they give off, {teeth} (log sd {teeth_sd}). {basis}{}\n",
+        around.source
     )
 }
