@@ -10,9 +10,10 @@ use std::path::Path;
 use tiff::encoder::{Rational, TiffEncoder, TiffValue};
 use tiff::tags::{Tag, Type};
 
-use super::file::{MAX_IMAGE_BYTES, check_image_size, read_file};
+use super::dng_pixels::{DngPixels, read_dng_pixels};
+use super::file::{MAX_IMAGE_BYTES, read_file, read_sidecar, sidecar_path};
 use super::output::write_atomically;
-use super::raw::{Description, description, image_of};
+use super::raw::{Description, Samples, description, image_of};
 use super::tiff_directory::{Directory, TiffBytes};
 use super::{FileFormat, FormatError, Loaded, Provenance};
 use fluorspar::image::{Mosaic, SensorImage};
@@ -219,35 +220,65 @@ pub(super) fn is_dng(bytes: &[u8]) -> bool {
 }
 
 /// Reads a DNG: ours whole, another camera's as far as its tags tell. What they do not tell (`dn_per_electron`,
-/// `read_noise_dn`) is 0.
+/// `read_noise_dn`) is 0. A description beside it wins over its tags.
 pub(super) fn read_dng(path: &Path) -> Result<Loaded<SensorImage>, FormatError> {
     let bytes = read_file(path, MAX_IMAGE_BYTES)?;
+    let (inner, data) = read_dng_description(path, &bytes)?;
+    let (width, height) = (inner.width as usize, inner.height as usize);
+    let description = match sidecar_path(path).exists() {
+        true => read_sidecar(path, &FileFormat::RAW_FRAME)?,
+        false => inner,
+    };
+    image_of(path, width, height, data, description)
+}
+
+/// What a DNG tells of itself, and its pixels.
+pub(super) fn read_dng_description(
+    path: &Path,
+    bytes: &[u8],
+) -> Result<(Description, Vec<u16>), FormatError> {
     let damaged = |what: &str| FormatError::malformed(path, what, "Was it copied completely?");
-    let tiff = TiffBytes::new(&bytes).ok_or_else(|| damaged("this does not begin as a DNG does"))?;
+    let tiff = TiffBytes::new(bytes).ok_or_else(|| damaged("this does not begin as a DNG does"))?;
     let directories = tiff.directories();
     let first = directories.first().ok_or_else(|| damaged("the file has no directory"))?;
-    let is_raw = |d: &&Directory<'_>| {
-        d.first(262).is_some_and(|p| p == u64::from(CFA) || (p == u64::from(LINEAR_RAW) && samples(d) == 1))
-    };
-    let raw = directories.iter().find(is_raw).ok_or_else(|| {
-        let what = "no directory of it holds a mosaic or a monochrome raw image";
+    let raw = raw_directory(&directories).ok_or_else(|| {
+        let what = "no directory of it holds a mosaic or a linear raw image";
         FormatError::unsupported(path, what, "Give the raw file of the camera, not an image made of it")
     })?;
-    let (width, height, data) = pixels(path, &tiff, raw)?;
+    let pixels = read_dng_pixels(path, &tiff, raw)?;
     let private = first.data(50_740).and_then(|data| data.strip_prefix(PRIVATE_MARK));
     if let Some(json) = private {
         let json = json.trim_ascii_end().strip_suffix(b"\0").unwrap_or(json);
         let damaged = |_| damaged("its description (DNGPrivateData) is damaged");
         FileFormat::RAW_FRAME.check_json(path, json)?;
         let description: Description = serde_json::from_slice(json).map_err(damaged)?;
-        return image_of(path, width, height, data, description);
+        let [width, height] = [pixels.width as u64, pixels.height as u64];
+        if [description.width, description.height] != [width, height] {
+            let what = format!(
+                "it is described as {} x {} pixels and has {width} x {height}",
+                description.width, description.height
+            );
+            return Err(FormatError::malformed(path, what, "Was it changed by another program?"));
+        }
+        return Ok((description, pixels.data));
     }
     let label = path.file_stem().map_or_else(|| "raw".into(), |s| s.to_string_lossy().into_owned());
-    let image = from_tags(path, &tiff, first, raw, (width, height, data), label)?;
-    Ok(Loaded { image, provenance: None })
+    let description = from_tags(path, &tiff, first, raw, &pixels, label)?;
+    Ok((description, pixels.data))
 }
 
-fn samples(directory: &Directory<'_>) -> u64 {
+/// The largest directory with a mosaic or with linear channels: previews are smaller.
+fn raw_directory<'a, 'b>(directories: &'b [Directory<'a>]) -> Option<&'b Directory<'a>> {
+    let is_raw = |d: &&Directory<'_>| {
+        let kind = d.first(262);
+        kind == Some(u64::from(CFA)) || (kind == Some(u64::from(LINEAR_RAW)) && [1, 3].contains(&samples(d)))
+    };
+    let size = |d: &&Directory<'_>| d.first(256).unwrap_or(0).saturating_mul(d.first(257).unwrap_or(0));
+    // Of equal ones the first.
+    directories.iter().rev().filter(is_raw).max_by_key(size)
+}
+
+pub(super) fn samples(directory: &Directory<'_>) -> u64 {
     directory.first(277).unwrap_or(1)
 }
 
@@ -257,16 +288,13 @@ fn from_tags(
     tiff: &TiffBytes<'_>,
     first: &Directory<'_>,
     raw: &Directory<'_>,
-    (width, height, data): (usize, usize, Vec<u16>),
+    pixels: &DngPixels,
     label: String,
-) -> Result<SensorImage, FormatError> {
+) -> Result<Description, FormatError> {
     let bits = raw.first(258).unwrap_or(16).clamp(1, 16) as u8;
     let most = ((1u32 << bits) - 1) as u16;
     let white_level = raw.first(50_717).unwrap_or(u64::from(most)).clamp(1, 65_535) as u16;
-    let black = raw.numbers(50_714);
-    let black_level = if black.is_empty() { 0.0 } else { black.iter().sum::<f64>() / black.len() as f64 };
-    let is_color = raw.first(262) == Some(u64::from(CFA));
-    let mosaic = if is_color { mosaic_of(path, raw)? } else { Mosaic::monochrome() };
+    let black_level = pixels.black_level;
     let exif = first.first(34_665).and_then(|offset| tiff.directory(offset));
     let exif_number = |tag: u16| exif.as_ref().and_then(|exif| exif.numbers(tag).first().copied());
     let exposure_s = exif_number(33_434).filter(|v| v.is_finite()).unwrap_or(0.0);
@@ -274,19 +302,36 @@ fn from_tags(
     let range = f64::from(white_level) - black_level;
     let profile = [raw, first].map(|d| d.numbers(51_041)).into_iter().find(|p| p.len() >= 2);
     let noise = |index: usize| profile.as_ref().map_or(0.0, |p| p[index]).max(0.0);
-    let description = Description::of_camera(
+    // Channels that lie ready were interpolated from a Bayer array, in most cameras.
+    let (mosaic, samples) = if raw.first(262) == Some(u64::from(CFA)) {
+        (mosaic_of(path, raw)?, Samples::Mosaic)
+    } else if pixels.samples == 1 {
+        (Mosaic::monochrome(), Samples::Mosaic)
+    } else {
+        let rows = Mosaic {
+            rows: 2,
+            cols: 2,
+            pattern: vec![0, 1, 1, 2],
+            channels: COLORS.map(String::from).to_vec(),
+        };
+        (rows, Samples::Developed)
+    };
+    Ok(Description::of_camera(
         label,
-        width,
-        height,
+        [pixels.width, pixels.height],
         mosaic,
+        samples,
         [black_level, exposure_s, gain, noise(0) * range, noise(1).sqrt() * range],
         white_level,
         bits,
-    );
-    image_of(path, width, height, data, description).map(|loaded| loaded.image)
+    ))
 }
 
-fn mosaic_of(path: &Path, raw: &Directory<'_>) -> Result<Mosaic, FormatError> {
+/// Names of the channels of color frames.
+pub(super) const COLORS: [&str; 3] = ["R", "G", "B"];
+
+/// The color filter array of a directory, whose first pixel is that of the active area.
+pub(super) fn mosaic_of(path: &Path, raw: &Directory<'_>) -> Result<Mosaic, FormatError> {
     let size = raw.unsigned(33_421);
     let pattern = raw.data(33_422).unwrap_or_default();
     let (rows, cols) = match size.as_slice() {
@@ -297,88 +342,7 @@ fn mosaic_of(path: &Path, raw: &Directory<'_>) -> Result<Mosaic, FormatError> {
         let what = "its color filter array is missing or has other colors than red, green and blue";
         return Err(FormatError::unsupported(path, what, "Give a frame of an RGB or a monochrome sensor"));
     }
-    let channels = ["R", "G", "B"].map(String::from).to_vec();
-    Ok(Mosaic { rows, cols, pattern: pattern.to_vec(), channels })
-}
-
-/// Uncompressed pixels in strips, 8 to 16 bits each; other depths than 8 and 16 are packed, most significant bit first.
-fn pixels(
-    path: &Path,
-    tiff: &TiffBytes<'_>,
-    raw: &Directory<'_>,
-) -> Result<(usize, usize, Vec<u16>), FormatError> {
-    let damaged = |what: String| FormatError::malformed(path, what, "Was it copied completely?");
-    let unsupported = |what: String| {
-        FormatError::unsupported(path, what, "Convert it to an uncompressed DNG of one strip or several")
-    };
-    let (width, height) = (raw.first(256).unwrap_or(0), raw.first(257).unwrap_or(0));
-    check_image_size(path, width, height, 2, MAX_IMAGE_BYTES)?;
-    match raw.first(259) {
-        None | Some(1) => {}
-        Some(other) => {
-            return Err(unsupported(format!("the pixels are compressed (TIFF compression {other})")));
-        }
-    }
-    if samples(raw) != 1 {
-        return Err(unsupported(format!("it has {} values a pixel", samples(raw))));
-    }
-    let bits = raw.first(258).unwrap_or(1);
-    if !(8..=16).contains(&bits) {
-        return Err(unsupported(format!("it has {bits} bits a pixel")));
-    }
-    let (offsets, counts) = (raw.unsigned(273), raw.unsigned(279));
-    if offsets.is_empty() || offsets.len() != counts.len() {
-        return Err(if raw.data(324).is_some() {
-            unsupported("the pixels are stored in tiles".into())
-        } else {
-            damaged(format!("it has {} strips and {} lengths", offsets.len(), counts.len()))
-        });
-    }
-    let (columns, rows) = (width as usize, height as usize);
-    let row_bytes = (columns * bits as usize).div_ceil(8);
-    let rows_per_strip = raw.first(278).unwrap_or(height).clamp(1, height) as usize;
-    let mut data = Vec::new();
-    let mut left = rows;
-    for (&offset, &count) in offsets.iter().zip(&counts) {
-        let here = left.min(rows_per_strip);
-        let needed = here * row_bytes;
-        let strip = usize::try_from(offset)
-            .ok()
-            .filter(|_| count as usize >= needed)
-            .and_then(|start| tiff.bytes().get(start..start.checked_add(needed)?))
-            .ok_or_else(|| damaged(format!("rows from {} on are not in the file", rows - left)))?;
-        for row in strip.chunks_exact(row_bytes.max(1)) {
-            unpack_row(row, columns, bits as u32, tiff.is_big_endian(), &mut data);
-        }
-        left -= here;
-    }
-    if left > 0 {
-        return Err(damaged(format!("{left} of {rows} rows are missing")));
-    }
-    Ok((columns, rows, data))
-}
-
-fn unpack_row(row: &[u8], columns: usize, bits: u32, big_endian: bool, out: &mut Vec<u16>) {
-    match bits {
-        8 => out.extend(row[..columns].iter().map(|&byte| u16::from(byte))),
-        16 => out.extend(row.chunks_exact(2).map(|pair| {
-            let pair = [pair[0], pair[1]];
-            if big_endian { u16::from_be_bytes(pair) } else { u16::from_le_bytes(pair) }
-        })),
-        _ => {
-            let (mut held, mut count) = (0u32, 0u32);
-            let mut bytes = row.iter();
-            for _ in 0..columns {
-                while count < bits {
-                    held = (held << 8) | u32::from(*bytes.next().unwrap_or(&0));
-                    count += 8;
-                }
-                count -= bits;
-                out.push(((held >> count) & ((1 << bits) - 1)) as u16);
-                held &= (1 << count) - 1;
-            }
-        }
-    }
+    Ok(Mosaic { rows, cols, pattern: pattern.to_vec(), channels: COLORS.map(String::from).to_vec() })
 }
 
 #[cfg(test)]
@@ -392,19 +356,5 @@ mod tests {
         assert_eq!(fraction(0.03), [30_000, 1_000_000]);
         let [n, d] = fraction(123_456.789);
         assert!((f64::from(n) / f64::from(d) - 123_456.789).abs() < 1e-3);
-    }
-
-    #[test]
-    fn packed_rows_are_most_significant_bit_first() {
-        // 10 bits: 0x3ff, 0x000, 0x155 in 4 bytes (two bits to spare).
-        let mut out = Vec::new();
-        unpack_row(&[0b1111_1111, 0b1100_0000, 0b0000_0101, 0b0101_0100], 3, 10, false, &mut out);
-        assert_eq!(out, [0x3ff, 0, 0x155]);
-        out.clear();
-        unpack_row(&[0xab, 0xcd, 0xef], 2, 12, false, &mut out);
-        assert_eq!(out, [0xabc, 0xdef]);
-        out.clear();
-        unpack_row(&[1, 2], 1, 16, true, &mut out);
-        assert_eq!(out, [0x102]);
     }
 }

@@ -150,12 +150,21 @@ pub(super) fn read_sidecar<T: serde::de::DeserializeOwned>(
         return Err(FormatError::malformed(
             data_path,
             format!("its description {} is missing", path.display()),
-            "Keep the two files together; without it neither units nor exposure are known",
+            describes(format),
         ));
     }
     let bytes = read_file(&path, MAX_TEXT_BYTES)?;
     format.check_json(&path, &bytes)?;
     serde_json::from_slice(&bytes).map_err(|source| FormatError::json(&path, source))
+}
+
+/// How a missing description comes back.
+fn describes(format: &FileFormat) -> &'static str {
+    if *format == FileFormat::RAW_FRAME {
+        "Keep the two files together. Of a camera's frame `fluorspar describe FRAME` writes one"
+    } else {
+        "Keep the two files together; without it neither units nor exposure are known"
+    }
 }
 
 /// Writes a JSON sidecar.

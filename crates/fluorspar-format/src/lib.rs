@@ -11,6 +11,8 @@
 //! | component image, part by part | [`ComponentFile`] | |
 //! | film (exact sums of a render) | [`read_film`] | [`write_film`] |
 //! | raw sensor frame, TIFF, PNG, DNG or packed | [`read_sensor_image`] | [`write_sensor_tiff`], [`write_sensor_png`], [`write_sensor_dng`], [`write_packed_raw`] |
+//! | mask, PNG, TIFF or NumPy | [`read_mask`] | |
+//! | description of a camera's frame | [`describe_frame`] | [`FrameDescription::write`] |
 //! | texture, image, PNG, OpenEXR or PFM | [`read_texture`], [`read_texture_png`] | [`write_gray_png, write_rgb_png`] |
 //! | scene of pbrt, versions 3 and 4 | [`read_pbrt`] | |
 //! | lens, TOML, pbrt, ISET JSON or Zemax | [`read_lens`] | [`LensFile`] |
@@ -33,14 +35,18 @@ mod csv_fluorophore;
 mod csv_spectrum;
 mod csv_table;
 mod dng;
+mod dng_pixels;
 mod error;
 mod exr;
 mod file;
 mod file_format;
 mod film;
+mod frame_description;
 mod gltf;
 mod input;
 mod lens;
+mod lossless_jpeg;
+mod mask;
 mod mat;
 mod mesh_set;
 mod npy;
@@ -59,6 +65,7 @@ mod spooled_image;
 mod stl;
 mod texture;
 mod tiff_directory;
+mod tiff_image;
 
 pub use cache::Cache;
 pub use csv_eem::{AntiStokes, CsvEemOptions, EemUnit, MeasuredEem, read_eem_csv};
@@ -73,9 +80,13 @@ pub use exr::{
 };
 pub use file_format::{FileFormat, OtherFormat};
 pub use film::{read_film, read_film_layout, read_film_rows, write_film};
+pub use frame_description::{
+    FactSource, FrameDescription, FrameFact, FrameFacts, describe_frame, description_path,
+};
 pub use gltf::{read_gltf, read_gltf_instances, write_gltf};
 pub use input::{digest_bounded, read_bounded, read_start, read_text_bounded};
 pub use lens::{AbbeGlass, LensFile, LensFileError, LensFileSurface, PublishedLens, read_lens};
+pub use mask::{MaskImage, read_mask};
 pub use mat::{IsetFluorophore, MatSpectra, read_iset_fluorophore, read_mat_spectra};
 pub use mesh_set::{NamedMesh, write_obj, write_pbrt};
 pub use npy::{
@@ -94,7 +105,7 @@ pub use pbrt::{
 };
 pub use placements::read_placements;
 pub use ply::{read_ply, write_ply};
-pub use png::{TextureImage, Transfer, read_texture_png, write_gray_png, write_rgb_png};
+pub use png::{TextureImage, Transfer, read_texture_png, write_gray_png, write_label_png, write_rgb_png};
 pub use provenance::{Loaded, Provenance};
 pub use raw::{read_sensor_image, write_sensor_png, write_sensor_tiff};
 pub use spooled_image::SpooledImage;

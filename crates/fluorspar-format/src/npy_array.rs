@@ -27,6 +27,8 @@ enum ElementType {
     BigF32,
     LittleF64,
     BigF64,
+    /// Of a mask: a truth value or an integer of so many bytes, of which only matters whether it is zero.
+    NotZero(usize),
 }
 
 impl ElementType {
@@ -45,7 +47,17 @@ impl ElementType {
         match self {
             Self::LittleF32 | Self::BigF32 => 4,
             Self::LittleF64 | Self::BigF64 => 8,
+            Self::NotZero(bytes) => bytes,
         }
+    }
+
+    /// The type that `descr` names where truth values and integers are allowed, too.
+    fn parse_of_mask(descr: &str) -> Option<Self> {
+        let mut letters = descr.chars();
+        let (order, kind) = (letters.next()?, letters.next()?);
+        let bytes: usize = letters.as_str().parse().ok()?;
+        let is_whole = "<>|=".contains(order) && "bui".contains(kind) && [1, 2, 4, 8].contains(&bytes);
+        if is_whole { Some(Self::NotZero(bytes)) } else { Self::parse(descr) }
     }
 
     /// Appends the values of whole elements, rounded to single precision.
@@ -56,6 +68,10 @@ impl ElementType {
             Self::BigF32 => values.extend(singles.iter().map(|b| f32::from_be_bytes(*b))),
             Self::LittleF64 => values.extend(doubles.iter().map(|b| f64::from_le_bytes(*b) as f32)),
             Self::BigF64 => values.extend(doubles.iter().map(|b| f64::from_be_bytes(*b) as f32)),
+            Self::NotZero(size) => {
+                let is_set = |value: &[u8]| f32::from(u8::from(value.iter().any(|&byte| byte != 0)));
+                values.extend(bytes.chunks_exact(size).map(is_set));
+            }
         }
     }
 }
@@ -101,6 +117,23 @@ pub(super) fn write_npy(writer: &mut impl Write, shape: &[u64], values: &[f32]) 
 /// # Errors
 /// Other element types, Fortran order, a header that is not one, a shape that does not fit the length of the file.
 pub(super) fn read_npy(path: &Path) -> Result<(Vec<u64>, Vec<f32>), FormatError> {
+    read_npy_of(path, ElementType::parse, "'<f4' or '<f8'", "Save a.astype('<f4')")
+}
+
+/// Shape and values of a mask: an array of truth values, integers or floating-point numbers. Whole numbers other than 0 become 1.
+///
+/// # Errors
+/// Those of [`read_npy`].
+pub(super) fn read_npy_mask(path: &Path) -> Result<(Vec<u64>, Vec<f32>), FormatError> {
+    read_npy_of(path, ElementType::parse_of_mask, "truth values or numbers", "Save (a != 0)")
+}
+
+fn read_npy_of(
+    path: &Path,
+    parse: impl Fn(&str) -> Option<ElementType>,
+    expected: &str,
+    hint: &str,
+) -> Result<(Vec<u64>, Vec<f32>), FormatError> {
     let failed = |source| FormatError::io(path, "read", source);
     let (file, length) = open_plain(path)?;
     let mut reader = BufReader::new(file);
@@ -133,11 +166,11 @@ pub(super) fn read_npy(path: &Path) -> Result<(Vec<u64>, Vec<f32>), FormatError>
     })?;
 
     // Check what the header promises.
-    let Some(element) = ElementType::parse(&header.descr) else {
+    let Some(element) = parse(&header.descr) else {
         return Err(FormatError::unsupported(
             path,
-            format!("the elements are '{}', not '<f4' or '<f8'", excerpt(&header.descr)),
-            "Save a.astype('<f4')",
+            format!("the elements are '{}', not {expected}", excerpt(&header.descr)),
+            hint,
         ));
     };
     if header.fortran_order {

@@ -47,6 +47,18 @@ pub fn write_rgb_png(path: &Path, width: usize, height: usize, rgb: &[u8]) -> Re
     write_png(path, width, height, ColorType::Rgb, BitDepth::Eight, rgb)
 }
 
+/// Writes an 8-bit gray image of labels, `[row, col]`, rows from the top: the numbers as they are.
+///
+/// # Errors
+/// When the labels do not fill the image or the file can't be written.
+pub fn write_label_png(path: &Path, width: usize, height: usize, labels: &[u8]) -> Result<(), FormatError> {
+    if width.checked_mul(height) != Some(labels.len()) {
+        let what = format!("{} labels do not fill {height} rows and {width} columns", labels.len());
+        return Err(FormatError::unwritable(path, what, "Give one label per pixel"));
+    }
+    write_png(path, width, height, ColorType::Grayscale, BitDepth::Eight, labels)
+}
+
 /// Writes a 16-bit gray image of values between 0 and 1, `[row, col]`, rows from the top; others are cut.
 ///
 /// # Errors

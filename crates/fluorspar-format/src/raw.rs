@@ -1,27 +1,50 @@
-//! Raw sensor frames: 16-bit gray TIFF or PNG, or packed, with a JSON description next to them; DNG with it inside.
+//! Raw sensor frames: TIFF or PNG, or packed, with a JSON description next to them; DNG with it inside.
 
-use std::fs::File;
-use std::io::{self, BufReader, Read, Seek};
+use std::io::{self, Read, Seek};
 use std::path::Path;
 
 use png::{BitDepth, ColorType};
 use serde::{Deserialize, Serialize};
-use tiff::decoder::{Decoder, DecodingResult, Limits};
 use tiff::encoder::{TiffEncoder, colortype::Gray16};
 use tiff::tags::Tag;
 
 use super::dng::{is_dng, read_dng};
-use super::file::{
-    MAX_IMAGE_BYTES, check_image_size, check_packing, guarded, read_file, read_sidecar, sidecar_path,
-    write_sidecar,
-};
+use super::file::{MAX_IMAGE_BYTES, read_file, read_sidecar, sidecar_path, write_sidecar};
 use super::input::open_plain;
 use super::output::write_atomically;
 use super::packed_raw::{PackedRows, read_packed};
 use super::png::{read_png, write_png};
+use super::tiff_image::{TiffPixels, read_tiff_pixels};
 use super::{FileFormat, FormatError, Loaded, Provenance};
 use fluorspar::digest::sha256_hex;
 use fluorspar::image::{Mosaic, SensorImage};
+
+/// What the numbers of a frame are.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(super) enum Samples {
+    /// One number a pixel, of the channel that the mosaic has there: raw.
+    #[default]
+    Mosaic,
+    /// Three linear numbers a pixel, interpolated from the mosaic: developed.
+    Developed,
+    /// Three linear numbers a pixel, each measured there, as sensors in layers and cameras of three sensors do: raw.
+    Measured,
+}
+
+impl Samples {
+    pub(super) fn word(self) -> &'static str {
+        match self {
+            Self::Mosaic => "mosaic",
+            Self::Developed => "developed",
+            Self::Measured => "measured",
+        }
+    }
+
+    fn is_mosaic(&self) -> bool {
+        *self == Self::Mosaic
+    }
+}
 
 /// Contents of the JSON description of a raw frame.
 ///
@@ -33,20 +56,22 @@ pub(super) struct Description {
     /// What wrote the file: it may be replaced where this program did.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     program: Option<String>,
-    label: String,
+    pub(super) label: String,
     pub(super) width: u64,
     pub(super) height: u64,
-    mosaic: Mosaic,
-    black_level: f64,
-    white_level: u16,
-    bit_depth: u8,
-    exposure_s: f64,
+    pub(super) mosaic: Mosaic,
+    #[serde(default, skip_serializing_if = "Samples::is_mosaic")]
+    pub(super) samples: Samples,
+    pub(super) black_level: f64,
+    pub(super) white_level: u16,
+    pub(super) bit_depth: u8,
+    pub(super) exposure_s: f64,
     #[serde(default = "unity")]
-    gain: f64,
-    #[serde(default)]
-    dn_per_electron: f64,
-    #[serde(default)]
-    read_noise_dn: f64,
+    pub(super) gain: f64,
+    #[serde(default, skip_serializing_if = "is_unknown")]
+    pub(super) dn_per_electron: f64,
+    #[serde(default, skip_serializing_if = "is_unknown")]
+    pub(super) read_noise_dn: f64,
     #[serde(default)]
     seed: u64,
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -58,6 +83,11 @@ pub(super) struct Description {
     provenance: Option<Provenance>,
 }
 
+/// Of a camera that does not tell.
+fn is_unknown(value: &f64) -> bool {
+    *value == 0.0
+}
+
 fn unity() -> f64 {
     1.0
 }
@@ -66,9 +96,9 @@ impl Description {
     /// The frame of a camera that tells: black level, exposure (s), gain, DN per electron and read noise (DN), 0 where unknown.
     pub(super) fn of_camera(
         label: String,
-        width: usize,
-        height: usize,
+        [width, height]: [usize; 2],
         mosaic: Mosaic,
+        samples: Samples,
         [black_level, exposure_s, gain, dn_per_electron, read_noise_dn]: [f64; 5],
         white_level: u16,
         bit_depth: u8,
@@ -80,6 +110,7 @@ impl Description {
             width: width as u64,
             height: height as u64,
             mosaic,
+            samples,
             black_level,
             white_level,
             bit_depth,
@@ -171,14 +202,15 @@ pub fn read_sensor_image(path: &Path) -> Result<Loaded<SensorImage>, FormatError
     let mut magic = Vec::new();
     Read::by_ref(&mut file).take(8).read_to_end(&mut magic).map_err(failed)?;
     let (width, height, data) = if magic.starts_with(b"\x89PNG") {
-        read_gray_png(path)?
+        read_frame_png(path)?
     } else if magic.starts_with(b"II") || magic.starts_with(b"MM") {
         let named = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("dng"));
         if named || (!sidecar_path(path).exists() && is_dng(&read_file(path, MAX_IMAGE_BYTES)?)) {
             return read_dng(path);
         }
         file.rewind().map_err(failed)?;
-        read_gray_tiff(path, file, length)?
+        let TiffPixels { width, height, data, .. } = read_tiff_pixels(path, file, length)?;
+        (width, height, data)
     } else {
         return read_by_description(path);
     };
@@ -229,11 +261,46 @@ pub(super) fn image_of(
     {
         return Err(wrong("the pixels are not those that were described (their SHA-256 differs)".into()));
     }
-    let image = SensorImage {
+    let provenance = d.provenance.clone();
+    let image = sensor_image(path, &sidecar, width, height, data, &d)?;
+    if let Some(problem) = contradiction(&image) {
+        return Err(wrong(problem));
+    }
+    Ok(Loaded { image, provenance })
+}
+
+/// A frame from its pixels and what is said of them; where they contradict each other, `said_in` is to blame.
+fn sensor_image(
+    path: &Path,
+    said_in: &Path,
+    width: usize,
+    height: usize,
+    data: Vec<u16>,
+    d: &Description,
+) -> Result<SensorImage, FormatError> {
+    let per_pixel = data.len() / (width * height).max(1);
+    if (per_pixel == 1) != d.samples.is_mosaic() {
+        return Err(FormatError::malformed(
+            said_in,
+            format!(
+                "\"samples\" is \"{}\" but {} holds {per_pixel} numbers a pixel",
+                d.samples.word(),
+                path.display()
+            ),
+            "Write \"mosaic\" for one number a pixel; \"developed\" or \"measured\" for three",
+        ));
+    }
+    let mosaic = match d.samples {
+        Samples::Measured => {
+            Mosaic { rows: 1, cols: 1, pattern: Vec::new(), channels: d.mosaic.channels.clone() }
+        }
+        _ => d.mosaic.clone(),
+    };
+    Ok(SensorImage {
         width,
         height,
         data,
-        mosaic: d.mosaic,
+        mosaic,
         black_level: d.black_level,
         white_level: d.white_level,
         bit_depth: d.bit_depth,
@@ -242,12 +309,22 @@ pub(super) fn image_of(
         dn_per_electron: d.dn_per_electron,
         read_noise_dn: d.read_noise_dn,
         seed: d.seed,
-        label: d.label,
-    };
-    if let Some(problem) = contradiction(&image) {
-        return Err(wrong(problem));
+        label: d.label.clone(),
+    })
+}
+
+/// Checks that pixels and a description that is not written yet fit.
+pub(super) fn image_of_parts(path: &Path, data: Vec<u16>, d: &Description) -> Result<(), FormatError> {
+    let (width, height) = (d.width as usize, d.height as usize);
+    let image = sensor_image(path, path, width, height, data, d)?;
+    match contradiction(&image) {
+        None => Ok(()),
+        Some(problem) => Err(FormatError::malformed(
+            path,
+            problem,
+            "Give what is right of it, see fluorspar describe --help",
+        )),
     }
-    Ok(Loaded { image, provenance: d.provenance })
 }
 
 pub(super) fn description(
@@ -265,6 +342,7 @@ pub(super) fn description(
         width: image.width as u64,
         height: image.height as u64,
         mosaic: image.mosaic.clone(),
+        samples: Samples::Mosaic,
         black_level: image.black_level,
         white_level: image.white_level,
         bit_depth: image.bit_depth,
@@ -292,7 +370,9 @@ fn contradiction(image: &SensorImage) -> Option<String> {
     if image.width == 0 || image.height == 0 || image.width.max(image.height) > 100_000 {
         return Some(format!("a frame can't have {} rows and {} columns", image.height, image.width));
     }
-    if image.data.len() != image.width * image.height {
+    let pixels = image.width * image.height;
+    let per_pixel = if image.has_all_channels() { mosaic.channels.len() } else { 1 };
+    if image.data.len() != pixels * per_pixel {
         return Some(format!(
             "{} numbers do not fill {} rows and {} columns",
             image.data.len(),
@@ -303,7 +383,10 @@ fn contradiction(image: &SensorImage) -> Option<String> {
     if let Some((name, value)) = numbers.iter().find(|(_, value)| !value.is_finite()) {
         return Some(format!("the {name} is {value}"));
     }
-    if mosaic.pattern.is_empty() || mosaic.rows.checked_mul(mosaic.cols) != Some(mosaic.pattern.len()) {
+    let is_layered = mosaic.pattern.is_empty() && image.has_all_channels();
+    let fits =
+        !mosaic.pattern.is_empty() && mosaic.rows.checked_mul(mosaic.cols) == Some(mosaic.pattern.len());
+    if !is_layered && !fits {
         return Some(format!(
             "the color filter array of {} by {} pixels names {} channels",
             mosaic.rows,
@@ -336,46 +419,19 @@ fn pixels_sha256(data: &[u16]) -> String {
     )
 }
 
-fn read_gray_png(path: &Path) -> Result<(usize, usize, Vec<u16>), FormatError> {
+/// A frame as PNG: columns, rows, and one number or three a pixel.
+pub(super) fn read_frame_png(path: &Path) -> Result<(usize, usize, Vec<u16>), FormatError> {
     let raw = read_png(path, size_of::<u16>() as u64)?;
-    if (raw.color, raw.depth) != (ColorType::Grayscale, BitDepth::Sixteen) {
-        return Err(not_gray16(path));
+    if ![ColorType::Grayscale, ColorType::Rgb].contains(&raw.color) {
+        let what = format!("the image is stored as {:?}", raw.color);
+        let hint = "Raw frames are gray mosaics or linear RGB of 8 or 16 bits; export it as such";
+        return Err(FormatError::unsupported(path, what, hint));
     }
-    let data = raw.bytes.chunks_exact(2).map(|pair| u16::from_be_bytes([pair[0], pair[1]])).collect();
+    let data = match raw.depth {
+        BitDepth::Sixteen => {
+            raw.bytes.chunks_exact(2).map(|pair| u16::from_be_bytes([pair[0], pair[1]])).collect()
+        }
+        _ => raw.bytes.iter().map(|&byte| u16::from(byte)).collect(),
+    };
     Ok((raw.width, raw.height, data))
-}
-
-fn read_gray_tiff(path: &Path, file: File, length: u64) -> Result<(usize, usize, Vec<u16>), FormatError> {
-    guarded(path, "TIFF", || {
-        let damaged = |error: tiff::TiffError| match error {
-            tiff::TiffError::IoError(source) if source.kind() != io::ErrorKind::UnexpectedEof => {
-                FormatError::io(path, "read", source)
-            }
-            error => FormatError::malformed(
-                path,
-                format!("not a valid TIFF file: {error}"),
-                "Was it copied completely?",
-            ),
-        };
-        let mut decoder = Decoder::new(BufReader::new(file)).map_err(damaged)?;
-        let (width, height) = decoder.dimensions().map_err(damaged)?;
-        check_image_size(path, u64::from(width), u64::from(height), 2, MAX_IMAGE_BYTES)?;
-        check_packing(path, 2 * u64::from(width) * u64::from(height), length)?;
-        if decoder.colortype().map_err(damaged)? != tiff::ColorType::Gray(16) {
-            return Err(not_gray16(path));
-        }
-        let mut limits = Limits::default();
-        limits.decoding_buffer_size = MAX_IMAGE_BYTES as usize;
-        limits.intermediate_buffer_size = MAX_IMAGE_BYTES as usize;
-        limits.ifd_value_size = limits.ifd_value_size.max(length.min(MAX_IMAGE_BYTES) as usize);
-        decoder = decoder.with_limits(limits);
-        match decoder.read_image().map_err(damaged)? {
-            DecodingResult::U16(data) => Ok((width as usize, height as usize, data)),
-            _ => Err(not_gray16(path)),
-        }
-    })
-}
-
-fn not_gray16(path: &Path) -> FormatError {
-    FormatError::unsupported(path, "the image is not 16-bit gray", "Raw frames are 16-bit gray mosaics")
 }

@@ -1,5 +1,6 @@
 //! Tests of files from outside, in one program.
 
+mod camera_frames;
 mod fixtures;
 mod format_damage;
 mod format_images;

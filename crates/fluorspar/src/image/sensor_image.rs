@@ -6,14 +6,14 @@ use serde::{Deserialize, Serialize};
 
 use super::InterpolationTaps;
 
-/// A color filter array: which channel each pixel of a repeating cell sees.
+/// A color filter array: which channel each pixel of a repeating cell sees. Without a pattern every pixel sees all channels.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Mosaic {
     /// Rows of the repeating cell.
     pub rows: usize,
     /// Columns of the repeating cell.
     pub cols: usize,
-    /// Channel number of each pixel of the cell, row by row.
+    /// Channel number of each pixel of the cell, row by row; empty where every pixel measures all channels.
     pub pattern: Vec<u8>,
     /// Channel names, for instance `["R", "G", "B"]`.
     pub channels: Vec<String>,
@@ -56,6 +56,9 @@ impl Mosaic {
 
     /// Share of the pixels that measure each channel.
     pub fn shares(&self) -> Vec<f64> {
+        if self.pattern.is_empty() {
+            return vec![1.0; self.channels.len()];
+        }
         let count = |channel| self.pattern.iter().filter(|&&c| usize::from(c) == channel).count();
         (0..self.channels.len()).map(|c| count(c) as f64 / self.pattern.len().max(1) as f64).collect()
     }
@@ -66,7 +69,8 @@ impl Mosaic {
     }
 }
 
-/// One raw frame: digital numbers on a mosaic, `[row, col]`, rows from the top.
+/// One raw frame: digital numbers on a mosaic, `[row, col]`, rows from the top; or of all channels, `[row, col, channel]`, where a
+/// file holds them developed, or the sensor has no mosaic.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SensorImage {
     /// Columns.
@@ -75,7 +79,7 @@ pub struct SensorImage {
     pub height: usize,
     /// Digital numbers.
     pub data: Vec<u16>,
-    /// Color filter array.
+    /// Color filter array; of developed channels the one that they were interpolated from.
     pub mosaic: Mosaic,
     /// Digital number of no light.
     pub black_level: f64,
@@ -95,6 +99,14 @@ pub struct SensorImage {
     pub seed: u64,
     /// Name of the frame in the capture sequence, for instance "blue".
     pub label: String,
+}
+
+impl SensorImage {
+    /// Whether every pixel holds all channels.
+    #[must_use]
+    pub fn has_all_channels(&self) -> bool {
+        self.data.len() > self.width * self.height
+    }
 }
 
 /// A developed frame: linear, black-subtracted digital numbers, `[row, col, channel]`, not clipped below zero.

@@ -44,7 +44,8 @@ impl MasterFrame {
         // Add the frames, which must share sensor and exposure
         for frame in frames {
             let frame = frame?;
-            if (frame.width, frame.height) != (first.width, first.height) || frame.mosaic != first.mosaic {
+            let size = |frame: &SensorImage| (frame.width, frame.height, frame.data.len());
+            if size(&frame) != size(&first) || frame.mosaic != first.mosaic {
                 let (frame, ambient) = (first.label, frame.label);
                 return Err(DevelopError::DifferentSensors { frame, ambient }.into());
             }
@@ -77,9 +78,18 @@ impl MasterFrame {
         })
     }
 
-    fn pixels_of(&self, channel: usize) -> impl Iterator<Item = usize> {
-        let (width, mosaic) = (self.width, &self.mosaic);
-        (0..self.mean.len()).filter(move |pixel| mosaic.channel(pixel / width, pixel % width) == channel)
+    /// Values of a pixel: 1 on a mosaic, or all channels.
+    fn samples(&self) -> usize {
+        (self.mean.len() / (self.width * self.height).max(1)).max(1)
+    }
+
+    /// Numbers of the values of a channel.
+    fn values_of(&self, channel: usize) -> impl Iterator<Item = usize> {
+        let (width, mosaic, samples) = (self.width, &self.mosaic, self.samples());
+        (0..self.mean.len()).filter(move |value| match samples {
+            1 => mosaic.channel(value / width, value % width) == channel,
+            _ => value % samples == channel,
+        })
     }
 }
 
@@ -110,14 +120,16 @@ impl FlatField {
         let mut gain = vec![1.0; signal.len()];
         let middle = |line: usize, lines: usize| 3 * line >= lines && 3 * line < 2 * lines;
         for channel in 0..flat.mosaic.channels.len() {
-            let is_middle =
-                |&p: &usize| middle(p / flat.width, flat.height) && middle(p % flat.width, flat.width);
-            let mut values: Vec<f32> = flat.pixels_of(channel).filter(is_middle).map(|p| signal[p]).collect();
+            let is_middle = |&value: &usize| {
+                let pixel = value / flat.samples();
+                middle(pixel / flat.width, flat.height) && middle(pixel % flat.width, flat.width)
+            };
+            let mut values: Vec<f32> = flat.values_of(channel).filter(is_middle).map(|p| signal[p]).collect();
             if values.is_empty() {
-                values = flat.pixels_of(channel).map(|p| signal[p]).collect();
+                values = flat.values_of(channel).map(|p| signal[p]).collect();
             }
             let Some(reference) = median(&mut values).filter(|m| *m > 0.0) else { continue };
-            for pixel in flat.pixels_of(channel) {
+            for pixel in flat.values_of(channel) {
                 if signal[pixel] > LEAST_RESPONSE * reference {
                     gain[pixel] = reference / signal[pixel];
                 }
@@ -157,13 +169,16 @@ impl BadPixels {
     /// channel in the 5 x 5 cells around it. Six standard deviations make a false alarm in 5e8 normal pixels.
     ///
     /// # Errors
-    /// Frames of different sensors or exposures.
+    /// Frames of different sensors or exposures, or with all channels in every pixel.
     pub fn detect(
         dark: Option<&MasterFrame>,
         flat: Option<(&MasterFrame, Option<&MasterFrame>)>,
         sigma: f64,
     ) -> Result<Self, DevelopError> {
         let any = dark.or(flat.map(|(flat, _)| flat)).ok_or(DevelopError::Nothing)?;
+        if any.samples() > 1 {
+            return Err(DevelopError::BadPixelsOfChannels);
+        }
         let mut found = Self {
             width: any.width,
             height: any.height,
@@ -175,10 +190,10 @@ impl BadPixels {
         // Mark outliers of the dark signal, per channel
         if let Some(dark) = dark {
             for channel in 0..dark.mosaic.channels.len() {
-                let mut values: Vec<f32> = dark.pixels_of(channel).map(|p| dark.mean[p]).collect();
+                let mut values: Vec<f32> = dark.values_of(channel).map(|p| dark.mean[p]).collect();
                 let Some((center, spread)) = robust(&mut values) else { continue };
                 let limit = sigma * spread.max(LEAST_DARK_SPREAD_DN);
-                for pixel in dark.pixels_of(channel) {
+                for pixel in dark.values_of(channel) {
                     if (dark.mean[pixel] - center).abs() > limit || dark.saturated[pixel] {
                         found.bad[pixel] = true;
                         found.in_dark += 1;
@@ -195,10 +210,10 @@ impl BadPixels {
             let signal = signal(flat, flat_dark)?;
             let relative = relative_response(flat, &signal);
             for channel in 0..flat.mosaic.channels.len() {
-                let mut values: Vec<f32> = flat.pixels_of(channel).map(|p| relative[p]).collect();
+                let mut values: Vec<f32> = flat.values_of(channel).map(|p| relative[p]).collect();
                 let Some((center, spread)) = robust(&mut values) else { continue };
                 let limit = sigma * spread.max(LEAST_RESPONSE_SPREAD);
-                for pixel in flat.pixels_of(channel) {
+                for pixel in flat.values_of(channel) {
                     if (relative[pixel] - center).abs() > limit || flat.saturated[pixel] {
                         found.bad[pixel] = true;
                         found.in_flat += 1;

@@ -73,6 +73,12 @@ pub enum DevelopError {
         /// Label of the frame.
         frame: String,
     },
+    /// Bad pixels of something that is no mosaic.
+    #[error(
+        "bad pixels are found among the pixels of a mosaic, and these frames hold all channels in every pixel; remove \
+         develop.bad_pixel_sigma"
+    )]
+    BadPixelsOfChannels,
     /// Nothing to average.
     #[error("there is no exposure to merge, or no raw frame to average; give at least one")]
     Nothing,
@@ -100,7 +106,8 @@ pub struct LinearMosaic {
     pub height: usize,
     /// Color filter array.
     pub mosaic: Mosaic,
-    /// Digital numbers above black, `[row, col]`; may be below zero.
+    /// Digital numbers above black, `[row, col]`, or `[row, col, channel]` of a frame that has all channels in every pixel; may be below
+    /// zero.
     pub values: Vec<f32>,
     /// Pixels whose value is wrong because the sensor was full.
     pub saturated: Vec<bool>,
@@ -126,17 +133,19 @@ impl Development<'_> {
     /// # Errors
     /// Calibration frames that do not fit the frame.
     pub fn linearize(&self, raw: &SensorImage) -> Result<LinearMosaic, DevelopError> {
-        let fits = |what: &'static str, columns: usize, rows: usize, mosaic: Option<&Mosaic>| {
-            if (columns, rows) == (raw.width, raw.height) && mosaic.is_none_or(|m| *m == raw.mosaic) {
-                return Ok(());
-            }
-            Err(DevelopError::OtherCalibration { what, columns, rows, frame: raw.label.clone() })
-        };
+        let fits =
+            |what: &'static str, columns: usize, rows: usize, mosaic: Option<&Mosaic>, values: usize| {
+                let is_alike = mosaic.is_none_or(|m| *m == raw.mosaic) && values == raw.data.len();
+                if (columns, rows) == (raw.width, raw.height) && is_alike {
+                    return Ok(());
+                }
+                Err(DevelopError::OtherCalibration { what, columns, rows, frame: raw.label.clone() })
+            };
         let mut noise_dn = noise_floor_dn(raw);
         let mut values: Vec<f32> = match self.dark {
             None => raw.data.iter().map(|&dn| (f64::from(dn) - raw.black_level) as f32).collect(),
             Some(dark) => {
-                fits("dark frame", dark.width, dark.height, Some(&dark.mosaic))?;
+                fits("dark frame", dark.width, dark.height, Some(&dark.mosaic), dark.mean.len())?;
                 let near = |a: f64, b: f64| (a - b).abs() <= 1e-6 * a.abs().max(b.abs());
                 if !near(dark.exposure_s, raw.exposure_s) || !near(dark.dn_per_electron, raw.dn_per_electron)
                 {
@@ -154,12 +163,12 @@ impl Development<'_> {
             }
         };
         if let Some(flat) = self.flat {
-            fits("flat field", flat.width, flat.height, None)?;
+            fits("flat field", flat.width, flat.height, None, flat.gain.len())?;
             values.iter_mut().zip(&flat.gain).for_each(|(value, gain)| *value *= gain);
         }
         let mut frame = linear(raw, values, noise_dn);
         if let Some(bad) = self.bad_pixels {
-            fits("map of bad pixels", bad.width, bad.height, None)?;
+            fits("map of bad pixels", bad.width, bad.height, None, bad.bad.len())?;
             bad.repair(&mut frame);
         }
         Ok(frame)
@@ -172,7 +181,8 @@ impl LinearMosaic {
     /// # Errors
     /// Frames of different sensors, or one to subtract without exposure.
     pub fn without(mut self, ambient: &Self) -> Result<Self, DevelopError> {
-        if (self.width, self.height) != (ambient.width, ambient.height) || self.mosaic != ambient.mosaic {
+        let size = |frame: &Self| (frame.width, frame.height, frame.values.len());
+        if size(&self) != size(ambient) || self.mosaic != ambient.mosaic {
             let (frame, ambient) = (self.label, ambient.label.clone());
             return Err(DevelopError::DifferentSensors { frame, ambient });
         }
@@ -198,12 +208,36 @@ impl LinearMosaic {
     /// # Errors
     /// Gradient correction of a mosaic that is not a Bayer array.
     pub fn demosaic(&self, how: Demosaicing) -> Result<ChannelImage, DevelopError> {
+        if self.values.len() > self.width * self.height {
+            return Ok(self.with_all_channels());
+        }
         let method = match how {
             Demosaicing::Bilinear => Demosaic::new(&self.mosaic),
             Demosaicing::GradientCorrected => Demosaic::gradient_corrected(&self.mosaic)
                 .ok_or_else(|| DevelopError::NotBayer { frame: self.label.clone() })?,
         };
         Ok(interpolate(self, &method))
+    }
+}
+
+impl LinearMosaic {
+    /// The frame, where every pixel holds all channels: nothing is interpolated.
+    fn with_all_channels(&self) -> ChannelImage {
+        let channels = self.mosaic.channels.len().max(1);
+        let subtracted = self.subtracted.as_ref();
+        ChannelImage {
+            width: self.width,
+            height: self.height,
+            channels: self.mosaic.channels.clone(),
+            data: self.values.clone(),
+            saturated: self.saturated.chunks_exact(channels).map(|pixel| pixel.contains(&true)).collect(),
+            noise_floor_dn: self.noise_floor_dn,
+            full_scale_dn: self.full_scale_dn,
+            shares: self.mosaic.shares(),
+            subtracted: subtracted
+                .map(|(dn, ratio)| SubtractedLight { dn: dn.clone(), exposure_ratio: *ratio }),
+            label: self.label.clone(),
+        }
     }
 }
 
@@ -249,7 +283,8 @@ pub fn merge_exposures<'a>(
     // Check that all come from one sensor
     for other in &bracket[1..] {
         let (a, b) = (&first.frame, &other.frame);
-        if (a.width, a.height) != (b.width, b.height) || a.mosaic != b.mosaic {
+        if (a.width, a.height, a.values.len()) != (b.width, b.height, b.values.len()) || a.mosaic != b.mosaic
+        {
             let (frame, ambient) = (a.label.clone(), b.label.clone());
             return Err(DevelopError::DifferentSensors { frame, ambient });
         }
@@ -337,6 +372,25 @@ fn interpolate(frame: &LinearMosaic, method: &Demosaic) -> ChannelImage {
 mod tests {
     use super::*;
     use crate::image::Mosaic;
+
+    /// Three values a pixel, black 10: they stay as they are, and a pixel is saturated where one of them is.
+    #[test]
+    fn a_frame_of_all_channels_is_not_interpolated() {
+        let mosaic = Mosaic::bayer("rggb").unwrap();
+        let mut frame = raw(vec![0; 2], mosaic, 2);
+        (frame.black_level, frame.white_level) = (10.0, 4000);
+        frame.data = vec![20, 30, 40, 50, 60, 4000];
+        assert!(frame.has_all_channels());
+        let developed =
+            Development::default().linearize(&frame).unwrap().demosaic(Demosaicing::Bilinear).unwrap();
+        assert_eq!(developed.data, [10.0, 20.0, 30.0, 40.0, 50.0, 3990.0]);
+        assert_eq!(developed.saturated, [false, true]);
+        // Interpolated from a Bayer array, a channel has measured a quarter or a half of the pixels.
+        assert_eq!(developed.shares, [0.25, 0.5, 0.25]);
+        let stacked =
+            Mosaic { rows: 1, cols: 1, pattern: Vec::new(), channels: frame.mosaic.channels.clone() };
+        assert_eq!(stacked.shares(), [1.0; 3]);
+    }
 
     fn raw(data: Vec<u16>, mosaic: Mosaic, width: usize) -> SensorImage {
         SensorImage {

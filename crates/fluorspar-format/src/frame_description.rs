@@ -1,0 +1,394 @@
+//! Descriptions of the frames of cameras: what a file's tags tell, what its pixels show, and what must be assumed.
+
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use super::FormatError;
+use super::dng::{is_dng, read_dng_description};
+use super::file::{MAX_IMAGE_BYTES, read_file, sidecar_path, write_sidecar};
+use super::input::open_plain;
+use super::raw::{Description, Samples, read_frame_png};
+use super::tiff_directory::{Directory, TiffBytes};
+use super::tiff_image::{TiffPixels, read_tiff_pixels};
+use fluorspar::image::Mosaic;
+
+/// What the user knows of a frame; the rest is taken from its file or assumed.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct FrameFacts {
+    /// Name of the capture that it is a frame of.
+    pub label: Option<String>,
+    /// Color filter array.
+    pub mosaic: Option<Mosaic>,
+    /// Whether three numbers a pixel were measured there, and not interpolated.
+    pub is_measured: bool,
+    /// Digital number without light.
+    pub black_level: Option<f64>,
+    /// Digital number from which a pixel counts as saturated.
+    pub white_level: Option<u16>,
+    /// Bits of the converter.
+    pub bit_depth: Option<u8>,
+    /// Exposure time, s.
+    pub exposure_s: Option<f64>,
+    /// Analog gain.
+    pub gain: Option<f64>,
+    /// Digital numbers per electron.
+    pub dn_per_electron: Option<f64>,
+    /// Temporal noise of a dark pixel, digital numbers rms.
+    pub read_noise_dn: Option<f64>,
+}
+
+/// Where a value of a description comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FactSource {
+    /// From the user.
+    Given,
+    /// From the tags of the file.
+    Tag,
+    /// From nowhere: a guess.
+    Assumed,
+    /// Nobody knows.
+    Unknown,
+}
+
+impl FactSource {
+    /// One word.
+    #[must_use]
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Given => "given",
+            Self::Tag => "from its tags",
+            Self::Assumed => "assumed",
+            Self::Unknown => "not known",
+        }
+    }
+}
+
+/// One value of a description.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct FrameFact {
+    /// Its key in the description.
+    pub key: &'static str,
+    /// The value in words.
+    pub value: String,
+    /// Where it comes from.
+    pub source: FactSource,
+    /// Why it is assumed, and what to give instead.
+    pub remark: String,
+}
+
+/// The description of a frame, not written yet.
+#[derive(Debug)]
+pub struct FrameDescription {
+    frame: PathBuf,
+    description: Description,
+    /// Its values.
+    pub facts: Vec<FrameFact>,
+}
+
+impl FrameDescription {
+    /// Where it belongs: `FRAME.json`.
+    #[must_use]
+    pub fn path(&self) -> PathBuf {
+        sidecar_path(&self.frame)
+    }
+
+    /// The description as JSON.
+    ///
+    /// # Errors
+    /// A number that JSON does not know.
+    pub fn to_json(&self) -> Result<serde_json::Value, FormatError> {
+        serde_json::to_value(&self.description).map_err(|source| FormatError::json(&self.path(), source))
+    }
+
+    /// Writes the description beside its frame. It does not claim that this program wrote the frame: that stays the user's.
+    ///
+    /// # Errors
+    /// A file that can't be written.
+    pub fn write(&self) -> Result<(), FormatError> {
+        write_sidecar(&self.frame, &self.description)
+    }
+}
+
+/// Where the description of a frame belongs: `FRAME.json` beside it.
+#[must_use]
+pub fn description_path(frame: &Path) -> PathBuf {
+    sidecar_path(frame)
+}
+
+/// Describes the frame of a camera: a DNG, or a TIFF or PNG of gray or RGB with 8 or 16 bits.
+///
+/// # Errors
+/// A file that is no such frame; facts that contradict each other.
+pub fn describe_frame(path: &Path, given: &FrameFacts) -> Result<FrameDescription, FormatError> {
+    let (mut file, length) = open_plain(path)?;
+    let mut magic = Vec::new();
+    Read::by_ref(&mut file).take(8).read_to_end(&mut magic).map_err(|e| FormatError::io(path, "read", e))?;
+    let mut facts = Facts { given, list: Vec::new() };
+    let (mut description, data) = if magic.starts_with(b"\x89PNG") {
+        let (width, height, data) = read_frame_png(path)?;
+        let bits = if data.iter().all(|&value| value < 256) { 8 } else { 16 };
+        let samples = data.len() / (width * height).max(1);
+        let pixels = TiffPixels { width, height, samples, bits, data };
+        (facts.of_pixels(path, &pixels, None), pixels.data)
+    } else if magic.starts_with(b"II") || magic.starts_with(b"MM") {
+        let bytes = read_file(path, MAX_IMAGE_BYTES)?;
+        if is_dng(&bytes) {
+            let (description, data) = read_dng_description(path, &bytes)?;
+            (facts.of_dng(description), data)
+        } else {
+            let pixels = read_tiff_pixels(
+                path,
+                File::open(path).map_err(|e| FormatError::io(path, "read", e))?,
+                length,
+            )?;
+            let tags = TiffBytes::new(&bytes);
+            (facts.of_pixels(path, &pixels, tags.as_ref()), pixels.data)
+        }
+    } else {
+        let what = "this is no DNG, TIFF or PNG";
+        return Err(FormatError::unsupported(
+            path,
+            what,
+            "Describe other frames by hand: docs/file-formats.md",
+        ));
+    };
+    facts.of_levels(&mut description);
+    facts.warn_of_mosaic(&description, &data);
+    let found = FrameDescription { frame: path.into(), description, facts: facts.list };
+    // What the reader would refuse is refused here.
+    super::raw::image_of_parts(path, data, &found.description)?;
+    Ok(found)
+}
+
+/// Facts while they are collected.
+struct Facts<'a> {
+    given: &'a FrameFacts,
+    list: Vec<FrameFact>,
+}
+
+/// A mosaic in letters.
+fn letters(mosaic: &Mosaic, samples: Samples) -> String {
+    if mosaic.channels.len() == 1 {
+        return "one channel".into();
+    }
+    if samples == Samples::Measured {
+        return format!("{} in every pixel", mosaic.channels.join(", "));
+    }
+    let rows = mosaic.pattern.chunks(mosaic.cols.max(1));
+    let name = |channel: &u8| mosaic.channels.get(usize::from(*channel)).map_or("?", String::as_str);
+    rows.map(|row| row.iter().map(name).collect::<String>()).collect::<Vec<_>>().join(" / ")
+}
+
+impl Facts<'_> {
+    fn say(&mut self, key: &'static str, value: impl Into<String>, source: FactSource, remark: &str) {
+        self.list.push(FrameFact { key, value: value.into(), source, remark: remark.into() });
+    }
+
+    /// A value that the user gives, else that of a tag, else an assumed one.
+    fn number(
+        &mut self,
+        key: &'static str,
+        unit: &str,
+        [given, tag]: [Option<f64>; 2],
+        assumed: (f64, &str),
+    ) -> f64 {
+        let (value, source, remark) = match (given, tag) {
+            (Some(value), _) => (value, FactSource::Given, ""),
+            (None, Some(value)) => (value, FactSource::Tag, ""),
+            _ => (assumed.0, FactSource::Assumed, assumed.1),
+        };
+        self.say(key, format!("{value}{unit}"), source, remark);
+        value
+    }
+
+    /// The description of a DNG, whose tags tell most.
+    fn of_dng(&mut self, mut description: Description) -> Description {
+        let given = self.given;
+        self.say_label(&mut description.label);
+        let [width, height] = [description.width, description.height];
+        self.say("width, height", format!("{width} x {height} (the active area)"), FactSource::Tag, "");
+        if description.samples != Samples::Mosaic && given.is_measured {
+            description.samples = Samples::Measured;
+        }
+        let source = self.mosaic_source(&mut description.mosaic, FactSource::Tag);
+        self.say("mosaic", letters(&description.mosaic, description.samples), source, "");
+        let known = |value: f64| (value > 0.0).then_some(value);
+        let tags = [
+            known(description.exposure_s),
+            known(description.dn_per_electron),
+            known(description.read_noise_dn),
+        ];
+        description.black_level =
+            self.number("black_level", " DN", [given.black_level, Some(description.black_level)], (0.0, ""));
+        let white = given.white_level.unwrap_or(description.white_level);
+        let source = if given.white_level.is_some() { FactSource::Given } else { FactSource::Tag };
+        self.say("white_level", format!("{white} DN"), source, "");
+        description.white_level = white;
+        let bits = given.bit_depth.unwrap_or(description.bit_depth);
+        let source = if given.bit_depth.is_some() { FactSource::Given } else { FactSource::Tag };
+        self.say("bit_depth", bits.to_string(), source, "");
+        description.bit_depth = bits;
+        description.gain = self.number("gain", "", [given.gain, Some(description.gain)], (1.0, ""));
+        [description.exposure_s, description.dn_per_electron, description.read_noise_dn] =
+            tags.map(|tag| tag.unwrap_or(0.0));
+        description
+    }
+
+    /// The description of an image whose tags tell little.
+    fn of_pixels(&mut self, path: &Path, pixels: &TiffPixels, tags: Option<&TiffBytes<'_>>) -> Description {
+        let given = self.given;
+        let directories = tags.map(TiffBytes::directories).unwrap_or_default();
+        let first = directories.first();
+        let exif = first.and_then(|d| tags?.directory(d.first(34_665)?));
+        let in_exif = |tag: u16| exif.as_ref().and_then(|exif| exif.numbers(tag).first().copied());
+        let in_first = |tag: u16| first.and_then(|d| d.numbers(tag).first().copied());
+        let mut label = path.file_stem().map_or_else(|| "raw".into(), |s| s.to_string_lossy().into_owned());
+        self.say_label(&mut label);
+        self.say("width, height", format!("{} x {}", pixels.width, pixels.height), FactSource::Tag, "");
+        let (mosaic, samples) = self.mosaic_of(path, pixels, first);
+        let most = pixels.data.iter().copied().max().unwrap_or(0);
+        let fits = |bits: &u8| u32::from(most) < 1 << bits;
+        let guess = [8, 10, 12, 14, 16]
+            .into_iter()
+            .filter(|bits| *bits <= pixels.bits)
+            .find(fits)
+            .unwrap_or(pixels.bits);
+        let remark = format!("the fewest bits that hold the largest value, {most}; --bit-depth gives others");
+        let bits = given.bit_depth.unwrap_or(guess);
+        let (source, remark) = match given.bit_depth {
+            Some(_) => (FactSource::Given, String::new()),
+            None => (FactSource::Assumed, remark),
+        };
+        self.say("bit_depth", bits.to_string(), source, &remark);
+        let black_level = self.number(
+            "black_level",
+            " DN",
+            [given.black_level, in_first(50_714)],
+            (0.0, "--black-level gives another; dark frames given to `analyze --dark` replace it"),
+        );
+        let full = f64::from(((1u32 << bits.clamp(1, 16)) - 1) as u16);
+        let remark = format!("the largest number of {bits} bits; --white-level gives another");
+        let white = self.number(
+            "white_level",
+            " DN",
+            [given.white_level.map(f64::from), in_first(50_717)],
+            (full, &remark),
+        );
+        let gain = in_exif(34_855).filter(|iso| *iso > 0.0).map(|iso| iso / 100.0);
+        let gain = self.number("gain", "", [given.gain, gain], (1.0, "--gain gives another"));
+        let exposure_s = in_exif(33_434).filter(|time| time.is_finite() && *time > 0.0).unwrap_or(0.0);
+        Description::of_camera(
+            label,
+            [pixels.width, pixels.height],
+            mosaic,
+            samples,
+            [black_level, exposure_s, gain, 0.0, 0.0],
+            white.clamp(1.0, 65_535.0) as u16,
+            bits,
+        )
+    }
+
+    /// Exposure and noise.
+    fn of_levels(&mut self, description: &mut Description) {
+        let given = self.given;
+        let mut say = |key, unit: &str, given: Option<f64>, value: &mut f64, remark: &str| {
+            let source = match given {
+                Some(given) => {
+                    *value = given;
+                    FactSource::Given
+                }
+                None if *value > 0.0 => FactSource::Tag,
+                None => FactSource::Unknown,
+            };
+            let remark = if source == FactSource::Unknown { remark } else { "" };
+            let text = if source == FactSource::Unknown { String::new() } else { format!("{value}{unit}") };
+            self.list.push(FrameFact { key, value: text, source, remark: remark.into() });
+        };
+        let exposure = "without it no frame is analyzed: give --exposure-ms";
+        say("exposure_s", " s", given.exposure_s, &mut description.exposure_s, exposure);
+        let sensor = "the sensor of the experiment tells it";
+        say("dn_per_electron", "", given.dn_per_electron, &mut description.dn_per_electron, sensor);
+        say("read_noise_dn", " DN", given.read_noise_dn, &mut description.read_noise_dn, sensor);
+    }
+
+    fn say_label(&mut self, label: &mut String) {
+        match &self.given.label {
+            Some(given) => {
+                label.clone_from(given);
+                self.say("label", given.clone(), FactSource::Given, "");
+            }
+            None => {
+                let remark = "the name of the file; --capture names the capture of the experiment";
+                self.say("label", label.clone(), FactSource::Assumed, remark);
+            }
+        }
+    }
+
+    fn mosaic_source(&self, mosaic: &mut Mosaic, otherwise: FactSource) -> FactSource {
+        match &self.given.mosaic {
+            Some(given) => {
+                mosaic.clone_from(given);
+                FactSource::Given
+            }
+            None => otherwise,
+        }
+    }
+
+    /// The color filter array of an image, and what its numbers are.
+    fn mosaic_of(
+        &mut self,
+        path: &Path,
+        pixels: &TiffPixels,
+        first: Option<&Directory<'_>>,
+    ) -> (Mosaic, Samples) {
+        let tag = first.filter(|_| pixels.samples == 1).and_then(|d| super::dng::mosaic_of(path, d).ok());
+        let bayer = Mosaic {
+            rows: 2,
+            cols: 2,
+            pattern: vec![0, 1, 1, 2],
+            channels: super::dng::COLORS.map(String::from).to_vec(),
+        };
+        let (mut mosaic, samples, otherwise, remark) = match (pixels.samples, tag) {
+            (1, Some(mosaic)) => (mosaic, Samples::Mosaic, FactSource::Tag, ""),
+            (1, None) => {
+                let remark = "one number a pixel and no tag of colors; --mosaic rggb, bggr, grbg or gbrg gives a mosaic";
+                (Mosaic::monochrome(), Samples::Mosaic, FactSource::Assumed, remark)
+            }
+            _ if self.given.is_measured => (bayer, Samples::Measured, FactSource::Given, ""),
+            _ => {
+                let remark = "linear numbers that were interpolated from a Bayer array; --measured where every pixel measured all \
+                              three, and a photograph with a tone curve is no measurement at all";
+                (bayer, Samples::Developed, FactSource::Assumed, remark)
+            }
+        };
+        let source = self.mosaic_source(&mut mosaic, otherwise);
+        let remark = if source == FactSource::Given { "" } else { remark };
+        self.say("mosaic", letters(&mosaic, samples), source, remark);
+        (mosaic, samples)
+    }
+
+    /// A mosaic that was taken for one channel shows in the means of the pixels of a 2 x 2 cell.
+    fn warn_of_mosaic(&mut self, description: &Description, data: &[u16]) {
+        if description.mosaic.channels.len() != 1 || self.given.mosaic.is_some() {
+            return;
+        }
+        let width = (description.width as usize).max(1);
+        let (mut sums, mut counts) = ([0.0; 4], [0.0f64; 4]);
+        for (pixel, &value) in data.iter().enumerate() {
+            let place = pixel / width % 2 * 2 + pixel % width % 2;
+            sums[place] += f64::from(value) - description.black_level;
+            counts[place] += 1.0;
+        }
+        let means: Vec<f64> = sums.iter().zip(counts).map(|(sum, count)| sum / count.max(1.0)).collect();
+        let (low, high) = means.iter().fold((f64::INFINITY, 0.0f64), |(l, h), &m| (l.min(m), h.max(m)));
+        if high > 1.05 * low.max(0.0) && high > 1.0 {
+            let means: Vec<String> = means.iter().map(|mean| format!("{mean:.0}")).collect();
+            let remark = format!(
+                "the pixels of its 2 x 2 cells have the means {} DN: it looks like a mosaic; give --mosaic",
+                means.join(", ")
+            );
+            self.say("mosaic", "one channel", FactSource::Assumed, &remark);
+        }
+    }
+}

@@ -1,0 +1,159 @@
+//! Frames that other programs wrote (`fixtures/camera/make.py`): compressed DNG of any order of colors, linear RGB, masks.
+
+#![allow(clippy::unwrap_used, reason = "these are tests")]
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use fluorspar::image::Mosaic;
+use fluorspar_format::{FactSource, FrameFacts, describe_frame, read_mask, read_sensor_image};
+
+fn camera(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/camera").join(name)
+}
+
+/// A copy in a folder of its own.
+fn copied(name: &str) -> (tempfile::TempDir, PathBuf) {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join(name);
+    fs::copy(camera(name), &path).unwrap();
+    (folder, path)
+}
+
+/// The formula of `make.py`.
+fn scene(rows: usize, columns: usize, most: usize) -> Vec<u16> {
+    let value = |row: usize, col: usize| ((row * 97 + col * 61 + (row * col * 7919) % 53) % most) as u16;
+    (0..rows).flat_map(|row| (0..columns).map(move |col| value(row, col))).collect()
+}
+
+/// Tiles of two components by libjpeg-turbo, covered pixels at the rim, black levels by place that are evened to their mean.
+#[test]
+fn a_compressed_dng_is_read_to_the_pixel() {
+    let image = read_sensor_image(&camera("bggr_jpeg.dng")).unwrap().image;
+    assert_eq!((image.width, image.height, image.bit_depth), (48, 40, 12));
+    assert_eq!(image.mosaic, Mosaic::bayer("bggr").unwrap());
+    assert_eq!((image.black_level, image.white_level, image.exposure_s, image.gain), (63.0, 4000, 0.04, 2.0));
+    assert_eq!(image.data, scene(40, 48, 3500).iter().map(|v| v + 63).collect::<Vec<_>>());
+    // NoiseProfile: the variance grows by 2e-4 of the range per unit of signal on 0 to 1.
+    assert!((image.dn_per_electron - 2e-4 * 3937.0).abs() < 1e-9);
+    assert_eq!(image.label, "bggr_jpeg");
+}
+
+#[test]
+fn all_predictors_and_another_encoder_are_read_to_the_pixel() {
+    let image = read_sensor_image(&camera("gbrg_predictors.dng")).unwrap().image;
+    assert_eq!(image.mosaic, Mosaic::bayer("gbrg").unwrap());
+    assert_eq!(image.data, scene(32, 40, 16_000));
+}
+
+#[test]
+fn a_deflated_dng_on_a_curve_is_read_to_the_pixel() {
+    let image = read_sensor_image(&camera("grbg_deflate.dng")).unwrap().image;
+    assert_eq!(image.mosaic, Mosaic::bayer("grbg").unwrap());
+    assert_eq!(image.data, scene(40, 48, 1000).iter().map(|v| 3 * v + 10).collect::<Vec<_>>());
+    assert_eq!((image.black_level, image.white_level), (10.0, 3007));
+}
+
+/// Every byte in turn changed, and the file cut anywhere: an error or another image, never a panic.
+#[test]
+fn damaged_compressed_frames_are_survived() {
+    for name in ["bggr_jpeg.dng", "grbg_deflate.dng", "gbrg_predictors.dng"] {
+        let (_folder, path) = copied(name);
+        let good = fs::read(&path).unwrap();
+        for at in (0..good.len()).step_by(37) {
+            let mut bytes = good.clone();
+            bytes[at] ^= 0x55;
+            fs::write(&path, &bytes).unwrap();
+            let _ = read_sensor_image(&path);
+            fs::write(&path, &good[..at]).unwrap();
+            assert!(read_sensor_image(&path).is_err(), "{name} cut at {at}");
+        }
+    }
+}
+
+#[test]
+fn linear_rgb_is_described_and_read_as_it_is() {
+    let (_folder, path) = copied("linear_rgb.tiff");
+    let missing = read_sensor_image(&path).unwrap_err().to_string();
+    assert!(missing.contains("fluorspar describe"), "{missing}");
+    let given = FrameFacts { label: Some("blue".into()), exposure_s: Some(0.03), ..FrameFacts::default() };
+    let found = describe_frame(&path, &given).unwrap();
+    let source = |key: &str| found.facts.iter().find(|fact| fact.key == key).unwrap().source;
+    assert_eq!(source("label"), FactSource::Given);
+    assert_eq!(source("mosaic"), FactSource::Assumed);
+    assert_eq!(source("dn_per_electron"), FactSource::Unknown);
+    found.write().unwrap();
+    let image = read_sensor_image(&path).unwrap().image;
+    assert!(image.has_all_channels());
+    let scene = scene(40, 48, 3500);
+    assert_eq!(image.data.chunks_exact(3).map(|p| p[0]).collect::<Vec<_>>(), scene);
+    assert_eq!(
+        image.data.chunks_exact(3).map(|p| p[2]).collect::<Vec<_>>(),
+        scene.iter().map(|v| v + 300).collect::<Vec<_>>()
+    );
+    assert_eq!(image.mosaic.shares(), [0.25, 0.5, 0.25]);
+    // The largest value is below 4096.
+    assert_eq!((image.bit_depth, image.white_level, image.exposure_s), (12, 4095, 0.03));
+    // Three sensors measure everything everywhere.
+    fs::remove_file(found.path()).unwrap();
+    describe_frame(&path, &FrameFacts { is_measured: true, ..given }).unwrap().write().unwrap();
+    assert_eq!(read_sensor_image(&path).unwrap().image.mosaic.shares(), [1.0; 3]);
+    // A description of another kind of frame is refused.
+    let text = fs::read_to_string(found.path()).unwrap().replace("\"measured\"", "\"mosaic\"");
+    fs::write(found.path(), text).unwrap();
+    let said = read_sensor_image(&path).unwrap_err().to_string();
+    assert!(said.contains("3 numbers a pixel"), "{said}");
+}
+
+#[test]
+fn a_gray_frame_says_what_was_assumed_and_that_it_looks_like_a_mosaic() {
+    let (folder, path) = copied("gray8.tiff");
+    let found = describe_frame(&path, &FrameFacts::default()).unwrap();
+    let json = found.to_json().unwrap();
+    assert_eq!((json["bit_depth"].as_u64(), json["exposure_s"].as_f64()), (Some(8), Some(0.0)));
+    assert!(json.get("program").is_none(), "the frame is the user's");
+    // A mosaic of 16-bit values whose cells are uneven.
+    let mosaic = folder.path().join("mosaic.png");
+    let values: Vec<f32> = (0..32 * 16).map(|i| [0.1, 0.2, 0.25, 0.12][i / 32 % 2 * 2 + i % 2]).collect();
+    fluorspar_format::write_gray_png(&mosaic, 32, 16, &values).unwrap();
+    let found = describe_frame(&mosaic, &FrameFacts::default()).unwrap();
+    assert!(found.facts.iter().any(|fact| fact.remark.contains("looks like a mosaic")));
+    let given = FrameFacts { mosaic: Mosaic::bayer("gbrg"), ..FrameFacts::default() };
+    let found = describe_frame(&mosaic, &given).unwrap();
+    assert!(!found.facts.iter().any(|fact| fact.remark.contains("looks like a mosaic")));
+    assert_eq!(found.to_json().unwrap()["mosaic"]["pattern"], serde_json::json!([1, 2, 0, 1]));
+    // What contradicts itself is refused before anything is written.
+    let wrong = FrameFacts { black_level: Some(70_000.0), ..FrameFacts::default() };
+    assert!(describe_frame(&mosaic, &wrong).unwrap_err().to_string().contains("black level"));
+}
+
+/// What a description says of a DNG wins over its tags.
+#[test]
+fn a_dng_can_be_described_anew() {
+    let (_folder, path) = copied("bggr_jpeg.dng");
+    let given = FrameFacts { exposure_s: Some(0.5), label: Some("blue".into()), ..FrameFacts::default() };
+    let found = describe_frame(&path, &given).unwrap();
+    assert!(found.facts.iter().all(|fact| fact.source != FactSource::Assumed), "{:?}", found.facts);
+    found.write().unwrap();
+    let image = read_sensor_image(&path).unwrap().image;
+    assert_eq!((image.exposure_s, image.gain, image.label.as_str()), (0.5, 2.0, "blue"));
+    assert_eq!(image.data[0], 63);
+}
+
+#[test]
+fn a_mask_is_the_same_in_every_form() {
+    let inside: Vec<bool> =
+        (0..40 * 48).map(|pixel: i32| (pixel / 48 - 20).pow(2) + (pixel % 48 - 30).pow(2) < 64).collect();
+    for name in ["disc.png", "disc.tiff", "disc.npy"] {
+        let mask = read_mask(&camera(name)).unwrap();
+        assert_eq!((mask.width, mask.height), (48, 40), "{name}");
+        assert_eq!(mask.inside, inside, "{name}");
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let empty = folder.path().join("empty.png");
+    fluorspar_format::write_gray_png(&empty, 4, 4, &[0.0; 16]).unwrap();
+    assert!(read_mask(&empty).unwrap_err().to_string().contains("selects nothing"));
+    fs::write(&empty, "no image at all").unwrap();
+    assert!(read_mask(&empty).unwrap_err().to_string().contains("none of them"));
+    assert!(read_mask(&folder.path().join("none.png")).is_err());
+}
