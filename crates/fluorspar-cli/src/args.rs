@@ -6,8 +6,9 @@ use clap::{Parser, Subcommand, ValueEnum, ValueHint};
 use clap_complete::Shell;
 
 use crate::commands::{
-    analyze, capture, check, denoise, design, filter, fluorophore, lens, merge, mouth, plot, predict,
-    presets, render, run, safety, scene, schema, sensor, sheet, spectra, spectroradiometer, tissue, validate,
+    analyze, capture, check, denoise, describe, design, filter, fluorophore, lens, merge, mouth, plot,
+    predict, presets, render, run, safety, scene, schema, sensor, sheet, spectra, spectroradiometer, tissue,
+    validate,
 };
 use crate::message::Messages;
 use crate::values::{self, Override};
@@ -55,8 +56,10 @@ pub(crate) enum Command {
     Capture(capture::Options),
     /// Draw frames of one render side by side: each fluorophore alone, or with other concentrations, filters, sensors.
     Sheet(sheet::Options),
-    /// Analyze raw frames made by `run` or `capture`.
+    /// Analyze raw frames made by `run` or `capture`, or by a camera.
     Analyze(analyze::Options),
+    /// Write the description that a camera's frame needs beside it: from its tags, and from what you know.
+    Describe(describe::Options),
     /// List, show, plot or import fluorophores.
     Fluorophore(fluorophore::Options),
     /// List, show and characterize sensors (EMVA 1288).

@@ -140,6 +140,7 @@ fn run_command(command: Command) -> Result<ExitCode, CliError> {
         Command::Capture(options) => commands::capture::run(&options),
         Command::Sheet(options) => commands::sheet::run(&options),
         Command::Analyze(options) => commands::analyze::run(&options),
+        Command::Describe(options) => commands::describe::run(&options),
         Command::Fluorophore(options) => commands::fluorophore::run(&options),
         Command::Sensor(options) => commands::sensor::run(&options),
         Command::Lens(options) => commands::lens::run(&options),

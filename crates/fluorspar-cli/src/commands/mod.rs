@@ -7,6 +7,7 @@ pub(crate) mod check;
 pub(crate) mod completions;
 pub(crate) mod curves;
 pub(crate) mod denoise;
+pub(crate) mod describe;
 pub(crate) mod design;
 pub(crate) mod filter;
 pub(crate) mod fluorophore;

@@ -1,0 +1,141 @@
+//! `fluorspar describe`: the description of a camera's frame, from its tags and from what the user knows.
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use clap::ValueHint;
+use fluorspar::image::Mosaic;
+use fluorspar_format::{
+    FactSource, FrameDescription, FrameFact, FrameFacts, Output, Outputs, describe_frame, description_path,
+};
+use serde_json::json;
+
+use super::table::align;
+use crate::args::Talk;
+use crate::error::CliError;
+use crate::values;
+
+/// Options of `describe`.
+#[derive(Clone, Debug, clap::Args)]
+pub(crate) struct Options {
+    /// Frame of a camera: DNG, or TIFF or PNG of 8 or 16 bits, gray or linear RGB.
+    #[arg(value_name = "FRAME", value_hint = ValueHint::FilePath)]
+    frame: PathBuf,
+    /// Capture of the experiment that it is a frame of [default: the name of the file].
+    #[arg(long, value_name = "NAME")]
+    capture: Option<String>,
+    /// Color filter array from the upper left pixel on: rggb, bggr, grbg, gbrg, or mono [default: from the tags, else mono].
+    #[arg(long, value_name = "ORDER", value_parser = mosaic)]
+    mosaic: Option<Mosaic>,
+    /// RGB files: every pixel measured all three colors [default: they were interpolated from a Bayer array].
+    #[arg(long)]
+    measured: bool,
+    /// Digital number without light [default: from the tags, else 0].
+    #[arg(long, value_name = "DN", value_parser = values::number, allow_negative_numbers = true)]
+    black_level: Option<f64>,
+    /// Digital number from which a pixel is saturated [default: from the tags, else the largest number].
+    #[arg(long, value_name = "DN", value_parser = values::whole::<u16, 1, 65_535>, allow_negative_numbers = true)]
+    white_level: Option<u16>,
+    /// Bits of the converter [default: from the tags, else the fewest that hold the largest value].
+    #[arg(long, value_name = "BITS", value_parser = values::whole::<u8, 1, 16>, allow_negative_numbers = true)]
+    bit_depth: Option<u8>,
+    /// Exposure time [default: from the tags].
+    #[arg(long, value_name = "MS", value_parser = values::number, allow_negative_numbers = true)]
+    exposure_ms: Option<f64>,
+    /// Analog gain, 1 at ISO 100 [default: from the tags, else 1].
+    #[arg(long, value_name = "G", value_parser = values::number, allow_negative_numbers = true)]
+    gain: Option<f64>,
+    /// Digital numbers per electron [default: from the tags, else the sensor of the experiment tells].
+    #[arg(long, value_name = "K", value_parser = values::number, allow_negative_numbers = true)]
+    dn_per_electron: Option<f64>,
+    /// Noise of a dark pixel, digital numbers rms [default: from the tags, else the sensor of the experiment tells].
+    #[arg(long, value_name = "DN", value_parser = values::number, allow_negative_numbers = true)]
+    read_noise_dn: Option<f64>,
+    #[command(flatten)]
+    talk: Talk,
+}
+
+/// A color filter array by its letters.
+fn mosaic(text: &str) -> Result<Mosaic, String> {
+    if text.eq_ignore_ascii_case("mono") {
+        return Ok(Mosaic::monochrome());
+    }
+    Mosaic::bayer(text).ok_or_else(|| "give rggb, bggr, grbg, gbrg or mono".into())
+}
+
+/// What the options tell.
+fn facts(options: &Options) -> Result<FrameFacts, CliError> {
+    for (option, value) in [
+        ("--exposure-ms", options.exposure_ms),
+        ("--gain", options.gain),
+        ("--dn-per-electron", options.dn_per_electron),
+        ("--read-noise-dn", options.read_noise_dn),
+    ] {
+        if let Some(value) = value {
+            values::check_range(option, value, [1e-9, 1e9], "")?;
+        }
+    }
+    Ok(FrameFacts {
+        label: options.capture.clone(),
+        mosaic: options.mosaic.clone(),
+        is_measured: options.measured,
+        black_level: options.black_level,
+        white_level: options.white_level,
+        bit_depth: options.bit_depth,
+        exposure_s: options.exposure_ms.map(|ms| 1e-3 * ms),
+        gain: options.gain,
+        dn_per_electron: options.dn_per_electron,
+        read_noise_dn: options.read_noise_dn,
+    })
+}
+
+pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
+    let given = facts(options)?;
+    let path = description_path(&options.frame);
+    if path.exists() {
+        return Err(CliError::Input(format!(
+            "{}: the frame is described already; change the file by hand, or remove it first",
+            path.display()
+        )));
+    }
+    let found = describe_frame(&options.frame, &given)?;
+    let set = Outputs::new()
+        .and(Output::file("the description", &path))
+        .reading(std::slice::from_ref(&options.frame))
+        .declare()?;
+    found.write()?;
+    set.finish()?;
+    if options.talk.json {
+        super::print_json(&json_of(&path, &found)?)?;
+    } else {
+        super::print_text(&text_of(&found))?;
+    }
+    let is_unknown = |fact: &FrameFact| fact.key == "exposure_s" && fact.source == FactSource::Unknown;
+    let next = match found.facts.iter().any(is_unknown) {
+        true => "Next: write exposure_s into it",
+        false => "Next: fluorspar analyze --experiment EXPERIMENT --frame CAPTURE=FRAME --out FOLDER",
+    };
+    options.talk.messages().status(format!("Wrote {}. {next}", path.display()));
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Each value and where it comes from.
+fn text_of(found: &FrameDescription) -> String {
+    let row = |fact: &FrameFact| {
+        let source = match fact.remark.as_str() {
+            "" => fact.source.word().to_owned(),
+            remark => format!("{}: {remark}", fact.source.word()),
+        };
+        vec![fact.key.to_owned(), fact.value.clone(), source]
+    };
+    let rows: Vec<Vec<String>> = found.facts.iter().map(row).collect();
+    align(&rows, &[1, 2])
+}
+
+fn json_of(path: &Path, found: &FrameDescription) -> Result<serde_json::Value, CliError> {
+    let facts = found.facts.iter().map(|fact| {
+        json!({ "key": fact.key, "value": fact.value, "source": fact.source.word(), "remark": fact.remark })
+    });
+    let facts: Vec<serde_json::Value> = facts.collect();
+    Ok(json!({ "file": path, "description": found.to_json()?, "facts": facts }))
+}
