@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::ValueHint;
-use fluorspar::analysis::PorphyrinLayers;
+use fluorspar::analysis::{PorphyrinLayers, SignalSummary};
 use fluorspar::image::SensorImage;
 use fluorspar::pipeline::{
     AnalyzedFrame, Calibration, CapturedFrame, RawExposures, analyze_seen, bracket_label, complete_raw,
@@ -22,7 +22,7 @@ use super::rendered_image::{CaptureView, RenderedImage, ShownByImage};
 use crate::args::{Changes, Talk};
 use crate::error::CliError;
 use crate::experiment_source::{ExperimentSource, read_text};
-use crate::values::as_typed;
+use crate::values::{Override, as_typed};
 
 /// Options of `analyze`.
 #[derive(Clone, Debug, clap::Args)]
@@ -30,8 +30,8 @@ pub(crate) struct Options {
     /// Folder with raw_NAME.tiff (or .png, .dng, .raw) and experiment.toml, as `run` and `capture` write it.
     #[arg(value_name = "FOLDER", value_hint = ValueHint::DirPath, required_unless_present = "frame")]
     folder: Option<PathBuf>,
-    /// Raw frame of a capture, of a simulated or a real camera; needs --experiment. May be repeated: one for the frame that
-    /// is analyzed and one for each that is subtracted.
+    /// Raw frame of a capture, of a simulated or a real camera (DNG, or TIFF or PNG with its description); needs --experiment. May be
+    /// repeated: one for the frame that is analyzed and one for each that is subtracted.
     #[arg(long, value_name = "CAPTURE=FILE", requires = "experiment")]
     frame: Vec<String>,
     /// Raw dark frame of the real camera; frames of one exposure are averaged. May be repeated.
@@ -71,7 +71,8 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let default = beside("experiment.toml").map(|path| path.display().to_string());
     let name = options.experiment.clone().or(default).unwrap_or_default();
     let source = ExperimentSource::find(Some(&name))?;
-    let overrides = options.changes.overrides();
+    let overrides: Vec<Override> =
+        sensor_of_frames(options)?.into_iter().chain(options.changes.overrides()).collect();
     let parsed = source.parse(&overrides)?;
     let image = options
         .components
@@ -91,15 +92,13 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
             (opened, seen)
         },
     );
-    let experiment = experiment.map_err(|error| as_typed(error, &overrides))?;
+    let mut experiment = experiment.map_err(|error| as_typed(error, &overrides))?;
+    if image.is_none() {
+        leave_parts_to_shapes(&mut experiment.study);
+    }
     let study = &experiment.study;
     let Some(settings) = &study.analysis else {
-        let reason =
-            experiment.record.warnings.iter().find(|warning| warning.contains("analysis is left out"));
-        return Err(CliError::Input(match reason {
-            Some(reason) => format!("{name}: {reason}"),
-            None => format!("{name}: the experiment has no [analysis] section; add one"),
-        }));
+        return Err(CliError::Input(format!("{name}: the experiment has no [analysis] section; add one")));
     };
     let (early, view) = seen.unzip();
     let frames = match early {
@@ -109,8 +108,8 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     if let (None, [part, ..]) = (&image, settings.parts.as_slice()) {
         return Err(CliError::Input(format!(
             "{name}: the region is the part \"{part}\", but its pixels are known only from the component image; give that of \
-             the run with --components, or give a rectangle instead: --set analysis.parts=[] --set \
-             analysis.rectangle_px=[COLUMN,ROW,WIDTH,HEIGHT]"
+             the run with --components, or say where it lies: --set analysis.mask=MASK.png, \
+             analysis.polygon_px=[[X,Y],[X,Y],[X,Y]] or analysis.rectangle_px=[COLUMN,ROW,WIDTH,HEIGHT]"
         )));
     }
     let image = opened.transpose()?;
@@ -166,6 +165,28 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         None => messages.status("Next: the same with --out FOLDER writes a report and maps"),
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// The size of a real camera's frames, as changes of the experiment's sensor: what it knows of pixels counts for frames of any size.
+fn sensor_of_frames(options: &Options) -> Result<Vec<Override>, CliError> {
+    let Some(first) = options.frame.first() else { return Ok(Vec::new()) };
+    // What is no pair of name and file is told later.
+    let Some((_, file)) = first.split_once('=').filter(|(_, file)| !file.is_empty()) else {
+        return Ok(Vec::new());
+    };
+    let image = read_sensor_image(Path::new(file))?.image;
+    let side = |path: &str, value: usize| Override::of_option(path, value, format!("--frame {first}"));
+    Ok(vec![side("sensor.columns", image.width), side("sensor.rows", image.height)])
+}
+
+/// Without a component image no part is found in a frame. Where a shape tells where the region lies, its parts only tell what it shows.
+fn leave_parts_to_shapes(study: &mut Study) {
+    if let Some(plan) = &mut study.analysis
+        && (plan.rectangle_px.is_some() || plan.polygon.is_some() || plan.mask.is_some())
+    {
+        plan.parts.clear();
+        plan.inset_px = 0;
+    }
 }
 
 /// The component image that the frames of a folder were captured from, as `capture` wrote it down; none where it is gone.
@@ -318,7 +339,10 @@ fn describe(analysis: &fluorspar::analysis::Analysis) -> String {
         analysis.counts.below_noise_floor,
         analysis.counts.undefined
     );
-    for channel in &analysis.channels {
+    for line in analysis.signals.iter().flat_map(SignalSummary::lines) {
+        text += &format!("{line}\n");
+    }
+    for channel in analysis.channels.iter().filter(|_| analysis.signals.is_none()) {
         if let Some(s) = &channel.statistics {
             text += &format!(
                 "{}: median {:.1} DN, mean {:.1} DN, sd {:.1} DN\n",
@@ -343,6 +367,9 @@ fn describe(analysis: &fluorspar::analysis::Analysis) -> String {
     }
     for spot in &analysis.spots {
         text += &format!("Spots told apart by {}\n", spot.line());
+    }
+    for target in &analysis.targets {
+        text += &format!("{}\n", target.line());
     }
     for warning in &analysis.warnings {
         text += &format!("warning: {warning}\n");

@@ -7,6 +7,7 @@ mod cache;
 mod design;
 mod documentation;
 mod fluorophores;
+mod frames;
 mod instruments;
 mod kills;
 mod lenses;

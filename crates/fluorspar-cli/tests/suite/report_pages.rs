@@ -314,10 +314,12 @@ fn a_monochrome_sensor_needs_no_other_experiment() {
     .well();
     assert!(said.stderr.contains("Open mono/report.html"), "{}", said.stderr);
     let told = words(&fs::read_to_string(folder.join("mono/report.html")).unwrap());
-    assert!(told.contains("the analysis is left out") && told.contains("signal to noise"), "{told}");
-    // What needs colors says why it can't.
-    let said = fluorspar(folder, ["analyze", "mono"]);
-    assert!(said.code == Some(2) && said.stderr.contains("no channels R, G and B"), "{said:?}");
+    assert!(told.contains("Signals of the region") && told.contains("signal to noise"), "{told}");
+    for word in ["R + G + B", "R, G", "chromaticity", "mixture line"] {
+        assert!(!told.contains(word), "{word} in the page of a monochrome camera: {told}");
+    }
+    let said = fluorspar(folder, ["analyze", "mono"]).well();
+    assert!(said.stdout.contains("uv: ") && said.stdout.contains("signal to noise of a pixel"), "{said:?}");
 }
 
 #[test]

@@ -135,7 +135,8 @@ pub(super) fn renders(
             let [col, row, width, height] = [col, row, width, height].map(|value| value as usize);
             Rectangle { col, row, width, height }
         });
-        let region = RegionOfInterest { parts: of_region.parts.clone(), rectangle, inset_px: 0 };
+        let region =
+            RegionOfInterest { parts: of_region.parts.clone(), rectangle, ..RegionOfInterest::default() };
         let mut numbers = Vec::new();
         for (name, changes) in &geometries {
             let mut overrides = file.scene.iter().flat_map(|scene| scene.set.clone()).collect::<Vec<_>>();

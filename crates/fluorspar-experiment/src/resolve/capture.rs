@@ -6,6 +6,8 @@ use glam::{Vec2, Vec3};
 
 use super::context::{Context, Resolved};
 use super::fluorophore::Fluorophores;
+use super::region;
+use super::seen::{Seen, check_parts};
 use super::spectrum::Role;
 use super::surface_mean::surface_mean;
 use super::tissue;
@@ -15,14 +17,13 @@ use crate::schema::{
     AnalysisSection, BulkReference, CaptureSection, ConcentrationFactor, ExperimentFile, ExposureTime,
     TextureReference,
 };
-use crate::warning::Warning;
 use fluorspar::light::LightGroup;
-use fluorspar::material::{Material, ScalarTexture, StateGrid};
+use fluorspar::material::ScalarTexture;
 use fluorspar::names::did_you_mean;
 use fluorspar::optics::PerspectiveCamera;
 use fluorspar::quote::excerpt;
 use fluorspar::scene::{Object, Shape};
-use fluorspar::sensor::{AutoExposure, CaptureFrame, EXPOSURE_MS, Sensor};
+use fluorspar::sensor::{AutoExposure, CaptureFrame, EXPOSURE_MS};
 use fluorspar::spectral::{Curve, Fluorophore, PhotonEem, WavelengthGrid};
 use fluorspar::study::{AnalysisPlan, Capture, LineEnds, TissuePrior};
 use fluorspar::tissue::Site;
@@ -225,42 +226,21 @@ fn filter(
     Ok(filter)
 }
 
-/// Region of an analysis.
-pub(super) struct Seen<'a> {
-    pub(super) objects: &'a [Object],
-    pub(super) materials: &'a [Material],
-    pub(super) camera: &'a PerspectiveCamera,
-    pub(super) grid: &'a WavelengthGrid,
-    pub(super) sensor: Option<&'a Sensor>,
-    /// Fluorophores of the scene.
-    pub(super) fluorophores: &'a Fluorophores,
-    /// Number of the material that each material behind those of the file was copied from, for a lesion.
-    pub(super) copied_materials: &'a [usize],
-}
-
-impl Seen<'_> {
-    /// States of a material that is layered tissue.
-    fn states(&self, material: usize) -> Option<&StateGrid> {
-        self.materials[material].diffuse()?.states.as_ref()
-    }
-
-    /// Number of the material of the file that a material was made from.
-    fn original(&self, mut material: usize) -> usize {
-        let of_file = self.materials.len() - self.copied_materials.len();
-        while let Some(copy) = material.checked_sub(of_file) {
-            material = self.copied_materials[copy];
-        }
-        material
-    }
-}
-
+/// The analysis of an experiment.
 pub(super) fn analysis(
     context: &mut Context<'_>,
     file: &ExperimentFile,
     captures: &[Capture],
     seen: &Seen<'_>,
 ) -> Resolved<Option<AnalysisPlan>> {
-    let Some(section) = &file.analysis else { return Ok(None) };
+    let Some(section) = &file.analysis else {
+        if !file.target.is_empty() {
+            let message =
+                "the analysis tells how well a target is seen; add an [analysis] section with the frame";
+            return context.fail(&steps!["target", 0], message);
+        }
+        return Ok(None);
+    };
     let at = |key: &str| steps!["analysis", key];
     let labels: Vec<&str> = captures.iter().map(|capture| capture.frame.label.as_str()).collect();
     if !labels.contains(&section.frame.as_str()) {
@@ -272,25 +252,29 @@ pub(super) fn analysis(
         return context.fail(&at("frame"), message);
     }
     check_region(context, section, seen)?;
-    if let Some(warning) = without_colors(seen.sensor) {
-        context.push_warning(warning);
-        return Ok(None);
-    }
-    let reads_a_part = |sensor: &Sensor| {
-        let model = sensor.model();
-        model.region_px.is_some_and(|region| region != [0, 0, model.columns, model.rows])
-    };
-    if !section.parts.is_empty() && seen.sensor.is_some_and(reads_a_part) {
-        let message = "parts are found in frames of the whole sensor only; give rectangle_px, or remove sensor.region_px";
-        return context.fail(&at("parts"), message);
-    }
+    region::check_whole_sensor(context, &at("parts"), &section.parts, seen.sensor)?;
     context.within(&at("inset_px"), f64::from(section.inset_px), [0.0, 64.0], "pixels")?;
     if let Some(rectangle) = section.rectangle_px {
-        check_rectangle(context, file, &at("rectangle_px"), rectangle)?;
+        region::rectangle(context, file, &at("rectangle_px"), rectangle)?;
     }
-    for (number, spot) in section.compared_px.into_iter().flatten().enumerate() {
-        check_rectangle(context, file, &at("compared_px").index(number), spot)?;
-    }
+    let polygon = match &section.polygon_px {
+        Some(corners) => Some(region::polygon(context, file, &at("polygon_px"), corners)?),
+        None => None,
+    };
+    let mask = match &section.mask {
+        Some(path) => Some(region::mask(context, file, &at("mask"), path)?),
+        None => None,
+    };
+    let compared = match &section.compared_px {
+        Some([first, second]) => {
+            let at = at("compared_px");
+            let first = region::region(context, file, seen, &at.index(0), first)?;
+            Some([first, region::region(context, file, seen, &at.index(1), second)?])
+        }
+        None => None,
+    };
+    let targets = region::targets(context, file, seen)?;
+    context.within(&at("wanted_d_prime"), section.wanted_d_prime, [0.1, 100.0], "")?;
     context.within(&at("noise_threshold"), section.noise_threshold, [0.0, 1000.0], "standard deviations")?;
     // What the analysis names but no material holds is predicted as well: a control without porphyrin has a line, too.
     let mut absent = Fluorophores::default();
@@ -314,7 +298,11 @@ pub(super) fn analysis(
         parts: section.parts.clone(),
         inset_px: section.inset_px,
         rectangle_px: section.rectangle_px,
-        compared_px: section.compared_px,
+        polygon,
+        mask,
+        compared,
+        targets,
+        wanted_d_prime: section.wanted_d_prime,
         porphyrin: section.porphyrin.clone(),
         further_frames: further_frames(context, section, &labels)?,
         tissue: tissue_prior(context, file, section, seen)?,
@@ -323,26 +311,6 @@ pub(super) fn analysis(
         fluorophores,
         noise_threshold: section.noise_threshold,
     }))
-}
-
-/// Checks that a rectangle lies on the sensor.
-fn check_rectangle(
-    context: &Context<'_>,
-    file: &ExperimentFile,
-    at: &Place,
-    [column, row, width, height]: [u32; 4],
-) -> Resolved<()> {
-    let Some(sensor) = &file.sensor else { return Ok(()) };
-    let size = sensor.model.image_size();
-    let [columns, rows] = size.unwrap_or([sensor.model.columns, sensor.model.rows]).map(|n| n as u64);
-    let outside = u64::from(column) + u64::from(width) > columns || u64::from(row) + u64::from(height) > rows;
-    if outside || width == 0 || height == 0 {
-        let message = format!(
-            "is not inside the {columns} x {rows} pixels of the raw images; give column, row, width, height"
-        );
-        return context.fail(at, message);
-    }
-    Ok(())
 }
 
 /// Captures that enter the estimate of a tissue family beside the analyzed one.
@@ -439,37 +407,14 @@ fn line_ends(file: &ExperimentFile, section: &AnalysisSection, seen: &Seen<'_>) 
     }
 }
 
-/// What is said of an analysis that the sensor can't serve: chromaticity needs three channels.
-fn without_colors(sensor: Option<&Sensor>) -> Option<Warning> {
-    let sensor = sensor?;
-    let missing = ["R", "G", "B"].iter().find(|name| sensor.qe().find(name).is_none())?;
-    let names: Vec<&str> = sensor.qe().channels().iter().map(|channel| channel.name.as_str()).collect();
-    let summary = "the analysis is left out: the sensor has no channels R, G and B";
-    let text = format!(
-        "{summary} for a chromaticity (no {missing}, only {}). Frames, levels, signal to noise and leak are there; a mosaic such as \
-         \"grbg\" brings the analysis back",
-        names.join(", ")
-    );
-    Some(Warning::summarized(text, summary))
-}
-
 /// Refuses parts that do not exist, and regions of which no part can be in the image.
 fn check_region(context: &Context<'_>, section: &AnalysisSection, seen: &Seen<'_>) -> Resolved<()> {
-    let mut any_in_view = section.parts.is_empty();
-    for (index, part) in section.parts.iter().enumerate() {
-        let mut found = seen.objects.iter().filter(|object| object.name == *part).peekable();
-        if found.peek().is_none() {
-            let names: Vec<&str> = seen.objects.iter().map(|object| object.name.as_str()).collect();
-            let message = format!(
-                "the scene has no part of this name{} Known: {}",
-                hint(part, names.iter().copied()),
-                names.join(", ")
-            );
-            return context.fail(&steps!["analysis", "parts", index], message);
-        }
-        any_in_view |= found.any(|object| may_be_in_view(&object.shape, seen.camera));
-    }
-    if any_in_view {
+    check_parts(context, &steps!["analysis", "parts"], &section.parts, seen)?;
+    let is_in_view = |part: &String| {
+        let mut found = seen.objects.iter().filter(|object| object.name == *part);
+        found.any(|object| may_be_in_view(&object.shape, seen.camera))
+    };
+    if section.parts.is_empty() || section.parts.iter().any(is_in_view) {
         return Ok(());
     }
     let message = "no part of the region is in the field of view of the camera. Turn the \

@@ -23,8 +23,16 @@ const SIDE: usize = 512;
 /// Shortest and longest axis of an ellipse, mm: from less than a pixel of the textures to more than any part is long.
 const SIZE_MM: [f64; 2] = [0.1, 200.0];
 
-/// Adds all lesions: the part gets a material of its own, behind the others. Returns the number of the material that
-/// each of these was copied from.
+/// What the lesions of a mouth left behind.
+#[derive(Default)]
+pub(super) struct Lesions {
+    /// Number of the material that each material behind those of the file was copied from.
+    pub(super) copied_materials: Vec<usize>,
+    /// Name of each lesion, and its share on the maps of the parts that it reaches.
+    pub(super) spots: Vec<(String, Vec<(String, Arc<ImageTexture>)>)>,
+}
+
+/// Adds all lesions: the part gets a material of its own, behind the others.
 pub(super) fn lesions(
     context: &mut Context<'_>,
     file: &ExperimentFile,
@@ -33,8 +41,9 @@ pub(super) fn lesions(
     materials: &mut Materials,
     fluorophores: &mut Fluorophores,
     parts: &mut [Object],
-) -> Resolved<Vec<usize>> {
+) -> Resolved<Lesions> {
     let mut copied = Vec::new();
+    let mut spots = Vec::new();
     for (index, lesion) in section.lesion.iter().enumerate() {
         let at = steps!["mouth", "lesion", index];
         context.unique_name(&at, &lesion.name, section.lesion[..index].iter().map(|l| l.name.as_str()))?;
@@ -59,9 +68,14 @@ pub(super) fn lesions(
             context.within(&at, inside, [0.0, 1e6], "")?;
             amounts.push((fluorophores.index(context, &at, &file.fluorophore, name)?, inside as f32));
         }
+        let mut reached = Vec::new();
         for object in parts.iter_mut() {
             let Some(unfold) = continuation(&lesion.part, &object.name) else { continue };
             let Some(mask) = spot.bake(unfold) else { continue };
+            // The shares are numbers between 0 and 1.
+            reached.extend(
+                ImageTexture::new(SIDE, SIDE, mask.clone()).map(|map| (object.name.clone(), Arc::new(map))),
+            );
             let blood_um = lesion.blood_um;
             if let Some(recipe) = materials.recipes.get(&object.material).cloned() {
                 let inside = |texture: &ScalarTexture, value: f32| {
@@ -106,8 +120,9 @@ pub(super) fn lesions(
             copied.push(object.material);
             object.material = materials.list.len() - 1;
         }
+        spots.push((lesion.name.clone(), reached));
     }
-    Ok(copied)
+    Ok(Lesions { copied_materials: copied, spots })
 }
 
 /// The parts of the tongue's back, which share one map.

@@ -16,6 +16,8 @@ mod mouth;
 pub(super) mod named_tissue;
 mod object;
 mod record;
+mod region;
+mod seen;
 pub(super) mod spectrum;
 mod surface_mean;
 pub(super) mod tissue;
@@ -77,7 +79,7 @@ pub fn resolve(experiment: &Experiment) -> Result<ResolvedExperiment, Experiment
     let mut materials = material::materials(context, file, &grid, &mut fluorophores)?;
     // What it could not read is made below.
     let _ = mouth.map(JoinHandle::join);
-    let (objects, copied_materials) =
+    let (objects, lesions) =
         object::objects(context, file, &mut materials, &mut fluorophores, &grid, &mut light_groups)?;
     let concentrations = concentration::scale(context, file, &fluorophores, &mut materials.list)?;
     let captures = capture::captures(context, file, &light_groups, &grid)?;
@@ -85,14 +87,14 @@ pub fn resolve(experiment: &Experiment) -> Result<ResolvedExperiment, Experiment
     let develop = instrument::develop(context, file, sensor, &grid)?;
     let spectroradiometers = instrument::spectroradiometers(context, file, &captures, &objects, &grid)?;
     let safety = instrument::safety(context, file)?;
-    let seen = capture::Seen {
+    let seen = seen::Seen {
         objects: &objects,
         materials: &materials.list,
         camera: &view,
         grid: &grid,
         sensor,
         fluorophores: &fluorophores,
-        copied_materials: &copied_materials,
+        lesions: &lesions,
     };
     let analysis = capture::analysis(context, file, &captures, &seen)?;
 
@@ -111,7 +113,7 @@ pub fn resolve(experiment: &Experiment) -> Result<ResolvedExperiment, Experiment
     render.excitation_basis = device::excitation_basis(context, &file.render, &scene)?;
     let in_bands = whole_image_bytes(&scene) + basis_bytes(&scene, &render) + tile_row_bytes(&scene, &render);
     device::check_memory(context, file, memory_bytes(&scene, &render), in_bands)?;
-    warn_unused(context, file, &scene, &copied_materials, analysis.as_ref());
+    warn_unused(context, file, &scene, &lesions.copied_materials, analysis.as_ref());
     for warning in scene.warnings().into_iter().filter_map(|w| that_matters(w, &scene, &camera, &captures)) {
         context.push_warning(Warning::summarized(warning.to_string(), warning.summary()));
     }
@@ -273,6 +275,7 @@ pub fn show_the_same_scene(rendered: &Experiment, now: &Experiment) -> bool {
     other.spectroradiometer.clone_from(&now.spectroradiometer);
     other.safety.clone_from(&now.safety);
     other.analysis.clone_from(&now.analysis);
+    other.target.clone_from(&now.target);
     other == *now
 }
 
@@ -303,6 +306,7 @@ pub fn resolve_captures(
     let (file, other) = (&now.file, &rendered.file);
     let names = |file: &ExperimentFile| file.capture.iter().map(|c| c.name.clone()).collect::<Vec<_>>();
     let is_checked = file.analysis == other.analysis
+        && file.target == other.target
         && file.spectroradiometer == other.spectroradiometer
         && file.safety == other.safety
         && file.render.relative_error.is_none()

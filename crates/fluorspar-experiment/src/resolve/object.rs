@@ -6,7 +6,7 @@ use glam::{Affine3, Affine3A, EulerRot, Mat3, Quat, Vec2, Vec3};
 
 use super::context::{Context, LENGTH_MM, Resolved, SCALE, STRENGTH};
 use super::fluorophore::Fluorophores;
-use super::lesion;
+use super::lesion::{self, Lesions};
 use super::light::group_index;
 use super::material::Materials;
 use super::mouth;
@@ -28,8 +28,7 @@ use fluorspar::spectral::{MAX_WAVELENGTH_NM, MIN_WAVELENGTH_NM, WavelengthGrid};
 use fluorspar_anatomy::Tissue;
 use fluorspar_format::{read_gltf, read_gltf_instances, read_obj, read_placements, read_ply, read_stl};
 
-/// All surfaces: parts of the mouth first, then the objects. With them the number of the material that each one added for
-/// a lesion was copied from.
+/// All surfaces: parts of the mouth first, then the objects. With them what the lesions left behind.
 pub(super) fn objects(
     context: &mut Context<'_>,
     file: &ExperimentFile,
@@ -37,9 +36,9 @@ pub(super) fn objects(
     fluorophores: &mut Fluorophores,
     grid: &WavelengthGrid,
     groups: &mut Vec<LightGroup>,
-) -> Resolved<(Vec<Object>, Vec<usize>)> {
+) -> Resolved<(Vec<Object>, Lesions)> {
     let mut objects: Vec<Object> = Vec::new();
-    let mut copied = Vec::new();
+    let mut left = Lesions::default();
     for (index, section) in file.object.iter().enumerate() {
         let at = steps!["object", index];
         let earlier = file.object[..index].iter().map(|other| other.name.as_str());
@@ -55,7 +54,7 @@ pub(super) fn objects(
     if let Some(section) = &file.mouth {
         let mut parts = mouth(context, section, &materials.list)?;
         scans(context, section, &materials.list, &mut parts)?;
-        copied = lesion::lesions(context, file, section, grid, materials, fluorophores, &mut parts)?;
+        left = lesion::lesions(context, file, section, grid, materials, fluorophores, &mut parts)?;
         for object in &objects {
             if parts.iter().any(|part| part.name == object.name) {
                 // An object that is only named by its instances has no line of its own.
@@ -67,7 +66,7 @@ pub(super) fn objects(
         parts.append(&mut objects);
         objects = parts;
     }
-    Ok((objects, copied))
+    Ok((objects, left))
 }
 
 fn object(

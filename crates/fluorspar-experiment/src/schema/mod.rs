@@ -10,6 +10,7 @@ mod material;
 mod object;
 mod path;
 mod reference;
+mod region;
 mod settings;
 mod tissue;
 
@@ -52,6 +53,7 @@ pub use reference::{
     ReflectanceReference, ReflectanceTermSection, SpectrumReference, SpectrumTable, TextureReference,
     TextureTable, TongueMap,
 };
+pub use region::{RegionReference, RegionSection, TargetSection};
 pub use settings::{EdgeBins, RenderSection, SpectralSection, StatisticsChoice, UniformBins};
 pub use tissue::{
     BackgroundSection, BloodSection, CaroteneSection, LayerAbsorptionSection, LayerFluorophoreSection,
@@ -132,6 +134,9 @@ pub struct ExperimentFile {
     /// Analysis of the captures.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub analysis: Option<AnalysisSection>,
+    /// What shall be seen: how well the frames tell it from what lies around it.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub target: Vec<TargetSection>,
     /// Where results go.
     #[serde(default)]
     pub output: OutputSection,

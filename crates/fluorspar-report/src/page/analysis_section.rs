@@ -1,10 +1,11 @@
 //! An analysis in plain words.
 
 use fluorspar::analysis::{
-    Analysis, ErrorBudget, MixtureSummary, PorphyrinTruth, SharePosterior, SpotSeparation, Statistics,
+    Analysis, ErrorBudget, MixtureSummary, PorphyrinTruth, SharePosterior, SignalSummary, SpotSeparation,
+    Statistics, TargetDetection, UnmixedTerm,
 };
 
-use super::report_data::{Number, NumberTable, Origin, ReportItem, Section};
+use super::report_data::{Number, NumberMatrix, NumberTable, Origin, ReportItem, Section};
 use crate::FrameOrigin;
 
 /// One analysis: its figures first, then the tables: chromaticity, porphyrin fraction, predicted fluorophores, pixels
@@ -17,7 +18,16 @@ pub fn analysis_section(analysis: &Analysis, figures: Vec<ReportItem>, from: Fra
     let mut section = Section::new(format!("What the frame \"{}\" says", analysis.frame))
         .say(format!("Region: {}. All numbers are computed from the {how}.", analysis.region_description));
     section.items.extend(figures);
-    section = section.with(table("Sensor chromaticity of the region", chromaticity_rows(analysis)));
+    let chromaticity = chromaticity_rows(analysis);
+    if !chromaticity.is_empty() {
+        section = section.with(table("Sensor chromaticity of the region", chromaticity));
+    }
+    if let Some(signals) = &analysis.signals {
+        section = with_signals(section, signals);
+    }
+    if !analysis.targets.is_empty() {
+        section = section.with(ReportItem::Matrix(target_matrix(&analysis.targets)));
+    }
     if let Some(posterior) = &analysis.posterior {
         section = section.with(table("Porphyrin in tissue that is not known", posterior_rows(posterior)));
     }
@@ -204,8 +214,118 @@ fn spot_rows(spots: &[SpotSeparation]) -> Vec<Number> {
     spots.iter().map(row).collect()
 }
 
+/// Levels of all channels of all frames, their ratios, and what they are made of.
+fn with_signals(section: Section, summary: &SignalSummary) -> Section {
+    let columns =
+        ["Signal", "electrons", "standard error", "DN", "signal to noise"].map(String::from).to_vec();
+    let rows = summary.signals.iter().map(|s| {
+        let numbers = [s.electrons, s.standard_error_e, s.mean_dn, s.snr_of_pixel];
+        std::iter::once(s.name()).chain(numbers.map(short)).collect()
+    });
+    let mut section = section.with(ReportItem::Matrix(NumberMatrix {
+        caption: "Signals of the region".into(),
+        columns,
+        rows: rows.collect(),
+        note: "Mean of a pixel, the standard error of the mean by the sensor's noise, and the signal to noise of one pixel.".into(),
+    }));
+    if !summary.ratios.is_empty() {
+        let rows = summary.ratios.iter().map(|r| {
+            let value = format!("{:.4} ± {:.4}", r.ratio, r.standard_error).replace('-', "−");
+            Number::computed(
+                format!("{} over {}", r.above, r.below),
+                value,
+                "",
+                "Electrons over electrons, with the standard error that the sensor's noise leaves.",
+            )
+        });
+        section = section.with(table("Ratios of the signals", rows.collect()));
+    }
+    if let Some(unmixing) = &summary.unmixing {
+        let mut rows: Vec<Number> = unmixing.terms.iter().map(unmixed_row).collect();
+        if let Some(misfit) = unmixing.misfit {
+            rows.push(Number::computed(
+                "What is left",
+                short(misfit),
+                "standard errors",
+                "Root mean square of the signals less the sum. Far above 1 something else is in the light: reflected light, indirect light, \
+                 or another fluorophore.",
+            ));
+        }
+        section = section.with(table("Fluorophores in the signals", rows));
+    }
+    section
+}
+
+fn unmixed_row(term: &UnmixedTerm) -> Number {
+    let [low, high] = term.share_interval;
+    let truth =
+        term.true_share.map_or_else(String::new, |share| format!(" The simulation knows: {share:.4}."));
+    let [least, most] = term.amount_interval.map(short);
+    Number::computed(
+        term.fluorophores.join(" + ").replace('_', " "),
+        format!("{:.4} ({low:.4} to {high:.4})", term.share),
+        "of the electrons",
+        format!(
+            "Share with its 95 % interval by sensor noise alone; amount {} ({least} to {most}) on a flat sample under direct light.{truth}",
+            short(term.amount)
+        ),
+    )
+}
+
+/// Targets in frames, one row each.
+fn target_matrix(targets: &[TargetDetection]) -> NumberMatrix {
+    let names = targets.first().map_or(&[][..], |target| &target.channels);
+    let columns = ["Target, frame".to_owned()]
+        .into_iter()
+        .chain(names.iter().map(|c| format!("contrast {}", c.name)))
+        .chain(["d' a pixel", "d'", "d' of the sensor", "smallest diameter", "frames"].map(String::from));
+    let row = |t: &TargetDetection| {
+        let contrast = t
+            .channels
+            .iter()
+            .map(|c| c.contrast.map_or_else(|| "dark".into(), |v| format!("{v:+.3}").replace('-', "−")));
+        let diameter = match t.smallest_diameter_mm {
+            Some(mm) => format!("{mm:.2} mm"),
+            None => format!("{:.1} px", t.smallest_diameter_px),
+        };
+        let frames = t.frames_needed.map_or_else(|| "never".into(), |count| count.to_string());
+        let numbers = [
+            format!("{:.2}", t.d_prime_pixel),
+            format!("{:.1}", t.d_prime),
+            format!("{:.1}", t.d_prime_of_sensor),
+        ];
+        std::iter::once(format!("{}, {}", t.target, t.frame))
+            .chain(contrast)
+            .chain(numbers)
+            .chain([diameter, frames])
+            .collect::<Vec<String>>()
+    };
+    let wanted = targets.first().map_or(0.0, |target| target.wanted_d_prime);
+    NumberMatrix {
+        caption: "How well targets are told from what lies around them".into(),
+        columns: columns.collect(),
+        rows: targets.iter().map(row).collect(),
+        note: format!(
+            "Contrast: difference over background. d' is the distance of target and background in standard deviations: of one pixel; of the \
+             whole target in the noise and structure of the frame, neighbors correlated as they are (Hotelling observer); and in the sensor's \
+             noise alone. Diameter of a disc of this contrast and number of averaged frames for d' {wanted}."
+        ),
+    }
+}
+
+/// Names of the channels whose sum counts as light.
+fn sum_of_channels(analysis: &Analysis) -> String {
+    let names: Vec<&str> = analysis.channels.iter().map(|channel| channel.name.as_str()).collect();
+    match names.as_slice() {
+        [only] => format!("the {only} signal"),
+        [_, _, _] if analysis.r.is_some() => "R + G + B".into(),
+        _ => format!("the sum of the {} channels", names.len()),
+    }
+}
+
 fn pixel_rows(analysis: &Analysis) -> Vec<Number> {
     let counts = &analysis.counts;
+    let sum = sum_of_channels(analysis);
     let pixels =
         |name: &str, n: usize, meaning: String| Number::computed(name, n.to_string(), "pixels", meaning);
     let mut rows = vec![
@@ -216,12 +336,12 @@ fn pixel_rows(analysis: &Analysis) -> Vec<Number> {
             "Below the noise floor",
             counts.below_noise_floor,
             format!(
-                "Left out: R + G + B is below {:.0} DN, {} standard deviations of its value in the dark.",
+                "Left out: {sum} is below {:.0} DN, {} standard deviations of its value in the dark.",
                 analysis.least_sum_dn,
                 short(analysis.settings.noise_threshold)
             ),
         ),
-        pixels("Without signal", counts.undefined, "Left out: R + G + B is not positive.".into()),
+        pixels("Without signal", counts.undefined, format!("Left out: {sum} is not positive.")),
     ];
     for channel in &analysis.channels {
         if let Some(s) = &channel.statistics {

@@ -10,7 +10,7 @@ use fluorspar::spectral::Radiance;
 use fluorspar_experiment::ResolvedExperiment;
 use fluorspar_format::{
     ExrCompression, ExrOptions, FileFormat, FormatError, Provenance, write_atomically, write_component_exr,
-    write_rgb_png, write_sensor_tiff, write_spectral_exr,
+    write_label_png, write_rgb_png, write_sensor_tiff, write_spectral_exr,
 };
 use serde_json::{Value, json};
 use thiserror::Error;
@@ -135,7 +135,7 @@ pub fn write_run_folder(folder: &Path, run: &RunResults<'_>) -> Result<PathBuf, 
     write_frame_report(folder, run)
 }
 
-/// Writes the report of frames into a folder: `preview_*.png`, `figures/` (every figure as SVG and PNG, and its points as CSV) and
+/// Writes the report of frames into a folder: `preview_*.png`, `targets.png` where there are targets, `figures/` (every figure as SVG and PNG, and its points as CSV) and
 /// `report.html`, whose path it returns. The report comes last.
 ///
 /// # Errors
@@ -147,6 +147,9 @@ pub fn write_frame_report(folder: &Path, run: &RunResults<'_>) -> Result<PathBuf
     for (frame, preview) in run.evaluation.frames.iter().zip(&run.evaluation.previews) {
         let path = folder.join(format!("preview_{}.png", frame.raw.label));
         write_rgb_png(&path, preview.width, preview.height, &preview.rgb)?;
+    }
+    if let Some(labels) = run.evaluation.analysis.as_ref().and_then(|analyzed| analyzed.targets.as_ref()) {
+        write_label_png(&folder.join("targets.png"), labels.width, labels.height, &labels.labels)?;
     }
     let RunReport { page, figures: list } = run_report(run);
     for named in &list {

@@ -1,6 +1,6 @@
 //! The first screen of a report: the frame with region and map, the estimate, and the numbers that decide about a design.
 
-use fluorspar::analysis::{Analysis, Statistics};
+use fluorspar::analysis::{Analysis, PixelSelection, Statistics, TargetDetection, Unmixing};
 use fluorspar::pipeline::{AnalyzedFrame, CapturedFrame, ColorRendering, Preview, preview};
 use fluorspar::study::Capture;
 
@@ -78,12 +78,23 @@ fn view(
         size: [image.width, image.height],
         caption,
         alt: seen(&image, frame, analyzed),
-        outline: analyzed
-            .filter(|a| is_part(a))
-            .map_or_else(Vec::new, |a| region_outline(&a.region, shown.block)),
+        outline: analyzed.map_or_else(Vec::new, |analyzed| outlines(analyzed, shown.block)),
         map: analyzed.and_then(|analyzed| share_overlay(analyzed, &shown, words)),
         links,
     })
+}
+
+/// Outlines of the region, where it is not the whole frame, and of the targets.
+fn outlines(analyzed: &AnalyzedFrame, block: usize) -> Vec<Vec<[f64; 2]>> {
+    let mut lines = if is_part(analyzed) { region_outline(&analyzed.region, block) } else { Vec::new() };
+    let Some(targets) = &analyzed.targets else { return lines };
+    for number in 1..=targets.names.len() {
+        let is_target = |pixel: &usize| usize::from(targets.labels[*pixel]) == number;
+        let pixels = (0..targets.labels.len()).filter(is_target).collect();
+        let selection = PixelSelection { width: targets.width, height: targets.height, pixels };
+        lines.extend(region_outline(&selection, block));
+    }
+    lines
 }
 
 /// Whether a region leaves something of the frame out.
@@ -197,6 +208,9 @@ fn answer(analysis: &Analysis, words: &Words<'_>) -> Option<Answer> {
             ],
         });
     }
+    if let Some(unmixing) = analysis.signals.as_ref().and_then(|signals| signals.unmixing.as_ref()) {
+        return unmixed_answer(analysis, unmixing);
+    }
     let estimate = analysis.mixture.as_ref()?.region?.estimate;
     let interval = match &analysis.budget {
         Some(budget) => {
@@ -215,6 +229,29 @@ fn answer(analysis: &Analysis, words: &Words<'_>) -> Option<Answer> {
         interval: interval.replace('-', "−"),
         truth,
         budgets: vec![line_budget(analysis)],
+    })
+}
+
+/// The share of the last term, which is the fluorophore that is looked for, unmixed from channels and frames.
+fn unmixed_answer(analysis: &Analysis, unmixing: &Unmixing) -> Option<Answer> {
+    let term = unmixing.terms.last()?;
+    let [low, high] = term.share_interval;
+    let percent = |share: f64| format!("{:.1} %", 100.0 * share);
+    let others = unmixing.terms[..unmixing.terms.len() - 1].iter();
+    let rows = others.map(|t| (t.fluorophores.join(" + ").replace('_', " "), t.share)).collect();
+    Some(Answer {
+        quantity: format!(
+            "{} share of the electrons, unmixed from {}, {}",
+            capital(&term.fluorophores.join(" + ").replace('_', " ")),
+            unmixing.signals.join(", "),
+            analysis.region_description
+        ),
+        value: format!("{:.4}", term.share),
+        interval: format!("95 %: {low:.4} to {high:.4} by sensor noise alone"),
+        truth: term
+            .true_share
+            .map_or_else(String::new, |share| format!("True share, which the simulation knows: {share:.4}")),
+        budgets: vec![contributions("The other shares:", rows, percent)],
     })
 }
 
@@ -263,6 +300,7 @@ fn cards(run: &RunResults<'_>, words: &Words<'_>) -> Vec<Number> {
     };
     let mut cards = Vec::new();
     if let Some(analyzed) = analyzed {
+        cards.extend(target_cards(&analyzed.analysis));
         cards.extend(detection_card(&analyzed.analysis));
         cards.extend(contrast_card(analyzed, words));
     }
@@ -289,6 +327,49 @@ fn cards(run: &RunResults<'_>, words: &Words<'_>) -> Vec<Number> {
     }
     cards.extend(evaluation.safety.as_ref().and_then(|safety| eye_safe_captures(safety, words)));
     cards
+}
+
+/// How well the first target is seen in the analyzed frame.
+fn target_cards(analysis: &Analysis) -> Vec<Number> {
+    let in_frame = |target: &&TargetDetection| target.frame == analysis.frame;
+    let Some(t) = analysis.targets.iter().find(in_frame).or(analysis.targets.first()) else {
+        return Vec::new();
+    };
+    let strongest = t.channels.iter().max_by(|a, b| a.cnr.total_cmp(&b.cnr));
+    let contrast = strongest.and_then(|c| Some((c, c.contrast?))).map_or_else(String::new, |(c, value)| {
+        format!(
+            "; contrast {} in {}, {:.2} of a pixel's noise",
+            format!("{value:+.3}").replace('-', "−"),
+            c.name,
+            c.cnr
+        )
+    });
+    let frames = match t.frames_needed {
+        Some(1) => "one frame is enough for".to_owned(),
+        Some(count) => format!("{count} frames are needed for"),
+        None => "no number of frames reaches".to_owned(),
+    };
+    let (diameter, unit) = match t.smallest_diameter_mm {
+        Some(mm) => (format!("{mm:.2}"), "mm"),
+        None => (format!("{:.1}", t.smallest_diameter_px), "px"),
+    };
+    vec![
+        Number::computed(
+            format!("d' of \"{}\"", t.target),
+            format!("{:.1}", t.d_prime),
+            "",
+            format!(
+                "in \"{}\", all its {} pixels; {:.2} one pixel{contrast}",
+                t.frame, t.pixels, t.d_prime_pixel
+            ),
+        ),
+        Number::computed(
+            "Smallest visible diameter",
+            diameter,
+            unit,
+            format!("of a disc like \"{}\" at d' {}; {frames} that", t.target, t.wanted_d_prime),
+        ),
+    ]
 }
 
 /// The smallest share that is told from the blank.

@@ -345,8 +345,29 @@ fn result_section(
     builder: &mut Builder,
 ) -> Section {
     let analysis = &analyzed.analysis;
+    let mut figures = Vec::new();
+    if !analyzed.chromaticity.chromaticity.is_empty() {
+        let plot = chromaticity_plot(run, words, analyzed);
+        figures.push(builder.item("chromaticity", plot, "The sensor's noise spreads pixels about the line."));
+    }
+    if let Some(figure) = analyzed.porphyrin.as_ref().and_then(|map| share_map(map, &words.target())) {
+        figures.push(builder.item("share_map", figure, ""));
+    }
+    let region = &analysis.region_description;
+    let note = match (&analysis.r, &analysis.g) {
+        (Some(r), Some(g)) => {
+            format!("{region}: r {:.3}, g {:.3}; {} pixels", r.median, g.median, analysis.counts.valid)
+        }
+        _ => format!("{region}; {} pixels", analysis.counts.valid),
+    };
+    words.section_of_target(analysis_section(analysis, figures, run.frames_from).folded(note))
+}
+
+/// Pixels of the region, fluorophores and their line by sensor chromaticity.
+fn chromaticity_plot(run: &RunResults<'_>, words: &Words<'_>, analyzed: &AnalyzedFrame) -> Figure {
+    let analysis = &analyzed.analysis;
     let points = analyzed.region.pixels.iter().filter_map(|&pixel| analyzed.chromaticity.at(pixel)).collect();
-    let plot = chromaticity(&ChromaticityPlot {
+    chromaticity(&ChromaticityPlot {
         region: analysis.region_description.clone(),
         pixels: points,
         fluorophores: analysis
@@ -357,20 +378,7 @@ fn result_section(
         target: words.target(),
         mixture_line: analysis.mixture.as_ref().map(|m| [m.bulk, m.porphyrin]),
         ellipse: analysis.ellipse.map(|e| e.outline(ELLIPSE_95, 90)).unwrap_or_default(),
-    });
-    let mut figures =
-        vec![builder.item("chromaticity", plot, "The sensor's noise spreads pixels about the line.")];
-    if let Some(figure) = analyzed.porphyrin.as_ref().and_then(|map| share_map(map, &words.target())) {
-        figures.push(builder.item("share_map", figure, ""));
-    }
-    let region = &analysis.region_description;
-    let note = match (&analysis.r, &analysis.g) {
-        (Some(r), Some(g)) => {
-            format!("{region}: r {:.3}, g {:.3}; {} pixels", r.median, g.median, analysis.counts.valid)
-        }
-        _ => region.clone(),
-    };
-    words.section_of_target(analysis_section(analysis, figures, run.frames_from).folded(note))
+    })
 }
 
 fn radiance_section(run: &RunResults<'_>, radiance: &RegionRadiance, builder: &mut Builder) -> Section {

@@ -131,9 +131,9 @@ pub struct ChromaticityMap {
     pub width: usize,
     /// Rows.
     pub height: usize,
-    /// `(r, g)`; zero where the pixel has none.
+    /// `(r, g)`; zero where the pixel has none, empty where the image has no R, G and B.
     pub chromaticity: Vec<[f32; 2]>,
-    /// Whether the pixel has a chromaticity.
+    /// Whether the pixel has a chromaticity, or in an image without R, G and B light in the sum of its channels.
     pub validity: Vec<PixelValidity>,
     /// Least sum of the channels, DN, that counted as light.
     pub least_sum_dn: f64,
@@ -172,9 +172,36 @@ impl ChromaticityMap {
         Ok(map)
     }
 
+    /// The same of any image: of one without R, G and B, whether the sum of its channels is light, and no chromaticity.
+    #[must_use]
+    pub fn of(image: &ChannelImage, noise_threshold: f64) -> Self {
+        if let Ok(map) = Self::new(image, noise_threshold) {
+            return map;
+        }
+        let channels = image.channels.len().max(1);
+        let least_sum_dn = noise_threshold * (channels as f64).sqrt() * image.noise_floor_dn;
+        let validity_of = |(pixel, &saturated): (&[f32], &bool)| {
+            let sum: f64 = pixel.iter().map(|&value| f64::from(value)).sum();
+            match sum {
+                _ if saturated => PixelValidity::Saturated,
+                sum if sum.is_nan() || sum <= 0.0 => PixelValidity::Undefined,
+                sum if sum < least_sum_dn => PixelValidity::BelowNoiseFloor,
+                _ => PixelValidity::Valid,
+            }
+        };
+        Self {
+            width: image.width,
+            height: image.height,
+            chromaticity: Vec::new(),
+            validity: image.data.chunks_exact(channels).zip(&image.saturated).map(validity_of).collect(),
+            least_sum_dn,
+        }
+    }
+
     /// Chromaticity of a pixel by its number `row * width + col`, if it has one.
     pub fn at(&self, pixel: usize) -> Option<[f64; 2]> {
-        (self.validity[pixel] == PixelValidity::Valid).then(|| self.chromaticity[pixel].map(f64::from))
+        let chromaticity = self.chromaticity.get(pixel)?;
+        (self.validity[pixel] == PixelValidity::Valid).then(|| chromaticity.map(f64::from))
     }
 
     /// Counts of valid pixels of the whole image, and of the others by reason.

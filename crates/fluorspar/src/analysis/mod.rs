@@ -5,7 +5,7 @@
 //! |---|---|
 //! | [`sensor_chromaticity`] | `(r, g)` of one pixel, Eq. (7) of the paper |
 //! | [`ChromaticityMap::new`] | `(r, g)` of every pixel, and why a pixel has none |
-//! | [`RegionOfInterest::select`] | the pixels of a named part, of a rectangle, or of both |
+//! | [`RegionOfInterest::select`] | the pixels of named parts, of a rectangle, a [`Polygon`], a [`PixelMask`], or of several at once |
 //! | [`RegionStatistics::new`] | mean, spread, percentiles, covariance ellipse of a region |
 //! | [`MixtureLine`] | the bulk-porphyrin line, and per pixel where on it a measurement lies |
 //! | [`RegionLight`] | where the light of a region was emitted, as a simulation knows it, and the true share of the porphyrin |
@@ -15,12 +15,15 @@
 //! | [`spectral_overlap`] | how alike two spectra are |
 //! | [`SpotSeparation::new`] | how well the pixels of two spots are told apart |
 //! | [`d_prime_of_rates`], [`auc_of_d_prime`], [`auc_of_scores`] | how well scores tell two groups apart |
+//! | [`ChannelSignal`], [`SignalRatio`], [`Unmixing`] | levels of any channels of any frames, their ratios, and the fluorophores that they are made of |
+//! | [`TargetDetection::new`] | how well a target is told from what lies around it: contrast, d', smallest diameter, frames |
 //! | [`analyze_region`] | all of it at once, as an [`Analysis`] that goes to `results.json` |
 //!
 //! Out of scope: telling the four bulk fluorophores apart. Under one excitation light their chromaticities are too
 //! close, and three channels leave no room for five unknowns.
 
 mod channel_noise;
+mod channel_signals;
 mod chromaticity;
 mod detection;
 mod error_budget;
@@ -30,13 +33,16 @@ mod nonnegative_fit;
 mod pixel_mean;
 mod region_light;
 mod region_of_interest;
+mod region_shape;
 mod share_posterior;
 mod spectral_overlap;
 mod spot_separation;
 mod statistics;
 mod summary;
+mod target_detection;
 
 pub use channel_noise::ChannelNoise;
+pub use channel_signals::{ChannelSignal, SignalRatio, SignalSummary, UnmixedTerm, Unmixing, UnmixingTerm};
 pub use chromaticity::{
     ChromaticityMap, DEFAULT_NOISE_THRESHOLD, ExclusionCounts, MissingChannel, PixelValidity,
     chromaticity_covariance, rgb_channels, sensor_chromaticity,
@@ -54,6 +60,7 @@ pub use nonnegative_fit::{
 pub use pixel_mean::{PixelMean, mean_of_pixels};
 pub use region_light::{PorphyrinTruth, RegionLight, SHARE_DEFINITION};
 pub use region_of_interest::{PixelSelection, Rectangle, RegionError, RegionOfInterest, SceneOnSensor};
+pub use region_shape::{PixelMask, Polygon};
 pub use share_posterior::{BlindDirection, IntervalWithout, SharePosterior};
 pub use spectral_overlap::spectral_overlap;
 pub use spot_separation::SpotSeparation;
@@ -62,3 +69,4 @@ pub use summary::{
     Analysis, AnalysisError, AnalysisSettings, ChannelStatistics, MixtureModel, MixtureSummary,
     PredictedFluorophore, RegionFraction, analyze_region,
 };
+pub use target_detection::{ChannelContrast, TargetDetection};

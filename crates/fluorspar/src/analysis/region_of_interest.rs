@@ -5,6 +5,7 @@ use std::fmt;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use super::{PixelMask, Polygon};
 use crate::image::ComponentImage;
 use crate::names::{nearest_name, suggestion};
 
@@ -28,8 +29,9 @@ impl fmt::Display for Rectangle {
     }
 }
 
-/// A region of the sensor image: named parts of the scene, a rectangle, or where both hold. Empty means the whole image.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+/// A region of the sensor image: named parts of the scene, a rectangle, a polygon, a mask, or where all that are given hold. Empty means
+/// the whole image.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RegionOfInterest {
     /// Names of parts of the scene; a pixel belongs to the region when it shows any of them.
@@ -38,6 +40,12 @@ pub struct RegionOfInterest {
     /// Only pixels in this rectangle.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rectangle: Option<Rectangle>,
+    /// Only pixels in this polygon.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub polygon: Option<Polygon>,
+    /// Only pixels of this mask.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mask: Option<PixelMask>,
     /// Pixels of the sensor by which the region keeps away from the rim of its parts: pixels there hold light of what lies beside.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub inset_px: usize,
@@ -59,7 +67,7 @@ pub struct PixelSelection {
 }
 
 /// Why a region selects nothing.
-#[derive(Clone, Debug, Error, PartialEq, Eq)]
+#[derive(Clone, Debug, Error, PartialEq)]
 #[non_exhaustive]
 pub enum RegionError {
     /// A part that the scene does not have.
@@ -85,10 +93,42 @@ pub enum RegionError {
         /// Rows of the image.
         height: usize,
     },
+    /// A polygon of too few corners.
+    #[error("a polygon of {0} corners encloses nothing; give three corners [x, y] or more")]
+    FewCorners(usize),
+    /// A corner of a polygon that lies outside of the image.
+    #[error(
+        "the corner {corner:?} of the polygon lies outside of the image of {width} columns and {height} rows; give [x, y] in pixels \
+         of the raw image from its upper left corner"
+    )]
+    CornerOutside {
+        /// The corner.
+        corner: [f64; 2],
+        /// Columns of the image.
+        width: usize,
+        /// Rows of the image.
+        height: usize,
+    },
+    /// A mask of another size than the image.
+    #[error(
+        "the mask {name} has {} x {} pixels and the raw image {} x {}; draw it on an image of that size, for instance a preview", .mask[0], .mask[1],
+        .image[0], .image[1]
+    )]
+    MaskSize {
+        /// The mask.
+        name: String,
+        /// Columns and rows of the mask.
+        mask: [usize; 2],
+        /// Columns and rows of the image.
+        image: [usize; 2],
+    },
+    /// Shapes without a common pixel.
+    #[error("no pixel lies in {0}; enlarge the region, or leave one of its conditions out")]
+    NothingInShapes(String),
     /// Parts were named but the image comes without a map of parts.
     #[error(
         "the region names the part \"{0}\", but this image has no map of parts (it was not rendered here, or its features \
-         were not kept); give a rectangle instead"
+         were not kept); give a rectangle, a polygon or a mask instead"
     )]
     NoPartMap(String),
     /// The parts exist, but no pixel of the region shows them.
@@ -135,6 +175,20 @@ impl RegionOfInterest {
         self
     }
 
+    /// Only the pixels of this region that lie in a polygon.
+    #[must_use]
+    pub fn within_polygon(mut self, polygon: Polygon) -> Self {
+        self.polygon = Some(polygon);
+        self
+    }
+
+    /// Only the pixels of this region that a mask marks.
+    #[must_use]
+    pub fn within_mask(mut self, mask: PixelMask) -> Self {
+        self.mask = Some(mask);
+        self
+    }
+
     /// Only pixels that lie this far within the rim of the parts.
     #[must_use]
     pub fn inset(mut self, inset_px: usize) -> Self {
@@ -144,18 +198,28 @@ impl RegionOfInterest {
 
     /// One line for tables and captions.
     pub fn describe(&self) -> String {
-        let rectangle = self.rectangle.map(|rectangle| rectangle.to_string());
         let inset = match self.inset_px {
             0 => String::new(),
             inset => format!(" ({inset} pixels within the rim)"),
         };
         let parts = self.parts.join(" and ").replace('_', " ") + &inset;
-        match (self.parts.is_empty(), rectangle) {
+        match (self.parts.is_empty(), self.shapes()) {
             (true, None) => "the whole image".into(),
-            (true, Some(rectangle)) => rectangle,
+            (true, Some(shapes)) => shapes,
             (false, None) => parts,
-            (false, Some(rectangle)) => format!("{parts} within {rectangle}"),
+            (false, Some(shapes)) => format!("{parts} within {shapes}"),
         }
+    }
+
+    /// Rectangle, polygon and mask in words.
+    fn shapes(&self) -> Option<String> {
+        let shapes = [
+            self.rectangle.map(|rectangle| rectangle.to_string()),
+            self.polygon.as_ref().map(ToString::to_string),
+            self.mask.as_ref().map(ToString::to_string),
+        ];
+        let shapes: Vec<String> = shapes.into_iter().flatten().collect();
+        (!shapes.is_empty()).then(|| shapes.join(" and "))
     }
 
     /// The pixels of the region in a sensor image of `width` columns and `height` rows.
@@ -164,14 +228,14 @@ impl RegionOfInterest {
     /// Lens distortion is not followed.
     ///
     /// # Errors
-    /// An unknown part, a rectangle that leaves the image, or a region that no pixel belongs to.
+    /// An unknown part, a rectangle or polygon that leaves the image, a mask of another size, or a region that no pixel belongs to.
     pub fn select(
         &self,
         width: usize,
         height: usize,
         scene: Option<SceneOnSensor<'_>>,
     ) -> Result<PixelSelection, RegionError> {
-        // Check the rectangle
+        // Check the shapes
         let area = self.rectangle.unwrap_or(Rectangle { col: 0, row: 0, width, height });
         let fits = |start: usize, len: usize, end: usize| {
             len > 0 && start.checked_add(len).is_some_and(|stop| stop <= end)
@@ -179,7 +243,9 @@ impl RegionOfInterest {
         if !fits(area.col, area.width, width) || !fits(area.row, area.height, height) {
             return Err(RegionError::OutsideImage { rectangle: area, width, height });
         }
-        // Collect its pixels that show the parts
+        let drawn = self.drawn(width, height)?;
+        let is_drawn = |row: usize, col: usize| drawn.as_ref().is_none_or(|drawn| drawn[row * width + col]);
+        // Collect the pixels that show the parts
         let wanted = self.part_numbers(scene.map(|s| s.components))?;
         let shows = |row: usize, col: usize| match (&wanted, scene) {
             (Some(wanted), Some(scene)) => {
@@ -192,7 +258,8 @@ impl RegionOfInterest {
             let inside = |row: usize, col: usize| {
                 let rows = row.saturating_sub(inset)..=(row + inset).min(height - 1);
                 let mut cols = col.saturating_sub(inset)..=(col + inset).min(width - 1);
-                shows(row, col) && (inset == 0 || cols.all(|col| rows.clone().all(|row| shows(row, col))))
+                let is_shown = is_drawn(row, col) && shows(row, col);
+                is_shown && (inset == 0 || cols.all(|col| rows.clone().all(|row| shows(row, col))))
             };
             let places = (area.row..area.row + area.height)
                 .flat_map(|row| (area.col..area.col + area.width).map(move |col| (row, col)));
@@ -204,13 +271,34 @@ impl RegionOfInterest {
             return Err(RegionError::NothingInside { parts: self.parts.clone(), inset_px });
         }
         let pixels = pixels_inside;
-        match scene {
-            Some(scene) if pixels.is_empty() => Err(RegionError::NothingInView {
+        match (self.shapes(), scene) {
+            (Some(shapes), _) if pixels.is_empty() && wanted.is_none() => {
+                Err(RegionError::NothingInShapes(shapes))
+            }
+            (_, Some(scene)) if pixels.is_empty() => Err(RegionError::NothingInView {
                 parts: self.parts.clone(),
                 visible: visible_parts(scene.components),
             }),
             _ => Ok(PixelSelection { width, height, pixels }),
         }
+    }
+
+    /// Pixels in the polygon and in the mask; `None` without either.
+    fn drawn(&self, width: usize, height: usize) -> Result<Option<Vec<bool>>, RegionError> {
+        let mut drawn: Option<Vec<bool>> = None;
+        if let Some(polygon) = &self.polygon {
+            polygon.check(width, height)?;
+            drawn = Some(polygon.fill(width, height));
+        }
+        if let Some(mask) = &self.mask {
+            mask.check(width, height)?;
+            let both = |mut drawn: Vec<bool>| {
+                drawn.iter_mut().zip(mask.inside.iter()).for_each(|(drawn, inside)| *drawn &= inside);
+                drawn
+            };
+            drawn = Some(drawn.map_or_else(|| mask.inside.to_vec(), both));
+        }
+        Ok(drawn)
     }
 
     /// Numbers of the wanted parts; `None` when every part will do.
@@ -323,6 +411,41 @@ mod tests {
         assert_eq!(select(RegionOfInterest::of_parts(["tongue"]).within(right)), [2, 6, 7]);
     }
 
+    #[test]
+    fn a_polygon_and_a_mask_select_by_pixels() {
+        let scene = scene();
+        let select = |region: RegionOfInterest| region.select(4, 2, Some(SceneOnSensor::filling(&scene)));
+        // Columns 1 to 3 of the upper row, columns 0 to 1 of the lower.
+        let mask = PixelMask {
+            name: "spot.png".into(),
+            width: 4,
+            height: 2,
+            inside: [false, true, true, true, true, true, false, false].into(),
+        };
+        let masked = || RegionOfInterest::default().within_mask(mask.clone());
+        assert_eq!(select(masked()).unwrap().pixels, [1, 2, 3, 4, 5]);
+        let left = || Polygon(vec![[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]]);
+        assert_eq!(select(masked().within_polygon(left())).unwrap().pixels, [1, 4, 5]);
+        assert_eq!(
+            select(RegionOfInterest::of_parts(["upper_teeth"]).within_mask(mask.clone())).unwrap().pixels,
+            [3]
+        );
+        let right = Rectangle { col: 2, row: 1, width: 2, height: 1 };
+        let said = select(masked().within(right)).unwrap_err().to_string();
+        assert_eq!(
+            said,
+            "no pixel lies in 2 x 1 pixels from column 2, row 1 and the mask spot.png; enlarge the region, or leave one of its \
+             conditions out"
+        );
+        assert_eq!(
+            masked().within_polygon(left()).describe(),
+            "a polygon of 4 corners in columns 0 to 2, rows 0 to 2 and the mask spot.png"
+        );
+        // Results name a mask and do not repeat it.
+        let text = serde_json::to_string(&masked()).unwrap();
+        assert_eq!(text, r#"{"mask":{"name":"spot.png","width":4,"height":2}}"#);
+    }
+
     /// Nothing lies around the tongue but in the upper left corner and the teeth; the frame of the image is no rim.
     #[test]
     fn an_inset_keeps_away_from_other_parts() {
@@ -408,7 +531,7 @@ mod tests {
         assert_eq!(
             error(RegionOfInterest::of_parts(["tongue"]), None),
             "the region names the part \"tongue\", but this image has no map of parts (it was not rendered here, \
-             or its features were not kept); give a rectangle instead"
+             or its features were not kept); give a rectangle, a polygon or a mask instead"
         );
         let empty = Rectangle { col: 0, row: 0, width: 0, height: 1 };
         assert!(RegionOfInterest::of_rectangle(empty).select(4, 2, None).is_err());

@@ -9,7 +9,7 @@ use super::{
     ChannelNoise, ChromaticityMap, CovarianceEllipse, DEFAULT_NOISE_THRESHOLD, ErrorBudget, ExclusionCounts,
     FluorophoreResponse, LineEstimate, MissingChannel, MixtureError, MixtureLine, PorphyrinMap,
     PorphyrinTruth, RegionError, RegionOfInterest, RegionStatistics, SceneOnSensor, SharePosterior,
-    SpotSeparation, Statistics,
+    SignalSummary, SpotSeparation, Statistics, TargetDetection,
 };
 use crate::image::ChannelImage;
 
@@ -167,6 +167,12 @@ pub struct Analysis {
     /// How well two spots are told apart, if the analysis compares some.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub spots: Vec<SpotSeparation>,
+    /// All channels of all frames with light, of a camera that has others than R, G and B.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub signals: Option<SignalSummary>,
+    /// How well targets are told from what lies around them, in each frame with light.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub targets: Vec<TargetDetection>,
     /// Warnings about the reliability of the numbers.
     pub warnings: Vec<String>,
 }
@@ -245,7 +251,7 @@ pub enum AnalysisError {
 /// Returns the summary and the per-pixel maps it was made from. A line that cannot be drawn is a warning, not an error.
 ///
 /// # Errors
-/// A region without pixels, an image without R, G and B, or a model that names an unknown fluorophore.
+/// A region without pixels, a model for an image without R, G and B, or one that names an unknown fluorophore.
 pub fn analyze_region(
     image: &ChannelImage,
     scene: Option<SceneOnSensor<'_>>,
@@ -262,7 +268,7 @@ pub fn analyze_region(
     }
     let selection = settings.region.select(image.width, image.height, scene)?;
     // Compute chromaticities and their statistics
-    let map = ChromaticityMap::new(image, settings.noise_threshold)?;
+    let map = ChromaticityMap::of(image, settings.noise_threshold);
     let statistics = RegionStatistics::new(image, &map, &selection);
     let mut warnings = exclusion_warnings(&statistics.counts);
 
@@ -318,6 +324,8 @@ pub fn analyze_region(
         budget: None,
         posterior: None,
         spots: Vec::new(),
+        signals: None,
+        targets: Vec::new(),
         warnings,
     };
     Ok((analysis, map, porphyrin))

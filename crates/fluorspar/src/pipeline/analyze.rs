@@ -1,15 +1,17 @@
 //! From developed frames to chromaticity and porphyrin.
 
 use super::capture::{behind_filter, on_sensor};
+use super::channel_analysis::{Measured, channel_analysis};
 use super::direct_light::{axis_point, irradiance_on, region_points};
 use super::region_light::region_light;
 use super::spot_separations::spot_separations;
+use super::targets::{TargetLabels, measured_targets, noise_of};
 use super::tissue_estimate::tissue_estimate;
 use super::{CapturePlanes, CapturedFrame, PipelineError, SeenComponents};
 use crate::analysis::{
-    Analysis, AnalysisSettings, BudgetInput, ChannelNoise, ChromaticityMap, ErrorBudget, FluorophoreResponse,
-    MixtureModel, PixelSelection, PorphyrinMap, Rectangle, RegionFraction, RegionLight, RegionOfInterest,
-    SceneOnSensor, analyze_region, channel_response, rgb_channels,
+    Analysis, AnalysisSettings, BudgetInput, ChromaticityMap, ErrorBudget, FluorophoreResponse, MixtureModel,
+    PixelSelection, PixelValidity, PorphyrinMap, RegionFraction, RegionLight, SceneOnSensor, analyze_region,
+    channel_response, rgb_channels,
 };
 use crate::geometry::OrientedPoint;
 use crate::image::{ChannelImage, ComponentFactors, ComponentImage};
@@ -30,6 +32,8 @@ pub struct AnalyzedFrame {
     pub porphyrin: Option<PorphyrinMap>,
     /// The region.
     pub region: PixelSelection,
+    /// Which target each pixel sees; `None` without targets.
+    pub targets: Option<TargetLabels>,
 }
 
 /// Analyzes the frame that the study names. `None` without an analysis.
@@ -41,7 +45,7 @@ pub struct AnalyzedFrame {
 /// on the region.
 ///
 /// # Errors
-/// A frame that is not there, a region without pixels, a sensor without R, G and B.
+/// A frame that is not there, a region without pixels.
 pub fn analyze(
     study: &Study,
     components: Option<&ComponentImage>,
@@ -74,18 +78,10 @@ pub fn analyze_seen(
     let frame = frames.iter().find(|f| f.raw.label == settings.frame).ok_or_else(no_frame)?;
     let capture = study.capture(&settings.frame).ok_or_else(no_frame)?;
 
-    let (k, model) = (frame.raw.dn_per_electron, sensor.model());
-    // A flat field takes the spread of the pixels' response out, dark frames that of their dark signal.
-    let develop = &study.develop;
-    let prnu = if develop.flat_field.is_some() { 0.0 } else { model.image_prnu_percent() / 100.0 };
-    let dsnu = if develop.dark_frames > 0 { 0.0 } else { k * model.image_dsnu_electrons() };
-    let noise = ChannelNoise::of_image(&frame.developed, k, prnu, dsnu);
-    let mut region =
-        RegionOfInterest::of_parts(settings.parts.iter().cloned()).inset(settings.inset_px as usize);
-    if let Some([col, row, width, height]) = settings.rectangle_px.map(|r| r.map(|v| v as usize)) {
-        region = region.within(Rectangle { col, row, width, height });
-    }
-    let analysis_settings = AnalysisSettings { region, noise, noise_threshold: settings.noise_threshold };
+    let k = frame.raw.dn_per_electron;
+    let noise = noise_of(&frame.developed, k, &study.develop, sensor);
+    let analysis_settings =
+        AnalysisSettings { region: settings.region(), noise, noise_threshold: settings.noise_threshold };
     let image = &frame.developed;
     let scene = components.and_then(|components| on_sensor(study, components.image));
     let region = analysis_settings
@@ -109,8 +105,13 @@ pub fn analyze_seen(
     if let (Some(model), Some(emitted)) = (&model, &emitted) {
         analysis.budget = budget(&analysis, model, emitted, image, &chromaticity, &region, k);
     }
+    if rgb_channels(image).is_err() || image.channels.len() != 3 {
+        let (plan, region) = (settings, &region);
+        analysis.signals =
+            Some(channel_analysis(&Measured { study, sensor, plan, frames, region, scene, components })?);
+    }
     let scene = scene.map(|scene| (scene, &region));
-    let is_lit = |pixel: usize| chromaticity.at(pixel).is_some();
+    let is_lit = |pixel: usize| chromaticity.validity[pixel] == PixelValidity::Valid;
     let estimate = tissue_estimate(study, settings, frames, scene, noise, &is_lit, &region)?;
     if let Some(estimate) = &estimate {
         analysis.warnings.extend(estimate.warnings());
@@ -118,8 +119,11 @@ pub fn analyze_seen(
         analysis.warnings.extend(what_the_line_assumes(study, settings).map(String::from));
     }
     analysis.posterior = estimate;
-    analysis.spots = spot_separations(study, frames);
-    Ok(Some(AnalyzedFrame { analysis, chromaticity, porphyrin, region }))
+    analysis.spots = spot_separations(study, frames, scene.map(|(scene, _)| scene))?;
+    let targets = measured_targets(study, settings, frames, scene.map(|(scene, _)| scene))?;
+    analysis.targets = targets.detections;
+    analysis.warnings.extend(targets.warnings);
+    Ok(Some(AnalyzedFrame { analysis, chromaticity, porphyrin, region, targets: targets.labels }))
 }
 
 /// What an estimate on the mixture line alone leaves out where the region is tissue, or may stand for it.

@@ -13,6 +13,7 @@
 //! | spectroradiometers | [`read_spectroradiometers`] | [`SpectroradiometerReading`]s |
 //! | photobiological safety | [`assess_safety`] | [`SafetyReport`] |
 //! | chromaticity, porphyrin | [`analyze`] | [`AnalyzedFrame`] |
+//! | targets, told from what lies around them | [`analyze`] | [`TargetLabels`], [`crate::analysis::TargetDetection`]s |
 //! | two spots, told apart | [`spot_separations`] | [`crate::analysis::SpotSeparation`]s |
 //! | less noise, for display | [`denoise`] | [`crate::image::ComponentImage`], labeled |
 //! | previews | [`preview`] | 8-bit sRGB |
@@ -31,6 +32,7 @@ mod calibration;
 mod camera_color;
 mod capture;
 mod capture_planes;
+mod channel_analysis;
 mod concentration;
 mod denoise;
 mod depth_of_light;
@@ -54,6 +56,7 @@ mod scene_change;
 mod spectroradiometer;
 mod spot_separations;
 mod surface_view;
+mod targets;
 mod tissue_estimate;
 mod tissue_family;
 
@@ -89,6 +92,7 @@ pub use scene_change::{check_same_scene, relight};
 pub use spectroradiometer::{SpectroradiometerReading, read_spectroradiometers};
 pub use spot_separations::spot_separations;
 pub use surface_view::{SurfaceView, depth_range_m, part_color, surface_view};
+pub use targets::TargetLabels;
 pub use tissue_family::{FamilyFrame, tissue_family};
 
 use crate::analysis::AnalysisError;

@@ -117,6 +117,28 @@ pub(super) fn region_light(
     }))
 }
 
+/// Mean electrons per pixel of each channel of a region by some ways of the light, a subtracted frame taken off; empty without a sensor.
+///
+/// # Errors
+/// A film that can't be used.
+pub(super) fn region_electrons(
+    study: &Study,
+    seen: &SeenComponents<'_>,
+    capture: &Capture,
+    exposure_s: f64,
+    region: &PixelSelection,
+    is: &dyn Fn(&LightPath) -> bool,
+) -> Result<Vec<f64>, PipelineError> {
+    let Some(sensor) = &study.camera.sensor else { return Ok(Vec::new()) };
+    let drive = |c: &Component| {
+        if is(&c.light) { remaining_drive(study, capture, &c.light_group) } else { 0.0 }
+    };
+    let rates = seen.film_rates(capture, drive);
+    let means =
+        RegionOnMosaic::new(sensor, Some(region)).means(&sensor.electron_rate_of(&rates, seen.planes.film)?);
+    Ok(means.into_iter().map(|rate| exposure_s * rate).collect())
+}
+
 /// Names of the fluorophores that the materials hold which the region shows; all names where the render kept no map of parts.
 fn fluorophores_of_region(
     study: &Study,

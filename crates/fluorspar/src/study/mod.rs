@@ -9,6 +9,7 @@
 //! | [`Camera`], [`Lens`], [`ViewFilter`] | from the scene to the digital numbers | `camera.rs` |
 //! | [`ConcentrationChange`], [`Capture`], [`Motion`], [`Develop`], [`FlatFieldPlan`] | the exposures and how they become linear channels | `program.rs` |
 //! | [`SpectroradiometerPlan`], [`SafetyPlan`], [`AnalysisPlan`] | what is measured and computed besides | `program.rs` |
+//! | [`Target`], [`TargetPlace`] | what shall be seen, and what it is told from | `target.rs` |
 //! | [`StudyTissue`] | a layered tissue of the scene, for what is told about it beside the image | `study_tissue.rs` |
 //! | [`FlatSample`] | the small study of a flat, homogeneous sample without geometry | `flat_sample.rs` |
 
@@ -16,6 +17,7 @@ mod camera;
 mod flat_sample;
 mod program;
 mod study_tissue;
+mod target;
 
 pub use camera::{Camera, Lens, ViewFilter};
 pub use flat_sample::{FlatSample, FluorescenceModel};
@@ -25,6 +27,7 @@ pub use program::{
 };
 
 pub use study_tissue::StudyTissue;
+pub use target::{Target, TargetPlace};
 
 use crate::render::RenderSettings;
 use crate::scene::Scene;

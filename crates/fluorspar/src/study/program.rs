@@ -2,6 +2,8 @@
 
 use std::sync::Arc;
 
+use super::Target;
+use crate::analysis::{PixelMask, Polygon, Rectangle, RegionOfInterest};
 use crate::sensor::{CaptureFrame, Demosaicing, Spectroradiometer};
 use crate::spectral::{Curve, Fluorophore};
 use crate::tissue::{KeptSolutions, Site};
@@ -163,10 +165,14 @@ pub struct AnalysisPlan {
     pub inset_px: u32,
     /// Rectangle of the sensor: column, row, width, height.
     pub rectangle_px: Option<[u32; 4]>,
+    /// Polygon on the sensor that the region lies in.
+    pub polygon: Option<Polygon>,
+    /// Mask of the raw image that the region lies in.
+    pub mask: Option<PixelMask>,
     /// Name of the porphyrin.
     pub porphyrin: String,
-    /// Two rectangles of the sensor, each column, row, width, height, whose pixels are compared.
-    pub compared_px: Option<[[u32; 4]; 2]>,
+    /// Two regions of the sensor whose pixels are compared.
+    pub compared: Option<[RegionOfInterest; 2]>,
     /// Fluorophores that form the bulk, with their amounts.
     pub bulk: Vec<(String, f64)>,
     /// Fluorophores whose responses are predicted: those of the scene, and those of the bulk that no material holds. Where the
@@ -178,8 +184,33 @@ pub struct AnalysisPlan {
     pub tissue: Option<TissuePrior>,
     /// Where the colors of the ends of the mixture line come from.
     pub line_ends: LineEnds,
+    /// What shall be seen.
+    pub targets: Vec<Target>,
+    /// d' that a target shall reach.
+    pub wanted_d_prime: f64,
     /// Least channel sum that has a chromaticity, in standard deviations of its noise.
     pub noise_threshold: f64,
+}
+
+impl AnalysisPlan {
+    /// Twice the one-sided 95 % quantile of the normal distribution: a threshold half way errs in 5 % of cases either way (Currie 1968).
+    pub const WANTED_D_PRIME: f64 = 3.29;
+
+    /// The region that is analyzed.
+    #[must_use]
+    pub fn region(&self) -> RegionOfInterest {
+        let rectangle = self.rectangle_px.map(|rectangle| {
+            let [col, row, width, height] = rectangle.map(|n| n as usize);
+            Rectangle { col, row, width, height }
+        });
+        RegionOfInterest {
+            parts: self.parts.clone(),
+            rectangle,
+            polygon: self.polygon.clone(),
+            mask: self.mask.clone(),
+            inset_px: self.inset_px as usize,
+        }
+    }
 }
 
 /// What is known of a tissue before it is measured: its site, and how much that varies.

@@ -1,0 +1,502 @@
+//! How well a target is told from what lies around it: contrast, d', the smallest visible diameter, frames to average.
+
+use nalgebra::{DMatrix, DVector};
+use serde::{Deserialize, Serialize};
+
+use super::{ChannelNoise, PixelSelection};
+use crate::image::ChannelImage;
+
+/// Lags in rows and columns, pixels, up to which noise is looked at for correlation: an interpolation of colors reaches 4.
+const MOST_LAG: isize = 6;
+/// Standard errors from which a correlation counts.
+const SIGNIFICANT: f64 = 3.5;
+/// Pairs of pixels that the correlation at a lag is found from, at most.
+const MOST_PAIRS: usize = 200_000;
+/// Pixels of a target above which the rim no longer matters, and the mean is as good as the best template.
+const LARGE: usize = 20_000;
+/// Steps of the conjugate gradients.
+const MOST_STEPS: usize = 60;
+
+/// One channel of a target and of what lies around it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ChannelContrast {
+    /// Channel.
+    pub name: String,
+    /// Mean of the target above that of its background at the same place, DN.
+    pub difference_dn: f64,
+    /// Background in the middle of the target, DN.
+    pub background_dn: f64,
+    /// Difference over background (Weber); none over a background that is dark.
+    pub contrast: Option<f64>,
+    /// Size of the difference in standard deviations of a pixel, structure of the background included.
+    pub cnr: f64,
+}
+
+/// How well one frame tells a target from its background.
+///
+/// All d' are those of linear observers that know where the target is, its colors and its background (signal known exactly): the
+/// distance of the means of the decision variable in standard deviations (Barrett and Myers, Foundations of Image Science, 2004,
+/// chapter 13).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TargetDetection {
+    /// Name of the target.
+    pub target: String,
+    /// Its number in the image of labels, from 1; 0 without one.
+    pub number: usize,
+    /// Frame.
+    pub frame: String,
+    /// Usable pixels of the target.
+    pub pixels: usize,
+    /// Usable pixels of the background.
+    pub background_pixels: usize,
+    /// Each channel.
+    pub channels: Vec<ChannelContrast>,
+    /// d' of one pixel, all channels together, in the covariance that the pixels of target and background have.
+    pub d_prime_pixel: f64,
+    /// d' of the whole target in the noise that the frame shows, with its correlation between neighbors: Hotelling observer.
+    pub d_prime: f64,
+    /// The same in the sensor's noise alone, which is independent from raw pixel to raw pixel: `d'² = sum_c N s_c D_c² / var_c` with the
+    /// share `s_c` of the pixels that measure a channel.
+    pub d_prime_of_sensor: f64,
+    /// d' that is wanted.
+    pub wanted_d_prime: f64,
+    /// Diameter of a disc of this contrast that has the wanted d', pixels; at least one.
+    pub smallest_diameter_px: f64,
+    /// The same on the surface, mm, where its distance is known.
+    pub smallest_diameter_mm: Option<f64>,
+    /// Frames whose mean has the wanted d'. None where no number does: what stays the same in all of them hides the target.
+    pub frames_needed: Option<u64>,
+}
+
+impl TargetDetection {
+    /// Measures a target in a developed frame, of which the pixels of `background` are the rest. Both may lie under uneven light: a plane
+    /// is fitted to each channel. `None` for too few usable pixels, and where nothing varies.
+    #[must_use]
+    pub fn new(
+        name: &str,
+        image: &ChannelImage,
+        noise: &ChannelNoise,
+        [target, background]: [&PixelSelection; 2],
+        wanted_d_prime: f64,
+    ) -> Option<Self> {
+        let usable = |selection: &PixelSelection| -> Vec<usize> {
+            let is_usable = |pixel: &usize| image.saturated.get(*pixel) == Some(&false);
+            selection.pixels.iter().copied().filter(is_usable).collect()
+        };
+        let (inside, around) = (usable(target), usable(background));
+        let fit = PlaneFit::new(image, &inside, &around)?;
+        let n = inside.len() as f64;
+
+        // The best weights of the channels of a pixel
+        let factor = fit.covariance.clone().cholesky()?;
+        let weights = factor.solve(&fit.difference);
+        let d_prime_pixel = fit.difference.dot(&weights).max(0.0).sqrt();
+        if !(d_prime_pixel.is_finite() && d_prime_pixel > 0.0) {
+            return None;
+        }
+        // The weighted sum has unit variance, and the target differs by d'
+        let weights = weights / d_prime_pixel;
+        let noise_field = fit.weighted(&weights);
+        let correlation = Correlation::new(&noise_field, image.width, image.height);
+        let variance = correlation.variance_of_template(&inside, image.width)?;
+        let d_prime = d_prime_pixel / variance.sqrt();
+
+        // The sensor's part in it: independent from raw pixel to raw pixel
+        let (all, temporal) = sensor_variances(image, noise, inside.iter().chain(&around).copied());
+        let raw_pixels = |c: usize| n * image.shares.get(c).copied().unwrap_or(1.0);
+        let of_sensor: f64 =
+            all.iter().enumerate().map(|(c, var)| raw_pixels(c) * fit.difference[c].powi(2) / var).sum();
+        let temporal: f64 =
+            temporal.iter().enumerate().map(|(c, var)| weights[c].powi(2) * var / raw_pixels(c)).sum();
+
+        let wanted_variance = (d_prime_pixel / wanted_d_prime).powi(2);
+        let enough_pixels = n * variance / wanted_variance;
+        let fixed = (variance - temporal).max(0.0);
+        let left = wanted_variance - fixed;
+        let frames = if d_prime >= wanted_d_prime { 1.0 } else { (temporal.min(variance) / left).ceil() };
+        Some(Self {
+            target: name.into(),
+            number: 0,
+            frame: image.label.clone(),
+            pixels: inside.len(),
+            background_pixels: around.len(),
+            channels: fit.contrasts(image),
+            d_prime_pixel,
+            d_prime,
+            d_prime_of_sensor: of_sensor.sqrt(),
+            wanted_d_prime,
+            smallest_diameter_px: (2.0 * (enough_pixels / std::f64::consts::PI).sqrt()).max(1.0),
+            smallest_diameter_mm: None,
+            frames_needed: (frames >= 1.0 && frames < 1e9).then_some(frames as u64),
+        })
+    }
+
+    /// The result in words.
+    #[must_use]
+    pub fn line(&self) -> String {
+        let channel = |c: &ChannelContrast| {
+            c.contrast.map_or_else(
+                || format!("{} no background", c.name),
+                |value| format!("{} {value:+.3}", c.name),
+            )
+        };
+        let channels: Vec<String> = self.channels.iter().map(channel).collect();
+        let diameter = match self.smallest_diameter_mm {
+            Some(mm) => format!("{mm:.2} mm ({:.1} pixels)", self.smallest_diameter_px),
+            None => format!("{:.1} pixels", self.smallest_diameter_px),
+        };
+        let frames = match self.frames_needed {
+            Some(1) => "one frame is enough".to_owned(),
+            Some(count) => format!("{count} frames are needed"),
+            None => "no number of frames is enough: the background hides it".to_owned(),
+        };
+        format!(
+            "Target \"{}\" in \"{}\", {} pixels: contrast {}; d' {:.2} a pixel, {:.1} the whole ({:.1} by sensor noise alone); for d' {} {frames}, smallest diameter {diameter}",
+            self.target,
+            self.frame,
+            self.pixels,
+            channels.join(", "),
+            self.d_prime_pixel,
+            self.d_prime,
+            self.d_prime_of_sensor,
+            self.wanted_d_prime,
+        )
+    }
+}
+
+/// A plane under target and background in each channel, and what the target adds to it.
+struct PlaneFit {
+    /// What the target adds, by channel, DN.
+    difference: DVector<f64>,
+    /// The plane in the middle of the target, DN.
+    level: DVector<f64>,
+    /// Covariance of the channels of a pixel about the fit, DN².
+    covariance: DMatrix<f64>,
+    /// Pixels, and what is left of their channels, DN.
+    residuals: Vec<(usize, DVector<f64>)>,
+}
+
+impl PlaneFit {
+    /// Least squares of `a + b x + c y + D [inside]`; `None` for fewer than four pixels more than unknowns.
+    fn new(image: &ChannelImage, inside: &[usize], around: &[usize]) -> Option<Self> {
+        const UNKNOWNS: usize = 4;
+        let channels = image.channels.len();
+        let pixels =
+            || inside.iter().map(|&pixel| (pixel, 1.0)).chain(around.iter().map(|&pixel| (pixel, 0.0)));
+        let count = inside.len() + around.len();
+        if inside.is_empty() || around.len() < UNKNOWNS + channels || count < 2 * UNKNOWNS + channels {
+            return None;
+        }
+        // Coordinates about the middle of the target
+        let place = |pixel: usize| [pixel % image.width, pixel / image.width].map(|v| v as f64 + 0.5);
+        let middle =
+            [0, 1].map(|axis| inside.iter().map(|&p| place(p)[axis]).sum::<f64>() / inside.len() as f64);
+        let scale = 1.0 / (count as f64).sqrt();
+        let row = |pixel: usize, is_inside: f64| {
+            let [x, y] = place(pixel);
+            [1.0, (x - middle[0]) * scale, (y - middle[1]) * scale, is_inside]
+        };
+        let values = |pixel: usize| (0..channels).map(move |c| f64::from(image.data[pixel * channels + c]));
+        let mut normal = DMatrix::<f64>::zeros(UNKNOWNS, UNKNOWNS);
+        let mut right = DMatrix::<f64>::zeros(UNKNOWNS, channels);
+        for (pixel, is_inside) in pixels() {
+            let row = row(pixel, is_inside);
+            for i in 0..UNKNOWNS {
+                for j in 0..UNKNOWNS {
+                    normal[(i, j)] += row[i] * row[j];
+                }
+                values(pixel).enumerate().for_each(|(c, value)| right[(i, c)] += row[i] * value);
+            }
+        }
+        let solution = normal.cholesky()?.solve(&right);
+        let mut covariance = DMatrix::<f64>::zeros(channels, channels);
+        let mut residuals = Vec::with_capacity(count);
+        for (pixel, is_inside) in pixels() {
+            let row = row(pixel, is_inside);
+            let fitted = |c: usize| (0..UNKNOWNS).map(|i| row[i] * solution[(i, c)]).sum::<f64>();
+            let left =
+                DVector::from_iterator(channels, values(pixel).enumerate().map(|(c, v)| v - fitted(c)));
+            covariance += &left * left.transpose();
+            residuals.push((pixel, left));
+        }
+        covariance /= (count - UNKNOWNS) as f64;
+        Some(Self {
+            difference: solution.row(3).transpose(),
+            level: solution.row(0).transpose(),
+            covariance,
+            residuals,
+        })
+    }
+
+    /// What is left of the weighted sum of the channels, by pixel.
+    fn weighted(&self, weights: &DVector<f64>) -> Vec<(usize, f64)> {
+        self.residuals.iter().map(|(pixel, left)| (*pixel, left.dot(weights))).collect()
+    }
+
+    fn contrasts(&self, image: &ChannelImage) -> Vec<ChannelContrast> {
+        let of = |(c, name): (usize, &String)| {
+            let (difference_dn, background_dn) = (self.difference[c], self.level[c]);
+            let deviation = self.covariance[(c, c)].sqrt();
+            ChannelContrast {
+                name: name.clone(),
+                difference_dn,
+                background_dn,
+                contrast: (background_dn > image.noise_floor_dn).then(|| difference_dn / background_dn),
+                cnr: difference_dn.abs() / deviation.max(f64::MIN_POSITIVE),
+            }
+        };
+        image.channels.iter().enumerate().map(of).collect()
+    }
+}
+
+/// Mean variances of the channels of some pixels by the sensor's noise, DN²: all of it, and what changes from frame to frame.
+fn sensor_variances(
+    image: &ChannelImage,
+    noise: &ChannelNoise,
+    pixels: impl Iterator<Item = usize>,
+) -> (Vec<f64>, Vec<f64>) {
+    let channels = image.channels.len();
+    let temporal = ChannelNoise { gain_spread: 0.0, floor_dn: image.noise_floor_dn, ..*noise };
+    let mut sums = (vec![0.0; channels], vec![0.0; channels]);
+    let mut count = 0.0f64;
+    for pixel in pixels {
+        count += 1.0;
+        for channel in 0..channels {
+            sums.0[channel] += noise.of_pixel(image, [channel], pixel)[0];
+            sums.1[channel] += temporal.of_pixel(image, [channel], pixel)[0];
+        }
+    }
+    let mean =
+        |sums: Vec<f64>| sums.into_iter().map(|sum| (sum / count.max(1.0)).max(f64::MIN_POSITIVE)).collect();
+    (mean(sums.0), mean(sums.1))
+}
+
+/// Covariance of a noise field between pixels at a lag, where it is told from none.
+struct Correlation {
+    /// Lags in rows and columns, and the covariance there; both signs of a lag, and no lag first.
+    lags: Vec<(isize, isize, f64)>,
+}
+
+impl Correlation {
+    fn new(field: &[(usize, f64)], width: usize, height: usize) -> Self {
+        let mut dense = vec![f64::NAN; width * height];
+        field.iter().for_each(|&(pixel, value)| dense[pixel] = value);
+        let step = field.len().div_ceil(MOST_PAIRS).max(1);
+        let at = |row: isize, col: isize| {
+            let inside = (0..height as isize).contains(&row) && (0..width as isize).contains(&col);
+            inside.then(|| dense[row as usize * width + col as usize]).filter(|value| !value.is_nan())
+        };
+        let of_lag = |down: isize, right: isize| -> (f64, f64) {
+            let products = field.iter().step_by(step).filter_map(|&(pixel, value)| {
+                let (row, col) = ((pixel / width) as isize + down, (pixel % width) as isize + right);
+                Some(value * at(row, col)?)
+            });
+            products.fold((0.0, 0.0), |(sum, pairs), product| (sum + product, pairs + 1.0))
+        };
+        let (sum, pairs) = of_lag(0, 0);
+        let variance = sum / f64::max(pairs, 1.0);
+        let mut lags = vec![(0, 0, variance)];
+        for down in 0..=MOST_LAG {
+            for right in -MOST_LAG..=MOST_LAG {
+                if down == 0 && right <= 0 {
+                    continue;
+                }
+                let (sum, pairs) = of_lag(down, right);
+                let covariance = sum / f64::max(pairs, 1.0);
+                if covariance.abs() * pairs.sqrt() > SIGNIFICANT * variance {
+                    lags.extend([(down, right, covariance), (-down, -right, covariance)]);
+                }
+            }
+        }
+        Self { lags }
+    }
+
+    /// Variance of the best estimate of a level that all pixels of a target share: `1 / (1ᵀ K⁻¹ 1)` with the covariance K of their
+    /// noise, by conjugate gradients. Of a large target, and where the covariance that was found is none of any noise, that of the mean.
+    fn variance_of_template(&self, inside: &[usize], width: usize) -> Option<f64> {
+        let n = inside.len();
+        let mut number = vec![None; inside.iter().max().map_or(0, |last| last + 1)];
+        inside.iter().enumerate().for_each(|(i, &pixel)| number[pixel] = Some(i));
+        // Neighbors of each pixel within the target
+        let neighbor = |pixel: usize, down: isize, right: isize| {
+            let (row, col) = ((pixel / width) as isize + down, (pixel % width) as isize + right);
+            let inside = row >= 0 && (0..width as isize).contains(&col);
+            inside.then(|| number.get(row as usize * width + col as usize).copied().flatten()).flatten()
+        };
+        let apply = |vector: &[f64]| -> Vec<f64> {
+            let of = |&pixel: &usize| {
+                let terms = self.lags.iter().filter_map(|&(down, right, covariance)| {
+                    Some(covariance * vector[neighbor(pixel, down, right)?])
+                });
+                terms.sum()
+            };
+            inside.iter().map(of).collect()
+        };
+        let ones = vec![1.0; n];
+        let of_mean = apply(&ones).iter().sum::<f64>() / (n * n) as f64;
+        let of_mean = (of_mean > 0.0).then_some(of_mean);
+        if self.lags.len() == 1 || n > LARGE {
+            return of_mean;
+        }
+        solve(apply, &ones).map(|solution| 1.0 / solution.iter().sum::<f64>()).or(of_mean)
+    }
+}
+
+/// Solves `K x = b` by conjugate gradients; `None` where K is not positive definite.
+fn solve(apply: impl Fn(&[f64]) -> Vec<f64>, b: &[f64]) -> Option<Vec<f64>> {
+    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+    let mut x = vec![0.0; b.len()];
+    let mut residual = b.to_vec();
+    let mut direction = b.to_vec();
+    let start = dot(b, b);
+    let mut size = start;
+    for _ in 0..MOST_STEPS {
+        if size <= 1e-16 * start {
+            break;
+        }
+        let image = apply(&direction);
+        let curvature = dot(&direction, &image);
+        if curvature <= 0.0 {
+            return None;
+        }
+        let step = size / curvature;
+        for i in 0..x.len() {
+            x[i] += step * direction[i];
+            residual[i] -= step * image[i];
+        }
+        let next = dot(&residual, &residual);
+        let ratio = next / size;
+        direction.iter_mut().zip(&residual).for_each(|(d, r)| *d = r + ratio * *d);
+        size = next;
+    }
+    (x.iter().sum::<f64>() > 0.0).then_some(x)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sampling::random::Key;
+    use rand::RngExt;
+    use rand_distr::StandardNormal;
+
+    const SIDE: usize = 120;
+
+    /// A disc of a radius in the middle of an image, and the ring of twice its area around it.
+    fn disc_and_ring(radius: f64) -> [PixelSelection; 2] {
+        let r2 = |pixel: usize| {
+            let [x, y] = [pixel % SIDE, pixel / SIDE].map(|v| v as f64 - SIDE as f64 / 2.0);
+            x * x + y * y
+        };
+        let select = |keep: &dyn Fn(f64) -> bool| PixelSelection {
+            width: SIDE,
+            height: SIDE,
+            pixels: (0..SIDE * SIDE).filter(|&pixel| keep(r2(pixel))).collect(),
+        };
+        [
+            select(&|r2| r2 < radius * radius),
+            select(&|r2| r2 >= (radius + 2.0).powi(2) && r2 < 4.0 * radius * radius),
+        ]
+    }
+
+    /// One channel: background 1000 DN on a slope, a disc `difference` above it, white noise of this standard deviation, averaged over
+    /// `box_px` pixels in both directions.
+    fn image(difference: f64, sigma: f64, box_px: usize, radius: f64) -> ChannelImage {
+        let mut rng = Key::new(11).rng();
+        let white: Vec<f64> =
+            (0..SIDE * SIDE).map(|_| sigma * rng.sample::<f64, _>(StandardNormal)).collect();
+        let noise = |row: usize, col: usize| {
+            let taps = (0..box_px).flat_map(|r| (0..box_px).map(move |c| (r, c)));
+            let sum: f64 = taps.map(|(r, c)| white[(row + r) % SIDE * SIDE + (col + c) % SIDE]).sum();
+            sum / (box_px * box_px) as f64
+        };
+        let [disc, _] = disc_and_ring(radius);
+        let is_inside = |pixel: usize| disc.pixels.binary_search(&pixel).is_ok();
+        let value = |pixel: usize| {
+            let (row, col) = (pixel / SIDE, pixel % SIDE);
+            let base = 1000.0 + 0.8 * (col as f64 - SIDE as f64 / 2.0);
+            (base + noise(row, col) + if is_inside(pixel) { difference } else { 0.0 }) as f32
+        };
+        ChannelImage {
+            width: SIDE,
+            height: SIDE,
+            channels: vec!["mono".into()],
+            data: (0..SIDE * SIDE).map(value).collect(),
+            saturated: vec![false; SIDE * SIDE],
+            noise_floor_dn: sigma,
+            full_scale_dn: 4000.0,
+            shares: vec![1.0],
+            subtracted: None,
+            label: "blue".into(),
+        }
+    }
+
+    fn found(difference: f64, sigma: f64, box_px: usize, radius: f64, wanted: f64) -> TargetDetection {
+        let noise = ChannelNoise { floor_dn: sigma, dn_per_electron: 0.0, gain_spread: 0.0 };
+        let [disc, ring] = disc_and_ring(radius);
+        let image = image(difference, sigma, box_px, radius);
+        TargetDetection::new("disc", &image, &noise, [&disc, &ring], wanted).unwrap()
+    }
+
+    /// A disc of contrast C in white noise: d' = C L sqrt(N) / sigma, one pixel C L / sigma. The difference is known to
+    /// sigma sqrt(1/N + 1/M) and the deviation to 1 / sqrt(2 (N + M)): 3 % of d' together here, of which four are allowed.
+    #[test]
+    fn a_disc_in_white_noise_has_the_d_prime_of_the_closed_form() {
+        let (difference, sigma, radius) = (-20.0, 25.0, 20.0);
+        let told = found(difference, sigma, 1, radius, 3.29);
+        let n = told.pixels as f64;
+        let expected = difference.abs() * n.sqrt() / sigma;
+        let error = (1.0 / n + 1.0 / told.background_pixels as f64).sqrt() * sigma / difference.abs();
+        assert!((told.d_prime / expected - 1.0).abs() < 4.0 * (error + 0.5 / n.sqrt()), "{told:?}");
+        assert!((told.d_prime_pixel / (0.8) - 1.0).abs() < 4.0 * (error + 0.5 / n.sqrt()), "{told:?}");
+        // The sensor's noise is all there is.
+        assert!((told.d_prime_of_sensor / told.d_prime - 1.0).abs() < 0.08, "{told:?}");
+        let contrast = told.channels[0].contrast.unwrap();
+        assert!((contrast + 0.02).abs() < 4.0 * 0.02 * error, "{contrast}");
+        // By inversion: the disc of this diameter has N with C sqrt(N) / sigma = 3.29.
+        let diameter = 2.0 * ((3.29 * sigma / difference).powi(2) / std::f64::consts::PI).sqrt();
+        assert!(
+            (told.smallest_diameter_px / diameter - 1.0).abs() < 4.0 * (error + 0.5 / n.sqrt()),
+            "{told:?}"
+        );
+        assert_eq!(told.frames_needed, Some(1));
+    }
+
+    /// d' grows by the root of the number of frames.
+    #[test]
+    fn frames_are_averaged_until_the_wanted_d_prime_is_reached() {
+        let told = found(2.0, 25.0, 1, 20.0, 12.0);
+        let expected = (12.0 / told.d_prime).powi(2);
+        let frames = told.frames_needed.unwrap() as f64;
+        assert!((frames / expected - 1.0).abs() < 0.1, "{frames} of {expected}, {told:?}");
+    }
+
+    /// Noise averaged over 3 x 3 pixels has a ninth of the variance, and a mean over a large target no less of it than before: its d' is
+    /// that of the white noise, not that of independent pixels, which would be three times as large.
+    #[test]
+    fn correlated_noise_counts_with_its_correlation() {
+        let (difference, sigma, radius) = (10.0, 60.0, 25.0);
+        let told = found(difference, sigma, 3, radius, 3.29);
+        let n = told.pixels as f64;
+        let of_white = difference * n.sqrt() / sigma;
+        // The best template of a disc of 25 pixels uses its rim, and a box hides some frequencies: above by up to a quarter.
+        let ratio = told.d_prime / of_white;
+        assert!((0.85..1.45).contains(&ratio), "{ratio}: {told:?}");
+        let independent = told.d_prime_pixel * n.sqrt();
+        assert!(independent > 2.0 * told.d_prime, "{independent}: {told:?}");
+    }
+
+    #[test]
+    fn too_little_to_measure_is_no_measurement() {
+        let noise = ChannelNoise { floor_dn: 1.0, dn_per_electron: 0.0, gain_spread: 0.0 };
+        let [disc, ring] = disc_and_ring(10.0);
+        let nothing = PixelSelection { pixels: Vec::new(), ..disc.clone() };
+        let image = image(10.0, 1.0, 1, 10.0);
+        let measure = |target: &PixelSelection, background: &PixelSelection| {
+            TargetDetection::new("disc", &image, &noise, [target, background], 3.29)
+        };
+        assert!(measure(&nothing, &ring).is_none() && measure(&disc, &nothing).is_none());
+        let mut full = image.clone();
+        full.saturated.fill(true);
+        assert!(TargetDetection::new("disc", &full, &noise, [&disc, &ring], 3.29).is_none());
+    }
+}

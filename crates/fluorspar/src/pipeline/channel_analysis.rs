@@ -1,0 +1,162 @@
+//! The region of a study in all channels of all frames: cameras of one channel behind filters, and of many.
+
+use super::analyze::frame_light;
+use super::capture::behind_filter;
+use super::region_light::region_electrons;
+use super::targets::noise_of;
+use super::{CameraResponse, CapturedFrame, PipelineError, SeenComponents};
+use crate::analysis::{
+    ChannelSignal, PixelSelection, SceneOnSensor, SignalRatio, SignalSummary, Unmixing, UnmixingTerm,
+};
+use crate::image::LightPath;
+use crate::render::direct_exitance;
+use crate::sensor::Sensor;
+use crate::study::{AnalysisPlan, Capture, Study};
+
+/// What is measured, and by what.
+#[derive(Clone, Copy)]
+pub(super) struct Measured<'a> {
+    pub(super) study: &'a Study,
+    pub(super) sensor: &'a Sensor,
+    pub(super) plan: &'a AnalysisPlan,
+    pub(super) frames: &'a [CapturedFrame],
+    pub(super) region: &'a PixelSelection,
+    pub(super) scene: Option<SceneOnSensor<'a>>,
+    pub(super) components: Option<&'a SeenComponents<'a>>,
+}
+
+/// Levels, ratios, and fluorophores of a region.
+///
+/// What is unmixed are the channels of the analyzed frame and of the further ones of the analysis; without these, of all frames under the
+/// same lights, as a filter wheel takes them. The fluorophores are those of the bulk one by one and the porphyrin, or the bulk as a whole
+/// and the porphyrin, where there are fewer channels or these can't tell them apart.
+///
+/// # Errors
+/// A film that can't be used.
+pub(super) fn channel_analysis(measured: &Measured<'_>) -> Result<SignalSummary, PipelineError> {
+    let Measured { study, sensor, frames, region, .. } = *measured;
+    let mut summary = SignalSummary::default();
+    for (frame, capture) in frames.iter().filter_map(|frame| Some((frame, study.capture(&frame.raw.label)?)))
+    {
+        let same_size = (frame.developed.width, frame.developed.height) == (region.width, region.height);
+        if !same_size || lit_groups(capture).is_empty() {
+            continue;
+        }
+        let k = frame.raw.dn_per_electron;
+        let noise = noise_of(&frame.developed, k, &study.develop, sensor);
+        summary.signals.extend(ChannelSignal::of_frame(&frame.developed, region, &noise, k));
+    }
+    if let Some(strongest) = summary.signals.iter().max_by(|a, b| a.electrons.total_cmp(&b.electrons)) {
+        let others = summary.signals.iter().filter(|signal| *signal != strongest);
+        summary.ratios = others.filter_map(|signal| SignalRatio::new(signal, strongest)).collect();
+    }
+    summary.unmixing = unmixing(measured, &summary.signals)?;
+    Ok(summary)
+}
+
+/// Light groups that a capture switches on.
+fn lit_groups(capture: &Capture) -> Vec<&str> {
+    capture.frame.lights.iter().filter(|(_, drive)| **drive > 0.0).map(|(group, _)| group.as_str()).collect()
+}
+
+/// Frames whose channels are taken apart.
+fn unmixed_frames<'a>(measured: &Measured<'a>) -> Vec<(&'a CapturedFrame, &'a Capture)> {
+    let Measured { study, plan, frames, .. } = *measured;
+    let Some(analyzed) = study.capture(&plan.frame) else { return Vec::new() };
+    let enters = |label: &str, capture: &Capture| {
+        label == plan.frame
+            || plan.further_frames.iter().any(|further| further == label)
+            || (plan.further_frames.is_empty() && lit_groups(capture) == lit_groups(analyzed))
+    };
+    let known = frames.iter().filter_map(|frame| Some((frame, study.capture(&frame.raw.label)?)));
+    known.filter(|(frame, capture)| enters(&frame.raw.label, capture)).collect()
+}
+
+fn unmixing(measured: &Measured<'_>, signals: &[ChannelSignal]) -> Result<Option<Unmixing>, PipelineError> {
+    let Measured { plan, .. } = *measured;
+    let frames = unmixed_frames(measured);
+    let entered = |label: &str| frames.iter().any(|(frame, _)| frame.raw.label == label);
+    let signals: Vec<&ChannelSignal> = signals.iter().filter(|signal| entered(&signal.frame)).collect();
+    let Some(responses) = responses(measured, &frames, &signals) else { return Ok(None) };
+    let find = |name: &str| responses.iter().find(|term| term.fluorophores[0] == name);
+    let bulk: Vec<(&UnmixingTerm, f64)> = plan
+        .bulk
+        .iter()
+        .filter(|(name, _)| *name != plan.porphyrin)
+        .filter_map(|(name, amount)| Some((find(name)?, *amount)))
+        .collect();
+    let porphyrin = find(&plan.porphyrin);
+    let apart: Vec<UnmixingTerm> =
+        bulk.iter().map(|(term, _)| (*term).clone()).chain(porphyrin.cloned()).collect();
+    let whole = (bulk.len() > 1).then(|| UnmixingTerm {
+        fluorophores: bulk.iter().flat_map(|(term, _)| term.fluorophores.clone()).collect(),
+        electrons: (0..signals.len())
+            .map(|i| bulk.iter().map(|(term, a)| a * term.electrons[i]).sum())
+            .collect(),
+    });
+    let together: Vec<UnmixingTerm> = whole.into_iter().chain(porphyrin.cloned()).collect();
+    let found = Unmixing::new(&signals, &apart).or_else(|| Unmixing::new(&signals, &together));
+    found.map(|unmixing| with_truth(measured, &frames, unmixing)).transpose()
+}
+
+/// Electrons that one unit of each fluorophore gives in each signal, under direct light; `None` without light or lens.
+fn responses(
+    measured: &Measured<'_>,
+    frames: &[(&CapturedFrame, &Capture)],
+    signals: &[&ChannelSignal],
+) -> Option<Vec<UnmixingTerm>> {
+    let Measured { study, sensor, plan, region, scene, .. } = *measured;
+    let lens = study.camera.lens_behind_filters()?;
+    let grid = &study.scene.grid;
+    let mut terms: Vec<UnmixingTerm> = plan
+        .fluorophores
+        .iter()
+        .map(|f| UnmixingTerm { fluorophores: vec![f.name.clone()], electrons: vec![0.0; signals.len()] })
+        .collect();
+    for (frame, capture) in frames {
+        let light = frame_light(study, capture, scene.map(|scene| (scene, region)))?;
+        let camera = CameraResponse::new(&behind_filter(&lens, capture), sensor, grid, None);
+        for (term, fluorophore) in terms.iter_mut().zip(&plan.fluorophores) {
+            let exitance = direct_exitance(&fluorophore.eem, grid, &light);
+            let radiance: Vec<f64> = exitance.into_iter().map(|m| m / std::f64::consts::PI).collect();
+            let electrons = camera.electrons(&radiance, frame.raw.exposure_s);
+            for (signal, value) in signals.iter().zip(&mut term.electrons) {
+                let channel = camera.channels().iter().position(|name| *name == signal.channel);
+                if let Some(channel) = channel.filter(|_| signal.frame == frame.raw.label) {
+                    *value = electrons[channel];
+                }
+            }
+        }
+    }
+    terms.retain(|term| term.electrons.iter().sum::<f64>() > 0.0);
+    Some(terms)
+}
+
+/// The shares that a simulation knows: electrons of light that fluoresced once, in the fluorophores of each term.
+fn with_truth(
+    measured: &Measured<'_>,
+    frames: &[(&CapturedFrame, &Capture)],
+    mut unmixing: Unmixing,
+) -> Result<Unmixing, PipelineError> {
+    let Some(components) = measured.components else { return Ok(unmixing) };
+    let mut electrons = vec![0.0; unmixing.terms.len()];
+    for (frame, capture) in frames {
+        for (term, sum) in unmixing.terms.iter().zip(&mut electrons) {
+            let is = |light: &LightPath| matches!(light, LightPath::Fluorescence(name) if term.fluorophores.contains(name));
+            let means = region_electrons(
+                measured.study,
+                components,
+                capture,
+                frame.raw.exposure_s,
+                measured.region,
+                &is,
+            )?;
+            *sum += means.iter().sum::<f64>();
+        }
+    }
+    let all: f64 = electrons.iter().sum();
+    if all > 0.0 {
+        unmixing.terms.iter_mut().zip(electrons).for_each(|(term, sum)| term.true_share = Some(sum / all));
+    }
+    Ok(unmixing)
+}

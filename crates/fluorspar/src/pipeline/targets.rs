@@ -1,0 +1,265 @@
+//! The targets of a study in its frames: which pixels see them, and how well.
+
+use glam::Vec2;
+
+use super::{CapturedFrame, PipelineError};
+use crate::analysis::{AnalysisError, ChannelNoise, PixelSelection, SceneOnSensor, TargetDetection};
+use crate::image::ChannelImage;
+use crate::sensor::Sensor;
+use crate::study::{AnalysisPlan, Capture, Develop, Study, Target, TargetPlace};
+
+/// Which target each pixel of the frames sees.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct TargetLabels {
+    /// Columns.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// Number of the target from 1, `[row, col]`; 0 where there is none.
+    pub labels: Vec<u8>,
+    /// Names of the targets, in the order of their numbers.
+    pub names: Vec<String>,
+}
+
+/// Pixels between a target and the ring around it: what lies there holds light of both.
+const GAP_PX: usize = 2;
+/// Fewest pixels of a ring, and the farthest that it reaches.
+const LEAST_RING: usize = 64;
+const WIDEST_RING_PX: usize = 400;
+/// Share of a spot from which a pixel belongs to it.
+const HALF: f32 = 0.5;
+
+/// Noise of the channels of a developed frame.
+pub(super) fn noise_of(
+    image: &ChannelImage,
+    dn_per_electron: f64,
+    develop: &Develop,
+    sensor: &Sensor,
+) -> ChannelNoise {
+    let model = sensor.model();
+    // A flat field takes the spread of the pixels' response out, dark frames that of their dark signal.
+    let prnu = if develop.flat_field.is_some() { 0.0 } else { model.image_prnu_percent() / 100.0 };
+    let dsnu = if develop.dark_frames > 0 { 0.0 } else { dn_per_electron * model.image_dsnu_electrons() };
+    ChannelNoise::of_image(image, dn_per_electron, prnu, dsnu)
+}
+
+/// What the frames tell of the targets of a study.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct MeasuredTargets {
+    /// Each target in each frame with light.
+    pub(super) detections: Vec<TargetDetection>,
+    /// Which target each pixel sees; `None` without targets.
+    pub(super) labels: Option<TargetLabels>,
+    /// Targets that can't be measured, with the reason.
+    pub(super) warnings: Vec<String>,
+}
+
+/// Measures the targets of the analysis of a study in all its frames with light. `scene` tells where parts and spots are.
+///
+/// # Errors
+/// A region that does not fit the frames.
+pub(super) fn measured_targets(
+    study: &Study,
+    plan: &AnalysisPlan,
+    frames: &[CapturedFrame],
+    scene: Option<SceneOnSensor<'_>>,
+) -> Result<MeasuredTargets, PipelineError> {
+    let mut found = MeasuredTargets::default();
+    let is_lit = |capture: &Capture| capture.frame.lights.values().any(|drive| *drive > 0.0);
+    let mut lit: Vec<&CapturedFrame> =
+        frames.iter().filter(|frame| study.capture(&frame.raw.label).is_some_and(is_lit)).collect();
+    let (Some(first), Some(sensor)) = (lit.first(), &study.camera.sensor) else { return Ok(found) };
+    if plan.targets.is_empty() {
+        return Ok(found);
+    }
+    let (width, height) = (first.developed.width, first.developed.height);
+    lit.retain(|frame| (frame.developed.width, frame.developed.height) == (width, height));
+    let labels = labeled(plan, width, height, scene, &mut found.warnings)?;
+    for (index, target) in plan.targets.iter().enumerate().take(labels.names.len()) {
+        let number = index + 1;
+        let is_its_own = |pixel: &usize| usize::from(labels.labels[*pixel]) == number;
+        let pixels = (0..labels.labels.len()).filter(is_its_own).collect::<Vec<_>>();
+        if pixels.is_empty() {
+            continue;
+        }
+        let pixels = PixelSelection { width, height, pixels };
+        let background = background(target, &labels, &pixels, scene)?;
+        let mm_per_px = mm_per_pixel(study, sensor, &pixels, scene);
+        for frame in &lit {
+            let image = &frame.developed;
+            let noise = noise_of(image, frame.raw.dn_per_electron, &study.develop, sensor);
+            let places = [&pixels, &background];
+            match TargetDetection::new(&target.name, image, &noise, places, plan.wanted_d_prime) {
+                Some(measured) => found.detections.push(TargetDetection {
+                    number,
+                    smallest_diameter_mm: mm_per_px.map(|mm| mm * measured.smallest_diameter_px),
+                    ..measured
+                }),
+                None => found.warnings.push(format!(
+                    "Target \"{}\" in \"{}\": too few usable pixels, or no noise, to tell it from its background.",
+                    target.name, image.label
+                )),
+            }
+        }
+    }
+    found.labels = Some(labels);
+    Ok(found)
+}
+
+/// Which target each pixel sees, of several the first. Tells of targets that no pixel sees.
+fn labeled(
+    plan: &AnalysisPlan,
+    width: usize,
+    height: usize,
+    scene: Option<SceneOnSensor<'_>>,
+    warnings: &mut Vec<String>,
+) -> Result<TargetLabels, PipelineError> {
+    let mut found = TargetLabels { width, height, labels: vec![0; width * height], names: Vec::new() };
+    for (target, number) in plan.targets.iter().zip(1..=u8::MAX) {
+        found.names.push(target.name.clone());
+        let pixels = pixels_of(target, width, height, scene)?;
+        match &pixels {
+            Some(pixels) if pixels.is_empty() => {
+                warnings.push(format!("Target \"{}\": no pixel of the frames sees it.", target.name));
+            }
+            Some(_) => {}
+            None => warnings.push(format!(
+                "Target \"{}\": only a component image tells where it lies; give a mask, a polygon or a rectangle.",
+                target.name
+            )),
+        }
+        for pixel in pixels.into_iter().flatten() {
+            if found.labels[pixel] == 0 {
+                found.labels[pixel] = number;
+            }
+        }
+    }
+    Ok(found)
+}
+
+/// Pixels of a target; `None` where only a scene could tell them and there is none.
+fn pixels_of(
+    target: &Target,
+    width: usize,
+    height: usize,
+    scene: Option<SceneOnSensor<'_>>,
+) -> Result<Option<Vec<usize>>, PipelineError> {
+    match &target.place {
+        TargetPlace::Region(region) if region.parts.is_empty() || scene.is_some() => {
+            let selected = region.select(width, height, scene).map_err(AnalysisError::from)?;
+            Ok(Some(selected.pixels))
+        }
+        TargetPlace::Region(_) => Ok(None),
+        TargetPlace::Spot(spot) => {
+            let Some(scene) = scene else { return Ok(None) };
+            let features = &scene.components.features;
+            let count = scene.components.width * scene.components.height;
+            if features.part.len() != count || features.uv.len() != count {
+                return Ok(None);
+            }
+            let shows = |pixel: usize| {
+                let Some(part) = usize::from(features.part[pixel]).checked_sub(1) else { return false };
+                let map =
+                    features.part_names.get(part).and_then(|name| spot.iter().find(|(on, _)| on == name));
+                map.is_some_and(|(_, map)| map.at(Vec2::from_array(features.uv[pixel])) >= HALF)
+            };
+            let behind = |pixel: &usize| {
+                scene.scene_pixel(pixel / width, pixel % width, width, height).is_some_and(shows)
+            };
+            Ok(Some((0..width * height).filter(behind).collect()))
+        }
+    }
+}
+
+/// What a target is told from: the region that is given, or a ring around it, of its own parts if it is a spot on them. No pixel of a
+/// target belongs to it.
+fn background(
+    target: &Target,
+    labels: &TargetLabels,
+    pixels: &PixelSelection,
+    scene: Option<SceneOnSensor<'_>>,
+) -> Result<PixelSelection, PipelineError> {
+    let (width, height) = (labels.width, labels.height);
+    let is_free = |pixel: &usize| labels.labels[*pixel] == 0;
+    if let Some(region) = &target.background {
+        let mut selected = region.select(width, height, scene).map_err(AnalysisError::from)?;
+        selected.pixels.retain(is_free);
+        return Ok(selected);
+    }
+    let is_of_its_parts = |pixel: usize| {
+        let (TargetPlace::Spot(spot), Some(scene)) = (&target.place, scene) else { return true };
+        let features = &scene.components.features;
+        let behind = scene.scene_pixel(pixel / width, pixel % width, width, height);
+        let part = behind.and_then(|behind| usize::from(features.part[behind]).checked_sub(1));
+        let name = part.and_then(|part| features.part_names.get(part));
+        name.is_some_and(|name| spot.iter().any(|(on, _)| on == name))
+    };
+    let mut reached = vec![false; width * height];
+    pixels.pixels.iter().for_each(|&pixel| reached[pixel] = true);
+    let (mut rim, mut ring) = (pixels.pixels.clone(), Vec::new());
+    let wanted = pixels.pixels.len().max(LEAST_RING);
+    for step in 0..WIDEST_RING_PX {
+        rim = grown(&rim, &mut reached, width, height, step % 2 == 1);
+        if step >= GAP_PX {
+            ring.extend(rim.iter().copied().filter(|pixel| is_free(pixel) && is_of_its_parts(*pixel)));
+        }
+        if rim.is_empty() || ring.len() >= wanted {
+            break;
+        }
+    }
+    ring.sort_unstable();
+    Ok(PixelSelection { width, height, pixels: ring })
+}
+
+/// Pixels beside a rim that were not reached yet; those at its corners, too, in every second step: what grows is round.
+fn grown(rim: &[usize], reached: &mut [bool], width: usize, height: usize, with_corners: bool) -> Vec<usize> {
+    let mut next = Vec::new();
+    for &pixel in rim {
+        let (row, col) = (pixel / width, pixel % width);
+        for r in row.saturating_sub(1)..=(row + 1).min(height - 1) {
+            for c in col.saturating_sub(1)..=(col + 1).min(width - 1) {
+                let other = r * width + c;
+                if !reached[other] && (with_corners || r == row || c == col) {
+                    reached[other] = true;
+                    next.push(other);
+                }
+            }
+        }
+    }
+    next
+}
+
+/// Size of a pixel of the frames on the surface of a target, across the axis of the camera, mm: at the mean distance of its pixels, or
+/// in the plane in focus. `None` where neither is known.
+fn mm_per_pixel(
+    study: &Study,
+    sensor: &Sensor,
+    pixels: &PixelSelection,
+    scene: Option<SceneOnSensor<'_>>,
+) -> Option<f64> {
+    let seen = scene.and_then(|scene| {
+        let features = &scene.components.features;
+        let tan = f64::from(features.view?.tan_half_width);
+        let (columns, rows) = (scene.components.width as f64, scene.components.height as f64);
+        // The distance along the axis from that along the ray
+        let depth = |&behind: &usize| {
+            let along = f64::from(*features.depth_m.get(behind)?);
+            let x = ((behind % scene.components.width) as f64 + 0.5) / columns * 2.0 - 1.0;
+            let y = (((behind / scene.components.width) as f64 + 0.5) / rows * 2.0 - 1.0) * rows / columns;
+            let depth = along / (1.0 + tan * tan * (x * x + y * y)).sqrt();
+            depth.is_finite().then_some(depth)
+        };
+        let depths: Vec<f64> = scene.scene_pixels(pixels).iter().filter_map(depth).collect();
+        let mean = depths.iter().sum::<f64>() / depths.len() as f64;
+        let across = 2e3 * tan * mean / scene.film_over_sensor[0];
+        Some(across / pixels.width as f64).filter(|mm| mm.is_finite())
+    });
+    seen.or_else(|| {
+        let lens = &study.camera.lens.as_ref()?.equation;
+        let distance_mm = lens.object_distance_mm?;
+        let field_deg = 1.0f64;
+        let magnification =
+            lens.film_width_mm(field_deg) / (2.0 * distance_mm * (0.5 * field_deg).to_radians().tan());
+        Some(sensor.film_extent().width_mm / pixels.width as f64 / magnification)
+    })
+}
