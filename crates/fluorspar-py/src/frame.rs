@@ -45,11 +45,11 @@ impl Frame {
         &self.raw.label
     }
 
-    /// Digital numbers, `[row, col]`: a view, read-only.
+    /// Digital numbers, `[row, col]`, of a frame from a file that holds all channels in every pixel these side by side: a view, read-only.
     #[getter]
     fn raw<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyArray2<u16>>> {
         let raw = &slf.get().raw;
-        view(slf, |this| &this.raw.data, (raw.height, raw.width))
+        view(slf, |this| &this.raw.data, (raw.height, raw.data.len() / raw.height.max(1)))
     }
 
     /// Linear channels, black subtracted, `[row, col, channel]`, DN; `None` of a frame from a file.

@@ -12,7 +12,7 @@ use fluorspar::pipeline::{
     develop_frames,
 };
 use fluorspar::study::{Capture, Study};
-use fluorspar_experiment::{Experiment, resolve};
+use fluorspar_experiment::{Experiment, ResolvedExperiment, Warning, resolve};
 use fluorspar_format::{OutputFolder, read_sensor_image, write_atomically, write_map_npy};
 use fluorspar_report::figures::porphyrin_maps;
 use fluorspar_report::{FrameOrigin, name_target};
@@ -96,6 +96,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     if image.is_none() {
         leave_parts_to_shapes(&mut experiment.study);
     }
+    subtract_what_is_given(options, &mut experiment);
     let study = &experiment.study;
     let Some(settings) = &study.analysis else {
         return Err(CliError::Input(format!("{name}: the experiment has no [analysis] section; add one")));
@@ -177,6 +178,23 @@ fn sensor_of_frames(options: &Options) -> Result<Vec<Override>, CliError> {
     let image = read_sensor_image(Path::new(file))?.image;
     let side = |path: &str, value: usize| Override::of_option(path, value, format!("--frame {first}"));
     Ok(vec![side("sensor.columns", image.width), side("sensor.rows", image.height)])
+}
+
+/// A frame of a camera is analyzed without one that its experiment subtracts, where that is not given; the user is told.
+fn subtract_what_is_given(options: &Options, experiment: &mut ResolvedExperiment) {
+    let is_given = |label: &str| {
+        options.frame.iter().any(|text| text.split_once('=').is_some_and(|(name, _)| name == label))
+    };
+    for capture in experiment.study.captures.iter_mut().filter(|c| is_given(&c.frame.label)) {
+        let Some(missing) = capture.subtract.take_if(|label| !is_given(label)) else { continue };
+        let label = &capture.frame.label;
+        let text = format!(
+            "Nothing is subtracted from \"{label}\" but the black level: the experiment subtracts \"{missing}\", which is not given. Room \
+             light counts as light of the region; give --frame {missing}=FILE"
+        );
+        options.talk.messages().warnings(&[Warning::from(text.clone())]);
+        experiment.record.warnings.push(Warning::from(text));
+    }
 }
 
 /// Without a component image no part is found in a frame. Where a shape tells where the region lies, its parts only tell what it shows.
