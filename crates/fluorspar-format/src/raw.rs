@@ -190,7 +190,7 @@ pub fn write_sensor_png(
 }
 
 /// Reads what [`write_sensor_tiff`], [`write_sensor_png`], [`super::write_sensor_dng`] or [`super::write_packed_raw`] wrote, and raw
-/// frames of cameras: uncompressed DNG, or the other forms with a description beside them.
+/// frames of cameras: DNG, or the other forms with a description beside them.
 ///
 /// Unknown conversion gain and noise of a camera are 0.
 ///

@@ -208,7 +208,8 @@ fn answer(analysis: &Analysis, words: &Words<'_>) -> Option<Answer> {
             ],
         });
     }
-    if let Some(unmixing) = analysis.signals.as_ref().and_then(|signals| signals.unmixing.as_ref()) {
+    let signals = analysis.signals.as_ref().filter(|_| analysis.mixture.is_none());
+    if let Some(unmixing) = signals.and_then(|signals| signals.unmixing.as_ref()) {
         return unmixed_answer(analysis, unmixing);
     }
     let estimate = analysis.mixture.as_ref()?.region?.estimate;

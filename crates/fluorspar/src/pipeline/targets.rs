@@ -237,6 +237,10 @@ fn mm_per_pixel(
     pixels: &PixelSelection,
     scene: Option<SceneOnSensor<'_>>,
 ) -> Option<f64> {
+    // Frames may hold a part of the sensor, in pixels that are joined
+    let model = sensor.model();
+    let columns_of_sensor =
+        model.columns as f64 / model.binning.map_or(1.0, |binning| binning.columns as f64);
     let seen = scene.and_then(|scene| {
         let features = &scene.components.features;
         let tan = f64::from(features.view?.tan_half_width);
@@ -252,7 +256,7 @@ fn mm_per_pixel(
         let depths: Vec<f64> = scene.scene_pixels(pixels).iter().filter_map(depth).collect();
         let mean = depths.iter().sum::<f64>() / depths.len() as f64;
         let across = 2e3 * tan * mean / scene.film_over_sensor[0];
-        Some(across / pixels.width as f64).filter(|mm| mm.is_finite())
+        Some(across / columns_of_sensor).filter(|mm| mm.is_finite())
     });
     seen.or_else(|| {
         let lens = &study.camera.lens.as_ref()?.equation;
@@ -260,6 +264,6 @@ fn mm_per_pixel(
         let field_deg = 1.0f64;
         let magnification =
             lens.film_width_mm(field_deg) / (2.0 * distance_mm * (0.5 * field_deg).to_radians().tan());
-        Some(sensor.film_extent().width_mm / pixels.width as f64 / magnification)
+        Some(sensor.film_extent().width_mm / columns_of_sensor / magnification)
     })
 }
