@@ -432,6 +432,7 @@ mod tests {
             noise_floor_dn: sigma,
             full_scale_dn: 4000.0,
             shares: vec![1.0],
+            interpolation: None,
             subtracted: None,
             label: "blue".into(),
         }

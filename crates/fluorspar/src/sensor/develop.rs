@@ -234,6 +234,7 @@ impl LinearMosaic {
             noise_floor_dn: self.noise_floor_dn,
             full_scale_dn: self.full_scale_dn,
             shares: self.mosaic.shares(),
+            interpolation: None,
             subtracted: subtracted
                 .map(|(dn, ratio)| SubtractedLight { dn: dn.clone(), exposure_ratio: *ratio }),
             label: self.label.clone(),
