@@ -93,10 +93,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         },
     );
     let mut experiment = experiment.map_err(|error| as_typed(error, &overrides))?;
-    if image.is_none() {
-        leave_parts_to_shapes(&mut experiment.study);
-    }
-    subtract_what_is_given(options, &mut experiment);
+    as_recorded(options, image.is_none(), &mut experiment);
     let study = &experiment.study;
     let Some(settings) = &study.analysis else {
         return Err(CliError::Input(format!("{name}: the experiment has no [analysis] section; add one")));
@@ -177,7 +174,14 @@ fn sensor_of_frames(options: &Options) -> Result<Vec<Override>, CliError> {
     };
     let image = read_sensor_image(Path::new(file))?.image;
     let side = |path: &str, value: usize| Override::of_option(path, value, format!("--frame {first}"));
-    Ok(vec![side("sensor.columns", image.width), side("sensor.rows", image.height)])
+    let mut sides = vec![side("sensor.columns", image.width), side("sensor.rows", image.height)];
+    if options.components.is_none() {
+        // Nothing is rendered, and a render would show what the frame shows
+        const WIDTH: usize = 320;
+        let height = (WIDTH as f64 * image.height as f64 / image.width as f64).round().clamp(1.0, 16_384.0);
+        sides.extend([side("render.width_px", WIDTH), side("render.height_px", height as usize)]);
+    }
+    Ok(sides)
 }
 
 /// A frame of a camera is analyzed without one that its experiment subtracts, where that is not given; the user is told.
@@ -194,6 +198,19 @@ fn subtract_what_is_given(options: &Options, experiment: &mut ResolvedExperiment
         );
         options.talk.messages().warnings(&[Warning::from(text.clone())]);
         experiment.record.warnings.push(Warning::from(text));
+    }
+}
+
+/// Makes an experiment that of the frames that were given, or of frames whose component image is gone.
+fn as_recorded(options: &Options, is_without_image: bool, experiment: &mut ResolvedExperiment) {
+    if is_without_image {
+        leave_parts_to_shapes(&mut experiment.study);
+    }
+    subtract_what_is_given(options, experiment);
+    if !options.frame.is_empty() {
+        // The size of the frames, and where the region lies, make no other experiment
+        let title = &mut experiment.record.title;
+        title.truncate(title.strip_suffix(", changed").unwrap_or(title).len());
     }
 }
 

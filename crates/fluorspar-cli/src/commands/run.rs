@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
 
+use fluorspar::analysis::{SignalSummary, TargetDetection};
 use fluorspar::image::ComponentImage;
 use fluorspar::pipeline::{AnalyzedFrame, CapturePlanes, check_captures, evaluate, evaluate_from_planes};
 use fluorspar::study::Study;
@@ -173,5 +174,7 @@ fn summary(analyzed: &AnalyzedFrame) -> String {
         ));
     }
     lines.extend(analysis.porphyrin_lines());
+    lines.extend(analysis.signals.iter().flat_map(SignalSummary::lines));
+    lines.extend(analysis.targets.iter().map(TargetDetection::line));
     lines.join("\n")
 }

@@ -235,7 +235,7 @@ fn with_signals(section: Section, summary: &SignalSummary) -> Section {
                 format!("{} over {}", r.above, r.below),
                 value,
                 "",
-                "Electrons over electrons, with the standard error that the sensor's noise leaves.",
+                "Electrons per second over electrons per second, with the standard error that the sensor's noise leaves.",
             )
         });
         section = section.with(table("Ratios of the signals", rows.collect()));

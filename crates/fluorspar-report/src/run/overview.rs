@@ -210,7 +210,7 @@ fn answer(analysis: &Analysis, words: &Words<'_>) -> Option<Answer> {
     }
     let signals = analysis.signals.as_ref().filter(|_| analysis.mixture.is_none());
     if let Some(unmixing) = signals.and_then(|signals| signals.unmixing.as_ref()) {
-        return unmixed_answer(analysis, unmixing);
+        return unmixed_answer(analysis, unmixing, &target);
     }
     let estimate = analysis.mixture.as_ref()?.region?.estimate;
     let interval = match &analysis.budget {
@@ -234,7 +234,7 @@ fn answer(analysis: &Analysis, words: &Words<'_>) -> Option<Answer> {
 }
 
 /// The share of the last term, which is the fluorophore that is looked for, unmixed from channels and frames.
-fn unmixed_answer(analysis: &Analysis, unmixing: &Unmixing) -> Option<Answer> {
+fn unmixed_answer(analysis: &Analysis, unmixing: &Unmixing, target: &str) -> Option<Answer> {
     let term = unmixing.terms.last()?;
     let [low, high] = term.share_interval;
     let percent = |share: f64| format!("{:.1} %", 100.0 * share);
@@ -243,7 +243,7 @@ fn unmixed_answer(analysis: &Analysis, unmixing: &Unmixing) -> Option<Answer> {
     Some(Answer {
         quantity: format!(
             "{} share of the electrons, unmixed from {}, {}",
-            capital(&term.fluorophores.join(" + ").replace('_', " ")),
+            capital(target),
             unmixing.signals.join(", "),
             analysis.region_description
         ),

@@ -158,7 +158,13 @@ impl<'a> Words<'a> {
     /// The sentences under the title: what was recorded, by what.
     pub(super) fn lead(&self, run: &RunResults<'_>) -> Vec<String> {
         let study = &self.experiment.study;
-        let lit = study.captures.iter().filter(|capture| self.lights(capture) != "no light");
+        let is_there = |capture: &Capture| {
+            let label = &capture.frame.label;
+            run.frames_from == FrameOrigin::Simulated
+                || run.evaluation.frames.iter().any(|frame| frame.raw.label == *label)
+        };
+        let lit =
+            study.captures.iter().filter(|capture| is_there(capture) && self.lights(capture) != "no light");
         let frames: Vec<String> = lit
             .map(|capture| format!("\"{}\" under {}", capture.frame.label, self.lights(capture)))
             .collect();
@@ -168,7 +174,9 @@ impl<'a> Words<'a> {
             format!("by a sensor of {} x {} pixels ({})", model.columns, model.rows, channels.join(", "))
         });
         let filter = self.filter().map(|filter| format!("through {filter}"));
-        let seen: Vec<String> = filter.into_iter().chain(sensor).collect();
+        let wheel = study.captures.iter().any(|capture| is_there(capture) && capture.filter.is_some());
+        let wheel = wheel.then(|| "through a filter of its own for each frame".to_owned());
+        let seen: Vec<String> = filter.into_iter().chain(wheel).chain(sensor).collect();
         let what = match run.frames_from {
             FrameOrigin::Simulated => format!("Simulated: {}", self.scene()),
             FrameOrigin::Given => {

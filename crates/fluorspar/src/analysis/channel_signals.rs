@@ -14,6 +14,8 @@ pub struct ChannelSignal {
     pub frame: String,
     /// Channel.
     pub channel: String,
+    /// Exposure time of the frame, s.
+    pub exposure_s: f64,
     /// Pixels that are not saturated.
     pub pixels: usize,
     /// Their mean, DN.
@@ -33,7 +35,7 @@ impl ChannelSignal {
         image: &ChannelImage,
         region: &PixelSelection,
         noise: &ChannelNoise,
-        dn_per_electron: f64,
+        [dn_per_electron, exposure_s]: [f64; 2],
     ) -> Vec<Self> {
         let n = image.channels.len();
         let usable: Vec<usize> =
@@ -51,6 +53,7 @@ impl ChannelSignal {
             Self {
                 frame: image.label.clone(),
                 channel: name.clone(),
+                exposure_s,
                 pixels: usable.len(),
                 mean_dn,
                 electrons: mean_dn / dn_per_electron,
@@ -72,14 +75,14 @@ impl ChannelSignal {
     }
 }
 
-/// One signal over another.
+/// One signal over another, as if both frames had the same exposure time.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SignalRatio {
     /// The signal above.
     pub above: String,
     /// The signal below.
     pub below: String,
-    /// Electrons over electrons.
+    /// Electrons per second over electrons per second.
     pub ratio: f64,
     /// Its standard error by the sensor's noise, to first order.
     pub standard_error: f64,
@@ -92,8 +95,13 @@ impl SignalRatio {
         if below.electrons <= 2.0 * below.standard_error_e || below.electrons <= 0.0 {
             return None;
         }
-        let ratio = above.electrons / below.electrons;
-        let error = above.standard_error_e.hypot(ratio * below.standard_error_e) / below.electrons;
+        let times = if above.exposure_s > 0.0 && below.exposure_s > 0.0 {
+            below.exposure_s / above.exposure_s
+        } else {
+            1.0
+        };
+        let ratio = times * above.electrons / below.electrons;
+        let error = (times * above.standard_error_e).hypot(ratio * below.standard_error_e) / below.electrons;
         Some(Self { above: above.name(), below: below.name(), ratio, standard_error: error })
     }
 }
@@ -319,6 +327,7 @@ mod tests {
         ChannelSignal {
             frame: frame.into(),
             channel: "mono".into(),
+            exposure_s: 0.01,
             pixels: 100,
             mean_dn: 0.5 * electrons,
             electrons,
@@ -394,5 +403,10 @@ mod tests {
         // sqrt(1² + (0.5 * 4)²) / 100
         assert!((ratio.standard_error - 5f64.sqrt() / 100.0).abs() < 1e-12);
         assert_eq!(SignalRatio::new(&signal("red", 50.0, 1.0), &signal("green", 3.0, 4.0)), None);
+        // Twice the time for the one above: half the ratio, half the part of its error.
+        let longer = ChannelSignal { exposure_s: 0.02, ..signal("red", 50.0, 1.0) };
+        let ratio = SignalRatio::new(&longer, &signal("green", 100.0, 4.0)).unwrap();
+        assert!((ratio.ratio - 0.25).abs() < 1e-12);
+        assert!((ratio.standard_error - 0.5f64.hypot(1.0) / 100.0).abs() < 1e-12);
     }
 }

@@ -44,9 +44,11 @@ pub(super) fn channel_analysis(measured: &Measured<'_>) -> Result<SignalSummary,
         }
         let k = frame.raw.dn_per_electron;
         let noise = noise_of(&frame.developed, k, &study.develop, sensor);
-        summary.signals.extend(ChannelSignal::of_frame(&frame.developed, region, &noise, k));
+        let of_frame = [k, frame.raw.exposure_s];
+        summary.signals.extend(ChannelSignal::of_frame(&frame.developed, region, &noise, of_frame));
     }
-    if let Some(strongest) = summary.signals.iter().max_by(|a, b| a.electrons.total_cmp(&b.electrons)) {
+    let rate = |signal: &ChannelSignal| signal.electrons / signal.exposure_s;
+    if let Some(strongest) = summary.signals.iter().max_by(|a, b| rate(a).total_cmp(&rate(b))) {
         let others = summary.signals.iter().filter(|signal| *signal != strongest);
         summary.ratios = others.filter_map(|signal| SignalRatio::new(signal, strongest)).collect();
     }
