@@ -12,7 +12,7 @@ use super::error::{ExperimentError, Step, steps};
 use super::fit::{check, complete};
 use super::format_version::check_format;
 use super::merge::merge;
-use super::scene_change::{Edit, SceneChange, apply_change};
+use super::scene_change::{Edit, SceneChange, apply_change, apply_unset};
 use super::schema::ExperimentFile;
 use super::shape::Schema;
 use crate::preset;
@@ -29,7 +29,7 @@ pub struct Experiment {
     pub(super) document: Document,
 }
 
-/// Reads an experiment: text, base experiments, then overrides such as `light.blue.strength.power_mw=20`.
+/// Reads an experiment: text, base experiments, then overrides such as `light.blue.strength.power_mw=20` or `unset analysis`.
 ///
 /// `source_name` is how messages call the text. Relative paths in the text, in overrides and in the name of a base
 /// file start at `base_dir`.
@@ -88,7 +88,7 @@ pub(super) fn read_document(
     base_dir: &Path,
     overrides: &[String],
 ) -> Result<Document, ExperimentError> {
-    let changes = overrides.iter().map(|text| SceneChange::read_set(text)).collect::<Result<Vec<_>, _>>();
+    let changes = overrides.iter().map(|text| SceneChange::read(text)).collect::<Result<Vec<_>, _>>();
     let mut document = read_merged(schema, text, source_name, base_dir)?;
     change_document(&mut document, schema, &changes?, base_dir)?;
     finish_document(&mut document, schema)?;
@@ -142,6 +142,11 @@ pub(super) fn change_document(
             document.error(&steps!["base"], "a base can't be set by an override; write it into the file")
         );
     }
+    if document.root.get("unset").is_some() && has_unset(schema) {
+        return Err(
+            document.error(&steps!["unset"], "a list can't be set by an override; write --unset PATH")
+        );
+    }
     Ok(edits)
 }
 
@@ -176,10 +181,38 @@ fn spell_out_mosaic(document: &mut Document) -> Result<(), ExperimentError> {
     Ok(())
 }
 
+/// Whether files of a kind may take away what their base says.
+fn has_unset(schema: &Schema) -> bool {
+    schema.table(schema.root()).is_some_and(|table| table.field(None, "unset").is_some())
+}
+
 /// Loads the base of a document, and the base of that, and puts each below what it is the base of.
 fn put_on_bases(document: &mut Document, schema: &Schema, base_dir: &Path) -> Result<(), ExperimentError> {
+    let mut above = load_bases(document, schema, base_dir)?;
+    if document.root.get("unset").is_some() && has_unset(schema) {
+        let message =
+            "this takes away what a base says, and the file has no base; leave the sections out instead";
+        return Err(document.error(&steps!["unset"], message).without_value());
+    }
+    while let Some(mut over) = above.pop() {
+        if let Some(unset) = over.take("unset") {
+            apply_unset(document, schema, &unset)?;
+        }
+        keep_to_what_holds(&mut document.root, |key| over.get(key).is_some());
+        merge(schema, Some(schema.root()), &mut document.root, over);
+    }
+    Ok(())
+}
+
+/// Loads the chain of bases of a document: the lowest becomes the root, those above are returned, the topmost first.
+fn load_bases(
+    document: &mut Document,
+    schema: &Schema,
+    base_dir: &Path,
+) -> Result<Vec<Node>, ExperimentError> {
     let mut folder = base_dir.to_path_buf();
     let mut seen: Vec<PathBuf> = Vec::new();
+    let mut above = Vec::new();
     while let Some(node) = document.root.get("base").cloned() {
         let Some(name) = node.as_str().map(String::from) else {
             return Err(
@@ -217,12 +250,9 @@ fn put_on_bases(document: &mut Document, schema: &Schema, base_dir: &Path) -> Re
         check_format(schema, &base, &source)?;
         document.sources.push(source);
         document.root.take("base");
-        let mut base = base;
-        keep_to_what_holds(&mut base, |key| document.root.get(key).is_some());
-        let over = std::mem::replace(&mut document.root, base);
-        merge(schema, Some(schema.root()), &mut document.root, over);
+        above.push(std::mem::replace(&mut document.root, base));
     }
-    Ok(())
+    Ok(above)
 }
 
 fn read_text(file: &Path) -> Result<String, String> {

@@ -50,6 +50,19 @@ impl SceneChange {
         Ok(Self::Set { path, value })
     }
 
+    /// The change that an override asks for: `PATH=VALUE`, or `unset PATH`.
+    ///
+    /// # Errors
+    /// No `=`, nothing before it, or a value to be unset.
+    pub fn read(text: &str) -> Result<Self, ExperimentError> {
+        let Some(path) = text.strip_prefix(UNSET) else { return Self::read_set(text) };
+        let source = overriding(text.into(), 0, None);
+        match ScenePath::read(path, &source)?.1 {
+            Some(_) => Err(source.error("what is unset has no value; write unset section.field")),
+            None => Ok(Self::Delete { path: path.trim().into() }),
+        }
+    }
+
     /// The change that inserts `PATH=VALUE`.
     ///
     /// # Errors
@@ -59,6 +72,9 @@ impl SceneChange {
         Ok(Self::Insert { path, value })
     }
 }
+
+/// What precedes a path that is taken away, in an override.
+const UNSET: &str = "unset ";
 
 impl fmt::Display for SceneChange {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -117,7 +133,7 @@ pub(super) fn apply_change(
     let edits = match change {
         SceneChange::Set { path, value } => plan.set(path, value)?,
         SceneChange::Insert { path, value } => plan.insert(path, value)?,
-        SceneChange::Delete { path } => plan.delete(path)?,
+        SceneChange::Delete { path } => plan.delete(path, "here")?,
     };
     // A mistake of what is set is one of the change; of several places, those below the first.
     if let Some(Edit::Put { path, .. }) = edits.last() {
@@ -128,6 +144,57 @@ pub(super) fn apply_change(
         apply_edit(document, schema, edit);
     }
     Ok(edits)
+}
+
+/// Takes away from the bases below a file what its `unset` names, a list of paths.
+///
+/// # Errors
+/// Something else than a list of texts, paths that name nothing there.
+pub(super) fn apply_unset(
+    document: &mut Document,
+    schema: &Schema,
+    unset: &Node,
+) -> Result<(), ExperimentError> {
+    let source = document.sources[unset.origin.source].clone();
+    let index = unset.origin.source;
+    // The list is in no tree any more: its place is put into words here.
+    let at_line = |line: usize, value: Option<String>, message: String| {
+        let mut error = source.error(message);
+        error.0.line = source.has_lines().then_some(line);
+        (error.0.field, error.0.value) = (Some("unset".into()), value);
+        error
+    };
+    let expected = r#"expected a list of paths, for instance ["light.white", "analysis"]"#;
+    let Content::Array(items) = &unset.content else {
+        return Err(at_line(unset.origin.line, None, expected.into()));
+    };
+    for item in items {
+        let line = item.origin.line;
+        let path = item.as_str().ok_or_else(|| at_line(line, None, expected.into()))?;
+        let plan = Plan { root: &document.root, schema, source: &source, index };
+        let edits = plan.delete(path, "in the base");
+        let quoted = toml::Value::String(excerpt(path)).to_string();
+        let edits = edits.map_err(|error| at_line(line, Some(quoted), error.details().message.clone()))?;
+        edits.iter().for_each(|edit| apply_edit(document, schema, edit));
+    }
+    Ok(())
+}
+
+/// What a person may have meant by a path that leads nowhere: the names beside its first step that is not there.
+fn names_beside(root: &Node, path: &[Step]) -> String {
+    let mut node = root;
+    for step in path {
+        match (node.step(step), step, &node.content) {
+            (Some(inner), _, _) => node = inner,
+            (None, Step::Key(key), Content::Table(entries)) if !entries.is_empty() => {
+                let names: Vec<&str> = entries.iter().map(|(name, _)| name.as_str()).collect();
+                let known: Vec<String> = names.iter().map(|name| excerpt(name)).collect();
+                return format!("{} There: {}", did_you_mean(key, names.iter().copied()), known.join(", "));
+            }
+            _ => break,
+        }
+    }
+    String::new()
 }
 
 /// Finds out what a change comes to.
@@ -299,7 +366,8 @@ impl Plan<'_> {
         self.schema.items(shape).is_some()
     }
 
-    fn delete(&self, path: &str) -> Result<Vec<Edit>, ExperimentError> {
+    /// Removes what a path names; `whence` ends the words "there is no ...".
+    fn delete(&self, path: &str, whence: &str) -> Result<Vec<Edit>, ExperimentError> {
         let ScenePath { part, steps } = self.path(path)?;
         let mut found = match part {
             None => self.find(&steps)?,
@@ -308,9 +376,11 @@ impl Plan<'_> {
                 places_of_parts(self, &parts, &steps)?
             }
         };
+        let first = found.first().cloned().unwrap_or_default();
         found.retain(|path| path.iter().try_fold(self.root, |node, step| node.step(step)).is_some());
         if found.is_empty() {
-            let message = format!("there is no `{}` to delete", excerpt(path));
+            let beside = names_beside(self.root, &first);
+            let message = format!("there is no `{}` {whence}{beside}", excerpt(path));
             return Err(self.source.error(message));
         }
         // From the end, so that the numbers of the entries before stay right.

@@ -8,6 +8,7 @@ use super::document::{Content, Document, Node, TextSource};
 use super::error::{ExperimentError, Step};
 use super::read::{change_document, experiment_schema, parse, read_merged};
 use super::scene_change::{Edit, SceneChange};
+use super::scene_path::step_text;
 use super::shape::Schema;
 
 /// The text of an experiment file after some changes. Everything that they do not touch stays as it was typed. Files of base
@@ -44,7 +45,7 @@ pub fn edit_experiment(
     Ok(text)
 }
 
-/// Entries that come from a base and are no longer wanted get `remove = true`.
+/// What comes from a base and is no longer wanted: entries get `remove = true`, fields and sections go to `unset`.
 fn remove_from_bases(
     edited: &mut DocumentMut,
     schema: &Schema,
@@ -57,35 +58,73 @@ fn remove_from_bases(
     }
     let now = read_merged(schema, &edited.to_string(), source_name, base_dir)?;
     let mut gone = Vec::new();
-    surplus_entries(&now.root, Some(&wanted.root), &mut Vec::new(), &mut gone);
+    surplus_entries(&now.root, &wanted.root, &mut Vec::new(), &mut gone);
     for (list, name) in gone {
         let mut entry = Table::new();
         entry.insert("name", Item::Value(name.into()));
         entry.insert("remove", Item::Value(true.into()));
         append(edited.as_table_mut(), &list, entry);
     }
+    let mut unset = Vec::new();
+    surplus_fields(&now.root, &wanted.root, &mut Vec::new(), &mut unset);
+    if unset.is_empty() {
+        return Ok(());
+    }
+    let list = edited.entry("unset").or_insert_with(|| Item::Value(Value::Array(Array::new())));
+    let Some(list) = list.as_array_mut() else { return Ok(()) };
+    for path in unset {
+        if !list.iter().any(|known| known.as_str() == Some(&path)) {
+            list.push(path);
+        }
+    }
     Ok(())
 }
 
-/// Named entries of lists of a tree that another tree lacks: the list, and the name.
+/// Paths of fields and sections of a tree that another tree lacks; entries of lists are matched by their names.
+fn surplus_fields(now: &Node, wanted: &Node, path: &mut Vec<String>, found: &mut Vec<String>) {
+    let Content::Table(entries) = &now.content else { return };
+    for (key, inner) in entries {
+        path.push(step_text(key));
+        match (wanted.get(key), &inner.content) {
+            (None, _) => found.push(path.join(".")),
+            (Some(other), Content::Array(items)) => {
+                for item in items {
+                    let Some(name) = item.name() else { continue };
+                    let Content::Array(others) = &other.content else { continue };
+                    if let Some(other) = others.iter().find(|other| other.name() == Some(name)) {
+                        path.push(step_text(name));
+                        surplus_fields(item, other, path, found);
+                        path.pop();
+                    }
+                }
+            }
+            (Some(other), _) => surplus_fields(inner, other, path, found),
+        }
+        path.pop();
+    }
+}
+
+/// Named entries of the lists that two trees have, which the second one lacks: the list, and the name.
 fn surplus_entries(
     now: &Node,
-    wanted: Option<&Node>,
+    wanted: &Node,
     path: &mut Vec<String>,
     found: &mut Vec<(Vec<String>, String)>,
 ) {
     match &now.content {
         Content::Table(entries) => {
             for (key, inner) in entries {
+                // A list that goes as a whole is a field that goes.
+                let Some(wanted) = wanted.get(key) else { continue };
                 path.push(key.clone());
-                surplus_entries(inner, wanted.and_then(|node| node.get(key)), path, found);
+                surplus_entries(inner, wanted, path, found);
                 path.pop();
             }
         }
         Content::Array(items) => {
             let names = items.iter().filter_map(Node::name);
-            let is_wanted = |name: &str| match wanted.map(|node| &node.content) {
-                Some(Content::Array(items)) => items.iter().any(|item| item.name() == Some(name)),
+            let is_wanted = |name: &str| match &wanted.content {
+                Content::Array(items) => items.iter().any(|item| item.name() == Some(name)),
                 _ => false,
             };
             found.extend(names.filter(|name| !is_wanted(name)).map(|name| (path.clone(), name.to_string())));
@@ -204,7 +243,7 @@ fn put(table: &mut dyn TableLike, after: &Node, path: &[Step], value: &toml::Val
 
 /// Whether a key of a text is not wanted any more. What only texts say, and no merged tree, stays.
 fn is_gone(after: &Node, key: &str) -> bool {
-    after.get(key).is_none() && !["base", "remove"].contains(&key)
+    after.get(key).is_none() && !["base", "remove", "unset"].contains(&key)
 }
 
 fn is_container(item: Option<&Item>, rest: &[Step]) -> bool {

@@ -77,6 +77,10 @@ pub struct ExperimentFile {
     /// merged key by key, lists entry by entry by `name`; `remove = true` in an entry removes it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub base: Option<String>,
+    /// Paths of what the base says and this file does not want: sections, entries, fields, as in `["light.white", "analysis"]`. They are
+    /// taken away before this file is put on top. Default: none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub unset: Vec<String>,
     /// Wavelengths.
     #[serde(default)]
     pub spectral: SpectralSection,

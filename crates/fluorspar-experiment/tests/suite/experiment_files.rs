@@ -102,6 +102,52 @@ fn an_alternative_replaces_what_the_base_says() {
     assert_eq!(experiment.study.scene.grid.len(), 3);
 }
 
+/// A monochrome camera, and a scene without its second light, on the default experiment: nothing of it is copied.
+#[test]
+fn what_a_base_says_can_be_unset() {
+    let text = "format = 1\nbase = \"oraleye-2021\"\nunset = [\"light.white\", \"capture.white\", \"sensor.columns\", \
+                \"sensor.rows\", \"analysis\", \"capture.*.subtract\"]\n[sensor]\npreset = \"monochrome_3_45um\"\n\
+                [analysis]\nrectangle_px = [0, 0, 9, 9]\nframe = \"blue\"\n";
+    let file = parse(text, "mine.toml", Path::new("."), &[]).unwrap().file;
+    let names = |list: Vec<&str>| list.join(" ");
+    assert_eq!(names(file.light.iter().map(|light| light.name.as_str()).collect()), "blue");
+    assert_eq!(names(file.capture.iter().map(|capture| capture.name.as_str()).collect()), "ambient blue");
+    assert!(file.capture.iter().all(|capture| capture.subtract.is_none()) && file.unset.is_empty());
+    // What the file says itself stays, and nothing of the base is left below it.
+    let analysis = file.analysis.unwrap();
+    assert_eq!((analysis.parts.len(), analysis.rectangle_px), (0, Some([0, 0, 9, 9])));
+    // The same by an override, which goes on top of everything.
+    let over = ["unset light.white", "unset capture.white", "unset analysis"].map(String::from);
+    let other = parse("format = 1\nbase = \"oraleye-2021\"\n", "mine.toml", Path::new("."), &over).unwrap();
+    assert_eq!((other.file.light.len(), other.file.analysis), (1, None));
+    assert_eq!(other.file.title, "OralEye 2021: an open mouth, changed");
+}
+
+#[test]
+fn each_file_of_a_chain_of_bases_unsets_what_lies_below_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let middle = "format = 1\nbase = \"flat-patch\"\nunset = [\"capture.ambient\", \"capture.blue.subtract\"]\n\
+                  [[capture]]\nname = \"long\"\nexposure_ms = 90.0\n";
+    fs::write(folder.path().join("middle.toml"), middle).unwrap();
+    let read = |text: &str| {
+        parse(&format!("format = 1\nbase = \"middle.toml\"\n{text}"), "top.toml", folder.path(), &[])
+    };
+    let names = |text: &str| {
+        let file = read(text).unwrap().file;
+        file.capture.into_iter().map(|capture| capture.name).collect::<Vec<_>>().join(" ")
+    };
+    assert_eq!(names(""), "blue long");
+    // Of the file in the middle, and of the lowest one.
+    assert_eq!(names("unset = [\"capture.long\"]"), "blue");
+    assert_eq!(names("unset = [\"capture.blue\", \"analysis\"]"), "long");
+    // What the file in the middle took away is not there any more; what it named itself is found with its line.
+    let said = read("unset = [\"capture.ambient\"]").unwrap_err().to_string();
+    assert!(
+        said.starts_with("top.toml:3: unset = \"capture.ambient\": there is no capture \"ambient\""),
+        "{said}"
+    );
+}
+
 #[test]
 fn overrides_reach_every_value() {
     let experiment = resolved(

@@ -209,7 +209,7 @@ fn entries_come_and_go_and_variants_change() {
         (insert("title.x", "{ a = 1 }"), "title"),
         (insert("light.other", "3"), "an entry is a table"),
         (insert("light.*", "{ a = 1 }"), "write LIST.NAME"),
-        (delete("light.lamp.filters"), "there is no `light.lamp.filters` to delete"),
+        (delete("light.lamp.filters"), "there is no `light.lamp.filters` here"),
         (delete("light.lamb"), "did you mean \"lamp\"?"),
         (set("render.width_px", "-3"), "render.width_px = -3"),
     ];
@@ -242,10 +242,13 @@ fn changes_on_a_base_say_only_what_differs() {
     assert!(new.len() < 1000, "{new}");
     let gone = edited(text, &[delete("capture.white"), set("analysis.further_frames", "[]")]);
     assert!(gone.contains("name = \"white\"\nremove = true"), "{gone}");
-    // A single value of a base can't be unsaid.
-    let said = edit_experiment(text, "mine.toml", Path::new("."), &[delete("capture.blue.exposure_ms")]);
-    let said = said.map(|_| String::new()).unwrap_or_else(|error| error.to_string());
-    assert!(said.is_empty() || said.contains("comes from the base"), "{said}");
+    // Fields and sections of a base are unset, and may be set again on top.
+    let gone = edited(text, &[delete("capture.blue.subtract"), delete("analysis"), delete("safety")]);
+    assert!(gone.contains(r#"unset = ["capture.blue.subtract", "analysis", "safety"]"#), "{gone}");
+    let back = edited(&gone, &[set("analysis", r#"{ frame = "blue" }"#)]);
+    assert!(back.contains(r#""analysis", "safety"]"#) && back.contains("frame = \"blue\""), "{back}");
+    let list = edited(text, &[delete("analysis"), delete("capture")]);
+    assert!(list.contains(r#"unset = ["analysis", "capture"]"#) && !list.contains("remove"), "{list}");
 }
 
 #[test]
