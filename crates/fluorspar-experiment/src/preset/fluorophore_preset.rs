@@ -55,6 +55,33 @@ pub struct FluorophoreFit {
     pub note: String,
 }
 
+/// What is published of a dye whose amount has a unit: one unit of concentration is 1 umol/l through 1 mm.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PublishedDye {
+    /// What it is dissolved in or bound to.
+    pub medium: String,
+    /// Where it absorbs most, nm.
+    pub excitation_peak_nm: f64,
+    /// Where it emits most photons per nm, nm.
+    pub emission_peak_nm: f64,
+    /// Photons emitted per photon absorbed, 0 to 1.
+    pub quantum_yield: f64,
+    /// Decadic molar absorption at its peak, l/(mol cm).
+    pub molar_absorption_per_m_cm: f64,
+}
+
+impl PublishedDye {
+    /// Photons out per photon in of a thin layer of one unit of concentration, all of its light to the front:
+    /// `quantum yield (1 - 10^(-A))` with the absorbance `A` of 1 umol/l through 1 mm.
+    pub fn photon_yield(&self) -> f64 {
+        const MOL_PER_L: f64 = 1e-6;
+        const PATH_CM: f64 = 0.1;
+        let absorbance = self.molar_absorption_per_m_cm * MOL_PER_L * PATH_CM;
+        self.quantum_yield * (1.0 - 10_f64.powf(-absorbance))
+    }
+}
+
 /// A fluorophore of the catalogue.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -80,6 +107,9 @@ pub struct FluorophorePreset {
     pub stokes: Stokes,
     /// Fields that are assumed rather than measured.
     pub assumed: Vec<String>,
+    /// What is published of a dye.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub published: Option<PublishedDye>,
     /// How the model was fitted.
     pub fit: FluorophoreFit,
     /// The model: a sum of products of bands.
@@ -127,6 +157,11 @@ pub fn fluorophore(name: &str) -> Result<FluorophorePreset, PresetError> {
         if !(200.0..to).contains(&from) || to > 1000.0 {
             return fault(format!("{field} = [{from}, {to}]"));
         }
+    }
+    if let Some(dye) = &preset.published
+        && !((0.0..=1.0).contains(&dye.quantum_yield) && dye.molar_absorption_per_m_cm > 0.0)
+    {
+        return fault(format!("published = {dye:?}"));
     }
     if preset.terms.is_empty() {
         return fault("it has no terms".into());

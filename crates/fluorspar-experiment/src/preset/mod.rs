@@ -34,7 +34,7 @@ pub use curve_preset::{
     CurveFit, CurvePreset, CurveQuantity, QuantumEfficiencyPreset, filter, light_spectrum,
     quantum_efficiency, reflectance, reflectance_curves,
 };
-pub use fluorophore_preset::{FluorophoreFit, FluorophoreMask, FluorophorePreset, fluorophore};
+pub use fluorophore_preset::{FluorophoreFit, FluorophoreMask, FluorophorePreset, PublishedDye, fluorophore};
 pub use kind::{PresetError, PresetKind};
 pub use lens_preset::{LensError, LoadedLens, glass, is_lens_file, lens, lens_or_file};
 pub use metal_preset::{MetalPreset, metal};

@@ -7,7 +7,8 @@ use super::loading::peaks_nm;
 use crate::commands::table::{ListOptions, short};
 use crate::error::CliError;
 
-const HEAD: [&str; 7] = ["name", "excitation", "emission", "peaks nm", "photon yield", "fit error", "title"];
+const HEAD: [&str; 8] =
+    ["name", "excitation", "emission", "peaks nm", "photon yield", "quantum yield", "fit error", "title"];
 
 pub(super) fn run(options: &ListOptions) -> Result<(), CliError> {
     let mut list = Vec::new();
@@ -25,6 +26,7 @@ pub(super) fn run(options: &ListOptions) -> Result<(), CliError> {
             range(preset.emission_range_nm),
             format!("{excitation_nm:.0} > {emission_nm:.0}"),
             short(preset.photon_yield),
+            preset.published.as_ref().map_or_else(|| "-".into(), |dye| format!("{}", dye.quantum_yield)),
             error,
             preset.title.clone(),
         ]);
@@ -38,8 +40,9 @@ pub(super) fn run(options: &ListOptions) -> Result<(), CliError> {
             "excitation_peak_nm": excitation_nm,
             "emission_peak_nm": emission_nm,
             "photon_yield": preset.photon_yield,
+            "quantum_yield": preset.published.as_ref().map(|dye| dye.quantum_yield),
             "relative_fit_error": (fit.cells > 0).then_some(fit.relative_frobenius),
         }));
     }
-    options.print(&list, &HEAD, rows, &[6])
+    options.print(&list, &HEAD, rows, &[7])
 }

@@ -21,7 +21,7 @@ pub(super) struct Options {
     name: String,
     #[command(flatten)]
     file: FileOptions,
-    /// Print it as JSON.
+    /// Print the answer as JSON.
     #[arg(long)]
     json: bool,
 }
@@ -162,6 +162,15 @@ fn describe_preset(preset: &FluorophorePreset, say: &mut impl FnMut(&str, String
         "photon yield",
         format!("{} at the best excitation, concentration 1{}", preset.photon_yield, assumed("photon_yield")),
     );
+    if let Some(dye) = &preset.published {
+        say("medium", dye.medium.clone());
+        say("quantum yield", format!("{} photons out per photon absorbed", dye.quantum_yield));
+        say(
+            "absorption",
+            format!("{} l/(mol cm) at {} nm", dye.molar_absorption_per_m_cm, dye.excitation_peak_nm),
+        );
+        say("concentration", "1 is 1 umol/l through 1 mm, a thin layer".into());
+    }
     let fit = &preset.fit;
     if fit.cells == 0 {
         say("fit", "none: a model".into());
