@@ -32,7 +32,14 @@ fn camera(study: &Study) -> CameraResponse {
 fn spectra(study: &Study, light: &Curve) -> MixtureSpectra {
     let analysis = study.analysis.as_ref().unwrap();
     let scene = &study.scene;
-    MixtureSpectra::new(&scene.fluorophores, &analysis.bulk, &analysis.porphyrin, &scene.grid, light).unwrap()
+    MixtureSpectra::new(
+        &scene.fluorophores,
+        &analysis.bulk,
+        analysis.porphyrin.as_ref().unwrap(),
+        &scene.grid,
+        light,
+    )
+    .unwrap()
 }
 
 /// One unit of bulk with 0.1 units of porphyrin.

@@ -107,7 +107,7 @@ pub(crate) fn study() -> Result<Study, Box<dyn Error>> {
         compared: None,
         targets: Vec::new(),
         wanted_d_prime: AnalysisPlan::WANTED_D_PRIME,
-        porphyrin: "protoporphyrin_ix".into(),
+        porphyrin: Some("protoporphyrin_ix".into()),
         bulk: bulk.map(|(name, amount)| ((*name).into(), *amount)).collect(),
         fluorophores: scene.fluorophores.clone(),
         further_frames: Vec::new(),

@@ -284,7 +284,10 @@ pub(super) fn analysis(
         }
         absent.index(context, at, &file.fluorophore, name).map(|_| ())
     };
-    note(context, &at("porphyrin"), &section.porphyrin)?;
+    let porphyrin = Some(&section.porphyrin).filter(|name| *name != NO_SHARE);
+    if let Some(name) = porphyrin {
+        note(context, &at("porphyrin"), name)?;
+    }
     let bulk = bulk(context, file, section, seen)?;
     for (name, amount) in &bulk {
         let at = steps!["analysis", "bulk", name];
@@ -303,7 +306,7 @@ pub(super) fn analysis(
         compared,
         targets,
         wanted_d_prime: section.wanted_d_prime,
-        porphyrin: section.porphyrin.clone(),
+        porphyrin: porphyrin.cloned(),
         further_frames: further_frames(context, section, &labels)?,
         tissue: tissue_prior(context, file, section, seen)?,
         line_ends: line_ends(file, section, seen),
@@ -312,6 +315,9 @@ pub(super) fn analysis(
         noise_threshold: section.noise_threshold,
     }))
 }
+
+/// Name in place of a fluorophore where no share is asked for.
+const NO_SHARE: &str = "none";
 
 /// Captures that enter the estimate of a tissue family beside the analyzed one.
 fn further_frames(
@@ -353,6 +359,7 @@ fn tissue_prior(
     let library_error =
         context.within(&steps!["analysis", "library_error"], section.library_error, [0.0, 1.0], "")?;
     let site = match &section.tissue {
+        _ if section.porphyrin == NO_SHARE => return Ok(None),
         Some(name) if name == "none" => return Ok(None),
         Some(name) => {
             let (tissues, fluorophores) = (&file.tissue, &file.fluorophore);

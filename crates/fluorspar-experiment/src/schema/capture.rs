@@ -149,7 +149,7 @@ pub struct AnalysisSection {
     /// Two regions of the sensor whose pixels are compared: how well the frames tell them apart. Default: none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub compared_px: Option<[RegionReference; 2]>,
-    /// Fluorophore whose share is estimated. Default "protoporphyrin_ix".
+    /// Fluorophore whose share is estimated; "none" for no such estimate. Default "protoporphyrin_ix".
     #[serde(default = "porphyrin")]
     pub porphyrin: String,
     /// Fluorophores that form the bulk of the tissue: the name of a material, whose fluorophores count without the

@@ -117,12 +117,13 @@ impl<'a> Words<'a> {
     /// The fluorophore whose share is estimated: "porphyrin" for all kinds of it, else its title.
     pub(super) fn target(&self) -> String {
         let Some(analysis) = &self.experiment.study.analysis else { return "porphyrin".into() };
-        if analysis.porphyrin.contains("porphyrin") {
+        let name = analysis.porphyrin.as_deref().unwrap_or("porphyrin");
+        if name.contains("porphyrin") {
             return "porphyrin".into();
         }
         let fluorophores = &self.experiment.study.scene.fluorophores;
-        let found = fluorophores.iter().find(|f| f.name == analysis.porphyrin);
-        found.map_or_else(|| analysis.porphyrin.replace('_', " "), |f| f.title.clone())
+        let found = fluorophores.iter().find(|f| f.name == name);
+        found.map_or_else(|| name.replace('_', " "), |f| f.title.clone())
     }
 
     /// A text about porphyrin as one about the fluorophore that is looked for.

@@ -90,11 +90,11 @@ pub fn analyze_seen(
         .map_err(crate::analysis::AnalysisError::from)?;
     let light = frame_light(study, capture, scene.map(|scene| (scene, &region)));
     let mut model = mixture_model(study, sensor, capture, light.as_ref(), settings);
-    let emitted = match components {
-        Some(components) => {
-            region_light(study, components, capture, &settings.porphyrin, frame.raw.exposure_s, &region)?
+    let emitted = match (components, &settings.porphyrin) {
+        (Some(components), Some(porphyrin)) => {
+            region_light(study, components, capture, porphyrin, frame.raw.exposure_s, &region)?
         }
-        None => None,
+        _ => None,
     };
     if let (Some(model), Some(emitted), LineEnds::Scene) = (&mut model, &emitted, settings.line_ends) {
         model.ends = line_ends(model, emitted);
@@ -238,6 +238,7 @@ fn mixture_model(
     light: Option<&Curve>,
     settings: &AnalysisPlan,
 ) -> Option<MixtureModel> {
+    let porphyrin = settings.porphyrin.clone()?;
     let (lens, light) = (study.camera.lens_behind_filters()?, light?);
     let grid = &study.scene.grid;
     let transmittance = behind_filter(&lens, capture).transmittance_on(grid);
@@ -257,10 +258,5 @@ fn mixture_model(
             Some(FluorophoreResponse { name: fluorophore.name.clone(), rgb_per_amount })
         })
         .collect();
-    Some(MixtureModel {
-        responses,
-        bulk_weights: settings.bulk.clone(),
-        porphyrin: settings.porphyrin.clone(),
-        ends: None,
-    })
+    Some(MixtureModel { responses, bulk_weights: settings.bulk.clone(), porphyrin, ends: None })
 }

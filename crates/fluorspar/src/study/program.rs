@@ -169,8 +169,8 @@ pub struct AnalysisPlan {
     pub polygon: Option<Polygon>,
     /// Mask of the raw image that the region lies in.
     pub mask: Option<PixelMask>,
-    /// Name of the porphyrin.
-    pub porphyrin: String,
+    /// Name of the porphyrin, or of another fluorophore whose share is estimated; `None` where no share is asked for.
+    pub porphyrin: Option<String>,
     /// Two regions of the sensor whose pixels are compared.
     pub compared: Option<[RegionOfInterest; 2]>,
     /// Fluorophores that form the bulk, with their amounts.
