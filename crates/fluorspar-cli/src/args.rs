@@ -6,11 +6,10 @@ use clap::{Parser, Subcommand, ValueEnum, ValueHint};
 use clap_complete::Shell;
 
 use crate::commands::{
-    analyze, capture, check, denoise, describe, design, filter, fluorophore, lens, merge, mouth, plot,
+    analyze, capture, check, denoise, describe, design, filter, fluorophore, lens, merge, mouth, new, plot,
     predict, presets, render, run, safety, scene, schema, sensor, sheet, spectra, spectroradiometer, tissue,
     validate,
 };
-use crate::message::Messages;
 use crate::values::{self, Override};
 
 /// How the program can end.
@@ -33,6 +32,9 @@ pub(crate) struct Args {
     /// Print warnings with every name and number instead of one line for each.
     #[arg(long, short, global = true)]
     pub(crate) verbose: bool,
+    /// Print no progress, no warnings and no list of what was written; answers and errors stay.
+    #[arg(long, short, global = true)]
+    pub(crate) quiet: bool,
     /// Make meshes of mouths and the like anew, and keep none for the next time.
     #[arg(long, global = true)]
     pub(crate) no_cache: bool,
@@ -44,6 +46,8 @@ pub(crate) struct Args {
 pub(crate) enum Command {
     /// Run an experiment from scene to report.
     Run(run::Options),
+    /// Write a commented file to start from: a mouth, a leaf, a cuvette, a painting, your camera.
+    New(new::Options),
     /// List, get, set, convert and view what a scene holds, by name.
     Scene(scene::Options),
     /// Render the spectral radiance of a scene, every band kept.
@@ -142,7 +146,7 @@ pub(crate) struct ExperimentArgs {
     /// Maximum path depth (surface interactions); 1 is direct light only.
     #[arg(long, value_name = "D", value_parser = values::whole::<u32, 1, 1000>, allow_negative_numbers = true)]
     pub(crate) depth: Option<u32>,
-    /// Stop sampling a tile once its relative error is below E; --spp is the maximum.
+    /// Stop once the relative error of a tile is below E; --spp is the maximum.
     #[arg(long, value_name = "E", value_parser = values::number, allow_negative_numbers = true)]
     pub(crate) error: Option<f64>,
     /// Keep half-buffers and variance in component images.
@@ -188,11 +192,16 @@ pub(crate) struct Changes {
     /// Change one value, for instance `--set capture.blue.exposure_ms=15`. May be repeated.
     #[arg(long = "set", value_name = "PATH=VALUE")]
     pub(crate) set: Vec<String>,
+    /// Take away one value, entry or section, for instance `--unset analysis`, before --set. May be repeated.
+    #[arg(long, value_name = "PATH")]
+    pub(crate) unset: Vec<String>,
 }
 
 impl Changes {
+    /// What is taken away, then what is set.
     pub(crate) fn overrides(&self) -> Vec<Override> {
-        self.set.iter().map(|text| Override::set(text)).collect()
+        let unset = self.unset.iter().map(|path| Override::unset(path));
+        unset.chain(self.set.iter().map(|text| Override::set(text))).collect()
     }
 }
 
@@ -211,22 +220,12 @@ impl Seed {
     }
 }
 
-/// Verbosity of a command.
+/// The form of an answer.
 #[derive(Clone, Debug, Default, clap::Args)]
-pub(crate) struct Talk {
-    /// Print no progress, no warnings and no summary.
-    #[arg(long, short)]
-    pub(crate) quiet: bool,
-    /// Print the results as JSON on standard output.
+pub(crate) struct Answer {
+    /// Print the answer as JSON.
     #[arg(long)]
     pub(crate) json: bool,
-}
-
-impl Talk {
-    /// What is said on standard error.
-    pub(crate) fn messages(&self) -> Messages {
-        Messages::unless(self.quiet)
-    }
 }
 
 /// A folder for results.

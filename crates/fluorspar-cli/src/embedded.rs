@@ -12,7 +12,7 @@ use crate::args::Args;
 use crate::error::{CliError, FAILED, STOPPED, WRONG_INPUT};
 use crate::experiment_source::ExperimentSource;
 use crate::interrupt::STOP;
-use crate::message::with_answers_kept;
+use crate::message::{be_quiet, with_answers_kept};
 
 /// What a command answered.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -57,6 +57,7 @@ pub fn answer_of(args: impl IntoIterator<Item = OsString>) -> Result<CommandAnsw
         let message = "--threads, --verbose and --no-cache are options of the program, not of a command within another one";
         return Err(CommandFailure { code: WRONG_INPUT, message: message.into() });
     }
+    be_quiet(args.quiet);
     // A time limit of an earlier command has stopped that one
     stop(false);
     let (ended, text) = with_answers_kept(|| crate::run_command(args.command.unwrap_or_default()));

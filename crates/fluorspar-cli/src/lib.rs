@@ -115,6 +115,7 @@ fn run(args: Args) -> Result<ExitCode, CliError> {
     if args.verbose {
         message::be_verbose();
     }
+    message::be_quiet(args.quiet);
     interrupt::catch_interrupts();
     surroundings(!args.no_cache)?;
     run_command(args.command.unwrap_or_default())
@@ -158,6 +159,7 @@ fn run_command(command: Command) -> Result<ExitCode, CliError> {
         Command::Validate(options) => commands::validate::run(&options),
         Command::Presets(options) => commands::presets::run(&options),
         Command::Check(options) => commands::check::run(&options),
+        Command::New(options) => commands::new::run(&options),
         Command::Scene(options) => commands::scene::run(&options),
         Command::Schema(options) => commands::schema::run(&options),
         Command::Completions { shell } => commands::completions::run(shell),

@@ -5,7 +5,7 @@
 //! disk is full, is dropped. Answers are data (`--json`, lists, texts): where their reader has gone the rest is dropped,
 //! too, but a disk without room for them is an error.
 
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 use std::fmt::Display;
 use std::io::{self, ErrorKind, Write};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -14,6 +14,11 @@ use fluorspar_experiment::Warning;
 
 /// Whether warnings are said in full.
 static VERBOSE: AtomicBool = AtomicBool::new(false);
+thread_local! {
+    /// Whether the command of this thread says nothing but its answer and errors.
+    static QUIET: Cell<bool> = const { Cell::new(false) };
+}
+
 /// Whether the way to the whole warnings was told.
 static HINTED: AtomicBool = AtomicBool::new(false);
 
@@ -28,11 +33,20 @@ pub(crate) enum Messages {
     Full,
 }
 
-/// What a command says that has no `--quiet`.
+/// What `--quiet` and `--verbose` select.
 impl Default for Messages {
     fn default() -> Self {
-        Self::unless(false)
+        match QUIET.get() {
+            true => Self::Quiet,
+            false if VERBOSE.load(Ordering::Relaxed) => Self::Full,
+            false => Self::Short,
+        }
     }
+}
+
+/// From here on the command of this thread is quiet, as `--quiet` asks for, or not.
+pub(crate) fn be_quiet(is_quiet: bool) {
+    QUIET.set(is_quiet);
 }
 
 /// From here on warnings are said in full, as `--verbose` asks for.
@@ -41,13 +55,14 @@ pub(crate) fn be_verbose() {
 }
 
 impl Messages {
-    /// What `--quiet` and `--verbose` select.
-    pub(crate) fn unless(quiet: bool) -> Self {
-        match quiet {
-            true => Self::Quiet,
-            false if VERBOSE.load(Ordering::Relaxed) => Self::Full,
-            false => Self::Short,
-        }
+    /// What `--quiet` and `--verbose` select, of a command whose answer may be for a program: nothing then.
+    pub(crate) fn unless(is_for_program: bool) -> Self {
+        if is_for_program { Self::Quiet } else { Self::default() }
+    }
+
+    /// All of the warnings, unless `--quiet`: of a command that is asked for them.
+    pub(crate) fn in_full() -> Self {
+        if Self::default().is_quiet() { Self::Quiet } else { Self::Full }
     }
 
     /// Whether only errors are said.

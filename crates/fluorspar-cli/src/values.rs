@@ -94,7 +94,7 @@ pub(crate) fn check_range(
 /// A change of an experiment or sample, and what was typed for it.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Override {
-    /// `PATH=VALUE`.
+    /// `PATH=VALUE` or `unset PATH`.
     pub(crate) set: String,
     /// The option, where it is not `--set`.
     typed: Option<String>,
@@ -104,6 +104,11 @@ impl Override {
     /// By `--set`.
     pub(crate) fn set(text: &str) -> Self {
         Self { set: text.into(), typed: None }
+    }
+
+    /// By `--unset`.
+    pub(crate) fn unset(path: &str) -> Self {
+        Self { set: format!("unset {path}"), typed: Some(format!("--unset {path}")) }
     }
 
     /// A field that has an option of its own.

@@ -21,7 +21,7 @@ def test_frames_and_numbers_are_those_of_the_program(mouth, components, program,
         stored = fs.Frame.read(tmp_path / f"shots/raw_{name}.tiff")
         assert np.array_equal(stored.raw, frame.raw), name
         assert stored.scale == frame.scale
-    said = program("analyze", "shots", "--components", "components.exr", "--json", folder=tmp_path)
+    said = program("analyze", "shots", "--component-image", "components.exr", "--json", folder=tmp_path)
     longer = mouth.set("capture.blue.exposure_ms", 60)
     analysis = fs.analyze(longer, shots, components=components)
     assert analysis == json.loads(said)

@@ -19,9 +19,10 @@ use fluorspar_report::{FrameOrigin, name_target};
 
 use super::frame_report::{FrameReport, warn_of_darkness};
 use super::rendered_image::{CaptureView, RenderedImage, ShownByImage};
-use crate::args::{Changes, Talk};
+use crate::args::{Answer, Changes};
 use crate::error::CliError;
 use crate::experiment_source::{ExperimentSource, read_text};
+use crate::message::Messages;
 use crate::values::{Override, as_typed};
 
 /// Options of `analyze`.
@@ -46,7 +47,7 @@ pub(crate) struct Options {
     /// Component image that tells which part a pixel shows [default: components.exr of the folder]. Needed for regions
     /// by part name.
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
-    components: Option<PathBuf>,
+    component_image: Option<PathBuf>,
     /// Folder for report.html, maps of the porphyrin fraction of each pixel, its interval and its detection limit (NumPy and PNG) and
     /// results.json.
     #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath)]
@@ -54,7 +55,7 @@ pub(crate) struct Options {
     #[command(flatten)]
     changes: Changes,
     #[command(flatten)]
-    talk: Talk,
+    answer: Answer,
 }
 
 /// Maps and results, at most.
@@ -75,7 +76,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         sensor_of_frames(options)?.into_iter().chain(options.changes.overrides()).collect();
     let parsed = source.parse(&overrides)?;
     let image = options
-        .components
+        .component_image
         .clone()
         .or_else(|| beside("components.exr").filter(|p| p.is_file()))
         .or_else(|| options.folder.as_ref().and_then(|folder| captured_from(folder)));
@@ -106,12 +107,13 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     if let (None, [part, ..]) = (&image, settings.parts.as_slice()) {
         return Err(CliError::Input(format!(
             "{name}: the region is the part \"{part}\", but its pixels are known only from the component image; give that of \
-             the run with --components, or say where it lies: --set analysis.mask=MASK.png, \
+             the run with --component-image, or say where it lies: --set analysis.mask=MASK.png, \
              analysis.polygon_px=[[X,Y],[X,Y],[X,Y]] or analysis.rectangle_px=[COLUMN,ROW,WIDTH,HEIGHT]"
         )));
     }
     let image = opened.transpose()?;
-    let inputs = options.folder.iter().chain(&options.components).chain(&options.dark).chain(&options.flat);
+    let inputs =
+        options.folder.iter().chain(&options.component_image).chain(&options.dark).chain(&options.flat);
     let named = options.frame.iter().filter_map(|text| Some(PathBuf::from(text.split_once('=')?.1)));
     let inputs: Vec<PathBuf> = inputs.cloned().chain(named).collect();
     let out = options.out.as_ref().map(|out| OutputFolder::prepare(out, &inputs, OUT_BYTES)).transpose()?;
@@ -135,9 +137,9 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         // Frames of another origin may show another mouth than the component image.
         (analyzed.analysis.truth, analyzed.analysis.budget) = (None, None);
     }
-    let messages = options.talk.messages();
+    let messages = Messages::default();
     warn_of_darkness(&experiment, &frames, messages);
-    if options.talk.json {
+    if options.answer.json {
         super::print_json(&analyzed.analysis)?;
     } else {
         super::print_text(&name_target(&experiment, &describe(&analyzed.analysis)))?;

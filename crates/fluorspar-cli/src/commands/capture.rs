@@ -21,10 +21,11 @@ use std::io::Write;
 
 use super::frame_report::{FrameReport, warn_of_darkness};
 use super::rendered_image::{RenderedImage, ShownByImage};
-use crate::args::{Changes, Seed, Talk};
+use crate::args::{Answer, Changes, Seed};
 use crate::budget::frame_bytes;
 use crate::error::CliError;
 use crate::experiment_source::ExperimentSource;
+use crate::message::Messages;
 use crate::values::{Override, as_typed};
 
 /// Options of `capture`.
@@ -50,7 +51,7 @@ pub(crate) struct Options {
     #[arg(long, value_name = "DIR", default_value = "fluorspar-out/capture", value_hint = ValueHint::DirPath)]
     out: PathBuf,
     #[command(flatten)]
-    talk: Talk,
+    answer: Answer,
 }
 
 #[derive(Clone, Copy, Debug, Default, ValueEnum)]
@@ -102,7 +103,7 @@ impl RawForm {
 }
 
 pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
-    let messages = options.talk.messages();
+    let messages = Messages::default();
     // A report analyzes the frames, for which it asks maps and surfaces
     let image = match options.report {
         true => RenderedImage::open(&options.image)?,
@@ -173,7 +174,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         report.write(folder.path()).map_err(|error| error.at_its_place(&folder))?;
     }
     let target = folder.finish()?;
-    if options.talk.json {
+    if options.answer.json {
         super::print_json(&json!({ "folder": target, "frames": list }))?;
     } else {
         let place = target.display();

@@ -11,7 +11,7 @@ use fluorspar::units::counted;
 use fluorspar_experiment::{ResolvedExperiment, is_sample};
 use serde_json::json;
 
-use crate::args::{Changes, Talk};
+use crate::args::{Answer, Changes};
 use crate::budget::{Budget, Limits, render_seconds, say_time};
 use crate::error::CliError;
 use crate::experiment_source::ExperimentSource;
@@ -29,14 +29,14 @@ pub(crate) struct Options {
     #[command(flatten)]
     limits: Limits,
     #[command(flatten)]
-    talk: Talk,
+    answer: Answer,
 }
 
 pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let source = ExperimentSource::find_either(options.file.as_deref())?;
-    let (json, silent) = (options.talk.json, options.talk.quiet && !options.talk.json);
+    let json = options.answer.json;
     // They are what is asked for: all of them, as part of the answer or in full.
-    let messages = if options.talk.quiet || json { Messages::Quiet } else { Messages::Full };
+    let messages = if json { Messages::Quiet } else { Messages::in_full() };
     let mut overrides = options.changes.overrides();
     overrides.extend(options.limits.overrides());
     let shown = options.file.as_ref().unwrap_or(&source.name);
@@ -53,7 +53,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
                 "fluorophores": sample.sample.fluorophores.iter().map(|(f, _)| &f.name).collect::<Vec<_>>(),
                 "warnings": sample.record.warnings,
             }))?;
-        } else if !silent {
+        } else {
             super::print_text(&format!(
                 "{}: valid. A flat sample with {} fluorophores, {} bands",
                 shown,
@@ -64,19 +64,15 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         return Ok(ExitCode::SUCCESS);
     }
     let mut experiment = source.resolve(&overrides)?;
-    let view = if silent { None } else { Some(CameraView::of(&mut experiment.study)) };
+    let view = CameraView::of(&mut experiment.study);
     let ResolvedExperiment { study, record } = &experiment;
     messages.warnings(&record.warnings);
     let scene = &study.scene;
     let needed = fluorspar::render::memory_bytes(scene, &study.render);
     let budget = Budget::of_run(study);
     budget.check(&options.limits, study)?;
-    // With `--quiet` only the exit code tells something.
-    let seconds =
-        if silent && study.time_limit_s.is_none() { None } else { Some(render_seconds(&experiment)?) };
-    if let Some(seconds) = seconds {
-        say_time(seconds, study.render.samples_per_pixel, study.time_limit_s, Messages::Quiet)?;
-    }
+    let seconds = render_seconds(&experiment)?;
+    say_time(seconds, study.render.samples_per_pixel, study.time_limit_s, Messages::Quiet)?;
     if json {
         super::print_json(&json!({
             "file": shown,
@@ -89,13 +85,13 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
             "fluorophores": scene.fluorophores.iter().map(|f| &f.name).collect::<Vec<_>>(),
             "captures": study.captures.iter().map(|c| &c.frame.label).collect::<Vec<_>>(),
             "instances": instances(scene),
-            "camera_view": view.as_ref().map(CameraView::json),
+            "camera_view": view.json(),
             "memory_bytes": needed,
             "budget": budget.json(),
             "render_seconds": seconds,
             "warnings": record.warnings,
         }))?;
-    } else if !silent {
+    } else {
         super::print_text(&format!(
             "{}: valid. {}{}, {} in {}, {}, {}\n{}\nA run needs {}, about {} for rendering{}",
             shown,
@@ -108,9 +104,9 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
             counted(scene.light_groups.len(), "group", "groups"),
             counted(scene.fluorophores.len(), "fluorophore", "fluorophores"),
             counted(study.captures.len(), "capture", "captures"),
-            view.as_ref().map_or_else(String::new, CameraView::text),
+            view.text(),
             budget.text(),
-            duration(seconds.unwrap_or_default()),
+            duration(seconds),
             if needed > study.render.memory_limit_bytes {
                 "; the film is larger than the limit of render.memory_limit_gib: only `fluorspar render` takes the image, in bands \
                  of rows"

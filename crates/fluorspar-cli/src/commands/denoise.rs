@@ -9,8 +9,9 @@ use fluorspar::units::number_text;
 use fluorspar_format::{check_room, read_component_image};
 
 use super::image_output::{ImageOutput, Storage};
-use crate::args::Talk;
+use crate::args::Answer;
 use crate::error::CliError;
+use crate::message::Messages;
 use crate::values;
 
 /// Options of `denoise`.
@@ -26,14 +27,14 @@ pub(crate) struct Options {
     /// Differences count from this many standard deviations of the noise on: more is smoother.
     #[arg(long, value_name = "K", default_value_t = 0.45, value_parser = values::number, allow_negative_numbers = true)]
     strength: f64,
-    /// Component image to write: .exr or .npy. It is marked as denoised.
+    /// File of the component image, .exr or .npy. It is marked as denoised.
     #[arg(long, value_name = "FILE", default_value = "denoised.exr", value_hint = ValueHint::FilePath)]
     out: PathBuf,
     /// Also write an sRGB preview (PNG).
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     preview: Option<PathBuf>,
     #[command(flatten)]
-    talk: Talk,
+    answer: Answer,
 }
 
 pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
@@ -73,13 +74,13 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     })?;
     output.write(&image, &provenance)?;
     set.finish()?;
-    if options.talk.json {
+    if options.answer.json {
         let mut answer = output.describe(&image);
         answer["denoised"] = image.denoised.clone().into();
         super::print_json(&answer)?;
     } else {
         let what = format!("Wrote {}: denoised, for display only", options.out.display());
-        options.talk.messages().status(what);
+        Messages::default().status(what);
     }
     Ok(ExitCode::SUCCESS)
 }

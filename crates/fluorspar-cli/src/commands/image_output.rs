@@ -17,7 +17,7 @@ use crate::error::CliError;
 /// Path and format of an image.
 #[derive(Clone, Debug, clap::Args)]
 pub(crate) struct ImageOutput {
-    /// Image file: .exr (spectral OpenEXR) or .npy (NumPy, with a .json next to it).
+    /// File of the image: .exr (spectral OpenEXR) or .npy (NumPy, with a .json next to it).
     #[arg(long, value_name = "FILE", default_value = "radiance.exr", value_hint = ValueHint::FilePath)]
     pub(crate) out: PathBuf,
     /// Write one layer per light group and fluorophore instead of their sum.

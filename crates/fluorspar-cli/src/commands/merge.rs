@@ -9,8 +9,9 @@ use fluorspar_format::{Output, Provenance, check_room, read_film, write_film};
 
 use super::image_output::ImageOutput;
 use super::row_bands;
-use crate::args::Talk;
+use crate::args::Answer;
 use crate::error::CliError;
+use crate::message::Messages;
 
 /// Options of `merge`.
 #[derive(Clone, Debug, clap::Args)]
@@ -18,7 +19,7 @@ pub(crate) struct Options {
     /// Films that `render --film` wrote: all shards of one render. A folder means the films in it.
     #[arg(value_name = "FILM", required = true, value_hint = ValueHint::FilePath)]
     films: Vec<PathBuf>,
-    /// Also write the merged film, to be given more samples or merged further.
+    /// Film of the whole render, written besides the image, to be given more samples or merged further.
     #[arg(long, value_name = "FILE.film", value_hint = ValueHint::FilePath)]
     film: Option<PathBuf>,
     /// Accept missing shards: pixels without samples stay black, and the bits are not those of the whole.
@@ -27,7 +28,7 @@ pub(crate) struct Options {
     #[command(flatten)]
     output: ImageOutput,
     #[command(flatten)]
-    talk: Talk,
+    answer: Answer,
 }
 
 pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
@@ -63,10 +64,10 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     provenance.samples_per_pixel = image.samples_per_pixel;
     options.output.write(&image, &provenance)?;
     set.finish()?;
-    if options.talk.json {
+    if options.answer.json {
         super::print_json(&options.output.describe(&image))?;
     } else {
-        options.talk.messages().status(format!("Wrote {}", options.output.out.display()));
+        Messages::default().status(format!("Wrote {}", options.output.out.display()));
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -16,6 +16,7 @@ pub(crate) mod image_output;
 pub(crate) mod lens;
 pub(crate) mod merge;
 pub(crate) mod mouth;
+pub(crate) mod new;
 pub(crate) mod pbrt_scene;
 pub(crate) mod plot;
 pub(crate) mod predict;

@@ -12,6 +12,7 @@ use fluorspar_report::figures::{PlotCurve, chain};
 use super::spectra::{plot_curve, wavelengths, write_figure};
 use super::{FigureFormat, curves};
 use crate::error::CliError;
+use crate::message::Messages;
 
 /// Options of `plot`.
 #[derive(Clone, Debug, clap::Args)]
@@ -31,7 +32,7 @@ pub(crate) struct Options {
     /// Quantum efficiency of the sensor, a name of the catalogue.
     #[arg(long, value_name = "NAME")]
     qe: Option<String>,
-    /// Figure to write: .svg or .png.
+    /// File of the figure, .svg or .png.
     #[arg(long, value_name = "FILE", default_value = "chain.svg", value_hint = ValueHint::FilePath)]
     out: PathBuf,
     /// First wavelength, nm.
@@ -41,7 +42,7 @@ pub(crate) struct Options {
     #[arg(long, value_name = "NM", default_value_t = 760.0)]
     to_nm: f64,
     #[command(flatten)]
-    talk: crate::args::Talk,
+    answer: crate::args::Answer,
 }
 
 pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
@@ -100,7 +101,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         &chain(&light_curves, &filter_curves, &excitation, &emission, &efficiency),
     )?;
     set.finish()?;
-    if options.talk.json {
+    if options.answer.json {
         let names = ["lights", "filters", "excitation", "emission", "quantum_efficiency"];
         let list = |curves: &Vec<PlotCurve>| -> serde_json::Value {
             let of = |curve: &PlotCurve| serde_json::json!({ "name": curve.name, "wavelength_nm": curve.wavelength_nm, "value": curve.value });
@@ -112,7 +113,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         }
         super::print_json(&answer)?;
     } else {
-        options.talk.messages().status(format!("Wrote {}", options.out.display()));
+        Messages::default().status(format!("Wrote {}", options.out.display()));
     }
     Ok(ExitCode::SUCCESS)
 }

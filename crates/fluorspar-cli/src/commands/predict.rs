@@ -12,9 +12,10 @@ use serde_json::{Value, json};
 
 use super::quoted;
 use super::table::{align, short};
-use crate::args::Talk;
+use crate::args::{Answer, Changes};
 use crate::error::CliError;
 use crate::experiment_source::ExperimentSource;
+use crate::message::Messages;
 use crate::values::{self, Override, number};
 
 /// Options of `predict`.
@@ -23,9 +24,8 @@ pub(crate) struct Options {
     /// Sample file (.toml) or the name of a built-in sample [default: tongue-385nm].
     #[arg(value_name = "SAMPLE", value_hint = ValueHint::FilePath)]
     sample: Option<String>,
-    /// Change one value, for instance `--set exposure.gain=2`. May be repeated.
-    #[arg(long = "set", value_name = "PATH=VALUE")]
-    set: Vec<String>,
+    #[command(flatten)]
+    changes: Changes,
     /// Light: a name of the catalogue or a CSV file.
     #[arg(long, value_name = "NAME|CSV")]
     light: Option<String>,
@@ -36,7 +36,7 @@ pub(crate) struct Options {
     /// be repeated; `none` means no filter.
     #[arg(long, value_name = "NAME|CSV|T", allow_negative_numbers = true)]
     light_filter: Vec<String>,
-    /// Diffuse reflectance: a name of the catalogue, a CSV file or a number from 0 to 1.
+    /// Reflectance of the sample, diffuse: a name of the catalogue, a CSV file or a number from 0 to 1.
     #[arg(long, value_name = "NAME|CSV|R", allow_negative_numbers = true)]
     reflectance: Option<String>,
     /// Concentration of a fluorophore. May be repeated.
@@ -48,14 +48,14 @@ pub(crate) struct Options {
     /// Exposure time in milliseconds, or `auto`.
     #[arg(long, value_name = "MS|auto", allow_negative_numbers = true)]
     exposure_ms: Option<String>,
-    /// Width of a wavelength band, nm.
+    /// Step between wavelength bands, which is their width, nm.
     #[arg(long, value_name = "NM", value_parser = values::number, allow_negative_numbers = true)]
     step_nm: Option<f64>,
     /// Equations to use: Fluorspar's, ISETCam's sensor, or the normalized matrices of the authors' toolbox as well.
     #[arg(long, value_enum, value_name = "WHOSE")]
     compatibility: Option<Compatibility>,
     #[command(flatten)]
-    talk: Talk,
+    answer: Answer,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -145,7 +145,7 @@ impl Options {
             };
             Override::of_option("compatibility", quoted(value), format!("--compatibility {typed}"))
         }));
-        all.extend(self.set.iter().map(|text| Override::set(text)));
+        all.extend(self.changes.overrides());
         Ok(all)
     }
 }
@@ -154,9 +154,9 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let source = ExperimentSource::find_sample(options.sample.as_deref())?;
     let overrides = options.overrides(&source.base_dir)?;
     let sample = source.resolve_sample(&overrides)?;
-    options.talk.messages().warnings(&sample.record.warnings);
+    Messages::default().warnings(&sample.record.warnings);
     let prediction = predict(&sample.sample)?;
-    if options.talk.json {
+    if options.answer.json {
         super::print_json(&as_json(&sample, &prediction)?)?;
     } else {
         super::print_text(&describe(&sample, &source.name, &prediction))?;

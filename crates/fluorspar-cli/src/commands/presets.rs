@@ -2,6 +2,8 @@
 
 use std::process::ExitCode;
 
+use fluorspar::names::did_you_mean;
+use fluorspar::quote::excerpt;
 use fluorspar_experiment::preset::{self, PresetKind};
 use serde_json::json;
 
@@ -10,31 +12,17 @@ use crate::error::CliError;
 /// Options of `presets`.
 #[derive(Clone, Debug, clap::Args)]
 pub(crate) struct Options {
-    /// Print this experiment's file instead, as a template.
-    #[arg(long, value_name = "NAME")]
-    experiment: Option<String>,
-    /// Print this flat sample's file instead, as a template.
-    #[arg(long, value_name = "NAME", conflicts_with = "experiment")]
-    sample: Option<String>,
-    /// Print this design problem's file instead, as a template.
-    #[arg(long, value_name = "NAME", conflicts_with_all = ["experiment", "sample"])]
-    design: Option<String>,
-    /// Print the list as JSON.
+    /// Print the file of this experiment, flat sample or design problem instead.
+    #[arg(value_name = "NAME")]
+    name: Option<String>,
+    /// Print the answer as JSON.
     #[arg(long)]
     json: bool,
 }
 
 pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
-    if let Some(name) = &options.experiment {
-        super::print_text(preset::experiment(name)?.text)?;
-        return Ok(ExitCode::SUCCESS);
-    }
-    if let Some(name) = &options.sample {
-        super::print_text(preset::sample(name)?.text)?;
-        return Ok(ExitCode::SUCCESS);
-    }
-    if let Some(name) = &options.design {
-        super::print_text(preset::design(name)?.text)?;
+    if let Some(name) = &options.name {
+        super::print_text(file_of(name)?)?;
         return Ok(ExitCode::SUCCESS);
     }
     let mut entries = Vec::new();
@@ -53,6 +41,26 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     }
     super::print_text(&by_kind(&entries))?;
     Ok(ExitCode::SUCCESS)
+}
+
+/// The text of the experiment, flat sample or design problem of a name.
+fn file_of(name: &str) -> Result<&'static str, CliError> {
+    const KINDS: [PresetKind; 3] = [PresetKind::Experiment, PresetKind::Sample, PresetKind::Design];
+    let kind = KINDS.into_iter().find(|kind| preset::names(*kind).contains(&name));
+    match kind {
+        Some(PresetKind::Experiment) => Ok(preset::experiment(name)?.text),
+        Some(PresetKind::Sample) => Ok(preset::sample(name)?.text),
+        Some(_) => Ok(preset::design(name)?.text),
+        None => {
+            let known: Vec<&str> = KINDS.into_iter().flat_map(preset::names).collect();
+            Err(CliError::Input(format!(
+                "there is no experiment, flat sample or design problem \"{}\"{} Known: {}",
+                excerpt(name),
+                did_you_mean(name, known.iter().copied()),
+                known.join(", ")
+            )))
+        }
+    }
 }
 
 /// The entries under headings of their kinds.

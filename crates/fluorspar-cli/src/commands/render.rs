@@ -18,7 +18,7 @@ use super::basis_render;
 use super::image_output::ImageOutput;
 use super::pbrt_scene::PbrtArgs;
 use super::row_bands;
-use crate::args::{ExperimentArgs, Talk};
+use crate::args::{Answer, ExperimentArgs};
 use crate::budget::{Budget, Limits, film_file_bytes, image_room_bytes};
 use crate::error::{CliError, STOPPED};
 use crate::experiment_source::ExperimentSource;
@@ -36,9 +36,10 @@ pub(crate) struct Options {
     pub(super) limits: Limits,
     #[command(flatten)]
     pub(super) output: ImageOutput,
-    /// Keep the exact sums of the render in this file: saved while rendering and at the end, so that the render can be
-    /// resumed after any interruption, given more samples, or merged. Of an image that does not fit into the memory limit it
-    /// is a folder of films, one for each band of rows.
+    /// Film of the render, which keeps its exact sums: saved while rendering and at the end.
+    ///
+    /// From a film the render can be resumed after any interruption, given more samples, or merged. Of an image that does not fit
+    /// into the memory limit it is a folder of films, one for each band of rows.
     #[arg(long, value_name = "FILE.film", value_hint = ValueHint::AnyPath)]
     pub(super) film: Option<PathBuf>,
     /// Resume from the film if it exists: same scene, seed and depth. The result has the bits of an uninterrupted render.
@@ -48,7 +49,7 @@ pub(crate) struct Options {
     #[arg(long, value_name = "SECONDS", default_value_t = 60.0, requires = "film", value_parser = values::number,
         allow_negative_numbers = true)]
     pub(super) checkpoint_s: f64,
-    /// Render part I of N into the film, and no image; `fluorspar merge` puts the N films together.
+    /// Part that is done, for one of several processes: part I of N into the film, and no image; `fluorspar merge` puts the N films together.
     #[arg(long, value_name = "I/N", requires = "film")]
     shard: Option<Shard>,
     /// How samples are divided among the parts.
@@ -57,7 +58,7 @@ pub(crate) struct Options {
     #[command(flatten)]
     pbrt: PbrtArgs,
     #[command(flatten)]
-    pub(super) talk: Talk,
+    pub(super) answer: Answer,
 }
 
 /// `I/N`, I from 1 to N.
@@ -144,7 +145,7 @@ impl Options {
 
 pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     options.check()?;
-    let messages = options.talk.messages();
+    let messages = Messages::default();
     let source = ExperimentSource::find(options.experiment.experiment.as_deref())?;
     let experiment = options.pbrt.resolve(&source, &options.experiment, &options.limits)?;
     let study = &experiment.study;
@@ -197,7 +198,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     drop(renderer);
     let code = if interrupted() && !complete { ExitCode::from(STOPPED) } else { ExitCode::SUCCESS };
     if options.shard.is_some() {
-        if options.talk.json {
+        if options.answer.json {
             super::print_json(
                 &json!({ "film": options.film, "paths": film.paths(), "new_paths": film.paths() - before }),
             )?;
@@ -210,7 +211,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     provenance.samples_per_pixel = image.samples_per_pixel;
     options.output.write(&image, &provenance)?;
     set.finish()?;
-    if options.talk.json {
+    if options.answer.json {
         let mut answer = options.output.describe(&image);
         answer["experiment_sha256"] = experiment.record.sha256.clone().into();
         answer["film_bytes"] = needed.into();
@@ -237,7 +238,7 @@ fn render_basis(
             film.display()
         )));
     }
-    let (study, messages) = (&experiment.study, options.talk.messages());
+    let (study, messages) = (&experiment.study, Messages::default());
     let budget = options.budget(study);
     let set = options.declare(source, experiment)?;
     messages.status(format!("Needs {}", budget.text()));
@@ -247,7 +248,7 @@ fn render_basis(
     let provenance = Provenance::new(&source.text, toml, study.render.seed, image.samples_per_pixel);
     options.output.write_with(&image, Some(&kept), &provenance)?;
     set.finish()?;
-    if options.talk.json {
+    if options.answer.json {
         let mut answer = options.output.describe(&image);
         answer["experiment_sha256"] = experiment.record.sha256.clone().into();
         answer["excitation_nodes_nm"] = basis.nodes.nodes_nm().into();

@@ -21,6 +21,7 @@ use crate::error::{CliError, STOPPED};
 use crate::experiment_source::ExperimentSource;
 use crate::interrupt::Left;
 use crate::message;
+use crate::message::Messages;
 use crate::progress::{Keep, fill_with_progress};
 
 /// The film of a folder that holds no samples but what belongs to the whole image.
@@ -35,7 +36,7 @@ pub(super) fn render(
     experiment: &ResolvedExperiment,
 ) -> Result<ExitCode, CliError> {
     let (scene, settings) = (&experiment.study.scene, &experiment.study.render);
-    let messages = options.talk.messages();
+    let messages = Messages::default();
     let (needed, limit) = (memory_bytes(scene, settings), settings.memory_limit_bytes);
     check_options(options, experiment, needed > limit)?;
     let rows_at_once =
@@ -115,7 +116,7 @@ pub(super) fn render(
     provenance.samples_per_pixel = labels.samples_per_pixel;
     options.output.write_spooled(&spool, &labels, &provenance)?;
     set.finish()?;
-    if options.talk.json {
+    if options.answer.json {
         let mut answer = options.output.describe_with(&labels, &mean);
         answer["experiment_sha256"] = experiment.record.sha256.clone().into();
         answer["film_bytes"] = needed.into();
@@ -192,7 +193,7 @@ impl BandStore for Store<'_> {
         let layout = self.renderer.layout();
         let rows = layout.pixel_rows(band.clone());
         let what = format!("Rows {} to {} of {}", rows.start, rows.end - 1, layout.height);
-        self.options.talk.messages().status(what);
+        Messages::default().status(what);
         let Some(path) = self.film_of(band).filter(|path| path.exists()) else { return Ok(None) };
         let film = read_film_rows(&path, band.clone())?.image;
         self.renderer.check(&film).map_err(|error| in_film(&path, &error))?;
@@ -208,7 +209,7 @@ impl BandStore for Store<'_> {
             preview: None,
             left: if path.is_some() { Left::Film } else { Left::Nothing },
         };
-        fill_with_progress(self.renderer, share, film, None, self.options.talk.messages(), &keep)
+        fill_with_progress(self.renderer, share, film, None, Messages::default(), &keep)
     }
 
     fn store_rows(&mut self, plane: usize, first_row: usize, values: &[f32]) -> Result<(), CliError> {

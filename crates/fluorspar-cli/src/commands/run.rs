@@ -14,7 +14,7 @@ use fluorspar_report::{FrameOrigin, RunResults, name_target, write_run_component
 
 use super::basis_render;
 use super::frame_report::warn_of_darkness;
-use crate::args::{ExperimentArgs, OutOption, Talk};
+use crate::args::{Answer, ExperimentArgs, OutOption};
 use crate::budget::{Budget, Limits};
 use crate::error::{CliError, STOPPED};
 use crate::experiment_source::{ExperimentSource, read_text};
@@ -32,12 +32,12 @@ pub(crate) struct Options {
     #[command(flatten)]
     out: OutOption,
     #[command(flatten)]
-    talk: Talk,
+    answer: Answer,
 }
 
 pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let started = Instant::now();
-    let messages = options.talk.messages();
+    let messages = Messages::default();
     let source = ExperimentSource::find(options.experiment.experiment.as_deref())?;
     let experiment = source.resolve(
         &[options.experiment.overrides(), options.limits.overrides().into_iter().collect()].concat(),
@@ -107,11 +107,13 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         }
     };
     let target = folder.finish()?;
-    if options.talk.json {
+    if options.answer.json {
         super::print_text(&read_text(&target.join("results.json"))?)?;
     }
     if let Some(analyzed) = &analyzed {
-        messages.status(name_target(&experiment, &summary(analyzed)));
+        if !options.answer.json {
+            super::print_text(&name_target(&experiment, &summary(analyzed)))?;
+        }
         let warnings: Vec<Warning> = analyzed
             .analysis
             .warnings
@@ -176,5 +178,6 @@ fn summary(analyzed: &AnalyzedFrame) -> String {
     lines.extend(analysis.porphyrin_lines());
     lines.extend(analysis.signals.iter().flat_map(SignalSummary::lines));
     lines.extend(analysis.targets.iter().map(TargetDetection::line));
+    lines.extend(analysis.spots.iter().map(|spot| format!("Spots told apart by {}", spot.line())));
     lines.join("\n")
 }

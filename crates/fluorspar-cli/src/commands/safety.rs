@@ -6,9 +6,10 @@ use fluorspar::pipeline::{PipelineError, SafetyReport, ViewerSafety, assess_safe
 use fluorspar_experiment::ResolvedExperiment;
 
 use super::table::{align, short};
-use crate::args::{ExperimentArgs, Talk};
+use crate::args::{Answer, ExperimentArgs};
 use crate::error::CliError;
 use crate::experiment_source::ExperimentSource;
+use crate::message::Messages;
 use crate::values::{self, Override};
 
 /// Options of `safety`.
@@ -23,7 +24,7 @@ pub(crate) struct Options {
     #[arg(long, value_name = "MM", value_parser = values::number, allow_negative_numbers = true)]
     operator_eye_mm: Option<f64>,
     #[command(flatten)]
-    talk: Talk,
+    answer: Answer,
 }
 
 pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
@@ -33,7 +34,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     overrides.extend(of("safety.patient_eye_distance_mm", options.patient_eye_mm, "--patient-eye-mm"));
     overrides.extend(of("safety.operator_eye_distance_mm", options.operator_eye_mm, "--operator-eye-mm"));
     let ResolvedExperiment { study, record } = source.resolve(&overrides)?;
-    options.talk.messages().warnings(&record.warnings);
+    Messages::default().warnings(&record.warnings);
     if study.captures.is_empty() {
         return Err(CliError::Input(format!(
             "{}: the experiment has no captures, so it is unknown which lights are on and for how long; add [[capture]] \
@@ -42,7 +43,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         )));
     }
     let report = assess_safety(&study, &[]).ok_or(PipelineError::Missing("safety"))?;
-    if options.talk.json {
+    if options.answer.json {
         let mut value = serde_json::to_value(&report)?;
         value["experiment_sha256"] = record.sha256.into();
         super::print_json(&value)?;

@@ -39,12 +39,9 @@ pub(crate) struct Options {
     #[arg(long, value_name = "PX", default_value_t = 320, value_parser = values::whole::<usize, 64, 2000>,
         allow_negative_numbers = true)]
     width: usize,
-    /// The sheet (PNG).
+    /// File of the sheet, .png.
     #[arg(long, value_name = "FILE.png", default_value = "sheet.png", value_hint = ValueHint::FilePath)]
     out: PathBuf,
-    /// Print no progress and no warnings.
-    #[arg(long, short)]
-    quiet: bool,
 }
 
 /// A picture of the sheet.
@@ -60,7 +57,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     }
     let inputs = [options.image.clone()];
     let set = Outputs::new().and(Output::file("--out", &options.out)).reading(&inputs).declare()?;
-    let messages = Messages::unless(options.quiet);
+    let messages = Messages::default();
     let image = RenderedImage::open_for_captures(&options.image)?;
     image.warn(messages);
     let common = options.changes.overrides();

@@ -40,7 +40,9 @@ pub(crate) struct ShowOptions {
     /// Name of the catalogue, or a CSV file.
     #[arg(value_name = "NAME|CSV", value_hint = ValueHint::FilePath)]
     name: String,
-    /// Print as JSON, with the spectrum every 5 nm.
+    /// Print the answer as JSON.
+    ///
+    /// With the spectrum every 5 nm.
     #[arg(long)]
     json: bool,
 }
@@ -51,7 +53,7 @@ pub(crate) struct PlotOptions {
     /// Names of the catalogue, or CSV files.
     #[arg(value_name = "NAME|CSV", required = true, value_hint = ValueHint::FilePath)]
     names: Vec<String>,
-    /// Figure to write: .svg or .png.
+    /// File of the figure, .svg or .png.
     #[arg(long, value_name = "FILE", default_value = "spectra.svg", value_hint = ValueHint::FilePath)]
     out: PathBuf,
     /// First wavelength, nm.

@@ -15,10 +15,11 @@ use fluorspar_report::figures::{PlotCurve, spectral_readings};
 
 use super::quoted;
 use super::table::{align, short};
-use crate::args::Talk;
+use crate::args::{Answer, Changes};
 use crate::error::CliError;
 use crate::experiment_source::ExperimentSource;
-use crate::values::{self, Override};
+use crate::message::Messages;
+use crate::values::{self, Override, sets};
 
 /// Options of `spectroradiometer`.
 #[derive(Clone, Debug, clap::Args)]
@@ -27,12 +28,10 @@ pub(crate) struct Options {
     /// tongue-385nm].
     #[arg(value_name = "COMPONENTS.exr|SAMPLE", value_hint = ValueHint::FilePath)]
     input: Option<String>,
-    /// Change one value of the experiment or sample, for instance `--set spectroradiometer.spot.acceptance_deg=0.5`. May be
-    /// repeated.
-    #[arg(long = "set", value_name = "PATH=VALUE")]
-    set: Vec<String>,
+    #[command(flatten)]
+    changes: Changes,
     /// Capture whose lights are on: points an instrument besides those of the experiment. Not for samples.
-    #[arg(long, value_name = "CAPTURE")]
+    #[arg(long, value_name = "NAME")]
     capture: Option<String>,
     /// Center of its spot, as fractions of the image from the left and the top [default: 0.5,0.5].
     #[arg(long, value_name = "X,Y", value_delimiter = ',', num_args = 1, requires = "capture", value_parser = values::number,
@@ -50,7 +49,7 @@ pub(crate) struct Options {
     /// Full width at half maximum of the slit, nm [default: 8].
     #[arg(long, value_name = "NM", value_parser = values::number, allow_negative_numbers = true)]
     bandwidth_nm: Option<f64>,
-    /// Spacing of the readings, nm [default: 2].
+    /// Step between readings, nm [default: 2].
     #[arg(long, value_name = "NM", value_parser = values::number, allow_negative_numbers = true)]
     step_nm: Option<f64>,
     /// Noise of a reading without light, W/(sr m² nm) [default: 5e-7].
@@ -65,11 +64,11 @@ pub(crate) struct Options {
     /// Seed of the noise of a sample's reading; an image has that of its experiment.
     #[arg(long, value_name = "S", default_value_t = 1, value_parser = values::whole::<u64, 0, { u64::MAX }>, allow_negative_numbers = true)]
     seed: u64,
-    /// File for the spectra: .csv, or a plot .svg or .png.
+    /// File for the spectra, .csv, or for their figure, .svg or .png.
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     out: Option<PathBuf>,
     #[command(flatten)]
-    talk: Talk,
+    answer: Answer,
 }
 
 impl Options {
@@ -166,11 +165,11 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         };
         write_atomically(path, |file| file.write_all(&bytes))?;
         set.finish()?;
-        options.talk.messages().status(format!("Wrote {}", path.display()));
+        Messages::default().status(format!("Wrote {}", path.display()));
     }
-    if options.talk.json {
+    if options.answer.json {
         super::print_json(&readings)?;
-    } else if !options.talk.quiet && options.out.is_none() {
+    } else if options.out.is_none() {
         super::print_text(&describe(&readings))?;
     }
     Ok(ExitCode::SUCCESS)
@@ -206,7 +205,7 @@ fn of_image(options: &Options, path: &Path) -> Result<Vec<SpectroradiometerReadi
         }
         None => text.clone(),
     };
-    let mut study = parse(&text, &name, Path::new("."), &options.set)
+    let mut study = parse(&text, &name, Path::new("."), &sets(&options.changes.overrides()))
         .and_then(|parsed| resolve(&parsed))
         .map_err(|error| {
             let details = error.details();
@@ -248,9 +247,9 @@ fn of_sample(options: &Options, name: Option<&str>) -> Result<Vec<Spectroradiome
         let list = format!("[{}]", items.join(", "));
         overrides.push(Override::of_option("view_filter.filters", list, typed.join(" ")));
     }
-    overrides.extend(options.set.iter().map(|text| Override::set(text)));
+    overrides.extend(options.changes.overrides());
     let ResolvedSample { sample, record, .. } = source.resolve_sample(&overrides)?;
-    options.talk.messages().warnings(&record.warnings);
+    Messages::default().warnings(&record.warnings);
     let filter = if options.filter.is_empty() {
         Curve::constant(1.0)
     } else {

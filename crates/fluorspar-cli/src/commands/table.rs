@@ -8,7 +8,7 @@ use crate::error::CliError;
 /// Options of the commands that list a part of the catalogue.
 #[derive(Clone, Debug, clap::Args)]
 pub(crate) struct ListOptions {
-    /// Print the list as JSON.
+    /// Print the answer as JSON.
     #[arg(long)]
     json: bool,
 }

@@ -15,11 +15,12 @@ use serde_json::{Value, json};
 
 use super::table::align;
 use super::{print_json, print_text};
-use crate::args::Talk;
+use crate::args::{Answer, Changes};
 use crate::error::{CliError, FAILED};
 use crate::experiment_source::ExperimentSource;
 use crate::interrupt::STOP;
-use crate::values::{Override, sets};
+use crate::message::Messages;
+use crate::values::sets;
 
 /// Folder of measured data of others, as the tests of this program take it.
 const REFERENCE: &str = "FLUORSPAR_REFERENCE";
@@ -43,15 +44,13 @@ pub(crate) struct Options {
     /// need them are skipped.
     #[arg(long, value_name = "FOLDER", value_hint = ValueHint::DirPath)]
     reference: Option<PathBuf>,
-    /// Change one value of the flat sample `tongue-385nm`, on which the cases without a mouth rest, for instance
-    /// `--set light.filters=[]`. May be repeated.
-    #[arg(long = "set", value_name = "PATH=VALUE")]
-    set: Vec<String>,
+    #[command(flatten)]
+    changes: Changes,
     /// Folder for the page, validation.json and the figures.
     #[arg(long, value_name = "DIR", default_value = "fluorspar-out/validation", value_hint = ValueHint::DirPath)]
     out: PathBuf,
     #[command(flatten)]
-    talk: Talk,
+    answer: Answer,
 }
 
 pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
@@ -61,14 +60,14 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         return Ok(ExitCode::SUCCESS);
     }
     let reference = reference(options)?;
-    let overrides: Vec<Override> = options.set.iter().map(|text| Override::set(text)).collect();
+    let overrides = options.changes.overrides();
     // A change that can't be made is told in the words that were typed.
     ExperimentSource::find_sample(None)?.resolve_sample(&overrides)?;
     let changes = sets(&overrides);
     let inputs: Vec<PathBuf> = reference.iter().cloned().collect();
     let folder = OutputFolder::prepare(&options.out, &inputs, FOLDER_BYTES)?;
     let setup = Setup { changes: &changes, reference: reference.as_deref(), stop: &STOP };
-    let messages = options.talk.messages();
+    let messages = Messages::default();
     let mut results = Vec::new();
     for case in &selected {
         messages.status(format!("{}: {}", case.name, case.title));
@@ -77,9 +76,9 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let json = as_json(&results, &changes);
     write(&folder, &results, &json)?;
     let place = folder.finish()?;
-    if options.talk.json {
+    if options.answer.json {
         print_json(&json)?;
-    } else if !options.talk.quiet {
+    } else {
         print_text(&describe(&results))?;
     }
     messages.status(format!("Open {}", place.join("validation.html").display()));
@@ -109,7 +108,7 @@ fn selected(options: &Options) -> Result<Vec<&'static Case>, CliError> {
 }
 
 fn list(options: &Options, selected: &[&Case]) -> Result<(), CliError> {
-    if options.talk.json {
+    if options.answer.json {
         let entry = |case: &&Case| json!({ "name": case.name, "title": case.title, "paper": case.paper, "rendered": case.is_rendered });
         return print_json(&selected.iter().map(entry).collect::<Vec<Value>>());
     }

@@ -139,7 +139,7 @@ fn no_command_after_a_render_makes_its_mouth_again() {
         &["capture", "run/components.exr", "--set", "capture.blue.exposure_ms=9", "--out", "dim", "-q"],
         &["capture", "run/components.exr", "--set", filter, "--out", "other", "-q"],
         &["capture", "run/components.exr", "--set", "sensor.bit_depth=10", "--out", "bits", "-q"],
-        &["analyze", "dim", "--components", "run/components.exr", "-q"],
+        &["analyze", "dim", "--component-image", "run/components.exr", "-q"],
         &["sheet", "run/components.exr", "--width", "64", "--out", "sheet.png", "-q"],
         &["scene", "view", "run/experiment.toml", "--width", "64", "--out", "view.png", "-q"],
         &["check", "run/experiment.toml", "-q"],

@@ -49,7 +49,7 @@ fn options(text: &str) -> BTreeSet<String> {
 }
 
 /// Options of all commands.
-const OF_ALL: [&str; 5] = ["--help", "--version", "--threads", "--verbose", "--no-cache"];
+const OF_ALL: [&str; 6] = ["--help", "--version", "--threads", "--verbose", "--quiet", "--no-cache"];
 
 /// Options of a command by its help, those of all commands left out. Only the lines that name them: explanations mention
 /// options of other commands.
@@ -74,7 +74,7 @@ fn the_commands_of_the_documentation_have_the_options_of_the_help() {
         sections.split("\n## ").map(|section| section.split_once('\n').unwrap()).collect();
     // [changes] is explained once, for all commands.
     let changes: BTreeSet<String> =
-        ["--set", "--spp", "--seed", "--depth", "--error", "--statistics"].map(String::from).into();
+        ["--set", "--unset", "--spp", "--seed", "--depth", "--error", "--statistics"].map(String::from).into();
     assert!(changes.is_subset(&options(general)), "the beginning must name {changes:?}");
 
     let (mut missing, mut all) = (Vec::new(), BTreeSet::new());
@@ -91,9 +91,6 @@ fn the_commands_of_the_documentation_have_the_options_of_the_help() {
         if body.contains("[changes]") {
             said.extend(changes.iter().cloned());
         }
-        if body.contains("-q") {
-            said.insert("--quiet".into());
-        }
         let options = options_of(&words);
         for option in options.difference(&said) {
             missing.push(format!("{option} of {} in section \"{title}\"", words.join(" ")));
@@ -106,6 +103,73 @@ fn the_commands_of_the_documentation_have_the_options_of_the_help() {
     all.insert("--release".into());
     let invented: Vec<String> = options(&text).difference(&all).cloned().collect();
     assert!(invented.is_empty(), "docs/commands.md names {invented:?}, which no command has");
+}
+
+/// Options of a command by its help: name, alternatives of its value, and the words that explain it.
+fn explained_options(command: &[&str]) -> Vec<(String, Vec<String>, String)> {
+    let help = help(command);
+    let raw: Vec<&str> = help.lines().collect();
+    let lines: Vec<&str> = raw.iter().map(|line| line.trim()).collect();
+    let mut found = Vec::new();
+    for (number, line) in lines.iter().enumerate() {
+        // Explanations are indented further.
+        if raw[number].len() - raw[number].trim_start().len() > 6 {
+            continue;
+        }
+        let long = line.split_once(", --").filter(|(short, _)| short.len() == 2).map(|(_, long)| long);
+        let Some(rest) = line.strip_prefix("--").or(long) else { continue };
+        let end = rest.find(|c: char| !c.is_ascii_lowercase() && c != '-' && !c.is_ascii_digit());
+        let (name, rest) = rest.split_at(end.unwrap_or(rest.len()));
+        let (value, words) = match rest.trim_start().strip_prefix('<').and_then(|rest| rest.split_once('>')) {
+            Some((value, words)) => (value, words.trim_start_matches("...").trim()),
+            None => ("", rest.trim()),
+        };
+        let words = if words.is_empty() { lines.get(number + 1).copied().unwrap_or_default() } else { words };
+        let alternatives = value.split('|').map(String::from).collect();
+        found.push((format!("--{name}"), alternatives, words.to_string()));
+    }
+    found
+}
+
+/// An option takes the same kind of value in all commands that have it, and its explanation begins with the same word. Switches that
+/// concern every command are explained by the same sentence.
+#[test]
+fn no_flag_means_two_things() {
+    // What a file is depends on its ending, and a folder takes several: `--out` is where files go.
+    let places = ["DIR", "FILE", "FILE.toml", "FILE.png", "NAME.toml", "PATH"];
+    let mut known: BTreeMap<String, (Vec<String>, String, String)> = BTreeMap::new();
+    let mut wrong = Vec::new();
+    for command in commands(&[]) {
+        let words: Vec<&str> = command.iter().map(String::as_str).collect();
+        for (option, value, said) in explained_options(&words) {
+            let name = words.join(" ");
+            let first = |text: &str| {
+                text.split(|c: char| !c.is_alphanumeric()).next().unwrap_or_default().to_string()
+            };
+            if option == "--out" {
+                let is_place = value.iter().all(|value| places.contains(&value.as_str()));
+                if !is_place || !["File", "Folder"].contains(&first(&said).as_str()) {
+                    wrong.push(format!("{name} --out <{}>: {said}", value.join("|")));
+                }
+                continue;
+            }
+            let Some((other_value, other_said, other)) = known.get(&option) else {
+                known.insert(option, (value, said, name));
+                continue;
+            };
+            let is_within = |a: &[String], b: &[String]| a.iter().all(|value| b.contains(value));
+            let is_same_value = is_within(&value, other_value) || is_within(other_value, &value);
+            let is_same = match option.as_str() {
+                "--json" | "--quiet" | "--verbose" => said == *other_said,
+                _ => first(&said) == first(other_said),
+            };
+            if !is_same_value || !is_same {
+                wrong.push(format!("{option}: {other}: {other_value:?} {other_said}; {name}: {value:?} {said}"));
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "{wrong:#?}");
+    assert!(known.len() > 80 && known.contains_key("--json"), "{} options", known.len());
 }
 
 /// Command lines of a document: in indented blocks and in blocks of a shell, continued lines joined, comments cut off.

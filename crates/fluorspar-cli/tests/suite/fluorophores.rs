@@ -80,7 +80,7 @@ fn imported_files_work_in_experiments() {
         "fluorophore",
         "import",
         "data/flat.csv",
-        "--unit",
+        "--yield-unit",
         "photons",
         "--name",
         "flat",
@@ -111,7 +111,8 @@ fn imported_files_work_in_experiments() {
     assert!((at_550 / expected - 1.0).abs() < 2e-3, "{at_550} and {expected}");
 
     // As energy, the matrix favors long wavelengths: photons = energy * em / ex.
-    let args = ["fluorophore", "import", "data/flat.csv", "--unit", "energy", "--name", "flat", "--out", "-"];
+    let args =
+        ["fluorophore", "import", "data/flat.csv", "--yield-unit", "energy", "--name", "flat", "--out", "-"];
     let section = fluorspar(folder, args).well().stdout;
     let found = predicted(folder, &section, "flat");
     let radiance = found["radiance"]["fluorescence"]["flat"].as_array().unwrap();
@@ -139,7 +140,7 @@ fn every_kind_of_file_is_imported() {
     let said =
         fluorspar(folder, ["fluorophore", "import", "spectra.csv", "--allow-negative", "--out", "s.toml"])
             .well();
-    assert!(said.stderr.contains("photons (assumed; --unit energy changes it)"), "{}", said.stderr);
+    assert!(said.stderr.contains("photons (assumed; --yield-unit energy changes it)"), "{}", said.stderr);
     assert!(fs::read_to_string(folder.join("s.toml")).unwrap().contains("csv = \"spectra.csv\"\n"));
 
     let eem = "# unit: unknown\nem_nm\\ex_nm,380,505\n500,1,0.5\n510,,4\n";
@@ -148,7 +149,7 @@ fn every_kind_of_file_is_imported() {
         "fluorophore",
         "import",
         "anti.csv",
-        "--unit=photons",
+        "--yield-unit=photons",
         "--allow-anti-stokes",
         "--empty-as-zero",
         "--stokes=off",
@@ -168,7 +169,7 @@ fn measured_matrices_come_through() {
     let folder = tempfile::tempdir().unwrap();
     for (name, peak) in [("fad", 525.0), ("protoporphyrin", 630.0)] {
         let file = reference.join(format!("eem/webfluor_{name}.csv"));
-        let args = ["fluorophore", "show", file.to_str().unwrap(), "--unit", "photons", "--json"];
+        let args = ["fluorophore", "show", file.to_str().unwrap(), "--yield-unit", "photons", "--json"];
         let shown = fluorspar(folder.path(), args).json();
         let found = shown["emission_peak_nm"].as_f64().unwrap();
         assert!((found - peak).abs() <= 5.0, "{name}: {found}");

@@ -69,7 +69,7 @@ fn frames_in_every_form_give_the_same_analysis() {
     for format in ["tiff", "dng", "raw12"] {
         fluorspar(folder, ["capture", "run/components.exr", "--format", format, "--out", format, "-q"])
             .well();
-        let args = ["analyze", format, "--components", "run/components.exr", "--json"];
+        let args = ["analyze", format, "--component-image", "run/components.exr", "--json"];
         assert_eq!(fluorspar(folder, args).json(), expected, "{format}");
     }
     let said = fluorspar(folder, ["capture", "run/components.exr", "--format", "raw10", "--out", "r", "-q"]);

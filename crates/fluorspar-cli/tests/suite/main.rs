@@ -6,6 +6,7 @@ mod budget;
 mod cache;
 mod design;
 mod documentation;
+mod examples;
 mod fluorophores;
 mod frames;
 mod instruments;

@@ -126,7 +126,7 @@ fn a_render_is_kept_when_a_later_stage_fails() {
     fluorspar(folder, ["capture", "out/components.exr", "--out", "frames", "-q"]).well();
     let said = fluorspar(
         folder,
-        ["analyze", "frames", "--components", "out/components.exr", "--set=analysis.parts=[\"patch\"]"],
+        ["analyze", "frames", "--component-image", "out/components.exr", "--set=analysis.parts=[\"patch\"]"],
     );
     assert!(said.well().stdout.contains("Porphyrin fraction a_p/(a_b+a_p)"));
 }

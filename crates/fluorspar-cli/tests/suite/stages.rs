@@ -50,7 +50,7 @@ fn every_stage_continues_from_the_files_of_the_one_before() {
     // analyze: the same numbers from the raw frames.
     let again = fluorspar(folder, ["analyze", "run", "--json"]).json();
     assert_eq!(again, results["analysis"]);
-    let args = ["analyze", "frames", "--components", "run/components.exr", "--json"];
+    let args = ["analyze", "frames", "--component-image", "run/components.exr", "--json"];
     assert_eq!(fluorspar(folder, args).json(), results["analysis"]);
     let said = fluorspar(folder, ["analyze", "run"]).well();
     assert!(said.stdout.starts_with("Frame \"blue\", tongue dorsum\n"), "{}", said.stdout);
@@ -134,7 +134,7 @@ fn a_finished_render_is_seen_by_other_cameras_and_with_other_concentrations() {
     let args = ["capture", "run/components.exr", "--out", "half"].into_iter().chain(half);
     let said = fluorspar(folder, args).well();
     assert!(said.stderr.contains("exact but for light that fluoresced twice"), "{}", said.stderr);
-    let args = ["analyze", "half", "--components", "run/components.exr", "--json"];
+    let args = ["analyze", "half", "--component-image", "run/components.exr", "--json"];
     let analysis = fluorspar(folder, args).json();
     let before = fluorspar(folder, ["analyze", "run", "--json"]).json();
     let median = |analysis: &Value| analysis["channels"][1]["statistics"]["median"].as_f64().unwrap();
@@ -208,11 +208,7 @@ fn files_are_checked_without_being_run() {
     assert!(said.stdout.starts_with("built-in oraleye-2021: valid. "), "{}", said.stdout);
     let said = fluorspar(folder, ["check", "tongue-385nm"]).well();
     assert_eq!(said.stdout, "tongue-385nm: valid. A flat sample with 5 fluorophores, 81 bands\n");
-    fs::write(
-        folder.join("s.toml"),
-        fluorspar(folder, ["presets", "--sample", "tongue-385nm"]).well().stdout,
-    )
-    .unwrap();
+    fs::write(folder.join("s.toml"), fluorspar(folder, ["presets", "tongue-385nm"]).well().stdout).unwrap();
     let said = fluorspar(folder, ["check", "s.toml", "--json", "--set", "spectral.step_nm=10"]).json();
     assert_eq!((&said["kind"], &said["bands"]), (&"sample".into(), &41.into()));
     assert_eq!(listing(folder).len(), 1);
@@ -228,7 +224,7 @@ fn the_catalogue_is_listed_and_printed() {
         assert!(kinds.contains(&kind), "{kind}");
     }
     assert!(fluorspar(folder, ["presets"]).well().stdout.contains("  oraleye-2021 "));
-    let text = fluorspar(folder, ["presets", "--experiment", "oraleye-2021"]).well().stdout;
+    let text = fluorspar(folder, ["presets", "oraleye-2021"]).well().stdout;
     fs::write(folder.join("mine.toml"), text).unwrap();
     fluorspar(folder, ["check", "mine.toml"]).well();
 }
@@ -238,7 +234,7 @@ fn schemas_and_completions_are_printed() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let experiment = fluorspar(folder, ["schema"]).json();
-    let sample = fluorspar(folder, ["schema", "--sample"]).json();
+    let sample = fluorspar(folder, ["schema", "sample"]).json();
     assert!(experiment["properties"]["capture"].is_object() && sample["properties"]["sample"].is_object());
     for shell in ["bash", "zsh", "fish", "powershell", "elvish"] {
         let said = fluorspar(folder, ["completions", shell]).well();

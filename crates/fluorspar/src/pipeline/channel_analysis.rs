@@ -84,10 +84,10 @@ fn unmixing(measured: &Measured<'_>, signals: &[ChannelSignal]) -> Result<Option
     let bulk: Vec<(&UnmixingTerm, f64)> = plan
         .bulk
         .iter()
-        .filter(|(name, _)| *name != plan.porphyrin)
+        .filter(|(name, _)| plan.porphyrin.as_ref() != Some(name))
         .filter_map(|(name, amount)| Some((find(name)?, *amount)))
         .collect();
-    let porphyrin = find(&plan.porphyrin);
+    let porphyrin = plan.porphyrin.as_deref().and_then(find);
     let apart: Vec<UnmixingTerm> =
         bulk.iter().map(|(term, _)| (*term).clone()).chain(porphyrin.cloned()).collect();
     let whole = (bulk.len() > 1).then(|| UnmixingTerm {

@@ -4,7 +4,7 @@ use serde_json::json;
 
 use super::ProblemArgs;
 use super::outcome::{compared, criterion_text, design_json, provenance, table};
-use crate::args::Talk;
+use crate::args::Answer;
 use crate::commands::{print_json, print_text};
 use crate::error::CliError;
 
@@ -14,19 +14,19 @@ pub(super) struct Options {
     #[command(flatten)]
     problem: ProblemArgs,
     #[command(flatten)]
-    talk: Talk,
+    answer: Answer,
 }
 
 pub(super) fn run(options: &Options) -> Result<(), CliError> {
-    let problem = options.problem.read(&options.talk)?.prepare(&options.talk)?;
+    let problem = options.problem.read()?.prepare()?;
     let designs = compared(&problem);
-    if options.talk.json {
+    if options.answer.json {
         let designs: Vec<_> = designs.iter().map(|judged| design_json(&problem.space, judged)).collect();
         let criterion = criterion_text(&problem.space);
         print_json(
             &json!({ "provenance": provenance(&problem), "criterion": criterion, "designs": designs }),
         )?;
-    } else if !options.talk.quiet {
+    } else {
         let text =
             format!("by {}\n\n{}", criterion_text(&problem.space), table(&problem.space, designs.iter()));
         print_text(&text)?;

@@ -13,9 +13,10 @@ use clap::{Subcommand, ValueHint};
 use fluorspar::design::DesignSpace;
 use fluorspar_experiment::{ResolvedDesign, parse_design};
 
-use crate::args::{Changes, Talk};
+use crate::args::Changes;
 use crate::error::CliError;
 use crate::experiment_source::ExperimentSource;
+use crate::message::Messages;
 use crate::values::{as_typed, sets};
 
 /// Options of `design`.
@@ -87,12 +88,12 @@ struct Problem {
 }
 
 impl ProblemArgs {
-    fn read(&self, talk: &Talk) -> Result<ReadProblem, CliError> {
+    fn read(&self) -> Result<ReadProblem, CliError> {
         let source = ExperimentSource::find_design(self.design.as_deref())?;
         let overrides = self.changes.overrides();
         let resolved = parse_design(&source.text, &source.name, &source.base_dir, &sets(&overrides))
             .map_err(|error| as_typed(error, &overrides))?;
-        talk.messages().warnings(&resolved.record.warnings);
+        Messages::default().warnings(&resolved.record.warnings);
         let default = || PathBuf::from("fluorspar-out/design-renders");
         Ok(ReadProblem { source, resolved, renders: self.renders.clone().unwrap_or_else(default) })
     }
@@ -100,9 +101,9 @@ impl ProblemArgs {
 
 impl ReadProblem {
     /// Renders the scenes that are missing, and prepares the signals.
-    fn prepare(self, talk: &Talk) -> Result<Problem, CliError> {
+    fn prepare(self) -> Result<Problem, CliError> {
         let Self { source, resolved, renders } = self;
-        let problem = renders::complete(&resolved, &renders, talk.messages())?;
+        let problem = renders::complete(&resolved, &renders, Messages::default())?;
         let space = DesignSpace::new(problem)
             .map_err(|error| CliError::Input(format!("{}: {error}", source.name)))?;
         Ok(Problem { source, resolved, space })

@@ -13,10 +13,11 @@ use fluorspar_report::{DesignFindings, JudgedDesign, design_figures, design_repo
 use serde_json::{Value, json};
 
 use super::Problem;
-use crate::args::Talk;
+use crate::args::Answer;
 use crate::commands::table::{align, short};
 use crate::commands::{print_json, print_text};
 use crate::error::CliError;
+use crate::message::Messages;
 
 /// Room for the tables and the report.
 pub(super) const FOLDER_BYTES: u64 = 64 << 20;
@@ -103,7 +104,12 @@ impl Outcome {
     }
 
     /// Writes the folder and tells what is in it.
-    pub(super) fn write(self, problem: &Problem, folder: OutputFolder, talk: &Talk) -> Result<(), CliError> {
+    pub(super) fn write(
+        self,
+        problem: &Problem,
+        folder: OutputFolder,
+        answer: &Answer,
+    ) -> Result<(), CliError> {
         let json = self.as_json(problem);
         let put = |name: &str, bytes: &[u8]| {
             write_atomically(&folder.path().join(Path::new(name)), |file| file.write_all(bytes))
@@ -120,12 +126,12 @@ impl Outcome {
             put(&format!("{stem}.png"), &figure.to_png()?)?;
         }
         let place = folder.finish()?;
-        if talk.json {
+        if answer.json {
             print_json(&json)?;
-        } else if !talk.quiet {
+        } else {
             print_text(&self.describe(problem))?;
         }
-        talk.messages().status(format!("Open {}", place.join("report.html").display()));
+        Messages::default().status(format!("Open {}", place.join("report.html").display()));
         Ok(())
     }
 

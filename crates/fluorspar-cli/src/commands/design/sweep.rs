@@ -12,7 +12,7 @@ use serde_json::{Value, json};
 use super::outcome::{FOLDER_BYTES, Found, Outcome};
 use super::shard::{SweepShard, journal_beside};
 use super::{Place, Problem, ProblemArgs, ReadProblem};
-use crate::args::Talk;
+use crate::args::Answer;
 use crate::error::CliError;
 use crate::interrupt::{Left, STOP, save_when_interrupted};
 use crate::message::Messages;
@@ -30,13 +30,13 @@ const MOST_DESIGNS: u64 = 50_000_000;
 pub(super) struct SweepOptions {
     #[command(flatten)]
     problem: ProblemArgs,
-    /// Evaluate only a part, for one of several processes: I/N, or auto in a Slurm array. `design merge` makes one result of them.
+    /// Part that is done, for one of several processes: I/N, or auto in a Slurm array. `design merge` makes one result of them.
     #[arg(long, value_name = "I/N|auto")]
     shard: Option<SweepShard>,
     #[command(flatten)]
     place: Place,
     #[command(flatten)]
-    talk: Talk,
+    answer: Answer,
 }
 
 /// Options of `design optimize`.
@@ -50,7 +50,7 @@ pub(super) struct OptimizeOptions {
     #[command(flatten)]
     place: Place,
     #[command(flatten)]
-    talk: Talk,
+    answer: Answer,
 }
 
 /// Options of `design merge`.
@@ -64,7 +64,7 @@ pub(super) struct MergeOptions {
     #[command(flatten)]
     place: Place,
     #[command(flatten)]
-    talk: Talk,
+    answer: Answer,
 }
 
 /// Time between looks at the journals of other processes.
@@ -177,10 +177,10 @@ fn checked_folder(problem: &ReadProblem, place: &Place) -> Result<(PathBuf, Outp
 }
 
 pub(super) fn sweep(options: &SweepOptions) -> Result<(), CliError> {
-    let problem = options.problem.read(&options.talk)?;
-    let messages = options.talk.messages();
+    let problem = options.problem.read()?;
+    let messages = Messages::default();
     let (shown, folder) = checked_folder(&problem, &options.place)?;
-    let problem = problem.prepare(&options.talk)?;
+    let problem = problem.prepare()?;
     let work = Work::of(&problem)?;
     let Some(shard) = options.shard else {
         let found = in_order(work.finish(
@@ -188,7 +188,7 @@ pub(super) fn sweep(options: &SweepOptions) -> Result<(), CliError> {
             None,
             messages,
         )?);
-        return Outcome::of(&problem, found)?.write(&problem, folder, &options.talk);
+        return Outcome::of(&problem, found)?.write(&problem, folder, &options.answer);
     };
     let journal = shard.journal(&shown, &problem.resolved.record.sha256);
     let blocks = work.finish(&journal, Some(shard), messages)?.len();
@@ -196,7 +196,7 @@ pub(super) fn sweep(options: &SweepOptions) -> Result<(), CliError> {
         "Shard {shard} is finished: {blocks} blocks in {}. When all are: fluorspar design merge",
         journal.display()
     ));
-    if options.talk.json {
+    if options.answer.json {
         super::super::print_json(
             &json!({ "shard": shard.to_string(), "blocks": blocks, "journal": journal }),
         )?;
@@ -205,10 +205,10 @@ pub(super) fn sweep(options: &SweepOptions) -> Result<(), CliError> {
 }
 
 pub(super) fn optimize(options: &OptimizeOptions) -> Result<(), CliError> {
-    let problem = options.problem.read(&options.talk)?;
-    let messages = options.talk.messages();
+    let problem = options.problem.read()?;
+    let messages = Messages::default();
     let (shown, folder) = checked_folder(&problem, &options.place)?;
-    let problem = problem.prepare(&options.talk)?;
+    let problem = problem.prepare()?;
     let search = &problem.resolved.search;
     let found = if options.exchange || problem.space.len() > search.most_exhaustive {
         let most = usize::try_from(search.evaluations).unwrap_or(usize::MAX);
@@ -228,14 +228,14 @@ pub(super) fn optimize(options: &OptimizeOptions) -> Result<(), CliError> {
             messages,
         )?)
     };
-    Outcome::of(&problem, found)?.write(&problem, folder, &options.talk)
+    Outcome::of(&problem, found)?.write(&problem, folder, &options.answer)
 }
 
 pub(super) fn merge(options: &MergeOptions) -> Result<(), CliError> {
-    let problem = options.problem.read(&options.talk)?;
-    let messages = options.talk.messages();
+    let problem = options.problem.read()?;
+    let messages = Messages::default();
     let (shown, folder) = checked_folder(&problem, &options.place)?;
-    let problem = problem.prepare(&options.talk)?;
+    let problem = problem.prepare()?;
     let work = Work::of(&problem)?;
     let sha256 = &problem.resolved.record.sha256;
     let shards = match options.wait_for {
@@ -252,7 +252,7 @@ pub(super) fn merge(options: &MergeOptions) -> Result<(), CliError> {
         }
         let missing = work.blocks - blocks.len() as u64;
         if missing == 0 {
-            return Outcome::of(&problem, in_order(blocks))?.write(&problem, folder, &options.talk);
+            return Outcome::of(&problem, in_order(blocks))?.write(&problem, folder, &options.answer);
         }
         if options.wait_for.is_none() {
             return Err(CliError::Input(format!(

@@ -4,6 +4,7 @@ use clap::ValueHint;
 use fluorspar::pipeline::{LeakBehindFilters, filter_leak};
 use fluorspar_experiment::ResolvedSample;
 
+use crate::args::Changes;
 use crate::commands::predict::filter_list;
 use crate::commands::table::{align, short};
 use crate::commands::{print_json, print_text};
@@ -29,10 +30,9 @@ pub(super) struct Options {
     #[arg(long, value_name = "DEG", default_values_t = [0.0, 10.0, 20.0, 30.0],
         value_parser = values::number, allow_negative_numbers = true)]
     angle_deg: Vec<f64>,
-    /// Change one value, for instance `--set light.strength.irradiance_w_per_m2=50`. May be repeated.
-    #[arg(long = "set", value_name = "PATH=VALUE")]
-    set: Vec<String>,
-    /// Print the result as JSON.
+    #[command(flatten)]
+    changes: Changes,
+    /// Print the answer as JSON.
     #[arg(long)]
     json: bool,
 }
@@ -56,7 +56,7 @@ pub(super) fn run(options: &Options) -> Result<(), CliError> {
             overrides.push(Override::of_option(field, list, typed.join(" ")));
         }
     }
-    overrides.extend(options.set.iter().map(|text| Override::set(text)));
+    overrides.extend(options.changes.overrides());
     let ResolvedSample { sample, record, .. } = source.resolve_sample(&overrides)?;
     Messages::unless(options.json).warnings(&record.warnings);
     let leak = filter_leak(&sample, &options.angle_deg)?;

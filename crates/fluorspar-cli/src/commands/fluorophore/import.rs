@@ -20,12 +20,12 @@ pub(super) struct Options {
     /// MATLAB file of isetfluorescence.
     #[arg(value_name = "FILE", value_hint = ValueHint::FilePath)]
     input: PathBuf,
-    /// Name by which materials refer to it [default: that of the file].
+    /// Name of the fluorophore, by which materials refer to it [default: that of the file].
     #[arg(long)]
     name: Option<String>,
     #[command(flatten)]
     file: FileOptions,
-    /// TOML file to write, or `-` for standard output.
+    /// File for the section, .toml, or `-` for standard output.
     #[arg(long, value_name = "FILE", default_value = "-", value_hint = ValueHint::FilePath)]
     out: PathBuf,
 }

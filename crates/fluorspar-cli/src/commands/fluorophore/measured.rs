@@ -62,7 +62,9 @@ pub(super) fn read(path: &Path, options: &FileOptions) -> Result<Measured, CliEr
 /// The option that lets a file pass.
 fn option_for(error: &FormatError, options: &FileOptions) -> Option<&'static str> {
     match error {
-        FormatError::Unit { .. } if options.unit.is_none() => Some("--unit photons or --unit energy"),
+        FormatError::Unit { .. } if options.yield_unit.is_none() => {
+            Some("--yield-unit photons or --yield-unit energy")
+        }
         FormatError::AntiStokes { .. } => Some("--allow-anti-stokes"),
         FormatError::Negative { .. } => Some("--allow-negative"),
         FormatError::EmptyCell { .. } => Some("--empty-as-zero"),
@@ -100,14 +102,14 @@ fn stated_unit(path: &Path, unit: EemUnit) -> Result<Unit, CliError> {
         EemUnit::Photons => Ok(Unit::Photons),
         EemUnit::Energy => Ok(Unit::Energy),
         EemUnit::Unknown => Err(CliError::Input(format!(
-            "{}: the file says that the unit of its values is unknown. Decide with --unit photons or --unit energy",
+            "{}: the file says that the unit of its values is unknown. Decide with --yield-unit photons or --yield-unit energy",
             path.display()
         ))),
     }
 }
 
 fn matrix_csv(path: &Path, options: &FileOptions) -> Result<Measured, CliError> {
-    let given = options.unit.map(|unit| match unit {
+    let given = options.yield_unit.map(|unit| match unit {
         Unit::Photons => EemUnit::Photons,
         Unit::Energy => EemUnit::Energy,
     });
@@ -137,7 +139,7 @@ fn spectra_csv(path: &Path, options: &FileOptions) -> Result<Measured, CliError>
     if read.emission_only {
         return Err(emission_only(path));
     }
-    let unit = options.unit.unwrap_or(Unit::Photons);
+    let unit = options.yield_unit.unwrap_or(Unit::Photons);
     let mut findings = vec![("content".into(), "excitation and emission spectra".to_string())];
     let range = |(first, last): (f64, f64)| format!("{first} to {last} nm");
     for (name, curve) in [("excitation", &read.excitation), ("emission", &read.emission)] {
@@ -152,7 +154,7 @@ fn spectra_csv(path: &Path, options: &FileOptions) -> Result<Measured, CliError>
         );
         findings.push((name.into(), text));
     }
-    findings.push(("unit of emission".into(), taken_as(unit, options.unit.is_some())));
+    findings.push(("unit of emission".into(), taken_as(unit, options.yield_unit.is_some())));
     Ok(Measured { kind: Kind::SpectraCsv, name: None, unit, findings })
 }
 
@@ -171,7 +173,7 @@ fn mat(path: &Path, options: &FileOptions) -> Result<Measured, CliError> {
         ))),
         _ => Ok(()),
     };
-    let unit = options.unit.unwrap_or(Unit::Photons);
+    let unit = options.yield_unit.unwrap_or(Unit::Photons);
     let name = Some(read.name).filter(|name| !name.is_empty());
     let mut findings = Vec::new();
     if let Some(values) = read.eem {
@@ -203,8 +205,11 @@ fn mat(path: &Path, options: &FileOptions) -> Result<Measured, CliError> {
     } else {
         return Err(emission_only(path));
     }
-    let by_convention =
-        if options.unit.is_some() { "as given" } else { "the convention of those files; --unit changes it" };
+    let by_convention = if options.yield_unit.is_some() {
+        "as given"
+    } else {
+        "the convention of those files; --yield-unit changes it"
+    };
     findings.push(("unit".into(), format!("{} ({by_convention})", word(unit))));
     Ok(Measured { kind: Kind::Mat, name, unit, findings })
 }
@@ -217,7 +222,7 @@ fn word(unit: Unit) -> &'static str {
 }
 
 fn taken_as(unit: Unit, given: bool) -> String {
-    format!("{} ({})", word(unit), if given { "as given" } else { "assumed; --unit energy changes it" })
+    format!("{} ({})", word(unit), if given { "as given" } else { "assumed; --yield-unit energy changes it" })
 }
 
 fn emission_only(path: &Path) -> CliError {

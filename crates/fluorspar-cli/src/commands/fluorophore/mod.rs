@@ -39,7 +39,7 @@ enum Action {
 struct FileOptions {
     /// Unit of the values of a file that does not state it.
     #[arg(long, value_enum)]
-    unit: Option<Unit>,
+    yield_unit: Option<Unit>,
     /// Photons out per photon in at the best excitation, concentration 1, of a file [default: 0.001, assumed].
     #[arg(long, value_name = "Y", value_parser = values::number, allow_negative_numbers = true)]
     photon_yield: Option<f64>,
@@ -61,7 +61,7 @@ impl FileOptions {
     /// The first option that was given and is not as without it.
     fn first_given(&self) -> Option<&'static str> {
         [
-            (self.unit.is_some(), "--unit"),
+            (self.yield_unit.is_some(), "--yield-unit"),
             (self.photon_yield.is_some(), "--photon-yield"),
             (self.stokes != StokesChoice::Mask, "--stokes off"),
             (self.allow_negative, "--allow-negative"),

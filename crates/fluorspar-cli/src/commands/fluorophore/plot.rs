@@ -27,10 +27,10 @@ pub(super) struct Options {
     /// Names of the catalogue, or files: matrix CSV, excitation and emission CSV, ISET .mat.
     #[arg(value_name = "NAME|FILE", required = true)]
     names: Vec<String>,
-    /// Figure to write: .svg or .png.
+    /// File of the figure, .svg or .png.
     #[arg(long, value_name = "FILE", default_value = "fluorophores.svg", value_hint = ValueHint::FilePath)]
     out: PathBuf,
-    /// Mark this light (a name of the catalogue or a CSV file) and draw the emission under it, as FILE_emission.
+    /// Light that is marked, and under which the emission is drawn, as FILE_emission: a name of the catalogue or a CSV file.
     #[arg(long, value_name = "NAME|CSV")]
     light: Option<String>,
     #[command(flatten)]

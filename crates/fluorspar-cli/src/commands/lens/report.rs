@@ -35,16 +35,16 @@ pub(super) struct Options {
     /// the light of the axis is left].
     #[arg(long, value_name = "MM", value_parser = values::number, allow_negative_numbers = true)]
     image_height_mm: Option<f64>,
-    /// Wavelength, nm [default: the design wavelength of the lens].
+    /// Wavelength of the rays, nm [default: the design wavelength of the lens].
     #[arg(long, value_name = "NM", value_parser = values::number, allow_negative_numbers = true)]
     wavelength_nm: Option<f64>,
     /// Frequency of the MTF through focus, cycles per mm on the film; other curves go to twice this.
     #[arg(long, value_name = "CYCLES", default_value_t = 50.0, value_parser = values::number, allow_negative_numbers = true)]
     frequency: f64,
-    /// Draw the lens with rays to this .svg or .png, and FILE_spots, FILE_mtf, FILE_field next to it.
+    /// File of the figure of the lens with rays, .svg or .png; FILE_spots, FILE_mtf and FILE_field lie beside it.
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     out: Option<PathBuf>,
-    /// Print the report as JSON.
+    /// Print the answer as JSON.
     #[arg(long)]
     json: bool,
     /// Print the lens itself as a lens file (.toml), whatever program it comes from, and trace nothing.

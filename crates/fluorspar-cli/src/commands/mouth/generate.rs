@@ -27,14 +27,14 @@ pub(crate) struct Options {
     /// Pose of this view, for instance `ventral-tongue`; see `mouth view --list`.
     #[arg(long, value_name = "VIEW")]
     pose: Option<String>,
-    /// File or folder to write: .glb (all parts, meters), .obj (millimeters), .pbrt (meters), or a folder name for one
-    /// .ply file for each part (meters). May be repeated. Without it, only the dimensions are printed.
+    /// File or folder for the meshes: .glb, .obj, .pbrt, or a folder for one .ply file for each part. May be repeated.
+    ///
+    /// Lengths are meters, in .obj files millimeters. Without it, only the dimensions are printed.
     #[arg(long, value_name = "PATH", value_hint = ValueHint::AnyPath)]
     out: Vec<PathBuf>,
-    /// Print no list of the written files.
-    #[arg(long, short)]
-    quiet: bool,
-    /// Print the parameters, dimensions and parts as JSON.
+    /// Print the answer as JSON.
+    ///
+    /// Parameters, dimensions and parts.
     #[arg(long)]
     json: bool,
 }
@@ -129,7 +129,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         .collect();
     files.write(&meshes)?;
     for (path, target) in options.out.iter().zip(&targets) {
-        Messages::unless(options.quiet).status(match target {
+        Messages::default().status(match target {
             OutputKind::PlyFolder => format!("Wrote {} .ply files to {}", meshes.len(), path.display()),
             OutputKind::Obj => {
                 format!("Wrote {} and {}", path.display(), path.with_extension("mtl").display())

@@ -12,8 +12,8 @@ pub(crate) struct PersonArgs {
     /// A person drawn from the population, instead of the average adult: 7 is the seventh of `mouth sample`.
     #[arg(long, value_name = "NUMBER", value_parser = parse_person, allow_negative_numbers = true)]
     person: Option<u32>,
-    /// Change one parameter, for instance `--set tooth_scale=1.05`; see `fluorspar schema`. May be repeated.
-    #[arg(long = "set", value_name = "FIELD=VALUE")]
+    /// Change one value, a parameter of the mouth, for instance `--set tooth_scale=1.05`; see docs/mouth.md. May be repeated.
+    #[arg(long = "set", value_name = "PATH=VALUE")]
     set: Vec<String>,
     /// Factor on the rows and columns of the meshes: 0.4 gives a preview of 50 000 triangles, 4 shows every papilla.
     #[arg(long, value_name = "D", value_parser = values::number, allow_negative_numbers = true)]

@@ -22,7 +22,7 @@ pub(crate) struct Options {
     /// Number of people.
     #[arg(long, value_name = "N", default_value_t = 10, value_parser = values::whole::<u32, 1, MOST>, allow_negative_numbers = true)]
     count: u32,
-    /// Number of the first, which is its seed; the others follow.
+    /// Seed of the first person, which is its number; the others follow.
     #[arg(long, value_name = "S", default_value_t = 1, value_parser = parse_person, allow_negative_numbers = true)]
     seed: u32,
     /// Experiment on which each person's file is based.

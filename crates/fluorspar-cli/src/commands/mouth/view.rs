@@ -30,25 +30,22 @@ pub(crate) struct Options {
     /// Experiment that gives lights and materials.
     #[arg(long, value_name = "EXPERIMENT", default_value = "oraleye-2021")]
     experiment: String,
-    /// Light group that is on.
+    /// Group of lights that is on.
     #[arg(long, value_name = "GROUP", default_value = "white")]
-    light: String,
+    light_group: String,
     /// Width of each image, pixels (64 to 2000); three quarters as high. Rows with fewer images have larger ones.
     #[arg(long, value_name = "PX", default_value_t = 240, value_parser = values::whole::<usize, 64, 2000>,
         allow_negative_numbers = true)]
     width: usize,
-    /// Paths per pixel.
+    /// Samples (paths) per pixel.
     #[arg(long, value_name = "N", default_value_t = 16, value_parser = values::whole::<u32, 1, 1_000_000>, allow_negative_numbers = true)]
     spp: u32,
-    /// PNG file.
-    #[arg(long, value_name = "FILE", default_value = "mouth.png", value_hint = ValueHint::FilePath)]
+    /// File of the contact sheet, .png.
+    #[arg(long, value_name = "FILE.png", default_value = "mouth.png", value_hint = ValueHint::FilePath)]
     out: PathBuf,
     /// List the views instead.
     #[arg(long)]
     list: bool,
-    /// No progress.
-    #[arg(long, short)]
-    quiet: bool,
 }
 
 pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
@@ -75,7 +72,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     for view in &views {
         options.person.parameters(Some(view.name))?;
     }
-    let messages = Messages::unless(options.quiet);
+    let messages = Messages::default();
     let sheet = ContactSheet::new(views.len(), options.width);
     let mut pictures: Vec<(&str, Raster)> = Vec::new();
     for (view, [width, height]) in views.iter().zip(sheet.picture_sizes()) {
@@ -118,21 +115,21 @@ fn picture(
     // Only light is looked at: a region that this view does not see is not a defect.
     experiment.file.analysis = None;
     let study = resolve(&experiment).map_err(|error| as_typed(error, &overrides))?.study;
-    if !study.scene.light_groups.iter().any(|group| group.name == options.light) {
+    if !study.scene.light_groups.iter().any(|group| group.name == options.light_group) {
         let known: Vec<&str> = study.scene.light_groups.iter().map(|group| group.name.as_str()).collect();
         return Err(CliError::Input(format!(
-            "--light {}: the experiment has no such light group. Known: {}",
-            options.light,
+            "--light-group {}: the experiment has no such light group. Known: {}",
+            options.light_group,
             known.join(", ")
         )));
     }
-    let components =
-        render_with_progress(&study.scene, &study.render, None, Messages::unless(options.quiet))?;
+    let components = render_with_progress(&study.scene, &study.render, None, Messages::default())?;
     if interrupted() {
         return Err(CliError::Stopped("interrupted: a picture is missing, and nothing was written".into()));
     }
-    let sum = components.recombine(|component| f64::from(u8::from(component.light_group == options.light)));
-    let preview = light_group_preview(&sum, &study, &options.light);
+    let sum =
+        components.recombine(|component| f64::from(u8::from(component.light_group == options.light_group)));
+    let preview = light_group_preview(&sum, &study, &options.light_group);
     Raster::from_rgb8(preview.width, preview.height, &preview.rgb)
         .ok_or_else(|| CliError::Failed("an image without pixels".into()))
 }

@@ -9,18 +9,11 @@ use crate::message::Messages;
 pub(crate) struct Options {
     #[command(flatten)]
     scene: SceneArgs,
-    /// Print nothing: only the exit code tells the result.
-    #[arg(long, short)]
-    quiet: bool,
 }
 
 pub(crate) fn run(options: &Options) -> Result<(), CliError> {
     let (study, warnings) = options.scene.study()?;
-    let messages = if options.quiet { Messages::Quiet } else { Messages::Full };
-    messages.warnings(&warnings);
-    if options.quiet {
-        return Ok(());
-    }
+    Messages::in_full().warnings(&warnings);
     let scene = &study.scene;
     crate::commands::print_text(&format!(
         "{}: valid. {} objects, {} materials, {} lights, {} fluorophores",

@@ -15,16 +15,13 @@ use crate::message::Messages;
 pub(crate) struct Options {
     #[command(flatten)]
     scene: SceneArgs,
-    /// Experiment file; meshes, maps and spectra go to a folder beside it, NAME_files.
+    /// File of the experiment, .toml; meshes, maps and spectra go to a folder beside it, NAME_files.
     #[arg(long, value_name = "NAME.toml", value_hint = ValueHint::FilePath)]
     out: PathBuf,
-    /// Print no warnings and no list of the written files.
-    #[arg(long, short)]
-    quiet: bool,
 }
 
 pub(crate) fn run(options: &Options) -> Result<(), CliError> {
-    let Options { scene, out, quiet } = options;
+    let Options { scene, out } = options;
     let source = scene.text(Some(out))?;
     if !source.is_converted() {
         return Err(CliError::Input(format!(
@@ -32,14 +29,14 @@ pub(crate) fn run(options: &Options) -> Result<(), CliError> {
             scene.name()
         )));
     }
-    let messages = Messages::unless(*quiet);
+    let messages = Messages::default();
     messages.warnings(&source.warnings);
     for lost in source.lost() {
         messages.status(format!("warning: lost in the experiment: {lost}"));
     }
     parse(&source.text, &out.display().to_string(), &source.base_dir, &[])?;
     let folder = source.write_companions()?;
-    write_texts(&[("--out", out, source.text.clone())], &[], *quiet)?;
+    write_texts(&[("--out", out, source.text.clone())], &[])?;
     if let Some(folder) = folder {
         let place = folder.finish()?;
         messages.status(format!("Its meshes, maps and spectra are in {}", place.display()));

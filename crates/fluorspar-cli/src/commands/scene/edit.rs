@@ -53,15 +53,12 @@ pub(crate) struct DeleteOptions {
 /// Where a changed scene goes.
 #[derive(Clone, Debug, clap::Args)]
 struct OutputArgs {
-    /// File of the new scene (.toml); without it, the scene is printed.
+    /// File of the new scene, .toml; without it, the scene is printed.
     #[arg(long, value_name = "FILE.toml", value_hint = ValueHint::FilePath)]
     out: Option<PathBuf>,
     /// File for the changes as a script.
     #[arg(long, value_name = "FILE.toml", value_hint = ValueHint::FilePath)]
     record: Option<PathBuf>,
-    /// Print no list of the written files.
-    #[arg(long, short)]
-    quiet: bool,
 }
 
 pub(crate) fn set(options: &SetOptions) -> Result<(), CliError> {
@@ -97,14 +94,14 @@ fn write(
     scripts: &[PathBuf],
     output: &OutputArgs,
 ) -> Result<(), CliError> {
-    let OutputArgs { out, record, quiet } = output;
+    let OutputArgs { out, record } = output;
     let mut source = scene.text(out.as_deref())?;
-    Messages::unless(*quiet).warnings(&source.warnings);
+    Messages::default().warnings(&source.warnings);
     let text = edit_experiment(&source.text, &source.name, &source.base_dir, changes)?;
     let text = with_mark(text, &source.name);
     let (Some(out), record) = (out, record) else {
         if let Some(record) = record {
-            write_texts(&[("--record", record, script_text(changes))], scripts, *quiet)?;
+            write_texts(&[("--record", record, script_text(changes))], scripts)?;
         }
         return crate::commands::print_text(text.trim_end());
     };
@@ -114,7 +111,7 @@ fn write(
     texts.extend(record.as_ref().map(|path| ("--record", path, script_text(changes))));
     let folder = source.write_companions()?;
     // A file that this program wrote may be edited in its place; those of others are refused.
-    write_texts(&texts, scripts, *quiet)?;
+    write_texts(&texts, scripts)?;
     folder.map_or(Ok(()), |folder| folder.finish().map(drop))?;
     Ok(())
 }
@@ -129,11 +126,7 @@ fn with_mark(text: String, name: &str) -> String {
 }
 
 /// Writes texts, all or none of them.
-pub(super) fn write_texts(
-    texts: &[(&str, &PathBuf, String)],
-    reading: &[PathBuf],
-    quiet: bool,
-) -> Result<(), CliError> {
+pub(super) fn write_texts(texts: &[(&str, &PathBuf, String)], reading: &[PathBuf]) -> Result<(), CliError> {
     for (option, path, _) in texts {
         if !path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("toml")) {
             let path = path.display();
@@ -149,7 +142,7 @@ pub(super) fn write_texts(
     }
     set.finish()?;
     let names: Vec<String> = texts.iter().map(|(_, path, _)| path.display().to_string()).collect();
-    Messages::unless(quiet).status(format!("Wrote {}", names.join(" and ")));
+    Messages::default().status(format!("Wrote {}", names.join(" and ")));
     Ok(())
 }
 

@@ -16,7 +16,7 @@ pub(crate) struct Options {
     /// Paths, also with wildcards and by part: `light.blue.strength`, `tooth_*/material.reflectance`.
     #[arg(value_name = "PATH", required = true)]
     paths: Vec<String>,
-    /// Print paths and values as JSON.
+    /// Print the answer as JSON.
     #[arg(long)]
     json: bool,
 }

@@ -14,7 +14,7 @@ pub(crate) struct Options {
     scene: SceneArgs,
     #[command(flatten)]
     changes: Changes,
-    /// Print the list as JSON.
+    /// Print the answer as JSON.
     #[arg(long)]
     json: bool,
 }

@@ -26,12 +26,9 @@ pub(crate) struct Options {
     /// Width of the picture, pixels [default: that of the render].
     #[arg(long, value_name = "PX", value_parser = values::whole::<usize, 16, 8192>, allow_negative_numbers = true)]
     width: Option<usize>,
-    /// PNG file.
+    /// File of the picture, .png.
     #[arg(long, value_name = "FILE.png", default_value = "scene.png", value_hint = ValueHint::FilePath)]
     out: PathBuf,
-    /// Print no colors of parts, no range of depths.
-    #[arg(long, short)]
-    quiet: bool,
 }
 
 /// What a picture shows.
@@ -48,7 +45,7 @@ enum Show {
 }
 
 pub(crate) fn run(options: &Options) -> Result<(), CliError> {
-    let Options { scene, changes, show, width, out, quiet } = options;
+    let Options { scene, changes, show, width, out } = options;
     if !out.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("png")) {
         return Err(CliError::Input(format!("--out {}: the name must end in .png", out.display())));
     }
@@ -69,12 +66,9 @@ pub(crate) fn run(options: &Options) -> Result<(), CliError> {
     let picture = surface_view(&maps, shapes.camera.width, view);
     write_rgb_png(out, picture.width, picture.height, &picture.rgb)?;
     set.finish()?;
-    if *quiet {
-        return Ok(());
-    }
-    Messages::unless(false).status(format!("Wrote {}", out.display()));
+    Messages::default().status(format!("Wrote {}", out.display()));
     match (show, depth_range_m(&maps)) {
-        (_, None) => Messages::unless(false).status("Nothing is in the field of view of the camera"),
+        (_, None) => Messages::default().status("Nothing is in the field of view of the camera"),
         (Show::Depth, Some([nearest, farthest])) => crate::commands::print_text(&format!(
             "bright {:.2} mm, dark {:.2} mm from the camera",
             1e3 * nearest,

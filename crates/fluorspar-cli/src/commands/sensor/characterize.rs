@@ -13,10 +13,11 @@ use fluorspar_report::figures::{PhotonTransferPlot, SnrPlot, photon_transfer, si
 use serde_json::{Value, json};
 
 use super::SensorArgs;
-use crate::args::Talk;
+use crate::args::Answer;
 use crate::commands::table::{align, short};
 use crate::commands::{print_json, print_text};
 use crate::error::CliError;
+use crate::message::Messages;
 use crate::values;
 
 /// Options of `sensor characterize`.
@@ -53,7 +54,7 @@ pub(super) struct Options {
         allow_negative_numbers = true)]
     seed: u64,
     #[command(flatten)]
-    talk: Talk,
+    answer: Answer,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -85,7 +86,7 @@ impl Options {
 }
 
 pub(super) fn run(options: &Options) -> Result<(), CliError> {
-    let messages = options.talk.messages();
+    let messages = Messages::default();
     let resolved = options.sensor.resolve(messages)?;
     let settings = CharacterizationSettings {
         region: [options.region[0], options.region[1]],
@@ -120,9 +121,9 @@ pub(super) fn run(options: &Options) -> Result<(), CliError> {
         }
     }
     let place = folder.finish()?;
-    if options.talk.json {
+    if options.answer.json {
         print_json(&results)?;
-    } else if !options.talk.quiet {
+    } else {
         let warnings: Vec<Warning> = measured.warnings.iter().map(Warning::of_sentences).collect();
         messages.warnings(&warnings);
         print_text(&describe(&resolved, &measured))?;

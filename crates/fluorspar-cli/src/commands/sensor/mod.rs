@@ -12,10 +12,12 @@ use fluorspar::names::did_you_mean;
 use fluorspar_experiment::preset::{self, PresetKind};
 use fluorspar_experiment::{ResolvedSensor, parse_sensor};
 
+use crate::args::Changes;
 use crate::commands::table::ListOptions;
 use crate::error::CliError;
 use crate::experiment_source::read_text;
 use crate::message::Messages;
+use crate::values::{Override, as_typed, sets};
 
 /// Options of `sensor`.
 #[derive(Clone, Debug, clap::Args)]
@@ -40,18 +42,19 @@ struct SensorArgs {
     /// Sensor file (.toml with a [sensor] section; or an experiment), or the name of a built-in sensor.
     #[arg(value_name = "SENSOR", value_hint = ValueHint::FilePath)]
     sensor: String,
-    /// Change one value, for instance `--set sensor.read_noise_e=2`. May be repeated.
-    #[arg(long = "set", value_name = "PATH=VALUE")]
-    set: Vec<String>,
+    #[command(flatten)]
+    changes: Changes,
 }
 
 impl SensorArgs {
     /// Reads the sensor and prints its warnings.
     fn resolve(&self, messages: Messages) -> Result<ResolvedSensor, CliError> {
         let (name, path) = (self.sensor.as_str(), Path::new(&self.sensor));
+        let overrides = self.changes.overrides();
         let resolved = if self.is_file() {
             let base_dir = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-            parse_sensor(&read_text(path)?, name, base_dir, &self.set)?
+            parse_sensor(&read_text(path)?, name, base_dir, &sets(&overrides))
+                .map_err(|error| as_typed(error, &overrides))?
         } else {
             let known = preset::names(PresetKind::Sensor);
             if !known.contains(&name) {
@@ -61,7 +64,7 @@ impl SensorArgs {
                     known.join(", ")
                 )));
             }
-            of_catalogue(name, &self.set)?
+            of_catalogue(name, &overrides)?
         };
         messages.warnings(&resolved.warnings);
         Ok(resolved)
@@ -86,11 +89,12 @@ impl SensorArgs {
 }
 
 /// A sensor of the catalogue with changes.
-fn of_catalogue(name: &str, changes: &[String]) -> Result<ResolvedSensor, CliError> {
+fn of_catalogue(name: &str, overrides: &[Override]) -> Result<ResolvedSensor, CliError> {
     // Written by the serializer: a title may hold quotation marks.
     let title = toml::Value::String(preset::sensor(name)?.title);
     let text = format!("format = 1\ntitle = {title}\n[sensor]\npreset = \"{name}\"\n");
-    Ok(parse_sensor(&text, &format!("built-in {name}"), Path::new("."), changes)?)
+    Ok(parse_sensor(&text, &format!("built-in {name}"), Path::new("."), &sets(overrides))
+        .map_err(|error| as_typed(error, overrides))?)
 }
 
 pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {

@@ -15,7 +15,7 @@ use crate::message::Messages;
 pub(super) struct Options {
     #[command(flatten)]
     sensor: SensorArgs,
-    /// Print it as JSON.
+    /// Print the answer as JSON.
     #[arg(long, conflicts_with = "toml")]
     json: bool,
     /// Print the complete sensor file, every default written out.

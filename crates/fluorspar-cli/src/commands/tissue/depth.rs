@@ -12,10 +12,11 @@ use fluorspar_report::figures::light_sources_by_depth;
 use serde::Serialize;
 
 use super::source::{SiteArgs, find};
-use crate::args::Talk;
+use crate::args::Answer;
 use crate::commands::table::{align, short};
 use crate::commands::{FigureFormat, curves, print_json, print_text};
 use crate::error::CliError;
+use crate::message::Messages;
 use crate::values::{self, check_range};
 
 /// Wavelengths that are solved, nm.
@@ -36,21 +37,21 @@ pub(super) struct Options {
     /// Filter before the sensor: a name of the catalogue or a CSV file. May be repeated.
     #[arg(long, value_name = "NAME|CSV")]
     filter: Vec<String>,
-    /// Quantum efficiencies of the catalogue, one result for each channel.
+    /// Quantum efficiency of the sensor, a name of the catalogue: one result for each channel.
     #[arg(long, value_name = "NAME", default_value = "consumer_rgb_cmos")]
     qe: String,
     /// Light of one wavelength instead, nm.
     #[arg(long, value_name = "NM", conflicts_with = "light", value_parser = values::number, allow_negative_numbers = true)]
     excitation_nm: Option<f64>,
-    /// One wavelength of the fluorescence instead of channels, nm. May be repeated.
+    /// Wavelength of the fluorescence instead of channels, nm. May be repeated.
     #[arg(long, value_name = "NM", conflicts_with_all = ["qe", "filter"], value_parser = values::number,
         allow_negative_numbers = true)]
     emission_nm: Vec<f64>,
-    /// Figure to write: .svg or .png [default: none].
+    /// File of the figure, .svg or .png [default: none].
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     out: Option<PathBuf>,
     #[command(flatten)]
-    talk: Talk,
+    answer: Answer,
 }
 
 /// Where the light of one channel comes from.
@@ -104,12 +105,10 @@ pub(super) fn run(options: &Options) -> Result<(), CliError> {
         let bytes = format.bytes(&light_sources_by_depth(&title, &curves, &solved.tissue().bottoms_um()))?;
         write_atomically(out, |file| file.write_all(&bytes))?;
         set.finish()?;
-        options.talk.messages().status(format!("Wrote {}", out.display()));
+        Messages::default().status(format!("Wrote {}", out.display()));
     }
-    if options.talk.json {
+    if options.answer.json {
         print_json(&origins)
-    } else if options.talk.quiet {
-        Ok(())
     } else {
         print_text(&describe(&title, &options.light_name(), &origins))
     }

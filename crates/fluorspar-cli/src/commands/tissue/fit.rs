@@ -12,9 +12,10 @@ use fluorspar_format::{Negative, OutputFolder, write_atomically};
 
 use super::fit_output::{as_json, describe, figure, residuals, section};
 use super::source::{SiteArgs, find};
-use crate::args::Talk;
+use crate::args::Answer;
 use crate::commands::{curves, print_json, print_text};
 use crate::error::CliError;
+use crate::message::Messages;
 use crate::values::{self, check_range};
 
 /// A section, a table, results and a figure.
@@ -27,7 +28,7 @@ const WAVELENGTH_NM: [f64; 2] = [350.0, 800.0];
 pub(super) struct Options {
     #[command(flatten)]
     site: SiteArgs,
-    /// Measured reflectance, 0 to 1 (CSV, its first spectrum), surface reflection excluded. May be repeated.
+    /// Reflectance as measured, 0 to 1 (CSV, its first spectrum), surface reflection excluded. May be repeated.
     #[arg(long, value_name = "CSV", value_hint = ValueHint::FilePath)]
     reflectance: Vec<String>,
     /// Measured fluorescence, energy per nm (CSV, its first spectrum). May be repeated, with a --light for each.
@@ -78,7 +79,7 @@ pub(super) struct Options {
     #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath)]
     out: Option<PathBuf>,
     #[command(flatten)]
-    talk: Talk,
+    answer: Answer,
 }
 
 pub(super) fn run(options: &Options) -> Result<(), CliError> {
@@ -96,18 +97,16 @@ pub(super) fn run(options: &Options) -> Result<(), CliError> {
     let found = fit.fit(&reflectances, &fluorescences)?;
     if !found.converged {
         let steps = found.steps;
-        options.talk.messages().status(format!(
+        Messages::default().status(format!(
             "warning: the search did not settle in {steps} steps; a narrower prior may help"
         ));
     }
     if let Some(out) = out {
         let place = options.write(out, &title, &found)?;
-        options.talk.messages().status(format!("Wrote {}", place.display()));
+        Messages::default().status(format!("Wrote {}", place.display()));
     }
-    if options.talk.json {
+    if options.answer.json {
         print_json(&as_json(&options.name, &found))
-    } else if options.talk.quiet {
-        Ok(())
     } else {
         print_text(&describe(&title, &found))
     }

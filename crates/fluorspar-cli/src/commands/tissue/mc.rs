@@ -18,7 +18,7 @@ use serde::Serialize;
 
 use super::mc_output::{describe, figures, tables};
 use super::source::TissueArgs;
-use crate::args::Talk;
+use crate::args::Answer;
 use crate::commands::{print_json, print_text};
 use crate::error::{CliError, STOPPED};
 use crate::interrupt::{Left, STOP, interrupted, save_when_interrupted};
@@ -53,7 +53,7 @@ pub(super) struct Options {
     /// name [default: fluorescence where the file has it, else reflectance].
     #[arg(long, value_name = "WHAT", requires = "error")]
     error_of: Option<String>,
-    /// Seed: the same one gives the same results, whatever the number of threads.
+    /// Seed of the random numbers: the same one gives the same results, whatever the number of threads.
     #[arg(long, value_name = "S", default_value_t = 0, value_parser = values::seed, allow_negative_numbers = true)]
     seed: u64,
     /// Find the fluorescence from the fluences of both wavelengths, by reciprocity, instead of tracing it: it is less noisy,
@@ -77,7 +77,7 @@ pub(super) struct Options {
     #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath)]
     out: Option<PathBuf>,
     #[command(flatten)]
-    talk: Talk,
+    answer: Answer,
 }
 
 /// What was found, as `--json` and results.json have it.
@@ -125,13 +125,13 @@ pub(super) fn run(options: &Options) -> Result<ExitCode, CliError> {
         options.out.as_ref().map(|out| OutputFolder::prepare(out, &inputs, FOLDER_BYTES)).transpose()?;
     let found = options.trace(layers.clone(), &settings)?;
     let place = out.map(|out| write(out, &found, &layers)).transpose()?;
-    if options.talk.json {
+    if options.answer.json {
         print_json(&found)?;
-    } else if !options.talk.quiet {
+    } else {
         print_text(&describe(&found, &layers))?;
     }
     if let Some(place) = place {
-        options.talk.messages().status(format!("Wrote {}", place.display()));
+        Messages::default().status(format!("Wrote {}", place.display()));
     }
     Ok(if interrupted() { ExitCode::from(STOPPED) } else { ExitCode::SUCCESS })
 }
@@ -173,7 +173,7 @@ impl Options {
             true => Incidence::Lambertian,
             false => Incidence::Collimated { cosine: self.angle_deg.to_radians().cos() },
         };
-        let messages = self.talk.messages();
+        let messages = Messages::default();
         let angle_deg = (!self.diffuse).then_some(self.angle_deg);
         let found = |light| Found {
             title: layers.title,

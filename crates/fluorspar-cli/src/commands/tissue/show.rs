@@ -20,7 +20,7 @@ const TOLD_NM: [f64; 3] = [405.0, 520.0, 635.0];
 pub(super) struct Options {
     #[command(flatten)]
     site: SiteArgs,
-    /// Print it as JSON.
+    /// Print the answer as JSON.
     #[arg(long)]
     json: bool,
 }

@@ -17,9 +17,10 @@ use serde::Serialize;
 
 use super::solve_output::{describe, figures, tables};
 use super::source::{SiteArgs, find};
-use crate::args::Talk;
+use crate::args::Answer;
 use crate::commands::{curves, print_json, print_text};
 use crate::error::CliError;
+use crate::message::Messages;
 use crate::values::{self, check_range};
 
 /// Two tables, results and some figures.
@@ -57,7 +58,7 @@ pub(super) struct Options {
     #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath)]
     out: Option<PathBuf>,
     #[command(flatten)]
-    talk: Talk,
+    answer: Answer,
 }
 
 /// What was found, as `--json` and results.json have it.
@@ -142,15 +143,9 @@ pub(super) fn run(options: &Options) -> Result<(), CliError> {
         options.out.as_ref().map(|out| OutputFolder::prepare(out, &inputs, FOLDER_BYTES)).transpose()?;
     let found = options.solve(title, &site, &lights)?;
     if let Some(out) = out {
-        options.talk.messages().status(format!("Wrote {}", write(out, &found)?.display()));
+        Messages::default().status(format!("Wrote {}", write(out, &found)?.display()));
     }
-    if options.talk.json {
-        print_json(&found)
-    } else if options.talk.quiet {
-        Ok(())
-    } else {
-        print_text(&describe(&found))
-    }
+    if options.answer.json { print_json(&found) } else { print_text(&describe(&found)) }
 }
 
 impl Options {

@@ -46,8 +46,8 @@ pub(super) struct SiteArgs {
     /// State of the site: inflammation, hyperaemia or dysplasia. May be repeated.
     #[arg(long, value_name = "STATE")]
     state: Vec<String>,
-    /// Change one parameter, for instance `--set superficial_blood_fraction=0.01`. May be repeated.
-    #[arg(long = "set", value_name = "NAME=VALUE")]
+    /// Change one value, a parameter of the site, for instance `--set superficial_blood_fraction=0.01`. May be repeated.
+    #[arg(long = "set", value_name = "PATH=VALUE")]
     set: Vec<String>,
 }
 

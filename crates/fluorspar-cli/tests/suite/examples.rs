@@ -1,0 +1,129 @@
+//! The examples, the templates of `new` and the task index of README.md run as they are written, in tiny images.
+
+#![allow(clippy::unwrap_used, reason = "these are tests")]
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use crate::support::fluorspar;
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
+}
+
+/// Words of a command line without the name of the program; quotes keep blanks.
+fn words(line: &str) -> Vec<String> {
+    let mut words = vec![String::new()];
+    let mut is_quoted = false;
+    for c in line.chars() {
+        match c {
+            '\'' => is_quoted = !is_quoted,
+            ' ' if !is_quoted => words.push(String::new()),
+            c => words.last_mut().unwrap().push(c),
+        }
+    }
+    words.into_iter().filter(|word| !word.is_empty()).collect()
+}
+
+/// The same command on few pixels, in few samples, on coarse meshes.
+fn tiny(words: &[String], folder: &Path) -> Vec<String> {
+    let mut all = words.to_vec();
+    let add = |all: &mut Vec<String>, more: &[&str]| all.extend(more.iter().map(|word| word.to_string()));
+    let of_a_mouth = |file: &str| {
+        let mouths = ["mouth", "monochrome", "room-light", "lesion"];
+        mouths.iter().any(|name| file.contains(name))
+    };
+    match (words[0].as_str(), words.get(1).map(String::as_str)) {
+        ("run" | "check", file) => {
+            add(&mut all, &["--set=render.width_px=16", "--set=render.height_px=12"]);
+            add(&mut all, &["--set=render.samples_per_pixel=1"]);
+            let text = file.map(|file| fs::read_to_string(folder.join(file)).unwrap()).unwrap_or_default();
+            if file.is_none_or(of_a_mouth) || text.contains("\n[mouth]") {
+                add(&mut all, &["--set=mouth.detail=0.25"]);
+            }
+        }
+        ("tissue", _) => add(&mut all, &["--step-nm", "20"]),
+        _ => {}
+    }
+    all
+}
+
+/// A folder with the examples, and with a table of a dye.
+fn workshop() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    fs::create_dir(folder.path().join("examples")).unwrap();
+    for entry in fs::read_dir(root().join("examples")).unwrap() {
+        let path = entry.unwrap().path();
+        fs::copy(&path, folder.path().join("examples").join(path.file_name().unwrap())).unwrap();
+    }
+    let dye = "wavelength_nm,excitation,emission\n350,0.4,0\n400,1.0,0\n450,0.3,0.02\n520,0.0,1.0\n680,0.0,0.0\n";
+    fs::write(folder.path().join("dye.csv"), dye).unwrap();
+    folder
+}
+
+#[test]
+fn the_task_index_and_the_examples_run() {
+    let readme = fs::read_to_string(root().join("README.md")).unwrap();
+    let index = readme.split("\n## I want to ...\n").nth(1).unwrap().split("\n## ").next().unwrap();
+    let rows = index.lines().filter_map(|line| line.strip_prefix("| ")?.split('`').nth(1));
+    let page = fs::read_to_string(root().join("examples/README.md")).unwrap();
+    let of_page = page.lines().filter_map(|line| line.strip_prefix("    "));
+    let lines: Vec<&str> = rows.chain(of_page).filter_map(|line| line.strip_prefix("fluorspar ")).collect();
+    let folder = workshop();
+    let mut done = BTreeSet::new();
+    for line in &lines {
+        if done.insert(line.to_string()) {
+            let args = tiny(&words(line), folder.path());
+            let said = fluorspar(folder.path(), &args);
+            assert_eq!(said.code, Some(0), "{line}: {}", said.stderr);
+        }
+    }
+    assert!(done.len() >= 25, "{done:?}");
+    let examples = fs::read_dir(root().join("examples")).unwrap().map(|entry| entry.unwrap().file_name());
+    let examples: Vec<String> = examples.map(|name| name.into_string().unwrap()).collect();
+    let is_run = |name: &String| lines.iter().any(|line| line.contains(name.as_str()));
+    assert!(examples.iter().filter(|name| name.ends_with(".toml")).count() >= 12);
+    assert!(examples.iter().filter(|name| name.ends_with(".toml")).all(is_run), "{examples:?}");
+    // What the answers are for.
+    let answer = |line: &str| fluorspar(folder.path(), words(line)).well().stdout;
+    let leds = answer("design compare examples/03-four-leds.toml");
+    assert!(leds.contains("365 nm"), "{leds}");
+    let best = fs::read_to_string(folder.path().join("fluorspar-out/design-03-four-leds/designs.csv")).unwrap();
+    assert!(best.lines().nth(1).unwrap().contains("405"), "{best}");
+}
+
+#[test]
+fn templates_run_as_they_are_and_nothing_is_overwritten() {
+    let folder = tempfile::tempdir().unwrap();
+    let list = fluorspar(folder.path(), ["new", "--json"]).json();
+    let list = list.as_array().unwrap();
+    assert!(list.len() >= 6);
+    for entry in list {
+        let [name, command] = ["name", "command"].map(|key| entry[key].as_str().unwrap());
+        let said = fluorspar(folder.path(), ["new", name]).well();
+        assert!(said.stderr.contains(&format!("fluorspar {command} {name}.toml")), "{}", said.stderr);
+        assert!(said.stdout.is_empty());
+        let text = fs::read_to_string(folder.path().join(format!("{name}.toml"))).unwrap();
+        // The same on standard output, and no second time over a file.
+        assert_eq!(fluorspar(folder.path(), ["new", name, "-", "-q"]).well().stdout, text);
+        let file = folder.path().join(format!("{name}.toml"));
+        fs::write(&file, format!("# mine\n{text}")).unwrap();
+        let refused = fluorspar(folder.path(), ["new", name]);
+        assert!(refused.code == Some(2) && refused.stderr.contains("exists already and is kept"), "{refused:?}");
+        assert!(fs::read_to_string(&file).unwrap().starts_with("# mine"));
+        let file = format!("{name}.toml");
+        fluorspar(folder.path(), tiny(&["check".into(), file.clone()][..1 + usize::from(command == "run")], folder.path()));
+        let run = match command {
+            "run" => tiny(&["run".into(), file.clone()], folder.path()),
+            _ => vec![command.into(), file],
+        };
+        let said = fluorspar(folder.path(), &run);
+        assert_eq!(said.code, Some(0), "{name}: {}", said.stderr);
+        assert!(!said.stderr.contains("warning: 1 spectrum is extrapolated"), "{name}: {}", said.stderr);
+    }
+    let said = fluorspar(folder.path(), ["new", "laef"]);
+    assert!(said.code == Some(2) && said.stderr.contains("did you mean \"leaf\"?"), "{said:?}");
+    let said = fluorspar(folder.path(), ["new", "leaf", "leaf.txt"]);
+    assert!(said.code == Some(2) && said.stderr.contains("must end in .toml"), "{said:?}");
+}
