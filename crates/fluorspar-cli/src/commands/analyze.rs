@@ -198,7 +198,7 @@ fn subtract_what_is_given(options: &Options, experiment: &mut ResolvedExperiment
             "Nothing is subtracted from \"{label}\" but the black level: the experiment subtracts \"{missing}\", which is not given. Room \
              light counts as light of the region; give --frame {missing}=FILE"
         );
-        options.talk.messages().warnings(&[Warning::from(text.clone())]);
+        Messages::default().warnings(&[Warning::from(text.clone())]);
         experiment.record.warnings.push(Warning::from(text));
     }
 }

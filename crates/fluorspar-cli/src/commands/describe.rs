@@ -11,7 +11,8 @@ use fluorspar_format::{
 use serde_json::json;
 
 use super::table::align;
-use crate::args::Talk;
+use crate::args::Answer;
+use crate::message::Messages;
 use crate::error::CliError;
 use crate::values;
 
@@ -39,10 +40,10 @@ pub(crate) struct Options {
     /// Bits of the converter [default: from the tags, else the fewest that hold the largest value].
     #[arg(long, value_name = "BITS", value_parser = values::whole::<u8, 1, 16>, allow_negative_numbers = true)]
     bit_depth: Option<u8>,
-    /// Exposure time [default: from the tags].
+    /// Exposure time, ms [default: from the tags].
     #[arg(long, value_name = "MS", value_parser = values::number, allow_negative_numbers = true)]
     exposure_ms: Option<f64>,
-    /// Analog gain, 1 at ISO 100 [default: from the tags, else 1].
+    /// Gain of the amplifier, 1 at ISO 100 [default: from the tags, else 1].
     #[arg(long, value_name = "G", value_parser = values::number, allow_negative_numbers = true)]
     gain: Option<f64>,
     /// Digital numbers per electron [default: from the tags, else the sensor of the experiment tells].
@@ -52,7 +53,7 @@ pub(crate) struct Options {
     #[arg(long, value_name = "DN", value_parser = values::number, allow_negative_numbers = true)]
     read_noise_dn: Option<f64>,
     #[command(flatten)]
-    talk: Talk,
+    answer: Answer,
 }
 
 /// A color filter array by its letters.
@@ -105,7 +106,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         .declare()?;
     found.write()?;
     set.finish()?;
-    if options.talk.json {
+    if options.answer.json {
         super::print_json(&json_of(&path, &found)?)?;
     } else {
         super::print_text(&text_of(&found))?;
@@ -115,7 +116,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         true => "Next: write exposure_s into it",
         false => "Next: fluorspar analyze --experiment EXPERIMENT --frame CAPTURE=FRAME --out FOLDER",
     };
-    options.talk.messages().status(format!("Wrote {}. {next}", path.display()));
+    Messages::default().status(format!("Wrote {}. {next}", path.display()));
     Ok(ExitCode::SUCCESS)
 }
 
