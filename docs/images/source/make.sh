@@ -6,7 +6,7 @@ images=$(dirname "$here")
 fluorspar=${FLUORSPAR:-$(dirname "$(dirname "$images")")/target/release/fluorspar}
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
-[ $# -gt 0 ] || set -- main views lesions masks scan
+[ $# -gt 0 ] || set -- main views lesions masks scan gallery
 
 # Frames of an experiment as NAME_white.png and NAME_blue.png in the folder of work: EXPERIMENT NAME SAMPLES
 frames() {
@@ -15,6 +15,16 @@ frames() {
         --set 'sensor.binning={type="digital_average",columns=2,rows=2}'
     cp "$work/$2/preview_white.png" "$work/$2_white.png"
     cp "$work/$2/preview_blue.png" "$work/$2_blue.png"
+}
+
+# Frames of an experiment as gallery_NAME_FRAME.png in the folder of work: EXPERIMENT NAME OPTIONS
+gallery_frames() {
+    experiment=$1 picture=$2
+    shift 2
+    "$fluorspar" run "$experiment" --out "$work/$picture" --spp 64 --quiet "$@" >/dev/null
+    for frame in "$work/$picture"/preview_*.png; do
+        cp "$frame" "$work/gallery_${picture}_$(basename "$frame" .png | cut -d_ -f2-).png"
+    done
 }
 
 for name in "$@"; do
@@ -50,8 +60,29 @@ for name in "$@"; do
         frames "$work/scan.toml" scan 24
         cp "$work/scan_white.png" "$images"
         ;;
+    gallery)
+        examples=$(dirname "$(dirname "$images")")/examples
+        for template in leaf painting cuvette; do
+            "$fluorspar" new "$template" "$work/$template.toml" --quiet
+            gallery_frames "$work/$template.toml" "$template" --set render.width_px=320 --set render.height_px=240
+        done
+        gallery_frames "$examples/09-dilution-series.toml" dilution --set render.width_px=320 --set render.height_px=160
+        gallery_frames "$examples/10-banknote.toml" banknote --set render.width_px=320 --set render.height_px=200
+        "$fluorspar" render fluorescent-sphere --spp 64 --out "$work/spheres.npy" --preview "$work/gallery_spheres.png" --quiet
+        "$fluorspar" fluorophore plot quinine_sulfate fluorescein rhodamine_6g protoporphyrin_ix_in_tissue \
+            --out "$work/gallery_dyes.png" --quiet
+        "$fluorspar" plot --light led_405 --light-filter short_pass_450 --fluorophore riboflavin \
+            --fluorophore protoporphyrin_ix_in_tissue --view-filter long_pass_475 --qe consumer_rgb_cmos \
+            --out "$work/gallery_chain.png" --quiet
+        "$fluorspar" lens report double_gauss_100mm --out "$work/gallery_lens.svg" --quiet >/dev/null
+        "$fluorspar" scene view oraleye-2021 --show part --width 320 --out "$work/gallery_parts.png" --quiet >/dev/null
+        for picture in "$work"/gallery_*_*.png "$work/gallery_spheres.png"; do
+            python3 "$here/shrink_png.py" "$picture" 32
+        done
+        cp "$work"/gallery_*.png "$work/gallery_lens.svg" "$images"
+        ;;
     *)
-        echo "no pictures named $name; there are: main views lesions masks scan" >&2
+        echo "no pictures named $name; there are: main views lesions masks scan gallery" >&2
         exit 2
         ;;
     esac

@@ -12,8 +12,8 @@ use serde_json::json;
 
 use super::table::align;
 use crate::args::Answer;
-use crate::message::Messages;
 use crate::error::CliError;
+use crate::message::Messages;
 use crate::values;
 
 /// Options of `describe`.

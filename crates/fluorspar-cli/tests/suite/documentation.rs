@@ -74,7 +74,9 @@ fn the_commands_of_the_documentation_have_the_options_of_the_help() {
         sections.split("\n## ").map(|section| section.split_once('\n').unwrap()).collect();
     // [changes] is explained once, for all commands.
     let changes: BTreeSet<String> =
-        ["--set", "--unset", "--spp", "--seed", "--depth", "--error", "--statistics"].map(String::from).into();
+        ["--set", "--unset", "--spp", "--seed", "--depth", "--error", "--statistics"]
+            .map(String::from)
+            .into();
     assert!(changes.is_subset(&options(general)), "the beginning must name {changes:?}");
 
     let (mut missing, mut all) = (Vec::new(), BTreeSet::new());
@@ -164,7 +166,9 @@ fn no_flag_means_two_things() {
                 _ => first(&said) == first(other_said),
             };
             if !is_same_value || !is_same {
-                wrong.push(format!("{option}: {other}: {other_value:?} {other_said}; {name}: {value:?} {said}"));
+                wrong.push(format!(
+                    "{option}: {other}: {other_value:?} {other_said}; {name}: {value:?} {said}"
+                ));
             }
         }
     }

@@ -57,7 +57,8 @@ fn workshop() -> tempfile::TempDir {
         let path = entry.unwrap().path();
         fs::copy(&path, folder.path().join("examples").join(path.file_name().unwrap())).unwrap();
     }
-    let dye = "wavelength_nm,excitation,emission\n350,0.4,0\n400,1.0,0\n450,0.3,0.02\n520,0.0,1.0\n680,0.0,0.0\n";
+    let dye =
+        "wavelength_nm,excitation,emission\n350,0.4,0\n400,1.0,0\n450,0.3,0.02\n520,0.0,1.0\n680,0.0,0.0\n";
     fs::write(folder.path().join("dye.csv"), dye).unwrap();
     folder
 }
@@ -89,7 +90,8 @@ fn the_task_index_and_the_examples_run() {
     let answer = |line: &str| fluorspar(folder.path(), words(line)).well().stdout;
     let leds = answer("design compare examples/03-four-leds.toml");
     assert!(leds.contains("365 nm"), "{leds}");
-    let best = fs::read_to_string(folder.path().join("fluorspar-out/design-03-four-leds/designs.csv")).unwrap();
+    let best =
+        fs::read_to_string(folder.path().join("fluorspar-out/design-03-four-leds/designs.csv")).unwrap();
     assert!(best.lines().nth(1).unwrap().contains("405"), "{best}");
 }
 
@@ -110,10 +112,16 @@ fn templates_run_as_they_are_and_nothing_is_overwritten() {
         let file = folder.path().join(format!("{name}.toml"));
         fs::write(&file, format!("# mine\n{text}")).unwrap();
         let refused = fluorspar(folder.path(), ["new", name]);
-        assert!(refused.code == Some(2) && refused.stderr.contains("exists already and is kept"), "{refused:?}");
+        assert!(
+            refused.code == Some(2) && refused.stderr.contains("exists already and is kept"),
+            "{refused:?}"
+        );
         assert!(fs::read_to_string(&file).unwrap().starts_with("# mine"));
         let file = format!("{name}.toml");
-        fluorspar(folder.path(), tiny(&["check".into(), file.clone()][..1 + usize::from(command == "run")], folder.path()));
+        fluorspar(
+            folder.path(),
+            tiny(&["check".into(), file.clone()][..1 + usize::from(command == "run")], folder.path()),
+        );
         let run = match command {
             "run" => tiny(&["run".into(), file.clone()], folder.path()),
             _ => vec![command.into(), file],
