@@ -29,13 +29,13 @@ pub(crate) struct Args {
     /// Threads to use; all cores by default. The results do not depend on it.
     #[arg(long, global = true, value_name = "N", value_parser = values::threads, allow_negative_numbers = true)]
     pub(crate) threads: Option<usize>,
-    /// Print warnings with every name and number instead of one line for each.
+    /// Print warnings in full instead of one line for each.
     #[arg(long, short, global = true)]
     pub(crate) verbose: bool,
     /// Print no progress, no warnings and no list of what was written; answers and errors stay.
     #[arg(long, short, global = true)]
     pub(crate) quiet: bool,
-    /// Make meshes of mouths and the like anew, and keep none for the next time.
+    /// Neither use nor fill the cache of meshes, tissues and channel planes.
     #[arg(long, global = true)]
     pub(crate) no_cache: bool,
     #[command(subcommand)]
@@ -50,17 +50,17 @@ pub(crate) enum Command {
     New(new::Options),
     /// List, get, set, convert and view what a scene holds, by name.
     Scene(scene::Options),
-    /// Render the spectral radiance of a scene, every band kept.
+    /// Render the spectral radiance of a scene.
     Render(render::Options),
     /// Merge the films of several `render --shard` processes.
     Merge(merge::Options),
     /// Denoise a component image, for display only.
     Denoise(denoise::Options),
-    /// Take raw frames of a component image made by `run` or `render`.
+    /// Capture raw frames from a component image made by `run` or `render`.
     Capture(capture::Options),
-    /// Draw frames of one render side by side: each fluorophore alone, or with other concentrations, filters, sensors.
+    /// Draw frames of one render side by side: each fluorophore alone, or with changes.
     Sheet(sheet::Options),
-    /// Analyze raw frames made by `run` or `capture`, or by a camera.
+    /// Analyze raw frames, simulated or of a camera: colors, porphyrin share, report.
     Analyze(analyze::Options),
     /// Write the description that a camera's frame needs beside it: from its tags, and from what you know.
     Describe(describe::Options),
@@ -88,17 +88,17 @@ pub(crate) enum Command {
     Predict(predict::Options),
     /// Compare lights, filters and sensors by what they could prove; find the best.
     Design(design::Options),
-    /// Assess the photobiological safety of an experiment's captures: hazards, limits, margins.
+    /// Assess the photobiological safety of captures: hazards, limits, margins.
     Safety(safety::Options),
     /// Read spectra of a component image or a flat sample as a spectroradiometer would.
     Spectroradiometer(spectroradiometer::Options),
-    /// Compute the figures and tables of Lyu et al. 2021 and compare.
+    /// Compute the figures and tables of Lyu et al. 2021, and compare them.
     Validate(validate::Options),
-    /// List the catalogue: lights, filters, reflectances, sensors, fluorophores, experiments, flat samples.
+    /// List the catalogue, or print the file of an experiment, a flat sample or a design problem.
     Presets(presets::Options),
     /// Check an experiment or sample file without running it.
     Check(check::Options),
-    /// Print the JSON schema of experiment files, for editors.
+    /// Print the JSON schema of a kind of file, for editors.
     Schema(schema::Options),
     /// Print completions for a shell.
     Completions {

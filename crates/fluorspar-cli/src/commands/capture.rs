@@ -44,7 +44,7 @@ pub(crate) struct Options {
     /// Format of the raw frames: TIFF or PNG with a .json description, DNG for raw converters, or packed as camera modules do.
     #[arg(long, value_enum, value_name = "FORM", default_value_t = RawForm::Tiff)]
     format: RawForm,
-    /// Also write report.html: the frames, the analysis of the experiment, and the numbers that decide about the design.
+    /// Also write report.html, with the analysis and the numbers that a design is judged by.
     #[arg(long)]
     report: bool,
     /// Folder for the frames.

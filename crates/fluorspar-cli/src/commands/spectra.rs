@@ -28,9 +28,9 @@ pub(crate) struct Options {
 pub(crate) enum Action {
     /// List the catalogue.
     List(ListOptions),
-    /// Show one with its numbers and where it comes from.
+    /// Show one: its main numbers and its source.
     Show(ShowOptions),
-    /// Draw some over one another.
+    /// Draw several over one axis.
     Plot(PlotOptions),
 }
 

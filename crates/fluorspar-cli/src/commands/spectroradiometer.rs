@@ -30,7 +30,7 @@ pub(crate) struct Options {
     input: Option<String>,
     #[command(flatten)]
     changes: Changes,
-    /// Capture whose lights are on: points an instrument besides those of the experiment. Not for samples.
+    /// Capture whose lights are on, for an instrument besides those of the experiment. Not for samples.
     #[arg(long, value_name = "NAME")]
     capture: Option<String>,
     /// Center of its spot, as fractions of the image from the left and the top [default: 0.5,0.5].

@@ -43,7 +43,7 @@ pub(crate) struct InsertOptions {
 pub(crate) struct DeleteOptions {
     #[command(flatten)]
     scene: SceneArgs,
-    /// Paths of what goes: entries, fields, with wildcards too.
+    /// Paths to delete: entries or fields; wildcards are allowed.
     #[arg(value_name = "PATH", required = true)]
     paths: Vec<String>,
     #[command(flatten)]

@@ -27,11 +27,11 @@ enum Action {
     Tree(tree::Options),
     /// Print the values at paths, defaults included.
     Get(get::Options),
-    /// Give what paths name other values, and write the scene as a new file.
+    /// Set values by path, and write the scene as a new file.
     Set(edit::SetOptions),
     /// Add entries: lights, objects, materials, lesions; write the scene as a new file.
     Insert(edit::InsertOptions),
-    /// Remove what paths name, and write the scene as a new file.
+    /// Delete entries and fields by path, and write the scene as a new file.
     Delete(edit::DeleteOptions),
     /// Check a scene without rendering it, and name what of a scene of pbrt has no counterpart.
     Check(check::Options),

@@ -47,7 +47,7 @@ pub(super) struct Options {
     /// Fit this parameter only, instead of all that vary among people. May be repeated.
     #[arg(long, value_name = "NAME")]
     free: Vec<String>,
-    /// Hold this parameter. May be repeated.
+    /// Keep this parameter at its value. May be repeated.
     #[arg(long, value_name = "NAME")]
     hold: Vec<String>,
     /// Factor on the standard deviations of the prior, which are those among people.
