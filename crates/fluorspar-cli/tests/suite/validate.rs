@@ -73,7 +73,7 @@ fn another_camera_fails_its_case() {
     for (case, change, what) in [
         ("table-1", "sensor.read_noise_mv=1.5", "read noise: 1.5 mV instead of 1.385 to 1.395 mV"),
         ("figure-5b", "light.filters=[]", "orders below the peak at 450 nm behind the short-pass"),
-        ("figure-4", "light.spectrum=\"led_405\"", "peak of the blue LED"),
+        ("figure-4", "light.spectrum=\"led_405\"", "peak of the 385 nm LED"),
     ] {
         let said = validate(folder.path(), &["--case", case, "--set", change, "--out", "out"]);
         assert_eq!(said.code, Some(1), "{said:#?}");

@@ -299,7 +299,12 @@ fn matrix_from_csv(
         negative: negative(section),
         empty_as_zero: section.empty_as_zero,
     };
-    let read = read_eem_csv(file.as_ref(), &options).map_err(|error| reader_error(context, at, &error))?;
+    let read = read_eem_csv(file.as_ref(), &options).map_err(|error| match (&error, unit) {
+        (FormatError::Unit { .. }, None) => context
+            .error(at, format!("{error} (unit = \"photons\" or \"energy\" beside eem_csv)"))
+            .without_value(),
+        _ => reader_error(context, at, &error),
+    })?;
     let unit = match read.unit {
         EemUnit::Photons => YieldUnit::Photons,
         EemUnit::Energy => YieldUnit::Energy,

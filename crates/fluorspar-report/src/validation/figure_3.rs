@@ -102,5 +102,11 @@ fn emission_figure(sample: &FlatSample, names: &[&str], radiance: &BTreeMap<Stri
     let half = 0.5 * filter.iter().copied().fold(0.0, f64::max);
     let passing = || nm.iter().zip(&filter).filter(|(_, t)| **t >= half).map(|(nm, _)| *nm);
     let band = passing().next().zip(passing().next_back()).map(|(first, last)| [first, last]);
-    emission(&curves, "the blue LED", "each at concentration 1", ["spectral radiance", "W/(sr m² nm)"], band)
+    emission(
+        &curves,
+        "the 385 nm LED",
+        "each at concentration 1",
+        ["spectral radiance", "W/(sr m² nm)"],
+        band,
+    )
 }

@@ -32,7 +32,7 @@ pub(super) fn run(setup: &Setup<'_>) -> Result<Outcome, ValidationError> {
     );
     Ok(Outcome::new(Verdict::Corrected, reason)
         .check(Check::near(
-            "peak of the blue LED",
+            "peak of the 385 nm LED",
             PEAK_NM,
             FILE_STEP_NM,
             blue.peak_nm(),
@@ -45,12 +45,12 @@ pub(super) fn run(setup: &Setup<'_>) -> Result<Outcome, ValidationError> {
                 2.0 * widths[1],
                 widths[0],
                 "nm",
-                "broadband beside the blue LED: two bands as wide as that would be seen as two; numbers are not public",
+                "broadband beside the 385 nm LED: two bands as wide as that would be seen as two; numbers are not public",
             )
             .said("the white is broadband"),
         )
         .show(
             "figure_4_lights",
-            lights(&[plotted("white LED", &white, RANGE_NM), plotted("blue LED, bare", &blue, RANGE_NM)], &[]),
+            lights(&[plotted("white LED", &white, RANGE_NM), plotted("385 nm LED, bare", &blue, RANGE_NM)], &[]),
         ))
 }

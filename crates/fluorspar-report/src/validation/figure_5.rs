@@ -49,7 +49,7 @@ pub(super) fn bare_led(setup: &Setup<'_>) -> Result<Outcome, ValidationError> {
         .check(caption.said("3 orders (caption)"))
         .show(
             "figure_5a_led",
-            lights(&[plotted("blue LED, bare", &bare, RANGE_NM)], &[]).titled("The blue LED"),
+            lights(&[plotted("385 nm LED, bare", &bare, RANGE_NM)], &[]).titled("The 385 nm LED"),
         );
     let measured = setup.measured("lights/oraleye_led385.csv")?.and_then(|mut columns| columns.pop());
     Ok(match measured {
@@ -122,7 +122,7 @@ fn filtered_checks([bare, used]: [f64; 2], leak: f64, y44_over_bare: f64) -> [Ch
 fn filtered_figure(bare: &Curve, used: &Curve, y44: &Curve) -> Figure {
     let scaled = |name: &str, light: &Curve| plotted(name, &light.scaled(1.0 / light.max()), RANGE_NM);
     let curves = [scaled("bare", bare), scaled("behind the short-pass", used)];
-    lights(&curves, &[plotted("Y44", y44, RANGE_NM)]).titled("The blue LED and its filter")
+    lights(&curves, &[plotted("Y44", y44, RANGE_NM)]).titled("The 385 nm LED and its filter")
 }
 
 /// (c) The viewing filter, in both readings.

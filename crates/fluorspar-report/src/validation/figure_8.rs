@@ -129,7 +129,7 @@ fn figure(subjects: &[Subject], measured: Option<Vec<Panel>>) -> Figure {
         .collect();
     let mut figure = pictures("Tongues with three levels of porphyrin", frames, subjects.len());
     figure.panels.extend(subjects.iter().filter_map(plot));
-    let simulated = "Above: the frame under the blue LED. Below: each dot is one pixel of the back of the tongue in sensor chromaticity. The \
+    let simulated = "Above: the frame under the 385 nm LED. Below: each dot is one pixel of the back of the tongue in sensor chromaticity. The \
                      dots lie along the dashed line from bulk to porphyrin, the farther the more porphyrin there is.";
     let Some(panels) = measured else { return figure.explained(simulated) };
     figure.panels.extend(panels.into_iter().map(|panel| panel.sized(300.0, 300.0)));

@@ -93,14 +93,14 @@ const CASES: [Case; 16] = [
     },
     Case {
         name: "figure-5a",
-        title: "The blue LED on a logarithmic axis",
+        title: "The 385 nm LED on a logarithmic axis",
         paper: "2.5 orders below the peak at 440 nm (text), 3 orders at 450 nm (caption). The LED also emits in the near infrared.",
         is_rendered: false,
         compare: figure_5::bare_led,
     },
     Case {
         name: "figure-5b",
-        title: "The blue LED behind its filter",
+        title: "The 385 nm LED behind its filter",
         paper: "A short-pass blocks wavelengths above 425 nm (caption); Hoya Y44 in front of the LEDs reduces energy above 475 nm \
                 (text).",
         is_rendered: false,
