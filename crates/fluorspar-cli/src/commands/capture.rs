@@ -42,7 +42,7 @@ pub(crate) struct Options {
     #[command(flatten)]
     seed: Seed,
     /// Format of the raw frames: TIFF or PNG with a .json description, DNG for raw converters, or packed as camera modules do.
-    #[arg(long, value_enum, value_name = "FORM", default_value_t = RawForm::Tiff)]
+    #[arg(long, value_enum, value_name = "FORMAT", default_value_t = RawForm::Tiff)]
     format: RawForm,
     /// Also write report.html, with the analysis and the numbers that a design is judged by.
     #[arg(long)]
