@@ -177,7 +177,7 @@ fn sensor_of_frames(options: &Options) -> Result<Vec<Override>, CliError> {
     let image = read_sensor_image(Path::new(file))?.image;
     let side = |path: &str, value: usize| Override::of_option(path, value, format!("--frame {first}"));
     let mut sides = vec![side("sensor.columns", image.width), side("sensor.rows", image.height)];
-    if options.components.is_none() {
+    if options.component_image.is_none() {
         // Nothing is rendered, and a render would show what the frame shows
         const WIDTH: usize = 320;
         let height = (WIDTH as f64 * image.height as f64 / image.width as f64).round().clamp(1.0, 16_384.0);
