@@ -1,14 +1,14 @@
 //! Do the intervals of the estimate that knows a family of tissues hold the truth in rendered mouths?
 //!
-//! `cargo run --release -p fluorspar-experiment --example porphyrin_in_mouths [-- MOUTHS [known | other]]`
+//! `cargo run --release -p fluorspar-experiment --example porphyrin_in_mouths [-- MOUTHS [known | other | wrong]]`
 //!
 //! Each mouth is another person: its shape is drawn, and so are the tissues of tongue, lip and cheek from the populations of their
 //! sites. It is rendered small under a LED of 405 nm and one of 450 nm, all bounces between its parts included. Regions keep three
 //! pixels away from the rim of their part, where pixels hold light of what lies beside, as a person does who draws them. From its
 //! component image come the frames of many draws: amounts of porphyrin, of which every other is none, exposures, noise of the
 //! sensor, errors of the library of spectra. The estimate sees the developed frames and the typical tissue of the site, in the
-//! first run with a prior as wide as the population that tissues are drawn from, in the second one with the usual width. The truth
-//! is that of the component image. Mouths are clusters: the standard error of a coverage is that of the mean over mouths.
+//! first run with a prior as wide as the population that tissues are drawn from, in the others with the usual width: before the other
+//! variant of each site, and before tissue of another site. The truth is that of the component image. Mouths are clusters: the standard error of a coverage is that of the mean over mouths.
 
 #![allow(clippy::print_stdout, reason = "printing is what the example is for")]
 
@@ -18,7 +18,9 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
-use fluorspar::analysis::{ChannelNoise, LightFamily, PixelSelection, RegionLight, mean_of_pixels};
+use fluorspar::analysis::{
+    ChannelNoise, LightFamily, PixelSelection, RegionLight, ShareInterval, mean_of_pixels,
+};
 use fluorspar::image::{ComponentFactors, ComponentImage, LightPath};
 use fluorspar::pipeline::{
     CameraResponse, CapturePlanes, FamilyFrame, SeenComponents, analyze_seen, capture_from_planes,
@@ -66,7 +68,7 @@ fn normal(key: Key) -> f64 {
 }
 
 /// The experiment of a person: shape, and tissues drawn from the populations of `sites`, in the order of the regions.
-fn experiment(number: u64, sites: [&str; 3]) -> Fallible<String> {
+fn experiment(number: u64, sites: &[Site; 3]) -> Fallible<String> {
     let mut person = toml::Table::try_from(sample_person(number as u32 + 1))?;
     person.retain(|name, _| !POSE.contains(&name));
     person.insert("detail".into(), toml::Value::Float(0.5));
@@ -79,7 +81,7 @@ fn experiment(number: u64, sites: [&str; 3]) -> Fallible<String> {
     );
     for ([_, material, _], site) in REGIONS.iter().zip(sites) {
         let key = Key::new(15).with(number).with(material.len() as u64);
-        let population = Population::of(&Site::named(site)?);
+        let (population, site) = (Population::of(site), site.name());
         let variations = population.variations().iter().enumerate();
         // The amount of porphyrin is drawn for each measurement.
         let deviation = |(place, variation): (usize, &fluorspar::tissue::Variation)| {
@@ -109,7 +111,7 @@ struct Mouth {
 }
 
 impl Mouth {
-    fn new(number: u64, sites: [&str; 3]) -> Fallible<Self> {
+    fn new(number: u64, sites: &[Site; 3]) -> Fallible<Self> {
         let mut study = resolve(&parse(&experiment(number, sites)?, "person", Path::new("."), &[])?)?.study;
         study.captures.retain(|capture| capture.frame.label != "ambient");
         study.captures.iter_mut().for_each(|capture| capture.subtract = None);
@@ -221,6 +223,8 @@ fn family(study: &Study, site: &str, frames: &[&str], width: f64) -> Fallible<Li
 #[derive(Default)]
 struct Coverage {
     held: Vec<f64>,
+    /// Held, or with a warning that the region is foreign to the family.
+    told: Vec<f64>,
     zero_held: Vec<f64>,
     cases: usize,
     errors: Vec<f64>,
@@ -232,6 +236,7 @@ struct Coverage {
 impl Coverage {
     fn add(&mut self, other: &Self) {
         self.held.extend(&other.held);
+        self.told.extend(&other.told);
         self.zero_held.extend(&other.zero_held);
         self.cases += other.cases;
         self.errors.extend(&other.errors);
@@ -242,9 +247,10 @@ impl Coverage {
 
     fn print(&self, what: &str) {
         let [held, error] = of_clusters(&self.held);
+        let [told, _] = of_clusters(&self.told);
         let [zero, zero_error] = of_clusters(&self.zero_held);
         println!(
-            "{what}: {} cases, held {held:.3} +- {error:.3}, of those without porphyrin {zero:.3} +- {zero_error:.3}, median error \
+            "{what}: {} cases, held {held:.3} +- {error:.3}, held or warned {told:.3}, of those without porphyrin {zero:.3} +- {zero_error:.3}, median error \
              {:+.4}, median width {:.3}, median share where there is some {:.3}, median width over the bound {:.2}",
             self.cases,
             median(&self.errors),
@@ -274,14 +280,30 @@ fn log_odds(light: &RegionLight) -> f64 {
     (light.porphyrin.iter().sum::<f64>() / light.bulk.iter().sum::<f64>()).ln()
 }
 
+/// A site with the optics of the other variant of the tongue: every parameter changed as there, in proportion, the saturation by the
+/// difference. It scatters half as much and holds less of everything.
+fn other_variant(name: &str) -> Fallible<Site> {
+    let [from, to] = [Site::named("dorsal_tongue")?, Site::named("dorsal_tongue_b")?];
+    let mut site = Site::named(name)?;
+    for (parameter, value) in Site::named(name)?.parameters() {
+        let [from, to] = [from.get(parameter.name)?, to.get(parameter.name)?];
+        let changed = match parameter.name {
+            "oxygen_saturation" => value + to - from,
+            _ if from > 0.0 => value * to / from,
+            _ => value,
+        };
+        site.set(parameter.name, changed.clamp(parameter.range[0], parameter.range[1]))?;
+    }
+    Ok(site)
+}
+
 /// All regions of some mouths whose tongue, lip and cheek are drawn around `sites`.
-fn run(mouths: u64, sites: [&str; 3], width: f64) -> Fallible<()> {
+fn run(mouths: u64, what: &str, sites: &[Site; 3], width: f64) -> Fallible<()> {
     let start = Instant::now();
     let people = FIRST_PERSON..FIRST_PERSON + mouths;
     let rendered = people.map(|number| Mouth::new(number, sites)).collect::<Fallible<Vec<_>>>()?;
     println!(
-        "{mouths} mouths with {}, prior {width} times as wide as the population, rendered in {:.0} s",
-        sites.join(", "),
+        "{mouths} mouths, {what}, prior {width} times as wide as the population, rendered in {:.0} s",
         start.elapsed().as_secs_f64()
     );
     let mut all = [Coverage::default(), Coverage::default()];
@@ -325,6 +347,7 @@ fn of_region(
 ) -> Fallible<[Coverage; 2]> {
     let mut coverages = [Coverage::default(), Coverage::default()];
     let mut hits = [Vec::new(), Vec::new()];
+    let mut told = [Vec::new(), Vec::new()];
     let mut zeros = [Vec::new(), Vec::new()];
     let [_, family] = families;
     for draw in 0..DRAWS {
@@ -342,8 +365,12 @@ fn of_region(
         for (which, family) in families.iter().enumerate() {
             let n = family.frame_of.len();
             let found = family.share_interval(&electrons[..n], &variance[..n]);
-            let Some([middle, low, high, _]) = found else { continue };
-            hits[which].push(f64::from(u8::from(low <= truth && truth <= high)));
+            let Some(ShareInterval { median: middle, interval: [low, high], foreign }) = found else {
+                continue;
+            };
+            let is_held = low <= truth && truth <= high;
+            hits[which].push(f64::from(u8::from(is_held)));
+            told[which].push(f64::from(u8::from(is_held || foreign)));
             let coverage = &mut coverages[which];
             if amount == 0.0 {
                 zeros[which].push(f64::from(u8::from(low == 0.0)));
@@ -356,10 +383,11 @@ fn of_region(
         }
     }
     let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len().max(1) as f64;
-    for ((coverage, hits), zeros) in coverages.iter_mut().zip(&hits).zip(&zeros) {
-        coverage.cases = hits.len();
-        coverage.held.push(mean(hits));
-        coverage.zero_held.push(mean(zeros));
+    for (which, coverage) in coverages.iter_mut().enumerate() {
+        coverage.cases = hits[which].len();
+        coverage.held.push(mean(&hits[which]));
+        coverage.told.push(mean(&told[which]));
+        coverage.zero_held.push(mean(&zeros[which]));
     }
     Ok(coverages)
 }
@@ -367,7 +395,7 @@ fn of_region(
 /// Width of the interval, if porphyrin is known to be present, over that of the Cramér-Rao bound of the family with its prior.
 fn width_over_bound(family: &LightFamily, electrons: &[f64], variance: &[f64], truth: f64) -> Option<f64> {
     let present = LightFamily { probability_of_none: 0.0, ..family.clone() };
-    let [_, low, high, _] = present.share_interval(electrons, variance)?;
+    let [low, high] = present.share_interval(electrons, variance)?.interval;
     let sd = family.bound_at_share(electrons, variance, truth)?;
     let at = |z: f64| 1.0 / (1.0 + (1.0 / truth - 1.0) * (-z * sd).exp());
     Some((high - low) / (at(1.96) - at(-1.96)))
@@ -378,12 +406,20 @@ fn main() -> Fallible<()> {
     let mouths = arguments.next().map_or(Ok(20), |text| text.parse())?;
     let wanted = arguments.next();
     let is_wanted = |run: &str| wanted.as_deref().is_none_or(|wanted| wanted == run);
+    let usual = TissuePrior::WIDTH;
+    let [tongue, lip, cheek] = REGIONS.map(|[_, _, site]| site);
     if is_wanted("known") {
-        run(mouths, ["dorsal_tongue", "lip", "buccal_mucosa"], 1.0)?;
+        let sites = [Site::named(tongue)?, Site::named(lip)?, Site::named(cheek)?];
+        run(mouths, "the sites of the estimate", &sites, 1.0)?;
     }
     if is_wanted("other") {
-        // The other variant of the tongue, and lips and cheeks that are not what the estimate takes them for
-        run(mouths, ["dorsal_tongue_b", "buccal_mucosa", "soft_palate"], TissuePrior::WIDTH)?;
+        let sites = [other_variant(tongue)?, other_variant(lip)?, other_variant(cheek)?];
+        run(mouths, "other variants of the sites", &sites, usual)?;
+    }
+    if is_wanted("wrong") {
+        // Lips and cheeks that are not what the estimate takes them for
+        let sites = [other_variant(tongue)?, Site::named(cheek)?, Site::named("soft_palate")?];
+        run(mouths, "other tissue in the place of lip and cheek", &sites, usual)?;
     }
     Ok(())
 }

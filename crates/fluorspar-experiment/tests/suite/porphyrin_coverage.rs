@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, LazyLock};
 
-use fluorspar::analysis::LightFamily;
+use fluorspar::analysis::{LightFamily, ShareInterval};
 use fluorspar::optics::IdealLens;
 use fluorspar::pipeline::{CameraResponse, FamilyFrame, tissue_family};
 use fluorspar::sampling::random::Key;
@@ -378,7 +378,8 @@ fn coverage(site: &str, lights: &[&str], seed: u64, tissues: u64, solver: Solver
         for draw in 0..DRAWS {
             let none = draw % 2 == 0;
             let case = measure(&family, &sources, &tissue, key.with(5000 + draw), none);
-            let [middle, low, high, _] = family.share_interval(&case.electrons, &case.variance).unwrap();
+            let ShareInterval { median: middle, interval: [low, high], .. } =
+                family.share_interval(&case.electrons, &case.variance).unwrap();
             let hit = f64::from(u8::from(low <= case.truth && case.truth <= high));
             hits.push(hit);
             if none {
@@ -386,7 +387,8 @@ fn coverage(site: &str, lights: &[&str], seed: u64, tissues: u64, solver: Solver
             }
             errors.push(middle - case.truth);
             if let Some(sd) = family.bound_of_log_odds(&case.nuisances, case.porphyrin, &case.variance)
-                && let Some([middle, low, high, _]) = present.share_interval(&case.electrons, &case.variance)
+                && let Some(ShareInterval { median: middle, interval: [low, high], .. }) =
+                    present.share_interval(&case.electrons, &case.variance)
             {
                 let log_odds = |share: f64| (share / (1.0 - share)).ln();
                 if case.electrons.iter().any(|e| *e > 1000.0) && (0.05..0.95).contains(&case.truth) {
@@ -452,46 +454,44 @@ fn a_second_light_narrows_and_still_holds() {
     assert!(found.held[0] + 2.0 * found.held[1] >= 0.93, "{:?}", found.held);
 }
 
-/// The variance of the estimate over the Cramér-Rao bound in the family of the dorsum, a thousand electrons and more in the brightest
-/// channel, shares of 0.05 to 0.95, porphyrin known to be present: prints what docs/validation.md says.
-/// `cargo test -p fluorspar-experiment --test suite porphyrin_coverage -- --ignored --nocapture variance`.
+/// The variance of the estimate over the Cramér-Rao bound in the family of the dorsum with ten times the porphyrin, so that shares lie
+/// between 0 and 1 without being chosen, and thirty times the light, so that channels have more than 1000 e-. The ratio of 400 draws is known
+/// to 0.11 (the quantiles' efficiency being 0.66), so that 0.4 is 0.2 and two of them. Prints what docs/validation.md says.
+/// `cargo test -p fluorspar-experiment --test suite porphyrin_coverage::the_variance -- --ignored --nocapture`.
 #[test]
-#[ignore = "solves a thousand estimates for numbers in the documentation"]
+#[ignore = "solves twelve hundred estimates for numbers in the documentation"]
 fn the_variance_in_tissue_is_near_the_bound() {
     for lights in [["led_405"].as_slice(), &["led_405", "led_450"]] {
-        let family = LightFamily { probability_of_none: 0.0, ..family(lights) };
+        let mut family = LightFamily { probability_of_none: 0.0, ..family(lights) };
+        family.sources.iter_mut().for_each(|source| source.median *= 30.0);
+        family.porphyrin.median *= 300.0;
+        family.porphyrin.log_sd = 0.5;
         let log_odds = |share: f64| (share / (1.0 - share)).ln();
         let (mut errors, mut repeats) = (Vec::new(), Vec::new());
-        for draw in 0..1000 {
+        for draw in 0..400 {
             let key = Key::new(41).with(draw);
             let nuisances: Vec<f64> =
                 (0..family.nuisances().len()).map(|place| normal(key.with(place as u64))).collect();
             let amount = family.porphyrin.median * (family.porphyrin.log_sd * normal(key.with(1000))).exp();
             let (share, electrons) = (family.share(&nuisances, amount), family.electrons(&nuisances, amount));
-            let variance: Vec<f64> = electrons.iter().map(|e| (e + 196.0) / 1000.0).collect();
-            if !(0.05..0.95).contains(&share) || electrons.iter().all(|e| *e < 1000.0) {
-                continue;
-            }
-            let measured = |repeat: u64| -> Vec<f64> {
+            let variance: Vec<f64> = electrons.iter().map(|e| e + 196.0).collect();
+            let found = |repeat: u64| {
                 let noise = |i: usize| variance[i].sqrt() * normal(key.with(2000 + repeat).with(i as u64));
-                (0..electrons.len()).map(|i| electrons[i] + noise(i)).collect()
+                let measured: Vec<f64> = (0..electrons.len()).map(|i| electrons[i] + noise(i)).collect();
+                log_odds(family.share_interval(&measured, &variance).unwrap().median)
             };
-            let found =
-                |repeat: u64| log_odds(family.share_interval(&measured(repeat), &variance).unwrap()[0]);
             let bound = family.bound_of_log_odds(&nuisances, amount, &variance).unwrap();
             errors.push((found(0) - log_odds(share)) / bound);
-            if let Some(bound) = family.bound_of_repeats(&nuisances, amount, &variance) {
-                // The difference of two repeats has twice the variance
-                repeats.push((found(1) - found(2)) / (bound * std::f64::consts::SQRT_2));
-            }
+            // The difference of two repeats has twice the variance.
+            let bound = family.bound_of_repeats(&nuisances, amount, &variance).unwrap();
+            repeats.push((found(1) - found(2)) / (bound * std::f64::consts::SQRT_2));
         }
         let [over_bound, of_repeats] =
             [half_width(&mut errors), half_width(&mut repeats)].map(|width| width * width);
         println!(
-            "{lights:?}: {} cases, variance over the bound {over_bound:.2}, of repeats {of_repeats:.2}",
-            errors.len()
+            "{lights:?}: variance over the bound {over_bound:.2}, of repeats over that of noise {of_repeats:.2}"
         );
-        assert!(over_bound < 1.5 && of_repeats < 1.5);
+        assert!((over_bound - 1.0).abs() < 0.4 && (of_repeats - 1.0).abs() < 0.4);
     }
 }
 

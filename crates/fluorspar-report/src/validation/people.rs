@@ -34,12 +34,12 @@ pub(super) fn read(setup: &Setup<'_>) -> Result<Option<Vec<Measured>>, Validatio
         return Ok(None);
     };
     let index = read_text_bounded(&index, 1 << 20)?;
-    // Column, file, date, subject, site, light
+    // Column, file, date, subject, site, light, current, place, comment, flag: what is flagged was misnamed, and its authors left it out
     let lines: Vec<Vec<&str>> = index.lines().map(|line| line.split(',').collect()).collect();
     let label = |spectrum: NamedCurve| {
         let line = lines.iter().find(|cells| cells.first() == Some(&spectrum.name.as_str()))?;
         let (person, site, light) = (line.get(3)?, line.get(4)?, line.get(5)?);
-        let wanted = ["405", "415"].contains(light);
+        let wanted = ["405", "415"].contains(light) && line.get(9).is_none_or(|flag| flag.is_empty());
         wanted.then(|| Measured { site: (*site).into(), person: (*person).into(), spectrum })
     };
     Ok(Some(spectra.into_iter().filter_map(label).collect()))

@@ -11,7 +11,7 @@
 //! | [`RegionLight`] | where the light of a region was emitted, as a simulation knows it, and the true share of the porphyrin |
 //! | [`ErrorBudget`] | what moves the estimate, its blank and its detection limit |
 //! | [`LightFamily::posterior`] | the share of the porphyrin in tissue of which only a family is known, as a [`SharePosterior`] |
-//! | [`fit_nonnegative`], [`fit_attenuated`] | a measured spectrum as a sum of known ones, with intervals |
+//! | [`fit_nonnegative`], [`fit_attenuated`], [`common_optical_density`] | a measured spectrum as a sum of known ones, with intervals |
 //! | [`spectral_overlap`] | how alike two spectra are |
 //! | [`SpotSeparation::new`] | how well the pixels of two spots are told apart |
 //! | [`d_prime_of_rates`], [`auc_of_d_prime`], [`auc_of_scores`] | how well scores tell two groups apart |
@@ -55,13 +55,14 @@ pub use mixture_line::{
     channel_response,
 };
 pub use nonnegative_fit::{
-    AttenuatedFit, FitError, FittedTerm, NonnegativeFit, fit_attenuated, fit_nonnegative,
+    AttenuatedFit, FitError, FittedTerm, NonnegativeFit, common_optical_density, fit_attenuated,
+    fit_nonnegative,
 };
 pub use pixel_mean::{PixelMean, mean_of_pixels};
 pub use region_light::{PorphyrinTruth, RegionLight, SHARE_DEFINITION};
 pub use region_of_interest::{PixelSelection, Rectangle, RegionError, RegionOfInterest, SceneOnSensor};
 pub use region_shape::{PixelMask, Polygon};
-pub use share_posterior::{BlindDirection, IntervalWithout, SharePosterior};
+pub use share_posterior::{BlindDirection, IntervalWithout, ShareInterval, SharePosterior};
 pub use spectral_overlap::spectral_overlap;
 pub use spot_separation::SpotSeparation;
 pub use statistics::{CovarianceEllipse, RegionStatistics, Statistics};

@@ -243,8 +243,6 @@ pub struct AttenuatedFit {
 /// Fits `w_0 terms[0] 10^(-D extinction) + sum_j w_j terms[j]` with weights that are not negative and `D` between 0 and
 /// `largest`: the one-layer term of blood with which Farrell, Mou and Wandell describe tongues and lips.
 ///
-/// The density is searched on a grid of 0.25 and refined by golden section to 1e-6 of `largest`.
-///
 /// # Errors
 /// As [`fit_nonnegative`].
 pub fn fit_attenuated(
@@ -253,19 +251,34 @@ pub fn fit_attenuated(
     data: &[f64],
     largest: f64,
 ) -> Result<AttenuatedFit, FitError> {
-    let covered = |density: f64| {
-        let mut terms = terms.to_vec();
-        if let Some(covered) = terms.first_mut() {
-            covered.iter_mut().zip(extinction).for_each(|(v, e)| *v *= 10f64.powf(-density * e));
-        }
-        terms
+    let optical_density = common_optical_density(terms, extinction, &[data.to_vec()], largest)?;
+    let fit = fit_nonnegative(&covered(terms, extinction, optical_density), data)?;
+    Ok(AttenuatedFit { optical_density, fit })
+}
+
+/// The optical density `D` with which [`fit_attenuated`] describes several spectra best that have it in common, each with weights of
+/// its own: the least sum of all squares.
+///
+/// The density is searched on a grid of 0.25 and refined by golden section to 1e-6 of `largest`.
+///
+/// # Errors
+/// As [`fit_nonnegative`].
+pub fn common_optical_density(
+    terms: &[Vec<f64>],
+    extinction: &[f64],
+    spectra: &[Vec<f64>],
+    largest: f64,
+) -> Result<f64, FitError> {
+    let squares = |density: f64| -> Result<f64, FitError> {
+        let terms = covered(terms, extinction, density);
+        let of = |data: &Vec<f64>| Solved::new(&terms, data).map(|solved| solved.residual().norm_squared());
+        spectra.iter().map(of).sum()
     };
-    let rms = |density: f64| Solved::new(&covered(density), data).map(|solved| solved.rms());
     let steps = (largest / 0.25).ceil().max(2.0) as usize;
     let density = |step: usize| largest * step as f64 / steps as f64;
     let mut best = (0, f64::INFINITY);
     for step in 0..=steps {
-        let found = rms(density(step))?;
+        let found = squares(density(step))?;
         if found < best.1 {
             best = (step, found);
         }
@@ -275,14 +288,22 @@ pub fn fit_attenuated(
     let ratio = 0.5 * (5f64.sqrt() - 1.0);
     while high - low > 1e-6 * largest {
         let (left, right) = (high - ratio * (high - low), low + ratio * (high - low));
-        if rms(left)? <= rms(right)? {
+        if squares(left)? <= squares(right)? {
             high = right;
         } else {
             low = left;
         }
     }
-    let optical_density = 0.5 * (low + high);
-    Ok(AttenuatedFit { optical_density, fit: fit_nonnegative(&covered(optical_density), data)? })
+    Ok(0.5 * (low + high))
+}
+
+/// Terms of which the first lies below an absorber.
+fn covered(terms: &[Vec<f64>], extinction: &[f64], density: f64) -> Vec<Vec<f64>> {
+    let mut terms = terms.to_vec();
+    if let Some(covered) = terms.first_mut() {
+        covered.iter_mut().zip(extinction).for_each(|(v, e)| *v *= 10f64.powf(-density * e));
+    }
+    terms
 }
 
 #[cfg(test)]
@@ -359,6 +380,11 @@ mod tests {
         let found = fit_attenuated(&terms, &extinction, &sum(&covered, &[2.0, 0.1, 0.5]), 40.0).unwrap();
         assert!((found.optical_density - 1.7).abs() < 1e-4, "{}", found.optical_density);
         assert!((found.fit.terms[0].weight - 2.0).abs() < 1e-3);
+        // Spectra of other weights, and one that does not show the covered term, have the density in common.
+        let spectra: Vec<Vec<f64>> =
+            [[2.0, 0.1, 0.5], [0.3, 2.0, 0.0], [0.0, 1.0, 1.0]].iter().map(|w| sum(&covered, w)).collect();
+        let common = common_optical_density(&terms, &extinction, &spectra, 40.0).unwrap();
+        assert!((common - 1.7).abs() < 1e-4, "{common}");
     }
 
     #[test]

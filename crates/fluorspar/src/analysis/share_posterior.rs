@@ -94,6 +94,17 @@ impl SharePosterior {
     }
 }
 
+/// Median and interval of the share, without what else is told of it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ShareInterval {
+    /// Median of the share.
+    pub median: f64,
+    /// 95 % interval, as [`SharePosterior::interval`].
+    pub interval: [f64; 2],
+    /// Whether the data don't fit the family, as [`SharePosterior::foreign`]: a warning goes with the estimate.
+    pub foreign: bool,
+}
+
 /// The nuisance with which an error of the share goes along most.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct BlindDirection {
@@ -131,6 +142,11 @@ struct Mixture {
     terms: Vec<[f64; 3]>,
     misfit: f64,
     blind_to: Option<BlindDirection>,
+}
+
+/// Misfit of data of the family that is exceeded with the probability [`FOREIGN`].
+fn largest_misfit(data: usize) -> f64 {
+    ChiSquared::new(data as f64).map_or(f64::INFINITY, |chi| chi.inverse_cdf(1.0 - FOREIGN))
 }
 
 fn normal_cdf(z: f64) -> f64 {
@@ -191,7 +207,6 @@ impl LightFamily {
         let quiet: Vec<f64> = variance.iter().map(|variance| 1e-6 * variance).collect();
         without.push(IntervalWithout { source: "sensor noise".into(), interval: interval_of(self, &quiet) });
         let data = electrons.len();
-        let limit = ChiSquared::new(data as f64).map_or(f64::INFINITY, |chi| chi.inverse_cdf(1.0 - FOREIGN));
         Some(SharePosterior {
             frames: self.frames.clone(),
             prior: self.prior.clone(),
@@ -205,17 +220,19 @@ impl LightFamily {
             without,
             misfit: mixture.misfit,
             data,
-            foreign: mixture.misfit > limit,
+            foreign: mixture.misfit > largest_misfit(data),
         })
     }
 
-    /// Median of the share, ends of its interval, and the probability of none: what a test of many measurements needs, at a tenth
-    /// of the cost.
+    /// Median and interval of the share alone: what a test of many measurements needs, at a tenth of the cost.
     #[must_use]
-    pub fn share_interval(&self, electrons: &[f64], variance: &[f64]) -> Option<[f64; 4]> {
+    pub fn share_interval(&self, electrons: &[f64], variance: &[f64]) -> Option<ShareInterval> {
         let mixture = self.mixture(electrons, variance)?;
-        let [low, high] = mixture.interval();
-        Some([mixture.quantile(0.5), low, high, mixture.none])
+        Some(ShareInterval {
+            median: mixture.quantile(0.5),
+            interval: mixture.interval(),
+            foreign: mixture.misfit > largest_misfit(electrons.len()),
+        })
     }
 
     fn mixture(&self, electrons: &[f64], variance: &[f64]) -> Option<Mixture> {

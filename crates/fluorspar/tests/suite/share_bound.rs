@@ -72,8 +72,7 @@ fn estimated(family: &LightFamily, electrons: &[f64], key: Key) -> (f64, Vec<f64
     let variance: Vec<f64> = electrons.iter().map(|e| e + 196.0).collect();
     let noise = |(i, (e, v)): (usize, (&f64, &f64))| e + v.sqrt() * normal(key.with(i as u64));
     let measured: Vec<f64> = electrons.iter().zip(&variance).enumerate().map(noise).collect();
-    let [share, ..] = family.share_interval(&measured, &variance).unwrap();
-    (log_odds(share), variance)
+    (log_odds(family.share_interval(&measured, &variance).unwrap().median), variance)
 }
 
 fn log_odds(share: f64) -> f64 {
