@@ -456,7 +456,7 @@ fn a_second_light_narrows_and_still_holds() {
 
 /// The variance of the estimate over the Cramér-Rao bound in the family of the dorsum with ten times the porphyrin, so that shares lie
 /// between 0 and 1 without being chosen, and thirty times the light, so that channels have more than 1000 e-. The ratio of 400 draws is known
-/// to 0.11 (the quantiles' efficiency being 0.66), so that 0.4 is 0.2 and two of them. Prints what docs/validation.md says.
+/// to 1.92 / sqrt(400) = 0.10, so that 0.4 is 0.2 and two of them. Prints what docs/validation.md says.
 /// `cargo test -p fluorspar-experiment --test suite porphyrin_coverage::the_variance -- --ignored --nocapture`.
 #[test]
 #[ignore = "solves twelve hundred estimates for numbers in the documentation"]

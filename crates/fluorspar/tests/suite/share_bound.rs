@@ -86,8 +86,8 @@ fn half_width(mut values: Vec<f64>) -> f64 {
     0.5 * (at(0.8413) - at(0.1587))
 }
 
-/// Over tissues of the prior: the variance of the error over the bound of van Trees. That of 1500 draws is known to
-/// 2 x 1.5 / sqrt(2 x 1500) = 0.055 (the quantiles' efficiency being 0.66), so that 0.20 is 3.6 standard errors.
+/// Over tissues of the prior: the variance of the error over the bound of van Trees. A variance by these percentiles is known to
+/// 1.92 / sqrt(draws), here 0.05, so that 0.20 is four standard errors.
 #[test]
 fn the_estimate_has_the_variance_of_the_bound() {
     let family = family();
@@ -107,7 +107,7 @@ fn the_estimate_has_the_variance_of_the_bound() {
 }
 
 /// Repeated measurements of one tissue: their scatter over the bound for noise alone, for four tissues with 600 measurements each,
-/// whose variances are known to 0.087; the mean of four to 0.043.
+/// whose variances are known to 0.08; the mean of four to 0.04.
 #[test]
 fn repeated_estimates_of_a_tissue_scatter_as_the_bound_says() {
     let family = family();
