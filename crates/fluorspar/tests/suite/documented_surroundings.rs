@@ -1,4 +1,5 @@
 //! docs/tissue.md has a table of what reaches each site by way of other surfaces of a mouth.
+#![allow(clippy::unwrap_used)]
 
 use std::path::Path;
 

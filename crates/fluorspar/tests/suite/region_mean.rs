@@ -1,4 +1,5 @@
 //! Means of regions of interpolated frames: their variance in closed form against the scatter of many frames.
+#![allow(clippy::unwrap_used)]
 
 use fluorspar::analysis::{ChannelNoise, mean_of_pixels};
 use fluorspar::image::{ChannelImage, Mosaic, SensorImage};

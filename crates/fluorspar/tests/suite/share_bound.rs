@@ -2,6 +2,7 @@
 //!
 //! The bound holds for quantities without ends; a share near 0 or 1 has one. So tests keep it between, with porphyrin known to be
 //! present, and compare the middle 68 % of the errors, which a few wild draws don't rule as they rule a mean square.
+#![allow(clippy::unwrap_used)]
 
 use fluorspar::analysis::{FamilyCoordinate, FamilySource, LightFamily, NuisanceGroup};
 use fluorspar::sampling::random::Key;
