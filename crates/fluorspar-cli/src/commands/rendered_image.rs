@@ -280,7 +280,9 @@ impl RenderedImage {
         for (number, response) in responses.iter().enumerate() {
             // The same captures share responses before and after
             let old = rendered.responses.get(number);
-            let held = old.map(|old| self.file.planes(old.camera())).transpose()?.flatten();
+            let held =
+                old.map(|old| self.file.planes(old.camera(), |component| self.is_lit(component, captures)));
+            let held = held.transpose()?.flatten();
             let is_new = |component: usize| held.is_none() || rows.relit[component].is_some();
             // Of components that the basis gives, few spectra pass the camera; a lens that mixes pixels needs all bands
             let is_short = |component: usize| response.is_local() && rows.relit[component].is_some();
@@ -316,7 +318,7 @@ impl RenderedImage {
     ) -> Result<Vec<ChannelPlanes>, CliError> {
         let mut planes = Vec::with_capacity(responses.len());
         for response in responses {
-            planes.push(self.file.planes(response.camera())?);
+            planes.push(self.file.planes(response.camera(), |component| self.is_lit(component, captures))?);
         }
         let missing: Vec<&FilmResponse> =
             responses.iter().zip(&planes).filter(|(_, held)| held.is_none()).map(|(r, _)| r).collect();

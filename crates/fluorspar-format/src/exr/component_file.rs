@@ -135,11 +135,15 @@ impl ComponentFile {
         self.provenance.as_ref()
     }
 
-    /// The channel planes of a camera, by its digest, if the file holds them.
+    /// The channel planes of a camera, by its digest, if the file holds them; those of components that are not `wanted` stay dark.
     ///
     /// # Errors
     /// A damaged file.
-    pub fn planes(&self, camera: &str) -> Result<Option<ChannelPlanes>, FormatError> {
+    pub fn planes(
+        &self,
+        camera: &str,
+        wanted: impl Fn(usize) -> bool,
+    ) -> Result<Option<ChannelPlanes>, FormatError> {
         let Spectra::Parts { planes, .. } = &self.spectra else { return Ok(None) };
         let Some((part, label)) = planes.iter().find(|(_, label)| label.camera == camera) else {
             return Ok(None);
@@ -153,7 +157,11 @@ impl ComponentFile {
                 headers.iter().map(|header| vec![None; header.channels.list.len()]).collect();
             // Channels are sorted by name, which is by component and channel
             for (number, target) in targets[*part].iter_mut().enumerate() {
-                *target = Some(super::read::Target { buffer: 0, offset: number * pixels, stride: 1 });
+                *target = wanted(number / label.channels).then_some(super::read::Target {
+                    buffer: 0,
+                    offset: number * pixels,
+                    stride: 1,
+                });
             }
             let mut buffers = [std::mem::take(&mut found.data)];
             decode(&self.path, &targets, &mut buffers)?;

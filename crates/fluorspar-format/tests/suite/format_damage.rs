@@ -129,7 +129,7 @@ fn openexr() {
         write_component_exr(&path, &components(), &ExrOptions { planes: &planes, ..options }).unwrap();
         damage(&path, |path| {
             let by_parts = |file: ComponentFile| {
-                file.planes("c").is_ok() && file.map_rows(|_| true, |_, _, _| ()).is_ok()
+                file.planes("c", |_| true).is_ok() && file.map_rows(|_| true, |_, _, _| ()).is_ok()
             };
             ComponentFile::open(path).is_ok_and(by_parts)
         });

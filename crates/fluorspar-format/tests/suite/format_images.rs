@@ -145,8 +145,15 @@ fn component_images_are_read_part_by_part() {
         if compression != ExrCompression::Half {
             assert_eq!(&whole, stored);
         }
-        assert_eq!(file.planes("a camera").unwrap().as_ref(), Some(&planes), "planes keep all bits");
-        assert_eq!(file.planes("a third").unwrap(), None);
+        assert_eq!(
+            file.planes("a camera", |_| true).unwrap().as_ref(),
+            Some(&planes),
+            "planes keep all bits"
+        );
+        let one = file.planes("a camera", |component| component == 1).unwrap().unwrap();
+        assert_eq!(one.plane(1, 0), planes.plane(1, 0));
+        assert!(one.plane(0, 0).iter().all(|value| *value == 0.0), "what is not wanted stays dark");
+        assert_eq!(file.planes("a third", |_| true).unwrap(), None);
     }
     let wrong = [ChannelPlanes::dark([5, 3], 2, 12, String::new())];
     let options = ExrOptions { planes: &wrong, ..Default::default() };
@@ -159,7 +166,7 @@ fn component_images_are_read_part_by_part() {
     assert_eq!(file.labels().data, image.data);
     let rows = file.map_rows(|component| component == 1, |_, row, _| row).unwrap();
     assert_eq!(rows.len(), 3);
-    assert_eq!(file.planes("a camera").unwrap(), None);
+    assert_eq!(file.planes("a camera", |_| true).unwrap(), None);
 }
 
 #[test]
