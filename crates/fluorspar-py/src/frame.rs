@@ -1,23 +1,17 @@
 //! Raw frames.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
 
-use fluorspar::image::{
-    ChannelPlanes, Component, ComponentFactors, ComponentImage, LightPath, PreparedRows, SensorImage,
-};
+use fluorspar::image::{ChannelPlanes, ComponentFactors, ComponentImage, SensorImage};
 use fluorspar::pipeline::{
     CapturePlanes, CaptureResponses, CapturedFrame, ColorRendering, FilmResponse, PipelineError, Preview,
-    SeenComponents, capture_from_planes, check_captures, check_same_scene, concentration_factors, preview,
-    relight, scale_multiple,
+    SeenComponents, capture_from_planes, check_captures, preview,
 };
 use fluorspar::study::{Capture, Study};
-use fluorspar_experiment::schema::ConcentrationFactor;
-use fluorspar_experiment::{
-    CapturesOfRender, Experiment as Parsed, ExperimentError, ResolvedExperiment, resolve, resolve_captures,
-    resolve_rendered,
-};
+use fluorspar_cli::RenderedScene;
+use fluorspar_experiment::ExperimentError;
 use fluorspar_format::{read_sensor_image, write_sensor_tiff};
 use numpy::{PyArray2, PyArray3};
 use pyo3::prelude::*;
@@ -107,69 +101,6 @@ impl Frame {
     }
 }
 
-/// Factors on concentrations that an experiment was rendered with.
-fn even_factors(rendered: &Parsed) -> BTreeMap<String, f64> {
-    let even = |(name, factor): (&String, &ConcentrationFactor)| match factor {
-        ConcentrationFactor::Even(factor) => Some((name.clone(), *factor)),
-        ConcentrationFactor::Painted(_) => None,
-    };
-    rendered.file.concentration.iter().filter_map(even).collect()
-}
-
-/// Factors that make a component image show the scene of an experiment: `rendered` is the one that it was rendered from.
-///
-/// # Errors
-/// A scene that only a new render can show, if `is_same` is demanded.
-fn factors_of(
-    rendered: Option<&Parsed>,
-    now: &Parsed,
-    resolved: &ResolvedExperiment,
-    image: &ComponentImage,
-    is_same: bool,
-) -> Result<ComponentFactors, ViewError> {
-    let study = &resolved.study;
-    let Some(rendered) = rendered else {
-        return Ok(concentration_factors(&BTreeMap::new(), study, image)?);
-    };
-    let rendered_study = match resolve_rendered(rendered, now, resolved)? {
-        Some(study) => study,
-        None => {
-            // Factors on concentrations are no difference of the scenes
-            let mut rendered = rendered.clone();
-            rendered.file.concentration.clone_from(&now.file.concentration);
-            resolve(&rendered)?.study
-        }
-    };
-    let (shown, light) = relight(&rendered_study, study, image)?;
-    if is_same {
-        check_same_scene(&shown, study)?;
-    }
-    Ok(concentration_factors(&even_factors(rendered), study, image)?.times(light.even))
-}
-
-/// The study of an experiment that shows the scene of a component image, without its surfaces, and the factors on the components:
-/// nothing is meshed. `None` where more has changed.
-fn without_surfaces(
-    rendered: &Parsed,
-    now: &Parsed,
-    image: &ComponentImage,
-) -> Result<Option<(Study, ComponentFactors)>, ViewError> {
-    let fluorophores: BTreeSet<&str> = image.components.iter().filter_map(fluorophore).collect();
-    let fluorophores: Vec<&str> = fluorophores.into_iter().collect();
-    let Some(CapturesOfRender { study, .. }) = resolve_captures(rendered, now, &fluorophores)? else {
-        return Ok(None);
-    };
-    let factors = concentration_factors(&even_factors(rendered), &study, image)?;
-    Ok(Some((study, factors)))
-}
-
-fn fluorophore(component: &Component) -> Option<&str> {
-    match &component.light {
-        LightPath::Fluorescence(name) => Some(name),
-        _ => None,
-    }
-}
-
 /// Why an image does not show what an experiment wants.
 enum ViewError {
     Experiment(ExperimentError),
@@ -205,7 +136,7 @@ impl KeptPlanes {
     /// Cameras whose planes are kept.
     const MOST: usize = 4;
 
-    /// The planes of the captures of a study. Maps of `factors` are applied here where the lens mixes pixels.
+    /// The planes of the captures of a study, with changed concentrations.
     fn of_captures(
         &self,
         study: &Study,
@@ -215,13 +146,14 @@ impl KeptPlanes {
         let CaptureResponses { responses, of_capture } =
             CaptureResponses::new(study, &study.captures, image)?;
         let film = responses.first().ok_or(PipelineError::Missing("captures"))?.film();
-        if factors.has_maps() && !responses.iter().all(FilmResponse::is_local) {
-            let rows = PreparedRows { rows: image, factors, width: image.width };
-            let all: Vec<&FilmResponse> = responses.iter().collect();
-            let Ok(planes) = FilmResponse::planes(&all, |_| true, &rows);
-            factors.maps.fill(None);
-            return Ok(CapturePlanes { planes, of_capture, film });
-        }
+        let planes = CapturePlanes { planes: self.of_cameras(&responses, image), of_capture, film };
+        let seen = (image, study.captures.as_slice());
+        let Ok((planes, _)) = planes.with_concentrations(&responses, seen, factors, image, |_| true);
+        Ok(planes)
+    }
+
+    /// The planes of cameras: those that are kept, and new ones of the others.
+    fn of_cameras(&self, responses: &[FilmResponse], image: &ComponentImage) -> Vec<ChannelPlanes> {
         let kept = |camera: &str| {
             self.0.lock().ok().and_then(|kept| kept.iter().find(|planes| planes.camera == camera).cloned())
         };
@@ -246,8 +178,7 @@ impl KeptPlanes {
             kept.drain(..surplus);
         }
         let mut formed = formed.into_iter();
-        let planes = held.into_iter().filter_map(|held| held.or_else(|| formed.next())).collect();
-        Ok(CapturePlanes { planes, of_capture, film })
+        held.into_iter().filter_map(|held| held.or_else(|| formed.next())).collect()
     }
 }
 
@@ -267,9 +198,6 @@ impl View {
         kept: &KeptPlanes,
     ) -> Result<Self, ViewError> {
         let planes = kept.of_captures(&study, &image, &mut factors)?;
-        if let Some(brightest) = planes.planes.first() {
-            scale_multiple(&mut factors, &image, brightest);
-        }
         Ok(Self { study, image, factors, planes })
     }
 
@@ -283,11 +211,12 @@ impl View {
         if let Some(rendered) = &components.experiment {
             let (image, rendered) = (components.image.clone(), rendered.get().parsed.clone());
             let found = work_through(py, threads, || {
-                let Some((study, factors)) = without_surfaces(&rendered, &experiment.parsed, &image)? else {
+                let scene = RenderedScene { labels: &image, experiment: Some(&rendered) };
+                let Some((found, changes)) = scene.captures::<ViewError>(&experiment.parsed)? else {
                     return Ok(None);
                 };
-                check_captures(&study, &image)?;
-                Self::new(study, image, factors, &components.planes).map(Some)
+                check_captures(&found.study, &image)?;
+                Self::new(found.study, image, changes.factors, &components.planes).map(Some)
             })?;
             if let Some(found) = found.map_err(|error: ViewError| error.raised(py))? {
                 return Ok(found);
@@ -309,8 +238,10 @@ impl View {
         let resolved = experiment.resolved(py, threads)?;
         let made = work_through(py, threads, || {
             check_captures(&resolved.study, &image)?;
-            let factors = factors_of(rendered.as_deref(), &experiment.parsed, &resolved, &image, is_same)?;
-            Self::new(resolved.study.clone(), image, factors, &components.planes)
+            let scene = RenderedScene { labels: &image, experiment: rendered.as_deref() };
+            // Images in memory have no excitation basis
+            let changes = scene.changes::<ViewError>(&experiment.parsed, &resolved, is_same, || Ok(None))?;
+            Self::new(resolved.study.clone(), image, changes.factors, &components.planes)
         })?;
         made.map_err(|error| error.raised(py))
     }

@@ -1,38 +1,30 @@
 //! A component image of an earlier render, opened by part, and what captures see of it.
 
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 use std::thread::{self, JoinHandle};
 use std::time::UNIX_EPOCH;
 
 use fluorspar::image::{
-    ChannelPlanes, ComponentFactors, ComponentImage, ExcitationImage, LightPath, PreparedRows,
-    RelitComponent, RelitRows,
+    ChannelPlanes, ComponentFactors, ComponentImage, ExcitationImage, PreparedRows, RelitRows,
 };
 use fluorspar::light::Light;
 use fluorspar::pipeline::{
     CapturePlanes, CaptureResponses, FilmResponse, MultipleUncertainty, PipelineError, SeenComponents,
-    check_same_scene, concentration_factors, relight, relight_with_basis, scale_multiple,
 };
-use fluorspar::scene::Scene;
 use fluorspar::study::{Capture, Study};
-use fluorspar_experiment::schema::ConcentrationFactor;
 use fluorspar_experiment::{
-    CapturesOfRender, Experiment, FileRecord, ResolvedExperiment, cache, parse, resolve, resolve_captures,
-    resolve_rendered, show_the_same_scene,
+    CapturesOfRender, Experiment, FileRecord, ResolvedExperiment, cache, parse, resolve,
 };
 use fluorspar_format::{ComponentFile, Provenance};
 
 use crate::error::CliError;
 use crate::message::Messages;
+use crate::rendered_scene::{RenderedScene, SceneChanges};
 use crate::values::{Override, as_typed, sets};
 
 /// Most bytes of channel planes that are kept, an eighth of the cache: larger ones would drive mouths and tissues out of it.
 const MOST_KEPT_BYTES: usize = 128 << 20;
-
-/// Even factors on the concentrations of fluorophores, by name.
-type ConcentrationFactors = BTreeMap<String, f64>;
 
 /// A component image whose spectra are read when they are needed.
 pub(crate) struct RenderedImage {
@@ -104,17 +96,10 @@ impl RenderedImage {
     /// [`Self::shown`] where nothing of the scene has changed: no mesh or tissue is needed then.
     pub(crate) fn without_surfaces(&self, now: &Experiment) -> Result<Option<ShownByImage<'_>>, CliError> {
         let (_, rendered) = self.experiment(&[])?;
-        let mut held: Vec<&str> = Vec::new();
-        for component in &self.labels().components {
-            if let LightPath::Fluorescence(name) = &component.light
-                && !held.contains(&name.as_str())
-            {
-                held.push(name);
-            }
-        }
-        let Some(found) = resolve_captures(&rendered, now, &held)? else { return Ok(None) };
+        let Some((found, changes)) = self.scene(Some(&rendered)).captures::<CliError>(now)? else {
+            return Ok(None);
+        };
         let CapturesOfRender { study, resolved_toml, inputs } = found;
-        let changes = self.changes_of_concentrations(&rendered, &study)?;
         // The digest of an experiment counts files of surfaces, too; of captures nobody asks for it
         let record = FileRecord {
             title: now.file.title.clone(),
@@ -148,34 +133,6 @@ impl RenderedImage {
         Ok(ShownByImage { experiment: resolved, changes })
     }
 
-    /// Changes of the image where the scene is that which was rendered.
-    fn changes_of_concentrations(
-        &self,
-        rendered: &Experiment,
-        study: &Study,
-    ) -> Result<SceneChanges<'_>, CliError> {
-        let labels = self.labels();
-        let factors = concentration_factors(&even_factors(rendered), study, labels)?;
-        let relit = vec![None; labels.components.len()];
-        Ok(SceneChanges { factors, relit, lights: None, light_errors: Vec::new() })
-    }
-
-    /// The study that the image was rendered from, with the surfaces and concentrations of an experiment, and the factors on
-    /// concentrations that it was rendered with.
-    fn rendered(
-        mut rendered: Experiment,
-        now: &Experiment,
-        resolved: &ResolvedExperiment,
-    ) -> Result<(Study, ConcentrationFactors), CliError> {
-        let concentrations = even_factors(&rendered);
-        if let Some(study) = resolve_rendered(&rendered, now, resolved)? {
-            return Ok((study, concentrations));
-        }
-        // Factors on concentrations are no difference of the scenes.
-        rendered.file.concentration.clone_from(&now.file.concentration);
-        Ok((resolve(&rendered)?.study, concentrations))
-    }
-
     /// What makes the image show the scene of an experiment.
     ///
     /// # Errors
@@ -186,30 +143,15 @@ impl RenderedImage {
         resolved: &ResolvedExperiment,
         is_same: bool,
     ) -> Result<SceneChanges<'_>, CliError> {
-        let (study, labels) = (&resolved.study, self.labels());
-        let unlit = vec![None; labels.components.len()];
-        if self.file.provenance().is_none() {
-            let factors = concentration_factors(&BTreeMap::new(), study, labels)?;
-            return Ok(SceneChanges { factors, relit: unlit, lights: None, light_errors: Vec::new() });
-        }
-        let (_, rendered) = self.experiment(&[])?;
-        if show_the_same_scene(&rendered, now) {
-            return self.changes_of_concentrations(&rendered, study);
-        }
-        let (rendered, concentrations) = Self::rendered(rendered, now, resolved)?;
-        let (mut shown, light) = relight(&rendered, study, labels)?;
-        let (mut relit, mut light_errors) = (unlit, Vec::new());
-        if emits_otherwise(&shown.scene, &study.scene)
-            && let Some(basis) = self.basis()?
-        {
-            let found = relight_with_basis(&shown, study, labels, basis)?;
-            (shown, relit, light_errors) = (found.shown, found.components, found.changed);
-        }
-        if is_same {
-            check_same_scene(&shown, study)?;
-        }
-        let factors = concentration_factors(&concentrations, study, labels)?.times(light.even);
-        Ok(SceneChanges { factors, relit, lights: Some(rendered.scene.lights), light_errors })
+        let rendered = match self.file.provenance() {
+            None => None,
+            Some(_) => Some(self.experiment(&[])?.1),
+        };
+        self.scene(rendered.as_ref()).changes(now, resolved, is_same, || self.basis())
+    }
+
+    fn scene<'a>(&'a self, experiment: Option<&'a Experiment>) -> RenderedScene<'a> {
+        RenderedScene { labels: self.labels(), experiment }
     }
 
     /// The excitation basis of the image, if it has one.
@@ -234,21 +176,18 @@ impl RenderedImage {
         let rows = RelitRows { rows: &self.file, size, relit: &relit };
         let CaptureResponses { responses, of_capture } = CaptureResponses::new(study, captures, labels)?;
         let film = responses.first().ok_or(PipelineError::Missing("captures"))?.film();
-        let mut planes = if relit.iter().all(Option::is_none) {
+        let planes = if relit.iter().all(Option::is_none) {
             self.planes(&responses, captures)?
         } else {
             self.relit_planes(study, &responses, captures, lights, &rows)?
         };
-        let brightest = planes.first().ok_or(PipelineError::Missing("captures"))?;
-        let uncertainty = scale_multiple(&mut factors, labels, brightest);
-        if factors.has_maps() && !responses.iter().all(FilmResponse::is_local) {
-            // The lens mixes pixels: masks lie before it
-            let rows = PreparedRows { rows: &rows, factors: &factors, width: labels.width };
-            let all: Vec<&FilmResponse> = responses.iter().collect();
-            planes = FilmResponse::planes(&all, |component| self.is_lit(component, captures), &rows)?;
-            factors.maps.fill(None);
-        }
-        let planes = CapturePlanes { planes, of_capture, film };
+        let (planes, uncertainty) = CapturePlanes { planes, of_capture, film }.with_concentrations(
+            &responses,
+            (labels, captures),
+            &mut factors,
+            &rows,
+            |component| self.is_lit(component, captures),
+        )?;
         Ok(CaptureView { planes, factors, uncertainty, light_errors })
     }
 
@@ -398,40 +337,12 @@ fn planes_of_bytes(bytes: &[u8], responses: &[&FilmResponse]) -> Option<Vec<Chan
     rest.is_empty().then_some(found)
 }
 
-/// Factors on concentrations that hold everywhere.
-fn even_factors(experiment: &Experiment) -> ConcentrationFactors {
-    let even = |(name, factor): (&String, &ConcentrationFactor)| match factor {
-        ConcentrationFactor::Even(factor) => Some((name.clone(), *factor)),
-        ConcentrationFactor::Painted(_) => None,
-    };
-    experiment.file.concentration.iter().filter_map(even).collect()
-}
-
 /// An experiment as captures of an image need it.
 pub(crate) struct ShownByImage<'a> {
     /// What captures see of the study, and the file.
     pub(crate) experiment: ResolvedExperiment,
     /// What makes the image show it.
     pub(crate) changes: SceneChanges<'a>,
-}
-
-/// Whether lights or surfaces of two scenes differ in what they emit.
-fn emits_otherwise(a: &Scene, b: &Scene) -> bool {
-    let surfaces =
-        |scene: &Scene| scene.objects.iter().map(|object| object.emission.clone()).collect::<Vec<_>>();
-    a.lights != b.lights || surfaces(a) != surfaces(b)
-}
-
-/// What makes a finished render show another scene.
-pub(crate) struct SceneChanges<'a> {
-    /// Factors on the components.
-    factors: ComponentFactors,
-    /// Components under another light.
-    relit: Vec<Option<RelitComponent<'a>>>,
-    /// Lights of the render.
-    lights: Option<Vec<Light>>,
-    /// Light groups whose spectra changed, with the estimated error of their light.
-    light_errors: Vec<(String, f64)>,
 }
 
 /// What captures see of a component image.

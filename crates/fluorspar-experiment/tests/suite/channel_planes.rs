@@ -202,7 +202,7 @@ fn concentrations_of_a_finished_render_are_those_of_a_new_one() {
     let again = run(&wanted.scene, &wanted.render);
     let mut factors = concentration_factors(&BTreeMap::new(), &wanted, &image).unwrap();
     let planes = CapturePlanes::new(&wanted, &image).unwrap();
-    let uncertainty = scale_multiple(&mut factors, &image, &planes.planes[0]).unwrap();
+    let uncertainty = scale_multiple(&mut factors, &image, &planes, &wanted.captures).unwrap();
     let new_planes = CapturePlanes::new(&wanted, &again).unwrap();
     let ones = ComponentFactors::ones(image.components.len());
     let mut most: f64 = 0.0;
@@ -229,6 +229,33 @@ fn concentrations_of_a_finished_render_are_those_of_a_new_one() {
     }
     assert!(uncertainty.share > 1e-7, "some light fluoresced twice: {uncertainty:?}");
     assert!(most <= uncertainty.largest_error + 2e-6, "off by {most:e}, said {uncertainty:?}");
+}
+
+/// What the room's light leaves uncertain is not told of a frame without it, however much of it fluoresced twice.
+#[test]
+fn uncertainty_counts_only_light_that_a_capture_switches_on() {
+    let wanted = study(IDEAL, &["concentration.elastin=0.25"]);
+    let image = run(&wanted.scene, &wanted.render);
+    let before = concentration_factors(&BTreeMap::new(), &wanted, &image).unwrap();
+    let mut planes = CapturePlanes::new(&wanted, &image).unwrap();
+    let told = |planes: &CapturePlanes, captures: usize| {
+        let mut factors = before.clone();
+        let found = scale_multiple(&mut factors, &image, planes, &wanted.captures[..captures]).unwrap();
+        (found, factors)
+    };
+    let (violet, factors) = told(&planes, 1);
+    let room = image.components.iter().position(|component| {
+        component.light_group == "room" && component.light == LightPath::MultipleFluorescence
+    });
+    let room = room.unwrap();
+    assert_eq!(factors.even[room], 1.0, "nobody sees it");
+    for channel in 0..planes.planes[0].channels {
+        planes.planes.iter_mut().for_each(|planes| planes.plane_mut(room, channel).fill(1e9));
+    }
+    assert_eq!(told(&planes, 1).0, violet);
+    let (both, factors) = told(&planes, 2);
+    assert!(both.share > 0.5 && both.largest_error > violet.largest_error, "{both:?} {violet:?}");
+    assert!(factors.even[room] < 1.0);
 }
 
 #[test]

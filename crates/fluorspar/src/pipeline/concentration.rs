@@ -9,9 +9,9 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use super::PipelineError;
+use super::{CapturePlanes, PipelineError};
 use crate::image::{ChannelPlanes, ComponentFactors, ComponentImage, LightPath};
-use crate::study::{ConcentrationChange, PaintedFactor, Study};
+use crate::study::{Capture, ConcentrationChange, PaintedFactor, Study};
 
 /// Factors on the components of a render that give it the concentrations of a study. `rendered` holds the factors by name that it
 /// was rendered with, where they are not 1. Light that fluoresced more than once stays as it is: see [`scale_multiple`].
@@ -89,47 +89,99 @@ pub struct MultipleUncertainty {
 }
 
 /// Scales light that fluoresced more than once, for factors on that which fluoresced once: by the square of their mean, weighted by
-/// the electrons of each fluorophore. The true factor lies between the squares of the least and the largest one (counting light
-/// that fluoresced twice). Returns the worst uncertainty of all light groups; `None` where no concentration changes.
+/// the electrons of each fluorophore in the first capture that switches the light group on. The true factor lies between the squares of
+/// the least and the largest one (counting light that fluoresced twice).
+///
+/// Returns the worst uncertainty of a light group in a capture that switches it on; `None` where no concentration of such light
+/// changes.
 pub fn scale_multiple(
     factors: &mut ComponentFactors,
     components: &ComponentImage,
-    planes: &ChannelPlanes,
+    planes: &CapturePlanes,
+    captures: &[Capture],
 ) -> Option<MultipleUncertainty> {
     let mut worst: Option<MultipleUncertainty> = None;
-    for group in components.group_labels() {
-        let of_group = |(number, label): (usize, &crate::image::Component)| {
-            (label.group_label() == group).then(|| (number, label.light.clone()))
-        };
-        let members: Vec<(usize, LightPath)> =
-            components.components.iter().enumerate().filter_map(of_group).collect();
-        let once = members.iter().filter(|(_, light)| matches!(light, LightPath::Fluorescence(_)));
-        let sums: Vec<FactorSum> = once.map(|(number, _)| FactorSum::of(*number, factors, planes)).collect();
-        let twice = members.iter().find(|(_, light)| *light == LightPath::MultipleFluorescence);
-        let (Some((twice, _)), true) = (twice, sums.iter().any(|sum| !sum.is_one())) else { continue };
-        let before: f64 = sums.iter().map(|sum| sum.before).sum();
-        if before <= 0.0 {
+    for label in components.group_labels() {
+        let Some(group) = GroupMembers::of(&label, components).filter(|group| group.is_changed(factors))
+        else {
             continue;
-        }
-        let after: f64 = sums.iter().map(|sum| sum.after).sum();
-        let factor = (after / before).powi(2);
-        factors.even[*twice] *= factor;
-        let lit = || sums.iter().filter(|sum| sum.before > 0.0);
-        let least = lit().map(|sum| sum.range[0]).fold(f64::INFINITY, f64::min).powi(2);
-        let most = lit().map(|sum| sum.range[1]).fold(0.0, f64::max).powi(2);
-        let light = FactorSum::of(*twice, &ComponentFactors::ones(factors.even.len()), planes).before;
-        let reflected = members.iter().filter(|(_, light)| *light == LightPath::Reflected);
-        let reflected: f64 = reflected.map(|(number, _)| FactorSum::of(*number, factors, planes).after).sum();
-        let total = (reflected + after + factor * light).max(f64::MIN_POSITIVE);
-        let found = MultipleUncertainty {
-            share: factor * light / total,
-            largest_error: light * (most - factor).max(factor - least) / total,
         };
-        if worst.is_none_or(|worst| found.largest_error > worst.largest_error) {
-            worst = Some(found);
+        // Planes of the captures that see the group, each once
+        let mut seen: Vec<usize> = Vec::new();
+        for (capture, number) in captures.iter().zip(&planes.of_capture) {
+            if capture.frame.drive(group.light_group) != 0.0 && !seen.contains(number) {
+                seen.push(*number);
+            }
         }
+        let Some(first) = seen.first() else { continue };
+        let Some(factor) = group.mean_factor(factors, &planes.planes[*first]) else { continue };
+        let factor = factor * factor;
+        let found = seen.iter().map(|number| group.uncertainty(factors, &planes.planes[*number], factor));
+        let found = found.max_by(|a, b| a.largest_error.total_cmp(&b.largest_error));
+        worst = worst.into_iter().chain(found).max_by(|a, b| a.largest_error.total_cmp(&b.largest_error));
+        factors.even[group.twice] *= factor;
     }
     worst
+}
+
+/// Components of the light of one group, by number.
+struct GroupMembers<'a> {
+    light_group: &'a str,
+    reflected: Vec<usize>,
+    once: Vec<usize>,
+    twice: usize,
+}
+
+impl<'a> GroupMembers<'a> {
+    /// The components of a group or of one of its excitation bins; `None` where no light is kept that fluoresced more than once.
+    fn of(label: &str, components: &'a ComponentImage) -> Option<Self> {
+        let (mut reflected, mut once, mut twice) = (Vec::new(), Vec::new(), None);
+        for (number, component) in components.components.iter().enumerate() {
+            if component.group_label() != label {
+                continue;
+            }
+            match component.light {
+                LightPath::Reflected => reflected.push(number),
+                LightPath::Fluorescence(_) => once.push(number),
+                LightPath::MultipleFluorescence => twice = Some(number),
+            }
+        }
+        let twice = twice?;
+        Some(Self { light_group: &components.components[twice].light_group, reflected, once, twice })
+    }
+
+    fn is_changed(&self, factors: &ComponentFactors) -> bool {
+        self.once.iter().any(|&number| factors.even[number] != 1.0 || factors.maps[number].is_some())
+    }
+
+    /// Factor on all light that fluoresced once; `None` where there is none.
+    fn mean_factor(&self, factors: &ComponentFactors, planes: &ChannelPlanes) -> Option<f64> {
+        let sums = self.once.iter().map(|number| FactorSum::of(*number, factors, planes));
+        let (before, after) =
+            sums.fold((0.0, 0.0), |(before, after), sum| (before + sum.before, after + sum.after));
+        (before > 0.0).then(|| after / before)
+    }
+
+    /// What a factor on light that fluoresced more than once leaves uncertain in some planes.
+    fn uncertainty(
+        &self,
+        factors: &ComponentFactors,
+        planes: &ChannelPlanes,
+        factor: f64,
+    ) -> MultipleUncertainty {
+        let sum_of = |number: &usize| FactorSum::of(*number, factors, planes);
+        let once: Vec<FactorSum> = self.once.iter().map(sum_of).filter(|sum| sum.before > 0.0).collect();
+        let least = once.iter().map(|sum| sum.range[0]).fold(f64::INFINITY, f64::min).powi(2);
+        let most = once.iter().map(|sum| sum.range[1]).fold(0.0, f64::max).powi(2);
+        let light = sum_of(&self.twice).before;
+        let others = self.reflected.iter().map(|number| sum_of(number).after).sum::<f64>()
+            + once.iter().map(|sum| sum.after).sum::<f64>();
+        let total = (others + factor * light).max(f64::MIN_POSITIVE);
+        MultipleUncertainty {
+            share: factor * light / total,
+            largest_error: light * (most - factor).max(factor - least).max(0.0) / total,
+        }
+    }
 }
 
 /// Electrons of a component before and after a change of its concentration.
@@ -152,9 +204,5 @@ impl FactorSum {
             }
         }
         sum
-    }
-
-    fn is_one(&self) -> bool {
-        self.range == [1.0; 2]
     }
 }
