@@ -213,26 +213,28 @@ fn spectra_figure(space: &DesignSpace, judged: &JudgedDesign) -> Figure {
     };
     let mut optics =
         Panel::new(Axis::wavelength(limits), axis()).sized(620.0, 230.0).titled("lights, filters, channels");
-    for (k, &light) in design.lights.iter().enumerate() {
+    // One legend stands for all panels: a color or a stroke pattern of its own for each curve
+    let inks = Ink::of_fluorophores(response.fluorescence.iter().map(|f| f.name.as_str()));
+    let light_inks = Ink::besides(&inks, design.lights.len());
+    for (&light, &ink) in design.lights.iter().zip(&light_inks) {
         let choice = &p.lights[light];
         let spectrum = &choice.spectrum;
         let curve =
             PlotCurve::new(&choice.name, spectrum.wavelengths_nm().to_vec(), spectrum.values().to_vec());
-        optics = optics.with(line(&curve, Ink::cycle(k), Dash::Solid));
+        optics = optics.with(line(&curve, ink, Dash::Solid));
         let filter = p.filters[design.filter].transmittance(choice.peak_nm);
         let nm: Vec<f64> =
             (0..=400).map(|s| limits[0] + (limits[1] - limits[0]) * f64::from(s) / 400.0).collect();
         let value = nm.iter().map(|&nm| filter.at(nm)).collect();
         let curve = PlotCurve::new(format!("filter with {}", choice.name), nm, value);
-        optics = optics.with(line(&curve, Ink::cycle(k), Dash::Dashed));
+        optics = optics.with(line(&curve, ink, Dash::Dashed));
     }
     let camera = &p.cameras[design.camera];
     for (c, (name, value)) in camera.channels.iter().zip(camera.relative_sensitivity()).enumerate() {
         let curve = PlotCurve::new(format!("channel {name}"), bands.fine.centers_nm(), value);
-        optics = optics.with(line(&curve, Ink::of_channel(name, c), Dash::Dotted));
+        optics = optics.with(line(&curve, Ink::of_channel(name, c), Dash::DashDotted));
     }
     let mut panels = vec![optics];
-    let inks = Ink::of_fluorophores(response.fluorescence.iter().map(|f| f.name.as_str()));
     for &light in &design.lights {
         let title = format!("fluorescence under {}", p.lights[light].name);
         let spectra = response.fluorescence_under(&p.lights[light].spectrum);

@@ -57,6 +57,19 @@ impl Ink {
         inks.into_iter().flatten().collect()
     }
 
+    /// Colors for so many curves beside others whose colors are taken. None is alike another or a taken one while there are colors.
+    pub fn besides(taken: &[Self], count: usize) -> Vec<Self> {
+        let pink = Self::PALETTE[3];
+        let all = [pink, Self::Text].into_iter().chain(Self::PALETTE);
+        let mut free: Vec<Self> = Vec::new();
+        for ink in all.chain(FLUOROPHORES.map(|(_, ink)| ink)) {
+            if !taken.contains(&ink) && !free.contains(&ink) {
+                free.push(ink);
+            }
+        }
+        free.into_iter().cycle().take(count).collect()
+    }
+
     /// The stroke pattern that goes with the color of a fluorophore, so that it is the same in every figure, too.
     pub fn fluorophore_dash(self) -> Dash {
         Dash::cycle(FLUOROPHORES.iter().position(|(_, ink)| *ink == self).unwrap_or(0))
@@ -183,6 +196,16 @@ mod tests {
         let alone = |name| Ink::of_fluorophores([name])[0];
         assert_eq!(alone("Porphyrins"), Ink::of_fluorophores(["FAD", "NADH", "porphyrin_monici"])[2]);
         assert_ne!(alone("FAD"), alone("NADH"));
+    }
+
+    #[test]
+    fn curves_beside_fluorophores_have_other_colors() {
+        let taken = Ink::of_fluorophores(["Collagen I", "Elastin", "FAD", "NADH", "Porphyrin"]);
+        let lights = Ink::besides(&taken, 4);
+        for (index, ink) in lights.iter().enumerate() {
+            assert!(!taken.contains(ink) && !lights[..index].contains(ink), "{index}");
+        }
+        assert_eq!(Ink::besides(&taken, 40).len(), 40);
     }
 
     #[test]
