@@ -242,7 +242,8 @@ fn build_tree(
 ) -> WideTree {
     let numbers: Vec<u32> = (0..count as u32).filter(|&number| has_area(corners(number))).collect();
     let boxes: Vec<Bounds> = numbers.par_iter().map(|&number| padded_box(corners(number))).collect();
-    let mut tree = wide_tree::collapse(&group(&boxes), &boxes, |item| {
+    let binary = group(&boxes);
+    let mut tree = wide_tree::collapse(&binary, boxes, |item| {
         let number = numbers[item as usize];
         (corners(number), number)
     });

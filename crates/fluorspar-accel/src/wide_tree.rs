@@ -138,15 +138,16 @@ const LEAF_COST: f32 = 1.0;
 /// The cheapest ways to represent a binary subtree by a given number of wide children.
 #[derive(Clone, Copy)]
 struct Plan {
-    /// Expected cost with up to `i + 1` children, relative to the surface of the whole tree.
-    cost: [f32; WIDTH - 1],
-    /// Number of children that attain it.
+    /// Number of children that attain the least cost with up to `i + 1` children.
     children: [u8; WIDTH - 1],
     /// With `i + 1` children: how many of them are in the left subtree.
     left: [u8; WIDTH],
     /// One child: a leaf rather than a node?
     leaf: bool,
 }
+
+/// Expected cost of a subtree with up to `i + 1` children, relative to the surface of the whole tree.
+type Costs = [f32; WIDTH - 1];
 
 /// Groups a binary tree into nodes of up to eight children at the least expected cost.
 ///
@@ -155,16 +156,18 @@ struct Plan {
 /// section 3. Here a leaf costs the same whether it holds one triangle or six.
 ///
 /// `boxes` are those of the triangles, in the numbering of the leaves of `tree`; `triangle` gives the corners of a
-/// triangle and its number in the input.
+/// triangle and its number in the input. Of large scenes memory is scarcest here: what is not needed any longer goes at once.
 pub(crate) fn collapse(
     tree: &[BinaryNode],
-    boxes: &[Bounds],
+    boxes: Vec<Bounds>,
     triangle: impl Fn(u32) -> ([Vec3; 3], u32),
 ) -> WideTree {
     if tree.is_empty() {
         return WideTree::default();
     }
-    let (bounds, plans) = plan_all(tree, boxes, PACK, |member| {
+    let bounds = bounds_of(tree, &boxes);
+    drop(boxes);
+    let plans = plan_all(tree, &bounds, PACK, |member| {
         let (mut pack, mut vertex_count, mut fits) = (TrianglePack::EMPTY, 0, true);
         for_each_leaf(tree, member, &mut |item| {
             let (corners, number) = triangle(item);
@@ -191,7 +194,8 @@ pub(crate) fn collapse_single(tree: &[BinaryNode], boxes: &[Bounds]) -> Vec<Wide
     if tree.is_empty() {
         return Vec::new();
     }
-    let (bounds, plans) = plan_all(tree, boxes, 1, |_| true);
+    let bounds = bounds_of(tree, boxes);
+    let plans = plan_all(tree, &bounds, 1, |_| true);
     let (nodes, _) = count_wide(tree, &plans);
     group(tree, &bounds, &plans, Vec::with_capacity(nodes), |member| {
         let mut only = 0;
@@ -200,40 +204,47 @@ pub(crate) fn collapse_single(tree: &[BinaryNode], boxes: &[Bounds]) -> Vec<Wide
     })
 }
 
-/// Boxes of all binary nodes, and how each is best represented when a leaf holds up to `most_in_leaf` boxes of which
-/// `fits` reports whether they fit.
+/// Boxes of all binary nodes.
+fn bounds_of(tree: &[BinaryNode], boxes: &[Bounds]) -> Vec<Bounds> {
+    let mut bounds = vec![Bounds::EMPTY; tree.len()];
+    for (number, node) in tree.iter().enumerate().rev() {
+        bounds[number] = match *node {
+            BinaryNode::Leaf(item) => boxes[item as usize],
+            BinaryNode::Inner([l, r]) => bounds[l as usize].union(bounds[r as usize]),
+        };
+    }
+    bounds
+}
+
+/// How each binary node is best represented when a leaf holds up to `most_in_leaf` boxes of which `fits` reports whether they fit.
 fn plan_all(
     tree: &[BinaryNode],
-    boxes: &[Bounds],
+    bounds: &[Bounds],
     most_in_leaf: usize,
     mut fits: impl FnMut(u32) -> bool,
-) -> (Vec<Bounds>, Vec<Plan>) {
-    let whole = boxes.iter().fold(Bounds::EMPTY, |sum, &next| sum.union(next)).half_area();
+) -> Vec<Plan> {
+    let whole = bounds[0].half_area();
     // A tree whose surface area is zero or too small to compare may be grouped arbitrarily.
     let relative = |bounds: &Bounds| if whole > 0.0 { (bounds.half_area() / whole) as f32 } else { 0.0 };
-    let mut bounds = vec![Bounds::EMPTY; tree.len()];
     let mut counts = vec![1_u32; tree.len()];
-    let unknown = Plan { cost: [0.0; WIDTH - 1], children: [1; WIDTH - 1], left: [0; WIDTH], leaf: true };
-    let mut plans = vec![unknown; tree.len()];
+    let mut costs: Vec<Costs> = vec![[0.0; WIDTH - 1]; tree.len()];
+    let mut plans = vec![Plan { children: [1; WIDTH - 1], left: [0; WIDTH], leaf: true }; tree.len()];
     // Subtrees that are neither a leaf nor part of one.
     const TOO_MANY: u32 = u32::MAX;
     for (number, node) in tree.iter().enumerate().rev() {
         match *node {
-            BinaryNode::Leaf(item) => {
-                bounds[number] = boxes[item as usize];
-                plans[number].cost = [LEAF_COST * relative(&bounds[number]); WIDTH - 1];
-            }
+            BinaryNode::Leaf(_) => costs[number] = [LEAF_COST * relative(&bounds[number]); WIDTH - 1],
             BinaryNode::Inner(children) => {
                 let [l, r] = children.map(|child| child as usize);
-                bounds[number] = bounds[l].union(bounds[r]);
                 let count = counts[l].saturating_add(counts[r]);
                 let may_be_leaf = count as usize <= most_in_leaf && fits(number as u32);
                 counts[number] = if may_be_leaf { count } else { TOO_MANY };
-                plans[number] = plan(&plans[l], &plans[r], relative(&bounds[number]), may_be_leaf);
+                (plans[number], costs[number]) =
+                    plan(&costs[l], &costs[r], relative(&bounds[number]), may_be_leaf);
             }
         }
     }
-    (bounds, plans)
+    plans
 }
 
 /// Executes the plans: fills `nodes`, root first, and calls `leaf` for the number of each leaf.
@@ -294,38 +305,38 @@ fn count_wide(tree: &[BinaryNode], plans: &[Plan]) -> (usize, usize) {
     (nodes, packs)
 }
 
-fn plan(left: &Plan, right: &Plan, half_area: f32, may_be_leaf: bool) -> Plan {
-    let mut plan =
-        Plan { cost: [f32::INFINITY; WIDTH - 1], children: [1; WIDTH - 1], left: [0; WIDTH], leaf: false };
+fn plan(left: &Costs, right: &Costs, half_area: f32, may_be_leaf: bool) -> (Plan, Costs) {
+    let mut plan = Plan { children: [1; WIDTH - 1], left: [0; WIDTH], leaf: false };
+    let mut costs = [f32::INFINITY; WIDTH - 1];
     let mut shared = [f32::INFINITY; WIDTH];
     for total in 2..=WIDTH {
         for on_left in 1..total {
-            let cost = left.cost[on_left - 1] + right.cost[total - on_left - 1];
+            let cost = left[on_left - 1] + right[total - on_left - 1];
             if cost < shared[total - 1] {
                 shared[total - 1] = cost;
                 plan.left[total - 1] = on_left as u8;
             }
         }
     }
-    plan.cost[0] = NODE_COST * half_area + shared[WIDTH - 1];
+    costs[0] = NODE_COST * half_area + shared[WIDTH - 1];
     if may_be_leaf {
         let as_leaf = LEAF_COST * half_area;
-        if as_leaf <= plan.cost[0] {
-            plan.cost[0] = as_leaf;
+        if as_leaf <= costs[0] {
+            costs[0] = as_leaf;
             plan.leaf = true;
         }
     }
     for total in 2..WIDTH {
-        let fewer = plan.cost[total - 2];
+        let fewer = costs[total - 2];
         if shared[total - 1] < fewer {
-            plan.cost[total - 1] = shared[total - 1];
+            costs[total - 1] = shared[total - 1];
             plan.children[total - 1] = total as u8;
         } else {
-            plan.cost[total - 1] = fewer;
+            costs[total - 1] = fewer;
             plan.children[total - 1] = plan.children[total - 2];
         }
     }
-    plan
+    (plan, costs)
 }
 
 /// Collects the wide children that represent the two subtrees of `parent` by `total` children in all.
