@@ -40,6 +40,8 @@ pub(super) struct BasisState {
     /// What few spectra excite.
     excited: Vec<BandBlock>,
     throughput: Vec<BandBlock>,
+    /// Matrices of one fluorophore at a vertex, each with its concentration.
+    states: Vec<(usize, f32)>,
 }
 
 /// A vertex of a path under the nodes of a group.
@@ -185,30 +187,36 @@ impl BasisState {
         let arriving = &self.arriving[nth(number, blocks)];
         let to_camera = &self.to_camera[nth(number, blocks)];
         let is_lit = vertex.fluorescent > 0.0 && arriving.iter().any(|block| *block != BandBlock::ZERO);
+        if direct <= 0.0 && !is_lit {
+            return false;
+        }
+        let light_in =
+            |band: usize| direct + vertex.fluorescent * arriving[band / bands::BLOCK].0[band % bands::BLOCK];
         let mut emits = false;
-        for (emitter, concentration) in material.emitters.iter().zip(concentrations) {
-            if *concentration <= 0.0 || (direct <= 0.0 && !is_lit) {
+        for fluorophore in 0..kinds - 2 {
+            // All states of a tissue emit together
+            let states = material.emitters.iter().zip(concentrations);
+            let states = states.filter(|(emitter, c)| emitter.fluorophore == fluorophore && **c > 0.0);
+            self.states.clear();
+            self.states.extend(states.map(|(emitter, concentration)| (emitter.matrix, *concentration)));
+            if self.states.is_empty() {
                 continue;
             }
             emits = true;
-            let (from_light, from_path) = (direct * concentration, vertex.fluorescent * concentration);
-            for (number, node) in group.nodes.iter().enumerate() {
-                let component = (group.first + number) * kinds + 1 + emitter.fluorophore;
+            for (number_of_node, node) in group.nodes.iter().enumerate() {
+                let component = (group.first + number_of_node) * kinds + 1 + fluorophore;
                 let emitted = &mut self.throughput;
                 bands::clear(lanes, emitted);
-                if direct > 0.0 {
-                    bands::add_scaled(lanes, from_light, &node.exitance[emitter.matrix], emitted);
-                }
-                if is_lit {
-                    let columns = node.columns[emitter.matrix].chunks_exact(blocks);
+                for (matrix, concentration) in &self.states {
+                    let columns = node.columns[*matrix].chunks_exact(blocks);
                     for (band, column) in node.bands.clone().zip(columns) {
-                        let light = arriving[band / bands::BLOCK].0[band % bands::BLOCK];
-                        bands::add_scaled(lanes, from_path * light, column, emitted);
+                        bands::add_scaled(lanes, concentration * light_in(band), column, emitted);
                     }
                 }
                 bands::add_product_of(lanes, to_camera, emitted, components.light_up(lanes, component));
                 if is_carried {
-                    bands::add_scaled(lanes, 1.0, emitted, &mut self.fluoresced[nth(number, blocks)]);
+                    let fluoresced = &mut self.fluoresced[nth(number_of_node, blocks)];
+                    bands::add_scaled(lanes, 1.0, emitted, fluoresced);
                 }
             }
         }

@@ -46,9 +46,7 @@ pub(super) struct BasisNode {
     pub(super) bands: Range<usize>,
     /// Its averages over them.
     pub(super) hat: Vec<f32>,
-    /// Fluorescent exitance under the hat per unit concentration, `[matrix][block]`.
-    pub(super) exitance: Vec<Vec<BandBlock>>,
-    /// The same of each of its bands for light that was reflected before, relative to even light, `[matrix][band of the hat][block]`.
+    /// Fluorescent exitance per unit concentration under what each of its bands holds of the hat, `[matrix][band of the hat][block]`.
     pub(super) columns: Vec<Vec<BandBlock>>,
 }
 

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use super::excitation_bins::Slicing;
 use super::lights::{Lights, band_blocks};
 use crate::render::compiled_scene::{BasisGroup, BasisNode};
-use crate::render::fluorescence_operator::{HatColumns, direct_exitance};
+use crate::render::fluorescence_operator::HatColumns;
 use crate::scene::Scene;
 use crate::spectral::{Curve, ExcitationNodes, PhotonEem, WavelengthGrid};
 
@@ -34,24 +34,20 @@ pub(super) fn compile(
 fn basis_nodes(grid: &WavelengthGrid, matrices: &[&PhotonEem], nodes: &ExcitationNodes) -> Vec<BasisNode> {
     let hats: Vec<Curve> = (0..nodes.len()).map(|node| nodes.hat(node)).collect();
     let lit: Vec<Range<usize>> = hats.iter().map(|hat| lit_bands(grid, hat)).collect();
-    // `[matrix][node]`: exitance, columns
-    type OfNode = (Vec<BandBlock>, Vec<BandBlock>);
-    let of_matrix = |eem: &&PhotonEem| -> Vec<OfNode> {
+    // `[matrix][node]`
+    let of_matrix = |eem: &&PhotonEem| -> Vec<Vec<BandBlock>> {
         let columns = HatColumns::new(eem, grid);
         let of_node = |(hat, lit): (&Curve, &Range<usize>)| {
-            let exitance = band_blocks(&direct_exitance(eem, grid, hat));
-            let columns = columns.of_hat(hat, lit.clone()).into_iter();
-            (exitance, columns.flat_map(|column| band_blocks(&column)).collect())
+            columns.of_hat(hat, lit.clone()).iter().flat_map(|column| band_blocks(column)).collect()
         };
         hats.iter().zip(&lit).map(of_node).collect()
     };
-    let mut found: Vec<Vec<OfNode>> = matrices.par_iter().map(of_matrix).collect();
+    let mut found: Vec<Vec<Vec<BandBlock>>> = matrices.par_iter().map(of_matrix).collect();
     let node = |(number, (hat, bands)): (usize, (&Curve, &Range<usize>))| {
         let averages = hat.bin_averages(grid);
-        let (exitance, columns) =
-            found.iter_mut().map(|of_matrix| std::mem::take(&mut of_matrix[number])).unzip();
+        let columns = found.iter_mut().map(|of_matrix| std::mem::take(&mut of_matrix[number])).collect();
         let hat = averages[bands.clone()].iter().map(|value| *value as f32).collect();
-        BasisNode { bands: bands.clone(), hat, exitance, columns }
+        BasisNode { bands: bands.clone(), hat, columns }
     };
     hats.iter().zip(&lit).enumerate().map(node).collect()
 }
