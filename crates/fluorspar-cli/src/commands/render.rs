@@ -233,9 +233,13 @@ fn render_basis(
 ) -> Result<ExitCode, CliError> {
     options.output.check_for_basis()?;
     if let Some(film) = &options.film {
+        let study = &experiment.study;
+        let bytes = memory_bytes(&study.scene, &study.render);
         return Err(CliError::Input(format!(
-            "--film {}: a render with an excitation basis (render.excitation_basis_nm) keeps no film; leave one of the two away",
-            film.display()
+            "--film {}: a film keeps every sum of a render, here {:.1} GiB: each of the {} wavelengths of excitation in every pixel. A render              with an excitation basis (render.excitation_basis_nm) brings them into a short form, some rows at a time, and can't be taken              up again; leave one of the two away",
+            film.display(),
+            bytes as f64 / f64::from(1 << 30),
+            basis.nodes.len()
         )));
     }
     let (study, messages) = (&experiment.study, Messages::default());

@@ -85,6 +85,15 @@ fn every_command_replaces_its_own_files_and_no_others() {
 }
 
 #[test]
+fn a_film_of_a_render_with_an_excitation_basis_is_refused_and_told_why() {
+    let folder = tempfile::tempdir().unwrap();
+    let basis =
+        ["--components", "--set=render.excitation_basis_nm=[380, 400]", "--out", "o.exr", "--film", "f.film"];
+    let args = [&RENDER[..RENDER.len() - 1], basis.as_slice()].concat();
+    refused(folder.path(), &args, "keeps every sum of a render, here 0.0 GiB");
+}
+
+#[test]
 fn folders_of_others_stay_as_they_are() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
