@@ -83,14 +83,14 @@ impl RawForm {
         self,
         path: &std::path::Path,
         raw: &SensorImage,
-        color: Option<CameraColor>,
+        color: impl Fn() -> Option<CameraColor>,
         provenance: &Provenance,
     ) -> Result<(), FormatError> {
         match self {
             Self::Tiff => write_sensor_tiff(path, raw, Some(provenance)),
             Self::Png => write_sensor_png(path, raw, Some(provenance)),
             Self::Dng => {
-                let color = color.map_or_else(DngColor::default, |color| DngColor {
+                let color = color().map_or_else(DngColor::default, |color| DngColor {
                     xyz_to_camera: color.xyz_to_camera,
                     neutral: color.neutral,
                 });
@@ -214,9 +214,9 @@ fn write_frames(
     provenance: &Provenance,
 ) -> Result<Vec<Value>, FormatError> {
     let write = |(frame, settings): (&CapturedFrame, &Capture)| -> Result<Value, FormatError> {
-        let color = CameraColor::of_frame(study, settings);
         let name_of = |raw: &SensorImage| format!("raw_{}.{}", raw.label, format.ending());
         for raw in std::iter::once(&frame.raw).chain(&frame.bracket) {
+            let color = || CameraColor::of_frame(study, settings);
             format.write(&folder.path().join(name_of(raw)), raw, color, provenance)?;
         }
         let file = name_of(&frame.raw);

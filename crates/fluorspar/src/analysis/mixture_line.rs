@@ -314,7 +314,7 @@ impl PorphyrinMap {
         let channels = rgb_channels(image)?;
         let reflected =
             reflected.map(|leak| rgb_channels(leak).map(|channels| (leak, channels))).transpose()?;
-        let mut estimates = Vec::new();
+        let mut estimates = Vec::with_capacity(region.pixels.len());
         for &pixel in region.pixels.iter().filter(|&&pixel| valid(pixel)) {
             let rgb = pixel_rgb(image, channels, pixel);
             let fluorescence = match reflected {

@@ -247,9 +247,15 @@ impl RegionOfInterest {
         let is_drawn = |row: usize, col: usize| drawn.as_ref().is_none_or(|drawn| drawn[row * width + col]);
         // Collect the pixels that show the parts
         let wanted = self.part_numbers(scene.map(|s| s.components))?;
-        let shows = |row: usize, col: usize| match (&wanted, scene) {
-            (Some(wanted), Some(scene)) => {
-                let part = scene.part_at(row, col, width, height);
+        let behind = scene.map(|scene| scene.pixels_behind(width, height));
+        let shows = |row: usize, col: usize| match (&wanted, scene, &behind) {
+            (Some(wanted), Some(scene), Some([rows, cols])) => {
+                let part = match (rows[row], cols[col]) {
+                    (Some(row), Some(col)) => {
+                        scene.components.features.part[row * scene.components.width + col]
+                    }
+                    _ => 0,
+                };
                 part > 0 && wanted.contains(&(usize::from(part) - 1))
             }
             _ => true,
@@ -342,16 +348,21 @@ impl<'a> SceneOnSensor<'a> {
     /// Pixel of the rendered image behind the center of a pixel of a sensor of `width` columns and `height` rows; none
     /// beyond its border.
     pub fn scene_pixel(&self, row: usize, col: usize, width: usize, height: usize) -> Option<usize> {
-        let place = |index: usize, sensor: usize, scene: usize, film: f64| {
-            let from_center = (index as f64 + 0.5) / sensor as f64 - 0.5;
-            let place = ((from_center / film + 0.5) * scene as f64).floor();
-            (place >= 0.0 && place < scene as f64).then_some(place as usize)
-        };
         let scene = self.components;
         let [film_width, film_height] = self.film_over_sensor;
-        let row = place(row, height, scene.height, film_height)?;
-        let col = place(col, width, scene.width, film_width)?;
+        let row = place_behind(row, height, scene.height, film_height)?;
+        let col = place_behind(col, width, scene.width, film_width)?;
         Some(row * scene.width + col)
+    }
+
+    /// Rows and columns of the rendered image behind all rows and columns of such a sensor.
+    fn pixels_behind(&self, width: usize, height: usize) -> [Vec<Option<usize>>; 2] {
+        let scene = self.components;
+        let [film_width, film_height] = self.film_over_sensor;
+        [
+            (0..height).map(|row| place_behind(row, height, scene.height, film_height)).collect(),
+            (0..width).map(|col| place_behind(col, width, scene.width, film_width)).collect(),
+        ]
     }
 
     /// Pixels of the rendered image behind a region of the sensor, each once, in order.
@@ -364,11 +375,13 @@ impl<'a> SceneOnSensor<'a> {
         pixels.dedup();
         pixels
     }
+}
 
-    /// Part number plus one behind the center of a sensor pixel; 0 where nothing is seen.
-    fn part_at(&self, row: usize, col: usize, width: usize, height: usize) -> u16 {
-        self.scene_pixel(row, col, width, height).map_or(0, |pixel| self.components.features.part[pixel])
-    }
+/// Row or column of a scene behind the middle of one of a sensor, of which there are so many.
+fn place_behind(index: usize, sensor: usize, scene: usize, film_over_sensor: f64) -> Option<usize> {
+    let from_center = (index as f64 + 0.5) / sensor as f64 - 0.5;
+    let place = ((from_center / film_over_sensor + 0.5) * scene as f64).floor();
+    (place >= 0.0 && place < scene as f64).then_some(place as usize)
 }
 
 fn visible_parts(scene: &ComponentImage) -> Vec<String> {

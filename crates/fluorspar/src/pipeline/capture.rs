@@ -2,6 +2,8 @@
 
 use std::borrow::Cow;
 
+use rayon::prelude::*;
+
 use super::light_by_shape::{ShapedRadiance, light_by_shape};
 use super::motion::{MotionPath, shifted};
 use super::{Calibration, CapturePlanes, PipelineError, SeenComponents};
@@ -380,25 +382,22 @@ pub fn develop_frames(
     calibration: &Calibration,
 ) -> Result<Vec<CapturedFrame>, PipelineError> {
     // Calibrate and merge the exposures of each frame
-    let linear: Vec<LinearMosaic> = exposures
-        .iter()
-        .map(|frame| {
-            let all: Vec<&SensorImage> = frame.all().collect();
-            merge_exposures(&all, |index| calibration.development(all[index]))
-        })
-        .collect::<Result<_, _>>()?;
+    let merge = |frame: &RawExposures| {
+        let all: Vec<&SensorImage> = frame.all().collect();
+        merge_exposures(&all, |index| calibration.development(all[index]))
+    };
+    let linear: Vec<LinearMosaic> = exposures.par_iter().map(merge).collect::<Result<_, _>>()?;
     // Subtract ambient frames and demosaic
-    let mut developed = Vec::with_capacity(exposures.len());
-    for frame in &linear {
-        let light = match study.capture(&frame.label).and_then(|c| c.subtract.as_deref()) {
+    let develop = |frame: &LinearMosaic| -> Result<ChannelImage, PipelineError> {
+        Ok(match study.capture(&frame.label).and_then(|c| c.subtract.as_deref()) {
             None => frame.demosaic(calibration.demosaicing)?,
             Some(label) => {
                 let ambient = frame_of(&linear, label)?;
                 frame.clone().without(ambient)?.demosaic(calibration.demosaicing)?
             }
-        };
-        developed.push(light);
-    }
+        })
+    };
+    let developed: Vec<ChannelImage> = linear.par_iter().map(develop).collect::<Result<_, _>>()?;
     Ok(exposures
         .into_iter()
         .zip(developed)

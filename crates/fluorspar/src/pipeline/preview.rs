@@ -202,14 +202,14 @@ fn to_srgb(
     lift: f64,
 ) -> Preview {
     let largest = |[r, g, b]: [f64; 3]| r.max(g).max(b);
-    let mut brightest: Vec<f64> =
-        (0..width * height).into_par_iter().map(|pixel| largest(linear(pixel))).collect();
+    let mut brightest: Vec<f32> =
+        (0..width * height).into_par_iter().map(|pixel| largest(linear(pixel)) as f32).collect();
     let index = ((brightest.len() as f64 * WHITE_PERCENTILE) as usize).min(brightest.len().saturating_sub(1));
     let white = if brightest.is_empty() {
         1.0
     } else {
-        let (_, value, _) = brightest.select_nth_unstable_by(index, f64::total_cmp);
-        value.max(least_white).max(f64::MIN_POSITIVE)
+        let (_, value, _) = brightest.select_nth_unstable_by(index, f32::total_cmp);
+        f64::from(*value).max(least_white).max(f64::MIN_POSITIVE)
     };
     let tone = |pixel: usize| -> [u8; 3] {
         let p = linear(pixel);

@@ -276,11 +276,11 @@ pub fn merge_exposures<'a>(
         let (exposure_s, dn_per_electron) = (raw.exposure_s, raw.dn_per_electron);
         bracket.push(Bracketed { frame, exposure_s, dn_per_electron, floor_dn2 });
     }
+    if bracket.len() == 1 {
+        return Ok(bracket.swap_remove(0).frame);
+    }
     let first = bracket.first().ok_or(DevelopError::Nothing)?;
     let mut merged = first.frame.clone();
-    if bracket.len() == 1 {
-        return Ok(merged);
-    }
     // Check that all come from one sensor
     for other in &bracket[1..] {
         let (a, b) = (&first.frame, &other.frame);
