@@ -25,6 +25,7 @@ mod error;
 mod fit;
 mod format_version;
 mod kept;
+mod kept_analysis;
 mod layers_file;
 mod merge;
 mod read;
@@ -54,6 +55,7 @@ pub use design::{
 };
 pub use error::{BlamedOverride, ErrorDetails, ExperimentError, PathsFrom};
 pub use kept::{cache, kept_mouth, use_cache};
+pub use kept_analysis::{KeptAnalysis, kept_analysis};
 pub use layers_file::{
     LayerEmissionSection, LayerSection, LayersFile, ResolvedEmission, ResolvedLayers, parse_layers,
 };

@@ -66,6 +66,11 @@ impl Cache {
         Ok(bytes)
     }
 
+    /// Whether something was kept, whole or not.
+    pub fn has(&self, kind: &str, key: &[u8]) -> bool {
+        self.path(kind, key).is_file()
+    }
+
     /// What was kept, if it is there and whole.
     pub fn get(&self, kind: &str, key: &[u8]) -> Option<Vec<u8>> {
         let path = self.path(kind, key);

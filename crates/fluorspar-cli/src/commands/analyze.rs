@@ -5,17 +5,20 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::ValueHint;
-use fluorspar::analysis::{PorphyrinLayers, SignalSummary};
+use fluorspar::analysis::{Analysis, PorphyrinLayers, SignalSummary};
 use fluorspar::image::SensorImage;
 use fluorspar::pipeline::{
     AnalyzedFrame, Calibration, CapturedFrame, RawExposures, analyze_seen, bracket_label, complete_raw,
     develop_frames,
 };
-use fluorspar::study::{Capture, Study};
-use fluorspar_experiment::{Experiment, ResolvedExperiment, Warning, resolve};
+use fluorspar::study::{AnalysisPlan, Capture, Study};
+use fluorspar_experiment::{
+    Experiment, KeptAnalysis, ResolvedExperiment, Warning, kept_analysis, resolve,
+};
 use fluorspar_format::{OutputFolder, read_sensor_image, write_atomically, write_map_npy};
 use fluorspar_report::figures::porphyrin_maps;
 use fluorspar_report::{FrameOrigin, name_target};
+use rayon::prelude::*;
 
 use super::frame_report::{FrameReport, warn_of_darkness};
 use super::rendered_image::{CaptureView, RenderedImage, ShownByImage};
@@ -80,29 +83,37 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         .clone()
         .or_else(|| beside("components.exr").filter(|p| p.is_file()))
         .or_else(|| options.folder.as_ref().and_then(|folder| captured_from(folder)));
-    // Frames and channel planes come while materials are resolved
+    // Frames and channel planes come while materials are resolved, unless what the analysis asks of these was kept
     let frames_at = options.folder.as_ref().filter(|_| options.frame.is_empty());
-    let (experiment, (opened, seen)) = rayon::join(
-        || resolve(&parsed),
+    let kept =
+        frames_at.filter(|_| options.out.is_none() && image.is_some()).and_then(|_| kept_analysis(&parsed));
+    let (resolved, (opened, seen)) = rayon::join(
+        || kept.is_none().then(|| resolve(&parsed)),
         || {
             let opened = image.as_ref().map(|path| RenderedImage::open(path));
             let seen = match (&opened, frames_at) {
-                (Some(Ok(image)), Some(folder)) => seen_early(&parsed, folder, image),
+                (Some(Ok(image)), Some(folder)) => seen_early(&parsed, folder, image, kept.as_ref()),
                 _ => None,
             };
             (opened, seen)
         },
     );
-    let mut experiment = experiment.map_err(|error| as_typed(error, &overrides))?;
+    if let (Some(kept), Some(seen), Some(Ok(image))) = (kept, &seen, &opened)
+        && let Some((experiment, analysis)) = analyzed_without_surfaces(kept, seen, image)
+    {
+        answer(options, &experiment, &analysis, &seen.frames)?;
+        return Ok(next_step());
+    }
+    let mut experiment =
+        resolved.unwrap_or_else(|| resolve(&parsed)).map_err(|error| as_typed(error, &overrides))?;
     as_recorded(options, image.is_none(), &mut experiment);
     let study = &experiment.study;
     let Some(settings) = &study.analysis else {
         return Err(CliError::Input(format!("{name}: the experiment has no [analysis] section; add one")));
     };
-    let (early, view) = seen.unzip();
-    let frames = match early {
-        Some(frames) => frames,
-        None => developed(options, study, &settings.frame)?,
+    let (frames, view) = match seen.filter(|seen| seen.captures.len() == study.captures.len()) {
+        Some(seen) => (seen.frames, Some(seen.view)),
+        None => (developed(options, study, &settings.frame)?, None),
     };
     if let (None, [part, ..]) = (&image, settings.parts.as_slice()) {
         return Err(CliError::Input(format!(
@@ -137,33 +148,19 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         // Frames of another origin may show another mouth than the component image.
         (analyzed.analysis.truth, analyzed.analysis.budget) = (None, None);
     }
-    let messages = Messages::default();
-    warn_of_darkness(&experiment, &frames, messages);
-    if options.answer.json {
-        super::print_json(&analyzed.analysis)?;
-    } else {
-        super::print_text(&name_target(&experiment, &describe(&analyzed.analysis)))?;
-    }
-    match out {
-        Some(out) => {
-            let report = FrameReport {
-                experiment: &experiment,
-                experiment_text: &source.text,
-                frames,
-                analysis: Some(analyzed.clone()),
-                frames_from: if options.frame.is_empty() {
-                    FrameOrigin::Simulated
-                } else {
-                    FrameOrigin::Given
-                },
-                raw_ending: None,
-            };
-            report.write(out.path()).map_err(|error| error.at_its_place(&out))?;
-            let place = write_maps(out, &analyzed)?;
-            messages.status(format!("Open {}", place.join("report.html").display()));
-        }
-        None => messages.status("Next: the same with --out FOLDER writes a report and maps"),
-    }
+    answer(options, &experiment, &analyzed.analysis, &frames)?;
+    let Some(out) = out else { return Ok(next_step()) };
+    let report = FrameReport {
+        experiment: &experiment,
+        experiment_text: &source.text,
+        frames,
+        analysis: Some(analyzed.clone()),
+        frames_from: if options.frame.is_empty() { FrameOrigin::Simulated } else { FrameOrigin::Given },
+        raw_ending: None,
+    };
+    report.write(out.path()).map_err(|error| error.at_its_place(&out))?;
+    let place = write_maps(out, &analyzed)?;
+    Messages::default().status(format!("Open {}", place.join("report.html").display()));
     Ok(ExitCode::SUCCESS)
 }
 
@@ -226,6 +223,26 @@ fn leave_parts_to_shapes(study: &mut Study) {
     }
 }
 
+/// Says what was found.
+fn answer(
+    options: &Options,
+    experiment: &ResolvedExperiment,
+    analysis: &Analysis,
+    frames: &[CapturedFrame],
+) -> Result<(), CliError> {
+    warn_of_darkness(experiment, frames, Messages::default());
+    if options.answer.json {
+        super::print_json(analysis)
+    } else {
+        super::print_text(&name_target(experiment, &describe(analysis)))
+    }
+}
+
+fn next_step() -> ExitCode {
+    Messages::default().status("Next: the same with --out FOLDER writes a report and maps");
+    ExitCode::SUCCESS
+}
+
 /// The component image that the frames of a folder were captured from, as `capture` wrote it down; none where it is gone.
 fn captured_from(folder: &Path) -> Option<PathBuf> {
     let text = read_text(&folder.join("results.json")).ok()?;
@@ -234,20 +251,67 @@ fn captured_from(folder: &Path) -> Option<PathBuf> {
     path.is_file().then_some(path)
 }
 
-/// Developed frames of a folder, and what the image shows of them, where neither needs surfaces. `None` where they do, or where
-/// something is wrong, of which the usual way tells.
+/// Frames that were developed, and what the image shows of them, without surfaces.
+struct Early {
+    experiment: ResolvedExperiment,
+    /// Captures of the frames.
+    captures: Vec<Capture>,
+    frames: Vec<CapturedFrame>,
+    view: CaptureView,
+}
+
+/// Frames of a folder and what the image shows of them, where neither needs surfaces: those that a kept analysis looks at, otherwise
+/// all. `None` where they do, or where something is wrong, of which the usual way tells.
 fn seen_early(
     parsed: &Experiment,
     folder: &Path,
     image: &RenderedImage,
-) -> Option<(Vec<CapturedFrame>, CaptureView)> {
+    kept: Option<&KeptAnalysis>,
+) -> Option<Early> {
     let ShownByImage { experiment, changes } = image.without_surfaces(parsed).ok()??;
-    let study = experiment.study;
-    let exposures = frames_of_folder(&study, folder).ok()?;
-    let calibration = Calibration::of_study(&study, exposures.iter().flat_map(RawExposures::all)).ok()?;
-    let frames = develop_frames(&study, exposures, &calibration).ok()?;
-    let view = image.seen_by(&study, &study.captures, changes).ok()?;
-    Some((frames, view))
+    let study = &experiment.study;
+    let captures = match kept {
+        Some(kept) => looked_at(study, kept.plan()),
+        None => study.captures.clone(),
+    };
+    let exposures = frames_of_folder(study, &captures, folder).ok()?;
+    let calibration = Calibration::of_study(study, exposures.iter().flat_map(RawExposures::all)).ok()?;
+    let frames = develop_frames(study, exposures, &calibration).ok()?;
+    let view = image.seen_by(study, &captures, changes).ok()?;
+    Some(Early { experiment, captures, frames, view })
+}
+
+/// The captures that an analysis looks at, with those that are subtracted from them. All where it compares spots, and where frames are
+/// calibrated, which takes the longest of all exposures.
+fn looked_at(study: &Study, plan: &AnalysisPlan) -> Vec<Capture> {
+    let develop = &study.develop;
+    if plan.compared.is_some() || develop.dark_frames > 0 || develop.flat_field.is_some() {
+        return study.captures.clone();
+    }
+    let is_named = |label: &String| *label == plan.frame || plan.further_frames.contains(label);
+    let subtracted: Vec<&String> = study
+        .captures
+        .iter()
+        .filter(|c| is_named(&c.frame.label))
+        .filter_map(|c| c.subtract.as_ref())
+        .collect();
+    let wanted = |c: &&Capture| is_named(&c.frame.label) || subtracted.contains(&&c.frame.label);
+    study.captures.iter().filter(wanted).cloned().collect()
+}
+
+/// The analysis with what was kept of it. `None` where it has no estimate from a family of tissues, which nothing was kept for, or fails:
+/// the usual way tells of that.
+fn analyzed_without_surfaces(
+    kept: KeptAnalysis,
+    seen: &Early,
+    image: &RenderedImage,
+) -> Option<(ResolvedExperiment, Analysis)> {
+    let ResolvedExperiment { study, record } = seen.experiment.clone();
+    let study = kept.complete(study);
+    let components = seen.view.components(image, &seen.captures);
+    let analysis = analyze_seen(&study, Some(&components), &seen.frames).ok()??.analysis;
+    analysis.posterior.as_ref()?;
+    Some((ResolvedExperiment { study, record }, analysis))
 }
 
 /// The frames that are analyzed, developed with what calibrates them.
@@ -256,7 +320,7 @@ fn developed(options: &Options, study: &Study, wanted: &str) -> Result<Vec<Captu
         let Some(folder) = &options.folder else {
             return Err(CliError::Input("give a folder, or frames with --frame CAPTURE=FILE".into()));
         };
-        let exposures = frames_of_folder(study, folder)?;
+        let exposures = frames_of_folder(study, &study.captures, folder)?;
         let calibration = Calibration::of_study(study, exposures.iter().flat_map(RawExposures::all))?;
         return Ok(develop_frames(study, exposures, &calibration)?);
     }
@@ -303,7 +367,11 @@ fn read_raw(study: &Study, path: &Path, label: Option<&str>) -> Result<SensorIma
     Ok(raw)
 }
 
-fn frames_of_folder(study: &Study, folder: &Path) -> Result<Vec<RawExposures>, CliError> {
+fn frames_of_folder(
+    study: &Study,
+    captures: &[Capture],
+    folder: &Path,
+) -> Result<Vec<RawExposures>, CliError> {
     let find = |label: &str| -> Result<SensorImage, CliError> {
         let candidates =
             ["tiff", "tif", "png", "dng", "raw"].map(|ending| folder.join(format!("raw_{label}.{ending}")));
@@ -320,7 +388,7 @@ fn frames_of_folder(study: &Study, folder: &Path) -> Result<Vec<RawExposures>, C
         let bracket = (0..c.bracket_ev.len()).map(|index| find(&bracket_label(label, &c.bracket_ev, index)));
         Ok(RawExposures { raw: find(label)?, bracket: bracket.collect::<Result<_, CliError>>()? })
     };
-    study.captures.iter().map(all).collect()
+    captures.par_iter().map(all).collect()
 }
 
 fn named_frames(options: &Options, study: &Study, wanted: &str) -> Result<Vec<RawExposures>, CliError> {
@@ -366,7 +434,7 @@ fn named_frames(options: &Options, study: &Study, wanted: &str) -> Result<Vec<Ra
     Ok(frames)
 }
 
-fn describe(analysis: &fluorspar::analysis::Analysis) -> String {
+fn describe(analysis: &Analysis) -> String {
     let mut text = format!("Frame \"{}\", {}\n", analysis.frame, analysis.region_description);
     text += &format!(
         "{} pixels: {} valid, {} saturated, {} below the noise floor, {} undefined\n",

@@ -130,6 +130,7 @@ fn no_command_after_a_render_makes_its_mouth_again() {
         let mut command = Command::new(env!("CARGO_BIN_EXE_fluorspar"));
         let output = command.args(args).env("XDG_CACHE_HOME", &cache).current_dir(folder).output().unwrap();
         assert!(output.status.success(), "{args:?}: {}", String::from_utf8_lossy(&output.stderr));
+        output.stdout
     };
     fluorspar(&tiny(&["run", "oraleye-2021", "--out", "run", "-q"]));
     let first = made(&cache);
@@ -156,4 +157,17 @@ fn no_command_after_a_render_makes_its_mouth_again() {
     assert_eq!((planes(), fs::read(folder.join("other/raw_blue.tiff")).unwrap()), before);
     fluorspar(&[&["--no-cache"], commands[1]].concat());
     assert_eq!(fs::read(folder.join("other/raw_blue.tiff")).unwrap(), before.1);
+    // What an analysis asks of surfaces is kept: it gives the same numbers without a mouth to read.
+    let weak = ["--set", "concentration.collagen=0.5", "--out", "weak", "-q"];
+    fluorspar(&[&["capture", "run/components.exr"], weak.as_slice()].concat());
+    for file in kept(&cache).iter().filter(|file| file.to_string_lossy().contains("/mouth-")) {
+        fs::remove_file(file).unwrap();
+    }
+    for frames in ["dim", "weak"] {
+        let analyze = ["analyze", frames, "--json", "-q"];
+        let of_kept = fluorspar(&analyze);
+        assert_eq!(mouths(&kept(&cache)), 0, "{frames}");
+        assert!(String::from_utf8_lossy(&of_kept).contains("posterior"));
+        assert!(fluorspar(&[&["--no-cache"], analyze.as_slice()].concat()) == of_kept, "{frames}");
+    }
 }

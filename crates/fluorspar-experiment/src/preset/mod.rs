@@ -41,3 +41,4 @@ pub use metal_preset::{MetalPreset, metal};
 pub(crate) use text_preset::sensor_text;
 pub use text_preset::{ExperimentPreset, SensorPreset, design, experiment, sample, sensor};
 pub use user_catalogue::use_catalogue;
+pub(crate) use user_entries::has_user_catalogue;

@@ -37,3 +37,8 @@ pub(super) fn user_names(kind: PresetKind) -> impl Iterator<Item = &'static str>
         .filter(of_kind)
         .map(|(_, name)| name.as_str())
 }
+
+/// Whether the user has entries of any kind.
+pub(crate) fn has_user_catalogue() -> bool {
+    ENTRIES.get().is_some_and(|entries| !entries.is_empty())
+}

@@ -226,13 +226,14 @@ fn filter(
     Ok(filter)
 }
 
-/// The analysis of an experiment.
+/// The analysis, and what of it depends on surfaces, which hold no factors on concentrations yet; `None` of an analysis of shapes and
+/// targets.
 pub(super) fn analysis(
     context: &mut Context<'_>,
     file: &ExperimentFile,
     captures: &[Capture],
     seen: &Seen<'_>,
-) -> Resolved<Option<AnalysisPlan>> {
+) -> Resolved<Option<(AnalysisPlan, Option<OfSurfaces>)>> {
     let Some(section) = &file.analysis else {
         if !file.target.is_empty() {
             let message =
@@ -284,11 +285,11 @@ pub(super) fn analysis(
         }
         absent.index(context, at, &file.fluorophore, name).map(|_| ())
     };
-    let porphyrin = Some(&section.porphyrin).filter(|name| *name != NO_SHARE);
-    if let Some(name) = porphyrin {
+    if let Some(name) = wanted_share(section) {
         note(context, &at("porphyrin"), name)?;
     }
-    let bulk = bulk(context, file, section, seen)?;
+    let held = bulk(context, file, section, seen)?;
+    let bulk = with_factors(&held, file, section);
     for (name, amount) in &bulk {
         let at = steps!["analysis", "bulk", name];
         note(context, &at, name)?;
@@ -296,35 +297,70 @@ pub(super) fn analysis(
     }
     let mut fluorophores = as_the_region_shows_them(file, section, seen);
     fluorophores.extend(absent.list);
-    Ok(Some(AnalysisPlan {
+    further_frames(context, section, &labels)?;
+    let tissue = tissue_prior(context, file, section, seen)?;
+    let of_surfaces =
+        OfSurfaces { bulk: held, fluorophores, tissue, line_ends: line_ends(file, section, seen) };
+    let is_plain = polygon.is_none() && mask.is_none() && compared.is_none() && targets.is_empty();
+    let plain = plan(file, section, of_surfaces.clone());
+    let whole = AnalysisPlan { polygon, mask, compared, targets, ..plain };
+    Ok(Some((whole, is_plain.then_some(of_surfaces))))
+}
+
+/// What of an analysis depends on the surfaces of the scene.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct OfSurfaces {
+    /// Amounts of the bulk before the factors of `[concentration]`.
+    pub(crate) bulk: Vec<(String, f64)>,
+    pub(crate) fluorophores: Vec<Fluorophore>,
+    pub(crate) tissue: Option<TissuePrior>,
+    pub(crate) line_ends: LineEnds,
+}
+
+/// The analysis of a section that was checked, without shapes and targets.
+pub(crate) fn plan(file: &ExperimentFile, section: &AnalysisSection, of: OfSurfaces) -> AnalysisPlan {
+    AnalysisPlan {
         frame: section.frame.clone(),
         parts: section.parts.clone(),
         inset_px: section.inset_px,
         rectangle_px: section.rectangle_px,
-        polygon,
-        mask,
-        compared,
-        targets,
+        polygon: None,
+        mask: None,
+        compared: None,
+        targets: Vec::new(),
         wanted_d_prime: section.wanted_d_prime,
-        porphyrin: porphyrin.cloned(),
-        further_frames: further_frames(context, section, &labels)?,
-        tissue: tissue_prior(context, file, section, seen)?,
-        line_ends: line_ends(file, section, seen),
-        bulk,
-        fluorophores,
+        porphyrin: wanted_share(section).cloned(),
+        further_frames: section.further_frames.clone(),
+        tissue: of.tissue,
+        line_ends: of.line_ends,
+        bulk: with_factors(&of.bulk, file, section),
+        fluorophores: of.fluorophores,
         noise_threshold: section.noise_threshold,
-    }))
+    }
 }
 
 /// Name in place of a fluorophore where no share is asked for.
 const NO_SHARE: &str = "none";
 
-/// Captures that enter the estimate of a tissue family beside the analyzed one.
-fn further_frames(
-    context: &Context<'_>,
+/// The fluorophore whose share is asked for.
+fn wanted_share(section: &AnalysisSection) -> Option<&String> {
+    Some(&section.porphyrin).filter(|name| *name != NO_SHARE)
+}
+
+/// Amounts of the bulk with the factors on concentrations; those that are given by hand stay as they are.
+fn with_factors(
+    bulk: &[(String, f64)],
+    file: &ExperimentFile,
     section: &AnalysisSection,
-    labels: &[&str],
-) -> Resolved<Vec<String>> {
+) -> Vec<(String, f64)> {
+    let is_by_hand = matches!(section.bulk, Some(BulkReference::Concentrations(_)));
+    let factor = |name: &str| if is_by_hand { 1.0 } else { even_factor(file, name) };
+    let scaled = bulk.iter().map(|(name, amount)| (name.clone(), amount * factor(name)));
+    scaled.filter(|(_, amount)| is_by_hand || *amount > 0.0).collect()
+}
+
+/// Checks the captures that enter the estimate of a tissue family beside the analyzed one.
+fn further_frames(context: &Context<'_>, section: &AnalysisSection, labels: &[&str]) -> Resolved<()> {
     for (index, name) in section.further_frames.iter().enumerate() {
         let at = steps!["analysis", "further_frames", index];
         if !labels.contains(&name.as_str()) {
@@ -339,7 +375,7 @@ fn further_frames(
             return context.fail(&at, "this capture is analyzed already; name each once");
         }
     }
-    Ok(section.further_frames.clone())
+    Ok(())
 }
 
 /// What is known of the tissue of the region: the site that is named, or the typical one of the material of its first part.
@@ -453,7 +489,7 @@ fn may_be_in_view(shape: &Shape, camera: &PerspectiveCamera) -> bool {
     })
 }
 
-/// Concentrations that form the bulk: as given, or those of a material without the porphyrin, where they vary their
+/// Concentrations that form the bulk, before the factors of `[concentration]`: as given, or those of a material without the porphyrin, where they vary their
 /// mean over the surfaces of the region that are made of it.
 fn bulk(
     context: &Context<'_>,
@@ -490,7 +526,7 @@ fn bulk(
             continue;
         }
         let amount = match reference {
-            TextureReference::Constant(amount) => *amount * even_factor(file, name),
+            TextureReference::Constant(amount) => *amount,
             TextureReference::Map(_) => {
                 let held = seen.materials[index].fluorophores.iter();
                 let held = held.filter(|held| seen.fluorophores.list[held.fluorophore].name == *name);

@@ -1,6 +1,6 @@
 //! From the sections of an experiment to a study.
 
-mod capture;
+pub(crate) mod capture;
 mod concentration;
 pub(super) mod context;
 pub(super) mod device;
@@ -37,6 +37,7 @@ use super::schema::{
 use super::warning::Warning;
 use super::{Experiment, ExperimentError};
 use crate::kept::fetch_mouth;
+use crate::kept_analysis::keep_analysis;
 use crate::preset;
 use fluorspar::optics::PerspectiveCamera;
 use fluorspar::render::{RenderSettings, basis_bytes, memory_bytes, tile_row_bytes, whole_image_bytes};
@@ -81,7 +82,6 @@ pub fn resolve(experiment: &Experiment) -> Result<ResolvedExperiment, Experiment
     let _ = mouth.map(JoinHandle::join);
     let (objects, lesions) =
         object::objects(context, file, &mut materials, &mut fluorophores, &grid, &mut light_groups)?;
-    let concentrations = concentration::scale(context, file, &fluorophores, &mut materials.list)?;
     let captures = capture::captures(context, file, &light_groups, &grid)?;
     let motion = instrument::motion(context, file)?;
     let develop = instrument::develop(context, file, sensor, &grid)?;
@@ -96,7 +96,9 @@ pub fn resolve(experiment: &Experiment) -> Result<ResolvedExperiment, Experiment
         fluorophores: &fluorophores,
         lesions: &lesions,
     };
-    let analysis = capture::analysis(context, file, &captures, &seen)?;
+    let analyzed = capture::analysis(context, file, &captures, &seen)?;
+    let concentrations = concentration::scale(context, file, &fluorophores, &mut materials.list)?;
+    let (analysis, of_surfaces) = analyzed.unzip();
 
     let tissues = tissue::study_tissues(context, file, &materials.list, &materials.recipes, &objects)?;
     let scene = Scene {
@@ -120,6 +122,9 @@ pub fn resolve(experiment: &Experiment) -> Result<ResolvedExperiment, Experiment
 
     let (resolved_toml, sha256) = write_out(context, file)?;
     let warnings = context.take_warnings(&scene.grid);
+    if let Some(of_surfaces) = of_surfaces.flatten().filter(|_| context.inputs.is_empty()) {
+        keep_analysis(file, &of_surfaces, &scene);
+    }
     let study = Study {
         scene,
         render,

@@ -20,6 +20,7 @@ mod fluorophore;
 mod hemoglobin;
 mod quantity;
 mod spectrum;
+mod tables;
 mod wavelength_grid;
 
 pub use colorimetry::{StandardObserver, daylight_d65, encode_srgb, linear_srgb};
@@ -37,4 +38,5 @@ pub use quantity::{
     Transmittance,
 };
 pub use spectrum::{GridMismatch, Spectrum};
+pub(crate) use tables::{TableReader, TableWriter};
 pub use wavelength_grid::{GridError, MAX_BINS, MAX_WAVELENGTH_NM, MIN_WAVELENGTH_NM, WavelengthGrid};

@@ -1,0 +1,180 @@
+//! What an analysis asks of surfaces, kept in the cache: frames of a finished render are analyzed without meshing, mapping and solving
+//! them again.
+//!
+//! Kept are analyses of experiments that read no files, with an estimate from a family of tissues.
+
+use std::sync::Arc;
+
+use fluorspar::geometry::TriangleMesh;
+use fluorspar::material::{FluorophoreAmount, Material, ScalarTexture};
+use fluorspar::scene::{Object, Scene, Shape};
+use fluorspar::spectral::{Curve, Fluorophore};
+use fluorspar::study::{AnalysisPlan, LineEnds, Study, TissuePrior};
+use fluorspar::tissue::Site;
+use serde::{Deserialize, Serialize};
+
+use crate::kept::{cache, kept_solutions};
+use crate::preset::has_user_catalogue;
+use crate::read::Experiment;
+use crate::resolve::capture::{OfSurfaces, plan};
+use crate::schema::{ExperimentFile, RenderSection};
+
+/// Kind of the entries of the cache.
+const KIND: &str = "analysis";
+
+/// The analysis of an experiment, and as much of its scene as that looks at.
+#[derive(Clone, Debug, PartialEq)]
+pub struct KeptAnalysis {
+    plan: AnalysisPlan,
+    names: Names,
+}
+
+/// Which part holds what: names and numbers alone.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct Names {
+    /// Amounts of the bulk before factors, as bits.
+    bulk: Vec<(String, u64)>,
+    is_of_scene: bool,
+    site: String,
+    /// Parameters of the site, as bits.
+    parameters: Vec<(String, u64)>,
+    /// Fluorophores of the plan, of the scene (the first of these), and of the prior behind them.
+    fluorophores: usize,
+    of_scene: usize,
+    /// Names of parts with the numbers of their materials.
+    parts: Vec<(String, usize)>,
+    /// Fluorophores of the materials, by number.
+    materials: Vec<Vec<usize>>,
+}
+
+/// Everything that the analysis depends on in what it asks of surfaces, but for the program.
+fn key(file: &ExperimentFile) -> Option<String> {
+    let captures: Vec<&str> = file.capture.iter().map(|capture| capture.name.as_str()).collect();
+    let render = RenderSection {
+        width_px: file.render.width_px,
+        height_px: file.render.height_px,
+        ..RenderSection::default()
+    };
+    let looked_at = ExperimentFile {
+        title: String::new(),
+        description: String::new(),
+        base: None,
+        render,
+        view_filter: Default::default(),
+        concentration: Default::default(),
+        capture: Vec::new(),
+        motion: None,
+        develop: None,
+        spectroradiometer: Vec::new(),
+        safety: None,
+        output: Default::default(),
+        ..file.clone()
+    };
+    Some(format!("analysis 1 {captures:?} {}", serde_json::to_string(&looked_at).ok()?))
+}
+
+/// Keeps what the analysis of an experiment asked of its surfaces. The experiment must have been resolved without error or file.
+pub(crate) fn keep_analysis(file: &ExperimentFile, of: &OfSurfaces, scene: &Scene) {
+    let (Some(cache), Some(prior), Some(key)) = (cache(), &of.tissue, key(file)) else { return };
+    if has_user_catalogue() || cache.has(KIND, key.as_bytes()) {
+        return;
+    }
+    let bits = |(name, value): (&str, f64)| (name.to_owned(), value.to_bits());
+    let names = Names {
+        bulk: of.bulk.iter().map(|(name, amount)| bits((name, *amount))).collect(),
+        is_of_scene: of.line_ends == LineEnds::Scene,
+        site: prior.site.name().into(),
+        parameters: prior.site.parameters().map(|(of, value)| bits((of.name, value))).collect(),
+        fluorophores: of.fluorophores.len(),
+        of_scene: scene.fluorophores.len(),
+        parts: scene.objects.iter().map(|object| (object.name.clone(), object.material)).collect(),
+        materials: scene
+            .materials
+            .iter()
+            .map(|material| material.fluorophores.iter().map(|held| held.fluorophore).collect())
+            .collect(),
+    };
+    let all: Vec<Fluorophore> =
+        of.fluorophores.iter().cloned().chain(prior.fluorophores.iter().map(|f| (**f).clone())).collect();
+    let (Ok(names), Some(tables)) = (serde_json::to_vec(&names), Fluorophore::list_to_bytes(&all)) else {
+        return;
+    };
+    let length = (names.len() as u64).to_le_bytes();
+    cache.put(KIND, key.as_bytes(), &[&length, names.as_slice(), &tables].concat());
+}
+
+/// The analysis of an experiment, where one was kept whose surfaces are the same.
+pub fn kept_analysis(experiment: &Experiment) -> Option<KeptAnalysis> {
+    let file = &experiment.file;
+    let section = file.analysis.as_ref()?;
+    if has_user_catalogue() {
+        return None;
+    }
+    let bytes = cache()?.get(KIND, key(file)?.as_bytes())?;
+    let (length, rest) = bytes.split_first_chunk::<8>()?;
+    let (names, tables) = rest.split_at_checked(usize::try_from(u64::from_le_bytes(*length)).ok()?)?;
+    let names: Names = serde_json::from_slice(names).ok()?;
+    let mut fluorophores = Fluorophore::list_from_bytes(tables)?;
+    let of_prior =
+        (names.fluorophores <= fluorophores.len()).then(|| fluorophores.split_off(names.fluorophores))?;
+    let mut site = Site::named(&names.site).ok()?;
+    for (name, value) in &names.parameters {
+        site.set(name, f64::from_bits(*value)).ok()?;
+    }
+    let tissue = Some(TissuePrior {
+        site,
+        fluorophores: of_prior.into_iter().map(Arc::new).collect(),
+        width: section.prior_width,
+        library_error: section.library_error,
+        surroundings: file.mouth.is_some(),
+        kept: kept_solutions(),
+    });
+    let of = OfSurfaces {
+        bulk: names.bulk.iter().map(|(name, amount)| (name.clone(), f64::from_bits(*amount))).collect(),
+        fluorophores,
+        tissue,
+        line_ends: if names.is_of_scene { LineEnds::Scene } else { LineEnds::FlatSample },
+    };
+    let is_whole = names.of_scene <= of.fluorophores.len()
+        && names.parts.iter().all(|(_, material)| *material < names.materials.len())
+        && names.materials.iter().flatten().all(|number| *number < names.of_scene);
+    is_whole.then(|| KeptAnalysis { plan: plan(file, section, of), names })
+}
+
+impl KeptAnalysis {
+    /// The analysis.
+    pub fn plan(&self) -> &AnalysisPlan {
+        &self.plan
+    }
+
+    /// The study of the captures of the render ([`crate::resolve_captures`]) with this analysis. Its parts have no surface, its
+    /// materials no spectra: only which part holds which fluorophore is there.
+    #[must_use]
+    pub fn complete(self, captures: Study) -> Study {
+        let Self { plan, names } = self;
+        let no_surface = Arc::new(TriangleMesh::default());
+        let object = |(name, material): (String, usize)| Object {
+            name,
+            shape: Shape::Mesh(Arc::clone(&no_surface)),
+            material,
+            emission: None,
+        };
+        let material = |held: Vec<usize>| {
+            let amount = |fluorophore| FluorophoreAmount {
+                fluorophore,
+                concentration: ScalarTexture::Constant(1.0),
+                in_tissue: None,
+            };
+            let mut material = Material::lambertian("", Curve::constant(0.0));
+            material.fluorophores = held.into_iter().map(amount).collect();
+            material
+        };
+        let scene = Scene {
+            objects: names.parts.into_iter().map(object).collect(),
+            materials: names.materials.into_iter().map(material).collect(),
+            fluorophores: plan.fluorophores[..names.of_scene].to_vec(),
+            ..captures.scene
+        };
+        Study { scene, analysis: Some(plan), ..captures }
+    }
+}
