@@ -1,5 +1,6 @@
 //! One file per command.
 
+mod actions;
 pub(crate) mod analyze;
 mod basis_render;
 pub(crate) mod capture;

@@ -7,45 +7,27 @@ mod shard;
 mod sweep;
 
 use std::path::PathBuf;
-use std::process::ExitCode;
 
-use clap::{Subcommand, ValueHint};
+use clap::ValueHint;
 use fluorspar::design::DesignSpace;
 use fluorspar_experiment::{ResolvedDesign, parse_design};
 
 use crate::args::Changes;
+use crate::commands::actions::actions;
 use crate::error::CliError;
 use crate::experiment_source::ExperimentSource;
 use crate::message::Messages;
 use crate::values::{as_typed, sets};
 
-/// Options of `design`.
-#[derive(Clone, Debug, clap::Args)]
-pub(crate) struct Options {
-    #[command(subcommand)]
-    action: Action,
-}
-
-#[derive(Clone, Debug, Subcommand)]
-enum Action {
+actions! {
     /// Evaluate all designs of a problem; a killed sweep goes on where it was.
-    Sweep(sweep::SweepOptions),
+    Sweep(sweep::SweepOptions) => sweep::sweep,
     /// Find the best design: all of them where that is possible, otherwise by exchange of one choice at a time.
-    Optimize(sweep::OptimizeOptions),
+    Optimize(sweep::OptimizeOptions) => sweep::optimize,
     /// Evaluate the designs that the file names under [[compare]].
-    Compare(compare::Options),
+    Compare(compare::Options) => compare::run,
     /// Make one result of the journals of several `sweep --shard` processes.
-    Merge(sweep::MergeOptions),
-}
-
-pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
-    match &options.action {
-        Action::Sweep(options) => sweep::sweep(options)?,
-        Action::Optimize(options) => sweep::optimize(options)?,
-        Action::Compare(options) => compare::run(options)?,
-        Action::Merge(options) => sweep::merge(options)?,
-    }
-    Ok(ExitCode::SUCCESS)
+    Merge(sweep::MergeOptions) => sweep::merge,
 }
 
 /// The design problem and its changes.

@@ -7,31 +7,21 @@ mod measured;
 mod plot;
 mod show;
 
-use std::process::ExitCode;
+use clap::ValueEnum;
 
-use clap::{Subcommand, ValueEnum};
-
+use crate::commands::actions::actions;
 use crate::commands::table::ListOptions;
-use crate::error::CliError;
 use crate::values;
 
-/// Options of `fluorophore`.
-#[derive(Clone, Debug, clap::Args)]
-pub(crate) struct Options {
-    #[command(subcommand)]
-    action: Action,
-}
-
-#[derive(Clone, Debug, Subcommand)]
-enum Action {
+actions! {
     /// List the fluorophores of the catalogue.
-    List(ListOptions),
+    List(ListOptions) => list::run,
     /// Show source, range, yields and terms of a fluorophore.
-    Show(show::Options),
+    Show(show::Options) => show::run,
     /// Draw excitation-emission matrices, and the emission under a light.
-    Plot(plot::Options),
+    Plot(plot::Options) => plot::run,
     /// Check a measured fluorophore and write its section of an experiment.
-    Import(import::Options),
+    Import(import::Options) => import::run,
 }
 
 /// How a file is read.
@@ -83,14 +73,4 @@ enum Unit {
 enum StokesChoice {
     Mask,
     Off,
-}
-
-pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
-    match &options.action {
-        Action::List(options) => list::run(options)?,
-        Action::Show(options) => show::run(options)?,
-        Action::Plot(options) => plot::run(options)?,
-        Action::Import(options) => import::run(options)?,
-    }
-    Ok(ExitCode::SUCCESS)
 }

@@ -8,49 +8,23 @@ mod source;
 mod tree;
 mod view;
 
-use std::process::ExitCode;
+use crate::commands::actions::actions;
 
-use clap::Subcommand;
-
-use crate::error::CliError;
-
-/// Options of `scene`.
-#[derive(Clone, Debug, clap::Args)]
-pub(crate) struct Options {
-    #[command(subcommand)]
-    action: Action,
-}
-
-#[derive(Clone, Debug, Subcommand)]
-enum Action {
+actions! {
     /// List everything that has a name: lights, materials, tissues, parts, captures.
-    Tree(tree::Options),
+    Tree(tree::Options) => tree::run,
     /// Print the values at paths, defaults included.
-    Get(get::Options),
+    Get(get::Options) => get::run,
     /// Set values by path, and write the scene as a new file.
-    Set(edit::SetOptions),
+    Set(edit::SetOptions) => edit::set,
     /// Add entries: lights, objects, materials, lesions; write the scene as a new file.
-    Insert(edit::InsertOptions),
+    Insert(edit::InsertOptions) => edit::insert,
     /// Delete entries and fields by path, and write the scene as a new file.
-    Delete(edit::DeleteOptions),
+    Delete(edit::DeleteOptions) => edit::delete,
     /// Check a scene without rendering it, and name what of a scene of pbrt has no counterpart.
-    Check(check::Options),
+    Check(check::Options) => check::run,
     /// Write a scene of pbrt as an experiment file, with its meshes.
-    Convert(convert::Options),
+    Convert(convert::Options) => convert::run,
     /// Draw a scene without its lights: as clay, by part, by depth, or with the lines of its texture coordinates.
-    View(view::Options),
-}
-
-pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
-    match &options.action {
-        Action::Tree(options) => tree::run(options)?,
-        Action::Get(options) => get::run(options)?,
-        Action::Set(options) => edit::set(options)?,
-        Action::Insert(options) => edit::insert(options)?,
-        Action::Delete(options) => edit::delete(options)?,
-        Action::Check(options) => check::run(options)?,
-        Action::Convert(options) => convert::run(options)?,
-        Action::View(options) => view::run(options)?,
-    }
-    Ok(ExitCode::SUCCESS)
+    View(view::Options) => view::run,
 }

@@ -5,35 +5,27 @@ mod list;
 mod show;
 
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 
-use clap::{Subcommand, ValueHint};
+use clap::ValueHint;
 use fluorspar::names::did_you_mean;
 use fluorspar_experiment::preset::{self, PresetKind};
 use fluorspar_experiment::{ResolvedSensor, parse_sensor};
 
 use crate::args::Changes;
+use crate::commands::actions::actions;
 use crate::commands::table::ListOptions;
 use crate::error::CliError;
 use crate::experiment_source::read_text;
 use crate::message::Messages;
 use crate::values::{Override, as_typed, sets};
 
-/// Options of `sensor`.
-#[derive(Clone, Debug, clap::Args)]
-pub(crate) struct Options {
-    #[command(subcommand)]
-    action: Action,
-}
-
-#[derive(Clone, Debug, Subcommand)]
-enum Action {
+actions! {
     /// Characterize a sensor with simulated flats and darks as in EMVA 1288, and draw its photon-transfer curve.
-    Characterize(characterize::Options),
+    Characterize(characterize::Options) => characterize::run,
     /// Show a sensor in electrons and as an EMVA 1288 data sheet.
-    Show(show::Options),
+    Show(show::Options) => show::run,
     /// List the sensors of the catalogue.
-    List(ListOptions),
+    List(ListOptions) => list::run,
 }
 
 /// Which sensor.
@@ -95,13 +87,4 @@ fn of_catalogue(name: &str, overrides: &[Override]) -> Result<ResolvedSensor, Cl
     let text = format!("format = 1\ntitle = {title}\n[sensor]\npreset = \"{name}\"\n");
     Ok(parse_sensor(&text, &format!("built-in {name}"), Path::new("."), &sets(overrides))
         .map_err(|error| as_typed(error, overrides))?)
-}
-
-pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
-    match &options.action {
-        Action::Characterize(options) => characterize::run(options)?,
-        Action::Show(options) => show::run(options)?,
-        Action::List(options) => list::run(options)?,
-    }
-    Ok(ExitCode::SUCCESS)
 }

@@ -11,44 +11,20 @@ mod solve;
 mod solve_output;
 mod source;
 
-use std::process::ExitCode;
-
-use clap::Subcommand;
-
+use crate::commands::actions::actions;
 use crate::commands::table::ListOptions;
-use crate::error::CliError;
 
-/// Options of `tissue`.
-#[derive(Clone, Debug, clap::Args)]
-pub(crate) struct Options {
-    #[command(subcommand)]
-    action: Action,
-}
-
-#[derive(Clone, Debug, Subcommand)]
-enum Action {
+actions! {
     /// List the tissues of the catalogue.
-    List(ListOptions),
+    List(ListOptions) => list::run,
     /// Show parameters, layers, fluorophores and states of a tissue.
-    Show(show::Options),
+    Show(show::Options) => show::run,
     /// Compute reflectance and fluorescence of a tissue.
-    Solve(solve::Options),
+    Solve(solve::Options) => solve::run,
     /// Tell from which depth and layer the fluorescence of each channel comes.
-    Depth(depth::Options),
+    Depth(depth::Options) => depth::run,
     /// Trace photons through the layers of a tissue by Monte Carlo: reflectance, transmittance, absorption, fluence, fluorescence.
-    Mc(mc::Options),
+    Mc(mc::Options) => mc::run,
     /// Fit parameters of a tissue to measured reflectance and fluorescence.
-    Fit(fit::Options),
-}
-
-pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
-    match &options.action {
-        Action::List(options) => list::run(options)?,
-        Action::Show(options) => show::run(options)?,
-        Action::Solve(options) => solve::run(options)?,
-        Action::Depth(options) => depth::run(options)?,
-        Action::Mc(options) => return mc::run(options),
-        Action::Fit(options) => fit::run(options)?,
-    }
-    Ok(ExitCode::SUCCESS)
+    Fit(fit::Options) => fit::run,
 }

@@ -1,0 +1,45 @@
+//! Commands that consist of actions: `scene tree`, `scene get`.
+
+use std::process::ExitCode;
+
+/// The options of a command and its `run`, from a list of its actions: the help of each, its name with its options, and what runs it.
+macro_rules! actions {
+    ($($(#[$help:meta])* $name:ident($options:ty) => $run:path,)+) => {
+        /// Options of the command.
+        #[derive(Clone, Debug, clap::Args)]
+        pub(crate) struct Options {
+            #[command(subcommand)]
+            action: Action,
+        }
+
+        #[derive(Clone, Debug, clap::Subcommand)]
+        enum Action {
+            $($(#[$help])* $name($options),)+
+        }
+
+        pub(crate) fn run(options: &Options) -> Result<std::process::ExitCode, $crate::error::CliError> {
+            use $crate::commands::actions::Ended;
+            let Ended(code) = match &options.action {
+                $(Action::$name(options) => $run(options)?.into(),)+
+            };
+            Ok(code)
+        }
+    };
+}
+
+pub(crate) use actions;
+
+/// How an action ended that did not fail: with an exit code of its own, or well.
+pub(crate) struct Ended(pub(crate) ExitCode);
+
+impl From<()> for Ended {
+    fn from((): ()) -> Self {
+        Self(ExitCode::SUCCESS)
+    }
+}
+
+impl From<ExitCode> for Ended {
+    fn from(code: ExitCode) -> Self {
+        Self(code)
+    }
+}
