@@ -25,7 +25,6 @@ mod error;
 mod fit;
 mod format_version;
 mod kept;
-mod kept_analysis;
 mod layers_file;
 mod merge;
 mod read;
@@ -55,11 +54,11 @@ pub use design::{
 };
 pub use error::{BlamedOverride, ErrorDetails, ExperimentError, PathsFrom};
 pub use kept::{cache, kept_mouth, use_cache};
-pub use kept_analysis::{KeptAnalysis, kept_analysis};
 pub use layers_file::{
     LayerEmissionSection, LayerSection, LayersFile, ResolvedEmission, ResolvedLayers, parse_layers,
 };
 pub use read::{Experiment, parse, parse_changed};
+pub use resolve::kept_analysis::{KeptAnalysis, kept_analysis};
 pub use resolve::named_tissue::NamedTissue;
 pub use resolve::{
     CapturesOfRender, FileRecord, InputFile, ResolvedExperiment, resolve, resolve_captures, resolve_rendered,

@@ -1,6 +1,6 @@
 //! From the sections of an experiment to a study.
 
-pub(crate) mod capture;
+mod capture;
 mod concentration;
 pub(super) mod context;
 pub(super) mod device;
@@ -9,6 +9,7 @@ mod error_target;
 pub(super) mod fluorophore;
 mod gloss;
 mod instrument;
+pub(super) mod kept_analysis;
 mod lesion;
 mod light;
 mod material;
@@ -29,6 +30,7 @@ use std::path::PathBuf;
 use std::thread::JoinHandle;
 
 use self::context::{Context, Resolved};
+use self::kept_analysis::keep_analysis;
 use super::error::steps;
 use super::schema::{
     DiffuseSection, ExperimentFile, FieldOfView, LensSection, ReflectanceReference, ScatteringSection,
@@ -37,7 +39,6 @@ use super::schema::{
 use super::warning::Warning;
 use super::{Experiment, ExperimentError};
 use crate::kept::fetch_mouth;
-use crate::kept_analysis::keep_analysis;
 use crate::preset;
 use fluorspar::optics::PerspectiveCamera;
 use fluorspar::render::{RenderSettings, basis_bytes, memory_bytes, tile_row_bytes, whole_image_bytes};

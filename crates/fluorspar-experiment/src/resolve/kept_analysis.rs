@@ -13,10 +13,10 @@ use fluorspar::study::{AnalysisPlan, LineEnds, Study, TissuePrior};
 use fluorspar::tissue::Site;
 use serde::{Deserialize, Serialize};
 
+use super::capture::{OfSurfaces, plan};
 use crate::kept::{cache, kept_solutions};
 use crate::preset::has_user_catalogue;
 use crate::read::Experiment;
-use crate::resolve::capture::{OfSurfaces, plan};
 use crate::schema::{ExperimentFile, RenderSection};
 
 /// Kind of the entries of the cache.
@@ -147,7 +147,7 @@ impl KeptAnalysis {
         &self.plan
     }
 
-    /// The study of the captures of the render ([`crate::resolve_captures`]) with this analysis. Its parts have no surface, its
+    /// The study of the captures of the render ([`super::resolve_captures`]) with this analysis. Its parts have no surface, its
     /// materials no spectra: only which part holds which fluorophore is there.
     #[must_use]
     pub fn complete(self, captures: Study) -> Study {
