@@ -12,9 +12,7 @@ use fluorspar::pipeline::{
     develop_frames,
 };
 use fluorspar::study::{AnalysisPlan, Capture, Study};
-use fluorspar_experiment::{
-    Experiment, KeptAnalysis, ResolvedExperiment, Warning, kept_analysis, resolve,
-};
+use fluorspar_experiment::{Experiment, KeptAnalysis, ResolvedExperiment, Warning, kept_analysis, resolve};
 use fluorspar_format::{OutputFolder, read_sensor_image, write_atomically, write_map_npy};
 use fluorspar_report::figures::porphyrin_maps;
 use fluorspar_report::{FrameOrigin, name_target};
