@@ -116,3 +116,24 @@ fn quotes_from_files_are_short_and_printable() {
         assert!(!message.contains(char::is_control), "{name}: {message:?}");
     }
 }
+
+#[test]
+fn a_quiet_command_keeps_its_answer() {
+    let folder = tempfile::tempdir().unwrap();
+    let commands = [
+        "tissue depth lip",
+        "filter leak",
+        "design compare two-lights",
+        "safety flat-patch",
+        "sensor show pi_camera_3",
+        "scene view fluorescent-sphere --show part --width 64",
+        "fluorophore list",
+    ];
+    for line in commands {
+        let words: Vec<&str> = line.split(' ').collect();
+        let said = fluorspar(folder.path(), &words).well();
+        let quiet = fluorspar(folder.path(), words.iter().copied().chain(["-q"])).well();
+        assert!(!said.stdout.is_empty() && quiet.stdout == said.stdout, "{line}: {quiet:#?}");
+        assert_eq!(quiet.stderr, "", "{line}");
+    }
+}

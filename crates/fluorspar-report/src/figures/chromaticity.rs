@@ -31,11 +31,18 @@ pub fn chromaticity(plot: &ChromaticityPlot) -> Figure {
         panels.push(panel(plot, limits, DOTS_OF_PART, false).titled("where the pixels lie"));
     }
     let target = if plot.target.is_empty() { "porphyrin" } else { &plot.target };
+    let fluorophores = match (plot.mixture_line, plot.fluorophores.is_empty()) {
+        (Some(_), _) => format!(
+            "Colored points show where each fluorophore alone would lie. Any mixture of two lies on the straight line between them, so \
+             pixels that stretch toward the {target} point contain more {target}. "
+        ),
+        (None, false) => "Colored points show where each fluorophore alone would lie. ".into(),
+        (None, true) => String::new(),
+    };
     Figure::grid("Sensor chromaticity", panels, 2).explained(format!(
         "Each small dot is one pixel, of many an even selection. Its place shows which share of its signal is red (r) and which is \
-         green (g); how bright the pixel is does not matter. Colored points show where each fluorophore alone would lie. Any mixture of \
-         two lies on the straight line between them, so pixels that stretch toward the {target} point contain more {target}. No \
-         pixel can lie in the gray corner, where r + g would exceed 1. The second plot enlarges the part where the pixels lie.",
+         green (g); how bright the pixel is does not matter. {fluorophores}No pixel can lie in the gray corner, where r + g would exceed \
+         1. The second plot enlarges the part where the pixels lie.",
     ))
 }
 
