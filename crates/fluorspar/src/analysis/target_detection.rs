@@ -128,7 +128,7 @@ impl TargetDetection {
             wanted_d_prime,
             smallest_diameter_px: (2.0 * (enough_pixels / std::f64::consts::PI).sqrt()).max(1.0),
             smallest_diameter_mm: None,
-            frames_needed: (frames >= 1.0 && frames < 1e9).then_some(frames as u64),
+            frames_needed: (1.0..1e9).contains(&frames).then_some(frames as u64),
         })
     }
 

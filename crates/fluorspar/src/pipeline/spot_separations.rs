@@ -75,7 +75,8 @@ fn cases(images: &[&ChannelImage], channels: &[String], spot: &PixelSelection) -
     let (width, pixels) = (spot.width, spot.pixels.iter());
     let left = pixels.clone().map(|pixel| pixel % width).min().unwrap_or(0);
     let top = pixels.clone().map(|pixel| pixel / width).min().unwrap_or(0);
-    let is_second = |pixel: usize| (pixel % width - left) % 2 == 0 && (pixel / width - top) % 2 == 0;
+    let is_second =
+        |pixel: usize| (pixel % width - left).is_multiple_of(2) && (pixel / width - top).is_multiple_of(2);
     let all: Vec<Vec<f64>> =
         pixels.filter(|pixel| is_second(**pixel)).filter_map(|&pixel| case_of(pixel)).collect();
     let step = all.len().div_ceil(MOST_PIXELS).max(1);
