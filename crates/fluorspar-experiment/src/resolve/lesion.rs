@@ -23,13 +23,16 @@ const SIDE: usize = 512;
 /// Shortest and longest axis of an ellipse, mm: from less than a pixel of the textures to more than any part is long.
 const SIZE_MM: [f64; 2] = [0.1, 200.0];
 
+/// Parts that a lesion reaches, and its share on the map of each.
+pub(super) type SpotMaps = Vec<(String, Arc<ImageTexture>)>;
+
 /// What the lesions of a mouth left behind.
 #[derive(Default)]
 pub(super) struct Lesions {
     /// Number of the material that each material behind those of the file was copied from.
     pub(super) copied_materials: Vec<usize>,
     /// Name of each lesion, and its share on the maps of the parts that it reaches.
-    pub(super) spots: Vec<(String, Vec<(String, Arc<ImageTexture>)>)>,
+    pub(super) spots: Vec<(String, SpotMaps)>,
 }
 
 /// Adds all lesions: the part gets a material of its own, behind the others.
