@@ -7,7 +7,7 @@ use fluorspar_cli::find_experiment;
 use fluorspar_experiment::{
     Experiment as Parsed, ResolvedExperiment, json_schema, parse, resolve, scene_nodes, scene_values,
 };
-use pyo3::exceptions::PyTypeError;
+use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict, PyFloat, PyInt, PyList, PyString, PyTuple};
 
@@ -96,7 +96,9 @@ impl Experiment {
     fn of_dict(py: Python<'_>, sections: &Bound<'_, PyDict>) -> PyResult<Self> {
         let value = toml_value(sections.as_any(), "")?;
         let text = toml::to_string(&value).map_err(failed)?;
-        Self::new(py, text, "dict".into(), ".".into(), Vec::new())
+        // Another process may work elsewhere
+        let here = std::path::absolute(".").unwrap_or_else(|_| Path::new(".").into());
+        Self::new(py, text, "dict".into(), here, Vec::new())
     }
 
     /// The same experiment with one more change, as `--set PATH=VALUE` of the commands.
@@ -180,7 +182,10 @@ pub(crate) fn toml_value(value: &Bound<'_, PyAny>, path: &str) -> PyResult<toml:
         return Ok(toml::Value::Boolean(value.extract()?));
     }
     if value.is_instance_of::<PyInt>() {
-        return Ok(toml::Value::Integer(value.extract()?));
+        let number = value.extract().map_err(|_| {
+            PyValueError::new_err(format!("{path} = {value}: must be between {} and {}", i64::MIN, i64::MAX))
+        })?;
+        return Ok(toml::Value::Integer(number));
     }
     if value.is_instance_of::<PyFloat>() {
         return Ok(toml::Value::Float(value.extract()?));

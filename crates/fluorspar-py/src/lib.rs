@@ -10,6 +10,8 @@ mod components;
 mod error;
 mod experiment;
 mod frame;
+mod mesh;
+mod png;
 mod process;
 mod render;
 mod view;
@@ -30,6 +32,8 @@ fn _fluorspar(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(frame::capture, module)?)?;
     module.add_function(wrap_pyfunction!(frame::read_frame, module)?)?;
     module.add_function(wrap_pyfunction!(analysis::analyze, module)?)?;
+    module.add_function(wrap_pyfunction!(mesh::read_mesh, module)?)?;
+    module.add_function(wrap_pyfunction!(png::write_png, module)?)?;
     module.add_function(wrap_pyfunction!(command::answer, module)?)?;
     module.add_function(wrap_pyfunction!(command::run_program, module)?)?;
     process::remember();

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import pickle
+import tomllib
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -74,3 +76,64 @@ def test_a_saved_experiment_is_the_same(mouth: fs.Experiment, tmp_path) -> None:
 def test_the_tree_names_lights_and_parts(mouth: fs.Experiment) -> None:
     kinds = {path: kind for path, kind, _ in mouth.tree()}
     assert kinds["light.blue"] == "light" and kinds["tongue_dorsum/"] == "part"
+
+
+def test_lists_of_what_has_names_may_be_dictionaries() -> None:
+    by_name = {"format": 1, "base": "oraleye-2021-surface", "light": {"blue": {"spectrum": "led_405"}}}
+    listed = {**by_name, "light": [{"name": "blue", "spectrum": "led_405"}]}
+    assert fs.experiment(by_name) == fs.experiment(listed)
+    assert fs.experiment(by_name).get("light.blue.spectrum") == "led_405"
+    with pytest.raises(ValueError, match="light.blue: its name is 'white'"):
+        fs.experiment({**by_name, "light": {"blue": {"name": "white"}}})
+    with pytest.raises(TypeError, match="light.blue: give a dictionary"):
+        fs.experiment({**by_name, "light": {"blue": "led_405"}})
+
+
+BAD = Path(__file__).parents[2] / "fluorspar-experiment/tests/bad_experiments"
+
+
+def _stated(text: str) -> tuple[str, list[str]]:
+    """The message that a bad experiment states, and the changes that it asks for."""
+    lines = text.splitlines()
+    changes = [line.removeprefix("# set: ") for line in lines if line.startswith("# set: ")]
+    return lines[0].removeprefix("# error: ").replace("{folder}", str(BAD)), changes
+
+
+@pytest.mark.parametrize("path", sorted(path for path in BAD.glob("*.toml") if not path.name.startswith("sample_")), ids=lambda path: path.stem)
+def test_bad_experiments_raise_their_message(path: Path, monkeypatch) -> None:
+    text = path.read_text()
+    message, changes = _stated(text)
+    with pytest.raises(fs.ExperimentError) as raised:
+        fs._fluorspar.Experiment.of_text(text, path.name, BAD, changes).check()
+    assert str(raised.value) == message
+
+    # As a dictionary: the same words about the same field, without a file and a line
+    try:
+        sections = tomllib.loads(text)
+    except tomllib.TOMLDecodeError:
+        return
+    if path.stem in {"render_number_too_large", "set_without_equals"}:
+        # Python has no such number in an experiment, and no such change
+        return
+    monkeypatch.chdir(BAD)
+    with pytest.raises(fs.ExperimentError) as of_dict:
+        experiment = fs.experiment(sections)
+        for change in changes:
+            name, value = change.split("=", 1)
+            experiment = experiment.set(name, _plain(value))
+        experiment.check()
+    told, expected = of_dict.value, raised.value
+    assert (told.entry, told.field, told.message) == (expected.entry, expected.field, expected.message)
+
+
+def test_numbers_that_no_experiment_holds_are_named(mouth: fs.Experiment) -> None:
+    with pytest.raises(ValueError, match="render.seed = 99999999999999999999: must be between"):
+        mouth.set("render.seed", 99999999999999999999)
+
+
+def _plain(value: str) -> object:
+    """The value of a change as Python writes it."""
+    try:
+        return tomllib.loads(f"value = {value}")["value"]
+    except tomllib.TOMLDecodeError:
+        return value

@@ -26,6 +26,9 @@ def test_frames_and_numbers_are_those_of_the_program(mouth, components, program,
     analysis = fs.analyze(longer, shots, components=components)
     assert analysis == json.loads(said)
     assert analysis.mixture.region.estimate.position == json.loads(said)["mixture"]["region"]["estimate"]["position"]
+    porphyrin = analysis.porphyrin
+    assert porphyrin.truth == analysis.truth.share and porphyrin.budget == analysis.budget
+    assert porphyrin.interval[0] <= porphyrin.fraction <= porphyrin.interval[1]
     maps = analysis.porphyrin_maps
     assert maps["low"].shape == maps["fraction"].shape == shots["blue"].developed.shape[:2]
 

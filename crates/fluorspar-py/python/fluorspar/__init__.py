@@ -17,10 +17,39 @@ on it.
 
 from __future__ import annotations
 
-from ._commands import command, filters, lens, light, predict, presets, safety, sensor, text_of, tissue, validate
-from ._experiment import Experiment, experiment, load
+from . import sections
+from ._commands import (
+    Filter,
+    Fluorophore,
+    Lens,
+    Light,
+    QuantumEfficiency,
+    Reflectance,
+    Sensor,
+    Tissue,
+    command,
+    design,
+    filters,
+    fluorophore,
+    lens,
+    light,
+    plot,
+    predict,
+    presets,
+    quantum_efficiency,
+    reflectance,
+    run,
+    safety,
+    sensor,
+    spectroradiometer,
+    text_of,
+    tissue,
+    validate,
+)
+from ._experiment import Experiment, experiment, load, schema
 from ._fluorspar import ExperimentError, FluorsparError, RenderStopped, __version__
 from ._frames import Analysis, Frame, Frames, analyze, capture
+from ._mouth import Mesh, Mouth, mouth
 from ._record import Record
 from ._render import Components, read, render
 from ._sweep import sweep
@@ -30,26 +59,46 @@ __all__ = [
     "Components",
     "Experiment",
     "ExperimentError",
+    "Filter",
     "FluorsparError",
+    "Fluorophore",
     "Frame",
     "Frames",
+    "Lens",
+    "Light",
+    "Mesh",
+    "Mouth",
+    "QuantumEfficiency",
     "Record",
+    "Reflectance",
     "RenderStopped",
+    "Sensor",
+    "Tissue",
     "__version__",
     "analyze",
     "capture",
     "command",
+    "design",
     "experiment",
     "filters",
+    "fluorophore",
     "lens",
     "light",
     "load",
+    "mouth",
+    "plot",
     "predict",
     "presets",
+    "quantum_efficiency",
     "read",
+    "reflectance",
     "render",
+    "run",
     "safety",
+    "schema",
+    "sections",
     "sensor",
+    "spectroradiometer",
     "sweep",
     "text_of",
     "tissue",

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import os
-import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from . import _fluorspar
 from ._experiment import Experiment
+from ._picture import picture_of_command
 from ._record import Record
+
+if TYPE_CHECKING:
+    from . import sections
 
 
 def _words(options: Mapping[str, Any]) -> list[str]:
@@ -39,9 +42,7 @@ def _word(value: Any) -> str:
 def _file_of(source: Experiment | str | os.PathLike[str] | None) -> Iterator[list[str]]:
     """An experiment as an argument: its name, or a file of its text for as long as the command runs."""
     if isinstance(source, Experiment):
-        with tempfile.TemporaryDirectory() as folder:
-            path = os.path.join(folder, "experiment.toml")
-            source.save(path)
+        with source.as_file() as path:
             yield [path]
     else:
         yield [] if source is None else [os.fspath(source)]
@@ -137,13 +138,24 @@ class Sensor(_Named):
         return _record("sensor", "characterize", self.name, **options)
 
 
-class Light(_Named):
+class _Drawn(_Named):
+    """Something of the catalogue that has a figure, which notebooks show."""
+
+    def plot(self, path: str | os.PathLike[str], **options: Any) -> None:
+        """Writes its figure, ``.svg`` or ``.png``: ``plot("led.svg", from_nm=350, to_nm=500)``."""
+        text_of(self._command, "plot", self.name, out=path, **options)
+
+    def _repr_svg_(self) -> str:
+        return picture_of_command(self._command, "plot", self.name, ending=".svg").decode()
+
+
+class Light(_Drawn):
     """A light spectrum of the catalogue or a CSV file."""
 
     _command = "light"
 
 
-class Filter(_Named):
+class Filter(_Drawn):
     """A filter of the catalogue or a CSV file."""
 
     _command = "filter"
@@ -153,29 +165,89 @@ class Filter(_Named):
         return _record("filter", "leak", view_filter=self.name, **options)
 
 
-def tissue(name: str | os.PathLike[str]) -> Tissue:
+class Reflectance(_Drawn):
+    """A diffuse reflectance of the catalogue or a CSV file."""
+
+    _command = "reflectance"
+
+
+class QuantumEfficiency(_Drawn):
+    """Quantum efficiencies of the channels of a sensor, of the catalogue or a CSV file."""
+
+    _command = "qe"
+
+
+class Fluorophore(_Drawn):
+    """A fluorophore of the catalogue or a file."""
+
+    _command = "fluorophore"
+
+
+def tissue(name: sections.TissueName | str | os.PathLike[str]) -> Tissue:
     """A layered tissue: ``tissue("lip").solve()``."""
     return Tissue(name)
 
 
-def lens(name: str | os.PathLike[str]) -> Lens:
+def lens(name: sections.LensName | str | os.PathLike[str]) -> Lens:
     """A lens: ``lens("wide_3_5mm").trace()``."""
     return Lens(name)
 
 
-def sensor(name: str | os.PathLike[str]) -> Sensor:
+def sensor(name: sections.SensorName | str | os.PathLike[str]) -> Sensor:
     """A sensor: ``sensor("pi_camera_3").show()``."""
     return Sensor(name)
 
 
-def light(name: str | os.PathLike[str]) -> Light:
+def light(name: sections.LightSpectrumName | str | os.PathLike[str]) -> Light:
     """A light spectrum: ``light("led_385").show()``."""
     return Light(name)
 
 
-def filters(name: str | os.PathLike[str]) -> Filter:
+def filters(name: sections.FilterName | str | os.PathLike[str]) -> Filter:
     """A filter: ``filters("view_475_700").show()``."""
     return Filter(name)
+
+
+def reflectance(name: sections.ReflectanceName | str | os.PathLike[str]) -> Reflectance:
+    """A diffuse reflectance: ``reflectance("enamel").show()``."""
+    return Reflectance(name)
+
+
+def quantum_efficiency(name: sections.QuantumEfficiencyName | str | os.PathLike[str]) -> QuantumEfficiency:
+    """Quantum efficiencies of a sensor's channels: ``quantum_efficiency("imx219").show()``."""
+    return QuantumEfficiency(name)
+
+
+def fluorophore(name: sections.FluorophoreName | str | os.PathLike[str]) -> Fluorophore:
+    """A fluorophore: ``fluorophore("collagen").show()``."""
+    return Fluorophore(name)
+
+
+def plot(path: str | os.PathLike[str], **options: Any) -> Record:
+    """Draws lights, filters, fluorophores and the sensor over one axis of wavelengths, as ``.svg`` or ``.png``.
+
+    ``plot("chain.svg", light="led_385", fluorophore=["collagen", "protoporphyrin_ix"], view_filter="view_475_700")``.
+    """
+    return _record("plot", out=path, **options)
+
+
+def run(source: Experiment | str | os.PathLike[str], out: str | os.PathLike[str], **options: Any) -> Record:
+    """From scene to report in a folder, as ``fluorspar run``; returns the numbers that the folder keeps in results.json."""
+    with _file_of(source) as words:
+        return _record("run", *words, out=out, **options)
+
+
+def design(source: str | os.PathLike[str] | None = None, *, search: str = "compare", **options: Any) -> Record:
+    """Compares lights, filters and sensors by what they could prove: a DESIGN.toml or a built-in problem.
+
+    ``search`` is ``"sweep"``, ``"optimize"`` or ``"compare"``; options are those of ``fluorspar design``.
+    """
+    return _record("design", search, *([] if source is None else [source]), **options)
+
+
+def spectroradiometer(source: str | os.PathLike[str], **options: Any) -> Record:
+    """Spectra of a component image or a flat sample as a spectroradiometer reads them."""
+    return _record("spectroradiometer", source, **options)
 
 
 def presets(**options: Any) -> Any:

@@ -2,11 +2,20 @@
 
 from __future__ import annotations
 
+import functools
+import html
+import json
 import os
-from collections.abc import Mapping
-from typing import Any
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
 
 from . import _fluorspar
+from ._picture import inline_picture, picture_of_command
+
+if TYPE_CHECKING:
+    from . import sections
 
 
 class Experiment:
@@ -73,10 +82,30 @@ class Experiment:
         """Changes on top of the text, ``PATH=VALUE``."""
         return self._native.changes
 
+    @contextmanager
+    def as_file(self) -> Iterator[str]:
+        """A file of the experiment for as long as a ``with`` lasts, for programs that take one."""
+        with tempfile.TemporaryDirectory() as folder:
+            path = os.path.join(folder, "experiment.toml")
+            self.save(path)
+            yield path
+
     def save(self, path: str | os.PathLike[str]) -> None:
         """Writes the experiment as a file, complete; ``fluorspar run`` and :func:`load` take it. Replaces nothing."""
         with open(path, "x", encoding="utf-8") as file:
             file.write(self.toml)
+
+    def _repr_html_(self) -> str:
+        rows = "".join(
+            f"<tr><td><code>{html.escape(path)}</code></td><td>{html.escape(kind)}</td><td>{html.escape(summary)}</td></tr>"
+            for path, kind, summary in self.tree()
+        )
+        with self.as_file() as path:
+            picture = picture_of_command("scene", "view", path, ending=".png")
+        return (
+            f"<b>{html.escape(self.title)}</b><br>{inline_picture(picture, 'The scene as clay')}"
+            f"<details><summary>What it holds</summary><table>{rows}</table></details>"
+        )
 
     def __repr__(self) -> str:
         changes = "".join(f".set({change!r})" for change in self.changes)
@@ -104,13 +133,41 @@ def _leaves(value: Mapping[str, Any], path: str) -> list[tuple[str, Any]]:
     return found
 
 
-def experiment(source: str | os.PathLike[str] | Mapping[str, Any] = "oraleye-2021") -> Experiment:
+@functools.cache
+def _lists_of_named() -> frozenset[str]:
+    """Sections that are lists of what has names."""
+    properties = json.loads(schema())["properties"]
+    return frozenset(name for name, section in properties.items() if section.get("type") == "array")
+
+
+def _with_lists(given: Mapping[str, Any]) -> dict[str, Any]:
+    """Sections as the file has them: dictionaries by name become lists whose entries carry the names."""
+    found = dict(given)
+    for name in _lists_of_named() & found.keys():
+        entries = found[name]
+        if isinstance(entries, Mapping):
+            for key, entry in entries.items():
+                if not isinstance(entry, Mapping):
+                    raise TypeError(f"{name}.{key}: give a dictionary, not {entry!r}")
+                if entry.get("name", key) != key:
+                    raise ValueError(f"{name}.{key}: its name is {entry['name']!r}; leave `name` out")
+            found[name] = [{"name": key, **entry} for key, entry in entries.items()]
+    return found
+
+
+def schema() -> str:
+    """The JSON schema of experiment files; ``sections`` holds it as types."""
+    return _fluorspar.Experiment.schema()
+
+
+def experiment(source: str | os.PathLike[str] | sections.Experiment | Mapping[str, Any] = "oraleye-2021") -> Experiment:
     """An experiment: a built-in one by name, a file (.toml, or the report.html of a run), or nested dictionaries as the file has them.
 
-    Raises :class:`ExperimentError` with ``path``, ``line``, ``field``, ``value`` and ``message``.
+    Lists of what has names may be dictionaries by name: ``{"format": 1, "base": "oraleye-2021", "light": {"blue": {"spectrum":
+    "led_405"}}}``. Raises :class:`ExperimentError` with ``path``, ``line``, ``field``, ``value`` and ``message``.
     """
     if isinstance(source, Mapping):
-        return Experiment(_fluorspar.Experiment.of_dict(dict(source)))
+        return Experiment(_fluorspar.Experiment.of_dict(_with_lists(source)))
     return Experiment(_fluorspar.Experiment.find(os.fspath(source)))
 
 

@@ -21,6 +21,8 @@ __all__ = [
     "capture",
     "read_frame",
     "analyze",
+    "read_mesh",
+    "write_png",
     "answer",
     "run_program",
 ]
@@ -143,5 +145,9 @@ def analyze(
     *,
     threads: int | None = None,
 ) -> FrameAnalysis | None: ...
+def read_mesh(
+    path: str | os.PathLike[str], unit_m: float = 1.0
+) -> tuple[NDArray[np.float32], NDArray[np.uint32], NDArray[np.float32], NDArray[np.float32]]: ...
+def write_png(path: str | os.PathLike[str], picture: NDArray[np.uint8]) -> None: ...
 def answer(arguments: Sequence[str], *, threads: int | None = None) -> tuple[str, bool]: ...
 def run_program(arguments: Sequence[str]) -> int: ...

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import html
 import os
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from . import _fluorspar
 from ._experiment import Experiment
+from ._picture import inline_picture, png_of
 from ._record import Record
 from ._render import Components
 
@@ -76,6 +78,10 @@ class Frame:
         """Writes the raw frame as TIFF with its description beside it."""
         self._native.write(os.fspath(path))
 
+    def _repr_png_(self) -> bytes | None:
+        preview = self.preview
+        return None if preview is None else png_of(preview)
+
     def __repr__(self) -> str:
         rows, cols = self.raw.shape
         return f"<Frame {self.name}: {rows} x {cols} pixels, {1e3 * self.scale['exposure_s']:g} ms>"
@@ -100,6 +106,15 @@ class Frames(Mapping[str, Frame]):
     def __len__(self) -> int:
         return len(self._frames)
 
+    def _repr_html_(self) -> str:
+        pictures = [(name, png) for name, frame in self.items() if (png := frame._repr_png_()) is not None]
+        figures = "".join(
+            f"<figure style='display:inline-block;margin:4px'>{inline_picture(png, f'frame {name}')}"
+            f"<figcaption>{html.escape(name)}</figcaption></figure>"
+            for name, png in pictures
+        )
+        return figures or html.escape(repr(self))
+
     def __repr__(self) -> str:
         return f"<Frames {', '.join(self._frames)}>"
 
@@ -113,6 +128,40 @@ class Analysis(Record):
     def porphyrin_maps(self) -> dict[str, NDArray[np.float32]]:
         """Porphyrin fraction of each pixel, ends of its interval and its detection limit, ``[row, col]``; NaN outside the region."""
         return self._maps
+
+    @property
+    def porphyrin(self) -> Record | None:
+        """What the region's frame says of porphyrin: ``fraction`` of the light, ``interval`` (95 %), ``budget``, and ``truth`` where
+        components tell it.
+
+        Where the region is a tissue of the catalogue this is the posterior over the family of tissues, otherwise the position on the
+        mixture line with its total interval. ``None`` without a porphyrin in the analysis.
+        """
+        posterior, mixture, budget = self.get("posterior"), self.get("mixture"), self.get("budget")
+        if posterior is None and (mixture is None or mixture.get("region") is None):
+            return None
+        truth = self.get("truth")
+        found = Record(budget=budget, truth=None if truth is None else truth.share)
+        if posterior is not None:
+            return Record(fraction=posterior.median, interval=posterior.interval, upper_limit=posterior.upper_limit, **found)
+        assert mixture is not None
+        interval = None if budget is None else budget.total_interval
+        return Record(fraction=mixture.region.estimate.position, interval=interval, upper_limit=None, **found)
+
+    def _repr_html_(self) -> str:
+        fraction = self._maps.get("fraction")
+        picture = "" if fraction is None else inline_picture(_picture_of_map(fraction), "map of the porphyrin fraction, black 0, white 1")
+        return f"{picture}{super()._repr_html_()}"
+
+
+def _picture_of_map(fraction: NDArray[np.float32]) -> bytes:
+    """A map between 0 and 1 in gray; what has no value is blue."""
+    import numpy as np
+
+    known = np.isfinite(fraction)
+    gray = (255 * np.clip(np.where(known, fraction, 0), 0, 1)).astype(np.uint8)
+    blue = np.where(known, gray, 96).astype(np.uint8)
+    return png_of(np.stack([gray, gray, blue], axis=-1))
 
 
 def capture(experiment: Experiment, components: Components, *, threads: int | None = None, **changes: Any) -> Frames:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import json
 from typing import Any
 
@@ -23,3 +24,31 @@ class Record(dict[str, Any]):
     def of_json(cls, text: str) -> Any:
         """The value of a JSON text, every object a record."""
         return json.loads(text, object_hook=cls)
+
+    def _repr_html_(self) -> str:
+        return _table(self)
+
+
+#: Entries of a list that a table shows.
+_SHOWN = 50
+
+
+def _table(value: Any) -> str:
+    """Results as a table whose inner tables fold."""
+    if isinstance(value, dict):
+        rows = "".join(f"<tr><th style='text-align:left'>{html.escape(str(key))}</th><td>{_cell(inner)}</td></tr>" for key, inner in value.items())
+        return f"<table>{rows}</table>"
+    rows = "".join(f"<tr><td>{_cell(inner)}</td></tr>" for inner in value[:_SHOWN])
+    more = f"<tr><td>and {len(value) - _SHOWN} more</td></tr>" if len(value) > _SHOWN else ""
+    return f"<table>{rows}{more}</table>"
+
+
+def _cell(value: Any) -> str:
+    """One result in a table."""
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    if not isinstance(value, (dict, list)):
+        return html.escape(str(value))
+    if all(isinstance(inner, (int, float)) for inner in value) and len(value) <= 6 and isinstance(value, list):
+        return ", ".join(f"{inner:.6g}" for inner in value)
+    return f"<details><summary>{len(value)} {'entries' if len(value) != 1 else 'entry'}</summary>{_table(value)}</details>"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import os
 import tempfile
 from typing import TYPE_CHECKING, Any
@@ -134,6 +135,17 @@ class Components:
     def write(self, path: str | os.PathLike[str]) -> None:
         """Writes the image: ``.exr``, or ``.npy`` with its description beside it. :func:`read` and the program read both."""
         self._native.write(os.fspath(path))
+
+    def _repr_html_(self) -> str:
+        import numpy as np
+
+        means = self.radiance.mean(axis=(1, 2)) @ np.diff(self._native.edges_nm).astype(np.float32)
+        rows = "".join(
+            f"<tr><td style='text-align:left'><code>{html.escape(label)}</code></td><td>{mean:.4g}</td></tr>"
+            for label, mean in zip(self.labels, means)
+        )
+        head = "<tr><th>Component</th><th>Mean radiance, W/(sr m<sup>2</sup>)</th></tr>"
+        return f"{html.escape(repr(self))}<table>{head}{rows}</table>"
 
     def __repr__(self) -> str:
         components, rows, cols, bands = self.radiance.shape
