@@ -250,6 +250,12 @@ def spectroradiometer(source: str | os.PathLike[str], **options: Any) -> Record:
     return _record("spectroradiometer", source, **options)
 
 
+def describe(frame: str | os.PathLike[str], **options: Any) -> Record:
+    """Writes the description of a camera's frame beside it, from its tags and options: ``describe("photo.tiff", mosaic="bggr",
+    exposure_ms=30)``. Returns each value with where it comes from."""
+    return _record("describe", frame, **options)
+
+
 def presets(**options: Any) -> Any:
     """The catalogue: lights, filters, reflectances, sensors, fluorophores, experiments, flat samples."""
     return command("presets", **options)

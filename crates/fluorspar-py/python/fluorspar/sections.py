@@ -367,6 +367,9 @@ ExposureTime: TypeAlias = "float | Literal['auto']"
 Demosaicing: TypeAlias = "Literal['bilinear', 'gradient_corrected']"
 """How the colors that a pixel does not see are found."""
 
+RegionReference: TypeAlias = "list[int] | RegionSection"
+"""A rectangle of the sensor, [column, row, width, height], or a table of parts and shapes, such as { mask = "spot.png" }."""
+
 BulkReference: TypeAlias = "str | dict[str, float]"
 """The name of a material, or a table of concentrations."""
 
@@ -1765,9 +1768,14 @@ class AnalysisSection(TypedDict, total=False):
     of what lies beside, as of teeth and lips. Default 0."""
     rectangle_px: list[int]
     """Only pixels of this rectangle of the sensor: column, row, width, height."""
-    compared_px: list[list[int]]
-    """Two rectangles of the sensor, each column, row, width, height, whose pixels are compared: how well the frames tell them
-    apart. Default: none."""
+    polygon_px: list[list[float]]
+    """Only pixels whose center lies in this polygon: corners [x, y] in pixels of the raw image, x to the right and y downward
+    from its upper left corner. Default: none."""
+    mask: FilePath
+    """Only pixels of this mask, an image of the size of the raw image: PNG, TIFF or NumPy, where not zero is inside. Default:
+    none."""
+    compared_px: list[RegionReference]
+    """Two regions of the sensor whose pixels are compared: how well the frames tell them apart. Default: none."""
     porphyrin: str
     """Fluorophore whose share is estimated. Default "protoporphyrin_ix"."""
     bulk: BulkReference
@@ -1782,9 +1790,50 @@ class AnalysisSection(TypedDict, total=False):
     prior_width: float
     """How various the tissue is thought to be, over what people differ by, 0.01 to 10. Default 1.25."""
     library_error: float
-    """Relative error of the electrons of each channel by errors of the library of spectra, 0 to 1. Default 0.03."""
+    """Relative error of the spectra of the library at each wavelength, 0 to 1; channels average over it. Default 0.03."""
+    wanted_d_prime: float
+    """d' that a target shall reach, 0.1 to 100: how many frames it takes, and the smallest diameter. Default 3.29, which errs
+    in 5 % of cases either way."""
     noise_threshold: float
     """Pixels whose R + G + B is below this many standard deviations of its noise have no chromaticity, 0 to 1000. Default 5."""
+
+
+class RegionSection(TypedDict, total=False):
+    """A region of the sensor: where all that is given holds."""
+
+    parts: list[str]
+    """Parts of the scene, by object name. Default: all."""
+    rectangle_px: list[int]
+    """Only pixels of this rectangle of the sensor: column, row, width, height. Default: none."""
+    polygon_px: list[list[float]]
+    """Only pixels whose center lies in this polygon: corners [x, y] in pixels of the raw image from its upper left corner.
+    Default: none."""
+    mask: FilePath
+    """Only pixels of this mask, an image of the size of the raw image: PNG, TIFF or NumPy, where not zero is inside. Default:
+    none."""
+
+
+class TargetSection(TypedDict, total=False):
+    """Something that shall be seen: a lesion of the mouth, parts of the scene, or a shape on the sensor. The analysis tells
+    how well. Every `[[mouth.lesion]]` is a target already."""
+
+    name: str
+    """Name, unique among targets."""
+    lesion: str
+    """Name of a `[[mouth.lesion]]`, where the target is one. Default: none."""
+    parts: list[str]
+    """Parts of the scene, by object name. Default: all."""
+    rectangle_px: list[int]
+    """Only pixels of this rectangle of the sensor: column, row, width, height. Default: none."""
+    polygon_px: list[list[float]]
+    """Only pixels whose center lies in this polygon: corners [x, y] in pixels of the raw image from its upper left corner.
+    Default: none."""
+    mask: FilePath
+    """Only pixels of this mask, an image of the size of the raw image: PNG, TIFF or NumPy, where not zero is inside. Default:
+    none."""
+    background: RegionReference
+    """What the target is told from. Default: a ring around it, of about its area, two pixels away; of a lesion on its own
+    part."""
 
 
 class OutputSection(TypedDict, total=False):
@@ -1845,5 +1894,7 @@ class Experiment(TypedDict, total=False):
     """Distances for the assessment of photobiological safety."""
     analysis: AnalysisSection
     """Analysis of the captures."""
+    target: list[TargetSection] | dict[str, TargetSection]
+    """What shall be seen: how well the frames tell it from what lies around it."""
     output: OutputSection
     """Where results go."""
