@@ -85,7 +85,7 @@ class _Named:
     _shown: str = "show"
 
     def __init__(self, name: str | os.PathLike[str]) -> None:
-        self.name = os.fspath(name)
+        self.name: str = os.fspath(name)
 
     def show(self, **options: Any) -> Any:
         """What is known of it."""
