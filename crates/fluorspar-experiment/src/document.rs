@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-use super::error::{BlamedOverride, ErrorDetails, ExperimentError, Place, Step, path_text};
+use super::error::{BlamedOverride, ErrorDetails, ExperimentError, Message, Place, Step, path_text};
 use fluorspar::units::number_text;
 
 /// Longest text of an experiment, bytes.
@@ -41,7 +41,8 @@ impl TextSource {
     }
 
     /// An error that belongs to no line.
-    pub(super) fn error(&self, message: impl Into<String>) -> ExperimentError {
+    pub(super) fn error(&self, message: impl Into<Message>) -> ExperimentError {
+        let Message { text: message, known } = message.into();
         ExperimentError(Box::new(ErrorDetails {
             source_name: self.name.clone(),
             blamed_override: self.blame(&[]),
@@ -49,7 +50,8 @@ impl TextSource {
             entry: None,
             field: None,
             value: None,
-            message: message.into(),
+            message,
+            known,
             paths_from: None,
         }))
     }
@@ -187,7 +189,8 @@ impl Document {
     }
 
     /// An error about the value at a path, or about the nearest thing around it that exists.
-    pub(super) fn error(&self, path: &[Step], message: impl Into<String>) -> ExperimentError {
+    pub(super) fn error(&self, path: &[Step], message: impl Into<Message>) -> ExperimentError {
+        let Message { text: message, known } = message.into();
         let mut node = &self.root;
         let mut depth = 0;
         while let Some(inner) = path.get(depth).and_then(|step| node.step(step)) {
@@ -206,7 +209,8 @@ impl Document {
             entry,
             field,
             value,
-            message: message.into(),
+            message,
+            known,
             paths_from: None,
         }))
     }
@@ -216,7 +220,7 @@ impl Document {
         &self,
         table: &Place,
         key: &Step,
-        message: impl Into<String>,
+        message: impl Into<Message>,
     ) -> ExperimentError {
         let key = [&table[..], std::slice::from_ref(key)].concat();
         let place = self.error(&key, "");

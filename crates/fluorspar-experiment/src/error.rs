@@ -1,5 +1,6 @@
 //! Errors of experiments, with hints.
 
+use fluorspar::names::did_you_mean;
 use fluorspar::quote::excerpt;
 use std::fmt;
 
@@ -29,6 +30,8 @@ pub struct ErrorDetails {
     pub value: Option<String>,
     /// What is wrong and how to fix it.
     pub message: String,
+    /// The names that could stand there, where a name is wrong; the message ends with them.
+    pub known: Vec<String>,
     /// Where relative paths start, if a path may be written wrongly; ends the message.
     pub paths_from: Option<PathsFrom>,
 }
@@ -111,6 +114,45 @@ impl fmt::Display for ExperimentError {
             Some(paths_from) => write!(f, "; {paths_from}"),
             None => Ok(()),
         }
+    }
+}
+
+/// What is wrong and how to fix it, and the names that could stand there.
+#[derive(Clone, Debug)]
+pub(crate) struct Message {
+    pub(crate) text: String,
+    pub(crate) known: Vec<String>,
+}
+
+impl Message {
+    /// `what` is wrong with a name: the message goes on with the nearest of those that are known, and with all of them.
+    pub(crate) fn unknown<'a>(
+        what: impl fmt::Display,
+        name: &str,
+        known: impl IntoIterator<Item = &'a str>,
+    ) -> Self {
+        let known: Vec<&str> = known.into_iter().collect();
+        let hint = did_you_mean(name, known.iter().copied());
+        Self::with_known(format!("{what}{hint}"), known)
+    }
+
+    /// A message that ends with names that could stand there.
+    pub(crate) fn with_known<'a>(text: impl fmt::Display, known: impl IntoIterator<Item = &'a str>) -> Self {
+        let known: Vec<String> = known.into_iter().map(excerpt).collect();
+        let all = if known.is_empty() { "none".into() } else { known.join(", ") };
+        Self { text: format!("{text} Known: {all}"), known }
+    }
+}
+
+impl From<String> for Message {
+    fn from(text: String) -> Self {
+        Self { text, known: Vec::new() }
+    }
+}
+
+impl From<&str> for Message {
+    fn from(text: &str) -> Self {
+        text.to_owned().into()
     }
 }
 

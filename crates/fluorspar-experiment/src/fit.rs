@@ -4,7 +4,7 @@ use fluorspar::quote::excerpt;
 use std::path::PathBuf;
 
 use super::document::{Content, Document, Node, TextSource};
-use super::error::{ExperimentError, Place, Step};
+use super::error::{ExperimentError, Message, Place, Step};
 use super::schema::NameOrTable;
 use super::shape::{Either, Field, Found, Mark, Schema, Shape, Table, TextKind, Variant};
 use crate::preset::is_lens_file;
@@ -110,7 +110,7 @@ impl Fit<'_> {
         }
     }
 
-    fn fail<T>(&self, at: &Place, message: std::string::String) -> Result<T, ExperimentError> {
+    fn fail<T>(&self, at: &Place, message: impl Into<Message>) -> Result<T, ExperimentError> {
         Err(self.document.error(at, message))
     }
 
@@ -118,8 +118,8 @@ impl Fit<'_> {
         if words.iter().any(|word| word == text) {
             return Ok(());
         }
-        let hint = did_you_mean(text, words.iter().map(String::as_str));
-        self.fail(at, format!("unknown value \"{}\"{hint} Known: {}", excerpt(text), words.join(", ")))
+        let what = format!("unknown value \"{}\"", excerpt(text));
+        self.fail(at, Message::unknown(what, text, words.iter().map(String::as_str)))
     }
 
     fn list(
@@ -267,7 +267,7 @@ impl Fit<'_> {
                 let at = at.field(tag);
                 match node.get(tag).and_then(Node::as_str) {
                     Some(text) => self.word(&marks(), text, &at).map(|()| None),
-                    None => self.fail(&at, "expected a text in quotes".into()),
+                    None => self.fail(&at, "expected a text in quotes"),
                 }
             }
         }
@@ -295,11 +295,11 @@ impl Fit<'_> {
         let others: Vec<String> = table.variants.iter().filter(has_it).map(in_words).collect();
         let this = variant.map(|index| &table.variants[index]);
         let message = match (this, table.renamed(unknown)) {
-            (_, Some(now)) => format!("unknown field `{unknown}`; write {now}"),
+            (_, Some(now)) => format!("unknown field `{unknown}`; write {now}").into(),
             (Some(this), None) if !others.is_empty() => {
                 let fix = if table.tag().is_some() { "remove it or change the type" } else { "remove it" };
                 let others = others.join(" or ");
-                format!("{} has no field `{unknown}`, it belongs to {others}; {fix}", in_words(this))
+                format!("{} has no field `{unknown}`, it belongs to {others}; {fix}", in_words(this)).into()
             }
             _ => self.not_known(table, variant, unknown),
         };
@@ -307,7 +307,7 @@ impl Fit<'_> {
     }
 
     /// A field that no variant has, with the fields that there are and the one that may be meant.
-    fn not_known(&self, table: &Table, variant: Option<usize>, unknown: &str) -> String {
+    fn not_known(&self, table: &Table, variant: Option<usize>, unknown: &str) -> Message {
         let tag = table.tag().into_iter();
         let known: Vec<&str> = tag.chain(table.fields_of(variant).map(|field| field.name.as_str())).collect();
         let mut hint = did_you_mean(unknown, known.iter().copied());
@@ -327,7 +327,7 @@ impl Fit<'_> {
             let path = below.iter().find(|(_, name)| Some(*name) == near).map(|(path, _)| path.as_str());
             hint = suggestion(path);
         }
-        format!("unknown field `{}`{hint} Known: {}", excerpt(unknown), known.join(", "))
+        Message::with_known(format!("unknown field `{}`{hint}", excerpt(unknown)), known)
     }
 
     /// Description of a missing field.

@@ -238,8 +238,7 @@ fn load_bases(
             folder = file.parent().unwrap_or(Path::new("")).to_path_buf();
             (text, file.display().to_string())
         } else {
-            let preset = preset::experiment(&name)
-                .map_err(|error| document.error(&steps!["base"], error.to_string()))?;
+            let preset = preset::experiment(&name).map_err(|error| document.error(&steps!["base"], error))?;
             seen.push(PathBuf::from(&name));
             (preset.text.to_string(), format!("experiment \"{name}\""))
         };
@@ -266,8 +265,8 @@ fn put_on_sensor_preset(document: &mut Document, schema: &Schema) -> Result<(), 
     let Some(name) = name.as_str().map(String::from) else {
         return Err(document.error(&steps!["sensor", "preset"], "give the name of a sensor of the catalogue"));
     };
-    let text = preset::sensor_text(&name)
-        .map_err(|error| document.error(&steps!["sensor", "preset"], error.to_string()))?;
+    let text =
+        preset::sensor_text(&name).map_err(|error| document.error(&steps!["sensor", "preset"], error))?;
     let source = TextSource { name: format!("sensor \"{name}\""), overriding: None, folder: None };
     let mut root = read_tree(text, &source, document.sources.len())?;
     document.sources.push(source);

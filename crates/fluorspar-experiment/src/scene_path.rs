@@ -3,11 +3,10 @@
 //! A step names a key of a table or an entry of a list, by its name or by its number from 0. `*` stands for any letters and `?`
 //! for one, unless the step is quoted. What comes before a slash names parts: objects, and parts of the mouth.
 
-use fluorspar::names::did_you_mean;
 use fluorspar::quote::excerpt;
 
 use super::document::{Content, Node, TextSource};
-use super::error::{ExperimentError, Step};
+use super::error::{ExperimentError, Message, Step};
 use super::shape::{Mark, Schema, Shape, Table};
 
 /// Most things that a path may name.
@@ -319,13 +318,12 @@ fn find_entry(items: &[Node], list: &str, step: &str, source: &TextSource) -> Re
         return Err(source.error(message));
     }
     let names: Vec<&str> = items.iter().filter_map(Node::name).collect();
-    let known: Vec<String> = names.iter().map(|name| excerpt(name)).collect();
     if names.is_empty() {
         let message = format!("`{list}` is a list; address its entries by number, as in {list}[0]");
         return Err(source.error(message));
     }
-    let hint = did_you_mean(step, names.iter().copied());
-    Err(source.error(format!("there is no {list} \"{}\"{hint} Known: {}", excerpt(step), known.join(", "))))
+    let what = format!("there is no {list} \"{}\"", excerpt(step));
+    Err(source.error(Message::unknown(what, step, names.iter().copied())))
 }
 
 #[cfg(test)]

@@ -91,3 +91,30 @@ def test_a_sweep_is_a_dataset(mouth, components) -> None:
     green = found.green.values
     assert found.green.dims == ("capture.blue.exposure_ms",)
     np.testing.assert_allclose(green[1:] / green[:-1], 2.0, rtol=0.02)
+
+
+def test_planes_make_frames_by_sums(mouth, components) -> None:
+    planes = components.planes(mouth, "blue")
+    rows, cols = components.radiance.shape[1:3]
+    assert planes.shape == (len(components.labels), 3, rows, cols) and not planes.flags.writeable
+    lit = [group == "blue" for group in components.light_groups]
+    frame = fs.capture(mouth.set("capture.blue.exposure_ms", 5), components)["blue"]
+    expected = planes[lit].sum(axis=0).mean(axis=(1, 2)) * 5e-3 * frame.scale["dn_per_electron"]
+    np.testing.assert_allclose(frame.developed.mean(axis=(0, 1)), expected, rtol=0.03)
+    with pytest.raises(fs.FluorsparError, match="there are ambient, white, blue"):
+        components.planes(mouth, "bleu")
+
+
+def test_what_was_kept_of_an_analysis_gives_the_same(program, tmp_path) -> None:
+    """The second analysis of a mouth of tissue looks at no surface; it is that of the program to the last bit."""
+    experiment = fs.experiment("oraleye-2021").with_(
+        render={"width_px": 32, "height_px": 24, "samples_per_pixel": 1}, mouth={"detail": 0.4}
+    )
+    components = fs.render(experiment, progress=None)
+    first = fs.analyze(experiment, fs.capture(experiment, components), components=components)
+    again = fs.experiment("oraleye-2021").with_(
+        render={"width_px": 32, "height_px": 24, "samples_per_pixel": 1}, mouth={"detail": 0.4}
+    )
+    assert fs.analyze(again, fs.capture(again, components), components=components) == first
+    half = again.set("concentration.biofilm_porphyrin", 0.5)
+    assert fs.analyze(half, fs.capture(half, components), components=components).truth.share < first.truth.share

@@ -10,7 +10,6 @@ use fluorspar::design::{
     WhiteFrame,
 };
 use fluorspar::digest::sha256_hex;
-use fluorspar::names::did_you_mean;
 use fluorspar::optics::IdealLens;
 use fluorspar::sensor::{EXPOSURE_MS, Sensor, SensorModel, SpectralQe};
 use fluorspar::spectral::{Curve, MAX_WAVELENGTH_NM, MIN_WAVELENGTH_NM, WavelengthGrid};
@@ -21,7 +20,7 @@ use super::schema::{
     ComparedDesignSection, ContrastSection, CriterionChoice, DesignFile, IdealBandsSection, LedSeriesSection,
     SearchSection, SensorChoiceSection, SplitChoice, SplitRule, TolerancesSection,
 };
-use crate::error::{ExperimentError, Place, steps};
+use crate::error::{ExperimentError, Message, Place, steps};
 use crate::read::{read_document, typed};
 use crate::resolve::context::{Context, Resolved, STRENGTH};
 use crate::resolve::spectrum::Role;
@@ -702,9 +701,8 @@ fn contrasts(
         for (field, names) in [("part", &section.part), ("whole", &section.whole)] {
             for (number, name) in names.iter().enumerate() {
                 if !known.contains(&name.as_str()) {
-                    let hint = did_you_mean(name, known.iter().copied());
-                    let message =
-                        format!("no region holds this fluorophore{hint} Known: {}", known.join(", "));
+                    let known = known.iter().copied();
+                    let message = Message::unknown("no region holds this fluorophore", name, known);
                     return context.fail(&at.field(field).index(number), message);
                 }
             }
@@ -800,8 +798,7 @@ fn by_names(
         if let Some(number) = known.iter().position(|name| *name == wanted) {
             return Ok(number);
         }
-        let hint = did_you_mean(wanted, known.iter().copied());
-        context.fail(at, format!("there is no such choice{hint} Known: {}", known.join(", ")))
+        context.fail(at, Message::unknown("there is no such choice", wanted, known))
     };
     let mut lights = Vec::new();
     for (index, name) in section.lights.iter().enumerate() {

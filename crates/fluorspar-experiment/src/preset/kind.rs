@@ -3,6 +3,7 @@
 use std::fmt;
 use std::path::PathBuf;
 
+use crate::error::Message;
 use fluorspar::names::suggestion;
 use fluorspar::quote::excerpt;
 use thiserror::Error;
@@ -87,6 +88,17 @@ impl fmt::Display for PresetKind {
             Self::Sample => "flat sample",
             Self::Design => "design problem",
         })
+    }
+}
+
+impl From<PresetError> for Message {
+    fn from(error: PresetError) -> Self {
+        let text = error.to_string();
+        let known = match error {
+            PresetError::Unknown { available, .. } => available,
+            _ => Vec::new(),
+        };
+        Self { text, known }
     }
 }
 

@@ -11,7 +11,7 @@ use super::seen::{Seen, check_parts};
 use super::spectrum::Role;
 use super::surface_mean::surface_mean;
 use super::tissue;
-use crate::error::{Place, Step, steps};
+use crate::error::{Message, Place, Step, steps};
 use crate::kept::kept_solutions;
 use crate::schema::{
     AnalysisSection, BulkReference, CaptureSection, ConcentrationFactor, ExperimentFile, ExposureTime,
@@ -135,13 +135,9 @@ fn check_drives(
     for (name, drive) in &section.light_groups {
         let at = place.field("light_groups").field(name);
         if !groups.iter().any(|group| group.name == *name) {
-            let known: Vec<&str> = groups.iter().map(|group| group.name.as_str()).collect();
-            let message = format!(
-                "there is no light group \"{}\"{} Known: {}",
-                excerpt(name),
-                hint(name, known.iter().copied()),
-                known.join(", ")
-            );
+            let known = groups.iter().map(|group| group.name.as_str());
+            let what = format!("there is no light group \"{}\"", excerpt(name));
+            let message = Message::unknown(what, name, known);
             return context.fail(&at, message);
         }
         context.within(&at, *drive, [0.0, 1e6], "times the stated power")?;
@@ -245,11 +241,8 @@ pub(super) fn analysis(
     let at = |key: &str| steps!["analysis", key];
     let labels: Vec<&str> = captures.iter().map(|capture| capture.frame.label.as_str()).collect();
     if !labels.contains(&section.frame.as_str()) {
-        let known = if labels.is_empty() { "none".into() } else { labels.join(", ") };
-        let message = format!(
-            "there is no capture of this name{} Known: {known}",
-            hint(&section.frame, labels.iter().copied())
-        );
+        let known = labels.iter().copied();
+        let message = Message::unknown("there is no capture of this name", &section.frame, known);
         return context.fail(&at("frame"), message);
     }
     check_region(context, section, seen)?;
@@ -364,11 +357,7 @@ fn further_frames(context: &Context<'_>, section: &AnalysisSection, labels: &[&s
     for (index, name) in section.further_frames.iter().enumerate() {
         let at = steps!["analysis", "further_frames", index];
         if !labels.contains(&name.as_str()) {
-            let message = format!(
-                "there is no capture of this name{} Known: {}",
-                hint(name, labels.iter().copied()),
-                labels.join(", ")
-            );
+            let message = Message::unknown("there is no capture of this name", name, labels.iter().copied());
             return context.fail(&at, message);
         }
         if *name == section.frame || section.further_frames[..index].contains(name) {

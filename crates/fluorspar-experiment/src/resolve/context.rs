@@ -9,7 +9,7 @@ use glam::{DVec3, Vec3};
 
 use super::record::InputFile;
 use crate::document::Document;
-use crate::error::{ExperimentError, PathsFrom, Place, Step};
+use crate::error::{ExperimentError, Message, PathsFrom, Place, Step};
 use crate::schema::{ExposureTime, FilePath};
 use crate::warning::Warning;
 use fluorspar::digest::sha256_hex;
@@ -70,16 +70,16 @@ impl<'a> Context<'a> {
         }
     }
 
-    pub(crate) fn error(&self, at: &[Step], message: impl Into<String>) -> ExperimentError {
+    pub(crate) fn error(&self, at: &[Step], message: impl Into<Message>) -> ExperimentError {
         self.document.error(at, message)
     }
 
-    pub(crate) fn fail<T>(&self, at: &[Step], message: impl Into<String>) -> Resolved<T> {
+    pub(crate) fn fail<T>(&self, at: &[Step], message: impl Into<Message>) -> Resolved<T> {
         Err(self.error(at, message))
     }
 
     /// Adds a warning that names its place.
-    pub(crate) fn warn(&mut self, at: &[Step], message: impl Into<String>) {
+    pub(crate) fn warn(&mut self, at: &[Step], message: impl Into<Message>) {
         let place = self.document.error(at, message).without_value();
         self.push_warning(place.to_string());
     }

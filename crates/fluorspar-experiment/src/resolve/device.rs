@@ -544,8 +544,7 @@ fn quantum_efficiency(
             return Ok(curves.into_iter().map(|column| (column.name, column.curve)).collect());
         }
     };
-    let preset =
-        preset::quantum_efficiency(reference).map_err(|error| context.error(at, error.to_string()))?;
+    let preset = preset::quantum_efficiency(reference).map_err(|error| context.error(at, error))?;
     context.note_preset("quantum efficiency", reference, &preset);
     let all = preset.channels().map_err(|error| context.error(at, error.to_string()))?;
     if let Some(missing) = wanted.iter().find(|name| !all.iter().any(|(channel, _)| channel == *name)) {

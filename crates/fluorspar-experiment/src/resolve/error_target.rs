@@ -1,11 +1,10 @@
 //! The error at which a render is good enough, in the channels of captures or in a range of wavelengths.
 
 use super::context::{Context, Resolved};
-use crate::error::steps;
+use crate::error::{Message, steps};
 use crate::schema::{RenderSection, StatisticsChoice};
 use fluorspar::image::StatisticsKind;
 use fluorspar::light::LightGroup;
-use fluorspar::names::did_you_mean;
 use fluorspar::optics::IdealLens;
 use fluorspar::render::{ErrorChannel, ErrorTarget};
 use fluorspar::scene::Scene;
@@ -73,9 +72,7 @@ fn check_captures(context: &Context<'_>, wanted: &[String], captures: &[Capture]
     }
     for (index, name) in wanted.iter().enumerate() {
         if !known().any(|label| label == name) {
-            let hint = did_you_mean(name, known());
-            let list = known().collect::<Vec<_>>().join(", ");
-            let message = format!("there is no capture of this name{hint} Known: {list}");
+            let message = Message::unknown("there is no capture of this name", name, known());
             return context.fail(&at.index(index), message);
         }
     }

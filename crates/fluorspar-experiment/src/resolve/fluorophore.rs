@@ -1,12 +1,11 @@
 //! Fluorophores.
 
 use super::context::{Context, Resolved};
-use crate::error::{Place, steps};
+use crate::error::{Message, Place, steps};
 use crate::preset::{self, PresetKind};
 use crate::schema::{
     FilePath, FluorophoreSection, FluorophoreSource, MatSource, MatrixSource, SpectraSource, TableSource,
 };
-use fluorspar::names::did_you_mean;
 use fluorspar::quote::excerpt;
 use fluorspar::spectral::{
     Curve, EemTable, EnergyEem, Fluorophore, PhotonEem, SeparableTerm, Stokes, YieldUnit,
@@ -61,9 +60,7 @@ pub(crate) fn unknown(
     let mut known: Vec<&str> = sections.iter().map(|section| section.name.as_str()).collect();
     known.extend(preset::names(PresetKind::Fluorophore));
     known.dedup();
-    let hint = did_you_mean(name, known.iter().copied());
-    context
-        .error(at, format!("there is no fluorophore \"{}\"{hint} Known: {}", excerpt(name), known.join(", ")))
+    context.error(at, Message::unknown(format!("there is no fluorophore \"{}\"", excerpt(name)), name, known))
 }
 
 /// Checks names and sources of the fluorophore sections, used or not.
@@ -85,7 +82,7 @@ pub(crate) fn check_sections(context: &Context<'_>, sections: &[FluorophoreSecti
         if let FluorophoreSource::Catalogue(name) = &section.source
             && let Err(error) = preset::fluorophore(name)
         {
-            return context.fail(&at.field("source"), error.to_string());
+            return context.fail(&at.field("source"), error);
         }
     }
     Ok(())

@@ -2,9 +2,8 @@
 
 use super::context::{Context, LENGTH_MM, Resolved};
 use super::spectrum::Role;
-use crate::error::steps;
+use crate::error::{Message, steps};
 use crate::schema::{ExperimentFile, SafetySection};
-use fluorspar::names::did_you_mean;
 use fluorspar::scene::Object;
 use fluorspar::sensor::{Demosaicing, Sensor, Spectroradiometer};
 use fluorspar::spectral::{Curve, WavelengthGrid};
@@ -84,16 +83,14 @@ pub(super) fn spectroradiometers(
         let earlier = file.spectroradiometer[..index].iter().map(|other| other.name.as_str());
         context.unique_name(&base, &section.name, earlier)?;
         let Some(capture) = captures.iter().find(|c| c.frame.label == section.capture) else {
-            let known: Vec<&str> = captures.iter().map(|c| c.frame.label.as_str()).collect();
-            let near = did_you_mean(&section.capture, known.iter().copied());
-            let message = format!("there is no capture of this name{near} Known: {}", known.join(", "));
+            let known = captures.iter().map(|c| c.frame.label.as_str());
+            let message = Message::unknown("there is no capture of this name", &section.capture, known);
             return context.fail(&at("capture"), message);
         };
         for (number, part) in section.parts.iter().enumerate() {
             if !objects.iter().any(|object| object.name == *part) {
-                let known: Vec<&str> = objects.iter().map(|object| object.name.as_str()).collect();
-                let near = did_you_mean(part, known.iter().copied());
-                let message = format!("the scene has no part of this name{near} Known: {}", known.join(", "));
+                let known = objects.iter().map(|object| object.name.as_str());
+                let message = Message::unknown("the scene has no part of this name", part, known);
                 return context.fail(&steps!["spectroradiometer", index, "parts", number], message);
             }
         }

@@ -8,7 +8,7 @@ use super::gloss::gloss;
 use super::mouth;
 use super::spectrum::Role;
 use super::tissue::TissueRecipe;
-use crate::error::{Place, steps};
+use crate::error::{Message, Place, steps};
 use crate::preset;
 use crate::schema::{
     ExperimentFile, MaterialSection, MetalIndex, MetalReference, NormalMapSection, ReflectanceReference,
@@ -18,7 +18,6 @@ use fluorspar::material::{
     Coated, Conductor, Dielectric, FluorophoreAmount, Lambertian, Material, Mixture, NormalMap,
     ReflectanceTerm, ScalarTexture, Scattering, TwoSided,
 };
-use fluorspar::names::did_you_mean;
 use fluorspar::spectral::{Curve, WavelengthGrid};
 use fluorspar_format::{Transfer, read_texture_png};
 
@@ -84,9 +83,8 @@ fn scattering(
         if let Some(index) = file.material.iter().position(|other| other.name == name) {
             return Ok(index);
         }
-        let known: Vec<&str> = file.material.iter().map(|other| other.name.as_str()).collect();
-        let hint = did_you_mean(name, known.iter().copied());
-        let message = format!("there is no [[material]] of this name{hint} Known: {}", known.join(", "));
+        let known = file.material.iter().map(|other| other.name.as_str());
+        let message = Message::unknown("there is no [[material]] of this name", name, known);
         context.fail(&at.field(key), message)
     };
     match &section.scattering {
@@ -149,7 +147,7 @@ fn metal_index(
 ) -> Resolved<(Curve, Curve)> {
     match reference {
         MetalReference::Name(name) => {
-            let preset = preset::metal(name).map_err(|error| context.error(at, error.to_string()))?;
+            let preset = preset::metal(name).map_err(|error| context.error(at, error))?;
             context.note_preset("metal", name, &preset);
             Ok(preset.index())
         }

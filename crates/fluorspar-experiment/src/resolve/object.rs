@@ -11,7 +11,7 @@ use super::light::group_index;
 use super::material::Materials;
 use super::mouth;
 use super::spectrum::Role;
-use crate::error::{Place, steps};
+use crate::error::{Message, Place, steps};
 use crate::kept::kept_mouth;
 use crate::schema::{
     BoxShape, DiscShape, DisplacementSection, EmissionSection, EmissionSides, ExperimentFile, FilePath,
@@ -370,10 +370,8 @@ fn material_index(context: &Context<'_>, at: &Place, name: &str, materials: &[Ma
     if let Some(index) = materials.iter().position(|material| material.name == name) {
         return Ok(index);
     }
-    let known: Vec<&str> = materials.iter().map(|material| material.name.as_str()).collect();
-    let hint = did_you_mean(name, known.iter().copied());
-    let known = if known.is_empty() { "none".into() } else { known.join(", ") };
-    context.fail(at, format!("there is no [[material]] of this name{hint} Known: {known}"))
+    let known = materials.iter().map(|material| material.name.as_str());
+    context.fail(at, Message::unknown("there is no [[material]] of this name", name, known))
 }
 
 fn affine(context: &Context<'_>, at: &Place, section: &TransformSection) -> Resolved<(Affine3A, f32)> {

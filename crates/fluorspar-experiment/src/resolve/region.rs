@@ -4,10 +4,9 @@ use std::path::Path;
 
 use super::context::{Context, Resolved};
 use super::seen::{Seen, check_parts};
-use crate::error::{Place, steps};
+use crate::error::{Message, Place, steps};
 use crate::schema::{ExperimentFile, FilePath, RegionReference, RegionSection, TargetSection};
 use fluorspar::analysis::{PixelMask, Polygon, Rectangle, RegionOfInterest};
-use fluorspar::names::did_you_mean;
 use fluorspar::sensor::Sensor;
 use fluorspar::study::{Target, TargetPlace};
 use fluorspar_format::read_mask;
@@ -178,13 +177,9 @@ fn place(
     match seen.lesions.spots.iter().find(|(name, _)| name == lesion) {
         Some((_, spot)) => Ok(TargetPlace::Spot(spot.clone())),
         None => {
-            let names: Vec<&str> = seen.lesions.spots.iter().map(|(name, _)| name.as_str()).collect();
-            let known = if names.is_empty() { "none".into() } else { names.join(", ") };
-            let hint = did_you_mean(lesion, names.iter().copied());
-            context.fail(
-                &at.field("lesion"),
-                format!("there is no [[mouth.lesion]] of this name{hint} Known: {known}"),
-            )
+            let known = seen.lesions.spots.iter().map(|(name, _)| name.as_str());
+            let message = Message::unknown("there is no [[mouth.lesion]] of this name", lesion, known);
+            context.fail(&at.field("lesion"), message)
         }
     }
 }

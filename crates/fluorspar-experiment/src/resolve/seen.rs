@@ -3,9 +3,8 @@
 use super::context::{Context, Resolved};
 use super::fluorophore::Fluorophores;
 use super::lesion::Lesions;
-use crate::error::Place;
+use crate::error::{Message, Place};
 use fluorspar::material::{Material, StateGrid};
-use fluorspar::names::did_you_mean;
 use fluorspar::optics::PerspectiveCamera;
 use fluorspar::scene::Object;
 use fluorspar::sensor::Sensor;
@@ -52,11 +51,7 @@ pub(super) fn check_parts(
     let Some((index, part)) = parts.iter().enumerate().find(|(_, part)| is_unknown(part)) else {
         return Ok(());
     };
-    let names: Vec<&str> = seen.objects.iter().map(|object| object.name.as_str()).collect();
-    let message = format!(
-        "the scene has no part of this name{} Known: {}",
-        did_you_mean(part, names.iter().copied()),
-        names.join(", ")
-    );
+    let known = seen.objects.iter().map(|object| object.name.as_str());
+    let message = Message::unknown("the scene has no part of this name", part, known);
     context.fail(&at.index(index), message)
 }

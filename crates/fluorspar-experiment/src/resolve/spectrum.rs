@@ -77,7 +77,7 @@ impl Context<'_> {
                 self.table(at, &table, grid)?
             }
             SpectrumReference::Text(NameOrTable::Name(name)) => {
-                let preset = role.preset(name).map_err(|error| self.error(at, error.to_string()))?;
+                let preset = role.preset(name).map_err(|error| self.error(at, error))?;
                 self.note_preset("curve", name, &preset);
                 self.note_range(at, preset.valid_nm, grid);
                 preset.curve_at_angle(angle_deg)

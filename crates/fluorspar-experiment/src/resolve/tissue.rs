@@ -10,7 +10,7 @@ use super::gloss::gloss;
 use super::named_tissue::{NamedTissue, of_section};
 use super::surface_mean::rough_surface_mean;
 use crate::ExperimentError;
-use crate::error::{Place, steps};
+use crate::error::{Message, Place, steps};
 use crate::kept::kept_tissue;
 use crate::schema::{
     ExperimentFile, FluorophoreSection, GlossSection, LesionSection, TissueMaterialSection, TissueSection,
@@ -103,8 +103,7 @@ pub(crate) fn named_tissue(
     Site::named(name).map(NamedTissue::Site).map_err(|_| {
         let known: Vec<&str> =
             sections.iter().map(|section| section.name.as_str()).chain(Site::names()).collect();
-        let hint = did_you_mean(name, known.iter().copied());
-        let message = format!("there is no tissue \"{}\"{hint} Known: {}", excerpt(name), known.join(", "));
+        let message = Message::unknown(format!("there is no tissue \"{}\"", excerpt(name)), name, known);
         context.error(at, message)
     })
 }
@@ -449,9 +448,8 @@ fn check_parameter(context: &Context<'_>, at: &Place, tissue: &NamedTissue, name
             "is 0 in this tissue, so that a factor changes nothing; give it a value in a [[tissue]]";
         return context.fail(at, message);
     }
-    let known: Vec<&str> = parameters.iter().map(|(known, _)| known.as_str()).collect();
-    let hint = did_you_mean(name, known.iter().copied());
+    let known = parameters.iter().map(|(known, _)| known.as_str());
     let message =
-        format!("tissue \"{}\" has no such parameter{hint} Known: {}", tissue.name(), known.join(", "));
+        Message::unknown(format!("tissue \"{}\" has no such parameter", tissue.name()), name, known);
     context.fail(at, message)
 }
