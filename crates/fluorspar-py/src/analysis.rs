@@ -1,12 +1,11 @@
 //! Analyses of frames.
 
-use std::sync::Arc;
-
 use fluorspar::analysis::PorphyrinLayers;
 use fluorspar::pipeline::{
-    AnalyzedFrame, Calibration, CapturedFrame, RawExposures, analyze_seen, complete_raw, develop_frames,
+    AnalyzedFrame, Calibration, CapturedFrame, PipelineError, RawExposures, analyze_seen, complete_raw,
+    develop_frames,
 };
-use fluorspar_experiment::ResolvedExperiment;
+use fluorspar::study::Study;
 use numpy::{PyArray2, ndarray::Array2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -53,7 +52,7 @@ impl FrameAnalysis {
 
 /// Frames as they were captured, or developed from the raw ones.
 fn developed(
-    resolved: &ResolvedExperiment,
+    study: &Study,
     frames: &[PyRef<'_, Frame>],
 ) -> PyResult<Result<Vec<CapturedFrame>, Vec<RawExposures>>> {
     let captured: Option<Vec<CapturedFrame>> = frames.iter().map(|frame| frame.captured.clone()).collect();
@@ -62,8 +61,7 @@ fn developed(
     }
     let complete = |frame: &PyRef<'_, Frame>| {
         let mut raw = frame.raw.clone();
-        complete_raw(&resolved.study, &mut raw)
-            .map_err(|what| failed(format!("frame \"{}\": {what}", raw.label)))?;
+        complete_raw(study, &mut raw).map_err(|what| failed(format!("frame \"{}\": {what}", raw.label)))?;
         Ok(RawExposures { raw, bracket: Vec::new() })
     };
     Ok(Err(frames.iter().map(complete).collect::<PyResult<_>>()?))
@@ -79,22 +77,39 @@ pub(crate) fn analyze(
     threads: Option<usize>,
 ) -> PyResult<Option<FrameAnalysis>> {
     let py = experiment.py();
+    if let Some(components) = components
+        && let Some(view) = View::of_kept_analysis(py, experiment.get(), components.get(), threads)?
+    {
+        let frames = developed(view.study(), &frames)?;
+        let analyzed = work_through(py, threads, || analyzed(view.study(), Some(&view), frames))?;
+        // What was kept is enough for an estimate from a family of tissues; of anything wrong the usual way tells.
+        if let Ok(Some(analyzed)) = analyzed
+            && analyzed.analysis.posterior.is_some()
+        {
+            return Ok(Some(FrameAnalysis { analyzed }));
+        }
+    }
     let resolved = experiment.get().resolved(py, threads)?;
-    let frames = developed(&resolved, &frames)?;
-    let seen = components
+    let frames = developed(&resolved.study, &frames)?;
+    let view = components
         .map(|components| View::whole(py, experiment.get(), components.get(), false, threads))
         .transpose()?;
-    let resolved: Arc<ResolvedExperiment> = resolved;
-    let analyzed = work_through(py, threads, move || {
-        let study = &resolved.study;
-        let frames = match frames {
-            Ok(frames) => frames,
-            Err(exposures) => {
-                let calibration = Calibration::of_study(study, exposures.iter().flat_map(RawExposures::all))?;
-                develop_frames(study, exposures, &calibration)?
-            }
-        };
-        analyze_seen(study, seen.as_ref().map(View::seen).as_ref(), &frames)
-    })?;
+    let analyzed = work_through(py, threads, || analyzed(&resolved.study, view.as_ref(), frames))?;
     Ok(analyzed.map_err(failed)?.map(|analyzed| FrameAnalysis { analyzed }))
+}
+
+/// The analysis of frames, developed first if they are raw.
+fn analyzed(
+    study: &Study,
+    view: Option<&View>,
+    frames: Result<Vec<CapturedFrame>, Vec<RawExposures>>,
+) -> Result<Option<AnalyzedFrame>, PipelineError> {
+    let frames = match frames {
+        Ok(frames) => frames,
+        Err(exposures) => {
+            let calibration = Calibration::of_study(study, exposures.iter().flat_map(RawExposures::all))?;
+            develop_frames(study, exposures, &calibration)?
+        }
+    };
+    analyze_seen(study, view.map(View::seen).as_ref(), &frames)
 }

@@ -13,7 +13,7 @@ create_exception!(
     fluorspar,
     ExperimentFailure,
     FluorsparError,
-    "A defect of an experiment, with path, line, field, value and message."
+    "A defect of an experiment, with path, line, field, value, message and known names."
 );
 create_exception!(
     fluorspar,
@@ -57,7 +57,8 @@ pub(crate) fn of_experiment(py: Python<'_>, error: &ExperimentError) -> PyErr {
         value.setattr("entry", details.entry.as_deref())?;
         value.setattr("field", details.field.as_deref())?;
         value.setattr("value", details.value.as_deref())?;
-        value.setattr("message", &details.message)
+        value.setattr("message", &details.message)?;
+        value.setattr("known", &details.known)
     };
     match set() {
         Ok(()) => raised,

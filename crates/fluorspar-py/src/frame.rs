@@ -12,6 +12,7 @@ use fluorspar::pipeline::{
 use fluorspar::study::{Capture, Study};
 use fluorspar_cli::RenderedScene;
 use fluorspar_experiment::ExperimentError;
+use fluorspar_experiment::kept_analysis;
 use fluorspar_format::{read_sensor_image, write_sensor_tiff};
 use numpy::{PyArray2, PyArray3};
 use pyo3::prelude::*;
@@ -201,26 +202,48 @@ impl View {
         Ok(Self { study, image, factors, planes })
     }
 
+    /// The view of a finished render whose scene is that of an experiment, with the study that `complete` makes of its captures; nothing is
+    /// meshed. `None` where more has changed.
+    fn without_surfaces(
+        py: Python<'_>,
+        experiment: &Experiment,
+        components: &Components,
+        threads: Option<usize>,
+        complete: impl FnOnce(Study) -> Study + Send,
+    ) -> PyResult<Option<Self>> {
+        let Some(rendered) = &components.experiment else { return Ok(None) };
+        let (image, rendered) = (components.image.clone(), rendered.get().parsed.clone());
+        let found = work_through(py, threads, || {
+            let scene = RenderedScene { labels: &image, experiment: Some(&rendered) };
+            let Some((found, changes)) = scene.captures::<ViewError>(&experiment.parsed)? else {
+                return Ok(None);
+            };
+            check_captures(&found.study, &image)?;
+            Self::new(complete(found.study), image, changes.factors, &components.planes).map(Some)
+        })?;
+        found.map_err(|error: ViewError| error.raised(py))
+    }
+
+    /// The view of an analysis of which was kept what it asks of surfaces. `None` where nothing was kept.
+    pub(crate) fn of_kept_analysis(
+        py: Python<'_>,
+        experiment: &Experiment,
+        components: &Components,
+        threads: Option<usize>,
+    ) -> PyResult<Option<Self>> {
+        let Some(kept) = kept_analysis(&experiment.parsed) else { return Ok(None) };
+        Self::without_surfaces(py, experiment, components, threads, |study| kept.complete(study))
+    }
+
     /// The view of the captures of an experiment, with its surfaces only where the scene has changed.
-    fn of_captures(
+    pub(crate) fn of_captures(
         py: Python<'_>,
         experiment: &Experiment,
         components: &Components,
         threads: Option<usize>,
     ) -> PyResult<Self> {
-        if let Some(rendered) = &components.experiment {
-            let (image, rendered) = (components.image.clone(), rendered.get().parsed.clone());
-            let found = work_through(py, threads, || {
-                let scene = RenderedScene { labels: &image, experiment: Some(&rendered) };
-                let Some((found, changes)) = scene.captures::<ViewError>(&experiment.parsed)? else {
-                    return Ok(None);
-                };
-                check_captures(&found.study, &image)?;
-                Self::new(found.study, image, changes.factors, &components.planes).map(Some)
-            })?;
-            if let Some(found) = found.map_err(|error: ViewError| error.raised(py))? {
-                return Ok(found);
-            }
+        if let Some(view) = Self::without_surfaces(py, experiment, components, threads, |study| study)? {
+            return Ok(view);
         }
         Self::whole(py, experiment, components, true, threads)
     }
@@ -244,6 +267,17 @@ impl View {
             Self::new(resolved.study.clone(), image, changes.factors, &components.planes)
         })?;
         made.map_err(|error| error.raised(py))
+    }
+
+    /// What the view is of.
+    pub(crate) fn study(&self) -> &Study {
+        &self.study
+    }
+
+    /// The channel planes of the camera of a capture.
+    pub(crate) fn planes_of(&self, capture: &str) -> Option<&ChannelPlanes> {
+        let number = self.study.captures.iter().position(|settings| settings.frame.label == capture)?;
+        self.planes.planes.get(*self.planes.of_capture.get(number)?)
     }
 
     pub(crate) fn seen(&self) -> SeenComponents<'_> {

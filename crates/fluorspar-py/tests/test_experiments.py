@@ -40,6 +40,21 @@ def test_errors_say_what_where_and_how_to_fix_it(mouth, path, value, field, text
     assert isinstance(error, fs.FluorsparError)
 
 
+def test_errors_know_what_could_stand_there(mouth: fs.Experiment) -> None:
+    for path, value, name in [
+        ("light.blue.spectrum", "led_386", "led_385"),
+        ("analysis.frame", "bleu", "blue"),
+        ("sensor.no_such_field", 1, "read_noise_e"),
+        ("base", "oraleye-2012", "oraleye-2021"),
+    ]:
+        with pytest.raises(fs.ExperimentError) as raised:
+            (mouth.set(path, value) if path != "base" else fs.experiment({"format": 1, "base": value})).check()
+        assert name in raised.value.known and raised.value.message.endswith(", ".join(raised.value.known))
+    with pytest.raises(fs.ExperimentError) as raised:
+        mouth.set("light.blue.strength.power_mw", -1).check()
+    assert raised.value.known == []
+
+
 def test_a_value_that_no_experiment_has_is_named(mouth: fs.Experiment) -> None:
     with pytest.raises(TypeError, match="light.blue.strength.power_mw: a complex"):
         mouth.set("light.blue.strength.power_mw", 1j)

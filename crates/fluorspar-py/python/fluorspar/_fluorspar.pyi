@@ -14,6 +14,7 @@ __all__ = [
     "RenderStopped",
     "Experiment",
     "Components",
+    "Planes",
     "Frame",
     "FrameAnalysis",
     "render",
@@ -21,6 +22,7 @@ __all__ = [
     "capture",
     "read_frame",
     "analyze",
+    "channel_planes",
     "read_mesh",
     "write_png",
     "answer",
@@ -39,6 +41,7 @@ class ExperimentError(FluorsparError):
     field: str | None
     value: str | None
     message: str
+    known: list[str]
 
 class RenderStopped(KeyboardInterrupt):
     partial: Any
@@ -104,6 +107,11 @@ class Components:
     def write(self, path: str | os.PathLike[str]) -> None: ...
 
 @final
+class Planes:
+    @property
+    def electrons_per_s(self) -> NDArray[np.float32]: ...
+
+@final
 class Frame:
     @property
     def name(self) -> str: ...
@@ -145,6 +153,9 @@ def analyze(
     *,
     threads: int | None = None,
 ) -> FrameAnalysis | None: ...
+def channel_planes(
+    experiment: Experiment, components: Components, capture: str, *, threads: int | None = None
+) -> Planes: ...
 def read_mesh(
     path: str | os.PathLike[str], unit_m: float = 1.0
 ) -> tuple[NDArray[np.float32], NDArray[np.uint32], NDArray[np.float32], NDArray[np.float32]]: ...

@@ -98,6 +98,15 @@ class Components:
         sums: NDArray[np.float32] = np.tensordot(np.asarray(factors, dtype=np.float32), self.radiance, axes=1)
         return sums
 
+    def planes(self, experiment: Experiment, capture: str, *, threads: int | None = None) -> NDArray[np.float32]:
+        """Electrons per second that each component frees in each channel of the camera of a capture, ``[component, channel, row,
+        col]``, at the rendered powers and concentrations: a view.
+
+        Lens, filters and quantum efficiency are in them, so that drives, concentrations and exposures are factors: for one's own
+        optimizers. Rows and columns are those of the render, electrons those of one pixel of the sensor.
+        """
+        return _fluorspar.channel_planes(experiment._native, self._native, capture, threads=threads).electrons_per_s
+
     def part_mask(self, name: str) -> NDArray[np.bool_]:
         """Whether a pixel sees a part, ``[row, col]``."""
         if name not in self.part_names:

@@ -1,0 +1,48 @@
+//! Channel planes.
+
+use fluorspar::image::ChannelPlanes;
+use numpy::PyArray4;
+use pyo3::prelude::*;
+
+use crate::components::Components;
+use crate::error::failed;
+use crate::experiment::Experiment;
+use crate::frame::View;
+use crate::view::view;
+
+/// Electrons per second that each component of a render frees in each channel of the camera of a capture.
+#[pyclass(frozen, module = "fluorspar._fluorspar")]
+pub(crate) struct Planes {
+    planes: ChannelPlanes,
+}
+
+#[pymethods]
+impl Planes {
+    /// `[component, channel, row, col]`, electrons per second in one pixel, at the rendered powers and concentrations: a view,
+    /// read-only.
+    #[getter]
+    fn electrons_per_s<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyArray4<f32>>> {
+        let planes = &slf.get().planes;
+        let shape = (planes.components, planes.channels, planes.height, planes.width);
+        view(slf, |this| &this.planes.data, shape)
+    }
+}
+
+/// The planes of a component image in the camera of one of an experiment's captures.
+#[pyfunction]
+#[pyo3(signature = (experiment, components, capture, *, threads = None))]
+pub(crate) fn channel_planes(
+    experiment: &Bound<'_, Experiment>,
+    components: &Bound<'_, Components>,
+    capture: &str,
+    threads: Option<usize>,
+) -> PyResult<Planes> {
+    let py = experiment.py();
+    let view = View::of_captures(py, experiment.get(), components.get(), threads)?;
+    let names: Vec<&str> =
+        view.study().captures.iter().map(|settings| settings.frame.label.as_str()).collect();
+    match view.planes_of(capture) {
+        Some(planes) => Ok(Planes { planes: planes.clone() }),
+        None => Err(failed(format!("there is no capture \"{capture}\"; there are {}", names.join(", ")))),
+    }
+}
