@@ -108,19 +108,28 @@ FlatSampleName: TypeAlias = Literal[
 ]
 
 FluorophoreName: TypeAlias = Literal[
+    'aged_varnish',
     'biofilm_chlorophyll',
     'biofilm_porphyrin',
     'chlorophyll_a',
     'collagen',
     'dentin',
+    'egfp',
     'elastin',
     'enamel',
     'fad',
     'flavin_aggregate',
+    'fluorescein',
+    'indocyanine_green',
     'keratin',
     'lipopigment',
     'nadh',
     'protoporphyrin_ix',
+    'protoporphyrin_ix_in_tissue',
+    'quinine_sulfate',
+    'rhodamine_6g',
+    'rhodamine_b',
+    'riboflavin',
 ]
 
 GlassName: TypeAlias = Literal[
@@ -1777,7 +1786,7 @@ class AnalysisSection(TypedDict, total=False):
     compared_px: list[RegionReference]
     """Two regions of the sensor whose pixels are compared: how well the frames tell them apart. Default: none."""
     porphyrin: str
-    """Fluorophore whose share is estimated. Default "protoporphyrin_ix"."""
+    """Fluorophore whose share is estimated; "none" for no such estimate. Default "protoporphyrin_ix"."""
     bulk: BulkReference
     """Fluorophores that form the bulk of the tissue: the name of a material, whose fluorophores count without the porphyrin
     (where a concentration is a map, with its mean over the region), or a table of concentrations. Default: the material of the
@@ -1856,6 +1865,9 @@ class Experiment(TypedDict, total=False):
     base: str
     """Experiment that this file overrides: a name of the catalogue or a path relative to this file. Tables are merged key by
     key, lists entry by entry by `name`; `remove = true` in an entry removes it."""
+    unset: list[str] | dict[str, str]
+    """Paths of what the base says and this file does not want: sections, entries, fields, as in `["light.white", "analysis"]`.
+    They are taken away before this file is put on top. Default: none."""
     spectral: SpectralSection
     """Wavelengths."""
     render: RenderSection
