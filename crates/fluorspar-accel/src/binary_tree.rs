@@ -45,8 +45,9 @@ const REINSERTION_RATIO: f32 = 0.1;
 /// By how much boxes are disturbed, as a fraction of their extent.
 const DISTURBANCE: f64 = 1.0 / 128.0;
 
-/// A tree of good quality: parallel locally-ordered clustering followed by reinsertion, both from `obvhs`.
-pub(crate) fn clustered(boxes: &[Bounds]) -> BinaryTree {
+/// A tree of good quality: parallel locally-ordered clustering followed by reinsertion, both from `obvhs`. Of large scenes memory is
+/// scarcest here, so that the boxes go as soon as the builder has its own.
+pub(crate) fn clustered(boxes: Vec<Bounds>) -> BinaryTree {
     // Only the shape of the tree is taken from the builder, so its boxes may be scaled, against overflow, and
     // disturbed: clustering sorts boxes along a curve and merges mutual nearest neighbors, which takes quadratic time
     // where each box prefers the one before, as equal or steadily growing boxes do.
@@ -63,8 +64,10 @@ pub(crate) fn clustered(boxes: &[Bounds]) -> BinaryTree {
             Aabb::new((min + shift - growth).as_vec3().into(), (max + shift + growth).as_vec3().into())
         })
         .collect();
-    let numbers = (0..boxes.len() as u32).collect();
-    let mut tree = PlocBuilder::with_capacity(boxes.len()).build(
+    let count = boxes.len();
+    drop(boxes);
+    let numbers = (0..count as u32).collect();
+    let mut tree = PlocBuilder::with_capacity(count).build(
         PlocSearchDistance::Medium,
         &primitives,
         numbers,
@@ -99,7 +102,7 @@ fn in_order(tree: &Bvh2) -> BinaryTree {
 }
 
 /// A tree whose depth is the logarithm of the number of boxes, whatever they look like: halves along the longest axis.
-pub(crate) fn balanced(boxes: &[Bounds]) -> BinaryTree {
+pub(crate) fn balanced(boxes: Vec<Bounds>) -> BinaryTree {
     let center = |number: u32| {
         let b = &boxes[number as usize];
         b.min * 0.5 + b.max * 0.5

@@ -256,10 +256,10 @@ fn farthest_from_own_origin(to_world: &Affine3, low: Vec3, high: Vec3) -> f64 {
 }
 
 /// A tree over boxes that the traversal stack can cope with: grouped by `cluster`, or balanced should that be too deep.
-fn fitting_nodes(boxes: &[Bounds], cluster: impl Fn(&[Bounds]) -> BinaryTree) -> Vec<WideNode> {
-    let mut nodes = wide_tree::collapse_single(&cluster(boxes), boxes);
+fn fitting_nodes(boxes: &[Bounds], cluster: impl Fn(Vec<Bounds>) -> BinaryTree) -> Vec<WideNode> {
+    let mut nodes = wide_tree::collapse_single(&cluster(boxes.to_vec()), boxes);
     if wide_tree::stack_need(&nodes) > STACK_CAPACITY {
-        nodes = wide_tree::collapse_single(&binary_tree::balanced(boxes), boxes);
+        nodes = wide_tree::collapse_single(&binary_tree::balanced(boxes.to_vec()), boxes);
     }
     // The kernels write to the stack unchecked; a balanced tree of 2^30 boxes is 30 levels deep.
     assert!(wide_tree::stack_need(&nodes) <= STACK_CAPACITY, "a balanced tree fits the traversal stack");

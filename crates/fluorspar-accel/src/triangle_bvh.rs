@@ -223,7 +223,7 @@ fn check(positions: &[Vec3], triangles: &[[u32; 3]]) -> Result<(), BuildError> {
 fn build_fitting_tree(
     count: usize,
     corners: impl Fn(u32) -> [Vec3; 3] + Copy + Sync,
-    group: impl Fn(&[Bounds]) -> BinaryTree,
+    group: impl Fn(Vec<Bounds>) -> BinaryTree,
 ) -> WideTree {
     let mut tree = build_tree(count, corners, group);
     if wide_tree::stack_need(&tree.nodes) > STACK_CAPACITY {
@@ -238,12 +238,13 @@ fn build_fitting_tree(
 fn build_tree(
     count: usize,
     corners: impl Fn(u32) -> [Vec3; 3] + Sync,
-    group: impl Fn(&[Bounds]) -> BinaryTree,
+    group: impl Fn(Vec<Bounds>) -> BinaryTree,
 ) -> WideTree {
     let numbers: Vec<u32> = (0..count as u32).filter(|&number| has_area(corners(number))).collect();
-    let boxes: Vec<Bounds> = numbers.par_iter().map(|&number| padded_box(corners(number))).collect();
-    let binary = group(&boxes);
-    let mut tree = wide_tree::collapse(&binary, boxes, |item| {
+    // Twice rather than kept: what groups them takes ten times their memory
+    let boxes = || -> Vec<Bounds> { numbers.par_iter().map(|&number| padded_box(corners(number))).collect() };
+    let binary = group(boxes());
+    let mut tree = wide_tree::collapse(&binary, boxes(), |item| {
         let number = numbers[item as usize];
         (corners(number), number)
     });
@@ -344,7 +345,7 @@ mod tests {
     }
 
     /// The deepest tree there is.
-    fn chain(boxes: &[Bounds]) -> BinaryTree {
+    fn chain(boxes: Vec<Bounds>) -> BinaryTree {
         let mut tree = Vec::new();
         for item in 0..boxes.len() as u32 {
             let next = tree.len() as u32 + 1;
@@ -360,7 +361,7 @@ mod tests {
     #[test]
     fn hits_do_not_depend_on_the_tree() {
         let (apart, together) = (soup(700), sheet());
-        type Cluster = fn(&[Bounds]) -> BinaryTree;
+        type Cluster = fn(Vec<Bounds>) -> BinaryTree;
         let cases: [(&[[Vec3; 3]], Cluster); 5] = [
             (&apart, binary_tree::clustered),
             (&apart, binary_tree::balanced),
