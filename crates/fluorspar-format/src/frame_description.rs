@@ -1,6 +1,5 @@
 //! Descriptions of the frames of cameras: what a file's tags tell, what its pixels show, and what must be assumed.
 
-use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
@@ -121,7 +120,7 @@ pub fn description_path(frame: &Path) -> PathBuf {
 /// # Errors
 /// A file that is no such frame; facts that contradict each other.
 pub fn describe_frame(path: &Path, given: &FrameFacts) -> Result<FrameDescription, FormatError> {
-    let (mut file, length) = open_plain(path)?;
+    let (mut file, _) = open_plain(path)?;
     let mut magic = Vec::new();
     Read::by_ref(&mut file).take(8).read_to_end(&mut magic).map_err(|e| FormatError::io(path, "read", e))?;
     let mut facts = Facts { given, list: Vec::new() };
@@ -137,11 +136,8 @@ pub fn describe_frame(path: &Path, given: &FrameFacts) -> Result<FrameDescriptio
             let (description, data) = read_dng_description(path, &bytes)?;
             (facts.of_dng(description), data)
         } else {
-            let pixels = read_tiff_pixels(
-                path,
-                File::open(path).map_err(|e| FormatError::io(path, "read", e))?,
-                length,
-            )?;
+            let (file, length) = open_plain(path)?;
+            let pixels = read_tiff_pixels(path, file, length)?;
             let tags = TiffBytes::new(&bytes);
             (facts.of_pixels(path, &pixels, tags.as_ref()), pixels.data)
         }

@@ -5,7 +5,7 @@ use std::path::Path;
 use super::context::{Context, Resolved};
 use super::seen::{Seen, check_parts};
 use crate::error::{Message, Place, steps};
-use crate::schema::{ExperimentFile, FilePath, RegionReference, RegionSection, TargetSection};
+use crate::schema::{ExperimentFile, FilePath, RegionReference, SensorRegionSection, TargetSection};
 use fluorspar::analysis::{PixelMask, Polygon, Rectangle, RegionOfInterest};
 use fluorspar::sensor::Sensor;
 use fluorspar::study::{Target, TargetPlace};
@@ -94,9 +94,9 @@ fn shapes(
     file: &ExperimentFile,
     seen: &Seen<'_>,
     at: &Place,
-    section: &RegionSection,
+    section: &SensorRegionSection,
 ) -> Resolved<RegionOfInterest> {
-    if *section == RegionSection::default() {
+    if *section == SensorRegionSection::default() {
         return context.fail(at, "names nothing; give parts, rectangle_px, polygon_px or mask");
     }
     check_parts(context, &at.field("parts"), &section.parts, seen)?;
@@ -156,19 +156,19 @@ fn place(
     at: &Place,
     section: &TargetSection,
 ) -> Resolved<TargetPlace> {
-    let shape = RegionSection {
+    let shape = SensorRegionSection {
         parts: section.parts.clone(),
         rectangle_px: section.rectangle_px,
         polygon_px: section.polygon_px.clone(),
         mask: section.mask.clone(),
     };
     let Some(lesion) = &section.lesion else {
-        if shape == RegionSection::default() {
+        if shape == SensorRegionSection::default() {
             return context.fail(at, "names nothing; give lesion, parts, rectangle_px, polygon_px or mask");
         }
         return Ok(TargetPlace::Region(shapes(context, file, seen, at, &shape)?));
     };
-    if shape != RegionSection::default() {
+    if shape != SensorRegionSection::default() {
         return context.fail(
             &at.field("lesion"),
             "a lesion tells where the target is; give nothing else about its place",

@@ -53,7 +53,7 @@ pub use reference::{
     ReflectanceReference, ReflectanceTermSection, SpectrumReference, SpectrumTable, TextureReference,
     TextureTable, TongueMap,
 };
-pub use region::{RegionReference, RegionSection, TargetSection};
+pub use region::{RegionReference, SensorRegionSection, TargetSection};
 pub use settings::{EdgeBins, RenderSection, SpectralSection, StatisticsChoice, UniformBins};
 pub use tissue::{
     BackgroundSection, BloodSection, CaroteneSection, LayerAbsorptionSection, LayerFluorophoreSection,

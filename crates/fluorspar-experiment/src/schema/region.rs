@@ -13,13 +13,13 @@ pub enum RegionReference {
     /// Column, row, width, height.
     Rectangle([u32; 4]),
     /// Parts and shapes.
-    Shapes(RegionSection),
+    Shapes(SensorRegionSection),
 }
 
 /// A region of the sensor: where all that is given holds.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct RegionSection {
+pub struct SensorRegionSection {
     /// Parts of the scene, by object name. Default: all.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub parts: Vec<String>,
