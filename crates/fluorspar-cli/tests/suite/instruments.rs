@@ -132,9 +132,11 @@ fn frames_of_another_camera_are_analysed_by_a_description() {
     assert!(apart.abs() < 0.05 * error, "{apart} apart, standard error {error}");
     assert_eq!(found["counts"], expected["counts"]);
 
+    // Without the frame that is subtracted room light counts as light of the region.
+    let said = analyze(&["--frame", "blue=capture_blue.raw"]).well();
+    assert!(said.stderr.contains("--frame ambient=FILE"), "{}", said.stderr);
     for (wrong, word) in [
-        (&["--frame", "blue=capture_blue.raw"][..], "ambient"),
-        (&["--frame", "ambient=capture_ambient.raw"], "--frame blue=FILE"),
+        (&["--frame", "ambient=capture_ambient.raw"][..], "--frame blue=FILE"),
         (&["--frame", "green=capture_blue.raw"], "no capture \"green\""),
         (&["--frame", "capture_blue.raw"], "write the name"),
         (&["--frame", "blue=missing.dng"], "missing.dng"),
