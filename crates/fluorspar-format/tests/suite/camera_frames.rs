@@ -60,13 +60,17 @@ fn damaged_compressed_frames_are_survived() {
     for name in ["bggr_jpeg.dng", "grbg_deflate.dng", "gbrg_predictors.dng"] {
         let (_folder, path) = copied(name);
         let good = fs::read(&path).unwrap();
+        let whole = read_sensor_image(&path).unwrap().image.data;
         for at in (0..good.len()).step_by(37) {
             let mut bytes = good.clone();
             bytes[at] ^= 0x55;
             fs::write(&path, &bytes).unwrap();
             let _ = read_sensor_image(&path);
             fs::write(&path, &good[..at]).unwrap();
-            assert!(read_sensor_image(&path).is_err(), "{name} cut at {at}");
+            // A mark of the end may be missing, but no pixel.
+            if let Ok(read) = read_sensor_image(&path) {
+                assert!(at + 4 > good.len() && read.image.data == whole, "{name} cut at {at}");
+            }
         }
     }
 }
