@@ -376,7 +376,7 @@ ExposureTime: TypeAlias = "float | Literal['auto']"
 Demosaicing: TypeAlias = "Literal['bilinear', 'gradient_corrected']"
 """How the colors that a pixel does not see are found."""
 
-RegionReference: TypeAlias = "list[int] | RegionSection"
+RegionReference: TypeAlias = "list[int] | SensorRegionSection"
 """A rectangle of the sensor, [column, row, width, height], or a table of parts and shapes, such as { mask = "spot.png" }."""
 
 BulkReference: TypeAlias = "str | dict[str, float]"
@@ -1807,7 +1807,7 @@ class AnalysisSection(TypedDict, total=False):
     """Pixels whose R + G + B is below this many standard deviations of its noise have no chromaticity, 0 to 1000. Default 5."""
 
 
-class RegionSection(TypedDict, total=False):
+class SensorRegionSection(TypedDict, total=False):
     """A region of the sensor: where all that is given holds."""
 
     parts: list[str]
