@@ -63,6 +63,12 @@ impl Experiment {
         Ok(resolved)
     }
 
+    /// The same experiment with one more change.
+    fn changed(&self, py: Python<'_>, change: String) -> PyResult<Self> {
+        let changes = [self.changes.as_slice(), &[change]].concat();
+        Self::new(py, self.text.clone(), self.name.clone(), self.base_dir.clone(), changes)
+    }
+
     pub(crate) fn text(&self) -> &str {
         &self.text
     }
@@ -104,9 +110,12 @@ impl Experiment {
     /// The same experiment with one more change, as `--set PATH=VALUE` of the commands.
     fn set(&self, py: Python<'_>, path: &str, value: &Bound<'_, PyAny>) -> PyResult<Self> {
         let value = toml_value(value, path)?;
-        let mut changes = self.changes.clone();
-        changes.push(format!("{path}={value}"));
-        Self::new(py, self.text.clone(), self.name.clone(), self.base_dir.clone(), changes)
+        self.changed(py, format!("{path}={value}"))
+    }
+
+    /// The same experiment without what its text or its base has at a path, as `--unset PATH` of the commands.
+    fn unset(&self, py: Python<'_>, path: &str) -> PyResult<Self> {
+        self.changed(py, format!("unset {path}"))
     }
 
     /// The values at a path, which may hold wildcards, as (path, value) pairs with defaults filled in.

@@ -37,6 +37,10 @@ class Experiment:
         """
         return Experiment(self._native.set(path, value))
 
+    def unset(self, path: str) -> Experiment:
+        """The same experiment without what its text or its base has at a path: ``e.unset("analysis")`` is ``--unset analysis``."""
+        return Experiment(self._native.unset(path))
+
     def with_(self, **sections: Any) -> Experiment:
         """The same experiment with other values, nested as in the file: ``e.with_(render={"samples_per_pixel": 64})``.
 
@@ -108,7 +112,7 @@ class Experiment:
         )
 
     def __repr__(self) -> str:
-        changes = "".join(f".set({change!r})" for change in self.changes)
+        changes = "".join(f" {change}" for change in self.changes)
         return f"<Experiment {self._native.name}: {self.title}{changes}>"
 
     def __eq__(self, other: object) -> bool:
