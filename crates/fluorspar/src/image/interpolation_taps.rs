@@ -1,4 +1,4 @@
-//! Which raw pixels enter an interpolated value, and so how certa
+//! Which raw pixels enter an interpolated value, and so how certain a mean of such values is.
 
 use std::collections::BTreeMap;
 
