@@ -145,6 +145,14 @@ pub(super) fn targets(
             });
         }
     }
+    if targets.len() > Target::MOST {
+        let message = format!(
+            "these are {} targets, lesions included, and the image of labels has numbers for {}; measure the others in another analysis",
+            targets.len(),
+            Target::MOST
+        );
+        return context.fail(&steps!["target"], message);
+    }
     Ok(targets)
 }
 

@@ -74,3 +74,16 @@ fn names_beyond_all_length_are_not_compared() {
     let said = complaint(&format!("format = 1\n{} = 1\n", "a".repeat(1 << 20)));
     assert!(said.len() < 3000, "{} bytes", said.len());
 }
+
+#[test]
+fn more_targets_than_labels_are_refused() {
+    let mut text = String::from("format = 1\nbase = \"flat-patch\"\n");
+    for number in 0..256 {
+        write!(text, "[[target]]\nname = \"t{number}\"\nrectangle_px = [8, 8, 4, 4]\n").unwrap();
+    }
+    let said = complaint(&text);
+    assert!(
+        said.contains("256 targets, lesions included, and the image of labels has numbers for 255"),
+        "{said}"
+    );
+}

@@ -115,6 +115,13 @@ fn labeled(
     warnings: &mut Vec<String>,
 ) -> Result<TargetLabels, PipelineError> {
     let mut found = TargetLabels { width, height, labels: vec![0; width * height], names: Vec::new() };
+    if plan.targets.len() > Target::MOST {
+        warnings.push(format!(
+            "Of {} targets the first {} are measured: the image of labels has no more numbers.",
+            plan.targets.len(),
+            Target::MOST
+        ));
+    }
     for (target, number) in plan.targets.iter().zip(1..=u8::MAX) {
         found.names.push(target.name.clone());
         let pixels = pixels_of(target, width, height, scene)?;

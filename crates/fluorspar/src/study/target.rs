@@ -16,6 +16,11 @@ pub struct Target {
     pub background: Option<RegionOfInterest>,
 }
 
+impl Target {
+    /// Most targets of an analysis, for which the image of labels has numbers.
+    pub const MOST: usize = u8::MAX as usize;
+}
+
 /// Where a target is.
 #[derive(Clone, Debug, PartialEq)]
 pub enum TargetPlace {
