@@ -12,6 +12,7 @@ use super::read::{
     attribute, bands, component_parts, damaged, decode, for_each_block, headers, parse_json, provenance,
     read_component_exr, read_features, scale_of,
 };
+use super::rounded_rows::rows_of_24_bits;
 use super::{COMPONENT, DENOISED, EXCITATION, ExcitationLabel, PLANES, PlanesLabel};
 use crate::file::{check_image_size, guarded, most_image_bytes};
 use crate::npy::{is_npy, read_component_npy};
@@ -283,12 +284,17 @@ impl ComponentRows for ComponentFile {
         let headers = guarded(&self.path, "OpenEXR", || headers(&self.path))?;
         let is_wanted = |part: usize| of_part(part).is_some();
         let found = for_each_block(&self.path, headers.len(), is_wanted, |block| {
-            let Some(component) = of_part(block.index.layer) else { return Ok(Vec::new()) };
-            let header = &headers[block.index.layer];
-            let mut rows = Vec::with_capacity(block.index.pixel_size.height());
-            rows_of_block(&self.path, header, &components[component], &block, |row, lines| {
-                rows.push((component, row, visit(component, row, lines)));
-            })?;
+            let part = block.part();
+            let Some(component) = of_part(part) else { return Ok(Vec::new()) };
+            let (header, bands) = (&headers[part], &components[component]);
+            let mut rows = Vec::with_capacity(header.compression.scan_lines_per_block());
+            let mut keep =
+                |row: usize, lines: &[f32]| rows.push((component, row, visit(component, row, lines)));
+            let is_visited = bands.scale.is_none()
+                && rows_of_24_bits(&self.path, header, &bands.bands, &block, &mut keep)?;
+            if !is_visited {
+                rows_of_block(&self.path, header, bands, &block.unpack()?, keep)?;
+            }
             Ok(rows)
         })?;
         let found: Vec<(usize, usize, T)> = found.into_iter().flatten().collect();

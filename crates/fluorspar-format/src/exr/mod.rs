@@ -2,6 +2,7 @@
 
 mod component_file;
 mod read;
+mod rounded_rows;
 mod write;
 
 pub use component_file::ComponentFile;

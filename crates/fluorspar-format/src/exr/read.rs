@@ -498,13 +498,13 @@ fn place_block(
     Ok(())
 }
 
-/// Reads and unpacks the full-resolution blocks of the wanted ones of so many parts, and returns what `visit` made of each, in no
-/// order. Several threads read: one would keep the others waiting.
+/// Reads the full-resolution blocks of the wanted ones of so many parts, and returns what `visit` made of each, in no order. Several
+/// threads read: one would keep the others waiting.
 pub(super) fn for_each_block<T: Send>(
     path: &Path,
     parts: usize,
     wanted: impl Fn(usize) -> bool,
-    visit: impl Fn(UncompressedBlock) -> Result<T, FormatError> + Sync,
+    visit: impl Fn(PackedBlock<'_>) -> Result<T, FormatError> + Sync,
 ) -> Result<Vec<T>, FormatError> {
     let wanted: Vec<usize> = (0..parts).filter(|part| wanted(*part)).collect();
     // Each group opens the file again, and has a batch of blocks in memory.
@@ -518,7 +518,7 @@ pub(super) fn for_each_block<T: Send>(
 fn blocks_of<T: Send>(
     path: &Path,
     parts: &[usize],
-    visit: &(impl Fn(UncompressedBlock) -> Result<T, FormatError> + Sync),
+    visit: &(impl Fn(PackedBlock<'_>) -> Result<T, FormatError> + Sync),
 ) -> Result<Vec<T>, FormatError> {
     let mut blocks = BlockReader::open(path, |part| parts.contains(&part))?;
     let mut found = Vec::new();
@@ -527,8 +527,26 @@ fn blocks_of<T: Send>(
         if chunks.is_empty() {
             return Ok(found);
         }
-        let unpacked = chunks.into_par_iter().map(|chunk| visit(blocks.unpack(chunk)?));
-        found.extend(unpacked.collect::<Result<Vec<T>, FormatError>>()?);
+        let visited = chunks.into_par_iter().map(|chunk| visit(PackedBlock { chunk, reader: &blocks }));
+        found.extend(visited.collect::<Result<Vec<T>, FormatError>>()?);
+    }
+}
+
+/// A block as it lies in the file.
+pub(super) struct PackedBlock<'a> {
+    pub(super) chunk: Chunk,
+    reader: &'a BlockReader<'a>,
+}
+
+impl PackedBlock<'_> {
+    /// Number of its part.
+    pub(super) fn part(&self) -> usize {
+        self.chunk.layer_index
+    }
+
+    /// The block, unpacked by the decoder for everything.
+    pub(super) fn unpack(self) -> Result<UncompressedBlock, FormatError> {
+        self.reader.unpack(self.chunk)
     }
 }
 

@@ -118,12 +118,15 @@ fn openexr() {
     let image =
         SpectralImage::<Radiance>::from_data(grid(), 4, 20, (0..160).map(|i| i as f32).collect()).unwrap();
     let provenance = Provenance::new("a = 1", "a = 1", 1, 1);
-    for compression in [ExrCompression::Uncompressed, ExrCompression::Zip] {
+    for compression in [ExrCompression::Uncompressed, ExrCompression::Zip, ExrCompression::Rounded24] {
         let options = ExrOptions { compression, provenance: Some(&provenance), ..Default::default() };
-        write_spectral_exr(&path, &image, &options).unwrap();
-        damage(&path, |path| read_spectral_exr::<Radiance>(path).is_ok());
-        write_component_exr(&path, &components(), &options).unwrap();
-        damage(&path, |path| read_component_exr(path).is_ok());
+        // Only rows of components have a decoder of their own for 24 bits
+        if compression != ExrCompression::Rounded24 {
+            write_spectral_exr(&path, &image, &options).unwrap();
+            damage(&path, |path| read_spectral_exr::<Radiance>(path).is_ok());
+            write_component_exr(&path, &components(), &options).unwrap();
+            damage(&path, |path| read_component_exr(path).is_ok());
+        }
         let mut planes = [ChannelPlanes::dark([3, 2], 1, 2, "c".into())];
         planes[0].data.iter_mut().enumerate().for_each(|(i, value)| *value = i as f32);
         write_component_exr(&path, &components(), &ExrOptions { planes: &planes, ..options }).unwrap();

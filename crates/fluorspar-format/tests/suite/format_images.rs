@@ -169,6 +169,52 @@ fn component_images_are_read_part_by_part() {
     assert_eq!(file.planes("a camera", |_| true).unwrap(), None);
 }
 
+/// Rows of 24-bit values have a decoder of their own: over several blocks, the last of which is not full, with what deflate makes
+/// smaller and what it does not, they are those that the decoder for everything gives, bit for bit.
+#[test]
+fn rows_of_24_bits_are_those_of_the_whole_image() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("c.exr");
+    let labels = [LightPath::Reflected, LightPath::MultipleFluorescence];
+    let (width, height) = (7, 37);
+    let mut image = ComponentImage::zeros(
+        grid(),
+        width,
+        height,
+        labels.map(|light| Component::of_group("blue", light)).to_vec(),
+    );
+    for (i, value) in image.data.iter_mut().enumerate() {
+        // The second component: numbers of any exponent and sign, and in some rows none
+        let bits = (i as u32).wrapping_mul(0x9e37_79b9);
+        let any = f32::from_bits((bits & 0x81ff_ffff) | 0x3000_0000);
+        *value = match i / (width * height * 4) {
+            0 => (i as f32 * 0.37).sin().exp() * 1e-3,
+            _ if i % 11 == 0 => 0.0,
+            _ => any,
+        };
+    }
+    let options = ExrOptions { compression: ExrCompression::Rounded24, ..Default::default() };
+    write_component_exr(&path, &image, &options).unwrap();
+    let whole = read_component_exr(&path).unwrap().image;
+    let file = ComponentFile::open_without_maps(&path).unwrap();
+    let rows = file.map_rows(|_| true, |_, _, lines| lines.to_vec()).unwrap();
+    assert_eq!(rows.len(), 2 * height);
+    for (component, row, lines) in rows {
+        for (index, value) in lines.iter().enumerate() {
+            let (band, col) = (index / width, index % width);
+            let expected = whole.component(component)[(row * width + col) * 4 + band];
+            assert_eq!(value.to_bits(), expected.to_bits(), "component {component}, row {row}, column {col}");
+        }
+    }
+    // A byte of the last block
+    let mut bytes = fs::read(&path).unwrap();
+    let last = bytes.len() - 9;
+    bytes[last] ^= 0x40;
+    fs::write(&path, bytes).unwrap();
+    let said = said(folder.path(), file.map_rows(|_| true, |_, _, _| ()));
+    assert!(said.starts_with("c.exr: not a valid OpenEXR file: compressed PXR24 data"), "{said}");
+}
+
 #[test]
 fn spectral_images_survive_openexr() {
     round_trip_exr::<Radiance>();
