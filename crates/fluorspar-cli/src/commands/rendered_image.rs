@@ -26,6 +26,9 @@ use crate::values::{Override, as_typed, sets};
 /// Most bytes of channel planes that are kept, an eighth of the cache: larger ones would drive mouths and tissues out of it.
 const MOST_KEPT_BYTES: usize = 128 << 20;
 
+/// Kind of the entries of the cache that hold channel planes.
+const PLANES_KIND: &str = "planes";
+
 /// A component image whose spectra are read when they are needed.
 pub(crate) struct RenderedImage {
     path: PathBuf,
@@ -177,7 +180,10 @@ impl RenderedImage {
         let CaptureResponses { responses, of_capture } = CaptureResponses::new(study, captures, labels)?;
         let film = responses.first().ok_or(PipelineError::Missing("captures"))?.film();
         let planes = if relit.iter().all(Option::is_none) {
-            self.planes(&responses, captures)?
+            self.planes(&responses, |response, component| {
+                let mut of_response = captures.iter().zip(&of_capture).filter(|(_, of)| **of == response);
+                of_response.any(|(capture, _)| self.is_lit(component, std::slice::from_ref(capture)))
+            })?
         } else {
             self.relit_planes(study, &responses, captures, lights, &rows)?
         };
@@ -249,66 +255,71 @@ impl RenderedImage {
         Ok(all)
     }
 
-    /// Channel planes: those that the file holds, and for other cameras new ones from its spectra.
+    /// Channel planes: those that the file holds, and for other cameras new ones from its spectra. `is_seen` tells which components the
+    /// captures of a response see; the planes of others may stay dark.
     fn planes(
         &self,
         responses: &[FilmResponse],
-        captures: &[Capture],
+        is_seen: impl Fn(usize, usize) -> bool + Sync,
     ) -> Result<Vec<ChannelPlanes>, CliError> {
         let mut planes = Vec::with_capacity(responses.len());
-        for response in responses {
-            planes.push(self.file.planes(response.camera(), |component| self.is_lit(component, captures))?);
+        for (number, response) in responses.iter().enumerate() {
+            let seen = |component| is_seen(number, component);
+            let held = match self.file.planes(response.camera(), seen)? {
+                None => self.kept_planes(response, seen),
+                held => held,
+            };
+            planes.push(held);
         }
-        let missing: Vec<&FilmResponse> =
-            responses.iter().zip(&planes).filter(|(_, held)| held.is_none()).map(|(r, _)| r).collect();
-        let ones = ComponentFactors::ones(self.labels().components.len());
-        let rows = PreparedRows { rows: &self.file, factors: &ones, width: self.labels().width };
-        let mut formed = self.formed(&missing, captures, &rows)?.into_iter();
+        let missing: Vec<usize> = (0..responses.len()).filter(|number| planes[*number].is_none()).collect();
+        let wanted = |component| missing.iter().any(|number| is_seen(*number, component));
+        let mut formed =
+            self.formed(missing.iter().map(|number| &responses[*number]).collect(), wanted)?.into_iter();
         Ok(planes.into_iter().filter_map(|held| held.or_else(|| formed.next())).collect())
     }
 
-    /// Channel planes of cameras of which the file holds none: those of an earlier command, else new ones.
+    /// New channel planes of cameras of which neither the file nor an earlier command holds any; they are kept for the next one.
     fn formed(
         &self,
-        responses: &[&FilmResponse],
-        captures: &[Capture],
-        rows: &PreparedRows<'_, ComponentFile>,
+        responses: Vec<&FilmResponse>,
+        wanted: impl Fn(usize) -> bool + Sync,
     ) -> Result<Vec<ChannelPlanes>, CliError> {
         if responses.is_empty() {
             return Ok(Vec::new());
         }
-        let key = self.key_of_planes(responses, captures);
-        let kept = key.as_ref().and_then(|key| {
-            let bytes = cache()?.get("planes", key.as_bytes())?;
-            planes_of_bytes(&bytes, responses)
-        });
-        if let Some(kept) = kept {
-            return Ok(kept);
+        let ones = ComponentFactors::ones(self.labels().components.len());
+        let rows = PreparedRows { rows: &self.file, factors: &ones, width: self.labels().width };
+        let planes = FilmResponse::planes(&responses, &wanted, &rows)?;
+        let mut entries = Vec::with_capacity(planes.len());
+        for (response, planes) in responses.into_iter().zip(&planes) {
+            let is_small = 4 * planes.data.len() <= MOST_KEPT_BYTES;
+            if let Some(key) = self.key_of_planes(response).filter(|_| is_small && cache().is_some()) {
+                entries.push((key, bytes_of_planes(planes, &wanted)));
+            }
         }
-        let planes = FilmResponse::planes(responses, |component| self.is_lit(component, captures), rows)?;
-        let size: usize = planes.iter().map(|planes| 4 * planes.data.len()).sum();
-        if let Some(key) = key.filter(|_| size <= MOST_KEPT_BYTES) {
-            let bytes: Vec<u8> =
-                planes.iter().flat_map(|planes| &planes.data).flat_map(|value| value.to_le_bytes()).collect();
-            let keep = move || {
+        let keep = move || {
+            for (key, bytes) in entries {
                 if let Some(cache) = cache() {
-                    cache.put("planes", key.as_bytes(), &bytes);
+                    cache.put(PLANES_KIND, key.as_bytes(), &bytes);
                 }
-            };
-            self.being_kept.set(thread::spawn(keep)).ok();
-        }
+            }
+        };
+        self.being_kept.set(thread::spawn(keep)).ok();
         Ok(planes)
     }
 
-    /// All that channel planes depend on: the file as it lies there, the cameras, and which light is on.
-    fn key_of_planes(&self, responses: &[&FilmResponse], captures: &[Capture]) -> Option<String> {
+    /// Channel planes that an earlier command has formed, if those of all wanted components are among them.
+    fn kept_planes(&self, response: &FilmResponse, wanted: impl Fn(usize) -> bool) -> Option<ChannelPlanes> {
+        let bytes = cache()?.get(PLANES_KIND, self.key_of_planes(response)?.as_bytes())?;
+        planes_of_bytes(&bytes, response, wanted)
+    }
+
+    /// All that channel planes depend on: the file as it lies there, and the camera.
+    fn key_of_planes(&self, response: &FilmResponse) -> Option<String> {
         let path = self.path.canonicalize().ok()?;
         let metadata = path.metadata().ok()?;
         let changed = metadata.modified().ok()?.duration_since(UNIX_EPOCH).ok()?;
-        let lit: Vec<bool> =
-            (0..self.labels().components.len()).map(|component| self.is_lit(component, captures)).collect();
-        let cameras: Vec<&str> = responses.iter().map(|response| response.camera()).collect();
-        Some(format!("planes 1 {path:?} {} {changed:?} {cameras:?} {lit:?}", metadata.len()))
+        Some(format!("planes 2 {path:?} {} {changed:?} {}", metadata.len(), response.camera()))
     }
 }
 
@@ -322,19 +333,43 @@ impl Drop for RenderedImage {
     }
 }
 
-/// Planes for some responses from the bytes of their values, if there are as many as they need.
-fn planes_of_bytes(bytes: &[u8], responses: &[&FilmResponse]) -> Option<Vec<ChannelPlanes>> {
-    let mut rest = bytes;
-    let mut found = Vec::with_capacity(responses.len());
-    for response in responses {
-        let mut planes = response.dark();
-        let (own, others) = rest.split_at_checked(4 * planes.data.len())?;
-        let (values, _) = own.as_chunks::<4>();
-        planes.data.iter_mut().zip(values).for_each(|(value, bytes)| *value = f32::from_le_bytes(*bytes));
-        found.push(planes);
-        rest = others;
+/// Planes of the wanted components as bytes: which components there are, a byte each, and their values.
+fn bytes_of_planes(planes: &ChannelPlanes, wanted: impl Fn(usize) -> bool) -> Vec<u8> {
+    let values = planes.data.len() / planes.components.max(1);
+    let is_there: Vec<bool> = (0..planes.components).map(wanted).collect();
+    let mut bytes: Vec<u8> = is_there.iter().map(|is_there| u8::from(*is_there)).collect();
+    let of_components = planes.data.chunks_exact(values.max(1)).zip(&is_there);
+    for (plane, _) in of_components.filter(|(_, is_there)| **is_there) {
+        bytes.extend(plane.iter().flat_map(|value| value.to_le_bytes()));
     }
-    rest.is_empty().then_some(found)
+    bytes
+}
+
+/// Planes of the wanted components from bytes, if all of them are there.
+fn planes_of_bytes(
+    bytes: &[u8],
+    response: &FilmResponse,
+    wanted: impl Fn(usize) -> bool,
+) -> Option<ChannelPlanes> {
+    let mut planes = response.dark();
+    let values = planes.data.len() / planes.components.max(1);
+    let (is_there, mut rest) = bytes.split_at_checked(planes.components)?;
+    for (component, plane) in planes.data.chunks_exact_mut(values.max(1)).enumerate() {
+        let is_wanted = wanted(component);
+        if is_there[component] == 0 {
+            if is_wanted {
+                return None;
+            }
+            continue;
+        }
+        let (own, others) = rest.split_at_checked(size_of::<f32>() * values)?;
+        rest = others;
+        if is_wanted {
+            let (own, _) = own.as_chunks::<4>();
+            plane.iter_mut().zip(own).for_each(|(value, bytes)| *value = f32::from_le_bytes(*bytes));
+        }
+    }
+    rest.is_empty().then_some(planes)
 }
 
 /// An experiment as captures of an image need it.

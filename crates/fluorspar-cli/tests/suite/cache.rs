@@ -157,6 +157,9 @@ fn no_command_after_a_render_makes_its_mouth_again() {
     assert_eq!((planes(), fs::read(folder.join("other/raw_blue.tiff")).unwrap()), before);
     fluorspar(&[&["--no-cache"], commands[1]].concat());
     assert_eq!(fs::read(folder.join("other/raw_blue.tiff")).unwrap(), before.1);
+    // An analysis that looks at fewer frames takes those planes, too.
+    fluorspar(&["analyze", "other", "--json", "-q"]);
+    assert_eq!(planes(), before.0);
     // What an analysis asks of surfaces is kept: it gives the same numbers without a mouth to read.
     let weak = ["--set", "concentration.collagen=0.5", "--out", "weak", "-q"];
     fluorspar(&[&["capture", "run/components.exr"], weak.as_slice()].concat());
