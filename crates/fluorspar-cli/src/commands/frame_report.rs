@@ -35,7 +35,11 @@ impl FrameReport<'_> {
             leaks: Vec::new(),
             depths: Vec::new(),
             spectra: Vec::new(),
-            safety: assess_safety(study, &self.frames),
+            // The lights of a recorded frame are not those of the experiment
+            safety: match self.frames_from {
+                FrameOrigin::Simulated => assess_safety(study, &self.frames),
+                FrameOrigin::Given => None,
+            },
             frames: self.frames,
         };
         let run = RunResults {

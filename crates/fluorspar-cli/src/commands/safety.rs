@@ -17,10 +17,10 @@ use crate::values::{self, Override};
 pub(crate) struct Options {
     #[command(flatten)]
     experiment: ExperimentArgs,
-    /// Distance from the camera at which a patient's eye may look into the lights, mm.
+    /// Distance from the camera at which an eye, in a mouth the patient's, may look into the lights, mm.
     #[arg(long, value_name = "MM", value_parser = values::number, allow_negative_numbers = true)]
     patient_eye_mm: Option<f64>,
-    /// Distance from the lit mouth to the operator's eye, mm.
+    /// Distance from the lit mouth or object to the operator's eye, mm.
     #[arg(long, value_name = "MM", value_parser = values::number, allow_negative_numbers = true)]
     operator_eye_mm: Option<f64>,
     #[command(flatten)]
@@ -66,13 +66,13 @@ fn describe(title: &str, report: &SafetyReport) -> String {
             capture.light_on_from
         );
         for viewer in &capture.viewers {
-            text += &describe_viewer(viewer);
+            text += &describe_viewer(viewer, report.is_mouth);
         }
     }
     text += "\nWhole sequence of captures, times in 8 hours:\n";
     for line in &report.program {
         let times = line.sequences_per_day.map_or_else(|| "not assessed".into(), |n| n.to_string());
-        text += &format!("  {:<16} {times}\n", line.viewer.name());
+        text += &format!("  {:<30} {times}\n", line.viewer.name(report.is_mouth));
     }
     if let Some(group) = report.risk_group {
         text += &format!("Risk group at 200 mm, continuous: {} ({})\n", group.name(), group.meaning());
@@ -84,13 +84,13 @@ fn describe(title: &str, report: &SafetyReport) -> String {
     text
 }
 
-fn describe_viewer(viewer: &ViewerSafety) -> String {
+fn describe_viewer(viewer: &ViewerSafety, is_mouth: bool) -> String {
+    let who = viewer.viewer.name(is_mouth);
     if let Some(reason) = &viewer.not_assessed {
-        return format!("  {}: no margin: {reason}\n", viewer.viewer.name());
+        return format!("  {who}: no margin: {reason}\n");
     }
     let mut text = format!(
-        "  {} at {} mm: {} W/m2\n",
-        viewer.viewer.name(),
+        "  {who} at {} mm: {} W/m2\n",
         short(viewer.distance_mm.unwrap_or(0.0)),
         short(viewer.irradiance_w_per_m2.unwrap_or(0.0))
     );

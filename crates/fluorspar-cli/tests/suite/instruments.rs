@@ -220,7 +220,11 @@ fn safety_is_told_for_every_capture_and_only_with_a_distance() {
         said.stdout.contains("--patient-eye-mm") || said.stdout.contains("safety.patient_eye_distance_mm")
     );
     let said = fluorspar(folder, ["safety", "flat-patch", "--patient-eye-mm", "100"]).well();
-    assert!(said.stdout.contains("patient's eye at 100"), "{}", said.stdout);
+    assert!(said.stdout.contains("eye that looks into the lights at 100"), "{}", said.stdout);
+    // No mouth is lit: neither words nor the factor of one.
+    for word in ["patient", "mucosa", "divided"] {
+        assert!(!said.stdout.contains(word), "{word}: {}", said.stdout);
+    }
     for (args, word) in [
         (&["safety", "flat-patch", "--patient-eye-mm", "-5"][..], "between 1e-6 and"),
         (&["safety", "fluorescent-sphere"], "[[capture]]"),

@@ -10,6 +10,7 @@ use fluorspar::spectral::{Curve, WavelengthGrid};
 use fluorspar::study::{
     Capture, Develop, FlatFieldPlan, Motion, SafetyPlan, SpectroradiometerPlan, SpectroradiometerTarget,
 };
+use fluorspar::tissue::Site;
 
 pub(super) fn motion(context: &Context<'_>, file: &ExperimentFile) -> Resolved<Option<Motion>> {
     let Some(section) = &file.motion else { return Ok(None) };
@@ -156,14 +157,34 @@ pub(super) fn safety(context: &Context<'_>, file: &ExperimentFile) -> Resolved<S
         }
     }
     context.within(&at("reflectance"), section.reflectance, [0.0, 1.0], "")?;
-    context.within(&at("mucosa_safety_factor"), section.mucosa_safety_factor, [1.0, 1000.0], "")?;
+    if let Some(factor) = section.mucosa_safety_factor {
+        context.within(&at("mucosa_safety_factor"), factor, [1.0, 1000.0], "")?;
+    }
+    let is_mouth = section.mucosa_safety_factor.is_some() || holds_mucosa(file);
     Ok(SafetyPlan {
         patient_eye_distance_mm: section.patient_eye_distance_mm,
         operator_eye_distance_mm: section.operator_eye_distance_mm,
         mucosa_distance_mm: section.mucosa_distance_mm.unwrap_or_else(|| file.camera.distance_mm()),
         lit_diameter_mm: section.lit_diameter_mm,
         reflectance: section.reflectance,
-        mucosa_safety_factor: section.mucosa_safety_factor,
+        mucosa_safety_factor: section.mucosa_safety_factor.unwrap_or(if is_mouth {
+            MUCOSA_FACTOR
+        } else {
+            1.0
+        }),
         aphakic: section.aphakic,
+        is_mouth,
     })
+}
+
+/// Limits for skin are divided by it where a mouth is lit (assumed).
+const MUCOSA_FACTOR: f64 = 10.0;
+
+/// Whether a scene has a mouth, or a material of one of its sites.
+fn holds_mucosa(file: &ExperimentFile) -> bool {
+    let is_site = |name: &str| match file.tissue.iter().find(|section| section.name == name) {
+        None => Site::named(name).is_ok(),
+        Some(section) => section.site.as_ref().is_some_and(|site| Site::named(site).is_ok()),
+    };
+    file.mouth.is_some() || file.material.iter().filter_map(|material| material.tissue()).any(is_site)
 }

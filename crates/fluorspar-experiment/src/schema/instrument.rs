@@ -104,8 +104,10 @@ pub struct SafetySection {
     pub lit_diameter_mm: f64,
     /// Diffuse reflectance of what the operator sees, 0 to 1. Default 1, the upper bound.
     pub reflectance: f64,
-    /// Factor by which limits for skin are divided for mucosa, for which there are none, 1 to 1000. Default 10 (assumed).
-    pub mucosa_safety_factor: f64,
+    /// Factor by which limits for skin are divided for mucosa, for which there are none, 1 to 1000. Default 10 (assumed) where
+    /// a mouth is lit, else 1. A scene without a mouth counts as one where this is given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mucosa_safety_factor: Option<f64>,
     /// Whether the patient may be an infant or have no lens in the eye. Default false.
     pub aphakic: bool,
 }
@@ -118,7 +120,7 @@ impl Default for SafetySection {
             mucosa_distance_mm: None,
             lit_diameter_mm: 60.0,
             reflectance: 1.0,
-            mucosa_safety_factor: 10.0,
+            mucosa_safety_factor: None,
             aphakic: false,
         }
     }

@@ -36,10 +36,13 @@ fn ring(safety: &str) -> Study {
 #[test]
 fn a_ring_of_leds_by_hand() {
     let report = assess_safety(
-        &ring("[safety]\npatient_eye_distance_mm = 100.0\noperator_eye_distance_mm = 300.0"),
+        &ring(
+            "[safety]\npatient_eye_distance_mm = 100.0\noperator_eye_distance_mm = 300.0\nmucosa_safety_factor = 10.0",
+        ),
         &[],
     )
     .unwrap();
+    assert!(report.is_mouth);
     let capture = report.captures.iter().find(|c| c.name == "blue").unwrap();
     assert_eq!((capture.light_on_s, capture.light_on_from.as_str()), (0.03, "exposure time"));
     let [patient, operator, mucosa] = capture.viewers.as_slice() else { panic!("{capture:?}") };
@@ -85,6 +88,23 @@ fn without_a_distance_there_is_no_margin() {
         assert_eq!(report.program[index].sequences_per_day, None);
     }
     assert!(capture.viewers[2].not_assessed.is_none());
+}
+
+/// A patch is no mouth: limits for skin as they are, and no word of mucosa or of a patient.
+#[test]
+fn only_a_mouth_divides_the_limits_for_skin() {
+    let limit = |text: &str| {
+        let report = assess_safety(&study(text), &[]).unwrap();
+        let capture = report.captures.iter().find(|c| !c.viewers.is_empty()).unwrap();
+        let burn = find(&capture.viewers[2], Hazard::SkinThermal).limit;
+        (report.is_mouth, burn / capture.light_on_s.powf(0.25), report.assumptions.join("; "))
+    };
+    let (is_mouth, skin, said) = limit(RING);
+    assert!(!is_mouth && (skin / 2e4 - 1.0).abs() < 1e-9, "{skin}");
+    assert!(!said.contains("mucosa") && !said.contains("patient") && !said.contains("divided"), "{said}");
+    let (is_mouth, mucosa, said) = limit("format = 1\nbase = \"oraleye-2021\"");
+    assert!(is_mouth && (mucosa / 2e3 - 1.0).abs() < 1e-9, "{mucosa}");
+    assert!(said.contains("mucosa") && said.contains("divided by 10"), "{said}");
 }
 
 #[test]

@@ -1760,7 +1760,8 @@ class SafetySection(TypedDict, total=False):
     reflectance: float
     """Diffuse reflectance of what the operator sees, 0 to 1. Default 1, the upper bound."""
     mucosa_safety_factor: float
-    """Factor by which limits for skin are divided for mucosa, for which there are none, 1 to 1000. Default 10 (assumed)."""
+    """Factor by which limits for skin are divided for mucosa, for which there are none, 1 to 1000. Default 10 (assumed) where
+    a mouth is lit, else 1. A scene without a mouth counts as one where this is given."""
     aphakic: bool
     """Whether the patient may be an infant or have no lens in the eye. Default false."""
 

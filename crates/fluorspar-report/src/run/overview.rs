@@ -326,7 +326,7 @@ fn cards(run: &RunResults<'_>, words: &Words<'_>) -> Vec<Number> {
             format!("of frame \"{}\"{in_region}", frame.raw.label),
         ));
     }
-    cards.extend(evaluation.safety.as_ref().and_then(|safety| eye_safe_captures(safety, words)));
+    cards.extend(evaluation.safety.as_ref().and_then(eye_safe_captures));
     cards
 }
 

@@ -124,7 +124,7 @@ fn sections(run: &RunResults<'_>, words: &Words<'_>, builder: &mut Builder) -> V
     if !evaluation.spectra.is_empty() {
         sections.push(spectroradiometer_section(run, builder));
     }
-    sections.extend(evaluation.safety.as_ref().and_then(|safety| safety_section(safety, words)));
+    sections.extend(evaluation.safety.as_ref().and_then(safety_section));
     sections.push(parts_section(run, builder));
     sections.push(assumptions_section(run));
     sections

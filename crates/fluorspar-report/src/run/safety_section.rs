@@ -1,9 +1,9 @@
 //! Photobiological safety in the report.
 
-use fluorspar::pipeline::{CaptureSafety, SafetyReport, Viewer, ViewerSafety};
+use fluorspar::pipeline::{CaptureSafety, SafetyReport, ViewerSafety};
 use fluorspar::safety::{Assessment, Hazard, RiskGroup, RiskQuantity};
 
-use super::words::{Words, capital};
+use super::words::capital;
 use crate::{Number, NumberTable, ReportItem, Section};
 
 /// Doses are counted over 8 hours.
@@ -39,58 +39,59 @@ fn limiting(report: &SafetyReport) -> Option<Limiting<'_>> {
 }
 
 /// The number of captures a day for the first screen; nothing when no light is on.
-pub(super) fn eye_safe_captures(report: &SafetyReport, words: &Words<'_>) -> Option<Number> {
+pub(super) fn eye_safe_captures(report: &SafetyReport) -> Option<Number> {
     if !report.has_light() {
         return None;
     }
-    let no_eye = report.captures.iter().flat_map(|c| &c.viewers).any(|v| v.not_assessed.is_some());
+    let missing = viewers_without_distance(report);
     let Limiting { capture, viewer, assessment, per_day } = limiting(report)?;
     let place = viewer.distance_mm.map_or_else(String::new, |mm| format!(" at {mm:.0} mm"));
     let mut meaning = format!(
         "\"{}\", limited by {}, {}{place}",
         capture.name,
         name(assessment.hazard),
-        viewer_name(viewer.viewer, words)
+        viewer.viewer.name(report.is_mouth)
     );
-    if no_eye {
-        meaning += "; no distance of an eye is given";
+    if !missing.is_empty() {
+        meaning += &format!("; no distance of the {} is given", missing.join(" and the "));
     }
-    let title = if no_eye { "Safe captures" } else { "Eye-safe captures" };
+    if let Some(group) = report.risk_group {
+        meaning += &format!("; lights: {}", group_name(group).to_lowercase());
+    }
+    let title = if missing.is_empty() { "Eye-safe captures" } else { "Safe captures" };
     if (per_day + 1) as f64 * capture.light_on_s > DAY_S {
         return Some(Number::computed(title, "no limit", "in 8 h", meaning));
     }
     Some(Number::computed(title, per_day.to_string(), "in 8 h", meaning))
 }
 
-/// A viewer in words of the scene.
-fn viewer_name(viewer: Viewer, words: &Words<'_>) -> &'static str {
-    match viewer {
-        _ if words.is_mouth() => viewer.name(),
-        Viewer::PatientEye => "eye that looks into the lights",
-        Viewer::OperatorEye => "operator's eye",
-        Viewer::Mucosa => "skin in the light",
+/// Viewers whose distance is not known, by name.
+fn viewers_without_distance(report: &SafetyReport) -> Vec<&'static str> {
+    let mut names = Vec::new();
+    for viewer in report.captures.iter().flat_map(|c| &c.viewers).filter(|v| v.not_assessed.is_some()) {
+        let name = viewer.viewer.name(report.is_mouth);
+        if !names.contains(&name) {
+            names.push(name);
+        }
     }
+    names
 }
 
-/// An assumption in words of the scene.
-fn assumption(line: &str, words: &Words<'_>) -> String {
-    if words.is_mouth() {
-        return line.into();
+fn group_name(group: RiskGroup) -> String {
+    match group {
+        RiskGroup::Exempt => "Exempt group".into(),
+        group => format!("Risk group {}", group.name()),
     }
-    line.replace("there are no limits for mucosa: those for skin divided", "limits for skin, divided")
-        .replace("lit as the mucosa", "lit as the object")
-        .replace("mucosa", "skin")
-        .replace("patient's eye", "eye that looks into the lights")
 }
 
 /// The limiting hazard in a sentence, then margins of every capture and viewer; nothing when no light is on.
-pub(super) fn safety_section(report: &SafetyReport, words: &Words<'_>) -> Option<Section> {
+pub(super) fn safety_section(report: &SafetyReport) -> Option<Section> {
     if !report.has_light() {
         return None;
     }
     let (note, sentence) = match limiting(report) {
         Some(Limiting { capture, viewer, assessment, per_day }) => {
-            let who = viewer_name(viewer.viewer, words);
+            let who = viewer.viewer.name(report.is_mouth);
             let place = viewer.distance_mm.map_or_else(String::new, |mm| format!(" at {} mm", number(mm)));
             let hazard = name(assessment.hazard);
             (
@@ -112,6 +113,10 @@ pub(super) fn safety_section(report: &SafetyReport, words: &Words<'_>) -> Option
             "No distance of an eye is given, so nothing limits.".into(),
         ),
     };
+    let note = match report.risk_group {
+        Some(group) => format!("{note}; lights: {}", group_name(group).to_lowercase()),
+        None => note,
+    };
     let mut section = Section::new("Safety of eyes and skin").folded(note).say(sentence).say(format!(
         "Limits: {}. {} A margin is the limit over the value: below 1 the exposure is too much.",
         report.standard, report.caveat
@@ -119,7 +124,7 @@ pub(super) fn safety_section(report: &SafetyReport, words: &Words<'_>) -> Option
     for capture in report.captures.iter().filter(|c| !c.viewers.is_empty()) {
         let mut rows = Vec::new();
         for viewer in &capture.viewers {
-            rows.extend(viewer_rows(viewer, capture.light_on_s, words));
+            rows.extend(viewer_rows(viewer, capture.light_on_s, report.is_mouth));
         }
         let caption = format!(
             "Capture \"{}\", lights on for {} ms ({})",
@@ -134,7 +139,7 @@ pub(super) fn safety_section(report: &SafetyReport, words: &Words<'_>) -> Option
         .iter()
         .filter_map(|line| {
             Some(Number::computed(
-                capital(viewer_name(line.viewer, words)),
+                capital(line.viewer.name(report.is_mouth)),
                 line.sequences_per_day?.to_string(),
                 "per 8 h",
                 "whole sequences of captures that all dose limits together allow",
@@ -151,17 +156,14 @@ pub(super) fn safety_section(report: &SafetyReport, words: &Words<'_>) -> Option
         .collect();
     section = section.with(ReportItem::Table(NumberTable { caption: "Over a day".into(), rows }));
     let mut terms: Vec<(String, String)> = risk_group_term(report).into_iter().collect();
-    terms.extend(report.assumptions.iter().map(|line| ("Assumed".to_string(), assumption(line, words))));
+    terms.extend(report.assumptions.iter().map(|line| ("Assumed".to_string(), line.clone())));
     Some(section.with(ReportItem::Terms(terms)))
 }
 
 /// Meaning of the risk group, the quantity that decides it, and the time to its limit.
 fn risk_group_term(report: &SafetyReport) -> Option<(String, String)> {
     let group = report.risk_group?;
-    let title = match group {
-        RiskGroup::Exempt => "Exempt group".to_string(),
-        group => format!("Risk group {}", group.name()),
-    };
+    let title = group_name(group);
     let mut text = format!("{}.", capital(group.meaning()));
     // The worst of its group, measured by where the group below ends.
     let below = match group {
@@ -210,8 +212,8 @@ fn quantity_name(quantity: &str) -> String {
     format!("{name} ({quantity})")
 }
 
-fn viewer_rows(viewer: &ViewerSafety, light_on_s: f64, words: &Words<'_>) -> Vec<Number> {
-    let who = capital(viewer_name(viewer.viewer, words));
+fn viewer_rows(viewer: &ViewerSafety, light_on_s: f64, is_mouth: bool) -> Vec<Number> {
+    let who = capital(viewer.viewer.name(is_mouth));
     if let Some(reason) = &viewer.not_assessed {
         return vec![Number::computed(who, "no margin", "", reason.clone())];
     }
@@ -283,7 +285,61 @@ fn number(value: f64) -> String {
 
 #[cfg(test)]
 mod tests {
+    use fluorspar::pipeline::Viewer;
+
     use super::*;
+
+    #[test]
+    fn the_card_names_the_risk_group_and_the_eye_without_a_distance() {
+        let viewer = |who, distance_mm: Option<f64>| ViewerSafety {
+            viewer: who,
+            distance_mm,
+            not_assessed: distance_mm.is_none().then(|| "unknown".into()),
+            irradiance_w_per_m2: None,
+            source_subtense_mrad: None,
+            hazards: distance_mm.map(|_| blue_light()).into_iter().collect(),
+            smallest_margin: None,
+            governing: None,
+            captures_per_day: None,
+        };
+        let report = SafetyReport {
+            standard: "",
+            caveat: "",
+            is_mouth: false,
+            assumptions: Vec::new(),
+            captures: vec![CaptureSafety {
+                name: "uv".into(),
+                light_on_s: 1.0,
+                light_on_from: String::new(),
+                viewers: vec![viewer(Viewer::PatientEye, None), viewer(Viewer::OperatorEye, Some(500.0))],
+            }],
+            program: Vec::new(),
+            risk_group: Some(RiskGroup::High),
+            risk_quantities: Vec::new(),
+        };
+        let card = eye_safe_captures(&report).unwrap();
+        assert_eq!((card.name.as_str(), card.value.as_str()), ("Safe captures", "212"));
+        for part in [
+            "no distance of the eye that looks into the lights is given",
+            "lights: risk group 3",
+            "operator's eye at 500 mm",
+        ] {
+            assert!(card.meaning.contains(part), "{part}: {}", card.meaning);
+        }
+    }
+
+    fn blue_light() -> Assessment {
+        Assessment {
+            hazard: Hazard::BlueLight,
+            quantity: "L_B t",
+            value: 1.0,
+            limit: 2.0,
+            unit: "J",
+            margin: Some(2.0),
+            daily_seconds: None,
+            exposures_per_day: Some(212),
+        }
+    }
 
     #[test]
     fn the_risk_group_is_explained_with_what_decides_it() {
@@ -297,6 +353,7 @@ mod tests {
         let report = |group, quantities| SafetyReport {
             standard: "",
             caveat: "",
+            is_mouth: true,
             assumptions: Vec::new(),
             captures: Vec::new(),
             program: Vec::new(),

@@ -30,12 +30,14 @@ pub enum Viewer {
 }
 
 impl Viewer {
-    /// In words.
-    pub fn name(self) -> &'static str {
+    /// In words: those of a mouth, or of any other thing that is lit.
+    pub fn name(self, is_mouth: bool) -> &'static str {
         match self {
-            Self::PatientEye => "patient's eye",
+            Self::PatientEye if is_mouth => "patient's eye",
+            Self::PatientEye => "eye that looks into the lights",
             Self::OperatorEye => "operator's eye",
-            Self::Mucosa => "mucosa",
+            Self::Mucosa if is_mouth => "mucosa",
+            Self::Mucosa => "skin in the light",
         }
     }
 }
@@ -92,6 +94,8 @@ pub struct SafetyReport {
     pub standard: &'static str,
     /// Scope of the report.
     pub caveat: &'static str,
+    /// Whether the lights shine into a mouth; elsewhere the viewer `mucosa` is skin in the light.
+    pub is_mouth: bool,
     /// Assumptions.
     pub assumptions: Vec<String>,
     /// Each capture.
@@ -178,6 +182,7 @@ pub fn assess_safety(study: &Study, frames: &[CapturedFrame]) -> Option<SafetyRe
     Some(SafetyReport {
         standard: STANDARD,
         caveat: CAVEAT,
+        is_mouth: settings.is_mouth,
         assumptions: assumptions(study, settings),
         captures,
         program,
@@ -188,14 +193,29 @@ pub fn assess_safety(study: &Study, frames: &[CapturedFrame]) -> Option<SafetyRe
 
 fn assumptions(study: &Study, settings: &SafetyPlan) -> Vec<String> {
     let mucosa_mm = settings.mucosa_distance_mm;
+    let factor = settings.mucosa_safety_factor;
+    let (limits, lit) = match (settings.is_mouth, factor) {
+        (true, _) => (
+            format!(
+                "mucosa {mucosa_mm:.1} mm from the camera on its axis; there are no limits for mucosa: those for skin divided by {factor}"
+            ),
+            "mucosa",
+        ),
+        (false, 1.0) => {
+            (format!("skin {mucosa_mm:.1} mm from the camera on its axis, limits for skin"), "object")
+        }
+        (false, _) => (
+            format!(
+                "skin {mucosa_mm:.1} mm from the camera on its axis, limits for skin divided by {factor}"
+            ),
+            "object",
+        ),
+    };
     let mut list = vec![
         "lights at the power that the experiment states, unshaded; objects that shine included".into(),
+        limits,
         format!(
-            "mucosa {mucosa_mm:.1} mm from the camera on its axis; there are no limits for mucosa: those for skin divided by {}",
-            settings.mucosa_safety_factor
-        ),
-        format!(
-            "the operator sees a disc of {} mm with a reflectance of {}, lit as the mucosa; specular images of the light sources are not counted",
+            "the operator sees a disc of {} mm with a reflectance of {}, lit as the {lit}; specular images of the light sources are not counted",
             settings.lit_diameter_mm, settings.reflectance
         ),
         "the eye looks into the lights without blinking, pupil as the limits assume; eyes do not accommodate below 100 mm".into(),
@@ -203,9 +223,8 @@ fn assumptions(study: &Study, settings: &SafetyPlan) -> Vec<String> {
         "risk group at 200 mm, as if the lights shone continuously; lasers are not covered".into(),
     ];
     if settings.aphakic {
-        list.push(
-            "the patient is an infant or has no lens in the eye: A(lambda) in place of B(lambda)".into(),
-        );
+        let who = if settings.is_mouth { "the patient" } else { "who looks into the lights" };
+        list.push(format!("{who} is an infant or has no lens in the eye: A(lambda) in place of B(lambda)"));
     }
     if study.scene.lights.iter().any(|light| light.emitter.is_distant()) {
         list.push("parallel light is taken as a point source".into());

@@ -132,10 +132,12 @@ pub struct SafetyPlan {
     pub lit_diameter_mm: f64,
     /// Diffuse reflectance of what the operator sees, 0 to 1.
     pub reflectance: f64,
-    /// Factor by which limits for skin are divided for mucosa, for which there are none.
+    /// Factor by which limits for skin are divided for mucosa, for which there are none; 1 for skin.
     pub mucosa_safety_factor: f64,
     /// Whether the patient may be an infant or have no lens in the eye.
     pub aphakic: bool,
+    /// Whether the lights shine into a mouth. Elsewhere the lit tissue is skin, and nobody is a patient.
+    pub is_mouth: bool,
 }
 
 impl SafetyPlan {
@@ -150,6 +152,7 @@ impl SafetyPlan {
             reflectance: 1.0,
             mucosa_safety_factor: 10.0,
             aphakic: false,
+            is_mouth: true,
         }
     }
 }
