@@ -33,14 +33,13 @@ impl FrameAnalysis {
         serde_json::to_string(&self.analyzed.analysis).map_err(failed)
     }
 
-    /// Maps of the porphyrin fraction of each pixel, `[row, col]`: its value, the ends of its interval, its detection limit; empty
+    /// Maps of the porphyrin share of each pixel, on the mixture line, `[row, col]`: its value, the ends of its interval, its detection limit; empty
     /// without porphyrin.
     #[getter]
     fn porphyrin_maps<'py>(&self, py: Python<'py>) -> PyResult<Vec<NamedMap<'py>>> {
         let Some(map) = &self.analyzed.porphyrin else { return Ok(Vec::new()) };
-        let PorphyrinLayers { fraction, low, high, detection_limit } = map.layers();
-        let layers =
-            [("fraction", fraction), ("low", low), ("high", high), ("detection_limit", detection_limit)];
+        let PorphyrinLayers { share, low, high, detection_limit } = map.layers();
+        let layers = [("share", share), ("low", low), ("high", high), ("detection_limit", detection_limit)];
         let array = |(name, values): (&'static str, Vec<f32>)| -> PyResult<NamedMap<'py>> {
             let array = Array2::from_shape_vec((map.height, map.width), values);
             let array = array.map_err(|error| PyValueError::new_err(error.to_string()))?;

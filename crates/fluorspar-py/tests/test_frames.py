@@ -30,7 +30,7 @@ def test_frames_and_numbers_are_those_of_the_program(mouth, components, program,
     assert porphyrin.truth == analysis.truth.share and porphyrin.budget == analysis.budget
     assert porphyrin.interval[0] <= porphyrin.fraction <= porphyrin.interval[1]
     maps = analysis.porphyrin_maps
-    assert maps["low"].shape == maps["fraction"].shape == shots["blue"].developed.shape[:2]
+    assert maps["low"].shape == maps["share"].shape == shots["blue"].developed.shape[:2]
 
     # From the raw frames alone
     again = fs.analyze(longer, [fs.Frame.read(tmp_path / f"shots/raw_{name}.tiff") for name in shots], components=components)
@@ -81,7 +81,7 @@ def test_a_client_gives_the_same_sweep_and_analyses_pickle(mouth, components) ->
     analysis = fs.analyze(mouth, fs.capture(mouth, components), components=components)
     again = pickle.loads(pickle.dumps(analysis))
     assert again == analysis and isinstance(again.mixture, fs.Record)
-    np.testing.assert_array_equal(again.porphyrin_maps["fraction"], analysis.porphyrin_maps["fraction"])
+    np.testing.assert_array_equal(again.porphyrin_maps["share"], analysis.porphyrin_maps["share"])
 
 
 def test_a_sweep_is_a_dataset(mouth, components) -> None:

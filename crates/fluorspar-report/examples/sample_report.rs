@@ -200,7 +200,7 @@ fn report(
     if let Some(porphyrin) = porphyrin {
         let gray: Vec<u8> = preview(image).pixels.iter().map(|pixel| pixel[1]).collect();
         let figure = porphyrin_map(
-            PorphyrinQuantity::Fraction,
+            PorphyrinQuantity::Share,
             [WIDTH, HEIGHT],
             &porphyrin.fractions_on_line(),
             Some(&gray),

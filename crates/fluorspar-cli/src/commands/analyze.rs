@@ -49,7 +49,7 @@ pub(crate) struct Options {
     /// by part name.
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     component_image: Option<PathBuf>,
-    /// Folder for report.html, maps of the porphyrin fraction of each pixel, its interval and its detection limit (NumPy and PNG) and
+    /// Folder for report.html, maps of the porphyrin share of each pixel on the mixture line, its interval and its detection limit (NumPy and PNG) and
     /// results.json.
     #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath)]
     out: Option<PathBuf>,
@@ -157,7 +157,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         raw_ending: None,
     };
     report.write(out.path()).map_err(|error| error.at_its_place(&out))?;
-    let place = write_maps(out, &analyzed)?;
+    let place = write_maps(options, out, &analyzed)?;
     Messages::default().status(format!("Open {}", place.join("report.html").display()));
     Ok(ExitCode::SUCCESS)
 }
@@ -206,9 +206,21 @@ fn as_recorded(options: &Options, is_without_image: bool, experiment: &mut Resol
     subtract_what_is_given(options, experiment);
     if !options.frame.is_empty() {
         // The size of the frames, and where the region lies, make no other experiment
-        let title = &mut experiment.record.title;
-        title.truncate(title.strip_suffix(", changed").unwrap_or(title).len());
+        let of = &experiment.record.title;
+        let of = of.strip_suffix(", changed").unwrap_or(of);
+        let files: Vec<String> = named_files(options).map(|(_, file)| file_name(file)).collect();
+        experiment.record.title = format!("{}, analyzed as by \"{of}\"", files.join(", "));
     }
+}
+
+/// Labels and files of the frames that were named, as far as they are pairs.
+fn named_files(options: &Options) -> impl Iterator<Item = (&str, &str)> {
+    options.frame.iter().filter_map(|text| text.split_once('='))
+}
+
+/// The last part of a path.
+fn file_name(path: &str) -> String {
+    Path::new(path).file_name().map_or_else(|| path.to_owned(), |name| name.to_string_lossy().into_owned())
 }
 
 /// Without a component image no part is found in a frame. Where a shape tells where the region lies, its parts only tell what it shows.
@@ -333,14 +345,19 @@ fn developed(options: &Options, study: &Study, wanted: &str) -> Result<Vec<Captu
 }
 
 /// Writes the numbers of the region and its maps.
-fn write_maps(out: OutputFolder, analyzed: &AnalyzedFrame) -> Result<PathBuf, CliError> {
-    let mut files = vec![("results.json".to_owned(), serde_json::to_vec_pretty(&analyzed.analysis)?)];
+fn write_maps(options: &Options, out: OutputFolder, analyzed: &AnalyzedFrame) -> Result<PathBuf, CliError> {
+    let mut results = serde_json::to_value(&analyzed.analysis)?;
+    if !options.frame.is_empty() {
+        let files = named_files(options).map(|(label, file)| (label.to_owned(), file.into()));
+        results["recorded_frames"] = serde_json::Value::Object(files.collect());
+    }
+    let mut files = vec![("results.json".to_owned(), serde_json::to_vec_pretty(&results)?)];
     if let Some(porphyrin) = &analyzed.porphyrin {
         for (stem, figure) in porphyrin_maps(porphyrin, None) {
             files.push((format!("{stem}.png"), figure.to_png()?));
         }
-        let PorphyrinLayers { fraction, low, high, detection_limit } = porphyrin.layers();
-        let layers = [("fraction", fraction), ("low", low), ("high", high), ("limit", detection_limit)];
+        let PorphyrinLayers { share, low, high, detection_limit } = porphyrin.layers();
+        let layers = [("share", share), ("low", low), ("high", high), ("limit", detection_limit)];
         for (name, values) in layers {
             let path = out.path().join(format!("porphyrin_{name}.npy"));
             write_map_npy(&path, porphyrin.width, porphyrin.height, &values)

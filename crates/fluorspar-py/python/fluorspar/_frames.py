@@ -126,7 +126,7 @@ class Analysis(Record):
 
     @property
     def porphyrin_maps(self) -> dict[str, NDArray[np.float32]]:
-        """Porphyrin fraction of each pixel, ends of its interval and its detection limit, ``[row, col]``; NaN outside the region."""
+        """Porphyrin ``share`` of each pixel on the mixture line, ends of its interval, detection limit, ``[row, col]``; else NaN."""
         return self._maps
 
     @property
@@ -149,17 +149,17 @@ class Analysis(Record):
         return Record(fraction=mixture.region.estimate.position, interval=interval, upper_limit=None, **found)
 
     def _repr_html_(self) -> str:
-        fraction = self._maps.get("fraction")
-        picture = "" if fraction is None else inline_picture(_picture_of_map(fraction), "map of the porphyrin fraction, black 0, white 1")
+        share = self._maps.get("share")
+        picture = "" if share is None else inline_picture(_picture_of_map(share), "map of the porphyrin share, black 0, white 1")
         return f"{picture}{super()._repr_html_()}"
 
 
-def _picture_of_map(fraction: NDArray[np.float32]) -> bytes:
+def _picture_of_map(share: NDArray[np.float32]) -> bytes:
     """A map between 0 and 1 in gray; what has no value is blue."""
     import numpy as np
 
-    known = np.isfinite(fraction)
-    gray = (255 * np.clip(np.where(known, fraction, 0), 0, 1)).astype(np.uint8)
+    known = np.isfinite(share)
+    gray = (255 * np.clip(np.where(known, share, 0), 0, 1)).astype(np.uint8)
     blue = np.where(known, gray, 96).astype(np.uint8)
     return png_of(np.stack([gray, gray, blue], axis=-1))
 

@@ -120,7 +120,7 @@ pub fn emission(
         panel = panel.with(Series::dashed(curve.name.clone(), ink, curve.points(), ink.fluorophore_dash()));
     }
     let overlap = if curves.len() > 1 {
-        " Where the curves overlap, a camera cannot tell the fluorophores apart."
+        " Where curves overlap, a channel sees the light of both: only ranges where their shapes differ tell them apart."
     } else {
         ""
     };

@@ -70,6 +70,6 @@ pub fn histograms(
     });
     Figure::new(format!("Levels of the frame \"{capture}\""), panel).explained(format!(
         "How many pixels have which level, in digital numbers (DN) above the dark level. A pile at the dashed line is saturated: \
-         its true value is unknown.{beyond} A frame that fills only the far left wastes the sensor's range."
+         its true value is unknown.{beyond}"
     ))
 }

@@ -42,8 +42,8 @@ pub fn pictures(title: &str, pictures: Vec<(String, Raster)>, columns: usize) ->
 /// What a map of porphyrin shows of each pixel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PorphyrinQuantity {
-    /// The fraction.
-    Fraction,
+    /// The share of the light on the mixture line.
+    Share,
     /// Half the length of its 95 % interval by the sensor's noise.
     Uncertainty,
     /// The detection limit.
@@ -54,23 +54,22 @@ impl PorphyrinQuantity {
     /// Title, label of the color scale, and what it means.
     fn words(self) -> [&'static str; 3] {
         match self {
-            Self::Fraction => [
-                "Porphyrin fraction",
-                "porphyrin fraction",
-                "Colored pixels lie in the region and have a porphyrin fraction: the amount of porphyrin over the amount of porphyrin and \
-                 bulk together, in the relative units of the fluorophore models. Gray pixels are outside the region, saturated, \
-                 too dark, or hold other light.",
+            Self::Share => [
+                "Porphyrin share of the light, on the mixture line",
+                "porphyrin share",
+                "Colored pixels lie in the region: electrons of porphyrin light over those of porphyrin and bulk, as if the bulk were \
+                 known. Gray pixels are outside the region, saturated, too dark, or hold other light.",
             ],
             Self::Uncertainty => [
-                "Uncertainty of the porphyrin fraction",
+                "Uncertainty of the porphyrin share",
                 "half of the 95 % interval",
-                "How far the sensor's noise leaves the fraction of each pixel open to either side: half the length of its 95 % interval. \
+                "How far the sensor's noise leaves the share of each pixel open to either side: half the length of its 95 % interval. \
                  Errors of the model are not in it.",
             ],
             Self::DetectionLimit => [
-                "Detection limit of the porphyrin fraction",
+                "Detection limit of the porphyrin share",
                 "detection limit",
-                "The fraction that the noise of a single pixel mistakes for none, and none for it, in 5 % of cases: less than that is not \
+                "The share that the noise of a single pixel mistakes for none, and none for it, in 5 % of cases: less than that is not \
                  seen there.",
             ],
         }
@@ -84,12 +83,12 @@ impl PorphyrinQuantity {
 pub fn porphyrin_map(
     quantity: PorphyrinQuantity,
     [width, height]: [usize; 2],
-    fractions: &[Option<f32>],
+    values: &[Option<f32>],
     underlay: Option<&[u8]>,
     top: f64,
 ) -> Option<Figure> {
     let pixels = width * height;
-    if fractions.len() != pixels || underlay.is_some_and(|gray| gray.len() != pixels) || pixels == 0 {
+    if values.len() != pixels || underlay.is_some_and(|gray| gray.len() != pixels) || pixels == 0 {
         return None;
     }
     let [title, label, explained] = quantity.words();
@@ -97,8 +96,8 @@ pub fn porphyrin_map(
     let full = axis.limits[1];
     let raster = Raster::from_fn(width, height, |row, col| {
         let pixel = row * width + col;
-        match (fractions[pixel], underlay) {
-            (Some(fraction), _) => ColorMap::Viridis.color(f64::from(fraction) / full),
+        match (values[pixel], underlay) {
+            (Some(value), _) => ColorMap::Viridis.color(f64::from(value) / full),
             (None, Some(gray)) => [(f64::from(gray[pixel]) * 0.6) as u8; 3],
             (None, None) => [90; 3],
         }
@@ -108,13 +107,13 @@ pub fn porphyrin_map(
     Some(Figure::new(title, panel).explained(explained))
 }
 
-/// Maps of the porphyrin of an analyzed region, with stems of file names: fraction, its uncertainty, detection limit. `underlay` as of
+/// Maps of the porphyrin of an analyzed region, with stems of file names: share, its uncertainty, detection limit. `underlay` as of
 /// [`porphyrin_map`].
 pub fn porphyrin_maps(porphyrin: &PorphyrinMap, underlay: Option<&[u8]>) -> Vec<(&'static str, Figure)> {
-    let PorphyrinLayers { fraction, low, high, detection_limit } = porphyrin.layers();
+    let PorphyrinLayers { share, low, high, detection_limit } = porphyrin.layers();
     let uncertainty: Vec<f32> = low.iter().zip(&high).map(|(low, high)| 0.5 * (high - low)).collect();
     [
-        ("porphyrin_map", PorphyrinQuantity::Fraction, fraction),
+        ("porphyrin_map", PorphyrinQuantity::Share, share),
         ("porphyrin_uncertainty_map", PorphyrinQuantity::Uncertainty, uncertainty),
         ("porphyrin_limit_map", PorphyrinQuantity::DetectionLimit, detection_limit),
     ]
@@ -136,10 +135,10 @@ mod tests {
 
     #[test]
     fn a_map_must_fill_its_picture() {
-        let fraction = PorphyrinQuantity::Fraction;
-        assert!(porphyrin_map(fraction, [2, 2], &[None; 3], None, 1.0).is_none());
-        assert!(porphyrin_map(fraction, [2, 1], &[None; 2], Some(&[1]), 1.0).is_none());
-        let map = porphyrin_map(fraction, [2, 1], &[Some(0.5), None], Some(&[0, 100]), 0.5).unwrap();
+        let share = PorphyrinQuantity::Share;
+        assert!(porphyrin_map(share, [2, 2], &[None; 3], None, 1.0).is_none());
+        assert!(porphyrin_map(share, [2, 1], &[None; 2], Some(&[1]), 1.0).is_none());
+        let map = porphyrin_map(share, [2, 1], &[Some(0.5), None], Some(&[0, 100]), 0.5).unwrap();
         let SeriesShape::Picture { raster, .. } = &map.panels[0].series[0].shape else {
             panic!("no picture")
         };

@@ -1,22 +1,39 @@
 //! An analysis in plain words.
 
 use fluorspar::analysis::{
-    Analysis, ErrorBudget, MixtureSummary, PorphyrinTruth, SharePosterior, SignalSummary, SpotSeparation,
-    Statistics, TargetDetection, UnmixedTerm,
+    Analysis, ErrorBudget, LineEstimate, MixtureSummary, PorphyrinTruth, SharePosterior, SignalSummary,
+    SpotSeparation, Statistics, TargetDetection, UnmixedTerm,
 };
 
 use super::report_data::{Number, NumberMatrix, NumberTable, Origin, ReportItem, Section};
 use crate::FrameOrigin;
 
-/// One analysis: its figures first, then the tables: chromaticity, porphyrin fraction, predicted fluorophores, pixels
+/// One analysis: its figures first, then the tables: chromaticity, porphyrin share, predicted fluorophores, pixels
 /// used and levels.
 pub fn analysis_section(analysis: &Analysis, figures: Vec<ReportItem>, from: FrameOrigin) -> Section {
     let how = match from {
-        FrameOrigin::Simulated => "simulated sensor image, in the way they would be from a real one",
+        FrameOrigin::Simulated => "the simulated sensor image, in the way they would be from a recorded one",
         FrameOrigin::Given => "recorded frames",
     };
-    let mut section = Section::new(format!("What the frame \"{}\" says", analysis.frame))
-        .say(format!("Region: {}. All numbers are computed from the {how}.", analysis.region_description));
+    // Say what a camera would not have
+    let known: Vec<&str> = [
+        analysis.mixture.as_ref().map(|_| "the ends of the line"),
+        analysis.truth.as_ref().map(|_| "the true share"),
+        analysis.budget.as_ref().map(|_| "what moves the estimate"),
+    ]
+    .into_iter()
+    .flatten()
+    .collect();
+    let known = match from {
+        FrameOrigin::Simulated if analysis.truth.is_some() || analysis.budget.is_some() => {
+            format!(" From the render, which no camera has, come {}.", known.join(", "))
+        }
+        _ => String::new(),
+    };
+    let mut section = Section::new(format!("What the frame \"{}\" says", analysis.frame)).say(format!(
+        "Region: {}. Levels, colors and estimates are computed from {how}.{known}",
+        analysis.region_description
+    ));
     section.items.extend(figures);
     let chromaticity = chromaticity_rows(analysis);
     if !chromaticity.is_empty() {
@@ -32,7 +49,10 @@ pub fn analysis_section(analysis: &Analysis, figures: Vec<ReportItem>, from: Fra
         section = section.with(table("Porphyrin in tissue that is not known", posterior_rows(posterior)));
     }
     if let Some(mixture) = &analysis.mixture {
-        section = section.with(table("Porphyrin fraction", mixture_rows(mixture, analysis.counts.valid)));
+        // Amounts in layered tissue are factors on what it holds: their ratio tells nothing.
+        let with_amounts = analysis.posterior.is_none();
+        let rows = mixture_rows(mixture, analysis.counts.valid, with_amounts);
+        section = section.with(table("Porphyrin share on the mixture line", rows));
     }
     if let Some(truth) = &analysis.truth {
         section = section.with(table("What the simulation knows", truth_rows(truth)));
@@ -80,25 +100,32 @@ fn range([low, high]: [f64; 2]) -> String {
 }
 
 fn posterior_rows(posterior: &SharePosterior) -> Vec<Number> {
-    let mut rows = vec![
-        Number::computed(
-            "Porphyrin share of the light",
-            format!("{:.3} (95 %: {})", posterior.median, range(posterior.interval)),
-            "",
-            format!(
-                "Electrons of porphyrin light over those of all fluorescence of the region: median and interval, sensor noise, leak, \
-                 indirect light, the variety of tissue and errors of the library of spectra included. From the frames {}. \
-                 Assumed beforehand: {}.",
-                posterior.frames.join(", "),
-                posterior.prior
-            ),
+    let mut rows = vec![Number::computed(
+        "Porphyrin share of the light",
+        posterior.finding(),
+        "",
+        format!(
+            "Electrons of porphyrin light over those of all fluorescence of the region. The interval holds sensor noise, leak, indirect \
+             light, the variety of tissue and errors of the library of spectra. From {}. Assumed beforehand: {}.",
+            posterior.frames_in_words(),
+            posterior.prior
         ),
+    )];
+    rows.push(if posterior.excludes_none() {
         Number::computed(
             "Upper limit",
             format!("{:.3}", posterior.upper_limit),
             "",
             "The share is below it with a probability of 95 %.",
-        ),
+        )
+    } else {
+        let meaning = format!(
+            "Middle of the probability, no estimate: the {:.0} % that were given to none beforehand pull it toward 0.",
+            100.0 * posterior.prior_probability_of_none
+        );
+        Number::computed("Median", format!("{:.3}", posterior.median), "", meaning)
+    });
+    rows.extend([
         Number::computed(
             "No porphyrin",
             format!("{:.0}", 100.0 * posterior.probability_of_none),
@@ -114,19 +141,19 @@ fn posterior_rows(posterior: &SharePosterior) -> Vec<Number> {
             "",
             "The interval if tissue were twice as various as assumed: far from the one above, the assumption decides.",
         ),
-    ];
+    ]);
     if let Some(blind) = &posterior.blind_to {
         let value = format!("{} ({:+.2})", blind.name, blind.correlation).replace('-', "−");
-        let meaning = "What an error of the share goes along with most, and their correlation. Another light or a white frame that \
-                       tells this narrows the interval.";
-        rows.push(Number::computed("Hardest to tell from", value, "", meaning));
+        let meaning =
+            "What an error of the share goes along with most after this measurement, and their correlation.";
+        rows.push(Number::computed("Most correlated with", value, "", meaning));
     }
     for without in &posterior.without {
         rows.push(Number::computed(
             format!("Without {}", without.source),
             range(without.interval),
             "",
-            "The interval if this were known, or absent.",
+            "The interval as it would be without this uncertainty.",
         ));
     }
     rows.push(Number::computed(
@@ -134,7 +161,7 @@ fn posterior_rows(posterior: &SharePosterior) -> Vec<Number> {
         format!("{:.1}", posterior.misfit),
         "",
         format!(
-            "Chi-square of the {} colors; about that number where the tissue is of the family.",
+            "Chi-square: about {}, the number of signals, where the region is the assumed tissue; far more where it is not.",
             posterior.data
         ),
     ));
@@ -189,7 +216,7 @@ fn budget_rows(budget: &ErrorBudget) -> Vec<Number> {
         "The estimate from the same light without that of the porphyrin.",
     ));
     rows.push(Number::computed(
-        "Detection limit",
+        "Detection limit, noise alone",
         format!("{:.4}", budget.detection_limit),
         "",
         "So far beyond the blank sensor noise mistakes neither a blank for porphyrin nor porphyrin for a blank in more than 5 % of cases.",
@@ -230,7 +257,7 @@ fn with_signals(section: Section, summary: &SignalSummary) -> Section {
     }));
     if !summary.ratios.is_empty() {
         let rows = summary.ratios.iter().map(|r| {
-            let value = format!("{:.4} ± {:.4}", r.ratio, r.standard_error).replace('-', "−");
+            let value = with_error(r.ratio, r.standard_error);
             Number::computed(
                 format!("{} over {}", r.above, r.below),
                 value,
@@ -241,19 +268,34 @@ fn with_signals(section: Section, summary: &SignalSummary) -> Section {
         section = section.with(table("Ratios of the signals", rows.collect()));
     }
     if let Some(unmixing) = &summary.unmixing {
-        let mut rows: Vec<Number> = unmixing.terms.iter().map(unmixed_row).collect();
+        let mut rows: Vec<Number> = match unmixing.terms.as_slice() {
+            [only] => vec![only_row(only)],
+            terms => terms.iter().map(unmixed_row).collect(),
+        };
         if let Some(misfit) = unmixing.misfit {
             rows.push(Number::computed(
                 "What is left",
                 short(misfit),
                 "standard errors",
-                "Root mean square of the signals less the sum. Far above 1 something else is in the light: reflected light, indirect light, \
-                 or another fluorophore.",
+                "Root mean square of the signals less the sum. Far above 1 flat samples of these fluorophores under direct light don't make \
+                 up the region: light is absorbed on its way, comes indirectly, is reflected, or another fluorophore gives it off.",
             ));
         }
         section = section.with(table("Fluorophores in the signals", rows));
     }
     section
+}
+
+/// The one fluorophore of the model: all light counts as its own, and only its amount is an answer.
+fn only_row(term: &UnmixedTerm) -> Number {
+    let [least, most] = term.amount_interval.map(short);
+    Number::computed(
+        term.fluorophores.join(" + ").replace('_', " "),
+        format!("{} ({least} to {most})", short(term.amount)),
+        "units",
+        "Amount on a flat sample under direct light, with its 95 % interval by sensor noise alone. It is the only fluorophore, so all \
+         light counts as its own.",
+    )
 }
 
 fn unmixed_row(term: &UnmixedTerm) -> Number {
@@ -383,34 +425,21 @@ fn chromaticity_rows(analysis: &Analysis) -> Vec<Number> {
     rows
 }
 
-fn mixture_rows(mixture: &MixtureSummary, valid: usize) -> Vec<Number> {
+fn mixture_rows(mixture: &MixtureSummary, valid: usize, with_amounts: bool) -> Vec<Number> {
     let mut rows = Vec::new();
     if let Some(region) = &mixture.region {
         let estimate = &region.estimate;
-        let [low, high] = estimate.fraction_interval;
+        let [low, high] = estimate.position_interval().map(|end| format!("{end:.4}"));
         rows.push(Number::computed(
-            "Region as a whole",
-            format!("{:.4} ({low:.4} to {high:.4})", estimate.fraction),
+            "Share, region as a whole",
+            format!("{:.4} ({low} to {high})", estimate.position).replace('-', "−"),
             "",
-            "Porphyrin over porphyrin and bulk, from the region's mean color, with the 95 % interval that the sensor's noise \
-             leaves. Errors of the model are not in it.",
+            "Electrons of porphyrin light over those of porphyrin and bulk, from the region's mean color, as if the bulk were known; with \
+             the 95 % interval that the sensor's noise leaves. Errors of the model are not in it.",
         ));
-    }
-    if let Some(s) = &mixture.fraction {
-        rows.push(Number::computed(
-            "Pixels, median",
-            format!("{:.4} (5 % to 95 %: {:.4} to {:.4})", s.median, s.p05, s.p95),
-            "",
-            "The same for each pixel on its own: the middle pixel, and the range of nine tenths of them.",
-        ));
-    }
-    if let Some(s) = &mixture.fraction_standard_error {
-        rows.push(Number::computed(
-            "Standard error of a pixel",
-            format!("{:.4}", s.median),
-            "",
-            "How far noise alone moves the fraction of a typical pixel.",
-        ));
+        if with_amounts {
+            rows.extend(amount_rows(mixture, estimate));
+        }
     }
     if let Some(s) = &mixture.distance {
         let spread = s.sd.map(|sd| format!(" ± {sd:.4}")).unwrap_or_default();
@@ -451,6 +480,41 @@ fn mixture_rows(mixture: &MixtureSummary, valid: usize) -> Vec<Number> {
     rows
 }
 
+/// The ratio of amounts, which is no share of the light.
+fn amount_rows(mixture: &MixtureSummary, estimate: &LineEstimate) -> Vec<Number> {
+    let [low, high] = estimate.fraction_interval;
+    let mut rows = vec![Number::computed(
+        "Ratio of amounts",
+        format!("{:.4} ({low:.4} to {high:.4})", estimate.fraction),
+        "",
+        "Amount of porphyrin over the amounts of porphyrin and bulk, in the units of the catalogue (Lyu et al. 2021, Sec. 4.1): no share \
+         of the light, which depends on how bright a unit of each is.",
+    )];
+    if let Some(s) = &mixture.fraction {
+        rows.push(Number::computed(
+            "Ratio of amounts, pixels",
+            format!("{:.4} (5 % to 95 %: {:.4} to {:.4})", s.median, s.p05, s.p95),
+            "",
+            "The same for each pixel on its own: the middle pixel, and the range of nine tenths of them.",
+        ));
+    }
+    if let Some(s) = &mixture.fraction_standard_error {
+        rows.push(Number::computed(
+            "Ratio of amounts, standard error of a pixel",
+            format!("{:.4}", s.median),
+            "",
+            "How far noise alone moves the ratio of a typical pixel.",
+        ));
+    }
+    rows
+}
+
+/// A number with its standard error, of which two digits are written where four decimals hold none.
+fn with_error(value: f64, error: f64) -> String {
+    let digits = if error > 0.0 { (1.0 - error.log10().floor()).clamp(4.0, 12.0) as usize } else { 4 };
+    format!("{value:.digits$} ± {error:.digits$}").replace('-', "−")
+}
+
 /// Four digits, without trailing zeros.
 fn short(value: f64) -> String {
     let magnitude = if value == 0.0 { 0.0 } else { value.abs().log10().floor() };
@@ -473,6 +537,13 @@ mod tests {
             [0.0, 5.0, 1234.56, -0.012345, 12.5, 98765.0].map(short),
             ["0", "5", "1235", "−0.01235", "12.5", "98765"]
         );
+    }
+
+    #[test]
+    fn errors_are_never_written_as_nothing() {
+        assert_eq!(with_error(0.4348, 0.000_002_1), "0.4348000 ± 0.0000021");
+        assert_eq!(with_error(-1.5, 0.25), "−1.5000 ± 0.2500");
+        assert_eq!(with_error(1.0, 0.0), "1.0000 ± 0.0000");
     }
 
     #[test]

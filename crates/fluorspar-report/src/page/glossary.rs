@@ -32,14 +32,15 @@ const TERMS: [Term; 8] = [
     (
         "Mixture line, blank, detection limit",
         &["mixture line", "Mixture line"],
-        "All mixtures of two lights lie on a line in the plane of chromaticities; the place on it is the share of the second one. The \
-         blank is what comes out without the second one, the detection limit how far beyond it something is told from nothing.",
+        "All mixtures of two lights lie on a line in the plane of chromaticities; the place on it is the share of the second one in the \
+         light, not in the amounts. The blank is what comes out without the second one, the detection limit how far beyond it something is told from nothing.",
     ),
     (
         "95 % interval",
         &["95 %", "standard error"],
         "Of a hundred such intervals about ninety-five contain the true value, if the model is right. Each says what it contains: \
-         sensor noise alone, or everything that is not known.",
+         sensor noise alone, or also what is not known of the tissue. The latter holds on average over all tissue that was assumed \
+         beforehand, with and without what is looked for: for one tissue it may hold less often.",
     ),
     (
         "Clipped, saturated",
@@ -47,28 +48,31 @@ const TERMS: [Term; 8] = [
         "A pixel that received more light than it can count. Its value is too low by an unknown amount; it is left out.",
     ),
     (
-        "Published, assumed",
+        "Published, stated, assumed",
         &["Table 1", "ssumed"],
-        "Published: printed in a paper. Assumed: nobody measured it for this system, and results may change with it. All numbers that \
-         are not marked were computed by this run.",
+        "Published: printed in a paper. Stated: as the experiment or its preset has it. Assumed: nobody measured it for this system, and \
+         results may change with it. All numbers that are not marked were computed by this run.",
     ),
 ];
 
 /// The glossary of a page for readers from another field: terms that its text contains. `target` is the fluorophore that is looked
-/// for, `bulk` the names of the others that it is told from.
-pub(crate) fn glossary_section(text: &str, target: &str, bulk: &[String]) -> Option<Section> {
+/// for, if any, `bulk` the names of the others that it is told from.
+pub(crate) fn glossary_section(text: &str, target: Option<&str>, bulk: &[String]) -> Option<Section> {
     let mut terms: Vec<(String, String)> = Vec::new();
     for (term, signs, meaning) in TERMS {
         if signs.iter().any(|sign| text.contains(sign)) {
             terms.push((term.into(), meaning.into()));
         }
     }
-    if !bulk.is_empty() && text.contains("bulk") {
+    if let Some(target) = target
+        && !bulk.is_empty()
+        && text.contains("bulk")
+    {
         let meaning =
             format!("The fluorescence of {} together, from which {target} is told.", bulk.join(", "));
         terms.push(("Bulk".into(), meaning));
     }
-    if target == "porphyrin" && text.to_lowercase().contains("porphyrin") {
+    if target == Some("porphyrin") && text.to_lowercase().contains("porphyrin") {
         let meaning = "Substances, in the mouth made mostly by bacteria, whose fluorescence is deep red.";
         terms.push(("Porphyrins".into(), meaning.into()));
     }
@@ -131,11 +135,14 @@ mod tests {
     #[test]
     fn only_words_that_occur_are_explained() {
         let section =
-            glossary_section("a sensor chromaticity of the bulk", "chlorophyll", &["waxes".into()]).unwrap();
+            glossary_section("a sensor chromaticity of the bulk", Some("chlorophyll"), &["waxes".into()])
+                .unwrap();
         let [ReportItem::Terms(terms)] = section.items.as_slice() else { panic!("{section:?}") };
         let names: Vec<&str> = terms.iter().map(|(name, _)| name.as_str()).collect();
         assert_eq!(names, ["Sensor chromaticity (r, g)", "Bulk"]);
         assert!(terms[1].1.contains("waxes") && terms[1].1.contains("chlorophyll"));
-        assert_eq!(glossary_section("nothing", "porphyrin", &[]), None);
+        assert_eq!(glossary_section("nothing", Some("porphyrin"), &[]), None);
+        // Nothing is looked for: no word of it, whatever the page says.
+        assert_eq!(glossary_section("a bulk without porphyrin", None, &["waxes".into()]), None);
     }
 }

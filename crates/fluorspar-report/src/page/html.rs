@@ -94,18 +94,36 @@ impl ReportData {
             let (anchor, title) = (anchor(&section.title), escape(&section.title));
             let _ = writeln!(html, "<li><a href=\"#{anchor}\">{title}</a></li>");
         }
-        html.push_str("<li><a href=\"#experiment\">Run it again</a></li>\n</ul>\n</nav>\n");
+        let _ = writeln!(
+            html,
+            "<li><a href=\"#experiment\">{}</a></li>\n</ul>\n</nav>",
+            self.experiment_heading()
+        );
+    }
+
+    /// Recorded frames can't be run again: their experiment says what was assumed of them.
+    fn experiment_heading(&self) -> &'static str {
+        if self.rerun_command.is_empty() { "The experiment" } else { "Run it again" }
     }
 
     fn write_experiment(&self, html: &mut String) {
         let folded = self.sections.iter().any(|section| !section.note.is_empty());
-        html.push_str(if folded {
-            "<section id=\"experiment\">\n<details class=\"fold\">\n<summary><h2>Run it again</h2> <span class=\"note\">the whole \
-             experiment, its seed and its digest</span></summary>\n"
+        let heading = self.experiment_heading();
+        if folded {
+            let _ = writeln!(
+                html,
+                "<section id=\"experiment\">\n<details class=\"fold\">\n<summary><h2>{heading}</h2> <span class=\"note\">the whole \
+                 experiment, its seed and its digest</span></summary>"
+            );
         } else {
-            "<section id=\"experiment\">\n<h2>Run it again</h2>\n"
-        });
-        if !self.rerun_command.is_empty() {
+            let _ = writeln!(html, "<section id=\"experiment\">\n<h2>{heading}</h2>");
+        }
+        if self.rerun_command.is_empty() {
+            html.push_str(
+                "<p>This experiment says what was assumed of lights, filters, camera and tissue. What the frames state themselves counts \
+                 before it: size, order of colors, black level, gain, exposure. It renders a scene of its own, not what was recorded.</p>\n",
+            );
+        } else {
             let _ = writeln!(
                 html,
                 "<p>This page contains the whole experiment. Saved as a file, it can be run again:</p>\n\
@@ -351,6 +369,7 @@ mod tests {
             value: evil.into(),
             interval: evil.into(),
             truth: evil.into(),
+            other: evil.into(),
             budgets: vec![Contributions {
                 title: evil.into(),
                 rows: vec![Contribution { name: evil.into(), text: evil.into(), size: 1.0 }],

@@ -156,6 +156,9 @@ fn write_answer(html: &mut String, answer: &Answer) {
     if !answer.truth.is_empty() {
         let _ = writeln!(html, "<p class=\"truth\">{}</p>", escape(&answer.truth));
     }
+    if !answer.other.is_empty() {
+        let _ = writeln!(html, "<p class=\"truth\">{}</p>", escape(&answer.other));
+    }
     for Contributions { title, rows } in answer.budgets.iter().filter(|budget| !budget.rows.is_empty()) {
         let title = escape(title);
         let _ = writeln!(html, "<table class=\"budget\">\n<caption>{title}</caption>\n<tbody>");

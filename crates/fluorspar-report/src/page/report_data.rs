@@ -21,7 +21,8 @@ pub struct ReportData {
     pub provenance: Vec<(String, String)>,
     /// The resolved experiment, TOML.
     pub experiment_toml: String,
-    /// The command that makes this run again, for instance `fluorspar run report.html`.
+    /// The command that makes this run again, for instance `fluorspar run report.html`; empty where the experiment only describes what
+    /// is assumed of frames that were recorded.
     pub rerun_command: String,
 }
 
@@ -87,6 +88,8 @@ pub struct Answer {
     pub interval: String,
     /// The truth beside it, in a simulation.
     pub truth: String,
+    /// Another estimate of the same quantity, and what that assumes; may be empty.
+    pub other: String,
     /// What makes it uncertain, each kind under a heading.
     pub budgets: Vec<Contributions>,
 }
@@ -205,6 +208,8 @@ pub enum Origin {
     Measured(String),
     /// It is printed in a publication; the source.
     Published(String),
+    /// The experiment or a preset that it names has it; which.
+    Stated(String),
     /// Nobody measured it for this system; why this value.
     Assumed(String),
 }
@@ -216,6 +221,7 @@ impl Origin {
             Self::Computed => "computed",
             Self::Measured(_) => "measured",
             Self::Published(_) => "published",
+            Self::Stated(_) => "stated",
             Self::Assumed(_) => "assumed",
         }
     }
@@ -224,7 +230,7 @@ impl Origin {
     pub(super) fn detail(&self) -> &str {
         match self {
             Self::Computed => "",
-            Self::Measured(source) | Self::Published(source) | Self::Assumed(source) => source,
+            Self::Measured(text) | Self::Published(text) | Self::Stated(text) | Self::Assumed(text) => text,
         }
     }
 }

@@ -28,7 +28,7 @@ pub fn dark_frames(experiment: &ResolvedExperiment, frames: &[CapturedFrame]) ->
         let all = developed.data.len() / n;
         (lit as f64 <= LEAST_LIT * all as f64).then(|| {
             format!(
-                "frame \"{}\": hardly any light reaches the camera: {lit} of {all} pixels rise above the noise after {:.1} ms. Does \
+                "Frame \"{}\": hardly any light reaches the camera: {lit} of {all} pixels rise above the noise after {:.1} ms. Does \
                  the light ({lights}) reach what the camera sees, and do the filters pass what comes from there?",
                 frame.raw.label,
                 1e3 * frame.raw.exposure_s

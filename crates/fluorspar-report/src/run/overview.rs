@@ -1,6 +1,6 @@
 //! The first screen of a report: the frame with region and map, the estimate, and the numbers that decide about a design.
 
-use fluorspar::analysis::{Analysis, PixelSelection, Statistics, TargetDetection, Unmixing};
+use fluorspar::analysis::{Analysis, PixelSelection, Statistics, TargetDetection, UnmixedTerm, Unmixing};
 use fluorspar::pipeline::{AnalyzedFrame, CapturedFrame, ColorRendering, Preview, preview};
 use fluorspar::study::Capture;
 
@@ -159,7 +159,7 @@ fn share_overlay(analyzed: &AnalyzedFrame, shown: &DisplayImage, words: &Words<'
         block => format!(", mean over {block} x {block} pixels of the sensor"),
     };
     Some(MapOverlay {
-        name: format!("{} map", capital(&target)),
+        name: format!("{} share", capital(&target)),
         png: rgba_png(columns, rows, &pixels)?,
         frame: [
             map.left as f64 / shown.block as f64,
@@ -185,6 +185,17 @@ fn answer(analysis: &Analysis, words: &Words<'_>) -> Option<Answer> {
     let region = &analysis.region_description;
     if let Some(posterior) = &analysis.posterior {
         let [low, high] = posterior.interval;
+        let (value, interval) = if posterior.foreign {
+            let data = posterior.data;
+            let misfit = format!("chi-square {:.0} of {data} signals", posterior.misfit);
+            ("no estimate".into(), format!("The light is not that of the assumed tissue ({misfit})."))
+        } else if posterior.excludes_none() {
+            let held = "noise, indirect light and the assumed variety of tissue included";
+            (format!("{:.3}", posterior.median), format!("95 %: {low:.3} to {high:.3}, {held}"))
+        } else {
+            let limit = format!("at most {:.3}", posterior.upper_limit);
+            (limit, "(95 %). Whether there is any, this measurement can't tell.".into())
+        };
         let width = high - low;
         let mut budget: Vec<(String, f64)> = posterior
             .without
@@ -194,23 +205,24 @@ fn answer(analysis: &Analysis, words: &Words<'_>) -> Option<Answer> {
         budget.retain(|(_, less)| *less > 0.005 * width);
         return Some(Answer {
             quantity: format!("{} share of the fluorescence, {region}", capital(&target)),
-            value: format!("{:.3}", posterior.median),
-            interval: format!(
-                "95 %: {low:.3} to {high:.3}, all included; none: {:.0} % probable",
-                100.0 * posterior.probability_of_none
-            ),
+            value,
+            interval,
             truth,
+            other: line_in_words(analysis),
             budgets: vec![
-                contributions("If this were known, the interval would be narrower by:", budget, |less| {
-                    format!("{:.0} %", 100.0 * less / width)
-                }),
+                contributions(
+                    "If this were known, the interval would be narrower by:",
+                    budget,
+                    Some(width),
+                    |less| format!("{:.0} %", 100.0 * less / width),
+                ),
                 line_budget(analysis),
             ],
         });
     }
     let signals = analysis.signals.as_ref().filter(|_| analysis.mixture.is_none());
     if let Some(unmixing) = signals.and_then(|signals| signals.unmixing.as_ref()) {
-        return unmixed_answer(analysis, unmixing, &target);
+        return unmixed_answer(analysis, unmixing, words);
     }
     let estimate = analysis.mixture.as_ref()?.region?.estimate;
     let interval = match &analysis.budget {
@@ -219,8 +231,7 @@ fn answer(analysis: &Analysis, words: &Words<'_>) -> Option<Answer> {
             format!("total interval {low:.4} to {high:.4}")
         }
         None => {
-            let half = 1.96 * estimate.position_standard_error;
-            let [low, high] = [estimate.position - half, estimate.position + half];
+            let [low, high] = estimate.position_interval();
             format!("95 %: {low:.4} to {high:.4} by sensor noise alone")
         }
     };
@@ -229,21 +240,51 @@ fn answer(analysis: &Analysis, words: &Words<'_>) -> Option<Answer> {
         value: format!("{:.4}", estimate.position).replace('-', "−"),
         interval: interval.replace('-', "−"),
         truth,
+        other: String::new(),
         budgets: vec![line_budget(analysis)],
     })
 }
 
-/// The share of the last term, which is the fluorophore that is looked for, unmixed from channels and frames.
-fn unmixed_answer(analysis: &Analysis, unmixing: &Unmixing, target: &str) -> Option<Answer> {
-    let term = unmixing.terms.last()?;
+/// The share on the mixture line, where that is not the answer and no budget names it.
+fn line_in_words(analysis: &Analysis) -> String {
+    let region = analysis.mixture.as_ref().and_then(|mixture| mixture.region);
+    let Some(estimate) = region.map(|region| region.estimate).filter(|_| analysis.budget.is_none()) else {
+        return String::new();
+    };
+    let [low, high] = estimate.position_interval();
+    let position = estimate.position;
+    let text = format!(
+        "On the mixture line, as if the bulk were known: {position:.4} ({low:.4} to {high:.4} by sensor noise alone)"
+    );
+    text.replace('-', "−")
+}
+
+/// The share of the fluorophore that is looked for, or of the strongest one where none is, unmixed from channels and frames. `None` where
+/// one term is all there is, whose share is 1 whatever the light.
+fn unmixed_answer(analysis: &Analysis, unmixing: &Unmixing, words: &Words<'_>) -> Option<Answer> {
+    if unmixing.terms.len() < 2 {
+        return None;
+    }
+    let term = match words.wanted() {
+        Some(_) => unmixing.terms.last()?,
+        None => unmixing.terms.iter().max_by(|a, b| a.share.total_cmp(&b.share))?,
+    };
+    let named = |term: &UnmixedTerm| {
+        let titles: Vec<String> = term.fluorophores.iter().map(|name| words.title(name)).collect();
+        titles.join(" + ")
+    };
+    let target = match words.wanted() {
+        Some(wanted) if term.fluorophores.len() == 1 => wanted,
+        _ => named(term),
+    };
     let [low, high] = term.share_interval;
     let percent = |share: f64| format!("{:.1} %", 100.0 * share);
-    let others = unmixing.terms[..unmixing.terms.len() - 1].iter();
-    let rows = others.map(|t| (t.fluorophores.join(" + ").replace('_', " "), t.share)).collect();
+    let others = unmixing.terms.iter().filter(|other| other.fluorophores != term.fluorophores);
+    let rows = others.map(|t| (named(t), t.share)).collect();
     Some(Answer {
         quantity: format!(
             "{} share of the electrons, unmixed from {}, {}",
-            capital(target),
+            capital(&target),
             unmixing.signals.join(", "),
             analysis.region_description
         ),
@@ -252,7 +293,8 @@ fn unmixed_answer(analysis: &Analysis, unmixing: &Unmixing, target: &str) -> Opt
         truth: term
             .true_share
             .map_or_else(String::new, |share| format!("True share, which the simulation knows: {share:.4}")),
-        budgets: vec![contributions("The other shares:", rows, percent)],
+        other: String::new(),
+        budgets: vec![contributions("The other shares:", rows, Some(1.0), percent)],
     })
 }
 
@@ -272,19 +314,22 @@ fn line_budget(analysis: &Analysis) -> Contributions {
     parts.push(("sensor noise, half of 95 %".into(), budget.sensor_noise));
     parts.retain(|(_, change)| change.abs() >= LEAST_CHANGE);
     let text = |change: f64| format!("{change:+.4}").replace('-', "−");
-    contributions(&title.replace('-', "−"), parts, text)
+    contributions(&title.replace('-', "−"), parts, None, text)
 }
 
-/// The largest contributions with their texts, relative to the largest.
-fn contributions(title: &str, mut all: Vec<(String, f64)>, text: impl Fn(f64) -> String) -> Contributions {
+/// The largest contributions with their texts, relative to the whole that they are parts of, or to the largest where there is none.
+fn contributions(
+    title: &str,
+    mut all: Vec<(String, f64)>,
+    whole: Option<f64>,
+    text: impl Fn(f64) -> String,
+) -> Contributions {
     all.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
-    let largest = all.first().map_or(1.0, |(_, change)| change.abs().max(f64::MIN_POSITIVE));
+    let largest = all.first().map_or(1.0, |(_, change)| change.abs());
+    let full = whole.unwrap_or(largest).max(f64::MIN_POSITIVE);
     all.truncate(CONTRIBUTIONS);
-    let row = |(name, change): (String, f64)| Contribution {
-        name,
-        text: text(change),
-        size: change.abs() / largest,
-    };
+    let row =
+        |(name, change): (String, f64)| Contribution { name, text: text(change), size: change.abs() / full };
     Contributions { title: title.into(), rows: all.into_iter().map(row).collect() }
 }
 
@@ -375,28 +420,31 @@ fn target_cards(analysis: &Analysis) -> Vec<Number> {
 
 /// The smallest share that is told from the blank.
 fn detection_card(analysis: &Analysis) -> Option<Number> {
+    const LIMIT: &str = "Detection limit, noise alone";
+    let unknown = match analysis.posterior {
+        Some(_) => "; what is not known of the tissue hides more",
+        None => "",
+    };
     if let Some(budget) = &analysis.budget {
         let blank = format!("{:.4}", budget.blank).replace('-', "−");
-        let meaning =
-            format!("share of the region beyond the blank ({blank}) that noise hides in 5 % of frames");
-        return Some(Number::computed(
-            "Detection limit",
-            format!("{:.4}", budget.detection_limit),
-            "",
-            meaning,
-        ));
+        let meaning = format!(
+            "share of the region beyond the blank ({blank}) that sensor noise hides in 5 % of frames{unknown}"
+        );
+        return Some(Number::computed(LIMIT, format!("{:.4}", budget.detection_limit), "", meaning));
     }
     let estimate = analysis.mixture.as_ref()?.region?.estimate;
     // Currie 1968: 5 % of errors of either kind
     let limit = 2.0 * 1.645 * estimate.position_standard_error;
-    let meaning = "share of the region that sensor noise hides in 5 % of frames".to_owned();
-    Some(Number::computed("Detection limit", format!("{limit:.4}"), "", meaning))
+    let meaning = format!("share of the region that sensor noise hides in 5 % of frames{unknown}");
+    Some(Number::computed(LIMIT, format!("{limit:.4}"), "", meaning))
 }
 
 /// How far light with and without the fluorophore lie apart, or two spots.
 fn contrast_card(analyzed: &AnalyzedFrame, words: &Words<'_>) -> Option<Number> {
     let analysis = &analyzed.analysis;
-    if let Some(spot) = analysis.spots.first() {
+    // The channels that tell them apart best
+    let best = analysis.spots.iter().max_by(|a, b| a.d_prime.total_cmp(&b.d_prime));
+    if let Some(spot) = best {
         let [low, high] = spot.d_prime_interval;
         let meaning = format!(
             "per pixel between the two spots, by {} ({low:.2} to {high:.2})",
@@ -447,7 +495,10 @@ fn assumed(run: &RunResults<'_>, words: &Words<'_>) -> Vec<String> {
     let mut sentences = Vec::new();
     let powers = words.powers();
     if !powers.is_empty() {
-        sentences.push(format!("Light powers as the experiment states them ({}).", powers.join(", ")));
+        sentences.push(format!(
+            "Powers of the emitters before their filters, as the experiment states them ({}).",
+            powers.join(", ")
+        ));
     }
     let fluorophores = study.scene.fluorophores.len();
     if fluorophores > 0 {

@@ -97,7 +97,7 @@ pub fn run_report(run: &RunResults<'_>) -> RunReport {
     page.sections.append(&mut sections);
     let bulk = run.experiment.study.analysis.as_ref().map_or(&[][..], |analysis| &analysis.bulk);
     let bulk: Vec<String> = bulk.iter().map(|(name, _)| title_of(run, name)).collect();
-    page.sections.extend(glossary_section(&plain_text(&page), &words.target(), &bulk));
+    page.sections.extend(glossary_section(&plain_text(&page), words.wanted().as_deref(), &bulk));
     RunReport { page, figures: builder.figures }
 }
 
@@ -280,6 +280,7 @@ fn percent_saturated(frame: &CapturedFrame) -> f64 {
 /// Exposures and levels of all frames, and their histograms.
 fn frames_section(run: &RunResults<'_>, builder: &mut Builder) -> Section {
     let (frames, study) = (&run.evaluation.frames, &run.experiment.study);
+    let words = Words::of(run.experiment);
     let clipped = frames.iter().map(|frame| (percent_saturated(frame), &frame.raw.label));
     let worst = clipped.max_by(|a, b| a.0.total_cmp(&b.0));
     let clipped =
@@ -291,7 +292,12 @@ fn frames_section(run: &RunResults<'_>, builder: &mut Builder) -> Section {
     for frame in frames {
         let capture = study.capture(&frame.raw.label);
         let figure = frame_histograms(frame, capture.and_then(|c| c.subtract.as_deref()));
-        section = builder.show(section, &format!("histogram_{}", frame.raw.label), figure, "");
+        // A dark frame is to lie at the left
+        let advice = match capture.is_some_and(|c| words.lights(c) != "no light") {
+            true => "A frame that fills only the far left wastes the sensor's range.",
+            false => "",
+        };
+        section = builder.show(section, &format!("histogram_{}", frame.raw.label), figure, advice);
     }
     section
 }
@@ -588,15 +594,14 @@ pub(super) fn view_band(filter: &Curve, range: (f64, f64)) -> Option<[f64; 2]> {
 fn camera_rows(run: &RunResults<'_>) -> Vec<Number> {
     let camera = &run.experiment.study.camera;
     let mut rows = Vec::new();
-    let assumed = || Origin::Assumed("see the experiment below: its comments say what is published".into());
     if let Some(Lens { equation: lens, .. }) = &camera.lens {
         rows.push(
             Number::computed("Focal length", format!("{}", lens.focal_length_mm), "mm", "of the ideal lens")
-                .from(assumed()),
+                .from(stated()),
         );
         rows.push(
             Number::computed("f-number", format!("{}", lens.f_number), "", "focal length over aperture")
-                .from(assumed()),
+                .from(stated()),
         );
         rows.push(Number::computed(
             "Magnification",
@@ -606,19 +611,25 @@ fn camera_rows(run: &RunResults<'_>) -> Vec<Number> {
         ));
     }
     if let Some(sensor) = &camera.sensor {
-        rows.extend(sensor_rows(sensor.model()));
+        rows.extend(sensor_rows(sensor.model(), run.frames_from));
     }
     rows
 }
 
-/// Rows of the sensor: published where a value is that of Table 1 of the paper, assumed where it is not.
-fn sensor_rows(m: &SensorModel) -> Vec<Number> {
-    let assumed = || Origin::Assumed("see the experiment below: its comments say what is published".into());
+/// A value of the experiment or of one of its presets, which say where it comes from.
+fn stated() -> Origin {
+    Origin::Stated("in the experiment below, or the preset that it names".into())
+}
+
+/// Rows of the sensor: published where a value is that of Table 1 of the paper, else as the experiment states it. A recorded frame comes
+/// from another sensor than the paper's, whatever the numbers are.
+fn sensor_rows(m: &SensorModel, from: FrameOrigin) -> Vec<Number> {
     let mut rows = Vec::new();
     let published = SensorModel::default();
-    let table = |is_published: bool| match is_published {
-        true => Origin::Published("Table 1 of Lyu et al. 2021".into()),
-        false => assumed(),
+    let table = |is_published: bool| match (is_published, from) {
+        (true, FrameOrigin::Simulated) => Origin::Published("Table 1 of Lyu et al. 2021".into()),
+        (false, FrameOrigin::Simulated) => stated(),
+        (_, FrameOrigin::Given) => Origin::Assumed("by the experiment; a frame does not tell it".into()),
     };
     rows.push(
         Number::computed(
@@ -627,7 +638,10 @@ fn sensor_rows(m: &SensorModel) -> Vec<Number> {
             "pixels",
             "columns and rows of the sensor",
         )
-        .from(assumed()),
+        .from(match from {
+            FrameOrigin::Simulated => stated(),
+            FrameOrigin::Given => Origin::Computed,
+        }),
     );
     rows.push(
         Number::computed("Pixel pitch", format!("{}", m.pixel_size_um), "µm", "side of one pixel")
@@ -670,8 +684,8 @@ fn assumptions_section(run: &RunResults<'_>) -> Section {
         .iter()
         .map(|f| {
             let text = format!(
-                "{} Excitation backed by data from {:.0} to {:.0} nm, emission from {:.0} to {:.0} nm.",
-                f.source,
+                "{}. Excitation backed by data from {:.0} to {:.0} nm, emission from {:.0} to {:.0} nm.",
+                f.source.trim_end().trim_end_matches('.'),
                 f.excitation_range_nm.0,
                 f.excitation_range_nm.1,
                 f.emission_range_nm.0,
@@ -724,6 +738,7 @@ mod tests {
         match rows.iter().find(|row| row.name == name).unwrap().origin {
             Origin::Published(_) => "published",
             Origin::Assumed(_) => "assumed",
+            Origin::Stated(_) => "stated",
             _ => "other",
         }
     }
@@ -739,12 +754,16 @@ mod tests {
     fn only_values_of_the_paper_are_marked_as_published() {
         const NAMES: [&str; 4] = ["Pixel pitch", "Full well", "Read noise", "PRNU"];
         let paper = of_catalogue("lyu_2021_table_1");
-        let rows = sensor_rows(&paper);
+        let rows = sensor_rows(&paper, FrameOrigin::Simulated);
         for name in NAMES {
             assert_eq!(word(&rows, name), "published", "{name}");
         }
+        // A frame of another camera is not that of the paper.
+        for name in NAMES {
+            assert_eq!(word(&sensor_rows(&paper, FrameOrigin::Given), name), "assumed", "{name}");
+        }
         // The paper does not say how many pixels there are.
-        assert_eq!(word(&rows, "Pixels"), "assumed");
+        assert_eq!(word(&rows, "Pixels"), "stated");
         // One value changed: its mark goes, the others stay.
         let change: [fn(&mut SensorModel); 4] = [
             |m| m.pixel_size_um += 0.5,
@@ -755,16 +774,16 @@ mod tests {
         for (index, change) in change.into_iter().enumerate() {
             let mut model = paper.clone();
             change(&mut model);
-            let rows = sensor_rows(&model);
+            let rows = sensor_rows(&model, FrameOrigin::Simulated);
             for (other, name) in NAMES.into_iter().enumerate() {
-                let expected = if other == index { "assumed" } else { "published" };
+                let expected = if other == index { "stated" } else { "published" };
                 assert_eq!(word(&rows, name), expected, "{name} after change {index}");
             }
         }
         // Another sensor of the catalogue.
-        let other = sensor_rows(&of_catalogue("pi_camera_3"));
+        let other = sensor_rows(&of_catalogue("pi_camera_3"), FrameOrigin::Simulated);
         for name in NAMES {
-            assert_eq!(word(&other, name), "assumed", "{name}");
+            assert_eq!(word(&other, name), "stated", "{name}");
         }
     }
 

@@ -80,14 +80,18 @@ impl<'a> Words<'a> {
         lights.iter().find(of_group)?.get(key).cloned()
     }
 
-    /// Power of the lights as the experiment states it: `blue 2000 mW`.
+    /// Power of the emitters of each group as the experiment states it: `blue 8 x 2000 mW`.
     pub(super) fn powers(&self) -> Vec<String> {
         let groups = self.experiment.study.scene.light_groups.iter();
         let power = |group: &str| {
             let strength = self.light_entry(group, "strength")?;
             let power = strength.get("power_mw")?;
             let mw = power.as_float().or(power.as_integer().map(|mw| mw as f64))?;
-            Some(format!("{group} {mw} mW"))
+            let emitters = self.light_entry(group, "count").and_then(|count| count.as_integer());
+            Some(match emitters {
+                Some(count) if count > 1 => format!("{group} {count} x {mw} mW"),
+                _ => format!("{group} {mw} mW"),
+            })
         };
         groups.filter_map(|group| power(&group.name)).collect()
     }
@@ -114,15 +118,20 @@ impl<'a> Words<'a> {
         })
     }
 
-    /// The fluorophore whose share is estimated: "porphyrin" for all kinds of it, else its title.
+    /// The fluorophore whose share is estimated: "porphyrin" for all kinds of it, else its title. `None` where no share is asked for.
+    pub(super) fn wanted(&self) -> Option<String> {
+        let name = self.experiment.study.analysis.as_ref()?.porphyrin.as_deref()?;
+        Some(if name.contains("porphyrin") { "porphyrin".into() } else { self.title(name) })
+    }
+
+    /// The same in texts that stand only where a share is asked for.
     pub(super) fn target(&self) -> String {
-        let Some(analysis) = &self.experiment.study.analysis else { return "porphyrin".into() };
-        let name = analysis.porphyrin.as_deref().unwrap_or("porphyrin");
-        if name.contains("porphyrin") {
-            return "porphyrin".into();
-        }
-        let fluorophores = &self.experiment.study.scene.fluorophores;
-        let found = fluorophores.iter().find(|f| f.name == name);
+        self.wanted().unwrap_or_else(|| "porphyrin".into())
+    }
+
+    /// The title of a fluorophore.
+    pub(super) fn title(&self, name: &str) -> String {
+        let found = self.experiment.study.scene.fluorophores.iter().find(|f| f.name == name);
         found.map_or_else(|| name.replace('_', " "), |f| f.title.clone())
     }
 
@@ -181,7 +190,8 @@ impl<'a> Words<'a> {
         let what = match run.frames_from {
             FrameOrigin::Simulated => format!("Simulated: {}", self.scene()),
             FrameOrigin::Given => {
-                "Recorded frames, analyzed with the camera and the lights of the experiment".into()
+                "Recorded frames, analyzed with the lights, filters and camera that the experiment assumes"
+                    .into()
             }
         };
         let mut sentence = what;

@@ -134,6 +134,12 @@ pub struct LineEstimate {
 }
 
 impl LineEstimate {
+    /// 95 % interval of the position by the sensor's noise; it may reach beyond 0 and 1, as the position may.
+    #[must_use]
+    pub fn position_interval(&self) -> [f64; 2] {
+        [-1.0, 1.0].map(|sign| self.position + sign * Z_95 * self.position_standard_error)
+    }
+
     /// Whether the pixel lies farther off the line than noise explains: more than three standard errors, as 0.3 % do by
     /// chance. Something else is in its light then, for instance a highlight, and its fraction means little.
     pub fn is_off_line(&self) -> bool {
@@ -282,16 +288,16 @@ pub struct PorphyrinMap {
 }
 
 /// Numbers of each pixel of a region, `[row, col]`. Not a number outside of the region, without a chromaticity, and off the line, where
-/// a fraction is an artifact.
+/// a share is an artifact.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PorphyrinLayers {
-    /// Porphyrin fraction.
-    pub fraction: Vec<f32>,
+    /// Share of the porphyrin in the light on the mixture line, [`LineEstimate::position`]: below 0 and above 1 where noise moves it there.
+    pub share: Vec<f32>,
     /// Lower end of its 95 % interval by the sensor's noise.
     pub low: Vec<f32>,
     /// Upper end.
     pub high: Vec<f32>,
-    /// Detection limit: the fraction that this pixel's noise mistakes for none, and none for it, in 5 % of cases.
+    /// Detection limit: the share that this pixel's noise mistakes for none, and none for it, in 5 % of cases.
     pub detection_limit: Vec<f32>,
 }
 
@@ -347,13 +353,11 @@ impl PorphyrinMap {
             }
             values
         };
-        let limit =
-            |e: &LineEstimate| self.line.fraction((DETECTION_Z * e.position_standard_error).min(1.0)).0;
         PorphyrinLayers {
-            fraction: of(&|e| e.fraction),
-            low: of(&|e| e.fraction_interval[0]),
-            high: of(&|e| e.fraction_interval[1]),
-            detection_limit: of(&limit),
+            share: of(&|e| e.position),
+            low: of(&|e| e.position_interval()[0]),
+            high: of(&|e| e.position_interval()[1]),
+            detection_limit: of(&|e| DETECTION_Z * e.position_standard_error),
         }
     }
 

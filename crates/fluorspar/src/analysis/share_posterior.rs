@@ -67,18 +67,44 @@ impl SharePosterior {
         foreign.into_iter().collect()
     }
 
+    /// Whether the measurement excludes that there is no porphyrin: its 95 % interval begins above 0.
+    #[must_use]
+    pub fn excludes_none(&self) -> bool {
+        self.interval[0] > 0.0
+    }
+
+    /// The frames in words: `the frame blue`, `the frames blue, white`.
+    #[must_use]
+    pub fn frames_in_words(&self) -> String {
+        let noun = if self.frames.len() == 1 { "frame" } else { "frames" };
+        format!("the {noun} {}", self.frames.join(", "))
+    }
+
+    /// The share in words: median and interval, or where none can't be excluded, the upper limit alone. Half of the prior lies on none,
+    /// which pulls the median toward 0.
+    #[must_use]
+    pub fn finding(&self) -> String {
+        let [low, high] = self.interval;
+        if self.excludes_none() {
+            format!("{:.3} (95 %: {low:.3} to {high:.3})", self.median)
+        } else {
+            format!(
+                "at most {:.3} (95 %); this measurement can't tell whether there is any",
+                self.upper_limit
+            )
+        }
+    }
+
     /// The result in words, one line each.
     #[must_use]
     pub fn lines(&self) -> Vec<String> {
-        let [low, high] = self.interval;
         let [wide_low, wide_high] = self.with_prior_twice_as_wide;
         let mut lines = vec![
             format!(
-                "Porphyrin share of the light: {:.3} (95 %: {low:.3} to {high:.3}; below {:.3} with 95 %), for {} from the frames {}",
-                self.median,
-                self.upper_limit,
+                "Porphyrin share of the light: {}, for {} from {}",
+                self.finding(),
                 self.prior,
-                self.frames.join(", ")
+                self.frames_in_words()
             ),
             format!(
                 "  no porphyrin: {:.0} % probable ({:.0} % before the measurement); with a prior twice as wide {wide_low:.3} to \
@@ -88,7 +114,9 @@ impl SharePosterior {
             ),
         ];
         if let Some(BlindDirection { name, correlation }) = &self.blind_to {
-            lines.push(format!("  hardest to tell from: {name} (correlation {correlation:+.2})"));
+            lines.push(format!(
+                "  an error of it goes along most with: {name} (correlation {correlation:+.2})"
+            ));
         }
         lines
     }

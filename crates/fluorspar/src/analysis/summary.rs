@@ -3,7 +3,6 @@
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use super::mixture_line::Z_95;
 use super::pixel_mean::mean_of_pixels;
 use super::{
     ChannelNoise, ChromaticityMap, CovarianceEllipse, DEFAULT_NOISE_THRESHOLD, ErrorBudget, ExclusionCounts,
@@ -194,7 +193,7 @@ impl Analysis {
             lines.extend(posterior.lines());
         }
         if let Some(RegionFraction { estimate: e, .. }) = self.mixture.as_ref().and_then(|m| m.region) {
-            let [low, high] = [-1.0, 1.0].map(|sign| e.position + sign * Z_95 * e.position_standard_error);
+            let [low, high] = e.position_interval();
             lines.push(format!(
                 "Porphyrin share on the mixture line: {:.4} ({low:.4} to {high:.4} by sensor noise alone)",
                 e.position
@@ -202,7 +201,7 @@ impl Analysis {
             if let Some(budget) = &self.budget {
                 let [low, high] = budget.total_interval;
                 lines.push(format!(
-                    "  with leak, indirect light and light of other parts: {low:.4} to {high:.4}; blank {:.4}, detection limit {:.4} beyond it",
+                    "  with leak, indirect light and light of other parts: {low:.4} to {high:.4}; blank {:.4}, detection limit by noise alone {:.4} beyond it",
                     budget.blank, budget.detection_limit
                 ));
             }
@@ -212,7 +211,8 @@ impl Analysis {
             }
             let [low, high] = e.fraction_interval;
             lines.push(format!(
-                "Porphyrin fraction a_p/(a_b+a_p): {:.4} ({low:.4} to {high:.4} by sensor noise alone)",
+                "Ratio of amounts a_p/(a_b+a_p), in the units of the catalogue, no share of the light: {:.4} ({low:.4} to {high:.4} by \
+                 sensor noise alone)",
                 e.fraction
             ));
         }
@@ -278,7 +278,7 @@ pub fn analyze_region(
         Some(Ok(line)) => Some(line),
         Some(Err(error @ MixtureError::UnknownFluorophore { .. })) => return Err(error.into()),
         Some(Err(error)) => {
-            warnings.push(format!("No porphyrin fraction: {error}"));
+            warnings.push(format!("No porphyrin share on a mixture line: {error}"));
             None
         }
     };
@@ -296,7 +296,7 @@ pub fn analyze_region(
         if summary.off_line * 20 > statistics.counts.valid {
             warnings.push(format!(
                 "{} of {} valid pixels lie off the bulk-porphyrin line by more than noise explains. Their light contains \
-                 something else: reflected light, or another bulk than assumed. Their porphyrin fractions are biased.",
+                 something else: reflected light, or another bulk than assumed. Their shares on the line are biased.",
                 summary.off_line, statistics.counts.valid
             ));
         }
@@ -371,7 +371,8 @@ fn region_warnings(region: Option<&RegionFraction>, image: &ChannelImage) -> Vec
     let allowed = (3.0 * estimate.distance_standard_error).max(LINE_TOLERANCE);
     if estimate.distance.abs() > allowed {
         warnings.push(format!(
-            "The region lies {:.4} beside the bulk-porphyrin line, {:.0} times what noise explains: its fraction is biased",
+            "The region lies {:.4} beside the bulk-porphyrin line, {:.0} times what noise explains: the share on that line is biased. \
+             Only an estimate for tissue that is not known (analysis.tissue) allows for that",
             estimate.distance.abs(),
             estimate.distance.abs() / estimate.distance_standard_error
         ));

@@ -127,7 +127,7 @@ pub fn analyze_seen(
 }
 
 /// What an estimate on the mixture line alone leaves out where the region is tissue, or may stand for it.
-const NO_BLOOD: &str = "The bulk holds no blood, as a phantom's does. Blood moves the color of real tissue along the very line on \
+const NO_BLOOD: &str = "The bulk is taken without blood, as that of a phantom is. Blood moves the color of real tissue along the very line on \
                         which porphyrin is measured; give analysis.tissue the site of the tissue for an estimate that knows.";
 /// The same where the bulk is layered tissue of the scene.
 const ONE_TISSUE: &str = "The bulk is the tissue of the scene, as if its blood were known. Other blood moves the color along the very \
