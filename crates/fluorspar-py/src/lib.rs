@@ -27,6 +27,7 @@ fn _fluorspar(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<experiment::Experiment>()?;
     module.add_class::<components::Components>()?;
     module.add_class::<frame::Frame>()?;
+    module.add_class::<render::UnfinishedRender>()?;
     module.add_class::<planes::Planes>()?;
     module.add_class::<analysis::FrameAnalysis>()?;
     module.add_function(wrap_pyfunction!(render::render, module)?)?;

@@ -1,10 +1,11 @@
 //! Renders.
 
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex};
 use std::time::Instant;
 
-use fluorspar::render::{RenderControl, RenderProgress, render as render_scene};
+use fluorspar::image::Film;
+use fluorspar::render::{RenderControl, RenderProgress, render_sums};
 use fluorspar_format::Provenance;
 use pyo3::prelude::*;
 
@@ -12,7 +13,7 @@ use crate::components::Components;
 use crate::error::{RenderStopped, failed};
 use crate::experiment::Experiment;
 use crate::frame::KeptPlanes;
-use crate::process::work;
+use crate::process::{work, work_through};
 
 /// Renders an experiment. `progress` is called with the paths done and all paths, some 50 times a second, in the calling thread.
 /// After `time_limit_s` seconds the image holds the samples so far.
@@ -54,35 +55,59 @@ pub(crate) fn render(
     let (rendered, raised) = work(
         py,
         threads,
-        || {
-            let mut image = render_scene(&study.scene, &study.render, &control)?;
-            // As `run` and the files of a run have it
-            image.round_to_24_bits();
-            Ok::<_, fluorspar::render::RenderError>(image)
-        },
+        || render_sums(&study.scene, &study.render, &control),
         || stop.store(true, Ordering::SeqCst),
         tell,
     )?;
-    let image = rendered.map_err(failed)?;
-    let provenance = Provenance::new(
-        experiment.get().text(),
-        resolved.record.resolved_toml.clone(),
-        study.render.seed,
-        image.samples_per_pixel,
-    );
-    let is_empty = image.samples_per_pixel == 0;
-    let components = Components {
-        image: Arc::new(image),
-        provenance: Some(provenance),
-        experiment: Some(experiment.clone().unbind()),
-        planes: KeptPlanes::default(),
-    };
-    let Some(raised) = raised else { return Ok(components) };
+    let film = rendered.map_err(failed)?;
+    let Some(raised) = raised else { return finished(experiment, film, threads) };
     if !raised.is_instance_of::<pyo3::exceptions::PyKeyboardInterrupt>(py) {
         return Err(raised);
     }
     let stopped = RenderStopped::new_err("the render was interrupted; .partial holds the samples so far");
-    let partial = if is_empty { py.None() } else { Py::new(py, components)?.into_any() };
-    stopped.value(py).setattr("partial", partial)?;
+    let unfinished =
+        UnfinishedRender { experiment: experiment.clone().unbind(), film: Mutex::new(Some(film)) };
+    stopped.value(py).setattr("unfinished", Py::new(py, unfinished)?)?;
     Err(stopped)
+}
+
+/// What a render had when Ctrl-C ended it.
+#[pyclass(frozen, module = "fluorspar._fluorspar")]
+pub(crate) struct UnfinishedRender {
+    experiment: Py<Experiment>,
+    film: Mutex<Option<Film>>,
+}
+
+#[pymethods]
+impl UnfinishedRender {
+    /// The image so far, the first time; then, and where some pixel has no sample yet, `None`.
+    fn take(&self, py: Python<'_>) -> PyResult<Option<Components>> {
+        let film = self.film.lock().ok().and_then(|mut film| film.take());
+        let components = film.map(|film| finished(self.experiment.bind(py), film, None)).transpose()?;
+        Ok(components.filter(|components| components.image.samples_per_pixel > 0))
+    }
+}
+
+/// The image of a film.
+fn finished(experiment: &Bound<'_, Experiment>, film: Film, threads: Option<usize>) -> PyResult<Components> {
+    let py = experiment.py();
+    let resolved = experiment.get().resolved(py, threads)?;
+    let image = work_through(py, threads, || {
+        let mut image = film.into_image();
+        // As `run` and the files of a run have it
+        image.round_to_24_bits();
+        image
+    })?;
+    let provenance = Provenance::new(
+        experiment.get().text(),
+        resolved.record.resolved_toml.clone(),
+        resolved.study.render.seed,
+        image.samples_per_pixel,
+    );
+    Ok(Components {
+        image: Arc::new(image),
+        provenance: Some(provenance),
+        experiment: Some(experiment.clone().unbind()),
+        planes: KeptPlanes::default(),
+    })
 }

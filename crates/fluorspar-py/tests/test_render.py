@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import _thread
+import importlib.util
 import multiprocessing
 import os
 import pickle
 import threading
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -112,6 +114,43 @@ def test_other_threads_run_on(mouth) -> None:
     ticking.join()
     # A render that held the interpreter would leave a handful.
     assert ticks > 20
+
+
+def _peak_growth(work) -> int:
+    """Bytes by which the process grew at its largest while something ran."""
+
+    def peak() -> int:
+        lines = Path("/proc/self/status").read_text().splitlines()
+        return 1024 * next(int(line.split()[1]) for line in lines if line.startswith("VmHWM"))
+
+    # Sets the peak to what the process holds now
+    Path("/proc/self/clear_refs").write_text("5")
+    before = peak()
+    work()
+    return peak() - before
+
+
+@pytest.mark.skipif(not os.access("/proc/self/clear_refs", os.W_OK), reason="the peak of memory can't be set back")
+def test_views_take_no_memory(mouth) -> None:
+    larger = mouth.set("render.width_px", 160).set("render.height_px", 120)
+    components = fs.render(larger, progress=None)
+    size = components.radiance.nbytes
+    assert size > 40e6
+    held: list[object] = []
+    shown = [lambda: components.radiance, lambda: components.component(components.labels[0])]
+    if importlib.util.find_spec("xarray"):
+        shown.append(components.to_xarray)
+        components.to_xarray()
+    for show in shown:
+        assert _peak_growth(lambda: held.append(show())) < size / 20
+    # A copy is seen by the same measure
+    assert _peak_growth(lambda: held.append(components.radiance.copy())) > 0.9 * size
+
+    # Arrays of one object, asked for twice, are the same memory; planes are formed once
+    planes = [components.planes(larger, "blue") for _ in range(2)]
+    frame = fs.capture(larger, components)["blue"]
+    for first, second in [planes, (frame.raw, frame.raw), (frame.developed, frame.developed), (frame.preview, frame.preview)]:
+        assert np.shares_memory(first, second) and not first.flags.writeable
 
 
 def _render_in_child(experiment, queue) -> None:

@@ -4,6 +4,7 @@
 
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::time::Duration;
 
 use fluorspar::image::{ComponentImage, FeatureMaps, Film, StatisticsKind};
 use fluorspar::pipeline::{DenoiseSettings, denoise, relight};
@@ -95,6 +96,32 @@ fn interrupted_extended_and_sharded_renders_have_the_bits_of_the_whole() {
     assert!(fill(&renderer, &Share::Samples { index: 1, count: 3 }, &mut film, 10_000));
     assert!(fill(&renderer, &Share::Whole, &mut film, 10_000));
     assert!(film.into_image() == whole, "a gap");
+}
+
+#[test]
+fn a_block_that_a_stop_cuts_off_leaves_no_trace() {
+    let study = experiment(40, 24);
+    let settings = settings(&study, 45, StatisticsKind::LightGroups);
+    let renderer = FilmRenderer::new(&study.scene, &settings).unwrap();
+    let whole = image(&study, &settings);
+
+    // Stops come at any time, also where tiles are half done. Time grows until some tile can end.
+    let mut film = renderer.new_film();
+    let (mut wait, mut is_complete) = (Duration::from_millis(2), false);
+    while !is_complete {
+        let stop = AtomicBool::new(false);
+        is_complete = std::thread::scope(|scope| {
+            scope.spawn(|| {
+                std::thread::sleep(wait);
+                stop.store(true, Ordering::Relaxed);
+            });
+            let control = RenderControl { stop: &stop, progress: &|_| {} };
+            let checkpoint = Checkpoint { is_due: &|| false, on_pause: &mut |_| true };
+            renderer.fill(&Share::Whole, &mut film, &control, checkpoint).unwrap()
+        });
+        wait = wait.mul_f64(1.2);
+    }
+    assert!(film.into_image() == whole);
 }
 
 #[test]

@@ -48,11 +48,11 @@ from ._commands import (
     validate,
 )
 from ._experiment import Experiment, experiment, load, schema
-from ._fluorspar import ExperimentError, FluorsparError, RenderStopped, __version__
+from ._fluorspar import ExperimentError, FluorsparError, __version__
 from ._frames import Analysis, Frame, Frames, analyze, capture
 from ._mouth import Mesh, Mouth, mouth
 from ._record import Record
-from ._render import Components, read, render
+from ._render import Components, RenderStopped, read, render
 from ._sweep import sweep
 
 __all__ = [

@@ -15,6 +15,7 @@ __all__ = [
     "Experiment",
     "Components",
     "Planes",
+    "UnfinishedRender",
     "Frame",
     "FrameAnalysis",
     "render",
@@ -44,7 +45,7 @@ class ExperimentError(FluorsparError):
     known: list[str]
 
 class RenderStopped(KeyboardInterrupt):
-    partial: Any
+    unfinished: UnfinishedRender
 
 @final
 class Experiment:
@@ -111,6 +112,10 @@ class Components:
 class Planes:
     @property
     def electrons_per_s(self) -> NDArray[np.float32]: ...
+
+@final
+class UnfinishedRender:
+    def take(self) -> Components | None: ...
 
 @final
 class Frame:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import html
 import os
 import tempfile
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -178,6 +179,20 @@ def _components_of_bytes(content: bytes) -> Components:
         return read(path)
 
 
+class RenderStopped(_fluorspar.RenderStopped):
+    """A render that Ctrl-C ended; a :class:`KeyboardInterrupt`."""
+
+    def __init__(self, message: str, unfinished: _fluorspar.UnfinishedRender) -> None:
+        super().__init__(message)
+        self.unfinished = unfinished
+
+    @cached_property
+    def partial(self) -> Components | None:
+        """The image so far, made when it is first asked for; ``None`` where some pixel has no sample yet."""
+        native = self.unfinished.take()
+        return None if native is None else Components(native)
+
+
 def render(
     experiment: Experiment,
     *,
@@ -203,9 +218,7 @@ def render(
                 experiment._native, threads=threads, time_limit_s=time_limit_s, progress=tell
             )
         except _fluorspar.RenderStopped as stopped:
-            if stopped.partial is not None:
-                stopped.partial = Components(stopped.partial)
-            raise
+            raise RenderStopped(str(stopped), stopped.unfinished) from None
     return Components(native)
 
 

@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
@@ -356,7 +357,8 @@ impl ComponentImage {
         let features = &mut self.features;
         let normals = features.normal.as_flattened_mut().iter_mut();
         let uv = features.uv.as_flattened_mut().iter_mut();
-        round_to_24_bits(self.data.iter_mut().chain(&mut features.depth_m).chain(normals).chain(uv));
+        round_to_24_bits(features.depth_m.iter_mut().chain(normals).chain(uv));
+        self.data.par_chunks_mut(1 << 16).for_each(round_to_24_bits);
     }
 
     /// Everything that one light group excites.

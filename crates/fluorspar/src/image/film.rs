@@ -13,6 +13,7 @@
 
 use std::ops::Range;
 
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
@@ -595,39 +596,54 @@ impl Film {
             names,
         });
         let mut samples = vec![0; width * height];
+        // Slab by slab, each given back when its sums are read: image and film share their memory
         for slab in self.slabs {
             // Slabs without sums hold no samples.
-            for (tile, sums) in slab.tiles.iter().zip(slab.sums.chunks(self.tile_len.max(1))) {
-                let count = tile.count();
-                if count == 0 || !rows.contains(&tile.row) {
-                    continue;
+            let tiles = slab.tiles.iter().zip(slab.sums.chunks(self.tile_len.max(1)));
+            let held = tiles.filter(|(tile, _)| tile.count() > 0 && rows.contains(&tile.row));
+            let pixels: Vec<PixelSums<'_>> = held
+                .flat_map(|(tile, sums)| {
+                    let sums = sums.chunks(scale.pixel_len()).take(tile.pixels()).enumerate();
+                    sums.map(|(index, sums)| PixelSums {
+                        tile,
+                        pixel: (tile.row - rows.start + index / tile.cols) * width
+                            + tile.col
+                            + index % tile.cols,
+                        sums,
+                    })
+                })
+                .collect();
+            for of in &pixels {
+                samples[of.pixel] = of.tile.count();
+            }
+            image.data.par_chunks_mut(plane.max(1)).enumerate().for_each(|(component, means)| {
+                for of in &pixels {
+                    let means = &mut means[of.pixel * bands..(of.pixel + 1) * bands];
+                    scale.mean(of.sums, component, of.tile.count(), means);
                 }
-                let (blocks, even) = tile.blocks();
-                for (index, sums) in sums.chunks(scale.pixel_len()).take(tile.pixels()).enumerate() {
-                    let pixel =
-                        (tile.row - rows.start + index / tile.cols) * width + tile.col + index % tile.cols;
-                    samples[pixel] = count;
-                    for component in 0..layout.components.len() {
-                        let at = component * plane + pixel * bands;
-                        scale.mean(sums, component, count, &mut image.data[at..at + bands]);
-                    }
-                    let Some(statistics) = &mut statistics else { continue };
-                    for statistic in 0..scale.members.len() {
-                        let at = statistic * plane + pixel * bands;
+            });
+            let Some(statistics) = &mut statistics else { continue };
+            let half_a = statistics.half_a.par_chunks_mut(plane.max(1));
+            let half_b = statistics.half_b.par_chunks_mut(plane.max(1));
+            let variance = statistics.variance.par_chunks_mut(plane.max(1));
+            half_a.zip(half_b).zip(variance).enumerate().for_each(
+                |(statistic, ((half_a, half_b), variance))| {
+                    for PixelSums { tile, pixel, sums } in &pixels {
+                        let (count, (blocks, even)) = (tile.count(), tile.blocks());
                         scale.halves(sums, statistic, |band, all, half| {
-                            let other = (all - half).max(0.0);
-                            statistics.half_a[at + band] = (half / f64::from(even.max(1))) as f32;
-                            statistics.half_b[at + band] = (other / f64::from((count - even).max(1))) as f32;
+                            let (at, other) = (pixel * bands + band, (all - half).max(0.0));
+                            half_a[at] = (half / f64::from(even.max(1))) as f32;
+                            half_b[at] = (other / f64::from((count - even).max(1))) as f32;
                             let scatter = scale.squares(sums, statistic, band) - all * all / f64::from(count);
-                            statistics.variance[at + band] = if blocks < 2 {
+                            variance[at] = if blocks < 2 {
                                 f32::INFINITY
                             } else {
                                 (scatter.max(0.0) / f64::from(blocks - 1) / f64::from(count)) as f32
                             };
                         });
                     }
-                }
-            }
+                },
+            );
         }
         image.samples_per_pixel = samples.iter().copied().min().unwrap_or(0);
         if samples.iter().any(|&n| n != image.samples_per_pixel) {
@@ -637,6 +653,14 @@ impl Film {
         image.features = self.features;
         image
     }
+}
+
+/// What a film holds of one pixel.
+struct PixelSums<'a> {
+    tile: &'a FilmTile,
+    /// Index of the pixel in the image that is made.
+    pixel: usize,
+    sums: &'a [u64],
 }
 
 #[cfg(test)]

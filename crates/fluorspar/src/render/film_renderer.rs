@@ -63,14 +63,26 @@ pub fn render(
     settings: &RenderSettings,
     control: &RenderControl<'_>,
 ) -> Result<ComponentImage, RenderError> {
+    Ok(render_sums(scene, settings, control)?.into_image())
+}
+
+/// [`render`] but for its last step, [`Film::into_image`]: after a stop the sums are there at once.
+///
+/// The film does not know its scene: no [`FilmRenderer`] continues it.
+///
+/// # Errors
+/// As [`render`].
+pub fn render_sums(
+    scene: &Scene,
+    settings: &RenderSettings,
+    control: &RenderControl<'_>,
+) -> Result<Film, RenderError> {
     let renderer = FilmRenderer::new(scene, settings)?;
-    // The film does not leave this function: it needs no digest.
     let layout = film_layout(&renderer.compiled, scene, settings, String::new());
     let mut film = Film::new(layout, renderer.features());
     let checkpoint = Checkpoint { is_due: &|| false, on_pause: &mut |_| true };
     fill(&renderer.compiled, settings, &Share::default(), &mut film, control, checkpoint);
-    drop(renderer);
-    Ok(film.into_image())
+    Ok(film)
 }
 
 /// A scene made ready for rendering on films: what [`render`] does in one go, step by step.
@@ -278,19 +290,21 @@ fn fill(
                 !converged[task.number].load(Ordering::Relaxed) && end_of(&task.tile.samples, &samples) < last
             });
             tasks.par_iter_mut().for_each_init(
-                || (BlockSum::new(scene), FilmScale::new(&layout)),
-                |(block, scale), task| {
+                || TileWorker::new(scene, settings, &layout, control.stop),
+                |worker, task| {
                     if control.stop.load(Ordering::Relaxed) || pause.load(Ordering::Relaxed) {
                         return;
                     }
                     let first = end_of(&task.tile.samples, &samples);
                     let mut saved = last - first;
-                    if target.is_met(scale, task.tile, task.sums) {
+                    if target.is_met(&worker.scale, task.tile, task.sums) {
                         converged[task.number].store(true, Ordering::Relaxed);
                         saved = samples.end - first;
                     } else {
                         while let Some(range) = next_missing(&task.tile.samples, &samples, last) {
-                            fill_tile(scene, settings, task, range, block, scale);
+                            if !worker.fill_tile(task, range) {
+                                return;
+                            }
                         }
                     }
                     let paths = task.tile.pixels() as u64 * u64::from(saved);
@@ -331,51 +345,101 @@ fn next_missing(held: &[Range<u32>], wanted: &Range<u32>, last: u32) -> Option<R
     (first < last).then(|| first..next.map_or(last, |start| start.min(last)))
 }
 
-/// Adds samples to every pixel of a tile, block by block.
-fn fill_tile(
-    scene: &CompiledScene,
-    settings: &RenderSettings,
-    task: &mut TileMut<'_>,
-    samples: Range<u32>,
-    block: &mut BlockSum,
-    scale: &mut FilmScale,
-) {
-    let mut first = samples.start;
-    if !is_block_boundary(first) {
-        // Replace the part of a block at which an earlier render ended by the whole block
-        let start = block_start(first);
-        fill_block(scene, settings, task, start..first, BlockSign::Remove, block, scale);
-        first = start;
-    }
-    while first < samples.end {
-        let end = block_end(first).min(samples.end);
-        fill_block(scene, settings, task, first..end, BlockSign::Add, block, scale);
-        first = end;
-    }
-    task.tile.add_samples(samples);
+/// What one thread needs to render tiles.
+struct TileWorker<'a> {
+    scene: &'a CompiledScene,
+    settings: &'a RenderSettings,
+    stop: &'a AtomicBool,
+    block: BlockSum,
+    scale: FilmScale,
+    /// Sums of a tile before the block that is being added.
+    before: Vec<u64>,
 }
 
-/// Adds one block of samples to every pixel of a tile, or takes it away.
-fn fill_block(
-    scene: &CompiledScene,
-    settings: &RenderSettings,
-    task: &mut TileMut<'_>,
-    samples: Range<u32>,
-    sign: BlockSign,
-    block: &mut BlockSum,
-    scale: &mut FilmScale,
-) {
-    let tile = &*task.tile;
-    let at_a_time = block.pixels_at_a_time(&samples);
-    let len = scale.pixel_len();
-    let position = |index: usize| (tile.row + index / tile.cols, tile.col + index % tile.cols);
-    let count = tile.rows * tile.cols;
-    for (chunk, sums) in task.sums[..count * len].chunks_mut(at_a_time * len).enumerate() {
-        let start = chunk * at_a_time;
-        let pixels = start..start + sums.len() / len;
-        block.render(scene, settings, pixels.map(position), samples.clone());
-        for ((values, lit), sums) in block.pixels().zip(sums.chunks_mut(len)) {
-            scale.add_block(sums, values, lit, samples.clone(), sign);
+impl<'a> TileWorker<'a> {
+    /// Blocks of fewer samples are over before a stop is noticed, and copies of their sums would cost time.
+    const LEAST_TO_ABANDON: usize = 4;
+
+    fn new(
+        scene: &'a CompiledScene,
+        settings: &'a RenderSettings,
+        layout: &FilmLayout,
+        stop: &'a AtomicBool,
+    ) -> Self {
+        let (block, scale) = (BlockSum::new(scene), FilmScale::new(layout));
+        Self { scene, settings, stop, block, scale, before: Vec::new() }
+    }
+
+    /// Adds samples to every pixel of a tile, block by block; `false` where a stop came before the last of them.
+    fn fill_tile(&mut self, task: &mut TileMut<'_>, samples: Range<u32>) -> bool {
+        let mut first = samples.start;
+        if !is_block_boundary(first) {
+            // Replace the part of a block at which an earlier render ended by the whole block
+            let start = block_start(first);
+            let end = block_end(start).min(samples.end);
+            self.fill_block(task, start..first, BlockSign::Remove);
+            self.fill_block(task, start..end, BlockSign::Add);
+            task.tile.add_samples(first..end);
+            first = end;
+        }
+        while first < samples.end {
+            let block = first..block_end(first).min(samples.end);
+            if block.len() < Self::LEAST_TO_ABANDON {
+                self.fill_block(task, block.clone(), BlockSign::Add);
+            } else if !self.fill_or_abandon_block(task, block.clone()) {
+                return false;
+            }
+            first = block.end;
+            task.tile.add_samples(block);
+        }
+        true
+    }
+
+    /// Adds one block of samples to every pixel of a tile. Where a stop comes before its end the sums stay as they were, and
+    /// `false` returns.
+    fn fill_or_abandon_block(&mut self, task: &mut TileMut<'_>, samples: Range<u32>) -> bool {
+        self.before.clear();
+        self.before.extend_from_slice(task.sums);
+        for pixels in self.batches(task, &samples) {
+            if self.stop.load(Ordering::Relaxed) {
+                task.sums.copy_from_slice(&self.before);
+                return false;
+            }
+            self.fill_batch(task, pixels, &samples, BlockSign::Add);
+        }
+        true
+    }
+
+    /// Adds one block of samples to every pixel of a tile, or takes it away.
+    fn fill_block(&mut self, task: &mut TileMut<'_>, samples: Range<u32>, sign: BlockSign) {
+        for pixels in self.batches(task, &samples) {
+            self.fill_batch(task, pixels, &samples, sign);
+        }
+    }
+
+    /// Pixels of a tile of which a block of samples is rendered together.
+    fn batches(
+        &self,
+        task: &TileMut<'_>,
+        samples: &Range<u32>,
+    ) -> impl Iterator<Item = Range<usize>> + use<> {
+        let (count, at_a_time) = (task.tile.pixels(), self.block.pixels_at_a_time(samples));
+        (0..count).step_by(at_a_time).map(move |start| start..(start + at_a_time).min(count))
+    }
+
+    fn fill_batch(
+        &mut self,
+        task: &mut TileMut<'_>,
+        pixels: Range<usize>,
+        samples: &Range<u32>,
+        sign: BlockSign,
+    ) {
+        let (tile, len) = (&*task.tile, self.scale.pixel_len());
+        let position = |index: usize| (tile.row + index / tile.cols, tile.col + index % tile.cols);
+        let sums = task.sums[pixels.start * len..pixels.end * len].chunks_mut(len);
+        self.block.render(self.scene, self.settings, pixels.map(position), samples.clone());
+        for ((values, lit), sums) in self.block.pixels().zip(sums) {
+            self.scale.add_block(sums, values, lit, samples.clone(), sign);
         }
     }
 }

@@ -60,7 +60,7 @@ pub use adaptive::{ErrorChannel, ErrorTarget, ErrorTargetError};
 pub use choose_basis::{BasisError, choose_basis};
 pub(crate) use choose_basis::{are_in_proportion, excitation_responses};
 pub use error::RenderError;
-pub use film_renderer::{Checkpoint, FilmRenderer, RenderControl, RenderProgress, render};
+pub use film_renderer::{Checkpoint, FilmRenderer, RenderControl, RenderProgress, render, render_sums};
 pub use fluorescence_operator::FluorescenceOperator;
 pub(crate) use fluorescence_operator::direct_exitance;
 pub use memory::{basis_bytes, memory_bytes, surface_bytes, tile_row_bytes, whole_image_bytes};
