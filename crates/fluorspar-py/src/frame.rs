@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, OnceLock};
 
 use fluorspar::image::{ChannelPlanes, ComponentFactors, ComponentImage, SensorImage};
 use fluorspar::pipeline::{
@@ -29,7 +29,18 @@ pub(crate) struct Frame {
     pub(crate) raw: SensorImage,
     /// Raw and developed; `None` of a frame from a file.
     pub(crate) captured: Option<CapturedFrame>,
-    preview: Option<Preview>,
+    /// How people see it; `None` of a frame from a file.
+    colors: Option<ColorRendering>,
+    /// Made when it is first looked at.
+    preview: OnceLock<Preview>,
+}
+
+impl Frame {
+    /// An image for people; `None` of a frame from a file.
+    fn shown(&self) -> Option<&Preview> {
+        let (captured, colors) = (self.captured.as_ref()?, self.colors.as_ref()?);
+        Some(self.preview.get_or_init(|| preview(&captured.developed, colors)))
+    }
 }
 
 #[pymethods]
@@ -91,9 +102,10 @@ impl Frame {
     /// An image for people, sRGB, `[row, col, rgb]`; `None` of a frame from a file.
     #[getter]
     fn preview<'py>(slf: &Bound<'py, Self>) -> PyResult<Option<Bound<'py, PyArray3<u8>>>> {
-        let Some(preview) = &slf.get().preview else { return Ok(None) };
+        let frame = slf.get();
+        let Some(preview) = work_through(slf.py(), None, || frame.shown())? else { return Ok(None) };
         let shape = (preview.height, preview.width, 3);
-        view(slf, |this| this.preview.as_ref().map_or(&[], |preview| &preview.rgb), shape).map(Some)
+        view(slf, |this| this.shown().map_or(&[], |preview| &preview.rgb), shape).map(Some)
     }
 
     /// Writes the raw frame as TIFF with its description beside it.
@@ -292,7 +304,8 @@ impl View {
     fn frames(&self) -> Result<Vec<Frame>, PipelineError> {
         let frames = capture_from_planes(&self.study, &self.seen())?;
         let frame = |(captured, settings): (CapturedFrame, &Capture)| Frame {
-            preview: Some(preview(&captured.developed, &ColorRendering::of_frame(&self.study, settings))),
+            colors: Some(ColorRendering::of_frame(&self.study, settings)),
+            preview: OnceLock::new(),
             raw: captured.raw.clone(),
             captured: Some(captured),
         };
@@ -321,5 +334,5 @@ pub(crate) fn read_frame(py: Python<'_>, path: PathBuf, name: Option<String>) ->
     if let Some(name) = name {
         raw.label = name;
     }
-    Ok(Frame { raw, captured: None, preview: None })
+    Ok(Frame { raw, captured: None, colors: None, preview: OnceLock::new() })
 }

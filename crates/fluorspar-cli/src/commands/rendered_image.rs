@@ -354,7 +354,7 @@ fn planes_of_bytes(
     let mut planes = response.dark();
     let values = planes.data.len() / planes.components.max(1);
     let (is_there, mut rest) = bytes.split_at_checked(planes.components)?;
-    for (component, plane) in planes.data.chunks_exact_mut(values.max(1)).enumerate() {
+    for (component, plane) in planes.data_mut().chunks_exact_mut(values.max(1)).enumerate() {
         let is_wanted = wanted(component);
         if is_there[component] == 0 {
             if is_wanted {

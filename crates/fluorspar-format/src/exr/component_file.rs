@@ -1,6 +1,7 @@
 //! Component images opened by part: labels and feature maps at once, spectra and channel planes when they are asked for.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use base64::prelude::{BASE64_STANDARD, Engine};
 use exr::block::UncompressedBlock;
@@ -164,9 +165,10 @@ impl ComponentFile {
                     stride: 1,
                 });
             }
-            let mut buffers = [std::mem::take(&mut found.data)];
+            let mut buffers = [vec![0.0; found.data.len()]];
             decode(&self.path, &targets, &mut buffers)?;
-            [found.data] = buffers;
+            let [values] = buffers;
+            found.data = Arc::new(values);
             Ok(())
         })?;
         Ok(Some(found))

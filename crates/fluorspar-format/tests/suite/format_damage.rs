@@ -128,7 +128,7 @@ fn openexr() {
             damage(&path, |path| read_component_exr(path).is_ok());
         }
         let mut planes = [ChannelPlanes::dark([3, 2], 1, 2, "c".into())];
-        planes[0].data.iter_mut().enumerate().for_each(|(i, value)| *value = i as f32);
+        planes[0].data_mut().iter_mut().enumerate().for_each(|(i, value)| *value = i as f32);
         write_component_exr(&path, &components(), &ExrOptions { planes: &planes, ..options }).unwrap();
         damage(&path, |path| {
             let by_parts = |file: ComponentFile| {

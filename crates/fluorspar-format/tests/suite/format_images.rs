@@ -110,7 +110,7 @@ fn component_images_are_read_part_by_part() {
     let path = folder.path().join("c.exr");
     let image = components();
     let mut planes = ChannelPlanes::dark([5, 3], 3, 12, "a camera".into());
-    planes.data.iter_mut().enumerate().for_each(|(i, value)| *value = 0.1 + i as f32);
+    planes.data_mut().iter_mut().enumerate().for_each(|(i, value)| *value = 0.1 + i as f32);
     let other = ChannelPlanes { camera: "another".into(), ..planes.clone() };
     let (both, provenance) = ([planes.clone(), other], provenance());
     let rounded = {

@@ -21,8 +21,8 @@ pub struct ChannelPlanes {
     pub channels: usize,
     /// Digest of the camera that the planes are of.
     pub camera: String,
-    /// `[component][channel][row][col]`, e-/s.
-    pub data: Vec<f32>,
+    /// `[component][channel][row][col]`, e-/s; clones share them.
+    pub data: Arc<Vec<f32>>,
 }
 
 /// Pixels that are summed at once: their sums stay in the nearest cache.
@@ -31,7 +31,7 @@ const BLOCK: usize = 1024;
 impl ChannelPlanes {
     /// Planes without light.
     pub fn dark([width, height]: [usize; 2], components: usize, channels: usize, camera: String) -> Self {
-        let data = vec![0.0; components * channels * width * height];
+        let data = Arc::new(vec![0.0; components * channels * width * height]);
         Self { width, height, components, channels, camera, data }
     }
 
@@ -44,7 +44,14 @@ impl ChannelPlanes {
     /// One channel of one component, `[row][col]`, e-/s.
     pub fn plane_mut(&mut self, component: usize, channel: usize) -> &mut [f32] {
         let pixels = self.width * self.height;
-        &mut self.data[(component * self.channels + channel) * pixels..][..pixels]
+        let start = (component * self.channels + channel) * pixels;
+        &mut self.data_mut()[start..start + pixels]
+    }
+
+    /// All values, to change those of this clone only.
+    pub fn data_mut(&mut self) -> &mut [f32] {
+        let values: &mut Vec<f32> = Arc::make_mut(&mut self.data);
+        values
     }
 
     /// Sum of all components, each times its factors: `[channel][row][col]`, e-/s. Components whose factor is zero are not
@@ -144,7 +151,11 @@ mod tests {
     #[test]
     fn sums_are_exact_to_rounding_and_follow_masks() {
         let mut planes = ChannelPlanes::dark([50, 41], 3, 2, String::new());
-        planes.data.iter_mut().enumerate().for_each(|(i, value)| *value = 1.0 + (i * 7919 % 613) as f32);
+        planes
+            .data_mut()
+            .iter_mut()
+            .enumerate()
+            .for_each(|(i, value)| *value = 1.0 + (i * 7919 % 613) as f32);
         let mask: Arc<[f32]> = (0..50 * 41).map(|i| (i % 3) as f32).collect();
         let factors =
             ComponentFactors { even: vec![0.5, 0.0, 3.0], maps: vec![None, None, Some(mask.clone())] };

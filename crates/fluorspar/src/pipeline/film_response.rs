@@ -344,14 +344,16 @@ impl FilmResponse {
                 }
             }
             let imaged = spread.lens.lens_values(group, &seen, self.size, spread.tan_half_width);
-            for pixel in 0..width * height {
-                let place = self.place(pixel / width, pixel % width);
-                for component in batch.clone() {
-                    let of = &imaged[pixel * values + (component - batch.start) * own..][..own];
-                    let (left, right) = place.tables(of, channels);
-                    for channel in 0..channels {
+            let places: Vec<_> =
+                (0..width * height).map(|pixel| self.place(pixel / width, pixel % width)).collect();
+            for component in batch.clone() {
+                for channel in 0..channels {
+                    let plane = planes.plane_mut(component, channel);
+                    for (pixel, (rate, place)) in plane.iter_mut().zip(&places).enumerate() {
+                        let of = &imaged[pixel * values + (component - batch.start) * own..][..own];
+                        let (left, right) = place.tables(of, channels);
                         let between = left[channel] + place.part as f32 * (right[channel] - left[channel]);
-                        planes.plane_mut(component, channel)[pixel] += between * place.falloff as f32;
+                        *rate += between * place.falloff as f32;
                     }
                 }
             }
