@@ -5,14 +5,21 @@ use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
 use fluorspar::analysis::Analysis;
-use fluorspar::pipeline::evaluate;
+use fluorspar::image::ComponentImage;
+use fluorspar::pipeline::{CameraResponse, RegionRadiance, evaluate};
 use fluorspar::render::{RenderControl, render};
+use fluorspar::study::Study;
 use fluorspar_experiment::{parse, resolve};
 
-fn analysis(text: &str) -> Analysis {
+fn rendered(text: &str) -> (Study, ComponentImage) {
     let study = resolve(&parse(text, "region.toml", Path::new("."), &[]).unwrap()).unwrap().study;
     let control = RenderControl { stop: &AtomicBool::new(false), progress: &|_| {} };
     let image = render(&study.scene, &study.render, &control).unwrap();
+    (study, image)
+}
+
+fn analysis(text: &str) -> Analysis {
+    let (study, image) = rendered(text);
     evaluate(&study, &image).unwrap().analysis.unwrap().analysis
 }
 
@@ -48,4 +55,41 @@ fn the_mouth_of_surfaces_reads_its_truth_within_its_interval() {
     assert!(truth > 0.05 && low <= truth && truth <= high, "{truth}, {budget:?}");
     // An interval that holds everything says nothing
     assert!(high - low < truth, "{budget:?}");
+}
+
+/// A flat patch, small, with more of an experiment.
+fn small_patch(more: &str) -> String {
+    format!(
+        "format = 1\nbase = \"flat-patch\"\n[spectral]\nfirst_nm = 370.0\nlast_nm = 700.0\nstep_nm = 5.0\n[render]\nwidth_px = 32\n\
+         height_px = 24\nsamples_per_pixel = 16\nmax_depth = 6\n{more}"
+    )
+}
+
+/// Cameras of one channel and of eight know the truth as well: electrons of all their channels, as the lens and the sensor weigh the
+/// radiance of the region.
+#[test]
+fn cameras_of_other_channels_than_red_green_and_blue_know_the_truth() {
+    for (sensor, channels) in [("monochrome_3_45um", 1), ("multispectral_8_band", 8)] {
+        let (study, image) = rendered(&small_patch(&format!(
+            "[sensor]\npreset = \"{sensor}\"\ncolumns = 64\nrows = 48\n[analysis]\ntissue = \"lip\"\n"
+        )));
+        let found = evaluate(&study, &image).unwrap().analysis.unwrap().analysis;
+        let truth = found.truth.unwrap();
+        let lens = study.camera.lens_behind_filters().unwrap();
+        let camera =
+            CameraResponse::new(&lens, study.camera.sensor.as_ref().unwrap(), &study.scene.grid, None);
+        let seeing = camera.seeing_channels();
+        let names: Vec<&String> = seeing.iter().map(|&channel| &camera.channels()[channel]).collect();
+        assert!(seeing.len() <= channels && truth.electrons.channels.iter().eq(names), "{truth:?}");
+        let all: Vec<usize> = (0..image.width * image.height).collect();
+        let radiance = RegionRadiance::new(&image, &study.analyzed_capture().unwrap().frame, &all);
+        let electrons = |name: &str| -> f64 {
+            seeing.iter().map(|&c| camera.channel_electrons(c, &radiance.fluorescence[name], 0.03)).sum()
+        };
+        let of_all: f64 = radiance.fluorescence.keys().map(|name| electrons(name)).sum();
+        let expected = electrons("protoporphyrin_ix") / of_all;
+        // Planes hold 24 bits, sums of channels some thousand pixels.
+        assert!(expected > 0.05 && (truth.share / expected - 1.0).abs() < 1e-4, "{expected}, {truth:?}");
+        assert!(found.posterior.is_some(), "the estimate that the truth stands beside");
+    }
 }

@@ -51,7 +51,7 @@ pub struct BudgetInput<'a> {
     pub variance_dn2: [f64; 3],
     /// Mean R, G, B without the pixels at the rim of the region, DN, if any are left.
     pub inner_rgb_dn: Option<[f64; 3]>,
-    /// Where the light was emitted, e-.
+    /// Where the light in R, G and B was emitted, e-.
     pub light: &'a RegionLight,
     /// Digital numbers per electron.
     pub dn_per_electron: f64,
@@ -64,8 +64,11 @@ impl ErrorBudget {
         let BudgetInput { line, mean_rgb_dn, variance_dn2, light, .. } = *input;
         let estimate = |rgb: [f64; 3]| line.project(rgb, variance_dn2);
         let here: LineEstimate = estimate(mean_rgb_dn)?;
-        let without = |electrons: [f64; 3]| {
-            estimate([0, 1, 2].map(|c| mean_rgb_dn[c] - input.dn_per_electron * electrons[c]))
+        // Electrons of R, G and B: a line has no others
+        let without = |electrons: &[f64]| {
+            let &[red, green, blue] = electrons else { return None };
+            let taken = [red, green, blue].map(|electrons| input.dn_per_electron * electrons);
+            estimate([0, 1, 2].map(|c| mean_rgb_dn[c] - taken[c]))
         };
         let mut items = Vec::new();
         let mut item = |source: &str, other: Option<LineEstimate>| {
@@ -74,9 +77,9 @@ impl ErrorBudget {
                 items.push(BudgetItem { source: source.into(), without, change });
             }
         };
-        item("leaked light", without(light.reflected));
-        item("light of other parts", without(light.other_parts));
-        item("light that fluoresced twice", without(light.fluoresced_twice));
+        item("leaked light", without(&light.reflected));
+        item("light of other parts", without(&light.other_parts));
+        item("light that fluoresced twice", without(&light.fluoresced_twice));
         item("indirect light", input.direct_line.project(mean_rgb_dn, variance_dn2));
         item("rim of the region", input.inner_rgb_dn.and_then(estimate));
 
@@ -84,7 +87,7 @@ impl ErrorBudget {
         let squares: f64 = items.iter().map(|item| item.change * item.change).sum();
         let half = sensor_noise.hypot(squares.sqrt());
         let total_interval = [here.position - half, here.position + half];
-        let blank = without(light.porphyrin)?;
+        let blank = without(&light.porphyrin)?;
         Some(Self {
             share: here.position,
             sensor_noise,
@@ -108,11 +111,18 @@ mod tests {
         let line = MixtureLine::new(bulk, porphyrin).unwrap();
         // Indirect light makes the ends redder than those of a flat sample.
         let direct_line = MixtureLine::new([18.0, 62.0, 20.0], porphyrin).unwrap();
-        let light = RegionLight { porphyrin, bulk, reflected: [0.0, 2.0, 0.0], ..RegionLight::default() };
+        let light = RegionLight {
+            channels: ["R", "G", "B"].map(String::from).to_vec(),
+            porphyrin: porphyrin.to_vec(),
+            bulk: bulk.to_vec(),
+            other_parts: vec![0.0; 3],
+            fluoresced_twice: vec![0.0; 3],
+            reflected: vec![0.0, 2.0, 0.0],
+        };
         let input = BudgetInput {
             line: &line,
             direct_line: &direct_line,
-            mean_rgb_dn: light.all().map(|e| 0.5 * e),
+            mean_rgb_dn: [0, 1, 2].map(|channel| 0.5 * light.all()[channel]),
             variance_dn2: [1e-4; 3],
             inner_rgb_dn: None,
             light: &light,

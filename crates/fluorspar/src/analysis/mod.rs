@@ -59,7 +59,7 @@ pub use nonnegative_fit::{
     fit_nonnegative,
 };
 pub use pixel_mean::{PixelMean, mean_of_pixels};
-pub use region_light::{PorphyrinTruth, RegionLight, SHARE_DEFINITION};
+pub use region_light::{PorphyrinTruth, RegionLight};
 pub use region_of_interest::{PixelSelection, Rectangle, RegionError, RegionOfInterest, SceneOnSensor};
 pub use region_shape::{PixelMask, Polygon};
 pub use share_posterior::{BlindDirection, IntervalWithout, ShareInterval, SharePosterior};

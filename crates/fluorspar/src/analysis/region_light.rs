@@ -2,30 +2,33 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Mean electrons per pixel of a region in R, G and B, by where their light was emitted, e-. Known in a simulation only.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+/// Mean electrons per pixel of a region in some channels, by where their light was emitted, e-. Known in a simulation only.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct RegionLight {
+    /// Names of the channels: R, G and B where the camera has them, otherwise all of the frame that see light.
+    #[serde(default = "red_green_blue")]
+    pub channels: Vec<String>,
     /// Light whose only fluorescence was in the porphyrin, by whatever way it came.
-    pub porphyrin: [f64; 3],
+    pub porphyrin: Vec<f64>,
     /// The same of the other fluorophores that the materials of the region hold.
-    pub bulk: [f64; 3],
+    pub bulk: Vec<f64>,
     /// The same of fluorophores that the region does not hold: light of teeth, reflected here.
-    pub other_parts: [f64; 3],
+    pub other_parts: Vec<f64>,
     /// Light that fluoresced more than once. Which fluorophore emitted it last is not kept.
-    pub fluoresced_twice: [f64; 3],
+    pub fluoresced_twice: Vec<f64>,
     /// Light that never fluoresced: what leaks through the filters.
-    pub reflected: [f64; 3],
+    pub reflected: Vec<f64>,
 }
 
-/// What is meant by the share of the porphyrin.
-pub const SHARE_DEFINITION: &str = "electrons in R, G and B from light whose only fluorescence was in the porphyrin, over those \
-     from light whose only fluorescence was in any fluorophore of the region's materials, by whatever way it came: means over \
-     the pixels of the region, without noise";
+/// The channels of results that name none.
+fn red_green_blue() -> Vec<String> {
+    ["R", "G", "B"].map(String::from).to_vec()
+}
 
 /// The share of the porphyrin in the light of a region, as a simulation knows it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PorphyrinTruth {
-    /// What the share is: [`SHARE_DEFINITION`].
+    /// What the share is, in words.
     pub definition: String,
     /// The share, 0 to 1.
     pub share: f64,
@@ -36,37 +39,47 @@ pub struct PorphyrinTruth {
 }
 
 /// Sum over the channels.
-fn total(rgb: [f64; 3]) -> f64 {
-    rgb.iter().sum()
-}
-
-/// Channel by channel.
-fn plus(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [0, 1, 2].map(|c| a[c] + b[c])
+fn total(electrons: &[f64]) -> f64 {
+    electrons.iter().sum()
 }
 
 impl RegionLight {
-    /// All light, e-.
+    /// All light of each channel, e-.
     #[must_use]
-    pub fn all(&self) -> [f64; 3] {
-        let fluorescence = plus(plus(self.bulk, self.porphyrin), self.other_parts);
-        plus(plus(fluorescence, self.fluoresced_twice), self.reflected)
+    pub fn all(&self) -> Vec<f64> {
+        let parts = [&self.porphyrin, &self.bulk, &self.other_parts, &self.fluoresced_twice, &self.reflected];
+        let sum = |channel: usize| parts.iter().filter_map(|part| part.get(channel)).sum();
+        (0..self.porphyrin.len()).map(sum).collect()
+    }
+
+    /// What is meant by the share of the porphyrin.
+    fn definition(&self) -> String {
+        let channels = match self.channels.as_slice() {
+            [] => "all channels".into(),
+            [only] => only.clone(),
+            [others @ .., last] => format!("{} and {last}", others.join(", ")),
+        };
+        format!(
+            "electrons in {channels} from light whose only fluorescence was in the porphyrin, over those from light whose only \
+             fluorescence was in any fluorophore of the region's materials, by whatever way it came: means over the pixels of the \
+             region, without noise"
+        )
     }
 
     /// The share of the porphyrin; `None` without fluorescence.
     #[must_use]
     pub fn truth(&self) -> Option<PorphyrinTruth> {
-        let (porphyrin, others) = (total(self.porphyrin), total(self.bulk));
-        let twice = total(self.fluoresced_twice);
+        let (porphyrin, others) = (total(&self.porphyrin), total(&self.bulk));
+        let twice = total(&self.fluoresced_twice);
         let all = porphyrin + others;
         (all > 0.0).then(|| PorphyrinTruth {
-            definition: SHARE_DEFINITION.into(),
+            definition: self.definition(),
             share: porphyrin / all,
             share_with_light_that_fluoresced_twice: [
                 porphyrin / (all + twice),
                 (porphyrin + twice) / (all + twice),
             ],
-            electrons: *self,
+            electrons: self.clone(),
         })
     }
 }
@@ -75,20 +88,44 @@ impl RegionLight {
 mod tests {
     use super::*;
 
+    fn light(channels: &[&str], parts: [&[f64]; 5]) -> RegionLight {
+        let [porphyrin, bulk, other_parts, fluoresced_twice, reflected] = parts.map(<[f64]>::to_vec);
+        let channels = channels.iter().map(|name| (*name).to_owned()).collect();
+        RegionLight { channels, porphyrin, bulk, other_parts, fluoresced_twice, reflected }
+    }
+
     #[test]
     fn the_share_counts_light_that_fluoresced_once_in_the_region() {
-        let light = RegionLight {
-            porphyrin: [8.0, 1.0, 1.0],
-            bulk: [25.0, 50.0, 15.0],
-            other_parts: [5.0, 10.0, 5.0],
-            fluoresced_twice: [1.0, 0.0, 0.0],
-            reflected: [0.0, 0.0, 7.0],
-        };
-        let truth = light.truth().unwrap();
+        let found = light(
+            &["R", "G", "B"],
+            [&[8.0, 1.0, 1.0], &[25.0, 50.0, 15.0], &[5.0, 10.0, 5.0], &[1.0, 0.0, 0.0], &[0.0, 0.0, 7.0]],
+        );
+        let truth = found.truth().unwrap();
         assert!((truth.share - 0.1).abs() < 1e-15);
         let [low, high] = truth.share_with_light_that_fluoresced_twice;
         assert!((low - 10.0 / 101.0).abs() < 1e-15 && (high - 11.0 / 101.0).abs() < 1e-15);
-        assert_eq!(light.all(), [39.0, 61.0, 28.0]);
-        assert_eq!(RegionLight { reflected: [1.0; 3], ..RegionLight::default() }.truth(), None);
+        assert_eq!(found.all(), [39.0, 61.0, 28.0]);
+        assert!(truth.definition.starts_with("electrons in R, G and B from light"), "{}", truth.definition);
+        let nothing = [0.0; 3];
+        assert_eq!(
+            light(&["R", "G", "B"], [&nothing, &nothing, &nothing, &nothing, &[1.0; 3]]).truth(),
+            None
+        );
+    }
+
+    #[test]
+    fn one_channel_and_many_have_a_share_as_well() {
+        let one = light(&["mono"], [&[1.0], &[3.0], &[0.0], &[0.0], &[0.0]]).truth().unwrap();
+        assert!((one.share - 0.25).abs() < 1e-15 && one.definition.starts_with("electrons in mono from"));
+        let parts: [&[f64]; 5] = [&[2.0, 0.0], &[1.0, 1.0], &[0.0; 2], &[0.0; 2], &[0.0; 2]];
+        assert!((light(&["band_1", "band_2"], parts).truth().unwrap().share - 0.5).abs() < 1e-15);
+    }
+
+    /// Results that were written before channels had names.
+    #[test]
+    fn electrons_without_channels_are_those_of_red_green_and_blue() {
+        let of = r#"{"porphyrin":[1.0,0.0,0.0],"bulk":[1.0,1.0,1.0],"other_parts":[0.0,0.0,0.0],"fluoresced_twice":[0.0,0.0,0.0],"reflected":[0.0,0.0,0.0]}"#;
+        let read: RegionLight = serde_json::from_str(of).unwrap();
+        assert_eq!(read.channels, ["R", "G", "B"]);
     }
 }

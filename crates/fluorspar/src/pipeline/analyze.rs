@@ -152,9 +152,11 @@ fn what_the_line_assumes(study: &Study, settings: &AnalysisPlan) -> Option<&'sta
 /// a flat sample.
 fn line_ends(model: &MixtureModel, emitted: &RegionLight) -> Option<[[f64; 3]; 2]> {
     let lit = |rgb: [f64; 3]| rgb.iter().sum::<f64>() > 0.0;
+    let rgb = |electrons: &[f64]| <[f64; 3]>::try_from(electrons).ok();
+    let [bulk, of_porphyrin] = [rgb(&emitted.bulk)?, rgb(&emitted.porphyrin)?];
     let flat = model.responses.iter().find(|response| response.name == model.porphyrin)?.rgb_per_amount;
-    let porphyrin = if lit(emitted.porphyrin) { emitted.porphyrin } else { flat };
-    lit(emitted.bulk).then_some([emitted.bulk, porphyrin])
+    let porphyrin = if lit(of_porphyrin) { of_porphyrin } else { flat };
+    lit(bulk).then_some([bulk, porphyrin])
 }
 
 /// The error budget of the region on the line.

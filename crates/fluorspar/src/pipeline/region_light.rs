@@ -2,9 +2,9 @@
 
 use std::collections::BTreeSet;
 
-use super::capture::{film_extent, film_irradiance, on_sensor, tan_half_width};
+use super::capture::{behind_filter, film_extent, film_irradiance, on_sensor, tan_half_width};
 use super::light_by_shape::ShapedRadiance;
-use super::{PipelineError, SeenComponents};
+use super::{CameraResponse, PipelineError, SeenComponents};
 use crate::analysis::{PixelSelection, RegionLight};
 use crate::image::{Component, ComponentImage, LightPath};
 use crate::optics::IdealLens;
@@ -75,8 +75,9 @@ fn remaining_drive(study: &Study, capture: &Capture, group: &str) -> f64 {
     capture.frame.drive(group) - subtracted.map_or(0.0, |other| other.frame.drive(group))
 }
 
-/// Splits the expected electrons of a region of a developed frame by where their light was emitted: mean electrons per pixel in
-/// R, G and B, a subtracted frame taken off. `None` without lens, sensor or one of these channels.
+/// Splits the expected electrons of a region of a developed frame by where their light was emitted: mean electrons per pixel, a
+/// subtracted frame taken off. The channels are those whose light counts in the share that a family of tissues gives: R, G and B, or
+/// all that see light of a camera that lacks one of these. `None` without lens or sensor.
 ///
 /// # Errors
 /// A film that can't be used.
@@ -89,26 +90,28 @@ pub(super) fn region_light(
     region: &PixelSelection,
 ) -> Result<Option<RegionLight>, PipelineError> {
     let (components, Some(sensor)) = (seen.image, &study.camera.sensor) else { return Ok(None) };
-    let find = |name: &str| sensor.mosaic().channels.iter().position(|channel| channel == name);
-    let (Some(red), Some(green), Some(blue)) = (find("R"), find("G"), find("B")) else { return Ok(None) };
+    let Some(lens) = study.camera.lens_behind_filters() else { return Ok(None) };
+    let camera = CameraResponse::new(&behind_filter(&lens, capture), sensor, &study.scene.grid, None);
+    let channels = camera.rgb().map_or_else(|| camera.seeing_channels(), |rgb| rgb.to_vec());
     let mosaic = RegionOnMosaic::new(sensor, Some(region));
     let held = fluorophores_of_region(study, components, region);
-    let electrons = |is: &dyn Fn(&LightPath) -> bool| -> Result<[f64; 3], PipelineError> {
+    let electrons = |is: &dyn Fn(&LightPath) -> bool| -> Result<Vec<f64>, PipelineError> {
         let drive = |c: &Component| {
             if is(&c.light) { remaining_drive(study, capture, &c.light_group) } else { 0.0 }
         };
         if components.components.iter().all(|c| drive(c) == 0.0) {
-            return Ok([0.0; 3]);
+            return Ok(vec![0.0; channels.len()]);
         }
         let rates = seen.film_rates(capture, drive);
         let means = mosaic.means(&sensor.electron_rate_of(&rates, seen.planes.film)?);
-        Ok([red, green, blue].map(|channel| exposure_s * means[channel]))
+        Ok(channels.iter().map(|&channel| exposure_s * means[channel]).collect())
     };
     let is_porphyrin =
         |light: &LightPath| matches!(light, LightPath::Fluorescence(name) if name == porphyrin);
     let is_held = |light: &LightPath| matches!(light, LightPath::Fluorescence(name) if held.contains(name));
     let is_other = |light: &LightPath| matches!(light, LightPath::Fluorescence(name) if !held.contains(name));
     Ok(Some(RegionLight {
+        channels: channels.iter().map(|&channel| camera.channels()[channel].clone()).collect(),
         porphyrin: electrons(&is_porphyrin)?,
         bulk: electrons(&|light| is_held(light) && !is_porphyrin(light))?,
         other_parts: electrons(&|light| is_other(light) && !is_porphyrin(light))?,
