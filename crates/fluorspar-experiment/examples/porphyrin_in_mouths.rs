@@ -1,6 +1,6 @@
 //! Do the intervals of the estimate that knows a family of tissues hold the truth in rendered mouths?
 //!
-//! `cargo run --release -p fluorspar-experiment --example porphyrin_in_mouths [-- MOUTHS [known | other | wrong]]`
+//! `cargo run --release -p fluorspar-experiment --example porphyrin_in_mouths [-- MOUTHS [known | other | wrong | all [DRAWS]]]`
 //!
 //! Each mouth is another person: its shape is drawn, and so are the tissues of tongue, lip and cheek from the populations of their
 //! sites. It is rendered small under a LED of 405 nm and one of 450 nm, all bounces between its parts included. Regions keep three
@@ -19,12 +19,12 @@ use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
 use fluorspar::analysis::{
-    ChannelNoise, LightFamily, PixelSelection, RegionLight, ShareInterval, mean_of_pixels,
+    ChannelNoise, FamilyAverage, LightFamily, PixelSelection, RegionLight, ShareInterval, mean_of_pixels,
 };
 use fluorspar::image::{ComponentFactors, ComponentImage, LightPath};
 use fluorspar::pipeline::{
     CameraResponse, CapturePlanes, FamilyFrame, SeenComponents, analyze_seen, capture_from_planes,
-    tissue_family,
+    other_tissue_families, tissue_family,
 };
 use fluorspar::render::{RenderControl, render};
 use fluorspar::sampling::random::Key;
@@ -35,7 +35,7 @@ use fluorspar_experiment::{parse, preset, resolve};
 
 type Fallible<T> = Result<T, Box<dyn Error>>;
 
-/// Measurements of each region of each mouth.
+/// Measurements of each region of each mouth, if nothing else is asked for.
 const DRAWS: u64 = 90;
 /// People before these had their mouths rendered to set what the estimate knows of indirect light and of the light of teeth.
 const FIRST_PERSON: u64 = 20;
@@ -182,8 +182,21 @@ impl Mouth {
     }
 }
 
-/// The family of a site before the camera of a study, under its blue light and, if wanted, the other one.
-fn family(study: &Study, site: &str, frames: &[&str], width: f64) -> Fallible<LightFamily> {
+/// The family of a site that the estimate is told, and those of the tissues that it compares.
+struct Told {
+    named: LightFamily,
+    others: Vec<LightFamily>,
+}
+
+impl Told {
+    fn average(&self) -> FamilyAverage<'_> {
+        let probability_of_named = TissuePrior::SITE_PROBABILITY;
+        FamilyAverage { named: &self.named, others: &self.others, probability_of_named }
+    }
+}
+
+/// The families before the camera of a study, under its blue light and, if wanted, the other one.
+fn told(study: &Study, site: &str, frames: &[&str], width: f64) -> Fallible<Told> {
     let site = Site::named(site)?;
     let teeth = Site::named("tooth")?;
     let names = site.fluorophores().iter().chain(teeth.fluorophores());
@@ -194,6 +207,7 @@ fn family(study: &Study, site: &str, frames: &[&str], width: f64) -> Fallible<Li
         width,
         library_error: TissuePrior::LIBRARY_ERROR,
         surroundings: true,
+        site_probability: TissuePrior::SITE_PROBABILITY,
         kept: KeptSolutions::default(),
     };
     let lens = study.camera.lens_behind_filters().ok_or("a lens")?;
@@ -216,14 +230,21 @@ fn family(study: &Study, site: &str, frames: &[&str], width: f64) -> Fallible<Li
         })
     };
     let frames = frames.iter().map(frame).collect::<Fallible<Vec<_>>>()?;
-    Ok(tissue_family(&prior, &frames, grid)?)
+    Ok(Told {
+        named: tissue_family(&prior, &frames, grid)?,
+        others: other_tissue_families(&prior, &frames, grid)?,
+    })
 }
 
 /// Coverage of the measurements of a region in all mouths.
 #[derive(Default)]
 struct Coverage {
     held: Vec<f64>,
-    /// Held, or with a warning that the region is foreign to the family.
+    /// Held by the interval of the family that is told alone.
+    alone: Vec<f64>,
+    /// With a warning that the region is foreign to the family, or other tissue.
+    warned: Vec<f64>,
+    /// Held, or with such a warning.
     told: Vec<f64>,
     zero_held: Vec<f64>,
     cases: usize,
@@ -236,6 +257,8 @@ struct Coverage {
 impl Coverage {
     fn add(&mut self, other: &Self) {
         self.held.extend(&other.held);
+        self.alone.extend(&other.alone);
+        self.warned.extend(&other.warned);
         self.told.extend(&other.told);
         self.zero_held.extend(&other.zero_held);
         self.cases += other.cases;
@@ -247,10 +270,12 @@ impl Coverage {
 
     fn print(&self, what: &str) {
         let [held, error] = of_clusters(&self.held);
-        let [told, _] = of_clusters(&self.told);
+        let [alone, alone_error] = of_clusters(&self.alone);
+        let [[warned, _], [told, _]] = [of_clusters(&self.warned), of_clusters(&self.told)];
         let [zero, zero_error] = of_clusters(&self.zero_held);
         println!(
-            "{what}: {} cases, held {held:.3} +- {error:.3}, held or warned {told:.3}, of those without porphyrin {zero:.3} +- {zero_error:.3}, median error \
+            "{what}: {} cases, held {held:.3} +- {error:.3}, by the tissue that is told alone {alone:.3} +- {alone_error:.3}, warned {warned:.3}, held or warned \
+             {told:.3}, of those without porphyrin {zero:.3} +- {zero_error:.3}, median error \
              {:+.4}, median width {:.3}, median share where there is some {:.3}, median width over the bound {:.2}",
             self.cases,
             median(&self.errors),
@@ -298,7 +323,7 @@ fn other_variant(name: &str) -> Fallible<Site> {
 }
 
 /// All regions of some mouths whose tongue, lip and cheek are drawn around `sites`.
-fn run(mouths: u64, what: &str, sites: &[Site; 3], width: f64) -> Fallible<()> {
+fn run(mouths: u64, what: &str, sites: &[Site; 3], width: f64, draws: u64) -> Fallible<()> {
     let start = Instant::now();
     let people = FIRST_PERSON..FIRST_PERSON + mouths;
     let rendered = people.map(|number| Mouth::new(number, sites)).collect::<Fallible<Vec<_>>>()?;
@@ -310,10 +335,9 @@ fn run(mouths: u64, what: &str, sites: &[Site; 3], width: f64) -> Fallible<()> {
     for [part, _, site] in REGIONS {
         let regions = rendered.iter().map(|mouth| mouth.region(part)).collect::<Fallible<Vec<_>>>()?;
         let study = &rendered[0].study;
-        let families =
-            [family(study, site, &["blue"], width)?, family(study, site, &["blue", "white"], width)?];
+        let families = [told(study, site, &["blue"], width)?, told(study, site, &["blue", "white"], width)?];
         // Maps give each region another mean amount: in the middle of the mouths it is that of the middle of the prior
-        let [first, _] = &families;
+        let first = &families[0].named;
         let middle = first.share(&vec![0.0; first.nuisances().len()], first.porphyrin.median);
         let found: Vec<f64> = regions.iter().flatten().map(|(_, light)| log_odds(light)).collect();
         let scale = ((middle / (1.0 - middle)).ln() - median(&found)).exp();
@@ -321,7 +345,7 @@ fn run(mouths: u64, what: &str, sites: &[Site; 3], width: f64) -> Fallible<()> {
         for (number, (mouth, region)) in rendered.iter().zip(&regions).enumerate() {
             let Some((region, light)) = region else { continue };
             let key = Key::new(16).with(number as u64).with(part.len() as u64);
-            let found = of_region(mouth, region, light, &families, scale, key)?;
+            let found = of_region(mouth, region, light, &families, scale, (key, draws))?;
             of_part.iter_mut().zip(&found).for_each(|(coverage, found)| coverage.add(found));
         }
         for ((coverage, all), lights) in of_part.iter().zip(&mut all).zip(LIGHTS) {
@@ -341,16 +365,18 @@ fn of_region(
     mouth: &Mouth,
     region: &PixelSelection,
     light: &RegionLight,
-    families: &[LightFamily; 2],
+    families: &[Told; 2],
     scale: f64,
-    key: Key,
+    (key, draws): (Key, u64),
 ) -> Fallible<[Coverage; 2]> {
     let mut coverages = [Coverage::default(), Coverage::default()];
     let mut hits = [Vec::new(), Vec::new()];
     let mut told = [Vec::new(), Vec::new()];
+    let mut alone = [Vec::new(), Vec::new()];
+    let mut warnings = [Vec::new(), Vec::new()];
     let mut zeros = [Vec::new(), Vec::new()];
-    let [_, family] = families;
-    for draw in 0..DRAWS {
+    let family = &families[1].named;
+    for draw in 0..draws {
         let key = key.with(draw);
         let amount =
             if draw % 2 == 0 { 0.0 } else { scale * (family.porphyrin.log_sd * normal(key.with(10))).exp() };
@@ -362,15 +388,20 @@ fn of_region(
         }
         let odds = amount * log_odds(light).exp();
         let truth = odds / (1.0 + odds);
-        for (which, family) in families.iter().enumerate() {
+        for (which, average) in families.iter().map(Told::average).enumerate() {
+            let family = average.named;
             let n = family.frame_of.len();
-            let found = family.share_interval(&electrons[..n], &variance[..n]);
-            let Some(ShareInterval { median: middle, interval: [low, high], foreign }) = found else {
+            let found = average.share_interval(&electrons[..n], &variance[..n]);
+            let of_named = family.share_interval(&electrons[..n], &variance[..n]);
+            let Some(ShareInterval { median: middle, interval: [low, high], warned }) = found else {
                 continue;
             };
             let is_held = low <= truth && truth <= high;
+            let holds = |found: ShareInterval| found.interval[0] <= truth && truth <= found.interval[1];
             hits[which].push(f64::from(u8::from(is_held)));
-            told[which].push(f64::from(u8::from(is_held || foreign)));
+            alone[which].push(f64::from(u8::from(of_named.is_some_and(holds))));
+            warnings[which].push(f64::from(u8::from(warned)));
+            told[which].push(f64::from(u8::from(is_held || warned)));
             let coverage = &mut coverages[which];
             if amount == 0.0 {
                 zeros[which].push(f64::from(u8::from(low == 0.0)));
@@ -386,6 +417,8 @@ fn of_region(
     for (which, coverage) in coverages.iter_mut().enumerate() {
         coverage.cases = hits[which].len();
         coverage.held.push(mean(&hits[which]));
+        coverage.alone.push(mean(&alone[which]));
+        coverage.warned.push(mean(&warnings[which]));
         coverage.told.push(mean(&told[which]));
         coverage.zero_held.push(mean(&zeros[which]));
     }
@@ -405,21 +438,22 @@ fn main() -> Fallible<()> {
     let mut arguments = std::env::args().skip(1);
     let mouths = arguments.next().map_or(Ok(20), |text| text.parse())?;
     let wanted = arguments.next();
-    let is_wanted = |run: &str| wanted.as_deref().is_none_or(|wanted| wanted == run);
+    let draws = arguments.next().map_or(Ok(DRAWS), |text| text.parse())?;
+    let is_wanted = |run: &str| wanted.as_deref().is_none_or(|wanted| wanted == run || wanted == "all");
     let usual = TissuePrior::WIDTH;
     let [tongue, lip, cheek] = REGIONS.map(|[_, _, site]| site);
     if is_wanted("known") {
         let sites = [Site::named(tongue)?, Site::named(lip)?, Site::named(cheek)?];
-        run(mouths, "the sites of the estimate", &sites, 1.0)?;
+        run(mouths, "the sites of the estimate", &sites, 1.0, draws)?;
     }
     if is_wanted("other") {
         let sites = [other_variant(tongue)?, other_variant(lip)?, other_variant(cheek)?];
-        run(mouths, "other variants of the sites", &sites, usual)?;
+        run(mouths, "other variants of the sites", &sites, usual, draws)?;
     }
     if is_wanted("wrong") {
         // Lips and cheeks that are not what the estimate takes them for
         let sites = [other_variant(tongue)?, Site::named(cheek)?, Site::named("soft_palate")?];
-        run(mouths, "other tissue in the place of lip and cheek", &sites, usual)?;
+        run(mouths, "other tissue in the place of lip and cheek", &sites, usual, draws)?;
     }
     Ok(())
 }

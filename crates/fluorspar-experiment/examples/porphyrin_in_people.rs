@@ -195,7 +195,15 @@ fn family(
         .collect::<Fallible<_>>()?;
     let (width, library_error) = (TissuePrior::WIDTH, TissuePrior::LIBRARY_ERROR);
     let kept = KeptSolutions::default();
-    let prior = TissuePrior { site, fluorophores, width, library_error, surroundings: false, kept };
+    let prior = TissuePrior {
+        site,
+        fluorophores,
+        width,
+        library_error,
+        surroundings: false,
+        site_probability: 1.0,
+        kept,
+    };
     let frame = |(name, lamp): &(&str, &Lamp)| FamilyFrame {
         label: (*name).into(),
         irradiance: lamp.irradiance.clone(),

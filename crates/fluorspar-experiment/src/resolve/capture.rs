@@ -383,6 +383,12 @@ fn tissue_prior(
     )?;
     let library_error =
         context.within(&steps!["analysis", "library_error"], section.library_error, [0.0, 1.0], "")?;
+    let site_probability = context.within(
+        &steps!["analysis", "tissue_probability"],
+        section.tissue_probability,
+        [0.01, 1.0],
+        "",
+    )?;
     let site = match &section.tissue {
         _ if section.porphyrin == NO_SHARE => return Ok(None),
         Some(name) if name == "none" => return Ok(None),
@@ -410,7 +416,7 @@ fn tissue_prior(
     }
     let fluorophores = known.list.into_iter().map(Arc::new).collect();
     let kept = kept_solutions();
-    Ok(Some(TissuePrior { site, fluorophores, width, library_error, surroundings, kept }))
+    Ok(Some(TissuePrior { site, fluorophores, width, library_error, surroundings, site_probability, kept }))
 }
 
 /// The typical tissue of the site that the material of the region's first part is made of; what the experiment changes about it

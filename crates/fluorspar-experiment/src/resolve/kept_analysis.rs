@@ -127,6 +127,7 @@ pub fn kept_analysis(experiment: &Experiment) -> Option<KeptAnalysis> {
         width: section.prior_width,
         library_error: section.library_error,
         surroundings: file.mouth.is_some(),
+        site_probability: section.tissue_probability,
         kept: kept_solutions(),
     });
     let of = OfSurfaces {

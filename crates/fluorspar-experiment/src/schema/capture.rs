@@ -161,6 +161,10 @@ pub struct AnalysisSection {
     /// such estimate. Default: the site that the material of the first part is made of, if it is layered tissue.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tissue: Option<String>,
+    /// Probability beforehand that the region is this tissue, 0.01 to 1. The estimate is an average over it and the tissues
+    /// `dorsal_tongue`, `buccal_mucosa`, `hard_palate` and `lip`, which share the rest; 1: none of these is compared. Default 0.9.
+    #[serde(default = "tissue_probability")]
+    pub tissue_probability: f64,
     /// Further captures that enter this estimate, by name. Default: none.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub further_frames: Vec<String>,
@@ -200,6 +204,10 @@ fn is_zero(value: &u32) -> bool {
 
 fn prior_width() -> f64 {
     TissuePrior::WIDTH
+}
+
+fn tissue_probability() -> f64 {
+    TissuePrior::SITE_PROBABILITY
 }
 
 fn library_error() -> f64 {

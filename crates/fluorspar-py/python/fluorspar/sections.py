@@ -1795,6 +1795,9 @@ class AnalysisSection(TypedDict, total=False):
     tissue: str
     """Tissue of the region, for an estimate that knows how tissue varies: a `[[tissue]]` or a site of the catalogue; "none"
     for no such estimate. Default: the site that the material of the first part is made of, if it is layered tissue."""
+    tissue_probability: float
+    """Probability beforehand that the region is this tissue, 0.01 to 1. The estimate is an average over it and the tissues
+    `dorsal_tongue`, `buccal_mucosa`, `hard_palate` and `lip`, which share the rest; 1: none of these is compared. Default 0.9."""
     further_frames: list[str]
     """Further captures that enter this estimate, by name. Default: none."""
     prior_width: float

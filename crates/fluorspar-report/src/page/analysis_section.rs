@@ -142,6 +142,20 @@ fn posterior_rows(posterior: &SharePosterior) -> Vec<Number> {
             "The interval if tissue were twice as various as assumed: far from the one above, the assumption decides.",
         ),
     ]);
+    if let Some(doubt) = &posterior.doubt {
+        let all: Vec<String> =
+            doubt.tissues.iter().map(|of| format!("{} {:.0} %", of.tissue, 100.0 * of.probability)).collect();
+        rows.push(Number::computed(
+            "Tissue",
+            all.join(", "),
+            "",
+            format!(
+                "Probability after the measurement, the tissue that was named first. The others together explain the colors {:.2} times \
+                 as well as it does (Bayes factor).",
+                doubt.bayes_factor
+            ),
+        ));
+    }
     if let Some(blind) = &posterior.blind_to {
         let value = format!("{} ({:+.2})", blind.name, blind.correlation).replace('-', "−");
         let meaning =

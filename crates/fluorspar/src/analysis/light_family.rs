@@ -128,6 +128,8 @@ pub struct FamilyCoordinate {
 /// A family of tissues before a camera, with what is known of it beforehand.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LightFamily {
+    /// Name of the tissue, that of its site.
+    pub tissue: String,
     /// What the prior is, for people.
     pub prior: String,
     /// Coordinates of the tissue.

@@ -11,6 +11,7 @@
 //! | [`RegionLight`] | where the light of a region was emitted, as a simulation knows it, and the true share of the porphyrin |
 //! | [`ErrorBudget`] | what moves the estimate, its blank and its detection limit |
 //! | [`LightFamily::posterior`] | the share of the porphyrin in tissue of which only a family is known, as a [`SharePosterior`] |
+//! | [`FamilyAverage::posterior`] | the same where the tissue may be another than the named one |
 //! | [`fit_nonnegative`], [`fit_attenuated`], [`common_optical_density`] | a measured spectrum as a sum of known ones, with intervals |
 //! | [`spectral_overlap`] | how alike two spectra are |
 //! | [`SpotSeparation::new`] | how well the pixels of two spots are told apart |
@@ -27,6 +28,7 @@ mod channel_signals;
 mod chromaticity;
 mod detection;
 mod error_budget;
+mod family_average;
 mod light_family;
 mod mixture_line;
 mod nonnegative_fit;
@@ -49,6 +51,7 @@ pub use chromaticity::{
 };
 pub use detection::{auc_of_d_prime, auc_of_scores, d_prime_of_rates};
 pub use error_budget::{BudgetInput, BudgetItem, ErrorBudget};
+pub use family_average::{FamilyAverage, TissueDoubt, TissueEvidence};
 pub use light_family::{CubicTerms, FamilyCoordinate, FamilySource, LightFamily, NuisanceGroup};
 pub use mixture_line::{
     FluorophoreResponse, LineEstimate, MixtureError, MixtureLine, PorphyrinLayers, PorphyrinMap,

@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 use statrs::function::erf::erfc;
 
+use super::family_average::{FamilyAverage, TissueDoubt};
 use super::light_family::{FamilyPoint, LightFamily, NuisanceGroup};
 
 /// Amounts of porphyrin on the grid.
@@ -51,12 +52,16 @@ pub struct SharePosterior {
     pub data: usize,
     /// Whether the misfit is larger than in one of a thousand measurements of the family.
     pub foreign: bool,
+    /// Whether it is the tissue that was named, where others were compared; the numbers above are averages over all of them.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub doubt: Option<TissueDoubt>,
 }
 
 impl SharePosterior {
     /// What makes the result doubtful.
     #[must_use]
     pub fn warnings(&self) -> Vec<String> {
+        let other = self.doubt.as_ref().and_then(TissueDoubt::warning);
         let foreign = self.foreign.then(|| {
             format!(
                 "The colors of the region are {:.0} away from the family of {} (chi-square of {} numbers): its light holds something \
@@ -64,7 +69,7 @@ impl SharePosterior {
                 self.misfit, self.prior, self.data
             )
         });
-        foreign.into_iter().collect()
+        foreign.into_iter().chain(other).collect()
     }
 
     /// Whether the measurement excludes that there is no porphyrin: its 95 % interval begins above 0.
@@ -113,6 +118,7 @@ impl SharePosterior {
                 100.0 * self.prior_probability_of_none
             ),
         ];
+        lines.extend(self.doubt.as_ref().map(|doubt| format!("  {}", doubt.words())));
         if let Some(BlindDirection { name, correlation }) = &self.blind_to {
             lines.push(format!(
                 "  an error of it goes along most with: {name} (correlation {correlation:+.2})"
@@ -129,8 +135,9 @@ pub struct ShareInterval {
     pub median: f64,
     /// 95 % interval, as [`SharePosterior::interval`].
     pub interval: [f64; 2],
-    /// Whether the data don't fit the family, as [`SharePosterior::foreign`]: a warning goes with the estimate.
-    pub foreign: bool,
+    /// Whether a warning goes with the estimate: the data don't fit the family ([`SharePosterior::foreign`]), or speak for other
+    /// tissue ([`TissueDoubt::is_strong`]).
+    pub warned: bool,
 }
 
 /// The nuisance with which an error of the share goes along most.
@@ -163,17 +170,26 @@ struct Mode {
     log_evidence: f64,
 }
 
-/// The posterior as a mixture.
-struct Mixture {
-    none: f64,
+/// The posterior of a share as a mixture.
+pub(super) struct Mixture {
+    /// Probability of none.
+    pub(super) none: f64,
     /// Weight, mean and standard deviation of the log odds.
-    terms: Vec<[f64; 3]>,
-    misfit: f64,
-    blind_to: Option<BlindDirection>,
+    pub(super) terms: Vec<[f64; 3]>,
+}
+
+/// What a measurement says if the tissue is of a family.
+pub(super) struct FamilyFit {
+    pub(super) mixture: Mixture,
+    /// Logarithm of the probability density of the data with all unknowns integrated out, up to a term that all families share.
+    pub(super) log_evidence: f64,
+    /// How far the data are from the family.
+    pub(super) misfit: f64,
+    pub(super) blind_to: Option<BlindDirection>,
 }
 
 /// Misfit of data of the family that is exceeded with the probability [`FOREIGN`].
-fn largest_misfit(data: usize) -> f64 {
+pub(super) fn largest_misfit(data: usize) -> f64 {
     ChiSquared::new(data as f64).map_or(f64::INFINITY, |chi| chi.inverse_cdf(1.0 - FOREIGN))
 }
 
@@ -189,7 +205,7 @@ impl Mixture {
         self.none + below
     }
 
-    fn quantile(&self, probability: f64) -> f64 {
+    pub(super) fn quantile(&self, probability: f64) -> f64 {
         if self.none >= probability {
             return 0.0;
         }
@@ -204,7 +220,7 @@ impl Mixture {
     }
 
     /// Holds 95 %: 2.5 % on either side, or all from none to the 95 % quantile where none can't be excluded.
-    fn interval(&self) -> [f64; 2] {
+    pub(super) fn interval(&self) -> [f64; 2] {
         match self.quantile(0.025) {
             0.0 => [0.0, self.quantile(0.95)],
             low => [low, self.quantile(0.975)],
@@ -214,56 +230,20 @@ impl Mixture {
 
 impl LightFamily {
     /// The share of the porphyrin from measured electrons, one number for each channel of each frame, and their variances by the
-    /// sensor's noise. `None` where there is nothing to measure: no positive number, or numbers that do not fit the family in
-    /// length.
+    /// sensor's noise, if the tissue is of this family for certain. `None` where there is nothing to measure: no positive number, or
+    /// numbers that do not fit the family in length.
     #[must_use]
     pub fn posterior(&self, electrons: &[f64], variance: &[f64]) -> Option<SharePosterior> {
-        let mixture = self.mixture(electrons, variance)?;
-        let interval_of = |family: &Self, variance: &[f64]| {
-            family.mixture(electrons, variance).map_or([0.0, 1.0], |mixture| mixture.interval())
-        };
-        let mut without: Vec<IntervalWithout> = NuisanceGroup::ALL
-            .into_iter()
-            .filter(|group| *group != NuisanceGroup::Brightness)
-            .filter(|group| self.nuisances().iter().any(|(_, of)| of == group))
-            .map(|group| IntervalWithout {
-                source: group.name().into(),
-                interval: interval_of(&self.with_known(group), variance),
-            })
-            .collect();
-        // A millionth of the noise stands for none: the numbers must have some weight.
-        let quiet: Vec<f64> = variance.iter().map(|variance| 1e-6 * variance).collect();
-        without.push(IntervalWithout { source: "sensor noise".into(), interval: interval_of(self, &quiet) });
-        let data = electrons.len();
-        Some(SharePosterior {
-            frames: self.frames.clone(),
-            prior: self.prior.clone(),
-            median: mixture.quantile(0.5),
-            interval: mixture.interval(),
-            upper_limit: mixture.quantile(0.95),
-            probability_of_none: mixture.none,
-            prior_probability_of_none: self.probability_of_none,
-            blind_to: mixture.blind_to,
-            with_prior_twice_as_wide: interval_of(&self.widened(2.0), variance),
-            without,
-            misfit: mixture.misfit,
-            data,
-            foreign: mixture.misfit > largest_misfit(data),
-        })
+        FamilyAverage::certain(self).posterior(electrons, variance)
     }
 
     /// Median and interval of the share alone: what a test of many measurements needs, at a tenth of the cost.
     #[must_use]
     pub fn share_interval(&self, electrons: &[f64], variance: &[f64]) -> Option<ShareInterval> {
-        let mixture = self.mixture(electrons, variance)?;
-        Some(ShareInterval {
-            median: mixture.quantile(0.5),
-            interval: mixture.interval(),
-            foreign: mixture.misfit > largest_misfit(electrons.len()),
-        })
+        FamilyAverage::certain(self).share_interval(electrons, variance)
     }
 
-    fn mixture(&self, electrons: &[f64], variance: &[f64]) -> Option<Mixture> {
+    pub(super) fn fit(&self, electrons: &[f64], variance: &[f64]) -> Option<FamilyFit> {
         let n = self.frame_of.len();
         if electrons.len() != n || variance.len() != n || !electrons.iter().any(|e| *e > 0.0) {
             return None;
@@ -302,7 +282,7 @@ impl LightFamily {
     }
 
     /// Weights of all amounts together.
-    fn mix(&self, none: &Mode, modes: &[(f64, f64, Mode)], sd: &[f64]) -> Option<Mixture> {
+    fn mix(&self, none: &Mode, modes: &[(f64, f64, Mode)], sd: &[f64]) -> Option<FamilyFit> {
         let step = 2.0 * REACH / (AMOUNTS - 1) as f64;
         let slab = (1.0 - self.probability_of_none).ln() + (step / std::f64::consts::TAU.sqrt()).ln();
         let log_weights: Vec<f64> =
@@ -327,9 +307,9 @@ impl LightFamily {
             .map(|(log_prior, _, mode)| mode.misfit - 2.0 * log_prior)
             .fold(none.misfit, f64::min);
         let (_, _, mode) = &modes[best];
-        Some(Mixture {
-            none: (log_none - largest).exp() / total,
-            terms,
+        Some(FamilyFit {
+            mixture: Mixture { none: (log_none - largest).exp() / total, terms },
+            log_evidence: largest + total.ln() - sd.iter().map(|sd| sd.ln()).sum::<f64>(),
             misfit,
             blind_to: self.blind_direction(mode, sd),
         })

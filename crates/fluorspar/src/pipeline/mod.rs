@@ -22,6 +22,7 @@
 //! | the same for the frames of a study, in electrons | [`frame_leak`] | [`FrameLeak`] |
 //! | depths from which the fluorescence of tissue comes | [`depths_of_light`] | [`DepthOfLight`]s |
 //! | one region for one design, in about a microsecond | [`estimate_porphyrin`] | [`PorphyrinEstimate`] |
+//! | the same region, should it be other tissue | [`other_tissue_families`] | [`crate::analysis::LightFamily`], each |
 //! | a region of tissue of a known site, its share of porphyrin with everything unknown | [`tissue_family`] | [`crate::analysis::LightFamily`] |
 //! | images larger than the memory | [`render_row_bands`] | rows for a [`BandStore`] |
 //! | everything after the render, each result once | [`evaluate`] | [`Evaluation`] |
@@ -93,7 +94,7 @@ pub use spectroradiometer::{SpectroradiometerReading, read_spectroradiometers};
 pub use spot_separations::spot_separations;
 pub use surface_view::{SurfaceView, depth_range_m, part_color, surface_view};
 pub use targets::TargetLabels;
-pub use tissue_family::{FamilyFrame, tissue_family};
+pub use tissue_family::{FamilyFrame, other_tissue_families, tissue_family};
 
 use crate::analysis::AnalysisError;
 use crate::image::SpectrumOutOfSpan;

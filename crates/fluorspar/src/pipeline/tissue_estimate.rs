@@ -2,9 +2,11 @@
 
 use super::analyze::frame_light;
 use super::capture::behind_filter;
-use super::tissue_family::{FamilyFrame, tissue_family};
+use super::tissue_family::{FamilyFrame, other_tissue_families, tissue_family};
 use super::{CameraResponse, CapturedFrame, PipelineError};
-use crate::analysis::{ChannelNoise, PixelMean, PixelSelection, SceneOnSensor, SharePosterior};
+use crate::analysis::{
+    ChannelNoise, FamilyAverage, PixelMean, PixelSelection, SceneOnSensor, SharePosterior,
+};
 use crate::study::{AnalysisPlan, Study};
 
 /// The estimate from the analyzed frame and the further ones, by all of their channels that see light; `None` without a prior or
@@ -57,6 +59,9 @@ pub(super) fn tissue_estimate(
             time_s: frame.raw.exposure_s,
         });
     }
-    let family = tissue_family(prior, &family_frames, grid)?;
-    Ok(family.posterior(&electrons, &variance))
+    let named = tissue_family(prior, &family_frames, grid)?;
+    let others = other_tissue_families(prior, &family_frames, grid)?;
+    let average =
+        FamilyAverage { named: &named, others: &others, probability_of_named: prior.site_probability };
+    Ok(average.posterior(&electrons, &variance))
 }

@@ -78,6 +78,33 @@ pub fn tissue_family(
     frames: &[FamilyFrame],
     grid: &WavelengthGrid,
 ) -> Result<LightFamily, TissueError> {
+    family_by(DiscreteOrdinates::DIFFUSE, prior, frames, grid)
+}
+
+/// Families of the other sites that the tissue may be of ([`TissuePrior::COMPARED`]), by a coarse solver, which is off by less than the
+/// errors of the library; none where the site is certain.
+///
+/// # Errors
+/// Those of [`tissue_family`].
+pub fn other_tissue_families(
+    prior: &TissuePrior,
+    frames: &[FamilyFrame],
+    grid: &WavelengthGrid,
+) -> Result<Vec<LightFamily>, TissueError> {
+    let is_other = |name: &&str| prior.site_probability < 1.0 && *name != prior.site.name();
+    let family = |name: &str| {
+        let other = TissuePrior { site: Site::named(name)?, ..prior.clone() };
+        family_by(DiscreteOrdinates::COARSE, &other, frames, grid)
+    };
+    TissuePrior::COMPARED.into_iter().filter(is_other).map(family).collect()
+}
+
+fn family_by(
+    ordinates: DiscreteOrdinates,
+    prior: &TissuePrior,
+    frames: &[FamilyFrame],
+    grid: &WavelengthGrid,
+) -> Result<LightFamily, TissueError> {
     if frames.is_empty() || frames.iter().any(|frame| frame.channels.is_empty()) {
         return Err(TissueError::Wavelengths);
     }
@@ -85,7 +112,7 @@ pub fn tissue_family(
     let coordinates = population.restricted(is_coordinate);
     let x = design(coordinates.variations().len());
     let names = source_names(prior)?;
-    let solver = FamilySolver::new(prior, frames, grid)?;
+    let solver = FamilySolver::new(ordinates, prior, frames, grid)?;
     let tissues = x
         .iter()
         .map(|x| tissue_of(prior, &coordinates.tissue_at(x)))
@@ -100,6 +127,7 @@ pub fn tissue_family(
     let indirect = prior.site.surroundings().indirect;
     let rgb = frames[0].camera.rgb().filter(|rgb| rgb.iter().all(|c| frames[0].channels.contains(c)));
     Ok(LightFamily {
+        tissue: prior.site.name().into(),
         prior: describe(prior),
         coordinates: coordinates
             .variations()
@@ -256,6 +284,7 @@ fn tissue_of(prior: &TissuePrior, site: &Site) -> Result<LayeredTissue, TissueEr
 
 /// What stays the same for all tissues of a family.
 struct FamilySolver<'a> {
+    ordinates: DiscreteOrdinates,
     prior: &'a TissuePrior,
     frames: Vec<FrameLines<'a>>,
     bands_nm: Vec<f64>,
@@ -275,6 +304,7 @@ struct FrameLines<'a> {
 
 impl<'a> FamilySolver<'a> {
     fn new(
+        ordinates: DiscreteOrdinates,
         prior: &'a TissuePrior,
         frames: &'a [FamilyFrame],
         grid: &WavelengthGrid,
@@ -299,10 +329,10 @@ impl<'a> FamilySolver<'a> {
         );
         nodes_nm.sort_by(f64::total_cmp);
         nodes_nm.dedup_by(|a, b| (*a - *b).abs() < 1.0);
-        let mut solver = Self { prior, frames: prepared, bands_nm, nodes_nm };
+        let mut solver = Self { ordinates, prior, frames: prepared, bands_nm, nodes_nm };
         if prior.surroundings {
             let tooth = tissue_of(prior, &Site::named("tooth")?)?;
-            let teeth = EffectiveTissue::new(&tooth, &solver.nodes_nm, DiscreteOrdinates::DIFFUSE)?;
+            let teeth = EffectiveTissue::new(&tooth, &solver.nodes_nm, ordinates)?;
             let radiances: Vec<Vec<f64>> =
                 solver.frames.iter().map(|frame| solver.radiance(&teeth, frame, None)).collect();
             for (frame, radiance) in solver.frames.iter_mut().zip(radiances) {
@@ -313,7 +343,7 @@ impl<'a> FamilySolver<'a> {
     }
 
     fn effective(&self, tissues: &[LayeredTissue]) -> Result<Vec<EffectiveTissue>, TissueError> {
-        self.prior.kept.solve(tissues, &self.nodes_nm, DiscreteOrdinates::DIFFUSE)
+        self.prior.kept.solve(tissues, &self.nodes_nm, self.ordinates)
     }
 
     /// Fluorescence of all fluorophores, or of one, under the light of a frame, W/(sr m² nm).

@@ -229,6 +229,8 @@ pub struct TissuePrior {
     pub library_error: f64,
     /// Whether light reaches the region by way of other tissue and from teeth, as it does in a mouth.
     pub surroundings: bool,
+    /// Probability beforehand that the tissue is of this site, above 0 to 1. Below 1 the sites of [`Self::COMPARED`] share the rest.
+    pub site_probability: f64,
     /// Where solved tissues of the family are kept.
     pub kept: KeptSolutions,
 }
@@ -239,6 +241,10 @@ impl TissuePrior {
     /// Models of this kind leave 0.02 to 0.05 of the value at 520 nm between them and measured tongues and lips; sixteen narrow channels
     /// find them as far away as this says.
     pub const LIBRARY_ERROR: f64 = 0.03;
+    /// One in ten regions is other tissue than it is told. \[assumed\]
+    pub const SITE_PROBABILITY: f64 = 0.9;
+    /// Sites that other tissue may be of, one of each kind of oral mucosa: specialized, lining, masticatory, and the lip.
+    pub const COMPARED: [&str; 4] = ["dorsal_tongue", "buccal_mucosa", "hard_palate", "lip"];
 }
 
 /// Where the colors of the ends of a mixture line come from.

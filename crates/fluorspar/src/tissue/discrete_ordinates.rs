@@ -47,6 +47,8 @@ pub struct DiscreteOrdinates {
 }
 
 impl DiscreteOrdinates {
+    /// 8 directions per hemisphere: diffuse light in tissue to 0.1 %.
+    pub const COARSE: Self = Self { nodes_per_hemisphere: 8 };
     /// 16 directions per hemisphere: diffuse light in tissue to 3e-5.
     pub const DIFFUSE: Self = Self { nodes_per_hemisphere: 16 };
     /// 32 directions per hemisphere: collimated light, too, to 3e-4.

@@ -2,9 +2,9 @@
 //!
 //! The bound holds for quantities without ends; a share near 0 or 1 has one. So tests keep it between, with porphyrin known to be
 //! present, and compare the middle 68 % of the errors, which a few wild draws don't rule as they rule a mean square.
-#![allow(clippy::unwrap_used)]
+#![allow(clippy::unwrap_used, clippy::print_stdout)]
 
-use fluorspar::analysis::{FamilyCoordinate, FamilySource, LightFamily, NuisanceGroup};
+use fluorspar::analysis::{FamilyAverage, FamilyCoordinate, FamilySource, LightFamily, NuisanceGroup};
 use fluorspar::sampling::random::Key;
 use nalgebra::DMatrix;
 
@@ -32,6 +32,7 @@ fn source(name: &str, electrons: [f64; 3], by_blood: [f64; 3]) -> FamilySource {
 fn family() -> LightFamily {
     let blood = FamilyCoordinate { name: "blood".into(), sd: 0.6 };
     LightFamily {
+        tissue: "a test".into(),
         prior: "a test".into(),
         coordinates: vec![blood],
         sources: vec![
@@ -127,4 +128,104 @@ fn repeated_estimates_of_a_tissue_scatter_as_the_bound_says() {
     }
     let mean = ratios.iter().sum::<f64>() / 4.0;
     assert!((mean - 1.0).abs() < 0.2, "{ratios:?}");
+}
+
+/// Tissue whose collagen is redder, in the direction of the porphyrin, and which holds no porphyrin in half of the draws, as the named one.
+fn redder() -> [LightFamily; 2] {
+    let named = LightFamily { probability_of_none: 0.5, ..family() };
+    let mut other = named.clone();
+    other.tissue = "another test".into();
+    other.sources[0] = source("collagen", [2600.0, 3000.0, 2400.0], [-0.05, -0.2, -0.15]);
+    [named, other]
+}
+
+/// Electrons of a draw from a family with their variances, and the share.
+fn drawn(family: &LightFamily, key: Key) -> ([Vec<f64>; 2], f64) {
+    let Truth { nuisances, amount, share, electrons } = truth(family, key);
+    let is_none = key.with(7).value().is_multiple_of(2);
+    let (electrons, share) = if is_none {
+        (family.electrons(&nuisances, 0.0), 0.0)
+    } else {
+        (electrons, share * f64::from(amount > 0.0))
+    };
+    let variance: Vec<f64> = electrons.iter().map(|e| e + 196.0).collect();
+    let noise = |(i, (e, v)): (usize, (&f64, &f64))| e + v.sqrt() * normal(key.with(300 + i as u64));
+    let measured = electrons.iter().zip(&variance).enumerate().map(noise).collect();
+    ([measured, variance], share)
+}
+
+/// The posterior over both families holds 95 % of draws of which nine in ten are of the named one, as was assumed; not of those of the
+/// other one alone. 200 draws of each know a probability near 0.95 to 0.015, and 0.05 likewise.
+#[test]
+fn tissue_that_was_named_wrongly_is_averaged_over_and_told() {
+    const DRAWS: u64 = 200;
+    let [named, other] = redder();
+    let others = [other.clone()];
+    let average = FamilyAverage { named: &named, others: &others, probability_of_named: 0.9 };
+    // Held by the named family alone, held by the average, warned
+    let counts = |truth: &LightFamily| {
+        let mut counts = [0.0; 3];
+        for draw in 0..DRAWS {
+            let ([electrons, variance], share) = drawn(truth, Key::new(51).with(draw));
+            let alone = named.share_interval(&electrons, &variance).unwrap();
+            let found = average.share_interval(&electrons, &variance).unwrap();
+            let holds = |[low, high]: [f64; 2]| low <= share && share <= high;
+            for (count, is) in
+                counts.iter_mut().zip([holds(alone.interval), holds(found.interval), found.warned])
+            {
+                *count += f64::from(u8::from(is)) / DRAWS as f64;
+            }
+        }
+        counts
+    };
+    let ([alone, of_other, _], [_, of_named, warned]) = (counts(&other), counts(&named));
+    println!(
+        "other tissue: named alone {alone}, average {of_other}; named tissue: {of_named}, warned {warned}"
+    );
+    assert!(0.9 * of_named + 0.1 * of_other >= 0.95 - 2.0 * 0.015, "{of_named}, {of_other}");
+    // Three standard errors of a difference of two numbers near 0.5, which is the largest there is
+    assert!(alone < 0.5 && of_other > alone + 3.0 * 0.05, "{alone}, {of_other}");
+    // A Bayes factor of 20 comes in at most 5 % of measurements of the named family, a foreign color in 0.1 %
+    assert!(warned <= 0.051 + 2.0 * 0.015, "{warned}");
+}
+
+/// Families that are the same can't be told apart: the average is the posterior of one, to the rounding of its sums.
+#[test]
+fn the_average_over_one_and_the_same_family_is_that_family() {
+    let [named, _] = redder();
+    let ([electrons, variance], _) = drawn(&named, Key::new(52));
+    let others = [named.clone(), named.clone()];
+    let average = FamilyAverage { named: &named, others: &others, probability_of_named: 0.8 };
+    let (alone, found) =
+        (named.posterior(&electrons, &variance).unwrap(), average.posterior(&electrons, &variance).unwrap());
+    assert_eq!(alone.doubt, None);
+    let doubt = found.doubt.as_ref().unwrap();
+    assert!(
+        (doubt.bayes_factor - 1.0).abs() < 1e-12 && !doubt.is_strong && found.warnings() == alone.warnings()
+    );
+    for (evidence, probability) in doubt.tissues.iter().zip([0.8, 0.1, 0.1]) {
+        assert!((evidence.probability - probability).abs() < 1e-12, "{doubt:?}");
+    }
+    // Bisection ends at 50 / 2^60 in the log odds.
+    for (a, b) in [(alone.interval, found.interval), (alone.interval, doubt.interval_as_named)] {
+        assert!((a[0] - b[0]).abs() < 1e-9 && (a[1] - b[1]).abs() < 1e-9, "{a:?}, {b:?}");
+    }
+    assert!((alone.median - found.median).abs() < 1e-9);
+}
+
+/// The warning names both tissues.
+#[test]
+fn other_tissue_is_named_in_words() {
+    let [named, mut other] = redder();
+    // Blue light alone, far from what the named tissue has
+    other.sources[0] = source("collagen", [300.0, 800.0, 9000.0], [0.0; 3]);
+    let nuisances = vec![0.0; other.nuisances().len()];
+    let electrons = other.electrons(&nuisances, 0.0);
+    let variance: Vec<f64> = electrons.iter().map(|e| e + 196.0).collect();
+    let others = [other];
+    let average = FamilyAverage { named: &named, others: &others, probability_of_named: 0.9 };
+    let found = average.posterior(&electrons, &variance).unwrap();
+    let said = found.warnings().join(" ");
+    assert!(said.contains("not that of a test") && said.contains("another test explains it"), "{said}");
+    assert!(found.doubt.unwrap().is_strong && found.interval[0] == 0.0);
 }

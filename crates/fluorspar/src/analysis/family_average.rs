@@ -1,0 +1,251 @@
+//! The share of the porphyrin where it is not certain which tissue it is: Bayesian model averaging over families (Hoeting, Madigan,
+//! Raftery and Volinsky, Statist. Sci. 14, 382, 1999).
+//!
+//! Family `m` has the evidence `Z_m`, the probability density of the data under it with all unknowns integrated out, and the
+//! probability `w_m` beforehand. After the measurement it is `w_m Z_m / sum_k w_k Z_k`, and the posterior of the share is the mixture of
+//! those of the families by these numbers. So the share of a tissue that was named wrongly is as uncertain as the tissue.
+
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use super::light_family::{LightFamily, NuisanceGroup};
+use super::share_posterior::{
+    FamilyFit, IntervalWithout, Mixture, ShareInterval, SharePosterior, largest_misfit,
+};
+
+/// Bayes factor from which on other tissue is told: "strong" by Kass and Raftery, J. Am. Stat. Assoc. 90, 773, 1995. The factor of the
+/// others together has the mean 1 over data of the named family, so that it reaches 20 in at most 5 % of them (Markov's inequality).
+const STRONG: f64 = 20.0;
+/// Families below this probability have no part in intervals without one source of uncertainty.
+const NEGLIGIBLE: f64 = 1e-3;
+
+/// Families that a measured tissue may be of.
+#[derive(Clone, Copy, Debug)]
+pub struct FamilyAverage<'a> {
+    /// The family of the tissue that was named.
+    pub named: &'a LightFamily,
+    /// Families of other tissues before the same camera.
+    pub others: &'a [LightFamily],
+    /// Probability before the measurement that the tissue is the named one, above 0 to 1; the others share the rest evenly.
+    pub probability_of_named: f64,
+}
+
+/// What a measurement says about one tissue.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TissueEvidence {
+    /// Name of the tissue.
+    pub tissue: String,
+    /// Evidence over that of the tissue that was named (Bayes factor).
+    pub bayes_factor: f64,
+    /// Probability after the measurement that it is this tissue.
+    pub probability: f64,
+}
+
+/// Whether it is the tissue that was named.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TissueDoubt {
+    /// Evidence of the other tissues together over that of the named one: the mean of their Bayes factors.
+    pub bayes_factor: f64,
+    /// The named tissue, then the others, the most probable first.
+    pub tissues: Vec<TissueEvidence>,
+    /// Median of the share if the tissue is the named one for certain.
+    pub median_as_named: f64,
+    /// 95 % interval if the tissue is the named one for certain.
+    pub interval_as_named: [f64; 2],
+    /// Whether the measurement speaks strongly for another tissue: a Bayes factor of 20 or more, which tissue of the named family
+    /// reaches in at most 5 % of measurements.
+    pub is_strong: bool,
+}
+
+impl TissueDoubt {
+    /// The tissues in words.
+    #[must_use]
+    pub fn words(&self) -> String {
+        let of = |found: &TissueEvidence| format!("{} {:.0} %", found.tissue, 100.0 * found.probability);
+        let [low, high] = self.interval_as_named;
+        let all: Vec<String> = self.tissues.iter().map(of).collect();
+        format!("probability of the tissue: {}; {low:.3} to {high:.3} if it is as named", all.join(", "))
+    }
+
+    /// That the measurement speaks for other tissue than the named one.
+    pub(super) fn warning(&self) -> Option<String> {
+        let (named, others) = self.tissues.split_first()?;
+        let (best, [low, high]) = (others.first()?, self.interval_as_named);
+        self.is_strong.then(|| {
+            format!(
+                "The light of the region is not that of {}, as the estimate is told: {} explains it {:.0} times better (Bayes factor; \
+                 20 and more is strong evidence). Give analysis.tissue the site of the tissue. The interval allows for both; it \
+                 were {low:.3} to {high:.3} if {} were certain, which is not to be trusted.",
+                named.tissue, best.tissue, best.bayes_factor, named.tissue
+            )
+        })
+    }
+}
+
+/// A family with its probability before the measurement.
+type Weighted<'a> = (f64, &'a LightFamily);
+
+/// What a measurement says under each of several families.
+struct Compared {
+    fits: Vec<FamilyFit>,
+    /// Number of the family of each fit.
+    numbers: Vec<usize>,
+    /// Probabilities after the measurement.
+    probabilities: Vec<f64>,
+}
+
+impl Compared {
+    /// `None` where the first family, the named one, says nothing.
+    fn new(families: &[Weighted<'_>], electrons: &[f64], variance: &[f64]) -> Option<Self> {
+        let fit =
+            |(number, (_, family)): (usize, &Weighted<'_>)| Some((number, family.fit(electrons, variance)?));
+        let found: Vec<(usize, FamilyFit)> = families.par_iter().enumerate().filter_map(fit).collect();
+        let (numbers, fits): (Vec<usize>, Vec<FamilyFit>) = found.into_iter().unzip();
+        if numbers.first() != Some(&0) {
+            return None;
+        }
+        let largest = fits.iter().map(|fit| fit.log_evidence).fold(f64::NEG_INFINITY, f64::max);
+        let weight =
+            |(number, fit): (&usize, &FamilyFit)| families[*number].0 * (fit.log_evidence - largest).exp();
+        let weights: Vec<f64> = numbers.iter().zip(&fits).map(weight).collect();
+        let total: f64 = weights.iter().sum();
+        let probabilities = weights.into_iter().map(|weight| weight / total).collect();
+        Some(Self { fits, numbers, probabilities })
+    }
+
+    /// The posterior of the share.
+    fn average(&self) -> Mixture {
+        let weighted = || self.fits.iter().map(|fit| &fit.mixture).zip(&self.probabilities);
+        let terms = weighted().flat_map(|(mixture, weight)| {
+            mixture.terms.iter().map(move |[share, mean, sd]| [weight * share, *mean, *sd])
+        });
+        Mixture {
+            none: weighted().map(|(mixture, weight)| weight * mixture.none).sum(),
+            terms: terms.collect(),
+        }
+    }
+
+    /// Evidence of a fit over that of the named family.
+    fn factor(&self, fit: usize) -> f64 {
+        (self.fits[fit].log_evidence - self.fits[0].log_evidence).exp()
+    }
+
+    /// Evidence of the others together over that of the named family; those that say nothing count as 0.
+    fn factor_of_others(&self, others: usize) -> f64 {
+        (1..self.fits.len()).map(|fit| self.factor(fit)).sum::<f64>() / others.max(1) as f64
+    }
+}
+
+impl<'a> FamilyAverage<'a> {
+    /// The named family alone.
+    #[must_use]
+    pub fn certain(named: &'a LightFamily) -> Self {
+        Self { named, others: &[], probability_of_named: 1.0 }
+    }
+
+    /// All families with their probabilities beforehand, the named one first.
+    fn families(&self) -> Vec<Weighted<'a>> {
+        let of_other = (1.0 - self.probability_of_named) / self.others.len().max(1) as f64;
+        let others = self.others.iter().map(|family| (of_other, family));
+        std::iter::once((self.probability_of_named, self.named)).chain(others).collect()
+    }
+
+    /// The share of the porphyrin from measured electrons, one number for each channel of each frame, and their variances by the
+    /// sensor's noise. `None` where there is nothing to measure: no positive number, or numbers that do not fit the named family in
+    /// length.
+    #[must_use]
+    pub fn posterior(&self, electrons: &[f64], variance: &[f64]) -> Option<SharePosterior> {
+        let families = self.families();
+        let compared = Compared::new(&families, electrons, variance)?;
+        let (mixture, named) = (compared.average(), &compared.fits[0]);
+
+        // What one change of all families that have a part makes of the interval
+        let has_part = |fit: usize| fit == 0 || compared.probabilities[fit] > NEGLIGIBLE;
+        let parts: Vec<Weighted<'_>> = (0..compared.fits.len())
+            .filter(|fit| has_part(*fit))
+            .map(|fit| families[compared.numbers[fit]])
+            .collect();
+        let interval_of = |change: &dyn Fn(&LightFamily) -> LightFamily, variance: &[f64]| {
+            let changed: Vec<LightFamily> = parts.iter().map(|(_, family)| change(family)).collect();
+            let weighted: Vec<Weighted<'_>> = parts.iter().map(|(weight, _)| *weight).zip(&changed).collect();
+            Compared::new(&weighted, electrons, variance)
+                .map_or([0.0, 1.0], |compared| compared.average().interval())
+        };
+        let mut without: Vec<IntervalWithout> = NuisanceGroup::ALL
+            .into_iter()
+            .filter(|group| *group != NuisanceGroup::Brightness)
+            .filter(|group| self.named.nuisances().iter().any(|(_, of)| of == group))
+            .map(|group| IntervalWithout {
+                source: group.name().into(),
+                interval: interval_of(&|family| family.with_known(group), variance),
+            })
+            .collect();
+        // A millionth of the noise stands for none: the numbers must have some weight.
+        let quiet: Vec<f64> = variance.iter().map(|variance| 1e-6 * variance).collect();
+        without.push(IntervalWithout {
+            source: "sensor noise".into(),
+            interval: interval_of(&LightFamily::clone, &quiet),
+        });
+        let doubt = self.doubt(&compared);
+        if let Some(doubt) = &doubt {
+            without.push(IntervalWithout {
+                source: "doubt of the tissue".into(),
+                interval: doubt.interval_as_named,
+            });
+        }
+        let data = electrons.len();
+        Some(SharePosterior {
+            frames: self.named.frames.clone(),
+            prior: self.named.prior.clone(),
+            median: mixture.quantile(0.5),
+            interval: mixture.interval(),
+            upper_limit: mixture.quantile(0.95),
+            probability_of_none: mixture.none,
+            prior_probability_of_none: self.named.probability_of_none,
+            blind_to: named.blind_to.clone(),
+            with_prior_twice_as_wide: interval_of(&|family| family.widened(2.0), variance),
+            without,
+            misfit: named.misfit,
+            data,
+            foreign: named.misfit > largest_misfit(data),
+            doubt,
+        })
+    }
+
+    /// Median and interval of the share alone: what a test of many measurements needs, at a tenth of the cost.
+    #[must_use]
+    pub fn share_interval(&self, electrons: &[f64], variance: &[f64]) -> Option<ShareInterval> {
+        let compared = Compared::new(&self.families(), electrons, variance)?;
+        let mixture = compared.average();
+        let foreign = compared.fits[0].misfit > largest_misfit(electrons.len());
+        Some(ShareInterval {
+            median: mixture.quantile(0.5),
+            interval: mixture.interval(),
+            warned: foreign || compared.factor_of_others(self.others.len()) >= STRONG,
+        })
+    }
+
+    fn doubt(&self, compared: &Compared) -> Option<TissueDoubt> {
+        if self.others.is_empty() {
+            return None;
+        }
+        let evidence = |fit: usize| TissueEvidence {
+            tissue: match compared.numbers[fit] {
+                0 => self.named.tissue.clone(),
+                other => self.others[other - 1].tissue.clone(),
+            },
+            bayes_factor: compared.factor(fit),
+            probability: compared.probabilities[fit],
+        };
+        let mut tissues: Vec<TissueEvidence> = (0..compared.fits.len()).map(evidence).collect();
+        tissues[1..].sort_by(|a, b| b.probability.total_cmp(&a.probability));
+        let (bayes_factor, named) = (compared.factor_of_others(self.others.len()), &compared.fits[0].mixture);
+        Some(TissueDoubt {
+            bayes_factor,
+            tissues,
+            median_as_named: named.quantile(0.5),
+            interval_as_named: named.interval(),
+            is_strong: bayes_factor >= STRONG,
+        })
+    }
+}
