@@ -57,12 +57,75 @@ fn the_mouth_of_surfaces_reads_its_truth_within_its_interval() {
     assert!(high - low < truth, "{budget:?}");
 }
 
+/// Whether something is told of a result beyond what every bulk without blood is told.
+fn is_warned(found: &Analysis) -> bool {
+    found.warnings.iter().any(|warning| !warning.contains("holds no blood"))
+}
+
 /// A flat patch, small, with more of an experiment.
 fn small_patch(more: &str) -> String {
     format!(
         "format = 1\nbase = \"flat-patch\"\n[spectral]\nfirst_nm = 370.0\nlast_nm = 700.0\nstep_nm = 5.0\n[render]\nwidth_px = 32\n\
          height_px = 24\nsamples_per_pixel = 16\nmax_depth = 6\n{more}"
     )
+}
+
+/// A groove of one tissue, two walls at a right angle that fill the image: light that they reflect to each other is redder than that of
+/// a flat sample. Half of it without porphyrin.
+#[test]
+fn the_groove_of_one_tissue_reads_its_truth_or_warns() {
+    let walls = "[[object]]\nname = \"patch\"\ncorner_mm = [0.0, -100.0, -20.0]\nedge_u_mm = [60.0, 0.0, 60.0]\nedge_v_mm = [0.0, 200.0, \
+                 0.0]\n[[object]]\nname = \"left\"\nmaterial = \"patch\"\ntype = \"quad\"\ncorner_mm = [0.0, -100.0, -20.0]\nedge_u_mm = \
+                 [0.0, 200.0, 0.0]\nedge_v_mm = [-60.0, 0.0, 60.0]\n";
+    for amount in [0.0, 0.1] {
+        let porphyrin =
+            format!("[[material]]\nname = \"patch\"\nconcentrations.protoporphyrin_ix = {amount:?}\n");
+        let found =
+            analysis(&small_patch(&format!("[analysis]\nparts = [\"patch\", \"left\"]\n{walls}{porphyrin}")));
+        let truth = found.truth.as_ref().unwrap().share;
+        let budget = found.budget.as_ref().unwrap();
+        let [low, high] = budget.total_interval;
+        assert_eq!(truth > 0.05, amount > 0.0, "{truth}");
+        let indirect = budget.items.iter().find(|item| item.source == "indirect light").unwrap();
+        assert!(indirect.change.abs() > 0.002, "a groove without indirect light: {budget:?}");
+        let is_held = low <= truth && truth <= high;
+        assert!(is_held || is_warned(&found), "{truth}, {budget:?}, {:?}", found.warnings);
+        assert!(high - low < 0.1, "{budget:?}");
+    }
+}
+
+/// Light that leaks through the filters of a region without any fluorescence, as if it were the light of some bulk, and as if it were
+/// that of a lip.
+#[test]
+fn a_leak_without_fluorescence_reads_no_porphyrin_or_warns() {
+    let dark = "[[light]]\nname = \"blue\"\nspectrum = \"led_450\"\nfilters = []\n[[material]]\nname = \"patch\"\nconcentrations = { fad \
+                = 0.0, collagen = 0.0, elastin = 0.0, keratin = 0.0, protoporphyrin_ix = 0.0 }\n[analysis]\nbulk = { elastin = 1.0 }\n";
+    for tissue in ["", "tissue = \"lip\"\n"] {
+        let found = analysis(&small_patch(&format!("{dark}{tissue}")));
+        let mean = found.channels.iter().map(|channel| channel.statistics.unwrap().mean).fold(0.0, f64::max);
+        assert!(mean > 100.0, "no light leaks: {mean}");
+        let low = match &found.posterior {
+            Some(posterior) => posterior.interval[0],
+            None => found.mixture.as_ref().unwrap().region.unwrap().estimate.fraction_interval[0],
+        };
+        assert_eq!(found.posterior.is_some(), !tissue.is_empty());
+        assert!(low == 0.0 || is_warned(&found), "{low}, {:?}", found.warnings);
+    }
+}
+
+/// A bulk on the line that is not that of the sample: its light lies beside the line, or below zero.
+#[test]
+fn a_wrong_bulk_on_the_line_is_held_or_warned() {
+    for bulk in ["keratin = 1.0", "fad = 1.0", "collagen = 1.0", "elastin = 1.0"] {
+        let found = analysis(&small_patch(&format!("[analysis]\nbulk = {{ {bulk} }}\n")));
+        let truth = found.truth.as_ref().unwrap().share;
+        let [low, high] = found.budget.as_ref().unwrap().total_interval;
+        assert!(
+            (low <= truth && truth <= high) || is_warned(&found),
+            "{bulk}: {truth}, {low} to {high}, {:?}",
+            found.warnings
+        );
+    }
 }
 
 /// Cameras of one channel and of eight know the truth as well: electrons of all their channels, as the lens and the sensor weigh the
